@@ -23,18 +23,18 @@ from benchmarks.accuracy_far import far
 from benchmarks.accuracy_series import causes, orders
 from proofmass.case import Case
 from proofmass.outcome import Outcome
-from proofmass.reference import grid
+from proofmass.reference import run_samples
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.studies.command import named
+from proofmass.studies.command import load_cases
 from proofmass.studies.record import StudyRow
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.trade.choose import MARGIN, Cannot, Choice, choose
+from proofmass.studies.trade.choose import ERROR_MARGIN, Choice, NoGoodSetting, choose
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
-from proofmass.studies.trade.trade import Trade, chosen, trade, write_study
-from proofmass.studies.trade.trade_command import has_series, measured
+from proofmass.studies.trade.trade import Trade, kind_to_study, trade, write_study
+from proofmass.studies.trade.trade_command import has_series, measure_cases
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_setting_briefly
 from proofmass.wording import format_solver, number
@@ -89,13 +89,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports" / "trade")
     given = parser.parse_args(argv)
     models = ROOT / "models"
-    every = named([models / "linkages" / "pendulum.toml" if given.quick else models])
+    every = load_cases([models / "linkages" / "pendulum.toml" if given.quick else models])
     with folders(given.quick, given.folder) as (folder, docs):
         cases = [c for c in sorted(every, key=lambda c: c.name) if has_series(c, None)]
         study = (
             trade(cases, Store(folder / "runs"), budget=0.01, repeats=1)
             if given.quick
-            else measured(cases, folder, None, None, None)
+            else measure_cases(cases, folder, None, None, None)
         )
         write_study(study, folder)
         cases = study.cases
@@ -124,7 +124,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def time_of(case: Case) -> float:
     """Simulated time of a dynamics run [s]."""
-    return float(np.ptp(grid(case, "dynamics")))
+    return float(np.ptp(run_samples(case, "dynamics")))
 
 
 def refined_rows(
@@ -142,7 +142,7 @@ def refined_rows(
             for row in search(
                 case,
                 "position",
-                wanted / MARGIN,
+                wanted / ERROR_MARGIN,
                 store,
                 workers,
                 engine,
@@ -197,7 +197,7 @@ def picks(
                 wanted,
                 choose(
                     case,
-                    chosen(case, None),
+                    kind_to_study(case, None),
                     rows[case.name],
                     wanted,
                     "position",
@@ -205,11 +205,13 @@ def picks(
                     own[case.name],
                 ),
             )
-        except Cannot as why:
+        except NoGoodSetting as why:
             return Pick(case.name, engine, wanted, None, str(why))
 
     # The longest run first; the results are returned in the order of the cases.
-    costs = [expected(rows[case.name], engine, wanted / MARGIN) for case, engine, wanted in asked]
+    costs = [
+        expected(rows[case.name], engine, wanted / ERROR_MARGIN) for case, engine, wanted in asked
+    ]
     order = sorted(range(len(asked)), key=lambda k: -costs[k])
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         found = dict(zip(order, threads.map(lambda k: one(asked[k]), order), strict=True))

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, read_boundaries
-from proofmass.studies.stress.page import NEAR, THEORY, subject
+from proofmass.studies.stress.page import THEORY_SECTION, THEORY_TOLERANCE, section_of
 from proofmass.wording import format_solver, number
 
 FAR = """
@@ -22,11 +22,11 @@ def far(file: Path) -> Iterator[str]:
         return
     found = read_boundaries(file)
     known = [one for one in found if one.theory == one.theory]
-    of_cases = [one for one in found if subject(one) != THEORY]
+    of_cases = [one for one in found if section_of(one) != THEORY_SECTION]
     yield FAR.format(
         known=len(known),
-        near=sum(abs(one.ratio - 1) <= NEAR for one in known),
-        within=NEAR,
+        near=sum(abs(one.ratio - 1) <= THEORY_TOLERANCE for one in known),
+        within=THEORY_TOLERANCE,
         cases=", ".join(dict.fromkeys(one.what for one in of_cases)),
     )
     yield (

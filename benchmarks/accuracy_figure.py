@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from proofmass.analytic.numerics import Array
-from proofmass.report.style import KNOWN
+from proofmass.report.style import FIXED_LOOKS
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.choose import is_default
 
@@ -76,7 +76,7 @@ def cheapest(rows: Sequence[StudyRow], time: float) -> Array:
 
 def curve(ax: Axes, costs: Array, name: str) -> None:
     """Draw median and quartiles of costs (cases, errors), as far as half of the cases have one."""
-    look = KNOWN[name]
+    look = FIXED_LOOKS[name]
     low, middle, high = np.quantile(costs, (0.25, 0.5, 0.75), axis=0, method="higher")
     known = np.isfinite(middle)
     top = np.where(np.isfinite(high), high, np.nan)

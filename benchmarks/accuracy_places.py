@@ -12,9 +12,9 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.studies.measure import channel_errors, simulate
+from proofmass.studies.measure import call_engine, channel_errors
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.trade.series import MeasuredSeries, clear
+from proofmass.studies.trade.series import MeasuredSeries, points_before_slowdown
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 
@@ -37,7 +37,7 @@ def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[StudyRow]) -> 
     measured = MeasuredSeries(series, list(rows))
     errors = [
         (size, errors_at_all_places(case, verdict, series.settings[measured.place(size)]))
-        for size, _ in clear(measured.points(verdict.kind))
+        for size, _ in points_before_slowdown(measured.points(verdict.kind))
     ]
     return [
         float(np.median(np.log(a[both] / b[both]))) / log(coarse / fine)
@@ -48,8 +48,8 @@ def orders_of_places(case: Case, verdict: Verdict, rows: Sequence[StudyRow]) -> 
 
 def errors_at_all_places(case: Case, verdict: Verdict, setting: Setting) -> Array:
     """Errors of one kind at all samples of all channels, as shares of the channels' ranges."""
-    model, run = setting.applied(case, verdict.run)
-    curves = simulate(setting.engine, model.model_path, run)
+    model, run = setting.apply_to(case, verdict.run)
+    curves = call_engine(setting.engine, model.model_path, run)
     return np.concatenate(
         [
             errors

@@ -7,7 +7,7 @@ from statistics import median
 
 from benchmarks.accuracy_places import orders_of_places
 from proofmass.case import Case
-from proofmass.studies.trade.orders import WITHIN, off
+from proofmass.studies.trade.orders import ORDER_TOLERANCE, is_unexpected
 from proofmass.studies.trade.trade import Trade
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import number
@@ -50,9 +50,11 @@ def family(series: str) -> str:
 def orders(study: Trade, cases: Sequence[Case]) -> Iterator[str]:
     """Observed orders by series and kind of error, and every exception with its cause."""
     known = [v for v in study.verdicts if v.expected == v.expected and v.observed == v.observed]
-    odd = [v for v in known if off(v.observed, v.expected)]
+    odd = [v for v in known if is_unexpected(v.observed, v.expected)]
     mute = sum(v.expected == v.expected and v.observed != v.observed for v in study.verdicts)
-    yield ORDERS.format(count=len(known), near=len(known) - len(odd), within=WITHIN, mute=mute)
+    yield ORDERS.format(
+        count=len(known), near=len(known) - len(odd), within=ORDER_TOLERANCE, mute=mute
+    )
     yield "| series | error of | number | expected | smallest | median | largest | other order |"
     yield "|---|---|---|---|---|---|---|---|"
     groups: dict[tuple[str, str, float], list[Verdict]] = {}

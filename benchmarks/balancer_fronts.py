@@ -27,9 +27,9 @@ from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, energy_spread, precision_points, rmse
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
-from proofmass.design.pareto import LIMITS, SHORT, front, on_hull
+from proofmass.design.pareto import LIMIT_EFFORT, SPREAD_LIMITS, find_front, is_on_hull
 from proofmass.design.search import Effort, SavedSearch
-from proofmass.front import nondominated
+from proofmass.front import nondominated_points
 from proofmass.report.style import RC
 
 PAGE = ROOT / "docs" / "balancer_fronts.json"
@@ -84,7 +84,7 @@ def search_front(name: str, states: Path | None, quick: bool) -> Record:
     folder = states / name.replace(" ", "-") if states else None
     if folder:
         folder.mkdir(exist_ok=True)
-    found = front(task, start.found, folder, limits=1 if quick else LIMITS)
+    found = find_front(task, start.found, folder, limits=1 if quick else SPREAD_LIMITS)
     record = front_of(task, name, found.vectors)
     if SYSTEMS[name][2] and not quick:
         record = with_search_at_thesis(record)
@@ -94,7 +94,7 @@ def search_front(name: str, states: Path | None, quick: bool) -> Record:
 def front_of(task: Synthesis, name: str, vectors: Array) -> Record:
     """The record of a system: the nondominated ones of its designs (B, d)."""
     figures = task.figures(vectors)
-    kept = nondominated(np.stack([figures.rmse, figures.spread], axis=-1))
+    kept = nondominated_points(np.stack([figures.rmse, figures.spread], axis=-1))
     return {
         "system": name,
         "bounds": task.variant.bounds,
@@ -115,7 +115,9 @@ def with_search_at_thesis(record: Record) -> Record:
     task = Synthesis(SYSTEMS[name][0], TARGETS["sine"])
     theirs = task.variant.vector(thesis_row(name)["parameters"])[None]
     begin = np.concatenate([theirs, vectors])
-    search = SavedSearch(replace(task, limit=printed(name)[1] - LIMIT_MARGIN), SHORT, start=begin)
+    search = SavedSearch(
+        replace(task, limit=printed(name)[1] - LIMIT_MARGIN), LIMIT_EFFORT, start=begin
+    )
     search.run()
     return record | front_of(task, name, np.concatenate([vectors, search.found[:1]]))
 
@@ -156,7 +158,7 @@ def table(records: list[Record]) -> Iterator[str]:
             error, spread = printed(record["system"])
             own = least_error(record, spread)
             theirs = f"{line}: {error:.4f}, {spread:.3f}; here {own:.4f}"
-        above = (~on_hull(f1, f2)).sum()
+        above = (~is_on_hull(f1, f2)).sum()
         some = (least_error(record, spread) for spread in (0.2, 0.1, 0.05))
         at = ", ".join(f"{error:.4f}" if np.isfinite(error) else "none" for error in some)
         yield (
@@ -167,7 +169,7 @@ def table(records: list[Record]) -> Iterator[str]:
 
 def page(records: list[Record]) -> str:
     """The text of docs/balancer_fronts.md."""
-    return HEAD.format(limits=LIMITS) + "\n".join(table(records)) + "\n"
+    return HEAD.format(limits=SPREAD_LIMITS) + "\n".join(table(records)) + "\n"
 
 
 def draw(records: list[Record]) -> Figure:
@@ -179,7 +181,7 @@ def draw(records: list[Record]) -> Figure:
             for record in records:
                 name, colour = record["system"], SYSTEMS[record["system"]][1]
                 f1, f2 = np.array(record["rmse"]), np.array(record["spread"])
-                hull = on_hull(f1, f2)
+                hull = is_on_hull(f1, f2)
                 axes.step(f1, f2, "-", where="post", color=colour, linewidth=0.8)
                 axes.plot(f1[hull], f2[hull], "o", color=colour, markersize=4, label=name)
                 axes.plot(f1[~hull], f2[~hull], "o", color=colour, markersize=4, mfc="white")

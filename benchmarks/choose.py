@@ -23,9 +23,13 @@ from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import Setting
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.trade.choose import MARGIN, Choice
-from proofmass.studies.trade.choose_command import choose_with_drive, head, slack_for
-from proofmass.studies.trade.program import drive_words, imposed, program
+from proofmass.studies.trade.choose import ERROR_MARGIN, Choice
+from proofmass.studies.trade.choose_command import (
+    choose_with_drive,
+    program_docstring,
+    search_cost_ratio,
+)
+from proofmass.studies.trade.program import describe_drive, drive_ways, program_text
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import verify
@@ -136,8 +140,10 @@ def main(argv: Sequence[str] | None = None) -> None:
             case = load_case(ROOT / asked.path)
             began = time.perf_counter()
             choice = chosen(case, asked, store)
-            used, drive = choice.check.used, choice.check.drive or imposed(case, asked.engine)[0]
-            off = bare(program(case, used, drive, head(choice, case)), asked, folder)
+            used, drive = choice.check.used, choice.check.drive or drive_ways(case, asked.engine)[0]
+            off = bare(
+                program_text(case, used, drive, program_docstring(choice, case)), asked, folder
+            )
             lines.append(line(case, asked, choice, drive, off))
             print(lines[-1], f"({time.perf_counter() - began:.0f} s)", flush=True)
             if asked.rivals:
@@ -154,12 +160,12 @@ def chosen(case: Case, asked: Asked, store: Store) -> Choice:
         rows = search(
             case,
             asked.of,
-            asked.error / MARGIN,
+            asked.error / ERROR_MARGIN,
             store,
             workers,
             asked.engine,
             limits=Limits(BUDGET),
-            slack=slack_for(case, asked.drive),
+            cost_ratio=search_cost_ratio(case, asked.drive),
         )
     check = partial(verify, store=store, longest=BUDGET, drive=asked.drive)
     return choose_with_drive(
@@ -197,7 +203,7 @@ def line(case: Case, asked: Asked, choice: Choice, drive: Imposed, off: float) -
 
 def moved(case: Case, drive: Imposed) -> str:
     """How a case is driven, in words for a table."""
-    return drive_words(drive) if case.drive else "free"
+    return describe_drive(drive) if case.drive else "free"
 
 
 def rival_line(case: Case, asked: Asked, drive: Imposed, found: Duel) -> str:

@@ -19,8 +19,8 @@ from tempfile import TemporaryDirectory
 
 from benchmarks import ROOT, command, folders
 from proofmass.case import Case
-from proofmass.studies.command import named
-from proofmass.studies.measure import machine
+from proofmass.studies.command import load_cases
+from proofmass.studies.measure import describe_machine
 from proofmass.wording import number
 
 ERROR = 1e-4  # of the range of the positions
@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
     given = parser.parse_args(argv)
     models = ROOT / "models"
-    every = named([models / "linkages" / "pendulum.toml" if given.quick else models])
+    every = load_cases([models / "linkages" / "pendulum.toml" if given.quick else models])
     cases = [c for c in every if "dynamics" in c.run and (not given.only or c.name in given.only)]
     with folders(given.quick, given.folder) as (folder, docs):
         folder.mkdir(parents=True, exist_ok=True)
@@ -129,7 +129,7 @@ def page(found: Sequence[Waited]) -> str:
         within = [f"{sum(value <= most for value in took)}" for most in (FIRST_LIMIT, NEXT_LIMIT)]
         lines.append(f"| {name} | {' | '.join([*cells, *within])} |")
     return HEAD.format(
-        machine=machine(),
+        machine=describe_machine(),
         count=len(found),
         error=number(ERROR),
         first=number(FIRST_LIMIT),

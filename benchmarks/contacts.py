@@ -25,16 +25,16 @@ from proofmass.case import Case
 from proofmass.compare import compare
 from proofmass.sim.mujoco.contacts import creep_rate
 from proofmass.sim.mujoco.tried_settings import (
-    GAP,
-    HALF,
-    RADIUS,
+    CYLINDER_CLEARANCE,
+    CYLINDER_RADIUS,
+    HALF_HEIGHT,
     TWO_ULPS,
-    flat_cylinders,
-    leaning,
-    tilted,
+    cylinder_problem,
+    tilt_for_share,
+    tilted_quaternion,
 )
 from proofmass.sim.protocol import Diverged, Run
-from proofmass.solve import plan, simulate
+from proofmass.solve import call_engine, plan_run
 from proofmass.wording import number
 
 HALVINGS = 5
@@ -82,7 +82,7 @@ def main() -> None:
             "touching": touching(steps, (0.95,) if quick else (0.95, 0.9999)),
         }
         lines = {name: "\n".join(lines) for name, lines in tables.items()}
-        page = PAGE.format(**lines, tilt=number(tilted(flat_cylinders().theory), 3))
+        page = PAGE.format(**lines, tilt=number(tilt_for_share(cylinder_problem().theory), 3))
         (docs / "contacts.md").write_text(page, encoding="utf-8")
         print(page)
 
@@ -106,10 +106,10 @@ def own_step(case: Case) -> float:
 
 def errors(case: Case, engine: str, halved: int) -> dict[str, float]:
     """Errors [SI] of each channel, with the step halved `halved` times."""
-    run = plan(case, "dynamics", engine)
+    run = plan_run(case, "dynamics", engine)
     settings = {**run.settings, "timestep": own_step(case) / 2**halved}
     try:
-        curves = simulate(engine, case.model_path, replace(run, settings=settings))
+        curves = call_engine(engine, case.model_path, replace(run, settings=settings))
     except Diverged:
         return dict.fromkeys(case.channels, np.nan)
     compared = compare(case, "dynamics", engine, curves, detectable=False)
@@ -223,7 +223,7 @@ def phantom_depth(tilt: float) -> float:
     ('0.001798', 0.0)
     """
     length = np.hypot(tilt, TWO_ULPS)
-    deep = RADIUS * TWO_ULPS / length - GAP
+    deep = CYLINDER_RADIUS * TWO_ULPS / length - CYLINDER_CLEARANCE
     return float(deep) if tilt >= 1e-15 and deep > 0 else 0.0
 
 
@@ -233,15 +233,15 @@ def hanging(tilt: float, floor: str, poses: int) -> tuple[int, float, float]:
       <option timestep="1e-3" gravity="0 0 0"/><worldbody>
       <geom type="plane" size="1 1 1" euler="{floor}" priority="1" solref="-1e6 -200"/>
       <body><freejoint/>
-      <geom type="cylinder" size="{RADIUS} {HALF}" mass="0.01"/></body>
+      <geom type="cylinder" size="{CYLINDER_RADIUS} {HALF_HEIGHT}" mass="0.01"/></body>
       </worldbody></mujoco>""")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     up, found = data.geom_xmat[0].reshape(3, 3)[:, 2].copy(), []
     for way, turn in np.random.default_rng(0).uniform(0.0, 2 * np.pi, (poses, 2)):
         mujoco.mj_resetData(model, data)
-        mujoco.mju_mulQuat(data.qpos[3:], model.geom_quat[0], leaning(tilt, turn, way))
-        data.qpos[:3] = (HALF + GAP) * up
+        mujoco.mju_mulQuat(data.qpos[3:], model.geom_quat[0], tilted_quaternion(tilt, turn, way))
+        data.qpos[:3] = (HALF_HEIGHT + CYLINDER_CLEARANCE) * up
         mujoco.mj_forward(model, data)
         deepest = max((-float(c.dist) for c in data.contact[: data.ncon]), default=0.0)
         mujoco.mj_step(model, data)
@@ -304,7 +304,7 @@ def struck_rigidly(step: float, gap: float) -> list[float]:
         moved = Path(folder) / "row.xml"
         tree.write(moved)
         run = Run("dynamics", np.linspace(0.0, 0.05, 51), speeds, settings={"timestep": step})
-        curves = simulate("pymunk", moved, run)
+        curves = call_engine("pymunk", moved, run)
     return [float(curves.channels[name][-1]) for name in speeds]
 
 

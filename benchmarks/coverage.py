@@ -12,10 +12,10 @@ from collections.abc import Iterable, Sequence
 
 from benchmarks import ROOT, command
 from proofmass.case import Case
-from proofmass.coverage import Coverage, coverage_of
-from proofmass.coverage_search import MATERIAL, Finding
-from proofmass.explain import phrase, reason
-from proofmass.studies.command import named
+from proofmass.coverage import Coverage, find_coverage
+from proofmass.coverage_search import MATERIAL_KINDS, Finding
+from proofmass.explain import name_numbers, reason_not_noticed
+from proofmass.studies.command import load_cases
 
 BEGIN = "<!-- python -m benchmarks.coverage writes from here to the next mark -->"
 END = "<!-- to here -->"
@@ -40,12 +40,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     file = ROOT / "docs" / "coverage.md"
     before, rest = file.read_text(encoding="utf-8").split(BEGIN)
     kept, after = rest.split(END)
-    cases = named([models / "linkages" / "pendulum.toml" if given.quick else models])
+    cases = load_cases([models / "linkages" / "pendulum.toml" if given.quick else models])
     names = sorted(case.name for case in cases)
     rows = rows_of(kept) if given.only else {}
     for case in sorted(cases, key=lambda case: case.name):
         if not given.only or case.name in given.only:
-            found = coverage_of(case, os.cpu_count())
+            found = find_coverage(case, os.cpu_count())
             rows[case.name] = row(case, found)
             print(rows[case.name], f"{found.seconds:.0f} s", flush=True)
     table = page([rows[name] for name in names if name in rows], len(names))
@@ -92,7 +92,7 @@ def row(case: Case, coverage: Coverage) -> str:
         sum(one.noticed for one in coverage.numbers),
         len(some),
         len(some) - len(open_),
-        sum(not reason(case, coverage, one.kind, [one]) for one in open_),
+        sum(not reason_not_noticed(case, coverage, one.kind, [one]) for one in open_),
     ]
     words = coverage.left_out or "; ".join(unnoticed(case, coverage))
     return f"| {' | '.join([case.name, *map(str, counts), words.replace('|', '¦')])} |"
@@ -101,14 +101,14 @@ def row(case: Case, coverage: Coverage) -> str:
 def unnoticed(case: Case, coverage: Coverage) -> Iterable[str]:
     """Material numbers that no run notices, by their kinds, with the reasons."""
     for kind, some in coverage.unnoticed.items():
-        if kind in MATERIAL:
-            why = reason(case, coverage, kind, some)
-            yield f"{phrase(kind, some)}: {why or 'no reason is known'}"
+        if kind in MATERIAL_KINDS:
+            why = reason_not_noticed(case, coverage, kind, some)
+            yield f"{name_numbers(kind, some)}: {why or 'no reason is known'}"
 
 
 def material(some: Iterable[Finding]) -> list[Finding]:
     """The material ones among some numbers: masses, inertias, stiffnesses and friction."""
-    return [one for one in some if one.kind in MATERIAL]
+    return [one for one in some if one.kind in MATERIAL_KINDS]
 
 
 if __name__ == "__main__":

@@ -41,14 +41,14 @@ from benchmarks.design_table import (
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, precision_points, rmse, work_reduction
 from proofmass.analytic.balancer.synthesis import (
-    POINTS,
+    THESIS_POINTS,
     Synthesis,
     Variant,
-    left_out,
-    third_preloads,
+    third_preload_variants,
+    variants_without_balancer,
 )
 from proofmass.analytic.numerics import Array
-from proofmass.design.command import times
+from proofmass.design.command import scale_effort
 from proofmass.design.search import Effort, SavedSearch
 
 THESIS = ROOT / "tests" / "data" / "balancer.json"
@@ -111,7 +111,7 @@ def dashes() -> list[Row]:
             or "regular",
             "option": v.option,
         }
-        for v in (*left_out(), *third_preloads())
+        for v in (*variants_without_balancer(), *third_preload_variants())
     ]
 
 
@@ -135,7 +135,7 @@ def narrower(row: Row, known: dict[tuple[str, int, str, str], Row]) -> Row | Non
 
 def exact(row: Row) -> tuple[float, float, str]:
     """Error and work reduction of the thesis's parameters on the path from rest, or why none."""
-    angle = precision_points(POINTS[row["segments"]])
+    angle = precision_points(THESIS_POINTS[row["segments"]])
     wanted = TARGETS[row["target"]](angle)
     try:
         moment = solve(angle, **row["parameters"])["balancing_moment"]
@@ -169,7 +169,7 @@ def design(row: Row, effort: float, states: Path | None, less: Row | None) -> Ro
         name = "_".join(map(str, (*key(row), mode, power, more, *narrowed))).replace(" ", "-")
         search = SavedSearch(
             task,
-            times(effort * more, 1) if more else SHORT_EFFORT,
+            scale_effort(effort * more, 1) if more else SHORT_EFFORT,
             states / f"{name}.npz" if states else None,
             start.get(mode),
         )
@@ -229,7 +229,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         given.states.mkdir(parents=True, exist_ok=True)
     rows = [{**row, "line": int(line)} for line, row in thesis.items()] + dashes()
     known = {key(row): row for row in json.loads(TABLE.read_text())}
-    third = len(rows) - len(third_preloads())
+    third = len(rows) - len(third_preload_variants())
     # The designs of the dashes start from designs of the rows before them.
     for part in (rows[: len(thesis)], rows[len(thesis) : third], rows[third:]):
         chosen = [

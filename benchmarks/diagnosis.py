@@ -215,7 +215,7 @@ def is_planted(cause: Explanation, fault: Fault, case: Case) -> bool:
         a, b = fault.where.split()
         return all(f"{name} equal to" in words[0] for name in (a, b))
     phrase = {
-        ("factor", -1.0): "turned in sign",
+        ("factor", -1.0): "with the opposite sign",
         ("factor", 180 / np.pi): "in degrees",
         ("factor", np.pi / 180): "in radians",
         ("factor", 1e3): "in thousandths",

@@ -14,11 +14,18 @@ from matplotlib import rc_context
 from benchmarks import ROOT, command, folders
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.studies.diet.diet import ROUNDS, DietSearch, DietStore, finish
-from proofmass.studies.diet.page import LOOKS, diet_figure, write_diet
-from proofmass.studies.diet.scene import scene_of
-from proofmass.studies.diet.table import SAID, WHOLE, Entry, ranked, read_entries, sentences
-from proofmass.studies.measure import machine
+from proofmass.studies.diet.diet import TIMING_ROUNDS, DietSearch, DietStore, write_result
+from proofmass.studies.diet.page import OUTCOME_LOOKS, diet_figure, write_diet
+from proofmass.studies.diet.scene import load_scene
+from proofmass.studies.diet.table import (
+    SENTENCE_KIND,
+    WHOLE_KIND,
+    Entry,
+    read_entries,
+    sort_entries,
+    summary_sentences,
+)
+from proofmass.studies.measure import describe_machine
 from proofmass.studies.run import pool
 from proofmass.wording import number
 
@@ -91,20 +98,23 @@ def main(argv: Sequence[str] | None = None) -> None:
         (ROOT / "models").rglob("pendulum.xml" if given.quick else "*.xml"),
         key=lambda file: file.name,
     )
-    rounds = 1 if given.quick else ROUNDS  # number of pairs of runs
+    rounds = 1 if given.quick else TIMING_ROUNDS  # number of pairs of runs
     with folders(given.quick, given.folder) as (folder, docs):
         own = {file.stem: searched(file, folder, rounds, tune=False) for file in files}
         fat = own[files[0].stem] if given.quick else searched(FAT, folder, rounds)
         write_diet(folder, folder)
         with rc_context(RC):
-            save(diet_figure([e for e in ranked(fat) if e.outcome in LOOKS]), docs / "diet")
+            save(
+                diet_figure([e for e in sort_entries(fat) if e.outcome in OUTCOME_LOOKS]),
+                docs / "diet",
+            )
         (docs / "diet.svg").unlink()
         clean = sum(not titles(entries, "harmless") for entries in own.values())
         lines = [
             HEAD,
-            *sentences(fat),
+            *summary_sentences(fat),
             "",
-            OWN.format(clean=clean, all=len(own), machine=machine()),
+            OWN.format(clean=clean, all=len(own), machine=describe_machine()),
             f"| {' | '.join(COLUMNS)} |",
             f"|{'---|' * len(COLUMNS)}",
             *(row(name, entries) for name, entries in own.items()),
@@ -116,24 +126,24 @@ def searched(model: Path, folder: Path, rounds: int, tune: bool = True) -> list[
     """The diet of a model, with its options or without; writes table and reduced model."""
     print(model.stem, flush=True)
     file = folder / model.name
-    scene = scene_of(model, SECONDS)
+    scene = load_scene(model, SECONDS)
     with pool() as workers:
         found = DietSearch(
             scene, rounds=rounds, tune=tune, workers=workers, store=DietStore(folder / "runs")
         ).run()
-    finish(scene, found, file)
+    write_result(scene, found, file)
     return read_entries(file.with_suffix(".csv"))
 
 
 def titles(entries: Sequence[Entry], outcome: str) -> list[str]:
     """Titles of the features with an outcome."""
-    return [e.title for e in entries if e.outcome == outcome and e.kind != WHOLE]
+    return [e.title for e in entries if e.outcome == outcome and e.kind != WHOLE_KIND]
 
 
 def row(name: str, entries: Sequence[Entry]) -> str:
     """A model's row of the table: features by outcome, and the cost of what is only drawn."""
     gone, drawn, matters = (titles(entries, o) for o in ("harmless", "drawn", "matters"))
-    single = sum(e.kind not in (WHOLE, SAID) for e in entries)
+    single = sum(e.kind not in (WHOLE_KIND, SENTENCE_KIND) for e in entries)
     needed = single - len(gone) - len(drawn) - len(matters)
     costs = next((e.costs for e in entries if e.outcome == "drawn"), entries[-1].costs)
     cells = [number(1e3 * c.seconds, 2) for c in costs] + [number(c.size / 1024) for c in costs]

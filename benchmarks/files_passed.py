@@ -33,8 +33,8 @@ COMMANDS = {  # arguments, and the largest number of files that is intended
         (
             "-c",
             "from proofmass.sidecar import load_case\n"
-            "from proofmass.reference import compiled\n"
-            "compiled(load_case('models/rods/rod_cantilever.toml'))",
+            "from proofmass.reference import compiled_model\n"
+            "compiled_model(load_case('models/rods/rod_cantilever.toml'))",
         ),
         24,
     ),

@@ -17,19 +17,19 @@ from pathlib import Path
 
 from benchmarks import ROOT, command, folders
 from proofmass.case import Case
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.sim.protocol import Unsupported
-from proofmass.studies.command import named
+from proofmass.studies.command import load_cases
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
-from proofmass.studies.trade.floor_cause import ROUNDING, halvings
-from proofmass.studies.trade.program import ProgramRun, imposed, tried
-from proofmass.studies.trade.series import alike, halved
+from proofmass.studies.trade.floor_cause import ROUNDING_CAUSE, halved_settings
+from proofmass.studies.trade.program import ProgramRun, drive_ways, run_stored_program
+from proofmass.studies.trade.series import is_floor, is_unchanged
 from proofmass.studies.trade.trade import Trade, trade
-from proofmass.studies.trade.trade_command import has_series, measured
+from proofmass.studies.trade.trade_command import has_series, measure_cases
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.studies.trade.verify import as_used
+from proofmass.studies.trade.verify import setting_as_used
 from proofmass.wording import number
 
 TIMEOUT = 120.0
@@ -87,12 +87,12 @@ class BareFloor:
         errors = self.errors
         if errors[0] != errors[0]:
             return f"programs have no curves of {self.verdict.kind}"
-        if self.verdict.cause == ROUNDING:
+        if self.verdict.cause == ROUNDING_CAUSE:
             worse = all(fine > 0.95 * errors[0] for fine in errors[1:])
             return "confirmed" if worse else "a finer step is better"
-        if halved(errors) and alike(self.verdict.floor, errors[0]):
+        if is_floor(errors) and is_unchanged(self.verdict.floor, errors[0]):
             return "confirmed"
-        return "another error" if halved(errors) else "a halving of the step changes the error"
+        return "another error" if is_floor(errors) else "a halving of the step changes the error"
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -102,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", metavar="CASE", help="names of cases")
     given = parser.parse_args(argv)
     models = ROOT / "models"
-    every = named([models / "linkages" / "pendulum.toml" if given.quick else models])
+    every = load_cases([models / "linkages" / "pendulum.toml" if given.quick else models])
     every = [case for case in every if not given.only or case.name in given.only]
     with folders(given.quick, given.folder) as (folder, docs):
         cases = [case for case in every if has_series(case, None)]
@@ -110,7 +110,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         study = (
             trade(cases, store, budget=0.01, repeats=1)
             if given.quick
-            else measured(cases, folder, None, None, None)
+            else measure_cases(cases, folder, None, None, None)
         )
         found = list(confirm(study, store))
         if given.only:
@@ -151,11 +151,12 @@ def run_programs(case: Case, row: StudyRow, store: Store) -> tuple[tuple[Program
     """Runs of programs with the step of a setting, half and a quarter of it, or why none exist."""
     series = next(one for one in list_series(case, "dynamics") if one.name == row.series)
     setting = Setting(row.engine, row.parameters)
-    drive = imposed(case, row.engine)[0]
-    finer = halvings("dynamics", series, setting, float(compiled(case).opt.timestep))
+    drive = drive_ways(case, row.engine)[0]
+    finer = halved_settings("dynamics", series, setting, float(compiled_model(case).opt.timestep))
     try:
         return tuple(
-            tried(case, as_used(case, one), drive, store, TIMEOUT) for one in (setting, *finer)
+            run_stored_program(case, setting_as_used(case, one), drive, store, TIMEOUT)
+            for one in (setting, *finer)
         ), ""
     except Unsupported as error:
         return (), str(error)

@@ -19,12 +19,18 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks import command
-from proofmass.check import FOLLOWED, OWN_TIMEOUT, SAMPLES
+from proofmass.check import OWN_MODEL_SAMPLES, OWN_MODEL_SECONDS, OWN_MODEL_TIMEOUT
 from proofmass.engines import engine_of
-from proofmass.self_consistency import PROCESSOR, WITHIN, Rung, format_length, why_failed
+from proofmass.self_consistency import (
+    AGREEMENT_SHARE,
+    PROCESSOR_SECONDS,
+    Rung,
+    format_length,
+    why_failed,
+)
 from proofmass.sim.protocol import BadModel, OwnMotion
 from proofmass.wording import number
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
 STEP_RATIO = 32  # the model's step over that of the other method
 TIME_LIMIT = 40.0
@@ -95,7 +101,7 @@ def report_in_worker(file: Path) -> Report:
 
     began = time.perf_counter()
     try:
-        return isolated(report_here, file, timeout=OWN_TIMEOUT + 2 * TIME_LIMIT)
+        return call_isolated(report_here, file, timeout=OWN_MODEL_TIMEOUT + 2 * TIME_LIMIT)
     except BadModel as error:
         return Report(("does not compile", *7 * ("",)), str(error)[:200])
     except (Crashed, TimedOut, OutOfMemory) as error:
@@ -108,7 +114,9 @@ def report_in_worker(file: Path) -> Report:
 def report_here(file: Path) -> Report:
     """The verdict of a model, computed in this process."""
     began = time.perf_counter()
-    motion = engine_of("mujoco").own_motion(file, FOLLOWED, SAMPLES, PROCESSOR)
+    motion = engine_of("mujoco").own_motion(
+        file, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
+    )
     seconds = number(time.perf_counter() - began, 2)
     if failed := why_failed(motion):
         return Report(("diverged", *6 * ("",), seconds), failed)
@@ -157,7 +165,7 @@ def agrees_until(file: Path, motion: OwnMotion, rung: Rung) -> float | None:
         mujoco.mj_kinematics(model, data)
         centres = rung.best.points[k, :, 0]
         off = np.linalg.norm(data.xipos[moving] - centres, axis=-1).max(initial=0.0)
-        if not off <= 2 * WITHIN * rung.sizes[k]:
+        if not off <= 2 * AGREEMENT_SHARE * rung.sizes[k]:
             return until
         until = float(motion.times[k])
     return until

@@ -29,14 +29,14 @@ from proofmass.analytic.linkages import (
     threeprr,
 )
 from proofmass.analytic.planar.branch import Branch
-from proofmass.analytic.planar.kinematics import rates
+from proofmass.analytic.planar.kinematics import joint_rates
 from proofmass.analytic.planar.mechanism import read
-from proofmass.analytic.remember import memory_in_use
+from proofmass.analytic.remember import use_memory
 from proofmass.case import Case
-from proofmass.reference import call, compiled, module_of
+from proofmass.reference import call_reference, compiled_model, load_reference
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Run
-from proofmass.solve import plan, simulate
+from proofmass.solve import call_engine, plan_run
 
 Array = NDArray[np.float64]
 MODELS = ROOT / "models" / "linkages"
@@ -88,17 +88,17 @@ def with_samples(name: str, n: int) -> tuple[Case, Run]:
     case = load_case(MODELS / f"{name}.toml")
     table = case.run["sweep"].model_copy(update={"n": n})
     case = case.model_copy(update={"run": {"sweep": table}})
-    return case, plan(case, "sweep", "mujoco")
+    return case, plan_run(case, "sweep", "mujoco")
 
 
 def closed_form(name: str, n: int) -> Callable[[], dict[str, Array]]:
     """A function that evaluates all curves of the closed form of a sidecar, without its cache."""
     case, run = with_samples(name, n)
-    module, state = cast(ModuleType, module_of(case)), run.motion(run.x)
+    module, state = cast(ModuleType, load_reference(case)), run.motion(run.x)
 
     def work() -> dict[str, Array]:
-        with memory_in_use({}, more=False):  # without the cached result of the last call
-            return call(case, "sweep", module, run.x, state, case.parameters)
+        with use_memory({}, store_results=False):  # without the cached result of the last call
+            return call_reference(case, "sweep", module, run.x, state, case.parameters)
 
     return work
 
@@ -107,14 +107,14 @@ def general(name: str, n: int) -> Callable[[], object]:
     """A function that solves a sidecar's model: joint values, rates, accelerations."""
     case, run = with_samples(name, n)
     value, rate, acceleration = (part.T for part in run.motion(run.x))
-    mechanism, _ = read(compiled(case), case.start)
+    mechanism, _ = read(compiled_model(case), case.start)
 
     def work() -> object:
         branch = Branch(mechanism, tuple(drive.joint for drive in case.drive))
         poses, failure = branch.follow(value)
         if failure is not None:
             raise failure
-        return rates(mechanism, poses, branch.d, rate, acceleration)
+        return joint_rates(mechanism, poses, branch.d, rate, acceleration)
 
     return work
 
@@ -229,13 +229,13 @@ def simulators(names: Sequence[str]) -> Iterator[Row]:
     for name in names:
         case = load_case(MODELS / f"{name}.toml")
         for engine, gives in (("mujoco", "p v a h"), ("pymunk", "p v h")):
-            run = plan(case, "sweep", engine)
+            run = plan_run(case, "sweep", engine)
             yield Row(
                 CLOSED[name],
                 f"{engine} sweep",
                 gives,
                 run.x.size,
-                partial(simulate, engine, case.model_path, run),
+                partial(call_engine, engine, case.model_path, run),
             )
 
 

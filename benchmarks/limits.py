@@ -20,14 +20,14 @@ from benchmarks import ROOT, command, folders
 from proofmass.outcome import Outcome
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Diverged, Unsupported
-from proofmass.sim.pymunk.dynamics import MOST
+from proofmass.sim.pymunk.dynamics import MAX_ITERATIONS
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
-from proofmass.studies.stress.extremes import extremes
-from proofmass.studies.stress.limit_search import LimitSearch, beside
-from proofmass.studies.trade.program import LATE, imposed, tried
-from proofmass.studies.trade.verify import as_used
+from proofmass.studies.stress.extremes import list_extremes
+from proofmass.studies.stress.limit_search import LimitSearch, step_by_factor
+from proofmass.studies.trade.program import TIMED_OUT_PREFIX, drive_ways, run_stored_program
+from proofmass.studies.trade.verify import setting_as_used
 
 DISTANCE = 0.02
 """Distance of the two tried values from a limit, as a share of it."""
@@ -178,7 +178,7 @@ def confirm(limits: Sequence[PrintedLimit], store: Store) -> list[BareLimit]:
     for name in dict.fromkeys(one.case for one in limits):
         case = load_case(next((ROOT / "models").rglob(f"{name}.toml")))
         if "dynamics" in case.run:
-            for search in extremes(case, store, run)[0]:
+            for search in list_extremes(case, store, run)[0]:
                 searches[name, search.parameter, search.engine, search.setting] = search
     asked = [
         (one, searches[key])
@@ -193,17 +193,17 @@ def run_program(task: StudyRun, store: Store) -> Measurement:
     """The errors of a dynamics run as a program, at the actual motion of its drives."""
     if task.run != "dynamics":
         raise NoProgram(f"a program steps through time, and this is the {task.run}")
-    drive = imposed(task.case, task.setting.engine)[0]
+    drive = drive_ways(task.case, task.setting.engine)[0]
     try:
-        used = as_used(task.case, task.setting)
+        used = setting_as_used(task.case, task.setting)
     except Diverged:  # the number of iterations is not known: take the largest
-        used = task.setting.but(iterations=MOST)
+        used = task.setting.with_parameters(iterations=MAX_ITERATIONS)
     try:
-        ran = tried(task.case, used, drive, store, TIMEOUT)
+        ran = run_stored_program(task.case, used, drive, store, TIMEOUT)
     except Unsupported as error:
         raise NoProgram(str(error)) from None
     if ran.failure:
-        late = ran.failure.startswith(LATE)
+        late = ran.failure.startswith(TIMED_OUT_PREFIX)
         return Measurement(
             outcome=Outcome.TIMED_OUT if late else Outcome.DIVERGED, message=ran.failure
         )
@@ -215,8 +215,8 @@ def try_sides(limit: PrintedLimit, search: LimitSearch) -> BareLimit:
     up, away = search.reach > search.start, 1.0 + DISTANCE
     last = limit.again if limit.again == limit.again else limit.value
     values = [
-        beside(limit.value, away, search.start, not up),
-        beside(last, away, search.reach, up),
+        step_by_factor(limit.value, away, search.start, not up),
+        step_by_factor(last, away, search.reach, up),
     ]
     if limit.again == limit.again:
         values += [limit.value, limit.again]

@@ -67,11 +67,11 @@ that cannot be assembled, `NotConverged` is raised, which has the `log` as well.
 | `collinear` | a slider on a bar: 13 × 12 = 0 | 41 |
 | `constant_angle` | a slider that does not rotate on its bar: 12 · 3D = k | 41 |
 | `relative_angle` | an angle between links: 12 · 13 = L L' cos φ, 12 × 13 = L L' sin φ | 42 |
-| `turned` | an angle to the ground: 13 = L' (cos φ, sin φ) | 43 |
+| `ground_angle` | an angle to the ground: 13 = L' (cos φ, sin φ) | 43 |
 
-`relative_angle` has both rows, as the document advises. `turned` has both rows, or one of them if
-it is given a threshold, as in the document's programs. With one row a second pose fulfils the
-constraints (`tests/analytic/linkages/test_natural_coordinates.py`).
+`relative_angle` has both rows, as the document advises. `ground_angle` has both rows, or one of
+them if it is given a threshold, as in the document's programs. With one row a second pose fulfils
+the constraints (`tests/analytic/linkages/test_natural_coordinates.py`).
 
 ## Convergence
 
@@ -148,7 +148,7 @@ def whole_blocks(law: tuple[Array, ...]) -> dict[str, Array]:
                 gap, slope = hacksaw.newton_system(x, pose, *LINK.values())
                 return gap[part], slope[part, part]
 
-            log = newton_raphson(block, x[part], tolerance=1e-6, most=50)
+            log = newton_raphson(block, x[part], tolerance=1e-6, max_iterations=50)
             x[part], solved = log.root, solved + log.iterations
         count.append(solved)
     return {"iterations": np.array(count)}

@@ -20,11 +20,11 @@ import mujoco
 
 from examples.chosen import truths
 from proofmass.case import Case
-from proofmass.reference import grid
+from proofmass.reference import run_samples
 from proofmass.sim.mujoco.tried_settings import INTEGRATORS
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import ParameterValue, Setting
-from proofmass.studies.trade.program import PRINTED, imposed, written
+from proofmass.studies.trade.program import STEPS_LINE, drive_ways, program_text_here
 
 MAX_RATIO_OF_STEPS = 8.0  # to those of the chosen setting: none with more steps is cheaper
 MAX_RATIO_OF_TIME = 2.0  # to the wall time of the chosen setting, after which a run is ended
@@ -83,13 +83,13 @@ def duel(
     Half of them are drawn from all settings, half differ in one to three parameters.
     """
     dice = random.Random(seed)
-    times = grid(case, "dynamics")
+    times = run_samples(case, "dynamics")
     sample = float(times[1] - times[0])
     own = prepared(case, chosen, drive)
     error, seconds = ran(own, name, of, inf)
     seconds = min(seconds, ran(own, name, of, inf)[1])
     good, done = list[tuple[Setting, Imposed, object, float]](), 0
-    ways = [one for one in imposed(case, chosen.engine) if one.kind == drive.kind]
+    ways = [one for one in drive_ways(case, chosen.engine) if one.kind == drive.kind]
     for k in range(count):
         far = randomly(chosen.engine, sample, chosen, dice, None if k % 2 else dice.randint(1, 3))
         way = dice.choice(ways)
@@ -173,7 +173,7 @@ def randomly(
 
 def prepared(case: Case, setting: Setting, drive: Imposed) -> object:
     """The program of a setting, compiled."""
-    return compile(written(case, setting, drive, ""), "rival.py", "exec")
+    return compile(program_text_here(case, setting, drive, ""), "rival.py", "exec")
 
 
 def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]:
@@ -189,7 +189,7 @@ def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]
             return inf, inf
         finally:
             mujoco.set_mjcb_control(None)  # set by the servo of a program that was ended
-        found = PRINTED.search(output.getvalue())
+        found = STEPS_LINE.search(output.getvalue())
         assert found
         error = truths.errors(name, file)[of]
         return (error if error == error else inf), float(found[2])

@@ -17,7 +17,7 @@ from benchmarks import ROOT, command
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods import cantilever, rod_pinned
 from proofmass.sim.mujoco.engine import simulate
-from proofmass.sim.mujoco.flex import points
+from proofmass.sim.mujoco.flex import cut_into_links
 from proofmass.sim.protocol import Curves, Rod, Run
 
 MODEL = """<mujoco><option gravity="0 0 0" integrator="implicitfast"><flag contact="disable"/>
@@ -101,7 +101,9 @@ def rows(counts: Sequence[int]) -> Iterator[str]:
             began = time.process_time()
             found, truth = solve_rod(load, links, True), shape(ARC)
             used, off = time.process_time() - began, error(found, truth)
-            h = points(Rod("rod", "clamp", None, 1.0, 1.0, links, ("clamped", "free"))).lengths[-1]
+            h = cut_into_links(
+                Rod("rod", "clamp", None, 1.0, 1.0, links, ("clamped", "free"))
+            ).lengths[-1]
             order = f"{np.log(last[0] / off) / np.log(last[1] / h):.2f}" if last else ""
             chain = error(solve_rod(load, links, False), truth)
             last = off, h

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import TURN, Array, Complex
 from proofmass.analytic.rods import tip
-from proofmass.analytic.rods.all_equilibria import solve
-from proofmass.analytic.rods.elastica import rods
-from proofmass.analytic.rods.equilibrium import RodState, clamps
+from proofmass.analytic.rods.all_equilibria import solve_starts
+from proofmass.analytic.rods.elastica import rods_of_chart
+from proofmass.analytic.rods.equilibrium import RodState, clamps_and_forces
 
 MAX_ALPHA = 20.0  # of the equilibria that are counted
 SPACING = np.log(0.0966498)  # B of the document's spacing of k_rel, with the end slope 0.25
@@ -53,7 +53,7 @@ def search_two_rods(s: RodState, nodes: int) -> Grid:
     follows from the balance of forces.  In place of these cells, the document's program intersects
     two curves of isosurfaces.
     """
-    theta, clamp, _ = clamps(s)
+    theta, clamp, _ = clamps_and_forces(s)
     unit, k_rel = s.assembly.stiffness[0], moduli()
     psi1, one, second_k = np.meshgrid(directions(nodes), k_rel, k_rel, indexing="ij")
     first = tip(psi1[..., 0], one[..., 0], stiffness=unit)
@@ -154,7 +154,7 @@ def shapes_of_nodes(
     s: RodState, psi1: float, k_rel: Array, table: list[Inverse]
 ) -> Iterator[list[tuple[Array, Array, Complex, Complex]]]:
     """R, k, tips and forces of rods 1 to 3 at all nodes of one psi1, for each k_rel1."""
-    theta = clamps(s)[0]
+    theta = clamps_and_forces(s)[0]
     psi = np.array([inverse.psi for inverse in table])
     two_way, three_way = np.exp(1j * (theta[1] + psi))[:, None], np.exp(1j * (theta[2] + psi))
     across = (two_way.conj() * three_way).imag
@@ -181,7 +181,7 @@ def rotated_tip(
     s: RodState, i: int, psi: Array, k_rel: Array
 ) -> tuple[Array, Array, Complex, Complex]:
     """R/EI, k, tip and force in the frame of rod i; NaN where k_rel is."""
-    theta, clamp, _ = clamps(s)
+    theta, clamp, _ = clamps_and_forces(s)
     unit, there = s.assembly.stiffness[i], np.isfinite(k_rel)
     rod = tip(np.broadcast_to(psi, k_rel.shape)[there], k_rel[there], stiffness=unit)
     out = np.full((4, *k_rel.shape), np.nan, complex)
@@ -231,8 +231,8 @@ def solve_from(s: RodState, chart: Array, pose: Array) -> Array:
     """
     if not pose.size:
         return np.empty((0, 2 * s.assembly.rods))
-    there = solve(s, chart, pose)[0]
-    found = rods(*np.moveaxis(there, 1, 0))
+    there = solve_starts(s, chart, pose)[0]
+    found = rods_of_chart(*np.moveaxis(there, 1, 0))
     force = found.force[:, ((found.waves < 1.0) & (there[:, 0] < MAX_ALPHA)).all(axis=0)].T
     return np.concatenate([force.real, force.imag], axis=1)
 

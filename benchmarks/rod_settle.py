@@ -11,14 +11,14 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly
-from proofmass.analytic.rods.equilibrium import clamps
+from proofmass.analytic.rods.equilibrium import clamps_and_forces
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import loop_gap
-from proofmass.sim.mujoco.settling import failure
+from proofmass.sim.mujoco.model import loop_violations
+from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.protocol import Diverged, Rod
 from proofmass.sim.pymunk.model import read_links
-from proofmass.sim.pymunk.quasi_static import shape
-from proofmass.sim.pymunk.space import build
+from proofmass.sim.pymunk.quasi_static import rod_shape
+from proofmass.sim.pymunk.space import build_space
 from proofmass.sim.rods import Chain, chain, compile_with_rods
 from tests.independent.rods.chain_assembly import Standing, settle
 
@@ -67,7 +67,7 @@ class Scene:
     def chains(self) -> list[Chain]:
         """The rods' links; their tips are pinned to the first one's tip, or to the platform."""
         pin = self.a.dof == 2
-        turn = self.found.state.shape([1.0])[2][0, :, 0] - clamps(self.found.state)[0][0]
+        turn = self.found.state.shape([1.0])[2][0, :, 0] - clamps_and_forces(self.found.state)[0][0]
         ends = [
             None if pin and not i else "rod0.tip" if pin else f"pin{i}" for i in range(self.a.rods)
         ]
@@ -91,7 +91,7 @@ class Scene:
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model; its start pose is near the lowest equilibrium."""
-        theta, place, _ = (part[0] for part in clamps(self.found.state))
+        theta, place, _ = (part[0] for part in clamps_and_forces(self.found.state))
         sites = [
             f'<site name="clamp{i}" pos="{p.real} {p.imag} 0" euler="0 0 {t}"/>'
             for i, (t, p) in enumerate(zip(theta, place, strict=True))
@@ -125,7 +125,7 @@ class Scene:
 
     def pose(self, angles: Array, platform: Array) -> Array:
         """Joint values for links' angles (k, n) [rad] and, if there is one, a platform's pose."""
-        theta, qpos = clamps(self.found.state)[0][0], np.zeros(self.model.nq)
+        theta, qpos = clamps_and_forces(self.found.state)[0][0], np.zeros(self.model.nq)
         for i, one in enumerate(self.chains):
             joints = [self.model.joint(name).qposadr[0] for name in one.names[1:]]
             qpos[joints] = np.diff(angles[i], prepend=theta[i])
@@ -136,7 +136,7 @@ class Scene:
 
     def random(self, seed: int) -> Array:
         """Joint values of closed loops: arcs that turn by up to MAX_TURN, with noise in joints."""
-        dice, theta = np.random.default_rng(seed), clamps(self.found.state)[0][0]
+        dice, theta = np.random.default_rng(seed), clamps_and_forces(self.found.state)[0][0]
         while True:
             bends = dice.uniform(-MAX_TURN, MAX_TURN, (self.a.rods, 1)) / self.n
             bends = bends + dice.normal(0.0, JOINT_NOISE, (self.a.rods, self.n))
@@ -159,11 +159,11 @@ class Scene:
         data.qpos[:] = qpos
         Linkage(self.model, data, ()).release()
         mujoco.mj_kinematics(self.model, data)
-        return data.qpos.copy() if loop_gap(self.model, data).max() < 1e-9 else None
+        return data.qpos.copy() if loop_violations(self.model, data).max() < 1e-9 else None
 
     def angles(self, qpos: Array) -> Array:
         """Angles of the links (k, n) [rad]."""
-        theta = clamps(self.found.state)[0][0]
+        theta = clamps_and_forces(self.found.state)[0][0]
         return np.array(
             [
                 t + np.cumsum([qpos[self.model.joint(name).qposadr[0]] for name in one.names[1:]])
@@ -201,7 +201,7 @@ def mujoco_rest(scene: Scene, qpos: Array) -> Array:
     data.qpos[:], data.ctrl[:] = qpos, 1.0
     for _ in range(STEPS_OF_BLOCK, MAX_STEPS, STEPS_OF_BLOCK):
         mujoco.mj_step(model, data, STEPS_OF_BLOCK)
-        if failure(data):
+        if failure_warning(data):
             raise Diverged("MuJoCo gave up")
         if np.abs(data.qvel).max() < REST_SPEED:
             return scene.angles(data.qpos)
@@ -218,7 +218,7 @@ def pymunk_rest(scene: Scene, qpos: Array) -> Array:
     model.dof_damping[:] = 4.0 * scene.n * dt * model.jnt_stiffness
     model.key_qpos[0] = qpos
     links = read_links(model, "start", ())
-    space = build(links, ITERATIONS, 0.0)
+    space = build_space(links, ITERATIONS, 0.0)
     moving = space.bodies
     for body in moving:
         body.moment = 16.0 * model.jnt_stiffness.max() * dt**2
@@ -227,10 +227,10 @@ def pymunk_rest(scene: Scene, qpos: Array) -> Array:
             space.step(dt)
         if max(abs(body.angular_velocity) for body in moving) < REST_SPEED:
             pose = np.array([[*body.position, body.angle] for body in moving] + [[0.0] * 3])
-            theta = clamps(scene.found.state)[0][0]
+            theta = clamps_and_forces(scene.found.state)[0][0]
             return np.array(
                 [
-                    t + np.cumsum(shape(links, pose, one)[2][1:])
+                    t + np.cumsum(rod_shape(links, pose, one)[2][1:])
                     for t, one in zip(theta, scene.chains, strict=True)
                 ]
             )

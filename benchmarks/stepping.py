@@ -17,12 +17,12 @@ import numpy as np
 
 from benchmarks import ROOT, command
 from proofmass.sidecar import load_case
-from proofmass.sim.mujoco.dynamics import start
+from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.protocol import Run
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 
 REPEATS = 15
 
@@ -36,7 +36,7 @@ def bare(path: Path, run: Run) -> float:
     torque, dof = np.zeros(times.size - 1), 0
     if run.drives:
         linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
-        torque, _ = start(linkage, run, times)
+        torque, _ = initialize_dynamics(linkage, run, times)
         torque, dof = torque[:, 0], linkage.dofs[0]
     applied = data.qfrc_applied
     began = time.perf_counter()
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         for solver in case.run["dynamics"].solvers:
             if not solver.startswith("mujoco"):
                 continue
-            run = replace(plan(case, "dynamics", solver))
+            run = replace(plan_run(case, "dynamics", solver))
             alone, whole, steps = [], [], 0
             for _ in range(1 if quick else REPEATS):
                 alone.append(bare(case.model_path, run))

@@ -12,9 +12,9 @@ from pymunk import batch
 
 from benchmarks import ROOT, command
 from proofmass.sim.protocol import Drive, Run
-from proofmass.sim.pymunk.dynamics import SURE, prepared, step_through
+from proofmass.sim.pymunk.dynamics import MIN_FIRST_ITERATIONS, prepare_space, step_through
 from proofmass.sim.pymunk.model import read_links
-from proofmass.sim.pymunk.space import aim
+from proofmass.sim.pymunk.space import aim_drives
 
 MODEL = ROOT / "models" / "linkages" / "fourbar.xml"
 SETTINGS = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
@@ -33,16 +33,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     bare, recorded = [], []
     for _ in range(repeats):
         for times, with_record in ((bare, False), (recorded, True)):
-            space, drives, targets, _ = prepared(links, run, per, {**SETTINGS, "timestep": dt})
+            space, drives, targets, _ = prepare_space(links, run, per, {**SETTINGS, "timestep": dt})
             record = np.zeros(len(targets), bool)
             record[::per] = record[per - 1 :: per] = True
             began = time.perf_counter()
             if with_record:
-                step_through(space, dt, drives, targets, record, batch.Buffer(), SURE)
+                step_through(
+                    space, dt, drives, targets, record, batch.Buffer(), MIN_FIRST_ITERATIONS
+                )
             else:
                 step = space.step
                 for target in targets.tolist():
-                    aim(drives, target)
+                    aim_drives(drives, target)
                     step(dt)
             times.append(time.perf_counter() - began)
     print(

@@ -23,11 +23,11 @@ from proofmass.sidecar import load_case
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
-from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch
-from proofmass.studies.stress.page import NEAR, stress_figure
+from proofmass.studies.stress.page import THEORY_TOLERANCE, stress_figure
 from proofmass.studies.stress.problems import list_problems
-from proofmass.studies.stress.stress import cache_trials, reached, stress
+from proofmass.studies.stress.stress import cache_trials, find_boundaries, format_limit
 from proofmass.wording import number
 
 CASES = (
@@ -164,12 +164,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     with folders(given.quick, given.folder) as (folder, docs):
         store = Store(folder / "runs")
         with pool() as workers:
-            known = stress(small_models(store, most), workers)
+            known = find_boundaries(small_models(store, most), workers)
             cases = {
-                name: extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
+                name: list_extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
                 for name in (("pendulum",) if given.quick else CASES)
             }
-            found = stress(
+            found = find_boundaries(
                 [one for searches, _ in cases.values() for one in searches[:most]], workers
             )
         write_boundaries([*known, *found], folder / "stress.csv")
@@ -200,20 +200,20 @@ def renew(names: Sequence[str], parameters: Sequence[str], folder: Path) -> None
         head = HEAD.format(limits=kinds())
         if name == THEORY:
             with pool() as workers:
-                known = stress(small_models(store), workers)
+                known = find_boundaries(small_models(store), workers)
             draw(known, file.parent)
             cases = rest[rest.index("\n\n## ") :]
             section = "\n".join(theory_section(known))
             file.write_text(f"{head}\n{section}{cases}", encoding="utf-8")
             continue
-        searches, _ = extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
+        searches, _ = list_extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
         asked = [
             one
             for one in searches
             if any(text in f"{one.parameter}, {one.engine}, {one.setting}" for text in parameters)
         ]
         with pool() as workers:
-            found = stress(asked, workers)
+            found = find_boundaries(asked, workers)
         file.write_text(head + title + with_rows(rest, name, found), encoding="utf-8")
 
 
@@ -253,16 +253,16 @@ def theory_section(known: Sequence[Boundary]) -> Iterator[str]:
     """The section with the small models whose limits theory predicts."""
     furthest = max(known, key=lambda one: abs(one.ratio - 1) if one.ratio == one.ratio else 9e9)
     yield KNOWN.format(
-        near=sum(abs(one.ratio - 1) <= NEAR for one in known),
+        near=sum(abs(one.ratio - 1) <= THEORY_TOLERANCE for one in known),
         all=len(known),
-        within=NEAR,
+        within=THEORY_TOLERANCE,
         furthest=number(furthest.ratio, 4),
     )
     yield "| model | solver | parameter | measured | kind | theory | ratio | formula |"
     yield "|---|---|---|---|---|---|---|---|"
     for one in known:
         yield (
-            f"| {one.what} | {one.setting} | {one.parameter} | {reached(one)} | {one.limit} | "
+            f"| {one.what} | {one.setting} | {one.parameter} | {format_limit(one)} | {one.limit} | "
             f"{number(one.theory, 4)} | {number(one.ratio, 4)} | {one.law.replace('|', '¦')} |"
         )
 
@@ -281,7 +281,7 @@ def row_of(one: Boundary) -> str:
     theory = number(one.theory) if one.theory == one.theory else ""
     return (
         f"| {one.parameter} | {number(one.start)} | {one.engine}, {one.setting} | "
-        f"{reached(one)} | {theory} | {one.ending.replace('|', '¦')} |"
+        f"{format_limit(one)} | {theory} | {one.ending.replace('|', '¦')} |"
     )
 
 

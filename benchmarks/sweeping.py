@@ -12,9 +12,9 @@ from dataclasses import replace
 import mujoco
 
 from benchmarks import ROOT, command
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.sidecar import load_case
-from proofmass.solve import plan, simulate
+from proofmass.solve import call_engine, plan_run
 
 CASES = ("fourbar", "slider_crank", "hacksaw", "fivebar", "threeprr")
 ENGINES = ("mujoco", "pymunk")
@@ -33,14 +33,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     print(f"{'poses a second':<28}{'poses':>6}" + "".join(f"{name:>10}" for name in ENGINES))
     for name in CASES[:1] if quick else CASES:
         case = load_case(ROOT / "models" / "linkages" / f"{name}.toml")
-        model = compiled(case)
+        model = compiled_model(case)
         for words, stage in STAGES.items():
             least = dict.fromkeys(ENGINES, float("inf"))
             for engine in ENGINES * (1 if quick else REPEATS):
-                run = plan(case, "sweep", engine)
+                run = plan_run(case, "sweep", engine)
                 sensors = {one: model.sensor(one.partition(".")[0]) for one in run.channels}
                 read = tuple(one for one, s in sensors.items() if s.needstage[0] <= int(stage))
-                curves = simulate(engine, case.model_path, replace(run, channels=read))
+                curves = call_engine(engine, case.model_path, replace(run, channels=read))
                 least[engine] = min(least[engine], curves.seconds)
             count = run.x.size
             print(

@@ -7,9 +7,9 @@ import sys
 def main() -> None:
     """Load the commands, which takes a second that Ctrl-C may fall into, and run one."""
     try:
-        from proofmass.worker import WITHOUT_WINDOWS
+        from proofmass.worker import NO_RENDERER
 
-        os.environ.update(WITHOUT_WINDOWS | os.environ)
+        os.environ.update(NO_RENDERER | os.environ)
         from proofmass.cli import app
     except KeyboardInterrupt:
         sys.exit(130)  # as a shell says it; to ask `proofmass.command` would be to load it

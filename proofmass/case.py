@@ -35,26 +35,26 @@ from pydantic import (
     model_validator,
 )
 
-from proofmass.errors import InputError, in_model, suggest
+from proofmass.errors import InputError, model_error, suggest_names
 from proofmass.recorded import RecordedColumn
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.strict import Kind, Strict
 from proofmass.units import si_unit
-from proofmass.worker import MEMORY
+from proofmass.worker import DEFAULT_MEMORY
 
 if TYPE_CHECKING:
     from proofmass import Animation, Explorer
 
 
 @cache
-def made_models() -> Path:
+def made_models_folder() -> Path:
     """A folder for models that this process makes; it is removed when the process ends."""
     folder = mkdtemp(prefix="proofmass-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
 
 
-def known_unit(unit: str) -> str:
+def require_unit(unit: str) -> str:
     """The unit itself; ValueError if there is no such unit."""
     si_unit(unit)
     return unit
@@ -75,14 +75,14 @@ Rows = Annotated[tuple[float, ...], Field(min_length=2)]
 """Numbers in a sidecar instead of a column of a file [SI]."""
 
 
-def form_of_column(column: Any) -> str:
+def column_type(column: Any) -> str:
     """The tag of the type in which a column is given."""
     return "rows" if isinstance(column, list | tuple) else RecordedColumn.__name__
 
 
 Column = Annotated[
     Annotated[Rows, Tag("rows")] | Annotated[RecordedColumn, Tag(RecordedColumn.__name__)],
-    Discriminator(form_of_column),
+    Discriminator(column_type),
 ]
 
 
@@ -143,7 +143,7 @@ class ProfileTable(Strict):
         return f"{kind} {column.column} of {self.file}"
 
 
-def form_of(profile: Any) -> str:
+def profile_type(profile: Any) -> str:
     """The tag of the type in which a profile is given."""
     if isinstance(profile, dict | ProfileTable):
         return ProfileTable.__name__
@@ -154,7 +154,7 @@ Profile = Annotated[
     Annotated[str, Tag("str")]
     | Annotated[tuple[str, str, str], Tag("tuple")]
     | Annotated[ProfileTable, Tag(ProfileTable.__name__)],
-    Discriminator(form_of),
+    Discriminator(profile_type),
 ]
 
 
@@ -285,7 +285,7 @@ class RunTable(Strict):
     until: float | None = Field(None, gt=0)
     solvers: tuple[str, ...] = Field(min_length=1)
     timeout: float = Field(120.0, gt=0)
-    memory: float = Field(MEMORY, gt=0)
+    memory: float = Field(DEFAULT_MEMORY, gt=0)
     inertia: bool = False
 
 
@@ -306,7 +306,7 @@ class Channel(Strict):
     @field_validator("unit")
     @classmethod
     def _known_unit(cls, unit: str) -> str:
-        return known_unit(unit)
+        return require_unit(unit)
 
     @property
     def si_unit(self) -> str:
@@ -384,7 +384,7 @@ class View(Strict):
     @field_validator("unit", "x_unit")
     @classmethod
     def _known_unit(cls, unit: str | None) -> str | None:
-        return None if unit is None else known_unit(unit)
+        return None if unit is None else require_unit(unit)
 
     @model_validator(mode="after")
     def _one_kind(self) -> "View":
@@ -647,7 +647,9 @@ class Case(Strict):
     def _kinds(cls, runs: Any) -> Any:
         for kind in runs if isinstance(runs, dict) else ():
             if kind not in get_args(Kind):
-                raise ValueError(f"unknown run {kind!r}; {suggest(str(kind), get_args(Kind))}")
+                raise ValueError(
+                    f"unknown run {kind!r}; {suggest_names(str(kind), get_args(Kind))}"
+                )
         return runs
 
     @field_validator("drive")
@@ -761,7 +763,7 @@ class Case(Strict):
         for pattern in self.refine.channels:
             if not any(fnmatchcase(name, pattern) for name in there):
                 raise ValueError(
-                    f"refine.channels: {pattern!r} matches nothing; {suggest(pattern, there)}"
+                    f"refine.channels: {pattern!r} matches nothing; {suggest_names(pattern, there)}"
                 )
         return self
 
@@ -771,7 +773,7 @@ class Case(Strict):
         for name in self.settings:
             if name not in solvers:
                 raise ValueError(
-                    f'settings."{name}": no run has this solver; {suggest(name, solvers)}'
+                    f'settings."{name}": no run has this solver; {suggest_names(name, solvers)}'
                 )
         for name, channel in self.channels.items():
             self._has_run(f"channels.{name}.only", channel.only)
@@ -822,7 +824,8 @@ class Case(Strict):
                     name == pattern if literal else fnmatchcase(name, pattern) for name in names
                 ):
                     raise ValueError(
-                        f"{place}.{key}: {pattern!r} matches nothing; {suggest(pattern, names)}"
+                        f"{place}.{key}: {pattern!r} matches nothing; "
+                        f"{suggest_names(pattern, names)}"
                     )
         if not any(
             tolerance.covers(kind, solver, name, channel.unit)
@@ -913,9 +916,9 @@ class Case(Strict):
         try:
             mjcf = with_attributes(self.model_path, changes)
         except BadModel as error:
-            raise in_model(self.model_path, error) from None
+            raise model_error(self.model_path, error) from None
         digest = sha256(mjcf.encode()).hexdigest()[:16]
-        file = made_models() / digest / Path(self.model).name
+        file = made_models_folder() / digest / Path(self.model).name
         file.parent.mkdir(exist_ok=True)
         file.write_text(mjcf, encoding="utf-8")
         return self.model_copy(

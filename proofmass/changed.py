@@ -1,7 +1,7 @@
 """Runs of a case with changed numbers of its model: functions that workers call.
 
-`baseline` runs a case without changes, and keeps its errors with their signs.
-`with_changes` runs it with a changed model, compares it with the reference as `proofmass check`
+`run_baseline` runs a case without changes, and keeps its errors with their signs.
+`run_with_changes` runs it with a changed model, compares it with the reference as `proofmass check`
 does, and computes from both runs by which change the first tolerance would be used up.
 """
 
@@ -17,19 +17,26 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, DriveTable, LoadTable, ProfileTable
-from proofmass.compare import Comparison, check_branch, compare, run_reference, scale_of, time_of
+from proofmass.compare import (
+    Comparison,
+    check_assembly_mode,
+    compare,
+    run_reference,
+    scale_of,
+    time_scale,
+)
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
-from proofmass.outcome import FAILURES, Outcome
-from proofmass.reference import compiled, evaluate, grid, reads_model
+from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.reference import compiled_model, evaluate, reference_reads_model, run_samples
 from proofmass.sim.contents import mass, size
-from proofmass.sim.elements import Number, Source, changed_rods, source_of, written
+from proofmass.sim.elements import Number, Source, changed_rods, compile_source, write_changes
 from proofmass.sim.numbers import Sizes, numbers_of
 from proofmass.sim.protocol import BadModel, Curves
-from proofmass.solve import prescribed_run, run_here
+from proofmass.solve import prescribed_run, solve_here
 from proofmass.strict import Kind
 
-ENOUGH = 24
+MIN_INTERVALS = 24
 """Intervals of a sweep that suffice for the rate of an error: a peak between samples is about a
 percent higher."""
 ChannelErrors = dict[str, Array]
@@ -110,10 +117,10 @@ class Trial:
     moves: str = ""
 
 
-def baseline(case: Case, kind: Kind, solver: str) -> Baseline:
+def run_baseline(case: Case, kind: Kind, solver: str) -> Baseline:
     """Run the unchanged case; the result has its errors with their signs."""
     mobility(case)
-    curves = run_here(case, kind, solver)
+    curves = solve_here(case, kind, solver)
     if curves.stopped:
         raise InputError(case.file, "drive", f"the {solver} {kind} ends early: {curves.stopped}")
     comparisons = compare(case, kind, solver, curves)
@@ -128,35 +135,35 @@ def baseline(case: Case, kind: Kind, solver: str) -> Baseline:
     return Baseline(kind, solver, errors, allowed, shares, comparisons)
 
 
-def numbers(case: Case) -> list[Number]:
+def numbers_of_case(case: Case) -> list[Number]:
     """The numbers of a case's model."""
-    model = compiled(case)
+    model = compiled_model(case)
     length, all_mass = size(model, case.start) or 1.0, mass(model) or 1.0
-    times = [time_of(case, kind, prescribed(case, kind), length) for kind in case.run]
+    times = [time_scale(case, kind, prescribed_motion(case, kind), length) for kind in case.run]
     sizes = Sizes(length, all_mass, next(filter(None, times), 1.0))
     loads = [load.actuator for load in case.load]
-    return numbers_of(source(case), sizes, [d.joint for d in case.drive], loads)
+    return numbers_of(model_source(case), sizes, [d.joint for d in case.drive], loads)
 
 
-def prescribed(case: Case, kind: Kind) -> Curves:
+def prescribed_motion(case: Case, kind: Kind) -> Curves:
     """The motion that a run prescribes, as curves without channels."""
     run = prescribed_run(case, kind)
     moved = case.drive and kind != "equilibrium"
     return Curves(run.x, {}, drive=run.motion(run.x) if moved else None)
 
 
-sources = lru_cache(8)(source_of)
+cached_source = lru_cache(8)(compile_source)
 
 
-def source(case: Case) -> Source:
+def model_source(case: Case) -> Source:
     """The compiled model of a case, with the MJCF file that it comes from."""
     try:
-        return sources(case.model_path, case.start, case.rods)
+        return cached_source(case.model_path, case.start, case.rods)
     except BadModel as error:
         raise InputError(case.model_path, "", str(error)) from None
 
 
-def stride_of(case: Case, kind: Kind) -> int:
+def sample_stride(case: Case, kind: Kind) -> int:
     """The stride of samples of a sweep that suffices for a rate; 1 for another kind of run.
 
     It divides the number of intervals, so that both ends remain samples.
@@ -164,10 +171,12 @@ def stride_of(case: Case, kind: Kind) -> int:
     n = case.run[kind].n
     if kind != "sweep" or n is None:
         return 1
-    return max(k for k in range(1, n) if (n - 1) % k == 0 and ((n - 1) // k >= ENOUGH or k == 1))
+    return max(
+        k for k in range(1, n) if (n - 1) % k == 0 and ((n - 1) // k >= MIN_INTERVALS or k == 1)
+    )
 
 
-def thinned(case: Case, kind: Kind, stride: int) -> Case:
+def with_fewer_samples(case: Case, kind: Kind, stride: int) -> Case:
     """The case with every stride-th sample of a run."""
     run = case.run[kind]
     if stride == 1 or run.n is None:
@@ -176,10 +185,10 @@ def thinned(case: Case, kind: Kind, stride: int) -> Case:
     return case.model_copy(update={"run": {**case.run, kind: fewer}})
 
 
-def mutant(case: Case, changes: Changes, folder: Path) -> Case:
+def with_changed_model(case: Case, changes: Changes, folder: Path) -> Case:
     """The case with a changed model, which is written to a folder; its samples stay the same."""
     file = folder / case.model_path.name
-    file.write_text(written(source(case), changes), encoding="utf-8")
+    file.write_text(write_changes(model_source(case), changes), encoding="utf-8")
     if case.recorded:
         (folder / case.reference).write_bytes((case.file.parent / case.reference).read_bytes())
     rods = {
@@ -187,20 +196,20 @@ def mutant(case: Case, changes: Changes, folder: Path) -> Case:
         for name, table in case.rod.items()
     }
     runs = {
-        kind: run.model_copy(update={"until": float(grid(case, kind)[-1])})
+        kind: run.model_copy(update={"until": float(run_samples(case, kind)[-1])})
         if kind == "equilibrium"
         else run
         for kind, run in case.run.items()
     }
     changed = {"file": folder / case.file.name, "model": file.name, "rod": rods, "run": runs}
     moves = {
-        "drive": tuple(whole_path(case, drive) for drive in case.drive),
-        "load": tuple(whole_path(case, load) for load in case.load),
+        "drive": tuple(with_absolute_path(case, drive) for drive in case.drive),
+        "load": tuple(with_absolute_path(case, load) for load in case.load),
     }
     return case.model_copy(update={**changed, **moves})
 
 
-def whole_path(case: Case, table: MovedTable) -> MovedTable:
+def with_absolute_path(case: Case, table: MovedTable) -> MovedTable:
     """A drive or a load with the absolute path of the file of its motion profile."""
     if not isinstance(table.profile, ProfileTable) or table.profile.file is None:
         return table
@@ -208,7 +217,7 @@ def whole_path(case: Case, table: MovedTable) -> MovedTable:
     return table.model_copy(update={"profile": table.profile.model_copy(update={"file": file})})
 
 
-def with_changes(
+def run_with_changes(
     case: Case,
     kind: Kind,
     solver: str,
@@ -230,53 +239,61 @@ def with_changes(
     stride : int
         Every stride-th sample is run.
     """
-    own = next(one for one in before if one.solver == solver)
+    baseline_run = next(one for one in before if one.solver == solver)
     with tempfile.TemporaryDirectory() as folder:
         try:
-            few = thinned(case, kind, stride)
-            errors = errors_of(few, mutant(few, changes, Path(folder)), kind, solver, own)
+            thinned_case = with_fewer_samples(case, kind, stride)
+            errors = signed_errors(
+                thinned_case,
+                with_changed_model(thinned_case, changes, Path(folder)),
+                kind,
+                solver,
+                baseline_run,
+            )
         except InputError as error:
             return Trial(math.inf, failed=error.wrong)
         except MemoryError:
             raise
         except BadModel as error:
             return Trial(math.inf, failed=str(error))
-        except tuple(FAILURES) as error:
+        except tuple(OUTCOME_OF_EXCEPTION) as error:
             return Trial(math.inf, failed=str(error))
         except Exception as error:
             return Trial(math.inf, failed=f"{type(error).__name__}: {error}")
-    ratios = shares(errors, own.allowed)
+    ratios = shares_of_tolerance(errors, baseline_run.allowed)
     if not all(map(math.isfinite, ratios.values())):
         return Trial(math.inf, failed="not a number somewhere on a curve")
     channel = max(ratios, key=ratios.__getitem__)
-    rates = {name: error - own.errors[name][::stride] for name, error in errors.items()}
-    limits = {one.solver: limits_of(one, rates, stride) for one in before}
-    by = shares(rates, own.allowed)
-    moves = max(by, key=by.__getitem__)
-    return Trial(ratios[channel], channel, "", limits, by[moves], moves)
+    rates = {name: error - baseline_run.errors[name][::stride] for name, error in errors.items()}
+    limits = {one.solver: change_limits(one, rates, stride) for one in before}
+    moved_shares = shares_of_tolerance(rates, baseline_run.allowed)
+    moves = max(moved_shares, key=moved_shares.__getitem__)
+    return Trial(ratios[channel], channel, "", limits, moved_shares[moves], moves)
 
 
-def shares(some: ChannelErrors, allowed: dict[str, float]) -> dict[str, float]:
+def shares_of_tolerance(curves: ChannelErrors, allowed: dict[str, float]) -> dict[str, float]:
     """The largest absolute value of each channel, over the channel's allowed error."""
-    return {name: float(np.max(np.abs(values))) / allowed[name] for name, values in some.items()}
+    return {name: float(np.max(np.abs(values))) / allowed[name] for name, values in curves.items()}
 
 
-def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline) -> ChannelErrors:
+def signed_errors(
+    case: Case, changed: Case, kind: Kind, solver: str, own: Baseline
+) -> ChannelErrors:
     """Signed errors, with a changed model, of the channels that agreed without the change.
 
     A reference that reads the model reads the changed one; others do not depend on the model, and
     are evaluated once.
     """
     mobility(changed)
-    curves = run_here(changed, kind, solver)
+    curves = solve_here(changed, kind, solver)
     if curves.stopped:
         raise InputError(changed.file, "drive", f"the run ends early: {curves.stopped}")
     reference = (
         evaluate(changed, kind, curves.x, curves.drive)
-        if reads_model(case)
+        if reference_reads_model(case)
         else run_reference(case, kind, curves).as_driven(curves.drive)
     )
-    check_branch(case, kind, curves, reference)
+    check_assembly_mode(case, kind, curves, reference)
     missing = [name for name in own.errors if name not in curves.channels]
     if missing:
         why = curves.missing.get(missing[0], "it is not delivered")
@@ -284,12 +301,12 @@ def errors_of(case: Case, changed: Case, kind: Kind, solver: str, own: Baseline)
     return {name: curves.channels[name] - reference.channels[name] for name in own.errors}
 
 
-def limits_of(before: Baseline, rates: ChannelErrors, stride: int) -> tuple[Limit, Limit]:
+def change_limits(before: Baseline, rates: ChannelErrors, stride: int) -> tuple[Limit, Limit]:
     """The limits of a change and of its opposite in a run, from the rates of its errors."""
     return tuple(  # type: ignore[return-value]
         min(
             (
-                limit(before.errors[name][::stride], before.allowed[name], side * rate, name)
+                change_limit(before.errors[name][::stride], before.allowed[name], side * rate, name)
                 for name, rate in rates.items()
                 if name in before.errors
             ),
@@ -300,10 +317,10 @@ def limits_of(before: Baseline, rates: ChannelErrors, stride: int) -> tuple[Limi
     )
 
 
-def limit(error: Array, allowed: float, rate: Array, channel: str) -> Limit:
+def change_limit(error: Array, allowed: float, rate: Array, channel: str) -> Limit:
     """The factor on the rate of an error with which the error reaches its allowed size.
 
-    >>> limit(np.array([0.5, -0.5]), 1.0, np.array([0.1, 0.1]), "y").factor
+    >>> change_limit(np.array([0.5, -0.5]), 1.0, np.array([0.1, 0.1]), "y").factor
     5.0
     """
     with np.errstate(divide="ignore"):

@@ -8,12 +8,12 @@ from proofmass.analytic.chart import Chart
 from proofmass.case import Case, ChartTable
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
-from proofmass.reference import module_of
+from proofmass.reference import load_reference
 
-NAMED = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+KEYWORD_KINDS = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
 
-def chart_of(case: Case, table: ChartTable) -> Chart:
+def compute_chart(case: Case, table: ChartTable) -> Chart:
     """Compute a chart with the reference's function; may take seconds.
 
     Parameters
@@ -28,22 +28,22 @@ def chart_of(case: Case, table: ChartTable) -> Chart:
     Raises
     ------
     InputError
-        As for `bound`; parameters that the function refuses.
+        As for `bind_chart`; parameters that the function refuses.
     """
-    function = bound(case, table)
+    function = bind_chart(case, table)
     try:
         return function()
     except (TypeError, ValueError) as error:
-        raise InputError(case.file, place(case, table, "parameters"), str(error)) from None
+        raise InputError(case.file, key_path(case, table, "parameters"), str(error)) from None
 
 
 def check_charts(case: Case) -> None:
     """Raise InputError if a chart names a function or a parameter that does not exist."""
     for table in case.chart:
-        bound(case, table)
+        bind_chart(case, table)
 
 
-def bound(case: Case, table: ChartTable) -> Callable[[], Chart]:
+def bind_chart(case: Case, table: ChartTable) -> Callable[[], Chart]:
     """Return the function that a chart names, bound to its parameters; nothing is computed.
 
     The function gets those of the case's parameters that it takes by name; the chart's own
@@ -54,21 +54,21 @@ def bound(case: Case, table: ChartTable) -> Callable[[], Chart]:
     InputError
         The reference has no such chart, the function has no such parameter, or one is missing.
     """
-    there = drawers(case)
+    there = chart_functions(case)
     if table.draw not in there:
         raise InputError(
             case.file,
-            place(case, table, "draw"),
+            key_path(case, table, "draw"),
             f"{case.reference} has no chart "
             f"{table.draw!r}; there are: {', '.join(there) or 'none'}",
         )
     signature = inspect.signature(there[table.draw])
-    takes = {name: p for name, p in signature.parameters.items() if p.kind in NAMED}
+    takes = {name: p for name, p in signature.parameters.items() if p.kind in KEYWORD_KINDS}
     for name in table.parameters:
         if name not in takes:
             raise InputError(
                 case.file,
-                place(case, table, f"parameters.{name}"),
+                key_path(case, table, f"parameters.{name}"),
                 f"{table.draw}() has no such parameter; known: {', '.join(takes)}",
             )
     given = {n: v for n, v in {**case.parameters, **table.parameters}.items() if n in takes}
@@ -76,15 +76,15 @@ def bound(case: Case, table: ChartTable) -> Callable[[], Chart]:
     if lacking:
         raise InputError(
             case.file,
-            place(case, table, "parameters"),
+            key_path(case, table, "parameters"),
             f"{table.draw}() also needs {', '.join(lacking)}",
         )
     return partial(there[table.draw], **given)
 
 
-def drawers(case: Case) -> dict[str, Callable[..., Chart]]:
+def chart_functions(case: Case) -> dict[str, Callable[..., Chart]]:
     """Return the functions of the reference's module that return a chart, by name."""
-    reference = module_of(case)
+    reference = load_reference(case)
     if isinstance(reference, Recorded):
         return {}
     own = getattr(reference, "__all__", dir(reference))
@@ -95,6 +95,6 @@ def drawers(case: Case) -> dict[str, Callable[..., Chart]]:
     }
 
 
-def place(case: Case, table: ChartTable, key: str) -> str:
+def key_path(case: Case, table: ChartTable, key: str) -> str:
     """Return the path of a chart's key in the sidecar, for messages."""
     return f"chart.{case.chart.index(table)}.{key}"

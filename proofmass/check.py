@@ -9,31 +9,37 @@ from pathlib import Path
 from typing import cast
 
 from proofmass.case import Case
-from proofmass.compare import Comparison, compare, with_reference
+from proofmass.compare import Comparison, attach_reference, compare
 from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
 from proofmass.engines import engine_of
-from proofmass.errors import InputError, in_model
+from proofmass.errors import InputError, model_error
 from proofmass.mobility import mobility
-from proofmass.outcome import FAILED, FAILURES, GOOD, OPEN, Outcome
-from proofmass.reference import grid
-from proofmass.refinement import Finer, Ran, RefinedRow, errors, refinements
-from proofmass.self_consistency import PROCESSOR, Rung, why_failed
+from proofmass.outcome import (
+    FAILED_OUTCOMES,
+    GOOD_OUTCOMES,
+    OUTCOME_OF_EXCEPTION,
+    UNCHECKED_OUTCOMES,
+    Outcome,
+)
+from proofmass.reference import run_samples
+from proofmass.refinement import FinerRun, RefinedRow, RunResult, refined_errors, refinement_runs
+from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sidecar import load_case
-from proofmass.sim.mjcf import NATIVE
+from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Unsupported
-from proofmass.solve import run_here
+from proofmass.solve import solve_here
 from proofmass.strict import Kind
-from proofmass.validate import validate
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated, stopping
+from proofmass.validate import validate_case
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated, interrupt_workers
 
-CheckTask = tuple[Case, Kind, str] | Finer | Path
-LOADING = 60.0  # [s], the time limit of reading a sidecar
-OWN_TIMEOUT = 240.0
+CheckTask = tuple[Case, Kind, str] | FinerRun | Path
+LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
+OWN_MODEL_TIMEOUT = 240.0
 """Time limit of a model without a sidecar [s]: other processes may use the processor."""
-FOLLOWED, SAMPLES = 1.0, 101
+OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES = 1.0, 101
 """Length of the motion of a model without a sidecar [s], and the number of times at which two ways
 of solving it are compared."""
-CAUSES = 60.0  # [s], the time limit of the search for the causes of one run's differences
+CAUSES_SECONDS = 60.0  # [s], the time limit of the search for the causes of one run's differences
 
 
 @dataclass(frozen=True)
@@ -65,18 +71,18 @@ class Result:
         """0: all agree; 1: something differs, diverged or crashed, or a case is unchecked; 2: bad
         input.
         """
-        wrong = any(c.outcome not in GOOD for c in self.comparisons)
+        wrong = any(c.outcome not in GOOD_OUTCOMES for c in self.comparisons)
         return 2 if self.errors else int(wrong or bool(self.unchecked))
 
     @property
     def unchecked(self) -> list[Case]:
         """Cases that ran without any check, although the sidecar does not say ``unchecked``."""
         ran = {c.case for c in self.comparisons}
-        checked = {c.case for c in self.comparisons if c.outcome not in OPEN}
+        checked = {c.case for c in self.comparisons if c.outcome not in UNCHECKED_OUTCOMES}
         return [case for case in self.cases if case.name in ran - checked and not case.unchecked]
 
 
-def find(paths: Iterable[Path]) -> Iterator[Path]:
+def find_inputs(paths: Iterable[Path]) -> Iterator[Path]:
     """Find sidecars, and models without a sidecar, in given files and below given folders.
 
     They are found folder by folder.  Hidden folders and links to folders are not searched.
@@ -91,7 +97,7 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
         if not path.exists():
             raise InputError(path, "", "no such file or folder")
         if path.is_dir():
-            yield from search_folder(path)
+            yield from find_in_folder(path)
         elif path.suffix == ".xml" and path.with_suffix(".toml").exists():
             yield path.with_suffix(".toml")
         elif path.suffix in (".toml", ".xml"):
@@ -100,8 +106,8 @@ def find(paths: Iterable[Path]) -> Iterator[Path]:
             raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
 
 
-def search_folder(folder: Path) -> Iterator[Path]:
-    """Find what `find` yields of one folder."""
+def find_in_folder(folder: Path) -> Iterator[Path]:
+    """Find what `find_inputs` yields of one folder."""
     unreadable: list[OSError] = []
     nothing = True
     for place, folders, files in os.walk(folder, onerror=unreadable.append):
@@ -145,24 +151,24 @@ def family_of(file: Path, paths: Iterable[Path]) -> str:
     )
 
 
-def tell_apart(files: Iterable[Path]) -> dict[Path, str]:
+def unique_names(files: Iterable[Path]) -> dict[Path, str]:
     """Choose a name for each sidecar, and each model without one: the name of its file.
 
     If several files have the same name, as many folders are put before it as make it unique.  A
     sidecar keeps its plain name if only models share it.
 
-    >>> tell_apart([Path("/a/arm.toml"), Path("/b/arm.toml"), Path("/b/leg.toml")]).values()
+    >>> unique_names([Path("/a/arm.toml"), Path("/b/arm.toml"), Path("/b/leg.toml")]).values()
     dict_values(['a/arm', 'b/arm', 'leg'])
     """
     places = {file: Path(os.path.abspath(file)).with_suffix("").parts for file in files}
-    alike: dict[str, list[Path]] = {}
+    same_stem: dict[str, list[Path]] = {}
     for file in places:
-        alike.setdefault(file.stem, []).append(file)
+        same_stem.setdefault(file.stem, []).append(file)
     found = {}
     for file, own in places.items():
         others = [
             places[other]
-            for other in alike[file.stem]
+            for other in same_stem[file.stem]
             if places[other] != own and (file.suffix == ".xml" or other.suffix == ".toml")
         ]
         length = 1
@@ -172,12 +178,12 @@ def tell_apart(files: Iterable[Path]) -> dict[Path, str]:
     return found
 
 
-def called(case: Case, name: str) -> Case:
+def rename_case(case: Case, name: str) -> Case:
     """The case under a name, which may differ from that of its file."""
     return case if case.name == name else case.model_copy(update={"called": name})
 
 
-def read(path: Path) -> Case:
+def read_isolated(path: Path) -> Case:
     """Read a sidecar in another process; its model and reference too if it leaves channels out.
 
     Raises
@@ -186,7 +192,7 @@ def read(path: Path) -> Case:
         Also if reading fails in another way, or takes too long.
     """
     try:
-        return isolated(load_case, path, timeout=LOADING)
+        return call_isolated(load_case, path, timeout=LOADING_SECONDS)
     except InputError:
         raise
     except Exception as error:
@@ -194,8 +200,8 @@ def read(path: Path) -> Case:
         raise InputError(path, "", f"cannot be read: {words}") from None
 
 
-def load(path: Path, strict: bool = False) -> Case:
-    """Read a sidecar and `validate` the case.
+def load_validated(path: Path, strict: bool = False) -> Case:
+    """Read a sidecar and `validate_case` the case.
 
     A validation that takes more time or memory than any of the runs may is no error, since the runs
     will report it; with `strict` it is an error.
@@ -205,10 +211,10 @@ def load(path: Path, strict: bool = False) -> Case:
     InputError
         The sidecar, its model or its reference is at fault.
     """
-    case = read(path)
+    case = read_isolated(path)
     try:
-        isolated(
-            validate,
+        call_isolated(
+            validate_case,
             case,
             timeout=max(run.timeout for run in case.run.values()),
             memory=max(run.memory for run in case.run.values()),
@@ -221,8 +227,8 @@ def load(path: Path, strict: bool = False) -> Case:
     return case
 
 
-def run_one(
-    case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]] = compare
+def run_solver(
+    case: Case, kind: Kind, solver: str, compare_curves: Callable[..., list[Comparison]] = compare
 ) -> tuple[list[Comparison], Curves | None]:
     """Run and compare one solver; a failed run gives failed comparisons, and its curves if any.
 
@@ -231,8 +237,14 @@ def run_one(
     """
     limits = case.run[kind]
     try:
-        return isolated(
-            measured, case, kind, solver, hold, timeout=limits.timeout, memory=limits.memory
+        return call_isolated(
+            run_and_compare,
+            case,
+            kind,
+            solver,
+            compare_curves,
+            timeout=limits.timeout,
+            memory=limits.memory,
         )
     except Unsupported as error:
         raise InputError(
@@ -240,8 +252,8 @@ def run_one(
             f"run.{kind}.solvers",
             f"{solver} cannot run {case.model}: {error}; leave it out",
         ) from None
-    except tuple(FAILURES) as error:
-        outcome, message = FAILURES[type(error)], str(error)
+    except tuple(OUTCOME_OF_EXCEPTION) as error:
+        outcome, message = OUTCOME_OF_EXCEPTION[type(error)], str(error)
         if isinstance(error, (TimedOut, OutOfMemory)):
             key = "timeout" if isinstance(error, TimedOut) else "memory"
             message += f"; {key} in [run.{kind}] allows more"
@@ -252,23 +264,25 @@ def run_one(
     ], curves
 
 
-def measured(
-    case: Case, kind: Kind, solver: str, hold: Callable[..., list[Comparison]]
+def run_and_compare(
+    case: Case, kind: Kind, solver: str, compare_curves: Callable[..., list[Comparison]]
 ) -> tuple[list[Comparison], Curves]:
-    """Do what `run_one` does, in this process; an unexpected exception becomes a crash."""
+    """Do what `run_solver` does, in this process; an unexpected exception becomes a crash."""
     try:
         mobility(case)
-        curves = run_here(case, kind, solver)
-        return hold(case, kind, solver, curves), with_reference(case, kind, curves)
+        curves = solve_here(case, kind, solver)
+        return compare_curves(case, kind, solver, curves), attach_reference(case, kind, curves)
     except (InputError, MemoryError):
         raise
-    except tuple(FAILURES):
+    except tuple(OUTCOME_OF_EXCEPTION):
         raise
     except Exception as error:
         raise Crashed(f"{type(error).__name__}: {error}") from error
 
 
-def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> InputError | None:
+def early_end_error(
+    case: Case, kind: Kind, solver: str, curves: Curves | None
+) -> InputError | None:
     """The error of a sweep that ended early, such as at a limit position; its curves are kept."""
     if curves is None or not curves.stopped:
         return None
@@ -276,32 +290,36 @@ def stopped(case: Case, kind: Kind, solver: str, curves: Curves | None) -> Input
         case.file,
         "drive",
         f"the {solver} {kind} ends at sample {curves.x.size} of "
-        f"{grid(case, kind).size}, which are kept: {curves.stopped}",
+        f"{run_samples(case, kind).size}, which are kept: {curves.stopped}",
     )
 
 
-def check_model(model: Path) -> list[Comparison]:
+def check_bare_model(model: Path) -> list[Comparison]:
     """Check a model without a sidecar by itself, see `proofmass.self_consistency`."""
     try:
-        return [isolated(rung_of, model, timeout=OWN_TIMEOUT)]
+        return [call_isolated(check_model_here, model, timeout=OWN_MODEL_TIMEOUT)]
     except BadModel as error:
-        raise in_model(model, error) from None
-    except tuple(FAILURES) as error:
-        outcome, message = FAILURES[type(error)], str(error)
-    return [Comparison(model.stem, NATIVE, "dynamics", "", "", outcome=outcome, message=message)]
+        raise model_error(model, error) from None
+    except tuple(OUTCOME_OF_EXCEPTION) as error:
+        outcome, message = OUTCOME_OF_EXCEPTION[type(error)], str(error)
+    return [
+        Comparison(model.stem, NATIVE_ENGINE, "dynamics", "", "", outcome=outcome, message=message)
+    ]
 
 
-def rung_of(model: Path) -> Comparison:
-    """Do what `check_model` does, in this process.
+def check_model_here(model: Path) -> Comparison:
+    """Do what `check_bare_model` does, in this process.
 
     The comparison has the error of the model's own run; `at` is the time until which the motion is
     known.
     """
-    motion = engine_of(NATIVE).own_motion(model, FOLLOWED, SAMPLES, PROCESSOR)
+    motion = engine_of(NATIVE_ENGINE).own_motion(
+        model, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
+    )
     own = motion.runs[0]
     found = Comparison(
         model.stem,
-        NATIVE,
+        NATIVE_ENGINE,
         "dynamics",
         "",
         "m",
@@ -354,67 +372,67 @@ def check(
     given = tuple(map(Path, paths))
     result = Result(paths=given)
     jobs = jobs or os.cpu_count() or 1
-    with stopping(), ThreadPoolExecutor(jobs) as pool:
+    with interrupt_workers(), ThreadPoolExecutor(jobs) as pool:
         try:
-            tasks = planned(collect(given, result.errors), result, pool)
-            outcomes = done(tasks, result, pool, jobs, progress, detectable)
-            judge(tasks, outcomes, result)
+            tasks = plan_tasks(collect_inputs(given, result.errors), result, pool)
+            outcomes = run_tasks(tasks, result, pool, jobs, progress, detectable)
+            collect_outcomes(tasks, outcomes, result)
             if causes:
-                diagnose(result, pool, progress)
+                diagnose_runs(result, pool, progress)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return result
 
 
-def planned(paths: list[Path], result: Result, pool: Executor) -> list[CheckTask]:
+def plan_tasks(paths: list[Path], result: Result, pool: Executor) -> list[CheckTask]:
     """Read the sidecars and list the tasks; cases and errors are added to the result."""
     tasks: list[CheckTask] = []
-    names = tell_apart(paths)
-    read = {path: pool.submit(load, path) for path in paths if path.suffix != ".xml"}
+    names = unique_names(paths)
+    read = {path: pool.submit(load_validated, path) for path in paths if path.suffix != ".xml"}
     for path in paths:
         try:
             if path not in read:
                 tasks.append(path)
                 continue
-            case = called(read[path].result(), names[path])
+            case = rename_case(read[path].result(), names[path])
             tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
-            tasks += refinements(case)
+            tasks += refinement_runs(case)
             result.cases.append(case)
         except InputError as error:
             result.errors.append(error)
     return tasks
 
 
-def done(
+def run_tasks(
     tasks: list[CheckTask],
     result: Result,
     pool: Executor,
     jobs: int,
     progress: Callable[[str, int, int], None],
     detectable: bool,
-) -> dict[int, Ran]:
+) -> dict[int, RunResult]:
     """Run the tasks, and give their results by number; tasks with bad input add errors instead.
 
     A free worker continues with a task of its last case, since it has the compiled model of that
     case in memory, and its reference at changed parameters.
     """
-    outcomes = dict[int, Ran]()
+    outcomes = dict[int, RunResult]()
     waiting: dict[Path, list[int]] = {}
     for k, task in enumerate(tasks):
-        waiting.setdefault(file_of(task), []).append(k)
-    running, last = dict[Future[Ran], int](), list[Path]()
+        waiting.setdefault(task_file(task), []).append(k)
+    running, last = dict[Future[RunResult], int](), list[Path]()
     while waiting or running:
         while waiting and len(running) < jobs:
             k = take_task(
                 waiting,
                 last.pop() if last else None,
-                {file_of(tasks[other]) for other in running.values()},
+                {task_file(tasks[other]) for other in running.values()},
             )
-            running[pool.submit(one_task, tasks[k], detectable)] = k
+            running[pool.submit(run_task, tasks[k], detectable)] = k
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             k = running.pop(future)
-            last.append(file_of(tasks[k]))
+            last.append(task_file(tasks[k]))
             try:
                 outcomes[k] = future.result()
             except InputError as error:
@@ -423,18 +441,19 @@ def done(
             except Exception as error:  # so that the other tasks keep their results
                 result.errors.append(
                     InputError(
-                        file_of(tasks[k]),
+                        task_file(tasks[k]),
                         "",
-                        f"{label(tasks[k])} failed: {type(error).__name__}: {error}",
+                        f"{task_label(tasks[k])} failed: {type(error).__name__}: {error}",
                     )
                 )
             count = len(tasks) - len(running) - sum(map(len, waiting.values()))
-            progress(label(tasks[k]), count, len(tasks))
+            progress(task_label(tasks[k]), count, len(tasks))
     return outcomes
 
 
-def take_task(waiting: dict[Path, list[int]], last: Path | None, busy: set[Path]) -> int:
-    """Take a task of the file `last`, or of a file that no worker is busy with, or of any file.
+def take_task(waiting: dict[Path, list[int]], preferred: Path | None, busy: set[Path]) -> int:
+    """Take a task of the file `preferred`, or of a file that no worker is busy with, or of any
+    file.
 
     >>> waiting = {Path("a"): [0, 1], Path("b"): [2]}
     >>> take_task(waiting, None, set()), take_task(waiting, None, {Path("a")})
@@ -443,40 +462,42 @@ def take_task(waiting: dict[Path, list[int]], last: Path | None, busy: set[Path]
     (1, {})
     """
     free = [file for file in waiting if file not in busy]
-    file = last if last in waiting else (free or list(waiting))[0]
+    file = preferred if preferred in waiting else (free or list(waiting))[0]
     k = waiting[file].pop(0)
     if not waiting[file]:
         del waiting[file]
     return k
 
 
-def judge(tasks: list[CheckTask], outcomes: dict[int, Ran], result: Result) -> None:
+def collect_outcomes(
+    tasks: list[CheckTask], outcomes: dict[int, RunResult], result: Result
+) -> None:
     """Add the outcomes of the tasks to the result, in the order of the tasks."""
     models = [task for task in tasks if isinstance(task, Path)]
-    names = tell_apart([*models, *(case.file for case in result.cases)])
+    names = unique_names([*models, *(case.file for case in result.cases)])
     for k in sorted(outcomes):
         task, (comparisons, curves) = tasks[k], outcomes[k]
         if isinstance(task, Path):
             comparisons = [replace(c, case=names[task]) for c in comparisons]
-        if isinstance(task, Finer):
+        if isinstance(task, FinerRun):
             try:
                 rows, comparisons = task.study.add(task.segments, outcomes[k])
             except InputError as error:
                 result.errors.append(error)
                 continue
-            except tuple(FAILURES) as error:
+            except tuple(OUTCOME_OF_EXCEPTION) as error:
                 result.errors.append(InputError(task.case.file, "refine", str(error)))
                 continue
             result.refined.extend(rows)
         elif curves is not None and not isinstance(task, Path):
-            kept = result.failed if comparisons[0].outcome in FAILED else result.curves
+            kept = result.failed if comparisons[0].outcome in FAILED_OUTCOMES else result.curves
             kept[task[0].name, task[1], task[2]] = curves
         result.comparisons.extend(comparisons)
-        if not isinstance(task, Path) and (early := stopped(*task[:3], curves)):
+        if not isinstance(task, Path) and (early := early_end_error(*task[:3], curves)):
             result.errors.append(early)
 
 
-def diagnose(
+def diagnose_runs(
     result: Result, pool: Executor, progress: Callable[[str, int, int], None] = lambda *_: None
 ) -> None:
     """Search for the causes of all runs that differ or failed, and add them to the result.
@@ -491,7 +512,7 @@ def diagnose(
     first = {name: (name, run, solver) for name, run, solver in reversed(runs)}
     futures = [
         pool.submit(
-            one_diagnosis,
+            diagnose_run,
             cases[name],
             cast(Kind, run),
             solver,
@@ -506,7 +527,7 @@ def diagnose(
         progress(f"{' '.join(key)}: causes", k + 1, len(runs))
 
 
-def one_diagnosis(
+def diagnose_run(
     case: Case,
     run: Kind,
     solver: str,
@@ -516,24 +537,24 @@ def one_diagnosis(
 ) -> Diagnosis:
     """Search for the causes of one run in a worker; a search that fails gives its own error."""
     search = describe_failure if failed else partial(find_causes, thorough=thorough)
-    limits = {"timeout": CAUSES, "memory": case.run[run].memory}
+    limits = {"timeout": CAUSES_SECONDS, "memory": case.run[run].memory}
     try:
-        return cast(Diagnosis, isolated(search, case, run, solver, curves, **limits))
+        return cast(Diagnosis, call_isolated(search, case, run, solver, curves, **limits))
     except Exception as error:  # so that the comparisons are reported in any case
         return Diagnosis(
             case.name, run, solver, fault=str(error) or type(error).__name__, failed=failed
         )
 
 
-def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:
-    """Apply `find` to one path at a time, so that one wrong path does not hide the others.
+def collect_inputs(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:
+    """Apply `find_inputs` to one path at a time, so that one wrong path does not hide the others.
 
     A file that is found by two paths is listed once.
     """
     found: dict[str, Path] = {}
     for path in paths:
         try:
-            for file in find([Path(path)]):
+            for file in find_inputs([Path(path)]):
                 found.setdefault(os.path.abspath(file), file)
         except InputError as error:
             errors.append(error)
@@ -542,22 +563,24 @@ def collect(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]
     return list(found.values())
 
 
-def one_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:
+def run_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:
     """Run one task: a run of a case, or the check of a model without a sidecar."""
     if isinstance(task, Path):
-        return check_model(task), None
-    hold = partial(compare, detectable=detectable)
-    return run_one(*task[:3], hold=errors if isinstance(task, Finer) else hold)
+        return check_bare_model(task), None
+    compare_curves = partial(compare, detectable=detectable)
+    return run_solver(
+        *task[:3], compare_curves=refined_errors if isinstance(task, FinerRun) else compare_curves
+    )
 
 
-def file_of(task: CheckTask) -> Path:
+def task_file(task: CheckTask) -> Path:
     """The file that asked for a task."""
     return task if isinstance(task, Path) else task[0].file
 
 
-def label(task: CheckTask) -> str:
+def task_label(task: CheckTask) -> str:
     """The name of a task in a progress line."""
     if isinstance(task, Path):
         return task.name
-    finer = f", {task.segments} segments" if isinstance(task, Finer) else ""
+    finer = f", {task.segments} segments" if isinstance(task, FinerRun) else ""
     return f"{task[0].name} {task[1]} {task[2]}{finer}"

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 from rich.text import Text
 
-from proofmass.command import Dask, Jobs, answering, counting, errors, one_case
-from proofmass.errors import InputError, suggest
-from proofmass.studies import BUDGET, LONGEST
+from proofmass.command import Dask, Jobs, error_console, exit_on_error, find_sidecar, progress_bar
+from proofmass.errors import InputError, suggest_names
+from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 
 if TYPE_CHECKING:
     from proofmass.case import Case
@@ -40,7 +40,7 @@ app.add_typer(design, name="design")
 Paths = Annotated[
     list[Path] | None, typer.Argument(help="Sidecars, models or folders.", show_default="models/")
 ]
-Longest = Annotated[
+RunTimeout = Annotated[
     float, typer.Option(help="Wall time after which a run is given up.", metavar="SECONDS")
 ]
 Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
@@ -60,33 +60,35 @@ def parse_error_kind(word: str) -> Errors:
         return Errors(word)
     except ValueError:
         raise typer.BadParameter(
-            suggest(word, [one.value for one in Errors], renamed=FORMER_ERRORS)
+            suggest_names(word, [one.value for one in Errors], renamed=FORMER_ERRORS)
         ) from None
 
 
-ERROR_KINDS = f"<{'|'.join(Errors)}>"
+ERROR_METAVAR = f"<{'|'.join(Errors)}>"
 
 
-def examine(paths: list[Path] | None, jobs: int | None, detectable: bool = True) -> "Result":
+def check_with_progress(
+    paths: list[Path] | None, jobs: int | None, detectable: bool = True
+) -> "Result":
     """Check cases with a progress bar, and print errors of the input; both on standard error.
 
     `detectable` is true where detectable changes are needed; printed tables do not show them.
     """
     from proofmass.check import check
 
-    with counting() as advance:
+    with progress_bar() as advance:
         result = check(paths or [Path("models")], jobs, advance, detectable=detectable)
-    complain(result.errors)
+    print_errors(result.errors)
     return result
 
 
-def complain(found: list[InputError]) -> None:
+def print_errors(found: list[InputError]) -> None:
     """Print each error of the input as a line on standard error."""
     for error in found:
-        errors.print(Text.assemble(("error: ", "bold red"), str(error)))
+        error_console.print(Text.assemble(("error: ", "bold red"), str(error)))
 
 
-def show(
+def print_result(
     result: "Result",
     every_channel: bool = False,
     link: "Callable[[Comparison], str] | None" = None,
@@ -95,30 +97,30 @@ def show(
 
     `link` gives the address of a comparison in a report, which is printed with a failure.
     """
-    from proofmass.terminal import console, failures, summary
+    from proofmass.terminal import failure_lines, make_console, summary_tables
 
-    out = console()
-    for table in summary(result, every_channel, out.width):
+    out = make_console()
+    for table in summary_tables(result, every_channel, out.width):
         out.print(table)
-    for line in failures(result, link):
+    for line in failure_lines(result, link):
         out.print(line, soft_wrap=not out.is_terminal)  # on a screen rich wraps lines at words
 
 
-def export(file: Path, form: str, result: "Result") -> None:
+def export_result(file: Path, form: str, result: "Result") -> None:
     """Write a result to a file in a format that other tools read: ``junit`` or ``sarif``."""
-    from proofmass.files import write_whole
+    from proofmass.files import write_atomically
     from proofmass.junit import as_junit
     from proofmass.sarif import as_sarif
 
-    with answering(f"{file} is not written"):
-        write_whole(file, as_junit(result) if form == "junit" else as_sarif(result))
+    with exit_on_error(f"{file} is not written"):
+        write_atomically(file, as_junit(result) if form == "junit" else as_sarif(result))
 
 
 @app.command("check")
 def check_command(
     paths: Paths = None,
     json: Annotated[
-        bool, typer.Option("--json", help="Print JSON: comparisons, errors and exit code.")
+        bool, typer.Option("--json", help="Print JSON: comparisons, error_console and exit code.")
     ] = False,
     jobs: Jobs = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show every channel.")] = False,
@@ -138,14 +140,14 @@ def check_command(
     """
     from proofmass.terminal import as_json
 
-    result = examine(paths, jobs, detectable=json)
+    result = check_with_progress(paths, jobs, detectable=json)
     if json:
         print(as_json(result))
     else:
-        show(result, verbose)
+        print_result(result, verbose)
     for file, form in ((junit, "junit"), (sarif, "sarif")):
         if file is not None:  # after the verdicts, which are printed even if the disk is full
-            export(file, form, result)
+            export_result(file, form, result)
     raise typer.Exit(result.exit_code)
 
 
@@ -182,27 +184,27 @@ def report_command(
     Prints what changed since the last report.  Exit codes as for check.
     """
     from proofmass.report import write_report  # matplotlib is slow to load
-    from proofmass.report.changes import changes, since
+    from proofmass.report.changes import find_changes, format_changes
     from proofmass.report.overview import link
-    from proofmass.report.record import read_last, record_of, require_record, started
+    from proofmass.report.record import make_record, read_last, record_start, require_record
     from proofmass.studies.pages import write_study_pages
 
-    with answering(f"{output} is not complete"), errors.status("drawing studies"):
+    with exit_on_error(f"{output} is not complete"), error_console.status("drawing studies"):
         output.mkdir(parents=True, exist_ok=True)
         studies = write_study_pages(study or [], output)
         if baseline is not None:
             require_record(baseline)
     last = read_last(output if baseline is None else baseline)
-    made = started(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
-    result = examine(paths, jobs)
+    made = record_start(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
+    result = check_with_progress(paths, jobs)
     # printed before any file is written, so that a full disk does not lose the results
-    show(result, link=partial(link, output))
-    record = record_of(result, made)
+    print_result(result, link=partial(link, output))
+    record = make_record(result, made)
     if last.wrong:
-        errors.print(last.wrong)
+        error_console.print(last.wrong)
     if last.record is not None:
-        print(since(last.record, changes(last.record, record)))
-    with answering(f"{output} is not complete"), errors.status("drawing"):
+        print(format_changes(last.record, find_changes(last.record, record)))
+    with exit_on_error(f"{output} is not complete"), error_console.status("drawing"):
         index = write_report(
             result,
             output,
@@ -262,14 +264,14 @@ def animate_command(
     Exit code 0: written; 1: written, but a solver failed or the motion ends early; 2: bad input,
     or a file that cannot be written.
     """
-    from proofmass.check import load
+    from proofmass.check import load_validated
     from proofmass.report.animation import animate, require_writable
 
-    with answering("nothing is kept"):
-        case = load(one_case(path))
+    with exit_on_error("nothing is kept"):
+        case = load_validated(find_sidecar(path))
         file = output or Path(f"{case.name}.webp")
         require_writable(file)
-        with errors.status("running and drawing"):
+        with error_console.status("running and drawing"):
             found = animate(
                 case,
                 cast("Kind | None", run and run.value),
@@ -281,9 +283,9 @@ def animate_command(
             )
             found.save(file)
     for name, why in found.failed.items():
-        errors.print(f"{name} {why}", style="bold red")
+        error_console.print(f"{name} {why}", style="bold red")
     if found.stopped:
-        errors.print(f"the motion ends early: {found.stopped}")
+        error_console.print(f"the motion ends early: {found.stopped}")
     print(file)
     raise typer.Exit(1 if found.failed or found.stopped else 0)
 
@@ -302,7 +304,7 @@ def new_command(
 ) -> None:
     """Write a model with a sidecar, a case that agrees, or a sidecar for a given model."""
     messages: list[str] = []
-    with answering("nothing is written"):
+    with exit_on_error("nothing is written"):
         if model is None:
             from proofmass.new import write_new
 
@@ -318,8 +320,8 @@ def new_command(
     for file in files:
         print(file)
     for line in messages:
-        errors.print(line)
-    errors.print(f"next: proofmass check {next(f for f in files if f.suffix == '.toml')}")
+        error_console.print(line)
+    error_console.print(f"next: proofmass check {next(f for f in files if f.suffix == '.toml')}")
 
 
 @app.command("schema")
@@ -329,37 +331,37 @@ def schema_command(
     ] = None,
 ) -> None:
     """Print the JSON Schema of a sidecar, by which editors complete and check its keys."""
-    from proofmass.files import write_whole
+    from proofmass.files import write_atomically
     from proofmass.schema import as_json_text
 
     if output is None:
         print(as_json_text(), end="")
         return
-    with answering(f"{output} is not written"):
-        write_whole(output, as_json_text())
+    with exit_on_error(f"{output} is not written"):
+        write_atomically(output, as_json_text())
 
 
 @app.command("list")
 def list_command(paths: Paths = None) -> None:
     """List the cases and their runs, without running them."""
-    from proofmass.check import called, collect, read, tell_apart
-    from proofmass.terminal import case_table, console
+    from proofmass.check import collect_inputs, read_isolated, rename_case, unique_names
+    from proofmass.terminal import case_table, make_console
 
     found: list[InputError] = []
     cases: list[Case] = []
-    lone: list[Path] = []
+    bare_models: list[Path] = []
     paths = paths or [Path("models")]
-    for path, name in tell_apart(collect(paths, found)).items():
+    for path, name in unique_names(collect_inputs(paths, found)).items():
         try:
             if path.suffix == ".xml":
-                lone.append(path)
+                bare_models.append(path)
             else:
-                cases.append(called(read(path), name))
+                cases.append(rename_case(read_isolated(path), name))
         except InputError as error:
             found.append(error)
-    out = console()
-    out.print(case_table(cases, lone, paths, out.width))
-    complain(found)
+    out = make_console()
+    out.print(case_table(cases, bare_models, paths, out.width))
+    print_errors(found)
     raise typer.Exit(2 if found else 0)
 
 
@@ -513,7 +515,7 @@ def trade_command(
     ] = Path("trade"),
     jobs: Jobs = None,
     dask: Dask = None,
-    longest: Longest = LONGEST,
+    longest: RunTimeout = DEFAULT_LONGEST_RUN,
     run: Annotated[
         Runs | None,
         typer.Option(
@@ -523,9 +525,9 @@ def trade_command(
     error: Annotated[
         Errors,
         typer.Option(
-            help="Which errors the table shows; the files have all.",
+            help="Which error_console the table shows; the files have all.",
             parser=parse_error_kind,
-            metavar=ERROR_KINDS,
+            metavar=ERROR_METAVAR,
         ),
     ] = Errors.position,
 ) -> None:
@@ -620,7 +622,7 @@ def choose_command(
         ),
     ] = None,
     of: Annotated[
-        Errors, typer.Option(help="Kind of error.", parser=parse_error_kind, metavar=ERROR_KINDS)
+        Errors, typer.Option(help="Kind of error.", parser=parse_error_kind, metavar=ERROR_METAVAR)
     ] = Errors.position,
     solver: Annotated[
         str, typer.Option(help="The only engine to choose from.", show_default="any")
@@ -651,10 +653,10 @@ def choose_command(
     ] = Path("trade"),
     jobs: Jobs = None,
     dask: Dask = None,
-    longest: Longest = LONGEST,
+    longest: RunTimeout = DEFAULT_LONGEST_RUN,
     budget: Annotated[
         float, typer.Option(help="Wall time of all runs of the search together.", metavar="SECONDS")
-    ] = BUDGET,
+    ] = DEFAULT_SEARCH_BUDGET,
 ) -> None:
     """Find the cheapest setting whose error is no larger than the given one.
 
@@ -670,7 +672,7 @@ def choose_command(
     """
     from proofmass.studies.trade.choose_command import run_choose, run_creep
 
-    with answering("nothing is kept"):
+    with exit_on_error("nothing is kept"):
         if (error is None) == (creep is None):
             raise ValueError("give one of the two: --error, such as 1e-5, or --creep, such as 1e-6")
     if creep is not None:
@@ -729,15 +731,15 @@ def show_command(
 
     The text is a sidecar of the same case. Nothing is run. Exit code 0, or 2: bad input.
     """
-    from proofmass.check import read
-    from proofmass.sidecar import as_toml
-    from proofmass.terminal import not_checked
+    from proofmass.check import read_isolated
+    from proofmass.sidecar import format_sidecar
+    from proofmass.terminal import describe_unmatched
 
-    with answering("nothing is kept"):
-        case = read(one_case(path))
-        print(as_toml(case), end="")
+    with exit_on_error("nothing is kept"):
+        case = read_isolated(find_sidecar(path))
+        print(format_sidecar(case), end="")
         if case.unmatched:
-            errors.print(not_checked(case))
+            error_console.print(describe_unmatched(case))
 
 
 @app.command("explain")

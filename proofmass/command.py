@@ -12,8 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from proofmass.errors import InputError
 
-errors = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
-PAUSE = 10.0  # [s] after which progress without a terminal prints a line again
+error_console = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
+SECONDS_BETWEEN_LINES = 10.0  # [s] after which progress without a terminal prints a line again
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for Ctrl-C
 
 Jobs = Annotated[
@@ -24,28 +24,28 @@ Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://hos
 
 
 @contextmanager
-def answering(kept: str) -> Iterator[None]:
+def exit_on_error(kept: str) -> Iterator[None]:
     """Print errors of the input, or after Ctrl-C what is `kept`, as one line, and exit."""
     from proofmass.sim.protocol import BadModel  # numpy and pydantic are slow to load
 
     try:
         yield
     except (KeyboardInterrupt, InputError, BadModel, ValueError, OSError) as error:
-        if interrupted(error):
-            errors.print(f"stopped; {kept}; to go on, give the same command again")
+        if is_interrupt(error):
+            error_console.print(f"stopped; {kept}; to go on, give the same command again")
             raise typer.Exit(INTERRUPTED) from None
-        errors.print(f"error: {in_words(error)}", style="bold red")
+        error_console.print(f"error: {error_text(error)}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
 
 
-def not_one_case(path: Path) -> InputError:
+def single_case_error(path: Path) -> InputError:
     """Return the error of a path that is not the sidecar of a single case."""
     return InputError(
         path, "", "give the sidecar of one case, such as models/linkages/fourbar.toml"
     )
 
 
-def one_case(path: Path) -> Path:
+def find_sidecar(path: Path) -> Path:
     """Return a path if it is a sidecar, or the sidecar of the model that the path names.
 
     Raises
@@ -53,22 +53,22 @@ def one_case(path: Path) -> Path:
     InputError
         The path is neither the sidecar of a single case nor its model.
     """
-    from proofmass.check import find
+    from proofmass.check import find_inputs
 
-    (file,) = find([path]) if path.is_file() else [path]
+    (file,) = find_inputs([path]) if path.is_file() else [path]
     if file.suffix != ".toml":
-        raise not_one_case(path)
+        raise single_case_error(path)
     return file
 
 
-def in_words(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return the text of an error, of an error of the system with the file first."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'a file'}: {error.strerror}"
     return str(error)
 
 
-def interrupted(error: BaseException | None) -> bool:
+def is_interrupt(error: BaseException | None) -> bool:
     """Whether Ctrl-C caused an error: it interrupts the packing of a file, which then fails too."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__context__
@@ -76,17 +76,17 @@ def interrupted(error: BaseException | None) -> bool:
 
 
 @contextmanager
-def counting(
-    total: int | None = None, letters: int | None = None
+def progress_bar(
+    total: int | None = None, max_letters: int | None = None
 ) -> Iterator[Callable[[str, int, int], None]]:
     """Show a progress bar on standard error; yields a function ``advance(label, done, total)``.
 
-    Labels are cut to `letters` characters.  Where standard error is no terminal, lines
+    Labels are cut to `max_letters` characters.  Where standard error is no terminal, lines
     are printed instead of the bar: one for each new first word of a label, which is a case, and
-    otherwise at most one every `PAUSE` seconds.
+    otherwise at most one every `SECONDS_BETWEEN_LINES` seconds.
     """
-    if not errors.is_terminal:
-        yield lines()
+    if not error_console.is_terminal:
+        yield progress_lines()
         return
     columns = (
         TextColumn("{task.description:<40}", markup=False),
@@ -94,25 +94,29 @@ def counting(
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=errors, transient=True) as bar:
+    with Progress(*columns, console=error_console, transient=True) as bar:
         line = bar.add_task("starting", total=total)
 
         def advance(label: str, done: int, total: int) -> None:
-            bar.update(line, description=label[:letters], completed=done, total=total)
+            bar.update(line, description=label[:max_letters], completed=done, total=total)
 
         yield advance
 
 
-def lines() -> Callable[[str, int, int], None]:
+def progress_lines() -> Callable[[str, int, int], None]:
     """Return a function ``advance(label, done, total)`` that prints lines for a log."""
     announced, last = set[str](), time.monotonic()
 
     def advance(label: str, done: int, total: int) -> None:
         nonlocal last
         case = label.partition(" ")[0]
-        if case not in announced or done == total or time.monotonic() - last > PAUSE:
+        if (
+            case not in announced
+            or done == total
+            or time.monotonic() - last > SECONDS_BETWEEN_LINES
+        ):
             announced.add(case)
             last = time.monotonic()
-            errors.print(f"{done}/{total} {label}")
+            error_console.print(f"{done}/{total} {label}")
 
     return advance

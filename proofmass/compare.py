@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.analytic.remember import Memory, memory_in_use
+from proofmass.analytic.remember import Memory, use_memory
 from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.drive import DriveState
@@ -20,33 +20,39 @@ from proofmass.plot_data import check_views
 from proofmass.recorded import Recorded
 from proofmass.reference import (
     ComparedCurves,
-    compiled,
+    assembly_modes,
+    compiled_model,
+    drive_laws,
     evaluate,
-    identity,
-    laws,
-    modes,
-    module_of,
+    load_reference,
     properties,
+    reference_identity,
 )
 from proofmass.sim.contents import joints, mass, size
 from proofmass.sim.protocol import Curves, Drive, Run
 from proofmass.strict import Kind
-from proofmass.units import powers, si_unit
+from proofmass.units import si_unit, unit_powers
 
 NAN = float("nan")
-UNCHECKED = (
+UNCHECKED_CASE = (
     "nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
     "a solver delivers, or say unchecked = true"
 )
-START = 0.1  # share of a dynamics run after which errors of the start pose have decayed
-CONSTANT = 1e-3
+START_SHARE = 0.1  # share of a dynamics run after which errors of the start pose have decayed
+CONSTANT_RANGE = 1e-3
 """Range over size of a curve below which it counts as constant; drives cause as much variation."""
-ZERO = 1e-12  # share of the mechanism's size up to which a reference's values count as zero
-SMALL = 1e-6
+ZERO_SHARE = 1e-12  # share of the mechanism's size up to which a reference's values count as zero
+SMALL_CHANGE = 1e-6
 """Relative change of a parameter for a slope: the neglected terms are 1e-12, and rounding is 1e-10
 of the change."""
-LARGE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # relative changes to try where a slope is not enough
-SMOOTH = 0.1  # curvature over slope up to which the slope is exact to about one digit
+LARGE_CHANGES = (
+    1e-1,
+    1e-2,
+    1e-3,
+    1e-4,
+    1e-5,
+)  # relative changes to try where a slope is not enough
+SMOOTH_CURVATURE = 0.1  # curvature over slope up to which the slope is exact to about one digit
 Differences = list[dict[str, Array]]
 DifferencesAt = Callable[[float], Differences]
 
@@ -147,9 +153,9 @@ class Comparison:
         return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
 
 
-def with_reference(case: Case, run: Kind, curves: Curves) -> Curves:
+def attach_reference(case: Case, run: Kind, curves: Curves) -> Curves:
     """Curves with the reference that `compare` used for them in this process, if it did."""
-    found = last_used.get(key_of(case, run, curves))
+    found = last_references.get(reference_key(case, run, curves))
     if found is None or found.asked is None or found.asked[0] is not curves.drive:
         return curves
     return ComparedCurves.of(curves, found.asked[1], found.properties)
@@ -199,7 +205,7 @@ def compare(
     """
     evaluated = run_reference(case, run, curves)
     reference = evaluated.as_driven(curves.drive)
-    check_branch(case, run, curves, reference)
+    check_assembly_mode(case, run, curves, reference)
     check_views(case, run, ComparedCurves.of(curves, reference))
     check_charts(case)
     if detectable:
@@ -223,12 +229,14 @@ def compare(
         )
     )
     return Comparisons(
-        one(case, run, solver, name, curves, reference.channels[name], changes.get(name, {}))
+        compare_channel(
+            case, run, solver, name, curves, reference.channels[name], changes.get(name, {})
+        )
         for name in case.channels_of(run)
     )
 
 
-def one(
+def compare_channel(
     case: Case,
     run: str,
     solver: str,
@@ -266,18 +274,21 @@ def one(
         "at": float(curves.x[worst]),
         "error_rms": rms,
         "nrmse": rms / scale if scale else NAN,
-        "error_later": float(error[curves.x >= start_until(curves)].max())
+        "error_later": float(error[curves.x >= end_of_start(curves)].max())
         if run == "dynamics"
         else NAN,
         "detectable": detectable,
         "uncertainty": float(unsure.max(initial=0.0)),
     }
     why = tolerance.why if tolerance else ""
-    outcome, message = verdict(float(error[worst]), allowed, unit, why)
+    outcome, message = judge_error(float(error[worst]), allowed, unit, why)
     if np.isfinite(error).all() and allowed > 0:
         least, most = float((error - unsure).max()), float((error + unsure).max())
         if least <= allowed < most:
-            outcome, message = Outcome.UNDECIDED, undecided(found["uncertainty"], allowed, unit)
+            outcome, message = (
+                Outcome.UNDECIDED,
+                explain_undecided(found["uncertainty"], allowed, unit),
+            )
     return Comparison(**place, **found, outcome=outcome, message=message)
 
 
@@ -291,9 +302,9 @@ def allowed_error(
     return tolerance.allowed(scale_of(case, run, name, curves, reference) / factor) * factor
 
 
-def start_until(curves: Curves) -> float:
+def end_of_start(curves: Curves) -> float:
     """The x at which the first tenth of a run ends."""
-    return float(curves.x[0] + START * (curves.x[-1] - curves.x[0]))
+    return float(curves.x[0] + START_SHARE * (curves.x[-1] - curves.x[0]))
 
 
 def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) -> float:
@@ -312,26 +323,28 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) 
     of a free motion.
     """
     unit, span = case.channels[name].si_unit, float(np.ptp(reference))
-    model = compiled(case)
+    model = compiled_model(case)
     extent = size(model, case.start)
     own = 1.0
     for base, power in zip(
-        (extent, mass(model), time_of(case, run, curves, extent)), powers(unit)[:3], strict=True
+        (extent, mass(model), time_scale(case, run, curves, extent)),
+        unit_powers(unit)[:3],
+        strict=True,
     ):
         own *= (base**power if base else 0.0) if power else 1.0
     magnitude = float(np.abs(reference).max())
-    if unit in ("m", "rad") or not magnitude > ZERO * own:
+    if unit in ("m", "rad") or not magnitude > ZERO_SHARE * own:
         magnitude = own
-    return span if span >= CONSTANT * magnitude else magnitude
+    return span if span >= CONSTANT_RANGE * magnitude else magnitude
 
 
-def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
+def time_scale(case: Case, run: str, curves: Curves, extent: float) -> float:
     """The time T of `scale_of` [s]; 0 if neither drives nor the run define one."""
     if not case.drive:
         return float(np.ptp(curves.x)) if run == "dynamics" else 0.0
     if curves.drive is None or not extent:
         return 0.0
-    units = joints(compiled(case))
+    units = joints(compiled_model(case))
     rates = [
         float(np.abs(rate).max()) / (extent if units[drive.joint] == "m" else 1.0)
         for drive, rate in zip(case.drive, curves.drive[1], strict=True)
@@ -339,12 +352,12 @@ def time_of(case: Case, run: str, curves: Curves, extent: float) -> float:
     return 1.0 / max(rates) if max(rates) else 0.0
 
 
-def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:
+def judge_error(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:
     """Decide the outcome of a largest error, and word its message; NaN never agrees.
 
-    >>> verdict(1e-6, 1e-5, "m", "rounding")
+    >>> judge_error(1e-6, 1e-5, "m", "rounding")
     ('agrees', 'rounding')
-    >>> verdict(float("nan"), 1e-5, "m", "rounding")[0]
+    >>> judge_error(float("nan"), 1e-5, "m", "rounding")[0]
     'differs'
     """
     if not np.isfinite(error):
@@ -367,10 +380,10 @@ def verdict(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome,
     return Outcome.DIFFERS, f"{error / allowed:.3g} x the allowed error"
 
 
-def undecided(uncertainty: float, allowed: float, unit: str) -> str:
+def explain_undecided(uncertainty: float, allowed: float, unit: str) -> str:
     """Explain why a curve neither agrees nor differs.
 
-    >>> undecided(2e-3, 1e-3, "m").partition(";")[0]
+    >>> explain_undecided(2e-3, 1e-3, "m").partition(";")[0]
     'its curve is known to 0.002 m alone, where 0.001 m is allowed: too coarse to tell'
     """
     return (
@@ -380,9 +393,9 @@ def undecided(uncertainty: float, allowed: float, unit: str) -> str:
     )
 
 
-def changeable(case: Case) -> dict[str, float]:
+def changeable_parameters(case: Case) -> dict[str, float]:
     """Parameters that are quantities; texts and whole numbers such as a mode are left out."""
-    reference = module_of(case)
+    reference = load_reference(case)
     if isinstance(reference, Recorded):
         return {}
     known = inspect.signature(reference.solve).parameters
@@ -413,8 +426,8 @@ def detectable_changes(
     found: dict[str, dict[str, DetectableChange]] = {name: {} for name in allowed}
     for key, value in reference.parameters.items():
         moved = partial(reference.differences, key)
-        shares, asked = small_shares(moved, allowed)
-        for name, share in (shares | large_shares(moved, asked)).items():
+        shares, asked = small_detectable(moved, allowed)
+        for name, share in (shares | large_detectable(moved, asked)).items():
             found[name][key] = DetectableChange(
                 share if value else reference.step(key, share), value != 0
             )
@@ -429,16 +442,21 @@ class RunReference:
     """
 
     def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
-        self.case, self.run, self.x, self.parameters = case, run, curves.x, changeable(case)
+        self.case, self.run, self.x, self.parameters = (
+            case,
+            run,
+            curves.x,
+            changeable_parameters(case),
+        )
         self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
-        drives = () if curves.drive is None else [Drive("", law) for law in laws(case, run)]
+        drives = () if curves.drive is None else [Drive("", law) for law in drive_laws(case, run)]
         self.state = Run(run, curves.x, (), tuple(drives)).motion(curves.x) if drives else None
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
         self.asked: tuple[DriveState | None, Curves] | None = None
         self.properties: dict[str, str] | None = None
-        self.by_laws = self.evaluated({}, more=True)
-        self.unchanged = self.by_laws.channels
+        self.as_prescribed = self.evaluated({}, more=True)
+        self.unchanged = self.as_prescribed.channels
 
     def evaluated(self, changed: dict[str, float], more: bool = False) -> Curves:
         """Evaluate the channels at changed parameters; empty where the reference has no solution.
@@ -446,7 +464,7 @@ class RunReference:
         The memory keeps what searches found at neighbouring parameters.
         """
         try:
-            with memory_in_use(self.memory, more):
+            with use_memory(self.memory, more):
                 return evaluate(self.case, self.run, self.x, self.state, **changed)
         except InputError:  # the changed mechanism cannot be assembled at some sample
             return Curves(self.x, {})
@@ -456,9 +474,9 @@ class RunReference:
         if self.asked and self.asked[0] is state:
             return self.asked[1]
         same = state is None or np.array_equal(state, cast(DriveState, self.state))
-        found = self.by_laws
+        found = self.as_prescribed
         if not (self.unchanged and same):
-            with memory_in_use(self.memory, more=False):
+            with use_memory(self.memory, store_results=False):
                 found = evaluate(self.case, self.run, self.x, state)
         self.asked = state, found
         return found
@@ -482,26 +500,26 @@ class RunReference:
         return [{name: after[name] - before[name] for name in after}] if before and after else []
 
 
-last_used: dict[Any, RunReference] = {}
+last_references: dict[Any, RunReference] = {}
 
 
-def key_of(case: Case, run: Kind, curves: Curves) -> tuple[object, ...]:
+def reference_key(case: Case, run: Kind, curves: Curves) -> tuple[object, ...]:
     """A key that differs for runs with different references."""
-    return identity(case), run, curves.x.tobytes(), curves.drive is None
+    return reference_identity(case), run, curves.x.tobytes(), curves.drive is None
 
 
 def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
     """The last reference if it is of the same run, since workers compare solvers one by one."""
-    key = key_of(case, run, curves)
-    found = last_used.get(key)
+    key = reference_key(case, run, curves)
+    found = last_references.get(key)
     if found is None:
         found = RunReference(case, run, curves)
-        last_used.clear()
-        last_used[key] = found
+        last_references.clear()
+        last_references[key] = found
     return found
 
 
-def small_shares(
+def small_detectable(
     moved: DifferencesAt, allowed: dict[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """The smallest relative change of a parameter that each channel detects, by its slope.
@@ -511,26 +529,26 @@ def small_shares(
     A slope is not used if it predicts a change larger than the largest one that is tried, since
     curves are not straight that far.
     """
-    found, hidden, small = {}, {}, slopes(moved)
+    found, hidden, small = {}, {}, parameter_slopes(moved)
     for name, most in allowed.items():
         size, smooth = small.get(name, (NAN, False))
-        least = SMALL / LARGE[0] * most
+        least = SMALL_CHANGE / LARGE_CHANGES[0] * most
         if size > least and (smooth or size > most):
-            found[name] = SMALL * most / size if smooth else SMALL
+            found[name] = SMALL_CHANGE * most / size if smooth else SMALL_CHANGE
         elif not size <= least:
             hidden[name] = most
     return found, hidden if found else allowed
 
 
-def large_shares(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, float]:
+def large_detectable(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, float]:
     """The smallest of the large changes that each channel detects; NaN where it is not known.
 
     A channel that does not detect the largest change is left out.
     """
     found = {}
     for name, most in allowed.items():
-        for share in LARGE:
-            size = worst([*moved(share), *moved(-share)], name)
+        for share in LARGE_CHANGES:
+            size = largest_difference([*moved(share), *moved(-share)], name)
             if size > most:
                 found[name] = share
             elif np.isnan(size):
@@ -540,18 +558,19 @@ def large_shares(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, f
     return found
 
 
-def slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
-    """For each channel the largest slope times `SMALL`, and whether the curves are smooth there.
+def parameter_slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
+    """For each channel the largest slope times `SMALL_CHANGE`, and whether the curves are smooth
+    there.
 
     Slopes are central differences, or one-sided differences of second order where the reference has
     no solution on one side. Where a curve is not smooth, or rounding hides its slope, the largest
     difference is given instead.
     """
-    up, down = moved(SMALL), moved(-SMALL)
+    up, down = moved(SMALL_CHANGE), moved(-SMALL_CHANGE)
     if up and down:
         parts = {n: ((up[0][n] - down[0][n]) / 2, (up[0][n] + down[0][n]) / 2) for n in up[0]}
     elif near := up or down:
-        far = moved(2 * SMALL if up else -2 * SMALL)
+        far = moved(2 * SMALL_CHANGE if up else -2 * SMALL_CHANGE)
         parts = {
             n: ((4 * y - far[0][n]) / 2, (far[0][n] - 2 * y) / 2) if far else (y, y)
             for n, y in near[0].items()
@@ -562,30 +581,30 @@ def slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
     for name, (slope, bend) in parts.items():
         size, smooth = (
             float(np.abs(slope).max()),
-            bool(np.abs(bend).max() <= SMOOTH * np.abs(slope).max()),
+            bool(np.abs(bend).max() <= SMOOTH_CURVATURE * np.abs(slope).max()),
         )
-        found[name] = (size, True) if smooth else (worst([*up, *down], name), False)
+        found[name] = (size, True) if smooth else (largest_difference([*up, *down], name), False)
     return found
 
 
-def worst(sides: Differences, name: str) -> float:
+def largest_difference(sides: Differences, name: str) -> float:
     """The largest difference of a channel; NaN where there is none."""
     sizes = [float(np.abs(side[name]).max()) for side in sides]
     return max((size for size in sizes if np.isfinite(size)), default=NAN)
 
 
-def check_branch(case: Case, run: Kind, curves: Curves, reference: Curves) -> None:
+def check_assembly_mode(case: Case, run: Kind, curves: Curves, reference: Curves) -> None:
     """Raise InputError if the model is assembled in another mode than the sidecar says."""
     if "mode" not in case.parameters or curves.drive is None:
         return
-    if misfit(case, curves, reference) <= 0.1:
+    if start_difference(case, curves, reference) <= 0.1:
         return
-    for mode in modes(case):
+    for mode in assembly_modes(case):
         try:
             other = evaluate(case, run, curves.x, curves.drive, mode=mode)
         except InputError:  # a mode that does not exist at these poses
             continue
-        if misfit(case, curves, other) < 0.01:
+        if start_difference(case, curves, other) < 0.01:
             raise InputError(
                 case.file,
                 "start",
@@ -595,7 +614,7 @@ def check_branch(case: Case, run: Kind, curves: Curves, reference: Curves) -> No
             )
 
 
-def misfit(case: Case, curves: Curves, reference: Curves) -> float:
+def start_difference(case: Case, curves: Curves, reference: Curves) -> float:
     """Largest difference of a position channel at the first sample, over the curve's range."""
     names = [
         n for n, c in case.channels.items() if c.si_unit in ("m", "rad") and n in curves.channels

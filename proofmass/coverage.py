@@ -7,7 +7,7 @@ changed model, as it does in `proofmass check`.  Such a case notices a number on
 that must equal a number.
 
 The findings are kept in a folder, in a file for each case that is written after each group of
-numbers.  `coverage_of` continues a search that was stopped; `stored_coverage` reads a complete
+numbers.  `find_coverage` continues a search that was stopped; `stored_coverage` reads a complete
 one.
 """
 
@@ -28,19 +28,19 @@ from proofmass.case import Case
 from proofmass.coverage_search import CheckedRun, Finding, Search
 from proofmass.engines import NoEngine, engine_of
 from proofmass.errors import InputError
-from proofmass.files import read_text, write_whole
-from proofmass.fingerprint import digest, recorded_bytes, sources_with, versions
-from proofmass.reference import reads_model
-from proofmass.sim.numbers import KINDS
+from proofmass.files import read_text, write_atomically
+from proofmass.fingerprint import digest, digest_recorded_files, digest_sources, package_versions
+from proofmass.reference import reference_reads_model
+from proofmass.sim.numbers import NUMBER_KINDS
 from proofmass.solve import with_computing_solvers
-from proofmass.terminal import finite
-from proofmass.worker import stopping
+from proofmass.terminal import replace_nonfinite
+from proofmass.worker import interrupt_workers
 
-FORMAT = 1
+FORMAT_VERSION = 1
 """Version of the format of the files of findings."""
-FOLDER = "PROOFMASS_CACHE"
+FOLDER_VARIABLE = "PROOFMASS_CACHE"
 """Environment variable with the folder of findings; ``~/.cache/proofmass`` if it is not set."""
-OWN = "changed", "compare", "coverage", "coverage_search", "drive", "reference", "solve"
+SOURCE_MODULES = "changed", "compare", "coverage", "coverage_search", "drive", "reference", "solve"
 """Modules of the core whose sources a finding depends on."""
 
 
@@ -95,7 +95,7 @@ class Coverage:
         return found
 
 
-def coverage_of(
+def find_coverage(
     case: Case,
     jobs: int | None = None,
     progress: Callable[[str, int, int], None] = lambda *_: None,
@@ -124,99 +124,99 @@ def coverage_of(
     InputError
         The case cannot be run, or the folder has a file that proofmass did not write.
     """
-    key = key_of(case)
-    file = file_of(case, key, folder)
-    case, others = with_computing_solvers(case)
+    key = coverage_key(case)
+    file = coverage_file(case, key, folder)
+    case, recorded = with_computing_solvers(case)
     if not case.run:
         raise InputError(
             case.file,
             "run",
-            f"{', '.join(others)}: no number of the model acts on curves that are recorded; a "
+            f"{', '.join(recorded)}: no number of the model acts on curves that are recorded; a "
             "run needs an engine that computes",
         )
-    kept = read_kept(file)
-    if kept.coverage is not None:
-        return kept.coverage
-    begin = monotonic() - kept.seconds
-    with stopping(), ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
+    stored = read_stored(file)
+    if stored.coverage is not None:
+        return stored.coverage
+    begin = monotonic() - stored.seconds
+    with interrupt_workers(), ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         try:
             search = Search(case, pool)
-            for done, total, label in search.run(kept.groups):
-                kept.seconds = monotonic() - begin
-                kept.write(file)
+            for done, total, label in search.run(stored.groups):
+                stored.seconds = monotonic() - begin
+                stored.write(file)
                 progress(f"{case.name} {label}", done, total)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    found = [one for group in kept.groups.values() for one in group]
-    kept.coverage = Coverage(
+    found = [one for group in stored.groups.values() for one in group]
+    stored.coverage = Coverage(
         case.name,
         key,
         tuple(search.checked()),
         tuple(search.parameters()),
-        tuple(sorted(found, key=lambda one: list(KINDS).index(one.kind))),
+        tuple(sorted(found, key=lambda one: list(NUMBER_KINDS).index(one.kind))),
         tuple(search.differing()),
-        reads_model(case),
+        reference_reads_model(case),
         case.laws,
         search.left_out,
         monotonic() - begin,
     )
     if not search.limited:
-        kept.write(file)
-    return kept.coverage
+        stored.write(file)
+    return stored.coverage
 
 
 def stored_coverage(case: Case, folder: Path | None = None) -> Coverage | None:
     """The stored coverage of a case in its present state; None if there is no complete one."""
-    return read_kept(file_of(case, key_of(case), folder)).coverage
+    return read_stored(coverage_file(case, coverage_key(case), folder)).coverage
 
 
 def cache_folder() -> Path:
     """The default folder of findings."""
-    if given := os.environ.get(FOLDER):
+    if given := os.environ.get(FOLDER_VARIABLE):
         return Path(given)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "proofmass"
 
 
-def file_of(case: Case, key: str, folder: Path | None) -> Path:
+def coverage_file(case: Case, key: str, folder: Path | None) -> Path:
     """The file of a case's findings."""
     return (folder or cache_folder()) / "coverage" / f"{case.name}-{key[:16]}.json"
 
 
-def key_of(case: Case) -> str:
+def coverage_key(case: Case) -> str:
     """SHA-256 of all that findings depend on: sidecar, model, reference, versions and sources."""
     case.require_model()
     model = str(case.model_path)
     files = {Path(file) for file in (model, *mujoco.mju_getXMLDependencies(model))}
     engines = {solver.partition(":")[0] for run in case.run.values() for solver in run.solvers}
     parts = {
-        "format": FORMAT,
+        "format": FORMAT_VERSION,
         "sidecar": case.model_dump(mode="json", exclude={"file", "title", "source", "view"}),
         "model": [digest(file.read_bytes()) for file in sorted(files) if file.is_file()],
-        "reference": recorded_bytes(case),
-        "versions": {engine: versions_of(engine) for engine in sorted(engines)},
-        "sources": own_sources(),
+        "reference": digest_recorded_files(case),
+        "versions": {engine: engine_versions(engine) for engine in sorted(engines)},
+        "sources": digest_of_sources(),
     }
     return digest(json.dumps(parts, sort_keys=True).encode())
 
 
 @cache
-def own_sources() -> str:
+def digest_of_sources() -> str:
     """Digest of the sources that findings depend on, since these may change within a version."""
-    return sources_with(Path(__file__).with_name(f"{name}.py") for name in OWN)
+    return digest_sources(Path(__file__).with_name(f"{name}.py") for name in SOURCE_MODULES)
 
 
-def versions_of(engine: str) -> dict[str, str]:
+def engine_versions(engine: str) -> dict[str, str]:
     """Versions of an engine; empty if it cannot be loaded, so that its runs fail."""
     try:
         engine_of(engine)
     except NoEngine:
         return {}
-    return versions(engine)
+    return package_versions(engine)
 
 
 @dataclass
-class Kept:
+class StoredFindings:
     """The content of a file of findings: groups by their labels, or the complete coverage."""
 
     groups: dict[str, list[Finding]] = field(default_factory=dict)
@@ -227,20 +227,20 @@ class Kept:
         """Write the file."""
         file.parent.mkdir(parents=True, exist_ok=True)
         table = {
-            "format": FORMAT,
+            "format": FORMAT_VERSION,
             "seconds": self.seconds,
             "groups": {}
             if self.coverage
             else {
-                label: [finite(asdict(one)) for one in found]
+                label: [replace_nonfinite(asdict(one)) for one in found]
                 for label, found in self.groups.items()
             },
-            "coverage": finite(asdict(self.coverage)) if self.coverage else None,
+            "coverage": replace_nonfinite(asdict(self.coverage)) if self.coverage else None,
         }
-        write_whole(file, json.dumps(table, allow_nan=False))
+        write_atomically(file, json.dumps(table, allow_nan=False))
 
 
-def read_kept(file: Path) -> Kept:
+def read_stored(file: Path) -> StoredFindings:
     """Read a file of findings; the result is empty if there is no such file.
 
     Raises
@@ -249,34 +249,38 @@ def read_kept(file: Path) -> Kept:
         The file was not written by proofmass, or changed since.
     """
     if not file.is_file():
-        return Kept()
+        return StoredFindings()
     try:
         table = json.loads(read_text(file))
-        groups = {label: list(map(finding, found)) for label, found in table["groups"].items()}
+        groups = {
+            label: list(map(parse_finding, found)) for label, found in table["groups"].items()
+        }
         whole = table["coverage"]
-        return Kept(groups, coverage_from(whole) if whole else None, float(table["seconds"]))
+        return StoredFindings(
+            groups, parse_coverage(whole) if whole else None, float(table["seconds"])
+        )
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(
             file, "", "not a file that proofmass explain wrote; delete it, and it is made again"
         ) from None
 
 
-def finding(table: dict[str, Any]) -> Finding:
+def parse_finding(table: dict[str, Any]) -> Finding:
     """A finding from its JSON object."""
     values: dict[str, Any] = {k: math.nan if v is None else v for k, v in table.items()}
     return Finding(**values)
 
 
-def coverage_from(table: dict[str, Any]) -> Coverage:
+def parse_coverage(table: dict[str, Any]) -> Coverage:
     """A coverage from its JSON object, as `dataclasses.asdict` makes it."""
     values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
-    values["runs"] = tuple(map(checked_run, table["runs"]))
+    values["runs"] = tuple(map(parse_checked_run, table["runs"]))
     for key in ("parameters", "numbers"):
-        values[key] = tuple(map(finding, table[key]))
+        values[key] = tuple(map(parse_finding, table[key]))
     return Coverage(**values)
 
 
-def checked_run(table: dict[str, Any]) -> CheckedRun:
+def parse_checked_run(table: dict[str, Any]) -> CheckedRun:
     """A checked run from its JSON object."""
     values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
     return CheckedRun(**values)

@@ -1,14 +1,15 @@
 """The search for the numbers that a case notices, and for the smallest noticed change of each.
 
-**Trial changes.**  A number is increased and decreased by `SHARE` of its value, or by `SHARE` of a
-natural size if it is 0.  Numbers of kinds that are often not noticed are first changed together, by
-random shares of at least `SHARE` and with random signs, then with the opposite signs.  If neither
-change is noticed, the group is left to the next runs; otherwise it is halved.
+**Trial changes.**  A number is increased and decreased by `CHANGE_SHARE` of its value, or by
+`CHANGE_SHARE` of a natural size if it is 0.  Numbers of kinds that are often not noticed are first
+changed together, by random shares of at least `CHANGE_SHARE` and with random signs, then with the
+opposite signs.  If neither change is noticed, the group is left to the next runs; otherwise it is
+halved.
 
 **The smallest change.**  From the errors e0 before and e1 after a change d the rate of every
 error is (e1 - e0) / d at each sample.  The channel whose tolerance is used up first by these rates
 gives an estimate of the smallest noticed change.  The run is repeated with twice the estimate,
-until they agree within a factor `NEAR`.
+until they agree within a factor `ACCEPTED_RATIO`.
 
 The quickest run is tried first, kind by kind.  The numbers that it does not notice are tried in the
 other runs, one after the other, as a group of all kinds.  Sweeps are made at some of their samples:
@@ -27,33 +28,41 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from proofmass.case import Case
-from proofmass.changed import Baseline, Changes, Trial, baseline, numbers, stride_of, with_changes
-from proofmass.compare import Comparison, changeable
-from proofmass.outcome import FAILED, FAILURES, Outcome
+from proofmass.changed import (
+    Baseline,
+    Changes,
+    Trial,
+    numbers_of_case,
+    run_baseline,
+    run_with_changes,
+    sample_stride,
+)
+from proofmass.compare import Comparison, changeable_parameters
+from proofmass.outcome import FAILED_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.sim.elements import NotWritten, Number
-from proofmass.sim.numbers import SHARE
+from proofmass.sim.numbers import CHANGE_SHARE
 from proofmass.strict import Kind
-from proofmass.worker import TimedOut, isolated
+from proofmass.worker import TimedOut, call_isolated
 
-CHUNK = 6
+GROUP_SIZE = 6
 """Most numbers of a kind in a group."""
-SMALL = 1e-4
+FIRST_CHANGE_SHARE = 1e-4
 """Share of the trial change in the first run of a number, whose rates tell the next change."""
-NEAR = 4.0
+ACCEPTED_RATIO = 4.0
 """An estimate is accepted if the noticed change it comes from is at most so many times as large."""
-ROUNDS = 8
+MAX_ROUNDS = 8
 """Most runs in the search for the smallest noticed change."""
-DOWN = 1e-2
+FAILED_CHANGE_FACTOR = 1e-2
 """Factor on a change with which a run fails, for the next run, which may have rates."""
-IN_TURN = 3
+MAX_FAILED_CHANGES = 3
 """Number of successive changes with which a run fails, after which the search ends."""
-MOST = 2.0
+MAX_GROUP_CHANGE = 2.0
 """Largest change in a group, as a multiple of the trial change of a number alone."""
-LONGER = 4.0
+RETRY_TIME_FACTOR = 4.0
 """Factor on the limit of time for the second run of a trial that reached it."""
-SOONER = 0.8
+PROMISED_SHARE = 0.8
 """Another solver is tried if its rates promise less than this share of the change that is found."""
-QUIET = {
+GROUPED_KINDS = {
     "inertia",
     "damping",
     "armature",
@@ -64,9 +73,9 @@ QUIET = {
     "range",
 }
 """Kinds that are often not noticed; they are tried in groups first, the others one by one."""
-POSITIVE = {"damping", "armature", "friction", "stiffness"}
+POSITIVE_KINDS = {"damping", "armature", "friction", "stiffness"}
 """Kinds whose numbers are not made negative."""
-MATERIAL = (
+MATERIAL_KINDS = (
     "mass",
     "mass of a rod",
     "inertia",
@@ -79,10 +88,10 @@ MATERIAL = (
     "friction",
 )
 """Kinds of material properties of mechanisms, which a case should notice."""
-WHOLE = "all together"
+COMPLETE_LABEL = "all together"
 """Label of the complete findings, after the last step of the search."""
-Some = TypeVar("Some")
-Each = Callable[..., Iterable[Any]]
+Item = TypeVar("Item")
+MapFunction = Callable[..., Iterable[Any]]
 """The function `map`, or the `map` of a pool."""
 
 
@@ -192,7 +201,7 @@ class Search:
         self.case, self.pool = case, pool
         self.before: list[Baseline] = []
         self.left_out = ""
-        self.strides = {kind: stride_of(case, kind) for kind in case.run}
+        self.strides = {kind: sample_stride(case, kind) for kind in case.run}
 
     def run(self, found: dict[str, list[Finding]]) -> Iterator[tuple[int, int, str]]:
         """Try all groups that are not in `found`, and add them.
@@ -203,26 +212,26 @@ class Search:
         names = [(kind, s) for kind, run in case.run.items() for s in run.solvers]
         asked = [self.pool.submit(self.base, *name) for name in names]
         self.before = [run for one in asked if (run := one.result())]
-        there: list[Number] = []
+        model_numbers: list[Number] = []
         if not self.runs():
             self.left_out = "; ".join(self.failed())
-        self.keep_whole()
+        self.use_all_samples()
         try:
             if self.runs():
-                there = self.call(next(iter(case.run)), numbers)
+                model_numbers = self.call(next(iter(case.run)), numbers_of_case)
         except NotWritten as error:
             self.left_out = str(error)
-        groups = {} if WHOLE in found else grouped(there)
+        groups = {} if COMPLETE_LABEL in found else group_numbers(model_numbers)
         missing = [label for label in groups if label not in found]
         waiting: dict[Future[list[Finding]], str] = {
             self.pool.submit(self.tried, groups[label]): label for label in missing
         }
         runs = self.runs()
-        later: list[tuple[str, Callable[..., dict[Number, Finding]], Baseline]] = [
+        later_steps: list[tuple[str, Callable[..., dict[Number, Finding]], Baseline]] = [
             *((f"then {run.kind} {run.solver}", self.asked, run) for run in runs[1:]),
             *((f"alone {run.kind} {run.solver}", self.alone, run) for run in runs),
         ]
-        total = len(groups) + len(later) + 1 if groups else 0
+        total = len(groups) + len(later_steps) + 1 if groups else 0
         while waiting:
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 label = waiting.pop(future)
@@ -231,20 +240,20 @@ class Search:
         if not groups:
             return
         pairs = (pair for k in groups for pair in zip(groups[k], found[k], strict=True))
-        known = dict(pairs)
-        for label, ask, run in later:
+        findings = dict(pairs)
+        for label, ask, run in later_steps:
             if label in found:
-                known = dict(zip(there, found[label], strict=True))
+                findings = dict(zip(model_numbers, found[label], strict=True))
                 continue
-            known = ask(run, known)
-            found[label] = [known[number] for number in there]
+            findings = ask(run, findings)
+            found[label] = [findings[number] for number in model_numbers]
             yield len(found), total, label
-        known = self.sooner(known)
+        findings = self.try_half_changes(findings)
         found.clear()
-        found[WHOLE] = [known[number] for number in there]
-        yield total, total, WHOLE
+        found[COMPLETE_LABEL] = [findings[number] for number in model_numbers]
+        yield total, total, COMPLETE_LABEL
 
-    def keep_whole(self) -> None:
+    def use_all_samples(self) -> None:
         """Use all samples of a sweep whose unchanged run fails at a part of them.
 
         An example is a sweep with dry friction, if the drive turns back between the samples that
@@ -254,11 +263,11 @@ class Search:
             if self.strides[run.kind] > 1 and self.trial(run, []).failed:
                 self.strides[run.kind] = 1
 
-    def call(self, kind: Kind, function: Callable, *args: object, longer: float = 1.0) -> Any:
+    def call(self, kind: Kind, function: Callable, *args: object, time_factor: float = 1.0) -> Any:
         """Call a function of the case in a worker, within the limits of a run."""
         limits = self.case.run[kind]
-        timeout = longer * limits.timeout
-        return isolated(function, self.case, *args, timeout=timeout, memory=limits.memory)
+        timeout = time_factor * limits.timeout
+        return call_isolated(function, self.case, *args, timeout=timeout, memory=limits.memory)
 
     def base(self, kind: Kind, solver: str) -> Baseline | None:
         """The unchanged run of a solver; None if none of its channels has a tolerance."""
@@ -266,8 +275,8 @@ class Search:
         if not any(case.tolerance_for(kind, solver, name) for name in channels):
             return None
         try:
-            found: Baseline = self.call(kind, baseline, kind, solver)
-        except tuple(FAILURES) as error:
+            found: Baseline = self.call(kind, run_baseline, kind, solver)
+        except tuple(OUTCOME_OF_EXCEPTION) as error:
             failed = [
                 Comparison(
                     case.name,
@@ -275,7 +284,7 @@ class Search:
                     kind,
                     name,
                     c.unit,
-                    outcome=FAILURES[type(error)],
+                    outcome=OUTCOME_OF_EXCEPTION[type(error)],
                     message=str(error),
                 )
                 for name, c in channels.items()
@@ -287,7 +296,7 @@ class Search:
         """Phrases on the unchanged runs that have no curves."""
         for one in self.before:
             for c in one.comparisons[:1]:
-                if c.outcome in FAILED:
+                if c.outcome in FAILED_OUTCOMES:
                     yield f"the {one.kind} of {one.solver} is {c.outcome} as it is: {c.message}"
 
     @property
@@ -298,21 +307,24 @@ class Search:
 
     def runs(self) -> list[Baseline]:
         """The runs with checked channels: runs at rest first, then by wall time."""
-        there = [one for one in self.before if one.errors]
-        return sorted(there, key=lambda one: (one.kind == "dynamics", one.seconds))
+        checked_runs = [one for one in self.before if one.errors]
+        return sorted(checked_runs, key=lambda one: (one.kind == "dynamics", one.seconds))
 
     def trial(self, run: Baseline, changes: Changes, whole: bool = False) -> Trial:
         """A run with changed numbers; a run that ends with its worker gives a failed trial."""
-        alike = [one for one in self.before if one.kind == run.kind and one.errors]
+        same_kind = [one for one in self.before if one.kind == run.kind and one.errors]
         stride = 1 if whole else self.strides[run.kind]
-        asked = run.kind, with_changes, run.kind, run.solver, list(changes), alike, stride
+        asked = run.kind, run_with_changes, run.kind, run.solver, list(changes), same_kind, stride
         why = ""
-        for longer in (1.0, LONGER):  # the limit of time is that of the unchanged run
+        for time_factor in (
+            1.0,
+            RETRY_TIME_FACTOR,
+        ):  # the limit of time is that of the unchanged run
             try:
-                found: Trial = self.call(*asked, longer=longer)
+                found: Trial = self.call(*asked, time_factor=time_factor)
             except TimedOut as error:
                 why = str(error)
-            except tuple(FAILURES) as error:
+            except tuple(OUTCOME_OF_EXCEPTION) as error:
                 return Trial(math.inf, failed=str(error))
             else:
                 return found
@@ -322,26 +334,26 @@ class Search:
         """Findings of the first run on a group of numbers of one kind."""
         run = self.runs()[0]
         alone = list(group)
-        if group[0].kind in QUIET:
-            alone = parted(group, lambda some: self.moves(run, some))
+        if group[0].kind in GROUPED_KINDS:
+            alone = halve_noticed(group, lambda some: self.moves(run, some))
         found = self.one_by_one(run, alone, map)
-        return [found.get(number) or not_noticed(number) for number in group]
+        return [found.get(number) or unnoticed_finding(number) for number in group]
 
     def asked(self, run: Baseline, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
         """The findings after another run was tried with all numbers that were not noticed."""
         pending = [number for number, one in known.items() if not one.noticed]
-        alone = parted(pending, lambda some: self.moves(run, some), self.pool.map)
+        alone = halve_noticed(pending, lambda some: self.moves(run, some), self.pool.map)
         return {**known, **self.one_by_one(run, alone, self.pool.map)}
 
     def moves(self, run: Baseline, group: Sequence[Number]) -> bool:
         """Whether a run notices a group whose numbers are changed together, with either signs."""
-        return any(self.trial(run, changes).ratio > 1 for changes in draws(group))
+        return any(self.trial(run, changes).ratio > 1 for changes in random_changes(group))
 
     def one_by_one(
-        self, run: Baseline, group: Sequence[Number], each: Each
+        self, run: Baseline, group: Sequence[Number], each: MapFunction
     ) -> dict[Number, Finding]:
         """Findings on those numbers of a group that are noticed when they are changed alone."""
-        found = each(lambda number: self.single(run, number), group)
+        found = each(lambda number: self.try_alone(run, number), group)
         return {number: one for number, one in zip(group, found, strict=True) if one}
 
     def alone(self, run: Baseline, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
@@ -352,45 +364,50 @@ class Search:
 
         def farthest(number: Number) -> Finding:
             found = known[number]
-            for side in sides_of(number):
+            for side in signs_of_change(number):
                 trial = self.trial(run, [(number, side * number.step)], whole=True)
-                if trial.ratio > 1 and (one := self.single(run, number, whole=True)):
+                if trial.ratio > 1 and (one := self.try_alone(run, number, whole=True)):
                     return one
                 if not trial.moved <= found.moved and not math.isnan(trial.moved):
                     found = replace(found, run=run.kind, solver=run.solver)
                     found = replace(found, channel=trial.moves, moved=trial.moved)
             return found
 
-        silent = [number for number, one in known.items() if not one.noticed]
-        return {**known, **dict(zip(silent, self.pool.map(farthest, silent), strict=True))}
+        unnoticed = [number for number, one in known.items() if not one.noticed]
+        return {**known, **dict(zip(unnoticed, self.pool.map(farthest, unnoticed), strict=True))}
 
-    def single(self, run: Baseline, number: Number, whole: bool = False) -> Finding | None:
+    def try_alone(self, run: Baseline, number: Number, whole: bool = False) -> Finding | None:
         """The finding of a run on a number; None if the run does not notice the trial change."""
-        small = SMALL * number.step
+        small = FIRST_CHANGE_SHARE * number.step
         trial = self.trial(run, [(number, small)], whole)
         if trial.failed:
-            return self.smallest(run, number, DOWN * small, (small, trial), whole)
-        if (estimate := self.nearest(run, number, small, trial)) and abs(estimate) < number.step:
+            return self.find_smallest(
+                run, number, FAILED_CHANGE_FACTOR * small, (small, trial), whole
+            )
+        if (estimate := self.estimate_change(run, number, small, trial)) and abs(
+            estimate
+        ) < number.step:
             begin = math.copysign(min(2 * abs(estimate), number.step), estimate)
-            if one := self.smallest(run, number, begin, None, whole):
+            if one := self.find_smallest(run, number, begin, None, whole):
                 return one
-        for change in (side * number.step for side in sides_of(number)):
+        for change in (side * number.step for side in signs_of_change(number)):
             trial = self.trial(run, [(number, change)], whole)
             if trial.ratio > 1:
-                begin = change * (DOWN if trial.failed else 0.5)
-                return self.smallest(run, number, begin, (change, trial), whole)
+                begin = change * (FAILED_CHANGE_FACTOR if trial.failed else 0.5)
+                return self.find_smallest(run, number, begin, (change, trial), whole)
         return None
 
-    def nearest(self, run: Baseline, number: Number, change: float, trial: Trial) -> float:
+    def estimate_change(self, run: Baseline, number: Number, change: float, trial: Trial) -> float:
         """The smallest change that a run would notice by the rates of a trial; 0 without rates."""
         estimate = [
             side * limit.factor * change
             for side, limit in zip((1, -1), trial.limits[run.solver], strict=True)
-            if limit.factor < math.inf and side * math.copysign(1, change) in sides_of(number)
+            if limit.factor < math.inf
+            and side * math.copysign(1, change) in signs_of_change(number)
         ]
         return min(estimate, key=abs, default=0.0)
 
-    def smallest(
+    def find_smallest(
         self,
         run: Baseline,
         number: Number,
@@ -403,36 +420,38 @@ class Search:
         The search begins with the change `begin`; `known` is a change that is noticed, with its
         trial.
         """
-        least, change, failed, quiet = known, begin, 0, 0.0
-        for _ in range(ROUNDS):
+        least, change, failed, largest_unnoticed = known, begin, 0, 0.0
+        for _ in range(MAX_ROUNDS):
             trial = self.trial(run, [(number, change)], whole)
             if trial.ratio > 1 and (least is None or abs(change) < abs(least[0])):
                 least = change, trial
             if trial.failed:
-                change, failed = DOWN * change, failed + 1
-                if failed == IN_TURN:
+                change, failed = FAILED_CHANGE_FACTOR * change, failed + 1
+                if failed == MAX_FAILED_CHANGES:
                     break
                 continue
-            same = trial.limits[run.solver][0]
-            if trial.ratio > 1 and 1 / NEAR <= same.factor <= 1:
-                return self.by_another(run, number, change, trial) or noticed(
-                    number, same.factor * change, run, same.channel
+            limit = trial.limits[run.solver][0]
+            if trial.ratio > 1 and 1 / ACCEPTED_RATIO <= limit.factor <= 1:
+                return self.try_other_solver(run, number, change, trial) or noticed_finding(
+                    number, limit.factor * change, run, limit.channel
                 )
-            estimate = self.nearest(run, number, change, trial)
+            estimate = self.estimate_change(run, number, change, trial)
             if not estimate or (least is None and abs(estimate) > number.step):
                 break  # the rate was only rounding
             following = math.copysign(min(2 * abs(estimate), number.step), estimate)
             if trial.ratio <= 1:
-                quiet = max(quiet, abs(change))
-            if least and quiet:  # the rates are wrong, since the error is quadratic, for example
-                following = math.copysign(math.sqrt(quiet * abs(least[0])), least[0])
+                largest_unnoticed = max(largest_unnoticed, abs(change))
+            if (
+                least and largest_unnoticed
+            ):  # the rates are wrong, since the error is quadratic, for example
+                following = math.copysign(math.sqrt(largest_unnoticed * abs(least[0])), least[0])
             change = following
         if least is None:
             return None
         change, trial = least
-        return noticed(number, change, run, trial.channel, trial.failed)
+        return noticed_finding(number, change, run, trial.channel, trial.failed)
 
-    def by_another(
+    def try_other_solver(
         self, run: Baseline, number: Number, change: float, trial: Trial
     ) -> Finding | None:
         """The finding of another solver of the run, if the rates promise a smaller change there."""
@@ -440,55 +459,55 @@ class Search:
         others = [one for one in self.runs() if one.kind == run.kind and one is not run]
         for other in others:
             promised = trial.limits[other.solver][0].factor
-            if promised < SOONER * own:
+            if promised < PROMISED_SHARE * own:
                 again = self.trial(other, [(number, 2 * promised * change)])
                 limit = again.limits[other.solver][0] if again.limits else None
-                if again.ratio > 1 and limit and 1 / NEAR <= limit.factor <= 1:
-                    return noticed(
+                if again.ratio > 1 and limit and 1 / ACCEPTED_RATIO <= limit.factor <= 1:
+                    return noticed_finding(
                         number, limit.factor * 2 * promised * change, other, limit.channel
                     )
         return None
 
-    def sooner(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
+    def try_half_changes(self, known: Mapping[Number, Finding]) -> dict[Number, Finding]:
         """The findings after other runs were tried with half of the changes that were found."""
         found = dict(known)
         for run in self.runs():
-            for alike in (True, False):
+            for is_same_kind in (True, False):
                 others = [
                     number
                     for number, one in found.items()
                     if one.noticed
                     and not one.refused
                     and (one.run, one.solver) != run.name
-                    and (one.run == run.kind) == alike
+                    and (one.run == run.kind) == is_same_kind
                 ]
-                for number in self.noticed_sooner(run, others, found, alike):
+                for number in self.noticed_at_half(run, others, found, is_same_kind):
                     one = found[number]
-                    other = self.smallest(run, number, one.change, None, whole=True)
+                    other = self.find_smallest(run, number, one.change, None, whole=True)
                     if other and abs(other.change) < abs(one.change):
                         found[number] = other
         return found
 
-    def noticed_sooner(
+    def noticed_at_half(
         self,
         run: Baseline,
         group: Sequence[Number],
         found: Mapping[Number, Finding],
-        alike: bool,
+        is_same_kind: bool,
     ) -> list[Number]:
         """The numbers of which a run notices half of the smallest change found so far.
 
-        If the run is of the same kind, `alike`, the rates have shown already which changes
+        If the run is of the same kind, `is_same_kind`, the rates have shown already which changes
         it notices, but it may still refuse a change of any size.  So the changes in a group are
         then so small that together they are less than is noticed.
         """
 
-        def asks(some: Sequence[Number]) -> bool:
-            share = 0.5 / len(some) if alike else 0.5
-            changes = [(number, share * found[number].change) for number in some]
+        def asks(part: Sequence[Number]) -> bool:
+            share = 0.5 / len(part) if is_same_kind else 0.5
+            changes = [(number, share * found[number].change) for number in part]
             return self.trial(run, changes).ratio > 1
 
-        alone = parted(group, asks, self.pool.map)
+        alone = halve_noticed(group, asks, self.pool.map)
         return [number for number in alone if asks([number])]
 
     def differing(self) -> Iterator[str]:
@@ -499,10 +518,10 @@ class Search:
 
     def checked(self) -> Iterator[CheckedRun]:
         """How closely each solver of each run is checked."""
-        there = {one.name: one for one in self.before}
+        baselines = {one.name: one for one in self.before}
         for kind, run in self.case.run.items():
             for solver in run.solvers:
-                count, one = len(self.case.channels_of(kind)), there.get((kind, solver))
+                count, one = len(self.case.channels_of(kind)), baselines.get((kind, solver))
                 if one is None or not one.errors:
                     yield CheckedRun(kind, solver, 0, count)
                     continue
@@ -523,8 +542,8 @@ class Search:
 
     def parameters(self) -> Iterator[Finding]:
         """Findings on the reference's parameters, from the detectable changes of comparisons."""
-        for name, value in changeable(self.case).items():
-            blank = Finding("parameter", name, "", value, SHARE * abs(value), False)
+        for name, value in changeable_parameters(self.case).items():
+            blank = Finding("parameter", name, "", value, CHANGE_SHARE * abs(value), False)
             estimate = [
                 (change.size * (abs(value) if change.relative else 1.0), c)
                 for one in self.before
@@ -542,30 +561,30 @@ class Search:
                 )
 
 
-def grouped(there: Sequence[Number]) -> dict[str, list[Number]]:
-    """Numbers in groups of one kind and of at most `CHUNK`, by labels."""
+def group_numbers(there: Sequence[Number]) -> dict[str, list[Number]]:
+    """Numbers in groups of one kind and of at most `GROUP_SIZE`, by labels."""
     groups: dict[str, list[Number]] = {}
     for kind in dict.fromkeys(number.kind for number in there):
         own = [number for number in there if number.kind == kind]
-        for k in range(0, len(own), CHUNK):
-            groups[f"{kind} {k // CHUNK + 1}"] = own[k : k + CHUNK]
+        for k in range(0, len(own), GROUP_SIZE):
+            groups[f"{kind} {k // GROUP_SIZE + 1}"] = own[k : k + GROUP_SIZE]
     return groups
 
 
-def parted(
-    group: Sequence[Some], asks: Callable[[Sequence[Some]], bool], each: Each = map
-) -> list[Some]:
+def halve_noticed(
+    group: Sequence[Item], is_noticed: Callable[[Sequence[Item]], bool], each: MapFunction = map
+) -> list[Item]:
     """The members of a group that are left after halving each part that is noticed.
 
-    >>> parted("abcdefgh", lambda some: "c" in some)
+    >>> halve_noticed("abcdefgh", lambda some: "c" in some)
     ['c', 'd']
     """
-    level: list[Sequence[Some]] = [group] if group else []
-    alone = list[Some]()
+    level: list[Sequence[Item]] = [group] if group else []
+    alone = list[Item]()
     while level:
         alone += [some[0] for some in level if len(some) == 1]
         several = [some for some in level if len(some) > 1]
-        yes = each(asks, several)
+        yes = each(is_noticed, several)
         inside = [some for some, one in zip(several, yes, strict=True) if one]
         level = [
             half for some in inside for half in (some[: len(some) // 2], some[len(some) // 2 :])
@@ -573,38 +592,38 @@ def parted(
     return alone
 
 
-def goes_below(kind: str, value: float, step: float) -> bool:
+def is_decreased(kind: str, value: float, step: float) -> bool:
     """Whether a number is decreased as well as increased."""
-    return kind not in POSITIVE or value >= step
+    return kind not in POSITIVE_KINDS or value >= step
 
 
-def sides_of(number: Number) -> tuple[int, ...]:
+def signs_of_change(number: Number) -> tuple[int, ...]:
     """The signs of the changes of a number."""
-    return (1, -1) if goes_below(number.kind, number.value, number.step) else (1,)
+    return (1, -1) if is_decreased(number.kind, number.value, number.step) else (1,)
 
 
-def draws(group: Sequence[Number]) -> Iterator[Changes]:
+def random_changes(group: Sequence[Number]) -> Iterator[Changes]:
     """Random changes of a group, with random signs; then others with the opposite signs.
 
     A number that is not decreased is increased both times.  No change is smaller than that of the
     number alone.
     """
-    chosen = random.Random(" ".join(number.name for number in group))
-    sides = [chosen.choice((1, -1)) for _ in group]
+    generator = random.Random(" ".join(number.name for number in group))
+    sides = [generator.choice((1, -1)) for _ in group]
     for turn in (1, -1):
         changes = []
         for number, side in zip(group, sides, strict=True):
-            sign = turn * side if len(sides_of(number)) > 1 else 1
-            changes.append((number, sign * chosen.uniform(1.0, MOST) * number.step))
+            sign = turn * side if len(signs_of_change(number)) > 1 else 1
+            changes.append((number, sign * generator.uniform(1.0, MAX_GROUP_CHANGE) * number.step))
         yield changes
 
 
-def noticed(
+def noticed_finding(
     number: Number, change: float, run: Baseline, channel: str, failed: str = ""
 ) -> Finding:
     """The finding of a number that is noticed."""
     return replace(
-        not_noticed(number),
+        unnoticed_finding(number),
         noticed=True,
         change=float(change),
         run=run.kind,
@@ -614,6 +633,6 @@ def noticed(
     )
 
 
-def not_noticed(number: Number) -> Finding:
+def unnoticed_finding(number: Number) -> Finding:
     """The finding of a number that is not noticed."""
     return Finding(number.kind, number.of, number.unit, number.value, number.step, noticed=False)

@@ -30,55 +30,71 @@ from typing import Any, cast
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.analytic.remember import Memory, memory_in_use
+from proofmass.analytic.remember import Memory, use_memory
 from proofmass.case import Case
-from proofmass.changed import mutant, numbers
-from proofmass.compare import allowed_error, changeable
-from proofmass.engines import computes, engine_of
+from proofmass.changed import numbers_of_case, with_changed_model
+from proofmass.compare import allowed_error, changeable_parameters
+from proofmass.engines import computes_curves, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text
-from proofmass.outcome import FAILURES
+from proofmass.outcome import OUTCOME_OF_EXCEPTION
 from proofmass.recorded import Recorded
 from proofmass.reference import (
-    compiled,
+    all_quantities,
+    assembly_modes,
+    compiled_model,
     evaluate,
-    modes,
-    module_of,
-    quantities,
-    reads_model,
-    unit_of,
+    load_reference,
+    parameter_unit,
+    reference_reads_model,
 )
 from proofmass.sim.contents import highest_frequency
 from proofmass.sim.protocol import BadModel, Curves, ParameterValues
-from proofmass.sim.stability import limit
-from proofmass.solve import plan, run_here, settings_of, simulate
+from proofmass.sim.stability import stability_limit
+from proofmass.solve import call_engine, plan_run, settings_of, solve_here
 from proofmass.strict import Kind
-from proofmass.wording import format_list, number, pretty
+from proofmass.wording import format_list, format_unit, number
 
-SMALL = 1e-6  # relative change of a parameter for a slope, whose rounding is then 1e-10 of it
-AGREES = 2.0  # times the tolerance, up to which a channel agrees: engine and fit both have errors
-NEARLY = 1e-3  # share of its difference with which a channel agrees as well, as slopes are inexact
-SHARE = 0.5  # largest such share of a channel within AGREES, whose difference may be small already
-COST = {0: 0.0, 1: 0.01, 2: 0.1, 3: 0.25}
+SLOPE_STEP = 1e-6  # relative change of a parameter for a slope, whose rounding is then 1e-10 of it
+AGREEMENT_FACTOR = (
+    2.0  # times the tolerance, up to which a channel agrees: engine and fit both have errors
+)
+AGREEMENT_SHARE = (
+    1e-3  # share of its difference with which a channel agrees as well, as slopes are inexact
+)
+MAX_REMAINING_SHARE = (
+    0.5  # largest such share of a channel within AGREES, whose difference may be small already
+)
+HANDICAPS = {0: 0.0, 1: 0.01, 2: 0.1, 3: 0.25}
 """Handicap of a cause in the ranking, as a share of the channels that differ, by how freely it was
 chosen, see `Explanation.free`."""
-EARLY = (0.1, 0.4)  # shares of a run that are fitted by themselves before the whole run
-ALIKE = 0.1  # share of a channel's difference that remains after a change that it agrees with
-ITERATIONS = 12  # most steps of a fit; each but the first doubles the number of correct digits
-ENDED = 1e-13  # relative change of a parameter at which a fit ends: it is rounding
-RIVAL = 0.1  # share left to first order, up to which a cause is fitted after one explains all
-TINY = 1e-8  # relative change of a parameter up to which a step is not halved
-HALVINGS = 6  # trials of a step of a fit, halved if it does not fit better; halvings of a time step
-LEAST_GAIN = 0.999  # share of the misfit that a step may leave; a smaller gain is rounding
-PAIRS = 4  # pairs of parameters that are fitted: those that leave least to first order
-KEPT = 5  # causes that are kept
-EXACT = 1e-6  # share of the differences that a cause may leave to be called exact
-SECONDS = 6.0  # of processor time, after which no other fit begins; a slow reference takes 0.5 s
-MODEL = "number of the model"  # a kind of cause
-SAMPLES = 48  # samples of a sweep that suffice to fit a number; its end may be left out
-MODEL_SECONDS = 6.0  # as SECONDS, for numbers of the model, with which the engine runs again
-LEFT_OUT = ("inertia", "softness of the loop", "softness of the stop")  # kinds that are not fitted
-FACTORS = {
+EARLY_SHARES = (0.1, 0.4)  # shares of a run that are fitted by themselves before the whole run
+SAME_CHANGE_SHARE = (
+    0.1  # share of a channel's difference that remains after a change that it agrees with
+)
+MAX_ITERATIONS = 12  # most steps of a fit; each but the first doubles the number of correct digits
+CONVERGED_CHANGE = 1e-13  # relative change of a parameter at which a fit ends: it is rounding
+RIVAL_SHARE = 0.1  # share left to first order, up to which a cause is fitted after one explains all
+TINY_CHANGE = 1e-8  # relative change of a parameter up to which a step is not halved
+MAX_HALVINGS = (
+    6  # trials of a step of a fit, halved if it does not fit better; halvings of a time step
+)
+MAX_MISFIT_RATIO = 0.999  # share of the misfit that a step may leave; a smaller gain is rounding
+MAX_FITTED_PAIRS = 4  # pairs of parameters that are fitted: those that leave least to first order
+MAX_CAUSES = 5  # causes that are kept
+EXACT_SHARE = 1e-6  # share of the differences that a cause may leave to be called exact
+FIT_SECONDS = (
+    6.0  # of processor time, after which no other fit begins; a slow reference takes 0.5 s
+)
+MODEL_KIND = "number of the model"  # a kind of cause
+SWEEP_SAMPLES = 48  # samples of a sweep that suffice to fit a number; its end may be left out
+MODEL_FIT_SECONDS = 6.0  # as SECONDS, for numbers of the model, with which the engine runs again
+UNFITTED_KINDS = (
+    "inertia",
+    "softness of the loop",
+    "softness of the stop",
+)  # kinds that are not fitted
+KNOWN_FACTORS = {
     "with the opposite sign": (-1.0, ""),
     "in degrees, not in radians": (180 / np.pi, "rad"),
     "in radians, not in degrees": (np.pi / 180, "rad"),
@@ -90,19 +106,21 @@ FACTORS = {
 }
 """Factors on a curve that are tried, by their descriptions, and the units that each is tried for,
 by their first words; the empty text means all units."""
-TURNS = {"a whole turn": 2 * np.pi, "half a turn": np.pi, "a quarter turn": np.pi / 2}
+ANGLE_OFFSETS = {"a whole turn": 2 * np.pi, "half a turn": np.pi, "a quarter turn": np.pi / 2}
 """Offsets of an angle that have a name [rad]."""
-LATE = {"one sample": 1, "two samples": 2}
+SAMPLE_SHIFTS = {"one sample": 1, "two samples": 2}
 """Shifts of a curve that have a name, in samples."""
-AGAIN = 0.3  # [s] longest wall time of a run that is made again with changes
-FALLS = 0.6  # share of a difference that half a time step leaves if the error is of order 3/4
-HIGHEST = 6  # highest order of an integrator
-WORSE = 1.1  # factor on the difference above which a change is said to make it larger
-PLACE = 1e-5  # relative difference up to which a number of the model is the fitted one
-FEW = 4  # most lines of the model that are named
-NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
-FAILED_RUN: tuple[type[Exception], ...] = (InputError, BadModel, *FAILURES)
-Known = dict[str, Array]
+MAX_REPEATED_SECONDS = 0.3  # [s] longest wall time of a run that is made again with changes
+FALLING_SHARE = (
+    0.6  # share of a difference that half a time step leaves if the error is of order 3/4
+)
+MAX_ORDER = 6  # highest order of an integrator
+WORSE_RATIO = 1.1  # factor on the difference above which a change is said to make it larger
+NUMBER_TOLERANCE = 1e-5  # relative difference up to which a number of the model is the fitted one
+MAX_NAMED_LINES = 4  # most lines of the model that are named
+NUMBER_PATTERN = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+RUN_EXCEPTIONS: tuple[type[Exception], ...] = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
+ChannelCurves = dict[str, Array]
 
 
 @dataclass(frozen=True)
@@ -124,7 +142,7 @@ class Explanation:
     differing : int
         How many channels differ.
     free : int
-        How freely the change was chosen, see `COST`: 0 without a fitted number, such as a
+        How freely the change was chosen, see `HANDICAPS`: 0 without a fitted number, such as a
         sign; 1 one fitted parameter; 2 a fitted factor, offset or shift, which any channel may
         have; 3 two fitted parameters.
     changes : mapping of str to tuple of float
@@ -215,11 +233,13 @@ class Diagnosis:
         best, *others = self.causes
         rest = [name for name in self.differing if name not in best.explains]
         does = "puts {} right" if best.kind != "finer" else "reduces the error of {}"
-        right = f"{does.format(self.much(best))}, {number(best.left, 2)} of the error left"
+        right = (
+            f"{does.format(self.count_explained(best))}, {number(best.left, 2)} of the error left"
+        )
         found = [best.words, right + f"; not {format_list(rest)}" * bool(rest)]
         found += [f"as good: {format_list(best.same)}"] * bool(best.same)
         if others:
-            right = f"{self.much(others[0])} right, " if others[0].score > 0 else ""
+            right = f"{self.count_explained(others[0])} right, " if others[0].score > 0 else ""
             left = number(others[0].left, 2)
             found.append(f"next best: {others[0].words} ({right}{left} left)")
         return [*found, *self.remarks]
@@ -230,7 +250,7 @@ class Diagnosis:
         head = "failed" if self.failed else "cause"
         return f"{head}: " + f"\n{' ' * 9}".join(self.lines)
 
-    def much(self, cause: Explanation) -> str:
+    def count_explained(self, cause: Explanation) -> str:
         """A phrase on how many of the channels that differ a cause explains."""
         many, there = len(cause.explains), len(self.differing)
         if many < there:
@@ -246,14 +266,14 @@ class Residuals:
     """
 
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
-        self.case, self.curves, self.parameters = case, curves, changeable(case)
+        self.case, self.curves, self.parameters = case, curves, changeable_parameters(case)
         self.memory: Memory = {}
         self.run, self.solver = run, solver
-        self.stride = max(curves.x.size // SAMPLES, 1) if run == "sweep" else 1
+        self.stride = max(curves.x.size // SWEEP_SAMPLES, 1) if run == "sweep" else 1
         largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
         self.sizes = {key: abs(value) or largest for key, value in self.parameters.items()}
         begin = time.process_time()
-        with memory_in_use(self.memory, more=True):
+        with use_memory(self.memory, store_results=True):
             reference = evaluate(case, run, curves.x, curves.drive).channels
         self.seconds = time.process_time() - begin
         self.allowed = {
@@ -265,28 +285,28 @@ class Residuals:
         }
         self.curve = self.scaled(curves.channels)
         self.reference = self.scaled(reference)
-        self.before = self.less(self.reference)
+        self.before = self.subtract(self.reference)
         self.differing = tuple(n for n, y in self.before.items() if np.abs(y).max() > 1.0)
 
-    def scaled(self, curves: Mapping[str, Array]) -> Known:
+    def scaled(self, curves: Mapping[str, Array]) -> ChannelCurves:
         """The checked channels of curves in SI units, as multiples of the allowed errors."""
         return {name: curves[name] / allowed for name, allowed in self.allowed.items()}
 
-    def less(self, reference: Known) -> Known:
+    def subtract(self, reference: ChannelCurves) -> ChannelCurves:
         """The curves of the solver minus a reference; both as multiples of the allowed errors."""
         return {name: self.curve[name] - reference[name] for name in self.allowed}
 
-    def at(self, changed: Mapping[str, float]) -> Known:
+    def at(self, changed: Mapping[str, float]) -> ChannelCurves:
         """The differences to the reference at other parameters; empty if that does not exist."""
         try:
-            with memory_in_use(self.memory, more=False), np.errstate(all="ignore"):
+            with use_memory(self.memory, store_results=False), np.errstate(all="ignore"):
                 found = evaluate(
                     self.case, self.run, self.curves.x, self.curves.drive, **changed
                 ).channels
         except InputError:  # the changed mechanism cannot be assembled everywhere
             return {}
-        differences = self.less(self.scaled(found))
-        return differences if np.isfinite(size(differences)) else {}
+        differences = self.subtract(self.scaled(found))
+        return differences if np.isfinite(rms(differences)) else {}
 
     def value(self, key: str, share: float) -> float:
         """A parameter after a change by a share of it, or of the largest parameter if it is 0."""
@@ -294,9 +314,9 @@ class Residuals:
 
     def unit(self, key: str) -> str:
         """The unit of a parameter."""
-        return unit_of(self.case, key)
+        return parameter_unit(self.case, key)
 
-    def at_shares(self, shares: Mapping[str, float]) -> Known:
+    def at_shares(self, shares: Mapping[str, float]) -> ChannelCurves:
         """The differences at parameters that are changed by shares; empty as for `at`."""
         if not any(shares.values()):
             return self.before
@@ -307,8 +327,8 @@ class Residuals:
         most = float(np.abs(after).max())
         was = float(np.abs(self.before[name]).max())
         if name not in self.differing:
-            return most <= AGREES
-        return most <= max(min(AGREES, SHARE * was), NEARLY * was)
+            return most <= AGREEMENT_FACTOR
+        return most <= max(min(AGREEMENT_FACTOR, MAX_REMAINING_SHARE * was), AGREEMENT_SHARE * was)
 
     def time_for_another(self, deadline: float) -> bool:
         """Whether the reference can be evaluated at other parameters before a deadline."""
@@ -318,7 +338,7 @@ class Residuals:
         self,
         kind: str,
         words: str,
-        after: Known,
+        after: ChannelCurves,
         free: int = 0,
         changes: Mapping[str, tuple[float, float]] | None = None,
     ) -> Explanation:
@@ -333,7 +353,7 @@ class Residuals:
             words,
             explains,
             tuple(n for n in after if n not in agree and n not in self.differing),
-            left(self.before, after, explains),
+            remaining_share(self.before, after, explains),
             len(self.differing),
             free,
             changes or {},
@@ -350,34 +370,34 @@ class ModelResiduals(Residuals):
 
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
         super().__init__(case, run, solver, curves)
-        if reads_model(case):
+        if reference_reads_model(case):
             self.allowed = {n: most for n, most in self.allowed.items() if n in case.laws}
             self.differing = tuple(n for n in self.differing if n in case.laws)
         for known in (self.curve, self.reference, self.before):
             kept = {name: known[name][:: self.stride] for name in self.allowed}
             known.clear()
             known.update(kept)
-        self.numbers = {n.name: n for n in numbers(case) if n.kind not in LEFT_OUT}
+        self.numbers = {n.name: n for n in numbers_of_case(case) if n.kind not in UNFITTED_KINDS}
         self.parameters = {name: number.value for name, number in self.numbers.items()}
         self.sizes = {n: abs(one.value) or 10.0 * one.step for n, one in self.numbers.items()}
         self.seconds += curves.seconds / self.stride
 
-    def at(self, changed: Mapping[str, float]) -> Known:
+    def at(self, changed: Mapping[str, float]) -> ChannelCurves:
         """The differences of the engine's curves with other numbers; empty if the run fails."""
         changes = [(self.numbers[key], v - self.parameters[key]) for key, v in changed.items()]
         try:
             with TemporaryDirectory() as folder:
-                other = mutant(self.case, changes, Path(folder))
-                asked = plan(other, self.run, self.solver)
+                other = with_changed_model(self.case, changes, Path(folder))
+                asked = plan_run(other, self.run, self.solver)
                 asked = replace(asked, x=asked.x[:: self.stride])
-                curves = simulate(self.solver.partition(":")[0], other.model_path, asked)
-        except FAILED_RUN:
+                curves = call_engine(self.solver.partition(":")[0], other.model_path, asked)
+        except RUN_EXCEPTIONS:
             return {}
         if curves.x.size != asked.x.size or not self.allowed.keys() <= curves.channels.keys():
             return {}
         mine = self.scaled(curves.channels)
         differences = {name: mine[name] - self.reference[name] for name in self.allowed}
-        return differences if np.isfinite(size(differences)) else {}
+        return differences if np.isfinite(rms(differences)) else {}
 
     def repeats(self) -> bool:
         """Whether a run of the unchanged model gives the given curves again.
@@ -386,26 +406,28 @@ class ModelResiduals(Residuals):
         """
         again = self.at({})
         apart = {name: y - self.before[name] for name, y in again.items()}
-        return bool(apart) and size(apart) <= NEARLY * size(self.before)
+        return bool(apart) and rms(apart) <= AGREEMENT_SHARE * rms(self.before)
 
     def unit(self, key: str) -> str:
         """The unit of a number."""
         return self.numbers[key].unit
 
 
-def size(differences: Known, names: Sequence[str] | None = None, end: int | None = None) -> float:
+def rms(
+    differences: ChannelCurves, names: Sequence[str] | None = None, end: int | None = None
+) -> float:
     """Root mean square of the differences of all channels or of some, up to a sample."""
     parts = [differences[name][:end] for name in (differences if names is None else names)]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def left(before: Known, after: Known, explains: Sequence[str]) -> float:
+def remaining_share(before: ChannelCurves, after: ChannelCurves, explains: Sequence[str]) -> float:
     """The root mean square of differences after a change over that before.
 
     It is that of the channels that are explained, or of all channels if none is.
     """
     names = [n for n in (explains or before) if n in after]
-    return size({**before, **after}, names or None) / size(before, names or None)
+    return rms({**before, **after}, names or None) / rms(before, names or None)
 
 
 def find_causes(
@@ -443,230 +465,267 @@ def find_causes(
     'rocker = 2.5 m instead of 2.4 m (+4.167 %)'
     """
     begin = time.perf_counter()
-    there = Residuals(case, run, solver, curves)
+    residuals = Residuals(case, run, solver, curves)
     found, remarks = list[Explanation](), list[str]()
-    if there.differing:
-        found += [*factors(there), *offsets(there), *other_quantities(there), *shifts(there)]
-        found += [*other_modes(there), *parameters(there, time.process_time() + SECONDS)]
-        if thorough and computes(solver):
+    if residuals.differing:
+        found += [
+            *factor_causes(residuals),
+            *offset_causes(residuals),
+            *quantity_causes(residuals),
+            *shift_causes(residuals),
+        ]
+        found += [
+            *mode_causes(residuals),
+            *parameter_causes(residuals, time.process_time() + FIT_SECONDS),
+        ]
+        if thorough and computes_curves(solver):
             best = max((c.score for c in found if c.free <= 1), default=0)
-            found += numbers_of_model(there, best)
-        shorter = [*finer(there, run, solver)]
+            found += model_causes(residuals, best)
+        shorter = [*finer_causes(residuals, run, solver)]
         found += [cause for cause, _ in shorter if cause]
         remarks = [words for _, words in shorter if words]
-    causes = ranked(found)
-    remarks += places(case, causes[0]) if causes else []
+    causes = best_causes(found)
+    remarks += locate_values(case, causes[0]) if causes else []
     return Diagnosis(
         case.name,
         run,
         solver,
-        there.differing,
-        len(there.allowed),
+        residuals.differing,
+        len(residuals.allowed),
         causes,
-        tried(there, thorough),
+        describe_tried(residuals, thorough),
         tuple(remarks),
         time.perf_counter() - begin,
     )
 
 
-def tried(there: Residuals, thorough: bool) -> tuple[str, ...]:
+def describe_tried(residuals: Residuals, thorough: bool) -> tuple[str, ...]:
     """Descriptions of the changes that are tried with a case."""
     words = ["sign, unit, factor and offset of each channel", "shifts along x"]
     words += ["other quantities of the reference"]
-    if len(modes(there.case)) > 1:
+    if len(assembly_modes(residuals.case)) > 1:
         words.append("other assembly modes")
-    if there.parameters:
+    if residuals.parameters:
         words.append("each parameter, and pairs of them")
-    if thorough and computes(there.solver) and there.curves.seconds <= AGAIN * there.stride:
-        words.append(f"numbers of the model in {MODEL_SECONDS:g} s of processor time")
+    if (
+        thorough
+        and computes_curves(residuals.solver)
+        and residuals.curves.seconds <= MAX_REPEATED_SECONDS * residuals.stride
+    ):
+        words.append(f"numbers of the model in {MODEL_FIT_SECONDS:g} s of processor time")
     return tuple(words)
 
 
-def rank(cause: Explanation) -> tuple[float, float]:
+def rank_key(cause: Explanation) -> tuple[float, float]:
     """The key by which causes are ranked, smallest first.
 
-    The first number is the handicap of `COST` less the share of channels that the cause
+    The first number is the handicap of `HANDICAPS` less the share of channels that the cause
     explains, or 0 if it explains none; the second is the share of the differences that it leaves.
     """
-    return COST[cause.free] - cause.share if cause.score > 0 else 0.0, cause.left
+    return HANDICAPS[cause.free] - cause.share if cause.score > 0 else 0.0, cause.left
 
 
-def order(cause: Explanation) -> tuple[float, ...]:
-    """The key of `rank`, with exact causes sorted by digits of their values, then by change.
+def sort_key(cause: Explanation) -> tuple[float, ...]:
+    """The key of `rank_key`, with exact causes sorted by digits of their values, then by change.
 
     The share that an exact cause leaves is only rounding.  A value with few digits is more likely,
     since people write round numbers.
     """
-    first, left = rank(cause)
+    first, left = rank_key(cause)
     changes = cause.changes.values()
     digits = sum(len(f"{new:.5e}".lstrip("-").partition("e")[0].rstrip("0")) for _, new in changes)
-    return first, max(left, EXACT), digits, sum(abs(new / old - 1) for old, new in changes if old)
+    return (
+        first,
+        max(left, EXACT_SHARE),
+        digits,
+        sum(abs(new / old - 1) for old, new in changes if old),
+    )
 
 
-def ranked(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
+def best_causes(causes: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """The best causes; those that fit the curves equally well are joined into one.
 
     Causes that leave all of the differences are dropped.
     """
     kept = list[Explanation]()
-    for cause in sorted(causes, key=order):
-        alike = [
+    for cause in sorted(causes, key=sort_key):
+        equal = [
             k
             for k, other in enumerate(kept)
             if other.explains == cause.explains != ()
             and cause.free <= 2
-            and max(other.left, cause.left) <= max(EXACT, 1.01 * min(other.left, cause.left))
+            and max(other.left, cause.left) <= max(EXACT_SHARE, 1.01 * min(other.left, cause.left))
         ]
-        if alike:
-            first = kept[alike[0]]
-            kept[alike[0]] = replace(first, same=(*first.same, cause.words))
-        elif cause.score > 0 or cause.left < LEAST_GAIN:
+        if equal:
+            first = kept[equal[0]]
+            kept[equal[0]] = replace(first, same=(*first.same, cause.words))
+        elif cause.score > 0 or cause.left < MAX_MISFIT_RATIO:
             kept.append(cause)
-    return tuple(kept[:KEPT])
+    return tuple(kept[:MAX_CAUSES])
 
 
-def factors(there: Residuals) -> Iterator[Explanation]:
+def factor_causes(residuals: Residuals) -> Iterator[Explanation]:
     """Causes in which channels are a multiple of the reference: by sign, unit, or any factor."""
-    units = {name: there.case.channels[name].si_unit for name in there.differing}
-    moving = [name for name in there.differing if np.ptp(there.reference[name]) > 0]
-    for words, (factor, of) in FACTORS.items():
+    units = {name: residuals.case.channels[name].si_unit for name in residuals.differing}
+    moving = [name for name in residuals.differing if np.ptp(residuals.reference[name]) > 0]
+    for words, (factor, unit_words) in KNOWN_FACTORS.items():
         right = {
             name: left
             for name in moving
-            if (not of or units[name].partition("/")[0].partition(" ")[0] in of.split())
-            and there.agrees(name, left := there.curve[name] / factor - there.reference[name])
+            if (
+                not unit_words
+                or units[name].partition("/")[0].partition(" ")[0] in unit_words.split()
+            )
+            and residuals.agrees(
+                name, left := residuals.curve[name] / factor - residuals.reference[name]
+            )
         }
         if right:
-            yield there.judged("factor", f"{format_list(right)} {words}", right)
+            yield residuals.judged("factor", f"{format_list(right)} {words}", right)
     for name in moving:
-        square = float(there.reference[name] @ there.reference[name])
-        factor = float(there.curve[name] @ there.reference[name]) / square if square else 0.0
-        if not factor or any(abs(factor / known - 1) < 1e-3 for known, _ in FACTORS.values()):
+        square = float(residuals.reference[name] @ residuals.reference[name])
+        factor = (
+            float(residuals.curve[name] @ residuals.reference[name]) / square if square else 0.0
+        )
+        if not factor or any(abs(factor / known - 1) < 1e-3 for known, _ in KNOWN_FACTORS.values()):
             continue
         right = {
             other: left
             for other in moving
-            if there.agrees(other, left := there.curve[other] / factor - there.reference[other])
+            if residuals.agrees(
+                other, left := residuals.curve[other] / factor - residuals.reference[other]
+            )
         }
         if next(iter(right), "") == name:  # otherwise an earlier channel gave the same factor
-            yield there.judged("factor", f"{format_list(right)} times {factor:.6g}", right, 2)
+            yield residuals.judged("factor", f"{format_list(right)} times {factor:.6g}", right, 2)
 
 
-def offsets(there: Residuals) -> Iterator[Explanation]:
+def offset_causes(residuals: Residuals) -> Iterator[Explanation]:
     """Causes in which channels are off by a constant: by parts of a turn, or by any offset."""
-    for name in there.differing:
-        unit, allowed = there.case.channels[name].si_unit, there.allowed[name]
-        offset = float(np.mean(there.before[name])) * allowed
+    for name in residuals.differing:
+        unit, allowed = residuals.case.channels[name].si_unit, residuals.allowed[name]
+        offset = float(np.mean(residuals.before[name])) * allowed
         turn = next(
-            (w for w, t in TURNS.items() if unit == "rad" and abs(abs(offset) / t - 1) < 1e-3), ""
+            (
+                w
+                for w, t in ANGLE_OFFSETS.items()
+                if unit == "rad" and abs(abs(offset) / t - 1) < 1e-3
+            ),
+            "",
         )
         if turn:
-            offset = float(np.copysign(TURNS[turn], offset))
+            offset = float(np.copysign(ANGLE_OFFSETS[turn], offset))
         right = {
             other: left
-            for other in there.differing
-            if there.case.channels[other].si_unit == unit
-            and there.agrees(other, left := there.before[other] - offset / there.allowed[other])
+            for other in residuals.differing
+            if residuals.case.channels[other].si_unit == unit
+            and residuals.agrees(
+                other, left := residuals.before[other] - offset / residuals.allowed[other]
+            )
         }
         if next(iter(right), "") == name:
-            words = turn or f"{offset:.6g} {pretty(unit)}"
+            words = turn or f"{offset:.6g} {format_unit(unit)}"
             way = "" if not turn else " ahead" if offset > 0 else " behind"
             text = f"{format_list(right)} off by {words}{way}"
-            yield there.judged("offset", text, right, 0 if turn else 2)
+            yield residuals.judged("offset", text, right, 0 if turn else 2)
 
 
-def other_quantities(there: Residuals) -> Iterator[Explanation]:
+def quantity_causes(residuals: Residuals) -> Iterator[Explanation]:
     """The cause in which channels equal other quantities of the reference than the sidecar says."""
-    case, curves = there.case, there.curves
-    known = quantities(case, there.run, curves.x, curves.drive, dict(case.parameters))
-    right, words = Known(), []
-    for name in there.differing:
-        channel, allowed = case.channels[name], there.allowed[name]
+    case, curves = residuals.case, residuals.curves
+    known = all_quantities(case, residuals.run, curves.x, curves.drive, dict(case.parameters))
+    right, words = ChannelCurves(), []
+    for name in residuals.differing:
+        channel, allowed = case.channels[name], residuals.allowed[name]
         for quantity, values in known.items() if isinstance(channel.equals, str) else ():
             if quantity == channel.equals or not np.ptp(values) > 0:
                 continue
             expected = channel.scale * np.broadcast_to(values, curves.x.shape)
-            left = there.curve[name] - (expected + channel.shift * channel.factor) / allowed
-            if np.isfinite(left).all() and there.agrees(name, left):
+            left = residuals.curve[name] - (expected + channel.shift * channel.factor) / allowed
+            if np.isfinite(left).all() and residuals.agrees(name, left):
                 right[name] = left
                 words.append(f"{name} equal to {quantity}")
                 break
     if right:
-        yield there.judged("quantity", format_list(words), right)
+        yield residuals.judged("quantity", format_list(words), right)
 
 
-def shifts(there: Residuals) -> Iterator[Explanation]:
+def shift_causes(residuals: Residuals) -> Iterator[Explanation]:
     """Causes in which channels are shifted along x: by one or two samples, or by any step."""
-    moving = [n for n in there.differing if np.ptp(there.reference[n]) > 0]
-    for words, count in LATE.items():
-        for way, mine, own in (
+    moving = [n for n in residuals.differing if np.ptp(residuals.reference[n]) > 0]
+    for words, count in SAMPLE_SHIFTS.items():
+        for direction, mine, own in (
             ("late", slice(count, None), slice(None, -count)),
             ("early", slice(None, -count), slice(count, None)),
         ):
             right = {
                 name: left
                 for name in moving
-                if there.agrees(name, left := there.curve[name][mine] - there.reference[name][own])
+                if residuals.agrees(
+                    name, left := residuals.curve[name][mine] - residuals.reference[name][own]
+                )
             }
             if right:
-                yield there.judged("shift", f"{format_list(right)} {words} {way}", right)
-    if len(there.curves.x) < 8 or not moving:
+                yield residuals.judged("shift", f"{format_list(right)} {words} {direction}", right)
+    if len(residuals.curves.x) < 8 or not moving:
         return
     from scipy.interpolate import CubicSpline  # slow to load
 
-    x, shift, after = there.curves.x, 0.0, dict(there.before)
-    splines = {name: CubicSpline(x, there.reference[name]) for name in moving}
-    for _ in range(ITERATIONS):
+    x, shift, after = residuals.curves.x, 0.0, dict(residuals.before)
+    splines = {name: CubicSpline(x, residuals.reference[name]) for name in moving}
+    for _ in range(MAX_ITERATIONS):
         slope = np.concatenate([-splines[name](x - shift, 1) for name in moving])
         step = float(np.concatenate([after[n] for n in moving]) @ slope / (slope @ slope))
         if not abs(shift + step) < 0.1 * np.ptp(x):
             return
         shift += step
-        after = {name: there.curve[name] - splines[name](x - shift) for name in moving}
-    right = {name: after[name] for name in moving if there.agrees(name, after[name])}
+        after = {name: residuals.curve[name] - splines[name](x - shift) for name in moving}
+    right = {name: after[name] for name in moving if residuals.agrees(name, after[name])}
     if right:
-        way = "late" if shift > 0 else "early"
-        yield there.judged(
-            "shift", f"{format_list(right)} {way} by {abs(shift):.4g} in x", right, 2
+        direction = "late" if shift > 0 else "early"
+        yield residuals.judged(
+            "shift", f"{format_list(right)} {direction} by {abs(shift):.4g} in x", right, 2
         )
 
 
-def other_modes(there: Residuals) -> Iterator[Explanation]:
+def mode_causes(residuals: Residuals) -> Iterator[Explanation]:
     """Causes in which the reference has another assembly mode."""
-    solver = module_of(there.case)
-    if isinstance(solver, Recorded) or not modes(there.case):
+    solver = load_reference(residuals.case)
+    if isinstance(solver, Recorded) or not assembly_modes(residuals.case):
         return
-    own = there.case.parameters.get(
+    own = residuals.case.parameters.get(
         "mode", inspect.signature(solver.solve).parameters["mode"].default
     )
-    for mode in modes(there.case):
-        if mode != own and (after := there.at({"mode": mode})):
-            yield there.judged("assembly mode", f"mode = {mode:+d} instead of {own:+g}", after)
+    for mode in assembly_modes(residuals.case):
+        if mode != own and (after := residuals.at({"mode": mode})):
+            yield residuals.judged("assembly mode", f"mode = {mode:+d} instead of {own:+g}", after)
 
 
-def finer(there: Residuals, run: Kind, solver: str) -> Iterator[tuple[Explanation | None, str]]:
+def finer_causes(
+    residuals: Residuals, run: Kind, solver: str
+) -> Iterator[tuple[Explanation | None, str]]:
     """A cause or a remark on half the time step, and one on twice as many segments of rods.
 
     The run is made again for each, if it was short.
     """
-    case = there.case
-    if there.curves.seconds > AGAIN or not computes(solver):
+    case = residuals.case
+    if residuals.curves.seconds > MAX_REPEATED_SECONDS or not computes_curves(solver):
         return
-    if step := step_of(run, there.curves):
+    if step := time_step_of(run, residuals.curves):
         words = f"a time step of {number(step / 2)} s instead of {number(step)} s"
-        yield again(there, run, solver, words, halved(case, run, solver, step))
+        yield run_finer(residuals, run, solver, words, with_half_step(case, run, solver, step))
     if case.rod:
         rods = {n: r.model_copy(update={"segments": 2 * r.segments}) for n, r in case.rod.items()}
-        yield again(there, run, solver, "twice as many segments", {"rod": rods})
+        yield run_finer(residuals, run, solver, "twice as many segments", {"rod": rods})
 
 
-def step_of(run: Kind, curves: Curves) -> float:
+def time_step_of(run: Kind, curves: Curves) -> float:
     """The time step of a run [s]; 0 if it has none."""
     step = curves.settings.get("timestep")
     return step if run == "dynamics" and isinstance(step, float) else 0.0
 
 
-def halved(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
+def with_half_step(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
     """The settings of a case with half the time step for a solver."""
     engine = engine_of(solver.partition(":")[0])
     parameters = engine.at_step(cast(ParameterValues, settings_of(case, run, solver)), step / 2)
@@ -674,55 +733,61 @@ def halved(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
     return {"settings": {**case.settings, solver: own}}
 
 
-def again(
-    there: Residuals, run: Kind, solver: str, words: str, changed: dict[str, Any]
+def run_finer(
+    residuals: Residuals, run: Kind, solver: str, words: str, changed: dict[str, Any]
 ) -> tuple[Explanation | None, str]:
     """Make a run with shorter steps or segments; give a cause if errors fall, or a remark."""
     try:
-        curves = run_here(there.case.model_copy(update=changed), run, solver)
-        finer = Residuals(there.case, run, solver, curves)
-    except FAILED_RUN as error:
+        curves = solve_here(residuals.case.model_copy(update=changed), run, solver)
+        finer_residuals = Residuals(residuals.case, run, solver, curves)
+    except RUN_EXCEPTIONS as error:
         return None, f"with {words} the run fails: {error}"
-    after = {n: y for n, y in finer.before.items() if n in there.allowed}
-    share = left(there.before, after, there.differing)
-    if share > WORSE:
+    after = {n: y for n, y in finer_residuals.before.items() if n in residuals.allowed}
+    share = remaining_share(residuals.before, after, residuals.differing)
+    if share > WORSE_RATIO:
         return None, f"{words} makes the error {number(share)} times as large"
-    falls = tuple(
+    falling = tuple(
         n
-        for n in there.differing
-        if n in after and np.abs(after[n]).max() <= FALLS * np.abs(there.before[n]).max()
+        for n in residuals.differing
+        if n in after
+        and np.abs(after[n]).max() <= FALLING_SHARE * np.abs(residuals.before[n]).max()
     )
-    if not falls:
+    if not falling:
         return None, f"{words} leaves the error as it is"
-    left_of = left(there.before, after, falls)
-    if left_of < 0.5**HIGHEST:
+    left_of = remaining_share(residuals.before, after, falling)
+    if left_of < 0.5**MAX_ORDER:
         return None, f"{words} leaves {number(left_of)} of the error, less than any order explains"
     text = f"{words} (error of order {number(-np.log2(left_of), 2)})"
-    return Explanation("finer", text, falls, (), left_of, len(there.differing)), ""
+    return Explanation("finer", text, falling, (), left_of, len(residuals.differing)), ""
 
 
-def places(case: Case, cause: Explanation) -> list[str]:
+def locate_values(case: Case, cause: Explanation) -> list[str]:
     """Remarks on the lines of the model in which the value of a cause stands.
 
     For a parameter of the reference it is the fitted value, for a number of the model the value
     that it has now.
     """
     found = []
-    text = read_text(case.model_path).splitlines()
+    model_lines = read_text(case.model_path).splitlines()
     for before, after in cause.changes.values():
-        value = before if cause.kind == MODEL else after
+        value = before if cause.kind == MODEL_KIND else after
         lines = [
             k
-            for k, line in enumerate(text, 1)
-            if any(abs(float(n) - value) <= PLACE * abs(value) for n in NUMBER.findall(line))
+            for k, line in enumerate(model_lines, 1)
+            if any(
+                abs(float(n) - value) <= NUMBER_TOLERANCE * abs(value)
+                for n in NUMBER_PATTERN.findall(line)
+            )
         ]
-        if value and 0 < len(lines) <= FEW:
+        if value and 0 < len(lines) <= MAX_NAMED_LINES:
             where = f"line{'s' * (len(lines) > 1)} {format_list(map(str, lines))}"
             found.append(f"{value:.6g} stands in {case.model}, {where}")
     return found
 
 
-def parameters(there: Residuals, deadline: float, pairs: bool = True) -> Iterator[Explanation]:
+def parameter_causes(
+    residuals: Residuals, deadline: float, pairs: bool = True
+) -> Iterator[Explanation]:
     """Causes by other values of each parameter, and of pairs if no single one explains all.
 
     All changes are first estimated to first order by slopes.  They are then fitted, those with the
@@ -730,54 +795,62 @@ def parameters(there: Residuals, deadline: float, pairs: bool = True) -> Iterato
     """
     slopes = {
         key: slope
-        for key in there.parameters
-        if there.time_for_another(deadline) and (slope := slope_of(there, {}, key))
+        for key in residuals.parameters
+        if residuals.time_for_another(deadline) and (slope := parameter_slope(residuals, {}, key))
     }
-    two = [*combinations(slopes, 2)] if pairs else []
-    for choices, most in (([(k,) for k in slopes], None), (two, PAIRS)):
-        first = sorted((straight(there, keys, slopes) for keys in choices), key=lambda c: c.left)
+    pairs_of_slopes = [*combinations(slopes, 2)] if pairs else []
+    for choices, count in (([(k,) for k in slopes], None), (pairs_of_slopes, MAX_FITTED_PAIRS)):
+        first = sorted(
+            (estimate_cause(residuals, keys, slopes) for keys in choices), key=lambda c: c.left
+        )
         complete = False
-        for cause in first[:most]:
-            rival = not complete or cause.left < RIVAL
-            if rival and there.time_for_another(deadline):
-                cause = fitted(there, tuple(cause.changes), slopes, deadline)
-            complete = complete or cause.score == len(there.differing)
+        for cause in first[:count]:
+            rival = not complete or cause.left < RIVAL_SHARE
+            if rival and residuals.time_for_another(deadline):
+                cause = fit_cause(residuals, tuple(cause.changes), slopes, deadline)
+            complete = complete or cause.score == len(residuals.differing)
             yield cause
         if complete:
             return
 
 
-def numbers_of_model(there: Residuals, score: int) -> Iterator[Explanation]:
+def model_causes(residuals: Residuals, score: int) -> Iterator[Explanation]:
     """Causes by other numbers of the model, if no single change of the reference explains all.
 
     The engine runs again for each number, so nothing is tried if its run is long.
     """
-    if score >= len(there.differing) or there.curves.seconds > AGAIN * there.stride:
+    if (
+        score >= len(residuals.differing)
+        or residuals.curves.seconds > MAX_REPEATED_SECONDS * residuals.stride
+    ):
         return
-    model = ModelResiduals(there.case, there.run, there.solver, there.curves)
+    model = ModelResiduals(residuals.case, residuals.run, residuals.solver, residuals.curves)
     if not model.differing or not model.repeats():
         return
-    deadline = time.process_time() + MODEL_SECONDS
-    for cause in parameters(model, deadline, pairs=False):
-        words = f"in {there.case.model}: {cause.words}"
-        yield replace(cause, kind=MODEL, words=words)
+    deadline = time.process_time() + MODEL_FIT_SECONDS
+    for cause in parameter_causes(model, deadline, pairs=False):
+        words = f"in {residuals.case.model}: {cause.words}"
+        yield replace(cause, kind=MODEL_KIND, words=words)
 
 
-def slope_of(there: Residuals, shares: Mapping[str, float], key: str) -> Known:
+def parameter_slope(residuals: Residuals, shares: Mapping[str, float], key: str) -> ChannelCurves:
     """The derivative of the reference by the share of a parameter, at changed parameters."""
-    start = {name: there.value(name, share) for name, share in shares.items()}
-    before = there.at(start) if any(shares.values()) else there.before
-    for step in (SMALL, -SMALL):
-        moved = there.at({**start, key: there.value(key, shares.get(key, 0.0) + step)})
+    start = {name: residuals.value(name, share) for name, share in shares.items()}
+    before = residuals.at(start) if any(shares.values()) else residuals.before
+    for step in (SLOPE_STEP, -SLOPE_STEP):
+        moved = residuals.at({**start, key: residuals.value(key, shares.get(key, 0.0) + step)})
         if before and moved:
-            slope = {name: (before[name] - moved[name]) / step for name in there.allowed}
+            slope = {name: (before[name] - moved[name]) / step for name in residuals.allowed}
             if max(np.abs(y).max() for y in slope.values()) > 0:
                 return slope
     return {}
 
 
-def solved(
-    differences: Known, slopes: Mapping[str, Known], names: Sequence[str], end: int | None = None
+def solve_least_squares(
+    differences: ChannelCurves,
+    slopes: Mapping[str, ChannelCurves],
+    names: Sequence[str],
+    end: int | None = None,
 ) -> Array:
     """The least-squares changes of some channels' differences, up to a sample, by slopes."""
     matrix = np.stack(
@@ -787,86 +860,97 @@ def solved(
     return np.asarray(np.linalg.lstsq(matrix, y, rcond=None)[0])
 
 
-def straight(there: Residuals, keys: tuple[str, ...], slopes: Mapping[str, Known]) -> Explanation:
+def estimate_cause(
+    residuals: Residuals, keys: tuple[str, ...], slopes: Mapping[str, ChannelCurves]
+) -> Explanation:
     """The cause by other values of some parameters, estimated by slopes at their first values."""
-    mine = {key: slopes[key] for key in keys}
+    own_slopes = {key: slopes[key] for key in keys}
     causes = []
-    for names in {tuple(there.allowed), of_one_mind(there, there.before, mine)} - {()}:
-        step = solved(there.before, mine, names)
+    for names in {
+        tuple(residuals.allowed),
+        agreeing_channels(residuals, residuals.before, own_slopes),
+    } - {()}:
+        step = solve_least_squares(residuals.before, own_slopes, names)
         after = {
-            n: there.before[n] - sum(d * mine[k][n] for k, d in zip(keys, step, strict=True))
-            for n in there.allowed
+            n: residuals.before[n]
+            - sum(d * own_slopes[k][n] for k, d in zip(keys, step, strict=True))
+            for n in residuals.allowed
         }
         shares = {k: float(d) for k, d in zip(keys, step, strict=True)}
-        causes.append(cause_of(there, shares, after, ", to first order"))
+        causes.append(parameter_cause(residuals, shares, after, ", to first order"))
     return min(causes, key=lambda cause: cause.left)
 
 
-def fitted(
-    there: Residuals, keys: tuple[str, ...], slopes: Mapping[str, Known], deadline: float
+def fit_cause(
+    residuals: Residuals,
+    keys: tuple[str, ...],
+    slopes: Mapping[str, ChannelCurves],
+    deadline: float,
 ) -> Explanation:
     """The best fit of some parameters.
 
     It is fitted to all channels; to those that ask for the same change; and to the first samples
     before all of them, since the mechanism may follow another branch later.
     """
-    every, start = tuple(there.allowed), dict.fromkeys(keys, 0.0)
-    mine = {key: slopes[key] for key in keys}
+    all_channels, start = tuple(residuals.allowed), dict.fromkeys(keys, 0.0)
+    own_slopes = {key: slopes[key] for key in keys}
     causes, found = list[Explanation](), start
 
     def attempt(shares: dict[str, float], names: tuple[str, ...], end: int | None = None) -> None:
         nonlocal found
-        found = fit(there, shares, names, deadline, end)
-        if after := there.at({k: there.value(k, s) for k, s in found.items()}):
-            causes.append(cause_of(there, found, after))
+        found = fit_shares(residuals, shares, names, deadline, end)
+        if after := residuals.at({k: residuals.value(k, s) for k, s in found.items()}):
+            causes.append(parameter_cause(residuals, found, after))
 
     def done() -> bool:
-        complete = any(cause.score == len(there.differing) for cause in causes)
-        return complete or not there.time_for_another(deadline)
+        complete = any(cause.score == len(residuals.differing) for cause in causes)
+        return complete or not residuals.time_for_another(deadline)
 
-    attempt(start, every)
-    for shares, differences in ((start, there.before), (found, there.at_shares(found))):
-        if not done() and (here := {k: s for k in keys if (s := slope_of(there, shares, k))}):
-            names = of_one_mind(there, differences, here)
-            if names and names != every:
+    attempt(start, all_channels)
+    for shares, differences in ((start, residuals.before), (found, residuals.at_shares(found))):
+        if not done() and (
+            here := {k: s for k in keys if (s := parameter_slope(residuals, shares, k))}
+        ):
+            names = agreeing_channels(residuals, differences, here)
+            if names and names != all_channels:
                 attempt(dict(shares), names)
-    for share in EARLY:
+    for share in EARLY_SHARES:
         if not done():
-            attempt(start, every, int(share * len(there.curves.x)))
-            attempt(found, every)
-    return min(causes, key=rank) if causes else straight(there, keys, mine)
+            attempt(start, all_channels, int(share * len(residuals.curves.x)))
+            attempt(found, all_channels)
+    return min(causes, key=rank_key) if causes else estimate_cause(residuals, keys, own_slopes)
 
 
-def fit(
-    there: Residuals,
+def fit_shares(
+    residuals: Residuals,
     shares: dict[str, float],
     names: tuple[str, ...],
     deadline: float,
     end: int | None = None,
 ) -> dict[str, float]:
     """Fit the changes, as shares of parameters, to some channels by the Gauss-Newton method."""
-    after = there.at_shares(shares)
-    for _ in range(ITERATIONS):
-        slopes = {k: slope_of(there, shares, k) for k in shares}
-        if not all(slopes.values()) or not there.time_for_another(deadline):
+    after = residuals.at_shares(shares)
+    for _ in range(MAX_ITERATIONS):
+        slopes = {k: parameter_slope(residuals, shares, k) for k in shares}
+        if not all(slopes.values()) or not residuals.time_for_another(deadline):
             break
-        step = solved(after, slopes, names, end)
-        for _ in range(HALVINGS if np.abs(step).max() > TINY else 1):
+        step = solve_least_squares(after, slopes, names, end)
+        for _ in range(MAX_HALVINGS if np.abs(step).max() > TINY_CHANGE else 1):
             moved = {k: s + float(d) for (k, s), d in zip(shares.items(), step, strict=True)}
-            new = there.at_shares(moved)
-            if new and size(new, names, end) < LEAST_GAIN * size(after, names, end):
+            new = residuals.at_shares(moved)
+            if new and rms(new, names, end) < MAX_MISFIT_RATIO * rms(after, names, end):
                 break
             step = 0.5 * step
         else:
             break
         shares, after = moved, new
-        if np.abs(step).max() <= ENDED:
+        if np.abs(step).max() <= CONVERGED_CHANGE:
             break
     return shares
 
 
-def of_one_mind(
-    there: Residuals, differences: Known, slopes: Mapping[str, Known]
+def agreeing_channels(
+    residuals: Residuals, differences: ChannelCurves, slopes: Mapping[str, ChannelCurves]
 ) -> tuple[str, ...]:
     """The largest group of channels whose fits give the same change of one parameter.
 
@@ -876,32 +960,34 @@ def of_one_mind(
     if len(slopes) > 1:
         return best
     (slope,) = slopes.values()
-    for name in there.differing:
+    for name in residuals.differing:
         if not (square := float(slope[name] @ slope[name])):
             continue
         change = float(differences[name] @ slope[name]) / square
         names = tuple(
             other
-            for other in there.differing
+            for other in residuals.differing
             if np.linalg.norm(differences[other] - change * slope[other])
-            <= ALIKE * np.linalg.norm(there.before[other])
+            <= SAME_CHANGE_SHARE * np.linalg.norm(residuals.before[other])
         )
         best = max(best, names, key=len)
     return best
 
 
-def cause_of(
-    there: Residuals, shares: Mapping[str, float], after: Known, note: str = ""
+def parameter_cause(
+    residuals: Residuals, shares: Mapping[str, float], after: ChannelCurves, note: str = ""
 ) -> Explanation:
     """The cause by other values of some parameters, with the differences that it leaves."""
-    changes = {k: (there.parameters[k], there.value(k, s)) for k, s in shares.items()}
+    changes = {k: (residuals.parameters[k], residuals.value(k, s)) for k, s in shares.items()}
     words = []
     for key, (old, new) in changes.items():
-        unit = pretty(there.unit(key).removeprefix("1"))
+        unit = format_unit(residuals.unit(key).removeprefix("1"))
         share = f" ({100 * (new / old - 1):+.4g} %)" if old else ""
         words.append(f"{key} = {new:.6g} {unit} instead of {old:.6g} {unit}".rstrip() + share)
     kind, free = ("parameter", 1) if len(changes) == 1 else ("pair of parameters", 3)
-    return there.judged(kind, " and ".join(words).replace("  ", " ") + note, after, free, changes)
+    return residuals.judged(
+        kind, " and ".join(words).replace("  ", " ") + note, after, free, changes
+    )
 
 
 def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diagnosis:
@@ -928,19 +1014,21 @@ def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diag
         The reference cannot be evaluated.
     """
     begin = time.perf_counter()
-    words = [*first_to_leave(case, run, solver, curves), *violation_growth(curves)]
+    words = [*describe_first_error(case, run, solver, curves), *describe_violation(curves)]
     words += [
-        *beyond_stability(case, run, solver, curves),
-        *shorter_steps(case, run, solver, curves),
+        *describe_stability(case, run, solver, curves),
+        *describe_shorter_steps(case, run, solver, curves),
     ]
     seconds = time.perf_counter() - begin
     return Diagnosis(case.name, run, solver, remarks=tuple(words), seconds=seconds, failed=True)
 
 
-def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+def describe_first_error(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
     """A remark on the channels that left their tolerance first, and at which x."""
-    there = Residuals(case, run, solver, curves)
-    over = {name: int(np.argmax(np.abs(there.before[name]) > 1.0)) for name in there.differing}
+    residuals = Residuals(case, run, solver, curves)
+    over = {
+        name: int(np.argmax(np.abs(residuals.before[name]) > 1.0)) for name in residuals.differing
+    }
     if not over and curves.x.size > 1:
         yield f"no channel left its tolerance until x = {curves.x[-1]:.4g}"
     if not over:
@@ -950,7 +1038,7 @@ def first_to_leave(case: Case, run: Kind, solver: str, curves: Curves) -> Iterat
     yield f"{format_list(at_once)} left the tolerance first, at x = {curves.x[over[name]]:.4g}"
 
 
-def violation_growth(curves: Curves) -> Iterator[str]:
+def describe_violation(curves: Curves) -> Iterator[str]:
     """A remark on the growth of the constraint violation before the failure."""
     size = curves.violations
     if size is None or size.size < 2 or not size.max() > 0:
@@ -965,17 +1053,17 @@ def violation_growth(curves: Curves) -> Iterator[str]:
         )
 
 
-def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+def describe_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
     """A remark on whether the time step is too long for the stiffest spring, by theory."""
-    if not (step := step_of(run, curves)):
+    if not (step := time_step_of(run, curves)):
         return
-    model = compiled(case)
+    model = compiled_model(case)
     engine = engine_of(solver.partition(":")[0])
     scheme = engine.scheme_of(cast(ParameterValues, settings_of(case, run, solver)), model)
     fastest = highest_frequency(model, case.start)
     if scheme is None or not fastest:
         return
-    most = limit(scheme.step)
+    most = stability_limit(scheme.step)
     side = "beyond" if step * fastest > most else "within"
     yield (
         f"dt ω = {number(step * fastest)} of the stiffest spring, {side} the {number(most)} up to "
@@ -983,22 +1071,22 @@ def beyond_stability(case: Case, run: Kind, solver: str, curves: Curves) -> Iter
     )
 
 
-def shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
+def describe_shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -> Iterator[str]:
     """A remark on the longest step of dt/2, dt/4, .. with which the run, if short, succeeds."""
-    if not (step := step_of(run, curves)):
+    if not (step := time_step_of(run, curves)):
         return
-    least, seconds = step, curves.seconds
-    for _ in range(HALVINGS):
-        if (seconds := 2 * seconds) > AGAIN:
+    shortest, seconds = step, curves.seconds
+    for _ in range(MAX_HALVINGS):
+        if (seconds := 2 * seconds) > MAX_REPEATED_SECONDS:
             break
-        changed = halved(case, run, solver, least)
-        least /= 2
+        changed = with_half_step(case, run, solver, shortest)
+        shortest /= 2
         try:
-            run_here(case.model_copy(update=changed), run, solver)
-        except FAILED_RUN:
+            solve_here(case.model_copy(update=changed), run, solver)
+        except RUN_EXCEPTIONS:
             continue
-        words = f"{number(least)} s instead of {number(step)} s"
+        words = f"{number(shortest)} s instead of {number(step)} s"
         yield f"with a time step of {words} it comes to its end"
         return
-    if least < step:
-        yield f"with time steps down to {number(least)} s it fails as well"
+    if shortest < step:
+        yield f"with time steps down to {number(shortest)} s it fails as well"

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 DriveState = tuple[Array, Array, Array]
-LAG = 0.05
+ALLOWED_LAG = 0.05
 """Allowed error of a driven joint as a share of the drive's range: soft drives lag; MuJoCo's lags
 by 2e-3 with default settings."""
 
-EXACT, MOST = 1e-12, 4000
+TABLE_TOLERANCE, MAX_TABLE_ROWS = 1e-12, 4000
 """Allowed error of a table of a profile half way between its rows [share of the range], and its
 largest number of rows."""
 
@@ -111,11 +111,11 @@ class Samples:
         """Value, rate and acceleration of the joint at samples x of a run."""
         if np.array_equal(x, self.x):
             return self.value, self.rate, self.acceleration
-        spline = quintic(self.x, self.value, self.rate, self.acceleration)
+        spline = quintic_spline(self.x, self.value, self.rate, self.acceleration)
         return spline(x), spline(x, 1), spline(x, 2)
 
 
-def quintic(x: Array, value: Array, rate: Array, acceleration: Array) -> "PPoly":
+def quintic_spline(x: Array, value: Array, rate: Array, acceleration: Array) -> "PPoly":
     """Polynomials of fifth degree through values, rates and accelerations (n,) at places x (n,).
 
     scipy's ``BPoly.from_derivatives`` makes the same polynomials, but in a Python loop.
@@ -123,7 +123,7 @@ def quintic(x: Array, value: Array, rate: Array, acceleration: Array) -> "PPoly"
     Examples
     --------
     >>> x = np.linspace(0.0, 2.0, 3)
-    >>> round(float(quintic(x, x**5, 5 * x**4, 20 * x**3)(1.5)), 12) == 1.5**5
+    >>> round(float(quintic_spline(x, x**5, 5 * x**4, 20 * x**3)(1.5)), 12) == 1.5**5
     True
     """
     from scipy.interpolate import PPoly  # slow to load
@@ -155,14 +155,15 @@ def check_driven(run: Run, curves: Curves) -> None:
     Raises
     ------
     Diverged
-        A driven joint is off its profile by more than `LAG` times the largest range of all drives.
+        A driven joint is off its profile by more than `ALLOWED_LAG` times the largest range of all
+        drives.
     """
     if curves.drive is None:
         return
     led = run.motion(curves.x)[0]
     off = np.abs(curves.drive[0] - led)
     way = float(np.ptp(led, axis=1).max(initial=0.0)) or 1.0  # [rad or m] if no drive moves
-    if not (off <= LAG * way).all():
+    if not (off <= ALLOWED_LAG * way).all():
         drive, sample = np.unravel_index(np.argmax(np.nan_to_num(off, nan=np.inf)), off.shape)
         raise Diverged(
             f"joint {run.drives[drive].joint!r} is at "
@@ -198,27 +199,31 @@ def motion_source(laws: Sequence[object], x: Array) -> str:
     """
     if not laws:
         return ""
-    formulas = [formula(law) for law in laws]
+    formulas = [law_formula(law) for law in laws]
     if all(formulas):
         parts = [", ".join(one[k] for one in formulas if one) for k in range(3)]
-        return FORMULA.format(*parts, one=ONE if any("* one" in part for part in parts) else "")
+        return FORMULA_SOURCE.format(
+            *parts, one=ONES_LINE if any("* one" in part for part in parts) else ""
+        )
     times = table_times(laws, x)
     rows = np.array([np.broadcast_arrays(*law(times)) for law in laws])  # type: ignore[operator]
-    return TABLE.format(
-        times=lines_of(times),
-        rows=",\n".join(f"    [{', '.join(lines_of(part) for part in drive)}]" for drive in rows),
+    return TABLE_SOURCE.format(
+        times=format_numbers(times),
+        rows=",\n".join(
+            f"    [{', '.join(format_numbers(part) for part in drive)}]" for drive in rows
+        ),
     )
 
 
-ONE = "    one = np.ones_like(t)\n"
-FORMULA = '''\
+ONES_LINE = "    one = np.ones_like(t)\n"
+FORMULA_SOURCE = '''\
 def motion(t):
     """Values, rates and accelerations (drives, n) of the drives at times (n,) [s]."""
 {one}    return (
         np.array([{}]),
         np.array([{}]),
         np.array([{}]))'''
-TABLE = '''\
+TABLE_SOURCE = '''\
 TIMES = np.array({times})  # s
 TABLE = np.array([  # of each drive values, rates and accelerations at these times
 {rows}])
@@ -243,7 +248,7 @@ def motion(t):
         (a + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2)'''
 
 
-def formula(law: object) -> tuple[str, str, str] | None:
+def law_formula(law: object) -> tuple[str, str, str] | None:
     """A profile as Python expressions of t: value, rate, acceleration; None if it is no formula."""
     if isinstance(law, Steady) and law.x_is_time:
         return f"{law.start!r} + {law.rate!r} * t", f"{law.rate!r} * one", "0.0 * one"
@@ -254,7 +259,7 @@ def formula(law: object) -> tuple[str, str, str] | None:
             f"{half * w!r} * np.sin({w!r} * t)",
             f"{half * w**2!r} * np.cos({w!r} * t)",
         )
-    if isinstance(law, InProportion) and (leader := formula(law.leader)):
+    if isinstance(law, InProportion) and (leader := law_formula(law.leader)):
         value, rate, acceleration = leader
         return (
             f"{law.start!r} + {law.ratio!r} * ({value} - {law.origin!r})",
@@ -267,26 +272,26 @@ def formula(law: object) -> tuple[str, str, str] | None:
 def table_times(laws: Sequence[object], x: Array) -> Array:
     """Times of a table of profiles.
 
-    They are so dense that half way between two of them no profile is off by more than `EXACT` of
-    its range, unless this takes more than `MOST` rows.
+    They are so dense that half way between two of them no profile is off by more than
+    `TABLE_TOLERANCE` of its range, unless this takes more than `MAX_TABLE_ROWS` rows.
     """
     times = x
-    while times.size < MOST:
+    while times.size < MAX_TABLE_ROWS:
         middle = 0.5 * (times[:-1] + times[1:])
         off = 0.0
         for law in laws:
             value, rate, acceleration = np.broadcast_arrays(*law(times))  # type: ignore[operator]
-            spline = quintic(times, value, rate, acceleration)
+            spline = quintic_spline(times, value, rate, acceleration)
             exact = np.broadcast_to(law(middle)[0], middle.shape)  # type: ignore[operator]
             span = float(np.ptp(value)) or 1.0
             off = max(off, float(np.abs(spline(middle) - exact).max()) / span)
-        if off <= EXACT:
+        if off <= TABLE_TOLERANCE:
             break
         times = np.sort(np.append(times, middle))
     return times
 
 
-def lines_of(values: Array) -> str:
+def format_numbers(values: Array) -> str:
     """Write numbers with all their digits, four in a line."""
     numbers = [repr(float(value)) for value in values]
     rows = [", ".join(numbers[k : k + 4]) for k in range(0, len(numbers), 4)]

@@ -6,13 +6,13 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
-from proofmass.errors import suggest
+from proofmass.errors import suggest_names
 
 if TYPE_CHECKING:
     from proofmass.sim.protocol import Engine
 
-GROUP = "proofmass.engines"
-OWN = "proofmass"
+ENTRY_POINT_GROUP = "proofmass.engines"
+OWN_DISTRIBUTION = "proofmass"
 """The distribution whose engines have fixed colours, and are written into new sidecars."""
 
 
@@ -21,38 +21,49 @@ class NoEngine(ValueError):
 
 
 @cache
-def found() -> dict[str, EntryPoint]:
+def engine_entry_points() -> dict[str, EntryPoint]:
     """Entry points by the names of their engines; no engine is imported.
 
     If two distributions provide an engine of the same name, that of this distribution is taken, or
     else the first in the order of their names.
     """
     there: dict[str, EntryPoint] = {}
-    for entry in sorted(entry_points(group=GROUP), key=lambda e: (distribution(e) != OWN, e.name)):
+    for entry in sorted(
+        entry_points(group=ENTRY_POINT_GROUP),
+        key=lambda e: (distribution_of(e) != OWN_DISTRIBUTION, e.name),
+    ):
         there.setdefault(entry.name, entry)
     return there
 
 
-def distribution(entry: EntryPoint) -> str:
+def distribution_of(entry: EntryPoint) -> str:
     """The name of the distribution that provides an engine."""
     return str(entry.dist.name) if entry.dist else ""
 
 
-def brought_by(name: str) -> str:
+def foreign_distribution(name: str) -> str:
     """The distribution that provides an engine; empty for an engine of this distribution."""
-    entry = found().get(name)
-    return "" if entry is None or distribution(entry) == OWN else distribution(entry)
+    entry = engine_entry_points().get(name)
+    return (
+        ""
+        if entry is None or distribution_of(entry) == OWN_DISTRIBUTION
+        else distribution_of(entry)
+    )
 
 
 def engine_names() -> list[str]:
     """The names of all engines, those of this distribution first."""
-    return list(found())
+    return list(engine_entry_points())
 
 
 @cache
 def own_engines() -> tuple[str, ...]:
     """The names of the engines of this distribution."""
-    return tuple(name for name, entry in found().items() if distribution(entry) == OWN)
+    return tuple(
+        name
+        for name, entry in engine_entry_points().items()
+        if distribution_of(entry) == OWN_DISTRIBUTION
+    )
 
 
 def default_engines(in_space: bool = False) -> tuple[str, ...]:
@@ -63,16 +74,16 @@ def default_engines(in_space: bool = False) -> tuple[str, ...]:
     in_space : bool
         Whether the motion is one in space; planar engines are left out then.
     """
-    there = filter(computes, own_engines())
+    there = filter(computes_curves, own_engines())
     return tuple(name for name in there if not (in_space and engine_of(name).planar))
 
 
-def computes(solver: str) -> bool:
+def computes_curves(solver: str) -> bool:
     """Whether a solver's engine computes its curves, instead of reading them from a file.
 
     An engine that cannot be loaded counts as one that computes; its run reports why.
 
-    >>> computes("mujoco:default"), computes("recorded:rig")
+    >>> computes_curves("mujoco:default"), computes_curves("recorded:rig")
     (True, False)
     """
     try:
@@ -93,18 +104,18 @@ def engine_of(name: str) -> Engine:
     from proofmass.sim.protocol import Engine
 
     name = name.partition(":")[0]
-    if (entry := found().get(name)) is None:
-        raise NoEngine(f"no simulator {name!r}; {suggest(name, engine_names())}")
+    if (entry := engine_entry_points().get(name)) is None:
+        raise NoEngine(f"no simulator {name!r}; {suggest_names(name, engine_names())}")
     try:
         engine = entry.load()
     except Exception as error:
         raise NoEngine(
-            f"simulator {name!r}, of {distribution(entry)}: {entry.value} cannot be "
+            f"simulator {name!r}, of {distribution_of(entry)}: {entry.value} cannot be "
             f"loaded: {type(error).__name__}: {error}"
         ) from error
     if not isinstance(engine, Engine):
         raise NoEngine(
-            f"simulator {name!r}, of {distribution(entry)}: {entry.value} is no object "
+            f"simulator {name!r}, of {distribution_of(entry)}: {entry.value} is no object "
             f"of a class of proofmass.sim.protocol.Engine"
         )
     return engine

@@ -26,10 +26,10 @@ class InputError(Exception):
         return f"{self.file}: {self.key + ': ' if self.key else ''}{self.wrong}"
 
 
-def in_model(file: Path, error: Exception) -> InputError:
+def model_error(file: Path, error: Exception) -> InputError:
     """Make bad input of an engine's error, whose text may begin with the file's name.
 
-    >>> str(in_model(Path("models/a.xml"), ValueError("a.xml: no joint 'b'")))
+    >>> str(model_error(Path("models/a.xml"), ValueError("a.xml: no joint 'b'")))
     "models/a.xml: no joint 'b'"
     """
     return InputError(file, "", str(error).removeprefix(f"{file.name}: "))
@@ -49,22 +49,22 @@ RENAMED = {
 """Present names of keys of sidecars, parameters and quantities of references by former names."""
 
 
-def suggest(
-    word: str,
-    there: Iterable[str],
+def suggest_names(
+    name: str,
+    known_names: Iterable[str],
     known: str = "there are",
     renamed: Mapping[str, str] = RENAMED,
 ) -> str:
     """Say what would have been right instead of a word: the nearest name, then all names.
 
-    >>> suggest("mujco", ["mujoco", "pymunk"])
+    >>> suggest_names("mujco", ["mujoco", "pymunk"])
     "did you mean 'mujoco'? there are: mujoco, pymunk"
-    >>> suggest("rest", ["sweep", "equilibrium"])
+    >>> suggest_names("rest", ["sweep", "equilibrium"])
     "'rest' is called 'equilibrium' now; there are: sweep, equilibrium"
     """
-    there = list(dict.fromkeys(there))
-    if (now := renamed.get(word)) in there:
-        return f"{word!r} is called {now!r} now; {known}: {', '.join(there)}"
-    near = get_close_matches(word, there, 1)
+    known_names = list(dict.fromkeys(known_names))
+    if (now := renamed.get(name)) in known_names:
+        return f"{name!r} is called {now!r} now; {known}: {', '.join(known_names)}"
+    near = get_close_matches(name, known_names, 1)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"{hint}{known}: {', '.join(there) or 'none'}"
+    return f"{hint}{known}: {', '.join(known_names) or 'none'}"

@@ -10,7 +10,7 @@ from threading import get_ident
 
 from proofmass.errors import InputError
 
-HALF = ".part"  # ending of the name of a file that is being written
+PARTIAL_ENDING = ".part"  # ending of the name of a file that is being written
 
 
 def read_bytes(file: Path) -> bytes:
@@ -57,16 +57,16 @@ def read_text(file: Path) -> str:
         ) from None
 
 
-def write_whole(file: Path, what: str | bytes) -> None:
+def write_atomically(file: Path, content: str | bytes) -> None:
     """Write a file as a whole or not at all, at whatever moment the process ends."""
-    half = file.with_name(f"{file.name}.{os.getpid()}.{get_ident()}{HALF}")
+    partial = file.with_name(f"{file.name}.{os.getpid()}.{get_ident()}{PARTIAL_ENDING}")
     try:
-        with half.open("wb") as stream:
-            stream.write(what.encode() if isinstance(what, str) else what)
+        with partial.open("wb") as stream:
+            stream.write(content.encode() if isinstance(content, str) else content)
             stream.flush()
             os.fsync(stream.fileno())
-        os.replace(half, file)
+        os.replace(partial, file)
     except OSError as error:
-        half.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
         error.filename = str(file)  # name the file that the user asked for, not the partial one
         raise

@@ -13,9 +13,9 @@ import numpy as np
 import proofmass
 from proofmass import analytic, sim
 from proofmass.case import Case
-from proofmass.engines import brought_by, computes, engine_of
-from proofmass.reference import compiled
-from proofmass.sim.protocol import FILE
+from proofmass.engines import computes_curves, engine_of, foreign_distribution
+from proofmass.reference import compiled_model
+from proofmass.sim.protocol import FILE_MARK
 
 
 def digest(data: bytes) -> str:
@@ -27,24 +27,24 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def model_bytes(case: Case) -> bytes:
+def bytes_of_case_model(case: Case) -> bytes:
     """The compiled model as bytes, with its rods and with the files that it includes."""
-    return saved(compiled(case))
+    return bytes_of_model(compiled_model(case))
 
 
-def saved(model: mujoco.MjModel) -> bytes:
+def bytes_of_model(model: mujoco.MjModel) -> bytes:
     """Save a compiled model to bytes in MuJoCo's own format."""
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
 
 
-def recorded_bytes(case: Case) -> str:
+def digest_recorded_files(case: Case) -> str:
     """Digest the recorded files of the reference, of motion profiles and of engines."""
     files = [case.file.parent / case.reference] if case.recorded else []
     files += case.profile_files
     for solver, settings in case.settings.items():
-        names = engine_of(solver).settings.marked(FILE) if not computes(solver) else []
+        names = engine_of(solver).settings.marked(FILE_MARK) if not computes_curves(solver) else []
         files += [case.file.parent / str(settings[name]) for name in names if name in settings]
     if not files:
         return ""
@@ -52,9 +52,9 @@ def recorded_bytes(case: Case) -> str:
 
 
 @cache
-def versions(engine: str) -> dict[str, str]:
+def package_versions(engine: str) -> dict[str, str]:
     """Versions of the packages that compute a result, and a digest of an adapter from elsewhere."""
-    brought = brought_by(engine)
+    brought = foreign_distribution(engine)
     names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
     code = (
         {}
@@ -72,7 +72,7 @@ def versions(engine: str) -> dict[str, str]:
     }
 
 
-def sources_with(own: Iterable[Path]) -> str:
+def digest_sources(own: Iterable[Path]) -> str:
     """Digest the source code of simulators and references, and of given files of the core."""
     files = [
         file

@@ -6,12 +6,12 @@ from numpy.typing import NDArray
 from proofmass.analytic.numerics import Array
 
 
-def nondominated(aims: Array) -> NDArray[np.intp]:
+def nondominated_points(aims: Array) -> NDArray[np.intp]:
     """Indices of the nondominated ones of points (B, 2), in rising order of the first aim.
 
     A point that is not finite is never among them.
 
-    >>> nondominated(np.array([[1.0, 3.0], [2.0, 3.0], [3.0, 1.0], [2.0, 2.0]])).tolist()
+    >>> nondominated_points(np.array([[1.0, 3.0], [2.0, 3.0], [3.0, 1.0], [2.0, 2.0]])).tolist()
     [0, 3, 2]
     """
     order = np.lexsort((aims[:, 1], aims[:, 0]))

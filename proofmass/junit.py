@@ -7,12 +7,12 @@ from itertools import groupby
 from xml.etree import ElementTree
 
 from proofmass.check import Result
-from proofmass.compare import UNCHECKED, Comparison
+from proofmass.compare import UNCHECKED_CASE, Comparison
 from proofmass.errors import InputError
-from proofmass.outcome import OPEN, Outcome
+from proofmass.outcome import UNCHECKED_OUTCOMES, Outcome
 from proofmass.wording import number
 
-BARRED = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+INVALID_CHARACTERS = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML does not allow."""
 
 
@@ -26,7 +26,7 @@ def as_junit(result: Result) -> bytes:
     root = ElementTree.Element("testsuites", name="proofmass")
     shared = Counter((c.case, c.run, c.solver) for c in result.comparisons)
     for case, rows in groupby(result.comparisons, lambda c: c.case):
-        suite = ElementTree.SubElement(root, "testsuite", name=clean(case))
+        suite = ElementTree.SubElement(root, "testsuite", name=replace_invalid(case))
         for c in rows:
             add_test(suite, c, shared[c.case, c.run, c.solver])
         if case in [each.name for each in result.unchecked]:
@@ -34,20 +34,20 @@ def as_junit(result: Result) -> bytes:
     for error in result.errors:
         add_error(root, error)
     for suite in [*root]:
-        count(suite)
-    total(root)
+        set_counts(suite)
+    set_totals(root)
     ElementTree.indent(root)
     found: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return found + b"\n"
 
 
-def clean(text: str) -> str:
+def replace_invalid(text: str) -> str:
     """A text in which characters that XML does not allow are replaced by "?".
 
-    >>> clean("a\\x00b")
+    >>> replace_invalid("a\\x00b")
     'a?b'
     """
-    return BARRED.sub("?", text)
+    return INVALID_CHARACTERS.sub("?", text)
 
 
 def add_test(suite: ElementTree.Element, c: Comparison, channels: int) -> None:
@@ -55,24 +55,24 @@ def add_test(suite: ElementTree.Element, c: Comparison, channels: int) -> None:
     test = ElementTree.SubElement(
         suite,
         "testcase",
-        classname=clean(f"{c.case}.{c.run}.{c.solver}"),
-        name=clean(c.channel or "loads and steps"),
-        time=seconds(c.seconds / channels),
+        classname=replace_invalid(f"{c.case}.{c.run}.{c.solver}"),
+        name=replace_invalid(c.channel or "loads and steps"),
+        time=format_seconds(c.seconds / channels),
     )
-    if c.outcome in OPEN:
-        ElementTree.SubElement(test, "skipped", message=clean(skipped(c)))
+    if c.outcome in UNCHECKED_OUTCOMES:
+        ElementTree.SubElement(test, "skipped", message=replace_invalid(skip_message(c)))
     elif c.outcome != Outcome.AGREES:
-        what = clean(failure(c))
-        ElementTree.SubElement(test, "failure", type=str(c.outcome), message=what).text = what
+        message = replace_invalid(failure_message(c))
+        ElementTree.SubElement(test, "failure", type=str(c.outcome), message=message).text = message
 
 
-def skipped(c: Comparison) -> str:
+def skip_message(c: Comparison) -> str:
     """Why a channel is not checked."""
     why = c.message or c.outcome.sentence if isinstance(c.outcome, Outcome) else c.message
     return f"{c.outcome}: {why}"
 
 
-def failure(c: Comparison) -> str:
+def failure_message(c: Comparison) -> str:
     """The message of a channel that differs or failed, with its error and tolerance."""
     if c.outcome != Outcome.DIFFERS:
         return f"{c.outcome}: {c.message}"
@@ -86,37 +86,39 @@ def failure(c: Comparison) -> str:
 def add_unchecked(suite: ElementTree.Element, case: str) -> None:
     """Add the failure of a case of which nothing was checked."""
     test = ElementTree.SubElement(
-        suite, "testcase", classname=clean(case), name="something is checked", time="0"
+        suite, "testcase", classname=replace_invalid(case), name="something is checked", time="0"
     )
-    ElementTree.SubElement(test, "failure", type="unchecked", message=UNCHECKED).text = UNCHECKED
+    ElementTree.SubElement(
+        test, "failure", type="unchecked", message=UNCHECKED_CASE
+    ).text = UNCHECKED_CASE
 
 
 def add_error(root: ElementTree.Element, error: InputError) -> None:
     """Add the suite of an input with an error."""
-    suite = ElementTree.SubElement(root, "testsuite", name=clean(str(error.file)))
-    name = clean(error.key or "is read")
+    suite = ElementTree.SubElement(root, "testsuite", name=replace_invalid(str(error.file)))
+    name = replace_invalid(error.key or "is read")
     test = ElementTree.SubElement(
-        suite, "testcase", classname=clean(error.file.name), name=name, time="0"
+        suite, "testcase", classname=replace_invalid(error.file.name), name=name, time="0"
     )
-    what = clean(str(error))
-    ElementTree.SubElement(test, "error", type="InputError", message=what).text = what
+    message = replace_invalid(str(error))
+    ElementTree.SubElement(test, "error", type="InputError", message=message).text = message
 
 
-def count(suite: ElementTree.Element) -> None:
+def set_counts(suite: ElementTree.Element) -> None:
     """Write the numbers of tests, failures, errors and skipped tests into a suite."""
     suite.set("tests", str(len(suite)))
     for key, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(key, str(len(suite.findall(f"testcase/{tag}"))))
-    suite.set("time", seconds(sum(float(test.get("time", "0")) for test in suite)))
+    suite.set("time", format_seconds(sum(float(test.get("time", "0")) for test in suite)))
 
 
-def total(root: ElementTree.Element) -> None:
+def set_totals(root: ElementTree.Element) -> None:
     """Write the sums of all suites."""
     for key in ("tests", "failures", "errors", "skipped"):
         root.set(key, str(sum(int(suite.get(key, "0")) for suite in root)))
-    root.set("time", seconds(sum(float(suite.get("time", "0")) for suite in root)))
+    root.set("time", format_seconds(sum(float(suite.get("time", "0")) for suite in root)))
 
 
-def seconds(value: float) -> str:
+def format_seconds(value: float) -> str:
     """A time [s] to the microsecond; 0 if it is not known."""
     return f"{value:.6f}" if math.isfinite(value) else "0"

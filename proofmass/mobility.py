@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -29,7 +29,7 @@ def mobility(case: Case) -> int | None:
     from proofmass.analytic.planar import Overconstrained  # scipy is slow to load
 
     try:
-        return model_dof(compiled(case), case.start)
+        return model_dof(compiled_model(case), case.start)
     except Overconstrained as error:
         raise InputError(case.model_path, "", str(error)) from None
     except ValueError:
@@ -39,26 +39,26 @@ def mobility(case: Case) -> int | None:
 def leaves_dof(case: Case) -> bool:
     """Whether the drives of a case leave degrees of freedom, which a sweep has in equilibrium."""
     with suppress(InputError, ValueError):  # the run reports such an error
-        if case.reference == SPATIAL:
+        if case.reference == SPATIAL_REFERENCE:
             from proofmass.analytic import spatial  # scipy is slow to load
 
-            tree, _ = spatial.sources(compiled(case), case.start, None)
-            return spatial.leaves_dof(tree, tuple(drive.joint for drive in case.drive))
+            tree, _ = spatial.tree_and_terms(compiled_model(case), case.start, None)
+            return spatial.has_free_dof(tree, tuple(drive.joint for drive in case.drive))
         return (mobility(case) or 0) > len(case.drive)
     return False
 
 
-SPATIAL = "spatial"
+SPATIAL_REFERENCE = "spatial"
 """The reference of models that move in space, whose loops may be over-constrained."""
-KEPT = 64
+MODELS_IN_MEMORY = 64
 """Models whose result is kept in memory; `proofmass explain` compiles thousands."""
 
 
-@lru_cache(KEPT)
+@lru_cache(MODELS_IN_MEMORY)
 def model_dof(model: "MjModel", start: str) -> int:
     """Degrees of freedom of a compiled model, which are computed once for all runs."""
     from proofmass.analytic.planar import read
-    from proofmass.analytic.planar.kinematics import count_dof, nearest
+    from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 
     mechanism, _ = read(model, start)
-    return count_dof(mechanism, nearest(mechanism, mechanism.start))
+    return count_dof(mechanism, nearest_pose(mechanism, mechanism.start))

@@ -9,12 +9,12 @@ import re
 from pathlib import Path
 
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.schema import as_json_text
 
-NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
-SCHEMA = "proofmass.schema.json"
-MODEL = """\
+NAME_PATTERN = re.compile(r"[A-Za-z0-9][\w.-]*")
+SCHEMA_FILE = "proofmass.schema.json"
+MODEL_TEMPLATE = """\
 <mujoco model="{name}">
   <!-- A four-bar in the x-y plane, gravity along -y: two bars in a chain from the left pivot, one
        from the right pivot, and a pin that joins their ends. Lengths in m, masses in kg. -->
@@ -78,7 +78,7 @@ MODEL = """\
   </keyframe>
 </mujoco>
 """
-SIDECAR = """\
+SIDECAR_TEMPLATE = """\
 #:schema {schema}
 # What {name}.xml is compared with. docs/sidecar.md has every key; `proofmass show {name}.toml`
 # prints this file with all that it leaves to defaults.
@@ -101,7 +101,7 @@ def write_new(name: str, folder: Path) -> list[Path]:
     Parameters
     ----------
     name : str
-        Name of the case; the files are ``NAME.xml`` and ``NAME.toml``.
+        Name of the case; the files are ``NAME_PATTERN.xml`` and ``NAME_PATTERN.toml``.
     folder : Path
         The folder of the files, which is made if it does not exist.
 
@@ -115,22 +115,22 @@ def write_new(name: str, folder: Path) -> list[Path]:
     InputError
         The name cannot be that of a file, or a file of that name exists.
     """
-    if not NAME.fullmatch(name):
+    if not NAME_PATTERN.fullmatch(name):
         raise InputError(
             folder / f"{name}.toml",
             "",
             f"{name!r} is no name of a case; give letters, digits, '_', '-' and '.', such as arm",
         )
     texts = {
-        folder / f"{name}.xml": MODEL.format(name=name),
-        folder / f"{name}.toml": SIDECAR.format(name=name, schema=SCHEMA),
+        folder / f"{name}.xml": MODEL_TEMPLATE.format(name=name),
+        folder / f"{name}.toml": SIDECAR_TEMPLATE.format(name=name, schema=SCHEMA_FILE),
     }
     for file in texts:
         if file.exists():
             raise InputError(file, "", "it is there already; give another name or folder")
     folder.mkdir(parents=True, exist_ok=True)
-    if not (schema := folder / SCHEMA).exists():
+    if not (schema := folder / SCHEMA_FILE).exists():
         texts[schema] = as_json_text()
     for file, text in texts.items():
-        write_whole(file, text)
+        write_atomically(file, text)
     return list(texts)

@@ -26,7 +26,7 @@ from mujoco import MjModel
 
 from proofmass.analytic import spatial
 from proofmass.analytic.planar import Branch, Mechanism, read, solve
-from proofmass.analytic.planar.kinematics import count_dof, nearest
+from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 from proofmass.analytic.planar.mechanism import (
     PlanarJoint,
     PointSpring,
@@ -34,41 +34,56 @@ from proofmass.analytic.planar.mechanism import (
     refuse_actuators,
     refuse_contacts,
 )
-from proofmass.check import SAMPLES, run_one
-from proofmass.check import read as read_sidecar
+from proofmass.check import OWN_MODEL_SAMPLES, run_solver
+from proofmass.check import read_isolated as read_sidecar
 from proofmass.compare import Comparison, compare
 from proofmass.engines import default_engines, engine_of
 from proofmass.errors import InputError
-from proofmass.files import read_text, write_whole
+from proofmass.files import read_text, write_atomically
 from proofmass.outcome import Outcome
 from proofmass.reference import smooth_terms
-from proofmass.self_consistency import PROCESSOR, Rung, why_failed
-from proofmass.sim.contents import joint_of, joints, keys, loose_bodies, place_sensors, sensors
-from proofmass.sim.mjcf import NATIVE, compile_model
+from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
+from proofmass.sim.contents import (
+    bodies_rotating_in_space,
+    joint_of,
+    joints,
+    key_names,
+    place_sensors,
+    sensor_names,
+)
+from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
 from proofmass.sim.protocol import BadModel, NotSolved, Unsupported
 from proofmass.strict import Kind
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
-LOOKING = 240.0
+INSPECTION_SECONDS = 240.0
 """Wall time to compile a model, and to drive its joints or to solve its motion closely [s]."""
 TURN = 2 * pi
-SHARE = 0.9  # share of a joint's distance to its limit position that is driven, to stay before it
-LEAST = 0.01  # least distance of a drive, as a share of a turn or of the mechanism's size
-SHARES = 1.0, 0.5, 0.25, 0.1, 0.05  # shares of a distance that are tried if springs act
-LET_GO = 1.0  # s, duration of a free motion
-ROUNDED = 1e-12
+DRIVEN_SHARE = (
+    0.9  # share of a joint's distance to its limit position that is driven, to stay before it
+)
+MIN_DRIVEN_SHARE = (
+    0.01  # least distance of a drive, as a share of a turn or of the mechanism's size
+)
+TRIED_SHARES = 1.0, 0.5, 0.25, 0.1, 0.05  # shares of a distance that are tried if springs act
+FREE_MOTION_SECONDS = 1.0  # s, duration of a free motion
+MIN_TOLERANCE_SHARE = 1e-12
 """Least tolerance that is proposed, as a share of a curve's range: the rounding of another machine,
 which adds up over the steps."""
-SLACK = 3.0  # proposed tolerance over the measured error: other rounding, a slightly longer motion
-MEANT = {
+TOLERANCE_FACTOR = (
+    3.0  # proposed tolerance over the measured error: other rounding, a slightly longer motion
+)
+REFERENCE_COMMENTS = {
     "planar": "reads the numbers of the model: a wrong one is wrong in both",
     "spatial": "reads the numbers of the model: a wrong one is wrong in both",
     "refined": "the model's own equations, solved closely: it judges the time stepping alone",
 }
-VERDICTS = partial(compare, detectable=False)
-FINER = 2, 4  # divisors of the model's step, if the error with that is too large
-KNOWN = 0.9  # share of the time until which a motion is known, since other samples may give less
-SENSORS = {
+COMPARE_ERRORS_ONLY = partial(compare, detectable=False)
+STEP_DIVISORS = 2, 4  # divisors of the model's step, if the error with that is too large
+KNOWN_SHARE = (
+    0.9  # share of the time until which a motion is known, since other samples may give less
+)
+SENSOR_TEMPLATES = {
     "jointpos": '<jointpos name="{name}" joint="{name}"/>',
     "jointvel": '<jointvel name="{name}_rate" joint="{name}"/>',
     "framepos": '<framepos name="{name}" objtype="site" objname="{name}"/>',
@@ -81,7 +96,7 @@ SENSORS = {
 
 
 @dataclass(frozen=True)
-class Reach:
+class JointRange:
     """The range in which a joint can be driven while the other joints follow.
 
     Attributes
@@ -117,11 +132,11 @@ class Reach:
         if self.turns:
             return self.start, self.start + TURN
         end = max(self.low, self.high, key=lambda end: abs(end - self.start))
-        return self.start, self.start + SHARE * (end - self.start)
+        return self.start, self.start + DRIVEN_SHARE * (end - self.start)
 
 
 @dataclass(frozen=True)
-class ModelLook:
+class ModelSummary:
     """The properties of a model, and the run and reference that are proposed for it.
 
     Attributes
@@ -151,7 +166,7 @@ class ModelLook:
 
     start: str
     dof: int
-    reaches: tuple[Reach, ...]
+    reaches: tuple[JointRange, ...]
     sensors: tuple[str, ...]
     placed: bool
     joints: tuple[str, ...]
@@ -159,21 +174,21 @@ class ModelLook:
     bodies: tuple[str, ...]
     timestep: float
     reference: str = "planar"
-    until: float = LET_GO
+    until: float = FREE_MOTION_SECONDS
     why: str = ""
 
     @property
-    def determined(self) -> bool:
+    def is_determined(self) -> bool:
         """Whether a drive determines the motion, so that the engines' own tolerances apply."""
         return self.reference == "planar" and self.dof == 1
 
     @property
     def driven(self) -> bool:
         """Whether one joint is driven, and the others follow it, or springs determine them."""
-        return self.determined or bool(self.reaches)
+        return self.is_determined or bool(self.reaches)
 
 
-def look_at(path: Path) -> ModelLook:
+def inspect_model(path: Path) -> ModelSummary:
     """Find the properties of a model, and a run and a reference for it.
 
     Raises
@@ -184,45 +199,49 @@ def look_at(path: Path) -> ModelLook:
         Its motion is not known for any time.
     """
     model = compile_model(path)
-    names = keys(model)
+    names = key_names(model)
     start = "start" if "start" in names else next(iter(names), "")
     try:
         mechanism, _ = read(model, start)
-        pose = nearest(mechanism, mechanism.start)
-        free = count_dof(mechanism, pose)
-        if free > 1:
+        pose = nearest_pose(mechanism, mechanism.start)
+        dof = count_dof(mechanism, pose)
+        if dof > 1:
             refuse_contacts(model)
             refuse_actuators(model, ())
     except ValueError as error:
-        return look_in_space(path, model, start, str(error))
+        return inspect_in_space(path, model, start, str(error))
     motors = {joint_of(model, a) for a in range(model.nactuator)}
     reaches = []
-    held = free > 1 and len(motors - {-1}) == 1 and springs_hold(mechanism)
+    has_equilibria = dof > 1 and len(motors - {-1}) == 1 and has_springs(mechanism)
     for j, joint in enumerate(mechanism.joints):
-        if not joint.name or (free > 1 and not (held and j in motors)):
+        if not joint.name or (dof > 1 and not (has_equilibria and j in motors)):
             continue
-        at, unit = float(pose[j]), TURN if joint.hinge else mechanism.size
+        start_value, unit = float(pose[j]), TURN if joint.hinge else mechanism.size
         low, high = joint.range
         try:
             refuse_actuators(model, (joint.name,))
             below, above = (
-                rests_until(model, start, joint.name, at, end)
-                if held
+                equilibrium_end(model, start, joint.name, start_value, end)
+                if has_equilibria
                 else float(Branch(mechanism, (joint.name,)).walk(np.array([[end]]))[0].q[-1, j])
-                for end in (max(at - unit, low), min(at + unit, high))
+                for end in (max(start_value - unit, low), min(start_value + unit, high))
             )
         except ValueError:  # the other joints do not follow, or have servos that are not covered
             continue
-        share = max(at - below, above - at) / unit
-        if share > LEAST:
-            turns = joint.hinge and above - at > TURN * (1 - 1e-9)
+        share = max(start_value - below, above - start_value) / unit
+        if share > MIN_DRIVEN_SHARE:
+            turns = joint.hinge and above - start_value > TURN * (1 - 1e-9)
             grounded = bool(model.body_parentid[model.jnt_bodyid[j]] == 0)
-            reaches.append(Reach(joint.name, at, below, above, share, turns, j in motors, grounded))
+            reaches.append(
+                JointRange(
+                    joint.name, start_value, below, above, share, turns, j in motors, grounded
+                )
+            )
     reaches.sort(key=lambda one: one.rank, reverse=True)
-    return look_of(model, start, free, tuple(reaches))
+    return summarize_model(model, start, dof, tuple(reaches))
 
 
-def springs_hold(mechanism: Mechanism) -> bool:
+def has_springs(mechanism: Mechanism) -> bool:
     """Whether there are springs, which may determine the joints that a drive leaves free."""
     m = mechanism
     springs: tuple[PlanarJoint | PointSpring | SumSpring, ...]
@@ -230,32 +249,36 @@ def springs_hold(mechanism: Mechanism) -> bool:
     return any(any((spring.stiffness, *spring.stiffness_poly)) for spring in springs)
 
 
-def rests_until(model: MjModel, start: str, joint: str, at: float, end: float) -> float:
+def equilibrium_end(model: MjModel, start: str, joint: str, at: float, end: float) -> float:
     """The value to which a joint can be driven towards an end with the others in equilibrium."""
-    for share in SHARES:
+    for share in TRIED_SHARES:
         last = at + share * (end - at)
         with suppress(ValueError):
-            solve(np.linspace(at, last, SAMPLES), model=model, start=start, joints=(joint,))
+            solve(
+                np.linspace(at, last, OWN_MODEL_SAMPLES), model=model, start=start, joints=(joint,)
+            )
             return last
     return at
 
 
-def look_of(model: MjModel, start: str, dof: int, reaches: tuple[Reach, ...] = ()) -> ModelLook:
+def summarize_model(
+    model: MjModel, start: str, dof: int, reaches: tuple[JointRange, ...] = ()
+) -> ModelSummary:
     """The properties of a model, with the names of its elements."""
-    return ModelLook(
+    return ModelSummary(
         start,
         dof,
         reaches,
-        tuple(filter(None, sensors(model))),
+        tuple(filter(None, sensor_names(model))),
         any(place_sensors(model)),
         tuple(name for name, unit in joints(model).items() if name and unit),
         tuple(filter(None, (model.site(s).name for s in range(model.nsite)))),
-        tuple(filter(None, loose_bodies(model))),
+        tuple(filter(None, bodies_rotating_in_space(model))),
         float(model.opt.timestep),
     )
 
 
-def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelLook:
+def inspect_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelSummary:
     """Find the properties and a reference of a model that is no planar linkage.
 
     `planar` says why it is none.
@@ -265,11 +288,11 @@ def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelL
     InputError
         The model's own run fails, or its motion is not known for any time.
     """
-    look = look_of(model, start, int(model.nv))
+    look = summarize_model(model, start, int(model.nv))
     if not model.nv:
         return look
     why = f"the general planar solver does not cover it: {planar}"
-    times = np.linspace(0.0, LET_GO, SAMPLES)
+    times = np.linspace(0.0, FREE_MOTION_SECONDS, OWN_MODEL_SAMPLES)
     try:
         spatial.solve(times, model=model, start=start, terms=smooth_terms(model, start))
     except ValueError as error:
@@ -277,15 +300,19 @@ def look_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelL
     else:
         return replace(look, reference="spatial", why=why)
     try:
-        motion = engine_of(NATIVE).own_motion(path, LET_GO, SAMPLES, PROCESSOR, start)
+        motion = engine_of(NATIVE_ENGINE).own_motion(
+            path, FREE_MOTION_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS, start
+        )
     except (Unsupported, NotSolved) as error:
         raise InputError(path, "", f"{why}; nor can its own equations be solved: {error}") from None
     if failed := why_failed(motion):
         raise InputError(path, "", f"it fails: {failed}")
     rung = Rung(motion)
-    if not (until := rung.closely_until):
+    if not (until := rung.close_agrees_until):
         raise InputError(path, "", f"{why}; and {rung.words()}")
-    until = LET_GO if until == LET_GO else float(f"{KNOWN * until:.2g}")
+    until = (
+        FREE_MOTION_SECONDS if until == FREE_MOTION_SECONDS else float(f"{KNOWN_SHARE * until:.2g}")
+    )
     return replace(look, reference="refined", why=why, until=until)
 
 
@@ -295,7 +322,7 @@ class Proposal:
 
     name: str
     model: str
-    look: ModelLook
+    look: ModelSummary
     runs: dict[Kind, list[str]]
     messages: list[str] = field(default_factory=list)
     tolerances: list[str] = field(default_factory=list)
@@ -311,7 +338,7 @@ class Proposal:
         yield from (f"# {line}" for line in self.messages)
         yield f'title = "{self.name}"'
         yield 'source = "where the lengths, masses and springs come from"'
-        yield f'reference = "{self.look.reference}"  # {MEANT[self.look.reference]}'
+        yield f'reference = "{self.look.reference}"  # {REFERENCE_COMMENTS[self.look.reference]}'
         if self.model != f"{self.name}.xml":
             yield f'model = "{self.model}"'
         if self.look.start not in ("", "start"):
@@ -363,11 +390,11 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         degree of freedom, or no named element that could be measured; or its motion is not known
         for any time.
     """
-    sidecar, own = (model.with_name(f"{name}{ending}") for ending in (".toml", ".xml"))
+    sidecar, model_copy = (model.with_name(f"{name}{ending}") for ending in (".toml", ".xml"))
     if sidecar.exists():
         raise InputError(sidecar, "", "it is there already; give another name")
     try:
-        look = isolated(look_at, model, timeout=LOOKING)
+        look = call_isolated(inspect_model, model, timeout=INSPECTION_SECONDS)
     except BadModel as error:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
     except (TimedOut, OutOfMemory, Crashed) as error:
@@ -377,23 +404,25 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
     if look.dof == 0:
         raise InputError(model, "", "it has no degree of freedom: nothing moves")
     written = [sidecar]
-    more = [] if look.placed else more_sensors(look)
-    if not more and not look.sensors:
+    new_sensors = [] if look.placed else missing_sensors(look)
+    if not new_sensors and not look.sensors:
         raise InputError(
             model, "", "no joint, site or loose body of it has a name, so none can be measured"
         )
-    if more:
-        if own.exists():
-            raise InputError(own, "", "it is there already; give another name")
-        write_whole(own, with_sensors(model, more))
-        model, written = own, [sidecar, own]
+    if new_sensors:
+        if model_copy.exists():
+            raise InputError(model_copy, "", "it is there already; give another name")
+        write_atomically(model_copy, with_sensors(model, new_sensors))
+        model, written = model_copy, [sidecar, model_copy]
     try:
         try:
-            messages = proposed(name, model, look, sidecar)
+            messages = propose_sidecar(name, model, look, sidecar)
         except InputError:
-            if not look.driven or look.determined:
+            if not look.driven or look.is_determined:
                 raise
-            messages = proposed(name, model, replace(look, reaches=()), sidecar)  # no equilibria
+            messages = propose_sidecar(
+                name, model, replace(look, reaches=()), sidecar
+            )  # no equilibria
     except BaseException:
         for file in written:
             file.unlink(missing_ok=True)
@@ -401,36 +430,36 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
     return written, messages
 
 
-def proposed(name: str, model: Path, look: ModelLook, sidecar: Path) -> list[str]:
+def propose_sidecar(name: str, model: Path, look: ModelSummary, sidecar: Path) -> list[str]:
     """Write the sidecar for a model, and return the messages."""
     kinds: list[Kind] = ["dynamics"]
     if look.driven:
-        kinds = ["sweep", "dynamics"] if look.determined else ["sweep"]
+        kinds = ["sweep", "dynamics"] if look.is_determined else ["sweep"]
     proposal = Proposal(name, model.name, look, {kind: list(default_engines()) for kind in kinds})
-    proposal.messages.append(found_in(look))
-    measure(proposal, sidecar)
+    proposal.messages.append(describe_model(look))
+    measure_runs(proposal, sidecar)
     return proposal.messages
 
 
-def found_in(look: ModelLook) -> str:
+def describe_model(look: ModelSummary) -> str:
     """A sentence on the degrees of freedom of a model, and the run that is proposed."""
     if not look.driven:
         why = f"{look.why[0].upper()}{look.why[1:]}. " if look.why else ""
-        known = ", as far as its motion is known" if look.until < LET_GO else ""
+        known = ", as far as its motion is known" if look.until < FREE_MOTION_SECONDS else ""
         return (
             f"{why}It has {look.dof} degrees of freedom and is let go for {look.until:g} s{known}."
         )
-    best = look.reaches[0]
-    turns = "turns once" if best.turns else f"goes {SHARE:.0%} of its way to a limit"
-    if not look.determined:
+    drive_range = look.reaches[0]
+    turns = "turns once" if drive_range.turns else f"goes {DRIVEN_SHARE:.0%} of its way to a limit"
+    if not look.is_determined:
         return (
-            f"It has {look.dof} degrees of freedom; joint {best.joint!r} is driven, as its "
+            f"It has {look.dof} degrees of freedom; joint {drive_range.joint!r} is driven, as its "
             f"actuator does, and {turns}. Springs hold the others at rest."
         )
-    return f"It has one degree of freedom; joint {best.joint!r} drives it and {turns}."
+    return f"It has one degree of freedom; joint {drive_range.joint!r} drives it and {turns}."
 
 
-def more_sensors(look: ModelLook) -> list[str]:
+def missing_sensors(look: ModelSummary) -> list[str]:
     """The MJCF of sensors for all joints, sites and loose bodies that have a name.
 
     Sensors whose name is that of a sensor of the model are left out.
@@ -442,21 +471,21 @@ def more_sensors(look: ModelLook) -> list[str]:
         ),
         *product(look.bodies, ("body", "quat", "linear", "angular")),
     ]
-    every = [SENSORS[kind].format(name=name) for name, kind in asked]
+    every = [SENSOR_TEMPLATES[kind].format(name=name) for name, kind in asked]
     return [one for one in every if one.split('"')[1] not in look.sensors]
 
 
-def with_sensors(model: Path, more: list[str]) -> str:
+def with_sensors(model: Path, new_sensors: list[str]) -> str:
     """The model's text with more sensors."""
     text = read_text(model)
     head, end, tail = text.rpartition("</mujoco>")
     if not end:
         raise InputError(model, "", "no </mujoco> to write sensors before")
-    inside = "\n".join(f"    {one}" for one in more)
+    inside = "\n".join(f"    {one}" for one in new_sensors)
     return f"{head}\n  <sensor>\n{inside}\n  </sensor>\n{end}{tail}"
 
 
-def measure(proposal: Proposal, sidecar: Path) -> None:
+def measure_runs(proposal: Proposal, sidecar: Path) -> None:
     """Make the proposed runs, leave out those that an engine does not cover, and write the sidecar.
 
     If a drive does not determine the motion, tolerances are proposed from the measured errors.
@@ -464,7 +493,7 @@ def measure(proposal: Proposal, sidecar: Path) -> None:
     for kind in list(proposal.runs):
         for solver in list(proposal.runs[kind]):
             try:
-                found = closest(proposal, sidecar, kind, solver)
+                found = run_until_close(proposal, sidecar, kind, solver)
             except InputError as error:
                 if not error.key.startswith("run."):
                     raise
@@ -475,62 +504,66 @@ def measure(proposal: Proposal, sidecar: Path) -> None:
                         sidecar.with_name(proposal.model), "", f"no engine covers it: {error.wrong}"
                     ) from None
                 continue
-            proposal.messages.append(f"{kind}, {solver}: {worst(found)}")
-            if not proposal.look.determined:
+            proposal.messages.append(f"{kind}, {solver}: {describe_error(found)}")
+            if not proposal.look.is_determined:
                 proposal.tolerances += measured_tolerance(kind, solver, found)
-    write_whole(sidecar, proposal.text())
+    write_atomically(sidecar, proposal.text())
 
 
-def closest(proposal: Proposal, sidecar: Path, kind: Kind, solver: str) -> list[Comparison]:
+def run_until_close(proposal: Proposal, sidecar: Path, kind: Kind, solver: str) -> list[Comparison]:
     """Run a solver; in dynamics with finer steps as long as its error exceeds the tolerance."""
     own = proposal.look.timestep
-    for step in (own, *(own / n for n in FINER if kind == "dynamics")):
+    for step in (own, *(own / n for n in STEP_DIVISORS if kind == "dynamics")):
         if step < own:
             proposal.steps[solver] = step
-        write_whole(sidecar, proposal.text())
-        found, _ = run_one(read_sidecar(sidecar), kind, solver, VERDICTS)
+        write_atomically(sidecar, proposal.text())
+        found, _ = run_solver(read_sidecar(sidecar), kind, solver, COMPARE_ERRORS_ONLY)
         if all(c.outcome != Outcome.DIFFERS for c in found):
             return found
     proposal.steps.pop(solver, None)
     return found
 
 
-def worst(found: list[Comparison]) -> str:
+def describe_error(found: list[Comparison]) -> str:
     """A phrase on the largest error of a run."""
     errors = [c for c in found if isfinite(c.error_max)]
     if not errors:
         return f"{found[0].outcome}: {found[0].message}"
-    far = max(errors, key=lambda c: c.nrmse if isnan(c.allowed) else c.error_max / c.allowed)
-    said = f"largest error {far.error_max:.2g} {format_unit(far.unit)}of {far.channel}"
-    if far.outcome != Outcome.DIFFERS or far.run == "sweep":
-        return said
+    largest = max(errors, key=lambda c: c.nrmse if isnan(c.allowed) else c.error_max / c.allowed)
+    phrase = (
+        f"largest error {largest.error_max:.2g} {format_unit(largest.unit)}of {largest.channel}"
+    )
+    if largest.outcome != Outcome.DIFFERS or largest.run == "sweep":
+        return phrase
     return (
-        f"{said} at the finest step that was tried, where the engine's tolerance allows "
-        f"{far.allowed:.2g} {far.unit}; `proofmass choose` finds a setting that is closer"
+        f"{phrase} at the finest step that was tried, where the engine's tolerance allows "
+        f"{largest.allowed:.2g} {largest.unit}; `proofmass choose` finds a setting that is closer"
     )
 
 
 def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iterator[str]:
     """Lines of the sidecar with a tolerance for each unit of a run, from its errors."""
     errors: dict[str, float] = {}
-    least: dict[str, float] = {}
+    rounding_tolerance: dict[str, float] = {}
     for c in found:
         if isfinite(c.error_max):
             scale = c.error_rms / c.nrmse if c.nrmse > 0 else 0.0
             errors[c.unit] = max(c.error_max, errors.get(c.unit, 0.0))
-            least[c.unit] = max(ROUNDED * scale, least.get(c.unit, 0.0))
+            rounding_tolerance[c.unit] = max(
+                MIN_TOLERANCE_SHARE * scale, rounding_tolerance.get(c.unit, 0.0)
+            )
     for unit, error in errors.items():
         yield ""
         yield "[[tolerance]]"
         yield f'run = "{kind}"'
         yield f'solver = "{solver}"'
         yield f'unit = "{unit}"'
-        yield f"abs = {rounded_up(max(SLACK * error, least[unit]))!r}"
+        yield f"abs = {round_up(max(TOLERANCE_FACTOR * error, rounding_tolerance[unit]))!r}"
         measured = f"{error:.2g} {format_unit(unit)}".rstrip()
-        rounding = f"; at least {ROUNDED:g} of the range, for rounding"
+        rounding = f"; at least {MIN_TOLERANCE_SHARE:g} of the range, for rounding"
         yield (
-            f'why = "proposed: {SLACK:g} times what was measured, {measured}'
-            f'{rounding if least[unit] > SLACK * error else ""}"'
+            f'why = "proposed: {TOLERANCE_FACTOR:g} times what was measured, {measured}'
+            f'{rounding if rounding_tolerance[unit] > TOLERANCE_FACTOR * error else ""}"'
         )
 
 
@@ -539,10 +572,10 @@ def format_unit(unit: str) -> str:
     return "" if unit == "1" else f"{unit} "
 
 
-def rounded_up(value: float) -> float:
+def round_up(value: float) -> float:
     """A value rounded up to one digit.
 
-    >>> rounded_up(0.0123), rounded_up(3e-7)
+    >>> round_up(0.0123), round_up(3e-7)
     (0.02, 3e-07)
     """
     if not 0 < value < inf:

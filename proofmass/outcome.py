@@ -52,19 +52,19 @@ class Outcome(StrEnum):
     NO_START = "no start", "the model cannot be put into its start pose"
 
 
-CHECKED = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED)
+CHECKED_OUTCOMES = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED)
 """Outcomes of channels that were compared with a tolerance."""
-OPEN = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
+UNCHECKED_OUTCOMES = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
 """Outcomes of channels and models for which no tolerance decides between right and wrong."""
-GOOD = (Outcome.AGREES, *OPEN)
-FAILED = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
+GOOD_OUTCOMES = (Outcome.AGREES, *UNCHECKED_OUTCOMES)
+FAILED_OUTCOMES = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
 """Outcomes of runs that gave no curves to compare.
 
 `Diverged` is raised in three places: by `proofmass.drive.check_driven` if a driven joint is far
 from its prescribed value; by the dynamics of an engine if a value is not finite or a loop is open;
 and by its sweeps and equilibria if no pose at rest was found.
 """
-FAILURES: dict[type[Exception], Outcome] = {
+OUTCOME_OF_EXCEPTION: dict[type[Exception], Outcome] = {
     Unsupported: Outcome.UNSUPPORTED,
     Diverged: Outcome.DIVERGED,
     NotSolved: Outcome.DIVERGED,

@@ -6,15 +6,15 @@ import mujoco
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, suggest_names
 from proofmass.recorded import Recorded
 from proofmass.reference import (
-    DRIVE,
+    DRIVE_PREFIX,
     ComparedCurves,
-    channels,
-    compiled,
-    module_of,
-    quantities,
+    all_quantities,
+    compiled_model,
+    load_reference,
+    reference_channels,
 )
 from proofmass.sim.protocol import Curves
 
@@ -71,28 +71,28 @@ def plot_data(
         )
     moved = {d.joint: curves.drive[0][k] for k, d in enumerate(case.drive) if curves.drive}
     own = reference.channels if reference else {}
-    there = {**moved, **own}
+    known_curves = {**moved, **own}
     if isinstance(curves, ComparedCurves):
-        there = {**curves.shown, **moved, **curves.reference, **own}
-    asked = {name for some in named(view).values() for name in some}
-    if beside is not None or not asked <= there.keys():
-        known = quantities(case, case.run_of(view), curves.x, state, parameters, key)
-        there = {**known, **moved, **channels(case, curves.x, known)}
+        known_curves = {**curves.shown, **moved, **curves.reference, **own}
+    asked = {name for some in names_by_key(view).values() for name in some}
+    if beside is not None or not asked <= known_curves.keys():
+        known = all_quantities(case, case.run_of(view), curves.x, state, parameters, key)
+        known_curves = {**known, **moved, **reference_channels(case, curves.x, known)}
     values, units = {}, {}
-    for key, names in named(view).items():
+    for key, names in names_by_key(view).items():
         for name in names:
-            if name not in there:
+            if name not in known_curves:
                 raise InputError(
                     case.file,
-                    place(case, view, key),
+                    key_path(case, view, key),
                     f"nothing is called {name!r}; "
-                    f"{suggest(name, there, 'channels, driven joints, quantities')}",
+                    f"{suggest_names(name, known_curves, 'channels, driven joints, quantities')}",
                 )
-            values[name], units[name] = there[name], unit(case, view, key, name)
-    return PlotData(values, units, marks(case, view))
+            values[name], units[name] = known_curves[name], unit_of_name(case, view, key, name)
+    return PlotData(values, units, view_marks(case, view))
 
 
-def named(view: View) -> dict[str, tuple[str, ...]]:
+def names_by_key(view: View) -> dict[str, tuple[str, ...]]:
     """Return the names that a view uses, by the key of the sidecar."""
     return {
         "x": (view.x,),
@@ -102,26 +102,28 @@ def named(view: View) -> dict[str, tuple[str, ...]]:
     }
 
 
-def place(case: Case, view: View, key: str) -> str:
+def key_path(case: Case, view: View, key: str) -> str:
     """Return the path of a view's key in the sidecar, for messages."""
     return f"view.{case.view.index(view)}.{key}"
 
 
-def unit(case: Case, view: View, key: str, name: str) -> str:
+def unit_of_name(case: Case, view: View, key: str, name: str) -> str:
     """Return the unit of a name in a view.
 
     It is the unit of the channel or joint with that name, of a channel that equals the quantity, or
     the unit that the view states.  A curve of `dashed` without any has that of the first of `y`.
     """
-    reference, given = module_of(case), "x_unit" if key == "x" else "unit"
+    reference, given = load_reference(case), "x_unit" if key == "x" else "unit"
     if name in case.channels:
         return case.channels[name].unit
     if name in [d.joint for d in case.drive]:
-        slides = compiled(case).joint(name).type == mujoco.mjtJoint.mjJNT_SLIDE
+        slides = compiled_model(case).joint(name).type == mujoco.mjtJoint.mjJNT_SLIDE
         return "m" if slides else "rad"
-    if name.startswith(DRIVE):
-        joint, _, part = name.removeprefix(DRIVE).partition(".")
-        own = "m" if compiled(case).joint(joint).type == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+    if name.startswith(DRIVE_PREFIX):
+        joint, _, part = name.removeprefix(DRIVE_PREFIX).partition(".")
+        own = (
+            "m" if compiled_model(case).joint(joint).type == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+        )
         return own + {"rate": "/s", "acceleration": "/s^2"}.get(part, "")
     if isinstance(reference, Recorded):
         return reference.units[name]
@@ -129,33 +131,35 @@ def unit(case: Case, view: View, key: str, name: str) -> str:
         (c.unit for c in case.channels.values() if c.equals == name), getattr(view, given)
     )
     if stated is None and key == "dashed":
-        return unit(case, view, "y", view.y[0])
+        return unit_of_name(case, view, "y", view.y[0])
     if stated is None:
         raise InputError(
             case.file,
-            place(case, view, given),
+            key_path(case, view, given),
             f"missing: no channel equals {name!r}"
             f', so its unit must be given, such as {given} = "N m"',
         )
     return stated
 
 
-def marks(case: Case, view: View) -> dict[str, float]:
+def view_marks(case: Case, view: View) -> dict[str, float]:
     """Return marked places on x by their words, from the sidecar or a function of the reference."""
     if not isinstance(view.marks, str):
         return dict(view.marks)
-    key = place(case, view, "marks")
-    reference = module_of(case)
-    tell = getattr(reference, view.marks, None)
-    if not callable(tell):
+    key = key_path(case, view, "marks")
+    reference = load_reference(case)
+    function = getattr(reference, view.marks, None)
+    if not callable(function):
         there = [
-            name for name in getattr(reference, "__all__", dir(reference)) if tells(reference, name)
+            name
+            for name in getattr(reference, "__all__", dir(reference))
+            if returns_places(reference, name)
         ]
         raise InputError(
             case.file,
             key,
             f"reference {case.reference} has no function {view.marks!r}; "
-            f"{suggest(view.marks, there)}",
+            f"{suggest_names(view.marks, there)}",
         )
     if case.leader is None or view.x != case.leader.joint:
         raise InputError(
@@ -165,12 +169,12 @@ def marks(case: Case, view: View) -> dict[str, float]:
             f"must be that joint, not {view.x!r}",
         )
     try:
-        return {word: float(x) for word, x in tell(**case.parameters).items()}
+        return {word: float(x) for word, x in function(**case.parameters).items()}
     except (TypeError, ValueError) as error:
         raise InputError(case.file, key, str(error)) from None
 
 
-def tells(reference: object, name: str) -> bool:
+def returns_places(reference: object, name: str) -> bool:
     """Whether a function of a reference's module returns places by words, as marks of views do."""
     annotations = getattr(getattr(reference, name), "__annotations__", {})
     return bool(annotations.get("return") == dict[str, float])
@@ -182,11 +186,11 @@ def check_views(case: Case, run: str, curves: Curves) -> None:
         if case.run_of(view) == run:
             for beside in (None, *case.compare_with):
                 found = plot_data(case, view, curves, beside)
-            both = {found.units[n] for n in (*view.y, *view.stack, *view.dashed)}
-            if len(both) > 1 and (view.stack or view.dashed):
+            units = {found.units[n] for n in (*view.y, *view.stack, *view.dashed)}
+            if len(units) > 1 and (view.stack or view.dashed):
                 key = "stack" if view.stack else "dashed"
                 raise InputError(
                     case.file,
-                    place(case, view, key),
-                    f"one axis, but units {', '.join(sorted(both))}",
+                    key_path(case, view, key),
+                    f"one axis, but units {', '.join(sorted(units))}",
                 )

@@ -21,21 +21,21 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import ProfileTable
-from proofmass.drive import DriveState, formula, lines_of, quintic, table_times
+from proofmass.drive import DriveState, format_numbers, law_formula, quintic_spline, table_times
 from proofmass.errors import InputError
 from proofmass.recorded import (
-    ENOUGH,
-    TIGHT,
+    MIN_ROWS,
+    ROW_TOLERANCE,
     RecordedColumn,
     RecordedTable,
     interval_errors,
     read_table,
 )
 
-KEPT = 16  # profiles in memory
-FEWEST = 4  # smallest number of rows of a spline; any table has at least two rows
-STEEP = 10.0  # times the neighbouring slopes: a steeper change from row to row is a jump
-SEEN = 1e-6  # of the range: a smaller change is no jump
+LAWS_IN_MEMORY = 16  # profiles in memory
+MIN_SPLINE_ROWS = 4  # smallest number of rows of a spline; any table has at least two rows
+JUMP_STEEPNESS = 10.0  # times the neighbouring slopes: a steeper change from row to row is a jump
+SMALLEST_JUMP = 1e-6  # of the range: a smaller change is no jump
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class SampledLaw:
 
     def covers(self, x: Array) -> bool:
         """Whether samples lie within the rows."""
-        near = TIGHT * float(np.median(np.diff(self.times)))
+        near = ROW_TOLERANCE * float(np.median(np.diff(self.times)))
         return bool(x[0] >= self.times[0] - near and x[-1] <= self.times[-1] + near)
 
 
@@ -134,7 +134,7 @@ def law_of_profile(
         return law_of_table(profile, start, unit)
     file = folder / profile.file
     changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return law_once(file, changed, profile, start, unit, *others)
+    return law_of_file(file, changed, profile, start, unit, *others)
 
 
 def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
@@ -147,20 +147,21 @@ def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
     """
     kind, column = profile.given
     times, values = (np.array(rows, float) for rows in (profile.time, column))
-    if profile.interpolation == "spline" and times.size < FEWEST:
+    if profile.interpolation == "spline" and times.size < MIN_SPLINE_ROWS:
         raise ValueError(
-            f"{times.size} rows; a spline needs {FEWEST}: give more, or interpolation = 'linear'"
+            f"{times.size} rows; a spline needs {MIN_SPLINE_ROWS}: give more, or "
+            f"interpolation = 'linear'"
         )
     si = unit if kind == "value" else f"{unit}/s"
-    pieces, words = made(times, values, profile, start, si)
-    return SampledLaw(ends(times, profile), pieces, "the table", f"{profile.words}, {words}")
+    pieces, words = make_pieces(times, values, profile, start, si)
+    return SampledLaw(piece_times(times, profile), pieces, "the table", f"{profile.words}, {words}")
 
 
-def ends(times: Array, profile: ProfileTable) -> Array:
+def piece_times(times: Array, profile: ProfileTable) -> Array:
     """Times at which pieces meet [s]; a held row lasts until the next, the last as long as before.
 
     >>> stair = ProfileTable(time=(0.0, 0.5, 0.7), value=(1.0, 2.0, 3.0), interpolation="held")
-    >>> ends(np.array(stair.time), stair)
+    >>> piece_times(np.array(stair.time), stair)
     array([0. , 0.5, 0.7, 0.9])
     """
     if profile.interpolation != "held":
@@ -173,10 +174,10 @@ def last_time(folder: Path, profile: ProfileTable) -> float:
     if profile.file is None:
         return float(cast(tuple[float, ...], profile.time)[-1])
     table = read_table(folder / profile.file)
-    return float(table.rising(clock_of(table, profile))[-1])
+    return float(table.rising(time_column(table, profile))[-1])
 
 
-def clock_of(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
+def time_column(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
     """The column of times; ValueError if it does not measure times."""
     clock = profile.time or RecordedColumn(column=next(iter(table.units)))
     assert isinstance(clock, RecordedColumn)
@@ -184,8 +185,8 @@ def clock_of(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
     return clock
 
 
-@lru_cache(KEPT)
-def law_once(
+@lru_cache(LAWS_IN_MEMORY)
+def law_of_file(
     file: Path, changed: int, profile: ProfileTable, start: float, unit: str, *others: str
 ) -> SampledLaw:
     """Do what `law_of_profile` does for a file that was last changed at `changed`; a cache."""
@@ -193,29 +194,30 @@ def law_once(
     kind, column = profile.given
     assert isinstance(column, RecordedColumn)
     si = unit if kind == "value" else f"{unit}/s"
-    clock = clock_of(table, profile)
+    clock = time_column(table, profile)
     table.require(column, si, *others)
     times, values = table.rising(clock), table.curve(column)
-    if profile.interpolation == "spline" and times.size < FEWEST:
-        raise InputError(file, "", f"{times.size} rows; a spline needs {FEWEST}")
+    if profile.interpolation == "spline" and times.size < MIN_SPLINE_ROWS:
+        raise InputError(file, "", f"{times.size} rows; a spline needs {MIN_SPLINE_ROWS}")
     steep = kind == "value" and profile.interpolation != "spline"  # a control, which may jump
-    if not steep and (k := jump_in(times, values)) is not None:
+    if not steep and (k := find_jump(times, values)) is not None:
         raise InputError(
             file,
             table.line(k + 1),
             f"{column.column} jumps from {values[k]:.6g} to {values[k + 1]:.6g} {si} in "
-            f"{times[k + 1] - times[k]:.3g} s: {advice(kind, unit, values[k + 1] - values[k])}",
+            f"{times[k + 1] - times[k]:.3g} s: "
+            f"{advise_on_jump(kind, unit, values[k + 1] - values[k])}",
         )
-    pieces, words = made(times, values, profile, start, si)
+    pieces, words = make_pieces(times, values, profile, start, si)
     return SampledLaw(
-        ends(times, profile),
+        piece_times(times, profile),
         pieces,
         file.name,
         f"{kind} of {file.name}, {times.size} rows, {words}",
     )
 
 
-def advice(kind: str, unit: str, step: float) -> str:
+def advise_on_jump(kind: str, unit: str, step: float) -> str:
     """Say what would be right instead of a jump."""
     turns = step / (2 * np.pi)
     if kind == "value" and unit == "rad" and abs(turns) > 0.5 and abs(turns - round(turns)) < 0.1:
@@ -227,29 +229,29 @@ def advice(kind: str, unit: str, step: float) -> str:
     )
 
 
-def jump_in(times: Array, values: Array) -> int | None:
+def find_jump(times: Array, values: Array) -> int | None:
     """Find the row after which a curve jumps: it is much steeper there than before and after.
 
     A single row that is far off its neighbours is a jump as well.
 
     >>> t = np.linspace(0.0, 1.0, 21)
-    >>> jump_in(t, np.sin(t)), jump_in(t, np.sin(t) + (t > 0.52)), jump_in(t, t + (t == t[7]))
+    >>> find_jump(t, np.sin(t)), find_jump(t, np.sin(t) + (t > 0.52)), find_jump(t, t + (t == t[7]))
     (None, 10, 6)
     """
-    if times.size < ENOUGH:  # a few rows may be the intended corners of a motion
+    if times.size < MIN_ROWS:  # a few rows may be the intended corners of a motion
         return None
     slopes = np.diff(values) / np.diff(times)
     sides = np.pad(np.abs(slopes), 2)
     before, steep, after, next_but_one = sides[1:-3], sides[2:-2], sides[3:-1], sides[4:]
-    alone = steep > STEEP * np.maximum(before, after)
+    alone = steep > JUMP_STEEPNESS * np.maximum(before, after)
     back = np.append(slopes[:-1] * slopes[1:] < 0, False)
-    outlier = back & (np.minimum(steep, after) > STEEP * np.maximum(before, next_but_one))
-    large = np.abs(np.diff(values)) > SEEN * float(np.ptp(values))
+    outlier = back & (np.minimum(steep, after) > JUMP_STEEPNESS * np.maximum(before, next_but_one))
+    large = np.abs(np.diff(values)) > SMALLEST_JUMP * float(np.ptp(values))
     found = np.flatnonzero(large & (alone | outlier))
     return int(found[0]) if found.size else None
 
 
-def made(
+def make_pieces(
     times: Array, values: Array, profile: ProfileTable, start: float, si: str
 ) -> tuple[Array, str]:
     """Make the polynomials of the value, and words that say how they were made."""
@@ -272,7 +274,7 @@ def made(
     from scipy.interpolate import CubicSpline  # slow to load
 
     spline = CubicSpline(times, values)
-    off = float(interval_errors(times, values).max()) if times.size >= ENOUGH else np.nan
+    off = float(interval_errors(times, values).max()) if times.size >= MIN_ROWS else np.nan
     known = "" if np.isnan(off) else f"; between rows it may be off by {off:.2g} {si}"
     if kind == "value":
         return np.asarray(spline.c), (
@@ -283,12 +285,12 @@ def made(
     return whole, f"a cubic spline, integrated exactly{known}"
 
 
-CONTROLS = '''\
+CONTROLS_SOURCE = '''\
 def controls(t):
     """Controls (loads, n) of the actuators whose controls change, at times (n,) [s]."""
     return np.array([
 {rows}    ])'''
-PIECEWISE = '''\
+PIECEWISE_SOURCE = '''\
 def piecewise(t, times, pieces):
     """Polynomials of the time since the last of some times, the highest power first."""
     k = np.clip(np.searchsorted(times, t, "right") - 1, 0, len(times) - 2)
@@ -328,26 +330,28 @@ def controls_source(laws: Sequence[object], x: Array) -> str:
     if not laws:
         return ""
     rows = [control_source(law, x) for law in laws]
-    text = CONTROLS.format(rows="".join(f"        {row},\n" for row in rows))
-    return (PIECEWISE if any(row.startswith("piecewise(") for row in rows) else "") + text
+    text = CONTROLS_SOURCE.format(rows="".join(f"        {row},\n" for row in rows))
+    return (PIECEWISE_SOURCE if any(row.startswith("piecewise(") for row in rows) else "") + text
 
 
 def control_source(law: object, x: Array) -> str:
     """A profile as a Python expression of t."""
-    if found := formula(law):
+    if found := law_formula(law):
         return found[0]
     if isinstance(law, SampledLaw):
         times, pieces = law.times, law.pieces
     else:
         times = table_times([law], x)
         value, rate, bend = np.broadcast_arrays(*law(times))  # type: ignore[operator]
-        pieces = quintic(times, value, rate, bend).c
+        pieces = quintic_spline(times, value, rate, bend).c
     if len(pieces) == 2:
         last = law(times[-1:])[0]  # type: ignore[operator]
-        return f"np.interp(t, {indented(times)}, {indented(np.append(pieces[1], last))})"
-    return f"piecewise(t, {indented(times)}, [{', '.join(map(indented, pieces))}])"
+        return (
+            f"np.interp(t, {indent_numbers(times)}, {indent_numbers(np.append(pieces[1], last))})"
+        )
+    return f"piecewise(t, {indent_numbers(times)}, [{', '.join(map(indent_numbers, pieces))}])"
 
 
-def indented(values: Array) -> str:
+def indent_numbers(values: Array) -> str:
     """Write numbers as an indented list."""
-    return lines_of(values).replace("\n", "\n        ")
+    return format_numbers(values).replace("\n", "\n        ")

@@ -12,15 +12,22 @@ from typing import Any
 import pytest
 
 from proofmass.case import Case
-from proofmass.check import load, one_diagnosis, one_task, read, run_one, stopped
-from proofmass.compare import UNCHECKED, Comparison, compare
+from proofmass.check import (
+    diagnose_run,
+    early_end_error,
+    load_validated,
+    read_isolated,
+    run_solver,
+    run_task,
+)
+from proofmass.compare import UNCHECKED_CASE, Comparison, compare
 from proofmass.diagnosis import Diagnosis
 from proofmass.errors import InputError
-from proofmass.outcome import FAILED, FAILURES, GOOD, Outcome
-from proofmass.refinement import refinements
+from proofmass.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.refinement import refinement_runs
 
-VERDICTS = partial(compare, detectable=False)
-loaded = cache(load)
+COMPARE_ONLY = partial(compare, detectable=False)
+load_once = cache(load_validated)
 """Load and validate a case once, before its first item runs."""
 
 
@@ -41,14 +48,14 @@ class SidecarFile(pytest.File):
 
     def collect(self) -> Iterator["SolverItem"]:
         """One item for each solver, over all the runs that use it."""
-        case = read(self.path)
+        case = read_isolated(self.path)
         solvers = dict.fromkeys(s for run in case.run.values() for s in run.solvers)
         for solver in solvers:
             yield SolverItem.from_parent(self, name=solver, case=case)
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
         """Show bad input as its message, without a traceback."""
-        return plain(excinfo) or super().repr_failure(excinfo)
+        return plain_message(excinfo) or super().repr_failure(excinfo)
 
 
 class SolverItem(pytest.Item):
@@ -64,23 +71,23 @@ class SolverItem(pytest.Item):
         The item is skipped where nothing of this solver is checked.  It fails where nothing of the
         whole case is checked and the sidecar does not say so.
         """
-        loaded(self.case.file)
+        load_once(self.case.file)
         comparisons, causes = list[Comparison](), list[Diagnosis]()
         for kind, run in self.case.run.items():
             if self.name in run.solvers:
-                found, curves = run_one(self.case, kind, self.name, VERDICTS)
-                if error := stopped(self.case, kind, self.name, curves):
+                found, curves = run_solver(self.case, kind, self.name, COMPARE_ONLY)
+                if error := early_end_error(self.case, kind, self.name, curves):
                     raise error
                 comparisons += found
-                failed = found[0].outcome in FAILED
+                failed = found[0].outcome in FAILED_OUTCOMES
                 if curves and (failed or any(c.outcome == Outcome.DIFFERS for c in found)):
                     causes.append(
-                        one_diagnosis(self.case, kind, self.name, curves, failed, not causes)
+                        diagnose_run(self.case, kind, self.name, curves, failed, not causes)
                     )
-        for task in refinements(self.case):
+        for task in refinement_runs(self.case):
             if task.solver == self.name:
-                comparisons += task.study.add(task.segments, one_task(task))[1]
-        wrong = [c for c in comparisons if c.outcome not in GOOD]
+                comparisons += task.study.add(task.segments, run_task(task))[1]
+        wrong = [c for c in comparisons if c.outcome not in GOOD_OUTCOMES]
         if wrong:
             lines = [
                 f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} "
@@ -90,13 +97,13 @@ class SolverItem(pytest.Item):
             lines += [f"{found.run} {found.text}" for found in causes]
             raise Disagreement("\n".join(lines))
         if not (self.case.tolerance or self.case.refine or self.case.unchecked):
-            raise Disagreement(UNCHECKED)
+            raise Disagreement(UNCHECKED_CASE)
         if not any(c.outcome == Outcome.AGREES for c in comparisons):
             pytest.skip("shown, not checked: no tolerance")
 
     def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
         """Show a disagreement as its message, without a traceback."""
-        return plain(excinfo) or super().repr_failure(excinfo)
+        return plain_message(excinfo) or super().repr_failure(excinfo)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return the file and the name of the item for pytest's reports."""
@@ -107,7 +114,7 @@ class Disagreement(Exception):
     """A run whose outcome is not good, or a case without any tolerance that does not say so."""
 
 
-def plain(excinfo: Any) -> str | None:
+def plain_message(excinfo: Any) -> str | None:
     """Return the message of an error that needs no traceback; None for other errors."""
-    known = (InputError, Disagreement, *FAILURES)
+    known = (InputError, Disagreement, *OUTCOME_OF_EXCEPTION)
     return str(excinfo.value) if isinstance(excinfo.value, known) else None

@@ -23,19 +23,21 @@ import numpy as np
 from pydantic import field_validator, model_validator
 
 from proofmass.analytic.numerics import Array
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, suggest_names
 from proofmass.files import read_bytes
 from proofmass.strict import Strict
 from proofmass.units import same_quantity, si_unit
 
-KEPT = 16  # files that are kept in memory after they were read
-TIGHT = 1e-9  # of the median spacing of rows: a place no farther from a row is at the row
-ENOUGH = 16  # least number of rows: a spline through every fourth then has at least four points
-NEAR = 4  # rows to each side whose errors decide how the error falls with the spacing
-FALLS = 0.1  # largest ratio of the errors at 2 and 4 times the spacing where the error is a cubic's
-SMOOTH, BENT, AT_END = 2 / 16, 2.0, 2.0
+FILES_IN_MEMORY = 16  # files that are kept in memory after they were read
+ROW_TOLERANCE = 1e-9  # of the median spacing of rows: a place no farther from a row is at the row
+MIN_ROWS = 16  # least number of rows: a spline through every fourth then has at least four points
+NEIGHBOUR_ROWS = 4  # rows to each side whose errors decide how the error falls with the spacing
+CUBIC_ERROR_RATIO = (
+    0.1  # largest ratio of the errors at 2 and 4 times the spacing where the error is a cubic's
+)
+SMOOTH_FACTOR, BEND_FACTOR, END_FACTOR = 2 / 16, 2.0, 2.0
 """Factors on the error at twice the spacing: on smooth stretches, at bends, and at both ends in
-addition; see `interpolated`."""
+addition; see `interpolate_recorded`."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class RecordedTable:
         if wanted.column not in self.units:
             raise ValueError(
                 f"no column {wanted.column!r} in {self.file.name}; "
-                f"{suggest(wanted.column, self.units)}"
+                f"{suggest_names(wanted.column, self.units)}"
             )
         own = self.units[wanted.column]
         try:
@@ -217,14 +219,14 @@ def read_table(file: Path) -> RecordedTable:
         raise InputError(file, "", "no such recorded curve") from None
     except (OSError, ValueError) as error:  # such as a zero byte in its name
         raise InputError(file, "", f"cannot be read: {error}") from None
-    return read_once(file, changed)
+    return read_table_once(file, changed)
 
 
-@lru_cache(KEPT)
-def read_once(file: Path, changed: int) -> RecordedTable:
+@lru_cache(FILES_IN_MEMORY)
+def read_table_once(file: Path, changed: int) -> RecordedTable:
     """Read a CSV file; `changed` is the time of its last change, which the cache distinguishes."""
-    text = decoded(read_bytes(file))
-    mark = separator(text)
+    text = decode_csv(read_bytes(file))
+    mark = find_separator(text)
     try:
         lines = [
             (k, row)
@@ -236,12 +238,12 @@ def read_once(file: Path, changed: int) -> RecordedTable:
     if lines and all(map(is_number, lines[0][1])):  # there is no header
         lines.insert(0, (lines[0][0], [str(k + 1) for k in range(len(lines[0][1]))]))
     if mark != ",":
-        lines = [lines[0], *with_points(file, lines[1:])] if lines else lines
+        lines = [lines[0], *replace_decimal_commas(file, lines[1:])] if lines else lines
     if len(lines) < 3:
         raise InputError(file, "", "a header and at least two rows are needed")
     units: dict[str, str] = {}
     for cell in lines[0][1]:
-        name, unit = name_and_unit(cell)
+        name, unit = split_header(cell)
         if name in units:
             raise InputError(file, f"column {name!r}", "stands twice in the header")
         units[name] = unit
@@ -251,10 +253,10 @@ def read_once(file: Path, changed: int) -> RecordedTable:
     return RecordedTable(file, units, tuple(lines[1:]))
 
 
-def decoded(data: bytes) -> str:
+def decode_csv(data: bytes) -> str:
     """Decode the text of a CSV file, in the encodings that spreadsheets write.
 
-    >>> decoded("x [°]".encode("latin-1")) == decoded("x [°]".encode("utf-8-sig")) == "x [°]"
+    >>> decode_csv("x [°]".encode("latin-1")) == decode_csv("x [°]".encode("utf-8-sig")) == "x [°]"
     True
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -265,10 +267,10 @@ def decoded(data: bytes) -> str:
         return data.decode("cp1252", errors="replace")
 
 
-def separator(text: str) -> str:
+def find_separator(text: str) -> str:
     """Find the character between the cells of the header, the first line that is no comment.
 
-    >>> separator("# rig 3; day 2\\nt [s],r [m]"), separator("t [s];r [m]")
+    >>> find_separator("# rig 3; day 2\\nt [s],r [m]"), find_separator("t [s];r [m]")
     (',', ';')
     """
     lines = (line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#")
@@ -276,7 +278,9 @@ def separator(text: str) -> str:
     return next((mark for mark in ";\t" if mark in head), ",")
 
 
-def with_points(file: Path, lines: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+def replace_decimal_commas(
+    file: Path, lines: list[tuple[int, list[str]]]
+) -> list[tuple[int, list[str]]]:
     """Return rows in which decimal points replace decimal commas.
 
     Raises
@@ -304,10 +308,10 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def name_and_unit(cell: str) -> tuple[str, str]:
+def split_header(cell: str) -> tuple[str, str]:
     """Split a header cell into name and unit; all of a cell that ends with no unit is the name.
 
-    >>> name_and_unit("theta2 [deg]"), name_and_unit("Velocity [1] (deg/s)")
+    >>> split_header("theta2 [deg]"), split_header("Velocity [1] (deg/s)")
     (('theta2', 'deg'), ('Velocity [1] (deg/s)', ''))
     """
     name, _, rest = cell.strip().partition("[")
@@ -337,17 +341,17 @@ def cell_number(file: Path, line: int, cell: str, name: str) -> float:
     return value
 
 
-def numbers(file: Path, line: int, row: Sequence[str], names: Sequence[str]) -> list[float]:
+def row_numbers(file: Path, line: int, row: Sequence[str], names: Sequence[str]) -> list[float]:
     """Return one row as finite floats; InputError if a cell is none or the length is wrong."""
     if len(row) != len(names):
         raise InputError(file, f"line {line}", f"{len(row)} cells, the header has {len(names)}")
     return [cell_number(file, line, cell, name) for name, cell in zip(names, row, strict=True)]
 
 
-def named_rows(file: Path, header: Sequence[str], what: str) -> dict[str, list[float]]:
+def read_named_rows(file: Path, header: Sequence[str], row_word: str) -> dict[str, list[float]]:
     """Read a CSV file with this header, whose rows are a name and positive numbers.
 
-    `what` is the word for a row in messages.
+    `row_word` is the word for a row in messages.
 
     Raises
     ------
@@ -355,7 +359,7 @@ def named_rows(file: Path, header: Sequence[str], what: str) -> dict[str, list[f
         No such file, another header, no row, a name twice, a number that is not positive.
     """
     if not file.is_file():
-        raise InputError(file, "", f"no such file of {what}s")
+        raise InputError(file, "", f"no such file of {row_word}s")
     lines = [
         [cell.strip() for cell in line.split(",")]
         for line in file.read_text(encoding="utf-8-sig").splitlines()
@@ -366,10 +370,10 @@ def named_rows(file: Path, header: Sequence[str], what: str) -> dict[str, list[f
     for number, (name, *cells) in enumerate(lines[1:], 2):
         if not name and not cells:
             continue
-        values = numbers(file, number, cells, header[1:])
+        values = row_numbers(file, number, cells, header[1:])
         if not name or name in found:
             raise InputError(
-                file, f"line {number}", f"a {what} needs a name of its own, got {name!r}"
+                file, f"line {number}", f"a {row_word} needs a name of its own, got {name!r}"
             )
         for column, value in zip(header[1:], values, strict=True):
             if not value > 0:
@@ -378,11 +382,11 @@ def named_rows(file: Path, header: Sequence[str], what: str) -> dict[str, list[f
                 )
         found[name] = values
     if not found:
-        raise InputError(file, "", f"no {what}s")
+        raise InputError(file, "", f"no {row_word}s")
     return found
 
 
-def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
+def interpolate_recorded(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
     """Interpolate a recorded curve at other places, and estimate the error there.
 
     The curve is the cubic spline through all rows, whose second derivative is continuous.  A place
@@ -402,7 +406,7 @@ def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
     x : ndarray (n,)
         Places, within the range of the rows [SI].
     rows, curve : ndarray (m,)
-        Rows of the record, rising, and the curve there [SI]; at least `ENOUGH` rows.
+        Rows of the record, rising, and the curve there [SI]; at least `MIN_ROWS` rows.
 
     Returns
     -------
@@ -413,14 +417,14 @@ def interpolated(x: Array, rows: Array, curve: Array) -> tuple[Array, Array]:
     --------
     >>> rows = np.linspace(0.0, 6.0, 61)
     >>> x = np.array([0.2, 0.25, 3.14])
-    >>> found, error = interpolated(x, rows, np.sin(rows))
+    >>> found, error = interpolate_recorded(x, rows, np.sin(rows))
     >>> float(error[0]), bool((np.abs(found - np.sin(x)) <= error + 1e-16).all())
     (0.0, True)
     """
     from scipy.interpolate import CubicSpline  # slow to load
 
     nearest = nearest_rows(x, rows)
-    at_row = np.abs(x - rows[nearest]) <= TIGHT * float(np.median(np.diff(rows)))
+    at_row = np.abs(x - rows[nearest]) <= ROW_TOLERANCE * float(np.median(np.diff(rows)))
     found = np.where(at_row, curve[nearest], CubicSpline(rows, curve)(x))
     interval = np.clip(np.searchsorted(rows, x, "right") - 1, 0, rows.size - 2)
     return found, np.where(at_row, 0.0, interval_errors(rows, curve)[interval])
@@ -434,14 +438,16 @@ def nearest_rows(x: Array, rows: Array) -> Array:
 
 def interval_errors(rows: Array, curve: Array) -> Array:
     """Estimate the error of the spline through all rows between each row and the next, (m - 1,)."""
-    double, fourfold = (around(left_out(rows, curve, every), NEAR) for every in (2, 4))
-    errors = double * np.where(double <= FALLS * fourfold, SMOOTH, BENT)
-    errors[:NEAR] *= AT_END
-    errors[-NEAR:] *= AT_END
+    double, fourfold = (
+        sliding_maximum(left_out_errors(rows, curve, every), NEIGHBOUR_ROWS) for every in (2, 4)
+    )
+    errors = double * np.where(double <= CUBIC_ERROR_RATIO * fourfold, SMOOTH_FACTOR, BEND_FACTOR)
+    errors[:NEIGHBOUR_ROWS] *= END_FACTOR
+    errors[-NEIGHBOUR_ROWS:] *= END_FACTOR
     return np.maximum(errors[:-1], errors[1:])
 
 
-def left_out(rows: Array, curve: Array, every: int) -> Array:
+def left_out_errors(rows: Array, curve: Array, every: int) -> Array:
     """Return errors of splines through every n-th row, at the rows that they leave out, (m,).
 
     `every` is n.  There are n splines, which begin at each of the first n rows; none is evaluated
@@ -458,7 +464,7 @@ def left_out(rows: Array, curve: Array, every: int) -> Array:
     return errors
 
 
-def around(errors: Array, reach: int) -> Array:
+def sliding_maximum(errors: Array, reach: int) -> Array:
     """Return for each value the largest of it and of its `reach` neighbours on each side."""
     padded = np.pad(errors, reach)
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)

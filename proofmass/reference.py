@@ -18,16 +18,16 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
-from proofmass.analytic.remember import answered
+from proofmass.analytic.remember import call_once
 from proofmass.case import Case, ProfileTable
 from proofmass.drive import DriveState, FunctionLaw, InProportion, Samples, Steady, Swing
 from proofmass.engines import engine_of
-from proofmass.errors import InputError, in_model, suggest
+from proofmass.errors import InputError, model_error, suggest_names
 from proofmass.profile import SampledLaw, last_time, law_of_profile
 from proofmass.recorded import Recorded, read_recorded
-from proofmass.self_consistency import PROCESSOR, Rung, why_failed
+from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sim.contents import channel_names, joints
-from proofmass.sim.mjcf import NATIVE, compile_model
+from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
 from proofmass.sim.protocol import (
     BadModel,
     BadRod,
@@ -43,14 +43,16 @@ from proofmass.strict import Kind
 from proofmass.units import same_quantity, si_unit
 
 DriveLaw = InProportion | FunctionLaw | SampledLaw | Samples | Steady | Swing
-DRIVE, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
+DRIVE_PREFIX, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of the prescribed motion of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
-CONTROLS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
+CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
 """SI units that the control of a motor or of a servo may have."""
-KEPT = 64  # compiled models and read curves in memory; a study tries many numbers of rod links
-compile_once = lru_cache(KEPT)(lambda file, changed, rods: compile_model(file, rods))
+MODELS_IN_MEMORY = (
+    64  # compiled models and read curves in memory; a study tries many numbers of rod links
+)
+compile_once = lru_cache(MODELS_IN_MEMORY)(lambda file, changed, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
-read_once = lru_cache(KEPT)(lambda file, changed: read_recorded(file))
+read_recorded_once = lru_cache(MODELS_IN_MEMORY)(lambda file, changed: read_recorded(file))
 
 
 @dataclass(frozen=True)
@@ -93,43 +95,43 @@ class ComparedCurves(Curves):
         return cls(**vars(curves), reference=reference.channels, shown=shown, properties=properties)
 
 
-def module_of(case: Case) -> ModuleType | Recorded:
+def load_reference(case: Case) -> ModuleType | Recorded:
     """Load the reference's module of `analytic/`, or read the recorded curve."""
     if case.recorded:
         file = case.file.parent / case.reference
-        return read_once(file, file.stat().st_mtime_ns if file.is_file() else None)
+        return read_recorded_once(file, file.stat().st_mtime_ns if file.is_file() else None)
     if case.reference in REFERENCES:
         return importlib.import_module(REFERENCES[case.reference])
     raise InputError(
         case.file,
         "reference",
         f"no closed form {case.reference!r}; "
-        f"{suggest(case.reference, sorted(REFERENCES))}; or name a recorded curve "
+        f"{suggest_names(case.reference, sorted(REFERENCES))}; or name a recorded curve "
         f"NAME.csv",
     )
 
 
-def reads_model(case: Case) -> bool:
+def reference_reads_model(case: Case) -> bool:
     """Whether the reference reads its numbers from the MJCF, whose errors it then shares."""
-    reference = module_of(case)
+    reference = load_reference(case)
     return (
         not isinstance(reference, Recorded)
         and "model" in inspect.signature(reference.solve).parameters
     )
 
 
-def knows_inertia(case: Case) -> bool:
+def reference_knows_inertia(case: Case) -> bool:
     """Whether the reference can include inertia in moments and forces."""
-    reference = module_of(case)
+    reference = load_reference(case)
     return (
         not isinstance(reference, Recorded)
         and "inertia" in inspect.signature(reference.solve).parameters
     )
 
 
-def grid(case: Case, kind: Kind) -> Array:
+def run_samples(case: Case, kind: Kind) -> Array:
     """The samples x (n,) of a run: times [s], drive values, or arc lengths [m] in equilibrium."""
-    reference, run, leader = module_of(case), case.run[kind], case.leader
+    reference, run, leader = load_reference(case), case.run[kind], case.leader
     if isinstance(reference, Recorded):
         return reference.x
     n = run.n or 0
@@ -138,7 +140,7 @@ def grid(case: Case, kind: Kind) -> Array:
     if leader is None or not leader.steady:
         end = run.until or (leader.until or leader.period if leader else None)
         if end is None and leader and isinstance(leader.profile, ProfileTable):
-            end = named_in_profile(case, 0, last_time, case.file.parent, leader.profile)
+            end = read_profile(case, 0, last_time, case.file.parent, leader.profile)
         return np.linspace(0.0, end or 0.0, n)
     first, last = leader.start, float(leader.to or 0.0)
     if kind == "sweep":
@@ -146,23 +148,24 @@ def grid(case: Case, kind: Kind) -> Array:
     return np.linspace(0.0, (last - first) / leader.speed, n)
 
 
-def laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
+def drive_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
     """The motion profiles of a run, one for each drive; none for a free motion."""
-    return tuple(law(case, kind, k) for k in range(len(case.drive)))
+    return tuple(drive_law(case, kind, k) for k in range(len(case.drive)))
 
 
-def law(case: Case, kind: Kind, k: int) -> DriveLaw:
+def drive_law(case: Case, kind: Kind, k: int) -> DriveLaw:
     """The motion profile of drive number k."""
-    drive, reference, leader = case.drive[k], module_of(case), case.drive[0]
+    drive, reference, leader = case.drive[k], load_reference(case), case.drive[0]
     if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
     if isinstance(drive.profile, ProfileTable):
-        return sampled_law(case, k)
+        return sampled_drive_law(case, k)
     if drive.profile is not None or drive.to is None:
         if isinstance(reference, Recorded):
             key = case.drive_key(k, "profile")
             return Samples(
-                reference.x, *(column(case, reference, key, c) for c in drive.profile or ())
+                reference.x,
+                *(recorded_column(case, reference, key, c) for c in drive.profile or ()),
             )
         shared = drive.profile is None or (
             k == 0 and any(d.profile is None for d in case.drive[1:])
@@ -183,24 +186,23 @@ def law(case: Case, kind: Kind, k: int) -> DriveLaw:
                 raise InputError(
                     case.file,
                     case.drive_key(k_of_teller, f"parameters.{name}"),
-                    f"{teller.profile}() has no such parameter; {suggest(name, names, 'known')}",
+                    f"{teller.profile}() has no such parameter; "
+                    f"{suggest_names(name, names, 'known')}",
                 )
         return FunctionLaw(function, dict(teller.parameters), k if shared else None)
     if k:
         ratio = (drive.to - drive.start) / (float(leader.to or 0.0) - leader.start)
-        return InProportion(law(case, kind, 0), leader.start, ratio, drive.start)
+        return InProportion(drive_law(case, kind, 0), leader.start, ratio, drive.start)
     if drive.period:
         return Swing(drive.start, drive.to, drive.period)
     return Steady(drive.start, drive.speed, x_is_time=kind == "dynamics")
 
 
-def sampled_law(case: Case, k: int) -> SampledLaw:
+def sampled_drive_law(case: Case, k: int) -> SampledLaw:
     """The motion profile of drive number k, which follows the rows of a file."""
     drive = case.drive[k]
-    unit = joints(compiled(case)).get(drive.joint) or "rad"
-    return named_in_profile(
-        case, k, law_of_profile, case.file.parent, drive.profile, drive.start, unit
-    )
+    unit = joints(compiled_model(case)).get(drive.joint) or "rad"
+    return read_profile(case, k, law_of_profile, case.file.parent, drive.profile, drive.start, unit)
 
 
 def load_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
@@ -219,19 +221,19 @@ def load_law(case: Case, kind: Kind, k: int) -> DriveLaw:
     load = case.load[k]
     if load.profile is not None:
         try:
-            return law_of_profile(case.file.parent, load.profile, 0.0, *CONTROLS)
+            return law_of_profile(case.file.parent, load.profile, 0.0, *CONTROL_UNITS)
         except ValueError as error:
             raise InputError(case.file, case.load_key(k, "profile"), str(error)) from None
     way, leader = float(load.to or 0.0) - load.start, case.drive[0]
     if leader.to is not None:
         ratio = way / (leader.to - leader.start)
-        return InProportion(law(case, kind, 0), leader.start, ratio, load.start)
-    first, last = grid(case, kind)[[0, -1]].tolist()
+        return InProportion(drive_law(case, kind, 0), leader.start, ratio, load.start)
+    first, last = run_samples(case, kind)[[0, -1]].tolist()
     rate = way / (last - first)
     return Steady(load.start - rate * first, rate, x_is_time=True)
 
 
-def named_in_profile(case: Case, k: int, read: Callable[..., Any], *args: object) -> Any:
+def read_profile(case: Case, k: int, read: Callable[..., Any], *args: object) -> Any:
     """Call a function that reads a profile; its ValueError becomes bad input of the drive.
 
     Raises
@@ -276,12 +278,12 @@ def evaluate(
     names = frozenset(c.equals for c in case.channels.values() if isinstance(c.equals, str))
     more = frozenset[str]() if changed else names_in_views(case, kind) - case.channels.keys()
     known = reference_quantities(case, kind, x, state, parameters, only=names | more)
-    if any(name.startswith(DRIVE) for name in names | more):
-        known = known | asked_of_drives(case, kind, x)
+    if any(name.startswith(DRIVE_PREFIX) for name in names | more):
+        known = known | prescribed_quantities(case, kind, x)
     if not names <= known.keys():  # an error; its message suggests one of all names
-        known = quantities(case, kind, x, state, parameters)
+        known = all_quantities(case, kind, x, state, parameters)
     shown = {name: known[name] for name in more if name in known}
-    return ReferenceCurves(x, channels(case, x, known), shown=shown)
+    return ReferenceCurves(x, reference_channels(case, x, known), shown=shown)
 
 
 def names_in_views(case: Case, kind: Kind) -> frozenset[str]:
@@ -294,7 +296,7 @@ def names_in_views(case: Case, kind: Kind) -> frozenset[str]:
     )
 
 
-def quantities(
+def all_quantities(
     case: Case,
     kind: Kind,
     x: Array,
@@ -302,10 +304,10 @@ def quantities(
     parameters: dict[str, float | str],
     key: str = "parameters",
 ) -> dict[str, Array]:
-    """All curves that a channel may equal: `reference_quantities` and `asked_of_drives`."""
+    """All curves that a channel may equal: `reference_quantities` and `prescribed_quantities`."""
     return {
         **reference_quantities(case, kind, x, state, parameters, key),
-        **asked_of_drives(case, kind, x),
+        **prescribed_quantities(case, kind, x),
     }
 
 
@@ -323,49 +325,51 @@ def reference_quantities(
     `kind`, `x` and `state` are those of `evaluate`.  `parameters` stand in the sidecar at `key`.
     If `only` is given, the reference may leave out other quantities.
     """
-    reference = module_of(case)
+    reference = load_reference(case)
     if not isinstance(reference, Recorded):
-        return call(case, kind, reference, x, state, parameters, key, only)
+        return call_reference(case, kind, reference, x, state, parameters, key, only)
     if parameters:
         raise InputError(case.file, key, "the reference is a recorded curve, which has none")
     return {name: values[: np.size(x)] for name, values in reference.columns.items()}
 
 
-def asked_of_drives(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
+def prescribed_quantities(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
     """The prescribed motion of drives: ``drive.JOINT``, ``drive.JOINT.rate``, ``.acceleration``.
 
     A channel that equals one of them is compared with the motion profile, and not with the motion
     that the drive really had.
     """
     return {
-        f"{DRIVE}{drive.joint}{part}": np.broadcast_to(values, np.shape(x))
-        for drive, law in zip(case.drive, laws(case, kind), strict=True)
+        f"{DRIVE_PREFIX}{drive.joint}{part}": np.broadcast_to(values, np.shape(x))
+        for drive, law in zip(case.drive, drive_laws(case, kind), strict=True)
         for part, values in zip(DRIVE_PARTS, law(np.asarray(x, float)), strict=True)
     }
 
 
-def channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
+def reference_channels(case: Case, x: Array, known: dict[str, Array]) -> dict[str, Array]:
     """The curve that each channel must have, from the reference's quantities; both in SI units."""
-    reference, wanted = module_of(case), {}
+    reference, wanted = load_reference(case), {}
     for name, channel in case.channels.items():
         if isinstance(channel.equals, float):
             level = channel.scale * channel.equals + channel.shift
             wanted[name] = np.full(np.shape(x), level * channel.factor)
             continue
-        if isinstance(reference, Recorded) and not channel.equals.startswith(DRIVE):
-            column(case, reference, f"channels.{name}.equals", channel.equals, channel.unit)
+        if isinstance(reference, Recorded) and not channel.equals.startswith(DRIVE_PREFIX):
+            recorded_column(
+                case, reference, f"channels.{name}.equals", channel.equals, channel.unit
+            )
         elif channel.equals not in known:
             raise InputError(
                 case.file,
                 f"channels.{name}.equals",
-                f"no quantity {channel.equals!r}; {suggest(channel.equals, known)}",
+                f"no quantity {channel.equals!r}; {suggest_names(channel.equals, known)}",
             )
         value = np.broadcast_to(known[channel.equals], np.shape(x))
         wanted[name] = channel.scale * value + channel.shift * channel.factor
     return wanted
 
 
-def call(
+def call_reference(
     case: Case,
     kind: Kind,
     reference: ModuleType,
@@ -394,12 +398,12 @@ def call(
         if p.kind is p.KEYWORD_ONLY
     ]
     own = {
-        "model": lambda: compiled(case),
+        "model": lambda: compiled_model(case),
         "start": lambda: case.start,
         "joints": lambda: tuple(d.joint for d in case.drive),
         "inertia": lambda: case.has_inertia(kind),
         "only": lambda: only,
-        "terms": lambda: smooth_terms(compiled(case), case.start),
+        "terms": lambda: smooth_terms(compiled_model(case), case.start),
         "closely": lambda: partial(solve_closely, case, kind),
         "controls": lambda: {
             name: law(np.asarray(x, float))[0] for name, law in control_laws(case, kind).items()
@@ -410,7 +414,9 @@ def call(
         "control_laws": lambda: control_laws(case, kind) if kind == "dynamics" else {},
         "load_rates": dict,
         "in_time": lambda: (
-            (np.asarray(x, float), laws(case, kind)) if kind == "dynamics" and case.drive else None
+            (np.asarray(x, float), drive_laws(case, kind))
+            if kind == "dynamics" and case.drive
+            else None
         ),
     }
     there = [k for k in known if k not in own]
@@ -420,10 +426,10 @@ def call(
                 case.file,
                 f"{key}.{name}",
                 f"reference {case.reference} has no "
-                f"such parameter; {suggest(name, there, 'known')}",
+                f"such parameter; {suggest_names(name, there, 'known')}",
             )
     if case.load:
-        parameters, rates = under_loads(case, kind, reference, x, parameters)
+        parameters, rates = scale_parameters(case, kind, reference, x, parameters)
         own["load_rates"] = lambda: rates
     if state is None:
         args: tuple = (x,)
@@ -433,7 +439,7 @@ def call(
         more = {k: own[k]() for k in own if k in known}
         if "model" in more:  # such references have a memory of their own, as models may change
             return reference.solve(*args, **parameters, **more)
-        return answered(reference.solve, *args, **parameters, **more)
+        return call_once(reference.solve, *args, **parameters, **more)
     except NotCovered as error:
         raise InputError(
             case.model_path, "", f"the reference {case.reference!r} does not cover it: {error}"
@@ -443,7 +449,7 @@ def call(
         raise InputError(case.file, key, str(error)) from None
 
 
-def under_loads(
+def scale_parameters(
     case: Case, kind: Kind, reference: ModuleType, x: Array, parameters: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
     """Turn the parameters that loads scale into curves (n,), and find the rates of these.
@@ -469,7 +475,7 @@ def under_loads(
                 case.file,
                 case.load_key(k, "scales"),
                 f"missing: which parameters of {case.reference} the load multiplies; "
-                f"{suggest('', may, 'those of this case that may change')}",
+                f"{suggest_names('', may, 'those of this case that may change')}",
             )
         control, rate, _ = np.broadcast_arrays(*law(np.asarray(x, float)))
         for name in load.scales:
@@ -478,7 +484,7 @@ def under_loads(
                     case.file,
                     case.load_key(k, "scales"),
                     f"{name!r} is no parameter of this case that {case.reference} lets change "
-                    f"along a path; {suggest(name, may, 'those that may')}",
+                    f"along a path; {suggest_names(name, may, 'those that may')}",
                 )
             found[name], rates[name] = parameters[name] * control, parameters[name] * rate
     return found, rates
@@ -498,32 +504,32 @@ def solve_closely(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
         raise NotCovered(f"a run of {kind}; it is a motion in time")
     if x.size < 2:
         raise NotCovered("a single moment; give a run of some length")
-    return known_closely(case, x)[0]
+    return solve_closely_with_evidence(case, x)[0]
 
 
-def known_closely(case: Case, x: Array) -> tuple[dict[str, Array], str]:
+def solve_closely_with_evidence(case: Case, x: Array) -> tuple[dict[str, Array], str]:
     """All sensors at times x [s], and the evidence that the motion is known."""
     file = case.model_path
-    led = zip(case.drive, laws(case, "dynamics"), strict=True)
+    led = zip(case.drive, drive_laws(case, "dynamics"), strict=True)
     drives = tuple(Drive(drive.joint, law) for drive, law in led)
     loads = tuple(ChangingLoad(*one) for one in control_laws(case, "dynamics").items())
     inputs = pickle.dumps((drives, loads))
-    return closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes(), inputs)
+    return solve_closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes(), inputs)
 
 
 @lru_cache(8)
-def closely_once(
+def solve_closely_once(
     file: Path, changed: int, start: str, x: bytes, inputs: bytes
 ) -> tuple[dict[str, Array], str]:
-    """Do what `known_closely` does; a cache, with times, drives and loads as bytes."""
-    engine, times = engine_of(NATIVE), np.frombuffer(x)
+    """Do what `solve_closely_with_evidence` does; a cache by times, drives and loads as bytes."""
+    engine, times = engine_of(NATIVE_ENGINE), np.frombuffer(x)
     drives, loads = pickle.loads(inputs)
     end = float(times[-1])
-    motion = engine.own_motion(file, end, times.size, PROCESSOR, start, drives, loads)
+    motion = engine.own_motion(file, end, times.size, PROCESSOR_SECONDS, start, drives, loads)
     if failed := why_failed(motion):
         raise NotCovered(f"the model itself fails: {failed}")
     rung = Rung(motion)
-    if not rung.sure:
+    if not rung.is_sure:
         raise NotCovered(f"its motion is not known until {times[-1]:.3g} s: {rung.words()}")
     names = channel_names(compile_once(file, changed, ()), start).values()
     run = Run("dynamics", times, tuple(chain(*names)), drives, start, loads=loads)
@@ -535,17 +541,21 @@ def closely_once(
 
 def properties(case: Case, beside: str | None = None) -> dict[str, str]:
     """Properties of the mechanism as a whole, such as its class, limits and stroke, if any."""
-    tell = getattr(module_of(case), "properties", None)
+    tell = getattr(load_reference(case), "properties", None)
     if tell is None:
         return {}
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
     own, asked = dict[str, Any](), inspect.signature(tell).parameters
     if "evidence" in asked:
-        own = {"evidence": known_closely(case, grid(case, next(iter(case.run))))[1]}
+        own = {
+            "evidence": solve_closely_with_evidence(case, run_samples(case, next(iter(case.run))))[
+                1
+            ]
+        }
     if "motion" in asked:  # of the model itself
-        model, kind = compiled(case), next(iter(case.run))
-        x = grid(case, kind)
-        drives = [np.broadcast_arrays(*one(x)) for one in laws(case, kind)]
+        model, kind = compiled_model(case), next(iter(case.run))
+        x = run_samples(case, kind)
+        drives = [np.broadcast_arrays(*one(x)) for one in drive_laws(case, kind)]
         own = {
             "model": model,
             "start": case.start,
@@ -553,7 +563,7 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
             "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
         }
         if "in_time" in asked and kind == "dynamics" and drives:
-            own["in_time"] = x, laws(case, kind)
+            own["in_time"] = x, drive_laws(case, kind)
         if "control_laws" in asked and kind == "dynamics":
             own["control_laws"] = control_laws(case, kind)
         elif "controls" in asked:
@@ -568,7 +578,7 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
         return {}
 
 
-def compiled(case: Case) -> MjModel:
+def compiled_model(case: Case) -> MjModel:
     """The case's compiled MJCF; it is compiled once for all runs."""
     try:
         return compile_once(case.model_path, case.model_path.stat().st_mtime_ns, case.rods)
@@ -576,10 +586,10 @@ def compiled(case: Case) -> MjModel:
         rod, key, why = error.args
         raise InputError(case.file, f"rod.{rod}.{key}", why) from None
     except BadModel as error:
-        raise in_model(case.model_path, error) from None
+        raise model_error(case.model_path, error) from None
 
 
-def identity(case: Case) -> tuple[str | int, ...]:
+def reference_identity(case: Case) -> tuple[str | int, ...]:
     """A key that differs for cases with different reference curves: their tables and files."""
     asked = case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump_json()
     files = [case.model_path, *case.profile_files]
@@ -587,13 +597,15 @@ def identity(case: Case) -> tuple[str | int, ...]:
     return asked, *(file.stat().st_mtime_ns for file in files)
 
 
-def column(case: Case, reference: Recorded, key: str, name: str, unit: str | None = None) -> Array:
+def recorded_column(
+    case: Case, reference: Recorded, key: str, name: str, unit: str | None = None
+) -> Array:
     """A column of the recorded curve; its unit is checked if `unit` is given."""
     if name not in reference.columns:
         raise InputError(
             case.file,
             key,
-            f"no column {name!r} in {case.reference}; {suggest(name, reference.columns)}",
+            f"no column {name!r} in {case.reference}; {suggest_names(name, reference.columns)}",
         )
     if unit is not None and not same_quantity(reference.units[name], unit):
         raise InputError(
@@ -605,18 +617,18 @@ def column(case: Case, reference: Recorded, key: str, name: str, unit: str | Non
     return reference.columns[name]
 
 
-def modes(case: Case) -> tuple[int, ...]:
+def assembly_modes(case: Case) -> tuple[int, ...]:
     """Assembly modes that the reference offers; empty if it offers no choice."""
-    return getattr(module_of(case), "MODES", ())
+    return getattr(load_reference(case), "MODES", ())
 
 
-def unit_of(case: Case, parameter: str) -> str:
+def parameter_unit(case: Case, parameter: str) -> str:
     """The unit of a parameter, from the docstring of the reference's `solve`; empty if not there.
 
     An entry ``names : text with [unit]`` has either one unit, which is that of all its names, or as
     many units as names, in the same order.  ``length1, ..`` stands for all numbers.
     """
-    reference = module_of(case)
+    reference = load_reference(case)
     text = "" if isinstance(reference, Recorded) else inspect.getdoc(reference.solve) or ""
     section = re.search(r"Parameters\n-+\n(.*?)(?:\n\n|\Z)", text, re.DOTALL)
     for entry in re.split(r"\n(?! )", section[1]) if section else ():

@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from proofmass.case import Case, Refine
-from proofmass.compare import Comparison, one, reference_for, verdict
-from proofmass.engines import computes
+from proofmass.compare import Comparison, compare_channel, judge_error, reference_for
+from proofmass.engines import computes_curves
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
 from proofmass.units import si_unit
-from proofmass.worker import isolated
+from proofmass.worker import call_isolated
 
-Ran = tuple[list[Comparison], Curves | None]
+RunResult = tuple[list[Comparison], Curves | None]
 """The comparisons of a run, and its curves if it did not fail."""
 
 
@@ -57,15 +57,15 @@ class RefinementStudy:
     case: Case
     refine: Refine
     solver: str
-    runs: dict[int, Ran] = field(default_factory=dict)
+    runs: dict[int, RunResult] = field(default_factory=dict)
 
-    def add(self, segments: int, found: Ran) -> tuple[list[RefinedRow], list[Comparison]]:
+    def add(self, segments: int, found: RunResult) -> tuple[list[RefinedRow], list[Comparison]]:
         """Add a run; with the last run the rows and verdicts of all, before it none."""
         self.runs[segments] = found
         if len(self.runs) < len(self.refine.segments):
             return [], []
         limits = self.case.run[self.refine.run]
-        return isolated(judged, self, timeout=limits.timeout, memory=limits.memory)
+        return call_isolated(study_results, self, timeout=limits.timeout, memory=limits.memory)
 
     def rows(self) -> list[RefinedRow]:
         """The rows of the runs that did not fail, for all channels that the solver delivers."""
@@ -94,13 +94,13 @@ class RefinementStudy:
         ]
 
 
-def judged(study: RefinementStudy) -> tuple[list[RefinedRow], list[Comparison]]:
+def study_results(study: RefinementStudy) -> tuple[list[RefinedRow], list[Comparison]]:
     """Rows and verdicts of a complete study, for a worker, since the reference is evaluated."""
     rows = study.rows()
-    return rows, judge(study, rows)
+    return rows, judge_study(study, rows)
 
 
-class Finer(NamedTuple):
+class FinerRun(NamedTuple):
     """A run of a case with a number of segments for all rods, and the study that it belongs to."""
 
     case: Case
@@ -110,35 +110,35 @@ class Finer(NamedTuple):
     study: RefinementStudy
 
 
-def refinements(case: Case) -> Iterator[Finer]:
+def refinement_runs(case: Case) -> Iterator[FinerRun]:
     """The runs that ``[refine]`` asks for, solver by solver; none if a case has no such table."""
     if refine := case.refine:
         run = refine.sampled(case.run[refine.run])
-        for solver in filter(computes, run.solvers):
+        for solver in filter(computes_curves, run.solvers):
             study = RefinementStudy(case, refine, solver)
             for n in refine.segments:
                 rods = {
                     name: rod.model_copy(update={"segments": n}) for name, rod in case.rod.items()
                 }
                 finer = case.model_copy(update={"rod": rods, "run": {refine.run: run}})
-                yield Finer(finer, refine.run, solver, n, study)
+                yield FinerRun(finer, refine.run, solver, n, study)
 
 
-def errors(case: Case, run: Kind, solver: str, curves: Curves) -> list[Comparison]:
+def refined_errors(case: Case, run: Kind, solver: str, curves: Curves) -> list[Comparison]:
     """The comparisons of one run of a study: refined channels only, without detectable changes."""
     reference = reference_for(case, run, curves).channels
     return [
-        one(case, run, solver, name, curves, reference[name], {})
+        compare_channel(case, run, solver, name, curves, reference[name], {})
         for name in case.channels_of(run)
         if case.refine and case.refine.covers(name)
     ]
 
 
-def order(coarse: RefinedRow, fine: RefinedRow, error_floor: float = 0.0) -> float:
+def observed_order(coarse: RefinedRow, fine: RefinedRow, error_floor: float = 0.0) -> float:
     """The order by the errors of two numbers of segments; NaN if one is at the error floor.
 
     >>> one, two = (RefinedRow("", "", n, "x", "m", 4 / n**2, 0.0, 1.0, 0.0, 0) for n in (2, 4))
-    >>> order(one, two), order(one, two, error_floor=0.3)
+    >>> observed_order(one, two), observed_order(one, two, error_floor=0.3)
     (2.0, nan)
     """
     if not np.minimum(coarse.error, fine.error) > error_floor:
@@ -146,19 +146,19 @@ def order(coarse: RefinedRow, fine: RefinedRow, error_floor: float = 0.0) -> flo
     return float(np.log(coarse.error / fine.error) / np.log(fine.segments / coarse.segments))
 
 
-def limit(coarse: RefinedRow, fine: RefinedRow, order: float) -> float:
+def extrapolated_error(coarse: RefinedRow, fine: RefinedRow, order: float) -> float:
     """The error at the last sample of the limit that is extrapolated from two numbers of segments.
 
     >>> one, two = (RefinedRow("", "", n, "x", "m", 0.0, 4 / n**2 + 16 / n**4, 1.0, 0.0, 0)
     ...             for n in (2, 4))
-    >>> limit(one, two, order=2.0)
+    >>> extrapolated_error(one, two, order=2.0)
     -0.25
     """
     ratio = (fine.segments / coarse.segments) ** order
     return fine.end + (fine.end - coarse.end) / (ratio - 1.0)
 
 
-def judge(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
+def judge_study(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
     """Verdicts on a complete study, as comparisons of a run called "refine".
 
     For each channel there is a verdict on its order: the error is the largest deviation of a pair
@@ -186,15 +186,15 @@ def judge(study: RefinementStudy, rows: list[RefinedRow]) -> list[Comparison]:
     verdicts = []
     for channel in dict.fromkeys(row.channel for row in rows):
         own = [row for row in rows if row.channel == channel]
-        verdicts.append(of_order(study.refine, own, cost))
+        verdicts.append(judge_order(study.refine, own, cost))
         if study.refine.richardson is not None and si_unit(own[0].unit)[0] == "m":
-            verdicts.append(of_limit(study.refine, own, cost))
+            verdicts.append(judge_limit(study.refine, own, cost))
     return verdicts
 
 
-def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
+def judge_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
     """The verdict on whether the errors of a channel above the floor fall with the given order."""
-    place = {**cost, "channel": f"order of {rows[0].channel}", "unit": ""}
+    fields = {**cost, "channel": f"order of {rows[0].channel}", "unit": ""}
     floor = f"errors up to {refine.error_floor:g} {rows[0].unit} are left to rounding"
     pairs = [
         pair
@@ -202,19 +202,19 @@ def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Co
         if not np.minimum(pair[0].error, pair[1].error) <= refine.error_floor
     ]
     if not pairs:
-        return Comparison(**place, message=f"no order shows: {floor}")
-    orders = [order(*pair) for pair in pairs]
-    off = np.abs(np.subtract(orders, refine.order))
-    worst = int(np.argmax(off))
-    outcome, message = verdict(float(off[worst]), refine.within, "", refine.why)
+        return Comparison(**fields, message=f"no order shows: {floor}")
+    orders = [observed_order(*pair) for pair in pairs]
+    deviations = np.abs(np.subtract(orders, refine.order))
+    worst = int(np.argmax(deviations))
+    outcome, message = judge_error(float(deviations[worst]), refine.within, "", refine.why)
     coarse, fine = pairs[worst]
     if outcome == Outcome.DIFFERS:
         message += f", order {orders[worst]:.3g} from {coarse.segments} to {fine.segments} segments"
     elif len(pairs) < len(rows) - 1:
         message += f"; {floor}"
     return Comparison(
-        **place,
-        error_max=float(off[worst]),
+        **fields,
+        error_max=float(deviations[worst]),
         at=fine.segments,
         allowed=refine.within,
         outcome=outcome,
@@ -222,12 +222,12 @@ def of_order(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Co
     )
 
 
-def of_limit(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
+def judge_limit(refine: Refine, rows: list[RefinedRow], cost: dict[str, Any]) -> Comparison:
     """The verdict on whether the limit of two runs is the reference at the last sample."""
     coarse, fine = (row for row in rows if row.segments in refine.last)
     allowed = float(refine.richardson or 0.0) / si_unit(fine.unit)[1]
-    error = abs(limit(coarse, fine, refine.order))
-    outcome, message = verdict(error, allowed, fine.unit, refine.why)
+    error = abs(extrapolated_error(coarse, fine, refine.order))
+    outcome, message = judge_error(error, allowed, fine.unit, refine.why)
     return Comparison(
         **cost,
         channel=f"limit of {fine.channel}",

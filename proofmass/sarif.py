@@ -10,18 +10,18 @@ from typing import Any
 import proofmass
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.compare import UNCHECKED, Comparison
+from proofmass.compare import UNCHECKED_CASE, Comparison
 from proofmass.errors import InputError
 from proofmass.files import read_text
-from proofmass.junit import failure
-from proofmass.outcome import GOOD, Outcome
+from proofmass.junit import failure_message
+from proofmass.outcome import GOOD_OUTCOMES, Outcome
 
-SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 BAD_INPUT = "bad-input"
 NOTHING_CHECKED = "nothing-checked"
-FAILING = [outcome for outcome in Outcome if outcome not in GOOD]
-HEAD = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
-KEY = re.compile(r"^\s*((?:[\w-]+|\"[^\"]*\")(?:\s*\.\s*(?:[\w-]+|\"[^\"]*\"))*)\s*=")
+BAD_OUTCOMES = [outcome for outcome in Outcome if outcome not in GOOD_OUTCOMES]
+TABLE_PATTERN = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+KEY_PATTERN = re.compile(r"^\s*((?:[\w-]+|\"[^\"]*\")(?:\s*\.\s*(?:[\w-]+|\"[^\"]*\"))*)\s*=")
 
 
 def as_sarif(result: Result) -> str:
@@ -29,17 +29,19 @@ def as_sarif(result: Result) -> str:
     cases = {case.name: case for case in result.cases}
     lines = LineIndex()
     found = [
-        of_channel(c, cases.get(c.case), lines) for c in result.comparisons if c.outcome not in GOOD
+        channel_result(c, cases.get(c.case), lines)
+        for c in result.comparisons
+        if c.outcome not in GOOD_OUTCOMES
     ]
-    found += [of_case(case, lines) for case in result.unchecked]
-    found += [of_error(error, lines) for error in result.errors]
+    found += [case_result(case, lines) for case in result.unchecked]
+    found += [error_result(error, lines) for error in result.errors]
     rules = rules_of({each["ruleId"] for each in found})
     order = {rule["id"]: k for k, rule in enumerate(rules)}
     for each in found:
         each["ruleIndex"] = order[each["ruleId"]]
     return json.dumps(
         {
-            "$schema": SCHEMA,
+            "$schema": SARIF_SCHEMA,
             "version": "2.1.0",
             "runs": [
                 {
@@ -77,7 +79,7 @@ def rule_id(outcome: str) -> str:
 
 def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
     """The SARIF rules with these identifiers."""
-    words = {rule_id(outcome): outcome.sentence for outcome in FAILING}
+    words = {rule_id(outcome): outcome.sentence for outcome in BAD_OUTCOMES}
     words[BAD_INPUT] = "a file is not usable: its key, line or whole is at fault"
     words[NOTHING_CHECKED] = "a case has no curve that a tolerance covers"
     return [
@@ -87,34 +89,38 @@ def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
     ]
 
 
-def of_channel(c: Comparison, case: Case | None, lines: "LineIndex") -> dict[str, Any]:
+def channel_result(c: Comparison, case: Case | None, lines: "LineIndex") -> dict[str, Any]:
     """The SARIF result of a channel that differs or failed, at its line in sidecar or model."""
     places = []
     if case is not None:
-        file, line = case.file, lines.of_key(case.file, ["channels", c.channel], exactly=True)
-        if line is None and (sensor := lines.of_name(case.model_path, c.channel)):
+        file, line = case.file, lines.line_of_key(case.file, ["channels", c.channel], exactly=True)
+        if line is None and (sensor := lines.line_of_name(case.model_path, c.channel)):
             file, line = case.model_path, sensor
         places = [location(file, line)]
     where = " ".join([c.case, c.run, c.solver, c.channel]).strip()
-    return entry(rule_id(c.outcome), f"{where} {failure(c)}", places, where)
+    return sarif_result(rule_id(c.outcome), f"{where} {failure_message(c)}", places, where)
 
 
-def of_case(case: Case, lines: "LineIndex") -> dict[str, Any]:
+def case_result(case: Case, lines: "LineIndex") -> dict[str, Any]:
     """The SARIF result of a case of which nothing was checked."""
-    return entry(NOTHING_CHECKED, f"{case.name}: {UNCHECKED}", [location(case.file)], case.name)
+    return sarif_result(
+        NOTHING_CHECKED, f"{case.name}: {UNCHECKED_CASE}", [location(case.file)], case.name
+    )
 
 
-def of_error(error: InputError, lines: "LineIndex") -> dict[str, Any]:
+def error_result(error: InputError, lines: "LineIndex") -> dict[str, Any]:
     """The SARIF result of an input with an error, at the line of its key."""
     sidecar = error.file.suffix == ".toml"
-    line = lines.of_key(error.file, key_parts(error.key)) if sidecar else None
-    if line is None and (said := re.search(r"\bline (\d+)", f"{error.key} {error.wrong}")):
-        line = int(said[1])
+    line = lines.line_of_key(error.file, key_parts(error.key)) if sidecar else None
+    if line is None and (found_line := re.search(r"\bline (\d+)", f"{error.key} {error.wrong}")):
+        line = int(found_line[1])
     words = f"{error.key}: {error.wrong}" if error.key else error.wrong
-    return entry(BAD_INPUT, words, [location(error.file, line)], f"{error.file.name} {error.key}")
+    return sarif_result(
+        BAD_INPUT, words, [location(error.file, line)], f"{error.file.name} {error.key}"
+    )
 
 
-def entry(rule: str, text: str, places: list[dict[str, Any]], name: str) -> dict[str, Any]:
+def sarif_result(rule: str, text: str, places: list[dict[str, Any]], name: str) -> dict[str, Any]:
     """A SARIF result; `name` identifies it from one check to the next."""
     return {
         "ruleId": rule,
@@ -130,17 +136,17 @@ def location(file: Path, line: int | None = None) -> dict[str, Any]:
     whole = Path(file).absolute()
     try:
         relative = whole.relative_to(Path.cwd())
-        artifact = {"uri": quoted(relative), "uriBaseId": "%SRCROOT%"}
+        artifact = {"uri": quote_path(relative), "uriBaseId": "%SRCROOT%"}
     except ValueError:
         artifact = {"uri": whole.as_uri()}
     region = {} if line is None else {"region": {"startLine": line}}
     return {"physicalLocation": {"artifactLocation": artifact, **region}}
 
 
-def quoted(relative: Path) -> str:
+def quote_path(relative: Path) -> str:
     """A relative path, quoted as in a URI.
 
-    >>> quoted(Path("a b/ü.toml"))
+    >>> quote_path(Path("a b/ü.toml"))
     'a%20b/%C3%BC.toml'
     """
     root = Path.cwd().anchor
@@ -162,7 +168,7 @@ class LineIndex:
                 self.texts[file] = []
         return self.texts[file]
 
-    def of_key(self, file: Path, wanted: list[str], exactly: bool = False) -> int | None:
+    def line_of_key(self, file: Path, wanted: list[str], exactly: bool = False) -> int | None:
         """The line of a key in a sidecar, or of the nearest table that contains it.
 
         With `exactly` only the line of the key itself is given.
@@ -170,12 +176,12 @@ class LineIndex:
         best, deepest = None, 0
         table, counts = list[str](), Counter[str]()
         for number, line in enumerate(self.text(file), 1):
-            if head := HEAD.match(line):
+            if head := TABLE_PATTERN.match(line):
                 here = table = key_parts(head[2])
                 if head[1] == "[[":  # a list of tables, whose numbers are parts of the key
                     here = table = [*table, str(counts[head[2]])]
                     counts[head[2]] += 1
-            elif given := KEY.match(line):
+            elif given := KEY_PATTERN.match(line):
                 here = [*table, *key_parts(given[1])]
             else:
                 continue
@@ -183,13 +189,13 @@ class LineIndex:
                 best, deepest = number, len(here)
         return best if deepest == len(wanted) or not exactly else None
 
-    def of_name(self, file: Path, channel: str) -> int | None:
+    def line_of_name(self, file: Path, channel: str) -> int | None:
         """The line of a model that names the sensor of a channel, with or without its axis."""
         names = (channel, channel.rpartition(".")[0])
         for name in filter(None, names):
-            said = re.compile(rf"\bname\s*=\s*([\"']){re.escape(name)}\1")
+            pattern = re.compile(rf"\bname\s*=\s*([\"']){re.escape(name)}\1")
             for number, line in enumerate(self.text(file), 1):
-                if said.search(line):
+                if pattern.search(line):
                     return number
         return None
 

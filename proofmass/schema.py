@@ -14,12 +14,12 @@ import json
 from typing import Any
 
 from proofmass.case import Case
-from proofmass.sidecar import OWN, Levels
+from proofmass.sidecar import FIELDS_WITHOUT_KEY, Levels
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-FILLED = {"Channel": ("equals", "unit"), "RunTable": ("solvers",)}
+DEFAULTED_KEYS = {"Channel": ("equals", "unit"), "RunTable": ("solvers",)}
 """Keys that a case must have, but a sidecar may leave to `proofmass.sidecar.fill_defaults`."""
-REQUIRED = ["title", "source", "reference"]
+REQUIRED_KEYS = ["title", "source", "reference"]
 JsonObject = dict[str, Any]
 
 
@@ -37,17 +37,17 @@ def sidecar_schema() -> JsonObject:
     """
     case, levels = (kind.model_json_schema(by_alias=True) for kind in (Case, Levels))
     parts = case["$defs"] | levels["$defs"]
-    for name, filled in FILLED.items():
+    for name, filled in DEFAULTED_KEYS.items():
         parts[name]["required"] = [k for k in parts[name]["required"] if k not in filled]
     parts["RecordedColumn"] = {"anyOf": [{"type": "string"}, parts["RecordedColumn"]]}
-    keys = {k: v for k, v in case["properties"].items() if k not in OWN}
+    keys = {k: v for k, v in case["properties"].items() if k not in FIELDS_WITHOUT_KEY}
     return {
         "$schema": DIALECT,
         "title": "Sidecar of a proofmass case",
         "description": "What a model in MJCF is compared with, in which runs, and how closely.",
         "type": "object",
         "additionalProperties": False,
-        "required": REQUIRED,
+        "required": REQUIRED_KEYS,
         "properties": as_in_toml(keys | levels["properties"]),
         "$defs": as_in_toml(parts),
     }

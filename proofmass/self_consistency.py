@@ -8,23 +8,23 @@ There are four levels of knowledge, called rungs, from the lowest to the highest
 * *agrees*: an independent reference, which a sidecar names, agrees within a tolerance;
 * *exact*: that reference is a closed form, or is itself confirmed by a second formulation.
 
-The first two are found for a model by itself, see `proofmass.check.check_model`.  Its motion is
-solved in several ways by an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance between
-two solutions is the largest of all points of all bodies until a time.  It is given as a share of
-the model's size, or of the longest distance that a point has moved until then, if that is longer.
-There are three criteria:
+The first two are found for a model by itself, see `proofmass.check.check_bare_model`.  Its motion
+is solved in several ways by an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance
+between two solutions is the largest of all points of all bodies until a time.  It is given as a
+share of the model's size, or of the longest distance that a point has moved until then, if that is
+longer.  There are three criteria:
 
 steps
-    The solutions with the two finest steps differ by less than `WITHIN`; the last two
-    halvings of the step reduced their difference at least by the factor `FALLS`^2, with an order
-    of at most `FASTEST`; and the first of them did not make the difference larger by the factor
-    `JUMPS`.
+    The solutions with the two finest steps differ by less than `AGREEMENT_SHARE`; the last two
+    halvings of the step reduced their difference at least by the factor `MIN_FALL`^2, with an order
+    of at most `MAX_ORDER`; and the first of them did not make the difference larger by the factor
+    `MAX_JUMP`.
 close
-    The solution of an integrator that chooses its steps differs by no more than `WITHIN`
+    The solution of an integrator that chooses its steps differs by no more than `AGREEMENT_SHARE`
     from that with the finest step, and from its own with a larger error allowance.
 disturbed
     A start pose that differs by 1e-9 leads to a motion that differs by no more than
-    `WITHIN`.
+    `AGREEMENT_SHARE`.
 
 A motion is self-consistent until the last time before which two of the three criteria are met.
 """
@@ -43,25 +43,25 @@ from proofmass.sim.protocol import OwnMotion, OwnRun
 from proofmass.wording import format_list, number
 
 Bools = NDArray[np.bool_]
-PROCESSOR = 36.0
+PROCESSOR_SECONDS = 36.0
 """Processor time of all solutions of a model's motion together [s]."""
-WITHIN = 1e-3
+AGREEMENT_SHARE = 1e-3
 """Share of the size up to which two solutions agree: a pixel in a picture of 1000 pixels."""
-FALLS = 1.6
+MIN_FALL = 1.6
 """Least factor by which half the step must reduce a difference.  Errors of first order fall by 2,
 but contacts scatter them."""
-JUMPS = 2.0
+MAX_JUMP = 2.0
 """Factor on a difference.  Contacts scatter differences by less; if half the step makes one larger
 than this, finer steps lead to another motion."""
-FASTEST = 2.1
+MAX_ORDER = 2.1
 """Largest order that counts as convergence.  MuJoCo's steps are of first order, or of second from
 rest; errors that fall faster show that the coarser steps led to another motion.  RK4 is of fourth
 order without contacts; in that case `close` and `disturbed` decide."""
-ROUNDING = 1e-9
+ROUNDING_SHARE = 1e-9
 """Share of the size below which a difference need not fall any more."""
-CHAOTIC = 1e3
+CHAOTIC_GROWTH = 1e3
 """Growth of a disturbance beyond which a finer step does not help for long."""
-BETTER = 0.1, 0.55
+BETTER_SHARES = 0.1, 0.55
 """Shares of the own error up to which another setting is recommended; the second share is used if
 no setting reaches the first."""
 
@@ -93,7 +93,7 @@ class Rung:
         self.motion = motion
         self.count = min(len(run.points) for run in motion.runs)
 
-    def padded(self, holds: Bools) -> Bools:
+    def pad(self, holds: Bools) -> Bools:
         """A criterion at each sample that all runs with a step have; False if it is not given."""
         found = np.zeros(self.count, bool)
         found[: holds.size] = holds[: self.count]
@@ -102,7 +102,7 @@ class Rung:
     def apart(self, one: OwnRun, two: OwnRun) -> Array:
         """The largest distance between two solutions until each sample that both have [m]."""
         n = min(len(one.points), len(two.points))
-        return farthest(one.points[:n] - two.points[:n])
+        return largest_until(one.points[:n] - two.points[:n])
 
     @cached_property
     def sizes(self) -> Array:
@@ -111,7 +111,7 @@ class Rung:
         Each is the model's size, or the longest distance moved until then, if that is longer.
         """
         points = self.fine.points[: self.count]
-        return np.maximum(farthest(points - points[:1]), self.motion.extent or 1e-300)
+        return np.maximum(largest_until(points - points[:1]), self.motion.extent or 1e-300)
 
     @cached_property
     def differences(self) -> list[Array]:
@@ -124,39 +124,39 @@ class Rung:
         return self.motion.runs[-1]
 
     @cached_property
-    def by_steps(self) -> Bools:
+    def steps_converge(self) -> Bools:
         """The criterion `steps` at each sample: whether finer steps converge."""
         if len(self.differences) < 3:
             return np.zeros(self.count, bool)
         first, second, last = self.differences[-3:]
-        rounding = ROUNDING * self.sizes
-        falls = (first >= FALLS**2 * last) & (first <= 2 ** (2 * FASTEST) * last)
+        rounding = ROUNDING_SHARE * self.sizes
+        falls = (first >= MIN_FALL**2 * last) & (first <= 2 ** (2 * MAX_ORDER) * last)
         falls |= last <= rounding
-        jumps = second > np.maximum(JUMPS * first, rounding)
-        return (last <= WITHIN * self.sizes) & falls & ~jumps
+        jumps = second > np.maximum(MAX_JUMP * first, rounding)
+        return (last <= AGREEMENT_SHARE * self.sizes) & falls & ~jumps
 
     @cached_property
-    def closely(self) -> Bools:
+    def close_agrees(self) -> Bools:
         """The criterion `close` at each sample: whether variable and finest steps agree."""
         own, other = (self.apart(self.motion.close, x) for x in (self.motion.rough, self.fine))
         n = min(own.size, other.size, self.count)
-        return self.padded(np.maximum(own[:n], other[:n]) <= WITHIN * self.sizes[:n])
+        return self.pad(np.maximum(own[:n], other[:n]) <= AGREEMENT_SHARE * self.sizes[:n])
 
     @cached_property
-    def parted(self) -> Array:
+    def disturbed_distance(self) -> Array:
         """The largest distance that a disturbed start causes until each sample [m]."""
         return self.apart(self.motion.disturbed, self.motion.runs[self.motion.compared])
 
     @cached_property
     def steady(self) -> Bools:
         """The criterion `disturbed` at each sample: whether a disturbed motion stays near."""
-        n = min(self.parted.size, self.count)
-        return self.padded(self.parted[:n] <= WITHIN * self.sizes[:n])
+        n = min(self.disturbed_distance.size, self.count)
+        return self.pad(self.disturbed_distance[:n] <= AGREEMENT_SHARE * self.sizes[:n])
 
     @cached_property
     def last(self) -> int:
         """The last sample until which two of the three criteria are met; 0 if they never are."""
-        votes = self.by_steps.astype(int) + self.closely + self.steady
+        votes = self.steps_converge.astype(int) + self.close_agrees + self.steady
         fails = np.flatnonzero(votes < 2)
         return max(0, int(fails[0]) - 1) if fails.size else len(votes) - 1
 
@@ -166,11 +166,11 @@ class Rung:
         return float(self.motion.times[self.last])
 
     @property
-    def closely_until(self) -> float:
+    def close_agrees_until(self) -> float:
         """The time until which the integrator that chooses its steps is right [s]; 0 for never."""
         if not self.consistent:
             return 0.0
-        fails = np.flatnonzero(~self.closely[: self.last + 1])
+        fails = np.flatnonzero(~self.close_agrees[: self.last + 1])
         return float(self.motion.times[max(0, int(fails[0]) - 1) if fails.size else self.last])
 
     @property
@@ -186,10 +186,10 @@ class Rung:
     @cached_property
     def best(self) -> OwnRun:
         """The solution that others are compared with: `close` if the finest steps agree with it."""
-        return self.motion.close if self.closely[: self.last + 1].all() else self.fine
+        return self.motion.close if self.close_agrees[: self.last + 1].all() else self.fine
 
     @property
-    def sure(self) -> bool:
+    def is_sure(self) -> bool:
         """Whether the integrator that chooses its steps is right until the end of the run."""
         return self.whole_run and self.consistent and self.best is self.motion.close
 
@@ -208,8 +208,8 @@ class Rung:
         """
         if self.best is not self.fine:
             return self.error(self.fine)
-        order = log2(FALLS) if np.isnan(self.order) else self.order
-        ratio = 2.0 ** min(max(order, log2(FALLS)), 1.0)
+        order = log2(MIN_FALL) if np.isnan(self.order) else self.order
+        ratio = 2.0 ** min(max(order, log2(MIN_FALL)), 1.0)
         return float(self.differences[-1][self.last]) / (ratio - 1.0) if self.differences else inf
 
     @property
@@ -218,17 +218,17 @@ class Rung:
         if len(self.differences) < 3:
             return nan
         coarse, _, fine = (float(one[self.last]) for one in self.differences[-3:])
-        return log2(coarse / fine) / 2.0 if fine > ROUNDING * self.sizes[self.last] else nan
+        return log2(coarse / fine) / 2.0 if fine > ROUNDING_SHARE * self.sizes[self.last] else nan
 
     @property
     def growth(self) -> float:
         """The factor by which a disturbance of the start has grown at the last sample [1]."""
-        return self.grown(-1)
+        return self.growth_at(-1)
 
-    def grown(self, k: int) -> float:
+    def growth_at(self, k: int) -> float:
         """The factor by which a disturbance of the start has grown at sample k [1]."""
         begun = self.motion.disturbance * (self.motion.extent or 1.0)
-        return float(self.parted[k]) / begun
+        return float(self.disturbed_distance[k]) / begun
 
     def ways(self) -> Iterator[Alternative]:
         """All settings that were tried, the model's own first."""
@@ -243,7 +243,7 @@ class Rung:
         A setting without any error is left out: it is the one that others are compared with.
         """
         own, *others = self.ways()
-        for share in BETTER:
+        for share in BETTER_SHARES:
             good = [way for way in others if 0 < way.error <= share * own.error]
             if good:
                 return min(good, key=lambda way: (isnan(way.times), way.times))
@@ -266,9 +266,9 @@ class Rung:
             if failed:
                 return f"{failed[0].name} fails: {failed[0].stopped}"
             return "no more was followed in the time that there is"
-        k = min(self.last + 1, self.parted.size - 1)
-        growth = self.grown(k)
-        if growth > CHAOTIC or self.growth > CHAOTIC:
+        k = min(self.last + 1, self.disturbed_distance.size - 1)
+        growth = self.growth_at(k)
+        if growth > CHAOTIC_GROWTH or self.growth > CHAOTIC_GROWTH:
             return (
                 f"a disturbance of {number(self.motion.disturbance, 1)} has grown "
                 f"{number(self.growth, 2)} times at {number(self.end, 3)} s"
@@ -276,7 +276,7 @@ class Rung:
         if len(self.differences) < 3:
             return f"{len(self.motion.runs)} steps alone were tried"
         first, second, last = (float(one[self.last + 1]) for one in self.differences[-3:])
-        if first < FALLS**2 * last or second > JUMPS * first:
+        if first < MIN_FALL**2 * last or second > MAX_JUMP * first:
             return (
                 "finer steps do not converge there, though a disturbance grows "
                 f"{number(growth, 2)} times only: a force jumps, or contacts chatter"
@@ -317,20 +317,20 @@ class Rung:
                 "their softness matters more than the step."
             )
         if not self.whole_run:
-            yield f"Then {self.why()}; {self.after()}."
+            yield f"Then {self.why()}; {self.describe_end()}."
 
     def evidence(self) -> Iterator[str]:
         """Phrases on the criteria that are met at T."""
         k = self.last
-        if self.by_steps[k]:
+        if self.steps_converge[k]:
             order = "" if np.isnan(self.order) else f" with order {number(self.order, 2)}"
             yield f"steps down to {format_step(self.fine)} converge{order}"
-        if self.closely[k]:
+        if self.close_agrees[k]:
             yield f"{self.motion.close.name} agrees with the finest"
         if self.steady[k]:
             yield f"a start that differs by {number(self.motion.disturbance)} leads there as well"
 
-    def after(self) -> str:
+    def describe_end(self) -> str:
         """A phrase on energies, penetrations and constraint violations of the two finest steps."""
         coarse, fine = self.motion.runs[-2:]
         end = self.count - 1
@@ -366,7 +366,7 @@ def format_length(metres: float) -> str:
     return f"{number(metres / 1e-9, 2)} nm" if metres else "0 m"
 
 
-def farthest(ways: Array) -> Array:
+def largest_until(ways: Array) -> Array:
     """The largest length of some vectors (samples, bodies, points, 3) until each sample."""
     lengths = np.linalg.norm(ways, axis=-1).reshape(len(ways), -1)
     return np.asarray(np.maximum.accumulate(lengths.max(axis=1, initial=0.0)))

@@ -2,8 +2,8 @@
 
 `load_case` reads a sidecar.  `fill_defaults` completes its runs, samples, solvers and channels.
 `default_tolerances` adds the tolerances of each engine, whose numbers are `ACCURACY` in
-`proofmass/sim/ENGINE/settings.py`.  `as_toml` writes a case as a sidecar in which nothing is left
-to defaults.
+`proofmass/sim/ENGINE/settings.py`.  `format_sidecar` writes a case as a sidecar in which nothing is
+left to defaults.
 """
 
 import tomllib
@@ -16,24 +16,34 @@ from pydantic import Field, ValidationError
 from proofmass.analytic import IN_SPACE
 from proofmass.case import Case, ProfileTable, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, suggest_names
 from proofmass.files import read_text
 from proofmass.mobility import leaves_dof
 from proofmass.recorded import RecordedColumn
-from proofmass.reference import compiled, knows_inertia, quantities
+from proofmass.reference import all_quantities, compiled_model, reference_knows_inertia
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.protocol import AccuracyLimit
 from proofmass.solve import prescribed_run
 from proofmass.strict import Kind, Strict
-from proofmass.units import FORCES, KINDS, si_unit
+from proofmass.units import FORCE_UNITS, MOTION_UNITS, si_unit
 from proofmass.validate import delivered_unit, first_samples
 
-SAMPLES = 361  # default number of samples of a sweep or dynamics: one turn in steps of a degree
-OTHERS = "*"
+DEFAULT_SAMPLES = (
+    361  # default number of samples of a sweep or dynamics: one turn in steps of a degree
+)
+ALL_OTHERS = "*"
 """The key of ``[channels]`` that stands for all sensors that are not listed."""
-OWN = {"file", "unmatched", "called"}
+FIELDS_WITHOUT_KEY = {"file", "unmatched", "called"}
 """Fields of a `Case` that are no keys of its sidecar."""
-ABOUT_CHANNELS = ("channels", "tolerance", "view", "chart", "compare_with", "refine", "unchecked")
+TABLES_OF_CHANNELS = (
+    "channels",
+    "tolerance",
+    "view",
+    "chart",
+    "compare_with",
+    "refine",
+    "unchecked",
+)
 TomlTable = dict[str, Any]
 
 
@@ -82,7 +92,7 @@ def fill_runs(table: TomlTable) -> TomlTable:
     if not isinstance(runs, dict):
         return table
     recorded = str(table.get("reference", "")).endswith(".csv")
-    own = {} if recorded else {"n": SAMPLES}
+    own = {} if recorded else {"n": DEFAULT_SAMPLES}
     there = list(default_engines(table.get("reference") in IN_SPACE))
     timed = [solver for engine in there for solver in (engine, f"{engine}:default")]
     defaults: TomlTable = {
@@ -105,31 +115,31 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
     Sensors of which no part is listed become channels if ``[channels]`` is left out or has a
     ``"*"``; those that match no quantity are listed in ``unmatched``.
     """
-    listed = table.get("channels", {OTHERS: {}})
+    listed = table.get("channels", {ALL_OTHERS: {}})
     if not isinstance(listed, dict) or not all(isinstance(c, dict) for c in listed.values()):
         return table
-    others = listed.get(OTHERS)
+    others = listed.get(ALL_OTHERS)
     if others is None and all("equals" in c and "unit" in c for c in listed.values()):
         return table
     if others:
         raise InputError(
             file,
-            f'channels."{OTHERS}"',
+            f'channels."{ALL_OTHERS}"',
             "it stands for all sensors that are not "
-            f'listed and has no keys of its own; write "{OTHERS}" = {{}}',
+            f'listed and has no keys of its own; write "{ALL_OTHERS}" = {{}}',
         )
     bare = Case(
         **{
-            **{key: value for key, value in table.items() if key not in ABOUT_CHANNELS},
-            "channels": {OTHERS: {"equals": 0.0, "unit": "1"}},
+            **{key: value for key, value in table.items() if key not in TABLES_OF_CHANNELS},
+            "channels": {ALL_OTHERS: {"equals": 0.0, "unit": "1"}},
             "file": file,
         }
     )
     bare.require_model()
-    model, known = compiled(bare), quantities_of(bare)
+    model, known = compiled_model(bare), quantity_names(bare)
     found: TomlTable = {}
     for name, channel in listed.items():
-        if name == OTHERS:
+        if name == ALL_OTHERS:
             continue
         unit = channel.get("unit") or delivered_unit(bare, model, name)
         if unit is None:
@@ -140,14 +150,14 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
                 file,
                 f"channels.{name}.equals",
                 f"missing; no quantity of "
-                f"{bare.reference} has the name of the sensor; {suggest(name, known)}",
+                f"{bare.reference} has the name of the sensor; {suggest_names(name, known)}",
             )
         found[name] = {**channel, "equals": equals, "unit": unit}
     unmatched = list[str]()
     sensors = channel_names(model, bare.start) if others is not None else {}
     named = {name.partition(".")[0] for name in found}
     for sensor in (one for one in sensors if one not in named):
-        at_rest = measures_actuator(model, sensor) and not knows_inertia(bare)
+        at_rest = measures_actuator(model, sensor) and not reference_knows_inertia(bare)
         only = {"only": "sweep"} if at_rest else {}
         there = {
             name: {"equals": equals, "unit": unit, **only}
@@ -164,16 +174,16 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
             file,
             "channels",
             f"no sensor of {bare.model} has the name of a quantity "
-            f"of {bare.reference}; {suggest('', known)}",
+            f"of {bare.reference}; {suggest_names('', known)}",
         )
     return {**table, "channels": found, "unmatched": unmatched}
 
 
-def quantities_of(case: Case) -> list[str]:
+def quantity_names(case: Case) -> list[str]:
     """The names of the reference's quantities."""
     kind = next(iter(case.run))
     few = first_samples(case, prescribed_run(case, kind))
-    return list(quantities(case, kind, few.x, few.drive, case.parameters))
+    return list(all_quantities(case, kind, few.x, few.drive, case.parameters))
 
 
 def si_or_none(unit: str) -> str | None:
@@ -210,7 +220,7 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
     return next((each for each in names if each in known), None)
 
 
-PLACES = (*KINDS["position"], "1")
+POSITION_UNITS = (*MOTION_UNITS["position"], "1")
 """SI units of positions, angles and orientations (quaternions, directions of axes)."""
 
 
@@ -232,8 +242,8 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
             if engine not in run.solvers or any(t.is_for(kind, engine) for t in case.tolerance):
                 continue
             level = levels.get(engine) or Accuracy.model_validate({})
-            for part, units in parts_of(case, kind).items():
-                if limit := accuracy_of(engine).get(part):
+            for part, units in accuracy_units(case, kind).items():
+                if limit := engine_accuracy(engine).get(part):
                     used.add((engine, part))
                     added.append(
                         Tolerance(
@@ -258,7 +268,7 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
     return added
 
 
-def accuracy_of(engine: str) -> Mapping[str, AccuracyLimit]:
+def engine_accuracy(engine: str) -> Mapping[str, AccuracyLimit]:
     """The accuracy that an engine states; empty if it cannot be loaded, which its run reports."""
     try:
         return engine_of(engine).accuracy
@@ -266,13 +276,15 @@ def accuracy_of(engine: str) -> Mapping[str, AccuracyLimit]:
         return {}
 
 
-def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
+def accuracy_units(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
     """The keys of an engine's accuracy that apply to a run, and the units that each covers."""
     there = [channel.unit for channel in case.channels_of(kind).values()]
     if kind == "equilibrium" or not there:
         return {}
     if kind == "sweep":
-        rates = dict.fromkeys(unit for unit in there if si_unit(unit)[0] in KINDS["velocity"])
+        rates = dict.fromkeys(
+            unit for unit in there if si_unit(unit)[0] in MOTION_UNITS["velocity"]
+        )
         own = {"rest": tuple(rates)} if rates and leaves_dof(case) else {}
         return {**own, "sweep": ("*",)}
     units = {
@@ -281,20 +293,20 @@ def parts_of(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
             for unit in dict.fromkeys([*si, *there])
             if unit in there and si_unit(unit)[0] in si
         )
-        for part, si in {**KINDS, "position": PLACES, "force": FORCES}.items()
+        for part, si in {**MOTION_UNITS, "position": POSITION_UNITS, "force": FORCE_UNITS}.items()
     }
     return {part: of_part for part, of_part in units.items() if of_part}
 
 
-LINES = ("parameters", "channels", "refine")
+ONE_LINE_TABLES = ("parameters", "channels", "refine")
 """Tables whose entries are written in one line each; entries of other tables have headings."""
-LISTS = ("tolerance", "view", "chart")
+REPEATED_TABLES = ("tolerance", "view", "chart")
 """Tables that a sidecar may have several times."""
 ONE_OR_MORE = ("drive", "load")
 """Tables that a sidecar may have several times, but that are written as one table if single."""
 
 
-def as_toml(case: Case, every: bool = True) -> str:
+def format_sidecar(case: Case, every: bool = True) -> str:
     """Write a case as the text of a sidecar; with the same model it loads to the same case.
 
     Parameters
@@ -307,7 +319,7 @@ def as_toml(case: Case, every: bool = True) -> str:
     import tomlkit  # 0.1 s to load
 
     table = case.model_dump(
-        by_alias=True, exclude_none=True, exclude_defaults=not every, exclude=OWN
+        by_alias=True, exclude_none=True, exclude_defaults=not every, exclude=FIELDS_WITHOUT_KEY
     )
     if case.unmatched:
         table["channels"]["*"] = {}  # lists the unmatched sensors again; no other sensor matches
@@ -316,43 +328,45 @@ def as_toml(case: Case, every: bool = True) -> str:
     for key in ONE_OR_MORE:
         if len(table.get(key, ())) == 1:
             (table[key],) = table[key]
-    several = {key for key in (*LISTS, *ONE_OR_MORE) if isinstance(table.get(key), tuple)}
+    several = {key for key in (*REPEATED_TABLES, *ONE_OR_MORE) if isinstance(table.get(key), tuple)}
     text = tomlkit.document()
     for key, value in table.items():  # keys outside of tables come first in TOML
         if not isinstance(value, Mapping) and key not in several:
-            text[key] = in_line(value)
+            text[key] = write_line(value)
     for key, value in table.items():
         if key in several and value:
             tables = tomlkit.aot()
-            tables.extend([in_lines(one) for one in value])
+            tables.extend([write_lines(one) for one in value])
             text[key] = tables
         elif isinstance(value, Mapping) and value:
-            single = key in LINES or key in ONE_OR_MORE
-            text[key] = in_lines(value) if single else {k: in_lines(v) for k, v in value.items()}
+            single = key in ONE_LINE_TABLES or key in ONE_OR_MORE
+            text[key] = (
+                write_lines(value) if single else {k: write_lines(v) for k, v in value.items()}
+            )
     return tomlkit.dumps(text)
 
 
-def in_lines(table: Mapping[str, Any]) -> Any:
+def write_lines(table: Mapping[str, Any]) -> Any:
     """Write a table with a line for each key."""
     import tomlkit
 
     found = tomlkit.table()
-    found.update({key: in_line(value) for key, value in table.items()})
+    found.update({key: write_line(value) for key, value in table.items()})
     return found
 
 
-def in_line(value: Any) -> Any:
+def write_line(value: Any) -> Any:
     """Write a value in one line, with the tables and lists in it."""
     import tomlkit
 
     if isinstance(value, Mapping):
         found = tomlkit.inline_table()
-        found.update({key: in_line(one) for key, one in value.items()})
+        found.update({key: write_line(one) for key, one in value.items()})
         return found
-    return [in_line(one) for one in value] if isinstance(value, list | tuple) else value
+    return [write_line(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-TYPES = (
+LOCATION_TYPES = (
     "int",
     "float",
     "str",
@@ -385,7 +399,7 @@ def load_case(file: Path | str) -> Case:
     file = Path(file)
     try:
         given = tomllib.loads(read_text(file))
-        if own := OWN & given.keys():
+        if own := FIELDS_WITHOUT_KEY & given.keys():
             raise InputError(file, min(own), "unknown key: no sidecar has it")
         levels = Levels(accuracy=given.pop("accuracy", {})).accuracy
         table = {"model": file.stem + ".xml", **given}
@@ -393,7 +407,7 @@ def load_case(file: Path | str) -> Case:
         added = default_tolerances(case, levels)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"] if part not in TYPES)
+        key = ".".join(str(part) for part in first["loc"] if part not in LOCATION_TYPES)
         wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
         raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
     except RecursionError:

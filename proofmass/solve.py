@@ -6,18 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.analytic.controls import breaks_of
+from proofmass.analytic.controls import break_times
 from proofmass.case import Case
 from proofmass.drive import check_driven
-from proofmass.engines import NoEngine, computes, engine_names, engine_of
-from proofmass.errors import InputError, in_model, suggest
+from proofmass.engines import NoEngine, computes_curves, engine_names, engine_of
+from proofmass.errors import InputError, model_error, suggest_names
 from proofmass.profile import SampledLaw
-from proofmass.reference import compiled, grid, laws, load_laws
-from proofmass.sim.contents import joint_of, joints, rubs, runs_as_motor, takes_control
+from proofmass.reference import compiled_model, drive_laws, load_laws, run_samples
+from proofmass.sim.contents import (
+    has_dry_friction,
+    joint_of,
+    joints,
+    why_not_linear_in_control,
+    why_not_motor,
+)
 from proofmass.sim.protocol import (
     BY_CHANNEL,
     BY_JOINT,
-    FILE,
+    FILE_MARK,
     BadModel,
     BadSetting,
     ChangingLoad,
@@ -28,13 +34,17 @@ from proofmass.sim.protocol import (
     Unsupported,
 )
 from proofmass.strict import Kind
-from proofmass.worker import Crashed, isolated
+from proofmass.worker import Crashed, call_isolated
 
-ROUNDING = 1e-12  # [rad or m] by which a drive may pass its joint's limit, as it may end on it
-FASTEST = 1e150  # [rad/s or m/s] of a motion profile: squares of larger rates are not finite
-TURNS = 1e-9  # share of a drive's range by which it may leave the interval between two samples
-MOST = 1e150  # [its unit] of a control: squares of larger forces are not finite
-BETWEEN = 20  # intervals into which the time between two samples is divided for checks
+LIMIT_ROUNDING = (
+    1e-12  # [rad or m] by which a drive may pass its joint's limit, as it may end on it
+)
+LARGEST_RATE = 1e150  # [rad/s or m/s] of a motion profile: squares of larger rates are not finite
+TURNING_ROUNDING = (
+    1e-9  # share of a drive's range by which it may leave the interval between two samples
+)
+LARGEST_CONTROL = 1e150  # [its unit] of a control: squares of larger forces are not finite
+CHECKS_PER_SAMPLE = 20  # intervals into which the time between two samples is divided for checks
 
 
 def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
@@ -53,7 +63,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
         raise InputError(
             case.file,
             f"run.{kind}.solvers",
-            f"no simulator {engine!r}; {suggest(engine, engine_names())}",
+            f"no simulator {engine!r}; {suggest_names(engine, engine_names())}",
         )
     settings = dict(case.settings.get(solver, {}))
     if variant == "default":
@@ -65,7 +75,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
     table = f'settings."{solver}"' if variant else f"settings.{solver}"
     try:
         of = engine_of(engine)
-        for key in of.settings.marked(FILE):
+        for key in of.settings.marked(FILE_MARK):
             if isinstance(name := settings.get(key), str):
                 settings[key] = str(case.file.parent / name)
         of.check_settings(settings)
@@ -86,7 +96,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
                     raise InputError(
                         case.file,
                         f"{table}.{key}.{name}",
-                        f"no {what} {name!r}; {suggest(name, there)}",
+                        f"no {what} {name!r}; {suggest_names(name, there)}",
                     )
     return settings
 
@@ -97,7 +107,7 @@ def with_computing_solvers(case: Case) -> tuple[Case, tuple[str, ...]]:
     A run without such a solver is left out.
     """
     others = dict.fromkeys(
-        solver for run in case.run.values() for solver in run.solvers if not computes(solver)
+        solver for run in case.run.values() for solver in run.solvers if not computes_curves(solver)
     )
     if not others:
         return case, ()
@@ -109,7 +119,7 @@ def with_computing_solvers(case: Case) -> tuple[Case, tuple[str, ...]]:
     return case.model_copy(update={"run": runs}), tuple(others)
 
 
-def plan(case: Case, kind: Kind, solver: str) -> Run:
+def plan_run(case: Case, kind: Kind, solver: str) -> Run:
     """The run of a case that a simulator is asked to make, with the solver's settings.
 
     Raises
@@ -129,9 +139,11 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
     InputError
         A motion profile cannot be evaluated, is not finite, or leads a joint out of its range.
     """
-    drives = tuple(Drive(d.joint, law) for d, law in zip(case.drive, laws(case, kind), strict=True))
+    drives = tuple(
+        Drive(d.joint, law) for d, law in zip(case.drive, drive_laws(case, kind), strict=True)
+    )
     channels = tuple(case.channels_of(kind))
-    x, inertia = grid(case, kind), case.run[kind].inertia
+    x, inertia = run_samples(case, kind), case.run[kind].inertia
     loads = tuple(
         ChangingLoad(one.actuator, law)
         for one, law in zip(case.load, load_laws(case, kind), strict=True)
@@ -157,11 +169,15 @@ def check_drives(case: Case, run: Run) -> None:
     """
     if not run.drives:
         return
-    model, x = compiled(case), run.x
-    if run.kind == "sweep" and rubs(model):
-        check_turns(case, run)
+    model, x = compiled_model(case), run.x
+    if run.kind == "sweep" and has_dry_friction(model):
+        check_turning_points(case, run)
     if run.kind == "dynamics":
-        x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
+        x = np.interp(
+            np.arange(CHECKS_PER_SAMPLE * (x.size - 1) + 1) / CHECKS_PER_SAMPLE,
+            np.arange(x.size),
+            x,
+        )
     units = joints(model)
     for k, (drive, *motion) in enumerate(zip(run.drives, *run.motion(x), strict=True)):
         if drive.joint not in units:  # the engines report it, and list the joints
@@ -177,18 +193,18 @@ def check_drives(case: Case, run: Run) -> None:
                 "an until within them",
             )
         largest = [float(np.abs(part).max()) for part in motion]
-        if not (np.isfinite(largest).all() and largest[1] < FASTEST):
+        if not (np.isfinite(largest).all() and largest[1] < LARGEST_RATE):
             raise InputError(
                 case.file,
                 case.drive_key(k),
                 f"joint {drive.joint!r} is driven to "
                 f"{largest[0]:.6g} {unit} at up to {largest[1]:.6g} {unit}/s and "
                 f"{largest[2]:.6g} {unit}/s^2; all must be finite, and the rate less "
-                f"than {FASTEST:g}",
+                f"than {LARGEST_RATE:g}",
             )
         low, high = model.joint(drive.joint).range
         beyond = np.maximum(low - values, values - high)
-        if model.jnt_limited[model.joint(drive.joint).id] and beyond.max() > ROUNDING:
+        if model.jnt_limited[model.joint(drive.joint).id] and beyond.max() > LIMIT_ROUNDING:
             raise InputError(
                 case.file,
                 case.drive_key(k),
@@ -206,11 +222,15 @@ def check_loads(case: Case, run: Run) -> None:
     """
     if not run.loads:
         return
-    model, x, fits = compiled(case), run.x, runs_as_motor
+    model, x, fits = compiled_model(case), run.x, why_not_motor
     if run.kind == "dynamics":
-        fits = takes_control
-        x = np.interp(np.arange(BETWEEN * (x.size - 1) + 1) / BETWEEN, np.arange(x.size), x)
-        rows = np.array(breaks_of(load.law for load in run.loads))
+        fits = why_not_linear_in_control
+        x = np.interp(
+            np.arange(CHECKS_PER_SAMPLE * (x.size - 1) + 1) / CHECKS_PER_SAMPLE,
+            np.arange(x.size),
+            x,
+        )
+        rows = np.array(break_times(load.law for load in run.loads))
         x = np.union1d(x, rows[(rows >= x[0]) & (rows <= x[-1])])
     controls = run.controls(x)[0]
     names = [model.actuator(a).name for a in range(model.nactuator)]
@@ -219,7 +239,8 @@ def check_loads(case: Case, run: Run) -> None:
             raise InputError(
                 case.file,
                 case.load_key(k, "actuator"),
-                f"{case.model} has no actuator {load.actuator!r}; {suggest(load.actuator, names)}",
+                f"{case.model} has no actuator {load.actuator!r}; "
+                f"{suggest_names(load.actuator, names)}",
             )
         a = names.index(load.actuator)
         joint = joint_of(model, a)
@@ -239,7 +260,11 @@ def check_loads(case: Case, run: Run) -> None:
                 f"the run from {run.x[0]:.6g} to {run.x[-1]:.6g} s; nothing is extrapolated: give "
                 "more rows, or an until within them",
             )
-        low, high = model.actuator_ctrlrange[a] if model.actuator_ctrllimited[a] else (-MOST, MOST)
+        low, high = (
+            model.actuator_ctrlrange[a]
+            if model.actuator_ctrllimited[a]
+            else (-LARGEST_CONTROL, LARGEST_CONTROL)
+        )
         beyond = ~((control >= low) & (control <= high))
         if beyond.any():
             raise InputError(
@@ -250,22 +275,26 @@ def check_loads(case: Case, run: Run) -> None:
             )
 
 
-def check_turns(case: Case, run: Run) -> None:
+def check_turning_points(case: Case, run: Run) -> None:
     """Raise `InputError` if a drive turns back between two samples of a sweep with dry friction.
 
     With dry friction the poses at rest depend on where a drive turns back, which a sweep from
     sample to sample would miss.
     """
     between = np.interp(
-        np.arange(BETWEEN * (run.x.size - 1) + 1) / BETWEEN, np.arange(run.x.size), run.x
+        np.arange(CHECKS_PER_SAMPLE * (run.x.size - 1) + 1) / CHECKS_PER_SAMPLE,
+        np.arange(run.x.size),
+        run.x,
     )
     for k, motion in enumerate(run.motion(between)[0]):
-        ends = np.stack([motion[:-1:BETWEEN], motion[BETWEEN::BETWEEN]])
-        inside = motion[:-1].reshape(-1, BETWEEN)
+        ends = np.stack(
+            [motion[:-1:CHECKS_PER_SAMPLE], motion[CHECKS_PER_SAMPLE::CHECKS_PER_SAMPLE]]
+        )
+        inside = motion[:-1].reshape(-1, CHECKS_PER_SAMPLE)
         past = np.maximum(
             inside.max(axis=1) - ends.max(axis=0), ends.min(axis=0) - inside.min(axis=1)
         )
-        if past.max() > TURNS * float(np.ptp(motion)):
+        if past.max() > TURNING_ROUNDING * float(np.ptp(motion)):
             first = int(past.argmax())
             raise InputError(
                 case.file,
@@ -307,16 +336,18 @@ def solve(case: Case, kind: Kind, solver: str) -> Curves:
     2.245928
     """
     limits = case.run[kind]
-    return isolated(run_here, case, kind, solver, timeout=limits.timeout, memory=limits.memory)
+    return call_isolated(
+        solve_here, case, kind, solver, timeout=limits.timeout, memory=limits.memory
+    )
 
 
-def run_here(case: Case, kind: Kind, solver: str) -> Curves:
+def solve_here(case: Case, kind: Kind, solver: str) -> Curves:
     """Do what `solve` does, in this process."""
-    run = plan(case, kind, solver)
+    run = plan_run(case, kind, solver)
     try:
-        curves = simulate(solver.partition(":")[0], case.model_path, run)
+        curves = call_engine(solver.partition(":")[0], case.model_path, run)
     except BadModel as error:
-        raise in_model(case.model_path, error) from None
+        raise model_error(case.model_path, error) from None
     notes = [
         f"{word} {name}: {law.words}"
         for word, name, law in (
@@ -333,8 +364,8 @@ def run_here(case: Case, kind: Kind, solver: str) -> Curves:
     return curves
 
 
-def simulate(engine: str, model: Path, run: Run) -> Curves:
-    """Call an engine's ``simulate``; an unexpected exception becomes a crash of the run."""
+def call_engine(engine: str, model: Path, run: Run) -> Curves:
+    """Call an engine's ``call_engine``; an unexpected exception becomes a crash of the run."""
     try:
         return engine_of(engine).simulate(model, run)
     except NoEngine as error:

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-from proofmass.errors import suggest
+from proofmass.errors import suggest_names
 
 Kind = Literal["sweep", "dynamics", "equilibrium"]
 
@@ -22,5 +22,5 @@ class Strict(BaseModel):
         known = [f.alias or name for name, f in cls.model_fields.items()]
         for key in table if isinstance(table, dict) else ():
             if key not in known and key not in cls.model_fields:
-                raise ValueError(f"unknown key {key!r}; {suggest(key, known, 'known')}")
+                raise ValueError(f"unknown key {key!r}; {suggest_names(key, known, 'known')}")
         return table

@@ -16,13 +16,13 @@ from rich.text import Text
 
 from proofmass.case import Case
 from proofmass.check import Result, family_of
-from proofmass.compare import UNCHECKED, Comparison
+from proofmass.compare import UNCHECKED_CASE, Comparison
 from proofmass.diagnosis import Diagnosis
-from proofmass.outcome import CHECKED, OPEN, Outcome
-from proofmass.reference import reads_model
-from proofmass.sim.mjcf import NATIVE
+from proofmass.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
+from proofmass.reference import reference_reads_model
+from proofmass.sim.mjcf import NATIVE_ENGINE
 
-KEYS = (
+COMPARISON_KEYS = (
     "case",
     "solver",
     "run",
@@ -40,16 +40,16 @@ KEYS = (
     "seconds",
     "steps",
 )
-LOOK: dict[str, tuple[str, str]] = {
+OUTCOME_SIGNS: dict[str, tuple[str, str]] = {
     Outcome.AGREES: ("✓", "green"),
     Outcome.UNCHECKED: ("·", "dim"),
     Outcome.SELF_CONSISTENT: ("≈", "cyan"),
     Outcome.UNSUPPORTED: ("–", "dim"),
 }
-FAILED = ("✗", "bold red")
+FAILURE_SIGN = ("✗", "bold red")
 
 
-WIDE = 500
+UNLIMITED_WIDTH = 500
 """Width of an output that is no screen [characters], more than any table needs."""
 
 
@@ -58,9 +58,9 @@ def as_json(result: Result) -> str:
 
     Numbers that are not finite are null.
     """
-    rows = [{key: asdict(c)[key] for key in KEYS} for c in result.comparisons]
+    rows = [{key: asdict(c)[key] for key in COMPARISON_KEYS} for c in result.comparisons]
     return json.dumps(
-        finite(
+        replace_nonfinite(
             {
                 "comparisons": rows,
                 "diagnoses": [asdict(found) for found in result.diagnoses.values()],
@@ -75,20 +75,20 @@ def as_json(result: Result) -> str:
     )
 
 
-def finite(value: Any) -> Any:
+def replace_nonfinite(value: Any) -> Any:
     """Return nested lists and dicts in which numbers that are not finite are None.
 
-    >>> finite([{"size": float("nan"), "relative": True}])
+    >>> replace_nonfinite([{"size": float("nan"), "relative": True}])
     [{'size': None, 'relative': True}]
     """
     if isinstance(value, dict):
-        return {key: finite(each) for key, each in value.items()}
+        return {key: replace_nonfinite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [finite(each) for each in value]
+        return [replace_nonfinite(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def console(width: int = WIDE) -> Console:
+def make_console(width: int = UNLIMITED_WIDTH) -> Console:
     """Return the console of standard output; `width` is its width where it is not a screen."""
     # without markup and emoji, names are printed as they are
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
@@ -96,27 +96,27 @@ def console(width: int = WIDE) -> Console:
     return shown if shown.is_terminal else Console(**plain, width=width)
 
 
-def number(value: float) -> str:
+def three_digits(value: float) -> str:
     """Format a number with three digits; a dash for one that is not finite.
 
-    >>> number(0.000123456), number(float("nan"))
+    >>> three_digits(0.000123456), three_digits(float("nan"))
     ('1.23e-04', '–')
     """
     return f"{value:.2e}" if math.isfinite(value) else "–"
 
 
-def mark(outcome: str) -> Text:
+def format_outcome(outcome: str) -> Text:
     """Return an outcome with its sign, which is readable without colour."""
-    sign, style = LOOK.get(outcome, FAILED)
+    sign, style = OUTCOME_SIGNS.get(outcome, FAILURE_SIGN)
     return Text(f"{sign} {outcome}", style=style)
 
 
-def worst(group: list[Comparison]) -> Comparison:
+def worst_comparison(group: list[Comparison]) -> Comparison:
     """Return the comparison that represents a solver: a failure, else the one nearest its limit."""
 
     def rank(c: Comparison) -> tuple[bool, float]:
         ratio = c.error_max / c.allowed if c.allowed > 0 else c.nrmse
-        return c.outcome not in LOOK, ratio if math.isfinite(ratio) else -1.0
+        return c.outcome not in OUTCOME_SIGNS, ratio if math.isfinite(ratio) else -1.0
 
     return max(group, key=rank)
 
@@ -134,7 +134,7 @@ COLUMNS = (
     "s",
     "steps",
 )
-LEFT = 5
+LEFT_ALIGNED = 5
 """Number of the first columns, which are words and are aligned left."""
 LAYOUTS: tuple[tuple[str, ...], ...] = (
     COLUMNS,
@@ -143,21 +143,23 @@ LAYOUTS: tuple[tuple[str, ...], ...] = (
     (*COLUMNS[:4], "of range", "of allowed"),
 )
 """Columns of a table by layout, the widest first; the first layout that fits a screen is used."""
-NARROW: tuple[tuple[str, ...], ...] = (
+NARROW_LAYOUT: tuple[tuple[str, ...], ...] = (
     ("run", "solver", "outcome", "of range", "of allowed"),
     ("case",),
 )
-NARROW_CHANNELS: tuple[tuple[str, ...], ...] = (
+NARROW_CHANNEL_LAYOUT: tuple[tuple[str, ...], ...] = (
     ("channel", "outcome", "of range", "of allowed"),
     ("case", "run", "solver"),
 )
 """Columns on a screen too narrow for all layouts, and columns that the line above them replaces."""
-GAP = 2
+COLUMN_GAP = 2
 INDENT = 2
 Cells = dict[str, str | Text]
 
 
-def summary(result: Result, every_channel: bool = False, width: int = 240) -> Iterator[Table]:
+def summary_tables(
+    result: Result, every_channel: bool = False, width: int = 240
+) -> Iterator[Table]:
     """Yield tables with a row for each solver of each run, or for each channel.
 
     There is one table with as many columns as fit the width [characters].  Where not even the
@@ -167,16 +169,16 @@ def summary(result: Result, every_channel: bool = False, width: int = 240) -> It
     if not rows:
         return
     for columns in LAYOUTS[: 3 if every_channel else 4]:
-        if fits(rows, columns, width):
-            yield table_of(rows, columns)
+        if fits_width(rows, columns, width):
+            yield make_table(rows, columns)
             return
-    columns, above = NARROW_CHANNELS if every_channel else NARROW
-    wide = widths(rows, columns)
-    wide[0] += INDENT
+    columns, title_columns = NARROW_CHANNEL_LAYOUT if every_channel else NARROW_LAYOUT
+    min_widths = column_widths(rows, columns)
+    min_widths[0] += INDENT
     for k, (title, group) in enumerate(
-        groupby(rows, lambda row: " ".join(str(row[name]) for name in above))
+        groupby(rows, lambda row: " ".join(str(row[name]) for name in title_columns))
     ):
-        own = table_of(list(group), columns, wide, head=not k)
+        own = make_table(list(group), columns, min_widths, show_header=not k)
         own.title, own.title_justify, own.title_style = Text(title, no_wrap=True), "left", ""
         yield own
 
@@ -187,26 +189,26 @@ def summary_rows(result: Result, every_channel: bool) -> Iterator[Cells]:
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
         group = list(comparisons)
-        for c in group if every_channel else [worst(group)]:
+        for c in group if every_channel else [worst_comparison(group)]:
             yield {
                 "case": case,
                 "run": run,
                 "solver": solver,
-                "outcome": outcomes(group, c, every_channel),
+                "outcome": outcome_cell(group, c, every_channel),
                 "channel": c.channel,
-                "worst error": f"{number(c.error_max)} {c.unit}".strip(),
-                "allowed": number(c.allowed),
-                "of range": number(c.relative_to_range),
-                "of allowed": of_allowed(c),
+                "worst error": f"{three_digits(c.error_max)} {c.unit}".strip(),
+                "allowed": three_digits(c.allowed),
+                "of range": three_digits(c.relative_to_range),
+                "of allowed": format_ratio(c),
                 "s": f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
                 "steps": str(c.steps or "–"),
             }
 
 
-def of_allowed(c: Comparison) -> str:
+def format_ratio(c: Comparison) -> str:
     """Format the ratio of the error to what is allowed: two digits, or a dash.
 
-    >>> of_allowed(Comparison("a", "b", "c", "d", "m", error_max=1.0, allowed=3.0))
+    >>> format_ratio(Comparison("a", "b", "c", "d", "m", error_max=1.0, allowed=3.0))
     '0.33'
     """
     if not (math.isfinite(c.error_max) and c.allowed > 0):
@@ -215,57 +217,62 @@ def of_allowed(c: Comparison) -> str:
     return f"{ratio:.2f}" if 0.01 <= ratio < 1e4 else "0" if not ratio else f"{ratio:.1e}"
 
 
-def widths(rows: list[Cells], columns: Iterable[str]) -> list[int]:
+def column_widths(rows: list[Cells], columns: Iterable[str]) -> list[int]:
     """Return the widths of columns in which no cell is broken [characters]."""
     return [max([cell_len(name), *(cell_len(str(row[name])) for row in rows)]) for name in columns]
 
 
-def fits(rows: list[Cells], columns: Sequence[str], width: int) -> bool:
+def fits_width(rows: list[Cells], columns: Sequence[str], width: int) -> bool:
     """Whether a table of these columns, with no cell broken, is no wider than a screen."""
-    return sum(widths(rows, columns)) + GAP * (len(columns) - 1) <= width
+    return sum(column_widths(rows, columns)) + COLUMN_GAP * (len(columns) - 1) <= width
 
 
-def table_of(
-    rows: list[Cells], columns: Sequence[str], wide: Sequence[int] = (), head: bool = True
+def make_table(
+    rows: list[Cells],
+    columns: Sequence[str],
+    min_widths: Sequence[int] = (),
+    show_header: bool = True,
 ) -> Table:
     """Return a table of these columns, with no word broken; a case is named in its first row.
 
-    `wide` are the least widths of the columns [characters]; with these the first column is
+    `min_widths` are the least widths of the columns [characters]; with these the first column is
     indented.
     """
-    table = Table(box=None, header_style="bold", pad_edge=False, show_header=head)
+    table = Table(box=None, header_style="bold", pad_edge=False, show_header=show_header)
     for k, name in enumerate(columns):
-        side: JustifyMethod = "left" if name in COLUMNS[:LEFT] else "right"
+        side: JustifyMethod = "left" if name in COLUMNS[:LEFT_ALIGNED] else "right"
         table.add_column(
-            " " * INDENT * bool(wide and not k) + name,
+            " " * INDENT * bool(min_widths and not k) + name,
             justify=side,
             no_wrap=True,
-            min_width=wide[k] if wide else None,
+            min_width=min_widths[k] if min_widths else None,
         )
     last = ""
     for row in rows:
         cells = [row[name] for name in columns]
         if columns[0] == "case":
             cells[0] = row["case"] if row["case"] != last else ""
-        elif wide:
+        elif min_widths:
             cells[0] = " " * INDENT + str(cells[0])
         table.add_row(*cells)
         last = str(row["case"])
     return table
 
 
-def outcomes(group: list[Comparison], speaker: Comparison, alone: bool) -> Text:
+def outcome_cell(group: list[Comparison], shown: Comparison, single_channel: bool) -> Text:
     """Return the outcome of a row, and how many channels of its solver have the same outcome.
 
-    `group` are the comparisons of the solver, `speaker` the one that the row shows.  Where a row
-    is a single channel (`alone`), there is no count.
+    `group` are the comparisons of the solver, `shown` the one that the row shows.  Where a row
+    is a single channel (`single_channel`), there is no count.
     """
-    text = mark(speaker.outcome)
-    same = sum(c.outcome == speaker.outcome for c in group)
-    return text if alone or len(group) == 1 else text.append(f" {same}/{len(group)}")
+    text = format_outcome(shown.outcome)
+    same = sum(c.outcome == shown.outcome for c in group)
+    return text if single_channel or len(group) == 1 else text.append(f" {same}/{len(group)}")
 
 
-def failures(result: Result, link: Callable[[Comparison], str] | None = None) -> Iterator[Text]:
+def failure_lines(
+    result: Result, link: Callable[[Comparison], str] | None = None
+) -> Iterator[Text]:
     """Yield the lines below the table.
 
     These are a line for each run that differs or failed, by its worst channel, with its diagnosis
@@ -273,45 +280,45 @@ def failures(result: Result, link: Callable[[Comparison], str] | None = None) ->
     sensors for which no quantity was found; references that read the model themselves; the largest
     error; and the number of comparisons with each outcome.
     """
-    said, pages = set[tuple[str, str]](), {case.name for case in result.cases}
+    printed, pages = set[tuple[str, str]](), {case.name for case in result.cases}
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
         group = list(rows)
-        bad = [c for c in group if c.outcome not in LOOK]
+        bad = [c for c in group if c.outcome not in OUTCOME_SIGNS]
         if not bad:
             continue
-        c = worst(bad)
+        c = worst_comparison(bad)
         text = (
             c.message
             if c.outcome != Outcome.DIFFERS
             else (
                 f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
-                f"{number(c.error_max)} {c.unit} at {c.at:.6g}, "
-                f"{number(c.relative_to_range)} of the range"
+                f"{three_digits(c.error_max)} {c.unit} at {c.at:.6g}, "
+                f"{three_digits(c.relative_to_range)} of the range"
             )
         )
-        yield Text.assemble((f"{FAILED[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
+        yield Text.assemble((f"{FAILURE_SIGN[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
         if found := result.diagnoses.get((case, run, solver)):
             elsewhere = [d for d in result.diagnoses.values() if d.case == case and d.found]
-            yield from diagnosis(found, said, elsewhere)
+            yield from diagnosis_lines(found, printed, elsewhere)
         if link and case in pages:
             yield Text(f"  {link(c)}", style="dim")
     for case in result.unchecked:
-        yield Text.assemble((f"{FAILED[0]} {case.name} unchecked: ", "red"), UNCHECKED)
+        yield Text.assemble((f"{FAILURE_SIGN[0]} {case.name} unchecked: ", "red"), UNCHECKED_CASE)
     for c in result.comparisons:
-        if c.outcome in OPEN and c.message and not c.channel:
-            yield Text.assemble(mark(c.outcome), f" {c.case}: {c.message}")
-    for line in notes(result):
+        if c.outcome in UNCHECKED_OUTCOMES and c.message and not c.channel:
+            yield Text.assemble(format_outcome(c.outcome), f" {c.case}: {c.message}")
+    for line in note_lines(result):
         yield Text(f"· {line}", style="dim")
     for case in result.cases:
         if case.unmatched:
-            yield Text(f"· {case.name}: {not_checked(case)}", style="dim")
-        if reads_model(case):
-            yield Text(f"· {case.name}: {own_numbers(case)}", style="dim")
-    judged = [c for c in result.comparisons if c.outcome in CHECKED]
+            yield Text(f"· {case.name}: {describe_unmatched(case)}", style="dim")
+        if reference_reads_model(case):
+            yield Text(f"· {case.name}: {describe_own_numbers(case)}", style="dim")
+    judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES]
     if judged:
-        yield Text(nearest(judged))
+        yield Text(format_largest(judged))
     counts = {
         o: sum(c.outcome == o for c in result.comparisons)
         for o in dict.fromkeys(c.outcome for c in result.comparisons)
@@ -325,46 +332,46 @@ def failures(result: Result, link: Callable[[Comparison], str] | None = None) ->
     )
 
 
-def diagnosis(
-    found: Diagnosis, said: set[tuple[str, str]], elsewhere: Sequence[Diagnosis] = ()
+def diagnosis_lines(
+    found: Diagnosis, printed: set[tuple[str, str]], elsewhere: Sequence[Diagnosis] = ()
 ) -> Iterator[Text]:
     """Yield the lines of a diagnosis.
 
     Of a cause that was printed for another run of the case, only what it explains is repeated;
-    `said` holds the causes that were printed.  Where no cause was found, the line names
+    `printed` holds the causes that were printed.  Where no cause was found, the line names
     the runs of the case in which one was found, those of `elsewhere`.
     """
     first, *more = found.lines
     if elsewhere and not (found.found or found.failed or found.fault):
         runs = ", ".join(f"{other.run} {other.solver}" for other in elsewhere)
         first, more = f"not found in this run; see {runs}", []
-    if found.causes and (found.case, first) in said:
+    if found.causes and (found.case, first) in printed:
         more = more[:1]
-    said.add((found.case, first))
+    printed.add((found.case, first))
     yield Text.assemble(("  failed: " if found.failed else "  cause: ", "bold"), first)
     for line in more:
         yield Text(f"         {line}")
 
 
-def nearest(judged: list[Comparison]) -> str:
+def format_largest(judged: list[Comparison]) -> str:
     """Format the largest error of all comparisons, and the error nearest to its limit."""
     largest = max(judged, key=lambda c: finite_or(c.relative_to_range, -1.0))
     limit = max(judged, key=lambda c: c.error_max / c.allowed if c.allowed > 0 else -1.0)
     return (
-        f"largest error {number(largest.relative_to_range)} of the range "
-        f"({place(largest)}); nearest to its limit {of_allowed(limit)} of what is "
-        f"allowed ({place(limit)})"
+        f"largest error {three_digits(largest.relative_to_range)} of the range "
+        f"({format_comparison(largest)}); nearest to its limit {format_ratio(limit)} of what is "
+        f"allowed ({format_comparison(limit)})"
     )
 
 
-def notes(result: Result) -> Iterator[str]:
+def note_lines(result: Result) -> Iterator[str]:
     """Yield the notes on curves; a note on several solvers of a case is given once."""
     runs_by_note: dict[tuple[str, str], list[str]] = {}
     for (name, run, solver), curves in result.curves.items():
         for note in curves.notes:
             runs_by_note.setdefault((name, note), []).append(f"{run} {solver}")
-    for (name, note), of in runs_by_note.items():
-        yield f"{name} {of[0]}: {note}" if len(of) == 1 else f"{name}: {note}"
+    for (name, note), runs in runs_by_note.items():
+        yield f"{name} {runs[0]}: {note}" if len(runs) == 1 else f"{name}: {note}"
 
 
 def finite_or(value: float, otherwise: float) -> float:
@@ -372,12 +379,12 @@ def finite_or(value: float, otherwise: float) -> float:
     return value if math.isfinite(value) else otherwise
 
 
-def place(c: Comparison) -> str:
+def format_comparison(c: Comparison) -> str:
     """Format the case, run, solver and channel of a comparison."""
     return f"{c.case} {c.run} {c.solver} {c.channel}"
 
 
-def not_checked(case: Case) -> str:
+def describe_unmatched(case: Case) -> str:
     """Format the line on the sensors that a case does not check."""
     return (
         f"not checked: sensors {', '.join(case.unmatched)}; no quantity of {case.reference} "
@@ -385,7 +392,7 @@ def not_checked(case: Case) -> str:
     )
 
 
-def own_numbers(case: Case) -> str:
+def describe_own_numbers(case: Case) -> str:
     """Format the line on a case whose reference reads the model itself."""
     laws = ", ".join(case.laws)
     but = f"; only {laws}, which must equal a number, can show it" if laws else ""
@@ -395,10 +402,12 @@ def own_numbers(case: Case) -> str:
     )
 
 
-def case_table(cases: list[Case], lone: list[Path], paths: list[Path], width: int = 500) -> Table:
+def case_table(
+    cases: list[Case], bare_models: list[Path], paths: list[Path], width: int = 500
+) -> Table:
     """Return the table of `proofmass list`: a row for each case, with its folder below the paths.
 
-    `lone` are models without a sidecar.  Where not all columns fit the width
+    `bare_models` are models without a sidecar.  Where not all columns fit the width
     [characters], the table has only the case, its runs, and the first words of its title.
     """
     full = [
@@ -419,11 +428,11 @@ def case_table(cases: list[Case], lone: list[Path], paths: list[Path], width: in
             "case": model.stem,
             "model": model.name,
             "reference": "–",
-            "runs": f"own motion: {NATIVE}",
+            "runs": f"own motion: {NATIVE_ENGINE}",
             "channels": "",
             "title": "",
         }
-        for model in lone
+        for model in bare_models
     ]
     rows: list[Cells] = [{**row} for row in full]
     brief: list[Cells] = [
@@ -431,11 +440,11 @@ def case_table(cases: list[Case], lone: list[Path], paths: list[Path], width: in
         for row in full
     ]
     columns = ["folder", "case", "model", "reference", "runs", "channels", "title"]
-    if not fits(rows, columns, width):
+    if not fits_width(rows, columns, width):
         rows, columns = brief, ["folder", "case", "reference", "runs", "channels", "title"]
-    if not fits(rows, columns, width):
+    if not fits_width(rows, columns, width):
         columns = ["case", "runs", "title"]
-        room = width - sum(widths(rows, columns[:2])) - 2 * GAP
+        room = width - sum(column_widths(rows, columns[:2])) - 2 * COLUMN_GAP
         for row in rows:
             row["title"] = shorten(
                 str(row["title"]), max(room, 1), placeholder="…", break_on_hyphens=False

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pint import Unit, UnitRegistry
 
-PLAIN = {  # SI units, with the powers of length, mass, time and angle in them
+SI_POWERS = {  # SI units, with the powers of length, mass, time and angle in them
     "1": (0, 0, 0, 0),
     "m": (1, 0, 0, 0),
     "kg": (0, 1, 0, 0),
@@ -32,17 +32,17 @@ PLAIN = {  # SI units, with the powers of length, mass, time and angle in them
     "N/m": (0, 1, -2, 0),
     "N m/rad": (2, 1, -2, -1),
 }
-KINDS = {
+MOTION_UNITS = {
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),
     "acceleration": ("rad/s^2", "m/s^2"),
 }
 """SI units of the kinds of motion."""
-FORCES = ("N", "N m")
+FORCE_UNITS = ("N", "N m")
 """SI units of forces and moments."""
-WORDS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")
+KEPT_SPELLINGS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")
 """SI units that `si_unit` keeps as they are written, instead of composing them of others."""
-EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
+UNIT_EXAMPLES = "mm, deg, rad/s^2, N m, rev/min; 1 for a number without a unit"
 
 
 @cache
@@ -61,10 +61,12 @@ def si_unit(unit: str) -> tuple[str, float]:
     >>> si_unit("N mm")
     ('N m', 0.001)
     """
-    if unit in PLAIN:
+    if unit in SI_POWERS:
         return unit, 1.0
-    factor = float(registry().Quantity(1, parsed(unit)).to_base_units().magnitude)
-    spelled = re.sub(r"[^\W\d_]+|°", lambda word: si_word(word.group()), unit.replace("²", "^2"))
+    factor = float(unit_registry().Quantity(1, parse_unit(unit)).to_base_units().magnitude)
+    spelled = re.sub(
+        r"[^\W\d_]+|°", lambda word: si_spelling(word.group()), unit.replace("²", "^2")
+    )
     return spelled, factor
 
 
@@ -77,20 +79,20 @@ def same_quantity(one: str, other: str) -> bool:
     """
     if one == other:
         return True
-    base = [registry().get_base_units(parsed(unit))[1] for unit in (one, other)]
+    base = [unit_registry().get_base_units(parse_unit(unit))[1] for unit in (one, other)]
     return bool(base[0] == base[1])
 
 
 @cache
-def powers(unit: str) -> tuple[float, float, float, float]:
+def unit_powers(unit: str) -> tuple[float, float, float, float]:
     """The powers of length, mass, time and angle in a unit.
 
-    >>> powers("N m"), powers("deg/s")
+    >>> unit_powers("N m"), unit_powers("deg/s")
     ((2, 1, -2, 0), (0.0, 0.0, -1.0, 1.0))
     """
-    if unit in PLAIN:
-        return PLAIN[unit]
-    base = dict(registry().Quantity(1, parsed(unit)).to_base_units().unit_items())
+    if unit in SI_POWERS:
+        return SI_POWERS[unit]
+    base = dict(unit_registry().Quantity(1, parse_unit(unit)).to_base_units().unit_items())
     length, mass, time, angle = (
         float(str(base.get(word, 0))) for word in ("meter", "kilogram", "second", "radian")
     )
@@ -98,7 +100,7 @@ def powers(unit: str) -> tuple[float, float, float, float]:
 
 
 @cache
-def registry() -> "UnitRegistry":
+def unit_registry() -> "UnitRegistry":
     """Load pint's units, with the angle as a dimension of its own."""
     from pint import UnitRegistry
 
@@ -111,22 +113,22 @@ def registry() -> "UnitRegistry":
     return units
 
 
-def parsed(unit: str) -> "Unit":
+def parse_unit(unit: str) -> "Unit":
     """Read a unit with pint; ValueError if pint does not know it, or if its zero is shifted."""
     try:
-        found = registry().Unit("" if unit == "1" else unit)
+        found = unit_registry().Unit("" if unit == "1" else unit)
         # not 0 of a unit such as degree Celsius, which no factor converts
-        offset = registry().Quantity(0, found).to_base_units().magnitude
+        offset = unit_registry().Quantity(0, found).to_base_units().magnitude
     except Exception:  # pint's parser raises errors of many kinds
         offset = None
     if offset != 0 or not unit.strip():
-        raise ValueError(f"unknown unit {unit!r}; write it as in {EXAMPLES}")
+        raise ValueError(f"unknown unit {unit!r}; write it as in {UNIT_EXAMPLES}")
     return found
 
 
-def si_word(word: str) -> str:
+def si_spelling(word: str) -> str:
     """Find the SI unit of the quantity that one word of a unit measures."""
-    there = next((si for si in WORDS if same_quantity(word, si)), None)
-    return there or f"{registry().get_base_units(parsed(word))[1]:~C}".replace("**", "^").replace(
-        "*", " "
-    )
+    there = next((si for si in KEPT_SPELLINGS if same_quantity(word, si)), None)
+    return there or f"{unit_registry().get_base_units(parse_unit(word))[1]:~C}".replace(
+        "**", "^"
+    ).replace("*", " ")

@@ -1,7 +1,7 @@
 """Validate a case before anything runs: names, units and motion profiles.
 
-`load_case` has checked the sidecar by itself; `validate` checks it against the compiled model and
-the reference.
+`load_case` has checked the sidecar by itself; `validate_case` checks it against the compiled model
+and the reference.
 """
 
 from mujoco import MjModel
@@ -9,19 +9,19 @@ from mujoco import MjModel
 from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.compare import reference_for
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, suggest_names
 from proofmass.plot_data import check_views
-from proofmass.reference import compiled
-from proofmass.sim.contents import channel_unit, joints, keys, sensors
+from proofmass.reference import compiled_model
+from proofmass.sim.contents import channel_unit, joints, key_names, sensor_names
 from proofmass.sim.protocol import BadModel, Curves, Run
-from proofmass.solve import plan, settings_of
+from proofmass.solve import plan_run, settings_of
 from proofmass.units import same_quantity
 
-FEW = 2
+FIRST_SAMPLES = 2
 """Number of samples at which the reference is evaluated to learn its quantities."""
 
 
-def validate(case: Case) -> None:
+def validate_case(case: Case) -> None:
     """Raise InputError for the first fault of a case.
 
     Checked are the start key, the driven joints, the sensors and units of all channels, the
@@ -31,9 +31,9 @@ def validate(case: Case) -> None:
     for kind, table in case.run.items():
         for solver in table.solvers:
             settings_of(case, kind, solver)
-    check_model(case, compiled(case))
+    check_model(case, compiled_model(case))
     for kind, table in case.run.items():
-        runs = [plan(case, kind, solver) for solver in table.solvers]
+        runs = [plan_run(case, kind, solver) for solver in table.solvers]
         few = first_samples(case, runs[0])
         reference_for(case, kind, few)
         check_views(case, kind, few)
@@ -42,18 +42,20 @@ def validate(case: Case) -> None:
 
 def check_model(case: Case, model: MjModel) -> None:
     """Check the names and units in the sidecar against the compiled model."""
-    if model.nkey and case.start not in keys(model):
+    if model.nkey and case.start not in key_names(model):
         raise InputError(
             case.file,
             "start",
-            f"{case.model} has no key {case.start!r}; {suggest(case.start, keys(model))}",
+            f"{case.model} has no key {case.start!r}; "
+            f"{suggest_names(case.start, key_names(model))}",
         )
     for k, drive in enumerate(case.drive):
         if drive.joint not in joints(model):
             raise InputError(
                 case.file,
                 case.drive_key(k, "joint"),
-                f"{case.model} has no joint {drive.joint!r}; {suggest(drive.joint, joints(model))}",
+                f"{case.model} has no joint {drive.joint!r}; "
+                f"{suggest_names(drive.joint, joints(model))}",
             )
     for name, channel in case.channels.items():
         delivered = delivered_unit(case, model, name)
@@ -77,11 +79,11 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
     try:
         return channel_unit(model, name, case.rods)
     except KeyError as error:
-        there = [*sensors(model), *case.rod]
+        there = [*sensor_names(model), *case.rod]
         raise InputError(
             case.file,
             f"channels.{name}",
-            f"{case.model} has no sensor {error.args[0]!r}; {suggest(error.args[0], there)}",
+            f"{case.model} has no sensor {error.args[0]!r}; {suggest_names(error.args[0], there)}",
         ) from None
     except BadModel as error:
         raise InputError(case.file, f"channels.{name}", str(error)) from None
@@ -89,6 +91,6 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
 
 def first_samples(case: Case, run: Run) -> Curves:
     """The prescribed motion at the first samples of a run; at all samples of a recorded curve."""
-    x = run.x if case.recorded else run.x[:FEW]
+    x = run.x if case.recorded else run.x[:FIRST_SAMPLES]
     moved = case.drive and run.kind != "equilibrium"
     return Curves(x, {}, drive=run.motion(x) if moved else None)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from proofmass.engines import NoEngine, computes, engine_of
+from proofmass.engines import NoEngine, computes_curves, engine_of
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -22,10 +22,10 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.0f}" if whole >= digits and abs(value) >= 1 else f"{value:.{digits}g}"
 
 
-def pretty(unit: str) -> str:
+def format_unit(unit: str) -> str:
     """Format a unit with superscripts and centred dots.
 
-    >>> pretty("rad/s^2"), pretty("N m")
+    >>> format_unit("rad/s^2"), format_unit("N m")
     ('rad/s²', 'N·m')
     """
     return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
@@ -51,7 +51,7 @@ def is_variant(solver: str) -> bool:
     >>> is_variant("mujoco"), is_variant("mujoco:default"), is_variant("recorded:rig")
     (False, True, False)
     """
-    return ":" in solver and computes(solver)
+    return ":" in solver and computes_curves(solver)
 
 
 def format_list(words: Iterable[str]) -> str:

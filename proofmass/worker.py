@@ -31,7 +31,7 @@ try:
 except ImportError:  # Windows, where memory has no limit
     resource = None  # type: ignore[assignment]
 
-ALONE = dict.fromkeys(
+SINGLE_THREAD = dict.fromkeys(
     (
         "OPENBLAS_NUM_THREADS",
         "MKL_NUM_THREADS",
@@ -45,23 +45,28 @@ ALONE = dict.fromkeys(
 its results depend on the number of threads, and threads of parallel runs would wait for each other.
 """
 
-WITHOUT_WINDOWS = {"MUJOCO_GL": "disable"}
+NO_RENDERER = {"MUJOCO_GL": "disable"}
 """Environment of a worker unless the caller's says otherwise: MuJoCo does not load its renderer.
 The renderer takes a third of the time of loading MuJoCo, and no run renders."""
 
-SPARING = {"MALLOC_MMAP_THRESHOLD_": "4194304"}
+RETURN_FREED_MEMORY = {"MALLOC_MMAP_THRESHOLD_": "4194304"}
 """Environment of a worker unless the caller's says otherwise: glibc returns blocks of 4 MiB or more
 to the system when they are freed.  Otherwise it keeps MuJoCo's arenas of 14 MB in a heap that
-fragments: after ten minutes of runs a worker that used 0.4 GB held 6.5 GB, which `limit_data`
+fragments: after ten minutes of runs a worker that used 0.4 GB held 6.5 GB, which `limit_memory`
 counts."""
 
-GRACE = 5.0  # [s] after its time limit a worker ends itself, if its caller is gone
-MEMORY = 8.0  # [GiB] that a call may use by default; a worker with both engines loaded uses 0.2
+GRACE_SECONDS = 5.0  # [s] after its time limit a worker ends itself, if its caller is gone
+DEFAULT_MEMORY = (
+    8.0  # [GiB] that a call may use by default; a worker with both engines loaded uses 0.2
+)
 GIB = 2**30
-LONGEST = 1e9  # [s], the longest alarm that can be set
-WORDS = 240  # characters that are kept of what a process wrote before it died
-KILLED = "killed by signal"  # begins the message of a `Crashed` whose process was killed
-FULL = ("bad_alloc", "allocate memory")  # last messages of C++ and MuJoCo when memory runs out
+LONGEST_ALARM = 1e9  # [s], the longest alarm that can be set
+KEPT_CHARACTERS = 240  # characters that are kept of what a process wrote before it died
+KILLED_BY_SIGNAL = "killed by signal"  # begins the message of a `Crashed` whose process was killed
+OUT_OF_MEMORY_MESSAGES = (
+    "bad_alloc",
+    "allocate memory",
+)  # last messages of C++ and MuJoCo when memory runs out
 
 
 class Crashed(Exception):
@@ -95,7 +100,13 @@ class Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.errors,
-            env={**WITHOUT_WINDOWS, **SPARING, **os.environ, **ALONE, "PYTHONPATH": path},
+            env={
+                **NO_RENDERER,
+                **RETURN_FREED_MEMORY,
+                **os.environ,
+                **SINGLE_THREAD,
+                "PYTHONPATH": path,
+            },
         )
 
     def call(self, function: Callable, args: tuple, timeout: float, memory: float) -> Any:
@@ -121,21 +132,27 @@ class Worker:
             self.process.wait()
             if late.is_set():
                 raise TimedOut(f"no answer in {timeout:g} s") from None
-            if stopped.is_set() or self.process.returncode == -signal.SIGINT:  # a terminal's Ctrl-C
+            if (
+                interrupted.is_set() or self.process.returncode == -signal.SIGINT
+            ):  # a terminal's Ctrl-C
                 raise KeyboardInterrupt from None
-            words = self.last_words()
-            raise (beyond(memory) if any(w in words for w in FULL) else Crashed(words)) from None
+            words = self.describe_end()
+            raise (
+                out_of_memory(memory)
+                if any(w in words for w in OUT_OF_MEMORY_MESSAGES)
+                else Crashed(words)
+            ) from None
         finally:
             timer.cancel()
 
-    def last_words(self) -> str:
+    def describe_end(self) -> str:
         """How the process ended, and the beginning of what it wrote to standard error."""
         self.errors.seek(0)
         text = self.errors.read().decode(errors="replace")
         code = self.process.returncode
-        died = f"{KILLED} {-code}" if code < 0 else f"exit code {code}"
+        died = f"{KILLED_BY_SIGNAL} {-code}" if code < 0 else f"exit code {code}"
         words = " ".join(text.split())
-        return died + (f": {words[:WORDS]}" if words else "")
+        return died + (f": {words[:KEPT_CHARACTERS]}" if words else "")
 
     def close(self) -> None:
         """End the process at once."""
@@ -144,20 +161,20 @@ class Worker:
         self.errors.close()
 
 
-idle: LifoQueue[Worker] = LifoQueue()
+idle_workers: LifoQueue[Worker] = LifoQueue()
 """Workers that wait for a call.  The last one is used first: it has cached the reference of the
 case that a study is working on."""
-busy: set[Worker] = set()
-stopped = threading.Event()
+busy_workers: set[Worker] = set()
+interrupted = threading.Event()
 
 
 @contextmanager
-def stopping() -> Iterator[None]:
+def interrupt_workers() -> Iterator[None]:
     """Let Ctrl-C within the context interrupt the calls of all threads, also later ones."""
 
     def stop(*_: object) -> None:
-        stopped.set()
-        for worker in list(busy):
+        interrupted.set()
+        for worker in list(busy_workers):
             worker.process.kill()
         raise KeyboardInterrupt
 
@@ -169,10 +186,12 @@ def stopping() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-        stopped.clear()
+        interrupted.clear()
 
 
-def isolated(function: Callable, *args: object, timeout: float, memory: float = MEMORY) -> Any:
+def call_isolated(
+    function: Callable, *args: object, timeout: float, memory: float = DEFAULT_MEMORY
+) -> Any:
     """Call a function in another process.
 
     Parameters
@@ -198,23 +217,23 @@ def isolated(function: Callable, *args: object, timeout: float, memory: float = 
     TimedOut, OutOfMemory
         The call reached a limit.
     KeyboardInterrupt
-        Ctrl-C reached the process, or `stopping` ended it; this does not count as a crash.
+        Ctrl-C reached the process, or `interrupt_workers` ended it; this does not count as a crash.
     Exception
         The exception that the function raised.
     """
-    worker = rested() or Worker()
-    busy.add(worker)
+    worker = take_idle_worker() or Worker()
+    busy_workers.add(worker)
     try:
-        if stopped.is_set():
+        if interrupted.is_set():
             raise KeyboardInterrupt
         good, value = worker.call(function, args, timeout, memory)
     except BaseException:
         worker.close()
         raise
     finally:
-        busy.discard(worker)
+        busy_workers.discard(worker)
     if worker.usable:
-        idle.put(worker)
+        idle_workers.put(worker)
     else:
         worker.close()
     if not good:
@@ -222,19 +241,19 @@ def isolated(function: Callable, *args: object, timeout: float, memory: float = 
     return value
 
 
-def rested() -> Worker | None:
+def take_idle_worker() -> Worker | None:
     """Take a worker that waits for a call, or None; workers that an interrupt ended are closed."""
     with suppress(Empty):
-        while (worker := idle.get_nowait()).process.poll() is not None:
+        while (worker := idle_workers.get_nowait()).process.poll() is not None:
             worker.close()
         return worker
     return None
 
 
 @atexit.register
-def dismiss() -> None:
+def close_idle_workers() -> None:
     """End the workers that wait for a call, so that none outlives this process."""
-    while worker := rested():
+    while worker := take_idle_worker():
         worker.close()
 
 
@@ -250,45 +269,45 @@ def main() -> None:
             function, args, timeout, memory, folder = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        alarm(timeout + GRACE)
+        set_alarm(timeout + GRACE_SECONDS)
         os.chdir(folder)  # so that relative paths of the call are found
-        answer = answered(function, args, memory)
-        alarm(0.0)
+        answer = answer_call(function, args, memory)
+        set_alarm(0.0)
         answers.write(answer)
         answers.flush()
 
 
-def answered(function: Callable, args: tuple, memory: float) -> bytes:
+def answer_call(function: Callable, args: tuple, memory: float) -> bytes:
     """Call a function, and pack its result or its exception for the caller."""
-    limit_data(memory)
+    limit_memory(memory)
     try:
-        return packed(True, function(*args))
+        return pack_answer(True, function(*args))
     except MemoryError:
-        return packed(False, beyond(memory))
+        return pack_answer(False, out_of_memory(memory))
     except Exception as error:
         # where dask is installed, pint loads it, and exceptions would be packed with all of these
         error.__traceback__ = error.__cause__ = error.__context__ = None
         try:  # some exceptions can be packed but not unpacked
-            answer = packed(False, error)
+            answer = pack_answer(False, error)
             pickle.loads(answer)
             return answer
         except Exception:  # it cannot be sent
-            return packed(False, Crashed(f"{type(error).__name__}: {error}"))
+            return pack_answer(False, Crashed(f"{type(error).__name__}: {error}"))
 
 
-def packed(good: bool, value: Any) -> bytes:
+def pack_answer(good: bool, value: Any) -> bytes:
     """Pack an answer, with whether this process can be called again."""
-    from proofmass.sim.protocol import BROKEN  # loads NumPy, which a caller may not need
+    from proofmass.sim.protocol import BROKEN_ENGINES  # loads NumPy, which a caller may not need
 
-    return pickle.dumps((good, value, not BROKEN))
+    return pickle.dumps((good, value, not BROKEN_ENGINES))
 
 
-def beyond(memory: float) -> OutOfMemory:
+def out_of_memory(memory: float) -> OutOfMemory:
     """The error of a call that asked for more memory than `memory` [GiB]."""
     return OutOfMemory(f"needs more than {memory:g} GiB of memory")
 
 
-def limit_data(memory: float) -> None:
+def limit_memory(memory: float) -> None:
     """Limit the memory for data of this process [GiB].
 
     The limit is not on the address space, of which engines and BLAS reserve more than they use.
@@ -302,7 +321,7 @@ def limit_data(memory: float) -> None:
         )
 
 
-def alarm(seconds: float) -> None:
+def set_alarm(seconds: float) -> None:
     """Make this process end itself after a time [s], in case its caller is gone; 0 cancels this."""
     if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST))
+        signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST_ALARM))

@@ -14,24 +14,24 @@ from typing import Any
 
 import pytest
 
-from proofmass.coverage import FOLDER
-from proofmass.files import write_whole
+from proofmass.coverage import FOLDER_VARIABLE
+from proofmass.files import write_atomically
 from proofmass.pytest_plugin import SolverItem
 from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
-from proofmass.worker import ALONE, WITHOUT_WINDOWS
+from proofmass.worker import NO_RENDERER, SINGLE_THREAD
 from tests.long import LONG, SOME
 from tests.shipped import MODELS, READ, every_file
 
 pytest_plugins = ["pytester"]
-os.environ.update(ALONE)  # of pytest-xdist's workers, which share the processors
-os.environ.update(WITHOUT_WINDOWS | os.environ)  # of processes that tests start
+os.environ.update(SINGLE_THREAD)  # of pytest-xdist's workers, which share the processors
+os.environ.update(NO_RENDERER | os.environ)  # of processes that tests start
 FOUND = TemporaryDirectory()
 """What `proofmass explain` keeps, not the user's: set before sidecars are read in workers."""
-os.environ[FOLDER] = FOUND.name
+os.environ[FOLDER_VARIABLE] = FOUND.name
 if sys.dont_write_bytecode:
     # PYTHONDONTWRITEBYTECODE, which many containers set, keeps files of bytecode from the sources.
     # Here they are among pytest's own: without any, each of some hundred processes that tests start
@@ -53,7 +53,7 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     share = (os.cpu_count() or 1) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "cpu_count", lambda: max(1, share))
-        patch.setattr(measure, "lock_file", lambda name: folder / name)
+        patch.setattr(measure, "lock_path", lambda name: folder / name)
         yield
 
 
@@ -168,7 +168,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def empty(figure: object, stem: Path) -> None:
         for ending in (".svg", ".png"):
-            write_whole(stem.with_suffix(ending), "")
+            write_atomically(stem.with_suffix(ending), "")
 
     for study in ("trade", "stress", "diet"):
         monkeypatch.setattr(f"proofmass.studies.{study}.page.save", empty)

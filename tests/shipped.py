@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from proofmass.case import Case
-from proofmass.sidecar import as_toml, load_case
+from proofmass.sidecar import format_sidecar, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
 READ: dict[Path, Case] = {}
@@ -83,5 +83,5 @@ def written_out(file: Path) -> str:
     head = re.split(
         r"(?m)^\[(?:run\b|channels\]|settings\b)", re.sub(r"(?m)^accuracy\..*\n", "", text)
     )[0]
-    filled = as_toml(loaded(file), every=False)
+    filled = format_sidecar(loaded(file), every=False)
     return f"{head.rstrip()}\n\n{filled[filled.index('[run.') :]}"

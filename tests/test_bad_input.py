@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.check import check, load
+from proofmass.check import check, load_validated
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
-from proofmass.solve import plan, run_here, solve
+from proofmass.solve import plan_run, solve, solve_here
 
 SIDECARS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),
@@ -416,7 +416,7 @@ def test_a_drive_that_leaves_its_joint_s_range_is_named_before_any_run(wrong, mo
     for kind, run in case.run.items():
         for solver in run.solvers:
             with pytest.raises(InputError) as caught:
-                plan(case, kind, solver)
+                plan_run(case, kind, solver)
             assert str(caught.value).startswith(str(case.file))
             assert all(word in str(caught.value) for word in words), caught.value
 
@@ -432,7 +432,7 @@ def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
     edit("triple_rocker.xml", '<joint name="crank"', '<joint name="crank" range="-2 1.9"')
     edit("triple_rocker.toml", r"n = \d+", "n = 4")  # the third of a swing is at 1.5 rad at most
     with pytest.raises(InputError, match="to 2 rad, beyond its range"):
-        plan(load_case(models / "triple_rocker.toml"), "dynamics", "mujoco")
+        plan_run(load_case(models / "triple_rocker.toml"), "dynamics", "mujoco")
 
 
 @pytest.mark.parametrize(
@@ -441,7 +441,7 @@ def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
 def test_a_drive_may_end_where_its_joint_does(joint, models, edit):
     edit("fourbar.xml", '<joint name="crank"', f'<joint name="crank" {joint}')
     case = load_case(models / "fourbar.toml")
-    assert [plan(case, kind, "mujoco").kind for kind in case.run] == ["sweep", "dynamics"]
+    assert [plan_run(case, kind, "mujoco").kind for kind in case.run] == ["sweep", "dynamics"]
 
 
 def test_a_range_that_a_flag_disables_holds_no_drive(models, edit):
@@ -457,7 +457,7 @@ def test_a_number_that_is_out_of_all_measure_is_named_before_any_run(wrong, mode
     name, old, new, words = MEASURELESS[wrong]
     edit(name, "(?m)" + old, new, count=1)
     with pytest.raises(InputError) as caught:
-        load((models / name).with_suffix(".toml"))
+        load_validated((models / name).with_suffix(".toml"))
     assert str(caught.value).startswith(str(models / words[0]))
     assert all(word in str(caught.value) for word in words[1:]), caught.value
 
@@ -474,7 +474,7 @@ def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver,
     edit(name, old, new)
     edit("pendulum.toml", r"n = \d+", "n = 2")
     with pytest.raises(InputError) as caught:
-        run_here(load_case(models / "pendulum.toml"), "dynamics", solver)
+        solve_here(load_case(models / "pendulum.toml"), "dynamics", solver)
     assert words in str(caught.value)
     assert "give a longer step or a shorter run" in str(caught.value)
 
@@ -501,14 +501,14 @@ def test_a_start_that_is_too_large_for_numbers_is_no_crash(models, edit):
 def test_what_mujoco_itself_refuses_is_an_error_of_the_model(models, edit):
     edit("fourbar.xml", "<flag ", '<flag invdiscrete="enable" ')
     with pytest.raises(InputError, match=r"fourbar\.xml: mj_discreteAcc: .* not supported by RK4"):
-        run_here(load_case(models / "fourbar.toml"), "sweep", "mujoco")
+        solve_here(load_case(models / "fourbar.toml"), "sweep", "mujoco")
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
 def test_a_gear_of_0_is_no_crash_of_an_engine(solver, models, edit):
     edit("fourbar.xml", '<motor name="motor" joint="crank"', r'\g<0> gear="0"')
     with pytest.raises(InputError, match="the gear of actuator 'motor' is 0"):
-        run_here(load_case(models / "fourbar.toml"), "sweep", solver)
+        solve_here(load_case(models / "fourbar.toml"), "sweep", solver)
 
 
 @pytest.mark.parametrize("wrong", CURVES)

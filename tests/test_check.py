@@ -13,36 +13,36 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.check import (
-    FAILURES,
-    FOLLOWED,
-    LOADING,
-    OWN_TIMEOUT,
+    LOADING_SECONDS,
+    OUTCOME_OF_EXCEPTION,
+    OWN_MODEL_SECONDS,
+    OWN_MODEL_TIMEOUT,
     Result,
     check,
-    check_model,
-    collect,
+    check_bare_model,
+    collect_inputs,
+    collect_outcomes,
+    early_end_error,
     family_of,
-    file_of,
-    find,
-    judge,
-    label,
-    load,
-    measured,
-    one_task,
-    read,
-    run_one,
-    stopped,
-    tell_apart,
+    find_inputs,
+    load_validated,
+    read_isolated,
+    run_and_compare,
+    run_solver,
+    run_task,
+    task_file,
+    task_label,
+    unique_names,
 )
 from proofmass.cli import app
-from proofmass.compare import Comparison, compare, with_reference
+from proofmass.compare import Comparison, attach_reference, compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
-from proofmass.refinement import Finer, errors
+from proofmass.refinement import FinerRun, refined_errors
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol import BadModel, Curves, Unsupported
-from proofmass.studies.command import named
+from proofmass.studies.command import load_cases
 from proofmass.worker import Crashed
 from tests.shipped import MODELS
 
@@ -65,15 +65,15 @@ class Workers(list):
 def workers(monkeypatch):
     found = Workers()
     found.fails = {}
-    monkeypatch.setattr(CHECK, "isolated", found)
+    monkeypatch.setattr(CHECK, "call_isolated", found)
     return found
 
 
 @pytest.fixture
 def briefly(monkeypatch):
     """Models without a sidecar are followed for a twentieth of the time: their names are asked."""
-    monkeypatch.setattr(CHECK, "FOLLOWED", FOLLOWED / 20)
-    monkeypatch.setattr(CHECK, "SAMPLES", 6)
+    monkeypatch.setattr(CHECK, "OWN_MODEL_SECONDS", OWN_MODEL_SECONDS / 20)
+    monkeypatch.setattr(CHECK, "OWN_MODEL_SAMPLES", 6)
 
 
 @pytest.fixture
@@ -100,22 +100,22 @@ def test_what_is_found_below_a_path(models, tmp_path):
     for name in ("alone.toml", "alone.xml"):
         (tmp_path / name).mkdir()
         (tmp_path / name / name).write_text("")
-        assert list(find([tmp_path / name])) == [tmp_path / name / name]
-    names = [path.name for path in find([models])]
+        assert list(find_inputs([tmp_path / name])) == [tmp_path / name / name]
+    names = [path.name for path in find_inputs([models])]
     toml = sorted(path.name for path in models.glob("*.toml"))
     assert names[: len(toml)] == toml
     models_alone = {path.stem for path in models.glob("*.xml")} - {Path(n).stem for n in toml}
     assert "pendulum" in models_alone
     assert {Path(name).stem for name in names[len(toml) :]} == models_alone
     pair = [models / "fourbar.toml", models / "pendulum.xml"]
-    assert list(find(pair)) == pair
-    assert list(find([models / "fourbar.xml"])) == pair[:1]
+    assert list(find_inputs(pair)) == pair
+    assert list(find_inputs([models / "fourbar.xml"])) == pair[:1]
     for path, words in (
         (tmp_path / "no", "no such file or folder"),
         (empty, "no sidecar (.toml) and no model (.xml) in this folder"),
         (models / "notes.txt", "neither a sidecar (.toml), a model (.xml) nor a folder"),
     ):
-        assert wrong(lambda p: list(find([p])), path) == ("", words)
+        assert wrong(lambda p: list(find_inputs([p])), path) == ("", words)
 
 
 def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short, workers, edit):
@@ -130,26 +130,26 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
         "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.dynamics]",
     )
     workers.fails["validate"] = OSError()  # the runs meet it as well
-    assert load(short).name == "pendulum"
-    assert workers == [("load_case", LOADING, None), ("validate", 9.0, 3.0)]
+    assert load_validated(short).name == "pendulum"
+    assert workers == [("load_case", LOADING_SECONDS, None), ("validate", 9.0, 3.0)]
     workers.fails["validate"] = InputError(short, "channels", "bad")
-    assert wrong(load, short) == ("channels", "bad")
+    assert wrong(load_validated, short) == ("channels", "bad")
     for error, words in (
         (InputError(short, "key", "bad"), ("key", "bad")),
         (OSError("gone"), ("", "cannot be read: gone")),
         (OSError(), ("", "cannot be read: OSError")),
     ):
         workers.fails["load_case"] = error
-        assert wrong(load, short) == words
+        assert wrong(load_validated, short) == words
 
 
 def test_a_strict_reader_is_told_what_the_runs_would_meet(short, workers):
     """A command that makes no run has nothing else to say so."""
     workers.fails["validate"] = MemoryError("more than 3 GiB")
-    assert load(short).name == "pendulum"
-    assert wrong(load, short, True) == ("", "its model or its reference: more than 3 GiB")
+    assert load_validated(short).name == "pendulum"
+    assert wrong(load_validated, short, True) == ("", "its model or its reference: more than 3 GiB")
     workers.fails["validate"] = InputError(short, "channels", "bad")
-    assert wrong(load, short, True) == ("channels", "bad")
+    assert wrong(load_validated, short, True) == ("channels", "bad")
 
 
 def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
@@ -163,7 +163,7 @@ def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
     for name in ("folder.toml", "other.xml"):
         (tmp_path / "a" / name).mkdir()
         (tmp_path / "a" / name / "not_searched.toml").write_text("")
-    assert [file.relative_to(tmp_path).as_posix() for file in find([tmp_path])] == [
+    assert [file.relative_to(tmp_path).as_posix() for file in find_inputs([tmp_path])] == [
         "b.toml",
         "a/folder.toml",
         "a/loop.toml",
@@ -173,7 +173,7 @@ def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
         "a/x/pipe.toml",
     ]
     for name, words in (("a/loop.toml", "Too many levels"), ("a/x/pipe.toml", "a device or pipe")):
-        assert words in wrong(read, tmp_path / name)[1]
+        assert words in wrong(read_isolated, tmp_path / name)[1]
 
 
 def test_a_folder_that_cannot_be_read_costs_itself_only(models, monkeypatch):
@@ -188,7 +188,7 @@ def test_a_folder_that_cannot_be_read_costs_itself_only(models, monkeypatch):
 
     monkeypatch.setattr(os, "scandir", refuse)
     errors = []
-    assert models / "fourbar.toml" in collect([models], errors)
+    assert models / "fourbar.toml" in collect_inputs([models], errors)
     assert [str(error) for error in errors] == [f"{locked}: cannot be read: Permission denied"]
     assert errors[0].key == "", "the folder itself is at fault"
 
@@ -235,19 +235,19 @@ def test_two_cases_of_one_name_are_two_cases(twins):
     assert answer.exit_code == 0
     assert "left/pendulum" in answer.output
     assert "right/pendulum" in answer.output
-    assert [case.name for case in named([twins])] == ["left/pendulum", "right/pendulum"]
+    assert [case.name for case in load_cases([twins])] == ["left/pendulum", "right/pendulum"]
 
 
 def test_a_case_that_is_given_twice_is_one(short, monkeypatch):
     monkeypatch.chdir(short.parent)
     again = Path("..") / short.parent.name / short.name
-    assert collect([short, short.name, again], []) == [short]
+    assert collect_inputs([short, short.name, again], []) == [short]
 
 
 def test_names_have_as_many_folders_as_tell_them_apart():
     files = [Path(f"/m/{name}") for name in ("a/x/arm.toml", "b/x/arm.toml", "b/arm.toml", "y.xml")]
-    assert list(tell_apart(files).values()) == ["a/x/arm", "b/x/arm", "b/arm", "y"]
-    assert list(tell_apart([Path("/m/arm.toml"), Path("/m/x/arm.xml")]).values()) == [
+    assert list(unique_names(files).values()) == ["a/x/arm", "b/x/arm", "b/arm", "y"]
+    assert list(unique_names([Path("/m/arm.toml"), Path("/m/x/arm.xml")]).values()) == [
         "arm",
         "x/arm",
     ]
@@ -301,22 +301,22 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     def validate(case):
         seen.append(case)
 
-    monkeypatch.setattr(CHECK, "validate", validate)
-    case = load(short)
+    monkeypatch.setattr(CHECK, "validate_case", validate)
+    case = load_validated(short)
     assert seen == [case]
-    found, curves = run_one(case, "dynamics", "mujoco")
+    found, curves = run_solver(case, "dynamics", "mujoco")
     assert workers[-1] == ("measured", 7.0, 3.0)
     assert {c.outcome for c in found} == {"agrees"}
     assert found[0].detectable
     assert curves.x.size == 11
-    held = run_one(case, "dynamics", "mujoco", hold=lambda *told: [told])[0]
+    held = run_solver(case, "dynamics", "mujoco", compare_curves=lambda *told: [told])[0]
     assert held[0][:3] == (case, "dynamics", "mujoco")
     assert held[0][3].x.size == 11
 
 
-@pytest.mark.parametrize("kind", FAILURES)
+@pytest.mark.parametrize("kind", OUTCOME_OF_EXCEPTION)
 def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short, workers):
-    case = load(short)
+    case = load_validated(short)
     of_one = {
         name: case.channels[name].model_copy(update={"only": kind_of})
         for name, kind_of in (("rate", "sweep"), ("angle", "dynamics"))
@@ -324,17 +324,17 @@ def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short
     case = case.model_copy(update={"channels": {**case.channels, **of_one}})
     workers.fails["measured"] = kind("why")
     if kind is Unsupported:
-        assert wrong(run_one, case, "dynamics", "mujoco") == (
+        assert wrong(run_solver, case, "dynamics", "mujoco") == (
             "run.dynamics.solvers",
             "mujoco cannot run pendulum.xml: why; leave it out",
         )
         return
-    found, curves = run_one(case, "dynamics", "mujoco")
+    found, curves = run_solver(case, "dynamics", "mujoco")
     assert curves is None
     more = {
         "timed out": "; timeout in [run.dynamics] allows more",
         "out of memory": "; memory in [run.dynamics] allows more",
-    }.get(FAILURES[kind], "")
+    }.get(OUTCOME_OF_EXCEPTION[kind], "")
     assert found == [
         Comparison(
             "pendulum",
@@ -342,7 +342,7 @@ def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short
             "dynamics",
             name,
             unit,
-            outcome=FAILURES[kind],
+            outcome=OUTCOME_OF_EXCEPTION[kind],
             message="why" + more,
         )
         for name, unit in (
@@ -355,33 +355,34 @@ def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short
 
 
 @pytest.mark.parametrize(
-    "error", [InputError(Path("a"), "", ""), MemoryError(), *(kind("") for kind in FAILURES)]
+    "error",
+    [InputError(Path("a"), "", ""), MemoryError(), *(kind("") for kind in OUTCOME_OF_EXCEPTION)],
 )
 def test_what_a_run_means_to_raise_is_no_crash(error, short, monkeypatch):
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(CHECK, "run_here", fail)
+    monkeypatch.setattr(CHECK, "solve_here", fail)
     with pytest.raises(type(error)) as raised:
-        measured(load(short), "dynamics", "mujoco", None)
+        run_and_compare(load_validated(short), "dynamics", "mujoco", None)
     assert raised.value is error
 
 
 def test_what_nobody_meant_to_raise_is_a_crash(short, monkeypatch):
-    case = load(short)
+    case = load_validated(short)
     for name in ("mobility", "run_here"):
         with monkeypatch.context() as patch:
             patch.setattr(CHECK, name, lambda case, *_: {}[case.name])
             with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
-                measured(case, "dynamics", "mujoco", None)
+                run_and_compare(case, "dynamics", "mujoco", None)
 
 
 def test_a_sweep_that_ends_early_says_where(short):
-    case = load(short)
+    case = load_validated(short)
     whole, part = Curves(np.zeros(11), {}), Curves(np.zeros(4), {}, stopped="a limit")
-    assert stopped(case, "dynamics", "mujoco", None) is None
-    assert stopped(case, "dynamics", "mujoco", whole) is None
-    error = stopped(case, "dynamics", "mujoco", part)
+    assert early_end_error(case, "dynamics", "mujoco", None) is None
+    assert early_end_error(case, "dynamics", "mujoco", whole) is None
+    error = early_end_error(case, "dynamics", "mujoco", part)
     assert (error.file, error.key, error.wrong) == (
         short,
         "drive",
@@ -392,10 +393,10 @@ def test_a_sweep_that_ends_early_says_where(short):
 def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
     short, workers, monkeypatch
 ):
-    monkeypatch.setattr(own_motion, "HALVINGS", own_motion.FEWEST)
+    monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
     model = short.with_suffix(".xml")
-    (found,) = check_model(model)
-    assert workers[-1] == ("rung_of", OWN_TIMEOUT, None)
+    (found,) = check_bare_model(model)
+    assert workers[-1] == ("rung_of", OWN_MODEL_TIMEOUT, None)
     assert (found.case, found.solver, found.run, found.channel, found.unit) == (
         "pendulum",
         "mujoco",
@@ -410,12 +411,12 @@ def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
     assert np.isnan(found.allowed)
     assert found.steps == 1000  # of 1 ms
     assert found.seconds > 0
-    for kind, outcome in FAILURES.items():
+    for kind, outcome in OUTCOME_OF_EXCEPTION.items():
         workers.fails["rung_of"] = kind("why")
-        (found,) = check_model(model)
+        (found,) = check_bare_model(model)
         assert (found.outcome, found.message) == (outcome, "why")
     workers.fails["rung_of"] = BadModel("pendulum.xml: broken")
-    assert wrong(check_model, model) == ("", "broken")
+    assert wrong(check_bare_model, model) == ("", "broken")
 
 
 def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path, briefly):
@@ -467,7 +468,7 @@ def test_a_folder_that_cannot_be_read_is_an_error(monkeypatch, tmp_path):
     def closed(paths):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(CHECK, "find", closed)
+    monkeypatch.setattr(CHECK, "find_inputs", closed)
     (error,) = check([tmp_path]).errors
     assert (error.file, error.key, error.wrong) == (
         tmp_path,
@@ -481,7 +482,7 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
         raise KeyboardInterrupt
 
     ended = []
-    monkeypatch.setattr(CHECK, "done", interrupt)
+    monkeypatch.setattr(CHECK, "run_tasks", interrupt)
     monkeypatch.setattr(
         CHECK.ThreadPoolExecutor,
         "shutdown",
@@ -493,21 +494,21 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
 
 
 def test_a_run_of_a_refinement_is_held_by_its_errors_alone(short, monkeypatch):
-    case = load(short)
-    monkeypatch.setattr(CHECK, "run_one", lambda *task, hold: (task, hold))
-    task, hold = one_task((case, "dynamics", "mujoco"), detectable=False)
+    case = load_validated(short)
+    monkeypatch.setattr(CHECK, "run_solver", lambda *task, hold: (task, hold))
+    task, hold = run_task((case, "dynamics", "mujoco"), detectable=False)
     assert task == (case, "dynamics", "mujoco")
     assert (hold.func, hold.keywords) == (compare, {"detectable": False})
-    assert one_task(finer(case, 2, None)) == ((case, "dynamics", "mujoco"), errors)
+    assert run_task(finer(case, 2, None)) == ((case, "dynamics", "mujoco"), refined_errors)
 
 
 def finer(case, segments, add):
-    return Finer(case, "dynamics", "mujoco", segments, SimpleNamespace(add=add))
+    return FinerRun(case, "dynamics", "mujoco", segments, SimpleNamespace(add=add))
 
 
 def test_runs_of_a_refinement_are_judged_by_their_study(short):
     """Their own comparisons are not shown; a study that fails is an error, and not the last one."""
-    case = load(short)
+    case = load_validated(short)
     curves = Curves(np.zeros(4), {}, stopped="a limit")
 
     def add(segments, found):
@@ -518,10 +519,12 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
         return [f"row {segments}"], [f"order of {found[0][0]}"]
 
     tasks = [finer(case, n, add) for n in (2, 3, 4, 5)]
-    assert label(tasks[0]) == "pendulum dynamics mujoco, 2 segments"
-    assert file_of(tasks[0]) == short
+    assert task_label(tasks[0]) == "pendulum dynamics mujoco, 2 segments"
+    assert task_file(tasks[0]) == short
     result = Result()
-    judge(tasks, {k: ([f"run {k}"], curves if k == 3 else None) for k in (3, 0, 1, 2)}, result)
+    collect_outcomes(
+        tasks, {k: ([f"run {k}"], curves if k == 3 else None) for k in (3, 0, 1, 2)}, result
+    )
     assert result.refined == ["row 2", "row 5"]
     assert result.comparisons == ["order of run 0", "order of run 3"]
     assert result.curves == {}
@@ -535,7 +538,7 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
 def test_curves_have_the_reference_that_they_were_compared_with(models, keep_solver):
     case = load_case(keep_solver("fourbar.toml", "mujoco"))
     for kind in case.run:  # a sweep's drives have their law's values, and dynamics' have not
-        rows, curves = measured(case, kind, "mujoco", compare)
+        rows, curves = run_and_compare(case, kind, "mujoco", compare)
         truth = evaluate(case, kind, curves.x, curves.drive).channels
         assert list(curves.reference) == list(case.channels)
         for c in rows:
@@ -543,4 +546,4 @@ def test_curves_have_the_reference_that_they_were_compared_with(models, keep_sol
             assert float(error.max()) / case.channels[c.channel].factor == c.error_max  # same bits
             assert curves.reference[c.channel] == pytest.approx(truth[c.channel], abs=1e-9)
         other = Curves(curves.x, curves.channels, drive=tuple(part.copy() for part in curves.drive))
-        assert with_reference(case, kind, other) is other  # nobody compared these
+        assert attach_reference(case, kind, other) is other  # nobody compared these

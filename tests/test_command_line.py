@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from proofmass.__main__ import main
 from proofmass.cli import app
-from proofmass.terminal import KEYS
+from proofmass.terminal import COMPARISON_KEYS
 from tests.shipped import with_brief_pendulum
 
 
@@ -30,7 +30,7 @@ def test_exit_0_and_json_where_all_agree(models):
     assert found["exit_code"] == 0
     rows = found["comparisons"]
     assert len(rows) == 20  # five channels, four solvers
-    assert all(tuple(row) == KEYS for row in rows)
+    assert all(tuple(row) == COMPARISON_KEYS for row in rows)
     assert {row["outcome"] for row in rows if row["solver"] == "mujoco"} == {"agrees"}
     assert all(row["allowed"] is None for row in rows if row["solver"] == "mujoco:default")
     assert rows[0]["detectable"]["length"]["size"] > 0

@@ -10,30 +10,30 @@ import numpy as np
 import pytest
 
 from proofmass.case import Tolerance, View
-from proofmass.check import check, find
+from proofmass.check import check, find_inputs
 from proofmass.compare import (
     Comparison,
-    check_branch,
+    check_assembly_mode,
     compare,
-    misfit,
-    one,
+    compare_channel,
+    end_of_start,
+    judge_error,
     reference_for,
     scale_of,
-    start_until,
-    time_of,
-    verdict,
+    start_difference,
+    time_scale,
 )
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
 from proofmass.recorded import read_recorded
-from proofmass.reference import compiled, evaluate, grid
+from proofmass.reference import compiled_model, evaluate, run_samples
 from proofmass.sidecar import load_case
 from proofmass.sim.contents import size
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
-from proofmass.terminal import worst
+from proofmass.solve import plan_run
+from proofmass.terminal import worst_comparison
 from proofmass.units import si_unit
-from proofmass.worker import Crashed, TimedOut, isolated
+from proofmass.worker import Crashed, TimedOut, call_isolated
 from tests.shipped import models_like, shipped
 
 
@@ -42,7 +42,9 @@ def test_error_measures_of_a_known_difference():
     x = np.linspace(0, 1, 5)
     truth = np.array([0.0, 1, 2, 3, 4])
     error = np.array([0, 0, -2e-11, 1e-11, 0])
-    c = one(case, "dynamics", "mujoco", "angle", Curves(x, {"angle": truth + error}), truth, {})
+    c = compare_channel(
+        case, "dynamics", "mujoco", "angle", Curves(x, {"angle": truth + error}), truth, {}
+    )
     assert c.outcome == "agrees"
     assert c.error_max == pytest.approx(2e-11, rel=1e-4, abs=0)  # 1e-16 of rounding at 2
     assert c.at == 0.5
@@ -73,7 +75,7 @@ def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
     truth = np.array([0.0, 1, 2, 3, 4])
     curves = Curves(x, {"angle": truth + np.array([0, 0, -2e-11, 1e-11, 0])})
     rad, deg = (
-        one(case, "dynamics", "mujoco", "angle", curves, truth, {})
+        compare_channel(case, "dynamics", "mujoco", "angle", curves, truth, {})
         for case in (PENDULUM, in_unit(PENDULUM, "angle", unit="deg"))
     )
     assert (deg.unit, deg.outcome) == ("deg", "agrees")
@@ -83,17 +85,19 @@ def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
         (rad.nrmse, rad.relative_to_range), rel=1e-4, abs=0
     )
     off = Curves(x, {"angle": truth + 2 * np.pi})
-    assert one(
+    assert compare_channel(
         in_unit(PENDULUM, "angle", unit="deg"), "dynamics", "mujoco", "angle", off, truth, {}
     ).message.startswith("off by 1 whole turn")
 
 
 def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
     x, zero = np.linspace(0, 4, 3), np.zeros(3)
-    c = one(PENDULUM, "dynamics", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {})
+    c = compare_channel(
+        PENDULUM, "dynamics", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {}
+    )
     assert c.nrmse == pytest.approx(2.0)  # 0.5 rad/s; one in the 4 s of the motion is 0.25
     rod = load_case(shipped("rod_cantilever.toml"))
-    c = one(
+    c = compare_channel(
         rod, "equilibrium", "mujoco", "rod.moment", Curves(x, {"rod.moment": zero + 0.5}), zero, {}
     )
     assert np.isnan(c.nrmse)
@@ -103,14 +107,16 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
     x = np.linspace(2, 12, 101)
     truth, error = np.sin(x), 1e-11 * (13 - x)
     curves = Curves(x, {"angle": truth + error})
-    assert start_until(curves) == 3.0
-    c = one(PENDULUM, "dynamics", "mujoco", "angle", curves, truth, {})
+    assert end_of_start(curves) == 3.0
+    c = compare_channel(PENDULUM, "dynamics", "mujoco", "angle", curves, truth, {})
     assert c.error_later == pytest.approx(1e-10, rel=1e-4, abs=0)  # at 3; 1e-16 of rounding at 1
     assert c.relative_to_range_later == pytest.approx(c.relative_to_range / 1.1, rel=1e-4, abs=0)
     rod = load_case(shipped("rod_cantilever.toml"))
     name = next(iter(rod.channels))
     assert np.isnan(
-        one(rod, "equilibrium", "mujoco", name, Curves(x, {name: truth}), truth, {}).error_later
+        compare_channel(
+            rod, "equilibrium", "mujoco", name, Curves(x, {name: truth}), truth, {}
+        ).error_later
     )
 
 
@@ -119,13 +125,15 @@ def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
     failed = Curves(
         x, {"angle": np.array([0.0, np.nan, 5.0])}, missing={"rate": "no such sensor"}, seconds=2.0
     )
-    c = one(PENDULUM, "dynamics", "mujoco", "angle", failed, x, {})
+    c = compare_channel(PENDULUM, "dynamics", "mujoco", "angle", failed, x, {})
     assert (c.outcome, c.at) == ("differs", 0.5)
     assert np.isnan(c.error_max)
     for name, message in (("rate", "no such sensor"), ("kinetic", "")):
-        c = one(PENDULUM, "dynamics", "mujoco", name, failed, x, {})
+        c = compare_channel(PENDULUM, "dynamics", "mujoco", name, failed, x, {})
         assert (c.channel, c.outcome, c.message, c.seconds) == (name, "unsupported", message, 2.0)
-    c = one(PENDULUM, "dynamics", "mujoco:default", "angle", Curves(x, {"angle": x}), x, {})
+    c = compare_channel(
+        PENDULUM, "dynamics", "mujoco:default", "angle", Curves(x, {"angle": x}), x, {}
+    )
     assert (c.outcome, c.error_max, c.relative_to_range) == ("unchecked", 0.0, 0.0)
     assert np.isnan(c.allowed)
     assert c.message == "no tolerance covers this channel of this solver"
@@ -160,7 +168,7 @@ def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
     ],
 )
 def test_a_verdict_says_why(error, allowed, unit, outcome, message):
-    assert verdict(error, allowed, unit, "why") == (outcome, message)
+    assert judge_error(error, allowed, unit, "why") == (outcome, message)
 
 
 def compared(error: float, allowed: float, outcome: str = "agrees", **more: float) -> Comparison:
@@ -179,35 +187,35 @@ def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
         (unchecked, unchecked[1]),
         ([*unchecked, beyond], beyond),
     ):
-        assert worst(group) is speaker
-        assert worst(group[::-1]) is speaker
+        assert worst_comparison(group) is speaker
+        assert worst_comparison(group[::-1]) is speaker
 
 
 @pytest.mark.parametrize("channel", ["pin.x", "coupler.angle", "pin.y"])
 def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
     """Of a triple rocker, whose modes start 0.24, 0.34 and 0.47 of these channels' ranges apart."""
     case = load_case(shipped("triple_rocker.toml"))
-    x = grid(case, "sweep")
-    state = plan(case, "sweep", "mujoco").motion(x)
+    x = run_samples(case, "sweep")
+    state = plan_run(case, "sweep", "mujoco").motion(x)
     own, other = (
         evaluate(case, "sweep", x, state, mode=mode).channels[channel] for mode in (1, -1)
     )
     assert 0.2 < abs(own[0] - other[0]) / np.ptp(own) < 0.5
     truth = evaluate(case, "sweep", x, state)
-    check_branch(case, "sweep", Curves(x, {channel: own}, drive=state), truth)
+    check_assembly_mode(case, "sweep", Curves(x, {channel: own}, drive=state), truth)
     with pytest.raises(InputError, match=r"in mode -1, parameters\.mode says \+1"):
-        check_branch(case, "sweep", Curves(x, {channel: other}, drive=state), truth)
+        check_assembly_mode(case, "sweep", Curves(x, {channel: other}, drive=state), truth)
 
 
 def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
     case = load_case(shipped("triple_rocker.toml"))
-    x = grid(case, "sweep")
-    state = plan(case, "sweep", "mujoco").motion(x)
+    x = run_samples(case, "sweep")
+    state = plan_run(case, "sweep", "mujoco").motion(x)
     truth, other = (evaluate(case, "sweep", x, state, mode=mode) for mode in (1, -1))
     curves = Curves(x, other.channels, drive=state)
     parameters = {k: v for k, v in case.parameters.items() if k != "mode"}
-    check_branch(case.model_copy(update={"parameters": parameters}), "sweep", curves, truth)
-    check_branch(
+    check_assembly_mode(case.model_copy(update={"parameters": parameters}), "sweep", curves, truth)
+    check_assembly_mode(
         case, "sweep", Curves(x, other.channels), truth
     )  # a free motion: nothing to evaluate with
 
@@ -217,17 +225,17 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
         return other
 
     module = sys.modules[compare.__module__]  # whose name in the package is that of the function
-    monkeypatch.setattr(module, "modes", lambda case: (1, -1))
+    monkeypatch.setattr(module, "assembly_modes", lambda case: (1, -1))
     monkeypatch.setattr(module, "evaluate", evaluated)
     with pytest.raises(InputError, match="mode -1") as error:
-        check_branch(case, "sweep", curves, truth)
+        check_assembly_mode(case, "sweep", curves, truth)
     assert error.value.key == "start"
 
 
 def test_a_misfit_is_of_places_and_angles_at_the_first_sample():
     def of(**curves):
         x = np.zeros(2)
-        return misfit(
+        return start_difference(
             load_case(shipped("fourbar.toml")),
             *(
                 Curves(x, {name: np.array(values[k]) for name, values in curves.items()})
@@ -288,8 +296,8 @@ def test_a_curve_in_millimetres_and_degrees_is_the_curve_in_si(models, edit):
 def test_closed_form_is_the_recorded_hacksaw_curve():
     """Two computations of the same mechanism that know nothing of each other."""
     closed, recorded = (load_case(shipped(f"{n}.toml")) for n in ("hacksaw", "hacksaw_recorded"))
-    x = grid(recorded, "sweep")
-    ours = evaluate(closed, "sweep", x, plan(closed, "sweep", "mujoco").motion(x))
+    x = run_samples(recorded, "sweep")
+    ours = evaluate(closed, "sweep", x, plan_run(closed, "sweep", "mujoco").motion(x))
     theirs = evaluate(recorded, "sweep", x, None)
     for name in closed.channels:
         span = np.ptp(theirs.channels[name])
@@ -314,24 +322,26 @@ def test_steady_drive_in_time_and_in_value():
 
 def test_an_abort_costs_its_own_call_only():
     with pytest.raises(Crashed, match="signal 6"):
-        isolated(os.abort, timeout=20)
-    assert isolated(abs, -3, timeout=20) == 3
+        call_isolated(os.abort, timeout=20)
+    assert call_isolated(abs, -3, timeout=20) == 3
 
 
 def test_a_hang_is_killed():
     began = time.monotonic()
     with pytest.raises(TimedOut, match=r"0\.5 s"):
-        isolated(time.sleep, 60, timeout=0.5)
+        call_isolated(time.sleep, 60, timeout=0.5)
     assert time.monotonic() - began < 20
 
 
 def test_errors_come_back_as_themselves():
     with pytest.raises(InputError, match="a: b: c"):
-        isolated(fail, timeout=20)
+        call_isolated(fail, timeout=20)
 
 
 def test_workers_that_wait_end_with_who_asked():
-    call = "import os; from proofmass.worker import isolated; isolated(os.getpid, timeout=60)"
+    call = (
+        "import os; from proofmass.worker import call_isolated;call_isolated(os.getpid, timeout=60)"
+    )
     ended = subprocess.run(
         [sys.executable, "-X", "dev", "-W", "error", "-c", call],
         capture_output=True,
@@ -344,9 +354,9 @@ def test_workers_that_wait_end_with_who_asked():
 @pytest.mark.slow
 def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
     file = tmp_path / "pid"
-    call = f"isolated(os.system, 'echo $PPID > {file}; sleep 60', timeout=4.0)"
+    call = f"call_isolated(os.system, 'echo $PPID > {file}; sleep 60', timeout=4.0)"
     asking = subprocess.Popen(
-        [sys.executable, "-c", f"import os; from proofmass.worker import isolated; {call}"]
+        [sys.executable, "-c", f"import os; from proofmass.worker import call_isolated; {call}"]
     )
     while not (file.exists() and file.read_text().strip()) and asking.poll() is None:
         time.sleep(0.05)
@@ -371,8 +381,8 @@ def test_a_model_without_a_sidecar_is_self_consistent(models, edit):
 
 
 def test_paths_may_be_folders_sidecars_or_models(models):
-    assert [p.name for p in find([models / "fourbar.xml"])] == ["fourbar.toml"]
-    assert {p.stem for p in find([models])} == {p.stem for p in models_like()}
+    assert [p.name for p in find_inputs([models / "fourbar.xml"])] == ["fourbar.toml"]
+    assert {p.stem for p in find_inputs([models])} == {p.stem for p in models_like()}
 
 
 GEARS = """<mujoco>
@@ -445,7 +455,7 @@ def scale(channel: str, values: list[float], name: str = "fourbar", run: str = "
 
 
 def test_what_of_range_is_a_share_of():
-    extent = size(compiled(load_case(shipped("fourbar.toml"))), "start")
+    extent = size(compiled_model(load_case(shipped("fourbar.toml"))), "start")
     assert extent == 3.0  # the ground; nothing reaches beyond its ends
     assert scale("rocker", [5.0, 5.5]) == 0.5
     assert scale("rocker", [5.0, 5.0009]) == 1.0  # an angle of 286 degrees is no size
@@ -464,7 +474,7 @@ def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion(
     def of(name: str, *rates: list[float], run: str = "sweep", extent: float = 3.0) -> float:
         x = np.array([2.0, 6.0])
         drive = (np.zeros((len(rates), 2)), np.array(rates), np.zeros((len(rates), 2)))
-        return time_of(
+        return time_scale(
             load_case(shipped(f"{name}.toml")),
             run,
             Curves(x, {}, drive=drive if rates else None),
@@ -484,7 +494,7 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
     assert (
         scale("rod.angle", [0.0, 0.0], "rod_cantilever", "equilibrium") == 1.0
     )  # whatever the time
-    outcome, message = verdict(1e-17, 0.0, "N m", "rounding")
+    outcome, message = judge_error(1e-17, 0.0, "N m", "rounding")
     assert outcome == "differs"
     assert "give the tolerance as abs" in message
 
@@ -506,8 +516,8 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
 def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
     """With the parameter off by its detectable change the error of that channel is the limit."""
     case = load_case(shipped(f"{name}.toml"))
-    x = grid(case, kind)
-    state = plan(case, kind, "mujoco").motion(x) if case.drive else None
+    x = run_samples(case, kind)
+    state = plan_run(case, kind, "mujoco").motion(x) if case.drive else None
     truth = evaluate(case, kind, x, state)
     found = compare(case, kind, "mujoco", Curves(x, truth.channels, drive=state))
     value, checked = case.parameters[key], 0
@@ -540,7 +550,7 @@ def test_detectable_change_is_the_same_in_any_unit_and_for_a_channel_of_one_run(
 def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
     case = load_case(shipped("fourbar.toml"))
     x = np.linspace(0.0, 1.0, 5)
-    state = plan(case, "dynamics", "mujoco").motion(x)
+    state = plan_run(case, "dynamics", "mujoco").motion(x)
     curves = Curves(x, evaluate(case, "sweep", x, state).channels, drive=state)
     view = View(title="two units", x="rocker", y="rocker", dashed="rocker_rate", run="dynamics")
     with pytest.raises(InputError, match="one axis, but units"):
@@ -551,8 +561,8 @@ def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
 
 def test_a_recorded_curve_is_not_asked_at_the_drives_state():
     case = load_case(shipped("hacksaw_recorded.toml"))
-    x = grid(case, "sweep")
-    state = plan(case, "sweep", "mujoco").motion(x)
+    x = run_samples(case, "sweep")
+    state = plan_run(case, "sweep", "mujoco").motion(x)
     off = tuple(part + 0.1 for part in state)
     found = reference_for(case, "sweep", Curves(x, {}, drive=off)).channels
     truth = evaluate(case, "sweep", x, None).channels

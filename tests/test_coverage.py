@@ -25,35 +25,43 @@ from benchmarks.coverage import page, row, rows_of
 from proofmass import changed as changed_module
 from proofmass import coverage as coverage_module
 from proofmass.case import Case
-from proofmass.changed import Baseline, Trial, baseline, limit, numbers, stride_of, thinned
+from proofmass.changed import (
+    Baseline,
+    Trial,
+    change_limit,
+    numbers_of_case,
+    run_baseline,
+    sample_stride,
+    with_fewer_samples,
+)
 from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.compare import compare
-from proofmass.coverage import Coverage, cache_folder, coverage_of, stored_coverage
+from proofmass.coverage import Coverage, cache_folder, find_coverage, stored_coverage
 from proofmass.coverage_search import (
     CheckedRun,
     Finding,
     Search,
-    draws,
-    goes_below,
-    grouped,
-    sides_of,
+    group_numbers,
+    is_decreased,
+    random_changes,
+    signs_of_change,
 )
 from proofmass.errors import InputError
-from proofmass.explain import explained, not_noticed, phrase, reason
-from proofmass.outcome import FAILURES, Outcome
+from proofmass.explain import format_coverage, format_not_noticed, name_numbers, reason_not_noticed
+from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.sidecar import load_case
 from proofmass.sim.elements import Number, Place
 from proofmass.sim.protocol import BadModel
 from proofmass.solve import solve
-from proofmass.terminal import failures
-from proofmass.worker import OutOfMemory, TimedOut, isolated
+from proofmass.terminal import failure_lines
+from proofmass.worker import OutOfMemory, TimedOut, call_isolated
 from tests.shipped import models_like, shipped
 
 QUICK = ("fourbar", "pendulum", "rod_cantilever")
 CANTILEVER = shipped("rod_cantilever.toml")
 SAMPLE = 12
-FAILED = (InputError, BadModel, *FAILURES)
+FAILED = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
 ATTRIBUTE = {
     "damping": "damping",
     "armature": "armature",
@@ -227,7 +235,7 @@ def told(findings: Path) -> ClickResult:
 @pytest.fixture(scope="module")
 def covered(findings: Path, told: ClickResult) -> dict[str, Coverage]:
     """What some cases notice, found once."""
-    return {name: coverage_of(quick(name), folder=findings) for name in QUICK}
+    return {name: find_coverage(quick(name), folder=findings) for name in QUICK}
 
 
 def sample() -> list[tuple[str, int]]:
@@ -246,7 +254,7 @@ def test_a_finding_is_what_a_changed_model_does(name, share, covered, tmp_path):
 @pytest.mark.parametrize("name", sorted(file.stem for file in models_like()))
 def test_every_finding_is_what_a_changed_model_does(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
-    found = coverage_of(case, folder=tmp_path / "cache")
+    found = find_coverage(case, folder=tmp_path / "cache")
     assert not found.differing
     for k, one in enumerate(found.numbers):
         if not (one.kind == "direction" and one.of.startswith("joint")) and writable(case, one):
@@ -267,11 +275,11 @@ def writable(case: Case, one: Finding) -> bool:
 
 def test_the_fourbar_leaves_the_inertia_of_its_steady_crank_unchecked(tmp_path):
     """One-number mutants of its file tell so; the moment of the drive knows all other inertias."""
-    found = coverage_of(fourbar(), folder=tmp_path)
+    found = find_coverage(fourbar(), folder=tmp_path)
     unnoticed = {kind: {one.of for one in some} for kind, some in found.unnoticed.items()}
     assert unnoticed["inertia"] == unnoticed["armature"] == {"crank"}
     assert unnoticed.keys() == {"inertia", "armature", "softness of the loop"}
-    words = list(not_noticed(fourbar(), found))
+    words = list(format_not_noticed(fourbar(), found))
     assert words[0].startswith("inertia of crank: a drive of constant rate has no acceleration")
 
 
@@ -322,7 +330,7 @@ def test_how_far_a_number_that_nothing_notices_moves_a_channel(name, kinds, cove
     assert set(first) == kinds
     for k, one in enumerate(first.values()):
         moved: dict[tuple[str, str, str], float] = {}
-        for side in (1, -1) if goes_below(one.kind, one.value, one.tried) else (1,):
+        for side in (1, -1) if is_decreased(one.kind, one.value, one.tried) else (1,):
             changed = by_hand(case, one, side * one.tried, tmp_path / f"{k}{side}")
             for kind, run in case.run.items():
                 for solver in run.solvers:
@@ -357,7 +365,7 @@ def test_a_number_that_is_noticed_alone_is_noticed_though_not_in_its_group():
                 return Trial(3.0, moved=2.5)
             return Trial(0.5, moved=0.2 if change > 0 else 0.3, moves=f"{run.kind} {change}")
 
-        def single(self, run, one, whole):
+        def try_alone(self, run, one, whole):
             assert (run.kind, one, whole) == ("dynamics", mass, True)
             return Finding("mass", "a", "1", 1.0, 0.1, True, 0.04, "dynamics", "mujoco", "x")
 
@@ -375,16 +383,16 @@ def test_how_little_a_number_does_is_told_in_words():
     )
     case = quick("fourbar")
     found = Coverage("fourbar", "", (), (), (small,))
-    assert reason(case, found, "friction", [small]) == (
+    assert reason_not_noticed(case, found, "friction", [small]) == (
         "it does little: 10 % more or less of it moves no checked channel by more than 0.03 of "
         "its tolerance (x, sweep, pymunk)"
     )
     none = replace(small, value=0.0, moved=0.0)
-    assert reason(case, found, "friction", [none]) == (
+    assert reason_not_noticed(case, found, "friction", [none]) == (
         "no checked channel depends on it: 0.2 N·m more moves none by a millionth of its tolerance"
     )
-    assert "0.03" in reason(case, found, "friction", [none, small])
-    assert reason(case, found, "friction", [none, replace(small, moved=math.nan)]) == ""
+    assert "0.03" in reason_not_noticed(case, found, "friction", [none, small])
+    assert reason_not_noticed(case, found, "friction", [none, replace(small, moved=math.nan)]) == ""
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])
@@ -398,9 +406,9 @@ def test_a_change_that_is_wrong_by_five_does_not_hold(factor, covered, tmp_path)
 def searching(name: str, kind, solver: str) -> Search:
     """A search in one run of a case, in this process."""
     case = load_case(shipped(f"{name}.toml"))
-    case = thinned(case, kind, stride_of(case, kind))
+    case = with_fewer_samples(case, kind, sample_stride(case, kind))
     search = Search(case, ThreadPoolExecutor(1))
-    search.before = [baseline(case, kind, solver)]
+    search.before = [run_baseline(case, kind, solver)]
     return search
 
 
@@ -411,7 +419,7 @@ def test_a_run_that_reaches_a_limit_as_it_is_tells_nothing_and_is_asked_again(
         raise OutOfMemory("needs more than 8 GiB of memory")
 
     monkeypatch.setattr(Search, "call", full)
-    found = coverage_of(load_case(shipped("pendulum.toml")), 1, folder=tmp_path)
+    found = find_coverage(load_case(shipped("pendulum.toml")), 1, folder=tmp_path)
     words = "the dynamics of mujoco is out of memory as it is: needs more than 8 GiB of memory"
     assert found.left_out.startswith(words)
     assert not found.numbers
@@ -428,10 +436,10 @@ def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer
         asked.append(timeout)
         if len(asked) == 1 or not again:
             raise TimedOut(f"no answer in {timeout:g} s")
-        return isolated(function, *args, timeout=timeout, memory=memory)
+        return call_isolated(function, *args, timeout=timeout, memory=memory)
 
     search = searching("pendulum", "dynamics", "mujoco")
-    monkeypatch.setattr("proofmass.coverage_search.isolated", slow)
+    monkeypatch.setattr("proofmass.coverage_search.call_isolated", slow)
     trial = search.trial(search.runs()[0], [])
     limit = search.case.run["dynamics"].timeout
     assert asked == [limit, 4 * limit]
@@ -440,7 +448,7 @@ def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer
 
 def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():
     search = searching("peaucellier", "sweep", "mujoco")
-    there = {number.name: number for number in numbers(search.case)}
+    there = {number.name: number for number in numbers_of_case(search.case)}
     (tip,) = search.tried([there["site of tip x"]])
     assert tip.noticed
     assert tip.channel.startswith("tip")
@@ -451,7 +459,7 @@ def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():
 def test_check_says_that_a_reference_reads_the_model():
     cases = [load_case(shipped(f"{name}.toml")) for name in ("fourbar_released", "fourbar")]
     result = Result(cases=cases)
-    (line,) = [text.plain for text in failures(result) if "reads the numbers" in text.plain]
+    (line,) = [text.plain for text in failure_lines(result) if "reads the numbers" in text.plain]
     assert line == (
         "· fourbar_released: the reference planar reads the numbers of fourbar.xml: a wrong one is "
         "wrong in the engines and in the reference"
@@ -460,9 +468,9 @@ def test_check_says_that_a_reference_reads_the_model():
 
 def test_the_first_tolerance_that_is_used_up_tells_the_factor():
     error, rate = np.array([0.5, 0.0, -0.9]), np.array([0.1, 0.0, 0.1])
-    assert limit(error, 1.0, rate, "y").factor == pytest.approx(5.0)
-    assert limit(error, 1.0, -rate, "y").factor == pytest.approx(1.0)
-    assert limit(error, 1.0, 0 * rate, "y").factor == math.inf
+    assert change_limit(error, 1.0, rate, "y").factor == pytest.approx(5.0)
+    assert change_limit(error, 1.0, -rate, "y").factor == pytest.approx(1.0)
+    assert change_limit(error, 1.0, 0 * rate, "y").factor == math.inf
 
 
 def number(kind: str, of: str, value: float = 0.0) -> Number:
@@ -485,18 +493,18 @@ def test_another_run_takes_the_place_of_one_that_needs_a_larger_change_only(fact
         def runs(self):
             return [Baseline("dynamics", "mujoco", {}, {}, {}, [])]
 
-        def noticed_sooner(self, run, group, found, alike):
+        def noticed_at_half(self, run, group, found, alike):
             return [] if alike else list(group)
 
-        def smallest(self, *args, **kwargs):
+        def find_smallest(self, *args, **kwargs):
             return other
 
-    assert Asked().sooner({mass: first}) == {mass: first if kept else other}
+    assert Asked().try_half_changes({mass: first}) == {mass: first if kept else other}
 
 
 def test_draws_are_to_both_sides_and_never_less_than_alone():
     group = [number("mass", name, 1.0) for name in "abcdef"] + [number("damping", "g")]
-    there = [[change for _, change in changes] for changes in draws(group)]
+    there = [[change for _, change in changes] for changes in random_changes(group)]
     for own in zip(*there, strict=True):
         assert min(map(abs, own)) >= 0.1
         assert len({abs(change) for change in own}) == len(own)
@@ -506,14 +514,14 @@ def test_draws_are_to_both_sides_and_never_less_than_alone():
 
 
 def test_what_is_not_negative_is_not_tried_below_0():
-    assert sides_of(number("damping", "a")) == (1,)
-    assert sides_of(number("damping", "a", 1.0)) == (1, -1)
-    assert sides_of(number("gravity", "x")) == (1, -1)
+    assert signs_of_change(number("damping", "a")) == (1,)
+    assert signs_of_change(number("damping", "a", 1.0)) == (1, -1)
+    assert signs_of_change(number("gravity", "x")) == (1, -1)
 
 
 def test_groups_are_of_one_kind_and_of_a_few():
     there = [number("mass", str(k)) for k in range(8)] + [number("inertia", "a")]
-    assert {label: len(some) for label, some in grouped(there).items()} == {
+    assert {label: len(some) for label, some in group_numbers(there).items()} == {
         "mass 1": 6,
         "mass 2": 2,
         "inertia 1": 1,
@@ -525,18 +533,18 @@ def test_a_sweep_that_needs_all_its_samples_is_searched_at_all(name, whole, monk
     """Dry friction asks for a sample where the drive turns back."""
     monkeypatch.setattr(changed_module, "compare", partial(compare, detectable=False))  # slow
     search = Search(load_case(shipped(f"{name}.toml")), ThreadPoolExecutor(1))
-    search.before = [baseline(search.case, "sweep", "mujoco")]
+    search.before = [run_baseline(search.case, "sweep", "mujoco")]
     assert search.strides["sweep"] > 1
-    search.keep_whole()
+    search.use_all_samples()
     assert (search.strides["sweep"] == 1) == whole
 
 
 def test_a_sweep_is_searched_at_some_of_its_own_samples():
     case = load_case(shipped("fourbar.toml"))
-    assert stride_of(case, "sweep") == 15  # of 360 intervals
-    assert stride_of(case, "dynamics") == 1
-    assert stride_of(load_case(shipped("rod_snap.toml")), "sweep") == 1  # 42 intervals
-    assert stride_of(load_case(shipped("hacksaw_recorded.toml")), "sweep") == 1
+    assert sample_stride(case, "sweep") == 15  # of 360 intervals
+    assert sample_stride(case, "dynamics") == 1
+    assert sample_stride(load_case(shipped("rod_snap.toml")), "sweep") == 1  # 42 intervals
+    assert sample_stride(load_case(shipped("hacksaw_recorded.toml")), "sweep") == 1
 
 
 def test_what_was_found_is_kept_and_read_again(covered, findings, tmp_path, monkeypatch):
@@ -544,7 +552,7 @@ def test_what_was_found_is_kept_and_read_again(covered, findings, tmp_path, monk
     assert stored_coverage(case, tmp_path) is None
     copytree(findings / "coverage", tmp_path / "coverage")
     monkeypatch.setattr(coverage_module, "Search", None)  # nothing is searched
-    assert str(coverage_of(case, 1, folder=tmp_path)) == str(found)
+    assert str(find_coverage(case, 1, folder=tmp_path)) == str(found)
     assert str(stored_coverage(case, tmp_path)) == str(found)
     looser = case.tolerance[0].model_copy(update={"abs": None, "relative_to_range": 0.5})
     other = case.model_copy(update={"tolerance": (looser, *case.tolerance[1:])})
@@ -565,9 +573,9 @@ def test_a_search_that_was_stopped_goes_on(tmp_path, monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        coverage_of(case, 1, stop, tmp_path)
+        find_coverage(case, 1, stop, tmp_path)
     begun = len(told)
-    found = coverage_of(case, 1, lambda label, done, total: told.append((done, total)), tmp_path)
+    found = find_coverage(case, 1, lambda label, done, total: told.append((done, total)), tmp_path)
     assert told[begun][0] > 3
     assert told[-1][0] == told[-1][1]
     assert {one.kind for one in found.numbers} >= {"gravity", "mass", "friction"}
@@ -605,7 +613,7 @@ def test_explain_refuses_what_is_no_case(path, tmp_path, monkeypatch):
 def test_explain_refuses_a_damaged_store(tmp_path, monkeypatch):
     monkeypatch.setenv("PROOFMASS_CACHE", str(tmp_path))
     case = load_case(shipped("rod_cantilever.toml"))
-    file = coverage_module.file_of(case, coverage_module.key_of(case), tmp_path)
+    file = coverage_module.coverage_file(case, coverage_module.coverage_key(case), tmp_path)
     file.parent.mkdir(parents=True)
     file.write_text("[]")
     answer = CliRunner().invoke(app, ["explain", str(case.file)])
@@ -616,15 +624,15 @@ def test_explain_refuses_a_damaged_store(tmp_path, monkeypatch):
 def test_all_parts_are_told_in_eighty_columns(covered):
     for name, found in covered.items():
         case = load_case(shipped(f"{name}.toml"))
-        lines = [part for part in explained(case, found) if isinstance(part, str)]
+        lines = [part for part in format_coverage(case, found) if isinstance(part, str)]
         assert max(map(len, lines)) <= 80
 
 
 def test_a_case_in_which_nothing_is_checked_is_asked_nothing(tmp_path):
     case = load_case(shipped("fourbar.toml")).model_copy(update={"tolerance": ()})
-    found = coverage_of(case, 1, folder=tmp_path)
+    found = find_coverage(case, 1, folder=tmp_path)
     assert (found.numbers, {one.checked for one in found.runs}) == ((), {0})
-    lines = [part for part in explained(case, found) if isinstance(part, str)]
+    lines = [part for part in format_coverage(case, found) if isinstance(part, str)]
     assert lines[-1] == ("No number of fourbar.xml was tried: no run of the case checks anything.")
 
 
@@ -647,8 +655,8 @@ def test_reasons_are_those_of_the_case(name, kind, words):
         if run in case.run
     )
     found = Coverage(name, "", runs, (), (), reads_model=name == "peaucellier")
-    assert reason(case, found, kind).startswith(words)
-    assert bool(reason(case, found, kind)) == bool(words)
+    assert reason_not_noticed(case, found, kind).startswith(words)
+    assert bool(reason_not_noticed(case, found, kind)) == bool(words)
 
 
 def test_the_inertia_of_a_steady_crank_is_told_apart():
@@ -658,15 +666,15 @@ def test_the_inertia_of_a_steady_crank_is_told_apart():
     found = Coverage("fourbar", "", runs, (), ())
     for of, words in (("crank", "a drive of constant rate"), ("rocker", "")):
         some = [Finding("inertia", of, "1", 1.0, 0.1, False)]
-        assert bool(words) == bool(why := reason(case, found, "inertia", some))
+        assert bool(words) == bool(why := reason_not_noticed(case, found, "inertia", some))
         assert why.startswith(words)
 
 
 def test_words_for_one_number_and_for_several():
     some = [Finding("mass", name, "kg", 1.0, 0.1, False) for name in "abc"]
-    assert phrase("mass", some[:1]) == "mass of a"
-    assert phrase("mass", some) == "masses of a, b and c"
-    assert phrase("gear", some[:2]) == "gears of a and b"
+    assert name_numbers("mass", some[:1]) == "mass of a"
+    assert name_numbers("mass", some) == "masses of a, b and c"
+    assert name_numbers("gear", some[:2]) == "gears of a and b"
 
 
 def test_the_table_of_all_cases_counts_its_rows():

@@ -12,10 +12,10 @@ from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report import case_figures, case_page, pages, write_report
-from proofmass.sidecar import as_toml, fill_runs, load_case, match_quantity
+from proofmass.sidecar import fill_runs, format_sidecar, load_case, match_quantity
 from proofmass.sim.mujoco.settings import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.settings import ACCURACY as PYMUNK
-from proofmass.terminal import failures
+from proofmass.terminal import failure_lines
 from tests.shipped import each_case, loaded, shipped
 
 SHORT = """title = "t"
@@ -39,7 +39,7 @@ def here(monkeypatch):
     """Sidecars are read in this process, not in a worker."""
     monkeypatch.setattr(
         sys.modules["proofmass.check"],
-        "isolated",
+        "call_isolated",
         lambda function, *args, **limits: function(*args),
     )
 
@@ -67,16 +67,16 @@ def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
         (tmp_path / other.name).write_bytes(other.read_bytes())
     case = loaded(file)
     for every in (True, False):
-        again.write_text(as_toml(case, every), encoding="utf-8")
+        again.write_text(format_sidecar(case, every), encoding="utf-8")
         assert load_case(again).model_copy(update={"file": file}) == case
-        assert "accuracy" not in tomllib.loads(as_toml(case, every))
+        assert "accuracy" not in tomllib.loads(format_sidecar(case, every))
 
 
 def test_a_shown_case_reads_as_a_sidecar_does(tmp_path):
     """A channel in one line, keys and headings in the order of the schema, a line between them."""
     case = load_case(shipped("fourbar.toml"))
     odd = case.model_copy(update={"title": 'a "b" \\ \x7f\n\t é 😀', "unmatched": ("*",)})
-    lines = as_toml(odd, every=False).splitlines()
+    lines = format_sidecar(odd, every=False).splitlines()
     assert tomllib.loads("\n".join(lines))["title"] == odd.title
     at = [k for k, line in enumerate(lines) if line.startswith("[")]
     assert all(not lines[k - 1] for k in at)
@@ -193,12 +193,14 @@ def test_a_sensor_without_a_quantity_is_told(tmp_path):
     assert tomllib.loads(answer.stdout)["channels"]["*"] == {}
     file.write_text(answer.stdout)
     assert load_case(file) == case
-    assert next(failures(Result(cases=[case]))).plain.startswith(f"· short: {words}")
+    assert next(failure_lines(Result(cases=[case]))).plain.startswith(f"· short: {words}")
 
 
 def test_a_page_tells_of_sensors_without_a_quantity(tmp_path, monkeypatch):
-    monkeypatch.setattr(case_page, "isolated", lambda function, *args, **limits: function(*args))
-    monkeypatch.setattr(pages, "drawn", lambda *_: case_figures.Drawings({}))
+    monkeypatch.setattr(
+        case_page, "call_isolated", lambda function, *args, **limits: function(*args)
+    )
+    monkeypatch.setattr(pages, "draw_case", lambda *_: case_figures.Drawings({}))
     case = short(tmp_path).model_copy(update={"unmatched": ("askew", "tilt")})
     page = write_report(Result(cases=[case]), tmp_path / "r").with_name("short.html")
     assert "Not checked: sensors askew, tilt.</strong>" in page.read_text(encoding="utf-8")

@@ -14,21 +14,25 @@ from proofmass.compare import (
     Comparison,
     DetectableChange,
     RunReference,
-    changeable,
+    changeable_parameters,
     compare,
+    compare_channel,
     detectable_changes,
-    large_shares,
-    one,
-    slopes,
-    small_shares,
+    large_detectable,
+    parameter_slopes,
+    small_detectable,
 )
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
-from proofmass.reference import evaluate, grid, module_of
-from proofmass.report.tables import not_known, notice, unnoticed
+from proofmass.reference import evaluate, load_reference, run_samples
+from proofmass.report.tables import (
+    format_detectable_changes,
+    unknown_parameters,
+    unnoticed_parameters,
+)
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import fewer_samples, models_like, shipped
 
 QUICK = (
@@ -47,8 +51,8 @@ class."""
 
 def exact(case: Case, kind) -> Curves:
     """The curves of an engine without errors."""
-    x = grid(case, kind)
-    state = plan(case, kind, case.run[kind].solvers[0]).motion(x) if case.drive else None
+    x = run_samples(case, kind)
+    state = plan_run(case, kind, case.run[kind].solvers[0]).motion(x) if case.drive else None
     state = None if kind == "equilibrium" else state
     return Curves(x, evaluate(case, kind, x, state).channels, drive=state)
 
@@ -56,7 +60,7 @@ def exact(case: Case, kind) -> Curves:
 def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
     """The verdicts on curves against any reference, without detectable changes."""
     return [
-        one(case, kind, solver, name, curves, truth.channels[name], {})
+        compare_channel(case, kind, solver, name, curves, truth.channels[name], {})
         for name in case.channels_of(kind)
     ]
 
@@ -79,7 +83,7 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
     if not found:
         return
     assert {c.outcome for c in found} == {"agrees"}
-    parameters = changeable(case)
+    parameters = changeable_parameters(case)
     largest = max(map(abs, parameters.values()), default=0.0)
 
     def differ(key: str, by: float) -> list[set[str]]:
@@ -89,7 +93,7 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
         )
         return [side for side in sides if side is not None]
 
-    never, unknown = unnoticed(case, found), not_known(case, found)
+    never, unknown = unnoticed_parameters(case, found), unknown_parameters(case, found)
     for key, value in parameters.items():
         scale = abs(value) or largest
         if key in never:
@@ -120,8 +124,8 @@ CASES = sorted(file.stem for file in models_like())
 def every_run(name: str, all_channels: bool, few: bool = False) -> None:
     """`few`: a tenth of the samples of a balancer's sweep."""
     case = load_case(shipped(f"{name}.toml"))
-    if isinstance(module_of(case), Recorded):
-        assert changeable(case) == {}
+    if isinstance(load_reference(case), Recorded):
+        assert changeable_parameters(case) == {}
         return
     if few and case.reference == "balancer":
         sweep = case.run["sweep"].model_copy(update={"n": fewer_samples(case.run["sweep"].n)})
@@ -154,7 +158,7 @@ def test_what_is_said_of_every_parameter_is_what_a_changed_one_does(name):
 
 
 def of(curve, low: float = -np.inf, high: float = np.inf):
-    """The differences of one channel by a share between two bounds, as `large_shares` asks."""
+    """The differences of one channel by a share between two bounds, as `large_detectable` asks."""
     return lambda share: [{"y": np.array([float(curve(share))])}] if low <= share <= high else []
 
 
@@ -163,7 +167,7 @@ def test_a_slope_is_taken_from_both_sides_or_the_one_that_there_is():
         return 3.0 * share + 1e4 * share**2
 
     for low, high in ((-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
-        found, asked = small_shares(of(curve, low, high), {"y": 3e-9})
+        found, asked = small_detectable(of(curve, low, high), {"y": 3e-9})
         # differences are of second order to one side too: without it 3e-3 of the slope
         assert found == {"y": pytest.approx(1e-9, rel=1e-8)}
         assert not asked
@@ -172,17 +176,17 @@ def test_a_slope_is_taken_from_both_sides_or_the_one_that_there_is():
 def test_a_slope_promises_nothing_beyond_ten_per_cent():
     """A curve that saturates: by its slope 1.5 times the parameter would be noticed, but is not."""
     curve = np.tanh
-    assert small_shares(of(curve), {"y": 1.5}) == ({}, {"y": 1.5})
-    assert large_shares(of(curve), {"y": 1.5}) == {}
-    assert small_shares(of(curve), {"y": 0.3})[0] == {}
-    assert small_shares(of(curve), {"y": 0.09})[0] == {"y": pytest.approx(0.09, rel=1e-6)}
+    assert small_detectable(of(curve), {"y": 1.5}) == ({}, {"y": 1.5})
+    assert large_detectable(of(curve), {"y": 1.5}) == {}
+    assert small_detectable(of(curve), {"y": 0.3})[0] == {}
+    assert small_detectable(of(curve), {"y": 0.09})[0] == {"y": pytest.approx(0.09, rel=1e-6)}
 
 
 def test_where_a_reference_ends_a_slope_is_taken_as_far_as_it_goes():
     """From one step alone: of first order, and by more than it may if it is more than that."""
 
     def asked(high: float, most: float):
-        return small_shares(of(lambda share: 3.0 * share, 0.0, high), {"y": most})
+        return small_detectable(of(lambda share: 3.0 * share, 0.0, high), {"y": most})
 
     # the step is its own curvature, so that it is no slope, but a difference
     assert asked(1.5e-6, 2e-6) == ({"y": 1e-6}, {})
@@ -194,7 +198,7 @@ def test_where_a_reference_ends_a_slope_is_taken_as_far_as_it_goes():
 @pytest.mark.parametrize("low", [-1.0, 0.0])
 def test_a_curve_is_straight_if_it_bends_by_a_tenth_of_its_slope(bend, smooth, low):
     """Up to 1e-6, by which half of a second derivative turns the slope."""
-    found = slopes(of(lambda share: share + bend / 2 * share**2, low))["y"]
+    found = parameter_slopes(of(lambda share: share + bend / 2 * share**2, low))["y"]
     assert found[1] is smooth
     most = 1e-6 * (1 if smooth else 1 + bend / 2 * 1e-6)
     assert found[0] == pytest.approx(most, rel=1e-9)
@@ -212,20 +216,20 @@ def test_channels_are_judged_one_by_one():
             }
         ]
 
-    found, asked = small_shares(moved, {"hidden": 1e-12, "told": 1e-3, "none": 1e-3})
+    found, asked = small_detectable(moved, {"hidden": 1e-12, "told": 1e-3, "none": 1e-3})
     assert found == {"told": pytest.approx(1e-3)}
     assert asked == {"hidden": 1e-12}
-    assert large_shares(lambda share: [{"y": np.array([share < 0])}], {"y": 0.5}) == {"y": 1e-5}
+    assert large_detectable(lambda share: [{"y": np.array([share < 0])}], {"y": 0.5}) == {"y": 1e-5}
 
 
 def test_a_jump_is_noticed_at_the_step_that_showed_it_and_not_before():
-    assert small_shares(of(lambda share: abs(share) > 0), {"y": 0.5}) == ({"y": 1e-6}, {})
+    assert small_detectable(of(lambda share: abs(share) > 0), {"y": 0.5}) == ({"y": 1e-6}, {})
 
 
 def test_a_slope_that_rounding_hides_is_asked_with_large_changes():
-    found, asked = small_shares(of(lambda share: 1e-15 * (share > 0)), {"y": 1e-12})
+    found, asked = small_detectable(of(lambda share: 1e-15 * (share > 0)), {"y": 1e-12})
     assert (found, asked) == ({}, {"y": 1e-12})
-    assert large_shares(of(lambda share: 1e-15), {"y": 1e-12}) == {}
+    assert large_detectable(of(lambda share: 1e-15), {"y": 1e-12}) == {}
 
 
 @pytest.mark.parametrize(
@@ -241,7 +245,7 @@ def test_a_slope_that_rounding_hides_is_asked_with_large_changes():
     ],
 )
 def test_large_changes(curve, low, high, found):
-    assert large_shares(of(curve, low, high), {"y": 0.5}) == pytest.approx(found, nan_ok=True)
+    assert large_detectable(of(curve, low, high), {"y": 0.5}) == pytest.approx(found, nan_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -256,8 +260,8 @@ def test_the_page_says_what_is_noticed(name, key, begin):
     case = load_case(shipped(f"{name}.toml"))
     kind = next(iter(case.run))
     found = compare(case, kind, "mujoco", exact(case, kind))
-    assert key not in unnoticed(case, found) + not_known(case, found)
-    words = [dict(notice(c)[1])[key] for c in found]
+    assert key not in unnoticed_parameters(case, found) + unknown_parameters(case, found)
+    words = [dict(format_detectable_changes(c)[1])[key] for c in found]
     assert all(word.startswith(begin) for word in words)
     assert all(0.0 < float(word.removeprefix(begin)) < 0.1 for word in words)
 
@@ -266,14 +270,16 @@ def test_the_page_says_what_is_not_known():
     """The reference takes a stop that holds a preload at 0 only."""
     case = load_case(shipped("balancer_sine_preload.toml"))
     found = compare(case, "sweep", "mujoco", exact(case, "sweep"))
-    assert not_known(case, found) == ["low2"]
-    assert unnoticed(case, found) == ["target_moment"]  # of a curve that no channel is held to
-    assert all(dict(notice(c)[1])["low2"] == "not known" for c in found)
-    assert notice(found[0])[0].split()[1] != "not"
+    assert unknown_parameters(case, found) == ["low2"]
+    assert unnoticed_parameters(case, found) == [
+        "target_moment"
+    ]  # of a curve that no channel is held to
+    assert all(dict(format_detectable_changes(c)[1])["low2"] == "not known" for c in found)
+    assert format_detectable_changes(found[0])[0].split()[1] != "not"
 
 
 def test_whole_numbers_and_words_are_neither():
-    assert set(changeable(load_case(shipped("rfr3.toml")))) == {
+    assert set(changeable_parameters(load_case(shipped("rfr3.toml")))) == {
         "side",
         "radius",
         "theta1",
@@ -283,14 +289,14 @@ def test_whole_numbers_and_words_are_neither():
         "stiffness",
         "force_y",
     }
-    assert "target" not in changeable(load_case(shipped("balancer_sine.toml")))
+    assert "target" not in changeable_parameters(load_case(shipped("balancer_sine.toml")))
 
 
 def test_a_mode_is_no_quantity_and_what_a_reference_takes_besides_is_one():
     fourbar = load_case(shipped("fourbar.toml"))
-    assert "mode" not in changeable(fourbar)
+    assert "mode" not in changeable_parameters(fourbar)
     more = {**fourbar.parameters, "unknown": 2.0}
-    assert changeable(fourbar.model_copy(update={"parameters": more}))["unknown"] == 2.0
+    assert changeable_parameters(fourbar.model_copy(update={"parameters": more}))["unknown"] == 2.0
 
 
 def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
@@ -306,7 +312,7 @@ def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
     with pytest.MonkeyPatch.context() as patch:
         module = sys.modules[compare.__module__]
         patch.setattr(module, "evaluate", evaluated)
-        patch.setattr(module, "changeable", lambda case: {"none": 0.0, "some": -5.0})
+        patch.setattr(module, "changeable_parameters", lambda case: {"none": 0.0, "some": -5.0})
         curves = Curves(np.zeros(1), {"y": np.zeros(1)})
         found = detectable_changes(RunReference(case, "equilibrium", curves), {"y": 1e-3})
         assert asked[0] == {}
@@ -314,5 +320,5 @@ def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
         assert asked[3] == {"some": pytest.approx(-5.0 + 5e-6, abs=1e-12)}
         assert found["y"]["none"] == DetectableChange(pytest.approx(1e-3), relative=False)
         assert found["y"]["some"] == DetectableChange(pytest.approx(1e-4), relative=True)
-        patch.setattr(module, "changeable", lambda case: {})
+        patch.setattr(module, "changeable_parameters", lambda case: {})
         assert detectable_changes(RunReference(case, "sweep", curves), {"y": 1e-3}) == {"y": {}}

@@ -15,12 +15,12 @@ import pytest
 from benchmarks.diagnosis import FAULTS, case_of, search, solved
 from benchmarks.pictures import LONGER
 from proofmass import load_case, solve
-from proofmass.check import check, one_diagnosis
-from proofmass.diagnosis import Diagnosis, Explanation, describe_failure, find_causes, ranked
-from proofmass.reference import compiled
+from proofmass.check import check, diagnose_run
+from proofmass.diagnosis import Diagnosis, Explanation, best_causes, describe_failure, find_causes
+from proofmass.reference import compiled_model
 from proofmass.sim.contents import highest_frequency
 from proofmass.sim.protocol import Diverged
-from proofmass.terminal import as_json, failures
+from proofmass.terminal import as_json, failure_lines
 from tests.shipped import shipped
 
 QUICK = ("fourbar", "slider_crank", "pendulum")
@@ -75,7 +75,7 @@ def edited(folder: Path, name: str, *edits: tuple[str, str], runs: str = "") -> 
 @pytest.fixture
 def unhurried(monkeypatch):
     """``unhurried(sidecar, run)``: the diagnosis in MuJoCo, with time enough."""
-    for limit in ("SECONDS", "AGAIN"):
+    for limit in ("FIT_SECONDS", "MAX_REPEATED_SECONDS"):
         monkeypatch.setattr(f"proofmass.diagnosis.{limit}", 60.0)
 
     def diagnosed(sidecar, run):
@@ -87,8 +87,10 @@ def unhurried(monkeypatch):
 
 def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path, monkeypatch):
     checking = import_module("proofmass.check")  # here: a worker has its own limits of time
-    monkeypatch.setattr(checking, "isolated", lambda function, *args, **limits: function(*args))
-    for limit in ("MODEL_SECONDS", "AGAIN"):  # for a busy machine
+    monkeypatch.setattr(
+        checking, "call_isolated", lambda function, *args, **limits: function(*args)
+    )
+    for limit in ("MODEL_FIT_SECONDS", "MAX_REPEATED_SECONDS"):  # for a busy machine
         monkeypatch.setattr(f"proofmass.diagnosis.{limit}", 60.0)
     result = check([edited(tmp_path, "fourbar", LONGER, runs=MUJOCO)], jobs=1, detectable=False)
     found = result.diagnoses["fourbar", "sweep", "mujoco"]
@@ -99,7 +101,7 @@ def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path, monkeypat
     assert len(first.explains) == len(found.differing)
     assert second.changes["rocker"] == (2.5, pytest.approx(2.525, rel=1e-12))
     assert set(found.differing) - set(second.explains) == {"holding_moment"}
-    lines = [line.plain for line in failures(result)]
+    lines = [line.plain for line in failure_lines(result)]
     k = lines.index(f"  cause: {first.words}")
     assert lines[k + 1].startswith("         puts all 17 channels right, ")
     assert "         2.525 stands in fourbar.xml, line 33" in lines[k : k + 6]
@@ -139,7 +141,7 @@ def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path, monkeypat
 def test_a_number_of_the_model_is_named_where_the_reference_has_none(
     tmp_path, monkeypatch, files, sidecar, old, new, words, line
 ):
-    monkeypatch.setattr("proofmass.diagnosis.MODEL_SECONDS", 60.0)  # for a busy machine
+    monkeypatch.setattr("proofmass.diagnosis.MODEL_FIT_SECONDS", 60.0)  # for a busy machine
     for name in files:
         shutil.copy(shipped(name), tmp_path)
     model = tmp_path / files[0]
@@ -171,7 +173,7 @@ def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried, monkeypa
     sidecar = edited(tmp_path, "pendulum", ('timestep="1e-3"', 'timestep="1e-2"'))
     text = sidecar.read_text(encoding="utf-8").replace("until = 10.0", "until = 1.0")
     sidecar.write_text(text.replace("n = 1001", "n = 51"), encoding="utf-8")
-    monkeypatch.setattr("proofmass.diagnosis.MODEL_SECONDS", 1.0)
+    monkeypatch.setattr("proofmass.diagnosis.MODEL_FIT_SECONDS", 1.0)
     found = unhurried(sidecar, "dynamics")
     best = found.causes[0]
     assert best.kind == "finer"
@@ -179,7 +181,7 @@ def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried, monkeypa
 
 
 def test_what_a_shorter_step_does_not_change_is_said(tmp_path, unhurried, monkeypatch):
-    monkeypatch.setattr("proofmass.diagnosis.MODEL_SECONDS", 0.0)
+    monkeypatch.setattr("proofmass.diagnosis.MODEL_FIT_SECONDS", 0.0)
     found = unhurried(edited(tmp_path, "fourbar", LONGER, runs=MUJOCO), "dynamics")
     assert any("leaves the error as it is" in words for words in found.remarks)
     assert found.causes[0].changes == {"rocker": (2.5, pytest.approx(2.525, rel=1e-4))}
@@ -203,7 +205,7 @@ def test_nothing_is_named_that_explains_nothing():
 
 
 def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
-    monkeypatch.setattr(import_module("proofmass.check"), "CAUSES", 1e-3)
+    monkeypatch.setattr(import_module("proofmass.check"), "CAUSES_SECONDS", 1e-3)
     result = check([edited(tmp_path, "fourbar", LONGER, runs=MUJOCO)], jobs=1, detectable=False)
     assert any(c.outcome == "differs" for c in result.comparisons)
     assert (
@@ -225,7 +227,7 @@ def test_causes_are_ranked_by_channels_then_by_what_is_left():
     twin, further = cause("twin", "abc", 1e-9, 1, 9.81, 10.464), cause("f", "abc", 2e-9, 1, 1, 1.2)
     rough = cause("rough", "abc", 1e-2, 1, 1.0, 2.0)
     none = cause("none", "", 1.0, 0)
-    found = ranked([none, pair, twin, further, rough, single, most])
+    found = best_causes([none, pair, twin, further, rough, single, most])
     assert [c.words for c in found] == ["single", "pair", "most", "rough"]
     assert found[2].same == ("f", "twin")
 
@@ -261,13 +263,13 @@ def test_a_failed_run_says_what_happened_until_then(tmp_path):
         settings = {"mujoco": {**case.settings.get("mujoco", {}), "timestep": factor * step}}
         with nullcontext() if ends else pytest.raises(Diverged):
             solve(case.model_copy(update={"settings": settings}), "dynamics", "mujoco")
-    assert any(line.plain.startswith("  failed: ") for line in failures(result))
+    assert any(line.plain.startswith("  failed: ") for line in failure_lines(result))
 
 
 def test_a_failed_run_of_which_nothing_is_known_has_a_line(tmp_path):
     found = Diagnosis("a", "dynamics", "mujoco", failed=True)
     assert found.lines == ["no reason was found"]
-    fault = one_diagnosis(load_case(failed_case(tmp_path)), "dynamics", "mujoco", None, failed=True)
+    fault = diagnose_run(load_case(failed_case(tmp_path)), "dynamics", "mujoco", None, failed=True)
     assert fault.fault
     assert fault.failed
 
@@ -291,7 +293,7 @@ def test_the_first_channel_to_leave_and_the_growth_of_the_violation_are_told():
 def test_a_step_beyond_the_stability_of_the_stiffest_spring_is_told():
     model = mujoco.MjModel.from_xml_string(SPRUNG)
     assert highest_frequency(model, "start") == pytest.approx(np.sqrt(400.0 / 0.25), rel=1e-9)
-    assert highest_frequency(compiled(case_of("fourbar")), "start") == 0.0
+    assert highest_frequency(compiled_model(case_of("fourbar")), "start") == 0.0
 
 
 SPRUNG = """<mujoco><compiler angle="radian"/><worldbody>

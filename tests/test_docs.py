@@ -21,7 +21,7 @@ from proofmass import Case, check, load_case
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.chart import Chart
 from proofmass.case import ProfileTable
-from proofmass.outcome import GOOD
+from proofmass.outcome import GOOD_OUTCOMES
 from proofmass.recorded import RecordedColumn
 from proofmass.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
@@ -247,7 +247,7 @@ def test_readme_is_short_and_its_sidecar_agrees(tmp_path: Path) -> None:
     result = check([tmp_path / "mine.toml"], detectable=False, causes=False)
     assert not result.errors
     outcomes = [c.outcome for c in result.comparisons]
-    assert set(outcomes) <= set(GOOD), result.comparisons
+    assert set(outcomes) <= set(GOOD_OUTCOMES), result.comparisons
     assert outcomes.count("agrees") > 60  # all sensors in both runs and engines
     assert result.exit_code == 0
 

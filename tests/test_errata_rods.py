@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.equilibrium import RodState, closure, direct, state
+from proofmass.analytic.rods.equilibrium import RodState, closure, solve_direct, state
 from tests.analytic.rods.rod_assembly_cases import (
     CORNERS,
     DATA,
@@ -37,7 +37,7 @@ def platform(moment=0.0):
         moment=clamp,
         force=xy(force),
     )
-    return direct(guess)
+    return solve_direct(guess)
 
 
 def pins(s: RodState):

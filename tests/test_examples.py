@@ -146,7 +146,7 @@ def test_recorded_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     """It prints no causes, which are sought for seconds."""
     monkeypatch.setattr(
         sys.modules["proofmass.check"],
-        "one_diagnosis",
+        "diagnose_run",
         lambda case, kind, solver, *_, **__: Diagnosis(case.name, kind, solver),
     )
     text = printed("recorded_curve", tmp_path)

@@ -242,7 +242,7 @@ def test_check_writes_both_after_the_verdict(models, edit, tmp_path):
 
 @pytest.mark.parametrize("option", ["--junit", "--sarif"])
 def test_a_file_that_cannot_be_written_costs_no_verdict(monkeypatch, tmp_path, option):
-    monkeypatch.setattr(cli, "examine", lambda *_, **__: Result(comparisons=[ROWS[0]]))
+    monkeypatch.setattr(cli, "check_with_progress", lambda *_, **__: Result(comparisons=[ROWS[0]]))
     answer = run("check", "models", option, tmp_path / "none" / "file")
     assert answer.exit_code == 2
     assert "1 agrees" in answer.output

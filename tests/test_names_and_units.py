@@ -20,12 +20,12 @@ from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.report.data import plotted_run
-from proofmass.report.figures import overlay
-from proofmass.report.style import looks
+from proofmass.report.figures import draw_overlay
+from proofmass.report.style import solver_looks
 from proofmass.sidecar import load_case
-from proofmass.solve import plan, solve
-from proofmass.units import powers, same_quantity, si_unit
-from proofmass.validate import validate
+from proofmass.solve import plan_run, solve
+from proofmass.units import same_quantity, si_unit, unit_powers
+from proofmass.validate import validate_case
 from tests.report.test_report import curves_of, result_of
 from tests.shipped import MODELS, each_case, loaded, models_like, shipped
 
@@ -215,7 +215,7 @@ def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit,
     name, old, new, words = WRONG[wrong]
     edit(f"{name}.toml", old, new, count=1)
     monkeypatch.setattr(
-        sys.modules["proofmass.check"], "one_task", lambda *_: pytest.fail("a run was started")
+        sys.modules["proofmass.check"], "run_task", lambda *_: pytest.fail("a run was started")
     )
     result = check([models / f"{name}.toml"])
     assert result.exit_code == 2
@@ -291,8 +291,8 @@ def test_an_angle_is_a_quantity_of_its_own():
     assert not same_quantity("rad", "1")
     assert not same_quantity("Hz", "rad/s")
     assert same_quantity("rpm", "deg/s")
-    assert powers("N m") == (2, 1, -2, 0)
-    assert powers("deg") == (0, 0, 0, 1)
+    assert unit_powers("N m") == (2, 1, -2, 0)
+    assert unit_powers("deg") == (0, 0, 0, 1)
 
 
 def test_own_models_are_xml_that_other_programs_read():
@@ -303,7 +303,7 @@ def test_own_models_are_xml_that_other_programs_read():
 
 @pytest.mark.parametrize("file", each_case())
 def test_own_cases_are_valid(file):
-    validate(loaded(file))
+    validate_case(loaded(file))
 
 
 def test_si_units_do_not_import_pint():
@@ -353,9 +353,9 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
                 notice.size * 1e-3 / factor / known.allowed, rel=1e-6
             )
     x = np.linspace(0, 2 * np.pi, 37)
-    truth = evaluate(case, "sweep", x, plan(case, "sweep", "mujoco").motion(x)).channels
+    truth = evaluate(case, "sweep", x, plan_run(case, "sweep", "mujoco").motion(x)).channels
     plain = evaluate(
-        load_case(shipped("fourbar.toml")), "sweep", x, plan(case, "sweep", "mujoco").motion(x)
+        load_case(shipped("fourbar.toml")), "sweep", x, plan_run(case, "sweep", "mujoco").motion(x)
     ).channels
     assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # shift, in deg
 
@@ -380,7 +380,7 @@ def test_a_figure_is_in_the_unit_of_the_channel(models, edit):
     case = load_case(in_degrees(models, edit))
     view = plotted_run(result_of(case, sweep=0.01), case, "sweep")
     ax = Figure().subplots()
-    overlay(ax, view, "pin.x", looks(["mujoco"]))
+    draw_overlay(ax, view, "pin.x", solver_looks(["mujoco"]))
     assert ax.get_ylabel() == "[mm]"
     span = 1e3 * np.ptp(view.longest.channels["pin.x"])
     assert np.ptp(ax.lines[0].get_ydata()) == pytest.approx(span, rel=1e-12)
@@ -405,11 +405,11 @@ def test_a_recorded_curve_in_another_unit_than_the_channel(models, edit):
     edit("hacksaw_recorded.toml", r'("theta1", unit = )"rad"', r'\1"deg"')
     edit("hacksaw_recorded.toml", r'unit = \["rad", "m"\]', 'unit = ["rad", "m", "deg"]')
     case = load_case(models / "hacksaw_recorded.toml")
-    validate(case)
+    validate_case(case)
     assert {
         c.outcome for c in compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))
     } == {"agrees"}
     edit("hacksaw_recorded.toml", r'("theta3", unit = )"rad"', r'\1"mm"')
     edit("hacksaw_recorded.toml", '"rad", "m", "deg"', '"m", "deg", "mm"')
     with pytest.raises(InputError, match=r"theta3.*another quantity"):
-        validate(load_case(models / "hacksaw_recorded.toml"))
+        validate_case(load_case(models / "hacksaw_recorded.toml"))

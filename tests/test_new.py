@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from proofmass.check import check
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.new import SCHEMA, write_new
+from proofmass.new import SCHEMA_FILE, write_new
 from proofmass.outcome import Outcome
 from proofmass.schema import sidecar_schema
 from proofmass.sidecar import load_case
@@ -29,7 +29,11 @@ def validator() -> Draft202012Validator:
 
 
 def test_what_is_written_passes_at_once(tmp_path):
-    assert [file.name for file in write_new("arm", tmp_path)] == ["arm.xml", "arm.toml", SCHEMA]
+    assert [file.name for file in write_new("arm", tmp_path)] == [
+        "arm.xml",
+        "arm.toml",
+        SCHEMA_FILE,
+    ]
     found = check([tmp_path / "arm.toml"], detectable=False, causes=False)
     assert found.exit_code == 0
     assert {c.run for c in found.comparisons if c.outcome == Outcome.AGREES} == {
@@ -123,6 +127,6 @@ def test_the_commands_in_contrib_are_those_of_the_command_line(name):
 def test_the_starter_names_the_files_that_there_are(tmp_path):
     write_new("arm", tmp_path)
     text = (tmp_path / "arm.toml").read_text()
-    assert text.startswith(f"#:schema {SCHEMA}\n")
+    assert text.startswith(f"#:schema {SCHEMA_FILE}\n")
     assert "docs/sidecar.md" in text
     assert (Path(MODELS).parent / "docs" / "sidecar.md").is_file()

@@ -12,7 +12,7 @@ from proofmass.check import check
 from proofmass.cli import app
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.new_from_model import look_at, measured_tolerance, rounded_up, write_proposal
+from proofmass.new_from_model import inspect_model, measured_tolerance, round_up, write_proposal
 from proofmass.outcome import Outcome
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
@@ -70,7 +70,7 @@ def test_a_model_with_sensors_is_not_copied(bare):
 @pytest.mark.usefixtures("few")
 def test_a_drive_stays_clear_of_the_limit_that_it_meets(bare):
     """The double rocker's crank swings by less than a turn."""
-    look = look_at(bare("double_rocker", keep=True))
+    look = inspect_model(bare("double_rocker", keep=True))
     best = look.reaches[0]
     assert not best.turns
     begin, end = best.way
@@ -109,7 +109,7 @@ def test_what_springs_hold_is_swept(bare):
     text = model.read_text()
     assert 'stiffness="0.02"' in text
     model.write_text(text.replace('stiffness="0.02"', ""))
-    assert not look_at(model).driven
+    assert not inspect_model(model).driven
 
 
 @pytest.mark.usefixtures("few")
@@ -219,7 +219,7 @@ def test_a_model_without_names_has_nothing_to_measure(tmp_path):
 def test_a_model_that_takes_too_long_to_look_at_is_said(tmp_path, monkeypatch):
     model = tmp_path / "box.xml"
     model.write_text(BOX)
-    monkeypatch.setattr(new_from_model, "LOOKING", 0.05)
+    monkeypatch.setattr(new_from_model, "INSPECTION_SECONDS", 0.05)
     with pytest.raises(InputError, match=r"could not be looked at: no answer in 0\.05 s"):
         write_proposal("fallen", model)
     assert [file.name for file in tmp_path.iterdir()] == ["box.xml"]
@@ -265,4 +265,4 @@ def test_a_folder_does_not_go_with_a_model(bare):
 
 @pytest.mark.parametrize(("value", "up"), [(0.0123, 0.02), (2e-9, 2e-9), (9.5, 10.0), (0.0, 1e-12)])
 def test_a_proposed_number_is_no_less(value, up):
-    assert rounded_up(value) == up
+    assert round_up(value) == up

@@ -20,7 +20,7 @@ import proofmass
 from benchmarks.notebooks import NAMES, NOTEBOOKS, answers, cells, executed, explored
 from proofmass import Explorer, InputError, as_html, compare, load_case, solve
 from proofmass.outcome import Outcome
-from proofmass.report.explorer import MISSING
+from proofmass.report.explorer import MISSING_IPYWIDGETS
 from tests.shipped import shipped
 
 METADATA = {
@@ -184,9 +184,9 @@ def test_links_of_the_panel_close() -> None:
 def test_without_ipywidgets_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
     case = load_case(shipped("fourbar.toml"))
-    with pytest.raises(ImportError, match=re.escape(MISSING)):
+    with pytest.raises(ImportError, match=re.escape(MISSING_IPYWIDGETS)):
         case.explore({"crank": (0.5, 1.5)}, [["rocker"]])
-    assert "proofmass[notebooks]" in MISSING
+    assert "proofmass[notebooks]" in MISSING_IPYWIDGETS
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from proofmass import command
 from proofmass.cli import app
 from proofmass.errors import InputError
-from proofmass.files import read_bytes, read_text, write_whole
+from proofmass.files import read_bytes, read_text, write_atomically
 from proofmass.recorded import read_recorded
 from tests.shipped import with_brief_pendulum
 
@@ -35,7 +35,7 @@ def test_a_full_disk_keeps_the_verdicts(models, tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device", "index.html")
 
-    monkeypatch.setattr("proofmass.report.pages.write_whole", full)
+    monkeypatch.setattr("proofmass.report.pages.write_atomically", full)
     answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 2
     assert "✓ agrees" in answer.output
@@ -47,10 +47,10 @@ def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    write_whole(tmp_path / "a", "old")
+    write_atomically(tmp_path / "a", "old")
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
-        write_whole(tmp_path / "a", "new")
+        write_atomically(tmp_path / "a", "new")
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"a": "old"}
 
 
@@ -177,7 +177,7 @@ def test_progress_in_a_log_is_a_line_a_case(monkeypatch, capsys):
     """A pipe has no cursor that could go back, so a bar would fail or fill the log."""
     now = [0.0]
     monkeypatch.setattr(command.time, "monotonic", lambda: now[0])
-    with command.counting() as advance:
+    with command.progress_bar() as advance:
         for done, label in enumerate(
             ["pendulum sweep mujoco", "pendulum sweep pymunk", "fourbar sweep mujoco"], 1
         ):

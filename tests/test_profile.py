@@ -15,9 +15,9 @@ from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.profile import SampledLaw, law_of_profile
 from proofmass.recorded import RecordedColumn
-from proofmass.reference import asked_of_drives, evaluate, laws, quantities
-from proofmass.sidecar import as_toml, load_case
-from proofmass.solve import plan, run_here
+from proofmass.reference import all_quantities, drive_laws, evaluate, prescribed_quantities
+from proofmass.sidecar import format_sidecar, load_case
+from proofmass.solve import plan_run, solve_here
 from tests.shipped import shipped
 
 TIMES = np.linspace(0.0, 2.0, 81)
@@ -79,7 +79,7 @@ def test_a_spline_is_of_fourth_order_and_says_how_near_it_is(tmp_path):
 def test_the_hacksaw_s_rows_lead_to_its_motor():
     """Straight between 1000 rows: 6.3e-6 rad of 6 pi, and a stair in the acceleration."""
     case = load_case(shipped("hacksaw_sampled.toml"))
-    (follow,) = laws(case, "dynamics")
+    (follow,) = drive_laws(case, "dynamics")
     t = np.linspace(0.0, follow.times[-1], 20_011)
     value, rate, acceleration = follow(t)
     wanted = motor(t)
@@ -92,7 +92,7 @@ def test_the_hacksaw_s_rows_lead_to_its_motor():
 def test_what_was_asked_is_a_quantity_of_its_own():
     case = load_case(shipped("hacksaw_inventor_shaped.toml"))
     x = np.linspace(0.0, 1.0, 5)
-    found = asked_of_drives(case, "dynamics", x)
+    found = prescribed_quantities(case, "dynamics", x)
     assert list(found) == ["drive.crank", "drive.crank.rate", "drive.crank.acceleration"]
     assert np.array(list(found.values())) == pytest.approx(np.array(motor(x)))
     late = tuple(np.array([part]) for part in motor(x + 0.01))
@@ -112,26 +112,28 @@ def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
     edit("fourbar.toml", "from = 0.0", "from = 0.5")
     case = load_case(file)
     x = np.array([0.5, 1.0])
-    sweep, time = (asked_of_drives(case, kind, x)["drive.crank"] for kind in ("sweep", "dynamics"))
+    sweep, time = (
+        prescribed_quantities(case, kind, x)["drive.crank"] for kind in ("sweep", "dynamics")
+    )
     assert sweep.tolist() == [0.5, 1.0]
     assert time.tolist() == [0.5 + case.drive[0].speed * t for t in x]
-    known = quantities(
-        case, "sweep", x, plan(case, "sweep", "mujoco").motion(x), {**case.parameters}
+    known = all_quantities(
+        case, "sweep", x, plan_run(case, "sweep", "mujoco").motion(x), {**case.parameters}
     )
     assert known["drive.crank"].tolist() == sweep.tolist()
     for kind in ("sweep", "dynamics"):
-        found = compare(case, kind, "mujoco", run_here(case, kind, "mujoco"), detectable=False)
+        found = compare(case, kind, "mujoco", solve_here(case, kind, "mujoco"), detectable=False)
         assert next(c for c in found if c.channel == "asked").relative_to_range < 1e-6
 
 
 def test_a_drive_that_lags_is_seen_in_its_own_channels_alone(monkeypatch):
     """The linkage is judged where its drive was, the drive by what it was asked for."""
     case = load_case(shipped("hacksaw_inventor_shaped.toml"))
-    curves = run_here(case, "dynamics", "mujoco:default")
+    curves = solve_here(case, "dynamics", "mujoco:default")
     found = {c.channel: c for c in compare(case, "dynamics", "mujoco:default", curves)}
     assert found["theta2"].error_max == pytest.approx(0.36, abs=0.02)  # degrees behind the law
     own = np.degrees(
-        np.abs(curves.drive[0][0] - plan(case, "dynamics", "mujoco").motion(curves.x)[0])
+        np.abs(curves.drive[0][0] - plan_run(case, "dynamics", "mujoco").motion(curves.x)[0])
     )
     assert found["theta2"].error_max == pytest.approx(own.max(), rel=1e-9)
 
@@ -147,7 +149,7 @@ def test_a_sidecar_with_a_profile_is_written_and_read_again(models):
     )
     for each in (case, by_value):
         for every in (True, False):
-            file.write_text(as_toml(each, every))
+            file.write_text(format_sidecar(each, every))
             assert load_case(file) == each
 
 
@@ -226,7 +228,7 @@ def test_a_few_rows_are_the_corners_of_a_motion(tmp_path):
 def test_a_start_goes_with_a_rate(edit, models):
     edit("hacksaw_sampled.toml", 'joint = "crank"', 'joint = "crank"\nfrom = 0.25')
     case = load_case(models / "hacksaw_sampled.toml")
-    assert laws(case, "dynamics")[0](np.zeros(1))[0] == 0.25
+    assert drive_laws(case, "dynamics")[0](np.zeros(1))[0] == 0.25
     edit("hacksaw_sampled.toml", re.escape('rate = "w2", interpolation = "linear"'), 'value = "w2"')
     with pytest.raises(InputError, match="its value has a start"):
         load_case(models / "hacksaw_sampled.toml")

@@ -17,18 +17,18 @@ from proofmass.drive import Samples
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import (
-    call,
-    channels,
-    column,
-    compiled,
+    all_quantities,
+    assembly_modes,
+    call_reference,
+    compiled_model,
+    drive_law,
+    drive_laws,
     evaluate,
-    grid,
-    law,
-    laws,
-    modes,
-    module_of,
+    load_reference,
     properties,
-    quantities,
+    recorded_column,
+    reference_channels,
+    run_samples,
 )
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, BadRod
@@ -80,7 +80,9 @@ def wrong(function, *args, **named):
 def closed(monkeypatch, **functions):
     """Make these functions the module of every case's reference."""
     monkeypatch.setattr(
-        reference, "module_of", lambda case: SimpleNamespace(__name__=case.reference, **functions)
+        reference,
+        "load_reference",
+        lambda case: SimpleNamespace(__name__=case.reference, **functions),
     )
 
 
@@ -91,17 +93,17 @@ def made(monkeypatch, **columns) -> Recorded:
         {name: np.array(values) for name, (_, *values) in columns.items()},
         {name: unit for name, (unit, *_) in columns.items()},
     )
-    monkeypatch.setattr(reference, "module_of", lambda case: curve)
+    monkeypatch.setattr(reference, "load_reference", lambda case: curve)
     return curve
 
 
 def test_a_reference_is_a_module_by_its_name():
-    assert module_of(FOURBAR) is fourbar
-    assert module_of(FIVEBAR) is fivebar
+    assert load_reference(FOURBAR) is fourbar
+    assert load_reference(FIVEBAR) is fivebar
 
 
 def test_a_reference_that_is_not_there_is_named_with_the_nearest_and_all_that_are():
-    file, key, words = wrong(module_of, but(FOURBAR, reference="forbar"))
+    file, key, words = wrong(load_reference, but(FOURBAR, reference="forbar"))
     assert (file, key) == (FOURBAR.file, "reference")
     head, _, names = words.partition("there are: ")
     assert head == "no closed form 'forbar'; did you mean 'fourbar'? "
@@ -113,26 +115,26 @@ def test_a_reference_that_is_not_there_is_named_with_the_nearest_and_all_that_ar
 
 def test_a_recorded_curve_is_read_once_and_again_when_its_file_has_changed(models):
     case = load_case(models / "hacksaw_recorded.toml")
-    first = module_of(case)
-    assert module_of(case) is first
+    first = load_reference(case)
+    assert load_reference(case) is first
     file = models / case.reference
     before = file.stat().st_mtime_ns
     head, *rows = [line for line in file.read_text().splitlines() if not line.startswith("#")]
     file.write_text("\n".join([head, *rows[:3]]))
     os.utime(file, ns=(before + 1, before + 1))
-    assert module_of(case).x.size == 3 < first.x.size
+    assert load_reference(case).x.size == 3 < first.x.size
     file.unlink()
-    assert wrong(module_of, case) == (file, "", "no such recorded curve")
+    assert wrong(load_reference, case) == (file, "", "no such recorded curve")
 
 
 def test_a_recorded_curve_is_sampled_where_it_was_recorded():
     for kind in RECORDED.run:
-        assert grid(RECORDED, kind) is module_of(RECORDED).x
+        assert run_samples(RECORDED, kind) is load_reference(RECORDED).x
 
 
 def test_a_free_motion_is_sampled_from_its_start_to_its_last_time():
     np.testing.assert_allclose(
-        grid(sampled(PENDULUM, "dynamics", n=5, until=2.0), "dynamics"),
+        run_samples(sampled(PENDULUM, "dynamics", n=5, until=2.0), "dynamics"),
         [0.0, 0.5, 1.0, 1.5, 2.0],
         rtol=0,
         atol=1e-15,
@@ -156,7 +158,7 @@ def test_a_free_motion_is_sampled_from_its_start_to_its_last_time():
 )
 def test_where_a_driven_run_is_sampled(drive, kind, until, expected):
     case = sampled(driven(drive), kind, n=3, until=until)
-    np.testing.assert_allclose(grid(case, kind), expected, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(run_samples(case, kind), expected, rtol=0, atol=1e-15)
 
 
 def test_a_rest_is_sampled_along_the_shortest_rod_or_up_to_a_length():
@@ -166,16 +168,16 @@ def test_a_rest_is_sampled_along_the_shortest_rod_or_up_to_a_length():
         "short": rod.model_copy(update={"length": 2.0}),
     }
     np.testing.assert_allclose(
-        grid(sampled(but(ROD, rod=rods), "equilibrium", n=3), "equilibrium"), [0, 1, 2]
+        run_samples(sampled(but(ROD, rod=rods), "equilibrium", n=3), "equilibrium"), [0, 1, 2]
     )
     np.testing.assert_allclose(
-        grid(sampled(ROD, "equilibrium", n=3, until=0.5), "equilibrium"), [0, 0.25, 0.5]
+        run_samples(sampled(ROD, "equilibrium", n=3, until=0.5), "equilibrium"), [0, 0.25, 0.5]
     )
 
 
 def moved(case, kind, k=0):
     """Values, rates and accelerations of a drive at `X`."""
-    return [np.broadcast_to(part, X.shape).tolist() for part in law(case, kind, k)(X)]
+    return [np.broadcast_to(part, X.shape).tolist() for part in drive_law(case, kind, k)(X)]
 
 
 def test_at_rest_all_drives_stay_where_they_begin():
@@ -188,7 +190,9 @@ def test_a_steady_drive_goes_with_time_in_a_duration_and_is_x_itself_in_a_sweep(
     case = driven({"from": 0.5, "to": 2.0, "rate": 3.0})
     assert moved(case, "dynamics") == [[0.5, 1.25, 3.5], [3.0] * 3, [0.0] * 3]
     assert moved(case, "sweep") == [[0.0, 0.25, 1.0], [3.0] * 3, [0.0] * 3]
-    assert law(driven({"to": 2.0}), "dynamics", 0)(X)[1].tolist() == [1.0] * 3, "1 if none is given"
+    assert drive_law(driven({"to": 2.0}), "dynamics", 0)(X)[1].tolist() == [1.0] * 3, (
+        "1 if none is given"
+    )
 
 
 def test_a_follower_keeps_its_share_of_the_leader_s_way():
@@ -196,10 +200,10 @@ def test_a_follower_keeps_its_share_of_the_leader_s_way():
     case = driven({"from": -2.0, "to": 0.0, "rate": 2.0}, {"from": 1.0, "to": 4.0})
     assert moved(case, "dynamics", 1) == [[1.0, 1.75, 4.0], [3.0] * 3, [0.0] * 3]
     assert moved(case, "sweep", 1) == [[4.0, 4.375, 5.5], [3.0] * 3, [0.0] * 3]  # leader at X
-    both = laws(case, "dynamics")
+    both = drive_laws(case, "dynamics")
     assert [float(one(X)[0][-1]) for one in both] == [0.0, 4.0]
-    assert [float(one(X)[0][-1]) for one in laws(case, "sweep")] == [1.0, 5.5]
-    assert laws(PENDULUM, "dynamics") == ()
+    assert [float(one(X)[0][-1]) for one in drive_laws(case, "sweep")] == [1.0, 5.5]
+    assert drive_laws(PENDULUM, "dynamics") == ()
 
 
 def test_a_follower_of_a_swing_swings():
@@ -210,7 +214,7 @@ def test_a_follower_of_a_swing_swings():
 
 def test_drives_of_a_recorded_curve_are_its_columns(monkeypatch):
     made(monkeypatch, a=("rad", 1, 2, 3), b=("rad/s", 4, 5, 6), c=("rad/s^2", 7, 8, 9))
-    found = law(driven({"profile": ("a", "b", "c")}), "sweep", 0)
+    found = drive_law(driven({"profile": ("a", "b", "c")}), "sweep", 0)
     assert isinstance(found, Samples)
     assert [part.tolist() for part in found(X)] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 
@@ -219,8 +223,8 @@ def test_a_column_that_a_drive_lacks_is_named_where_it_is_asked_for(monkeypatch)
     made(monkeypatch, a=("rad", 1, 2, 3))
     case = driven({"profile": ("a", "a", "a")}, {"profile": ("a", "a", "aa")}, case=RECORDED)
     words = "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a"
-    assert wrong(law, case, "sweep", 1) == (RECORDED.file, "drive.1.profile", words)
-    assert wrong(law, but(case, drive=case.drive[1:]), "sweep", 0) == (
+    assert wrong(drive_law, case, "sweep", 1) == (RECORDED.file, "drive.1.profile", words)
+    assert wrong(drive_law, but(case, drive=case.drive[1:]), "sweep", 0) == (
         RECORDED.file,
         "drive.profile",
         words,
@@ -258,17 +262,17 @@ def test_a_law_is_a_function_of_the_reference_s_module_with_its_parameters(monke
 def test_a_law_that_the_reference_lacks_is_named_where_it_is_asked_for(monkeypatch):
     closed(monkeypatch, ramp=ramp)
     words = "reference fourbar has no function 'rump'"
-    assert wrong(law, driven({**LAW, "profile": "rump"}), "sweep", 0) == (
+    assert wrong(drive_law, driven({**LAW, "profile": "rump"}), "sweep", 0) == (
         FOURBAR.file,
         "drive.profile",
         words,
     )
-    assert wrong(law, driven(LAW, {"profile": "rump"}), "sweep", 1) == (
+    assert wrong(drive_law, driven(LAW, {"profile": "rump"}), "sweep", 1) == (
         FOURBAR.file,
         "drive.1.profile",
         words,
     )
-    assert wrong(law, driven({**LAW, "profile": "rump"}, {}), "sweep", 1) == (
+    assert wrong(drive_law, driven({**LAW, "profile": "rump"}, {}), "sweep", 1) == (
         FOURBAR.file,
         "drive.0.profile",
         words,
@@ -279,13 +283,17 @@ def test_a_parameter_that_a_law_lacks_is_named_with_those_it_has(monkeypatch):
     closed(monkeypatch, ramp=ramp)
     words = "ramp() has no such parameter; did you mean 'rate'? known: rate, other"
     bad = {**LAW, "parameters": {"rte": 2.0}}
-    assert wrong(law, driven(bad), "sweep", 0) == (FOURBAR.file, "drive.parameters.rte", words)
-    assert wrong(law, driven(LAW, bad | {"until": None}), "sweep", 1) == (
+    assert wrong(drive_law, driven(bad), "sweep", 0) == (
+        FOURBAR.file,
+        "drive.parameters.rte",
+        words,
+    )
+    assert wrong(drive_law, driven(LAW, bad | {"until": None}), "sweep", 1) == (
         FOURBAR.file,
         "drive.1.parameters.rte",
         words,
     )
-    assert wrong(law, driven({**LAW, "parameters": {"t": 2.0}}), "sweep", 0)[1] == (
+    assert wrong(drive_law, driven({**LAW, "parameters": {"t": 2.0}}), "sweep", 0)[1] == (
         "drive.parameters.t"
     ), "the time is no parameter"
 
@@ -303,10 +311,10 @@ def listening(told, **found):
 def test_a_closed_form_is_asked_with_time_or_with_the_drives_as_they_moved():
     told = []
     truth = listening(told, a=X)
-    assert call(FOURBAR, "sweep", truth, X, None, {"length": 2.0}) == {"a": X}
+    assert call_reference(FOURBAR, "sweep", truth, X, None, {"length": 2.0}) == {"a": X}
     one, two = np.ones((1, 3)), np.ones((2, 3))
-    call(FOURBAR, "sweep", truth, X, (one, 2 * one, 3 * one), {"mode": -1})
-    call(FIVEBAR, "sweep", truth, X, (two, 2 * two, 3 * two), {})
+    call_reference(FOURBAR, "sweep", truth, X, (one, 2 * one, 3 * one), {"mode": -1})
+    call_reference(FIVEBAR, "sweep", truth, X, (two, 2 * two, 3 * two), {})
     free, single, double = told
     assert free[0][0] is X
     assert free[1:] == (2.0, 1)
@@ -320,10 +328,10 @@ def test_a_reference_that_reads_the_model_gets_it_with_start_and_driven_joints()
         return {"given": (model, start, joints, gravity)}
 
     truth, case = SimpleNamespace(solve=solve), but(FIVEBAR, start="elsewhere")
-    given = call(case, "sweep", truth, X, None, {"gravity": 1.6})["given"]
-    assert given == (compiled(FIVEBAR), "elsewhere", ("left", "right"), 1.6)
+    given = call_reference(case, "sweep", truth, X, None, {"gravity": 1.6})["given"]
+    assert given == (compiled_model(FIVEBAR), "elsewhere", ("left", "right"), 1.6)
     for name in ("model", "start", "joints"):  # the case gives them, not the sidecar
-        assert wrong(call, case, "sweep", truth, X, None, {name: 3.0}) == (
+        assert wrong(call_reference, case, "sweep", truth, X, None, {name: 3.0}) == (
             FIVEBAR.file,
             f"parameters.{name}",
             "reference fivebar has no such parameter; known: gravity",
@@ -333,13 +341,20 @@ def test_a_reference_that_reads_the_model_gets_it_with_start_and_driven_joints()
 def test_a_parameter_that_a_reference_lacks_is_named_with_those_it_has():
     truth = listening([])
     words = "reference fourbar has no such parameter; did you mean 'length'? known: length, mode"
-    assert wrong(call, FOURBAR, "sweep", truth, X, None, {"mode": 1, "lenght": 2.0}) == (
+    assert wrong(call_reference, FOURBAR, "sweep", truth, X, None, {"mode": 1, "lenght": 2.0}) == (
         FOURBAR.file,
         "parameters.lenght",
         words,
     )
     assert wrong(
-        call, FOURBAR, "sweep", truth, X, None, {"lenght": 2.0}, "compare_with.'x'.parameters"
+        call_reference,
+        FOURBAR,
+        "sweep",
+        truth,
+        X,
+        None,
+        {"lenght": 2.0},
+        "compare_with.'x'.parameters",
     ) == (
         FOURBAR.file,
         "compare_with.'x'.parameters.lenght",
@@ -357,7 +372,9 @@ def failing(error):
 
 
 def test_a_model_that_a_reference_does_not_cover_is_at_fault_itself():
-    assert wrong(call, FOURBAR, "sweep", failing(NotCovered("it has a tendon")), X, None, {}) == (
+    assert wrong(
+        call_reference, FOURBAR, "sweep", failing(NotCovered("it has a tendon")), X, None, {}
+    ) == (
         FOURBAR.model_path,
         "",
         "the reference 'fourbar' does not cover it: it has a tendon",
@@ -378,7 +395,7 @@ def test_what_a_reference_refuses_is_an_error_of_what_it_was_given(
     error, case, parameters, key, at_fault
 ):
     """Of its parameters if there are any, else of how it is driven, else of the model."""
-    assert wrong(call, case, "sweep", failing(error), X, None, parameters, key) == (
+    assert wrong(call_reference, case, "sweep", failing(error), X, None, parameters, key) == (
         case.file,
         at_fault,
         "too short",
@@ -387,36 +404,38 @@ def test_what_a_reference_refuses_is_an_error_of_what_it_was_given(
 
 def test_another_error_of_a_reference_is_no_bad_input():
     with pytest.raises(KeyError):
-        call(FOURBAR, "sweep", failing(KeyError("bug")), X, None, {})
+        call_reference(FOURBAR, "sweep", failing(KeyError("bug")), X, None, {})
 
 
 def test_the_quantities_of_a_closed_form_are_those_of_its_parameters(monkeypatch):
     told = []
-    monkeypatch.setattr(reference, "module_of", lambda case: listening(told, a=X))
-    found = quantities(FOURBAR, "sweep", X, None, {"length": 2.0})
+    monkeypatch.setattr(reference, "load_reference", lambda case: listening(told, a=X))
+    found = all_quantities(FOURBAR, "sweep", X, None, {"length": 2.0})
     assert {name: found[name] for name in found if "drive." not in name} == {"a": X}
     assert told[0][1] == 2.0
     for key in ("parameters", "compare_with.'x'.parameters"):
         named = {} if key == "parameters" else {"key": key}
-        assert wrong(quantities, FOURBAR, "sweep", X, None, {"no": 2.0}, **named)[1] == f"{key}.no"
+        assert (
+            wrong(all_quantities, FOURBAR, "sweep", X, None, {"no": 2.0}, **named)[1] == f"{key}.no"
+        )
 
 
 def test_the_quantities_of_a_recorded_curve_are_its_columns_as_far_as_a_run_came(monkeypatch):
     motion = dict.fromkeys(("theta2", "omega2", "alpha2"), ("rad", 0.0, 0.0, 0.0))
     made(monkeypatch, a=("m", 1.0, 2.0, 3.0), b=("s", 4.0, 5.0, 6.0), **motion)
-    found = quantities(RECORDED, "sweep", X[:2], None, {})
+    found = all_quantities(RECORDED, "sweep", X[:2], None, {})
     assert {name: found[name].tolist() for name in ("a", "b")} == {
         "a": [1.0, 2.0],
         "b": [4.0, 5.0],
     }
     words = "the reference is a recorded curve, which has none"
-    assert wrong(quantities, RECORDED, "sweep", X, None, {"a": 1.0}) == (
+    assert wrong(all_quantities, RECORDED, "sweep", X, None, {"a": 1.0}) == (
         RECORDED.file,
         "parameters",
         words,
     )
     assert wrong(
-        quantities, RECORDED, "sweep", X, None, {"a": 1.0}, "compare_with.'x'.parameters"
+        all_quantities, RECORDED, "sweep", X, None, {"a": 1.0}, "compare_with.'x'.parameters"
     ) == (
         RECORDED.file,
         "compare_with.'x'.parameters",
@@ -435,7 +454,7 @@ def test_channels_are_quantities_times_their_scale_and_shifted_in_their_unit(mon
             "constant": Channel(equals="c", unit="m"),
         },
     )
-    found = channels(case, X, {"a": X, "c": np.array(7.0)})
+    found = reference_channels(case, X, {"a": X, "c": np.array(7.0)})
     assert {name: values.tolist() for name, values in found.items()} == {
         "level": [0.017] * 3,  # 3 * 5 + 2 mm
         "plain": X.tolist(),
@@ -447,7 +466,7 @@ def test_channels_are_quantities_times_their_scale_and_shifted_in_their_unit(mon
 def test_a_quantity_that_a_reference_lacks_is_named_with_those_it_has(monkeypatch):
     closed(monkeypatch)
     case = but(FOURBAR, channels={"rate": Channel(equals="crnk", unit="m")})
-    assert wrong(channels, case, X, {"crank": X, "rocker": X}) == (
+    assert wrong(reference_channels, case, X, {"crank": X, "rocker": X}) == (
         FOURBAR.file,
         "channels.rate.equals",
         "no quantity 'crnk'; did you mean 'crank'? there are: crank, rocker",
@@ -457,15 +476,15 @@ def test_a_quantity_that_a_reference_lacks_is_named_with_those_it_has(monkeypatc
 def test_a_channel_of_a_recorded_curve_has_its_column_and_its_quantity(monkeypatch):
     curve = made(monkeypatch, a=("m", 1.0, 2.0, 3.0))
     case = but(RECORDED, channels={"x": Channel(equals="a", unit="mm")})
-    assert channels(case, X, curve.columns)["x"].tolist() == [1.0, 2.0, 3.0]
+    assert reference_channels(case, X, curve.columns)["x"].tolist() == [1.0, 2.0, 3.0]
     angle = but(RECORDED, channels={"x": Channel(equals="a", unit="deg")})
-    assert wrong(channels, angle, X, curve.columns) == (
+    assert wrong(reference_channels, angle, X, curve.columns) == (
         RECORDED.file,
         "channels.x.equals",
         "column 'a' of hacksaw_recorded.csv is in m (SI), the channel in deg",
     )
     failed = but(RECORDED, channels={"x": Channel(equals="aa", unit="m")})
-    assert wrong(channels, failed, X, curve.columns) == (
+    assert wrong(reference_channels, failed, X, curve.columns) == (
         RECORDED.file,
         "channels.x.equals",
         "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a",
@@ -475,8 +494,8 @@ def test_a_channel_of_a_recorded_curve_has_its_column_and_its_quantity(monkeypat
 def test_a_column_is_asked_for_with_its_quantity_or_without(monkeypatch):
     curve = made(monkeypatch, a=("m", 1.0, 2.0, 3.0))
     for unit in (None, "m", "mm"):
-        assert column(RECORDED, curve, "key", "a", unit) is curve.columns["a"]
-    assert wrong(column, RECORDED, curve, "key", "a", "rad")[1] == "key"
+        assert recorded_column(RECORDED, curve, "key", "a", unit) is curve.columns["a"]
+    assert wrong(recorded_column, RECORDED, curve, "key", "a", "rad")[1] == "key"
 
 
 def test_a_reference_is_evaluated_at_its_parameters_and_at_changed_ones():
@@ -518,21 +537,21 @@ def test_parameters_that_cannot_be_have_no_facts(monkeypatch):
 
 
 def test_modes_are_those_of_the_reference_if_it_has_such_a_choice():
-    assert modes(FOURBAR) == (1, -1)
-    assert modes(PENDULUM) == ()
-    assert modes(RECORDED) == ()
+    assert assembly_modes(FOURBAR) == (1, -1)
+    assert assembly_modes(PENDULUM) == ()
+    assert assembly_modes(RECORDED) == ()
 
 
 def test_a_model_is_compiled_once_and_again_when_its_file_or_its_rods_have_changed(models):
     case = load_case(models / "pendulum.toml")
-    first = compiled(case)
-    assert compiled(but(case, title="another")) is first
+    first = compiled_model(case)
+    assert compiled_model(but(case, title="another")) is first
     before = case.model_path.stat().st_mtime_ns
     case.model_path.write_text(case.model_path.read_text().replace('mass="1"', 'mass="3"'))
     os.utime(case.model_path, ns=(before + 1, before + 1))
-    assert compiled(case).body("bob").mass == 3 * first.body("bob").mass
+    assert compiled_model(case).body("bob").mass == 3 * first.body("bob").mass
     finer = ROD.rod["rod"].model_copy(update={"segments": 7})
-    assert compiled(but(ROD, rod={"rod": finer})).nbody < compiled(ROD).nbody
+    assert compiled_model(but(ROD, rod={"rod": finer})).nbody < compiled_model(ROD).nbody
 
 
 def test_a_rod_that_cannot_be_built_is_an_error_of_the_sidecar(monkeypatch):
@@ -540,7 +559,7 @@ def test_a_rod_that_cannot_be_built_is_an_error_of_the_sidecar(monkeypatch):
         raise BadRod("beam", "from", "no site 'clmp'")
 
     monkeypatch.setattr(reference, "compile_once", fail)
-    assert wrong(compiled, ROD) == (ROD.file, "rod.beam.from", "no site 'clmp'")
+    assert wrong(compiled_model, ROD) == (ROD.file, "rod.beam.from", "no site 'clmp'")
 
 
 def test_a_model_that_cannot_be_compiled_is_named_once(monkeypatch):
@@ -548,4 +567,4 @@ def test_a_model_that_cannot_be_compiled_is_named_once(monkeypatch):
         raise BadModel("fourbar.xml: XML Error: line 3")
 
     monkeypatch.setattr(reference, "compile_once", fail)
-    assert wrong(compiled, FOURBAR) == (FOURBAR.model_path, "", "XML Error: line 3")
+    assert wrong(compiled_model, FOURBAR) == (FOURBAR.model_path, "", "XML Error: line 3")

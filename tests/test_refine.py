@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.numerics import Array
-from proofmass.check import Result, check, one_task
+from proofmass.check import Result, check, run_task
 from proofmass.compare import Comparison
-from proofmass.reference import evaluate, grid
-from proofmass.refinement import RefinementStudy, errors, refinements
+from proofmass.reference import evaluate, run_samples
+from proofmass.refinement import RefinementStudy, refined_errors, refinement_runs
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
@@ -39,8 +39,8 @@ def alone(few: Path, edit: Edit) -> Path:
 def verdicts(file: Path) -> dict[str, list[Comparison]]:
     """Verdicts of the refinement by outcome, without those of the run itself."""
     found: dict[str, list[Comparison]] = {}
-    for task in refinements(load_case(file)):
-        for c in task.study.add(task.segments, one_task(task))[1]:
+    for task in refinement_runs(load_case(file)):
+        for c in task.study.add(task.segments, run_task(task))[1]:
             found.setdefault(c.outcome, []).append(c)
     return found
 
@@ -53,9 +53,9 @@ def studied(
     assert case.refine is not None
     case = case.model_copy(update={"refine": case.refine.model_copy(update=asked)})
     found: list[Comparison] = []
-    for task in refinements(case):
+    for task in refinement_runs(case):
         if task.solver == "mujoco":
-            s = grid(task.case, "equilibrium")
+            s = run_samples(task.case, "equilibrium")
             truth = evaluate(task.case, "equilibrium", s, None).channels
             curves = Curves(
                 s,
@@ -65,7 +65,7 @@ def studied(
             )
             study = task.study
             found = study.add(
-                task.segments, (errors(task.case, "equilibrium", "mujoco", curves), curves)
+                task.segments, (refined_errors(task.case, "equilibrium", "mujoco", curves), curves)
             )[1]
     return study, found
 
@@ -265,10 +265,10 @@ def test_samples_have_their_places_on_the_links(segments, n, edit):
     """Middles of links of every number, whatever the run itself shows."""
     case = load_case(edit(FILE, "n = 41", "n = 41\nuntil = 0.5"))
     refine = case.refine.model_copy(update={"segments": segments, "between": None})
-    tasks = list(refinements(case.model_copy(update={"refine": refine})))
+    tasks = list(refinement_runs(case.model_copy(update={"refine": refine})))
     assert tuple(t.case.rod["rod"].segments for t in tasks) == segments * 2
     for task in tasks:
-        np.testing.assert_array_equal(grid(task.case, "equilibrium"), np.linspace(0, 1, n))
+        np.testing.assert_array_equal(run_samples(task.case, "equilibrium"), np.linspace(0, 1, n))
 
 
 def report_of(folder: Path, off: Callable[[int, Array], Array]) -> str:
@@ -284,7 +284,7 @@ def test_the_page_shows_it(p, tmp_path):
     """Figure, orders and verdicts; a wrong order turns the headline."""
     page = report_of(tmp_path, power(p))
     assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()
-    table = page[page.index("Refinement: the same") :]
+    table = page[page.index("Refinement: the run with more") :]
     assert table.count(f"<td>{p:g}</td>") >= 9  # pairs of three channels
     assert ("✗ order" in table) == (p != 2.0)
     assert ("MuJoCo differs in its order of convergence" in page) == (p != 2.0)

@@ -9,23 +9,29 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import balancer, rods
-from proofmass.analytic.remember import answers, in_use
+from proofmass.analytic.remember import current_memory, kept_evaluations
 from proofmass.check import Result
-from proofmass.compare import RunReference, compare, last_used, run_reference, with_reference
+from proofmass.compare import (
+    RunReference,
+    attach_reference,
+    compare,
+    last_references,
+    run_reference,
+)
 from proofmass.errors import InputError
 from proofmass.plot_data import plot_data
-from proofmass.reference import evaluate, grid, identity, properties
-from proofmass.refinement import errors, refinements
+from proofmass.reference import evaluate, properties, reference_identity, run_samples
+from proofmass.refinement import refined_errors, refinement_runs
 from proofmass.report import case_page
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 MODULE = sys.modules[RunReference.__module__]
 FOURBAR = load_case(shipped("fourbar.toml"))
-X = plan(FOURBAR, "sweep", "mujoco").x[::90]
-LED = plan(FOURBAR, "sweep", "mujoco").motion(X)
+X = plan_run(FOURBAR, "sweep", "mujoco").x[::90]
+LED = plan_run(FOURBAR, "sweep", "mujoco").motion(X)
 LATE = (LED[0] - 1e-3, *LED[1:])
 
 
@@ -95,7 +101,7 @@ def test_searches_are_kept_from_the_unchanged_reference_alone(monkeypatch):
     used = []
 
     def evaluated(case, kind, x, state, **changed):
-        used.append((in_use.get(), changed))
+        used.append((current_memory.get(), changed))
         return Curves(x, {"y": np.zeros(x.size)})
 
     monkeypatch.setattr(MODULE, "evaluate", evaluated)
@@ -107,7 +113,7 @@ def test_searches_are_kept_from_the_unchanged_reference_alone(monkeypatch):
     assert all(kept is memory for (kept, _), _ in used)
     crank = FOURBAR.parameters["crank"]
     assert [changed for _, changed in used] == [{}, {"crank": crank * (1.0 + 1e-6)}, {}]
-    assert in_use.get(None) is None
+    assert current_memory.get(None) is None
 
 
 def test_a_change_is_evaluated_once(monkeypatch):
@@ -129,7 +135,7 @@ def test_the_solvers_of_a_run_share_it_and_another_run_has_its_own():
     assert run_reference(FOURBAR, "dynamics", curves) is not first
     shorter = run_reference(FOURBAR, "sweep", Curves(X[:2], {}, drive=LED))
     assert shorter.x.size == 2
-    assert len(last_used) == 1
+    assert len(last_references) == 1
     longer = FOURBAR.model_copy(update={"parameters": FOURBAR.parameters | {"crank": 1.01}})
     assert run_reference(longer, "sweep", curves).parameters["crank"] == 1.01
 
@@ -141,24 +147,26 @@ def test_the_solvers_of_a_run_share_it_and_another_run_has_its_own():
 def test_a_file_that_is_written_anew_makes_another_case(name, file, models):
     """A model, or a recorded curve, under the same name."""
     case = load_case(models / f"{name}.toml")
-    before = identity(case)
-    assert identity(case) == before
+    before = reference_identity(case)
+    assert reference_identity(case) == before
     later = (models / file).stat().st_mtime_ns + 10**9
     os.utime(models / file, ns=(later, later))
-    assert identity(case) != before
+    assert reference_identity(case) != before
 
 
 def test_what_a_reference_does_not_depend_on_makes_no_other_case():
     update = {"tolerance": (), "settings": {"mujoco": {"timestep": 1e-4}}}
-    assert identity(FOURBAR.model_copy(update=update)) == identity(FOURBAR)
-    assert identity(FOURBAR.model_copy(update={"start": "other"})) != identity(FOURBAR)
+    assert reference_identity(FOURBAR.model_copy(update=update)) == reference_identity(FOURBAR)
+    assert reference_identity(FOURBAR.model_copy(update={"start": "other"})) != reference_identity(
+        FOURBAR
+    )
 
 
 def test_views_show_the_reference_that_was_compared(monkeypatch):
     """Its quantities beside the channels come with the curves, and are not asked for again."""
     case = load_case(shipped("balancer_weight.toml"))
-    x = plan(case, "sweep", "mujoco").x[::30]
-    state = plan(case, "sweep", "mujoco").motion(x)
+    x = plan_run(case, "sweep", "mujoco").x[::30]
+    state = plan_run(case, "sweep", "mujoco").motion(x)
     truth = evaluate(case, "sweep", x, state)
     assert truth.shown.keys() == {"energy1", "energy2", "energy3", "weight_energy"}
     curves = Curves(x, truth.channels, drive=state)
@@ -167,10 +175,10 @@ def test_views_show_the_reference_that_was_compared(monkeypatch):
     monkeypatch.setattr(
         balancer, "solve", wraps(solve)(lambda *a, **k: asked.append(k) or solve(*a, **k))
     )
-    answers.clear()
+    kept_evaluations.clear()
     compare(case, "sweep", "mujoco", curves, detectable=False)
     assert len(asked) == 1
-    own = with_reference(case, "sweep", curves)
+    own = attach_reference(case, "sweep", curves)
     for view in case.view:
         found = plot_data(case, view, own, reference=Curves(x, own.reference)).values
         assert found.keys() == {view.x, *view.y, *view.stack, *view.dashed}
@@ -180,12 +188,12 @@ def test_views_show_the_reference_that_was_compared(monkeypatch):
 def test_facts_come_with_the_curves_that_were_compared():
     """A motion that was followed for the comparison is not followed once more for a page."""
     case = load_case(shipped("heavy_top.toml"))
-    x = grid(case, "dynamics")
+    x = run_samples(case, "dynamics")
     curves = Curves(x, evaluate(case, "dynamics", x, None).channels)
     compare(case, "dynamics", "mujoco", curves, detectable=False)
-    assert with_reference(case, "dynamics", curves).properties is None
+    assert attach_reference(case, "dynamics", curves).properties is None
     compare(case, "dynamics", "mujoco", curves)
-    own = with_reference(case, "dynamics", curves)
+    own = attach_reference(case, "dynamics", curves)
     assert own.properties == properties(case)
     assert "energy" in own.properties
     beyond = True  # so that no worker is asked
@@ -202,7 +210,10 @@ def test_a_refinement_asks_for_its_reference_once(monkeypatch):
     monkeypatch.setattr(
         rods, "solve", wraps(solve)(lambda *a, **k: asked.append(k) or solve(*a, **k))
     )
-    answers.clear()
-    found = [errors(task.case, task.kind, task.solver, Curves(x, {})) for task in refinements(case)]
+    kept_evaluations.clear()
+    found = [
+        refined_errors(task.case, task.kind, task.solver, Curves(x, {}))
+        for task in refinement_runs(case)
+    ]
     assert len(found) > 2
     assert len(asked) == 1

@@ -18,10 +18,10 @@ ROOT = Path(__file__).parent.parent
 NAMES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
 SOLVED = """
 import numpy as np
-from proofmass.worker import isolated
+from proofmass.worker import call_isolated
 rows = np.random.default_rng(0).normal(size=(400, 400))
-answers = [isolated(np.linalg.solve, rows, rows[0], timeout=60.0),
-           *isolated(np.linalg.eigh, rows + rows.T, timeout=60.0)]
+answers = [call_isolated(np.linalg.solve, rows, rows[0], timeout=60.0),
+           *call_isolated(np.linalg.eigh, rows + rows.T, timeout=60.0)]
 print([answer.tobytes().hex() for answer in answers])
 """
 
@@ -82,9 +82,9 @@ from proofmass import load_case
 from proofmass.compare import run_reference
 from proofmass.reference import evaluate
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 case = load_case(sys.argv[1])
-run = plan(case, "sweep", "mujoco")
+run = plan_run(case, "sweep", "mujoco")
 x = run.x[:3]
 state = run.motion(x)
 if sys.argv[2:]:

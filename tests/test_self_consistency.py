@@ -7,7 +7,7 @@ import pytest
 
 from proofmass.check import check
 from proofmass.outcome import Outcome
-from proofmass.self_consistency import WITHIN, Rung, why_failed
+from proofmass.self_consistency import AGREEMENT_SHARE, Rung, why_failed
 from proofmass.sim.protocol import OwnMotion, OwnRun
 
 TIMES = np.linspace(0.0, 1.0, 101)
@@ -83,7 +83,9 @@ def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():
     off = [run(1e-9 * SIZE * grown * 2.0**-k, step=step) for k, step in enumerate(STEPS)]
     disturbed = run(off[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * grown)
     rung = Rung(replace(own, runs=tuple(off), disturbed=disturbed))
-    last = np.log(WITHIN / 1e-9 * 2**5) / 30.0  # of the differences of the two finest steps
+    last = (
+        np.log(AGREEMENT_SHARE / 1e-9 * 2**5) / 30.0
+    )  # of the differences of the two finest steps
     assert rung.until == pytest.approx(last, abs=0.03)
     assert "a disturbance of 1e-9 has grown" in rung.words()
     assert rung.growth == pytest.approx(np.exp(30.0), rel=1e-6)

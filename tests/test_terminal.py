@@ -10,11 +10,20 @@ from rich.console import Console
 
 from proofmass import cli, terminal
 from proofmass.check import Result
-from proofmass.compare import UNCHECKED, Comparison, DetectableChange
+from proofmass.compare import UNCHECKED_CASE, Comparison, DetectableChange
 from proofmass.diagnosis import Diagnosis
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
-from proofmass.terminal import as_json, case_table, console, failures, mark, number, summary, worst
+from proofmass.terminal import (
+    as_json,
+    case_table,
+    failure_lines,
+    format_outcome,
+    make_console,
+    summary_tables,
+    three_digits,
+    worst_comparison,
+)
 from tests.shipped import MODELS, models_like, shipped
 
 
@@ -50,7 +59,7 @@ RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, of("two", channel="z"), F
 
 def cells(*args, **how) -> list[list[str]]:
     """Header and rows of the table, without colours."""
-    (table,) = summary(*args, **how)
+    (table,) = summary_tables(*args, **how)
     columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     return [list(row) for row in zip(*columns, strict=True)]
 
@@ -127,10 +136,11 @@ def test_each_channel_has_a_row_where_all_are_asked_for():
 
 def test_a_share_of_the_allowance_has_two_digits():
     shares = [
-        terminal.of_allowed(of(error_max=e, allowed=1e-2)) for e in (0.0, 1e-7, 1e-3, 2.0, 3e3, nan)
+        terminal.format_ratio(of(error_max=e, allowed=1e-2))
+        for e in (0.0, 1e-7, 1e-3, 2.0, 3e3, nan)
     ]
     assert shares == ["0", "1.0e-05", "0.10", "200.00", "3.0e+05", "–"]
-    assert terminal.of_allowed(of(error_max=1.0, allowed=0.0)) == "–"
+    assert terminal.format_ratio(of(error_max=1.0, allowed=0.0)) == "–"
 
 
 def test_a_narrow_screen_has_fewer_columns():
@@ -142,11 +152,11 @@ def test_a_narrow_screen_has_fewer_columns():
         (65, [*HEAD[:5], *HEAD[7:9]]),
         (64, [*HEAD[:4], *HEAD[7:9]]),
     ):
-        (table,) = summary(RESULT, width=width)
+        (table,) = summary_tables(RESULT, width=width)
         assert [c.header for c in table.columns] == head
         assert max(map(len, printed(table, width=width))) <= width
-    assert list(summary(Result())) == []
-    (table,) = summary(RESULT)
+    assert list(summary_tables(Result())) == []
+    (table,) = summary_tables(RESULT)
     assert all(column.no_wrap for column in table.columns)
     assert [c.justify for c in table.columns] == ["left"] * 5 + ["right"] * 6
     assert (table.box, table.header_style, table.pad_edge) == (None, "bold", False)
@@ -169,7 +179,7 @@ LONG = [
 
 def test_no_word_is_broken_on_80_columns():
     """The longest names of the shipped cases; each line says how well the engine agrees."""
-    found = printed(*summary(Result(comparisons=[*LONG, NEAR]), width=80), width=80)
+    found = printed(*summary_tables(Result(comparisons=[*LONG, NEAR]), width=80), width=80)
     assert found == [
         "balancer_progressive_contact",
         "  run    solver          outcome          of range  of allowed",
@@ -178,7 +188,7 @@ def test_no_word_is_broken_on_80_columns():
         "one",
         "  sweep  mujoco          ✓ agrees         1.80e-02        0.90",
     ]
-    assert printed(*summary(Result(comparisons=LONG), True, width=80), width=80) == [
+    assert printed(*summary_tables(Result(comparisons=LONG), True, width=80), width=80) == [
         "balancer_progressive_contact sweep mujoco:settled",
         "  channel                       outcome          of range  of allowed",
         "  right_coupler_acceleration.z  ✓ agrees         1.80e-02        0.90",
@@ -189,12 +199,12 @@ def test_no_word_is_broken_on_80_columns():
 
 def test_lines_on_failures_break_between_words(monkeypatch):
     screen = Console(width=80, file=StringIO(), force_terminal=True, color_system=None)
-    monkeypatch.setattr(terminal, "console", lambda: screen)
-    cli.show(RESULT)
+    monkeypatch.setattr(terminal, "make_console", lambda: screen)
+    cli.print_result(RESULT)
     lines = screen.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
     said = " ".join(line.strip() for line in lines)
-    assert all(line.plain in said for line in failures(RESULT))
+    assert all(line.plain in said for line in failure_lines(RESULT))
 
 
 def test_all_shipped_cases_are_listed_a_line_each_on_80_columns():
@@ -213,7 +223,7 @@ def test_all_shipped_cases_are_listed_a_line_each_on_80_columns():
 
 
 def test_what_failed_has_a_line_and_all_outcomes_are_counted():
-    lines = [line.plain for line in failures(RESULT)]
+    lines = [line.plain for line in failure_lines(RESULT)]
     assert lines == [
         "✗ two sweep mujoco differs: 2 of 3 channels, y by 3 x the allowed error: 3.00e-02 m at "
         "1.23457e+06, – of the range",
@@ -222,15 +232,15 @@ def test_what_failed_has_a_line_and_all_outcomes_are_counted():
         "what is allowed (two sweep mujoco y)",
         "3 agrees, 2 differs, 1 diverged",
     ]
-    assert list(failures(RESULT))[-1].style == "bold red"
-    assert [str(span.style) for line in failures(RESULT) for span in line.spans] == ["red"] * 2
-    how_well, good = failures(Result(comparisons=[NEAR, FAR]))
+    assert list(failure_lines(RESULT))[-1].style == "bold red"
+    assert [str(span.style) for line in failure_lines(RESULT) for span in line.spans] == ["red"] * 2
+    how_well, good = failure_lines(Result(comparisons=[NEAR, FAR]))
     assert how_well.plain == (
         "largest error 1.80e-02 of the range (one sweep mujoco y); nearest to its limit 0.90 of "
         "what is allowed (one sweep mujoco y)"
     )
     assert (good.plain, good.style) == ("2 agrees", "bold")
-    assert [line.plain for line in failures(Result())] == ["nothing to check"]
+    assert [line.plain for line in failure_lines(Result())] == ["nothing to check"]
 
 
 def test_what_failed_has_a_link_after_its_lines():
@@ -242,16 +252,16 @@ def test_what_failed_has_a_link_after_its_lines():
     ]
     told = Diagnosis(*key, remarks=("it went too far",), failed=True)
     result = Result([pendulum], rows, diagnoses={key: told})
-    lines = [line.plain for line in failures(result, lambda c: f"there/{c.channel}")]
+    lines = [line.plain for line in failure_lines(result, lambda c: f"there/{c.channel}")]
     assert lines[1:3] == ["  failed: it went too far", "  there/angle"]
     assert sum("there/" in line for line in lines) == 1
-    assert not any("there/" in line.plain for line in failures(result))
+    assert not any("there/" in line.plain for line in failure_lines(result))
 
 
 def test_a_case_without_a_check_has_a_line():
     case = load_case(shipped("pendulum.toml"))
     lines = list(
-        failures(
+        failure_lines(
             Result(
                 [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")]
             )
@@ -259,7 +269,7 @@ def test_a_case_without_a_check_has_a_line():
     )
     assert [str(span.style) for span in lines[0].spans] == ["red"]
     assert [line.plain for line in lines] == [
-        f"✗ pendulum unchecked: {UNCHECKED}",
+        f"✗ pendulum unchecked: {UNCHECKED_CASE}",
         "1 unchecked, 1 unsupported, 1 case(s) without any check",
     ]
 
@@ -275,23 +285,26 @@ def test_a_case_without_a_check_has_a_line():
     ],
 )
 def test_an_outcome_has_a_sign(outcome, sign, style):
-    assert (mark(outcome).plain, mark(outcome).style) == (f"{sign} {outcome}", style)
+    assert (format_outcome(outcome).plain, format_outcome(outcome).style) == (
+        f"{sign} {outcome}",
+        style,
+    )
 
 
 def test_numbers_have_three_digits():
-    assert [number(v) for v in (123456.0, nan, inf)] == ["1.23e+05", "–", "–"]
+    assert [three_digits(v) for v in (123456.0, nan, inf)] == ["1.23e+05", "–", "–"]
 
 
 def test_the_channel_nearest_its_limit_speaks():
     unbounded = [of(channel="a", outcome="unchecked", nrmse=n) for n in (0.2, 0.1, nan)]
-    assert worst(unbounded) is unbounded[0]
-    assert worst(unbounded[::-1]) is unbounded[0]
+    assert worst_comparison(unbounded) is unbounded[0]
+    assert worst_comparison(unbounded[::-1]) is unbounded[0]
     zero = of(error_max=5.0, allowed=0.0, nrmse=0.05, outcome="unchecked")
-    assert worst([zero, unbounded[1]]) is unbounded[1]
+    assert worst_comparison([zero, unbounded[1]]) is unbounded[1]
     wide = of(error_max=3.0, allowed=9.0)
-    assert worst([wide, of(error_max=1.0, allowed=2.0)]) is not wide
+    assert worst_comparison([wide, of(error_max=1.0, allowed=2.0)]) is not wide
     tiny = of(error_max=0.0, allowed=0.5)
-    assert worst([unbounded[2], tiny]) is tiny
+    assert worst_comparison([unbounded[2], tiny]) is tiny
 
 
 def test_json_has_null_for_what_is_no_number():
@@ -304,7 +317,7 @@ def test_json_has_null_for_what_is_no_number():
     assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
     assert found["exit_code"] == 2
     (row,) = found["comparisons"]
-    assert tuple(row) == terminal.KEYS
+    assert tuple(row) == terminal.COMPARISON_KEYS
     assert (
         row["case"],
         row["solver"],
@@ -324,14 +337,14 @@ def test_json_has_null_for_what_is_no_number():
 
 
 def test_names_are_printed_as_they_are_and_tables_as_wide_as_they_are(monkeypatch, capsys):
-    shown = console()
-    assert shown.width == terminal.WIDE
+    shown = make_console()
+    assert shown.width == terminal.UNLIMITED_WIDTH
     shown.print("a [bold] b :smile: 1.5")
     assert capsys.readouterr().out == "a [bold] b :smile: 1.5\n"
     monkeypatch.setattr(
         terminal, "Console", lambda **how: Console(**{"force_terminal": True, "width": 70, **how})
     )
-    screen = console()
+    screen = make_console()
     assert screen.width == 70
     screen.print("a [bold] b :smile: 1.5")
     assert capsys.readouterr().out == "a [bold] b :smile: 1.5\n"  # no colour for the number

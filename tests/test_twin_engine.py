@@ -17,15 +17,15 @@ from typer.testing import CliRunner
 from proofmass import check, engines
 from proofmass.cli import app
 from proofmass.engines import engine_names, engine_of
-from proofmass.report.style import looks
+from proofmass.report.style import solver_looks
 from proofmass.studies.record import read_table
-from proofmass.studies.store import versions
+from proofmass.studies.store import package_versions
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import read_boundaries
 from proofmass.studies.trade import varied
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.wording import format_solver
-from proofmass.worker import dismiss
+from proofmass.worker import close_idle_workers
 from tests.shipped import shipped
 
 MODULE = """
@@ -97,8 +97,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     (info / "entry_points.txt").write_text(POINTS)
 
     def forget() -> None:
-        dismiss()  # workers that were started with another path
-        engines.found.cache_clear()
+        close_idle_workers()  # workers that were started with another path
+        engines.engine_entry_points.cache_clear()
         engines.engine_of.cache_clear()
 
     with pytest.MonkeyPatch.context() as patch:
@@ -164,11 +164,13 @@ def test_an_engine_has_its_own_name_look_and_versions(site: Path) -> None:
         "Bare",
         "adams",
     )
-    chosen = looks([*engine_names(), "adams"])
+    chosen = solver_looks([*engine_names(), "adams"])
     assert len({look.colour + str(look.dash) for look in chosen.values()}) == len(chosen)
-    assert versions("twin")["twin-engine"] == "1.0"
-    assert versions("bare")["adapter"] == versions("twin")["adapter"]  # digest of the same module
-    assert "adapter" not in versions("pymunk")
+    assert package_versions("twin")["twin-engine"] == "1.0"
+    assert (
+        package_versions("bare")["adapter"] == package_versions("twin")["adapter"]
+    )  # digest of the same module
+    assert "adapter" not in package_versions("pymunk")
 
 
 def test_the_report_has_the_twin(site: Path, tmp_path: Path) -> None:
@@ -182,7 +184,7 @@ def test_the_report_has_the_twin(site: Path, tmp_path: Path) -> None:
 def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(varied, "WORK", 1.6e3)
+    monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 1.6e3)
     run("trade", written(tmp_path, "bare"), "-o", tmp_path / "trade", "--jobs", 1)
     rows = read_table(tmp_path / "trade" / "trade.csv")
     assert {(row.engine, row.outcome) for row in rows} == {("bare", "ran")}

@@ -19,7 +19,14 @@ from proofmass.check import check
 from proofmass.errors import InputError
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, dismiss, idle, isolated
+from proofmass.worker import (
+    Crashed,
+    OutOfMemory,
+    TimedOut,
+    call_isolated,
+    close_idle_workers,
+    idle_workers,
+)
 
 LARGE = (
     '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>'
@@ -59,8 +66,8 @@ def speak_and_abort(words: str) -> None:
 
 def test_a_call_has_as_much_memory_as_it_is_given():
     with pytest.raises(OutOfMemory, match=r"needs more than 0\.5 GiB of memory"):
-        isolated(reserve, 0.5, timeout=20, memory=0.5)
-    assert isolated(reserve, 0.5, timeout=20, memory=1.0) == 2**29
+        call_isolated(reserve, 0.5, timeout=20, memory=0.5)
+    assert call_isolated(reserve, 0.5, timeout=20, memory=1.0) == 2**29
 
 
 def data() -> int:
@@ -88,7 +95,7 @@ def leave_holes() -> int:
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the heap is that of glibc")
 def test_blocks_that_are_freed_are_no_data_of_a_worker():
     """MuJoCo's arenas, which are reserved and hardly used, once made up 8 GB of a worker."""
-    assert isolated(leave_holes, timeout=20) < 20 << 10
+    assert call_isolated(leave_holes, timeout=20) < 20 << 10
     heap = subprocess.run(
         [sys.executable, "-c", "from tests.test_worker import leave_holes; print(leave_holes())"],
         capture_output=True,
@@ -100,30 +107,30 @@ def test_blocks_that_are_freed_are_no_data_of_a_worker():
 
 
 def test_limits_may_be_larger_than_any_machine():
-    assert isolated(abs, -3, timeout=1e300, memory=1e300) == 3
+    assert call_isolated(abs, -3, timeout=1e300, memory=1e300) == 3
 
 
 def test_a_crash_is_told_in_the_words_of_the_last_call_alone():
-    isolated(os.write, 2, b"words of an earlier call", timeout=20)
+    call_isolated(os.write, 2, b"words of an earlier call", timeout=20)
     with pytest.raises(Crashed) as crash:
-        isolated(speak_and_abort, "Aborting: mass must be positive\n\tin body 3", timeout=20)
+        call_isolated(speak_and_abort, "Aborting: mass must be positive\n\tin body 3", timeout=20)
     assert str(crash.value) == ("killed by signal 6: Aborting: mass must be positive in body 3")
 
 
 def test_an_abort_of_chipmunk_is_told_in_its_own_words():
     with pytest.raises(Crashed, match="Chipmunk error: Moment of Inertia must be positive"):
-        isolated(pymunk.Body, 1.0, -1.0, timeout=20)
+        call_isolated(pymunk.Body, 1.0, -1.0, timeout=20)
 
 
 def test_an_exception_that_cannot_be_sent_is_told():
     with pytest.raises(Crashed, match="Peculiar: 1 and 2"):
-        isolated(peculiar, timeout=20)
+        call_isolated(peculiar, timeout=20)
 
 
 def test_an_exception_is_sent_without_where_it_was_raised():
     pytest.importorskip("dask")
     with pytest.raises(InputError, match="nested too deeply"):
-        isolated(deep, True, timeout=20)
+        call_isolated(deep, True, timeout=20)
 
 
 def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
@@ -137,23 +144,23 @@ def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
         '<mujoco><worldbody><body pos="nan 0 0"><joint/><geom size="1"/></body>'
         "</worldbody></mujoco>"
     )
-    dismiss()  # so that there is one process
-    process = isolated(os.getpid, timeout=20)
+    close_idle_workers()  # so that there is one process
+    process = call_isolated(os.getpid, timeout=20)
     for file, why in ((large, "cannot compile"), (warns, "not a number")):
         with pytest.raises(BadModel, match=why):
-            isolated(compile_model, file, timeout=20)
-    assert isolated(os.getpid, timeout=20) != process
+            call_isolated(compile_model, file, timeout=20)
+    assert call_isolated(os.getpid, timeout=20) != process
 
 
 def test_relative_paths_begin_where_the_caller_is(tmp_path, monkeypatch):
-    isolated(abs, 1, timeout=20)
+    call_isolated(abs, 1, timeout=20)
     monkeypatch.chdir(tmp_path)
-    assert isolated(os.getcwd, timeout=20) == str(tmp_path)
+    assert call_isolated(os.getcwd, timeout=20) == str(tmp_path)
 
 
 def test_modules_of_the_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a module of the user')")
-    call = "from proofmass.worker import isolated; print(isolated(abs, -3, timeout=60))"
+    call = "from proofmass.worker import call_isolated; print(call_isolated(abs, -3, timeout=60))"
     found = subprocess.run(
         [sys.executable, "-P", "-c", call], cwd=tmp_path, text=True, capture_output=True, check=True
     )
@@ -213,8 +220,8 @@ def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
             raise ZeroDivisionError("by zero")
         return found(task, *options)
 
-    found = module.one_task
-    monkeypatch.setattr(module, "one_task", fail)
+    found = module.run_task
+    monkeypatch.setattr(module, "run_task", fail)
     result = check(
         [models / "pendulum.toml", models / "slider_crank.toml"], detectable=False, causes=False
     )
@@ -234,7 +241,7 @@ def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
 def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(
     models, deep, monkeypatch, pendulum
 ):
-    monkeypatch.setattr(importlib.import_module("proofmass.check"), "LOADING", 5.0)
+    monkeypatch.setattr(importlib.import_module("proofmass.check"), "LOADING_SECONDS", 5.0)
     (models / "deep.toml").write_text(deep)
     result = check([models / "deep.toml", pendulum], detectable=False, causes=False)
     assert [e.file.name for e in result.errors] == ["deep.toml"]
@@ -243,20 +250,20 @@ def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(
 
 def test_the_worker_that_ran_last_is_asked_first():
     """Two wait; the one that was called last has what the next call may ask for again."""
-    dismiss()
-    other = threading.Thread(target=isolated, args=(time.sleep, 0.3), kwargs={"timeout": 9})
+    close_idle_workers()
+    other = threading.Thread(target=call_isolated, args=(time.sleep, 0.3), kwargs={"timeout": 9})
     other.start()
-    isolated(os.getpid, timeout=9)
+    call_isolated(os.getpid, timeout=9)
     other.join()
-    assert idle.qsize() == 2
-    assert len({isolated(os.getpid, timeout=9) for _ in range(4)}) == 1
+    assert idle_workers.qsize() == 2
+    assert len({call_isolated(os.getpid, timeout=9) for _ in range(4)}) == 1
 
 
 def test_a_hang_is_killed_while_others_go_on():
     with pytest.raises(TimedOut):
-        isolated(time.sleep, 60, timeout=0.5)
+        call_isolated(time.sleep, 60, timeout=0.5)
     with pytest.raises(InputError):
-        isolated(misread, timeout=20)
+        call_isolated(misread, timeout=20)
 
 
 def loads_windows() -> bool:
@@ -271,9 +278,9 @@ def test_a_worker_loads_no_windows_unless_it_is_told_to(value, loads, monkeypatc
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     if value:
         monkeypatch.setenv("MUJOCO_GL", value)
-    dismiss()
-    assert isolated(loads_windows, timeout=60) is loads
-    dismiss()
+    close_idle_workers()
+    assert call_isolated(loads_windows, timeout=60) is loads
+    close_idle_workers()
 
 
 def misread() -> None:
@@ -316,7 +323,7 @@ def test_an_interrupt_leaves_no_clock_that_the_process_would_wait_for(monkeypatc
 
     monkeypatch.setattr(threading.Timer, "start", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        isolated(abs, -1, timeout=600.0)
+        call_isolated(abs, -1, timeout=600.0)
     clocks = [t for t in threading.enumerate() if isinstance(t, threading.Timer)]
     kept = [clock for clock in clocks if not clock.daemon and not clock.finished.is_set()]
     for clock in kept:

@@ -13,21 +13,21 @@ from proofmass.analytic import planar
 from proofmass.check import Result, check
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.mobility import KEPT, model_dof
+from proofmass.mobility import MODELS_IN_MEMORY, model_dof
 from proofmass.pytest_plugin import SolverItem
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from proofmass.studies import variants
-from proofmass.studies.command import named
+from proofmass.studies.command import load_cases
 from proofmass.studies.diet import scene
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.store import key_of
+from proofmass.studies.store import task_key
 from proofmass.studies.stress import extremes
-from proofmass.studies.stress.extremes import energies
+from proofmass.studies.stress.extremes import search_energy_error
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.studies.trade.verify import verify
-from proofmass.studies.variants import evaluate_run, with_way
+from proofmass.studies.variants import evaluate_reference, with_drive_distance
 from tests.shipped import shipped
 
 LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
@@ -90,35 +90,41 @@ def test_a_choice_is_verified_in_workers(name, models, edit, here):
 
 def test_changed_models_are_compiled_and_followed_in_workers(models, here, stressed, tmp_path):
     fourbar: StressedCase = stressed("fourbar", kind="sweep")
-    assert fourbar.find_failure(variants.larger(fourbar.case, fourbar.models, 2.0)) is None
+    assert (
+        fourbar.find_failure(variants.with_scaled_lengths(fourbar.case, fourbar.models, 2.0))
+        is None
+    )
     links = extremes.last_link(fourbar.case)
-    assert extremes.unclosed(fourbar.case, links, "sweep", tmp_path, 1.01) is None
-    assert evaluate_run(with_way(fourbar.case, 1.0), "sweep").x.size == 361
-    assert list(energies(stressed("fourbar_released")))
+    assert extremes.find_closing_failure(fourbar.case, links, "sweep", tmp_path, 1.01) is None
+    assert evaluate_reference(with_drive_distance(fourbar.case, 1.0), "sweep").x.size == 361
+    assert list(search_energy_error(stressed("fourbar_released")))
     names = {Path(file).parent for file in here}
     assert names == {models}  # the cases' own models, which their numbers are asked of
 
 
 def test_rods_in_other_numbers_of_segments_are_built_in_workers(models, here):
     task = StudyRun(load_case(models / "rod_cantilever.toml"), "equilibrium", Setting("mujoco"))
-    keys = {key_of(StudyRun(task.case, task.run, task.setting.but(segments=n))) for n in (10, 20)}
+    keys = {
+        task_key(StudyRun(task.case, task.run, task.setting.with_parameters(segments=n)))
+        for n in (10, 20)
+    }
     assert len(keys) == 2
     assert not here
 
 
 def test_a_diet_compiles_its_model_in_a_worker_first(models, edit, here, monkeypatch, tmp_path):
     edit("watt.xml", "<worldbody>", LARGE)
-    monkeypatch.setattr(scene, "COMPILING", 0.3)
+    monkeypatch.setattr(scene, "COMPILE_TIMEOUT", 0.3)
     lone = tmp_path / "lone.xml"
     lone.write_bytes((models / "watt.xml").read_bytes())
     with pytest.raises(InputError, match=r"lone\.xml: cannot be compiled: no answer in 0\.3 s"):
-        scene.scene_of(lone, 1.0)
+        scene.load_scene(lone, 1.0)
     assert not here
 
 
 def test_a_diet_evaluates_its_references_in_workers(models, edit, here):
     edit("pendulum.toml", r"until = 10\.0", "until = 0.1")
-    found = scene.scene_of(models / "pendulum.xml", 1.0)
+    found = scene.load_scene(models / "pendulum.xml", 1.0)
     assert "pendulum dynamics" in {monitored.name for monitored in found.monitored_runs}
 
 
@@ -126,8 +132,8 @@ def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, ed
     edit("watt.xml", "<worldbody>", LARGE)
     edit("watt.toml", r"(?m)^(\[run\.\w+\])$", r"\1\ntimeout = 0.5")
     for study in (
-        lambda: named([models / "watt.toml"]),
-        lambda: scene.scene_of(models / "watt.xml", 1.0),
+        lambda: load_cases([models / "watt.toml"]),
+        lambda: scene.load_scene(models / "watt.xml", 1.0),
     ):
         with pytest.raises(InputError, match=r"its model or its reference: no answer in 0\.5 s"):
             study()
@@ -137,6 +143,6 @@ def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, ed
 def test_models_that_are_no_longer_asked_for_are_forgotten():
     """A search for what a case notices compiles thousands, each 0.1 MB of a worker."""
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
-    for _ in range(KEPT + 8):
+    for _ in range(MODELS_IN_MEMORY + 8):
         assert model_dof(mujoco.MjModel.from_xml_string(text), "start") == 1
-    assert model_dof.cache_info().currsize == KEPT
+    assert model_dof.cache_info().currsize == MODELS_IN_MEMORY

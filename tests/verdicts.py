@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from proofmass.check import run_one, stopped
+from proofmass.check import early_end_error, run_solver
 from proofmass.compare import Comparison
-from proofmass.pytest_plugin import VERDICTS
+from proofmass.pytest_plugin import COMPARE_ONLY
 from proofmass.sidecar import load_case
 
 
@@ -13,8 +13,8 @@ def verdicts(sidecar: Path) -> list[Comparison]:
     case, found = load_case(sidecar), []
     for kind, run in case.run.items():
         for solver in run.solvers:
-            comparisons, curves = run_one(case, kind, solver, VERDICTS)
-            if error := stopped(case, kind, solver, curves):
+            comparisons, curves = run_solver(case, kind, solver, COMPARE_ONLY)
+            if error := early_end_error(case, kind, solver, curves):
                 raise error
             found += comparisons
     return found

@@ -11,8 +11,8 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array, Complex, Index
 
-MOST = 12  # largest number of panels of a chart: a page has room for no more
-GAP = complex(np.nan, np.nan)
+MAX_PANELS = 12  # largest number of panels of a chart: a page has room for no more
+LINE_BREAK = complex(np.nan, np.nan)
 """A point x + iy that interrupts a line."""
 
 
@@ -57,7 +57,7 @@ def line_through(
     points: bool = False,
     bars: bool = False,
 ) -> ChartLine:
-    """A line through points x + iy (n,) [SI], see `ChartLine`; `GAP` interrupts the line.
+    """A line through points x + iy (n,) [SI], see `ChartLine`; `LINE_BREAK` interrupts the line.
 
     >>> line_through(np.array([1.0, 2.0j]), "way").y.tolist()
     [0.0, 2.0]
@@ -112,8 +112,8 @@ class Field:
         if self.triangles is None:
             i, j = np.nonzero(np.isfinite(self.values))
             return self.x[i], self.y[j]
-        seen = np.unique(self.triangles)
-        return self.x[seen], self.y[seen]
+        corners = np.unique(self.triangles)
+        return self.x[corners], self.y[corners]
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class Chart:
         One to twelve panels.
     caption : str
         What the chart shows, in a sentence or two.
-    alike : bool
+    equal_scales : bool
         Whether both axes have the same scale, as shapes need it.
     logarithmic : bool
         Whether the vertical axis is logarithmic; values that are not positive are left out.
@@ -183,12 +183,12 @@ class Chart:
     y: tuple[str, str]
     panels: tuple[Panel, ...]
     caption: str
-    alike: bool = False
+    equal_scales: bool = False
     logarithmic: bool = False
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.panels) <= MOST:
-            raise ValueError(f"a chart has 1 to {MOST} panels, got {len(self.panels)}")
+        if not 1 <= len(self.panels) <= MAX_PANELS:
+            raise ValueError(f"a chart has 1 to {MAX_PANELS} panels, got {len(self.panels)}")
 
     @property
     def lines(self) -> tuple[ChartLine, ...]:

@@ -20,7 +20,7 @@ from proofmass.analytic.numerics import Array, Index
 Law = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""
 UNLIMITED = (-np.inf, np.inf)
-TOGETHER = 1e-13
+TIME_TOLERANCE = 1e-13
 """Times count as equal if they differ by less: in s, or relative to times longer than 1 s."""
 
 
@@ -43,7 +43,7 @@ class AffineActuator:
         Force per unit of the control [SI].
     offset : float
         Constant part of the force [N or N m].
-    by_length, by_rate : float
+    force_per_length, force_per_rate : float
         Force per unit of length, and per unit of the length's rate [SI].
     range : tuple of float
         Smallest and largest force [N or N m].
@@ -59,8 +59,8 @@ class AffineActuator:
     place: int
     gain: float
     offset: float
-    by_length: float
-    by_rate: float
+    force_per_length: float
+    force_per_rate: float
     range: tuple[float, float]
     controls: tuple[float, float] = UNLIMITED
 
@@ -79,7 +79,12 @@ class AffineActuator:
         self, control: Array, length: Array | float = 0.0, rate: Array | float = 0.0
     ) -> Array:
         """Forces (n,) for given controls, lengths and rates, clipped to their range [N or N m]."""
-        own = self.asked(control) + self.offset + self.by_length * length + self.by_rate * rate
+        own = (
+            self.asked(control)
+            + self.offset
+            + self.force_per_length * length
+            + self.force_per_rate * rate
+        )
         return np.asarray(np.clip(own, *self.range))
 
 
@@ -143,22 +148,22 @@ class ControlsInTime:
     def scalars(self) -> tuple[tuple[int, Callable[[float], float]], ...]:
         """Indices of the controls that change, with their profiles as functions of one time [s]."""
 
-        def plain(law: Law) -> Callable[[float], float]:
+        def scalar_function(law: Law) -> Callable[[float], float]:
             return lambda time: float(law(np.array([time]))[0][0])
 
         return tuple(
-            (place, law.scalar() if hasattr(law, "scalar") else plain(law))
+            (place, law.scalar() if hasattr(law, "scalar") else scalar_function(law))
             for place, law in self.laws.items()
         )
 
     def along(self, times: Array) -> Array:
         """All controls (n, controls) at times (n,) [s]."""
-        return with_controls(self.fixed, {k: law(times)[0] for k, law in self.laws.items()})
+        return insert_controls(self.fixed, {k: law(times)[0] for k, law in self.laws.items()})
 
     @property
     def breaks(self) -> tuple[float, ...]:
         """Times at which a derivative of a control jumps [s]."""
-        return breaks_of(self.laws.values())
+        return break_times(self.laws.values())
 
 
 def controls_at_samples(
@@ -169,10 +174,10 @@ def controls_at_samples(
     `named` has curves (n,) by the names of actuators; `fixed` (controls,) are the controls of the
     start key.
     """
-    return with_controls(fixed, controls_by_place(model, named)) if named else None
+    return insert_controls(fixed, controls_by_place(model, named)) if named else None
 
 
-def with_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:
+def insert_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:
     """All controls (n, controls): `fixed`, except the curves (n,) in `changed`, by index."""
     n = max((np.size(curve) for curve in changed.values()), default=1)
     found = np.tile(np.asarray(fixed, float), (n, 1))
@@ -226,15 +231,17 @@ class Prescribed:
             value, rate, acceleration = np.array(parts).T
             return value, rate, acceleration
 
-        return cls(poses, rates, law, breaks_of(laws))
+        return cls(poses, rates, law, break_times(laws))
 
 
-NONE, NOTHING = np.zeros(0, np.intp), np.zeros(0)
-UNDRIVEN = Prescribed(NONE, NONE, lambda t: (NOTHING, NOTHING, NOTHING))
+NO_INDICES, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
+NO_PRESCRIBED_JOINTS = Prescribed(
+    NO_INDICES, NO_INDICES, lambda t: (NO_VALUES, NO_VALUES, NO_VALUES)
+)
 """A prescribed motion of no joints."""
 
 
-def breaks_of(laws: Any) -> tuple[float, ...]:
+def break_times(laws: Any) -> tuple[float, ...]:
     """Times at which a derivative of any of the profiles jumps [s], in rising order."""
     times = [np.asarray(getattr(law, "breaks", ()), float) for law in laws]
     return tuple(np.unique(np.concatenate([np.zeros(0), *times])).tolist())
@@ -252,9 +259,9 @@ def smooth_pieces(
     >>> [(a, b) for a, b, _ in smooth_pieces(0.0, 2.0, (0.0, 0.5, 3.0))]
     [(0.0, 0.5), (0.5, 2.0)]
     """
-    near = TOGETHER * max(1.0, abs(start), abs(end))
-    inside = [time for time in breaks if start + near < time < end - near]
-    last = any(abs(time - end) <= near for time in breaks)
+    tolerance = TIME_TOLERANCE * max(1.0, abs(start), abs(end))
+    inside = [time for time in breaks if start + tolerance < time < end - tolerance]
+    break_at_end = any(abs(time - end) <= tolerance for time in breaks)
     for one, two in pairwise([start, *inside, end]):
-        ends_at_break = two < end or last
+        ends_at_break = two < end or break_at_end
         yield one, two, float(np.nextafter(two, -np.inf)) if ends_at_break else np.inf

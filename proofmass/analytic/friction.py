@@ -1,6 +1,7 @@
 """Stick and slip of joints with dry friction along a path of equilibria.
 
-The equilibria themselves are found by an engine or a reference, through the protocol `Rubbing`.
+The equilibria themselves are found by an engine or a reference, through the protocol
+`MechanismWithFriction`.
 
 At rest the friction R of a joint lies between its two bounds, so that the pose depends on how it
 was reached.  A joint sticks, and stays where it is with any R between the bounds, or it slips, and
@@ -26,19 +27,27 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 
-MOST_JOINTS = 6  # 3^6 combinations of stick and slip are tried at an event
-BROKEN = 1e-9  # [1] margin beyond an event at which a state ends: more than rounding of slopes
-SURE = 1e-5  # [1] largest violation of a state that may be chosen: places of events are not exact
-YIELDS = 1e-6  # a stuck joint may begin to slip within this share of its bound
-AHEAD = 1e-3  # growth of friction, as a share of the bounds, over which its change is evaluated
-RESOLVED = 1e-13  # share of the way between two samples to which an event is located
-WEAK = 1e-6  # share of the largest motion: a joint that moves less is at a dead point
-ROUNDING = 1e-12  # [rad or m] rounding of the values of the drives
-DEPENDENT = 1e-9  # share of the largest singular value: stuck joints below it depend on each other
-MOST_EVENTS = 100  # largest number of events between two samples
+MAX_FRICTION_JOINTS = 6  # 3^6 combinations of stick and slip are tried at an event
+EVENT_MARGIN = (
+    1e-9  # [1] margin beyond an event at which a state ends: more than rounding of slopes
+)
+MAX_STATE_VIOLATION = (
+    1e-5  # [1] largest violation of a state that may be chosen: places of events are not exact
+)
+YIELD_SHARE = 1e-6  # a stuck joint may begin to slip within this share of its bound
+FRICTION_GROWTH_STEP = (
+    1e-3  # growth of friction, as a share of the bounds, over which its change is evaluated
+)
+EVENT_RESOLUTION = 1e-13  # share of the way between two samples to which an event is located
+DEAD_POINT_SHARE = 1e-6  # share of the largest motion: a joint that moves less is at a dead point
+DRIVE_ROUNDING = 1e-12  # [rad or m] rounding of the values of the drives
+RANK_TOLERANCE = (
+    1e-9  # share of the largest singular value: stuck joints below it depend on each other
+)
+MAX_EVENTS = 100  # largest number of events between two samples
 
 
-HOLDS_ALL = (
+NOTHING_SLIPS = (
     "dry friction of joint {} holds all that the drives leave, so that nothing slips in the whole "
     "sweep: give less friction, or a wider motion"
 )
@@ -49,7 +58,7 @@ class PathEnds(ValueError):
 
 
 @dataclass(frozen=True)
-class Rate:
+class SlipSolution:
     """Friction and motion of the joints in one state of sticking and slipping.
 
     Attributes
@@ -58,7 +67,7 @@ class Rate:
         Friction R of each joint that equilibrium requires [N m or N].
     rate : ndarray (joints,)
         Rates of the joints by the way of the drives [SI].
-    grows : float
+    growth : float
         Fastest growth of the friction of stuck joints that have reached their bounds, over the
         largest that is possible [1].
     residual : float
@@ -67,7 +76,7 @@ class Rate:
 
     friction: Array
     rate: Array
-    grows: float
+    growth: float
     residual: float
 
 
@@ -94,40 +103,51 @@ class SlipProblem:
     lead: Array
     bound: Array
 
-    def goes(self, senses: Array) -> Rate | None:
+    def solve_state(self, senses: Array) -> SlipSolution | None:
         """Solve for friction and motion where joints of sense 0 stick.
 
         None if these joints cannot all stick, or if the stiffness is singular.
         """
         stuck = senses == 0
-        held, lead, free = self.turn[stuck], self.lead[stuck], self.force.size
-        _, sizes, ways = np.linalg.svd(held)
-        rank = int((sizes > DEPENDENT * np.abs(self.turn).max()).sum())
-        motion = -np.linalg.lstsq(held, lead, rcond=DEPENDENT)[0] if rank else np.zeros(free)
-        if np.abs(held @ motion + lead).max(initial=0.0) > DEPENDENT * np.abs(self.lead).max():
+        stuck_rows, lead, free = self.turn[stuck], self.lead[stuck], self.force.size
+        _, sizes, ways = np.linalg.svd(stuck_rows)
+        rank = int((sizes > RANK_TOLERANCE * np.abs(self.turn).max()).sum())
+        motion = (
+            -np.linalg.lstsq(stuck_rows, lead, rcond=RANK_TOLERANCE)[0] if rank else np.zeros(free)
+        )
+        if (
+            np.abs(stuck_rows @ motion + lead).max(initial=0.0)
+            > RANK_TOLERANCE * np.abs(self.lead).max()
+        ):
             return None
-        left = ways[rank:]
+        free_rows = ways[rank:]
         try:
-            pull = left @ (self.coupling + self.stiffness @ motion)
-            motion -= np.linalg.solve(left @ self.stiffness @ left.T, pull) @ left
+            pull = free_rows @ (self.coupling + self.stiffness @ motion)
+            motion -= np.linalg.solve(free_rows @ self.stiffness @ free_rows.T, pull) @ free_rows
         except np.linalg.LinAlgError:
             return None
         needed = -self.force - self.turn.T @ (senses * self.bound)
         growth = -self.coupling - self.stiffness @ motion
         size = float((np.abs(self.turn).T @ self.bound).max(initial=0.0)) or 1.0
-        fast = np.abs(self.coupling).max(initial=0.0) + np.abs(self.stiffness).sum() * np.abs(
+        fastest = np.abs(self.coupling).max(initial=0.0) + np.abs(self.stiffness).sum() * np.abs(
             motion
         ).max(initial=0.0)
-        further = AHEAD * size / (float(fast) or 1.0)
+        growth_step = FRICTION_GROWTH_STEP * size / (float(fastest) or 1.0)
         friction = senses * self.bound
-        friction[stuck] = shared(held, self.bound[stuck], needed)
-        share, grows = np.abs(friction) / self.bound, 0.0
-        if (share[stuck] >= 1.0 - YIELDS).any():
-            later = np.abs(shared(held, self.bound[stuck], needed + further * growth))
-            more = later / self.bound[stuck] - share[stuck]
-            grows = min(float(more[share[stuck] >= 1.0 - YIELDS].max()) / AHEAD, 1.0)
+        friction[stuck] = share_friction(stuck_rows, self.bound[stuck], needed)
+        share, largest_growth = np.abs(friction) / self.bound, 0.0
+        if (share[stuck] >= 1.0 - YIELD_SHARE).any():
+            later = np.abs(
+                share_friction(stuck_rows, self.bound[stuck], needed + growth_step * growth)
+            )
+            increase = later / self.bound[stuck] - share[stuck]
+            largest_growth = min(
+                float(increase[share[stuck] >= 1.0 - YIELD_SHARE].max()) / FRICTION_GROWTH_STEP, 1.0
+            )
         residual = np.abs(self.force + self.turn.T @ friction).max(initial=0.0) / size
-        return Rate(friction, self.lead + self.turn @ motion, grows, float(residual))
+        return SlipSolution(
+            friction, self.lead + self.turn @ motion, largest_growth, float(residual)
+        )
 
     def margins(self, senses: Array) -> Array:
         """Distance of each joint from the two ends of its state (2, joints), negative beyond them.
@@ -136,25 +156,25 @@ class SlipProblem:
         slipping joint's state ends where the joint stops; the distance is its rate as a share of
         the fastest joint's.
         """
-        found = self.goes(senses)
-        return np.full((2, senses.size), -1.0) if found is None else self._left(senses, found)
+        found = self.solve_state(senses)
+        return np.full((2, senses.size), -1.0) if found is None else self._margins_of(senses, found)
 
-    def _left(self, senses: Array, found: Rate) -> Array:
+    def _margins_of(self, senses: Array, found: SlipSolution) -> Array:
         """`margins` of a state whose friction and motion are found."""
         fastest = float(np.abs(found.rate).max(initial=0.0)) or 1.0
         share = found.friction / self.bound
         slip = senses * found.rate / fastest
         return np.where(senses == 0, [1.0 - share, 1.0 + share], [slip, slip])
 
-    def broken(self, senses: Array) -> float:
+    def state_violation(self, senses: Array) -> float:
         """Largest violation of the conditions of a state [1]; infinite if it has no solution."""
-        found = self.goes(senses)
+        found = self.solve_state(senses)
         if found is None:
             return np.inf
-        least = self._left(senses, found).min(initial=0.0)
-        return float(max(-least, found.grows, found.residual))
+        smallest_margin = self._margins_of(senses, found).min(initial=0.0)
+        return float(max(-smallest_margin, found.growth, found.residual))
 
-    def choose(self, senses: Array, begins: bool) -> Array:
+    def choose(self, senses: Array, may_stay: bool) -> Array:
         """Choose the next state: of all whose conditions are met the one with most stuck joints.
 
         A joint does not begin to stick at its dead point, where its friction has no effect.
@@ -163,7 +183,7 @@ class SlipProblem:
         ----------
         senses : ndarray (joints,)
             The present state: senses of slipping joints, 0 of stuck ones [1].
-        begins : bool
+        may_stay : bool
             Whether the present state may be chosen again; otherwise it has ended.
 
         Raises
@@ -172,22 +192,32 @@ class SlipProblem:
             No state meets its conditions.
         """
         options = [np.array(one) for one in product((0.0, 1.0, -1.0), repeat=senses.size)]
-        weak = np.abs(self.turn).max(axis=1) < WEAK * np.abs(self.turn).max()
+        at_dead_point = np.abs(self.turn).max(axis=1) < DEAD_POINT_SHARE * np.abs(self.turn).max()
         options = [
             one
             for one in options
-            if begins
-            or not (np.array_equal(one, senses) or (weak & (senses != 0) & (one == 0)).any())
+            if may_stay
+            or not (
+                np.array_equal(one, senses) or (at_dead_point & (senses != 0) & (one == 0)).any()
+            )
         ]
-        broken = np.array([self.broken(one) for one in options])
-        moving = np.array([np.abs(one).sum() for one in options])
-        best = int(np.argmin(np.where(broken < SURE, moving, moving.size + broken)))
-        if not broken[best] < SURE:
+        violations = np.array([self.state_violation(one) for one in options])
+        slipping_joints = np.array([np.abs(one).sum() for one in options])
+        best = int(
+            np.argmin(
+                np.where(
+                    violations < MAX_STATE_VIOLATION,
+                    slipping_joints,
+                    slipping_joints.size + violations,
+                )
+            )
+        )
+        if not violations[best] < MAX_STATE_VIOLATION:
             raise PathEnds("no combination of sticking and slipping joints goes on from here")
         return options[best]
 
 
-def shared(held: Array, bound: Array, needed: Array) -> Array:
+def share_friction(stuck_rows: Array, bound: Array, needed: Array) -> Array:
     """Divide a force that is needed among the frictions of stuck joints (joints,).
 
     Of joints that depend on each other only the total effect is determined.  They share it such
@@ -195,26 +225,26 @@ def shared(held: Array, bound: Array, needed: Array) -> Array:
 
     Parameters
     ----------
-    held : ndarray (joints, free)
+    stuck_rows : ndarray (joints, free)
         Motion of the stuck joints with the free motions [SI].
     bound : ndarray (joints,)
         Largest friction of each joint [N m or N].
     needed : ndarray (free,)
         Force on the free motions [SI].
     """
-    if not held.size:
+    if not stuck_rows.size:
         return np.zeros(bound.size)
-    pushes = (held * bound[:, None]).T
-    least, _, rank, _ = np.linalg.lstsq(pushes, needed, rcond=DEPENDENT)
+    pushes = (stuck_rows * bound[:, None]).T
+    smallest_shares, _, rank, _ = np.linalg.lstsq(pushes, needed, rcond=RANK_TOLERANCE)
     if rank == 1:  # all frictions act in one direction
         along = pushes[np.abs(pushes).max(axis=1).argmax()]
-        least = np.sign(along) * (along @ least / np.abs(along).sum())
+        smallest_shares = np.sign(along) * (along @ smallest_shares / np.abs(along).sum())
     elif rank < bound.size:
-        least = levelled(pushes, np.asarray(least, float))
-    return np.asarray(least * bound)
+        smallest_shares = minimize_largest_share(pushes, np.asarray(smallest_shares, float))
+    return np.asarray(smallest_shares * bound)
 
 
-def levelled(matrix: Array, shares: Array) -> Array:
+def minimize_largest_share(matrix: Array, shares: Array) -> Array:
     """Find shares (joints,) with the same effect as given ones, whose largest is smallest."""
     from scipy.optimize import linprog  # slow to load
 
@@ -231,28 +261,30 @@ def levelled(matrix: Array, shares: Array) -> Array:
         pushed / scale,
         [(None, None)] * (n + 1),
     )
-    rough, top = found.x[:n], found.x[n]
-    full = np.abs(rough) > (1.0 - 1e-6) * top  # solved once more, to rounding
-    columns = np.column_stack([matrix[:, full] @ np.sign(rough[full]), matrix[:, ~full]])
-    exact = np.linalg.lstsq(columns, pushed, rcond=DEPENDENT)[0]
+    rough, largest = found.x[:n], found.x[n]
+    at_maximum = np.abs(rough) > (1.0 - 1e-6) * largest  # solved once more, to rounding
+    columns = np.column_stack(
+        [matrix[:, at_maximum] @ np.sign(rough[at_maximum]), matrix[:, ~at_maximum]]
+    )
+    exact = np.linalg.lstsq(columns, pushed, rcond=RANK_TOLERANCE)[0]
     level = np.sign(rough) * exact[0]
-    level[~full] = exact[1:]
+    level[~at_maximum] = exact[1:]
     return np.asarray(level)
 
 
-class Rubbing(Protocol):
+class MechanismWithFriction(Protocol):
     """A mechanism at rest whose free joints have dry friction; each engine implements it.
 
     Attributes
     ----------
     senses : ndarray (joints,)
         Senses in which the joints slip; 0 for joints that stick [1].
-    begins : bool
+    is_at_start : bool
         Whether the drives have not moved yet, so that all friction is zero.
     """
 
     senses: Array
-    begins: bool
+    is_at_start: bool
 
     def at(self) -> Array:
         """Values of the drives [rad or m]."""
@@ -273,7 +305,7 @@ class Rubbing(Protocol):
         """Let joints stick where they are, or slip, from now on."""
 
 
-def advance(body: Rubbing, values: Array) -> None:
+def follow_stick_slip(body: MechanismWithFriction, values: Array) -> None:
     """Follow the equilibrium to new values of the drives, through all events on the straight way.
 
     Raises
@@ -283,17 +315,17 @@ def advance(body: Rubbing, values: Array) -> None:
     """
     begin = body.at()
     way = values - begin
-    if not np.abs(way).max(initial=0.0) > ROUNDING:
+    if not np.abs(way).max(initial=0.0) > DRIVE_ROUNDING:
         body.go(values)
         return
     problem = body.problem(way)
-    margins = None if body.begins else problem.margins(body.senses)
-    if margins is None or (margins < -BROKEN).any():
+    margins = None if body.is_at_start else problem.margins(body.senses)
+    if margins is None or (margins < -EVENT_MARGIN).any():
         body.enter(problem.choose(body.senses, True))
         margins = body.problem(way).margins(body.senses)
     done = 0.0
-    for _ in range(MOST_EVENTS):
-        done = go_on(body, begin, way, done, margins)
+    for _ in range(MAX_EVENTS):
+        done = go_to_event(body, begin, way, done, margins)
         if done == 1.0:
             return
         body.enter(body.problem(way).choose(body.senses, False))
@@ -301,43 +333,45 @@ def advance(body: Rubbing, values: Array) -> None:
     raise PathEnds("joints stick and slip in turn without an end")
 
 
-def go_on(body: Rubbing, begin: Array, way: Array, done: float, above: Array) -> float:
+def go_to_event(
+    body: MechanismWithFriction, begin: Array, way: Array, done: float, margins_at_low: Array
+) -> float:
     """Go to the end of a way, or to its next event, and return the share of the way.
 
-    `above` has the margins of the joints where the way begins.
+    `margins_at_low` has the margins of the joints where the way begins.
     """
-    kept, low, high, lost = body.kept(), done, 1.0, None
+    kept, low, high, failure = body.kept(), done, 1.0, None
 
     def margins_at(share: float) -> Array:
-        nonlocal lost
+        nonlocal failure
         try:
             body.go(begin + share * way)
         except PathEnds as error:  # an event may come before it
-            lost = error
+            failure = error
             return np.full((2, body.senses.size), -1.0)
         return body.problem(way).margins(body.senses)
 
-    below, side = margins_at(1.0), 0
-    if (below >= -BROKEN).all():
+    margins_at_high, side = margins_at(1.0), 0
+    if (margins_at_high >= -EVENT_MARGIN).all():
         return 1.0
-    while high - low > RESOLVED:
-        first = np.unravel_index(below.argmin(), below.shape)
-        near = bool(above[first] <= BROKEN)
+    while high - low > EVENT_RESOLUTION:
+        first = np.unravel_index(margins_at_high.argmin(), margins_at_high.shape)
+        near = bool(margins_at_low[first] <= EVENT_MARGIN)
         if near and low > done:
             break
         # secant method, with a bisection after several steps to one side: a margin may jump
-        secant = above[first] / (above[first] - below[first])
+        secant = margins_at_low[first] / (margins_at_low[first] - margins_at_high[first])
         share = 0.5 if near or abs(side) > 2 else float(secant)
         middle = low + (high - low) * min(max(share, 1e-3), 1.0 - 1e-3)
         if not low < middle < high:
             break
         body.back(kept)
         margins = margins_at(middle)
-        if (margins >= -BROKEN).all():
-            low, kept, above, side = middle, body.kept(), margins, max(side, 0) + 1
+        if (margins >= -EVENT_MARGIN).all():
+            low, kept, margins_at_low, side = middle, body.kept(), margins, max(side, 0) + 1
         else:
-            high, below, side = middle, margins, min(side, 0) - 1
+            high, margins_at_high, side = middle, margins, min(side, 0) - 1
     body.back(kept)
-    if lost and above.min() > SURE:
-        raise lost
+    if failure and margins_at_low.min() > MAX_STATE_VIOLATION:
+        raise failure
     return low

@@ -13,7 +13,7 @@ System = Callable[[Array], tuple[Array, Array]]
 """Function of the unknowns (unknowns,) that returns F (equations,) and its Jacobian."""
 RANK_MARGIN = 1e-5  # smaller singular values count as zero, as in the documents
 # Smallest step or residual that a chart shows; smaller ones are rounding errors
-DRAWN = 1e-17
+SMALLEST_DRAWN = 1e-17
 
 
 @dataclass(frozen=True)
@@ -62,36 +62,36 @@ class NewtonLog:
     @property
     def ranks(self) -> NDArray[np.intp]:
         """Rank of each Jacobian (iterations,): number of singular values above `RANK_MARGIN`."""
-        return np.asarray(np.sum(self._sizes > RANK_MARGIN, axis=1))
+        return np.asarray(np.sum(self._singular_values > RANK_MARGIN, axis=1))
 
     @property
     def conditions(self) -> Array:
         """Condition number of each Jacobian (iterations,) [1]."""
         with np.errstate(divide="ignore"):
-            return np.asarray(self._sizes[:, 0] / self._sizes[:, -1])
+            return np.asarray(self._singular_values[:, 0] / self._singular_values[:, -1])
 
     @property
-    def _sizes(self) -> Array:
+    def _singular_values(self) -> Array:
         return np.asarray(np.linalg.svd(self.jacobians, compute_uv=False))
 
     def __str__(self) -> str:
         equations, unknowns = self.jacobians.shape[1:]
         names = self.names or tuple(f"q{k + 1}" for k in range(unknowns))
-        wide = max(map(len, names), default=0)
+        name_width = max(map(len, names), default=0)
         lines = []
         for k in range(self.iterations):
             lines.append(
                 f"iteration {k + 1}: |Phi| = {self.residuals[k]:.3e}, rank {self.ranks[k]}, "
                 f"error |dq| = {self.steps[k]:.3e}"
             )
-            lines.append(f"  {'':{wide}} {'q':>13} {'Phi':>11}   J")
+            lines.append(f"  {'':{name_width}} {'q':>13} {'Phi':>11}   J")
             for row in range(max(equations, unknowns)):
                 q = f"{self.iterates[k, row]:13.8f}" if row < unknowns else ""
                 name = names[row] if row < unknowns else ""
-                line = f"  {name:{wide}} {q:>13}"
+                line = f"  {name:{name_width}} {q:>13}"
                 if row < equations:
-                    slope = "".join(f"{entry:11.4g}" for entry in self.jacobians[k, row])
-                    line += f" {self.values[k, row]:11.3e}{slope}"
+                    jacobian_row = "".join(f"{entry:11.4g}" for entry in self.jacobians[k, row])
+                    line += f" {self.values[k, row]:11.3e}{jacobian_row}"
                 lines.append(line)
         found = "  ".join(
             f"{name} = {value:.8f}" for name, value in zip(names, self.root, strict=True)
@@ -116,7 +116,7 @@ def newton_raphson(
     start: ArrayLike,
     *,
     tolerance: float = 1e-10,
-    most: int = 101,
+    max_iterations: int = 101,
     names: tuple[str, ...] = (),
 ) -> NewtonLog:
     r"""Root of F(x) = 0 by x <- x + dx with J(x) dx = -F(x), until |dx| <= tolerance.
@@ -130,7 +130,7 @@ def newton_raphson(
         First iterate [SI].
     tolerance : float
         Largest norm of the last step [SI], in the mixed units of x.
-    most : int
+    max_iterations : int
         Number of iterations allowed.
     names : tuple of str
         Names of the unknowns, for prints.
@@ -143,7 +143,7 @@ def newton_raphson(
     Raises
     ------
     NotConverged
-        There is no root after `most` iterations, or an iterate is not finite.
+        There is no root after `max_iterations` iterations, or an iterate is not finite.
     SingularJacobian
         A square Jacobian has no inverse, or a Jacobian is not finite.
 
@@ -180,12 +180,12 @@ def newton_raphson(
         return NewtonLog(np.array(iterates), np.array(values), np.array(jacobians), names)
 
     size = np.inf
-    for _ in range(most):
+    for _ in range(max_iterations):
         residual, jacobian = system(iterates[-1])
         try:
             if not np.isfinite(jacobian).all():
                 raise np.linalg.LinAlgError
-            step = _step(jacobian, -residual)
+            step = _newton_step(jacobian, -residual)
         except np.linalg.LinAlgError:
             raise SingularJacobian(
                 f"singular Jacobian at iteration {len(values) + 1}", log()
@@ -201,13 +201,13 @@ def newton_raphson(
     raise NotConverged(f"no root in {len(values)} iterations: the last step is {size:.3g}", log())
 
 
-def _step(jacobian: Array, right: Array) -> Array:
+def _newton_step(jacobian: Array, right: Array) -> Array:
     square = jacobian.shape[0] == jacobian.shape[1]
     step = np.linalg.solve(jacobian, right) if square else np.linalg.lstsq(jacobian, right)[0]
     return np.asarray(step, float)
 
 
-def convergence(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
+def convergence_chart(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
     """Steps of each unknown, norm of the whole step and residual, over the iterations.
 
     Parameters
@@ -220,7 +220,7 @@ def convergence(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
     Returns
     -------
     Chart
-        Lines over the number of the iteration; sizes of at most `DRAWN` are left out.
+        Lines over the number of the iteration; sizes of at most `SMALLEST_DRAWN` are left out.
     """
 
     def lines(log: NewtonLog) -> tuple[ChartLine, ...]:
@@ -230,7 +230,10 @@ def convergence(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
         rows = [*named, ("error: norm of the step", log.steps), ("residual", log.residuals)]
         return tuple(
             ChartLine(
-                count, np.where(size > DRAWN, size, np.nan), label, points=label == "residual"
+                count,
+                np.where(size > SMALLEST_DRAWN, size, np.nan),
+                label,
+                points=label == "residual",
             )
             for label, size in rows
         )
@@ -244,7 +247,7 @@ def convergence(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
     )
 
 
-def course(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
+def course_chart(logs: Mapping[str, NewtonLog], caption: str) -> Chart:
     """Values of the unknowns over the iterations, from the first guess to the root.
 
     Parameters

@@ -25,13 +25,13 @@ class SingularHere(CannotMove):
     """The loops' Jacobian loses rank: a limit position, a change point, or a free joint."""
 
 
-def positive(unit: str = "m", /, **values: float) -> None:
+def check_positive(unit: str = "m", /, **values: float) -> None:
     """Raise a ValueError that names the first value that is not positive and finite, and its unit.
 
-    >>> positive(crank=1.0, coupler=-2.0)
+    >>> check_positive(crank=1.0, coupler=-2.0)
     Traceback (most recent call last):
     ValueError: coupler must be a positive finite length [m], got -2.0
-    >>> positive("m/s^2", gravity=0.0)
+    >>> check_positive("m/s^2", gravity=0.0)
     Traceback (most recent call last):
     ValueError: gravity must be positive and finite [m/s^2], got 0.0
     """
@@ -41,10 +41,10 @@ def positive(unit: str = "m", /, **values: float) -> None:
             raise ValueError(f"{name} must be {kind} [{unit}], got {value}")
 
 
-def not_negative(unit: str = "kg", /, **values: float) -> None:
+def check_not_negative(unit: str = "kg", /, **values: float) -> None:
     """Raise a ValueError that names the first value that is negative or not finite, and its unit.
 
-    >>> not_negative("N m", friction=-0.1)
+    >>> check_not_negative("N m", friction=-0.1)
     Traceback (most recent call last):
     ValueError: friction must be zero or positive [N m], got -0.1
     """
@@ -53,14 +53,14 @@ def not_negative(unit: str = "kg", /, **values: float) -> None:
             raise ValueError(f"{name} must be zero or positive [{unit}], got {value}")
 
 
-def finite(**values: ArrayLike) -> None:
+def check_finite(**values: ArrayLike) -> None:
     """Raise a ValueError that names the first value with an entry that is not finite."""
     for name, value in values.items():
         if not np.all(np.isfinite(np.asarray(value, float))):
             raise ValueError(f"{name} must be finite, got {value!s}")
 
 
-def one_of(modes: tuple[int, ...], **mode: float) -> None:
+def check_one_of(modes: tuple[int, ...], **mode: float) -> None:
     """Raise a ValueError for an assembly mode that is not one of `modes`."""
     for name, value in mode.items():
         if value not in modes:
@@ -103,28 +103,30 @@ def normal_of_slides(slides: Array, parallel: float) -> Array:
     return np.asarray(normal / np.linalg.norm(normal))
 
 
-def in_frame(name: str, force: Complex, direction: Complex | complex) -> dict[str, Array]:
+def components_in_frame(
+    name: str, force: Complex, direction: Complex | complex
+) -> dict[str, Array]:
     """Components of a force [N]: ``name_x`` along a direction, ``name_y`` to the left of it."""
     own = np.asarray(force * np.conj(direction) / np.abs(direction))
     return {f"{name}_x": own.real, f"{name}_y": own.imag}
 
 
-def unwrapped(angle: Array) -> Array:
+def unwrap_angles(angle: Array) -> Array:
     """Angles [rad] made continuous along the last axis by whole turns; the first angle is kept.
 
-    >>> unwrapped(np.array([3.0, -3.0])).round(3)
+    >>> unwrap_angles(np.array([3.0, -3.0])).round(3)
     array([3.   , 3.283])
     """
     turns = np.rint(np.diff(angle, axis=-1, prepend=angle[..., :1]) / TURN)
     return np.asarray(angle - TURN * np.cumsum(turns, axis=-1))
 
 
-def unwrapped_quaternion(quaternion: Array) -> Array:
+def unwrap_quaternions(quaternion: Array) -> Array:
     """Quaternions (n, 4) [1] of the same rotations, with signs chosen so that there are no jumps.
 
     q and -q describe the same rotation.  The largest component of the first quaternion is positive.
 
-    >>> unwrapped_quaternion(np.array([[-0.8, 0.0, 0.6, 0.0], [0.6, 0.0, -0.8, 0.0]])) + 0.0
+    >>> unwrap_quaternions(np.array([[-0.8, 0.0, 0.6, 0.0], [0.6, 0.0, -0.8, 0.0]])) + 0.0
     array([[ 0.8,  0. , -0.6,  0. ],
            [ 0.6,  0. , -0.8,  0. ]])
     """
@@ -134,10 +136,10 @@ def unwrapped_quaternion(quaternion: Array) -> Array:
     return np.asarray(quaternion * signs[:, None])
 
 
-STANDS = 1e-9  # share of the fastest drive: a slower joint is at rest, but for rounding
+REST_RATE_SHARE = 1e-9  # share of the fastest drive: a slower joint is at rest, but for rounding
 
 
-def senses(rate: Array, fastest: float) -> Array:
+def motion_senses(rate: Array, fastest: float) -> Array:
     """Senses (..., n) in which joints move at samples of a motion: -1, +1, or 0 before they move.
 
     A joint that is at rest at a sample has the sense of the sample before: its dry friction stays
@@ -156,9 +158,11 @@ def senses(rate: Array, fastest: float) -> Array:
 
     Examples
     --------
-    >>> senses(np.array([0.0, 1.0, 1e-17, -2.0, 0.0]), 2.0).tolist()
+    >>> motion_senses(np.array([0.0, 1.0, 1e-17, -2.0, 0.0]), 2.0).tolist()
     [0.0, 1.0, 1.0, -1.0, -1.0]
     """
-    moves = np.abs(rate) > STANDS * fastest
-    last = np.maximum.accumulate(np.where(moves, np.arange(rate.shape[-1]), 0), axis=-1)
-    return np.asarray(np.take_along_axis(np.where(moves, np.sign(rate), 0.0), last, axis=-1))
+    is_moving = np.abs(rate) > REST_RATE_SHARE * fastest
+    last_moving = np.maximum.accumulate(np.where(is_moving, np.arange(rate.shape[-1]), 0), axis=-1)
+    return np.asarray(
+        np.take_along_axis(np.where(is_moving, np.sign(rate), 0.0), last_moving, axis=-1)
+    )

@@ -14,113 +14,115 @@ from math import isfinite
 from typing import Any, TypeVar, cast
 
 Answer = TypeVar("Answer")
-KEPT = 64
-CLOSE = 1e-5
+RESULTS_PER_FUNCTION = 64
+RELATIVE_NEARNESS = 1e-5
 """Largest relative difference of two numbers that count as near each other."""
-ANSWERS = 16
+MAX_KEPT_EVALUATIONS = 16
 """Number of evaluations of references that are kept."""
 Memory = dict[Any, Any]
-in_use: ContextVar[tuple[Memory, bool]] = ContextVar("in_use")
-answers: dict[tuple[Callable[..., Any], bytes], Any] = {}
+current_memory: ContextVar[tuple[Memory, bool]] = ContextVar("in_use")
+kept_evaluations: dict[tuple[Callable[..., Any], bytes], Any] = {}
 
 
 @contextmanager
-def memory_in_use(memory: Memory, more: bool) -> Iterator[None]:
-    """Let `nearby` functions take results from a memory in a ``with`` block.
+def use_memory(memory: Memory, store_results: bool) -> Iterator[None]:
+    """Let `reuse_nearby` functions take results from a memory in a ``with`` block.
 
-    They add their own results to the memory only if `more` is true.  The last digits of a
+    They add their own results to the memory only if `store_results` is true.  The last digits of a
     result depend on where its search began.  A memory therefore holds the results of one evaluation
     only.  Otherwise last digits would depend on what the process had evaluated before.
     """
-    token = in_use.set((memory, more))
+    token = current_memory.set((memory, store_results))
     try:
         yield
     finally:
-        in_use.reset(token)
+        current_memory.reset(token)
 
 
-def nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
+def reuse_nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
     """Decorator: a function returns a stored result if the memory has one for near arguments.
 
-    The memory is the one of `memory_in_use`; `near` compares arguments.  Without a memory, or if
-    it has no such result, the function is called.  The results of the last `KEPT`
+    The memory is the one of `use_memory`; `is_near` compares arguments.  Without a memory, or if
+    it has no such result, the function is called.  The results of the last `RESULTS_PER_FUNCTION`
     calls are kept, so that the function is not called again for equal arguments.
 
-    >>> @nearby
+    >>> @reuse_nearby
     ... def square(x):
     ...     return x * x
     >>> memory = {}
-    >>> with memory_in_use(memory, True):
+    >>> with use_memory(memory, True):
     ...     square(3.0)
     9.0
-    >>> with memory_in_use(memory, False):
+    >>> with use_memory(memory, False):
     ...     square(3.000001), square(3.001) == 3.001**2
     (9.0, True)
     >>> square(3.000001) == 3.000001**2
     True
     """
-    exact = lru_cache(KEPT)(function)
+    exact = lru_cache(RESULTS_PER_FUNCTION)(function)
 
     @wraps(function)
-    def found(*given: Any) -> Answer:
-        memory, more = in_use.get(({}, False))
-        known = memory.setdefault(found, [])
-        for arguments, result in known:
-            if near(arguments, given, CLOSE * largest(arguments)):
+    def reuse_or_call(*given: Any) -> Answer:
+        memory, store_results = current_memory.get(({}, False))
+        stored = memory.setdefault(reuse_or_call, [])
+        for arguments, result in stored:
+            if is_near(arguments, given, RELATIVE_NEARNESS * largest_number(arguments)):
                 return cast(Answer, result)
         result = exact(*given)
-        if more:
-            known.append((given, result))
+        if store_results:
+            stored.append((given, result))
         return result
 
-    return found
+    return reuse_or_call
 
 
-def answered(function: Callable[..., Answer], *given: Any, **named: Any) -> Answer:
+def call_once(function: Callable[..., Answer], *given: Any, **named: Any) -> Answer:
     """Result of a function that is called only once for equal arguments, which may hold arrays.
 
-    The last `ANSWERS` results are kept.  Where a memory is in use (`memory_in_use`),
+    The last `MAX_KEPT_EVALUATIONS` results are kept.  Where a memory is in use (`use_memory`),
     the function is always called, since the last digits of its result depend on the memory.
 
-    >>> answered(dict, [("x", 1.0)]) is answered(dict, [("x", 1.0)])
+    >>> call_once(dict, [("x", 1.0)]) is call_once(dict, [("x", 1.0)])
     True
     """
-    if in_use.get(None) is not None:
+    if current_memory.get(None) is not None:
         return function(*given, **named)
     key = function, pickle.dumps((given, named))
-    if key not in answers:
+    if key not in kept_evaluations:
         result = function(*given, **named)
-        while len(answers) >= ANSWERS:
-            del answers[next(iter(answers))]
-        answers[key] = result
-    found: Answer = answers[key]
+        while len(kept_evaluations) >= MAX_KEPT_EVALUATIONS:
+            del kept_evaluations[next(iter(kept_evaluations))]
+        kept_evaluations[key] = result
+    found: Answer = kept_evaluations[key]
     return found
 
 
-def near(one: Any, other: Any, nothing: float) -> bool:
+def is_near(one: Any, other: Any, zero_tolerance: float) -> bool:
     """Whether numbers in nested tuples are near each other, and all other entries are equal.
 
-    A number is near that of `one` if their difference is at most `CLOSE` times that of
-    `one`, or at most `nothing` where that of `one` is zero.
+    A number is near that of `one` if their difference is at most `RELATIVE_NEARNESS` times that of
+    `one`, or at most `zero_tolerance` where that of `one` is zero.
 
-    >>> near((0.0, (3.0, "a")), (1e-6, (3.00001, "a")), 3e-5)
+    >>> is_near((0.0, (3.0, "a")), (1e-6, (3.00001, "a")), 3e-5)
     True
-    >>> near((0.0, 3.0), (1e-4, 3.0), 3e-5), near((1e-7, 3.0), (2e-7, 3.0), 3e-5)
+    >>> is_near((0.0, 3.0), (1e-4, 3.0), 3e-5), is_near((1e-7, 3.0), (2e-7, 3.0), 3e-5)
     (False, False)
     """
     if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(partial(near, nothing=nothing), one, other))
+        return len(one) == len(other) and all(
+            map(partial(is_near, zero_tolerance=zero_tolerance), one, other)
+        )
     if isinstance(one, float) and isinstance(other, float):
-        return one == other or abs(one - other) <= (CLOSE * abs(one) or nothing)
+        return one == other or abs(one - other) <= (RELATIVE_NEARNESS * abs(one) or zero_tolerance)
     return bool(one == other)
 
 
-def largest(value: Any) -> float:
+def largest_number(value: Any) -> float:
     """Largest absolute value of the finite numbers in nested tuples.
 
-    >>> largest((1.0, (-3.0, "a", float("inf"))))
+    >>> largest_number((1.0, (-3.0, "a", float("inf"))))
     3.0
     """
     if isinstance(value, tuple):
-        return max(map(largest, value), default=0.0)
+        return max(map(largest_number, value), default=0.0)
     return abs(value) if isinstance(value, float) and isfinite(value) else 0.0

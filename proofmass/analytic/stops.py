@@ -22,22 +22,22 @@ import numpy as np
 from proofmass.analytic.contacts import damping_ratio, restitution
 from proofmass.analytic.numerics import Array, NotCovered
 
-ON = 1e-10
+AT_STOP_DISTANCE = 1e-10
 """Distance from a stop [rad, or sizes] below which a joint is at the stop."""
-BEYOND = 1e-12
+BEYOND_STOP_DISTANCE = 1e-12
 """Distance beyond a stop [rad, or sizes] above which it is not rounding."""
-FLAT = 1e-13
+MIN_REBOUND_HEIGHT = 1e-13
 """Height of a rebound [rad, or sizes] below which it is left out: the joint rests on the stop."""
-STILL = 1e-12
+ZERO_RATE_SHARE = 1e-12
 """Rate that counts as zero, as a share of the fastest impact on the stop so far, or of 1 rad/s or
 1 size/s if there was none."""
-PROBES = (0.25, 0.5, 0.75, 1.0)
+PROBE_SHARES = (0.25, 0.5, 0.75, 1.0)
 """Shares of a step at which the distances to stops are evaluated."""
-SOON = np.geomspace(1e-9, 0.5, 30)
+DEPARTURE_SHARES = np.geomspace(1e-9, 0.5, 30)
 """Shares of a step at which a joint that starts at a stop is tested for having left it."""
-MOST = 2000
+MAX_EVENTS = 2000
 """Largest number of events in a motion."""
-SHOWN = 4
+MAX_LISTED_TIMES = 4
 """Largest number of times of impacts that are listed for a joint."""
 
 
@@ -72,7 +72,7 @@ class Stop:
         """Distance of a pose from the stop, in sizes; negative beyond it."""
         return float(self.side * (self.value - q[self.pose]) / self.size)
 
-    def opening(self, v: Array) -> float:
+    def gap_rate(self, v: Array) -> float:
         """Time derivative of `gap` for rates v [sizes/s]."""
         return float(-self.side * v[self.rate] / self.size)
 
@@ -118,7 +118,7 @@ class Balance:
     needed: Array
 
 
-class Stopped(Protocol):
+class SystemWithStops(Protocol):
     """A moving mechanism with stops."""
 
     @property
@@ -138,7 +138,7 @@ class Stopped(Protocol):
 
 
 @dataclass
-class StoppedMotion:
+class MotionWithStops:
     """States of a motion at samples, and the events at stops.
 
     Attributes
@@ -165,11 +165,12 @@ class StoppedMotion:
 
     def events(self) -> str:
         """Describe the events at stops in words; empty if there were none."""
-        struck = dict.fromkeys(joint for _, joint in self.impacts)
+        joints = dict.fromkeys(joint for _, joint in self.impacts)
         texts = [
-            f"{joint} hits a stop at t = {', '.join(f'{t:.6g}' for t in times[:SHOWN])}"
-            f"{', ..' if len(times) > SHOWN else ''} s ({len(times)} in all)"
-            for joint in struck
+            f"{joint} hits a stop at t = "
+            f"{', '.join(f'{t:.6g}' for t in times[:MAX_LISTED_TIMES])}"
+            f"{', ..' if len(times) > MAX_LISTED_TIMES else ''} s ({len(times)} in all)"
+            for joint in joints
             for times in ([t for t, one in self.impacts if one == joint],)
         ]
         texts += [f"{joint} rests on a stop" for joint in sorted(self.rested)]
@@ -177,7 +178,7 @@ class StoppedMotion:
         return "; ".join(texts)
 
 
-def ends(
+def make_stops(
     joint: str, limits: tuple[float, float], pose: int, rate: int, size: float
 ) -> Iterator[Stop]:
     """Make a stop for each finite end of a joint's range, with restitution 0."""
@@ -199,7 +200,7 @@ def read_stops(
         The limit has a margin, so that it acts before it is reached, or has no damping ratio.
     """
     name, solref = model.joint(j).name, model.jnt_solref[j]
-    for stop in ends(name, limits, pose, rate, size):
+    for stop in make_stops(name, limits, pose, rate, size):
         if model.jnt_margin[j]:
             raise NotCovered(f"joint {name!r} has a margin of its range")
         if not (ratio := damping_ratio(solref)) >= 0.0:
@@ -209,7 +210,9 @@ def read_stops(
         yield replace(stop, restitution=restitution(ratio))
 
 
-def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> StoppedMotion:
+def integrate_with_stops(
+    system: SystemWithStops, times: Array, q: Array, v: Array
+) -> MotionWithStops:
     """Integrate the motion from a closed pose with its rates, at rising times.
 
     Parameters
@@ -225,26 +228,26 @@ def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> Stopped
     NotCovered
         The start is beyond a stop, or stops are hit too often.
     """
-    found, end = StoppedMotion(), float(times[-1])
+    found, end = MotionWithStops(), float(times[-1])
     fastest: dict[Stop, float] = {}
     t, held = float(times[0]), tuple[Stop, ...]()
     event: Event | None = None
     for stop in system.stops:
-        if stop.gap(q) < -ON:
+        if stop.gap(q) < -AT_STOP_DISTANCE:
             raise NotCovered(
                 f"joint {stop.joint!r} starts at {q[stop.pose]:.6g}, beyond the end of its range, "
                 f"{stop.value:.6g}"
             )
-    for _ in range(MOST):
-        held, v = meet(system, found, fastest, held, event, t, q, v)
+    for _ in range(MAX_EVENTS):
+        held, v = resolve_event(system, found, fastest, held, event, t, q, v)
         if len(found.states) < times.size and times[len(found.states)] <= t:
-            keep(system, found, held, [t], [system.state(held, t, q, v)])
+            record_states(system, found, held, [t], [system.state(held, t, q, v)])
         event = None
         for step in system.steps(held, t, q, v, end):
-            event = first_event(system, held, step)
+            event = find_first_event(system, held, step)
             left = times[len(found.states) :]
             inside = left[left <= step.end] if event is None else left[left < event.time]
-            keep(system, found, held, inside.tolist(), list(map(step.at, inside.tolist())))
+            record_states(system, found, held, inside.tolist(), list(map(step.at, inside.tolist())))
             if event is not None:
                 break
         if event is None:
@@ -254,12 +257,12 @@ def follow_stopped(system: Stopped, times: Array, q: Array, v: Array) -> Stopped
         for part in system.steps(held, step.start, q, v, event.time):
             q, v, _ = part.at(part.end)
         t = event.time
-    raise NotCovered(f"stops are hit or left {MOST} times until t = {t:.6g} s")
+    raise NotCovered(f"stops are hit or left {MAX_EVENTS} times until t = {t:.6g} s")
 
 
-def keep(
-    system: Stopped,
-    found: StoppedMotion,
+def record_states(
+    system: SystemWithStops,
+    found: MotionWithStops,
     held: tuple[Stop, ...],
     times: Sequence[float],
     states: Sequence[State],
@@ -267,15 +270,15 @@ def keep(
     """Record states at times, and the forces of the stops there."""
     found.states += states
     for t, (q, v, a) in zip(times, states, strict=True):
-        own = np.zeros_like(v)
+        joint_forces = np.zeros_like(v)
         if held:
-            forces = pushes(system, held, t, (q, v, a))
+            forces = stop_forces(system, held, t, (q, v, a))
             for stop, force in zip(held, forces, strict=True):
-                own[stop.rate] -= stop.side * force
-        found.forces.append(own)
+                joint_forces[stop.rate] -= stop.side * force
+        found.forces.append(joint_forces)
 
 
-def pushes(system: Stopped, held: tuple[Stop, ...], t: float, state: State) -> Array:
+def stop_forces(system: SystemWithStops, held: tuple[Stop, ...], t: float, state: State) -> Array:
     """Find the forces of stops into the ranges of their joints [N m or N]; negative: it pulls."""
     balance = system.balance(t, *state)
     rows = np.vstack([balance.rows, unit_rows(held, balance.needed.size)])
@@ -289,9 +292,9 @@ def unit_rows(stops: Sequence[Stop], rates: int) -> Array:
     return np.eye(rates)[[stop.rate for stop in stops]].reshape(-1, rates)
 
 
-def meet(
-    system: Stopped,
-    found: StoppedMotion,
+def resolve_event(
+    system: SystemWithStops,
+    found: MotionWithStops,
     fastest: dict[Stop, float],
     held: tuple[Stop, ...],
     event: Event | None,
@@ -301,26 +304,28 @@ def meet(
 ) -> tuple[tuple[Stop, ...], Array]:
     """Find the stops on which joints rest from a state on, and the rates after impacts there."""
     left = event.left if event else None
-    near = [stop for stop in system.stops if stop.gap(q) <= ON and stop is not left]
+    near = [stop for stop in system.stops if stop.gap(q) <= AT_STOP_DISTANCE and stop is not left]
     if left:
         found.releases.append((t, left.joint))
     held = tuple(stop for stop in held if stop is not left)
-    hit = [s for s in near if s not in held and s.opening(v) < -STILL * fastest.get(s, 1.0)]
+    hit = [
+        s for s in near if s not in held and s.gap_rate(v) < -ZERO_RATE_SHARE * fastest.get(s, 1.0)
+    ]
     if hit:
-        back = [-stop.restitution * v[stop.rate] for stop in hit]
+        rebound_rates = [-stop.restitution * v[stop.rate] for stop in hit]
         for stop in hit:
-            fastest[stop] = max(fastest.get(stop, 0.0), -stop.opening(v))
+            fastest[stop] = max(fastest.get(stop, 0.0), -stop.gap_rate(v))
             found.impacts.append((t, stop.joint))
         while True:
-            after, still = struck(system, t, q, v, held, hit, back)
-            flat = too_flat(hit, system.state(still, t, q, after), back)
-            if not flat:
+            after, remaining = apply_impacts(system, t, q, v, held, hit, rebound_rates)
+            too_low = find_flat_rebounds(hit, system.state(remaining, t, q, after), rebound_rates)
+            if not too_low:
                 break
-            back = [0.0 if k in flat else rate for k, rate in enumerate(back)]
-        v, held = after, still
-    resting = [s for s in near if abs(s.opening(v)) <= STILL * fastest.get(s, 1.0)]
+            rebound_rates = [0.0 if k in too_low else rate for k, rate in enumerate(rebound_rates)]
+        v, held = after, remaining
+    resting = [s for s in near if abs(s.gap_rate(v)) <= ZERO_RATE_SHARE * fastest.get(s, 1.0)]
     while resting:
-        force = pushes(system, tuple(resting), t, system.state(tuple(resting), t, q, v))
+        force = stop_forces(system, tuple(resting), t, system.state(tuple(resting), t, q, v))
         if force.min() >= 0.0:
             break
         resting.pop(int(np.argmin(force)))
@@ -328,101 +333,109 @@ def meet(
     return tuple(resting), v
 
 
-def too_flat(hit: Sequence[Stop], state: State, back: Sequence[float]) -> list[int]:
-    """Find rebounds (numbers of `hit`) lower than `FLAT`, with the accelerations of a state."""
+def find_flat_rebounds(
+    hit: Sequence[Stop], state: State, rebound_rates: Sequence[float]
+) -> list[int]:
+    """Find rebounds (numbers of `hit`) that stay lower than `MIN_REBOUND_HEIGHT`."""
     return [
         k
-        for k, (stop, rate) in enumerate(zip(hit, back, strict=True))
-        if rate and (rate / stop.size) ** 2 < -2.0 * FLAT * stop.opening(state[2])
+        for k, (stop, rate) in enumerate(zip(hit, rebound_rates, strict=True))
+        if rate and (rate / stop.size) ** 2 < -2.0 * MIN_REBOUND_HEIGHT * stop.gap_rate(state[2])
     ]
 
 
-def struck(
-    system: Stopped,
+def apply_impacts(
+    system: SystemWithStops,
     t: float,
     q: Array,
     v: Array,
     held: tuple[Stop, ...],
     hit: Sequence[Stop],
-    back: Sequence[float],
+    rebound_rates: Sequence[float],
 ) -> tuple[Array, tuple[Stop, ...]]:
     """Find the rates after impacts, and the stops on which joints still rest.
 
-    `back` has the rates of the joints that hit the stops `hit`, after the impact.
+    `rebound_rates` has the rates of the joints that hit the stops `hit`, after the impact.
     """
     balance = system.balance(t, q, v, np.zeros_like(v))
     others, mass = balance.rows, balance.mass
-    most = np.abs(mass).max()
+    largest = np.abs(mass).max()
     while True:
         rows = np.vstack([others, unit_rows([*held, *hit], v.size)])
-        none = np.zeros((len(rows), len(rows)))
-        matrix = np.block([[mass / most, -rows.T], [rows, none]])
-        wanted = np.concatenate([mass @ v / most, others @ v, np.zeros(len(held)), back])
+        zeros = np.zeros((len(rows), len(rows)))
+        matrix = np.block([[mass / largest, -rows.T], [rows, zeros]])
+        wanted = np.concatenate(
+            [mass @ v / largest, others @ v, np.zeros(len(held)), rebound_rates]
+        )
         solved = np.linalg.lstsq(matrix, wanted, rcond=1e-13)[0]
         impulse = solved[v.size + len(others) :]
-        own = [-s.side * p for s, p in zip(held, impulse, strict=False)]
-        if not own or min(own) >= 0.0:
+        stop_impulses = [-s.side * p for s, p in zip(held, impulse, strict=False)]
+        if not stop_impulses or min(stop_impulses) >= 0.0:
             return np.asarray(solved[: v.size]), held
-        held = tuple(s for k, s in enumerate(held) if k != int(np.argmin(own)))
+        held = tuple(s for k, s in enumerate(held) if k != int(np.argmin(stop_impulses)))
 
 
-def first_event(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | None:
+def find_first_event(system: SystemWithStops, held: tuple[Stop, ...], step: Step) -> Event | None:
     """Find the first event of a step: a stop is hit, or the force of a stop falls to zero."""
     if not system.stops:
         return None
     free = [stop for stop in system.stops if stop not in held]
-    found = [Event(time) for time in hits(free, step)]
-    if held and (release := released(system, held, step)):
+    found = [Event(time) for time in impact_times(free, step)]
+    if held and (release := find_release(system, held, step)):
         found.append(release)
     return min(found, key=lambda one: one.time, default=None)
 
 
-def hits(stops: Sequence[Stop], step: Step) -> Iterator[float]:
+def impact_times(stops: Sequence[Stop], step: Step) -> Iterator[float]:
     """Iterate over the times at which the joints reach the stops that a step goes beyond."""
-    long = step.end - step.start
+    duration = step.end - step.start
     states = {time: step.at(time) for time in (step.start, step.end)}
     (begin, *speeds), last = states[step.start], states[step.end]
     for stop in stops:
         gap = stop.gap(begin)
-        pace = max(abs(stop.opening(speeds[0])), abs(stop.opening(last[1])))
-        if gap > ON + 4.0 * long * pace:  # it cannot come near in so short a time
+        max_rate = max(abs(stop.gap_rate(speeds[0])), abs(stop.gap_rate(last[1])))
+        if (
+            gap > AT_STOP_DISTANCE + 4.0 * duration * max_rate
+        ):  # it cannot come near in so short a time
             continue
-        for share in PROBES:
-            time = step.end if share == 1.0 else step.start + share * long
+        for share in PROBE_SHARES:
+            time = step.end if share == 1.0 else step.start + share * duration
             if time not in states:
                 states[time] = step.at(time)
-            if stop.gap(states[time][0]) < -BEYOND:
-                yield come_to(stop, step, gap, time)
+            if stop.gap(states[time][0]) < -BEYOND_STOP_DISTANCE:
+                yield find_impact_time(stop, step, gap, time)
                 break
 
 
-def come_to(stop: Stop, step: Step, gap: float, beyond: float) -> float:
+def find_impact_time(stop: Stop, step: Step, start_gap: float, beyond: float) -> float:
     """Find the time at which a joint reaches a stop; at the time `beyond` it is beyond the stop.
 
-    `gap` is the distance to the stop at the step's start.
+    `start_gap` is the distance to the stop at the step's start.
     """
     from scipy.optimize import brentq  # slow to load
 
-    if gap > ON:
+    if start_gap > AT_STOP_DISTANCE:
         return float(brentq(lambda s: stop.gap(step.at(s)[0]), step.start, beyond, xtol=1e-15))
 
     # the joint starts at the stop: the root after it has left the stop is looked for
-    ahead = step.start + SOON * (beyond - step.start)
-    off = (time for time in ahead.tolist() if stop.gap(step.at(time)[0]) > 0.1 * FLAT)
-    if (clear := next(off, None)) is None:
+    ahead = step.start + DEPARTURE_SHARES * (beyond - step.start)
+    clear_times = (
+        time for time in ahead.tolist() if stop.gap(step.at(time)[0]) > 0.1 * MIN_REBOUND_HEIGHT
+    )
+    if (clear := next(clear_times, None)) is None:
         return step.start
     return float(brentq(lambda s: stop.gap(step.at(s)[0]), clear, beyond, xtol=1e-15))
 
 
-def released(system: Stopped, held: tuple[Stop, ...], step: Step) -> Event | None:
+def find_release(system: SystemWithStops, held: tuple[Stop, ...], step: Step) -> Event | None:
     """Find the first time at which the force of a stop that is rested on falls to zero."""
     from scipy.optimize import brentq  # slow to load
 
     def push(k: int) -> Callable[[float], float]:
-        return lambda time: float(pushes(system, held, time, step.at(time))[k])
+        return lambda time: float(stop_forces(system, held, time, step.at(time))[k])
 
     found = []
-    begin, end = (pushes(system, held, t, step.at(t)) for t in (step.start, step.end))
+    begin, end = (stop_forces(system, held, t, step.at(t)) for t in (step.start, step.end))
     for k in np.flatnonzero(end < 0.0).tolist():
         root = brentq(push(k), step.start, step.end, xtol=1e-15) if begin[k] > 0 else step.start
         found.append(Event(float(root), held[k]))

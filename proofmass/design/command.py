@@ -8,16 +8,16 @@ import numpy as np
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from proofmass.analytic.balancer.measures import TARGETS, Target, tabulated, weight_on
+from proofmass.analytic.balancer.measures import TARGETS, Target, target_from_table, weight_target
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
 from proofmass.check import check
-from proofmass.command import answering, errors
+from proofmass.command import error_console, exit_on_error
 from proofmass.design.search import Effort, SavedSearch
-from proofmass.design.springs import CATALOGUE, described, read_catalogue, read_strips
+from proofmass.design.springs import CATALOGUE, describe_design, read_catalogue, read_strips
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.recorded import read_recorded
 from proofmass.sidecar import load_case
 
@@ -45,14 +45,14 @@ def design_balancer(
     beside: list[Path] | None,
 ) -> None:
     """Run ``proofmass design balancer``; `proofmass.cli` describes the parameters."""
-    with answering(f"{output} keeps the state"):
-        grows = extended(extension) if extension else (0.0, 0.0)
+    with exit_on_error(f"{output} keeps the state"):
+        grows = parse_extension(extension) if extension else (0.0, 0.0)
         if extension and (table or target != "sine"):
             raise ValueError(
                 "--extension: the target is the weight on a pendulum that extends; give no other"
             )
-        wanted = read_target(table) if table else named(target)
-        wanted = weight_on(*grows) if extension else wanted
+        wanted = read_target(table) if table else find_target(target)
+        wanted = weight_target(*grows) if extension else wanted
         others = read_balancers(beside or [])
         stock = read_catalogue(catalogue) if catalogue else CATALOGUE
         sections = read_strips(strips) if strips else []
@@ -68,20 +68,20 @@ def design_balancer(
             relaxed,
             -1 if elbow_down else 1,
             grows,
-            narrowed(bound or []),
+            parse_bounds(bound or []),
         )
         task = Synthesis(variant, wanted, power=power)
         output.mkdir(parents=True, exist_ok=True)
-        found = searched(task, times(effort, seed), output / "search.npz")
-        record = {"seed": seed, **described(task, found, stock, sections, moment)}
-        tell(record)
-        write_whole(output / "design.json", json.dumps(record, indent=1))
+        found = search_designs(task, scale_effort(effort, seed), output / "search.npz")
+        record = {"seed": seed, **describe_design(task, found, stock, sections, moment)}
+        print_design(record)
+        write_atomically(output / "design.json", json.dumps(record, indent=1))
         if pareto:
-            trade(task, found, output)
-        raise typer.Exit(verified(record, others, output))
+            write_pareto_front(task, found, output)
+        raise typer.Exit(check_design(record, others, output))
 
 
-def named(name: str) -> Target:
+def find_target(name: str) -> Target:
     """The target of the thesis with a given name."""
     if name not in TARGETS:
         raise ValueError(
@@ -113,7 +113,7 @@ def read_target(file: Path) -> Target:
         )
     if not np.trapezoid(moment, angle) > 0:
         raise InputError(file, "", "the wanted moment must do positive work")
-    return tabulated(angle, moment, file.stem)
+    return target_from_table(angle, moment, file.stem)
 
 
 def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
@@ -129,7 +129,7 @@ def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
     return {case.title: case.parameters for case in cases}
 
 
-def extended(text: str) -> tuple[float, float]:
+def parse_extension(text: str) -> tuple[float, float]:
     """The two coefficients of an extension written as E1:E2.
 
     The length of the pendulum must be positive up to 90 degrees.
@@ -147,7 +147,7 @@ def extended(text: str) -> tuple[float, float]:
     return first, second
 
 
-def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
+def parse_bounds(bounds: list[str]) -> dict[str, tuple[float, float]]:
     """Bounds by parameter, from texts written as NAME=LOW:HIGH."""
     given = {}
     for text in bounds:
@@ -162,14 +162,14 @@ def narrowed(bounds: list[str]) -> dict[str, tuple[float, float]]:
     return given
 
 
-def times(effort: float, seed: int) -> Effort:
+def scale_effort(effort: float, seed: int) -> Effort:
     """The usual effort of a search with `effort` times as many descents, 4 in a heat at least."""
     return Effort(
         tuple((max(4, round(count * effort)), steps) for count, steps in Effort().heats), seed
     )
 
 
-def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
+def search_designs(task: Synthesis, effort: Effort, file: Path) -> Array:
     """Search for designs (B, d), best first, with a progress bar on standard error."""
     columns = (
         TextColumn("{task.description}"),
@@ -177,7 +177,7 @@ def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
         TextColumn("{task.fields[best]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=errors, transient=True) as bar:
+    with Progress(*columns, console=error_console, transient=True) as bar:
         line = bar.add_task("searching", total=effort.steps, best="")
 
         def advance(step: int, steps: int, value: float) -> None:
@@ -188,7 +188,7 @@ def searched(task: Synthesis, effort: Effort, file: Path) -> Array:
     return search.found
 
 
-def tell(record: dict[str, Any]) -> None:
+def print_design(record: dict[str, Any]) -> None:
     """Print the design on standard output."""
     print(
         f"rmse {record['rmse']:.6f}, work reduction {record['work_reduction']:.3f} %, spread of "
@@ -213,17 +213,17 @@ def tell(record: dict[str, Any]) -> None:
             print(f"joint {joint['joint']}: {joint.get('why', 'no spring')}")
 
 
-def trade(task: Synthesis, found: Array, folder: Path) -> None:
+def write_pareto_front(task: Synthesis, found: Array, folder: Path) -> None:
     """Find and write the Pareto front, and print the names of its files on standard output."""
-    from proofmass.design.pareto import front, write_front  # matplotlib is slow to load
+    from proofmass.design.pareto import find_front, write_front  # matplotlib is slow to load
 
-    with errors.status("searching the Pareto front of error and spread of energy"):
-        trades = front(task, found, folder)
+    with error_console.status("searching the Pareto front of error and spread of energy"):
+        trades = find_front(task, found, folder)
     for file in write_front(trades, list(task.variant.usual), folder / "pareto"):
         print(file)
 
 
-def verified(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: Path) -> int:
+def check_design(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: Path) -> int:
     """Write the case, check it in the engines, write a report, and return the exit code."""
     from proofmass.report import headline, write_report  # matplotlib is slow to load
 
@@ -239,7 +239,7 @@ def verified(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: 
     )
     result = check([sidecar])
     for error in result.errors:
-        errors.print(f"error: {error}", style="bold red", markup=False)
+        error_console.print(f"error: {error}", style="bold red", markup=False)
     for case in result.cases:
         print(headline(case, result.comparisons))
     print(write_report(result, folder / "report"))

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from proofmass.analytic.balancer.synthesis import Synthesis
 from proofmass.analytic.numerics import Array
 from proofmass.design.search import Effort, SavedSearch
-from proofmass.front import nondominated
+from proofmass.front import nondominated_points
 from proofmass.report.style import RC
 
-LIMITS = 12  # number of limits of the spread
-SHORT = Effort(((64, 8), (16, 30)))  # effort of the search for each limit
+SPREAD_LIMITS = 12  # number of limits of the spread
+LIMIT_EFFORT = Effort(((64, 8), (16, 30)))  # effort of the search for each limit
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Front:
     work_reduction: Array
 
 
-def front(
+def find_front(
     task: Synthesis,
     start: Array,
     folder: Path | None = None,
-    limits: int = LIMITS,
+    limits: int = SPREAD_LIMITS,
     progress: Callable[[int, int, float], None] = lambda *_: None,
 ) -> Front:
     """Pareto front of (f1, f2): the smallest error f1 for each limit of the spread f2.
@@ -85,7 +85,7 @@ def front(
             limit = ends[1] + share * (ends[0] - ends[1])
         search = SavedSearch(
             replace(task, limit=limit),
-            replace(SHORT, seed=k),
+            replace(LIMIT_EFFORT, seed=k),
             folder / f"pareto{k}.npz" if folder else None,
             start,
         )
@@ -97,18 +97,18 @@ def front(
         progress(k + 1, 2 * limits, limit)
     vectors = np.concatenate(found)
     figures = task.figures(vectors)
-    kept = nondominated(np.stack([figures.rmse, figures.spread], axis=-1))
+    kept = nondominated_points(np.stack([figures.rmse, figures.spread], axis=-1))
     return Front(
         vectors[kept], figures.rmse[kept], figures.spread[kept], figures.work_reduction[kept]
     )
 
 
-def on_hull(rmse: Array, spread: Array) -> NDArray[np.bool_]:
+def is_on_hull(rmse: Array, spread: Array) -> NDArray[np.bool_]:
     """Which points (B,) of a front are corners of its lower convex hull.
 
     These are the points that a weighted sum of both objectives can find.  The errors must rise.
 
-    >>> on_hull(np.array([0.0, 1.0, 2.0]), np.array([1.0, 0.9, 0.0]))
+    >>> is_on_hull(np.array([0.0, 1.0, 2.0]), np.array([1.0, 0.9, 0.0]))
     array([ True, False,  True])
     """
     corners: list[int] = []

@@ -23,52 +23,57 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
 
-FACES = (0.1, 0.05)  # shares of random coordinates that are on their lower, on their upper bound
-APART = 0.05  # [1] places nearer than this to a better place get no descent of their own
+FACE_SHARES = (
+    0.1,
+    0.05,
+)  # shares of random coordinates that are on their lower, on their upper bound
+MIN_DISTANCE = 0.05  # [1] places nearer than this to a better place get no descent of their own
 
 
-def scattered(count: int, d: int, rng: np.random.Generator) -> Array:
+def scatter_places(count: int, d: int, rng: np.random.Generator) -> Array:
     """Random places (count, d) in the unit cube, with a share of the coordinates on its faces.
 
     Many optima lie on a face.
     """
     places, face = rng.random((2, count, d))
-    return np.where(face < FACES[0], 0.0, np.where(face > 1.0 - FACES[1], 1.0, places))
+    return np.where(face < FACE_SHARES[0], 0.0, np.where(face > 1.0 - FACE_SHARES[1], 1.0, places))
 
 
-def apart(places: Array, values: Array, most: int) -> Array:
+def distinct_places(places: Array, values: Array, most: int) -> Array:
     """Indices of the best places with finite values, at most `most`, best first.
 
-    Any two of them differ by more than `APART` in a coordinate.
+    Any two of them differ by more than `MIN_DISTANCE` in a coordinate.
 
     >>> places = np.array([[0.0], [0.01], [0.5], [1.0]])
-    >>> apart(places, np.array([3.0, 1.0, 2.0, np.inf]), most=3).tolist()
+    >>> distinct_places(places, np.array([3.0, 1.0, 2.0, np.inf]), most=3).tolist()
     [1, 2]
     """
     chosen: list[int] = []
     for k in np.argsort(values, kind="stable"):
         gaps = np.abs(places[chosen] - places[k]).max(axis=-1)
-        if len(chosen) < most and np.isfinite(values[k]) and (gaps > APART).all():
+        if len(chosen) < most and np.isfinite(values[k]) and (gaps > MIN_DISTANCE).all():
             chosen.append(int(k))
     return np.array(chosen, int)
 
 
-NUDGE = 1e-6  # [1] displacement for finite differences of terms that are exact to 1e-12
-FACTORS = np.array([0.1, 1.0, 10.0])  # factors of the damping that are tried in each step
-BACK = 1e3  # factor of the damping if none of the trials is better
-STUCK = 1e8  # [1] damping beyond which a descent has ended: no step reduces the sum of squares
-LEAST = 1e-9  # [1] smallest damping
-GAIN = 1e-7  # smallest relative reduction that counts as better
+DIFFERENCE_STEP = 1e-6  # [1] displacement for finite differences of terms that are exact to 1e-12
+DAMPING_FACTORS = np.array([0.1, 1.0, 10.0])  # factors of the damping that are tried in each step
+DAMPING_RISE = 1e3  # factor of the damping if none of the trials is better
+MAX_DAMPING = (
+    1e8  # [1] damping beyond which a descent has ended: no step reduces the sum of squares
+)
+MIN_DAMPING = 1e-9  # [1] smallest damping
+MIN_REDUCTION = 1e-7  # smallest relative reduction that counts as better
 CostTerms = Callable[[Array], Array]
 
 
-def norms(terms: CostTerms, places: Array) -> Array:
+def residual_norms(terms: CostTerms, places: Array) -> Array:
     """Square roots of the sums of squares (B,); inf for infeasible designs."""
     found = np.linalg.norm(terms(places), axis=-1)
     return np.where(np.isfinite(found), found, np.inf)
 
 
-def descend(
+def step_descents(
     places: Array, values: Array, damping: Array, terms: CostTerms
 ) -> tuple[Array, Array, Array]:
     """One step of each descent that has not ended; the sums of squares never increase.
@@ -78,27 +83,29 @@ def descend(
     places, values : ndarray (B, d), (B,)
         Present places of the descents, and the square roots of their sums of squares [1].
     damping : ndarray (B,)
-        Damping of each descent [1]; above `STUCK` the descent has ended.
+        Damping of each descent [1]; above `MAX_DAMPING` the descent has ended.
     terms : callable
         Terms (B, m) of the sums of squares at places (B, d); NaN for infeasible designs.
     """
-    left = np.flatnonzero((damping <= STUCK) & np.isfinite(values))
+    active = np.flatnonzero((damping <= MAX_DAMPING) & np.isfinite(values))
     places, values = places.copy(), values.copy()
     damping = np.where(np.isfinite(values), damping, np.inf)
-    if not left.size:
+    if not active.size:
         return places, values, damping
-    tried = trials(places[left], damping[left], terms)
-    sizes = norms(terms, tried.reshape(-1, places.shape[1])).reshape(tried.shape[:2])
-    best, row = sizes.argmin(axis=-1), np.arange(left.size)
-    better = sizes[row, best] < values[left] * (1.0 - GAIN)
-    damping[left] = np.maximum(damping[left] * np.where(better, FACTORS[best], BACK), LEAST)
-    places[left[better]] = tried[row, best][better]
-    values[left[better]] = sizes[row, best][better]
+    tried = trial_places(places[active], damping[active], terms)
+    sizes = residual_norms(terms, tried.reshape(-1, places.shape[1])).reshape(tried.shape[:2])
+    best, row = sizes.argmin(axis=-1), np.arange(active.size)
+    better = sizes[row, best] < values[active] * (1.0 - MIN_REDUCTION)
+    damping[active] = np.maximum(
+        damping[active] * np.where(better, DAMPING_FACTORS[best], DAMPING_RISE), MIN_DAMPING
+    )
+    places[active[better]] = tried[row, best][better]
+    values[active[better]] = sizes[row, best][better]
     return places, values, damping
 
 
-def trials(places: Array, damping: Array, terms: CostTerms) -> Array:
-    """Places (B, F, d) after a step from each place with each factor of `FACTORS`.
+def trial_places(places: Array, damping: Array, terms: CostTerms) -> Array:
+    """Places (B, F, d) after a step from each place with each factor of `DAMPING_FACTORS`.
 
     The damping of the place times the factor is the damping of the Levenberg-Marquardt method in
 
@@ -108,30 +115,30 @@ def trials(places: Array, damping: Array, terms: CostTerms) -> Array:
 
     A coordinate on a face of the cube is not free if the sum of squares decreases outwards.
     """
-    r, slopes = linear(places, terms)
-    pull, bend = (slopes @ r[..., None])[..., 0], slopes @ slopes.swapaxes(-1, -2)
-    free = ~(((places <= 0.0) & (pull > 0.0)) | ((places >= 1.0) & (pull < 0.0)))
-    bend = bend * (free[:, :, None] & free[:, None, :])
-    size = np.einsum("bii->bi", bend) + ~free + 1e-15  # positive if J has a zero column
-    added = damping[:, None, None] * FACTORS[:, None] * size[:, None] + ~free[:, None]
-    matrix = bend[:, None] + added[..., None] * np.eye(places.shape[1])
-    step = np.linalg.solve(matrix, -(pull * free)[:, None, :, None])[..., 0]
+    r, slopes = linearize(places, terms)
+    gradient, curvature = (slopes @ r[..., None])[..., 0], slopes @ slopes.swapaxes(-1, -2)
+    free = ~(((places <= 0.0) & (gradient > 0.0)) | ((places >= 1.0) & (gradient < 0.0)))
+    curvature = curvature * (free[:, :, None] & free[:, None, :])
+    size = np.einsum("bii->bi", curvature) + ~free + 1e-15  # positive if J has a zero column
+    added = damping[:, None, None] * DAMPING_FACTORS[:, None] * size[:, None] + ~free[:, None]
+    matrix = curvature[:, None] + added[..., None] * np.eye(places.shape[1])
+    step = np.linalg.solve(matrix, -(gradient * free)[:, None, :, None])[..., 0]
     return np.clip(places[:, None] + step, 0.0, 1.0)
 
 
-def linear(places: Array, terms: CostTerms) -> tuple[Array, Array]:
+def linearize(places: Array, terms: CostTerms) -> tuple[Array, Array]:
     """Terms (B, m) and their derivatives (B, d, m), by differences that stay within the cube."""
     count, d = places.shape
-    nudge = np.where(places > 0.5, -NUDGE, NUDGE)
-    near = places[:, None] + nudge[..., None] * np.eye(d)
-    found = terms(np.concatenate([places[:, None], near], axis=1).reshape(-1, d))
+    nudge = np.where(places > 0.5, -DIFFERENCE_STEP, DIFFERENCE_STEP)
+    displaced = places[:, None] + nudge[..., None] * np.eye(d)
+    found = terms(np.concatenate([places[:, None], displaced], axis=1).reshape(-1, d))
     found = found.reshape(count, d + 1, -1)
     return found[:, 0], np.nan_to_num((found[:, 1:] - found[:, :1]) / nudge[..., None])
 
 
-SAVED_EVERY = 3.0  # [s] interval between writes of the state
-DAMPED = 1e-2  # [1] damping at the beginning of a descent
-DRAWS = 100  # largest number of draws, each of as many random designs as there are descents
+SAVE_INTERVAL = 3.0  # [s] interval between writes of the state
+START_DAMPING = 1e-2  # [1] damping at the beginning of a descent
+MAX_DRAWS = 100  # largest number of draws, each of as many random designs as there are descents
 SearchProgress = Callable[[int, int, float], None]
 
 
@@ -258,7 +265,7 @@ class SavedSearch:
     @property
     def stuck(self) -> bool:
         """Whether all descents have ended."""
-        return bool((self.state.damping > STUCK).all())
+        return bool((self.state.damping > MAX_DAMPING).all())
 
     def run(self, progress: SearchProgress = lambda *_: None) -> Array:
         """Search to the end and return the best design (d,).
@@ -270,7 +277,7 @@ class SavedSearch:
             while not self.done:
                 self.state = self.step()
                 progress(self.state.step, self.effort.steps, float(self.state.values.min()))
-                if time.monotonic() - self.saved > SAVED_EVERY:
+                if time.monotonic() - self.saved > SAVE_INTERVAL:
                     self.save()
         finally:
             self.save()
@@ -280,36 +287,40 @@ class SavedSearch:
         """The next state; the first step of a heat begins with the best places of the last heat."""
         now, terms = self.state, self.terms(self.heat)
         if now.step in self.ends:
-            chosen = apart(now.places, now.values, self.effort.heats[self.heat][0])
+            chosen = distinct_places(now.places, now.values, self.effort.heats[self.heat][0])
             places = now.places[chosen]
             if self.given is not None and self.heat == len(self.ends) - 1:
                 places = np.concatenate([self.shares(self.given[:1]), places])
             now = self.fresh(now.step, places, terms)
-        return SearchState(now.step + 1, *descend(now.places, now.values, now.damping, terms))
+        return SearchState(now.step + 1, *step_descents(now.places, now.values, now.damping, terms))
 
     def begin(self, start: Array | None) -> SearchState:
         """The initial state: the designs given, completed by feasible random ones."""
         count, size = self.effort.heats[0][0], self.problem.low.size
         rng, terms = np.random.default_rng(self.effort.seed), self.terms(0)
         found = np.empty((0, size)) if start is None else self.shares(start)
-        for _ in range(DRAWS):
+        for _ in range(MAX_DRAWS):
             if len(found) >= count:
                 break
-            places = scattered(count, size, rng)
-            found = np.concatenate([found, places[np.isfinite(norms(terms, places))]])
+            places = scatter_places(count, size, rng)
+            found = np.concatenate([found, places[np.isfinite(residual_norms(terms, places))]])
         if not len(found):
-            raise ValueError(f"none of {DRAWS * count} random designs is possible; widen bounds")
+            raise ValueError(
+                f"none of {MAX_DRAWS * count} random designs is possible; widen bounds"
+            )
         return self.fresh(0, found[:count], terms)
 
     def fresh(self, step: int, places: Array, terms: CostTerms) -> SearchState:
         """The state of descents that begin at given places."""
-        return SearchState(step, places, norms(terms, places), np.full(len(places), DAMPED))
+        return SearchState(
+            step, places, residual_norms(terms, places), np.full(len(places), START_DAMPING)
+        )
 
     def terms(self, heat: int) -> CostTerms:
         """The terms that a heat uses, as a function of places."""
         last = heat == len(self.effort.heats) - 1
-        of = self.problem.residuals if last else self.problem.coarse
-        return lambda places: of(self.vectors(places))
+        evaluate = self.problem.residuals if last else self.problem.coarse
+        return lambda places: evaluate(self.vectors(places))
 
     def shares(self, vectors: Array) -> Array:
         """Designs (B, d) as shares [1] of the distance between their bounds."""
@@ -325,10 +336,10 @@ class SavedSearch:
         """Write the state to a second file, which then replaces the old one."""
         self.saved = time.monotonic()
         if self.file:
-            half = self.file.with_suffix(".part")
-            with half.open("wb") as stream:
+            partial = self.file.with_suffix(".part")
+            with partial.open("wb") as stream:
                 np.savez(stream, key=self.key, **asdict(self.state))
-            os.replace(half, self.file)
+            os.replace(partial, self.file)
 
     def load(self) -> SearchState:
         """Read the state from the file."""

@@ -26,12 +26,12 @@ from proofmass.analytic.balancer.path import along, follow
 from proofmass.analytic.balancer.synthesis import RIGHT_ANGLE, Synthesis
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
-from proofmass.recorded import named_rows
+from proofmass.recorded import read_named_rows
 
 # Stiffnesses [N m/rad] of the prototype's springs: van Nes 2022, table J.1, with six decimals that
 # follow from the deviations in table J.2.
 CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
-HEADER = ("spring", "stiffness [N m/rad]")
+CATALOGUE_HEADER = ("spring", "stiffness [N m/rad]")
 
 
 STRIP_HEADER = (
@@ -43,8 +43,18 @@ STRIP_HEADER = (
     "modulus [GPa]",
     "stress [MPa]",
 )
-SCALES = (1e-3, 1e-3, 1e-3, 1e-3, 1e9, 1e6)  # factors of the columns after the name, to SI units
-PARALLEL = (1, 2)  # numbers of springs at a joint; the thesis's prototype has two, wound oppositely
+STRIP_SCALES = (
+    1e-3,
+    1e-3,
+    1e-3,
+    1e-3,
+    1e9,
+    1e6,
+)  # factors of the columns after the name, to SI units
+SPRING_COUNTS = (
+    1,
+    2,
+)  # numbers of springs at a joint; the thesis's prototype has two, wound oppositely
 
 
 @dataclass(frozen=True)
@@ -98,7 +108,9 @@ class Selection:
     scale: float
 
 
-def select(stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGUE) -> Selection:
+def select_springs(
+    stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGUE
+) -> Selection:
     r"""Choose the catalogue springs whose ratios fit a design best, at most two at each joint.
 
     ::
@@ -125,7 +137,7 @@ def select(stiffness: Sequence[float], catalogue: Mapping[str, float] = CATALOGU
 
     Examples
     --------
-    >>> select([1.498937760758821, 1.0, 4.847839773931474]).springs
+    >>> select_springs([1.498937760758821, 1.0, 4.847839773931474]).springs
     (('907',), ('903',), ('907', '908'))
     """
     wanted = np.asarray(stiffness, float)
@@ -164,19 +176,21 @@ def read_catalogue(file: Path) -> dict[str, float]:
         There is no such file, its header differs, a stiffness is not a positive number, or a name
         occurs twice.
     """
-    return {name: value for name, (value,) in named_rows(file, HEADER, "spring").items()}
+    return {
+        name: value for name, (value,) in read_named_rows(file, CATALOGUE_HEADER, "spring").items()
+    }
 
 
-def described(
+def describe_design(
     task: Synthesis,
     vectors: Array,
-    stock: Mapping[str, float],
+    catalogue: Mapping[str, float],
     strips: Sequence[SpringStrip] = (),
     moment: float = 1.0,
 ) -> dict[str, Any]:
     """The record of the first of the designs (B, d), which are sorted with the best first.
 
-    For linear springs it includes catalogue springs (from `stock`), for that design with which
+    For linear springs it includes catalogue springs (from `catalogue`), for that design with which
     they give the smallest error.  With `strips` it includes the clock springs with which the first
     design balances m g r = `moment` [N m].
     """
@@ -190,16 +204,16 @@ def described(
         "figure": variant.figure,
         "bounds": variant.bounds,
         "points": task.angles.size,
-        **worth(task, vectors[0]),
+        **design_figures(task, vectors[0]),
     }
-    if variant.springs == "linear" and (chosen := built(task, vectors, stock)):
+    if variant.springs == "linear" and (chosen := fit_catalogue(task, vectors, catalogue)):
         record["selection"] = chosen
     if strips:
-        record["clock_springs"] = wound(task, vectors[0], strips, moment)
+        record["clock_springs"] = choose_clock_springs(task, vectors[0], strips, moment)
     return record
 
 
-def wound(
+def choose_clock_springs(
     task: Synthesis, vector: Array, strips: Sequence[SpringStrip], moment: float
 ) -> list[dict[str, Any]]:
     """The clock spring of each joint of a design (d,) for m g r = `moment` [N m].
@@ -212,12 +226,12 @@ def wound(
     angle = np.concatenate([[0.0], task.angles])
     largest = np.abs(along(chain, follow(chain, RIGHT_ANGLE), angle).moment[0]).max(axis=0)
     found: list[dict[str, Any]] = []
-    for i, most in enumerate(largest * moment, 1):
+    for i, moment_at_joint in enumerate(largest * moment, 1):
         k = float(flat[f"stiffness{i}"][0]) * moment
-        joint: dict[str, Any] = {"joint": i, "stiffness": k, "moment": float(most)}
+        joint: dict[str, Any] = {"joint": i, "stiffness": k, "moment": float(moment_at_joint)}
         if k > 0:
             try:
-                spring = choose(k, float(most), strips)
+                spring = choose_strip(k, float(moment_at_joint), strips)
             except ValueError as error:
                 joint["why"] = str(error)
             else:
@@ -231,7 +245,7 @@ def wound(
     return found
 
 
-def worth(task: Synthesis, vector: Array) -> dict[str, Any]:
+def design_figures(task: Synthesis, vector: Array) -> dict[str, Any]:
     """Error, work reduction, spread of energy and parameters of a design (d,)."""
     figures = task.figures(vector[None])
     return {
@@ -242,7 +256,9 @@ def worth(task: Synthesis, vector: Array) -> dict[str, Any]:
     }
 
 
-def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[str, Any]:
+def fit_catalogue(
+    task: Synthesis, vectors: Array, catalogue: Mapping[str, float]
+) -> dict[str, Any]:
     """Catalogue springs for the design that has the smallest error with them, and its figures.
 
     All designs are tried, since designs near the best one are nearly as good and have other ratios
@@ -252,11 +268,15 @@ def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[s
     places = [
         list(task.variant.usual).index(f"stiffness{i + 1}") for i in range(task.variant.segments)
     ]
-    tried = [(vector, select(vector[places], stock)) for vector in vectors if vector[places[1]] > 0]
+    tried = [
+        (vector, select_springs(vector[places], catalogue))
+        for vector in vectors
+        if vector[places[1]] > 0
+    ]
     if not tried:
         return {}
-    with_them = np.array([fitted(vector, chosen, places) for vector, chosen in tried])
-    errors = task.figures(with_them).rmse
+    with_springs = np.array([replace_stiffness(vector, chosen, places) for vector, chosen in tried])
+    errors = task.figures(with_springs).rmse
     if np.isnan(errors).all():
         return {}
     best = int(np.nanargmin(errors))
@@ -267,11 +287,11 @@ def built(task: Synthesis, vectors: Array, stock: Mapping[str, float]) -> dict[s
         "ratios": chosen.ratios,
         "error": chosen.error,
         "moment": chosen.scale,
-        **worth(task, with_them[best]),
+        **design_figures(task, with_springs[best]),
     }
 
 
-def fitted(vector: Array, chosen: Selection, places: list[int]) -> Array:
+def replace_stiffness(vector: Array, chosen: Selection, places: list[int]) -> Array:
     """A design (d,) with its stiffnesses replaced by the chosen ones, scaled to m g r = 1 N m.
 
     `places` are the indices of the stiffnesses in the vector.
@@ -323,7 +343,7 @@ class ClockSpring:
         return found
 
 
-def stiffness(strip: SpringStrip, length: float) -> float:
+def strip_stiffness(strip: SpringStrip, length: float) -> float:
     """Stiffness k = E b t^3/(12 L) [N m/rad] of a clock spring from a strip of a length [m].
 
     Source: van Nes 2022, eq. I.1, line 1562.  The equation is that of a straight strip in bending,
@@ -332,13 +352,13 @@ def stiffness(strip: SpringStrip, length: float) -> float:
     2 pi n (r_in + r_out)/2, since not the whole length bends.
 
     >>> steel = SpringStrip("907", 6e-3, 0.6e-3, 0.1, 2.0, 206e9, 1.4e9)
-    >>> round(stiffness(steel, 0.597409), 6)
+    >>> round(strip_stiffness(steel, 0.597409), 6)
     0.037241
     """
     return strip.modulus * strip.width * strip.thickness**3 / (12.0 * length)
 
 
-def clock_spring(k: float, moment: float, strip: SpringStrip, count: int = 1) -> ClockSpring:
+def make_clock_spring(k: float, moment: float, strip: SpringStrip, count: int = 1) -> ClockSpring:
     """The clock spring from a strip with a given stiffness, and its stress.
 
     Whether it can be made is not checked; see `ClockSpring.faults`.
@@ -353,13 +373,13 @@ def clock_spring(k: float, moment: float, strip: SpringStrip, count: int = 1) ->
     count : int
         Number of equal springs in parallel.
     """
-    length = stiffness(strip, 1.0) * count / k
+    length = strip_stiffness(strip, 1.0) * count / k
     return ClockSpring(
         strip, count, length, 6.0 * abs(moment) / count / (strip.width * strip.thickness**2)
     )
 
 
-def choose(k: float, moment: float, strips: Sequence[SpringStrip]) -> ClockSpring:
+def choose_strip(k: float, moment: float, strips: Sequence[SpringStrip]) -> ClockSpring:
     """The clock springs of least volume that a maker accepts, one or two in parallel.
 
     Raises
@@ -367,7 +387,7 @@ def choose(k: float, moment: float, strips: Sequence[SpringStrip]) -> ClockSprin
     ValueError
         None can be made; the message lists the faults for each strip.
     """
-    tried = [clock_spring(k, moment, strip, n) for strip, n in product(strips, PARALLEL)]
+    tried = [make_clock_spring(k, moment, strip, n) for strip, n in product(strips, SPRING_COUNTS)]
     made = [spring for spring in tried if not spring.faults]
     if not made:
         why = "; ".join(f"{s.count} x {s.strip.name} {' and '.join(s.faults)}" for s in tried)
@@ -385,9 +405,9 @@ def read_strips(file: Path) -> list[SpringStrip]:
         a longest piece is not longer than the shortest.
     """
     found = []
-    for name, cells in named_rows(file, STRIP_HEADER, "strip").items():
+    for name, cells in read_named_rows(file, STRIP_HEADER, "strip").items():
         strip = SpringStrip(
-            name, *(cell * scale for cell, scale in zip(cells, SCALES, strict=True))
+            name, *(cell * scale for cell, scale in zip(cells, STRIP_SCALES, strict=True))
         )
         if not strip.shortest < strip.longest:
             raise InputError(file, name, "the longest piece must exceed the shortest")

@@ -12,14 +12,20 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from proofmass.analytic.balancer import Balancer
 from proofmass.analytic.balancer.measures import chain_of
-from proofmass.analytic.balancer.model import preloaded
+from proofmass.analytic.balancer.model import preload_spring
 from proofmass.engines import default_engines
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 
 GRAVITY = 9.81  # [m/s^2] to compute the mass at the tip from its weight; statics needs no mass
-LIGHT = 1e-3  # [kg/m] mass of the last segment over the pendulum's length; has no effect in statics
-DEGREE = 0.017453292519943295  # [rad] one degree: start of the drive if the rest pose is singular
-OPEN = 10.0  # [rad] second stop, beyond all deflections, of a joint with only one: MJCF needs two
+SEGMENT_LINE_MASS = (
+    1e-3  # [kg/m] mass of the last segment over the pendulum's length; has no effect in statics
+)
+SINGULAR_START = (
+    0.017453292519943295  # [rad] one degree: start of the drive if the rest pose is singular
+)
+MISSING_STOP = (
+    10.0  # [rad] second stop, beyond all deflections, of a joint with only one: MJCF needs two
+)
 SOLVERS = default_engines()
 
 
@@ -160,7 +166,7 @@ def write_case(
     drawn += ["expected_moment"] * ("expected" in parameters)
     drawn += ["frictionless_moment"] * friction
     drawn += ["expected_measurement"] * ("expected" in parameters)
-    chain = segments(design, parameters)
+    chain = make_segments(design, parameters)
     words = {
         "name": name,
         "title": title,
@@ -178,17 +184,17 @@ def write_case(
         "gravity": GRAVITY,
         "extends": bool(design.extension1.any() or design.extension2.any()),
         "energy": not any(s.load for s in chain),
-        "first": DEGREE if (design.loose * design.preload[:, -1]).any() else 0.0,
+        "first": SINGULAR_START if (design.loose * design.preload[:, -1]).any() else 0.0,
     }
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for ending in ("xml", "toml"):
-        text = environment().get_template(f"balancer.{ending}.jinja").render(words)
-        write_whole(folder / f"{name}.{ending}", text)
+        text = template_environment().get_template(f"balancer.{ending}.jinja").render(words)
+        write_atomically(folder / f"{name}.{ending}", text)
     return folder / f"{name}.toml"
 
 
-def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]:
+def make_segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]:
     """The segments of a single design, from O outwards.
 
     Each segment has the mass of all segments that it carries together, so that its centre of mass
@@ -200,8 +206,8 @@ def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]
             float(design.preload[0, i]),
             *(float(parameters.get(f"{name}{i + 1}", 0.0)) for name in ("stiffness", "quadratic")),
         )
-        wound = float(preloaded(np.array(k), np.array(a), np.array(preload))[1])
-        steady = np.isinf(wound)
+        wound = float(preload_spring(np.array(k), np.array(a), np.array(preload))[1])
+        has_constant_moment = np.isinf(wound)
         low, high = float(design.low[0, i]), float(design.high[0, i])
         found.append(
             Segment(
@@ -209,25 +215,29 @@ def segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]
                 found[-1].end if found else (0.0, 0.0),
                 float(design.rest[0, i]),
                 float(design.length[0, i]),
-                LIGHT * float(design.pendulum[0]) * 2.0 ** max(design.segments - 2 - i, 0),
+                SEGMENT_LINE_MASS
+                * float(design.pendulum[0])
+                * 2.0 ** max(design.segments - 2 - i, 0),
                 i < design.segments - 1,
                 (k, a) if a else (k,) if k else (),
-                0.0 if steady else wound,
-                preload if steady else 0.0,
-                () if np.isinf([low, high]).all() else (max(low, -OPEN), min(high, OPEN)),
+                0.0 if has_constant_moment else wound,
+                preload if has_constant_moment else 0.0,
+                ()
+                if np.isinf([low, high]).all()
+                else (max(low, -MISSING_STOP), min(high, MISSING_STOP)),
                 float(parameters.get(f"friction{i + 1}", 0.0)),
             )
         )
     return found
 
 
-def digits(numbers: Iterable[float]) -> str:
+def format_numbers(numbers: Iterable[float]) -> str:
     """Numbers as MJCF has them: with all their digits, separated by blanks."""
     return " ".join(repr(float(x) + 0.0) for x in numbers)  # no -0.0
 
 
 @cache
-def environment() -> Environment:
+def template_environment() -> Environment:
     """The Jinja environment of the templates, in which unknown names are errors."""
     found = Environment(
         loader=PackageLoader("proofmass.design"),
@@ -236,6 +246,6 @@ def environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    found.filters["digits"] = digits
+    found.filters["digits"] = format_numbers
     found.filters["toml"] = partial(json.dumps, ensure_ascii=False)
     return found

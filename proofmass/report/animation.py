@@ -25,57 +25,57 @@ from PIL import Image
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, RunTable
-from proofmass.check import CheckTask, Result, judge, run_one
+from proofmass.check import CheckTask, Result, collect_outcomes, run_solver
 from proofmass.compare import compare
-from proofmass.engines import computes
-from proofmass.errors import InputError, suggest
-from proofmass.files import write_whole
-from proofmass.outcome import FAILED
-from proofmass.report.case_data import vertices
+from proofmass.engines import computes_curves
+from proofmass.errors import InputError, suggest_names
+from proofmass.files import write_atomically
+from proofmass.outcome import FAILED_OUTCOMES
+from proofmass.report.case_data import rod_vertices
 from proofmass.report.case_figures import (
-    SECONDS,
-    jumps_of_mechanism,
-    measured,
-    moved_here,
-    tracks,
+    DRAWING_SECONDS,
+    compute_motion,
+    measured_curves,
+    measured_paths,
+    mechanism_jumps,
 )
 from proofmass.report.data import PlottedRun, plotted_run
 from proofmass.report.mechanism import (
-    COIL,
+    GROUND_COLOUR,
     INK,
     MARGIN,
-    SOFT,
-    TRACK,
+    PATH_COLOUR,
+    SPRING_COLOUR,
     Scale,
     Tracks,
-    guide,
-    pose_in_words,
+    draw_clamp,
+    draw_guide,
+    draw_joint,
+    draw_support,
+    format_pose,
     scale_for,
-    sign,
     spiral,
-    support,
-    wall,
     zigzag,
 )
-from proofmass.report.style import RC, REFERENCE, looks
+from proofmass.report.style import RC, REFERENCE_STYLE, solver_looks
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
 from proofmass.strict import Kind
 from proofmass.wording import format_solver, number
-from proofmass.worker import isolated
+from proofmass.worker import call_isolated
 
-FRAMES, MOST_FRAMES = 60, 600
-LASTS = 4.0  # [s] playing time of an animation by default
+DEFAULT_FRAMES, MAX_FRAMES = 60, 600
+DEFAULT_SECONDS = 4.0  # [s] playing time of an animation by default
 FORMATS = {".gif": "GIF", ".webp": "WEBP"}
-QUALITY = 50  # quality of WebP pictures, from 0 to 100
-COLOURS = 64  # number of colours in a GIF's palette
+WEBP_QUALITY = 50  # quality of WebP pictures, from 0 to 100
+GIF_COLOURS = 64  # number of colours in a GIF's palette
 # [pt] room for the mechanism, and dots per inch
-WIDE, HIGH, DOTS = 350.0, 300.0, 80
+MECHANISM_WIDTH, MECHANISM_HEIGHT, DOTS_PER_INCH = 350.0, 300.0, 80
 # [pt] margins above, below the axis (with the legend), and at the right
-HEAD, FOOT, RIGHT = 16.0, 40.0, 8.0
-PAD = 26.0  # [pt] around the mechanism
-STILL = 1e-9  # of the mechanism's size: a smaller displacement counts as none
-CLOSED = 1e-3  # of a curve's range: a motion with a smaller distance of its ends is closed
+TOP_MARGIN, BOTTOM_MARGIN, RIGHT_MARGIN = 16.0, 40.0, 8.0
+PADDING = 26.0  # [pt] around the mechanism
+MIN_MOTION = 1e-9  # of the mechanism's size: a smaller displacement counts as none
+CLOSED_SHARE = 1e-3  # of a curve's range: a motion with a smaller distance of its ends is closed
 Places = Array
 
 
@@ -114,7 +114,7 @@ class Animation:
             The file cannot be written.
         """
         file = Path(file)
-        write_whole(file, self.encoded(format_of(file)))
+        write_atomically(file, self.encoded(file_format(file)))
 
     def encoded(self, form: str = "WEBP") -> bytes:
         """Encode the animation as the content of a file; `form` is GIF or WEBP."""
@@ -122,11 +122,11 @@ class Animation:
         pause = 1000 * self.seconds / len(images)
         if form == "GIF":  # its unit of time is 10 ms
             middle = images[len(images) // 2]
-            palette = middle.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2)
+            palette = middle.quantize(GIF_COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2)
             images = [i.quantize(palette=palette, dither=Image.Dither.NONE) for i in images]
             how = {"duration": max(round(pause / 10) * 10, 20), "optimize": False}
         else:
-            how = {"duration": max(round(pause), 1), "quality": QUALITY, "method": 4}
+            how = {"duration": max(round(pause), 1), "quality": WEBP_QUALITY, "method": 4}
         stream = io.BytesIO()
         images[0].save(stream, form, save_all=True, append_images=images[1:], loop=0, **how)
         return stream.getvalue()
@@ -145,8 +145,8 @@ def animate(
     run: Kind | None = None,
     solvers: Iterable[str] | None = None,
     *,
-    frames: int = FRAMES,
-    seconds: float = LASTS,
+    frames: int = DEFAULT_FRAMES,
+    seconds: float = DEFAULT_SECONDS,
     magnify: float = 1.0,
     samples: int | None = None,
 ) -> Animation:
@@ -190,7 +190,7 @@ def animate(
     Animation('fourbar, sweep: reference and MuJoCo', 8 pictures, 4 s)
     """
     require_numbers(frames, seconds, magnify)
-    kind = run_in_motion(case, run)
+    kind = choose_run(case, run)
     table = case.run[kind]
     if samples is not None:
         table = with_samples(case, kind, samples)
@@ -198,19 +198,23 @@ def animate(
     case = case.model_copy(
         update={"run": {kind: table.model_copy(update={"solvers": chosen})}, "tolerance": ()}
     )
-    result, hold = Result(cases=[case]), partial(compare, detectable=False)
+    result, compare_curves = Result(cases=[case]), partial(compare, detectable=False)
     tasks: list[CheckTask] = [(case, kind, solver) for solver in chosen]
-    judge(tasks, {k: run_one(case, kind, s, hold) for k, s in enumerate(chosen)}, result)
+    collect_outcomes(
+        tasks, {k: run_solver(case, kind, s, compare_curves) for k, s in enumerate(chosen)}, result
+    )
     failed = {
-        c.solver: f"{c.outcome}: {c.message}" for c in result.comparisons if c.outcome in FAILED
+        c.solver: f"{c.outcome}: {c.message}"
+        for c in result.comparisons
+        if c.outcome in FAILED_OUTCOMES
     }
     names = [format_solver(solver) for solver in chosen]
     title = f"{case.name}, {kind}: reference and {' and '.join(names)}"
     if magnify != 1:
         title += f", differences {number(magnify)} times as large"
     try:
-        pictures, stopped = isolated(
-            drawn_frames, case, kind, result, frames, magnify, timeout=SECONDS
+        pictures, stopped = call_isolated(
+            draw_frames, case, kind, result, frames, magnify, timeout=DRAWING_SECONDS
         )
     except InputError:
         raise
@@ -244,21 +248,21 @@ def first_of_engines(solvers: Iterable[str]) -> list[str]:
     """
     first: dict[str, str] = {}
     for solver in solvers:
-        first.setdefault(solver.partition(":")[0] if computes(solver) else solver, solver)
+        first.setdefault(solver.partition(":")[0] if computes_curves(solver) else solver, solver)
     return list(first.values())
 
 
 def require_numbers(frames: int, seconds: float, magnify: float) -> None:
     """Raise ValueError where a number is out of its range."""
-    if not 2 <= frames <= MOST_FRAMES:
-        raise ValueError(f"frames = {frames}: a motion has 2 to {MOST_FRAMES} pictures")
+    if not 2 <= frames <= MAX_FRAMES:
+        raise ValueError(f"frames = {frames}: a motion has 2 to {MAX_FRAMES} pictures")
     if not 0 < seconds < np.inf:
         raise ValueError(f"seconds = {seconds:g}: give a time above 0")
     if not 0 <= magnify < np.inf:
         raise ValueError(f"magnify = {magnify:g}: give 1, or how many times as large, such as 10")
 
 
-def format_of(file: Path) -> str:
+def file_format(file: Path) -> str:
     """Return GIF or WEBP, by the ending of a file.
 
     Raises
@@ -270,17 +274,19 @@ def format_of(file: Path) -> str:
         return FORMATS[file.suffix.lower()]
     except KeyError:
         ending = f"ends in {file.suffix!r}" if file.suffix else "has no ending"
-        raise InputError(file, "", f"{ending}; {suggest(file.suffix, FORMATS, 'known')}") from None
+        raise InputError(
+            file, "", f"{ending}; {suggest_names(file.suffix, FORMATS, 'known')}"
+        ) from None
 
 
 def require_writable(file: Path) -> None:
     """Raise InputError if a file ends in neither .gif nor .webp, or its folder does not exist."""
-    format_of(file)
+    file_format(file)
     if not file.parent.is_dir():
         raise InputError(file, "", f"there is no folder {str(file.parent)!r} to write it to")
 
 
-def run_in_motion(case: Case, run: Kind | None = None) -> Kind:
+def choose_run(case: Case, run: Kind | None = None) -> Kind:
     """Return the run to animate: the given one, or the first that is no equilibrium.
 
     Raises
@@ -296,11 +302,11 @@ def run_in_motion(case: Case, run: Kind | None = None) -> Kind:
     if run == "equilibrium":
         raise InputError(case.file, "run.equilibrium", "nothing moves in it; take another run")
     if run is not None and run not in moving:
-        raise InputError(case.file, f"run.{run}", f"no such run; {suggest(run, moving)}")
+        raise InputError(case.file, f"run.{run}", f"no such run; {suggest_names(run, moving)}")
     return run or moving[0]
 
 
-def drawn_frames(
+def draw_frames(
     case: Case, kind: Kind, result: Result, frames: int, magnify: float
 ) -> tuple[Array, str]:
     """Draw the pictures (n, height, width, 3), and tell why the motion ends early, if it does.
@@ -308,38 +314,42 @@ def drawn_frames(
     `animate` calls this in another process.
     """
     view = plotted_run(result, case, kind)
-    again = returns(view)
-    jumps = jumps_of_mechanism(view)
-    moved = moved_here(case, kind, measured(view), frames + again, jumps)
+    again = is_closed(view)
+    jumps = mechanism_jumps(view)
+    moved = compute_motion(case, kind, measured_curves(view), frames + again, jumps)
     if moved.along:
         raise InputError(
             case.model_path, "", "it leaves every plane: the page of a report plays it from a side"
         )
-    if not moves(moved.picture):
+    if not is_moving(moved.picture):
         raise InputError(
             case.file, f"run.{kind}", moved.picture.stopped or "nothing moves in this run"
         )
     with rc_context(RC):
-        stage = Stage(
-            case, view.solvers, moved, tracks([view] if view.curves else [], moved.picture), magnify
+        stage = AnimationFigure(
+            case,
+            view.solvers,
+            moved,
+            measured_paths([view] if view.curves else [], moved.picture),
+            magnify,
         )
         share = np.arange(frames) / (frames if again else frames - 1)
         return stage.frames(share), moved.picture.stopped
 
 
-def corners(picture: Picture) -> Array:
+def picture_points(picture: Picture) -> Array:
     """Return all points of a picture, of links and joints (poses, points, 2) [m]."""
     lines = [outline for link in picture.links for outline in link.outlines]
     return np.concatenate([*lines, *(mark.at[:, None] for mark in picture.marks)], axis=1)
 
 
-def moves(picture: Picture) -> bool:
+def is_moving(picture: Picture) -> bool:
     """Whether any point of a picture moves between its poses."""
-    points = corners(picture)
-    return bool(np.ptp(points, axis=0).max() > STILL * np.ptp(points, axis=(0, 1)).max())
+    points = picture_points(picture)
+    return bool(np.ptp(points, axis=0).max() > MIN_MOTION * np.ptp(points, axis=(0, 1)).max())
 
 
-def returns(view: PlottedRun) -> bool:
+def is_closed(view: PlottedRun) -> bool:
     """Whether the motion is closed: places and angles of the reference end as they began.
 
     Angles may differ by whole turns.
@@ -350,33 +360,33 @@ def returns(view: PlottedRun) -> bool:
         for name, unit in units.items()
         if unit in ("m", "rad")
     ]
-    off = [
+    distances = [
         abs(np.remainder(y[-1] - y[0] + turn / 2, turn) - turn / 2) / (np.ptp(y) or 1.0)
         if np.isfinite(turn)
         else abs(y[-1] - y[0]) / (np.ptp(y) or 1.0)
         for y, turn in ends
     ]
-    return bool(off) and max(off) < CLOSED
+    return bool(distances) and max(distances) < CLOSED_SHARE
 
 
-def placed(points: Array, places: Array) -> Array:
+def move_points(points: Array, places: Array) -> Array:
     """Move points (k, 2) of a body's frame to its places x, y, angle (poses, 3): (poses, k, 2)."""
     cos, sin = np.cos(places[:, 2]), np.sin(places[:, 2])
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], 1)
     return np.asarray(points @ turn.transpose(0, 2, 1) + places[:, None, :2])
 
 
-def between(rows: Array, at: Array, jumps: Sequence[int]) -> Array:
+def interpolate_poses(rows: Array, numbers: Array, jumps: Sequence[int]) -> Array:
     """Interpolate rows of poses at fractional numbers of poses; at a jump the nearest row is taken.
 
     `jumps` are the numbers of the poses after a jump.
 
-    >>> between(np.array([0.0, 1.0, 5.0]), np.array([0.5, 1.2, 2.0]), [2])
+    >>> interpolate_poses(np.array([0.0, 1.0, 5.0]), np.array([0.5, 1.2, 2.0]), [2])
     array([0.5, 1. , 5. ])
     """
-    first = np.clip(np.floor(at).astype(int), 0, max(len(rows) - 2, 0))
+    first = np.clip(np.floor(numbers).astype(int), 0, max(len(rows) - 2, 0))
     second = np.minimum(first + 1, len(rows) - 1)
-    share = at - first
+    share = numbers - first
     share = np.where(np.isin(second, list(jumps)), np.round(share), share)
     share = share.reshape(-1, *[1] * (rows.ndim - 1))
     with np.errstate(invalid="ignore"):
@@ -384,7 +394,7 @@ def between(rows: Array, at: Array, jumps: Sequence[int]) -> Array:
     return np.where(share == 0, rows[first], np.where(share == 1, rows[second], mixed))
 
 
-class Stage:
+class AnimationFigure:
     """The figure of an animation: fixed parts are drawn once, moving parts for each picture."""
 
     def __init__(
@@ -392,13 +402,23 @@ class Stage:
     ) -> None:
         self.case, self.motion, self.magnify = case, moved, magnify
         picture = moved.picture
-        self.scale = scale_for(picture, paths, WIDE, HIGH, PAD)
+        self.scale = scale_for(picture, paths, MECHANISM_WIDTH, MECHANISM_HEIGHT, PADDING)
         wide, high = (self.scale.high - self.scale.low) * self.scale.points
-        size = np.array([max(MARGIN + wide + RIGHT, 300.0), HEAD + high + FOOT + MARGIN / 2])
-        self.figure = Figure(figsize=tuple(size / 72), dpi=DOTS, facecolor="white")
+        size = np.array(
+            [
+                max(MARGIN + wide + RIGHT_MARGIN, 300.0),
+                TOP_MARGIN + high + BOTTOM_MARGIN + MARGIN / 2,
+            ]
+        )
+        self.figure = Figure(figsize=tuple(size / 72), dpi=DOTS_PER_INCH, facecolor="white")
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes = self.figure.add_axes(
-            (MARGIN / size[0], (FOOT + MARGIN / 2) / size[1], wide / size[0], high / size[1])
+            (
+                MARGIN / size[0],
+                (BOTTOM_MARGIN + MARGIN / 2) / size[1],
+                wide / size[0],
+                high / size[1],
+            )
         )
         self.axes.set(
             xlim=(self.scale.low[0], self.scale.high[0]),
@@ -409,22 +429,24 @@ class Stage:
         self.words = self.axes.text(
             0.0, 1.0 + 4.0 / high, "", transform=self.axes.transAxes, fontsize=8.5, weight="bold"
         )
-        stand_still(self.axes, picture, paths, self.scale)
-        style = looks(solvers)
+        draw_fixed_parts(self.axes, picture, paths, self.scale)
+        style = solver_looks(solvers)
         present = [solver for solver in solvers if solver in moved.away]
         self.first = present[0] if present else ""
         self.keys = list[Line2D]()
         self.parties = {
-            "": self.party("reference", REFERENCE["color"], 6.0, 0)
+            "": self.add_party("reference", REFERENCE_STYLE["color"], 6.0, 0)
             if present
-            else self.party("model", INK, 2.2, 0)
+            else self.add_party("model", INK, 2.2, 0)
         }
         for k, solver in enumerate(present):
-            self.parties[solver] = self.party(format_solver(solver), style[solver].colour, 2.0, k)
-        self.guides = self.lines(SOFT, 1.0, 1, zorder=2.5)
-        self.coils = self.lines(COIL, 1.1, 0, zorder=7)
+            self.parties[solver] = self.add_party(
+                format_solver(solver), style[solver].colour, 2.0, k
+            )
+        self.guides = self.lines(GROUND_COLOUR, 1.0, 1, zorder=2.5)
+        self.coils = self.lines(SPRING_COLOUR, 1.1, 0, zorder=7)
         self.signs = [
-            (number, sign(self.axes, spot.kind, spot.driven, np.zeros(2), 1.0))
+            (number, draw_joint(self.axes, spot.kind, spot.driven, np.zeros(2), 1.0))
             for number, spot in enumerate(moved.spots)
             if spot.kind in ("hinge", "slide", "pin")
         ]
@@ -443,7 +465,7 @@ class Stage:
         self.axes.add_collection(found, autolim=False)
         return found
 
-    def party(self, name: str, colour: str, width: float, gaps: int) -> LineCollection:
+    def add_party(self, name: str, colour: str, width: float, gaps: int) -> LineCollection:
         """Add the empty lines of the reference or of a solver, and its entry of the legend."""
         dash: Any = (0, (1.5, 1.5 * gaps)) if gaps else "-"
         self.keys.append(Line2D([], [], color=colour, linewidth=width, linestyle=dash, label=name))
@@ -453,7 +475,9 @@ class Stage:
         """Draw the legend below the axes."""
         rows = self.keys
         if paths:
-            rows.append(Line2D([], [], color=TRACK, linewidth=0.9, linestyle="--", label="path"))
+            rows.append(
+                Line2D([], [], color=PATH_COLOUR, linewidth=0.9, linestyle="--", label="path")
+            )
         if self.magnify != 1:
             label = f"differences × {number(self.magnify)}"
             rows.append(Line2D([], [], linestyle="", label=label))
@@ -480,7 +504,7 @@ class Stage:
             artist.set_animated(True)
         self.canvas.draw()
         still = self.canvas.copy_from_bbox(self.figure.bbox)
-        inputs = between(picture.inputs.T, at, moved.jumps).T
+        inputs = interpolate_poses(picture.inputs.T, at, moved.jumps).T
         spots = self.spots(lead)
         found = []
         for k in range(len(share)):
@@ -494,7 +518,7 @@ class Stage:
                 for line in signs:
                     line.set_data(*spots[i][k, :1].T)
             self.words.set_text(
-                pose_in_words(self.case, first + share[k] * (last - first), inputs[:, k]).replace(
+                format_pose(self.case, first + share[k] * (last - first), inputs[:, k]).replace(
                     "\n", " "
                 )
             )
@@ -510,9 +534,9 @@ class Stage:
         for the reference.
         """
         moved = self.motion
-        places = between(moved.places, at, moved.jumps)
+        places = interpolate_poses(moved.places, at, moved.jumps)
         if party:
-            places = places + self.magnify * between(moved.away[party], at, moved.jumps)
+            places = places + self.magnify * interpolate_poses(moved.away[party], at, moved.jumps)
         return places
 
     def strokes(self, places: Places) -> list[Array]:
@@ -522,10 +546,10 @@ class Stage:
         for k, body in enumerate(self.motion.bodies):
             for outline in body.outlines if k not in in_rods else ():
                 closed = np.vstack([outline, outline[:1]]) if len(outline) > 2 else outline
-                found.append(placed(closed, places[:, k]))
+                found.append(move_points(closed, places[:, k]))
         for links in self.motion.rods.values():
-            ends = vertices(self.motion, links)
-            points = [placed(at[None], places[:, k]) for k, at in ends]
+            ends = rod_vertices(self.motion, links)
+            points = [move_points(at[None], places[:, k]) for k, at in ends]
             found.append(np.concatenate(points, axis=1))
         return found
 
@@ -535,7 +559,7 @@ class Stage:
         for spot in self.motion.spots:
             points = np.stack([spot.at] if spot.to is None else [spot.at, spot.to])
             grounded = np.broadcast_to(points, (len(places), *points.shape))
-            found.append(placed(points, places[:, spot.body]) if spot.body >= 0 else grounded)
+            found.append(move_points(points, places[:, spot.body]) if spot.body >= 0 else grounded)
         return found
 
     def numbers(self, kind: str) -> list[int]:
@@ -551,7 +575,7 @@ class Stage:
         found = []
         for coil in self.motion.coils:
             ends = [
-                placed(at[None], places[None, body])[0, 0] if body >= 0 else at
+                move_points(at[None], places[None, body])[0, 0] if body >= 0 else at
                 for body, at in zip(coil.body, coil.at, strict=True)
             ]
             found.append(zigzag(np.array(ends), self.scale.points))
@@ -564,16 +588,18 @@ class Stage:
         return np.asarray(at + spiral(inner, outer) / self.scale.points)
 
 
-def stand_still(ax: Axes, picture: Picture, paths: Tracks, scale: Scale) -> None:
+def draw_fixed_parts(ax: Axes, picture: Picture, paths: Tracks, scale: Scale) -> None:
     """Draw the ground, supports, guides and clamps on it, and the paths of measured points."""
     for outline in picture.ground.outlines:
-        ax.fill(*outline[0].T, facecolor="#d5d9de", edgecolor=SOFT, linewidth=1.0, zorder=1)
+        ax.fill(
+            *outline[0].T, facecolor="#d5d9de", edgecolor=GROUND_COLOUR, linewidth=1.0, zorder=1
+        )
     for path in paths.values():
-        ax.plot(*path.T, color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+        ax.plot(*path.T, color=PATH_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
     for mark in picture.marks:
         if mark.kind == "clamp" and mark.guide is not None:
-            wall(ax, mark.guide[0], scale, 1.0)
+            draw_clamp(ax, mark.guide[0], scale, 1.0)
         elif mark.guide is not None and mark.ground:
-            guide(ax, mark.guide[0], True, scale, 1.0)
+            draw_guide(ax, mark.guide[0], True, scale, 1.0)
         elif mark.ground and mark.kind != "slide":
-            support(ax, mark.at[0], scale, 1.0)
+            draw_support(ax, mark.at[0], scale, 1.0)

@@ -20,20 +20,31 @@ from proofmass import terminal
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import Comparison, scale_of
-from proofmass.outcome import FAILED, Outcome
-from proofmass.report.data import PlottedRun, drive_units, inputs, readable
+from proofmass.outcome import FAILED_OUTCOMES, Outcome
+from proofmass.report.data import PlottedRun, displayed_unit, drive_curves, drive_units
 from proofmass.report.style import Look
-from proofmass.report.tables import plain
-from proofmass.report.words import RUNS, kind_of
+from proofmass.report.tables import format_setting
+from proofmass.report.words import RUNS, quantity_kind
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
-from proofmass.wording import format_solver, is_variant, pretty
+from proofmass.wording import format_solver, format_unit, is_variant
 
-PAGE = 700_000  # [bytes] largest size of a page, with its data
-ROOM = 560_000  # [characters] largest size of the runs' data, before the rest of the page is known
-WHOLE = 2**15 - 1  # largest integer of 16 bits
-SEEN = 1e-3  # of the range: a solver's reference farther from the drawn one has its own curve
-CSS = {"o": "circle", "s": "square", "^": "up", "v": "down", "D": "diamond", "d": "diamond"}
+MAX_PAGE_BYTES = 700_000  # [bytes] largest size of a page, with its data
+MAX_RUNS_CHARACTERS = (
+    560_000  # [characters] largest size of the runs' data, before the rest of the page is known
+)
+LARGEST_INTEGER = 2**15 - 1  # largest integer of 16 bits
+MIN_REFERENCE_SHIFT = (
+    1e-3  # of the range: a solver's reference farther from the drawn one has its own curve
+)
+MARKER_NAMES = {
+    "o": "circle",
+    "s": "square",
+    "^": "up",
+    "v": "down",
+    "D": "diamond",
+    "d": "diamond",
+}
 
 
 def case_data(
@@ -52,7 +63,7 @@ def case_data(
     motions : mapping of str to Motion
         Motions of the mechanism by run.
     style : mapping of str to Look
-        From `proofmass.report.style.looks`.
+        From `proofmass.report.style.solver_looks`.
 
     Returns
     -------
@@ -79,29 +90,31 @@ def recorded_data(case: Case, runs: Iterable[PlottedRun]) -> dict[str, Any]:
             {"joint": drive.joint, "unit": unit}
             for drive, unit in zip(case.drive, units, strict=True)
         ],
-        "runs": runs_data(runs, ROOM),
+        "runs": runs_data(runs, MAX_RUNS_CHARACTERS),
     }
 
 
-def runs_data(runs: Sequence[PlottedRun], room: int) -> dict[str, Any]:
-    """Return the data of the runs by kind, in at most `room` characters.
+def runs_data(runs: Sequence[PlottedRun], max_characters: int) -> dict[str, Any]:
+    """Return the data of the runs by kind, in at most `max_characters` characters.
 
     Samples are left out, first of the runs that have most.  Ends, extremes, jumps and the places of
-    the largest errors are kept, even if the data are then longer than `room`.
+    the largest errors are kept, even if the data are then longer than `max_characters`.
     """
     lengths = {run.kind: len(run.longest.x) for run in runs if run.curves}
     most = max(lengths.values(), default=1)  # samples of a run, without those that must be kept
     while True:
         every = {kind: -(-length // most) for kind, length in lengths.items()}
         found: dict[str, Any] = {run.kind: run_data(run, every.get(run.kind, 1)) for run in runs}
-        if (size := len(embedded(found))) <= room or most == 1:
+        if (size := len(script_json(found))) <= max_characters or most == 1:
             return found
-        most = max(min(most * room // size, most - 1), 1)
+        most = max(min(most * max_characters // size, most - 1), 1)
 
 
-def embedded(data: Mapping[str, Any]) -> Markup:
+def script_json(data: Mapping[str, Any]) -> Markup:
     """Return a dict as JSON that is safe in an element ``script``."""
-    text = json.dumps(terminal.finite(data), separators=(",", ":"), allow_nan=False, default=str)
+    text = json.dumps(
+        terminal.replace_nonfinite(data), separators=(",", ":"), allow_nan=False, default=str
+    )
     return Markup(text.replace("<", "\\u003c"))
 
 
@@ -111,7 +124,7 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
     return {
         "label": format_solver(solver),
         "dash": list(look.dash[1]),
-        "marker": CSS.get(look.marker, "cross"),
+        "marker": MARKER_NAMES.get(look.marker, "cross"),
         "variant": is_variant(solver),
     }
 
@@ -119,7 +132,7 @@ def solver_data(solver: str, style: Mapping[str, Look]) -> dict[str, Any]:
 def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
     """Return the data of a run: samples, curves of the reference, and differences of solvers.
 
-    One of every `every` samples is drawn, see `kept`.
+    One of every `every` samples is drawn, see `kept_samples`.
     """
     found: dict[str, Any] = {
         "label": RUNS[run.kind].label,
@@ -133,10 +146,10 @@ def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
             found["solvers"][solver] = {"comparisons": own}
     if not run.curves:
         return found
-    index = kept(run, every)
+    index = kept_samples(run, every)
     x = run.longest.x
     found |= {
-        "x": packed(x[index], "<f8"),
+        "x": encode_numbers(x[index], "<f8"),
         "name": run.x_name,
         "unit": run.x_unit,
         "scale": run.x_scale,
@@ -146,16 +159,16 @@ def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
     }
     for name in run.channels:
         channel = run.case.channels[name]
-        unit, factor = readable(channel.unit)
+        unit, factor = displayed_unit(channel.unit)
         curve = run.longest.channels[name]
         found["channels"][name] = {
-            "unit": pretty(channel.unit),
+            "unit": format_unit(channel.unit),
             "factor": 1 / channel.factor,
-            "read": pretty(unit),
+            "read": format_unit(unit),
             "read_factor": factor if unit.startswith("deg") else 1 / channel.factor,
-            "kind": kind_of(channel.unit),
+            "kind": quantity_kind(channel.unit),
             "range": float(np.ptp(curve)) / channel.factor,
-            "curve": packed(curve[index], "<f8"),
+            "curve": encode_numbers(curve[index], "<f8"),
         }
         if places := run.jumps.of(name):
             found["channels"][name]["jumps"] = np.searchsorted(index, places).tolist()
@@ -169,7 +182,7 @@ def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
             "seconds": curves.seconds,
             "steps": curves.steps,
             "violation": curves.violation,
-            "settings": {key: plain(value) for key, value in curves.settings.items()},
+            "settings": {key: format_setting(value) for key, value in curves.settings.items()},
             "differences": {},
             "shifts": {},
             "jumps": {},
@@ -178,32 +191,36 @@ def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
             if name not in curves.channels:
                 continue
             wanted = reference.channels[name]
-            one["differences"][name] = packed((curves.channels[name] - wanted)[drawn], "<f4")
+            one["differences"][name] = encode_numbers(
+                (curves.channels[name] - wanted)[drawn], "<f4"
+            )
             if places := run.jumps_of[solver].of(name):
                 one["jumps"][name] = np.searchsorted(index, places).tolist()
             shift = wanted - run.longest.channels[name][: len(wanted)]
-            if np.nan_to_num(np.abs(shift)).max() > SEEN * (np.ptp(wanted) or np.inf):
-                one["shifts"][name] = packed(shift[drawn], "<f4")
-    for name, (law, moved, unit) in inputs(run).items():
-        read, factor = readable(unit)
+            if np.nan_to_num(np.abs(shift)).max() > MIN_REFERENCE_SHIFT * (
+                np.ptp(wanted) or np.inf
+            ):
+                one["shifts"][name] = encode_numbers(shift[drawn], "<f4")
+    for name, (law, moved, unit) in drive_curves(run).items():
+        read, factor = displayed_unit(unit)
         found["channels"][name] = {
-            "unit": pretty(unit),
+            "unit": format_unit(unit),
             "factor": 1.0,
-            "read": pretty(read),
+            "read": format_unit(read),
             "read_factor": factor,
             "kind": "drive",
             "range": float(np.ptp(law)),
-            "curve": packed(law[index], "<f8"),
+            "curve": encode_numbers(law[index], "<f8"),
         }
         for solver, values in moved.items():
             drawn = index[index < len(values)]
-            found["solvers"][solver]["differences"][name] = packed(
+            found["solvers"][solver]["differences"][name] = encode_numbers(
                 values[drawn] - law[drawn], "<f4"
             )
     return found
 
 
-def kept(run: PlottedRun, every: int) -> Array:
+def kept_samples(run: PlottedRun, every: int) -> Array:
     """Return the samples that are drawn.
 
     These are one of every `every` samples, the last one, extremes, both sides of jumps, and the
@@ -230,21 +247,22 @@ def comparison_data(run: PlottedRun, c: Comparison) -> dict[str, Any]:
         factor = run.case.channels[c.channel].factor
         scale = scale_of(run.case, run.kind, c.channel, curves, reference) / factor
     tolerance = run.case.tolerance_for(run.kind, c.solver, c.channel)
-    failed = c.outcome in (*FAILED, Outcome.UNSUPPORTED)
+    failed = c.outcome in (*FAILED_OUTCOMES, Outcome.UNSUPPORTED)
     agrees = c.outcome == Outcome.AGREES  # then the message is the reason of the tolerance
     return {
         "outcome": str(c.outcome),
         "message": "" if agrees else c.message,
-        "error": finite(c.error_max),
-        "at": finite(c.at),
-        "later": short(c.error_later / scale if scale else np.nan),
-        "allowed": None if failed else finite(c.allowed),
-        "share": short(c.error_max / scale if scale else np.nan),
-        "allowed_share": None if failed else short(c.allowed / scale if scale else np.nan),
-        "ratio": None if failed or not c.allowed else short(c.error_max / c.allowed),
+        "error": finite_or_none(c.error_max),
+        "at": finite_or_none(c.at),
+        "later": round_share(c.error_later / scale if scale else np.nan),
+        "allowed": None if failed else finite_or_none(c.allowed),
+        "share": round_share(c.error_max / scale if scale else np.nan),
+        "allowed_share": None if failed else round_share(c.allowed / scale if scale else np.nan),
+        "ratio": None if failed or not c.allowed else round_share(c.error_max / c.allowed),
         "why": tolerance.why if tolerance else "",
         "detectable": {
-            name: [short(change.size), change.relative] for name, change in c.detectable.items()
+            name: [round_share(change.size), change.relative]
+            for name, change in c.detectable.items()
         },
     }
 
@@ -261,8 +279,8 @@ def motion_data(motion: Motion) -> dict[str, Any]:
             "name": spot.name,
             "kind": spot.kind,
             "body": number.get(spot.body, -1),
-            "at": rounded(spot.at),
-            "to": None if spot.to is None else rounded(spot.to),
+            "at": round_points(spot.at),
+            "to": None if spot.to is None else round_points(spot.to),
             "driven": spot.driven,
             "ground": spot.ground,
             "spring": spot.spring,
@@ -274,7 +292,7 @@ def motion_data(motion: Motion) -> dict[str, Any]:
     if motion.along:
         projected, spots = projected_data(picture)
     return {
-        "x": packed(picture.x, "<f8"),
+        "x": encode_numbers(picture.x, "<f8"),
         "axes": list(picture.axes),
         "along": motion.along,
         "stopped": picture.stopped,
@@ -283,22 +301,22 @@ def motion_data(motion: Motion) -> dict[str, Any]:
         "bodies": [
             {
                 "name": motion.bodies[k].name,
-                "outlines": list(map(rounded, motion.bodies[k].outlines)),
+                "outlines": list(map(round_points, motion.bodies[k].outlines)),
             }
             for k in rigid
         ],
-        "ground": [rounded(outline[0]) for outline in picture.ground.outlines],
+        "ground": [round_points(outline[0]) for outline in picture.ground.outlines],
         "spots": spots,
         "lines": [
             {
                 "name": name,
-                **line(motion, vertices(motion, links)),
+                **line_data(motion, rod_vertices(motion, links)),
             }
             for name, links in motion.rods.items()
         ]
         + projected
         + [
-            {"spot": i, **line(motion, [(spot.body, spot.at)])}
+            {"spot": i, **line_data(motion, [(spot.body, spot.at)])}
             for i, spot in enumerate(motion.spots)
             if spot.body in in_rods
         ],
@@ -306,13 +324,13 @@ def motion_data(motion: Motion) -> dict[str, Any]:
             {
                 "name": coil.name,
                 "body": [number.get(body, -1) for body in coil.body],
-                "at": [rounded(at) for at in coil.at],
+                "at": [round_points(at) for at in coil.at],
             }
             for coil in motion.coils
             if not in_rods & set(coil.body)
         ],
-        "places": whole(motion.places[:, rigid]),
-        "away": {s: whole(rows[:, rigid]) for s, rows in motion.away.items()},
+        "places": encode_integers(motion.places[:, rigid]),
+        "away": {s: encode_integers(rows[:, rigid]) for s, rows in motion.away.items()},
         "limits": {name: np.flatnonzero(on).tolist() for name, on in motion.at_limit.items()},
         "jumps": list(motion.jumps),
     }
@@ -325,9 +343,11 @@ def projected_data(picture: Picture) -> tuple[list[dict[str, Any]], list[dict[st
         for outline in link.outlines:
             closed = np.concatenate([outline, outline[:, :1]], axis=1)
             shape = closed if outline.shape[1] > 2 else outline
-            lines.append({"name": link.name, "points": whole(shape), "away": {}})
+            lines.append({"name": link.name, "points": encode_integers(shape), "away": {}})
     for coil in picture.coils:
-        lines.append({"name": coil.name, "points": whole(coil.ends), "away": {}, "coil": True})
+        lines.append(
+            {"name": coil.name, "points": encode_integers(coil.ends), "away": {}, "coil": True}
+        )
     spots = list[dict[str, Any]]()
     for mark in picture.marks:
         number = len(spots)
@@ -344,18 +364,18 @@ def projected_data(picture: Picture) -> tuple[list[dict[str, Any]], list[dict[st
                 "rod": number,
             }
         )
-        lines.append({"spot": number, "points": whole(mark.at[:, None]), "away": {}})
+        lines.append({"spot": number, "points": encode_integers(mark.at[:, None]), "away": {}})
     return lines, spots
 
 
-def vertices(motion: Motion, links: tuple[int, ...]) -> list[tuple[int, Array]]:
+def rod_vertices(motion: Motion, links: tuple[int, ...]) -> list[tuple[int, Array]]:
     """Return the vertices of a rod's line: the start of each link, and the far end of the last."""
     found = [(link, np.zeros(2)) for link in links]
     points = np.vstack([np.zeros((1, 2)), *motion.bodies[links[-1]].outlines])
     return [*found, (links[-1], points[np.linalg.norm(points, axis=1).argmax()])]
 
 
-def line(motion: Motion, places: list[tuple[int, Array]]) -> dict[str, Any]:
+def line_data(motion: Motion, places: list[tuple[int, Array]]) -> dict[str, Any]:
     """Return points of bodies at all poses, and the differences of the solvers to them."""
     bodies = [body for body, _ in places]
     about = np.array([at for _, at in places])
@@ -366,41 +386,47 @@ def line(motion: Motion, places: list[tuple[int, Array]]) -> dict[str, Any]:
     )
     across = np.stack([-turned[..., 1], turned[..., 0]], axis=-1)
     return {
-        "points": whole(motion.places[:, bodies, :2] + turned),
+        "points": encode_integers(motion.places[:, bodies, :2] + turned),
         "away": {
-            solver: whole(rows[:, bodies, :2] + rows[:, bodies, 2:] * across)
+            solver: encode_integers(rows[:, bodies, :2] + rows[:, bodies, 2:] * across)
             for solver, rows in motion.away.items()
         },
     }
 
 
-def rounded(points: Array) -> list[float]:
+def round_points(points: Array) -> list[float]:
     """Return the coordinates of points one after the other, to six digits."""
     return [float(f"{value:.6g}") for value in np.ravel(points)]
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Return a number if it is finite, else None: JSON has no NaN."""
     return float(value) if np.isfinite(value) else None
 
 
-def short(value: float) -> float | None:
+def round_share(value: float) -> float | None:
     """Return a finite number to four digits, else None; for shares, which are shown with two."""
     return float(f"{value:.4g}") if np.isfinite(value) else None
 
 
-def packed(values: Array, kind: str) -> str:
+def encode_numbers(values: Array, kind: str) -> str:
     """Encode numbers as base64; `kind` is their type in numpy's notation."""
     return b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
-def whole(rows: Array) -> dict[str, Any]:
+def encode_integers(rows: Array) -> dict[str, Any]:
     """Encode an array as integers of 16 bits, with a scale for each entry of its last axis.
 
     The least integer stands for a value that is not finite.
     """
     flat = rows.reshape(-1, rows.shape[-1])
     largest = np.nan_to_num(np.abs(flat), posinf=0.0).max(axis=0, initial=0.0)
-    scale = np.where(largest > 0, largest, 1.0) / WHOLE
-    numbers = np.where(np.isfinite(flat), np.round(np.nan_to_num(flat) / scale), -WHOLE - 1)
-    return {"shape": list(rows.shape), "scale": scale.tolist(), "numbers": packed(numbers, "<i2")}
+    scale = np.where(largest > 0, largest, 1.0) / LARGEST_INTEGER
+    numbers = np.where(
+        np.isfinite(flat), np.round(np.nan_to_num(flat) / scale), -LARGEST_INTEGER - 1
+    )
+    return {
+        "shape": list(rows.shape),
+        "scale": scale.tolist(),
+        "numbers": encode_numbers(numbers, "<i2"),
+    }

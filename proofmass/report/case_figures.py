@@ -8,34 +8,34 @@ from matplotlib import rc_context
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, ChartTable
-from proofmass.chart import chart_of
+from proofmass.chart import compute_chart
 from proofmass.report.charts import chart_figure
-from proofmass.report.data import PlottedRun, beyond_limits
-from proofmass.report.figures import every, run_figure, save, thumbnail
+from proofmass.report.data import PlottedRun, all_reached_limits
+from proofmass.report.figures import curve_thumbnail, run_figure, save, thin_path
 from proofmass.report.mechanism import (
-    distinct,
-    jumps_on,
-    mechanism,
-    path,
+    distinct_poses,
+    mechanism_figure,
     path_figure,
-    paths,
+    path_jumps,
+    path_names,
+    point_path,
 )
 from proofmass.report.refinements import refine_figure
 from proofmass.report.style import RC, Look
-from proofmass.report.thumbnail import Thumbnail, reduced
+from proofmass.report.thumbnail import Thumbnail, reduce_picture
 from proofmass.report.views import Viewed, view_figure
-from proofmass.sim.mjcf import NATIVE
+from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.motion import Measured, Motion, motion
 from proofmass.sim.picture import Picture
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.strict import Kind
-from proofmass.worker import isolated
+from proofmass.worker import call_isolated
 
-SECONDS = 300.0  # [s] time limit for each drawing of a case
-FIGURES = ("overlay", "paths", "difference")
+DRAWING_SECONDS = 300.0  # [s] time limit for each drawing of a case
+RUN_FIGURES = ("overlay", "paths", "difference")
 # poses of the first run, and of another; the page interpolates between them
-POSES, OTHER_POSES = 121, 73
-TRACK = 200  # number of points of a path
+FIRST_RUN_POSES, OTHER_RUN_POSES = 121, 73
+PATH_POINTS = 200  # number of points of a path
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Drawings:
     papers: bool = False
 
 
-def drawn(
+def draw_case(
     case: Case,
     runs: list[PlottedRun],
     views: list[Viewed],
@@ -81,44 +81,53 @@ def drawn(
     there are also "RUN-overlay", "RUN-paths" and "RUN-difference" of each run with curves, which
     the script of the page draws itself.
     """
-    if beyond_limits(runs):
+    if all_reached_limits(runs):
         return Drawings({}, "its runs reached their limits")
-    motions, note = moving(case, runs)
-    shape = shape_of(case, motions)
+    motions, note = find_motions(case, runs)
+    shape = mechanism_poses(case, motions)
     try:
-        figures = isolated(
-            draw, case, runs, views, style, folder, slug, shape, papers, timeout=SECONDS
+        figures = call_isolated(
+            draw_figures,
+            case,
+            runs,
+            views,
+            style,
+            folder,
+            slug,
+            shape,
+            papers,
+            timeout=DRAWING_SECONDS,
         )
     except OSError:  # such as a full disk, on which the other cases would fail as well
         raise
     except Exception as error:
         figures, note = {}, str(error)
     charts = tuple(
-        charted(case, table, folder / f"{slug}-chart-{k}", papers)
+        draw_chart_isolated(case, table, folder / f"{slug}-chart-{k}", papers)
         for k, table in enumerate(case.chart, 1)
     )
     first = motions.get(next(iter(case.run)))
-    moved = reduced(first.picture) if first else None
+    moved = reduce_picture(first.picture) if first else None
     return Drawings(figures, note, charts, motions, moved, papers)
 
 
-def charted(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
+def draw_chart_isolated(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
     """Compute and draw a chart in another process; an error affects this figure only."""
     try:
-        return isolated(draw_chart, case, table, stem, papers, timeout=SECONDS)
+        return call_isolated(draw_chart, case, table, stem, papers, timeout=DRAWING_SECONDS)
     except Exception as error:
         return Charted(fault=error)
 
 
 def draw_chart(case: Case, table: ChartTable, stem: Path, papers: bool) -> Charted:
     """Compute and draw a chart, and save its figure; called in another process."""
-    chart = chart_of(case, table)
+    chart = compute_chart(case, table)
     with rc_context(RC):
         svg = save(chart_figure(table.title, chart), stem, papers)
     return Charted(svg, f"{chart.y[0]} over {chart.x[0]}", chart.caption)
 
 
-def moving(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
+def find_motions(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
     """Find the motion of the mechanism in each run.
 
     The text tells why the first run has no motion, or why its motion ends early.
@@ -126,14 +135,14 @@ def moving(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
     found, note, shown = dict[str, Motion](), "", {run.kind: run for run in runs}
     for number, kind in enumerate(case.run):
         try:
-            found[kind] = isolated(
-                moved_here,
+            found[kind] = call_isolated(
+                compute_motion,
                 case,
                 kind,
-                measured(shown[kind]) if kind in shown else {},
-                OTHER_POSES if number else POSES,
-                jumps_of_mechanism(shown[kind]) if kind in shown else [],
-                timeout=SECONDS,
+                measured_curves(shown[kind]) if kind in shown else {},
+                OTHER_RUN_POSES if number else FIRST_RUN_POSES,
+                mechanism_jumps(shown[kind]) if kind in shown else [],
+                timeout=DRAWING_SECONDS,
             )
         except Exception as error:  # an error of a model affects its drawing only
             note = note or ("" if number else str(error))
@@ -142,29 +151,29 @@ def moving(case: Case, runs: list[PlottedRun]) -> tuple[dict[str, Motion], str]:
     return found, note
 
 
-def shape_of(case: Case, motions: Mapping[str, Motion]) -> Picture | None:
+def mechanism_poses(case: Case, motions: Mapping[str, Motion]) -> Picture | None:
     """Return the mechanism at some distinct poses of its first run; None without a motion."""
     first = motions.get(next(iter(case.run)))
-    return distinct(first.picture) if first else None
+    return distinct_poses(first.picture) if first else None
 
 
-def moved_here(
+def compute_motion(
     case: Case, kind: Kind, curves: Measured, count: int, keep: list[int] | None = None
 ) -> Motion:
     """Find the motion of the mechanism in one run; called in another process.
 
     `count` is the number of poses; samples before jumps (`keep`) have poses on both sides.
     """
-    return motion(case.model_path, plan(case, kind, NATIVE), curves, count, keep or [])
+    return motion(case.model_path, plan_run(case, kind, NATIVE_ENGINE), curves, count, keep or [])
 
 
-def jumps_of_mechanism(run: PlottedRun) -> list[int]:
+def mechanism_jumps(run: PlottedRun) -> list[int]:
     """Return the samples before jumps of the mechanism, of the reference or of any solver."""
     every_one = (run.jumps, *run.jumps_of.values())
     return sorted({k for jumps in every_one for k in jumps.mechanism})
 
 
-def measured(run: PlottedRun) -> Measured:
+def measured_curves(run: PlottedRun) -> Measured:
     """Return the curves that determine the positions of bodies: compared places and angles.
 
     By solver, these are the curves of the reference, and the differences of the solver to them.
@@ -182,7 +191,7 @@ def measured(run: PlottedRun) -> Measured:
     return found
 
 
-def draw(
+def draw_figures(
     case: Case,
     runs: list[PlottedRun],
     views: list[Viewed],
@@ -193,19 +202,19 @@ def draw(
     papers: bool,
 ) -> dict[str, str]:
     """Draw and save all figures of a case but its charts; called in another process."""
-    found, asked = {}, runs
+    found, all_runs = {}, runs
     runs = [run for run in (one.without_failed for one in runs) if run.curves]
     with rc_context(RC):
         if shape:
-            along = tracks(runs, shape)
+            along = measured_paths(runs, shape)
             stem = folder / f"{slug}-mechanism"
-            found["mechanism"] = save(mechanism(case, shape, along), stem, papers)
+            found["mechanism"] = save(mechanism_figure(case, shape, along), stem, papers)
         elif runs:
             found["thumbnail"] = save(
-                thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False
+                curve_thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False
             )
         for run in runs if papers else ():
-            for what in figures_of(run, shape):
+            for what in figure_names(run, shape):
                 name = f"{run.kind}-{what}"
                 figure = (
                     path_figure(run, shape, style)
@@ -213,7 +222,7 @@ def draw(
                     else run_figure(run, style, what)
                 )
                 found[name] = save(figure, folder / f"{slug}-{name}")
-        for run in asked:
+        for run in all_runs:
             if run.refined and (refine := run.case.refine):
                 stem = folder / f"{slug}-refine"
                 found["refine"] = save(refine_figure(run, refine, style), stem, papers)
@@ -223,16 +232,18 @@ def draw(
     return found
 
 
-def figures_of(view: PlottedRun, shape: Picture | None) -> Iterator[str]:
+def figure_names(view: PlottedRun, shape: Picture | None) -> Iterator[str]:
     """Return the names of the figures of a run; paths are left out where there are none."""
-    return (what for what in FIGURES if what != "paths" or paths(view, shape))
+    return (what for what in RUN_FIGURES if what != "paths" or path_names(view, shape))
 
 
-def tracks(views: list[PlottedRun], shape: Picture) -> dict[str, Array]:
+def measured_paths(views: list[PlottedRun], shape: Picture) -> dict[str, Array]:
     """Return the paths of measured points, by the reference of the first run with curves."""
     return {
-        name: every(path(view.longest, name, shape), TRACK, jumps_on(view, name, shape))
+        name: thin_path(
+            point_path(view.longest, name, shape), PATH_POINTS, path_jumps(view, name, shape)
+        )
         for view in views[:1]
-        for name in paths(view, shape)
+        for name in path_names(view, shape)
         if name in shape.tracks
     }

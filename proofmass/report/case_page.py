@@ -23,35 +23,50 @@ from proofmass.coverage_search import Finding
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.errors import InputError
 from proofmass.explain import (
-    TRIED,
-    cells_of,
+    TRIED_SENTENCE,
+    format_not_noticed,
+    format_not_tried,
     format_reference_coverage,
-    not_noticed,
-    not_tried,
-    refusals,
+    format_refusals,
+    table_cells,
 )
 from proofmass.mobility import mobility
-from proofmass.outcome import CHECKED, FAILED, Outcome
+from proofmass.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
 from proofmass.reference import ComparedCurves, properties
 from proofmass.report import refinements, tables
-from proofmass.report.case_data import PAGE, case_data, embedded, recorded_data, runs_data
-from proofmass.report.case_figures import FIGURES, SECONDS, Charted, Drawings
-from proofmass.report.data import PlottedRun, beyond_limits, drive_units, plotted_run
-from proofmass.report.overview import marks, overview, place
-from proofmass.report.page import complaint, faults_of, made_with, slug
+from proofmass.report.case_data import (
+    MAX_PAGE_BYTES,
+    case_data,
+    recorded_data,
+    runs_data,
+    script_json,
+)
+from proofmass.report.case_figures import DRAWING_SECONDS, RUN_FIGURES, Charted, Drawings
+from proofmass.report.data import PlottedRun, all_reached_limits, drive_units, plotted_run
+from proofmass.report.overview import axis_labels, axis_place, overview_table
+from proofmass.report.page import case_facts, case_faults, error_message, slug
 from proofmass.report.record import History
 from proofmass.report.study import ShownStudy
-from proofmass.report.style import PAPERS, Look, legible
-from proofmass.report.svg import inline
+from proofmass.report.style import BACKGROUNDS, Look, make_legible
+from proofmass.report.svg import inline_svg
 from proofmass.report.trend import trend_of
-from proofmass.report.views import Viewed, all_viewed, caption
-from proofmass.report.words import RUNS, closeness, from_model, headline, kind_of, state_of
+from proofmass.report.views import Viewed, apply_views, view_caption
+from proofmass.report.words import (
+    RUNS,
+    case_state,
+    format_closeness,
+    headline,
+    quantity_kind,
+    reads_own_model,
+)
 from proofmass.wording import format_list, format_solver, number
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
-LONGEST = 200_000  # [characters] of a sidecar or model that a page shows
-ROWS = 3  # number of causes that a panel shows
-FIRST = 4  # groups of numbers that are visible at once; the others are in a list that opens
+MAX_SOURCE_CHARACTERS = 200_000  # [characters] of a sidecar or model that a page shows
+MAX_CAUSES = 3  # number of causes that a panel shows
+VISIBLE_GROUPS = (
+    4  # groups of numbers that are visible at once; the others are in a list that opens
+)
 
 
 @dataclass(frozen=True)
@@ -75,18 +90,18 @@ def render_case(
 ) -> str:
     """Render the page of a case; the last report of the history is the present one.
 
-    Where the page has more than `PAGE` bytes, more samples of the curves are left out.
+    Where the page has more than `MAX_PAGE_BYTES` bytes, more samples of the curves are left out.
     """
     parts = env, case, result, drawings, style, studies, history
-    page = rendered(*parts, gathered)
-    if (excess := len(page.encode()) - PAGE) > 0:
+    page = render_page(*parts, gathered)
+    if (excess := len(page.encode()) - MAX_PAGE_BYTES) > 0:
         runs = gathered.recorded["runs"]
-        fewer = runs_data(gathered.runs, max(len(embedded(runs)) - excess, 0))
-        page = rendered(*parts, replace(gathered, recorded={**gathered.recorded, "runs": fewer}))
+        fewer = runs_data(gathered.runs, max(len(script_json(runs)) - excess, 0))
+        page = render_page(*parts, replace(gathered, recorded={**gathered.recorded, "runs": fewer}))
     return page
 
 
-def rendered(
+def render_page(
     env: Environment,
     case: Case,
     result: Result,
@@ -98,12 +113,12 @@ def rendered(
 ) -> str:
     """Render the page of a case with all data that were gathered, whatever its size."""
     runs, views = gathered.runs, gathered.views
-    faults = faults_of(case, result)
-    tell = partial(find_in_worker, case, beyond_limits(runs))
+    faults = case_faults(case, result)
+    tell = partial(evaluate_in_worker, case, all_reached_limits(runs))
     rows = [c for run in runs for c in run.rows]
     all_rows = [c for run in runs for c in (*run.rows, *run.verdicts)]
-    state = state_of(case, all_rows, faults)
-    compared = any(c.outcome in CHECKED for c in rows)
+    state = case_state(case, all_rows, faults)
+    compared = any(c.outcome in CHECKED_OUTCOMES for c in rows)
     file = case.file.name if case.file.is_absolute() else case.file
     trend = trend_of(history or History(), case, rows)
     data = case_data(case, gathered.recorded, drawings.motions, style) | {"trend": trend.data}
@@ -113,49 +128,49 @@ def rendered(
         headline=headline_of(case, runs, all_rows),
         data=data,
         trend=trend,
-        embedded=embedded(data),
+        embedded=script_json(data),
         curves=any(run.curves for run in runs),
-        badge=badge(case, rows, state, faults),
-        closeness=closeness(case, rows),
-        overview=overview(data) if rows else [],
-        marks=marks(),
-        causes=causes(case, result.diagnoses),
-        open_lines=open_lines(case, runs),
+        badge=format_badge(case, rows, state, faults),
+        closeness=format_closeness(case, rows),
+        overview=overview_table(data) if rows else [],
+        marks=axis_labels(),
+        causes=cause_panels(case, result.diagnoses),
+        open_lines=list_unchecked(case, runs),
         advice=advice(case, rows, faults, state),
         command=f"proofmass check {file}",
         explain=f"proofmass explain {file}",
-        noticed=tell(noticed, None),
+        noticed=tell(load_noticed_panel, None),
         compared=compared,
         detectable=tables.smallest_changes(case, rows) if compared else [],
-        texts=texts(case),
+        texts=source_texts(case),
         looks=looks_of(data, style),
-        about=made_with(case.file.parent),
+        about=case_facts(case.file.parent),
         faults=faults,
-        parts=[part(run, drawings) for run in runs],
+        parts=[run_entry(run, drawings) for run in runs],
         seen=[
-            seen(case, k, view, drawings)
+            view_entry(case, k, view, drawings)
             for k, view in enumerate(views, 1)
             if f"view-{k}" in drawings.figures
         ],
-        charts=[charted(case, k, c) for k, c in enumerate(drawings.charts, 1)],
-        beside=tell(tables.side_by_side, None) if case.compare_with else None,
-        mechanism=mechanism(case, drawings),
+        charts=[chart_entry(case, k, c) for k, c in enumerate(drawings.charts, 1)],
+        beside=tell(tables.compare_parameter_sets, None) if case.compare_with else None,
+        mechanism=mechanism_entry(case, drawings),
         note=drawings.note,
         papers=drawings.papers,
         studied=[(s.title, link) for s in studies if (link := s.of(case))],
         drive_units=tell(drive_units, ["rad or m"] * len(case.drive)),
         parameters=parameters_of(case),
-        own_numbers=from_model(case),
+        own_numbers=reads_own_model(case),
         dof=tell(mobility, None),
-        knowledge=properties_of(case, result, beyond_limits(runs)),
-        laws=any(tables.law(case, name) for name in case.channels),
-        reasons=tables.reasons(case),
-        unnoticed=tables.unnoticed(case, rows) if compared else [],
-        not_known=tables.not_known(case, rows) if compared else [],
+        knowledge=properties_of(case, result, all_reached_limits(runs)),
+        laws=any(tables.format_law(case, name) for name in case.channels),
+        reasons=tables.tolerance_rows(case),
+        unnoticed=tables.unnoticed_parameters(case, rows) if compared else [],
+        not_known=tables.unknown_parameters(case, rows) if compared else [],
     )
 
 
-def gather(result: Result, case: Case) -> Gathered:
+def gather_runs(result: Result, case: Case) -> Gathered:
     """Gather the runs of a case with their references, and its views, in a worker.
 
     Where the worker fails or reaches the limits of the runs, the runs have no curves.
@@ -173,25 +188,25 @@ def gather(result: Result, case: Case) -> Gathered:
     try:
         return cast(
             Gathered,
-            isolated(
-                gathered_here,
+            call_isolated(
+                gather_here,
                 own,
                 timeout=sum(r.timeout * len(r.solvers) for r in case.run.values()),
                 memory=max(r.memory for r in case.run.values()),
             ),
         )
     except (InputError, Crashed, TimedOut, OutOfMemory):
-        return gathered_here(replace(own, curves={}, failed={}))
+        return gather_here(replace(own, curves={}, failed={}))
 
 
-def gathered_here(result: Result) -> Gathered:
+def gather_here(result: Result) -> Gathered:
     """Gather the runs and views of the only case of a result, in this process."""
     (case,) = result.cases
     runs = [plotted_run(result, case, kind) for kind in RUNS if kind in case.run]
-    return Gathered(runs, all_viewed(case, runs), recorded_data(case, runs))
+    return Gathered(runs, apply_views(case, runs), recorded_data(case, runs))
 
 
-def find_in_worker(
+def evaluate_in_worker(
     case: Case, beyond: bool, function: Callable[[Case], Any], otherwise: Any
 ) -> Any:
     """Return the value of a function of a case, evaluated in a worker.
@@ -202,7 +217,7 @@ def find_in_worker(
     if beyond:
         return otherwise
     try:
-        return isolated(function, case, timeout=SECONDS)
+        return call_isolated(function, case, timeout=DRAWING_SECONDS)
     except (InputError, Crashed, TimedOut, OutOfMemory):
         return otherwise
 
@@ -216,13 +231,13 @@ def properties_of(case: Case, result: Result, beyond: bool) -> dict[str, str]:
             and curves.properties is not None
         ):
             return curves.properties
-    return cast(dict[str, str], find_in_worker(case, beyond, properties, {}))
+    return cast(dict[str, str], evaluate_in_worker(case, beyond, properties, {}))
 
 
 def parameters_of(case: Case) -> dict[str, str]:
     """Return the parameters with their units; none if the reference is at fault."""
     try:
-        return tables.parameters(case, case.parameters)
+        return tables.format_parameters(case, case.parameters)
     except InputError:
         return {}
 
@@ -239,86 +254,86 @@ def headline_of(case: Case, runs: list[PlottedRun], rows: list[Comparison]) -> s
     return headline(case, rows, steps)
 
 
-def mechanism(case: Case, drawings: Drawings) -> dict[str, Any] | None:
+def mechanism_entry(case: Case, drawings: Drawings) -> dict[str, Any] | None:
     """Return the drawing of the mechanism for the page; None if there is none."""
     if "mechanism" not in drawings.figures:
         return None
     stem = f"{slug(case.name)}-mechanism"
     label = f"{case.name}: the mechanism at several poses, its joints and links by name"
-    return {"svg": Markup(inline(drawings.figures["mechanism"], stem, label)), "stem": stem}
+    return {"svg": Markup(inline_svg(drawings.figures["mechanism"], stem, label)), "stem": stem}
 
 
-def seen(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]:
+def view_entry(case: Case, k: int, view: Viewed, drawings: Drawings) -> dict[str, Any]:
     """Return view number k of a case for its page: figure, file stem and caption."""
     stem = f"{slug(case.name)}-view-{k}"
-    text = caption(view)
+    text = view_caption(view)
     label = f"{case.name}, {view.view.title}, over {view.over.x_name}: {text}"
     return {
-        "svg": Markup(inline(drawings.figures[f"view-{k}"], stem, label)),
+        "svg": Markup(inline_svg(drawings.figures[f"view-{k}"], stem, label)),
         "stem": stem,
         "caption": text,
     }
 
 
-def charted(case: Case, k: int, chart: Charted) -> dict[str, Any]:
+def chart_entry(case: Case, k: int, chart: Charted) -> dict[str, Any]:
     """Return chart number k of a case for its page, or why it is not drawn."""
     title, stem = case.chart[k - 1].title, f"{slug(case.name)}-chart-{k}"
     if (fault := chart.fault) is not None:
         why = (
-            complaint(fault)
+            error_message(fault)
             if isinstance(fault, InputError)
             else (f"{type(fault).__name__}: {fault}")
         )
         return {"title": title, "fault": why}
     label = f"{case.name}, {title}, {chart.axes}: {chart.caption}"
     return {
-        "svg": Markup(inline(chart.svg, stem, label)),
+        "svg": Markup(inline_svg(chart.svg, stem, label)),
         "stem": stem,
         "fault": "",
         "caption": chart.caption,
     }
 
 
-def part(view: PlottedRun, drawings: Drawings) -> dict[str, Any]:
+def run_entry(view: PlottedRun, drawings: Drawings) -> dict[str, Any]:
     """Return all that the page shows of one run."""
     papers = [
         {"what": what, "stem": f"{slug(view.case.name)}-{view.kind}-{what}"}
-        for what in FIGURES
+        for what in RUN_FIGURES
         if f"{view.kind}-{what}" in drawings.figures
     ]
     return {
         "kind": view.kind,
         "papers": papers,
-        "groups": tables.comparisons(view),
-        "extrema": tables.extrema(view.without_failed) if view.without_failed.curves else [],
-        "costs": tables.costs(view),
-        "missing": tables.missing(view),
+        "groups": tables.comparison_groups(view),
+        "extrema": tables.extrema_groups(view.without_failed) if view.without_failed.curves else [],
+        "costs": tables.cost_rows(view),
+        "missing": tables.missing_channels(view),
         "n": len(view.grid) if view.curves else 0,
         "over": f"{view.x_name} [{view.x_unit}]",
         "stopped": [
-            f"{format_solver(s)} ends at {tables.place(view, c.x[-1])}, {len(c.x)} of "
+            f"{format_solver(s)} ends at {tables.format_place(view, c.x[-1])}, {len(c.x)} of "
             f"{len(view.grid)} samples, which are kept: "
             f"{c.stopped}"
             for s, c in view.curves.items()
             if c.stopped
         ],
         "failed": [
-            f"{format_solver(s)} is {drawn_until(view, s)}: {c.outcome}. {c.message}"
+            f"{format_solver(s)} is {format_end(view, s)}: {c.outcome}. {c.message}"
             for s, c in view.failed.items()
         ],
         "what": RUNS[view.kind].heading,
-        "refined": refined(view, drawings),
+        "refined": refinement_entry(view, drawings),
     }
 
 
-def drawn_until(view: PlottedRun, solver: str) -> str:
+def format_end(view: PlottedRun, solver: str) -> str:
     """Format how far a failed run is drawn."""
     if solver not in view.curves:
         return "not drawn"
-    return f"drawn until {tables.place(view, view.curves[solver].x[-1])}"
+    return f"drawn until {tables.format_place(view, view.curves[solver].x[-1])}"
 
 
-def refined(view: PlottedRun, drawings: Drawings) -> dict[str, Any] | None:
+def refinement_entry(view: PlottedRun, drawings: Drawings) -> dict[str, Any] | None:
     """Return what the page shows of a run's refinement; None if there is none."""
     asked = view.case.refine
     if not view.verdicts or not asked:
@@ -326,14 +341,14 @@ def refined(view: PlottedRun, drawings: Drawings) -> dict[str, Any] | None:
     failed = [
         f"{format_solver(c.solver)} is not refined: {c.outcome}. {c.message}"
         for c in view.verdicts
-        if c.outcome in FAILED
+        if c.outcome in FAILED_OUTCOMES
     ]
     if "refine" not in drawings.figures:
         return {"svg": "", "failed": failed}
     stem, text = f"{slug(view.case.name)}-refine", refinements.caption(asked)
     label = f"{view.case.name}, errors over the number of segments; numbers in the table below"
     return {
-        "svg": Markup(inline(drawings.figures["refine"], stem, label)),
+        "svg": Markup(inline_svg(drawings.figures["refine"], stem, label)),
         "stem": stem,
         "caption": text,
         "failed": failed,
@@ -374,25 +389,25 @@ def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, Pa
             one["variant"],
             one["marker"],
             one["dash"],
-            legible(colour, PAPERS["light"]),
-            legible(colour, PAPERS["dark"]),
+            make_legible(colour, BACKGROUNDS["light"]),
+            make_legible(colour, BACKGROUNDS["dark"]),
         )
     return found
 
 
-def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> str:
+def format_badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> str:
     """Return the verdict on a case in few words."""
-    judged = [c for c in rows if c.outcome in CHECKED]
+    judged = [c for c in rows if c.outcome in CHECKED_OUTCOMES]
     differs = sum(c.outcome == Outcome.DIFFERS for c in rows)
     coarse = sum(c.outcome == Outcome.UNDECIDED for c in rows)
-    failed = dict.fromkeys(c.outcome for c in rows if c.outcome in FAILED)
+    failed = dict.fromkeys(c.outcome for c in rows if c.outcome in FAILED_OUTCOMES)
     words = []
     if differs:
         words.append(f"Differs: {differs} of {len(judged)} checked curves")
     if coarse:
         words.append(f"Undecided: {coarse} of {len(judged)} checked curves")
     if failed:
-        solvers = {(c.run, c.solver) for c in rows if c.outcome in FAILED}
+        solvers = {(c.run, c.solver) for c in rows if c.outcome in FAILED_OUTCOMES}
         words.append(
             f"{len(solvers)} run{'s' * (len(solvers) > 1)} {format_list(map(str, failed))}"
         )
@@ -405,12 +420,12 @@ def badge(case: Case, rows: list[Comparison], state: str, faults: list[str]) -> 
     return "✗ Nothing is checked" if state == "bad" else "○ Not checked, as the sidecar says"
 
 
-def open_lines(case: Case, runs: Iterable[PlottedRun]) -> list[str]:
+def list_unchecked(case: Case, runs: Iterable[PlottedRun]) -> list[str]:
     """List the channels that no tolerance covers and those that solvers do not deliver."""
     lines = []
     for run in runs:
         where = RUNS[run.kind].where
-        lines += [f"{format_line(line)} ({where})" for line in tables.missing(run)]
+        lines += [f"{format_line(line)} ({where})" for line in tables.missing_channels(run)]
         for solver in run.solvers:
             own = [c for c in run.rows if c.solver == solver]
             bare = [c.channel for c in own if c.outcome == Outcome.UNCHECKED]
@@ -432,14 +447,14 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
     outcomes = {c.outcome for c in rows}
     if faults or not rows:
         return ["Mend the input: the message above names the file and the key."]
-    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *FAILED}:
+    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *FAILED_OUTCOMES}:
         if state == "bad":
             return ["Give the case a [[tolerance]] that covers a channel, or say unchecked = true."]
         if Outcome.AGREES not in outcomes:
             return ["Nothing: the sidecar says that nothing is checked."]
         return [
             "Nothing: every checked curve is inside its allowance.",
-            *defaults(rows),
+            *compare_defaults(rows),
         ]
     words = []
     if Outcome.UNDECIDED in outcomes:
@@ -470,14 +485,14 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
     return words
 
 
-def defaults(rows: list[Comparison]) -> list[str]:
+def compare_defaults(rows: list[Comparison]) -> list[str]:
     """List how much larger errors with an engine's defaults are, where a case has both."""
     words = []
     for c in {c.solver: c for c in rows}.values():
         engine, _, variant = c.solver.partition(":")
         if variant != "default":
             continue
-        own = [r for r in rows if r.run == c.run and kind_of(r.unit) == "position"]
+        own = [r for r in rows if r.run == c.run and quantity_kind(r.unit) == "position"]
         shares = [
             max(
                 (r.relative_to_range for r in own if r.solver == name and r.error_max >= 0),
@@ -493,12 +508,12 @@ def defaults(rows: list[Comparison]) -> list[str]:
     return words
 
 
-def texts(case: Case) -> dict[str, str]:
+def source_texts(case: Case) -> dict[str, str]:
     """Return the text of the sidecar and of the MJCF, by the names of the files."""
     found = {}
     for file in (case.file, case.model_path):
         try:
-            found[file.name] = Path(file).read_text(encoding="utf-8-sig")[:LONGEST]
+            found[file.name] = Path(file).read_text(encoding="utf-8-sig")[:MAX_SOURCE_CHARACTERS]
         except (OSError, UnicodeDecodeError):  # reported by the runs already
             continue
     return found
@@ -539,7 +554,9 @@ class CausePanel:
     tried: str = ""
 
 
-def causes(case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]) -> list[CausePanel]:
+def cause_panels(
+    case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]
+) -> list[CausePanel]:
     """Return the panels of causes of a case, for runs that failed and for runs that differ.
 
     Failed runs with the same diagnosis share a panel, and so do runs with the same first cause.
@@ -548,12 +565,12 @@ def causes(case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]) -> l
     failed = [found for found in own if found.failed]
     differing = [found for found in own if not found.failed]
     return [
-        *(failed_panel(some) for some in alike(failed, lambda d: tuple(d.lines))),
-        *(cause_panel(some) for some in alike(differing, lambda d: (d.lines[0],))),
+        *(failed_panel(some) for some in group_by(failed, lambda d: tuple(d.lines))),
+        *(cause_panel(some) for some in group_by(differing, lambda d: (d.lines[0],))),
     ]
 
 
-def alike(
+def group_by(
     found: Iterable[Diagnosis], key: Callable[[Diagnosis], tuple[str, ...]]
 ) -> list[list[Diagnosis]]:
     """Group diagnoses by a key, in the order in which the keys first occur."""
@@ -565,28 +582,28 @@ def alike(
 
 def failed_panel(found: list[Diagnosis]) -> CausePanel:
     """Return the panel of runs that failed for the same reason."""
-    return CausePanel("What happened", tuple(found[0].lines), together(found))
+    return CausePanel("What happened", tuple(found[0].lines), format_runs(found))
 
 
 def cause_panel(found: list[Diagnosis]) -> CausePanel:
     """Return the panel of runs with the same first cause; its rows are those of the first run."""
     first = found[0]
     if first.fault:
-        return CausePanel("Why it differs was not found out", (first.fault,), together(found))
+        return CausePanel("Why it differs was not found out", (first.fault,), format_runs(found))
     tried = format_list(first.tried)
-    rows = tuple(cause_row(first, cause) for cause in first.causes[:ROWS])
-    unchanged = CauseRow("nothing changed", "", "", "1", place(1.0))
+    rows = tuple(cause_row(first, cause) for cause in first.causes[:MAX_CAUSES])
+    unchanged = CauseRow("nothing changed", "", "", "1", axis_place(1.0))
     if not rows or first.causes[0].score <= 0:
         title = "Cause: none of those that were tried"
         return CausePanel(
-            title, first.remarks, together(found), (*rows, unchanged) if rows else (), tried
+            title, first.remarks, format_runs(found), (*rows, unchanged) if rows else (), tried
         )
     best = first.causes[0]
     words = [f"as good: {format_list(best.same)}"] * bool(best.same)
     # the first line is the title already, and the next best cause is in the rows
     effect, *rest = (line for line in first.lines[1:] if not line.startswith("next best: "))
     lines = (effect, *(line for line in rest if line not in words), *words)
-    return CausePanel(f"Cause: {best.words}", lines, together(found), (*rows, unchanged), tried)
+    return CausePanel(f"Cause: {best.words}", lines, format_runs(found), (*rows, unchanged), tried)
 
 
 def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
@@ -598,17 +615,17 @@ def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
         str(cause.fitted),
         f"{len(cause.explains)} of {len(diagnosis.differing)}{wrong}",
         number(cause.left, 2),
-        place(cause.left),
+        axis_place(cause.left),
     )
 
 
-def together(found: list[Diagnosis]) -> str:
+def format_runs(found: list[Diagnosis]) -> str:
     """Format the runs of a panel, with what their first cause explains in each."""
     many = f"The same in {len(found)} runs: " if len(found) > 1 else "In one run: "
-    return many + format_list(map(run_words, found)) + "."
+    return many + format_list(map(format_run, found)) + "."
 
 
-def run_words(found: Diagnosis) -> str:
+def format_run(found: Diagnosis) -> str:
     """Format a run, and how many of its channels its first cause explains."""
     words = f"{format_solver(found.solver)} {RUNS[found.run].where}"
     if not found.causes or found.causes[0].score <= 0:
@@ -656,37 +673,37 @@ class NoticedPanel:
     refused: tuple[str, ...]
 
 
-def noticed(case: Case) -> NoticedPanel | None:
+def load_noticed_panel(case: Case) -> NoticedPanel | None:
     """Return the coverage of a case in its present state; None if it was not computed yet.
 
     `proofmass explain` computes and stores it.
     """
     with suppress(InputError, OSError):  # `proofmass explain` reports these errors
         found = stored_coverage(case)
-        return None if found is None else panel_of(case, found)
+        return None if found is None else noticed_panel(case, found)
     return None
 
 
-def panel_of(case: Case, found: Coverage) -> NoticedPanel:
+def noticed_panel(case: Case, found: Coverage) -> NoticedPanel:
     """Return the panel of a coverage."""
-    lines = tuple(not_noticed(case, found))
+    lines = tuple(format_not_noticed(case, found))
     known = sorted(
         (one for one in found.parameters if one.noticed and not one.refused),
         key=lambda one: one.measure,
     )
     changed = [one for one in found.noticed if not one.refused]
     return NoticedPanel(
-        lines[:FIRST],
-        lines[FIRST:],
-        not_tried(case, found) if found.left_out or not found.numbers else "",
+        lines[:VISIBLE_GROUPS],
+        lines[VISIBLE_GROUPS:],
+        format_not_tried(case, found) if found.left_out or not found.numbers else "",
         format_reference_coverage(case, found),
-        TRIED,
-        tuple(map(row_of, known)),
-        tuple(map(row_of, changed)),
-        tuple(sorted(refusals([one for one in found.noticed if one.refused]))),
+        TRIED_SENTENCE,
+        tuple(map(noticed_row, known)),
+        tuple(map(noticed_row, changed)),
+        tuple(sorted(format_refusals([one for one in found.noticed if one.refused]))),
     )
 
 
-def row_of(one: Finding) -> NoticedRow:
+def noticed_row(one: Finding) -> NoticedRow:
     """Return the row of a number that is noticed."""
-    return NoticedRow(*cells_of(one), f"{one.channel}, {one.run}, {format_solver(one.solver)}")
+    return NoticedRow(*table_cells(one), f"{one.channel}, {one.run}, {format_solver(one.solver)}")

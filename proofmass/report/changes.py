@@ -4,17 +4,17 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from proofmass.outcome import GOOD, Outcome
+from proofmass.outcome import GOOD_OUTCOMES, Outcome
 from proofmass.report.record import ChannelRecord, Record
 from proofmass.wording import number
 
-FACTOR = 2.0
+CHANGE_FACTOR = 2.0
 """Errors whose ratio is larger count as changed; on one machine a run repeats all its digits."""
-ROUNDING = 1e-12
+ROUNDING_SHARE = 1e-12
 """Share of the range up to which an error is rounding, which differs between compilers."""
-SAID = 5
+MAX_NAMED_CHANGES = 5
 """Number of changes that the line in the terminal names."""
-FAILING = tuple(str(outcome) for outcome in Outcome if outcome not in GOOD)
+FAILING_OUTCOMES = tuple(str(outcome) for outcome in Outcome if outcome not in GOOD_OUTCOMES)
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Change:
         return f"{where}: {'is new, ' + self.now if self.now else 'is gone, ' + self.before}"
 
 
-def changes(before: Record, now: Record) -> list[Change]:
+def find_changes(before: Record, now: Record) -> list[Change]:
     """Return the changes from one record to another, worst first.
 
     These are cases that are new or gone, outcomes that changed, and errors that changed by more
@@ -64,48 +64,48 @@ def changes(before: Record, now: Record) -> list[Change]:
     for key in dict.fromkeys([*rows[0], *rows[1]]):
         pair = (rows[0].get(key), rows[1].get(key))
         there = pair[1] or pair[0]
-        if there and there.case in names[0] & names[1] and (change := changed(there, *pair)):
+        if there and there.case in names[0] & names[1] and (change := channel_change(there, *pair)):
             found.append(change)
-    return sorted(found, key=badness, reverse=True)
+    return sorted(found, key=change_order, reverse=True)
 
 
-def changed(
-    there: ChannelRecord, before: ChannelRecord | None, now: ChannelRecord | None
+def channel_change(
+    known: ChannelRecord, before: ChannelRecord | None, now: ChannelRecord | None
 ) -> Change | None:
     """Return the change of a channel; None if there is none.
 
-    `there` is the record of the channel in either report.
+    `known` is the record of the channel in either report.
     """
-    where = (there.case, there.run, there.solver, there.channel)
+    where = (known.case, known.run, known.solver, known.channel)
     if before is None or now is None or before.outcome != now.outcome:
         growth = 1.0
-        if now and now.outcome not in GOOD:
+        if now and now.outcome not in GOOD_OUTCOMES:
             growth = math.inf
-        elif before and before.outcome not in GOOD:
+        elif before and before.outcome not in GOOD_OUTCOMES:
             growth = 0.0
         was, is_now = (each.outcome if each else "" for each in (before, now))
         return Change(*where, was, is_now, growth)
     first, second = before.share_of_range, now.share_of_range
-    if first is None or second is None or max(first, second) <= ROUNDING:
+    if first is None or second is None or max(first, second) <= ROUNDING_SHARE:
         return None
     growth = second / first if first else math.inf
-    if 1 / FACTOR <= growth <= FACTOR:
+    if 1 / CHANGE_FACTOR <= growth <= CHANGE_FACTOR:
         return None
-    return Change(*where, error_of(first), error_of(second), growth)
+    return Change(*where, format_error(first), format_error(second), growth)
 
 
-def error_of(share: float) -> str:
+def format_error(share: float) -> str:
     """Format an error as a share of the range."""
     return f"error {number(share)} of the range"
 
 
-def badness(change: Change) -> tuple[bool, bool, float]:
+def change_order(change: Change) -> tuple[bool, bool, float]:
     """Return the sort key of a change: failures, cases that are gone, then growth of the error."""
     gone = not change.run and not change.now
-    return change.now in FAILING, gone, change.growth
+    return change.now in FAILING_OUTCOMES, gone, change.growth
 
 
-def since(last: Record, found: Sequence[Change]) -> str:
+def format_changes(last: Record, found: Sequence[Change]) -> str:
     """Format the line on all changes.
 
     Changes of one solver in one run share a clause, those for the worse apart from the others.
@@ -117,19 +117,19 @@ def since(last: Record, found: Sequence[Change]) -> str:
     for change in found:
         alike = (change.case, change.run, change.solver, change.growth > 1)
         groups.setdefault(alike, []).append(change)
-    words = [together(group) for group in groups.values()]
-    more = f"; and {len(words) - SAID} more" if len(words) > SAID else ""
+    words = [format_group(group) for group in groups.values()]
+    more = f"; and {len(words) - MAX_NAMED_CHANGES} more" if len(words) > MAX_NAMED_CHANGES else ""
     count = f"{len(found)} change{'s' * (len(found) > 1)}"
-    return f"{start}{count}: {'; '.join(words[:SAID])}{more}"
+    return f"{start}{count}: {'; '.join(words[:MAX_NAMED_CHANGES])}{more}"
 
 
-def together(group: Sequence[Change]) -> str:
+def format_group(group: Sequence[Change]) -> str:
     """Format changes of the channels of a run: the worst, and the number of the others."""
     others = len(group) - 1
     more = f" (and {others} more channel{'s' * (others > 1)})" if others else ""
     return f"{group[0].sentence}{more}"
 
 
-def of_case(found: Iterable[Change], case: str) -> list[Change]:
+def changes_of_case(found: Iterable[Change], case: str) -> list[Change]:
     """Return the changes of a case."""
     return [change for change in found if change.case == case]

@@ -18,23 +18,37 @@ from proofmass.analytic.numerics import TURN, Array
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, reference_for, scale_of
-from proofmass.outcome import FAILED, Outcome
-from proofmass.reference import DRIVE, DRIVE_PARTS, ComparedCurves, compiled, evaluate, grid, laws
+from proofmass.outcome import FAILED_OUTCOMES, Outcome
+from proofmass.reference import (
+    DRIVE_PARTS,
+    DRIVE_PREFIX,
+    ComparedCurves,
+    compiled_model,
+    drive_laws,
+    evaluate,
+    run_samples,
+)
 from proofmass.refinement import RefinedRow
-from proofmass.report.words import KINDS
+from proofmass.report.words import MOTION_UNITS
 from proofmass.sim.contents import joints
-from proofmass.sim.mjcf import NATIVE
+from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.strict import Kind
 from proofmass.units import si_unit
 
-SEEN = 0.02  # of the range: a smaller step is narrower than the line of a curve
-STEEP = 2.0  # least ratio of a jump to the steps around it; a sine of 8 samples a period has 1.4
-FINER = 32  # finer samples per step; a square root, as before a fold, has steps of 0.18 of it
-LEFT = 0.25  # share of a suspected step that a single finer step must have to be a jump
-OWN = 0.5  # share of a solver's step by which it must differ from the reference's step to be a jump
-MOST = 32  # largest number of suspected steps that are examined; noise has more
+MIN_JUMP_SHARE = 0.02  # of the range: a smaller step is narrower than the line of a curve
+MIN_JUMP_RATIO = (
+    2.0  # least ratio of a jump to the steps around it; a sine of 8 samples a period has 1.4
+)
+FINER_SAMPLES = (
+    32  # finer samples per step; a square root, as before a fold, has steps of 0.18 of it
+)
+REMAINING_SHARE = 0.25  # share of a suspected step that a single finer step must have to be a jump
+OWN_STEP_SHARE = (
+    0.5  # share of a solver's step by which it must differ from the reference's step to be a jump
+)
+MAX_SUSPECTS = 32  # largest number of suspected steps that are examined; noise has more
 
 
 @dataclass(frozen=True)
@@ -112,7 +126,7 @@ class PlottedRun:
         return {
             c.solver: c
             for c in reversed(self.rows)
-            if c.outcome in FAILED
+            if c.outcome in FAILED_OUTCOMES
             or (c.solver not in self.curves and c.outcome == Outcome.UNSUPPORTED)
         }
 
@@ -138,7 +152,7 @@ class PlottedRun:
     @property
     def grid(self) -> Array:
         """The samples of the run if no solver ends early."""
-        return grid(self.case, self.kind)
+        return run_samples(self.case, self.kind)
 
     def apart(self, solver: str, channel: str) -> list[int]:
         """Return the jumps of a solver's difference to the reference: those of both."""
@@ -165,36 +179,39 @@ def plotted_run(result: Result, case: Case, kind: Kind) -> PlottedRun:
         for s in case.run[kind].solvers
         if (case.name, kind, s) in result.curves
     }
-    reference = {s: compared_with(case, kind, c) for s, c in curves.items()}
-    failed, beside = until_failure(result, case, kind)
+    reference = {s: compared_reference(case, kind, c) for s, c in curves.items()}
+    failed, failed_references = curves_until_failure(result, case, kind)
     whole = None
-    if failed and max((c.x.size for c in curves.values()), default=0) < grid(case, kind).size:
-        whole = reference_by_laws(case, kind)
+    if (
+        failed
+        and max((c.x.size for c in curves.values()), default=0) < run_samples(case, kind).size
+    ):
+        whole = prescribed_reference(case, kind)
     curves = {s: (curves | failed)[s] for s in case.run[kind].solvers if s in curves | failed}
-    reference = {s: (reference | beside)[s] for s in curves}
+    reference = {s: (reference | failed_references)[s] for s in curves}
     finer, verdicts = list[RefinedRow](), list[Comparison]()
     if case.refine and case.refine.run == kind:
         finer = [row for row in result.refined if row.case == case.name]
         verdicts = [c for c in result.comparisons if c.case == case.name and c.run == "refine"]
     # without curves the parameter is not shown
-    named = axis(case, kind) if curves else ("time t", "s", 1.0)
-    found = PlottedRun(case, kind, rows, curves, reference, *named, finer, verdicts, whole)
+    parameter = run_parameter(case, kind) if curves else ("time t", "s", 1.0)
+    found = PlottedRun(case, kind, rows, curves, reference, *parameter, finer, verdicts, whole)
     if not curves:
         return found
     farthest = max(curves.values(), key=lambda c: len(c.x))
-    jumps = of_reference(case, kind, found.longest, farthest)
-    of = {s: of_solver(case, kind, c, reference[s], jumps) for s, c in curves.items()}
-    return replace(found, jumps=jumps, jumps_of=of)
+    jumps = reference_jumps(case, kind, found.longest, farthest)
+    jumps_of = {s: solver_jumps(case, kind, c, reference[s], jumps) for s, c in curves.items()}
+    return replace(found, jumps=jumps, jumps_of=jumps_of)
 
 
-def compared_with(case: Case, kind: Kind, curves: Curves) -> Curves:
+def compared_reference(case: Case, kind: Kind, curves: Curves) -> Curves:
     """Return the reference that curves were compared with; evaluated if it was not stored."""
     if isinstance(curves, ComparedCurves):
         return Curves(curves.x, curves.reference)
     return reference_for(case, kind, curves)
 
 
-def until_failure(
+def curves_until_failure(
     result: Result, case: Case, kind: Kind
 ) -> tuple[dict[str, Curves], dict[str, Curves]]:
     """Return curves of failed runs and their references, by solver.
@@ -211,21 +228,21 @@ def until_failure(
     return curves, reference
 
 
-def reference_by_laws(case: Case, kind: Kind) -> Curves | None:
+def prescribed_reference(case: Case, kind: Kind) -> Curves | None:
     """Evaluate the reference over a whole run by the motion profiles; None if it cannot be."""
     with suppress(Exception):
-        run = plan(case, kind, NATIVE)
+        run = plan_run(case, kind, NATIVE_ENGINE)
         return evaluate(case, kind, run.x, run.motion(run.x) if run.drives else None)
     return None
 
 
-def beyond_limits(runs: Iterable[PlottedRun]) -> bool:
+def all_reached_limits(runs: Iterable[PlottedRun]) -> bool:
     """Whether all runs of a case reached their time or memory limit, as a further run would too."""
     outcomes = {c.outcome for run in runs for c in run.rows}
     return bool(outcomes) and outcomes <= {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY}
 
 
-def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
+def run_parameter(case: Case, kind: Kind) -> tuple[str, str, float]:
     """Return name, unit and scale of a run's parameter: time, arc length, or a sweep's joint."""
     if kind == "equilibrium":
         return "arc length s", "m", 1.0
@@ -238,14 +255,14 @@ def axis(case: Case, kind: Kind) -> tuple[str, str, float]:
 
 def drive_units(case: Case) -> list[str]:
     """Return the unit of the value of each drive: m or rad."""
-    units = joints(compiled(case))
+    units = joints(compiled_model(case))
     return [str(units[drive.joint]) for drive in case.drive]
 
 
-def readable(unit: str) -> tuple[str, float]:
+def displayed_unit(unit: str) -> tuple[str, float]:
     """Return the displayed unit of a curve, and the factor from SI: degrees, not radians.
 
-    >>> readable("rad/s")[0], readable("m"), readable("mm")
+    >>> displayed_unit("rad/s")[0], displayed_unit("m"), displayed_unit("mm")
     ('deg/s', ('m', 1.0), ('mm', 1000.0))
     """
     if unit == "rad" or unit.startswith("rad/"):
@@ -253,11 +270,11 @@ def readable(unit: str) -> tuple[str, float]:
     return unit, 1.0 / si_unit(unit)[1] if unit else 1.0
 
 
-def grouped(case: Case, channels: list[str]) -> list[list[str]]:
+def channel_rows(case: Case, channels: list[str]) -> list[list[str]]:
     """Arrange channels in rows: positions, rates, accelerations, and the others by their unit."""
     units = {name: channel.si_unit for name, channel in case.channels.items()}
-    rest = [u for u in units.values() if not any(u in o for o in KINDS.values())]
-    orders = [*KINDS.values(), *((u,) for u in dict.fromkeys(rest))]
+    rest = [u for u in units.values() if not any(u in o for o in MOTION_UNITS.values())]
+    orders = [*MOTION_UNITS.values(), *((u,) for u in dict.fromkeys(rest))]
     rows = [[n for n in channels if units[n] in order] for order in orders]
     rows = [r for r in rows if r]
     if rows and max(map(len, rows)) <= 2:  # short rows are joined, to leave less paper empty
@@ -266,7 +283,7 @@ def grouped(case: Case, channels: list[str]) -> list[list[str]]:
     return [r[k : k + width] for r in rows for k in range(0, len(r), width)]
 
 
-def inputs(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], str]]:
+def drive_curves(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], str]]:
     """Return the motion of drives that the axis does not show: profile, solvers' motions and unit.
 
     A single steady drive is the axis itself; of several steady drives only the positions are
@@ -283,7 +300,7 @@ def inputs(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], str]]:
     ):
         return {}
     equal = {case.channels[name].equals for name in view.channels}
-    prescribed = zip(case.drive, laws(case, view.kind), drive_units(case), strict=True)
+    prescribed = zip(case.drive, drive_laws(case, view.kind), drive_units(case), strict=True)
     for row, (drive, law, unit) in enumerate(prescribed):
         names = (
             (" (drive)", unit),
@@ -296,26 +313,26 @@ def inputs(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], str]]:
                 for s, c in view.curves.items()
                 if c.drive and not c.by_law and k <= c.derivatives
             }
-            if moved and f"{DRIVE}{drive.joint}{DRIVE_PARTS[k]}" not in equal:
+            if moved and f"{DRIVE_PREFIX}{drive.joint}{DRIVE_PARTS[k]}" not in equal:
                 found[f"{drive.joint}{suffix}"] = np.asarray(law(view.longest.x)[k]), moved, u
     return found
 
 
-def input_rows(view: PlottedRun, names: list[str]) -> list[list[str]]:
+def drive_rows(view: PlottedRun, names: list[str]) -> list[list[str]]:
     """Arrange panels of drives in rows: one drive in a row, several by order of derivative."""
     each = max(len(names) // max(len(view.case.drive), 1), 1)
     rows = [names[k::each] for k in range(each)] if len(names) > each else [names]
     return [row[k : k + 4] for row in rows for k in range(0, len(row), 4)]
 
 
-def ways(x: Array, jumps: Iterable[int] = ()) -> list[tuple[slice, bool]]:
+def monotonic_stretches(x: Array, jumps: Iterable[int] = ()) -> list[tuple[slice, bool]]:
     """Split a curve into stretches on which x rises or falls, and tell whether x rises.
 
     Stretches share the sample at which x turns back, and none at a jump.
 
-    >>> ways(np.array([0.0, 1.0, 2.0, 2.0, 1.0]))
+    >>> monotonic_stretches(np.array([0.0, 1.0, 2.0, 2.0, 1.0]))
     [(slice(0, 4, None), True), (slice(3, 5, None), False)]
-    >>> ways(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), [1])
+    >>> monotonic_stretches(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), [1])
     [(slice(0, 2, None), True), (slice(2, 5, None), True)]
     """
     steps = np.nan_to_num(np.diff(x))
@@ -332,25 +349,27 @@ def ways(x: Array, jumps: Iterable[int] = ()) -> list[tuple[slice, bool]]:
     return found
 
 
-def parted(x: Array, y: Array, jumps: Iterable[int], limit: int) -> tuple[Array, Array]:
-    """Reduce a curve as `thin` does, with NaN where it jumps after a sample.
+def split_at_jumps(x: Array, y: Array, jumps: Iterable[int], limit: int) -> tuple[Array, Array]:
+    """Reduce a curve as `thin_curve` does, with NaN where it jumps after a sample.
 
-    >>> parted(np.array([0.0, 1.0, 2.0]), np.array([0.0, 5.0, 6.0]), [0], 9)
+    >>> split_at_jumps(np.array([0.0, 1.0, 2.0]), np.array([0.0, 5.0, 6.0]), [0], 9)
     (array([ 0., nan,  1.,  2.]), array([ 0., nan,  5.,  6.]))
     """
     edges = [0, *(k + 1 for k in sorted(jumps) if k + 1 < len(x)), len(x)]
-    parts = [thin(x[a:b], y[a:b], max(limit * (b - a) // len(x), 4)) for a, b in pairwise(edges)]
+    parts = [
+        thin_curve(x[a:b], y[a:b], max(limit * (b - a) // len(x), 4)) for a, b in pairwise(edges)
+    ]
     gap = np.full(1, np.nan)
     joined = [[column for part in parts for column in (gap, part[k])][1:] for k in (0, 1)]
     return np.concatenate(joined[0]), np.concatenate(joined[1])
 
 
-def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
+def thin_curve(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
     """Reduce a curve to about `limit` points at most: the least and greatest of each stretch.
 
     >>> x = np.linspace(0, 1, 10_000)
     >>> y = np.where(x == x[777], 5.0, 0.0)
-    >>> tx, ty = thin(x, y, 400)
+    >>> tx, ty = thin_curve(x, y, 400)
     >>> len(tx) <= 402, ty.max()
     (True, np.float64(5.0))
     """
@@ -366,23 +385,25 @@ def thin(x: Array, y: Array, limit: int) -> tuple[Array, Array]:
     return x[index], y[index]
 
 
-def of_reference(case: Case, kind: Kind, reference: Curves, curves: Curves) -> Jumps:
+def reference_jumps(case: Case, kind: Kind, reference: Curves, curves: Curves) -> Jumps:
     """Find the jumps of the reference's curves; a solver's curves are needed for the time scale."""
     suspected = {
-        name: suspects(curve, scale_of(case, kind, name, curves, curve))
+        name: suspected_jumps(curve, scale_of(case, kind, name, curves, curve))
         for name, curve in reference.channels.items()
     }
     every = sorted({k for found in suspected.values() for k in found})
     if not every:
         return Jumps()
     with suppress(Exception):  # a reference that ends between two samples
-        fine = finer(case, kind, reference.x, every[:MOST])
-        return collected(
+        fine = finer_reference(case, kind, reference.x, every[:MAX_SUSPECTS])
+        return collect_jumps(
             case,
             kind,
             {
                 name: [
-                    k for k in found if stays(reference.x, reference.channels[name], fine, name, k)
+                    k
+                    for k in found
+                    if is_jump(reference.x, reference.channels[name], fine, name, k)
                 ]
                 for name, found in suspected.items()
             },
@@ -391,7 +412,7 @@ def of_reference(case: Case, kind: Kind, reference: Curves, curves: Curves) -> J
     return Jumps()
 
 
-def of_solver(case: Case, kind: Kind, curves: Curves, reference: Curves, known: Jumps) -> Jumps:
+def solver_jumps(case: Case, kind: Kind, curves: Curves, reference: Curves, known: Jumps) -> Jumps:
     """Find the jumps of a solver's curves, from its reference and the jumps of that (`known`)."""
     found = {}
     for name, curve in curves.channels.items():
@@ -400,18 +421,18 @@ def of_solver(case: Case, kind: Kind, curves: Curves, reference: Curves, known: 
             steps, apart = np.abs(np.diff(curve)), np.abs(np.diff(curve - reference.channels[name]))
             found[name] = [
                 k
-                for k in suspects(curve, scale)
-                if k in known.of(name) or apart[k] > OWN * steps[k]
+                for k in suspected_jumps(curve, scale)
+                if k in known.of(name) or apart[k] > OWN_STEP_SHARE * steps[k]
             ]
-    return collected(case, kind, found, curves)
+    return collect_jumps(case, kind, found, curves)
 
 
-def suspects(curve: Array, scale: float) -> list[int]:
+def suspected_jumps(curve: Array, scale: float) -> list[int]:
     """Return the samples after which a curve has a step that is much larger than those around it.
 
     The first and the last step, which have neighbours on one side only, are never suspected.
 
-    >>> suspects(np.array([0.0, 0.1, 0.2, 0.3, 2.0, 2.1, 2.2]), 2.2)
+    >>> suspected_jumps(np.array([0.0, 0.1, 0.2, 0.3, 2.0, 2.1, 2.2]), 2.2)
     [3]
     """
     steps = np.abs(np.diff(curve))
@@ -419,26 +440,29 @@ def suspects(curve: Array, scale: float) -> list[int]:
         return []
     sides = np.pad(steps, 2)
     around = np.max([sides[:-4], sides[1:-3], sides[3:-1], sides[4:]], axis=0)
-    found = np.flatnonzero((steps > SEEN * scale) & (steps > STEEP * around))
+    found = np.flatnonzero((steps > MIN_JUMP_SHARE * scale) & (steps > MIN_JUMP_RATIO * around))
     return [k for k in found.tolist() if 0 < k < steps.size - 1]
 
 
-def finer(case: Case, kind: Kind, x: Array, suspected: Iterable[int]) -> Curves:
-    """Evaluate the reference with `FINER` samples in place of each suspected step."""
-    more = [np.linspace(x[k], x[k + 1], FINER + 1) for k in suspected]
+def finer_reference(case: Case, kind: Kind, x: Array, suspected: Iterable[int]) -> Curves:
+    """Evaluate the reference with `FINER_SAMPLES` samples in place of each suspected step."""
+    more = [np.linspace(x[k], x[k + 1], FINER_SAMPLES + 1) for k in suspected]
     fine = np.unique(np.concatenate([x, *more]))
-    run = plan(case, kind, NATIVE)
+    run = plan_run(case, kind, NATIVE_ENGINE)
     return evaluate(case, kind, fine, run.motion(fine) if run.drives else None)
 
 
-def stays(x: Array, curve: Array, fine: Curves, name: str, k: int) -> bool:
+def is_jump(x: Array, curve: Array, fine: Curves, name: str, k: int) -> bool:
     """Whether a step of a curve is still a single step at finer samples."""
     first, last = np.searchsorted(fine.x, x[[k, k + 1]])
     steps = np.abs(np.diff(fine.channels[name][first : last + 1]))
-    return bool(last - first >= FINER and steps.max() > LEFT * abs(curve[k + 1] - curve[k]))
+    return bool(
+        last - first >= FINER_SAMPLES
+        and steps.max() > REMAINING_SHARE * abs(curve[k + 1] - curve[k])
+    )
 
 
-def collected(case: Case, kind: Kind, found: Mapping[str, list[int]], curves: Curves) -> Jumps:
+def collect_jumps(case: Case, kind: Kind, found: Mapping[str, list[int]], curves: Curves) -> Jumps:
     """Return the jumps of curves, those of the mechanism apart.
 
     In a sweep a jump of a place or an angle is a jump of the mechanism, unless an angle jumps by
@@ -451,7 +475,7 @@ def collected(case: Case, kind: Kind, found: Mapping[str, list[int]], curves: Cu
             for k in places:
                 step = curve[k + 1] - curve[k]
                 way = abs(step - TURN * round(step / TURN)) if unit == "rad" else abs(step)
-                if way > LEFT * abs(step):
+                if way > REMAINING_SHARE * abs(step):
                     whole.add(k)
     own = {name: tuple(k for k in places if k not in whole) for name, places in found.items()}
     return Jumps(tuple(sorted(whole)), {name: places for name, places in own.items() if places})

@@ -15,16 +15,22 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import Comparison, compare
 from proofmass.engines import engine_names
-from proofmass.errors import InputError, suggest
-from proofmass.reference import channels, modes, properties, reference_quantities, unit_of
-from proofmass.report.data import axis, readable
-from proofmass.report.mechanism import TRACK, pose_in_words
+from proofmass.errors import InputError, suggest_names
+from proofmass.reference import (
+    assembly_modes,
+    parameter_unit,
+    properties,
+    reference_channels,
+    reference_quantities,
+)
+from proofmass.report.data import displayed_unit, run_parameter
+from proofmass.report.mechanism import PATH_COLOUR, format_pose
 from proofmass.report.reprs import as_html
-from proofmass.report.style import MUTED
+from proofmass.report.style import MUTED_COLOURS
 from proofmass.sim.protocol import Curves
 from proofmass.solve import prescribed_run, solve
 from proofmass.strict import Kind
-from proofmass.wording import format_solver, pretty
+from proofmass.wording import format_solver, format_unit
 
 Quantities = Mapping[str, Array]
 Parameters = Mapping[str, Any]
@@ -35,11 +41,11 @@ Corners are places in the complex plane [m]: a list of numbers and arrays (n,), 
 drawn; or an array, which is drawn as a line."""
 Build = Callable[..., Case]
 """Function of parameters by name that returns the case with a model that has them."""
-SAMPLES = 121
+DEFAULT_SAMPLES = 121
 # [px] width and height of the panel, width of the mechanism, and margin of the axes
-WIDE, HIGH, LEFT, GAP = 880, 420, 380, 62
-COLOURS = (*("#0072B2", "#D55E00", "#009E73", "#CC79A7"), *MUTED)
-MISSING = "sliders need ipywidgets: pip install 'proofmass[notebooks]'"
+PANEL_WIDTH, PANEL_HEIGHT, MECHANISM_WIDTH, AXES_MARGIN = 880, 420, 380, 62
+COLOURS = (*("#0072B2", "#D55E00", "#009E73", "#CC79A7"), *MUTED_COLOURS)
+MISSING_IPYWIDGETS = "sliders need ipywidgets: pip install 'proofmass[notebooks]'"
 
 
 class Explorer:
@@ -85,13 +91,13 @@ class Explorer:
         *,
         model: Build | None = None,
         run: Kind | None = None,
-        samples: int = SAMPLES,
+        samples: int = DEFAULT_SAMPLES,
         properties: bool = True,
     ) -> None:
         try:
             import ipywidgets
         except ImportError:
-            raise ImportError(MISSING) from None
+            raise ImportError(MISSING_IPYWIDGETS) from None
         require_sliders(case, sliders, curves)
         self.case, self.curves, self.links, self.model = case, curves, links, model
         self.properties, self.property_texts = properties, dict[str, str]()
@@ -100,7 +106,7 @@ class Explorer:
         few = np.linspace(0, len(planned.x) - 1, min(samples, len(planned.x))).round().astype(int)
         self.x = planned.x[few]
         self.state = planned.motion(self.x) if planned.drives else None
-        self.scale = axis(case, self.kind)
+        self.scale = run_parameter(case, self.kind)
         self.found: dict[str, Curves] = {}
         self.rows: list[Comparison] = []
         self.known: dict[str, Array] = {}
@@ -112,15 +118,15 @@ class Explorer:
                 min=low,
                 max=high,
                 step=(high - low) / 200,
-                description=f"{name} [{pretty(unit_of(case, name)) or '1'}]",
+                description=f"{name} [{format_unit(parameter_unit(case, name)) or '1'}]",
                 style={"description_width": "initial"},
                 readout_format=".3g",
             )
             for name, (low, high) in sliders.items()
         }
-        if "mode" in case.parameters and modes(case):
+        if "mode" in case.parameters and assembly_modes(case):
             self.sliders["mode"] = ipywidgets.ToggleButtons(
-                options=modes(case),
+                options=assembly_modes(case),
                 value=int(float(case.parameters["mode"])),
                 description="mode",
                 style={"button_width": "auto"},
@@ -155,7 +161,7 @@ class Explorer:
         there = [*self.case.channels, *self.known]
         for name in (name for names in self.curves for name in names):
             if name not in there:
-                raise InputError(self.case.file, f"channels.{name}", suggest(name, there))
+                raise InputError(self.case.file, f"channels.{name}", suggest_names(name, there))
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -170,7 +176,7 @@ class Explorer:
         self.found, self.rows, self.table.value = {}, [], ""
         try:
             known = reference_quantities(self.case, self.kind, self.x, self.state, self.parameters)
-            self.reference = channels(self.case, self.x, known)
+            self.reference = reference_channels(self.case, self.x, known)
             driven = self.state[0] if self.state else ()
             joints = {d.joint: v for d, v in zip(self.case.drive, driven, strict=True)}
             self.known, self.wrong = {**joints, **known}, ""
@@ -201,7 +207,7 @@ class Explorer:
                     self.rows += compare(
                         case, self.kind, solver, self.found[solver], detectable=False
                     )
-            self.table.value = as_html(worst_of_solvers(self.rows))
+            self.table.value = as_html(worst_comparisons(self.rows))
         except Exception as error:  # errors of a notebook's model are shown below the panel
             self.table.value = f"<p>{escape(str(error))}</p>"
         self.move()
@@ -210,16 +216,16 @@ class Explorer:
         """Return the whole panel as SVG."""
         words = escape(f"{self.case.name}: {self.caption()}")
         parts = [
-            f'<svg viewBox="0 0 {WIDE} {HIGH}" width="100%" '
-            f'style="max-width:{WIDE}px" role="img" '
+            f'<svg viewBox="0 0 {PANEL_WIDTH} {PANEL_HEIGHT}" width="100%" '
+            f'style="max-width:{PANEL_WIDTH}px" role="img" '
             f'aria-label="{words}" font-family="sans-serif" font-size="11">'
-            f'<rect width="{WIDE}" height="{HIGH}" fill="#fff"/>'
+            f'<rect width="{PANEL_WIDTH}" height="{PANEL_HEIGHT}" fill="#fff"/>'
         ]
         if self.wrong:
             parts.append(f'<text x="12" y="30" fill="#a00">{escape(self.wrong)}</text>')
         else:
             parts += [self.mechanism(), self.words()]
-            high = HIGH / max(len(self.curves), 1)
+            high = PANEL_HEIGHT / max(len(self.curves), 1)
             parts += [self.chart(row, k * high, high) for k, row in enumerate(self.curves)]
         return "".join([*parts, "</svg>"])
 
@@ -229,7 +235,7 @@ class Explorer:
         name, unit, scale = self.scale
         if self.state is None:
             return f"{name} {self.x[k] * scale:.3g} {unit}"
-        return pose_in_words(self.case, float(self.x[k]), self.state[0][:, k]).replace("\n", " ")
+        return format_pose(self.case, float(self.x[k]), self.state[0][:, k]).replace("\n", " ")
 
     def mechanism(self) -> str:
         """Return the links at the pose, and the paths of points whose x and y are channels."""
@@ -253,9 +259,9 @@ class Explorer:
         cloud = cloud[np.isfinite(cloud)]
         low, high = (f(cloud.real) + 1j * f(cloud.imag) for f in (np.min, np.max))
         top = 24 + 14 * len(self.property_texts)
-        across, up = LEFT - 40, HIGH - top - 24
+        across, up = MECHANISM_WIDTH - 40, PANEL_HEIGHT - top - 24
         scale = min(across / max((high - low).real, 1e-9), up / max((high - low).imag, 1e-9))
-        middle, centre = (low + high) / 2, LEFT / 2 + 1j * (HIGH - top) / 2 + 12j
+        middle, centre = (low + high) / 2, MECHANISM_WIDTH / 2 + 1j * (PANEL_HEIGHT - top) / 2 + 12j
 
         def paper(places: Any) -> Array:
             return np.asarray(np.conj(np.asarray(places) - middle) * scale + centre)
@@ -267,11 +273,11 @@ class Explorer:
             )
             parts.append(f'<text x="12" y="31">{text}</text>')
         for path in paths:
-            parts.append(stroke(paper(path), TRACK, 1, "4 3"))
+            parts.append(svg_line(paper(path), PATH_COLOUR, 1, "4 3"))
         for j, line in enumerate(lines.values()):
             colour = COLOURS[j % len(COLOURS)]
             corners = np.array([c[k] for c in line]) if isinstance(line, list) else line
-            parts.append(stroke(paper(corners), colour, 3))
+            parts.append(svg_line(paper(corners), colour, 3))
             if isinstance(line, list) or len(line) == len(self.x):
                 ends = corners if isinstance(line, list) else corners[[k]]
                 parts += [
@@ -286,14 +292,14 @@ class Explorer:
         """Return the properties of the mechanism as lines of text below it."""
         rows = self.property_texts.items()
         return "".join(
-            f'<text x="12" y="{HIGH - 8 - 14 * (len(rows) - 1 - k)}">'
+            f'<text x="12" y="{PANEL_HEIGHT - 8 - 14 * (len(rows) - 1 - k)}">'
             f"{escape(f'{name}: {words}')}</text>"
             for k, (name, words) in enumerate(rows)
         )
 
     def chart(self, names: Sequence[str], top: float, high: float) -> str:
         """Return a panel of curves over the run: the reference pale, the engines as lines."""
-        unit, factor = readable(self.case.channels[names[0]].si_unit)
+        unit, factor = displayed_unit(self.case.channels[names[0]].si_unit)
         own = [{**self.known, **self.reference}[name] * factor for name in names]
         finite = np.concatenate(own)
         finite = finite[np.isfinite(finite)]
@@ -301,7 +307,12 @@ class Explorer:
         pad = 0.05 * ((most - low) or 1.0)
         low, most = low - pad, most + pad
         first, last = self.x[[0, -1]]
-        left, right, above, below = LEFT + GAP, WIDE - 12, top + 20, top + high - 30
+        left, right, above, below = (
+            MECHANISM_WIDTH + AXES_MARGIN,
+            PANEL_WIDTH - 12,
+            top + 20,
+            top + high - 30,
+        )
 
         def paper(x: Array, y: Array | float) -> Array:
             share = (x - first) / ((last - first) or 1.0)
@@ -328,13 +339,13 @@ class Explorer:
                 )
         parts.append(
             f'<text x="{right}" y="{below + 25}" text-anchor="end">{escape(f"{name} [{x_unit}]")}'
-            f'</text><text x="{left - 45}" y="{top + 14}">[{pretty(unit) or "1"}]</text>'
+            f'</text><text x="{left - 45}" y="{top + 14}">[{format_unit(unit) or "1"}]</text>'
         )
         words, place = [], float(left)
         for j, (channel, values) in enumerate(zip(names, own, strict=True)):
             colour = COLOURS[j % len(COLOURS)]
             parts.append(
-                stroke(
+                svg_line(
                     paper(self.x, values),
                     colour,
                     5 if self.found else 2,
@@ -345,7 +356,7 @@ class Explorer:
             for number, curves in enumerate(self.found.values()):
                 if channel in curves.channels:
                     there = paper(curves.x, curves.channels[channel] * factor)
-                    parts.append(stroke(there, colour, 1.4, "5 4" if number else ""))
+                    parts.append(svg_line(there, colour, 1.4, "5 4" if number else ""))
             words.append(
                 f'<text x="{place:.0f}" y="{top + 14}" fill="{colour}">{escape(channel)}</text>'
             )
@@ -374,7 +385,7 @@ def require_sliders(
     for name, (low, high) in sliders.items():
         if name not in numbers:
             raise InputError(
-                case.file, f"parameters.{name}", f"no slider: {suggest(name, numbers)}"
+                case.file, f"parameters.{name}", f"no slider: {suggest_names(name, numbers)}"
             )
         if not low < high or not low <= float(case.parameters[name]) <= high:
             raise ValueError(
@@ -384,13 +395,13 @@ def require_sliders(
     for names in curves:
         if not names or names[0] not in case.channels:
             name = names[0] if names else ""
-            raise InputError(case.file, f"channels.{name}", suggest(name, case.channels))
+            raise InputError(case.file, f"channels.{name}", suggest_names(name, case.channels))
 
 
-def stroke(points: Array, colour: str, width: float, dash: str = "", opacity: float = 1.0) -> str:
+def svg_line(points: Array, colour: str, width: float, dash: str = "", opacity: float = 1.0) -> str:
     """Return a line through places, complex numbers with y down [px], as SVG; NaN breaks it.
 
-    >>> stroke(np.array([1 + 2j, 3 + 4j, np.nan, 5 + 6j, 7 + 8j]), "#000", 1).split('"')[1]
+    >>> svg_line(np.array([1 + 2j, 3 + 4j, np.nan, 5 + 6j, 7 + 8j]), "#000", 1).split('"')[1]
     'M1.0 2.0 3.0 4.0M5.0 6.0 7.0 8.0'
     """
     parts = np.ma.clump_unmasked(np.ma.masked_invalid(points))
@@ -406,7 +417,7 @@ def stroke(points: Array, colour: str, width: float, dash: str = "", opacity: fl
     )
 
 
-def worst_of_solvers(rows: Sequence[Comparison]) -> list[Comparison]:
+def worst_comparisons(rows: Sequence[Comparison]) -> list[Comparison]:
     """Return for each solver and outcome the comparison that is nearest to its limit."""
     found: dict[tuple[str, str], Comparison] = {}
     for row in rows:

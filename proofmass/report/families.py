@@ -9,16 +9,16 @@ from proofmass.case import Case
 from proofmass.check import family_of
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
-from proofmass.reference import module_of
+from proofmass.reference import load_reference
 
-ORDER = ("bad", "open", "good")
-RECORDED = "recorded curves"
+STATES_WORST_FIRST = ("bad", "open", "good")
+RECORDED_PART = "recorded curves"
 
 
 Card = dict[str, Any]
 
 
-def families(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Path]) -> list[Card]:
+def group_cards(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Path]) -> list[Card]:
     """Group the cards of cases by folders below the given paths, and by references within.
 
     Returns
@@ -30,14 +30,14 @@ def families(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Path]
     """
     pairs, paths = list(zip(cases, cards, strict=True)), list(paths)
     found = []
-    for name, own in grouped(pairs, lambda case: family_of(case.file, paths)).items():
-        parts = [part(*one) for one in grouped(own, reference_of).items()]
-        parts.sort(key=lambda p: (p["state"] != "bad", p["name"] == RECORDED, p["name"]))
-        found.append({"name": name, "parts": parts, "state": worst(parts)})
+    for name, own in group_by(pairs, lambda case: family_of(case.file, paths)).items():
+        parts = [reference_part(*one) for one in group_by(own, reference_name).items()]
+        parts.sort(key=lambda p: (p["state"] != "bad", p["name"] == RECORDED_PART, p["name"]))
+        found.append({"name": name, "parts": parts, "state": worst_state(parts)})
     return sorted(found, key=lambda f: (f["state"] != "bad", f["name"]))
 
 
-def grouped(
+def group_by(
     pairs: list[tuple[Case, Card]], key: Callable[[Case], str]
 ) -> dict[str, list[tuple[Case, Card]]]:
     """Group cases and their cards by a key of the case."""
@@ -47,26 +47,33 @@ def grouped(
     return found
 
 
-def part(name: str, pairs: list[tuple[Case, Card]]) -> Card:
+def reference_part(name: str, pairs: list[tuple[Case, Card]]) -> Card:
     """Return the part of one reference: its name, a line on it, its cards and their worst state."""
-    cards = sorted((card for _, card in pairs), key=lambda c: (ORDER.index(c["state"]), c["name"]))
-    return {"name": name, "what": about(pairs[0][0]), "cards": cards, "state": worst(cards)}
+    cards = sorted(
+        (card for _, card in pairs), key=lambda c: (STATES_WORST_FIRST.index(c["state"]), c["name"])
+    )
+    return {
+        "name": name,
+        "what": describe_reference(pairs[0][0]),
+        "cards": cards,
+        "state": worst_state(cards),
+    }
 
 
-def worst(cards: list[Card]) -> str:
+def worst_state(cards: list[Card]) -> str:
     """Return the worst state of some cards or parts."""
-    return min((card["state"] for card in cards), key=ORDER.index)
+    return min((card["state"] for card in cards), key=STATES_WORST_FIRST.index)
 
 
-def reference_of(case: Case) -> str:
+def reference_name(case: Case) -> str:
     """Return the name of the part that a case belongs to: its reference, or recorded curves."""
-    return RECORDED if case.recorded else case.reference
+    return RECORDED_PART if case.recorded else case.reference
 
 
-def about(case: Case) -> str:
+def describe_reference(case: Case) -> str:
     """Return a line on a reference: the first paragraph of its module's docstring."""
     try:
-        reference = module_of(case)
+        reference = load_reference(case)
     except InputError:
         return ""
     if isinstance(reference, Recorded):

@@ -13,36 +13,36 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLo
 from PIL import Image
 
 from proofmass.analytic.numerics import Array
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.report.data import (
     PlottedRun,
-    grouped,
-    input_rows,
-    inputs,
-    parted,
-    readable,
-    thin,
-    ways,
+    channel_rows,
+    displayed_unit,
+    drive_curves,
+    drive_rows,
+    monotonic_stretches,
+    split_at_jumps,
+    thin_curve,
 )
-from proofmass.report.style import REFERENCE, Look
-from proofmass.report.svg import compact
-from proofmass.wording import number, pretty
+from proofmass.report.style import REFERENCE_STYLE, Look
+from proofmass.report.svg import compact_svg
+from proofmass.wording import format_unit, number
 
-FLOOR = 1e-18  # of the reference's range: a difference of exactly zero is drawn there
+ZERO_LEVEL = 1e-18  # of the reference's range: a difference of exactly zero is drawn there
 DPI = 150
-PAPER = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.4}
-POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+TEXT_BACKGROUND = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.4}
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def draw(
+def draw_curve(
     ax: Axes, x: Array, y: Array, look: Look, limit: int = 300, jumps: Iterable[int] = ()
 ) -> None:
     """Draw the curve of a solver, with staggered markers so that coincident curves are all visible.
 
     Markers are filled where x falls, as on the way back of a loop.  The curve is open at jumps.
     """
-    for way, rises in ways(x, jumps):
-        part_x, part = thin(x[way], np.where(np.isfinite(y[way]), y[way], np.nan), limit)
+    for way, rises in monotonic_stretches(x, jumps):
+        part_x, part = thin_curve(x[way], np.where(np.isfinite(y[way]), y[way], np.nan), limit)
         every = max(len(part) // 7, 1)
         ax.plot(
             part_x,
@@ -57,28 +57,28 @@ def draw(
         )
 
 
-def every(points: Array, limit: int, jumps: Iterable[int] = ()) -> Array:
+def thin_path(points: Array, limit: int, jumps: Iterable[int] = ()) -> Array:
     """Return at most `limit` of the points (n, 2) of a path, with its first and last.
 
     Where the path jumps after a point, there is NaN.
 
-    >>> every(np.zeros((1000, 2)), 400).shape
+    >>> thin_path(np.zeros((1000, 2)), 400).shape
     (400, 2)
-    >>> every(np.zeros((1000, 2)), 400, [499]).shape
+    >>> thin_path(np.zeros((1000, 2)), 400, [499]).shape
     (401, 2)
     """
     edges = [k + 1 for k in sorted(jumps) if k + 1 < len(points)]
     if edges:
         gap, parts = np.full((1, points.shape[1]), np.nan), np.split(points, edges)
         shares = [max(2, limit * len(part) // len(points)) for part in parts]
-        each = [every(*one) for one in zip(parts, shares, strict=True)]
+        each = [thin_path(*one) for one in zip(parts, shares, strict=True)]
         return np.concatenate([part for one in each for part in (gap, one)][1:])
     if len(points) <= limit:
         return points
     return np.asarray(points[np.linspace(0, len(points) - 1, limit).round().astype(int)])
 
 
-def limits(ax: Axes, reference: Array, lines: Mapping[str, Array]) -> None:
+def scale_panel(ax: Axes, reference: Array, lines: Mapping[str, Array]) -> None:
     """Scale a panel by the reference; solvers that are far off leave the panel and are named."""
     finite = reference[np.isfinite(reference)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
@@ -106,11 +106,11 @@ def limits(ax: Axes, reference: Array, lines: Mapping[str, Array]) -> None:
             fontsize=6.5,
             color="#8a1c1c",
             zorder=9,
-            bbox=PAPER,
+            bbox=TEXT_BACKGROUND,
         )
 
 
-def overlay(
+def draw_overlay(
     ax: Axes,
     view: PlottedRun,
     channel: str,
@@ -118,11 +118,11 @@ def overlay(
     others: Iterable[Array] = (),
 ) -> None:
     """Draw a channel: the reference thick and pale, the solvers thin on top of it."""
-    unit, scale = readable(view.case.channels[channel].unit)
+    unit, scale = displayed_unit(view.case.channels[channel].unit)
     lines = {
         s: c.channels[channel] * scale for s, c in view.curves.items() if channel in c.channels
     }
-    panel(
+    draw_panel(
         ax,
         view,
         channel,
@@ -135,7 +135,7 @@ def overlay(
     )
 
 
-def panel(
+def draw_panel(
     ax: Axes,
     view: PlottedRun,
     title: str,
@@ -152,17 +152,20 @@ def panel(
     must have room.  `jumps` are by solver, those of the reference under the empty string.
     """
     jumps = jumps or {}
-    ax.plot(*parted(view.longest.x * view.x_scale, reference, jumps.get("", ()), 300), **REFERENCE)
+    ax.plot(
+        *split_at_jumps(view.longest.x * view.x_scale, reference, jumps.get("", ()), 300),
+        **REFERENCE_STYLE,
+    )
     for solver, y in lines.items():
         own = jumps.get(solver, ())
-        draw(ax, view.curves[solver].x * view.x_scale, y, style[solver], jumps=own)
-    limits(ax, np.concatenate([reference, *others]), lines)
-    ends(ax, view, style)
+        draw_curve(ax, view.curves[solver].x * view.x_scale, y, style[solver], jumps=own)
+    scale_panel(ax, np.concatenate([reference, *others]), lines)
+    draw_ends(ax, view, style)
     ax.set_title(title)
-    ax.set_ylabel(f"[{pretty(unit)}]")
+    ax.set_ylabel(f"[{format_unit(unit)}]")
 
 
-def ends(ax: Axes, view: PlottedRun, style: Mapping[str, Look]) -> None:
+def draw_ends(ax: Axes, view: PlottedRun, style: Mapping[str, Look]) -> None:
     """Draw a vertical line where a solver stopped before the run's last sample."""
     for solver, curves in view.curves.items():
         if curves.stopped:
@@ -175,7 +178,7 @@ def ends(ax: Axes, view: PlottedRun, style: Mapping[str, Look]) -> None:
             )
 
 
-def difference(ax: Axes, view: PlottedRun, channel: str, style: Mapping[str, Look]) -> None:
+def draw_difference(ax: Axes, view: PlottedRun, channel: str, style: Mapping[str, Look]) -> None:
     """Draw absolute differences of a channel on a log axis, and each tolerance as a dashed line."""
     unit = view.case.channels[channel].unit
     levels, tops = list[float](), list[float]()
@@ -183,38 +186,38 @@ def difference(ax: Axes, view: PlottedRun, channel: str, style: Mapping[str, Loo
         error = view.error(solver, channel)
         if error is None:
             continue
-        floor = FLOOR * (float(np.ptp(view.reference[solver].channels[channel])) or 1.0)
+        floor = ZERO_LEVEL * (float(np.ptp(view.reference[solver].channels[channel])) or 1.0)
         error = np.where(np.isfinite(error), np.maximum(error, floor), np.nan)
         jumps = view.apart(solver, channel)
-        draw(ax, view.curves[solver].x * view.x_scale, error, style[solver], 120, jumps)
+        draw_curve(ax, view.curves[solver].x * view.x_scale, error, style[solver], 120, jumps)
         solid = error[error > floor]
         levels.append(float(np.nanpercentile(solid, 5)) / 20 if solid.size else floor)
         tops.append(float(np.nanmax(error, initial=floor)))
-    allowed = tolerances(view, channel)
+    allowed = channel_tolerances(view, channel)
     levels += [level / 4 for level in allowed]  # so that the lines of tolerances are in the panel
     if levels:
-        decades(ax, min(levels), 8 * max([*tops, *allowed]))
-        name_tolerances(ax, allowed, style)
+        set_decades(ax, min(levels), 8 * max([*tops, *allowed]))
+        draw_tolerances(ax, allowed, style)
     else:
         ax.set_yticks([])
         ax.text(0.5, 0.5, "no solver delivers it", transform=ax.transAxes, ha="center")
-    ends(ax, view, style)
+    draw_ends(ax, view, style)
     ax.set_title(channel)
-    ax.set_ylabel(f"|difference| [{pretty(unit)}]")
+    ax.set_ylabel(f"|difference| [{format_unit(unit)}]")
 
 
-def decades(ax: Axes, low: float, high: float) -> None:
+def set_decades(ax: Axes, low: float, high: float) -> None:
     """Set a logarithmic axis that is labelled with a few powers of ten."""
     ax.set_yscale("log")
     ax.yaxis.set_major_locator(LogLocator(numticks=5))
     ax.yaxis.set_minor_locator(NullLocator())
     ax.yaxis.set_major_formatter(
-        FuncFormatter(lambda value, _: "10" + f"{round(np.log10(value))}".translate(POWERS))
+        FuncFormatter(lambda value, _: "10" + f"{round(np.log10(value))}".translate(SUPERSCRIPTS))
     )
     ax.set_ylim(low, high)
 
 
-def tolerances(view: PlottedRun, channel: str) -> dict[float, list[str]]:
+def channel_tolerances(view: PlottedRun, channel: str) -> dict[float, list[str]]:
     """Return the allowed errors of a channel, and the solvers that each applies to."""
     found: dict[float, list[str]] = {}
     for c in view.rows:
@@ -224,7 +227,7 @@ def tolerances(view: PlottedRun, channel: str) -> dict[float, list[str]]:
     return found
 
 
-def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[str, Look]) -> None:
+def draw_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[str, Look]) -> None:
     """Draw a dashed line for each tolerance, with its solvers and number where there is room."""
     low, high = np.log(ax.get_ylim())
     taken: list[tuple[float, bool]] = []
@@ -250,14 +253,14 @@ def name_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[st
                 ha="right" if free[0][1] else "left",
                 va="bottom",
                 zorder=9,
-                bbox=PAPER,
+                bbox=TEXT_BACKGROUND,
             )
 
 
 def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure:
     """Draw all channels of a run as a grid of panels; `what` is "overlay" or "difference"."""
-    driven = inputs(view) if what == "overlay" else {}
-    names = input_rows(view, list(driven)) + grouped(view.case, view.channels)
+    driven = drive_curves(view) if what == "overlay" else {}
+    names = drive_rows(view, list(driven)) + channel_rows(view.case, view.channels)
     width = max(map(len, names))
     head = 0.8 if view.failed else 0.62  # room for the legend, and the note below it
     height = 1.75 * len(names) + 0.13 + head
@@ -269,8 +272,8 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
                 ax.remove()
             elif line[k] in driven:
                 reference, moved, unit = driven[line[k]]
-                unit, scale = readable(unit)
-                panel(
+                unit, scale = displayed_unit(unit)
+                draw_panel(
                     ax,
                     view,
                     line[k],
@@ -280,7 +283,7 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
                     unit,
                 )
             else:
-                (overlay if what == "overlay" else difference)(ax, view, line[k], style)
+                (draw_overlay if what == "overlay" else draw_difference)(ax, view, line[k], style)
     for j in range(width):  # label the lowest panel of each column; rows may differ in length
         lowest = max(i for i, line in enumerate(names) if j < len(line))
         axes[lowest, j].set_xlabel(f"{view.x_name} [{view.x_unit}]")
@@ -293,7 +296,7 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
     axes[0, 0].set_xlim(float(x[0]), float(x[-1]))
     if view.x_unit == "deg" and abs(x[-1] - x[0]) >= 180:
         axes[0, 0].xaxis.set_major_locator(MultipleLocator(90 if abs(x[-1] - x[0]) < 721 else 180))
-    legend(figure, view, style, what, height)
+    draw_legend(figure, view, style, what, height)
     figure.subplots_adjust(
         left=0.68 / (3.05 * width),
         right=1 - 0.1 / (3.05 * width),
@@ -321,7 +324,7 @@ def solver_handles(solvers: Iterable[str], style: Mapping[str, Look]) -> list[Li
     ]
 
 
-def legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> None:
+def draw_legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> None:
     """Draw a legend in one line above a grid of panels; `height` is the figure's [inch]."""
     figure.legend(
         handles=handles,
@@ -333,21 +336,21 @@ def legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> No
     )
 
 
-def legend(
+def draw_legend(
     figure: Figure, view: PlottedRun, style: Mapping[str, Look], what: str, height: float
 ) -> None:
     """Draw the legend above the grid, and a note that names the solvers that failed."""
-    handles = [Line2D([], [], label="reference", **REFERENCE)] * (what == "overlay")
-    legend_above(figure, [*handles, *solver_handles(view.curves, style)], height)
+    handles = [Line2D([], [], label="reference", **REFERENCE_STYLE)] * (what == "overlay")
+    draw_legend_above(figure, [*handles, *solver_handles(view.curves, style)], height)
     if view.failed:
         note = "not drawn: " + ", ".join(f"{s} ({c.outcome})" for s, c in view.failed.items())
         figure.text(0.02, 1 - 0.34 / height, note, fontsize=7, color="#8a1c1c", va="top")
 
 
-def thumbnail(view: PlottedRun, style: Mapping[str, Look]) -> Figure:
+def curve_thumbnail(view: PlottedRun, style: Mapping[str, Look]) -> Figure:
     """Draw a small overlay of the first channel, for the index, where there is no mechanism."""
     figure = Figure(figsize=(1.8, 1.3))
-    overlay(figure.add_axes((0.24, 0.14, 0.74, 0.7)), view, view.channels[0], style)
+    draw_overlay(figure.add_axes((0.24, 0.14, 0.74, 0.7)), view, view.channels[0], style)
     figure.axes[0].set_ylabel("")
     return figure
 
@@ -356,10 +359,10 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
     """Write STEM.svg, and STEM.png with a palette of colours; return the SVG's text."""
     file = BytesIO()
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    text = compact(
+    text = compact_svg(
         file.getvalue().decode().replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
     )
-    write_whole(stem.with_suffix(".svg"), text)
+    write_atomically(stem.with_suffix(".svg"), text)
     if png:
         figure.dpi, canvas = DPI, FigureCanvasAgg(figure)
         canvas.draw()
@@ -367,5 +370,5 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
         few = pixels.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         file = BytesIO()
         few.save(file, format="png", dpi=(DPI, DPI))
-        write_whole(stem.with_suffix(".png"), file.getvalue())
+        write_atomically(stem.with_suffix(".png"), file.getvalue())
     return text

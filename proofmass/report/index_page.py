@@ -14,30 +14,36 @@ from markupsafe import Markup
 from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
-from proofmass.outcome import CHECKED, FAILED, GOOD, OPEN, Outcome
-from proofmass.report.changes import FACTOR, Change, changes, of_case
-from proofmass.report.families import families, reference_of
-from proofmass.report.overview import place
-from proofmass.report.page import about, complaint, faults_of, slug
+from proofmass.outcome import (
+    CHECKED_OUTCOMES,
+    FAILED_OUTCOMES,
+    GOOD_OUTCOMES,
+    UNCHECKED_OUTCOMES,
+    Outcome,
+)
+from proofmass.report.changes import CHANGE_FACTOR, Change, changes_of_case, find_changes
+from proofmass.report.families import group_cards, reference_name
+from proofmass.report.overview import axis_place
+from proofmass.report.page import case_faults, error_message, report_facts, slug
 from proofmass.report.record import History, Last, Record
 from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look
-from proofmass.report.svg_markers import MARKS
+from proofmass.report.svg_markers import MARKER_PATHS
 from proofmass.report.thumbnail import Thumbnail
-from proofmass.report.trend import FEWEST
-from proofmass.report.words import RUNS, SYMBOLS, by_solver, kind_of, state_of
+from proofmass.report.trend import MIN_REPORTS
+from proofmass.report.words import RUNS, SYMBOLS, case_state, group_by_solver, quantity_kind
 from proofmass.wording import format_solver, is_variant, number
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
-DECADES = (-15, -12, -9, -6, -3, 0)
-LETTERS = "osD^"
+AXIS_DECADES = (-15, -12, -9, -6, -3, 0)
+MARKER_LETTERS = "osD^"
 """Markers of engines by matplotlib's letters; all engines after the third share the last one."""
-SAID = 2
+MAX_SENTENCES = 2
 """Number of sentences on failed runs that a row shows before it only counts them."""
 
 
-NOTHING = Markup()
-TREND = 3
+NO_MARKUP = Markup()
+MIN_TREND_REPORTS = 3
 """Least number of reports for the trend of a row."""
 
 
@@ -168,9 +174,9 @@ class CaseRow:
     search: str
     changes: list[Change] = field(default_factory=list)
     worse: int = 0
-    picture: Markup = NOTHING
+    picture: Markup = NO_MARKUP
     files: list[tuple[str, str]] = field(default_factory=list)
-    trend: Markup = NOTHING
+    trend: Markup = NO_MARKUP
 
     @property
     def order(self) -> tuple[bool, bool, float, str]:
@@ -214,7 +220,7 @@ def render_index(
     result : Result
         All cases with their comparisons, from `proofmass.check.check`.
     style : mapping of str to Look
-        The look of each solver, from `proofmass.report.style.looks`.
+        The look of each solver, from `proofmass.report.style.solver_looks`.
     pictures : mapping of str to Thumbnail or Markup or None
         The drawing of each case, by its name: a `Thumbnail` is animated, a `Markup` is not.
     record, last : Record, Last
@@ -228,16 +234,16 @@ def render_index(
     note : str
         Why there are no files with curves; empty if they are written.
     """
-    found = changes(last.record, record) if last.record else []
+    found = find_changes(last.record, record) if last.record else []
     columns = columns_of(result)
     shapes = engine_looks(columns, style)
     rows = [
-        row_of(case, result, columns, found, pictures.get(case.name), history, files or {})
+        case_row(case, result, columns, found, pictures.get(case.name), history, files or {})
         for case in result.cases
     ]
     rows.sort(key=lambda row: row.order)
     by_name = {row.name: row for row in rows}
-    grouped = families(
+    grouped = group_cards(
         result.cases,
         [{"name": case.name, "state": by_name[case.name].state} for case in result.cases],
         result.paths,
@@ -248,7 +254,7 @@ def render_index(
         columns=columns,
         engines=shapes,
         groups=grouped,
-        decades=[(place(10.0**d), d) for d in DECADES],
+        decades=[(axis_place(10.0**d), d) for d in AXIS_DECADES],
         states=Counter(row.state for row in rows),
         checked=sum(row.checked for row in rows),
         channels=sum(row.channels for row in rows),
@@ -260,10 +266,10 @@ def render_index(
         poses={
             name: shape.data for name, shape in pictures.items() if isinstance(shape, Thumbnail)
         },
-        about=about(),
+        about=report_facts(),
         studies=studies,
-        trended=len(history.reports) >= FEWEST,
-        errors=[complaint(e) for e in result.errors],
+        trended=len(history.reports) >= MIN_REPORTS,
+        errors=[error_message(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel],
         note=note,
     )
@@ -271,18 +277,18 @@ def render_index(
 
 def columns_of(result: Result) -> list[IndexColumn]:
     """Return the columns that are not empty; engines in the order in which they occur."""
-    there = {(group_of(c.run), engine(c)) for c in result.comparisons if c.channel}
-    engines = dict.fromkeys(engine(c) for c in result.comparisons)
+    there = {(run_group(c.run), engine_name(c)) for c in result.comparisons if c.channel}
+    engines = dict.fromkeys(engine_name(c) for c in result.comparisons)
     groups = dict.fromkeys(words.group for words in RUNS.values())
     return [IndexColumn(run, name) for run in groups for name in engines if (run, name) in there]
 
 
-def group_of(run: str) -> str:
+def run_group(run: str) -> str:
     """Return the group of columns that a run belongs to; empty for a refinement."""
     return RUNS[run].group if run in RUNS else ""
 
 
-def engine(c: Comparison) -> str:
+def engine_name(c: Comparison) -> str:
     """Return the engine of a comparison's solver."""
     return c.solver.partition(":")[0]
 
@@ -298,12 +304,12 @@ def engine_looks(
     for name in dict.fromkeys(column.engine for column in columns):
         mine = next((look for solver, look in style.items() if solver == name), None)
         first = next(look for solver, look in style.items() if solver.partition(":")[0] == name)
-        path = MARKS[LETTERS[min(len(found), len(LETTERS) - 1)]]
+        path = MARKER_PATHS[MARKER_LETTERS[min(len(found), len(MARKER_LETTERS) - 1)]]
         found[name] = EngineLook(name, (mine or first).colour, path)
     return found
 
 
-def row_of(
+def case_row(
     case: Case,
     result: Result,
     columns: Sequence[IndexColumn],
@@ -314,13 +320,13 @@ def row_of(
 ) -> CaseRow:
     """Return the row of a case; `found` are the changes of all cases."""
     rows = [c for c in result.comparisons if c.case == case.name]
-    faults = faults_of(case, result)
-    state = state_of(case, rows, faults)
-    own = of_case(found, case.name)
-    curves = [c for c in rows if c.run in case.run and not only_shown(c, rows)]
-    symbol, word = verdict(state, rows, faults)
-    cells = {c.key: cell for c in columns if (cell := cell_of(select(rows, c)))}
-    family, reference = family_of(case.file, result.paths), reference_of(case)
+    faults = case_faults(case, result)
+    state = case_state(case, rows, faults)
+    own = changes_of_case(found, case.name)
+    curves = [c for c in rows if c.run in case.run and not is_only_shown(c, rows)]
+    symbol, word = worst_outcome(state, rows, faults)
+    cells = {c.key: cell for c in columns if (cell := index_cell(select_column(rows, c)))}
+    family, reference = family_of(case.file, result.paths), reference_name(case)
     return CaseRow(
         name=case.name,
         title=case.title,
@@ -330,58 +336,62 @@ def row_of(
         state=state,
         symbol=symbol,
         word=word,
-        remarks=[*faults, *shortened(remarks(case, rows))],
+        remarks=[*faults, *shorten_sentences(failure_remarks(case, rows))],
         cells=cells,
-        engines=list(dict.fromkeys(map(engine, rows))),
-        bad_engines=list(dict.fromkeys(engine(c) for c in rows if c.outcome not in GOOD)),
-        margin=max((ratio(c) for c in rows if c.outcome not in OPEN), default=0.0),
-        checked=sum(c.outcome in CHECKED for c in curves),
+        engines=list(dict.fromkeys(map(engine_name, rows))),
+        bad_engines=list(
+            dict.fromkeys(engine_name(c) for c in rows if c.outcome not in GOOD_OUTCOMES)
+        ),
+        margin=max(
+            (error_ratio(c) for c in rows if c.outcome not in UNCHECKED_OUTCOMES), default=0.0
+        ),
+        checked=sum(c.outcome in CHECKED_OUTCOMES for c in curves),
         channels=len(curves),
-        seconds=seconds_of(rows),
+        seconds=total_seconds(rows),
         search=" ".join([case.name, case.title, family, reference, *case.channels]).lower(),
         changes=own,
         worse=sum(change.growth > 1 for change in own),
-        picture=picture.svg(case.name) if isinstance(picture, Thumbnail) else picture or NOTHING,
+        picture=picture.svg(case.name) if isinstance(picture, Thumbnail) else picture or NO_MARKUP,
         files=files.get(case.name, []),
-        trend=trend(history, rows),
+        trend=trend_line(history, rows),
     )
 
 
-def remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
+def failure_remarks(case: Case, rows: Sequence[Comparison]) -> Iterator[str]:
     """Yield what is wrong with a case, in a sentence for each run and solver."""
     for run in dict.fromkeys(c.run for c in rows):
-        for solver, group in by_solver(rows, run).items():
-            bad = [c for c in group if c.outcome not in GOOD]
+        for solver, group in group_by_solver(rows, run).items():
+            bad = [c for c in group if c.outcome not in GOOD_OUTCOMES]
             if bad:
-                yield f"{format_solver(solver)}, {run}: {wrong(bad, len(group))}."
-    if not case.unchecked and not {c.outcome for c in rows} - set(OPEN):
+                yield f"{format_solver(solver)}, {run}: {format_failure(bad, len(group))}."
+    if not case.unchecked and not {c.outcome for c in rows} - set(UNCHECKED_OUTCOMES):
         yield "Nothing of it was checked."
 
 
-def wrong(bad: Sequence[Comparison], of: int) -> str:
+def format_failure(bad: Sequence[Comparison], channel_count: int) -> str:
     """Format what is wrong in a run of a solver by its worst channel.
 
-    `of` is the number of all channels.
+    `channel_count` is the number of all channels.
     """
-    c = max(bad, key=ratio)
+    c = max(bad, key=error_ratio)
     if c.outcome != Outcome.DIFFERS:
         return f"{c.outcome}: {c.message}"
-    return f"{len(bad)} of {of} differ, {c.channel} by {c.message}"
+    return f"{len(bad)} of {channel_count} differ, {c.channel} by {c.message}"
 
 
-def shortened(sentences: Iterable[str]) -> list[str]:
+def shorten_sentences(sentences: Iterable[str]) -> list[str]:
     """Return the first sentences, and a last one with the number of the others."""
     whole = list(sentences)
-    more = len(whole) - SAID
-    return whole if more < 2 else [*whole[:SAID], f"And {more} more runs."]
+    more = len(whole) - MAX_SENTENCES
+    return whole if more < 2 else [*whole[:MAX_SENTENCES], f"And {more} more runs."]
 
 
-def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tuple[str, str]:
+def worst_outcome(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tuple[str, str]:
     """Return the sign and the word of a case's state: those of its worst outcome."""
     order = (
         Outcome.DIFFERS,
         Outcome.UNDECIDED,
-        *FAILED,
+        *FAILED_OUTCOMES,
         *((Outcome.AGREES,) if state == "good" else ()),
     )
     there = {c.outcome for c in rows}
@@ -394,67 +404,67 @@ def verdict(state: str, rows: Sequence[Comparison], faults: Sequence[str]) -> tu
     return (SYMBOLS[Outcome.DIFFERS] if state == "bad" else sign), str(Outcome.UNCHECKED)
 
 
-def only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
+def is_only_shown(c: Comparison, rows: Sequence[Comparison]) -> bool:
     """Whether a solver is a variant of an engine, and no tolerance covers any of its curves."""
     return is_variant(c.solver) and all(
-        math.isnan(other.allowed) and other.outcome in OPEN
+        math.isnan(other.allowed) and other.outcome in UNCHECKED_OUTCOMES
         for other in rows
         if (other.solver, other.run) == (c.solver, c.run)
     )
 
 
-def select(rows: Iterable[Comparison], column: IndexColumn) -> list[Comparison]:
+def select_column(rows: Iterable[Comparison], column: IndexColumn) -> list[Comparison]:
     """Return the comparisons of a column."""
-    return [c for c in rows if group_of(c.run) == column.run and engine(c) == column.engine]
+    return [c for c in rows if run_group(c.run) == column.run and engine_name(c) == column.engine]
 
 
-def seconds_of(rows: Iterable[Comparison]) -> float:
+def total_seconds(rows: Iterable[Comparison]) -> float:
     """Return the wall time of all runs of a case [s]."""
     runs = {(c.run, c.solver): c.seconds for c in rows}
     return sum(s for s in runs.values() if math.isfinite(s))
 
 
-def ratio(c: Comparison) -> float:
+def error_ratio(c: Comparison) -> float:
     """Return the error over what is allowed; infinite for a failure without a number."""
     if math.isfinite(c.error_max) and c.allowed > 0:
         return c.error_max / c.allowed
-    return 0.0 if c.outcome in GOOD else math.inf
+    return 0.0 if c.outcome in GOOD_OUTCOMES else math.inf
 
 
-def cell_of(rows: Sequence[Comparison]) -> IndexCell | None:
+def index_cell(rows: Sequence[Comparison]) -> IndexCell | None:
     """Return the cell of these comparisons: a mark for each solver, the engine itself first."""
     solvers = sorted(dict.fromkeys(c.solver for c in rows), key=is_variant)
     groups = [[c for c in rows if c.solver == solver] for solver in solvers]
     if not groups:
         return None
-    speakers = [speaker(group) for group in groups]
-    first = next((c for c in speakers if c.outcome not in GOOD), speakers[0])
-    lanes = [lane_of(c) for c in speakers]
+    speakers = [representative(group) for group in groups]
+    first = next((c for c in speakers if c.outcome not in GOOD_OUTCOMES), speakers[0])
+    lanes = [error_mark(c) for c in speakers]
     share = first.relative_to_range
     known = math.isfinite(share)
-    kind = kind_of(first.unit) if known else "other"
+    kind = quantity_kind(first.unit) if known else "other"
     return IndexCell(
         lanes=lanes,
         error=number(share, 2) if known else str(first.outcome),
         kind="" if kind == "other" else kind,
-        bad=first.outcome not in GOOD,
-        sort=share if known else math.inf if first.outcome not in GOOD else -1.0,
+        bad=first.outcome not in GOOD_OUTCOMES,
+        sort=share if known else math.inf if first.outcome not in GOOD_OUTCOMES else -1.0,
     )
 
 
-def speaker(group: Sequence[Comparison]) -> Comparison:
+def representative(group: Sequence[Comparison]) -> Comparison:
     """Return the comparison that represents a solver: the worst failure, else the largest error."""
 
     def rank(c: Comparison) -> tuple[bool, float, float]:
-        failed = c.outcome not in GOOD
+        failed = c.outcome not in GOOD_OUTCOMES
         share = c.relative_to_range
         known = share if math.isfinite(share) else -1.0
-        return failed, ratio(c) if failed else 0.0, known
+        return failed, error_ratio(c) if failed else 0.0, known
 
     return max(group, key=rank)
 
 
-def lane_of(c: Comparison) -> ErrorMark:
+def error_mark(c: Comparison) -> ErrorMark:
     """Return the mark of a solver, by the comparison that represents it."""
     share, judged = c.relative_to_range, math.isfinite(c.allowed)
     name = format_solver(c.solver)
@@ -462,7 +472,7 @@ def lane_of(c: Comparison) -> ErrorMark:
         return ErrorMark(
             c.solver,
             is_variant(c.solver),
-            c.outcome not in GOOD,
+            c.outcome not in GOOD_OUTCOMES,
             None,
             None,
             f"{name}: {c.outcome}",
@@ -473,45 +483,45 @@ def lane_of(c: Comparison) -> ErrorMark:
     return ErrorMark(
         c.solver,
         is_variant(c.solver),
-        c.outcome not in GOOD,
-        place(share),
-        None if allowed is None else place(allowed),
+        c.outcome not in GOOD_OUTCOMES,
+        axis_place(share),
+        None if allowed is None else axis_place(allowed),
         words,
     )
 
 
-def trend(history: History, rows: Sequence[Comparison]) -> Markup:
+def trend_line(history: History, rows: Sequence[Comparison]) -> Markup:
     """Draw the error of the channel nearest to its tolerance over the last reports, as a line."""
-    judged = [c for c in rows if c.outcome in CHECKED]
-    if len(history.reports) < TREND or not judged:
-        return NOTHING
-    c = max(judged, key=ratio)
+    judged = [c for c in rows if c.outcome in CHECKED_OUTCOMES]
+    if len(history.reports) < MIN_TREND_REPORTS or not judged:
+        return NO_MARKUP
+    c = max(judged, key=error_ratio)
     values = history.trend(c.case, c.run, c.solver, c.channel)
     powers = [math.log10(v) if v else None for v in values]
     known = [p for p in powers if p is not None]
-    if len(known) < TREND or max(known) - min(known) < math.log10(FACTOR):
-        return NOTHING
+    if len(known) < MIN_TREND_REPORTS or max(known) - min(known) < math.log10(CHANGE_FACTOR):
+        return NO_MARKUP
     low, high = min(known), max(known)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     step = 56 / (len(powers) - 1)
-    points = list(spread(powers, step, middle, half))
+    points = list(trend_points(powers, step, middle, half))
     where = f"{c.run} {format_solver(c.solver)}, {c.channel}"
     return Markup(
         '<svg class="trend" viewBox="0 0 60 18" role="img" aria-label="{}"><polyline '
         'points="{}"/></svg>'
     ).format(
-        f"{where}: {len(known)} reports, {number(values_of(values)[0], 2)} to "
-        f"{number(values_of(values)[-1], 2)} of the range",
+        f"{where}: {len(known)} reports, {number(nonzero_values(values)[0], 2)} to "
+        f"{number(nonzero_values(values)[-1], 2)} of the range",
         " ".join(points),
     )
 
 
-def values_of(values: Iterable[float | None]) -> list[float]:
+def nonzero_values(values: Iterable[float | None]) -> list[float]:
     """Return the values that are neither None nor zero."""
     return [value for value in values if value]
 
 
-def spread(
+def trend_points(
     powers: Iterable[float | None], step: float, middle: float, half: float
 ) -> Iterator[str]:
     """Yield the points of a trend's line: powers of ten, centred at `middle`, scaled by `half`."""

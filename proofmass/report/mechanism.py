@@ -15,16 +15,16 @@ from matplotlib.lines import Line2D
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.report.data import PlottedRun, drive_units
-from proofmass.report.figures import every, legend
-from proofmass.report.style import REFERENCE, Look
+from proofmass.report.figures import draw_legend, thin_path
+from proofmass.report.style import REFERENCE_STYLE, Look
 from proofmass.sim.picture import Picture
 from proofmass.sim.protocol import Curves
 from proofmass.wording import number
 
-ASIDE = np.exp(1j * np.pi * np.array([0.25, 0.75, -0.25, -0.75, 0, 1, 0.5, -0.5]))
-SIDES = np.stack([ASIDE.real, ASIDE.imag], axis=1)
+LABEL_DIRECTIONS = np.exp(1j * np.pi * np.array([0.25, 0.75, -0.25, -0.75, 0, 1, 0.5, -0.5]))
+LABEL_SIDES = np.stack([LABEL_DIRECTIONS.real, LABEL_DIRECTIONS.imag], axis=1)
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class Label:
 
     def centres(self) -> Array:
         """Return places for the middle of the text (k, 2) around each spot, near ones first."""
-        rings = [self.spots[:, None] + SIDES * (self.half + gap) for gap in (5.0, 11.0, 19.0)]
+        rings = [self.spots[:, None] + LABEL_SIDES * (self.half + gap) for gap in (5.0, 11.0, 19.0)]
         return np.concatenate([ring.reshape(-1, 2) for ring in rings])
 
 
-def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) -> list[Array]:
+def place_labels(labels: Iterable[Label], points: Array, weights: Array, box: Array) -> list[Array]:
     """Choose a place for each label, one after the other.
 
     Parameters
@@ -68,7 +68,7 @@ def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) ->
     --------
     >>> spot = np.array([[50.0, 50.0]])
     >>> paper = np.array([[0.0, 0.0], [99.0, 99.0]])
-    >>> a, b = place([Label("a", spot), Label("b", spot)], spot, np.ones(1), paper)
+    >>> a, b = place_labels([Label("a", spot), Label("b", spot)], spot, np.ones(1), paper)
     >>> bool(np.abs(a - b).max() > 8)
     True
     """
@@ -91,10 +91,10 @@ def place(labels: Iterable[Label], points: Array, weights: Array, box: Array) ->
     return [middle for middle, _ in taken]
 
 
-SAME = 0.03  # of the mechanism's size: poses with a smaller distance count as the same
+SAME_POSE_SHARE = 0.03  # of the mechanism's size: poses with a smaller distance count as the same
 
 
-def distinct(picture: Picture, count: int = 6) -> Picture:
+def distinct_poses(picture: Picture, count: int = 6) -> Picture:
     """Choose up to `count` poses, evenly over the part of the run that does not repeat itself.
 
     Of a swing that returns the way there is drawn, of a full turn all but the last pose, which is
@@ -110,9 +110,9 @@ def distinct(picture: Picture, count: int = 6) -> Picture:
     )
     size = float(np.ptp(places, axis=(0, 1)).max()) or 1.0
     apart = np.abs(places[:, None] - places[None]).max(axis=(2, 3)) / size
-    last = max(k for k in range(n) if not repeats(apart[: k + 1, k]))
+    last = max(k for k in range(n) if not has_returned(apart[: k + 1, k]))
     after = apart[last + 1 : last + 1 + n // 10, 0]  # small if the first pose returns soon after
-    closed = bool(after.size and after.min() <= SAME)
+    closed = bool(after.size and after.min() <= SAME_POSE_SHARE)
     end = last + 1 + int(after.argmin()) if closed else last
     way = np.cumsum(np.abs(np.diff(picture.inputs, prepend=picture.inputs[:, :1])).sum(axis=0))
     way = way if way[end] else np.arange(len(picture.x))  # without drives evenly in time
@@ -120,21 +120,21 @@ def distinct(picture: Picture, count: int = 6) -> Picture:
     spread = np.abs(way[: end + 1, None] - wanted).argmin(axis=0)
     chosen: list[int] = []
     for k in spread.tolist():
-        if all(apart[k, j] > SAME for j in chosen):
+        if all(apart[k, j] > SAME_POSE_SHARE for j in chosen):
             chosen.append(k)
     return picture.at(chosen)
 
 
-def repeats(apart: Array) -> bool:
+def has_returned(apart: Array) -> bool:
     """Whether a pose occurred before and was left since.
 
     `apart` are the distances of the pose to all poses up to it, as shares of the size.
     """
     left_since = np.maximum.accumulate(apart[::-1])[::-1]
-    return bool(((apart <= SAME) & (left_since > 2 * SAME)).any())
+    return bool(((apart <= SAME_POSE_SHARE) & (left_since > 2 * SAME_POSE_SHARE)).any())
 
 
-def clearest(picture: Picture) -> int:
+def clearest_pose(picture: Picture) -> int:
     """Choose the pose for the names: its joints are far from each other and not in one line.
 
     Where the joints do not distinguish the poses, it is the one whose links are farthest from one
@@ -146,34 +146,40 @@ def clearest(picture: Picture) -> int:
     apart = np.linalg.norm(at[:, :, None] - at[:, None], axis=3)
     always = apart.max(axis=0) < 1e-6 * (np.ptp(at) or 1.0)
     nearest = np.where(always, np.inf, apart).min(axis=(1, 2))
-    clear = np.minimum(nearest, np.ptp(at)) * across(at)
+    clear = np.minimum(nearest, np.ptp(at)) * distance_from_line(at)
     outlines = [outline for link in picture.links for outline in link.outlines]
     if not clear.any() and outlines:
-        clear = across(np.concatenate(outlines, axis=1))
+        clear = distance_from_line(np.concatenate(outlines, axis=1))
     return int(clear.argmax())
 
 
-def across(points: Array) -> Array:
+def distance_from_line(points: Array) -> Array:
     """Return how far the points (poses, n, 2) of each pose are from one line."""
     centred = points - points.mean(axis=1, keepdims=True)
     found: Array = np.linalg.svd(np.nan_to_num(centred), compute_uv=False)[:, -1]
     return found
 
 
-INK, SOFT, BODY, TRACK, COIL = "#1b1f24", "#8a929c", "#0b57a4", "#7b4ba0", "#00755e"
-WIDE, HIGH = 430.0, 300.0  # [pt] room for the drawing itself
+INK, GROUND_COLOUR, LINK_COLOUR, PATH_COLOUR, SPRING_COLOUR = (
+    "#1b1f24",
+    "#8a929c",
+    "#0b57a4",
+    "#7b4ba0",
+    "#00755e",
+)
+DRAWING_WIDTH, DRAWING_HEIGHT = 430.0, 300.0  # [pt] room for the drawing itself
 MARGIN = 46.0  # [pt] left and below it, for the axes' names
-COLOURS = {"joint": INK, "link": BODY, "path": TRACK}
-SIGNS = {"hinge": "o", "ball": "o", "slide": "s", "pin": "o"}
-WORDS = {
+LABEL_COLOURS = {"joint": INK, "link": LINK_COLOUR, "path": PATH_COLOUR}
+JOINT_MARKERS = {"hinge": "o", "ball": "o", "slide": "s", "pin": "o"}
+JOINT_WORDS = {
     "hinge": "hinge",
     "ball": "ball joint",
     "slide": "slide, dashed: its guide",
     "pin": "loop (connect)",
 }
-SPRINGS = "spiral: torsion spring", "zigzag: spring or damper between points"
-TURN = np.linspace(0.0, 5 * np.pi, 60)
-FOOT = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] ground below a pivot, as points
+SPRING_WORDS = "spiral: torsion spring", "zigzag: spring or damper between points"
+SPIRAL_ANGLES = np.linspace(0.0, 5 * np.pi, 60)
+FOOT_POINTS = np.linspace([-10.0, -13.0], [10.0, -13.0], 40)  # [pt] ground below a pivot, as points
 Tracks = Mapping[str, Array]
 
 
@@ -209,7 +215,7 @@ def scale_for(picture: Picture, tracks: Tracks, wide: float, high: float, pad: f
     return Scale(middle - half, middle + half, points)
 
 
-def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
+def mechanism_figure(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     """Draw poses from light to dark, one with names in black, paths dashed, and a legend.
 
     Parameters
@@ -221,7 +227,7 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     tracks : mapping of str to ndarray (n, 2)
         Paths of measured points [m], by name.
     """
-    scale = scale_for(picture, tracks, WIDE, HIGH, 34.0)
+    scale = scale_for(picture, tracks, DRAWING_WIDTH, DRAWING_HEIGHT, 34.0)
     wide, high = (scale.high - scale.low) * scale.points
     lines = len(picture.x) * ((len(case.drive) + 2) // 2) + 8 + len(tracks)
     full = max(high, 12.5 * lines)
@@ -236,25 +242,25 @@ def mechanism(case: Case, picture: Picture, tracks: Tracks) -> Figure:
         xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
         ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]",
     )
-    main = clearest(picture)
+    main = clearest_pose(picture)
     for path in tracks.values():
-        ax.plot(*path.T, color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
-    poses(ax, picture, main, scale)
+        ax.plot(*path.T, color=PATH_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+    draw_poses(ax, picture, main, scale)
     coils = [
         mark.at[main] + spiral() / scale.points
         for mark in picture.marks
-        if mark.kind == "hinge" and mark.name in sprung(case)
+        if mark.kind == "hinge" and mark.name in joints_with_springs(case)
     ]
     springs = [zigzag(coil.ends[main], scale.points) for coil in picture.coils]
     for coil in (*coils, *springs):
-        ax.plot(*coil.T, color=COIL, linewidth=1.0, zorder=7)
-    names(ax, picture, main, tracks, [*coils, *springs], scale)
-    signs = [word for word, there in zip(SPRINGS, (coils, springs), strict=True) if there]
-    key_of_parts(figure, case, picture, main, tracks, signs, (MARGIN + wide + 12) / size[0])
+        ax.plot(*coil.T, color=SPRING_COLOUR, linewidth=1.0, zorder=7)
+    draw_names(ax, picture, main, tracks, [*coils, *springs], scale)
+    signs = [word for word, there in zip(SPRING_WORDS, (coils, springs), strict=True) if there]
+    draw_key(figure, case, picture, main, tracks, signs, (MARGIN + wide + 12) / size[0])
     return figure
 
 
-def small(picture: Picture, tracks: Tracks) -> Figure:
+def small_figure(picture: Picture, tracks: Tracks) -> Figure:
     """Draw the mechanism as a thumbnail, without axes and names."""
     scale = scale_for(picture, tracks, 130.0, 96.0, 8.0)
     wide, high = (scale.high - scale.low) * scale.points
@@ -263,24 +269,26 @@ def small(picture: Picture, tracks: Tracks) -> Figure:
     ax.set(xlim=(scale.low[0], scale.high[0]), ylim=(scale.low[1], scale.high[1]))
     ax.axis("off")
     for path in tracks.values():
-        ax.plot(*path.T, color=TRACK, linewidth=0.8, zorder=3)
-    poses(ax, picture, clearest(picture), scale, 0.55)
+        ax.plot(*path.T, color=PATH_COLOUR, linewidth=0.8, zorder=3)
+    draw_poses(ax, picture, clearest_pose(picture), scale, 0.55)
     return figure
 
 
-def shade(picture: Picture, k: int) -> str:
+def pose_grey(picture: Picture, k: int) -> str:
     """Return the grey of pose number k; later poses are darker."""
     level = 0.87 - 0.27 * k / max(len(picture.x) - 1, 1)
     return f"{level:.2f}"
 
 
-def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0) -> None:
+def draw_poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0) -> None:
     """Draw the bodies at all poses, and joints, guides and supports at the pose `main`."""
     for outline in picture.ground.outlines:
-        ax.fill(*outline[0].T, facecolor="#d5d9de", edgecolor=SOFT, linewidth=1.0, zorder=1)
+        ax.fill(
+            *outline[0].T, facecolor="#d5d9de", edgecolor=GROUND_COLOUR, linewidth=1.0, zorder=1
+        )
     for k in sorted(range(len(picture.x)), key=lambda k: (k == main, k)):
         named = k == main
-        colour, width = (INK, 2.2 * size) if named else (shade(picture, k), 1.3 * size)
+        colour, width = (INK, 2.2 * size) if named else (pose_grey(picture, k), 1.3 * size)
         for outline in (o[k] for link in picture.links for o in link.outlines):
             ax.plot(
                 *np.vstack([outline, outline[:1]]).T,
@@ -293,15 +301,15 @@ def poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0
                 ax.fill(*outline.T, color=colour, alpha=0.12, linewidth=0, zorder=3.5)
     for mark in picture.marks:
         if mark.kind == "clamp" and mark.guide is not None:
-            wall(ax, mark.guide[main], scale, size)
+            draw_clamp(ax, mark.guide[main], scale, size)
         elif mark.guide is not None:
-            guide(ax, mark.guide[main], mark.ground, scale, size)
+            draw_guide(ax, mark.guide[main], mark.ground, scale, size)
         elif mark.ground:
-            support(ax, mark.at[main], scale, size)
+            draw_support(ax, mark.at[main], scale, size)
     order = {"slide": 0, "pin": 1, "ball": 2, "hinge": 2}
     joints = [m for m in picture.marks if m.kind in order]
     for mark in sorted(joints, key=lambda m: (m.driven, order[m.kind])):
-        sign(ax, mark.kind, mark.driven, mark.at[main], size)
+        draw_joint(ax, mark.kind, mark.driven, mark.at[main], size)
 
 
 def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
@@ -311,8 +319,8 @@ def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
     >>> bool(np.allclose(ends, [[4.0, 0.0], [0.0, -10.6]], atol=0.01))
     True
     """
-    turn = inner + TURN * (1.0 + (outer - inner) / TURN[-1])
-    return (4.0 + 0.42 * TURN)[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    turn = inner + SPIRAL_ANGLES * (1.0 + (outer - inner) / SPIRAL_ANGLES[-1])
+    return (4.0 + 0.42 * SPIRAL_ANGLES)[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
 def zigzag(ends: Array, points: float) -> Array:
@@ -329,11 +337,11 @@ def zigzag(ends: Array, points: float) -> Array:
     return np.asarray(ends[0] + shares[:, None] * along + sides[:, None] * across)
 
 
-def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line2D]:
+def draw_joint(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line2D]:
     """Draw the sign of a joint: filled if it is driven, with a dot if it closes a loop."""
     found = ax.plot(
         *at,
-        SIGNS[kind],
+        JOINT_MARKERS[kind],
         markersize=(7.5 if kind == "slide" else 5.5) * size,
         color=INK,
         markerfacecolor=INK if driven else "white",
@@ -345,21 +353,21 @@ def sign(ax: Axes, kind: str, driven: bool, at: Array, size: float) -> list[Line
     return found
 
 
-def support(ax: Axes, at: Array, scale: Scale, size: float) -> None:
+def draw_support(ax: Axes, at: Array, scale: Scale, size: float) -> None:
     """Draw a fixed pivot: a triangle on hatched ground."""
     unit = 9.5 * size / scale.points
     foot = at + unit * np.array([[-0.8, -1.3], [0.8, -1.3]])
     ax.fill(
         *np.vstack([at[None], foot]).T,
         facecolor="white",
-        edgecolor=SOFT,
+        edgecolor=GROUND_COLOUR,
         linewidth=1.0 * size,
         zorder=5,
     )
-    hatch(ax, foot[0] - [0.4 * unit, 0], foot[1] + [0.4 * unit, 0], scale, size)
+    draw_hatch(ax, foot[0] - [0.4 * unit, 0], foot[1] + [0.4 * unit, 0], scale, size)
 
 
-def guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> None:
+def draw_guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> None:
     """Draw the guide of a slide: hatched on the ground, dashed on a moving body."""
     along = ends[1] - ends[0]
     length = np.linalg.norm(along)
@@ -367,42 +375,46 @@ def guide(ax: Axes, ends: Array, ground: bool, scale: Scale, size: float) -> Non
     reach = 12.0 * size / scale.points * ground
     one, two = ends[0] - reach * along, ends[1] + reach * along
     ax.plot(
-        *np.stack([one, two]).T, color=SOFT, linewidth=1.0 * size, zorder=2.5, linestyle=(0, (6, 2))
+        *np.stack([one, two]).T,
+        color=GROUND_COLOUR,
+        linewidth=1.0 * size,
+        zorder=2.5,
+        linestyle=(0, (6, 2)),
     )
     if ground:
         below = np.array([along[1], -along[0]])
         if below[1] > 1e-9 or (abs(below[1]) <= 1e-9 and below[0] > 0):
             one, two, below = two, one, -below
         shift = 7.0 * size / scale.points * below
-        hatch(ax, one + shift, two + shift, scale, size)
+        draw_hatch(ax, one + shift, two + shift, scale, size)
 
 
-def wall(ax: Axes, ends: Array, scale: Scale, size: float) -> None:
+def draw_clamp(ax: Axes, ends: Array, scale: Scale, size: float) -> None:
     """Draw the clamp of a rod that begins at the first of two points and leads to the other."""
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     across = 11.0 * size / scale.points * np.array([along[1], -along[0]])
-    hatch(ax, ends[0] - across, ends[0] + across, scale, size)
+    draw_hatch(ax, ends[0] - across, ends[0] + across, scale, size)
 
 
-def hatch(ax: Axes, one: Array, two: Array, scale: Scale, size: float) -> None:
+def draw_hatch(ax: Axes, one: Array, two: Array, scale: Scale, size: float) -> None:
     """Draw the sign of fixed ground: a line with short strokes at its right."""
     length = float(np.linalg.norm(two - one))
     along = (two - one) / length
     step, below = 3.6 * max(size, 0.7) / scale.points, np.array([along[1], -along[0]])
     tops = one + along * np.arange(0.5 * step, length, step)[:, None]
     strokes = np.stack([tops, tops + 0.9 * step * (below - along), np.full_like(tops, np.nan)], 1)
-    ax.plot(*np.stack([one, two]).T, color=SOFT, linewidth=1.2 * size, zorder=2.6)
-    ax.plot(*strokes.reshape(-1, 2).T, color=SOFT, linewidth=0.7 * size, zorder=2.6)
+    ax.plot(*np.stack([one, two]).T, color=GROUND_COLOUR, linewidth=1.2 * size, zorder=2.6)
+    ax.plot(*strokes.reshape(-1, 2).T, color=GROUND_COLOUR, linewidth=0.7 * size, zorder=2.6)
 
 
-def sprung(case: Case) -> set[str]:
+def joints_with_springs(case: Case) -> set[str]:
     """Return the names of the joints with a spring of their own."""
-    model = compiled(case)
+    model = compiled_model(case)
     curved = np.any(getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))), axis=1)
     return {model.joint(j).name for j in np.flatnonzero((model.jnt_stiffness != 0) | curved)}
 
 
-def names(
+def draw_names(
     ax: Axes, picture: Picture, main: int, tracks: Tracks, coils: list[Array], scale: Scale
 ) -> None:
     """Draw the names of joints, loops, links and paths, each once, at the pose `main`."""
@@ -410,10 +422,10 @@ def names(
     for name, path in tracks.items():
         there = scale.on_paper(path[np.isfinite(path).all(axis=1)])
         labels.append(Label(name, there[:: max(len(there) // 12, 1)], 7.5, "path"))
-    feet = [m.at[main] + FOOT / scale.points for m in picture.marks if m.ground]
-    points, weights = in_sight(picture, main, [*tracks.values(), *coils, *feet], scale)
+    feet = [m.at[main] + FOOT_POINTS / scale.points for m in picture.marks if m.ground]
+    points, weights = points_in_sight(picture, main, [*tracks.values(), *coils, *feet], scale)
     box = np.stack([np.zeros(2), scale.on_paper(scale.high)])
-    for label, middle in zip(labels, place(labels, points, weights, box), strict=True):
+    for label, middle in zip(labels, place_labels(labels, points, weights, box), strict=True):
         x, y = middle / scale.points + scale.low
         ax.text(
             x,
@@ -422,7 +434,7 @@ def names(
             ha="center",
             va="center",
             fontsize=label.size,
-            color=COLOURS[label.kind],
+            color=LABEL_COLOURS[label.kind],
             zorder=12,
             linespacing=1.05,
             style="italic" if label.kind == "link" else "normal",
@@ -460,7 +472,9 @@ def link_labels(picture: Picture, main: int, scale: Scale) -> list[Label]:
     return found
 
 
-def in_sight(picture: Picture, main: int, lines: list[Array], scale: Scale) -> tuple[Array, Array]:
+def points_in_sight(
+    picture: Picture, main: int, lines: list[Array], scale: Scale
+) -> tuple[Array, Array]:
     """Return points (n, 2) on the paper that names should not hide, and their importance."""
     points, weights = [scale.on_paper(m.at[main : main + 1]) for m in picture.marks], []
     weights += [np.full(1, 8.0)] * len(points)
@@ -476,7 +490,7 @@ def in_sight(picture: Picture, main: int, lines: list[Array], scale: Scale) -> t
     return np.concatenate(points), np.concatenate(weights)
 
 
-def key_of_parts(
+def draw_key(
     figure: Figure,
     case: Case,
     picture: Picture,
@@ -491,24 +505,24 @@ def key_of_parts(
         Line2D(
             [],
             [],
-            color=INK if k == main else shade(picture, k),
+            color=INK if k == main else pose_grey(picture, k),
             linewidth=2.2 if k == main else 1.3,
-            label=pose_in_words(case, float(picture.x[k]), picture.inputs[:, k])
+            label=format_pose(case, float(picture.x[k]), picture.inputs[:, k])
             + " (named)" * (k == main and count > 1),
         )
         for k in range(count)
     ]
-    kinds = [k for k in WORDS if any(m.kind == k for m in picture.marks)]
+    kinds = [k for k in JOINT_WORDS if any(m.kind == k for m in picture.marks)]
     signs = [
         Line2D(
             [],
             [],
             linestyle="",
-            marker=SIGNS[k],
+            marker=JOINT_MARKERS[k],
             color=INK,
             markerfacecolor="white",
             markersize=5.5,
-            label=WORDS[k],
+            label=JOINT_WORDS[k],
         )
         for k in kinds
     ]
@@ -516,10 +530,12 @@ def key_of_parts(
     rows += [(line, dot) if k == "pin" else line for k, line in zip(kinds, signs, strict=True)]
     if any(m.driven for m in picture.marks):
         rows.append(Line2D([], [], linestyle="", marker="o", color=INK, label="filled: driven"))
-    rows += [Line2D([], [], color=COIL, linewidth=1.0, label=word) for word in springs]
-    rows.append(Line2D([], [], color=SOFT, linewidth=1.2, label="hatched: ground"))
+    rows += [Line2D([], [], color=SPRING_COLOUR, linewidth=1.0, label=word) for word in springs]
+    rows.append(Line2D([], [], color=GROUND_COLOUR, linewidth=1.2, label="hatched: ground"))
     rows += [
-        Line2D([], [], color=TRACK, linewidth=0.9, linestyle=(0, (4, 2)), label=f"path of {name}")
+        Line2D(
+            [], [], color=PATH_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), label=f"path of {name}"
+        )
         for name in tracks
     ]
     words = [(row[0] if isinstance(row, tuple) else row).get_label() for row in rows]
@@ -534,7 +550,7 @@ def key_of_parts(
     )
 
 
-def pose_in_words(case: Case, x: float, inputs: Array) -> str:
+def format_pose(case: Case, x: float, inputs: Array) -> str:
     """Format the values of the drives at a pose, with the time unless drives are steady.
 
     A case with an equilibrium run and without drives is "at rest".
@@ -556,10 +572,10 @@ def pose_in_words(case: Case, x: float, inputs: Array) -> str:
     return ",\n".join(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))
 
 
-PANEL = 2.45  # [inch] side of a panel
+PANEL_SIDE = 2.45  # [inch] side of a panel
 
 
-def paths(view: PlottedRun, picture: Picture | None) -> list[str]:
+def path_names(view: PlottedRun, picture: Picture | None) -> list[str]:
     """Return the points whose coordinates in the plane are channels in metres and not constant."""
     across, up = picture.axes if picture else ("", "")
     return [
@@ -570,11 +586,11 @@ def paths(view: PlottedRun, picture: Picture | None) -> list[str]:
             f"{name}.{a}" in view.channels and view.case.channels[f"{name}.{a}"].si_unit == "m"
             for a in (across, up)
         )
-        and np.ptp(path(view.longest, name, picture), axis=0).max() > 1e-9
+        and np.ptp(point_path(view.longest, name, picture), axis=0).max() > 1e-9
     ]
 
 
-def path(curves: Curves, name: str, picture: Picture | None) -> Array:
+def point_path(curves: Curves, name: str, picture: Picture | None) -> Array:
     """Return the path of a point (n, 2) [m]; NaN where curves do not have it."""
     missing = np.full(curves.x.shape, np.nan)
     return np.stack(
@@ -583,7 +599,7 @@ def path(curves: Curves, name: str, picture: Picture | None) -> Array:
     )
 
 
-def jumps_on(view: PlottedRun, name: str, picture: Picture, solver: str = "") -> set[int]:
+def path_jumps(view: PlottedRun, name: str, picture: Picture, solver: str = "") -> set[int]:
     """Return the jumps of a point's path, by a solver or without one by the reference."""
     jumps = view.jumps_of[solver] if solver else view.jumps
     return {k for a in picture.axes for k in jumps.of(f"{name}.{a}")}
@@ -591,32 +607,32 @@ def jumps_on(view: PlottedRun, name: str, picture: Picture, solver: str = "") ->
 
 def path_figure(view: PlottedRun, picture: Picture, style: Mapping[str, Look]) -> Figure:
     """Draw all paths of a run side by side."""
-    names = paths(view, picture)
+    names = path_names(view, picture)
     width = min(len(names), 4)
     rows = -(-len(names) // width)
-    height, head = (PANEL + 0.75) * rows, 0.5 if view.failed else 0.3
-    size = np.array([max((PANEL + 0.75) * width, 6.5), height + head])
+    height, head = (PANEL_SIDE + 0.75) * rows, 0.5 if view.failed else 0.3
+    size = np.array([max((PANEL_SIDE + 0.75) * width, 6.5), height + head])
     figure = Figure(figsize=tuple(size))
     for k, name in enumerate(names):
         corner = (
-            0.65 + (PANEL + 0.75) * (k % width),
-            0.45 + (PANEL + 0.75) * (rows - 1 - k // width),
+            0.65 + (PANEL_SIDE + 0.75) * (k % width),
+            0.45 + (PANEL_SIDE + 0.75) * (rows - 1 - k // width),
         )
-        ax = figure.add_axes((*(corner / size), *(PANEL / size)))
-        path_panel(ax, view, name, picture, style)
-    legend(figure, view, style, "overlay", float(size[1]))
+        ax = figure.add_axes((*(corner / size), *(PANEL_SIDE / size)))
+        draw_path(ax, view, name, picture, style)
+    draw_legend(figure, view, style, "overlay", float(size[1]))
     return figure
 
 
-def path_panel(
+def draw_path(
     ax: Axes, view: PlottedRun, name: str, picture: Picture, style: Mapping[str, Look]
 ) -> None:
     """Draw a path: the reference thick and pale, the solvers on top, with equal scales."""
-    reference = path(view.longest, name, picture)
-    ax.plot(*every(reference, 400, jumps_on(view, name, picture)).T, **REFERENCE)
+    reference = point_path(view.longest, name, picture)
+    ax.plot(*thin_path(reference, 400, path_jumps(view, name, picture)).T, **REFERENCE_STYLE)
     for solver, curves in view.curves.items():
-        there = path(curves, name, picture)
-        found = every(there, 400, jumps_on(view, name, picture, solver))
+        there = point_path(curves, name, picture)
+        found = thin_path(there, 400, path_jumps(view, name, picture, solver))
         look, step = style[solver], max(len(found) // 9, 1)
         ax.plot(
             *found.T,

@@ -14,14 +14,14 @@ from typing import Any
 from urllib.parse import quote
 
 from proofmass.compare import Comparison
-from proofmass.outcome import CHECKED, Outcome
+from proofmass.outcome import CHECKED_OUTCOMES, Outcome
 from proofmass.report.page import slug
 from proofmass.report.words import RUNS
 from proofmass.wording import number
 
-FIRST, LAST = -16.4, 0.6  # decades at the ends of the axis
-DECADES = (-15, -10, -5, 0)
-ORDER = ("position", "velocity", "acceleration", "moment", "force", "energy", "other")
+FIRST_DECADE, LAST_DECADE = -16.4, 0.6  # decades at the ends of the axis
+AXIS_DECADES = (-15, -10, -5, 0)
+QUANTITY_ORDER = ("position", "velocity", "acceleration", "moment", "force", "energy", "other")
 
 
 @dataclass(frozen=True)
@@ -81,42 +81,46 @@ class OverviewRun:
     rows: tuple[OverviewRow, ...]
 
 
-def place(share: float) -> float:
+def axis_place(share: float) -> float:
     """Return the place of a share of the range on the axis [%].
 
-    >>> place(10**FIRST), place(0.0), place(1e9)
+    >>> axis_place(10**FIRST_DECADE), axis_place(0.0), axis_place(1e9)
     (0.0, 0.0, 100.0)
     """
-    decade = math.log10(share) if share > 0 else FIRST
-    inside = min(max(decade, FIRST), LAST)
-    return round(100 * (inside - FIRST) / (LAST - FIRST), 2)
+    decade = math.log10(share) if share > 0 else FIRST_DECADE
+    inside = min(max(decade, FIRST_DECADE), LAST_DECADE)
+    return round(100 * (inside - FIRST_DECADE) / (LAST_DECADE - FIRST_DECADE), 2)
 
 
-def marks() -> list[tuple[str, float]]:
+def axis_labels() -> list[tuple[str, float]]:
     """Return the labels of the axis and their places [%]."""
-    return [("1" if d == 0 else f"1e{d}", place(10.0**d)) for d in DECADES]
+    return [("1" if d == 0 else f"1e{d}", axis_place(10.0**d)) for d in AXIS_DECADES]
 
 
-def overview(data: Mapping[str, Any]) -> list[OverviewRun]:
+def overview_table(data: Mapping[str, Any]) -> list[OverviewRun]:
     """Return the table of a case, from its dict of `proofmass.report.case_data.case_data`."""
     solvers = list(data["solvers"])
     found = []
     for kind, run in data["runs"].items():
         rows = []
         kinds = {name: channel["kind"] for name, channel in run["channels"].items()}
-        for quantity in ORDER:
+        for quantity in QUANTITY_ORDER:
             names = [name for name, own in kinds.items() if own == quantity]
             if names:
-                cells = [cell(data, kind, solver, names) for solver in solvers]
+                cells = [error_cell(data, kind, solver, names) for solver in solvers]
                 rows.append(OverviewRow(quantity, tuple(cells)))
         if not rows and run["failed"]:
-            rows.append(OverviewRow("curves", tuple(cell(data, kind, s, ()) for s in solvers)))
+            rows.append(
+                OverviewRow("curves", tuple(error_cell(data, kind, s, ()) for s in solvers))
+            )
         if rows:
             found.append(OverviewRun(kind, RUNS[kind].title, tuple(rows)))
     return found
 
 
-def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) -> ErrorCell | None:
+def error_cell(
+    data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]
+) -> ErrorCell | None:
     """Return the cell of a solver for some channels of a run; None if it has no such run."""
     run = data["runs"][kind]
     if solver not in run["solvers"]:
@@ -128,14 +132,14 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
         return ErrorCell(solver, "", run["failed"][solver]["outcome"], bad=True)
     broken = [n for n, c in there.items() if c["share"] is None and c["outcome"] == "differs"]
     if broken:
-        link = address(kind, solver, broken[0], there[broken[0]]["at"] or 0.0)
+        link = curve_address(kind, solver, broken[0], there[broken[0]]["at"] or 0.0)
         return ErrorCell(solver, "no number", f"in {broken[0]}", True, link, f"{broken[0]}: show")
     if not known:
         return ErrorCell(solver, "", "not available")
     wrong = (Outcome.DIFFERS, Outcome.UNDECIDED)
     bad = {name: c for name, c in known.items() if c["outcome"] in wrong}
     bad = {name: c for name, c in bad.items() if c["outcome"] == Outcome.DIFFERS} or bad
-    judged = {name: c for name, c in known.items() if c["outcome"] in CHECKED}
+    judged = {name: c for name, c in known.items() if c["outcome"] in CHECKED_OUTCOMES}
     if bad:
         name = max(bad, key=lambda n: bad[n]["ratio"] or math.inf)
     else:
@@ -155,17 +159,17 @@ def cell(data: Mapping[str, Any], kind: str, solver: str, names: Iterable[str]) 
         number(c["share"], 2),
         note,
         name in bad,
-        address(kind, solver, name, c["at"]),
+        curve_address(kind, solver, name, c["at"]),
         f"{name}: show the curve",
-        place(c["share"]),
-        place(c["allowed_share"]) if name in judged else None,
+        axis_place(c["share"]),
+        axis_place(c["allowed_share"]) if name in judged else None,
     )
 
 
-def address(run: str, solver: str, channel: str, x: float) -> str:
+def curve_address(run: str, solver: str, channel: str, x: float) -> str:
     """Return the address of a sample of a curve on the page of its case; x is in SI.
 
-    >>> address("sweep", "mujoco:default", "pin.x", 0.5)
+    >>> curve_address("sweep", "mujoco:default", "pin.x", 0.5)
     '#sweep/mujoco:default/pin.x@0.5'
     """
     at = f"@{x:.6g}" if math.isfinite(x) else ""
@@ -179,4 +183,4 @@ def link(folder: Path, c: Comparison) -> str:
     'reports/fourbar.html#sweep/mujoco/pin.x@6.17847'
     """
     page = (folder / f"{slug(c.case)}.html").as_posix()
-    return page + (address(c.run, c.solver, c.channel, c.at) if c.run in RUNS else "")
+    return page + (curve_address(c.run, c.solver, c.channel, c.at) if c.run in RUNS else "")

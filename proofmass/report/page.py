@@ -17,9 +17,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.engines import NoEngine, brought_by, engine_names, engine_of
+from proofmass.engines import NoEngine, engine_names, engine_of, foreign_distribution
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.report.words import SYMBOLS
 from proofmass.wording import number
 
@@ -52,31 +52,31 @@ def slug(name: str) -> str:
     )
 
 
-def complaint(error: InputError) -> str:
+def error_message(error: InputError) -> str:
     """Return the message of an input at fault, without the folders of this machine."""
     return str(error).replace(str(error.file), error.file.name)
 
 
-def faults_of(case: Case, result: Result) -> list[str]:
+def case_faults(case: Case, result: Result) -> list[str]:
     """Return the errors of a case's own files, among them a sweep that ended early."""
-    return [complaint(e) for e in result.errors if e.file in (case.file, case.model_path)]
+    return [error_message(e) for e in result.errors if e.file in (case.file, case.model_path)]
 
 
 def packages_of(engine: str) -> list[str]:
     """Return the distributions that an engine's results depend on; none if it cannot be loaded."""
     with suppress(NoEngine):
-        return [*filter(None, [brought_by(engine)]), *engine_of(engine).packages]
+        return [*filter(None, [foreign_distribution(engine)]), *engine_of(engine).packages]
     return []
 
 
-def versions() -> list[tuple[str, str]]:
+def read_versions() -> list[tuple[str, str]]:
     """Return the versions of all packages that the results depend on, and of Python."""
-    return known_versions(tuple(engine_names()))
+    return versions_with_engines(tuple(engine_names()))
 
 
 @cache
-def known_versions(engines: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Return `versions` from memory, since each page shows them."""
+def versions_with_engines(engines: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Return `read_versions` from memory, since each page shows them."""
     found = []
     packages = [name for engine in engines for name in packages_of(engine)]
     for name in dict.fromkeys(("proofmass", *packages, "numpy", "scipy")):
@@ -87,35 +87,35 @@ def known_versions(engines: tuple[str, ...]) -> list[tuple[str, str]]:
     return [*found, ("python", platform.python_version())]
 
 
-def about() -> list[tuple[str, str]]:
+def report_facts() -> list[tuple[str, str]]:
     """Return versions, machine and date, without host name and paths."""
     return [
-        *versions(),
+        *read_versions(),
         ("machine", f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors"),
         ("date", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"),
     ]
 
 
-def made_with(folder: Path) -> list[tuple[str, str]]:
-    """Return `about`, the commit of the folder of a model, and the command."""
+def case_facts(folder: Path) -> list[tuple[str, str]]:
+    """Return `report_facts`, the commit of the folder of a model, and the command."""
     given = [word if not Path(word).is_absolute() else Path(word).name for word in sys.argv[1:]]
     command = ("command", " ".join([Path(sys.argv[0]).stem, *given]))
-    commit, edited = known_commit(folder)
+    commit, edited = cached_commit(folder)
     of_model = ("commit of the model", commit[:7] + "+" * edited)
-    return [*about(), *[of_model] * bool(commit), command]
+    return [*report_facts(), *[of_model] * bool(commit), command]
 
 
 def commit_of(place: Path) -> tuple[str, bool]:
     """Return the commit of the working tree of a path, and whether files differ from it."""
     folder = place if place.is_dir() else place.parent
     try:
-        commit = git(folder, "rev-parse", "--verify", "HEAD")
-        return commit, bool(git(folder, "status", "--porcelain", "--untracked-files=no"))
+        commit = run_git(folder, "rev-parse", "--verify", "HEAD")
+        return commit, bool(run_git(folder, "status", "--porcelain", "--untracked-files=no"))
     except (OSError, subprocess.SubprocessError):
         return "", False
 
 
-def git(folder: Path, *words: str) -> str:
+def run_git(folder: Path, *words: str) -> str:
     """Run git in a folder and return its output."""
     found = subprocess.run(
         ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
@@ -123,9 +123,9 @@ def git(folder: Path, *words: str) -> str:
     return found.stdout.strip()
 
 
-known_commit = cache(commit_of)
+cached_commit = cache(commit_of)
 """`commit_of` from memory: many cases lie in one folder."""
-CURVES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/static/uPlot.min.css"}
+UPLOT_FILES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/static/uPlot.min.css"}
 """Files of ``uplot-python``, which draws the curves of a page, by their names in ``static``."""
 
 
@@ -133,8 +133,10 @@ def write_static(folder: Path, names: Iterable[str]) -> None:
     """Write style sheets and scripts of all pages into the folder ``static`` beside them."""
     (folder / "static").mkdir(parents=True, exist_ok=True)
     for name in names:
-        if name in CURVES:  # located by metadata: an import of the package would load IPython
-            text = Path(str(distribution("uplot-python").locate_file(CURVES[name]))).read_bytes()
+        if name in UPLOT_FILES:  # located by metadata: an import of the package would load IPython
+            text = Path(
+                str(distribution("uplot-python").locate_file(UPLOT_FILES[name]))
+            ).read_bytes()
         else:
             text = (files("proofmass.report") / "static" / name).read_bytes()
-        write_whole(folder / "static" / name, text)
+        write_atomically(folder / "static" / name, text)

@@ -21,9 +21,9 @@ from markupsafe import Markup
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.files import write_whole
-from proofmass.report.case_figures import Drawings, drawn
-from proofmass.report.case_page import gather, render_case
+from proofmass.files import write_atomically
+from proofmass.report.case_figures import Drawings, draw_case
+from proofmass.report.case_page import gather_runs, render_case
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.index_page import STATIC as INDEX_STATIC
 from proofmass.report.index_page import render_index
@@ -32,14 +32,14 @@ from proofmass.report.record import (
     History,
     Last,
     Record,
-    continued,
+    extend_history,
+    make_record,
     read_last,
-    record_of,
     write_record,
 )
 from proofmass.report.study import ShownStudy
-from proofmass.report.style import looks
-from proofmass.report.svg import inline
+from proofmass.report.style import solver_looks
+from proofmass.report.svg import inline_svg
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.sim.protocol import drive_columns
 from proofmass.units import si_unit
@@ -51,8 +51,8 @@ STATIC = (
 )
 
 
-FOLDER = "data"
-PER = "", "/s", "/s^2"
+DATA_FOLDER = "data"
+DERIVATIVE_UNITS = "", "/s", "/s^2"
 Table = dict[str, Array]
 
 
@@ -95,18 +95,25 @@ def write_report(
     folder = Path(folder)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     write_static(folder, STATIC)
-    style, env = looks(c.solver for c in result.comparisons), environment()
-    record = record or record_of(result)
+    style, env = solver_looks(c.solver for c in result.comparisons), environment()
+    record = record or make_record(result)
     own = read_last(folder)
     last = last or own
     before = own.record or last.record
-    history = continued(before.history if before else History(), record)
+    history = extend_history(before.history if before else History(), record)
     pictures = dict[str, Thumbnail | Markup | None]()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        gathered = list(pool.map(partial(gather, result), result.cases))
+        gathered = list(pool.map(partial(gather_runs, result), result.cases))
         futures = [
             pool.submit(
-                drawn, case, g.runs, g.views, style, folder / "figures", slug(case.name), figures
+                draw_case,
+                case,
+                g.runs,
+                g.views,
+                style,
+                folder / "figures",
+                slug(case.name),
+                figures,
             )
             for case, g in zip(result.cases, gathered, strict=True)
         ]
@@ -115,11 +122,11 @@ def write_report(
             if data:
                 write_curves(folder, case, gathered[k].runs)
             page = render_case(env, case, result, gathered[k], drawings, style, studies, history)
-            write_whole(folder / f"{slug(case.name)}.html", page)
-            pictures[case.name] = drawings.moving or still(case.name, drawings)
+            write_atomically(folder / f"{slug(case.name)}.html", page)
+            pictures[case.name] = drawings.moving or static_picture(case.name, drawings)
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
-    write_whole(
+    write_atomically(
         index,
         render_index(
             env,
@@ -130,18 +137,18 @@ def write_report(
             last,
             history,
             studies,
-            {case.name: files_of(folder, case) for case in result.cases} if data else {},
-            note_on(data),
+            {case.name: file_links(folder, case) for case in result.cases} if data else {},
+            note_on_files(data),
         ),
     )
     write_record(folder, record, history)
     return index
 
 
-def still(name: str, drawings: Drawings) -> Markup:
+def static_picture(name: str, drawings: Drawings) -> Markup:
     """Return the picture of a case without poses for the index: its first channel, or nothing."""
     svg = drawings.figures.get("thumbnail")
-    return Markup(inline(svg, f"{slug(name)}-thumbnail", name)) if svg else Markup()
+    return Markup(inline_svg(svg, f"{slug(name)}-thumbnail", name)) if svg else Markup()
 
 
 def write_curves(folder: Path, case: Case, runs: list[PlottedRun]) -> None:
@@ -149,18 +156,18 @@ def write_curves(folder: Path, case: Case, runs: list[PlottedRun]) -> None:
 
     Older files of the case are removed, since they would look like files of this report.
     """
-    place = folder / FOLDER
+    place = folder / DATA_FOLDER
     place.mkdir(parents=True, exist_ok=True)
-    for old in named(place, case):
+    for old in existing_files(place, case):
         old.unlink()
-    tables: dict[str, Table] = {view.kind: table_of(view) for view in runs if view.curves}
+    tables: dict[str, Table] = {view.kind: run_table(view) for view in runs if view.curves}
     for kind, table in tables.items():
-        write_whole(place / f"{slug(case.name)}-{kind}.csv", as_csv(table))
+        write_atomically(place / f"{slug(case.name)}-{kind}.csv", as_csv(table))
     if tables and has_parquet():
-        write_whole(place / f"{slug(case.name)}.parquet", as_parquet(tables))
+        write_atomically(place / f"{slug(case.name)}.parquet", as_parquet(tables))
 
 
-def note_on(data: bool) -> str:
+def note_on_files(data: bool) -> str:
     """Format a note on files of curves that the report does not have; empty if it has all."""
     if not data:
         return "proofmass report --data writes the curves as tables."
@@ -169,38 +176,38 @@ def note_on(data: bool) -> str:
     )
 
 
-def files_of(folder: Path, case: Case) -> list[tuple[str, str]]:
+def file_links(folder: Path, case: Case) -> list[tuple[str, str]]:
     """Return labels and paths, from the report's folder, of the existing files of a case."""
     stem = f"{slug(case.name)}-"
     return [
         (
             "Parquet" if file.suffix == ".parquet" else f"{file.stem.removeprefix(stem)} (CSV)",
-            f"{FOLDER}/{file.name}",
+            f"{DATA_FOLDER}/{file.name}",
         )
-        for file in named(folder / FOLDER, case)
+        for file in existing_files(folder / DATA_FOLDER, case)
     ]
 
 
-def named(place: Path, case: Case) -> list[Path]:
+def existing_files(place: Path, case: Case) -> list[Path]:
     """Return the existing files of a case in a folder."""
     stem = slug(case.name)
     names = [*(f"{stem}-{kind}.csv" for kind in case.run), f"{stem}.parquet"]
     return [place / name for name in names if (place / name).is_file()]
 
 
-def table_of(view: PlottedRun) -> Table:
+def run_table(view: PlottedRun) -> Table:
     """Return the columns of a run; a solver that stopped early has NaN from there on."""
     unit = "m" if view.x_unit == "m" else "s" if view.x_unit == "s" else "rad"
     table: Table = {f"{view.x_name} [{unit}]": view.grid}
-    for name, symbol, each in columns(view):
-        parts = each if len({part.tobytes() for part in each.values()}) > 1 else shared(each)
+    for name, symbol, each in run_columns(view):
+        parts = each if len({part.tobytes() for part in each.values()}) > 1 else shared_column(each)
         for solver, values in parts.items():
             words = f"{name} {solver}".strip()
-            table[f"{words} [{symbol}]"] = padded(values, view.grid.size)
+            table[f"{words} [{symbol}]"] = pad_curve(values, view.grid.size)
     return table
 
 
-def columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]:
+def run_columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]:
     """Yield name, unit and curves by solver: of drives as they moved, of channels and references.
 
     A channel is yielded solver by solver, with the solver's name in that of the column.
@@ -209,7 +216,9 @@ def columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]:
         for row, (drive, unit) in enumerate(
             zip(view.case.drive, drive_units(view.case), strict=True)
         ):
-            for order, (name, per) in enumerate(zip(drive_columns(drive.joint), PER, strict=True)):
+            for order, (name, per) in enumerate(
+                zip(drive_columns(drive.joint), DERIVATIVE_UNITS, strict=True)
+            ):
                 moved = {
                     s: c.drive[order][row]
                     for s, c in view.curves.items()
@@ -228,12 +237,12 @@ def columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]:
                     yield f"{name} {solver}", symbol, {"": values}
 
 
-def shared(each: dict[str, Array]) -> dict[str, Array]:
+def shared_column(each: dict[str, Array]) -> dict[str, Array]:
     """Return one of several equal columns, without a solver's name."""
     return {"": next(iter(each.values()))}
 
 
-def padded(values: Array, length: int) -> Array:
+def pad_curve(values: Array, length: int) -> Array:
     """Return a curve with NaN after its end, up to a length."""
     return np.concatenate([values, np.full(length - len(values), np.nan)])
 

@@ -19,14 +19,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.files import read_text, write_whole
-from proofmass.report.families import reference_of
-from proofmass.report.page import commit_of, versions
-from proofmass.terminal import KEYS, finite
+from proofmass.files import read_text, write_atomically
+from proofmass.report.families import reference_name
+from proofmass.report.page import commit_of, read_versions
+from proofmass.terminal import COMPARISON_KEYS, replace_nonfinite
 
-FORMAT = 1
-NAME = "results.json"
-KEPT = 50
+FORMAT_VERSION = 1
+RECORD_NAME = "results.json"
+KEPT_REPORTS = 50
 """Number of reports whose errors are kept."""
 
 
@@ -70,7 +70,7 @@ class Made(Part):
     @property
     def day(self) -> str:
         """The date as people read it."""
-        return day_of(self.date)
+        return format_day(self.date)
 
 
 class CaseRecord(Part):
@@ -135,7 +135,7 @@ class Past(Part):
     @property
     def day(self) -> str:
         """The date as people read it."""
-        return day_of(self.date)
+        return format_day(self.date)
 
 
 class History(Part):
@@ -175,10 +175,10 @@ class Record(Part):
     @classmethod
     def mended_history(cls, value: object) -> object:
         """Leave out damaged parts of the history, so that the rest of the record can be read."""
-        return value if isinstance(value, History) else mended(value)
+        return value if isinstance(value, History) else repair_history(value)
 
 
-def mended(value: object) -> History:
+def repair_history(value: object) -> History:
     """Read a history from JSON, without the reports, rows and errors that are damaged."""
     if not isinstance(value, dict):
         return History(damage="all of it, which is no table")
@@ -196,11 +196,13 @@ def mended(value: object) -> History:
     whole = {
         key: row for key, row in rows.items() if isinstance(row, list) and len(row) == len(reports)
     }
-    if lost := len(rows) - len(whole):
-        wrong.append(f"{lost} row{'s' * (lost > 1)} of another length")
+    if count := len(rows) - len(whole):
+        wrong.append(f"{count} row{'s' * (count > 1)} of another length")
     errors = {key: [row[k] for k in kept] for key, row in whole.items()}
-    if lost := sum(not is_error(one) for row in errors.values() for one in row):
-        wrong.append(f"{lost} error{'s' * (lost > 1)} that {'are' if lost > 1 else 'is'} no number")
+    if count := sum(not is_error(one) for row in errors.values() for one in row):
+        wrong.append(
+            f"{count} error{'s' * (count > 1)} that {'are' if count > 1 else 'is'} no number"
+        )
     return History(
         reports=list(kept.values()),
         errors={
@@ -228,7 +230,7 @@ class Last:
 
     record: Record | None = None
     wrong: str = ""
-    file: Path = Path(NAME)
+    file: Path = Path(RECORD_NAME)
 
     @property
     def shown(self) -> str:
@@ -236,10 +238,10 @@ class Last:
         return self.wrong.replace(str(self.file), self.file.name)
 
 
-def day_of(date: str) -> str:
+def format_day(date: str) -> str:
     """Format a date in ISO 8601 for people.
 
-    >>> day_of("2026-11-23T19:08:12+00:00")
+    >>> format_day("2026-11-23T19:08:12+00:00")
     '2026-11-23 19:08 UTC'
     """
     return f"{date[:10]} {date[11:16]} UTC"
@@ -255,7 +257,7 @@ def load_average() -> float | None:
     return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
 
 
-def started(command: Sequence[str] = (), inputs: Path | None = None) -> Made:
+def record_start(command: Sequence[str] = (), inputs: Path | None = None) -> Made:
     """Return date, command, commit, versions, machine and load before the runs of a report.
 
     Parameters
@@ -272,18 +274,18 @@ def started(command: Sequence[str] = (), inputs: Path | None = None) -> Made:
         command=" ".join(words),
         commit=commit,
         edited=edited,
-        versions=dict(versions()),
+        versions=dict(read_versions()),
         machine=f"{platform.system()} {platform.machine()}",
         processors=os.cpu_count() or 0,
         load_start=load_average(),
     )
 
 
-def record_of(result: Result, made: Made | None = None) -> Record:
+def make_record(result: Result, made: Made | None = None) -> Record:
     """Return the record of a result, without a history."""
-    made = made or started(inputs=next(iter(result.paths), None))
+    made = made or record_start(inputs=next(iter(result.paths), None))
     return Record(
-        format=FORMAT,
+        format=FORMAT_VERSION,
         made=made.model_copy(update={"load_end": load_average()}),
         exit_code=result.exit_code,
         cases=[
@@ -291,7 +293,7 @@ def record_of(result: Result, made: Made | None = None) -> Record:
                 name=case.name,
                 title=case.title,
                 family=family_of(case.file, result.paths),
-                reference=reference_of(case),
+                reference=reference_name(case),
             )
             for case in result.cases
         ],
@@ -309,17 +311,19 @@ def channel_record(c: Comparison) -> ChannelRecord:
     """Return the record of a comparison."""
     values = asdict(c)
     return ChannelRecord.model_validate(
-        finite({key: values[key] for key in KEYS} | {"share_of_range": c.relative_to_range})
+        replace_nonfinite(
+            {key: values[key] for key in COMPARISON_KEYS} | {"share_of_range": c.relative_to_range}
+        )
     )
 
 
 def read_last(folder: Path) -> Last:
     """Read the record of the report in a folder, or tell why it cannot be read."""
-    file = folder / NAME
+    file = folder / RECORD_NAME
     if not file.exists():
         return Last()
     try:
-        found = parsed(read_text(file))
+        found = parse_record(read_text(file))
         damage = found.history.damage
         wrong = f"the history in {file} is damaged; left out: {damage}" if damage else ""
         return Last(found, wrong, file)
@@ -336,67 +340,69 @@ def read_last(folder: Path) -> Last:
 
 def require_record(folder: Path) -> None:
     """Raise InputError if the folder that a report is to be compared with has no record."""
-    if not (folder / NAME).exists():
-        raise InputError(folder / NAME, "", "no such file; proofmass report writes it")
+    if not (folder / RECORD_NAME).exists():
+        raise InputError(folder / RECORD_NAME, "", "no such file; proofmass report writes it")
 
 
-def parsed(text: str) -> Record:
+def parse_record(text: str) -> Record:
     """Read a record from its text; ValueError if it is none or has another format version."""
     found = json.loads(text)
     if not isinstance(found, dict) or "format" not in found:
         raise ValueError("it has no format version")
-    if found["format"] != FORMAT:
-        raise ValueError(f"its format version is {found['format']!r}, and {FORMAT} is read here")
+    if found["format"] != FORMAT_VERSION:
+        raise ValueError(
+            f"its format version is {found['format']!r}, and {FORMAT_VERSION} is read here"
+        )
     return Record.model_validate(found)
 
 
 def write_record(folder: Path, record: Record, history: History) -> None:
     """Write a record with the history up to it, one line for each channel."""
     whole = record.model_copy(update={"history": history})
-    write_whole(folder / NAME, as_lines(whole.model_dump(mode="json")))
+    write_atomically(folder / RECORD_NAME, format_lines(whole.model_dump(mode="json")))
 
 
-def as_lines(table: dict[str, Any]) -> str:
+def format_lines(table: dict[str, Any]) -> str:
     """Format JSON with a line for each entry of lists and tables, so that diffs are readable."""
     parts = []
     for key, value in table.items():
         if key == "history":
-            text = as_lines(value).rstrip()
+            text = format_lines(value).rstrip()
         elif isinstance(value, list) and value:
-            text = "[\n" + ",\n".join(map(as_line, value)) + "\n]"
+            text = "[\n" + ",\n".join(map(format_line, value)) + "\n]"
         elif isinstance(value, dict) and value:
-            entries = (f"{as_line(name)}: {as_line(each)}" for name, each in value.items())
+            entries = (f"{format_line(name)}: {format_line(each)}" for name, each in value.items())
             text = "{\n" + ",\n".join(entries) + "\n}"
         else:
-            text = as_line(value)
-        parts.append(f"{as_line(key)}: {text}")
+            text = format_line(value)
+        parts.append(f"{format_line(key)}: {text}")
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
-def as_line(value: Any) -> str:
+def format_line(value: Any) -> str:
     """Format JSON in one line."""
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
-def continued(history: History, record: Record) -> History:
-    """Return a history with a further report, reduced to the last `KEPT` reports."""
+def extend_history(history: History, record: Record) -> History:
+    """Return a history with a further report, reduced to the last `KEPT_REPORTS` reports."""
     made = record.made
     past = Past(date=made.date, commit=made.commit, edited=made.edited, versions=made.versions)
-    reports = [*history.reports, past][-KEPT:]
+    reports = [*history.reports, past][-KEPT_REPORTS:]
     missing = [None] * len(history.reports)
-    now = {c.key: rounded(c.share_of_range) for c in record.comparisons if c.channel}
+    now = {c.key: round_error(c.share_of_range) for c in record.comparisons if c.channel}
     errors = {}
     for key in dict.fromkeys([*history.errors, *now]):
-        row = [*history.errors.get(key, missing), now.get(key)][-KEPT:]
+        row = [*history.errors.get(key, missing), now.get(key)][-KEPT_REPORTS:]
         if any(value is not None for value in row):
             errors[key] = row
     return History(reports=reports, errors=errors, damage=history.damage)
 
 
-def rounded(value: float | None) -> float | None:
+def round_error(value: float | None) -> float | None:
     """Return a number to three digits; None for None.
 
-    >>> rounded(1.23456e-9)
+    >>> round_error(1.23456e-9)
     1.23e-09
     """
     return None if value is None else float(f"{value:.2e}")

@@ -12,51 +12,57 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from proofmass.case import Refine
 from proofmass.compare import Comparison
-from proofmass.refinement import RefinedRow, limit, order
+from proofmass.refinement import RefinedRow, extrapolated_error, observed_order
 from proofmass.report.data import PlottedRun
-from proofmass.report.figures import FLOOR, PAPER, decades, legend_above, solver_handles
+from proofmass.report.figures import (
+    TEXT_BACKGROUND,
+    ZERO_LEVEL,
+    draw_legend_above,
+    set_decades,
+    solver_handles,
+)
 from proofmass.report.style import Look
 from proofmass.report.words import SYMBOLS
 from proofmass.units import si_unit
-from proofmass.wording import number, pretty
+from proofmass.wording import format_unit, number
 
 INK = "#333333"
 # [inch] a panel with its labels, and the legend above
-WIDE, HIGH, HEAD = 2.6, 2.2, 0.42
-BELOW = 0.35  # of the error: top of the triangle that shows the order
+PANEL_WIDTH, PANEL_HEIGHT, LEGEND_HEIGHT = 2.6, 2.2, 0.42
+TRIANGLE_SHARE = 0.35  # of the error: top of the triangle that shows the order
 
 
 def refine_figure(view: PlottedRun, refine: Refine, style: Mapping[str, Look]) -> Figure:
     """Draw a panel for each channel: errors of all solvers, the order as a triangle, the limit."""
-    found = channels(view)
+    found = rows_by_channel(view)
     rows = -(-len(found) // 4)
     width = -(-len(found) // rows)
-    size = np.array([WIDE * width + 0.2, HIGH * rows + HEAD])
+    size = np.array([PANEL_WIDTH * width + 0.2, PANEL_HEIGHT * rows + LEGEND_HEIGHT])
     figure = Figure(figsize=tuple(size))
     for k, (channel, solvers) in enumerate(found.items()):
         ax = figure.add_subplot(rows, width, k + 1)
-        panel(ax, solvers, refine, style)
+        draw_panel(ax, solvers, refine, style)
         ax.set_title(channel)
     figure.subplots_adjust(
         left=0.68 / size[0],
         right=1 - 0.1 / size[0],
         bottom=0.42 / size[1],
-        top=1 - (HEAD + 0.22) / size[1],
-        wspace=0.68 / (WIDE - 0.68),
-        hspace=0.68 / (HIGH - 0.68),
+        top=1 - (LEGEND_HEIGHT + 0.22) / size[1],
+        wspace=0.68 / (PANEL_WIDTH - 0.68),
+        hspace=0.68 / (PANEL_HEIGHT - 0.68),
     )
-    legend(figure, view, refine, style, size[1])
+    draw_legend(figure, view, refine, style, size[1])
     return figure
 
 
-def panel(
+def draw_panel(
     ax: Axes, solvers: dict[str, list[RefinedRow]], refine: Refine, style: Mapping[str, Look]
 ) -> None:
     """Draw the errors of a channel; earlier solvers have larger markers, so that all show."""
     ax.set_xscale("log")
     drawn = list[float]()
     for k, (solver, rows) in enumerate(solvers.items()):
-        drawn += lines(ax, rows, refine, style[solver], 3.2 + 2.4 * (len(solvers) - 1 - k))
+        drawn += draw_errors(ax, rows, refine, style[solver], 3.2 + 2.4 * (len(solvers) - 1 - k))
     unit = next(iter(solvers.values()))[0].unit
     quantity, factor = si_unit(unit)
     bounds = (
@@ -65,22 +71,22 @@ def panel(
     if any(value <= refine.error_floor for value in drawn):
         bounds["rounding"] = refine.error_floor
     good = [v for v in (*drawn, *bounds.values()) if np.isfinite(v)] or [1.0]
-    decades(ax, min(good) / 8, max(good) * 4)
-    fall(ax, max(solvers.values(), key=len), refine)
-    levels(ax, bounds, pretty(unit))
+    set_decades(ax, min(good) / 8, max(good) * 4)
+    draw_order(ax, max(solvers.values(), key=len), refine)
+    draw_levels(ax, bounds, format_unit(unit))
     ax.xaxis.set_major_locator(FixedLocator(refine.segments))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter("{x:.0f}")
     ax.set_xlim(refine.segments[0] / 1.25, refine.segments[-1] * 1.25)
     ax.set_xlabel("segments of each rod")
-    ax.set_ylabel(f"|difference| [{pretty(unit)}]")
+    ax.set_ylabel(f"|difference| [{format_unit(unit)}]")
 
 
-def lines(
-    ax: Axes, rows: list[RefinedRow], refine: Refine, look: Look, large: float
+def draw_errors(
+    ax: Axes, rows: list[RefinedRow], refine: Refine, look: Look, marker_size: float
 ) -> list[float]:
     """Draw the errors of a solver, and its limit unless that is rounding; return drawn values."""
-    drawn = [max(row.error, FLOOR) for row in rows]
+    drawn = [max(row.error, ZERO_LEVEL) for row in rows]
     layer = 3 + look.number / 10
     ax.plot(
         [row.segments for row in rows],
@@ -89,33 +95,33 @@ def lines(
         linestyle=look.dash,
         marker=look.marker,
         markerfacecolor="white",
-        markersize=large,
+        markersize=marker_size,
         zorder=layer,
     )
     for a, b in pairwise(rows):
-        left = abs(limit(a, b, refine.order))
-        if (a.segments, b.segments) == refine.last and left > refine.error_floor:
+        limit_error = abs(extrapolated_error(a, b, refine.order))
+        if (a.segments, b.segments) == refine.last and limit_error > refine.error_floor:
             ax.plot(
                 b.segments,
-                left,
+                limit_error,
                 color=look.colour,
                 linestyle="",
                 marker="D",
                 markerfacecolor="none",
-                markersize=large + 0.8,
+                markersize=marker_size + 0.8,
                 zorder=layer,
             )
-            drawn.append(left)
+            drawn.append(limit_error)
     return drawn
 
 
-def fall(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
+def draw_order(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
     """Draw a triangle of the expected order below the last two errors above the error floor."""
     above = [pair for pair in pairwise(rows) if min(row.error for row in pair) > refine.error_floor]
     if not above:
         return
     a, b = above[-1]
-    foot = triangle(ax, (a.segments, b.segments), BELOW * a.error, refine.order)
+    foot = draw_triangle(ax, (a.segments, b.segments), TRIANGLE_SHARE * a.error, refine.order)
     ax.annotate(
         "1",
         (np.sqrt(a.segments * b.segments), foot),
@@ -128,7 +134,7 @@ def fall(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
     )
 
 
-def triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float) -> float:
+def draw_triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float) -> float:
     """Draw a triangle that falls as errors of an order do, with the order at its upright side.
 
     Parameters
@@ -169,7 +175,7 @@ def triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float) -> 
     return foot
 
 
-def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
+def draw_levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
     """Draw dashed lines at the allowed limit, and at the error floor of rounding."""
     for words, level in bounds.items():
         ax.axhline(level, color=INK, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
@@ -181,11 +187,11 @@ def levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
             xycoords=("axes fraction", "data"),
             textcoords="offset points",
             color=INK,
-            bbox=PAPER,
+            bbox=TEXT_BACKGROUND,
         )
 
 
-def legend(
+def draw_legend(
     figure: Figure, view: PlottedRun, refine: Refine, style: Mapping[str, Look], height: float
 ) -> None:
     """Draw the legend: the solvers, and the meaning of an open diamond."""
@@ -200,7 +206,7 @@ def legend(
         linestyle="",
         markerfacecolor="none",
     )
-    legend_above(figure, [*handles, limit_of], height)
+    draw_legend_above(figure, [*handles, limit_of], height)
 
 
 @dataclass(frozen=True)
@@ -215,7 +221,7 @@ class RefinementLine:
     limits: tuple[str, ...]
 
 
-def channels(view: PlottedRun) -> dict[str, dict[str, list[RefinedRow]]]:
+def rows_by_channel(view: PlottedRun) -> dict[str, dict[str, list[RefinedRow]]]:
     """Group the rows by channel and solver, from few segments to many."""
     found: dict[str, dict[str, list[RefinedRow]]] = {}
     for row in view.refined:
@@ -226,41 +232,41 @@ def channels(view: PlottedRun) -> dict[str, dict[str, list[RefinedRow]]]:
 def table(view: PlottedRun, refine: Refine) -> dict[str, list[RefinementLine]]:
     """Return the lines of the table by channel."""
     found: dict[str, list[RefinementLine]] = {}
-    for channel, solvers in channels(view).items():
+    for channel, solvers in rows_by_channel(view).items():
         for solver, rows in solvers.items():
             own = [
                 (c.channel.split()[0], SYMBOLS.get(c.outcome, "?"), c.outcome, c.message)
                 for c in view.verdicts
-                if c.solver == solver and about(c, channel)
+                if c.solver == solver and is_on_channel(c, channel)
             ]
             found.setdefault(channel, []).append(
                 RefinementLine(
                     solver,
-                    pretty(rows[0].unit),
+                    format_unit(rows[0].unit),
                     tuple(own),
                     tuple(number(row.error) for row in rows),
-                    pairs(rows, lambda a, b: order(a, b, refine.error_floor), 4),
-                    pairs(rows, lambda a, b: abs(limit(a, b, refine.order)), 3),
+                    format_pairs(rows, lambda a, b: observed_order(a, b, refine.error_floor), 4),
+                    format_pairs(rows, lambda a, b: abs(extrapolated_error(a, b, refine.order)), 3),
                 )
             )
     return found
 
 
-def about(verdict: Comparison, channel: str) -> bool:
+def is_on_channel(verdict: Comparison, channel: str) -> bool:
     """Whether a verdict is on a channel, or on a solver as a whole."""
     return verdict.channel in ("order", f"order of {channel}", f"limit of {channel}")
 
 
-def pairs(
-    rows: list[RefinedRow], of: Callable[[RefinedRow, RefinedRow], float], digits: int
+def format_pairs(
+    rows: list[RefinedRow], compute: Callable[[RefinedRow, RefinedRow], float], digits: int
 ) -> tuple[str, ...]:
-    """Format a number of each row and the one before it, as `of` computes it."""
-    return tuple(number(of(a, b), digits) for a, b in pairwise(rows))
+    """Format a number of each row and the one before it, as `compute` computes it."""
+    return tuple(number(compute(a, b), digits) for a, b in pairwise(rows))
 
 
 def costs(view: PlottedRun) -> Iterator[tuple[str, list[str]]]:
     """Yield each solver with its seconds, by number of segments."""
-    for solver, rows in next(iter(channels(view).values()), {}).items():
+    for solver, rows in next(iter(rows_by_channel(view).values()), {}).items():
         yield solver, [number(row.seconds) for row in rows]
 
 

@@ -12,15 +12,15 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.reference import properties
-from proofmass.report.case_figures import moved_here
-from proofmass.report.mechanism import distinct, small
+from proofmass.report.case_figures import compute_motion
+from proofmass.report.mechanism import distinct_poses, small_figure
 from proofmass.report.style import RC
 from proofmass.strict import Kind
-from proofmass.terminal import LOOK
-from proofmass.wording import format_solver, number, pretty
-from proofmass.worker import isolated
+from proofmass.terminal import OUTCOME_SIGNS
+from proofmass.wording import format_solver, format_unit, number
+from proofmass.worker import call_isolated
 
-DRAWING = 30.0  # [s] time limit for the drawing of a case
+DRAWING_SECONDS = 30.0  # [s] time limit for the drawing of a case
 POSES = 25
 
 
@@ -73,7 +73,7 @@ def _(case: Case) -> str:
     ]
     body = "".join(f"<tr><th>{escape(a)}</th><td>{escape(b)}</td></tr>" for a, b in rows)
     return (
-        f"<div><p><b>{escape(case.name)}</b>: {escape(case.title)}</p>{drawing(case)}"
+        f"<div><p><b>{escape(case.name)}</b>: {escape(case.title)}</p>{drawing_html(case)}"
         f"<table>{body}</table></div>"
     )
 
@@ -105,18 +105,18 @@ def comparisons_table(rows: Iterable[Comparison]) -> str:
     )
     body = "".join(
         f"<tr><td>{c.run}</td><td>{escape(format_solver(c.solver))}</td><td>{escape(c.channel)}</td>"
-        f"<td>{LOOK.get(c.outcome, ('✗', ''))[0]} {c.outcome}</td>"
-        f"<td>{number(c.error_max)} {pretty(c.unit)}</td><td>{number(c.allowed)}</td>"
+        f"<td>{OUTCOME_SIGNS.get(c.outcome, ('✗', ''))[0]} {c.outcome}</td>"
+        f"<td>{number(c.error_max)} {format_unit(c.unit)}</td><td>{number(c.allowed)}</td>"
         f"<td>{number(c.relative_to_range)}</td></tr>"
         for c in rows
     )
     return f"<div><table><tr>{head}</tr>{body}</table></div>"
 
 
-def drawing(case: Case) -> str:
+def drawing_html(case: Case) -> str:
     """Draw the mechanism at some poses of its first run; empty where it cannot be drawn."""
     try:
-        svg = isolated(drawn_small, case, next(iter(case.run)), timeout=DRAWING)
+        svg = call_isolated(draw_small, case, next(iter(case.run)), timeout=DRAWING_SECONDS)
     except Exception:  # a run of the case reports what is wrong with its model
         return ""
     data = b64encode(svg).decode()
@@ -124,10 +124,12 @@ def drawing(case: Case) -> str:
     return f'<img src="data:image/svg+xml;base64,{data}" alt="{words}" width="260">'
 
 
-def drawn_small(case: Case, kind: Kind) -> bytes:
-    """Draw the mechanism as SVG; `drawing` calls this in another process."""
-    picture = distinct(moved_here(case, kind, {}, POSES).picture)
+def draw_small(case: Case, kind: Kind) -> bytes:
+    """Draw the mechanism as SVG; `drawing_html` calls this in another process."""
+    picture = distinct_poses(compute_motion(case, kind, {}, POSES).picture)
     stream = io.BytesIO()
     with rc_context(RC):
-        small(picture, {}).savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        small_figure(picture, {}).savefig(
+            stream, format="svg", metadata={"Date": None, "Creator": None}
+        )
     return stream.getvalue()

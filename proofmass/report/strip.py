@@ -17,7 +17,7 @@ class Strip:
     grid : list of float
         Places of the lines behind all rows [%].
     mark : str
-        The marker at `dot`, from `proofmass.report.svg_markers.MARKS`.
+        The marker at `dot`, from `proofmass.report.svg_markers.MARKER_PATHS`.
     hollow : bool
         Whether only the outline of the marker is drawn.
     dot, tick : float, optional
@@ -40,10 +40,10 @@ class Strip:
     band: tuple[float, float] | None = None
 
 
-def place(value: float, low: float, high: float) -> float:
+def log_place(value: float, low: float, high: float) -> float:
     """Return the place of a value on a logarithmic axis [%]; values beyond it are at its ends.
 
-    >>> place(10.0, 1.0, 100.0), place(0.1, 1.0, 100.0), place(5.0, 1.0, 1.0)
+    >>> log_place(10.0, 1.0, 100.0), log_place(0.1, 1.0, 100.0), log_place(5.0, 1.0, 1.0)
     (50.0, 0.0, 100.0)
     """
     if not high > low:

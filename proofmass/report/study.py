@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from proofmass.case import Case
-from proofmass.files import write_whole
-from proofmass.report.case_data import embedded
-from proofmass.report.page import about, environment, write_static
+from proofmass.files import write_atomically
+from proofmass.report.case_data import script_json
+from proofmass.report.page import environment, report_facts, write_static
 
 
-class Written(NamedTuple):
+class StudyPages(NamedTuple):
     """The pages of a study: the first page, and links from its folder to the part on each case."""
 
     first: Path
@@ -23,7 +23,7 @@ STATIC = ("common.css", "study.css", "common.js", "study.js")
 """Files of the folder ``static`` that the pages of all studies load."""
 
 
-def prepared(output: Path, tables: Iterable[Path], scripts: Iterable[str] = ()) -> list[str]:
+def prepare_folder(output: Path, tables: Iterable[Path], scripts: Iterable[str] = ()) -> list[str]:
     """Make the folder of a study's pages, with copies of its tables; return their names.
 
     Style sheets and scripts are written as well: those of all studies, and `scripts` of this one.
@@ -62,7 +62,7 @@ class ShownStudy:
 
 
 @dataclass(frozen=True)
-class Pages:
+class PageWriter:
     """Writes the pages of a study from templates.
 
     Attributes
@@ -85,12 +85,12 @@ class Pages:
             environment()
             .get_template(template)
             .render(
-                about=about(),
+                about=report_facts(),
                 home=self.home,
                 scripts=() if data is None else self.scripts,
-                embedded=None if data is None else embedded(data),
+                embedded=None if data is None else script_json(data),
                 **shown,
             )
         )
-        write_whole(self.output / file, text)
+        write_atomically(self.output / file, text)
         return self.output / file

@@ -25,9 +25,9 @@ class Look:
 
 
 SOLID: Dash = (0, ())
-FIRST = Look("#0072B2", SOLID, "o", 0)
+FIRST_LOOK = Look("#0072B2", SOLID, "o", 0)
 PALETTE = {
-    (0, ""): FIRST,
+    (0, ""): FIRST_LOOK,
     (1, ""): Look("#D55E00", (0, (5, 1.5)), "s", 1),
     (0, "default"): Look("#56B4E9", (0, (1.2, 1.2)), "^", 2),
     (1, "default"): Look("#E69F00", (0, (5, 1.5, 1, 1.5)), "v", 3),
@@ -36,14 +36,14 @@ PALETTE = {
     (1, "fine"): Look("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), "P", 6),
 }
 """Looks by the index of an engine among those of this distribution, and by the variant."""
-KNOWN = {
+FIXED_LOOKS = {
     f"{name}:{variant}".rstrip(":"): look
     for (k, variant), look in PALETTE.items()
     for name in own_engines()[k : k + 1]
 }
 HATCHES = "", "////", "....", "xxxx", "\\\\\\\\"
 """Hatches of filled areas, one for each engine."""
-SPARE = [
+SPARE_LOOKS = [
     (c, d, m)
     for m, (d, c) in zip(
         "Xp*h<>Xp*h<>",
@@ -55,8 +55,8 @@ SPARE = [
     )
 ]
 # for charts, from Tol's muted scheme
-MUTED = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")
-REFERENCE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
+MUTED_COLOURS = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")
+REFERENCE_STYLE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
 
 RC: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib; `figures.save` adds others
@@ -89,28 +89,32 @@ RC: dict[Any, Any] = {
 }
 
 
-def looks(solvers: Iterable[str]) -> dict[str, Look]:
+def solver_looks(solvers: Iterable[str]) -> dict[str, Look]:
     """Return a look for every solver; those without a fixed look get spare ones, by name.
 
-    >>> looks(["pymunk", "adams"])["pymunk"].colour
+    >>> solver_looks(["pymunk", "adams"])["pymunk"].colour
     '#D55E00'
-    >>> looks(["b", "a"])["a"] == looks(["a", "b"])["a"]
+    >>> solver_looks(["b", "a"])["a"] == solver_looks(["a", "b"])["a"]
     True
     """
     chosen = {}
     unknown = 0
     for name in sorted(set(solvers)):
-        if name in KNOWN:
-            chosen[name] = KNOWN[name]
+        if name in FIXED_LOOKS:
+            chosen[name] = FIXED_LOOKS[name]
         else:
-            chosen[name] = Look(*SPARE[unknown % len(SPARE)], number=len(KNOWN) + unknown)
+            chosen[name] = Look(
+                *SPARE_LOOKS[unknown % len(SPARE_LOOKS)], number=len(FIXED_LOOKS) + unknown
+            )
             unknown += 1
     return chosen
 
 
-PAPERS = {"light": "#ffffff", "dark": "#191d21"}
+BACKGROUNDS = {"light": "#ffffff", "dark": "#191d21"}
 """Background of curves on light and on dark pages."""
-READABLE = 4.5  # least contrast of small letters to the background (WCAG 2.2, 1.4.3); lines need 3
+TEXT_CONTRAST = (
+    4.5  # least contrast of small letters to the background (WCAG 2.2, 1.4.3); lines need 3
+)
 
 
 def luminance(colour: str) -> float:
@@ -132,10 +136,10 @@ def contrast(one: str, other: str) -> float:
     return round((high + 0.05) / (low + 0.05), 3)
 
 
-def legible(colour: str, paper: str, least: float = READABLE) -> str:
+def make_legible(colour: str, paper: str, least: float = TEXT_CONTRAST) -> str:
     """Mix a colour with black or white until its contrast to the paper is large enough.
 
-    >>> legible("#0072B2", "#ffffff"), legible("#0072B2", "#191d21") == "#0072B2"
+    >>> make_legible("#0072B2", "#ffffff"), make_legible("#0072B2", "#191d21") == "#0072B2"
     ('#0072B2', False)
     """
     towards = 255 if luminance(paper) < 0.2 else 0
@@ -148,10 +152,10 @@ def legible(colour: str, paper: str, least: float = READABLE) -> str:
     return found
 
 
-def hatches(engines: Iterable[str]) -> dict[str, str]:
+def engine_hatches(engines: Iterable[str]) -> dict[str, str]:
     """Return a hatch for every engine; engines of this distribution have fixed ones.
 
-    >>> hatches(["pymunk", "adams"])
+    >>> engine_hatches(["pymunk", "adams"])
     {'pymunk': '////', 'adams': 'xxxx'}
     """
     own = own_engines()

@@ -6,9 +6,9 @@ Colours are chosen in `proofmass.report.style`.
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from proofmass.report.style import PAPERS, READABLE, legible
+from proofmass.report.style import BACKGROUNDS, TEXT_CONTRAST, make_legible
 
-MARKS = {
+MARKER_PATHS = {
     "o": "M-4 0a4 4 0 1 0 8 0a4 4 0 1 0-8 0z",
     "s": "M-3.6-3.6h7.2v7.2h-7.2z",
     "^": "M0-4.6l4.4 8h-8.8z",
@@ -26,7 +26,7 @@ MARKS = {
 """Markers by matplotlib's letters, as paths about (0, 0), about 9 pixels wide."""
 
 
-LINES = 3.0
+LINE_CONTRAST = 3.0
 """Least contrast of lines and markers to their background (WCAG 2.2, 1.4.11)."""
 
 
@@ -43,17 +43,23 @@ class Tone(NamedTuple):
     dark_ink: str
 
 
-def tones(colours: Iterable[str]) -> dict[str, Tone]:
+def page_tones(colours: Iterable[str]) -> dict[str, Tone]:
     """Return a tone for each different colour.
 
-    >>> tones(["#0072B2", "#D55E00", "#0072B2"])["#D55E00"].css
+    >>> page_tones(["#0072B2", "#D55E00", "#0072B2"])["#D55E00"].css
     't1'
     """
     return {
         colour: Tone(
             f"t{k}",
-            *(legible(colour, PAPERS[paper], LINES) for paper in ("light", "dark")),
-            *(legible(colour, PAPERS[paper], READABLE) for paper in ("light", "dark")),
+            *(
+                make_legible(colour, BACKGROUNDS[paper], LINE_CONTRAST)
+                for paper in ("light", "dark")
+            ),
+            *(
+                make_legible(colour, BACKGROUNDS[paper], TEXT_CONTRAST)
+                for paper in ("light", "dark")
+            ),
         )
         for k, colour in enumerate(dict.fromkeys(colours))
     }

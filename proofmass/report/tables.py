@@ -8,13 +8,13 @@ from itertools import groupby
 import numpy as np
 
 from proofmass.case import Case, Tolerance
-from proofmass.compare import Comparison, DetectableChange, changeable
+from proofmass.compare import Comparison, DetectableChange, changeable_parameters
 from proofmass.errors import InputError
-from proofmass.outcome import CHECKED, FAILED, Outcome
-from proofmass.reference import properties, unit_of
+from proofmass.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
+from proofmass.reference import parameter_unit, properties
 from proofmass.report.data import PlottedRun
 from proofmass.report.words import SYMBOLS
-from proofmass.wording import format_list, format_solver, number, pretty
+from proofmass.wording import format_list, format_solver, format_unit, number
 
 NAN = float("nan")
 
@@ -42,13 +42,13 @@ class Group:
     law: str = ""
 
 
-def place(view: PlottedRun, x: float) -> str:
+def format_place(view: PlottedRun, x: float) -> str:
     """Format a value of the run's parameter with its unit."""
     value, unit = view.place(x)
     return "—" if math.isnan(value) else f"{number(value)} {unit}"
 
 
-def comparisons(view: PlottedRun) -> list[Group]:
+def comparison_groups(view: PlottedRun) -> list[Group]:
     """Return the main table of a run: channels, and for each channel all solvers.
 
     Cells: largest error, its place, its share of the range, RMS, NRMSE, allowed error.
@@ -63,13 +63,13 @@ def comparisons(view: PlottedRun) -> list[Group]:
                 c.message if c.outcome != Outcome.UNCHECKED else "",
                 (
                     number(c.error_max),
-                    place(view, c.at),
+                    format_place(view, c.at),
                     number(c.relative_to_range),
                     number(c.error_rms),
                     number(c.nrmse),
                     number(c.allowed),
                 ),
-                *notice(c),
+                *format_detectable_changes(c),
             )
             for c in view.rows
             if c.channel == channel
@@ -77,23 +77,23 @@ def comparisons(view: PlottedRun) -> list[Group]:
         groups.append(
             Group(
                 channel,
-                pretty(view.case.channels[channel].unit),
+                format_unit(view.case.channels[channel].unit),
                 tuple(rows),
-                law(view.case, channel),
+                format_law(view.case, channel),
             )
         )
     return groups
 
 
-def law(case: Case, channel: str) -> str:
+def format_law(case: Case, channel: str) -> str:
     """Format the constant that a channel must equal, with its unit; empty for a quantity."""
     c = case.channels[channel]
     if isinstance(c.equals, str):
         return ""
-    return f"= {number(c.scale * c.equals + c.shift, 6)} {pretty(c.unit)}"
+    return f"= {number(c.scale * c.equals + c.shift, 6)} {format_unit(c.unit)}"
 
 
-def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
+def format_detectable_changes(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
     """Format the most sensitive parameter of a channel, and all of them, most sensitive first.
 
     Changes of parameters that are 0 cannot be stated as shares; they come after the others.
@@ -102,14 +102,14 @@ def notice(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
         c.detectable.items(),
         key=lambda item: (math.isnan(item[1].size), not item[1].relative, item[1].size),
     )
-    words = tuple((name, detectable(change)) for name, change in found)
+    words = tuple((name, format_change(change)) for name, change in found)
     return (" ".join(words[0]) if words else "—"), words
 
 
-def detectable(change: DetectableChange) -> str:
+def format_change(change: DetectableChange) -> str:
     """Format the smallest change that a tolerance would catch.
 
-    >>> detectable(DetectableChange(2e-5)), detectable(DetectableChange(2e-5, relative=False))
+    >>> format_change(DetectableChange(2e-5)), format_change(DetectableChange(2e-5, relative=False))
     ('2e-5', '0 ± 2e-5')
     """
     if math.isnan(change.size):
@@ -117,18 +117,18 @@ def detectable(change: DetectableChange) -> str:
     return ("" if change.relative else "0 ± ") + number(change.size, 2)
 
 
-def unnoticed(case: Case, rows: list[Comparison]) -> list[str]:
+def unnoticed_parameters(case: Case, rows: list[Comparison]) -> list[str]:
     """Return the parameters of which no checked channel notices a change of 10 %."""
-    changes = judged(rows)
-    return [p for p in changeable(case) if p not in changes]
+    changes = judged_changes(rows)
+    return [p for p in changeable_parameters(case) if p not in changes]
 
 
-def not_known(case: Case, rows: list[Comparison]) -> list[str]:
+def unknown_parameters(case: Case, rows: list[Comparison]) -> list[str]:
     """Return the parameters of which it is not known whether a checked channel notices a change."""
-    changes = judged(rows)
+    changes = judged_changes(rows)
     return [
         p
-        for p in changeable(case)
+        for p in changeable_parameters(case)
         if p in changes and all(math.isnan(change.size) for change in changes[p])
     ]
 
@@ -146,8 +146,8 @@ class SmallestChange:
 def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]:
     """Return for each parameter the smallest change that any channel of any solver notices."""
     try:
-        values = parameters(case, case.parameters)
-        names = list(changeable(case))
+        values = format_parameters(case, case.parameters)
+        names = list(changeable_parameters(case))
     except InputError:  # the reference is at fault, which the runs report
         return []
     found = []
@@ -156,7 +156,7 @@ def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]
             (c.detectable[name].size, c)
             for c in rows
             if name in c.detectable
-            and c.outcome in CHECKED
+            and c.outcome in CHECKED_OUTCOMES
             and not math.isnan(c.detectable[name].size)
         ]
         if not known:
@@ -164,7 +164,7 @@ def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]
             continue
         least, c = min(known, key=lambda item: item[0])
         change = c.detectable[name]
-        size = f"{number(100 * least, 2)} %" if change.relative else detectable(change)
+        size = f"{number(100 * least, 2)} %" if change.relative else format_change(change)
         found.append(
             SmallestChange(
                 name, values[name], size, f"{c.channel}, {c.run}, {format_solver(c.solver)}"
@@ -173,17 +173,17 @@ def smallest_changes(case: Case, rows: list[Comparison]) -> list[SmallestChange]
     return found
 
 
-def judged(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
+def judged_changes(rows: list[Comparison]) -> dict[str, list[DetectableChange]]:
     """Return the detectable changes of the checked channels, by parameter."""
     found: dict[str, list[DetectableChange]] = {}
     for c in rows:
-        checked = c.outcome in CHECKED
+        checked = c.outcome in CHECKED_OUTCOMES
         for p, change in c.detectable.items() if checked else ():
             found.setdefault(p, []).append(change)
     return found
 
 
-def extrema(view: PlottedRun) -> list[Group]:
+def extrema_groups(view: PlottedRun) -> list[Group]:
     """Return extrema of each channel with their places; those of solvers as differences.
 
     Cells: least value, its place, greatest value, its place.
@@ -192,7 +192,7 @@ def extrema(view: PlottedRun) -> list[Group]:
     for channel in view.channels:
         factor = view.case.channels[channel].factor
         reference, x = view.longest.channels[channel] / factor, view.longest.x
-        low, high = ends(reference)
+        low, high = extrema_indices(reference)
         rows = [
             TableRow(
                 "reference",
@@ -201,9 +201,9 @@ def extrema(view: PlottedRun) -> list[Group]:
                 "",
                 (
                     number(reference[low], 6),
-                    place(view, x[low]),
+                    format_place(view, x[low]),
                     number(reference[high], 6),
-                    place(view, x[high]),
+                    format_place(view, x[high]),
                 ),
             )
         ]
@@ -212,32 +212,32 @@ def extrema(view: PlottedRun) -> list[Group]:
                 continue
             mine, own = (by.channels[channel] / factor for by in (curves, view.reference[solver]))
             cells: list[str] = []
-            for k, q in zip(ends(mine), ends(own), strict=True):
+            for k, q in zip(extrema_indices(mine), extrema_indices(own), strict=True):
                 cells += [
-                    signed(float(mine[k] - own[q])),
-                    shift(float(curves.x[k] - curves.x[q]) * view.x_scale, view.x_unit),
+                    format_signed(float(mine[k] - own[q])),
+                    format_shift(float(curves.x[k] - curves.x[q]) * view.x_scale, view.x_unit),
                 ]
             rows.append(TableRow(solver, "", "", "", tuple(cells)))
-        groups.append(Group(channel, pretty(view.case.channels[channel].unit), tuple(rows)))
+        groups.append(Group(channel, format_unit(view.case.channels[channel].unit), tuple(rows)))
     return groups
 
 
-def parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
+def format_parameters(case: Case, values: Mapping[str, float | str]) -> dict[str, str]:
     """Format parameters, with the units that the reference's docstring states."""
     return {
         name: value
         if isinstance(value, str)
-        else f"{number(value, 6)} {pretty(unit_of(case, name))}".strip()
+        else f"{number(value, 6)} {format_unit(parameter_unit(case, name))}".strip()
         for name, value in values.items()
     }
 
 
-def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
+def compare_parameter_sets(case: Case) -> tuple[list[str], list[list[list[str]]]]:
     """Compare the case with other parameter sets: heads, rows of properties and of parameters."""
     heads = [case.name, *case.compare_with]
     own_properties = [properties(case), *(properties(case, name) for name in case.compare_with)]
     given = [
-        parameters(case, values)
+        format_parameters(case, values)
         for values in (case.parameters, *(b.parameters for b in case.compare_with.values()))
     ]
     return heads, [
@@ -249,24 +249,24 @@ def side_by_side(case: Case) -> tuple[list[str], list[list[list[str]]]]:
     ]
 
 
-def ends(y: np.ndarray) -> tuple[int, int]:
+def extrema_indices(y: np.ndarray) -> tuple[int, int]:
     """Return the indices of the least and the greatest value of a curve; NaN is ignored."""
     if not np.isfinite(y).any():
         return 0, 0
     return int(np.nanargmin(y)), int(np.nanargmax(y))
 
 
-def signed(value: float) -> str:
+def format_signed(value: float) -> str:
     """Format a difference with its sign."""
     return ("+" if value > 0 else "") + number(value)
 
 
-def shift(value: float, unit: str) -> str:
+def format_shift(value: float, unit: str) -> str:
     """Format the displacement of an extremum; "same" if it is at the same place."""
-    return "same" if value == 0 else f"{signed(value)} {unit}"
+    return "same" if value == 0 else f"{format_signed(value)} {unit}"
 
 
-def costs(view: PlottedRun) -> list[dict[str, str]]:
+def cost_rows(view: PlottedRun) -> list[dict[str, str]]:
     """Return cost, constraint violation and settings of each solver's run."""
     rows = []
     for solver in view.solvers:
@@ -275,7 +275,7 @@ def costs(view: PlottedRun) -> list[dict[str, str]]:
             continue
         c, curves = own[0], view.curves.get(solver)
         settings = curves.settings if curves else {}
-        texts = [f"{k} {plain(v)}" for k, v in settings.items()]
+        texts = [f"{k} {format_setting(v)}" for k, v in settings.items()]
         rows.append(
             {
                 "solver": solver,
@@ -286,22 +286,22 @@ def costs(view: PlottedRun) -> list[dict[str, str]]:
                     filter(None, (", ".join(texts), *(curves.notes if curves else ())))
                 )
                 or "—",
-                "note": c.message if c.outcome in FAILED else "",
+                "note": c.message if c.outcome in FAILED_OUTCOMES else "",
             }
         )
     return rows
 
 
-def plain(value: object) -> str:
+def format_setting(value: object) -> str:
     """Format the value of a setting."""
     if isinstance(value, float | np.floating):
         return number(float(value))
     if isinstance(value, list | tuple | np.ndarray):
-        return "[" + ", ".join(plain(v) for v in value) + "]"
+        return "[" + ", ".join(format_setting(v) for v in value) + "]"
     return str(value)
 
 
-def missing(view: PlottedRun) -> list[str]:
+def missing_channels(view: PlottedRun) -> list[str]:
     """List the channels that solvers cannot deliver, each reason once."""
     rows = sorted(
         (c for c in view.rows if c.outcome == Outcome.UNSUPPORTED),
@@ -314,11 +314,11 @@ def missing(view: PlottedRun) -> list[str]:
     ]
 
 
-def reasons(case: Case) -> list[dict[str, str]]:
+def tolerance_rows(case: Case) -> list[dict[str, str]]:
     """Return every tolerance: what it covers, its size, and the reason for the size."""
     return [
         {
-            "covers": covers(t),
+            "covers": describe_coverage(t),
             "why": t.why,
             "size": f"{number(t.abs)} (absolute)"
             if t.abs is not None
@@ -328,13 +328,13 @@ def reasons(case: Case) -> list[dict[str, str]]:
     ]
 
 
-def covers(t: Tolerance) -> str:
+def describe_coverage(t: Tolerance) -> str:
     """Format what a tolerance covers.
 
-    >>> covers(Tolerance(run="sweep", solver="mujoco", abs=1.0, why="x"))
+    >>> describe_coverage(Tolerance(run="sweep", solver="mujoco", abs=1.0, why="x"))
     'sweep; mujoco; all channels'
     """
-    units = "" if t.unit == ("*",) else f" in {', '.join(map(pretty, t.unit))}"
+    units = "" if t.unit == ("*",) else f" in {', '.join(map(format_unit, t.unit))}"
     names = "all channels" if t.channels == ("*",) else ", ".join(t.channels)
     return "; ".join(
         [

@@ -8,19 +8,19 @@ import numpy as np
 from markupsafe import Markup
 
 from proofmass.analytic.numerics import Array
-from proofmass.report.mechanism import clearest
+from proofmass.report.mechanism import clearest_pose
 from proofmass.sim.picture import Mark, Picture
 
-POSES = 30
-BYTES, FEWEST = 2400, 12
+MAX_POSES = 30
+MAX_BYTES, MIN_POSES = 2400, 12
 """Size of all poses of a drawing [bytes], and the least number of poses.
 
 A drawing with many points has fewer poses, so that it has this size at most."""
-ROUND = 26
+MAX_OUTLINE_POINTS = 26
 """Largest number of points of an outline; of longer ones, such as rims, some are left out."""
-WIDE, HIGH, MARGIN = 248, 168, 16
+DRAWING_WIDTH, DRAWING_HEIGHT, MARGIN = 248, 168, 16
 """Size and margin of the drawing in whole steps, which fit a byte; the page shows a third of it."""
-MANY = 14  # largest number of joints that are drawn: the signs of more would hide the links
+MAX_JOINTS = 14  # largest number of joints that are drawn: the signs of more would hide the links
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,12 @@ class Thumbnail:
 
     def svg(self, name: str) -> Markup:
         """Return the drawing at the pose `shown`."""
-        words = [f'<path class="ground area" d="{line(o, True)}"/>' for o in self.still]
-        words += [f'<path class="ground" d="{line(g, False)}"/>' for g in self.guides]
+        words = [f'<path class="ground area" d="{outline_path(o, True)}"/>' for o in self.still]
+        words += [f'<path class="ground" d="{outline_path(g, False)}"/>' for g in self.guides]
         here, first = self.points[self.shown], 0
         for size in self.sizes:
             kind = "link area" if size > 2 else "link"
-            path = line(here[first : first + size], size > 2)
+            path = outline_path(here[first : first + size], size > 2)
             words.append(f'<path class="{kind}" d="{path}"/>')
             first += size
         for (kind, driven, grounded), (x, y) in zip(self.joints, here[first:], strict=True):
@@ -81,35 +81,35 @@ class Thumbnail:
             state = "joint driven" if driven else "joint"
             words.append(f'<g class="{state}" transform="translate({x} {y})">{foot}{sign}</g>')
         return Markup(
-            f'<svg class="thumbnail" viewBox="0 0 {WIDE} {HIGH}" '
+            f'<svg class="thumbnail" viewBox="0 0 {DRAWING_WIDTH} {DRAWING_HEIGHT}" '
             f'data-name="{escape(name)}" aria-hidden="true">{"".join(words)}</svg>'
         )
 
 
-def line(points: Array, closed: bool) -> str:
+def outline_path(points: Array, closed: bool) -> str:
     """Return an outline as an SVG path.
 
-    >>> line(np.array([[1, 2], [3, 4], [5, 6]]), True)
+    >>> outline_path(np.array([[1, 2], [3, 4], [5, 6]]), True)
     'M1 2 3 4 5 6Z'
     """
     return "M" + " ".join(str(int(v)) for v in points.ravel()) + "Z" * closed
 
 
-def reduced(whole: Picture) -> Thumbnail:
+def reduce_picture(whole: Picture) -> Thumbnail:
     """Reduce a picture to some of its poses, evenly over the run, in whole steps."""
-    sizes = [fewer(o).shape[1] for link in whole.links for o in link.outlines]
+    sizes = [thin_outline(o).shape[1] for link in whole.links for o in link.outlines]
     points = sum(sizes) + len(whole.marks)
-    poses = int(np.clip(BYTES // max(2 * points, 1), FEWEST, POSES))
+    poses = int(np.clip(MAX_BYTES // max(2 * points, 1), MIN_POSES, MAX_POSES))
     chosen = np.unique(np.linspace(0, len(whole.x) - 1, poses).round().astype(int))
     few = whole.at(chosen.tolist())
-    outlines = [fewer(o) for link in few.links for o in link.outlines]
+    outlines = [thin_outline(o) for link in few.links for o in link.outlines]
     marks = [m for m in few.marks if m.kind != "clamp"]
     guides = [m.guide for m in few.marks if m.guide is not None and m.ground]
     everything = [*outlines, *(m.at[:, None] for m in marks), *guides]
     cloud = np.concatenate([points.reshape(-1, 2) for points in everything])
     low, high = np.nanmin(cloud, axis=0), np.nanmax(cloud, axis=0)
     span = np.maximum(high - low, 1e-3 * ((high - low).max() or 1.0))
-    room = np.array([WIDE, HIGH])
+    room = np.array([DRAWING_WIDTH, DRAWING_HEIGHT])
     scale = float(((room - 2 * MARGIN) / span).min())
     middle = 0.5 * (low + high)
 
@@ -119,23 +119,23 @@ def reduced(whole: Picture) -> Thumbnail:
         found: Array = np.clip(np.nan_to_num((flipped + room / 2).round()), 0, 255).astype(np.uint8)
         return found
 
-    shown = marks if len(marks) <= MANY else []
+    shown = marks if len(marks) <= MAX_JOINTS else []
     moving = [*outlines, *(m.at[:, None] for m in shown)]
     return Thumbnail(
         sizes=[o.shape[1] for o in outlines],
         points=steps(np.concatenate(moving, axis=1)),
-        joints=[(m.kind, m.driven, standing(m)) for m in shown],
+        joints=[(m.kind, m.driven, has_foot(m)) for m in shown],
         still=[steps(o[0]) for o in few.ground.outlines],
         guides=[steps(guide[0]) for guide in guides],
-        shown=clearest(few),
+        shown=clearest_pose(few),
     )
 
 
-def fewer(outline: Array) -> Array:
-    """Reduce an outline (poses, points, 2) to at most `ROUND` points, evenly."""
-    return outline[:, :: -(-outline.shape[1] // ROUND)]
+def thin_outline(outline: Array) -> Array:
+    """Reduce an outline (poses, points, 2) to at most `MAX_OUTLINE_POINTS` points, evenly."""
+    return outline[:, :: -(-outline.shape[1] // MAX_OUTLINE_POINTS)]
 
 
-def standing(mark: Mark) -> bool:
+def has_foot(mark: Mark) -> bool:
     """Whether a joint is drawn with a foot on the ground; a slide has its guide instead."""
     return mark.ground and mark.kind != "slide"

@@ -9,15 +9,15 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.compare import Comparison
-from proofmass.outcome import CHECKED
-from proofmass.report.case_data import packed
-from proofmass.report.changes import FACTOR, ROUNDING
+from proofmass.outcome import CHECKED_OUTCOMES
+from proofmass.report.case_data import encode_numbers
+from proofmass.report.changes import CHANGE_FACTOR, ROUNDING_SHARE
 from proofmass.report.record import History
 from proofmass.wording import format_solver, number
 
-FEWEST = 2
+MIN_REPORTS = 2
 """Least number of reports for a trend."""
-NONE, ZERO, STEP = -(2**15), -(2**15) + 1, 1000
+NO_ERROR, ZERO_ERROR, STEPS_PER_DECADE = -(2**15), -(2**15) + 1, 1000
 """Whole numbers for no error and for an error of exactly zero, and steps per decade of others."""
 
 
@@ -57,7 +57,7 @@ class Trend:
         Data for the script: reports, versions, and channels with their solvers, worst first; empty
         where there are too few reports.
     rows : list of TrendRow
-        Worst first, in the order of `nearness`.
+        Worst first, in the order of `trend_order`.
     count : int
         Number of reports of the history, with this one.
     damage : str
@@ -77,17 +77,17 @@ def trend_of(history: History, case: Case, rows: Iterable[Comparison]) -> Trend:
         for c in rows
         if c.channel
         and c.run in case.run
-        and sum(value is not None for value in errors_of(history, c)) >= FEWEST
+        and sum(value is not None for value in channel_errors(history, c)) >= MIN_REPORTS
     ]
-    if len(history.reports) < FEWEST or not there:
+    if len(history.reports) < MIN_REPORTS or not there:
         return Trend({}, [], len(history.reports), history.damage)
-    there.sort(key=nearness, reverse=True)
+    there.sort(key=trend_order, reverse=True)
     curves = dict[tuple[str, str], dict[str, dict[str, str]]]()
     for c in there:
-        errors = errors_of(history, c)
+        errors = channel_errors(history, c)
         curves.setdefault((c.run, c.channel), {})[c.solver] = {
-            "errors": packed(steps(errors), "<i2"),
-            "growth": growth_words(before(errors), errors[-1]),
+            "errors": encode_numbers(encode_errors(errors), "<i2"),
+            "growth": format_growth(previous_error(errors), errors[-1]),
         }
     makes = list(dict.fromkeys(tuple(past.versions.items()) for past in history.reports))
     data = {
@@ -104,46 +104,50 @@ def trend_of(history: History, case: Case, rows: Iterable[Comparison]) -> Trend:
             {"run": run, "channel": channel, "solvers": solvers}
             for (run, channel), solvers in curves.items()
         ],
-        "step": STEP,
+        "step": STEPS_PER_DECADE,
     }
-    found = [row_of(c, errors_of(history, c)) for c in there]
+    found = [trend_row(c, channel_errors(history, c)) for c in there]
     return Trend(data, found, len(history.reports), history.damage)
 
 
-def errors_of(history: History, c: Comparison) -> list[float | None]:
+def channel_errors(history: History, c: Comparison) -> list[float | None]:
     """Return the errors of a channel in the reports of the history."""
     return history.trend(c.case, c.run, c.solver, c.channel)
 
 
-def before(errors: list[float | None]) -> float | None:
+def previous_error(errors: list[float | None]) -> float | None:
     """Return the error in the last report before this one that has one."""
     return next((error for error in reversed(errors[:-1]) if error is not None), None)
 
 
-def nearness(c: Comparison) -> tuple[bool, float]:
+def trend_order(c: Comparison) -> tuple[bool, float]:
     """Return the sort key of a channel: judged channels by the error over what is allowed."""
-    judged = c.outcome in CHECKED and c.allowed > 0
+    judged = c.outcome in CHECKED_OUTCOMES and c.allowed > 0
     share = c.error_max / c.allowed if judged else c.relative_to_range
     return judged, share if math.isfinite(share) else math.inf
 
 
-def steps(errors: Iterable[float | None]) -> np.ndarray:
+def encode_errors(errors: Iterable[float | None]) -> np.ndarray:
     """Encode errors as whole numbers of 16 bits, which keep three digits.
 
-    >>> steps([None, 0.0, 1.0, 1e-9]).tolist()
+    >>> encode_errors([None, 0.0, 1.0, 1e-9]).tolist()
     [-32768, -32767, 0, -9000]
     """
     found = [
-        NONE if error is None else round(STEP * math.log10(error)) if error else ZERO
+        NO_ERROR
+        if error is None
+        else round(STEPS_PER_DECADE * math.log10(error))
+        if error
+        else ZERO_ERROR
         for error in errors
     ]
-    return np.clip(np.array(found), NONE, -NONE - 1).astype("<i2")
+    return np.clip(np.array(found), NO_ERROR, -NO_ERROR - 1).astype("<i2")
 
 
-def row_of(c: Comparison, errors: list[float | None]) -> TrendRow:
+def trend_row(c: Comparison, errors: list[float | None]) -> TrendRow:
     """Return a row of the table."""
     known = [error for error in errors if error is not None]
-    last = before(errors)
+    last = previous_error(errors)
     return TrendRow(
         c.run,
         c.channel,
@@ -153,21 +157,21 @@ def row_of(c: Comparison, errors: list[float | None]) -> TrendRow:
         number(math.nan if errors[-1] is None else errors[-1], 2),
         number(max(known), 2),
         number(c.allowed_of_range, 2),
-        growth_words(last, errors[-1]),
+        format_growth(last, errors[-1]),
     )
 
 
-def growth_words(last: float | None, now: float | None) -> str:
+def format_growth(last: float | None, now: float | None) -> str:
     """Format the factor between an error and the one before; empty where it is at most two.
 
-    >>> growth_words(1e-6, 1.2e-5), growth_words(1e-6, 1e-7), growth_words(1e-15, 1e-14)
+    >>> format_growth(1e-6, 1.2e-5), format_growth(1e-6, 1e-7), format_growth(1e-15, 1e-14)
     ('× 12', '÷ 10', '')
     """
-    if last is None or now is None or max(last, now) <= ROUNDING:
+    if last is None or now is None or max(last, now) <= ROUNDING_SHARE:
         return ""
     if min(last, now) == 0.0:
         return "from 0" if now else "to 0"
     factor = now / last
-    if 1 / FACTOR <= factor <= FACTOR:
+    if 1 / CHANGE_FACTOR <= factor <= CHANGE_FACTOR:
         return ""
     return f"× {number(factor, 2)}" if factor > 1 else f"÷ {number(1 / factor, 2)}"

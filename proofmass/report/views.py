@@ -20,10 +20,16 @@ from matplotlib.ticker import MultipleLocator
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
 from proofmass.plot_data import PlotData, plot_data
-from proofmass.report.data import PlottedRun, readable, thin, ways
-from proofmass.report.figures import PAPER, difference, overlay, panel, solver_handles
-from proofmass.report.style import REFERENCE, SOLID, Look
-from proofmass.wording import format_list, number, pretty
+from proofmass.report.data import PlottedRun, displayed_unit, monotonic_stretches, thin_curve
+from proofmass.report.figures import (
+    TEXT_BACKGROUND,
+    draw_difference,
+    draw_overlay,
+    draw_panel,
+    solver_handles,
+)
+from proofmass.report.style import REFERENCE_STYLE, SOLID, Look
+from proofmass.wording import format_list, format_unit, number
 
 
 @dataclass(frozen=True)
@@ -53,19 +59,19 @@ class Viewed:
     @property
     def loop(self) -> bool:
         """Whether x turns back, so that the curve is a loop."""
-        return len(ways(self.x)) > 1
+        return len(monotonic_stretches(self.x)) > 1
 
     def readable(self, name: str, by: PlotData | None = None) -> Array:
         """Return a curve of the reference in the displayed unit; `by` is another parameter set."""
         source = by or self.own
-        return source.values[name] * readable(source.units[name])[1]
+        return source.values[name] * displayed_unit(source.units[name])[1]
 
     def total(self, by: PlotData | None = None) -> Array:
         """Return the sum of the stacked quantities; `by` is another parameter set."""
         return np.sum([self.readable(name, by) for name in self.view.stack], axis=0)
 
 
-def viewed(shown: PlottedRun, view: View) -> Viewed:
+def apply_view(shown: PlottedRun, view: View) -> Viewed:
     """Replace the x of a run by that of a view.
 
     It is a solver's own curve where x is a channel, otherwise the reference's.
@@ -82,7 +88,7 @@ def viewed(shown: PlottedRun, view: View) -> Viewed:
         if x is not None:
             curves[solver] = replace(found, x=x)
     own = plot_data(case, view, longest, reference=own_reference)
-    unit, scale = readable(own.units[view.x])
+    unit, scale = displayed_unit(own.units[view.x])
     return Viewed(
         view,
         own,
@@ -104,40 +110,42 @@ def format_joint(case: Case, name: str, unit: str) -> str:
     return name + (" angle" if unit == "deg" else " position") * joint
 
 
-def all_viewed(case: Case, shown: list[PlottedRun]) -> list[Viewed]:
+def apply_views(case: Case, shown: list[PlottedRun]) -> list[Viewed]:
     """Return the views of a case whose runs have curves."""
     return [
-        viewed(s, view)
+        apply_view(s, view)
         for view in case.view
         for s in (one.without_failed for one in shown)
         if s.curves and s.kind == case.run_of(view)
     ]
 
 
-def unit_of(view: Viewed) -> str:
+def stack_unit(view: Viewed) -> str:
     """Return the displayed unit of the quantities that a view stacks."""
-    return pretty(readable(view.own.units[view.view.stack[0]])[0])
+    return format_unit(displayed_unit(view.own.units[view.view.stack[0]])[0])
 
 
-def spread(view: Viewed, by: PlotData | None = None) -> str:
+def format_spread(view: Viewed, by: PlotData | None = None) -> str:
     """Format how constant the sum of a stack is: its range, spread, and spread over the mean."""
     total = view.total(by)
     low, high, mean = float(np.min(total)), float(np.max(total)), float(np.mean(total))
     tiny = 1e-12 * max(abs(low), abs(high))  # a smaller number is a zero with rounding
     ends = " to ".join(number(end if abs(end) > tiny else 0.0, 4) for end in (low, high))
     share = f", {number(100 * (high - low) / abs(mean), 2)} % of its mean" if mean else ""
-    return f"{ends} {unit_of(view)}, a spread of {number(high - low, 3)} {unit_of(view)}{share}"
+    return (
+        f"{ends} {stack_unit(view)}, a spread of {number(high - low, 3)} {stack_unit(view)}{share}"
+    )
 
 
-def caption(view: Viewed) -> str:
+def view_caption(view: Viewed) -> str:
     """Format the caption of a view's figure."""
     if view.view.stack:
         words = [
             f"The reference's {format_list(view.view.stack)}, stacked"
             + (" on the first way" if view.loop else "")
-            + f"; their sum as a line, {spread(view)}; below, the sum less its mean"
+            + f"; their sum as a line, {format_spread(view)}; below, the sum less its mean"
         ]
-        words += [f"{name}: {spread(view, by)}" for name, by in view.beside.items()]
+        words += [f"{name}: {format_spread(view, by)}" for name, by in view.beside.items()]
     else:
         words = ["Reference (thick, pale) and solvers on top of it"]
         words += ["markers open where x rises, filled where it falls"] * view.loop
@@ -151,7 +159,7 @@ def caption(view: Viewed) -> str:
 
 
 INK = "#1b1f24"
-TARGETS: list[dict[str, Any]] = [
+DASHED_STYLES: list[dict[str, Any]] = [
     {"color": colour, "linewidth": 1.3, "linestyle": (0, dash), "zorder": 2.8}
     for colour, dash in (
         (INK, (5, 3)),
@@ -160,8 +168,8 @@ TARGETS: list[dict[str, Any]] = [
         ("#555555", (9, 3)),
     )
 ]
-SUM: dict[str, Any] = {"color": INK, "linewidth": 1.7, "zorder": 2.7}
-THIN: list[dict[str, Any]] = [
+SUM_STYLE: dict[str, Any] = {"color": INK, "linewidth": 1.7, "zorder": 2.7}
+OTHER_SET_STYLES: list[dict[str, Any]] = [
     {"color": colour, "linewidth": 0.9, "linestyle": dash, "zorder": 2.6}
     for colour, dash in (
         ("#7b4ba0", SOLID),
@@ -171,24 +179,26 @@ THIN: list[dict[str, Any]] = [
     )
 ]
 # colours of stacked quantities, the lowest one darkest
-PILE = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")
-NEAR = 0.035  # of a panel's width: marks with a smaller distance share one text
-CASING = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # white edges of lines on areas
-WORDS = 28  # [characters] width of the legend
+STACK_COLOURS = ("#574488", "#8a78b4", "#b3a6d0", "#d6cee6", "#efecf6", "#c9ccd1")
+MIN_MARK_DISTANCE = 0.035  # of a panel's width: marks with a smaller distance share one text
+WHITE_EDGES = [Stroke(linewidth=3.2, foreground="white"), Normal()]  # white edges of lines on areas
+LEGEND_CHARACTERS = 28  # [characters] width of the legend
 # [inch] heights of panels, width of the legend beside them
-HIGH, LOW, KEY = 2.75, 0.95, 2.35
+PANEL_HEIGHT, LOWER_PANEL_HEIGHT, LEGEND_WIDTH = 2.75, 0.95, 2.35
 
 
 def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:
     """Draw a panel for each curve, or one for the stack, with a panel below at a finer scale."""
     names = view.view.y or ("",)
-    heights = [HIGH, LOW][: 1 + any(has_below(view, name) for name in names)]
+    heights = [PANEL_HEIGHT, LOWER_PANEL_HEIGHT][
+        : 1 + any(has_lower_panel(view, name) for name in names)
+    ]
     width, wide = min(len(names), 3), 4.3 if len(names) == 1 else 3.0
     rows, apart = -(-len(names) // width), np.array([0.75, 0.62])
     cell = np.array([wide, sum(heights)])
     size = np.array(
         [
-            0.75 + width * wide + (width - 1) * apart[0] + KEY,
+            0.75 + width * wide + (width - 1) * apart[0] + LEGEND_WIDTH,
             0.98 + rows * cell[1] + (rows - 1) * apart[1],
         ]
     )
@@ -197,7 +207,7 @@ def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:
         rows,
         width,
         left=0.75 / size[0],
-        right=1 - KEY / size[0],
+        right=1 - LEGEND_WIDTH / size[0],
         bottom=0.43 / size[1],
         top=1 - 0.55 / size[1],
         wspace=apart[0] / cell[0],
@@ -207,41 +217,41 @@ def view_figure(view: Viewed, style: Mapping[str, Look]) -> Figure:
         parts = grid[k // width, k % width].subgridspec(
             len(heights), 1, height_ratios=heights, hspace=0.1
         )
-        pair = [figure.add_subplot(parts[i]) for i in range(1 + has_below(view, name))]
+        pair = [figure.add_subplot(parts[i]) for i in range(1 + has_lower_panel(view, name))]
         if view.view.stack:
-            stack(pair[0], pair[1], view)
+            draw_stack(pair[0], pair[1], view)
         else:
-            curve(pair, view, name, style)
-        across(pair, view)
-        marked(pair, view, name)
+            draw_curve(pair, view, name, style)
+        set_shared_axis(pair, view)
+        draw_marks(pair, view, name)
     figure.text(
         0.1 / size[0], 1 - 0.08 / size[1], view.view.title, fontsize=10, weight="bold", va="top"
     )
-    legend(figure, view, style, size)
+    draw_legend(figure, view, style, size)
     return figure
 
 
-def has_below(view: Viewed, name: str) -> bool:
+def has_lower_panel(view: Viewed, name: str) -> bool:
     """Whether a curve has a panel below: with its differences, or with the sum of a stack."""
     return bool(view.view.stack) or name in view.over.channels
 
 
-def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) -> None:
+def draw_curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) -> None:
     """Draw a curve of `y`: reference, solvers, dashed curves and other parameter sets.
 
     The panel below shows the differences to the reference.
     """
     others = [view.readable(name, by) for by in view.beside.values()]
     target = [view.readable(name) for name in view.view.dashed]
-    unit = readable(view.own.units[name])[0]
+    unit = displayed_unit(view.own.units[name])[0]
     if name in view.over.channels:
-        overlay(pair[0], view.over, name, style, [*others, *target])
-        difference(pair[1], view.over, name, style)
+        draw_overlay(pair[0], view.over, name, style, [*others, *target])
+        draw_difference(pair[1], view.over, name, style)
         pair[1].set_title("")
-        pair[1].set_ylabel(f"|diff.| [{pretty(view.own.units[name])}]")
+        pair[1].set_ylabel(f"|diff.| [{format_unit(view.own.units[name])}]")
     else:
         jumps = {"": view.over.jumps.of(name)}
-        panel(
+        draw_panel(
             pair[0],
             view.over,
             name,
@@ -253,32 +263,32 @@ def curve(pair: list[Axes], view: Viewed, name: str, style: Mapping[str, Look]) 
             jumps,
         )
     for y, look in [
-        *zip(others, THIN * len(others), strict=False),
-        *zip(target, TARGETS * len(target), strict=False),
+        *zip(others, OTHER_SET_STYLES * len(others), strict=False),
+        *zip(target, DASHED_STYLES * len(target), strict=False),
     ]:
-        pair[0].plot(*once(view.x, y), **look)
+        pair[0].plot(*remove_retraced(view.x, y), **look)
 
 
-def once(x: Array, y: Array) -> tuple[Array, Array]:
+def remove_retraced(x: Array, y: Array) -> tuple[Array, Array]:
     """Return a curve without parts that retrace its first one, which would fill the gaps of dashes.
 
     >>> x = np.array([0.0, 1.0, 2.0, 1.0, 0.0])
-    >>> [len(once(x, y)[0]) for y in (x**2, np.arange(5.0))]
+    >>> [len(remove_retraced(x, y)[0]) for y in (x**2, np.arange(5.0))]
     [3, 5]
     """
-    way = ways(x)[0][0]
+    way = monotonic_stretches(x)[0][0]
     rising = np.argsort(x[way])
     again = np.interp(x, x[way][rising], y[way][rising])
     retraced = np.abs(again - y).max() <= 1e-3 * np.ptp(y)  # less than a line is wide
-    return thin(x[way], y[way], 300) if retraced else thin(x, y, 300)
+    return thin_curve(x[way], y[way], 300) if retraced else thin_curve(x, y, 300)
 
 
-def stack(ax: Axes, below: Axes, view: Viewed) -> None:
+def draw_stack(ax: Axes, below: Axes, view: Viewed) -> None:
     """Draw stacked quantities, negative ones downwards; in `below` their sum less its mean."""
-    way = ways(view.x)[0][0]
+    way = monotonic_stretches(view.x)[0][0]
     x = view.x[way]
     up, down = np.zeros_like(x), np.zeros_like(x)
-    for name, colour in zip(view.view.stack, PILE * len(view.view.stack), strict=False):
+    for name, colour in zip(view.view.stack, STACK_COLOURS * len(view.view.stack), strict=False):
         part = view.readable(name)[way]
         base = np.where(part >= 0, up, down)
         ax.fill_between(
@@ -287,19 +297,19 @@ def stack(ax: Axes, below: Axes, view: Viewed) -> None:
         up, down = up + np.maximum(part, 0), down + np.minimum(part, 0)
     lines = [
         (view.total(by), look)
-        for by, look in zip(view.beside.values(), THIN * len(view.beside), strict=False)
+        for by, look in zip(view.beside.values(), OTHER_SET_STYLES * len(view.beside), strict=False)
     ]
-    for total, look in [*lines, (view.total(), SUM)]:
-        ax.plot(*once(view.x, total), **look, path_effects=CASING)
-        below.plot(*once(view.x, total - np.mean(total)), **look)
+    for total, look in [*lines, (view.total(), SUM_STYLE)]:
+        ax.plot(*remove_retraced(view.x, total), **look, path_effects=WHITE_EDGES)
+        below.plot(*remove_retraced(view.x, total - np.mean(total)), **look)
     ax.grid(False)
     ax.set_ylim(min(0.0, 1.05 * float(down.min())), None)
-    ax.set_title("sum: " + spread(view), fontweight="normal")
-    ax.set_ylabel(f"[{unit_of(view)}]")
-    below.set_ylabel(f"sum − mean [{unit_of(view)}]")
+    ax.set_title("sum: " + format_spread(view), fontweight="normal")
+    ax.set_ylabel(f"[{stack_unit(view)}]")
+    below.set_ylabel(f"sum − mean [{stack_unit(view)}]")
 
 
-def across(pair: list[Axes], view: Viewed) -> None:
+def set_shared_axis(pair: list[Axes], view: Viewed) -> None:
     """Set the horizontal axis that a panel shares with the one below it."""
     low, high = float(np.nanmin(view.x)), float(np.nanmax(view.x))
     for ax in pair:
@@ -313,11 +323,11 @@ def across(pair: list[Axes], view: Viewed) -> None:
     pair[-1].set_xlabel(f"{view.over.x_name} [{view.over.x_unit}]")
 
 
-def marked(pair: list[Axes], view: Viewed, name: str) -> None:
+def draw_marks(pair: list[Axes], view: Viewed, name: str) -> None:
     """Draw a vertical line at each mark, with its words where the curve leaves room."""
     y = view.readable(name) if name else view.total()
-    unit = "°" if view.over.x_unit == "deg" else f" {pretty(view.over.x_unit)}"
-    for places in grouped(view):
+    unit = "°" if view.over.x_unit == "deg" else f" {format_unit(view.over.x_unit)}"
+    for places in group_marks(view):
         for x in places.values():
             for ax in pair:
                 ax.axvline(x, color=INK, linewidth=0.8, linestyle=(0, (1, 2)), zorder=2.4)
@@ -338,13 +348,13 @@ def marked(pair: list[Axes], view: Viewed, name: str) -> None:
             ha="right" if right else "left",
             va="top" if top else "bottom",
             zorder=9,
-            bbox=PAPER,
+            bbox=TEXT_BACKGROUND,
         )
 
 
-def grouped(view: Viewed) -> list[dict[str, float]]:
+def group_marks(view: Viewed) -> list[dict[str, float]]:
     """Group the marks from left to right; those too near for separate texts are in one group."""
-    room = NEAR * float(np.ptp(view.x))
+    room = MIN_MARK_DISTANCE * float(np.ptp(view.x))
     groups: list[dict[str, float]] = []
     for word, x in sorted(view.own.marks.items(), key=lambda item: item[1]):
         x *= view.over.x_scale
@@ -355,28 +365,30 @@ def grouped(view: Viewed) -> list[dict[str, float]]:
     return groups
 
 
-def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array) -> None:
+def draw_legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array) -> None:
     """Draw the legend beside the panels."""
     handles: list[Any] = []
     if view.view.stack:
-        handles += [Line2D([], [], label="sum", **SUM)]
+        handles += [Line2D([], [], label="sum", **SUM_STYLE)]
         handles += reversed(
             [
                 Patch(facecolor=colour, edgecolor="white", label=name)
-                for name, colour in zip(view.view.stack, PILE * len(view.view.stack), strict=False)
+                for name, colour in zip(
+                    view.view.stack, STACK_COLOURS * len(view.view.stack), strict=False
+                )
             ]
         )
     else:
-        handles += [Line2D([], [], label="reference", **REFERENCE)]
+        handles += [Line2D([], [], label="reference", **REFERENCE_STYLE)]
         shown = any(n in view.over.channels for n in view.view.y)
         handles += solver_handles(view.over.curves if shown else (), style)
     handles += [
-        Line2D([], [], label=fill(name, WORDS), **look)
-        for name, look in zip(view.view.dashed, TARGETS * len(view.view.dashed), strict=False)
+        Line2D([], [], label=fill(name, LEGEND_CHARACTERS), **look)
+        for name, look in zip(view.view.dashed, DASHED_STYLES * len(view.view.dashed), strict=False)
     ]
     handles += [
-        Line2D([], [], label=fill(name, WORDS), **look)
-        for name, look in zip(view.beside, THIN * len(view.beside), strict=False)
+        Line2D([], [], label=fill(name, LEGEND_CHARACTERS), **look)
+        for name, look in zip(view.beside, OTHER_SET_STYLES * len(view.beside), strict=False)
     ]
     if view.loop and not view.view.stack:
         handles += [
@@ -397,5 +409,5 @@ def legend(figure: Figure, view: Viewed, style: Mapping[str, Look], size: Array)
         loc="upper left",
         fontsize=8,
         handlelength=3.0,
-        bbox_to_anchor=(1 - (KEY - 0.1) / size[0], 1 - 0.42 / size[1]),
+        bbox_to_anchor=(1 - (LEGEND_WIDTH - 0.1) / size[0], 1 - 0.42 / size[1]),
     )

@@ -7,9 +7,15 @@ from typing import NamedTuple
 from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.outcome import CHECKED, FAILED, GOOD, OPEN, Outcome
-from proofmass.reference import reads_model
-from proofmass.units import KINDS, si_unit
+from proofmass.outcome import (
+    CHECKED_OUTCOMES,
+    FAILED_OUTCOMES,
+    GOOD_OUTCOMES,
+    UNCHECKED_OUTCOMES,
+    Outcome,
+)
+from proofmass.reference import reference_reads_model
+from proofmass.units import MOTION_UNITS, si_unit
 from proofmass.wording import format_list, format_solver, number
 
 
@@ -68,11 +74,11 @@ SYMBOLS: dict[str, str] = {
     Outcome.UNCHECKED: "○",
     Outcome.SELF_CONSISTENT: "≈",
     Outcome.UNSUPPORTED: "–",
-    **dict.fromkeys(FAILED, "⚠"),
+    **dict.fromkeys(FAILED_OUTCOMES, "⚠"),
 }
 
 
-def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
+def group_by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
     """Group the comparisons of one or several runs by their solver."""
     found: dict[str, list[Comparison]] = {}
     for c in comparisons:
@@ -81,10 +87,10 @@ def by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[C
     return found
 
 
-def from_model(case: Case) -> bool:
+def reads_own_model(case: Case) -> bool:
     """Whether the reference reads the numbers of the model; false for a reference at fault."""
     try:
-        return reads_model(case)
+        return reference_reads_model(case)
     except InputError:
         return False
 
@@ -109,8 +115,8 @@ def headline(
     own = [c for c in comparisons if c.case == case.name]
     if not own:
         return "Not judged: no run could be compared; the input is at fault."
-    if plain(own):
-        parts = unchecked(by_solver(own, *case.run))
+    if is_unchecked(own):
+        parts = format_unchecked(group_by_solver(own, *case.run))
         return (
             ("Unchecked, as the sidecar says" if case.unchecked else "Nothing is checked")
             + ": "
@@ -118,74 +124,74 @@ def headline(
             + "."
         )
     quiet = [kind for kind in ("sweep", "equilibrium") if kind in case.run] or ["sweep"]
-    sweep, dynamics = by_solver(own, *quiet), by_solver(own, "dynamics")
+    sweep, dynamics = group_by_solver(own, *quiet), group_by_solver(own, "dynamics")
     within = " and ".join(quiet)
     true, false = ("The model matches the reference", "The model does not match the reference")
-    if from_model(case):
+    if reads_own_model(case):
         true, false = (
             "The model moves as its own numbers say",
             "The model does not move as its own numbers and laws say",
         )
     if any(c.outcome == Outcome.DIFFERS for rows in sweep.values() for c in rows):
-        sound = format_list(format_solver(s) for s, rows in sweep.items() if clean(rows))
+        sound = format_list(format_solver(s) for s, rows in sweep.items() if all_agree(rows))
         text = f"{true} in {sound}, not in every solver: " if sound else f"{false}: "
         text += "; ".join(
-            describe(s, rows, f" in the {within}")
+            describe_solver(s, rows, f" in the {within}")
             for s, rows in sweep.items()
-            if not clean(rows) and not plain(rows)
+            if not all_agree(rows) and not is_unchecked(rows)
         )
         return text + "; do not look at integrators before this is mended."
     if not sweep:
         first = "No sweep, so model and integrator are judged together"
-    elif good := {s: rows for s, rows in sweep.items() if clean(rows)}:
-        first = f"{true}: {agreement(good, within)}"
+    elif good := {s: rows for s, rows in sweep.items() if all_agree(rows)}:
+        first = f"{true}: {format_agreement(good, within)}"
     else:
         first = f"The {within} was not checked, so model and integrator are judged together"
     parts = [
-        describe(s, rows, f" in the {within}")
+        describe_solver(s, rows, f" in the {within}")
         for s, rows in sweep.items()
-        if any(c.outcome in FAILED for c in rows)
+        if any(c.outcome in FAILED_OUTCOMES for c in rows)
     ]
-    refined = by_solver(own, "refine")
-    if sure := [format_solver(s) for s, rows in refined.items() if clean(rows)]:
+    refined = group_by_solver(own, "refine")
+    if sure := [format_solver(s) for s, rows in refined.items() if all_agree(rows)]:
         parts.append(
             f"{format_list(sure)} converge{'s' * (len(sure) == 1)} with the expected order"
         )
     parts += [
-        describe(s, rows, " in its order of convergence")
+        describe_solver(s, rows, " in its order of convergence")
         for s, rows in refined.items()
-        if not clean(rows) and not plain(rows)
+        if not all_agree(rows) and not is_unchecked(rows)
     ]
     parts += [
-        describe(
+        describe_solver(
             s,
             rows,
             f" at dt = {number(1e3 * steps[s])} ms" if steps and s in steps else " in dynamics",
         )
         for s, rows in dynamics.items()
-        if not plain(rows)
+        if not is_unchecked(rows)
     ]
-    parts += unchecked({s: rows for s, rows in dynamics.items() if plain(rows)})
+    parts += format_unchecked({s: rows for s, rows in dynamics.items() if is_unchecked(rows)})
     joint = "" if not parts else ". " if first.startswith(true) else ": "
     return first + joint + "; ".join(parts) + "."
 
 
-def clean(rows: list[Comparison]) -> bool:
+def all_agree(rows: list[Comparison]) -> bool:
     """Whether something was checked, and all of it agrees."""
     outcomes = {c.outcome for c in rows}
     return Outcome.AGREES in outcomes and not outcomes & {
         Outcome.DIFFERS,
         Outcome.UNDECIDED,
-        *FAILED,
+        *FAILED_OUTCOMES,
     }
 
 
-def plain(rows: list[Comparison]) -> bool:
+def is_unchecked(rows: list[Comparison]) -> bool:
     """Whether nothing was checked, and nothing failed."""
-    return {c.outcome for c in rows} <= set(OPEN)
+    return {c.outcome for c in rows} <= set(UNCHECKED_OUTCOMES)
 
 
-def agreement(good: dict[str, list[Comparison]], run: str) -> str:
+def format_agreement(good: dict[str, list[Comparison]], run: str) -> str:
     """Format how many channels of a run agree, for the solvers that agree, and why not all."""
     counts = {
         s: (sum(c.outcome == Outcome.AGREES for c in rows), len(rows)) for s, rows in good.items()
@@ -195,21 +201,21 @@ def agreement(good: dict[str, list[Comparison]], run: str) -> str:
         return f"all {next(iter(counts.values()))[1]} channels of the {run} agree in {names}"
     return f"the {run} agrees on " + format_list(
         f"{'all ' + str(n) if n == total else f'{n} of {total}'} channels in {format_solver(s)}"
-        f"{why(good[s])}"
+        f"{format_unsupported(good[s])}"
         for s, (n, total) in counts.items()
     )
 
 
-def why(rows: list[Comparison]) -> str:
+def format_unsupported(rows: list[Comparison]) -> str:
     """Format in brackets why a solver cannot deliver channels; empty if it delivers all."""
     found = dict.fromkeys(c.message for c in rows if c.outcome == Outcome.UNSUPPORTED and c.message)
     return f" ({'; '.join(found)})" if found else ""
 
 
-def describe(solver: str, rows: list[Comparison], where: str) -> str:
+def describe_solver(solver: str, rows: list[Comparison], where: str) -> str:
     """Format the outcome of one solver in one run as a clause."""
     bad = [c for c in rows if c.outcome == Outcome.DIFFERS]
-    failed = next((c.outcome for c in rows if c.outcome in FAILED), "")
+    failed = next((c.outcome for c in rows if c.outcome in FAILED_OUTCOMES), "")
     name = format_solver(solver)
     if failed:
         return f"{name} {failed}{where}"
@@ -232,11 +238,11 @@ def describe(solver: str, rows: list[Comparison], where: str) -> str:
     )
 
 
-def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
+def format_unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
     """Format the solvers that are shown but not judged, with their errors."""
     found = {}
     for solver, comparisons in rows.items():
-        if away := distances(comparisons):
+        if away := format_errors(comparisons):
             found[solver] = f"{format_solver(solver)} (off by {format_list(away)})"
         elif any(c.outcome == Outcome.UNCHECKED for c in comparisons):
             found[solver] = format_solver(solver)
@@ -245,16 +251,16 @@ def unchecked(rows: dict[str, list[Comparison]]) -> list[str]:
     return parts + ([f"not expressible in {format_list(unsupported)}"] if unsupported else [])
 
 
-def distances(rows: Iterable[Comparison]) -> list[str]:
+def format_errors(rows: Iterable[Comparison]) -> list[str]:
     """Format the largest errors of positions, velocities, accelerations, and all other channels.
 
     If an error is at least twice the largest one after the first tenth of dynamics, both are given.
     """
-    kinds: dict[str, list[Comparison]] = {kind: [] for kind in (*KINDS, "force or energy")}
+    kinds: dict[str, list[Comparison]] = {kind: [] for kind in (*MOTION_UNITS, "force or energy")}
     for c in rows:
         if math.isfinite(c.relative_to_range):
-            kind = kind_of(c.unit)
-            kinds[kind if kind in KINDS else "force or energy"].append(c)
+            kind = quantity_kind(c.unit)
+            kinds[kind if kind in MOTION_UNITS else "force or energy"].append(c)
     words = list[str]()
     for kind, own in kinds.items():
         if not own:
@@ -263,9 +269,9 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
             max(c.relative_to_range for c in own),
             max(c.relative_to_range_later for c in own),
         )
-        text = f"{portion(share)}{' of the range' * (not words)} in {kind}"
+        text = f"{format_share(share)}{' of the range' * (not words)} in {kind}"
         if share >= 2 * later:
-            text += f" at the start, {portion(later)} after a tenth of the run"
+            text += f" at the start, {format_share(later)} after a tenth of the run"
         words.append(text)
     return words
 
@@ -273,30 +279,30 @@ def distances(rows: Iterable[Comparison]) -> list[str]:
 FORCES_AND_ENERGIES = {"moment": ("N m",), "force": ("N",), "energy": ("J",)}
 
 
-def kind_of(unit: str) -> str:
+def quantity_kind(unit: str) -> str:
     """Return the kind of a channel by its unit, such as position, moment or energy, or "other".
 
-    >>> kind_of("deg/s"), kind_of("N mm"), kind_of("kg")
+    >>> quantity_kind("deg/s"), quantity_kind("N mm"), quantity_kind("kg")
     ('velocity', 'moment', 'other')
     """
     own = si_unit(unit)[0]
-    kinds = {**KINDS, **FORCES_AND_ENERGIES}
+    kinds = {**MOTION_UNITS, **FORCES_AND_ENERGIES}
     return next((kind for kind, units in kinds.items() if own in units), "other")
 
 
-def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
+def format_closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     """Format in one sentence how well the engines agree: the worst checked curve of each run.
 
     It is a position where the run has one, otherwise the next kind that it has.  Curves that no
     tolerance covers are used only where no curve is checked.
     """
     rows = [c for c in comparisons if math.isfinite(c.relative_to_range) and c.run in case.run]
-    judged = [c for c in rows if c.outcome in CHECKED]
+    judged = [c for c in rows if c.outcome in CHECKED_OUTCOMES]
     texts: dict[str, list[str]] = {}
     for run, words_of in RUNS.items():
         own = [c for c in judged or rows if c.run == run]
-        for kind in (*KINDS, *FORCES_AND_ENERGIES, "other"):
-            if here := [c.relative_to_range for c in own if kind_of(c.unit) == kind]:
+        for kind in (*MOTION_UNITS, *FORCES_AND_ENERGIES, "other"):
+            if here := [c.relative_to_range for c in own if quantity_kind(c.unit) == kind]:
                 texts.setdefault(kind, []).append(f"{number(max(here), 2)} {{}}{words_of.where}")
                 break
     words = []
@@ -314,10 +320,10 @@ def closeness(case: Case, comparisons: Iterable[Comparison]) -> str:
     return f"{unjudged}{text[:1].upper()}{text[1:]}." if text else ""
 
 
-def portion(value: float) -> str:
+def format_share(value: float) -> str:
     """Format a share of the range, in per cent if it is large enough to be seen in a plot.
 
-    >>> portion(0.092), portion(3.2e-5), portion(44.4)
+    >>> format_share(0.092), format_share(3.2e-5), format_share(44.4)
     ('9%', '3e-5', '44 times')
     """
     if value >= 2:
@@ -325,10 +331,10 @@ def portion(value: float) -> str:
     return f"{number(100 * value, 1)}%" if value >= 1e-3 else number(value, 1)
 
 
-def state_of(case: Case, rows: Sequence[Comparison], faults: Sequence[str]) -> str:
+def case_state(case: Case, rows: Sequence[Comparison], faults: Sequence[str]) -> str:
     """Return the state of a case: good (agrees), open (unchecked, as its sidecar says), or bad."""
     outcomes = {c.outcome for c in rows}
-    checked = case.unchecked or outcomes - set(OPEN)
-    if faults or not checked or outcomes - set(GOOD):
+    checked = case.unchecked or outcomes - set(UNCHECKED_OUTCOMES)
+    if faults or not checked or outcomes - set(GOOD_OUTCOMES):
         return "bad"
     return "good" if Outcome.AGREES in outcomes else "open"

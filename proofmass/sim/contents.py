@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.plane import PARALLEL, find_plane
+from proofmass.sim.plane import PARALLEL_TOLERANCE, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
 from proofmass.sim.rods import format_rod_parts, rod_parts
 
-KEPT = 64  # number of models whose size and mass are cached
+CACHE_SIZE = 64  # number of models whose size and mass are cached
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
-UNITS = {
+SENSOR_UNITS = {
     S.mjSENS_FRAMEPOS: "m",
     S.mjSENS_FRAMELINVEL: "m/s",
     S.mjSENS_FRAMELINACC: "m/s^2",
@@ -37,16 +37,16 @@ UNITS = {
     S.mjSENS_E_POTENTIAL: "J",
     S.mjSENS_CLOCK: "s",
 }
-OF_JOINTS = {
+JOINT_SENSOR_UNITS = {
     S.mjSENS_JOINTPOS: "{}",
     S.mjSENS_JOINTLIMITPOS: "{}",
     S.mjSENS_JOINTVEL: "{}/s",
     S.mjSENS_JOINTLIMITVEL: "{}/s",
     S.mjSENS_USER: "{}/s^2",
 }
-OF_TENDONS = {S.mjSENS_TENDONPOS: "m", S.mjSENS_TENDONVEL: "m/s"}
-FORCES = (S.mjSENS_JOINTACTFRC, S.mjSENS_JOINTLIMITFRC)
-PLACES = (
+TENDON_SENSOR_UNITS = {S.mjSENS_TENDONPOS: "m", S.mjSENS_TENDONVEL: "m/s"}
+JOINT_FORCE_SENSORS = (S.mjSENS_JOINTACTFRC, S.mjSENS_JOINTLIMITFRC)
+PLACE_SENSORS = (
     S.mjSENS_FRAMEPOS,
     S.mjSENS_FRAMEQUAT,
     S.mjSENS_FRAMEXAXIS,
@@ -57,21 +57,21 @@ PLACES = (
     S.mjSENS_TENDONPOS,
     S.mjSENS_SUBTREECOM,
 )
-SCALARS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
+SCALAR_JOINT_UNITS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
 
 def joints(model: mujoco.MjModel) -> dict[str, str | None]:
     """The joints by name and their units: rad of a hinge, m of a slide, None of another."""
     kinds = (mujoco.mjtJoint(int(kind)) for kind in model.jnt_type)
-    return {model.joint(j).name: SCALARS.get(kind) for j, kind in enumerate(kinds)}
+    return {model.joint(j).name: SCALAR_JOINT_UNITS.get(kind) for j, kind in enumerate(kinds)}
 
 
-def keys(model: mujoco.MjModel) -> list[str]:
+def key_names(model: mujoco.MjModel) -> list[str]:
     """The names of the keyframes."""
     return [model.key(k).name for k in range(model.nkey)]
 
 
-def sensors(model: mujoco.MjModel) -> list[str]:
+def sensor_names(model: mujoco.MjModel) -> list[str]:
     """The names of the sensors."""
     return [model.sensor(s).name for s in range(model.nsensor)]
 
@@ -79,15 +79,19 @@ def sensors(model: mujoco.MjModel) -> list[str]:
 def place_sensors(model: mujoco.MjModel) -> list[str]:
     """The names of the sensors of positions and orientations."""
     every = (model.sensor(s).name for s in range(model.nsensor))
-    return [name for name, kind in zip(every, model.sensor_type, strict=True) if S(kind) in PLACES]
+    return [
+        name
+        for name, kind in zip(every, model.sensor_type, strict=True)
+        if S(kind) in PLACE_SENSORS
+    ]
 
 
-def loose_bodies(model: mujoco.MjModel) -> list[str]:
+def bodies_rotating_in_space(model: mujoco.MjModel) -> list[str]:
     """The names of the bodies on balls and free joints."""
     return [
         model.body(int(model.jnt_bodyid[j])).name
         for j in range(model.njnt)
-        if mujoco.mjtJoint(int(model.jnt_type[j])) not in SCALARS
+        if mujoco.mjtJoint(int(model.jnt_type[j])) not in SCALAR_JOINT_UNITS
     ]
 
 
@@ -98,21 +102,21 @@ def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
     the world span that plane; for an angular vector the component normal to it.  For a quaternion,
     and for all vectors of a mechanism that leaves every plane, these are all components.
     """
-    found, across = {}, normal_part(model, key)
-    for s, name in enumerate(sensors(model)):
+    found, across = {}, normal_axis(model, key)
+    for s, name in enumerate(sensor_names(model)):
         kind = S(int(model.sensor_type[s]))
         if kind == S.mjSENS_FRAMEXAXIS and across is not None:
             found[name] = [f"{name}.angle"]
         elif model.sensor_dim[s] == 3:
             parts = {"linear": "xyz".replace(across or "-", ""), "angular": across or "xyz"}
-            turns = UNITS.get(kind, "").startswith("rad") or kind == S.mjSENS_TORQUE
+            turns = SENSOR_UNITS.get(kind, "").startswith("rad") or kind == S.mjSENS_TORQUE
             found[name] = [f"{name}.{part}" for part in parts["angular" if turns else "linear"]]
         else:
-            found[name] = [f"{name}.{part}".rstrip(".") for part in parts_of(model, s)]
+            found[name] = [f"{name}.{part}".rstrip(".") for part in sensor_parts(model, s)]
     return found
 
 
-def parts_of(model: mujoco.MjModel, s: int) -> tuple[str, ...]:
+def sensor_parts(model: mujoco.MjModel, s: int) -> tuple[str, ...]:
     """The parts of sensor number s: of a vector, of a quaternion, or "" for a single number.
 
     A sensor with more numbers has none.
@@ -120,25 +124,25 @@ def parts_of(model: mujoco.MjModel, s: int) -> tuple[str, ...]:
     return {1: ("",), 3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}.get(int(model.sensor_dim[s]), ())
 
 
-def normal_part(model: mujoco.MjModel, key: str) -> str | None:
+def normal_axis(model: mujoco.MjModel, key: str) -> str | None:
     """The axis of the world, x, y or z, that is normal to the plane of a mechanism.
 
     The result is empty if the plane is inclined, None if the mechanism leaves every plane.
     """
     data = mujoco.MjData(model)
-    if key in keys(model):
-        mujoco.mj_resetDataKeyframe(model, data, keys(model).index(key))
+    if key in key_names(model):
+        mujoco.mj_resetDataKeyframe(model, data, key_names(model).index(key))
     mujoco.mj_kinematics(model, data)
     try:
         normal = np.abs(find_plane(model, data).normal) if model.njnt else np.zeros(3)
     except Unsupported:
         return None
-    return "xyz"[int(normal.argmax())] if normal.max() > 1 - PARALLEL else ""
+    return "xyz"[int(normal.argmax())] if normal.max() > 1 - PARALLEL_TOLERANCE else ""
 
 
 def measures_actuator(model: mujoco.MjModel, sensor: str) -> bool:
     """Whether a sensor measures the force of an actuator, which may be the moment of a drive."""
-    return S(int(model.sensor_type[sensors(model).index(sensor)])) == S.mjSENS_ACTUATORFRC
+    return S(int(model.sensor_type[sensor_names(model).index(sensor)])) == S.mjSENS_ACTUATORFRC
 
 
 def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) -> str | None:
@@ -163,19 +167,19 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
             if part not in rod_parts(rod):
                 raise BadModel(f"a rod has {format_rod_parts(rod)}, along its length")
             return rod_parts(rod)[part]
-    s = sensors(model).index(name) if name in sensors(model) else -1
+    s = sensor_names(model).index(name) if name in sensor_names(model) else -1
     if s < 0:
         raise KeyError(name)
     kind = S(int(model.sensor_type[s]))
     directed = kind == S.mjSENS_FRAMEXAXIS
-    if part not in (*parts_of(model, s), *["angle"] * directed):
+    if part not in (*sensor_parts(model, s), *["angle"] * directed):
         raise BadModel(f"the sensor has no such part; use {format_parts(model, s)}")
-    return "rad" if part == "angle" else UNITS.get(kind) or of_joint(model, s, kind)
+    return "rad" if part == "angle" else SENSOR_UNITS.get(kind) or joint_sensor_unit(model, s, kind)
 
 
 def format_parts(model: mujoco.MjModel, s: int) -> str:
     """The channels of sensor number s, as a phrase for messages."""
-    name, parts = model.sensor(s).name, parts_of(model, s)
+    name, parts = model.sensor(s).name, sensor_parts(model, s)
     if len(parts) < 2:
         return str(name)
     angle = ", or .angle" * (S(int(model.sensor_type[s])) == S.mjSENS_FRAMEXAXIS)
@@ -183,38 +187,40 @@ def format_parts(model: mujoco.MjModel, s: int) -> str:
     return f"{first} or .{parts[-1]}{angle}"
 
 
-def of_joint(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:
+def joint_sensor_unit(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> str | None:
     """The SI unit of sensor number s if it is on a joint, its actuator, or a straight tendon."""
-    joint, force = int(model.sensor_objid[s]), kind in FORCES
-    if kind in OF_TENDONS and straight_tendon(model, joint):
-        return OF_TENDONS[kind]
+    joint, force = int(model.sensor_objid[s]), kind in JOINT_FORCE_SENSORS
+    if kind in TENDON_SENSOR_UNITS and straight_tendon(model, joint):
+        return TENDON_SENSOR_UNITS[kind]
     if kind == S.mjSENS_ACTUATORFRC:
         force, actuator = True, joint
         joint = joint_of(model, actuator)
         if joint >= 0 and abs(gear_of_force(model, actuator)) != 1:
             return None
-    elif not (force or kind in OF_JOINTS) or (
+    elif not (force or kind in JOINT_SENSOR_UNITS) or (
         kind == S.mjSENS_USER and model.sensor_objtype[s] != OBJ.mjOBJ_JOINT
     ):
         return None
-    unit = SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[joint]))) if joint >= 0 else None
+    unit = (
+        SCALAR_JOINT_UNITS.get(mujoco.mjtJoint(int(model.jnt_type[joint]))) if joint >= 0 else None
+    )
     if unit is None:
         return None
-    return {"rad": "N m", "m": "N"}[unit] if force else OF_JOINTS[kind].format(unit)
+    return {"rad": "N m", "m": "N"}[unit] if force else JOINT_SENSOR_UNITS[kind].format(unit)
 
 
-@lru_cache(KEPT)
+@lru_cache(CACHE_SIZE)
 def size(model: mujoco.MjModel, key: str) -> float:
     """Largest distance between joints, sites and centres of mass in the pose of a key [m]."""
     data = mujoco.MjData(model)
-    if key in keys(model):
-        mujoco.mj_resetDataKeyframe(model, data, keys(model).index(key))
+    if key in key_names(model):
+        mujoco.mj_resetDataKeyframe(model, data, key_names(model).index(key))
     mujoco.mj_kinematics(model, data)
     points = np.vstack([data.xanchor, data.site_xpos, data.xipos[1:]])
     return float(np.linalg.norm(points[:, None] - points, axis=-1).max()) if len(points) else 0.0
 
 
-@lru_cache(KEPT)
+@lru_cache(CACHE_SIZE)
 def mass(model: mujoco.MjModel) -> float:
     """Mass of all bodies that can move [kg]."""
     return float(model.body_mass[model.body_weldid != 0].sum())
@@ -229,7 +235,7 @@ def may_touch(model: mujoco.MjModel) -> bool:
     return bool(model.npair or np.unique(touchable).size > 1)
 
 
-def rubs(model: mujoco.MjModel) -> bool:
+def has_dry_friction(model: mujoco.MjModel) -> bool:
     """Whether joints or tendons have dry friction."""
     off = mujoco.mjtDisableBit
     return not model.opt.disableflags & int(off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CONSTRAINT) and (
@@ -244,18 +250,18 @@ def joint_of(model: mujoco.MjModel, actuator: int) -> int:
     return int(model.actuator_trnid[actuator, 0]) if found else -1
 
 
-def places_of_controls(model: mujoco.MjModel, actuators: Iterable[str]) -> list[int]:
+def control_indices(model: mujoco.MjModel, actuators: Iterable[str]) -> list[int]:
     """Indices in ``ctrl`` of the controls of some actuators."""
     return [int(model.actuator_ctrladr[model.actuator(name).id]) for name in actuators]
 
 
-def follows_joint(model: mujoco.MjModel, a: int) -> bool:
+def is_linear_in_joint(model: mujoco.MjModel, a: int) -> bool:
     """Whether an actuator on a joint has a force that is linear in the joint's value and rate."""
     affine = model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE
     return joint_of(model, a) >= 0 and bool(affine)
 
 
-def is_off(model: mujoco.MjModel, actuator: int) -> bool:
+def is_disabled(model: mujoco.MjModel, actuator: int) -> bool:
     """Whether a flag of the model, or the group of an actuator, disables it."""
     off = model.opt.disableactuator & 1 << int(model.actuator_group[actuator])
     return bool(off or model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION))
@@ -264,11 +270,13 @@ def is_off(model: mujoco.MjModel, actuator: int) -> bool:
 def actuators_on(model: mujoco.MjModel, joint: int) -> list[int]:
     """Numbers of the actuators that act on a joint and are not disabled."""
     return [
-        a for a in range(model.nactuator) if joint_of(model, a) == joint and not is_off(model, a)
+        a
+        for a in range(model.nactuator)
+        if joint_of(model, a) == joint and not is_disabled(model, a)
     ]
 
 
-def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
+def why_not_motor(model: mujoco.MjModel, actuator: int) -> str:
     """Why an actuator is not a motor, whose force is its control times a number; empty if it is.
 
     The control of a motor may have a range.
@@ -280,7 +288,7 @@ def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
     ):
         return "is no motor: its force is not its control times a number"
     joint = joint_of(model, actuator)
-    if is_off(model, actuator):
+    if is_disabled(model, actuator):
         return "is disabled in the model"
     if model.actuator_forcelimited[actuator] or (joint >= 0 and model.jnt_actfrclimited[joint]):
         return "has a range of forces; leave it out, or give it a range of controls"
@@ -289,7 +297,7 @@ def runs_as_motor(model: mujoco.MjModel, actuator: int) -> str:
     return ""
 
 
-def takes_control(model: mujoco.MjModel, actuator: int) -> str:
+def why_not_linear_in_control(model: mujoco.MjModel, actuator: int) -> str:
     """Why the force of an actuator is not linear in its control; empty if it is.
 
     The control may have a range.
@@ -301,7 +309,7 @@ def takes_control(model: mujoco.MjModel, actuator: int) -> str:
         or model.actuator_dyntype[actuator] != mujoco.mjtDyn.mjDYN_NONE
     ):
         return "is no motor and no servo: its force is not linear in its control"
-    return "is disabled in the model" if is_off(model, actuator) else ""
+    return "is disabled in the model" if is_disabled(model, actuator) else ""
 
 
 def gear_of(model: mujoco.MjModel, actuator: int) -> Array:
@@ -335,7 +343,7 @@ def straight_tendon(model: mujoco.MjModel, tendon: int) -> tuple[int, int] | Non
     return int(one), int(two)
 
 
-def connects(model: mujoco.MjModel) -> list[int]:
+def active_connects(model: mujoco.MjModel) -> list[int]:
     """Numbers of the ``connect`` equalities that are active at the start."""
     kind = model.eq_type == mujoco.mjtEq.mjEQ_CONNECT
     return np.flatnonzero(kind & model.eq_active0.astype(bool)).tolist()

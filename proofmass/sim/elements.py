@@ -1,7 +1,7 @@
 """The elements of an MJCF file by their numbers, and the file with some of its numbers changed.
 
 A number is part of an attribute of an element, which the file may state or leave to a default.
-`written` changes attributes and leaves the rest of the file as it is.  MuJoCo's own writer is
+`write_changes` changes attributes and leaves the rest of the file as it is.  MuJoCo's own writer is
 not used, since it rounds to six digits and does not accept a model whose rods are still missing.
 """
 
@@ -21,14 +21,14 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_tree
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
-from proofmass.sim.rods import without_links_to_rods
+from proofmass.sim.rods import compile_without_rods
 
-LOOSE = 1e-9
+NORMAL_TOLERANCE = 1e-9
 """Component of a unit vector [1] below which it counts as zero."""
 ORIENTATIONS = "quat", "euler", "axisangle", "xyaxes", "zaxis"
-COPIES = "include", "replicate", "attach", "composite", "flexcomp"
+COPYING_TAGS = "include", "replicate", "attach", "composite", "flexcomp"
 """Elements that add elements to a model which its file does not state one by one."""
-FIELDS = {
+COMPILED_FIELDS = {
     ("inertial", "pos"): "body_ipos",
     ("inertial", "mass"): "body_mass",
     ("body", "pos"): "body_pos",
@@ -47,7 +47,11 @@ FIELDS = {
     ("key", "ctrl"): "key_ctrl",
 }
 """Fields of the compiled model with the numbers of an attribute."""
-OF_DOFS = {"damping": "dof_damping", "armature": "dof_armature", "frictionloss": "dof_frictionloss"}
+DOF_FIELDS = {
+    "damping": "dof_damping",
+    "armature": "dof_armature",
+    "frictionloss": "dof_frictionloss",
+}
 
 
 class NotWritten(BadModel):
@@ -133,16 +137,20 @@ class Source:
     def normal(self) -> Array | None:
         """The normal of the plane of motion in the world; None if there is none."""
         try:
-            return find_plane(self.full, self.posed(self.full)).normal if self.full.njnt else None
+            return (
+                find_plane(self.full, self.data_at_start(self.full)).normal
+                if self.full.njnt
+                else None
+            )
         except Unsupported:
             return None
 
     @cached_property
     def data(self) -> mujoco.MjData:
         """The data of the model without rods, in the start pose."""
-        return self.posed(self.bare)
+        return self.data_at_start(self.bare)
 
-    def posed(self, model: mujoco.MjModel) -> mujoco.MjData:
+    def data_at_start(self, model: mujoco.MjModel) -> mujoco.MjData:
         """The data of a model in the start pose."""
         data = mujoco.MjData(model)
         names = [model.key(k).name for k in range(model.nkey)]
@@ -155,7 +163,7 @@ class Source:
         """The axes of a frame (3, 3) that are not normal to the plane of motion."""
         if self.normal is None:
             return [0, 1, 2]
-        return [k for k in range(3) if abs(abs(frame[:, k] @ self.normal) - 1.0) > LOOSE]
+        return [k for k in range(3) if abs(abs(frame[:, k] @ self.normal) - 1.0) > NORMAL_TOLERANCE]
 
     def frame(self, body: int) -> Array:
         """Axes of a body's frame in the world (3, 3), as columns."""
@@ -168,12 +176,12 @@ class Source:
         return names.index(self.key) if self.key in names else -1
 
 
-def source_of(path: Path, key: str, rods: tuple[Rod, ...] = ()) -> Source:
+def compile_source(path: Path, key: str, rods: tuple[Rod, ...] = ()) -> Source:
     """Compile a file, with and without its rods."""
     full = compile_model(path, rods)
     if not rods:
         return Source(path, full, full, key)
-    bare = without_links_to_rods(mujoco.MjSpec.from_file(str(path)))
+    bare = compile_without_rods(mujoco.MjSpec.from_file(str(path)))
     leave_out_disabled(bare)
     return Source(path, full, bare, key, rods)
 
@@ -187,7 +195,7 @@ class ModelElements:
     def __init__(self, source: Source) -> None:
         self.source, self.path = source, source.path
         self.root = read_tree(source.path)
-        for tag in COPIES:
+        for tag in COPYING_TAGS:
             if self.root.find(f".//{tag}") is not None:
                 raise NotWritten(
                     f"{self.path.name}: the numbers of a model with <{tag}> are not tried"
@@ -264,7 +272,7 @@ class ModelElements:
         return ElementTree.SubElement(element, "inertial") if inertial is None else inertial
 
 
-def written(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
+def write_changes(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
     """The text of the file with changes added to some of its numbers; those of rods are skipped.
 
     Raises
@@ -281,14 +289,14 @@ def written(source: Source, changes: Sequence[tuple[Number, float]]) -> str:
     for (tag, index), own in by_element.items():
         element = tree.element(Place(tag, index, ""))
         if tag == "inertial":
-            weigh(source.bare, element, index, own)
+            write_inertial(source.bare, element, index, own)
             continue
         for attribute in dict.fromkeys(attribute for attribute, _ in own):
             parts = {part: by for (name, part), by in own.items() if name == attribute}
             if attribute == "turn":
-                turn(source, element, tag, index, parts[0])
+                rotate_element(source, element, tag, index, parts[0])
             else:
-                add(source, tree, element, Place(tag, index, attribute), parts)
+                add_to_attribute(source, tree, element, Place(tag, index, attribute), parts)
     for compiler in tree.root.findall("compiler"):
         for key in ("meshdir", "texturedir", "assetdir"):
             if key in compiler.attrib:
@@ -302,27 +310,27 @@ def attribute_text(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def weigh(
-    model: mujoco.MjModel, element: Element, b: int, by: Mapping[tuple[str, int], float]
+def write_inertial(
+    model: mujoco.MjModel, element: Element, b: int, changes: Mapping[tuple[str, int], float]
 ) -> None:
     """Write changed mass, centre and inertia of a body, which the file may leave to its geoms."""
     stated = "pos" in element.attrib
     for key in (*ORIENTATIONS, "fullinertia"):
         element.attrib.pop(key, None)
     centre, frame = np.array(model.body_ipos[b]), model.body_iquat[b]
-    if by.get(("mass", 0)) and not (stated or model.body_mass[b]):
+    if changes.get(("mass", 0)) and not (stated or model.body_mass[b]):
         # the compiled centre of a body without mass is its position in its parent
         centre, frame = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     for k in range(3):
-        centre[k] += by.get(("pos", k), 0.0)
+        centre[k] += changes.get(("pos", k), 0.0)
     element.set("pos", attribute_text(centre))
     element.set("quat", attribute_text(frame))
-    element.set("mass", attribute_text([model.body_mass[b] + by.get(("mass", 0), 0.0)]))
-    factor = 1.0 + by.get(("inertia", 0), 0.0)
+    element.set("mass", attribute_text([model.body_mass[b] + changes.get(("mass", 0), 0.0)]))
+    factor = 1.0 + changes.get(("inertia", 0), 0.0)
     element.set("diaginertia", attribute_text(model.body_inertia[b] * factor))
 
 
-def turn(source: Source, element: Element, tag: str, index: int, angle: float) -> None:
+def rotate_element(source: Source, element: Element, tag: str, index: int, angle: float) -> None:
     """Rotate a body, a site or the axis of a slide by `angle` [rad] about the plane's normal."""
     model, normal = source.bare, source.normal
     normal = np.array([0.0, 0.0, 1.0]) if normal is None else normal
@@ -341,12 +349,16 @@ def turn(source: Source, element: Element, tag: str, index: int, angle: float) -
     element.set("quat", attribute_text(found))
 
 
-def add(
-    source: Source, tree: ModelElements, element: Element, place: Place, by: Mapping[int, float]
+def add_to_attribute(
+    source: Source,
+    tree: ModelElements,
+    element: Element,
+    place: Place,
+    changes: Mapping[int, float],
 ) -> None:
     """Add changes to components of an attribute, which the file may leave to a default."""
-    values = np.array(present(source, element, place), float)
-    for part, change in by.items():
+    values = np.array(compiled_values(source, element, place), float)
+    for part, change in changes.items():
         values[part] += change
     if place.tag == "joint" and place.attribute in ("ref", "springref", "range"):
         hinge = source.bare.jnt_type[place.index] == mujoco.mjtJoint.mjJNT_HINGE
@@ -357,16 +369,16 @@ def add(
     element.set(place.attribute, attribute_text(values))
 
 
-def present(source: Source, element: Element, place: Place) -> Any:
+def compiled_values(source: Source, element: Element, place: Place) -> Any:
     """The compiled numbers of an attribute, those of a hinge in radians."""
     tag, i, attribute = place.tag, place.index, place.attribute
     bare, full = source.bare, source.full
     if tag == "tendon":
-        own = np.atleast_1d(getattr(full, FIELDS[tag, attribute])[i])
+        own = np.atleast_1d(getattr(full, COMPILED_FIELDS[tag, attribute])[i])
         return own if own[0] != own[-1] else own[:1]
-    if (tag, attribute) in FIELDS:
+    if (tag, attribute) in COMPILED_FIELDS:
         model = full if tag == "equality" or attribute == "ctrl" else bare
-        return getattr(model, FIELDS[tag, attribute])[i]
+        return getattr(model, COMPILED_FIELDS[tag, attribute])[i]
     if tag == "option":
         return full.opt.gravity
     if tag == "equality":
@@ -375,8 +387,8 @@ def present(source: Source, element: Element, place: Place) -> Any:
         return full.actuator_gear[full.actuator_outadr[i]]
     if tag == "actuator":
         return [float(word) for word in element.get(attribute, "").split()]
-    if attribute in OF_DOFS:
-        return [getattr(bare, OF_DOFS[attribute])[bare.jnt_dofadr[i]]]
+    if attribute in DOF_FIELDS:
+        return [getattr(bare, DOF_FIELDS[attribute])[bare.jnt_dofadr[i]]]
     if attribute == "stiffness":
         values = [bare.jnt_stiffness[i], *bare.jnt_stiffnesspoly[i]]
         return values if any(values[1:]) else values[:1]

@@ -18,27 +18,34 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from proofmass.sim.protocol import BROKEN, BadModel, Rod
+from proofmass.sim.protocol import BROKEN_ENGINES, BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
-NATIVE = "mujoco"
+NATIVE_ENGINE = "mujoco"
 """The engine whose own format is MJCF: it runs any model, and gives the poses of drawings."""
-OFF = mujoco.mjtDisableBit
-CONSTRAINTS = {
-    OFF.mjDSBL_EQUALITY: ("eq_active0",),
-    OFF.mjDSBL_FRICTIONLOSS: ("dof_frictionloss", "tendon_frictionloss"),
-    OFF.mjDSBL_LIMIT: ("jnt_limited", "tendon_limited"),
+DISABLE_BITS = mujoco.mjtDisableBit
+CONSTRAINT_FIELDS = {
+    DISABLE_BITS.mjDSBL_EQUALITY: ("eq_active0",),
+    DISABLE_BITS.mjDSBL_FRICTIONLOSS: ("dof_frictionloss", "tendon_frictionloss"),
+    DISABLE_BITS.mjDSBL_LIMIT: ("jnt_limited", "tendon_limited"),
 }
-LEFT_OUT = {
-    OFF.mjDSBL_CONSTRAINT: tuple(field for own in CONSTRAINTS.values() for field in own),
-    **CONSTRAINTS,
-    OFF.mjDSBL_SPRING: (
+DISABLED_FIELDS = {
+    DISABLE_BITS.mjDSBL_CONSTRAINT: tuple(
+        field for own in CONSTRAINT_FIELDS.values() for field in own
+    ),
+    **CONSTRAINT_FIELDS,
+    DISABLE_BITS.mjDSBL_SPRING: (
         "jnt_stiffness",
         "jnt_stiffnesspoly",
         "tendon_stiffness",
         "tendon_stiffnesspoly",
     ),
-    OFF.mjDSBL_DAMPER: ("dof_damping", "dof_dampingpoly", "tendon_damping", "tendon_dampingpoly"),
+    DISABLE_BITS.mjDSBL_DAMPER: (
+        "dof_damping",
+        "dof_dampingpoly",
+        "tendon_damping",
+        "tendon_dampingpoly",
+    ),
 }
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 ELEMENT = re.compile(r"<(\w+)((?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")
@@ -48,8 +55,8 @@ NOT_FINITE = {
     "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE),
 }
 # prefixes of fields whose numbers every run uses
-NUMBERS = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")
-LIMITS = ("range", "margin")  # suffixes of fields that may be infinite, for no limit
+NUMBER_PREFIXES = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")
+INFINITE_SUFFIXES = ("range", "margin")  # suffixes of fields that may be infinite, for no limit
 
 _thread = local()
 
@@ -99,21 +106,21 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
             else:
                 model = mujoco.MjModel.from_xml_path(str(path))
         except (ValueError, mujoco.FatalError) as error:
-            refuse_numbers(path, warnings)
+            refuse_nan(path, warnings)
             raise refusal(error, f"{path.name}: ") from None
         except RuntimeError as error:  # an exception of C++, whose message MuJoCo drops
             # in MuJoCo 4.0.0 the next model that causes a warning would hang
-            BROKEN.add("MuJoCo")
+            BROKEN_ENGINES.add("MuJoCo")
             raise BadModel(
                 f"{path.name}: MuJoCo cannot compile it and says no more than "
                 f'"{error}"; it does so where there is no memory for a model as '
                 f"large, such as one with a height field of 1e6 rows"
             ) from None
-    refuse_numbers(path, warnings)
+    refuse_nan(path, warnings)
     if not model.opt.timestep > 0:
         raise BadModel(f"{path.name}: <option>: timestep {model.opt.timestep:g} is not positive")
-    if array := infinite(model):
-        raise BadModel(f"{path.name}: {place(path, 'infinite') or array} is not finite")
+    if array := infinite_field(model):
+        raise BadModel(f"{path.name}: {locate_number(path, 'infinite') or array} is not finite")
     try:
         model.names.decode()
     except UnicodeDecodeError as error:
@@ -205,26 +212,30 @@ def leave_out_disabled(model: mujoco.MjModel) -> None:
     check the flag each time.  Flags of actuators need no change, since only the engine itself
     computes their forces.
     """
-    for flag, fields in LEFT_OUT.items():
+    for flag, fields in DISABLED_FIELDS.items():
         if model.opt.disableflags & int(flag):
             for field in fields:
                 getattr(model, field)[:] = 0
-    if model.opt.disableflags & int(OFF.mjDSBL_GRAVITY):
+    if model.opt.disableflags & int(DISABLE_BITS.mjDSBL_GRAVITY):
         model.opt.gravity[:] = 0
 
 
-def refuse_numbers(path: Path, warnings: Sequence[str]) -> None:
+def refuse_nan(path: Path, warnings: Sequence[str]) -> None:
     """Raise `BadModel` if MuJoCo warned of a NaN."""
     if any("NaN" in message for message in warnings):
-        where = place(path, "NaN") or "a number in it, or in a file that it includes,"
+        where = locate_number(path, "NaN") or "a number in it, or in a file that it includes,"
         raise BadModel(f"{path.name}: {where} is not a number")
 
 
-def infinite(model: mujoco.MjModel) -> str:
+def infinite_field(model: mujoco.MjModel) -> str:
     """Name of the first field that runs use and that has an infinite number; empty if none has."""
     if not np.isfinite([model.opt.timestep, *model.opt.gravity]).all():
         return "option"
-    names = (name for name in dir(model) if name.startswith(NUMBERS) and not name.endswith(LIMITS))
+    names = (
+        name
+        for name in dir(model)
+        if name.startswith(NUMBER_PREFIXES) and not name.endswith(INFINITE_SUFFIXES)
+    )
     for name in names:
         values = getattr(model, name)
         if values.dtype.kind == "f" and np.isinf(values).any():
@@ -232,7 +243,7 @@ def infinite(model: mujoco.MjModel) -> str:
     return ""
 
 
-def place(path: Path, what: str) -> str:
+def locate_number(path: Path, what: str) -> str:
     """The first attribute of a file with a number of kind `what`, "NaN" or "infinite".
 
     It is given as ``<geom name='rod'>: pos='nan 0 0'``, or empty if there is none, as when an

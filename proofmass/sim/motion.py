@@ -26,29 +26,29 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import (
+    active_connects,
     anchor_bodies,
     anchors,
-    connects,
     pose_of,
-    sensors,
+    sensor_names,
 )
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.picture import Picture, PictureScene, follow, springs_between_sites
+from proofmass.sim.picture import Picture, PictureScene, follow_run, springs_between_sites
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import Run
-from proofmass.sim.rods import chain, joints_of
+from proofmass.sim.rods import chain, joint_names
 
 # weight of a loop's constraint violation relative to measured values; squared 1e-6
-LOOPS = 1e-3
+LOOP_WEIGHT = 1e-3
 # share of the largest singular value below which singular values count as zero
-RANK = 1e-9
-TOUCHES = 1e-3  # [rad, or share of the size] distance at which a joint is drawn on its limit
+RANK_TOLERANCE = 1e-9
+LIMIT_DISTANCE = 1e-3  # [rad, or share of the size] distance at which a joint is drawn on its limit
 ROUNDING = 1e-13  # share of the size, or rad, by which poses may deviate
-ROUNDS = 4  # number of steps of Newton's method
+NEWTON_STEPS = 4  # number of steps of Newton's method
 # [rad, or share of the size] largest deviation for a linear step: its square is 2e-3
-NEAR = 0.05
+MAX_LINEAR_DEVIATION = 0.05
 J, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
-FRAMES = {
+FRAME_FIELDS = {
     OBJ.mjOBJ_SITE: ("site_xpos", "site_xmat"),
     OBJ.mjOBJ_GEOM: ("geom_xpos", "geom_xmat"),
     OBJ.mjOBJ_XBODY: ("xpos", "xmat"),
@@ -211,17 +211,17 @@ def motion(
     both = [sample for k in keep for sample in (k, k + 1) if sample <= last]
     index = np.unique([*index.tolist(), *both])
     index = index[:1] if run.kind == "equilibrium" else index
-    rows, jumps, stopped = follow(compiled, data, replace(run, x=run.x[index]))
+    rows, jumps, stopped = follow_run(compiled, data, replace(run, x=run.x[index]))
     between = [np.arange(index[k - 1], index[k]) for k in jumps if k]
     if any(samples.size > 1 for samples in between):  # find the jump between two poses
         index = np.unique(np.concatenate([index, *between]))
         data.qpos[:] = start
-        rows, jumps, stopped = follow(compiled, data, replace(run, x=run.x[index]))
+        rows, jumps, stopped = follow_run(compiled, data, replace(run, x=run.x[index]))
     index = index[: len(rows)]
     x = run.x[index]
     poses = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     drawn = replace(
-        scene.drawn(poses, run),
+        scene.draw(poses, run),
         x=x,
         inputs=run.motion(x)[0],
         stopped=stopped,
@@ -232,7 +232,7 @@ def motion(
             drawn, index, (), (), empty, {}, {}, scene.limits(poses), (), 0.0, along=scene.along
         )
     scene.before = poses["xmat"][0].reshape(-1, 3, 3)
-    places, away, used, unfit = scene.placed_by(poses, measured, index)
+    places, away, used, unfit = scene.place_bodies(poses, measured, index)
     return Motion(
         drawn,
         index,
@@ -264,7 +264,7 @@ class MovingScene(PictureScene):
         self.before = np.empty(0)
         self.plane = find_plane(model, self.data)
         self.name_of_rod = {link: rod.name for rod in run.rods for link in chain(rod).bodies}
-        self.hidden = {name for rod in run.rods for name in joints_of(chain(rod))}
+        self.hidden = {name for rod in run.rods for name in joint_names(chain(rod))}
         for k, root in enumerate(self.roots):
             rod = self.name_of_rod.get(model.body(root).name)
             if rod:
@@ -313,12 +313,12 @@ class MovingScene(PictureScene):
                 spring=bool(model.jnt_stiffness[j] or curved[j]),
                 parent=self.number.get(int(model.body_weldid[parent]), -1),
             )
-        for i in connects(model):
+        for i in active_connects(model):
             ground = 0 in model.body_weldid[list(anchor_bodies(model, i))]
             sides = zip(anchor_bodies(model, i), anchors(model, i, poses), strict=True)
             for body, at in sides:
                 spot(model.equality(i).name, "pin", body, self.flat(at[0]), ground=bool(ground))
-        for rod in filter(self.walled, self.run.rods):
+        for rod in filter(self.is_clamped_to_ground, self.run.rods):
             ends = self.clamp(rod, poses).guide
             if ends is not None:
                 spot(rod.name, "clamp", 0, ends[0, 0], ends[0, 1], ground=True)
@@ -346,35 +346,35 @@ class MovingScene(PictureScene):
         for j in np.flatnonzero(model.jnt_limited):
             values = poses["qpos"][:, model.jnt_qposadr[j]]
             slide = model.jnt_type[j] == J.mjJNT_SLIDE
-            near = TOUCHES * (self.size if slide else 1.0)
+            near = LIMIT_DISTANCE * (self.size if slide else 1.0)
             low, high = model.jnt_range[j]
             touching = (values < low + near) | (values > high - near)
             if touching.any():
                 found[model.joint(j).name] = touching
         return found
 
-    def placed_by(
+    def place_bodies(
         self, poses: dict[str, Array], measured: Measured, index: Array
     ) -> tuple[Array, dict[str, Array], tuple[str, ...], float]:
         """Fields `places`, `away`, `used` and `unfit` of a `Motion`, from measured curves."""
         shape = (len(index), len(self.roots), 3)
         places, unfit = np.empty(shape), 0.0
         away = {solver: np.full(shape, np.nan) for solver in measured}
-        reference = max((known for known, _ in measured.values()), key=extent, default={})
+        reference = max((known for known, _ in measured.values()), key=count_samples, default={})
         gauges = {name: gauge for name in reference if (gauge := self.gauge(name)) is not None}
-        if not self.tells(gauges):
+        if not self.determines_pose(gauges):
             gauges = {}
         known = KnownPoses(self, gauges, poses["qpos"])
         for k, sample in enumerate(index.tolist()):
             self.data.qpos[:] = poses["qpos"][k]
-            if wanted := at_sample(reference, gauges, sample):
+            if wanted := values_at_sample(reference, gauges, sample):
                 self.data.qpos[:] = known.near(wanted, poses["qpos"][k])
                 unfit = max(unfit, self.fit({n: gauges[n] for n in wanted}, wanted))
             self.update()
             places[k] = self.places()
             moves = dict[tuple[str, ...], Array]()  # shared by solvers with the same curves
             for solver, (_, differences) in measured.items():
-                if off := at_sample(differences, gauges, sample):
+                if off := values_at_sample(differences, gauges, sample):
                     shown = tuple(off)
                     if shown not in moves:
                         moves[shown] = self.moves({name: gauges[name] for name in shown})
@@ -388,14 +388,14 @@ class MovingScene(PictureScene):
     ) -> Array:
         """Deviation of the bodies from `places` for deviations `off` of the gauges."""
         gauges = {name: known.gauges[name] for name in off}
-        if max(abs(o) / gauges[n].scale for n, o in off.items()) < NEAR:
+        if max(abs(o) / gauges[n].scale for n, o in off.items()) < MAX_LINEAR_DEVIATION:
             return np.asarray(moves @ list(off.values()))
         pose = self.data.qpos.copy()
         wanted = {name: gauges[name].read(self.data)[0] + o for name, o in off.items()}
         self.data.qpos[:] = known.near(wanted, pose)
         self.fit(gauges, wanted)
         found = self.places() - places
-        found[:, 2] = turned(found[:, 2])
+        found[:, 2] = wrap_angles(found[:, 2])
         self.data.qpos[:] = pose
         self.update()
         return found
@@ -405,18 +405,18 @@ class MovingScene(PictureScene):
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
 
-    def tells(self, gauges: Gauges) -> bool:
+    def determines_pose(self, gauges: Gauges) -> bool:
         """Whether a measured value changes with a joint that is not driven."""
         driven = [self.model.joint(d.joint).dofadr[0] for d in self.run.drives]
         self.update()
         rows = [np.delete(gauge.read(self.data)[1], driven) for gauge in gauges.values()]
-        return any(np.abs(row).max(initial=0.0) > RANK for row in rows)
+        return any(np.abs(row).max(initial=0.0) > RANK_TOLERANCE for row in rows)
 
     def places(self) -> Array:
         """Position, and angle from the first pose, of each body (bodies, 3)."""
         at = self.flat(self.data.xpos[self.roots])
-        turned = self.data.xmat.reshape(-1, 3, 3) @ self.before.transpose(0, 2, 1)
-        lead = self.flat(turned[self.roots] @ self.basis[0])
+        rotations = self.data.xmat.reshape(-1, 3, 3) @ self.before.transpose(0, 2, 1)
+        lead = self.flat(rotations[self.roots] @ self.basis[0])
         return np.column_stack([at, np.arctan2(lead[:, 1], lead[:, 0])])
 
     def rates(self) -> Array:
@@ -435,38 +435,38 @@ class MovingScene(PictureScene):
 
     def fit(self, gauges: Gauges, wanted: dict[str, float]) -> float:
         """Move the joints to wanted values of the gauges; returns the largest deviation left."""
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_STEPS):
             self.update()
-            lacking = self.lacking(gauges, wanted)
+            lacking = self.gauge_deviations(gauges, wanted)
             if np.abs(lacking).max() < ROUNDING * self.size:
                 break
             self.data.qpos += self.change(gauges, lacking)
         self.update()
         scales = np.array([gauge.scale for gauge in gauges.values()])
-        return float(np.abs(self.lacking(gauges, wanted) / scales).max())
+        return float(np.abs(self.gauge_deviations(gauges, wanted) / scales).max())
 
-    def lacking(self, gauges: Gauges, wanted: dict[str, float]) -> Array:
+    def gauge_deviations(self, gauges: Gauges, wanted: dict[str, float]) -> Array:
         """Wanted values of the gauges minus present ones; angles without whole turns."""
         off = np.array([wanted[name] - gauge.read(self.data)[0] for name, gauge in gauges.items()])
         turns = np.array([gauge.turns for gauge in gauges.values()])
-        return np.where(turns, turned(off), off)
+        return np.where(turns, wrap_angles(off), off)
 
     def change(self, gauges: Gauges, off: Array) -> Array:
         """The change of the joints that changes the gauges by `off` and closes the loops."""
         matrix, scales, lengths = self.rows(gauges)
         gaps = [self.flat(two.reshape(3) - one.reshape(3)) for one, two in self.loops()]
         ways = np.concatenate([off, np.zeros(len(self.run.drives)), *gaps])
-        return np.asarray(lengths * np.linalg.lstsq(matrix, ways / scales, rcond=RANK)[0])
+        return np.asarray(lengths * np.linalg.lstsq(matrix, ways / scales, rcond=RANK_TOLERANCE)[0])
 
     def moves(self, gauges: Gauges) -> Array:
         """Derivatives of the bodies by the gauges, with closed loops (bodies, 3, gauges)."""
         matrix, scales, lengths = self.rows(gauges)
-        joints = lengths[:, None] * np.linalg.pinv(matrix, rcond=RANK) / scales
+        joints = lengths[:, None] * np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) / scales
         return np.asarray(self.rates() @ joints[:, : len(gauges)])
 
     def loops(self) -> list[tuple[Array, Array]]:
         """Positions of both points of all loops [m]."""
-        return [anchors(self.model, i, pose_of(self.data)) for i in connects(self.model)]
+        return [anchors(self.model, i, pose_of(self.data)) for i in active_connects(self.model)]
 
     def rows(self, gauges: Gauges) -> tuple[Array, Array, Array]:
         """Derivatives of gauges, drives and loops by the joints, without units (rows, joints).
@@ -480,22 +480,22 @@ class MovingScene(PictureScene):
         for drive in self.run.drives:
             rows.append(np.eye(model.nv)[model.joint(drive.joint).dofadr[0]])
             scales.append(1.0)
-        for i, ends in zip(connects(model), self.loops(), strict=True):
+        for i, ends in zip(active_connects(model), self.loops(), strict=True):
             apart = [
                 self.jacobian(b, p.reshape(3))[0]
                 for b, p in zip(anchor_bodies(model, i), ends, strict=True)
             ]
             rows.extend(self.basis @ (apart[0] - apart[1]))
-            scales += [self.size / LOOPS] * 2
+            scales += [self.size / LOOP_WEIGHT] * 2
         return np.array(rows) * lengths / np.array(scales)[:, None], np.array(scales), lengths
 
     def gauge(self, channel: str) -> Gauge | None:
         """The gauge of a channel that is a position or an angle; None for any other channel."""
         model = self.model
         name, _, part = channel.partition(".")
-        if name not in sensors(model):
+        if name not in sensor_names(model):
             return None
-        s = sensors(model).index(name)
+        s = sensor_names(model).index(name)
         kind, of, number = (
             S(int(model.sensor_type[s])),
             OBJ(int(model.sensor_objtype[s])),
@@ -509,9 +509,9 @@ class MovingScene(PictureScene):
                 self.size if slide else 1.0,
                 not slide,
             )
-        if of not in FRAMES or model.sensor_refid[s] >= 0:
+        if of not in FRAME_FIELDS or model.sensor_refid[s] >= 0:
             return None
-        place, frame = FRAMES[of]
+        place, frame = FRAME_FIELDS[of]
         body = {OBJ.mjOBJ_SITE: model.site_bodyid, OBJ.mjOBJ_GEOM: model.geom_bodyid}.get(
             of, np.arange(model.nbody)
         )[number]
@@ -553,14 +553,14 @@ class KnownPoses:
         scales = np.array([gauge.scale for gauge in gauges.values()])
         data.qpos[:] = pose
         scene.update()
-        if np.abs(scene.lacking(gauges, wanted) / scales).max() < NEAR:
+        if np.abs(scene.gauge_deviations(gauges, wanted) / scales).max() < MAX_LINEAR_DEVIATION:
             return pose
         joints = [scene.model.joint(drive.joint).id for drive in scene.run.drives]
         drives = scene.model.jnt_qposadr[joints]
         lengths = np.where(scene.model.jnt_type[joints] == J.mjJNT_SLIDE, scene.size, 1.0)
         turns = np.array([gauge.turns for gauge in gauges.values()])
         off = np.array(list(wanted.values())) - np.stack([self.shown[n] for n in wanted], axis=1)
-        off = np.where(turns, turned(off), off) / scales
+        off = np.where(turns, wrap_angles(off), off) / scales
         away = np.hstack([off, (self.qpos - pose)[:, drives] / lengths])
         found: Array = self.qpos[int(np.argmin(np.linalg.norm(away, axis=1)))].copy()
         found[drives] = pose[drives]
@@ -578,7 +578,7 @@ class KnownPoses:
         return found
 
 
-def at_sample(curves: Curve, gauges: Gauges, sample: int) -> dict[str, float]:
+def values_at_sample(curves: Curve, gauges: Gauges, sample: int) -> dict[str, float]:
     """Curves of the gauges at a sample; empty if one of them is not finite there.
 
     A curve that has ended is left out.
@@ -591,11 +591,11 @@ def at_sample(curves: Curve, gauges: Gauges, sample: int) -> dict[str, float]:
     return found if np.isfinite(list(found.values())).all() else {}
 
 
-def turned(angles: Array) -> Array:
+def wrap_angles(angles: Array) -> Array:
     """Angles reduced by whole turns to -pi to pi [rad]."""
     return np.asarray((angles + np.pi) % (2 * np.pi) - np.pi)
 
 
-def extent(curves: Curve) -> int:
+def count_samples(curves: Curve) -> int:
     """Number of samples of the longest curve."""
     return max(map(len, curves.values()), default=0)

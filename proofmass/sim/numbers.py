@@ -13,17 +13,22 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from proofmass.sim.contents import SCALARS, joint_of, straight_tendon
-from proofmass.sim.elements import FIELDS, OF_DOFS, ModelElements, Number, Place, Source
-from proofmass.sim.mjcf import LEFT_OUT, OFF
+from proofmass.sim.contents import SCALAR_JOINT_UNITS, joint_of, straight_tendon
+from proofmass.sim.elements import COMPILED_FIELDS, DOF_FIELDS, ModelElements, Number, Place, Source
+from proofmass.sim.mjcf import DISABLE_BITS, DISABLED_FIELDS
 
-SHARE = 0.1
+CHANGE_SHARE = 0.1
 """The change that is tried, as a share of a number, or of its natural size if it is 0."""
-NONE = 1e-12
+ZERO_TOLERANCE = 1e-12
 """Share of its natural size below which a number counts as 0."""
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
-DIRECTED = (S.mjSENS_FRAMEXAXIS, S.mjSENS_FRAMEYAXIS, S.mjSENS_FRAMEZAXIS, S.mjSENS_FRAMEQUAT)
-OWN_FRAME = (
+DIRECTION_SENSORS = (
+    S.mjSENS_FRAMEXAXIS,
+    S.mjSENS_FRAMEYAXIS,
+    S.mjSENS_FRAMEZAXIS,
+    S.mjSENS_FRAMEQUAT,
+)
+OWN_FRAME_SENSORS = (
     S.mjSENS_ACCELEROMETER,
     S.mjSENS_VELOCIMETER,
     S.mjSENS_GYRO,
@@ -31,7 +36,7 @@ OWN_FRAME = (
     S.mjSENS_TORQUE,
     S.mjSENS_MAGNETOMETER,
 )
-LIMITS = "solreflimit", "solimplimit"
+LIMIT_ATTRIBUTES = "solreflimit", "solimplimit"
 
 
 @dataclass(frozen=True)
@@ -72,20 +77,20 @@ def numbers_of(
     """
     ModelElements(source)  # raises if the file cannot be changed
     found = [
-        *of_bodies(source, sizes),
-        *of_joints(source, sizes),
-        *of_sites(source, sizes),
-        *of_world(source, sizes),
-        *of_equalities(source, sizes),
-        *of_tendons(source, sizes),
-        *of_actuators(source, sizes, driven, loads),
-        *(() if driven else of_start(source, sizes)),
-        *of_rods(source),
+        *numbers_of_bodies(source, sizes),
+        *numbers_of_joints(source, sizes),
+        *numbers_of_sites(source, sizes),
+        *numbers_of_gravity(source, sizes),
+        *numbers_of_equalities(source, sizes),
+        *numbers_of_tendons(source, sizes),
+        *numbers_of_actuators(source, sizes, driven, loads),
+        *(() if driven else numbers_of_start(source, sizes)),
+        *numbers_of_rods(source),
     ]
-    return sorted(found, key=lambda number: list(KINDS).index(number.kind))
+    return sorted(found, key=lambda number: list(NUMBER_KINDS).index(number.kind))
 
 
-KINDS = {
+NUMBER_KINDS = {
     "length": "m",
     "stiffness of a rod": "N m^2",
     "axial stiffness of a rod": "N",
@@ -123,44 +128,46 @@ KINDS = {
 """Kinds of numbers in the order of the list, each with the unit of most numbers of its kind."""
 
 
-def measured(
+def make_number(
     kind: str, of: str, value: float, place: Place, natural: float, unit: str = ""
 ) -> Number:
     """A number with the change that is tried, a share of it or of its natural size."""
-    value = value if abs(value) > NONE * natural else 0.0
-    return Number(kind, of, value, unit or KINDS[kind], SHARE * (abs(value) or natural), place)
+    value = value if abs(value) > ZERO_TOLERANCE * natural else 0.0
+    return Number(
+        kind, of, value, unit or NUMBER_KINDS[kind], CHANGE_SHARE * (abs(value) or natural), place
+    )
 
 
-def called(model: mujoco.MjModel, what: str, index: int) -> str:
+def element_name(model: mujoco.MjModel, what: str, index: int) -> str:
     """The name of an element, or its number if it has no name."""
     return getattr(model, what)(index).name or f"number {index + 1}"
 
 
-def moving(model: mujoco.MjModel) -> list[int]:
+def moving_bodies(model: mujoco.MjModel) -> list[int]:
     """The bodies that joints move."""
     return [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
 
 
-def of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
+def numbers_of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
     """Positions, orientations, masses, centres of mass and inertias of bodies."""
     model = source.bare
     for b in range(1, model.nbody):
-        name, parent = called(model, "body", b), int(model.body_parentid[b])
+        name, parent = element_name(model, "body", b), int(model.body_parentid[b])
         for k in source.parts(source.frame(parent)):
             value = float(model.body_pos[b, k])
-            yield measured(
+            yield make_number(
                 "place", f"{name} {'xyz'[k]}", value, Place("body", b, "pos", k), sizes.length
             )
-        yield measured("direction", f"body {name}", 0.0, Place("body", b, "turn"), 1.0)
-    for b in moving(model):
-        name = called(model, "body", b)
-        yield measured(
+        yield make_number("direction", f"body {name}", 0.0, Place("body", b, "turn"), 1.0)
+    for b in moving_bodies(model):
+        name = element_name(model, "body", b)
+        yield make_number(
             "mass", name, float(model.body_mass[b]), Place("inertial", b, "mass"), sizes.mass
         )
-        yield measured("inertia", name, 1.0, Place("inertial", b, "inertia"), 1.0)
+        yield make_number("inertia", name, 1.0, Place("inertial", b, "inertia"), 1.0)
         for k in source.parts(source.frame(b)):
             value = float(model.body_ipos[b, k]) if model.body_mass[b] else 0.0
-            yield measured(
+            yield make_number(
                 "centre of mass",
                 f"{name} {'xyz'[k]}",
                 value,
@@ -169,24 +176,25 @@ def of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
             )
 
 
-def acting(model: mujoco.MjModel, field: str) -> bool:
+def is_enabled(model: mujoco.MjModel, field: str) -> bool:
     """Whether no flag of the model disables a field of the compiled model."""
     return not any(
-        field in fields and model.opt.disableflags & int(flag) for flag, fields in LEFT_OUT.items()
+        field in fields and model.opt.disableflags & int(flag)
+        for flag, fields in DISABLED_FIELDS.items()
     )
 
 
-def of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
+def numbers_of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
     """Anchors, directions, zeros, springs, damping, friction and ranges of hinges and slides."""
     model = source.bare
     for j in range(model.njnt):
-        if (unit := SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[j])))) is None:
+        if (unit := SCALAR_JOINT_UNITS.get(mujoco.mjtJoint(int(model.jnt_type[j])))) is None:
             continue
-        hinge, name, body = unit == "rad", called(model, "joint", j), int(model.jnt_bodyid[j])
+        hinge, name, body = unit == "rad", element_name(model, "joint", j), int(model.jnt_bodyid[j])
         own, dof, adr = 1.0 if hinge else sizes.length, model.jnt_dofadr[j], model.jnt_qposadr[j]
         if hinge:
             for k in source.parts(source.frame(body)):
-                yield measured(
+                yield make_number(
                     "anchor",
                     f"joint {name} {'xyz'[k]}",
                     float(model.jnt_pos[j, k]),
@@ -194,21 +202,23 @@ def of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
                     sizes.length,
                 )
         else:
-            yield measured("direction", f"joint {name}", 0.0, Place("joint", j, "turn"), 1.0)
-        yield measured("zero", name, float(model.qpos0[adr]), Place("joint", j, "ref"), own, unit)
-        yield from springs(source, sizes, j, name, hinge)
+            yield make_number("direction", f"joint {name}", 0.0, Place("joint", j, "turn"), 1.0)
+        yield make_number(
+            "zero", name, float(model.qpos0[adr]), Place("joint", j, "ref"), own, unit
+        )
+        yield from numbers_of_springs(source, sizes, j, name, hinge)
         for attribute, kind, mass, time, of_it in (
             ("damping", "damping", 1, -1, "N m s" if hinge else "N s/m"),
             ("armature", "armature", 1, 0, "kg m^2" if hinge else "kg"),
             ("frictionloss", "friction", 1, -2, "N m" if hinge else "N"),
         ):
             natural = sizes.of(hinge, mass, time) * (own if attribute == "frictionloss" else 1.0)
-            if acting(model, OF_DOFS[attribute]):
-                value = float(getattr(model, OF_DOFS[attribute])[dof])
-                yield measured(kind, name, value, Place("joint", j, attribute), natural, of_it)
+            if is_enabled(model, DOF_FIELDS[attribute]):
+                value = float(getattr(model, DOF_FIELDS[attribute])[dof])
+                yield make_number(kind, name, value, Place("joint", j, attribute), natural, of_it)
         if model.jnt_limited[j]:
             for k, end in enumerate(("low", "high")):
-                yield measured(
+                yield make_number(
                     "range",
                     f"{name} {end}",
                     float(model.jnt_range[j, k]),
@@ -216,19 +226,21 @@ def of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
                     own,
                     unit,
                 )
-            for attribute in LIMITS:
-                yield from soft(
+            for attribute in LIMIT_ATTRIBUTES:
+                yield from numbers_of_softness(
                     "softness of the stop",
                     name,
                     Place("joint", j, attribute),
-                    getattr(model, FIELDS["joint", attribute])[j],
+                    getattr(model, COMPILED_FIELDS["joint", attribute])[j],
                 )
 
 
-def springs(source: Source, sizes: Sizes, j: int, name: str, hinge: bool) -> Iterator[Number]:
+def numbers_of_springs(
+    source: Source, sizes: Sizes, j: int, name: str, hinge: bool
+) -> Iterator[Number]:
     """Coefficients of the stiffness polynomial of a joint, and the rest position of its spring."""
     model = source.bare
-    if not acting(model, "jnt_stiffness"):
+    if not is_enabled(model, "jnt_stiffness"):
         return
     values = [float(model.jnt_stiffness[j]), *map(float, model.jnt_stiffnesspoly[j])]
     for k, value in enumerate(values):
@@ -236,23 +248,25 @@ def springs(source: Source, sizes: Sizes, j: int, name: str, hinge: bool) -> Ite
             power = f" {k + 1}" if k else ""
             unit = ("N m/rad" if hinge else "N/m") + (f"^{k + 1}" if k else "")
             place = Place("joint", j, "stiffness", k)
-            yield measured("stiffness", name + power, value, place, sizes.of(hinge, 1, -2), unit)
+            yield make_number("stiffness", name + power, value, place, sizes.of(hinge, 1, -2), unit)
     if any(values):
         value = float(model.qpos_spring[model.jnt_qposadr[j]])
         place = Place("joint", j, "springref")
         own = 1.0 if hinge else sizes.length
-        yield measured("rest angle", name, value, place, own, "rad" if hinge else "m")
+        yield make_number("rest angle", name, value, place, own, "rad" if hinge else "m")
 
 
-def soft(kind: str, name: str, place: Place, values: Iterable[float]) -> Iterator[Number]:
+def numbers_of_softness(
+    kind: str, name: str, place: Place, values: Iterable[float]
+) -> Iterator[Number]:
     """Numbers of a `solref` or `solimp`; those that are 0 are left out as not continuous."""
     for k, value in enumerate(values):
         if value:
             of = f"{name}, {place.attribute.removesuffix('limit')} {k + 1}"
-            yield measured(kind, of, float(value), replace(place, part=k), 1.0)
+            yield make_number(kind, of, float(value), replace(place, part=k), 1.0)
 
 
-def read_sites(source: Source) -> dict[int, bool]:
+def used_sites(source: Source) -> dict[int, bool]:
     """Numbers of the sites that the model or a rod refers to, and whether orientation matters."""
     full, bare, found = source.full, source.bare, dict[int, bool]()
     names = {bare.site(s).name: s for s in range(bare.nsite)}
@@ -264,7 +278,7 @@ def read_sites(source: Source) -> dict[int, bool]:
     for i in range(full.nsensor):
         kind = S(int(full.sensor_type[i]))
         if full.sensor_objtype[i] == OBJ.mjOBJ_SITE:
-            use(int(full.sensor_objid[i]), kind in DIRECTED or kind in OWN_FRAME)
+            use(int(full.sensor_objid[i]), kind in DIRECTION_SENSORS or kind in OWN_FRAME_SENSORS)
         if full.sensor_reftype[i] == OBJ.mjOBJ_SITE:
             use(int(full.sensor_refid[i]), True)
     for e in range(full.neq):
@@ -286,43 +300,43 @@ def read_sites(source: Source) -> dict[int, bool]:
     return found
 
 
-def of_sites(source: Source, sizes: Sizes) -> Iterator[Number]:
-    """Positions, and orientations where they matter, of the sites of `read_sites`."""
+def numbers_of_sites(source: Source, sizes: Sizes) -> Iterator[Number]:
+    """Positions, and orientations where they matter, of the sites of `used_sites`."""
     model = source.bare
-    for s, directed in sorted(read_sites(source).items()):
-        name = called(model, "site", s)
+    for s, directed in sorted(used_sites(source).items()):
+        name = element_name(model, "site", s)
         for k in source.parts(source.frame(int(model.site_bodyid[s]))):
             value = float(model.site_pos[s, k])
-            yield measured(
+            yield make_number(
                 "site", f"{name} {'xyz'[k]}", value, Place("site", s, "pos", k), sizes.length
             )
         if directed:
-            yield measured("direction", f"site {name}", 0.0, Place("site", s, "turn"), 1.0)
+            yield make_number("direction", f"site {name}", 0.0, Place("site", s, "turn"), 1.0)
 
 
-def of_world(source: Source, sizes: Sizes) -> Iterator[Number]:
+def numbers_of_gravity(source: Source, sizes: Sizes) -> Iterator[Number]:
     """Components of gravity in the plane."""
     gravity = source.full.opt.gravity
-    if source.full.opt.disableflags & int(OFF.mjDSBL_GRAVITY):
+    if source.full.opt.disableflags & int(DISABLE_BITS.mjDSBL_GRAVITY):
         return
     natural = float(np.linalg.norm(gravity)) or sizes.length * sizes.time**-2
     for k in source.parts(np.eye(3)):
-        yield measured(
+        yield make_number(
             "gravity", "xyz"[k], float(gravity[k]), Place("option", 0, "gravity", k), natural
         )
 
 
-def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
+def numbers_of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
     """Anchors of loops without sites, polynomials of coupled joints, and softness of loops."""
     model = source.full
     own = len(ModelElements(source).found["equality"])
     for e in range(own):
-        if not model.eq_active0[e] or not acting(model, "eq_active0"):
+        if not model.eq_active0[e] or not is_enabled(model, "eq_active0"):
             continue
-        name, kind = called(model, "equality", e), model.eq_type[e]
+        name, kind = element_name(model, "equality", e), model.eq_type[e]
         if kind == mujoco.mjtEq.mjEQ_CONNECT and model.eq_objtype[e] == OBJ.mjOBJ_BODY:
             for k in source.parts(source.frame(int(model.eq_obj1id[e]))):
-                yield measured(
+                yield make_number(
                     "anchor",
                     f"loop {name} {'xyz'[k]}",
                     float(model.eq_data[e, k]),
@@ -334,9 +348,9 @@ def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
                 value = float(model.eq_data[e, k])
                 if value or not k:
                     place = Place("equality", e, "polycoef", k)
-                    yield measured("coupling", f"{name} {k}", value, place, 1.0)
+                    yield make_number("coupling", f"{name} {k}", value, place, 1.0)
         for attribute in ("solref", "solimp"):
-            yield from soft(
+            yield from numbers_of_softness(
                 "softness of the loop",
                 name,
                 Place("equality", e, attribute),
@@ -344,77 +358,82 @@ def of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
             )
 
 
-def of_tendons(source: Source, sizes: Sizes) -> Iterator[Number]:
+def numbers_of_tendons(source: Source, sizes: Sizes) -> Iterator[Number]:
     """Stiffness, damping and free lengths of springs between two sites."""
     model = source.full
     for t in range(model.ntendon):
         if straight_tendon(model, t) is None:
             continue
-        name = f"tendon {called(model, 'tendon', t)}"
+        name = f"tendon {element_name(model, 'tendon', t)}"
         for attribute, mass, time, unit in (
             ("stiffness", 1, -2, "N/m"),
             ("damping", 1, -1, "N s/m"),
         ):
-            if acting(model, FIELDS["tendon", attribute]):
-                value = float(getattr(model, FIELDS["tendon", attribute])[t])
+            if is_enabled(model, COMPILED_FIELDS["tendon", attribute]):
+                value = float(getattr(model, COMPILED_FIELDS["tendon", attribute])[t])
                 place, natural = Place("tendon", t, attribute), sizes.of(False, mass, time)
-                yield measured(attribute, name, value, place, natural, unit)
-        if model.tendon_stiffness[t] and acting(model, "tendon_stiffness"):
+                yield make_number(attribute, name, value, place, natural, unit)
+        if model.tendon_stiffness[t] and is_enabled(model, "tendon_stiffness"):
             low, high = map(float, model.tendon_lengthspring[t])
             ends = {" low": low, " high": high} if high > low else {"": low}
             for k, (end, value) in enumerate(ends.items()):
                 place = Place("tendon", t, "springlength", k)
-                yield measured("spring length", name + end, value, place, sizes.length)
+                yield make_number("spring length", name + end, value, place, sizes.length)
 
 
-def of_actuators(
+def numbers_of_actuators(
     source: Source, sizes: Sizes, driven: Sequence[str], loads: Sequence[str]
 ) -> Iterator[Number]:
     """Gears and gains of actuators, and constant loads of those that move no driven joint."""
     model = source.full
     elements = ModelElements(source).found["actuator"]
     for a in range(model.nactuator):
-        name, joint = called(model, "actuator", a), joint_of(model, a)
+        name, joint = element_name(model, "actuator", a), joint_of(model, a)
         for k, value in enumerate(model.actuator_gear[model.actuator_outadr[a]]):
             if value and (joint < 0 or not k):
                 of = name if joint >= 0 else f"{name} {k + 1}"
                 place = Place("actuator", a, "gear", k)
-                yield measured("gear", of, float(value), place, 1.0)
+                yield make_number("gear", of, float(value), place, 1.0)
         for attribute in ("gainprm", "biasprm", "kp", "kv"):
             element = elements[a]
             words = [] if element is None else element.get(attribute, "").split()
             for k, value in enumerate(map(float, words)):
                 if value:
                     place = Place("actuator", a, attribute, k)
-                    yield measured("gain", f"{name}, {attribute} {k + 1}", value, place, 1.0)
+                    yield make_number("gain", f"{name}, {attribute} {k + 1}", value, place, 1.0)
         constant = name not in loads and (joint < 0 or model.joint(joint).name not in driven)
         if source.start >= 0 and constant:
             adr = int(model.actuator_ctrladr[a])
-            hinge = joint >= 0 and SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[joint]))) == "rad"
+            hinge = (
+                joint >= 0
+                and SCALAR_JOINT_UNITS.get(mujoco.mjtJoint(int(model.jnt_type[joint]))) == "rad"
+            )
             natural = sizes.of(hinge, 1, -2) * (1.0 if hinge else sizes.length)
             place = Place("key", source.start, "ctrl", adr)
-            yield measured("load", name, float(model.key_ctrl[source.start, adr]), place, natural)
+            yield make_number(
+                "load", name, float(model.key_ctrl[source.start, adr]), place, natural
+            )
 
 
-def of_start(source: Source, sizes: Sizes) -> Iterator[Number]:
+def numbers_of_start(source: Source, sizes: Sizes) -> Iterator[Number]:
     """Values and rates of the joints in the start key, with which a free motion begins."""
     model, key = source.bare, source.start
     if key < 0:
         return
     for j in range(model.njnt):
-        unit = SCALARS.get(mujoco.mjtJoint(int(model.jnt_type[j])))
+        unit = SCALAR_JOINT_UNITS.get(mujoco.mjtJoint(int(model.jnt_type[j])))
         if unit is None:
             continue
-        name, own = called(model, "joint", j), 1.0 if unit == "rad" else sizes.length
+        name, own = element_name(model, "joint", j), 1.0 if unit == "rad" else sizes.length
         q, v = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
         place = Place("key", key, "qpos", q)
-        yield measured("start value", name, float(model.key_qpos[key, q]), place, own, unit)
+        yield make_number("start value", name, float(model.key_qpos[key, q]), place, own, unit)
         place, natural = Place("key", key, "qvel", v), own / sizes.time
         value = float(model.key_qvel[key, v])
-        yield measured("start rate", name, value, place, natural, f"{unit}/s")
+        yield make_number("start rate", name, value, place, natural, f"{unit}/s")
 
 
-def of_rods(source: Source) -> Iterator[Number]:
+def numbers_of_rods(source: Source) -> Iterator[Number]:
     """Numbers of the rods in the sidecar."""
     for k, rod in enumerate(source.rods):
         for kind, attribute in (
@@ -428,12 +447,12 @@ def of_rods(source: Source) -> Iterator[Number]:
         ):
             if (value := getattr(rod, attribute)) is not None:
                 place = Place("rod", k, attribute, rod=rod.name)
-                yield measured(kind, rod.name, float(value), place, 1.0)
+                yield make_number(kind, rod.name, float(value), place, 1.0)
         for part, value in enumerate(rod.curvature if rod.spatial else ()):
             place = Place("rod", k, "curvature", part, rod.name)
             what = f"{rod.name} about {'xyz'[part]}"
-            yield measured("natural curvature of a rod", what, value, place, 1.0 / rod.length)
+            yield make_number("natural curvature of a rod", what, value, place, 1.0 / rod.length)
         for part, value in enumerate(rod.load):
             if value:
                 place = Place("rod", k, "load", part, rod.name)
-                yield measured("load of a rod", f"{rod.name} {'xyz'[part]}", value, place, 1.0)
+                yield make_number("load of a rod", f"{rod.name} {'xyz'[part]}", value, place, 1.0)

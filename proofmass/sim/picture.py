@@ -18,20 +18,20 @@ from scipy.spatial import ConvexHull, QhullError
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import (
+    active_connects,
     anchor_bodies,
     anchors,
-    connects,
-    places_of_controls,
+    control_indices,
     pose_of,
     straight_tendon,
 )
-from proofmass.sim.mujoco.dynamics import start
+from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.equilibrium import RestingLinkage, UnstableRest, linkage_of
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported, whole_steps
-from proofmass.sim.rods import chain, joints_of
+from proofmass.sim.rods import chain, joint_names
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Picture:
 
 
 G, J, S = mujoco.mjtGeom, mujoco.mjtJoint, mujoco.mjtSensor
-ROUND = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+CIRCLE_ANGLES = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 
 
 class PictureScene:
@@ -142,14 +142,14 @@ class PictureScene:
             shown = [k for k in range(3) if k != normal]
             self.axes, self.basis = ("xyz"[shown[0]], "xyz"[shown[1]]), np.eye(3)[shown]
 
-    def drawn(self, rows: dict[str, Array], run: Run) -> Picture:
+    def draw(self, rows: dict[str, Array], run: Run) -> Picture:
         """The picture at all poses of `rows`, without x, inputs and `stopped`."""
         model = self.model
         roots = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
         rod_of = {
             name: rod.name
             for rod in run.rods
-            for name in (*joints_of(chain(rod)), *chain(rod).bodies)
+            for name in (*joint_names(chain(rod)), *chain(rod).bodies)
         }
         links: dict[str, tuple[Array, ...]] = {}
         for b in roots:
@@ -167,8 +167,8 @@ class PictureScene:
             for j in range(model.njnt)
             if model.joint(j).name not in rod_of and not self.is_free(j)
         ]
-        marks += [self.pin(i, rows) for i in connects(model)]
-        marks += [self.clamp(rod, rows) for rod in run.rods if self.walled(rod)]
+        marks += [self.pin(i, rows) for i in active_connects(model)]
+        marks += [self.clamp(rod, rows) for rod in run.rods if self.is_clamped_to_ground(rod)]
         tracks = tuple(
             model.sensor(i).name
             for i in range(model.nsensor)
@@ -231,7 +231,9 @@ class PictureScene:
         if not points:
             return tuple(found)
         spread = self.placed(root, np.array(points), rows)
-        off = max(min((distance(p, o[0]) for o in found), default=np.inf) for p in spread[0])
+        off = max(
+            min((distance_to_outline(p, o[0]) for o in found), default=np.inf) for p in spread[0]
+        )
         if off > 0.02 * self.size and len(points) > 1:
             centre = spread[0] - spread[0].mean(axis=0)
             found.append(spread[:, np.argsort(np.arctan2(centre[:, 1], centre[:, 0]))])
@@ -246,7 +248,7 @@ class PictureScene:
             parent = int(model.body_weldid[model.body_parentid[child]]) if first else -1
             if J(model.jnt_type[j]) in (J.mjJNT_HINGE, J.mjJNT_BALL) and root in (child, parent):
                 found.append(data.xanchor[j])
-        for i in connects(model):
+        for i in active_connects(model):
             for body, place in zip(
                 anchor_bodies(model, i), anchors(model, i, pose_of(data)), strict=True
             ):
@@ -286,12 +288,16 @@ class PictureScene:
         """Outline (points, 3) of a geom about its centre; None if it has none, like a plane."""
         kind, axis = G(self.model.geom_type[g]), turn[:, 2]
         if self.along and kind in (G.mjGEOM_BOX, G.mjGEOM_CYLINDER):
-            return solid(kind, size, np.cross(*self.basis) @ turn) @ turn.T
+            return solid_outline(kind, size, np.cross(*self.basis) @ turn) @ turn.T
         level = bool(self.along) or np.linalg.norm(self.flat(axis)) > 1e-6
         if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER) and level:
             return np.array([-axis, axis]) * size[1]
         if kind in (G.mjGEOM_CAPSULE, G.mjGEOM_CYLINDER, G.mjGEOM_SPHERE, G.mjGEOM_ELLIPSOID):
-            return size[0] * np.stack([np.cos(ROUND), np.sin(ROUND)], axis=1) @ self.basis
+            return (
+                size[0]
+                * np.stack([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES)], axis=1)
+                @ self.basis
+            )
         if kind == G.mjGEOM_BOX:
             corners = size * np.array(list(product((-1, 1), repeat=3)))
         elif kind == G.mjGEOM_MESH:
@@ -333,7 +339,7 @@ class PictureScene:
             self.model.equality(i).name, "pin", self.flat(0.5 * (one + two)), ground=bool(ground)
         )
 
-    def walled(self, rod: Rod) -> bool:
+    def is_clamped_to_ground(self, rod: Rod) -> bool:
         """Whether a rod begins in a clamp on the ground."""
         first = self.model.body(chain(rod).names[0])
         return rod.ends[0] == "clamped" and not self.model.body_weldid[first.parentid[0]]
@@ -355,18 +361,18 @@ def springs_between_sites(model: mujoco.MjModel) -> list[tuple[int, tuple[int, i
     ]
 
 
-EDGES = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4]
+BOX_EDGES = [0, 1, 3, 2, 0, 4, 5, 1, 5, 7, 3, 7, 6, 2, 6, 4]
 """A closed path along all edges of a box, of corners in the order of signs of x, y, z, -1 first."""
 
 
-def solid(kind: mujoco.mjtGeom, size: Array, view: Array) -> Array:
+def solid_outline(kind: mujoco.mjtGeom, size: Array, view: Array) -> Array:
     """A closed line (points, 3) in the axes of a box or cylinder that depicts it from any side.
 
     For a cylinder it has both rims, and two lines along it, at the contour seen along `view` (3,).
     """
     if kind == G.mjGEOM_BOX:
-        return (size * np.array(list(product((-1, 1), repeat=3))))[EDGES]
-    turn = ROUND + np.arctan2(view[0], -view[1])
+        return (size * np.array(list(product((-1, 1), repeat=3))))[BOX_EDGES]
+    turn = CIRCLE_ANGLES + np.arctan2(view[0], -view[1])
     rim = size[0] * np.column_stack([np.cos(turn), np.sin(turn)])
     half, whole = len(rim) // 2, [*range(len(rim)), 0]
     low, high = (np.column_stack([rim, np.full(len(rim), end)]) for end in (-size[1], size[1]))
@@ -394,7 +400,7 @@ def side_view(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, tuple[st
     return "xyz"[along], ("xyz"[across], "xyz"[up]), np.eye(3)[[across, up]]
 
 
-def distance(point: Array, outline: Array) -> float:
+def distance_to_outline(point: Array, outline: Array) -> float:
     """Distance of a point from a closed polygon or a line (points, 2); zero inside [m]."""
     start, end = outline, np.roll(outline, -1, axis=0)
     along, to = end - start, point - start
@@ -407,9 +413,9 @@ def distance(point: Array, outline: Array) -> float:
     return float(np.linalg.norm(to - share[:, None] * along, axis=1).min())
 
 
-SECONDS = 5.0  # largest wall time [s] for stepping a motion
+MAX_SECONDS = 5.0  # largest wall time [s] for stepping a motion
 # share of a stride to which a drawing locates the end of a path of equilibria
-NEAREST = 1e-3
+DRAWN_STRIDE_SHARE = 1e-3
 
 
 def picture(model: Path, run: Run, count: int = 121) -> Picture:
@@ -425,14 +431,14 @@ def picture(model: Path, run: Run, count: int = 121) -> Picture:
     compiled, data = load(model, run)
     scene = PictureScene(compiled, data.qpos)
     x = run.x[:1] if run.kind == "equilibrium" else np.linspace(run.x[0], run.x[-1], count)
-    rows, _, stopped = follow(compiled, data, replace(run, x=x))
-    drawn = scene.drawn({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
+    rows, _, stopped = follow_run(compiled, data, replace(run, x=x))
+    drawn = scene.draw({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
     return replace(
         drawn, x=x[: len(rows)], inputs=run.motion(x)[0][:, : len(rows)], stopped=stopped
     )
 
 
-def follow(
+def follow_run(
     model: mujoco.MjModel, data: mujoco.MjData, run: Run
 ) -> tuple[list[dict[str, Array]], list[int], str]:
     """Poses along the run, numbers of those reached by a jump, and why there are no more.
@@ -442,10 +448,10 @@ def follow(
     mujoco.mj_kinematics(model, data)
     rows, jumps = list[dict[str, Array]](), list[int]()
     kept = ("qpos", "xpos", "xmat", "xanchor", "xaxis", "site_xpos")
-    still = run.drives or run.kind == "equilibrium"
-    moves = stepped(model, data, run)
-    if still:
-        moves = (driven if run.kind == "dynamics" else swept)(model, data, run)
+    is_prescribed = run.drives or run.kind == "equilibrium"
+    moves = step_poses(model, data, run)
+    if is_prescribed:
+        moves = (drive_poses if run.kind == "dynamics" else sweep_poses)(model, data, run)
     first, stopped = {name: getattr(data, name).copy() for name in kept}, ""
     try:
         for jumped in moves:
@@ -456,7 +462,7 @@ def follow(
     return rows or [first], jumps, stopped
 
 
-def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
+def sweep_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Put the model into its pose at each drive value; yields whether it fell from another pose.
 
     A sweep of the engine ends where its equilibrium becomes unstable.  Here the model falls to
@@ -464,7 +470,7 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
     """
     linkage, tangent = linkage_of(model, data, run), None
     if isinstance(linkage, RestingLinkage):
-        linkage.shortest = NEAREST
+        linkage.shortest = DRAWN_STRIDE_SHARE
     for values in np.vstack([run.motion(run.x)[0], run.controls(run.x)[0]]).T:
         fell = False
         try:
@@ -479,18 +485,18 @@ def swept(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool
         yield fell
 
 
-def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
+def drive_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Put the model into its pose at each time, by steps if drives leave degrees of freedom."""
     linkage = Linkage(model, data, tuple(drive.joint for drive in run.drives))
     if not linkage.leaves_dof():
-        yield from swept(model, data, run)
+        yield from sweep_poses(model, data, run)
         return
-    late, begin = time.monotonic() + SECONDS, float(run.x[0])
+    deadline, begin = time.monotonic() + MAX_SECONDS, float(run.x[0])
     model.opt.timestep = step = common_step(run.x, model.opt.timestep)
     shown = np.bincount(np.rint((run.x - begin) / step).astype(int))  # number of samples per step
     times = begin + step * np.arange(len(shown), dtype=float)
-    change = changes_of_controls(model, data, run)
-    for k, torque in enumerate((*start(linkage, run, times)[0], None)):
+    change = control_setter(model, data, run)
+    for k, torque in enumerate((*initialize_dynamics(linkage, run, times)[0], None)):
         for _ in range(shown[k]):
             mujoco.mj_kinematics(model, data)
             yield False
@@ -498,7 +504,7 @@ def driven(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[boo
             data.qfrc_applied[linkage.dofs] = torque
             change(times[k] + 0.5 * step)
             mujoco.mj_step(model, data)
-        if time.monotonic() >= late or not np.isfinite(data.qpos).all():
+        if time.monotonic() >= deadline or not np.isfinite(data.qpos).all():
             raise Unsupported("the motion was not followed to its end")
 
 
@@ -515,25 +521,23 @@ def common_step(x: Array, longest: float) -> float:
     return base / whole_steps(base, longest)
 
 
-def stepped(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
+def step_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Step a free motion of the model from sample to sample."""
-    late, data.time = time.monotonic() + SECONDS, run.x[0]
-    change, half = changes_of_controls(model, data, run), 0.5 * model.opt.timestep
+    deadline, data.time = time.monotonic() + MAX_SECONDS, run.x[0]
+    change, half = control_setter(model, data, run), 0.5 * model.opt.timestep
     for moment in run.x:
-        while data.time < moment - half and time.monotonic() < late:
+        while data.time < moment - half and time.monotonic() < deadline:
             change(data.time + half)
             mujoco.mj_step(model, data)
-        if time.monotonic() >= late or not np.isfinite(data.qpos).all():
+        if time.monotonic() >= deadline or not np.isfinite(data.qpos).all():
             raise Unsupported("the free motion was not followed to its end")
         mujoco.mj_kinematics(model, data)
         yield False
 
 
-def changes_of_controls(
-    model: mujoco.MjModel, data: mujoco.MjData, run: Run
-) -> Callable[[float], None]:
+def control_setter(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Callable[[float], None]:
     """A function that sets the controls of a run's loads to their values at a time [s] in it."""
-    places = places_of_controls(model, (one.actuator for one in run.loads))
+    places = control_indices(model, (one.actuator for one in run.loads))
     last = float(run.x[-1])
 
     def change(moment: float) -> None:

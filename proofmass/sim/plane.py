@@ -9,7 +9,7 @@ from proofmass.analytic.numerics import Array, normal_of_slides
 from proofmass.sim.protocol import Unsupported
 
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
-PARALLEL = 1e-9
+PARALLEL_TOLERANCE = 1e-9
 """Largest sine [-] of the angle at which two directions of an MJCF still count as parallel."""
 
 
@@ -62,17 +62,17 @@ def find_plane(model: mujoco.MjModel, data: mujoco.MjData) -> MotionPlane:
         raise Unsupported(f"{kind} joint '{model.joint(joint).name}' leaves every plane")
     hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     axes = data.xaxis
-    normal = axes[hinges][0] if hinges.any() else normal_of_slides(axes, PARALLEL)
+    normal = axes[hinges][0] if hinges.any() else normal_of_slides(axes, PARALLEL_TOLERANCE)
     for joint, (hinge, axis) in enumerate(zip(hinges, axes, strict=True)):
         off = np.linalg.norm(np.cross(normal, axis)) if hinge else abs(normal @ axis)
-        if off > PARALLEL:
+        if off > PARALLEL_TOLERANCE:
             kind = "hinge" if hinge else "slide"
             raise Unsupported(
                 f"{kind} joint '{model.joint(joint).name}' leaves the plane "
                 f"normal to {np.round(normal, 6).tolist()}"
             )
     x = np.array([1.0, 0.0, 0.0])
-    if np.linalg.norm(np.cross(normal, x)) < PARALLEL:
+    if np.linalg.norm(np.cross(normal, x)) < PARALLEL_TOLERANCE:
         x = np.array([0.0, 1.0, 0.0])
     e1 = x - (x @ normal) * normal
     e1 /= np.linalg.norm(e1)

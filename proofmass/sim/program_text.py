@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 @cache
-def template(name: str, **filters: Callable[..., str]) -> "Template":
+def load_template(name: str, **filters: Callable[..., str]) -> "Template":
     """A template of a program, with filters; Jinja is imported here, since few runs need it."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -24,10 +24,10 @@ def template(name: str, **filters: Callable[..., str]) -> "Template":
     return templates.get_template(name)
 
 
-def escaped(text: str) -> str:
+def escape_text(text: str) -> str:
     r"""Text in a form that is safe in a docstring, or, if it has no line breaks, in a comment.
 
-    >>> print(escaped('C:\\new, \"\"\"\0'))
+    >>> print(escape_text('C:\\new, \"\"\"\0'))
     C:\\new, \"\"\"\x00
     """
     text = text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')

@@ -26,10 +26,10 @@ from proofmass.analytic.numerics import Array
 if TYPE_CHECKING:
     from mujoco import MjModel
 
-BROKEN = set[str]()
+BROKEN_ENGINES = set[str]()
 """Engines that cannot be called in this process any more, so that another has to be started."""
 
-MOST_STEPS = 1e12  # steps from sample to sample; at 1 us a step, of the smallest models, 12 days
+MAX_STEPS = 1e12  # steps from sample to sample; at 1 us a step, of the smallest models, 12 days
 
 
 class AccuracyLimit(NamedTuple):
@@ -82,7 +82,7 @@ class BadSetting(BadModel):
         return "setting {}: {}".format(*self.args)
 
 
-def _spelled(value: Any) -> Any:
+def _parse_numbers(value: Any) -> Any:
     """A text of several numbers, as in an attribute of MJCF, ``"0.002 1"``, as a tuple."""
     if not isinstance(value, str):
         return value
@@ -95,10 +95,10 @@ def _spelled(value: Any) -> Any:
 StrictNumber = Annotated[float, Field(strict=True)]
 Count = Annotated[int, Field(strict=True, ge=1, lt=2**31)]
 Switch = Annotated[bool, Field(strict=True)]
-StrictNumbers = Annotated[tuple[StrictNumber, ...], BeforeValidator(_spelled)]
-FILE, BY_CHANNEL, BY_JOINT = "file", "by channel", "by joint"
+StrictNumbers = Annotated[tuple[StrictNumber, ...], BeforeValidator(_parse_numbers)]
+FILE_MARK, BY_CHANNEL, BY_JOINT = "file", "by channel", "by joint"
 """Marks of settings: names of files; tables by channel; tables by joint."""
-FileName = Annotated[str, FILE]
+FileName = Annotated[str, FILE_MARK]
 """Name of a file, in a sidecar relative to its folder; an engine is given the absolute path."""
 
 
@@ -325,13 +325,13 @@ class Run:
         Unsupported
             The samples are not evenly spaced.
         BadModel
-            There are more than `MOST_STEPS` steps from sample to sample.
+            There are more than `MAX_STEPS` steps from sample to sample.
         """
         spacing = np.diff(self.x)
         if np.ptp(spacing) > 1e-9 * spacing.mean():
             raise Unsupported("samples at uneven times in dynamics")
         width = float(self.x[-1] - self.x[0]) / (self.x.size - 1)
-        if not (steps := width / float(timestep)) < MOST_STEPS:
+        if not (steps := width / float(timestep)) < MAX_STEPS:
             raise BadModel(
                 f"{width:g} s from sample to sample are {steps:.3g} time steps of "
                 f"{timestep:g} s; give a longer step or a shorter run"
@@ -509,11 +509,11 @@ StepMap = Callable[[float, float], Array]
 with z = dt omega."""
 Stepping = Callable[[float], tuple[str, float, dict[str, ParameterValue], str]]
 """For a value: text of an MJCF, time step [s], settings, and the channel that is watched."""
-STEP = "time step"
+STEP_CAUSE = "time step"
 """Name of the cause of an error that a shorter step makes smaller."""
 
 
-def leading(parameter: ParameterValue) -> float:
+def first_number(parameter: ParameterValue) -> float:
     """A value as a number; of several numbers the first."""
     return float(parameter[0] if isinstance(parameter, tuple) else parameter)
 
@@ -704,7 +704,7 @@ class LimitProblem:
     bound: float | None = None
 
 
-def left_to_sidecar(parameters: ParameterValues, but: Sequence[str] = ()) -> Iterator[str]:
+def sidecar_instructions(parameters: ParameterValues, but: Sequence[str] = ()) -> Iterator[str]:
     """Settings, except those named in `but`, as sentences that tell what the sidecar must state."""
     for key in sorted(set(parameters) - {*but, "defaults"}):
         place = "every rod" if key == "segments" else "settings"
@@ -756,7 +756,7 @@ class Engine:
     planar = False
     imposed: Sequence[Imposed] = (Imposed("ideal drive"),)
     schemes: tuple[Scheme, ...] = ()
-    sizes: Mapping[str, Callable[[ParameterValue], float]] = {"timestep": leading}
+    sizes: Mapping[str, Callable[[ParameterValue], float]] = {"timestep": first_number}
     labels: Mapping[str, str] = {}
     accuracy: Mapping[str, AccuracyLimit] = {}
 
@@ -824,7 +824,7 @@ class Engine:
 
     def size(self, varied: str, value: ParameterValue) -> float:
         """Quantity with which errors should fall along a scan: from `sizes`, or 1 / value."""
-        return self.sizes[varied](value) if varied in self.sizes else 1.0 / leading(value)
+        return self.sizes[varied](value) if varied in self.sizes else 1.0 / first_number(value)
 
     def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
         """Settings with another time step [s], and other settings adapted to it."""
@@ -851,8 +851,8 @@ class Engine:
         `scaled` states whether the settings are of a scan in which loops get harder with the step.
         """
         if "timestep" in self.settings.model_fields:
-            step = leading(parameters.get("timestep", about.own_step))
-            yield Perturbation(STEP, "halving the step", {**parameters, "timestep": step / 2})
+            step = first_number(parameters.get("timestep", about.own_step))
+            yield Perturbation(STEP_CAUSE, "halving the step", {**parameters, "timestep": step / 2})
 
     def recipes(self, about: Studied) -> Iterator[Recipe]:
         """Recipes among which the cheapest sufficient setting is searched."""
@@ -866,7 +866,7 @@ class Engine:
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
         """Text to paste so that the engine runs with these settings, for so many steps."""
-        return "\n".join(f"# {line}" for line in left_to_sidecar(parameters))
+        return "\n".join(f"# {line}" for line in sidecar_instructions(parameters))
 
     def holding(
         self, model: Path, parameters: ParameterValues, slower: float

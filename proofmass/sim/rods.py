@@ -104,7 +104,7 @@ class Chain:
 
     def hinges(self, link: int) -> tuple[Hinge, ...]:
         """The hinges at the beginning of a link, in their order."""
-        if not self.jointed[link]:
+        if not self.has_joint[link]:
             return ()
         name, rod = self.names[link], self.rod
         if rod.torsion is None:
@@ -136,7 +136,7 @@ class Chain:
         return np.append(0.0, np.cumsum(self.lengths))
 
     @cached_property
-    def jointed(self) -> NDArray[np.bool_]:
+    def has_joint(self) -> NDArray[np.bool_]:
         """Whether each link begins with a joint, (links,)."""
         return np.isfinite(self.springs)
 
@@ -186,29 +186,29 @@ def check_rod(rod: Rod) -> None:
         )
 
 
-MOVE = 0.1  # [rad] of a Newton step, so that the arc keeps its side
-CLOSED = 1e-12  # constraint violation, over the rod's length
-TAUT = 1e-9  # excess length of a straight rod, over the distance of its ends
-MOST = 1000  # Newton steps; 2 pi / `MOVE` of them turn every joint once around
+MAX_JOINT_STEP = 0.1  # [rad] of a Newton step, so that the arc keeps its side
+CLOSURE_TOLERANCE = 1e-12  # constraint violation, over the rod's length
+STRAIGHT_TOLERANCE = 1e-9  # excess length of a straight rod, over the distance of its ends
+MAX_ITERATIONS = 1000  # Newton steps; 2 pi / `MAX_JOINT_STEP` of them turn every joint once around
 
 
-def tip(chain: Chain, bends: Array) -> tuple[Array, Array]:
+def tip_pose(chain: Chain, bends: Array) -> tuple[Array, Array]:
     """Pose (x, y, angle) of a chain's tip, and its derivatives (3, links) by the joint values."""
     angles = np.cumsum(bends)
     links = chain.lengths * np.stack([np.cos(angles), np.sin(angles)])
-    ahead = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]  # from each joint to the tip
+    to_tip = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]  # from each joint to the tip
     return (
         np.append(links.sum(axis=1), angles[-1]),
-        np.stack([-ahead[1], ahead[0], np.ones_like(bends)]),
+        np.stack([-to_tip[1], to_tip[0], np.ones_like(bends)]),
     )
 
 
-def stretched(chain: Chain, target: Array | None) -> Chain:
+def stretch_links(chain: Chain, target: Array | None) -> Chain:
     """The chain, with links stretched as far as its support needs it, if the rod can stretch."""
-    apart = 0.0 if target is None else float(np.hypot(*target[:2]))
-    if chain.rod.axial is None or chain.rod.length >= apart:
+    distance = 0.0 if target is None else float(np.hypot(*target[:2]))
+    if chain.rod.axial is None or chain.rod.length >= distance:
         return chain
-    return replace(chain, lengths=chain.lengths * apart / chain.rod.length)
+    return replace(chain, lengths=chain.lengths * distance / chain.rod.length)
 
 
 def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Array:
@@ -231,27 +231,31 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
     rod, bends = chain.rod, chain.arc(chain.rod.turn)
     if target is None:
         return bends
-    apart, reach = float(np.hypot(*target[:2])), float(chain.vertices[-1])
-    straight = abs(reach - apart) <= apart * TAUT and not (rod.turn or chain.springs[0])
+    distance, reach = float(np.hypot(*target[:2])), float(chain.vertices[-1])
+    straight = abs(reach - distance) <= distance * STRAIGHT_TOLERANCE and not (
+        rod.turn or chain.springs[0]
+    )
     if moving and straight and rod.ends[1] == "pinned":
         bends[0] = np.arctan2(target[1], target[0])
         return bends
-    if reach < apart * (1.0 + TAUT) and rod.axial is None:
+    if reach < distance * (1.0 + STRAIGHT_TOLERANCE) and rod.axial is None:
         raise BadRod(
             rod.name,
             "length",
-            f"{rod.length:g} m, but its supports are {apart:.6g} m apart; it must be longer, or "
+            f"{rod.length:g} m, but its supports are {distance:.6g} m apart; it must be longer, or "
             f"stretch: axial = EA [N]",
         )
     if not chain.springs[0]:
-        bends[0] += np.arctan2(target[1], target[0]) - np.arctan2(*tip(chain, bends)[0][1::-1])
-    held = slice(3 if rod.ends[1] == "clamped" else 2)
-    for _ in range(MOST):
-        place, slopes = tip(chain, bends)
-        if np.abs(target - place)[held].max() < CLOSED * max(1.0, rod.length):
+        bends[0] += np.arctan2(target[1], target[0]) - np.arctan2(*tip_pose(chain, bends)[0][1::-1])
+    constrained = slice(3 if rod.ends[1] == "clamped" else 2)
+    for _ in range(MAX_ITERATIONS):
+        place, slopes = tip_pose(chain, bends)
+        if np.abs(target - place)[constrained].max() < CLOSURE_TOLERANCE * max(1.0, rod.length):
             return bends
-        move = np.linalg.lstsq((slopes * chain.jointed)[held], (target - place)[held], 1e-6)[0]
-        bends += move * min(1.0, MOVE / (np.abs(move).max() or 1.0))
+        move = np.linalg.lstsq(
+            (slopes * chain.has_joint)[constrained], (target - place)[constrained], 1e-6
+        )[0]
+        bends += move * min(1.0, MAX_JOINT_STEP / (np.abs(move).max() or 1.0))
     raise BadRod(
         rod.name,
         "turn",
@@ -262,9 +266,9 @@ def start_pose(chain: Chain, target: Array | None, moving: bool = False) -> Arra
 
 CONNECT, SITE = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-LIGHT = 0.01  # [kg] mass of a rod whose mass is not given
-THICK = 0.004  # radius of the capsules that are drawn, over the rod's length
-PLAIN = {
+DEFAULT_MASS = 0.01  # [kg] mass of a rod whose mass is not given
+RADIUS_RATIO = 0.004  # radius of the capsules that are drawn, over the rod's length
+JOINT_PROPERTIES = {
     "damping": [0.0] * 3,
     "frictionloss": 0.0,
     "armature": 0.0,
@@ -274,7 +278,7 @@ PLAIN = {
 }  # properties of the joints of rods, independent of <default>
 
 
-def joints_of(chain: Chain) -> list[str]:
+def joint_names(chain: Chain) -> list[str]:
     """Names of the joints that a rod adds to a model."""
     joints = [
         joint
@@ -287,7 +291,7 @@ def joints_of(chain: Chain) -> list[str]:
     return [*joints, f"{chain.rod.name}.slider"] if chain.rod.ends[1] == "clamped" else joints
 
 
-def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
+def add_rod(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
     """Add a rod's links, sites and loops; `bare` is the compiled model without rods."""
     rod, site = chain.rod, bare.site(chain.rod.start)
     body, place, turn = spec.site(rod.start).parent, site.pos, site.quat
@@ -304,13 +308,13 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
         parts = [(body, 0.0, reached)]  # bodies, with the begin and end of their parts of the link
         for axis in slides:
             body = body.add_body(name=f"{name}.{axis}", pos=[reached - parts[-1][1], 0, 0])
-            along = rod.axial if axis == "x" else rod.shear
-            spring_joint(body, body.name, SLIDE, "xyz".index(axis), along / length)
+            stiffness = rod.axial if axis == "x" else rod.shear
+            spring_joint(body, body.name, SLIDE, "xyz".index(axis), stiffness / length)
             parts.append((body, reached, length if axis == slides[-1] else reached))
         for part, begin, end in parts:
-            weigh(part, rod, length, len(parts), begin)
+            set_mass(part, rod, length, len(parts), begin)
             if end > begin:
-                draw(part, rod, end - begin)
+                add_capsule(part, rod, end - begin)
         middle, at, _ = parts[len(slides) // 2]
         middle.add_site(name=name, pos=[length / 2 - at, 0, 0])
         if first < half <= last:
@@ -322,7 +326,7 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, chain: Chain) -> None:
     if rod.end is not None:
         connect(spec, rod.name, tip.name, rod.end)
     if rod.ends[1] == "clamped":
-        guide(spec, bare, rod, body, place[0], chain.lengths[-1])
+        constrain_to_axis(spec, bare, rod, body, place[0], chain.lengths[-1])
 
 
 def spring_joint(
@@ -335,11 +339,11 @@ def spring_joint(
         axis=np.eye(3)[axis],
         pos=[0, 0, 0],
         stiffness=[spring, 0, 0],
-        **{**PLAIN, "springref": rest},
+        **{**JOINT_PROPERTIES, "springref": rest},
     )
 
 
-def weigh(
+def set_mass(
     body: mujoco._specs.MjsBody, rod: Rod, length: float, parts: int = 1, begin: float = 0.0
 ) -> None:
     """Give a body its share of the mass and inertia of a link, which is a slender bar.
@@ -347,19 +351,19 @@ def weigh(
     The body is one of `parts` equal ones, and its frame is `begin` [m] beyond the beginning of the
     link.
     """
-    mass = (rod.mass or LIGHT) * length / rod.length / parts
+    mass = (rod.mass or DEFAULT_MASS) * length / rod.length / parts
     across = mass * length**2 / 12
     body.mass, body.ipos, body.explicitinertial = mass, [length / 2 - begin, 0, 0], True
     body.inertia = [across / 2, across, across]
 
 
-def draw(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
+def add_capsule(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
     """Add a capsule of this length [m] to a body, to be drawn only."""
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=[0, 0, 0, length, 0, 0],
         mass=0,
-        size=[THICK * rod.length, 0, 0],
+        size=[RADIUS_RATIO * rod.length, 0, 0],
         contype=0,
         conaffinity=0,
     )
@@ -370,7 +374,7 @@ def dead_loads(model: mujoco.MjModel, rods: Sequence[Rod]) -> Iterator[tuple[int
     for rod in rods:
         if any(rod.load):
             for body in map(model.body, chain(rod).bodies):
-                share = body.mass[0] / (rod.mass or LIGHT)
+                share = body.mass[0] / (rod.mass or DEFAULT_MASS)
                 yield body.id, share * rod.length * np.array(rod.load)
 
 
@@ -379,7 +383,7 @@ def connect(spec: mujoco.MjSpec, name: str, one: str, two: str) -> None:
     spec.add_equality(name=name, type=CONNECT, objtype=SITE, name1=one, name2=two)
 
 
-def guide(
+def constrain_to_axis(
     spec: mujoco.MjSpec,
     bare: mujoco.MjModel,
     rod: Rod,
@@ -392,16 +396,16 @@ def guide(
     site = bare.site(rod.end)
     carrier = spec.site(rod.end).parent.add_body(name=f"{name}.0", pos=site.pos, quat=site.quat)
     slider = carrier.add_body(name=name, pos=[ahead, 0, 0])
-    slider.add_joint(name=name, type=SLIDE, axis=[1, 0, 0], stiffness=[0, 0, 0], **PLAIN)
-    weigh(slider, rod, length)
-    draw(slider, rod, length)
+    slider.add_joint(name=name, type=SLIDE, axis=[1, 0, 0], stiffness=[0, 0, 0], **JOINT_PROPERTIES)
+    set_mass(slider, rod, length)
+    add_capsule(slider, rod, length)
     slider.add_site(name=name)
     last.add_site(name=f"{name}.end", pos=[end + ahead, 0, 0])
     connect(spec, name, f"{name}.end", name)
 
 
 PLACES = dict.fromkeys(("x", "y", "z"), "m")
-PARTS = {**PLACES, "angle": "rad", "moment": "N m"}
+PLANAR_PARTS = {**PLACES, "angle": "rad", "moment": "N m"}
 """Curves of a planar rod along its length, with units."""
 NORMAL = "normal_x", "normal_y", "normal_z"
 MOMENTS = "twist_moment", "bend_moment_y", "bend_moment"
@@ -412,7 +416,7 @@ RodPose = tuple[Array, Array, Array]
 
 def rod_parts(rod: Rod) -> dict[str, str]:
     """Names of the curves of a rod along its length, with units."""
-    return SPATIAL_PARTS if rod.spatial else PARTS
+    return SPATIAL_PARTS if rod.spatial else PLANAR_PARTS
 
 
 def format_rod_parts(rod: Rod) -> str:
@@ -421,7 +425,7 @@ def format_rod_parts(rod: Rod) -> str:
     return f"{', '.join([f'{rod.name}.{first}', *(f'.{o}' for o in others)])} and .{last}"
 
 
-def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
+def rod_channels(run: Run) -> dict[str, tuple[Rod, str]]:
     """The channels of a run that are curves of its rods, with the rod and the part of the name.
 
     Raises
@@ -440,7 +444,7 @@ def of_rods(run: Run) -> dict[str, tuple[Rod, str]]:
     return found
 
 
-def shapes(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
+def rod_curves(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
     """The curves of all rods of a run over its arc lengths.
 
     Parameters
@@ -454,43 +458,43 @@ def shapes(run: Run, pose: Callable[[Chain], RodPose]) -> dict[str, Array]:
     """
     curves: dict[str, Array] = {}
     poses: Mapping[str, RodPose] = {rod.name: pose(chain(rod)) for rod in run.rods}
-    for channel, (rod, part) in of_rods(run).items():
-        curves[channel] = curve(chain(rod), part, poses[rod.name], run.x)
+    for channel, (rod, part) in rod_channels(run).items():
+        curves[channel] = rod_curve(chain(rod), part, poses[rod.name], run.x)
     return curves
 
 
-def curve(one: Chain, part: str, pose: RodPose, s: Array) -> Array:
+def rod_curve(one: Chain, part: str, pose: RodPose, s: Array) -> Array:
     """One curve of a rod at arc lengths s [m]."""
     places, angles, bends = pose
     if part in NORMAL:
-        return along(one.nodes, angles[:, NORMAL.index(part), 0], s)
+        return interpolate(one.nodes, angles[:, NORMAL.index(part), 0], s)
     if part in MOMENTS:
-        moments = bends[one.jointed, MOMENTS.index(part)]
-        return along(*to_ends(one, moments), s)
+        moments = bends[one.has_joint, MOMENTS.index(part)]
+        return interpolate(*extend_to_ends(one, moments), s)
     if part == "angle":
-        return along(one.nodes, np.unwrap(angles), s)
+        return interpolate(one.nodes, np.unwrap(angles), s)
     if part == "moment":
-        sprung = one.jointed & (one.springs > 0)
-        return along(one.vertices[:-1][sprung], one.springs[sprung] * bends[sprung], s)
-    return along(one.vertices, places[:, "xyz".index(part)], s)
+        sprung = one.has_joint & (one.springs > 0)
+        return interpolate(one.vertices[:-1][sprung], one.springs[sprung] * bends[sprung], s)
+    return interpolate(one.vertices, places[:, "xyz".index(part)], s)
 
 
-def to_ends(one: Chain, moments: Array) -> tuple[Array, Array]:
+def extend_to_ends(one: Chain, moments: Array) -> tuple[Array, Array]:
     """Arc lengths of the joints and ends of a chain in space, and the moments there.
 
     The moments at both ends are extrapolated by parabolas, or by lines if there are two joints.
 
     >>> rod = Rod("rod", "clamp", None, 3.0, 1.0, 3, ("clamped", "free"), torsion=1.0)
-    >>> [values.tolist() for values in to_ends(chain(rod), np.array([0.25, 2.25, 6.25]))]
+    >>> [values.tolist() for values in extend_to_ends(chain(rod), np.array([0.25, 2.25, 6.25]))]
     [[0.0, 0.5, 1.5, 2.5, 3.0], [0.0, 0.25, 2.25, 6.25, 9.0]]
     """
-    joints = one.vertices[:-1][one.jointed]
+    joints = one.vertices[:-1][one.has_joint]
     share = np.array([15.0, -10.0, 3.0]) / 8.0 if joints.size > 2 else np.array([1.5, -0.5])
     begin, end = share @ moments[: share.size], share @ moments[: -share.size - 1 : -1]
     return np.array([0.0, *joints, one.rod.length]), np.array([begin, *moments, end])
 
 
-def along(nodes: Array, values: Array, s: Array) -> Array:
+def interpolate(nodes: Array, values: Array, s: Array) -> Array:
     """Values at s by linear interpolation between nodes, and extrapolation beyond them."""
     k = np.clip(np.searchsorted(nodes, s) - 1, 0, nodes.size - 2)
     share = (s - nodes[k]) / (nodes[k + 1] - nodes[k])
@@ -510,21 +514,21 @@ def compile_with_rods(spec: mujoco.MjSpec, rods: Sequence[Rod]) -> mujoco.MjMode
     ValueError
         The model does not compile.
     """
-    chains, bare = [chain(rod) for rod in rods], without_links_to_rods(spec)
+    chains, bare = [chain(rod) for rod in rods], compile_without_rods(spec)
     check_sites(bare, rods)
     if not spec.keys:
         spec.add_key(name="start")
-    own = [(np.array(key.qpos), np.array(key.qvel)) for key in spec.keys]
+    own_keys = [(np.array(key.qpos), np.array(key.qvel)) for key in spec.keys]
     for key in spec.keys:
         key.qpos, key.qvel = [], []
     for one in chains:
-        add(spec, bare, one)
+        add_rod(spec, bare, one)
     model = spec.compile()
-    fill_keys(model, bare, own, chains)
+    fill_keys(model, bare, own_keys, chains)
     return model
 
 
-def without_links_to_rods(spec: mujoco.MjSpec) -> mujoco.MjModel:
+def compile_without_rods(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The compiled model without rods, and without elements that may refer to rods by name.
 
     ``fusestatic`` is switched off in the spec, since rods begin in the frames of the bodies of the
@@ -551,16 +555,16 @@ def check_sites(bare: mujoco.MjModel, rods: Sequence[Rod]) -> None:
 
 
 def fill_keys(
-    model: mujoco.MjModel, bare: mujoco.MjModel, own: list[ClampFrame], chains: list[Chain]
+    model: mujoco.MjModel, bare: mujoco.MjModel, own_keys: list[ClampFrame], chains: list[Chain]
 ) -> None:
     """Write all keys: the values of the model's own joints, and the start poses of the rods."""
-    added = {model.joint(name).id for one in chains for name in joints_of(one)}
-    mine = np.array([j not in added for j in range(model.njnt)], bool)
+    added = {model.joint(name).id for one in chains for name in joint_names(one)}
+    is_own = np.array([j not in added for j in range(model.njnt)], bool)
     places, rates = (
-        np.repeat(mine, np.diff(np.append(adr, size)))
+        np.repeat(is_own, np.diff(np.append(adr, size)))
         for adr, size in ((model.jnt_qposadr, model.nq), (model.jnt_dofadr, model.nv))
     )
-    for k, (pose, rate) in enumerate(own):
+    for k, (pose, rate) in enumerate(own_keys):
         if pose.size not in (0, bare.nq):
             raise ValueError(
                 f"key {model.key(k).name!r}: qpos has {pose.size} numbers; the joints "
@@ -606,15 +610,15 @@ def start_poses(bare: mujoco.MjModel, data: mujoco.MjData, chains: list[Chain]) 
             x, y, _ = (far - place) @ turn
             cos, sin, _ = other[:, 0] @ turn
             target = np.array([x, y, np.arctan2(sin, cos)])
-        longer = stretched(one, target)
+        longer = stretch_links(one, target)
         moving = any(
             site is not None and bare.body_weldid[bare.site(site).bodyid[0]]
             for site in (one.rod.start, one.rod.end)
             if site in known
         )
         bends = start_pose(longer, target, moving)
-        frames[f"{one.rod.name}.tip"] = placed(longer, bends, place, turn)
-        found |= {n: float(b) for n, b, j in zip(one.names, bends, one.jointed, strict=True) if j}
+        frames[f"{one.rod.name}.tip"] = tip_frame(longer, bends, place, turn)
+        found |= {n: float(b) for n, b, j in zip(one.names, bends, one.has_joint, strict=True) if j}
         if one.rod.axial is not None:
             ways = longer.lengths - one.lengths
             found |= {f"{n}.x": float(way) for n, way in zip(one.names, ways, strict=True)}
@@ -652,23 +656,23 @@ def start_rates(
         x, y, _ = (moves[1, 3:] - moves[0, 3:] - carried) @ turn
         wanted = np.array([x, y, (moves[1, :3] - moves[0, :3]) @ turn[:, 2]])
         bends = np.array([values.get(name, 0.0) for name in one.names])
-        held = slice(3 if one.rod.ends[1] == "clamped" else 2)
-        slopes, wanted = (tip(one, bends)[1] * one.jointed)[held], wanted[held]
+        constrained = slice(3 if one.rod.ends[1] == "clamped" else 2)
+        slopes, wanted = (tip_pose(one, bends)[1] * one.has_joint)[constrained], wanted[constrained]
         free = one.springs == 0.0
-        across = slopes[:, free] @ np.linalg.pinv(slopes[:, free])  # motions by the pin alone
+        by_pins = slopes[:, free] @ np.linalg.pinv(slopes[:, free])  # motions by the pin alone
         rates = np.zeros(one.lengths.size)
-        rest = np.eye(len(wanted)) - across
+        rest = np.eye(len(wanted)) - by_pins
         matrix = rest @ slopes[:, ~free]
-        matrix[np.abs(matrix) < TAUT * one.rod.length] = 0.0  # rounding
+        matrix[np.abs(matrix) < STRAIGHT_TOLERANCE * one.rod.length] = 0.0  # rounding
         rates[~free] = np.linalg.lstsq(matrix, rest @ wanted, 1e-6)[0]
         rates[free] = np.linalg.pinv(slopes[:, free]) @ (wanted - slopes @ rates)
-        found |= {n: float(r) for n, r, j in zip(one.names, rates, one.jointed, strict=True) if j}
+        found |= {n: float(r) for n, r, j in zip(one.names, rates, one.has_joint, strict=True) if j}
     return found
 
 
-def placed(chain: Chain, bends: Array, place: Array, turn: Array) -> ClampFrame:
+def tip_frame(chain: Chain, bends: Array, place: Array, turn: Array) -> ClampFrame:
     """Position and orientation of a rod's tip; `place` and `turn` are those of its beginning."""
-    (x, y, angle), _ = tip(chain, bends)
+    (x, y, angle), _ = tip_pose(chain, bends)
     cos, sin = np.cos(angle), np.sin(angle)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return place + turn @ [x, y, 0.0], turn @ rotation

@@ -15,10 +15,15 @@ from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.spatial.terms import Terms
 from proofmass.sim.mjcf import leave_out_disabled
 
-OFF, EQ = mujoco.mjtDisableBit, mujoco.mjtEq
-SOFT = OFF.mjDSBL_CONTACT, OFF.mjDSBL_LIMIT, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_ISLAND
-ROWS = {EQ.mjEQ_CONNECT: 3, EQ.mjEQ_WELD: 6, EQ.mjEQ_JOINT: 1, EQ.mjEQ_TENDON: 1}
-LOOPS = EQ.mjEQ_CONNECT, EQ.mjEQ_WELD
+DISABLE_BITS, EQ = mujoco.mjtDisableBit, mujoco.mjtEq
+SOFT_FLAGS = (
+    DISABLE_BITS.mjDSBL_CONTACT,
+    DISABLE_BITS.mjDSBL_LIMIT,
+    DISABLE_BITS.mjDSBL_FRICTIONLOSS,
+    DISABLE_BITS.mjDSBL_ISLAND,
+)
+ROWS_PER_EQUALITY = {EQ.mjEQ_CONNECT: 3, EQ.mjEQ_WELD: 6, EQ.mjEQ_JOINT: 1, EQ.mjEQ_TENDON: 1}
+LOOP_EQUALITIES = EQ.mjEQ_CONNECT, EQ.mjEQ_WELD
 
 
 class SmoothTerms:
@@ -37,7 +42,7 @@ class SmoothTerms:
     def __init__(self, model: mujoco.MjModel, start: str = "start"):
         self.model = copy.copy(model)
         leave_out_disabled(self.model)
-        for flag in SOFT:
+        for flag in SOFT_FLAGS:
             self.model.opt.disableflags |= int(flag)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data = mujoco.MjData(self.model)
@@ -45,17 +50,17 @@ class SmoothTerms:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key(start).id)
         self.ctrl = self.data.ctrl.copy()
         self.order, self.ties = self.rows()
-        self.bent = [tie for tie in self.ties if self.bends(tie[0])]
-        self.straight = [row for e, row in self.ties if not self.bends(e)]
+        self.ties_with_drift = [tie for tie in self.ties if self.has_drift(tie[0])]
+        self.rows_without_drift = [row for e, row in self.ties if not self.has_drift(e)]
 
     def rows(self) -> tuple[Index, list[tuple[int, int]]]:
         """Order of MuJoCo's rows with loops first; numbers and rows of joint, tendon equalities."""
         loops, ties, row = list[int](), list[tuple[int, int]](), 0
         for e in np.flatnonzero(self.model.eq_active0).tolist():
             kind = EQ(int(self.model.eq_type[e]))
-            own = list(range(row, row + ROWS[kind]))
-            row += ROWS[kind]
-            if kind in LOOPS:
+            own = list(range(row, row + ROWS_PER_EQUALITY[kind]))
+            row += ROWS_PER_EQUALITY[kind]
+            if kind in LOOP_EQUALITIES:
                 loops += own
             else:
                 ties.append((e, own[0]))
@@ -94,8 +99,8 @@ class SmoothTerms:
         # MuJoCo's reference acceleration is the sum of damping, stiffness and -J-dot-v
         damping, gain = data.efc_KBIP[:, 1], data.efc_KBIP[:, 0] * data.efc_KBIP[:, 2]
         drift = data.efc_aref + damping * data.efc_vel + gain * data.efc_pos
-        drift[self.straight] = 0.0
-        for e, row in self.bent:
+        drift[self.rows_without_drift] = 0.0
+        for e, row in self.ties_with_drift:
             drift[row] = self.tie_drift(e, v)
         return Terms(
             mass,
@@ -106,7 +111,7 @@ class SmoothTerms:
             drift[self.order],
         )
 
-    def bends(self, e: int) -> bool:
+    def has_drift(self, e: int) -> bool:
         """Whether joint or tendon equality number e may have a drift: of tendons, or nonlinear."""
         model = self.model
         return bool(model.eq_type[e] == EQ.mjEQ_TENDON or model.eq_data[e, 2:5].any())

@@ -16,17 +16,17 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import StepMap
 
-FAR = 1e6
+MAX_STEP_PHASE = 1e6
 """Largest dt omega [1] up to which a stability limit is searched."""
 
 
-def radius(matrix: Array) -> float:
+def spectral_radius(matrix: Array) -> float:
     """Spectral radius of a matrix [1]."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 @cache
-def limit(step: StepMap, zeta: float = 0.0) -> float:
+def stability_limit(step: StepMap, zeta: float = 0.0) -> float:
     """The least z = dt omega [1] at which a step becomes unstable; infinite if there is none.
 
     Examples
@@ -34,19 +34,19 @@ def limit(step: StepMap, zeta: float = 0.0) -> float:
     >>> from proofmass.engines import engine_of
     >>> maps = {one.name: one.step for name in ("mujoco", "pymunk")
     ...         for one in engine_of(name).schemes}
-    >>> [round(limit(maps[name]), 4) for name in ("Euler", "RK4", "pymunk", "discrete")]
+    >>> [round(stability_limit(maps[name]), 4) for name in ("Euler", "RK4", "pymunk", "discrete")]
     [2.0, 2.8284, 2.0, inf]
-    >>> bool(np.isclose(limit(maps["Euler"], 0.3), 2 * (0.3 + np.sqrt(1.09)), rtol=1e-7))
+    >>> bool(np.isclose(stability_limit(maps["Euler"], 0.3), 2 * (0.3 + np.sqrt(1.09)), rtol=1e-7))
     True
-    >>> limit(maps["pymunk"], 0.25)
+    >>> stability_limit(maps["pymunk"], 0.25)
     inf
     """
 
     def over(z: float) -> bool:
         # rounding of eigenvalues on the unit circle
-        return radius(step(z, zeta)) > 1.0 + 1e-9
+        return spectral_radius(step(z, zeta)) > 1.0 + 1e-9
 
-    grid = np.geomspace(1e-2, FAR, 1000)
+    grid = np.geomspace(1e-2, MAX_STEP_PHASE, 1000)
     first = next((k for k, z in enumerate(grid) if over(z)), 0)
     if not first:
         return float("inf")

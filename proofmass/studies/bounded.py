@@ -9,21 +9,21 @@ from typing import Any
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.strict import Kind
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, isolated
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
 
-def limited(case: Case, kind: Kind, function: Callable, *args: Any, least: float = 0.0) -> Any:
+def call_limited(case: Case, kind: Kind, function: Callable, *args: Any, least: float = 0.0) -> Any:
     """Call a function in a worker, within the limits of a run; it has at least `least` [s]."""
     limits = case.run[kind]
-    return isolated(function, *args, timeout=max(limits.timeout, least), memory=limits.memory)
+    return call_isolated(function, *args, timeout=max(limits.timeout, least), memory=limits.memory)
 
 
-def bounded(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
-    """Call a function as `limited` does; raise InputError if it reaches a limit or crashes.
+def call_bounded(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
+    """Call a function as `call_limited` does; raise InputError if it reaches a limit or crashes.
 
     For calls that are no runs of an engine: they compile a model or evaluate a reference.
     """
     try:
-        return limited(case, kind, function, *args)
+        return call_limited(case, kind, function, *args)
     except (TimedOut, OutOfMemory, Crashed) as error:
         raise InputError(case.file, f"run.{kind}", f"its model or its reference: {error}") from None

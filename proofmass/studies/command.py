@@ -7,26 +7,26 @@ from math import inf
 from pathlib import Path
 
 from proofmass.case import Case
-from proofmass.check import called, collect, load, tell_apart
-from proofmass.command import errors
+from proofmass.check import collect_inputs, load_validated, rename_case, unique_names
+from proofmass.command import error_console
 from proofmass.errors import InputError
 from proofmass.solve import with_computing_solvers
 
 
-def named(paths: list[Path]) -> list[Case]:
+def load_cases(paths: list[Path]) -> list[Case]:
     """Load all cases below the paths; raise the first error of any of them.
 
     Paths are made absolute, since workers of a cluster run in other folders.  Models without a
     sidecar are passed over with a message; if there are no others, the first of them is the error.
     """
-    wrong: list[InputError] = []
-    files = collect(paths, wrong)
+    problems: list[InputError] = []
+    files = collect_inputs(paths, problems)
     sidecars = [file.absolute() for file in files if file.suffix == ".toml"]
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # each is checked in a worker
-        cases = list(threads.map(partial(load, strict=True), sidecars))
-    names = tell_apart(sidecars)
-    cases = [called(case, names[file]) for file, case in zip(sidecars, cases, strict=True)]
-    lone = [
+        cases = list(threads.map(partial(load_validated, strict=True), sidecars))
+    names = unique_names(sidecars)
+    cases = [rename_case(case, names[file]) for file, case in zip(sidecars, cases, strict=True)]
+    without_sidecar = [
         InputError(
             file,
             "",
@@ -36,14 +36,14 @@ def named(paths: list[Path]) -> list[Case]:
         for file in files
         if file.suffix != ".toml"
     ]
-    if wrong or not cases:
-        raise (wrong or lone)[0]
-    for one in lone:
-        errors.print(f"passed over: {one}", markup=False)
-    return [computing(case) for case in cases]
+    if problems or not cases:
+        raise (problems or without_sidecar)[0]
+    for problem in without_sidecar:
+        error_console.print(f"passed over: {problem}", markup=False)
+    return [without_recorded_solvers(case) for case in cases]
 
 
-def computing(case: Case) -> Case:
+def without_recorded_solvers(case: Case) -> Case:
     """The case without solvers whose curves are recorded; a message names each that is left out.
 
     Raises
@@ -51,8 +51,8 @@ def computing(case: Case) -> Case:
     InputError
         All its solvers have recorded curves.
     """
-    case_left, others = with_computing_solvers(case)
-    if others and not case_left.run:
+    computing, others = with_computing_solvers(case)
+    if others and not computing.run:
         raise InputError(
             case.file,
             "run",
@@ -60,14 +60,14 @@ def computing(case: Case) -> Case:
             "needs an engine that computes",
         )
     for solver in others:
-        errors.print(
+        error_console.print(
             f"{case.name}: {solver} is left out: its curves are recorded, so it has no settings",
             markup=False,
         )
-    return case_left
+    return computing
 
 
-def seconds(option: str, value: float) -> float:
+def require_seconds(option: str, value: float) -> float:
     """The value of an option in seconds; raise ValueError unless it is positive and finite."""
     if not 0 < value < inf:
         raise ValueError(f"{option} {value:g}: give a number of seconds above 0, such as 30")

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 
 from proofmass.case import Case
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.sim.protocol import Curves
 
-S = mujoco.mjtSensor
+SensorType = mujoco.mjtSensor
 
 
 def invariants(case: Case, curves: Curves) -> dict[str, float]:
@@ -25,8 +25,12 @@ def invariants(case: Case, curves: Curves) -> dict[str, float]:
         apart count in the violation.
     """
     found = {"violation": curves.violation}
-    names = energies(case)
-    if conserved(case) and len(names) == 2 and all(name in curves.channels for name in names):
+    names = energy_sensors(case)
+    if (
+        conserves_energy(case)
+        and len(names) == 2
+        and all(name in curves.channels for name in names)
+    ):
         kinetic, potential = (curves.channels[name] for name in names)
         total = kinetic + potential
         if kinetic.any():
@@ -36,14 +40,18 @@ def invariants(case: Case, curves: Curves) -> dict[str, float]:
     return found
 
 
-def conserved(case: Case) -> bool:
+def conserves_energy(case: Case) -> bool:
     """Whether energy is conserved: no drive, actuator, damping or friction acts in the model."""
-    model = compiled(case)
+    model = compiled_model(case)
     return not (case.drive or model.nu or model.dof_damping.any() or model.dof_frictionloss.any())
 
 
-def energies(case: Case) -> list[str]:
+def energy_sensors(case: Case) -> list[str]:
     """Names of the model's sensors of kinetic and potential energy, in that order, if present."""
-    model = compiled(case)
+    model = compiled_model(case)
     found = {int(model.sensor_type[k]): model.sensor(k).name for k in range(model.nsensor)}
-    return [found[kind] for kind in (S.mjSENS_E_KINETIC, S.mjSENS_E_POTENTIAL) if kind in found]
+    return [
+        found[kind]
+        for kind in (SensorType.mjSENS_E_KINETIC, SensorType.mjSENS_E_POTENTIAL)
+        if kind in found
+    ]

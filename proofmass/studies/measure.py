@@ -27,69 +27,69 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.compare import reference_for
 from proofmass.errors import InputError
-from proofmass.files import write_whole
-from proofmass.outcome import FAILURES, Outcome
-from proofmass.reference import grid, identity
+from proofmass.files import write_atomically
+from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.reference import reference_identity, run_samples
 from proofmass.sim.protocol import BadModel, Curves, NotSolved, Run
-from proofmass.solve import simulate
+from proofmass.solve import call_engine
 from proofmass.strict import Kind
 from proofmass.studies.invariants import invariants
-from proofmass.studies.record import KINDS, NAN, Setting
-from proofmass.worker import MEMORY, isolated
+from proofmass.studies.record import KIND_UNITS, NAN, Setting
+from proofmass.worker import DEFAULT_MEMORY, call_isolated
 
 try:
     import fcntl
 except ImportError:  # Windows, where runs are not pinned
     fcntl = None  # type: ignore[assignment]
 
-LOOK_AGAIN = 0.005  # s between two looks for a free processor
+LOCK_POLL_SECONDS = 0.005  # s between two looks for a free processor
 
 
-def cores() -> list[int]:
+def available_processors() -> list[int]:
     """Numbers of the processors that runs may be pinned to; empty where the system cannot pin."""
     return sorted(os.sched_getaffinity(0)) if fcntl and hasattr(os, "sched_getaffinity") else []
 
 
 @contextmanager
-def own_core() -> Iterator[int | None]:
+def reserve_processor() -> Iterator[int | None]:
     """Reserve a processor, after waiting for a free one; None where the system cannot pin.
 
     A reservation is a lock on a file: other processes respect it, and it ends with the process that
     has it.  Waiting processes form a queue, so that a study that asks without a pause does not get
     all processors.
     """
-    if not cores():
+    if not available_processors():
         yield None
         return
-    with ExitStack() as held:
-        with lock_file("queue").open("w") as queue:
+    with ExitStack() as locks:
+        with lock_path("queue").open("w") as queue:
             fcntl.flock(queue, fcntl.LOCK_EX)
-            core = first_free(held)
+            core = lock_free_processor(locks)
         yield core
 
 
-def first_free(held: ExitStack) -> int:
-    """Wait for a free processor and lock it until `held` is closed; return its number."""
+def lock_free_processor(locks: ExitStack) -> int:
+    """Wait for a free processor and lock it until `locks` is closed; return its number."""
     while True:
-        for core in cores():
-            file = lock_file(f"core-{core}").open("w")
+        for core in available_processors():
+            file = lock_path(f"core-{core}").open("w")
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 file.close()
             else:
-                held.enter_context(file)
+                locks.enter_context(file)
                 return core
-        time.sleep(LOOK_AGAIN)
+        time.sleep(LOCK_POLL_SECONDS)
 
 
-def lock_file(name: str) -> Path:
+def lock_path(name: str) -> Path:
     """Path of a lock file of the current user."""
     return Path(tempfile.gettempdir()) / f"proofmass-{getpass.getuser()}-{name}.lock"
 
 
 @contextmanager
-def pinned(core: int | None) -> Iterator[None]:
+def pin_process(core: int | None) -> Iterator[None]:
     """Pin this process to one processor within the context; do nothing for None."""
     if core is None:
         yield
@@ -103,7 +103,7 @@ def pinned(core: int | None) -> Iterator[None]:
 
 
 @cache
-def machine() -> str:
+def describe_machine() -> str:
     """Name of this machine's processor, and how many it has, such as ``NAME x 2``."""
     name = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
@@ -122,9 +122,11 @@ def load_average() -> float:
 
 
 T = TypeVar("T")
-CACHED = 8  # references in memory; those of driven runs differ from run to run and are used once
-Key = tuple[str | int | bytes, ...]
-cached: dict[Key, dict[str, Array]] = {}
+MAX_CACHED_REFERENCES = (
+    8  # references in memory; those of driven runs differ from run to run and are used once
+)
+ReferenceKey = tuple[str | int | bytes, ...]
+reference_cache: dict[ReferenceKey, dict[str, Array]] = {}
 
 
 def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]:
@@ -133,46 +135,52 @@ def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]
     Runs of a free motion, and sweeps whose drives are exact, share one reference.  The integration
     of a free linkage takes longer than most runs that are compared with it.
     """
-    key = key_of(case, kind, curves)
-    found = cached.pop(key) if key in cached else reference_for(case, kind, curves).channels
+    key = reference_key(case, kind, curves)
+    found = (
+        reference_cache.pop(key)
+        if key in reference_cache
+        else reference_for(case, kind, curves).channels
+    )
     cache_reference(key, found)
     return found
 
 
-def key_of(case: Case, kind: Kind, curves: Curves) -> Key:
+def reference_key(case: Case, kind: Kind, curves: Curves) -> ReferenceKey:
     """Key of the reference of a run in the cache: case, kind of run, samples and drive motion."""
-    where = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
-    return *identity(case), kind, where
+    motion = b"".join(part.tobytes() for part in (curves.x, *(curves.drive or ())))
+    return *reference_identity(case), kind, motion
 
 
-def cache_reference(key: Key, channels: dict[str, Array]) -> None:
+def cache_reference(key: ReferenceKey, channels: dict[str, Array]) -> None:
     """Put a reference into the cache of this process, which keeps those that were used last."""
-    while len(cached) >= CACHED:
-        del cached[next(iter(cached))]
-    cached[key] = channels
+    while len(reference_cache) >= MAX_CACHED_REFERENCES:
+        del reference_cache[next(iter(reference_cache))]
+    reference_cache[key] = channels
 
 
 def write_reference(case: Case, kind: Kind, file: Path) -> None:
     """Write the reference of a free motion into a file, for `read_reference` in other processes."""
     packed = io.BytesIO()
-    np.savez(packed, **cached_reference(case, kind, Curves(grid(case, kind), {})))  # type: ignore[arg-type]
-    write_whole(file, packed.getvalue())
+    np.savez(packed, **cached_reference(case, kind, Curves(run_samples(case, kind), {})))  # type: ignore[arg-type]
+    write_atomically(file, packed.getvalue())
 
 
 def read_reference(case: Case, kind: Kind, file: Path) -> None:
     """Put the reference that `write_reference` wrote for the same case into the cache, if any."""
-    key = key_of(case, kind, Curves(grid(case, kind), {}))
-    if key not in cached and file.is_file():
+    key = reference_key(case, kind, Curves(run_samples(case, kind), {}))
+    if key not in reference_cache and file.is_file():
         with np.load(file) as arrays:
             cache_reference(key, dict(arrays))
 
 
-REFERENCE = 600.0  # s, wall time after which the reference of a free motion is given up
-writing: dict[Path, Lock] = {}
-SHORT = 0.02
+REFERENCE_TIMEOUT = 600.0  # s, wall time after which the reference of a free motion is given up
+reference_locks: dict[Path, Lock] = {}
+SHORT_RUN_SECONDS = 0.02
 """Wall time [s] below which a run is made twice and timed the second time: a process needs some
 milliseconds more for the first run."""
-CONSTANT = 1e-9  # share of the largest range of a unit's curves, up to which a curve is rounding
+CONSTANT_RANGE = (
+    1e-9  # share of the largest range of a unit's curves, up to which a curve is rounding
+)
 
 
 @dataclass(frozen=True)
@@ -196,7 +204,7 @@ class StudyRun:
     reference : path, optional
         File of the reference of a free motion; it is written first if it is missing.
     key : str
-        Key of the run in the store, if it is known; see `proofmass.studies.store.key_of`.
+        Key of the run in the store, if it is known; see `proofmass.studies.store.task_key`.
     timed : bool
         Whether the wall time matters: a short run is then made twice, and the second one timed.
     """
@@ -243,11 +251,11 @@ class Measurement:
         return self.outcome in (Outcome.RAN, Outcome.STOPPED)
 
 
-failed: dict[Path, Measurement] = {}
+failed_references: dict[Path, Measurement] = {}
 """References of free motions that this process could not evaluate, by file, with the reason."""
 
-OUTCOMES: dict[type[Exception], Outcome] = {
-    **FAILURES,
+STUDY_OUTCOME_OF_EXCEPTION: dict[type[Exception], Outcome] = {
+    **OUTCOME_OF_EXCEPTION,
     NotSolved: Outcome.NOT_SOLVED,
     BadModel: Outcome.NO_START,
 }
@@ -255,14 +263,14 @@ OUTCOMES: dict[type[Exception], Outcome] = {
 
 
 def measure(
-    function: Callable[..., T], *args: Any, timeout: float, memory: float = MEMORY
+    function: Callable[..., T], *args: Any, timeout: float, memory: float = DEFAULT_MEMORY
 ) -> T | Measurement:
     """Call a function in a process of its own; turn an exception into a measurement.
 
     Parameters
     ----------
     function : callable
-        Function that runs a model; see `proofmass.worker.isolated`.
+        Function that runs a model; see `proofmass.worker.call_isolated`.
     *args
         Arguments of the function.
     timeout, memory : float
@@ -274,19 +282,19 @@ def measure(
         The function's result; if it fails, a `Measurement` with the outcome and the message.
     """
     try:
-        return cast(T, isolated(function, *args, timeout=timeout, memory=memory))
-    except tuple(OUTCOMES) as error:
-        kind = next(one for one in type(error).__mro__ if one in OUTCOMES)
-        return Measurement(outcome=OUTCOMES[kind], message=str(error))
+        return cast(T, call_isolated(function, *args, timeout=timeout, memory=memory))
+    except tuple(STUDY_OUTCOME_OF_EXCEPTION) as error:
+        kind = next(one for one in type(error).__mro__ if one in STUDY_OUTCOME_OF_EXCEPTION)
+        return Measurement(outcome=STUDY_OUTCOME_OF_EXCEPTION[kind], message=str(error))
 
 
-def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
+def measure_task(task: StudyRun, is_repeat: bool, timeout: float) -> Measurement:
     """Run a task in a process of its own, on a reserved processor.
 
     Parameters
     ----------
     task : StudyRun
-    again : bool
+    is_repeat : bool
         Whether this is a repeat, which is timed and not compared with the reference.
     timeout : float
         Wall time after which the run is given up [s].
@@ -296,16 +304,16 @@ def measure_task(task: StudyRun, again: bool, timeout: float) -> Measurement:
     InputError
         The model cannot be used, or a parameter is unknown to the engine.
     """
-    with own_core() as core:
-        if task.reference and not again:
+    with reserve_processor() as core:
+        if task.reference and not is_repeat:
             write_missing_reference(task, task.reference)
-            if task.reference in failed:
-                return failed[task.reference]
+            if task.reference in failed_references:
+                return failed_references[task.reference]
         found = measure(
-            observe, task, again, core, timeout=timeout, memory=task.case.run[task.run].memory
+            observe, task, is_repeat, core, timeout=timeout, memory=task.case.run[task.run].memory
         )
     if found.outcome == Outcome.NOT_SOLVED:
-        return replace(found, outcome=FAILURES[NotSolved])
+        return replace(found, outcome=OUTCOME_OF_EXCEPTION[NotSolved])
     if found.outcome != Outcome.NO_START:
         return found
     if "segments" in task.setting.parameters:  # such as a sensor on the tenth link
@@ -317,39 +325,39 @@ def write_missing_reference(task: StudyRun, file: Path) -> None:
     """Write the reference of a free motion into a file, if it is not there.
 
     This is done before the run, so that it does not count as time of the run.  If the reference
-    cannot be evaluated, `failed` gets the reason, and no setting of the case has a
+    cannot be evaluated, `failed_references` gets the reason, and no setting of the case has a
     reference.
     """
     limits = task.case.run[task.run]
-    with writing.setdefault(file, Lock()):
-        if file.is_file() or file in failed:
+    with reference_locks.setdefault(file, Lock()):
+        if file.is_file() or file in failed_references:
             return
         try:
             found = measure(
                 write_reference,
-                task.setting.applied(task.case, task.run)[0],
+                task.setting.apply_to(task.case, task.run)[0],
                 task.run,
                 file,
-                timeout=max(REFERENCE, limits.timeout),
+                timeout=max(REFERENCE_TIMEOUT, limits.timeout),
                 memory=limits.memory,
             )
         except InputError as error:
-            failed[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
+            failed_references[file] = Measurement(outcome=Outcome.NO_REFERENCE, message=error.wrong)
         else:
             if isinstance(found, Measurement):
-                failed[file] = replace(found, message=f"its reference: {found.message}")
+                failed_references[file] = replace(found, message=f"its reference: {found.message}")
 
 
-def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
-    """Run a task in this process, pinned to a processor; `again` leaves out the comparison."""
-    with pinned(core):
-        case, run = task.setting.applied(task.case, task.run)
-        if task.reference and not again:
+def observe(task: StudyRun, is_repeat: bool, core: int | None) -> Measurement:
+    """Run a task in this process, pinned to a processor; `is_repeat` leaves out the comparison."""
+    with pin_process(core):
+        case, run = task.setting.apply_to(task.case, task.run)
+        if task.reference and not is_repeat:
             read_reference(case, task.run, task.reference)
         before = load_average()
-        curves, shared = clocked(task.setting.engine, case.model_path, run)
-        if task.timed and curves.seconds < SHORT:
-            curves, shared = clocked(task.setting.engine, case.model_path, run)
+        curves, shared = time_run(task.setting.engine, case.model_path, run)
+        if task.timed and curves.seconds < SHORT_RUN_SECONDS:
+            curves, shared = time_run(task.setting.engine, case.model_path, run)
         cost = Measurement(
             {},
             {},
@@ -357,17 +365,17 @@ def observe(task: StudyRun, again: bool, core: int | None) -> Measurement:
             curves.steps,
             core is not None,
             shared,
-            machine(),
+            describe_machine(),
             step=step_taken(task.run, curves),
             load=max(before, load_average()),
         )
-        return cost if again else compare_run(case, run, curves, cost)
+        return cost if is_repeat else compare_run(case, run, curves, cost)
 
 
 def simulate_task(task: StudyRun) -> Curves:
     """Run a task in this process, without a reference."""
-    case, run = task.setting.applied(task.case, task.run)
-    return simulate(task.setting.engine, case.model_path, run)
+    case, run = task.setting.apply_to(task.case, task.run)
+    return call_engine(task.setting.engine, case.model_path, run)
 
 
 def step_taken(kind: Kind, curves: Curves) -> float:
@@ -380,17 +388,19 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
     kind = cast(Kind, run.kind)
     channels = {f"channel.{name}": values for name, values in curves.channels.items()}
     cost = replace(cost, curves={"x": curves.x, **channels})
-    if wrong := not_finite(curves.channels):
-        return replace(cost, outcome=Outcome.NOT_FINITE, message=wrong)
+    if bad_sample := first_not_finite(curves.channels):
+        return replace(cost, outcome=Outcome.NOT_FINITE, message=bad_sample)
     try:
         errors = relative_errors(case, kind, curves)
         asked = (
-            relative_errors(case, kind, as_asked(run, curves)) if drives_moved(run, curves) else {}
+            relative_errors(case, kind, with_prescribed_drives(run, curves))
+            if drives_moved(run, curves)
+            else {}
         )
     except InputError as error:  # the mechanism cannot have such a pose
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
-    if wrong := not_finite(cached_reference(case, kind, curves)):
-        return replace(cost, outcome=Outcome.NO_REFERENCE, message=wrong)
+    if bad_sample := first_not_finite(cached_reference(case, kind, curves)):
+        return replace(cost, outcome=Outcome.NO_REFERENCE, message=bad_sample)
     return replace(
         cost,
         errors=errors,
@@ -406,20 +416,20 @@ def drives_moved(run: Run, curves: Curves) -> bool:
     return run.kind == "dynamics" and bool(run.drives) and curves.drive is not None
 
 
-def as_asked(run: Run, curves: Curves) -> Curves:
+def with_prescribed_drives(run: Run, curves: Curves) -> Curves:
     """Curves of a run, with the prescribed motion of its drives in place of the measured one."""
     return replace(curves, drive=run.motion(curves.x))
 
 
-def clocked(engine: str, model: Path, run: Run) -> tuple[Curves, float]:
+def time_run(engine: str, model: Path, run: Run) -> tuple[Curves, float]:
     """Curves of a run, and the share of its wall time that the processor gave to others [1]."""
     wall, own = time.perf_counter(), time.process_time()
-    curves = simulate(engine, model, run)
+    curves = call_engine(engine, model, run)
     own, wall = time.process_time() - own, time.perf_counter() - wall
     return curves, max(0.0, 1.0 - own / wall)
 
 
-def not_finite(channels: dict[str, Array]) -> str:
+def first_not_finite(channels: dict[str, Array]) -> str:
     """The first channel with a value that is not finite, and its sample; empty if there is none."""
     for name, values in channels.items():
         finite = np.isfinite(values)
@@ -431,8 +441,8 @@ def not_finite(channels: dict[str, Array]) -> str:
 def relative_errors(case: Case, kind: Kind, curves: Curves) -> dict[str, float]:
     """Largest error of each kind of channel, as a share of the reference's range [1]."""
     found = dict[str, float]()
-    for what, errors in channel_errors(case, kind, curves):
-        found[what] = max(float(errors.max()), found.get(what, 0.0))
+    for kind_of_error, errors in channel_errors(case, kind, curves):
+        found[kind_of_error] = max(float(errors.max()), found.get(kind_of_error, 0.0))
     return found
 
 
@@ -441,17 +451,27 @@ def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str
 
     Channels whose reference is constant have no range and are left out.
     """
-    wanted = cached_reference(case, kind, curves)
+    reference = cached_reference(case, kind, curves)
     channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
-    widest = dict[str, float]()
+    largest_range = dict[str, float]()
     for name, channel in channels.items():
-        widest[channel.si_unit] = max(span(wanted[name]), widest.get(channel.si_unit, 0.0))
+        largest_range[channel.si_unit] = max(
+            curve_range(reference[name]), largest_range.get(channel.si_unit, 0.0)
+        )
     for name, channel in channels.items():
-        what = next((k for k, units in KINDS.items() if channel.si_unit in units), None)
-        if what and span(wanted[name]) > CONSTANT * widest[channel.si_unit]:
-            yield what, np.abs(curves.channels[name] - wanted[name]) / span(wanted[name])
+        kind_of_error = next(
+            (k for k, units in KIND_UNITS.items() if channel.si_unit in units), None
+        )
+        if (
+            kind_of_error
+            and curve_range(reference[name]) > CONSTANT_RANGE * largest_range[channel.si_unit]
+        ):
+            yield (
+                kind_of_error,
+                np.abs(curves.channels[name] - reference[name]) / curve_range(reference[name]),
+            )
 
 
-def span(values: Array) -> float:
+def curve_range(values: Array) -> float:
     """Range of a curve: its largest value minus its smallest."""
     return float(np.ptp(values))

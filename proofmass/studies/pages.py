@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from proofmass.errors import InputError
-from proofmass.report.study import ShownStudy, Written
+from proofmass.report.study import ShownStudy, StudyPages
 from proofmass.studies.diet.page import write_diet
 from proofmass.studies.stress.page import write_stress
 from proofmass.studies.trade.page import write_trade
 
-Write = Callable[[Path, Path, str], Written]
-HOME = "../index.html"
+PageFunction = Callable[[Path, Path, str], StudyPages]
+HOME_LINK = "../index.html"
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class StudyKind:
     table: str
     title: str
     what: str
-    write: Write
+    write: PageFunction
 
 
-KINDS = (
+STUDY_KINDS = (
     StudyKind(
         "trade",
         "trade.csv",
@@ -60,24 +60,24 @@ def write_study_pages(folders: Iterable[Path], output: Path) -> list[ShownStudy]
     """
     asked: dict[str, tuple[StudyKind, Path]] = {}
     for folder in folders:
-        kind = next((k for k in KINDS if (folder / k.table).is_file()), None)
+        kind = next((k for k in STUDY_KINDS if (folder / k.table).is_file()), None)
         if kind is None:
             raise InputError(
                 folder,
                 "",
                 "no study is there; proofmass trade, stress and diet "
-                f"write {', '.join(k.table for k in KINDS)} into theirs",
+                f"write {', '.join(k.table for k in STUDY_KINDS)} into theirs",
             )
         if kind.name in asked:
             raise InputError(
                 folder, "", f"a second {kind.name} study; give one folder of each kind"
             )
         asked[kind.name] = kind, folder
-    return [one(kind, folder, output) for kind, folder in asked.values()]
+    return [write_one_study(kind, folder, output) for kind, folder in asked.values()]
 
 
-def one(kind: StudyKind, folder: Path, output: Path) -> ShownStudy:
+def write_one_study(kind: StudyKind, folder: Path, output: Path) -> ShownStudy:
     """Write the pages of one study; return its entry and links for the report."""
-    pages = kind.write(folder, output / kind.name, HOME)
+    pages = kind.write(folder, output / kind.name, HOME_LINK)
     links = {name: f"{kind.name}/{link}" for name, link in pages.parts.items()}
     return ShownStudy(kind.title, kind.what, f"{kind.name}/{pages.first.name}", links)

@@ -17,10 +17,10 @@ from typing import Any, get_type_hints
 from proofmass import units
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import ParameterValue, Run
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.strict import Kind
 
 
@@ -40,11 +40,11 @@ class Setting:
     engine: str
     parameters: dict[str, ParameterValue] = field(default_factory=dict)
 
-    def but(self, **parameters: ParameterValue) -> "Setting":
+    def with_parameters(self, **parameters: ParameterValue) -> "Setting":
         """The same setting with some parameters replaced or added."""
         return Setting(self.engine, {**self.parameters, **parameters})
 
-    def applied(self, case: Case, kind: Kind) -> tuple[Case, Run]:
+    def apply_to(self, case: Case, kind: Kind) -> tuple[Case, Run]:
         """The case with this setting, its rods with that many segments, and the run to ask for."""
         parameters: dict[str, Any] = dict(self.parameters)
         if segments := parameters.pop("segments", None):
@@ -57,11 +57,11 @@ class Setting:
                 }
             )
         case = case.model_copy(update={"settings": {self.engine: parameters}})
-        return case, plan(case, kind, self.engine)
+        return case, plan_run(case, kind, self.engine)
 
 
 NAN = float("nan")
-KINDS = {**units.KINDS, "force": units.FORCES, "energy": ("J",)}
+KIND_UNITS = {**units.MOTION_UNITS, "force": units.FORCE_UNITS, "energy": ("J",)}
 """SI units by kind of channel; a run has one error for each kind of channel that it has."""
 
 
@@ -155,13 +155,13 @@ class StudyRow:
         return (self.asked or self.errors).get(kind, NAN)
 
 
-SPREAD = {  # fields of `StudyRow` with a column for each key: prefixes of these columns
+COLUMN_PREFIXES = {  # fields of `StudyRow` with a column for each key: prefixes of these columns
     "parameters": "parameter",
     "errors": "error",
     "asked": "asked",
     "invariants": "invariant",
 }
-COLUMNS = {
+COLUMN_DESCRIPTIONS = {
     "study": "trade, choose, stress or diet",
     "case": "name of the sidecar",
     "run": "sweep, dynamics or equilibrium",
@@ -199,20 +199,23 @@ COLUMNS = {
 def write_table(rows: Iterable[StudyRow], file: Path) -> None:
     """Write ``NAME.csv``, ``NAME.columns.md`` and, where pyarrow is there, ``NAME.parquet``."""
     rows = list(rows)
-    write_whole(file, table(rows))
+    write_atomically(file, format_table(rows))
     write_columns(
         file.with_suffix(".columns.md"),
         file.name,
         "run",
-        {f"{name}.*" if name in SPREAD.values() else name: what for name, what in COLUMNS.items()},
+        {
+            f"{name}.*" if name in COLUMN_PREFIXES.values() else name: what
+            for name, what in COLUMN_DESCRIPTIONS.items()
+        },
     )
     if rows and find_spec("pyarrow"):
         from pyarrow import csv as arrow
         from pyarrow import parquet
 
-        half = file.with_suffix(".parquet.part")
-        parquet.write_table(arrow.read_csv(file), half)
-        half.replace(file.with_suffix(".parquet"))
+        partial = file.with_suffix(".parquet.part")
+        parquet.write_table(arrow.read_csv(file), partial)
+        partial.replace(file.with_suffix(".parquet"))
 
 
 def read_table(file: Path) -> list[StudyRow]:
@@ -234,38 +237,43 @@ def read_table(file: Path) -> list[StudyRow]:
                         f"not the table of a study: no column {name!r}; if an earlier version "
                         "wrote it, run the study again",
                     )
-            return [parsed(cells) for cells in reader]
+            return [parse_row(cells) for cells in reader]
     except OSError as error:
         raise InputError(file, "", f"no table there: {error.strerror}") from None
 
 
-def table(rows: Sequence[StudyRow]) -> str:
+def format_table(rows: Sequence[StudyRow]) -> str:
     """Text of the CSV table of rows, with a header; a cell is empty where a row has no value.
 
-    >>> print(table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4",
+    >>> print(format_table([StudyRow("trade", "pendulum", "dynamics", "mujoco", "RK4",
     ...                  "timestep", 0.01, {"timestep": 0.01},
     ...                  {"position": 1e-7})]).partition(",seconds")[0])
     study,case,run,engine,series,varied,value,parameter.timestep,error.position
     """
-    cells = [flat(row) for row in rows]
-    there = dict.fromkeys(name for row in cells for name in row)
-    order = sorted(there, key=lambda name: list(COLUMNS).index(name.partition(".")[0]))
+    cells = [row_cells(row) for row in rows]
+    columns = dict.fromkeys(name for row in cells for name in row)
+    ordered_columns = sorted(
+        columns, key=lambda name: list(COLUMN_DESCRIPTIONS).index(name.partition(".")[0])
+    )
     text = io.StringIO()
-    writer = csv.DictWriter(text, order, restval="", lineterminator="\n")
+    writer = csv.DictWriter(text, ordered_columns, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(cells)
     return text.getvalue()
 
 
-def flat(row: StudyRow) -> dict[str, str]:
+def row_cells(row: StudyRow) -> dict[str, str]:
     """The cells of a row by the names of their columns."""
     cells = dict[str, str]()
-    for one in fields(StudyRow):
-        value = getattr(row, one.name)
-        if one.name in SPREAD:
-            cells |= {f"{SPREAD[one.name]}.{key}": format_cell(part) for key, part in value.items()}
+    for column in fields(StudyRow):
+        value = getattr(row, column.name)
+        if column.name in COLUMN_PREFIXES:
+            cells |= {
+                f"{COLUMN_PREFIXES[column.name]}.{key}": format_cell(part)
+                for key, part in value.items()
+            }
         else:
-            cells[one.name] = value if isinstance(value, str) else format_cell(value)
+            cells[column.name] = value if isinstance(value, str) else format_cell(value)
     return cells
 
 
@@ -277,10 +285,10 @@ def format_cell(value: Any) -> str:
     """
     if isinstance(value, float) and math.isnan(value):
         return ""
-    return value if isinstance(value, str) and read(value) == value else json.dumps(value)
+    return value if isinstance(value, str) and parse_cell(value) == value else json.dumps(value)
 
 
-def read(cell: str) -> Any:
+def parse_cell(cell: str) -> Any:
     """Value of a cell: parsed as JSON, an array as a tuple; else the text of the cell."""
     try:
         value = json.loads(cell)
@@ -289,27 +297,29 @@ def read(cell: str) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def parsed(cells: dict[str, str]) -> StudyRow:
+def parse_row(cells: dict[str, str]) -> StudyRow:
     """The row with these cells, by the names of their columns."""
     values = dict[str, Any]()
     for name, kind in get_type_hints(StudyRow).items():
-        if name in SPREAD:
+        if name in COLUMN_PREFIXES:
             own = {
                 column.partition(".")[2]: cell
                 for column, cell in cells.items()
-                if column.startswith(SPREAD[name] + ".") and cell
+                if column.startswith(COLUMN_PREFIXES[name] + ".") and cell
             }
-            values[name] = {key: read(cell) for key, cell in own.items()}
+            values[name] = {key: parse_cell(cell) for key, cell in own.items()}
         elif name in cells:
-            word = kind is str
-            values[name] = cells[name] if word else read(cells[name]) if cells[name] else NAN
+            is_text = kind is str
+            values[name] = (
+                cells[name] if is_text else parse_cell(cells[name]) if cells[name] else NAN
+            )
     return StudyRow(**values)
 
 
 def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:
     """Write a Markdown file that describes the rows and columns of a table."""
     lines = [f"| `{column}` | {what} |" for column, what in columns.items()]
-    write_whole(
+    write_atomically(
         file,
         "\n".join(
             [

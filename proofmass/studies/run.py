@@ -23,15 +23,15 @@ from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, measure_task
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
-from proofmass.worker import stopping
+from proofmass.worker import interrupt_workers
 
 Progress = Callable[[str, int, int], None]
-Unit = tuple[str, int]  # key of a task and number of the repeat; 0 is the first run, with errors
-CONNECT = "10s"  # for the connection to a Dask scheduler
-SPAN = 0.3
+RunKey = tuple[str, int]  # key of a task and number of the repeat; 0 is the first run, with errors
+CONNECT_TIMEOUT = "10s"  # for the connection to a Dask scheduler
+REPEATS_SECONDS = 0.3
 """Wall time that all repeats of a long run take together [s]: a short disturbance, such as an
 interrupt or another process, is a small share of it."""
-MOMENT = 0.1
+LONG_RUN_SECONDS = 0.1
 """Wall time [s] from which a run is long compared with a short disturbance."""
 
 
@@ -48,7 +48,7 @@ def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]
         Dask is not installed, or no scheduler answers at the address.
     """
     if dask is None:
-        with stopping(), ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
+        with interrupt_workers(), ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
             yield threads
         return
     try:
@@ -56,7 +56,7 @@ def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]
     except ImportError:
         raise ValueError("--dask needs dask: pip install proofmass[dask]") from None
     try:
-        client = Client(dask, timeout=CONNECT)
+        client = Client(dask, timeout=CONNECT_TIMEOUT)
     except (OSError, ValueError) as error:
         raise ValueError(
             f"--dask {dask}: no scheduler answers there, such as tcp://host:8786: {error}"
@@ -65,7 +65,7 @@ def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]
         yield cluster
 
 
-def run(
+def run_tasks(
     tasks: Iterable[StudyRun],
     store: Store,
     workers: Executor | None = None,
@@ -79,8 +79,8 @@ def run(
     """Run each task once, then up to `repeats` times more for its wall time alone.
 
     Repeats are made in rounds: all tasks once, then all of them again.  A run longer than
-    `MOMENT` is repeated less often: once, or until all its runs together took
-    `SPAN`.  The wall time of the first run counts as well.
+    `LONG_RUN_SECONDS` is repeated less often: once, or until all its runs together took
+    `REPEATS_SECONDS`.  The wall time of the first run counts as well.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def run(
     """
     if workers is None:
         with pool() as local:
-            return run(
+            return run_tasks(
                 tasks,
                 store,
                 local,
@@ -124,11 +124,11 @@ def run(
                 timeout=timeout,
                 progress=progress,
             )
-    tasks = referred(tasks, store)
+    tasks = with_references(tasks, store)
     keys = store.find_keys(tasks)
     rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     again = set(keys) if repeated is None else {keys[k] for k in repeated}
-    rounds.make([(key, 0) for key in rounds.tasks], later=repeats * len(again))
+    rounds.make_runs([(key, 0) for key in rounds.tasks], later=repeats * len(again))
     timed = {
         key: repeats_needed(one.seconds, repeats)
         for key in rounds.tasks
@@ -136,7 +136,7 @@ def run(
         and (one := rounds.found[key, 0]).complete
         and one.seconds <= longest_repeated
     }
-    rounds.make(
+    rounds.make_runs(
         [(key, n) for n in range(1, repeats + 1) for key, most in timed.items() if n <= most]
     )
     found = [
@@ -144,7 +144,7 @@ def run(
         for key in keys
     ]
     return [
-        row(task, each, repeats > 0, key)
+        make_row(task, each, repeats > 0, key)
         for task, each, key in zip(tasks, found, keys, strict=True)
     ]
 
@@ -155,28 +155,32 @@ def repeats_needed(seconds: float, repeats: int) -> int:
     >>> [repeats_needed(seconds, 5) for seconds in (0.01, 0.2, 1.5)]
     [5, 1, 1]
     """
-    return min(repeats, max(1, ceil(SPAN / seconds) - 1)) if seconds >= MOMENT else repeats
+    return (
+        min(repeats, max(1, ceil(REPEATS_SECONDS / seconds) - 1))
+        if seconds >= LONG_RUN_SECONDS
+        else repeats
+    )
 
 
-def referred(tasks: Iterable[StudyRun], store: Store) -> list[StudyRun]:
+def with_references(tasks: Iterable[StudyRun], store: Store) -> list[StudyRun]:
     """The tasks with the file of their reference, which all tasks of one run of a case share."""
     files: dict[tuple[int, Kind], Path | None] = {}
     found = list[StudyRun]()
     for task in tasks:
         if (run := (id(task.case), task.run)) not in files:
-            files[run] = reference_of(task, store)
+            files[run] = reference_file(task, store)
         found.append(replace(task, reference=files[run]))
     return found
 
 
-def is_shared(case: Case, kind: Kind) -> bool:
+def has_shared_reference(case: Case, kind: Kind) -> bool:
     """Whether all settings of a run have the same reference: a free motion without rods."""
     return kind == "dynamics" and not case.drive and not case.rod
 
 
-def reference_of(task: StudyRun, store: Store) -> Path | None:
-    """File of the reference of a run if `is_shared`, else None."""
-    if not is_shared(task.case, task.run):
+def reference_file(task: StudyRun, store: Store) -> Path | None:
+    """File of the reference of a run if `has_shared_reference`, else None."""
+    if not has_shared_reference(task.case, task.run):
         return None
     first = replace(task, setting=Setting("mujoco"), key="")
     return store.folder / f"{store.key(first)}.reference.npz"
@@ -191,9 +195,9 @@ class Rounds:
     workers: Executor
     timeout: float | None
     progress: Progress
-    found: dict[Unit, Measurement] = field(default_factory=dict)
+    found: dict[RunKey, Measurement] = field(default_factory=dict)
 
-    def make(self, units: list[Unit], later: int = 0) -> None:
+    def make_runs(self, units: list[RunKey], later: int = 0) -> None:
         """Load runs from the store, then make the missing ones; `later` counts as work to come."""
         total = len(self.found) + len(units) + later
         missing = []
@@ -226,7 +230,7 @@ class Rounds:
         return self.timeout or task.case.run[task.run].timeout
 
 
-def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") -> StudyRow:
+def make_row(task: StudyRun, found: list[Measurement], is_timed: bool, key: str = "") -> StudyRow:
     """The row of a task from its first run, which has the errors, and its repeats.
 
     If a repeat failed, the row has the outcome of the first one that did.
@@ -239,10 +243,10 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
             repeats[failed].outcome,
             f"repeat {failed + 1}: {repeats[failed].message}",
         )
-    ran = [one for one in repeats if one.complete]
-    if timed and first.complete:
-        ran.insert(0, first)
-    least = min(ran, key=lambda one: one.seconds, default=first)
+    timed_runs = [one for one in repeats if one.complete]
+    if is_timed and first.complete:
+        timed_runs.insert(0, first)
+    least = min(timed_runs, key=lambda one: one.seconds, default=first)
     setting = task.setting
     return StudyRow(
         task.study,
@@ -257,7 +261,7 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
         first.invariants,
         least.seconds,
         first.steps,
-        tuple(one.seconds for one in ran),
+        tuple(one.seconds for one in timed_runs),
         least.pinned,
         least.shared,
         least.machine,
@@ -266,5 +270,5 @@ def row(task: StudyRun, found: list[Measurement], timed: bool, key: str = "") ->
         key,
         first.asked,
         first.step,
-        max((one.load for one in ran if not isnan(one.load)), default=NAN),
+        max((one.load for one in timed_runs if not isnan(one.load)), default=NAN),
     )

@@ -22,28 +22,28 @@ from proofmass import drive, reference
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.files import HALF, read_text, write_whole
+from proofmass.files import PARTIAL_ENDING, read_text, write_atomically
 from proofmass.fingerprint import (
+    bytes_of_case_model,
     digest,
-    model_bytes,
-    recorded_bytes,
-    sources_with,
-    versions,
+    digest_recorded_files,
+    digest_sources,
+    package_versions,
 )
 from proofmass.outcome import Outcome
 from proofmass.strict import Kind
 from proofmass.studies import invariants, measure
-from proofmass.studies.bounded import bounded
+from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 
-MATTERS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, part of every key
+KEY_FIELDS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, part of every key
 TaskKey = tuple[int, int, str]
 """Identity of a task in a process: id of the case, time of change of its model, run and setting."""
-BATCH = 32  # settings for whose keys one call of a worker compiles the models
-LATE = Outcome.TIMED_OUT
-ABANDONED = 3600.0  # [s] since its last change, after which a partial file is deleted
-OWN = measure, invariants, reference, drive  # modules on whose code a result depends
+KEYS_PER_CALL = 32  # settings for whose keys one call of a worker compiles the models
+TIMED_OUT = Outcome.TIMED_OUT
+PARTIAL_FILE_SECONDS = 3600.0  # [s] since its last change, after which a partial file is deleted
+RESULT_MODULES = measure, invariants, reference, drive  # modules on whose code a result depends
 
 
 class Store:
@@ -60,32 +60,36 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.keys: dict[TaskKey, tuple[Case, str]] = {}
         self.known: dict[tuple[str, int], Measurement] = {}  # read or written by this process
-        for half in self.folder.glob(f"*{HALF}"):  # left by a study that was killed while it wrote
-            if time.time() - half.stat().st_mtime > ABANDONED:
+        for half in self.folder.glob(
+            f"*{PARTIAL_ENDING}"
+        ):  # left by a study that was killed while it wrote
+            if time.time() - half.stat().st_mtime > PARTIAL_FILE_SECONDS:
                 half.unlink()
 
     def key(self, task: StudyRun) -> str:
-        """The key of a task; see `key_of`."""
+        """The key of a task; see `task_key`."""
         return self.find_keys([task])[0]
 
     def find_keys(self, tasks: Sequence[StudyRun]) -> list[str]:
         """The keys of tasks; those that are not known yet are computed in parallel, in batches."""
-        places = [place_of(task) for task in tasks]
+        identities = [task_identity(task) for task in tasks]
         unknown: dict[tuple[int, str], dict[TaskKey, StudyRun]] = {}
-        for place, task in zip(places, tasks, strict=True):
-            if not task.key and place not in self.keys:
-                unknown.setdefault((id(task.case), task.run), {})[place] = task
+        for identity, task in zip(identities, tasks, strict=True):
+            if not task.key and identity not in self.keys:
+                unknown.setdefault((id(task.case), task.run), {})[identity] = task
         batches = [
-            list(one.items())[k : k + BATCH]
+            list(one.items())[k : k + KEYS_PER_CALL]
             for one in unknown.values()
-            for k in range(0, len(one), BATCH)
+            for k in range(0, len(one), KEYS_PER_CALL)
         ]
         with ThreadPoolExecutor(os.cpu_count()) as threads:
-            every = list(threads.map(lambda batch: keys_of([one for _, one in batch]), batches))
+            every = list(threads.map(lambda batch: task_keys([one for _, one in batch]), batches))
         for batch, keys in zip(batches, every, strict=True):
-            for (place, task), key in zip(batch, keys, strict=True):
-                self.keys[place] = task.case, key  # keeps the case alive: its id stays unique
-        return [task.key or self.keys[place][1] for place, task in zip(places, tasks, strict=True)]
+            for (identity, task), key in zip(batch, keys, strict=True):
+                self.keys[identity] = task.case, key  # keeps the case alive: its id stays unique
+        return [
+            task.key or self.keys[place][1] for place, task in zip(identities, tasks, strict=True)
+        ]
 
     def load(self, key: str, repeat: int, timeout: float = 0.0) -> Measurement | None:
         """The result of a run; None if missing, or given up after less than `timeout` [s]."""
@@ -93,11 +97,11 @@ class Store:
             return self.known[key, repeat]
         if not (file := self.file(key, repeat)).is_file():
             return None
-        record = read(file)
+        record = read_json(file)
         try:
-            found, given = Measurement(**record["found"]), float(record["timeout"])
+            found, given_timeout = Measurement(**record["found"]), float(record["timeout"])
         except (KeyError, TypeError, ValueError):
-            raise foreign(file) from None
+            raise foreign_file_error(file) from None
         for name, value in vars(Measurement()).items():
             kinds = (
                 (int, float)
@@ -107,14 +111,14 @@ class Store:
                 else type(value)
             )
             if not isinstance(getattr(found, name), kinds):
-                raise foreign(file)
-        if found.outcome == LATE and given < timeout:
+                raise foreign_file_error(file)
+        if found.outcome == TIMED_OUT and given_timeout < timeout:
             return None
         return self.remember(key, repeat, found)
 
     def remember(self, key: str, repeat: int, found: Measurement) -> Measurement:
         """Keep a result without its curves in memory, unless it timed out: it may be made again."""
-        if found.outcome != LATE:
+        if found.outcome != TIMED_OUT:
             self.known[key, repeat] = replace(found, curves={})
         return found
 
@@ -137,12 +141,12 @@ class Store:
         except FileNotFoundError:
             raise
         except (OSError, ValueError, EOFError, AttributeError, TypeError, BadZipFile):
-            raise foreign(file) from None
+            raise foreign_file_error(file) from None
 
     def records(self, case: str, run: str) -> Iterator[tuple[str, dict[str, Any]]]:
         """Key and record of every first run of a case of that name, also with earlier models."""
         for file in sorted(self.folder.glob("*.0.json")):
-            record = read(file)
+            record = read_json(file)
             if isinstance(record, dict) and (record.get("case"), record.get("run")) == (case, run):
                 yield file.name.removesuffix(".0.json"), record
 
@@ -160,7 +164,7 @@ class Store:
         if found.curves:
             packed = io.BytesIO()
             np.savez(packed, **found.curves)  # type: ignore[arg-type]  # digits do not compress
-            write_whole(self.folder / f"{key}.npz", packed.getvalue())
+            write_atomically(self.folder / f"{key}.npz", packed.getvalue())
         record = {
             "case": task.case.name,
             "run": task.run,
@@ -168,10 +172,10 @@ class Store:
             "parameters": task.setting.parameters,
             "repeat": repeat,
             "timeout": timeout,
-            "versions": versions(task.setting.engine),
-            "found": as_record(found),
+            "versions": package_versions(task.setting.engine),
+            "found": result_record(found),
         }
-        write_whole(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
+        write_atomically(self.file(key, repeat), json.dumps(record, indent=1, allow_nan=False))
         self.remember(key, repeat, found)
 
     def file(self, key: str, repeat: int) -> Path:
@@ -179,7 +183,7 @@ class Store:
         return self.folder / f"{key}.{repeat}.json"
 
 
-def as_record(found: Measurement) -> dict[str, Any]:
+def result_record(found: Measurement) -> dict[str, Any]:
     """The result of a run for its JSON file, without curves and without fields that are NaN."""
     return {
         k: v
@@ -188,8 +192,8 @@ def as_record(found: Measurement) -> dict[str, Any]:
     }
 
 
-def read(file: Path) -> Any:
-    """Content of a JSON file that `write_whole` wrote.
+def read_json(file: Path) -> Any:
+    """Content of a JSON file that `write_atomically` wrote.
 
     Raises
     ------
@@ -199,51 +203,51 @@ def read(file: Path) -> Any:
     try:
         return json.loads(read_text(file))
     except (ValueError, RecursionError):
-        raise foreign(file) from None
+        raise foreign_file_error(file) from None
 
 
-def foreign(file: Path) -> InputError:
+def foreign_file_error(file: Path) -> InputError:
     """The error for a file of the store that something else has changed."""
     return InputError(file, "", "not what a study wrote there; delete it, and it is made again")
 
 
-def once(file: Path, make: Callable[[], Any]) -> Any:
+def read_or_make(file: Path, make: Callable[[], Any]) -> Any:
     """Content of a JSON file; if the file is not there, `make` gives it and it is written."""
     if not file.is_file():
-        write_whole(file, json.dumps(make()))
-    return read(file)
+        write_atomically(file, json.dumps(make()))
+    return read_json(file)
 
 
-def key_of(task: StudyRun) -> str:
+def task_key(task: StudyRun) -> str:
     """SHA-256 of all that a run's result depends on: model, sidecar, parameters, versions, sources.
 
     The study that asks for the run, titles, views and tolerances are no part of the key.
     """
-    return keys_of([task])[0]
+    return task_keys([task])[0]
 
 
-def keys_of(tasks: Sequence[StudyRun]) -> list[str]:
+def task_keys(tasks: Sequence[StudyRun]) -> list[str]:
     """The keys of tasks of one run of a case; one call of a worker compiles all their models."""
     case, kind = tasks[0].case, tasks[0].run
     table = case.run[kind]
-    same = {
-        "reference": recorded_bytes(case),
-        "sidecar": case.model_dump(mode="json", include=MATTERS),
+    common = {
+        "reference": digest_recorded_files(case),
+        "sidecar": case.model_dump(mode="json", include=KEY_FIELDS),
         "channels": {n: c.model_dump() for n, c in case.channels_of(kind).items()},
         "run": (kind, table.n, table.until),
-        "sources": sources(),
+        "sources": digest_of_sources(),
     }
-    found = bounded(case, kind, compiled_with, case, kind, [task.setting for task in tasks])
+    found = call_bounded(case, kind, compile_settings, case, kind, [task.setting for task in tasks])
     return [
         digest(
             json.dumps(
                 {
-                    **same,
+                    **common,
                     "model": model,
                     "rods": rods,
                     "engine": task.setting.engine,
                     "parameters": settings,
-                    "versions": versions(task.setting.engine),
+                    "versions": package_versions(task.setting.engine),
                 },
                 sort_keys=True,
             ).encode()
@@ -252,25 +256,25 @@ def keys_of(tasks: Sequence[StudyRun]) -> list[str]:
     ]
 
 
-def compiled_with(
+def compile_settings(
     case: Case, kind: Kind, settings: Sequence[Setting]
 ) -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
     """For each setting of a case: digest of the compiled model, its rods, the engine's settings."""
     found = []
     for setting in settings:
-        changed, run = setting.applied(case, kind)
+        changed, run = setting.apply_to(case, kind)
         rods = {name: rod.model_dump(mode="json") for name, rod in changed.rod.items()}
-        found.append((digest(model_bytes(changed)), rods, dict(run.settings)))
+        found.append((digest(bytes_of_case_model(changed)), rods, dict(run.settings)))
     return found
 
 
-def place_of(task: StudyRun) -> TaskKey:
+def task_identity(task: StudyRun) -> TaskKey:
     """Identity of a task within this process; see `TaskKey`."""
-    changed = task.case.model_path.stat().st_mtime_ns
-    return id(task.case), changed, f"{task.run} {task.setting}"
+    changed_at = task.case.model_path.stat().st_mtime_ns
+    return id(task.case), changed_at, f"{task.run} {task.setting}"
 
 
 @cache
-def sources() -> str:
+def digest_of_sources() -> str:
     """Digest of the code of simulators and references, which may change within a version."""
-    return sources_with(Path(str(module.__file__)) for module in OWN)
+    return digest_sources(Path(str(module.__file__)) for module in RESULT_MODULES)

@@ -164,9 +164,9 @@ def test_steps_end_at_the_kinks_and_are_fewer_for_it(monkeypatch):
     laws, times = control_laws(AXES, "dynamics"), np.linspace(0.0, 2.0, 3)
     places = {k: laws[name] for k, name in enumerate(("push", "wind", "lift"))}
     controls = ControlsInTime(tree.ctrl, places)
-    few = spatial.held_motion(tree, SmoothTerms(model), times, controls=controls).evaluations
+    few = spatial.integrate_motion(tree, SmoothTerms(model), times, controls=controls).evaluations
     monkeypatch.setattr(ControlsInTime, "breaks", ())
-    many = spatial.held_motion(tree, SmoothTerms(model), times, controls=controls).evaluations
+    many = spatial.integrate_motion(tree, SmoothTerms(model), times, controls=controls).evaluations
     assert few < 0.6 * many
 
 

@@ -6,7 +6,7 @@ import pytest
 from proofmass.analytic.newton_raphson import (
     NotConverged,
     SingularJacobian,
-    convergence,
+    convergence_chart,
     newton_raphson,
 )
 
@@ -24,7 +24,7 @@ def test_log_of_a_quadratic_convergence():
 
 def test_failures_are_typed_and_keep_their_log():
     with pytest.raises(NotConverged, match="no root in 7 iterations") as failure:
-        newton_raphson(lambda x: (x**2 + 1.0, np.diag(2.0 * x)), [0.3], most=7)
+        newton_raphson(lambda x: (x**2 + 1.0, np.diag(2.0 * x)), [0.3], max_iterations=7)
     assert failure.value.log.iterations == 7
     assert not isinstance(failure.value, SingularJacobian)
     with pytest.raises(SingularJacobian, match="singular Jacobian at iteration 1"):
@@ -79,7 +79,7 @@ def test_rank_of_a_jacobian_that_loses_it():
 
 def test_convergence_draws_what_the_log_has():
     found = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.5], names=("x",))
-    (panel,) = convergence({"root of two": found}, "caption").panels
+    (panel,) = convergence_chart({"root of two": found}, "caption").panels
     lines = {line.label: line for line in panel.lines}
     assert list(lines) == ["x", "error: norm of the step", "residual"]
     for label, size in (("error: norm of the step", found.steps), ("residual", found.residuals)):

@@ -7,7 +7,13 @@ import pytest
 from scipy.optimize import minimize
 
 from proofmass.analytic import friction
-from proofmass.analytic.friction import PathEnds, SlipProblem, advance, levelled, shared
+from proofmass.analytic.friction import (
+    PathEnds,
+    SlipProblem,
+    follow_stick_slip,
+    minimize_largest_share,
+    share_friction,
+)
 
 
 class Sliders:
@@ -19,7 +25,7 @@ class Sliders:
         stretch = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)  # of each spring with each slider
         self.stretch, self.pulled = -stretch, np.eye(n + 1)[0]
         self.place, self.drive = np.zeros(n), 0.0
-        self.senses, self.begins = np.zeros(n), True
+        self.senses, self.is_at_start = np.zeros(n), True
         self.stiffness = self.stretch.T @ (self.springs[:, None] * self.stretch)
         self.coupling = self.stretch.T @ (self.springs * self.pulled)
 
@@ -47,7 +53,7 @@ class Sliders:
         )
 
     def enter(self, senses):
-        self.senses, self.begins = senses, False
+        self.senses, self.is_at_start = senses, False
 
     def energy(self, place, drive):
         return 0.5 * self.springs @ (self.stretch @ place + self.pulled * drive) ** 2
@@ -91,7 +97,7 @@ PATH = np.array([0.0, 1.0, 2.5, 1.5, -0.5, 0.3, 2.0])
 def test_sliders_go_where_energy_and_dissipation_are_least(springs, bounds):
     body, found = Sliders(springs, bounds), [np.zeros(len(bounds))]
     for drive in PATH[1:]:
-        advance(body, np.array([drive]))
+        follow_stick_slip(body, np.array([drive]))
         found.append(body.place)
     # parts of a monotone way of a row of sliders change nothing; 1e-6 is that of the search
     np.testing.assert_allclose(found, least(body, PATH, 4), atol=2e-6)
@@ -100,27 +106,27 @@ def test_sliders_go_where_energy_and_dissipation_are_least(springs, bounds):
 def test_one_slider_is_the_play_operator():
     body = Sliders([2.0, 0.0], [0.5])
     for drive, place in ((0.2, 0.0), (1.0, 0.75), (0.6, 0.75), (0.2, 0.45)):
-        advance(body, np.array([drive]))
+        follow_stick_slip(body, np.array([drive]))
         assert body.place[0] == pytest.approx(place, abs=1e-12)
 
 
 def test_each_part_of_a_way_begins_with_the_margins_of_its_own_state(monkeypatch):
-    body, parts, go_on = Sliders([3.0, 2.0, 1.0, 0.4], [0.4, 0.6, 0.3]), [], friction.go_on
+    body, parts, go_on = Sliders([3.0, 2.0, 1.0, 0.4], [0.4, 0.6, 0.3]), [], friction.go_to_event
 
     def checked(body, begin, way, done, above):
         np.testing.assert_array_equal(above, body.problem(way).margins(body.senses))
         parts.append(done)
         return go_on(body, begin, way, done, above)
 
-    monkeypatch.setattr(friction, "go_on", checked)
+    monkeypatch.setattr(friction, "go_to_event", checked)
     for drive in PATH[1:]:
-        advance(body, np.array([drive]))
+        follow_stick_slip(body, np.array([drive]))
     assert sum(part > 0.0 for part in parts) > 3
 
 
 def test_joints_that_hold_each_other_share_it_evenly():
     held, bound = np.array([[1.0], [-2.0], [0.5]]), np.array([1.0, 2.0, 4.0])
-    friction = shared(held, bound, np.array([3.5]))
+    friction = share_friction(held, bound, np.array([3.5]))
     np.testing.assert_allclose(held.T @ friction, [3.5], rtol=1e-14)
     np.testing.assert_allclose(np.abs(friction) / bound, 0.5, rtol=1e-14)
 
@@ -128,13 +134,15 @@ def test_joints_that_hold_each_other_share_it_evenly():
 def test_shares_of_more_joints_than_they_can_hold_are_level():
     generator = np.random.default_rng(19)
     matrix, shares = generator.normal(size=(2, 4)), generator.normal(size=4)
-    found = levelled(matrix, shares)
+    found = minimize_largest_share(matrix, shares)
     np.testing.assert_allclose(matrix @ found, matrix @ shares, atol=1e-14)
     # least maximum: its dual, a push whose 1-norm of works is 1, does as much
     full = np.abs(found) > (1 - 1e-9) * np.abs(found).max()
     assert full.sum() >= 3
     bound = np.array([1.0, 2.0, 0.5, 3.0])
-    some = shared(matrix.T / bound[:, None], bound, matrix @ shares)  # in shares of their bounds
+    some = share_friction(
+        matrix.T / bound[:, None], bound, matrix @ shares
+    )  # in shares of their bounds
     np.testing.assert_allclose(some / bound, found, rtol=0, atol=1e-13)
     for other in np.linalg.svd(matrix)[2][2:]:
         for way in (1e-3, -1e-3):

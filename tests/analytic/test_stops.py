@@ -10,7 +10,7 @@ from proofmass.analytic import planar, spatial
 from proofmass.analytic.contacts import bouncing_ball, restitution
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import Overconstrained
-from proofmass.analytic.stops import Step, Stop, hits
+from proofmass.analytic.stops import Step, Stop, impact_times
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
@@ -140,15 +140,17 @@ def test_a_stop_is_found_wherever_a_step_comes_to_it(share):
     """At even pace, and by a parabola that turns back beyond it in the middle of the step."""
     step = Step(2.0, 6.0, lambda t: (np.array([3.0 * t]), np.array([3.0]), np.zeros(1)))
     stop = Stop("x", 0, 0, 3.0 * (2.0 + 4.0 * share), 1.0, 0.5)
-    assert list(hits([stop], step)) == pytest.approx([2.0 + 4.0 * share], abs=1e-14)
-    assert not list(hits([Stop("x", 0, 0, 18.1, 1.0, 0.5), Stop("x", 0, 0, 5.9, -1.0, 0.5)], step))
+    assert list(impact_times([stop], step)) == pytest.approx([2.0 + 4.0 * share], abs=1e-14)
+    assert not list(
+        impact_times([Stop("x", 0, 0, 18.1, 1.0, 0.5), Stop("x", 0, 0, 5.9, -1.0, 0.5)], step)
+    )
 
     def thrown(t):
         return np.array([t * (4.0 - t)]), np.array([4.0 - 2.0 * t]), np.array([-2.0])
 
     top = Stop("x", 0, 0, 4.0 - (2.0 * share) ** 2, 1.0, 0.5)  # the way up is 4
     # a step is looked at in its quarters: the one at the top is always beyond
-    found = list(hits([top], Step(0.0, 4.0, thrown)))
+    found = list(impact_times([top], Step(0.0, 4.0, thrown)))
     assert found == pytest.approx([2.0 - 2.0 * share], abs=1e-12)  # eps over the least pace
 
 

@@ -11,9 +11,9 @@ import pytest
 from proofmass.check import check
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
-from proofmass.outcome import GOOD
+from proofmass.outcome import GOOD_OUTCOMES
 from proofmass.sidecar import load_case
-from proofmass.validate import validate
+from proofmass.validate import validate_case
 from tests.analytic.balancer.balancer_cases import DESIGNS
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.shipped import models_like, shipped
@@ -160,7 +160,7 @@ def fewer(file: Path) -> Path:
 def turned(file: Path) -> bool:
     """Whether a channel is not as the reference has it, or the model is refused for its pose."""
     try:
-        return any(c.outcome not in GOOD for c in verdicts(file))
+        return any(c.outcome not in GOOD_OUTCOMES for c in verdicts(file))
     except InputError:
         return True
 
@@ -170,7 +170,7 @@ def turned(file: Path) -> bool:
 def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
     truth, change = WRONG[what]
     file = write(tmp_path, truth, solver)
-    validate(load_case(file))  # else it is bad input that turns the verdict
+    validate_case(load_case(file))  # else it is bad input that turns the verdict
     shutil.copy(write(tmp_path / "wrong", truth | change, solver).with_suffix(".xml"), tmp_path)
     assert turned(file)
 
@@ -180,7 +180,7 @@ def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
 def test_a_wrong_model_turns_the_verdict(what, solver, tmp_path):
     truth, old, new = TEXT[what]
     file = write(tmp_path, truth, solver)
-    validate(load_case(file))
+    validate_case(load_case(file))
     model = file.with_suffix(".xml")
     assert old in model.read_text()
     model.write_text(model.read_text().replace(old, new))

@@ -5,12 +5,12 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from proofmass.design.springs import CATALOGUE, read_catalogue, select
+from proofmass.design.springs import CATALOGUE, read_catalogue, select_springs
 from proofmass.errors import InputError
 
 
 def test_the_springs_of_the_prototype():
-    found = select([1.498937760758821, 1.0, 4.847839773931474])  # as in listing N.1
+    found = select_springs([1.498937760758821, 1.0, 4.847839773931474])  # as in listing N.1
     assert found.springs == (("907",), ("903",), ("907", "908"))
     assert found.ratios == pytest.approx((1.5116, 1.0, 4.8371), abs=1e-4)  # to four digits
     assert found.error == pytest.approx(0.0166, abs=5e-5)
@@ -18,7 +18,7 @@ def test_the_springs_of_the_prototype():
 
 def test_scale_is_the_moment_that_the_springs_balance():
     exact = {"a": 0.02, "b": 0.03}
-    found = select([1.0, 1.5, 2.5], exact)
+    found = select_springs([1.0, 1.5, 2.5], exact)
     assert found.springs == (("a",), ("b",), ("a", "b"))
     assert found.error == pytest.approx(0.0, abs=1e-15)
     assert found.scale == pytest.approx(0.02)
@@ -36,18 +36,18 @@ def test_no_combination_is_better(seed):
     ratio = sums / second[:, None]
     first, third = (ratio[..., None] - w / wanted[1] for w in wanted[[0, 2]])
     error = np.sqrt(first**2 + third.swapaxes(1, 2) ** 2).min()
-    assert select(wanted, catalogue).error == pytest.approx(error, rel=1e-12)
+    assert select_springs(wanted, catalogue).error == pytest.approx(error, rel=1e-12)
 
 
 def test_four_joints():
-    found = select([1.0, 2.0, 0.0, 3.0], {"one": 1.0, "two": 2.0})
+    found = select_springs([1.0, 2.0, 0.0, 3.0], {"one": 1.0, "two": 2.0})
     assert found.springs[2] == ()
     assert found.ratios == pytest.approx((0.5, 1.0, 0.0, 1.5))
 
 
 def test_ratios_need_a_second_spring():
     with pytest.raises(ValueError, match="ratios need a spring in joint 2"):
-        select([1.0, 0.0, 1.0])
+        select_springs([1.0, 0.0, 1.0])
 
 
 def test_a_catalogue_file(tmp_path):

@@ -7,10 +7,10 @@ from scipy.integrate import quad
 from proofmass.design.springs import (
     STRIP_HEADER,
     SpringStrip,
-    choose,
-    clock_spring,
+    choose_strip,
+    make_clock_spring,
     read_strips,
-    stiffness,
+    strip_stiffness,
 )
 from proofmass.errors import InputError
 
@@ -34,8 +34,8 @@ def test_a_spiral_under_one_moment_turns_by_its_length_over_its_bending_stiffnes
     length, _ = quad(lambda a: np.hypot(inner + growth * a, growth), 0.0, 2.0 * np.pi * turns)
     inertia, _ = quad(lambda y: b * y**2, -t / 2, t / 2)
     strip = SpringStrip("", b, t, 0.1, 2.0, STEEL, 1e9)
-    assert stiffness(strip, length) == pytest.approx(STEEL * inertia / length, rel=1e-12)
-    spring = clock_spring(stiffness(strip, length), 0.05, strip)
+    assert strip_stiffness(strip, length) == pytest.approx(STEEL * inertia / length, rel=1e-12)
+    spring = make_clock_spring(strip_stiffness(strip, length), 0.05, strip)
     assert spring.length == pytest.approx(length, rel=1e-12)
     assert spring.stress == pytest.approx(0.05 * t / 2 / inertia, rel=1e-12)  # M y/I
 
@@ -46,8 +46,8 @@ def test_the_thesis_springs_are_stiffer_than_its_equation(name, eq_i1):
     turns, t, b, inner, outer, k = PRINTED[name]
     strip = SpringStrip(name, 1e-3 * b, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)
     length = 2.0 * np.pi * turns * 1e-3 * (inner + outer) / 2.0
-    assert stiffness(strip, length) == pytest.approx(eq_i1, abs=5.1e-5)
-    assert clock_spring(k, 0.0, strip).length == pytest.approx(length * eq_i1 / k, rel=3e-3)
+    assert strip_stiffness(strip, length) == pytest.approx(eq_i1, abs=5.1e-5)
+    assert make_clock_spring(k, 0.0, strip).length == pytest.approx(length * eq_i1 / k, rel=3e-3)
 
 
 def test_the_cut_spring_of_the_thesis():
@@ -57,16 +57,16 @@ def test_the_cut_spring_of_the_thesis():
     """
     _, t, _, _, _, k = PRINTED["907"]
     strip = SpringStrip("", 2e-3, 1e-3 * t * 5 ** (1 / 3), 0.1, 2.0, STEEL, 1e9)
-    length = clock_spring(k, 0.0, SpringStrip("", 6e-3, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)).length
-    assert stiffness(strip, length) == pytest.approx(k * 5.0 / 3.0, rel=1e-12)
-    assert abs(stiffness(strip, length) - 0.051) > 0.01
+    length = make_clock_spring(k, 0.0, SpringStrip("", 6e-3, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)).length
+    assert strip_stiffness(strip, length) == pytest.approx(k * 5.0 / 3.0, rel=1e-12)
+    assert abs(strip_stiffness(strip, length) - 0.051) > 0.01
 
 
 def test_two_in_parallel_share_stiffness_and_moment():
-    one, two = (clock_spring(0.04, 0.06, STRIPS[0], n) for n in (1, 2))
+    one, two = (make_clock_spring(0.04, 0.06, STRIPS[0], n) for n in (1, 2))
     assert two.length == pytest.approx(2.0 * one.length)
     assert two.stress == pytest.approx(one.stress / 2.0)
-    assert 2 * stiffness(STRIPS[0], two.length) == pytest.approx(0.04)
+    assert 2 * strip_stiffness(STRIPS[0], two.length) == pytest.approx(0.04)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -81,10 +81,10 @@ def test_no_other_spring_that_can_be_made_is_smaller(seed):
                 if strip.shortest <= length <= strip.longest and stress <= strip.stress:
                     sizes.append(n * length * strip.width * strip.thickness)
         if sizes:
-            assert choose(k, moment, STRIPS).volume == pytest.approx(min(sizes), rel=1e-12)
+            assert choose_strip(k, moment, STRIPS).volume == pytest.approx(min(sizes), rel=1e-12)
         else:
             with pytest.raises(ValueError, match="no clock spring"):
-                choose(k, moment, STRIPS)
+                choose_strip(k, moment, STRIPS)
 
 
 def test_what_no_maker_accepts_is_told():
@@ -93,7 +93,7 @@ def test_what_no_maker_accepts_is_told():
         match=r"4 N m/rad and 0.9 N m: 1 x soft has a length of 5.562 mm \(200 to 1500 mm can be "
         r"made\) and has a stress of 2500 MPa \(up to 1200 MPa is allowed\); 2 x soft",
     ):
-        choose(4.0, 0.9, STRIPS)
+        choose_strip(4.0, 0.9, STRIPS)
 
 
 def test_a_file_of_strips(tmp_path):

@@ -13,7 +13,7 @@ from proofmass.check import Result
 from proofmass.cli import design as app
 from proofmass.design import command
 from proofmass.design.search import Effort, SavedSearch
-from proofmass.design.springs import STRIP_HEADER, read_strips, stiffness
+from proofmass.design.springs import STRIP_HEADER, read_strips, strip_stiffness
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
@@ -22,7 +22,7 @@ from tests.shipped import shipped
 def quick(request, monkeypatch):
     """Searches of a second, but in slow tests."""
     if "slow" not in request.keywords:
-        monkeypatch.setattr(command, "times", lambda _, seed: Effort(((8, 2), (4, 2)), seed))
+        monkeypatch.setattr(command, "scale_effort", lambda _, seed: Effort(((8, 2), (4, 2)), seed))
 
 
 def run(*args):
@@ -32,7 +32,7 @@ def run(*args):
 @pytest.fixture
 def unverified(monkeypatch):
     """Without the engines, which take longer than the search."""
-    monkeypatch.setattr(command, "verified", lambda *_: 0)
+    monkeypatch.setattr(command, "check_design", lambda *_: 0)
 
 
 def one_line(answer, *words):
@@ -150,7 +150,7 @@ def test_clock_springs_of_a_design(tmp_path):
         most = 5.0 * np.abs(moments[f"moment{joint}"]).max()
         assert spring["moment"] == pytest.approx(most, rel=1e-9)
         if "strip" in spring:
-            made = spring["count"] * stiffness(thick, spring["length"])
+            made = spring["count"] * strip_stiffness(thick, spring["length"])
             assert made == pytest.approx(k, rel=1e-12)
             assert f"joint {joint}: {spring['count']} x thick" in answer.output
         else:

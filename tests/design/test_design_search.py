@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from proofmass.analytic.balancer.synthesis import Figures, Synthesis, Variant
-from proofmass.design.pareto import front, on_hull, write_front
-from proofmass.design.search import STUCK, Effort, SavedSearch, descend, norms, scattered
+from proofmass.analytic.balancer.synthesis import DesignMeasures, Synthesis, Variant
+from proofmass.design.pareto import find_front, is_on_hull, write_front
+from proofmass.design.search import (
+    MAX_DAMPING,
+    Effort,
+    SavedSearch,
+    residual_norms,
+    scatter_places,
+    step_descents,
+)
 from proofmass.errors import InputError
-from proofmass.front import nondominated
+from proofmass.front import nondominated_points
 
 TINY = Effort(((12, 2), (4, 3)))
 REGULAR = Synthesis(Variant("sine"), np.sin)
@@ -118,11 +125,11 @@ def test_descents_solve_bounded_linear_least_squares():
     def terms(places):
         return places @ matrix.T - right
 
-    places = scattered(6, 5, rng)
-    state = places, norms(terms, places), np.full(6, 1e-2)
+    places = scatter_places(6, 5, rng)
+    state = places, residual_norms(terms, places), np.full(6, 1e-2)
     for _ in range(60):
-        state = descend(*state, terms)
-    assert (state[2] > STUCK).all()
+        state = step_descents(*state, terms)
+    assert (state[2] > MAX_DAMPING).all()
     # the gain of a step is no longer worth it at 1e-7 of the value: its root in the place
     assert state[0] == pytest.approx(np.tile(truth.x, (6, 1)), abs=1e-3)
     assert state[1] == pytest.approx(np.sqrt(2 * truth.cost), rel=1e-6)
@@ -133,9 +140,9 @@ def test_a_descent_keeps_out_of_what_is_not_possible():
         return np.where(places[:, :1] < 0.3, np.nan, places)
 
     places = np.array([[0.9, 0.0], [0.1, 0.5]])
-    state = places, norms(terms, places), np.full(2, 1e-2)
+    state = places, residual_norms(terms, places), np.full(2, 1e-2)
     for _ in range(40):
-        state = descend(*state, terms)
+        state = step_descents(*state, terms)
     assert 0.3 <= state[0][0, 0] < 0.301
     assert np.array_equal(state[0][1], places[1])  # began where nothing is
 
@@ -143,7 +150,7 @@ def test_a_descent_keeps_out_of_what_is_not_possible():
 def test_nondominated_by_its_definition():
     aims = np.random.default_rng(2).integers(0, 12, (60, 2)).astype(float)
     beaten = [any((other <= own).all() and (other < own).any() for other in aims) for own in aims]
-    kept = nondominated(aims)
+    kept = nondominated_points(aims)
     assert {tuple(aims[k]) for k in kept} == {
         tuple(a) for a, b in zip(aims, beaten, strict=True) if not b
     }
@@ -168,14 +175,14 @@ class Hollow:
     coarse = residuals
 
     def figures(self, x):
-        return Figures(self.aims(x)[0], 0.0 * x[:, 0], self.aims(x)[1])
+        return DesignMeasures(self.aims(x)[0], 0.0 * x[:, 0], self.aims(x)[1])
 
 
 def test_a_front_is_found_beyond_its_convex_part(monkeypatch):
     """On the front x1 = x2, which gives the spread of each error in closed form."""
-    monkeypatch.setattr("proofmass.design.pareto.SHORT", Effort(((8, 4), (4, 12))))
+    monkeypatch.setattr("proofmass.design.pareto.LIMIT_EFFORT", Effort(((8, 4), (4, 12))))
     best = SavedSearch(Hollow(), Effort(((16, 6), (4, 20)))).run()
-    found = front(Hollow(), best[None], limits=6)
+    found = find_front(Hollow(), best[None], limits=6)
     inner = (found.rmse > 0.05) & (found.rmse < 0.95)
     assert inner.sum() >= 5
     distance = 2.0 - np.sqrt(-np.log1p(-found.rmse[inner]))
@@ -184,23 +191,23 @@ def test_a_front_is_found_beyond_its_convex_part(monkeypatch):
     ends = found.spread[[0, -1]]
     chord = np.interp(found.rmse[inner], found.rmse[[0, -1]], ends)
     assert (found.spread[inner] > chord + 0.02).all()  # a weighted sum has none of them
-    assert on_hull(found.rmse, found.spread)[inner].sum() == 0
+    assert is_on_hull(found.rmse, found.spread)[inner].sum() == 0
 
 
 def test_points_of_the_lower_hull():
     x, y = np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.array([4.0, 1.0, 2.0, 0.2, 0.0])
-    assert on_hull(x, y).tolist() == [True, True, False, True, True]
+    assert is_on_hull(x, y).tolist() == [True, True, False, True, True]
 
 
 @pytest.mark.slow
 def test_the_front_trades_error_for_spread(tmp_path, monkeypatch):
-    monkeypatch.setattr("proofmass.design.pareto.SHORT", TINY)
+    monkeypatch.setattr("proofmass.design.pareto.LIMIT_EFFORT", TINY)
     best = SavedSearch(REGULAR, TINY).run()
-    found = front(REGULAR, best[None], tmp_path, limits=2)
+    found = find_front(REGULAR, best[None], tmp_path, limits=2)
     assert found.rmse.size >= 2
     assert (np.diff(found.rmse) > 0).all()
     assert (np.diff(found.spread) < 0).all()
-    again = front(REGULAR, best[None], tmp_path, limits=2)  # from its states
+    again = find_front(REGULAR, best[None], tmp_path, limits=2)  # from its states
     assert np.array_equal(found.vectors, again.vectors)
     files = write_front(found, list(REGULAR.variant.usual), tmp_path / "pareto")
     assert all(file.stat().st_size > 0 for file in files)

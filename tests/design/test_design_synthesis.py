@@ -8,13 +8,13 @@ import pytest
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, energy_spread, rmse, work_reduction
 from proofmass.analytic.balancer.synthesis import (
-    BENT,
-    STIFF,
+    MIN_ELBOW_SINE,
+    SPREAD_PENALTY,
     Synthesis,
     Variant,
-    left_out,
-    thesis,
-    third_preloads,
+    thesis_variants,
+    third_preload_variants,
+    variants_without_balancer,
 )
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 
@@ -49,7 +49,7 @@ def elbow(curves, n):
 
 
 def test_the_thesis_optimised_these_112_variants():
-    key = [(v.target, v.segments, v.springs, v.preload, v.option) for v in thesis()]
+    key = [(v.target, v.segments, v.springs, v.preload, v.option) for v in thesis_variants()]
     assert sorted(key) == sorted(
         (v.target, v.segments, v.springs, v.preload, v.option)
         for v in map(variant_of, rows().values())
@@ -71,17 +71,18 @@ def test_its_tables_have_a_dash_for_these_56():
         ("nonlinear", True): "nonlinear preload",
     }
     assert sorted(dashes) == sorted(
-        (v.target, v.segments, words[v.springs, bool(v.preload)], v.option) for v in left_out()
+        (v.target, v.segments, words[v.springs, bool(v.preload)], v.option)
+        for v in variants_without_balancer()
     )
 
 
 def test_each_figure_has_two_dashed_rows_for_a_preload_of_spring_3():
     """ "3 Seg.: prestress spring 3": with linear and with nonlinear springs, M.1 to M.20."""
-    figures = [(v.figure, v.springs) for v in third_preloads()]
+    figures = [(v.figure, v.springs) for v in third_preload_variants()]
     assert sorted(figures) == sorted(
         (f"M.{k}", springs) for k in range(1, 21) for springs in ("linear", "nonlinear")
     )
-    assert all(v.preload == (3,) and v.segments == 3 for v in third_preloads())
+    assert all(v.preload == (3,) and v.segments == 3 for v in third_preload_variants())
 
 
 def test_a_preload_of_spring_3_without_moment_is_no_preload():
@@ -164,7 +165,7 @@ def test_a_batch_is_worth_what_each_design_alone_is(variant):
         except ValueError:
             assert np.isnan(found.rmse[k])
             continue
-        if (variant.mode * elbow(alone, variant.segments)).min() < BENT:
+        if (variant.mode * elbow(alone, variant.segments)).min() < MIN_ELBOW_SINE:
             assert np.isnan(found.rmse[k])
             continue
         wanted, moment = task.target(task.angles), alone["balancing_moment"]
@@ -215,7 +216,7 @@ def test_terms_square_to_the_aim():
     assert np.array_equal(within[0, :-1], SINE.residuals(vector)[0])
     assert within[0, -1] == 0.0
     excess = Synthesis(SINE.variant, np.sin, limit=figures.spread[0] - 0.01).residuals(vector)
-    assert excess[0, -1] == pytest.approx(STIFF * 0.01, rel=1e-9)
+    assert excess[0, -1] == pytest.approx(SPREAD_PENALTY * 0.01, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -256,7 +257,7 @@ def test_a_variant_that_cannot_be_is_refused(wrong, said):
 
 
 def test_a_vector_is_its_parameters():
-    for variant in (*thesis(), Variant("sine", 4, "each", preload=(2, 3), contact=True)):
+    for variant in (*thesis_variants(), Variant("sine", 4, "each", preload=(2, 3), contact=True)):
         vector = np.random.default_rng(1).random(len(variant.bounds))
         flat = {k: v[0] for k, v in variant.parameters(vector[None]).items()}
         assert np.array_equal(variant.vector(flat), vector)

@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
-from proofmass.check import LOADING
+from proofmass.check import LOADING_SECONDS
 from tests.fuzz.cases import EDITS, TIMEOUT, Files, small, write
 from tests.fuzz.judge import MARGIN, ROOT, Judge, Verdict
 from tests.fuzz.mutators import Mutation, drawn, mutated
@@ -51,7 +51,9 @@ def by_command_line(files: Files, folder: Path) -> Verdict:
 
     Each command starts its engines anew, so that runs get more time than in the judge.
     """
-    limit = LOADING + 5 * COLD + MARGIN  # no small case has more than four runs, and a look before
+    limit = (
+        LOADING_SECONDS + 5 * COLD + MARGIN
+    )  # no small case has more than four runs, and a look before
     write(
         {
             name: content.replace(f"timeout = {TIMEOUT}".encode(), f"timeout = {COLD}".encode())

@@ -164,7 +164,7 @@ def stuck(words: str) -> str:
 def examine(folder: Path, name: str, causes: bool) -> Verdict:
     """Check a folder as the command line does, and judge what comes of it."""
     from proofmass.check import check
-    from proofmass.terminal import as_json, failures, summary
+    from proofmass.terminal import as_json, failure_lines, summary_tables
     from tests.fuzz.oracle import judge
 
     answer = Verdict()
@@ -172,8 +172,8 @@ def examine(folder: Path, name: str, causes: bool) -> Verdict:
         result = check([folder / f"{name}.toml"], jobs=1, causes=causes)
         answer.exit_code = result.exit_code
         as_json(result)
-        list(summary(result, True))
-        list(failures(result))
+        list(summary_tables(result, True))
+        list(failure_lines(result))
     except Exception as error:
         where = [(f.filename, f.name) for f in traceback.extract_tb(error.__traceback__)]
         answer.findings.append(f"uncaught {type(error).__name__} in {place_of(where)}")
@@ -224,7 +224,9 @@ def main() -> None:
     os.dup2(2, 1)
     with tempfile.TemporaryDirectory() as folder:
         started(Path(folder))
-    importlib.import_module("proofmass.check").LOADING = TIMEOUT  # proofmass.check is a function
+    importlib.import_module(
+        "proofmass.check"
+    ).LOADING_SECONDS = TIMEOUT  # proofmass.check is a function
     print("started", file=answers, flush=True)
     for line in sys.stdin:
         folder, name, limit, causes = json.loads(line)

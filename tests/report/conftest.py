@@ -25,7 +25,7 @@ def stubbed(models: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str
         monkeypatch.setitem(REFERENCES, name, name)
         for module in (case_figures, case_page):  # other processes do not know of it
             monkeypatch.setattr(
-                module, "isolated", lambda function, *args, **limits: function(*args)
+                module, "call_isolated", lambda function, *args, **limits: function(*args)
             )
         file = models / "fourbar.toml"
         text = file.read_text().replace('"fourbar"', f'"{name}"')

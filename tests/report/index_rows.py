@@ -12,14 +12,14 @@ from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.report.index_page import STATIC, render_index
 from proofmass.report.page import environment, write_static
-from proofmass.report.record import History, Last, Record, continued, record_of, started
-from proofmass.report.style import looks
+from proofmass.report.record import History, Last, Record, extend_history, make_record, record_start
+from proofmass.report.style import solver_looks
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.sidecar import load_case
 from tests.shipped import MODELS, shipped
 
 NAMES = ("pendulum", "fourbar", "slider_crank", "rod_cantilever", "hacksaw_recorded")
-MADE = started(["proofmass", "report", "models"])
+MADE = record_start(["proofmass", "report", "models"])
 
 
 def of(
@@ -101,7 +101,7 @@ def last_record(result: Result) -> Record:
         for c in result.comparisons
     ]
     rows.append(of("gone_by_now", "sweep", "mujoco", "x", 1e-9))
-    return record_of(Result(result.cases, rows, paths=result.paths), MADE)
+    return make_record(Result(result.cases, rows, paths=result.paths), MADE)
 
 
 def small() -> Thumbnail:
@@ -117,15 +117,15 @@ def index_text(
     result: Result, before: Record | None = None, history: History | None = None, **more
 ) -> str:
     """The index of a result."""
-    now = record_of(result, MADE)
+    now = make_record(result, MADE)
     return render_index(
         environment(),
         result,
-        looks(c.solver for c in result.comparisons),
+        solver_looks(c.solver for c in result.comparisons),
         {case.name: small() for case in result.cases},
         now,
         Last(before),
-        continued(history or History(), now),
+        extend_history(history or History(), now),
         **more,
     )
 

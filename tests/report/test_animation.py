@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 
 from proofmass import Case, InputError, animate, compare, evaluate, load_case
 from proofmass.analytic.linkages import fourbar
-from proofmass.check import Result, judge, run_one
+from proofmass.check import Result, collect_outcomes, run_solver
 from proofmass.cli import app
-from proofmass.reference import grid
-from proofmass.report.animation import Stage, returns, with_samples
-from proofmass.report.case_figures import measured, moved_here
+from proofmass.reference import run_samples
+from proofmass.report.animation import AnimationFigure, is_closed, with_samples
+from proofmass.report.case_figures import compute_motion, measured_curves
 from proofmass.report.data import PlottedRun, plotted_run
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 POSES = 13
@@ -33,20 +33,22 @@ def command(*args: object):
     return CliRunner().invoke(app, ["animate", *map(str, args)])
 
 
-def staged(case: Case, magnify: float = 1.0, poses: int = POSES) -> Stage:
+def staged(case: Case, magnify: float = 1.0, poses: int = POSES) -> AnimationFigure:
     """What is drawn of the first run of a case in MuJoCo."""
     kind, solver = next(iter(case.run)), "mujoco"
     table = case.run[kind].model_copy(update={"solvers": (solver,), "n": poses})
     case = case.model_copy(update={"run": {kind: table}})
     result = Result(cases=[case])
-    ran = run_one(case, kind, solver, partial(compare, detectable=False))
-    judge([(case, kind, solver)], {0: ran}, result)
+    ran = run_solver(case, kind, solver, partial(compare, detectable=False))
+    collect_outcomes([(case, kind, solver)], {0: ran}, result)
     view = plotted_run(result, case, kind)
-    return Stage(case, [solver], moved_here(case, kind, measured(view), poses), {}, magnify)
+    return AnimationFigure(
+        case, [solver], compute_motion(case, kind, measured_curves(view), poses), {}, magnify
+    )
 
 
 @cache
-def fourbar_stage() -> Stage:
+def fourbar_stage() -> AnimationFigure:
     return staged(load_case(shipped("fourbar.toml")))
 
 
@@ -55,7 +57,7 @@ def playing() -> object:
     return animate(load_case(shipped("fourbar.toml")), solvers=["pymunk"], frames=6, seconds=0.6)
 
 
-def ends(stage: Stage, body: str) -> np.ndarray:
+def ends(stage: AnimationFigure, body: str) -> np.ndarray:
     """Where the first outline of a body has its ends, as the reference has it: (poses, 2, 2)."""
     drawn = [b.name for b in stage.motion.bodies for _ in b.outlines]
     return stage.strokes(stage.motion.places)[drawn.index(body)][:, :2]
@@ -100,7 +102,7 @@ def test_springs_wind_with_their_joints() -> None:
     """The two ends of a spiral turn apart by what the closed form says of the spring."""
     stage = staged(load_case(shipped("balancer_sine.toml")))
     case = stage.case
-    run = plan(case, "sweep", "mujoco")
+    run = plan_run(case, "sweep", "mujoco")
     truth = evaluate(case, "sweep", run.x, run.motion(run.x)).channels
     places = stage.motion.places
     springs, spots = stage.springs(), stage.spots(places)
@@ -171,11 +173,11 @@ def test_whether_the_end_is_the_start_again(name: str, last: float | None, close
     if last is not None:
         drive = case.drive[0].model_copy(update={"to": last})
         case = case.model_copy(update={"drive": (drive,)})
-    x = grid(case, "sweep")
-    run = plan(case, "sweep", "mujoco")
+    x = run_samples(case, "sweep")
+    run = plan_run(case, "sweep", "mujoco")
     truth = evaluate(case, "sweep", x, run.motion(x))
     view = PlottedRun(case, "sweep", [], {"mujoco": truth}, {"mujoco": truth})
-    assert returns(view) == closed
+    assert is_closed(view) == closed
 
 
 def test_what_is_no_animation() -> None:

@@ -15,24 +15,42 @@ from benchmarks.pictures import LONGER
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import compare
-from proofmass.coverage import FOLDER, Coverage, Kept, file_of, key_of
+from proofmass.coverage import (
+    FOLDER_VARIABLE,
+    Coverage,
+    StoredFindings,
+    coverage_file,
+    coverage_key,
+)
 from proofmass.coverage_search import CheckedRun, Finding
 from proofmass.diagnosis import Diagnosis, Explanation
 from proofmass.errors import InputError
-from proofmass.explain import not_noticed
+from proofmass.explain import format_not_noticed
 from proofmass.reference import ComparedCurves, evaluate
 from proofmass.report import case_page, write_report
-from proofmass.report.case_data import embedded, kept, motion_data, recorded_data, runs_data
-from proofmass.report.case_figures import measured, moving
-from proofmass.report.case_page import advice, badge, causes, noticed, panel_of
+from proofmass.report.case_data import (
+    kept_samples,
+    motion_data,
+    recorded_data,
+    runs_data,
+    script_json,
+)
+from proofmass.report.case_figures import find_motions, measured_curves
+from proofmass.report.case_page import (
+    advice,
+    cause_panels,
+    format_badge,
+    load_noticed_panel,
+    noticed_panel,
+)
 from proofmass.report.data import PlottedRun, plotted_run
-from proofmass.report.overview import FIRST, LAST, overview, place
-from proofmass.report.style import PAPERS, READABLE, contrast, legible, looks
+from proofmass.report.overview import FIRST_DECADE, LAST_DECADE, axis_place, overview_table
+from proofmass.report.style import BACKGROUNDS, TEXT_CONTRAST, contrast, make_legible, solver_looks
 from proofmass.report.tables import smallest_changes
-from proofmass.report.words import closeness
+from proofmass.report.words import format_closeness
 from proofmass.sidecar import load_case
 from proofmass.sim.motion import Motion, motion
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.report.whole import failed_result, whole_result, without_figures
 from tests.shipped import shipped
 
@@ -114,11 +132,11 @@ def test_a_page_is_small(name: str, page: str, tmp_path: Path) -> None:
 def test_thinned_curves_keep_extremes_and_the_worst(runs: list[PlottedRun]) -> None:
     whole = runs_data(runs, 10**9)
     assert [run["every"] for run in whole.values()] == [1, 1]
-    room = len(embedded(whole)) // 2
+    room = len(script_json(whole)) // 2
     found = runs_data(runs, room)
-    assert room // 2 < len(embedded(found)) <= room
+    assert room // 2 < len(script_json(found)) <= room
     run, data = runs[0], found["sweep"]
-    index = kept(run, data["every"])
+    index = kept_samples(run, data["every"])
     assert (data["samples"], data["drawn"]) == (361, len(index))
     assert unpacked(data["x"], "<f8").tolist() == run.longest.x[index].tolist()
     for curve in run.longest.channels.values():
@@ -138,7 +156,7 @@ def test_a_page_that_is_too_large_has_fewer_samples(
     page: str, result: Result, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     size = len(page.encode())
-    monkeypatch.setattr(case_page, "PAGE", size - 40_000)
+    monkeypatch.setattr(case_page, "MAX_PAGE_BYTES", size - 40_000)
     less = write_report(result, tmp_path).with_name("fourbar.html").read_bytes()
     assert size - 200_000 < len(less) <= size - 40_000
     data = json.loads(DATA.search(less.decode())[1])  # type: ignore[index]
@@ -160,7 +178,7 @@ def test_curves_of_a_solver_that_stopped_early_end_there(fourbar: Case, result: 
     assert own["stopped"] == "a limit position"
     assert own["end"] == short.x[-1]
     assert len(unpacked(own["differences"]["pin.x"], "<f4")) == 100
-    moved = moving(fourbar, [run])[0]["sweep"]
+    moved = find_motions(fourbar, [run])[0]["sweep"]
     there = np.isfinite(moved.away["pymunk"]).all(axis=(1, 2))
     assert there.tolist() == (moved.index < 100).tolist()
     assert np.isnan(scaled(motion_data(moved)["away"]["pymunk"])[~there]).all()
@@ -197,7 +215,7 @@ def test_curves_that_are_no_numbers_somewhere_are_drawn_elsewhere(
 def moved_by(case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]) -> Motion:
     """The motion of a sweep or of dynamics whose curves differ by what is given, by channel."""
     kind = next(iter(case.run))
-    run = plan(case, kind, "mujoco")
+    run = plan_run(case, kind, "mujoco")
     state = run.motion(run.x) if run.drives else None
     truth = evaluate(case, "sweep", run.x, state).channels
     off = change(run.x)
@@ -241,14 +259,14 @@ def test_a_wrong_length_does_not_fit_the_reference(models: Path) -> None:
 
 def test_limits_that_are_met_are_told() -> None:
     case = load_case(shipped("balancer_progressive_contact.toml"))
-    found = moving(case, [])[0]["sweep"]
+    found = find_motions(case, [])[0]["sweep"]
     (touching,) = found.at_limit.values()
     assert 0 < touching.sum() < len(touching)
     assert any(spot.spring for spot in found.spots)
 
 
 def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[PlottedRun]) -> None:
-    found = moving(fourbar, runs)[0]["dynamics"]
+    found = find_motions(fourbar, runs)[0]["dynamics"]
     data = motion_data(found)
     size = np.abs(found.places).max(axis=(0, 1))
     assert np.abs(scaled(data["places"]) - found.places).max(axis=(0, 1)) == pytest.approx(
@@ -256,14 +274,14 @@ def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[Plo
     )
     assert [body["name"] for body in data["bodies"]] == ["crank", "coupler", "rocker"]
     assert set(data["away"]) == set(fourbar.run["dynamics"].solvers)
-    assert set(measured(runs[1])["pymunk"][1]) >= {"pin.x", "rocker"}
+    assert set(measured_curves(runs[1])["pymunk"][1]) >= {"pin.x", "rocker"}
 
 
 def test_links_of_a_rod_are_one_line() -> None:
     case = load_case(shipped("rod_snap.toml"))
     rods = {"rod": case.rod["rod"].model_copy(update={"segments": 10})}
     runs = {"sweep": case.run["sweep"].model_copy(update={"n": 22})}
-    found = moving(case.model_copy(update={"rod": rods, "run": runs}), [])[0]["sweep"]
+    found = find_motions(case.model_copy(update={"rod": rods, "run": runs}), [])[0]["sweep"]
     data = motion_data(found)
     assert [body["name"] for body in data["bodies"]] == ["motor"]
     (rod, pin) = data["lines"]
@@ -288,8 +306,8 @@ def test_the_first_table_shows_the_worst_and_says_where(page: str, result: Resul
     worst = max(c.relative_to_range for c in rows)
     assert shown_row.relative_to_range == pytest.approx(worst, rel=1e-3)  # four digits are kept
     assert float(first[1]) == pytest.approx(shown_row.at, rel=1e-5)
-    assert place(10**LAST * 10) == 100.0
-    assert place(10 ** (FIRST - 1)) == 0.0
+    assert axis_place(10**LAST_DECADE * 10) == 100.0
+    assert axis_place(10 ** (FIRST_DECADE - 1)) == 0.0
 
 
 def test_of_channels_that_differ_the_worst_by_its_allowance_is_shown(
@@ -307,21 +325,21 @@ def test_of_channels_that_differ_the_worst_by_its_allowance_is_shown(
             fourbar, [plotted_run(replace(result, comparisons=rows), fourbar, "sweep")]
         ),
     }
-    (run,) = overview(data)
+    (run,) = overview_table(data)
     cell = run.rows[0].cells[0]
     assert cell
     assert (cell.bad, "pin.y@" in cell.link, run.rows[0].kind) == (True, True, "position")
-    assert badge(fourbar, rows, "bad", []).startswith("✗ Differs: 1 of ")
-    assert "differ by up to 1e-13 of their range in the sweep" in closeness(fourbar, rows)
+    assert format_badge(fourbar, rows, "bad", []).startswith("✗ Differs: 1 of ")
+    assert "differ by up to 1e-13 of their range in the sweep" in format_closeness(fourbar, rows)
     assert "Compare the lengths" in advice(fourbar, rows, [], "bad")[0]
 
 
 def test_how_well_engines_agree_is_one_sentence(fourbar: Case, result: Result) -> None:
     assert (
-        closeness(fourbar, result.comparisons)
+        format_closeness(fourbar, result.comparisons)
         == "Positions to 1e-13 of their range in the sweep, 1e-13 in dynamics."
     )
-    assert closeness(fourbar, []) == ""
+    assert format_closeness(fourbar, []) == ""
 
 
 def test_the_smallest_change_is_that_of_the_most_sensitive_channel(
@@ -374,8 +392,8 @@ UNSEEN = ("inertia", "damping", "friction", "armature", "site", "direction")
 
 def test_what_no_run_notices_is_told_in_the_words_of_explain(fourbar: Case) -> None:
     found = coverage_found(fourbar)
-    panel = panel_of(fourbar, found)
-    lines = list(not_noticed(fourbar, found))
+    panel = noticed_panel(fourbar, found)
+    lines = list(format_not_noticed(fourbar, found))
     assert [*panel.unnoticed, *panel.more] == lines
     assert lines[0].startswith("inertia of crank: all runs that are checked are at rest")
     assert len(panel.more) == len(UNSEEN) - 4
@@ -385,7 +403,7 @@ def test_what_no_run_notices_is_told_in_the_words_of_explain(fourbar: Case) -> N
     assert panel.refused == ("range of rocker: beyond it",)
     assert (
         "No number of fourbar.xml was tried: too slow."
-        in panel_of(fourbar, replace(found, left_out="too slow")).not_tried
+        in noticed_panel(fourbar, replace(found, left_out="too slow")).not_tried
     )
 
 
@@ -395,12 +413,14 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     assert re.search(r"<code>proofmass explain \S*fourbar\.toml</code> finds the numbers of", page)
     assert "numbers of the model of which no run notices a change" in page
     assert "Noticed from this change on" not in page
-    monkeypatch.setenv(FOLDER, str(tmp_path / "found"))
-    key = key_of(fourbar)
-    Kept(coverage=replace(coverage_found(fourbar), key=key)).write(file_of(fourbar, key, None))
-    assert noticed(fourbar)
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "found"))
+    key = coverage_key(fourbar)
+    StoredFindings(coverage=replace(coverage_found(fourbar), key=key)).write(
+        coverage_file(fourbar, key, None)
+    )
+    assert load_noticed_panel(fourbar)
     monkeypatch.setattr(  # a worker may have another folder of what was found
-        "proofmass.report.case_page.find_in_worker",
+        "proofmass.report.case_page.evaluate_in_worker",
         lambda case, beyond, function, otherwise: function(case),
     )
     with without_figures():
@@ -410,8 +430,8 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     assert "inertia of crank: all runs that are checked are at rest" in panel
     assert "finds the numbers" not in panel
     assert "Noticed from this change on" in page
-    file_of(fourbar, key, None).write_text("{", encoding="utf-8")
-    assert noticed(fourbar) is None  # the command says what is wrong with it
+    coverage_file(fourbar, key, None).write_text("{", encoding="utf-8")
+    assert load_noticed_panel(fourbar) is None  # the command says what is wrong with it
 
 
 def cause_of(words: str, explains: tuple[str, ...], left: float = 1e-15) -> Explanation:
@@ -431,7 +451,7 @@ def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path:
         for run in ("sweep", "dynamics")
     }
     found["fourbar", "sweep", "pymunk"] = diagnosis_of("sweep", "pymunk", remarks=("no less",))
-    panel, none = causes(fourbar, found)
+    panel, none = cause_panels(fourbar, found)
     assert panel.title == "Cause: rocker is longer"
     assert panel.lines == (
         "puts 2 of 3 channels right, 1e-15 of the error left; not c",
@@ -448,7 +468,7 @@ def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path:
     )
     assert (none.title, none.lines) == ("Cause: none of those that were tried", ("no less",))
     assert none.rows == ()
-    assert causes(fourbar.model_copy(update={"file": Path("other.toml")}), found) == []
+    assert cause_panels(fourbar.model_copy(update={"file": Path("other.toml")}), found) == []
     with without_figures():
         page = write_report(replace(result, diagnoses=found), tmp_path).with_name("fourbar.html")
     text = page.read_text(encoding="utf-8")
@@ -458,7 +478,7 @@ def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path:
 
 def test_a_search_for_causes_that_failed_is_told(fourbar: Case) -> None:
     found = {("fourbar", "sweep", "mujoco"): diagnosis_of("sweep", "mujoco", fault="no answer")}
-    (panel,) = causes(fourbar, found)
+    (panel,) = cause_panels(fourbar, found)
     assert (panel.title, panel.lines) == ("Why it differs was not found out", ("no answer",))
 
 
@@ -495,7 +515,7 @@ def test_what_happened_is_told_once_for_all_runs(
     fourbar: Case, result: Result, tmp_path: Path
 ) -> None:
     found = failed_result(fourbar, result, "mujoco", "pymunk")
-    (panel,) = causes(fourbar, found.diagnoses)
+    (panel,) = cause_panels(fourbar, found.diagnoses)
     assert (panel.title, panel.rows) == ("What happened", ())
     assert panel.where == "The same in 2 runs: MuJoCo in dynamics and pymunk in dynamics."
     with without_figures():
@@ -506,9 +526,11 @@ def test_what_happened_is_told_once_for_all_runs(
 
 
 def test_colours_can_be_read_on_both_papers() -> None:
-    for look in looks(["mujoco", "pymunk", "mujoco:default", "pymunk:default", "x"]).values():
-        for paper in PAPERS.values():
-            assert contrast(legible(look.colour, paper), paper) >= READABLE
+    for look in solver_looks(
+        ["mujoco", "pymunk", "mujoco:default", "pymunk:default", "x"]
+    ).values():
+        for paper in BACKGROUNDS.values():
+            assert contrast(make_legible(look.colour, paper), paper) >= TEXT_CONTRAST
     assert contrast("#E69F00", "#ffffff") < 3  # why they are changed
 
 
@@ -528,7 +550,7 @@ def test_an_undecided_curve_is_no_agreement_in_the_first_table():
     }
     channels = {name: {"kind": "position"} for name in own}
     run = {"solvers": {"recorded:rig": {"comparisons": own}}, "failed": {}, "channels": channels}
-    (part,) = overview({"solvers": ["recorded:rig"], "runs": {"dynamics": run}})
+    (part,) = overview_table({"solvers": ["recorded:rig"], "runs": {"dynamics": run}})
     (row,) = part.rows
     (cell,) = row.cells
     assert (cell.text, cell.note, cell.bad) == ("1e-3", "undecided", True)

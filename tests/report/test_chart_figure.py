@@ -10,9 +10,17 @@ from matplotlib import rc_context
 from matplotlib.colors import to_hex
 
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
-from proofmass.report.charts import MOST, SLIM, SQUAT, chart_figure, dressed, thinned, tones
+from proofmass.report.charts import (
+    MAX_LINE_POINTS,
+    MAX_PANEL_RATIO,
+    MIN_PANEL_RATIO,
+    chart_figure,
+    label_looks,
+    line_style,
+    thin_line,
+)
 from proofmass.report.figures import save
-from proofmass.report.style import KNOWN, RC
+from proofmass.report.style import FIXED_LOOKS, RC
 
 
 def drawn(*panels: Panel, **changed: object):
@@ -66,15 +74,15 @@ def test_nan_breaks_a_line() -> None:
 def test_long_lines_are_thinned_and_keep_the_ends_of_their_pieces() -> None:
     t = np.linspace(0.0, 1.0, 20_000)
     y = np.where((t > 0.3) & (t < 0.31), np.nan, np.sin(9 * t))
-    few = thinned(ChartLine(t, y))
-    assert MOST <= len(few) <= MOST + 6  # rounded up for each piece
+    few = thin_line(ChartLine(t, y))
+    assert MAX_LINE_POINTS <= len(few) <= MAX_LINE_POINTS + 6  # rounded up for each piece
     there, before = np.isfinite(y), np.isfinite(few[:, 1])
     ends = t[np.flatnonzero(np.diff(there))], few[np.flatnonzero(np.diff(before)), 0]
     assert ends[0][0] == ends[1][0]  # where it breaks off
     assert few[-1, 0] == 1.0
     # chords of 1/500: 81 / (8 * 500^2)
     assert np.abs(np.interp(t[there], few[before, 0], few[before, 1]) - y[there]).max() < 5e-5
-    assert len(thinned(ChartLine(t, y, points=True))) == t.size
+    assert len(thin_line(ChartLine(t, y, points=True))) == t.size
 
 
 def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
@@ -98,15 +106,17 @@ def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
 
 def test_labels_differ_in_colour_and_without_it_and_are_no_solvers() -> None:
     lines = [replace(bump(), label=f"{k}", stable=k % 2 > 0) for k in range(12)]
-    looks = tones(Chart(("x", "m"), ("y", "m"), (Panel(tuple(lines)),), ""))
+    looks = label_looks(Chart(("x", "m"), ("y", "m"), (Panel(tuple(lines)),), ""))
     assert len({(look.colour, look.dash) for look in looks.values()}) == 12
     # black and white: unstable by dashes, stable by markers, five and six of them
     assert len({looks[f"{k}"].dash for k in range(0, 10, 2)}) == 5
-    assert len({dressed(lines[k], looks[f"{k}"])["marker"] for k in range(1, 12, 2)}) == 6
+    assert len({line_style(lines[k], looks[f"{k}"])["marker"] for k in range(1, 12, 2)}) == 6
     (ax,) = drawn(Panel(tuple(lines)))
     marked = [line.get_markevery()[0] for line in ax.lines if line.get_marker() != "None"]
     assert marked == [1, 0, 1, 0, 1, 0]  # beside those of the next, on 11 points
-    assert not {look.colour for look in looks.values()} & {look.colour for look in KNOWN.values()}
+    assert not {look.colour for look in looks.values()} & {
+        look.colour for look in FIXED_LOOKS.values()
+    }
 
 
 def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
@@ -121,10 +131,12 @@ def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
     assert ax.get_ylabel() == "R / R_cr"
 
 
-@pytest.mark.parametrize(("high", "tall"), [(0.7, 0.7), (0.0, SQUAT), (50.0, SLIM)])
+@pytest.mark.parametrize(
+    ("high", "tall"), [(0.7, 0.7), (0.0, MIN_PANEL_RATIO), (50.0, MAX_PANEL_RATIO)]
+)
 def test_alike_has_one_scale_and_no_slivers(high: float, tall: float) -> None:
     line = ChartLine(np.array([0.0, 1.0]), np.array([0.0, high]))
-    first, second = drawn(Panel((line,)), Panel((bump(),)) if high else Panel(), alike=True)
+    first, second = drawn(Panel((line,)), Panel((bump(),)) if high else Panel(), equal_scales=True)
     assert first.get_xlim() == second.get_xlim()
     assert first.get_ylim() == second.get_ylim()
     inches = first.get_position().size * first.figure.get_size_inches()
@@ -290,7 +302,9 @@ def test_regions_of_one_label_are_alike_and_others_differ_in_colour_and_hatch() 
 
 def test_the_area_is_written_into_a_region_that_has_room() -> None:
     large, small, hollow = square("a", 0.0), square("a", 1.1, 0.05, 0.01), square("a", 3.0)
-    (ax,) = drawn(Panel(regions=(large, small, replace(hollow, area=float("nan")))), alike=True)
+    (ax,) = drawn(
+        Panel(regions=(large, small, replace(hollow, area=float("nan")))), equal_scales=True
+    )
     (text,) = ax.texts
     assert text.get_text() == "4 m²"
     assert np.abs(np.array(text.get_position())).max() < 0.1  # in its middle
@@ -299,7 +313,9 @@ def test_the_area_is_written_into_a_region_that_has_room() -> None:
 def test_the_area_of_a_ring_is_not_written_into_its_hole() -> None:
     ring = square("a", 0.0)
     inner = ring.outlines[0][::-1] * 0.5
-    (ax,) = drawn(Panel(regions=(replace(ring, outlines=(*ring.outlines, inner)),)), alike=True)
+    (ax,) = drawn(
+        Panel(regions=(replace(ring, outlines=(*ring.outlines, inner)),)), equal_scales=True
+    )
     (text,) = ax.texts
     assert np.abs(np.array(text.get_position())).max() > 0.5
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from proofmass.case import ChartTable
-from proofmass.chart import chart_of, check_charts
+from proofmass.chart import check_charts, compute_chart
 from proofmass.check import Result
 from proofmass.compare import compare
 from proofmass.errors import InputError
@@ -59,11 +59,11 @@ def stub(stubbed) -> Path:
 
 def test_a_function_gets_the_parameters_that_it_takes(stub: Path) -> None:
     case = load_case(stub)
-    (line,) = chart_of(case, case.chart[0]).lines
+    (line,) = compute_chart(case, case.chart[0]).lines
     assert line.y[-1] == 2.0 * 12.0**2 / 2  # the case's stiffness, the chart's turns
     stiffer = case.chart[0].model_copy(update={"parameters": {"stiffness": 3.0}})
     case = case.model_copy(update={"chart": (stiffer,)})
-    (line,) = chart_of(case, stiffer).lines
+    (line,) = compute_chart(case, stiffer).lines
     assert line.y[-1] == 3.0 * 6.0**2 / 2  # the chart's instead of the case's
 
 
@@ -113,7 +113,7 @@ def test_complaints_of_the_function_are_those_of_the_sidecar(stub: Path) -> None
     stub.write_text(stub.read_text().replace("turns = 2", "turns = 10"))
     case = load_case(stub)
     with pytest.raises(InputError, match=r"chart\.0\.parameters: turns must be 9 at most, got 10"):
-        chart_of(case, case.chart[0])
+        compute_chart(case, case.chart[0])
 
 
 def test_a_recorded_curve_has_no_charts() -> None:

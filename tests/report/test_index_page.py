@@ -13,21 +13,21 @@ from markupsafe import Markup
 from proofmass.check import Result
 from proofmass.outcome import Outcome
 from proofmass.report import index_page, pages
-from proofmass.report.case_figures import moving as moved
+from proofmass.report.case_figures import find_motions as moved
 from proofmass.report.data import PlottedRun
-from proofmass.report.index_page import cell_of, columns_of, place, row_of
-from proofmass.report.pages import files_of, note_on, table_of, write_curves
-from proofmass.report.record import History, continued
+from proofmass.report.index_page import axis_place, case_row, columns_of, index_cell
+from proofmass.report.pages import file_links, note_on_files, run_table, write_curves
+from proofmass.report.record import History, extend_history
 from proofmass.report.study import ShownStudy
 from proofmass.report.thumbnail import (
-    BYTES,
-    FEWEST,
-    HIGH,
-    POSES,
-    ROUND,
-    WIDE,
-    fewer,
-    reduced,
+    DRAWING_HEIGHT,
+    DRAWING_WIDTH,
+    MAX_BYTES,
+    MAX_OUTLINE_POINTS,
+    MAX_POSES,
+    MIN_POSES,
+    reduce_picture,
+    thin_outline,
 )
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
@@ -36,8 +36,8 @@ from tests.report.index_rows import (
     NAMES,
     index_text,
     last_record,
+    make_record,
     of,
-    record_of,
     small,
     whole_result,
 )
@@ -92,13 +92,13 @@ def test_without_a_last_report_there_are_no_changes():
 
 def test_a_cell_has_the_worst_error_its_allowance_and_other_settings_hollow():
     result = whole_result()
-    cell = cell_of([c for c in result.comparisons if c.case == "pendulum" and "muj" in c.solver])
+    cell = index_cell([c for c in result.comparisons if c.case == "pendulum" and "muj" in c.solver])
     assert (cell.error, cell.kind, cell.bad, cell.sort) == ("9e-7", "position", False, 9e-7)
     first, other = cell.lanes
     assert (first.solver, first.hollow, first.over) == ("mujoco", False, False)
-    assert (first.at, first.allowed) == (place(9e-7), place(1e-6))
+    assert (first.at, first.allowed) == (axis_place(9e-7), axis_place(1e-6))
     assert (other.solver, other.hollow, other.allowed) == ("mujoco:default", True, None)
-    assert other.at == place(1e-2)
+    assert other.at == axis_place(1e-2)
     assert cell.words == (
         "MuJoCo: angle 9e-7 of the range, 1e-6 allowed; "
         "MuJoCo default: rate 0.01 of the range, no tolerance"
@@ -106,7 +106,7 @@ def test_a_cell_has_the_worst_error_its_allowance_and_other_settings_hollow():
 
 
 def test_a_failure_speaks_for_a_cell_though_another_error_is_larger():
-    cell = cell_of(
+    cell = index_cell(
         [c for c in whole_result().comparisons if (c.case, c.run) == ("fourbar", "sweep")]
     )
     assert (cell.error, cell.bad) == ("0.03", True)
@@ -115,7 +115,7 @@ def test_a_failure_speaks_for_a_cell_though_another_error_is_larger():
 
 
 def test_a_failed_run_has_a_word_and_no_dot(page):
-    cell = cell_of([c for c in whole_result().comparisons if c.outcome == Outcome.DIVERGED])
+    cell = index_cell([c for c in whole_result().comparisons if c.outcome == Outcome.DIVERGED])
     assert (cell.error, cell.bad, cell.sort) == ("diverged", True, math.inf)
     assert (cell.lanes[0].at, cell.lanes[0].words) == (None, "pymunk: diverged")
     row = rows_of(page)["slider_crank"]
@@ -125,8 +125,10 @@ def test_a_failed_run_has_a_word_and_no_dot(page):
 
 
 def test_the_axis_is_the_same_for_all_cells():
-    assert place(1.0) - place(1e-3) == pytest.approx(place(1e-12) - place(1e-15), abs=0.02)
-    assert [place(v) for v in (0.0, 1e-99, 1e99)] == [0.0, 0.0, 100.0]
+    assert axis_place(1.0) - axis_place(1e-3) == pytest.approx(
+        axis_place(1e-12) - axis_place(1e-15), abs=0.02
+    )
+    assert [axis_place(v) for v in (0.0, 1e-99, 1e99)] == [0.0, 0.0, 100.0]
 
 
 def test_an_engine_that_is_not_known_in_advance_has_its_column(page):
@@ -159,7 +161,7 @@ def test_settings_that_a_tolerance_judges_count():
         of("pendulum", "dynamics", "mujoco:fine", "rate", 1e-9, None, Outcome.UNCHECKED),
     ]
     whole = Result([case], rows, paths=result.paths)
-    row = row_of(case, whole, columns_of(whole), [], None, History(), {})
+    row = case_row(case, whole, columns_of(whole), [], None, History(), {})
     assert (row.checked, row.channels) == (1, 2)
 
 
@@ -197,8 +199,8 @@ def test_an_empty_report_says_so():
 
 
 def test_a_bad_row_says_no_more_than_it_has_room_for():
-    assert index_page.shortened("abc") == list("abc")
-    assert index_page.shortened("abcd") == [*"ab", "And 2 more runs."]
+    assert index_page.shorten_sentences("abc") == list("abc")
+    assert index_page.shorten_sentences("abcd") == [*"ab", "And 2 more runs."]
 
 
 def test_a_bad_row_says_what_differs(page):
@@ -212,7 +214,7 @@ def test_a_trend_is_drawn_of_errors_that_change():
     history = History()
     for share in (1e-9, 1e-8):
         rows = [of("pendulum", "dynamics", "mujoco", "angle", share, unit="rad")]
-        history = continued(history, record_of(Result(comparisons=rows), MADE))
+        history = extend_history(history, make_record(Result(comparisons=rows), MADE))
     before = last_record(result)
     rows = rows_of(index_text(result, before, history))
     (points,) = re.findall(r'<polyline points="([^"]+)"', rows["pendulum"])
@@ -225,10 +227,10 @@ def test_a_trend_is_drawn_of_errors_that_change():
 
 def test_the_drawing_moves_within_its_frame():
     motions, _ = moved(load_case(shipped("fourbar.toml")), [])
-    moving = reduced(motions["sweep"].picture)
-    assert moving.points.shape == (POSES, sum(moving.sizes) + len(moving.joints), 2)
-    assert moving.points[..., 0].max() <= WIDE
-    assert moving.points[..., 1].max() <= HIGH
+    moving = reduce_picture(motions["sweep"].picture)
+    assert moving.points.shape == (MAX_POSES, sum(moving.sizes) + len(moving.joints), 2)
+    assert moving.points[..., 0].max() <= DRAWING_WIDTH
+    assert moving.points[..., 1].max() <= DRAWING_HEIGHT
     kinds = [(kind, driven, grounded) for kind, driven, grounded in moving.joints]
     assert kinds.count(("hinge", True, True)) == 1  # the crank
     # links stay as long as they are, to a step at each end in both directions
@@ -245,12 +247,12 @@ def test_a_drawing_with_many_points_has_fewer_poses(name):
     motions, _ = moved(case, [])
     picture = next(iter(motions.values())).picture
     whole = [outline for link in picture.links for outline in link.outlines]
-    moving = reduced(picture)
-    assert moving.points.nbytes <= max(BYTES, 2 * FEWEST * moving.points.shape[1])
-    assert FEWEST <= len(moving.points) < POSES
-    assert max(moving.sizes) <= ROUND
+    moving = reduce_picture(picture)
+    assert moving.points.nbytes <= max(MAX_BYTES, 2 * MIN_POSES * moving.points.shape[1])
+    assert MIN_POSES <= len(moving.points) < MAX_POSES
+    assert max(moving.sizes) <= MAX_OUTLINE_POINTS
     for outline in whole:
-        kept = fewer(outline)[0]
+        kept = thin_outline(outline)[0]
         for part in (np.min, np.max):
             off = np.abs(part(kept, axis=0) - part(outline[0], axis=0))
             assert (off <= np.ptp(outline[0], axis=0).max() / 20).all()
@@ -259,10 +261,10 @@ def test_a_drawing_with_many_points_has_fewer_poses(name):
 def test_a_rod_that_begins_straight_is_shown_where_it_is_bent():
     """It has no joints by which the clearest pose could be told."""
     motions, _ = moved(load_case(shipped("rod_released.toml")), [])
-    moving = reduced(motions["dynamics"].picture)
+    moving = reduce_picture(motions["dynamics"].picture)
     begin, shown = moving.points[0].astype(float), moving.points[moving.shown].astype(float)
     assert np.ptp(begin[:, 1]) <= 1
-    assert np.ptp(shown[:, 1]) > HIGH / 2
+    assert np.ptp(shown[:, 1]) > DRAWING_HEIGHT / 2
 
 
 def test_the_data_of_a_drawing_are_its_bytes(page):
@@ -308,28 +310,28 @@ def test_curves_are_written_in_si_units_with_all_their_digits(tmp_path: Path):
     row = lines[7].split(",")
     assert float(row[columns.index("pin.x mujoco [m]")]) == np.sin(view.grid[7]) / 3
     assert row[columns.index("pin.x pymunk [m]")] == ""  # it had stopped
-    assert "pin.x pymunk [m]" in table_of(view)
+    assert "pin.x pymunk [m]" in run_table(view)
 
 
 def test_links_lead_to_the_files_that_are_there(tmp_path: Path):
     view = shown_curves()
-    assert files_of(tmp_path, view.case) == []
+    assert file_links(tmp_path, view.case) == []
     write_curves(tmp_path, view.case, [view])
-    found = files_of(tmp_path, view.case)
+    found = file_links(tmp_path, view.case)
     assert found[0] == ("dynamics (CSV)", "data/fourbar-dynamics.csv")
     assert all((tmp_path / path).is_file() for _, path in found)
     page = index_text(whole_result(), files={"fourbar": found}, note="")
     assert '<a href="data/fourbar-dynamics.csv">dynamics (CSV)</a>' in rows_of(page)["fourbar"]
     write_curves(tmp_path, view.case, [])  # a later report without them
-    assert files_of(tmp_path, view.case) == []
+    assert file_links(tmp_path, view.case) == []
 
 
 def test_the_page_says_how_to_get_what_is_not_written(monkeypatch):
     monkeypatch.setattr(pages, "find_spec", lambda name: None)
-    assert "--data" in note_on(data=False)
-    assert "proofmass[parquet]" in note_on(data=True)
+    assert "--data" in note_on_files(data=False)
+    assert "proofmass[parquet]" in note_on_files(data=True)
     monkeypatch.setattr(pages, "find_spec", lambda name: name)
-    assert note_on(data=True) == ""
+    assert note_on_files(data=True) == ""
     assert "a note of that kind" in index_text(whole_result(), note="a note of that kind")
 
 
@@ -339,6 +341,6 @@ def test_parquet_has_the_numbers_of_the_csv(tmp_path: Path):
     write_curves(tmp_path, view.case, [view])
     table = parquet.read_table(tmp_path / "data" / "fourbar.parquet")
     assert set(table["run"].to_pylist()) == {"dynamics"}
-    for name, values in table_of(view).items():
+    for name, values in run_table(view).items():
         assert np.array_equal(table[name].to_numpy(), values, equal_nan=True)
-    assert ("Parquet", "data/fourbar.parquet") in files_of(tmp_path, view.case)
+    assert ("Parquet", "data/fourbar.parquet") in file_links(tmp_path, view.case)

@@ -9,8 +9,8 @@ import pytest
 from proofmass.analytic.numerics import TURN
 from proofmass.case import Case
 from proofmass.report import data
-from proofmass.report.data import Jumps, of_reference, of_solver, plotted_run
-from proofmass.report.figures import draw, every
+from proofmass.report.data import Jumps, plotted_run, reference_jumps, solver_jumps
+from proofmass.report.figures import draw_curve, thin_path
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from tests.report.whole import whole_result
@@ -42,7 +42,7 @@ def reference(
         return Curves(x, {channel: np.asarray(LAWS[law](x * 40.0))})
 
     monkeypatch.setattr(data, "evaluate", lambda case, kind, x, state: curves(x))
-    return of_reference(case, kind, curves(X), curves(X))  # type: ignore[arg-type]
+    return reference_jumps(case, kind, curves(X), curves(X))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_jump_stays_one_between_finer_samples(
     law: str, channel: str, found: Jumps, fourbar: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     curve = LAWS[law](np.arange(41.0))
-    assert data.suspects(curve, float(np.ptp(curve)) or 1.0) == [20]
+    assert data.suspected_jumps(curve, float(np.ptp(curve)) or 1.0) == [20]
     assert reference(monkeypatch, fourbar, channel, law) == found
 
 
@@ -76,13 +76,13 @@ def test_an_engine_jumps_where_its_reference_does_or_makes_no_such_step(fourbar:
 
     step, steep = sampled("step"), sampled("steep")
     known = Jumps((20,))
-    assert of_solver(fourbar, "sweep", step, step, known) == known
+    assert solver_jumps(fourbar, "sweep", step, step, known) == known
     for later in (1, 3):
         late = sampled("step", later)
-        assert of_solver(fourbar, "sweep", late, step, known) == Jumps((20 + later,))
-    assert of_solver(fourbar, "sweep", steep, steep, Jumps()) == Jumps()
+        assert solver_jumps(fourbar, "sweep", late, step, known) == Jumps((20 + later,))
+    assert solver_jumps(fourbar, "sweep", steep, steep, Jumps()) == Jumps()
     smooth = replace(step, channels={"pin.x": 0.1 * np.arange(41.0)})
-    assert of_solver(fourbar, "sweep", smooth, step, known) == Jumps()
+    assert solver_jumps(fourbar, "sweep", smooth, step, known) == Jumps()
 
 
 def test_a_snap_is_found_and_smooth_curves_have_none(fourbar: Case) -> None:
@@ -106,12 +106,12 @@ def test_what_is_zero_to_rounding_has_no_jumps() -> None:
 def test_figures_are_open_at_a_jump(tmp_path: Path) -> None:
     from matplotlib.figure import Figure
 
-    from proofmass.report.style import looks
+    from proofmass.report.style import solver_looks
 
     ax = Figure().subplots()
     x, y = np.arange(10.0), np.where(np.arange(10) < 5, 0.0, 1.0)
-    draw(ax, x, y, looks(["pymunk"])["pymunk"], jumps=[4])
+    draw_curve(ax, x, y, solver_looks(["pymunk"])["pymunk"], jumps=[4])
     assert [line.get_xdata().tolist() for line in ax.lines] == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
-    path = every(np.column_stack([x, y]), 99, [4])
+    path = thin_path(np.column_stack([x, y]), 99, [4])
     assert np.isnan(path[5]).all()
     assert path[[4, 6]].tolist() == [[4, 0], [5, 1]]

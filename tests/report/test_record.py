@@ -15,22 +15,22 @@ from proofmass.compare import Comparison, DetectableChange
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.report import record, write_report
-from proofmass.report.changes import Change, changes, since
+from proofmass.report.changes import Change, find_changes, format_changes
 from proofmass.report.record import (
-    KEPT,
+    KEPT_REPORTS,
     History,
     Last,
-    continued,
+    extend_history,
+    make_record,
     read_last,
-    record_of,
-    started,
+    record_start,
     write_record,
 )
 from proofmass.sidecar import load_case
-from proofmass.terminal import KEYS
+from proofmass.terminal import COMPARISON_KEYS
 from tests.shipped import MODELS, shipped
 
-MADE = started(["proofmass", "report"])
+MADE = record_start(["proofmass", "report"])
 
 
 def of(channel: str, share: float, case: str = "one", outcome: str = "agrees", **more):
@@ -51,12 +51,12 @@ def of(channel: str, share: float, case: str = "one", outcome: str = "agrees", *
 
 
 def recorded(*rows: Comparison, **more):
-    return record_of(Result(comparisons=list(rows), **more), MADE)
+    return make_record(Result(comparisons=list(rows), **more), MADE)
 
 
 def test_a_record_holds_every_key_of_the_json_and_the_share_of_the_range():
     names = set(record.ChannelRecord.model_fields)
-    assert names == {*KEYS, "share_of_range"}
+    assert names == {*COMPARISON_KEYS, "share_of_range"}
     found = recorded(of("x", 0.25, detectable={"length": DetectableChange(nan)}, at=inf))
     (row,) = found.comparisons
     assert row.share_of_range == 0.25
@@ -68,9 +68,9 @@ def test_a_record_is_the_same_after_it_was_written(tmp_path):
     case = load_case(shipped("fourbar.toml"))
     error = InputError(Path("/home/me/bad.toml"), "drive.joint", "in /home/me/bad.toml")
     first = recorded(of("x", 0.25), cases=[case], errors=[error], paths=(MODELS,))
-    write_record(tmp_path, first, continued(History(), first))
+    write_record(tmp_path, first, extend_history(History(), first))
     again = read_last(tmp_path).record
-    assert again == first.model_copy(update={"history": continued(History(), first)})
+    assert again == first.model_copy(update={"history": extend_history(History(), first)})
     (kept,) = again.cases
     assert (kept.name, kept.family, kept.reference) == ("fourbar", "linkages", "fourbar")
     text = (tmp_path / "results.json").read_text()
@@ -84,7 +84,7 @@ def test_a_record_is_the_same_after_it_was_written(tmp_path):
 
 
 def test_a_command_keeps_no_folder_and_a_machine_no_name(monkeypatch):
-    made = started(["proofmass", "report", "/home/me/models", "-o", "pages"])
+    made = record_start(["proofmass", "report", "/home/me/models", "-o", "pages"])
     assert made.command == "proofmass report models -o pages"
     assert made.versions["proofmass"]
     assert made.versions["mujoco"]
@@ -158,7 +158,7 @@ BEFORE = [of("x", 1e-6), of("y", 1e-6), of("z", 1e-14), of("w", 0.0)]
 )
 def test_an_error_changes_by_more_than_a_factor_of_two_above_rounding(now, growth):
     rows = [now if c.channel == now.channel else c for c in BEFORE]
-    found = changes(recorded(*BEFORE), recorded(*rows))
+    found = find_changes(recorded(*BEFORE), recorded(*rows))
     assert [c.growth for c in found] == ([] if growth is None else [pytest.approx(growth)])
     if growth is not None:
         assert found[0].channel == now.channel
@@ -168,18 +168,18 @@ def test_an_error_changes_by_more_than_a_factor_of_two_above_rounding(now, growt
 def test_outcomes_and_cases_change_as_well():
     before = recorded(of("x", 1e-6), of("y", 1.0, outcome=Outcome.DIFFERS), of("x", 1e-6, "old"))
     now = recorded(of("x", nan, outcome=Outcome.CRASHED), of("y", 1e-6), of("x", 1e-6, "new"))
-    assert [c.sentence for c in changes(before, now)] == [
+    assert [c.sentence for c in find_changes(before, now)] == [
         "one sweep mujoco x: agrees before, crashed now",
         "old is gone",
         "new is new",
         "one sweep mujoco y: differs before, agrees now",
     ]
-    assert [c.growth for c in changes(before, now)] == [inf, 1.0, 1.0, 0.0]
-    assert changes(now, now) == []
+    assert [c.growth for c in find_changes(before, now)] == [inf, 1.0, 1.0, 0.0]
+    assert find_changes(now, now) == []
 
 
 def test_a_channel_that_is_new_or_gone_in_a_case_that_stays_is_a_change():
-    found = changes(recorded(of("x", 0.1), of("y", 0.1)), recorded(of("x", 0.1), of("z", 0.1)))
+    found = find_changes(recorded(of("x", 0.1), of("y", 0.1)), recorded(of("x", 0.1), of("z", 0.1)))
     assert sorted(c.sentence for c in found) == [
         "one sweep mujoco y: is gone, agrees",
         "one sweep mujoco z: is new, agrees",
@@ -188,15 +188,15 @@ def test_a_channel_that_is_new_or_gone_in_a_case_that_stays_is_a_change():
 
 def test_the_line_names_the_worst_five():
     last = recorded(*(of("x", 1e-6, f"c{k}") for k in range(8)))
-    assert since(last, []) == f"since the last report ({MADE.day}): nothing changed"
+    assert format_changes(last, []) == f"since the last report ({MADE.day}): nothing changed"
     grown = recorded(*(of("x", 1e-6 * (k + 1), f"c{k}") for k in range(8)))
-    line = since(last, changes(last, grown))
+    line = format_changes(last, find_changes(last, grown))
     # c1 is twice as large, which is not more than a factor of two
     assert line.startswith(f"since the last report ({MADE.day}): 6 changes: c7 sweep mujoco x: ")
     assert line.endswith("; and 1 more")
     assert line.count(" before, ") == 5
     assert "c2" not in line
-    one = since(last, [Change("a", "", "", "", "", "there")])
+    one = format_changes(last, [Change("a", "", "", "", "", "there")])
     assert one.endswith("1 change: a is new")
 
 
@@ -204,7 +204,7 @@ def test_the_line_names_the_channels_of_a_run_together():
     last = recorded(*(of(name, 1e-6) for name in "abcde"))
     wrong = [of(name, 1.0, outcome=Outcome.DIFFERS) for name in "abc"]
     now = recorded(*wrong, of("d", 1e-5), of("e", 1e-9))
-    line = since(last, changes(last, now))
+    line = format_changes(last, find_changes(last, now))
     assert line.partition("): ")[2] == (
         "5 changes: one sweep mujoco a: agrees before, differs now (and 3 more channels); "
         "one sweep mujoco e: error 1e-6 of the range before, error 1e-9 of the range now"
@@ -213,16 +213,16 @@ def test_the_line_names_the_channels_of_a_run_together():
 
 def test_a_history_keeps_three_digits_of_the_last_reports():
     history = History()
-    for k in range(KEPT + 2):
+    for k in range(KEPT_REPORTS + 2):
         rows = [of("x", 1.23456 * (k + 1)), *([of("y", 1.0)] if k == 1 else [])]
-        history = continued(history, recorded(*rows))
-    assert len(history.reports) == KEPT
+        history = extend_history(history, recorded(*rows))
+    assert len(history.reports) == KEPT_REPORTS
     assert history.trend("one", "sweep", "mujoco", "x")[0] == 3.7
-    assert len(history.trend("one", "sweep", "mujoco", "x")) == KEPT
-    assert history.trend("one", "sweep", "mujoco", "y") == [None] * KEPT  # too long ago
+    assert len(history.trend("one", "sweep", "mujoco", "x")) == KEPT_REPORTS
+    assert history.trend("one", "sweep", "mujoco", "y") == [None] * KEPT_REPORTS  # too long ago
     assert set(history.errors) == {"one/sweep/mujoco/x"}
-    again = continued(history, recorded(of("y", 0.5)))
-    assert again.trend("one", "sweep", "mujoco", "y") == [None] * (KEPT - 1) + [0.5]
+    again = extend_history(history, recorded(of("y", 0.5)))
+    assert again.trend("one", "sweep", "mujoco", "y") == [None] * (KEPT_REPORTS - 1) + [0.5]
     assert again.trend("one", "sweep", "mujoco", "x")[-1] is None
 
 
@@ -232,7 +232,7 @@ def run(*args: object):
 
 def test_a_report_is_compared_with_the_one_before_or_with_another(monkeypatch, tmp_path):
     found = [of("x", 1e-6), of("x", 1e-6, "two")]
-    monkeypatch.setattr(cli, "examine", lambda *_: Result(comparisons=list(found)))
+    monkeypatch.setattr(cli, "check_with_progress", lambda *_: Result(comparisons=list(found)))
     first = run("report", "-o", tmp_path / "a")
     assert first.exit_code == 0, first.output
     assert "since the last report" not in first.output
@@ -248,7 +248,7 @@ def test_a_report_is_compared_with_the_one_before_or_with_another(monkeypatch, t
 
 
 def test_a_baseline_that_is_not_there_is_said_before_anything_runs(monkeypatch, tmp_path):
-    monkeypatch.setattr(cli, "examine", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr(cli, "check_with_progress", lambda *_: pytest.fail("it ran"))
     answer = run("report", "-o", tmp_path / "a", "--baseline", tmp_path / "b")
     assert answer.exit_code == 2
     assert "results.json: no such file; proofmass report writes it" in answer.output.replace(
@@ -257,7 +257,7 @@ def test_a_baseline_that_is_not_there_is_said_before_anything_runs(monkeypatch, 
 
 
 def test_a_damaged_baseline_costs_the_changes_only(monkeypatch, tmp_path):
-    monkeypatch.setattr(cli, "examine", lambda *_: Result(comparisons=[of("x", 1e-6)]))
+    monkeypatch.setattr(cli, "check_with_progress", lambda *_: Result(comparisons=[of("x", 1e-6)]))
     (tmp_path / "results.json").write_text("{")
     answer = run("report", "-o", tmp_path)
     assert answer.exit_code == 0

@@ -13,17 +13,17 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import Comparison, compare, reference_for
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, unit_of
+from proofmass.reference import evaluate, parameter_unit
 from proofmass.report import headline, write_report
-from proofmass.report.case_figures import FIGURES, moving, shape_of, tracks
-from proofmass.report.data import input_rows, inputs, plotted_run, thin
-from proofmass.report.figures import tolerances
-from proofmass.report.mechanism import path, paths
-from proofmass.report.style import looks
-from proofmass.report.svg import inline
+from proofmass.report.case_figures import RUN_FIGURES, find_motions, measured_paths, mechanism_poses
+from proofmass.report.data import drive_curves, drive_rows, plotted_run, thin_curve
+from proofmass.report.figures import channel_tolerances
+from proofmass.report.mechanism import path_names, point_path
+from proofmass.report.style import solver_looks
+from proofmass.report.svg import inline_svg
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.report.whole import without_figures
 from tests.shipped import models_like, shipped
 
@@ -39,7 +39,7 @@ def case_of(name: str, n: int = 37, **changed: object) -> Case:
 
 def curves_of(case: Case, kind: str, off: float) -> Curves:
     """What a solver would find that is off by that share of each curve's range."""
-    run = plan(case, kind, "mujoco")
+    run = plan_run(case, kind, "mujoco")
     x, state = run.x, run.motion(run.x) if run.drives else None
     truth = evaluate(case, kind, x, state)
     channels = {
@@ -246,7 +246,8 @@ def test_index_lists_loose_models_and_faults(report: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "dynamics") for what in FIGURES)]
+    "name",
+    ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "dynamics") for what in RUN_FIGURES)],
 )
 def test_figures_as_svg_and_png(report: Path, name: str) -> None:
     stem = report / "figures" / f"fourbar-{name}"
@@ -278,19 +279,21 @@ def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
 def test_thinning_keeps_spikes_and_ends() -> None:
     x = np.linspace(0, 1, 5001)
     y = np.where(x == x[1234], 7.0, np.sin(x))
-    tx, ty = thin(x, y, 300)
+    tx, ty = thin_curve(x, y, 300)
     assert len(tx) <= 302
     assert (tx[0], tx[-1], ty.max()) == (0.0, 1.0, 7.0)
 
 
 def test_solvers_differ_in_colour_and_without_it() -> None:
-    found = looks(["mujoco", "mujoco:default", "mujoco:fine", "pymunk", "pymunk:default", "a", "b"])
+    found = solver_looks(
+        ["mujoco", "mujoco:default", "mujoco:fine", "pymunk", "pymunk:default", "a", "b"]
+    )
     assert len({v.colour for v in found.values()}) == 7
     assert len({(v.dash, v.marker) for v in found.values()}) == 7
 
 
 def test_inline_svg_escapes_its_label() -> None:
-    assert 'aria-label="a &lt;b&gt; &quot;c&quot;"' in inline(
+    assert 'aria-label="a &lt;b&gt; &quot;c&quot;"' in inline_svg(
         '<svg viewBox="0 0 1 1"></svg>', "k", 'a <b> "c"'
     )
 
@@ -315,14 +318,16 @@ def test_drawing_has_the_names_of_the_mjcf(name: str, words: list[str], tmp_path
 def test_a_path_is_its_two_channels() -> None:
     case = case_of("fivebar")
     view = plotted_run(result_of(case, sweep=0.01), case, "sweep")
-    shape = shape_of(case, moving(case, [view])[0])
+    shape = mechanism_poses(case, find_motions(case, [view])[0])
     assert shape
-    assert paths(view, shape) == ["tip"]
+    assert path_names(view, shape) == ["tip"]
     for curves in (view.curves["mujoco"], view.longest):
-        found = path(curves, "tip", shape)
+        found = point_path(curves, "tip", shape)
         assert np.array_equal(found[:, 0], curves.channels["tip.x"])
         assert np.array_equal(found[:, 1], curves.channels["tip.y"])
-    assert np.array_equal(tracks([view], shape)["tip"], path(view.longest, "tip", shape))
+    assert np.array_equal(
+        measured_paths([view], shape)["tip"], point_path(view.longest, "tip", shape)
+    )
 
 
 def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
@@ -383,7 +388,7 @@ def test_inputs_of_several_drives() -> None:
         ),
     ):
         view = plotted_run(result_of(case, sweep=0.0), case, "sweep")
-        assert input_rows(view, list(inputs(view))) == rows
+        assert drive_rows(view, list(drive_curves(view))) == rows
 
 
 @pytest.mark.parametrize(
@@ -395,7 +400,7 @@ def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -
     view = plotted_run(result_of(case, sweep=0.0), case, "sweep")
     for solver, has in zip(("mujoco", "pymunk"), derivatives, strict=True):
         view.curves[solver] = replace(view.curves["mujoco"], derivatives=has)
-    panels = inputs(view)
+    panels = drive_curves(view)
     assert list(panels) == [f"crank{what} (drive)" for what in drawn]
     for order, (_, moved, _) in enumerate(panels.values()):
         assert list(moved) == [s for s, c in view.curves.items() if c.derivatives >= order]
@@ -405,7 +410,7 @@ def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
     view = plotted_run(result_of(fourbar, sweep=0.0), fourbar, "sweep")
     view.curves["pymunk"] = view.curves["mujoco"]
     view.rows.extend([replace(c, solver="pymunk") for c in view.rows])
-    assert list(tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]
+    assert list(channel_tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]
 
 
 @pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
@@ -421,17 +426,17 @@ def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> N
     )
     for name, unit in remarks.items():
         if name in case.parameters:
-            assert unit_of(case, name).replace("^", "") == unit
+            assert parameter_unit(case, name).replace("^", "") == unit
     assert [
         name
         for name, value in case.parameters.items()
-        if not isinstance(value, str) and not unit_of(case, name)
+        if not isinstance(value, str) and not parameter_unit(case, name)
     ] in ([], ["mode"])
 
 
 def test_the_unit_of_a_parameter_is_told_by_the_docstring() -> None:
     units = {
-        case: {p: unit_of(case_of(case), p) for p in case_of(case).parameters}
+        case: {p: parameter_unit(case_of(case), p) for p in case_of(case).parameters}
         for case in ("fourbar", "balancer_sine", "pendulum", "rod_cantilever")
     }
     for name, unit in (("crank", "m"), ("crank_mass", "kg"), ("gravity", "m/s^2"), ("mode", "")):

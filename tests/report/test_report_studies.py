@@ -11,14 +11,14 @@ from typer.testing import CliRunner
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report.style import RC
-from proofmass.studies.diet.page import SMALL, diet_figure, write_diet
+from proofmass.studies.diet.page import SMALLEST_CHANGE, diet_figure, write_diet
 from proofmass.studies.diet.table import (
-    OPTION,
-    SAID,
-    WHOLE,
+    OPTION_KIND,
+    SENTENCE_KIND,
+    WHOLE_KIND,
     Entry,
     read_entries,
-    sentences,
+    summary_sentences,
     write_entries,
 )
 from proofmass.studies.diet.trial import Cost
@@ -41,7 +41,15 @@ ENTRIES = [
     Entry(
         "drawn geom", "2: rod, bob", "drawn", {RUN: {"angle": 2e-3}}, "", (HEAVY, HEAVY), NOTHING
     ),
-    Entry(WHOLE, "", "harmless", {RUN: {"angle": 0.5, "rate.x": 0.25}}, "", (HEAVY, LEAN), QUARTER),
+    Entry(
+        WHOLE_KIND,
+        "",
+        "harmless",
+        {RUN: {"angle": 0.5, "rate.x": 0.25}},
+        "",
+        (HEAVY, LEAN),
+        QUARTER,
+    ),
 ]
 
 
@@ -90,14 +98,22 @@ def test_the_table_of_a_diet_holds_everything(tmp_path: Path) -> None:
 
 def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
     option = Entry(
-        OPTION, "tolerance 0 to 1e-8", "harmless", {RUN: {"angle": 0.5}}, "", (HEAVY, LEAN), QUARTER
+        OPTION_KIND,
+        "tolerance 0 to 1e-8",
+        "harmless",
+        {RUN: {"angle": 0.5}},
+        "",
+        (HEAVY, LEAN),
+        QUARTER,
     )
-    longer = Entry(OPTION, "time step 1e-3 to 2e-3 s", "matters", {RUN: {"rate": 4.0}})
-    monitored = Entry(SAID, "", SAID, message="Monitored: joint crank, and nothing else.")
+    longer = Entry(OPTION_KIND, "time step 1e-3 to 2e-3 s", "matters", {RUN: {"rate": 4.0}})
+    monitored = Entry(
+        SENTENCE_KIND, "", SENTENCE_KIND, message="Monitored: joint crank, and nothing else."
+    )
     told = [monitored, option, longer, replace(ENTRIES[-1], saved=NOTHING)]
     write_entries(told, tmp_path / "a.csv")
     assert read_entries(tmp_path / "a.csv") == told
-    assert list(sentences(told)) == [
+    assert list(summary_sentences(told)) == [
         "Monitored: joint crank, and nothing else.",
         "Nothing can be removed: of 0 features, each tried by itself, 0 change a channel by more "
         "than is allowed, and 0 are needed for the model to run.",
@@ -138,7 +154,7 @@ def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
         "than is allowed, and 2 are needed for the model to run."
     ) in text
     assert "removed together" not in text
-    assert WHOLE not in text  # of nothing
+    assert WHOLE_KIND not in text  # of nothing
 
 
 def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
@@ -147,7 +163,7 @@ def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
         change, time, memory = diet_figure(runs).axes
     # at the left edge what changes nothing, at the right one what is beyond the axis
     marks = [line for line in change.lines if line.get_marker() in ("o", "X")]
-    assert [m.get_xdata()[0] for m in marks] == [SMALL, 1e9, 2e-3, 0.5]
+    assert [m.get_xdata()[0] for m in marks] == [SMALLEST_CHANGE, 1e9, 2e-3, 0.5]
     assert [m.get_marker() for m in marks] == ["o", "X", "o", "o"]
     assert [m.get_markerfacecolor() == "white" for m in marks] == [False, False, True, False]
     assert [round(p.get_width(), 6) for p in time.patches] == [25.0, 25.0, 1.0, 25.0]

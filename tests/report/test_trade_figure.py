@@ -11,19 +11,19 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 from proofmass.errors import InputError
-from proofmass.report.style import KNOWN, RC
+from proofmass.report.style import FIXED_LOOKS, RC
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.figure import (
-    FRONT,
-    dressed,
+    FRONT_STYLE,
     other_parameters_figure,
-    planned,
-    spread,
+    planned_steps,
+    series_looks,
+    spread_texts,
     trade_figure,
 )
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study
-from proofmass.studies.trade.verdict import Verdict, front
+from proofmass.studies.trade.verdict import Verdict, pareto_front
 from tests.studies.trade.trade_rows import series_rows, study, verdict
 
 NAN = float("nan")
@@ -31,7 +31,7 @@ NAN = float("nan")
 
 def drawn(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
     with rc_context(RC):
-        figure = trade_figure(rows, verdicts, dressed(rows))
+        figure = trade_figure(rows, verdicts, series_looks(rows))
     figure.draw_without_rendering()
     return figure
 
@@ -90,10 +90,10 @@ def test_rods_are_drawn_over_their_segments() -> None:
 
 
 def test_no_two_lines_look_the_same() -> None:
-    looks = dressed(study()[0])
+    looks = series_looks(study()[0])
     assert len({(look.marker, look.dash) for look in looks.values()}) == len(looks) == 12
     for (engine, name), look in looks.items():
-        assert look.colour == KNOWN[engine + ":default" * ("defaults" in name)].colour
+        assert look.colour == FIXED_LOOKS[engine + ":default" * ("defaults" in name)].colour
     euler = {look.marker for (_, name), look in looks.items() if " Euler" in name}
     assert len(euler) == 1
 
@@ -124,7 +124,7 @@ def test_causes_in_the_margin_do_not_touch(figure: Figure) -> None:
 def test_the_front_is_that_of_all_settings(figure: Figure) -> None:
     """Brute force: nothing measured is cheaper and closer; filled markers are these."""
     rows = [row for row in study()[0] if row.outcome == "ran"]
-    best = front(rows, "position")
+    best = pareto_front(rows, "position")
     for row in rows:
         beaten = any(
             o.seconds <= row.seconds
@@ -133,7 +133,7 @@ def test_the_front_is_that_of_all_settings(figure: Figure) -> None:
             for o in rows
         )
         assert (row in best) == (not beaten)
-    stairs = next(one for one in figure.axes[0].lines if one.get_color() == FRONT["color"])
+    stairs = next(one for one in figure.axes[0].lines if one.get_color() == FRONT_STYLE["color"])
     assert len(stairs.get_xdata()) == len(best)
     filled = sum(
         len(one.get_xdata())
@@ -172,7 +172,7 @@ def test_failures_are_crosses_at_the_upper_edge(figure: Figure) -> None:
     assert not left
     assert [one.get_xdata()[0] for one in right] == pytest.approx([6.28 / 0.016], abs=1)
     failed = StudyRow("", "", "", "", "", "", 0.0, {"timestep": 0.1}, outcome="diverged")
-    assert planned(failed, [failed]) == 0.0
+    assert planned_steps(failed, [failed]) == 0.0
 
 
 def test_nothing_but_failures_can_be_drawn() -> None:
@@ -200,14 +200,14 @@ def test_other_parameters_run_from_coarse_to_fine() -> None:
         for v in (0.04, 0.02, 0.01)
     ]
     with rc_context(RC):
-        (ax,) = other_parameters_figure(rows, dressed(rows)).axes
+        (ax,) = other_parameters_figure(rows, series_looks(rows)).axes
     assert ax.xaxis_inverted()
     assert ax.get_xlabel() == "time constant, solref [s]"
     assert list(ax.lines[0].get_xdata()) == [0.04, 0.02, 0.01]
 
 
 def test_spread_keeps_apart() -> None:
-    moved = spread([0.0, 0.0, 0.0, 0.9], [0.1, 0.2, 0.1, 0.1])
+    moved = spread_texts([0.0, 0.0, 0.0, 0.9], [0.1, 0.2, 0.1, 0.1])
     assert np.diff(moved) == pytest.approx([0.15, 0.15, 0.6])
 
 

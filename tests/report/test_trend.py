@@ -16,20 +16,20 @@ from proofmass.report import write_report
 from proofmass.report.record import (
     History,
     Record,
-    continued,
+    extend_history,
+    make_record,
     read_last,
-    record_of,
-    started,
+    record_start,
     write_record,
 )
-from proofmass.report.trend import Trend, growth_words, trend_of
+from proofmass.report.trend import Trend, format_growth, trend_of
 from proofmass.sidecar import load_case
 from tests.report.index_rows import of
 from tests.report.whole import whole_result, without_figures
 from tests.shipped import shipped
 from tests.visit import PHONE, Visit
 
-MADE = started(["proofmass", "report"])
+MADE = record_start(["proofmass", "report"])
 OFF = 1e-7  # of the range: errors now; a sweep may be 1e-12 off, a motion 1e-6 in MuJoCo
 
 
@@ -55,17 +55,17 @@ def past(record: Record, k: int, shares: Callable[[Any], float | None]) -> Recor
 
 def history_of(result: Result, *shares: Callable[[Any], float | None]) -> History:
     """A history of so many reports."""
-    history, now = History(), record_of(result, MADE)
+    history, now = History(), make_record(result, MADE)
     for k, each in enumerate(shares, 1):
-        history = continued(history, past(now, k, each))
+        history = extend_history(history, past(now, k, each))
     return history
 
 
 def trend_now(result: Result, *shares: Callable[[Any], float | None]) -> Trend:
     """The trend of the four-bar with the result as its last report."""
     (case,) = result.cases
-    now = record_of(result, MADE)
-    return trend_of(continued(history_of(result, *shares), now), case, result.comparisons)
+    now = make_record(result, MADE)
+    return trend_of(extend_history(history_of(result, *shares), now), case, result.comparisons)
 
 
 def rows(*given: Comparison) -> Result:
@@ -115,7 +115,7 @@ def test_rows_are_worst_first_and_say_how_errors_went() -> None:
     ],
 )
 def test_growth_in_words(last: float | None, now: float, words: str) -> None:
-    assert growth_words(last, now) == words
+    assert format_growth(last, now) == words
 
 
 def damaged(folder: Path, change: Callable[[dict[str, Any]], object]) -> History:
@@ -123,7 +123,7 @@ def damaged(folder: Path, change: Callable[[dict[str, Any]], object]) -> History
     result = rows(ONE, OTHER)
     write_record(
         folder,
-        record_of(result, MADE),
+        make_record(result, MADE),
         history_of(result, lambda c: 1e-9, lambda c: 2e-9, lambda c: 3e-9),
     )
     file = folder / "results.json"
@@ -183,7 +183,7 @@ def test_damage_of_the_history_costs_the_damaged_part(
 
 def test_damage_is_not_written_again(tmp_path: Path) -> None:
     history = damaged(tmp_path, lambda h: h["errors"][KEY].append(1.0) and None)
-    write_record(tmp_path, record_of(rows(ONE), MADE), history)
+    write_record(tmp_path, make_record(rows(ONE), MADE), history)
     assert read_last(tmp_path).wrong == ""
     assert "damage" not in (tmp_path / "results.json").read_text()
 
@@ -206,7 +206,7 @@ def folder(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("trend")
     result = whole_result(fourbar, off=OFF)
     laws = [lambda c, k=k: planted(c, k) for k in (1, 2, 3, 4)]
-    write_record(out, record_of(result, MADE), history_of(result, *laws))
+    write_record(out, make_record(result, MADE), history_of(result, *laws))
     with without_figures():
         write_report(result, out)
     return out

@@ -13,10 +13,18 @@ from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.plot_data import PlotData, plot_data
 from proofmass.report import write_report
-from proofmass.report.data import plotted_run, ways
-from proofmass.report.mechanism import sprung
-from proofmass.report.style import RC, looks
-from proofmass.report.views import Viewed, all_viewed, caption, grouped, spread, view_figure, viewed
+from proofmass.report.data import monotonic_stretches, plotted_run
+from proofmass.report.mechanism import joints_with_springs
+from proofmass.report.style import RC, solver_looks
+from proofmass.report.views import (
+    Viewed,
+    apply_view,
+    apply_views,
+    format_spread,
+    group_marks,
+    view_caption,
+    view_figure,
+)
 from proofmass.sidecar import load_case
 from tests.report.test_report import case_of, curves_of, result_of
 from tests.report.whole import whole_result
@@ -82,18 +90,18 @@ def with_views(*views: View, **beside: dict) -> Case:
 
 
 def view_of(case: Case, off: float = 0.0, kind: str = "sweep") -> Viewed:
-    return viewed(plotted_run(result_of(case, **{kind: off}), case, kind), case.view[0])
+    return apply_view(plotted_run(result_of(case, **{kind: off}), case, kind), case.view[0])
 
 
 def test_ways_of_a_swing() -> None:
     x = -np.cos(np.linspace(0, 4 * np.pi, 41))
-    assert ways(x) == [(slice(10 * k, 10 * k + 11), k % 2 == 0) for k in range(4)]
+    assert monotonic_stretches(x) == [(slice(10 * k, 10 * k + 11), k % 2 == 0) for k in range(4)]
 
 
 def test_ways_pass_over_a_rest_and_over_rounding() -> None:
     x = np.array([0.0, 1.0, 1.0 + 1e-15, 1.0, 2.0, 2.0])
-    assert ways(x) == [(slice(0, 6), True)]
-    assert len(ways(np.ones(4))) == 1
+    assert monotonic_stretches(x) == [(slice(0, 6), True)]
+    assert len(monotonic_stretches(np.ones(4))) == 1
 
 
 def test_a_channel_as_x_is_measured_and_its_reference_is_not() -> None:
@@ -124,14 +132,14 @@ def test_a_driven_joint_and_a_quantity_as_x() -> None:
 def test_a_view_is_of_the_first_run_that_records_it() -> None:
     case = with_views(LOOP, LOOP.model_copy(update={"y": ("rocker",), "run": "dynamics"}))
     runs = [plotted_run(result_of(case, sweep=0.0, dynamics=0.0), case, k) for k in case.run]
-    assert [v.over.kind for v in all_viewed(case, runs)] == ["sweep", "dynamics"]
+    assert [v.over.kind for v in apply_views(case, runs)] == ["sweep", "dynamics"]
 
 
 def test_panels_hold_the_curves_and_their_difference() -> None:
     case = with_views(LOOP, other=OTHER)
     view = view_of(case, off=0.01)
     with rc_context(RC):
-        coupler, below, moment, _ = view_figure(view, looks(["mujoco"])).axes
+        coupler, below, moment, _ = view_figure(view, solver_looks(["mujoco"])).axes
     reference, out, *_, thin = coupler.lines
     crank = np.linspace(0, 2 * np.pi, 37)
     truth = solve(crank, **case.parameters)
@@ -165,7 +173,7 @@ def stacked(**parts: np.ndarray) -> Viewed:
 def test_a_flat_sum_is_said_and_drawn_flat() -> None:
     angle = 0.25 * np.pi * (1 - np.cos(np.linspace(0, 2 * np.pi, 61)))
     view = stacked(spring=2 * (1 - np.cos(angle)), weight=2 * np.cos(angle))
-    assert spread(view).startswith("2 to 2 J, a spread of ")
+    assert format_spread(view).startswith("2 to 2 J, a spread of ")
     with rc_context(RC):
         pile, below = view_figure(view, {}).axes
     first, second = (c.get_paths()[0].vertices for c in pile.collections)
@@ -178,7 +186,7 @@ def test_a_flat_sum_is_said_and_drawn_flat() -> None:
 def test_what_is_below_zero_goes_downwards() -> None:
     one, angle = np.ones(61), np.linspace(0, 1, 61)
     view = stacked(up=2 * one, down=-one, both=angle - 0.5)
-    assert spread(view) == "0.5 to 1.5 J, a spread of 1 J, 100 % of its mean"
+    assert format_spread(view) == "0.5 to 1.5 J, a spread of 1 J, 100 % of its mean"
     with rc_context(RC):
         up, down, both = (
             c.get_paths()[0].vertices[:, 1] for c in view_figure(view, {}).axes[0].collections
@@ -198,8 +206,8 @@ def test_near_marks_share_their_words() -> None:
             )
         )
     )
-    assert [list(group) for group in grouped(view)] == [["a", "b"], ["c"]]
-    assert grouped(view)[1]["c"] == pytest.approx(np.degrees(2.0))
+    assert [list(group) for group in group_marks(view)] == [["a", "b"], ["c"]]
+    assert group_marks(view)[1]["c"] == pytest.approx(np.degrees(2.0))
 
 
 def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Path) -> None:
@@ -291,19 +299,19 @@ def test_solvers_that_lack_the_x_are_not_drawn() -> None:
     case = with_views(LOOP)
     result = result_of(case, sweep=0.0)
     del result.curves[case.name, "sweep", "mujoco"].channels["rocker"]
-    view = viewed(plotted_run(result, case, "sweep"), case.view[0])
+    view = apply_view(plotted_run(result, case, "sweep"), case.view[0])
     assert not view.over.curves
-    assert "markers open" in caption(view)
-    assert len(view_figure(view, looks(["mujoco"])).axes) == 4
+    assert "markers open" in view_caption(view)
+    assert len(view_figure(view, solver_looks(["mujoco"])).axes) == 4
 
 
 @pytest.mark.parametrize("stiffness", ["3", "0 2"])
 def test_springs_are_drawn_as_spirals(models, edit, tmp_path, stiffness) -> None:
     case = load_case(models / "fourbar.toml")
-    assert sprung(case) == set()
+    assert joints_with_springs(case) == set()
     edit("fourbar.xml", '<joint name="rocker"/>', f'<joint name="rocker" stiffness="{stiffness}"/>')
     case = load_case(models / "fourbar.toml")
-    assert sprung(case) == {"rocker"}
+    assert joints_with_springs(case) == {"rocker"}
     write_report(result_of(case), tmp_path)
     drawing = (tmp_path / "figures" / "fourbar-mechanism.svg").read_text(encoding="utf-8")
     assert "spiral: torsion spring" in drawing
@@ -312,14 +320,14 @@ def test_springs_are_drawn_as_spirals(models, edit, tmp_path, stiffness) -> None
 def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
     case = load_case(shipped("rod_snap.toml"))
     run = plotted_run(whole_result(case), case, "sweep")
-    before = all_viewed(case, [run])
+    before = apply_views(case, [run])
     assert before
 
     def fail(*_):
         pytest.fail("the reference was evaluated again")
 
-    monkeypatch.setattr("proofmass.plot_data.quantities", fail)
-    for view, known in zip(all_viewed(case, [run]), before, strict=True):
+    monkeypatch.setattr("proofmass.plot_data.all_quantities", fail)
+    for view, known in zip(apply_views(case, [run]), before, strict=True):
         assert view.own.values.keys() == known.own.values.keys()
         for name, values in view.own.values.items():
             assert np.array_equal(values, known.own.values[name])

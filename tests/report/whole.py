@@ -14,21 +14,21 @@ from proofmass.diagnosis import Diagnosis
 from proofmass.reference import evaluate
 from proofmass.report import case_figures
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 
 
 @contextmanager
 def without_figures(*but: str) -> Iterator[None]:
     """Pages without the drawing at several poses, but of cases with views and of those named."""
-    isolated = case_figures.isolated
+    isolated = case_figures.call_isolated
 
     def left_out(function, case, *args, **limits):
-        if function is case_figures.draw and not case.view and case.name not in but:
+        if function is case_figures.draw_figures and not case.view and case.name not in but:
             return {}
         return isolated(function, case, *args, **limits)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(case_figures, "isolated", left_out)
+        patch.setattr(case_figures, "call_isolated", left_out)
         yield
 
 
@@ -37,7 +37,7 @@ def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> 
     result = Result(cases=list(cases))
     for case in cases:
         for kind, run in case.run.items():
-            planned = plan(case, kind, "mujoco")
+            planned = plan_run(case, kind, "mujoco")
             state = planned.motion(planned.x) if planned.drives else None
             truth = evaluate(case, kind, planned.x, state).channels
             for number, solver in enumerate(run.solvers):

@@ -17,11 +17,11 @@ from scipy.interpolate import CubicSpline
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.rods import integrate, rod_pair_driven, rod_platform_driven
 from proofmass.check import check
-from proofmass.reference import evaluate, grid
-from proofmass.sidecar import as_toml, load_case
+from proofmass.reference import evaluate, run_samples
+from proofmass.sidecar import format_sidecar, load_case
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.pymunk import loads as pymunk_loads
-from proofmass.solve import plan, prescribed_run, simulate
+from proofmass.solve import call_engine, plan_run, prescribed_run
 from tests.shipped import shipped
 from tests.verdicts import verdicts
 
@@ -57,7 +57,7 @@ def test_a_load_along_a_path_is_the_load_of_each_place(name):
     """Each place with its own load, constant all along, as of before."""
     case = load_case(shipped(f"{CHANGING[name]}.toml")).model_copy(update={"load": ()})
     solve = importlib.import_module(REFERENCES[name]).solve
-    x = grid(case, "sweep")[:: max(1, grid(case, "sweep").size // 6)][:5]
+    x = run_samples(case, "sweep")[:: max(1, run_samples(case, "sweep").size // 6)][:5]
     state = [
         part[0] if len(case.drive) == 1 else part
         for part in prescribed_run(case, "sweep").motion(x)
@@ -176,7 +176,7 @@ def test_a_four_bar_whose_rocker_is_loaded_more_and_more(four_bar, motion):
     assert {c.outcome.value for c in general} == {"agrees"}
     assert {c.channel for c in general} == {"holding_moment", "load", "at_rocker.x", "at_rocker.y"}
     case = load_case(four_bar(motion=motion))
-    x = grid(case, "sweep")
+    x = run_samples(case, "sweep")
     state = prescribed_run(case, "sweep").motion(x)
     control = np.interp(state[0][0], [0.0, case.drive[0].to], [-2.0, 6.0])
     asked = evaluate(case, "sweep", x, state).channels["holding_moment"]
@@ -212,11 +212,11 @@ def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
 
     monkeypatch.setattr(Linkage, "__init__", idle)
     case = load_case(four_bar())
-    x = grid(case, "sweep")
+    x = run_samples(case, "sweep")
     run = prescribed_run(case, "sweep")
     wanted = evaluate(case, "sweep", x, run.motion(x)).channels["holding_moment"]
     for engine in ("mujoco", "pymunk"):
-        found = simulate(engine, case.model_path, run).channels["holding_moment"]
+        found = call_engine(engine, case.model_path, run).channels["holding_moment"]
         assert np.abs(found - wanted).max() > 1.0
 
 
@@ -231,9 +231,9 @@ def test_a_load_follows_the_rows_of_a_file(four_bar, tmp_path):
     file = four_bar(load=load, motion="to = 3.0\nperiod = 4.0")
     assert {c.outcome.value for c in verdicts(file)} == {"agrees"}
     case = load_case(file)
-    control = prescribed_run(case, "sweep").controls(grid(case, "sweep"))[0][0]
-    np.testing.assert_allclose(control, 3 * np.sin(grid(case, "sweep")), rtol=0, atol=1e-5)
-    (tmp_path / "again.toml").write_text(as_toml(case))
+    control = prescribed_run(case, "sweep").controls(run_samples(case, "sweep"))[0][0]
+    np.testing.assert_allclose(control, 3 * np.sin(run_samples(case, "sweep")), rtol=0, atol=1e-5)
+    (tmp_path / "again.toml").write_text(format_sidecar(case))
     assert load_case(tmp_path / "again.toml").load == case.load
 
 
@@ -251,7 +251,7 @@ def test_a_platform_carries_a_load_that_grows(edit):
     errors = {}
     for links in (10, 20):
         rods = tuple(replace(rod, segments=links) for rod in run.rods)
-        found = simulate("mujoco", case.model_path, replace(run, rods=rods)).channels
+        found = call_engine("mujoco", case.model_path, replace(run, rods=rods)).channels
         errors[links] = {name: np.abs(found[name] - wanted[name]).max() for name in wanted}
     for name, coarse in errors[10].items():
         order = np.log2(coarse / errors[20][name])
@@ -390,7 +390,7 @@ def verdicts_of(file: Path, engine: str) -> str:
     """Why an engine does not run a case."""
     case = load_case(file)
     try:
-        simulate(engine, case.model_path, plan(case, "sweep", engine))
+        call_engine(engine, case.model_path, plan_run(case, "sweep", engine))
     except Exception as error:
         return str(error)
     return ""

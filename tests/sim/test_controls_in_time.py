@@ -13,9 +13,9 @@ from proofmass.case import ProfileTable
 from proofmass.check import check
 from proofmass.drive import InProportion, Steady, Swing, motion_source
 from proofmass.profile import controls_source, law_of_profile
-from proofmass.reference import evaluate, grid, load_laws
+from proofmass.reference import evaluate, load_laws, run_samples
 from proofmass.report import write_report
-from proofmass.sidecar import as_toml, load_case
+from proofmass.sidecar import format_sidecar, load_case
 from proofmass.sim.mujoco import dynamics as mujoco_dynamics
 from proofmass.sim.mujoco import program as mujoco_program
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
@@ -333,13 +333,15 @@ def test_an_engine_that_keeps_the_controls_of_the_key_is_found(monkeypatch):
 
 def test_the_sidecar_is_written_again_as_it_was(tmp_path):
     case = load_case(AXES)
-    (tmp_path / "again.toml").write_text(as_toml(case))
+    (tmp_path / "again.toml").write_text(format_sidecar(case))
     for name in (case.model, "axes_controlled.csv"):
         (tmp_path / name).write_bytes((AXES.parent / name).read_bytes())
     again = load_case(tmp_path / "again.toml")
     assert again.load == case.load
     for one, two in zip(load_laws(case, "dynamics"), load_laws(again, "dynamics"), strict=True):
-        assert np.array_equal(one(grid(case, "dynamics"))[0], two(grid(case, "dynamics"))[0])
+        assert np.array_equal(
+            one(run_samples(case, "dynamics"))[0], two(run_samples(case, "dynamics"))[0]
+        )
 
 
 def test_a_load_goes_with_a_drive_in_time_as_well(tmp_path):

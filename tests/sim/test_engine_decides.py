@@ -9,16 +9,16 @@ import pytest
 from proofmass.case import Case
 from proofmass.compare import compare
 from proofmass.drive import check_driven
-from proofmass.engines import computes
+from proofmass.engines import computes_curves
 from proofmass.errors import InputError
-from proofmass.outcome import FAILURES
-from proofmass.reference import compiled
+from proofmass.outcome import OUTCOME_OF_EXCEPTION
+from proofmass.reference import compiled_model
 from proofmass.sim.mujoco import model as mujoco_model
-from proofmass.sim.mujoco.linkage import AT_REST
+from proofmass.sim.mujoco.linkage import STATIC_STAGES
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk import model as pymunk_model
 from proofmass.sim.pymunk import space
-from proofmass.solve import plan, simulate
+from proofmass.solve import call_engine, plan_run
 from tests.shipped import fewer_samples, loaded, models_like
 
 CASES = {file.stem: loaded(file) for file in models_like()}
@@ -27,7 +27,7 @@ RUNS = [
     for name, case in CASES.items()
     for kind, run in case.run.items()
     for solver in run.solvers
-    if computes(solver)  # what is recorded is spoilt in `test_recorded`
+    if computes_curves(solver)  # what is recorded is spoilt in `test_recorded`
 ]
 MUJOCO = (
     "mj_step",
@@ -40,20 +40,20 @@ MUJOCO = (
     "mj_inverse",
     "mj_jacDot",
     "mj_fullM",
-    *AT_REST,
+    *STATIC_STAGES,
 )
 """All that `sim` asks MuJoCo to compute of a pose, with steps and without."""
-FAILED = (InputError, BadModel, *FAILURES)
+FAILED = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
 
 
 def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[str]:
     """Outcomes of the channels that have a tolerance; that of the run where it gives no curves."""
-    run = replace(plan(case, kind, solver), **changed)
+    run = replace(plan_run(case, kind, solver), **changed)
     try:
-        curves = simulate(solver.partition(":")[0], case.model_path, run)
+        curves = call_engine(solver.partition(":")[0], case.model_path, run)
         check_driven(run, curves)
     except FAILED as error:
-        return {FAILURES.get(type(error), "bad input")}
+        return {OUTCOME_OF_EXCEPTION.get(type(error), "bad input")}
     monkeypatch.undo()  # the reference may read the model by the engine's own functions
     return {
         c.outcome for c in compare(case, kind, solver, curves, detectable=False) if c.allowed > 0
@@ -92,7 +92,7 @@ QUICK = first_of_each(CHECKED)
 
 
 def nothing_agrees(case: Case, kind: str, solver: str, monkeypatch) -> None:
-    compiled(case)
+    compiled_model(case)
     stopped(monkeypatch, solver.partition(":")[0])
     found = outcomes(case, kind, solver, monkeypatch)
     assert found & {"differs", "diverged", "crashed", "unsupported", "bad input"}
@@ -121,7 +121,7 @@ def test_an_engine_that_does_nothing_agrees_in_no_case(name, kind, solver, monke
 
 def springs(name: str) -> bool:
     """Whether a case has springs."""
-    model = compiled(CASES[name])
+    model = compiled_model(CASES[name])
     return bool(CASES[name].rod or model.jnt_stiffness.any() or model.tendon_stiffness.any())
 
 
@@ -133,7 +133,7 @@ def stiffer(joint):
 
 def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
     """Make all springs of an engine 1 % stiffer; what to change of the run."""
-    begin, read = mujoco_model.begin, pymunk_model.read_links
+    begin, read = mujoco_model.prepare_model, pymunk_model.read_links
 
     def read_stiffer(*args):
         links = read(*args)
@@ -146,7 +146,7 @@ def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
         model.jnt_stiffnesspoly *= 1.01
         return begin(model, run)
 
-    monkeypatch.setattr(mujoco_model, "begin", begun)
+    monkeypatch.setattr(mujoco_model, "prepare_model", begun)
     monkeypatch.setattr(pymunk_model, "read_links", read_stiffer)
     if not solver.endswith(":flex"):
         return {}
@@ -195,8 +195,8 @@ def differs(name: str, kind: str, solver: str, monkeypatch) -> None:
 )
 def test_springs_that_are_stiffer_in_chipmunk_alone_differ(name, kind, monkeypatch):
     """The energy by which proofmass moves on has the right ones: the engine decides on rest."""
-    made = space._springs
-    monkeypatch.setattr(space, "_springs", lambda joint, *to: made(stiffer(joint), *to))
+    made = space._make_springs
+    monkeypatch.setattr(space, "_make_springs", lambda joint, *to: made(stiffer(joint), *to))
     assert "differs" in outcomes(fewer(CASES[name], kind), kind, "pymunk", monkeypatch)
 
 

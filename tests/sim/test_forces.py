@@ -14,7 +14,7 @@ from proofmass.engines import engine_of
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Drive, Run
 from proofmass.sim.pymunk import dynamics, model, quasi_static
-from proofmass.sim.pymunk.kinematics import values
+from proofmass.sim.pymunk.kinematics import values_of
 from proofmass.sim.pymunk.reactions import SampledMotion, solve_forces
 from proofmass.solve import solve as run_case
 from tests.shipped import shipped
@@ -135,10 +135,10 @@ def test_forces_of_loops_are_as_large_as_the_impulses_that_chipmunk_tells():
     """It tells their sizes alone, of pins and of the drive."""
     run = run_of("sweep", Steady(0.0, 6.0, False), 5)
     links, settings = model.read_model(FILE, run)
-    held = quasi_static.hold(links, settings)
+    held = quasi_static.start_sweep(links, settings)
     for value in run.x:
         held.settle(np.array([value]))
-        held.step(values(links.drives, held.pose))
+        held.step(values_of(links.drives, held.pose))
         told = np.array([each.impulse for each in held.space.constraints]) / held.dt
         found = solve_forces(links, SampledMotion.at_rest(held.pose[None]))[0]
         own = [*np.hypot(*found[:-1].reshape(-1, 2).T), abs(found[-1])]

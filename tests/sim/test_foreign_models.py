@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from proofmass.check import check, rung_of
+from proofmass.check import check, check_model_here
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import BadModel, Run
@@ -70,9 +70,9 @@ def written(tmp_path, bodies, more):
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_without_a_sidecar_is_self_consistent(name, tmp_path, monkeypatch):
     """For 0.3 s, in which a ball falls 0.2 m on the floor, as far as its tendon is long."""
-    monkeypatch.setattr(own_motion, "HALVINGS", own_motion.FEWEST)
-    monkeypatch.setattr(sys.modules[rung_of.__module__], "FOLLOWED", 0.3)
-    found = rung_of(written(tmp_path, *MODELS[name]))
+    monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
+    monkeypatch.setattr(sys.modules[check_model_here.__module__], "OWN_MODEL_SECONDS", 0.3)
+    found = check_model_here(written(tmp_path, *MODELS[name]))
     assert found.outcome == ("unchecked" if name == "no joints" else "self-consistent")
     assert found.steps == 150  # of 2 ms
 

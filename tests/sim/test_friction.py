@@ -9,25 +9,25 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import planar
-from proofmass.analytic.balancer.friction import RubbingChain
-from proofmass.analytic.balancer.model import OTHERS, balancer
-from proofmass.analytic.friction import advance
+from proofmass.analytic.balancer.friction import ChainWithFriction
+from proofmass.analytic.balancer.model import OTHER_DEFAULTS, balancer
+from proofmass.analytic.friction import follow_stick_slip
 from proofmass.analytic.linkages import shaft_pendulum, slider_crank
 from proofmass.compare import compare
 from proofmass.design.template import write_case
 from proofmass.drive import Swing
 from proofmass.errors import InputError
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import BadModel, Drive, Run, Unsupported
-from proofmass.solve import plan, run_here, simulate
+from proofmass.solve import call_engine, plan_run, solve_here
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.shipped import loaded, models_like, shipped
 
 ENGINES = ("mujoco", "pymunk")
 SHAFT = load_case(shipped("shaft_pendulum.toml"))
 CRANK = load_case(shipped("slider_crank_friction.toml"))
-RUBBING = [f for f in models_like() if compiled(loaded(f)).dof_frictionloss.any()]
+RUBBING = [f for f in models_like() if compiled_model(loaded(f)).dof_frictionloss.any()]
 FRICTION = re.compile(r'frictionloss="([^"]+)"')
 
 
@@ -62,7 +62,7 @@ def test_a_cycle_of_the_shaft_loses_its_closed_area(engine):
     slip = [2 * p / way, 1.0, 1.0 + 2 * p / way, 2.0]
     x, weights = gauss([0.0, 1.0, 2.0, *np.array(slip) + 2.0], 8)
     run = Run("sweep", x, ("holding_moment",), (Drive("shaft", Along((0, way, 0, way, 0))),))
-    found = simulate(engine, SHAFT.model_path, run)
+    found = call_engine(engine, SHAFT.model_path, run)
     rate = run.motion(x)[1][0]
     area = (found.channels["holding_moment"] * rate * weights)[x > 2.0].sum()
     closed = 2 * own["friction"] * (way - 2 * p) + 2 * own["bearing_friction"] * way
@@ -71,8 +71,8 @@ def test_a_cycle_of_the_shaft_loses_its_closed_area(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_stick_and_slip_change_in_the_sample_of_the_closed_form(engine):
-    run = plan(brief(SHAFT), "sweep", engine)
-    found = simulate(engine, SHAFT.model_path, run)
+    run = plan_run(brief(SHAFT), "sweep", engine)
+    found = call_engine(engine, SHAFT.model_path, run)
     (shaft,) = run.motion(run.x)[0]
     truth = shaft_pendulum.solve(shaft, **SHAFT.parameters)
 
@@ -89,7 +89,7 @@ def test_a_loop_of_the_slider_crank_is_the_friction_times_the_way_of_each_joint(
     first, last = 0.3, 3.8  # over the dead centre at pi, where the slider turns back
     x, weights = gauss([0.0, (np.pi - first) / (last - first), 1.0, 2 - (np.pi - first) / 3.5, 2.0])
     run = Run("sweep", x, ("holding_moment",), (Drive("crank", Along((first, last, first))),))
-    found = simulate(engine, CRANK.model_path, run)
+    found = call_engine(engine, CRANK.model_path, run)
     rate = run.motion(x)[1][0]
     area = (found.channels["holding_moment"] * rate * weights).sum()
     own = {k: v for k, v in CRANK.parameters.items() if "friction" not in k}
@@ -103,9 +103,9 @@ def test_a_loop_of_the_slider_crank_is_the_friction_times_the_way_of_each_joint(
 
 def test_the_closed_form_of_the_slider_crank_is_what_the_general_solver_finds():
     """Forces of all pins by other equations, at rest and in motion; no engine takes part."""
-    run = plan(CRANK, "sweep", "mujoco")
+    run = plan_run(CRANK, "sweep", "mujoco")
     value, rate, acceleration = (part[0] for part in run.motion(run.x))
-    model = compiled(CRANK)
+    model = compiled_model(CRANK)
     for inertia in (False, True):
         general = planar.solve(
             value, rate, acceleration, model=model, joints=("crank",), inertia=inertia
@@ -123,16 +123,18 @@ PROTOTYPE = load_case(shipped("balancer_prototype.toml"))
 
 def events(angles):
     """Angles of the pendulum on its way where a joint of the prototype sticks or slips."""
-    own = {k: v for k, v in PROTOTYPE.parameters.items() if k[-1] in "123" or k in OTHERS}
+    own = {k: v for k, v in PROTOTYPE.parameters.items() if k[-1] in "123" or k in OTHER_DEFAULTS}
     rubs = {k: own.pop(k) for k in tuple(own) if "friction" in k}
     chain, found = (
-        RubbingChain(balancer(**own), np.array([rubs.get(f"friction{i}", 0.0) for i in (1, 2, 3)])),
+        ChainWithFriction(
+            balancer(**own), np.array([rubs.get(f"friction{i}", 0.0) for i in (1, 2, 3)])
+        ),
         [],
     )
     enter = chain.enter
     chain.enter = lambda senses: (found.append(chain.alpha), enter(senses))
     for angle in angles:
-        advance(chain, np.array([angle]))
+        follow_stick_slip(chain, np.array([angle]))
         found.append(angle)
     return np.array(found)
 
@@ -148,7 +150,7 @@ def test_a_cycle_of_the_prototype_loses_the_friction_of_its_joints_times_their_w
     x, weights = gauss(np.arange(len(values), dtype=float).tolist(), 16)
     names = ("holding_moment", "deflection2", "deflection3")
     run = Run("sweep", x, names, (Drive("pendulum", Along(values)),))
-    found = simulate(engine, PROTOTYPE.model_path, run).channels
+    found = call_engine(engine, PROTOTYPE.model_path, run).channels
     second = x > 2.0
     area = (found["holding_moment"] * run.motion(x)[1][0] * weights)[second].sum()
     ways = [np.abs(np.diff(found[f"deflection{i}"][x >= 2.0])).sum() for i in (2, 3)]
@@ -169,7 +171,7 @@ def test_four_segments_of_which_all_joints_rub_follow_the_reference(engine, tmp_
     case = case.model_copy(
         update={"run": {"sweep": case.run["sweep"].model_copy(update={"n": 13})}}
     )
-    found = compare(case, "sweep", engine, run_here(case, "sweep", engine), detectable=False)
+    found = compare(case, "sweep", engine, solve_here(case, "sweep", engine), detectable=False)
     assert {one.outcome for one in found} <= {"agrees", "unsupported"}
 
 
@@ -177,7 +179,7 @@ def test_the_built_balancer_rubs_in_pymunk_as_in_its_reference():
     """Up and down once by eight steps, with the tolerances of the whole way."""
     sweep = PROTOTYPE.run["sweep"].model_copy(update={"n": 9, "until": 2.0})
     case = PROTOTYPE.model_copy(update={"run": {"sweep": sweep}})
-    curves = run_here(case, "sweep", "pymunk")
+    curves = solve_here(case, "sweep", "pymunk")
     found = compare(case, "sweep", "pymunk", curves, detectable=False)
     assert {one.outcome for one in found} <= {"agrees", "unsupported"}
     assert "agrees" in {one.outcome for one in found}
@@ -218,7 +220,7 @@ def test_every_friction_of_a_shipped_model_is_noticed(name, number, engine, mode
     larger = repr(1.001 * float(place[1]))
     file.write_text(text[: place.start(1)] + larger + text[place.end(1) :])
     case = brief(load_case(models / f"{name}.toml"))
-    found = compare(case, "sweep", engine, run_here(case, "sweep", engine), detectable=False)
+    found = compare(case, "sweep", engine, solve_here(case, "sweep", engine), detectable=False)
     assert "differs" in {one.outcome for one in found}
 
 
@@ -248,9 +250,9 @@ def test_mujocos_own_friction_creeps(soft, rate):
 def test_a_drive_that_rubs_leaves_the_rest_of_springs_as_it_is(engine, edit, models):
     """It has the friction to carry beside their force, in the sense of its motion."""
     case = load_case(models / "springs_parallel.toml")
-    smooth = run_here(case, "sweep", engine).channels
+    smooth = solve_here(case, "sweep", engine).channels
     edit("springs_parallel.xml", '<joint name="handle"', '<joint name="handle" frictionloss="2"')
-    rough = run_here(case, "sweep", engine).channels
+    rough = solve_here(case, "sweep", engine).channels
     for name, curve in smooth.items():
         added = 2.0 if name == "force" else 0.0
         np.testing.assert_allclose(rough[name], curve + added, atol=1e-11)
@@ -259,23 +261,23 @@ def test_a_drive_that_rubs_leaves_the_rest_of_springs_as_it_is(engine, edit, mod
 @pytest.mark.parametrize("engine", ENGINES)
 def test_friction_that_holds_the_whole_mechanism_is_an_error(engine, edit):
     file = edit("shaft_pendulum.xml", 'frictionloss="0.3"', 'frictionloss="1.0"')
-    run = replace(plan(SHAFT, "sweep", engine), x=np.array([0.0, 0.3, 0.6, 0.7]))
+    run = replace(plan_run(SHAFT, "sweep", engine), x=np.array([0.0, 0.3, 0.6, 0.7]))
     with pytest.raises(BadModel, match="dry friction of joint 'pendulum' holds all that"):
-        simulate(engine, file, run)
+        call_engine(engine, file, run)
 
 
 def test_a_drive_that_turns_back_between_samples_is_an_error():
     run = SHAFT.run["sweep"].model_copy(update={"n": 96})
     case = SHAFT.model_copy(update={"run": {"sweep": run}})
     with pytest.raises(InputError, match="'shaft' turns back between samples 47 and 48") as error:
-        plan(case, "sweep", "mujoco")
+        plan_run(case, "sweep", "mujoco")
     assert error.value.key == "run.sweep.n"
 
 
 def test_chipmunk_refuses_friction_in_time():
     run = Run("dynamics", np.linspace(0, 0.1, 3), (), (Drive("shaft", Swing(0, 1, 1)),))
     with pytest.raises(Unsupported, match="frictionloss of joint 'shaft' in dynamics"):
-        simulate("pymunk", SHAFT.model_path, run)
+        call_engine("pymunk", SHAFT.model_path, run)
 
 
 ROW = """<mujoco><option gravity="0 0 0"><flag contact="disable"/></option><worldbody>{}{}
@@ -292,7 +294,7 @@ def test_more_joints_than_are_covered_are_refused(engine, tmp_path):
     file.write_text(ROW.format(links, 8 * "</body>"))
     run = Run("sweep", np.linspace(0, 1, 3), (), (Drive("j0", Along((0.0, 1.0))),))
     with pytest.raises(Unsupported, match=r"frictionloss of 7 joints .* up to 6 are covered"):
-        simulate(engine, file, run)
+        call_engine(engine, file, run)
 
 
 def test_chipmunk_refuses_stops_and_friction_of_free_joints_together(tmp_path):
@@ -301,4 +303,4 @@ def test_chipmunk_refuses_stops_and_friction_of_free_joints_together(tmp_path):
     file.write_text(ROW.format(links, 2 * "</body>"))
     run = Run("sweep", np.linspace(0, 1, 3), (), (Drive("j0", Along((0.0, 1.0))),))
     with pytest.raises(Unsupported, match="joint ranges and dry friction of j1"):
-        simulate("pymunk", file, run)
+        call_engine("pymunk", file, run)

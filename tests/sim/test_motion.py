@@ -11,7 +11,7 @@ from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.motion import Measured, motion
 from proofmass.sim.mujoco.engine import ENGINE
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 JUMPS = (16, 37)  # the first samples beyond a fold
@@ -29,7 +29,7 @@ def snap(edit: Callable[..., Path]) -> Path:
 def truth() -> dict[str, np.ndarray]:
     """The reference's curves."""
     case = load_case(shipped("rod_snap.toml"))
-    run = plan(case, "sweep", "mujoco")
+    run = plan_run(case, "sweep", "mujoco")
     return dict(evaluate(case, "sweep", run.x, run.motion(run.x)).channels)
 
 
@@ -40,7 +40,7 @@ def joints(found, places: np.ndarray) -> np.ndarray:
 
 def moved(file: Path, measured: Measured, count: int = 121):
     case = load_case(file)
-    return motion(case.model_path, plan(case, "sweep", "mujoco"), measured, count)
+    return motion(case.model_path, plan_run(case, "sweep", "mujoco"), measured, count)
 
 
 def test_a_mechanism_is_drawn_on_both_sides_of_its_snaps(snap: Path) -> None:
@@ -93,7 +93,7 @@ def test_an_engine_that_snaps_later_is_drawn_on_its_own_side(snap: Path) -> None
 def test_a_free_motion_beside_a_drive_is_drawn_to_its_end() -> None:
     """At uneven samples too: half a step of 1 ms at 6 rad/s is 3e-3 rad."""
     case = load_case(shipped("driven_cart.toml"))
-    run = plan(case, "dynamics", "mujoco")
+    run = plan_run(case, "dynamics", "mujoco")
     shown = motion(case.model_path, run, {}, 121)
     spacing = np.diff(shown.index)
     assert spacing.min() < spacing.max()

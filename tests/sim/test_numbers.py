@@ -13,8 +13,8 @@ from proofmass.sim.elements import (
     Number,
     Source,
     changed_rods,
-    source_of,
-    written,
+    compile_source,
+    write_changes,
 )
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.numbers import Sizes, numbers_of
@@ -45,7 +45,7 @@ def differ(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
 
 def listed(name: str) -> tuple[Source, list[Number]]:
     case = load_case(shipped(f"{name}.toml"))
-    source = source_of(case.model_path, case.start, case.rods)
+    source = compile_source(case.model_path, case.start, case.rods)
     return source, numbers_of(source, SIZES, [drive.joint for drive in case.drive])
 
 
@@ -53,7 +53,7 @@ def listed(name: str) -> tuple[Source, list[Number]]:
 def test_a_change_by_nothing_changes_nothing(file, tmp_path):
     source, there = listed(file.stem)
     copy = tmp_path / source.path.name
-    copy.write_text(written(source, [(number, 0.0) for number in there]))
+    copy.write_text(write_changes(source, [(number, 0.0) for number in there]))
     again = arrays(compile_model(copy, source.rods))
     for key, values in arrays(source.full).items():
         np.testing.assert_array_equal(again[key], values, err_msg=key)
@@ -73,8 +73,8 @@ def test_a_change_is_where_it_was_meant_and_nowhere_else(name, tmp_path):
         if number.place.tag == "rod" or number.kind in massless:
             continue
         file = tmp_path / source.path.name
-        file.write_text(written(source, [(number, 1e-3 * number.step)]))
-        changed = source_of(file, source.key, source.rods)
+        file.write_text(write_changes(source, [(number, 1e-3 * number.step)]))
+        changed = compile_source(file, source.key, source.rods)
         after = {one.name: one.value for one in numbers_of(changed, SIZES, driven)}
         turned = number.place.attribute in ("turn", "inertia")
         for one in there:
@@ -91,7 +91,7 @@ def test_a_turn_and_an_inertia_are_what_they_say(tmp_path):
 
     def changed(name: str, by: float) -> mujoco.MjModel:
         file = tmp_path / "model.xml"
-        file.write_text(written(source, [(by_name[name], by)]))
+        file.write_text(write_changes(source, [(by_name[name], by)]))
         return compile_model(file)
 
     axis = changed("direction of joint slider", 0.1).jnt_axis[2]
@@ -113,7 +113,7 @@ SPRUNG = """<mujoco><worldbody><site name="wall"/><body name="b"><joint name="j"
 def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_path):
     file, other = tmp_path / "sprung.xml", tmp_path / "changed.xml"
     file.write_text(SPRUNG)
-    source = source_of(file, "start")
+    source = compile_source(file, "start")
     there = {one.name: one for one in numbers_of(source, SIZES)}
     assert "site of tip x" in there
     assert "spring length of tendon damper" not in there  # it has no spring
@@ -125,7 +125,7 @@ def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_p
         ("spring length of tendon slack high", "tendon_lengthspring", (0, 1), 0.5),
     ):
         assert there[name].value == value
-        other.write_text(written(source, [(there[name], 0.1)]))
+        other.write_text(write_changes(source, [(there[name], 0.1)]))
         before, after = arrays(source.full), arrays(compile_model(other))
         changed = [key for key in before if (before[key] != after[key]).any()]
         assert changed == [field], name
@@ -145,7 +145,7 @@ springref="20" stiffness="3"/><geom type="capsule" size=".1" fromto="0 0 0 1 0 0
 def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
     file = tmp_path / "degrees.xml"
     file.write_text(DEGREES)
-    source = source_of(file, "start")
+    source = compile_source(file, "start")
     there = {one.name: one for one in numbers_of(source, SIZES)}
     assert there["range of j high"].value == pytest.approx(np.pi / 4)
     assert there["damping of j"].value == 0.5
@@ -157,7 +157,7 @@ def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
         ("damping of j", "dof_damping", (0,), 0.1),
         ("mass of b", "body_mass", (1,), 0.1),
     ):
-        other.write_text(written(source, [(there[name], by)]))
+        other.write_text(write_changes(source, [(there[name], by)]))
         model = compile_model(other)
         for key, values in arrays(source.full).items():
             if key in (
@@ -185,11 +185,13 @@ def test_a_body_without_mass_gets_it_at_its_own_origin(tmp_path):
     """MuJoCo compiles the place of such a body as its centre."""
     file, other = tmp_path / "massless.xml", tmp_path / "changed.xml"
     file.write_text(MASSLESS)
-    source = source_of(file, "start")
+    source = compile_source(file, "start")
     assert source.full.body_ipos[2, 0] == 2.0
     there = {one.name: one for one in numbers_of(source, SIZES)}
     assert there["centre of mass of pin x"].value == 0.0
-    other.write_text(written(source, [(there["mass of pin"], 0.1), (there["mass of said"], 0.1)]))
+    other.write_text(
+        write_changes(source, [(there["mass of pin"], 0.1), (there["mass of said"], 0.1)])
+    )
     changed = compile_model(other)
     np.testing.assert_array_equal(changed.body_ipos[2:, 0], [0.0, 0.5])
     np.testing.assert_array_equal(changed.body_iquat[2], [1.0, 0.0, 0.0, 0.0])
@@ -203,14 +205,14 @@ def test_numbers_of_rods_are_keys_of_the_sidecar():
     found = changed_rods(source.rods, changes)
     assert found["left"] == {"length": pytest.approx(1.1)}
     assert found["right"] == {"stiffness": pytest.approx(0.06218602640386952)}
-    assert written(source, changes) == written(source, [])
+    assert write_changes(source, changes) == write_changes(source, [])
 
 
 def test_what_is_turned_off_or_across_the_plane_is_no_number(tmp_path):
     text = shipped("fourbar.xml").read_text()
     file = tmp_path / "off.xml"
     file.write_text(re.sub("<flag ", '<flag damper="disable" gravity="disable" ', text))
-    kinds = {one.kind for one in numbers_of(source_of(file, "start"), SIZES, ["crank"])}
+    kinds = {one.kind for one in numbers_of(compile_source(file, "start"), SIZES, ["crank"])}
     assert kinds.isdisjoint({"damping", "gravity", "start value"})
     assert not any(one.of.endswith(" z") for one in listed("fourbar")[1])
 
@@ -232,7 +234,7 @@ def test_a_file_that_does_not_state_its_numbers_is_refused(old, new, words, tmp_
     file: Path = tmp_path / "other.xml"
     file.write_text(text.replace(old, new))
     with pytest.raises(NotWritten, match=words):
-        numbers_of(source_of(file, "start"), SIZES)
+        numbers_of(compile_source(file, "start"), SIZES)
 
 
 def test_what_stands_in_a_frame_is_not_changed(tmp_path):
@@ -240,8 +242,8 @@ def test_what_stands_in_a_frame_is_not_changed(tmp_path):
     file = tmp_path / "framed.xml"
     framed = text.replace('<body name="rocker"', '<frame><body name="rocker"')
     file.write_text(framed.replace("</worldbody>", "</frame></worldbody>"))
-    source = source_of(file, "start")
+    source = compile_source(file, "start")
     there = {one.name: one for one in numbers_of(source, SIZES)}
     with pytest.raises(NotWritten, match="in a frame"):
-        written(source, [(there["place of rocker x"], 0.1)])
-    written(source, [(there["place of coupler x"], 0.1)])
+        write_changes(source, [(there["place of rocker x"], 0.1)])
+    write_changes(source, [(there["place of coupler x"], 0.1)])

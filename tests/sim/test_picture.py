@@ -11,13 +11,13 @@ from proofmass.check import Result
 from proofmass.drive import Steady
 from proofmass.reference import evaluate
 from proofmass.report import write_report
-from proofmass.report.case_figures import moving, shape_of
-from proofmass.report.families import families
-from proofmass.report.svg import compact
+from proofmass.report.case_figures import find_motions, mechanism_poses
+from proofmass.report.families import group_cards
+from proofmass.report.svg import compact_svg
 from proofmass.sidecar import load_case
-from proofmass.sim.picture import picture, solid
+from proofmass.sim.picture import picture, solid_outline
 from proofmass.sim.protocol import Drive, Run
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import MODELS, shipped
 
 BARE = """<mujoco>
@@ -39,8 +39,8 @@ BARE = """<mujoco>
 
 def test_poses_are_those_of_the_closed_form() -> None:
     case = load_case(shipped("fourbar.toml"))
-    motions, note = moving(case, [])
-    shape = shape_of(case, motions)
+    motions, note = find_motions(case, [])
+    shape = mechanism_poses(case, motions)
     assert shape is not None
     assert note == ""
     assert np.degrees(shape.inputs[0]) == pytest.approx([0, 60, 120, 180, 240, 300])
@@ -58,7 +58,7 @@ def test_poses_are_those_of_the_closed_form() -> None:
 
 def test_a_swing_is_drawn_on_its_way_there() -> None:
     case = load_case(shipped("triple_rocker.toml"))
-    shape = shape_of(case, moving(case, [])[0])
+    shape = mechanism_poses(case, find_motions(case, [])[0])
     assert shape is not None
     assert shape.inputs[0, [0, -1]] == pytest.approx([-2, 2])
     way = np.diff(shape.inputs[0])
@@ -97,7 +97,7 @@ def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
 def test_rods_bend_as_they_move() -> None:
     """The slider is where the reference has it: a straight coupler pushes it 6e-3 m further."""
     case = load_case(shipped("slider_crank_elastic.toml"))
-    drawn = picture(case.model_path, plan(case, "dynamics", "mujoco"), 13)
+    drawn = picture(case.model_path, plan_run(case, "dynamics", "mujoco"), 13)
     assert not drawn.stopped
     rate = 6.0 * np.ones((1, 13))
     truth = evaluate(case, "dynamics", drawn.x, (drawn.inputs, rate, 0.0 * rate))
@@ -126,7 +126,7 @@ def test_a_cylinder_is_closed_on_both_sides_that_are_seen() -> None:
     """Its line goes from rim to rim at both edges, whichever way it lies."""
     size = np.array([0.3, 0.5, 0.0])
     for view in (np.array([0.0, 1.0, 0.0]), np.array([0.6, -0.8, 0.0])):
-        line = solid(mujoco.mjtGeom.mjGEOM_CYLINDER, size, view)
+        line = solid_outline(mujoco.mjtGeom.mjGEOM_CYLINDER, size, view)
         ways = np.roll(line, -1, axis=0) - line
         along = np.isclose(np.abs(ways[:, 2]), 2 * size[1])
         assert along.sum() == 2
@@ -146,7 +146,7 @@ def test_index_goes_by_folder_and_reference_with_what_is_wrong_first() -> None:
     )
     cases = [load_case(shipped(f"{name}.toml")) for name in names]
     cards = [{"name": c.name, "state": "bad" if c.name == "pendulum" else "good"} for c in cases]
-    found = families(cases, cards, [MODELS])
+    found = group_cards(cases, cards, [MODELS])
     assert [(f["name"], f["state"]) for f in found] == [
         ("linkages", "bad"),
         ("balancers", "good"),
@@ -165,14 +165,14 @@ def test_index_goes_by_folder_and_reference_with_what_is_wrong_first() -> None:
 
 def test_compact_svg_keeps_the_numbers_in_its_words() -> None:
     text = '<svg viewBox="0 0 9 9"><text x="1.234567">0.7783 J</text></svg>'
-    assert compact(text) == '<svg viewBox="0 0 9 9"><text x="1.23">0.7783 J</text></svg>'
+    assert compact_svg(text) == '<svg viewBox="0 0 9 9"><text x="1.23">0.7783 J</text></svg>'
 
 
 def test_compact_svg_keeps_its_lines() -> None:
     rng = np.random.default_rng(1)
     points = rng.uniform(0, 500, (200, 2))
     path_text = "M" + "L".join(f" {x:.6f} {y:.6f} \n" for x, y in points)
-    short = compact(f'<svg viewBox="0 0 9 9"><path d="{path_text}"/></svg>')
+    short = compact_svg(f'<svg viewBox="0 0 9 9"><path d="{path_text}"/></svg>')
     start, steps = re.findall(r'd="M([^l]*)l([^"]*)"', short)[0]
     moves = np.array(re.findall(r"-?[\d.]+", steps), float).reshape(-1, 2)
     found = np.cumsum(np.vstack([np.array(start.split(), float), moves]), axis=0)

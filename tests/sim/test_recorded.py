@@ -16,10 +16,10 @@ from proofmass.case import Case
 from proofmass.check import check
 from proofmass.cli import app
 from proofmass.compare import Comparison, compare
-from proofmass.recorded import interpolated, read_table
+from proofmass.recorded import interpolate_recorded, read_table
 from proofmass.sidecar import load_case
-from proofmass.solve import run_here, with_computing_solvers
-from proofmass.studies.command import named
+from proofmass.solve import solve_here, with_computing_solvers
+from proofmass.studies.command import load_cases
 from tests.shipped import shipped
 
 HACKSAW, SOLVER = "hacksaw_inventor_shaped", "recorded:inventor-shaped"
@@ -29,7 +29,7 @@ Table = dict[str, list[str]]
 
 def judged(case: Case, kind: str = "dynamics", solver: str = SOLVER) -> dict[str, Comparison]:
     """The comparisons of a recorded party, by channel."""
-    found = compare(case, kind, solver, run_here(case, kind, solver), detectable=False)
+    found = compare(case, kind, solver, solve_here(case, kind, solver), detectable=False)
     return {c.channel: c for c in found}
 
 
@@ -100,7 +100,7 @@ def test_twelve_curves_of_five_parties_agree() -> None:
 def test_the_stated_disturbance_is_what_is_found() -> None:
     """The zero of the crank, 0.02 deg; no drive of its own, so that the law tells the reference."""
     case = load_case(shipped(f"{HACKSAW}.toml"))
-    curves = run_here(case, "dynamics", SOLVER)
+    curves = solve_here(case, "dynamics", SOLVER)
     assert curves.by_law
     off = np.degrees(curves.channels["theta2"] - curves.drive[0][0])
     assert off == pytest.approx(0.02, abs=1e-4)  # four decimals of a degree, twice
@@ -205,7 +205,7 @@ def test_a_case_that_is_undecided_is_not_green(spoil, models: Path) -> None:
 
 def test_samples_at_rows_are_taken_as_they_are() -> None:
     case = load_case(shipped(f"{SAM}.toml"))
-    curves = run_here(case, "sweep", "recorded:sam-shaped")
+    curves = solve_here(case, "sweep", "recorded:sam-shaped")
     table = read_table(shipped(f"{SAM}.csv"))
     assert np.array_equal(curves.channels["energy"], table.values("V"))
     assert curves.uncertainty == {}
@@ -237,7 +237,7 @@ def test_an_interpolated_curve_is_not_off_by_more_than_is_told(name: str) -> Non
     rows, x = np.linspace(0.0, 1.0, 60), np.linspace(0.0, 1.0, 20_001)
     shares = []
     for at in rng.uniform(0.1, 0.9, 40):
-        found, error = interpolated(x, rows, SMOOTH[name](rows, at))
+        found, error = interpolate_recorded(x, rows, SMOOTH[name](rows, at))
         off = np.abs(found - SMOOTH[name](x, at))
         assert (off <= error + 1e-14).all()
         shares.append(off.max() / error.max())
@@ -426,7 +426,7 @@ def test_studies_leave_recorded_curves_out(edit, tmp_path: Path) -> None:
 
 
 def test_a_study_says_what_it_leaves_out(capsys) -> None:
-    (case,) = named([shipped(f"{SAM}.toml")])
+    (case,) = load_cases([shipped(f"{SAM}.toml")])
     assert case.run["sweep"].solvers == ("mujoco", "pymunk")
     said = " ".join(capsys.readouterr().err.split())
     assert f"{SAM}: recorded:sam-shaped is left out" in said

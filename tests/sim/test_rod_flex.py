@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from proofmass.compare import compare
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
-from proofmass.sim.mujoco.flex import points, stations
+from proofmass.sim.mujoco.flex import arc_lengths, cut_into_links
 from proofmass.sim.protocol import BadRod, Rod, Run, Unsupported
 from tests.shipped import shipped
 from tests.sim.rod_models import FIGURES, PAIR, STEEL, held, model, pull
@@ -49,7 +49,7 @@ def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
     rods = [cantilever(n) for n in (12, 20, 28)]
     ends = [rest(file, rod).channels for rod in rods]
     tips = np.array([[found[c][-1] for c in SHAPE[:2]] for found in ends])
-    h = np.array([points(rod).lengths[-1] for rod in rods])
+    h = np.array([cut_into_links(rod).lengths[-1] for rod in rods])
     errors = np.linalg.norm(tips - truth, axis=1)
     orders = np.log(errors[:-1] / errors[1:]) / np.log(h[:-1] / h[1:])
     np.testing.assert_allclose(orders, 2.0, atol=0.1)  # what h^4 and soft edges add
@@ -62,7 +62,7 @@ def test_a_flex_has_the_energy_that_it_is_said_to_have(weight, tmp_path):
     """Its links' angles, against the least energy found without the engine."""
     n, load = 7, np.array([-2.0, 3.0])
     rod = cantilever(n, mass=weight or None)
-    one = points(rod)
+    one = cut_into_links(rod)
     h, spring, share = one.lengths[-1], one.springs[-1], weight * one.lengths[-1]
 
     def potential(turns):
@@ -102,7 +102,7 @@ def test_a_pinned_rod_rests_on_the_side_of_its_arc(turn, tmp_path):
         for n in (10, 20)
     ]
     found = [rest(model(tmp_path, BENT), rod) for rod in rods]
-    one, two = (points(rod).lengths[-1] ** 2 for rod in rods)
+    one, two = (cut_into_links(rod).lengths[-1] ** 2 for rod in rods)
     last = np.array([[c.channels["r.moment"][0], c.channels["r.angle"][-1]] for c in found])
     limit = (last[1] * one - last[0] * two) / (one - two)
     truth = {1.25: (-0.6076388, 71.85836), -1.04: (0.7206177, -59.83792)}[turn]
@@ -123,7 +123,7 @@ def test_all_stable_equilibria_of_a_pair(name, tmp_path):
         right = Rod("right", "c2", "left.tip", 1.0, STEEL, n, ("clamped", "pinned"), turn=turns[1])
         found = rest(file, left, right, channels=("pin.x", "pin.y"))
         pins.append([found.channels["pin.x"][0], found.channels["pin.y"][0]])
-        squares.append(points(left).lengths[-1] ** 2)
+        squares.append(cut_into_links(left).lengths[-1] ** 2)
         assert found.violation < 3e-6  # soft loops
     (one, two), (far, near) = squares, np.array(pins)
     limit = (near * one - far * two) / (one - two)
@@ -200,9 +200,11 @@ def test_dry_friction_is_refused_by_name(tmp_path):
 
 
 def test_stations_stand_half_an_element_beside_the_clamp():
-    assert stations(points(cantilever(2))).tolist() == pytest.approx([-0.2, 0.2, 0.6, 1.0])
-    pinned = points(cantilever(2, ends=("pinned", "free")))
-    assert stations(pinned).tolist() == pytest.approx([0.0, 0.5, 1.0])
+    assert arc_lengths(cut_into_links(cantilever(2))).tolist() == pytest.approx(
+        [-0.2, 0.2, 0.6, 1.0]
+    )
+    pinned = cut_into_links(cantilever(2, ends=("pinned", "free")))
+    assert arc_lengths(pinned).tolist() == pytest.approx([0.0, 0.5, 1.0])
 
 
 def test_another_rod_is_found_out():

@@ -12,7 +12,7 @@ from proofmass.analytic.rods.equilibrium import RodState
 from proofmass.compare import compare
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Drive, Run
-from proofmass.solve import run_here
+from proofmass.solve import solve_here
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
 from tests.analytic.rods.rod_chain_cases import STABLE, tangent, two_rods
 from tests.independent.rods.chain_assembly import Standing, settle
@@ -185,7 +185,7 @@ def test_the_pin_begins_the_documents_circles_and_rectangles(name, seconds):
     drives = tuple(drive.model_copy(update={"until": seconds}) for drive in case.drive)
     runs = {"sweep": case.run["sweep"].model_copy(update={"n": 3})}
     case = case.model_copy(update={"drive": drives, "run": runs})
-    found = compare(case, "sweep", "mujoco", run_here(case, "sweep", "mujoco"), detectable=False)
+    found = compare(case, "sweep", "mujoco", solve_here(case, "sweep", "mujoco"), detectable=False)
     assert {c.outcome for c in found} == {"agrees"}
 
 

@@ -7,11 +7,11 @@ from scipy.integrate import solve_ivp
 
 from proofmass.check import check
 from proofmass.compare import compare
-from proofmass.refinement import errors
+from proofmass.refinement import refined_errors
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadRod, Drive, Rod, Run
-from proofmass.solve import run_here
+from proofmass.solve import solve_here
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES
 
@@ -59,7 +59,7 @@ def test_another_rod_is_noticed(name, old, new, edit):
     if "0.2501" in new:
         edit(name, 'pos="1.25 0 0"', 'pos="1.2501 0 0"')
     case = load_case(sidecar.with_suffix(".toml"))
-    curves = run_here(case, "dynamics", "mujoco")
+    curves = solve_here(case, "dynamics", "mujoco")
     found = compare(case, "dynamics", "mujoco", curves, detectable=False)
     assert "differs" in {c.outcome for c in found}
 
@@ -73,7 +73,7 @@ def test_an_elastic_coupler_in_pymunk_is_off_by_the_square_of_its_links():
     for segments in (6, 12):
         rods = {"coupler": case.rod["coupler"].model_copy(update={"segments": segments})}
         brief = case.model_copy(update={"rod": rods, "run": runs, "drive": drives})
-        found = errors(brief, "dynamics", "pymunk", run_here(brief, "dynamics", "pymunk"))
+        found = refined_errors(brief, "dynamics", "pymunk", solve_here(brief, "dynamics", "pymunk"))
         off.append({c.channel: c.error_max for c in found if c.unit not in ("J", "N m")})
     orders = {name: np.log2(off[0][name] / off[1][name]) for name in off[0]}
     assert len(orders) == 7

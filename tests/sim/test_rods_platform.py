@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.equilibrium import RodState, direct, state
+from proofmass.analytic.rods.equilibrium import RodState, solve_direct, state
 from proofmass.check import check
 from proofmass.compare import Comparison, compare
 from proofmass.errors import InputError
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Drive, Rod
-from proofmass.solve import plan, run_here
+from proofmass.solve import plan_run, solve_here
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, three
 from tests.independent.rods.chain_assembly import settle
 from tests.shipped import shipped
@@ -44,7 +44,7 @@ def at_rest(engine: str, name: str, segments: int, folder: Path):
     text, model = case.model_path.read_text(), folder / "rfr3.xml"
     assert POSE in text
     model.write_text(text.replace(POSE, pose))
-    run = plan(case, "equilibrium", engine)
+    run = plan_run(case, "equilibrium", engine)
     rods = tuple(
         replace(rod, segments=segments, turn=turn)
         for rod, turn in zip(run.rods, turns, strict=True)
@@ -57,7 +57,7 @@ def at_rest(engine: str, name: str, segments: int, folder: Path):
 def of_rods(name: str) -> RodState:
     """The same of rods, solved from the recomputed digits."""
     row = DATA["rfr3"]["recomputed"][list(KEYS).index(name)]
-    return direct(
+    return solve_direct(
         state(
             three(DATA["rfr3"]["side"]),
             inputs=MOTORS,
@@ -111,7 +111,7 @@ def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
 def test_sliders_lead_the_platform(engine):
     """Samples of the driven case, against the chains' equilibria followed from arcs of circles."""
     case = load_case(shipped("pfr3.toml"))
-    run = plan(case, "sweep", engine)
+    run = plan_run(case, "sweep", engine)
     run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])
     found = ENGINES[engine](case.model_path, run).channels
     turns, way = (0.0, 2 * np.pi / 3, -2 * np.pi / 3), run.motion(run.x)[0].T
@@ -185,7 +185,7 @@ def judged(sidecar: Path) -> list[Comparison]:
     """The only run of a case in MuJoCo."""
     case = load_case(sidecar)
     (kind,) = case.run
-    return compare(case, kind, "mujoco", run_here(case, kind, "mujoco"), detectable=False)
+    return compare(case, kind, "mujoco", solve_here(case, kind, "mujoco"), detectable=False)
 
 
 WRONG = {
@@ -265,7 +265,7 @@ def test_another_equilibrium_is_named(edit):
     edit("pfr3.toml", "segments = 10", "segments = 40")  # or what is left of h^2 hides it
     edit("pfr3.toml", "n = 9", "n = 3")
     case = load_case(file.with_suffix(".toml"))
-    curves = run_here(case, "sweep", "mujoco")
+    curves = solve_here(case, "sweep", "mujoco")
     with pytest.raises(InputError, match=r"assembles the model in mode \+2"):
         compare(case, "sweep", "mujoco", curves)
 
@@ -273,7 +273,7 @@ def test_another_equilibrium_is_named(edit):
 def test_what_a_comparison_can_detect():
     """Small changes of every parameter that is a length, an angle or a stiffness."""
     case = load_case(shipped("rfr3.toml"))
-    found = compare(case, "equilibrium", "mujoco", run_here(case, "equilibrium", "mujoco"))
+    found = compare(case, "equilibrium", "mujoco", solve_here(case, "equilibrium", "mujoco"))
     least: dict[str, float] = {}
     for c in found:
         for key, change in c.detectable.items():

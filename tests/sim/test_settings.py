@@ -6,9 +6,9 @@ import pytest
 
 from proofmass.check import check
 from proofmass.sidecar import load_case
-from proofmass.sim.contents import may_touch, rubs
+from proofmass.sim.contents import has_dry_friction, may_touch
 from proofmass.sim.mujoco.engine import check_settings as mujoco_settings
-from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepped_with
+from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepping_settings
 from proofmass.sim.protocol import BadSetting
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
 from proofmass.studies.trade.varied import list_series
@@ -112,22 +112,24 @@ def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, th
     assert np.array_equal(fallen(own), fallen(read))
     assert not np.array_equal(fallen(own), before)
     assert all(
-        stepped_with(own)[key] == value
+        stepping_settings(own)[key] == value
         if not isinstance(value, str)
-        else str(stepped_with(own)[key]).lower() == value
+        else str(stepping_settings(own)[key]).lower() == value
         for key, value in settings.items()
     )
     configure(own, dict.fromkeys(settings.keys() & {"refsafe", "warmstart"}, True))
-    assert "refsafe" not in stepped_with(own)
+    assert "refsafe" not in stepping_settings(own)
 
 
 def test_what_may_touch_and_what_rubs_is_known():
     assert not may_touch(scene())
     assert may_touch(scene(floor=FLOOR))
     assert not may_touch(scene(floor=FLOOR, flag='<flag contact="disable"/>'))
-    assert not rubs(scene())
-    assert rubs(scene(rub='frictionloss="1"'))
-    assert not rubs(scene(rub='frictionloss="1"', flag='<flag frictionloss="disable"/>'))
+    assert not has_dry_friction(scene())
+    assert has_dry_friction(scene(rub='frictionloss="1"'))
+    assert not has_dry_friction(
+        scene(rub='frictionloss="1"', flag='<flag frictionloss="disable"/>')
+    )
 
 
 @pytest.mark.parametrize(

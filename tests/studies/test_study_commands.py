@@ -22,7 +22,7 @@ import typer
 from typer.testing import CliRunner
 
 from proofmass.cli import app
-from proofmass.command import answering
+from proofmass.command import exit_on_error
 from proofmass.errors import InputError
 from proofmass.sim.mjcf import read_tree
 from proofmass.studies import run as runs
@@ -105,7 +105,7 @@ assert options["budget"]
 options["budget"] = 60.0
 """,
 }
-"""Lines of settings end at a run of more than 2 s, which depends on the load: not in tests."""
+"""Series end at a run of more than 0.5 s, which depends on the load: not in tests."""
 FORGETS = (
     "from proofmass.studies.store import Store; assert Store.load; Store.load = lambda *_: None"
 )
@@ -323,7 +323,7 @@ def test_choose_measures_on_a_cluster_what_it_measures_here(place, address):
 def test_a_cluster_that_is_not_there_is_one_line(what, place, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.chdir(place("here"))
-    monkeypatch.setattr(runs, "CONNECT", "100ms")
+    monkeypatch.setattr(runs, "CONNECT_TIMEOUT", "100ms")
     answer = CliRunner().invoke(app, [*ASKED[what].split(), "--dask", "tcp://127.0.0.1:9"])
     assert answer.exit_code == 2
     assert "--dask tcp://127.0.0.1:9: no scheduler answers there" in answer.stderr
@@ -366,7 +366,7 @@ def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, 
 
     monkeypatch.setattr(zipfile.ZipFile, "open", interrupt)  # whose file then raises ValueError
     found = Measurement(curves={"x": np.zeros(3)})
-    with held, pytest.raises(typer.Exit) as ended, answering("runs are kept"):
+    with held, pytest.raises(typer.Exit) as ended, exit_on_error("runs are kept"):
         Store(tmp_path).save("key", 0, None, found, 1.0)
     assert ended.value.exit_code == 130
     assert capsys.readouterr().err.startswith("stopped; runs are kept")
@@ -376,7 +376,7 @@ def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
     """As one with a byte between its elements that XML does not have, which MuJoCo passes over."""
     file = tmp_path / "fat.xml"
     file.write_bytes(FAT.replace("<worldbody>", "°<worldbody>").encode("latin-1"))
-    with pytest.raises(typer.Exit) as ended, answering("runs are kept"):
+    with pytest.raises(typer.Exit) as ended, exit_on_error("runs are kept"):
         read_tree(file)
     assert ended.value.exit_code == 2
     assert capsys.readouterr().err.startswith("error: fat.xml: to be changed it must be")

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import pytest
 
 from proofmass.errors import InputError
-from proofmass.studies.run import pool, run
+from proofmass.studies.run import pool, run_tasks
 from proofmass.studies.store import Store
 from tests.studies.study_tasks import tasks
 
@@ -20,7 +20,7 @@ def values(store: Store, workers: Executor | None) -> list[tuple]:
     """What does not depend on clocks."""
     return [
         (one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
-        for one in run(tasks(), store, workers, repeats=1)
+        for one in run_tasks(tasks(), store, workers, repeats=1)
     ]
 
 
@@ -49,6 +49,6 @@ def slowly() -> str:
 
 
 def test_bad_input_comes_back_from_a_cluster(tmp_path, address):
-    wrong = replace(tasks()[0], setting=tasks()[0].setting.but(integrator="Simpson"))
+    wrong = replace(tasks()[0], setting=tasks()[0].setting.with_parameters(integrator="Simpson"))
     with pytest.raises(InputError, match="known: euler"), pool(dask=address) as cluster:
-        run([wrong], Store(tmp_path), cluster)
+        run_tasks([wrong], Store(tmp_path), cluster)

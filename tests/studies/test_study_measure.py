@@ -12,7 +12,7 @@ from proofmass.case import Case
 from proofmass.compare import reference_for
 from proofmass.drive import DriveState
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, grid, laws
+from proofmass.reference import drive_laws, evaluate, run_samples
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import (
     BadModel,
@@ -22,21 +22,21 @@ from proofmass.sim.protocol import (
     NotSolved,
     Unsupported,
 )
-from proofmass.solve import simulate
+from proofmass.solve import call_engine
 from proofmass.strict import Kind
 from proofmass.studies import measure
 from proofmass.studies.measure import (
-    CACHED,
+    MAX_CACHED_REFERENCES,
     StudyRun,
     cached_reference,
-    not_finite,
+    first_not_finite,
     observe,
-    own_core,
-    pinned,
+    pin_process,
     relative_errors,
+    reserve_processor,
 )
 from proofmass.studies.record import Setting
-from proofmass.studies.run import row
+from proofmass.studies.run import make_row
 from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
@@ -44,22 +44,24 @@ from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all 
 PENDULUM = load_case(shipped("pendulum.toml"))
 FOURBAR = load_case(shipped("fourbar.toml"))
 EULER = Setting("mujoco", {"integrator": "Euler"})
-LIMITED = pytest.mark.skipif(not measure.cores(), reason="runs are not pinned here")
+LIMITED = pytest.mark.skipif(not measure.available_processors(), reason="runs are not pinned here")
 
 
 def driven(case: Case, kind: Kind, x: Array) -> DriveState:
     """The state of a drive that does what its law says."""
-    value, rate, acceleration = laws(case, kind)[0](x)
+    value, rate, acceleration = drive_laws(case, kind)[0](x)
     return tuple(np.array([part * np.ones_like(x)]) for part in (value, rate, acceleration))
 
 
 def seen(step: float, setting: Setting = EULER) -> measure.Measurement:
     """The pendulum in MuJoCo, ten seconds from the horizontal."""
-    return observe(StudyRun(PENDULUM, "dynamics", setting.but(timestep=step)), False, None)
+    return observe(
+        StudyRun(PENDULUM, "dynamics", setting.with_parameters(timestep=step)), False, None
+    )
 
 
 def test_errors_are_shares_of_the_range_of_the_reference():
-    x = grid(PENDULUM, "dynamics")
+    x = run_samples(PENDULUM, "dynamics")
     exact = evaluate(PENDULUM, "dynamics", x, None).channels
     off = {"angle": exact["angle"] + 1e-3, "kinetic": exact["kinetic"] * 1.01}
     found = relative_errors(PENDULUM, "dynamics", Curves(x, off))
@@ -70,7 +72,7 @@ def test_errors_are_shares_of_the_range_of_the_reference():
 
 
 def test_of_several_channels_of_a_kind_the_worst_counts():
-    x = grid(FOURBAR, "dynamics")
+    x = run_samples(FOURBAR, "dynamics")
     state = driven(FOURBAR, "dynamics", x)
     exact = evaluate(FOURBAR, "dynamics", x, state).channels
     places = [name for name, c in FOURBAR.channels.items() if c.unit in ("rad", "m")]
@@ -83,7 +85,7 @@ def test_of_several_channels_of_a_kind_the_worst_counts():
 
 
 def test_errors_are_told_at_the_state_the_drive_really_had():
-    x = grid(FOURBAR, "dynamics")
+    x = run_samples(FOURBAR, "dynamics")
     value, rate, acceleration = driven(FOURBAR, "dynamics", x)
     late = value - 1e-3, rate, acceleration
     exact = evaluate(FOURBAR, "dynamics", x, late).channels
@@ -97,7 +99,7 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
 
     asked: list[dict] = []
     monkeypatch.setattr(measure, "reference_for", count)
-    case, x = load_case(models / "fourbar.toml"), grid(FOURBAR, "dynamics")
+    case, x = load_case(models / "fourbar.toml"), run_samples(FOURBAR, "dynamics")
     state = driven(FOURBAR, "dynamics", x)
     late = state[0] - 1e-3, *state[1:]
     longer = case.model_copy(update={"parameters": {**case.parameters, "crank": 1.01}})
@@ -117,21 +119,21 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
 
 
 def test_a_reference_that_is_asked_for_again_and_again_is_kept(monkeypatch):
-    case, x = FOURBAR, grid(FOURBAR, "dynamics")
+    case, x = FOURBAR, run_samples(FOURBAR, "dynamics")
     value, rate, acceleration = driven(case, "dynamics", x)
-    monkeypatch.setattr(measure, "cached", {})
+    monkeypatch.setattr(measure, "reference_cache", {})
     asked = cached_reference(case, "dynamics", Curves(x, {}, drive=(value, rate, acceleration)))
-    for k in range(2 * CACHED):
+    for k in range(2 * MAX_CACHED_REFERENCES):
         own = value + 1e-6 * (k + 1), rate, acceleration
         cached_reference(case, "dynamics", Curves(x, {}, drive=own))
         again = Curves(x, {}, drive=(value, rate, acceleration))
         assert cached_reference(case, "dynamics", again) is asked
-        assert len(measure.cached) <= CACHED
+        assert len(measure.reference_cache) <= MAX_CACHED_REFERENCES
 
 
 def test_curves_that_are_constant_have_no_share():
     case = load_case(shipped("peaucellier.toml"))
-    x = grid(case, "sweep")
+    x = run_samples(case, "sweep")
     state = driven(case, "sweep", x)
     curves = {
         n: y + 1.0
@@ -168,7 +170,9 @@ def test_steps_and_seconds_are_those_of_the_engine():
     found = seen(0.01)
     assert found.steps == 1000
     assert 0 < found.seconds < 60
-    again = observe(StudyRun(PENDULUM, "dynamics", EULER.but(timestep=0.01)), True, None)
+    again = observe(
+        StudyRun(PENDULUM, "dynamics", EULER.with_parameters(timestep=0.01)), True, None
+    )
     assert (again.steps, again.errors, again.complete) == (1000, {}, True)
 
 
@@ -178,7 +182,7 @@ def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
     task = StudyRun(FOURBAR, "dynamics", Setting(engine, {"timestep": 1e-3}))
     found = observe(task, False, None)
     assert found.step == pytest.approx(2 * np.pi / 360 / 18, rel=1e-12)
-    assert row(task, [found], timed=False).step == found.step
+    assert make_row(task, [found], is_timed=False).step == found.step
     swept = observe(StudyRun(FOURBAR, "sweep", Setting(engine)), False, None)
     assert np.isnan(swept.step)
 
@@ -188,15 +192,15 @@ def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
 )
 def test_a_short_run_is_made_twice_where_its_time_matters(monkeypatch, timed, seconds, made):
     """The first time a process also loads what it needs: that is no time of the run."""
-    step, runs = measure.clocked, []
+    step, runs = measure.time_run, []
 
     def clocked(*run):
         curves, shared = step(*run)
         runs.append(replace(curves, seconds=seconds / (1 + len(runs))))
         return runs[-1], shared
 
-    monkeypatch.setattr(measure, "clocked", clocked)
-    task = StudyRun(PENDULUM, "dynamics", EULER.but(timestep=0.01), timed=timed)
+    monkeypatch.setattr(measure, "time_run", clocked)
+    task = StudyRun(PENDULUM, "dynamics", EULER.with_parameters(timestep=0.01), timed=timed)
     assert observe(task, False, None).seconds == runs[-1].seconds
     assert len(runs) == made
 
@@ -204,12 +208,12 @@ def test_a_short_run_is_made_twice_where_its_time_matters(monkeypatch, timed, se
 def test_the_load_is_that_of_the_worse_end_of_a_timed_run(monkeypatch):
     told = iter([3.0, 1.0, 0.5, 7.0])
     monkeypatch.setattr(measure, "load_average", lambda: next(told))
-    task = StudyRun(PENDULUM, "dynamics", EULER.but(timestep=0.01))
+    task = StudyRun(PENDULUM, "dynamics", EULER.with_parameters(timestep=0.01))
     found = [observe(task, again, None) for again in (False, True)]
     assert [one.load for one in found] == [3.0, 7.0]
-    assert row(task, found, timed=True).load == 7.0  # of the repeats
-    assert row(task, found[:1], timed=True).load == 3.0
-    assert np.isnan(row(task, [measure.Measurement()], timed=True).load)
+    assert make_row(task, found, is_timed=True).load == 7.0  # of the repeats
+    assert make_row(task, found[:1], is_timed=True).load == 3.0
+    assert np.isnan(make_row(task, [measure.Measurement()], is_timed=True).load)
 
 
 def test_a_system_without_a_load_average_has_none(monkeypatch):
@@ -233,7 +237,7 @@ def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(measure, "isolated", fail)
+    monkeypatch.setattr(measure, "call_isolated", fail)
     found = measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
     assert (found.outcome, found.message, found.complete) == (outcome, str(error), False)
 
@@ -254,10 +258,10 @@ def test_what_fails_in_a_worker_is_an_outcome(monkeypatch, error, outcome, of_a_
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(measure, "isolated", fail)
-    found = measure.measure(simulate, timeout=5.0)
+    monkeypatch.setattr(measure, "call_isolated", fail)
+    found = measure.measure(call_engine, timeout=5.0)
     assert found == measure.Measurement(outcome=outcome, message=str(error))
-    task = StudyRun(PENDULUM, "dynamics", EULER.but(segments=9))
+    task = StudyRun(PENDULUM, "dynamics", EULER.with_parameters(segments=9))
     assert measure.measure_task(task, False, 5.0).outcome == of_a_task
     if outcome == "no start":
         with pytest.raises(InputError, match="why"):
@@ -267,15 +271,15 @@ def test_what_fails_in_a_worker_is_an_outcome(monkeypatch, error, outcome, of_a_
 def test_what_a_worker_gives_is_returned_as_it_is(monkeypatch):
     asked = []
     monkeypatch.setattr(
-        measure, "isolated", lambda *args, **limits: asked.append((args, limits)) or "curves"
+        measure, "call_isolated", lambda *args, **limits: asked.append((args, limits)) or "curves"
     )
-    assert measure.measure(simulate, "mujoco", timeout=5.0, memory=2.0) == "curves"
-    assert asked == [((simulate, "mujoco"), {"timeout": 5.0, "memory": 2.0})]
+    assert measure.measure(call_engine, "mujoco", timeout=5.0, memory=2.0) == "curves"
+    assert asked == [((call_engine, "mujoco"), {"timeout": 5.0, "memory": 2.0})]
 
 
 def test_what_the_model_or_a_parameter_is_to_blame_for_is_bad_input(monkeypatch):
     wrong = StudyRun(PENDULUM, "dynamics", Setting("mujoco", {"speed": 3}))
-    monkeypatch.setattr(measure, "isolated", lambda function, *args, **_: function(*args))
+    monkeypatch.setattr(measure, "call_isolated", lambda function, *args, **_: function(*args))
     with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):
         measure.measure_task(wrong, False, 60.0)
     with pytest.raises(InputError):
@@ -284,26 +288,26 @@ def test_what_the_model_or_a_parameter_is_to_blame_for_is_bad_input(monkeypatch)
 
 def test_curves_that_are_not_finite_have_no_errors(monkeypatch):
     curves = Curves(np.arange(3.0), {"a": np.zeros(3), "b": np.array([0.0, np.nan, np.inf])})
-    assert not_finite(curves.channels) == "b at sample 1"
-    monkeypatch.setattr(measure, "simulate", lambda *_: curves)
+    assert first_not_finite(curves.channels) == "b at sample 1"
+    monkeypatch.setattr(measure, "call_engine", lambda *_: curves)
     found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.message, found.errors) == ("not finite", "b at sample 1", {})
 
 
 def test_poses_that_the_mechanism_cannot_have_are_a_failure_of_the_run(monkeypatch):
     case = load_case(shipped("double_rocker.toml"))
-    x = grid(case, "dynamics")
+    x = run_samples(case, "dynamics")
     away = np.full((1, x.size), np.pi), np.ones((1, x.size)), np.zeros((1, x.size))
-    monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, {}, drive=away))
+    monkeypatch.setattr(measure, "call_engine", lambda *_: Curves(x, {}, drive=away))
     found = observe(StudyRun(case, "dynamics", EULER), False, None)
     assert found.outcome == "no reference"
     assert found.message
 
 
 def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
-    x = grid(PENDULUM, "dynamics")
+    x = run_samples(PENDULUM, "dynamics")
     exact = evaluate(PENDULUM, "dynamics", x, None).channels
-    monkeypatch.setattr(measure, "simulate", lambda *_: Curves(x, exact))
+    monkeypatch.setattr(measure, "call_engine", lambda *_: Curves(x, exact))
     monkeypatch.setattr(
         measure, "cached_reference", lambda *_: exact | {"rate": np.where(x > 1, np.nan, x)}
     )
@@ -313,22 +317,22 @@ def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
 
 
 def test_a_sweep_that_ends_early_is_told(monkeypatch):
-    x = grid(PENDULUM, "dynamics")[:9]
+    x = run_samples(PENDULUM, "dynamics")[:9]
     part = Curves(x, evaluate(PENDULUM, "dynamics", x, None).channels, stopped="a limit")
-    monkeypatch.setattr(measure, "simulate", lambda *_: part)
+    monkeypatch.setattr(measure, "call_engine", lambda *_: part)
     found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.message, found.complete) == ("stopped", "a limit", True)
 
 
 @LIMITED
 def test_a_processor_is_given_to_one_run_at_a_time(monkeypatch):
-    monkeypatch.setattr(measure, "cores", lambda: [0, 1])
-    with own_core() as one, own_core() as other:
+    monkeypatch.setattr(measure, "available_processors", lambda: [0, 1])
+    with reserve_processor() as one, reserve_processor() as other:
         assert {one, other} == {0, 1}
         monkeypatch.setattr(measure.time, "sleep", lambda _: (_ for _ in ()).throw(TimeoutError))
-        with pytest.raises(TimeoutError), own_core():
+        with pytest.raises(TimeoutError), reserve_processor():
             pass
-    with own_core() as again:
+    with reserve_processor() as again:
         assert again in (0, 1)
 
 
@@ -336,11 +340,11 @@ def test_a_processor_is_given_to_one_run_at_a_time(monkeypatch):
 def test_a_process_is_pinned_for_a_run_only(monkeypatch):
     def look(*run):
         where.append(os.sched_getaffinity(0))
-        return simulate(*run)
+        return call_engine(*run)
 
     before, where = os.sched_getaffinity(0), list[set[int]]()
-    monkeypatch.setattr(measure, "simulate", look)
-    with pinned(min(before)):
+    monkeypatch.setattr(measure, "call_engine", look)
+    with pin_process(min(before)):
         assert os.sched_getaffinity(0) == {min(before)}
     assert os.sched_getaffinity(0) == before
     assert observe(StudyRun(PENDULUM, "dynamics", EULER), False, min(before)).pinned
@@ -349,8 +353,8 @@ def test_a_process_is_pinned_for_a_run_only(monkeypatch):
 
 
 def test_without_pinning_runs_are_not_said_to_be_pinned(monkeypatch):
-    monkeypatch.setattr(measure, "cores", list)
-    with own_core() as none:
+    monkeypatch.setattr(measure, "available_processors", list)
+    with reserve_processor() as none:
         assert none is None
     assert not seen(0.01).pinned
 
@@ -372,8 +376,8 @@ def test_a_reference_that_fails_is_tried_once_and_a_time_limit_is_no_verdict(
         asked.append(function.__name__)
         raise error
 
-    monkeypatch.setattr(measure, "isolated", fail)
-    monkeypatch.setattr(measure, "failed", {})
+    monkeypatch.setattr(measure, "call_isolated", fail)
+    monkeypatch.setattr(measure, "failed_references", {})
     released = load_case(shipped("fourbar_released.toml"))
     task = StudyRun(released, "dynamics", EULER, reference=tmp_path / "a.reference.npz")
     for _ in range(2):

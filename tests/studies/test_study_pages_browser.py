@@ -9,7 +9,7 @@ import pytest
 from proofmass.report.figures import save
 from proofmass.studies.diet import page as diet_page
 from proofmass.studies.diet.page import write_diet
-from proofmass.studies.diet.table import WHOLE, Entry, write_entries
+from proofmass.studies.diet.table import WHOLE_KIND, Entry, write_entries
 from proofmass.studies.diet.trial import Cost
 from proofmass.studies.record import StudyRow
 from proofmass.studies.stress import page as stress_page
@@ -62,7 +62,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         Entry("light", "sun", "harmless", moved, "", costs, (0.2, 0.25, 0.3)),
         Entry("body", "bob", "matters", {"run": {"angle": 7.0}}, "", costs, (0.1, 0.2, 0.3)),
         Entry("joint", "pivot", "needed", message='no <sensor>, "angle" needs it'),
-        Entry(WHOLE, "", "harmless", moved, "", costs, (0.2, 0.25, 0.3)),
+        Entry(WHOLE_KIND, "", "harmless", moved, "", costs, (0.2, 0.25, 0.3)),
     ]
     write_entries(entries, out / "diet" / "pendulum.csv")
     (out / "diet" / "pendulum.xml").write_text("<mujoco/>")
@@ -193,7 +193,7 @@ def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
 def test_a_busy_machine_is_said_and_ties_are_shown(folder: Path, browser: Any) -> None:
     with StudyVisit(browser, folder / TRADE) as visit:
         assert "load average was up to 5.5 on 2 processors" in visit.page.inner_text(".warned")
-        assert "does not tell the two engines apart" in visit.page.inner_text(".ask >> nth=0")
+        assert "do not distinguish the two engines" in visit.page.inner_text(".ask >> nth=0")
         tied = visit.run("kind().tied.length")
         assert tied > 0
         assert visit.page.locator("#points .tied").count() == tied

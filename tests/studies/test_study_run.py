@@ -19,7 +19,7 @@ from proofmass.studies import measure
 from proofmass.studies import run as runs
 from proofmass.studies.measure import Measurement, relative_errors
 from proofmass.studies.record import NAN, Setting, StudyRow, read_table
-from proofmass.studies.run import pool, reference_of, row, run
+from proofmass.studies.run import make_row, pool, reference_file, run_tasks
 from proofmass.studies.store import Store
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture of all tests
@@ -76,14 +76,14 @@ def timed(monkeypatch):
 
 def test_only_the_named_tasks_are_repeated_and_the_others_keep_their_first_timing(tmp_path, timed):
     timed(0.05, 0.09, 0.07, 0.06)
-    rows = run(FEW, Store(tmp_path), Here(), repeats=2, repeated=[1])
+    rows = run_tasks(FEW, Store(tmp_path), Here(), repeats=2, repeated=[1])
     assert [row.repeats for row in rows] == [(0.05,), (0.09, 0.07, 0.06)]
 
 
 def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, timed):
     timed(*[0.05] * 6)
     workers = Here()
-    run(FEW, Store(tmp_path), workers, repeats=2, timeout=7.0)
+    run_tasks(FEW, Store(tmp_path), workers, repeats=2, timeout=7.0)
     assert [(task.value, again) for task, again, _ in workers.calls] == [
         (step, again) for again in (False, True, True) for step in (0.01, 0.005)
     ]
@@ -92,26 +92,26 @@ def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, timed):
 
 def test_seconds_are_the_least_of_all_runs(tmp_path, timed):
     timed(0.06, 0.05, 0.03, 0.04)
-    (one,) = run(FEW[:1], Store(tmp_path), Here(), repeats=3)
+    (one,) = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=3)
     assert (one.seconds, one.repeats) == (0.03, (0.06, 0.05, 0.03, 0.04))
 
 
 def test_a_long_run_is_repeated_less_often(tmp_path, timed):
     timed(0.3, 0.5)
-    (one,) = run(FEW[:1], Store(tmp_path), Here(), repeats=3)
+    (one,) = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=3)
     assert (one.seconds, one.repeats) == (0.3, (0.3, 0.5))
 
 
 def test_a_long_run_is_not_repeated_and_says_so(tmp_path, timed):
     timed(3.0, 1.9, 1.8)
-    long, short = run(FEW, Store(tmp_path), Here(), repeats=2, longest_repeated=2.0)
+    long, short = run_tasks(FEW, Store(tmp_path), Here(), repeats=2, longest_repeated=2.0)
     assert long.repeats == (3.0,)
     assert short.repeats == (1.9, 1.8)
 
 
 def test_without_repeats_nothing_is_timed(tmp_path, timed):
     timed(0.1)
-    (one,) = run(FEW[:1], Store(tmp_path), Here(), repeats=0)
+    (one,) = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=0)
     assert (one.seconds, one.repeats) == (0.1, ())
 
 
@@ -119,7 +119,7 @@ def test_equal_runs_are_made_once_and_have_rows_of_their_own(tmp_path, timed):
     timed(0.1)
     twin = replace(FEW[0], series="another", varied="integrator", value=NAN)
     workers = Here()
-    rows = run([FEW[0], twin], Store(tmp_path), workers, repeats=0)
+    rows = run_tasks([FEW[0], twin], Store(tmp_path), workers, repeats=0)
     assert len(workers.calls) == 1
     assert [(one.series, one.varied) for one in rows] == [
         ("mujoco Euler", "timestep"),
@@ -129,21 +129,23 @@ def test_equal_runs_are_made_once_and_have_rows_of_their_own(tmp_path, timed):
 
 def test_what_is_there_is_not_run_again_and_counts_as_done(tmp_path, timed):
     timed(*[0.1] * 5)
-    first = run(FEW[:1], Store(tmp_path), Here(), repeats=1)
+    first = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=1)
     seen, workers = [], Here()
-    rows = run(FEW, Store(tmp_path), workers, repeats=1, progress=lambda *told: seen.append(told))
+    rows = run_tasks(
+        FEW, Store(tmp_path), workers, repeats=1, progress=lambda *told: seen.append(told)
+    )
     assert rows[:1] == first
     assert [(task.value, again) for task, again, _ in workers.calls] == [
         (0.005, False),
         (0.005, True),
     ]
     assert seen[-1][1:] == (4, 4)
-    assert run(FEW, Store(tmp_path), Here(), repeats=1) == rows  # nothing is left to take
+    assert run_tasks(FEW, Store(tmp_path), Here(), repeats=1) == rows  # nothing is left to take
 
 
 def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
     store = Store(tmp_path)
-    for one, task in zip(run(FEW, store, repeats=0), FEW, strict=True):
+    for one, task in zip(run_tasks(FEW, store, repeats=0), FEW, strict=True):
         kept = store.curves(one.key)
         curves = Curves(
             kept["x"],
@@ -160,20 +162,24 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
         limits.append((function.__name__, timeout))
         return function(*args)
 
-    monkeypatch.setattr(measure, "isolated", isolated)
+    monkeypatch.setattr(measure, "call_isolated", isolated)
     plain = [measure.measure_task(task, False, 9.0).errors for task in FEW]
     limits.clear()
-    rows = run(FEW, Store(tmp_path), Here(), repeats=0, timeout=9.0)
+    rows = run_tasks(FEW, Store(tmp_path), Here(), repeats=0, timeout=9.0)
     assert [row.errors for row in rows] == plain
-    assert limits == [("write_reference", measure.REFERENCE), ("observe", 9.0), ("observe", 9.0)]
+    assert limits == [
+        ("write_reference", measure.REFERENCE_TIMEOUT),
+        ("observe", 9.0),
+        ("observe", 9.0),
+    ]
     (file,) = tmp_path.glob("*.reference.npz")
-    monkeypatch.setattr(measure, "cached", {})
+    monkeypatch.setattr(measure, "reference_cache", {})
     monkeypatch.setattr(measure, "reference_for", None)
     third = tasks()[2]
-    assert run([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
-    assert reference_of(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
+    assert run_tasks([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
+    assert reference_file(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
     driven = replace(third, case=load_case(shipped("fourbar.toml")))
-    assert reference_of(driven, Store(tmp_path)) is None
+    assert reference_file(driven, Store(tmp_path)) is None
 
 
 def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
@@ -183,14 +189,14 @@ def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
         "measure_task",
         lambda task, again, timeout: found(0.01) if task.value == 0.005 else failed,
     )
-    bad, good = run(FEW, Store(tmp_path), Here(), repeats=2)
+    bad, good = run_tasks(FEW, Store(tmp_path), Here(), repeats=2)
     assert (bad.outcome, bad.message) == ("diverged", "failed at 1 s")
     assert (bad.errors, bad.repeats) == ({}, ())
     assert (good.outcome, len(good.repeats)) == ("ran", 3)
 
 
 def test_a_repeat_that_fails_is_a_failure():
-    one = row(
+    one = make_row(
         FEW[0], [found(0.01), found(0.02), Measurement(outcome="crashed", message="signal 6")], True
     )
     assert (one.outcome, one.message, one.repeats) == (
@@ -207,19 +213,19 @@ def test_an_interrupt_keeps_what_is_done(tmp_path, timed):
 
     timed(*[0.1] * 5)
     with pytest.raises(KeyboardInterrupt):
-        run(tasks()[:5], Store(tmp_path), Here(), repeats=0, progress=stop)
+        run_tasks(tasks()[:5], Store(tmp_path), Here(), repeats=0, progress=stop)
     assert len(list(tmp_path.glob("*.json"))) == 3
 
 
 def test_bad_input_ends_a_study(tmp_path):
-    wrong = replace(FEW[0], setting=FEW[0].setting.but(integrator="Simpson"))
+    wrong = replace(FEW[0], setting=FEW[0].setting.with_parameters(integrator="Simpson"))
     with pool(1) as workers, pytest.raises(InputError, match=r"known: euler, .*'Simpson'"):
-        run([wrong], Store(tmp_path), workers)
+        run_tasks([wrong], Store(tmp_path), workers)
 
 
 def test_a_cluster_that_is_not_there_is_one_line(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(runs, "CONNECT", "100ms")
+    monkeypatch.setattr(runs, "CONNECT_TIMEOUT", "100ms")
     with (
         pytest.raises(ValueError, match=r"--dask tcp://127.*host:8786") as told,
         pool(dask="tcp://127.0.0.1:9"),
@@ -313,7 +319,7 @@ def test_an_interrupt_from_the_keyboard_stores_no_crash(tmp_path):
 def test_runs_side_by_side_are_those_one_after_the_other(tmp_path):
     def rows(jobs: int) -> list[StudyRow]:
         with ThreadPoolExecutor(jobs) as workers:
-            return run(tasks(), Store(tmp_path / str(jobs)), workers, repeats=0)
+            return run_tasks(tasks(), Store(tmp_path / str(jobs)), workers, repeats=0)
 
     one, two = ([(r.errors, r.invariants, r.steps, r.outcome) for r in rows(n)] for n in (1, 2))
     assert one == two

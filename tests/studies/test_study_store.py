@@ -9,12 +9,20 @@ from dataclasses import replace
 import pytest
 
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.sidecar import load_case
 from proofmass.studies import store as stores
 from proofmass.studies.measure import Measurement, StudyRun
-from proofmass.studies.record import COLUMNS, NAN, Setting, StudyRow, read_table, table, write_table
-from proofmass.studies.store import Store, key_of, keys_of
+from proofmass.studies.record import (
+    COLUMN_DESCRIPTIONS,
+    NAN,
+    Setting,
+    StudyRow,
+    format_table,
+    read_table,
+    write_table,
+)
+from proofmass.studies.store import Store, task_key, task_keys
 from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
 
@@ -102,12 +110,12 @@ def test_an_interrupted_write_leaves_the_old_file_or_none(tmp_path, monkeypatch,
         raise KeyboardInterrupt
 
     kept, file = Store(tmp_path), tmp_path / "old.json"
-    write_whole(file, "old")
+    write_atomically(file, "old")
     monkeypatch.setattr(os, when, stop)
     with pytest.raises(KeyboardInterrupt):
         kept.save("key", 0, TASK, FOUND, 5.0)
     with pytest.raises(KeyboardInterrupt):
-        write_whole(file, "new")
+        write_atomically(file, "new")
     monkeypatch.undo()
     assert kept.load("key", 0) is None
     assert [one.name for one in tmp_path.glob("*.json")] == ["old.json"]
@@ -132,7 +140,7 @@ def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
         replace(TASK, case=case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})),
         replace(TASK, case=case.model_copy(update={"run": {"dynamics": run}})),
     ]
-    assert {key_of(task) for task in same} == {key_of(TASK)}
+    assert {task_key(task) for task in same} == {task_key(TASK)}
 
 
 def test_a_store_finds_each_key_once_and_anew_where_the_model_was_changed(
@@ -140,12 +148,12 @@ def test_a_store_finds_each_key_once_and_anew_where_the_model_was_changed(
 ):
     def count(some):
         asked.append(len(some))
-        return keys_of(some)
+        return task_keys(some)
 
     asked: list[int] = []
-    monkeypatch.setattr(stores, "keys_of", count)
+    monkeypatch.setattr(stores, "task_keys", count)
     store, own = Store(tmp_path / "store"), tasks(models)
-    known = [keys_of([task])[0] for task in own]
+    known = [task_keys([task])[0] for task in own]
     for _ in range(2):
         assert store.find_keys([*own, *own]) == known + known
         for task, key in zip(own, known, strict=True):
@@ -154,40 +162,40 @@ def test_a_store_finds_each_key_once_and_anew_where_the_model_was_changed(
     assert max(asked) > 1
     assert store.key(replace(own[0], key="known")) == "known"
     edit("pendulum.xml", 'pos="0 -1 0" mass="1"', 'pos="0 -1.001 0" mass="1"')
-    assert store.key(own[0]) == key_of(own[0]) != key_of(TASK)
+    assert store.key(own[0]) == task_key(own[0]) != task_key(TASK)
 
 
 def test_keys_tell_apart_what_matters(models, edit, monkeypatch):
     def key(**changed):
-        return key_of(replace(TASK, case=TASK.case.model_copy(update=changed)))
+        return task_key(replace(TASK, case=TASK.case.model_copy(update=changed)))
 
     run = TASK.case.run["dynamics"].model_copy(update={"until": 0.6})
     keys = [
-        key_of(TASK),
-        *(key_of(task) for task in tasks()[1:]),
-        key_of(replace(TASK, setting=TASK.setting.but(tolerance=1e-6))),
+        task_key(TASK),
+        *(task_key(task) for task in tasks()[1:]),
+        task_key(replace(TASK, setting=TASK.setting.with_parameters(tolerance=1e-6))),
         key(parameters={**TASK.case.parameters, "length": 1.001}),
         key(run={"dynamics": run}),
     ]
     edit("pendulum.xml", 'pos="0 -1 0" mass="1"', 'pos="0 -1.001 0" mass="1"')
-    keys.append(key_of(tasks(models)[0]))
-    monkeypatch.setattr(stores, "versions", lambda engine: {engine: "9.9"})
-    keys.append(key_of(TASK))
+    keys.append(task_key(tasks(models)[0]))
+    monkeypatch.setattr(stores, "package_versions", lambda engine: {engine: "9.9"})
+    keys.append(task_key(TASK))
     monkeypatch.undo()
-    monkeypatch.setattr(stores, "sources", lambda: "other code")
-    keys.append(key_of(TASK))
+    monkeypatch.setattr(stores, "digest_of_sources", lambda: "other code")
+    keys.append(task_key(TASK))
     assert len(set(keys)) == len(keys)
 
 
 def test_the_same_model_in_another_place_has_the_same_key(models, edit):
     edit("pendulum.xml", "<!--", "<!-- It swings.")
-    assert key_of(tasks(models)[0]) == key_of(TASK)
+    assert task_key(tasks(models)[0]) == task_key(TASK)
 
 
 def test_keys_tell_recorded_curves_apart(models):
     def key():
         case = load_case(models / "hacksaw_recorded.toml")
-        return key_of(StudyRun(case, next(iter(case.run)), Setting("mujoco")))
+        return task_key(StudyRun(case, next(iter(case.run)), Setting("mujoco")))
 
     before, file = key(), models / "hacksaw_recorded.csv"
     lines = file.read_text().splitlines()
@@ -198,7 +206,7 @@ def test_keys_tell_recorded_curves_apart(models):
 def test_keys_tell_the_rows_apart_that_a_drive_follows(models):
     def key():
         case = load_case(models / "hacksaw_sampled.toml")
-        return key_of(StudyRun(case, "dynamics", Setting("mujoco")))
+        return task_key(StudyRun(case, "dynamics", Setting("mujoco")))
 
     before, file = key(), models / "hacksaw_motor.csv"
     file.write_text(file.read_text().replace("370.823233942", "370.823233943", 1))
@@ -211,9 +219,11 @@ def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input(
         "equilibrium",
         Setting("mujoco", {"segments": 10}),
     )
-    assert key_of(task) != key_of(replace(task, setting=task.setting.but(segments=20)))
+    assert task_key(task) != task_key(
+        replace(task, setting=task.setting.with_parameters(segments=20))
+    )
     with pytest.raises(InputError, match="segments"):
-        key_of(replace(task, setting=task.setting.but(segments=1)))
+        task_key(replace(task, setting=task.setting.with_parameters(segments=1)))
 
 
 def test_a_table_gives_back_its_rows_and_describes_all_columns(tmp_path):
@@ -221,9 +231,9 @@ def test_a_table_gives_back_its_rows_and_describes_all_columns(tmp_path):
     write_table(ROWS, file)
     assert repr(read_table(file)) == repr(ROWS)  # NaN equals nothing
     described = (tmp_path / "trade.columns.md").read_text()
-    for column in table(ROWS).splitlines()[0].split(","):
+    for column in format_table(ROWS).splitlines()[0].split(","):
         assert f"| `{column.partition('.')[0]}" in described
-        assert column.partition(".")[0] in COLUMNS
+        assert column.partition(".")[0] in COLUMN_DESCRIPTIONS
 
 
 def test_what_an_earlier_version_wrote_without_a_load_is_read(tmp_path):
@@ -250,10 +260,10 @@ def test_what_is_no_table_is_bad_input(tmp_path):
     file = tmp_path / "trade.csv"
     with pytest.raises(InputError, match=r"trade\.csv: no table there"):
         read_table(file)
-    file.write_text(table(ROWS).replace("engine", "solver"))
+    file.write_text(format_table(ROWS).replace("engine", "solver"))
     with pytest.raises(InputError, match="not the table of a study: no column 'engine'"):
         read_table(file)
-    file.write_text(table(ROWS).replace("series,varied", "line,axis"))
+    file.write_text(format_table(ROWS).replace("series,varied", "line,axis"))
     with pytest.raises(InputError, match="no column 'series'; if an earlier version wrote it, run"):
         read_table(file)
 

@@ -22,16 +22,16 @@ from proofmass.sim.protocol import (
     Run,
     Unsupported,
 )
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.studies import measure
 from proofmass.studies.diet import diet, scene
 from proofmass.studies.diet.diet import DietStore
-from proofmass.studies.diet.edits import read
-from proofmass.studies.diet.options import DRAWN, Feature
+from proofmass.studies.diet.edits import read_model
+from proofmass.studies.diet.options import DRAWN_GEOM, Feature
 from proofmass.studies.diet.scene import DietScene, MonitoredRun
-from proofmass.studies.diet.scene import moved as moved_over
+from proofmass.studies.diet.scene import channel_changes as moved_over
 from proofmass.studies.diet.table import Entry
-from proofmass.studies.diet.trial import Cost, Pace
+from proofmass.studies.diet.trial import Cost, CostComparison
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
@@ -53,11 +53,24 @@ from proofmass.studies.stress.limit_search import (
     reference_follows_masses,
     require,
 )
-from proofmass.studies.trade.floor_cause import factor, gain, judge, list_perturbations, sampled
-from proofmass.studies.trade.orders import expected, nearest, off
-from proofmass.studies.trade.series import MeasuredSeries, clear, flat, level, observed, slowed
-from proofmass.studies.trade.varied import ConvergenceSeries, jolted
-from proofmass.studies.trade.verdict import front
+from proofmass.studies.trade.floor_cause import (
+    find_cause,
+    format_factor,
+    improvement,
+    list_perturbations,
+    with_samples,
+)
+from proofmass.studies.trade.orders import expected_orders, is_unexpected, nearest_order
+from proofmass.studies.trade.series import (
+    MeasuredSeries,
+    find_flat_point,
+    find_slowdown,
+    observed_order,
+    points_before_slowdown,
+    slowdown_error,
+)
+from proofmass.studies.trade.varied import ConvergenceSeries, starts_with_jolt
+from proofmass.studies.trade.verdict import pareto_front
 from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped
 
@@ -230,7 +243,7 @@ def test_what_is_moved_of_the_reference(tmp_path):
 def test_what_is_moved_of_the_samples(tmp_path):
     def of(name: str, run: str = "dynamics", n: int | None = None, segments: int = 40):
         case = case_of(name)
-        case = sampled(case, run, n) if n else case
+        case = with_samples(case, run, n) if n else case
         setting = Setting("mujoco", {"segments": segments, "timestep": 1e-3})
         found = [
             (own, p)
@@ -269,7 +282,7 @@ def test_what_an_error_follows_is_told_by_all_that_was_moved():
         moved("three", 0.4, outcome="diverged"),
         moved("four", 0.0),
     ]
-    assert judge(1.0, found, "velocity") == (
+    assert find_cause(1.0, found, "velocity") == (
         "one",
         (
             "moving one divides the error by 2.00; moving two leaves the error; "
@@ -277,31 +290,35 @@ def test_what_an_error_follows_is_told_by_all_that_was_moved():
         ),
     )
     failed = [moved("one", 0.0, outcome="diverged"), moved("two", 0.0, outcome="diverged")]
-    for nothing in (judge(1.0, found, "position"), judge(1.0, failed, "velocity")):
+    for nothing in (find_cause(1.0, found, "position"), find_cause(1.0, failed, "velocity")):
         assert nothing[0] == "unknown"
-    assert judge(1.0, [moved("one", 1 / 1.11)], "velocity")[0] == "one"  # of which a fifth is one
-    assert judge(1.0, [moved("one", 1 / 1.09)], "velocity")[0] == "unknown"
+    assert (
+        find_cause(1.0, [moved("one", 1 / 1.11)], "velocity")[0] == "one"
+    )  # of which a fifth is one
+    assert find_cause(1.0, [moved("one", 1 / 1.09)], "velocity")[0] == "unknown"
     for worse in (1.09, 1.11, 9.0):  # no rounding: nobody has moved that
-        assert judge(1.0, [moved("time step", worse)], "velocity")[0] == "unknown"
+        assert find_cause(1.0, [moved("time step", worse)], "velocity")[0] == "unknown"
 
 
 def test_the_time_step_is_no_cause_of_a_floor():
     found = [moved("time step", 0.5), moved("one", 1 / 1.2)]
-    assert judge(1.0, found, "velocity")[0] == "time step"
-    assert judge(1.0, found, "velocity", at_floor=True)[0] == "one"
-    assert judge(1.0, found[:1], "velocity", at_floor=True)[0] == "unknown"
+    assert find_cause(1.0, found, "velocity")[0] == "time step"
+    assert find_cause(1.0, found, "velocity", at_floor=True)[0] == "one"
+    assert find_cause(1.0, found[:1], "velocity", at_floor=True)[0] == "unknown"
     steps = moved("too few steps in solref", 0.5)
-    assert judge(1.0, [steps, *found], "velocity", at_floor=True)[0] == "too few steps in solref"
+    assert (
+        find_cause(1.0, [steps, *found], "velocity", at_floor=True)[0] == "too few steps in solref"
+    )
 
 
 def test_a_gain_is_how_much_better_the_error_is():
     def of(better: bool | None, ratio: float, whole: bool = False) -> float:
-        return gain(Perturbation("", "", {}, better, whole), ratio)
+        return improvement(Perturbation("", "", {}, better, whole), ratio)
 
     assert (of(True, 4.0), of(True, 0.25), of(False, 4.0), of(False, 0.25)) == (4, 0.25, 0.25, 4)
     assert (of(None, 4.0), of(None, 0.25)) == (4.0, 4.0)
     assert of(True, 2.0, whole=True) == pytest.approx(1 / (1 - 0.5 / 2))  # a share of a half
-    assert [factor(r) for r in (1.004, 1.006, 0.5)] == [
+    assert [format_factor(r) for r in (1.004, 1.006, 0.5)] == [
         "leaves the error",
         "divides the error by 1.01",
         "multiplies the error by 2.00",
@@ -377,46 +394,46 @@ def series_of(
 )
 def test_orders_are_those_of_the_theory(name, of, wanted):
     assert tuple(
-        set(expected(case_of(name), "dynamics", of, kind))
+        set(expected_orders(case_of(name), "dynamics", of, kind))
         for kind in ("position", "velocity", "acceleration")
     ) == tuple(map(set, wanted))
 
 
 def test_orders_of_rods_and_other_kinds():
     rod, segments = case_of("rod_cantilever"), series_of("mujoco", "segments")
-    assert expected(rod, "equilibrium", segments, "position") == (2.0,)
+    assert expected_orders(rod, "equilibrium", segments, "position") == (2.0,)
     naive = {name: table.model_copy(update={"scheme": "naive"}) for name, table in rod.rod.items()}
-    assert expected(rod.model_copy(update={"rod": naive}), "equilibrium", segments, "position") == (
-        1.0,
-    )
+    assert expected_orders(
+        rod.model_copy(update={"rod": naive}), "equilibrium", segments, "position"
+    ) == (1.0,)
     softer = series_of("mujoco", "solref")
     for kind, alike in (("energy", "velocity"), ("force", "acceleration")):
-        assert expected(FOURBAR, "dynamics", softer, kind) == expected(
+        assert expected_orders(FOURBAR, "dynamics", softer, kind) == expected_orders(
             FOURBAR, "dynamics", softer, alike
         )
     assert (
-        expected(FOURBAR, "dynamics", softer, "velocity")[0] == 1.0
+        expected_orders(FOURBAR, "dynamics", softer, "velocity")[0] == 1.0
     )  # told where none was observed
 
 
 def test_a_jolt_is_a_start_in_motion_or_under_gravity():
-    assert jolted(case_of("change_point"))  # in motion, without gravity
-    assert jolted(case_of("pendulum"))  # at rest, under gravity
-    assert not jolted(case_of("hacksaw"))  # at rest, without gravity
+    assert starts_with_jolt(case_of("change_point"))  # in motion, without gravity
+    assert starts_with_jolt(case_of("pendulum"))  # at rest, under gravity
+    assert not starts_with_jolt(case_of("hacksaw"))  # at rest, without gravity
 
 
 def test_an_order_is_off_by_more_than_a_fifth():
-    assert [off(2.0 + by, 2.0) for by in (-0.21, -0.19, 0.19, 0.21, nan)] == [
+    assert [is_unexpected(2.0 + by, 2.0) for by in (-0.21, -0.19, 0.19, 0.21, nan)] == [
         True,
         False,
         False,
         True,
         False,
     ]
-    assert nearest((2.0, 1.0), 1.4) == nearest((1.0, 2.0), nan) == 1.0
-    assert nearest((2.0, 1.0), 1.6) == nearest((1.0, 2.0), 1.6) == 2.0
-    assert isnan(nearest((), nan))
-    assert isnan(nearest((), 1.0))
+    assert nearest_order((2.0, 1.0), 1.4) == nearest_order((1.0, 2.0), nan) == 1.0
+    assert nearest_order((2.0, 1.0), 1.6) == nearest_order((1.0, 2.0), 1.6) == 2.0
+    assert isnan(nearest_order((), nan))
+    assert isnan(nearest_order((), 1.0))
 
 
 def test_a_boundary_is_where_its_strides_find_it():
@@ -545,8 +562,8 @@ def test_the_front_is_of_settings_that_ran():
         of(9, 0.1, nan),
         of(10, 0.1, -1.0),
     ]
-    assert [found.value for found in front(rows, "velocity")] == [2, 1, 7]
-    assert front([], "velocity") == []
+    assert [found.value for found in pareto_front(rows, "velocity")] == [2, 1, 7]
+    assert pareto_front([], "velocity") == []
 
 
 def halved(*errors: float) -> list[tuple[float, float]]:
@@ -579,9 +596,9 @@ def falling(*slopes: float) -> list[tuple[float, float]]:
     ],
 )
 def test_where_an_error_slows_and_what_is_before_it(points, first, least, before):
-    assert slowed(points) == first
-    assert level(points) == pytest.approx(least, nan_ok=True)
-    assert clear(points) == [p for p in points if p[1] < inf][:before]
+    assert find_slowdown(points) == first
+    assert slowdown_error(points) == pytest.approx(least, nan_ok=True)
+    assert points_before_slowdown(points) == [p for p in points if p[1] < inf][:before]
 
 
 @pytest.mark.parametrize(
@@ -600,7 +617,7 @@ def test_where_an_error_slows_and_what_is_before_it(points, first, least, before
     ],
 )
 def test_what_may_be_a_floor_is_asymptotic_and_flat_to_the_end(errors, place):
-    assert flat(halved(*errors)) == place
+    assert find_flat_point(halved(*errors)) == place
 
 
 @pytest.mark.parametrize(
@@ -616,7 +633,7 @@ def test_what_may_be_a_floor_is_asymptotic_and_flat_to_the_end(errors, place):
     ],
 )
 def test_an_order_is_seen_in_two_refinements_in_turn(slopes, seen):
-    assert observed(falling(*slopes)) == pytest.approx(seen, nan_ok=True)
+    assert observed_order(falling(*slopes)) == pytest.approx(seen, nan_ok=True)
 
 
 def measured_series(*rows: StudyRow) -> MeasuredSeries:
@@ -755,7 +772,7 @@ def test_what_keeps_a_run_from_its_answer(monkeypatch):
         calls.append((function.__name__, args, timeout))
         return Measurement(steps=7)
 
-    monkeypatch.setattr(measure, "isolated", answer)
+    monkeypatch.setattr(measure, "call_isolated", answer)
     assert measure_untimed(task, 5.0) == Measurement(steps=7)
     assert calls == [("observe", (task, False, None), 5.0)]
     for error, outcome in (
@@ -765,7 +782,7 @@ def test_what_keeps_a_run_from_its_answer(monkeypatch):
         (Unsupported("why"), "unsupported"),
         (NotSolved("why"), "not solved"),
     ):
-        monkeypatch.setattr(measure, "isolated", fails(error))
+        monkeypatch.setattr(measure, "call_isolated", fails(error))
         assert measure_untimed(task, 5.0) == Measurement(outcome=outcome, message="why")
 
 
@@ -778,7 +795,7 @@ def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, m
         if engine_too or function.__name__ == "observe":
             raise TimedOut("late")
 
-    monkeypatch.setattr(measure, "isolated", late)
+    monkeypatch.setattr(measure, "call_isolated", late)
     assert measure_untimed(task, 5.0) == (
         Measurement(outcome="timed out", message="late")
         if engine_too
@@ -786,7 +803,7 @@ def test_an_answer_that_is_late_is_the_engine_s_or_the_reference_s(engine_too, m
     )
     assert calls[1] == ("simulate_task", (task,), 60.0)
     monkeypatch.setattr(
-        measure, "simulate", lambda engine, model, run: (engine, model, run.kind, run.settings)
+        measure, "call_engine", lambda engine, model, run: (engine, model, run.kind, run.settings)
     )
     assert measure.simulate_task(task) == ("pymunk", FOURBAR.model_path, "sweep", {"iterations": 7})
 
@@ -798,7 +815,7 @@ def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
         asked.append((task, store, timeout))
         return Measurement({"position": 0.5})
 
-    monkeypatch.setattr(limit_search, "measure_once", found)
+    monkeypatch.setattr(limit_search, "measure_or_read", found)
     own = StressedCase(
         FOURBAR,
         "dynamics",
@@ -813,12 +830,12 @@ def test_a_stressed_case_varies_a_parameter(tmp_path, monkeypatch):
     assert asked == [
         (StudyRun(FOURBAR, "dynamics", setting, "stress", timed=False), own.store, 9.0)
     ]
-    monkeypatch.setattr(limit_search, "measure_once", fails(InputError(Path("x"), "key", "why")))
+    monkeypatch.setattr(limit_search, "measure_or_read", fails(InputError(Path("x"), "key", "why")))
     for compiles, outcome, limit in (
         (True, "no start", OURS),
         (False, "refused", BoundaryKind.REFUSED),
     ):
-        monkeypatch.setattr(limit_search, "is_compiled", lambda case, answer=compiles: answer)
+        monkeypatch.setattr(limit_search, "can_compile", lambda case, answer=compiles: answer)
         assert own.run(FOURBAR) == Measurement(outcome=outcome, message="why")
         assert own.find_failure(FOURBAR) == Failure(f"{outcome}: why", limit)
         planar = replace(own, setting=Setting("pymunk"))
@@ -872,11 +889,11 @@ def test_a_run_is_looked_for_in_the_store_first(tmp_path, monkeypatch):
         limit_search, "measure_untimed", lambda task, timeout: Measurement(steps=int(timeout))
     )
     store = Store(tmp_path)
-    assert limit_search.measure_once(task, store, 5.0).steps == 5
+    assert limit_search.measure_or_read(task, store, 5.0).steps == 5
     monkeypatch.setattr(limit_search, "measure_untimed", fails(KeyError()))
-    assert limit_search.measure_once(task, store, 5.0).steps == 5
+    assert limit_search.measure_or_read(task, store, 5.0).steps == 5
     with pytest.raises(KeyError):
-        limit_search.measure_once(replace(task, run="dynamics"), store, 5.0)
+        limit_search.measure_or_read(replace(task, run="dynamics"), store, 5.0)
 
 
 def test_what_an_extreme_needs():
@@ -920,7 +937,7 @@ def test_how_far_a_channel_moved_of_what_it_may():
     assert of("two", one=[1.0, 2.0])["two[0]"] == 2.0  # and it does
     assert of(one=[1.0])["one"] == inf  # a run that ended early
     longer = MonitoredRun("", monitored.run, {"one": np.full(1, 0.5)}, monitored.before)
-    assert scene.moved(
+    assert scene.channel_changes(
         replace(longer, before=Curves(np.zeros(2), {"one": np.array([1.0, 9.0])})),
         Curves(np.zeros(1), {"one": np.array([1.25])}),
         set(),
@@ -937,7 +954,7 @@ def test_the_scale_of_a_channel_is_that_of_its_sensor():
             "c": np.array([1e-9, -1e-9]),
         },
     )
-    assert [scene.scale(curves, name) for name in curves.channels] == [3.0, 3.0, 9.0, 1.0]
+    assert [scene.sensor_scale(curves, name) for name in curves.channels] == [3.0, 3.0, 9.0, 1.0]
 
 
 def test_a_scene_is_run_with_the_settings_of_its_own():
@@ -959,12 +976,12 @@ def test_a_scene_is_run_with_the_settings_of_its_own():
             "settings": {"mujoco:flex": {"flex": True}, "mujoco:fine": {}},
         }
     )
-    assert scene.solvers_of(case, "sweep") == ["mujoco", "mujoco:fine"]
+    assert scene.mujoco_solvers(case, "sweep") == ["mujoco", "mujoco:fine"]
 
 
 def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
     """Or by rounding, where it has no tolerance or is beyond it."""
-    case, edited = case_of("pendulum"), read(case_of("pendulum").model_path)
+    case, edited = case_of("pendulum"), read_model(case_of("pendulum").model_path)
     x = np.linspace(0.0, 1.0, 3)
     truth = {name: np.array([0.0, 1.0, 2.0]) for name in case.channels}
     off = {"angle": 5e-11, "rate": 9.0, "acceleration": 0.0, "kinetic": 0.0, "potential": 0.0}
@@ -975,25 +992,25 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
         asked.append((file, model.nq, run.kind))
         return curves
 
-    monkeypatch.setattr(scene, "done", done)
-    monkeypatch.setattr(scene, "bounded", lambda case, kind, function, *told: function(*told))
+    monkeypatch.setattr(scene, "run_original", done)
+    monkeypatch.setattr(scene, "call_bounded", lambda case, kind, function, *told: function(*told))
     monkeypatch.setattr(
         scene,
         "reference_for",
         lambda *told: Curves(x, truth if told == (case, "dynamics", curves) else {}),
     )
-    run = plan(case, "dynamics", "mujoco")
-    monitored = scene.monitored_run(case, run, "mujoco", edited)
+    run = plan_run(case, "dynamics", "mujoco")
+    monitored = scene.monitor_run(case, run, "mujoco", edited)
     assert asked == [(case.model_path, 1, "dynamics")]
     assert (monitored.name, monitored.run, monitored.before) == ("pendulum dynamics", run, curves)
     # 1e-10 of a range of 2; a tenth of what is left, or 1e-9 of the largest value
     wanted = {"angle": 2e-9, "rate": 1e-8, "acceleration": 2e-9, "kinetic": 2e-9, "potential": 2e-9}
     for name, most in wanted.items():
         assert monitored.allowed[name] == pytest.approx(np.full(3, most), rel=1e-9)
-    loose = scene.monitored_run(case, run, "pymunk:fine", edited)
+    loose = scene.monitor_run(case, run, "pymunk:fine", edited)
     assert loose.name == "pendulum dynamics, fine"
     assert loose.allowed["angle"] == pytest.approx(np.full(3, 2e-9))  # no tolerance covers it
-    soft = scene.monitored_run(case, run, "pymunk", edited)  # relative_to_range = 1e-4
+    soft = scene.monitor_run(case, run, "pymunk", edited)  # relative_to_range = 1e-4
     assert soft.allowed["angle"] == pytest.approx(np.full(3, 0.1 * (2e-4 - 5e-11)), rel=1e-12)
     assert soft.allowed["rate"] == pytest.approx(np.full(3, 1e-8))
 
@@ -1038,7 +1055,7 @@ def test_a_feature_matters_if_it_moves_a_channel_by_more_than_it_may(value, outc
     calls: list = []
     monkeypatch.setattr(
         measure,
-        "isolated",
+        "call_isolated",
         cost_of(
             calls,
             Curves(np.zeros(1), {"y": np.array([1.0])}),
@@ -1063,7 +1080,7 @@ def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
         (Diverged("why"), "diverged"),
         (TimedOut("why"), "timed out"),
     ):
-        monkeypatch.setattr(measure, "isolated", cost_of([], gone, error))
+        monkeypatch.setattr(measure, "call_isolated", cost_of([], gone, error))
         assert diet.DietSearch(scene_with(monitored, monitored)).judge_changes([1, 2], Given()) == (
             outcome,
             {"a": {"probe": 0.0}},
@@ -1148,29 +1165,33 @@ def test_a_feature_is_tried_without_what_went_before():
 def test_parts_are_tried_where_the_whole_cannot_go():
     own = search(scene_with())
     both = feature("bad", feature("bad one"), feature("two"), feature("three", feature("four")))
-    found = own.explored(Cuts(), both)
+    found = own.try_with_parts(Cuts(), both)
     assert [(f.name, e.outcome) for f, e in found] == [
         ("bad one", "matters"),
         ("two", "harmless"),
         ("three", "harmless"),
     ]
-    assert own.explored(Cuts(), feature("bad"))[0][1].outcome == "matters"
-    assert [f.name for f, _ in own.explored(Cuts(), feature("all", feature("part")))] == ["all"]
+    assert own.try_with_parts(Cuts(), feature("bad"))[0][1].outcome == "matters"
+    assert [f.name for f, _ in own.try_with_parts(Cuts(), feature("all", feature("part")))] == [
+        "all"
+    ]
 
 
 def test_what_is_only_drawn_goes_where_nobody_looks():
     for blind, outcome in ((False, "drawn"), (True, "harmless")):
         own = search(scene_with(), blind=blind)
-        assert own.explored(Cuts(), feature("x", kind=DRAWN))[0][1].outcome == outcome
-        assert own.explored(Cuts(), feature("bad", kind=DRAWN))[0][1].outcome == "matters"
+        assert own.try_with_parts(Cuts(), feature("x", kind=DRAWN_GEOM))[0][1].outcome == outcome
+        assert (
+            own.try_with_parts(Cuts(), feature("bad", kind=DRAWN_GEOM))[0][1].outcome == "matters"
+        )
 
 
 def test_what_is_settled_is_not_tried_again():
     own = search(scene_with())
     for outcome, tried in (("matters", 0), ("drawn", 0), ("harmless", 1), ("needed", 1)):
         own.found = {("geom", "x"): entry(outcome)}
-        assert len(own.explored(Cuts(), feature("x"))) == tried
-        assert len(own.explored(Cuts(), feature("other"))) == 1
+        assert len(own.try_with_parts(Cuts(), feature("x"))) == tried
+        assert len(own.try_with_parts(Cuts(), feature("other"))) == 1
 
 
 def test_as_many_go_together_as_can(monkeypatch):
@@ -1200,7 +1221,7 @@ def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
         elif "b" not in reduced:
             yield feature("b")
 
-    monkeypatch.setattr(diet, "features", there)
+    monkeypatch.setattr(diet, "list_features", there)
     own = search(scene_with(edited=Cuts()), workers="workers")
     found = own.run()
     assert found.reduced == ["a", "b"]
@@ -1219,13 +1240,13 @@ def test_what_is_timed_is_the_model_before_and_after(monkeypatch):
     monkeypatch.setattr(
         Outcomes, "timed", lambda self, now, edited, entry, tuned=False: (now, edited)
     )
-    assert own.explored(Cuts(["old"]), feature("new"))[0][1] == (["old"], ["old", "new"])
+    assert own.try_with_parts(Cuts(["old"]), feature("new"))[0][1] == (["old"], ["old", "new"])
 
     def none(reduced, scene):
         assert scene is own.scene
         return iter(())
 
-    monkeypatch.setattr(diet, "features", none)
+    monkeypatch.setattr(diet, "list_features", none)
     assert own.run().whole == (["all"], ["all"])
 
 
@@ -1235,7 +1256,7 @@ def test_workers_of_its_own_are_there_while_a_search_runs(monkeypatch):
         yield "workers"
 
     monkeypatch.setattr(diet, "pool", opened)
-    monkeypatch.setattr(diet, "features", lambda reduced, scene: iter(()))
+    monkeypatch.setattr(diet, "list_features", lambda reduced, scene: iter(()))
     seen = []
     monkeypatch.setattr(
         Outcomes,
@@ -1257,9 +1278,9 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
 
     def raced(models, run, rounds, limit):
         asked.append((models, run.x.size, run.rods, rounds, limit))
-        return Pace((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
+        return CostComparison((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
 
-    monkeypatch.setattr(diet, "paced", raced)
+    monkeypatch.setattr(diet, "compare_costs_isolated", raced)
     own = diet.DietSearch(scene_with(short, long), rounds=3, store=Asked())
     now, edited = Cuts(["old"]), Cuts(["old", "new"])
     for outcome in ("harmless", "drawn", "matters"):
@@ -1283,12 +1304,15 @@ def test_work_goes_to_the_workers():
         def submit(self, what, *args, **more):
             return SimpleNamespace(result=lambda: ("pool", what(*args, **more)))
 
-    assert diet.DietSearch(scene_with()).worked(int, "11", base=2) == 3
-    assert diet.DietSearch(scene_with(), workers=Pool()).worked(int, "11", base=2) == ("pool", 3)
+    assert diet.DietSearch(scene_with()).call_in_worker(int, "11", base=2) == 3
+    assert diet.DietSearch(scene_with(), workers=Pool()).call_in_worker(int, "11", base=2) == (
+        "pool",
+        3,
+    )
 
 
 def test_many_features_are_one():
-    whole = diet.all_of([feature("a"), feature("b")])
+    whole = diet.combine_features([feature("a"), feature("b")])
     edited = Cuts()
     whole.cut(edited)
     assert (whole.kind, whole.name, edited) == ("all of these", "", ["a", "b"])
@@ -1316,8 +1340,8 @@ def let_go(file: Path, seconds: float, monkeypatch, grown=None, **channels):
             run.x, {name: values + np.zeros(run.x.size) + more for name, values in channels.items()}
         )
 
-    monkeypatch.setattr(scene, "done", done)
-    return scene.let_go(file, read(file, probing=True), seconds), asked
+    monkeypatch.setattr(scene, "run_original", done)
+    return scene.monitor_free_motion(file, read_model(file, probing=True), seconds), asked
 
 
 @pytest.mark.parametrize(
@@ -1401,14 +1425,14 @@ def test_a_motion_that_cannot_be_followed_is_bad_input(tmp_path, monkeypatch):
 def test_what_keeps_a_scene_from_running_is_bad_input(monkeypatch):
     calls: list = []
     monkeypatch.setattr(
-        measure, "isolated", cost_of(calls, "curves", Diverged("why"), BadModel("broken"))
+        measure, "call_isolated", cost_of(calls, "curves", Diverged("why"), BadModel("broken"))
     )
     file = Path("scene.xml")
-    assert scene.done(file, "model", "run", 0.5) == "curves"
+    assert scene.run_original(file, "model", "run", 0.5) == "curves"
     assert calls == [("attempt", "model", "run", 0.5, 600.0)]
     for wrong in ("as it is, its run diverged: why; give a model that runs", "broken"):
         with pytest.raises(InputError) as error:
-            scene.done(file, "model", "run")
+            scene.run_original(file, "model", "run")
         assert (error.value.file, error.value.key, error.value.wrong) == (file, "", wrong)
     assert calls[1][3] == 0.0
 
@@ -1420,10 +1444,10 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
         asked.append((case.name, run.kind, solver, edited.file, edited.probes))
         return replace(watch_of({"y": 1.0}, {"y": [0.0]}), name=case.name)
 
-    monkeypatch.setattr(scene, "monitored_run", monitored_run)
+    monkeypatch.setattr(scene, "monitor_run", monitored_run)
     monkeypatch.setattr(
         scene,
-        "let_go",
+        "monitor_free_motion",
         lambda file, edited, seconds: replace(
             watch_of({"y": 1.0}, {"y": [0.0]}),
             run=Run("passive", np.zeros(1), (), start="key"),
@@ -1443,7 +1467,7 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
         .replace("\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1)
     )
     (models / "another.toml").write_text(other)
-    found = scene.scene_of(file, 3.0)
+    found = scene.load_scene(file, 3.0)
     assert [w.name for w in found.monitored_runs] == ["another", "pendulum"]
     assert asked == [(name, "dynamics", "mujoco", file, set()) for name in ("another", "pendulum")]
     assert found.read == {"angle", "rate", "acceleration", "kinetic", "potential"}
@@ -1465,14 +1489,14 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
             'channels = "angle"\nrelative_to_range = 1e-4',
         )
     )
-    loose = scene.scene_of(file, 3.0)
+    loose = scene.load_scene(file, 3.0)
     assert [w.name for w in loose.monitored_runs] == ["3.0 s of pendulum.xml, []"]
     assert (loose.read, loose.keys) == (None, {"key", "start"})
-    lone = scene.scene_of(bob(models), 3.0)
+    lone = scene.load_scene(bob(models), 3.0)
     assert lone.keys == {"key"}
     assert lone.monitored_runs[0].name.startswith("3.0 s of bob.xml, ['")  # read by probes
     with pytest.raises(InputError, match="no such model"):
-        scene.scene_of(models / "none.xml", 3.0)
+        scene.load_scene(models / "none.xml", 3.0)
 
 
 def test_a_watch_and_a_scene_are_timed_by_the_longest_run():

@@ -3,10 +3,15 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.balancer.friction import rubbed
+from proofmass.analytic.balancer.friction import follow_with_friction
 from proofmass.analytic.balancer.measures import events, properties, target_for
 from proofmass.analytic.balancer.measures import expected as expected_of
-from proofmass.analytic.balancer.model import NUMBERED, OTHERS, Balancer, balancer
+from proofmass.analytic.balancer.model import (
+    NUMBERED_PARAMETERS,
+    OTHER_DEFAULTS,
+    Balancer,
+    balancer,
+)
 from proofmass.analytic.balancer.path import (
     BalancerPaths,
     Path,
@@ -14,10 +19,16 @@ from proofmass.analytic.balancer.path import (
     balancing_moment,
     follow,
 )
-from proofmass.analytic.numerics import Array, cross, in_frame, not_negative, senses
+from proofmass.analytic.numerics import (
+    Array,
+    check_not_negative,
+    components_in_frame,
+    cross,
+    motion_senses,
+)
 
 MODES = (1, -1)
-MARGIN = 1e-9  # [rad] path beyond the largest angle, so that rounding does not end it before
+PATH_MARGIN = 1e-9  # [rad] path beyond the largest angle, so that rounding does not end it before
 
 __all__ = [
     "MODES",
@@ -187,17 +198,17 @@ def solve(
     given = {
         k: v
         for k, v in locals().items()
-        if (k in OTHERS or k.rstrip("1234") in NUMBERED)
+        if (k in OTHER_DEFAULTS or k.rstrip("1234") in NUMBERED_PARAMETERS)
         and not (length4 is None and k.endswith("4"))
     }
-    rubs = {
+    frictions = {
         "friction1": friction1,
         "friction2": friction2,
         "friction3": friction3,
         "friction4": friction4,
         "pendulum_friction": pendulum_friction,
     }
-    check_friction(rubs, 3 if length4 is None else 4)
+    check_friction(frictions, 3 if length4 is None else 4)
     chain = balancer(**given)
     if (extension1 or extension2) and np.ndim(angle) == 2 and len(np.asarray(angle)) == 2:
         angle = np.asarray(angle)[0]
@@ -205,18 +216,20 @@ def solve(
     alpha, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     if not (chain.reach(alpha.ravel()) > 0).all():
         raise ValueError("extension1, extension2: the pendulum must keep a positive length")
-    free = found = both_ways(chain, alpha.ravel())
-    friction = np.array(list(rubs.values()))[: chain.segments]
-    rub = np.zeros((alpha.size, chain.segments))
+    free = found = follow_both_sides(chain, alpha.ravel())
+    friction = np.array(list(frictions.values()))[: chain.segments]
+    joint_friction = np.zeros((alpha.size, chain.segments))
     if friction.any():
-        found, rub = rubbed(chain, friction, alpha.ravel())
-    sense = senses(w.ravel(), float(np.abs(w).max(initial=0.0)))
+        found, joint_friction = follow_with_friction(chain, friction, alpha.ravel())
+    sense = motion_senses(w.ravel(), float(np.abs(w).max(initial=0.0)))
     bearing = pendulum_friction * sense
-    values = quantities(chain, found, w.ravel(), rub, bearing)
-    if any(rubs.values()):
+    values = quantities(chain, found, w.ravel(), joint_friction, bearing)
+    if any(frictions.values()):
         values["frictionless_moment"] = quantities(chain, free, w.ravel())["holding_moment"]
     if target:
-        values |= aimed(chain, target, target_moment, alpha.ravel(), values["balancing_moment"])
+        values |= target_curves(
+            chain, target, target_moment, alpha.ravel(), values["balancing_moment"]
+        )
     if expected:
         turns = np.diff(free.rate[0], axis=-1, prepend=0.0)
         width = sense * (np.abs(turns) @ friction) + bearing
@@ -257,25 +270,25 @@ def flexing(
     )
 
 
-def check_friction(rubs: dict[str, float], joints: int) -> None:
+def check_friction(frictions: dict[str, float], joints: int) -> None:
     """Raise ValueError for a friction that is negative, not finite, or of a missing joint."""
-    not_negative("N m", **rubs)
-    if joints == 3 and rubs["friction4"]:
+    check_not_negative("N m", **frictions)
+    if joints == 3 and frictions["friction4"]:
         raise ValueError("friction4 is of a joint that a balancer of three segments has not")
 
 
-def both_ways(chain: Balancer, alpha: Array) -> Path:
+def follow_both_sides(chain: Balancer, alpha: Array) -> Path:
     """Find the path at angles of both signs; ValueError if it ends before them."""
     parts = []
-    for way in (alpha < 0, alpha >= 0):
-        if way.any():
-            last = alpha[way][np.abs(alpha[way]).argmax()]
-            paths = follow(chain, float(last + np.copysign(MARGIN, last)))
+    for side in (alpha < 0, alpha >= 0):
+        if side.any():
+            last = alpha[side][np.abs(alpha[side]).argmax()]
+            paths = follow(chain, float(last + np.copysign(PATH_MARGIN, last)))
             if paths.why[0] and np.abs(paths.reach[0]) < np.abs(last):
                 raise ValueError(
                     f"{paths.why[0]}; angles up to {np.degrees(last):g} deg are asked for"
                 )
-            parts.append((way, along(chain, paths, alpha[way])))
+            parts.append((side, along(chain, paths, alpha[side])))
     if len(parts) == 1:
         return parts[0][1]
     (behind, back), (before, forth) = parts
@@ -286,16 +299,16 @@ def both_ways(chain: Balancer, alpha: Array) -> Path:
     return Path(alpha, **merged)
 
 
-def aimed(
+def target_curves(
     chain: Balancer, name: str, scale: float, alpha: Array, moment: Array
 ) -> dict[str, Array]:
     """Curves of the design target, its energy, and the residual moment."""
-    aim = target_for(chain, name)
-    wanted = scale * aim(alpha)
+    target = target_for(chain, name)
+    target_moment = scale * target(alpha)
     return {
-        "target": wanted,
-        "residual": moment - wanted,
-        "target_energy": scale * aim.height_energy(alpha),
+        "target": target_moment,
+        "residual": moment - target_moment,
+        "target_energy": scale * target.height_energy(alpha),
     }
 
 
@@ -303,25 +316,25 @@ def quantities(
     chain: Balancer,
     path: Path,
     rate: Array,
-    rub: Array | float = 0.0,
+    friction: Array | float = 0.0,
     bearing: Array | float = 0.0,
 ) -> dict[str, Array]:
-    """Quantities of a path by name, with friction `rub` of joints, `bearing` of the pendulum."""
-    rub = np.broadcast_to(rub, path.rate[0].shape)
+    """Quantities of a path by name, with `friction` of joints and `bearing` of the pendulum."""
+    friction = np.broadcast_to(friction, path.rate[0].shape)
     weight = chain.weight[0]
     scale = weight * chain.reach(path.alpha)
     turn, s, c = path.rate[0], np.sin(path.alpha), np.cos(path.alpha)
     across, along_it = path.force[0].T
     found = {
-        "balancing_moment": balancing_moment(chain, path)[0] + rub[:, 0],
-        "holding_moment": path.moment[0, :, 0] + rub[:, 0] + bearing - scale * s,
+        "balancing_moment": balancing_moment(chain, path)[0] + friction[:, 0],
+        "holding_moment": path.moment[0, :, 0] + friction[:, 0] + bearing - scale * s,
         "energy": path.energy[0].sum(axis=-1) + scale * c,
         "extension_force": weight * c - along_it,
         "weight_energy": scale * c,
         "force_x": across * c + along_it * s,
         "force_y": along_it * c - across * s,
     }
-    pull, theta = found["force_x"] + 1j * found["force_y"], path.theta[0]
+    tip_force, theta = found["force_x"] + 1j * found["force_y"], path.theta[0]
     segments = chain.length * (np.sin(theta) + 1j * np.cos(theta))
     arms = np.cumsum(segments[:, ::-1], axis=-1)[:, ::-1]  # from each node to the tip
     deflection_rate = np.diff(turn, axis=-1, prepend=0.0)
@@ -337,8 +350,8 @@ def quantities(
             f"moment{i + 1}": path.moment[0, :, i],
             f"deflection{i + 1}_rate": deflection_rate[:, i] * rate,
             f"energy{i + 1}": path.energy[0, :, i],
-            f"friction{i + 1}": rub[:, i],
-            f"node{i + 1}_load": cross(arms[:, i], pull),
-            **in_frame(f"node{i + 1}_force", pull, segments[:, i]),
+            f"friction{i + 1}": friction[:, i],
+            f"node{i + 1}_load": cross(arms[:, i], tip_force),
+            **components_in_frame(f"node{i + 1}_force", tip_force, segments[:, i]),
         }
     return found

@@ -15,17 +15,23 @@ from typing import NamedTuple
 import numpy as np
 
 from proofmass.analytic.balancer.model import Balancer
-from proofmass.analytic.balancer.path import Path, at_rest, deflections
-from proofmass.analytic.friction import PathEnds, SlipProblem, advance
+from proofmass.analytic.balancer.path import Path, deflections, rest_posture
+from proofmass.analytic.friction import PathEnds, SlipProblem, follow_stick_slip
 from proofmass.analytic.numerics import Array
 
-STRIDE = 0.05  # [rad] longest move of the pendulum in one stride
-STRAY = 0.05  # [rad] largest correction by Newton's method: a larger one could be another branch
-STILL = 1e-10  # [rad] length of the last Newton step; the error is of the order of its square
-MOST = 12  # largest number of Newton steps
-DEPENDENT = 1e-11  # share of the largest singular value: rows below it depend on others
-FLAT = 1e-9  # share of the largest stiffness: smallest stiffness of a stable equilibrium
-HELD = (
+MAX_STRIDE = 0.05  # [rad] longest move of the pendulum in one stride
+MAX_CORRECTION = (
+    0.05  # [rad] largest correction by Newton's method: a larger one could be another branch
+)
+STEP_TOLERANCE = (
+    1e-10  # [rad] length of the last Newton step; the error is of the order of its square
+)
+MAX_NEWTON_STEPS = 12  # largest number of Newton steps
+RANK_TOLERANCE = 1e-11  # share of the largest singular value: rows below it depend on others
+MIN_RELATIVE_STIFFNESS = (
+    1e-9  # share of the largest stiffness: smallest stiffness of a stable equilibrium
+)
+NOTHING_SLIPS = (
     "dry friction holds the whole chain: no joint slips over the angles that are asked for; give "
     "less friction, or a wider motion"
 )
@@ -51,7 +57,7 @@ class ChainSlopes(NamedTuple):
     loop: Array
 
 
-class RubbingChain:
+class ChainWithFriction:
     """The chain of one balancer at rest, without stops and with dry friction in some joints.
 
     Parameters
@@ -67,8 +73,8 @@ class RubbingChain:
         self.b, self.rubbing = b, np.flatnonzero(friction)
         self.bound, self.friction = friction[self.rubbing], np.zeros(n)
         self.turns = np.eye(n) - np.eye(n, k=-1)
-        self.alpha, self.psi, self.pull = 0.0, at_rest(b).unknowns[0, :n], np.zeros(2)
-        self.senses, self.begins = np.ones(self.rubbing.size), True
+        self.alpha, self.psi, self.pull = 0.0, rest_posture(b).unknowns[0, :n], np.zeros(2)
+        self.senses, self.is_at_start = np.ones(self.rubbing.size), True
         self.stuck, self.fixed = self.rubbing[:0], np.zeros(0)
         self.known, self.known_at = self._slopes(), self.kept()
 
@@ -86,27 +92,27 @@ class RubbingChain:
 
     def go(self, values: Array) -> None:
         """Follow the equilibrium to another angle in the present state of the joints."""
-        count = int(np.ceil(abs(float(values[0]) - self.alpha) / STRIDE)) or 1
+        count = int(np.ceil(abs(float(values[0]) - self.alpha) / MAX_STRIDE)) or 1
         for alpha in np.linspace(self.alpha, float(values[0]), count + 1)[1:]:
             self.stride(float(alpha))
 
     def stride(self, alpha: float) -> None:
         """Find the equilibrium at an angle by Newton's method, from the end of the tangent."""
-        _, matrix, pulled = self.system()
-        ahead = -self.solved(matrix, pulled) * (alpha - self.alpha)
+        _, matrix, alpha_derivative = self.system()
+        tangent_step = -self.solve_linear(matrix, alpha_derivative) * (alpha - self.alpha)
         self.alpha, moved = alpha, 0.0
-        for step in (ahead, *[None] * MOST):
+        for step in (tangent_step, *[None] * MAX_NEWTON_STEPS):
             if step is None:
                 residual, matrix, _ = self.system()
-                step = -self.solved(matrix, residual)
+                step = -self.solve_linear(matrix, residual)
                 moved += np.abs(step[: self.psi.size]).max()
             self.psi = self.psi + step[: self.psi.size]
             self.pull = self.pull + step[self.psi.size : self.psi.size + 2]
-            if step is not ahead and np.abs(step[: self.psi.size]).max() < STILL:
+            if step is not tangent_step and np.abs(step[: self.psi.size]).max() < STEP_TOLERANCE:
                 break
         else:
             moved = np.inf
-        if not (moved < STRAY and self.stable()):
+        if not (moved < MAX_CORRECTION and self.stable()):
             raise PathEnds(
                 f"at {np.degrees(alpha):.4f} deg the equilibrium ends at a fold, where the chain "
                 "jumps"
@@ -138,26 +144,26 @@ class RubbingChain:
         gap = [-west, north - self.b.pendulum[0], *(e[self.stuck] - self.fixed)]
         matrix = np.zeros((n + len(rows), n + len(rows)))
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = stiffness, rows.T, rows
-        pulled = np.zeros(len(matrix))
-        pulled[0] = spring[0]
-        pulled[n + 2 :] = self.stuck == 0
-        return np.concatenate([load, gap]), matrix, pulled
+        alpha_derivative = np.zeros(len(matrix))
+        alpha_derivative[0] = spring[0]
+        alpha_derivative[n + 2 :] = self.stuck == 0
+        return np.concatenate([load, gap]), matrix, alpha_derivative
 
-    def solved(self, matrix: Array, right: Array) -> Array:
+    def solve_linear(self, matrix: Array, right: Array) -> Array:
         """Solve by the smallest solution, since the rows of stuck joints may be dependent."""
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=DEPENDENT)[0], float)
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK_TOLERANCE)[0], float)
 
     def stable(self) -> bool:
         """Whether the energy has a minimum in the motions that stuck joints leave free."""
         _, _, _, stiffness, loop = self.slopes()
-        left = free_of(np.vstack([loop, self.turns[self.stuck]]))
-        least = np.linalg.eigvalsh(left @ stiffness @ left.T).min(initial=np.inf)
-        return bool(least > FLAT * np.abs(stiffness).max())
+        free_motions = null_space(np.vstack([loop, self.turns[self.stuck]]))
+        least = np.linalg.eigvalsh(free_motions @ stiffness @ free_motions.T).min(initial=np.inf)
+        return bool(least > MIN_RELATIVE_STIFFNESS * np.abs(stiffness).max())
 
     def problem(self, way: Array) -> SlipProblem:
         """Set up the present equilibrium in coordinates of its free motions, without friction."""
         _, moment, spring, stiffness, loop = self.slopes()
-        free, own, step = free_of(loop), self.rubbing, float(way[0])
+        free, own, step = null_space(loop), self.rubbing, float(way[0])
         return SlipProblem(
             free @ (self.turns.T @ moment),
             free @ stiffness @ free.T,
@@ -169,7 +175,7 @@ class RubbingChain:
 
     def enter(self, senses: Array) -> None:
         """Let joints stick where they are, or slip, from now on."""
-        self.senses, self.begins = senses, False
+        self.senses, self.is_at_start = senses, False
         self.stuck = self.rubbing[senses == 0]
         self.fixed = self.slopes().deflection[self.stuck]
         self.friction = np.zeros(self.psi.size)
@@ -178,20 +184,20 @@ class RubbingChain:
     def rub(self, way: Array) -> Array:
         """Friction of all joints (n,) while the pendulum moves along a way [N m]."""
         found = np.zeros(self.psi.size)
-        if not self.begins:
-            rate = self.problem(way).goes(self.senses)
+        if not self.is_at_start:
+            rate = self.problem(way).solve_state(self.senses)
             assert rate is not None
             found[self.rubbing] = rate.friction
         return found
 
 
-def free_of(rows: Array) -> Array:
+def null_space(rows: Array) -> Array:
     """Basis of the null space of rows (free, n): the motions that the constraints leave free."""
     _, sizes, ways = np.linalg.svd(rows)
-    return np.asarray(ways[int((sizes > DEPENDENT * sizes.max()).sum()) :])
+    return np.asarray(ways[int((sizes > RANK_TOLERANCE * sizes.max()).sum()) :])
 
 
-def rubbed(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:
+def follow_with_friction(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:
     """Find equilibria with friction at pendulum angles, in their order, and the friction there.
 
     Parameters
@@ -222,28 +228,28 @@ def rubbed(b: Balancer, friction: Array, alpha: Array) -> tuple[Path, Array]:
         )
     if b.extension1.any() or b.extension2.any():
         raise ValueError("friction and a pendulum that extends are not covered together")
-    chain, way = RubbingChain(b, friction), np.ones(1)
+    chain, way = ChainWithFriction(b, friction), np.ones(1)
     rows = list[tuple[Array, ...]]()
     chain.go(alpha[:1])
-    slipped = False
+    has_slipped = False
     for angle in alpha:
         way = np.sign(angle - chain.at()) if angle != chain.alpha else way
         if rows:
-            advance(chain, np.array([angle]))
-        slipped |= bool(chain.senses[chain.rubbing > 0].any()) and not chain.begins
-        rub = chain.rub(way)
+            follow_stick_slip(chain, np.array([angle]))
+        has_slipped |= bool(chain.senses[chain.rubbing > 0].any()) and not chain.is_at_start
+        joint_friction = chain.rub(way)
         deflection, moment, _, _, loop = chain.slopes()
-        load = chain.turns.T @ (moment + rub)
+        load = chain.turns.T @ (moment + joint_friction)
         chain.pull = np.asarray(np.linalg.lstsq(loop.T, -load, rcond=None)[0], float)
-        _, matrix, pulled = chain.system()
-        rate = 1.0 - chain.solved(matrix, pulled)[: chain.psi.size]
-        rows.append((chain.psi + chain.alpha, deflection, moment, rate, chain.pull, rub))
-    if alpha.size > 2 and not slipped and (friction[1:] > 0).any():
-        raise ValueError(HELD)
-    theta, deflection, moment, rate, force, rub = (
+        _, matrix, alpha_derivative = chain.system()
+        rate = 1.0 - chain.solve_linear(matrix, alpha_derivative)[: chain.psi.size]
+        rows.append((chain.psi + chain.alpha, deflection, moment, rate, chain.pull, joint_friction))
+    if alpha.size > 2 and not has_slipped and (friction[1:] > 0).any():
+        raise ValueError(NOTHING_SLIPS)
+    theta, deflection, moment, rate, force, joint_friction = (
         np.array(part) for part in zip(*rows, strict=True)
     )
     energy = b.energies(deflection[None])[0]
     side = np.zeros_like(theta)
     parts = (part[None] for part in (theta, deflection, moment, energy, rate, force, side))
-    return Path(alpha, *parts), rub
+    return Path(alpha, *parts), joint_friction

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from proofmass.analytic.balancer.friction import rubbed
+from proofmass.analytic.balancer.friction import follow_with_friction
 from proofmass.analytic.balancer.model import Balancer, balancer
 from proofmass.analytic.balancer.path import (
     BalancerPaths,
@@ -27,8 +27,8 @@ from proofmass.analytic.numerics import Array
 
 MomentCurve = Callable[[Array], Array]
 # polynomial of the target laevo, from the thesis's program, line 4067; eq. 28 is rounded
-LAEVO = (-0.2511, 1.343, -2.91, 2.824, -0.006501)
-STEEP = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2), in eqs 26 and 27
+LAEVO_COEFFICIENTS = (-0.2511, 1.343, -2.91, 2.824, -0.006501)
+TAN_3PI_8 = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2), in eqs 26 and 27
 
 
 @dataclass(frozen=True)
@@ -95,13 +95,15 @@ def target_for(b: Balancer, name: str) -> Target:
     if name != "weight":
         target(name, 0.0)
         return TARGETS[name]
-    return weight_on(float(b.extension1[0] / b.pendulum[0]), float(b.extension2[0] / b.pendulum[0]))
+    return weight_target(
+        float(b.extension1[0] / b.pendulum[0]), float(b.extension2[0] / b.pendulum[0])
+    )
 
 
-def weight_on(extension1: float, extension2: float) -> Target:
+def weight_target(extension1: float, extension2: float) -> Target:
     """Target `weight` of a pendulum with extension1/r0 and extension2/r0 [1/rad, 1/rad^2].
 
-    >>> float(weight_on(0.1, 0.0)(np.pi / 2).round(6))
+    >>> float(weight_target(0.1, 0.0)(np.pi / 2).round(6))
     1.15708
     """
 
@@ -141,7 +143,7 @@ def expected(name: str, angle: ArrayLike) -> Array:
     return np.asarray(np.polyval(EXPECTED[name], np.degrees(np.asarray(angle, float))))
 
 
-def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Target:
+def target_from_table(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Target:
     """Make a target from a table by a cubic interpolation that is monotone where the table is.
 
     Parameters
@@ -167,7 +169,7 @@ def tabulated(angles: ArrayLike, moments: ArrayLike, name: str = "table") -> Tar
 
     Examples
     --------
-    >>> wanted = tabulated([0.0, 0.5, 1.5], [0.0, 1.0, 1.0])
+    >>> wanted = target_from_table([0.0, 0.5, 1.5], [0.0, 1.0, 1.0])
     >>> float(wanted(1.2))
     1.0
     """
@@ -208,20 +210,20 @@ def _check_table(name: str, x: Array, y: Array) -> None:
 
 
 def _progressive_degressive(angle: Array) -> Array:
-    return 0.5 + 4.0 / (3.0 * np.pi) * np.arctan(STEEP * (4.0 * angle / np.pi - 1.0))
+    return 0.5 + 4.0 / (3.0 * np.pi) * np.arctan(TAN_3PI_8 * (4.0 * angle / np.pi - 1.0))
 
 
 def _progressive_degressive_energy(angle: Array) -> Array:
-    u = STEEP * (4.0 * angle / np.pi - 1.0)
-    return -0.5 * angle - (u * np.arctan(u) - 0.5 * np.log1p(u * u)) / (3.0 * STEEP)
+    u = TAN_3PI_8 * (4.0 * angle / np.pi - 1.0)
+    return -0.5 * angle - (u * np.arctan(u) - 0.5 * np.log1p(u * u)) / (3.0 * TAN_3PI_8)
 
 
 def _degressive_progressive(angle: Array) -> Array:
-    return 0.5 + 0.5 * np.tan(1.5 * (angle - np.pi / 4.0)) / STEEP
+    return 0.5 + 0.5 * np.tan(1.5 * (angle - np.pi / 4.0)) / TAN_3PI_8
 
 
 def _degressive_progressive_energy(angle: Array) -> Array:
-    return -0.5 * angle + np.log(np.cos(1.5 * (angle - np.pi / 4.0))) / (3.0 * STEEP)
+    return -0.5 * angle + np.log(np.cos(1.5 * (angle - np.pi / 4.0))) / (3.0 * TAN_3PI_8)
 
 
 def _hardening_softening_energy(angle: Array) -> Array:
@@ -243,7 +245,11 @@ TARGETS = {
         Target("progressive", lambda a: 1.0 - np.cos(a), lambda a: np.sin(a) - a),
         Target("progressive-degressive", _progressive_degressive, _progressive_degressive_energy),
         Target("degressive-progressive", _degressive_progressive, _degressive_progressive_energy),
-        Target("laevo", np.poly1d(LAEVO), lambda a: 1.0 - np.polyint(np.poly1d(LAEVO))(a)),
+        Target(
+            "laevo",
+            np.poly1d(LAEVO_COEFFICIENTS),
+            lambda a: 1.0 - np.polyint(np.poly1d(LAEVO_COEFFICIENTS))(a),
+        ),
         Target("sine180", lambda a: np.sin(2.0 * a), lambda a: 0.5 * np.cos(2.0 * a)),
         Target("square-root", np.sqrt, lambda a: -2.0 / 3.0 * a**1.5),
         Target("quadratic", np.square, lambda a: -(a**3) / 3.0),
@@ -253,7 +259,9 @@ TARGETS = {
 }
 
 
-HALVINGS = 40  # steps of the search for kinks: from the distance of samples down to rounding
+KINK_SEARCH_STEPS = (
+    40  # steps of the search for kinks: from the distance of samples down to rounding
+)
 
 
 def precision_points(count: int) -> Array:
@@ -418,20 +426,20 @@ def best_lines(angle: ArrayLike, target: ArrayLike, pieces: int = 1) -> Lines:
     if not a.size > 2 * pieces - 1:
         raise ValueError(f"angle must have more than {2 * pieces - 1} points, got {a.size}")
     kinks = np.array(list(combinations(a[:-1], pieces - 1)))
-    best = kinks[np.argmin(_fit(a, wanted, kinks)[1], axis=-1)]
+    best = kinks[np.argmin(_fit_pieces(a, wanted, kinks)[1], axis=-1)]
     lattice = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=pieces - 1)))
     step = np.diff(a).max()
-    for _ in range(HALVINGS if pieces > 1 else 0):
-        near = best[..., None, :] + step * lattice
-        chosen = np.argmin(_fit(a, wanted, near)[1], axis=-1)
-        best = np.take_along_axis(near, chosen[..., None, None], axis=-2)[..., 0, :]
+    for _ in range(KINK_SEARCH_STEPS if pieces > 1 else 0):
+        candidates = best[..., None, :] + step * lattice
+        chosen = np.argmin(_fit_pieces(a, wanted, candidates)[1], axis=-1)
+        best = np.take_along_axis(candidates, chosen[..., None, None], axis=-2)[..., 0, :]
         step *= 0.5
     best = np.sort(best, axis=-1)
-    changes, left = _fit(a, wanted, best[..., None, :])
-    return Lines(left[..., 0], np.cumsum(changes[..., 0, :], axis=-1), best)
+    changes, errors = _fit_pieces(a, wanted, best[..., None, :])
+    return Lines(errors[..., 0], np.cumsum(changes[..., 0, :], axis=-1), best)
 
 
-def _fit(angle: Array, target: Array, kinks: Array) -> tuple[Array, Array]:
+def _fit_pieces(angle: Array, target: Array, kinks: Array) -> tuple[Array, Array]:
     """Fit changes of slope (..., sets, pieces) for sets of kinks; with the rmse (..., sets)."""
     starts = np.insert(kinks, 0, 0.0, axis=-1)
     hinges = np.maximum(angle[:, None] - starts[..., None, :], 0.0)
@@ -440,9 +448,11 @@ def _fit(angle: Array, target: Array, kinks: Array) -> tuple[Array, Array]:
     return changes[..., 0], rmse(fitted, target[..., None, :])
 
 
-RANGE = np.pi / 2  # [rad] largest deflection of a clock spring between simple stops
-STRAIGHT = 0.05  # [rad] angle below which an arm is nearly straight: length errors grow twentyfold
-STEP = np.radians(0.25)  # [rad] distance of the pendulum angles that are examined
+MAX_SPRING_DEFLECTION = np.pi / 2  # [rad] largest deflection of a clock spring between simple stops
+NEARLY_STRAIGHT_ANGLE = (
+    0.05  # [rad] angle below which an arm is nearly straight: length errors grow twentyfold
+)
+ANGLE_STEP = np.radians(0.25)  # [rad] distance of the pendulum angles that are examined
 
 
 def warnings(to: float = np.pi / 2, **parameters: float) -> list[str]:
@@ -470,31 +480,33 @@ def warnings(to: float = np.pi / 2, **parameters: float) -> list[str]:
     ...       stiffness2=1.5643, stiffness3=2.5515, preload2=0.944, low2=0.0)
     ['joint 2 never leaves its preload: M1 = k1 alpha as far as it is locked']
     """
-    b, paths = followed(tuple(parameters.items()), to)
+    b, paths = follow_cached(tuple(parameters.items()), to)
     found = [paths.why[0]] if paths.why[0] else []
     if paths.reach[0] == 0.0:
         return found
-    path = along(b, paths, np.linspace(0.0, paths.reach[0], int(abs(paths.reach[0]) / STEP) + 2))
+    path = along(
+        b, paths, np.linspace(0.0, paths.reach[0], int(abs(paths.reach[0]) / ANGLE_STEP) + 2)
+    )
     return [
         *found,
-        *straightened(path),
-        *untouched(b, path, paths),
-        *overwound(path, b.stiffness[0], b.quadratic[0]),
+        *warn_of_straight_arm(path),
+        *warn_of_unused_stops(b, path, paths),
+        *warn_of_overwound_springs(path, b.stiffness[0], b.quadratic[0]),
     ]
 
 
-def straightened(path: Path) -> list[str]:
+def warn_of_straight_arm(path: Path) -> list[str]:
     """Warn if the last two segments come in line, or nearly so."""
     n = path.theta.shape[-1]
     bend = np.sin(path.theta[0, :, -1] - path.theta[0, :, -2])
     least = int(np.abs(bend).argmin())
     crossed = np.flatnonzero(np.diff(np.sign(bend)) != 0)
     if crossed.size:
-        at = np.degrees(path.alpha[crossed[0] + 1])
+        angle = np.degrees(path.alpha[crossed[0] + 1])
         return [
-            f"segments {n - 1} and {n} straighten at {at:.1f} deg and pass into the other elbow"
+            f"segments {n - 1} and {n} straighten at {angle:.1f} deg and pass into the other elbow"
         ]
-    if abs(bend[least]) < STRAIGHT:
+    if abs(bend[least]) < NEARLY_STRAIGHT_ANGLE:
         return [
             f"segments {n - 1} and {n} are straight but for {abs(bend[least]):.3f} rad at "
             f"{np.degrees(path.alpha[least]):.1f} deg: nearly singular"
@@ -502,41 +514,48 @@ def straightened(path: Path) -> list[str]:
     return []
 
 
-def untouched(b: Balancer, path: Path, paths: BalancerPaths) -> list[str]:
+def warn_of_unused_stops(b: Balancer, path: Path, paths: BalancerPaths) -> list[str]:
     """Warn of stops that are never left, or never met."""
-    low, high, last = b.low[0], b.high[0], paths.pieces.end.unknowns[-1, b.segments + 2 :]
-    pushes = dict(zip(b.stopped, np.abs(last), strict=True))
-    left = {joint for _, joint, _, side in paths.switches if side == 0}
-    met = {joint for _, joint, _, side in paths.switches if side > 0}
+    low, high, stop_moments = b.low[0], b.high[0], paths.pieces.end.unknowns[-1, b.segments + 2 :]
+    moment_of_joint = dict(zip(b.stopped, np.abs(stop_moments), strict=True))
+    left_stops = {joint for _, joint, _, side in paths.switches if side == 0}
+    met_stops = {joint for _, joint, _, side in paths.switches if side > 0}
     found = []
     for k in range(len(low)):
-        if (low[k] == 0.0 or high[k] == 0.0) and k + 1 not in left and path.side[0, :, k].all():
-            pressed = bool(pushes[k] >= np.abs(b.preload[0, k]))
+        if (
+            (low[k] == 0.0 or high[k] == 0.0)
+            and k + 1 not in left_stops
+            and path.side[0, :, k].all()
+        ):
+            pressed = bool(moment_of_joint[k] >= np.abs(b.preload[0, k]))
             found.append(
                 f"joint {k + 1} never leaves its preload: M1 = k1 alpha as far as it is locked"
                 + pressed * ", and the load presses it onto its stop all the more"
             )
-        if np.isfinite(high[k]) and high[k] > 0 and k + 1 not in met:
+        if np.isfinite(high[k]) and high[k] > 0 and k + 1 not in met_stops:
             found.append(f"joint {k + 1} never touches its stop at {high[k]:g} rad")
     return found
 
 
-def overwound(path: Path, stiffness: Array, quadratic: Array) -> list[str]:
+def warn_of_overwound_springs(path: Path, stiffness: Array, quadratic: Array) -> list[str]:
     """Warn of springs wound past their range, or past their largest moment."""
     found = []
     for k in range(len(stiffness)):
-        far = path.deflection[0, :, k]
-        if np.abs(far).max() > RANGE * (1 + 1e-9) and k:
+        spring_deflection = path.deflection[0, :, k]
+        if np.abs(spring_deflection).max() > MAX_SPRING_DEFLECTION * (1 + 1e-9) and k:
             found.append(
-                f"spring {k + 1} is wound by {np.abs(far).max():.2f} rad, more than a quarter turn"
+                f"spring {k + 1} is wound by {np.abs(spring_deflection).max():.2f} rad, more "
+                f"than a quarter turn"
             )
-        if (stiffness[k] + 2 * quadratic[k] * far < 0).any():
-            at = np.degrees(path.alpha[(stiffness[k] + 2 * quadratic[k] * far < 0).argmax()])
-            found.append(f"spring {k + 1} is past its largest moment from {at:.1f} deg on")
+        if (stiffness[k] + 2 * quadratic[k] * spring_deflection < 0).any():
+            angle = np.degrees(
+                path.alpha[(stiffness[k] + 2 * quadratic[k] * spring_deflection < 0).argmax()]
+            )
+            found.append(f"spring {k + 1} is past its largest moment from {angle:.1f} deg on")
     return found
 
 
-ALL = np.pi / 2
+RIGHT_ANGLE = np.pi / 2
 
 
 def chain_of(parameters: dict[str, Any]) -> Balancer:
@@ -544,19 +563,21 @@ def chain_of(parameters: dict[str, Any]) -> Balancer:
     return balancer(**without_friction(parameters))
 
 
-Numbers = tuple[tuple[str, float], ...]
+ParameterItems = tuple[tuple[str, float], ...]
 
 
 @lru_cache(8)
-def followed(parameters: Numbers, to: float) -> tuple[Balancer, BalancerPaths]:
+def follow_cached(parameters: ParameterItems, to: float) -> tuple[Balancer, BalancerPaths]:
     """Make the balancer of some parameters, and follow its path to an angle; cached."""
     b = balancer(**dict(parameters))
     return b, follow(b, to)
 
 
-def whole_way(parameters: dict[str, Any], to: float = ALL) -> tuple[Balancer, BalancerPaths]:
+def follow_without_friction(
+    parameters: dict[str, Any], to: float = RIGHT_ANGLE
+) -> tuple[Balancer, BalancerPaths]:
     """Make the balancer as `chain_of` does, and follow its path to an angle."""
-    return followed(tuple(without_friction(parameters).items()), to)
+    return follow_cached(tuple(without_friction(parameters).items()), to)
 
 
 def without_friction(parameters: dict[str, Any]) -> dict[str, Any]:
@@ -576,7 +597,7 @@ def events(**parameters: Any) -> dict[str, float]:
     >>> {name: round(float(np.degrees(angle)), 4) for name, angle in found.items()}
     {'joint 2 released': 46.6595}
     """
-    _, paths = whole_way(parameters)
+    _, paths = follow_without_friction(parameters)
     words = {0: "released", -1: "back on its stop", 1: "on its stop"}
     return {f"joint {joint} {words[side]}": angle for _, joint, angle, side in paths.switches}
 
@@ -592,58 +613,60 @@ def properties(**parameters: Any) -> dict[str, str]:
     ...       target="sine")["work reduction"]
     '99.30 % against the sine'
     """
-    b, paths = whole_way(parameters)
+    b, paths = follow_without_friction(parameters)
     found = {
         "rest posture": ", ".join(f"{np.degrees(a):.1f}°" for a in b.rest[0])
         + " from the upright, clockwise"
     }
     found |= {name: f"{np.degrees(angle):.2f}°" for name, angle in events(**parameters).items()}
     if not paths.why[0]:
-        found |= measured(
-            *whole_way(parameters, ALL + 1e-9),
+        found |= describe_measures(
+            *follow_without_friction(parameters, RIGHT_ANGLE + 1e-9),
             str(parameters.get("target", "")),
             float(parameters.get("target_moment", 1.0)),
         )
     if "expected" in parameters:
-        found |= looped(b, parameters)
+        found |= compare_friction_loop(b, parameters)
     found_warnings = warnings(**without_friction(parameters))
     return found | ({"mind": "; ".join(found_warnings)} if found_warnings else {})
 
 
-def looped(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
+def compare_friction_loop(b: Balancer, parameters: dict[str, Any]) -> dict[str, str]:
     """Compare the friction's hysteresis loop with the expected measurement, as in listing N.2."""
     way = np.radians(np.linspace(0.0, 90.0, 181))
     # two cycles, of which the second one is a closed loop
     angle = np.concatenate([way, way[-2::-1], way[1:], way[-2::-1]])
     friction = np.array([float(parameters.get(f"friction{i + 1}", 0.0)) for i in range(b.segments)])
     if friction.any():
-        path, rub = rubbed(b, friction, angle)
+        path, rub = follow_with_friction(b, friction, angle)
     else:
-        paths = whole_way(parameters, ALL + 1e-9)[1]
+        paths = follow_without_friction(parameters, RIGHT_ANGLE + 1e-9)[1]
         if paths.why[0]:
             return {}
         path, rub = along(b, paths, angle), np.zeros((angle.size, b.segments))
     bearing = float(parameters.get("pendulum_friction", 0.0))
     moment = (path.moment[0, :, 0] + rub[:, 0])[360:]
-    forth, back = moment[:181] + bearing, moment[:179:-1] - bearing
+    forward, backward = moment[:181] + bearing, moment[:179:-1] - bearing
     wanted = expected(str(parameters["expected"]), angle[360:])
-    left = np.abs(forth - wanted[:181]) + np.abs(back - wanted[:179:-1])
-    work, lost = np.trapezoid(left, way), np.trapezoid(forth - back, way)
+    residual = np.abs(forward - wanted[:181]) + np.abs(backward - wanted[:179:-1])
+    work, friction_work = np.trapezoid(residual, way), np.trapezoid(forward - backward, way)
     reference = 2.0 * np.trapezoid(wanted[:181], way)
     return {
         "work reduction of the loop": f"{100.0 * (1.0 - work / reference):.2f} % against "
         f"{parameters['expected']}",
-        "lost in a cycle": f"{1000.0 * lost:.2f} mJ by friction",
+        "lost in a cycle": f"{1000.0 * friction_work:.2f} mJ by friction",
     }
 
 
-def measured(b: Balancer, paths: BalancerPaths, target: str, scale: float) -> dict[str, str]:
+def describe_measures(
+    b: Balancer, paths: BalancerPaths, target: str, scale: float
+) -> dict[str, str]:
     """Describe the largest deflections, and the measures of how a target is met."""
     angle = precision_points(90 if b.segments == 3 else 15)
     path = along(b, paths, angle)
     moment, energy = balancing_moment(b, path)[0], path.energy[0]
-    far = np.degrees(np.abs(path.deflection[0]).max(axis=0))
-    found = {"springs wound by": ", ".join(f"{w:.0f}°" for w in far) + " at most"}
+    largest_deflections = np.degrees(np.abs(path.deflection[0]).max(axis=0))
+    found = {"springs wound by": ", ".join(f"{w:.0f}°" for w in largest_deflections) + " at most"}
     if target:
         wanted = scale * target_for(b, target)(angle)
         found |= {

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import Array, one_of
+from proofmass.analytic.numerics import Array, check_one_of
 
 
-def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array, Array, Array]:
+def preload_spring(
+    stiffness: Array, quadratic: Array, preload: Array
+) -> tuple[Array, Array, Array]:
     r"""Wind up a spring ``M = k x + A x^2`` to its preload M0.
 
     With the deflection e counted from the preloaded state, x = e + e*::
@@ -42,7 +44,7 @@ def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array
 
     Examples
     --------
-    >>> k, deflection, energy = preloaded(np.array(2.0), np.array(-0.5), np.array(1.5))
+    >>> k, deflection, energy = preload_spring(np.array(2.0), np.array(-0.5), np.array(1.5))
     >>> float(k), float(deflection), round(float(energy), 6)
     (1.0, 1.0, 0.833333)
     """
@@ -53,7 +55,7 @@ def preloaded(stiffness: Array, quadratic: Array, preload: Array) -> tuple[Array
     return stiff, deflection, np.where(np.isfinite(deflection), energy, 0.0)
 
 
-def close(pendulum: Array | float, length: Array, first: Array, mode: Array | int) -> Array:
+def close_chain(pendulum: Array | float, length: Array, first: Array, mode: Array | int) -> Array:
     """Find the angles of all segments from those of the first ones, for an upright pendulum.
 
     ::
@@ -88,7 +90,7 @@ def close(pendulum: Array | float, length: Array, first: Array, mode: Array | in
 
     Examples
     --------
-    >>> close(np.array(1.0), np.array([0.5, 0.5, 0.5]), np.array([0.0]), 1).round(6).tolist()
+    >>> close_chain(np.array(1.0), np.array([0.5, 0.5, 0.5]), np.array([0.0]), 1).round(6).tolist()
     [0.0, -1.047198, 1.047198]
     """
     a, c = length[..., -2], length[..., -1]
@@ -102,11 +104,13 @@ def close(pendulum: Array | float, length: Array, first: Array, mode: Array | in
     return np.concatenate([np.broadcast_to(first, (*last.shape[:-1], first.shape[-1])), last], -1)
 
 
-ALONG = 1e-9  # largest sine of the angle at which segment 1 counts as lying along the pendulum
-NUMBERED = ("length", "stiffness", "quadratic", "preload", "low", "high")
-REQUIRED = ("length", "stiffness")
-PLAIN = {"quadratic": 0.0, "preload": 0.0, "low": -np.inf, "high": np.inf}
-OTHERS = {
+MAX_ALONG_SINE = (
+    1e-9  # largest sine of the angle at which segment 1 counts as lying along the pendulum
+)
+NUMBERED_PARAMETERS = ("length", "stiffness", "quadratic", "preload", "low", "high")
+REQUIRED_PARAMETERS = ("length", "stiffness")
+NUMBERED_DEFAULTS = {"quadratic": 0.0, "preload": 0.0, "low": -np.inf, "high": np.inf}
+OTHER_DEFAULTS = {
     "pendulum": 1.0,
     "extension1": 0.0,
     "extension2": 0.0,
@@ -187,29 +191,33 @@ class Balancer:
         """Sense (B,) in which any motion from rest winds joint 3: -1 or 1; 0 if it depends."""
         if self.segments != 3:
             return np.zeros(len(self), int)
-        along = np.abs(np.sin(self.rest[:, 0])) < ALONG
+        along = np.abs(np.sin(self.rest[:, 0])) < MAX_ALONG_SINE
         way = np.sin(self.rest[:, 2] - self.rest[:, 1]) * np.cos(self.rest[:, 0])
-        return np.where(along & (np.abs(way) > ALONG), -np.copysign(1.0, way), 0.0).astype(int)
+        return np.where(along & (np.abs(way) > MAX_ALONG_SINE), -np.copysign(1.0, way), 0.0).astype(
+            int
+        )
 
     def moments(self, deflection: Array) -> Array:
         """Spring moments [N m] at deflections (B, ..., n)."""
-        m, k, a = (self.wide(p, deflection) for p in (self.preload, self.stiffness, self.quadratic))
+        m, k, a = (
+            self.insert_axes(p, deflection) for p in (self.preload, self.stiffness, self.quadratic)
+        )
         return m + deflection * (k + a * deflection)
 
     def slopes(self, deflection: Array) -> Array:
         """Stiffness dM/de [N m/rad] of the springs at deflections (B, ..., n)."""
-        k, a = (self.wide(p, deflection) for p in (self.stiffness, self.quadratic))
+        k, a = (self.insert_axes(p, deflection) for p in (self.stiffness, self.quadratic))
         return k + 2.0 * a * deflection
 
     def energies(self, deflection: Array) -> Array:
         """Energy [J] of each spring at deflections (B, ..., n), including that of its preload."""
         m, k, a, v = (
-            self.wide(p, deflection)
+            self.insert_axes(p, deflection)
             for p in (self.preload, self.stiffness, self.quadratic, self.stored)
         )
         return v + deflection * (m + deflection * (k / 2 + a * deflection / 3))
 
-    def wide(self, values: Array, like: Array) -> Array:
+    def insert_axes(self, values: Array, like: Array) -> Array:
         """Insert axes of size 1 after the batch into values (B, n), or (B,), to broadcast."""
         between = like.ndim - 2
         return values.reshape(len(values), *[1] * between, *values.shape[1:]) if between else values
@@ -241,34 +249,38 @@ def balancers(**parameters: ArrayLike) -> Balancer:
     preloads that can never be released; they raise no error here.
     """
     n = 4 if "length4" in parameters else 3
-    known = [f"{name}{i}" for name in NUMBERED for i in range(1, n + 1)] + list(OTHERS)
-    if strange := [key for key in parameters if key not in known]:
-        raise ValueError(f"unknown parameter {strange[0]!r}; known: {', '.join(known)}")
-    if lacking := [k for k in known if k.rstrip("1234") in REQUIRED and k not in parameters]:
-        raise ValueError(f"{lacking[0]} is missing")
+    known = [f"{name}{i}" for name in NUMBERED_PARAMETERS for i in range(1, n + 1)] + list(
+        OTHER_DEFAULTS
+    )
+    if unknown := [key for key in parameters if key not in known]:
+        raise ValueError(f"unknown parameter {unknown[0]!r}; known: {', '.join(known)}")
+    if missing := [
+        k for k in known if k.rstrip("1234") in REQUIRED_PARAMETERS and k not in parameters
+    ]:
+        raise ValueError(f"{missing[0]} is missing")
     flat = {key: np.atleast_1d(np.asarray(value, float)) for key, value in parameters.items()}
-    one_of((1, -1), mode=float(flat.get("mode", np.ones(1))[0]))
+    check_one_of((1, -1), mode=float(flat.get("mode", np.ones(1))[0]))
     size = max(v.size for v in flat.values())
     table = {
         name: np.stack(
             [
-                np.broadcast_to(flat.get(f"{name}{i}", PLAIN.get(name, 0.0)), size)
+                np.broadcast_to(flat.get(f"{name}{i}", NUMBERED_DEFAULTS.get(name, 0.0)), size)
                 for i in range(1, n + 1)
             ],
             axis=-1,
         )
-        for name in NUMBERED
+        for name in NUMBERED_PARAMETERS
     }
-    single = {k: np.broadcast_to(flat.get(k, v), size) for k, v in OTHERS.items()}
-    check(table, single)
-    rest = close(
+    single = {k: np.broadcast_to(flat.get(k, v), size) for k, v in OTHER_DEFAULTS.items()}
+    check_parameters(table, single)
+    rest = close_chain(
         single["pendulum"],
         table["length"],
         np.stack([single["rest_angle"], single["rest_angle2"]][: n - 2], axis=-1),
         single["mode"],
     )
-    stiff, _, stored = preloaded(table["stiffness"], table["quadratic"], table["preload"])
-    there = np.isfinite(table["low"]) | np.isfinite(table["high"])
+    stiff, _, stored = preload_spring(table["stiffness"], table["quadratic"], table["preload"])
+    has_stop = np.isfinite(table["low"]) | np.isfinite(table["high"])
     found = Balancer(
         single["pendulum"],
         single["extension1"],
@@ -282,32 +294,34 @@ def balancers(**parameters: ArrayLike) -> Balancer:
         stored,
         table["low"],
         table["high"],
-        tuple(np.flatnonzero(there.any(axis=0)).tolist()),
+        tuple(np.flatnonzero(has_stop.any(axis=0)).tolist()),
     )
-    found.stiffness[locked(found)] = np.nan
+    found.stiffness[is_locked(found)] = np.nan
     return found
 
 
-def locked(b: Balancer) -> NDArray[np.bool_]:
+def is_locked(b: Balancer) -> NDArray[np.bool_]:
     """Whether a stop of joint 3 locks each chain (B,) whatever the spring's moment."""
     return ((b.loose < 0) & (b.low[:, -1] == 0)) | ((b.loose > 0) & (b.high[:, -1] == 0))
 
 
-def first(bad: Array) -> tuple[int, int]:
+def first_fault(faulty: Array) -> tuple[int, int]:
     """Find the first faulty balancer of a batch, and its first faulty joint (counted from 1)."""
-    at, joint = np.argwhere(bad)[0]
-    return int(at), int(joint) + 1
+    number, joint = np.argwhere(faulty)[0]
+    return int(number), int(joint) + 1
 
 
-def check(table: dict[str, Array], single: dict[str, Array]) -> None:
+def check_parameters(table: dict[str, Array], single: dict[str, Array]) -> None:
     """Raise ValueError for the first parameter that is out of its domain."""
-    whole = {**table, **{k: v[:, None] for k, v in single.items()}}
+    parameters = {**table, **{k: v[:, None] for k, v in single.items()}}
     low, high, preload = table["low"], table["high"], table["preload"]
     faults = [
         (name, np.isnan(v) if name in ("low", "high") else ~np.isfinite(v), "must be finite")
-        for name, v in whole.items()
+        for name, v in parameters.items()
     ]
-    faults += [(name, whole[name] <= 0, "must be positive [m]") for name in ("length", "pendulum")]
+    faults += [
+        (name, parameters[name] <= 0, "must be positive [m]") for name in ("length", "pendulum")
+    ]
     faults += [
         (
             "stiffness",
@@ -320,43 +334,45 @@ def check(table: dict[str, Array], single: dict[str, Array]) -> None:
         ("preload", (preload > 0) & (low != 0), "needs a stop that holds it at rest, low = 0"),
         ("preload", (preload < 0) & (high != 0), "needs a stop that holds it at rest, high = 0"),
     ]
-    for name, bad, wrong in faults:
-        if bad.any():
-            at, joint = first(bad)
+    for name, faulty, requirement in faults:
+        if faulty.any():
+            index, joint = first_fault(faulty)
             number = f"{joint}" if name in table else ""
-            raise ValueError(f"{name}{number} {wrong}, got {whole[name][at, joint - 1]:g}")
-    held = (low == 0) | (high == 0)
-    if (held.sum(axis=-1) > (free := low.shape[1] - 2)).any():
+            raise ValueError(
+                f"{name}{number} {requirement}, got {parameters[name][index, joint - 1]:g}"
+            )
+    at_rest_on_stop = (low == 0) | (high == 0)
+    if (at_rest_on_stop.sum(axis=-1) > (free := low.shape[1] - 2)).any():
         raise ValueError(
             f"low, high: at most {free} of the joints of {free + 2} segments can rest on a stop: "
             f"they lock the chain"
         )
     for name in ("preload", "low", "high"):
-        if (table[name][:, 0] != PLAIN[name]).any():
+        if (table[name][:, 0] != NUMBERED_DEFAULTS[name]).any():
             raise ValueError(f"{name}1: joint 1 can have no stop; its deflection is the moment")
 
 
 def check_reach(b: Balancer) -> None:
     """Raise ValueError for the first lengths that cannot reach the tip."""
     if np.isnan(b.rest).any():
-        at, _ = first(np.isnan(b.rest))
-        lengths = ", ".join(f"{length:g}" for length in b.length[at])
+        index, _ = first_fault(np.isnan(b.rest))
+        lengths = ", ".join(f"{length:g}" for length in b.length[index])
         raise ValueError(
             f"length: segments of {lengths} m cannot reach the tip of a pendulum of "
-            f"{b.pendulum[at]:g} m from rest_angle = {b.rest[at, 0]:g} rad"
+            f"{b.pendulum[index]:g} m from rest_angle = {b.rest[index, 0]:g} rad"
         )
 
 
 def check_release(b: Balancer) -> None:
     """Raise ValueError for the first preload or stop of joint 3 that can never be released."""
-    for at in np.flatnonzero(locked(b)):
+    for index in np.flatnonzero(is_locked(b)):
         near, far, sign = (
-            ("low", "high", "negative") if b.loose[at] < 0 else ("high", "low", "positive")
+            ("low", "high", "negative") if b.loose[index] < 0 else ("high", "low", "positive")
         )
         raise ValueError(
             f"preload3 can never release: segment 1 lies along the pendulum at rest, so that joint "
             f"3 turns the same way whichever way the chain moves, and {near}3 = 0 stops that; got "
-            f"{b.preload[at, 2]:g} N m with rest_angle = {b.rest[at, 0]:g} rad; give another "
+            f"{b.preload[index, 2]:g} N m with rest_angle = {b.rest[index, 0]:g} rad; give another "
             f"rest_angle, or {far}3 = 0 with a {sign} preload3"
         )
 
@@ -364,9 +380,9 @@ def check_release(b: Balancer) -> None:
 def check_preload(b: Balancer) -> None:
     """Raise ValueError for the first preload that its spring cannot carry."""
     if np.isnan(b.stiffness).any():
-        at, joint = first(np.isnan(b.stiffness))
+        index, joint = first_fault(np.isnan(b.stiffness))
         raise ValueError(
             f"preload{joint} is more than its spring can carry, got "
-            f"{b.preload[at, joint - 1]:g} N m; at most -stiffness{joint}^2/"
+            f"{b.preload[index, joint - 1]:g} N m; at most -stiffness{joint}^2/"
             f"(4 quadratic{joint})"
         )

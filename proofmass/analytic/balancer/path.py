@@ -31,16 +31,20 @@ from numpy.typing import NDArray
 from proofmass.analytic.balancer.model import Balancer
 from proofmass.analytic.numerics import Array
 
-Which = NDArray[Any]
-STILL = 1e-9  # [rad] length of the last Newton step; the error is of the order of its square
-MOST = 12  # largest number of Newton steps
-STRIDE = 0.1  # [rad] largest stride of the pendulum between two nodes of a path
-NARROW = 1e-7  # [rad] stride that is not halved any more: the path has come to a fold
-STRAY = 0.03  # [rad] largest correction by Newton's method: a larger one could be another branch
-SURE = 1e-12  # [rad, N m] tolerance of the margin at which a stop switches
+Indices = NDArray[Any]
+STEP_TOLERANCE = (
+    1e-9  # [rad] length of the last Newton step; the error is of the order of its square
+)
+MAX_NEWTON_STEPS = 12  # largest number of Newton steps
+MAX_STRIDE = 0.1  # [rad] largest stride of the pendulum between two nodes of a path
+MIN_STRIDE = 1e-7  # [rad] stride that is not halved any more: the path has come to a fold
+MAX_CORRECTION = (
+    0.03  # [rad] largest correction by Newton's method: a larger one could be another branch
+)
+SWITCH_TOLERANCE = 1e-12  # [rad, N m] tolerance of the margin at which a stop switches
 UNREACHABLE = "the segments cannot reach the tip, or a spring not carry or release its preload"
 UNSTABLE = "the rest posture is an unstable equilibrium"
-SWITCHES = 30  # largest number of stops that a path leaves or meets before it is given up
+MAX_SWITCHES = 30  # largest number of stops that a path leaves or meets before it is given up
 
 
 @dataclass(frozen=True)
@@ -61,10 +65,10 @@ class Point:
     unknowns: Array
     side: Array
 
-    def __getitem__(self, which: Which) -> "Point":
+    def __getitem__(self, which: Indices) -> "Point":
         return Point(self.alpha[which], self.unknowns[which], self.side[which])
 
-    def put(self, which: Which, other: "Point") -> None:
+    def put(self, which: Indices, other: "Point") -> None:
         """Replace some of the batch."""
         self.alpha[which], self.unknowns[which] = other.alpha, other.unknowns
         self.side[which] = other.side
@@ -87,14 +91,14 @@ def subset(b: Balancer, which: NDArray[np.int_]) -> Balancer:
 
 def deflections(b: Balancer, alpha: Array, psi: Array) -> Array:
     """Deflections (B, n) of all springs from rest [rad]."""
-    turned = psi - b.rest
-    e = turned.copy()
-    e[..., 1:] -= turned[..., :-1]
+    rotation = psi - b.rest
+    e = rotation.copy()
+    e[..., 1:] -= rotation[..., :-1]
     e[..., 0] += alpha
     return np.asarray(e)
 
 
-def bounds(b: Balancer, side: Array) -> Array:
+def stop_deflections(b: Balancer, side: Array) -> Array:
     """Deflection of each joint that is on a stop (B, s) [rad]; 0 for a joint between its stops."""
     j = list(b.stopped)
     with np.errstate(invalid="ignore"):
@@ -112,20 +116,20 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
     load = moment.copy()
     load[:, j] -= stop
     # differences of moments, and sums of stiffnesses, of each joint and the next one
-    left, stiff = load.copy(), slope.copy()
-    left[:, :-1] -= load[:, 1:]
-    stiff[:, :-1] += slope[:, 1:]
+    joint_residual, joint_stiffness = load.copy(), slope.copy()
+    joint_residual[:, :-1] -= load[:, 1:]
+    joint_stiffness[:, :-1] += slope[:, 1:]
     residual = np.concatenate(
         [
-            left + force[:, :1] * north - force[:, 1:] * east,
+            joint_residual + force[:, :1] * north - force[:, 1:] * east,
             np.stack([east.sum(-1), north.sum(-1) - b.reach(p.alpha)], axis=-1),
-            np.where(held > 0, bounds(b, p.side) - e[:, j], stop) if j else stop,
+            np.where(held > 0, stop_deflections(b, p.side) - e[:, j], stop) if j else stop,
         ],
         axis=-1,
     )
     matrix = np.zeros((*residual.shape, residual.shape[-1]))
     i = np.arange(n)
-    matrix[:, i, i] = stiff - force[:, :1] * east - force[:, 1:] * north
+    matrix[:, i, i] = joint_stiffness - force[:, :1] * east - force[:, 1:] * north
     matrix[:, i[1:], i[:-1]] = matrix[:, i[:-1], i[1:]] = -slope[:, 1:]
     matrix[:, n, i] = matrix[:, i, n] = north
     matrix[:, n + 1, i] = matrix[:, i, n + 1] = -east
@@ -137,47 +141,47 @@ def system(b: Balancer, p: Point) -> tuple[Array, Array]:
     return residual, matrix
 
 
-def solve(b: Balancer, p: Point) -> tuple[Point, Array]:
+def find_equilibria(b: Balancer, p: Point) -> tuple[Point, Array]:
     """Find equilibria by Newton's method from `p` at the same angles and stops.
 
     The array has the lengths of the moves of the segments (B,) [rad], NaN where it failed.
     """
     unknowns, moved = p.unknowns.copy(), np.zeros(len(b))
-    left = np.arange(len(b))
-    for _ in range(MOST):
+    active = np.arange(len(b))
+    for _ in range(MAX_NEWTON_STEPS):
         residual, matrix = system(
-            subset(b, left), Point(p.alpha[left], unknowns[left], p.side[left])
+            subset(b, active), Point(p.alpha[active], unknowns[active], p.side[active])
         )
-        step = -solved(matrix, residual)
-        unknowns[left] += step
+        step = -solve_linear(matrix, residual)
+        unknowns[active] += step
         size = np.abs(step[:, : b.segments]).max(axis=-1)
-        moved[left] += size
-        left = left[~(size < STILL)]
-        if not left.size:
+        moved[active] += size
+        active = active[~(size < STEP_TOLERANCE)]
+        if not active.size:
             break
-        left = left[moved[left] < 2.0]
-    moved[left] = np.nan
+        active = active[moved[active] < 2.0]
+    moved[active] = np.nan
     moved[~(moved < 2.0)] = np.nan
     return Point(p.alpha, unknowns, p.side), moved
 
 
-def tangent(b: Balancer, p: Point) -> tuple[Array, Which]:
+def tangent(b: Balancer, p: Point) -> tuple[Array, Indices]:
     """Derivatives of the unknowns by alpha (B, N), and whether the equilibrium is stable (B,).
 
     An equilibrium on the path is stable while the determinant of Newton's matrix has the sign that
     it has at a minimum of the energy: that of (-1)^(number of joints on stops).
     """
     _, matrix = system(b, p)
-    pull = np.zeros_like(p.unknowns)  # derivative of the residual by alpha
+    residual_by_alpha = np.zeros_like(p.unknowns)  # derivative of the residual by alpha
     e = deflections(b, p.alpha, p.unknowns[:, : b.segments])
-    pull[:, 0] = b.slopes(e)[:, 0]
-    pull[:, b.segments + 1] = -b.stretch(p.alpha)
+    residual_by_alpha[:, 0] = b.slopes(e)[:, 0]
+    residual_by_alpha[:, b.segments + 1] = -b.stretch(p.alpha)
     with np.errstate(invalid="ignore"):  # an equilibrium that was not found (NaN) is not stable
         sign = np.linalg.slogdet(matrix)[0] * (-1.0) ** (p.side != 0).sum(axis=-1)
-    return -solved(matrix, pull), np.asarray(sign > 0)
+    return -solve_linear(matrix, residual_by_alpha), np.asarray(sign > 0)
 
 
-def solved(matrix: Array, right: Array) -> Array:
+def solve_linear(matrix: Array, right: Array) -> Array:
     """Solve ``matrix x = right`` for each of a batch; NaN where a matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
@@ -188,14 +192,14 @@ def solved(matrix: Array, right: Array) -> Array:
         return out
 
 
-def stable_at_rest(b: Balancer, p: Point) -> Which:
+def stable_at_rest(b: Balancer, p: Point) -> Indices:
     """Whether the rest posture is a minimum of the energy (B,), by the inertia of the matrix."""
     _, matrix = system(b, p)
     held = (p.side != 0).sum(axis=-1)
     return np.asarray((np.linalg.eigvalsh(matrix) < 0).sum(axis=-1) == 2 + held)
 
 
-def at_rest(b: Balancer) -> Point:
+def rest_posture(b: Balancer) -> Point:
     """The rest posture: pendulum upright, deflections zero, preloads carried by their stops.
 
     If joint 3 leaves its stop whatever its spring's moment (`Balancer.loose`), a force along the
@@ -213,7 +217,7 @@ def at_rest(b: Balancer) -> Point:
     return Point(np.zeros(len(b)), unknowns, side)
 
 
-def margins(b: Balancer, p: Point) -> Array:
+def switching_margins(b: Balancer, p: Point) -> Array:
     """Margin of each joint with stops (B, s) before it switches; negative beyond that.
 
     For a joint between its stops it is the distance to the nearer one [rad], for a joint on a stop
@@ -225,7 +229,7 @@ def margins(b: Balancer, p: Point) -> Array:
     return np.where(p.side == 0, way, -p.side * push)
 
 
-def nearest(b: Balancer, p: Point) -> Array:
+def nearest_stops(b: Balancer, p: Point) -> Array:
     """The nearer stop of each joint with stops (B, s): -1 the lower one, +1 the upper one."""
     j = list(b.stopped)
     e = deflections(b, p.alpha, p.unknowns[:, : b.segments])[:, j]
@@ -233,7 +237,7 @@ def nearest(b: Balancer, p: Point) -> Array:
 
 
 @dataclass(frozen=True)
-class Pieces:
+class Strides:
     """Strides of all paths, ordered by design and angle; stops do not switch within a stride.
 
     Attributes
@@ -246,7 +250,7 @@ class Pieces:
         Derivatives of the unknowns by alpha [SI] at the start and at the end.
     """
 
-    design: Which
+    design: Indices
     start: Point
     end: Point
     out: Array
@@ -270,13 +274,13 @@ class BalancerPaths:
         Reason why a path ended early; "" if it did not.
     """
 
-    pieces: Pieces
+    pieces: Strides
     switches: list[tuple[int, int, float, int]]
     reach: Array
     why: list[str]
 
 
-def follow(b: Balancer, to: float, stride: float = STRIDE) -> BalancerPaths:
+def follow(b: Balancer, to: float, stride: float = MAX_STRIDE) -> BalancerPaths:
     """Follow the equilibria of a batch from rest to a pendulum angle.
 
     Each path has strides of its own along its tangent, corrected by Newton's method.  A stride is
@@ -291,10 +295,10 @@ def follow(b: Balancer, to: float, stride: float = STRIDE) -> BalancerPaths:
     stride : float
         Largest stride [rad].
     """
-    walk = PathFollower(b, to, stride)
-    while walk.going.any():
-        walk.step()
-    return walk.paths()
+    follower = PathFollower(b, to, stride)
+    while follower.is_going.any():
+        follower.step()
+    return follower.paths()
 
 
 class PathFollower:
@@ -302,66 +306,68 @@ class PathFollower:
 
     def __init__(self, b: Balancer, to: float, stride: float):
         self.b, self.to, self.sense, self.longest = b, to, -1.0 if to < 0 else 1.0, stride
-        self.at, self.stride = at_rest(b), np.full(len(b), stride)
+        self.at, self.stride = rest_posture(b), np.full(len(b), stride)
         self.out, self.switched = np.zeros_like(self.at.unknowns), np.zeros(len(b), int)
         self.why = np.full(len(b), UNREACHABLE, dtype=object)
         there = np.flatnonzero(np.isfinite(b.rest + b.stiffness).all(axis=-1))
         stable = stable_at_rest(b[there], self.at[there])
         self.why[there] = np.where(stable, "", UNSTABLE)
-        self.going = np.array([not why and to != 0 for why in self.why])
-        self.out[self.going] = tangent(b[self.going], self.at[self.going])[0]
+        self.is_going = np.array([not why and to != 0 for why in self.why])
+        self.out[self.is_going] = tangent(b[self.is_going], self.at[self.is_going])[0]
         self.switches: list[tuple[int, int, float, int]] = []
-        self.kept: list[tuple[Which, Point, Point, Array, Array]] = []
+        self.kept: list[tuple[Indices, Point, Point, Array, Array]] = []
 
     def step(self) -> None:
         """Take one stride of every path that has not ended."""
-        k = np.flatnonzero(self.going)
+        k = np.flatnonzero(self.is_going)
         b, here, out = subset(self.b, k), self.at[k], self.out[k]
-        h = self.sense * np.minimum(self.stride[k], np.abs(self.to - here.alpha))
-        there, moved = solve(b, here.ahead(h, out))
+        alpha_step = self.sense * np.minimum(self.stride[k], np.abs(self.to - here.alpha))
+        there, moved = find_equilibria(b, here.ahead(alpha_step, out))
         into, stable = tangent(b, there)
-        good = stable & (moved < STRAY)
-        self.shorten(k[~good])
-        over = good & (margins(b, there) < -SURE).any(axis=-1)
-        free = good & ~over
+        accepted = stable & (moved < MAX_CORRECTION)
+        self.shorten(k[~accepted])
+        switches_stop = accepted & (switching_margins(b, there) < -SWITCH_TOLERANCE).any(axis=-1)
+        free = accepted & ~switches_stop
         self.keep(k[free], here[free], there[free], out[free], into[free])
         self.stride[k[free]] = np.minimum(1.5 * self.stride[k[free]], self.longest)
-        if over.any():
-            self.switch(k[over], here[over], there[over], out[over])
-        self.going[k[self.sense * (self.to - self.at.alpha[k]) <= 0]] = False
+        if switches_stop.any():
+            self.switch(
+                k[switches_stop], here[switches_stop], there[switches_stop], out[switches_stop]
+            )
+        self.is_going[k[self.sense * (self.to - self.at.alpha[k]) <= 0]] = False
 
-    def shorten(self, k: Which) -> None:
+    def shorten(self, k: Indices) -> None:
         """Halve the strides of some paths; end those that have come to a fold."""
         self.stride[k] /= 2
-        for i in k[self.stride[k] < NARROW]:
+        for i in k[self.stride[k] < MIN_STRIDE]:
             self.end(i, "the equilibrium ends at a fold, where the chain jumps")
 
     def end(self, i: int, why: str) -> None:
         """End a path early."""
-        self.going[i] = False
+        self.is_going[i] = False
         self.why[i] = f"at {np.degrees(self.at.alpha[i]):.4f} deg {why}"
 
-    def keep(self, k: Which, here: Point, there: Point, out: Array, into: Array) -> None:
+    def keep(self, k: Indices, here: Point, there: Point, out: Array, into: Array) -> None:
         """Record strides that were good, and make their ends the present points."""
         self.kept.append((k, here, there, out, into))
         self.at.put(k, there)
         self.out[k] = into
 
-    def switch(self, k: Which, here: Point, there: Point, out: Array) -> None:
+    def switch(self, k: Indices, here: Point, there: Point, out: Array) -> None:
         """Go to the point in a stride at which the first stop is left or met, and switch it."""
         b = self.b[k]
-        event, joint = meet(b, here, there)
+        event, joint = find_first_switch(b, here, there)
         into = tangent(b, event)[0]
         self.keep(k, here, event, out, into)
         row = np.arange(len(k))
         side = event.side.copy()
-        side[row, joint] = np.where(side[row, joint] != 0, 0, nearest(b, event)[row, joint])
+        side[row, joint] = np.where(side[row, joint] != 0, 0, nearest_stops(b, event)[row, joint])
         self.at.side[k] = side
         self.out[k] = tangent(b, self.at[k])[0]
         self.switched[k] += 1
         for i, j, s in zip(k, joint, side[row, joint], strict=True):
             self.switches.append((int(i), b.stopped[j] + 1, float(self.at.alpha[i]), int(s)))
-            if self.switched[i] > SWITCHES:
+            if self.switched[i] > MAX_SWITCHES:
                 self.end(i, "a joint rattles on its stop")
 
     def paths(self) -> BalancerPaths:
@@ -372,7 +378,7 @@ class PathFollower:
         which, first, last = np.concatenate(design), Point.join(start), Point.join(end)
         order = np.lexsort((self.sense * last.alpha, which))
         order = order[(first.alpha != last.alpha)[order]]
-        pieces = Pieces(
+        pieces = Strides(
             which[order],
             first[order],
             last[order],
@@ -387,26 +393,30 @@ class PathFollower:
         )
 
 
-def meet(b: Balancer, here: Point, there: Point) -> tuple[Point, Which]:
+def find_first_switch(b: Balancer, here: Point, there: Point) -> tuple[Point, Indices]:
     """Find the first switching of a stop between two equilibria, and its index in `b.stopped`.
 
     Newton's method is applied to the margin as a function of alpha, from the zero of its chord.
     """
     row, width = np.arange(len(b)), there.alpha - here.alpha
-    old, new = np.maximum(margins(b, here), 0.0), margins(b, there)
-    share = np.where(new < -SURE, old / np.where(new < -SURE, old - new, 1.0), np.inf)
+    old, new = np.maximum(switching_margins(b, here), 0.0), switching_margins(b, there)
+    share = np.where(
+        new < -SWITCH_TOLERANCE, old / np.where(new < -SWITCH_TOLERANCE, old - new, 1.0), np.inf
+    )
     joint = share.argmin(axis=-1)
     first = share[row, joint]
     guess = here.unknowns + first[:, None] * (there.unknowns - here.unknowns)
     p = Point(here.alpha + first * width, guess, here.side)
     for _ in range(8):
-        p = solve(b, p)[0]
+        p = find_equilibria(b, p)[0]
         along = tangent(b, p)[0]
-        margin = margins(b, p)[row, joint]
-        if (np.abs(margin) < SURE / 10).all():
+        margin = switching_margins(b, p)[row, joint]
+        if (np.abs(margin) < SWITCH_TOLERANCE / 10).all():
             break
         eps = 1e-6
-        slope = (margins(b, p.ahead(np.full(len(b), eps), along))[row, joint] - margin) / eps
+        slope = (
+            switching_margins(b, p.ahead(np.full(len(b), eps), along))[row, joint] - margin
+        ) / eps
         move = np.where(slope != 0, -margin / np.where(slope != 0, slope, 1.0), 0.0)
         low, high = np.minimum(here.alpha, there.alpha), np.maximum(here.alpha, there.alpha)
         p = p.ahead(np.clip(p.alpha + move, low, high) - p.alpha, along)
@@ -458,9 +468,9 @@ def along(b: Balancer, paths: BalancerPaths, alpha: Array) -> Path:
     count, width = len(b), alpha.size
     design, angle = np.repeat(np.arange(count), width), np.tile(alpha, count)
     reach = np.where(np.isfinite(b.rest).all(axis=-1), np.abs(paths.reach), -1.0)
-    known = np.abs(angle) <= np.repeat(reach, width) * (1 + 1e-15)
-    each = b[design[known]]
-    found, _ = solve(each, guess(paths, design[known], angle[known]))
+    reached = np.abs(angle) <= np.repeat(reach, width) * (1 + 1e-15)
+    each = b[design[reached]]
+    found, _ = find_equilibria(each, interpolate_strides(paths, design[reached], angle[reached]))
     rates, _ = tangent(each, found)
     n, j = b.segments, list(b.stopped)
     psi = found.unknowns[:, :n]
@@ -470,7 +480,7 @@ def along(b: Balancer, paths: BalancerPaths, alpha: Array) -> Path:
 
     def spread(values: Array) -> Array:
         out = np.full((count * width, values.shape[-1]), np.nan)
-        out[known] = values
+        out[reached] = values
         return out.reshape(count, width, values.shape[-1])
 
     return Path(
@@ -485,7 +495,7 @@ def along(b: Balancer, paths: BalancerPaths, alpha: Array) -> Path:
     )
 
 
-def guess(paths: BalancerPaths, design: NDArray[np.int_], angle: Array) -> Point:
+def interpolate_strides(paths: BalancerPaths, design: NDArray[np.int_], angle: Array) -> Point:
     """Interpolate strides at angles (K,) of designs (K,) by cubic Hermite polynomials."""
     pieces = paths.pieces
     sense = np.sign(pieces.end.alpha.sum()) or 1.0

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer import quantities
-from proofmass.analytic.balancer.model import balancer, close
+from proofmass.analytic.balancer.model import balancer, close_chain
 from proofmass.analytic.balancer.path import Path
 from proofmass.analytic.numerics import Array, cross
 
@@ -117,16 +117,18 @@ def solve(
     first = np.cumsum(
         np.stack(given_deflections, axis=-1) + np.diff(rest[: n - 2], prepend=0.0), -1
     )
-    psi = close(pendulum, chain.length[0], first - alpha[:, None], mode)
+    psi = close_chain(pendulum, chain.length[0], first - alpha[:, None], mode)
     if np.isnan(psi).any():
-        at = np.degrees(alpha[np.isnan(psi).any(axis=-1).argmax()])
-        raise ValueError(f"the last two segments cannot reach the tip at alpha = {at:g} deg")
+        first_angle = np.degrees(alpha[np.isnan(psi).any(axis=-1).argmax()])
+        raise ValueError(
+            f"the last two segments cannot reach the tip at alpha = {first_angle:g} deg"
+        )
     deflection = np.diff(psi - rest, axis=-1, prepend=0.0)
     deflection[:, 0] += alpha
     moment = chain.moments(deflection[None])[0]
     arms = np.cumsum((chain.length[0] * (np.sin(psi) + 1j * np.cos(psi)))[:, ::-1], -1)[:, ::-1]
-    before, last = arms[:, -2], arms[:, -1]
-    force = (moment[:, -2] * last - moment[:, -1] * before) / cross(before, last)
+    arm_before, last_arm = arms[:, -2], arms[:, -1]
+    force = (moment[:, -2] * last_arm - moment[:, -1] * arm_before) / cross(arm_before, last_arm)
     found = quantities(
         chain,
         Path(

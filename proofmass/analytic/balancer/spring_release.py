@@ -6,7 +6,7 @@ After the release the stiffness is smaller.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, finite, not_negative
+from proofmass.analytic.numerics import Array, check_finite, check_not_negative
 
 CONNECTIONS = "series", "parallel"
 
@@ -77,42 +77,42 @@ def solve(
     >>> pushed["force"].round(9).tolist(), pushed["slope"].tolist()
     ([3.0, 13.0], [300.0, 100.0])
     """
-    k1, k2 = checked(stiffness1, stiffness2, preload, connection)
+    k1, k2 = check_parameters(stiffness1, stiffness2, preload, connection)
     x, v = np.broadcast_arrays(*(np.asarray(each, float) for each in (place, rate)))
-    finite(place=x)
+    check_finite(place=x)
     series = connection == "series"
-    over = k2 * x - preload if series else k1 * x - preload
-    share = k2 / (k1 + k2) if series else 1.0  # derivative of the gap by the handle's way
-    gap = np.maximum(over, 0.0) / (k1 + k2 if series else k1)
-    gap_rate = np.where(over > 0.0, share * v, 0.0)
+    excess = k2 * x - preload if series else k1 * x - preload
+    gap_share = k2 / (k1 + k2) if series else 1.0  # derivative of the gap by the handle's way
+    gap = np.maximum(excess, 0.0) / (k1 + k2 if series else k1)
+    gap_rate = np.where(excess > 0.0, gap_share * v, 0.0)
     before, after = slopes(k1, k2, connection)
     if series:
         stretch1, stretch2 = preload / k1 + gap, x - gap
         force, stretch2_rate = k2 * stretch2, v - gap_rate
     else:
-        stretch1, stretch2 = np.maximum(-over, 0.0) / k1, preload / k2 + x
+        stretch1, stretch2 = np.maximum(-excess, 0.0) / k1, preload / k2 + x
         force, stretch2_rate = k2 * stretch2 - k1 * stretch1, v
     return {
         "force": force,
         "gap": gap,
         "gap_rate": gap_rate,
-        "contact": np.maximum(-over, 0.0),
+        "contact": np.maximum(-excess, 0.0),
         "stretch1": stretch1,
         "stretch2": stretch2,
         "stretch2_rate": np.array(stretch2_rate),
-        "slope": np.where(over > 0.0, after, before),
+        "slope": np.where(excess > 0.0, after, before),
         "energy": 0.5 * (k1 * stretch1**2 + k2 * stretch2**2),
     }
 
 
-def checked(
+def check_parameters(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> tuple[float, float]:
     """Check that the parameters are in their domains, and return both stiffnesses."""
     for name, stiffness in (("stiffness1", stiffness1), ("stiffness2", stiffness2)):
         if not 0.0 < stiffness < np.inf:
             raise ValueError(f"{name} must be positive and finite [N/m], got {stiffness}")
-    not_negative("N", preload=preload)
+    check_not_negative("N", preload=preload)
     if connection not in CONNECTIONS:
         raise ValueError(f"connection must be one of {', '.join(CONNECTIONS)}, got {connection!r}")
     return stiffness1, stiffness2
@@ -129,7 +129,7 @@ def events(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> dict[str, float]:
     """Place of the handle where the contact releases, P/k2 in series, P/k1 in parallel [m]."""
-    k1, k2 = checked(stiffness1, stiffness2, preload, connection)
+    k1, k2 = check_parameters(stiffness1, stiffness2, preload, connection)
     return {"release": preload / (k2 if connection == "series" else k1)}
 
 

@@ -18,13 +18,16 @@ from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import along, balancing_moment, follow
 from proofmass.analytic.numerics import Array
 
-SPRINGS = ("linear", "nonlinear", "each")
-LENGTHS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}  # [m], for a pendulum of 1 m
-RELAXED = (0.1, 0.9)  # [m] of relaxed lengths
-WIDEST = (4.5, 4.5)  # upper bounds as in FIGURES, for variants without a figure in the thesis
+SPRING_KINDS = ("linear", "nonlinear", "each")
+LENGTH_BOUNDS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}  # [m], for a pendulum of 1 m
+RELAXED_LENGTH_BOUNDS = (0.1, 0.9)  # [m] of relaxed lengths
+DEFAULT_BOUNDS = (
+    4.5,
+    4.5,
+)  # upper bounds as in FIGURES, for variants without a figure in the thesis
 # figure of the thesis by target and option; upper bounds of k [N m/rad] and of |A|, |B|
 # [N m/rad^2, N m/rad]
-FIGURES = {
+THESIS_FIGURES = {
     ("sine", "standard"): ("M.1", 1.5, 2.0),
     ("sine", "rest angle"): ("M.2", 4.5, 3.5),
     ("sine", "relaxed lengths"): ("M.3", 1.5, 2.0),
@@ -106,12 +109,14 @@ class Variant:
     narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.segments not in LENGTHS:
+        if self.segments not in LENGTH_BOUNDS:
             raise ValueError(f"segments must be 3 or 4, got {self.segments}")
         if self.mode not in (1, -1):
             raise ValueError(f"mode must be 1 or -1, got {self.mode}")
-        if self.springs not in SPRINGS:
-            raise ValueError(f"springs must be one of {', '.join(SPRINGS)}, got {self.springs!r}")
+        if self.springs not in SPRING_KINDS:
+            raise ValueError(
+                f"springs must be one of {', '.join(SPRING_KINDS)}, got {self.springs!r}"
+            )
         known = ((), (2,), (3,)) if self.segments == 3 else ((), (2,), (3,), (2, 3))
         if self.preload not in known:
             raise ValueError(
@@ -158,13 +163,13 @@ class Variant:
     @property
     def figure(self) -> str:
         """Number of the thesis's figure with this variant; "" if there is none."""
-        return str(FIGURES.get((self.target, self.option), ("",))[0])
+        return str(THESIS_FIGURES.get((self.target, self.option), ("",))[0])
 
     @property
     def usual(self) -> dict[str, tuple[float, float]]:
         """Usual lower and upper bounds of all free parameters."""
         joints = range(1, self.segments + 1)
-        _, k, a = FIGURES.get((self.target, self.option), ("", *WIDEST))
+        _, k, a = THESIS_FIGURES.get((self.target, self.option), ("", *DEFAULT_BOUNDS))
         found: dict[str, tuple[float, float]] = {}
         if self.springs == "nonlinear":
             found |= {"stiffness": (0.0, a), "quadratic": (-a, a)}
@@ -175,7 +180,7 @@ class Variant:
         for i in self.preload:
             sign = self.mode * (1 if self.free_angle else -1) if i == self.segments else 1
             found[f"preload{i}"] = (0.0, 1.0) if sign > 0 else (-1.0, 0.0)
-        lengths = RELAXED if self.relaxed else LENGTHS[self.segments]
+        lengths = RELAXED_LENGTH_BOUNDS if self.relaxed else LENGTH_BOUNDS[self.segments]
         found |= {f"length{i}": lengths for i in joints}
         if self.free_angle:
             found["rest_angle"] = (-np.pi, np.pi)
@@ -217,43 +222,43 @@ class Variant:
         )
 
 
-def thesis() -> list[Variant]:
+def thesis_variants() -> list[Variant]:
     """The 112 variants that van Nes 2022 optimised, in the order of its figures.
 
-    >>> len(thesis())
+    >>> len(thesis_variants())
     112
     """
-    return [variant for target, option in FIGURES for variant in variants(target, option)]
+    return [variant for target, option in THESIS_FIGURES for variant in variants_of(target, option)]
 
 
-def left_out() -> list[Variant]:
+def variants_without_balancer() -> list[Variant]:
     """The 56 variants that have a cell in its tables M.1 to M.5, but no balancer.
 
-    >>> len(left_out())
+    >>> len(variants_without_balancer())
     56
     """
-    targets, options = (list(dict.fromkeys(words)) for words in zip(*FIGURES, strict=True))
+    targets, options = (list(dict.fromkeys(words)) for words in zip(*THESIS_FIGURES, strict=True))
     return [
         variant
         for target in targets
         for option in options
-        if (target, option) not in FIGURES
-        for variant in variants(target, option)
+        if (target, option) not in THESIS_FIGURES
+        for variant in variants_of(target, option)
     ]
 
 
-def third_preloads() -> list[Variant]:
+def third_preload_variants() -> list[Variant]:
     """The 40 variants with a row "3 Seg.: prestress spring 3" in its figures, filled with a dash.
 
-    >>> len(third_preloads())
+    >>> len(third_preload_variants())
     40
     """
-    return [replace(v, preload=(3,)) for v in thesis() if v.segments == 3 and v.preload]
+    return [replace(v, preload=(3,)) for v in thesis_variants() if v.segments == 3 and v.preload]
 
 
-def variants(target: str, option: str) -> list[Variant]:
+def variants_of(target: str, option: str) -> list[Variant]:
     """All variants (springs, numbers of segments, preloads) of the thesis for an option."""
-    fixed = option in ("standard", "relaxed lengths")
+    has_both_segment_numbers = option in ("standard", "relaxed lengths")
     return [
         Variant(
             target,
@@ -264,23 +269,23 @@ def variants(target: str, option: str) -> list[Variant]:
             "contact" in option,
             "relaxed" in option,
         )
-        for segments in ((3, 4) if fixed else (3,))
+        for segments in ((3, 4) if has_both_segment_numbers else (3,))
         for springs in ("linear", "nonlinear")
         for preload in ((), tuple(range(2, segments)))
     ]
 
 
-POINTS = {3: 90, 4: 15}  # number of points of the thesis, by segments
-COARSE = 15  # largest number of points of a coarse evaluation
-BENT = 0.02  # smallest sine of the last joint's angle: a straighter elbow can flip
-BETWEEN = 1.25  # factor of BENT at few points: between them the elbow may be straighter
+THESIS_POINTS = {3: 90, 4: 15}  # number of points of the thesis, by segments
+COARSE_POINTS = 15  # largest number of points of a coarse evaluation
+MIN_ELBOW_SINE = 0.02  # smallest sine of the last joint's angle: a straighter elbow can flip
+COARSE_ELBOW_FACTOR = 1.25  # factor of BENT at few points: between them the elbow may be straighter
 RIGHT_ANGLE = np.pi / 2 + 1e-9  # [rad] so that rounding does not end a path before its last point
-STIFF = 30.0  # penalty factor of the excess over a limit of the spread
-SMALL = 1e-4  # errors below this share of m g r count as squares for any power
+SPREAD_PENALTY = 30.0  # penalty factor of the excess over a limit of the spread
+SMALL_ERROR = 1e-4  # errors below this share of m g r count as squares for any power
 
 
 @dataclass(frozen=True)
-class Figures:
+class DesignMeasures:
     """Measures of designs, each (B,): NaN for a design that cannot be built.
 
     Attributes
@@ -322,9 +327,9 @@ class Synthesis:
     Notes
     -----
     Terms are exact to rounding.  Errors below 1e-4 count as squares, so that the objective has a
-    derivative at zero for a power below 2.  Beyond the limit the square of `STIFF` times the excess
-    is added, so that a design exceeds the limit by about its error times the derivative of the
-    error by the spread, over `STIFF`^2.
+    derivative at zero for a power below 2.  Beyond the limit the square of `SPREAD_PENALTY` times
+    the excess is added, so that a design exceeds the limit by about its error times the derivative
+    of the error by the spread, over `SPREAD_PENALTY`^2.
     """
 
     variant: Variant
@@ -346,7 +351,7 @@ class Synthesis:
     @property
     def angles(self) -> Array:
         """Pendulum angles of the points [rad]."""
-        return precision_points(self.points or POINTS[self.variant.segments])
+        return precision_points(self.points or THESIS_POINTS[self.variant.segments])
 
     @property
     def fingerprint(self) -> str:
@@ -356,47 +361,53 @@ class Synthesis:
 
     def coarse(self, vectors: Array) -> Array:
         """Terms (B, m) at few points; their squares sum to the objective; NaN if not buildable."""
-        return self.terms(vectors, precision_points(min(COARSE, self.angles.size)), BETWEEN * BENT)
+        return self.terms(
+            vectors,
+            precision_points(min(COARSE_POINTS, self.angles.size)),
+            COARSE_ELBOW_FACTOR * MIN_ELBOW_SINE,
+        )
 
     def residuals(self, vectors: Array) -> Array:
         """Terms (B, m) at all points."""
         return self.terms(vectors, self.angles)
 
-    def terms(self, vectors: Array, angle: Array, bent: float = BENT) -> Array:
-        """Terms (B, m) at angles (A,); NaN unless the elbow's sine exceeds `bent` everywhere."""
-        moment, energy = self.curves(vectors, angle, bent)
+    def terms(self, vectors: Array, angle: Array, min_sine: float = MIN_ELBOW_SINE) -> Array:
+        """Terms (B, m) at angles (A,); NaN unless the elbow's sine always exceeds `min_sine`."""
+        moment, energy = self.curves(vectors, angle, min_sine)
         found = moment - self.target(angle)
         if self.power != 2.0:
-            found = found * (found**2 + SMALL**2) ** (self.power / 4.0 - 0.5)
+            found = found * (found**2 + SMALL_ERROR**2) ** (self.power / 4.0 - 0.5)
         found = found / np.sqrt(angle.size)
         if np.isfinite(self.limit):
             excess = energy_spread(*np.moveaxis(energy, -1, 0)) - self.limit
-            found = np.column_stack([found, STIFF * np.maximum(excess, 0.0)])
+            found = np.column_stack([found, SPREAD_PENALTY * np.maximum(excess, 0.0)])
         return found
 
-    def figures(self, vectors: Array) -> Figures:
+    def figures(self, vectors: Array) -> DesignMeasures:
         """Measures of designs (B, d) at all points."""
         moment, energy = self.curves(vectors, self.angles)
         wanted = self.target(self.angles)
-        return Figures(
+        return DesignMeasures(
             rmse(moment, wanted),
             work_reduction(moment, wanted, self.angles),
             energy_spread(*np.moveaxis(energy, -1, 0)),
         )
 
-    def curves(self, vectors: Array, angle: Array, bent: float = BENT) -> tuple[Array, Array]:
+    def curves(
+        self, vectors: Array, angle: Array, min_sine: float = MIN_ELBOW_SINE
+    ) -> tuple[Array, Array]:
         """Balancing moments (B, A) [N m] and energies (B, A, n) [J]; NaN where not buildable."""
-        there, n = np.flatnonzero(np.isfinite(vectors).all(axis=-1)), self.variant.segments
-        chains = balancers(**self.variant.parameters(vectors[there]))
+        buildable, n = np.flatnonzero(np.isfinite(vectors).all(axis=-1)), self.variant.segments
+        chains = balancers(**self.variant.parameters(vectors[buildable]))
         possible = np.isfinite(chains.rest + chains.stiffness).all(axis=-1)
-        there, chains = there[possible], chains[possible]
+        buildable, chains = buildable[possible], chains[possible]
         moment = np.full((len(vectors), angle.size), np.nan)
         energy = np.full((len(vectors), angle.size, n), np.nan)
-        if there.size:
+        if buildable.size:
             with np.errstate(all="ignore"):  # beyond the end of a path all values are NaN
                 path = along(chains, follow(chains, RIGHT_ANGLE), angle)
                 last, before = path.theta[..., -1], path.theta[..., -2]
-                good = (self.variant.mode * np.sin(last - before) > bent).all(axis=-1)
-            moment[there[good]] = balancing_moment(chains, path)[good]
-            energy[there[good]] = path.energy[good]
+                accepted = (self.variant.mode * np.sin(last - before) > min_sine).all(axis=-1)
+            moment[buildable[accepted]] = balancing_moment(chains, path)[accepted]
+            energy[buildable[accepted]] = path.energy[accepted]
         return moment, energy

@@ -17,10 +17,10 @@ def check_restitution(restitution: float) -> None:
         raise ValueError(f"restitution must lie from 0 to 1 [1], got {restitution}")
 
 
-def since_start(time: ArrayLike) -> Array:
+def check_times(time: ArrayLike) -> Array:
     """Times [s] as an array, or a ValueError if one is before the start of the motion.
 
-    >>> since_start([0.0, -1.0])
+    >>> check_times([0.0, -1.0])
     Traceback (most recent call last):
     ValueError: time must not be negative [s]: an impact cannot be followed backwards, got -1.0
     """

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.contacts import check_restitution, since_start
-from proofmass.analytic.numerics import Array, finite, not_negative, positive
+from proofmass.analytic.contacts import check_restitution, check_times
+from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
 
-MOST = 10_000
+MAX_IMPACTS = 10_000
 """Largest number of impacts that are computed."""
 
 
@@ -56,7 +56,7 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter out of its domain, a negative time, or more than `MOST` impacts, which
+        A parameter out of its domain, a negative time, or more than `MAX_IMPACTS` impacts, which
         inelastic balls may have within a finite time.
 
     Notes
@@ -70,31 +70,31 @@ def solve(
     >>> [round(float(late[name]), 12) for name in ("x1", "x2", "x3", "v1", "v3")]
     [0.05, 0.3, 2.4, 0.0, 2.0]
     """
-    t = since_start(time)
-    starts, places, speeds = _events(
+    t = check_times(time)
+    starts, places, speeds = _follow_impacts(
         balls, radius, gap, speed, restitution, float(t.max(initial=0.0))
     )
-    of = np.searchsorted(starts, t, side="right") - 1
-    x = places[of] + speeds[of] * (t - starts[of])[..., None]
-    v = speeds[of]
+    last_impact = np.searchsorted(starts, t, side="right") - 1
+    x = places[last_impact] + speeds[last_impact] * (t - starts[last_impact])[..., None]
+    v = speeds[last_impact]
     numbers = range(int(balls))
     return {
         **{f"x{k + 1}": x[..., k] for k in numbers},
         **{f"v{k + 1}": v[..., k] for k in numbers},
-        "impacts": of.astype(float),
+        "impacts": last_impact.astype(float),
     }
 
 
-def _events(
+def _follow_impacts(
     balls: int, radius: float, gap: float, speed: float, e: float, until: float
 ) -> tuple[Array, Array, Array]:
     """Times (n,) [s] of start and impacts, and positions and velocities (n, balls) after them."""
     if not (balls >= 2 and balls == int(balls)):
         raise ValueError(f"balls must be a whole number of 2 or more, got {balls}")
-    positive(radius=radius)
-    positive("m/s", speed=speed)
-    not_negative("m", gap=gap)
-    finite(restitution=e)
+    check_positive(radius=radius)
+    check_positive("m/s", speed=speed)
+    check_not_negative("m", gap=gap)
+    check_finite(restitution=e)
     check_restitution(e)
     if gap == 0.0 and e < 1.0:
         raise ValueError(
@@ -102,26 +102,30 @@ def _events(
             f"order of their impacts; got gap = 0 and restitution = {e}"
         )
     count = int(balls)
-    now, at = 0.0, (2.0 * radius + gap) * np.arange(count)
+    now, centres = 0.0, (2.0 * radius + gap) * np.arange(count)
     v = np.zeros(count)
     v[0] = speed
-    room = np.full(count - 1, gap)  # distances between the surfaces of neighbours
-    found = [(now, at, v)]
-    while len(found) <= MOST:
+    distances = np.full(count - 1, gap)  # distances between the surfaces of neighbours
+    found = [(now, centres, v)]
+    while len(found) <= MAX_IMPACTS:
         closing = v[:-1] - v[1:]
         with np.errstate(all="ignore"):
-            waits = np.where(closing > 1e-15 * speed, np.maximum(room, 0.0) / closing, np.inf)
+            waits = np.where(closing > 1e-15 * speed, np.maximum(distances, 0.0) / closing, np.inf)
         k = int(np.argmin(waits))
         if not (np.isfinite(waits[k]) and now + waits[k] <= until):
             return tuple(map(np.array, zip(*found, strict=True)))  # type: ignore[return-value]
-        at, room, now = at + v * waits[k], room - closing * waits[k], now + float(waits[k])
-        room[k] = 0.0
-        one, two = v[k], v[k + 1]
+        centres, distances, now = (
+            centres + v * waits[k],
+            distances - closing * waits[k],
+            now + float(waits[k]),
+        )
+        distances[k] = 0.0
+        speed_behind, speed_ahead = v[k], v[k + 1]
         v = v.copy()
-        v[k] = 0.5 * ((1.0 - e) * one + (1.0 + e) * two)
-        v[k + 1] = 0.5 * ((1.0 + e) * one + (1.0 - e) * two)
-        found.append((now, at, v))
-    raise ValueError(f"the balls hit each other more than {MOST} times until {now:.6g} s")
+        v[k] = 0.5 * ((1.0 - e) * speed_behind + (1.0 + e) * speed_ahead)
+        v[k + 1] = 0.5 * ((1.0 + e) * speed_behind + (1.0 - e) * speed_ahead)
+        found.append((now, centres, v))
+    raise ValueError(f"the balls hit each other more than {MAX_IMPACTS} times until {now:.6g} s")
 
 
 def properties(
@@ -132,7 +136,7 @@ def properties(
     >>> properties(balls=3, radius=0.1, gap=0.05, speed=2.0)["at last"]
     '0, 0, 2 m/s'
     """
-    times, _, speeds = _events(balls, radius, gap, speed, restitution, np.inf)
+    times, _, speeds = _follow_impacts(balls, radius, gap, speed, restitution, np.inf)
     return {
         "impacts": f"{len(times) - 1}, the last one after {times[-1]:.5g} s",
         "at last": f"{', '.join(f'{v:.4g}' for v in speeds[-1])} m/s",

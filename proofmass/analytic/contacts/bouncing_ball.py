@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.contacts import check_restitution, since_start
-from proofmass.analytic.numerics import Array, finite, not_negative, positive
+from proofmass.analytic.contacts import check_restitution, check_times
+from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
 
 
 def solve(
@@ -67,43 +67,50 @@ def solve(
     >>> at["height"].round(9).tolist(), at["bounces"].tolist()
     ([5.0, 0.0, 1.25, 0.0], [0.0, 1.0, 1.0, 51.0])
     """
-    t = since_start(time)
-    first, hit = _first_impact(height, restitution, speed, gravity)
-    e, flight = restitution, 2.0 * hit / gravity
-    late = t - first
+    t = check_times(time)
+    first, impact_speed = _first_impact(height, restitution, speed, gravity)
+    e, flight = restitution, 2.0 * impact_speed / gravity
+    elapsed = t - first
     end = rest_time(height=height, restitution=e, speed=speed, gravity=gravity)
-    still = e == 0.0 or flight == 0.0
-    most = 0.0 if still else np.inf if e == 1.0 else np.ceil(np.log(1e-15) / np.log(e))
+    rests_at_once = e == 0.0 or flight == 0.0
+    max_flights = (
+        0.0 if rests_at_once else np.inf if e == 1.0 else np.ceil(np.log(1e-15) / np.log(e))
+    )
     with np.errstate(all="ignore"):
-        if still:
+        if rests_at_once:
             count = np.zeros(t.shape)
         elif e == 1.0:
-            count = np.floor(late / flight)
+            count = np.floor(elapsed / flight)
         else:
-            left = 1.0 - late * (1.0 - e) / (flight * e)
-            count = np.floor(np.log(np.maximum(left, 1e-300)) / np.log(e))
-        count = np.clip(np.nan_to_num(count), 0.0, most)
+            share_left = 1.0 - elapsed * (1.0 - e) / (flight * e)
+            count = np.floor(np.log(np.maximum(share_left, 1e-300)) / np.log(e))
+        count = np.clip(np.nan_to_num(count), 0.0, max_flights)
         for _ in range(2):  # corrects the rounding of the logarithm
-            count = count + (late >= _since_first(count + 1.0, e, flight)) * (count < most)
-            count = count - (late < _since_first(count, e, flight)) * (count > 0.0)
-    up = hit * e ** (count + 1.0)
-    since = late - _since_first(count, e, flight)
-    before, rests = late < 0.0, (t >= end) | ((count >= most) & (late >= 0.0))
-    flying = since * (up - 0.5 * gravity * since), up - gravity * since
+            count = count + (elapsed >= _time_of_flights(count + 1.0, e, flight)) * (
+                count < max_flights
+            )
+            count = count - (elapsed < _time_of_flights(count, e, flight)) * (count > 0.0)
+    take_off_speed = impact_speed * e ** (count + 1.0)
+    flight_time = elapsed - _time_of_flights(count, e, flight)
+    first_fall, rests = elapsed < 0.0, (t >= end) | ((count >= max_flights) & (elapsed >= 0.0))
+    flying = (
+        flight_time * (take_off_speed - 0.5 * gravity * flight_time),
+        take_off_speed - gravity * flight_time,
+    )
     falling = height + t * (speed - 0.5 * gravity * t), speed - gravity * t
-    at, v = (
-        np.where(before, one, np.where(rests, 0.0, other))
+    heights, v = (
+        np.where(first_fall, one, np.where(rests, 0.0, other))
         for one, other in zip(falling, flying, strict=True)
     )
     return {
-        "height": np.maximum(at, 0.0),
+        "height": np.maximum(heights, 0.0),
         "velocity": v,
-        "acceleration": np.where(rests & ~before, 0.0, -gravity),
-        "bounces": np.where(before, 0.0, count + 1.0),
+        "acceleration": np.where(rests & ~first_fall, 0.0, -gravity),
+        "bounces": np.where(first_fall, 0.0, count + 1.0),
     }
 
 
-def _since_first(count: Array, e: float, flight: float) -> Array:
+def _time_of_flights(count: Array, e: float, flight: float) -> Array:
     """Time [s] from the first impact to the impact after `count` more flights."""
     return flight * (count if e == 1.0 else e * (1.0 - e**count) / (1.0 - e))
 
@@ -112,14 +119,14 @@ def _first_impact(
     height: float, restitution: float, speed: float, gravity: float
 ) -> tuple[float, float]:
     """Time [s] and speed [m/s] of the first impact."""
-    not_negative("m", height=height)
-    finite(speed=speed)
-    positive("m/s^2", gravity=gravity)
+    check_not_negative("m", height=height)
+    check_finite(speed=speed)
+    check_positive("m/s^2", gravity=gravity)
     check_restitution(restitution)
-    hit = float(np.sqrt(speed**2 + 2.0 * gravity * height))
+    impact_speed = float(np.sqrt(speed**2 + 2.0 * gravity * height))
     if speed < 0.0:  # this form has no difference of nearly equal numbers
-        return 2.0 * height / (hit - speed), hit
-    return (speed + hit) / gravity, hit
+        return 2.0 * height / (impact_speed - speed), impact_speed
+    return (speed + impact_speed) / gravity, impact_speed
 
 
 def rest_time(
@@ -130,10 +137,10 @@ def rest_time(
     >>> rest_time(height=5.0, restitution=0.5, gravity=10.0)
     3.0
     """
-    first, hit = _first_impact(height, restitution, speed, gravity)
+    first, impact_speed = _first_impact(height, restitution, speed, gravity)
     if restitution == 1.0:
-        return np.inf if hit else first
-    return first + 2.0 * hit / gravity * restitution / (1.0 - restitution)
+        return np.inf if impact_speed else first
+    return first + 2.0 * impact_speed / gravity * restitution / (1.0 - restitution)
 
 
 def properties(
@@ -144,11 +151,11 @@ def properties(
     >>> properties(height=5.0, restitution=0.5, gravity=10.0)["rests"]
     'from 3 s on'
     """
-    first, hit = _first_impact(height, restitution, speed, gravity)
+    first, impact_speed = _first_impact(height, restitution, speed, gravity)
     end = rest_time(height=height, restitution=restitution, speed=speed, gravity=gravity)
-    top = (restitution * hit) ** 2 / (2.0 * gravity)
+    top = (restitution * impact_speed) ** 2 / (2.0 * gravity)
     return {
-        "first impact": f"at {first:.5g} s, with {hit:.5g} m/s",
+        "first impact": f"at {first:.5g} s, with {impact_speed:.5g} m/s",
         "highest after it": f"{top:.5g} m",
         "rests": f"from {end:.5g} s on" if np.isfinite(end) else "never",
     }

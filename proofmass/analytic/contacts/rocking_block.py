@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import elliprf
 
-from proofmass.analytic.contacts import since_start
+from proofmass.analytic.contacts import check_times
 from proofmass.analytic.linkages import pendulum
-from proofmass.analytic.numerics import Array, positive
+from proofmass.analytic.numerics import Array, check_positive
 
-SMALLEST = 1e-9
+MIN_AMPLITUDE_SHARE = 1e-9
 """Smallest amplitude, as a share of the block's angle alpha; below it the block rests."""
-MOST = 100_000
+MAX_IMPACTS = 100_000
 """Largest number of impacts that are computed."""
 
 
@@ -77,47 +77,47 @@ def solve(
     >>> round(float(start["angle"]), 12), round(float(start["acceleration"]), 6)
     (0.1, -5.156054)
     """
-    t = since_start(time)
-    alpha, squared = _block(width, height, tilt, gravity)
+    t = check_times(time)
+    alpha, p_squared = _check_block(width, height, tilt, gravity)
     amplitudes, peaks, ends = _half_cycles(
-        alpha, squared, tilt, ratio(width=width, height=height), float(t.max(initial=0.0))
+        alpha, p_squared, tilt, rate_ratio(width=width, height=height), float(t.max(initial=0.0))
     )
     # the half cycle of each time; the first one begins at its amplitude
-    of = np.searchsorted(ends, t, side="right")
-    rests = of >= len(ends)
+    half_cycle = np.searchsorted(ends, t, side="right")
+    rests = half_cycle >= len(ends)
     angle, rate, acceleration = (np.zeros(t.shape) for _ in range(3))
-    for k in np.unique(of[~rests]):
-        here = of == k
+    for k in np.unique(half_cycle[~rests]):
+        in_cycle = half_cycle == k
         swing = pendulum.solve(
-            np.sqrt(squared) * (t[here] - peaks[k]),
+            np.sqrt(p_squared) * (t[in_cycle] - peaks[k]),
             length=1.0,
             mass=1.0,
             gravity=1.0,
             amplitude=np.pi - (alpha - amplitudes[k]),
         )
         side = np.sign(tilt) * (-1.0) ** k
-        angle[here] = side * np.maximum(swing["angle"] - (np.pi - alpha), 0.0)
-        rate[here] = side * np.sqrt(squared) * swing["rate"]
-        acceleration[here] = side * squared * swing["acceleration"]
+        angle[in_cycle] = side * np.maximum(swing["angle"] - (np.pi - alpha), 0.0)
+        rate[in_cycle] = side * np.sqrt(p_squared) * swing["rate"]
+        acceleration[in_cycle] = side * p_squared * swing["acceleration"]
     half_width, half_height = 0.5 * width, 0.5 * height
     lean = np.abs(angle)
-    way = 2.0 * half_width * np.sin(0.5 * lean) ** 2 + half_height * np.sin(lean)
+    shift = 2.0 * half_width * np.sin(0.5 * lean) ** 2 + half_height * np.sin(lean)
     return {
         "angle": angle,
         "rate": rate,
         "acceleration": acceleration,
-        "centre_x": -np.sign(angle) * way,
+        "centre_x": -np.sign(angle) * shift,
         "centre_height": half_width * np.sin(lean) + half_height * np.cos(lean),
-        "impacts": np.minimum(of, len(ends)).astype(float),
+        "impacts": np.minimum(half_cycle, len(ends)).astype(float),
     }
 
 
-def _block(width: float, height: float, tilt: float, gravity: float) -> tuple[float, float]:
+def _check_block(width: float, height: float, tilt: float, gravity: float) -> tuple[float, float]:
     """Angle alpha of the block [rad] and p^2 [1/s^2], after a check of the inputs."""
-    positive(width=width, height=height)
-    positive("m/s^2", gravity=gravity)
+    check_positive(width=width, height=height)
+    check_positive("m/s^2", gravity=gravity)
     alpha = float(np.arctan2(width, height))
-    if ratio(width=width, height=height) <= 0.0:
+    if rate_ratio(width=width, height=height) <= 0.0:
         raise ValueError(
             f"width must be less than {np.sqrt(2.0) * height:.6g} m, 2^(1/2) heights: a wider "
             f"block does not rock on; got {width}"
@@ -130,45 +130,49 @@ def _block(width: float, height: float, tilt: float, gravity: float) -> tuple[fl
     return alpha, 1.5 * gravity / float(np.hypot(width, height))
 
 
-def ratio(*, width: float, height: float) -> float:
+def rate_ratio(*, width: float, height: float) -> float:
     """Rate after an impact over the rate before it [1], 1 - 3/2 sin^2(alpha).
 
-    >>> round(ratio(width=0.1, height=0.4), 6)
+    >>> round(rate_ratio(width=0.1, height=0.4), 6)
     0.911765
     """
     return 1.0 - 1.5 * width**2 / (width**2 + height**2)
 
 
-def quarter(*, width: float, height: float, tilt: float, gravity: float = 9.81) -> float:
+def time_to_impact(*, width: float, height: float, tilt: float, gravity: float = 9.81) -> float:
     """Time [s] from the tilt, at rest, to the first impact, for the inputs of `solve`.
 
-    >>> round(quarter(width=0.1, height=0.4, tilt=0.1), 9)
+    >>> round(time_to_impact(width=0.1, height=0.4, tilt=0.1), 9)
     0.187180651
     """
-    alpha, squared = _block(width, height, tilt, gravity)
-    return _quarter(alpha, abs(tilt), squared)
+    alpha, p_squared = _check_block(width, height, tilt, gravity)
+    return _time_to_impact(alpha, abs(tilt), p_squared)
 
 
-def _quarter(alpha: float, amplitude: float, squared: float) -> float:
-    """Time [s] from an amplitude to the next impact; `squared` is p^2 [1/s^2]."""
+def _time_to_impact(alpha: float, amplitude: float, p_squared: float) -> float:
+    """Time [s] from an amplitude to the next impact; `p_squared` is p^2 [1/s^2]."""
     upright = alpha - amplitude
     # F(phi, k) = sin(phi) R_F(cos^2 phi, 1 - k^2 sin^2 phi, 1), without the cancellation of 1 - k^2
     slope, edge = np.tan(0.5 * upright), np.tan(0.5 * alpha)
     # edge^2 - slope^2 in a form that keeps all digits at small amplitudes
-    apart = np.sin(0.5 * amplitude) / (np.cos(0.5 * upright) * np.cos(0.5 * alpha)) * (edge + slope)
-    cos2, sin2 = (slope / edge) ** 2, apart / edge**2
+    difference = (
+        np.sin(0.5 * amplitude) / (np.cos(0.5 * upright) * np.cos(0.5 * alpha)) * (edge + slope)
+    )
+    cos2, sin2 = (slope / edge) ** 2, difference / edge**2
     inner = cos2 + np.sin(0.5 * upright) ** 2 * sin2
-    return float(np.sqrt(sin2 / squared) * elliprf(cos2, inner, 1.0))
+    return float(np.sqrt(sin2 / p_squared) * elliprf(cos2, inner, 1.0))
 
 
 def _half_cycles(
-    alpha: float, squared: float, tilt: float, r: float, until: float
+    alpha: float, p_squared: float, tilt: float, r: float, until: float
 ) -> tuple[Array, Array, Array]:
     """Amplitudes [rad] of the half cycles, times [s] of the amplitudes and of the impacts after."""
-    amplitudes, peaks, ends = [abs(tilt)], [0.0], [_quarter(alpha, abs(tilt), squared)]
+    amplitudes, peaks, ends = [abs(tilt)], [0.0], [_time_to_impact(alpha, abs(tilt), p_squared)]
     while ends[-1] <= until:
-        if len(ends) > MOST:
-            raise ValueError(f"the block hits the floor more than {MOST} times until {until:.6g} s")
+        if len(ends) > MAX_IMPACTS:
+            raise ValueError(
+                f"the block hits the floor more than {MAX_IMPACTS} times until {until:.6g} s"
+            )
         before = amplitudes[-1]
         # cos(alpha - A) - cos(alpha) = 2 sin(alpha - A/2) sin(A/2), times r^2 after the impact
         lift = 2.0 * r**2 * np.sin(alpha - 0.5 * before) * np.sin(0.5 * before)
@@ -177,12 +181,12 @@ def _half_cycles(
         sine, cosine = np.sin(alpha), np.cos(alpha)
         root = np.sqrt(sine**2 - lift * (2.0 * cosine + lift))
         after = 2.0 * float(np.arctan2(lift, sine + root))
-        if after < SMALLEST * alpha:
+        if after < MIN_AMPLITUDE_SHARE * alpha:
             break
-        way = _quarter(alpha, after, squared)
+        half_time = _time_to_impact(alpha, after, p_squared)
         amplitudes.append(after)
-        peaks.append(ends[-1] + way)
-        ends.append(ends[-1] + 2.0 * way)
+        peaks.append(ends[-1] + half_time)
+        ends.append(ends[-1] + 2.0 * half_time)
     return np.array(amplitudes), np.array(peaks), np.array(ends)
 
 
@@ -194,8 +198,8 @@ def properties(
     >>> properties(width=0.1, height=0.4, tilt=0.1)["rate after an impact"]
     '91.18 % of that before it'
     """
-    first = quarter(width=width, height=height, tilt=tilt, gravity=gravity)
-    kept = 100.0 * ratio(width=width, height=height)
+    first = time_to_impact(width=width, height=height, tilt=tilt, gravity=gravity)
+    kept = 100.0 * rate_ratio(width=width, height=height)
     return {
         "first impact": f"after {first:.5g} s",
         "rate after an impact": f"{kept:.4g} % of that before it",

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.contacts import since_start
-from proofmass.analytic.numerics import Array, finite, not_negative, positive
+from proofmass.analytic.contacts import check_times
+from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
 
-SPHERE = 0.4
+SPHERE_INERTIA_RATIO = 0.4
 """Moment of inertia of a solid sphere divided by m r^2 [1]; a solid disc has 0.5, a hoop 1."""
 
 
@@ -17,7 +17,7 @@ def solve(
     friction: float,
     speed: float,
     spin: float = 0.0,
-    inertia_ratio: float = SPHERE,
+    inertia_ratio: float = SPHERE_INERTIA_RATIO,
     gravity: float = 9.81,
 ) -> dict[str, Array]:
     r"""Motion of a ball or a disc on a level floor, from any speed and spin.
@@ -68,38 +68,48 @@ def solve(
     >>> round(float(late["velocity"]), 12), round(float(late["spin"]), 12)
     (5.0, 50.0)
     """
-    t = since_start(time)
-    end, push, rolls = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
+    t = check_times(time)
+    end, sliding_acceleration, rolling_speed = _sliding_phase(
+        radius, friction, speed, spin, inertia_ratio, gravity
+    )
     early, late = np.minimum(t, end), np.maximum(t - end, 0.0)
-    turn = -push / (inertia_ratio * radius)
+    spin_acceleration = -sliding_acceleration / (inertia_ratio * radius)
     slides = t < end
     return {
-        "position": early * (speed + 0.5 * push * early) + rolls * late,
-        "velocity": np.where(slides, speed + push * early, rolls),
-        "acceleration": np.where(slides, push, 0.0),
-        "angle": early * (spin + 0.5 * turn * early) + rolls / radius * late,
-        "spin": np.where(slides, spin + turn * early, rolls / radius),
-        "spin_rate": np.where(slides, turn, 0.0),
-        "slip": np.where(slides, speed - radius * spin + (push - radius * turn) * early, 0.0),
+        "position": early * (speed + 0.5 * sliding_acceleration * early) + rolling_speed * late,
+        "velocity": np.where(slides, speed + sliding_acceleration * early, rolling_speed),
+        "acceleration": np.where(slides, sliding_acceleration, 0.0),
+        "angle": early * (spin + 0.5 * spin_acceleration * early) + rolling_speed / radius * late,
+        "spin": np.where(slides, spin + spin_acceleration * early, rolling_speed / radius),
+        "spin_rate": np.where(slides, spin_acceleration, 0.0),
+        "slip": np.where(
+            slides,
+            speed - radius * spin + (sliding_acceleration - radius * spin_acceleration) * early,
+            0.0,
+        ),
     }
 
 
-def _sliding(
+def _sliding_phase(
     radius: float, friction: float, speed: float, spin: float, ratio: float, gravity: float
 ) -> tuple[float, float, float]:
     """Time when rolling begins [s], acceleration before it [m/s^2], speed after it [m/s]."""
-    positive(radius=radius)
-    positive("1", inertia_ratio=ratio)
-    not_negative("1", friction=friction)
-    not_negative("m/s^2", gravity=gravity)
-    finite(speed=speed, spin=spin)
-    slip, most = speed - radius * spin, friction * gravity
-    rolls = (speed + ratio * radius * spin) / (1.0 + ratio)
+    check_positive(radius=radius)
+    check_positive("1", inertia_ratio=ratio)
+    check_not_negative("1", friction=friction)
+    check_not_negative("m/s^2", gravity=gravity)
+    check_finite(speed=speed, spin=spin)
+    slip, deceleration = speed - radius * spin, friction * gravity
+    rolling_speed = (speed + ratio * radius * spin) / (1.0 + ratio)
     if slip == 0.0:
-        return 0.0, 0.0, rolls
-    if most == 0.0:
-        return np.inf, 0.0, rolls
-    return abs(slip) / (most * (1.0 + 1.0 / ratio)), -float(np.sign(slip)) * most, rolls
+        return 0.0, 0.0, rolling_speed
+    if deceleration == 0.0:
+        return np.inf, 0.0, rolling_speed
+    return (
+        abs(slip) / (deceleration * (1.0 + 1.0 / ratio)),
+        -float(np.sign(slip)) * deceleration,
+        rolling_speed,
+    )
 
 
 def roll_time(
@@ -108,7 +118,7 @@ def roll_time(
     friction: float,
     speed: float,
     spin: float = 0.0,
-    inertia_ratio: float = SPHERE,
+    inertia_ratio: float = SPHERE_INERTIA_RATIO,
     gravity: float = 9.81,
 ) -> float:
     """Time at which the ball begins to roll [s], infinite without friction.
@@ -116,7 +126,7 @@ def roll_time(
     >>> round(roll_time(radius=0.1, friction=0.3, speed=7.0, gravity=10.0), 12)
     0.666666666667
     """
-    return _sliding(radius, friction, speed, spin, inertia_ratio, gravity)[0]
+    return _sliding_phase(radius, friction, speed, spin, inertia_ratio, gravity)[0]
 
 
 def properties(
@@ -125,7 +135,7 @@ def properties(
     friction: float,
     speed: float,
     spin: float = 0.0,
-    inertia_ratio: float = SPHERE,
+    inertia_ratio: float = SPHERE_INERTIA_RATIO,
     gravity: float = 9.81,
 ) -> dict[str, str]:
     """Time when the ball begins to roll, and its speed then, in words.
@@ -133,7 +143,7 @@ def properties(
     >>> properties(radius=0.1, friction=0.3, speed=7.0, gravity=10.0)
     {'rolls': 'from 0.66667 s on, at 5 m/s'}
     """
-    end, _, rolls = _sliding(radius, friction, speed, spin, inertia_ratio, gravity)
+    end, _, rolling_speed = _sliding_phase(radius, friction, speed, spin, inertia_ratio, gravity)
     if not np.isfinite(end):
         return {"rolls": "never"}
-    return {"rolls": f"from {end:.5g} s on, at {rolls:.5g} m/s"}
+    return {"rolls": f"from {end:.5g} s on, at {rolling_speed:.5g} m/s"}

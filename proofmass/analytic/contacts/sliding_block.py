@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.contacts import since_start
-from proofmass.analytic.numerics import Array, finite, not_negative, positive
+from proofmass.analytic.contacts import check_times
+from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
 
 
 def solve(
@@ -69,9 +69,9 @@ def solve(
     >>> motion["position"].round(9).tolist(), motion["velocity"].round(9).tolist()
     ([0.0, 0.4, 0.4], [2.0, 0.0, 0.0])
     """
-    t = since_start(time)
+    t = check_times(time)
     before, after, stop = _phases(friction=friction, angle=angle, speed=speed, gravity=gravity)
-    positive("kg", mass=mass)
+    check_positive("kg", mass=mass)
     early, late = np.minimum(t, stop), np.maximum(t - stop, 0.0)
     slides = t < stop
     acceleration = np.where(slides, before, after)
@@ -88,17 +88,19 @@ def _phases(
     *, friction: float, angle: float, speed: float, gravity: float
 ) -> tuple[float, float, float]:
     """Accelerations [m/s^2] before and after the block stops, and the time when it stops [s]."""
-    not_negative("1", friction=friction)
-    not_negative("m/s^2", gravity=gravity)
-    finite(speed=speed)
+    check_not_negative("1", friction=friction)
+    check_not_negative("m/s^2", gravity=gravity)
+    check_finite(speed=speed)
     if not 0.0 <= angle < 0.5 * np.pi:
         raise ValueError(f"angle must lie from 0 to less than pi/2 [rad], got {angle}")
-    pull, most = (gravity * float(f(angle)) for f in (np.sin, np.cos))
-    most *= friction
-    after = min(most - pull, 0.0)
+    weight_acceleration, friction_deceleration = (
+        gravity * float(f(angle)) for f in (np.sin, np.cos)
+    )
+    friction_deceleration *= friction
+    after = min(friction_deceleration - weight_acceleration, 0.0)
     if speed == 0.0:
         return after, after, 0.0
-    before = -pull - np.sign(speed) * most
+    before = -weight_acceleration - np.sign(speed) * friction_deceleration
     stops = speed * before < 0.0
     return float(before), after, float(-speed / before) if stops else np.inf
 
@@ -126,11 +128,11 @@ def properties(
     {'stops': 'after 0.4 s and 0.4 m', 'at rest': 'sticks: tan(angle) is 0 % of the friction'}
     """
     stop = stop_time(friction=friction, angle=angle, speed=speed, gravity=gravity)
-    way = abs(0.5 * speed * stop) if speed else 0.0
+    distance = abs(0.5 * speed * stop) if speed else 0.0
     share = np.tan(angle) / friction if friction else np.inf
     sticks = f"sticks: tan(angle) is {100 * share:.4g} % of the friction"
     slides = "slides down: tan(angle) exceeds the friction"
     return {
-        "stops": f"after {stop:.5g} s and {way:.5g} m" if np.isfinite(stop) else "never",
+        "stops": f"after {stop:.5g} s and {distance:.5g} m" if np.isfinite(stop) else "never",
         "at rest": sticks if share <= 1.0 else slides,
     }

@@ -25,37 +25,37 @@ Ends = tuple[Complex | complex, Complex | complex]
 """A vector at each of the two ends of a bar, as complex numbers."""
 
 
-FORCES = "_force_x", "_force_y"
-LOADS = "_moment", *FORCES
+FORCE_ENDINGS = "_force_x", "_force_y"
+LOAD_ENDINGS = "_moment", *FORCE_ENDINGS
 """Endings of the names of pin forces, and of all quantities due to weight, inertia and loads."""
 
 
-def asks(only: Collection[str] | None, *endings: str) -> bool:
+def is_requested(only: Collection[str] | None, *endings: str) -> bool:
     """Whether a quantity is requested whose name has one of the endings; None requests all.
 
-    >>> asks(None, "_moment"), asks({"slide"}, "_moment")
+    >>> is_requested(None, "_moment"), is_requested({"slide"}, "_moment")
     (True, False)
-    >>> asks({"holding_moment"}, "_moment")
+    >>> is_requested({"holding_moment"}, "_moment")
     True
     """
     return only is None or any(name.endswith(endings) for name in only)
 
 
-def picked(
+def select_positions(
     only: Collection[str] | None, places: Mapping[str, Callable[[], Array]]
 ) -> NamedCurves | None:
     """The requested curves of places and angles; None if any other quantity is requested.
 
-    >>> list(picked({"y"}, {"x": lambda: np.zeros(1), "y": lambda: np.ones(1)}))
+    >>> list(select_positions({"y"}, {"x": lambda: np.zeros(1), "y": lambda: np.ones(1)}))
     ['y']
-    >>> picked({"y", "y_rate"}, {"y": lambda: np.ones(1)})
+    >>> select_positions({"y", "y_rate"}, {"y": lambda: np.ones(1)})
     """
     if only is None or not places.keys() >= set(only):
         return None
     return {name: curve() for name, curve in places.items() if name in only}
 
 
-def asked_of_drive(mass: float, acceleration: Ends, moved: Ends) -> Array:
+def drive_moment(mass: float, acceleration: Ends, unit_velocities: Ends) -> Array:
     """Moment [N m], or force [N], that a drive needs for the inertia of a bar.
 
     Parameters
@@ -64,19 +64,19 @@ def asked_of_drive(mass: float, acceleration: Ends, moved: Ends) -> Array:
         Mass of the bar [kg].
     acceleration : two complex arrays
         Accelerations of the ends [m/s^2].
-    moved : two complex arrays
+    unit_velocities : two complex arrays
         Velocities of the ends for a unit rate of the drive [m, or 1 for a slide].
 
     Examples
     --------
-    >>> round(float(asked_of_drive(3.0, (0j, 2j), (0j, 2j))), 12)  # m L^2 / 3, about one end
+    >>> round(float(drive_moment(3.0, (0j, 2j), (0j, 2j))), 12)  # m L^2 / 3, about one end
     4.0
     """
-    (a, b), (v, w) = acceleration, moved
+    (a, b), (v, w) = acceleration, unit_velocities
     return np.asarray(mass / 6.0 * (dot(a, 2.0 * v + w) + dot(b, v + 2.0 * w)))
 
 
-def asked_of_pins(mass: float, bar: Complex, acceleration: Ends) -> tuple[Complex, Array]:
+def pin_load(mass: float, bar: Complex, acceleration: Ends) -> tuple[Complex, Array]:
     """Force [N], and moment about the first end [N m], that give a bar its accelerations.
 
     Parameters

@@ -11,28 +11,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages.bars import (
-    FORCES,
-    LOADS,
+    FORCE_ENDINGS,
+    LOAD_ENDINGS,
     Ends,
-    asked_of_drive,
-    asked_of_pins,
-    asks,
-    picked,
+    drive_moment,
+    is_requested,
+    pin_load,
+    select_positions,
 )
 from proofmass.analytic.numerics import (
     TURN,
     Array,
     Complex,
-    finite,
-    in_frame,
-    not_negative,
-    one_of,
-    positive,
+    check_finite,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+    components_in_frame,
     rounding_of_sum,
-    unwrapped,
+    unwrap_angles,
 )
 
-Triple = tuple[Array, Array, Array]  # a value and its first two derivatives by the crank angle
+WithDerivatives = tuple[
+    Array, Array, Array
+]  # a value and its first two derivatives by the crank angle
 MODES = (1, -1)
 
 
@@ -150,23 +152,23 @@ def solve(
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
     masses = {"crank_mass": crank_mass, "coupler_mass": coupler_mass, "rocker_mass": rocker_mass}
-    positive(**lengths)
-    one_of(MODES, mode=mode)
-    not_negative(**masses)
-    finite(point_along=point_along, point_across=point_across, rocker_load=rocker_load)
+    check_positive(**lengths)
+    check_one_of(MODES, mode=mode)
+    check_not_negative(**masses)
+    check_finite(point_along=point_along, point_across=point_across, rocker_load=rocker_load)
     on_rocker = np.asarray(rocker_load, float)
     inputs = np.broadcast_arrays(*(np.asarray(x, float) for x in (angle, rate, acceleration)))
     theta, w, dw = (np.atleast_1d(x) for x in inputs)
     px, py = crank * np.cos(theta), crank * np.sin(theta)
     along, across = point_along / coupler, point_across / coupler
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # in line: as documented
-        closed = _close(theta, ground - px, -py, **lengths, mode=mode)
+        closed = _close_loop(theta, ground - px, -py, **lengths, mode=mode)
         (ax, ay), (bx, by), cross = closed.coupler, closed.rocker, closed.cross
-        places = picked(
+        places = select_positions(
             only,
             {
-                "coupler_angle": lambda: unwrapped(np.arctan2(ay, ax)),
-                "rocker_angle": lambda: unwrapped(np.arctan2(by, bx)),
+                "coupler_angle": lambda: unwrap_angles(np.arctan2(ay, ax)),
+                "rocker_angle": lambda: unwrap_angles(np.arctan2(by, bx)),
                 "pin_x": lambda: ground + bx,
                 "pin_y": lambda: by,
                 "point_x": lambda: px + (along * ax - across * ay),
@@ -179,7 +181,7 @@ def solve(
         (a1, a2), (b1, b2) = closed.turns()
         a_motion, b_motion = (a1 * w, a1 * dw + a2 * w**2), (b1 * w, b1 * dw + b2 * w**2)
         loads: dict[str, Array] = {}
-        if asks(only, *LOADS):
+        if is_requested(only, *LOAD_ENDINGS):
             moment = (
                 0.5
                 * gravity
@@ -194,21 +196,21 @@ def solve(
                 at_q = (1j * b_motion[1] - b_motion[0] ** 2) * bars[2]
                 accelerations = (rest, at_p), (at_p, at_q), (rest, at_q)
                 p1, q1 = 1j * bars[0], 1j * b1 * bars[2]
-                moved = (rest, p1), (p1, q1), (rest, q1)
-                for each in zip(masses.values(), accelerations, moved, strict=True):
-                    moment = moment + asked_of_drive(*each)
+                unit_velocities = (rest, p1), (p1, q1), (rest, q1)
+                for each in zip(masses.values(), accelerations, unit_velocities, strict=True):
+                    moment = moment + drive_moment(*each)
             loads = {"holding_moment": moment}
-            if asks(only, *FORCES):
+            if is_requested(only, *FORCE_ENDINGS):
                 loads |= _pin_forces(bars, accelerations, cross, masses, on_rocker, gravity)
         curves = {
-            "coupler_angle": unwrapped(np.arctan2(ay, ax)),
+            "coupler_angle": unwrap_angles(np.arctan2(ay, ax)),
             "coupler_rate": a_motion[0],
             "coupler_acceleration": a_motion[1],
-            "rocker_angle": unwrapped(np.arctan2(by, bx)),
+            "rocker_angle": unwrap_angles(np.arctan2(by, bx)),
             "rocker_rate": b_motion[0],
             "rocker_acceleration": b_motion[1],
-            **_tip("pin", (bx, by, *b_motion), start=ground),
-            **_tip(
+            **_end_motion("pin", (bx, by, *b_motion), start=ground),
+            **_end_motion(
                 "point",
                 (px, py, w, dw),
                 (along * ax - across * ay, along * ay + across * ax, *a_motion),
@@ -232,28 +234,30 @@ def _pin_forces(
     crank, coupler, rocker = bars
     lift = 1j * gravity
     (f0, _), (f1, m1), (f2, m2) = (
-        asked_of_pins(mass, bar, (one + lift, two + lift))
+        pin_load(mass, bar, (one + lift, two + lift))
         for mass, bar, (one, two) in zip(masses.values(), bars, accelerations, strict=True)
     )
     at_q = (m1 * rocker + (m2 - rocker_load) * coupler) / area  # on the coupler
     return {
-        **in_frame("crank_force", f0 + f1 - at_q, crank),
-        **in_frame("coupler_force", f1 - at_q, coupler),
-        **in_frame("rocker_force", f2 + at_q, rocker),
-        **in_frame("pin_force", -at_q, coupler),
+        **components_in_frame("crank_force", f0 + f1 - at_q, crank),
+        **components_in_frame("coupler_force", f1 - at_q, coupler),
+        **components_in_frame("rocker_force", f2 + at_q, rocker),
+        **components_in_frame("pin_force", -at_q, coupler),
     }
 
 
-def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple[float, float]:
+def assembly_margins(
+    crank: float, coupler: float, rocker: float, ground: float
+) -> tuple[float, float]:
     """(c + r)^2 - (crank + ground)^2 and (crank - ground)^2 - (c - r)^2 [m^2], to rounding.
 
     If the first one is negative, the crank does not reach pi; if the second one is, it does not
     reach 0. Zero means a change point at that angle.
     """
-    slack = rounding_of_sum(crank, coupler, rocker, ground)
+    rounding = rounding_of_sum(crank, coupler, rocker, ground)
 
     def difference(x: float, y: float) -> float:
-        return 0.0 if abs(x - y) <= slack else (x - y) * (x + y)
+        return 0.0 if abs(x - y) <= rounding else (x - y) * (x + y)
 
     return (
         difference(coupler + rocker, crank + ground),
@@ -262,7 +266,7 @@ def margins(crank: float, coupler: float, rocker: float, ground: float) -> tuple
 
 
 @dataclass(frozen=True)
-class _Closed:
+class _ClosedLoop:
     """A closed loop: vectors of coupler and rocker, and terms for their derivatives.
 
     Attributes
@@ -276,7 +280,7 @@ class _Closed:
     roots : tuple of ndarray
         p and q of C = mode/2 p q: the roots of the margins plus u^2 and v^2 [m].
     margins : tuple of float
-        See `margins` [m^2].
+        See `assembly_margins` [m^2].
     square : ndarray
         D [m^2].
     along : tuple of ndarray
@@ -308,8 +312,8 @@ class _Closed:
         """First two derivatives of the coupler's and of the rocker's angle by the crank angle."""
         crank, coupler, rocker, ground = self.lengths
         (u, v), (p, q), half = self.waves, self.roots, self.half
-        p1, p2 = _slopes(self.margins[0], u, -0.5 * v, p)
-        q1, q2 = _slopes(self.margins[1], v, 0.5 * u, q)
+        p1, p2 = _root_derivatives(self.margins[0], u, -0.5 * v, p)
+        q1, q2 = _root_derivatives(self.margins[1], v, 0.5 * u, q)
         crosses = (
             self.cross,
             half * (p1 * q + p * q1),
@@ -319,12 +323,12 @@ class _Closed:
         turn = 0.5 * (self.square + (crank - ground) * (crank + ground))
         (x, y), s1, s2 = self.along, 0.5 * square[1], 0.5 * square[2]
         return (
-            _turn(coupler, (x, s1, s2), crosses, square, turn),
-            _turn(rocker, (y, -s1, -s2), crosses, square, turn),
+            _angle_derivatives(coupler, (x, s1, s2), crosses, square, turn),
+            _angle_derivatives(rocker, (y, -s1, -s2), crosses, square, turn),
         )
 
 
-def _close(
+def _close_loop(
     theta: Array,
     dx: Array,
     dy: Array,
@@ -334,20 +338,20 @@ def _close(
     rocker: float,
     ground: float,
     mode: int,
-) -> _Closed:
+) -> _ClosedLoop:
     """The closed loop for the vector d = (dx, dy) from the crank pin to the rocker's fixed pin."""
     k = 2.0 * np.sqrt(crank * ground)
     u, v = k * np.cos(0.5 * theta), k * np.sin(0.5 * theta)
     square = (crank - ground) ** 2 + v * v
-    slack = rounding_of_sum(crank, coupler, rocker, ground)
-    _reach(theta, square, coupler, rocker, slack)
-    outer, inner = margins(crank, coupler, rocker, ground)
+    rounding = rounding_of_sum(crank, coupler, rocker, ground)
+    _check_reach(theta, square, coupler, rocker, rounding)
+    outer, inner = assembly_margins(crank, coupler, rocker, ground)
     p, q = _root(outer, u), _root(inner, v)
     half = 0.5 * mode
     cross = half * p * q
     shift = 0.5 * (coupler - rocker) * (coupler + rocker)
     x, y = shift + 0.5 * square, shift - 0.5 * square
-    return _Closed(
+    return _ClosedLoop(
         (crank, coupler, rocker, ground),
         half,
         (u, v),
@@ -366,7 +370,7 @@ def _root(margin: float, wave: Array) -> Array:
     return wave if margin == 0.0 else np.sqrt(np.maximum(margin + wave * wave, 0.0))
 
 
-def _slopes(margin: float, wave: Array, slope: Array, root: Array) -> tuple[Array, Array]:
+def _root_derivatives(margin: float, wave: Array, slope: Array, root: Array) -> tuple[Array, Array]:
     """First two derivatives of a root (`_root`) whose wave has wave' = slope, wave'' = -wave/4."""
     if margin == 0.0:
         return slope, -0.25 * wave
@@ -374,8 +378,12 @@ def _slopes(margin: float, wave: Array, slope: Array, root: Array) -> tuple[Arra
     return first, (slope * slope - 0.25 * wave * wave - first * first) / root
 
 
-def _turn(
-    length: float, along: Triple, cross: Triple, square: Triple, turn: Array
+def _angle_derivatives(
+    length: float,
+    along: WithDerivatives,
+    cross: WithDerivatives,
+    square: WithDerivatives,
+    turn: Array,
 ) -> tuple[Array, Array]:
     """First two derivatives by the crank angle of the angle of a bar (along d + cross J d)/square.
 
@@ -387,23 +395,25 @@ def _turn(
     return first, second
 
 
-def _reach(theta: Array, square: Array, coupler: float, rocker: float, slack: float) -> None:
+def _check_reach(
+    theta: Array, square: Array, coupler: float, rocker: float, rounding: float
+) -> None:
     """Raise a ValueError where the circles of coupler and rocker do not meet; `square` is D."""
-    least, most = abs(coupler - rocker), coupler + rocker
+    min_distance, max_distance = abs(coupler - rocker), coupler + rocker
     near, far = np.sqrt(square.min(initial=np.inf)), np.sqrt(square.max(initial=0.0))
-    if not (far - most <= slack and least - near <= slack):
+    if not (far - max_distance <= rounding and min_distance - near <= rounding):
         distance = np.sqrt(square)
-        gap = np.maximum(distance - most, least - distance)
-        bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
+        violation = np.maximum(distance - max_distance, min_distance - distance)
+        bad = np.unravel_index(np.argmin(violation <= rounding), violation.shape)
         raise ValueError(
             f"loop cannot close at angle {theta[bad]:.9g} rad: the circles of coupler and rocker "
-            f"miss by {gap[bad]:.6g} m"
+            f"miss by {violation[bad]:.6g} m"
         )
-    if not near > slack:
+    if not near > rounding:
         raise ValueError("the crank pin meets the fixed pin of the rocker: rocker angle undefined")
 
 
-def _tip(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict[str, Array]:
+def _end_motion(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict[str, Array]:
     """Position, velocity and acceleration at the end of a chain of arms from (start, 0).
 
     An arm is (x, y, rate, acceleration): its vector and the derivatives of its angle.
@@ -425,7 +435,7 @@ def _tip(name: str, *arms: tuple[Array, ...], start: float = 0.0) -> dict[str, A
     }
 
 
-SHORTEST = {
+CLASS_BY_SHORTEST = {
     "crank": "crank-rocker",
     "coupler": "double rocker",
     "rocker": "rocker-crank",
@@ -448,7 +458,7 @@ def grashof_margin(*, crank: float, coupler: float, rocker: float, ground: float
     0.5
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
-    positive(**lengths)
+    check_positive(**lengths)
     shortest, p, q, longest = sorted(lengths.values())
     if longest > shortest + p + q:
         name = max(lengths, key=lambda bar: lengths[bar])
@@ -456,8 +466,8 @@ def grashof_margin(*, crank: float, coupler: float, rocker: float, ground: float
             f"{name} must not be longer than the other bars together: the loop cannot "
             f"close, they miss by {longest - (shortest + p + q):.6g} m"
         )
-    room = (p + q) - (shortest + longest)
-    return room if abs(room) > rounding_of_sum(*lengths.values()) else 0.0
+    margin = (p + q) - (shortest + longest)
+    return margin if abs(margin) > rounding_of_sum(*lengths.values()) else 0.0
 
 
 def classify(*, crank: float, coupler: float, rocker: float, ground: float) -> str:
@@ -480,10 +490,14 @@ def classify(*, crank: float, coupler: float, rocker: float, ground: float) -> s
     'triple rocker'
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
-    room = grashof_margin(**lengths)
-    if room == 0.0:
+    margin = grashof_margin(**lengths)
+    if margin == 0.0:
         return "change point"
-    return SHORTEST[min(lengths, key=lambda bar: lengths[bar])] if room > 0.0 else "triple rocker"
+    return (
+        CLASS_BY_SHORTEST[min(lengths, key=lambda bar: lengths[bar])]
+        if margin > 0.0
+        else "triple rocker"
+    )
 
 
 def crank_range(
@@ -508,8 +522,8 @@ def crank_range(
     [0.0, 2.219516]
     """
     grashof_margin(crank=crank, coupler=coupler, rocker=rocker, ground=ground)
-    outer, inner = margins(crank, coupler, rocker, ground)
-    return _limits(-inner, -outer, 4.0 * crank * ground)
+    outer, inner = assembly_margins(crank, coupler, rocker, ground)
+    return _limit_angles(-inner, -outer, 4.0 * crank * ground)
 
 
 def dead_centres(
@@ -542,13 +556,13 @@ def dead_centres(
     [[310.7514, 128.6822], [-114.6243, -161.8051]]
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
-    positive(**lengths)
-    one_of(MODES, mode=mode)
+    check_positive(**lengths)
+    check_one_of(MODES, mode=mode)
     grashof_margin(**lengths)
     e = np.array([coupler + crank, abs(coupler - crank)])
     # positive where the triangle A-B-Q exists
-    room = np.minimum(ground + rocker - e, e - abs(ground - rocker))
-    e = np.where(room > rounding_of_sum(*lengths.values()), e, np.nan)
+    triangle_margin = np.minimum(ground + rocker - e, e - abs(ground - rocker))
+    e = np.where(triangle_margin > rounding_of_sum(*lengths.values()), e, np.nan)
     at_crank = np.arccos((ground**2 + e**2 - rocker**2) / (2.0 * ground * e))
     at_rocker = np.arccos((ground**2 + rocker**2 - e**2) / (2.0 * ground * rocker))
     side = mode * np.array([1.0, np.sign(coupler - crank)])
@@ -556,15 +570,15 @@ def dead_centres(
     return (side * at_crank + folded) % TURN, side * (np.pi - at_rocker)
 
 
-def swing(*, crank: float, coupler: float, rocker: float, ground: float) -> float:
+def swing_angle(*, crank: float, coupler: float, rocker: float, ground: float) -> float:
     """Angle [rad] through which the rocker of a crank-rocker swings, the same in both modes.
 
     Lengths [m]; ValueError for any other class, and the errors of `grashof_margin`.
 
-    >>> round(float(np.degrees(swing(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0))), 4)
+    >>> round(float(np.degrees(swing_angle(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0))), 4)
     47.1808
     """
-    _, ends = _crank_rocker(crank, coupler, rocker, ground)
+    _, ends = _crank_rocker_dead_centres(crank, coupler, rocker, ground)
     return float(abs(ends[0] - ends[1]))
 
 
@@ -577,7 +591,7 @@ def time_ratio(*, crank: float, coupler: float, rocker: float, ground: float) ->
     >>> round(time_ratio(crank=1.0, coupler=2.0, rocker=2.5, ground=3.0), 6)
     1.023258
     """
-    turns, _ = _crank_rocker(crank, coupler, rocker, ground)
+    turns, _ = _crank_rocker_dead_centres(crank, coupler, rocker, ground)
     part = float(abs(turns[0] - turns[1]))
     return max(part, TURN - part) / min(part, TURN - part)
 
@@ -601,8 +615,8 @@ def transmission_range(
     [51.317813, 125.099632]
     """
     grashof_margin(crank=crank, coupler=coupler, rocker=rocker, ground=ground)
-    outer, inner = margins(crank, coupler, rocker, ground)
-    return _limits(inner, outer, 4.0 * coupler * rocker)
+    outer, inner = assembly_margins(crank, coupler, rocker, ground)
+    return _limit_angles(inner, outer, 4.0 * coupler * rocker)
 
 
 def properties(
@@ -624,18 +638,18 @@ def properties(
         "transmission angle": f"{least:.2f}° to {most:.2f}°",
     }
     if classify(**lengths) == "crank-rocker":
-        found["rocker swings"] = f"{np.degrees(swing(**lengths)):.2f}°"
+        found["rocker swings"] = f"{np.degrees(swing_angle(**lengths)):.2f}°"
         found["time ratio"] = f"{time_ratio(**lengths):.4f}"
     return found
 
 
-def _limits(sine: float, cosine: float, whole: float) -> tuple[float, float]:
+def _limit_angles(sine: float, cosine: float, whole: float) -> tuple[float, float]:
     """Angles with sin^2(first/2) = sine/whole, cos^2(second/2) = cosine/whole, within [0, pi]."""
     first, second = np.sqrt(np.clip([sine / whole, cosine / whole], 0.0, 1.0))
     return float(2.0 * np.arcsin(first)), float(2.0 * np.arccos(second))
 
 
-def _crank_rocker(
+def _crank_rocker_dead_centres(
     crank: float, coupler: float, rocker: float, ground: float
 ) -> tuple[Array, Array]:
     """Dead centres of a crank-rocker, or ValueError for any other class."""

@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.linkages import slider_crank
-from proofmass.analytic.linkages.bars import LOADS, asks
+from proofmass.analytic.linkages.bars import LOAD_ENDINGS, is_requested
 from proofmass.analytic.newton_raphson import (
     NewtonLog,
     NotConverged,
-    convergence,
-    course,
+    convergence_chart,
+    course_chart,
     newton_raphson,
 )
-from proofmass.analytic.numerics import Array, Complex, finite, not_negative
+from proofmass.analytic.numerics import Array, Complex, check_finite, check_not_negative
 
 __all__ = [
     "MODES",
@@ -51,10 +51,10 @@ UNKNOWNS: tuple[str, ...] = (
 )
 FIRST_GUESS = (-0.1, -0.5, 3.0, 0.5, 0.0, -0.5, 0.5, 0.0, -0.5)  # text line 357
 SWEEP_GUESS = (-0.0997, -0.4684, 2.8737, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # text line 1712
-UNITS = ("m", "rad", "rad", "m/s", "rad/s", "rad/s", "m/s²", "rad/s²", "rad/s²")
-PANELS = ("sequential: positions", "sequential: rates", "sequential: accelerations")
-POSES = 1000  # number of poses of the report's sweep
-FORMS = {True: "simultaneous", False: "sequential"}
+UNKNOWN_UNITS = ("m", "rad", "rad", "m/s", "rad/s", "rad/s", "m/s²", "rad/s²", "rad/s²")
+SEQUENTIAL_TITLES = ("sequential: positions", "sequential: rates", "sequential: accelerations")
+SWEEP_POSES = 1000  # number of poses of the report's sweep
+FORM_NAMES = {True: "simultaneous", False: "sequential"}
 
 
 def solve(
@@ -143,10 +143,10 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("r1", "theta1", "theta3")]
     [-0.099672, -0.468422, 2.873694]
     """
-    finite(cutting_force=cutting_force, gravity=gravity)
-    not_negative(crank_mass=crank_mass, coupler_mass=coupler_mass, slider_mass=slider_mass)
+    check_finite(cutting_force=cutting_force, gravity=gravity)
+    check_not_negative(crank_mass=crank_mass, coupler_mass=coupler_mass, slider_mass=slider_mass)
     theta, w, dw = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
-    px, py, q = _close(theta, crank, coupler, offset, mode)
+    px, py, q = _close_loop(theta, crank, coupler, offset, mode)
     e, x, square = offset - py, px + q, (px + q) ** 2 + offset**2
     with np.errstate(divide="ignore", invalid="ignore"):  # upright: inf or nan, as documented
         w3 = -w * px / q
@@ -168,8 +168,8 @@ def solve(
             "slider_velocity": v,
             "slider_acceleration": a,
         }
-    if asks(only, *LOADS):
-        whole = slider_crank.solve(
+    if is_requested(only, *LOAD_ENDINGS):
+        loads = slider_crank.solve(
             theta,
             w,
             dw,
@@ -185,31 +185,33 @@ def solve(
             inertia=inertia,
             only=only,
         )
-        curves |= {name: curve for name, curve in whole.items() if asks({name}, *LOADS)}
+        curves |= {
+            name: curve for name, curve in loads.items() if is_requested({name}, *LOAD_ENDINGS)
+        }
     return {name: np.asarray(curve) for name, curve in curves.items()}
 
 
-def _close(
+def _close_loop(
     theta: Array, crank: float, coupler: float, offset: float, mode: int
 ) -> tuple[Array, Array, Array]:
     """Crank pin and horizontal part q of the coupler, or a ValueError if it misses the guide."""
-    for name, value, least in (
+    for name, value, lower_limit in (
         ("crank", crank, 0.0),
         ("coupler", coupler, 0.0),
         ("offset", offset, -np.inf),
     ):
-        if not least < value < np.inf:
-            raise ValueError(f"{name} must be finite and above {least} [m], got {value}")
+        if not lower_limit < value < np.inf:
+            raise ValueError(f"{name} must be finite and above {lower_limit} [m], got {value}")
     if mode not in MODES:
         raise ValueError(f"mode must be one of {MODES}, got {mode}")
     px, py = crank * np.cos(theta), crank * np.sin(theta)
-    rise, gap = offset - py, np.abs(offset - py) - coupler
-    slack = 1e-15 * (crank + coupler + abs(offset))  # rounding error of the distance
-    if not gap.max(initial=0.0) <= slack:
-        bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
+    rise, distance = offset - py, np.abs(offset - py) - coupler
+    rounding = 1e-15 * (crank + coupler + abs(offset))  # rounding error of the distance
+    if not distance.max(initial=0.0) <= rounding:
+        bad = np.unravel_index(np.argmin(distance <= rounding), distance.shape)
         raise ValueError(
             f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
-            f"the guide by {gap[bad]:.6g} m"
+            f"the guide by {distance[bad]:.6g} m"
         )
     return px, py, -mode * np.sqrt(np.maximum((coupler + rise) * (coupler - rise), 0.0))
 
@@ -310,12 +312,12 @@ def newton_sweep(
     >>> [round(float(r1), 6) for r1 in sweep["r1"]]
     [-0.099672, -0.100635]
     """
-    laws = np.stack(np.broadcast_arrays(angle, rate, acceleration), -1, dtype=float)
+    crank_motions = np.stack(np.broadcast_arrays(angle, rate, acceleration), -1, dtype=float)
     x, rows = np.asarray(guess, float), []
-    for law in laws:
+    for crank_motion in crank_motions:
         try:
             x, logs = newton_pose(
-                law,
+                crank_motion,
                 x,
                 crank=crank,
                 coupler=coupler,
@@ -323,17 +325,17 @@ def newton_sweep(
                 simultaneous=simultaneous,
                 reduced=reduced,
                 tolerance=tolerance,
-                most=50,
+                max_iterations=50,
             )
         except NotConverged as error:
-            raise type(error)(f"at angle {law[0]:.9g} rad: {error}", error.log) from None
+            raise type(error)(f"at angle {crank_motion[0]:.9g} rad: {error}", error.log) from None
         last = max(float(np.linalg.norm(np.diff(log.iterates[-2:], axis=0))) for log in logs)
         rows.append([*x, sum(log.iterations for log in logs), last])
     return dict(zip((*UNKNOWNS, "iterations", "last_step"), np.array(rows).T, strict=True))
 
 
 def newton_pose(
-    law: ArrayLike,
+    crank_motion: ArrayLike,
     guess: ArrayLike,
     *,
     crank: float,
@@ -342,13 +344,13 @@ def newton_pose(
     simultaneous: bool = True,
     reduced: bool = False,
     tolerance: float = 1e-6,
-    most: int = 15,
+    max_iterations: int = 15,
 ) -> tuple[Array, list[NewtonLog]]:
     """Solve one pose: the nine unknowns, and the log of each system of equations.
 
     Parameters
     ----------
-    law : array_like (3,)
+    crank_motion : array_like (3,)
         Crank angle, rate and acceleration [SI].
     guess : array_like (9,)
         First iterate, in the order of `UNKNOWNS` [SI].
@@ -361,7 +363,7 @@ def newton_pose(
         See `newton_system`.
     tolerance : float
         Largest norm of the last step [SI], units mixed; by default that of the report for one pose.
-    most : int
+    max_iterations : int
         Largest number of iterations of a system; by default that of the report for one pose.
 
     Returns
@@ -374,10 +376,10 @@ def newton_pose(
     x, lengths = np.array(guess, float), (crank, coupler, offset)
     if simultaneous:
         log = newton_raphson(
-            lambda q: newton_system(q, law, *lengths, reduced=reduced),
+            lambda q: newton_system(q, crank_motion, *lengths, reduced=reduced),
             x,
             tolerance=tolerance,
-            most=most,
+            max_iterations=max_iterations,
             names=UNKNOWNS,
         )
         return np.array(log.root), [log]
@@ -387,10 +389,16 @@ def newton_pose(
 
         def block(q: Array, order: int = order, part: slice = part) -> tuple[Array, Array]:
             x[part] = q
-            return newton_block(x[: part.stop], law, *lengths, order, reduced=reduced)
+            return newton_block(x[: part.stop], crank_motion, *lengths, order, reduced=reduced)
 
         logs.append(
-            newton_raphson(block, x[part], tolerance=tolerance, most=most, names=UNKNOWNS[part])
+            newton_raphson(
+                block,
+                x[part],
+                tolerance=tolerance,
+                max_iterations=max_iterations,
+                names=UNKNOWNS[part],
+            )
         )
         x[part] = logs[-1].root
     return x, logs
@@ -398,7 +406,7 @@ def newton_pose(
 
 def newton_system(
     unknowns: Array,
-    law: ArrayLike,
+    crank_motion: ArrayLike,
     crank: float,
     coupler: float,
     offset: float,
@@ -421,7 +429,7 @@ def newton_system(
     ----------
     unknowns : ndarray (9,)
         Unknowns in the order of `UNKNOWNS` [SI].
-    law : array_like (3,)
+    crank_motion : array_like (3,)
         Crank angle, rate and acceleration [SI].
     crank, coupler, offset : float
         Lengths [m].
@@ -443,17 +451,19 @@ def newton_system(
     cos(theta1). Difference: the rows of rates have the order guide, x, y, as those of position and
     acceleration have.
     """
-    along, z1, turned3, residual = _loop(unknowns, law, crank, coupler, offset)
-    blocks = [_slope(along[k], z1[k], turned3[k]) for k in range(3)]
+    along, z1, z3, residual = _loop_equations(unknowns, crank_motion, crank, coupler, offset)
+    blocks = [_position_jacobian(along[k], z1[k], z3[k]) for k in range(3)]
     jacobian = np.block([[comb(k, j) * blocks[max(k - j, 0)] for j in range(3)] for k in range(3)])
     if reduced:
-        residual[0], jacobian[:3, :3] = _reduced(residual[0], jacobian[:3, :3], unknowns, offset)
+        residual[0], jacobian[:3, :3] = _reduce_position(
+            residual[0], jacobian[:3, :3], unknowns, offset
+        )
     return residual.ravel(), jacobian
 
 
 def newton_block(
     unknowns: Array,
-    law: ArrayLike,
+    crank_motion: ArrayLike,
     crank: float,
     coupler: float,
     offset: float,
@@ -467,7 +477,7 @@ def newton_block(
     ----------
     unknowns : ndarray (3 order + 3,)
         Unknowns of this order and of the lower orders [SI].
-    law : array_like (3,)
+    crank_motion : array_like (3,)
         Crank angle, rate and acceleration [SI].
     crank, coupler, offset : float
         Lengths [m].
@@ -483,29 +493,33 @@ def newton_block(
     jacobian : ndarray (3, 3)
         [SI]
     """
-    along, z1, turned3, residual = _loop(
-        np.append(unknowns, np.zeros(9 - unknowns.size)), law, crank, coupler, offset
+    along, z1, z3, residual = _loop_equations(
+        np.append(unknowns, np.zeros(9 - unknowns.size)), crank_motion, crank, coupler, offset
     )
-    slope = _slope(along[0], z1[0], turned3[0])
+    slope = _position_jacobian(along[0], z1[0], z3[0])
     if reduced and not order:
-        return _reduced(residual[0], slope, unknowns, offset)
+        return _reduce_position(residual[0], slope, unknowns, offset)
     return residual[order], slope
 
 
-def _loop(
-    unknowns: Array, law: ArrayLike, crank: float, coupler: float, offset: float
+def _loop_equations(
+    unknowns: Array, crank_motion: ArrayLike, crank: float, coupler: float, offset: float
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Direction of r1, vectors of r1 and coupler, with two derivatives each; residual F (3, 3)."""
     r1, theta1, theta3 = (unknowns[i::3] for i in range(3))  # values and their two derivatives
-    along, turned2, turned3 = _spin(theta1), crank * _spin(law), coupler * _spin(theta3)
+    along, z2, z3 = (
+        _rotation_derivatives(theta1),
+        crank * _rotation_derivatives(crank_motion),
+        coupler * _rotation_derivatives(theta3),
+    )
     z1 = np.array([sum(comb(k, j) * r1[j] * along[k - j] for j in range(k + 1)) for k in range(3)])
-    gap = turned2 + turned3 - z1
-    residual = np.stack([z1.imag, gap.real, -gap.imag], 1)
+    violation = z2 + z3 - z1
+    residual = np.stack([z1.imag, violation.real, -violation.imag], 1)
     residual[0, 0] -= offset
-    return along, z1, turned3, residual
+    return along, z1, z3, residual
 
 
-def _reduced(
+def _reduce_position(
     residual: Array, jacobian: Array, unknowns: Array, offset: float
 ) -> tuple[Array, Array]:
     """Residual and Jacobian of position with r1 = offset/sin(theta1) in the rows of the loop."""
@@ -515,16 +529,16 @@ def _reduced(
     return residual + np.array([0.0, (r1 - offset / s) * c, offset - r1 * s]), changed
 
 
-def _spin(motion: ArrayLike) -> Complex:
+def _rotation_derivatives(motion: ArrayLike) -> Complex:
     """exp(i angle) and its first two time derivatives, from angle, rate and acceleration."""
     angle, rate, acceleration = np.asarray(motion)
     return np.exp(1j * angle) * np.array([1.0, 1j * rate, 1j * acceleration - rate**2])
 
 
-def _slope(along: complex, z1: complex, z3: complex) -> Array:
+def _position_jacobian(along: complex, z1: complex, z3: complex) -> Array:
     """Derivatives of the rows guide, loop x and loop y by r1, theta1 and theta3."""
-    by = np.array([[along, 1j * z1, 0.0], [-along, -1j * z1, 1j * z3]])
-    return np.stack([by[0].imag, by[1].real, -by[1].imag])
+    derivatives = np.array([[along, 1j * z1, 0.0], [-along, -1j * z1, 1j * z3]])
+    return np.stack([derivatives[0].imag, derivatives[1].real, -derivatives[1].imag])
 
 
 def newton_course(
@@ -544,7 +558,7 @@ def newton_course(
     Chart
         Four panels: positions, rates, accelerations, and all nine unknowns at once.
     """
-    return course(
+    return course_chart(
         logs_of_start(crank, coupler, offset, guess),
         "Crank at 0, at rest: the unknowns from the report's first guess on. With known "
         "positions the equations are linear in the rates, and with known rates in the "
@@ -577,7 +591,7 @@ def newton_convergence(
     'simultaneous: 5 iterations'
     """
     logs = logs_of_start(crank, coupler, offset, guess)
-    return convergence(
+    return convergence_chart(
         {f"{title}: {log.iterations} iterations": log for title, log in logs.items()},
         "Size of the step of each unknown, of the whole step, which the report calls the error and "
         "stops at 1e-6, and of the residual before the step. Each step is about the square of the "
@@ -591,7 +605,7 @@ def logs_of_start(
     """Logs of both forms for the crank at angle 0 and at rest, by the titles of their panels."""
     if len(guess) != len(UNKNOWNS):
         raise ValueError(f"guess must be {len(UNKNOWNS)} numbers, got {len(guess)}")
-    each, (whole,) = (
+    sequential, (simultaneous,) = (
         newton_pose(
             (0.0, 0.0, 0.0),
             guess,
@@ -603,7 +617,7 @@ def logs_of_start(
         )[1]
         for form in (False, True)
     )
-    return {**dict(zip(PANELS, each, strict=True)), "simultaneous": whole}
+    return {**dict(zip(SEQUENTIAL_TITLES, sequential, strict=True)), "simultaneous": simultaneous}
 
 
 def newton_steps(
@@ -626,23 +640,25 @@ def newton_steps(
         Three panels over time: last steps of the simultaneous form, of the sequential form, and
         norm of the difference of both solutions.
     """
-    time, sweeps, _ = swept(crank, coupler, offset, mode, peak, (True, False))
+    time, sweeps, _ = report_sweeps(crank, coupler, offset, mode, peak, (True, False))
     steps = [
         Panel(
             (ChartLine(time, sweep["last_step"], "last step"),),
-            title=f"{FORMS[form]}: at most {np.max(sweep['last_step']):.2g}",
+            title=f"{FORM_NAMES[form]}: at most {np.max(sweep['last_step']):.2g}",
         )
         for form, sweep in sweeps.items()
     ]
-    apart = np.linalg.norm([sweeps[True][name] - sweeps[False][name] for name in UNKNOWNS], axis=0)
+    difference = np.linalg.norm(
+        [sweeps[True][name] - sweeps[False][name] for name in UNKNOWNS], axis=0
+    )
     return Chart(
         ("time", "s"),
         ("norm, SI units", ""),
         (
             *steps,
             Panel(
-                (ChartLine(time, apart, "difference of both forms"),),
-                title=f"difference: at most {apart.max():.2g}",
+                (ChartLine(time, difference, "difference of both forms"),),
+                title=f"difference: at most {difference.max():.2g}",
             ),
         ),
         "The last steps are below the report's bound of 1e-6. The error after the last step is "
@@ -670,9 +686,9 @@ def newton_errors(
     Chart
         A panel for each unknown.
     """
-    time, sweeps, reference = swept(crank, coupler, offset, mode, peak, (True,))
+    time, sweeps, reference = report_sweeps(crank, coupler, offset, mode, peak, (True,))
     panels = []
-    for name, unit in zip(UNKNOWNS, UNITS, strict=True):
+    for name, unit in zip(UNKNOWNS, UNKNOWN_UNITS, strict=True):
         error = np.abs(sweeps[True][name] - reference[name])
         panels.append(
             Panel(
@@ -691,18 +707,23 @@ def newton_errors(
     )
 
 
-def swept(
+def report_sweeps(
     crank: float, coupler: float, offset: float, mode: int, peak: float, forms: tuple[bool, ...]
 ) -> tuple[Array, dict[bool, dict[str, Array]], dict[str, Array]]:
     """Times of the report's sweep [s], its results by form, and the closed form at these times."""
-    time = np.linspace(0.0, 2.0 * turn_time(peak), POSES)
-    law = motor(time, peak=peak)
-    reference = solve(*law, crank=crank, coupler=coupler, offset=offset, mode=mode)
+    time = np.linspace(0.0, 2.0 * turn_time(peak), SWEEP_POSES)
+    crank_motion = motor(time, peak=peak)
+    reference = solve(*crank_motion, crank=crank, coupler=coupler, offset=offset, mode=mode)
     start = [reference[name][0] for name in UNKNOWNS]
     guess = np.round(start, 4)  # rounded as the first guess of the report: text line 1712
     sweeps = {
         form: newton_sweep(
-            *law, crank=crank, coupler=coupler, offset=offset, guess=guess, simultaneous=form
+            *crank_motion,
+            crank=crank,
+            coupler=coupler,
+            offset=offset,
+            guess=guess,
+            simultaneous=form,
         )
         for form in forms
     }

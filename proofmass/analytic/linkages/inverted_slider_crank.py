@@ -9,22 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.linkages.bars import (
-    FORCES,
-    LOADS,
-    asked_of_drive,
-    asked_of_pins,
-    asks,
+    FORCE_ENDINGS,
+    LOAD_ENDINGS,
+    drive_moment,
+    is_requested,
+    pin_load,
 )
 from proofmass.analytic.numerics import (
     Array,
+    check_finite,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+    components_in_frame,
     dot,
-    finite,
-    in_frame,
-    not_negative,
-    one_of,
-    positive,
     rounding_of_sum,
-    unwrapped,
+    unwrap_angles,
 )
 
 ComplexPoints = NDArray[np.complex128]
@@ -100,7 +100,7 @@ def solve(
     dict of (n,) or () arrays: slide [m] from P to S along the rod, slide_rate, slide_acceleration;
     rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax,
     end_ay of E; slider_x, slider_y and the same of S; slide_margin [m], the slider's distance from
-    the nearer end of the rod, negative where it has left the rod (see `off_rod`);
+    the nearer end of the rod, negative where it has left the rod (see `off_rod_intervals`);
     holding_moment of the crank and holding_moment_bar [N m]; forces of pins [N] in the frame of a
     bar, _x along it and _y to the left: crank_force_x, crank_force_y of the ground on the crank,
     bar_force_.. of the ground on the bar, rod_force_.. of the crank on the rod, and, in the rod's
@@ -137,35 +137,35 @@ def solve(
         "rod_mass": rod_mass,
         "slider_mass": slider_mass,
     }
-    positive(crank=crank, rod=rod)
-    not_negative(**masses, slider_inertia=slider_inertia)
-    finite(bar=bar, ground_x=ground_x, ground_y=ground_y, gravity=gravity)
-    one_of(MODES, mode=mode)
+    check_positive(crank=crank, rod=rod)
+    check_not_negative(**masses, slider_inertia=slider_inertia)
+    check_finite(bar=bar, ground_x=ground_x, ground_y=ground_y, gravity=gravity)
+    check_one_of(MODES, mode=mode)
     if bar < 0.0:
         raise ValueError(f"bar must be zero or positive [m], got {bar}")
-    inputs = _inputs(angle, rate, acceleration)
+    inputs = _broadcast_inputs(angle, rate, acceleration)
     (a1, a2), (w1, w2), (dw1, dw2) = (x.reshape(2, -1) for x in inputs)
     pin, tip = _arm(crank, a1, w1, dw1), _arm(bar, a2, w2, dw2)
     ground = complex(ground_x, ground_y)
     slider = ground + tip[0], tip[1], tip[2]
-    apart = [b - a for a, b in zip(pin, slider, strict=True)]
-    u = mode * _direction(apart[0], rounding_of_sum(crank, bar, abs(ground)), a1, a2)
-    s, (slip, slip2) = mode * np.abs(apart[0]), (d / u for d in apart[1:])
+    separation = [b - a for a, b in zip(pin, slider, strict=True)]
+    u = mode * _rod_direction(separation[0], rounding_of_sum(crank, bar, abs(ground)), a1, a2)
+    s, (slip, slip2) = mode * np.abs(separation[0]), (d / u for d in separation[1:])
     v, w = slip.real, slip.imag / s
-    rod_angle, dw = unwrapped(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
+    rod_angle, dw = unwrap_angles(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
     end = [a + b for a, b in zip(pin, _arm(rod, rod_angle, w, dw), strict=True)]
     loads: dict[str, Array] = {}
-    if asks(only, *LOADS, "_moment_bar"):
-        turned = (-1j * pin[0] / u).imag / s, (1j * tip[0] / u).imag / s
-        moments = _inertia(pin[::2], tip[::2], rod * u, end[2], turned, **masses)
+    if is_requested(only, *LOAD_ENDINGS, "_moment_bar"):
+        rod_rates = (-1j * pin[0] / u).imag / s, (1j * tip[0] / u).imag / s
+        moments = _inertia_moments(pin[::2], tip[::2], rod * u, end[2], rod_rates, **masses)
         swing = 0.5 * rod_mass * rod * u.real / s  # rod_mass dy/d(rod angle) of its middle, over s
         loads = {
-            "holding_moment": inertia * (moments[0] + slider_inertia * dw * turned[0])
+            "holding_moment": inertia * (moments[0] + slider_inertia * dw * rod_rates[0])
             + gravity * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
-            "holding_moment_bar": inertia * (moments[1] + slider_inertia * dw * turned[1])
+            "holding_moment_bar": inertia * (moments[1] + slider_inertia * dw * rod_rates[1])
             + gravity * ((0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
         }
-        if asks(only, *FORCES, "guide_moment"):
+        if is_requested(only, *FORCE_ENDINGS, "guide_moment"):
             loads |= _forces(
                 (np.exp(1j * a1), np.exp(1j * a2), u),
                 (crank, bar, rod),
@@ -191,12 +191,12 @@ def solve(
     return {name: curve.reshape(inputs[0].shape[1:]) for name, curve in curves.items()}
 
 
-def _inertia(
+def _inertia_moments(
     pin: tuple[ComplexPoints, ...],
     tip: tuple[ComplexPoints, ...],
     rod: ComplexPoints,
     at_end: ComplexPoints,
-    turned: tuple[Array, Array],
+    rod_rates: tuple[Array, Array],
     *,
     crank_mass: float,
     bar_mass: float,
@@ -206,15 +206,15 @@ def _inertia(
     """Moments of the drives of crank and bar due to the inertia of the bars and the slider's mass.
 
     `pin` and `tip` are the vectors of crank and bar with the accelerations of their ends, `rod` is
-    the vector of the rod and `at_end` the acceleration of its end; `turned` has the rates of the
+    the vector of the rod and `at_end` the acceleration of its end; `rod_rates` has the rates of the
     rod for unit rates of crank and bar.
     """
     (p, at_p), (s, at_s), rest = pin, tip, np.zeros_like(rod)
-    by_crank, by_bar = (1j * turn * rod for turn in turned)
-    of_crank = asked_of_drive(crank_mass, (rest, at_p), (rest, 1j * p))
-    of_crank = of_crank + asked_of_drive(rod_mass, (at_p, at_end), (1j * p, 1j * p + by_crank))
-    of_bar = asked_of_drive(bar_mass, (rest, at_s), (rest, 1j * s))
-    of_bar = of_bar + asked_of_drive(rod_mass, (at_p, at_end), (rest, by_bar))
+    by_crank, by_bar = (1j * turn * rod for turn in rod_rates)
+    of_crank = drive_moment(crank_mass, (rest, at_p), (rest, 1j * p))
+    of_crank = of_crank + drive_moment(rod_mass, (at_p, at_end), (1j * p, 1j * p + by_crank))
+    of_bar = drive_moment(bar_mass, (rest, at_s), (rest, 1j * s))
+    of_bar = of_bar + drive_moment(rod_mass, (at_p, at_end), (rest, by_bar))
     return of_crank, of_bar + slider_mass * dot(at_s, 1j * s)
 
 
@@ -223,7 +223,7 @@ def _forces(
     lengths: tuple[float, float, float],
     slide: Array,
     accelerations: list[ComplexPoints],
-    turning: Array,
+    slider_moment: Array,
     lift: complex,
     *,
     crank_mass: float,
@@ -234,28 +234,28 @@ def _forces(
     """Forces of pins and guide, from directions and lengths of crank, bar and rod.
 
     `accelerations` are those of P, S and E less that of gravity, which is -`lift`. The rod gives
-    the slider the moment `turning`.
+    the slider the moment `slider_moment`.
     """
     crank, bar, rod = (a * b for a, b in zip(directions, lengths, strict=True))
     at_p, at_s, at_e = accelerations
-    f0, _ = asked_of_pins(crank_mass, crank, (lift, at_p))
-    f1, m1 = asked_of_pins(rod_mass, rod, (at_p, at_e))
-    f2, _ = asked_of_pins(bar_mass, bar, (lift, at_s))
-    across = -(m1 + turning) / slide
+    f0, _ = pin_load(crank_mass, crank, (lift, at_p))
+    f1, m1 = pin_load(rod_mass, rod, (at_p, at_e))
+    f2, _ = pin_load(bar_mass, bar, (lift, at_s))
+    across = -(m1 + slider_moment) / slide
     on_slider = 1j * across * directions[2]
     on_rod, on_bar = f1 + on_slider, np.asarray(on_slider - slider_mass * at_s)
     return {
-        **in_frame("crank_force", f0 + on_rod, directions[0]),
-        **in_frame("bar_force", f2 - on_bar, directions[1]),
-        **in_frame("rod_force", on_rod, directions[2]),
+        **components_in_frame("crank_force", f0 + on_rod, directions[0]),
+        **components_in_frame("bar_force", f2 - on_bar, directions[1]),
+        **components_in_frame("rod_force", on_rod, directions[2]),
         "guide_force_x": np.zeros_like(across),
         "guide_force_y": across,
-        "guide_moment": turning,
-        **in_frame("pin_force", on_bar, directions[2]),
+        "guide_moment": slider_moment,
+        **components_in_frame("pin_force", on_bar, directions[2]),
     }
 
 
-def off_rod(x: ArrayLike, slide_margin: ArrayLike) -> Array:
+def off_rod_intervals(x: ArrayLike, slide_margin: ArrayLike) -> Array:
     r"""Intervals of x, (k, 2), in which the slider has left the rod.
 
     `x` (n,) rises; `slide_margin` (n,) is the curve of `solve`. The ends of an interval, zeros of
@@ -264,18 +264,18 @@ def off_rod(x: ArrayLike, slide_margin: ArrayLike) -> Array:
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 100001)
     >>> pose = solve([angle, 2.0 * angle], crank=2.0, bar=1.0, rod=3.0, ground_x=2.0)
-    >>> off_rod(angle, pose["slide_margin"]).round(6)
+    >>> off_rod_intervals(angle, pose["slide_margin"]).round(6)
     array([[1.855399, 4.427786]])
     """
     x, margin = np.asarray(x, float), np.asarray(slide_margin, float)
-    off = margin < 0.0
-    last = np.flatnonzero(off[1:] != off[:-1])
+    is_off = margin < 0.0
+    last = np.flatnonzero(is_off[1:] != is_off[:-1])
     share = margin[last] / (margin[last] - margin[last + 1])
     ends = x[last] + share * (x[last + 1] - x[last])
-    return np.concatenate([x[:1][off[:1]], ends, x[-1:][off[-1:]]]).reshape(-1, 2)
+    return np.concatenate([x[:1][is_off[:1]], ends, x[-1:][is_off[-1:]]]).reshape(-1, 2)
 
 
-def _inputs(*given: ArrayLike) -> tuple[Array, ...]:
+def _broadcast_inputs(*given: ArrayLike) -> tuple[Array, ...]:
     """Angles, rates and accelerations, broadcast to one shape (2, ...) from their first axis on."""
     arrays = [np.asarray(value, float) for value in given]
     if arrays[0].shape[:1] != (2,):
@@ -292,13 +292,15 @@ def _arm(
     return arm, 1j * rate * arm, (1j * acceleration - rate**2) * arm
 
 
-def _direction(apart: ComplexPoints, slack: float, a1: Array, a2: Array) -> ComplexPoints:
+def _rod_direction(
+    separation: ComplexPoints, rounding: float, a1: Array, a2: Array
+) -> ComplexPoints:
     """Unit vectors along D, or a ValueError where D vanishes."""
-    distance = np.abs(apart)
-    if not distance.min(initial=np.inf) > slack:
-        bad = np.argmin(distance > slack)
+    distance = np.abs(separation)
+    if not distance.min(initial=np.inf) > rounding:
+        bad = np.argmin(distance > rounding)
         raise ValueError(
             f"the crank pin meets the slider at crank angle {a1[bad]:.9g} rad and bar "
             f"angle {a2[bad]:.9g} rad: the rod has no direction"
         )
-    return apart / distance
+    return separation / distance

@@ -7,7 +7,7 @@ Newton-Raphson (stop at |dq| <= 1e-10, at most 101 iterations), then rates and a
 linear system each.
 
 Users make their own linkage as a `NaturalLinkage` of such rows: `distance` for a rigid bar,
-`collinear` and `constant_angle` for a slider, `turned` for an angle of a link to the ground,
+`collinear` and `constant_angle` for a slider, `ground_angle` for an angle of a link to the ground,
 `relative_angle` for an angle between two links.
 
 Source: TFG, Universidad de Almería 2019, text lines 824-1120 (theory; figures 39-43 for the rows),
@@ -23,11 +23,11 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.newton_raphson import NewtonLog, newton_raphson
 from proofmass.analytic.numerics import Array
 
-Row = Callable[[Array, Array], tuple[float, Array, float]]
+ConstraintRow = Callable[[Array, Array], tuple[float, Array, float]]
 """Function of q and rates: value of a constraint, gradient by q, (d gradient/dt) times rates."""
 AffinePoint = tuple[Array, Array]
 """Matrix (2, size) and vector (2,) [m] of a point: its position is matrix q + vector."""
-SQUARE = 0.5**0.5
+DIAGONAL_COSINE = 0.5**0.5
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class NaturalLinkage:
     (14, [1.0, 0.0, 1.4375, -1.951562, 0.0])
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[ConstraintRow, ...]
     names: tuple[str, ...]
     inputs: int = 1
 
@@ -79,7 +79,7 @@ class NaturalLinkage:
         return np.r_[values, none], np.vstack([*gradients, driven]), np.r_[bias, none]
 
 
-def assemble(linkage: NaturalLinkage, start: ArrayLike, *, most: int = 101) -> NewtonLog:
+def assemble(linkage: NaturalLinkage, start: ArrayLike, *, max_iterations: int = 101) -> NewtonLog:
     """Position problem: find q that fulfils all constraints, for the driven angles of `start`.
 
     Parameters
@@ -88,7 +88,7 @@ def assemble(linkage: NaturalLinkage, start: ArrayLike, *, most: int = 101) -> N
         The constraints.
     start : array_like (size,)
         First guess, with the driven angles at the end [m, rad]; it determines the assembly mode.
-    most : int
+    max_iterations : int
         Number of iterations allowed.
 
     Returns
@@ -113,7 +113,7 @@ def assemble(linkage: NaturalLinkage, start: ArrayLike, *, most: int = 101) -> N
         residual[-n:] = q[-n:] - first[-n:]  # zero in all iterations, except with least squares
         return residual, jacobian
 
-    return newton_raphson(system, first, most=most, names=linkage.names)
+    return newton_raphson(system, first, max_iterations=max_iterations, names=linkage.names)
 
 
 def velocities(linkage: NaturalLinkage, q: Array, inputs: Sequence[float]) -> Array:
@@ -125,7 +125,7 @@ def velocities(linkage: NaturalLinkage, q: Array, inputs: Sequence[float]) -> Ar
     [0.0, 1.0, -0.975781, 0.78125, 1.0]
     """
     jacobian = linkage.evaluate(q, np.zeros(q.size))[1]
-    return solved(jacobian, np.r_[np.zeros(len(linkage.rows)), inputs])
+    return solve_linear(jacobian, np.r_[np.zeros(len(linkage.rows)), inputs])
 
 
 def accelerations(
@@ -137,10 +137,10 @@ def accelerations(
     rad/s^2 are those of -1 rad/s^2 (text line 2039).
     """
     _, jacobian, bias = linkage.evaluate(q, rates)
-    return solved(jacobian, np.r_[-bias[: len(linkage.rows)], inputs])
+    return solve_linear(jacobian, np.r_[-bias[: len(linkage.rows)], inputs])
 
 
-def solved(jacobian: Array, right: Array) -> Array:
+def solve_linear(jacobian: Array, right: Array) -> Array:
     """Solution x of J x = right, by least squares where there are more rows than unknowns."""
     if jacobian.shape[0] == jacobian.shape[1]:
         return np.asarray(np.linalg.solve(jacobian, right))
@@ -152,7 +152,7 @@ def sweep(
     start: ArrayLike,
     angles: ArrayLike,
     rates: Sequence[float],
-    accelerated: Sequence[float],
+    input_accelerations: Sequence[float],
 ) -> Array:
     """q, rates and accelerations at many driven angles; the first guess of a pose is the last pose.
 
@@ -164,7 +164,7 @@ def sweep(
         First guess of the first pose [m, rad].
     angles : array_like (n,) or (n, inputs)
         Values of the driven angles [rad].
-    rates, accelerated : sequence of float
+    rates, input_accelerations : sequence of float
         Their rates [rad/s] and accelerations [rad/s^2], the same at all poses.
 
     Returns
@@ -182,7 +182,7 @@ def sweep(
         q[-linkage.inputs :] = driven
         q = assemble(linkage, q).root
         v = velocities(linkage, q, rates)
-        poses.append((q, v, accelerations(linkage, q, v, accelerated)))
+        poses.append((q, v, accelerations(linkage, q, v, input_accelerations)))
     return np.swapaxes(poses, 0, 1)
 
 
@@ -196,7 +196,7 @@ def fixed(x: float, y: float, size: int) -> AffinePoint:
     return np.zeros((2, size)), np.array([x, y])
 
 
-def distance(start: AffinePoint, end: AffinePoint, length: float) -> Row:
+def distance(start: AffinePoint, end: AffinePoint, length: float) -> ConstraintRow:
     """Row of a rigid bar with a length [m]: |end - start|^2 = length^2 (figure 39)."""
     matrix, shift = end[0] - start[0], end[1] - start[1]
 
@@ -207,36 +207,38 @@ def distance(start: AffinePoint, end: AffinePoint, length: float) -> Row:
     return row
 
 
-def product(u: AffinePoint, w: AffinePoint, sense: Array, value: float) -> Row:
-    """Row u' S w = value [m^2]; the matrix S is `SCALAR` or `VECTOR`."""
+def product_row(u: AffinePoint, w: AffinePoint, matrix: Array, value: float) -> ConstraintRow:
+    """Row u' S w = value [m^2]; the matrix S is `SCALAR_PRODUCT` or `VECTOR_PRODUCT`."""
     (a, s), (b, t) = u, w
 
     def row(q: Array, rates: Array) -> tuple[float, Array, float]:
         first, second, speeds = a @ q + s, b @ q + t, (a @ rates, b @ rates)
-        gradient = sense @ second @ a + first @ sense @ b
-        bias = 2.0 * speeds[0] @ sense @ speeds[1]
-        return float(first @ sense @ second) - value, gradient, float(bias)
+        gradient = matrix @ second @ a + first @ matrix @ b
+        bias = 2.0 * speeds[0] @ matrix @ speeds[1]
+        return float(first @ matrix @ second) - value, gradient, float(bias)
 
     return row
 
 
-SCALAR, VECTOR = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
-"""Matrices S of `product`: for the scalar product and for the vector product."""
+SCALAR_PRODUCT, VECTOR_PRODUCT = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Matrices S of `product_row`: for the scalar product and for the vector product."""
 
 
-def between(start: AffinePoint, end: AffinePoint) -> AffinePoint:
+def vector_between(start: AffinePoint, end: AffinePoint) -> AffinePoint:
     """Vector from one point to another."""
     return end[0] - start[0], end[1] - start[1]
 
 
-def collinear(start: AffinePoint, middle: AffinePoint, end: AffinePoint) -> Row:
+def collinear(start: AffinePoint, middle: AffinePoint, end: AffinePoint) -> ConstraintRow:
     """Row of a slider on a bar: (middle - start) x (end - start) = 0 (figure 41)."""
-    return product(between(start, middle), between(start, end), VECTOR, 0.0)
+    return product_row(
+        vector_between(start, middle), vector_between(start, end), VECTOR_PRODUCT, 0.0
+    )
 
 
 def constant_angle(
     start: AffinePoint, end: AffinePoint, base: AffinePoint, tip: AffinePoint, value: float
-) -> Row:
+) -> ConstraintRow:
     """Row of a slider that does not turn on its bar (figure 41).
 
     ::
@@ -247,7 +249,7 @@ def constant_angle(
     the lengths and the cosine of the angle. It does not determine the sign of the angle; where both
     signs can be assembled the first guess decides.
     """
-    return product(between(start, end), between(base, tip), SCALAR, value)
+    return product_row(vector_between(start, end), vector_between(base, tip), SCALAR_PRODUCT, value)
 
 
 def relative_angle(
@@ -256,7 +258,7 @@ def relative_angle(
     turned_to: AffinePoint,
     lengths: tuple[float, float],
     angle: int,
-) -> tuple[Row, Row]:
+) -> tuple[ConstraintRow, ConstraintRow]:
     """Rows of the angle between two links at their pin, which is coordinate `angle` (figure 42).
 
     ::
@@ -280,14 +282,14 @@ def relative_angle(
     -------
     tuple of two rows
     """
-    u, w = between(corner, reference), between(corner, turned_to)
+    u, w = vector_between(corner, reference), vector_between(corner, turned_to)
     scale = lengths[0] * lengths[1]
 
-    def along(sense: Array, axis: int) -> Row:
-        plain = product(u, w, sense, 0.0)
+    def component_row(matrix: Array, axis: int) -> ConstraintRow:
+        base_row = product_row(u, w, matrix, 0.0)
 
         def row(q: Array, rates: Array) -> tuple[float, Array, float]:
-            value, gradient, bias = plain(q, rates)
+            value, gradient, bias = base_row(q, rates)
             c, s = scale * np.cos(q[angle]), scale * np.sin(q[angle])
             gradient[angle] += (s, -c)[axis]
             reach = (c, s)[axis]
@@ -295,12 +297,12 @@ def relative_angle(
 
         return row
 
-    return along(SCALAR, 0), along(VECTOR, 1)
+    return component_row(SCALAR_PRODUCT, 0), component_row(VECTOR_PRODUCT, 1)
 
 
-def turned(
+def ground_angle(
     base: AffinePoint, pin: AffinePoint, length: float, angle: int, threshold: float | None = None
-) -> tuple[Row, ...]:
+) -> tuple[ConstraintRow, ...]:
     """Rows of a link's angle to the ground, which is coordinate number `angle` (figure 43).
 
     ::
@@ -327,19 +329,23 @@ def turned(
     """
     matrix, shift = pin[0] - base[0], pin[1] - base[1]
 
-    def along(axis: int, q: Array, rates: Array) -> tuple[float, Array, float]:
+    def component(axis: int, q: Array, rates: Array) -> tuple[float, Array, float]:
         c, s = length * np.cos(q[angle]), length * np.sin(q[angle])
         gradient, reach = matrix[axis].copy(), (c, s)[axis]
         gradient[angle] += (s, -c)[axis]
         return matrix[axis] @ q + shift[axis] - reach, gradient, reach * rates[angle] ** 2
 
     if threshold is None:
-        return tuple(lambda q, rates, axis=axis: along(axis, q, rates) for axis in (0, 1))
-    return (lambda q, rates: along(int(abs(np.cos(q[angle])) >= threshold), q, rates),)
+        return tuple(lambda q, rates, axis=axis: component(axis, q, rates) for axis in (0, 1))
+    return (lambda q, rates: component(int(abs(np.cos(q[angle])) >= threshold), q, rates),)
 
 
 def fourbar(
-    crank: float, coupler: float, rocker: float, ground: float, threshold: float | None = SQUARE
+    crank: float,
+    coupler: float,
+    rocker: float,
+    ground: float,
+    threshold: float | None = DIAGONAL_COSINE,
 ) -> NaturalLinkage:
     """Four-bar with q = (X1, Y1, X2, Y2, theta): crank pin, and pin of coupler and rocker.
 
@@ -348,7 +354,7 @@ def fourbar(
     crank, coupler, rocker, ground : float
         Lengths between pins [m].
     threshold : float or None
-        Threshold of `turned` [1].
+        Threshold of `ground_angle` [1].
     """
     a, b, one, two = fixed(0, 0, 5), fixed(ground, 0, 5), moving(0, 5), moving(1, 5)
     return NaturalLinkage(
@@ -356,7 +362,7 @@ def fourbar(
             distance(a, one, crank),
             distance(one, two, coupler),
             distance(two, b, rocker),
-            *turned(a, one, crank, 4, threshold),
+            *ground_angle(a, one, crank, 4, threshold),
         ),
         ("X1", "Y1", "X2", "Y2", "theta"),
     )
@@ -377,7 +383,7 @@ def fivebar(
     left, left_coupler, right_coupler, right, ground : float
         Lengths between pins [m].
     threshold : float or None
-        Threshold of `turned` [1].
+        Threshold of `ground_angle` [1].
     """
     a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
     return NaturalLinkage(
@@ -386,8 +392,8 @@ def fivebar(
             distance(one, two, left_coupler),
             distance(two, three, right_coupler),
             distance(three, b, right),
-            *turned(a, one, left, 6, threshold),
-            *turned(b, three, right, 7, threshold),
+            *ground_angle(a, one, left, 6, threshold),
+            *ground_angle(b, three, right, 7, threshold),
         ),
         ("X1", "Y1", "X2", "Y2", "X3", "Y3", "theta", "beta"),
         2,
@@ -398,7 +404,7 @@ def slider_crank(
     crank: float,
     coupler: float,
     guide: Sequence[tuple[float, float]],
-    threshold: float | None = SQUARE,
+    threshold: float | None = DIAGONAL_COSINE,
 ) -> NaturalLinkage:
     """Slider-crank with q = (X1, Y1, X2, Y2, theta): crank pin, and slider on a fixed line.
 
@@ -409,7 +415,7 @@ def slider_crank(
     guide : sequence of two pairs
         Two points of the guide's line [m].
     threshold : float or None
-        Threshold of `turned` [1].
+        Threshold of `ground_angle` [1].
     """
     a, one, two = fixed(0, 0, 5), moving(0, 5), moving(1, 5)
     b, c = (fixed(*point, 5) for point in guide)
@@ -418,7 +424,7 @@ def slider_crank(
             distance(a, one, crank),
             distance(one, two, coupler),
             collinear(b, two, c),
-            *turned(a, one, crank, 4, threshold),
+            *ground_angle(a, one, crank, 4, threshold),
         ),
         ("X1", "Y1", "X2", "Y2", "theta"),
     )
@@ -436,7 +442,7 @@ def inverted_slider_crank(
     crank, rod, bar, ground : float
         Lengths between pins; for the rod its whole length [m].
     threshold : float or None
-        Threshold of `turned` [1].
+        Threshold of `ground_angle` [1].
     """
     a, b, (one, two, three) = fixed(0, 0, 8), fixed(ground, 0, 8), (moving(k, 8) for k in range(3))
     return NaturalLinkage(
@@ -445,8 +451,8 @@ def inverted_slider_crank(
             distance(one, two, rod),
             distance(b, three, bar),
             collinear(one, three, two),
-            *turned(a, one, crank, 6, threshold),
-            *turned(b, three, bar, 7, threshold),
+            *ground_angle(a, one, crank, 6, threshold),
+            *ground_angle(b, three, bar, 7, threshold),
         ),
         ("X1", "Y1", "X2", "Y2", "X3", "Y3", "theta", "beta"),
         2,

@@ -59,16 +59,16 @@ def solve(
     w = _frequency(length, gravity, amplitude)
     if not 0.0 < mass < np.inf:
         raise ValueError(f"mass must be positive and finite [kg], got {mass}")
-    k, other = np.sin(0.5 * amplitude), np.cos(0.5 * amplitude)
-    sn, cn, dn = _jacobi(w * np.asarray(time, float), k, other)
+    k, k_prime = np.sin(0.5 * amplitude), np.cos(0.5 * amplitude)
+    sn, cn, dn = _jacobi(w * np.asarray(time, float), k, k_prime)
     half_sine = k * cn / dn
-    rate = -2.0 * w * k * other * sn / dn
+    rate = -2.0 * w * k * k_prime * sn / dn
     kinetic = 0.5 * mass * (length * rate) ** 2
     potential = 2.0 * mass * gravity * length * half_sine**2
     return {
-        "angle": 2.0 * np.arctan2(k * cn, other),
+        "angle": 2.0 * np.arctan2(k * cn, k_prime),
         "rate": rate,
-        "acceleration": -2.0 * w**2 * other * half_sine / dn,
+        "acceleration": -2.0 * w**2 * k_prime * half_sine / dn,
         "energy": kinetic + potential,
         "kinetic": kinetic,
         "potential": potential,
@@ -96,9 +96,9 @@ def _frequency(length: float, gravity: float, amplitude: float) -> float:
     return float(np.sqrt(gravity / length))
 
 
-def _jacobi(u: Array, k: float, other: float) -> tuple[Array, Array, Array]:
-    """Jacobi sn, cn, dn of modulus k, with `other` sqrt(1 - k^2), by the AGM (DLMF 22.20(ii))."""
-    a, b, c = 1.0, other, k
+def _jacobi(u: Array, k: float, k_prime: float) -> tuple[Array, Array, Array]:
+    """Jacobi sn, cn, dn of modulus k, with `k_prime` sqrt(1 - k^2), by the AGM (DLMF 22.20(ii))."""
+    a, b, c = 1.0, k_prime, k
     ratios = []
     while abs(c) > np.finfo(float).eps * a:
         a, b, c = 0.5 * (a + b), np.sqrt(a * b), 0.25 * c * c / (0.5 * (a + b))
@@ -109,8 +109,8 @@ def _jacobi(u: Array, k: float, other: float) -> tuple[Array, Array, Array]:
     for ratio in reversed(ratios):
         phase = 0.5 * (phase + np.arcsin(ratio * np.sin(phase)))
     sn, cn = np.sin(phase), np.cos(phase)
-    dn = np.hypot(other, k * cn)
+    dn = np.hypot(k_prime, k * cn)
     odd, sign = count % 2 == 1, 1.0 - 2.0 * (count // 2 % 2)
     # Shift by quarter periods (DLMF 22.4(iii)): cn and dn near their zero keep their digits.
-    shifted = np.where(odd, cn / dn, sn), np.where(odd, -other * sn / dn, cn)
-    return sign * shifted[0], sign * shifted[1], np.where(odd, other / dn, dn)
+    shifted = np.where(odd, cn / dn, sn), np.where(odd, -k_prime * sn / dn, cn)
+    return sign * shifted[0], sign * shifted[1], np.where(odd, k_prime / dn, dn)

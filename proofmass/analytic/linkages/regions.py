@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from proofmass.analytic.chart import ChartRegion
 from proofmass.analytic.numerics import Complex
 
-JOIN = 1e-6
+JOIN_DISTANCE = 1e-6
 """Ends of pieces at a smaller distance, as a share of the mechanism's size, are one point."""
 
 
@@ -26,17 +26,17 @@ class CurvePiece:
     ----------
     points : ndarray (n,)
         Points x + iy along the piece [m], dense enough to be drawn.
-    swept : float
+    area_integral : float
         Integral of (x dy - y dx)/2 along the piece [m^2].
     """
 
     points: Complex
-    swept: float
+    area_integral: float
 
     @property
     def back(self) -> "CurvePiece":
         """The same piece in the opposite direction."""
-        return CurvePiece(self.points[::-1], -self.swept)
+        return CurvePiece(self.points[::-1], -self.area_integral)
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class PlaneRegion:
     area: float
 
 
-def drawn_regions(
+def chart_regions(
     found: Mapping[int, Iterable[PlaneRegion]], labels: Mapping[int, str]
 ) -> tuple[ChartRegion, ...]:
     """Regions for a chart, from regions by a sign; each gets the label of its sign."""
@@ -71,13 +71,13 @@ def drawn_regions(
 def arc(center: complex, radius: float, first: float, last: float) -> CurvePiece:
     """Arc of a circle with a centre x + iy and a radius [m], from one angle [rad] to another.
 
-    >>> round(arc(1.0, 2.0, 0.0, 2.0 * np.pi).swept / np.pi, 12)
+    >>> round(arc(1.0, 2.0, 0.0, 2.0 * np.pi).area_integral / np.pi, 12)
     4.0
     """
     angle = np.linspace(first, last, max(9, int(np.abs(last - first) * 90)))
     points = center + radius * np.exp(1j * angle)
-    turned = np.imag(np.conj(center) * (points[-1] - points[0]))
-    return CurvePiece(points, 0.5 * float(radius**2 * (last - first) + turned))
+    chord_term = np.imag(np.conj(center) * (points[-1] - points[0]))
+    return CurvePiece(points, 0.5 * float(radius**2 * (last - first) + chord_term))
 
 
 def chord(first: complex, last: complex) -> CurvePiece:
@@ -86,12 +86,12 @@ def chord(first: complex, last: complex) -> CurvePiece:
     return CurvePiece(points, 0.5 * float(np.imag(np.conj(first) * last)))
 
 
-def overlap(distance: float, one: float, other: float) -> float:
+def overlap_area(distance: float, one: float, other: float) -> float:
     """Area [m^2] of the intersection of two discs, by the distance of their centres and radii [m].
 
-    >>> bool(abs(overlap(1.0, 1.0, 1.0) - 2.0 * np.pi / 3.0 + np.sqrt(3.0) / 2.0) < 1e-15)
+    >>> bool(abs(overlap_area(1.0, 1.0, 1.0) - 2.0 * np.pi / 3.0 + np.sqrt(3.0) / 2.0) < 1e-15)
     True
-    >>> overlap(3.0, 1.0, 2.0), overlap(0.5, 1.0, 2.0) == np.pi
+    >>> overlap_area(3.0, 1.0, 2.0), overlap_area(0.5, 1.0, 2.0) == np.pi
     (0.0, True)
     """
     if min(one, other) == 0.0 or distance >= one + other:
@@ -106,10 +106,10 @@ def overlap(distance: float, one: float, other: float) -> float:
     return float(wedges - 0.5 * np.sqrt(heron[0] * heron[1]))
 
 
-def within(points: Complex, outline: Complex) -> NDArray[np.bool_]:
+def is_inside(points: Complex, outline: Complex) -> NDArray[np.bool_]:
     """Whether points (n,) lie inside a closed outline (m,).
 
-    >>> within(np.array([0.5 + 0.5j, 2.0]), np.array([0.0, 1.0, 1.0 + 1.0j, 1.0j])).tolist()
+    >>> is_inside(np.array([0.5 + 0.5j, 2.0]), np.array([0.0, 1.0, 1.0 + 1.0j, 1.0j])).tolist()
     [True, False]
     """
     start, end = outline, np.roll(outline, -1)
@@ -121,13 +121,13 @@ def within(points: Complex, outline: Complex) -> NDArray[np.bool_]:
     return np.asarray((crosses & right).sum(axis=1) % 2 == 1)
 
 
-def joined_regions(pieces: Iterable[CurvePiece], size: float) -> list[PlaneRegion]:
+def join_regions(pieces: Iterable[CurvePiece], size: float) -> list[PlaneRegion]:
     """Connected regions to the left of pieces of curves, the largest first.
 
     Parameters
     ----------
     pieces : iterable of CurvePiece
-        Each piece begins where another one ends, within `JOIN` times the size.
+        Each piece begins where another one ends, within `JOIN_DISTANCE` times the size.
     size : float
         Size of the mechanism [m].
 
@@ -139,55 +139,59 @@ def joined_regions(pieces: Iterable[CurvePiece], size: float) -> list[PlaneRegio
     Examples
     --------
     >>> ring = [arc(0.0, 2.0, 0.0, 2.0 * np.pi), arc(0.0, 1.0, 0.0, 2.0 * np.pi).back]
-    >>> [round(one.area / np.pi, 12) for one in joined_regions(ring, 1.0)]
+    >>> [round(one.area / np.pi, 12) for one in join_regions(ring, 1.0)]
     [3.0]
     """
-    loops = joined_loops([one for one in pieces if one.points.size > 1], size)
-    outer = sorted((one for one in loops if one.swept > 0.0), key=lambda one: -one.swept)
+    loops = join_loops([one for one in pieces if one.points.size > 1], size)
+    outer = sorted(
+        (one for one in loops if one.area_integral > 0.0), key=lambda one: -one.area_integral
+    )
     holes: list[list[CurvePiece]] = [[] for _ in outer]
-    for hole in (one for one in loops if one.swept <= 0.0):
-        about = [k for k, one in enumerate(outer) if np.mean(within(hole.points, one.points)) > 0.5]
-        if about:
-            holes[about[-1]].append(hole)
+    for hole in (one for one in loops if one.area_integral <= 0.0):
+        enclosing = [
+            k for k, one in enumerate(outer) if np.mean(is_inside(hole.points, one.points)) > 0.5
+        ]
+        if enclosing:
+            holes[enclosing[-1]].append(hole)
     found = [
         PlaneRegion(
             tuple(part.points for part in (one, *inside)),
-            one.swept + sum(part.swept for part in inside),
+            one.area_integral + sum(part.area_integral for part in inside),
         )
         for one, inside in zip(outer, holes, strict=True)
     ]
     return sorted(found, key=lambda one: -one.area)
 
 
-def joined_loops(pieces: list[CurvePiece], size: float) -> list[CurvePiece]:
+def join_loops(pieces: list[CurvePiece], size: float) -> list[CurvePiece]:
     """Closed outlines, each made of consecutive pieces.
 
     Where several pieces begin at one point, the next piece is the one that turns furthest to the
     left.  The region is on the left, so that regions which only touch at a point stay separate.
     """
     starts = np.array([one.points[0] for one in pieces], complex)
-    ways = np.array([one.points[1] - one.points[0] for one in pieces], complex)
-    free = np.ones(len(pieces), bool)
+    directions = np.array([one.points[1] - one.points[0] for one in pieces], complex)
+    unused = np.ones(len(pieces), bool)
     loops = []
-    while free.any():
-        first = here = int(np.argmax(free))
+    while unused.any():
+        first = current = int(np.argmax(unused))
         chain = []
         while True:
-            free[here] = False
-            chain.append(pieces[here])
-            end, before = pieces[here].points[-1], pieces[here].points[-2]
-            near = np.abs(starts - end) < JOIN * size
-            near &= free | (np.arange(len(pieces)) == first)
-            if not near.any():
+            unused[current] = False
+            chain.append(pieces[current])
+            end, before = pieces[current].points[-1], pieces[current].points[-2]
+            candidates = np.abs(starts - end) < JOIN_DISTANCE * size
+            candidates &= unused | (np.arange(len(pieces)) == first)
+            if not candidates.any():
                 raise ValueError(f"an outline ends at ({end.real:.6g}, {end.imag:.6g}) m")
-            clockwise = -np.angle(ways / (before - end)) % (2.0 * np.pi)
-            here = int(np.argmin(np.where(near, clockwise, np.inf)))
-            if here == first:
+            clockwise = -np.angle(directions / (before - end)) % (2.0 * np.pi)
+            current = int(np.argmin(np.where(candidates, clockwise, np.inf)))
+            if current == first:
                 break
         loops.append(
             CurvePiece(
                 np.concatenate([one.points[:-1] for one in chain]),
-                sum(one.swept for one in chain),
+                sum(one.area_integral for one in chain),
             )
         )
     return loops

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, not_negative, senses
+from proofmass.analytic.numerics import Array, check_not_negative, motion_senses
 
 
 def solve(
@@ -74,47 +74,49 @@ def solve(
     >>> turn["swing"].round(6).tolist()
     [0.0, 0.310789, -0.189211, -0.310789]
     """
-    most = slip_angle(length=length, mass=mass, friction=friction, gravity=gravity)
-    not_negative("N m", bearing_friction=bearing_friction)
-    shaft, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+    limit = slip_angle(length=length, mass=mass, friction=friction, gravity=gravity)
+    check_not_negative("N m", bearing_friction=bearing_friction)
+    shaft, shaft_rate = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     if shaft.ndim != 1:
         raise ValueError(f"angle must be one row of angles in their order, got {shaft.shape}")
-    swing, slips = played(shaft, most)
+    swing, slips = apply_play(shaft, limit)
     if shaft.size > 2 and not slips[1:].any():
         raise ValueError(
-            f"friction holds the pendulum at all given angles: it slips at {most:.6g} rad from "
+            f"friction holds the pendulum at all given angles: it slips at {limit:.6g} rad from "
             f"straight down, and only reaches {np.abs(swing).max():.6g} rad"
         )
     moment = mass * gravity * length * np.sin(swing)
-    bearing = bearing_friction * senses(w, float(np.abs(w).max(initial=0.0)))
+    bearing = bearing_friction * motion_senses(
+        shaft_rate, float(np.abs(shaft_rate).max(initial=0.0))
+    )
     slip = swing - shaft
-    gone = friction * np.abs(np.diff(slip)) + bearing_friction * np.abs(np.diff(shaft))
+    losses = friction * np.abs(np.diff(slip)) + bearing_friction * np.abs(np.diff(shaft))
     return {
         "swing": swing,
         "slip": slip,
-        "swing_rate": np.where(slips, 0.0, w),
-        "slip_rate": np.where(slips, -w, 0.0),
+        "swing_rate": np.where(slips, 0.0, shaft_rate),
+        "slip_rate": np.where(slips, -shaft_rate, 0.0),
         "bob_x": length * np.sin(swing),
         "bob_y": -length * np.cos(swing),
         "holding_moment": moment + bearing,
         "hinge_moment": moment,
-        "lost": np.concatenate([np.zeros(min(1, shaft.size)), np.cumsum(gone)]),
+        "lost": np.concatenate([np.zeros(min(1, shaft.size)), np.cumsum(losses)]),
     }
 
 
-def played(shaft: Array, most: float) -> tuple[Array, Array]:
-    """Swings (n,) by the play operator with half width `most` [rad], and whether there is slip.
+def apply_play(shaft: Array, limit: float) -> tuple[Array, Array]:
+    """Swings (n,) by the play operator with half width `limit` [rad], and whether there is slip.
 
     At the first sample the pendulum hangs straight down, without a moment of friction.
     """
     swing, slips = np.zeros(shaft.shape), np.ones(shaft.shape, bool)
-    ways = np.sign(np.diff(shaft))
-    turns = np.flatnonzero(np.diff(ways) != 0) + 1
-    for first, last in zip([0, *turns], [*turns, max(shaft.size - 1, 0)], strict=True):
+    signs = np.sign(np.diff(shaft))
+    reversals = np.flatnonzero(np.diff(signs) != 0) + 1
+    for first, last in zip([0, *reversals], [*reversals, max(shaft.size - 1, 0)], strict=True):
         part = slice(first + 1, last + 1)
         free = swing[first] + shaft[part] - shaft[first]
-        swing[part] = np.clip(free, -most, most)
-        slips[part] = np.abs(free) >= most
+        swing[part] = np.clip(free, -limit, limit)
+        slips[part] = np.abs(free) >= limit
     slips[:1] = True
     return swing, slips
 
@@ -139,10 +141,10 @@ def slip_angle(*, length: float, mass: float, friction: float, gravity: float = 
 
 def events(*, length: float, mass: float, friction: float, **others: float) -> dict[str, float]:
     """Angle of the shaft [rad] at which the pendulum slips for the first time, as an event."""
-    most = slip_angle(
+    limit = slip_angle(
         length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)
     )
-    return {"first slip": most}
+    return {"first slip": limit}
 
 
 def properties(*, length: float, mass: float, friction: float, **others: float) -> dict[str, str]:
@@ -151,11 +153,11 @@ def properties(*, length: float, mass: float, friction: float, **others: float) 
     >>> properties(length=0.2, mass=0.5, friction=0.3)["slips at"]
     '17.81° from straight down'
     """
-    most = slip_angle(
+    limit = slip_angle(
         length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)
     )
     return {
-        "slips at": f"{np.degrees(most):.2f}° from straight down",
-        "lost in a cycle": f"2 friction (way - {np.degrees(2 * most):.2f}°) between the pendulum "
+        "slips at": f"{np.degrees(limit):.2f}° from straight down",
+        "lost in a cycle": f"2 friction (way - {np.degrees(2 * limit):.2f}°) between the pendulum "
         "and the shaft",
     }

@@ -7,25 +7,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages.bars import (
-    FORCES,
-    LOADS,
-    asked_of_drive,
-    asked_of_pins,
-    asks,
-    picked,
+    FORCE_ENDINGS,
+    LOAD_ENDINGS,
+    drive_moment,
+    is_requested,
+    pin_load,
+    select_positions,
 )
 from proofmass.analytic.numerics import (
     Array,
     Complex,
+    check_finite,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+    components_in_frame,
     dot,
-    finite,
-    in_frame,
-    not_negative,
-    one_of,
-    positive,
+    motion_senses,
     rounding_of_sum,
-    senses,
-    unwrapped,
+    unwrap_angles,
 )
 
 MODES = (1, -1)
@@ -148,51 +148,54 @@ def solve(
     [2.81927027, -0.696111, -1.18002816]
     """
     masses = {"crank_mass": crank_mass, "coupler_mass": coupler_mass, "slider_mass": slider_mass}
-    rubs = {
+    frictions = {
         "crank_friction": crank_friction,
         "pin_friction": pin_friction,
         "slider_friction": slider_friction,
     }
-    positive(crank=crank, coupler=coupler)
-    not_negative(**masses)
-    not_negative("N m or N", **rubs)
-    finite(slider_load=slider_load, gravity=gravity)
-    one_of(MODES, mode=mode)
-    start, offset = _guide(guide_x, guide_y, guide_angle)
-    slack = rounding_of_sum(crank, coupler, start, offset)
+    check_positive(crank=crank, coupler=coupler)
+    check_not_negative(**masses)
+    check_not_negative("N m or N", **frictions)
+    check_finite(slider_load=slider_load, gravity=gravity)
+    check_one_of(MODES, mode=mode)
+    start, offset = _guide_position(guide_x, guide_y, guide_angle)
+    rounding = rounding_of_sum(crank, coupler, start, offset)
     inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
     theta, w, dw = (np.atleast_1d(v) for v in inputs)
     cos, sin = np.cos(guide_angle), np.sin(guide_angle)
-    along, across = crank * np.cos(theta - guide_angle), crank * np.sin(theta - guide_angle)
+    crank_along, crank_across = (
+        crank * np.cos(theta - guide_angle),
+        crank * np.sin(theta - guide_angle),
+    )
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # across: as documented
-        q, roots = _couple(theta, guide_angle, crank, coupler, offset, mode, slack)
-        h = across - offset
-        s, ax, ay = along + q - start, q * cos + h * sin, q * sin - h * cos
-        places = picked(
+        q, roots = _close_loop(theta, guide_angle, crank, coupler, offset, mode, rounding)
+        h = crank_across - offset
+        s, ax, ay = crank_along + q - start, q * cos + h * sin, q * sin - h * cos
+        places = select_positions(
             only,
             {
                 "slide": lambda: s,
                 "slider_x": lambda: guide_x + s * cos,
                 "slider_y": lambda: guide_y + s * sin,
-                "coupler_angle": lambda: unwrapped(np.arctan2(ay, ax)),
+                "coupler_angle": lambda: unwrap_angles(np.arctan2(ay, ax)),
                 "transmission_angle": lambda: np.arctan2(np.abs(q), -h),
             },
         )
         if places is not None:
             return {name: curve.reshape(inputs[0].shape) for name, curve in places.items()}
-        k1, k2 = _turns(*roots, mode)
-        s1, s2 = h * k1 - across, h * k2 - q * k1**2 - along
+        k1, k2 = _coupler_derivatives(*roots, mode)
+        s1, s2 = h * k1 - crank_across, h * k2 - q * k1**2 - crank_along
         v, a = s1 * w, s1 * dw + s2 * w**2
         loads: dict[str, Array] = {}
-        if asks(only, *LOADS):
+        if is_requested(only, *LOAD_ENDINGS):
             of_crank, of_pin, of_slider = (
-                value * senses(rate, float(np.abs(w).max(initial=0.0)))
-                for value, rate in zip(rubs.values(), (w, (k1 - 1.0) * w, v), strict=True)
+                value * motion_senses(rate, float(np.abs(w).max(initial=0.0)))
+                for value, rate in zip(frictions.values(), (w, (k1 - 1.0) * w, v), strict=True)
             )
-            pushed = np.asarray(slider_load, float) - of_slider
+            slider_force = np.asarray(slider_load, float) - of_slider
             lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
             lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
-            moment = gravity * lift - pushed * s1 + of_crank + of_pin * (k1 - 1.0)
+            moment = gravity * lift - slider_force * s1 + of_crank + of_pin * (k1 - 1.0)
             guide = complex(cos, sin)
             bars = (
                 np.asarray(crank * np.exp(1j * theta), complex),
@@ -202,14 +205,14 @@ def solve(
             at_p = at_s = rest
             if inertia:
                 at_p, at_s = (1j * dw - w**2) * bars[0], np.asarray(guide * a)
-                p1, slid = 1j * bars[0], np.asarray(guide * s1)
-                moment = moment + asked_of_drive(crank_mass, (rest, at_p), (rest, p1))
-                moment = moment + asked_of_drive(coupler_mass, (at_p, at_s), (p1, slid))
+                p1, slider_velocity = 1j * bars[0], np.asarray(guide * s1)
+                moment = moment + drive_moment(crank_mass, (rest, at_p), (rest, p1))
+                moment = moment + drive_moment(coupler_mass, (at_p, at_s), (p1, slider_velocity))
                 moment = moment + slider_mass * a * s1
             loads = {"holding_moment": moment}
-            if asks(only, *FORCES):
+            if is_requested(only, *FORCE_ENDINGS):
                 loads |= _forces(
-                    bars, (rest, at_p, at_s), q, guide, (pushed, of_pin), gravity, **masses
+                    bars, (rest, at_p, at_s), q, guide, (slider_force, of_pin), gravity, **masses
                 )
         curves = {
             "slide": s,
@@ -221,7 +224,7 @@ def solve(
             "slider_vy": v * sin,
             "slider_ax": a * cos,
             "slider_ay": a * sin,
-            "coupler_angle": unwrapped(np.arctan2(ay, ax)),
+            "coupler_angle": unwrap_angles(np.arctan2(ay, ax)),
             "coupler_rate": k1 * w,
             "coupler_acceleration": k1 * dw + k2 * w**2,
             "transmission_angle": np.arctan2(np.abs(q), -h),
@@ -249,17 +252,17 @@ def _forces(
     """
     crank, coupler = bars
     at_a, at_p, at_s = (each + 1j * gravity for each in accelerations)
-    f0, _ = asked_of_pins(crank_mass, crank, (at_a, at_p))
-    f1, m1 = asked_of_pins(coupler_mass, coupler, (at_p, at_s))
+    f0, _ = pin_load(crank_mass, crank, (at_a, at_p))
+    f1, m1 = pin_load(coupler_mass, coupler, (at_p, at_s))
     m1 = m1 + loads[1]
     slider = np.asarray(slider_mass * at_s, complex)
-    push = loads[0] - dot(slider, guide)
-    on_coupler = np.asarray((push * coupler + 1j * guide * m1) / q, complex)
+    force_along = loads[0] - dot(slider, guide)
+    on_coupler = np.asarray((force_along * coupler + 1j * guide * m1) / q, complex)
     return {
-        **in_frame("crank_force", f0 + f1 - on_coupler, crank),
-        **in_frame("coupler_force", f1 - on_coupler, coupler),
-        **in_frame("pin_force", -on_coupler, coupler),
-        **in_frame("guide_force", slider + on_coupler, guide),
+        **components_in_frame("crank_force", f0 + f1 - on_coupler, crank),
+        **components_in_frame("coupler_force", f1 - on_coupler, coupler),
+        **components_in_frame("pin_force", -on_coupler, coupler),
+        **components_in_frame("guide_force", slider + on_coupler, guide),
     }
 
 
@@ -289,9 +292,9 @@ def dead_points(
     >>> [round(float(x), 6) for x in (*angles, *slides)]
     [0.0, 3.141593, 3.0, 1.0]
     """
-    positive(crank=crank, coupler=coupler)
-    one_of(MODES, mode=mode)
-    start, offset = _guide(guide_x, guide_y, guide_angle)
+    check_positive(crank=crank, coupler=coupler)
+    check_one_of(MODES, mode=mode)
+    start, offset = _guide_position(guide_x, guide_y, guide_angle)
     reach = np.array([coupler + crank, coupler - crank])
     if reach[1] == 0.0 or abs(offset) > abs(reach[1]) + rounding_of_sum(
         crank, coupler, start, offset
@@ -335,23 +338,23 @@ def properties(
     }
 
 
-def _guide(x: float, y: float, angle: float) -> tuple[float, float]:
+def _guide_position(x: float, y: float, angle: float) -> tuple[float, float]:
     """Position of G along the guide from the foot of A; offset of the guide to the left of A."""
-    finite(guide_x=x, guide_y=y, guide_angle=angle)
+    check_finite(guide_x=x, guide_y=y, guide_angle=angle)
     return (
         float(x * np.cos(angle) + y * np.sin(angle)),
         float(y * np.cos(angle) - x * np.sin(angle)),
     )
 
 
-def _couple(
+def _close_loop(
     theta: Array,
     guide_angle: float,
     crank: float,
     coupler: float,
     offset: float,
     mode: int,
-    slack: float,
+    rounding: float,
 ) -> tuple[Array, "tuple[_Root, _Root]"]:
     """Part q of the coupler along the guide, with its two roots; or ValueError if it misses.
 
@@ -361,21 +364,21 @@ def _couple(
     swings = np.sqrt(2.0 * crank) * np.sin(half), np.sqrt(2.0 * crank) * np.cos(half)
     margins = coupler + offset - crank, coupler - offset - crank
     squares = [m + x * x for m, x in zip(margins, swings, strict=True)]
-    if not all(-square.min(initial=0.0) <= slack for square in squares):
-        gap = -np.minimum(*squares)
-        bad = np.unravel_index(np.argmin(gap <= slack), gap.shape)
+    if not all(-square.min(initial=0.0) <= rounding for square in squares):
+        distance = -np.minimum(*squares)
+        bad = np.unravel_index(np.argmin(distance <= rounding), distance.shape)
         raise ValueError(
             f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
-            f"the guide by {gap[bad]:.6g} m"
+            f"the guide by {distance[bad]:.6g} m"
         )
     one, two = (
-        _Root.of(margin if abs(margin) > slack else 0.0, swing, square)
+        _Root.of(margin if abs(margin) > rounding else 0.0, swing, square)
         for margin, swing, square in zip(margins, swings, squares, strict=True)
     )
     return mode * one.root * two.root, (one, two)
 
 
-def _turns(one: "_Root", two: "_Root", mode: int) -> tuple[Array, Array]:
+def _coupler_derivatives(one: "_Root", two: "_Root", mode: int) -> tuple[Array, Array]:
     """First two derivatives k1, k2 of the coupler angle by the crank angle."""
     bend = 0.5 * (two.swing * two.slope * one.bend - one.swing * one.slope * two.bend)
     return -mode * one.slope * two.slope, mode * bend

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.controls import (
-    UNDRIVEN,
+    NO_PRESCRIBED_JOINTS,
     ControlsInTime,
     Law,
     Prescribed,
     controls_at_samples,
     controls_by_place,
 )
-from proofmass.analytic.equilibrium import Held, Resting
+from proofmass.analytic.equilibrium import ActiveStops, EquilibriumSolver
 from proofmass.analytic.numerics import (
     Array,
     CannotAssemble,
@@ -34,50 +34,50 @@ from proofmass.analytic.numerics import (
     Index,
     NotCovered,
     SingularHere,
-    senses,
+    motion_senses,
 )
-from proofmass.analytic.planar.branch import SHARE, Branch, Knots
+from proofmass.analytic.planar.branch import STEP_SHARE, Branch, Knots
 from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.forces import (
     Forces,
-    applied,
-    centres,
-    kinetic,
-    loaded,
-    motors,
-    potential,
+    applied_forces,
+    centre_jacobians,
+    kinetic_energy,
+    loads_on_joints,
+    motor_forces,
+    potential_energy,
     solve_forces,
     spring_length,
-    transmitted,
+    transmitted_force,
 )
 from proofmass.analytic.planar.kinematics import (
     BodyMotion,
     Drives,
-    condition,
+    condition_numbers,
     count_dof,
+    joint_rates,
     loop_jacobian,
-    move,
-    nearest,
-    rates,
-    residual,
+    loop_violations,
+    move_bodies,
+    nearest_pose,
 )
 from proofmass.analytic.planar.mechanism import (
     Mechanism,
     Mirrored,
     Overconstrained,
     Reader,
-    acting,
-    is_fixed,
-    joined,
+    acts_on_joint,
+    actuators_of_joint,
+    enabled_actuators,
+    is_fixed_tendon,
     read,
     read_actuator,
     read_site_load,
     refuse_actuators,
     refuse_contacts,
-    rotation,
-    switched_on,
+    rotation_matrix,
 )
-from proofmass.analytic.stops import Stop, StoppedMotion, ends
+from proofmass.analytic.stops import MotionWithStops, Stop, make_stops
 
 __all__ = [
     "Branch",
@@ -92,19 +92,23 @@ __all__ = [
     "solve",
 ]
 
-PART, BESIDE = 0.1, 0.382
-"""Knots begin and end at (k + `BESIDE`) `PART` with an integer k [rad, or sizes].  Two motions that
-begin at the same round number, but for a small difference, then have the same first knot; likewise
-at their ends."""
-S, OBJ, OFF = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtDisableBit
-PLACES = {S.mjSENS_FRAMEPOS: 0, S.mjSENS_FRAMELINVEL: 1, S.mjSENS_FRAMELINACC: 2}
-TURNS = {S.mjSENS_FRAMEANGVEL: 1, S.mjSENS_FRAMEANGACC: 2}
-LENGTHS = (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL)
-MOTORS = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
-INTERACTIONS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
-REACH = SHARE * (1 + 1e-9)
-"""Share of the proven step within which a knot is used: the next knot is `SHARE` of the proven step
-ahead, up to rounding."""
+KNOT_SPACING, KNOT_OFFSET = 0.1, 0.382
+"""Knots begin and end at (k + `KNOT_OFFSET`) `KNOT_SPACING` with an integer k [rad, or sizes].  Two
+motions that begin at the same round number, but for a small difference, then have the same first
+knot; likewise at their ends."""
+SENSOR_TYPE, OBJECT_TYPE, DISABLE_FLAG = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtDisableBit
+POSITION_SENSORS = {
+    SENSOR_TYPE.mjSENS_FRAMEPOS: 0,
+    SENSOR_TYPE.mjSENS_FRAMELINVEL: 1,
+    SENSOR_TYPE.mjSENS_FRAMELINACC: 2,
+}
+ROTATION_SENSORS = {SENSOR_TYPE.mjSENS_FRAMEANGVEL: 1, SENSOR_TYPE.mjSENS_FRAMEANGACC: 2}
+TENDON_SENSORS = (SENSOR_TYPE.mjSENS_TENDONPOS, SENSOR_TYPE.mjSENS_TENDONVEL)
+ACTUATOR_SENSORS = (SENSOR_TYPE.mjSENS_ACTUATORFRC, SENSOR_TYPE.mjSENS_JOINTACTFRC)
+INTERACTION_SENSORS = (SENSOR_TYPE.mjSENS_FORCE, SENSOR_TYPE.mjSENS_TORQUE)
+MAX_STEP_SHARE = STEP_SHARE * (1 + 1e-9)
+"""Share of the proven step within which a knot is used: the next knot is `STEP_SHARE` of the proven
+step ahead, up to rounding."""
 
 
 def solve(
@@ -175,8 +179,8 @@ def solve(
     -------
     dict of str to ndarray (n,) [SI]
         Curves by channel name, as in a sidecar: ``rocker``, ``pin.x``, ``coupler.angle``, ...; for
-        a driven linkage also ``condition``, the factor by which rounding grows in a pose.  A path
-        of equilibria has rates but no accelerations: these are NaN.
+        a driven linkage also ``condition``, the factor by which rounding grows in a pose.
+        A path of equilibria has rates but no accelerations: these are NaN.
 
     Raises
     ------
@@ -208,18 +212,18 @@ def solve(
     >>> [round(float(motion[name][0]), 8) for name in ("pin.x", "pin.y", "rocker_rate")]
     [1.4375, 1.95156187, -0.5]
     """
-    mechanism, reader = _read(model, start)
+    mechanism, reader = _read_cached(model, start)
     refuse_actuators(model, joints)
-    refuse_changes(model, {**(controls or {}), **(control_laws or {})})
-    own, stopped = dict[str, Array](), np.zeros(1)
-    loose = not joints or leaves_dof(mechanism, joints)
-    free = loose and (not joints or in_time is not None)
-    if loose and not free:
+    refuse_shared_ranges(model, {**(controls or {}), **(control_laws or {})})
+    own, stop_forces = dict[str, Array](), np.zeros(1)
+    has_dof = not joints or has_free_dof(mechanism, joints)
+    is_free = has_dof and (not joints or in_time is not None)
+    if has_dof and not is_free:
         refuse_contacts(model)
         if inertia:
             raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
         values = np.atleast_2d(np.asarray(value, float))
-        q, v, stopped, d = _rested(
+        q, v, stop_forces, d = _find_equilibria(
             mechanism,
             joints,
             values.T,
@@ -228,14 +232,14 @@ def solve(
             controls_at_samples(model, np.zeros(mechanism.ctrl.size), control_rates),
         )
         a = np.full_like(q, np.nan)
-    elif not free:
+    elif not is_free:
         values = np.atleast_2d(np.asarray(value, float))
-        q, d = _swept(mechanism, joints, values.shape, values.tobytes())
+        q, d = _find_poses(mechanism, joints, values.shape, values.tobytes())
         moving = (
             np.broadcast_to(np.asarray(x, float), values.shape).T for x in (rate, acceleration)
         )
-        v, a = rates(mechanism, q, d, *moving)
-        own["condition"] = condition(mechanism, q, d)
+        v, a = joint_rates(mechanism, q, d, *moving)
+        own["condition"] = condition_numbers(mechanism, q, d)
         refuse_limits(mechanism, q)
     else:
         refuse_contacts(model)
@@ -243,43 +247,51 @@ def solve(
             name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
         d = Drives.of(mechanism, joints)
-        laws = ControlsInTime.of(model, mechanism.ctrl, control_laws)
-        moved = _moved(reader, mechanism, joints, value, in_time, laws)
-        q, v, a = moved.arrays()
-        stopped = np.array(moved.forces)
-    found = own | quantities(reader, mechanism, move(mechanism, q, v, a), (q, v, a))
+        profiles = ControlsInTime.of(model, mechanism.ctrl, control_laws)
+        free_states = _find_motion(reader, mechanism, joints, value, in_time, profiles)
+        q, v, a = free_states.arrays()
+        stop_forces = np.array(free_states.forces)
+    found = own | quantities(reader, mechanism, move_bodies(mechanism, q, v, a), (q, v, a))
     fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
-    rub = mechanism.frictions * senses(v.T, fastest).T
-    if not free and not inertia:
+    friction = mechanism.frictions * motion_senses(v.T, fastest).T
+    if not is_free and not inertia:
         v = a = np.zeros_like(q)
     if control_laws and controls is None:
         times = np.asarray(in_time[0] if in_time else value, float)
         controls = {name: law(times)[0] for name, law in control_laws.items()}
     ctrl = controls_at_samples(model, mechanism.ctrl, controls)
-    found |= forces(reader, mechanism, move(mechanism, q, v, a), (q, v, a), d, rub - stopped, ctrl)
+    found |= force_curves(
+        reader,
+        mechanism,
+        move_bodies(mechanism, q, v, a),
+        (q, v, a),
+        d,
+        friction - stop_forces,
+        ctrl,
+    )
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
 
 
 def refuse_limits(m: Mechanism, q: Array) -> None:
     """Raise ValueError if a joint that the drives determine leaves its range."""
     for k, joint in enumerate(m.joints):
-        out = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
-        if out.any():
+        outside = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
+        if outside.any():
             raise ValueError(
                 f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                f"{int(np.argmax(out))}; joint limits are not covered in driven motions"
+                f"{int(np.argmax(outside))}; joint limits are not covered in driven motions"
             )
 
 
-def refuse_changes(model: Any, named: Mapping[str, Any]) -> None:
+def refuse_shared_ranges(model: Any, controls: Mapping[str, Any]) -> None:
     """Raise NotCovered if a changing control acts with others within a joint's range of forces."""
-    controls_by_place(model, named)  # ValueError if there is no such actuator
-    for name in named:
+    controls_by_place(model, controls)  # ValueError if there is no such actuator
+    for name in controls:
         actuator = model.actuator(name).id
         joint = int(model.actuator_trnid[actuator, 0])
-        if not (joined(model, actuator) and model.jnt_actfrclimited[joint]):
+        if not (acts_on_joint(model, actuator) and model.jnt_actfrclimited[joint]):
             continue
-        if len(acting(model, joint)) > 1:
+        if len(actuators_of_joint(model, joint)) > 1:
             raise NotCovered(
                 f"the control of actuator {name!r} changes, and its joint "
                 f"{model.joint(joint).name!r} has a range of forces for several actuators"
@@ -301,25 +313,25 @@ def properties(
     """
     if joints:
         return {}
-    mechanism, reader = _read(model, start)
+    mechanism, reader = _read_cached(model, start)
     laws = ControlsInTime.of(model, mechanism.ctrl, control_laws)
-    events = _moved(reader, mechanism, (), motion, None, laws).events()
+    events = _find_motion(reader, mechanism, (), motion, None, laws).events()
     return {"stops": events} if events else {}
 
 
 @lru_cache(maxsize=32)
-def leaves_dof(m: Mechanism, joints: tuple[str, ...]) -> bool:
+def has_free_dof(m: Mechanism, joints: tuple[str, ...]) -> bool:
     """Whether the mechanism has more degrees of freedom than driven joints."""
-    return count_dof(m, nearest(m, m.start)) > len(joints)
+    return count_dof(m, nearest_pose(m, m.start)) > len(joints)
 
 
 @lru_cache(maxsize=32)
-def _swept(
+def _find_poses(
     mechanism: Mechanism, joints: tuple[str, ...], shape: tuple[int, int], values: bytes
 ) -> tuple[Array, Drives]:
     """Closed poses over the drives' values; cached, since a report asks for them again."""
     inputs = np.frombuffer(values).reshape(shape).T
-    if len(joints) == 1 and (found := _on_the_way(mechanism, joints, inputs)) is not None:
+    if len(joints) == 1 and (found := _poses_from_knots(mechanism, joints, inputs)) is not None:
         return found
     branch = Branch(mechanism, joints)
     q, failure = branch.follow(inputs)
@@ -328,7 +340,7 @@ def _swept(
     return q, branch.d
 
 
-def _rested(
+def _find_equilibria(
     mechanism: Mechanism,
     joints: tuple[str, ...],
     values: Array,
@@ -341,21 +353,21 @@ def _rested(
     The third array has the forces of stops on the joints there (n, joints).
     """
     at_rest = LinkageAtRest(mechanism, Drives.of(mechanism, joints))
-    q, stops = _rests(mechanism, joints, pickle.dumps((values, ctrl)))
-    v, pushes = Resting(at_rest).beside(q, stops, values, rate, ctrl, ctrl_rate)
+    q, stops = _follow_equilibria(mechanism, joints, pickle.dumps((values, ctrl)))
+    v, pushes = EquilibriumSolver(at_rest).beside(q, stops, values, rate, ctrl, ctrl_rate)
     return q, v, pushes, at_rest.drives
 
 
 @lru_cache(maxsize=32)
-def _rests(
+def _follow_equilibria(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes
-) -> tuple[Array, list[Held]]:
+) -> tuple[Array, list[ActiveStops]]:
     """Equilibria (n, joints) and their stops; cached, since a report asks for them again."""
     at_rest = LinkageAtRest(mechanism, Drives.of(mechanism, joints))
-    return Resting(at_rest).follow(*pickle.loads(packed))
+    return EquilibriumSolver(at_rest).follow(*pickle.loads(packed))
 
 
-def _on_the_way(
+def _poses_from_knots(
     mechanism: Mechanism, joints: tuple[str, ...], inputs: Array
 ) -> tuple[Array, Drives] | None:
     """Find closed poses from knots that do not depend on the samples; None if they do not reach.
@@ -364,88 +376,98 @@ def _on_the_way(
     the same knots, so that they are found only once; and no pose depends on earlier solutions.
     """
     (place,) = Drives.of(mechanism, joints).driven
-    begin, part = mechanism.start[place], PART * mechanism.scale[place]
-    low = (np.floor(inputs.min(initial=begin) / part - BESIDE) + BESIDE) * part
-    high = (np.ceil(inputs.max(initial=begin) / part - BESIDE) + BESIDE) * part
-    branch, knots = _knots(mechanism, joints, float(low), float(high))
-    x, at, start = inputs[:, 0], knots.q[:, place], branch.knot.q[place]
-    k = np.where(x >= start, np.searchsorted(at, x, "right") - 1, np.searchsorted(at, x, "left"))
-    own = knots[k.clip(0, len(knots) - 1)]
-    _, moves, proven = branch.beside(inputs, own)
-    return (branch.close(inputs, own), branch.d) if (moves <= REACH * proven).all() else None
+    begin, part = mechanism.start[place], KNOT_SPACING * mechanism.scale[place]
+    low = (np.floor(inputs.min(initial=begin) / part - KNOT_OFFSET) + KNOT_OFFSET) * part
+    high = (np.ceil(inputs.max(initial=begin) / part - KNOT_OFFSET) + KNOT_OFFSET) * part
+    branch, knots = _find_knots(mechanism, joints, float(low), float(high))
+    x, knot_values, start = inputs[:, 0], knots.q[:, place], branch.knot.q[place]
+    k = np.where(
+        x >= start,
+        np.searchsorted(knot_values, x, "right") - 1,
+        np.searchsorted(knot_values, x, "left"),
+    )
+    nearest_knots = knots[k.clip(0, len(knots) - 1)]
+    _, moves, proven = branch.beside(inputs, nearest_knots)
+    return (
+        (branch.close(inputs, nearest_knots), branch.d)
+        if (moves <= MAX_STEP_SHARE * proven).all()
+        else None
+    )
 
 
 @lru_cache(maxsize=8)
-def _knots(
+def _find_knots(
     mechanism: Mechanism, joints: tuple[str, ...], low: float, high: float
 ) -> tuple[Branch, Knots]:
     """A branch at its start pose, and its knots between two values of its only drive."""
-    down, up = (Branch(mechanism, joints).walk(np.array([[end]]))[0] for end in (low, high))
-    return Branch(mechanism, joints), Knots.joined([down[:0:-1], up])
+    downward, upward = (Branch(mechanism, joints).walk(np.array([[end]]))[0] for end in (low, high))
+    return Branch(mechanism, joints), Knots.joined([downward[:0:-1], upward])
 
 
-def _moved(
+def _find_motion(
     reader: Reader,
     mechanism: Mechanism,
     joints: tuple[str, ...],
     value: ArrayLike,
     in_time: tuple[Array, Sequence[Law]] | None,
     controls: ControlsInTime | None = None,
-) -> StoppedMotion:
+) -> MotionWithStops:
     """Integrate a motion with degrees of freedom that no drive determines, between stops."""
     stops = tuple(reader.stops(mechanism, joints))
     if (not joints or in_time is None) and controls is None:
-        return _free(mechanism, tuple(np.asarray(value, float).tolist()), stops)
+        return _integrate_free(mechanism, tuple(np.asarray(value, float).tolist()), stops)
     if not joints or in_time is None:
         joints, in_time = (), (np.asarray(value, float), ())
-    return _in_time(mechanism, joints, *in_time, stops, controls)
+    return _integrate_in_time(mechanism, joints, *in_time, stops, controls)
 
 
 @lru_cache(maxsize=32)
-def _free(mechanism: Mechanism, times: tuple[float, ...], stops: tuple[Stop, ...]) -> StoppedMotion:
+def _integrate_free(
+    mechanism: Mechanism, times: tuple[float, ...], stops: tuple[Stop, ...]
+) -> MotionWithStops:
     """A free motion; cached, since every solver of a case is compared with it."""
     return free_motion(mechanism, np.array(times), stops=stops)
 
 
-def _in_time(
+def _integrate_in_time(
     mechanism: Mechanism,
     joints: tuple[str, ...],
     times: Array,
     laws: Sequence[Law],
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
-) -> StoppedMotion:
+) -> MotionWithStops:
     """A motion under motion profiles; cached where possible, since all solvers use it."""
     try:
-        packed = pickle.dumps((times, laws, controls))
+        pickled = pickle.dumps((times, laws, controls))
     except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
-        return _integrated(mechanism, joints, times, laws, stops, controls)
-    return _in_time_once(mechanism, joints, packed, stops)
+        return _integrate(mechanism, joints, times, laws, stops, controls)
+    return _integrate_in_time_cached(mechanism, joints, pickled, stops)
 
 
 @lru_cache(maxsize=8)
-def _in_time_once(
+def _integrate_in_time_cached(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes, stops: tuple[Stop, ...]
-) -> StoppedMotion:
-    """`_in_time` for pickled times, motion profiles and controls, cached by these bytes."""
+) -> MotionWithStops:
+    """`_integrate_in_time` for pickled times, motion profiles and controls; a cache by these."""
     times, laws, controls = pickle.loads(packed)
-    return _integrated(mechanism, joints, times, laws, stops, controls)
+    return _integrate(mechanism, joints, times, laws, stops, controls)
 
 
-def _integrated(
+def _integrate(
     mechanism: Mechanism,
     joints: tuple[str, ...],
     times: Array,
     laws: Sequence[Law],
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
-) -> StoppedMotion:
+) -> MotionWithStops:
     driven = Drives.of(mechanism, joints).driven
-    drives = Prescribed.of(driven, driven, laws) if joints else UNDRIVEN
+    drives = Prescribed.of(driven, driven, laws) if joints else NO_PRESCRIBED_JOINTS
     return free_motion(mechanism, times, drives, stops, controls)
 
 
-_read = lru_cache(maxsize=32)(read)
+_read_cached = lru_cache(maxsize=32)(read)
 
 
 def quantities(
@@ -466,81 +488,106 @@ def quantities(
     """
     found: dict[str, Array] = {}
     for s in range(reader.model.nsensor):
-        name, kind = reader.model.sensor(s).name, S(reader.model.sensor_type[s])
+        name, kind = reader.model.sensor(s).name, SENSOR_TYPE(reader.model.sensor_type[s])
         value: Array | None = None
-        if kind in PLACES or kind in TURNS or kind == S.mjSENS_FRAMEXAXIS:
-            found |= {f"{name}.{part}": curve for part, curve in frame(reader, motion, s).items()}
-        elif kind == S.mjSENS_E_POTENTIAL:
-            value = potential(m, motion, joint[0]) + level(reader)
-        elif kind == S.mjSENS_E_KINETIC:
-            value = kinetic(m, motion, joint[1])
-        elif kind in LENGTHS:
-            value = stretched(reader, m, motion, joint, s)
-        elif reader.model.sensor_objtype[s] == OBJ.mjOBJ_JOINT:
-            order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1, S.mjSENS_USER: 2}.get(kind)
+        if (
+            kind in POSITION_SENSORS
+            or kind in ROTATION_SENSORS
+            or kind == SENSOR_TYPE.mjSENS_FRAMEXAXIS
+        ):
+            found |= {
+                f"{name}.{part}": curve for part, curve in frame_curves(reader, motion, s).items()
+            }
+        elif kind == SENSOR_TYPE.mjSENS_E_POTENTIAL:
+            value = potential_energy(m, motion, joint[0]) + normal_potential(reader)
+        elif kind == SENSOR_TYPE.mjSENS_E_KINETIC:
+            value = kinetic_energy(m, motion, joint[1])
+        elif kind in TENDON_SENSORS:
+            value = tendon_curve(reader, m, motion, joint, s)
+        elif reader.model.sensor_objtype[s] == OBJECT_TYPE.mjOBJ_JOINT:
+            order = {
+                SENSOR_TYPE.mjSENS_JOINTPOS: 0,
+                SENSOR_TYPE.mjSENS_JOINTVEL: 1,
+                SENSOR_TYPE.mjSENS_USER: 2,
+            }.get(kind)
             value = None if order is None else joint[order][:, reader.model.sensor_objid[s]]
         if value is not None:
             found[name] = value
     return found
 
 
-def stretched(
+def tendon_curve(
     reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array], s: int
 ) -> Array:
     """Length of a tendon, or the rate of its length (n,), as sensor number s shows."""
-    t, order = int(reader.model.sensor_objid[s]), LENGTHS.index(S(reader.model.sensor_type[s]))
-    if is_fixed(reader.model, t):
+    t, order = (
+        int(reader.model.sensor_objid[s]),
+        TENDON_SENSORS.index(SENSOR_TYPE(reader.model.sensor_type[s])),
+    )
+    if is_fixed_tendon(reader.model, t):
         return np.asarray(sum(share * joint[order][:, j] for j, share in reader.fixed(t)))
-    number = t - sum(is_fixed(reader.model, before) for before in range(t))
+    number = t - sum(is_fixed_tendon(reader.model, before) for before in range(t))
     length = spring_length(m, motion, number)
     return length.value if order == 0 else np.asarray((length.rows * joint[1]).sum(axis=-1))
 
 
-def level(reader: Reader) -> float:
+def normal_potential(reader: Reader) -> float:
     """Potential energy of gravity along the plane's normal [J], which is constant."""
     model = reader.model
     places = reader.at + (reader.turn @ model.body_ipos[..., None])[..., 0]
-    across = reader.unless(OFF.mjDSBL_GRAVITY, model.opt.gravity @ reader.normal)
+    across = reader.zero_if_disabled(DISABLE_FLAG.mjDSBL_GRAVITY, model.opt.gravity @ reader.normal)
     return float(-across * model.body_mass @ (places @ reader.normal))
 
 
-def frame(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:
+def frame_curves(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:
     """Curves of a sensor of a frame by their parts; none if it has a frame of reference."""
-    kind = S(reader.model.sensor_type[s])
-    if reader.model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
+    kind = SENSOR_TYPE(reader.model.sensor_type[s])
+    if reader.model.sensor_reftype[s] != OBJECT_TYPE.mjOBJ_UNKNOWN:
         return {}
-    body, at, turn = seat(reader, s)
-    if kind in TURNS:
-        return spread(reader, np.zeros(1), motion.turn[TURNS[kind]][body])
-    if kind in PLACES:
-        order = PLACES[kind]
-        flat = motion.point(body, reader.flat(at), order)
-        return spread(reader, flat, np.zeros(1) if order else np.array([at @ reader.normal]))
-    axis = turn[:, 0]
+    body, position, axes = sensor_frame(reader, s)
+    if kind in ROTATION_SENSORS:
+        return world_components(reader, np.zeros(1), motion.turn[ROTATION_SENSORS[kind]][body])
+    if kind in POSITION_SENSORS:
+        order = POSITION_SENSORS[kind]
+        flat = motion.point(body, reader.flat(position), order)
+        return world_components(
+            reader, flat, np.zeros(1) if order else np.array([position @ reader.normal])
+        )
+    axis = axes[:, 0]
     angle = np.angle(reader.flat(axis)) + motion.turn[0][body]
     angle = angle - 2 * np.pi * np.ceil(angle[0] / (2 * np.pi) - 0.5)
-    parts = spread(reader, motion.w[0][body] * reader.flat(axis), np.array([axis @ reader.normal]))
+    parts = world_components(
+        reader, motion.w[0][body] * reader.flat(axis), np.array([axis @ reader.normal])
+    )
     return {**parts, "angle": angle}
 
 
-def seat(reader: Reader, s: int) -> tuple[int, Array, Array]:
+def sensor_frame(reader: Reader, s: int) -> tuple[int, Array, Array]:
     """Body, position and axes, in the reference pose, of the object that a sensor is on."""
-    model, kind = reader.model, OBJ(reader.model.sensor_objtype[s])
+    model, kind = reader.model, OBJECT_TYPE(reader.model.sensor_objtype[s])
     i = model.sensor_objid[s]
-    body, at, quaternion = {
-        OBJ.mjOBJ_SITE: lambda: (model.site_bodyid[i], model.site_pos[i], model.site_quat[i]),
-        OBJ.mjOBJ_GEOM: lambda: (model.geom_bodyid[i], model.geom_pos[i], model.geom_quat[i]),
-        OBJ.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
-        OBJ.mjOBJ_XBODY: lambda: (i, np.zeros(3), np.array([1.0, 0, 0, 0])),
+    body, position, quaternion = {
+        OBJECT_TYPE.mjOBJ_SITE: lambda: (
+            model.site_bodyid[i],
+            model.site_pos[i],
+            model.site_quat[i],
+        ),
+        OBJECT_TYPE.mjOBJ_GEOM: lambda: (
+            model.geom_bodyid[i],
+            model.geom_pos[i],
+            model.geom_quat[i],
+        ),
+        OBJECT_TYPE.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
+        OBJECT_TYPE.mjOBJ_XBODY: lambda: (i, np.zeros(3), np.array([1.0, 0, 0, 0])),
     }[kind]()
     return (
         int(body),
-        reader.at[body] + reader.turn[body] @ at,
-        reader.turn[body] @ rotation(quaternion),
+        reader.at[body] + reader.turn[body] @ position,
+        reader.turn[body] @ rotation_matrix(quaternion),
     )
 
 
-def spread(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]:
+def world_components(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]:
     """World components of vectors with the parts `flat` in the plane and `up` along its normal."""
     return {
         part: reader.e1[k] * flat.real + reader.e2[k] * flat.imag + reader.normal[k] * up
@@ -548,32 +595,38 @@ def spread(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]
     }
 
 
-def forces(
+def force_curves(
     reader: Reader,
     m: Mechanism,
     motion: BodyMotion,
     joint: tuple[Array, Array, Array],
     d: Drives,
-    rub: Array,
+    friction: Array,
     ctrl: Array | None,
 ) -> dict[str, Array]:
     """Curves (n,) of the sensors of forces and moments, by channel name as in `quantities`."""
-    sensors = {s: S(int(reader.model.sensor_type[s])) for s in range(reader.model.nsensor)}
-    sensors = {s: kind for s, kind in sensors.items() if kind in MOTORS or kind in INTERACTIONS}
+    sensors = {
+        s: SENSOR_TYPE(int(reader.model.sensor_type[s])) for s in range(reader.model.nsensor)
+    }
+    sensors = {
+        s: kind
+        for s, kind in sensors.items()
+        if kind in ACTUATOR_SENSORS or kind in INTERACTION_SENSORS
+    }
     if not sensors:
         return {}
-    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, rub, ctrl)
+    found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, friction, ctrl)
     for s, kind in sensors.items():
         name = reader.model.sensor(s).name
-        if kind in MOTORS:
-            found[name] = of_motor(reader, m, motion, joint, s, solved.drives, d, ctrl)
+        if kind in ACTUATOR_SENSORS:
+            found[name] = actuator_curve(reader, m, motion, joint, s, solved.drives, d, ctrl)
         else:
-            parts = interaction(reader, m, motion, s, solved, ctrl)
+            parts = interaction_curves(reader, m, motion, s, solved, ctrl)
             found |= {f"{name}.{part}": curve for part, curve in parts.items()}
     return found
 
 
-def of_motor(
+def actuator_curve(
     reader: Reader,
     m: Mechanism,
     motion: BodyMotion,
@@ -588,20 +641,20 @@ def of_motor(
     On a driven joint it is the moment or force of the drive.
     """
     model, i = reader.model, int(reader.model.sensor_objid[s])
-    actuator = S(int(model.sensor_type[s])) == S.mjSENS_ACTUATORFRC
+    actuator = SENSOR_TYPE(int(model.sensor_type[s])) == SENSOR_TYPE.mjSENS_ACTUATORFRC
     joint = i
     if actuator:
-        joint = int(model.actuator_trnid[i, 0]) if joined(model, i) else -1
+        joint = int(model.actuator_trnid[i, 0]) if acts_on_joint(model, i) else -1
     if (place := np.flatnonzero(d.driven == joint)).size:
         moment = drives[:, place[0]]
         return np.asarray(moment / model.actuator_gear[i, 0] if actuator else moment)
     if actuator:
-        return of_actuator(model, m, state, i, joint, ctrl)
-    own = motors(m, *state[:2], ctrl)[:, joint]
-    return np.asarray(own + loaded(m, motion, ctrl)[:, joint] if m.point_loads else own)
+        return actuator_force(model, m, state, i, joint, ctrl)
+    own = motor_forces(m, *state[:2], ctrl)[:, joint]
+    return np.asarray(own + loads_on_joints(m, motion, ctrl)[:, joint] if m.point_loads else own)
 
 
-def of_actuator(
+def actuator_force(
     model: Any,
     m: Mechanism,
     state: tuple[Array, Array, Array],
@@ -610,16 +663,16 @@ def of_actuator(
     ctrl: Array | None,
 ) -> Array:
     """Force of actuator number a (n,), on joint number `joint`, or on a site if that is -1."""
-    if a not in switched_on(model):
+    if a not in enabled_actuators(model):
         return np.zeros(1)
-    one = read_site_load(model, a).actuator if joint < 0 else read_actuator(model, a)
-    control = (m.ctrl[None] if ctrl is None else ctrl)[:, one.place]
+    actuator = read_site_load(model, a).actuator if joint < 0 else read_actuator(model, a)
+    control = (m.ctrl[None] if ctrl is None else ctrl)[:, actuator.place]
     if joint < 0:
-        return one.force(control)
-    return one.force(control, *(one.gear * part[:, joint] for part in state[:2]))
+        return actuator.force(control)
+    return actuator.force(control, *(actuator.gear * part[:, joint] for part in state[:2]))
 
 
-def interaction(
+def interaction_curves(
     reader: Reader,
     m: Mechanism,
     motion: BodyMotion,
@@ -628,14 +681,14 @@ def interaction(
     ctrl: Array | None,
 ) -> dict[str, Array]:
     """Force or moment on the body of a site from its parent, by parts in the site's frame."""
-    body, at, turn = seat(reader, s)
-    place = motion.point(body, reader.flat(at))
-    force, moment = transmitted(m, motion, solved.loops, body, place, ctrl)
-    if S(reader.model.sensor_type[s]) == S.mjSENS_TORQUE:
-        return {part: moment * (reader.normal @ turn[:, k]) for k, part in enumerate("xyz")}
+    body, position, axes = sensor_frame(reader, s)
+    place = motion.point(body, reader.flat(position))
+    force, moment = transmitted_force(m, motion, solved.loops, body, place, ctrl)
+    if SENSOR_TYPE(reader.model.sensor_type[s]) == SENSOR_TYPE.mjSENS_TORQUE:
+        return {part: moment * (reader.normal @ axes[:, k]) for k, part in enumerate("xyz")}
     own = force * motion.w[0][body].conj()
     return {
-        part: own.real * (reader.e1 @ turn[:, k]) + own.imag * (reader.e2 @ turn[:, k])
+        part: own.real * (reader.e1 @ axes[:, k]) + own.imag * (reader.e2 @ axes[:, k])
         for k, part in enumerate("xyz")
     }
 
@@ -679,25 +732,25 @@ class LinkageAtRest:
         return tuple(
             stop
             for j, joint in joints
-            for stop in ends(joint.name, joint.range, j, j, float(m.scale[j]))
+            for stop in make_stops(joint.name, joint.range, j, j, float(m.scale[j]))
         )
 
     def begin(self, values: Array) -> Array:
         """Find the closed pose (joints,) nearest to the start, drives at values (drives,)."""
-        return nearest(self.m, self.m.start, self.driven, values)
+        return nearest_pose(self.m, self.m.start, self.driven, values)
 
-    def moved(self, q: Array, way: Array) -> Array:
+    def moved(self, q: Array, moves: Array) -> Array:
         """Poses (n, joints) that moves (n, joints) lead to from poses q."""
-        return q + way
+        return q + moves
 
     def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:
         """Forces on the joints (n, joints) at poses q (n, joints), and the Jacobian of the loops.
 
         The third array has the violations of the loops (n, rows) [sizes].
         """
-        m, motion = self.m, move(self.m, q)
-        force = applied(m, motion, centres(m, motion), q, 0.0, ctrl)
-        return force, loop_jacobian(m, motion, q) / m.size, residual(m, motion, q) / m.size
+        m, motion = self.m, move_bodies(self.m, q)
+        force = applied_forces(m, motion, centre_jacobians(m, motion), q, 0.0, ctrl)
+        return force, loop_jacobian(m, motion, q) / m.size, loop_violations(m, motion, q) / m.size
 
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""

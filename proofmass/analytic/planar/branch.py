@@ -27,14 +27,14 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array, CannotAssemble, CannotMove, Index, SingularHere
 from proofmass.analytic.planar.kinematics import (
-    CLOSED,
+    CLOSING_TOLERANCE,
     Drives,
-    approach,
+    close_loops,
     count_dof,
+    iterate_newton,
+    joint_rates,
     lipschitz,
-    nearest,
-    newton,
-    rates,
+    nearest_pose,
     scaled_jacobian,
 )
 from proofmass.analytic.planar.mechanism import (
@@ -42,36 +42,36 @@ from proofmass.analytic.planar.mechanism import (
     Mirrored,
 )
 
-SHARE = 0.8
+STEP_SHARE = 0.8
 """Share of the proven step that is taken, so that poses between need fewer Newton steps."""
-NEAR = 0.4
+NEWTON_SHARE = 0.4
 """Largest distance from the prediction to the pose that Newton's method finds, as a share of the
 proven step; a bound from the same theorem."""
-CREEP = 1e-5
+LEAP_STEP = 1e-5
 """Length of a step of the drives [rad, or sizes] below which a change point is looked for."""
-STUCK = 1e-11
+MIN_STEP = 1e-11
 """Length of a step of the drives [rad, or sizes] below which the branch has ended."""
-UNSURE = 1e-5
+MIN_START_STEP = 1e-5
 """Proven step [rad, or sizes] below which the rounding of a start pose may decide its branch."""
-KINK = 0.05
+MAX_KINK = 0.05
 """Largest relative change of the velocity over a change point that still counts as smooth."""
-STRIDE = 0.1
+GUESS_STEP = 0.1
 """Way of the drives [rad, or sizes] between two poses that are guessed."""
-SHORTEST = 1e-3
+MIN_GUESS_STEP = 1e-3
 """Smallest way between two poses that are guessed [rad, or sizes]."""
-STRAY = 0.2
+MAX_CORRECTION_SHARE = 0.2
 """Largest correction of a guessed pose by Newton's method, as a share of the step to it: a larger
 one suggests another branch."""
-TRIED = 5
+MAX_GUESS_ITERATIONS = 5
 """Largest number of Newton steps for a guessed pose."""
-PARTS = 8
+MAX_PARTS = 8
 """Largest number of steps into which an unproven step is divided at once."""
-ROUNDS = 6
+MAX_DIVISIONS = 6
 """Largest number of times that unproven steps are divided."""
-MOST = 20_000
+MAX_KNOTS = 20_000
 """Largest number of knots that are found at once; a way that needs more is followed step by
 step."""
-WINDOW = 64
+INPUT_WINDOW = 64
 """Number of inputs ahead that a single step is tested to reach."""
 
 
@@ -104,7 +104,7 @@ class Knots:
 
 
 @dataclass(frozen=True)
-class Way:
+class DrivePath:
     """The polygon through values of the drives, with its arc length as parameter.
 
     Attributes
@@ -124,9 +124,9 @@ class Way:
         sides = np.linalg.norm(np.diff(corners, axis=0) / scale, axis=1)
         return cls(np.append(0.0, np.cumsum(sides)), corners)
 
-    def inputs(self, at: Array) -> Array:
+    def inputs(self, lengths: Array) -> Array:
         """Values of the drives (k, drives) at arc lengths (k,)."""
-        return np.stack([np.interp(at, self.at, values) for values in self.corners.T], axis=1)
+        return np.stack([np.interp(lengths, self.at, values) for values in self.corners.T], axis=1)
 
 
 class Branch:
@@ -147,7 +147,7 @@ class Branch:
 
     def __init__(self, m: Mechanism, names: tuple[str, ...]):
         self.m, self.d = m, Drives.of(m, names)
-        q = nearest(m, m.start)
+        q = nearest_pose(m, m.start)
         free = count_dof(m, q)
         if free != len(names):
             raise SingularHere(
@@ -157,7 +157,7 @@ class Branch:
         self.bound = lipschitz(m, q[None])
         self.scale = m.scale[self.d.driven]
         self.knot = self.last = self.at(q)
-        if not self.knot.radius > UNSURE:
+        if not self.knot.radius > MIN_START_STEP:
             raise SingularHere(
                 f"the start pose, {self.format_drives(q[self.d.driven])}, is singular and "
                 f"chooses no branch: start elsewhere"
@@ -185,16 +185,18 @@ class Branch:
         branch is followed knot by knot.
         """
         found, numbers, count, done = list[Knots](), list[Index](), 0, 0
-        leap_at, at_once, failure = CREEP, True, None
+        leap_at, at_once, failure = LEAP_STEP, True, None
         while True:
-            rest = inputs[done:]
-            knots, by = self.trace(rest) if at_once else self.reached(rest[:WINDOW])
+            remaining = inputs[done:]
+            knots, reached_by = (
+                self.find_knots(remaining) if at_once else self.reached(remaining[:INPUT_WINDOW])
+            )
             found.append(knots)
-            numbers.append(by + count)
-            count, done = count + len(knots), done + len(by)
+            numbers.append(reached_by + count)
+            count, done = count + len(knots), done + len(reached_by)
             if done == len(inputs):
                 break
-            last_reaches = len(by) and by[-1] == len(knots) - 1
+            last_reaches = len(reached_by) and reached_by[-1] == len(knots) - 1
             side = self.knot.orientation
             try:
                 leap_at = self.advance(inputs[done - 1 if last_reaches else done], leap_at)
@@ -204,111 +206,126 @@ class Branch:
             at_once = bool(self.knot.orientation != side)
         return Knots.joined(found), np.concatenate(numbers), failure
 
-    def trace(self, inputs: Array) -> tuple[Knots, Index]:
+    def find_knots(self, inputs: Array) -> tuple[Knots, Index]:
         """Find knots all at once from the present one on, as far as they are proven.
 
         The index array has the number of the knot that reaches each input, as far as one does.  The
         last proven knot becomes the present one.
         """
         try:
-            way = Way.through(np.vstack([self.knot.q[self.d.driven], inputs]), self.scale)
-            at, q = self.guess(way)
+            way = DrivePath.through(np.vstack([self.knot.q[self.d.driven], inputs]), self.scale)
+            lengths, q = self.guess(way)
             knots = self.known(q)
-            for _ in range(ROUNDS):
-                parts, by, near = self.parts(way, at, knots)
-                if (parts <= 1).all() or len(at) > MOST:
+            for _ in range(MAX_DIVISIONS):
+                parts, by, reaches = self.parts(way, lengths, knots)
+                if (parts <= 1).all() or len(lengths) > MAX_KNOTS:
                     break
-                between, q = self.divide(way, at, knots, parts)
-                order = np.argsort(np.append(at, between), kind="stable")
-                at = np.append(at, between)[order]
+                between, q = self.divide(way, lengths, knots, parts)
+                order = np.argsort(np.append(lengths, between), kind="stable")
+                lengths = np.append(lengths, between)[order]
                 knots = Knots.joined([knots, self.known(q)])[order]
             else:
-                parts, by, near = self.parts(way, at, knots)
+                parts, by, reaches = self.parts(way, lengths, knots)
         except CannotMove:
             return self.reached(inputs)
         last = int(np.argmin(np.append(parts <= 1, False)))
-        fits = np.append(near & (by <= last), False)
+        is_reached = np.append(reaches & (by <= last), False)
         self.last, self.knot = knots[max(last - 1, 0)], knots[last]
-        return knots[: last + 1], by[: int(np.argmin(fits))]
+        return knots[: last + 1], by[: int(np.argmin(is_reached))]
 
-    def guess(self, way: Way) -> tuple[Array, Array]:
+    def guess(self, way: DrivePath) -> tuple[Array, Array]:
         """Guess arc lengths on the way (k,) and closed poses there (k, joints).
 
         They go as far as Newton's method finds poses near the prediction by tangent and curvature,
         which makes it likely, but does not prove, that they are on the branch.
         """
-        m, d, q, room = self.m, self.d, self.knot.q[None], 4
-        at = np.linspace(0.0, way.at[-1], int(np.ceil(way.at[-1] / STRIDE)) + 1)
-        while (done := len(q)) < len(at):
-            ahead = self.curved(q[-1], way.inputs(at[done : done + room]))
-            there = ahead.copy()
+        m, d, q, block_size = self.m, self.d, self.knot.q[None], 4
+        lengths = np.linspace(0.0, way.at[-1], int(np.ceil(way.at[-1] / GUESS_STEP)) + 1)
+        while (done := len(q)) < len(lengths):
+            ahead = self.predict_by_curvature(q[-1], way.inputs(lengths[done : done + block_size]))
+            closed_poses = ahead.copy()
             with np.errstate(all="ignore"):  # Newton's method may diverge
-                closed = approach(m, there, d, TRIED) < CLOSED
-                stray = np.linalg.norm((there - ahead) / m.scale, axis=1)
-                fine = closed & (stray <= STRAY * np.linalg.norm((ahead - q[-1]) / m.scale, axis=1))
-            count = int(np.argmin(np.append(fine, False)))
-            q, room = np.concatenate([q, there[:count]]), 2 * count + 2
+                closed = (
+                    iterate_newton(m, closed_poses, d, MAX_GUESS_ITERATIONS) < CLOSING_TOLERANCE
+                )
+                correction = np.linalg.norm((closed_poses - ahead) / m.scale, axis=1)
+                accepted = closed & (
+                    correction
+                    <= MAX_CORRECTION_SHARE * np.linalg.norm((ahead - q[-1]) / m.scale, axis=1)
+                )
+            count = int(np.argmin(np.append(accepted, False)))
+            q, block_size = np.concatenate([q, closed_poses[:count]]), 2 * count + 2
             if not count:
-                if at[done] - at[done - 1] < SHORTEST:
+                if lengths[done] - lengths[done - 1] < MIN_GUESS_STEP:
                     break
-                at = np.insert(at, done, at[done - 1 : done + 1].mean())
-        return at[: len(q)], q
+                lengths = np.insert(lengths, done, lengths[done - 1 : done + 1].mean())
+        return lengths[: len(q)], q
 
-    def curved(self, q: Array, inputs: Array) -> Array:
+    def predict_by_curvature(self, q: Array, inputs: Array) -> Array:
         """Predict poses (n, joints) at inputs by tangent and curvature at a closed pose."""
         ahead = inputs - q[self.d.driven]
-        v, a = rates(self.m, np.repeat(q[None], len(ahead), axis=0), self.d, ahead, 0.0 * ahead)
+        v, a = joint_rates(
+            self.m, np.repeat(q[None], len(ahead), axis=0), self.d, ahead, 0.0 * ahead
+        )
         found = q + v + 0.5 * a
         found[:, self.d.driven] = inputs
         return np.asarray(found)
 
-    def parts(self, way: Way, at: Array, knots: Knots) -> tuple[Array, Index, NDArray[np.bool_]]:
+    def parts(
+        self, way: DrivePath, lengths: Array, knots: Knots
+    ) -> tuple[Array, Index, NDArray[np.bool_]]:
         """Number of steps into which the step from each knot to the next must be divided.
 
         The number is 1 (or 0) where the step is proven.  For each corner of the way but the first,
         the other two arrays have the number of the last knot before it, and whether the proven step
         of that knot reaches it.
         """
-        by = np.searchsorted(at, way.at[1:], "right") - 1
+        by = np.searchsorted(lengths, way.at[1:], "right") - 1
         _, moves, radius = self.beside(way.corners[1:], knots[by])
-        corners = moves / (SHARE * radius)
-        ahead, moves, radius = self.beside(way.inputs(at[1:]), knots[:-1])
-        parts = np.append(moves / (SHARE * radius), 0.0)
+        corners = moves / (STEP_SHARE * radius)
+        ahead, moves, radius = self.beside(way.inputs(lengths[1:]), knots[:-1])
+        parts = np.append(moves / (STEP_SHARE * radius), 0.0)
         np.maximum.at(parts, by, corners)
-        off = np.linalg.norm((knots.q[1:] - ahead) / self.m.scale, axis=1)
-        other = (off > NEAR * radius) | (np.diff(knots.orientation) != 0)
-        return np.ceil(np.where(other, np.maximum(parts[:-1], 2.0), parts[:-1])), by, corners <= 1.0
+        distance = np.linalg.norm((knots.q[1:] - ahead) / self.m.scale, axis=1)
+        unproven = (distance > NEWTON_SHARE * radius) | (np.diff(knots.orientation) != 0)
+        return (
+            np.ceil(np.where(unproven, np.maximum(parts[:-1], 2.0), parts[:-1])),
+            by,
+            corners <= 1.0,
+        )
 
-    def divide(self, way: Way, at: Array, knots: Knots, parts: Array) -> tuple[Array, Array]:
+    def divide(
+        self, way: DrivePath, lengths: Array, knots: Knots, parts: Array
+    ) -> tuple[Array, Array]:
         """Arc lengths (k,) that divide steps into `parts`, and closed poses there (k, joints)."""
-        count = np.minimum(np.maximum(parts, 1.0), PARTS).astype(int) - 1
+        count = np.minimum(np.maximum(parts, 1.0), MAX_PARTS).astype(int) - 1
         step = np.repeat(np.arange(len(count)), count)
-        first = np.repeat(np.cumsum(count) - count, count)
-        share = ((np.arange(len(step)) - first + 1) / (count[step] + 1))[:, None]
-        between = at[step] + share[:, 0] * (at[step + 1] - at[step])
-        ends = way.inputs(at)
+        first_parts = np.repeat(np.cumsum(count) - count, count)
+        share = ((np.arange(len(step)) - first_parts + 1) / (count[step] + 1))[:, None]
+        between = lengths[step] + share[:, 0] * (lengths[step + 1] - lengths[step])
+        ends = way.inputs(lengths)
         ahead = (ends[step + 1] - ends[step]) / self.scale
         begin, end = (
             np.einsum("njd,nd->nj", knots.tangent[k], ahead) * self.m.scale
             for k in (step, step + 1)
         )
-        q = cubic(share, knots.q[step], knots.q[step + 1], begin, end)
+        q = interpolate_cubic(share, knots.q[step], knots.q[step + 1], begin, end)
         q[:, self.d.driven] = way.inputs(between)
-        return between, newton(self.m, q, self.d)
+        return between, close_loops(self.m, q, self.d)
 
     def reached(self, inputs: Array) -> tuple[Knots, Index]:
         """The present knot, and its number 0 for each of the first inputs that it reaches."""
-        near = np.append(self.far(inputs) <= SHARE * self.knot.radius, False)
-        return self.knot[None], np.zeros(int(np.argmin(near)), np.intp)
+        is_reached = np.append(self.far(inputs) <= STEP_SHARE * self.knot.radius, False)
+        return self.knot[None], np.zeros(int(np.argmin(is_reached)), np.intp)
 
     def close(self, inputs: Array, knots: Knots) -> Array:
         """Find closed poses (n, joints) at inputs (n, drives), each from a knot that reaches it."""
         guess, _, proven = self.beside(inputs, knots)
-        q = newton(self.m, guess, self.d)
+        q = close_loops(self.m, guess, self.d)
         moved = np.linalg.norm((q - guess) / self.m.scale, axis=1)
-        if not (moved <= NEAR * proven).all():
-            bad = int(np.argmax(moved > NEAR * proven))
-            raise Mirrored(f"mirrored at {self.format_drives(inputs[bad])}")
+        if not (moved <= NEWTON_SHARE * proven).all():
+            worst = int(np.argmax(moved > NEWTON_SHARE * proven))
+            raise Mirrored(f"mirrored at {self.format_drives(inputs[worst])}")
         return q
 
     def beside(self, inputs: Array, knots: Knots) -> tuple[Array, Array, Array]:
@@ -367,14 +384,16 @@ class Branch:
         The step length at which the next leap is tried is returned.
         """
         here = self.knot.q[self.d.driven]
-        way = float(np.linalg.norm((inputs - here) / self.scale))
-        if way == 0.0:
+        distance = float(np.linalg.norm((inputs - here) / self.scale))
+        if distance == 0.0:
             return leap_at
-        part = min(1.0, SHARE * float(self.knot.radius) / float(self.far(inputs[None])[0] or way))
-        if part < 1.0 and part * way < leap_at:
-            if self.leap(inputs, way):
-                return CREEP
-            if part * way < STUCK:
+        part = min(
+            1.0, STEP_SHARE * float(self.knot.radius) / float(self.far(inputs[None])[0] or distance)
+        )
+        if part < 1.0 and part * distance < leap_at:
+            if self.leap(inputs, distance):
+                return LEAP_STEP
+            if part * distance < MIN_STEP:
                 raise SingularHere(
                     f"limit position at {self.format_drives(here)}: the branch goes no "
                     f"further in this direction"
@@ -385,14 +404,14 @@ class Branch:
 
     def step(self, inputs: Array) -> None:
         """Close the loops at inputs within the proven step, and make this the present knot."""
-        knot = self.at(newton(self.m, self.predict(inputs[None]), self.d)[0])
+        knot = self.at(close_loops(self.m, self.predict(inputs[None]), self.d)[0])
         if knot.orientation != self.knot.orientation:
-            if self.knot.radius > CREEP:
+            if self.knot.radius > LEAP_STEP:
                 raise Mirrored(f"mirrored at {self.format_drives(inputs)}")
             raise SingularHere(f"singular at {self.format_drives(inputs)}")
         self.last, self.knot = self.knot, knot
 
-    def leap(self, inputs: Array, way: float) -> bool:
+    def leap(self, inputs: Array, distance: float) -> bool:
         """Try to pass a change point on the way to inputs; False if there is none.
 
         Near a change point the determinant of the Jacobian is linear in the way, so that the
@@ -400,23 +419,27 @@ class Branch:
         velocity is smooth and the determinant has changed its sign there, it was a change point.
         """
         here, before = self.knot.q[self.d.driven], self.last.q[self.d.driven]
-        left = float(self.knot.regular)
-        lost = float(self.last.regular) - left
-        if lost <= 0.0:
+        determinant = float(self.knot.regular)
+        decrease = float(self.last.regular) - determinant
+        if decrease <= 0.0:
             return False
-        ahead = 2 * left * float(np.linalg.norm((here - before) / self.scale)) / lost
-        along = (inputs - here) / way * min(ahead, way)
-        one = self.knot.q[None]
-        v, a = rates(self.m, one, self.d, along[None], np.zeros((1, along.size)))
-        guess = one + v + 0.5 * a
-        guess[:, self.d.driven] = here + along
+        leap_length = (
+            2 * determinant * float(np.linalg.norm((here - before) / self.scale)) / decrease
+        )
+        drive_step = (inputs - here) / distance * min(leap_length, distance)
+        pose = self.knot.q[None]
+        v, a = joint_rates(self.m, pose, self.d, drive_step[None], np.zeros((1, drive_step.size)))
+        guess = pose + v + 0.5 * a
+        guess[:, self.d.driven] = here + drive_step
         try:
-            knot = self.at(newton(self.m, guess, self.d)[0])
-            after, _ = rates(self.m, knot.q[None], self.d, along[None], 0 * along[None])
+            knot = self.at(close_loops(self.m, guess, self.d)[0])
+            after, _ = joint_rates(
+                self.m, knot.q[None], self.d, drive_step[None], 0 * drive_step[None]
+            )
         except (CannotAssemble, SingularHere):
             return False
         kink = np.linalg.norm((after - v - a) / self.m.scale)
-        if kink > KINK * np.linalg.norm(v / self.m.scale) or (
+        if kink > MAX_KINK * np.linalg.norm(v / self.m.scale) or (
             knot.orientation == self.knot.orientation
         ):
             return False
@@ -429,7 +452,9 @@ class Branch:
         return ", ".join(f"{n} = {v:.9g}" for n, v in zip(names, inputs, strict=True))
 
 
-def cubic(share: Array, begin: Array, end: Array, slope: Array, end_slope: Array) -> Array:
+def interpolate_cubic(
+    share: Array, begin: Array, end: Array, slope: Array, end_slope: Array
+) -> Array:
     """Cubic Hermite interpolation between values; slopes are derivatives by `share`."""
     s, rest = share, 1.0 - share
     return np.asarray(

@@ -27,19 +27,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proofmass.analytic.controls import UNDRIVEN, ControlsInTime, Prescribed, smooth_pieces
+from proofmass.analytic.controls import (
+    NO_PRESCRIBED_JOINTS,
+    ControlsInTime,
+    Prescribed,
+    smooth_pieces,
+)
 from proofmass.analytic.numerics import Array, CannotAssemble, SingularHere
-from proofmass.analytic.planar.forces import applied, centres, inertial, mass
+from proofmass.analytic.planar.forces import (
+    applied_forces,
+    centre_jacobians,
+    inertial_forces,
+    mass_matrix,
+)
 from proofmass.analytic.planar.kinematics import (
-    CLOSED,
+    CLOSING_TOLERANCE,
     BodyMotion,
-    bias,
     count_dof,
-    fitting,
+    loop_bias,
     loop_jacobian,
-    move,
-    nearest,
-    residual,
+    loop_violations,
+    move_bodies,
+    nearest_pose,
+    nearest_rates,
     scaled_jacobian,
 )
 from proofmass.analytic.planar.mechanism import (
@@ -47,17 +57,24 @@ from proofmass.analytic.planar.mechanism import (
     Mechanism,
     Overconstrained,
 )
-from proofmass.analytic.stops import Balance, State, Step, Stop, StoppedMotion, follow_stopped
+from proofmass.analytic.stops import (
+    Balance,
+    MotionWithStops,
+    State,
+    Step,
+    Stop,
+    integrate_with_stops,
+)
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
 
-ACCURACY = 3e-14
+INTEGRATION_TOLERANCE = 3e-14
 """Relative and absolute tolerance of a step, in `Mechanism.scale`."""
-ROUNDING = 1e-15
+NEWTON_ROUNDING = 1e-15
 """Constraint violation, in sizes of the mechanism, below which Newton's next step would be
 rounding."""
-TILT = 1.5
+MAX_STRETCH = 1.5
 """Norm of the derivative of q by z above which a new tangent plane is taken; it is 1 at the
 reference pose."""
 
@@ -69,7 +86,7 @@ class TangentChart:
         self,
         m: Mechanism,
         q: Array,
-        drives: Prescribed = UNDRIVEN,
+        drives: Prescribed = NO_PRESCRIBED_JOINTS,
         controls: ControlsInTime | None = None,
     ):
         self.m, self.q, self.at, self.drives, self.controls = m, q, q, drives, controls
@@ -97,20 +114,20 @@ class TangentChart:
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
         q[self.drives.rates] = wanted = self.drives.law(t)[0]
         while True:
-            motion = move(m, q[None])
-            wrong = np.concatenate(
+            motion = move_bodies(m, q[None])
+            errors = np.concatenate(
                 [
-                    residual(m, motion, q[None])[0] / m.size,
+                    loop_violations(m, motion, q[None])[0] / m.size,
                     (q[self.drives.rates] - wanted) / self.units,
                     self.normal @ ((q - self.q) / m.scale) - z,
                 ]
             )
-            size = np.abs(wrong).max()
-            if not size < 0.5 * last or size < ROUNDING:
+            size = np.abs(errors).max()
+            if not size < 0.5 * last or size < NEWTON_ROUNDING:
                 break
             last = size
-            q = q - np.linalg.solve(self.matrix(q, motion), wrong) * m.scale
-        if not size < CLOSED:
+            q = q - np.linalg.solve(self.matrix(q, motion), errors) * m.scale
+        if not size < CLOSING_TOLERANCE:
             raise CannotAssemble("a free motion left its branch")
         self.at, self.z = q, z
         return q, np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
@@ -125,18 +142,22 @@ class TangentChart:
         m, half = self.m, y.size // 2
         q, inverse = self.close(y[:half], t)
         _, rate, acceleration = self.drives.law(t)
-        led, self.into = inverse[:, m.rows : self.held], inverse[:, self.held :]
-        into, v = self.into, self.into @ y[half:] + led @ (rate / self.units)
-        still = move(m, q[None], v[None], np.zeros((1, v.size)))
-        gamma = -inverse[:, : m.rows] @ (bias(m, still, q[None], v[None])[0] / m.size)
-        gamma = gamma + led @ (acceleration / self.units)
-        centre = centres(m, still)
-        matrix = mass(m, centre)[0]
+        by_drives, self.into = inverse[:, m.rows : self.held], inverse[:, self.held :]
+        into, v = self.into, self.into @ y[half:] + by_drives @ (rate / self.units)
+        without_accelerations = move_bodies(m, q[None], v[None], np.zeros((1, v.size)))
+        gamma = -inverse[:, : m.rows] @ (
+            loop_bias(m, without_accelerations, q[None], v[None])[0] / m.size
+        )
+        gamma = gamma + by_drives @ (acceleration / self.units)
+        centre = centre_jacobians(m, without_accelerations)
+        matrix = mass_matrix(m, centre)[0]
         ctrl = self.controls.at(t)[None] if self.controls else None
-        force = applied(m, still, centre, q[None], v[None], ctrl) - inertial(m, centre, still)
+        force = applied_forces(
+            m, without_accelerations, centre, q[None], v[None], ctrl
+        ) - inertial_forces(m, centre, without_accelerations)
         force = force[0] - matrix @ gamma
-        bend = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
-        return q, v, into @ bend + gamma, bend
+        z_acceleration = np.linalg.solve(into.T @ matrix @ into, into.T @ force)
+        return q, v, into @ z_acceleration + gamma, z_acceleration
 
     def state(self, v: Array) -> Array:
         """State y of the reference pose with rates v (joints,)."""
@@ -147,14 +168,14 @@ class TangentChart:
         return np.concatenate([y[y.size // 2 :], self.motion(y, min(t, self.last))[3]])
 
 
-SHORT = 0.1
+SHORT_STEP_SHARE = 0.1
 """Share of the longest step of a motion below which a step is short: it may end near a pose in
 which the loops lose rank, since rounding grows there."""
-NEAR = 1e-2
+SINGULAR_REGULARITY = 1e-2
 """Regularity below which a pose may be near a pose in which the loops lose rank."""
-LEAPS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+LEAP_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 """Lengths of one step over such a pose, as shares of the longest step."""
-SMOOTH = 1e-9
+MAX_LEAP_MISMATCH = 1e-9
 """Largest difference, in `Mechanism.scale`, of the states after two steps over such a pose that
 still count as one motion."""
 
@@ -162,10 +183,10 @@ still count as one motion."""
 def free_motion(
     m: Mechanism,
     times: Array,
-    drives: Prescribed = UNDRIVEN,
+    drives: Prescribed = NO_PRESCRIBED_JOINTS,
     stops: tuple[Stop, ...] = (),
     controls: ControlsInTime | None = None,
-) -> StoppedMotion:
+) -> MotionWithStops:
     """Integrate the motion from the start at rising times, with its events at stops.
 
     Joints without a drive start as near to the start pose as the loops allow.
@@ -179,11 +200,11 @@ def free_motion(
         The start is beyond a stop.
     """
     value, rate, _ = drives.law(float(times[0]))
-    q = nearest(m, m.start, drives.rates, value)
+    q = nearest_pose(m, m.start, drives.rates, value)
     if count_dof(m, q) <= drives.rates.size:
         raise SingularHere("the mechanism has no degree of freedom")
-    v = fitting(m, q, m.start_rate, drives.rates, rate)
-    return follow_stopped(FreeMechanism(m, drives, stops, controls), times, q, v)
+    v = nearest_rates(m, q, m.start_rate, drives.rates, rate)
+    return integrate_with_stops(FreeMechanism(m, drives, stops, controls), times, q, v)
 
 
 class FreeMechanism:
@@ -222,7 +243,7 @@ class FreeMechanism:
             )
             m = replace(self.m, couplings=(*self.m.couplings, *rests))
             rows = scaled_jacobian(m, q[None])[0]
-            if np.linalg.matrix_rank(rows, tol=RANK) < len(rows):
+            if np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE) < len(rows):
                 names = ", ".join(stop.joint for stop in held)
                 raise Overconstrained(f"joints rest on stops that are not independent: {names}")
             self.resting[held] = m
@@ -235,13 +256,15 @@ class FreeMechanism:
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """Constraints of loops and drives in a state, and the force they and stops must exert."""
-        m, motion = self.m, move(self.m, q[None], v[None], a[None])
-        centre, loops = centres(m, motion), loop_jacobian(m, motion, q[None])[0]
+        m, motion = self.m, move_bodies(self.m, q[None], v[None], a[None])
+        centre, loops = centre_jacobians(m, motion), loop_jacobian(m, motion, q[None])[0]
         ctrl = self.controls.at(t)[None] if self.controls else None
-        force = inertial(m, centre, motion) - applied(m, motion, centre, q[None], v[None], ctrl)
+        force = inertial_forces(m, centre, motion) - applied_forces(
+            m, motion, centre, q[None], v[None], ctrl
+        )
         return Balance(
             np.vstack([loops, np.eye(q.size)[self.drives.rates]]),
-            mass(m, centre)[0],
+            mass_matrix(m, centre)[0],
             force[0] + m.inertia.fixed @ a,
         )
 
@@ -253,7 +276,7 @@ class FreeMechanism:
             chart = self.chart(held, q)
             chart.last = last
             if not chart.z.size:
-                yield from at_rest(chart, start, stop)
+                yield from iterate_without_dof(chart, start, stop)
                 q, v, _, _ = chart.motion(chart.state(v), stop)
             else:
                 q, v = yield from self.piece(chart, held, start, v, stop)
@@ -265,54 +288,63 @@ class FreeMechanism:
 
         Pose and rates at the end are returned.
         """
-        longest, q, solver = 0.0, chart.q, begin(chart, t, v, end)
+        longest, q, solver = 0.0, chart.q, start_integrator(chart, t, v, end)
         while solver.t < end:
             start = solver.t
             message = solver.step()
             if solver.status == "failed":
                 raise SingularHere(f"no further than t = {solver.t:.6g} s: {message}")
             longest = max(longest, solver.step_size)
-            short = solver.step_size < SHORT * longest and regularity(chart.m, chart.at) < NEAR
+            short = (
+                solver.step_size < SHORT_STEP_SHARE * longest
+                and regularity(chart.m, chart.at) < SINGULAR_REGULARITY
+            )
             if short:
-                solver = leap(chart, solver.t, solver.y, longest, end)
-            yield Step(start, solver.t, inside(chart, cache(solver.dense_output)))
+                solver = step_over_singularity(chart, solver.t, solver.y, longest, end)
+            yield Step(start, solver.t, states_in_step(chart, cache(solver.dense_output)))
             q, v, _, _ = chart.motion(solver.y, solver.t)
-            if (short or chart.stretch > TILT) and solver.t < end:
+            if (short or chart.stretch > MAX_STRETCH) and solver.t < end:
                 last, chart = chart.last, self.chart(held, q)
                 chart.last = last
                 step = min(solver.h_abs, longest, end - solver.t)
-                solver = begin(chart, solver.t, v, end, step)
+                solver = start_integrator(chart, solver.t, v, end, step)
         return q, v
 
 
-def inside(
-    chart: TangentChart, between: Callable[[], Callable[[float], Array]]
+def states_in_step(
+    chart: TangentChart, dense_output: Callable[[], Callable[[float], Array]]
 ) -> Callable[[float], State]:
     """Make the function that gives pose, rates and accelerations at a time within a step."""
-    return lambda time: chart.motion(between()(time), time)[:3]
+    return lambda time: chart.motion(dense_output()(time), time)[:3]
 
 
-RANK = 1e-8
+RANK_TOLERANCE = 1e-8
 """Singular values, in `Mechanism.scale`, below which rows of loops and stops count as dependent."""
-PARTS = 256
+STEPS_WITHOUT_DOF = 256
 """Number of steps of a motion in which stops and drives leave no degree of freedom."""
 
 
-def at_rest(chart: TangentChart, t: float, end: float) -> Iterator[Step]:
+def iterate_without_dof(chart: TangentChart, t: float, end: float) -> Iterator[Step]:
     """Iterate over the steps of a mechanism whose drives and stops leave no degree of freedom."""
-    times = np.linspace(t, end, PARTS + 1).tolist()
+    times = np.linspace(t, end, STEPS_WITHOUT_DOF + 1).tolist()
     for start, last in pairwise(times):
-        yield Step(start, last, inside(chart, lambda: lambda _: chart.z))
+        yield Step(start, last, states_in_step(chart, lambda: lambda _: chart.z))
 
 
-def begin(
+def start_integrator(
     chart: TangentChart, t: float, v: Array, end: float, first_step: float | None = None
 ) -> "DOP853":
     """Start the integrator of a motion from the pose of a chart at rates v (joints,)."""
     from scipy.integrate import DOP853  # slow to load
 
     return DOP853(
-        chart.slope, t, chart.state(v), end, rtol=ACCURACY, atol=ACCURACY, first_step=first_step
+        chart.slope,
+        t,
+        chart.state(v),
+        end,
+        rtol=INTEGRATION_TOLERANCE,
+        atol=INTEGRATION_TOLERANCE,
+        first_step=first_step,
     )
 
 
@@ -324,7 +356,9 @@ def regularity(m: Mechanism, q: Array) -> float:
     return float(values[-1] / values[0])
 
 
-def leap(chart: TangentChart, t: float, y: Array, longest: float, end: float) -> "DOP853":
+def step_over_singularity(
+    chart: TangentChart, t: float, y: Array, longest: float, end: float
+) -> "DOP853":
     """Take one step over a pose in which the loops lose rank.
 
     The motion is smooth there, and only rounding grows.  Of several lengths the one is chosen whose
@@ -337,33 +371,33 @@ def leap(chart: TangentChart, t: float, y: Array, longest: float, end: float) ->
     """
     from scipy.integrate import DOP853  # slow to load
 
-    ways = list[tuple[float, DOP853]]()
-    for share in LEAPS:
-        least = 1.0
+    candidates = list[tuple[float, DOP853]]()
+    for share in LEAP_SHARES:
+        lowest_regularity = 1.0
 
         def slope(time: float, state: Array) -> Array:
-            nonlocal least
+            nonlocal lowest_regularity
             rate = chart.slope(time, state)
-            least = min(least, regularity(chart.m, chart.at))
+            lowest_regularity = min(lowest_regularity, regularity(chart.m, chart.at))
             return rate
 
         chart.motion(y, t)
-        to = min(t + share * longest, end)
-        one = DOP853(slope, t, y, to, rtol=1.0, atol=np.inf, first_step=to - t)
+        end_time = min(t + share * longest, end)
+        solver = DOP853(slope, t, y, end_time, rtol=1.0, atol=np.inf, first_step=end_time - t)
         with suppress(CannotAssemble, np.linalg.LinAlgError):
-            one.step()
-            one.dense_output()
-            ways.append((least, one))
-    ways.sort(key=lambda way: way[0])
-    if len(ways) > 1:
-        best, other = ways[-1][1], ways[-2][1]
+            solver.step()
+            solver.dense_output()
+            candidates.append((lowest_regularity, solver))
+    candidates.sort(key=lambda way: way[0])
+    if len(candidates) > 1:
+        best, other = candidates[-1][1], candidates[-2][1]
         early, late = (best, other) if best.t <= other.t else (other, best)
-        on = DOP853(chart.slope, early.t, early.y, late.t, rtol=1e-12, atol=1e-12)
+        check = DOP853(chart.slope, early.t, early.y, late.t, rtol=1e-12, atol=1e-12)
         with suppress(CannotAssemble, np.linalg.LinAlgError):
             chart.motion(early.y, early.t)
-            while on.status == "running" and on.nfev < 2000:
-                on.step()
-            if on.status == "finished" and np.abs(on.y - late.y).max() < SMOOTH:
+            while check.status == "running" and check.nfev < 2000:
+                check.step()
+            if check.status == "finished" and np.abs(check.y - late.y).max() < MAX_LEAP_MISMATCH:
                 chart.motion(best.y, best.t)
                 return best
     raise SingularHere(f"no further than t = {t:.6g} s: the loops lose rank behind it")

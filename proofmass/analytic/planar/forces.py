@@ -13,18 +13,18 @@ from proofmass.analytic.planar.kinematics import (
     Drives,
     jacobian,
     loop_jacobian,
-    summed,
+    weighted_sum,
 )
-from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring, carried_by
+from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring, carried_bodies
 
 
-def centres(m: Mechanism, motion: BodyMotion) -> Complex:
+def centre_jacobians(m: Mechanism, motion: BodyMotion) -> Complex:
     """Derivatives of the centres of the bodies that have inertia by the joints (n, k, joints)."""
     own = m.inertia
     return jacobian(m, motion, own.bodies, motion.points(own.bodies, own.centre))
 
 
-def applied(
+def applied_forces(
     m: Mechanism,
     motion: BodyMotion,
     centre: Complex,
@@ -38,42 +38,53 @@ def applied(
     """
     rest, stiffness, damping, _, load = m.springs
     weight = m.inertia.mass @ (centre.real * m.gravity.real + centre.imag * m.gravity.imag)
-    found = load - stiffness * (q - rest) - damping * v + weight + ranged(m, q, v, ctrl)
+    found = (
+        load - stiffness * (q - rest) - damping * v + weight + actuator_corrections(m, q, v, ctrl)
+    )
     if m.polynomials:
         stiffer, damped = m.polynomials
-        found = found - grown(stiffer, q - rest, q - rest) - grown(damped, v, np.abs(v))
+        found = (
+            found
+            - polynomial_force(stiffer, q - rest, q - rest)
+            - polynomial_force(damped, v, np.abs(v))
+        )
     for k, spring in enumerate(m.point_springs):
-        if spring.acts:
+        if spring.has_force:
             length = spring_length(m, motion, k)
-            rate = (length.rows * v).sum(axis=-1) if spring.damps else 0.0
+            rate = (length.rows * v).sum(axis=-1) if spring.has_damping else 0.0
             found = found + tension(spring, length.value, rate)[:, None] * -length.rows
     for one in m.sum_springs:
         rates = np.broadcast_to(v, q.shape)
-        pull = tension(one, summed(one.joints, q), summed(one.joints, rates))
+        pull = tension(one, weighted_sum(one.joints, q), weighted_sum(one.joints, rates))
         for j, share in one.joints:
             found[:, j] -= share * pull
-    return np.asarray(found + loaded(m, motion, ctrl) if m.point_loads else found)
+    return np.asarray(found + loads_on_joints(m, motion, ctrl) if m.point_loads else found)
 
 
-def grown(
-    poly: tuple[Array, Array] | tuple[float, float], way: Array | float, by: Array | float
+def polynomial_force(
+    poly: tuple[Array, Array] | tuple[float, float], extent: Array | float, variable: Array | float
 ) -> Array:
-    """Force of the linear and quadratic terms of a stiffness or a damping, as polynomials of `by`.
+    """Force of the linear and quadratic terms of a stiffness or a damping, as polynomials of
+    `variable`.
 
-    `way` is the stretch or the rate that the stiffness or damping is multiplied by.
+    `extent` is the stretch or the rate that the stiffness or damping is multiplied by.
     """
     linear, square = poly
-    return np.asarray(way * by * (linear + square * by))
+    return np.asarray(extent * variable * (linear + square * variable))
 
 
-def motors(m: Mechanism, q: Array, v: Array, ctrl: Array | None = None) -> Array:
+def motor_forces(m: Mechanism, q: Array, v: Array, ctrl: Array | None = None) -> Array:
     """Generalized forces of motors and servos (n, joints) [N m or N]."""
     rest, _, _, _, load = m.springs
     stiffness, damping = np.array([joint.servo for joint in m.joints], float).reshape(-1, 2).T
-    return np.asarray(load - stiffness * (q - rest) - damping * v + ranged(m, q, v, ctrl))
+    return np.asarray(
+        load - stiffness * (q - rest) - damping * v + actuator_corrections(m, q, v, ctrl)
+    )
 
 
-def ranged(m: Mechanism, q: Array, v: Array | float, ctrl: Array | None) -> Array | float:
+def actuator_corrections(
+    m: Mechanism, q: Array, v: Array | float, ctrl: Array | None
+) -> Array | float:
     """Generalized forces of actuators that are not in the joints' own loads (n, joints) [N m or N].
 
     These are the forces of actuators with a range of forces, and the change of the forces of the
@@ -93,7 +104,9 @@ def ranged(m: Mechanism, q: Array, v: Array | float, ctrl: Array | None) -> Arra
     return found
 
 
-def loads_of(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> tuple[Complex, Array]:
+def point_load_forces(
+    m: Mechanism, motion: BodyMotion, ctrl: Array | None
+) -> tuple[Complex, Array]:
     """Forces [N] and moments [N m] of the loads at points, in n poses (loads, n)."""
     force = np.empty((len(m.point_loads), motion.place.shape[1]), complex)
     moment = np.empty(force.shape)
@@ -105,11 +118,11 @@ def loads_of(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> tuple[Comp
     return force, moment
 
 
-def loaded(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> Array:
+def loads_on_joints(m: Mechanism, motion: BodyMotion, ctrl: Array | None) -> Array:
     """Generalized forces of the loads at points (n, joints) [N m or N]."""
     bodies, points = m.loaded_points
     moves = jacobian(m, motion, bodies, motion.points(bodies, points))
-    force, moment = loads_of(m, motion, ctrl)
+    force, moment = point_load_forces(m, motion, ctrl)
     pushed = (force.conj().T[..., None] * moves).real.sum(axis=1)
     return np.asarray(pushed + moment.T @ m.frames.turning[m.frames.body[bodies]])
 
@@ -139,9 +152,9 @@ def spring_length(m: Mechanism, motion: BodyMotion, k: int) -> SpringLength:
     spring = m.point_springs[k]
     bodies = np.array([spring.one, spring.two], np.intp)
     points = motion.points(bodies, np.array([[spring.on_one], [spring.on_two]]))
-    apart, moves = points[0] - points[1], jacobian(m, motion, bodies, points)
-    value = np.hypot(np.abs(apart), spring.offset)
-    along = apart / np.where(value > 0, value, 1.0)
+    difference, moves = points[0] - points[1], jacobian(m, motion, bodies, points)
+    value = np.hypot(np.abs(difference), spring.offset)
+    along = difference / np.where(value > 0, value, 1.0)
     rows = (along.conj()[:, None] * (moves[:, 0] - moves[:, 1])).real
     return SpringLength(value, along, rows)
 
@@ -151,28 +164,30 @@ def tension(spring: TendonSpring, length: Array, rate: Array | float) -> Array:
     stretch = spring.stretch(length)
     found = spring.stiffness * stretch + spring.damping * rate
     if any(spring.stiffness_poly):
-        found = found + grown(spring.stiffness_poly, stretch, stretch)
+        found = found + polynomial_force(spring.stiffness_poly, stretch, stretch)
     if any(spring.damping_poly):
-        found = found + grown(spring.damping_poly, rate, np.abs(rate))
+        found = found + polynomial_force(spring.damping_poly, rate, np.abs(rate))
     return np.asarray(found)
 
 
-def mass(m: Mechanism, centre: Complex) -> Array:
+def mass_matrix(m: Mechanism, centre: Complex) -> Array:
     """Mass matrix of the joints without loop constraints (n, joints, joints)."""
     weighted = np.sqrt(m.inertia.mass)[:, None] * centre
     x, y = weighted.real, weighted.imag
     return np.asarray(m.inertia.fixed + x.swapaxes(1, 2) @ x + y.swapaxes(1, 2) @ y)
 
 
-def inertial(m: Mechanism, centre: Complex, motion: BodyMotion) -> Array:
+def inertial_forces(m: Mechanism, centre: Complex, motion: BodyMotion) -> Array:
     """Generalized inertial forces (n, joints) of the centres' accelerations in a motion.
 
     With joints that do not accelerate these are the Coriolis and centrifugal terms.
     """
     own = m.inertia
-    pull = own.mass * motion.points(own.bodies, own.centre, 2).T
-    bent = pull.real[:, None] @ centre.real + pull.imag[:, None] @ centre.imag
-    return np.asarray(bent[:, 0])
+    centre_forces = own.mass * motion.points(own.bodies, own.centre, 2).T
+    projected = (
+        centre_forces.real[:, None] @ centre.real + centre_forces.imag[:, None] @ centre.imag
+    )
+    return np.asarray(projected[:, 0])
 
 
 @dataclass(frozen=True)
@@ -197,7 +212,7 @@ def solve_forces(
     motion: BodyMotion,
     joint: tuple[Array, Array, Array],
     d: Drives,
-    rub: Array | float = 0.0,
+    friction: Array | float = 0.0,
     ctrl: Array | None = None,
 ) -> Forces:
     r"""Forces of drives and loops that a motion requires, by inverse dynamics.
@@ -219,35 +234,39 @@ def solve_forces(
         Joint values, rates, accelerations [rad or m, per s, per s^2].
     d : Drives
         In a free motion all joints follow.
-    rub : ndarray (n, joints)
+    friction : ndarray (n, joints)
         Dry friction of the joints, positive against a positive rate [N m or N].
     ctrl : ndarray (n, controls)
         By default those of the key [SI].
     """
     q, v, a = joint
-    centre = centres(m, motion)
-    needed = inertial(m, centre, motion) + a @ m.inertia.fixed + rub
-    needed -= applied(m, motion, centre, q, v, ctrl)
-    needed[:, d.driven] += motors(m, q, v, ctrl)[:, d.driven]  # its own motor is the drive
+    centre = centre_jacobians(m, motion)
+    needed = inertial_forces(m, centre, motion) + a @ m.inertia.fixed + friction
+    needed -= applied_forces(m, motion, centre, q, v, ctrl)
+    needed[:, d.driven] += motor_forces(m, q, v, ctrl)[:, d.driven]  # its own motor is the drive
     matrix = loop_jacobian(m, motion, q)
-    across = matrix[..., d.following].swapaxes(1, 2)
+    following_rows = matrix[..., d.following].swapaxes(1, 2)
     right = needed[:, d.following, None]
-    square = across.shape[1] == across.shape[2]  # in a free motion there are more rows than columns
-    solved = np.linalg.solve(across, right) if square else np.linalg.pinv(across) @ right
+    square = (
+        following_rows.shape[1] == following_rows.shape[2]
+    )  # in a free motion there are more rows than columns
+    solved = (
+        np.linalg.solve(following_rows, right) if square else np.linalg.pinv(following_rows) @ right
+    )
     loops = np.asarray(solved[..., 0], float)
     drives = needed[:, d.driven] - (loops[:, None] @ matrix[..., d.driven])[:, 0]
     return Forces(drives, loops)
 
 
-def transmitted(
+def transmitted_force(
     m: Mechanism,
     motion: BodyMotion,
     loops: Array,
     body: int,
-    at: Complex,
+    points: Complex,
     ctrl: Array | None = None,
 ) -> tuple[Complex, Array]:
-    """Force [N] and moment about points `at` (n,) [N m] on a body from its parent (n,).
+    """Force [N] and moment about points `points` (n,) [N m] on a body from its parent (n,).
 
     By Newton's and Euler's equations for the body and all bodies that it carries: their inertia and
     weight, less the forces of loops, springs between points and loads at points on them.
@@ -260,24 +279,24 @@ def transmitted(
     loops : ndarray (n, rows)
         See `Forces` [N, N m].
     body : int
-    at : ndarray (n,), complex
+    points : ndarray (n,), complex
         Points in the plane [m].
     ctrl : ndarray (n, controls)
         By default those of the key [SI].
     """
-    carried = carried_by([one.parent for one in m.bodies], body)
-    force, moment = np.zeros(at.shape, complex), np.zeros(at.shape)
+    carried = carried_bodies([one.parent for one in m.bodies], body)
+    force, moment = np.zeros(points.shape, complex), np.zeros(points.shape)
     for b in carried:
         one = m.bodies[b]
         part = one.mass * (motion.point(b, one.centre, 2) - m.gravity)
-        arm = motion.point(b, one.centre) - at
+        arm = motion.point(b, one.centre) - points
         force, moment = force + part, moment + one.moment * motion.turn[2][b] + cross(arm, part)
     for k, pin in enumerate(m.pins):
         pull = loops[:, 2 * k] + 1j * loops[:, 2 * k + 1]
         for b, on, sign in ((pin.one, pin.on_one, 1.0), (pin.two, pin.on_two, -1.0)):
             if b in carried:
                 force = force - sign * pull
-                moment = moment - sign * cross(motion.point(b, on) - at, pull)
+                moment = moment - sign * cross(motion.point(b, on) - points, pull)
     for k, spring in enumerate(m.point_springs):
         ends = (spring.one, spring.on_one, -1.0), (spring.two, spring.on_two, 1.0)
         if (spring.one in carried) == (spring.two in carried):
@@ -289,28 +308,28 @@ def transmitted(
         for b, on, sign in ends:
             if b in carried:
                 force = force - sign * pull
-                moment = moment - sign * cross(motion.point(b, on) - at, pull)
-    for load, push, turn in zip(m.point_loads, *loads_of(m, motion, ctrl), strict=True):
+                moment = moment - sign * cross(motion.point(b, on) - points, pull)
+    for load, push, turn in zip(m.point_loads, *point_load_forces(m, motion, ctrl), strict=True):
         if load.body in carried:
             force = force - push
-            moment = moment - turn - cross(motion.point(load.body, load.point) - at, push)
+            moment = moment - turn - cross(motion.point(load.body, load.point) - points, push)
     return force, moment
 
 
-def potential(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
+def potential_energy(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """Potential energy of gravity and of springs [J] (n,)."""
-    energy = sum(stored(j, q[:, k] - j.rest) for k, j in enumerate(m.joints))
+    energy = sum(spring_energy(j, q[:, k] - j.rest) for k, j in enumerate(m.joints))
     for k, spring in enumerate(m.point_springs):
         stretch = spring.stretch(spring_length(m, motion, k).value)
-        energy = energy + stored(spring, stretch)
+        energy = energy + spring_energy(spring, stretch)
     for one in m.sum_springs:
-        energy = energy + stored(one, one.stretch(summed(one.joints, q)))
+        energy = energy + spring_energy(one, one.stretch(weighted_sum(one.joints, q)))
     for b, body in enumerate(m.bodies):
         energy = energy - body.mass * (motion.point(b, body.centre).conj() * m.gravity).real
     return np.asarray(energy)
 
 
-def stored(spring: PlanarJoint | TendonSpring, stretch: Array) -> Array:
+def spring_energy(spring: PlanarJoint | TendonSpring, stretch: Array) -> Array:
     """Energy of a spring [J] (n,)."""
     linear, square = spring.stiffness_poly
     return np.asarray(
@@ -318,7 +337,7 @@ def stored(spring: PlanarJoint | TendonSpring, stretch: Array) -> Array:
     )
 
 
-def kinetic(m: Mechanism, motion: BodyMotion, v: Array) -> Array:
+def kinetic_energy(m: Mechanism, motion: BodyMotion, v: Array) -> Array:
     """Kinetic energy [J] (n,)."""
     energy = sum(0.5 * j.armature * v[:, k] ** 2 for k, j in enumerate(m.joints))
     for b, body in enumerate(m.bodies):

@@ -50,7 +50,9 @@ class BodyMotion:
         return np.asarray(self.w[order][bodies] * z + self.t[order][bodies])
 
 
-def move(m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None) -> BodyMotion:
+def move_bodies(
+    m: Mechanism, q: Array, v: Array | None = None, a: Array | None = None
+) -> BodyMotion:
     """Find the motion of all bodies from that of the joints.
 
     Parameters
@@ -93,10 +95,12 @@ def jacobian(m: Mechanism, motion: BodyMotion, bodies: Index, points: Complex) -
     return np.asarray(columns * m.moved_by[bodies])
 
 
-def residual(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
+def loop_violations(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     """Constraint violations of the loops (n, rows): x and y of each pin [m], then couplings."""
-    return _stack(
-        _apart(m, motion, 0), [_coupling(m, q, k) for k in range(len(m.couplings))], len(q)
+    return _stack_rows(
+        _pin_offsets(m, motion, 0),
+        [_coupling_violation(m, q, k) for k in range(len(m.couplings))],
+        len(q),
     )
 
 
@@ -111,7 +115,7 @@ def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
         apart -= jacobian(m, motion, two, motion.points(two, on_two))
         matrix[:, 0:pins:2], matrix[:, 1:pins:2] = apart.real, apart.imag
     for k, c in enumerate(m.couplings, pins):
-        slope = np.polynomial.Polynomial(c.polynomial).deriv()(summed(c.two, q - m.zeros))
+        slope = np.polynomial.Polynomial(c.polynomial).deriv()(weighted_sum(c.two, q - m.zeros))
         matrix[:, k] = 0.0
         for joint, share in c.one:
             matrix[:, k, joint] += share
@@ -120,22 +124,22 @@ def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     return matrix
 
 
-def bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
+def loop_bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
     """Second time derivative of the residual when the joints do not accelerate (n, rows)."""
     couplings = []
     for c in m.couplings:
-        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)(summed(c.two, q - m.zeros))
-        couplings.append(-bend * summed(c.two, v) ** 2)
-    return _stack(_apart(m, motion, 2), couplings, len(q))
+        bend = np.polynomial.Polynomial(c.polynomial).deriv(2)(weighted_sum(c.two, q - m.zeros))
+        couplings.append(-bend * weighted_sum(c.two, v) ** 2)
+    return _stack_rows(_pin_offsets(m, motion, 2), couplings, len(q))
 
 
-def gap(m: Mechanism, q: Array) -> tuple[float, str]:
+def largest_violation(m: Mechanism, q: Array) -> tuple[float, str]:
     """Largest constraint violation of one pose [m, or rad of a coupling], and its loop's name."""
-    r = residual(m, move(m, q[None]), q[None])[0]
+    r = loop_violations(m, move_bodies(m, q[None]), q[None])[0]
     pins = np.hypot(r[0 : 2 * len(m.pins) : 2], r[1 : 2 * len(m.pins) : 2])
-    open_by = np.append(pins, np.abs(r[2 * len(m.pins) :]))
-    worst = int(np.argmax(open_by))
-    return float(open_by[worst]), m.loop_names[worst]
+    violations = np.append(pins, np.abs(r[2 * len(m.pins) :]))
+    worst = int(np.argmax(violations))
+    return float(violations[worst]), m.loop_names[worst]
 
 
 def lipschitz(m: Mechanism, q: Array) -> Array:
@@ -146,10 +150,10 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
     bounds hold while slides move by at most half the mechanism's size.
     """
     total = np.zeros(len(q))
-    out = q + np.where(m.hinges, 0.0, 0.5 * m.size * np.where(q < m.zeros, -1.0, 1.0))
+    extended = q + np.where(m.hinges, 0.0, 0.5 * m.size * np.where(q < m.zeros, -1.0, 1.0))
     for p in m.pins:
         for body, point in ((p.one, p.on_one), (p.two, p.on_two)):
-            chain, reach = m.chain(body), m.reach(body, point, out)[..., :-1] / m.size
+            chain, reach = m.chain(body), m.reach(body, point, extended)[..., :-1] / m.size
             hinge, order = m.hinges[chain], np.arange(len(chain))
             both = np.outer(hinge, hinge) * reach[..., np.maximum.outer(order, order)]
             mixed = hinge[:, None] & ~hinge & (order[:, None] < order)
@@ -160,24 +164,24 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
     return total
 
 
-def _apart(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
+def _pin_offsets(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
     """Vector from the second end of each pin to its first (pins, n), or a time derivative."""
     one, on_one, two, on_two = m.ends
     return motion.points(one, on_one, order) - motion.points(two, on_two, order)
 
 
-def _coupling(m: Mechanism, q: Array, k: int) -> Array:
+def _coupling_violation(m: Mechanism, q: Array, k: int) -> Array:
     c, moved = m.couplings[k], q - m.zeros
     curve = np.polynomial.Polynomial(c.polynomial)
-    return np.asarray(summed(c.one, moved) - curve(summed(c.two, moved)))
+    return np.asarray(weighted_sum(c.one, moved) - curve(weighted_sum(c.two, moved)))
 
 
-def summed(shares: tuple[tuple[int, float], ...], values: Array) -> Array:
-    """Weighted sum (n,) of joint values (n, joints), with weights `shares` by joint number."""
-    return np.asarray(sum((share * values[:, j] for j, share in shares), np.zeros(len(values))))
+def weighted_sum(weights: tuple[tuple[int, float], ...], values: Array) -> Array:
+    """Weighted sum (n,) of joint values (n, joints), with weights `weights` by joint number."""
+    return np.asarray(sum((share * values[:, j] for j, share in weights), np.zeros(len(values))))
 
 
-def _stack(pins: Complex, couplings: list[Array], n: int) -> Array:
+def _stack_rows(pins: Complex, couplings: list[Array], n: int) -> Array:
     """Arrange rows (n, rows): x and y of each of the pins (pins, n), then the couplings."""
     last = 2 * len(pins)
     rows = np.empty((n, last + len(couplings)))
@@ -187,11 +191,11 @@ def _stack(pins: Complex, couplings: list[Array], n: int) -> Array:
     return rows
 
 
-RANK = 1e-9
+RANK_TOLERANCE = 1e-9
 """Singular values below this share of the largest count as zero."""
-CLOSED = 1e-12
+CLOSING_TOLERANCE = 1e-12
 """Constraint violation, in sizes of the mechanism, below which a loop is closed up to rounding."""
-BLOCK = 4096
+BLOCK_SIZE = 4096
 """Number of poses solved at once: their arrays stay in the processor's cache."""
 
 
@@ -205,20 +209,20 @@ class Drives:
     @classmethod
     def of(cls, m: Mechanism, names: tuple[str, ...]) -> "Drives":
         """Find the driven joints by name."""
-        there = [j.name for j in m.joints]
+        joint_names = [j.name for j in m.joints]
         for name in names:
-            if name not in there:
-                raise ValueError(f"no joint {name!r}; there are: {', '.join(there)}")
-        driven = np.array([there.index(name) for name in names], np.intp)
-        return cls(driven, np.setdiff1d(np.arange(len(there)), driven))
+            if name not in joint_names:
+                raise ValueError(f"no joint {name!r}; there are: {', '.join(joint_names)}")
+        driven = np.array([joint_names.index(name) for name in names], np.intp)
+        return cls(driven, np.setdiff1d(np.arange(len(joint_names)), driven))
 
 
 def scaled_jacobian(m: Mechanism, q: Array) -> Array:
     """Jacobian of the loops in units `Mechanism.size` and `Mechanism.scale` (n, rows, joints)."""
-    return loop_jacobian(m, move(m, q), q) * m.scale / m.size
+    return loop_jacobian(m, move_bodies(m, q), q) * m.scale / m.size
 
 
-def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
+def close_loops(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
     """Close the loops of poses (n, joints) by moving the joints that follow; drives stay fixed.
 
     The last step is smaller than 1e-8, so by quadratic convergence its error is rounding.
@@ -231,35 +235,39 @@ def newton(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
         Newton's method does not converge; the message has the constraint violation.
     """
     q = q.copy()
-    for k in range(0, len(q), BLOCK):
-        block = q[k : k + BLOCK]
-        left = approach(m, block, d, steps)
-        if not left.max(initial=0.0) < CLOSED:
-            worst = int(np.argmax(np.where(np.isfinite(left), left, np.inf)))
-            open_by, name = gap(m, block[worst])
-            raise CannotAssemble(f"loop {name!r} stays open by {open_by:.3g} m")
+    for k in range(0, len(q), BLOCK_SIZE):
+        block = q[k : k + BLOCK_SIZE]
+        violations = iterate_newton(m, block, d, steps)
+        if not violations.max(initial=0.0) < CLOSING_TOLERANCE:
+            worst = int(np.argmax(np.where(np.isfinite(violations), violations, np.inf)))
+            violation, name = largest_violation(m, block[worst])
+            raise CannotAssemble(f"loop {name!r} stays open by {violation:.3g} m")
     return q
 
 
-def approach(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
+def iterate_newton(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
     """Apply Newton's method to poses (n, joints) in place; return violations (n,), in sizes."""
     for _ in range(steps):
-        motion = move(m, q)
+        motion = move_bodies(m, q)
         matrix = (loop_jacobian(m, motion, q) * m.scale)[..., d.following]
         try:
-            step = np.linalg.solve(matrix, residual(m, motion, q)[..., None])[..., 0]
+            step = np.linalg.solve(matrix, loop_violations(m, motion, q)[..., None])[..., 0]
         except np.linalg.LinAlgError:
             raise SingularHere("the loops' Jacobian is singular") from None
         q[:, d.following] -= step * m.scale[d.following]
         if not np.abs(step).max(initial=0.0) > 1e-8:
             break
-    return np.asarray(np.abs(residual(m, move(m, q), q)).max(axis=-1, initial=0.0) / m.size)
+    return np.asarray(
+        np.abs(loop_violations(m, move_bodies(m, q), q)).max(axis=-1, initial=0.0) / m.size
+    )
 
 
 NO_JOINTS, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
 
 
-def nearest(m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = NO_VALUES) -> Array:
+def nearest_pose(
+    m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = NO_VALUES
+) -> Array:
     """Close the loops of one pose (joints,) with the least change of its joints [rad, m].
 
     The joints with numbers `joints` get the given `values`.
@@ -267,36 +275,38 @@ def nearest(m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = N
     q, units = q.copy(), np.eye(len(q))[joints]
     q[joints] = values
     for _ in range(50):
-        motion = move(m, q[None])
-        open_by = np.concatenate([residual(m, motion, q[None])[0], q[joints] - values])
+        motion = move_bodies(m, q[None])
+        violations = np.concatenate([loop_violations(m, motion, q[None])[0], q[joints] - values])
         rows = np.concatenate([loop_jacobian(m, motion, q[None])[0], units])
-        step = np.linalg.lstsq(rows, open_by, rcond=RANK)[0]
+        step = np.linalg.lstsq(rows, violations, rcond=RANK_TOLERANCE)[0]
         q = q - step
         if not np.abs(step).max(initial=0.0) > 1e-14:
             break
-    if m.rows and not gap(m, q)[0] < CLOSED * m.size:
+    if m.rows and not largest_violation(m, q)[0] < CLOSING_TOLERANCE * m.size:
         from scipy.optimize import least_squares  # slow to load
 
-        best = least_squares(lambda q: residual(m, move(m, q[None]), q[None])[0], m.start)
-        missed, name = gap(m, best.x)
+        best = least_squares(
+            lambda q: loop_violations(m, move_bodies(m, q[None]), q[None])[0], m.start
+        )
+        violation, name = largest_violation(m, best.x)
         raise CannotAssemble(
             f"cannot be assembled from the start pose: loop {name!r} stays open "
-            f"by {missed:.3g} m at best"
+            f"by {violation:.3g} m at best"
         )
     return q
 
 
-def fitting(
+def nearest_rates(
     m: Mechanism, q: Array, v: Array, joints: Index = NO_JOINTS, rates: Array = NO_VALUES
 ) -> Array:
     """Find the rates (joints,) nearest to v that keep the loops of a closed pose closed.
 
-    The joints with numbers `joints` get the given `rates`.
+    The joints with numbers `joints` get the given `joint_rates`.
     """
-    matrix = loop_jacobian(m, move(m, q[None]), q[None])[0]
+    matrix = loop_jacobian(m, move_bodies(m, q[None]), q[None])[0]
     rows = np.concatenate([matrix, np.eye(len(q))[joints]])
     wanted = np.concatenate([np.zeros(len(matrix)), rates])
-    return np.asarray(v - np.linalg.lstsq(rows, rows @ v - wanted, rcond=RANK)[0])
+    return np.asarray(v - np.linalg.lstsq(rows, rows @ v - wanted, rcond=RANK_TOLERANCE)[0])
 
 
 def count_dof(m: Mechanism, q: Array) -> int:
@@ -312,10 +322,10 @@ def count_dof(m: Mechanism, q: Array) -> int:
     for _ in range(3):
         matrix = scaled_jacobian(m, q[None])[0]
         _, values, directions = np.linalg.svd(matrix)
-        rank = int((values > RANK * max(values.max(initial=0.0), RANK)).sum())
+        rank = int((values > RANK_TOLERANCE * max(values.max(initial=0.0), RANK_TOLERANCE)).sum())
         if rank == m.rows:
             return len(m.joints) - m.rows
-        q = nearest(m, q + 0.03 * directions[rank:].sum(axis=0) * m.scale)
+        q = nearest_pose(m, q + 0.03 * directions[rank:].sum(axis=0) * m.scale)
     names = ", ".join(map(repr, m.loop_names))
     raise Overconstrained(
         f"over-constrained: the loops {names} give {m.rows} equations, of which "
@@ -323,7 +333,7 @@ def count_dof(m: Mechanism, q: Array) -> int:
     )
 
 
-def rates(
+def joint_rates(
     m: Mechanism, q: Array, d: Drives, rate: Array, acceleration: Array
 ) -> tuple[Array, Array]:
     """Rates and accelerations of all joints (n, joints) in closed poses, from those of the drives.
@@ -335,29 +345,31 @@ def rates(
     """
     v, a = np.zeros_like(q), np.zeros_like(q)
     v[:, d.driven], a[:, d.driven] = rate, acceleration
-    for k in range(0, len(q), BLOCK):
-        _rates(m, d, *(x[k : k + BLOCK] for x in (q, v, a)))
+    for k in range(0, len(q), BLOCK_SIZE):
+        _fill_joint_rates(m, d, *(x[k : k + BLOCK_SIZE] for x in (q, v, a)))
     return v, a
 
 
-def _rates(m: Mechanism, d: Drives, q: Array, v: Array, a: Array) -> None:
+def _fill_joint_rates(m: Mechanism, d: Drives, q: Array, v: Array, a: Array) -> None:
     """Fill in the rates and accelerations of the joints that follow, (n, joints), in place."""
-    matrix = loop_jacobian(m, move(m, q), q)
+    matrix = loop_jacobian(m, move_bodies(m, q), q)
     try:
         solve = np.linalg.inv(matrix[..., d.following])
     except np.linalg.LinAlgError:
         raise SingularHere("the drives do not determine the rates at one of the poses") from None
-    v[:, d.following] = -_times(solve, _times(matrix[..., d.driven], v[:, d.driven]))
-    drift = bias(m, move(m, q, v, np.zeros_like(q)), q, v)
-    a[:, d.following] = -_times(solve, _times(matrix[..., d.driven], a[:, d.driven]) + drift)
+    v[:, d.following] = -_matrix_times(solve, _matrix_times(matrix[..., d.driven], v[:, d.driven]))
+    drift = loop_bias(m, move_bodies(m, q, v, np.zeros_like(q)), q, v)
+    a[:, d.following] = -_matrix_times(
+        solve, _matrix_times(matrix[..., d.driven], a[:, d.driven]) + drift
+    )
 
 
-def condition(m: Mechanism, q: Array, d: Drives) -> Array:
+def condition_numbers(m: Mechanism, q: Array, d: Drives) -> Array:
     """Condition numbers of closed poses (n,), by which rounding grows; infinite where singular."""
     if not d.following.size:
         return np.ones(len(q))
     return np.asarray(np.linalg.cond(scaled_jacobian(m, q)[..., d.following]))
 
 
-def _times(matrix: Any, vector: Any) -> Array:
+def _matrix_times(matrix: Any, vector: Any) -> Array:
     return np.asarray((matrix @ vector[..., None])[..., 0])

@@ -116,14 +116,14 @@ class TendonSpring:
     damping_poly: tuple[float, float]
 
     @property
-    def damps(self) -> bool:
+    def has_damping(self) -> bool:
         """Whether it has any damping."""
         return any((self.damping, *self.damping_poly))
 
     @property
-    def acts(self) -> bool:
+    def has_force(self) -> bool:
         """Whether it has a spring or a damper, and does not only measure a length."""
-        return self.damps or any((self.stiffness, *self.stiffness_poly))
+        return self.has_damping or any((self.stiffness, *self.stiffness_poly))
 
     def stretch(self, length: Array) -> Array:
         """Stretch of the spring at lengths [m or rad]: their distance from the slack range."""
@@ -244,9 +244,11 @@ class Mechanism:
     @cached_property
     def size(self) -> float:
         """Size of the mechanism [m]: the longest way round a loop, or from ground to a centre."""
-        ways = [self.reach(p.one, p.on_one)[0] + self.reach(p.two, p.on_two)[0] for p in self.pins]
-        ways += [self.reach(b, body.centre)[0] for b, body in enumerate(self.bodies)]
-        return max(ways, default=0.0) or 1.0
+        lengths = [
+            self.reach(p.one, p.on_one)[0] + self.reach(p.two, p.on_two)[0] for p in self.pins
+        ]
+        lengths += [self.reach(b, body.centre)[0] for b, body in enumerate(self.bodies)]
+        return max(lengths, default=0.0) or 1.0
 
     @cached_property
     def scale(self) -> Array:
@@ -336,10 +338,10 @@ class Mechanism:
         chain, q = np.array(self.chain(body), np.intp), self.start if q is None else q
         hinge = self.hinges[chain]
         places = np.array([*(self.joints[j].place for j in chain[hinge]), point])
-        legs = np.abs(q[..., chain] - self.zeros[chain])
-        legs[..., hinge] = np.abs(np.diff(places))
-        sums = np.cumsum(legs[..., ::-1], axis=-1)[..., ::-1]
-        return np.concatenate([sums, np.zeros((*legs.shape[:-1], 1))], axis=-1)
+        segments = np.abs(q[..., chain] - self.zeros[chain])
+        segments[..., hinge] = np.abs(np.diff(places))
+        sums = np.cumsum(segments[..., ::-1], axis=-1)[..., ::-1]
+        return np.concatenate([sums, np.zeros((*segments.shape[:-1], 1))], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,22 +390,22 @@ class Frames:
         slides = np.flatnonzero(~m.hinges)
         directions = np.zeros((len(slides), n + 1), complex)
         sliding = np.zeros((n + 1, len(slides)))
-        for b, one in enumerate(m.bodies[1:], 1):
-            at = int(body[one.parent])
-            for j in one.joints:
-                before[j], joint = at, m.joints[j]
+        for b, body_data in enumerate(m.bodies[1:], 1):
+            frame = int(body[body_data.parent])
+            for j in body_data.joints:
+                before[j], joint = frame, m.joints[j]
                 for part in (turning, shift, sliding):
-                    part[j + 1] = part[at]
+                    part[j + 1] = part[frame]
                 if joint.hinge:
                     turning[j + 1, j] = joint.sign
-                    shift[j + 1, at] += joint.place
+                    shift[j + 1, frame] += joint.place
                     shift[j + 1, j + 1] -= joint.place
                 else:
                     k = int(np.searchsorted(slides, j))
-                    directions[k, at] = joint.place
+                    directions[k, frame] = joint.place
                     sliding[j + 1, k] = 1.0
-                at = j + 1
-            body[b] = at
+                frame = j + 1
+            body[b] = frame
         places = np.array([joint.place for joint in m.joints], complex).reshape(-1, 1)
         return cls(body, turning, shift, slides, directions, sliding, before, places)
 
@@ -452,9 +454,9 @@ class Inertia:
         return cls(bodies, mass, centre, moment, turning, fixed)
 
 
-PARALLEL = 1e-9
+MAX_PARALLEL_SINE = 1e-9
 """Largest sine of the angle at which two directions still count as parallel."""
-OFF = mujoco.mjtDisableBit
+DISABLE_FLAG = mujoco.mjtDisableBit
 
 
 class Reader:
@@ -475,11 +477,13 @@ class Reader:
         self.at, self.turn = np.zeros((model.nbody, 3)), np.tile(np.eye(3), (model.nbody, 1, 1))
         for b in range(1, model.nbody):
             parent = model.body_parentid[b]
-            self.turn[b] = self.turn[parent] @ rotation(model.body_quat[b])
+            self.turn[b] = self.turn[parent] @ rotation_matrix(model.body_quat[b])
             self.at[b] = self.at[parent] + self.turn[parent] @ model.body_pos[b]
         self.axes = np.einsum("jab,jb->ja", self.turn[model.jnt_bodyid], model.jnt_axis)
         self.normal = self._normal()
-        x = np.eye(3)[0 if np.linalg.norm(np.cross(self.normal, np.eye(3)[0])) > PARALLEL else 1]
+        x = np.eye(3)[
+            0 if np.linalg.norm(np.cross(self.normal, np.eye(3)[0])) > MAX_PARALLEL_SINE else 1
+        ]
         e1 = x - (x @ self.normal) * self.normal
         self.e1 = e1 / np.linalg.norm(e1)
         self.e2 = np.cross(self.normal, self.e1)
@@ -488,18 +492,20 @@ class Reader:
         hinge = self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
         if not len(self.axes):
             raise NotCovered("a mechanism without joints has no plane of motion")
-        along = np.linalg.norm(np.cross(self.axes[0], self.axes), axis=1).max() <= PARALLEL
+        are_parallel = (
+            np.linalg.norm(np.cross(self.axes[0], self.axes), axis=1).max() <= MAX_PARALLEL_SINE
+        )
         pinned = mujoco.mjtEq.mjEQ_CONNECT in self.model.eq_type[self.model.eq_active0 > 0]
-        if not hinge.any() and along and pinned:
+        if not hinge.any() and are_parallel and pinned:
             raise NotCovered("a pin between slides along one line constrains nothing across it")
         normal = (
             np.asarray(self.axes[hinge][0])
             if hinge.any()
-            else normal_of_slides(self.axes, PARALLEL)
+            else normal_of_slides(self.axes, MAX_PARALLEL_SINE)
         )
         for j, axis in enumerate(self.axes):
-            out = np.linalg.norm(np.cross(normal, axis)) if hinge[j] else abs(normal @ axis)
-            if out > PARALLEL:
+            deviation = np.linalg.norm(np.cross(normal, axis)) if hinge[j] else abs(normal @ axis)
+            if deviation > MAX_PARALLEL_SINE:
                 raise NotCovered(f"joint {self.model.joint(j).name!r} leaves the plane of motion")
         return normal
 
@@ -524,20 +530,21 @@ class Reader:
             place,
             float(np.sign(self.axes[j] @ self.normal)) if hinge else 1.0,
             float(model.qpos0[adr]),
-            self.unless(OFF.mjDSBL_SPRING, model.jnt_stiffness[j]),
+            self.zero_if_disabled(DISABLE_FLAG.mjDSBL_SPRING, model.jnt_stiffness[j]),
             float(model.qpos_spring[adr]),
-            self.unless(OFF.mjDSBL_DAMPER, model.dof_damping[dof]),
+            self.zero_if_disabled(DISABLE_FLAG.mjDSBL_DAMPER, model.dof_damping[dof]),
             float(model.dof_armature[dof]),
             self.load(j, ctrl),
             (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
-            if model.jnt_limited[j] and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
+            if model.jnt_limited[j]
+            and not is_disabled(model, DISABLE_FLAG.mjDSBL_LIMIT, DISABLE_FLAG.mjDSBL_CONSTRAINT)
             else (-np.inf, np.inf),
             0.0
-            if disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
+            if is_disabled(model, DISABLE_FLAG.mjDSBL_FRICTIONLOSS, DISABLE_FLAG.mjDSBL_CONSTRAINT)
             else float(model.dof_frictionloss[dof]),
             self.servo(j),
-            self.grows(OFF.mjDSBL_SPRING, model.jnt_stiffnesspoly[j]),
-            self.grows(OFF.mjDSBL_DAMPER, model.dof_dampingpoly[dof]),
+            self.growth(DISABLE_FLAG.mjDSBL_SPRING, model.jnt_stiffnesspoly[j]),
+            self.growth(DISABLE_FLAG.mjDSBL_DAMPER, model.dof_dampingpoly[dof]),
         )
 
     def stops(self, m: "Mechanism", driven: tuple[str, ...] = ()) -> Iterator[Stop]:
@@ -552,14 +559,14 @@ class Reader:
             if joint.name not in driven:
                 yield from read_stops(self.model, j, joint.range, j, j, float(m.scale[j]))
 
-    def constant(self, j: int) -> list[int]:
+    def constant_actuators(self, j: int) -> list[int]:
         """Actuators of joint number j whose forces are part of its `load` and `servo`.
 
         These are the actuators whose own force has no range.  On a joint with a range of actuator
         forces (on which no servo is allowed) they are all actuators if there are several, and none
         if there is only one.
         """
-        there = acting(self.model, j)
+        there = actuators_of_joint(self.model, j)
         if self.model.jnt_actfrclimited[j]:
             return there if len(there) > 1 else []
         return [a for a in there if not self.model.actuator_forcelimited[a]]
@@ -567,14 +574,14 @@ class Reader:
     def actuators(self) -> Iterator[AffineActuator]:
         """Read all actuators of joints; those in the joints' own loads are read without a range."""
         for j in range(self.model.njnt):
-            constant = self.constant(j)
-            for a in acting(self.model, j):
+            constant = self.constant_actuators(j)
+            for a in actuators_of_joint(self.model, j):
                 one = read_actuator(self.model, a)
                 if a in constant:
                     yield replace(one, range=UNLIMITED)
                 elif self.model.jnt_actfrclimited[j] and one.gear:
-                    least, most = np.sort(self.model.jnt_actfrcrange[j] / one.gear)
-                    low, high = np.clip(one.range, least, most).tolist()
+                    lowest, highest = np.sort(self.model.jnt_actfrcrange[j] / one.gear)
+                    low, high = np.clip(one.range, lowest, highest).tolist()
                     yield replace(one, range=(low, high))
                 else:
                     yield one
@@ -592,7 +599,7 @@ class Reader:
         if one.follows:
             force, moment = self.turn[one.body] @ force, self.turn[one.body] @ moment
         across = np.append(force @ self.normal, moment - (moment @ self.normal) * self.normal)
-        if np.abs(across).max() > PARALLEL * np.abs([force, moment]).max():
+        if np.abs(across).max() > MAX_PARALLEL_SINE * np.abs([force, moment]).max():
             raise NotCovered(
                 f"the load of actuator {one.actuator.name!r} leaves the plane of motion"
             )
@@ -608,7 +615,7 @@ class Reader:
     def servo(self, j: int) -> tuple[float, float]:
         """Stiffness and damping of joint number j by actuators without a range of forces."""
         model, found = self.model, np.zeros(2)
-        for a in self.constant(j):
+        for a in self.constant_actuators(j):
             if is_affine(model, a):
                 gear = model.actuator_gear[model.actuator_outadr[a], 0]
                 found -= gear**2 * model.actuator_biasprm[a, 1:3]
@@ -619,7 +626,7 @@ class Reader:
 
         For servos it is that at the rest value of the joint's spring, without a rate.
         """
-        model, constant = self.model, self.constant(j)
+        model, constant = self.model, self.constant_actuators(j)
         load = sum(self.motor(a, ctrl) for a in constant)
         load -= self.servo(j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
         limited = constant and model.jnt_actfrclimited[j]
@@ -628,7 +635,7 @@ class Reader:
     def motor(self, a: int, ctrl: Array) -> float:
         """Moment or force of motor number a, with control and force clipped to their ranges."""
         model, control = self.model, ctrl[self.model.actuator_ctrladr[a]]
-        if model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL):
+        if model.actuator_ctrllimited[a] and not is_disabled(model, DISABLE_FLAG.mjDSBL_CLAMPCTRL):
             control = np.clip(control, *model.actuator_ctrlrange[a])
         force = model.actuator_gainprm[a, 0] * control
         force += model.actuator_biasprm[a, 0] * is_affine(model, a)
@@ -636,19 +643,19 @@ class Reader:
             force = np.clip(force, *model.actuator_forcerange[a])
         return float(model.actuator_gear[model.actuator_outadr[a], 0] * force)
 
-    def unless(self, flag: int, value: float) -> float:
+    def zero_if_disabled(self, flag: int, value: float) -> float:
         """The value, or zero if the model sets the disable flag."""
-        return 0.0 if disabled(self.model, flag) else float(value)
+        return 0.0 if is_disabled(self.model, flag) else float(value)
 
-    def grows(self, flag: int, values: Array) -> tuple[float, float]:
+    def growth(self, flag: int, values: Array) -> tuple[float, float]:
         """Polynomial coefficients of a stiffness or a damping; zeros if the model disables it."""
-        one, two = (self.unless(flag, value) for value in values)
+        one, two = (self.zero_if_disabled(flag, value) for value in values)
         return one, two
 
     def body(self, b: int) -> Body:
         """Read body number b."""
         model = self.model
-        frame = self.turn[b] @ rotation(model.body_iquat[b])
+        frame = self.turn[b] @ rotation_matrix(model.body_iquat[b])
         moment = float((self.normal @ frame) ** 2 @ model.body_inertia[b])
         first = model.body_jntadr[b]
         joints = tuple(range(first, first + model.body_jntnum[b])) if first >= 0 else ()
@@ -699,18 +706,22 @@ class Reader:
     def sum_springs(self) -> Iterator[SumSpring]:
         """Read all fixed tendons."""
         for t in range(self.model.ntendon):
-            if is_fixed(self.model, t):
+            if is_fixed_tendon(self.model, t):
                 yield SumSpring(self.model.tendon(t).name, self.fixed(t), **self.tendon(t))
 
     def tendon(self, t: int) -> dict[str, Any]:
         """Read the spring and the damper of tendon number t."""
         model = self.model
         return {
-            "stiffness": self.unless(OFF.mjDSBL_SPRING, model.tendon_stiffness[t]),
-            "damping": self.unless(OFF.mjDSBL_DAMPER, model.tendon_damping[t]),
+            "stiffness": self.zero_if_disabled(
+                DISABLE_FLAG.mjDSBL_SPRING, model.tendon_stiffness[t]
+            ),
+            "damping": self.zero_if_disabled(DISABLE_FLAG.mjDSBL_DAMPER, model.tendon_damping[t]),
             "slack": tuple(map(float, model.tendon_lengthspring[t])),
-            "stiffness_poly": self.grows(OFF.mjDSBL_SPRING, model.tendon_stiffnesspoly[t]),
-            "damping_poly": self.grows(OFF.mjDSBL_DAMPER, model.tendon_dampingpoly[t]),
+            "stiffness_poly": self.growth(
+                DISABLE_FLAG.mjDSBL_SPRING, model.tendon_stiffnesspoly[t]
+            ),
+            "damping_poly": self.growth(DISABLE_FLAG.mjDSBL_DAMPER, model.tendon_dampingpoly[t]),
         }
 
     def coupling(self, e: int) -> Coupling:
@@ -739,9 +750,11 @@ class Reader:
 
 def read_actuator(model: Any, a: int) -> AffineActuator:
     """Read actuator number a of a compiled model, on a joint or a tendon."""
-    target, on_joint = int(model.actuator_trnid[a, 0]), joined(model, a)
+    target, on_joint = int(model.actuator_trnid[a, 0]), acts_on_joint(model, a)
     bias = model.actuator_biasprm[a, :3] * is_affine(model, a)
-    clamped = model.actuator_ctrllimited[a] and not disabled(model, OFF.mjDSBL_CLAMPCTRL)
+    clamped = model.actuator_ctrllimited[a] and not is_disabled(
+        model, DISABLE_FLAG.mjDSBL_CLAMPCTRL
+    )
     return AffineActuator(
         model.actuator(a).name,
         -1 if on_joint else target,
@@ -753,18 +766,21 @@ def read_actuator(model: Any, a: int) -> AffineActuator:
         float(bias[0]),
         float(bias[1]),
         float(bias[2]),
-        ends(model.actuator_forcerange[a], bool(model.actuator_forcelimited[a])),
-        ends(model.actuator_ctrlrange[a], bool(clamped)),
+        limited_range(model.actuator_forcerange[a], bool(model.actuator_forcelimited[a])),
+        limited_range(model.actuator_ctrlrange[a], bool(clamped)),
     )
 
 
 def read_site_load(model: Any, a: int) -> SiteLoad:
     """Read the load of actuator number a of a compiled model, which acts on a site."""
     site, frame = map(int, model.actuator_trnid[a])
-    turn = rotation(model.site_quat[site if frame < 0 else frame])
-    over = 0 if frame < 0 else int(model.site_bodyid[frame])
-    while over:
-        turn, over = rotation(model.body_quat[over]) @ turn, int(model.body_parentid[over])
+    turn = rotation_matrix(model.site_quat[site if frame < 0 else frame])
+    carrier = 0 if frame < 0 else int(model.site_bodyid[frame])
+    while carrier:
+        turn, carrier = (
+            rotation_matrix(model.body_quat[carrier]) @ turn,
+            int(model.body_parentid[carrier]),
+        )
     force, moment = model.actuator_gear[model.actuator_outadr[a]].reshape(2, 3) @ turn.T
     return SiteLoad(
         replace(read_actuator(model, a), tendon=-1, gear=1.0),
@@ -776,24 +792,28 @@ def read_site_load(model: Any, a: int) -> SiteLoad:
     )
 
 
-def ends(values: Array, limited: bool) -> tuple[float, float]:
+def limited_range(values: Array, limited: bool) -> tuple[float, float]:
     """Ends of a range; infinite if there is none."""
     return (float(values[0]), float(values[1])) if limited else (-np.inf, np.inf)
 
 
-def disabled(model: Any, *flags: int) -> bool:
+def is_disabled(model: Any, *flags: int) -> bool:
     """Whether a model sets one of some disable flags."""
     return any(model.opt.disableflags & int(flag) for flag in flags)
 
 
-def acting(model: Any, j: int) -> list[int]:
+def actuators_of_joint(model: Any, j: int) -> list[int]:
     """Numbers of the actuators that act on joint number j."""
-    return [a for a in switched_on(model) if model.actuator_trnid[a, 0] == j and joined(model, a)]
+    return [
+        a
+        for a in enabled_actuators(model)
+        if model.actuator_trnid[a, 0] == j and acts_on_joint(model, a)
+    ]
 
 
-def switched_on(model: Any) -> list[int]:
+def enabled_actuators(model: Any) -> list[int]:
     """Numbers of the actuators that a model does not disable."""
-    if disabled(model, OFF.mjDSBL_ACTUATION):
+    if is_disabled(model, DISABLE_FLAG.mjDSBL_ACTUATION):
         return []
     return [
         a
@@ -802,7 +822,7 @@ def switched_on(model: Any) -> list[int]:
     ]
 
 
-def loads_site(model: Any, a: int) -> bool:
+def is_site_motor(model: Any, a: int) -> bool:
     """Whether actuator number a is a motor on a site, in directions of its body or the ground."""
     if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_SITE or is_affine(model, a):
         return False
@@ -810,7 +830,7 @@ def loads_site(model: Any, a: int) -> bool:
     return frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0
 
 
-def joined(model: Any, a: int) -> bool:
+def acts_on_joint(model: Any, a: int) -> bool:
     """Whether actuator number a acts on a joint."""
     return int(model.actuator_trntype[a]) in (
         mujoco.mjtTrn.mjTRN_JOINT,
@@ -818,10 +838,10 @@ def joined(model: Any, a: int) -> bool:
     )
 
 
-def carried_by(parents: Sequence[int], body: int) -> set[int]:
+def carried_bodies(parents: Sequence[int], body: int) -> set[int]:
     """Numbers of a body and of all bodies that it carries, by the parents of all bodies.
 
-    >>> carried_by([0, 0, 1, 0, 2], 1)
+    >>> carried_bodies([0, 0, 1, 0, 2], 1)
     {1, 2, 4}
     """
     found = {body}
@@ -831,7 +851,7 @@ def carried_by(parents: Sequence[int], body: int) -> set[int]:
     return found
 
 
-def rotation(quaternion: Array) -> Array:
+def rotation_matrix(quaternion: Array) -> Array:
     """Rotation matrix of a unit quaternion (w, x, y, z)."""
     w, (x, y, z) = quaternion[0], quaternion[1:]
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -858,7 +878,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         The model is not a planar mechanism of hinges, slides, equalities of kinds ``connect``,
         ``joint`` and fixed tendons, and springs between two sites; the message names the element.
     """
-    refuse(model)
+    refuse_uncovered(model)
     reader = Reader(model)
     names = [model.key(k).name for k in range(model.nkey)]
     if names and start not in names:
@@ -867,11 +887,11 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
     ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
     active = (
         []
-        if disabled(model, OFF.mjDSBL_EQUALITY, OFF.mjDSBL_CONSTRAINT)
+        if is_disabled(model, DISABLE_FLAG.mjDSBL_EQUALITY, DISABLE_FLAG.mjDSBL_CONSTRAINT)
         else [e for e in range(model.neq) if model.eq_active0[e]]
     )
     connects = [e for e in active if model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT]
-    gravity = reader.unless(OFF.mjDSBL_GRAVITY, 1.0) * model.opt.gravity
+    gravity = reader.zero_if_disabled(DISABLE_FLAG.mjDSBL_GRAVITY, 1.0) * model.opt.gravity
     return Mechanism(
         tuple(reader.body(b) for b in range(model.nbody)),
         tuple(reader.joint(j, ctrl) for j in range(model.njnt)),
@@ -880,15 +900,17 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         reader.flat(gravity),
         np.array(model.key_qpos[key] if names else model.qpos0),
         np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
-        tuple(reader.point_spring(t) for t in range(model.ntendon) if not is_fixed(model, t)),
+        tuple(
+            reader.point_spring(t) for t in range(model.ntendon) if not is_fixed_tendon(model, t)
+        ),
         tuple(reader.actuators()),
         np.array(ctrl),
-        tuple(reader.point_load(a) for a in switched_on(model) if loads_site(model, a)),
-        tuple(one for one in reader.sum_springs() if one.acts),
+        tuple(reader.point_load(a) for a in enabled_actuators(model) if is_site_motor(model, a)),
+        tuple(one for one in reader.sum_springs() if one.has_force),
     ), reader
 
 
-def refuse(model: Any) -> None:
+def refuse_uncovered(model: Any) -> None:
     """Raise NotCovered, with the name, for elements that this solver does not cover."""
     for j in range(model.njnt):
         if mujoco.mjtJoint(model.jnt_type[j]) not in (
@@ -899,7 +921,7 @@ def refuse(model: Any) -> None:
     for e in np.flatnonzero(model.eq_active0):
         kind = mujoco.mjtEq(model.eq_type[e])
         if kind == mujoco.mjtEq.mjEQ_TENDON and all(
-            t < 0 or is_fixed(model, t) for t in (model.eq_obj1id[e], model.eq_obj2id[e])
+            t < 0 or is_fixed_tendon(model, t) for t in (model.eq_obj1id[e], model.eq_obj2id[e])
         ):
             continue
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
@@ -914,19 +936,19 @@ def refuse(model: Any) -> None:
             and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
         )
         name = model.actuator(a).name
-        if not (motor and (joined(model, a) or loads_site(model, a))):
+        if not (motor and (acts_on_joint(model, a) or is_site_motor(model, a))):
             raise NotCovered(
                 f"actuator {name!r} is no motor or servo on a joint, and no motor on a site whose "
                 "refsite, if any, is of the ground"
             )
     refuse_tendons(model)
-    for what, there in {
+    for feature, present in {
         "a flex": model.nflex,
         "a mocap body": model.nmocap,
         "a fluid": model.opt.density + model.opt.viscosity,
     }.items():
-        if there:
-            raise NotCovered(f"it has {what}")
+        if present:
+            raise NotCovered(f"it has {feature}")
 
 
 def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
@@ -935,21 +957,21 @@ def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
     Actuators of driven joints are not examined, since they do not act.
     """
     for a in range(model.nactuator):
-        joint = int(model.actuator_trnid[a, 0]) if joined(model, a) else -1
+        joint = int(model.actuator_trnid[a, 0]) if acts_on_joint(model, a) else -1
         if joint >= 0 and model.joint(joint).name in driven:
             continue
         servo = is_affine(model, a)
-        for what, there in {
+        for feature, present in {
             "acts on a joint with a range of actuator forces": servo
             and model.jnt_actfrclimited[joint],
-            **beside_force(model, a),
+            **uncovered_actuator_features(model, a),
         }.items():
-            if there:
+            if present:
                 kind = "servo" if servo else "motor"
-                raise NotCovered(f"{kind} {model.actuator(a).name!r} {what}")
+                raise NotCovered(f"{kind} {model.actuator(a).name!r} {feature}")
 
 
-def beside_force(model: Any, a: int) -> dict[str, Any]:
+def uncovered_actuator_features(model: Any, a: int) -> dict[str, Any]:
     """Features of actuator number a in addition to its force that are not covered.
 
     The values are true where the actuator has the feature.
@@ -966,21 +988,23 @@ def is_affine(model: Any, a: int) -> bool:
     return bool(model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE)
 
 
-def is_fixed(model: Any, t: int) -> bool:
+def is_fixed_tendon(model: Any, t: int) -> bool:
     """Whether tendon number t is fixed: a weighted sum of joint values."""
     return bool(model.wrap_type[model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT)
 
 
-def beside_springs(model: Any, t: int) -> dict[str, Any]:
+def uncovered_tendon_features(model: Any, t: int) -> dict[str, Any]:
     """Features of tendon number t in addition to spring and damper that are not covered.
 
     The values are true where the tendon has the feature.
     """
     return {
         "has a range": model.tendon_limited[t]
-        and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT),
+        and not is_disabled(model, DISABLE_FLAG.mjDSBL_LIMIT, DISABLE_FLAG.mjDSBL_CONSTRAINT),
         "has frictionloss": model.tendon_frictionloss[t]
-        and not disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT),
+        and not is_disabled(
+            model, DISABLE_FLAG.mjDSBL_FRICTIONLOSS, DISABLE_FLAG.mjDSBL_CONSTRAINT
+        ),
         "has armature": model.tendon_armature[t],
         "has a spring that yields": model.tendon_springyield[t].any(),
     }
@@ -995,19 +1019,19 @@ def refuse_tendons(model: Any) -> None:
         first = int(model.tendon_adr[t])
         kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
         sites = kinds.size == 2 and (kinds == mujoco.mjtWrap.mjWRAP_SITE).all()
-        fixed = is_fixed(model, t)
-        for what, there in {
+        fixed = is_fixed_tendon(model, t)
+        for feature, present in {
             "does not go straight from a site to a site": not (sites or fixed),
-            **beside_springs(model, t),
+            **uncovered_tendon_features(model, t),
         }.items():
-            if there:
-                raise NotCovered(f"tendon {model.tendon(t).name!r} {what}")
+            if present:
+                raise NotCovered(f"tendon {model.tendon(t).name!r} {feature}")
 
 
 def refuse_contacts(model: Any) -> None:
     """Raise NotCovered if bodies of the model may touch: contacts are not covered."""
     touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
-    if not disabled(model, OFF.mjDSBL_CONTACT, OFF.mjDSBL_CONSTRAINT) and (
+    if not is_disabled(model, DISABLE_FLAG.mjDSBL_CONTACT, DISABLE_FLAG.mjDSBL_CONSTRAINT) and (
         np.unique(touchable).size > 1 or model.npair
     ):
         raise NotCovered(

@@ -14,12 +14,12 @@ largest |P - c|::
     sum R_i (L_i - |O_i - c| - |r_i|) - sum 4 mode_i E(k_i) sqrt(R_i EI_i)  <=  |F| rho
 
 so that no R_i is large unless clamps are so far apart that rods can be stretched between them.
-The bound of `bound` exists in more cases, but takes seconds for a platform.
+The bound of `bound_by_boxes` exists in more cases, but takes seconds for a platform.
 
 **A bound by boxes of poses.** Let d_i be the vector from a clamp to its pin, and let (v, w) be any
 small motion of the platform, which moves the pins by t_i = v + w J R r_i.  In equilibrium
 sum n_i.t_i = F.v + M w.  The position of a tip along its load (see above) gives, with H_i the value
-of `hold` at alpha_i, n_i.d_i >= R_i L_i - H_i sqrt(R_i EI_i), and therefore::
+of `bending_allowance` at alpha_i, n_i.d_i >= R_i L_i - H_i sqrt(R_i EI_i), and therefore::
 
     s_i = 1 - |d_i - t_i|/L_i
     sum EI_i/L_i (alpha_i^2 s_i - H_i alpha_i)  <=  F.v + M w
@@ -41,7 +41,7 @@ whole loops, to either side (q > 0, q < 0)::
     alpha = (2 j + 1) K + y,    tanh(y) = -(-1)^j cos(delta/2),    |q| = K - ln 2 + O(e^-2K)
 
 so each j < mode gives two such rods for a direction and a size of the load.  Starts are drawn at
-random: a pose from `tight`; loads along the straight rods, either in the ratio that balances
+random: a pose from `tight_poses`; loads along the straight rods, either in the ratio that balances
 best or in any ratio; and for each clamp one of these rods or, under a light load, any rod of the
 chart.
 
@@ -65,34 +65,34 @@ from scipy.special import ellipe, ellipkm1
 
 from proofmass.analytic.numerics import TURN, Array, Complex, Index
 from proofmass.analytic.rods.assembly import Assembly
-from proofmass.analytic.rods.elastica import ElasticaRods, relative, rods
-from proofmass.analytic.rods.equilibrium import RodState, clamps, state
+from proofmass.analytic.rods.elastica import ElasticaRods, relative, rods_of_chart
+from proofmass.analytic.rods.equilibrium import RodState, clamps_and_forces, state
 
-POSE_BOUND_MOST = 200.0  # alpha up to which `largest` looks for a bound
+POSE_BOUND_MAX_ALPHA = 200.0  # alpha up to which `bound_by_pose` looks for a bound
 POSE_BOUND_SAMPLES = 20001  # values of alpha up to there
 
 
-def largest(s: RodState, modes: Sequence[int]) -> float:
+def bound_by_pose(s: RodState, modes: Sequence[int]) -> float:
     """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds, by one pose; inf if unknown."""
-    a, clamp = s.assembly, clamps(s)[1]
+    a, clamp = s.assembly, clamps_and_forces(s)[1]
     away = np.abs(clamp - clamp.mean()) + np.abs(a.arm)
     slack = a.length - away
     if np.any(slack <= 0.0):
         return float(np.inf)
-    alpha = np.linspace(0.0, POSE_BOUND_MOST, POSE_BOUND_SAMPLES)
-    held = np.array([hold(alpha, mode) for mode in modes])
+    alpha = np.linspace(0.0, POSE_BOUND_MAX_ALPHA, POSE_BOUND_SAMPLES)
+    allowance = np.array([bending_allowance(alpha, mode) for mode in modes])
     unit = (a.stiffness / a.length)[:, None]
-    excess = unit * alpha * (alpha * (slack / a.length)[:, None] - held)
+    excess = unit * alpha * (alpha * (slack / a.length)[:, None] - allowance)
     spare = np.hypot(*s.load[:2]) * (a.length + away).min()
     room = spare - excess.min(axis=1).sum() + excess.min(axis=1)
     last = max(
         alpha[np.flatnonzero(row <= most)[-1]] for row, most in zip(excess, room, strict=True)
     )
-    step = POSE_BOUND_MOST / POSE_BOUND_SAMPLES
-    return float(last + step) if last < POSE_BOUND_MOST else float(np.inf)
+    step = POSE_BOUND_MAX_ALPHA / POSE_BOUND_SAMPLES
+    return float(last + step) if last < POSE_BOUND_MAX_ALPHA else float(np.inf)
 
 
-def hold(alpha: Array, mode: int) -> Array:
+def bending_allowance(alpha: Array, mode: int) -> Array:
     """4 mode E(k) of the least bent rod of a mode: K(k) = alpha/(2 mode), or k = 0 if straight."""
     q = np.linspace(0.0, 20.0, 4001)
     rest = 1.0 / np.cosh(q) ** 2
@@ -101,16 +101,16 @@ def hold(alpha: Array, mode: int) -> Array:
     )
 
 
-WITHIN = 1.1  # largest ratio of the bound of boxes to the largest bound of single poses
+MAX_BOUND_RATIO = 1.1  # largest ratio of the bound of boxes to the largest bound of single poses
 FIRST_EDGE = 0.1  # edge of the first boxes, over the length of the shortest rod
-HALVINGS = 8  # times that boxes are halved before no bound is found
+MAX_HALVINGS = 8  # times that boxes are halved before no bound is found
 BOXES_AT_ONCE = 20_000  # boxes whose motions are found in one batch
-BOUND_MOST = 300.0  # alpha up to which `bound` looks for a bound
-SLACK = np.geomspace(0.01, 2.0, 400)  # s_i of a table; less counts as none
-SMOOTH = 5.0, 30.0, 200.0  # the largest length is smoothed to 1/5, 1/30 .. of a rod
-STEPS = 6  # steps of Newton's method for each sharpness
-ROUND = 1e-6  # length, over that of a rod, below which its absolute value is smoothed
-STRIDE = 0.3  # longest step of a motion in Newton's method
+BOUND_MAX_ALPHA = 300.0  # alpha up to which `bound_by_boxes` looks for a bound
+SLACK_VALUES = np.geomspace(0.01, 2.0, 400)  # s_i of a table; less counts as none
+SHARPNESSES = 5.0, 30.0, 200.0  # the largest length is smoothed to 1/5, 1/30 .. of a rod
+STEPS_PER_SHARPNESS = 6  # steps of Newton's method for each sharpness
+SMOOTHED_LENGTH = 1e-6  # length, over that of a rod, below which its absolute value is smoothed
+MAX_MOTION_STEP = 0.3  # longest step of a motion in Newton's method
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Boxes:
     def __getitem__(self, which: NDArray[np.bool_]) -> "Boxes":
         return Boxes(self.where[which], self.phi[which], self.half, self.turn, self.motion[which])
 
-    def halved(self, flat: bool) -> "Boxes":
+    def halve(self, flat: bool) -> "Boxes":
         """Four boxes for each, halved in x and y, or eight if phi is halved as well."""
         sides = np.array([-0.5, 0.5])
         x, y, phi = (
@@ -144,7 +144,7 @@ class Boxes:
         )
 
 
-def bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
+def bound_by_boxes(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
     """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds, by boxes of poses.
 
     It is inf if no bound is found, or none below `enough`.  It is proven up to rounding, since
@@ -156,42 +156,42 @@ def bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
 
     Rods that can be stretched against each other have no bound:
 
-    >>> float(bound(state(assembly([[-1.0, 0.0], [1.0, 0.0]])), (1, 1)))
+    >>> float(bound_by_boxes(state(assembly([[-1.0, 0.0], [1.0, 0.0]])), (1, 1)))
     inf
 
-    >>> 8.0 < bound(state(assembly([[-0.3, 0.0], [0.3, 0.0]])), (1, 1)) < 10.0
+    >>> 8.0 < bound_by_boxes(state(assembly([[-0.3, 0.0], [0.3, 0.0]])), (1, 1)) < 10.0
     True
     """
-    boxes, most = first(s), 0.0
-    for _ in range(HALVINGS):
-        boxes = moved(s, boxes)
-        alone, reached = limits(s, boxes, modes, whole=False)
-        most = max(most, alone[reached].max(initial=0.0))
-        if most > min(BOUND_MOST, enough / WITHIN):
+    boxes, max_alpha_of_poses = first_boxes(s), 0.0
+    for _ in range(MAX_HALVINGS):
+        boxes = with_best_motions(s, boxes)
+        alone, reached = alpha_limits(s, boxes, modes, whole=False)
+        max_alpha_of_poses = max(max_alpha_of_poses, alone[reached].max(initial=0.0))
+        if max_alpha_of_poses > min(BOUND_MAX_ALPHA, enough / MAX_BOUND_RATIO):
             break
-        limit, reached = limits(s, boxes, modes)
-        split = reached & (limit > WITHIN * most)
+        limit, reached = alpha_limits(s, boxes, modes)
+        split = reached & (limit > MAX_BOUND_RATIO * max_alpha_of_poses)
         if not split.any():
-            return float(WITHIN * most)
-        boxes = boxes[split].halved(s.assembly.dof == 2)
+            return float(MAX_BOUND_RATIO * max_alpha_of_poses)
+        boxes = boxes[split].halve(s.assembly.dof == 2)
     return float(np.inf)
 
 
-def tight(s: RodState, modes: Sequence[int], least: float, edge: float) -> Boxes:
-    """Boxes, of that edge [L] or less, of all poses in which some alpha may exceed `least`."""
-    boxes = first(s)
+def tight_poses(s: RodState, modes: Sequence[int], min_alpha: float, edge: float) -> Boxes:
+    """Boxes, of that edge [L] or less, of all poses in which some alpha may exceed `min_alpha`."""
+    boxes = first_boxes(s)
     while True:
-        boxes = moved(s, boxes)
-        limit, reached = limits(s, boxes, modes)
-        boxes = boxes[reached & (limit > least)]
+        boxes = with_best_motions(s, boxes)
+        limit, reached = alpha_limits(s, boxes, modes)
+        boxes = boxes[reached & (limit > min_alpha)]
         if 2.0 * boxes.half <= edge * s.assembly.length.min():
             return boxes
-        boxes = boxes.halved(s.assembly.dof == 2)
+        boxes = boxes.halve(s.assembly.dof == 2)
 
 
-def first(s: RodState) -> Boxes:
+def first_boxes(s: RodState) -> Boxes:
     """The first boxes, which contain all poses whose pins are within the reach of the rods."""
-    a, clamp = s.assembly, clamps(s)[1]
+    a, clamp = s.assembly, clamps_and_forces(s)[1]
     reach, edge = a.length + np.abs(a.arm), FIRST_EDGE * a.length.min()
     x, y = (
         np.arange((part - reach).max(), (part + reach).min() + edge, edge)
@@ -208,16 +208,16 @@ def first(s: RodState) -> Boxes:
     )
 
 
-def moved(s: RodState, boxes: Boxes) -> Boxes:
+def with_best_motions(s: RodState, boxes: Boxes) -> Boxes:
     """The same boxes, with the motions that make the least s_i of their centres largest."""
     parts = (slice(i, i + BOXES_AT_ONCE) for i in range(0, boxes.phi.size, BOXES_AT_ONCE))
-    motion = [best(s, boxes.where[i], boxes.phi[i], boxes.motion[i]) for i in parts]
+    motion = [best_motions(s, boxes.where[i], boxes.phi[i], boxes.motion[i]) for i in parts]
     return Boxes(
         boxes.where, boxes.phi, boxes.half, boxes.turn, np.concatenate([np.empty((0, 3)), *motion])
     )
 
 
-def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
+def best_motions(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
     """Motions (n, 3) that nearly minimize the largest |d_i - t_i|/L_i; any motion proves a bound.
 
     Newton's method minimizes the logarithm of the sum of exp(sharp |d_i - t_i|/L_i), which is
@@ -226,26 +226,28 @@ def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
     a, unknown = s.assembly, s.assembly.dof
     length = a.length[:, None]
     arm = np.exp(1j * phi) * a.arm[:, None]
-    away = where + arm - clamps(s)[1][:, None]
+    away = where + arm - clamps_and_forces(s)[1][:, None]
     lever = np.zeros((*away.shape, 2, 3))
     lever[..., 0, 0] = lever[..., 1, 1] = 1.0
     lever[..., 0, 2], lever[..., 1, 2] = -arm.imag, arm.real
     lever = lever[..., :unknown] / length[..., None, None]
     away = np.stack([away.real, away.imag], axis=-1) / length[..., None]
-    out, at, least = start.copy(), start[:, :unknown], np.full(phi.size, np.inf)
-    for sharp in SMOOTH:
-        for _ in range(STEPS):
-            gap = away - np.einsum("knij,nj->kni", lever, at)
-            size = np.sqrt((gap**2).sum(axis=-1) + ROUND**2)
+    best_motion, motion, least = start.copy(), start[:, :unknown], np.full(phi.size, np.inf)
+    for sharp in SHARPNESSES:
+        for _ in range(STEPS_PER_SHARPNESS):
+            offset = away - np.einsum("knij,nj->kni", lever, motion)
+            size = np.sqrt((offset**2).sum(axis=-1) + SMOOTHED_LENGTH**2)
             most = size.max(axis=0)
             better = most < least
-            least[better], out[better, :unknown] = most[better], at[better]
+            least[better], best_motion[better, :unknown] = most[better], motion[better]
             weight = np.exp(sharp * (size - most))
             weight /= weight.sum(axis=0)
-            way = gap / size[..., None]
-            slope = -np.einsum("knij,kni->knj", lever, way)
+            direction = offset / size[..., None]
+            slope = -np.einsum("knij,kni->knj", lever, direction)
             mean = np.einsum("kn,knj->nj", weight, slope)
-            bend = (np.eye(2) - way[..., :, None] * way[..., None, :]) / size[..., None, None]
+            bend = (np.eye(2) - direction[..., :, None] * direction[..., None, :]) / size[
+                ..., None, None
+            ]
             matrix = np.einsum("kn,knai,knab,knbj->nij", weight, lever, bend, lever, optimize=True)
             matrix += sharp * (
                 np.einsum("kn,kni,knj->nij", weight, slope, slope)
@@ -254,120 +256,133 @@ def best(s: RodState, where: Complex, phi: Array, start: Array) -> Array:
             matrix += 1e-9 * np.eye(unknown)  # with three equal loads the matrix is singular
             step = np.linalg.solve(matrix, mean[..., None])[..., 0]
             longest = np.abs(step).max(axis=1, keepdims=True)
-            at = at - step * np.minimum(1.0, STRIDE / np.maximum(longest, ROUND))
-    return out
+            motion = motion - step * np.minimum(
+                1.0, MAX_MOTION_STEP / np.maximum(longest, SMOOTHED_LENGTH)
+            )
+    return best_motion
 
 
-def limits(
+def alpha_limits(
     s: RodState, boxes: Boxes, modes: Sequence[int], whole: bool = True
 ) -> tuple[Array, NDArray[np.bool_]]:
     """alpha (n,) that no rod exceeds in a box, or at its centre; whether all pins are in reach."""
     a = s.assembly
     arm, length = np.exp(1j * boxes.phi) * a.arm[:, None], a.length[:, None]
-    away = boxes.where + arm - clamps(s)[1][:, None]
+    away = boxes.where + arm - clamps_and_forces(s)[1][:, None]
     v, w = boxes.motion[:, 0] + 1j * boxes.motion[:, 1], boxes.motion[:, 2]
     across = np.sqrt(2.0) * boxes.half * whole
     turn = np.abs(a.arm)[:, None] * boxes.turn * whole
     reached = (np.abs(away) <= length + across + turn).all(axis=0)
     slack = 1.0 - (np.abs(away - v - 1j * w * arm) + across + np.sqrt(1.0 + w**2) * turn) / length
     given = np.abs(boxes.motion @ np.append(s.load, 0.0)[:3])
-    out, held = np.full(w.size, np.inf), reached & (slack > SLACK[0]).all(axis=0)
-    slack, given = slack[:, held], given[held]
+    alpha, valid = np.full(w.size, np.inf), reached & (slack > SLACK_VALUES[0]).all(axis=0)
+    slack, given = slack[:, valid], given[valid]
     unit = (a.stiffness / a.length)[:, None]
     low = unit * np.stack(
-        [np.interp(part, SLACK, lowest(mode)) for part, mode in zip(slack, modes, strict=True)]
+        [
+            np.interp(part, SLACK_VALUES, minima_over_alpha(mode))
+            for part, mode in zip(slack, modes, strict=True)
+        ]
     )
     room = (given - low.sum(axis=0) + low) / unit
-    out[held] = np.max(
+    alpha[valid] = np.max(
         [largest_root(*part) for part in zip(slack, room, modes, strict=True)], axis=0
     )
-    return out, reached
+    return alpha, reached
 
 
 @lru_cache(maxsize=16)
-def lowest(mode: int) -> Array:
-    """Minima over alpha of alpha^2 s - H alpha for s in `SLACK`, H by `hold`.
+def minima_over_alpha(mode: int) -> Array:
+    """Minima over alpha of alpha^2 s - H alpha for s in `SLACK_VALUES`, H by `bending_allowance`.
 
     It is concave in s, so linear interpolation does not exceed it.
     """
-    alpha = np.geomspace(0.1, 2.0 * np.pi * mode / SLACK[0], 4000)
-    least = (alpha**2 * SLACK[:, None] - hold(alpha, mode) * alpha).min(axis=1)
+    alpha = np.geomspace(0.1, 2.0 * np.pi * mode / SLACK_VALUES[0], 4000)
+    least = (alpha**2 * SLACK_VALUES[:, None] - bending_allowance(alpha, mode) * alpha).min(axis=1)
     return np.asarray(1.0001 * least)  # between two values of alpha the minimum may be 2e-6 lower
 
 
 def largest_root(slack: Array, room: Array, mode: int) -> Array:
-    """alpha, or slightly more, where alpha^2 slack - H alpha = room, H by `hold`."""
-    held = np.asarray(4.0 * mode)  # the least H; one step ends below the root, two above
+    """alpha, or slightly more, where alpha^2 slack - H alpha = room, H by `bending_allowance`."""
+    allowance = np.asarray(4.0 * mode)  # the least H; one step ends below the root, two above
     for _ in range(2):
-        root = (held + np.sqrt(held**2 + 4.0 * slack * room)) / (2.0 * slack)
-        held = hold(root, mode)
+        root = (allowance + np.sqrt(allowance**2 + 4.0 * slack * room)) / (2.0 * slack)
+        allowance = bending_allowance(root, mode)
     return np.asarray(root)
 
 
 def theoretical_bound(s: RodState, modes: Sequence[int], enough: float = np.inf) -> float:
     """The bound by one pose if there is one, else by boxes; inf if the latter exceeds `enough`."""
-    quick = largest(s, modes)
-    return quick if np.isfinite(quick) else bound(s, modes, enough)
+    quick = bound_by_pose(s, modes)
+    return quick if np.isfinite(quick) else bound_by_boxes(s, modes, enough)
 
 
 TIGHT_EDGE = 0.05  # largest edge of the boxes of tight poses [L]
-EACH = 80  # random starts for each choice of loops
-FEWEST = 2000  # least number of random starts
+STARTS_PER_CHOICE = 80  # random starts for each choice of loops
+MIN_STARTS = 2000  # least number of random starts
 SEED = 1  # of the random numbers
-SWAY = 0.1  # standard deviation of a load from its straight rod [rad]
-LIGHT = 8.0  # alpha below which half of the rods are drawn from the whole chart
-LEAST_SHARE = 1e-3  # least load of a rod, over the largest one
-ENDS = 1e-12  # least 1 - |tanh(y)|, of a rod that lies along its load
+LOAD_ANGLE_DEVIATION = 0.1  # standard deviation of a load from its straight rod [rad]
+LIGHT_LOAD_ALPHA = 8.0  # alpha below which half of the rods are drawn from the whole chart
+MIN_LOAD_RATIO = 1e-3  # least load of a rod, over the largest one
+TANH_MARGIN = 1e-12  # least 1 - |tanh(y)|, of a rod that lies along its load
 
 
-def drawn(s: RodState, modes: Sequence[int], least: float, most: float) -> tuple[Array, Array]:
+def draw_starts(
+    s: RodState, modes: Sequence[int], min_alpha: float, max_alpha: float
+) -> tuple[Array, Array]:
     """Random starts, charts (k, 2, n) and poses (3, n), with some alpha in about this range."""
-    a, (theta, clamp, _) = s.assembly, clamps(s)
-    boxes, random = tight(s, modes, least, TIGHT_EDGE), np.random.default_rng(SEED)
-    n = max(FEWEST, EACH * int(np.prod(2 * np.array(modes)))) if boxes.phi.size else 0
+    a, (theta, clamp, _) = s.assembly, clamps_and_forces(s)
+    boxes, random = tight_poses(s, modes, min_alpha, TIGHT_EDGE), np.random.default_rng(SEED)
+    n = (
+        max(MIN_STARTS, STARTS_PER_CHOICE * int(np.prod(2 * np.array(modes))))
+        if boxes.phi.size
+        else 0
+    )
     box, part = random.integers(max(1, boxes.phi.size), size=n), random.uniform(-1.0, 1.0, (3, n))
     where = boxes.where[box] + boxes.half * (part[0] + 1j * part[1])
     phi = boxes.phi[box] + boxes.turn * part[2]
     arm = np.exp(1j * phi) * a.arm[:, None]
     along = where + arm - clamp[:, None]
     along /= np.abs(along)
-    load = ratios(along, arm / a.length.mean(), random)
+    load = draw_load_ratios(along, arm / a.length.mean(), random)
     unit = (a.stiffness / a.length**2)[:, None]
     size = np.sqrt(load / unit / (load / unit).max(axis=0, initial=0.0))
-    alpha = size * np.exp(random.uniform(np.log(least), np.log(most), n))
-    delta = theta[:, None] - np.angle(along) + random.normal(0.0, SWAY, alpha.shape)
-    return charts(alpha, delta, np.array(modes)[:, None], random), np.stack(
+    alpha = size * np.exp(random.uniform(np.log(min_alpha), np.log(max_alpha), n))
+    delta = theta[:, None] - np.angle(along) + random.normal(0.0, LOAD_ANGLE_DEVIATION, alpha.shape)
+    return draw_charts(alpha, delta, np.array(modes)[:, None], random), np.stack(
         [where.real, where.imag, phi]
     )
 
 
-def ratios(along: Array, arm: Array, random: np.random.Generator) -> Array:
+def draw_load_ratios(along: Array, arm: Array, random: np.random.Generator) -> Array:
     """Ratios of loads (k, n) on straight rods: half balance as well as can be, half are random."""
     balance = np.moveaxis(np.stack([along.real, along.imag, (arm.conj() * along).imag]), -1, 0)
     best = np.abs(np.linalg.svd(balance)[2][:, -1]).T if balance.size else np.ones(along.shape)
     any_other = random.uniform(0.0, 1.0, along.shape)
-    return np.maximum(np.where(random.random(along.shape[1]) < 0.5, best, any_other), LEAST_SHARE)
+    return np.maximum(
+        np.where(random.random(along.shape[1]) < 0.5, best, any_other), MIN_LOAD_RATIO
+    )
 
 
-def charts(
+def draw_charts(
     alpha: Array, delta: Array, modes: NDArray[np.int_], random: np.random.Generator
 ) -> Array:
     """Charts (k, 2, n) of rods with random loops; half of the light rods have any q."""
     side, loops = random.choice([-1.0, 1.0], alpha.shape), random.integers(0, modes, alpha.shape)
     cosine = -((-1.0) ** loops) * np.cos((side * delta) % TURN / 2.0)
-    y = np.arctanh(np.clip(cosine, ENDS - 1.0, 1.0 - ENDS))
+    y = np.arctanh(np.clip(cosine, TANH_MARGIN - 1.0, 1.0 - TANH_MARGIN))
     q = side * np.maximum((alpha - y) / (2 * loops + 1) - np.log(2.0), 0.05)
     any_other = random.uniform(-1.0, 1.0, alpha.shape) * (alpha + 3.0)
-    light = (alpha < LIGHT) & (random.random(alpha.shape) < 0.5)
+    light = (alpha < LIGHT_LOAD_ALPHA) & (random.random(alpha.shape) < 0.5)
     return np.stack([alpha, np.where(light, any_other, q)], axis=1)
 
 
-STRAIGHT = 8.0  # largest K - alpha: the rod is straight within 4 exp(-8)
+STRAIGHT_ROD_EXCESS = 8.0  # largest K - alpha: the rod is straight within 4 exp(-8)
 ARC_POINTS = 500  # points by which the arc length of a row of the mesh is measured
-TURNING = 0.15  # [L] of arc length for which a load's rotation by 1 rad counts
-BEYOND = 0.15  # a triangle has points as far outside, in its coordinates
-THIN = 1e-14  # twice the area [L^2] of a degenerate triangle, of straight rods
-BINS = 64  # bins along each side of the square around the reach of a rod
+ROTATION_WEIGHT = 0.15  # [L] of arc length for which a load's rotation by 1 rad counts
+TRIANGLE_MARGIN = 0.15  # a triangle has points as far outside, in its coordinates
+MIN_TRIANGLE_AREA = 1e-14  # twice the area [L^2] of a degenerate triangle, of straight rods
+BINS_PER_SIDE = 64  # bins along each side of the square around the reach of a rod
 
 
 @dataclass(frozen=True)
@@ -397,37 +412,39 @@ class Mesh:
     first: Index
     listed: Index
 
-    def reaching(self, point: Complex) -> tuple[Index, Index, Array]:
+    def rods_at(self, point: Complex) -> tuple[Index, Index, Array]:
         """Rods that reach points (n,): the point, the triangle, shares of its corners (m, 3)."""
-        box = boxes(point)
-        which, place = ragged(self.first[box + 1] - self.first[box])
+        box = bin_numbers(point)
+        which, place = expand_counts(self.first[box + 1] - self.first[box])
         triangle = self.listed[self.first[box][which] + place]
-        off = point[which] - self.tip[triangle, 0]
-        one, two = (self.into[triangle].conj() * off[:, None]).real.T
+        offset = point[which] - self.tip[triangle, 0]
+        one, two = (self.into[triangle].conj() * offset[:, None]).real.T
         rest = 1.0 - (one + two)
-        hit = np.flatnonzero((rest > -BEYOND) & (one > -BEYOND) & (two > -BEYOND))
+        hit = np.flatnonzero(
+            (rest > -TRIANGLE_MARGIN) & (one > -TRIANGLE_MARGIN) & (two > -TRIANGLE_MARGIN)
+        )
         return which[hit], triangle[hit], np.column_stack([rest[hit], one[hit], two[hit]])
 
 
-def ragged(counts: Index) -> tuple[Index, Index]:
+def expand_counts(counts: Index) -> tuple[Index, Index]:
     """Row numbers 0, 1 .., each repeated its number of `counts`, and the place within the row."""
     row = np.repeat(np.arange(counts.size), counts)
     return row, np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
-def boxes(point: Complex) -> Index:
+def bin_numbers(point: Complex) -> Index:
     """Numbers of the bins that points are in."""
     column, row = (
-        np.clip(((part + 1.05) * BINS / 2.1).astype(int), 0, BINS - 1)
+        np.clip(((part + 1.05) * BINS_PER_SIDE / 2.1).astype(int), 0, BINS_PER_SIDE - 1)
         for part in (point.real, point.imag)
     )
-    return np.asarray(column * BINS + row)
+    return np.asarray(column * BINS_PER_SIDE + row)
 
 
 @lru_cache(maxsize=8)
-def mesh(modes: int, most: float, size: float) -> Mesh:
-    """Mesh of rods with up to `modes` modes and alpha up to `most`, in steps of `size` [L]."""
-    alpha, q = corners(modes, most, size)
+def make_mesh(modes: int, max_alpha: float, size: float) -> Mesh:
+    """Mesh of rods with up to `modes` modes and alpha up to `max_alpha`, in steps of `size` [L]."""
+    alpha, q = mesh_corners(modes, max_alpha, size)
     grid = np.arange(alpha.size).reshape(alpha.shape)
     a, b, c, d = (
         grid[:-1, :-1].ravel(),
@@ -438,59 +455,59 @@ def mesh(modes: int, most: float, size: float) -> Mesh:
     corner = np.concatenate([np.stack([a, b, c], -1), np.stack([d, c, b], -1)])
     half = np.stack([alpha.ravel()[corner], q.ravel()[corner]], axis=-1)
     chart = np.concatenate([half, half * [1.0, -1.0]])
-    found = rods(chart[..., 0], chart[..., 1])
+    found = rods_of_chart(chart[..., 0], chart[..., 1])
     e1, e2 = (found.tip[:, k] - found.tip[:, 0] for k in (1, 2))
     f1, f2 = (found.force[:, k] - found.force[:, 0] for k in (1, 2))
     area = (e1.conj() * e2).imag
-    keep = np.abs(area) > THIN
+    keep = np.abs(area) > MIN_TRIANGLE_AREA
     e1, e2, f1, f2 = (edge[keep] for edge in (e1, e2, f1, f2))
     area = area[keep]
     into = np.stack([-1j * e2 / area, 1j * e1 / area], axis=-1)
     along = (f1 * e2.conj() - f2 * e1.conj()) / (-2j * area)
     across = (f2 * e1 - f1 * e2) / (-2j * area)
     tip = found.tip[keep]
-    return Mesh(tip, found.force[keep], chart[keep], into, along, across, *binned(tip))
+    return Mesh(tip, found.force[keep], chart[keep], into, along, across, *bin_triangles(tip))
 
 
-def corners(modes: int, most: float, size: float) -> tuple[Array, Array]:
+def mesh_corners(modes: int, max_alpha: float, size: float) -> tuple[Array, Array]:
     """alpha and q >= 0 of the mesh: rows of equal alpha, in equal steps of the tip and the load."""
-    alpha = np.linspace(0.0, most, int(np.ceil(most / (1.5 * size))) + 1)[1:]
-    table = np.linspace(0.0, most + STRAIGHT, 4000)
+    alpha = np.linspace(0.0, max_alpha, int(np.ceil(max_alpha / (1.5 * size))) + 1)[1:]
+    table = np.linspace(0.0, max_alpha + STRAIGHT_ROD_EXCESS, 4000)
     quarter = ellipkm1(1.0 / np.cosh(table) ** 2)
     low = np.interp(alpha / (2.0 * modes + 0.5), quarter, table)
-    high = np.interp(alpha + STRAIGHT, quarter, table)
+    high = np.interp(alpha + STRAIGHT_ROD_EXCESS, quarter, table)
     fine = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, ARC_POINTS)
-    found = rods(alpha[:, None] + 0.0 * fine, fine)
-    way = np.abs(np.diff(found.tip)) + TURNING * np.abs(np.diff(found.delta))
-    way = np.cumsum(np.pad(way, ((0, 0), (1, 0))), axis=1)
-    count = int(np.ceil(way[:, -1].max() / size)) + 1
+    found = rods_of_chart(alpha[:, None] + 0.0 * fine, fine)
+    arc = np.abs(np.diff(found.tip)) + ROTATION_WEIGHT * np.abs(np.diff(found.delta))
+    arc = np.cumsum(np.pad(arc, ((0, 0), (1, 0))), axis=1)
+    count = int(np.ceil(arc[:, -1].max() / size)) + 1
     share = np.linspace(0.0, 1.0, count)
-    q = np.stack([np.interp(share * w[-1], w, f) for w, f in zip(way, fine, strict=True)])
+    q = np.stack([np.interp(share * w[-1], w, f) for w, f in zip(arc, fine, strict=True)])
     return np.broadcast_to(alpha[:, None], q.shape), q
 
 
-def binned(tip: Complex) -> tuple[Index, Index]:
+def bin_triangles(tip: Complex) -> tuple[Index, Index]:
     """Triangles (t, 3) by the bins whose points may belong to them: `Mesh.first`, `Mesh.listed`."""
-    wide = BEYOND * (np.ptp(tip.real, axis=1) + 1j * np.ptp(tip.imag, axis=1))
-    low = boxes(tip.real.min(axis=1) + 1j * tip.imag.min(axis=1) - wide)
-    high = boxes(tip.real.max(axis=1) + 1j * tip.imag.max(axis=1) + wide)
-    rows = high % BINS - low % BINS + 1
-    which, place = ragged(rows * (high // BINS - low // BINS + 1))
-    box = low[which] + place // rows[which] * BINS + place % rows[which]
+    wide = TRIANGLE_MARGIN * (np.ptp(tip.real, axis=1) + 1j * np.ptp(tip.imag, axis=1))
+    low = bin_numbers(tip.real.min(axis=1) + 1j * tip.imag.min(axis=1) - wide)
+    high = bin_numbers(tip.real.max(axis=1) + 1j * tip.imag.max(axis=1) + wide)
+    rows = high % BINS_PER_SIDE - low % BINS_PER_SIDE + 1
+    which, place = expand_counts(rows * (high // BINS_PER_SIDE - low // BINS_PER_SIDE + 1))
+    box = low[which] + place // rows[which] * BINS_PER_SIDE + place % rows[which]
     order = np.argsort(box, kind="stable")
-    return np.searchsorted(box[order], np.arange(BINS**2 + 1)), which[order]
+    return np.searchsorted(box[order], np.arange(BINS_PER_SIDE**2 + 1)), which[order]
 
 
-NEAR = (0.1, 0.3)  # longest first step of a start, of P [L] and of phi [rad]
+MAX_FIRST_STEP = (0.1, 0.3)  # longest first step of a start, of P [L] and of phi [rad]
 CHOICES_AT_ONCE = 1_000_000  # choices of one shape for each rod in a batch
-MESH = 0.08  # distance of neighbours in the mesh [L]
-FINEST = 0.01  # cell [L] below which a lattice without poses is given up
-RIM = 1.1  # pin to clamp in the lattice, over the rod's length
-DRAWN = 0.98  # [L] where pins further out are looked up, as light rods end at 1
+MESH_SIZE = 0.08  # distance of neighbours in the mesh [L]
+MIN_LATTICE_CELL = 0.01  # cell [L] below which a lattice without poses is given up
+MAX_PIN_DISTANCE = 1.1  # pin to clamp in the lattice, over the rod's length
+LOOKUP_DISTANCE = 0.98  # [L] where pins further out are looked up, as light rods end at 1
 
 
 @dataclass(frozen=True)
-class Ways:
+class RodShapes:
     """Shapes of one rod that reach its pin, in the order of the poses; see `Mesh`.
 
     Attributes
@@ -506,20 +523,22 @@ class Ways:
     across: Complex
     chart: Array
 
-    def __getitem__(self, which: Index) -> "Ways":
-        return Ways(self.force[which], self.along[which], self.across[which], self.chart[:, which])
+    def __getitem__(self, which: Index) -> "RodShapes":
+        return RodShapes(
+            self.force[which], self.along[which], self.across[which], self.chart[:, which]
+        )
 
 
-def starts(
-    s: RodState, modes: Sequence[int], largest: float, poses: int
+def lattice_starts(
+    s: RodState, modes: Sequence[int], max_alpha: float, poses: int
 ) -> Iterator[tuple[Array, Array]]:
     """Batches of starts on a lattice: charts (k, 2, n) and poses (3, n)."""
-    a, (angle, clamp, _) = s.assembly, clamps(s)
-    where, phi = lattice(s, poses)
+    a, (angle, clamp, _) = s.assembly, clamps_and_forces(s)
+    where, phi = reachable_poses(s, poses)
     arm = np.exp(1j * phi) * a.arm[:, None]
     found = [
-        reaching(
-            mesh(modes[i], largest, MESH),
+        shapes_at_pins(
+            make_mesh(modes[i], max_alpha, MESH_SIZE),
             where + arm[i] - clamp[i],
             angle[i],
             a.length[i],
@@ -531,30 +550,30 @@ def starts(
     begin = np.cumsum(counts, axis=1) - counts
     blocks = np.cumsum(counts.prod(axis=0)) // CHOICES_AT_ONCE
     for block in np.unique(blocks):
-        at = np.flatnonzero(blocks == block)
-        row, place = ragged(counts[:, at].prod(axis=0))
-        at, chosen = at[row], []
+        pose_index = np.flatnonzero(blocks == block)
+        row, place = expand_counts(counts[:, pose_index].prod(axis=0))
+        pose_index, chosen = pose_index[row], []
         for i, (_, ways) in enumerate(found):
-            place, own = np.divmod(place, counts[i, at])
-            chosen.append(ways[begin[i, at] + own])
-        near = np.flatnonzero(balanced(s, chosen, arm[:, at]))
+            place, own = np.divmod(place, counts[i, pose_index])
+            chosen.append(ways[begin[i, pose_index] + own])
+        near = np.flatnonzero(is_near_equilibrium(s, chosen, arm[:, pose_index]))
         yield (
             np.stack([ways.chart[:, near] for ways in chosen]),
-            np.stack([where.real, where.imag, phi])[:, at[near]],
+            np.stack([where.real, where.imag, phi])[:, pose_index[near]],
         )
 
 
-def lattice(s: RodState, poses: int) -> tuple[Complex, Array]:
+def reachable_poses(s: RodState, poses: int) -> tuple[Complex, Array]:
     """Positions P and angles phi (n,) of a lattice, `poses` or more, with all pins in reach."""
-    a, clamp = s.assembly, clamps(s)[1]
+    a, clamp = s.assembly, clamps_and_forces(s)[1]
     cell = 0.1 * a.length.min()
     while True:
-        where, phi = around(s, cell)
+        where, phi = poses_in_box(s, cell)
         away = np.abs(where + np.exp(1j * phi) * a.arm[:, None] - clamp[:, None])
-        keep = (away < RIM * a.length[:, None]).all(axis=0)
+        keep = (away < MAX_PIN_DISTANCE * a.length[:, None]).all(axis=0)
         if keep.sum() >= poses:
             return where[keep], phi[keep]
-        if not keep.any() and cell < FINEST * a.length.min():
+        if not keep.any() and cell < MIN_LATTICE_CELL * a.length.min():
             raise ValueError(
                 f"inputs {s.inputs.tolist()} put the clamps further apart than rods "
                 "and platform reach"
@@ -562,10 +581,10 @@ def lattice(s: RodState, poses: int) -> tuple[Complex, Array]:
         cell /= 1.2
 
 
-def around(s: RodState, cell: float) -> tuple[Complex, Array]:
+def poses_in_box(s: RodState, cell: float) -> tuple[Complex, Array]:
     """Poses `cell` [m] apart, in a box around all positions of the platform that are in reach."""
-    a, clamp = s.assembly, clamps(s)[1]
-    reach = RIM * a.length + np.abs(a.arm)
+    a, clamp = s.assembly, clamps_and_forces(s)[1]
+    reach = MAX_PIN_DISTANCE * a.length + np.abs(a.arm)
     east, north = (
         np.arange((part - reach).max(), (part + reach).min() + cell, cell)
         for part in (clamp.real, clamp.imag)
@@ -575,24 +594,28 @@ def around(s: RodState, cell: float) -> tuple[Complex, Array]:
     return (x + 1j * y).ravel(), phi.ravel()
 
 
-def reaching(
-    sheet: Mesh, off: Complex, angle: float, length: float, stiffness: float
-) -> tuple[Index, Ways]:
-    """Shapes of a rod with tips at `off` (n,) [m] from its clamp: their numbers, and all."""
-    point = off * np.exp(-1j * angle) / length
-    which, triangle, share = sheet.reaching(point / np.maximum(1.0, np.abs(point) / DRAWN))
+def shapes_at_pins(
+    rod_mesh: Mesh, offset: Complex, angle: float, length: float, stiffness: float
+) -> tuple[Index, RodShapes]:
+    """Shapes of a rod with tips at `offset` (n,) [m] from its clamp: their numbers, and all."""
+    point = offset * np.exp(-1j * angle) / length
+    which, triangle, share = rod_mesh.rods_at(
+        point / np.maximum(1.0, np.abs(point) / LOOKUP_DISTANCE)
+    )
     order = np.argsort(which, kind="stable")
     triangle, share = triangle[order], share[order]
     unit = stiffness / length**2
-    return np.bincount(which, minlength=off.size), Ways(
-        unit * np.exp(1j * angle) * (share * sheet.force[triangle]).sum(axis=-1),
-        unit / length * sheet.along[triangle],
-        unit / length * np.exp(2j * angle) * sheet.across[triangle],
-        np.einsum("ns,nsc->cn", share, sheet.chart[triangle]),
+    return np.bincount(which, minlength=offset.size), RodShapes(
+        unit * np.exp(1j * angle) * (share * rod_mesh.force[triangle]).sum(axis=-1),
+        unit / length * rod_mesh.along[triangle],
+        unit / length * np.exp(2j * angle) * rod_mesh.across[triangle],
+        np.einsum("ns,nsc->cn", share, rod_mesh.chart[triangle]),
     )
 
 
-def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bool_]:
+def is_near_equilibrium(
+    s: RodState, chosen: Sequence[RodShapes], arm: Complex
+) -> NDArray[np.bool_]:
     """Whether the Newton step to equilibrium is short (n,), by Cramer's rule."""
     force, along, across = (
         sum(getattr(ways, name) for ways in chosen) for name in ("force", "along", "across")
@@ -619,26 +642,26 @@ def balanced(s: RodState, chosen: Sequence[Ways], arm: Complex) -> NDArray[np.bo
     x, y, turn = np.abs(
         (force.real - given[0]) * one + (force.imag - given[1]) * two + (moment - given[2]) * three
     )
-    near = NEAR[0] * s.assembly.length.min()
-    return np.asarray((np.hypot(x, y) < near * size) & (turn < NEAR[1] * size))
+    near = MAX_FIRST_STEP[0] * s.assembly.length.min()
+    return np.asarray((np.hypot(x, y) < near * size) & (turn < MAX_FIRST_STEP[1] * size))
 
 
-MOST_STEPS = 30  # Newton steps of a start; most starts that converge take less than ten
-LONGEST = 1.0  # longest step of alpha, of q, of phi and of P [L]
-SHARE = 0.3  # longest step of a large alpha, over alpha
-STILL = 1e-11  # length of the last step; the error after it is its square
-LEAST = 1e-3  # least alpha: below it the rod is straight for every q
-FURTHEST_ITERATE = 340.0  # largest alpha and q, where k' = sech(q) is 1e-147
-SINGULAR = 1e-200  # determinant at or below which a matrix counts as singular
+MAX_STEPS = 30  # Newton steps of a start; most starts that converge take less than ten
+MAX_STEP = 1.0  # longest step of alpha, of q, of phi and of P [L]
+MAX_STEP_SHARE = 0.3  # longest step of a large alpha, over alpha
+STEP_TOLERANCE = 1e-11  # length of the last step; the error after it is its square
+MIN_ALPHA = 1e-3  # least alpha: below it the rod is straight for every q
+MAX_ITERATE = 340.0  # largest alpha and q, where k' = sech(q) is 1e-147
+SINGULAR_DETERMINANT = 1e-200  # determinant at or below which a matrix counts as singular
 
 
-def turned(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex, Complex]:
+def rotate_rods(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex, Complex]:
     """Tips from their clamps (k, n) and loads on them, rotated with the clamps' tangents.
 
     Their derivatives (k, 2, n) by alpha and q follow, in the same order.
     """
     a = s.assembly
-    turn = np.exp(1j * clamps(s)[0])[:, None]
+    turn = np.exp(1j * clamps_and_forces(s)[0])[:, None]
     length, unit = a.length[:, None] * turn, (a.stiffness / a.length**2)[:, None] * turn
     return (
         length * found.tip,
@@ -648,13 +671,17 @@ def turned(s: RodState, found: ElasticaRods) -> tuple[Complex, Complex, Complex,
     )
 
 
-def system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
+def newton_system(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     """Residuals (n, N) and Jacobians (n, N, N), N = 2 k + p: closures first, then balance."""
     a, k, p = s.assembly, s.assembly.rods, s.assembly.dof
-    tip, force, tips, forces = turned(s, rods(chart[:, 0], chart[:, 1]))
+    tip, force, tips, forces = rotate_rods(s, rods_of_chart(chart[:, 0], chart[:, 1]))
     arm = np.exp(1j * pose[2]) * a.arm[:, None]
-    gap = clamps(s)[1][:, None] + tip - pose[0] - 1j * pose[1] - arm
-    residual = [gap.real, gap.imag, *(wrench(force, arm) - np.append(s.load, 0.0)[:3, None])[:p]]
+    violation = clamps_and_forces(s)[1][:, None] + tip - pose[0] - 1j * pose[1] - arm
+    residual = [
+        violation.real,
+        violation.imag,
+        *(wrench(force, arm) - np.append(s.load, 0.0)[:3, None])[:p],
+    ]
     matrix = np.zeros((pose.shape[1], 2 * k + p, 2 * k + p))
     for i in range(k):
         own = slice(2 * i, 2 * i + 2)
@@ -676,62 +703,62 @@ def wrench(force: Complex, arm: Complex) -> Array:
     )
 
 
-def solve(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
+def solve_starts(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
     """Charts (k, 2, m) and poses (3, m) to which the starts lead that converge."""
     k, p = s.assembly.rods, s.assembly.dof
     x = np.concatenate([chart.reshape(2 * k, -1), pose[:p]])
-    left, done = np.arange(x.shape[1]), np.zeros(x.shape[1], bool)
-    for _ in range(MOST_STEPS):
-        step = solved(*system(s, *split(x[:, left], k))).T
-        size = lengths(s, x[:, left], step).max(axis=0)
-        x[:, left] -= step / np.maximum(size, 1.0)
-        x[: 2 * k : 2] = np.maximum(x[: 2 * k : 2], LEAST)
-        done[left] = size < STILL
-        left = left[np.isfinite(size) & ~done[left] & inside(x[:, left], k)]
-        if not left.size:
+    active, converged = np.arange(x.shape[1]), np.zeros(x.shape[1], bool)
+    for _ in range(MAX_STEPS):
+        step = solve_linear(*newton_system(s, *split_unknowns(x[:, active], k))).T
+        size = step_lengths(s, x[:, active], step).max(axis=0)
+        x[:, active] -= step / np.maximum(size, 1.0)
+        x[: 2 * k : 2] = np.maximum(x[: 2 * k : 2], MIN_ALPHA)
+        converged[active] = size < STEP_TOLERANCE
+        active = active[np.isfinite(size) & ~converged[active] & is_in_range(x[:, active], k)]
+        if not active.size:
             break
-    return split(x[:, done], k)
+    return split_unknowns(x[:, converged], k)
 
 
-def lengths(s: RodState, x: Array, step: Array) -> Array:
+def step_lengths(s: RodState, x: Array, step: Array) -> Array:
     """Lengths of steps (2 k + p, n) over the longest ones that are allowed.
 
-    A large alpha may change by `SHARE` of itself, if q changes with it so that the loops
+    A large alpha may change by `MAX_STEP_SHARE` of itself, if q changes with it so that the loops
     keep their places.  The length of a step of q is therefore that of the change of alpha - n K,
     where n K is the multiple next to the clamp and K = q + ln 2.
     """
     k = s.assembly.rods
     alpha, q = x[: 2 * k : 2], x[1 : 2 * k : 2]
     nearest = 2.0 * np.floor(0.5 * alpha / ellipkm1(1.0 / np.cosh(q) ** 2)) + 1.0
-    size = np.abs(step) / LONGEST
+    size = np.abs(step) / MAX_STEP
     size[2 * k : 2 * k + 2] /= s.assembly.scale[0]
     size[1 : 2 * k : 2] = np.abs(step[: 2 * k : 2] - nearest * np.sign(q) * step[1 : 2 * k : 2])
-    size[: 2 * k : 2] /= np.maximum(1.0, SHARE * alpha)
+    size[: 2 * k : 2] /= np.maximum(1.0, MAX_STEP_SHARE * alpha)
     return size
 
 
-def inside(x: Array, k: int) -> NDArray[np.bool_]:
+def is_in_range(x: Array, k: int) -> NDArray[np.bool_]:
     """Whether alpha and q of all rods are in the range in which their loads can be computed."""
-    return np.asarray((np.abs(x[: 2 * k]) < FURTHEST_ITERATE).all(axis=0))
+    return np.asarray((np.abs(x[: 2 * k]) < MAX_ITERATE).all(axis=0))
 
 
-def split(x: Array, k: int) -> tuple[Array, Array]:
+def split_unknowns(x: Array, k: int) -> tuple[Array, Array]:
     """Charts (k, 2, n) and poses (3, n) from the vector of unknowns; the phi of a pin is zero."""
     pose = np.zeros((3, x.shape[1]))
     pose[: len(x) - 2 * k] = x[2 * k :]
     return x[: 2 * k].reshape(k, 2, -1), pose
 
 
-def solved(right: Array, matrix: Array) -> Array:
+def solve_linear(right: Array, matrix: Array) -> Array:
     """Solutions of a batch of linear systems; NaN where a matrix is singular."""
     good = np.flatnonzero(np.isfinite(matrix).all(axis=(1, 2)))
-    good = good[np.abs(np.linalg.det(matrix[good])) > SINGULAR]
+    good = good[np.abs(np.linalg.det(matrix[good])) > SINGULAR_DETERMINANT]
     out = np.full_like(right, np.nan)
     out[good] = np.linalg.solve(matrix[good], right[good][..., None])[..., 0]
     return out
 
 
-def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
+def count_negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     r"""Number of negative eigenvalues (n,) of the potential's second variation.
 
     By Sturm's theorem a rod under its dead load alone has as many as Jacobi's field has zeros: one
@@ -743,8 +770,8 @@ def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
 
     since the inertia of a bordered matrix is that of its block and of the Schur complement.
     """
-    a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
-    _, force, tips, forces = turned(s, found)
+    a, found = s.assembly, rods_of_chart(chart[:, 0], chart[:, 1])
+    _, force, tips, forces = rotate_rods(s, found)
     own = np.floor(found.waves)
     own += (-1.0) ** own * found.field < 0.0
     arm = np.exp(1j * pose[2]) * a.arm[:, None]
@@ -766,10 +793,10 @@ def negative(s: RodState, chart: Array, pose: Array) -> NDArray[np.int_]:
     return np.asarray(total, int)
 
 
-SAME = 1e-6  # largest difference of tips, loads and moments of one equilibrium
-POSES = 2000  # least number of poses of the lattice
-LATTICE = 20.0  # alpha up to which starts are taken from the lattice of poses
-OVERLAP = 12.0  # alpha from which starts are drawn if loads may exceed `LATTICE`
+SOLUTION_TOLERANCE = 1e-6  # largest difference of tips, loads and moments of one equilibrium
+MIN_POSES = 2000  # least number of poses of the lattice
+MAX_LATTICE_ALPHA = 20.0  # alpha up to which starts are taken from the lattice of poses
+MIN_DRAWN_ALPHA = 12.0  # alpha from which starts are drawn if loads may exceed `MAX_LATTICE_ALPHA`
 
 
 @dataclass(frozen=True)
@@ -838,7 +865,7 @@ class Solutions:
         return self.load_bound.alpha
 
     @property
-    def bounded(self) -> bool:
+    def is_bounded(self) -> bool:
         """Whether it is proven that no equilibrium has larger loads than those of the search."""
         return bool(self.up_to >= self.bound)
 
@@ -853,7 +880,7 @@ def solutions(
     load: ArrayLike = 0.0,
     modes: int | Sequence[int] = 1,
     most_load: float | None = None,
-    poses: int = POSES,
+    poses: int = MIN_POSES,
 ) -> Solutions:
     r"""All equilibria whose rods have up to given numbers of inflections.
 
@@ -898,7 +925,7 @@ def solutions(
     boundary of the chart and is not found.
 
     Loads are proven to be bounded unless stretched rods can pull the platform tight against each
-    other.  `Solutions.bound` is the bound, and `Solutions.bounded` tells whether the search went
+    other.  `Solutions.bound` is the bound, and `Solutions.is_bounded` tells whether the search went
     as far.  For Table 8 the bound is alpha = 52 for modes to 1 and 104 for modes to 2, for the
     program's 3PFR 18 and 36.
 
@@ -907,7 +934,7 @@ def solutions(
     of 0.08 L, and 20,000 random starts without lattice or mesh find no other: 34 for Table 7 and
     modes up to 3 (all up to the bound), 10 for Table 8 and 56 for the program's 3PFR and modes up
     to 2.  With 500 poses one of the 34 and two of the 56 are missed.  Beyond alpha = 20, starts are
-    drawn at random (`tight`), which finds 57 more for Table 8 and one more for the 3PFR; ten
+    drawn at random (`tight_poses`), which finds 57 more for Table 8 and one more for the 3PFR; ten
     times as many starts from another seed find the same.
 
     `RodState.energy`, `RodState.shape` and `closure` integrate from the clamp, where an error grows
@@ -926,43 +953,43 @@ def solutions(
     >>> found = solutions(pair, inputs=np.radians([40.0, 60.0]), load=[0.3, -0.1])
     >>> found.state.pose.round(3).tolist()
     [[0.622, -0.242], [0.293, -0.341], [-0.081, -0.246]]
-    >>> found.bounded, round(found.up_to)
+    >>> found.is_bounded, round(found.up_to)
     (True, 9)
     """
     given = state(a, inputs=inputs, load=load)
-    upto = checked(given, modes, most_load, poses)
-    most = LoadBound(given, upto)
+    max_modes = check_arguments(given, modes, most_load, poses)
+    load_bound = LoadBound(given, max_modes)
     if most_load is None:
-        cap = most.alpha if np.isfinite(most.alpha) else LATTICE
+        cap = load_bound.alpha if np.isfinite(load_bound.alpha) else MAX_LATTICE_ALPHA
     else:
-        cap = min(most_load, theoretical_bound(given, upto, most_load))
-    batches = list(starts(given, upto, min(cap, LATTICE), poses))
-    if cap > LATTICE:
-        batches.append(drawn(given, upto, OVERLAP, cap))
-    found = [solve(given, *start) for start in batches]
+        cap = min(most_load, theoretical_bound(given, max_modes, most_load))
+    batches = list(lattice_starts(given, max_modes, min(cap, MAX_LATTICE_ALPHA), poses))
+    if cap > MAX_LATTICE_ALPHA:
+        batches.append(draw_starts(given, max_modes, MIN_DRAWN_ALPHA, cap))
+    found = [solve_starts(given, *start) for start in batches]
     chart, pose = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
     pose[2] = (pose[2] + np.pi) % TURN - np.pi
-    sheet = rods(chart[:, 0], chart[:, 1])
-    within = (sheet.waves < np.array(upto)[:, None]) & (chart[:, 0] <= cap)
-    kept = distinct(given, chart, pose, np.flatnonzero(within.all(axis=0)))
-    return described(given, chart[..., kept], pose[:, kept], cap, most)
+    found_rods = rods_of_chart(chart[:, 0], chart[:, 1])
+    within = (found_rods.waves < np.array(max_modes)[:, None]) & (chart[:, 0] <= cap)
+    kept = distinct_solutions(given, chart, pose, np.flatnonzero(within.all(axis=0)))
+    return describe_solutions(given, chart[..., kept], pose[:, kept], cap, load_bound)
 
 
-def checked(
+def check_arguments(
     s: RodState, modes: int | Sequence[int], most_load: float | None, poses: int
 ) -> list[int]:
     """The largest mode of each rod; ValueError for arguments that `solutions` does not accept."""
-    upto = (
+    max_modes = (
         np.broadcast_to(modes, s.assembly.rods)
         if np.size(modes) in (1, s.assembly.rods)
         else np.zeros(1)
     )
-    if not (np.all(upto >= 1) and np.all(upto == np.rint(upto))):
+    if not (np.all(max_modes >= 1) and np.all(max_modes == np.rint(max_modes))):
         raise ValueError(
             f"modes must be 1, 2 .. for all or for each of {s.assembly.rods} rods, got {modes!r}"
         )
-    if most_load is not None and not 1.0 <= most_load <= FURTHEST_ITERATE:
-        raise ValueError(f"most_load must lie within [1, {FURTHEST_ITERATE:g}], got {most_load}")
+    if most_load is not None and not 1.0 <= most_load <= MAX_ITERATE:
+        raise ValueError(f"most_load must lie within [1, {MAX_ITERATE:g}], got {most_load}")
     if not 1 <= poses <= 1_000_000:
         raise ValueError(f"poses must lie within [1, 1000000], got {poses}")
     if s.assembly.rigid_extension.any():
@@ -972,14 +999,16 @@ def checked(
         )
     if s.vector.ndim != 1:
         raise ValueError(f"inputs and load must be those of one problem, got {s.vector.shape}")
-    return [int(mode) for mode in upto]
+    return [int(mode) for mode in max_modes]
 
 
-def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) -> NDArray[np.intp]:
+def distinct_solutions(
+    s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]
+) -> NDArray[np.intp]:
     """Indices of one solution of each group with the same tips, loads and clamp moments."""
-    found = rods(*np.moveaxis(chart[..., which], 1, 0))
+    found = rods_of_chart(*np.moveaxis(chart[..., which], 1, 0))
     size = 1.0 + np.abs(found.force)
-    say = np.concatenate(
+    features = np.concatenate(
         [
             found.tip.real,
             found.tip.imag,
@@ -988,18 +1017,23 @@ def distinct(s: RodState, chart: Array, pose: Array, which: NDArray[np.intp]) ->
             found.moment / size,
         ]
     ).T
-    _, first = np.unique((say / SAME).round(), axis=0, return_index=True)
+    _, first = np.unique((features / SOLUTION_TOLERANCE).round(), axis=0, return_index=True)
     apart: list[int] = []
     for i in first:  # equal solutions that rounding to a grid has separated
-        if not apart or np.abs(say[apart] - say[i]).max(axis=1).min() > SAME:
+        if (
+            not apart
+            or np.abs(features[apart] - features[i]).max(axis=1).min() > SOLUTION_TOLERANCE
+        ):
             apart.append(int(i))
     return which[apart]
 
 
-def described(s: RodState, chart: Array, pose: Array, up_to: float, most: LoadBound) -> Solutions:
+def describe_solutions(
+    s: RodState, chart: Array, pose: Array, up_to: float, load_bound: LoadBound
+) -> Solutions:
     """Equilibria of these charts and poses, with the parameters of Pérez Gámiz 2018."""
-    a, found = s.assembly, rods(chart[:, 0], chart[:, 1])
-    force = turned(s, found)[1].T
+    a, found = s.assembly, rods_of_chart(chart[:, 0], chart[:, 1])
+    force = rotate_rods(s, found)[1].T
     energy = ((a.stiffness / a.length)[:, None] * found.energy).sum(axis=0)
     potential = energy - s.load @ pose[: a.dof]
     order = np.argsort(potential)
@@ -1019,9 +1053,9 @@ def described(s: RodState, chart: Array, pose: Array, up_to: float, most: LoadBo
         psi.T[order],
         relative(psi, k).T[order],
         potential[order],
-        negative(s, chart, pose)[order],
+        count_negative(s, chart, pose)[order],
         chart[:, 0].T[order],
         (1.0 / np.cosh(chart[:, 1])).T[order],
         up_to,
-        most,
+        load_bound,
     )

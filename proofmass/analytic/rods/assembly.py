@@ -106,20 +106,20 @@ def assembly(
     Traceback (most recent call last):
     ValueError: clamps 1 and 2 are 3.3 m apart, and their rods reach 2 m
     """
-    points = plane("clamp", clamp)
+    points = complex_points("clamp", clamp)
     count = points.size
     if count < 2:
         raise ValueError(f"clamp must hold two points or more, (k, 2), got {count}")
-    lengths = each("length", length, count, above=0.0)
-    stiff = each("stiffness", stiffness, count, above=0.0)
-    rigid = each("rigid_extension", rigid_extension, count, least=0.0)
-    arms = plane("arm", arm)
+    lengths = number_per_rod("length", length, count, above=0.0)
+    stiff = number_per_rod("stiffness", stiffness, count, above=0.0)
+    rigid = number_per_rod("rigid_extension", rigid_extension, count, least=0.0)
+    arms = complex_points("arm", arm)
     if arms.size not in (1, count):
         raise wrong_shape("arm", arm, count)
-    guides = None if guide is None else np.exp(1j * each("guide", guide, count))
+    guides = None if guide is None else np.exp(1j * number_per_rod("guide", guide, count))
     a = Assembly(
         points,
-        each("angle", angle, count),
+        number_per_rod("angle", angle, count),
         lengths,
         stiff,
         np.broadcast_to(arms, (count,)),
@@ -127,11 +127,11 @@ def assembly(
         guides,
     )
     if guides is None:
-        near_enough(a)
+        check_clamp_distances(a)
     return a
 
 
-def plane(name: str, points: ArrayLike) -> Complex:
+def complex_points(name: str, points: ArrayLike) -> Complex:
     """Points (k, 2) as x + iy (k,); ValueError that names the parameter for anything else."""
     given = np.atleast_2d(np.asarray(points, float))
     if given.ndim != 2 or given.shape[1] != 2 or not np.isfinite(given).all():
@@ -139,7 +139,7 @@ def plane(name: str, points: ArrayLike) -> Complex:
     return given @ np.array([1.0, 1.0j])
 
 
-def each(
+def number_per_rod(
     name: str, value: ArrayLike, count: int, *, above: float = -np.inf, least: float = -np.inf
 ) -> Array:
     """One finite number for each rod (count,), larger than `above` and not less than `least`."""
@@ -157,17 +157,17 @@ def wrong_shape(name: str, value: ArrayLike, count: int) -> ValueError:
     return ValueError(f"{name} must be one for all or one for each of {count} rods, got {value!r}")
 
 
-def near_enough(a: Assembly) -> None:
+def check_clamp_distances(a: Assembly) -> None:
     """ValueError for the first two clamps whose rods and platform are too short to connect them."""
     reach = a.length + a.rigid_extension
     for i in range(a.rods):
         for j in range(i):
-            apart = abs(a.clamp[i] - a.clamp[j])
-            bridge = reach[i] + reach[j] + abs(a.arm[i] - a.arm[j])
-            if apart > bridge:
+            distance = abs(a.clamp[i] - a.clamp[j])
+            max_distance = reach[i] + reach[j] + abs(a.arm[i] - a.arm[j])
+            if distance > max_distance:
                 raise ValueError(
-                    f"clamps {j + 1} and {i + 1} are {apart:.6g} m apart, and their "
-                    f"rods reach {bridge:.6g} m"
+                    f"clamps {j + 1} and {i + 1} are {distance:.6g} m apart, and their "
+                    f"rods reach {max_distance:.6g} m"
                 )
 
 
@@ -181,18 +181,18 @@ def triangle(side: float) -> Array:
     """
     if not 0.0 < side < np.inf:
         raise ValueError(f"side must be positive and finite [m], got {side}")
-    turn = np.radians([-150.0, -30.0, 90.0])
-    return side / np.sqrt(3.0) * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    angles = np.radians([-150.0, -30.0, 90.0])
+    return side / np.sqrt(3.0) * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
+def is_mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
     """Whether pins (..., k, 2) [m] at the right distances belong to a mirror image of the platform.
 
     The distances of three vertices are the same in a platform and in its mirror image; the sign of
     the area of their polygon is not.  The closure of Pérez Gámiz 2018, eqs 113-115, accepts both.
 
     >>> a = assembly([[-0.9, -0.5], [0.9, -0.5], [0.0, 1.0]], arm=triangle(0.2))
-    >>> mirrored(a, triangle(0.2) * [1, -1])
+    >>> is_mirrored(a, triangle(0.2) * [1, -1])
     array(True)
     """
     points = np.asarray(pins, float) @ np.array([1.0, 1.0j])
@@ -201,9 +201,9 @@ def mirrored(a: Assembly, pins: ArrayLike) -> NDArray[np.bool_]:
             f"pins must be those of a platform with {a.rods} arms, (..., {a.rods}, 2)"
             f", got {np.shape(pins)}"
         )
-    return np.asarray(area(points) * area(a.arm) < 0.0)
+    return np.asarray(doubled_area(points) * doubled_area(a.arm) < 0.0)
 
 
-def area(points: Complex) -> Array:
+def doubled_area(points: Complex) -> Array:
     """Twice the signed area of the polygon of points (..., k), positive counter-clockwise."""
     return np.asarray((points.conj() * np.roll(points, -1, axis=-1)).imag.sum(axis=-1))

@@ -12,16 +12,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import romb
 
-from proofmass.analytic.numerics import TURN, Array, Complex, finite, positive
-from proofmass.analytic.rods.elastica import compliant, from_inflection, stiff
+from proofmass.analytic.numerics import TURN, Array, Complex, check_finite, check_positive
+from proofmass.analytic.rods.elastica import (
+    check_section_stiffnesses,
+    check_stiffness,
+    from_inflection,
+)
 from proofmass.analytic.rods.shooting import from_tip, stability
 
 Function = Callable[[Array], Array]
-ZOOMS = 4  # of the grid: finds pairs of roots spacing/8^4 apart or more
-PARTS = 8  # parts into which a refinement divides a cell
+REFINEMENTS = 4  # of the grid: finds pairs of roots spacing/8^4 apart or more
+CELL_PARTS = 8  # parts into which a refinement divides a cell
 
 
-def roots(function: Function, grid: Array, *, most: int = 60) -> Array:
+def roots(function: Function, grid: Array, *, max_iterations: int = 60) -> Array:
     """Roots of `function` between the rising values of `grid`, sorted.
 
     The grid is refined around each local minimum of |f| without a change of sign.  Each change of
@@ -31,35 +35,39 @@ def roots(function: Function, grid: Array, *, most: int = 60) -> Array:
     [-0.001414214, 0.001414214]
     """
     x, f = np.asarray(grid, float), function(grid)
-    for _ in range(ZOOMS):
-        x, f = _refined(function, x, f)
+    for _ in range(REFINEMENTS):
+        x, f = _refine_grid(function, x, f)
     change = np.flatnonzero(np.signbit(f[1:]) != np.signbit(f[:-1]))
-    return np.sort(_ridders(function, x[change], x[change + 1], f[change], f[change + 1], most))
+    return np.sort(
+        _close_in(function, x[change], x[change + 1], f[change], f[change + 1], max_iterations)
+    )
 
 
-def _refined(function: Function, x: Array, f: Array) -> tuple[Array, Array]:
+def _refine_grid(function: Function, x: Array, f: Array) -> tuple[Array, Array]:
     """The grid with points added around the local minima of |f| without a change of sign."""
-    size, low = np.abs(f), np.zeros(x.size, bool)
+    size, is_minimum = np.abs(f), np.zeros(x.size, bool)
     here, before, after = size[1:-1], size[:-2], size[2:]
-    low[1:-1] = (
+    is_minimum[1:-1] = (
         (here <= np.minimum(before, after))
         & (f[1:-1] * f[:-2] > 0.0)
         & (f[1:-1] * f[2:] > 0.0)
         & (here <= np.maximum(before, after) - here)
     )  # otherwise a parabola through the three values does not reach zero
-    cells = np.flatnonzero(low[1:] | low[:-1])
+    cells = np.flatnonzero(is_minimum[1:] | is_minimum[:-1])
     if not cells.size:
         return x, f
-    share = np.arange(1, PARTS) / PARTS
+    share = np.arange(1, CELL_PARTS) / CELL_PARTS
     new = (x[cells, None] + (x[cells + 1] - x[cells])[:, None] * share).ravel()
     merged = np.concatenate([x, new])
     order = np.argsort(merged)
     return merged[order], np.concatenate([f, function(new)])[order]
 
 
-def _ridders(function: Function, a: Array, b: Array, fa: Array, fb: Array, most: int) -> Array:
+def _close_in(
+    function: Function, a: Array, b: Array, fa: Array, fb: Array, max_iterations: int
+) -> Array:
     """Roots between a and b, at which f has opposite signs."""
-    for _ in range(most if a.size else 0):
+    for _ in range(max_iterations if a.size else 0):
         middle = 0.5 * (a + b)
         fm = function(middle)
         scale = np.sqrt(fm * fm - fa * fb)
@@ -69,20 +77,20 @@ def _ridders(function: Function, a: Array, b: Array, fa: Array, fb: Array, most:
         ends, values = np.stack([a, b, middle, point]), np.stack([fa, fb, fm, fp])
         same = np.signbit(values) == np.signbit(fa)
         a, b = np.where(same, ends, -np.inf).max(axis=0), np.where(same, np.inf, ends).min(axis=0)
-        fa, fb = _at(ends, values, a), _at(ends, values, b)
-        left = (b - a) * np.minimum(1.0, np.minimum(np.abs(fa), np.abs(fb)) / np.abs(fb - fa))
-        if np.all((left <= 4e-16 * (1.0 + np.abs(a))) | (fb == 0.0) | (fa == 0.0)):
+        fa, fb = _values_at(ends, values, a), _values_at(ends, values, b)
+        remaining = (b - a) * np.minimum(1.0, np.minimum(np.abs(fa), np.abs(fb)) / np.abs(fb - fa))
+        if np.all((remaining <= 4e-16 * (1.0 + np.abs(a))) | (fb == 0.0) | (fa == 0.0)):
             break  # a secant would no longer move the better end
     return np.where(np.abs(fa) <= np.abs(fb), a, b)
 
 
-def _at(ends: Array, values: Array, chosen: Array) -> Array:
+def _values_at(ends: Array, values: Array, chosen: Array) -> Array:
     """The values that belong to the chosen ones of the ends."""
     return np.take_along_axis(values, np.argmax(ends == chosen, axis=0)[None], axis=0)[0]
 
 
-NODES = 129  # samples along the rod for integrals by Romberg's rule, 2^7 + 1
-STEPS = 64  # least number of shooting steps along the rod, of order 8
+INTEGRAL_SAMPLES = 129  # samples along the rod for integrals by Romberg's rule, 2^7 + 1
+MIN_SHOOTING_STEPS = 64  # least number of shooting steps along the rod, of order 8
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,7 @@ class Load:
         }
 
     @property
-    def elliptic(self) -> bool:
+    def has_closed_form(self) -> bool:
         """Whether the rod has a closed form, by elliptic functions.
 
         The only load is then a force on the tip, which is an inflection.  The force does not pull
@@ -136,13 +144,13 @@ class Load:
         """L sqrt(R/EI) [1]."""
         return float(self.length * np.sqrt(abs(self.force) / self.stiffness))
 
-    def on_tip(self, theta: Array) -> Complex:
+    def tip_force(self, theta: Array) -> Complex:
         """Force (...) on a tip of angle `theta` [N]."""
         return np.asarray(self.force + self.follower * np.exp(1j * theta))
 
     def beyond(self, arc: Array, theta: Array) -> Complex:
         """Force (...) of the part of the rod beyond an arc length on the part before it [N]."""
-        return self.on_tip(theta) + self.weight * (self.length - arc)
+        return self.tip_force(theta) + self.weight * (self.length - arc)
 
 
 def solve(
@@ -223,7 +231,7 @@ def solve(
     >>> [round(float(tip[name]), 10) for name in ("x", "y", "theta")]
     [0.4450044022, 0.8106090249, 1.4302855388]
     """
-    load = _load(
+    load = _checked_load(
         length,
         stiffness,
         complex(force_x, force_y),
@@ -237,7 +245,7 @@ def solve(
     arc = np.asarray(s, float)
     if not np.all((arc >= 0.0) & (arc <= length)):
         raise ValueError(f"s must lie within [0, {length}] [m]")
-    found = _tips(load)
+    found = _equilibrium_tips(load)
     if not 1 <= branch <= found["tip"].size:
         raise ValueError(f"branch must be from 1 to {found['tip'].size}, got {branch}")
     place, theta, m = (
@@ -292,7 +300,7 @@ def equilibria(
     >>> found["theta"].round(4).tolist(), found["unstable"].tolist()
     ([1.2245, -1.2245, 0.0], [0, 0, 1])
     """
-    load = _load(
+    load = _checked_load(
         length,
         stiffness,
         complex(force_x, force_y),
@@ -302,7 +310,7 @@ def equilibria(
         axial,
         shear,
     )
-    found = _tips(load)
+    found = _equilibrium_tips(load)
     place = found.pop("place") * np.exp(1j * theta0)
     state = stability(load.force.real, load.force.imag, found["theta"], moment, **load.keywords)
     del found["tip"], found["least"]
@@ -315,7 +323,7 @@ def equilibria(
     }
 
 
-def _load(
+def _checked_load(
     length: float,
     stiffness: float,
     force: complex,
@@ -327,10 +335,10 @@ def _load(
     follower: complex = 0.0,
 ) -> Load:
     """The load of these arguments; ValueError for an argument out of its domain."""
-    positive(length=length)
-    stiff(stiffness)
-    compliant(axial, shear)
-    finite(
+    check_positive(length=length)
+    check_stiffness(stiffness)
+    check_section_stiffnesses(axial, shear)
+    check_finite(
         force_x=force.real,
         force_y=force.imag,
         moment=moment,
@@ -353,10 +361,10 @@ def _load(
     )
 
 
-def _tips(load: Load) -> dict[str, Array]:
+def _equilibrium_tips(load: Load) -> dict[str, Array]:
     """The tips of all equilibria in the clamp's frame, by rising potential energy."""
-    tip = roots(lambda v: _clamp(load, v), _grid(load))
-    arc = np.linspace(0.0, load.length, NODES)
+    tip = roots(lambda v: _clamp_angle(load, v), _search_grid(load))
+    arc = np.linspace(0.0, load.length, INTEGRAL_SAMPLES)
     place, theta, m = _shape(load, tip, arc)
     step = arc[1]
     local = load.beyond(arc, theta[:, -1:]) * np.exp(-1j * theta)
@@ -377,12 +385,12 @@ def _tips(load: Load) -> dict[str, Array]:
     return {name: value[order] for name, value in found.items()}
 
 
-def _grid(load: Load) -> Array:
+def _search_grid(load: Load) -> Array:
     """Values of the unknown between which all equilibria lie.
 
     The unknown is artanh k for a force alone, with which K(k) grows evenly, else the tip's angle.
     """
-    if load.elliptic:
+    if load.has_closed_form:
         most = load.waves + 40.0 - np.log(np.sin(0.5 * load.psi))
         return np.linspace(-most, most, 801 + int(10.0 * load.waves * most))
     tip = abs(load.force) + abs(load.follower)
@@ -391,39 +399,39 @@ def _grid(load: Load) -> Array:
     reach = mean * load.length / load.stiffness * (1.0 + most / min(load.axial, load.shear))
     even = np.linspace(-reach - 0.01, reach + 0.013, 801 + int(40.0 * reach))
     near = np.geomspace(1e-13, 1.0, 53)
-    aims = np.angle(load.force) + TURN * np.arange(-1, 2)[:, None]
-    return np.unique(np.concatenate([even, *(aims - near), *(aims + near)]))
+    load_angles = np.angle(load.force) + TURN * np.arange(-1, 2)[:, None]
+    return np.unique(np.concatenate([even, *(load_angles - near), *(load_angles + near)]))
 
 
-def _clamp(load: Load, unknown: Array) -> Array:
+def _clamp_angle(load: Load, unknown: Array) -> Array:
     """Angle at the clamp [rad], which is zero in equilibrium."""
     return _shape(load, unknown, np.zeros(1))[1][:, 0]
 
 
 def _shape(load: Load, unknown: Array, arc: Array) -> tuple[Array, Array, Array]:
     """Position (complex), angle and moment (unknowns, arcs) at arc lengths from the clamp."""
-    if not load.elliptic:
-        return _shot(load, unknown, arc)
-    k, other = np.tanh(unknown)[:, None], 1.0 / np.cosh(unknown)[:, None]
+    if not load.has_closed_form:
+        return _shape_by_shooting(load, unknown, arc)
+    k, complement = np.tanh(unknown)[:, None], 1.0 / np.cosh(unknown)[:, None]
     unit, psi = load.length / load.waves, np.asarray(load.psi)
-    x, y, theta, m = from_inflection(psi, k, other, (load.length - arc) / unit)
-    end_x, end_y, _, _ = from_inflection(psi, k, other, np.asarray(load.waves))
+    x, y, theta, m = from_inflection(psi, k, complement, (load.length - arc) / unit)
+    end_x, end_y, _, _ = from_inflection(psi, k, complement, np.asarray(load.waves))
     return unit * (end_x - x + 1j * (end_y - y)), theta, load.stiffness / unit * m
 
 
-def _shot(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
+def _shape_by_shooting(load: Load, tip: Array, arc: Array) -> tuple[Array, Array, Array]:
     """The same as `_shape`, by shooting from tips of given angles."""
     back = load.length - arc
-    nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, STEPS + 1), back]))
-    force = load.on_tip(tip)
+    nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, MIN_SHOOTING_STEPS + 1), back]))
+    force = load.tip_force(tip)
     rods = from_tip(force.real, force.imag, tip, load.moment, **load.keywords, nodes=nodes)
     at = np.searchsorted(nodes, back)
     place = rods.x + 1j * rods.y
     return (place[-1] - place[at]).T, rods.theta[at].T, -rods.m[at].T
 
 
-RADIUS = 0.8517  # characteristic radius over the length, for a load across the rod
-STIFFNESS = 2.65  # stiffness coefficient K_Theta
+RADIUS_FACTOR = 0.8517  # characteristic radius over the length, for a load across the rod
+STIFFNESS_COEFFICIENT = 2.65  # stiffness coefficient K_Theta
 
 
 def pseudo_rigid(
@@ -431,8 +439,8 @@ def pseudo_rigid(
     *,
     length: float = 1.0,
     stiffness: float = 1.0,
-    radius: float = RADIUS,
-    coefficient: float = STIFFNESS,
+    radius: float = RADIUS_FACTOR,
+    coefficient: float = STIFFNESS_COEFFICIENT,
 ) -> dict[str, Array]:
     r"""Tip of a cantilever under a dead load across it, by the pseudo-rigid-body model.
 
@@ -465,12 +473,12 @@ def pseudo_rigid(
     >>> round(float(tip["x"]), 4), round(float(tip["y"]), 4)
     (0.8435, 0.4921)
     """
-    positive(length=length, radius=radius, coefficient=coefficient)
-    stiff(stiffness)
-    drive = np.asarray(force, float) * length**2 / (coefficient * stiffness)
-    turn = np.arctan(drive)
+    check_positive(length=length, radius=radius, coefficient=coefficient)
+    check_stiffness(stiffness)
+    load_ratio = np.asarray(force, float) * length**2 / (coefficient * stiffness)
+    turn = np.arctan(load_ratio)
     for _ in range(50):  # Newton's method on a monotone function, from between the root and pi/2
-        turn = turn - (turn - drive * np.cos(turn)) / (1.0 + drive * np.sin(turn))
+        turn = turn - (turn - load_ratio * np.cos(turn)) / (1.0 + load_ratio * np.sin(turn))
     return {
         "x": length * (1.0 - radius * (1.0 - np.cos(turn))),
         "y": length * radius * np.sin(turn),

@@ -5,11 +5,11 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from proofmass.analytic.numerics import Array, positive
-from proofmass.analytic.rods.elastica import legendre, stiff
+from proofmass.analytic.numerics import Array, check_positive
+from proofmass.analytic.rods.elastica import check_stiffness, elliptic_integrals
 
 # Number of quarter waves in the column's length; clamped-pinned has z/(pi/2), where tan z = z.
-QUARTERS = {"clamped-free": 1.0, "pinned-pinned": 2.0, "clamped-clamped": 4.0}
+QUARTER_WAVES = {"clamped-free": 1.0, "pinned-pinned": 2.0, "clamped-clamped": 4.0}
 ENDS = ("clamped-free", "pinned-pinned", "clamped-pinned", "clamped-clamped")
 
 
@@ -21,14 +21,14 @@ def critical(ends: str = "clamped-free", *, length: float = 1.0, stiffness: floa
     >>> [round(critical(ends), 8) for ends in ENDS]
     [2.4674011, 9.8696044, 20.19072856, 39.4784176]
     """
-    positive(length=length)
-    stiff(stiffness)
+    check_positive(length=length)
+    check_stiffness(stiffness)
     if ends not in ENDS:
         raise ValueError(f"ends must be one of {', '.join(ENDS)}, got {ends!r}")
     if ends == "clamped-pinned":
         z = brentq(lambda z: np.sin(z) - z * np.cos(z), 4.0, 4.7, xtol=1e-15, rtol=1e-15)
     else:
-        z = 0.5 * np.pi * QUARTERS[ends]
+        z = 0.5 * np.pi * QUARTER_WAVES[ends]
     return float((z / length) ** 2 * stiffness)
 
 
@@ -77,21 +77,21 @@ def elastica(
     >>> [round(float(half[name]), 5) for name in ("k", "span", "rise")]
     [0.5, 0.74102, 0.59321]
     """
-    if ends not in QUARTERS:
-        raise ValueError(f"ends must be one of {', '.join(QUARTERS)}, got {ends!r}")
+    if ends not in QUARTER_WAVES:
+        raise ValueError(f"ends must be one of {', '.join(QUARTER_WAVES)}, got {ends!r}")
     ratio = np.asarray(load, float)
     if not np.all((ratio >= 1.0) & (ratio < 1e4)):
         raise ValueError("load must be from 1 to 1e4 critical loads")
     scale = critical(ends, length=length, stiffness=stiffness)
-    k, other = _of_quarter(0.5 * np.pi * np.sqrt(ratio))
-    quarter, second = whole(other)
-    count = QUARTERS[ends]
+    k, complement = _modulus_of_quarter(0.5 * np.pi * np.sqrt(ratio))
+    quarter, second = complete_integrals(complement)
+    count = QUARTER_WAVES[ends]
     arcs = 2.0 if ends == "clamped-clamped" else 1.0
     span = 2.0 * second / quarter - 1.0
     return {
         "span": length * span,
         "rise": length * arcs * 2.0 * k / (count * quarter),
-        "angle": 2.0 * np.arctan2(k, other),
+        "angle": 2.0 * np.arctan2(k, complement),
         "k": k,
         "energy": ratio * scale * length * (span + 2.0 * k * k - 1.0),
     }
@@ -104,13 +104,15 @@ def ends_meet() -> tuple[float, float]:
     [0.9089085575, 2.1833790462]
     """
 
-    def gap(other: float) -> float:
-        quarter, second = whole(np.array(other))
+    def end_distance(other: float) -> float:
+        quarter, second = complete_integrals(np.array(other))
         return float(2.0 * second - quarter)
 
-    other = brentq(gap, 0.1, 0.9, xtol=1e-15, rtol=1e-15)
-    quarter, _ = whole(np.array(other))
-    return float(np.sqrt((1.0 - other) * (1.0 + other))), float((2.0 * quarter / np.pi) ** 2)
+    complement = brentq(end_distance, 0.1, 0.9, xtol=1e-15, rtol=1e-15)
+    quarter, _ = complete_integrals(np.array(complement))
+    return float(np.sqrt((1.0 - complement) * (1.0 + complement))), float(
+        (2.0 * quarter / np.pi) ** 2
+    )
 
 
 def self_buckling(*, length: float = 1.0, stiffness: float = 1.0) -> float:
@@ -122,23 +124,23 @@ def self_buckling(*, length: float = 1.0, stiffness: float = 1.0) -> float:
     >>> round(self_buckling(), 9)
     7.837347439
     """
-    positive(length=length)
-    stiff(stiffness)
+    check_positive(length=length)
+    check_stiffness(stiffness)
     zero = brentq(lambda x: jv(-1.0 / 3.0, x), 1.5, 2.2, xtol=1e-15, rtol=1e-15)
     return float(2.25 * zero**2 * stiffness / length**3)
 
 
-def whole(complement: Array) -> tuple[Array, Array]:
+def complete_integrals(complement: Array) -> tuple[Array, Array]:
     """The complete elliptic integrals K and E of a complement k'."""
     ends = np.ones_like(complement)
-    return legendre(ends, 0.0 * ends, complement, complement)[2:]
+    return elliptic_integrals(ends, 0.0 * ends, complement, complement)[2:]
 
 
-def _of_quarter(quarter: Array) -> tuple[Array, Array]:
+def _modulus_of_quarter(quarter: Array) -> tuple[Array, Array]:
     """Modulus and complement with K(k) = quarter, by bisection over artanh k."""
     low, high = np.zeros_like(quarter), quarter + 0.0
     for _ in range(64):
         middle = 0.5 * (low + high)
-        above = whole(1.0 / np.cosh(middle))[0] > quarter
+        above = complete_integrals(1.0 / np.cosh(middle))[0] > quarter
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     return np.tanh(low), 1.0 / np.cosh(low)

@@ -13,24 +13,24 @@ from scipy.optimize import brentq
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.equilibrium import (
     ROUNDING,
-    SURE,
+    STEP_TOLERANCE,
     Columns,
     RodState,
+    check_square,
     closure,
     columns,
     newton,
-    sizes,
-    solve,
-    square,
+    residual_and_state_sizes,
+    solve_linear,
 )
 
-STRIDE = 0.5  # first and largest stride, in sizes of the unknowns
-NARROW = 1e-8  # stride below which a path ends that cannot be continued
-LONGER = 0.1  # times the state's norm, if above 1: factor on the largest stride
-ENDLESS = 1e3  # norm of a state whose forces grow without bound
-BESIDE = 1e-4  # from a branch point to its neighbours, over the stride
-TURN = 0.95  # of the angle between the tangents of a stride: 18 degrees
-STRAY = 0.25  # largest correction of a stride, over the stride
+MAX_STRIDE = 0.5  # first and largest stride, in sizes of the unknowns
+MIN_STRIDE = 1e-8  # stride below which a path ends that cannot be continued
+STRIDE_PER_NORM = 0.1  # times the state's norm, if above 1: factor on the largest stride
+MAX_STATE_NORM = 1e3  # norm of a state whose forces grow without bound
+BRANCH_POINT_OFFSET = 1e-4  # from a branch point to its neighbours, over the stride
+MIN_TANGENT_COSINE = 0.95  # of the angle between the tangents of a stride: 18 degrees
+MAX_CORRECTION = 0.25  # largest correction of a stride, over the stride
 
 
 class PathStep:
@@ -44,7 +44,7 @@ class PathStep:
         self, start: RodState, free: Columns, line: Array, stride: float, sense: float = 1.0
     ):
         self.a, self.free, self.start = start.assembly, free, start.vector
-        self.rows, self.scale = sizes(self.a)
+        self.rows, self.scale = residual_and_state_sizes(self.a)
         line = np.where(np.isin(np.arange(line.size), free), 0.0, line)
         self.length = float(np.linalg.norm(line / self.scale))
         self.basis = np.zeros((line.size, free.size + 1))
@@ -67,7 +67,7 @@ class PathStep:
         matrix = np.vstack([jacobian @ self.basis / self.rows[:, None], before])
         right = np.zeros(before.size)
         right[-1] = 1.0
-        tangent = solve(matrix[None], right[None])[0]
+        tangent = solve_linear(matrix[None], right[None])[0]
         return tangent / np.linalg.norm(tangent), float(np.linalg.det(matrix[:-1, :-1]))
 
     def ahead(self, stride: float) -> Array | None:
@@ -76,12 +76,12 @@ class PathStep:
         for _ in range(8):
             f, jacobian = closure(RodState(self.a, vector))
             matrix = np.vstack([jacobian @ self.basis / self.rows[:, None], self.tangent])
-            step = solve(matrix[None], np.append(-f / self.rows, 0.0)[None])[0]
+            step = solve_linear(matrix[None], np.append(-f / self.rows, 0.0)[None])[0]
             vector, size = vector + self.basis @ step, float(np.linalg.norm(step))
             moved += size
-            if not moved <= STRAY * stride + ROUNDING:
+            if not moved <= MAX_CORRECTION * stride + ROUNDING:
                 return None
-            if size < SURE:
+            if size < STEP_TOLERANCE:
                 return np.asarray(vector)
         return None
 
@@ -92,30 +92,34 @@ class PathStep:
 
     def step(self, top: float, bottom: float = -np.inf) -> None:
         """Take one stride, no further than to the ends of the line."""
-        there = self.ahead(self.stride)
-        if there is not None:
-            tangent, regular = self.along(there, self.tangent)
-        if there is None or not tangent @ self.tangent > TURN:
+        found = self.ahead(self.stride)
+        if found is not None:
+            tangent, regular = self.along(found, self.tangent)
+        if found is None or not tangent @ self.tangent > MIN_TANGENT_COSINE:
             self.stride /= 2.0
-            if self.stride < NARROW:
+            if self.stride < MIN_STRIDE:
                 self.why = "the path cannot be continued: strides vanish"
             return
         if regular * self.regular < 0.0:
-            there = self.singular(there, tangent[-1] * self.tangent[-1] < 0.0, top, bottom)
-        part = self.place(there)
+            found = self.record_singularity(
+                found, tangent[-1] * self.tangent[-1] < 0.0, top, bottom
+            )
+        part = self.place(found)
         if part > top or part < bottom:
             goal = min(max(part, bottom), top)
-            there, part = self.land(there, part, goal), goal
-            if np.isnan(there).any():
+            found, part = self.point_at_end(found, part, goal), goal
+            if np.isnan(found).any():
                 self.why = "the end of the line is singular"
                 return
-        self.here, self.part, self.tangent, self.regular = there, part, tangent, regular
+        self.here, self.part, self.tangent, self.regular = found, part, tangent, regular
         size = float(np.linalg.norm(self.here / self.scale))
-        self.stride = min(1.5 * self.stride, self.longest * max(1.0, LONGER * size))
-        if size > ENDLESS:
+        self.stride = min(1.5 * self.stride, self.longest * max(1.0, STRIDE_PER_NORM * size))
+        if size > MAX_STATE_NORM:
             self.why = "the forces grow without bound: a rod is stretched"
 
-    def singular(self, there: Array, back: bool, top: float, bottom: float) -> Array:
+    def record_singularity(
+        self, found: Array, turns_back: bool, top: float, bottom: float
+    ) -> Array:
         """Record the fold or branch point within a stride, unless the line ends before it."""
 
         def regular(stride: float) -> float:
@@ -123,34 +127,40 @@ class PathStep:
             return 0.0 if vector is None else self.along(vector, self.tangent)[1]
 
         root = float(brentq(regular, 0.0, self.stride, xtol=1e-12))
-        if not back:
-            part = self.branch_point(root, there)
+        if not turns_back:
+            part = self.branch_point(root, found)
             self.crossed += [part] if bottom <= part <= top else []
-            return there
+            return found
         vector = self.ahead(root)
         if vector is None:
             self.why = "the path turns back, and its fold is not found"
-            return there
+            return found
         if not bottom <= self.place(vector) <= top:
             return vector
         self.folds.append((self.place(vector), vector))
-        return there
+        return found
 
-    def branch_point(self, root: float, there: Array) -> float:
+    def branch_point(self, root: float, found: Array) -> float:
         """Share of the line at a branch point, by the secant through points on both sides of it.
 
         If one of these points is singular as well, the share is interpolated over the stride.
         """
-        beside = [self.ahead(root + side * BESIDE * self.stride) for side in (-1.0, 1.0)]
-        known = [(self.place(v), self.along(v, self.tangent)[1]) for v in beside if v is not None]
+        neighbours = [
+            self.ahead(root + side * BRANCH_POINT_OFFSET * self.stride) for side in (-1.0, 1.0)
+        ]
+        known = [
+            (self.place(v), self.along(v, self.tangent)[1]) for v in neighbours if v is not None
+        ]
         if len(known) < 2:
-            return self.part + root / self.stride * (self.place(there) - self.part)
-        (before, falling), (after, fallen) = known
-        return (before * fallen - after * falling) / (fallen - falling)
+            return self.part + root / self.stride * (self.place(found) - self.part)
+        (before, determinant_before), (after, determinant_after) = known
+        return (before * determinant_after - after * determinant_before) / (
+            determinant_after - determinant_before
+        )
 
-    def land(self, there: Array, part: float, goal: float) -> Array:
+    def point_at_end(self, passed: Array, part: float, goal: float) -> Array:
         """Point at an end of the line, by Newton's method from an interpolated guess."""
-        guess = self.here + (goal - self.part) / (part - self.part) * (there - self.here)
+        guess = self.here + (goal - self.part) / (part - self.part) * (passed - self.here)
         guess += self.basis[:, -1] * self.length * (goal - self.place(guess))
         found, _ = newton(RodState(self.a, guess[None]), self.free)
         return np.asarray(found.vector[0])
@@ -212,7 +222,7 @@ def follow(
     inputs: ArrayLike | None = None,
     pose: ArrayLike | None = None,
     load: ArrayLike | None = None,
-    stride: float = STRIDE,
+    stride: float = MAX_STRIDE,
 ) -> WaypointPath:
     r"""Follow an equilibrium along straight lines between way points; a fold ends it.
 
@@ -243,43 +253,43 @@ def follow(
     A symmetric pair of rods pushed down beyond the load under which it buckles sideways:
 
     >>> from proofmass.analytic.rods.assembly import assembly
-    >>> from proofmass.analytic.rods.equilibrium import direct
+    >>> from proofmass.analytic.rods.equilibrium import solve_direct
     >>> from proofmass.analytic.rods.equilibrium import state
     >>> a = assembly([[-0.3, 0.0], [0.3, 0.0]])
-    >>> start = direct(state(a, inputs=np.radians([60.0, 120.0]), pose=[0.0, 0.9],
+    >>> start = solve_direct(state(a, inputs=np.radians([60.0, 120.0]), pose=[0.0, 0.9],
     ...                      moment=[0.5, -0.5], force=[[-0.5, 0.0], [0.5, 0.0]]))
     >>> found = follow(start, load=[[0.0, -1.0], [0.0, -50.0]])
     >>> found.reached, found.states.pose[:, 1].round(6).tolist(), found.crossed.round(3).tolist()
     (2.0, [0.948785, 0.511166], [1.426])
     """
-    free, way = _given(start, inputs, pose, load)
+    free, way_points = _unknowns_and_way_points(start, inputs, pose, load)
     name = "inverse" if pose is not None else "direct"
-    found, here = np.full((len(way), start.vector.size), np.nan), start.vector
-    crossed: list[float] = []
-    for j, goal in enumerate(way):
-        walk = PathStep(RodState(start.assembly, here), free, goal - here, stride)
-        while walk.part < 1.0 and not walk.why and not walk.folds:
-            walk.step(1.0)
-        here = walk.here
-        crossed += [j + part for part in walk.crossed]
-        if walk.part < 1.0:
-            why = walk.why or f"fold: {name} singularity"
-            last = RodState(start.assembly, walk.folds[-1][1] if walk.folds else here)
-            part = walk.folds[-1][0] if walk.folds else walk.part
+    found, vector = np.full((len(way_points), start.vector.size), np.nan), start.vector
+    branch_points: list[float] = []
+    for j, goal in enumerate(way_points):
+        path = PathStep(RodState(start.assembly, vector), free, goal - vector, stride)
+        while path.part < 1.0 and not path.why and not path.folds:
+            path.step(1.0)
+        vector = path.here
+        branch_points += [j + part for part in path.crossed]
+        if path.part < 1.0:
+            why = path.why or f"fold: {name} singularity"
+            last = RodState(start.assembly, path.folds[-1][1] if path.folds else vector)
+            part = path.folds[-1][0] if path.folds else path.part
             return WaypointPath(
-                RodState(start.assembly, found), j + part, last, why, np.array(crossed)
+                RodState(start.assembly, found), j + part, last, why, np.array(branch_points)
             )
-        found[j] = here
+        found[j] = vector
     return WaypointPath(
         RodState(start.assembly, found),
-        float(len(way)),
-        RodState(start.assembly, here),
+        float(len(way_points)),
+        RodState(start.assembly, vector),
         "",
-        np.array(crossed),
+        np.array(branch_points),
     )
 
 
-def loads_along(
+def loads_and_rates(
     shape: tuple[int, ...], rates: Mapping[str, Array] | None, **parts: ArrayLike
 ) -> tuple[Array, Array]:
     """Loads (n, parts) along a path of this shape, and their rates, from the parts by name.
@@ -292,7 +302,7 @@ def loads_along(
 
     Examples
     --------
-    >>> loads_along((3,), {"force_y": [2.0, 2.0, 2.0]}, force_x=1.0, force_y=[0.0, 1.0, 2.0])[0]
+    >>> loads_and_rates((3,), {"force_y": [2.0, 2.0, 2.0]}, force_x=1.0, force_y=[0.0, 1.0, 2.0])[0]
     array([[1., 0.],
            [1., 1.],
            [1., 2.]])
@@ -314,8 +324,8 @@ def trace(
     pose: ArrayLike | None = None,
     load: ArrayLike | None = None,
     to: tuple[float, float],
-    most: int = 400,
-    stride: float = STRIDE,
+    max_points: int = 400,
+    stride: float = MAX_STRIDE,
 ) -> EquilibriumPath:
     r"""Follow the equilibria over one parameter, beyond their folds.
 
@@ -327,7 +337,7 @@ def trace(
         Derivatives of the given values by the parameter [SI]; see `follow`.
     to : least and greatest parameter [1], at which the path ends; the parameter rises at first if
         the second one is positive
-    most : largest number of points
+    max_points : largest number of points
     stride : see `follow` [1]
 
     Returns
@@ -335,35 +345,35 @@ def trace(
     EquilibriumPath
         Folds are found to rounding, as zeros of the parameter's component of the tangent.
     """
-    free, way = _given(
+    free, way_points = _unknowns_and_way_points(
         start,
         *(
             None if rate is None else np.asarray(rate, float)[None] + base
             for rate, base in ((inputs, start.inputs), (pose, start.pose), (load, start.load))
         ),
     )
-    walk = PathStep(start, free, way[0] - start.vector, stride, 1.0 if to[1] > 0 else -1.0)
+    path = PathStep(start, free, way_points[0] - start.vector, stride, 1.0 if to[1] > 0 else -1.0)
     points = [(0.0, start.vector)]
-    while to[0] <= walk.part <= to[1] and not walk.why and len(points) < most:
-        walk.step(to[1], to[0])
-        points.append((walk.part, walk.here))
-        if walk.part in to:
+    while to[0] <= path.part <= to[1] and not path.why and len(points) < max_points:
+        path.step(to[1], to[0])
+        points.append((path.part, path.here))
+        if path.part in to:
             break
     else:
-        walk.why = walk.why or f"{most} points did not reach the end"
-    a, (at, vectors) = start.assembly, zip(*points, strict=True)
-    turns = np.array([vector for _, vector in walk.folds]).reshape(-1, start.vector.size)
+        path.why = path.why or f"{max_points} points did not reach the end"
+    a, (parameters, vectors) = start.assembly, zip(*points, strict=True)
+    folds = np.array([vector for _, vector in path.folds]).reshape(-1, start.vector.size)
     return EquilibriumPath(
         RodState(a, np.array(vectors)),
-        np.array(at),
-        RodState(a, turns),
-        np.array([part for part, _ in walk.folds]),
-        walk.why,
-        np.array(walk.crossed),
+        np.array(parameters),
+        RodState(a, folds),
+        np.array([part for part, _ in path.folds]),
+        path.why,
+        np.array(path.crossed),
     )
 
 
-def _given(
+def _unknowns_and_way_points(
     start: RodState, inputs: ArrayLike | None, pose: ArrayLike | None, load: ArrayLike | None
 ) -> tuple[Columns, Array]:
     """Unknown columns, and vectors (t, columns) whose other columns are the way points."""
@@ -374,12 +384,12 @@ def _given(
             "give way points of inputs, of pose or of load, not of both inputs and pose"
         )
     if pose is not None:
-        square(start)
+        check_square(start)
     parts = {
         name: np.atleast_2d(np.asarray(value, float))
         for name, value in (("inputs", inputs), ("pose", pose), ("load", load))
         if value is not None
     }
-    way = start.replaced(**parts).vector
+    way_points = start.with_parts(**parts).vector
     free = columns(start.assembly, "rods", "inputs" if pose is not None else "pose")
-    return free, np.atleast_2d(way)
+    return free, np.atleast_2d(way_points)

@@ -33,13 +33,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ellipkm1
 
-from proofmass.analytic.numerics import TURN, Array, Complex, positive
+from proofmass.analytic.numerics import TURN, Array, Complex, check_positive
 
-GAP = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a, squared by a step
+MEAN_TOLERANCE = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a, squared by a step
 Four = tuple[Array, Array, Array, Array]
 
 
-def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Four:
+def elliptic_integrals(sine: Array, cosine: Array, delta: Array, complement: Array) -> Four:
     r"""F(phi), E(phi), K and E of an amplitude in [0, pi), all by one arithmetic-geometric mean.
 
     Gauss's transformation in Bulirsch's form uses no trigonometric function up to its last line::
@@ -70,7 +70,7 @@ def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Fou
     Examples
     --------
     >>> half = np.sqrt(np.array(0.5))
-    >>> [round(float(x), 12) for x in legendre(half, half, np.sqrt(np.array(0.75)), half)]
+    >>> [round(float(x), 12) for x in elliptic_integrals(half, half, np.sqrt(np.array(0.75)), half)]
     [0.826017876249, 0.748186504178, 1.854074677301, 1.350643881048]
     """
     if not np.min(complement, initial=1.0) > 0.0:
@@ -90,7 +90,7 @@ def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Fou
             gap, a, whole = np.max((a - b) / a, initial=0.0), a + b, 2.0 * whole
             mean, next_mean = next_mean, 0.5 * (rest / a + next_mean)
             y = y - product / y
-            if not gap > GAP:
+            if not gap > MEAN_TOLERANCE:
                 break
             b = 2.0 * np.sqrt(product)
             turns = 2.0 * turns + (y < 0.0)
@@ -100,12 +100,12 @@ def legendre(sine: Array, cosine: Array, delta: Array, complement: Array) -> Fou
     return turned, second, quarter, quarter * next_mean
 
 
-def incomplete(phi: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
+def incomplete_integrals(phi: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
     """F(phi, k) and E(phi, k) for any real amplitude [rad] and |k| < 1, broadcast together.
 
     F(phi + n pi) = F(phi) + 2 n K, and E likewise.  ValueError for a modulus of 1 or more.
 
-    >>> [round(float(x), 12) for x in incomplete(4.0, 0.5)]
+    >>> [round(float(x), 12) for x in incomplete_integrals(4.0, 0.5)]
     [4.254327497524, 3.770057482948]
     """
     angle, modulus = np.broadcast_arrays(np.asarray(phi, float), np.asarray(k, float))
@@ -115,37 +115,37 @@ def incomplete(phi: ArrayLike, k: ArrayLike) -> tuple[Array, Array]:
     sine, cosine = np.abs(np.sin(angle)), np.cos(angle) * (1.0 - 2.0 * (half_turns % 2.0))
     complement = np.sqrt((1.0 - modulus) * (1.0 + modulus))
     delta = np.hypot(cosine, complement * sine)
-    first, second, whole_first, whole_second = legendre(sine, cosine, delta, complement)
+    first, second, whole_first, whole_second = elliptic_integrals(sine, cosine, delta, complement)
     return first + 2.0 * half_turns * whole_first, second + 2.0 * half_turns * whole_second
 
 
-def jacobi(u: ArrayLike, complement: ArrayLike) -> Four:
+def jacobi_functions(u: ArrayLike, complement: ArrayLike) -> Four:
     """Jacobi's sn, cn, dn and the integral epsilon of dn^2 from 0 to u, E(am u), of complement k'.
 
     sn and cn are accurate next to their zeros, and cn and dn have a small relative error where k'
-    is tiny.  Source: Bulirsch 1965, procedure sncndn; epsilon by `legendre`.
+    is tiny.  Source: Bulirsch 1965, procedure sncndn; epsilon by `elliptic_integrals`.
 
-    >>> [round(float(x), 12) for x in jacobi(1.0, np.sqrt(0.75))]
+    >>> [round(float(x), 12) for x in jacobi_functions(1.0, np.sqrt(0.75))]
     [0.82263557813, 0.568568998095, 0.911492005669, 0.933987498346]
     """
     argument, other = np.broadcast_arrays(np.asarray(u, float), np.asarray(complement, float))
     ends = np.ones_like(other)
-    _, _, quarter, whole = legendre(ends, 0.0 * ends, other, other)
+    _, _, quarter, whole = elliptic_integrals(ends, 0.0 * ends, other, other)
     halves = np.rint(0.5 * argument / quarter)
     rest = argument - 2.0 * halves * quarter
-    sn, cn, dn = _reduced(np.abs(rest), other)
-    second = np.copysign(legendre(sn, cn, dn, other)[1], rest) + 2.0 * halves * whole
+    sn, cn, dn = _jacobi_in_quarter(np.abs(rest), other)
+    second = np.copysign(elliptic_integrals(sn, cn, dn, other)[1], rest) + 2.0 * halves * whole
     flip = 1.0 - 2.0 * (halves % 2.0)
     return flip * np.copysign(sn, rest), flip * cn, dn, second
 
 
-def _reduced(u: Array, complement: Array) -> tuple[Array, Array, Array]:
+def _jacobi_in_quarter(u: Array, complement: Array) -> tuple[Array, Array, Array]:
     """Jacobi's sn, cn and dn for 0 <= u <= K."""
     a, b, pairs = np.ones_like(complement), complement, []
     while True:
         pairs.append((a, b))
         gap, a, b = np.max((a - b) / a, initial=0.0), 0.5 * (a + b), np.sqrt(a * b)
-        if not gap > GAP:
+        if not gap > MEAN_TOLERANCE:
             break
     start = u == 0.0
     phase = np.where(start, 1.0, u * a)
@@ -159,7 +159,7 @@ def _reduced(u: Array, complement: Array) -> tuple[Array, Array, Array]:
     return np.where(start, 0.0, sn), np.where(start, 1.0, c * sn), np.where(start, 1.0, dn)
 
 
-BLOCK = 16384  # computed at once, since their arrays fit the processor's cache
+RODS_PER_BLOCK = 16384  # computed at once, since their arrays fit the processor's cache
 
 
 def tip(
@@ -225,15 +225,15 @@ def tip(
     >>> [round(float(rod[name]), 6) for name in ("R", "x", "y", "theta", "m0", "energy")]
     [1.034068, 0.940263, 0.310127, 0.47474, 0.972296, 0.151987]
     """
-    positive(length=length)
-    stiff(stiffness)
+    check_positive(length=length)
+    check_stiffness(stiffness)
     given = [np.asarray(v, float) for v in (psi, k_rel, mode)]
-    p, r, q = np.broadcast_arrays(*domain(*given))
+    p, r, q = np.broadcast_arrays(*check_domain(*given))
     flat = [np.ravel(v) for v in (p, r, q)]
     found = np.empty((7, p.size))
-    for start in range(0, p.size, BLOCK):
-        part = slice(start, start + BLOCK)
-        found[:, part] = _unit(*(v[part] for v in flat))
+    for start in range(0, p.size, RODS_PER_BLOCK):
+        part = slice(start, start + RODS_PER_BLOCK)
+        found[:, part] = _unit_rods(*(v[part] for v in flat))
     scale = (
         stiffness / length**2,
         length,
@@ -250,14 +250,14 @@ def tip(
     }
 
 
-def _unit(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, ...]:
+def _unit_rods(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, ...]:
     """R, x, y, theta, m0, energy and k of rods (n,) with L = EI = 1."""
     c, s = np.cos(0.5 * psi), np.sin(0.5 * psi)
     least, room = bounds(psi)
-    above, other, k = _moduli(least, room, k_rel)
+    above, complement, k = _moduli(least, room, k_rel)
     sine, cosine = c / k, np.sqrt(above * (np.abs(k) + least)) / np.abs(k)
-    apex = cosine / s, other * sine / s, other / s
-    first, second, whole_first, whole_second = legendre(*apex, other)
+    apex = cosine / s, complement * sine / s, complement / s
+    first, second, whole_first, whole_second = elliptic_integrals(*apex, complement)
     waves = 2.0 * (mode - 1.0)
     reach = first + waves * whole_first
     bend = second - k**2 * sine * apex[0] + waves * whole_second
@@ -267,9 +267,9 @@ def _unit(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, ...]:
         reach**2,
         -along * np.cos(psi) + across * np.sin(psi),
         -along * np.sin(psi) - across * np.cos(psi),
-        psi - 2.0 * np.arctan2(other, end),
+        psi - 2.0 * np.arctan2(complement, end),
         2.0 * k * reach * cosine,
-        2.0 * reach * (bend - other**2 * reach),
+        2.0 * reach * (bend - complement**2 * reach),
         k,
     )
 
@@ -294,16 +294,16 @@ def shape(
     (True, [-4.478744, 0.0])
     """
     given = (np.asarray(v, float) for v in (psi, k_rel, mode))
-    p, r, q, f = np.broadcast_arrays(*domain(*given), np.asarray(fraction, float))
+    p, r, q, f = np.broadcast_arrays(*check_domain(*given), np.asarray(fraction, float))
     if not np.all((f >= 0.0) & (f <= 1.0)):
         raise ValueError("fraction must lie within [0, 1]")
     least, room = bounds(p)
-    _, other, k = _moduli(least, room, r)
+    _, complement, k = _moduli(least, room, r)
     load = tip(p, r, q, length=length, stiffness=stiffness)["R"]
     unit = np.sqrt(stiffness / load)
     end = k * (1.0 - 2.0 * ((q - 1.0) % 2.0))
-    x, y, theta, m = from_inflection(p, end, other, (1.0 - f) * length / unit)
-    tip_x, tip_y, _, _ = from_inflection(p, end, other, length / unit)
+    x, y, theta, m = from_inflection(p, end, complement, (1.0 - f) * length / unit)
+    tip_x, tip_y, _, _ = from_inflection(p, end, complement, length / unit)
     return {
         "x": unit * (tip_x - x),
         "y": unit * (tip_y - y),
@@ -325,7 +325,7 @@ def from_inflection(
     may have either sign, and k' = sqrt(1 - k^2) > 0.  Returns x, y of the inflection from the point
     at v, theta, and m in units of sqrt(R EI).
     """
-    sn, cn, dn, epsilon = jacobi(v, complement)
+    sn, cn, dn, epsilon = jacobi_functions(v, complement)
     m = 2.0 * k * complement * sn / dn
     along = v - 2.0 * epsilon + 2.0 * k * k * sn * cn / dn
     return (
@@ -369,7 +369,7 @@ def bounds(psi: ArrayLike) -> tuple[Array, Array]:
     return (np.abs(np.cos(0.5 * angle)), 2.0 * np.sin(0.25 * np.minimum(angle, TURN - angle)) ** 2)
 
 
-def domain(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array]:
+def check_domain(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array]:
     """The arguments of `tip`, or a ValueError that names the first one out of its domain."""
     checks = (
         ("psi", psi, (psi > 0.0) & (psi < TURN), "within (0, 2 pi) [rad]"),
@@ -382,20 +382,20 @@ def domain(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array]:
     return psi, k_rel, mode
 
 
-def stiff(stiffness: float) -> None:
+def check_stiffness(stiffness: float) -> None:
     """ValueError for a bending stiffness that is not positive and finite."""
     if not 0.0 < stiffness < np.inf:
         raise ValueError(f"stiffness must be a positive finite EI [N m^2], got {stiffness}")
 
 
-def compliant(axial: float, shear: float) -> None:
+def check_section_stiffnesses(axial: float, shear: float) -> None:
     """ValueError for an EA or a GA that is not positive; an infinite one excludes that strain."""
     for name, value in (("axial", axial), ("shear", shear)):
         if not value > 0.0:
             raise ValueError(f"{name} must be a positive stiffness of a section [N], got {value}")
 
 
-INFLECTION = 1e-6  # from a moment-free tip to an inflection, over a half wave
+INFLECTION_TOLERANCE = 1e-6  # from a moment-free tip to an inflection, over a half wave
 
 
 def of_load(
@@ -406,7 +406,7 @@ def of_load(
     theta0: ArrayLike = 0.0,
     length: float = 1.0,
     stiffness: float = 1.0,
-    apart: float = INFLECTION,
+    apart: float = INFLECTION_TOLERANCE,
 ) -> tuple[Array, Array, Array]:
     r"""psi, k_rel and mode of a rod with moment-free tip: the inverse of `tip`.
 
@@ -443,8 +443,8 @@ def of_load(
     >>> round(float(psi), 6), round(float(k_rel), 6), float(mode)
     (3.487228, -0.322258, 2.0)
     """
-    positive(length=length)
-    stiff(stiffness)
+    check_positive(length=length)
+    check_stiffness(stiffness)
     fx, fy, m, turn = np.broadcast_arrays(*(np.asarray(v, float) for v in (n_x, n_y, m0, theta0)))
     size, psi = np.hypot(fx, fy), (np.arctan2(fy, fx) - turn) % TURN
     least, room = bounds(psi)
@@ -454,16 +454,18 @@ def of_load(
         k_rel = np.copysign(excess / (k + least) / room, m)
     if not np.all((np.abs(k_rel) < 1.0) & (m != 0.0)):
         raise ValueError("the rod has no inflection, or no moment at its clamp")
-    other = np.sqrt(room * (1.0 - np.abs(k_rel)) * (1.0 + k))
+    complement = np.sqrt(room * (1.0 - np.abs(k_rel)) * (1.0 + k))
     s = np.sin(0.5 * psi)
     sine, cosine = np.copysign(1.0, m) * np.cos(0.5 * psi) / k, np.sqrt(excess) / k
-    first, _, quarter, _ = legendre(cosine / s, other * sine / s, other / s, other)
+    first, _, quarter, _ = elliptic_integrals(
+        cosine / s, complement * sine / s, complement / s, complement
+    )
     mode = 1.0 + (length * np.sqrt(size / stiffness) - first) / (2.0 * quarter)
     whole = np.maximum(np.rint(mode), 1.0)
-    off = np.abs(mode - whole)
-    if not np.all(off <= apart):
+    distance = np.abs(mode - whole)
+    if not np.all(distance <= apart):
         raise ValueError(
-            f"the tip carries a moment: it is {np.max(off):.3g} of a half wave away "
+            f"the tip carries a moment: it is {np.max(distance):.3g} of a half wave away "
             f"from an inflection"
         )
     return psi, k_rel, whole
@@ -534,20 +536,20 @@ class ElasticaRods:
     field: Array
 
 
-def rods(alpha: Array, q: Array) -> ElasticaRods:
+def rods_of_chart(alpha: Array, q: Array) -> ElasticaRods:
     """Rods of unit length and stiffness at points (alpha, q) of the chart, with derivatives."""
-    k, rest = np.tanh(q), 1.0 / np.cosh(q)
-    sn, cn, dn, second = jacobi(alpha, rest)
-    delta: Complex = (k * cn / dn + 1j * rest / dn) ** 2
-    drift = second - rest**2 * alpha
+    k, complement = np.tanh(q), 1.0 / np.cosh(q)
+    sn, cn, dn, second = jacobi_functions(alpha, complement)
+    delta: Complex = (k * cn / dn + 1j * complement / dn) ** 2
+    drift = second - complement**2 * alpha
     field = cn + sn / dn * drift
-    rise = 2.0 * k * rest * sn / dn
-    turn = -2.0 * rest * field  # d delta/dq
+    rise = 2.0 * k * complement * sn / dn
+    turn = -2.0 * complement * field  # d delta/dq
     z = alpha - 2.0 * second + 2.0 * k**2 * sn * cn / dn + 1j * rise
     z_slope = (
-        2.0 * alpha * k * rest**2
+        2.0 * alpha * k * complement**2
         - 0.5 * rise * turn
-        - 2j * rest * (cn / dn**2 * drift - rest**2 * sn / dn)
+        - 2j * complement * (cn / dn**2 * drift - complement**2 * sn / dn)
     )
     back = delta.conj()
     tip, force = back * z / alpha, alpha**2 * back
@@ -558,8 +560,8 @@ def rods(alpha: Array, q: Array) -> ElasticaRods:
         np.stack([(1.0 - tip) / alpha, back * z_slope / alpha]) - 1j * spin * tip,
         np.stack([2.0 * force / alpha, 0.0 * force]) - 1j * spin * force,
         -alpha * rise,
-        alpha**2 * (k**2 - rest**2) - (tip * force.conj()).real,
+        alpha**2 * (k**2 - complement**2) - (tip * force.conj()).real,
         delta,
-        0.5 * alpha / ellipkm1(rest**2),
+        0.5 * alpha / ellipkm1(complement**2),
         field,
     )

@@ -39,18 +39,18 @@ from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.rods.assembly import Assembly
 
 
-def _mirrored(first: list[float]) -> tuple[float, ...]:
+def _odd_palindrome(first: list[float]) -> tuple[float, ...]:
     """A palindrome of sum 1 with an odd count, from the numbers before the middle one."""
     return (*first, 1.0 - 2.0 * sum(first), *first[::-1])
 
 
-def _halved(first: list[float]) -> tuple[float, ...]:
+def _even_palindrome(first: list[float]) -> tuple[float, ...]:
     """A palindrome of sum 1 with an even count, from its first half without the last number."""
     half = [*first, 0.5 - sum(first)]
     return (*half, *half[::-1])
 
 
-HINGES = _mirrored(
+HINGE_SHARES = _odd_palindrome(
     [
         0.0378593198406116,
         0.102635633102435,
@@ -61,9 +61,9 @@ HINGES = _mirrored(
         -0.00879424312851058,
     ]
 )
-BASES, FEW = 3, 64  # instead of broadcasting, for fewer rods
-MOST_STEPS = 500  # five times those for eight inflections; rods that need more are inaccurate
-SEGMENTS = _halved(
+STATE_COPIES, MAX_RODS_WITH_COPIES = 3, 64  # instead of broadcasting, for fewer rods
+MAX_STEPS = 500  # five times those for eight inflections; rods that need more are inaccurate
+SEGMENT_SHARES = _even_palindrome(
     [
         0.09171915262446165,
         0.183983170005006,
@@ -75,7 +75,7 @@ SEGMENTS = _halved(
 )
 
 
-def flow(
+def integrate_to_tip(
     angle: ArrayLike, moment: ArrayLike, force: ArrayLike, length: ArrayLike, stiffness: ArrayLike
 ) -> tuple[Complex, Array]:
     r"""Tip of planar inextensible rods, with derivatives with respect to m0, n_x and n_y.
@@ -111,7 +111,7 @@ def flow(
     --------
     A rod of length pi/2 bent into a quarter of a circle:
 
-    >>> z, theta = flow(0.0, 1.0, 0.0, np.pi / 2, 1.0)
+    >>> z, theta = integrate_to_tip(0.0, 1.0, 0.0, np.pi / 2, 1.0)
     >>> complex(z[0].round(9)), float(theta[0].round(9))
     ((1+1j), 1.570796327)
     """
@@ -120,35 +120,39 @@ def flow(
     )
     shape = given[0].shape
     angle, m0, n, length, stiffness = (part.reshape(-1) for part in given)
-    count = steps(m0, n, length, stiffness)
+    count = count_steps(m0, n, length, stiffness)
     # With few rods most of the time is spent in calls of NumPy, above all in those that broadcast.
     # The state is therefore stored three times, once for each of its three derivatives.  The signs
     # of the rows are chosen for the fewest calls.
-    k, copies = n.size, BASES if n.size < FEW else 1
+    k, copies = n.size, STATE_COPIES if n.size < MAX_RODS_WITH_COPIES else 1
     base, rows = np.ones((copies, 1)), copies + 3
-    turns = [np.tile(share * length / (count * stiffness), (rows, 1)) for share in HINGES]
-    ways = [share * length / count for share in SEGMENTS]
+    turns = [np.tile(share * length / (count * stiffness), (rows, 1)) for share in HINGE_SHARES]
+    ways = [share * length / count for share in SEGMENT_SHARES]
     signed = [np.concatenate([base * way, -base * way]) for way in ways]
-    place, product, moved = (np.zeros((2 * rows, k)) for _ in range(3))  # y, -x, -dy, -dx
+    place, product, displacement = (np.zeros((2 * rows, k)) for _ in range(3))  # y, -x, -dy, -dx
     by_force = np.concatenate([base * n.real, base * n.imag, [-n.real] * 3, [n.imag] * 3])
-    theta, lever, turned = (np.zeros((rows, k)) for _ in range(3))
+    theta, lever, rotation = (np.zeros((rows, k)) for _ in range(3))
     theta[:copies] = angle
-    beside = np.concatenate([base * m0, np.ones((1, k)), np.zeros((2, k))])  # m0, 1, y, -x
-    y, x, dy, dx = np.split(moved, [copies, 2 * copies, 2 * copies + 3])
+    addend = np.concatenate([base * m0, np.ones((1, k)), np.zeros((2, k))])  # m0, 1, y, -x
+    y, x, dy, dx = np.split(displacement, [copies, 2 * copies, 2 * copies + 3])
     parts = np.split(product, [copies, 2 * copies, 2 * copies + 3])
-    (p_y, p_x, p_dy, p_dx), y_x, one_of_each = parts, moved[: 2 * copies], moved[copies - 1 :][:2]
-    lever_base, lever_by, last_two = lever[:copies], lever[copies:], beside[-2:]
+    (p_y, p_x, p_dy, p_dx), y_x, one_of_each = (
+        parts,
+        displacement[: 2 * copies],
+        displacement[copies - 1 :][:2],
+    )
+    lever_base, lever_by, last_two = lever[:copies], lever[copies:], addend[-2:]
     tangent, twist, multiply, add = theta[:copies], theta[copies:], np.multiply, np.add
 
     def find_lever() -> None:
         multiply(by_force, place, product)
         add(p_y, p_x, lever_base)
         add(p_dy, p_dx, lever_by)
-        add(lever, beside, lever)
+        add(lever, addend, lever)
 
     def turn_hinge(turn: Array) -> None:
-        multiply(lever, turn, turned)
-        add(theta, turned, theta)
+        multiply(lever, turn, rotation)
+        add(theta, rotation, theta)
 
     def move_on(way: Array) -> None:
         np.sin(tangent, y)
@@ -156,7 +160,7 @@ def flow(
         multiply(y_x, way, y_x)
         multiply(twist, x, dy)
         multiply(twist, y, dx)
-        add(place, moved, place)
+        add(place, displacement, place)
         add(last_two, one_of_each, last_two)
 
     find_lever()
@@ -174,10 +178,10 @@ def flow(
     return z.reshape(4, *shape), theta[copies - 1 :].reshape(4, *shape)
 
 
-def steps(moment: Array, force: Complex, length: Array, stiffness: Array) -> int:
-    """Number of steps that the most bent rod of a batch needs, at most `MOST_STEPS`."""
+def count_steps(moment: Array, force: Complex, length: Array, stiffness: Array) -> int:
+    """Number of steps that the most bent rod of a batch needs, at most `MAX_STEPS`."""
     rate = np.sqrt(np.abs(force) / stiffness + (moment / stiffness) ** 2 / 4.0)
-    return int(min(np.ceil(4.0 + 2.5 * np.nanmax(length * rate, initial=0.0)), MOST_STEPS))
+    return int(min(np.ceil(4.0 + 2.5 * np.nanmax(length * rate, initial=0.0)), MAX_STEPS))
 
 
 Columns = NDArray[np.int_]
@@ -205,12 +209,12 @@ class RodState:
         """Columns of `vector`: "rods", "pose", "inputs" or "load"."""
         return self.vector[..., columns(self.assembly, name)]
 
-    def replaced(self, **parts: ArrayLike) -> "RodState":
+    def with_parts(self, **parts: ArrayLike) -> "RodState":
         """The same states with other values of some parts: pose, inputs or load."""
         vector = self.vector
         for name, value in parts.items():
             where = columns(self.assembly, name)
-            given = _rows(name, value, where.size)
+            given = _finite_rows(name, value, where.size)
             vector = np.broadcast_to(
                 vector,
                 (*np.broadcast_shapes(given.shape[:-1], vector.shape[:-1]), vector.shape[-1]),
@@ -253,29 +257,33 @@ class RodState:
         error in its Simpson rule.
         """
         a = self.assembly
-        theta, _, n = clamps(self)
-        z = flow(theta, self.moment, n, a.length, a.stiffness)[0][0]
+        theta, _, n = clamps_and_forces(self)
+        z = integrate_to_tip(theta, self.moment, n, a.length, a.stiffness)[0][0]
         head = self.moment**2 / (2.0 * a.stiffness) + (n.conj() * np.exp(1j * theta)).real
         return np.asarray(head * a.length - (n.conj() * z).real)
 
     def shape(self, fraction: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """x, y [m], theta [rad] and moment [N m] at fractions (m,) of the lengths, (..., k, m)."""
         a = self.assembly
-        at = np.asarray(fraction, float)
-        theta, clamp, n = (value[..., None] for value in clamps(self))
-        m0, length, stiffness = self.moment[..., None], a.length[:, None] * at, a.stiffness[:, None]
-        z, turn = flow(theta, m0, n, length, stiffness)
+        share = np.asarray(fraction, float)
+        theta, clamp, n = (value[..., None] for value in clamps_and_forces(self))
+        m0, length, stiffness = (
+            self.moment[..., None],
+            a.length[:, None] * share,
+            a.stiffness[:, None],
+        )
+        z, turn = integrate_to_tip(theta, m0, n, length, stiffness)
         point = clamp + z[0]
         return point.real, point.imag, turn[0], m0 + (n.conj() * z[0]).imag
 
 
 def columns(a: Assembly, *names: str) -> Columns:
     """Indices of parts of a state in its vector, in the order of the names; a read-only array."""
-    return known_columns(a.rods, a.dof, names)
+    return cached_columns(a.rods, a.dof, names)
 
 
 @cache
-def known_columns(k: int, p: int, names: tuple[str, ...]) -> Columns:
+def cached_columns(k: int, p: int, names: tuple[str, ...]) -> Columns:
     """`columns` of an assembly with k rods and p degrees of freedom, computed once."""
     every = np.split(np.arange(4 * k + 2 * p), np.cumsum([3 * k, p, k]))
     parts = dict(zip(("rods", "pose", "inputs", "load"), every, strict=True))
@@ -305,7 +313,7 @@ def state(
     """
     k, p = a.rods, a.dof
     given = {"inputs": (inputs, k), "pose": (pose, p), "load": (load, p), "moment": (moment, k)}
-    parts = {name: _rows(name, value, width) for name, (value, width) in given.items()}
+    parts = {name: _finite_rows(name, value, width) for name, (value, width) in given.items()}
     n = np.asarray(force, float)
     n = np.zeros((k, 2)) if n.ndim == 0 else n
     if n.shape[-2:] != (k, 2):
@@ -325,7 +333,7 @@ def state(
     return RodState(a, np.concatenate([rods, *rest], axis=-1))
 
 
-def _rows(name: str, value: ArrayLike, width: int) -> Array:
+def _finite_rows(name: str, value: ArrayLike, width: int) -> Array:
     """A part (..., width) of a state; ValueError for another shape or an infinite number."""
     given = np.asarray(value, float)
     given = np.full(width, given) if given.ndim == 0 else given
@@ -334,7 +342,7 @@ def _rows(name: str, value: ArrayLike, width: int) -> Array:
     return given
 
 
-def clamps(s: RodState) -> tuple[Array, Complex, Complex]:
+def clamps_and_forces(s: RodState) -> tuple[Array, Complex, Complex]:
     """Tangents theta_i [rad] and positions [m] of the clamps, forces on the tips [N]: (..., k)."""
     a, q = s.assembly, s.inputs
     n = s.force @ np.array([1.0, 1.0j])
@@ -343,41 +351,41 @@ def clamps(s: RodState) -> tuple[Array, Complex, Complex]:
     return np.broadcast_to(a.angle, q.shape), a.clamp + q * a.guide, n
 
 
-SURE = 1e-8  # of the last step, in sizes of the unknowns; the error is its square
-MOST_TRIALS = 60  # largest number of trial steps of Newton's method
-FAR = 1e3  # in sizes of the unknowns, beyond which a state is given up
-SMALLEST = 1e-2  # a Newton step is halved as long as its fraction is larger than this
+STEP_TOLERANCE = 1e-8  # of the last step, in sizes of the unknowns; the error is its square
+MAX_TRIAL_STEPS = 60  # largest number of trial steps of Newton's method
+MAX_DISTANCE_FROM_GUESS = 1e3  # in sizes of the unknowns, beyond which a state is given up
+MIN_STEP_FRACTION = 1e-2  # a Newton step is halved as long as its fraction is larger than this
 ROUNDING = 1e-10  # residual over its size below which a step may increase it
 
 
 def closure(s: RodState) -> tuple[Array, Array]:
     """Residuals (..., 3 k + p) and their Jacobian (..., 3 k + p, 4 k + 2 p) by the vector."""
     a, k = s.assembly, s.assembly.rods
-    theta, clamp, n = clamps(s)
-    end, ends = tips(a, theta, s.moment, n)
-    x, y, *turn = np.moveaxis(s.pose, -1, 0)
-    arm = a.arm * np.exp(1j * turn[0])[..., None] if turn else np.zeros_like(n)
-    gap = clamp + end - (x + 1j * y)[..., None] - arm
-    carried = np.stack([s.moment + (n.conj() * end).imag, gap.real, gap.imag], axis=-1)
+    theta, clamp, n = clamps_and_forces(s)
+    end, end_slopes = rod_ends(a, theta, s.moment, n)
+    x, y, *phi = np.moveaxis(s.pose, -1, 0)
+    arm = a.arm * np.exp(1j * phi[0])[..., None] if phi else np.zeros_like(n)
+    violation = clamp + end - (x + 1j * y)[..., None] - arm
+    carried = np.stack([s.moment + (n.conj() * end).imag, violation.real, violation.imag], axis=-1)
     f = [carried.reshape(*s.vector.shape[:-1], 3 * k), wrench(n, arm, a.dof) - s.load]
     jacobian = np.zeros((*s.vector.shape[:-1], 3 * k + a.dof, s.vector.shape[-1]))
-    _rods(jacobian, a, n, end, ends)
-    _platform(jacobian, a, n, arm)
+    _fill_rod_rows(jacobian, a, n, end, end_slopes)
+    _fill_platform_rows(jacobian, a, n, arm)
     return np.concatenate(f, axis=-1), jacobian
 
 
-def tips(a: Assembly, theta: Array, moment: Array, n: Complex) -> tuple[Complex, Complex]:
+def rod_ends(a: Assembly, theta: Array, moment: Array, n: Complex) -> tuple[Complex, Complex]:
     """Rod ends (..., k) from their clamps, and derivatives (4, ..., k) by m0, n_x, n_y, theta.
 
     The derivative by theta follows from the rotation of the whole rod when the clamp and the force
     rotate together.
     """
-    z, angle = flow(theta, moment, n, a.length, a.stiffness)
+    z, angle = integrate_to_tip(theta, moment, n, a.length, a.stiffness)
     rigid = a.rigid_extension * np.exp(1j * angle[0])
     end = z[0] + rigid
-    by = z[1:] + 1j * rigid * angle[1:]
-    turned = 1j * end + n.imag * by[1] - n.real * by[2]
-    return end, np.concatenate([by, turned[None]])
+    by_load = z[1:] + 1j * rigid * angle[1:]
+    by_theta = 1j * end + n.imag * by_load[1] - n.real * by_load[2]
+    return end, np.concatenate([by_load, by_theta[None]])
 
 
 def wrench(n: Complex, arm: Complex, dof: int) -> Array:
@@ -386,13 +394,15 @@ def wrench(n: Complex, arm: Complex, dof: int) -> Array:
     return np.stack([row.sum(axis=-1) for row in rows[:dof]], axis=-1)
 
 
-def _rods(jacobian: Array, a: Assembly, n: Complex, end: Complex, ends: Complex) -> None:
+def _fill_rod_rows(
+    jacobian: Array, a: Assembly, n: Complex, end: Complex, end_slopes: Complex
+) -> None:
     """Write the derivatives of the rods' rows by their moments and forces, and by their inputs."""
-    direct = np.stack([np.ones_like(end.real), end.imag, -end.real, np.zeros_like(end.real)])
-    moment = (n.conj() * ends).imag + direct
+    explicit = np.stack([np.ones_like(end.real), end.imag, -end.real, np.zeros_like(end.real)])
+    moment = (n.conj() * end_slopes).imag + explicit
     for i in range(a.rods):
         rows = slice(3 * i, 3 * i + 3)
-        block = np.stack([moment, ends.real, ends.imag])[..., i]  # (row, column, ...)
+        block = np.stack([moment, end_slopes.real, end_slopes.imag])[..., i]  # (row, column, ...)
         block = np.moveaxis(block, (0, 1), (-2, -1))
         jacobian[..., rows, rows] = block[..., :3]
         q = columns(a, "inputs")[i]
@@ -402,7 +412,7 @@ def _rods(jacobian: Array, a: Assembly, n: Complex, end: Complex, ends: Complex)
             jacobian[..., rows, q] = [0.0, a.guide[i].real, a.guide[i].imag]
 
 
-def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
+def _fill_platform_rows(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
     """Write the derivatives of all rows by the pose, and those of the platform's balance."""
     k, p = a.rods, a.dof
     balance = np.arange(3 * k, 3 * k + p)
@@ -418,7 +428,7 @@ def _platform(jacobian: Array, a: Assembly, n: Complex, arm: Complex) -> None:
         jacobian[..., balance[2], phi[0]] = -(arm.conj() * n).real.sum(axis=-1)
 
 
-def sizes(a: Assembly) -> tuple[Array, Array]:
+def residual_and_state_sizes(a: Assembly) -> tuple[Array, Array]:
     """Sizes [SI] of the residuals (3 k + p,) and of a state's vector (4 k + 2 p,).
 
     Numbers of different units are divided by them before they are compared.
@@ -433,7 +443,7 @@ def sizes(a: Assembly) -> tuple[Array, Array]:
     )
 
 
-class Closed(NamedTuple):
+class NewtonSolution(NamedTuple):
     """States that Newton's method found from first guesses.
 
     Attributes
@@ -451,13 +461,17 @@ class Closed(NamedTuple):
     side: Array
 
 
-def newton(s: RodState, free: Columns, within: ArrayLike = FAR) -> tuple[RodState, Array]:
-    """The states that `closed` finds, and the distance of each from its first guess."""
-    found = closed(s, free, within)
+def newton(
+    s: RodState, free: Columns, max_distance: ArrayLike = MAX_DISTANCE_FROM_GUESS
+) -> tuple[RodState, Array]:
+    """The states that `close_states` finds, and the distance of each from its first guess."""
+    found = close_states(s, free, max_distance)
     return found.states, found.moved
 
 
-def closed(s: RodState, free: Columns, within: ArrayLike = FAR) -> Closed:
+def close_states(
+    s: RodState, free: Columns, max_distance: ArrayLike = MAX_DISTANCE_FROM_GUESS
+) -> NewtonSolution:
     """Find states (n, ...) that are closed and in balance, by some columns of their vectors.
 
     A step of Newton's method is halved as long as it does not reduce the residual.  States for
@@ -468,44 +482,55 @@ def closed(s: RodState, free: Columns, within: ArrayLike = FAR) -> Closed:
     s : RodState (n,)
         First guesses.
     free : columns of the vectors that are unknown; the others stay as they are
-    within : distance (n,) from the guess [1] at which a state is given up
+    max_distance : distance (n,) from the guess [1] at which a state is given up
 
     Returns
     -------
-    `Closed`
+    `NewtonSolution`
     """
-    a, scale = s.assembly, sizes(s.assembly)[1]
-    at, left = np.full_like(s.vector, np.nan), np.arange(len(s.vector))
-    side = np.full(len(at), np.nan)
-    here, part, within = s.vector, np.ones(len(at)), np.broadcast_to(within, len(at))
-    norm, step, _ = _step(a, here, free)
-    for _ in range(MOST_TRIALS):
-        trial = here + part[:, None] * step
-        near = np.linalg.norm((trial - s.vector[left]) / scale, axis=-1) <= within[left]
-        keep = near & (part > SMALLEST)
-        left, here, part, norm, step, trial = (
-            values[keep] for values in (left, here, part, norm, step, trial)
+    a, scale = s.assembly, residual_and_state_sizes(s.assembly)[1]
+    solutions, active = np.full_like(s.vector, np.nan), np.arange(len(s.vector))
+    side = np.full(len(solutions), np.nan)
+    current, fraction, max_distance = (
+        s.vector,
+        np.ones(len(solutions)),
+        np.broadcast_to(max_distance, len(solutions)),
+    )
+    norm, step, _ = _newton_step(a, current, free)
+    for _ in range(MAX_TRIAL_STEPS):
+        trial = current + fraction[:, None] * step
+        near = np.linalg.norm((trial - s.vector[active]) / scale, axis=-1) <= max_distance[active]
+        keep = near & (fraction > MIN_STEP_FRACTION)
+        active, current, fraction, norm, step, trial = (
+            values[keep] for values in (active, current, fraction, norm, step, trial)
         )
-        if not left.size:
+        if not active.size:
             break
-        now, onward, matrix = _step(a, trial, free)
-        good = (now <= norm) | (now < ROUNDING)
-        met = good & (np.linalg.norm(step / scale, axis=-1) < SURE)
-        at[left[met]], side[left[met]] = trial[met], np.sign(determinant(matrix[met]))
-        here, step = (np.where(good[:, None], *pair) for pair in ((trial, here), (onward, step)))
-        norm, part = np.where(good, now, norm), np.where(good, 1.0, part / 2.0)
-        left, here, part, norm, step = (values[~met] for values in (left, here, part, norm, step))
-    moved = np.linalg.norm((at - s.vector) / scale, axis=-1)
-    return Closed(RodState(a, at), np.where(np.isfinite(moved), moved, np.inf), side)
+        new_norm, new_step, matrix = _newton_step(a, trial, free)
+        accepted = (new_norm <= norm) | (new_norm < ROUNDING)
+        converged = accepted & (np.linalg.norm(step / scale, axis=-1) < STEP_TOLERANCE)
+        solutions[active[converged]], side[active[converged]] = (
+            trial[converged],
+            np.sign(determinant(matrix[converged])),
+        )
+        current, step = (
+            np.where(accepted[:, None], *pair) for pair in ((trial, current), (new_step, step))
+        )
+        norm, fraction = np.where(accepted, new_norm, norm), np.where(accepted, 1.0, fraction / 2.0)
+        active, current, fraction, norm, step = (
+            values[~converged] for values in (active, current, fraction, norm, step)
+        )
+    moved = np.linalg.norm((solutions - s.vector) / scale, axis=-1)
+    return NewtonSolution(RodState(a, solutions), np.where(np.isfinite(moved), moved, np.inf), side)
 
 
-def _step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array, Array]:
+def _newton_step(a: Assembly, vector: Array, free: Columns) -> tuple[Array, Array, Array]:
     """Norms (n,) of the residuals over their sizes, Newton's steps (n, columns), and Jacobians."""
-    rows, scale = sizes(a)
+    rows, scale = residual_and_state_sizes(a)
     f, jacobian = closure(RodState(a, vector))
     f, jacobian = f / rows, jacobian[..., free] * scale[free] / rows[:, None]
     step = np.zeros_like(vector)
-    step[:, free] = solve(jacobian, -f) * scale[free]
+    step[:, free] = solve_linear(jacobian, -f) * scale[free]
     return np.linalg.norm(f, axis=-1), step, jacobian
 
 
@@ -515,7 +540,7 @@ def determinant(matrix: Array) -> Array:
         return np.asarray(np.linalg.det(matrix))
 
 
-def solve(matrix: Array, right: Array) -> Array:
+def solve_linear(matrix: Array, right: Array) -> Array:
     """Solutions (n, m) of n linear systems; NaN where a matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
@@ -523,10 +548,10 @@ def solve(matrix: Array, right: Array) -> Array:
         if len(matrix) == 1:
             return np.full_like(right, np.nan)
         pairs = zip(matrix, right, strict=True)
-        return np.concatenate([solve(m[None], r[None]) for m, r in pairs])
+        return np.concatenate([solve_linear(m[None], r[None]) for m, r in pairs])
 
 
-def direct(guess: RodState) -> RodState:
+def solve_direct(guess: RodState) -> RodState:
     r"""Equilibria at given inputs and load, each the one that Newton's method finds from its guess.
 
     Parameters
@@ -558,34 +583,34 @@ def direct(guess: RodState) -> RodState:
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> from proofmass.analytic.rods.equilibrium import state
     >>> a = assembly([[-0.3, 0.0], [0.3, 0.0]])
-    >>> found = direct(state(a, inputs=np.radians([60.0, 120.0]), pose=[0.0, 0.9],
+    >>> found = solve_direct(state(a, inputs=np.radians([60.0, 120.0]), pose=[0.0, 0.9],
     ...                      moment=[0.5, -0.5], force=[[-0.5, 0.0], [0.5, 0.0]]))
     >>> (found.pose.round(6) + 0.0).tolist()
     [0.0, 0.948938]
     """
-    return settled(guess, "pose")
+    return solve_for(guess, "pose")
 
 
-def settled(guess: RodState, found: str) -> RodState:
+def solve_for(guess: RodState, unknown: str) -> RodState:
     """States closed by their forces, clamp moments and "pose" or "inputs".
 
     ValueError names the first guess from which Newton's method finds none.
     """
     flat = guess.vector.reshape(-1, guess.vector.shape[-1])
-    result, _ = newton(RodState(guess.assembly, flat), columns(guess.assembly, "rods", found))
-    lost = ~np.isfinite(result.vector).all(axis=-1)
-    if lost.any():
-        first = RodState(guess.assembly, flat[np.argmax(lost)])
-        given = first.inputs if found == "pose" else first.pose
+    result, _ = newton(RodState(guess.assembly, flat), columns(guess.assembly, "rods", unknown))
+    failed = ~np.isfinite(result.vector).all(axis=-1)
+    if failed.any():
+        first = RodState(guess.assembly, flat[np.argmax(failed)])
+        given = first.inputs if unknown == "pose" else first.pose
         raise ValueError(
             f"no equilibrium is found from the guess at "
-            f"{'inputs' if found == 'pose' else 'pose'} {given.tolist()}, load "
+            f"{'inputs' if unknown == 'pose' else 'pose'} {given.tolist()}, load "
             f"{first.load.tolist()}: begin nearer, or follow a path to it"
         )
     return RodState(guess.assembly, result.vector.reshape(guess.vector.shape))
 
 
-def inverse(guess: RodState) -> RodState:
+def solve_inverse(guess: RodState) -> RodState:
     r"""Inputs that hold the platform at given poses under given loads.
 
     Parameters
@@ -615,17 +640,17 @@ def inverse(guess: RodState) -> RodState:
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> from proofmass.analytic.rods.equilibrium import state
     >>> a = assembly([[-0.3, 0.0], [0.3, 0.0]])
-    >>> found = inverse(state(a, inputs=[1.0, 2.0], pose=[0.0, 0.948938],
+    >>> found = solve_inverse(state(a, inputs=[1.0, 2.0], pose=[0.0, 0.948938],
     ...                       moment=[0.5, -0.5], force=[[-0.5, 0.0], [0.5, 0.0]]))
     >>> np.degrees(found.inputs).round(2).tolist()
     [60.0, 120.0]
     """
-    square(guess)
-    within_reach(guess)
-    return settled(guess, "inputs")
+    check_square(guess)
+    check_reach(guess)
+    return solve_for(guess, "inputs")
 
 
-def square(s: RodState) -> None:
+def check_square(s: RodState) -> None:
     """ValueError unless there are as many inputs as degrees of freedom."""
     a = s.assembly
     if a.rods != a.dof:
@@ -635,18 +660,18 @@ def square(s: RodState) -> None:
         )
 
 
-def within_reach(s: RodState) -> None:
+def check_reach(s: RodState) -> None:
     """ValueError for the first pose whose pin is beyond the rods' reach."""
     a, (x, y, *phi) = s.assembly, np.moveaxis(s.pose, -1, 0)
     arm = a.arm * np.exp(1j * phi[0])[..., None] if phi else 0.0
-    apart = (x + 1j * y)[..., None] + arm - a.clamp
-    far = np.abs(apart) if a.guide is None else np.abs((apart * a.guide.conj()).imag)
-    short = (far - (a.length + a.rigid_extension)).reshape(-1, a.rods)
-    if short.max(initial=0.0) > 0.0:
-        which, rod = np.unravel_index(np.argmax(short > 0.0), short.shape)
+    offset = (x + 1j * y)[..., None] + arm - a.clamp
+    distance = np.abs(offset) if a.guide is None else np.abs((offset * a.guide.conj()).imag)
+    excess = (distance - (a.length + a.rigid_extension)).reshape(-1, a.rods)
+    if excess.max(initial=0.0) > 0.0:
+        which, rod = np.unravel_index(np.argmax(excess > 0.0), excess.shape)
         pose = s.pose.reshape(-1, a.dof)[which].tolist()
         raise ValueError(
-            f"pose {pose} is out of reach: rod {rod + 1} is too short by {short[which, rod]:.6g} m"
+            f"pose {pose} is out of reach: rod {rod + 1} is too short by {excess[which, rod]:.6g} m"
         )
 
 
@@ -706,23 +731,28 @@ def derivatives(s: RodState) -> Derivatives:
     a, (_, jacobian) = s.assembly, closure(s)
     rods, pose, inputs = (columns(a, name) for name in ("rods", "pose", "inputs"))
     free, k, p = columns(a, "rods", "pose"), a.rods, a.dof
-    follow = ratio(jacobian, free, inputs)[..., 3 * k :, :]
-    back, inverse = np.full((*follow.shape[:-2], k, p), np.nan), np.nan * follow[..., 0, 0]
+    pose_by_inputs = implicit_derivatives(jacobian, free, inputs)[..., 3 * k :, :]
+    inputs_by_pose, inverse = (
+        np.full((*pose_by_inputs.shape[:-2], k, p), np.nan),
+        np.nan * pose_by_inputs[..., 0, 0],
+    )
     if k == p:
         held = columns(a, "rods", "inputs")
-        back = ratio(jacobian, held, pose)[..., 3 * k :, :]
-        inverse = determinant(jacobian[..., unknowns(a, "inverse")])
+        inputs_by_pose = implicit_derivatives(jacobian, held, pose)[..., 3 * k :, :]
+        inverse = determinant(jacobian[..., singularity_columns(a, "inverse")])
     own = jacobian[..., : 3 * k, :]
-    carried = ratio(own, rods, pose)
+    rods_by_pose = implicit_derivatives(own, rods, pose)
     balance = jacobian[..., 3 * k :, :]
-    stiffness = balance[..., rods] @ carried + balance[..., pose]
+    stiffness = balance[..., rods] @ rods_by_pose + balance[..., pose]
     own = np.stack(
         [determinant(own[..., 3 * i : 3 * i + 3, 3 * i : 3 * i + 3]) for i in range(k)], -1
     )
-    return Derivatives(follow, back, stiffness, determinant(jacobian[..., free]), own, inverse)
+    return Derivatives(
+        pose_by_inputs, inputs_by_pose, stiffness, determinant(jacobian[..., free]), own, inverse
+    )
 
 
-def unknowns(a: Assembly, which: str) -> Columns:
+def singularity_columns(a: Assembly, which: str) -> Columns:
     """Columns of the Jacobian whose determinant is zero in a "direct" or "inverse" singularity."""
     if which == "direct":
         return columns(a, "rods", "pose")
@@ -730,11 +760,12 @@ def unknowns(a: Assembly, which: str) -> Columns:
     return np.concatenate([[*rods[3 * i : 3 * i + 3], inputs[i]] for i in range(a.rods)])
 
 
-def ratio(jacobian: Array, unknown: Columns, given: Columns) -> Array:
+def implicit_derivatives(jacobian: Array, unknown: Columns, given: Columns) -> Array:
     """Derivatives of unknown columns by given ones while all rows stay zero; NaN if singular."""
     matrix, right = jacobian[..., unknown], -jacobian[..., given]
     rows, width = right.shape[-2:]
     flat = [
-        solve(matrix.reshape(-1, rows, rows), right[..., i].reshape(-1, rows)) for i in range(width)
+        solve_linear(matrix.reshape(-1, rows, rows), right[..., i].reshape(-1, rows))
+        for i in range(width)
     ]
     return np.stack(flat, axis=-1).reshape(*right.shape[:-2], matrix.shape[-1], width)

@@ -36,23 +36,23 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from proofmass.analytic.numerics import Array, Complex, positive
-from proofmass.analytic.remember import nearby
+from proofmass.analytic.numerics import Array, Complex, check_positive
+from proofmass.analytic.remember import reuse_nearby
 
-COUNTS = 10, 16, 22
+POLYNOMIAL_COUNTS = 10, 16, 22
 """Numbers of polynomials, which are tried in this order until the motion no longer changes."""
-ACCURACY = 2e-5
+POSITION_TOLERANCE = 2e-5
 """Largest change [L] of a position from one number of polynomials to the next, for which the motion
 of the latter is accepted."""
-RESOLVED = 4
+RESOLVED_MODES = 4
 """Number of modes of small motions whose phases change by no more than a radian in a time step."""
-MOST_STEPS = 1e5
+MAX_STEPS = 1e5
 """Largest number of steps in time, a minute of computing for each number of polynomials."""
-HALVED = 6
+MAX_HALVINGS = 6
 """Largest number of times that a step is halved in which the rod turns too far."""
-ITERATIONS = 30
+MAX_ITERATIONS = 30
 """Largest number of Newton's iterations of a step in time."""
-ROUNDING, NEARLY = 1e-14, 1e-9
+CHANGE_TOLERANCE, ROUNDING_LIMIT = 1e-14, 1e-9
 """Change of a coefficient [rad] in an iteration at which the iterations end, and at which they end
 if the change is more than half of the one before."""
 
@@ -65,9 +65,9 @@ def collocation(stages: int) -> tuple[Array, Array, Array]:
     return 0.5 * (x + 1.0), 0.5 * weights, legendre.legval(x, lift.T).T
 
 
-NODES, WEIGHTS, ONCE = collocation(4)
+NODES, WEIGHTS, FIRST_INTEGRALS = collocation(4)
 # Second integrals of values at the nodes, up to each node and up to the end of the step:
-TWICE, LAST = ONCE @ ONCE, WEIGHTS @ ONCE
+SECOND_INTEGRALS, SECOND_WEIGHTS = FIRST_INTEGRALS @ FIRST_INTEGRALS, WEIGHTS @ FIRST_INTEGRALS
 
 
 class RodBasis(NamedTuple):
@@ -124,7 +124,7 @@ def basis(count: int, clamped: bool) -> RodBasis:
     )
 
 
-Moved = Callable[[ArrayLike], tuple[Complex, Complex, Complex]]
+MotionOfBase = Callable[[ArrayLike], tuple[Complex, Complex, Complex]]
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class MovingRod:
     clamped: bool = True
     gravity: complex = 0.0
     theta0: float = 0.0
-    begin: Moved | None = None
+    begin: MotionOfBase | None = None
     slider: float | None = None
 
     def base(self, t: ArrayLike) -> tuple[Complex, Complex, Complex]:
@@ -202,11 +202,14 @@ class MovingRod:
         count = a.shape[-1]
         moves = np.concatenate([parts[..., :count, :], parts[..., count:, :]], axis=-1)
         start = np.asarray(self.base(t)[2])
-        missing = start[..., None] - inward @ form.upto.T - self.gravity
+        b_minus_g = start[..., None] - inward @ form.upto.T - self.gravity
         weighed = self.mass * np.concatenate([form.whole, form.whole]) * moves
         mass = weighed @ np.swapaxes(moves, -1, -2)
-        lost = np.concatenate([missing.real, missing.imag], axis=-1)
-        force = -self.stiffness / size * (a @ form.bend) - (weighed @ lost[..., None])[..., 0]
+        b_minus_g_parts = np.concatenate([b_minus_g.real, b_minus_g.imag], axis=-1)
+        force = (
+            -self.stiffness / size * (a @ form.bend)
+            - (weighed @ b_minus_g_parts[..., None])[..., 0]
+        )
         ends = turned @ form.whole
         tip, ahead = ends[..., :count] + 1j * ends[..., count:], start - inward @ form.whole
         if self.slider is not None:
@@ -263,22 +266,22 @@ class MovingRod:
         for begin, end in pairwise(t.tolist()):
             count = int(np.ceil((end - begin) / step))
             for at in np.linspace(begin, end, count + 1)[:-1].tolist():
-                state = self.advanced(at, *state, (end - begin) / count)
+                state = self.advance(at, *state, (end - begin) / count)
             state = self.on_guide(end, *state)
             found.append(state)
         return np.array([one for one, _ in found]), np.array([one for _, one in found])
 
-    def advanced(
-        self, t: float, a: Array, rate: Array, h: float, halved: int = 0
+    def advance(
+        self, t: float, a: Array, rate: Array, h: float, halvings: int = 0
     ) -> tuple[Array, Array]:
         """The result of `stepped` [rad, rad/s]; a step of `h` [s] without solution is halved."""
         try:
             return self.stepped(t, a, rate, h)
         except ArithmeticError:
-            if halved == HALVED:
+            if halvings == MAX_HALVINGS:
                 raise ValueError(f"the motion cannot be followed beyond {t:.6g} s") from None
-        state = self.advanced(t, a, rate, h / 2.0, halved + 1)
-        return self.advanced(t + h / 2.0, *state, h / 2.0, halved + 1)
+        state = self.advance(t, a, rate, h / 2.0, halvings + 1)
+        return self.advance(t + h / 2.0, *state, h / 2.0, halvings + 1)
 
     def stepped(self, t: float, a: Array, rate: Array, h: float) -> tuple[Array, Array]:
         """Coefficients and rates (count,) after a step of `h` [s], by collocation [rad, rad/s].
@@ -294,49 +297,49 @@ class MovingRod:
         count, stages = a.size, NODES.size
         mass, _, tip, _ = self.terms(t, a, rate)
         spring = self.stiffness / self.length * basis(count, self.clamped).bend
-        held = 0 if self.slider is None else 1
-        matrix = np.zeros((stages, count + held, stages, count + held))
-        twice = h**2 * TWICE
+        constraints = 0 if self.slider is None else 1
+        matrix = np.zeros((stages, count + constraints, stages, count + constraints))
+        twice = h**2 * SECOND_INTEGRALS
         matrix[:, :count, :, :count] = np.einsum("ij,kl->ikjl", np.eye(stages), mass)
         matrix[:, :count, :, :count] += np.einsum("ij,kl->ikjl", twice, spring)
-        if held:
+        if constraints:
             for i in range(stages):
                 matrix[i, :count, i, count], matrix[i, count, i, :count] = -tip.imag, tip.imag
-        factors, pivots, _ = dgetrf(matrix.reshape(stages * (count + held), -1))
+        factors, pivots, _ = dgetrf(matrix.reshape(stages * (count + constraints), -1))
         second, guide = np.zeros((stages, count)), np.zeros(stages)
         times, before = t + h * NODES, np.inf
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             places = a + h * NODES[:, None] * rate + twice @ second
-            mass, force, tip, ahead = self.terms(times, places, rate + h * ONCE @ second)
-            lacking = force - (mass @ second[..., None])[..., 0]
-            if held:
-                lacking += guide[:, None] * tip.imag
-                short = -(ahead.imag + (tip.imag * second).sum(-1))
-                lacking = np.column_stack([lacking, short])
-            change = dgetrs(factors, pivots, lacking.ravel())[0].reshape(stages, -1)
+            mass, force, tip, ahead = self.terms(times, places, rate + h * FIRST_INTEGRALS @ second)
+            residual = force - (mass @ second[..., None])[..., 0]
+            if constraints:
+                residual += guide[:, None] * tip.imag
+                guide_residual = -(ahead.imag + (tip.imag * second).sum(-1))
+                residual = np.column_stack([residual, guide_residual])
+            change = dgetrs(factors, pivots, residual.ravel())[0].reshape(stages, -1)
             second = second + change[:, :count]
             guide = guide + change[:, count:].sum(-1)
             size = np.abs(twice @ change[:, :count]).max()
             if not size < 1e3:  # NaN, or divergence
                 raise ArithmeticError("no solution of a step")
-            if not size > ROUNDING or (size < NEARLY and size > 0.5 * before):
+            if not size > CHANGE_TOLERANCE or (size < ROUNDING_LIMIT and size > 0.5 * before):
                 break
             before = size
         else:
             raise ArithmeticError("no solution of a step")
-        return a + h * rate + h**2 * LAST @ second, rate + h * WEIGHTS @ second
+        return a + h * rate + h**2 * SECOND_WEIGHTS @ second, rate + h * WEIGHTS @ second
 
     def frequencies(self, count: int) -> Array:
         """Angular frequencies (count,) of small motions about the straight rod, rising [rad/s].
 
         They are those without gravity and with the beginning at rest; a guide constrains the tip.
         """
-        still = replace(self, gravity=0.0, theta0=0.0, begin=None)
+        resting = replace(self, gravity=0.0, theta0=0.0, begin=None)
         zero = np.zeros(count)
-        mass = still.terms(0.0, zero, zero)[0]
+        mass = resting.terms(0.0, zero, zero)[0]
         spring = self.stiffness / self.length * basis(count, self.clamped).bend
         if self.slider is not None:  # motions whose tip stays on the guide
-            across = np.linalg.svd(still.terms(0.0, zero, zero)[2].imag[None])[2][1:]
+            across = np.linalg.svd(resting.terms(0.0, zero, zero)[2].imag[None])[2][1:]
             mass, spring = across @ mass @ across.T, across @ spring @ across.T
         squares = np.linalg.eigvals(np.linalg.solve(mass, spring)).real
         return np.asarray(np.sqrt(np.sort(np.maximum(squares, 0.0))))
@@ -396,7 +399,7 @@ class MovingRod:
         }
 
 
-Started = tuple[MovingRod, Callable[[int], tuple[Array, Array]]]
+RodStart = tuple[MovingRod, Callable[[int], tuple[Array, Array]]]
 """A rod, and a function that returns the coefficients and rates of a number of polynomials at the
 start of its motion."""
 
@@ -420,7 +423,7 @@ class ResolvedMotion(NamedTuple):
 
 
 def resolved_motion(
-    begins: Callable[..., Started], problem: tuple[float, ...], times: tuple[float, ...]
+    begins: Callable[..., RodStart], problem: tuple[float, ...], times: tuple[float, ...]
 ) -> dict[str, Array]:
     """Curves of a motion with as many polynomials as it, or a problem near it, needs.
 
@@ -438,58 +441,58 @@ def resolved_motion(
     ValueError
         The motion still changes with the largest number of polynomials, or lasts too long.
     """
-    near = resolved(begins, problem, times)
+    near = find_resolved_motion(begins, problem, times)
     if near.asked == (problem, times):
         return dict(near.curves)
     rod, start = begins(*problem)
-    return moved(rod, np.array(times), *start(near.polynomials))
+    return motion_curves(rod, np.array(times), *start(near.polynomials))
 
 
-def moved(rod: MovingRod, t: Array, a: Array, rate: Array) -> dict[str, Array]:
+def motion_curves(rod: MovingRod, t: Array, a: Array, rate: Array) -> dict[str, Array]:
     """Curves of a motion from coefficients and rates (count,) at the first of its times."""
-    return rod.curves(t, *rod.integrate(t, a, rate, step_of(rod)))
+    return rod.curves(t, *rod.integrate(t, a, rate, longest_step(rod)))
 
 
-def step_of(rod: MovingRod) -> float:
+def longest_step(rod: MovingRod) -> float:
     """Longest step in time [s] of the motion of a rod."""
-    return 1.0 / float(rod.frequencies(RESOLVED + 4)[RESOLVED - 1])
+    return 1.0 / float(rod.frequencies(RESOLVED_MODES + 4)[RESOLVED_MODES - 1])
 
 
-@nearby
-def resolved(
-    begins: Callable[..., Started], problem: tuple[float, ...], times: tuple[float, ...]
+@reuse_nearby
+def find_resolved_motion(
+    begins: Callable[..., RodStart], problem: tuple[float, ...], times: tuple[float, ...]
 ) -> ResolvedMotion:
     """The motion with as many polynomials as it needs.
 
-    Their number is the first of `COUNTS` at which no position changes by more than
-    `ACCURACY`.
+    Their number is the first of `POLYNOMIAL_COUNTS` at which no position changes by more than
+    `POSITION_TOLERANCE`.
     """
     before: Array | None = None
     (rod, start), t = begins(*problem), np.array(times)
-    steps = (t[-1] - t[0]) / step_of(rod)
-    if steps > MOST_STEPS:
+    steps = (t[-1] - t[0]) / longest_step(rod)
+    if steps > MAX_STEPS:
         raise ValueError(
             f"the rod is too stiff to be followed so long: {steps:.1g} steps in time; at most "
-            f"{MOST_STEPS:g} are possible"
+            f"{MAX_STEPS:g} are possible"
         )
-    for count in COUNTS:
-        found = moved(rod, t, *start(count))
+    for count in POLYNOMIAL_COUNTS:
+        found = motion_curves(rod, t, *start(count))
         places = np.stack([found[f"{at}_{axis}"] for at in ("middle", "tip") for axis in "xy"])
         if before is not None:
             change = float(np.abs(places - before).max()) / rod.length
-            if change < ACCURACY:
+            if change < POSITION_TOLERANCE:
                 return ResolvedMotion((problem, times), count, found)
         before = places
     raise ValueError(
         f"the motion of the rod is not resolved: positions change by {change:.1g} of its length "
-        f"from {COUNTS[-2]} to {COUNTS[-1]} polynomials; take a stiffer "
+        f"from {POLYNOMIAL_COUNTS[-2]} to {POLYNOMIAL_COUNTS[-1]} polynomials; take a stiffer "
         "rod, or end sooner"
     )
 
 
 def check_rod(length: float, stiffness: float, mass: float) -> None:
     """ValueError for a length, a stiffness or a mass of a rod that is not positive and finite."""
-    positive(length=length)
+    check_positive(length=length)
     for name, value, unit in (("stiffness", stiffness, "N m^2"), ("mass", mass, "kg")):
         if not 0.0 < value < np.inf:
             raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")

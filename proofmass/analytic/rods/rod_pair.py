@@ -9,35 +9,35 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.chart import MOST, Chart, ChartLine, Panel, line_through
-from proofmass.analytic.numerics import Array, positive
+from proofmass.analytic.chart import MAX_PANELS, Chart, ChartLine, Panel, line_through
+from proofmass.analytic.numerics import Array, check_positive
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
-from proofmass.analytic.rods.equilibrium import RodState, derivatives, direct, state
+from proofmass.analytic.rods.equilibrium import RodState, derivatives, solve_direct, state
 from proofmass.analytic.rods.workspace import (
-    determinants,
-    joined,
-    line,
-    loci,
-    meshed,
-    over_mesh,
-    over_poses,
-    rim,
-    several,
-    sheet,
-    spread,
-    through,
+    check_nodes,
+    connected_edges,
+    determinant_field,
+    find_rim,
+    find_singularities,
+    fit_pose_map,
+    locus_lines,
+    map_equilibria,
+    mesh_field,
+    mesh_map,
+    pose_chart,
+    values_through,
 )
 
 __all__ = ["equilibria", "motor_angles", "solve", "workspace"]
 
 
-def pair(distance: float, length: float = 1.0, stiffness: float = 1.0) -> Assembly:
+def make_pair(distance: float, length: float = 1.0, stiffness: float = 1.0) -> Assembly:
     """Two rods with clamps at (-d/2, 0) and (d/2, 0) [m], of length L [m] and EI [N m^2] each."""
     return assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
 
 
-def at_rest(
+def find_equilibrium(
     a: Assembly,
     inputs: ArrayLike,
     load: ArrayLike,
@@ -49,12 +49,12 @@ def at_rest(
 
     Parameters
     ----------
-    a : assembly of `pair`
+    a : assembly of `make_pair`
     inputs, load : angles of both clamps [rad]; force on the pin [N]
     pin, moment, push : first guess of the pin [m], the moments at the clamps [N m], and the force
         on the tip of the first rod [N]
     """
-    return direct(
+    return solve_direct(
         state(
             a,
             inputs=inputs,
@@ -66,8 +66,8 @@ def at_rest(
     )
 
 
-POINTS = 61  # points of a drawn rod
-MANY = 9  # negative directions: equilibria with as many or more share panels
+DRAWN_POINTS = 61  # points of a drawn rod
+MAX_SHOWN_DIRECTIONS = 9  # negative directions: equilibria with as many or more share panels
 
 
 def equilibria(
@@ -120,28 +120,33 @@ def equilibria(
     ...     force_y=-0.1, stiffness=0.0521860264, modes=1)
     >>> chart.caption.partition(", V")[0]
     '3 equilibria whose rods have up to 1 inflection, the tip included: 3 stable'
-    >>> [line.label for line in chart.lines][:2]
+    >>> [locus_lines.label for locus_lines in chart.lines][:2]
     ['stable at 0.2416 J, modes 1 and 1', 'stable at 0.78 J, modes 1 and 1']
     """
     found = solutions(
-        pair(distance, length, stiffness),
+        make_pair(distance, length, stiffness),
         inputs=[theta1, theta2],
         load=[force_x, force_y],
         modes=modes,
     )
     if not len(found):
         raise ValueError(f"no equilibrium with modes up to {modes}")
-    panels = tuple(panel(found, which) for which in sharing(found.negative))
-    return Chart(("x", "m"), ("y", "m"), panels, caption(found, int(modes)), alike=True)
+    panels = tuple(equilibria_panel(found, which) for which in divide_into_panels(found.negative))
+    return Chart(
+        ("x", "m"), ("y", "m"), panels, format_caption(found, int(modes)), equal_scales=True
+    )
 
 
-def sharing(negative: NDArray[np.int_]) -> list[NDArray[np.intp]]:
+def divide_into_panels(negative: NDArray[np.int_]) -> list[NDArray[np.intp]]:
     """Indices of equilibria by panels: a panel has few, of one number of negative directions.
 
-    >>> [which.tolist() for which in sharing(np.array([0, 1, 1, 0, 1, 1, 1]))]
+    >>> [which.tolist() for which in divide_into_panels(np.array([0, 1, 1, 0, 1, 1, 1]))]
     [[0, 3], [1, 2, 4], [5, 6]]
     """
-    families = [np.flatnonzero(np.minimum(negative, MANY) == k) for k in range(MANY + 1)]
+    families = [
+        np.flatnonzero(np.minimum(negative, MAX_SHOWN_DIRECTIONS) == k)
+        for k in range(MAX_SHOWN_DIRECTIONS + 1)
+    ]
     for few in count(4):
         panels = [
             part
@@ -149,29 +154,29 @@ def sharing(negative: NDArray[np.int_]) -> list[NDArray[np.intp]]:
             if family.size
             for part in np.array_split(family, -(-family.size // few))
         ]
-        if len(panels) <= MOST:
+        if len(panels) <= MAX_PANELS:
             return panels
     raise AssertionError("unreachable: a panel may show all of them")
 
 
-def panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
+def equilibria_panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
     """Panel of equilibria with one number of negative directions, their pins and clamps."""
     pose, clamp = found.state.pose[which], found.state.assembly.clamp
-    ways = min(int(found.negative[which[0]]), MANY)
-    lines = [posture(found, int(i), rank) for rank, i in enumerate(which, 1)]
+    ways = min(int(found.negative[which[0]]), MAX_SHOWN_DIRECTIONS)
+    lines = [posture_line(found, int(i), rank) for rank, i in enumerate(which, 1)]
     lines.append(ChartLine(pose[:, 0], pose[:, 1], "pin", ways == 0, points=True))
     lines.append(line_through(clamp, "clamps", points=True))
     if not ways:
         return Panel(tuple(lines), title="Stable")
     ends = dict.fromkeys(f"{V:.3g}" for V in found.potential[which[[0, -1]]])
-    return Panel(tuple(lines), title=f"Falls in {directions(ways)}: {' to '.join(ends)} J")
+    return Panel(tuple(lines), title=f"Falls in {format_directions(ways)}: {' to '.join(ends)} J")
 
 
-def posture(found: Solutions, i: int, rank: int) -> ChartLine:
+def posture_line(found: Solutions, i: int, rank: int) -> ChartLine:
     """Line of one equilibrium, from one clamp along both rods to the other."""
     x, y = (
         np.append(one[0], one[1, -2::-1])
-        for one in found.state[i].shape(np.linspace(0.0, 1.0, POINTS))[:2]
+        for one in found.state[i].shape(np.linspace(0.0, 1.0, DRAWN_POINTS))[:2]
     )
     if found.negative[i]:
         return ChartLine(x, y, f"unstable, no. {rank} in its panel", stable=False)
@@ -179,16 +184,16 @@ def posture(found: Solutions, i: int, rank: int) -> ChartLine:
     return ChartLine(x, y, f"stable at {found.potential[i]:.4g} J, modes {modes}")
 
 
-def directions(ways: int) -> str:
-    """A number of directions, as text; `MANY` stands for more as well.
+def format_directions(ways: int) -> str:
+    """A number of directions, as text; `MAX_SHOWN_DIRECTIONS` stands for more as well.
 
-    >>> directions(1), directions(2), directions(MANY)
+    >>> format_directions(1), format_directions(2), format_directions(MAX_SHOWN_DIRECTIONS)
     ('1 direction', '2 directions', '9 or more directions')
     """
-    return f"{ways}{' or more' * (ways == MANY)} direction{'s' * (ways > 1)}"
+    return f"{ways}{' or more' * (ways == MAX_SHOWN_DIRECTIONS)} direction{'s' * (ways > 1)}"
 
 
-def caption(found: Solutions, modes: int) -> str:
+def format_caption(found: Solutions, modes: int) -> str:
     """Text with the numbers of stable and unstable equilibria and their energies V."""
     stable = found.potential[found.negative == 0]
     words = [
@@ -197,16 +202,16 @@ def caption(found: Solutions, modes: int) -> str:
     ]
     if stable.size:
         words.append(f", V = {', '.join(f'{V:.4g}' for V in stable)} J")
-    ways = np.minimum(found.negative, MANY)
+    ways = np.minimum(found.negative, MAX_SHOWN_DIRECTIONS)
     for k in np.unique(ways[ways > 0]).tolist():
         fallen = found.potential[ways == k]
         words.append(
-            f"; {fallen.size} that fall in {directions(k)}, the lowest at {fallen[0]:.4g} J"
+            f"; {fallen.size} that fall in {format_directions(k)}, the lowest at {fallen[0]:.4g} J"
         )
     limit = (
         f"By proof, no rod of any other carries more than R = {found.bound:.3g}² EI/L², up to "
         "which all were searched for"
-        if found.bounded
+        if found.is_bounded
         else f"Searched up to R = {found.up_to:.3g}² EI/L² on each rod"
     )
     return f"{''.join(words)}. V is the energy of bending less F·P. {limit}."
@@ -272,18 +277,18 @@ def workspace(
     >>> chart = workspace(distance=0.6, theta1=np.pi / 3, theta2=2 * np.pi / 3, force_x=0.0,
     ...     force_y=0.0, pin_x=0.0, pin_y=0.9, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0,
     ...     nodes=5)
-    >>> [panel.field.unit for panel in chart.panels]
+    >>> [equilibria_panel.field.unit for equilibria_panel in chart.panels]
     ['rad²/m²', 'N/m', 'rad', 'rad']
     """
-    start = at_rest(
-        pair(distance, length, stiffness),
+    start = find_equilibrium(
+        make_pair(distance, length, stiffness),
         [theta1, theta2],
         [force_x, force_y],
         [pin_x, pin_y],
         [moment1, moment2],
         [push_x, push_y],
     )
-    return over_poses(start, sheet(start, nodes), "rad²/m²")
+    return pose_chart(start, fit_pose_map(start, nodes), "rad²/m²")
 
 
 def motor_angles(
@@ -336,37 +341,41 @@ def motor_angles(
     >>> chart = motor_angles(distance=0.6, theta1=np.pi / 3, theta2=2 * np.pi / 3, force_x=0.0,
     ...     force_y=0.0, pin_x=0.0, pin_y=0.9, moment1=0.5, moment2=-0.5, push_x=-0.5, push_y=0.0,
     ...     span=0.5, nodes=5)
-    >>> [line.label for line in chart.panels[0].lines]
+    >>> [locus_lines.label for locus_lines in chart.panels[0].lines]
     ['inverse singularity', 'here']
     """
-    positive(span=span)
-    several(nodes)
-    start = at_rest(
-        pair(distance, length, stiffness),
+    check_positive(span=span)
+    check_nodes(nodes)
+    start = find_equilibrium(
+        make_pair(distance, length, stiffness),
         [theta1, theta2],
         [force_x, force_y],
         [pin_x, pin_y],
         [moment1, moment2],
         [push_x, push_y],
     )
-    m = spread(
-        start, *(through(q, q - span / 2, q + span / 2, nodes) for q in start.inputs), name="inputs"
+    m = map_equilibria(
+        start,
+        *(values_through(q, q - span / 2, q + span / 2, nodes) for q in start.inputs),
+        name="inputs",
     )
-    ends, ways = rim(m)
-    inverse = loci(m, "inverse", (ends, ways))
-    mesh = meshed(m, joined(m)[0], ends, inverse)
+    ends, ways = find_rim(m)
+    inverse = find_singularities(m, "inverse", (ends, ways))
+    mesh = mesh_map(m, connected_edges(m)[0], ends, inverse)
     lines = (
-        *line(m, ends, "direct singularity"),
-        *line(m, inverse, "inverse singularity"),
+        *locus_lines(m, ends, "direct singularity"),
+        *locus_lines(m, inverse, "inverse singularity"),
         ChartLine(start.inputs[:1], start.inputs[1:], "here", points=True),
     )
     whole = mesh.triangles(m.reached)
     slopes = derivatives(m.states).direct, derivatives(mesh.ends).direct
-    panels = [Panel(lines, determinants(mesh, *slopes, "det(dP/dq)", "m²/rad²"), "Singularities")]
+    panels = [
+        Panel(lines, determinant_field(mesh, *slopes, "det(dP/dq)", "m²/rad²"), "Singularities")
+    ]
     for k, name in enumerate(("x", "y")):
         values = mesh.values(m.states.pose[..., k], mesh.ends.pose[:, k], inverse.pose[:, k])
         panels.append(
-            Panel(lines, over_mesh(mesh, values, f"{name} of the pin", "m", whole), f"Pin: {name}")
+            Panel(lines, mesh_field(mesh, values, f"{name} of the pin", "m", whole), f"Pin: {name}")
         )
     return Chart(
         ("theta1", "rad"),
@@ -445,8 +454,8 @@ def solve(
     [0.18884, 0.86287, 0.18884, 0.86287]
     """
     arc = np.asarray(s, float)
-    found = at_rest(
-        pair(distance, length, stiffness),
+    found = find_equilibrium(
+        make_pair(distance, length, stiffness),
         [theta1, theta2],
         [force_x, force_y],
         [pin_x, pin_y],

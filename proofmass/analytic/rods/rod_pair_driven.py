@@ -7,24 +7,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from proofmass.analytic.numerics import Array, Complex, finite
-from proofmass.analytic.remember import nearby
-from proofmass.analytic.rods.continuation import follow, loads_along
+from proofmass.analytic.numerics import Array, Complex, check_finite
+from proofmass.analytic.remember import reuse_nearby
+from proofmass.analytic.rods.continuation import follow, loads_and_rates
 from proofmass.analytic.rods.equilibrium import (
     RodState,
+    check_reach,
     columns,
     derivatives,
-    direct,
     newton,
-    within_reach,
+    solve_direct,
 )
-from proofmass.analytic.rods.rod_pair import pair
+from proofmass.analytic.rods.rod_pair import make_pair
 
 PairNumbers = tuple[float, ...]
 
 
-FINE = 4  # points of a division at which the inverse problem is solved
-STRIDE = 0.02  # longest step [L] from the first equilibrium towards the points, for all at once
+POINTS_PER_DIVISION = 4  # points of a division at which the inverse problem is solved
+MAX_STEP = 0.02  # longest step [L] from the first equilibrium towards the points, for all at once
 
 
 def circles(
@@ -50,7 +50,7 @@ def circles(
     -------
     angle, rate, acceleration : ndarray (2, n)
         Of both motors [rad, rad/s, rad/s^2]: cubic splines through solutions of the inverse
-        problem, `FINE` in each division.  At the divisions, whole seconds, the pin
+        problem, `POINTS_PER_DIVISION` in each division.  At the divisions, whole seconds, the pin
         is on its circle within 1e-9 m.
 
     Raises
@@ -72,9 +72,9 @@ def circles(
     >>> np.degrees(angles[:, 1]).round(3).tolist()
     [-51.075, 23.811]
     """
-    sized(diameter, number, divisions)
-    turns, size = rounds(number, divisions)
-    return led(time, 0.5 * diameter * size * np.exp(2j * np.pi * turns), pair)
+    check_sizes(diameter, number, divisions)
+    turns, size = turns_and_sizes(number, divisions)
+    return motor_profile(time, 0.5 * diameter * size * np.exp(2j * np.pi * turns), pair)
 
 
 def rectangles(
@@ -112,16 +112,16 @@ def rectangles(
     of the 64 points, a corner of the largest rectangle, is an unstable equilibrium: the program
     prescribes the pin, which the motors alone cannot keep there.
     """
-    sized(min(width, height), number, divisions)
-    turns, size = rounds(number, 4 * int(divisions))
+    check_sizes(min(width, height), number, divisions)
+    turns, size = turns_and_sizes(number, 4 * int(divisions))
     sides = 4.0 * turns + 1.0 / divisions
     corner = np.array([1 - 1j, -1 - 1j, -1 + 1j, 1 + 1j, 1 - 1j])
     side = np.floor(sides + 1e-9).astype(int)
     shape = corner[side % 4] + (sides - side) * (corner[side % 4 + 1] - corner[side % 4])
-    return led(time, 0.5 * size * (width * shape.real + 1j * height * shape.imag), pair)
+    return motor_profile(time, 0.5 * size * (width * shape.real + 1j * height * shape.imag), pair)
 
 
-def sized(size: float, number: int, divisions: int) -> None:
+def check_sizes(size: float, number: int, divisions: int) -> None:
     """ValueError for a path whose size [m] is not positive, or with less than one part."""
     if not (number >= 1 and divisions >= 1 and 0.0 < size < np.inf):
         raise ValueError(
@@ -130,16 +130,18 @@ def sized(size: float, number: int, divisions: int) -> None:
         )
 
 
-def rounds(number: int, divisions: int) -> tuple[Array, Array]:
+def turns_and_sizes(number: int, divisions: int) -> tuple[Array, Array]:
     """Turns [1] about the centre at the points of a path, and their sizes over that of the path."""
-    t = np.arange(FINE * number * int(divisions) + 1) / FINE
+    t = np.arange(POINTS_PER_DIVISION * number * int(divisions) + 1) / POINTS_PER_DIVISION
     turns = np.maximum(t - 1.0, 0.0) / divisions
     out = np.clip(divisions * (turns % 1.0) - (divisions - 1.0), 0.0, 1.0)
     ring = np.floor(turns) + 1.0 + np.where(turns < number - 1, out, 0.0)
     return turns, np.minimum(t, np.minimum(ring, number)) / number
 
 
-def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array, Array, Array]:
+def motor_profile(
+    time: ArrayLike, places: Complex, pair: dict[str, float]
+) -> tuple[Array, Array, Array]:
     """Motor angles, rates and accelerations (2, n) by splines through points x + iy of the pin.
 
     Parameters
@@ -147,7 +149,7 @@ def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array
     time : array_like (n,)
         [s]
     places : ndarray (m,)
-        Points relative to the first equilibrium, `FINE` to a second [m].
+        Points relative to the first equilibrium, `POINTS_PER_DIVISION` to a second [m].
     pair : dict of float
         Arguments of `circles` for the equilibrium [SI].
 
@@ -157,21 +159,23 @@ def led(time: ArrayLike, places: Complex, pair: dict[str, float]) -> tuple[Array
         [rad, rad/s, rad/s^2]
     """
     try:
-        spline = spline_of(tuple(places.tolist()), **pair)
+        spline = motor_spline(tuple(places.tolist()), **pair)
     except TypeError as error:  # there is a parameter too many or too few
-        raise ValueError(str(error).replace("held()", "a path")) from None
+        raise ValueError(str(error).replace("equilibria_at_points()", "a path")) from None
     t = np.asarray(time, float)
     angle, rate, acceleration = (np.moveaxis(spline(t, k), -1, 0) for k in range(3))
     return angle, rate, acceleration
 
 
 @lru_cache(8)
-def spline_of(places: tuple[complex, ...], **pair: float) -> CubicSpline:
-    """Spline of both motor angles over time; see `led`."""
-    return CubicSpline(np.arange(len(places)) / FINE, held(places, **pair).inputs)
+def motor_spline(places: tuple[complex, ...], **pair: float) -> CubicSpline:
+    """Spline of both motor angles over time; see `motor_profile`."""
+    return CubicSpline(
+        np.arange(len(places)) / POINTS_PER_DIVISION, equilibria_at_points(places, **pair).inputs
+    )
 
 
-def held(
+def equilibria_at_points(
     places: tuple[complex, ...],
     *,
     theta1: float,
@@ -190,18 +194,20 @@ def held(
 ) -> RodState:
     """Equilibria (m,) with the pin at points relative to its first position, by straight paths."""
     problem = distance, length, stiffness, force_x, force_y
-    start = first_of((theta1, theta2), problem, (pin_x, pin_y, moment1, moment2, push_x, push_y))
-    free, way = columns(start.assembly, "rods", "inputs"), np.array(places)
-    now = RodState(start.assembly, np.tile(start.vector, (way.size, 1)))
-    steps = 1 + int(np.ceil(np.abs(way).max() / STRIDE / length))
-    goal = np.stack([way.real, way.imag], axis=1)
-    within_reach(now.replaced(pose=start.pose + goal))
+    start = first_equilibrium(
+        (theta1, theta2), problem, (pin_x, pin_y, moment1, moment2, push_x, push_y)
+    )
+    free, points = columns(start.assembly, "rods", "inputs"), np.array(places)
+    states = RodState(start.assembly, np.tile(start.vector, (points.size, 1)))
+    steps = 1 + int(np.ceil(np.abs(points).max() / MAX_STEP / length))
+    goal = np.stack([points.real, points.imag], axis=1)
+    check_reach(states.with_parts(pose=start.pose + goal))
     for share in np.linspace(0.0, 1.0, steps)[1:]:
-        now, moved = newton(now.replaced(pose=start.pose + share * goal), free)
+        states, moved = newton(states.with_parts(pose=start.pose + share * goal), free)
         if not np.isfinite(moved).all():
             x, y = start.pose + share * goal[np.argmax(~np.isfinite(moved))]
             raise ValueError(f"the pin cannot be moved to ({x:.6g}, {y:.6g}) m")
-    return now
+    return states
 
 
 def solve(
@@ -283,59 +289,65 @@ def solve(
     theta = np.asarray(angle, float)
     if theta.ndim != 2 or len(theta) != 2 or not theta.size:
         raise ValueError(f"angle must hold theta1 and theta2, (2, n), got {theta.shape}")
-    finite(angle=theta.sum(), rate=np.sum(rate), force_x=force_x, force_y=force_y)
-    load, growth = loads_along(theta.shape[1:], load_rates, force_x=force_x, force_y=force_y)
+    check_finite(angle=theta.sum(), rate=np.sum(rate), force_x=force_x, force_y=force_y)
+    load, growth = loads_and_rates(theta.shape[1:], load_rates, force_x=force_x, force_y=force_y)
     problem = distance, length, stiffness, *load[0].tolist()
     guess = pin_x, pin_y, moment1, moment2, push_x, push_y
-    near = branch(tuple(map(tuple, np.hstack([theta.T, load]).tolist())), problem, guess)
+    near = find_branch(tuple(map(tuple, np.hstack([theta.T, load]).tolist())), problem, guess)
     there = np.isfinite(near.vector[:, 0])
-    first = begun(near.vector[there], *problem)
-    first = first.replaced(inputs=theta.T[there], load=load[there])
+    first = pair_states(near.vector[there], *problem)
+    first = first.with_parts(inputs=theta.T[there], load=load[there])
     states, _ = newton(first, columns(near.assembly, "rods", "pose"))
-    curves = described(states, np.broadcast_to(rate, theta.shape)[:, there], growth[there])
+    curves = describe_equilibria(
+        states, np.broadcast_to(rate, theta.shape)[:, there], growth[there]
+    )
     found = {name: np.full(there.size, np.nan) for name in curves}
     for name, values in curves.items():
         found[name][there] = values
     return found
 
 
-@nearby
-def branch(
+@reuse_nearby
+def find_branch(
     path: tuple[tuple[float, ...], ...], problem: PairNumbers, guess: PairNumbers
 ) -> RodState:
     """Equilibria (n,) along a path of (theta1, theta2, F_x, F_y), NaN beyond a fold.
 
-    `nearby` gives the same result for problems that differ by less than 1e-5, and Newton's method
-    continues from it for each of them.  Sensitivities need many such problems.
+    `reuse_nearby` gives the same result for problems that differ by less than 1e-5, and Newton's
+    method continues from it for each of them.  Sensitivities need many such problems.
     """
-    first = first_of(path[0][:2], problem, guess)
-    return followed(path, problem, tuple(first.vector.tolist()))
+    first = first_equilibrium(path[0][:2], problem, guess)
+    return follow_from(path, problem, tuple(first.vector.tolist()))
 
 
-def first_of(angles: tuple[float, ...], problem: PairNumbers, guess: PairNumbers) -> RodState:
+def first_equilibrium(
+    angles: tuple[float, ...], problem: PairNumbers, guess: PairNumbers
+) -> RodState:
     """The equilibrium at the first angles of the motors that Newton's method finds from a guess."""
     pin_x, pin_y, moment1, moment2, *push = guess
     rods = [moment1, *push, moment2, *np.subtract(problem[-2:], push)]
-    return direct(begun(np.array([*rods, pin_x, pin_y, *angles, 0.0, 0.0]), *problem))
+    return solve_direct(pair_states(np.array([*rods, pin_x, pin_y, *angles, 0.0, 0.0]), *problem))
 
 
-@nearby
-def followed(
+@reuse_nearby
+def follow_from(
     path: tuple[tuple[float, ...], ...], problem: PairNumbers, first: PairNumbers
 ) -> RodState:
     """Equilibria (n,) along a path from a first equilibrium, which many guesses have in common."""
     angles, load = np.hsplit(np.array(path), 2)
-    return follow(begun(np.array(first), *problem), inputs=angles, load=load).states
+    return follow(pair_states(np.array(first), *problem), inputs=angles, load=load).states
 
 
-def begun(
+def pair_states(
     vector: Array, distance: float, length: float, stiffness: float, force_x: float, force_y: float
 ) -> RodState:
     """States (n,) of a pair of rods with these vectors, under the load of the problem."""
-    return RodState(pair(distance, length, stiffness), vector).replaced(load=[force_x, force_y])
+    return RodState(make_pair(distance, length, stiffness), vector).with_parts(
+        load=[force_x, force_y]
+    )
 
 
-def described(s: RodState, rate: Array, growth: Array) -> dict[str, Array]:
+def describe_equilibria(s: RodState, rate: Array, growth: Array) -> dict[str, Array]:
     """Quantities (n,) of equilibria for rates (2, n) of the motors and (n, 2) of the loads."""
     slopes = derivatives(s)
     velocity = np.einsum("npk,kn->pn", slopes.direct, rate)

@@ -14,10 +14,16 @@ from numpy.typing import ArrayLike
 from proofmass.analytic import newton_raphson
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
 from proofmass.analytic.newton_raphson import NewtonLog, System
-from proofmass.analytic.numerics import TURN, Array, finite
-from proofmass.analytic.remember import nearby
-from proofmass.analytic.rods.elastica import bounds, compliant, modulus, of_load, tip
-from proofmass.analytic.rods.equilibrium import flow
+from proofmass.analytic.numerics import TURN, Array, check_finite
+from proofmass.analytic.remember import reuse_nearby
+from proofmass.analytic.rods.elastica import (
+    bounds,
+    check_section_stiffnesses,
+    modulus,
+    of_load,
+    tip,
+)
+from proofmass.analytic.rods.equilibrium import integrate_to_tip
 from proofmass.analytic.rods.shooting import ShotRods, integrate
 
 NAMES = ("n_x", "n_y", "m_0")
@@ -25,7 +31,7 @@ NAMES = ("n_x", "n_y", "m_0")
 
 
 @dataclass(frozen=True)
-class Shot:
+class ShootingResult:
     """The last iterate of Newton's method, and all iterates before it.
 
     Attributes
@@ -73,7 +79,7 @@ def pinned(
     scheme: str = "dop853",
     exact: bool = True,
     tolerance: float = 1e-12,
-) -> Shot:
+) -> ShootingResult:
     r"""Force and clamp moment that bring the moment-free tip of a rod to (x, y).
 
     ::
@@ -113,7 +119,7 @@ def pinned(
     >>> found.unknowns.round(6).tolist(), found.converged
     ([-3.230877, -1.163408, -0.607639], True)
     """
-    compliant(axial, shear)
+    check_section_stiffnesses(axial, shear)
     if np.isinf(axial) and np.isinf(shear) and not np.hypot(x, y) <= length:
         raise ValueError(f"length must reach the pin, {np.hypot(x, y):.6g} m away, got {length}")
     shoot = partial(
@@ -141,11 +147,11 @@ def pinned(
     def system(unknowns: Array) -> tuple[Array, Array]:
         return miss(unknowns), shot(*unknowns.tolist()).slope[-1][[2, 3, 1], :3]
 
-    log, size = newton(miss, system if exact else differences(miss), guess, tolerance)
-    return Shot(shot(*log.root.tolist()), size, size <= tolerance, log)
+    log, size = newton(miss, system if exact else forward_differences(miss), guess, tolerance)
+    return ShootingResult(shot(*log.root.tolist()), size, size <= tolerance, log)
 
 
-def differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
+def forward_differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
     """A function that returns the residual and its Jacobian by forward differences."""
 
     def system(x: Array) -> tuple[Array, Array]:
@@ -160,25 +166,25 @@ def newton(
     system: System,
     guess: ArrayLike,
     tolerance: float,
-    most: int = 200,
+    max_iterations: int = 200,
 ) -> tuple[NewtonLog, float]:
     """The source's iteration: its log, and the largest residual at the last iterate."""
     iterates = [np.array(guess, float)]
     values, jacobians = list[Array](), list[Array]()
     f, jacobian = system(iterates[0])
     size = float(np.abs(f).max())
-    while len(values) < most and size > tolerance and np.isfinite(size):
+    while len(values) < max_iterations and size > tolerance and np.isfinite(size):
         x = iterates[-1]
         step = np.linalg.solve(jacobian, f)
-        after = float(np.abs(miss(x - step)).max())
-        while not after <= size and np.abs(step).max() > 1e-3 * tolerance:
+        new_size = float(np.abs(miss(x - step)).max())
+        while not new_size <= size and np.abs(step).max() > 1e-3 * tolerance:
             step = 0.5 * step
-            after = float(np.abs(miss(x - step)).max())
+            new_size = float(np.abs(miss(x - step)).max())
         iterates.append(x - step)
         values.append(f)
         jacobians.append(jacobian)
-        stands, size = abs(after - size) <= tolerance, after
-        if stands:
+        is_unchanged, size = abs(new_size - size) <= tolerance, new_size
+        if is_unchanged:
             break
         f, jacobian = system(iterates[-1])
     kept = np.reshape(values, (-1, f.size)), np.reshape(jacobians, (-1, *jacobian.shape))
@@ -246,8 +252,8 @@ def solve(
     [0.8, 0.1, 1.254165]
     """
     arc = np.asarray(s, float)
-    finite(weight_x=weight_x, weight_y=weight_y)
-    made: dict[str, Any] = {
+    check_finite(weight_x=weight_x, weight_y=weight_y)
+    arguments: dict[str, Any] = {
         "weight_x": weight_x,
         "weight_y": weight_y,
         "length": length,
@@ -256,8 +262,8 @@ def solve(
         "shear": shear,
         "theta0": theta0,
     }
-    near = root(pin_x, pin_y, (force_x, force_y, moment), tuple(made.items()))
-    found = pinned(pin_x, pin_y, near, **made)
+    near = find_unknowns(pin_x, pin_y, (force_x, force_y, moment), tuple(arguments.items()))
+    found = pinned(pin_x, pin_y, near, **arguments)
     if not found.converged:
         raise ValueError(
             f"force_x, force_y, moment = {force_x:g}, {force_y:g}, {moment:g} lead to "
@@ -266,11 +272,13 @@ def solve(
     n = complex(*found.unknowns[:2])
     if weight_x or weight_y or np.isfinite(axial) or np.isfinite(shear):
         nodes = np.unique(np.append(found.rod.s, arc))
-        rod = integrate(*found.unknowns, **made, nodes=nodes)
-        at = np.searchsorted(nodes, arc)
-        x, y, theta, m = (curve[at] for curve in (rod.x, rod.y, rod.theta, rod.m))
+        rod = integrate(*found.unknowns, **arguments, nodes=nodes)
+        indices = np.searchsorted(nodes, arc)
+        x, y, theta, m = (curve[indices] for curve in (rod.x, rod.y, rod.theta, rod.m))
     else:
-        place, theta = (part[0] for part in flow(theta0, found.unknowns[2], n, arc, stiffness))
+        place, theta = (
+            part[0] for part in integrate_to_tip(theta0, found.unknowns[2], n, arc, stiffness)
+        )
         x, y, m = place.real, place.imag, found.unknowns[2] + (np.conj(n) * place).imag
     return {
         "x": x,
@@ -283,19 +291,19 @@ def solve(
     }
 
 
-@nearby
-def root(
-    pin_x: float, pin_y: float, guess: tuple[float, ...], made: tuple[tuple[str, Any], ...]
+@reuse_nearby
+def find_unknowns(
+    pin_x: float, pin_y: float, guess: tuple[float, ...], arguments: tuple[tuple[str, Any], ...]
 ) -> tuple[float, ...]:
     """The force and the moment (n_x, n_y, m0) [N, N m] that Newton's method finds from a guess.
 
-    `nearby` gives the same result for problems that differ by less than 1e-5, and Newton's method
-    continues from it for each of them.  Sensitivities need many such problems.
+    `reuse_nearby` gives the same result for problems that differ by less than 1e-5, and Newton's
+    method continues from it for each of them.  Sensitivities need many such problems.
     """
-    return tuple(pinned(pin_x, pin_y, guess, **dict(made)).unknowns.tolist())
+    return tuple(pinned(pin_x, pin_y, guess, **dict(arguments)).unknowns.tolist())
 
 
-DOCUMENT: dict[str, Any] = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
+SOURCE_ARGUMENTS: dict[str, Any] = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
 """Arguments of `pinned` for shooting as in annex II of Pérez Gámiz 2018."""
 
 
@@ -394,7 +402,7 @@ def shooting_convergence(
     ['exact Jacobian: 3 iterations', "the document's way: 2 iterations"]
     """
     logs = shooting_logs(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
-    return newton_raphson.convergence(
+    return newton_raphson.convergence_chart(
         {f"{label}: {log.iterations} iterations": log for label, log in logs.items()},
         "Size of the step of each unknown, of the whole step, and of the residual before the step. "
         "Near the root each step is about the square of the one before: its exponent doubles.",
@@ -405,10 +413,10 @@ def shooting_logs(
     x: float, y: float, guess: ArrayLike, theta0: float, length: float, stiffness: float
 ) -> dict[str, NewtonLog]:
     """Logs of shooting with an exact Jacobian and as in the source, by their labels."""
-    ways = {"exact Jacobian": dict[str, Any](), "the document's way": DOCUMENT}
+    methods = {"exact Jacobian": dict[str, Any](), "the document's way": SOURCE_ARGUMENTS}
     logs = dict[str, NewtonLog]()
-    for label, way in ways.items():
-        found = pinned(x, y, guess, theta0=theta0, length=length, stiffness=stiffness, **way)
+    for label, arguments in methods.items():
+        found = pinned(x, y, guess, theta0=theta0, length=length, stiffness=stiffness, **arguments)
         if not found.converged:
             raise ValueError(
                 f"{label}: force_x, force_y, moment lead to no equilibrium; give a nearer guess"
@@ -417,15 +425,15 @@ def shooting_logs(
     return logs
 
 
-SHARES = (0.25, 0.5, 0.75)
+DRAWN_MODULI = (0.25, 0.5, 0.75)
 """Relative moduli of the lines of a chart."""
-MOST_MODES = 3
+MAX_INFLECTIONS = 3
 """Largest number of inflections that charts show."""
-SEAM = 1e-4
+MODULUS_MARGIN = 1e-4
 """Least distance of a relative modulus from 0, where the rod has no moment at its clamp, and 1."""
-TOP = 1e3
+MAX_LOAD = 1e3
 """Largest load [EI/L^2] that charts show, since the load has no bound at k_rel = +-1."""
-HALVINGS = 60
+BISECTIONS = 60
 """Bisections of an interval that contains a relative modulus with a given load."""
 
 
@@ -473,23 +481,23 @@ def moduli(
     """
     psi = np.linspace(0.0, TURN, 361)
     least = bounds(psi)[0]
-    own = load_of(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
-    there = "there is a rod"
+    own = find_load_parameters(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    label = "there is a rod"
     inner = psi[1:-1]
     lines, level = [], []
-    for share in SHARES:
+    for share in DRAWN_MODULI:
         for sign in (1, -1):
             k, _ = modulus(inner, np.full(inner.shape, sign * share))
             lines.append(ChartLine(inner, k, f"k_rel = ±{share:g}"))
             level.append(
                 ChartLine(inner, np.full(inner.shape, sign * share), f"k_rel = ±{share:g}")
             )
-    at = np.array([own[0]])
+    own_psi = np.array([own[0]])
     panels = (
         Panel(
             (
                 *lines,
-                ChartLine(at, np.array([modulus(own[0], own[1])[0]]), "this rod", points=True),
+                ChartLine(own_psi, np.array([modulus(own[0], own[1])[0]]), "this rod", points=True),
             ),
             title="k: none below |cos(psi/2)|",
             regions=tuple(
@@ -500,17 +508,17 @@ def moduli(
                             axis=1,
                         ),
                     ),
-                    there,
+                    label,
                 )
                 for sign in (1.0, -1.0)
             ),
         ),
         Panel(
-            (*level, ChartLine(at, np.array([own[1]]), "this rod", points=True)),
+            (*level, ChartLine(own_psi, np.array([own[1]]), "this rod", points=True)),
             title="k_rel: all of (-1, 0) and (0, 1)",
             regions=tuple(
                 ChartRegion(
-                    (np.array([[0.0, 0.0], [TURN, 0.0], [TURN, sign], [0.0, sign]]),), there
+                    (np.array([[0.0, 0.0], [TURN, 0.0], [TURN, sign], [0.0, sign]]),), label
                 )
                 for sign in (1.0, -1.0)
             ),
@@ -569,13 +577,13 @@ def loads(
     """
     if not 5 <= nodes <= 401:
         raise ValueError(f"nodes must lie within [5, 401], got {nodes}")
-    own = load_of(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    own = find_load_parameters(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
     psi = np.linspace(0.0, TURN, nodes + 2)[1:-1]
-    k_rel = apart_from_ends(np.linspace(-1.0, 1.0, 2 * nodes))
+    k_rel = keep_from_ends(np.linspace(-1.0, 1.0, 2 * nodes))
     lines = np.insert(k_rel, nodes, 0.0)  # NaN at k_rel = 0 divides the surface
     panels = []
-    for mode in range(1, MOST_MODES + 1):
-        log = np.log10(np.clip(tip(psi[:, None], k_rel, mode)["R"], 1.0 / TOP, TOP))
+    for mode in range(1, MAX_INFLECTIONS + 1):
+        log = np.log10(np.clip(tip(psi[:, None], k_rel, mode)["R"], 1.0 / MAX_LOAD, MAX_LOAD))
         found = (
             (ChartLine(np.array([own[0]]), np.array([own[1]]), "this rod", points=True),)
             if own[2] == mode
@@ -585,7 +593,7 @@ def loads(
             Panel(
                 found,
                 Field(psi, lines, np.insert(log, nodes, np.nan, axis=1), "log10(R L²/EI)", ""),
-                counted(mode),
+                format_inflections(mode),
             )
         )
     return Chart(
@@ -637,15 +645,19 @@ def loads_of_direction(
     >>> chart.caption.split(":")[0]
     '3 rods with up to 3 inflections carry this load in this direction'
     """
-    psi, k, mode = load_of(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
+    psi, k, mode = find_load_parameters(
+        pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness
+    )
     own = float(tip(psi, k, mode)["R"])
-    k_rel = apart_from_ends(np.linspace(-1.0, 1.0, 1200))
+    k_rel = keep_from_ends(np.linspace(-1.0, 1.0, 1200))
     lines, same = [], []
-    for number in range(1, MOST_MODES + 1):
+    for number in range(1, MAX_INFLECTIONS + 1):
         R = tip(psi, k_rel, number)["R"]
         seen = np.where(4.0 * own > R, R, np.nan)
         lines.append(
-            ChartLine(np.insert(k_rel, 600, 0.0), np.insert(seen, 600, np.nan), counted(number))
+            ChartLine(
+                np.insert(k_rel, 600, 0.0), np.insert(seen, 600, np.nan), format_inflections(number)
+            )
         )
         same.append(rods_of_load(psi, k_rel, R, number, own))
     found = np.concatenate(same)
@@ -655,13 +667,13 @@ def loads_of_direction(
         ("k_rel", ""),
         ("R L²/EI", ""),
         (Panel((*lines, every, this), title=f"psi = {np.degrees(psi):.4g}°"),),
-        f"{found.size} rods with up to {MOST_MODES} inflections carry this load in this "
+        f"{found.size} rods with up to {MAX_INFLECTIONS} inflections carry this load in this "
         f"direction: R = {own:.5g} EI/L². A load has several relative moduli k_rel, a modulus "
         "one load of each number of inflections.",
     )
 
 
-def load_of(
+def find_load_parameters(
     x: float, y: float, guess: ArrayLike, theta0: float, length: float, stiffness: float
 ) -> tuple[float, float, float]:
     """psi [rad], k_rel [1] and number of inflections of the rod that is found from a guess."""
@@ -672,9 +684,9 @@ def load_of(
     return float(psi), float(k_rel), float(mode)
 
 
-def apart_from_ends(k_rel: Array) -> Array:
-    """Relative moduli, moved away from 0 and from +-1 by `SEAM` if they are nearer."""
-    away = np.clip(np.abs(k_rel), SEAM, 1.0 - SEAM)
+def keep_from_ends(k_rel: Array) -> Array:
+    """Relative moduli, moved away from 0 and from +-1 by `MODULUS_MARGIN` if they are nearer."""
+    away = np.clip(np.abs(k_rel), MODULUS_MARGIN, 1.0 - MODULUS_MARGIN)
     return np.asarray(np.where(k_rel < 0.0, -away, away))
 
 
@@ -683,7 +695,7 @@ def rods_of_load(psi: float, k_rel: Array, size: Array, mode: int, load: float) 
     over = size > load
     at = np.flatnonzero((over[:-1] != over[1:]) & (k_rel[:-1] * k_rel[1:] > 0.0))
     low, high, before = k_rel[at], k_rel[at + 1], over[at]
-    for _ in range(HALVINGS if at.size else 0):
+    for _ in range(BISECTIONS if at.size else 0):
         middle = 0.5 * (low + high)
         above = tip(psi, middle, mode)["R"] > load
         same = above == before
@@ -691,6 +703,6 @@ def rods_of_load(psi: float, k_rel: Array, size: Array, mode: int, load: float) 
     return np.asarray(low)
 
 
-def counted(mode: int) -> str:
+def format_inflections(mode: int) -> str:
     """A label with the number of inflections."""
     return "1 inflection, the tip" if mode == 1 else f"{mode} inflections"

@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, positive
-from proofmass.analytic.remember import nearby
+from proofmass.analytic.numerics import Array, check_positive
+from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
-from proofmass.analytic.rods.equilibrium import RodState, derivatives, direct
+from proofmass.analytic.rods.equilibrium import RodState, derivatives, solve_direct
 
 MODES = tuple(range(1, 10))
-LARGEST = 20.0  # alpha = L sqrt(R/EI); errors of larger loads, e^alpha, forbid continuation
-STRIDE = 0.02  # growth of rigid ends from one equilibrium to the next, over the length
-Three = tuple[float, float, float]
+MAX_ALPHA = 20.0  # alpha = L sqrt(R/EI); errors of larger loads, e^alpha, forbid continuation
+MAX_EXTENSION_STEP = 0.02  # growth of rigid ends from one equilibrium to the next, over the length
+ThreeNumbers = tuple[float, float, float]
 
 
 def solve(
@@ -96,7 +96,7 @@ def solve(
     [0.006759, 0.011078, -1.394088, 0.075531]
     """
     arc = np.asarray(s, float)
-    found = standing(
+    found = equilibrium_of_mode(
         PlatformProblem(
             side,
             radius,
@@ -130,16 +130,16 @@ class PlatformProblem(NamedTuple):
     radius: float
     length: float
     stiffness: float
-    theta: Three
-    guide: Three | None
-    inputs: Three
-    load: Three
+    theta: ThreeNumbers
+    guide: ThreeNumbers | None
+    inputs: ThreeNumbers
+    load: ThreeNumbers
     inflections: int
 
     @property
     def assembly(self) -> Assembly:
         """The rods and the platform."""
-        positive(radius=self.radius)
+        check_positive(radius=self.radius)
         return assembly(
             triangle(np.sqrt(3.0) * self.radius),
             length=self.length,
@@ -150,29 +150,31 @@ class PlatformProblem(NamedTuple):
         )
 
 
-def standing(problem: PlatformProblem, mode: int, rigid_extension: float = 0.0) -> RodState:
+def equilibrium_of_mode(
+    problem: PlatformProblem, mode: int, rigid_extension: float = 0.0
+) -> RodState:
     """The stable equilibrium of that mode, with rigid ends if they have a length."""
-    there = stable(problem)
+    there = stable_equilibria(problem)
     if mode not in range(1, 1 + len(there.vector)):
         raise ValueError(
             f"mode {mode} is not there; there are: {format_modes(there)}, with loads up to "
-            f"R = {LARGEST:g}² EI/L²"
+            f"R = {MAX_ALPHA:g}² EI/L²"
         )
     near = RodState(problem.assembly, there[int(mode) - 1].vector)
-    return with_ends(
-        direct(near.replaced(inputs=problem.inputs, load=problem.load)), rigid_extension
+    return grow_rigid_ends(
+        solve_direct(near.with_parts(inputs=problem.inputs, load=problem.load)), rigid_extension
     )
 
 
-@nearby
-def stable(problem: PlatformProblem) -> RodState:
-    """Stable equilibria (n,) with loads up to alpha = `LARGEST`, the lowest potential first."""
+@reuse_nearby
+def stable_equilibria(problem: PlatformProblem) -> RodState:
+    """Stable equilibria (n,) with loads up to alpha = `MAX_ALPHA`, the lowest potential first."""
     found = solutions(
         problem.assembly,
         inputs=problem.inputs,
         load=problem.load,
         modes=problem.inflections,
-        most_load=LARGEST,
+        most_load=MAX_ALPHA,
     )
     return found.state[found.negative == 0]
 
@@ -186,13 +188,13 @@ def format_modes(found: RodState) -> str:
     return "; ".join(poses) or "none"
 
 
-def with_ends(found: RodState, rigid_extension: float) -> RodState:
+def grow_rigid_ends(found: RodState, rigid_extension: float) -> RodState:
     """The equilibrium after its rigid ends have grown from zero; ValueError if it is not stable."""
-    steps = int(np.ceil(rigid_extension / (STRIDE * found.assembly.length[0])))
+    steps = int(np.ceil(rigid_extension / (MAX_EXTENSION_STEP * found.assembly.length[0])))
     sign = np.sign(derivatives(found).direct_determinant)
     for rigid in np.linspace(0.0, rigid_extension, steps + 1)[1:]:
         robot = replace(found.assembly, rigid_extension=np.full(3, rigid))
-        found = direct(RodState(robot, found.vector))
+        found = solve_direct(RodState(robot, found.vector))
         if sign * derivatives(found).direct_determinant < 0.0:
             raise ValueError(
                 f"rigid_extension must be less than {rigid:.3g} m, where this "

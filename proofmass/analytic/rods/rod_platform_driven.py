@@ -12,11 +12,16 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.numerics import Array
-from proofmass.analytic.remember import nearby
-from proofmass.analytic.rods.continuation import follow, loads_along
+from proofmass.analytic.remember import reuse_nearby
+from proofmass.analytic.rods.continuation import follow, loads_and_rates
 from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, newton
-from proofmass.analytic.rods.rod_platform import MODES, PlatformProblem, Three, standing
-from proofmass.analytic.rods.workspace import over_poses, sheet
+from proofmass.analytic.rods.rod_platform import (
+    MODES,
+    PlatformProblem,
+    ThreeNumbers,
+    equilibrium_of_mode,
+)
+from proofmass.analytic.rods.workspace import fit_pose_map, pose_chart
 
 __all__ = ["MODES", "constant_orientation", "solve"]
 
@@ -101,8 +106,8 @@ def constant_orientation(
         (force_x, force_y, moment),
         inflections,
     )
-    start = standing(problem, mode, rigid_extension)
-    chart = over_poses(start, sheet(start, nodes), "rad²/m²" if guide is None else "m/rad")
+    start = equilibrium_of_mode(problem, mode, rigid_extension)
+    chart = pose_chart(start, fit_pose_map(start, nodes), "rad²/m²" if guide is None else "m/rad")
     return Chart(
         chart.x,
         chart.y,
@@ -112,7 +117,7 @@ def constant_orientation(
     )
 
 
-NAMES = ("x", "y", "phi", "x_rate", "y_rate", "phi_rate", "hold1", "hold2", "hold3", "energy")
+QUANTITIES = ("x", "y", "phi", "x_rate", "y_rate", "phi_rate", "hold1", "hold2", "hold3", "energy")
 
 
 def solve(
@@ -200,7 +205,7 @@ def solve(
     if q.shape[:1] != (3,):
         raise ValueError(f"inputs must be those of three rods, (3, ...), got {q.shape}")
     path = q.reshape(3, -1).T
-    load, growth = loads_along(
+    load, growth = loads_and_rates(
         q.shape[1:], load_rates, force_x=force_x, force_y=force_y, moment=moment
     )
     first_x, first_y, first_moment = load[0].tolist()
@@ -210,25 +215,27 @@ def solve(
         length,
         stiffness,
         (theta1, theta2, theta3),
-        guides(guide1, guide2, guide3),
+        guide_directions(guide1, guide2, guide3),
         tuple(path[0].tolist()),
         (first_x, first_y, first_moment),
         inflections,
     )
-    way = tuple(map(tuple, np.hstack([path, load]).tolist()))
-    near = branch(problem, way, mode, rigid_extension).vector
+    path_and_loads = tuple(map(tuple, np.hstack([path, load]).tolist()))
+    near = find_branch(problem, path_and_loads, mode, rigid_extension).vector
     there = np.isfinite(near[:, 0])
     robot = replace(problem.assembly, rigid_extension=np.full(3, rigid_extension))
-    states = RodState(robot, near[there]).replaced(inputs=path[there], load=load[there])
+    states = RodState(robot, near[there]).with_parts(inputs=path[there], load=load[there])
     found, _ = newton(states, columns(robot, "rods", "pose"))
     speed = np.broadcast_to(np.asarray(rate, float), q.shape).reshape(3, -1).T
-    curves = {name: np.full(there.shape, np.nan) for name in NAMES}
-    for name, curve in zip(NAMES, described(found, speed[there], growth[there]), strict=True):
+    curves = {name: np.full(there.shape, np.nan) for name in QUANTITIES}
+    for name, curve in zip(
+        QUANTITIES, describe_equilibria(found, speed[there], growth[there]), strict=True
+    ):
         curves[name][there] = curve
     return {name: curve.reshape(q.shape[1:]) for name, curve in curves.items()}
 
 
-def guides(*angle: float | None) -> Three | None:
+def guide_directions(*angle: float | None) -> ThreeNumbers | None:
     """Directions of all guides, or None without guides; ValueError if only some are given."""
     if all(a is None for a in angle):
         return None
@@ -238,8 +245,8 @@ def guides(*angle: float | None) -> Three | None:
     return one, two, three
 
 
-@nearby
-def branch(
+@reuse_nearby
+def find_branch(
     problem: PlatformProblem,
     path: tuple[tuple[float, ...], ...],
     mode: int,
@@ -247,18 +254,18 @@ def branch(
 ) -> RodState:
     """Equilibria (n,) along a path of inputs and loads; NaN from the first unstable one on."""
     inputs, load = np.hsplit(np.array(path), 2)
-    followed = follow(standing(problem, mode, rigid_extension), inputs=inputs, load=load)
+    followed = follow(equilibrium_of_mode(problem, mode, rigid_extension), inputs=inputs, load=load)
     vector = followed.states.vector
     vector[np.arange(len(path)) > followed.crossed.min(initial=np.inf) - 1.0] = np.nan
     return RodState(followed.states.assembly, vector)
 
 
-def described(found: RodState, rate: Array, growth: Array) -> Array:
-    """`NAMES` (10, n) of equilibria (n,), for rates (n, 3) of their inputs and loads."""
+def describe_equilibria(found: RodState, rate: Array, growth: Array) -> Array:
+    """`QUANTITIES` (10, n) of equilibria (n,), for rates (n, 3) of their inputs and loads."""
     guide, slopes = found.assembly.guide, derivatives(found)
-    moved = (slopes.direct @ rate[..., None])[..., 0]
-    moved += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0]
-    held = found.moment
+    pose_rates = (slopes.direct @ rate[..., None])[..., 0]
+    pose_rates += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0]
+    drive_loads = found.moment
     if guide is not None:
-        held = (found.force @ np.array([1.0, -1.0j]) * guide).real
-    return np.vstack([found.pose.T, moved.T, -held.T, found.energy.sum(axis=-1)])
+        drive_loads = (found.force @ np.array([1.0, -1.0j]) * guide).real
+    return np.vstack([found.pose.T, pose_rates.T, -drive_loads.T, found.energy.sum(axis=-1)])

@@ -9,8 +9,8 @@ r"""Straight clamped rod released under its own weight: a motion of any amplitud
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, finite
-from proofmass.analytic.rods.rod_motion import MovingRod, Started, check_rod, resolved_motion
+from proofmass.analytic.numerics import Array, check_finite
+from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, check_rod, resolved_motion
 
 
 def solve(
@@ -68,13 +68,13 @@ def solve(
     -2.0
     """
     check_rod(length, stiffness, mass)
-    finite(gravity=gravity, theta0=theta0)
+    check_finite(gravity=gravity, theta0=theta0)
     t = np.asarray(time, float)
     if not (t >= 0.0).all():
         raise ValueError(f"time must not be negative: the rod is let go at 0, got {t.min():g} s")
     moments, where = np.unique(np.append(0.0, t), return_inverse=True)
     problem = length, stiffness, mass, gravity, theta0
-    found = resolved_motion(released, problem, tuple(moments.tolist()))
+    found = resolved_motion(start_at_rest, problem, tuple(moments.tolist()))
     return {
         name: curve[where[1:]].reshape(t.shape)
         for name, curve in found.items()
@@ -82,12 +82,12 @@ def solve(
     }
 
 
-def released(
+def start_at_rest(
     length: float, stiffness: float, mass: float, gravity: float, theta0: float
-) -> Started:
+) -> RodStart:
     """The rod, and a function that returns its start at rest.
 
-    >>> released(1.0, 1.0, 1.0, 0.0, 0.0)[1](2)
+    >>> start_at_rest(1.0, 1.0, 1.0, 0.0, 0.0)[1](2)
     (array([0., 0.]), array([0., 0.]))
     """
     rod = MovingRod(length, stiffness, mass, gravity=-1j * gravity, theta0=theta0)

@@ -23,16 +23,16 @@ from scipy.optimize import brentq
 from scipy.special import ellipkm1
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel, line_through
-from proofmass.analytic.numerics import TURN, Array, Complex, positive
-from proofmass.analytic.rods.column import whole
-from proofmass.analytic.rods.elastica import from_inflection, rods, stiff
+from proofmass.analytic.numerics import TURN, Array, Complex, check_positive
+from proofmass.analytic.rods.column import complete_integrals
+from proofmass.analytic.rods.elastica import check_stiffness, from_inflection, rods_of_chart
 
 __all__ = ["branches", "events", "properties", "shapes", "solve"]
 
-NEAREST, FURTHEST = 0.32, 0.99  # distances that are tested, over the length
+MIN_DISTANCE, MAX_DISTANCE = 0.32, 0.99  # distances that are tested, over the length
 STRIDE = 0.01  # stride along the level line, in (log alpha, log q)
-WAVES = 3.5  # half waves at the end of the level line, beyond the second fold
-STEPS = 4  # steps of Newton's method, from a guess with an error of about `STRIDE`^2
+MAX_HALF_WAVES = 3.5  # half waves at the end of the level line, beyond the second fold
+NEWTON_STEPS = 4  # steps of Newton's method, from a guess with an error of about `STRIDE`^2
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class SnapFamily:
         above = np.sqrt(self.angle[table] + self.fold)  # the line is smooth in this up to the fold
         root = np.sqrt(np.maximum(angle + self.fold, 0.0))  # it is negative by rounding at the fold
         u = np.stack([np.interp(root, above, column[table]) for column in self.place.T])
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             value, slope = log_tip(u)
-            step = _solved(slope, np.log(self.distance * np.exp(-1j * angle - value)))
+            step = _solve_real(slope, np.log(self.distance * np.exp(-1j * angle - value)))
             u += np.where(np.abs(step).max(axis=0) < STRIDE, step, 0.0)  # longer only at the fold
         return np.exp(u[0]), np.exp(u[1])
 
@@ -85,26 +85,26 @@ def family(length: float, distance: float) -> SnapFamily:
     >>> round(float(np.degrees(family(1.0, 0.8).fold)), 6)
     54.337195
     """
-    positive(length=length, distance=distance)
-    if not NEAREST * length <= distance <= FURTHEST * length:
+    check_positive(length=length, distance=distance)
+    if not MIN_DISTANCE * length <= distance <= MAX_DISTANCE * length:
         raise ValueError(
-            f"distance must be from {NEAREST:g} to {FURTHEST:g} of the length, "
+            f"distance must be from {MIN_DISTANCE:g} to {MAX_DISTANCE:g} of the length, "
             f"{length:g} m, got {distance:g}"
         )
     start = arch(distance / length)
-    sense = float(np.sign(turning(start)))
-    wound = walk(start, -sense, lambda _, value: float(-value.imag) % TURN > np.pi)
-    onward = walk(start, sense, lambda u, _: waves(u) > WAVES)
+    sense = float(np.sign(angle_decrease(start)))
+    wound = follow_level_line(start, -sense, lambda _, value: float(-value.imag) % TURN > np.pi)
+    onward = follow_level_line(start, sense, lambda u, _: half_waves(u) > MAX_HALF_WAVES)
     place = np.array(wound[:0:-1] + onward)
-    turns = turning(place.T)
+    turns = angle_decrease(place.T)
     before = np.flatnonzero(turns[1:] * turns[:-1] < 0.0)
     for i in before[::-1]:
-        place = np.insert(place, i + 1, fold(place[i], sense), axis=0)
+        place = np.insert(place, i + 1, locate_fold(place[i], sense), axis=0)
     angle = np.unwrap(-log_tip(place[::-1].T)[0].imag)[::-1]  # from the end, which is not wound
     return SnapFamily(distance / length, place, angle, before + 1 + np.arange(before.size))
 
 
-def shape(
+def sample_shapes(
     alpha: Array, q: Array, distance: Array | float, fraction: Array
 ) -> tuple[Complex, Array, Complex]:
     """Shapes of unit rods (n,) with the clamp at 0 and the pin at `distance`, on the x axis.
@@ -113,12 +113,12 @@ def shape(
     [rad] from the direction of the load, and that direction e^(i psi) (n,).
     """
 
-    def seen(arc: Array) -> tuple[Complex, Array]:
+    def from_tip(arc: Array) -> tuple[Complex, Array]:
         x, y, turn, _ = from_inflection(np.zeros(()), -np.tanh(q), 1.0 / np.cosh(q), arc)
         return np.asarray((x + 1j * y) / alpha), turn
 
-    place, turn = seen(alpha * (1.0 - fraction[:, None]))
-    load = distance / seen(alpha)[0]
+    place, turn = from_tip(alpha * (1.0 - fraction[:, None]))
+    load = distance / from_tip(alpha)[0]
     return distance - load * place, turn, load
 
 
@@ -126,74 +126,79 @@ def arch(distance: float) -> Array:
     """log(alpha), log(q) of the arch between two pins, 2 E/K - 1 = d."""
 
     def integrals(log_q: float) -> tuple[Array, Array]:
-        return whole(1.0 / np.cosh(np.exp(np.array(log_q))))
+        return complete_integrals(1.0 / np.cosh(np.exp(np.array(log_q))))
 
-    def gap(log_q: float) -> float:
+    def distance_error(log_q: float) -> float:
         quarter, second = integrals(log_q)
         return float(2.0 * second / quarter - 1.0 - distance)
 
-    log_q = brentq(gap, -15.0, 2.0, xtol=1e-15)
+    log_q = brentq(distance_error, -15.0, 2.0, xtol=1e-15)
     return np.array([np.log(2.0 * integrals(log_q)[0]), log_q])
 
 
 def log_tip(u: Array) -> tuple[Complex, Complex]:
     """log(z) (...) at log(alpha), log(q), (2, ...), and its derivatives by them (2, ...)."""
     alpha, q = np.exp(u)
-    rod = rods(alpha, q)
+    rod = rods_of_chart(alpha, q)
     return np.log(rod.tip), rod.tip_slope / rod.tip * np.stack([alpha, q])
 
 
-def waves(u: Array) -> float:
+def half_waves(u: Array) -> float:
     """Number of half waves between the clamp and the tip, as in `ElasticaRods`."""
     alpha, q = np.exp(u)
     return float(0.5 * alpha / ellipkm1((1.0 / np.cosh(q)) ** 2))
 
 
-def turning(u: Array) -> Array:
-    """Fall of the angle (...) per stride along the level line by `ahead`; zero at a fold."""
+def angle_decrease(u: Array) -> Array:
+    """Fall of the angle (...) per stride along the level line by `point_ahead`; zero at a fold."""
     slope = log_tip(u)[1]
     return np.asarray((slope[0].conj() * slope[1]).imag / np.hypot(*slope.real))
 
 
-def ahead(u: Array, known: tuple[Complex, Complex], stride: float) -> Array:
+def point_ahead(u: Array, known: tuple[Complex, Complex], stride: float) -> Array:
     """Point of the level line a stride along the tangent from u, where `log_tip` is known."""
     value, slope = known
     level, (x, y) = value.real, slope.real
     v = u + stride * np.array([-y, x]) / np.hypot(x, y)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         value, slope = log_tip(v)
         v = v - slope.real * (value.real - level) / (slope.real @ slope.real)
     return np.asarray(v)
 
 
-def walk(u: Array, sense: float, ends: Callable[[Array, Complex], bool]) -> list[Array]:
+def follow_level_line(
+    u: Array, sense: float, ends: Callable[[Array, Complex], bool]
+) -> list[Array]:
     """Points of the level line from `u` to the first one for which `ends(point, log z)` is true."""
     points, known = [u], log_tip(u)
     while not ends(points[-1], known[0]):
-        points.append(ahead(points[-1], known, sense * STRIDE))
+        points.append(point_ahead(points[-1], known, sense * STRIDE))
         known = log_tip(points[-1])
     return points
 
 
-def fold(u: Array, sense: float) -> Array:
+def locate_fold(u: Array, sense: float) -> Array:
     """Fold within a stride of the level line from `u`, to rounding."""
     known = log_tip(u)
     share = brentq(
-        lambda part: float(turning(ahead(u, known, sense * part))), 0.0, STRIDE, xtol=1e-15
+        lambda part: float(angle_decrease(point_ahead(u, known, sense * part))),
+        0.0,
+        STRIDE,
+        xtol=1e-15,
     )
-    return ahead(u, known, sense * share)
+    return point_ahead(u, known, sense * share)
 
 
-def _solved(slope: Complex, gap: Complex) -> Array:
-    """Real x, y (2, n) of the complex equations slope[0] x + slope[1] y = `gap`."""
+def _solve_real(slope: Complex, right: Complex) -> Array:
+    """Real x, y (2, n) of the complex equations slope[0] x + slope[1] y = `right`."""
     cross = (slope[0].conj() * slope[1]).imag
-    x, y = (gap.conj() * slope[1]).imag, (slope[0].conj() * gap).imag
+    x, y = (right.conj() * slope[1]).imag, (slope[0].conj() * right).imag
     with np.errstate(divide="ignore", invalid="ignore"):  # cross is zero at a fold
         return np.asarray(np.stack([x, y]) / cross)
 
 
-POINTS = 81  # points of a drawn rod
-COUNTS = "no", "one", "two"  # negative directions of the pieces of a branch
+DRAWN_POINTS = 81  # points of a drawn rod
+COUNT_WORDS = "no", "one", "two"  # negative directions of the pieces of a branch
 
 
 def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) -> Chart:
@@ -215,21 +220,21 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
     >>> [line.label for line in chart.lines if line.stable and not line.points]
     ['stable, bent to the left', 'stable, bent to the right']
     """
-    of, unit = family(length, distance), stiffness / length
-    alpha, q = np.exp(of.place.T)
-    moment = -unit * rods(alpha, q).moment
-    near = np.abs(of.angle) < 2.0 * of.fold
+    snap_rods, unit = family(length, distance), stiffness / length
+    alpha, q = np.exp(snap_rods.place.T)
+    moment = -unit * rods_of_chart(alpha, q).moment
+    near = np.abs(snap_rods.angle) < 2.0 * snap_rods.fold
     lines = [
         line
         for side, word in ((1, "left"), (-1, "right"))
-        for line in pieces(of, side * of.angle, side * moment, near, word)
+        for line in branch_pieces(snap_rods, side * snap_rods.angle, side * moment, near, word)
     ]
-    after = float(-unit * rods(*of.at(np.array([of.fold]))).moment[0])
+    after = float(-unit * rods_of_chart(*snap_rods.at(np.array([snap_rods.fold]))).moment[0])
     for side in (1, -1):
         lines.append(
             ChartLine(
-                -side * np.full(2, of.fold),
-                side * np.array([moment[of.folds[0]], -after]),
+                -side * np.full(2, snap_rods.fold),
+                side * np.array([moment[snap_rods.folds[0]], -after]),
                 "before and after a snap",
                 points=True,
             )
@@ -238,18 +243,18 @@ def branches(*, length: float = 1.0, stiffness: float = 1.0, distance: float) ->
         ("motor", "rad"),
         ("holding moment", "N m"),
         (Panel(tuple(lines)),),
-        f"Each side's stable branch ends in a fold, at ∓{np.degrees(of.fold):.2f}°, "
+        f"Each side's stable branch ends in a fold, at ∓{np.degrees(snap_rods.fold):.2f}°, "
         f"where the rod snaps to the other side. Beyond the fold the energy falls in one direction "
         f"from each equilibrium of the branch, and beyond the next fold in two.",
     )
 
 
-def pieces(
-    of: SnapFamily, angle: Array, moment: Array, near: NDArray[np.bool_], word: str
+def branch_pieces(
+    snap_rods: SnapFamily, angle: Array, moment: Array, near: NDArray[np.bool_], word: str
 ) -> Iterator[ChartLine]:
     """Lines of a branch between its folds, of the shapes whose angles are `near`."""
-    ends = [0, *of.folds[:2], angle.size - 1]
-    for count, first, last in zip(COUNTS, ends[:-1], ends[1:], strict=True):
+    ends = [0, *snap_rods.folds[:2], angle.size - 1]
+    for count, first, last in zip(COUNT_WORDS, ends[:-1], ends[1:], strict=True):
         part = np.arange(first, last + 1)[near[first : last + 1]]
         label = f"{count} direction{'s' * (count == 'two')} to fall in"
         yield ChartLine(
@@ -274,10 +279,10 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
         Left panel: stable shapes as the motor turns down from 80 degrees; right panel: the shapes
         before and after the snap.
     """
-    of = family(length, distance)
-    a = np.radians(np.linspace(80.0, -np.degrees(of.fold), 6))
-    before = drawn(of, a, length)
-    landed = drawn(of, np.array([of.fold]), length)[0].conj()
+    snap_rods = family(length, distance)
+    a = np.radians(np.linspace(80.0, -np.degrees(snap_rods.fold), 6))
+    before = drawn_points(snap_rods, a, length)
+    landed = drawn_points(snap_rods, np.array([snap_rods.fold]), length)[0].conj()
     way = tuple(
         line_through(p, f"{angle:.1f}°") for p, angle in zip(before, np.degrees(a), strict=True)
     )
@@ -291,14 +296,17 @@ def shapes(*, length: float = 1.0, distance: float) -> Chart:
         (Panel(way, title="the motor turns down"), Panel(snap, title="it snaps")),
         "As the motor turns down, a dip at the clamp grows and the arch becomes shorter, until the "
         "equilibrium ends in a fold; the rod then jumps to the mirrored side.",
-        alike=True,
+        equal_scales=True,
     )
 
 
-def drawn(of: SnapFamily, angle: Array, length: float) -> Complex:
+def drawn_points(snap_rods: SnapFamily, angle: Array, length: float) -> Complex:
     """Points x + iy [m] of stable rods that are bent to the left, (n, points)."""
-    alpha, q = of.at(angle)
-    return np.asarray(length * shape(alpha, q, of.distance, np.linspace(0.0, 1.0, POINTS))[0].T)
+    alpha, q = snap_rods.at(angle)
+    return np.asarray(
+        length
+        * sample_shapes(alpha, q, snap_rods.distance, np.linspace(0.0, 1.0, DRAWN_POINTS))[0].T
+    )
 
 
 SIDES = {"left": 1, "right": -1}
@@ -365,19 +373,19 @@ def solve(
     >>> swing["mid_y"].round(6).tolist()
     [0.249259, 0.240182, -0.249259, -0.240182]
     """
-    family_, a = family(length, distance), np.atleast_1d(np.asarray(angle, float))
-    stiff(stiffness)
+    snap_rods, a = family(length, distance), np.atleast_1d(np.asarray(angle, float))
+    check_stiffness(stiffness)
     if side not in SIDES:
         raise ValueError(f"side must be one of {', '.join(SIDES)}, got {side!r}")
     if not np.all(np.abs(a) <= np.pi):
         raise ValueError(f"angle must be within +-pi [rad], got {a[~(np.abs(a) <= np.pi)][0]}")
-    now = sides(a, family_.fold, SIDES[side])
-    alpha, q = family_.at(now * a)
-    rod, unit = rods(alpha, q), stiffness / length
-    place, turn, load = shape(alpha, q, family_.distance, np.array([0.0, 0.5, 1.0]))
+    now = follow_sides(a, snap_rods.fold, SIDES[side])
+    alpha, q = snap_rods.at(now * a)
+    rod, unit = rods_of_chart(alpha, q), stiffness / length
+    place, turn, load = sample_shapes(alpha, q, snap_rods.distance, np.array([0.0, 0.5, 1.0]))
     push = unit / length * alpha**2 * load
     snaps = np.cumsum(now != np.append(SIDES[side], now[:-1]))
-    energy, lost = unit * rod.energy, unit * drop(family_) * snaps
+    energy, lost = unit * rod.energy, unit * energy_drop(snap_rods) * snaps
     return {
         "mid_x": length * place[1].real,
         "mid_y": now * length * place[1].imag,
@@ -392,18 +400,18 @@ def solve(
     }
 
 
-def sides(angle: Array, fold: float, side: int) -> Array:
+def follow_sides(angle: Array, fold: float, side: int) -> Array:
     """Sides of the rod, 1 (left) or -1 (right), at angles in the order of motion."""
-    now = np.empty(angle.size)
+    sides = np.empty(angle.size)
     for i, a in enumerate(angle):
         side = -side if side * a < -fold else side
-        now[i] = side
-    return now
+        sides[i] = side
+    return sides
 
 
-def drop(of: SnapFamily) -> float:
+def energy_drop(snap_rods: SnapFamily) -> float:
     """Energy that a rod of unit length and stiffness loses in a snap [EI/L]."""
-    before, after = rods(*of.at(of.fold * np.array([-1.0, 1.0]))).energy
+    before, after = rods_of_chart(*snap_rods.at(snap_rods.fold * np.array([-1.0, 1.0]))).energy
     return float(before - after)
 
 
@@ -425,11 +433,11 @@ def properties(
     >>> properties(distance=0.8)["lost in a snap"]
     '6.257 J of 8.341 J'
     """
-    of, unit = family(length, distance), stiffness / length
-    ends = rods(*of.at(of.fold * np.array([-1.0, 1.0])))
+    snap_rods, unit = family(length, distance), stiffness / length
+    ends = rods_of_chart(*snap_rods.at(snap_rods.fold * np.array([-1.0, 1.0])))
     before, after = unit * np.abs(ends.moment)
     return {
-        "snaps at": f"±{np.degrees(of.fold):.3f}°",
+        "snaps at": f"±{np.degrees(snap_rods.fold):.3f}°",
         "holding moment": f"{before:.4g} N m before a snap, {after:.4g} N m after it",
-        "lost in a snap": f"{unit * drop(of):.4g} J of {unit * ends.energy[0]:.4g} J",
+        "lost in a snap": f"{unit * energy_drop(snap_rods):.4g} J of {unit * ends.energy[0]:.4g} J",
     }

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
-from proofmass.analytic.numerics import Array, Complex, positive
-from proofmass.analytic.rods.elastica import compliant, stiff
+from proofmass.analytic.numerics import Array, Complex, check_positive
+from proofmass.analytic.rods.elastica import check_section_stiffnesses, check_stiffness
 
 RK4 = (
     np.array([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], float),
@@ -102,9 +102,9 @@ def integrate(
     >>> round(float(rod.y[-1]), 12), round(float(rod.theta[-1]), 12)
     (0.636619772368, 3.14159265359)
     """
-    positive(length=length)
-    stiff(stiffness)
-    compliant(axial, shear)
+    check_positive(length=length)
+    check_stiffness(stiffness)
+    check_section_stiffnesses(axial, shear)
     if scheme not in SCHEMES:
         raise ValueError(f"scheme must be one of {', '.join(SCHEMES)}, got {scheme!r}")
     s = np.linspace(0.0, length, nodes) if isinstance(nodes, int) else nodes
@@ -125,9 +125,9 @@ def integrate(
 
     def rate(at: float, z: Array, slope: Array) -> None:
         beyond = load + complex(length - at) * weight if weighs else tip
-        _slope(z, beyond, stiffness, (axial, shear) if strained else None, slope)
+        _derivative(z, beyond, stiffness, (axial, shear) if strained else None, slope)
 
-    path = march(rate, state, s, scheme)
+    path = runge_kutta(rate, state, s, scheme)
     theta, moment, x, y = np.moveaxis(path[:, :, 0], 1, 0)
     return ShotRods(s, theta, moment, x, y, path[:, :, 1:])
 
@@ -178,7 +178,7 @@ def from_tip(
     )
 
 
-def march(
+def runge_kutta(
     rate: Callable[[float, Array, Array], None], state: Array, s: Array, scheme: str
 ) -> Array:
     """States (nodes, ...) of an explicit Runge-Kutta method on the nodes s.
@@ -199,7 +199,7 @@ def march(
     return path.reshape(s.size, *state.shape)
 
 
-def _slope(
+def _derivative(
     state: Array,
     load: Complex,
     stiffness: float,

@@ -12,11 +12,17 @@ r"""Slider-crank whose coupler is an elastic rod with mass, its crank driven at 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, Complex, finite, not_negative, positive
-from proofmass.analytic.rods.rod_motion import MovingRod, Started, check_rod, resolved_motion
+from proofmass.analytic.numerics import (
+    Array,
+    Complex,
+    check_finite,
+    check_not_negative,
+    check_positive,
+)
+from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, check_rod, resolved_motion
 
-SAME = 1e-6  # largest change of a rate that counts as constant, over the rate
-DIGITS, SHARE = 10, 1e-9
+RATE_TOLERANCE = 1e-6  # largest change of a rate that counts as constant, over the rate
+RATE_DIGITS, TIME_SHARE = 10, 1e-9
 """Digits to which the rate is rounded, and share of the duration to which times are rounded.
 
 Drives that differ by less have the same motion, which is integrated once.  Positions change by as
@@ -24,9 +30,9 @@ much of the crank's displacement, and are accurate to 1e-6.
 """
 
 
-def rounded(value: float) -> float:
-    """A number rounded to `DIGITS` digits."""
-    return float(f"{value:.{DIGITS}g}")
+def round_digits(value: float) -> float:
+    """A number rounded to `RATE_DIGITS` digits."""
+    return float(f"{value:.{RATE_DIGITS}g}")
 
 
 def solve(
@@ -96,23 +102,23 @@ def solve(
     0.8
     """
     check_rod(coupler, stiffness, coupler_mass)
-    positive(crank=crank)
-    not_negative(slider_mass=slider_mass, crank_mass=crank_mass)
-    finite(gravity=gravity)
+    check_positive(crank=crank)
+    check_not_negative(slider_mass=slider_mass, crank_mass=crank_mass)
+    check_finite(gravity=gravity)
     if crank >= coupler:
         raise ValueError(f"coupler must be longer than the crank, {crank:g} m, got {coupler:g} m")
     phi, speeds = (np.atleast_1d(np.asarray(part, float)) for part in (angle, rate))
     speed = float(np.median(speeds))
-    if not np.abs(speeds - speed).max() <= SAME * abs(speed) or not speed:
+    if not np.abs(speeds - speed).max() <= RATE_TOLERANCE * abs(speed) or not speed:
         raise ValueError(
             "rate must be constant and not zero, since the elastic coupler moves in time"
         )
-    speed, first = rounded(speed), round(float(phi[0]), DIGITS - 1)
+    speed, first = round_digits(speed), round(float(phi[0]), RATE_DIGITS - 1)
     t = (phi - phi[0]) / speed
-    if unit := SHARE * rounded(float(t[-1])):
+    if unit := TIME_SHARE * round_digits(float(t[-1])):
         t = unit * np.round(t / unit)
     links = crank, coupler, stiffness, coupler_mass, slider_mass, gravity
-    found = resolved_motion(begun, (*links, first, speed), tuple(t.tolist()))
+    found = resolved_motion(start_straight, (*links, first, speed), tuple(t.tolist()))
     end = crank * np.exp(1j * (first + speed * t))
     middle = found["middle_x"] + 1j * found["middle_y"]
     chord = found["tip_x"] + 1j * found["tip_y"] - end
@@ -130,7 +136,7 @@ def solve(
     }
 
 
-def begun(
+def start_straight(
     crank: float,
     coupler: float,
     stiffness: float,
@@ -139,7 +145,7 @@ def begun(
     gravity: float,
     first: float,
     speed: float,
-) -> Started:
+) -> RodStart:
     """The coupler, and a function that returns its start: straight and moving like a rigid one."""
 
     def begin(t: ArrayLike) -> tuple[Complex, Complex, Complex]:

@@ -26,10 +26,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import TURN, Array, finite, positive
-from proofmass.analytic.remember import nearby
-from proofmass.analytic.rods.elastica import compliant
-from proofmass.analytic.rods.shooting import march
+from proofmass.analytic.numerics import TURN, Array, check_finite, check_positive
+from proofmass.analytic.remember import reuse_nearby
+from proofmass.analytic.rods.elastica import check_section_stiffnesses
+from proofmass.analytic.rods.shooting import runge_kutta
 
 SpatialNumbers = tuple[
     float,
@@ -38,29 +38,29 @@ SpatialNumbers = tuple[
     *tuple[tuple[float, float, float], ...],
 ]
 """Arguments of `spatial_load`: L [m]; GJ, EI_y, EI_z [N m^2]; EA, GA [N]; u0 [1/m]; F, M; w."""
-PARTS = "x", "y", "z"
-STEPS = 16
+AXES = "x", "y", "z"
+STEPS_PER_TURN = 16
 """First number of steps, of order 8, for each turn of the rod without load; it is doubled until
 the tip no longer moves."""
-MOST_STEPS = 4096
+MAX_STEPS = 4096
 """Largest number of steps along the rod."""
-SAME = 1e-12
+TIP_TOLERANCE = 1e-12
 """Largest distance [L] by which the tip may move if the number of steps is doubled."""
-FIRST = 0.125
+FIRST_LOAD_INCREMENT = 0.125
 """First increment of the loads, over the whole loads."""
-FAR = 0.5
+MAX_EXTRAPOLATION_ERROR = 0.5
 """Largest difference [EI/L] of the moment at the clamp from its extrapolation over the loads."""
-NEAR = 1e-7
+MOMENT_DIFFERENCE = 1e-7
 """Differences [EI/L] of the moment at the clamp from which derivatives are computed."""
-MOST_ITERATIONS = 12
+MAX_ITERATIONS = 12
 """Largest number of steps of Newton's method from a guess."""
-EXACT, CLOSE, NEXT = 1e-14, 1e-11, 1e-7
+FINAL_TOLERANCE, ROUNDING_LIMIT, SHARE_TOLERANCE = 1e-14, 1e-11, 1e-7
 """Errors of the moment at the tip, over the sum of all moments: that of a root; that below which
 iterations end as soon as the error is no longer halved, by rounding; and that of an equilibrium
 under a share of the loads."""
-SHORTEST = 1e-4
+MIN_LOAD_INCREMENT = 1e-4
 """Least increment of the loads, over the whole loads."""
-LINKS = 32
+STABILITY_LINKS = 32
 """Parts of the rod by which its stability is determined; each can rotate about three axes."""
 
 
@@ -151,7 +151,7 @@ def solve(
     -----
     The rod is solved by shooting from the clamp, whose moment is unknown, with a Runge-Kutta method
     of order 8 and so many steps that twice as many move the tip by 1e-12 L at most.  An equilibrium
-    is stable if the energy of `LINKS` parts of the rod has no negative direction; close
+    is stable if the energy of `STABILITY_LINKS` parts of the rod has no negative direction; close
     to buckling this is not exact.
     Source: Pérez Gámiz 2018, eq. 1-23, which prints no numbers for them; in its axes the rod lies
     along z, and its eq. 22, of a rod without shear, has a shear stiffness (docs/errata.md).
@@ -178,16 +178,16 @@ def solve(
     arc = np.asarray(s, float)
     if not np.all((arc >= 0.0) & (arc <= length)):
         raise ValueError(f"s must lie within [0, {length}] [m]")
-    place, frame, moment = shape(load, arc.ravel(), *equilibrium(load, given))
+    place, frame, moment = sample_shape(load, arc.ravel(), *find_clamp_moment(load, given))
     force = load.force + load.weight * (length - arc.ravel())[:, None]
     local = np.einsum("kij,ki->kj", frame, moment)
     columns = {
-        **dict(zip(PARTS, place.T, strict=True)),
-        **{f"normal_{name}": frame[:, k, 0] for k, name in enumerate(PARTS)},
+        **dict(zip(AXES, place.T, strict=True)),
+        **{f"normal_{name}": frame[:, k, 0] for k, name in enumerate(AXES)},
         "twist_moment": local[:, 0],
         "bend_moment_y": local[:, 1],
         "bend_moment": local[:, 2],
-        **{f"force_{name}": force[:, k] for k, name in enumerate(PARTS)},
+        **{f"force_{name}": force[:, k] for k, name in enumerate(AXES)},
     }
     return {name: values.reshape(arc.shape) for name, values in columns.items()}
 
@@ -200,14 +200,14 @@ def spatial_load(
     *loads: tuple[float, float, float],
 ) -> SpatialLoad:
     """The rod and its loads; ValueError for a parameter out of its domain."""
-    positive(length=length)
+    check_positive(length=length)
     names = "torsion", "stiffness_y", "stiffness"
-    positive("N m^2", **dict(zip(names, stiffnesses, strict=True)))
-    finite(**dict(zip(names, stiffnesses, strict=True)))
-    compliant(*strains)
-    finite(**dict(zip(("twist", "curvature_y", "curvature"), natural, strict=True)))
+    check_positive("N m^2", **dict(zip(names, stiffnesses, strict=True)))
+    check_finite(**dict(zip(names, stiffnesses, strict=True)))
+    check_section_stiffnesses(*strains)
+    check_finite(**dict(zip(("twist", "curvature_y", "curvature"), natural, strict=True)))
     for name, values in zip(("force", "moment", "weight"), loads, strict=True):
-        finite(**{f"{name}_{part}": value for part, value in zip(PARTS, values, strict=True)})
+        check_finite(**{f"{name}_{part}": value for part, value in zip(AXES, values, strict=True)})
     axial, shear = strains
     return SpatialLoad(
         length,
@@ -218,85 +218,89 @@ def spatial_load(
     )
 
 
-def equilibrium(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, int]:
+def find_clamp_moment(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, int]:
     """The moment at the clamp (3,) [N m] after all loads have grown from zero, and the steps.
 
     ValueError if the number of steps is too small at its largest, or if the equilibrium is
     unstable.
     """
     turns = load.length * float(np.linalg.norm(load.natural)) / TURN
-    steps = STEPS * (1 + int(turns))
-    near = beside(load, 1.0, np.array(grown(given, steps)), steps)
-    near = near or beside(load, 1.0, followed(load, steps), steps)
-    while near and steps < MOST_STEPS:
+    steps = STEPS_PER_TURN * (1 + int(turns))
+    near = solve_from_guess(load, 1.0, np.array(cached_clamp_moment(given, steps)), steps)
+    near = near or solve_from_guess(load, 1.0, continue_from_zero(load, steps), steps)
+    while near and steps < MAX_STEPS:
         steps *= 2
         found, tip = near
-        near = beside(load, 1.0, found, steps)
-        if near and np.abs(near[1] - tip).max() <= SAME * load.length:
+        near = solve_from_guess(load, 1.0, found, steps)
+        if near and np.abs(near[1] - tip).max() <= TIP_TOLERANCE * load.length:
             if negative_directions(load, near[0], steps):
                 raise ValueError("the rod buckles before its loads have grown to the whole")
             return near[0], steps
     raise ValueError(
-        f"the rod is not resolved with {MOST_STEPS} steps along it: it is bent too sharply"
+        f"the rod is not resolved with {MAX_STEPS} steps along it: it is bent too sharply"
     )
 
 
-@nearby
-def grown(given: SpatialNumbers, steps: int) -> tuple[float, ...]:
+@reuse_nearby
+def cached_clamp_moment(given: SpatialNumbers, steps: int) -> tuple[float, ...]:
     """The moment at the clamp [N m] of a rod whose loads have grown from zero.
 
-    `nearby` gives the same result for problems that differ by less than 1e-5, and Newton's method
-    continues from it for each of them.  Sensitivities need many such problems.
+    `reuse_nearby` gives the same result for problems that differ by less than 1e-5, and Newton's
+    method continues from it for each of them.  Sensitivities need many such problems.
     """
-    return tuple(followed(spatial_load(*given), steps).tolist())
+    return tuple(continue_from_zero(spatial_load(*given), steps).tolist())
 
 
-def followed(load: SpatialLoad, steps: int) -> Array:
+def continue_from_zero(load: SpatialLoad, steps: int) -> Array:
     """The moment at the clamp (3,) [N m] under the whole loads, by continuation from zero loads."""
-    share, step, here, tangent = 0.0, FIRST, np.zeros(3), np.zeros(3)
+    share, step, moment, tangent = 0.0, FIRST_LOAD_INCREMENT, np.zeros(3), np.zeros(3)
     while share < 1.0:
         step = min(step, 1.0 - share)
-        guess = here + step * tangent
-        near = beside(load, share + step, guess, steps)
-        if near is None or np.abs(near[0] - guess).max() > FAR * load.scale:
+        guess = moment + step * tangent
+        near = solve_from_guess(load, share + step, guess, steps)
+        if near is None or np.abs(near[0] - guess).max() > MAX_EXTRAPOLATION_ERROR * load.scale:
             step /= 2.0
-            if step < SHORTEST:
+            if step < MIN_LOAD_INCREMENT:
                 raise ValueError(
                     f"no equilibrium of the rod is found beyond {share:.3g} of its loads, which "
                     "grow together from zero"
                 )
             continue
-        tangent, here, share = (near[0] - here) / step, near[0], share + step
+        tangent, moment, share = (near[0] - moment) / step, near[0], share + step
         step *= 2.0
-    return here
+    return moment
 
 
-def beside(load: SpatialLoad, share: float, guess: Array, steps: int) -> tuple[Array, Array] | None:
+def solve_from_guess(
+    load: SpatialLoad, share: float, guess: Array, steps: int
+) -> tuple[Array, Array] | None:
     """The moment at the clamp (3,) [N m] under a share of the loads, and the tip (3,) [m].
 
     They are found by Newton's method from a guess; None if the method fails.
     """
-    here, least = guess, np.inf
-    width = NEAR * load.scale
+    moment, least_error = guess, np.inf
+    width = MOMENT_DIFFERENCE * load.scale
     size = load.scale + share * float(
         np.abs(load.moment).max()
         + load.length * np.abs(load.force).max()
         + load.length**2 * np.abs(load.weight).max()
     )
-    for _ in range(MOST_ITERATIONS):
-        starts = here[:, None] + width * np.eye(3, 4, 1)
-        state = integrated(load, share, starts, steps)[-1]
+    for _ in range(MAX_ITERATIONS):
+        starts = moment[:, None] + width * np.eye(3, 4, 1)
+        state = integrate_rods(load, share, starts, steps)[-1]
         ends = state[MOMENT]
-        gap = ends[:, 0] - share * load.moment
-        left = float(np.abs(gap).max())
-        if not np.isfinite(left):
+        moment_error = ends[:, 0] - share * load.moment
+        error = float(np.abs(moment_error).max())
+        if not np.isfinite(error):
             return None
-        enough = EXACT if share == 1.0 else NEXT
-        if left <= enough * size or (left <= CLOSE * size and left >= least / 2.0):
-            return here, state[PLACE, 0]
-        least = min(least, left)
+        tolerance = FINAL_TOLERANCE if share == 1.0 else SHARE_TOLERANCE
+        if error <= tolerance * size or (
+            error <= ROUNDING_LIMIT * size and error >= least_error / 2.0
+        ):
+            return moment, state[PLACE, 0]
+        least_error = min(least_error, error)
         slopes = (ends[:, 1:] - ends[:, :1]) / width
-        here = here - np.linalg.lstsq(slopes, gap, rcond=None)[0]
+        moment = moment - np.linalg.lstsq(slopes, moment_error, rcond=None)[0]
     return None
 
 
@@ -304,19 +308,19 @@ DIRECTIONS, PLACE, MOMENT = slice(0, 9), slice(9, 12), slice(12, 15)
 """Rows of a state: d1, d2, d3 one after the other [1]; p [m]; m [N m]."""
 
 
-def integrated(load: SpatialLoad, share: float, starts: Array, nodes: int | Array) -> Array:
+def integrate_rods(load: SpatialLoad, share: float, starts: Array, nodes: int | Array) -> Array:
     """States (nodes, 15, rods) of rods with the moments `starts` (3, rods) [N m] at the clamp."""
     s = np.linspace(0.0, load.length, nodes + 1) if isinstance(nodes, int) else nodes
     state = np.zeros((15, starts.shape[1]))
     state[DIRECTIONS] = np.eye(3).reshape(9, 1)
     state[MOMENT] = starts
-    return march(partial(rate, load, share), state, s, "dop853")
+    return runge_kutta(partial(state_derivative, load, share), state, s, "dop853")
 
 
-def rate(load: SpatialLoad, share: float, at: float, state: Array, out: Array) -> None:
+def state_derivative(load: SpatialLoad, share: float, arc: float, state: Array, out: Array) -> None:
     """Write d/ds of the states (15, rods) at an arc length [m] into `out`."""
     axes, moment = state[DIRECTIONS].reshape(3, 3, -1), state[MOMENT]
-    force = share * (load.force + load.weight * (load.length - at))
+    force = share * (load.force + load.weight * (load.length - arc))
     v = load.strains[:, None] * np.einsum("jir,i->jr", axes, force)
     v[0] += 1.0
     u = load.yields[:, None] * np.einsum("jir,ir->jr", axes, moment) + load.natural[:, None]
@@ -331,16 +335,18 @@ def rate(load: SpatialLoad, share: float, at: float, state: Array, out: Array) -
     out[14] = force[0] * ahead[1] - force[1] * ahead[0]
 
 
-def shape(load: SpatialLoad, arc: Array, begin: Array, steps: int) -> tuple[Array, Array, Array]:
+def sample_shape(
+    load: SpatialLoad, arc: Array, begin: Array, steps: int
+) -> tuple[Array, Array, Array]:
     """Positions (n, 3), axes (n, 3, 3) as columns, and moments (n, 3) at arc lengths (n,)."""
     nodes = np.unique(np.concatenate([np.linspace(0.0, load.length, steps + 1), arc]))
-    states = integrated(load, 1.0, begin[:, None], nodes)[np.searchsorted(nodes, arc), :, 0]
+    states = integrate_rods(load, 1.0, begin[:, None], nodes)[np.searchsorted(nodes, arc), :, 0]
     axes = states[:, DIRECTIONS].reshape(-1, 3, 3).swapaxes(1, 2)
     return states[:, PLACE], axes, states[:, MOMENT]
 
 
 def negative_directions(load: SpatialLoad, begin: Array, steps: int) -> int:
-    r"""Number of directions in which the energy of `LINKS` parts falls at an equilibrium.
+    r"""Number of directions in which the energy of `STABILITY_LINKS` parts falls at an equilibrium.
 
     Between two parts there are three hinges, and slides if the rod stretches or shears, each with
     a spring.  With a the axis of a hinge, b the axis of another one beyond it at r, P the tip, and
@@ -352,31 +358,31 @@ def negative_directions(load: SpatialLoad, begin: Array, steps: int) -> int:
     A moment of constant direction has no energy; half of its term, -M . (a x b), is added on either
     side of the diagonal.
     """
-    h = load.length / LINKS
-    arc = h * (np.arange(LINKS + 1) + 0.5)
+    h = load.length / STABILITY_LINKS
+    arc = h * (np.arange(STABILITY_LINKS + 1) + 0.5)
     arc[-1] = load.length
-    place, axes, _ = shape(load, np.asarray(arc, float), begin, steps)
+    place, axes, _ = sample_shape(load, np.asarray(arc, float), begin, steps)
     tip, place, axes = place[-1], place[:-1], axes[:-1].swapaxes(1, 2)
     ahead = h * np.cumsum(place[::-1], axis=0)[::-1] - h / 2 * place
-    seen = ahead - (load.length - arc[:-1, None]) * place
+    relative_sums = ahead - (load.length - arc[:-1, None]) * place
     hinges = axes.reshape(-1, 3)
-    arms, sums = np.repeat(tip - place, 3, axis=0), np.repeat(seen, 3, axis=0)
-    turned = np.cross(np.cross(hinges, arms), load.force)
-    turned += np.cross(np.cross(hinges, sums), load.weight) + np.cross(hinges, load.moment) / 2
+    arms, sums = np.repeat(tip - place, 3, axis=0), np.repeat(relative_sums, 3, axis=0)
+    by_hinges = np.cross(np.cross(hinges, arms), load.force)
+    by_hinges += np.cross(np.cross(hinges, sums), load.weight) + np.cross(hinges, load.moment) / 2
     beyond = load.force + load.weight * (load.length - arc[:-1, None])
-    slid = np.cross(axes, beyond[:, None]).reshape(-1, 3)
-    joint = np.arange(3 * LINKS) // 3
-    soft = np.tile(load.strains > 0.0, LINKS)
-    columns = np.concatenate([turned, slid[soft]])
-    of = np.concatenate([joint, joint[soft]])
-    earlier = np.where(joint[:, None] <= of, -hinges @ columns.T, 0.0)
-    size = of.size
+    by_slides = np.cross(axes, beyond[:, None]).reshape(-1, 3)
+    joint = np.arange(3 * STABILITY_LINKS) // 3
+    has_slide = np.tile(load.strains > 0.0, STABILITY_LINKS)
+    columns = np.concatenate([by_hinges, by_slides[has_slide]])
+    joint_of_column = np.concatenate([joint, joint[has_slide]])
+    earlier = np.where(joint[:, None] <= joint_of_column, -hinges @ columns.T, 0.0)
+    size = joint_of_column.size
     matrix = np.zeros((size, size))
-    matrix[: 3 * LINKS] = earlier
+    matrix[: 3 * STABILITY_LINKS] = earlier
     matrix = np.where(matrix == 0.0, matrix.T, matrix)
     matrix = (matrix + matrix.T) / 2
-    springs = np.tile(1.0 / load.yields, LINKS)
+    springs = np.tile(1.0 / load.yields, STABILITY_LINKS)
     with np.errstate(divide="ignore"):
-        springs = np.append(springs, np.tile(1.0 / load.strains, LINKS)[soft])
+        springs = np.append(springs, np.tile(1.0 / load.strains, STABILITY_LINKS)[has_slide])
     matrix[np.diag_indices(size)] += springs / h
     return int((np.linalg.eigvalsh(matrix) < 0.0).sum())

@@ -18,62 +18,71 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.controls import (
-    UNDRIVEN,
+    NO_PRESCRIBED_JOINTS,
     ControlsInTime,
     Law,
     Prescribed,
     controls_at_samples,
 )
-from proofmass.analytic.equilibrium import Resting
-from proofmass.analytic.numerics import Array, NotCovered, unwrapped_quaternion
-from proofmass.analytic.planar.mechanism import joined, rotation
+from proofmass.analytic.equilibrium import EquilibriumSolver
+from proofmass.analytic.numerics import Array, NotCovered, unwrap_quaternions
+from proofmass.analytic.planar.mechanism import acts_on_joint, rotation_matrix
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
-from proofmass.analytic.spatial.mechanism import NO_TURN, Tree, product, read_tree
+from proofmass.analytic.spatial.mechanism import (
+    IDENTITY_QUATERNION,
+    Tree,
+    quaternion_product,
+    read_tree,
+)
 from proofmass.analytic.spatial.motion import (
-    HeldMotion,
+    ConstrainedMotion,
     count_dof,
     driven_motion,
-    held_motion,
+    integrate_motion,
 )
 from proofmass.analytic.spatial.reactions import PoseStates, Reactions
 from proofmass.analytic.spatial.terms import (
-    NAMES,
+    TERM_NAMES,
     OwnTerms,
     TermSource,
-    actuated,
     actuator_forces,
-    lengthened,
-    over_slack,
-    stretched,
+    actuators_on_joints,
+    joint_spring_stretch,
+    tendon_length,
+    tendon_stretch,
 )
-from proofmass.analytic.spatial.witness import Witnessed, bear_witness
-from proofmass.analytic.stops import Stop, StoppedMotion, read_stops
+from proofmass.analytic.spatial.witness import TermComparison, compare_terms
+from proofmass.analytic.stops import MotionWithStops, Stop, read_stops
 
 __all__ = ["properties", "solve"]
 
-S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
-PARTS = {3: "xyz", 4: "wxyz"}
+SENSOR_TYPE, OBJECT_TYPE = mujoco.mjtSensor, mujoco.mjtObj
+COMPONENT_NAMES = {3: "xyz", 4: "wxyz"}
 """Names of the components of vectors and of quaternions, by their number."""
 IN_TIME, DRIVEN, AT_REST = "in time", "driven", "at rest"
-HOW = {
+METHOD_TEXTS = {
     IN_TIME: "integrated with DOP853 at 3e-14",
     DRIVEN: "at the drives' values",
     AT_REST: "at equilibria for the drives' values",
 }
 """Descriptions of how the equations are solved, by the way of motion."""
-ACTUATORS = {S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC, S.mjSENS_TENDONACTFRC}
+ACTUATOR_SENSORS = {
+    SENSOR_TYPE.mjSENS_ACTUATORFRC,
+    SENSOR_TYPE.mjSENS_JOINTACTFRC,
+    SENSOR_TYPE.mjSENS_TENDONACTFRC,
+}
 """Sensors of the forces of actuators."""
 
 
 @dataclass(frozen=True)
-class Followed:
+class SolvedMotion:
     """A solved motion with that of its bodies, the check of its terms, and changing controls."""
 
     way: str
-    held: HeldMotion
+    held: ConstrainedMotion
     motion: TreeMotion
-    witnessed: Witnessed
+    comparison: TermComparison
     ctrl: Array | None
 
 
@@ -171,16 +180,16 @@ def solve(
     >>> [round(float(motion[name][0]), 8) for name in ("turn.w", "spin.y")]
     [1.0, 5.0]
     """
-    tree, source = sources(model, start, terms)
+    tree, source = tree_and_terms(model, start, terms)
     motion = (value,) if not joints else (value, rate, acceleration)
-    changing = Changing(controls, control_rates, control_laws)
-    followed = follow(model, tree, source, joints, motion, in_time, changing)
+    changing = ChangingControls(controls, control_rates, control_laws)
+    followed = find_motion(model, tree, source, joints, motion, in_time, changing)
     if followed.way == AT_REST and inertia:
         raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
     if followed.way == DRIVEN:
         refuse_limits(tree, followed.held.q)
     inertia = inertia or followed.way == IN_TIME
-    return quantities(model, tree, followed) | forces(model, tree, followed, joints, inertia)
+    return quantities(model, tree, followed) | force_curves(model, tree, followed, joints, inertia)
 
 
 def properties(
@@ -201,30 +210,36 @@ def properties(
     `motion` has the times of the run [s], or values, rates and accelerations of its drives; the
     other parameters are those of `solve`.
     """
-    tree, source = sources(model, start, terms)
-    changing = Changing(controls, control_rates, control_laws)
+    tree, source = tree_and_terms(model, start, terms)
+    changing = ChangingControls(controls, control_rates, control_laws)
     given = motion if joints else (motion,)
-    followed = follow(model, tree, source, joints, given, in_time, changing)
-    seen, held = followed.witnessed, followed.held
+    followed = find_motion(model, tree, source, joints, given, in_time, changing)
+    comparison, held = followed.comparison, followed.held
     found = {
-        "equations of motion": f"terms of {source.name}, {HOW[followed.way]}",
+        "equations of motion": f"terms of {source.name}, {METHOD_TEXTS[followed.way]}",
         "second formulation": (
-            f"proofmass's own terms agree at {seen.states} poses, to {seen.difference:.1g} of the "
-            f"largest (worst: {NAMES[seen.term]})"
+            f"proofmass's own terms agree at {comparison.states} poses, to "
+            f"{comparison.difference:.1g} of the largest (worst: {TERM_NAMES[comparison.term]})"
         ),
     }
     if tree.rows:
         rows = f"{held.rank} independent of" if followed.way == IN_TIME else "all"
         rows = f"{rows} {tree.rows} rows"
-        found["equalities"] = f"closed exactly, {rows}; open by {held.open_by:.1g} in the key"
+        found["equalities"] = (
+            f"closed exactly, {rows}; open by {held.start_violation:.1g} in the key"
+        )
     if events := held.stopped.events():
         found["stops"] = events
-    if not joints and not held.stopped.impacts and (energy := conserved(tree, followed)):
+    if (
+        not joints
+        and not held.stopped.impacts
+        and (energy := describe_conservation(tree, followed))
+    ):
         found["energy"] = energy
     return found
 
 
-def conserved(tree: Tree, followed: Followed) -> str:
+def describe_conservation(tree: Tree, followed: SolvedMotion) -> str:
     """Describe how well energy is conserved; empty where actuators or dampers change it."""
     if (
         tree.actuators
@@ -234,24 +249,24 @@ def conserved(tree: Tree, followed: Followed) -> str:
         or len(followed.held.q) < 2
     ):
         return ""
-    own = kinetic(tree, followed), potential(tree, followed)
+    own = kinetic_energy(tree, followed), potential_energy(tree, followed)
     swing = max(float(np.ptp(part)) for part in own) or float(np.abs(own[0]).max()) or 1.0
     swing = max(swing, float(own[0].max()))
     return f"kept to {float(np.ptp(own[0] + own[1])) / swing:.1g} of the largest kinetic energy"
 
 
-def sources(model: Any, start: str, terms: TermSource | None) -> tuple[Tree, TermSource]:
+def tree_and_terms(model: Any, start: str, terms: TermSource | None) -> tuple[Tree, TermSource]:
     """The tree of a model, and the source of its terms."""
-    tree = _read(model, start)
-    return tree, _own(tree) if terms is None else terms
+    tree = _read_cached(model, start)
+    return tree, _own_terms_cached(tree) if terms is None else terms
 
 
-_read = lru_cache(maxsize=32)(read_tree)
-_own = lru_cache(maxsize=32)(OwnTerms)
+_read_cached = lru_cache(maxsize=32)(read_tree)
+_own_terms_cached = lru_cache(maxsize=32)(OwnTerms)
 
 
 @dataclass(frozen=True)
-class Changing:
+class ChangingControls:
     """Controls that change, by the names of actuators: at the samples, or as functions of time."""
 
     controls: Mapping[str, ArrayLike] | None
@@ -259,46 +274,46 @@ class Changing:
     laws: Mapping[str, Law] | None
 
 
-def follow(
+def find_motion(
     model: Any,
     tree: Tree,
     source: TermSource,
     joints: tuple[str, ...],
     motion: Sequence[ArrayLike],
     in_time: tuple[Array, Sequence[Law]] | None,
-    changing: Changing,
-) -> Followed:
+    changing: ChangingControls,
+) -> SolvedMotion:
     """Find the motion by the way that its drives allow; results are cached.
 
     `motion` has times, or values, rates and accelerations of the drives.
     """
-    loose = not joints or leaves_dof(tree, joints)
-    if loose and (not joints or in_time is not None):
+    has_dof = not joints or has_free_dof(tree, joints)
+    if has_dof and (not joints or in_time is not None):
         times, laws = in_time if joints and in_time else (np.atleast_1d(motion[0]), ())
         times = np.asarray(times, float)
         ctrl_laws = ControlsInTime.of(model, tree.ctrl, changing.laws)
-        stops = tuple(stops_of(model, tree))
+        stops = tuple(read_tree_stops(model, tree))
         try:
             packed = pickle.dumps((times, tuple(laws), ctrl_laws))
         except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
-            return moved_in_time(tree, source, joints, stops, times, laws, ctrl_laws)
-        return in_time_once(tree, source, joints, stops, packed)
+            return integrate_in_time(tree, source, joints, stops, times, laws, ctrl_laws)
+        return integrate_in_time_cached(tree, source, joints, stops, packed)
     values = np.atleast_2d(np.asarray(motion[0], float))
     state = [np.broadcast_to(np.asarray(x, float), values.shape).T for x in motion]
     ctrl = controls_at_samples(model, tree.ctrl, changing.controls)
-    if not loose:
-        return driven_once(tree, source, joints, pickle.dumps((state, ctrl)))
+    if not has_dof:
+        return find_driven_cached(tree, source, joints, pickle.dumps((state, ctrl)))
     rates = controls_at_samples(model, np.zeros(tree.ctrl.size), changing.rates)
-    return rests_once(tree, source, joints, pickle.dumps((state, ctrl, rates)))
+    return follow_equilibria_cached(tree, source, joints, pickle.dumps((state, ctrl, rates)))
 
 
 @lru_cache(maxsize=32)
-def leaves_dof(tree: Tree, joints: tuple[str, ...]) -> bool:
+def has_free_dof(tree: Tree, joints: tuple[str, ...]) -> bool:
     """Whether the tree has more degrees of freedom than driven joints at the start pose."""
-    return count_dof(tree, _own(tree)) > len(joints)
+    return count_dof(tree, _own_terms_cached(tree)) > len(joints)
 
 
-def moved_in_time(
+def integrate_in_time(
     tree: Tree,
     source: TermSource,
     joints: tuple[str, ...],
@@ -306,109 +321,121 @@ def moved_in_time(
     times: Array,
     laws: Sequence[Law],
     changing: ControlsInTime | None,
-) -> Followed:
+) -> SolvedMotion:
     """Integrate a motion in time, free or with drives that follow motion profiles."""
-    drives = UNDRIVEN
+    drives = NO_PRESCRIBED_JOINTS
     if joints:
         drives = Prescribed.of(*tree.places(joints), laws)
-    held = held_motion(tree, source, times, stops, changing, drives)
+    held = integrate_motion(tree, source, times, stops, changing, drives)
     ctrl = changing.along(times) if changing else None
-    return witnessed(tree, source, IN_TIME, held, times, ctrl)
+    return compare_and_move(tree, source, IN_TIME, held, times, ctrl)
 
 
 @lru_cache(maxsize=8)
-def in_time_once(
+def integrate_in_time_cached(
     tree: Tree, source: TermSource, joints: tuple[str, ...], stops: tuple[Stop, ...], packed: bytes
-) -> Followed:
-    """`moved_in_time` for pickled times, motion profiles and controls, cached by these bytes."""
-    return moved_in_time(tree, source, joints, stops, *pickle.loads(packed))
+) -> SolvedMotion:
+    """`integrate_in_time` for pickled times, motion profiles and controls; a cache by these."""
+    return integrate_in_time(tree, source, joints, stops, *pickle.loads(packed))
 
 
 @lru_cache(maxsize=8)
-def driven_once(tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes) -> Followed:
+def find_driven_cached(
+    tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes
+) -> SolvedMotion:
     """Find a motion that its drives determine; states and controls are pickled, for the cache."""
     state, ctrl = pickle.loads(packed)
-    return witnessed(tree, source, DRIVEN, driven_motion(tree, source, joints, *state), None, ctrl)
+    return compare_and_move(
+        tree, source, DRIVEN, driven_motion(tree, source, joints, *state), None, ctrl
+    )
 
 
 @lru_cache(maxsize=8)
-def rests_once(tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes) -> Followed:
+def follow_equilibria_cached(
+    tree: Tree, source: TermSource, joints: tuple[str, ...], packed: bytes
+) -> SolvedMotion:
     """Follow equilibria over values of the drives; the arguments are pickled, for the cache."""
     (values, rates, _), ctrl, ctrl_rates = pickle.loads(packed)
     at_rest = TreeAtRest(tree, joints)
-    resting = Resting(at_rest)
+    resting = EquilibriumSolver(at_rest)
     q, stops = resting.follow(values, ctrl)
     v, pushes = resting.beside(q, stops, values, rates, ctrl, ctrl_rates)
-    stopped = StoppedMotion(forces=list(pushes))
-    held = HeldMotion(q, v, np.full_like(v, np.nan), at_rest.closed[1], 0, 0, stopped)
-    return witnessed(tree, source, AT_REST, held, None, ctrl)
+    stopped = MotionWithStops(forces=list(pushes))
+    held = ConstrainedMotion(q, v, np.full_like(v, np.nan), at_rest.closed[1], 0, 0, stopped)
+    return compare_and_move(tree, source, AT_REST, held, None, ctrl)
 
 
-def witnessed(
+def compare_and_move(
     tree: Tree,
     source: TermSource,
     way: str,
-    held: HeldMotion,
+    held: ConstrainedMotion,
     times: Array | None,
     ctrl: Array | None,
-) -> Followed:
+) -> SolvedMotion:
     """Check the terms of a motion and move its bodies; without times the samples are counted."""
-    at, unit = (np.arange(float(len(held.q))), "sample") if times is None else (times, "t")
-    seen = bear_witness(tree, source, at, held.q, held.v, unit, ctrl)
-    return Followed(way, held, move_tree(tree, held.q, held.v, held.a), seen, ctrl)
+    instants, instant_name = (
+        (np.arange(float(len(held.q))), "sample") if times is None else (times, "t")
+    )
+    comparison = compare_terms(tree, source, instants, held.q, held.v, instant_name, ctrl)
+    return SolvedMotion(way, held, move_tree(tree, held.q, held.v, held.a), comparison, ctrl)
 
 
-def forces(
-    model: Any, tree: Tree, followed: Followed, joints: tuple[str, ...], inertia: bool
+def force_curves(
+    model: Any, tree: Tree, followed: SolvedMotion, joints: tuple[str, ...], inertia: bool
 ) -> dict[str, Array]:
     """Curves of sensors of actuators and drives, and of forces and moments between bodies.
 
     They are those of the motion with `inertia`, otherwise those at rest.  Forces between bodies are
     left out where the motion does not determine them.
     """
-    kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}
-    sensors = [s for s, kind in kinds.items() if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE)]
+    kinds = {s: SENSOR_TYPE(int(model.sensor_type[s])) for s in range(model.nsensor)}
+    sensors = [
+        s
+        for s, kind in kinds.items()
+        if kind in (SENSOR_TYPE.mjSENS_FORCE, SENSOR_TYPE.mjSENS_TORQUE)
+    ]
     held, motion = followed.held, followed.motion
-    state, still = (held.q, held.v, held.a), np.zeros_like(held.v)
+    state, zero_rates = (held.q, held.v, held.a), np.zeros_like(held.v)
     if not inertia:
-        state = (held.q, still, still)
+        state = (held.q, zero_rates, zero_rates)
         motion = move_tree(tree, *state)
-    found = shown_forces(model, tree, motion, state, followed.ctrl)
+    found = actuator_curves(model, tree, motion, state, followed.ctrl)
     if not sensors and not joints:
         return found
-    pushes = np.array(held.stopped.forces or still[:1])
+    pushes = np.array(held.stopped.forces or zero_rates[:1])
     reactions = Reactions(tree, motion, state, joints, pushes, followed.ctrl)
-    found |= shown_moments(model, joints, reactions.drives)
+    found |= drive_curves(model, joints, reactions.drives)
     for s in sensors if reactions.unique else ():
-        seat = Seat.of(model, tree, motion, s)
+        seat = SensorFrame.of(model, tree, motion, s)
         force, moment = reactions.on(seat.body, seat.at())
-        own = seat.inside(force if kinds[s] == S.mjSENS_FORCE else moment)
+        own = seat.inside(force if kinds[s] == SENSOR_TYPE.mjSENS_FORCE else moment)
         found |= {f"{model.sensor(s).name}.{part}": own[:, k] for k, part in enumerate("xyz")}
     return found
 
 
-def shown_forces(
+def actuator_curves(
     model: Any, tree: Tree, motion: TreeMotion, state: PoseStates, ctrl: Array | None
 ) -> dict[str, Array]:
     """Curves of the sensors of actuators, and of all actuators on a joint or a tendon."""
-    kinds = {s: S(int(model.sensor_type[s])) for s in range(model.nsensor)}
-    if not ACTUATORS & set(kinds.values()):
+    kinds = {s: SENSOR_TYPE(int(model.sensor_type[s])) for s in range(model.nsensor)}
+    if not ACTUATOR_SENSORS & set(kinds.values()):
         return {}
     (q, v, _), found = state, dict[str, Array]()
-    lengths = [lengthened(tree, motion, q, v, tendon) for tendon in tree.tendons]
+    lengths = [tendon_length(tree, motion, q, v, tendon) for tendon in tree.tendons]
     controls = tree.ctrl[None] if ctrl is None else ctrl
-    own = {one.place: force for one, force in actuator_forces(tree, lengths, q, v, ctrl)}
+    by_control = {one.place: force for one, force in actuator_forces(tree, lengths, q, v, ctrl)}
     for load in tree.site_loads:
-        own[load.actuator.place] = load.actuator.force(controls[:, load.actuator.place])
-    on_joints = actuated(tree, motion, lengths, q, v, ctrl)
+        by_control[load.actuator.place] = load.actuator.force(controls[:, load.actuator.place])
+    on_joints = actuators_on_joints(tree, motion, lengths, q, v, ctrl)
     for s, kind in kinds.items():
         number, value = int(model.sensor_objid[s]), np.zeros(len(q))
-        if kind == S.mjSENS_ACTUATORFRC:
-            value = value + own.get(int(model.actuator_ctrladr[number]), 0.0)
-        elif kind == S.mjSENS_JOINTACTFRC:
+        if kind == SENSOR_TYPE.mjSENS_ACTUATORFRC:
+            value = value + by_control.get(int(model.actuator_ctrladr[number]), 0.0)
+        elif kind == SENSOR_TYPE.mjSENS_JOINTACTFRC:
             value = on_joints[:, int(model.jnt_dofadr[number])]
-        elif kind == S.mjSENS_TENDONACTFRC:
-            pulls = (own[one.place] for one in tree.actuators if one.tendon == number)
+        elif kind == SENSOR_TYPE.mjSENS_TENDONACTFRC:
+            pulls = (by_control[one.place] for one in tree.actuators if one.tendon == number)
             value = sum(pulls, value)
         else:
             continue
@@ -416,16 +443,16 @@ def shown_forces(
     return found
 
 
-def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
+def drive_curves(model: Any, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
     """Curves of the sensors of driven joints and their actuators, from the drives' moments."""
     found: dict[str, Array] = {}
     for s in range(model.nsensor):
-        kind, number = S(int(model.sensor_type[s])), int(model.sensor_objid[s])
+        kind, number = SENSOR_TYPE(int(model.sensor_type[s])), int(model.sensor_objid[s])
         gear = 1.0
-        if kind == S.mjSENS_ACTUATORFRC and joined(model, number):
+        if kind == SENSOR_TYPE.mjSENS_ACTUATORFRC and acts_on_joint(model, number):
             gear = float(model.actuator_gear[model.actuator_outadr[number], 0])
             number = int(model.actuator_trnid[number, 0])
-        elif kind != S.mjSENS_JOINTACTFRC:
+        elif kind != SENSOR_TYPE.mjSENS_JOINTACTFRC:
             continue
         name = model.joint(number).name
         if name in joints and gear:
@@ -433,7 +460,7 @@ def shown_moments(model: Any, joints: tuple[str, ...], moments: Array) -> dict[s
     return found
 
 
-def stops_of(model: Any, tree: Tree) -> Iterator[Stop]:
+def read_tree_stops(model: Any, tree: Tree) -> Iterator[Stop]:
     """Read the stops of all joints."""
     for j, joint in enumerate(tree.joints):
         if joint.kind in ("hinge", "slide"):
@@ -445,63 +472,67 @@ def refuse_limits(tree: Tree, q: Array) -> None:
     """Raise ValueError if a joint of a driven motion leaves its range."""
     for joint in tree.joints:
         if joint.kind in ("hinge", "slide"):
-            out = (q[:, joint.pose] < joint.range[0]) | (q[:, joint.pose] > joint.range[1])
-            if out.any():
+            outside = (q[:, joint.pose] < joint.range[0]) | (q[:, joint.pose] > joint.range[1])
+            if outside.any():
                 raise ValueError(
                     f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                    f"{int(np.argmax(out))}; joint limits are not covered in driven motions"
+                    f"{int(np.argmax(outside))}; joint limits are not covered in driven motions"
                 )
 
 
-def quantities(model: Any, tree: Tree, followed: Followed) -> dict[str, Array]:
+def quantities(model: Any, tree: Tree, followed: SolvedMotion) -> dict[str, Array]:
     """Curves (n,) of all sensors that are covered, by channel name."""
     found: dict[str, Array] = {}
     for s in range(model.nsensor):
-        name, kind = model.sensor(s).name, S(int(model.sensor_type[s]))
-        value = of_whole(model, tree, followed, kind, s)
-        if value is None and kind in FRAMES and int(model.sensor_reftype[s]) == OBJ.mjOBJ_UNKNOWN:
-            value = FRAMES[kind](Seat.of(model, tree, followed.motion, s))
+        name, kind = model.sensor(s).name, SENSOR_TYPE(int(model.sensor_type[s]))
+        value = joint_or_model_curve(model, tree, followed, kind, s)
+        if (
+            value is None
+            and kind in FRAME_CURVES
+            and int(model.sensor_reftype[s]) == OBJECT_TYPE.mjOBJ_UNKNOWN
+        ):
+            value = FRAME_CURVES[kind](SensorFrame.of(model, tree, followed.motion, s))
         if value is None:
             continue
         if value.ndim == 1:
             found[name] = value
         else:
-            parts = PARTS[value.shape[1]]
+            parts = COMPONENT_NAMES[value.shape[1]]
             found |= {f"{name}.{part}": value[:, k] for k, part in enumerate(parts)}
     return found
 
 
-def of_whole(
-    model: Any, tree: Tree, followed: Followed, kind: mujoco.mjtSensor, s: int
+def joint_or_model_curve(
+    model: Any, tree: Tree, followed: SolvedMotion, kind: mujoco.mjtSensor, s: int
 ) -> Array | None:
     """Curve of a sensor of a joint, a tendon or the whole model; None for another sensor."""
     held, number = followed.held, int(model.sensor_objid[s])
-    if kind == S.mjSENS_E_POTENTIAL:
-        return potential(tree, followed)
-    if kind == S.mjSENS_E_KINETIC:
-        return kinetic(tree, followed)
-    if kind in (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL):
-        length = lengthened(tree, followed.motion, held.q, held.v, tree.tendons[number])
-        return length.value if kind == S.mjSENS_TENDONPOS else length.rate
-    if int(model.sensor_objtype[s]) != OBJ.mjOBJ_JOINT:
+    if kind == SENSOR_TYPE.mjSENS_E_POTENTIAL:
+        return potential_energy(tree, followed)
+    if kind == SENSOR_TYPE.mjSENS_E_KINETIC:
+        return kinetic_energy(tree, followed)
+    if kind in (SENSOR_TYPE.mjSENS_TENDONPOS, SENSOR_TYPE.mjSENS_TENDONVEL):
+        length = tendon_length(tree, followed.motion, held.q, held.v, tree.tendons[number])
+        return length.value if kind == SENSOR_TYPE.mjSENS_TENDONPOS else length.rate
+    if int(model.sensor_objtype[s]) != OBJECT_TYPE.mjOBJ_JOINT:
         return None
     joint = tree.joints[number]
-    if kind == S.mjSENS_BALLQUAT:
+    if kind == SENSOR_TYPE.mjSENS_BALLQUAT:
         own = held.q[:, joint.pose : joint.pose + 4]
-        return unwrapped_quaternion(own / np.linalg.norm(own, axis=1, keepdims=True))
-    if kind == S.mjSENS_BALLANGVEL:
+        return unwrap_quaternions(own / np.linalg.norm(own, axis=1, keepdims=True))
+    if kind == SENSOR_TYPE.mjSENS_BALLANGVEL:
         return held.v[:, joint.rate : joint.rate + 3]
-    if kind == S.mjSENS_JOINTPOS:
+    if kind == SENSOR_TYPE.mjSENS_JOINTPOS:
         return held.q[:, joint.pose]
-    if kind == S.mjSENS_JOINTVEL:
+    if kind == SENSOR_TYPE.mjSENS_JOINTVEL:
         return held.v[:, joint.rate]
-    if kind == S.mjSENS_USER and joint.kind in ("hinge", "slide"):
+    if kind == SENSOR_TYPE.mjSENS_USER and joint.kind in ("hinge", "slide"):
         return held.a[:, joint.rate]
     return None
 
 
 @dataclass(frozen=True)
-class Seat:
+class SensorFrame:
     """The frame of a sensor: a point and axes that are fixed to a body."""
 
     motion: TreeMotion
@@ -511,14 +542,22 @@ class Seat:
     gravity: Array
 
     @classmethod
-    def of(cls, model: Any, tree: Tree, motion: TreeMotion, s: int) -> "Seat":
+    def of(cls, model: Any, tree: Tree, motion: TreeMotion, s: int) -> "SensorFrame":
         """Read the frame of sensor number s."""
-        kind, i = OBJ(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
+        kind, i = OBJECT_TYPE(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
         body, place, quaternion = {
-            OBJ.mjOBJ_SITE: lambda: (model.site_bodyid[i], model.site_pos[i], model.site_quat[i]),
-            OBJ.mjOBJ_GEOM: lambda: (model.geom_bodyid[i], model.geom_pos[i], model.geom_quat[i]),
-            OBJ.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
-            OBJ.mjOBJ_XBODY: lambda: (i, np.zeros(3), NO_TURN),
+            OBJECT_TYPE.mjOBJ_SITE: lambda: (
+                model.site_bodyid[i],
+                model.site_pos[i],
+                model.site_quat[i],
+            ),
+            OBJECT_TYPE.mjOBJ_GEOM: lambda: (
+                model.geom_bodyid[i],
+                model.geom_pos[i],
+                model.geom_quat[i],
+            ),
+            OBJECT_TYPE.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
+            OBJECT_TYPE.mjOBJ_XBODY: lambda: (i, np.zeros(3), IDENTITY_QUATERNION),
         }[kind]()
         return cls(motion, int(body), np.array(place), np.array(quaternion), tree.gravity)
 
@@ -536,36 +575,38 @@ class Seat:
 
     def turn(self) -> Array:
         """Quaternion of the frame's axes (n, 4) [1]."""
-        return unwrapped_quaternion(product(self.motion.quaternion[:, self.body], self.quaternion))
+        return unwrap_quaternions(
+            quaternion_product(self.motion.quaternion[:, self.body], self.quaternion)
+        )
 
     def axis(self, k: int) -> Array:
         """Axis number k in the world (n, 3) [1]."""
-        return np.asarray(self.motion.turn[:, self.body] @ rotation(self.quaternion)[:, k])
+        return np.asarray(self.motion.turn[:, self.body] @ rotation_matrix(self.quaternion)[:, k])
 
     def inside(self, vectors: Array) -> Array:
         """Components (n, 3) of vectors of the world in the frame's axes."""
-        axes = self.motion.turn[:, self.body] @ rotation(self.quaternion)
+        axes = self.motion.turn[:, self.body] @ rotation_matrix(self.quaternion)
         return np.asarray(np.einsum("nji,nj->ni", axes, vectors))
 
 
-FRAMES: Mapping[mujoco.mjtSensor, Callable[[Seat], Array]] = {
-    S.mjSENS_FRAMEPOS: Seat.at,
-    S.mjSENS_FRAMELINVEL: Seat.velocity,
-    S.mjSENS_FRAMELINACC: Seat.acceleration,
-    S.mjSENS_FRAMEANGVEL: lambda seat: seat.motion.spin[:, seat.body],
-    S.mjSENS_FRAMEANGACC: lambda seat: seat.motion.spin_rate[:, seat.body],
-    S.mjSENS_FRAMEQUAT: Seat.turn,
-    S.mjSENS_FRAMEXAXIS: lambda seat: seat.axis(0),
-    S.mjSENS_FRAMEYAXIS: lambda seat: seat.axis(1),
-    S.mjSENS_FRAMEZAXIS: lambda seat: seat.axis(2),
-    S.mjSENS_GYRO: lambda seat: seat.inside(seat.motion.spin[:, seat.body]),
-    S.mjSENS_VELOCIMETER: lambda seat: seat.inside(seat.velocity()),
-    S.mjSENS_ACCELEROMETER: lambda seat: seat.inside(seat.acceleration() - seat.gravity),
+FRAME_CURVES: Mapping[mujoco.mjtSensor, Callable[[SensorFrame], Array]] = {
+    SENSOR_TYPE.mjSENS_FRAMEPOS: SensorFrame.at,
+    SENSOR_TYPE.mjSENS_FRAMELINVEL: SensorFrame.velocity,
+    SENSOR_TYPE.mjSENS_FRAMELINACC: SensorFrame.acceleration,
+    SENSOR_TYPE.mjSENS_FRAMEANGVEL: lambda seat: seat.motion.spin[:, seat.body],
+    SENSOR_TYPE.mjSENS_FRAMEANGACC: lambda seat: seat.motion.spin_rate[:, seat.body],
+    SENSOR_TYPE.mjSENS_FRAMEQUAT: SensorFrame.turn,
+    SENSOR_TYPE.mjSENS_FRAMEXAXIS: lambda seat: seat.axis(0),
+    SENSOR_TYPE.mjSENS_FRAMEYAXIS: lambda seat: seat.axis(1),
+    SENSOR_TYPE.mjSENS_FRAMEZAXIS: lambda seat: seat.axis(2),
+    SENSOR_TYPE.mjSENS_GYRO: lambda seat: seat.inside(seat.motion.spin[:, seat.body]),
+    SENSOR_TYPE.mjSENS_VELOCIMETER: lambda seat: seat.inside(seat.velocity()),
+    SENSOR_TYPE.mjSENS_ACCELEROMETER: lambda seat: seat.inside(seat.acceleration() - seat.gravity),
 }
 """Curves of the sensors of frames, by kind of sensor."""
 
 
-def kinetic(tree: Tree, followed: Followed) -> Array:
+def kinetic_energy(tree: Tree, followed: SolvedMotion) -> Array:
     """Kinetic energy (n,), including that of armatures [J]."""
     motion, rates = followed.motion, followed.held.v
     found = 0.5 * rates**2 @ tree.armature
@@ -577,7 +618,7 @@ def kinetic(tree: Tree, followed: Followed) -> Array:
     return np.asarray(found)
 
 
-def potential(tree: Tree, followed: Followed) -> Array:
+def potential_energy(tree: Tree, followed: SolvedMotion) -> Array:
     """Potential energy (n,) of weights and springs, with the same zero as in MuJoCo [J]."""
     motion, held = followed.motion, followed.held
     found = np.zeros(len(held.q))
@@ -585,18 +626,18 @@ def potential(tree: Tree, followed: Followed) -> Array:
         found = found - body.mass * motion.point(b, body.centre) @ tree.gravity
     for joint in tree.joints:
         if any(joint.stiffness):
-            x = stretched(joint.kind, joint.rest, held.q[:, joint.pose :])
+            x = joint_spring_stretch(joint.kind, joint.rest, held.q[:, joint.pose :])
             if x.shape[1] == 1:
-                found = found + stored(joint.stiffness, x[:, 0])
+                found = found + spring_energy(joint.stiffness, x[:, 0])
             else:
                 found = found + 0.5 * joint.stiffness[0] * (x**2).sum(axis=1)
     for tendon in tree.tendons:
-        length = lengthened(tree, motion, held.q, held.v, tendon).value
-        found = found + stored(tendon.stiffness, over_slack(tendon, length))
+        length = tendon_length(tree, motion, held.q, held.v, tendon).value
+        found = found + spring_energy(tendon.stiffness, tendon_stretch(tendon, length))
     return found
 
 
-def stored(stiffness: tuple[float, ...], x: Array) -> Array:
+def spring_energy(stiffness: tuple[float, ...], x: Array) -> Array:
     """Energy (n,) of a spring of polynomial stiffness at a stretch (n,) [J]."""
     shares = [c / (k + 2) for k, c in enumerate(stiffness)]
     return np.asarray(x**2 * np.polynomial.polynomial.polyval(x, shares))

@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from proofmass.analytic.numerics import Array, CannotAssemble, Index
-from proofmass.analytic.spatial.kinematics import unit
-from proofmass.analytic.spatial.mechanism import Tree, product
-from proofmass.analytic.spatial.motion import CLOSED, ROUNDS, Holder
+from proofmass.analytic.spatial.kinematics import normalize_quaternions
+from proofmass.analytic.spatial.mechanism import Tree, quaternion_product
+from proofmass.analytic.spatial.motion import CLOSING_TOLERANCE, MAX_NEWTON_STEPS, ConstrainedTree
 from proofmass.analytic.spatial.terms import OwnTerms, own_terms
-from proofmass.analytic.stops import Stop, ends
+from proofmass.analytic.stops import Stop, make_stops
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class TreeAtRest:
             stop
             for joint in self.tree.joints
             if joint.kind in ("hinge", "slide") and joint.rate not in self.driven
-            for stop in ends(
+            for stop in make_stops(
                 joint.name, joint.range, joint.pose, joint.rate, float(self.sizes[joint.rate])
             )
         )
@@ -67,7 +67,7 @@ class TreeAtRest:
     @cached_property
     def closed(self) -> tuple[Array, float]:
         """The start pose (poses,) with closed equalities, and their largest violation before."""
-        q, _, gap = Holder(self.tree, OwnTerms(self.tree)).start()
+        q, _, gap = ConstrainedTree(self.tree, OwnTerms(self.tree)).start()
         return q, gap
 
     def begin(self, values: Array) -> Array:
@@ -80,29 +80,31 @@ class TreeAtRest:
         """
         q = self.closed[0][None]
         units = np.eye(self.sizes.size)[self.driven]
-        for _ in range(ROUNDS):
+        for _ in range(MAX_NEWTON_STEPS):
             found = own_terms(self.tree, q, np.zeros((1, self.sizes.size)))
-            missed = self.values(q)[0] - values
-            gap = np.concatenate([found.gap[0], missed])
-            if np.abs(gap).max() < CLOSED * max(1.0, self.tree.extent):
+            drive_violations = self.values(q)[0] - values
+            violations = np.concatenate([found.gap[0], drive_violations])
+            if np.abs(violations).max() < CLOSING_TOLERANCE * max(1.0, self.tree.extent):
                 return np.asarray(q[0])
             rows = np.vstack([found.jacobian[0], units]) * self.sizes
-            q = self.moved(q, -self.sizes * np.linalg.lstsq(rows, gap)[0][None])
+            q = self.moved(q, -self.sizes * np.linalg.lstsq(rows, violations)[0][None])
         raise CannotAssemble(
-            f"the equalities stay open by {np.abs(gap).max():.3g} with the drives at "
+            f"the equalities stay open by {np.abs(violations).max():.3g} with the drives at "
             f"{', '.join(f'{value:.6g}' for value in values)}"
         )
 
-    def moved(self, q: Array, way: Array) -> Array:
+    def moved(self, q: Array, moves: Array) -> Array:
         """Poses (n, poses) that moves (n, rates) lead to; balls turn about constant axes."""
         found, (places, rates) = q.copy(), self.tree.scalars
-        found[:, places] += way[:, rates]
-        for at, dof in self.tree.quaternions:
-            turn = way[:, dof : dof + 3]
-            angle = np.linalg.norm(turn, axis=1, keepdims=True)
-            half = np.sinc(angle / (2 * np.pi)) / 2 * turn
-            turned = np.concatenate([np.cos(angle / 2), half], axis=1)
-            found[:, at : at + 4] = unit(product(q[:, at : at + 4], turned))
+        found[:, places] += moves[:, rates]
+        for pose_index, rate_index in self.tree.quaternions:
+            rotations = moves[:, rate_index : rate_index + 3]
+            angle = np.linalg.norm(rotations, axis=1, keepdims=True)
+            half = np.sinc(angle / (2 * np.pi)) / 2 * rotations
+            quaternion = np.concatenate([np.cos(angle / 2), half], axis=1)
+            found[:, pose_index : pose_index + 4] = normalize_quaternions(
+                quaternion_product(q[:, pose_index : pose_index + 4], quaternion)
+            )
         return found
 
     def pushed(self, q: Array, ctrl: Array | None) -> tuple[Array, Array, Array]:

@@ -10,11 +10,11 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.mechanism import (
-    NO_TURN,
+    IDENTITY_QUATERNION,
     Tree,
     TreeJoint,
-    parts_of_product,
-    product,
+    quaternion_product,
+    quaternion_product_parts,
 )
 
 
@@ -75,7 +75,7 @@ class Frame:
     spin: Array
     spin_rate: Array
 
-    def carried(self, arm: Array) -> None:
+    def shift_origin(self, arm: Array) -> None:
         """Move the origin by an arm that is fixed in the frame (n, 3) [m]."""
         self.at = self.at + arm
         self.velocity = self.velocity + cross3(self.spin, arm)
@@ -85,10 +85,10 @@ class Frame:
             + cross3(self.spin, cross3(self.spin, arm))
         )
 
-    def slid(self, axis: Array, value: Array, rate: Array, acceleration: Array) -> None:
+    def slide_along(self, axis: Array, value: Array, rate: Array, acceleration: Array) -> None:
         """Move the frame along an axis that is fixed in it (n, 3)."""
         value, rate, acceleration = (part[:, None] for part in (value, rate, acceleration))
-        self.carried(axis * value)
+        self.shift_origin(axis * value)
         self.velocity = self.velocity + axis * rate
         self.acceleration = (
             self.acceleration + 2.0 * cross3(self.spin, axis * rate) + axis * acceleration
@@ -99,23 +99,23 @@ class Frame:
 
         `rate` and `acceleration` (n, 3) are relative to the frame, in the axes of the world.
         """
-        self.quaternion = product(self.quaternion, quaternion)
-        self.turn = matrices(self.quaternion)
+        self.quaternion = quaternion_product(self.quaternion, quaternion)
+        self.turn = rotation_matrices(self.quaternion)
         self.spin_rate = self.spin_rate + cross3(self.spin, rate) + acceleration
         self.spin = self.spin + rate
 
 
-NEXT, BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
+AXIS_AFTER, AXIS_BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
 """For each axis the next one, and the one before it, in cyclic order."""
 
 
 def cross3(one: Array, two: Array) -> Array:
     """Vector product (..., 3)."""
-    ahead = one.take(NEXT, -1) * two.take(BEFORE, -1)
-    return np.asarray(ahead - one.take(BEFORE, -1) * two.take(NEXT, -1))
+    positive_part = one.take(AXIS_AFTER, -1) * two.take(AXIS_BEFORE, -1)
+    return np.asarray(positive_part - one.take(AXIS_BEFORE, -1) * two.take(AXIS_AFTER, -1))
 
 
-def matrices(quaternion: Array) -> Array:
+def rotation_matrices(quaternion: Array) -> Array:
     """Rotation matrices (..., 3, 3) [1] of unit quaternions."""
     w, x, y, z = (quaternion[..., k] for k in range(4))
     found = np.empty((*w.shape, 3, 3))
@@ -128,13 +128,13 @@ def matrices(quaternion: Array) -> Array:
     return found
 
 
-def turn_about(axis: Array, angle: Array) -> Array:
+def quaternion_about(axis: Array, angle: Array) -> Array:
     """Quaternions (n, 4) [1] of rotations by angles (n,) about an axis (3,)."""
     half = 0.5 * angle[:, None]
     return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
 
 
-def turn_vector(quaternion: Array) -> Array:
+def rotation_vector(quaternion: Array) -> Array:
     """Rotation vectors (axis times angle) (n, 3) [rad] of quaternions; the angle is at most pi."""
     sign = np.where(quaternion[:, :1] < 0, -1.0, 1.0)
     scalar, vector = sign * quaternion[:, :1], sign * quaternion[:, 1:]
@@ -143,7 +143,7 @@ def turn_vector(quaternion: Array) -> Array:
     return np.asarray(vector * np.where(sine > 0, angle / np.where(sine > 0, sine, 1.0), 2.0))
 
 
-def unit(quaternion: Array) -> Array:
+def normalize_quaternions(quaternion: Array) -> Array:
     """Scale quaternions (..., 4) to length 1."""
     return np.asarray(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))
 
@@ -152,72 +152,79 @@ def move_tree(tree: Tree, q: Array, v: Array, a: Array) -> TreeMotion:
     """Find the motion of all bodies at poses q (n, poses), with rates v and accelerations a."""
     n = len(q)
     axes, anchors = np.zeros((n, v.shape[1], 3)), np.zeros((n, v.shape[1], 3))
-    still, upright = np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
-    frames = [Frame(still, still, still, np.tile(NO_TURN, (n, 1)), upright, still, still)]
+    zeros, identity = np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
+    frames = [
+        Frame(zeros, zeros, zeros, np.tile(IDENTITY_QUATERNION, (n, 1)), identity, zeros, zeros)
+    ]
     for body in tree.bodies[1:]:
         frame = replace(frames[body.parent])
-        frame.carried(frame.turn @ body.place)
-        if (body.turn != NO_TURN).any():
-            frame.turned(body.turn, still, still)
+        frame.shift_origin(frame.turn @ body.place)
+        if (body.turn != IDENTITY_QUATERNION).any():
+            frame.turned(body.turn, zeros, zeros)
         for j in body.joints:
-            pass_joint(tree.joints[j], frame, q, v, a, axes, anchors)
+            move_by_joint(tree.joints[j], frame, q, v, a, axes, anchors)
         frames.append(frame)
     names = ("at", "velocity", "acceleration", "quaternion", "turn", "spin", "spin_rate")
     parts = {name: np.stack([getattr(one, name) for one in frames], axis=1) for name in names}
     return TreeMotion(**parts, axes=axes, anchors=anchors)
 
 
-def pass_joint(
+def move_by_joint(
     joint: TreeJoint, frame: Frame, q: Array, v: Array, a: Array, axes: Array, anchors: Array
 ) -> None:
     """Move a frame by one joint, and write the joint's directions into `axes` and `anchors`."""
-    at, dof = joint.pose, joint.rate
+    pose_index, rate_index = joint.pose, joint.rate
     if joint.kind == "slide":
         axis = frame.turn @ joint.axis
-        axes[:, dof] = axis
-        frame.slid(axis, q[:, at] - joint.zero, v[:, dof], a[:, dof])
+        axes[:, rate_index] = axis
+        frame.slide_along(axis, q[:, pose_index] - joint.zero, v[:, rate_index], a[:, rate_index])
         return
     if joint.kind == "free":
-        frame.at, frame.velocity = q[:, at : at + 3], v[:, dof : dof + 3]
-        frame.acceleration = a[:, dof : dof + 3]
-        frame.quaternion = np.tile(NO_TURN, (len(q), 1))
+        frame.at, frame.velocity = (
+            q[:, pose_index : pose_index + 3],
+            v[:, rate_index : rate_index + 3],
+        )
+        frame.acceleration = a[:, rate_index : rate_index + 3]
+        frame.quaternion = np.tile(IDENTITY_QUATERNION, (len(q), 1))
         frame.spin = frame.spin_rate = np.zeros((len(q), 3))
-        axes[:, dof : dof + 3] = np.eye(3)
-        at, dof = at + 3, dof + 3
+        axes[:, rate_index : rate_index + 3] = np.eye(3)
+        pose_index, rate_index = pose_index + 3, rate_index + 3
     elif joint.place.any():
-        frame.carried(frame.turn @ joint.place)
+        frame.shift_origin(frame.turn @ joint.place)
     if joint.kind == "hinge":
         axis = frame.turn @ joint.axis
-        axes[:, dof], anchors[:, dof] = axis, frame.at
+        axes[:, rate_index], anchors[:, rate_index] = axis, frame.at
         frame.turned(
-            turn_about(joint.axis, q[:, at] - joint.zero),
-            axis * v[:, dof, None],
-            axis * a[:, dof, None],
+            quaternion_about(joint.axis, q[:, pose_index] - joint.zero),
+            axis * v[:, rate_index, None],
+            axis * a[:, rate_index, None],
         )
     else:
-        own = unit(q[:, at : at + 4])
-        turn = matrices(product(frame.quaternion, own))
-        axes[:, dof : dof + 3] = np.swapaxes(turn, 1, 2)
-        anchors[:, dof : dof + 3] = frame.at[:, None]
-        rate, acceleration = ((turn @ part[:, dof : dof + 3, None])[..., 0] for part in (v, a))
+        own = normalize_quaternions(q[:, pose_index : pose_index + 4])
+        turn = rotation_matrices(quaternion_product(frame.quaternion, own))
+        axes[:, rate_index : rate_index + 3] = np.swapaxes(turn, 1, 2)
+        anchors[:, rate_index : rate_index + 3] = frame.at[:, None]
+        rate, acceleration = (
+            (turn @ part[:, rate_index : rate_index + 3, None])[..., 0] for part in (v, a)
+        )
         frame.turned(own, rate, acceleration)
     if joint.kind != "free" and joint.place.any():
-        frame.carried(-(frame.turn @ joint.place))
+        frame.shift_origin(-(frame.turn @ joint.place))
 
 
-def advance(tree: Tree, q: Array, step: Array) -> Array:
+def advance_pose(tree: Tree, q: Array, step: Array) -> Array:
     """Pose (poses,) that a step (rates,) leads to from q: rates acting for a unit of time."""
     found = q.copy()
     places, rates = tree.scalars
     found[places] += step[rates]
-    for at, dof in tree.quaternions:
-        x, y, z = step[dof : dof + 3].tolist()
+    for pose_index, rate_index in tree.quaternions:
+        x, y, z = step[rate_index : rate_index + 3].tolist()
         angle = sqrt(x * x + y * y + z * z)
         scale = sin(angle / 2) / angle if angle else 0.5
         half = cos(angle / 2), scale * x, scale * y, scale * z
-        turned = parts_of_product(q[at : at + 4].tolist(), half)
-        length = sqrt(sum(part * part for part in turned))
-        found[at : at + 4] = [part / length for part in turned]
+        quaternion = quaternion_product_parts(q[pose_index : pose_index + 4].tolist(), half)
+        length = sqrt(sum(part * part for part in quaternion))
+        found[pose_index : pose_index + 4] = [part / length for part in quaternion]
     return found
 
 
@@ -226,10 +233,10 @@ def pose_rate(tree: Tree, q: Array, v: Array) -> Array:
     found = np.empty(q.size)
     places, rates = tree.scalars
     found[places] = v[rates]
-    for at, dof in tree.quaternions:
-        w, x, y, z = q[at : at + 4].tolist()
-        a, b, c = v[dof : dof + 3].tolist()
-        found[at : at + 4] = (
+    for pose_index, rate_index in tree.quaternions:
+        w, x, y, z = q[pose_index : pose_index + 4].tolist()
+        a, b, c = v[rate_index : rate_index + 3].tolist()
+        found[pose_index : pose_index + 4] = (
             -0.5 * (x * a + y * b + z * c),
             0.5 * (w * a + y * c - z * b),
             0.5 * (w * b + z * a - x * c),

@@ -17,29 +17,29 @@ import numpy as np
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
 from proofmass.analytic.numerics import Array, Index, NotCovered
 from proofmass.analytic.planar.mechanism import (
-    beside_force,
-    beside_springs,
-    disabled,
+    acts_on_joint,
+    enabled_actuators,
     is_affine,
-    joined,
-    loads_site,
+    is_disabled,
+    is_site_motor,
     read_actuator,
     read_site_load,
     refuse_contacts,
-    rotation,
-    switched_on,
+    rotation_matrix,
+    uncovered_actuator_features,
+    uncovered_tendon_features,
 )
 
-OFF, EQ, TRN = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
-KINDS = {
+DISABLE_FLAG, EQUALITY_TYPE, TRANSMISSION_TYPE = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
+JOINT_KINDS = {
     mujoco.mjtJoint.mjJNT_HINGE: "hinge",
     mujoco.mjtJoint.mjJNT_SLIDE: "slide",
     mujoco.mjtJoint.mjJNT_BALL: "ball",
     mujoco.mjtJoint.mjJNT_FREE: "free",
 }
-WIDTHS = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
+JOINT_SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
 """How many numbers a joint has in a pose and in the rates, by its kind."""
-NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
+IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ class Tree:
             found[b] = found[body.parent]
             for j in body.joints:
                 joint = self.joints[j]
-                found[b, joint.rate : joint.rate + WIDTHS[joint.kind][1]] = 1.0
+                found[b, joint.rate : joint.rate + JOINT_SIZES[joint.kind][1]] = 1.0
         return found
 
     @cached_property
@@ -329,15 +329,17 @@ def read_tree(model: Any, start: str) -> Tree:
     ValueError
         There is no such key.
     """
-    refuse_all(model)
+    refuse_uncovered(model)
     names = [model.key(k).name for k in range(model.nkey)]
     if names and start not in names:
         raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
     key = names.index(start) if names else -1
-    held = not disabled(model, OFF.mjDSBL_EQUALITY, OFF.mjDSBL_CONSTRAINT)
-    active = [int(e) for e in np.flatnonzero(model.eq_active0)] if held else []
-    damped = not disabled(model, OFF.mjDSBL_DAMPER)
-    damping = np.column_stack([model.dof_damping, model.dof_dampingpoly]) * damped
+    has_equalities = not is_disabled(
+        model, DISABLE_FLAG.mjDSBL_EQUALITY, DISABLE_FLAG.mjDSBL_CONSTRAINT
+    )
+    active = [int(e) for e in np.flatnonzero(model.eq_active0)] if has_equalities else []
+    has_damping = not is_disabled(model, DISABLE_FLAG.mjDSBL_DAMPER)
+    damping = np.column_stack([model.dof_damping, model.dof_dampingpoly]) * has_damping
     ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
     return Tree(
         tuple(read_body(model, b) for b in range(model.nbody)),
@@ -345,33 +347,37 @@ def read_tree(model: Any, start: str) -> Tree:
         tuple(read_tendon(model, t) for t in range(model.ntendon)),
         tuple(
             read_actuator(model, a)
-            for a in switched_on(model)
-            if model.actuator_trntype[a] != TRN.mjTRN_SITE
+            for a in enabled_actuators(model)
+            if model.actuator_trntype[a] != TRANSMISSION_TYPE.mjTRN_SITE
         ),
         tuple(
             read_loop(model, e)
             for e in active
-            if EQ(int(model.eq_type[e])) in (EQ.mjEQ_CONNECT, EQ.mjEQ_WELD)
+            if EQUALITY_TYPE(int(model.eq_type[e]))
+            in (EQUALITY_TYPE.mjEQ_CONNECT, EQUALITY_TYPE.mjEQ_WELD)
         ),
         tuple(
             read_tie(model, e)
             for e in active
-            if EQ(int(model.eq_type[e])) in (EQ.mjEQ_JOINT, EQ.mjEQ_TENDON)
+            if EQUALITY_TYPE(int(model.eq_type[e]))
+            in (EQUALITY_TYPE.mjEQ_JOINT, EQUALITY_TYPE.mjEQ_TENDON)
         ),
         damping,
         np.array(model.dof_armature),
-        np.array(model.opt.gravity) * (not disabled(model, OFF.mjDSBL_GRAVITY)),
+        np.array(model.opt.gravity) * (not is_disabled(model, DISABLE_FLAG.mjDSBL_GRAVITY)),
         np.array(model.key_qpos[key] if names else model.qpos0),
         np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
         float(model.stat.extent),
         np.array(ctrl),
-        tuple(read_site_load(model, a) for a in switched_on(model) if loads_site(model, a)),
+        tuple(
+            read_site_load(model, a) for a in enabled_actuators(model) if is_site_motor(model, a)
+        ),
     )
 
 
 def read_body(model: Any, b: int) -> TreeBody:
     """Read body number b."""
-    first, axes = int(model.body_jntadr[b]), rotation(model.body_iquat[b])
+    first, axes = int(model.body_jntadr[b]), rotation_matrix(model.body_iquat[b])
     return TreeBody(
         model.body(b).name,
         int(model.body_parentid[b]),
@@ -386,9 +392,11 @@ def read_body(model: Any, b: int) -> TreeBody:
 
 def read_joint(model: Any, j: int) -> TreeJoint:
     """Read joint number j."""
-    kind, pose = KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))], int(model.jnt_qposadr[j])
-    sprung = not disabled(model, OFF.mjDSBL_SPRING)
-    bounded = model.jnt_limited[j] and not disabled(model, OFF.mjDSBL_LIMIT, OFF.mjDSBL_CONSTRAINT)
+    kind, pose = JOINT_KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))], int(model.jnt_qposadr[j])
+    has_springs = not is_disabled(model, DISABLE_FLAG.mjDSBL_SPRING)
+    has_range = model.jnt_limited[j] and not is_disabled(
+        model, DISABLE_FLAG.mjDSBL_LIMIT, DISABLE_FLAG.mjDSBL_CONSTRAINT
+    )
     return TreeJoint(
         model.joint(j).name,
         kind,
@@ -397,9 +405,9 @@ def read_joint(model: Any, j: int) -> TreeJoint:
         np.array(model.jnt_pos[j]),
         np.array(model.jnt_axis[j]),
         float(model.qpos0[pose]) if kind in ("hinge", "slide") else 0.0,
-        tuple(sprung * c for c in (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])),
-        np.array(model.qpos_spring[pose : pose + WIDTHS[kind][0]]),
-        tuple(model.jnt_range[j].tolist()) if bounded else UNLIMITED,
+        tuple(has_springs * c for c in (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])),
+        np.array(model.qpos_spring[pose : pose + JOINT_SIZES[kind][0]]),
+        tuple(model.jnt_range[j].tolist()) if has_range else UNLIMITED,
         tuple(model.jnt_actfrcrange[j].tolist()) if model.jnt_actfrclimited[j] else UNLIMITED,
     )
 
@@ -416,25 +424,25 @@ def read_tendon(model: Any, t: int) -> Tendon:
             terms.append((*place, float(model.wrap_prm[w])))
         else:
             points.append((int(model.site_bodyid[what]), np.array(model.site_pos[what])))
-    sprung = not disabled(model, OFF.mjDSBL_SPRING)
-    damped = not disabled(model, OFF.mjDSBL_DAMPER)
+    has_springs = not is_disabled(model, DISABLE_FLAG.mjDSBL_SPRING)
+    has_damping = not is_disabled(model, DISABLE_FLAG.mjDSBL_DAMPER)
     return Tendon(
         model.tendon(t).name,
         tuple(terms),
         tuple(points),
         float(model.tendon_length0[t]),
         (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
-        tuple(sprung * c for c in (model.tendon_stiffness[t], *model.tendon_stiffnesspoly[t])),
-        tuple(damped * c for c in (model.tendon_damping[t], *model.tendon_dampingpoly[t])),
+        tuple(has_springs * c for c in (model.tendon_stiffness[t], *model.tendon_stiffnesspoly[t])),
+        tuple(has_damping * c for c in (model.tendon_damping[t], *model.tendon_dampingpoly[t])),
     )
 
 
 def read_loop(model: Any, e: int) -> PointLoop:
     """Read equality number e, a connect or a weld."""
     one, two, data = int(model.eq_obj1id[e]), int(model.eq_obj2id[e]), model.eq_data[e]
-    weld = model.eq_type[e] == EQ.mjEQ_WELD
+    weld = model.eq_type[e] == EQUALITY_TYPE.mjEQ_WELD
     places = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
-    turns = [data[6:10], NO_TURN]
+    turns = [data[6:10], IDENTITY_QUATERNION]
     if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
         sides = one, two
         one, two = (int(model.site_bodyid[side]) for side in sides)
@@ -455,20 +463,20 @@ def read_tie(model: Any, e: int) -> Tie:
     """Read equality number e, of joints or tendons."""
     return Tie(
         model.equality(e).name,
-        model.eq_type[e] == EQ.mjEQ_TENDON,
+        model.eq_type[e] == EQUALITY_TYPE.mjEQ_TENDON,
         int(model.eq_obj1id[e]),
         int(model.eq_obj2id[e]),
         np.array(model.eq_data[e, :5]),
     )
 
 
-def product(one: Array, two: Array) -> Array:
+def quaternion_product(one: Array, two: Array) -> Array:
     """Product (..., 4) of quaternions [1]."""
     first, second = ([part[..., k] for k in range(4)] for part in (one, two))
-    return np.stack(parts_of_product(first, second), axis=-1)
+    return np.stack(quaternion_product_parts(first, second), axis=-1)
 
 
-def parts_of_product(one: Sequence[Any], two: Sequence[Any]) -> tuple[Any, Any, Any, Any]:
+def quaternion_product_parts(one: Sequence[Any], two: Sequence[Any]) -> tuple[Any, Any, Any, Any]:
     """The four parts of the product of quaternions [1]; much faster for single numbers."""
     w, x, y, z = one
     a, b, c, d = two
@@ -480,12 +488,12 @@ def parts_of_product(one: Sequence[Any], two: Sequence[Any]) -> tuple[Any, Any, 
     )
 
 
-def conjugate(quaternion: Array) -> Array:
+def quaternion_conjugate(quaternion: Array) -> Array:
     """Conjugate quaternion (..., 4), that of the opposite rotation [1]."""
     return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
-def refuse_all(model: Any) -> None:
+def refuse_uncovered(model: Any) -> None:
     """Raise NotCovered, with the name in the MJCF, for elements that this solver does not cover.
 
     Elements that MuJoCo computes as soft constraints or by rules of its own, such as contacts and
@@ -496,40 +504,47 @@ def refuse_all(model: Any) -> None:
     refuse_tendons(model)
     refuse_actuators(model)
     for e in np.flatnonzero(model.eq_active0):
-        kind = EQ(int(model.eq_type[e]))
-        if kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_WELD, EQ.mjEQ_JOINT, EQ.mjEQ_TENDON):
+        kind = EQUALITY_TYPE(int(model.eq_type[e]))
+        if kind not in (
+            EQUALITY_TYPE.mjEQ_CONNECT,
+            EQUALITY_TYPE.mjEQ_WELD,
+            EQUALITY_TYPE.mjEQ_JOINT,
+            EQUALITY_TYPE.mjEQ_TENDON,
+        ):
             raise NotCovered(
                 f"equality {model.equality(e).name!r} is neither connect, weld, joint nor tendon"
             )
     for b in np.flatnonzero(model.body_gravcomp):
         raise NotCovered(f"body {model.body(b).name!r} has gravcomp")
-    for what, there in {
+    for feature, present in {
         "a flex": model.nflex,
         "a mocap body": model.nmocap,
         "a fluid (density or viscosity)": model.opt.density + model.opt.viscosity,
         "a plugin": model.nplugin,
     }.items():
-        if there:
-            raise NotCovered(f"it has {what}")
+        if present:
+            raise NotCovered(f"it has {feature}")
 
 
 def refuse_joints(model: Any) -> None:
     """Raise NotCovered for features of joints that are not covered."""
-    rubs = not disabled(model, OFF.mjDSBL_FRICTIONLOSS, OFF.mjDSBL_CONSTRAINT)
+    has_friction = not is_disabled(
+        model, DISABLE_FLAG.mjDSBL_FRICTIONLOSS, DISABLE_FLAG.mjDSBL_CONSTRAINT
+    )
     for j in range(model.njnt):
-        name, kind = model.joint(j).name, KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))]
-        dofs = slice(model.jnt_dofadr[j], model.jnt_dofadr[j] + WIDTHS[kind][1])
-        wide = kind in ("ball", "free")
-        for what, there in {
-            "frictionloss": rubs and model.dof_frictionloss[dofs].any(),
-            "a range (of a ball)": wide and model.jnt_limited[j],
+        name, kind = model.joint(j).name, JOINT_KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))]
+        dofs = slice(model.jnt_dofadr[j], model.jnt_dofadr[j] + JOINT_SIZES[kind][1])
+        has_several_dof = kind in ("ball", "free")
+        for feature, present in {
+            "frictionloss": has_friction and model.dof_frictionloss[dofs].any(),
+            "a range (of a ball)": has_several_dof and model.jnt_limited[j],
             "a polynomial spring (of a ball or free joint)": (
-                wide and model.jnt_stiffnesspoly[j].any()
+                has_several_dof and model.jnt_stiffnesspoly[j].any()
             ),
             "a spring that yields": model.jnt_springyield[j].any(),
         }.items():
-            if there:
-                raise NotCovered(f"joint {name!r} has {what}")
+            if present:
+                raise NotCovered(f"joint {name!r} has {feature}")
 
 
 def refuse_tendons(model: Any) -> None:
@@ -538,24 +553,26 @@ def refuse_tendons(model: Any) -> None:
     for t in range(model.ntendon):
         first = int(model.tendon_adr[t])
         kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
-        for what, there in {
+        for feature, present in {
             "wraps around a geom or a pulley": not np.isin(kinds, straight).all(),
-            **beside_springs(model, t),
+            **uncovered_tendon_features(model, t),
             "has a range of actuator forces": model.tendon_actfrclimited[t],
         }.items():
-            if there:
-                raise NotCovered(f"tendon {model.tendon(t).name!r} {what}")
+            if present:
+                raise NotCovered(f"tendon {model.tendon(t).name!r} {feature}")
 
 
 def refuse_actuators(model: Any) -> None:
     """Raise NotCovered for actuators that are not affine, or that act on an uncovered element."""
     for a in range(model.nactuator):
         joint = int(model.actuator_trnid[a, 0])
-        wide = joined(model, a) and WIDTHS[KINDS[mujoco.mjtJoint(int(model.jnt_type[joint]))]] != (
+        on_several_dof = acts_on_joint(model, a) and JOINT_SIZES[
+            JOINT_KINDS[mujoco.mjtJoint(int(model.jnt_type[joint]))]
+        ] != (
             1,
             1,
         )
-        for what, there in {
+        for feature, present in {
             "has a dynamics of its own": model.actuator_dyntype[a] != mujoco.mjtDyn.mjDYN_NONE,
             "has a gain that is not fixed": (
                 model.actuator_gaintype[a] != mujoco.mjtGain.mjGAIN_FIXED
@@ -564,10 +581,10 @@ def refuse_actuators(model: Any) -> None:
                 model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE and not is_affine(model, a)
             ),
             "acts neither on a joint nor on a tendon, nor is a motor on a site whose refsite, if "
-            "any, is of the ground": not (joined(model, a) or loads_site(model, a))
-            and model.actuator_trntype[a] != TRN.mjTRN_TENDON,
-            "acts on a ball or a free joint": wide,
-            **beside_force(model, a),
+            "any, is of the ground": not (acts_on_joint(model, a) or is_site_motor(model, a))
+            and model.actuator_trntype[a] != TRANSMISSION_TYPE.mjTRN_TENDON,
+            "acts on a ball or a free joint": on_several_dof,
+            **uncovered_actuator_features(model, a),
         }.items():
-            if there:
-                raise NotCovered(f"actuator {model.actuator(a).name!r} {what}")
+            if present:
+                raise NotCovered(f"actuator {model.actuator(a).name!r} {feature}")

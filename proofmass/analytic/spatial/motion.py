@@ -3,9 +3,9 @@ r"""The motion of a tree with exact equalities.
     M v̇ = Q - h + Jᵀ λ,   J v̇ = γ        with M = L Lᵀ, W = J L⁻ᵀ:
     v̇ = a + L⁻ᵀ W⁺ (γ - J a),   a = M⁻¹ (Q - h)
 
-The pseudo-inverse W⁺ leaves out singular values below `RANK` of the largest, so that rows may
-depend on each other. The integrator is DOP853. After every step the pose is projected on φ(q) = 0
-and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are scaled to
+The pseudo-inverse W⁺ leaves out singular values below `RANK_TOLERANCE` of the largest, so that rows
+may depend on each other. The integrator is DOP853. After every step the pose is projected on φ(q) =
+0 and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are scaled to
 length 1.
 """
 
@@ -16,48 +16,54 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proofmass.analytic.controls import UNDRIVEN, ControlsInTime, Prescribed, smooth_pieces
+from proofmass.analytic.controls import (
+    NO_PRESCRIBED_JOINTS,
+    ControlsInTime,
+    Prescribed,
+    smooth_pieces,
+)
 from proofmass.analytic.numerics import Array, CannotAssemble, SingularHere
-from proofmass.analytic.spatial.kinematics import advance, pose_rate
+from proofmass.analytic.spatial.kinematics import advance_pose, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import Terms, TermSource
 from proofmass.analytic.stops import (
     Balance,
+    MotionWithStops,
     State,
     Step,
     Stop,
-    StoppedMotion,
-    follow_stopped,
+    integrate_with_stops,
     unit_rows,
 )
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
 
-ACCURACY = 3e-14
+INTEGRATION_TOLERANCE = 3e-14
 """Relative tolerance of a step, and absolute one in m, rad and per s."""
-RANK = 1e-8
+RANK_TOLERANCE = 1e-8
 """Singular values of the equalities below this share of the largest count as zero."""
-CLOSED = 1e-13
+CLOSING_TOLERANCE = 1e-13
 """Largest violation of closed equalities, as a share of the extent (at least of 1 m or rad)."""
-APART = 1e-3
+MAX_START_VIOLATION = 1e-3
 """Largest violation of a start pose, as a share of the extent (at least of 1 m or rad)."""
-ROUNDS = 20
+MAX_NEWTON_STEPS = 20
 """Largest number of Newton steps to close the equalities."""
-SHORT, IN_TURN = 1e-8, 10
-"""The integration ends after `IN_TURN` steps in turn that are shorter than the share `SHORT` of the
-longest one: near a pose in which the equalities lose rank, accelerations are rounding."""
+SHORT_STEP_SHARE, MAX_SHORT_STEPS = 1e-8, 10
+"""The integration ends after `MAX_SHORT_STEPS` steps in turn that are shorter than the share
+`SHORT_STEP_SHARE` of the longest one: near a pose in which the equalities lose rank, accelerations
+are rounding."""
 
 
 @dataclass(frozen=True)
-class HeldMotion:
+class ConstrainedMotion:
     """Poses, rates and accelerations along a motion with closed equalities.
 
     Attributes
     ----------
     q, v, a : ndarray (n, poses), (n, rates), (n, rates)
         Poses, rates and accelerations [SI].
-    open_by : float
+    start_violation : float
         Largest constraint violation of the start pose in the MJCF [m or rad].
     rank : int
         Number of independent rows of the equalities.
@@ -70,13 +76,13 @@ class HeldMotion:
     q: Array
     v: Array
     a: Array
-    open_by: float
+    start_violation: float
     rank: int
     evaluations: int
-    stopped: StoppedMotion = field(default_factory=StoppedMotion)
+    stopped: MotionWithStops = field(default_factory=MotionWithStops)
 
 
-class Holder:
+class ConstrainedTree:
     """Motion of a tree under its equalities, stops and drives, with the terms of a source."""
 
     def __init__(
@@ -85,19 +91,19 @@ class Holder:
         source: TermSource,
         stops: tuple[Stop, ...] = (),
         controls: ControlsInTime | None = None,
-        drives: Prescribed = UNDRIVEN,
+        drives: Prescribed = NO_PRESCRIBED_JOINTS,
     ):
         self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
         self.drives, self.evaluations, self.rank = drives, 0, 0
         self.last = np.inf  # end of the smooth piece of the profiles that is integrated [s]
-        self.on_joints = np.vstack(
+        self.joint_rows = np.vstack(
             [np.eye(tree.armature.size)[drives.rates], unit_rows(stops, tree.armature.size)]
         )
 
     @property
     def rows(self) -> int:
         """Number of rows of equalities, drives and stops."""
-        return self.tree.rows + len(self.on_joints)
+        return self.tree.rows + len(self.joint_rows)
 
     def ctrl(self, t: float) -> Array | None:
         """All controls at a time; None if they are those of the key."""
@@ -107,14 +113,14 @@ class Holder:
         """All terms at a time, for a pose with its rates; drives and stops add a row each."""
         t = min(t, self.last)
         found = self.source.terms(q, v, self.ctrl(t))
-        if not self.on_joints.size:
+        if not self.joint_rows.size:
             return found
         value, _, acceleration = self.drives.law(t)
         gaps = [q[stop.pose] - stop.value for stop in self.stops]
         return replace(
             found,
             gap=np.concatenate([found.gap, q[self.drives.poses] - value, gaps]),
-            jacobian=np.concatenate([found.jacobian, self.on_joints]),
+            jacobian=np.concatenate([found.jacobian, self.joint_rows]),
             drift=np.concatenate([found.drift, acceleration, np.zeros(len(gaps))]),
         )
 
@@ -143,7 +149,7 @@ class Holder:
         """
         root = np.linalg.inv(np.linalg.cholesky(terms.mass))
         left, values, right = np.linalg.svd(root @ terms.jacobian.T, full_matrices=False)
-        rank = int((values > RANK * values[0]).sum())
+        rank = int((values > RANK_TOLERANCE * values[0]).sum())
         self.rank = self.rank or rank
         if rank != self.rank:
             raise SingularHere(
@@ -152,10 +158,10 @@ class Holder:
         closing = (left[:, :rank] / values[:rank]) @ right[:rank]
         return np.asarray(root), np.asarray(root.T @ closing)
 
-    def close(self, t: float, q: Array, v: Array, plain: bool = False) -> tuple[Array, Array]:
+    def close(self, t: float, q: Array, v: Array, by_rates: bool = False) -> tuple[Array, Array]:
         """Find the nearest closed pose at a time, and the nearest rates that keep it closed.
 
-        Distances are in the metric of the mass matrix, or if `plain` in that of the rates.
+        Distances are in the metric of the mass matrix, or if `by_rates` in that of the rates.
 
         Raises
         ------
@@ -163,27 +169,27 @@ class Holder:
             The equalities stay open.
         """
         if not self.rows:
-            return advance(self.tree, q, np.zeros_like(v)), v
-        for _ in range(ROUNDS):
+            return advance_pose(self.tree, q, np.zeros_like(v)), v
+        for _ in range(MAX_NEWTON_STEPS):
             terms = self.terms(t, q, v)
-            inverse = self.closing(terms, plain)
+            inverse = self.closing_matrix(terms, by_rates)
             gap = np.abs(terms.gap).max()
-            if gap < CLOSED * max(1.0, self.tree.extent):
+            if gap < CLOSING_TOLERANCE * max(1.0, self.tree.extent):
                 return q, v - inverse @ (terms.jacobian @ v - self.row_rates(t))
-            q = advance(self.tree, q, -inverse @ terms.gap)
+            q = advance_pose(self.tree, q, -inverse @ terms.gap)
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
 
-    def closing(self, terms: Terms, plain: bool) -> Array:
+    def closing_matrix(self, terms: Terms, by_rates: bool) -> Array:
         """Matrix that closes the rows by the least change (rates, rows)."""
-        if plain:
-            return np.asarray(np.linalg.pinv(terms.jacobian, rcond=RANK))
+        if by_rates:
+            return np.asarray(np.linalg.pinv(terms.jacobian, rcond=RANK_TOLERANCE))
         return self.factors(terms)[1]
 
     def slope(self, t: float, y: Array) -> Array:
         """Time derivative of the state y = (q, v)."""
         q, v = y[: self.tree.start.size], y[self.tree.start.size :]
-        bend = self.acceleration(t, q, v)
-        return np.concatenate([pose_rate(self.tree, q, v), bend])
+        acceleration = self.acceleration(t, q, v)
+        return np.concatenate([pose_rate(self.tree, q, v), acceleration])
 
     def start(self, t: float = 0.0) -> tuple[Array, Array, float]:
         """Find the closed pose and rates at a time that are nearest to those of the start.
@@ -193,20 +199,20 @@ class Holder:
         Raises
         ------
         CannotAssemble
-            This violation is more than `APART`.
+            This violation is more than `MAX_START_VIOLATION`.
         """
         tree = self.tree
-        gap = 0.0
+        violation = 0.0
         if tree.rows:
-            gaps = np.abs(self.source.terms(tree.start, tree.start_rate).gap)
-            gap = float(gaps.max())
-            if gap > APART * max(1.0, tree.extent):
+            violations = np.abs(self.source.terms(tree.start, tree.start_rate).gap)
+            violation = float(violations.max())
+            if violation > MAX_START_VIOLATION * max(1.0, tree.extent):
                 raise CannotAssemble(
-                    f"the equality {name_of_row(tree, int(gaps.argmax()))!r} is open by {gap:.3g} "
-                    f"at the start"
+                    f"the equality {name_of_row(tree, int(violations.argmax()))!r} is open by "
+                    f"{violation:.3g} at the start"
                 )
-        q, v = self.close(t, tree.start, tree.start_rate, plain=True)
-        return q, v, gap
+        q, v = self.close(t, tree.start, tree.start_rate, by_rates=True)
+        return q, v, violation
 
 
 def name_of_row(tree: Tree, row: int) -> str:
@@ -223,20 +229,20 @@ def count_dof(tree: Tree, source: TermSource) -> int:
     CannotAssemble
         The equalities of the start pose are open.
     """
-    q, _, _ = Holder(tree, source).start()
+    q, _, _ = ConstrainedTree(tree, source).start()
     return tree.armature.size - int(
-        np.linalg.matrix_rank(source.equalities(q)[1] * tree.sizes, rtol=RANK)
+        np.linalg.matrix_rank(source.equalities(q)[1] * tree.sizes, rtol=RANK_TOLERANCE)
     )
 
 
-def held_motion(
+def integrate_motion(
     tree: Tree,
     source: TermSource,
     times: Array,
     stops: tuple[Stop, ...] = (),
     controls: ControlsInTime | None = None,
-    drives: Prescribed = UNDRIVEN,
-) -> HeldMotion:
+    drives: Prescribed = NO_PRESCRIBED_JOINTS,
+) -> ConstrainedMotion:
     """Integrate the motion from the start at rising times.
 
     Raises
@@ -247,13 +253,13 @@ def held_motion(
         The start is beyond a stop.
     """
     moving = FreeTree(tree, source, stops, controls, drives)
-    free = moving.holder(())
+    free = moving.constrained_tree(())
     q, v, gap = free.start(float(times[0]))
     free.acceleration(float(times[0]), q, v)  # which finds the rank
-    found = follow_stopped(moving, times, q, v)
-    evaluations = sum(holder.evaluations for holder in moving.holders.values())
+    found = integrate_with_stops(moving, times, q, v)
+    evaluations = sum(holder.evaluations for holder in moving.constrained_trees.values())
     rank = free.rank - drives.rates.size
-    return HeldMotion(*found.arrays(), gap, rank, evaluations, found)
+    return ConstrainedMotion(*found.arrays(), gap, rank, evaluations, found)
 
 
 class FreeTree:
@@ -265,49 +271,51 @@ class FreeTree:
         source: TermSource,
         stops: tuple[Stop, ...],
         controls: ControlsInTime | None = None,
-        drives: Prescribed = UNDRIVEN,
+        drives: Prescribed = NO_PRESCRIBED_JOINTS,
     ):
         self.tree, self.source, self.controls, self.drives = tree, source, controls, drives
         self.stops = tuple(stop for stop in stops if stop.rate not in drives.rates)
         own = controls.breaks if controls else ()
         self.breaks = tuple(sorted({*drives.breaks, *own}))
-        self.holders: dict[tuple[Stop, ...], Holder] = {}
+        self.constrained_trees: dict[tuple[Stop, ...], ConstrainedTree] = {}
 
-    def holder(self, held: tuple[Stop, ...]) -> Holder:
+    def constrained_tree(self, held: tuple[Stop, ...]) -> ConstrainedTree:
         """The motion under the equalities, the drives and the stops `held`; cached."""
-        if held not in self.holders:
-            self.holders[held] = Holder(self.tree, self.source, held, self.controls, self.drives)
-        return self.holders[held]
+        if held not in self.constrained_trees:
+            self.constrained_trees[held] = ConstrainedTree(
+                self.tree, self.source, held, self.controls, self.drives
+            )
+        return self.constrained_trees[held]
 
     def state(self, held: tuple[Stop, ...], t: float, q: Array, v: Array) -> State:
         """Add the accelerations to a pose and its rates."""
-        return q, v, self.holder(held).acceleration(t, q, v)
+        return q, v, self.constrained_tree(held).acceleration(t, q, v)
 
     def balance(self, t: float, q: Array, v: Array, a: Array) -> Balance:
         """Constraints of equalities and drives in a state, and the force they and stops exert."""
-        terms = self.holder(()).terms(t, q, v)
+        terms = self.constrained_tree(()).terms(t, q, v)
         return Balance(terms.jacobian, terms.mass, terms.mass @ a + terms.bias - terms.force)
 
     def steps(
         self, held: tuple[Stop, ...], t: float, q: Array, v: Array, end: float
     ) -> Iterator[Step]:
         """Iterate over the motion from a state on, with joints resting on the stops `held`."""
-        holder, size = self.holder(held), q.size
+        holder, size = self.constrained_tree(held), q.size
         for start, stop, last in smooth_pieces(t, end, self.breaks) if t < end else ():
             holder.last = last
-            solver = begin(holder, start, q, v, stop)
+            solver = start_integrator(holder, start, q, v, stop)
             longest, short = 0.0, 0
             while solver.status == "running":
-                begun = solver.t
+                step_start = solver.t
                 try:
                     message = solver.step()
                     if solver.status == "failed":
                         raise SingularHere(str(message))
                     longest = max(longest, solver.step_size)
-                    short = short + 1 if solver.step_size < SHORT * longest else 0
-                    if short == IN_TURN:
+                    short = short + 1 if solver.step_size < SHORT_STEP_SHARE * longest else 0
+                    if short == MAX_SHORT_STEPS:
                         raise SingularHere("steps vanish, as where the equalities lose rank")
-                    yield Step(begun, solver.t, inside(holder, solver, size))
+                    yield Step(step_start, solver.t, states_in_step(holder, solver, size))
                     if solver.status == "running":
                         y = holder.close(solver.t, solver.y[:size], solver.y[size:])
                         solver.y = np.concatenate(y)
@@ -318,32 +326,34 @@ class FreeTree:
                     raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
 
 
-def inside(holder: Holder, solver: "DOP853", size: int) -> Callable[[float], State]:
+def states_in_step(
+    holder: ConstrainedTree, solver: "DOP853", size: int
+) -> Callable[[float], State]:
     """Make the function that gives the state at a time within the last step of an integrator."""
     # dense output costs evaluations: only where a time inside the step is asked for
-    between, last = cache(solver.dense_output), (solver.t, solver.y)
+    dense_output, last = cache(solver.dense_output), (solver.t, solver.y)
 
     def at(time: float) -> State:
-        y = last[1] if time == last[0] else between()(time)
+        y = last[1] if time == last[0] else dense_output()(time)
         q, v = holder.close(time, y[:size], y[size:])
         return q, v, holder.acceleration(time, q, v)
 
     return at
 
 
-STRIDE = 0.05
+DRIVE_STRIDE = 0.05
 """Longest move of the drives in one stride [rad, or shares of the extent]."""
-ASTRAY = 0.5
+MAX_TANGENT_CHANGE = 0.5
 """Largest change of the motion by the tangent over a stride, as a share of the motion; with a
 larger change the stride is halved."""
-CLEAR = 1e5
+MAX_SINGULAR_RATIO = 1e5
 """Ratio of singular values of A up to which the inverse of A'A is right to 1e-6; one step of
 Newton's method squares this error."""
-SHORTEST = 1e-6
-"""Share of `STRIDE` below which a stride is not halved any more."""
+MIN_STRIDE_SHARE = 1e-6
+"""Share of `DRIVE_STRIDE` below which a stride is not halved any more."""
 
 
-class Driver:
+class DrivenTree:
     """A tree whose pose is determined by the given values of its driven joints.
 
     Parameters
@@ -371,9 +381,9 @@ class Driver:
         """
         self.evaluations += 1
         rows = np.vstack([jacobian, self.units]) * self.sizes
-        if (found := inverse_of_full(rows)) is None:
+        if (found := regular_pseudo_inverse(rows)) is None:
             left, values, right = np.linalg.svd(rows, full_matrices=False)
-            rank = int((values > RANK * values[0]).sum())
+            rank = int((values > RANK_TOLERANCE * values[0]).sum())
             if rank < self.still.size:
                 raise SingularHere(f"the drives leave {self.still.size - rank} degrees of freedom")
             found = (right.T / values) @ left.T
@@ -388,13 +398,13 @@ class Driver:
             The equalities stay open.
         """
         size = max(1.0, self.tree.extent)
-        for _ in range(ROUNDS):
+        for _ in range(MAX_NEWTON_STEPS):
             gaps, jacobian = self.source.equalities(q)
             inverse = self.inverse(jacobian)
             gap = np.concatenate([gaps, q[self.places] - values])
-            if np.abs(gap).max() < CLOSED * size:
+            if np.abs(gap).max() < CLOSING_TOLERANCE * size:
                 return q, inverse
-            q = advance(self.tree, q, -inverse @ gap)
+            q = advance_pose(self.tree, q, -inverse @ gap)
         raise CannotAssemble(f"the equalities stay open by {np.abs(gap).max():.3g}")
 
     def tangent(self, inverse: Array) -> Array:
@@ -404,25 +414,27 @@ class Driver:
     def moved(self, q: Array, inverse: Array, values: Array) -> tuple[Array, Array]:
         """Follow the branch in strides to new values of the drives: closed pose and inverse."""
         share, done, tangent = 1.0, q[self.places], self.tangent(inverse)
-        while (left := np.abs((values - done) / self.sizes[self.dofs]).max()) > 0:
-            part = min(1.0, share * STRIDE / left)
+        while (remaining := np.abs((values - done) / self.sizes[self.dofs]).max()) > 0:
+            part = min(1.0, share * DRIVE_STRIDE / remaining)
             target = values if part == 1.0 else done + part * (values - done)
-            ahead = tangent @ (target - done)
+            step = tangent @ (target - done)
             try:
-                there, found = self.placed(advance(self.tree, q, ahead), target)
-                turned = self.tangent(found)
-                beside = ((turned - tangent) @ (target - done)) / self.sizes
-                sure = np.abs(beside).max() <= ASTRAY * max(np.abs(ahead / self.sizes).max(), 1e-9)
+                there, found = self.placed(advance_pose(self.tree, q, step), target)
+                new_tangent = self.tangent(found)
+                tangent_change = ((new_tangent - tangent) @ (target - done)) / self.sizes
+                accepted = np.abs(tangent_change).max() <= MAX_TANGENT_CHANGE * max(
+                    np.abs(step / self.sizes).max(), 1e-9
+                )
             except (CannotAssemble, SingularHere):
-                sure = False
-            if sure:
-                q, inverse, tangent, done = there, found, turned, target
+                accepted = False
+            if accepted:
+                q, inverse, tangent, done = there, found, new_tangent, target
                 share = min(1.0, 2 * share)
-            elif share > SHORTEST:
+            elif share > MIN_STRIDE_SHARE:
                 share /= 2
             else:
-                at = ", ".join(f"{value:.6g}" for value in done)
-                raise SingularHere(f"no further than the drives at {at}: a limit position")
+                values_text = ", ".join(f"{value:.6g}" for value in done)
+                raise SingularHere(f"no further than the drives at {values_text}: a limit position")
         return q, inverse
 
     def rates(
@@ -433,25 +445,25 @@ class Driver:
         return v, inverse @ np.concatenate([self.source.terms(q, v).drift, acceleration])
 
 
-def inverse_of_full(rows: Array) -> Array | None:
+def regular_pseudo_inverse(rows: Array) -> Array | None:
     """The pseudo-inverse of a matrix A, or None if A may have small singular values.
 
     X = (A'A)^-1 A', improved by X <- 2X - XAX.  The product of the Frobenius norms of A'A and its
     inverse is at least the square of the ratio of the singular values of A, and it is large where
     A'A is singular up to rounding, although X need not be large there.  Where the product is below
-    `CLEAR`^2, X is right to 1e-11.
+    `MAX_SINGULAR_RATIO`^2, X is right to 1e-11.
 
-    >>> inverse_of_full(np.array([[2.0, 0.0], [0.0, 4.0]]))
+    >>> regular_pseudo_inverse(np.array([[2.0, 0.0], [0.0, 4.0]]))
     array([[0.5 , 0.  ],
            [0.  , 0.25]])
-    >>> inverse_of_full(np.array([[1.0, 1.0], [1.0, 1.0 + 1e-9]]))
+    >>> regular_pseudo_inverse(np.array([[1.0, 1.0], [1.0, 1.0 + 1e-9]]))
     """
     square = rows.T @ rows
     try:
         inverse = np.linalg.inv(square)
     except np.linalg.LinAlgError:
         return None
-    if not np.vdot(square, square) * np.vdot(inverse, inverse) < CLEAR**4:
+    if not np.vdot(square, square) * np.vdot(inverse, inverse) < MAX_SINGULAR_RATIO**4:
         return None
     found = inverse @ rows.T
     return np.asarray(2.0 * found - found @ (rows @ found))
@@ -464,7 +476,7 @@ def driven_motion(
     values: Array,
     rates: Array,
     accelerations: Array,
-) -> HeldMotion:
+) -> ConstrainedMotion:
     """Find the motion at given values, rates and accelerations of the drives, (n, drives) each.
 
     Raises
@@ -473,8 +485,8 @@ def driven_motion(
         The start pose is open; or the drives do not determine the motion; or a limit position lies
         on the way; or a driven joint is neither a hinge nor a slide.
     """
-    q, _, gap = Holder(tree, source).start()
-    driver, poses, inverses = Driver(tree, source, joints), list[Array](), list[Array]()
+    q, _, gap = ConstrainedTree(tree, source).start()
+    driver, poses, inverses = DrivenTree(tree, source, joints), list[Array](), list[Array]()
     q, inverse = driver.placed(q, q[driver.places])
     for value in values:
         q, inverse = driver.moved(q, inverse, value)
@@ -482,11 +494,18 @@ def driven_motion(
         inverses.append(inverse)
     parts = [driver.rates(*one) for one in zip(poses, inverses, rates, accelerations, strict=True)]
     v, a = (np.array(part) for part in zip(*parts, strict=True))
-    return HeldMotion(np.array(poses), v, a, gap, 0, driver.evaluations)
+    return ConstrainedMotion(np.array(poses), v, a, gap, 0, driver.evaluations)
 
 
-def begin(holder: Holder, t: float, q: Array, v: Array, end: float) -> "DOP853":
+def start_integrator(holder: ConstrainedTree, t: float, q: Array, v: Array, end: float) -> "DOP853":
     """Start the integrator of a motion from a pose with its rates."""
     from scipy.integrate import DOP853  # slow to load
 
-    return DOP853(holder.slope, t, np.concatenate([q, v]), end, rtol=ACCURACY, atol=ACCURACY)
+    return DOP853(
+        holder.slope,
+        t,
+        np.concatenate([q, v]),
+        end,
+        rtol=INTEGRATION_TOLERANCE,
+        atol=INTEGRATION_TOLERANCE,
+    )

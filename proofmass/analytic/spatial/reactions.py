@@ -16,17 +16,17 @@ from functools import cached_property
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.analytic.planar.mechanism import carried_by
+from proofmass.analytic.planar.mechanism import carried_bodies
 from proofmass.analytic.spatial.kinematics import TreeMotion, cross3
 from proofmass.analytic.spatial.mechanism import PointLoop, Tree
 from proofmass.analytic.spatial.terms import (
-    balances,
-    loads_of,
+    newton_euler_forces,
     own_terms,
+    site_load_forces,
     weld_slope,
 )
 
-RANK = 1e-8
+RANK_TOLERANCE = 1e-8
 """Share of the largest singular value below which rows of loops and drives count as dependent."""
 
 
@@ -34,7 +34,7 @@ PoseStates = tuple[Array, Array, Array]
 """Poses (n, poses), rates and accelerations (n, rates) [SI]."""
 
 
-def asked(
+def required_constraint_forces(
     tree: Tree, state: PoseStates, joints: tuple[str, ...], ctrl: Array | None
 ) -> tuple[Array, Array]:
     """Sum of the generalized constraint forces that a motion requires (n, rates) [N m or N].
@@ -44,17 +44,17 @@ def asked(
     """
     q, v, a = state
     _, dofs = tree.places(joints)
-    others = tuple(one for one in tree.actuators if one.rate not in dofs)
-    found = own_terms(replace(tree, actuators=others), q, v, ctrl)
+    acting = tuple(one for one in tree.actuators if one.rate not in dofs)
+    found = own_terms(replace(tree, actuators=acting), q, v, ctrl)
     needed = np.einsum("nij,nj->ni", found.mass, a) + found.bias - found.force
     return needed, found.jacobian
 
 
-def determined(tree: Tree) -> bool:
+def is_determined(tree: Tree) -> bool:
     """Whether no tendon exerts a force, by a spring, damper, actuator or equality."""
-    pulling = any(any(one.stiffness) or any(one.damping) for one in tree.tendons)
+    has_forces = any(any(one.stiffness) or any(one.damping) for one in tree.tendons)
     actuated = any(one.tendon >= 0 for one in tree.actuators)
-    return not (pulling or actuated or any(tie.tendons for tie in tree.ties))
+    return not (has_forces or actuated or any(tie.tendons for tie in tree.ties))
 
 
 class Reactions:
@@ -92,14 +92,14 @@ class Reactions:
         ctrl: Array | None,
     ):
         self.tree, self.motion, self.ctrl = tree, motion, ctrl
-        needed, rows = asked(tree, state, joints, ctrl)
+        needed, rows = required_constraint_forces(tree, state, joints, ctrl)
         driven = np.eye(needed.shape[1])[tree.places(joints)[1]]
         driven = np.broadcast_to(driven, (len(needed), *driven.shape))
         across = np.concatenate([rows, driven], axis=1).swapaxes(1, 2)
         sizes = np.linalg.svd(across, compute_uv=False)
-        self.unique = determined(tree) and across.shape[2] <= across.shape[1]
-        self.unique &= not sizes.size or bool((sizes[:, -1] > RANK * sizes[:, 0]).all())
-        inverse = np.linalg.pinv(across, rcond=RANK)
+        self.unique = is_determined(tree) and across.shape[2] <= across.shape[1]
+        self.unique &= not sizes.size or bool((sizes[:, -1] > RANK_TOLERANCE * sizes[:, 0]).all())
+        inverse = np.linalg.pinv(across, rcond=RANK_TOLERANCE)
         self.forces = (inverse @ (needed - pushes)[..., None])[..., 0]
         self.drives = self.forces[:, rows.shape[1] :]
 
@@ -107,24 +107,24 @@ class Reactions:
     def balances(self) -> tuple[Array, Array]:
         """Inertial forces less weights, and moments: see `proofmass.analytic.spatial.terms`."""
         turn = self.motion.turn
-        return balances(
+        return newton_euler_forces(
             self.tree, self.motion, turn @ self.tree.masses[2] @ np.swapaxes(turn, -1, -2)
         )
 
-    def on(self, body: int, at: Array) -> tuple[Array, Array]:
-        """Force [N] and moment about points `at` [N m] (n, 3) on a body from its parent."""
-        carried = carried_by([one.parent for one in self.tree.bodies], body)
-        force, moment = np.zeros(at.shape), np.zeros(at.shape)
+    def on(self, body: int, points: Array) -> tuple[Array, Array]:
+        """Force [N] and moment about points `points` [N m] (n, 3) on a body from its parent."""
+        carried = carried_bodies([one.parent for one in self.tree.bodies], body)
+        force, moment = np.zeros(points.shape), np.zeros(points.shape)
         for b in carried:
             push, twist = (part[:, b] for part in self.balances)
-            arm = self.motion.point(b, self.tree.bodies[b].centre) - at
+            arm = self.motion.point(b, self.tree.bodies[b].centre) - points
             force, moment = force + push, moment + twist + cross3(arm, push)
-        for b, place, push, twist in self.outside():
+        for b, place, push, twist in self.loop_and_load_forces():
             if b in carried:
-                force, moment = force - push, moment - twist - cross3(place - at, push)
+                force, moment = force - push, moment - twist - cross3(place - points, push)
         return force, moment
 
-    def outside(self) -> Iterator[tuple[int, Array, Array, Array]]:
+    def loop_and_load_forces(self) -> Iterator[tuple[int, Array, Array, Array]]:
         """Iterate over loops and loads on sites: body, point, force and moment (n, 3) each."""
         first = 0
         for loop in self.tree.loops:
@@ -133,7 +133,7 @@ class Reactions:
             push, twist = own[:, :3], self.twist(loop, own[:, 3:])
             yield loop.one, self.motion.point(loop.one, loop.on_one), push, twist
             yield loop.two, self.motion.point(loop.two, loop.on_two), -push, -twist
-        for load, push, twist in loads_of(self.tree, self.motion, self.ctrl):
+        for load, push, twist in site_load_forces(self.tree, self.motion, self.ctrl):
             yield load.body, self.motion.point(load.body, load.at), push, twist
 
     def twist(self, loop: PointLoop, forces: Array) -> Array:

@@ -23,16 +23,16 @@ from proofmass.analytic.spatial.kinematics import (
     TreeMotion,
     cross3,
     move_tree,
-    turn_vector,
-    unit,
+    normalize_quaternions,
+    rotation_vector,
 )
 from proofmass.analytic.spatial.mechanism import (
     PointLoop,
     Tendon,
     Tie,
     Tree,
-    conjugate,
-    product,
+    quaternion_conjugate,
+    quaternion_product,
 )
 
 
@@ -63,7 +63,7 @@ class Terms:
     drift: Array
 
 
-NAMES = {
+TERM_NAMES = {
     "mass": "mass matrix",
     "bias": "bias force",
     "force": "force of springs, dampers and actuators",
@@ -124,9 +124,11 @@ def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Term
     """
     motion = move_tree(tree, q, v, np.zeros_like(v))
     mass, bias = inertial_terms(tree, motion)
-    lengths = [lengthened(tree, motion, q, v, tendon) for tendon in tree.tendons]
-    gaps, rows, drifts = held_terms(tree, motion, lengths, q, v)
-    force = sprung(tree, lengths, q, v) + actuated(tree, motion, lengths, q, v, ctrl)
+    lengths = [tendon_length(tree, motion, q, v, tendon) for tendon in tree.tendons]
+    gaps, rows, drifts = equality_terms(tree, motion, lengths, q, v)
+    force = spring_forces(tree, lengths, q, v) + actuators_on_joints(
+        tree, motion, lengths, q, v, ctrl
+    )
     return Terms(mass, bias, force, gaps, rows, drifts)
 
 
@@ -158,7 +160,7 @@ def inertial_terms(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
     moves, spins = centre_rows(tree, motion)
     mass = tree.masses[0]
     inertia = motion.turn @ tree.masses[2] @ np.swapaxes(motion.turn, -1, -2)
-    forces, moments = balances(tree, motion, inertia)
+    forces, moments = newton_euler_forces(tree, motion, inertia)
     n, rates = len(moves), moves.shape[-1]
     rows = np.concatenate([moves, spins], axis=2).reshape(n, -1, rates)
     loads = np.concatenate([mass[:, None, None] * moves, inertia @ spins], axis=2)
@@ -167,7 +169,7 @@ def inertial_terms(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
     return matrix, (np.swapaxes(rows, 1, 2) @ balance)[..., 0]
 
 
-def balances(tree: Tree, motion: TreeMotion, inertia: Array) -> tuple[Array, Array]:
+def newton_euler_forces(tree: Tree, motion: TreeMotion, inertia: Array) -> tuple[Array, Array]:
     """Forces at the centres and moments about them that the motion of the bodies requires.
 
     Both are (n, bodies, 3); weights are subtracted from the forces.
@@ -200,52 +202,54 @@ class Length:
     drift: Array
 
 
-def lengthened(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: Tendon) -> Length:
+def tendon_length(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: Tendon) -> Length:
     """Lengths of a tendon with their derivatives."""
     n = len(q)
     value, rate, drift, rows = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros_like(v)
-    for at, dof, share in tendon.terms:
-        value, rate = value + share * q[:, at], rate + share * v[:, dof]
-        rows[:, dof] += share
+    for pose_index, rate_index, share in tendon.terms:
+        value, rate = value + share * q[:, pose_index], rate + share * v[:, rate_index]
+        rows[:, rate_index] += share
     for (one, on_one), (two, on_two) in zip(tendon.points[:-1], tendon.points[1:], strict=True):
         if one == two:
             value = value + np.linalg.norm(on_two - on_one)
             continue
-        way = motion.point(two, on_two) - motion.point(one, on_one)
+        difference = motion.point(two, on_two) - motion.point(one, on_one)
         speed = motion.point_velocity(two, on_two) - motion.point_velocity(one, on_one)
         change = motion.point_acceleration(two, on_two) - motion.point_acceleration(one, on_one)
-        length = np.linalg.norm(way, axis=1)
-        along = way / length[:, None]
-        apart = point_rows(tree, motion, two, motion.point(two, on_two))
-        apart = apart - point_rows(tree, motion, one, motion.point(one, on_one))
-        pace = (along * speed).sum(axis=1)
-        value, rate = value + length, rate + pace
-        rows = rows + np.einsum("nk,nkr->nr", along, apart)
+        length = np.linalg.norm(difference, axis=1)
+        along = difference / length[:, None]
+        difference_rows = point_rows(tree, motion, two, motion.point(two, on_two))
+        difference_rows = difference_rows - point_rows(tree, motion, one, motion.point(one, on_one))
+        segment_rate = (along * speed).sum(axis=1)
+        value, rate = value + length, rate + segment_rate
+        rows = rows + np.einsum("nk,nkr->nr", along, difference_rows)
         drift = drift + (along * change).sum(axis=1)
-        drift = drift + ((speed**2).sum(axis=1) - pace**2) / length
+        drift = drift + ((speed**2).sum(axis=1) - segment_rate**2) / length
     return Length(value, rate, rows, drift)
 
 
-def powers(coefficients: tuple[float, ...], x: Array) -> Array:
+def polynomial_values(coefficients: tuple[float, ...], x: Array) -> Array:
     """Values (n,) of a polynomial of x (n,), coefficient of the lowest power first."""
     return np.asarray(np.polynomial.polynomial.polyval(x, coefficients))
 
 
-def sprung(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
+def spring_forces(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Array:
     """Generalized forces of springs and dampers (n, rates)."""
     speed = np.abs(v)
     force = -v * (tree.damping[:, 0] + speed * (tree.damping[:, 1] + speed * tree.damping[:, 2]))
     for joint in tree.joints:
         if any(joint.stiffness):
-            stretch = stretched(joint.kind, joint.rest, q[:, joint.pose :])
+            stretch = joint_spring_stretch(joint.kind, joint.rest, q[:, joint.pose :])
             stiffness = (
-                powers(joint.stiffness, stretch) if stretch.shape[1] == 1 else (joint.stiffness[0])
+                polynomial_values(joint.stiffness, stretch)
+                if stretch.shape[1] == 1
+                else (joint.stiffness[0])
             )
             force[:, joint.rate : joint.rate + stretch.shape[1]] -= stiffness * stretch
     for tendon, length in zip(tree.tendons, lengths, strict=True):
-        stretch, rate = over_slack(tendon, length.value), length.rate
-        pull = -stretch * powers(tendon.stiffness, stretch)
-        pull = pull - rate * powers(tendon.damping, np.abs(rate))
+        stretch, rate = tendon_stretch(tendon, length.value), length.rate
+        pull = -stretch * polynomial_values(tendon.stiffness, stretch)
+        pull = pull - rate * polynomial_values(tendon.damping, np.abs(rate))
         force = force + pull[:, None] * length.rows
     return np.asarray(force)
 
@@ -263,7 +267,7 @@ def actuator_forces(
         yield one, one.force(controls[:, one.place], one.gear * value, one.gear * rate)
 
 
-def actuated(
+def actuators_on_joints(
     tree: Tree,
     motion: TreeMotion,
     lengths: list[Length],
@@ -272,7 +276,7 @@ def actuated(
     ctrl: Array | None = None,
 ) -> Array:
     """Generalized forces of all actuators (n, rates), those on sites too, within their ranges."""
-    found = loaded(tree, motion, ctrl)
+    found = loads_on_joints(tree, motion, ctrl)
     for one, force in actuator_forces(tree, lengths, q, v, ctrl):
         if one.tendon < 0:
             found[:, one.rate] += one.gear * force
@@ -284,7 +288,7 @@ def actuated(
     return found
 
 
-def loads_of(
+def site_load_forces(
     tree: Tree, motion: TreeMotion, ctrl: Array | None
 ) -> Iterator[tuple[SiteLoad, Array, Array]]:
     """Iterate over loads on sites with forces [N] and moments [N m] (n, 3), in world axes."""
@@ -300,33 +304,38 @@ def loads_of(
         yield load, push, twist
 
 
-def loaded(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array:
+def loads_on_joints(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array:
     """Generalized forces of the loads on sites (n, rates)."""
     found = np.zeros(motion.axes.shape[:2])
-    for load, push, twist in loads_of(tree, motion, ctrl):
+    for load, push, twist in site_load_forces(tree, motion, ctrl):
         rows = point_rows(tree, motion, load.body, motion.point(load.body, load.at))
         found = found + np.einsum("ni,nir->nr", push, rows)
         found = found + np.einsum("ni,nir->nr", twist, turn_rows(tree, motion, load.body))
     return found
 
 
-def stretched(kind: str, rest: Array, own: Array) -> Array:
+def joint_spring_stretch(kind: str, rest: Array, own: Array) -> Array:
     """Stretch of a joint's spring (n, rates of the joint) [m, rad]."""
     if kind in ("hinge", "slide"):
         return np.asarray(own[:, :1] - rest)
-    turn = turn_vector(product(conjugate(rest[-4:]), unit(own[:, rest.size - 4 : rest.size])))
+    turn = rotation_vector(
+        quaternion_product(
+            quaternion_conjugate(rest[-4:]),
+            normalize_quaternions(own[:, rest.size - 4 : rest.size]),
+        )
+    )
     if kind == "ball":
         return turn
     return np.concatenate([own[:, :3] - rest[:3], turn], axis=1)
 
 
-def over_slack(tendon: Tendon, length: Array) -> Array:
+def tendon_stretch(tendon: Tendon, length: Array) -> Array:
     """Stretch of a tendon's spring (n,): distance of lengths from the slack range [m or rad]."""
     low, high = tendon.slack
     return np.asarray(np.where(length > high, length - high, np.minimum(length - low, 0.0)))
 
 
-def held_terms(
+def equality_terms(
     tree: Tree, motion: TreeMotion, lengths: list[Length], q: Array, v: Array
 ) -> tuple[Array, Array, Array]:
     """Violations, Jacobian and drifts of all equalities: loops first, then ties."""
@@ -351,19 +360,21 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
     first, second = weld_turns(motion, loop)
     spin = motion.spin[:, one] - motion.spin[:, two]
 
-    def between(left: Array, right: Array) -> Array:
+    def vector_part(left: Array, right: Array) -> Array:
         """Vector part of second * left * right * first, the middle two vectors."""
-        return product(product(second, left), product(right, first))[:, 1:]
+        return quaternion_product(
+            quaternion_product(second, left), quaternion_product(right, first)
+        )[:, 1:]
 
-    gap, slope = product(second, first)[:, 1:], weld_slope(motion, loop)
-    turned = slope @ (turn_rows(tree, motion, one) - turn_rows(tree, motion, two))
+    gap, slope = quaternion_product(second, first)[:, 1:], weld_slope(motion, loop)
+    rotation_rows = slope @ (turn_rows(tree, motion, one) - turn_rows(tree, motion, two))
     rate = motion.spin_rate[:, one] - motion.spin_rate[:, two]
     change = (slope @ rate[..., None])[..., 0]
-    change = change + 0.25 * between(pure(spin), pure(motion.spin[:, one]))
-    change = change - 0.25 * between(pure(motion.spin[:, two]), pure(spin))
+    change = change + 0.25 * vector_part(as_quaternions(spin), as_quaternions(motion.spin[:, one]))
+    change = change - 0.25 * vector_part(as_quaternions(motion.spin[:, two]), as_quaternions(spin))
     return (
         np.concatenate([places[0] - places[1], loop.scale * gap], axis=1),
-        np.concatenate([rows, loop.scale * turned], axis=1),
+        np.concatenate([rows, loop.scale * rotation_rows], axis=1),
         np.concatenate([drift, -loop.scale * change], axis=1),
     )
 
@@ -371,21 +382,25 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
 def weld_turns(motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array]:
     """Quaternions (n, 4) of a weld's axes: on the first body, and conjugate on the second."""
     assert loop.turns is not None
-    first = product(motion.quaternion[:, loop.one], loop.turns[0])
-    return first, conjugate(product(motion.quaternion[:, loop.two], loop.turns[1]))
+    first = quaternion_product(motion.quaternion[:, loop.one], loop.turns[0])
+    return first, quaternion_conjugate(
+        quaternion_product(motion.quaternion[:, loop.two], loop.turns[1])
+    )
 
 
 def weld_slope(motion: TreeMotion, loop: PointLoop) -> Array:
     """Derivatives (n, 3, 3) of a weld's violation of axes by rotations of its first body."""
     first, second = weld_turns(motion, loop)
     columns = [
-        product(second, product(pure(np.tile(axis, (len(first), 1))), first))[:, 1:]
+        quaternion_product(
+            second, quaternion_product(as_quaternions(np.tile(axis, (len(first), 1))), first)
+        )[:, 1:]
         for axis in np.eye(3)
     ]
     return np.asarray(0.5 * np.stack(columns, axis=-1))
 
 
-def pure(vectors: Array) -> Array:
+def as_quaternions(vectors: Array) -> Array:
     """Vectors (n, 3) as quaternions (n, 4) with scalar part 0."""
     return np.concatenate([np.zeros((len(vectors), 1)), vectors], axis=1)
 
@@ -410,9 +425,9 @@ def tie_terms(
     two, rest = value(tie.two)
     curve = np.polynomial.Polynomial(tie.polynomial)
     x = two.value - rest
-    slope, bend = curve.deriv()(x), curve.deriv(2)(x)
+    slope, curvature = curve.deriv()(x), curve.deriv(2)(x)
     return (
         (one.value - zero - curve(x))[:, None],
         (one.rows - slope[:, None] * two.rows)[:, None],
-        (bend * two.rate**2 + slope * two.drift - one.drift)[:, None],
+        (curvature * two.rate**2 + slope * two.drift - one.drift)[:, None],
     )

@@ -10,11 +10,11 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.mechanism import Tree
-from proofmass.analytic.spatial.terms import NAMES, Terms, TermSource, own_terms
+from proofmass.analytic.spatial.terms import TERM_NAMES, Terms, TermSource, own_terms
 
-STATES = 50
+COMPARED_POSES = 50
 """Number of poses of a motion at which the terms are computed a second time."""
-AGREED = 1e-12
+MAX_TERM_DIFFERENCE = 1e-12
 """Largest difference of a term, as a share of the largest of its kind in the motion [1]."""
 
 
@@ -23,7 +23,7 @@ class TermsDiffer(ValueError):
 
 
 @dataclass(frozen=True)
-class Witnessed:
+class TermComparison:
     """Difference of two formulations along a motion.
 
     Attributes
@@ -41,7 +41,7 @@ class Witnessed:
     term: str
 
 
-def bear_witness(
+def compare_terms(
     tree: Tree,
     source: TermSource,
     times: Array,
@@ -49,8 +49,8 @@ def bear_witness(
     v: Array,
     when: str = "t",
     ctrl: Array | None = None,
-) -> Witnessed:
-    """Compare the terms of a motion with own ones at `STATES` of its poses.
+) -> TermComparison:
+    """Compare the terms of a motion with own ones at `COMPARED_POSES` of its poses.
 
     Parameters
     ----------
@@ -73,33 +73,40 @@ def bear_witness(
     Raises
     ------
     TermsDiffer
-        The difference is more than `AGREED`; the message has the term and the time.
+        The difference is more than `MAX_TERM_DIFFERENCE`; the message has the term and the time.
     """
-    some = np.unique(np.linspace(0, len(q) - 1, STATES).round().astype(int))
-    controls = None if ctrl is None else ctrl[some]
-    own = own_terms(tree, q[some], v[some], controls)
-    each = len(some) * [None] if controls is None else controls
-    given = [source.terms(*state) for state in zip(q[some], v[some], each, strict=True)]
-    theirs = Terms(**{name: np.array([getattr(one, name) for one in given]) for name in NAMES})
-    worst = Witnessed(len(some), 0.0, "mass")
-    for name, scale in scales(own, v[some]).items():
-        apart = np.abs(getattr(own, name) - getattr(theirs, name)).reshape(len(some), -1)
-        if not apart.size:
+    numbers = np.unique(np.linspace(0, len(q) - 1, COMPARED_POSES).round().astype(int))
+    controls = None if ctrl is None else ctrl[numbers]
+    proofmass_terms = own_terms(tree, q[numbers], v[numbers], controls)
+    pose_controls = len(numbers) * [None] if controls is None else controls
+    term_list = [
+        source.terms(*state) for state in zip(q[numbers], v[numbers], pose_controls, strict=True)
+    ]
+    source_terms = Terms(
+        **{name: np.array([getattr(one, name) for one in term_list]) for name in TERM_NAMES}
+    )
+    worst = TermComparison(len(numbers), 0.0, "mass")
+    for name, scale in term_scales(proofmass_terms, v[numbers]).items():
+        difference = np.abs(getattr(proofmass_terms, name) - getattr(source_terms, name)).reshape(
+            len(numbers), -1
+        )
+        if not difference.size:
             continue
-        share = apart.max(axis=1) / scale
+        share = difference.max(axis=1) / scale
         k = int(np.argmax(np.where(np.isfinite(share), share, np.inf)))
-        if not share[k] <= AGREED:
+        if not share[k] <= MAX_TERM_DIFFERENCE:
             raise TermsDiffer(
-                f"the {NAMES[name]} of {source.name} and of proofmass's own formulation differ by "
-                f"{share[k]:.3g} of the largest at {when} = {times[some[k]]:.6g}, where {AGREED:g} "
-                f"is rounding: one of the two has a defect, and there is no reference"
+                f"the {TERM_NAMES[name]} of {source.name} and of proofmass's own formulation "
+                f"differ by {share[k]:.3g} of the largest at {when} = {times[numbers[k]]:.6g}, "
+                f"where {MAX_TERM_DIFFERENCE:g} is rounding: one of the two has a defect, and "
+                f"there is no reference"
             )
         if share[k] >= worst.difference:
-            worst = Witnessed(len(some), float(share[k]), name)
+            worst = TermComparison(len(numbers), float(share[k]), name)
     return worst
 
 
-def scales(terms: Terms, v: Array) -> dict[str, float]:
+def term_scales(terms: Terms, v: Array) -> dict[str, float]:
     """Find the scale of each kind of term in a motion, by which differences are divided.
 
     It is the largest value of the kind; for gaps, in m and rad, it is 1.  The scale of drifts is at
@@ -112,12 +119,12 @@ def scales(terms: Terms, v: Array) -> dict[str, float]:
 
     forces, mass = largest(terms.bias, terms.force), largest(terms.mass)
     rows = largest(terms.jacobian)
-    bent = rows * max(float((v**2).max(initial=0.0)), forces / mass)
+    acceleration_scale = rows * max(float((v**2).max(initial=0.0)), forces / mass)
     return {
         "mass": mass,
         "bias": forces,
         "force": forces,
         "gap": 1.0,
         "jacobian": rows,
-        "drift": max(largest(terms.drift), bent),
+        "drift": max(largest(terms.drift), acceleration_scale),
     }

@@ -1,6 +1,6 @@
 """The speed at which MuJoCo's soft contacts creep under a load that friction should hold."""
 
-from proofmass.analytic.numerics import not_negative, positive
+from proofmass.analytic.numerics import check_not_negative, check_positive
 
 
 def creep_rate(
@@ -62,8 +62,8 @@ def creep_rate(
     >>> round(creep_rate(pull=9.81 * 0.5, contacts=4), 9)
     0.00122625
     """
-    positive("1", contacts=contacts, impratio=impratio, inverse_mass=inverse_mass)
-    not_negative("m/s^2", pull=pull)
+    check_positive("1", contacts=contacts, impratio=impratio, inverse_mass=inverse_mass)
+    check_not_negative("m/s^2", pull=pull)
     if not 0.0 < impedance < 1.0:
         raise ValueError(f"impedance must lie between 0 and 1 [1], got {impedance}")
     if not (solref[0] > 0 or solref[1] < 0):

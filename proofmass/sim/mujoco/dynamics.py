@@ -9,7 +9,7 @@ A control that changes in time is constant in each step, at its value in the mid
 MuJoCo keeps it constant over all stages of a step, so that its profile is reproduced to second
 order, with RK4 as well.
 
-`passive` steps any MJCF as it is, with its contacts, tendons and all else, and without drives.
+`run_passive` steps any MJCF as it is, with its contacts, tendons and all else, and without drives.
 It neither closes nor checks loops and prescribes no motion.
 """
 
@@ -24,26 +24,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import places_of_controls
+from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import (
-    drive_moments,
+    drive_moment_curves,
     drive_sensors,
     withhold_drives,
     withhold_interactions,
 )
-from proofmass.sim.mujoco.settings import stepped_with
-from proofmass.sim.mujoco.settling import failure
+from proofmass.sim.mujoco.settings import stepping_settings
+from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.protocol import Curves, Diverged, Run
 
-TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # the time in a warning of MuJoCo
+WARNING_TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # the time in a warning of MuJoCo
 # inertia of a flywheel, in multiples of the drive's load inertia in the start pose
-FLYWHEEL = 1e9
+FLYWHEEL_RATIO = 1e9
 
 
-def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
+def initialize_dynamics(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     """Close the loops at the drives' first values, set the rates of all joints, add the flywheels.
 
     Without drives, or where drives leave degrees of freedom, the loops are closed with the least
@@ -68,7 +68,7 @@ def start(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
         data.qvel[:] = tangent @ rate[0]
     inertia = np.zeros((model.nv, model.nv))  # before the flywheels
     mujoco.mj_fullM(model, data, inertia)
-    flywheel = FLYWHEEL * np.diag(tangent.T @ inertia @ tangent)
+    flywheel = FLYWHEEL_RATIO * np.diag(tangent.T @ inertia @ tangent)
     model.dof_armature[linkage.dofs] += flywheel
     # damping and friction do not change the motion of an ideal drive; its moment is not read here
     model.dof_damping[linkage.dofs] = model.dof_dampingpoly[linkage.dofs] = 0
@@ -102,36 +102,36 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record) | withhold_drives(model, linkage, record)
     dofs = linkage.dofs
-    own = model.dof_armature[dofs], model.dof_damping[dofs]
-    torque, instant = start(linkage, run, times)
+    armature_and_damping = model.dof_armature[dofs], model.dof_damping[dofs]
+    torque, instant = initialize_dynamics(linkage, run, times)
     if drive_sensors(model, linkage, record):
-        record.keep_forces()
+        record.record_forces()
     data.time = run.x[0]
     began = time.perf_counter()
     torque = torque.reshape(run.x.size - 1, count, dofs.size)
     controls = HeldControls.of(model, run, times, count)
-    with collected_warnings() as said:
+    with collected_warnings() as warnings:
         step_through(model, data, record, torque, instant[::count], dofs, controls)
     seconds = time.perf_counter() - began
     state, channels, rows = None, record.curves(), record.rows
     if run.drives:
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
     if "qfrc_inverse" in rows:
-        moments = moments_of_drives(rows, dofs, *own)
-        channels |= drive_moments(model, linkage, record, moments)
-    gaps = record.gaps()
+        moments = moments_of_drives(rows, dofs, *armature_and_damping)
+        channels |= drive_moment_curves(model, linkage, record, moments)
+    violations = record.violations()
     curves = Curves(
         run.x,
         channels,
         missing,
         drive=state,
-        violation=float(gaps.max(initial=0.0)),
+        violation=float(violations.max(initial=0.0)),
         seconds=seconds,
         steps=times.size - 1,
-        settings=stepped_with(model),
-        violations=gaps,
+        settings=stepping_settings(model),
+        violations=violations,
     )
-    check(model, data, record, curves, said)
+    check_run(model, data, record, curves, warnings)
     return curves
 
 
@@ -158,7 +158,7 @@ class HeldControls:
         """The changing controls of a run with steps between `times`; None if it has none."""
         if not run.loads:
             return None
-        places = places_of_controls(model, (one.actuator for one in run.loads))
+        places = control_indices(model, (one.actuator for one in run.loads))
         held = run.controls(0.5 * (times[:-1] + times[1:]))[0].T
         instant = run.controls(times[::count])[0].T
         return cls(np.array(places), held.reshape(-1, count, len(places)), instant)
@@ -173,11 +173,15 @@ def moments_of_drives(
     model gives it and without the flywheel.
     """
 
-    def own(name: str) -> Array:
+    def driven_rows(name: str) -> Array:
         return rows[name][:, dofs]
 
-    given = own("qfrc_passive") + own("qfrc_constraint") + own("qfrc_actuator")
-    needed = own("qfrc_inverse") + armature * own("qacc") + damping * own("qvel")
+    given = (
+        driven_rows("qfrc_passive") + driven_rows("qfrc_constraint") + driven_rows("qfrc_actuator")
+    )
+    needed = (
+        driven_rows("qfrc_inverse") + armature * driven_rows("qacc") + damping * driven_rows("qvel")
+    )
     return np.asarray(needed - given)
 
 
@@ -197,79 +201,83 @@ def step_through(
     time.  Controls that change are set in the same way.
     """
     applied, mj_step, forward = data.qfrc_applied, mujoco.mj_step, mujoco.mj_forward
-    ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    is_rk4 = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     # steps of an interval after its first; one call if all are alike
-    rest = torque.shape[1] - 1
-    steady = (torque[:, 1:] == torque[:, 1:2]).all(axis=(1, 2)).tolist()
-    where: slice | NDArray[np.int32] = dofs
+    later_steps = torque.shape[1] - 1
+    is_constant = (torque[:, 1:] == torque[:, 1:2]).all(axis=(1, 2)).tolist()
+    drive_dofs: slice | NDArray[np.int32] = dofs
     if dofs.size < 2:  # a plain number is written three times as fast as an array
-        where = slice(dofs[0], dofs[0] + 1) if dofs.size else slice(0, 0)
+        drive_dofs = slice(dofs[0], dofs[0] + 1) if dofs.size else slice(0, 0)
         torque, instant = torque.sum(axis=-1).tolist(), instant.sum(axis=-1).tolist()
     ctrl, places, held = data.ctrl, None, None
     if controls:
         places, held = controls.places, controls.held
     for k, forces in enumerate(torque):
-        if ahead:
-            applied[where] = instant[k]
+        if is_rk4:
+            applied[drive_dofs] = instant[k]
             if controls:
                 ctrl[places] = controls.instant[k]
             forward(model, data)
             record.sample(k)
         else:
             record.sample_state(k)
-        applied[where] = forces[0]
+        applied[drive_dofs] = forces[0]
         if held is not None:
             ctrl[places] = held[k, 0]
         mj_step(model, data)
-        if not ahead:
+        if not is_rk4:
             record.sample_shown(k)
         if held is not None:
             for force, control in zip(forces[1:], held[k, 1:], strict=True):
-                applied[where], ctrl[places] = force, control
+                applied[drive_dofs], ctrl[places] = force, control
                 mj_step(model, data)
-        elif rest and steady[k]:
-            applied[where] = forces[1]
-            mj_step(model, data, rest)
+        elif later_steps and is_constant[k]:
+            applied[drive_dofs] = forces[1]
+            mj_step(model, data, later_steps)
         else:
             for force in forces[1:]:
-                applied[where] = force
+                applied[drive_dofs] = force
                 mj_step(model, data)
-    applied[where] = instant[-1]
+    applied[drive_dofs] = instant[-1]
     if controls:
         ctrl[places] = controls.instant[-1]
     forward(model, data)
     record.sample(len(torque))
 
 
-def check(
-    model: mujoco.MjModel, data: mujoco.MjData, record: Recorder, curves: Curves, said: list[str]
+def check_run(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    record: Recorder,
+    curves: Curves,
+    warnings: list[str],
 ) -> None:
     """Raise `Diverged` if the run failed, with the curves until the failure.
 
     MuJoCo resets a state that is not finite and continues; it reports this only in a warning.
-    `said` has the texts of all warnings, with the time of the reset.
+    `warnings` has the texts of all warnings, with the time of the reset.
     """
-    gaps, pose = cast(Array, curves.violations), record.rows["qpos"]
-    finite = np.isfinite(pose).all(axis=1) & (gaps <= 0.1 * model.stat.extent)
-    warning = failure(data)
+    violations, pose = cast(Array, curves.violations), record.rows["qpos"]
+    finite = np.isfinite(pose).all(axis=1) & (violations <= 0.1 * model.stat.extent)
+    warning = failure_warning(data)
     if not warning and finite.all():
         return
     k = int(np.argmin(finite)) if not finite.all() else finite.size
-    times = [float(t) for text in said for t in TIME.findall(text)]
+    times = [float(t) for text in warnings for t in WARNING_TIME.findall(text)]
     if warning and times and times[0] < curves.x[min(k, finite.size - 1)]:
         k, when = int(np.searchsorted(curves.x, times[0])), f"t = {times[0]:.4g} s"
     else:
         when = f"t = {curves.x[k]:.4g} s" if k < finite.size else "some time"
     if warning:
-        words = f"{warning}; failed at {when}"
+        message = f"{warning}; failed at {when}"
     elif not np.isfinite(pose[k]).all():
-        words = f"not finite at {when}"
+        message = f"not finite at {when}"
     else:
-        words = f"a loop came open by {gaps[k]:.3g} m at {when}"
-    raise Diverged(words, curves.first(k) if k else None)
+        message = f"a loop came open by {violations[k]:.3g} m at {when}"
+    raise Diverged(message, curves.first(k) if k else None)
 
 
-def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+def run_passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Step from the present pose and controls through ``run.x`` (time), and read every sensor.
 
     Parameters
@@ -298,23 +306,23 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     check_finite(data, rows, run.x)
     return Curves(
         run.x,
-        channels(model, rows),
+        sensor_curves(model, rows),
         seconds=seconds,
         steps=count * (run.x.size - 1),
-        settings=stepped_with(model),
+        settings=stepping_settings(model),
     )
 
 
 def check_finite(data: mujoco.MjData, rows: Array, times: Array) -> None:
     """Raise `Diverged` if MuJoCo warned of a failure or a sensor is not finite."""
-    if warning := failure(data):
+    if warning := failure_warning(data):
         raise Diverged(warning)
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         raise Diverged(f"not finite at t = {times[int(np.argmin(finite))]:.4g} s")
 
 
-def channels(model: mujoco.MjModel, rows: Array) -> dict[str, Array]:
+def sensor_curves(model: mujoco.MjModel, rows: Array) -> dict[str, Array]:
     """The sensor readings of all samples as curves by channel name."""
     found = {}
     for s in range(model.nsensor):

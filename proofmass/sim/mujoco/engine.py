@@ -11,8 +11,8 @@ import mujoco
 from proofmass.sim.mjcf import compile_model, read_tree, refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
 from proofmass.sim.mujoco import tried_settings
-from proofmass.sim.mujoco.dynamics import dynamics, passive
-from proofmass.sim.mujoco.model import load, loop_gap
+from proofmass.sim.mujoco.dynamics import dynamics, run_passive
+from proofmass.sim.mujoco.model import load, loop_violations
 from proofmass.sim.mujoco.own_motion import solve_closely, solve_own_motion
 from proofmass.sim.mujoco.program import IMPOSED as IMPOSED
 from proofmass.sim.mujoco.program import write_program as write_program
@@ -20,12 +20,12 @@ from proofmass.sim.mujoco.quasi_static import equilibrium, sweep
 from proofmass.sim.mujoco.settings import (
     ACCURACY,
     ENGINE_DEFAULTS,
-    PLACES,
-    SOFTNESS,
+    SETTING_PLACES,
+    SOFTNESS_SETTINGS,
     MujocoSettings,
     configure,
-    limits_of,
-    spelled,
+    limit_softness,
+    mjcf_text,
     write_limits,
     write_options,
 )
@@ -46,11 +46,11 @@ from proofmass.sim.protocol import (
     Scan,
     Scheme,
     Studied,
-    left_to_sidecar,
+    sidecar_instructions,
 )
 
 # [extents] a start pose with loops open by more is refused as not assembled
-NOT_ASSEMBLED = 0.05
+MAX_START_VIOLATION = 0.05
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
@@ -86,14 +86,14 @@ def simulate(model: Path, run: Run) -> Curves:
     Diverged
         The run failed.
     """
-    with refusing():
+    with translate_fatal_errors():
         if run.settings.get("flex"):
             return mujoco_flex.equilibrium(model, run)
-        return follow(*load(model, run), run)
+        return run_compiled(*load(model, run), run)
 
 
 @contextmanager
-def refusing() -> Iterator[None]:
+def translate_fatal_errors() -> Iterator[None]:
     """Raise MuJoCo's own fatal errors as errors of the model."""
     try:
         yield
@@ -101,10 +101,10 @@ def refusing() -> Iterator[None]:
         raise refusal(error) from None
 
 
-def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+def run_compiled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Do a run with a compiled model that has the run's settings and is in its start pose."""
     if run.kind == "passive":
-        return passive(model, data, run)
+        return run_passive(model, data, run)
     check_assembled(model, data, run.start)
     return {"sweep": sweep, "equilibrium": equilibrium, "dynamics": dynamics}[run.kind](
         model, data, run
@@ -114,13 +114,13 @@ def follow(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
 def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> None:
     """Refuse a start pose whose loops are open by more than the rounding of the key explains."""
     mujoco.mj_kinematics(model, data)
-    gaps = loop_gap(model, data)
-    if gaps.size and not gaps.max() <= NOT_ASSEMBLED * model.stat.extent:
+    violations = loop_violations(model, data)
+    if violations.size and not violations.max() <= MAX_START_VIOLATION * model.stat.extent:
         loops = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT]
-        name = model.equality(loops[int(gaps.argmax())]).name
+        name = model.equality(loops[int(violations.argmax())]).name
         raise BadModel(
             f"start pose of key {key!r} is not assembled: loop {name!r} is open by "
-            f"{gaps.max():.3g} m"
+            f"{violations.max():.3g} m"
         )
 
 
@@ -143,31 +143,33 @@ def snippet(parameters: ParameterValues, model: Path | None = None) -> str:
       <equality solref="0.008 1"/>
     </default>
     """
-    left = (f"<!-- {line} -->" for line in left_to_sidecar(parameters, tuple(PLACES)))
-    return "\n".join([*mjcf(parameters, model), *left])
+    sidecar_lines = (
+        f"<!-- {line} -->" for line in sidecar_instructions(parameters, tuple(SETTING_PLACES))
+    )
+    return "\n".join([*settings_as_mjcf(parameters, model), *sidecar_lines])
 
 
-def mjcf(parameters: ParameterValues, model: Path | None) -> Iterator[str]:
+def settings_as_mjcf(parameters: ParameterValues, model: Path | None) -> Iterator[str]:
     """Lines of MJCF that state settings; MuJoCo merges them with the elements before them."""
-    every = {**(ENGINE_DEFAULTS if parameters.get("defaults") else {}), **parameters}
+    settings = {**(ENGINE_DEFAULTS if parameters.get("defaults") else {}), **parameters}
     root = ElementTree.Element("mujoco")
-    write_options(root, {key: every[key] for key in PLACES if key in every})
+    write_options(root, {key: settings[key] for key in SETTING_PLACES if key in settings})
     for option in root:
         ElementTree.indent(option)
         yield ElementTree.tostring(option, encoding="unicode").replace(" />", "/>")
-    loops = equalities(model) if model else [ElementTree.Element("connect")]
-    softness = {key: spelled(every[key]) for key in SOFTNESS if key in every}
-    stops = limits(model, softness) if model else {}
+    loops = equality_elements(model) if model else [ElementTree.Element("connect")]
+    softness = {key: mjcf_text(settings[key]) for key in SOFTNESS_SETTINGS if key in settings}
+    stops = limit_attributes(model, softness) if model else {}
     if (loops or stops) and softness:
-        yield from ("<default>", f"  <equality {attributes(softness)}/>", "</default>")
+        yield from ("<default>", f"  <equality {to_attributes(softness)}/>", "</default>")
         for loop in loops:
-            if own := in_itself(loop, softness):
-                yield f"<!-- {loop.tag} {loop.get('name')}: with {attributes(own)} in itself -->"
+            if own := own_softness(loop, softness):
+                yield f"<!-- {loop.tag} {loop.get('name')}: with {to_attributes(own)} in itself -->"
     for name, own in stops.items():
-        yield f"<!-- joint {name}: with {attributes(own)} in itself -->"
+        yield f"<!-- joint {name}: with {to_attributes(own)} in itself -->"
 
 
-def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[str, str]:
+def own_softness(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[str, str]:
     """Attributes that an equality itself must have, since its own or its class's would override.
 
     If the equality has more numbers in an attribute than are given, the further ones remain.
@@ -180,7 +182,7 @@ def in_itself(loop: ElementTree.Element, softness: Mapping[str, str]) -> dict[st
     return found
 
 
-def limits(model: Path, softness: Mapping[str, str]) -> dict[str, dict[str, str]]:
+def limit_attributes(model: Path, softness: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """Attributes of joints with a range, by name, that make their limits as soft as loops.
 
     The limits keep their damping ratios.  If a joint has more numbers in an attribute than are
@@ -188,29 +190,29 @@ def limits(model: Path, softness: Mapping[str, str]) -> dict[str, dict[str, str]
     """
     if not softness or not any(joint.get("range") for joint in read_tree(model).iter("joint")):
         return {}
-    full = compile_model(model)
-    configure(full, softness)
-    return limits_of(full, softness)
+    compiled = compile_model(model)
+    configure(compiled, softness)
+    return limit_softness(compiled, softness)
 
 
-def attributes(said: Mapping[str, str]) -> str:
+def to_attributes(values: Mapping[str, str]) -> str:
     """Attributes as MJCF text."""
-    return " ".join(f'{key}="{value}"' for key, value in said.items())
+    return " ".join(f'{key}="{value}"' for key, value in values.items())
 
 
-def equalities(model: Path) -> list[ElementTree.Element]:
+def equality_elements(model: Path) -> list[ElementTree.Element]:
     """The equality elements of an MJCF, which close its loops."""
     return read_tree(model).findall("./equality/*")
 
 
-def pasted(model: Path, lines: str) -> str:
+def insert_snippet(model: Path, lines: str) -> str:
     """The text of an MJCF with a snippet in it, whose softness equalities and limits also get."""
     root, added = read_tree(model), ElementTree.fromstring(f"<all>{lines}</all>")
     for softness in added.iterfind("./default/equality"):
         for loop in root.iterfind("./equality/*"):
-            loop.attrib.update(in_itself(loop, softness.attrib))
+            loop.attrib.update(own_softness(loop, softness.attrib))
     said = next(added.iterfind("./default/equality"), None)
-    write_limits(root, limits(model, said.attrib if said is not None else {}))
+    write_limits(root, limit_attributes(model, said.attrib if said is not None else {}))
     root.extend(added)
     return ElementTree.tostring(root, encoding="unicode")
 
@@ -243,12 +245,12 @@ class Mujoco(Engine):
         loads: tuple[ChangingLoad, ...] = (),
     ) -> OwnMotion:
         """See `proofmass.sim.mujoco.own_motion.solve_own_motion`."""
-        with refusing():
+        with translate_fatal_errors():
             return solve_own_motion(model, until, samples, seconds, start, drives, loads)
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
         """See `proofmass.sim.mujoco.own_motion.solve_closely`."""
-        with refusing():
+        with translate_fatal_errors():
             return solve_closely(model, run)
 
     def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
@@ -290,7 +292,7 @@ class Mujoco(Engine):
 
     def pasted(self, model: Path, parameters: ParameterValues, steps: int) -> tuple[str, set[str]]:
         """The model with the snippet in it, which states all settings but `settled` and `flex`."""
-        return pasted(model, snippet(parameters, model)), {*PLACES, "defaults"}
+        return insert_snippet(model, snippet(parameters, model)), {*SETTING_PLACES, "defaults"}
 
     def write_program(
         self,

@@ -30,16 +30,22 @@ moves them by N H^-1 N' Q.
 import mujoco
 import numpy as np
 
-from proofmass.analytic.friction import HOLDS_ALL, MOST_JOINTS, PathEnds, SlipProblem, advance
+from proofmass.analytic.friction import (
+    MAX_FRICTION_JOINTS,
+    NOTHING_SLIPS,
+    PathEnds,
+    SlipProblem,
+    follow_stick_slip,
+)
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.linkage import CLOSED, NEAR, STRIDE, Linkage
+from proofmass.sim.mujoco.linkage import LOOP_TOLERANCE, MAX_STRIDE, NEWTON_TOLERANCE, Linkage
 from proofmass.sim.mujoco.model import refuse_dry_friction
 from proofmass.sim.protocol import BadModel, Run, Unsupported
 
 # share of the largest singular value below which rows are linearly dependent
-DEPENDENT = 1e-10
+RANK_TOLERANCE = 1e-10
 # share of the largest stiffness below which differences cannot tell it from zero
-FLAT = 1e-9
+MIN_STIFFNESS_RATIO = 1e-9
 
 
 class RestEquations:
@@ -65,7 +71,7 @@ class RestEquations:
     def __init__(self, rows: Array, gap: Array, force: Array, stiffness: Array):
         self.rows, self.gap, self.force, self.stiffness = rows, gap, force, stiffness
         left, values, right = np.linalg.svd(rows)
-        rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
+        rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
         self.inverse = (right[:rank].T / values[:rank]) @ left[:, :rank].T
         self.null = right[rank:].T
         self.hessian = self.null.T @ stiffness @ self.null
@@ -73,15 +79,15 @@ class RestEquations:
     def step(self, descend: bool = False) -> Array:
         """The step x; with `descend` it is reversed along motions of negative stiffness."""
         close = -self.inverse @ self.gap
-        return close - self.yielding(self.force + self.stiffness @ close, descend)
+        return close - self.displacement_under(self.force + self.stiffness @ close, descend)
 
-    def yielding(self, force: Array, descend: bool = False) -> Array:
+    def displacement_under(self, force: Array, descend: bool = False) -> Array:
         """Motion N H^-1 N' `force` of the degrees of freedom; with `descend` |H| replaces H."""
         push = self.null.T @ force
         if not descend:
             return np.asarray(self.null @ np.linalg.lstsq(self.hessian, push)[0])
         values, vectors = np.linalg.eigh((self.hessian + self.hessian.T) / 2)
-        floor = FLAT * np.abs(self.stiffness).max() or FLAT
+        floor = MIN_STIFFNESS_RATIO * np.abs(self.stiffness).max() or MIN_STIFFNESS_RATIO
         away = vectors.T @ push / np.maximum(np.abs(values), floor)
         return np.asarray(self.null @ vectors @ away)
 
@@ -89,7 +95,7 @@ class RestEquations:
         """Forces of the rows after a step."""
         return self.inverse.T @ (self.force + self.stiffness @ move)
 
-    def left_open(self) -> float:
+    def remaining_violation(self) -> float:
         """Largest constraint violation after a step; not zero where rows contradict each other."""
         return float(np.abs(self.gap - self.rows @ self.inverse @ self.gap).max())
 
@@ -101,14 +107,14 @@ class RestEquations:
     def tangent(self, columns: slice) -> Array:
         """Motion of the equilibrium for unit displacements of the rows `columns` (nv, columns)."""
         motions = self.inverse[:, columns]
-        return motions - self.yielding(self.stiffness @ motions)
+        return motions - self.displacement_under(self.stiffness @ motions)
 
 
-COVERED = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-BLOCKS = 10  # rounds in which all joints in a wrong state are switched at once
+SCALAR_JOINTS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+BLOCK_ROUNDS = 10  # rounds in which all joints in a wrong state are switched at once
 # [rad or extents] rounding of a pose; a joint further beyond a stop has passed it
-TOUCHES = 1e-12
-PULLS = 1e-12  # share of the largest force: rounding of the reaction of a stop
+LIMIT_TOLERANCE = 1e-12
+PULL_TOLERANCE = 1e-12  # share of the largest force: rounding of the reaction of a stop
 
 
 class LimitedJoints:
@@ -127,7 +133,7 @@ class LimitedJoints:
     def __init__(self, model: mujoco.MjModel, driven: Array, reach: Array):
         joints = np.flatnonzero(model.jnt_limited & ~np.isin(model.jnt_dofadr, driven))
         for j in joints:
-            if model.jnt_type[j] not in COVERED:
+            if model.jnt_type[j] not in SCALAR_JOINTS:
                 raise Unsupported(
                     f"range of joint {model.joint(j).name!r} in a sweep with degrees of freedom"
                     " left; ranges of hinges and slides are covered"
@@ -135,10 +141,10 @@ class LimitedJoints:
         self.names = [model.joint(j).name for j in joints]
         self.dofs, self.adr = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
         self.low, self.high = model.jnt_range[joints].T
-        self.slack = TOUCHES * reach[self.dofs]
+        self.slack = LIMIT_TOLERANCE * reach[self.dofs]
         self.rows = np.eye(model.nv)[self.dofs]
         self.side = np.zeros(joints.size, int)
-        self.turns = BLOCKS + 2 * joints.size
+        self.turns = BLOCK_ROUNDS + 2 * joints.size
 
     def beyond(self, place: Array) -> Array:
         """Which stop each joint has passed: -1 the low one, 1 the high one, 0 neither."""
@@ -173,8 +179,8 @@ class LimitedJoints:
         state = self.beyond(pose[self.adr] + move[self.dofs])
         state[on] = self.side[on]
         pull = self.side[on] * pushes[pushes.size - on.sum() :]
-        state[np.flatnonzero(on)[pull > PULLS * scale]] = 0
-        wrong = np.flatnonzero(state != self.side)[: None if turn < BLOCKS else 1]
+        state[np.flatnonzero(on)[pull > PULL_TOLERANCE * scale]] = 0
+        wrong = np.flatnonzero(state != self.side)[: None if turn < BLOCK_ROUNDS else 1]
         self.side[wrong] = state[wrong]
         return bool(wrong.size)
 
@@ -184,32 +190,35 @@ class LimitedJoints:
 
 
 # step [rad or extents] of central differences, the cube root of rounding: errors of 1e-10
-NUDGE = 6e-6
+DIFFERENCE_STEP = 6e-6
 # step [rad or extents] of differences of fourth order, which rates need: errors of 1e-12
-WIDER = 5e-4
+FINE_DIFFERENCE_STEP = 5e-4
 # share of the largest stiffness: if differences with one and with two step widths differ by more, a
 # force has a kink in between
-KINKED = 1e-5
+KINK_TOLERANCE = 1e-5
 # [rad or extents] a start pose further from equilibrium is refused, since it probably lacks a drive
-FAR = 0.5
+MAX_START_DISTANCE = 0.5
 # Newton steps, by whether the method descends or follows a path
-MOST = {False: 15, True: 200}
+MAX_NEWTON_STEPS = {False: 15, True: 200}
 # ratio of a Newton step to the one before, below which the old stiffness is good enough
-FAST = 0.1
+FAST_CONVERGENCE_RATIO = 0.1
 # [rad or extents] size of the next Newton step at which an equilibrium is found
-EXACT = 1e-11
+STEP_TOLERANCE = 1e-11
 # [rad or m per m] larger ratios of joint motion to loop opening mark a limit position
-LEVER = 1e3
+LIMIT_POSITION_LEVER = 1e3
 # error of a tangent's prediction beyond which the pose has jumped: share of the motion, plus an
 # amount [rad or extents]
-OFF, BRIEF = 0.3, 1e-3
+PREDICTION_ERROR_RATIO, SMALL_MOTION = 0.3, 1e-3
 # share of the longer of two predictions, by the tangents of both ends of a stride: if they differ
 # by more, the pose has snapped through
-TURNED = 0.5
-SHORTEST = 1e-8  # smallest part of a stride in which a path is followed
-FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
-UNSTABLE = "the equilibrium becomes unstable"
-REFUSED = {"tendon_limited": "a limited tendon", "actuator_dyntype": "an actuator with a state"}
+TANGENT_CHANGE_RATIO = 0.5
+MIN_STRIDE_SHARE = 1e-8  # smallest part of a stride in which a path is followed
+FRICTION_ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
+UNSTABLE_MESSAGE = "the equilibrium becomes unstable"
+REFUSED_FIELDS = {
+    "tendon_limited": "a limited tendon",
+    "actuator_dyntype": "an actuator with a state",
+}
 
 
 def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
@@ -223,10 +232,13 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     Unsupported
         A tendon has dry friction, or a joint has it in a run of kind equilibrium or in a sweep with
         changing loads and degrees of freedom left.  Also if degrees of freedom are left in a model
-        with one of the features in `REFUSED`.
+        with one of the features in `REFUSED_FIELDS`.
     """
     refuse_dry_friction(model, run.kind)
-    joints, far = tuple(drive.joint for drive in run.drives), np.inf if run.rods else FAR
+    joints, far = (
+        tuple(drive.joint for drive in run.drives),
+        np.inf if run.rods else MAX_START_DISTANCE,
+    )
     loads = tuple(load.actuator for load in run.loads)
     linkage = Linkage(model, data, joints, loads)
     free = linkage.dof()
@@ -238,14 +250,14 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
             f"the load of actuator {loads[0]!r}, which changes, and frictionloss of joint "
             f"{joint!r} in one sweep with {free} degree(s) of freedom left"
         )
-    loose = model.dof_frictionloss.copy()  # without that of the driven joints
-    loose[linkage.dofs] = 0.0
+    undriven_friction = model.dof_frictionloss.copy()  # without that of the driven joints
+    undriven_friction[linkage.dofs] = 0.0
     rest = (
         RubbingLinkage(model, data, joints, free, far)
-        if loose.any()
+        if undriven_friction.any()
         else RestingLinkage(model, data, joints, free, far, loads)
     )
-    rest.rated = run.kind == "sweep"
+    rest.needs_rates = run.kind == "sweep"
     return rest
 
 
@@ -266,12 +278,12 @@ class RestingLinkage(Linkage):
     ----------
     shortest : float
         Smallest part of a stride [1]; a path that cannot be followed so far has ended.
-    rated : bool
+    needs_rates : bool
         Whether rates along the path are needed, for which the stiffness is computed more exactly.
     """
 
-    shortest = SHORTEST
-    rated = False
+    shortest = MIN_STRIDE_SHARE
+    needs_rates = False
 
     def __init__(
         self,
@@ -279,11 +291,11 @@ class RestingLinkage(Linkage):
         data: mujoco.MjData,
         joints: tuple[str, ...],
         free: int,
-        far: float = FAR,
+        far: float = MAX_START_DISTANCE,
         loads: tuple[str, ...] = (),
     ):
         super().__init__(model, data, joints, loads)
-        for field, what in REFUSED.items():
+        for field, what in REFUSED_FIELDS.items():
             if getattr(model, field).any():
                 raise Unsupported(f"{what} in a sweep with {free} degree(s) of freedom left")
         self.free, self.far = free, far
@@ -312,12 +324,12 @@ class RestingLinkage(Linkage):
             share = min(share, 1.0 - done)
             pose, side = self.data.qpos.copy(), self.stops.side.copy()
             control = self.data.ctrl.copy()
-            promised = tangent @ way * share
-            mujoco.mj_integratePos(self.model, self.data.qpos, promised, 1.0)
+            predicted = tangent @ way * share
+            mujoco.mj_integratePos(self.model, self.data.qpos, predicted, 1.0)
             try:
                 found = self.follow(begin + (done + share) * way)
                 same = np.array_equal(side, self.stops.side)
-                if self.jumped(pose, promised, found @ way * share if same else promised):
+                if self.has_jumped(pose, predicted, found @ way * share if same else predicted):
                     raise RestNotFound("the pose moved otherwise than its tangent predicts")
                 tangent = found
                 done, share = done + share, min(2.0 * share, longest)
@@ -329,19 +341,25 @@ class RestingLinkage(Linkage):
                     raise self.ending(error) from None
         return tangent
 
-    def jumped(self, pose: Array, promised: Array, behind: Array) -> bool:
+    def has_jumped(self, pose: Array, predicted: Array, predicted_back: Array) -> bool:
         """Whether the joints snapped from `pose` to another path of equilibria.
 
-        They did if their motion differs from that `promised` by the tangent at `pose`, or if the
-        tangent at the new pose predicts another motion, `behind`, for the same stride.
+        They did if their motion differs from that `predicted` by the tangent at `pose`, or if the
+        tangent at the new pose predicts another motion, `predicted_back`, for the same stride.
         """
         moved = np.zeros(self.model.nv)
         mujoco.mj_differentiatePos(self.model, moved, 1.0, pose, self.data.qpos)
-        off, size = (np.abs(way / self.reach).max() for way in (moved - promised, promised))
-        ways = np.array([promised, behind]) / self.reach
-        ways[:, self.dofs] = 0.0
-        apart, longer = np.abs(ways[1] - ways[0]).max(), np.abs(ways).max()
-        return bool(off > OFF * size + BRIEF or (apart > TURNED * longer and longer > BRIEF))
+        error, size = (np.abs(way / self.reach).max() for way in (moved - predicted, predicted))
+        predictions = np.array([predicted, predicted_back]) / self.reach
+        predictions[:, self.dofs] = 0.0
+        difference, longer = (
+            np.abs(predictions[1] - predictions[0]).max(),
+            np.abs(predictions).max(),
+        )
+        return bool(
+            error > PREDICTION_ERROR_RATIO * size + SMALL_MOTION
+            or (difference > TANGENT_CHANGE_RATIO * longer and longer > SMALL_MOTION)
+        )
 
     def together(self, values: Array, tangent: Array | None) -> None:
         """None, since a path of equilibria may end and is followed one pose after the other."""
@@ -350,10 +368,10 @@ class RestingLinkage(Linkage):
         """The error that says why the path of equilibria ends at the present pose."""
         here = self.data.qpos[self.adr]
         self.step(here, descend=False)
-        if np.abs(self.balance.inverse).max() > LEVER:
+        if np.abs(self.balance.inverse).max() > LIMIT_POSITION_LEVER:
             error = BadModel("the loops cannot be closed")
         elif isinstance(error, RestNotFound):
-            error = UnstableRest(UNSTABLE)
+            error = UnstableRest(UNSTABLE_MESSAGE)
         kind = UnstableRest if isinstance(error, UnstableRest) else BadModel
         return kind(f"{error} beyond {self.format_drives(here)}")
 
@@ -366,16 +384,16 @@ class RestingLinkage(Linkage):
         """
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
         tangent = self.rest(values, np.inf, descend=True)
-        if self.balance.least() <= FLAT:
-            raise UnstableRest(UNSTABLE)
+        if self.balance.least() <= MIN_STIFFNESS_RATIO:
+            raise UnstableRest(UNSTABLE_MESSAGE)
         return tangent
 
     def follow(self, values: Array) -> Array:
         """Go to the stable equilibrium next to the present pose; returns its tangent."""
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
-        tangent = self.rest(values, STRIDE)
-        if self.balance.least() <= FLAT:
-            raise UnstableRest(UNSTABLE)
+        tangent = self.rest(values, MAX_STRIDE)
+        if self.balance.least() <= MIN_STIFFNESS_RATIO:
+            raise UnstableRest(UNSTABLE_MESSAGE)
         return tangent
 
     def settle(self) -> Array:
@@ -388,9 +406,9 @@ class RestingLinkage(Linkage):
             tangent = self.rest(here, self.far, descend=True)
         except RestNotFound as error:
             raise Unsupported(f"{left}, and the start pose is not near rest: {error}") from None
-        if self.balance.least() < -FLAT:
+        if self.balance.least() < -MIN_STIFFNESS_RATIO:
             raise BadModel(f"the start pose is an unstable equilibrium{held}")
-        if self.balance.least() <= FLAT:
+        if self.balance.least() <= MIN_STIFFNESS_RATIO:
             raise Unsupported(f"{left}, and nothing brings them to rest")
         return tangent
 
@@ -399,19 +417,23 @@ class RestingLinkage(Linkage):
 
         With `descend`, steps are reversed along motions of negative stiffness.
         """
-        begin, limit, before, size = self.data.qpos.copy(), STRIDE, 0.0, np.inf
+        begin, limit, before, size = self.data.qpos.copy(), MAX_STRIDE, 0.0, np.inf
         last, fresh = np.zeros(self.model.nv), True
-        for _ in range(MOST[descend]):
-            there = size <= NEAR and (fresh or size**2 <= EXACT * before)
-            fresh = there or size > FAST * before
-            steady, move = self.step(values, descend, fresh, fine=there and self.rated)
-            if there and steady:
+        for _ in range(MAX_NEWTON_STEPS[descend]):
+            has_converged = size <= NEWTON_TOLERANCE and (
+                fresh or size**2 <= STEP_TOLERANCE * before
+            )
+            fresh = has_converged or size > FAST_CONVERGENCE_RATIO * before
+            steady, move = self.step(
+                values, descend, fresh, fine=has_converged and self.needs_rates
+            )
+            if has_converged and steady:
                 mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
                 self.step(values, descend, fresh=False)
                 return self.check()
             before, size = size, np.abs(move / self.reach).max()
             limit *= 0.5 if move @ last < 0 else 1.0  # steps alternate across an equilibrium
-            last = move * min(1.0, limit / max(size, NEAR))
+            last = move * min(1.0, limit / max(size, NEWTON_TOLERANCE))
             mujoco.mj_integratePos(self.model, self.data.qpos, last, 1.0)
             self.near(begin, far)
         raise RestNotFound("no equilibrium was found")
@@ -436,22 +458,22 @@ class RestingLinkage(Linkage):
         gap, jacobian = self.rows()
         pose, force = self.data.qpos.copy(), self.force()
         held = np.vstack([jacobian, self.units, np.eye(self.model.nv)[self.stuck]])
-        off = [gap, pose[self.adr] - values, pose[self.adr_of[self.stuck]] - self.stuck_at]
-        past, bars = self.stops.held(pose)
+        violations = [gap, pose[self.adr] - values, pose[self.adr_of[self.stuck]] - self.stuck_at]
+        past, stop_rows = self.stops.held(pose)
         if fresh:
-            rows = np.vstack([held, bars])
-            pushes = np.linalg.lstsq(rows.T, force, DEPENDENT)[0]
+            rows = np.vstack([held, stop_rows])
+            pushes = np.linalg.lstsq(rows.T, force, RANK_TOLERANCE)[0]
             self.stiffness = self.lagrangian(pushes[: gap.size], fine)
         older = np.flatnonzero(self.stops.side)
         for turn in range(self.stops.turns):
-            past, bars = self.stops.held(pose)
+            past, stop_rows = self.stops.held(pose)
             self.balance = RestEquations(
-                np.vstack([held, bars]),
-                np.concatenate([*off, past]),
+                np.vstack([held, stop_rows]),
+                np.concatenate([*violations, past]),
                 force,
                 self.stiffness,
             )
-            if past.size and self.balance.left_open() > CLOSED:
+            if past.size and self.balance.remaining_violation() > LOOP_TOLERANCE:
                 if not older.size:
                     raise BadModel(
                         f"the joint limits of {self.stops.format_held()} block the motion"
@@ -492,18 +514,18 @@ class RestingLinkage(Linkage):
             return np.array(found).T
 
         if fine:
-            one, two = slopes(WIDER), slopes(2 * WIDER)
+            one, two = slopes(FINE_DIFFERENCE_STEP), slopes(2 * FINE_DIFFERENCE_STEP)
             found = (4 * one - two) / 3
-            fine = bool(np.abs(one - two).max() <= KINKED * np.abs(one).max())
+            fine = bool(np.abs(one - two).max() <= KINK_TOLERANCE * np.abs(one).max())
         if not fine:
-            found = slopes(NUDGE)
+            found = slopes(DIFFERENCE_STEP)
         self.data.qpos[:] = pose
         return found
 
     def check(self) -> Array:
         """The tangent of an equilibrium; raises if loops or stops are open or it is singular."""
         gap = np.abs(self.balance.gap).max(initial=0.0)
-        if not gap < CLOSED * max(1.0, self.model.stat.extent):
+        if not gap < LOOP_TOLERANCE * max(1.0, self.model.stat.extent):
             raise BadModel(f"cannot be assembled: a constraint is violated by {gap:.3g} (m or rad)")
         if self.dof() != self.free:
             raise BadModel("the loops are in a singular pose")
@@ -511,7 +533,7 @@ class RestingLinkage(Linkage):
             raise Unsupported(
                 f"{self.data.ncon} contact(s) in a sweep with degrees of freedom left"
             )
-        yields = self.balance.yielding(self.pushes())
+        yields = self.balance.displacement_under(self.pushes())
         return np.hstack([self.balance.tangent(self.driven), yields])
 
     def pushes(self) -> Array:
@@ -553,27 +575,27 @@ class RubbingLinkage(RestingLinkage):
         data: mujoco.MjData,
         joints: tuple[str, ...],
         free: int,
-        far: float = FAR,
+        far: float = MAX_START_DISTANCE,
     ):
         super().__init__(model, data, joints, free, far)
         self.rows()
-        own = data.efc_type == FRICTION
+        own = data.efc_type == FRICTION_ROW
         dofs, bounds = data.efc_id[own], data.efc_frictionloss[own].copy()
         left = ~np.isin(dofs, self.dofs)
         self.rubbing, self.bounds = dofs[left], bounds[left]
-        if self.rubbing.size > MOST_JOINTS:
+        if self.rubbing.size > MAX_FRICTION_JOINTS:
             raise Unsupported(
                 f"frictionloss of {self.rubbing.size} joints in a sweep with {free} degree(s) of "
-                f"freedom left; up to {MOST_JOINTS} are covered"
+                f"freedom left; up to {MAX_FRICTION_JOINTS} are covered"
             )
-        self.senses, self.begins = np.zeros(self.rubbing.size), True
+        self.senses, self.is_at_start = np.zeros(self.rubbing.size), True
         self.slipped = np.zeros(self.rubbing.size, bool)
 
     def check_slipped(self) -> None:
         """Raise `BadModel` if none of the joints with dry friction slipped in the whole sweep."""
         if not self.slipped.any():
             names = [repr(self.model.joint(self.model.dof_jntid[d]).name) for d in self.rubbing]
-            raise BadModel(HOLDS_ALL.format(", ".join(names)))
+            raise BadModel(NOTHING_SLIPS.format(", ".join(names)))
 
     def move(self, values: Array, tangent: Array | None = None) -> Array:
         """Follow the pose to new values of the drives, with stick and slip; returns the tangent."""
@@ -583,7 +605,7 @@ class RubbingLinkage(RestingLinkage):
         parts = max(1, int(np.ceil((np.abs(way) / self.stride).max())))
         for share in np.arange(parts)[::-1]:
             try:
-                advance(self, values - way * share / parts)
+                follow_stick_slip(self, values - way * share / parts)
             except PathEnds as error:
                 raise BadModel(str(error)) from None
         return self.balance.tangent(self.driven)
@@ -591,8 +613,8 @@ class RubbingLinkage(RestingLinkage):
     def rubs(self, velocity: Array, fastest: float) -> None:
         """Set the friction: of driven joints against their motion, of others by stick and slip."""
         super().rubs(velocity, fastest)
-        if not self.begins:
-            found = self.problem(self.way).goes(self.senses)
+        if not self.is_at_start:
+            found = self.problem(self.way).solve_state(self.senses)
             assert found is not None
             self.rub[self.rubbing] = found.friction
 
@@ -639,7 +661,7 @@ class RubbingLinkage(RestingLinkage):
 
     def enter(self, senses: Array) -> None:
         """Let joints of sense 0 stick in their present place, and the others slip."""
-        self.senses, self.begins = senses, False
+        self.senses, self.is_at_start = senses, False
         self.slipped |= senses != 0
         self.stuck = self.rubbing[senses == 0]
         self.stuck_at = self.data.qpos[self.adr_of[self.stuck]]
@@ -648,6 +670,6 @@ class RubbingLinkage(RestingLinkage):
 
     def loop_forces(self, needed: Array) -> Array:
         """Forces in the rows of the active equalities, without those of sticking joints."""
-        if self.begins:
+        if self.is_at_start:
             return super().loop_forces(needed)
         return np.asarray((self.loose.inverse.T @ needed)[: self.driven.start])

@@ -30,32 +30,32 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.sim.mjcf import leave_out_disabled
 from proofmass.sim.mujoco.model import Recorder, load, refuse_dry_friction
-from proofmass.sim.mujoco.sensors import withhold
-from proofmass.sim.mujoco.settings import configure, stepped_with
-from proofmass.sim.mujoco.settling import until_still
+from proofmass.sim.mujoco.sensors import withhold_stage
+from proofmass.sim.mujoco.settings import configure, stepping_settings
+from proofmass.sim.mujoco.settling import step_to_rest
 from proofmass.sim.plane import MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Curves, Rod, Run, Unsupported
 from proofmass.sim.rods import (
-    LIGHT,
-    PLAIN,
+    DEFAULT_MASS,
+    JOINT_PROPERTIES,
+    RADIUS_RATIO,
     SLIDE,
-    THICK,
     Chain,
     RodPose,
     check_rod,
     check_sites,
+    compile_without_rods,
     connect,
-    curve,
-    of_rods,
+    rod_channels,
+    rod_curve,
     start_poses,
-    without_links_to_rods,
 )
 
-# [`tempo` of the rod] damping over stiffness of a flex: critical for the slowest mode
-DAMPED = 0.3
+# [`time_scale` of the rod] damping over stiffness of a flex: critical for the slowest mode
+DAMPING_TIME = 0.3
 
 
-def points(rod: Rod) -> Chain:
+def cut_into_links(rod: Rod) -> Chain:
     """Cut a rod into the links between its points.
 
     Raises
@@ -85,48 +85,48 @@ def points(rod: Rod) -> Chain:
     return Chain(rod, lengths, springs, nodes)
 
 
-def stations(one: Chain) -> Array:
+def arc_lengths(one: Chain) -> Array:
     """Arc length [m] of a rod's points; the first point of a clamped rod lies behind the clamp."""
-    behind = 0.0 if one.jointed[0] else one.lengths[0]
+    behind = 0.0 if one.has_joint[0] else one.lengths[0]
     return one.vertices - behind * (one.vertices == 0)
 
 
-def fixed(one: Chain) -> int:
+def count_fixed_points(one: Chain) -> int:
     """How many points are fixed to the body on which the rod begins."""
-    return 1 if one.jointed[0] else 2
+    return 1 if one.has_joint[0] else 2
 
 
-def moments(bends: Array) -> Array:
+def scaled_moments(bends: Array) -> Array:
     """Bending moments at `bends` [rad], divided by EI/h [1]."""
     return np.asarray(2.0 * np.tan(bends / 2) / np.cos(bends / 2) ** 2)
 
 
-def tempo(rod: Rod) -> float:
+def time_scale(rod: Rod) -> float:
     """sqrt(m L^3 / EI) [s], the time scale of a rod's slow motions."""
-    return float(((rod.mass or LIGHT) * rod.length**3 / rod.stiffness) ** 0.5)
+    return float(((rod.mass or DEFAULT_MASS) * rod.length**3 / rod.stiffness) ** 0.5)
 
 
-def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, one: Chain) -> None:
+def add_flex(spec: mujoco.MjSpec, bare: mujoco.MjModel, one: Chain) -> None:
     """Add a flex with its bodies, sites and loops; `bare` is the compiled model without rods."""
     rod, site, parent = one.rod, bare.site(one.rod.start), spec.site(one.rod.start).parent
     if bare.body_weldid[site.bodyid[0]]:
         raise Unsupported(f"rod {rod.name!r}: a flex begins on the ground; {parent.name!r} moves")
     turn, bodies = np.zeros(9), []
     mujoco.mju_quat2Mat(turn, site.quat)
-    for k, s in enumerate(stations(one)):
+    for k, s in enumerate(arc_lengths(one)):
         bodies.append(
             parent.add_body(name=f"{rod.name}.{k}", quat=site.quat, pos=site.pos + s * turn[::3])
         )
-        if k >= fixed(one):
-            free(bodies[-1], rod, one.lengths[-1])
-    tip, radius = bodies[-1].add_site(name=f"{rod.name}.tip"), THICK * rod.length
+        if k >= count_fixed_points(one):
+            free_point(bodies[-1], rod, one.lengths[-1])
+    tip, radius = bodies[-1].add_site(name=f"{rod.name}.tip"), RADIUS_RATIO * rod.length
     spec.add_flex(
         name=rod.name,
         dim=1,
         young=4 * rod.stiffness / (np.pi * radius**4),
         poisson=0.0,
         radius=radius,
-        damping=DAMPED * tempo(rod),
+        damping=DAMPING_TIME * time_scale(rod),
         contype=0,
         conaffinity=0,
         vertbody=[body.name for body in bodies],
@@ -138,30 +138,39 @@ def add(spec: mujoco.MjSpec, bare: mujoco.MjModel, one: Chain) -> None:
         connect(spec, rod.name, tip.name, rod.end)
 
 
-def free(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
+def free_point(body: mujoco._specs.MjsBody, rod: Rod, length: float) -> None:
     """Give a point three slides and its share of the rod's mass."""
-    body.mass, body.explicitinertial = (rod.mass or LIGHT) * length / rod.length, True
+    body.mass, body.explicitinertial = (rod.mass or DEFAULT_MASS) * length / rod.length, True
     body.inertia = np.full(3, body.mass * length**2 / 12)
     for name, axis in zip("xyz", np.eye(3), strict=True):
         body.add_joint(
-            name=f"{body.name}.{name}", type=SLIDE, axis=axis, stiffness=[0, 0, 0], **PLAIN
+            name=f"{body.name}.{name}",
+            type=SLIDE,
+            axis=axis,
+            stiffness=[0, 0, 0],
+            **JOINT_PROPERTIES,
         )
 
 
 S = mujoco.mjtSensor
-VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
-DIRECTIONS = (S.mjSENS_FRAMEXAXIS, S.mjSENS_FRAMEYAXIS, S.mjSENS_FRAMEZAXIS, S.mjSENS_FRAMEQUAT)
+VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
+DIRECTION_SENSORS = (
+    S.mjSENS_FRAMEXAXIS,
+    S.mjSENS_FRAMEYAXIS,
+    S.mjSENS_FRAMEZAXIS,
+    S.mjSENS_FRAMEQUAT,
+)
 NO_RATE = "the engine is at rest: no rates, no accelerations"
 NO_ENERGY = "MuJoCo counts no energy of a flex that bends"
 NO_TURN = "the points of a flex do not rotate: directions are not read"
-# time step, in multiples of `tempo` / segments; edges then stretch alike for all n
-PACE = 0.06
-BLOCK = 20  # steps between two checks of the speed
-# [rod lengths per `tempo`] speed of the fastest joint below which a model is at rest
-STILL = 1e-10
-MOST = 100_000  # steps after which the search for an equilibrium is given up
-PROMPT = 0.1  # [steps] time constant of the constraints; shorter ones are hardly stiffer
-STIFF = 0.9999, 0.9999, 0.001  # solimp of the constraints, the stiffest that MuJoCo accepts
+# time step, in multiples of `time_scale` / segments; edges then stretch alike for all n
+TIMESTEP_RATIO = 0.06
+STEPS_PER_CHECK = 20  # steps between two checks of the speed
+# [rod lengths per `time_scale`] speed of the fastest joint below which a model is at rest
+REST_SPEED = 1e-10
+MAX_STEPS = 100_000  # steps after which the search for an equilibrium is given up
+CONSTRAINT_TIME = 0.1  # [steps] time constant of the constraints; shorter ones are hardly stiffer
+HARD_SOLIMP = 0.9999, 0.9999, 0.001  # solimp of the constraints, the stiffest that MuJoCo accepts
 
 
 def equilibrium(path: Path, run: Run) -> Curves:
@@ -185,59 +194,61 @@ def equilibrium(path: Path, run: Run) -> Curves:
         raise Unsupported(
             f"a run with a flex has no drives: joint {run.drives[0].joint!r} is driven"
         )
-    chains, plane = [points(rod) for rod in run.rods], plane_of(path, run)
-    model, data = assembled(path, run, chains)
-    still = STILL * min(rod.length / tempo(rod) for rod in run.rods)
-    steps = until_still(model, data, still, block=BLOCK, most=MOST)
+    chains, plane = [cut_into_links(rod) for rod in run.rods], find_rod_plane(path, run)
+    model, data = assemble_model(path, run, chains)
+    rest_speed = REST_SPEED * min(rod.length / time_scale(rod) for rod in run.rods)
+    steps = step_to_rest(model, data, rest_speed, block=STEPS_PER_CHECK, max_steps=MAX_STEPS)
     mujoco.mj_forward(model, data)
-    record, missing = recorder(model, data, run)
+    record, missing = make_recorder(model, data, run)
     record.sample(0)
     curves = {name: np.repeat(values, run.x.size) for name, values in record.curves().items()}
-    poses = {one.rod.name: (one, pose(data, one, plane)) for one in chains}
-    for channel, (rod, part) in of_rods(run).items():
+    poses = {one.rod.name: (one, rod_pose(data, one, plane)) for one in chains}
+    for channel, (rod, part) in rod_channels(run).items():
         one, shape = poses[rod.name]
-        curves[channel] = curve(one, part, shape, run.x)
+        curves[channel] = rod_curve(one, part, shape, run.x)
     return Curves(
         run.x,
         curves,
         missing,
-        violation=float(record.gaps().max(initial=0.0)),
+        violation=float(record.violations().max(initial=0.0)),
         seconds=time.perf_counter() - began,
         steps=steps,
         settings={
-            **stepped_with(model),
-            "stretch": max(stretch(one, shape) for one, shape in poses.values()),
+            **stepping_settings(model),
+            "stretch": max(max_stretch(one, shape) for one, shape in poses.values()),
         },
     )
 
 
-def recorder(
+def make_recorder(
     model: mujoco.MjModel, data: mujoco.MjData, run: Run
 ) -> tuple[Recorder, dict[str, str]]:
     """The recorder of the sensors, and the channels that are not read, with the reasons."""
-    sensors = tuple(c for c in run.channels if c not in of_rods(run))
+    sensors = tuple(c for c in run.channels if c not in rod_channels(run))
     missing = {channel: NO_TURN for channel in sensors if channel.endswith(".angle")}
     record = Recorder(model, data, tuple(c for c in sensors if c not in missing), 1)
-    missing |= withhold(record, VELOCITY, NO_RATE)
+    missing |= withhold_stage(record, VELOCITY_STAGE, NO_RATE)
     for channel, (index, _) in list(record.sensors.items()):
         kind = S(model.sensor_type[index])
-        if kind == S.mjSENS_E_POTENTIAL or kind in DIRECTIONS:
-            missing[channel] = NO_TURN if kind in DIRECTIONS else NO_ENERGY
+        if kind == S.mjSENS_E_POTENTIAL or kind in DIRECTION_SENSORS:
+            missing[channel] = NO_TURN if kind in DIRECTION_SENSORS else NO_ENERGY
             del record.sensors[channel]
     return record, missing
 
 
-def plane_of(path: Path, run: Run) -> MotionPlane:
+def find_rod_plane(path: Path, run: Run) -> MotionPlane:
     """The plane in which the rods bend, found from the model with chains in place of the flexes."""
     model, data = load(path, replace(run, settings={}))
     mujoco.mj_kinematics(model, data)
     return find_plane(model, data)
 
 
-def assembled(path: Path, run: Run, chains: list[Chain]) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def assemble_model(
+    path: Path, run: Run, chains: list[Chain]
+) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """The model with its flexes, in the start pose."""
     spec = mujoco.MjSpec.from_file(str(path))
-    bare = without_links_to_rods(spec)
+    bare = compile_without_rods(spec)
     check_sites(bare, run.rods)
     key = spec.key(run.start)
     begin, ctrl = mujoco.MjData(bare), np.array(key.ctrl) if key else np.empty(0)
@@ -247,8 +258,8 @@ def assembled(path: Path, run: Run, chains: list[Chain]) -> tuple[mujoco.MjModel
         spec.delete(other)
     mujoco.mj_kinematics(bare, begin)
     for one in chains:
-        add(spec, bare, one)
-    no_moments(spec, chains)
+        add_flex(spec, bare, one)
+    refuse_moments(spec, chains)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     try:
@@ -257,14 +268,14 @@ def assembled(path: Path, run: Run, chains: list[Chain]) -> tuple[mujoco.MjModel
         raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
     leave_out_disabled(model)
     refuse_dry_friction(model, run.kind)
-    tune(model, run)
+    tune_settling(model, run)
     data = mujoco.MjData(model)
     data.ctrl[: ctrl.size] = ctrl
-    put(model, data, bare, begin, chains)
+    set_start_pose(model, data, bare, begin, chains)
     return model, data
 
 
-def no_moments(spec: mujoco.MjSpec, chains: list[Chain]) -> None:
+def refuse_moments(spec: mujoco.MjSpec, chains: list[Chain]) -> None:
     """Raise `Unsupported` if an actuator exerts a moment on a point, which cannot rotate."""
     tips = [f"{one.rod.name}.tip" for one in chains]
     for actuator in spec.actuators:
@@ -272,14 +283,19 @@ def no_moments(spec: mujoco.MjSpec, chains: list[Chain]) -> None:
             raise Unsupported(f"actuator {actuator.name!r}: a moment on a point of a flex")
 
 
-def tune(model: mujoco.MjModel, run: Run) -> None:
+def tune_settling(model: mujoco.MjModel, run: Run) -> None:
     """Set the step and the constraints for fast settling; the run's settings override them."""
-    step = PACE * min(tempo(rod) / rod.segments for rod in run.rods)
-    own = {"timestep": step, "tolerance": 1e-14, "solref": (PROMPT * step, 1.0), "solimp": STIFF}
+    step = TIMESTEP_RATIO * min(time_scale(rod) / rod.segments for rod in run.rods)
+    own = {
+        "timestep": step,
+        "tolerance": 1e-14,
+        "solref": (CONSTRAINT_TIME * step, 1.0),
+        "solimp": HARD_SOLIMP,
+    }
     configure(model, own | {key: value for key, value in run.settings.items() if key != "flex"})
 
 
-def put(
+def set_start_pose(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     bare: mujoco.MjModel,
@@ -290,7 +306,7 @@ def put(
     added = {
         model.joint(f"{one.rod.name}.{k}.{axis}").id
         for one in chains
-        for k in range(fixed(one), one.vertices.size)
+        for k in range(count_fixed_points(one), one.vertices.size)
         for axis in "xyz"
     }
     own = [j not in added for j in range(model.njnt)]
@@ -299,21 +315,21 @@ def put(
     for one in chains:
         turn = np.cumsum([bends.get(name, 0.0) for name in one.names])
         x, y = np.cumsum(one.lengths * [np.cos(turn), np.sin(turn)], axis=1)
-        for k, s in list(enumerate(stations(one)))[fixed(one) :]:
+        for k, s in list(enumerate(arc_lengths(one)))[count_fixed_points(one) :]:
             first = model.joint(f"{one.rod.name}.{k}.x").qposadr[0]
             data.qpos[first : first + 2] = x[k - 1] - s, y[k - 1]
 
 
-def pose(data: mujoco.MjData, one: Chain, plane: MotionPlane) -> RodPose:
+def rod_pose(data: mujoco.MjData, one: Chain, plane: MotionPlane) -> RodPose:
     """Vertices and angles of a rod's links, and its moments over EI/h, which stand for bends."""
     places = np.array([data.body(f"{one.rod.name}.{k}").xpos for k in range(one.vertices.size)])
     places[0] = data.site(one.rod.start).xpos
     x, y = plane.flat(np.diff(places, axis=0)).T
     angles = np.unwrap(np.arctan2(y, x))
-    return places, angles, moments(np.diff(angles, prepend=angles[0]))
+    return places, angles, scaled_moments(np.diff(angles, prepend=angles[0]))
 
 
-def stretch(one: Chain, shape: RodPose) -> float:
+def max_stretch(one: Chain, shape: RodPose) -> float:
     """Largest relative change of the length of a rod's links [1]."""
     links = np.linalg.norm(np.diff(shape[0], axis=0), axis=1)
     return float(np.abs(links / one.lengths - 1.0).max())

@@ -15,17 +15,17 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import STANDS, Array
+from proofmass.analytic.numerics import REST_RATE_SHARE, Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
-from proofmass.sim.mujoco.model import loop_gap
+from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.protocol import BadModel, Unsupported
 
 EQ = mujoco.mjtEq
-LIMITS = {
+LIMIT_ROW_TYPES = {
     "joint": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT),
     "tendon": int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON),
 }
-AT_REST = (
+STATIC_STAGES = (
     "mj_kinematics",
     "mj_comPos",
     "mj_camlight",
@@ -37,37 +37,37 @@ AT_REST = (
 )
 """Parts of ``mj_fwdPosition``: all but those of inertia."""
 # [m or rad] size of the last Newton step of `release`; poses round by about 1e-15
-SETTLED = 1e-13
+RELEASE_TOLERANCE = 1e-13
 # [rad or m] rounding of a pose; a joint further beyond its range has left it
-TOUCHES = 1e-12
+LIMIT_TOLERANCE = 1e-12
 # [extents or rad] size of a Newton step after which an error of its square remains
-NEAR = 1e-8
+NEWTON_TOLERANCE = 1e-8
 # [extents or rad] error at which `place` stops: Newton step times distance from the inverse's pose
-LEFT = 1e-15
+PLACE_TOLERANCE = 1e-15
 # [extents or rad] distance from its pose up to which an inverse is used again
-CHORD = 1e-3
-CLOSED = 1e-11  # [extents or rad] largest constraint violation of a closed loop
+MAX_CHORD_DISTANCE = 1e-3
+LOOP_TOLERANCE = 1e-11  # [extents or rad] largest constraint violation of a closed loop
 # [extents or rad per extent] ratio of motion to constraint violation above which a pose counts as
 # singular, because of rounding
-UNSURE = 1e5
-UNDRIVEN = np.zeros(0)  # values or rates of no drives
+SINGULAR_LEVER = 1e5
+NO_VALUES = np.zeros(0)  # values or rates of no drives
 # [rad or extents] offset at which a pose next to a singular one is not singular
-NUDGE = 1e-3
-STRIDE = 0.1  # [rad or extents] largest motion of drives in a stride: keeps the assembly mode
-FAR = 2.0  # [strides] largest extrapolation by a polynomial
+SINGULAR_POSE_OFFSET = 1e-3
+MAX_STRIDE = 0.1  # [rad or extents] largest motion of drives in a stride: keeps the assembly mode
+MAX_EXTRAPOLATION = 2.0  # [strides] largest extrapolation by a polynomial
 # largest share by which a polynomial leaves its tangent, or drives their last line
-BENDS = 0.3
-BLOCK = 1000  # poses whose loops are closed together
+MAX_BEND_RATIO = 0.3
+POSES_PER_BLOCK = 1000  # poses whose loops are closed together
 # [extents or rad] largest error of an interpolated pose; else poses follow singly
-AHEAD = 1e-2
-SHORTENS = 0.1  # largest ratio of a Newton step to the one before it, of interpolated poses
+MAX_GUESS_ERROR = 1e-2
+MAX_STEP_RATIO = 0.1  # largest ratio of a Newton step to the one before it, of interpolated poses
 # ratio of singular values up to which a matrix is regular and inverted by elimination
-SURE = 1e8
+MAX_CONDITION = 1e8
 # the same ratio for poses that are closed together; else poses follow singly
-REGULAR = 1e3
+MAX_BATCH_CONDITION = 1e3
 # [extents or rad] size of the last Newton step of poses that are closed together
-THERE = 1e-12
-TURNS = 5  # largest number of Newton steps of poses that are closed together
+BATCH_TOLERANCE = 1e-12
+MAX_BATCH_STEPS = 5  # largest number of Newton steps of poses that are closed together
 
 
 class Linkage:
@@ -85,11 +85,11 @@ class Linkage:
         Quotients `sizes` / `spans`, which scale the Jacobian to lengths in extents.
     inverse : ndarray (nv, rows + drives)
         Result of `invert` for the Jacobian of the last pose that was closed.
-    stridden : tuple of ndarray
+    last_stride : tuple of ndarray
         Pose (nq,) and tangent (nv, drives) at the begin of the last stride, and pose at its end.
     rub : ndarray (nv,)
         Forces needed against dry friction, in the direction of the motion [N m or N].
-    loaded : ndarray of int
+    loaded_bodies : ndarray of int
         Bodies with applied forces, the dead loads of rods, which are constant in a run.
     controls : ndarray (loads,) of int
         Indices of the controls of changing loads in ``ctrl``.
@@ -110,7 +110,7 @@ class Linkage:
         self.units = np.eye(model.nv)[self.dofs]
         slides = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.sizes = np.where(slides, model.stat.extent, 1.0)
-        self.stride = STRIDE * self.sizes[self.dofs]
+        self.stride = MAX_STRIDE * self.sizes[self.dofs]
         spans = list[float]()
         for i in range(model.neq):
             kind = EQ(model.eq_type[i])
@@ -130,10 +130,12 @@ class Linkage:
         self.bodies = {
             i: anchor_bodies(model, i) for i, kind in self.equalities if kind == EQ.mjEQ_CONNECT
         }
-        self.hinged = model.nq == model.nv  # only hinges and slides, whose values can be added to
-        self.stridden = UNDRIVEN, UNDRIVEN, UNDRIVEN
+        self.has_scalar_joints = (
+            model.nq == model.nv
+        )  # only hinges and slides, whose values can be added to
+        self.last_stride = NO_VALUES, NO_VALUES, NO_VALUES
         self.rub = np.zeros(model.nv)
-        self.loaded = np.flatnonzero(data.xfrc_applied.any(axis=1))
+        self.loaded_bodies = np.flatnonzero(data.xfrc_applied.any(axis=1))
         self.limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
 
     def span(self, i: int, kind: mujoco.mjtEq) -> list[float]:
@@ -161,7 +163,7 @@ class Linkage:
         if not self.model.dof_frictionloss.any():
             return
         self.rub = np.where(
-            np.abs(velocity) > STANDS * fastest,
+            np.abs(velocity) > REST_RATE_SHARE * fastest,
             np.sign(velocity) * self.model.dof_frictionloss,
             self.rub,
         )
@@ -175,7 +177,7 @@ class Linkage:
         if inertia:
             mujoco.mj_fwdPosition(self.model, self.data)
         else:
-            for part in AT_REST:
+            for part in STATIC_STAGES:
                 getattr(mujoco, part)(self.model, self.data)
         data, count = self.data, self.data.ne  # the rows of equalities come first
         if not mujoco.mj_isSparse(self.model):
@@ -207,7 +209,7 @@ class Linkage:
             mujoco.mj_integratePos(self.model, self.data.qpos, ahead, 1.0)
             try:
                 there = self.place(target)
-                sure = not part or self.lever() < UNSURE
+                sure = not part or self.max_lever() < SINGULAR_LEVER
             except (BadModel, Unsupported):
                 if not part:
                     raise
@@ -215,9 +217,9 @@ class Linkage:
             if part and not sure:
                 self.data.qpos[:] = before
             else:
-                self.stridden = before, tangent, self.data.qpos.copy()
+                self.last_stride = before, tangent, self.data.qpos.copy()
                 tangent = there
-        return self.loaded_tangent(tangent)
+        return self.tangent_with_loads(tangent)
 
     def ahead(self, target: Array, tangent: Array) -> Array:
         """Predicted motion (nv,) from the present pose to values of the drives.
@@ -226,19 +228,22 @@ class Linkage:
         it follows Hermite's polynomial of third degree through the ends of that stride, unless this
         deviates much from the tangent.
         """
-        pose, (before, rates, end) = self.data.qpos, self.stridden
+        pose, (before, rates, end) = self.data.qpos, self.last_stride
         way = target - pose[self.adr]
         move = tangent @ way
-        if not self.hinged or not np.array_equal(pose, end):
+        if not self.has_scalar_joints or not np.array_equal(pose, end):
             return move
         line = (pose - before)[self.adr]
         share = (way @ line) / (line @ line or np.nan)
-        if not (0 < share <= FAR and np.abs(way - share * line).max() < BENDS * np.abs(way).max()):
+        if not (
+            0 < share <= MAX_EXTRAPOLATION
+            and np.abs(way - share * line).max() < MAX_BEND_RATIO * np.abs(way).max()
+        ):
             return move
         first, last, chord = rates @ line, tangent @ line, pose - before
         cubic = first + last - 2 * chord
         bend = share**2 * (last - chord + cubic) + share**3 * cubic
-        if np.abs(bend).max() < BENDS * np.abs(move).max():
+        if np.abs(bend).max() < MAX_BEND_RATIO * np.abs(move).max():
             move += bend
         return move
 
@@ -251,8 +256,8 @@ class Linkage:
             The path ends; see `move`.
         """
         tangent, drives = None, self.dofs.size
-        for first in range(0, values.shape[1], BLOCK):
-            block = values[:, first : first + BLOCK]
+        for first in range(0, values.shape[1], POSES_PER_BLOCK):
+            block = values[:, first : first + POSES_PER_BLOCK]
             begin = self.data.qpos.copy(), self.data.ctrl.copy()
             if (found := self.together(block, tangent)) is None:
                 self.data.qpos[:], self.data.ctrl[:] = begin
@@ -263,7 +268,7 @@ class Linkage:
             for pose, inverse, controls in zip(*found, block[drives:].T, strict=True):
                 self.data.qpos[:], self.data.ctrl[self.controls] = pose, controls
                 self.inverse = self.refined(inverse, self.rows()[1])
-                tangent = self.loaded_tangent(self.inverse[:, inverse.shape[1] - drives :])
+                tangent = self.tangent_with_loads(self.inverse[:, inverse.shape[1] - drives :])
                 yield tangent
 
     def together(self, values: Array, tangent: Array | None) -> tuple[Array, Array] | None:
@@ -274,13 +279,13 @@ class Linkage:
         method does not converge at once from an interpolated pose.
         """
         drives = values[: self.dofs.size].T
-        far = np.abs(np.diff(drives, axis=0) / self.stride).max(axis=1, initial=0.0)
-        far = np.append(0.0, np.cumsum(far))
+        distance = np.abs(np.diff(drives, axis=0) / self.stride).max(axis=1, initial=0.0)
+        distance = np.append(0.0, np.cumsum(distance))
         knots = [0]
-        while knots[-1] < far.size - 1:
-            ahead = int(np.searchsorted(far, far[knots[-1]] + 1.0, "right")) - 1
+        while knots[-1] < distance.size - 1:
+            ahead = int(np.searchsorted(distance, distance[knots[-1]] + 1.0, "right")) - 1
             knots.append(max(ahead, knots[-1] + 1))
-        if not self.hinged or not 2 <= len(knots) < far.size / 2:
+        if not self.has_scalar_joints or not 2 <= len(knots) < distance.size / 2:
             return None
         ends, ways = [], []
         try:
@@ -290,23 +295,23 @@ class Linkage:
                 ways.append(tangent[:, : self.dofs.size])
         except (BadModel, Unsupported):
             return None
-        poses = between(drives, np.array(knots), np.array(ends), np.array(ways))
-        before = np.full(len(poses), AHEAD / SHORTENS)
-        for _ in range(TURNS):
+        poses = interpolate_poses(drives, np.array(knots), np.array(ends), np.array(ways))
+        before = np.full(len(poses), MAX_GUESS_ERROR / MAX_STEP_RATIO)
+        for _ in range(MAX_BATCH_STEPS):
             poses[:, self.dofs] = drives
             gaps, jacobians = self.rows_at(poses)
             if (inverses := self.invert_regular(jacobians)) is None:
                 return None
             moves = -(inverses[..., : gaps.shape[1]] @ gaps[..., None])[..., 0]
             size = np.abs(moves / self.sizes).max(axis=1)
-            if ((size > NEAR) & ~(size < SHORTENS * before)).any():
+            if ((size > NEWTON_TOLERANCE) & ~(size < MAX_STEP_RATIO * before)).any():
                 return None
             poses, before = poses + moves, size
-            if size.max() <= THERE:
+            if size.max() <= BATCH_TOLERANCE:
                 poses[:, self.dofs] = drives
                 left = gaps + (jacobians @ moves[..., None])[..., 0]
                 open_by = np.abs(left / self.spans[: gaps.shape[1]]).max(initial=0.0)
-                return (poses, inverses) if open_by < CLOSED else None
+                return (poses, inverses) if open_by < LOOP_TOLERANCE else None
         return None
 
     def rows_at(self, poses: Array) -> tuple[Array, Array]:
@@ -323,24 +328,24 @@ class Linkage:
         scaled = self.scaled(jacobians)
         if scaled.shape[1] < self.model.nv or not np.isfinite(scaled).all():
             return None
-        if (found := self.eliminated(scaled, REGULAR)) is not None:
+        if (found := self.invert_by_elimination(scaled, MAX_BATCH_CONDITION)) is not None:
             return found
         left, values, right = np.linalg.svd(scaled, full_matrices=False)
-        if not (values[:, -1] > values[:, 0] / REGULAR).all():
+        if not (values[:, -1] > values[:, 0] / MAX_BATCH_CONDITION).all():
             return None
-        return self.inverted(left, values, right)
+        return self.invert_by_svd(left, values, right)
 
     def refined(self, inverse: Array, jacobian: Array) -> Array:
         """The inverse of a Jacobian, from the inverse at a pose that differs by a Newton step.
 
-        Rates by the old inverse would have an error of that step, up to `THERE`, which is
+        Rates by the old inverse would have an error of that step, up to `BATCH_TOLERANCE`, which is
         larger than the rounding of the pose.  One step of Newton's method on the inverse squares
         the error.
         """
         rows = np.vstack([jacobian, self.units])
         return np.asarray(2.0 * inverse - inverse @ (rows @ inverse))
 
-    def loaded_tangent(self, tangent: Array) -> Array:
+    def tangent_with_loads(self, tangent: Array) -> Array:
         """The tangent (nv, drives + loads), with zeros for loads, which do not move a linkage."""
         if not self.controls.size:
             return tangent
@@ -352,20 +357,20 @@ class Linkage:
         inverse, far = np.empty((0, 0)), np.inf  # the latter: distance from the inverse's pose
         for _ in range(50):
             residual, jacobian = self.rows()
-            if far > CHORD:
+            if far > MAX_CHORD_DISTANCE:
                 inverse, far = self.invert(jacobian), 0.0
             move = -inverse[:, : residual.size] @ residual
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             self.data.qpos[self.adr] = values
             size = np.abs(move / self.sizes).max(initial=0.0)
             far += size
-            if not size * far > LEFT:
+            if not size * far > PLACE_TOLERANCE:
                 break
         jacobian, residual = self.closed(values)
         self.inverse = self.invert(jacobian)
         return self.inverse[:, residual.size :]
 
-    def lever(self) -> float:
+    def max_lever(self) -> float:
         """Largest motion [extents or rad] for a constraint violation of an extent, at last pose."""
         return float(np.abs(self.inverse / self.shares.T).max())
 
@@ -379,8 +384,8 @@ class Linkage:
         """
         residual, jacobian = self.rows()
         gaps = residual / self.spans[: residual.size]
-        if not np.abs(gaps).max(initial=0.0) < CLOSED:
-            open_by = loop_gap(self.model, self.data).max(initial=0.0)
+        if not np.abs(gaps).max(initial=0.0) < LOOP_TOLERANCE:
+            open_by = loop_violations(self.model, self.data).max(initial=0.0)
             raise BadModel(
                 f"cannot be assembled at {self.format_drives(values)}: "
                 f"the loop stays open by {open_by:.3g} m"
@@ -391,13 +396,17 @@ class Linkage:
         """Whether the drives leave degrees of freedom in general, not only in a singular pose."""
         pose, free = self.data.qpos.copy(), self.dof()
         if free:
-            moves = NUDGE * np.random.default_rng(0).uniform(-1.0, 1.0, self.model.nv) * self.sizes
+            moves = (
+                SINGULAR_POSE_OFFSET
+                * np.random.default_rng(0).uniform(-1.0, 1.0, self.model.nv)
+                * self.sizes
+            )
             mujoco.mj_integratePos(self.model, self.data.qpos, moves, 1.0)
             free = self.dof()
             self.data.qpos[:] = pose
         return bool(free)
 
-    def release(self, values: Array = UNDRIVEN, wanted: Array = UNDRIVEN) -> Array:
+    def release(self, values: Array = NO_VALUES, wanted: Array = NO_VALUES) -> Array:
         """Close the loops with the least change of the joints, and make the rates satisfy them.
 
         Parameters
@@ -422,7 +431,7 @@ class Linkage:
             open_by = np.append(residual, np.zeros(self.dofs.size))
             move = -np.linalg.lstsq(rows, open_by, rcond=1e-10)[0]
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
-            if np.abs(move).max(initial=0.0) < SETTLED:
+            if np.abs(move).max(initial=0.0) < RELEASE_TOLERANCE:
                 break
         jacobian = self.closed(values)[0] if values.size else self.rows()[1]
         rows, rates = np.vstack([jacobian, self.units]), self.data.qvel
@@ -436,8 +445,8 @@ class Linkage:
         The drives determine every joint, so that no joint can give way at a limit.  The engine's
         own limits are springs, whose forces would enter the holding moments.
         """
-        for word, kind in LIMITS.items() if self.limited else ():
-            past = (self.data.efc_type == kind) & (self.data.efc_pos < -TOUCHES)
+        for word, kind in LIMIT_ROW_TYPES.items() if self.limited else ():
+            past = (self.data.efc_type == kind) & (self.data.efc_pos < -LIMIT_TOLERANCE)
             if past.any():
                 name = getattr(self.model, word)(self.data.efc_id[past.argmax()]).name
                 raise BadModel(
@@ -460,12 +469,12 @@ class Linkage:
         found[..., rows:, :] = self.held
         return found
 
-    def eliminated(self, scaled: Array, most: float) -> Array | None:
+    def invert_by_elimination(self, scaled: Array, max_condition: float) -> Array | None:
         """The inverse in SI of the matrix from `scaled`, by elimination.
 
         Elimination takes less time than singular values.  The result is None unless the matrix has
         as many rows that are not zero as columns, and if the ratio of its largest to its least
-        singular value may exceed `most`.
+        singular value may exceed `max_condition`.
         """
         rows = scaled.any(axis=(*range(scaled.ndim - 2), -1))
         if np.count_nonzero(rows) != self.model.nv:
@@ -476,16 +485,16 @@ class Linkage:
         except np.linalg.LinAlgError:
             return None
         sizes = np.square(square).sum(axis=(-2, -1)) * np.square(inverse).sum(axis=(-2, -1))
-        if not (sizes < most**2).all():
+        if not (sizes < max_condition**2).all():
             return None
         found = np.zeros((*scaled.shape[:-2], self.model.nv, scaled.shape[-2]))
         found[..., rows] = inverse
         return found * self.shares.T
 
-    def inverted(self, left: Array, values: Array, right: Array) -> Array:
+    def invert_by_svd(self, left: Array, values: Array, right: Array) -> Array:
         """The pseudo-inverse in SI of the matrix from `scaled`, by its singular values."""
-        turned = np.swapaxes(right, -1, -2) / values[..., None, :]
-        return np.asarray(turned @ np.swapaxes(left, -1, -2) * self.shares.T)
+        scaled_right = np.swapaxes(right, -1, -2) / values[..., None, :]
+        return np.asarray(scaled_right @ np.swapaxes(left, -1, -2) * self.shares.T)
 
     def format_drives(self, values: Array) -> str:
         """The driven joints with their values."""
@@ -498,7 +507,7 @@ class Linkage:
         loop has rows that are always zero, so that there is no inverse in the strict sense.
         """
         scaled = self.scaled(jacobian)
-        if (found := self.eliminated(scaled, SURE)) is not None:
+        if (found := self.invert_by_elimination(scaled, MAX_CONDITION)) is not None:
             return found
         left, values, right = np.linalg.svd(scaled, full_matrices=False)
         rank = int((values > 1e-10 * values[0]).sum())
@@ -508,7 +517,7 @@ class Linkage:
                 f"{self.format_drives(self.data.qpos[self.adr])} is held (singular values "
                 f"{values[0]:.2g} to {values[-1]:.2g}): free joints or a singular pose"
             )
-        return self.inverted(left, values, right)
+        return self.invert_by_svd(left, values, right)
 
     def acceleration(self, velocity: Array, values: Array) -> Array:
         """Joint accelerations (nv,) that keep the loops closed; needs the pose of `place`."""
@@ -545,7 +554,7 @@ class Linkage:
         """Generalized forces (nv,) of the forces on bodies, which are the dead loads of rods."""
         model, data, found = self.model, self.data, np.zeros(self.model.nv)
         loads, places = data.xfrc_applied, data.xipos
-        for body in self.loaded.tolist():
+        for body in self.loaded_bodies.tolist():
             push, turn = loads[body, :3], loads[body, 3:]
             mujoco.mj_applyFT(model, data, push, turn, places[body], body, found)
         return found
@@ -571,7 +580,7 @@ class Linkage:
         return needed @ tangent
 
 
-def between(drives: Array, knots: Array, ends: Array, ways: Array) -> Array:
+def interpolate_poses(drives: Array, knots: Array, poses: Array, tangents: Array) -> Array:
     """Interpolate poses between the known poses at knots, for given values of the drives.
 
     Parameters
@@ -580,9 +589,9 @@ def between(drives: Array, knots: Array, ends: Array, ways: Array) -> Array:
         Values of the drives [rad or m].
     knots : ndarray (knots,) of int
         Numbers of the poses that are known, the first and the last among them [1].
-    ends : ndarray (knots, nv)
+    poses : ndarray (knots, nv)
         The known poses [rad or m].
-    ways : ndarray (knots, nv, drives)
+    tangents : ndarray (knots, nv, drives)
         Tangents at the known poses, rad or m for each rad or m [1].
 
     Returns
@@ -597,11 +606,11 @@ def between(drives: Array, knots: Array, ends: Array, ways: Array) -> Array:
     square = (line**2).sum(axis=1)
     share = ((drives - start) * line).sum(axis=1) / np.where(square > 0, square, 1.0)
     aside, u = drives - start - share[:, None] * line, share[:, None]
-    along = [(ways[j] @ line[..., None])[..., 0] for j in (k, k + 1)]
-    beside = [(ways[j] @ aside[..., None])[..., 0] for j in (k, k + 1)]
+    along = [(tangents[j] @ line[..., None])[..., 0] for j in (k, k + 1)]
+    beside = [(tangents[j] @ aside[..., None])[..., 0] for j in (k, k + 1)]
     return np.asarray(
-        ends[k]
-        + u**2 * (3 - 2 * u) * (ends[k + 1] - ends[k])
+        poses[k]
+        + u**2 * (3 - 2 * u) * (poses[k + 1] - poses[k])
         + u * (1 - u) * ((1 - u) * along[0] - u * along[1])
         + (1 - u) * beside[0]
         + u * beside[1]

@@ -5,14 +5,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array, unwrapped_quaternion
+from proofmass.analytic.numerics import Array, unwrap_quaternions
 from proofmass.sim.contents import (
+    active_connects,
     anchors,
-    connects,
     format_parts,
     joint_of,
-    parts_of,
     pose_of,
+    sensor_parts,
 )
 from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
@@ -42,16 +42,16 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     BadModel
         The file does not compile, or lacks an element that the run names.
     """
-    return begin(compile_model(path, run.rods), run)
+    return prepare_model(compile_model(path, run.rods), run)
 
 
-def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def prepare_model(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Apply the run's settings to a compiled model, in place, and put it into the start pose."""
-    driven = [named(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
+    driven = [find_id(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
     leave_out_disabled(model)
     data = mujoco.MjData(model)
     if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, key_of(model, run))
+        mujoco.mj_resetDataKeyframe(model, data, start_key(model, run))
     for actuator in range(model.nactuator):
         # the drive replaces a motor on its joint; the other controls are constant loads
         if joint_of(model, actuator) in driven:
@@ -64,14 +64,14 @@ def begin(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjDat
     return model, data
 
 
-def key_of(model: mujoco.MjModel, run: Run) -> int:
+def start_key(model: mujoco.MjModel, run: Run) -> int:
     """Number of the key from which a run starts."""
     if run.kind == "passive":
         return max(0, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, run.start))
-    return named(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
+    return find_id(model, mujoco.mjtObj.mjOBJ_KEY, "key", run.start)
 
 
-def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
+def find_id(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
     """The id of a named element; if there is none, an error lists the names in the model."""
     index = mujoco.mj_name2id(model, kind, name)
     if index < 0:
@@ -80,8 +80,8 @@ def named(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
             mujoco.mjtObj.mjOBJ_KEY: model.nkey,
             mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
         }[kind]
-        there = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
-        raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, there))}")
+        names = [mujoco.mj_id2name(model, kind, i) for i in range(count)]
+        raise BadModel(f"no <{word}> named {name!r}; there are: {', '.join(map(str, names))}")
     return index
 
 
@@ -107,12 +107,12 @@ def refuse_dry_friction(model: mujoco.MjModel, kind: str, soft: bool = False) ->
             raise Unsupported(f"frictionloss of {word} {first!r} in {where}: {why}")
 
 
-def loop_gap(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+def loop_violations(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     """Distance between the two points of every active ``connect`` [m], shape (loops,).
 
     It is computed from the poses of the bodies, not from the engine's own constraint residual.
     """
-    pairs = [anchors(model, i, pose_of(data)) for i in connects(model)]
+    pairs = [anchors(model, i, pose_of(data)) for i in active_connects(model)]
     return np.array([float(np.linalg.norm(one - two)) for one, two in pairs])
 
 
@@ -145,7 +145,7 @@ class Recorder:
         self.sensors = {c: self._resolve(c) for c in channels}
         self.samples = samples
         names = ["qpos", "qvel", "sensordata", "qacc"]
-        on_sites = [model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE for i in connects(model)]
+        on_sites = [model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE for i in active_connects(model)]
         names += ["site_xpos"] if any(on_sites) else []
         names += ["xpos", "xmat"] if not all(on_sites) else []
         views = {name: getattr(data, name) for name in names}
@@ -156,9 +156,9 @@ class Recorder:
 
     def _resolve(self, channel: str) -> tuple[int, str]:
         name, _, part = channel.partition(".")
-        index = named(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
+        index = find_id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
         angle = ("angle",) if self.model.sensor_dim[index] == 3 else ()
-        if part not in (*parts_of(self.model, index), *angle):
+        if part not in (*sensor_parts(self.model, index), *angle):
             right = format_parts(self.model, index)
             raise BadModel(f"channel {channel!r}: no such part of sensor {name!r}; use {right}")
         return index, part
@@ -173,7 +173,7 @@ class Recorder:
         for view, rows in self.state:
             rows[k] = view
 
-    def keep_forces(self) -> None:
+    def record_forces(self) -> None:
         """Record the generalized forces on the joints as well, from now on.
 
         ``qfrc_inverse`` is then the generalized force that the accelerations of the bodies need,
@@ -210,10 +210,10 @@ class Recorder:
         """The curves of all channels over all samples."""
         return {channel: self._curve(*place) for channel, place in self.sensors.items()}
 
-    def gaps(self) -> Array:
+    def violations(self) -> Array:
         """Largest constraint violation of each sample [m], from the bodies' poses."""
         worst = np.zeros(self.samples)
-        for one, two in (anchors(self.model, i, self.rows) for i in connects(self.model)):
+        for one, two in (anchors(self.model, i, self.rows) for i in active_connects(self.model)):
             worst = np.maximum(worst, np.linalg.norm(one - two, axis=-1))
         return worst
 
@@ -229,5 +229,5 @@ class Recorder:
             x, y = self.plane.flat(block).T
             return np.unwrap(np.arctan2(y, x))
         if S(int(kind)) in (S.mjSENS_FRAMEQUAT, S.mjSENS_BALLQUAT):
-            block = unwrapped_quaternion(block)
-        return block[:, parts_of(model, index).index(part)]
+            block = unwrap_quaternions(block)
+        return block[:, sensor_parts(model, index).index(part)]

@@ -31,39 +31,39 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.controls import breaks_of, smooth_pieces
+from proofmass.analytic.controls import break_times, smooth_pieces
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import places_of_controls
+from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
-from proofmass.sim.mujoco.dynamics import FLYWHEEL, moments_of_drives
-from proofmass.sim.mujoco.dynamics import start as begin
+from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, moments_of_drives
+from proofmass.sim.mujoco.dynamics import initialize_dynamics as begin
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, load
 from proofmass.sim.mujoco.sensors import (
-    drive_moments,
+    drive_moment_curves,
     drive_sensors,
     withhold_drives,
     withhold_interactions,
 )
-from proofmass.sim.mujoco.settings import spelled
-from proofmass.sim.mujoco.settling import failure
+from proofmass.sim.mujoco.settings import mjcf_text
+from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.protocol import ChangingLoad, Curves, Drive, NotSolved, OwnMotion, OwnRun, Run
 
-HALVINGS, FEWEST = 6, 3
+MAX_HALVINGS, MIN_HALVINGS = 6, 3
 """Largest and smallest number of halvings of the step."""
-SHORT = 1.0
+RETIMING_SECONDS = 1.0
 """A first run that takes less processor time [s] is timed again."""
-LONGEST = 300.0
+MAX_SECONDS = 300.0
 """Largest processor time of a motion without steps that serves as a reference [s]."""
-CLOSE, ROUGH = 1e-9, 1e-6
+NARROW_TOLERANCE, WIDE_TOLERANCE = 1e-9, 1e-6
 """Narrow and wide error tolerance of DOP853, relative and in SI units."""
 DISTURBANCE = 1e-9
 """Change of the start pose, as a share of the model's size and in rad."""
-STIFFER = 4.0
+STIFFENING_FACTOR = 4.0
 """Divisor of the time constants of contacts, loops and limits."""
-MANY = 60
+MAX_BODIES_OF_THREE_POINTS = 60
 """Largest number of bodies of which three points each are recorded; of more, one point each."""
-SHARES = {"steps": 0.4, "close": 0.25, "rough": 0.1, "disturbed": 0.1, "others": 0.15}
+TIME_SHARES = {"steps": 0.4, "close": 0.25, "rough": 0.1, "disturbed": 0.1, "others": 0.15}
 """Shares of the processor time for the ways to solve a motion."""
 
 
@@ -72,7 +72,7 @@ class OutOfTime(Exception):
 
 
 @dataclass
-class Watched:
+class MotionRecord:
     """Record of a run: points, energy, penetration and constraint violation at each sample."""
 
     points: Callable[[mujoco.MjData], Array]
@@ -142,12 +142,12 @@ class InputsInTime:
     places: NDArray[np.int32]
 
     @classmethod
-    def begun(cls, model: mujoco.MjModel, run: Run, linkage: Linkage | None) -> "InputsInTime":
+    def begin_run(cls, model: mujoco.MjModel, run: Run, linkage: Linkage | None) -> "InputsInTime":
         """The inputs of a run; the model gets the first pose of its drives, and the flywheels.
 
         Without drives `linkage` is None and the model stays as it is.
         """
-        places = places_of_controls(model, (one.actuator for one in run.loads))
+        places = control_indices(model, (one.actuator for one in run.loads))
         loads = np.array(places, np.int32)
         if linkage is None:
             none = np.zeros(0, np.int32)
@@ -166,7 +166,7 @@ class InputsInTime:
     def breaks(self) -> tuple[float, ...]:
         """Times at which a derivative of a motion profile or of a control jumps [s]."""
         drives, loads = self.run.drives, self.run.loads
-        return breaks_of([*(one.law for one in drives), *(one.law for one in loads)])
+        return break_times([*(one.law for one in drives), *(one.law for one in loads)])
 
     def energy(self, data: mujoco.MjData) -> float:
         """Kinetic energy of the flywheels [J]."""
@@ -220,39 +220,41 @@ def solve_own_motion(
     BadModel
         The model does not compile.
     """
-    asked = Run("passive", np.array([0.0, until]), (), drives, start, loads=loads)
-    model, data = load(path, asked)
-    led = Linkage(model, data, tuple(one.joint for one in drives)) if drives else None
-    inputs = InputsInTime.begun(model, asked, led)
+    run = Run("passive", np.array([0.0, until]), (), drives, start, loads=loads)
+    model, data = load(path, run)
+    linkage = Linkage(model, data, tuple(one.joint for one in drives)) if drives else None
+    inputs = InputsInTime.begin_run(model, run, linkage)
     step, own = float(model.opt.timestep), mujoco.mjtIntegrator(model.opt.integrator)
     count = max(1, round(until / (samples - 1) / step))
-    most = max(1, round(until / (count * step)))
-    times = np.linspace(0.0, most * count * step, most + 1)
-    points = watched_points(model)
+    intervals = max(1, round(until / (count * step)))
+    times = np.linspace(0.0, intervals * count * step, intervals + 1)
+    points = point_reader(model)
 
     def stepped(
         name: str, parts: int, limit: float, n: int, disturbed: float = 0.0, **changed: Any
     ) -> OwnRun:
-        return by_steps(
-            changed_copy(model, step / parts, **changed),
-            disturbed_start(model, data, disturbed, inputs.dofs),
-            Watched(points, inputs),
+        return solve_by_steps(
+            copy_with_changes(model, step / parts, **changed),
+            disturb_start(model, data, disturbed, inputs.dofs),
+            MotionRecord(points, inputs),
             n,
             count * parts,
             name,
             limit,
         )
 
-    limit = {way: share * seconds for way, share in SHARES.items()}
+    limit = {way: share * seconds for way, share in TIME_SHARES.items()}
     runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
-    if runs[0].seconds < SHORT:  # the first run in a process takes longer
+    if runs[0].seconds < RETIMING_SECONDS:  # the first run in a process takes longer
         runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
-    halvings, n = affordable(runs[0], limit["steps"])
+    halvings, n = affordable_halvings(runs[0], limit["steps"])
     for k in range(1, halvings + 1):
         runs.append(stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n))
     close, rough = (
-        without_steps(model, data, Watched(points, inputs), times[:n], allowed, limit[way])
-        for way, allowed in (("close", CLOSE), ("rough", ROUGH))
+        solve_without_steps(
+            model, data, MotionRecord(points, inputs), times[:n], allowed, limit[way]
+        )
+        for way, allowed in (("close", NARROW_TOLERANCE), ("rough", WIDE_TOLERANCE))
     )
     k = max((k for k, one in enumerate(runs) if one.seconds < limit["disturbed"]), default=0)
     other = stepped("disturbed", 2**k, limit["disturbed"], n, DISTURBANCE)
@@ -262,7 +264,7 @@ def solve_own_motion(
         ways.append(stepped(name, 1, limit["others"], n, integrator=mujoco.mjtIntegrator.mjINT_RK4))
     stiffer = None
     if runs[k].depth.any() or model.neq or model.jnt_limited.any():
-        stiffer = stepped("stiffer", 2**k, limit["others"], n, stiffer=STIFFER)
+        stiffer = stepped("stiffer", 2**k, limit["others"], n, stiffer=STIFFENING_FACTOR)
     return OwnMotion(
         times,
         float(model.stat.extent),
@@ -277,21 +279,23 @@ def solve_own_motion(
     )
 
 
-def affordable(own: OwnRun, limit: float) -> tuple[int, int]:
+def affordable_halvings(own: OwnRun, limit: float) -> tuple[int, int]:
     """Number of halvings of the step that fit into a processor time [s], and number of samples.
 
-    If not even `FEWEST` halvings of the whole run fit, fewer samples are computed.
+    If not even `MIN_HALVINGS` halvings of the whole run fit, fewer samples are computed.
 
     >>> none = np.zeros((101, 1, 1, 3))
     >>> run = OwnRun("Euler, 2 ms", 2e-3, 0.1, none, *3 * (np.zeros(101),))
-    >>> affordable(run, 10.0), affordable(run, 4.0), affordable(run, 0.5)
+    >>> affordable_halvings(run, 10.0), affordable_halvings(run, 4.0), affordable_halvings(run, 0.5)
     ((5, 101), (4, 101), (3, 36))
     """
     samples = len(own.points)
-    for halvings in range(HALVINGS, FEWEST - 1, -1):
+    for halvings in range(MAX_HALVINGS, MIN_HALVINGS - 1, -1):
         if own.seconds * (2 ** (halvings + 1) - 2) <= limit:
             return halvings, samples
-    return FEWEST, max(2, int(samples * limit / (own.seconds * (2 ** (FEWEST + 1) - 2))))
+    return MIN_HALVINGS, max(
+        2, int(samples * limit / (own.seconds * (2 ** (MIN_HALVINGS + 1) - 2)))
+    )
 
 
 def format_integrator(integrator: mujoco.mjtIntegrator, step: float) -> str:
@@ -300,10 +304,10 @@ def format_integrator(integrator: mujoco.mjtIntegrator, step: float) -> str:
     >>> format_integrator(mujoco.mjtIntegrator.mjINT_EULER, 0.002)
     'Euler, 2 ms'
     """
-    return f"{spelled(integrator.name.removeprefix('mjINT_'))}, {1e3 * step:.4g} ms"
+    return f"{mjcf_text(integrator.name.removeprefix('mjINT_'))}, {1e3 * step:.4g} ms"
 
 
-def changed_copy(
+def copy_with_changes(
     model: mujoco.MjModel,
     step: float,
     integrator: mujoco.mjtIntegrator | None = None,
@@ -312,7 +316,7 @@ def changed_copy(
     """A copy with another step [s], another integrator, and time constants divided by `stiffer`."""
     changed = copy.copy(model)
     if step != model.opt.timestep:
-        stay_awake(changed)
+        disable_sleep(changed)
     changed.opt.timestep = step
     if integrator is not None:
         changed.opt.integrator = integrator
@@ -324,7 +328,7 @@ def changed_copy(
     return changed
 
 
-def disturbed_start(
+def disturb_start(
     model: mujoco.MjModel, data: mujoco.MjData, size: float, driven: NDArray[np.int32]
 ) -> mujoco.MjData:
     """A copy of the start with each undriven coordinate moved by a random share of `size`."""
@@ -341,11 +345,11 @@ def disturbed_start(
     return start
 
 
-def watched_points(model: mujoco.MjModel) -> Callable[[mujoco.MjData], Array]:
+def point_reader(model: mujoco.MjModel) -> Callable[[mujoco.MjData], Array]:
     """A function that gives three points of each movable body in a state (bodies, 3 points, 3) [m].
 
     The points are the centre of mass and two points at a radius of gyration from it.  With more
-    than `MANY` bodies it gives the centre alone (bodies, 1, 3).
+    than `MAX_BODIES_OF_THREE_POINTS` bodies it gives the centre alone (bodies, 1, 3).
     """
     moving = np.flatnonzero(model.body_weldid[: model.nbody] > 0)
     inertia, mass = model.body_inertia[moving], model.body_mass[moving]
@@ -362,13 +366,13 @@ def watched_points(model: mujoco.MjModel) -> Callable[[mujoco.MjData], Array]:
             [centre, *(centre + radius[:, None] * axes[:, :, k] for k in (0, 1))], axis=1
         )
 
-    return three if moving.size <= MANY else centres
+    return three if moving.size <= MAX_BODIES_OF_THREE_POINTS else centres
 
 
-def by_steps(
+def solve_by_steps(
     model: mujoco.MjModel,
     data: mujoco.MjData,
-    kept: Watched,
+    record: MotionRecord,
     samples: int,
     count: int,
     name: str,
@@ -379,68 +383,68 @@ def by_steps(
     stopped: Exception | None = None
     stride = max(1, min(count, 100))
     with collected_warnings():
-        kept.inputs.apply(data, float(data.time))
+        record.inputs.apply(data, float(data.time))
         mujoco.mj_forward(model, data)
         try:
-            kept.sample(model, data)
+            record.sample(model, data)
             for _ in range(samples - 1):
                 left = count
                 while left:
-                    if kept.inputs.any:
-                        kept.inputs.step(model, data, min(left, stride))
+                    if record.inputs.any:
+                        record.inputs.step(model, data, min(left, stride))
                     else:
                         mujoco.mj_step(model, data, min(left, stride))
                     left -= min(left, stride)
                     if time.process_time() - began > limit:
                         raise OutOfTime(f"{limit:.3g} s of processor time were over")
-                if words := failure(data):
+                if words := failure_warning(data):
                     raise FloatingPointError(words)
-                kept.sample(model, data)
+                record.sample(model, data)
         except (OutOfTime, FloatingPointError) as error:
             stopped = error
-    return kept.run(name, step, began, stopped)
+    return record.run(name, step, began, stopped)
 
 
-def without_steps(
+def solve_without_steps(
     model: mujoco.MjModel,
     data: mujoco.MjData,
-    kept: Watched,
+    record: MotionRecord,
     times: Array,
-    allowed: float,
+    tolerance: float,
     limit: float,
 ) -> OwnRun:
     """Integrate the accelerations of ``mj_forward`` by DOP853, in a processor time `limit` [s]."""
-    model, data, inputs = copy.copy(model), copy.copy(data), kept.inputs
-    free_of_steps(model, inputs)
+    model, data, inputs = copy.copy(model), copy.copy(data), record.inputs
+    make_step_independent(model, inputs)
     began = time.process_time()
     stopped: Exception | None = None
     with collected_warnings(), np.errstate(all="ignore"):  # values that are not finite are reported
         mujoco.mj_forward(model, data)
         try:
-            for t, state in integrated(model, data, times, allowed, began + limit, inputs):
-                put(model, data, t, state)
+            for t, state in integrate_states(model, data, times, tolerance, began + limit, inputs):
+                set_state(model, data, t, state)
                 inputs.apply(data, t)
                 mujoco.mj_forward(model, data)
-                kept.sample(model, data)
+                record.sample(model, data)
         except (OutOfTime, FloatingPointError) as error:
             stopped = error
-    return kept.run(f"DOP853 at {allowed:.0e}".replace("e-0", "e-"), 0.0, began, stopped)
+    return record.run(f"DOP853 at {tolerance:.0e}".replace("e-0", "e-"), 0.0, began, stopped)
 
 
-def stay_awake(model: mujoco.MjModel) -> None:
+def disable_sleep(model: mujoco.MjModel) -> None:
     """Switch sleeping off, since it depends on a number of steps at rest, whatever their size."""
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
-def free_of_steps(model: mujoco.MjModel, inputs: "InputsInTime | None" = None) -> None:
+def make_step_independent(model: mujoco.MjModel, inputs: "InputsInTime | None" = None) -> None:
     """Make accelerations depend on the state alone, and have them solved to rounding.
 
     MuJoCo scales the tolerance of its solver by the mean inertia, to which flywheels contribute
     most.
     """
-    stay_awake(model)
+    disable_sleep(model)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE  # it depends on the step
-    model.opt.tolerance = 1e-14 / (FLYWHEEL if inputs and inputs.dofs.size else 1.0)
+    model.opt.tolerance = 1e-14 / (FLYWHEEL_RATIO if inputs and inputs.dofs.size else 1.0)
 
 
 def solve_closely(path: Path, run: Run) -> Curves:
@@ -462,18 +466,20 @@ def solve_closely(path: Path, run: Run) -> Curves:
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record) | withhold_drives(model, linkage, record)
     if drive_sensors(model, linkage, record):
-        record.keep_forces()
+        record.record_forces()
     own = model.dof_armature[linkage.dofs].copy(), model.dof_damping[linkage.dofs].copy()
     if not run.drives:
         linkage.release()
-    inputs = InputsInTime.begun(model, run, linkage if run.drives else None)
-    free_of_steps(model, inputs)
+    inputs = InputsInTime.begin_run(model, run, linkage if run.drives else None)
+    make_step_independent(model, inputs)
     began = time.process_time()
     with collected_warnings(), np.errstate(all="ignore"):
         try:
-            late = began + LONGEST
-            for k, (t, state) in enumerate(integrated(model, data, run.x, CLOSE, late, inputs)):
-                put(model, data, t, state)
+            late = began + MAX_SECONDS
+            for k, (t, state) in enumerate(
+                integrate_states(model, data, run.x, NARROW_TOLERANCE, late, inputs)
+            ):
+                set_state(model, data, t, state)
                 inputs.apply(data, t)
                 for _ in range(2):  # after one pass the kinetic energy is that of the state before
                     mujoco.mj_forward(model, data)
@@ -483,27 +489,27 @@ def solve_closely(path: Path, run: Run) -> Curves:
     curves = record.curves()
     if "qfrc_inverse" in record.rows:
         moments = moments_of_drives(record.rows, linkage.dofs, *own)
-        curves |= drive_moments(model, linkage, record, moments)
+        curves |= drive_moment_curves(model, linkage, record, moments)
     return Curves(run.x, curves, missing, seconds=time.process_time() - began)
 
 
-def integrated(
+def integrate_states(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     times: Array,
-    allowed: float,
+    tolerance: float,
     until: float,
     inputs: InputsInTime,
 ) -> Iterator[tuple[float, Array]]:
     """Time and state (poses, rates, activations) at each sample; DOP853 restarts at each break."""
     from scipy.integrate import DOP853  # slow to load
 
-    turn, last = Turning(model), np.inf
+    turn, last = CoordinateRates(model), np.inf
 
     def slope(t: float, state: Array) -> Array:
         if time.process_time() > until:
             raise OutOfTime("its processor time was over")
-        put(model, data, t, state)
+        set_state(model, data, t, state)
         inputs.apply(data, min(t, last))
         mujoco.mj_forward(model, data)
         return np.concatenate([turn.rates(data.qpos, data.qvel), data.qacc, data.act_dot])
@@ -516,7 +522,7 @@ def integrated(
     k = 1
     for start, end, before in smooth_pieces(float(times[0]), float(times[-1]), inputs.breaks):
         last = before
-        solver = DOP853(slope, start, state, end, rtol=allowed, atol=allowed)
+        solver = DOP853(slope, start, state, end, rtol=tolerance, atol=tolerance)
         while solver.status == "running":
             words = solver.step()
             if solver.status == "failed":
@@ -529,7 +535,7 @@ def integrated(
         state = solver.y
 
 
-def put(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> None:
+def set_state(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> None:
     """Set time and state of a model, with quaternions normalized."""
     data.time = t
     data.qpos[:], data.qvel[:] = state[: model.nq], state[model.nq : model.nq + model.nv]
@@ -537,7 +543,7 @@ def put(model: mujoco.MjModel, data: mujoco.MjData, t: float, state: Array) -> N
     mujoco.mj_normalizeQuat(model, data.qpos)
 
 
-class Turning:
+class CoordinateRates:
     """Time derivatives of coordinates: for quaternions half their product with the rates."""
 
     def __init__(self, model: mujoco.MjModel) -> None:

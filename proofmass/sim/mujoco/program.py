@@ -19,22 +19,22 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import joint_of, places_of_controls
+from proofmass.sim.contents import control_indices, joint_of
 from proofmass.sim.mjcf import collected_warnings, read_tree
-from proofmass.sim.mujoco.dynamics import FLYWHEEL, start
+from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
 from proofmass.sim.mujoco.sensors import drive_sensors, withhold_drives
 from proofmass.sim.mujoco.settings import (
-    SOFTNESS,
-    limits_of,
-    options_of,
-    section,
-    spelled,
+    SOFTNESS_SETTINGS,
+    last_section,
+    limit_softness,
+    mjcf_text,
+    read_options,
     write_limits,
     write_options,
 )
-from proofmass.sim.program_text import escaped, template
+from proofmass.sim.program_text import escape_text, load_template
 from proofmass.sim.protocol import BadModel, Imposed, Rod, Run, Unsupported, drive_columns
 from proofmass.sim.rods import chain, compile_with_rods
 
@@ -47,20 +47,25 @@ IMPOSED = (
 model disturbs it, with the torque that moves the flywheel; by a position servo with the natural
 frequency gain / step and critical damping; or by an equality that constrains the joint to its
 target, with the time constant step / gain."""
-DISABLING = {"servo": ("actuation",), "equality": ("equality", "constraint")}
+DISABLING_FLAGS = {"servo": ("actuation",), "equality": ("equality", "constraint")}
 """Flags of a model that disable a drive of this kind."""
-MORE = "act", "mocap_pos", "mocap_quat", "xfrc_applied"
+EXTRA_STATE = "act", "mocap_pos", "mocap_quat", "xfrc_applied"
 """Arrays of the initial state that a program sets in addition to positions, rates and controls: the
 others that a key may set, and the dead loads of rods."""
-STIFFEST = (0.9999, 0.9999, 0.001)  # solimp of an equality that imposes a motion
-FOLDERS = {"mesh": "meshdir", "hfield": "assetdir", "texture": "texturedir", "skin": "assetdir"}
-CARRIED = 1_000_000
+DRIVE_SOLIMP = (0.9999, 0.9999, 0.001)  # solimp of an equality that imposes a motion
+FILE_FOLDERS = {
+    "mesh": "meshdir",
+    "hfield": "assetdir",
+    "texture": "texturedir",
+    "skin": "assetdir",
+}
+MAX_EMBEDDED_BYTES = 1_000_000
 """Bytes of meshes and other files that a program contains; larger ones it reads by their paths."""
-INDENTED = 24
+MAX_INDENT = 24
 """Largest indentation of a line of a model, in columns."""
-WIDE = 100
+MAX_COLUMNS = 100
 """Width of a program in columns; only lines that cannot be broken are wider."""
-ACTUATORS = (
+ACTUATOR_TAGS = (
     "general",
     "motor",
     "position",
@@ -114,36 +119,36 @@ def write_program(
         rod, is not an element of the file, as with a replicated body.
     """
     model, data = load(path, run)
-    ctrl, fresh = data.ctrl.copy(), mujoco.MjData(model)
+    ctrl, default_data = data.ctrl.copy(), mujoco.MjData(model)
     count, step = run.steps(model.opt.timestep)
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
     armature, damping = model.dof_armature[linkage.dofs], model.dof_damping[linkage.dofs]
-    start(linkage, run, times)
-    wheels = model.dof_armature[linkage.dofs] - armature
-    root = expanded(path)
+    initialize_dynamics(linkage, run, times)
+    flywheels = model.dof_armature[linkage.dofs] - armature
+    root = expand_model(path)
     if run.rods:
         write_rods(root, path, run.rods)
-    files = carried(root)
+    files = embed_files(root)
     apply_settings(root, model, step)
     values: dict[str, Any] = {}
     if run.drives:
-        values = impose(root, linkage, wheels, step, drive)
+        values = impose_motion(root, linkage, flywheels, step, drive)
     recorder = Recorder(model, data, run.channels, 1)
     withhold_drives(model, linkage, recorder)
-    curves = dict(curves_of(recorder, linkage))
+    curves = dict(curve_expressions(recorder, linkage))
     rate = run.motion(times)[1] if run.drives else np.zeros((0, 1))
     moves = bool(np.ptp(rate, axis=1).any())
     by_stage = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    return template("mujoco.py.jinja").render(
-        head=escaped(head.strip()),
-        model=escaped(model_text(root).strip()),
+    return load_template("mujoco.py.jinja").render(
+        head=escape_text(head.strip()),
+        model=escape_text(model_text(root).strip()),
         files=files,
         step=repr(step),
         per=count,
         samples=run.x.size,
         first=repr(float(run.x[0])),
-        target=target(drive.kind, moves, by_stage) if run.drives else "",
+        target=drive_target(drive.kind, moves, by_stage) if run.drives else "",
         motion=motion.strip() if run.drives else "",
         joints=json.dumps(list(linkage.joints), ensure_ascii=False),
         drive=drive.kind if run.drives else "",
@@ -154,11 +159,11 @@ def write_program(
         qvel=format_numbers(data.qvel),
         ctrl=ctrl.tolist(),
         controls=controls.strip(),
-        loads=places_of_controls(model, (one.actuator for one in run.loads)),
+        loads=control_indices(model, (one.actuator for one in run.loads)),
         more={
             name: format_numbers(getattr(data, name).ravel())
-            for name in MORE
-            if (getattr(data, name) != getattr(fresh, name)).any()
+            for name in EXTRA_STATE
+            if (getattr(data, name) != getattr(default_data, name)).any()
         },
         moments=bool(drive_sensors(model, linkage, recorder)),
         armature=armature.tolist(),
@@ -168,7 +173,7 @@ def write_program(
     )
 
 
-def target(kind: str, moves: bool, by_stage: bool) -> str:
+def drive_target(kind: str, moves: bool, by_stage: bool) -> str:
     """The array that a program sets before each step to move its drives; empty if it sets none."""
     return {
         "flywheel": "data.qfrc_applied[dofs]" if moves else "",
@@ -186,10 +191,10 @@ def format_numbers(values: Array) -> str:
     return "[\n        " + ",\n        ".join(rows) + "]"
 
 
-def expanded(path: Path) -> Element:
+def expand_model(path: Path) -> Element:
     """The elements of an MJCF and its included files, without keys, with absolute file names."""
     root = read_tree(path)
-    include(root, path.parent)
+    insert_includes(root, path.parent)
     folders = {
         key: value
         for compiler in root.iter("compiler")
@@ -198,7 +203,7 @@ def expanded(path: Path) -> Element:
     }
     for element in root.iter():
         if (file := element.get("file")) is not None:
-            own = FOLDERS.get(element.tag, "assetdir")
+            own = FILE_FOLDERS.get(element.tag, "assetdir")
             folder = folders.get(own, folders.get("assetdir", ""))
             element.set("file", str((path.parent / folder / file).resolve()))
     for keyframe in root.findall("keyframe"):
@@ -206,18 +211,18 @@ def expanded(path: Path) -> Element:
     return root
 
 
-def carried(root: Element) -> dict[str, list[str]]:
+def embed_files(root: Element) -> dict[str, list[str]]:
     """The files of an expanded model by name, compressed, as lines of base64 for its program.
 
     The elements then refer to these names.  The result is empty if the files are larger than
-    `CARRIED` together, or of kinds that refer to other files.
+    `MAX_EMBEDDED_BYTES` together, or of kinds that refer to other files.
     """
     readers = [element for element in root.iter() if element.get("file") is not None]
     paths = {str(element.get("file")): Path(str(element.get("file"))) for element in readers}
     if (
         not paths
-        or any(element.tag not in FOLDERS for element in readers)
-        or sum(path.stat().st_size for path in paths.values()) > CARRIED
+        or any(element.tag not in FILE_FOLDERS for element in readers)
+        or sum(path.stat().st_size for path in paths.values()) > MAX_EMBEDDED_BYTES
     ):
         return {}
     for compiler in root.iter("compiler"):
@@ -227,7 +232,7 @@ def carried(root: Element) -> dict[str, list[str]]:
     for file, path in paths.items():
         name = path.name if path.name not in found else f"{len(found)}_{path.name}"
         packed = base64.b64encode(zlib.compress(path.read_bytes(), 9)).decode()
-        found[name], names[file] = wrap(packed, WIDE - 8), name
+        found[name], names[file] = wrap(packed, MAX_COLUMNS - 8), name
     for element in readers:
         file = str(element.get("file"))
         if element.get("name") is None:
@@ -236,44 +241,44 @@ def carried(root: Element) -> dict[str, list[str]]:
     return {json.dumps(name, ensure_ascii=False): lines for name, lines in found.items()}
 
 
-def include(parent: Element, folder: Path) -> None:
+def insert_includes(parent: Element, folder: Path) -> None:
     """Replace ``<include>`` elements by the elements of the included files, in place."""
     for place, child in reversed(list(enumerate(parent))):
         if child.tag == "include":
             there = read_tree(folder / child.get("file", ""))
-            include(there, folder)
+            insert_includes(there, folder)
             parent[place : place + 1] = list(there)
         else:
-            include(child, folder)
+            insert_includes(child, folder)
 
 
 def model_text(root: Element) -> str:
     """The text of a model with one element per line; long lines are broken between attributes."""
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode").replace(" />", "/>")
-    lines = (less_indented(line) for line in text.splitlines())
-    return "\n".join(broken for line in lines for broken in broken_line(line))
+    lines = (reduce_indent(line) for line in text.splitlines())
+    return "\n".join(broken for line in lines for broken in break_line(line))
 
 
-def less_indented(line: str) -> str:
-    """A line of MJCF with its indentation reduced to `INDENTED`, for the deep links of rods."""
-    return line[max(0, len(line) - len(line.lstrip()) - INDENTED) :]
+def reduce_indent(line: str) -> str:
+    """A line of MJCF with its indentation reduced to `MAX_INDENT`, for the deep links of rods."""
+    return line[max(0, len(line) - len(line.lstrip()) - MAX_INDENT) :]
 
 
-def broken_line(line: str) -> list[str]:
+def break_line(line: str) -> list[str]:
     """A line of MJCF broken between attributes where it is too long.
 
-    >>> broken_line(f'  <joint name="{"a" * 40}" armature="{"1" * 40}"/>')[1]
+    >>> break_line(f'  <joint name="{"a" * 40}" armature="{"1" * 40}"/>')[1]
     '         armature="1111111111111111111111111111111111111111"/>'
     """
-    if len(line) <= WIDE:
+    if len(line) <= MAX_COLUMNS:
         return [line]
     indent = len(line) - len(line.lstrip())
     head, *parts = re.split(r'(?<=") (?=[^\s"=]+=")', line)
     first = line.index(" ", indent) + 1 if " " in line[indent:] else indent
     lines = [head]
     for part in parts:
-        if len(lines[-1]) + 1 + len(part) <= WIDE:
+        if len(lines[-1]) + 1 + len(part) <= MAX_COLUMNS:
             lines[-1] += " " + part
         else:
             lines.append(" " * first + part)
@@ -288,7 +293,7 @@ def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
         for element in root.iterfind(path)
         for key in element.attrib
     }
-    write_options(root, {**options_of(model, written), "timestep": step})
+    write_options(root, {**read_options(model, written), "timestep": step})
     loops = root.findall("./equality/*")
     if len(loops) != model.neq:
         raise Unsupported(
@@ -296,13 +301,13 @@ def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
             f"{len(loops)} are elements of its file"
         )
     for i, loop in enumerate(loops):
-        for key in SOFTNESS:
-            loop.set(key, spelled(getattr(model, f"eq_{key}")[i].tolist()))
-    write_limits(root, limits_of(model, SOFTNESS))
+        for key in SOFTNESS_SETTINGS:
+            loop.set(key, mjcf_text(getattr(model, f"eq_{key}")[i].tolist()))
+    write_limits(root, limit_softness(model, SOFTNESS_SETTINGS))
 
 
-def impose(
-    root: Element, linkage: Linkage, wheels: Array, step: float, drive: Imposed
+def impose_motion(
+    root: Element, linkage: Linkage, flywheels: Array, step: float, drive: Imposed
 ) -> dict[str, Any]:
     """Write into the elements of a model what moves its driven joints.
 
@@ -312,21 +317,23 @@ def impose(
     refuse_disabled(linkage.model, drive)
     if drive.kind == "flywheel":
         for joint, armature in zip(joints, linkage.model.dof_armature[linkage.dofs], strict=True):
-            joint.set("armature", spelled(float(armature)))
+            joint.set("armature", mjcf_text(float(armature)))
             # damping and friction do not change the motion of an ideal drive
             joint.set("damping", "0 0 0")  # coefficients of velocity, its square and its cube
             joint.set("frictionloss", "0")
-        return {"flywheels": wheels.tolist()}
+        return {"flywheels": flywheels.tolist()}
     if drive.kind == "servo":
         refuse_other_servos(linkage)
         rate = drive.gain / step  # natural frequency [rad/s]
-        place = section(root, "actuator")
-        for name, inertia in zip(linkage.joints, wheels / FLYWHEEL, strict=True):
-            place.append(servo(root, name, float(inertia * rate**2), float(2.0 * inertia * rate)))
+        place = last_section(root, "actuator")
+        for name, inertia in zip(linkage.joints, flywheels / FLYWHEEL_RATIO, strict=True):
+            place.append(
+                servo_element(root, name, float(inertia * rate**2), float(2.0 * inertia * rate))
+            )
         return {"lead": [2.0 / rate] * len(joints)}
     if drive.kind == "equality":
         constant = step / drive.gain
-        place = section(root, "equality")
+        place = last_section(root, "equality")
         for name in linkage.joints:
             ElementTree.SubElement(
                 place,
@@ -335,11 +342,11 @@ def impose(
                     "name": f"drive of {name}",
                     "joint1": name,
                     "active": "true",
-                    "solref": spelled((constant, 1.0)),
-                    "solimp": spelled(STIFFEST),
+                    "solref": mjcf_text((constant, 1.0)),
+                    "solimp": mjcf_text(DRIVE_SOLIMP),
                 },
             )
-        return {"lead": repr(2.0 * constant * STIFFEST[1])}
+        return {"lead": repr(2.0 * constant * DRIVE_SOLIMP[1])}
     raise ValueError(
         f"a drive by {drive.kind!r}; known: {', '.join(dict.fromkeys(one.kind for one in IMPOSED))}"
     )
@@ -347,7 +354,7 @@ def impose(
 
 def refuse_disabled(model: mujoco.MjModel, drive: Imposed) -> None:
     """Raise `Unsupported` if the model's options disable the drive."""
-    for name in DISABLING.get(drive.kind, ()):
+    for name in DISABLING_FLAGS.get(drive.kind, ()):
         if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")):
             raise Unsupported(
                 f'the drive, {drive.kind}, is off: the model has <flag {name}="disable"/>'
@@ -378,11 +385,11 @@ def refuse_other_servos(linkage: Linkage) -> None:
             )
 
 
-def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
+def servo_element(root: Element, joint: str, kp: float, kv: float) -> Element:
     """A position servo; it states all attributes that default classes of the model could change."""
     names = {"name": f"drive of {joint}", "joint": joint}
-    if not any(root.find(f".//default/{tag}") is not None for tag in ACTUATORS):
-        return Element("position", {**names, "kp": spelled(kp), "kv": spelled(kv)})
+    if not any(root.find(f".//default/{tag}") is not None for tag in ACTUATOR_TAGS):
+        return Element("position", {**names, "kp": mjcf_text(kp), "kv": mjcf_text(kv)})
     return Element(
         "general",
         {
@@ -394,8 +401,8 @@ def servo(root: Element, joint: str, kp: float, kv: float) -> Element:
             "dyntype": "none",
             "gaintype": "fixed",
             "biastype": "affine",
-            "gainprm": spelled((kp, 0, 0)),
-            "biasprm": spelled((0, -kp, -kv)),
+            "gainprm": mjcf_text((kp, 0, 0)),
+            "biasprm": mjcf_text((0, -kp, -kv)),
         },
     )
 
@@ -416,7 +423,7 @@ def joint_element(root: Element, name: str) -> Element:
     )
 
 
-def curves_of(recorder: Recorder, linkage: Linkage) -> Iterator[tuple[str, str]]:
+def curve_expressions(recorder: Recorder, linkage: Linkage) -> Iterator[tuple[str, str]]:
     """Columns of a program, each with a line of Python that extracts it from the recorded arrays.
 
     The columns are the channels and the motion of the drives.  A row of the array ``state`` has
@@ -430,7 +437,7 @@ def curves_of(recorder: Recorder, linkage: Linkage) -> Iterator[tuple[str, str]]
             over = "" if gear == 1.0 else f" / {gear!r}"
             yield name, f"state[:, {model.nq + 2 * model.nv + drive}]{over}"
         else:
-            yield name, curve_of(recorder, name)
+            yield name, curve_expression(recorder, name)
     for joint, adr, dof in zip(linkage.joints, linkage.adr, linkage.dofs, strict=True):
         places = adr, model.nq + dof, model.nq + model.nv + dof
         for name, place in zip(drive_columns(joint), places, strict=True):
@@ -440,7 +447,7 @@ def curves_of(recorder: Recorder, linkage: Linkage) -> Iterator[tuple[str, str]]
 QUATERNIONS = mujoco.mjtSensor.mjSENS_FRAMEQUAT, mujoco.mjtSensor.mjSENS_BALLQUAT
 
 
-def curve_of(recorder: Recorder, name: str) -> str:
+def curve_expression(recorder: Recorder, name: str) -> str:
     """A line of Python that extracts a channel from the recorded sensors and states."""
     index, part = recorder.sensors[name]
     model = recorder.model
@@ -455,18 +462,18 @@ def curve_of(recorder: Recorder, name: str) -> str:
         plane = recorder.plane
         if plane is None:
             raise BadModel(f"channel {name!r}: no plane of motion")
-        x, y = (combined(axis, first) for axis in (plane.e1, plane.e2))
+        x, y = (component_expression(axis, first) for axis in (plane.e1, plane.e2))
         return f"angle({x}, {y})"
     if mujoco.mjtSensor(int(model.sensor_type[index])) in QUATERNIONS:
         return f"turn(sensors[:, {first} : {first + 4}])[:, {'wxyz'.index(part)}]"
     k = "xyz".index(part) if part else 0
-    off = float(gravity[k])
+    offset = float(gravity[k])
     # MuJoCo subtracts gravity
-    more = f" {'-' if off < 0 else '+'} {abs(off)!r}" if off else ""
-    return f"sensors[:, {first + k}]{more}"
+    suffix = f" {'-' if offset < 0 else '+'} {abs(offset)!r}" if offset else ""
+    return f"sensors[:, {first + k}]{suffix}"
 
 
-def combined(axis: Array, first: int) -> str:
+def component_expression(axis: Array, first: int) -> str:
     """Python text for the component of recorded vectors along an axis."""
     parts = [
         f"{'' if value == 1 else f'{value!r} * '}sensors[:, {first + k}]"
@@ -476,10 +483,10 @@ def combined(axis: Array, first: int) -> str:
     return " + ".join(parts)
 
 
-DEEPEST = 490
+MAX_DEPTH = 490
 """Largest depth of nested bodies that is written; MuJoCo reads no element inside 500 others."""
-UNTURNED = [1.0, 0.0, 0.0, 0.0]
-PLAIN = {
+IDENTITY_QUATERNION = [1.0, 0.0, 0.0, 0.0]
+DEFAULT_JOINT = {
     "pos": "0 0 0",
     "damping": "0 0 0",
     "frictionloss": "0",
@@ -490,7 +497,7 @@ PLAIN = {
 }
 """Attributes of a rod's joint, which are MJCF's defaults where no default class changes them."""
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
-KINDS = {
+NAMED_KINDS = {
     "nbody": mujoco.mjtObj.mjOBJ_BODY,
     "njnt": mujoco.mjtObj.mjOBJ_JOINT,
     "nsite": mujoco.mjtObj.mjOBJ_SITE,
@@ -499,7 +506,7 @@ KINDS = {
     "neq": mujoco.mjtObj.mjOBJ_EQUALITY,
 }
 """Kinds of elements that a program refers to by name, by the field that counts them in a model."""
-LEFT_OUT = "_", "key_", "name", "path"
+UNCOMPARED_PREFIXES = "_", "key_", "name", "path"
 """Prefixes of arrays that are not compared: a program sets the state of its key, and may contain
 the files of meshes.  Sizes are compared with the arrays."""
 
@@ -528,17 +535,17 @@ def write_rods(root: Element, path: Path, rods: Sequence[Rod]) -> None:
         exact = compile_with_rods(spec, rods)
     plain = root.find("default") is None
     for rod in rods:
-        write_body(host(root, rod.start), spec.body(chain(rod).names[0]), plain)
+        write_body(body_of_site(root, rod.start), spec.body(chain(rod).names[0]), plain)
         if rod.ends[1] == "clamped" and rod.end is not None:
-            write_body(host(root, rod.end), spec.body(f"{rod.name}.slider.0"), plain)
+            write_body(body_of_site(root, rod.end), spec.body(f"{rod.name}.slider.0"), plain)
     for loop in spec.equalities[loops:]:
         names = {"name": loop.name, "site1": loop.name1, "site2": loop.name2}
-        ElementTree.SubElement(section(root, "equality"), "connect", names)
+        ElementTree.SubElement(last_section(root, "equality"), "connect", names)
     ElementTree.SubElement(root, "compiler", {"fusestatic": "false"})
-    refuse_others(root, exact)
+    refuse_different_model(root, exact)
 
 
-def host(root: Element, site: str) -> Element:
+def body_of_site(root: Element, site: str) -> Element:
     """The element of the body, or of the world, to which a site belongs."""
     parents = {child: parent for parent in root.iter() for child in parent}
     for element in root.iterfind(".//worldbody//site"):
@@ -554,60 +561,66 @@ def write_body(parent: Element, body: mujoco._specs.MjsBody, plain: bool) -> Non
     depth = 0
     while body is not None:  # a rod does not branch
         depth += 1
-        if depth > DEEPEST:
+        if depth > MAX_DEPTH:
             raise Unsupported(
-                f"a program with a rod of more than {DEEPEST} links and slides: MuJoCo reads no "
+                f"a program with a rod of more than {MAX_DEPTH} links and slides: MuJoCo reads no "
                 "deeper elements"
             )
-        parent = ElementTree.SubElement(parent, "body", {"name": body.name, **place(body)})
-        parent.extend(parts(body, plain))
+        parent = ElementTree.SubElement(
+            parent, "body", {"name": body.name, **placement_attributes(body)}
+        )
+        parent.extend(body_parts(body, plain))
         body = body.first_body()
 
 
-def parts(body: mujoco._specs.MjsBody, plain: bool) -> Iterator[Element]:
-    """The elements in a body of a rod; they correspond to `proofmass.sim.rods.add`."""
+def body_parts(body: mujoco._specs.MjsBody, plain: bool) -> Iterator[Element]:
+    """The elements in a body of a rod; they correspond to `proofmass.sim.rods.add_rod`."""
     if body.explicitinertial:
         inertia = {"mass": body.mass, "pos": body.ipos, "diaginertia": body.inertia}
-        yield Element("inertial", {key: digits(value) for key, value in inertia.items()})
+        yield Element("inertial", {key: mjcf_numbers(value) for key, value in inertia.items()})
     for joint in body.joints:
         said = {
             "name": joint.name,
             "type": "hinge" if joint.type == HINGE else "slide",
-            "axis": digits(joint.axis),
-            "stiffness": digits(joint.stiffness[0] if plain else joint.stiffness),
-            **PLAIN,
-            "springref": digits(joint.springref) if joint.springref else PLAIN["springref"],
+            "axis": mjcf_numbers(joint.axis),
+            "stiffness": mjcf_numbers(joint.stiffness[0] if plain else joint.stiffness),
+            **DEFAULT_JOINT,
+            "springref": mjcf_numbers(joint.springref)
+            if joint.springref
+            else DEFAULT_JOINT["springref"],
         }
-        yield Element("joint", {k: v for k, v in said.items() if not plain or v != PLAIN.get(k)})
+        yield Element(
+            "joint", {k: v for k, v in said.items() if not plain or v != DEFAULT_JOINT.get(k)}
+        )
     for geom in body.geoms:
         yield Element(
             "geom",
             {
                 "type": "capsule",
-                "fromto": digits(geom.fromto),
-                "size": digits(geom.size[0]),
+                "fromto": mjcf_numbers(geom.fromto),
+                "size": mjcf_numbers(geom.size[0]),
                 "mass": "0",
                 "contype": "0",
                 "conaffinity": "0",
             },
         )
     for site in body.sites:
-        yield Element("site", {"name": site.name, **place(site)})
+        yield Element("site", {"name": site.name, **placement_attributes(site)})
 
 
-def place(element: mujoco._specs.MjsBody | mujoco._specs.MjsSite) -> dict[str, str]:
+def placement_attributes(element: mujoco._specs.MjsBody | mujoco._specs.MjsSite) -> dict[str, str]:
     """Attributes for the position and orientation of a body or a site in its parent."""
-    turned = element.quat.tolist() != UNTURNED
-    said = {"pos": digits(element.pos)}
-    return {**said, "quat": digits(element.quat)} if turned else said
+    is_rotated = element.quat.tolist() != IDENTITY_QUATERNION
+    said = {"pos": mjcf_numbers(element.pos)}
+    return {**said, "quat": mjcf_numbers(element.quat)} if is_rotated else said
 
 
-def digits(value: Array | float) -> str:
+def mjcf_numbers(value: Array | float) -> str:
     """Numbers as MJCF text with all their digits."""
-    return spelled(np.asarray(value, float).tolist())
+    return mjcf_text(np.asarray(value, float).tolist())
 
 
-def refuse_others(root: Element, exact: mujoco.MjModel) -> None:
+def refuse_different_model(root: Element, exact: mujoco.MjModel) -> None:
     """Raise `Unsupported` unless the elements compile to the numbers of `exact`, keys excepted."""
     text = ElementTree.tostring(root, encoding="unicode")
     try:
@@ -615,18 +628,18 @@ def refuse_others(root: Element, exact: mujoco.MjModel) -> None:
             model = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise Unsupported(f"a program for this model with rods: {error}") from None
-    if (other := first_other(model, exact)) is not None:
+    if (other := first_difference(model, exact)) is not None:
         raise Unsupported(
             f"a program for this model with rods: its elements compile to another {other}"
         )
 
 
-def first_other(one: mujoco.MjModel, two: mujoco.MjModel) -> str | None:
+def first_difference(one: mujoco.MjModel, two: mujoco.MjModel) -> str | None:
     """Name of the first array, or kind of names, in which two models differ; None if they agree.
 
     Keys and names of files are not compared.
     """
-    for count, kind in KINDS.items():
+    for count, kind in NAMED_KINDS.items():
         first, second = (
             [mujoco.mj_id2name(model, kind, k) for k in range(getattr(model, count))]
             for model in (one, two)
@@ -635,7 +648,7 @@ def first_other(one: mujoco.MjModel, two: mujoco.MjModel) -> str | None:
             return f"order of names, {count}"
     for name in dir(two):
         values = getattr(two, name)
-        compared = isinstance(values, np.ndarray) and not name.startswith(LEFT_OUT)
+        compared = isinstance(values, np.ndarray) and not name.startswith(UNCOMPARED_PREFIXES)
         if compared and not np.array_equal(getattr(one, name), values):
             return name
     return None

@@ -20,18 +20,20 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.mujoco.equilibrium import RestingLinkage, RubbingLinkage, linkage_of
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import (
-    drive_moments,
-    interactions,
-    withhold,
+    drive_moment_curves,
+    interaction_indices,
     withhold_interactions,
+    withhold_stage,
 )
-from proofmass.sim.mujoco.settling import settled
+from proofmass.sim.mujoco.settling import settled_sweep
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
-from proofmass.sim.rods import Chain, RodPose, of_rods, shapes
+from proofmass.sim.rods import Chain, RodPose, rod_channels, rod_curves
 
-ACC = int(mujoco.mjtStage.mjSTAGE_ACC)
-NO_ACC = "springs, weights or joint limits determine the pose: an equilibrium has no accelerations"
+ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
+NO_ACCELERATIONS = (
+    "springs, weights or joint limits determine the pose: an equilibrium has no accelerations"
+)
 
 
 def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
@@ -58,16 +60,20 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
                 f"the load of actuator {run.loads[0].actuator!r}, which changes, in a sweep that "
                 "is settled"
             )
-        return settled(model, data, run)
+        return settled_sweep(model, data, run)
     state, (controls, control_rates) = run.motion(run.x), run.controls(run.x)
     inputs = np.vstack([state[0], controls]), np.vstack([state[1], control_rates]), state[2]
     linkage = linkage_of(model, data, run)
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record)
-    missing |= withhold(record, ACC, NO_ACC) if isinstance(linkage, RestingLinkage) else {}
+    missing |= (
+        withhold_stage(record, ACCELERATION_STAGE, NO_ACCELERATIONS)
+        if isinstance(linkage, RestingLinkage)
+        else {}
+    )
     drives = len(run.drives)
-    moments, stopped, done = np.empty((run.x.size, drives)), "", run.x.size
-    shown = interactions(record)
+    moments, stopped, solved = np.empty((run.x.size, drives)), "", run.x.size
+    force_indices = interaction_indices(record)
     began = time.perf_counter()
     fastest, path = float(np.abs(state[1]).max()), linkage.path(inputs[0])
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in inputs), strict=True)):
@@ -77,14 +83,14 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
             linkage.rubs(tangent @ rates, fastest)
             if not run.inertia:
                 data.qvel[:] = data.qacc[:] = 0.0
-                moments[k] = linkage.balance_forces(tangent, bool(shown))[:drives]
-                forces = data.sensordata[shown]
+                moments[k] = linkage.balance_forces(tangent, bool(force_indices))[:drives]
+                forces = data.sensordata[force_indices]
             data.qvel[:] = tangent @ rates
             data.qacc[:] = linkage.acceleration(data.qvel, accelerations)
         except (BadModel, Unsupported) as error:
             if k < 2:
                 raise
-            stopped, done = str(error), k
+            stopped, solved = str(error), k
             break
         mujoco.mj_inverse(model, data)
         if data.ncon:
@@ -92,31 +98,31 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
                 f"{data.ncon} contact(s) in a sweep, at {linkage.format_drives(values[:drives])}"
             )
         if run.inertia:
-            moments[k] = linkage.balance_forces(tangent, bool(shown))[:drives]
+            moments[k] = linkage.balance_forces(tangent, bool(force_indices))[:drives]
         else:
-            data.sensordata[shown] = forces
+            data.sensordata[force_indices] = forces
         record.sample(k)
     if isinstance(linkage, RubbingLinkage) and not stopped:
         linkage.check_slipped()
     seconds = time.perf_counter() - began
-    record.cut(done)
+    record.cut(solved)
     channels = record.curves()
-    channels |= drive_moments(model, linkage, record, moments[:done])
-    value, rate, acceleration = (part[:, :done] for part in state)
+    channels |= drive_moment_curves(model, linkage, record, moments[:solved])
+    value, rate, acceleration = (part[:, :solved] for part in state)
     return Curves(
-        run.x[:done],
+        run.x[:solved],
         channels,
         missing,
         drive=(value, rate, acceleration),
-        violation=float(record.gaps().max()),
+        violation=float(record.violations().max()),
         seconds=seconds,
-        steps=done,
+        steps=solved,
         stopped=stopped,
         derivatives=1 if isinstance(linkage, RestingLinkage) else 2,
     )
 
 
-VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
@@ -136,46 +142,50 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     linkage = linkage_of(model, data, run)
     tangent = linkage.move(run.motion(run.x[:1])[0][:, 0])
     linkage.check_limits()
-    sensors = tuple(c for c in run.channels if c not in of_rods(run))
+    sensors = tuple(c for c in run.channels if c not in rod_channels(run))
     record = Recorder(model, data, sensors, 1)
-    missing = withhold_interactions(record) | withhold(record, VELOCITY, NO_ACC)
+    missing = withhold_interactions(record) | withhold_stage(
+        record, VELOCITY_STAGE, NO_ACCELERATIONS
+    )
     mujoco.mj_forward(model, data)
     data.qvel[:] = data.qacc[:] = 0.0
-    moments = linkage.balance_forces(tangent, bool(interactions(record)))
+    moments = linkage.balance_forces(tangent, bool(interaction_indices(record)))
     record.sample(0)
-    curves = record.curves() | drive_moments(model, linkage, record, moments[None])
+    curves = record.curves() | drive_moment_curves(model, linkage, record, moments[None])
     curves = {name: np.repeat(values, run.x.size) for name, values in curves.items()}
-    curves |= shapes(run, lambda one: pose(model, data, one))
+    curves |= rod_curves(run, lambda one: rod_pose(model, data, one))
     return Curves(
         run.x,
         curves,
         missing,
-        violation=float(record.gaps().max()),
+        violation=float(record.violations().max()),
         seconds=time.perf_counter() - began,
         steps=1,
     )
 
 
-def pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
-    """Vertices, angles and bends of a rod's links; for a rod in space see `shapes`."""
+def rod_pose(model: mujoco.MjModel, data: mujoco.MjData, one: Chain) -> RodPose:
+    """Vertices, angles and bends of a rod's links; for a rod in space see `rod_curves`."""
     links = [model.body(name).id for name in one.names]
     axes = data.xmat[links].reshape(-1, 3, 3)
-    ahead = axes[:, :, 0]
+    directions = axes[:, :, 0]
     places = np.vstack([data.xpos[links], data.site(f"{one.rod.name}.tip").xpos])
     if one.rod.spatial:
-        moments = [moment(model, data, one, k, axes) for k in range(len(links))]
+        moments = [section_moment(model, data, one, k, axes) for k in range(len(links))]
         return places, axes, np.array(moments)
-    x, y = find_plane(model, data).flat(ahead).T
+    x, y = find_plane(model, data).flat(directions).T
     bends = np.array(
         [
             data.joint(name).qpos[0] if jointed else 0.0
-            for name, jointed in zip(one.names, one.jointed, strict=True)
+            for name, jointed in zip(one.names, one.has_joint, strict=True)
         ]
     )
     return places, np.arctan2(y, x), bends
 
 
-def moment(model: mujoco.MjModel, data: mujoco.MjData, one: Chain, k: int, axes: Array) -> Array:
+def section_moment(
+    model: mujoco.MjModel, data: mujoco.MjData, one: Chain, k: int, axes: Array
+) -> Array:
     """The moment (3,) [N m] in a rod in space where link k begins, about the axes of the section.
 
     The springs of the hinges give the moments about the hinge axes, which are neither the axes of
@@ -186,8 +196,8 @@ def moment(model: mujoco.MjModel, data: mujoco.MjData, one: Chain, k: int, axes:
         return np.full(3, np.nan)
     numbers = [model.joint(hinge.name).id for hinge in hinges]
     values = data.qpos[model.jnt_qposadr[numbers]]
-    about = [
+    hinge_moments = [
         hinge.spring * (value - hinge.rest) for hinge, value in zip(hinges, values, strict=True)
     ]
     left, _, right = np.linalg.svd(axes[k - 1] + axes[k])
-    return np.asarray(np.linalg.solve(data.xaxis[numbers], about) @ (left @ right))
+    return np.asarray(np.linalg.solve(data.xaxis[numbers], hinge_moments) @ (left @ right))

@@ -9,17 +9,21 @@ from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration
 
 S = mujoco.mjtSensor
-MOMENTS = (int(S.mjSENS_ACTUATORFRC), int(S.mjSENS_JOINTACTFRC))
+MOMENT_SENSORS = (int(S.mjSENS_ACTUATORFRC), int(S.mjSENS_JOINTACTFRC))
 NO_MOMENT = (
     "dry friction or polynomial damping of a driven joint is not added to its drive's moment"
 )
-LEFT_OUT = "MuJoCo's sensors of forces leave out {}"
+FORCE_LEFT_OUT = "MuJoCo's sensors of forces leave out {}"
 NO_ENERGY = "MuJoCo counts the flywheels of the drives as kinetic energy"
-INTERACTIONS = (int(S.mjSENS_FORCE), int(S.mjSENS_TORQUE))
-LIMITS = (int(S.mjSENS_JOINTLIMITPOS), int(S.mjSENS_JOINTLIMITVEL), int(S.mjSENS_JOINTLIMITFRC))
+INTERACTION_SENSORS = (int(S.mjSENS_FORCE), int(S.mjSENS_TORQUE))
+LIMIT_SENSORS = (
+    int(S.mjSENS_JOINTLIMITPOS),
+    int(S.mjSENS_JOINTLIMITVEL),
+    int(S.mjSENS_JOINTLIMITFRC),
+)
 
 
-def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
+def withhold_stage(record: Recorder, stage: int, why: str) -> dict[str, str]:
     """Take the channels that need `stage` or a later one out of a record; returns them and `why`.
 
     Moments of actuators and forces between bodies stay, since they have values at rest.  Sensors of
@@ -29,11 +33,11 @@ def withhold(record: Recorder, stage: int, why: str) -> dict[str, str]:
     missing = {
         channel: why
         for channel, (index, _) in record.sensors.items()
-        if model.sensor_type[index] in LIMITS
+        if model.sensor_type[index] in LIMIT_SENSORS
         or is_acceleration(model, index)
         or (
             model.sensor_needstage[index] >= stage
-            and model.sensor_type[index] not in (*MOMENTS, *INTERACTIONS)
+            and model.sensor_type[index] not in (*MOMENT_SENSORS, *INTERACTION_SENSORS)
         )
     }
     for channel in missing:
@@ -48,7 +52,7 @@ def withhold_interactions(record: Recorder) -> dict[str, str]:
     """
     model = record.model
     others = [k for k in range(model.nu) if joint_of(model, k) < 0]
-    pulling = [t for t in range(model.ntendon) if pulls(model, t)]
+    pulling = [t for t in range(model.ntendon) if exerts_force(model, t)]
     what = (
         f"actuator {model.actuator(others[0]).name!r}, which acts on no joint"
         if others
@@ -57,16 +61,16 @@ def withhold_interactions(record: Recorder) -> dict[str, str]:
         else ""
     )
     missing = {
-        channel: LEFT_OUT.format(what)
+        channel: FORCE_LEFT_OUT.format(what)
         for channel, (index, _) in record.sensors.items()
-        if what and model.sensor_type[index] in INTERACTIONS
+        if what and model.sensor_type[index] in INTERACTION_SENSORS
     }
     for channel in missing:
         del record.sensors[channel]
     return missing
 
 
-def pulls(model: mujoco.MjModel, t: int) -> bool:
+def exerts_force(model: mujoco.MjModel, t: int) -> bool:
     """Whether tendon number t exerts forces, so that it does more than measure a length."""
     own = (
         model.tendon_stiffness,
@@ -77,16 +81,16 @@ def pulls(model: mujoco.MjModel, t: int) -> bool:
         model.tendon_armature,
         model.tendon_limited,
     )
-    held = model.eq_active0.astype(bool) & (model.eq_type == mujoco.mjtEq.mjEQ_TENDON)
-    tied = t in np.concatenate([model.eq_obj1id[held], model.eq_obj2id[held]])
-    return tied or any(np.any(part[t]) for part in own)
+    equalities = model.eq_active0.astype(bool) & (model.eq_type == mujoco.mjtEq.mjEQ_TENDON)
+    is_in_equality = t in np.concatenate([model.eq_obj1id[equalities], model.eq_obj2id[equalities]])
+    return is_in_equality or any(np.any(part[t]) for part in own)
 
 
-def interactions(record: Recorder) -> list[int]:
+def interaction_indices(record: Recorder) -> list[int]:
     """Indices in ``sensordata`` of the sensors of forces and moments between bodies."""
     model, found = record.model, set[int]()
     for index, _ in record.sensors.values():
-        if model.sensor_type[index] in INTERACTIONS:
+        if model.sensor_type[index] in INTERACTION_SENSORS:
             first = int(model.sensor_adr[index])
             found.update(range(first, first + int(model.sensor_dim[index])))
     return sorted(found)
@@ -98,9 +102,9 @@ def drive_sensors(
     """Channels of the force sensors of driven joints, with the number of the drive and the gear."""
     dofs, found = linkage.dofs.tolist(), {}
     for channel, (index, _) in record.sensors.items():
-        if model.sensor_type[index] not in MOMENTS:
+        if model.sensor_type[index] not in MOMENT_SENSORS:
             continue
-        on_actuator = model.sensor_type[index] == MOMENTS[0]
+        on_actuator = model.sensor_type[index] == MOMENT_SENSORS[0]
         place = model.sensor_objid[index]
         joint = joint_of(model, place) if on_actuator else place
         if joint >= 0 and model.jnt_dofadr[joint] in dofs:
@@ -109,7 +113,7 @@ def drive_sensors(
     return found
 
 
-def drive_moments(
+def drive_moment_curves(
     model: mujoco.MjModel, linkage: Linkage, record: Recorder, moments: Array
 ) -> dict[str, Array]:
     """Curves for the force sensors of the driven joints, from holding moments (n, drives)."""

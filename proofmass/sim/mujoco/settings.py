@@ -28,7 +28,7 @@ from proofmass.sim.protocol import (
     Switch,
 )
 
-OFF = mujoco.mjtDisableBit
+DISABLE_BITS = mujoco.mjtDisableBit
 
 
 @dataclass(frozen=True)
@@ -44,33 +44,35 @@ class SettingPlace:
         The values of an option that has words for them.
     bit : int
         Bit of ``disableflags`` that is set if the flag is disabled.
-    quiet : bool
+    omitted_if_default : bool
         Whether the setting is reported and written only if it differs from MuJoCo's default.
     """
 
     tag: str
     kinds: Any = None
     bit: int = 0
-    quiet: bool = False
+    omitted_if_default: bool = False
 
 
-PLACES = {
+SETTING_PLACES = {
     "timestep": SettingPlace("option"),
     "integrator": SettingPlace("option", mujoco.mjtIntegrator),
     "solver": SettingPlace("option", mujoco.mjtSolver),
     "iterations": SettingPlace("option"),
     "tolerance": SettingPlace("option"),
-    "cone": SettingPlace("option", mujoco.mjtCone, quiet=True),
-    "impratio": SettingPlace("option", quiet=True),
-    "noslip_iterations": SettingPlace("option", quiet=True),
-    "refsafe": SettingPlace("flag", bit=int(OFF.mjDSBL_REFSAFE), quiet=True),
-    "warmstart": SettingPlace("flag", bit=int(OFF.mjDSBL_WARMSTART), quiet=True),
+    "cone": SettingPlace("option", mujoco.mjtCone, omitted_if_default=True),
+    "impratio": SettingPlace("option", omitted_if_default=True),
+    "noslip_iterations": SettingPlace("option", omitted_if_default=True),
+    "refsafe": SettingPlace("flag", bit=int(DISABLE_BITS.mjDSBL_REFSAFE), omitted_if_default=True),
+    "warmstart": SettingPlace(
+        "flag", bit=int(DISABLE_BITS.mjDSBL_WARMSTART), omitted_if_default=True
+    ),
     "solref": SettingPlace("equality"),
     "solimp": SettingPlace("equality"),
 }
 """Places of all settings that exist in MJCF, by their names there, which are also used here."""
-SOFTNESS = tuple(key for key, place in PLACES.items() if place.tag == "equality")
-CAPITALS = {name.lower(): name for name in ("Euler", "RK4", "PGS", "CG", "Newton")}
+SOFTNESS_SETTINGS = tuple(key for key, place in SETTING_PLACES.items() if place.tag == "equality")
+CAPITALIZED_WORDS = {name.lower(): name for name in ("Euler", "RK4", "PGS", "CG", "Newton")}
 """Words of MJCF with capital letters, by the words in small letters."""
 
 
@@ -107,7 +109,7 @@ class MujocoSettings(EngineSettings):
     @field_validator("integrator", "solver", "cone")
     @classmethod
     def _named(cls, value: str, info: ValidationInfo) -> str:
-        names = named_values(str(info.field_name))
+        names = option_values(str(info.field_name))
         if value.lower() not in names:
             raise ValueError(f"known: {', '.join(names)}")
         return value.lower()
@@ -144,11 +146,11 @@ ENGINE_DEFAULTS = {
 """The settings that ``defaults = True`` restores, with MuJoCo's defaults."""
 
 
-def named_values(option: str) -> dict[str, int]:
+def option_values(option: str) -> dict[str, int]:
     """The numerical values of an option that has words for them, by the words in small letters."""
     return {
         name.partition("_")[2].lower(): value
-        for name, value in PLACES[option].kinds.__members__.items()
+        for name, value in SETTING_PLACES[option].kinds.__members__.items()
     }
 
 
@@ -156,8 +158,8 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
     """Write engine settings into a compiled model, in place; see `MujocoSettings`."""
     given = MujocoSettings.read(settings).model_dump(exclude_unset=True)
     merged = {**(ENGINE_DEFAULTS if given.get("defaults") else {}), **given}
-    for key in merged.keys() & PLACES.keys():
-        place, value = PLACES[key], merged[key]
+    for key in merged.keys() & SETTING_PLACES.keys():
+        place, value = SETTING_PLACES[key], merged[key]
         if place.tag == "equality":
             row = np.asarray(value, dtype=float)
             getattr(model, f"eq_{key}")[:, : row.size] = row
@@ -166,10 +168,10 @@ def configure(model: mujoco.MjModel, settings: Mapping[str, object]) -> None:
             flags = int(model.opt.disableflags)
             model.opt.disableflags = flags & ~place.bit if value else flags | place.bit
         else:
-            setattr(model.opt, key, named_values(key)[value.lower()] if place.kinds else value)
+            setattr(model.opt, key, option_values(key)[value.lower()] if place.kinds else value)
 
 
-def limited(model: mujoco.MjModel) -> NDArray[np.intp]:
+def limited_joints(model: mujoco.MjModel) -> NDArray[np.intp]:
     """Numbers of the joints with a range whose `solref` has a time constant, not a stiffness."""
     return np.flatnonzero(model.jnt_limited.astype(bool) & (model.jnt_solref[:, 0] > 0))
 
@@ -180,32 +182,32 @@ def soften_limits(model: mujoco.MjModel, key: str, row: Array) -> None:
     The damping ratio of a limit, on which the rebound from an impact depends, is kept.  A setting
     with a stiffness in place of a time constant changes no limit.
     """
-    joints = limited(model)
+    joints = limited_joints(model)
     if key == "solimp":
         model.jnt_solimp[joints, : row.size] = row
     elif row[0] > 0:
         model.jnt_solref[joints, 0] = row[0]
 
 
-def limits_of(model: mujoco.MjModel, keys: Iterable[str]) -> dict[str, dict[str, str]]:
+def limit_softness(model: mujoco.MjModel, keys: Iterable[str]) -> dict[str, dict[str, str]]:
     """Attributes that state the softness of joint limits in MJCF, by the name of the joint."""
     return {
-        name: {f"{key}limit": spelled(getattr(model, f"jnt_{key}")[j].tolist()) for key in keys}
-        for j in limited(model).tolist()
+        name: {f"{key}limit": mjcf_text(getattr(model, f"jnt_{key}")[j].tolist()) for key in keys}
+        for j in limited_joints(model).tolist()
         if (name := model.joint(j).name)
     }
 
 
-def write_limits(root: Element, said: Mapping[str, Mapping[str, str]]) -> None:
-    """Write attributes of joints, as `limits_of` gives them, into their elements, in place."""
+def write_limits(root: Element, limits: Mapping[str, Mapping[str, str]]) -> None:
+    """Write attributes of joints, as `limit_softness` gives them, into their elements, in place."""
     for joint in root.iterfind(".//worldbody//joint"):
-        joint.attrib.update(said.get(joint.get("name", ""), {}))
+        joint.attrib.update(limits.get(joint.get("name", ""), {}))
 
 
-def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, object]:
-    """Options and flags of a compiled model; those in `also` even if they are quiet defaults."""
-    said = dict[str, object]()
-    for key, place in PLACES.items():
+def read_options(model: mujoco.MjModel, always: Collection[str] = ()) -> dict[str, object]:
+    """Options and flags of a compiled model; those in `always` even if they are quiet defaults."""
+    options = dict[str, object]()
+    for key, place in SETTING_PLACES.items():
         if place.tag == "equality":
             continue
         value = (
@@ -215,43 +217,43 @@ def options_of(model: mujoco.MjModel, also: Collection[str] = ()) -> dict[str, o
         )
         if place.kinds:
             value = place.kinds(value).name.partition("_")[2]
-        own = spelled(value) == spelled(MujocoSettings.model_fields[key].default)
-        if key in also or not (place.quiet and own):
-            said[key] = value
-    return said
+        own = mjcf_text(value) == mjcf_text(MujocoSettings.model_fields[key].default)
+        if key in always or not (place.omitted_if_default and own):
+            options[key] = value
+    return options
 
 
-def stepped_with(model: mujoco.MjModel) -> dict[str, object]:
+def stepping_settings(model: mujoco.MjModel) -> dict[str, object]:
     """Settings with which MuJoCo steps a model: options, and the softness of active equalities.
 
     A sweep that closes its loops by Newton's method uses none of them.
     """
-    said = options_of(model)
-    for key in SOFTNESS:
+    settings = read_options(model)
+    for key in SOFTNESS_SETTINGS:
         rows = np.unique(getattr(model, f"eq_{key}")[model.eq_active0.astype(bool)], axis=0)
         if len(rows):
-            said[key] = tuple(rows[0].tolist()) if len(rows) == 1 else "several"
-    return said
+            settings[key] = tuple(rows[0].tolist()) if len(rows) == 1 else "several"
+    return settings
 
 
-def spelled(value: object) -> str:
+def mjcf_text(value: object) -> str:
     """A value as text of MJCF, with all its digits.
 
-    >>> spelled((0.02, 1.0)), spelled(1 / 3), spelled("EULER")
+    >>> mjcf_text((0.02, 1.0)), mjcf_text(1 / 3), mjcf_text("EULER")
     ('0.02 1', '0.3333333333333333', 'Euler')
-    >>> spelled(100), spelled(False)
+    >>> mjcf_text(100), mjcf_text(False)
     ('100', 'disable')
     """
     if isinstance(value, (tuple, list)):
-        return " ".join(map(spelled, value))
+        return " ".join(map(mjcf_text, value))
     if isinstance(value, bool):
         return "enable" if value else "disable"
     if isinstance(value, str):
-        return CAPITALS.get(value.lower(), value.lower())
+        return CAPITALIZED_WORDS.get(value.lower(), value.lower())
     return str(value).removesuffix(".0")
 
 
-def write_options(root: Element, said: Mapping[str, object]) -> None:
+def write_options(root: Element, options: Mapping[str, object]) -> None:
     """Write options and flags into the last ``option`` of a model, in place.
 
     >>> root = Element("mujoco")
@@ -259,13 +261,13 @@ def write_options(root: Element, said: Mapping[str, object]) -> None:
     >>> ElementTree.tostring(root, encoding="unicode")
     '<mujoco><option cone="elliptic"><flag refsafe="disable" /></option></mujoco>'
     """
-    for key, value in said.items():
-        if (tag := PLACES[key].tag) != "equality":
-            option = section(root, "option")
-            (option if tag == "option" else section(option, tag)).set(key, spelled(value))
+    for key, value in options.items():
+        if (tag := SETTING_PLACES[key].tag) != "equality":
+            option = last_section(root, "option")
+            (option if tag == "option" else last_section(option, tag)).set(key, mjcf_text(value))
 
 
-def section(parent: Element, tag: str) -> Element:
+def last_section(parent: Element, tag: str) -> Element:
     """The last child element of that name; added if there is none."""
     found = parent.findall(tag)
     return found[-1] if found else ElementTree.SubElement(parent, tag)

@@ -7,7 +7,7 @@ they act on: a force F opens a constraint by
     (1 - d) F T^2 / m      (d, T: the constraint's solimp and time constant, m: inertia)
 
 Every joint therefore gets an armature with which the phase of its oscillation on its own stiffness
-grows by `PACE` radians per step, and the damping that is critical for the slowest degree
+grows by `PHASE_PER_STEP` radians per step, and the damping that is critical for the slowest degree
 of freedom.  With solimp 0.9999 and a time constant of two to five steps the relative error of a
 moment is then 1e-7 to 1e-6; with MuJoCo's default solref and solimp of limits (`solreflimit`,
 `solimplimit`) it is 1e-2.
@@ -21,51 +21,51 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mujoco.equilibrium import DEPENDENT, RestingLinkage
+from proofmass.sim.mujoco.equilibrium import RANK_TOLERANCE, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_dry_friction
-from proofmass.sim.mujoco.sensors import drive_moments, withhold, withhold_interactions
-from proofmass.sim.mujoco.settings import stepped_with
+from proofmass.sim.mujoco.sensors import drive_moment_curves, withhold_interactions, withhold_stage
+from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.protocol import Curves, Diverged, NotSolved, Run
 
 W = mujoco.mjtWarning
-FATAL = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
+FATAL_WARNINGS = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)
 
 
-def failure(data: mujoco.MjData) -> str:
+def failure_warning(data: mujoco.MjData) -> str:
     """The first warning that makes a run invalid, such as of a reset state; empty if none."""
     return next(
         (
             f"MuJoCo warning {warning.name[7:].lower()}"
-            for warning in FATAL
+            for warning in FATAL_WARNINGS
             if data.warning[warning].number
         ),
         "",
     )
 
 
-def until_still(
+def step_to_rest(
     model: mujoco.MjModel,
     data: mujoco.MjData,
-    still: float,
+    rest_speed: float,
     *,
     block: int,
-    most: int,
-    hold: Callable[[], None] = lambda: None,
-    where: str = "",
+    max_steps: int,
+    constrain: Callable[[], None] = lambda: None,
+    context: str = "",
 ) -> int:
-    """Step until all speeds are below `still` at two successive checks; the number of steps.
+    """Step until all speeds are below `rest_speed` at two successive checks; the number of steps.
 
     Parameters
     ----------
     model, data
-    still : float
+    rest_speed : float
         Speed of the fastest joint below which the model counts as at rest [rad/s or m/s].
-    block, most : int
+    block, max_steps : int
         Number of steps between two checks, and largest number of steps.
-    hold : callable
+    constrain : callable
         Called before each block of steps.
-    where : str
+    context : str
         Values of the drives, for messages.
 
     Raises
@@ -76,35 +76,35 @@ def until_still(
         The model does not come to rest.
     """
     before, steps = np.inf, 0
-    for steps in range(block, most, block):
-        hold()
+    for steps in range(block, max_steps, block):
+        constrain()
         mujoco.mj_step(model, data, block)
         speed = float(np.abs(data.qvel).max())
-        if warning := failure(data):
-            raise Diverged(f"{warning}; failed on the way to rest{where}")
-        if max(speed, before) < still:
+        if warning := failure_warning(data):
+            raise Diverged(f"{warning}; failed on the way to rest{context}")
+        if max(speed, before) < rest_speed:
             return steps
         before = speed
     joint = model.joint(model.dof_jntid[np.abs(data.qvel).argmax()]).name
     raise NotSolved(
-        f"not at rest after {steps} steps{where}: joint {joint!r} moves at "
+        f"not at rest after {steps} steps{context}: joint {joint!r} moves at "
         f"{before:.2g} (rad/s or m/s)"
     )
 
 
-VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
+VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 NO_RATE = "the engine is at rest at every sample: no rates, no accelerations"
-PACE = 0.015  # [rad] phase per step of a joint that oscillates on its own stiffness
-FAINT = 1e-3  # share of the largest stiffness; joints with less oscillate more slowly
+PHASE_PER_STEP = 0.015  # [rad] phase per step of a joint that oscillates on its own stiffness
+MIN_STIFFNESS_SHARE = 1e-3  # share of the largest stiffness; joints with less oscillate more slowly
 # inertia of a drive in multiples of the largest: until rest only rounding moves it
-FLYWHEEL = 1e12
-GLIDE = 100  # steps in which the drives move by a stride of `Linkage`
-BLOCK = 50  # steps between two checks of the speed
-STILL = 1e-9  # [rad/s or m/s] speed of the fastest joint below which the model is at rest
-MOST = 400_000  # steps after which a sample is given up
+FLYWHEEL_RATIO = 1e12
+STEPS_PER_STRIDE = 100  # steps in which the drives move by a stride of `Linkage`
+STEPS_PER_CHECK = 50  # steps between two checks of the speed
+REST_SPEED = 1e-9  # [rad/s or m/s] speed of the fastest joint below which the model is at rest
+MAX_STEPS = 400_000  # steps after which a sample is given up
 
 
-def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
+def settled_sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """Sweep the drives over ``run.x``; at each sample step to rest, and read every sensor there.
 
     Raises
@@ -116,31 +116,31 @@ def settled(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     """
     refuse_dry_friction(model, run.kind, soft=True)
     linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
-    weigh(linkage)
+    set_inertia_and_damping(linkage)
     record = Recorder(model, data, run.channels, run.x.size)
-    missing = withhold_interactions(record) | withhold(record, VELOCITY, NO_RATE)
+    missing = withhold_interactions(record) | withhold_stage(record, VELOCITY_STAGE, NO_RATE)
     value, rate, acceleration = run.motion(run.x)
     moments, steps, began = np.empty(value.T.shape), 0, time.perf_counter()
     for k, values in enumerate(value.T):
-        steps += glide(linkage, values) + settle(linkage, values)
+        steps += move_drives(linkage, values) + settle_at(linkage, values)
         moments[k] = holding_moments(linkage)
         record.sample(k)
     seconds = time.perf_counter() - began
-    channels = record.curves() | drive_moments(model, linkage, record, moments)
+    channels = record.curves() | drive_moment_curves(model, linkage, record, moments)
     return Curves(
         run.x,
         channels,
         missing,
         (value, rate, acceleration),
-        float(record.gaps().max(initial=0.0)),
+        float(record.violations().max(initial=0.0)),
         seconds,
         steps,
-        stepped_with(model),
+        stepping_settings(model),
         derivatives=0,
     )
 
 
-def weigh(linkage: Linkage) -> None:
+def set_inertia_and_damping(linkage: Linkage) -> None:
     """Set the armatures and the damping of the joints, and the flywheels of the drives."""
     import scipy.linalg  # slow to load
 
@@ -148,17 +148,17 @@ def weigh(linkage: Linkage) -> None:
     rest = RestingLinkage(copy.copy(model), copy.copy(data), linkage.joints, linkage.dof())
     rest.settle()
     stiffness = rest.balance.stiffness
-    null = scipy.linalg.null_space(np.vstack([rest.rows()[1], rest.units]), rcond=DEPENDENT)
+    null = scipy.linalg.null_space(np.vstack([rest.rows()[1], rest.units]), rcond=RANK_TOLERANCE)
     own = np.abs(np.diag(stiffness))
-    pace = PACE / model.opt.timestep
-    model.dof_armature += np.maximum(own, FAINT * own.max()) / pace**2
+    pace = PHASE_PER_STEP / model.opt.timestep
+    model.dof_armature += np.maximum(own, MIN_STIFFNESS_SHARE * own.max()) / pace**2
     linkage.rows()
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     squares = scipy.linalg.eigvalsh(null.T @ stiffness @ null, null.T @ inertia @ null)
     slowest = np.sqrt(np.abs(squares).min(initial=pace**2))
     model.dof_damping += 2 * slowest * np.diag(inertia)
-    model.dof_armature[dofs] += FLYWHEEL * inertia.max()
+    model.dof_armature[dofs] += FLYWHEEL_RATIO * inertia.max()
     model.dof_damping[dofs] = 0
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_DAMPER)  # this damping must act
     pose = data.qpos.copy()
@@ -166,32 +166,32 @@ def weigh(linkage: Linkage) -> None:
     data.qpos[:], data.qvel[:] = pose, 0
 
 
-def glide(linkage: Linkage, values: Array) -> int:
+def move_drives(linkage: Linkage, values: Array) -> int:
     """Move the drives at constant speeds to their next values; returns the number of steps."""
     model, data = linkage.model, linkage.data
     way = values - data.qpos[linkage.adr]
-    steps = int(np.ceil(GLIDE * (np.abs(way) / linkage.stride).max()))
+    steps = int(np.ceil(STEPS_PER_STRIDE * (np.abs(way) / linkage.stride).max()))
     if steps:
         data.qvel[linkage.dofs] = way / (steps * model.opt.timestep)
         mujoco.mj_step(model, data, steps)
     return steps
 
 
-def settle(linkage: Linkage, values: Array) -> int:
+def settle_at(linkage: Linkage, values: Array) -> int:
     """Step with the drives at fixed values until the model is at rest; the number of steps."""
     data = linkage.data
 
-    def hold() -> None:
+    def constrain() -> None:
         data.qpos[linkage.adr], data.qvel[linkage.dofs] = values, 0
 
-    return until_still(
+    return step_to_rest(
         linkage.model,
         data,
-        STILL,
-        block=BLOCK,
-        most=MOST,
-        hold=hold,
-        where=f" at {linkage.format_drives(values)}",
+        REST_SPEED,
+        block=STEPS_PER_CHECK,
+        max_steps=MAX_STEPS,
+        constrain=constrain,
+        context=f" at {linkage.format_drives(values)}",
     )
 
 

@@ -40,11 +40,11 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import may_touch, rubs
-from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, limited
-from proofmass.sim.problem_models import key, wheel
+from proofmass.sim.contents import has_dry_friction, may_touch
+from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, limited_joints
+from proofmass.sim.problem_models import start_key, wheel_model
 from proofmass.sim.protocol import (
-    STEP,
+    STEP_CAUSE,
     LimitProblem,
     ParameterValue,
     ParameterValues,
@@ -55,30 +55,30 @@ from proofmass.sim.protocol import (
     StepMap,
     Stepping,
     Studied,
-    leading,
+    first_number,
     scan_over,
 )
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
-HARD = (0.9999, 0.9999, 0.001)  # the hardest solimp that MuJoCo accepts
-CAP = 0.9999  # the largest impedance in solimp that MuJoCo accepts
-EXACT = 1e-15
+HARD_SOLIMP = (0.9999, 0.9999, 0.001)  # the hardest solimp that MuJoCo accepts
+MAX_IMPEDANCE = 0.9999  # the largest impedance in solimp that MuJoCo accepts
+SOLVER_TOLERANCE = 1e-15
 """Tolerance of the solver that is just above rounding; 0 enforces all iterations allowed."""
 STEPS_OF_SOLREF = 8  # time constant of loops in steps: fewer cost RK4 accuracy, more are softer
 STAGES = {"RK4": 4}  # evaluations of forces in a step; 1 for the other integrators
-IN_SOLREF = "too few steps in solref"
+SOLREF_CAUSE = "too few steps in solref"
 """Cause of an error that the step alone changes, in a scan whose `solref` goes with the step."""
 SIZES: dict[str, Callable[[ParameterValue], float]] = {
-    "timestep": leading,
-    "solref": leading,
-    "solimp": lambda d: 1.0 - leading(d),
+    "timestep": first_number,
+    "solref": first_number,
+    "solimp": lambda d: 1.0 - first_number(d),
 }
 LABELS = {"solref": "time constant, solref [s]", "solimp": "1 − solimp"}
 
 
-def hard(solref: float) -> dict[str, ParameterValue]:
+def hardest_loops(solref: float) -> dict[str, ParameterValue]:
     """Settings of loops with a time constant [s] and the hardest `solimp`."""
-    return {"solref": (solref, 1.0), "solimp": HARD}
+    return {"solref": (solref, 1.0), "solimp": HARD_SOLIMP}
 
 
 def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
@@ -89,21 +89,24 @@ def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValu
     """
     scaled = dict(parameters, timestep=step)
     if isinstance(solref := parameters.get("solref"), tuple):
-        scaled["solref"] = (leading(solref) * step / leading(parameters["timestep"]), *solref[1:])
+        scaled["solref"] = (
+            first_number(solref) * step / first_number(parameters["timestep"]),
+            *solref[1:],
+        )
     return scaled
 
 
 def scans(title: str, about: Studied) -> Iterator[Scan]:
     """Scans over the step, for each integrator and softness, and over settings of constraints."""
     model, own = about.model, about.own_step
-    loops = is_soft(about)
+    loops = has_soft_constraints(about)
 
     def over(integrator: str, soft: int | None) -> Scan:
         parameters = tuple(
             {
                 "timestep": h,
                 "integrator": integrator,
-                **(hard(soft * h) if soft else {"defaults": True}),
+                **(hardest_loops(soft * h) if soft else {"defaults": True}),
             }
             for h in about.timesteps(STAGES.get(integrator, 1))
         )
@@ -111,38 +114,38 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
         return Scan(f"{title} {integrator}{held * loops}", "timestep", parameters)
 
     yield from (over(integrator, None) for integrator in INTEGRATORS)
-    at = f"{title} RK4 at {1e3 * own:g} ms"
+    prefix = f"{title} RK4 at {1e3 * own:g} ms"
     plain: dict[str, ParameterValue] = {"timestep": own, "integrator": "RK4"}
     if may_touch(model):
         for cone in ("pyramidal", "elliptic"):
             yield scan_over(
                 {**plain, "cone": cone},
-                f"{at}, {cone} cone, impratio",
+                f"{prefix}, {cone} cone, impratio",
                 "impratio",
                 (1.0, 10.0, 100.0),
             )
-    if may_touch(model) or rubs(model):
-        yield scan_over(plain, f"{at}, noslip_iterations", "noslip_iterations", (1, 3, 10, 30))
+    if may_touch(model) or has_dry_friction(model):
+        yield scan_over(plain, f"{prefix}, noslip_iterations", "noslip_iterations", (1, 3, 10, 30))
     if not loops:
         return
     yield from (over(integrator, STEPS_OF_SOLREF) for integrator in INTEGRATORS)
     yield from (over("Euler", 2), over("RK4", 4))
-    base = {**plain, **hard(STEPS_OF_SOLREF * own)}
+    base = {**plain, **hardest_loops(STEPS_OF_SOLREF * own)}
     yield scan_over(
-        base, f"{at}, solref", "solref", [(m * own, 1.0) for m in (64, 32, 16, 8, 4, 2)]
+        base, f"{prefix}, solref", "solref", [(m * own, 1.0) for m in (64, 32, 16, 8, 4, 2)]
     )
     yield scan_over(
         {**base, "refsafe": False},
-        f"{at}, refsafe off, solref",
+        f"{prefix}, refsafe off, solref",
         "solref",
         [(m * own, 1.0) for m in (1.5, 1.0, 0.75)],
     )  # with refsafe, all of these would be raised to 2 steps
     yield scan_over(
-        base, f"{at}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
+        base, f"{prefix}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
     )
     step = about.quartered_step(STAGES["RK4"])
-    at = f"{title} RK4 at {1e3 * step:.3g} ms"
-    base = {**plain, "timestep": step, **hard(STEPS_OF_SOLREF * step)}
+    prefix = f"{title} RK4 at {1e3 * step:.3g} ms"
+    base = {**plain, "timestep": step, **hardest_loops(STEPS_OF_SOLREF * step)}
     for solver, counts in (
         ("Newton", (1, 2, 4)),
         ("CG", (1, 2, 4, 8)),
@@ -150,13 +153,13 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     ):
         yield scan_over(
             {**base, "solver": solver, "tolerance": 0.0},
-            f"{at}, {solver} iterations",
+            f"{prefix}, {solver} iterations",
             "iterations",
             counts,
         )
     yield scan_over(
         {**base, "solver": "CG", "tolerance": 0.0, "warmstart": False},
-        f"{at}, CG without warm start, iterations",
+        f"{prefix}, CG without warm start, iterations",
         "iterations",
         (1, 2, 4, 8),
     )
@@ -168,38 +171,38 @@ def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     if scan.varied == "solimp":
         return (1.0,)
     if scan.varied == "solref":  # below two steps the spring itself is not resolved
-        return () if first.get("refsafe") is False else softness(about, j)
-    return of_step(scan, j, about) if scan.varied == "timestep" else ()
+        return () if first.get("refsafe") is False else softness_orders(about, j)
+    return step_orders(scan, j, about) if scan.varied == "timestep" else ()
 
 
-def of_step(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
+def step_orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
     """Orders of convergence that errors of derivative j may show in a scan over the step."""
-    fourth = scan.settings[0]["integrator"] == "RK4"
+    is_rk4 = scan.settings[0]["integrator"] == "RK4"
     own = (1.0, 2.0) if j == 1 and not about.held_to_drive else (1.0,)
-    if fourth:  # a changing control is constant over all stages of a step
+    if is_rk4:  # a changing control is constant over all stages of a step
         own = (2.0, 4.0) if about.controlled else (4.0,)
     scaled = len({each.get("solref") for each in scan.settings}) > 1
-    if not (is_soft(about) and scaled):
+    if not (has_soft_constraints(about) and scaled):
         return own
-    if fourth:
+    if is_rk4:
         return tuple(dict.fromkeys((2.0 - j, 2.0)))
     held = {0: (2.0,), 1: (1.0,), 2: (1.0, 2.0, *([0.0] * about.jolted()))}[j]
-    return held if about.held_to_drive else (*own, *softness(about, j))
+    return held if about.held_to_drive else (*own, *softness_orders(about, j))
 
 
-def is_soft(about: Studied) -> bool:
+def has_soft_constraints(about: Studied) -> bool:
     """Whether the model has soft loops, or soft joint limits that a free motion may hit."""
-    return bool(about.model.neq) or rebounds(about)
+    return bool(about.model.neq) or may_rebound(about)
 
 
-def rebounds(about: Studied) -> bool:
+def may_rebound(about: Studied) -> bool:
     """Whether joints may rebound from limits, in a motion without drives."""
-    return not about.driven and limited(about.model).size > 0
+    return not about.driven and limited_joints(about.model).size > 0
 
 
-def softness(about: Studied, j: int) -> tuple[float, ...]:
+def softness_orders(about: Studied, j: int) -> tuple[float, ...]:
     """Orders in the time constant of loops or limits; impacts last in proportion to the latter."""
-    if rebounds(about):
+    if may_rebound(about):
         return (1.0, 2.0)
     return tuple(dict.fromkeys((2.0 - j, 2.0))) if about.jolted() else (2.0,)
 
@@ -214,52 +217,59 @@ def perturbations(
         **parameters,
     }
 
-    def but(**changed: ParameterValue) -> dict[str, ParameterValue]:
+    def changed_settings(**changed: ParameterValue) -> dict[str, ParameterValue]:
         return {**parameters, **changed}
 
     step = known.get("timestep", model.opt.timestep)
     yield Perturbation(
-        IN_SOLREF if scaled else STEP,
+        SOLREF_CAUSE if scaled else STEP_CAUSE,
         "halving the step" + ", solref as it is" * scaled,
-        but(timestep=step / 2),
+        changed_settings(timestep=step / 2),
     )
-    if not is_soft(about):
+    if not has_soft_constraints(about):
         return
     what, soft = "loops", (model.eq_solref, model.eq_solimp)
     if not model.neq:
-        what, soft = "limits", (model.jnt_solref[limited(model)], model.jnt_solimp[limited(model)])
+        what, soft = (
+            "limits",
+            (model.jnt_solref[limited_joints(model)], model.jnt_solimp[limited_joints(model)]),
+        )
     tau, ratio = known.get("solref", soft[0][0])[:2]
-    safe = tau / 2 >= 2 * step  # MuJoCo raises a shorter time constant
+    can_halve_solref = tau / 2 >= 2 * step  # MuJoCo raises a shorter time constant
     yield Perturbation(
         f"softness of the {what}",
-        "halving solref" if safe else "doubling solref",
-        but(solref=(tau / 2 if safe else 2 * tau, ratio)),
-        safe,
+        "halving solref" if can_halve_solref else "doubling solref",
+        changed_settings(solref=(tau / 2 if can_halve_solref else 2 * tau, ratio)),
+        can_halve_solref,
     )
     low, high, *rest = known.get("solimp", soft[1][0])
-    room = 1 - (1 - high) / 2 <= CAP
-    factor = 0.5 if room else 2.0
+    can_halve = 1 - (1 - high) / 2 <= MAX_IMPEDANCE
+    factor = 0.5 if can_halve else 2.0
     yield Perturbation(
         f"softness of the {what}, solimp",
-        f"{'halving' if room else 'doubling'} 1 - solimp",
-        but(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
-        room,
+        f"{'halving' if can_halve else 'doubling'} 1 - solimp",
+        changed_settings(solimp=(1 - factor * (1 - low), 1 - factor * (1 - high), *rest)),
+        can_halve,
     )
     more = 4 * known.get("iterations", model.opt.iterations)
-    within = min(known.get("tolerance", model.opt.tolerance), EXACT)
+    within = min(known.get("tolerance", model.opt.tolerance), SOLVER_TOLERANCE)
     yield Perturbation(
         "the solver's iterations",
         "four times as many iterations",
-        but(iterations=more, tolerance=within),
+        changed_settings(iterations=more, tolerance=within),
     )
 
 
 def recipes(title: str, about: Studied) -> Iterator[Recipe]:
     """Recipes for each integrator, with default softness and with time constants in steps."""
-    loops = is_soft(about)
+    loops = has_soft_constraints(about)
 
     def held(integrator: str, soft: int) -> Callable[[float], dict[str, ParameterValue]]:
-        return lambda step: {"integrator": integrator, "solref": (soft * step, 1.0), "solimp": HARD}
+        return lambda step: {
+            "integrator": integrator,
+            "solref": (soft * step, 1.0),
+            "solimp": HARD_SOLIMP,
+        }
 
     def by_itself(integrator: str) -> Callable[[float], dict[str, ParameterValue]]:
         return lambda step: {"integrator": integrator, "defaults": True}
@@ -271,29 +281,29 @@ def recipes(title: str, about: Studied) -> Iterator[Recipe]:
             integrator == ENGINE_DEFAULTS["integrator"],
         )
         if loops:
-            for soft in (2, 4, 8, *((32, 128) if rebounds(about) else ())):
+            for soft in (2, 4, 8, *((32, 128) if may_rebound(about) else ())):
                 yield Recipe(f"{title} {integrator}, solref {soft} steps", held(integrator, soft))
 
 
-def euler(z: float, zeta: float) -> Array:
+def euler_map(z: float, zeta: float) -> Array:
     """Step map of Euler: the new velocity, with the damping at its end, moves the position."""
-    held = 1.0 + 2.0 * zeta * z
-    return np.array([[1.0 - z**2 / held, 1.0 / held], [-(z**2) / held, 1.0 / held]])
+    divisor = 1.0 + 2.0 * zeta * z
+    return np.array([[1.0 - z**2 / divisor, 1.0 / divisor], [-(z**2) / divisor, 1.0 / divisor]])
 
 
-def euler_explicit(z: float, zeta: float) -> Array:
+def explicit_euler_map(z: float, zeta: float) -> Array:
     """Step map of Euler with the damper's force at the beginning of the step."""
-    left = 1.0 - 2.0 * zeta * z
-    return np.array([[1.0 - z**2, left], [-(z**2), left]])
+    factor = 1.0 - 2.0 * zeta * z
+    return np.array([[1.0 - z**2, factor], [-(z**2), factor]])
 
 
-def discrete(z: float, zeta: float) -> Array:
+def discrete_map(z: float, zeta: float) -> Array:
     """Step map with the forces of spring and damper at the end of the step."""
-    held = 1.0 + 2.0 * zeta * z + z**2
-    return np.array([[1.0 - z**2 / held, 1.0 / held], [-(z**2) / held, 1.0 / held]])
+    divisor = 1.0 + 2.0 * zeta * z + z**2
+    return np.array([[1.0 - z**2 / divisor, 1.0 / divisor], [-(z**2) / divisor, 1.0 / divisor]])
 
 
-def rk4(z: float, zeta: float) -> Array:
+def rk4_map(z: float, zeta: float) -> Array:
     """Step map of RK4: the exponential series of the system's matrix up to the fourth power."""
     step = np.array([[0.0, 1.0], [-(z**2), -2.0 * zeta * z]])
     a, power = np.eye(2), np.eye(2)
@@ -303,45 +313,54 @@ def rk4(z: float, zeta: float) -> Array:
     return a
 
 
-LAWS: dict[StepMap, str] = {  # formulas of the largest stable dt omega
-    euler: "2 (ζ + √(1 + ζ²))",
-    euler_explicit: "2 (√(1 + ζ²) − ζ)",
-    rk4: "|R(z (−ζ + i √(1 − ζ²)))| = 1",
-    discrete: "implicit in the spring as well",
+LIMIT_FORMULAS: dict[StepMap, str] = {  # formulas of the largest stable dt omega
+    euler_map: "2 (ζ + √(1 + ζ²))",
+    explicit_euler_map: "2 (√(1 + ζ²) − ζ)",
+    rk4_map: "|R(z (−ζ + i √(1 − ζ²)))| = 1",
+    discrete_map: "implicit in the spring as well",
 }
-ONE = (0.0,)
+SINGLE_VALUE = (0.0,)
 
 
-def scheme(name: str, step: StepMap, **tried: tuple[float, ...]) -> Scheme:
+def make_scheme(name: str, step: StepMap, **tried: tuple[float, ...]) -> Scheme:
     """The scheme of an integrator; all but discrete conserve energy."""
-    return Scheme(name, step, LAWS[step], {"integrator": name}, step is not discrete, tried=tried)
+    return Scheme(
+        name,
+        step,
+        LIMIT_FORMULAS[step],
+        {"integrator": name},
+        step is not discrete_map,
+        tried=tried,
+    )
 
 
 SCHEMES = (
-    scheme(
+    make_scheme(
         "Euler",
-        euler,
+        euler_map,
         spring=(0.0, 0.3, 1.0),
-        slide=ONE,
+        slide=SINGLE_VALUE,
         chain=(20, 200),
-        pendulum=ONE,
+        pendulum=SINGLE_VALUE,
         swing=(0.05,),
         fade=(0.05,),
     ),
-    scheme("implicit", euler, spring=ONE),
-    scheme("implicitfast", euler, spring=(0.0, 0.3, 1.0), whirl=ONE, swing=(0.05,)),
-    scheme(
+    make_scheme("implicit", euler_map, spring=SINGLE_VALUE),
+    make_scheme(
+        "implicitfast", euler_map, spring=(0.0, 0.3, 1.0), whirl=SINGLE_VALUE, swing=(0.05,)
+    ),
+    make_scheme(
         "RK4",
-        rk4,
+        rk4_map,
         spring=(0.0, 0.3, 1.0),
-        slide=ONE,
+        slide=SINGLE_VALUE,
         chain=(20,),
-        pendulum=ONE,
-        whirl=ONE,
+        pendulum=SINGLE_VALUE,
+        whirl=SINGLE_VALUE,
         swing=(0.3,),
         fade=(0.3,),
     ),
-    scheme("discrete", discrete, spring=(0.0, 0.3)),
+    make_scheme("discrete", discrete_map, spring=(0.0, 0.3)),
 )
 
 
@@ -355,30 +374,32 @@ def scheme_of(parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
 def limit_problems() -> Iterator[LimitProblem]:
     """Test problems: springs with explicit damping, velocity servos, soft loops, flat cylinders."""
     for zeta in (0.3, 1.0):
-        text = wheel(1.0, 2.0 * zeta, flags='eulerdamp="disable"')
+        text = wheel_model(1.0, 2.0 * zeta, flags='eulerdamp="disable"')
         yield LimitProblem(
             f"spring on a hinge, ζ = {zeta:g}, explicit damping",
             "Euler",
             "dt ω",
-            LAWS[euler_explicit],
-            sprung(text),
-            euler_explicit,
+            LIMIT_FORMULAS[explicit_euler_map],
+            spring_stepping(text),
+            explicit_euler_map,
             zeta,
             reach=100.0,
         )
-    yield from servos()
-    yield from soft_loops()
-    yield flat_cylinders()
+    yield from servo_problems()
+    yield from loop_problems()
+    yield cylinder_problem()
 
 
-def sprung(text: str) -> Stepping:
+def spring_stepping(text: str) -> Stepping:
     """A model in Euler's method with a step that is varied; the coordinate's value is watched."""
     return lambda step: (text, step, {"integrator": "Euler"}, "place")
 
 
-def servos() -> Iterator[LimitProblem]:
+def servo_problems() -> Iterator[LimitProblem]:
     """A velocity servo, which is an explicit damper unless the integrator is implicit in it."""
-    text = wheel(rest='<actuator><velocity joint="joint" kv="1"/></actuator>' + key("0", "0.001"))
+    text = wheel_model(
+        rest='<actuator><velocity joint="joint" kv="1"/></actuator>' + start_key("0", "0.001")
+    )
 
     def served(name: str) -> Stepping:
         return lambda step: (text, step, {"integrator": name}, "rate")
@@ -387,26 +408,26 @@ def servos() -> Iterator[LimitProblem]:
         what = "velocity servo", one.name, "dt kv/I"
         if one.name == "Euler":
             yield LimitProblem(*what, "|1 − z| = 1", served(one.name), theory=2.0)
-        elif one.step is rk4:  # its eigenvalue is negative and real, as with critical damping
-            yield LimitProblem(*what, "|R(−z)| = 1", served(one.name), rk4, 1.0)
+        elif one.step is rk4_map:  # its eigenvalue is negative and real, as with critical damping
+            yield LimitProblem(*what, "|R(−z)| = 1", served(one.name), rk4_map, 1.0)
         else:
             yield LimitProblem(*what, "implicit in the velocity", served(one.name), theory=inf)
 
 
-def soft_loops() -> Iterator[LimitProblem]:
+def loop_problems() -> Iterator[LimitProblem]:
     """Soft loops, each an explicit spring with critical damping and omega = 1 / time constant."""
     for name, step in (
-        ("Euler", euler_explicit),
-        ("implicitfast", euler_explicit),
-        ("RK4", rk4),
-        ("discrete", discrete),
+        ("Euler", explicit_euler_map),
+        ("implicitfast", explicit_euler_map),
+        ("RK4", rk4_map),
+        ("discrete", discrete_map),
     ):
         yield LimitProblem(
             "loop with refsafe off",
             name,
             "dt/solref",
-            LAWS[step] + ", ζ = 1",
-            loop('refsafe="disable"', name),
+            LIMIT_FORMULAS[step] + ", ζ = 1",
+            loop_stepping('refsafe="disable"', name),
             step,
             1.0,
         )
@@ -415,14 +436,14 @@ def soft_loops() -> Iterator[LimitProblem]:
         "Euler",
         "dt/solref",
         "solref is kept to 2 dt",
-        loop("", "Euler"),
+        loop_stepping("", "Euler"),
         theory=inf,
     )
 
 
-def loop(flags: str, name: str) -> Stepping:
+def loop_stepping(flags: str, name: str) -> Stepping:
     """A slide that an equality constrains against its weight, with a step of 1 s."""
-    text = wheel(
+    text = wheel_model(
         kind="slide",
         gravity="1e-3 0 0",
         flags=flags,
@@ -435,15 +456,15 @@ def loop(flags: str, name: str) -> Stepping:
     return stepped
 
 
-RADIUS, HALF, GAP = 0.041, 0.002, 2.1e-5
+CYLINDER_RADIUS, HALF_HEIGHT, CYLINDER_CLEARANCE = 0.041, 0.002, 2.1e-5
 """Radius and half the height of a flat cylinder, and its height above the floor [m]."""
 TWO_ULPS = 2 * float(np.finfo(float).eps)
 """Largest error of the squared length of a rotated axis that was observed [1]."""
-CYLINDERS = 400
+CYLINDER_COUNT = 400
 """Number of cylinders, each rotated differently: five axes have the error `TWO_ULPS`, 81 half."""
 
 
-def flat_cylinders() -> LimitProblem:
+def cylinder_problem() -> LimitProblem:
     """Cylinders at rest above a floor, without weight, so that no force should act on them.
 
     MuJoCo finds the lowest point of the edge at the radius r from the centre of a face, in the
@@ -457,13 +478,13 @@ def flat_cylinders() -> LimitProblem:
 
     `docs/contacts.md` has depths and energies of single poses.
     """
-    theory = 1.0 / np.sqrt(1.0 - (GAP / RADIUS) ** 2)
+    theory = 1.0 / np.sqrt(1.0 - (CYLINDER_CLEARANCE / CYLINDER_RADIUS) ** 2)
     return LimitProblem(
-        f"flat cylinders, {1e3 * GAP:g} mm above a floor",
+        f"flat cylinders, {1e3 * CYLINDER_CLEARANCE:g} mm above a floor",
         "Euler",
         "r d/(gap tilt)",
-        f"r d / √(tilt² + d²) = gap, d = {TWO_ULPS:.2g}; tilt {tilted(theory):.2g} rad",
-        lambda share: hang(tilted(share)),
+        f"r d / √(tilt² + d²) = gap, d = {TWO_ULPS:.2g}; tilt {tilt_for_share(theory):.2g} rad",
+        lambda share: hanging_cylinders(tilt_for_share(share)),
         theory=float(theory),
         start=0.01,
         reach=100.0,
@@ -471,33 +492,35 @@ def flat_cylinders() -> LimitProblem:
     )
 
 
-def tilted(share: float) -> float:
+def tilt_for_share(share: float) -> float:
     """The tilt [rad] at which rounding puts the lowest point `share` times the gap too deep."""
-    return float(RADIUS * TWO_ULPS / (GAP * share))
+    return float(CYLINDER_RADIUS * TWO_ULPS / (CYLINDER_CLEARANCE * share))
 
 
-def leaning(tilt: float, turn: float, way: float) -> Array:
+def tilted_quaternion(tilt: float, turn: float, direction: float) -> Array:
     """The quaternion [1] of a body that is rotated by `turn` about the vertical, and then tilted.
 
-    The `tilt` is small, and its horizontal axis is at the angle `way` [all rad].
+    The `tilt` is small, and its horizontal axis is at the angle `direction` [all rad].
     """
     found = np.zeros(4)
-    lean = np.array([1.0, 0.5 * tilt * np.cos(way), 0.5 * tilt * np.sin(way), 0.0])
+    lean = np.array([1.0, 0.5 * tilt * np.cos(direction), 0.5 * tilt * np.sin(direction), 0.0])
     about = np.array([np.cos(0.5 * turn), 0.0, 0.0, np.sin(0.5 * turn)])
     mujoco.mju_mulQuat(found, lean, about)
     return found
 
 
-def hang(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:
+def hanging_cylinders(tilt: float) -> tuple[str, float, dict[str, ParameterValue], str]:
     """The problem of the cylinders, tilted by an angle [rad]; their kinetic energy is watched."""
-    turns, ways = (2 * np.pi * (np.arange(CYLINDERS) * share % 1.0) for share in (0.618, 0.755))
+    turns, ways = (
+        2 * np.pi * (np.arange(CYLINDER_COUNT) * share % 1.0) for share in (0.618, 0.755)
+    )
     bodies = []
     for k, (turn, way) in enumerate(zip(turns, ways, strict=True)):
-        quat = " ".join(map(repr, leaning(tilt, turn, way).tolist()))
+        quat = " ".join(map(repr, tilted_quaternion(tilt, turn, way).tolist()))
         bodies.append(
-            f"""<body pos="{k} 0 {HALF + GAP!r}" quat="{quat}">
+            f"""<body pos="{k} 0 {HALF_HEIGHT + CYLINDER_CLEARANCE!r}" quat="{quat}">
             <joint name="joint{k}" type="slide" axis="0 0 1"/>
-            <geom type="cylinder" size="{RADIUS} {HALF}" mass="0.01"/></body>"""
+            <geom type="cylinder" size="{CYLINDER_RADIUS} {HALF_HEIGHT}" mass="0.01"/></body>"""
         )
     text = f"""<mujoco model="flat_cylinders">
   <option gravity="0 0 0"/>

@@ -15,14 +15,14 @@ import numpy as np
 
 from proofmass.analytic.contacts import damping_ratio, restitution
 from proofmass.analytic.numerics import Array
-from proofmass.sim.plane import PARALLEL, MotionPlane
+from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane
 from proofmass.sim.protocol import Unsupported
 
 GEOM = mujoco.mjtGeom
-OFF = mujoco.mjtDisableBit
-FAR, DEEP = 1000.0, 10.0
+DISABLE_FLAG = mujoco.mjtDisableBit
+PLANE_HALF_LENGTH, PLANE_DEPTH = 1000.0, 10.0
 """Half length and depth below the surface of the segment that stands for a plane [extents]."""
-ROLLING = 6
+ROLLING_CONDIM = 6
 """The `condim` of a contact with rolling friction."""
 
 
@@ -88,9 +88,12 @@ def find_pairs(model: mujoco.MjModel) -> dict[tuple[int, int], int]:
 
     The number is -1 for a pair that masks let touch without a ``<pair>``.
     """
-    if any(model.opt.disableflags & int(b) for b in (OFF.mjDSBL_CONTACT, OFF.mjDSBL_CONSTRAINT)):
+    if any(
+        model.opt.disableflags & int(b)
+        for b in (DISABLE_FLAG.mjDSBL_CONTACT, DISABLE_FLAG.mjDSBL_CONSTRAINT)
+    ):
         return {}
-    found = dict.fromkeys(_colliding(model), -1)
+    found = dict.fromkeys(_find_colliding(model), -1)
     for p in range(model.npair):
         one, two = sorted((int(model.pair_geom1[p]), int(model.pair_geom2[p])))
         if model.body_weldid[model.geom_bodyid[one]] != model.body_weldid[model.geom_bodyid[two]]:
@@ -98,10 +101,10 @@ def find_pairs(model: mujoco.MjModel) -> dict[tuple[int, int], int]:
     return found
 
 
-def _colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
+def _find_colliding(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
     """Pairs of geoms that masks, parent bodies and exclusions let touch, the smaller id first."""
     weld = model.body_weldid
-    parents = not model.opt.disableflags & int(OFF.mjDSBL_FILTERPARENT)
+    parents = not model.opt.disableflags & int(DISABLE_FLAG.mjDSBL_FILTERPARENT)
     for g in range(model.ngeom):
         for h in range(g):
             a, b = sorted((model.geom_bodyid[g], model.geom_bodyid[h]))
@@ -153,15 +156,17 @@ def read_contacts(
         raise Unsupported("the flag override, which replaces the numbers of all contacts")
     sections = dict[int, _Section]()
     for g in sorted({g for pair in pairs for g in pair}):
-        sections[g] = _section(model, data, plane, g, extent)
-    met = {p: k for p, k in pairs.items() if _in_one_plane(sections[p[0]], sections[p[1]], extent)}
-    places = {g: k for k, g in enumerate(sorted({g for pair in met for g in pair}))}
+        sections[g] = _find_section(model, data, plane, g, extent)
+    touching = {
+        p: k for p, k in pairs.items() if _is_in_one_plane(sections[p[0]], sections[p[1]], extent)
+    }
+    places = {g: k for k, g in enumerate(sorted({g for pair in touching for g in pair}))}
     shapes = []
     for g in places:
         link = int(of_body[model.geom_bodyid[g]])
         own = sections[g]
         shapes.append(ContactShape(own.name, link, own.points - centre[link], own.radius))
-    laws = {(places[g], places[h]): _law(model, g, h, k) for (g, h), k in met.items()}
+    laws = {(places[g], places[h]): _contact_law(model, g, h, k) for (g, h), k in touching.items()}
     return Contacts(tuple(shapes), laws)
 
 
@@ -182,23 +187,23 @@ class _Section:
     whole: float
 
 
-def _section(
+def _find_section(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, g: int, extent: float
 ) -> _Section:
     """The section of geom g; raises `Unsupported` if that is no circle, segment or rectangle."""
     kind, size = GEOM(int(model.geom_type[g])), model.geom_size[g]
     name = f"{kind.name[7:].lower()} '{model.geom(g).name or g}'"
-    at, axes = data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3).T
-    middle, height = plane.flat(at), float(at @ plane.normal)
+    position, axes = data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3).T
+    middle, height = plane.flat(position), float(position @ plane.normal)
     across = np.abs(axes @ plane.normal)  # components of the geom's unit axes along the normal
-    upright = across[2] > 1.0 - PARALLEL
-    lying = across[2] < PARALLEL
+    upright = across[2] > 1.0 - PARALLEL_TOLERANCE
+    lying = across[2] < PARALLEL_TOLERANCE
     if kind == GEOM.mjGEOM_PLANE and lying:
         up = plane.flat(axes[2])
-        along = FAR * extent * np.array([up[1], -up[0]])
-        foot = middle - DEEP * extent * up
+        along = PLANE_HALF_LENGTH * extent * np.array([up[1], -up[0]])
+        foot = middle - PLANE_DEPTH * extent * up
         ends = np.stack([foot - along, foot + along])
-        return _Section(name, ends, DEEP * extent, height, np.inf, np.inf)
+        return _Section(name, ends, PLANE_DEPTH * extent, height, np.inf, np.inf)
     if kind == GEOM.mjGEOM_SPHERE:
         return _Section(name, middle[None], float(size[0]), height, 0.0, float(size[0]))
     if kind == GEOM.mjGEOM_CAPSULE and lying:
@@ -208,18 +213,18 @@ def _section(
     if kind in (GEOM.mjGEOM_CAPSULE, GEOM.mjGEOM_CYLINDER) and upright:
         whole = float(size[1] + (size[0] if kind == GEOM.mjGEOM_CAPSULE else 0.0))
         return _Section(name, middle[None], float(size[0]), height, float(size[1]), whole)
-    if kind == GEOM.mjGEOM_BOX and across.max() > 1.0 - PARALLEL:
+    if kind == GEOM.mjGEOM_BOX and across.max() > 1.0 - PARALLEL_TOLERANCE:
         k = int(across.argmax())
         one, two = (size[j] * plane.flat(axes[j]) for j in range(3) if j != k)
-        corners = np.stack([middle + a * one + b * two for a, b in CORNERS])
+        corners = np.stack([middle + a * one + b * two for a, b in CORNER_SIGNS])
         return _Section(name, corners, 0.0, height, float(size[k]), float(size[k]))
-    raise Unsupported(f"contact of {name}, which {_why_not(kind)}")
+    raise Unsupported(f"contact of {name}, which {_explain_no_section(kind)}")
 
 
-CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+CORNER_SIGNS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 
 
-def _why_not(kind: mujoco.mjtGeom) -> str:
+def _explain_no_section(kind: mujoco.mjtGeom) -> str:
     """The reason why a geom of some type has no section, as the end of a sentence."""
     if kind == GEOM.mjGEOM_CYLINDER:
         return "is not at right angles to the plane of motion"
@@ -228,7 +233,7 @@ def _why_not(kind: mujoco.mjtGeom) -> str:
     return "is no plane, sphere, capsule, box or cylinder"
 
 
-def _in_one_plane(one: _Section, two: _Section, extent: float) -> bool:
+def _is_in_one_plane(one: _Section, two: _Section, extent: float) -> bool:
     """Whether two geoms may touch in the plane of motion; False if they pass above each other.
 
     Raises
@@ -241,7 +246,7 @@ def _in_one_plane(one: _Section, two: _Section, extent: float) -> bool:
     if apart >= one.whole + two.whole:
         return False
     # The ranges of equal sections overlap, or the middle of a round geom lies within such a range.
-    if apart <= one.flat + two.flat + PARALLEL * extent:
+    if apart <= one.flat + two.flat + PARALLEL_TOLERANCE * extent:
         return True
     raise Unsupported(
         f"contact of {one.name} and {two.name}, whose middles are {apart:.3g} m apart across the "
@@ -249,7 +254,7 @@ def _in_one_plane(one: _Section, two: _Section, extent: float) -> bool:
     )
 
 
-def _law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
+def _contact_law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
     """The contact law of geoms g and h, whose numbers are combined by MuJoCo's rules.
 
     `pair` is the id of their ``<pair>``, or -1.
@@ -257,20 +262,20 @@ def _law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
     names = " and ".join(f"'{model.geom(k).name or k}'" for k in (g, h))
     if pair >= 0:
         condim, solref = int(model.pair_dim[pair]), model.pair_solref[pair]
-        rub, margin = model.pair_friction[pair, :2], float(model.pair_margin[pair])
-        if rub[0] != rub[1]:
+        sliding_friction, margin = model.pair_friction[pair, :2], float(model.pair_margin[pair])
+        if sliding_friction[0] != sliding_friction[1]:
             raise Unsupported(f"the pair of {names}, whose friction differs by direction")
-        friction = float(rub[0])
+        friction = float(sliding_friction[0])
     else:
         margin = float(max(model.geom_margin[[g, h]]))
         order = model.geom_priority[[g, h]]
         own = [g, h] if order[0] == order[1] else [(g, h)[int(order.argmax())]]
         condim = int(max(model.geom_condim[own]))
         friction = float(max(model.geom_friction[own, 0]))
-        solref = _mixed(model.geom_solmix[own], model.geom_solref[own])
+        solref = _mix_solref(model.geom_solmix[own], model.geom_solref[own])
     if margin:
         raise Unsupported(f"the margin of {margin:g} m of the contact of {names}")
-    if condim >= ROLLING:
+    if condim >= ROLLING_CONDIM:
         raise Unsupported(f"rolling friction (condim {condim}) of the contact of {names}")
     if not (ratio := damping_ratio(solref)) >= 0:
         first, second = solref.tolist()
@@ -280,7 +285,7 @@ def _law(model: mujoco.MjModel, g: int, h: int, pair: int) -> ContactLaw:
     return ContactLaw(friction if condim > 1 else 0.0, restitution(ratio))
 
 
-def _mixed(weights: Array, solref: Array) -> Array:
+def _mix_solref(weights: Array, solref: Array) -> Array:
     """The `solref` of a contact, mixed from two geoms by MuJoCo's rule, or that of one geom."""
     if len(solref) == 1:
         return np.asarray(solref[0])

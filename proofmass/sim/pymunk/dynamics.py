@@ -15,41 +15,47 @@ from pymunk import batch
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Curves, Diverged, Run
 from proofmass.sim.pymunk.kinematics import (
-    alike,
-    along,
-    bound,
-    chain_at,
-    close,
+    close_loops,
+    constraint_values,
+    constraint_violations,
     damping,
+    derivative_along,
     drive_values,
-    gaps,
     jacobian,
     joint_values,
+    move_sizes,
+    place_chain,
     potential,
     residual,
-    sizes,
+    scale_rows,
 )
 from proofmass.sim.pymunk.links import Links
-from proofmass.sim.pymunk.loads import Loaded, add_loads, at_start, changes
+from proofmass.sim.pymunk.loads import LoadedLinks, add_loads, control_changes, links_at_start
 from proofmass.sim.pymunk.reactions import SampledMotion
-from proofmass.sim.pymunk.read import Sensor, force_curves, kinetic, moving, unwrapped
+from proofmass.sim.pymunk.read import (
+    Sensor,
+    force_curves,
+    kinetic_energy,
+    time_derivative,
+    unwrap_angle,
+)
 from proofmass.sim.pymunk.space import (
-    FIELDS,
-    Motor,
+    STATE_FIELDS,
+    LinkDrive,
     Settings,
     add_contacts,
     add_drives,
-    build,
+    build_space,
     empty_buffer,
-    put,
-    taken,
+    read_states,
+    set_states,
 )
 
-CLEAR = 1e-9
+EIGENVALUE_MARGIN = 1e-9
 """Margin below 1: larger eigenvalues of an iteration belong to coordinates without constraint."""
 
 
-def contraction(links: Links, pose: Array) -> float:
+def contraction_factor(links: Links, pose: Array) -> float:
     """Factor by which one iteration of the solver reduces the slowest part of a velocity error.
 
     In an iteration each constraint in turn removes its own part of the velocity error.  With
@@ -61,39 +67,39 @@ def contraction(links: Links, pose: Array) -> float:
     without the eigenvalues 1, which belong to the coordinates that no constraint affects.
     """
     root = np.sqrt(np.column_stack([links.mass, links.mass, links.moment]).ravel())
-    rows = jacobian(lambda p: bound(links, p), pose) / root
+    rows = jacobian(lambda p: constraint_values(links, p), pose) / root
     product = np.eye(len(root))
-    for block in np.split(rows, _starts(links)):
+    for block in np.split(rows, _constraint_starts(links)):
         product = product - np.linalg.pinv(block) @ (block @ product)
     sizes = np.abs(np.linalg.eigvals(product))
-    return float(sizes[sizes < 1 - CLEAR].max(initial=0.0))
+    return float(sizes[sizes < 1 - EIGENVALUE_MARGIN].max(initial=0.0))
 
 
-def _starts(links: Links) -> list[int]:
+def _constraint_starts(links: Links) -> list[int]:
     """Indices of the first rows of all of Chipmunk's constraints except the first constraint.
 
     A pin is one constraint of two rows, a slide two constraints of one row each; gears and drives
     have one row.
     """
     starts: list[int] = []
-    for k, hold in enumerate(links.holds):
-        starts += [2 * k] if hold.axis is None else [2 * k, 2 * k + 1]
+    for k, constraint in enumerate(links.holds):
+        starts += [2 * k] if constraint.axis is None else [2 * k, 2 * k + 1]
     count = 2 * len(links.holds)
     return [*starts[1:], *range(count, links.rows + len(links.drives))]
 
 
-def enough(links: Links, poses: Array, left: float) -> int:
+def iterations_needed(links: Links, poses: Array, remaining_share: float) -> int:
     """Number of iterations that reduce a velocity error to a given share in each of the poses.
 
     Parameters
     ----------
     links : Links
     poses : ndarray (poses, links + 1, 3) [m, m, rad]
-    left : float
+    remaining_share : float
         Share of the error that may remain [1].
     """
-    share = max(contraction(links, pose) for pose in poses)
-    return int(np.ceil(np.log(left) / np.log(share))) if share > 0 else 1
+    share = max(contraction_factor(links, pose) for pose in poses)
+    return int(np.ceil(np.log(remaining_share) / np.log(share))) if share > 0 else 1
 
 
 def start_motion(
@@ -111,26 +117,28 @@ def start_motion(
         Rates [rad/s or m/s] and accelerations [rad/s^2 or m/s^2] of the drives.
     """
 
-    def held(p: Array) -> Array:
-        return bound(links, p)
+    def prescribed(p: Array) -> Array:
+        return constraint_values(links, p)
 
-    rows = jacobian(held, pose)
+    rows = jacobian(prescribed, pose)
     closed = np.zeros(len(rows) - len(rate))
-    velocity = _started(links, pose, rate)  # exact to rounding, except near a singular pose
+    velocity = _start_velocity(links, pose, rate)  # exact to rounding, except near a singular pose
     lacking = np.append(closed, rate) - rows @ velocity
-    velocity = velocity + _held(links, rows, np.zeros(len(velocity)), lacking)
-    full = _padded(velocity)
-    h = 1e-5 / (1e-5 + sizes(links, full))
-    turning = (jacobian(held, pose + h * full) - jacobian(held, pose - h * full)) / (2 * h)
+    velocity = velocity + _solve_constrained(links, rows, np.zeros(len(velocity)), lacking)
+    full = _append_ground(velocity)
+    h = 1e-5 / (1e-5 + move_sizes(links, full))
+    turning = (jacobian(prescribed, pose + h * full) - jacobian(prescribed, pose - h * full)) / (
+        2 * h
+    )
     coefficients, damped = damping(links)
     slopes = jacobian(damped, pose)
     force = -jacobian(lambda p: potential(links, p), pose)
     force = force - slopes.T @ (coefficients * (slopes @ velocity))
     needed = np.append(closed, acceleration) - turning @ velocity
-    return full, _padded(_held(links, rows, force, needed))
+    return full, _append_ground(_solve_constrained(links, rows, force, needed))
 
 
-def _started(links: Links, pose: Array, rate: Array) -> Array:
+def _start_velocity(links: Links, pose: Array, rate: Array) -> Array:
     """Velocity (3 links,) of a closed pose that satisfies loops and drives.
 
     The rates of the joints differ from those of the keyframe as little as possible, in the least
@@ -148,20 +156,22 @@ def _started(links: Links, pose: Array, rate: Array) -> Array:
     return np.asarray(by_joints @ (wanted + change))
 
 
-def _held(links: Links, rows: Array, force: Array, needed: Array) -> Array:
+def _solve_constrained(links: Links, rows: Array, force: Array, needed: Array) -> Array:
     """Solve ``M a + J^T f = force`` with ``J a = needed`` for a (3 links,).
 
     The rows of J may be linearly dependent.
     """
-    rows, needed = alike(links, rows, needed)
+    rows, needed = scale_rows(links, rows, needed)
     inertia = np.column_stack([links.mass, links.mass, links.moment]).ravel() * links.sizes**2
-    most = inertia.max()
-    matrix = np.block([[np.diag(inertia / most), rows.T], [rows, np.zeros((len(rows), len(rows)))]])
-    right = np.append(force * links.sizes / most, needed)
+    largest = inertia.max()
+    matrix = np.block(
+        [[np.diag(inertia / largest), rows.T], [rows, np.zeros((len(rows), len(rows)))]]
+    )
+    right = np.append(force * links.sizes / largest, needed)
     return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-14)[0][: len(force)] * links.sizes)
 
 
-def _padded(links_only: Array) -> Array:
+def _append_ground(links_only: Array) -> Array:
     """A vector (3 links,) as an array (links + 1, 3), with zeros for the ground."""
     return np.append(links_only, np.zeros(3)).reshape(-1, 3)
 
@@ -194,20 +204,20 @@ def step_back(
     """
     velocity, acceleration = motion
     poses = []
-    for at, value in zip((-dt, 0.0), drives, strict=True):
-        near = pose + at * velocity + 0.5 * at**2 * acceleration
-        before = pose + (at - dt) * velocity + 0.5 * (at - dt) ** 2 * acceleration
-        move = dt * (velocity + (at - 0.5 * dt) * acceleration)
-        rest = (
-            bound(links, before + move)
-            - bound(links, before)
-            - along(lambda p: bound(links, p), before, move)
+    for instant, value in zip((-dt, 0.0), drives, strict=True):
+        near = pose + instant * velocity + 0.5 * instant**2 * acceleration
+        before = pose + (instant - dt) * velocity + 0.5 * (instant - dt) ** 2 * acceleration
+        move = dt * (velocity + (instant - 0.5 * dt) * acceleration)
+        remainder = (
+            constraint_values(links, before + move)
+            - constraint_values(links, before)
+            - derivative_along(lambda p: constraint_values(links, p), before, move)
         )
-        poses.append(close(links, near, value, rest))
+        poses.append(close_loops(links, near, value, remainder))
     return poses[0], (poses[1] - poses[0]) / dt
 
 
-SURE = 3000
+MIN_FIRST_ITERATIONS = 3000
 """Smallest number of iterations in the first step, in which Chipmunk has no impulses of a step
 before it to start from.  The first step takes ten times the iterations of the others if that is
 more."""
@@ -215,61 +225,63 @@ States = tuple[Array, Array, Array]
 """Pose at each sample, velocity over the step before the sample and over the step after it."""
 
 
-def stepped(links: Links, run: Run, per: int, settings: Settings) -> States:
+def simulate_states(links: Links, run: Run, steps_per_sample: int, settings: Settings) -> States:
     """Step through a run, and return the states at its samples.
 
-    There are `per` steps from each sample to the next.
+    There are `steps_per_sample` steps from each sample to the next.
     """
-    space, drives, targets, back = prepared(links, run, per, settings)
+    space, drives, targets, first_velocity = prepare_space(links, run, steps_per_sample, settings)
     feed = None
     if run.loads:
         times = run.x[0] + settings["timestep"] * np.arange(len(targets))
-        feed = add_loads(space, links, run), changes(links, run, times).tolist()
+        feed = add_loads(space, links, run), control_changes(links, run, times).tolist()
     record = np.zeros(len(targets), bool)
-    record[::per] = record[per - 1 :: per] = True
+    record[::steps_per_sample] = record[steps_per_sample - 1 :: steps_per_sample] = True
     buffer = empty_buffer()
-    first = max(SURE, 10 * settings["iterations"])
+    first = max(MIN_FIRST_ITERATIONS, 10 * settings["iterations"])
     step_through(space, settings["timestep"], drives, targets, record, buffer, first, feed)
-    return at_samples(*taken(buffer, links), record, per, back)
+    return states_at_samples(*read_states(buffer, links), record, steps_per_sample, first_velocity)
 
 
-def prepared(
-    links: Links, run: Run, per: int, settings: Settings
-) -> tuple[pymunk.Space, list[Motor], Array, Array]:
+def prepare_space(
+    links: Links, run: Run, steps_per_sample: int, settings: Settings
+) -> tuple[pymunk.Space, list[LinkDrive], Array, Array]:
     """Build the space of a run in its state one step before the start.
 
     Returns the space, its drives, their values after each step (steps, drives) [rad or m], and the
     velocity (links + 1, 3) of the step to the start.
     """
-    space = build(links, settings["iterations"], settings["error_bias"])
+    space = build_space(links, settings["iterations"], settings["error_bias"])
     add_contacts(space, links, settings)
-    pose, velocity, targets = start_state(links, run, per, settings["timestep"])
-    put(space, pose, velocity)
+    pose, velocity, targets = start_state(links, run, steps_per_sample, settings["timestep"])
+    set_states(space, pose, velocity)
     return space, add_drives(space, links), targets, velocity
 
 
-def start_state(links: Links, run: Run, per: int, dt: float) -> tuple[Array, Array, Array]:
+def start_state(
+    links: Links, run: Run, steps_per_sample: int, dt: float
+) -> tuple[Array, Array, Array]:
     """The state one step before the start, and the values of the drives after each step.
 
     Returns the pose (links + 1, 3), the velocity of the step to the start (links + 1, 3), and the
     values of the drives (steps, drives) [rad or m].
     """
-    times = run.x[0] + dt * np.arange((len(run.x) - 1) * per + 1)
+    times = run.x[0] + dt * np.arange((len(run.x) - 1) * steps_per_sample + 1)
     laws = np.zeros((3, len(times), len(run.drives)))
     for k, drive in enumerate(run.drives):
         for part, curve in zip(laws, drive.law(times), strict=True):
             part[:, k] = curve
     value, rate, acc = laws
-    value = _one_more(value, acc, dt)
+    value = _extend_values(value, acc, dt)
     chain = bool(links.driven) and not links.loops and not links.gears
-    begin = chain_at(links, value[1]) if chain else links.pose
-    pose = close(links, begin, value[1])
+    begin = place_chain(links, value[1]) if chain else links.pose
+    pose = close_loops(links, begin, value[1])
     motion = start_motion(links, pose, rate[0], acc[0])
     pose, velocity = step_back(links, pose, motion, dt, value[:2])
     return pose, velocity, value[2:]
 
 
-def _one_more(value: Array, acc: Array, dt: float) -> Array:
+def _extend_values(value: Array, acc: Array, dt: float) -> Array:
     """Values of the drives, extended by one step at both ends by the accelerations there.
 
     Central differences of the values then exist at the ends too.
@@ -281,19 +293,19 @@ def _one_more(value: Array, acc: Array, dt: float) -> Array:
     return np.vstack([first, value, last])
 
 
-Feed = tuple[Callable[[list[float]], None], list[list[float]]]
+LoadFeed = tuple[Callable[[list[float]], None], list[list[float]]]
 """A function that sets the changes of controls, and the changes for each step."""
 
 
 def step_through(
     space: pymunk.Space,
     dt: float,
-    drives: list[Motor],
+    drives: list[LinkDrive],
     targets: Array,
     record: Array,
     buffer: batch.Buffer,
     first: int,
-    feed: Feed | None = None,
+    feed: LoadFeed | None = None,
 ) -> None:
     """Step once for each row of `targets`, and record the state of all bodies in `buffer`.
 
@@ -312,84 +324,92 @@ def step_through(
             set_loads(rows[k])
         step(dt)
         if wanted:
-            read(space, FIELDS, buffer)
+            read(space, STATE_FIELDS, buffer)
             if first:
                 space.iterations, first = usual, 0
 
 
-def at_samples(pose: Array, velocity: Array, record: Array, per: int, back: Array) -> States:
+def states_at_samples(
+    pose: Array, velocity: Array, record: Array, steps_per_sample: int, first_velocity: Array
+) -> States:
     """The states at the samples, from the recorded steps.
 
-    `per` is the number of steps between samples, `record` marks the recorded steps,
-    and `back` is the velocity before the first step.
+    `steps_per_sample` is the number of steps between samples, `record` marks the recorded steps,
+    and `first_velocity` is the velocity before the first step.
     """
     place = np.cumsum(record) - 1
-    samples = np.arange(0, len(record), per)
-    before = np.concatenate([back[None], velocity[place[samples[1:] - 1]]])
+    samples = np.arange(0, len(record), steps_per_sample)
+    before = np.concatenate([first_velocity[None], velocity[place[samples[1:] - 1]]])
     return pose[place[samples]], before, velocity[place[samples]]
 
 
-OPEN_LOOP = 0.1
+MAX_LOOP_VIOLATION = 0.1
 """Constraint violation, as a share of the mechanism's extent, beyond which a run has failed."""
-USUAL, MOST = 100, 3000
+DEFAULT_ITERATIONS, MAX_ITERATIONS = 100, 3000
 """Iterations in a step: of the first attempt at a run, and the largest number that is chosen."""
-LEFT = 0.1
+REMAINING_ERROR = 0.1
 """Share of a velocity error that the iterations of a step may leave: the next step goes on from its
 impulses."""
-LOOKED_AT = 40
+EXAMINED_POSES = 40
 """Approximate number of poses of a run from which the iterations are computed."""
 
 
 def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Settings) -> Curves:
     """Step a mechanism through time; see `proofmass.sim.pymunk.engine.simulate`.
 
-    If the settings give no number of iterations, a run is made with `USUAL` of them.
+    If the settings give no number of iterations, a run is made with `DEFAULT_ITERATIONS` of them.
     It is repeated with the number that its poses need, if that is larger.
     """
-    began, links = time.perf_counter(), at_start(links, run)
-    per, dt = run.steps(settings["timestep"])
-    used = {**settings, "timestep": dt, "iterations": settings["iterations"] or USUAL}
-    states = stepped(links, run, per, used)
-    if settings["iterations"] is None and (needed := _needed(links, states[0])) > USUAL:
+    began, links = time.perf_counter(), links_at_start(links, run)
+    steps_per_sample, dt = run.steps(settings["timestep"])
+    used = {**settings, "timestep": dt, "iterations": settings["iterations"] or DEFAULT_ITERATIONS}
+    states = simulate_states(links, run, steps_per_sample, used)
+    if (
+        settings["iterations"] is None
+        and (needed := _choose_iterations(links, states[0])) > DEFAULT_ITERATIONS
+    ):
         used["iterations"] = needed
-        states = stepped(links, run, per, used)
-    gaps, failed = _failed(links, states[0])
+        states = simulate_states(links, run, steps_per_sample, used)
+    violations, failed = _find_failures(links, states[0])
     with np.errstate(all="ignore"):  # samples after a failure may overflow; they are cut off
         shown = {n: c for n, c in channels.items() if c.order > -2}
-        found = {n: unwrapped(n, _curve(links, c, states, dt)) for n, c in shown.items()}
+        found = {n: unwrap_angle(n, _channel_curve(links, c, states, dt)) for n, c in shown.items()}
         pose, before, after = states
         motion = SampledMotion(pose, 0.5 * (before + after), (after - before) / dt)
         if run.loads:
-            found |= Loaded.of(links, run).curves(channels, motion, drives=True)
+            found |= LoadedLinks.of(links, run).curves(channels, motion, drives=True)
         else:
             found |= force_curves(links, channels, motion)
         drive = _drive_state(links, states, dt)
-    steps = (len(run.x) - 1) * per + 1
+    steps = (len(run.x) - 1) * steps_per_sample + 1
     curves = Curves(
         run.x,
         found,
         {},
         drive,
-        float(gaps.max()),
+        float(violations.max()),
         time.perf_counter() - began,
         steps,
         used,
-        violations=gaps,
+        violations=violations,
     )
     if failed.any():
         k = int(np.argmax(failed))
         raise Diverged(
-            f"failed at time {run.x[k]:.4g} s: the loops are open by {gaps[k]:.3g} m",
+            f"failed at time {run.x[k]:.4g} s: the loops are open by {violations[k]:.3g} m",
             curves.first(k) if k else None,
         )
     return curves
 
 
-def _needed(links: Links, pose: Array) -> int:
-    """The iterations that the poses (n, links + 1, 3) of a run need, `MOST` at most."""
-    if _failed(links, pose)[1].any():
-        return MOST
-    return min(enough(links, pose[:: len(pose) // LOOKED_AT + 1], LEFT), MOST)
+def _choose_iterations(links: Links, pose: Array) -> int:
+    """The iterations that the poses (n, links + 1, 3) of a run need, `MAX_ITERATIONS` at most."""
+    if _find_failures(links, pose)[1].any():
+        return MAX_ITERATIONS
+    return min(
+        iterations_needed(links, pose[:: len(pose) // EXAMINED_POSES + 1], REMAINING_ERROR),
+        MAX_ITERATIONS,
+    )
 
 
 def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array, Array] | None:
@@ -400,22 +420,26 @@ def _drive_state(links: Links, states: States, dt: float) -> tuple[Array, Array,
 
     if not links.drives:
         return None
-    place, rate, acceleration = (moving(value, order, *states, dt).T for order in (0, 1, 2))
+    place, rate, acceleration = (
+        time_derivative(value, order, *states, dt).T for order in (0, 1, 2)
+    )
     return place, rate, acceleration
 
 
-def _failed(links: Links, pose: Array) -> tuple[Array, Array]:
+def _find_failures(links: Links, pose: Array) -> tuple[Array, Array]:
     """Largest constraint violation [m] of each pose, and which poses show that the run failed.
 
-    A pose has failed if it is not finite or violates constraints by more than `OPEN_LOOP`.
+    A pose has failed if it is not finite or violates constraints by more than `MAX_LOOP_VIOLATION`.
     """
     with np.errstate(all="ignore"):
-        gap = gaps(links, pose).max(axis=-1, initial=0.0)
-    return gap, ~(np.isfinite(pose).all(axis=(1, 2)) & (gap <= OPEN_LOOP * links.extent))
+        violation = constraint_violations(links, pose).max(axis=-1, initial=0.0)
+    return violation, ~(
+        np.isfinite(pose).all(axis=(1, 2)) & (violation <= MAX_LOOP_VIOLATION * links.extent)
+    )
 
 
-def _curve(links: Links, c: Sensor, states: States, dt: float) -> Array:
+def _channel_curve(links: Links, c: Sensor, states: States, dt: float) -> Array:
     """The curve of a channel that is a function of the motion and not of forces."""
     if c.order == -1:
-        return kinetic(links, 0.5 * (states[1] + states[2]))
-    return moving(c.function, c.order, *states, dt)
+        return kinetic_energy(links, 0.5 * (states[1] + states[2]))
+    return time_derivative(c.function, c.order, *states, dt)

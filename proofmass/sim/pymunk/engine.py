@@ -13,18 +13,18 @@ from proofmass.sim.protocol import (
     Run,
     Scan,
     Studied,
-    left_to_sidecar,
+    sidecar_instructions,
 )
 from proofmass.sim.pymunk import tried_settings
-from proofmass.sim.pymunk.dynamics import SURE, dynamics
+from proofmass.sim.pymunk.dynamics import MIN_FIRST_ITERATIONS, dynamics
 from proofmass.sim.pymunk.model import find_channels, read_model
 from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
 from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
 from proofmass.sim.pymunk.settings import ACCURACY, PymunkSettings
 
-SPACE = ("timestep", "iterations", "error_bias")
-CONTACTS = ("collision_slop", "collision_bias")
+SPACE_SETTINGS = ("timestep", "iterations", "error_bias")
+CONTACT_SETTINGS = ("collision_slop", "collision_bias")
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
@@ -100,23 +100,32 @@ def snippet(parameters: ParameterValues, steps: int) -> str:
     Settings that pymunk does not have are added as comments; the lines are comments only if the
     time step, the iterations or the bias is missing.
     """
-    own = list(python(parameters, steps)) if set(parameters) >= set(SPACE) else []
+    own = list(stepping_lines(parameters, steps)) if set(parameters) >= set(SPACE_SETTINGS) else []
     return "\n".join(
-        [*own, *(f"# {line}" for line in left_to_sidecar(parameters, (*SPACE, *CONTACTS)))]
+        [
+            *own,
+            *(
+                f"# {line}"
+                for line in sidecar_instructions(parameters, (*SPACE_SETTINGS, *CONTACT_SETTINGS))
+            ),
+        ]
     )
 
 
-def python(parameters: ParameterValues, steps: int) -> Iterator[str]:
+def stepping_lines(parameters: ParameterValues, steps: int) -> Iterator[str]:
     """Lines of Python that set a space and step it.
 
     The first step takes more iterations, since there are no impulses of an earlier step.
     """
     iterations = int(str(parameters["iterations"]))
-    yield from (f"space.{key} = {parameters[key]!r}" for key in CONTACTS if key in parameters)
+    yield from (
+        f"space.{key} = {parameters[key]!r}" for key in CONTACT_SETTINGS if key in parameters
+    )
     yield from (
         "for constraint in space.constraints:",
         f"    constraint.error_bias = {parameters['error_bias']!r}",
-        f"space.iterations = {max(SURE, 10 * iterations)}  # there are no impulses to start from",
+        f"space.iterations = {max(MIN_FIRST_ITERATIONS, 10 * iterations)}"
+        "  # there are no impulses to start from",
         f"space.step({parameters['timestep']!r})",
         f"space.iterations = {iterations}",
         f"for _ in range({steps - 1}):",
@@ -130,7 +139,7 @@ class Pymunk(Engine):
     title = "pymunk"
     packages = ("pymunk",)
     settings = PymunkSettings
-    chooses = (*SPACE, *CONTACTS)
+    chooses = (*SPACE_SETTINGS, *CONTACT_SETTINGS)
     planar = True
     imposed = IMPOSED
     schemes = tried_settings.SCHEMES

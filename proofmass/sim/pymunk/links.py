@@ -13,16 +13,16 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.pymunk.contacts import Contacts
 
-HAIR = 1e-13
+STOP_MARGIN = 1e-13
 """Distance [rad or m] of a stop before the limit of its joint.  Chipmunk's stops act only on joints
 that are beyond them: a joint that is put back exactly to its stop is free and falls in again.  So a
 joint is put back to this distance beyond its stop, which is on the limit."""
-QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
+QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """Matrix that rotates row vectors counter-clockwise by a quarter turn."""
 
 
 @dataclass(frozen=True)
-class Hold:
+class LinkConstraint:
     """A constraint of two links: a pin, or with an axis a slide without relative rotation.
 
     ``a`` and ``b`` are the numbers of the links.  The anchors ``on_a`` and ``on_b`` are given
@@ -39,8 +39,8 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class HoldTable:
-    """Constraints as arrays with one row for each `Hold`; the axis of a pin is zero."""
+class ConstraintTable:
+    """Constraints as arrays with one row for each `LinkConstraint`; the axis of a pin is zero."""
 
     a: NDArray[np.intp]
     b: NDArray[np.intp]
@@ -54,7 +54,7 @@ class HoldTable:
         return np.asarray(self.axis.any(axis=1))
 
     @cached_property
-    def slide(self) -> bool:
+    def has_slides(self) -> bool:
         """Whether any constraint is a slide."""
         return bool(self.slides.any())
 
@@ -62,7 +62,7 @@ class HoldTable:
     def guides(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], Array]:
         """Indices of the slides, their links a and b, and a vector across each axis (n, 2)."""
         slides = np.flatnonzero(self.slides)
-        return slides, self.a[slides], self.b[slides], self.axis[slides] @ QUARTER
+        return slides, self.a[slides], self.b[slides], self.axis[slides] @ QUARTER_TURN
 
     @cached_property
     def ends(self) -> NDArray[np.intp]:
@@ -75,14 +75,14 @@ class HoldTable:
         return np.concatenate([self.on_b, self.on_a])
 
 
-def columns(holds: Sequence[Hold]) -> dict[str, Any]:
-    """The fields of the `HoldTable` of some constraints."""
-    axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in holds]
+def constraint_columns(constraints: Sequence[LinkConstraint]) -> dict[str, Any]:
+    """The fields of the `ConstraintTable` of some constraints."""
+    axes = [np.zeros(2) if hold.axis is None else hold.axis for hold in constraints]
     return {
-        "a": np.array([hold.a for hold in holds], np.intp),
-        "b": np.array([hold.b for hold in holds], np.intp),
-        "on_a": np.array([hold.on_a for hold in holds]).reshape(-1, 2),
-        "on_b": np.array([hold.on_b for hold in holds]).reshape(-1, 2),
+        "a": np.array([hold.a for hold in constraints], np.intp),
+        "b": np.array([hold.b for hold in constraints], np.intp),
+        "on_a": np.array([hold.on_a for hold in constraints]).reshape(-1, 2),
+        "on_b": np.array([hold.on_b for hold in constraints]).reshape(-1, 2),
         "axis": np.array(axes).reshape(-1, 2),
     }
 
@@ -91,7 +91,7 @@ def columns(holds: Sequence[Hold]) -> dict[str, Any]:
 class LinkJoint:
     """A hinge or slide with its constraint, coordinate, spring, damper, load and limits.
 
-    ``hold`` is its constraint; ``holds`` is False for a coordinate of a free body in the
+    ``constraint`` is its constraint; ``holds`` is False for a coordinate of a free body in the
     plane, which has no constraint.  ``value`` and ``rate`` are those of the start pose [rad or m,
     per s]; ``sign`` is 1 for slides and for hinges that are positive about the plane's normal, and
     -1 for others.  ``stiffness`` are the coefficients (k, a, b) of the spring, whose moment or
@@ -102,7 +102,7 @@ class LinkJoint:
     """
 
     name: str
-    hold: Hold
+    constraint: LinkConstraint
     value: float
     sign: float
     rate: float
@@ -133,7 +133,7 @@ class LinkJoint:
 
 
 @dataclass(frozen=True)
-class JointTable(HoldTable):
+class JointTable(ConstraintTable):
     """Joints as arrays with one row for each: their constraints and fields of `LinkJoint`.
 
     ``acting`` are the coefficients (3, joints) of springs and servos.
@@ -149,7 +149,7 @@ class JointTable(HoldTable):
     def of(cls, joints: Sequence[LinkJoint]) -> "JointTable":
         """The table of some joints."""
         return cls(
-            **columns([joint.hold for joint in joints]),
+            **constraint_columns([joint.constraint for joint in joints]),
             value=np.array([joint.value for joint in joints]),
             sign=np.array([joint.sign for joint in joints]),
             rest=np.array([joint.rest for joint in joints]),
@@ -215,7 +215,7 @@ class LinkSpring:
 
 
 @dataclass(frozen=True)
-class Pull:
+class LinkLoad:
     """A force and a moment on a point of a link, constant in the world or following the link.
 
     ``body`` is the id of the body in the MJCF.  The point ``at`` is given relative to the link's
@@ -280,10 +280,10 @@ class Links:
     weight: Array
     joints: tuple[LinkJoint, ...]
     driven: tuple[int, ...]
-    loops: tuple[Hold, ...]
+    loops: tuple[LinkConstraint, ...]
     gears: tuple[LinkGear, ...]
     springs: tuple[LinkSpring, ...]
-    pulls: tuple[Pull, ...]
+    pulls: tuple[LinkLoad, ...]
     gravity: Array
     extent: float
     contacts: Contacts
@@ -299,9 +299,9 @@ class Links:
         return tuple(self.joints[j] for j in self.driven)
 
     @cached_property
-    def holds(self) -> tuple[Hold, ...]:
+    def holds(self) -> tuple[LinkConstraint, ...]:
         """All constraints of two links: those of the joints, then those of the loops."""
-        return (*(joint.hold for joint in self.joints if joint.holds), *self.loops)
+        return (*(joint.constraint for joint in self.joints if joint.holds), *self.loops)
 
     @property
     def free(self) -> tuple[LinkJoint, ...]:
@@ -319,9 +319,9 @@ class Links:
         return 2 * len(self.holds) + len(self.gears)
 
     @cached_property
-    def table(self) -> HoldTable:
+    def table(self) -> ConstraintTable:
         """All constraints as arrays."""
-        return HoldTable(**columns(self.holds))
+        return ConstraintTable(**constraint_columns(self.holds))
 
     @cached_property
     def incidence(self) -> tuple[Array, Array]:
@@ -359,7 +359,7 @@ class Links:
         """Characteristic sizes (rows + drives,) of constraints and drives: extent [m], 1 rad."""
         across = np.column_stack([np.ones(len(self.holds)), ~self.table.slides])
         turns = np.zeros(len(self.gears))
-        along = [joint.hold.axis is not None for joint in self.drives]
+        along = [joint.constraint.axis is not None for joint in self.drives]
         return np.where(np.concatenate([across.ravel(), turns, along]), self.extent, 1.0)
 
     @property

@@ -15,15 +15,15 @@ import pymunk
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import actuators_on, gear_of, joint_of
 from proofmass.sim.protocol import Run, Unsupported
-from proofmass.sim.pymunk.links import Links, Pull
-from proofmass.sim.pymunk.model import pull_of, with_controls
+from proofmass.sim.pymunk.links import LinkLoad, Links
+from proofmass.sim.pymunk.model import link_load_of, with_controls
 from proofmass.sim.pymunk.reactions import SampledMotion
-from proofmass.sim.pymunk.read import Level, Sensor, channel, force_curves
-from proofmass.sim.pymunk.space import add_changing_pull, add_changing_spring
+from proofmass.sim.pymunk.read import ConstantValue, Sensor, force_curves, read_channel
+from proofmass.sim.pymunk.space import add_changing_load, add_changing_spring
 
 
 @dataclass(frozen=True)
-class Loaded:
+class LoadedLinks:
     """Links whose loads change from sample to sample.
 
     Attributes
@@ -41,9 +41,9 @@ class Loaded:
     controls: Array
 
     @classmethod
-    def of(cls, links: Links, run: Run) -> "Loaded":
+    def of(cls, links: Links, run: Run) -> "LoadedLinks":
         """Links with the changing loads of a run."""
-        return cls(links, names_of(run), run.controls(run.x)[0].T)
+        return cls(links, load_names(run), run.controls(run.x)[0].T)
 
     def at(self, controls: Array) -> Links:
         """The links with given controls (loads,)."""
@@ -57,7 +57,7 @@ class Loaded:
         These are channels of the forces of motors and of forces between bodies, and with `drives`
         also those of the forces of drives.
         """
-        changing = {name for name, c in channels.items() if isinstance(c.function, Level)}
+        changing = {name for name, c in channels.items() if isinstance(c.function, ConstantValue)}
         changing = {name for name in changing if channels[name].order == 0}
         orders = (-2, -3) if drives else (-3,)
         between = {name: c for name, c in channels.items() if c.order in orders}
@@ -67,7 +67,7 @@ class Loaded:
             for name, curve in force_curves(links, between, motion.at(k)).items():
                 found[name][k] = curve[0]
             for name in changing:
-                sensor = channel(links, name)
+                sensor = read_channel(links, name)
                 assert isinstance(sensor, Sensor)
                 found[name][k] = sensor.function(motion.pose[k])
         return found
@@ -83,22 +83,22 @@ class ChangingForce:
 
     joint: int = -1
     force: float = 0.0
-    pull: Pull | None = None
+    pull: LinkLoad | None = None
 
 
-def names_of(run: Run) -> tuple[str, ...]:
+def load_names(run: Run) -> tuple[str, ...]:
     """Names of the actuators of a run whose controls change."""
     return tuple(load.actuator for load in run.loads)
 
 
-def at_start(links: Links, run: Run) -> Links:
+def links_at_start(links: Links, run: Run) -> Links:
     """The links with the controls of the first sample of a run."""
     if not run.loads:
         return links
-    return with_controls(links, names_of(run), run.controls(run.x[:1])[0][:, 0])
+    return with_controls(links, load_names(run), run.controls(run.x[:1])[0][:, 0])
 
 
-def followed(links: Links, run: Run) -> tuple[Array, Array]:
+def control_limits(links: Links, run: Run) -> tuple[Array, Array]:
     """Smallest and largest controls (loads,) between which the forces are proportional to them.
 
     The limits follow from the range of forces of each motor, and from the part of the range of its
@@ -107,7 +107,7 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
     Parameters
     ----------
     links : Links
-        From `at_start`.
+        From `links_at_start`.
     run : Run
 
     Raises
@@ -115,7 +115,7 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
     Unsupported
         Several motors whose controls change share the range of a joint.
     """
-    model, names = links.model, names_of(run)
+    model, names = links.model, load_names(run)
     ids = [model.actuator(name).id for name in names]
     low, high = np.full(len(ids), -np.inf), np.full(len(ids), np.inf)
     for k, (name, a) in enumerate(zip(names, ids, strict=True)):
@@ -127,15 +127,15 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
                 f"the range of actuator forces of joint '{model.joint(j).name}', on which actuator "
                 f"'{name}' is not the only one whose control changes"
             )
-        held = sum(
+        constant_force = sum(
             links.data.actuator_force[model.actuator_outadr[b]] * gear_of(model, b)[0]
             for b in others
         )
-        for there, ends, unit in (
+        for has_range, ends, unit in (
             (model.actuator_forcelimited[a], model.actuator_forcerange[a], gain),
-            (limited, model.jnt_actfrcrange[j] - held, gain * gear),
+            (limited, model.jnt_actfrcrange[j] - constant_force, gain * gear),
         ):
-            if there and unit:
+            if has_range and unit:
                 least, most = np.sort(ends / unit)
                 low[k], high[k] = np.clip([low[k], high[k]], least, most)
     return low, high
@@ -144,23 +144,25 @@ def followed(links: Links, run: Run) -> tuple[Array, Array]:
 def changing_forces(links: Links, run: Run) -> tuple[ChangingForce, ...]:
     """Effects of a unit of the control of each load."""
     model, found = links.model, list[ChangingForce]()
-    for name in names_of(run):
+    for name in load_names(run):
         a = model.actuator(name).id
         gain, joint = float(model.actuator_gainprm[a, 0]), joint_of(model, a)
         if joint >= 0:
             found.append(ChangingForce(joint, gain * float(gear_of(model, a)[0])))
         else:
-            pull = pull_of(model, links.data, a, gain, links.plane, links.of_body, links.centre)
+            pull = link_load_of(
+                model, links.data, a, gain, links.plane, links.of_body, links.centre
+            )
             found.append(ChangingForce(pull=pull))
     return tuple(found)
 
 
-def changes(links: Links, run: Run, times: Array) -> Array:
+def control_changes(links: Links, run: Run, times: Array) -> Array:
     """Controls of the loads (n, loads) at times, less those of the first sample.
 
-    Both are clipped to the limits of `followed`.
+    Both are clipped to the limits of `control_limits`.
     """
-    ends = followed(links, run)
+    ends = control_limits(links, run)
     return np.clip(run.controls(times)[0].T, *ends) - np.clip(run.controls(run.x[:1])[0].T, *ends)
 
 
@@ -170,14 +172,14 @@ def add_loads(space: pymunk.Space, links: Links, run: Run) -> Callable[[list[flo
     Returns
     -------
     callable
-        A function that sets the `changes` of the controls (loads,).
+        A function that sets the `control_changes` of the controls (loads,).
     """
     now = [0.0] * len(run.loads)
     for k, one in enumerate(changing_forces(links, run)):
         if one.joint >= 0:
             add_changing_spring(space, links, links.joints[one.joint], k, one.force, now)
         elif one.pull:
-            add_changing_pull(space, one.pull, k, now)
+            add_changing_load(space, one.pull, k, now)
 
     def set_changes(values: list[float]) -> None:
         now[:] = values

@@ -14,24 +14,32 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import (
+    active_connects,
     actuators_on,
-    connects,
-    follows_joint,
     gear_of,
+    is_linear_in_joint,
     joint_of,
     straight_tendon,
 )
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.plane import PARALLEL, MotionPlane, find_plane
+from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
 from proofmass.sim.pymunk.contacts import read_contacts
-from proofmass.sim.pymunk.links import HAIR, Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
-from proofmass.sim.pymunk.read import Sensor, channel
+from proofmass.sim.pymunk.links import (
+    STOP_MARGIN,
+    LinkConstraint,
+    LinkGear,
+    LinkJoint,
+    LinkLoad,
+    Links,
+    LinkSpring,
+)
+from proofmass.sim.pymunk.read import Sensor, read_channel
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
-from proofmass.sim.rods import dead_loads, of_rods
+from proofmass.sim.rods import dead_loads, rod_channels
 
-MOST = 1e300  # [kg, kg m^2] largest mass and moment of a link; results of them stay finite
+MAX_INERTIA = 1e300  # [kg, kg m^2] largest mass and moment of a link; results of them stay finite
 
 
 def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
@@ -43,7 +51,7 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
         See `proofmass.sim.pymunk.engine.simulate`.
     """
     compiled = _compile(model, run)
-    links = read_links(compiled, run.start, _driven(compiled, run), run.rods)
+    links = read_links(compiled, run.start, _driven_joints(compiled, run), run.rods)
     only = f", in {run.kind}; it is covered in dynamics"
     for j in links.rubbing:
         friction = f"frictionloss of joint '{links.joints[j].name}'"
@@ -63,7 +71,9 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
 
 def find_channels(links: Links, run: Run) -> tuple[dict[str, Sensor], dict[str, str]]:
     """The channels of a run that pymunk delivers, and the reasons why others are missing."""
-    found = {name: channel(links, name) for name in run.channels if name not in of_rods(run)}
+    found = {
+        name: read_channel(links, name) for name in run.channels if name not in rod_channels(run)
+    }
     if links.contacts:
         found |= {
             name: "pymunk does not separate forces of constraints and drives from those of contacts"
@@ -86,7 +96,7 @@ def _compile(path: Path, run: Run) -> mujoco.MjModel:
     return model
 
 
-def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
+def _driven_joints(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
     """Ids of the joints that a run drives, in its order."""
     names = [model.joint(j).name for j in range(model.njnt)]
     for drive in run.drives:
@@ -95,7 +105,7 @@ def _driven(model: mujoco.MjModel, run: Run) -> tuple[int, ...]:
     return tuple(names.index(drive.joint) for drive in run.drives)
 
 
-def inertias(
+def link_inertias(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, count: int
 ) -> tuple[Array, Array, Array]:
     """Centre, mass and moment of every link; a body without joints belongs to its parent's link.
@@ -126,10 +136,10 @@ def inertias(
     points = plane.flat(data.xipos)
     centre, mass, moment = np.zeros((count + 1, 2)), np.zeros(count), np.zeros(count)
     for k in range(count):
-        of = of_body == k
-        m, p = model.body_mass[of], points[of]
+        bodies = of_body == k
+        m, p = model.body_mass[bodies], points[bodies]
         mass[k], centre[k] = m.sum(), m @ p / m.sum()
-        moment[k] = own[of].sum() + m @ ((p - centre[k]) ** 2).sum(axis=1)
+        moment[k] = own[bodies].sum() + m @ ((p - centre[k]) ** 2).sum(axis=1)
     pins = dict[int, Array]()
     for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
         k, body = int(of_body[model.jnt_bodyid[j]]), model.jnt_bodyid[j]
@@ -137,18 +147,18 @@ def inertias(
             moment[k] += model.dof_armature[model.jnt_dofadr[j]]
             pins[k] = plane.flat(data.xanchor[j])
     for k in range(count):
-        if not (0 < mass[k] < MOST and 0 < moment[k] < MOST):
+        if not (0 < mass[k] < MAX_INERTIA and 0 < moment[k] < MAX_INERTIA):
             name = model.body(int(np.flatnonzero(of_body == k)[0])).name
             raise BadModel(
                 f"body {name!r}: mass {mass[k]:g} kg, moment of inertia with armature "
-                f"{moment[k]:g} kg m2; both must be positive and less than {MOST:g}"
+                f"{moment[k]:g} kg m2; both must be positive and less than {MAX_INERTIA:g}"
             )
     for k, pin in pins.items():
-        _swing(centre, mass, moment, k, pin)
+        _replace_point_mass(centre, mass, moment, k, pin)
     return centre, mass, moment
 
 
-def _swing(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> None:
+def _replace_point_mass(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> None:
     """Replace a link that is nearly a point mass on a ground hinge by a dynamically equal one.
 
     Only the moment of inertia about the pin and the product of mass and arm matter for such a link;
@@ -165,7 +175,7 @@ def _swing(centre: Array, mass: Array, moment: Array, k: int, pin: Array) -> Non
 JOINT, EQ = mujoco.mjtJoint, mujoco.mjtEq
 
 
-def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
+def refuse_uncovered(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
     """Raise `Unsupported` if the model contains an element that pymunk cannot represent.
 
     Parameters
@@ -180,12 +190,12 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
         The message lists all such elements by name.
     """
     reasons = [
-        *_joints(model),
-        *_bodies(model, driven),
-        *_equalities(model),
-        *_actuators(model, driven),
-        *_tendons(model),
-        *_others(model),
+        *_uncovered_joints(model),
+        *_uncovered_bodies(model, driven),
+        *_uncovered_equalities(model),
+        *_uncovered_actuators(model, driven),
+        *_uncovered_tendons(model),
+        *_uncovered_others(model),
     ]
     if reasons:
         raise Unsupported("; ".join(reasons))
@@ -194,19 +204,19 @@ def refuse(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
 def refuse_gravity(model: mujoco.MjModel, plane: MotionPlane) -> None:
     """Raise `Unsupported` if gravity does not lie in the plane of motion."""
     gravity = model.opt.gravity
-    if abs(gravity @ plane.normal) > PARALLEL * np.linalg.norm(gravity):
+    if abs(gravity @ plane.normal) > PARALLEL_TOLERANCE * np.linalg.norm(gravity):
         raise Unsupported(f"option gravity {gravity.tolist()} does not lie in the plane of motion")
 
 
 def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: MotionPlane) -> None:
     """Raise `Unsupported` if a load (force and moment, (2, 3)) leaves the plane of motion."""
     across = np.append(wrench[0] @ plane.normal, plane.flat(wrench[1]))
-    if np.abs(across).max() > PARALLEL * np.abs(wrench).max():
+    if np.abs(across).max() > PARALLEL_TOLERANCE * np.abs(wrench).max():
         name = model.actuator(actuator).name
         raise Unsupported(f"the load of actuator '{name}' leaves the plane of motion")
 
 
-def _joints(model: mujoco.MjModel) -> Iterator[str]:
+def _uncovered_joints(model: mujoco.MjModel) -> Iterator[str]:
     """Features of joints that pymunk cannot represent."""
     for j in range(model.njnt):
         name, dof = f"joint '{model.joint(j).name}'", model.jnt_dofadr[j]
@@ -215,26 +225,26 @@ def _joints(model: mujoco.MjModel) -> Iterator[str]:
             continue
         if model.dof_dampingpoly[dof].any():
             yield f"polynomial damping of {name}"
-        if model.dof_armature[dof] > 0 and not _on_ground(model, j):
+        if model.dof_armature[dof] > 0 and not _is_hinge_on_ground(model, j):
             yield f"armature of {name}, which is not a hinge on the ground"
 
 
-def _bodies(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
+def _uncovered_bodies(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
     """Features of bodies, and of their joints if there are several, that are not covered."""
     for b in range(1, model.nbody):
         name = f"body '{model.body(b).name}'"
         if model.body_jntnum[b] > 1:
             yield from (
-                f"{model.body_jntnum[b]} joints on {name}{why}" for why in _not_free(model, b)
+                f"{model.body_jntnum[b]} joints on {name}{why}" for why in _why_not_free(model, b)
             )
-            yield from _on_free(model, b, driven)
+            yield from _uncovered_on_free(model, b, driven)
         if model.body_gravcomp[b]:
             yield f"gravcomp of {name}"
         if model.body_mocapid[b] >= 0:
             yield f"mocap {name}"
 
 
-def _not_free(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
+def _why_not_free(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
     """The reason why a body with several joints is not free in the plane; empty if it is."""
     joints = model.body_jntadr[body] + np.arange(model.body_jntnum[body])
     if model.jnt_type[joints].tolist() != [JOINT.mjJNT_SLIDE, JOINT.mjJNT_SLIDE, JOINT.mjJNT_HINGE]:
@@ -242,10 +252,12 @@ def _not_free(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
     if model.body_weldid[model.body_parentid[body]] != 0:
         return (", which is not on the ground",)
     one, two, _ = model.jnt_axis[joints]
-    return (", whose slides are not at right angles",) if abs(one @ two) > PARALLEL else ()
+    return (
+        (", whose slides are not at right angles",) if abs(one @ two) > PARALLEL_TOLERANCE else ()
+    )
 
 
-def _on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]) -> Iterator[str]:
+def _uncovered_on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]) -> Iterator[str]:
     """Features of the joints of a free body that are not covered.
 
     Such a joint is no constraint of Chipmunk that a drive, a load or a limit could belong to.
@@ -267,7 +279,7 @@ def _on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]) -> Itera
                 yield f"{what} of {name}, which is free in the plane"
 
 
-def _equalities(model: mujoco.MjModel) -> Iterator[str]:
+def _uncovered_equalities(model: mujoco.MjModel) -> Iterator[str]:
     """Equality constraints that are neither loops nor gears of two hinges on the ground."""
     for e in range(model.neq):
         if not model.eq_active0[e] or model.eq_type[e] == EQ.mjEQ_CONNECT:
@@ -280,30 +292,32 @@ def _equalities(model: mujoco.MjModel) -> Iterator[str]:
             yield f"{name}, which locks a joint"
         elif model.eq_data[e, 2:5].any():
             yield f"{name}, whose polycoef is not linear"
-        elif not all(_on_ground(model, int(j)) for j in (model.eq_obj1id[e], model.eq_obj2id[e])):
+        elif not all(
+            _is_hinge_on_ground(model, int(j)) for j in (model.eq_obj1id[e], model.eq_obj2id[e])
+        ):
             yield f"{name}, whose joints are not both hinges on the ground"
 
 
-def _on_ground(model: mujoco.MjModel, joint: int) -> bool:
+def _is_hinge_on_ground(model: mujoco.MjModel, joint: int) -> bool:
     """Whether a joint is a hinge on the ground."""
     parent = model.body_parentid[model.jnt_bodyid[joint]]
     return bool(model.jnt_type[joint] == JOINT.mjJNT_HINGE and model.body_weldid[parent] == 0)
 
 
-def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
+def _uncovered_actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
     """Features of actuators that are not covered; those of driven joints are not used."""
     for a in range(model.nactuator):
         joint = joint_of(model, a)
         if joint in driven:
             continue
-        follows = follows_joint(model, a)
+        follows = is_linear_in_joint(model, a)
         plain = (
             model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
             and (follows or model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE)
             and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
         )
         name = f"actuator '{model.actuator(a).name}'"
-        if not plain or (joint < 0 and not load_on_site(model, a)):
+        if not plain or (joint < 0 and not is_site_load(model, a)):
             yield (
                 f"{name}, which is no motor on a joint, nor on a site whose refsite, if any, is of "
                 f"the ground, and no servo on a joint"
@@ -319,18 +333,18 @@ def _actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
                 yield f"{what} of {name}"
 
 
-def servo(model: mujoco.MjModel, j: int) -> tuple[float, float]:
+def servo_gains(model: mujoco.MjModel, j: int) -> tuple[float, float]:
     """Stiffness and damping that servos, the actuators which follow joint j, give to it."""
     gains = [
         -(gear_of(model, a)[0] ** 2) * model.actuator_biasprm[a, 1:3]
         for a in actuators_on(model, j)
-        if follows_joint(model, a)
+        if is_linear_in_joint(model, a)
     ]
     stiffness, damping = np.sum(gains, axis=0) if gains else (0.0, 0.0)
     return float(stiffness), float(damping)
 
 
-def load_on_site(model: mujoco.MjModel, actuator: int) -> bool:
+def is_site_load(model: mujoco.MjModel, actuator: int) -> bool:
     """Whether an actuator is a load on a site, in a frame of the ground or of the site itself."""
     if int(model.actuator_trntype[actuator]) != mujoco.mjtTrn.mjTRN_SITE:
         return False
@@ -338,7 +352,7 @@ def load_on_site(model: mujoco.MjModel, actuator: int) -> bool:
     return bool(frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0)
 
 
-def _tendons(model: mujoco.MjModel) -> Iterator[str]:
+def _uncovered_tendons(model: mujoco.MjModel) -> Iterator[str]:
     """Features of tendons that are not covered."""
     for t in range(model.ntendon):
         name = f"tendon '{model.tendon(t).name}'"
@@ -356,7 +370,7 @@ def _tendons(model: mujoco.MjModel) -> Iterator[str]:
                 yield what
 
 
-def _others(model: mujoco.MjModel) -> Iterator[str]:
+def _uncovered_others(model: mujoco.MjModel) -> Iterator[str]:
     """Other features of the model that are not covered."""
     yield from (
         what
@@ -371,7 +385,7 @@ def _others(model: mujoco.MjModel) -> Iterator[str]:
     )
 
 
-OPEN = 0.05
+MAX_START_VIOLATION = 0.05
 """Largest constraint violation of a loop in the start pose, as a share of the extent."""
 
 
@@ -401,8 +415,8 @@ def read_links(
     BadModel
         There is no such keyframe, or its pose leaves a loop open.
     """
-    refuse(model, driven)
-    data = _at_key(model, key)
+    refuse_uncovered(model, driven)
+    data = _data_at_key(model, key)
     plane = find_plane(model, data)
     refuse_gravity(model, plane)
     roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
@@ -410,16 +424,16 @@ def read_links(
         [len(roots) if w == 0 else int(np.searchsorted(roots, w)) for w in model.body_weldid]
     )
     gravity = plane.flat(model.opt.gravity)
-    centre, mass, moment = inertias(model, data, plane, of_body, len(roots))
+    centre, mass, moment = link_inertias(model, data, plane, of_body, len(roots))
     pulls = (
-        *_pulls(model, data, plane, of_body, centre),
-        *_dead_loads(model, data, plane, of_body, centre, rods),
+        *_site_loads(model, data, plane, of_body, centre),
+        *_rod_loads(model, data, plane, of_body, centre, rods),
     )
     joints = tuple(
-        _joint(model, data, plane, of_body, centre, j, j in driven) for j in range(model.njnt)
+        _read_joint(model, data, plane, of_body, centre, j, j in driven) for j in range(model.njnt)
     )
-    loops = _loops(model, data, plane, of_body, centre)
-    extent = _extent(joints, loops, centre, model)
+    loops = _read_loops(model, data, plane, of_body, centre)
+    extent = _find_extent(joints, loops, centre, model)
     _check_closed(loops, centre, extent, key)
     return Links(
         model,
@@ -433,8 +447,8 @@ def read_links(
         joints,
         driven,
         loops,
-        tuple(_gears(model, joints)),
-        _springs(model, data, plane, of_body, centre, extent),
+        tuple(_read_gears(model, joints)),
+        _read_springs(model, data, plane, of_body, centre, extent),
         pulls,
         gravity,
         extent,
@@ -442,7 +456,7 @@ def read_links(
     )
 
 
-def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
+def _data_at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
     """Frames and motor forces at a keyframe; a model without keyframes starts at its zero pose."""
     names = [model.key(k).name for k in range(model.nkey)]
     data = mujoco.MjData(model)
@@ -455,7 +469,7 @@ def _at_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
     return data
 
 
-def _joint(
+def _read_joint(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     plane: MotionPlane,
@@ -469,7 +483,7 @@ def _joint(
     The anchors of a slide are chosen so that Chipmunk's groove does not couple sliding with
     rotation.
     """
-    body, at, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
+    body, qpos_index, dof = model.jnt_bodyid[j], model.jnt_qposadr[j], model.jnt_dofadr[j]
     a, b = of_body[model.body_parentid[body]], of_body[body]
     point, axis, sign = plane.flat(data.xanchor[j]), None, 1.0
     free = bool(model.body_jntnum[body] > 1)
@@ -478,52 +492,56 @@ def _joint(
         point = plane.flat(data.xanchor[last])
     if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and free:
         axis = plane.flat(data.xaxis[j])
-        hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b], axis)
+        constraint = LinkConstraint(
+            model.joint(j).name, a, b, point - centre[a], point - centre[b], axis
+        )
     elif model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
         axis = plane.flat(data.xaxis[j])
         point = centre[b] if a == len(centre) - 1 else centre[a]
         foot = point + axis * (axis @ (centre[b] - point))
-        hold = Hold(model.joint(j).name, a, b, foot - centre[a], foot - centre[b], axis)
+        constraint = LinkConstraint(
+            model.joint(j).name, a, b, foot - centre[a], foot - centre[b], axis
+        )
     else:
         sign = float(np.sign(data.xaxis[j] @ plane.normal))
-        hold = Hold(model.joint(j).name, a, b, point - centre[a], point - centre[b])
+        constraint = LinkConstraint(model.joint(j).name, a, b, point - centre[a], point - centre[b])
     limited = model.jnt_limited[j] and not driven
-    stiffness, damping = (0.0, 0.0) if driven else servo(model, j)
+    stiffness, damping = (0.0, 0.0) if driven else servo_gains(model, j)
     return LinkJoint(
-        hold.name,
-        hold,
-        float(data.qpos[at]),
+        constraint.name,
+        constraint,
+        float(data.qpos[qpos_index]),
         sign,
         float(data.qvel[dof]),
-        _stiffness(model, j),
-        float(model.qpos_spring[at]),
+        _spring_coefficients(model, j),
+        float(model.qpos_spring[qpos_index]),
         float(model.dof_damping[dof]) + damping,
-        0.0 if driven else _load(model, data, j),
-        tuple(model.jnt_range[j] + [HAIR, -HAIR]) if limited else None,
+        0.0 if driven else _constant_load(model, data, j),
+        tuple(model.jnt_range[j] + [STOP_MARGIN, -STOP_MARGIN]) if limited else None,
         float(model.dof_frictionloss[dof]),
         not free,
         stiffness,
     )
 
 
-def _load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
+def _constant_load(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> float:
     """Constant moment or force of the actuators on joint j, clipped to its range of forces.
 
     The part of servos is their force at zero rate and at the value where the joint's spring is
     slack.
     """
-    own = -servo(model, j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
+    own = -servo_gains(model, j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
     for a in actuators_on(model, j):
         out = model.actuator_outadr[a]
         force = data.actuator_force[out]
-        if follows_joint(model, a):
+        if is_linear_in_joint(model, a):
             state = data.actuator_length[out], data.actuator_velocity[out]
             force = force - model.actuator_biasprm[a, 1:3] @ state
         own += float(force * gear_of(model, a)[0])
     return float(np.clip(own, *model.jnt_actfrcrange[j])) if model.jnt_actfrclimited[j] else own
 
 
-def pull_of(
+def link_load_of(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     a: int,
@@ -531,7 +549,7 @@ def pull_of(
     plane: MotionPlane,
     of_body: Array,
     centre: Array,
-) -> Pull | None:
+) -> LinkLoad | None:
     """The load of actuator a on a site, for a given force [N]; None for a site of the ground."""
     site, frame = model.actuator_trnid[a]
     follows, frame = frame < 0, site if frame < 0 else frame
@@ -541,7 +559,7 @@ def pull_of(
     link = of_body[model.site_bodyid[site]]
     if link == len(centre) - 1:
         return None
-    return Pull(
+    return LinkLoad(
         int(model.site_bodyid[site]),
         link,
         plane.flat(data.site_xpos[site]) - centre[link],
@@ -552,39 +570,39 @@ def pull_of(
     )
 
 
-def _pulls(
+def _site_loads(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
-) -> tuple[Pull, ...]:
+) -> tuple[LinkLoad, ...]:
     """The loads of all actuators on sites, with their present forces."""
     pulls = []
-    for a in filter(partial(load_on_site, model), range(model.nactuator)):
+    for a in filter(partial(is_site_load, model), range(model.nactuator)):
         force = float(data.actuator_force[model.actuator_outadr[a]])
-        if pull := pull_of(model, data, a, force, plane, of_body, centre):
+        if pull := link_load_of(model, data, a, force, plane, of_body, centre):
             pulls.append(pull)
     return tuple(pulls)
 
 
-def _dead_loads(
+def _rod_loads(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     plane: MotionPlane,
     of_body: Array,
     centre: Array,
     rods: Sequence[Rod],
-) -> Iterator[Pull]:
+) -> Iterator[LinkLoad]:
     """The constant loads of rods; raises `Unsupported` if one leaves the plane."""
     for body, force in dead_loads(model, rods):
         link = of_body[body]
-        if abs(force @ plane.normal) > PARALLEL * np.linalg.norm(force):
+        if abs(force @ plane.normal) > PARALLEL_TOLERANCE * np.linalg.norm(force):
             raise Unsupported(
                 f"the load of body '{model.body(body).name}' leaves the plane of motion"
             )
         if link < len(centre) - 1:
-            at = plane.flat(data.xipos[body]) - centre[link]
-            yield Pull(body, link, at, plane.flat(force), 0.0)
+            point = plane.flat(data.xipos[body]) - centre[link]
+            yield LinkLoad(body, link, point, plane.flat(force), 0.0)
 
 
-def _springs(
+def _read_springs(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     plane: MotionPlane,
@@ -598,7 +616,7 @@ def _springs(
         sites, name = straight_tendon(model, t), model.tendon(t).name
         assert sites is not None
         points, bodies = data.site_xpos[list(sites)], model.site_bodyid[list(sites)]
-        if abs((points[0] - points[1]) @ plane.normal) > PARALLEL * extent:
+        if abs((points[0] - points[1]) @ plane.normal) > PARALLEL_TOLERANCE * extent:
             raise Unsupported(f"tendon '{name}', whose sites differ in height over the plane")
         a, b = of_body[bodies]
         flat = plane.flat(points)
@@ -624,27 +642,27 @@ def with_controls(links: Links, loads: Sequence[str], controls: Array) -> Links:
     for name, control in zip(loads, controls.tolist(), strict=True):
         data.ctrl[model.actuator_ctrladr[model.actuator(name).id]] = control
     mujoco.mj_fwdActuation(model, data)
-    pulls = _pulls(model, data, links.plane, links.of_body, links.centre)
+    pulls = _site_loads(model, data, links.plane, links.of_body, links.centre)
     joints = tuple(
-        joint if j in links.driven else replace(joint, load=_load(model, data, j))
+        joint if j in links.driven else replace(joint, load=_constant_load(model, data, j))
         for j, joint in enumerate(links.joints)
     )
     dead = tuple(pull for pull in links.pulls if pull.actuator < 0)
     return replace(links, data=data, joints=joints, pulls=(*pulls, *dead))
 
 
-def _stiffness(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
+def _spring_coefficients(model: mujoco.MjModel, j: int) -> tuple[float, float, float]:
     """Coefficients (k, a, b) of the spring of joint j, as in `LinkJoint`."""
     square, cube = model.jnt_stiffnesspoly[j].tolist()
     return float(model.jnt_stiffness[j]), square, cube
 
 
-def _loops(
+def _read_loops(
     model: mujoco.MjModel, data: mujoco.MjData, plane: MotionPlane, of_body: Array, centre: Array
-) -> tuple[Hold, ...]:
+) -> tuple[LinkConstraint, ...]:
     """The ``<connect>`` equalities as pins that close loops."""
     loops = []
-    for e in connects(model):
+    for e in active_connects(model):
         ids = (model.eq_obj1id[e], model.eq_obj2id[e])
         if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
             points, bodies = data.site_xpos[list(ids)], model.site_bodyid[list(ids)]
@@ -656,11 +674,13 @@ def _loops(
             )
         a, b = of_body[bodies]
         flat = plane.flat(points)
-        loops.append(Hold(model.equality(e).name, a, b, flat[0] - centre[a], flat[1] - centre[b]))
+        loops.append(
+            LinkConstraint(model.equality(e).name, a, b, flat[0] - centre[a], flat[1] - centre[b])
+        )
     return tuple(loops)
 
 
-def _gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[LinkGear]:
+def _read_gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[LinkGear]:
     """The joint equalities as gears."""
     for e in np.flatnonzero(model.eq_active0 & (model.eq_type == EQ.mjEQ_JOINT)):
         one, two = (joints[j] for j in (model.eq_obj1id[e], model.eq_obj2id[e]))
@@ -669,21 +689,24 @@ def _gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterator[Lin
         lacks = one.value - zeros[0] - level - slope * (two.value - zeros[1])
         yield LinkGear(
             model.equality(e).name,
-            one.hold.b,
-            two.hold.b,
+            one.constraint.b,
+            two.constraint.b,
             slope * one.sign * two.sign,
             float(one.sign * lacks),
         )
 
 
-def _extent(
-    joints: tuple[LinkJoint, ...], loops: tuple[Hold, ...], centre: Array, model: mujoco.MjModel
+def _find_extent(
+    joints: tuple[LinkJoint, ...],
+    loops: tuple[LinkConstraint, ...],
+    centre: Array,
+    model: mujoco.MjModel,
 ) -> float:
     """Largest distance [m] between two anchors, or among anchors and centres if anchors coincide.
 
     If these coincide too, it is MuJoCo's extent of the model.
     """
-    points = np.array([centre[h.a] + h.on_a for h in (*(j.hold for j in joints), *loops)])
+    points = np.array([centre[h.a] + h.on_a for h in (*(j.constraint for j in joints), *loops)])
     for cloud in (points, np.vstack([points, centre])):
         size = np.linalg.norm(cloud[:, None] - cloud[None], axis=-1).max()
         if size > 0:
@@ -691,12 +714,14 @@ def _extent(
     return float(model.stat.extent)
 
 
-def _check_closed(loops: tuple[Hold, ...], centre: Array, extent: float, key: str) -> None:
-    """Raise `BadModel` if a loop is open by more than `OPEN` in the start pose."""
+def _check_closed(
+    loops: tuple[LinkConstraint, ...], centre: Array, extent: float, key: str
+) -> None:
+    """Raise `BadModel` if a loop is open by more than `MAX_START_VIOLATION` in the start pose."""
     for h in loops:
-        gap = np.linalg.norm(centre[h.a] + h.on_a - centre[h.b] - h.on_b)
-        if gap > OPEN * extent:
+        violation = np.linalg.norm(centre[h.a] + h.on_a - centre[h.b] - h.on_b)
+        if violation > MAX_START_VIOLATION * extent:
             raise BadModel(
                 f"start pose of key '{key}' is not assembled: "
-                f"loop '{h.name}' is open by {gap:.2g} m"
+                f"loop '{h.name}' is open by {violation:.2g} m"
             )

@@ -17,23 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import anchor_bodies, connects
+from proofmass.sim.contents import active_connects, anchor_bodies
 from proofmass.sim.pymunk.kinematics import (
-    along,
-    bound,
+    constraint_values,
     damping,
+    derivative_along,
     force_of,
     potential,
+    rotate,
     spring_length,
     spring_line,
-    turned,
-    values,
+    values_of,
 )
 from proofmass.sim.pymunk.links import Links
 
-BLOCK = 256
+BLOCK_SIZE = 256
 """Number of samples whose Jacobians are computed at once."""
-DEPENDENT = 1e-12
+DEPENDENCE_TOLERANCE = 1e-12
 """Singular values of the Jacobian below this share of the largest one count as zero, since their
 constraints depend on others."""
 
@@ -68,34 +68,38 @@ def solve_forces(links: Links, motion: SampledMotion) -> Array:
     A constraint applies its force to its second link, and the opposite force to its first link.
     """
     n = len(motion.pose)
-    blocks = [_forces(links, motion, slice(k, k + BLOCK)) for k in range(0, n, BLOCK)]
+    blocks = [
+        _solve_block(links, motion, slice(k, k + BLOCK_SIZE)) for k in range(0, n, BLOCK_SIZE)
+    ]
     return np.concatenate(blocks)
 
 
-def _forces(links: Links, motion: SampledMotion, block: slice) -> Array:
+def _solve_block(links: Links, motion: SampledMotion, block: slice) -> Array:
     """The forces of `solve_forces` at the samples of a block."""
     pose, velocity = motion.pose[block, None], motion.velocity[block]
     size = 3 * len(links.mass)
     units = np.zeros((size, *pose.shape[2:]))
     units.reshape(size, -1)[:, :size] = np.eye(size)
     limited = tuple(joint for joint in links.joints if joint.limits)
-    place = values(limited, pose[:, 0])
+    place = values_of(limited, pose[:, 0])
     low, high = np.array([joint.limits for joint in limited]).reshape(-1, 2).T
     held = ((place < low) | (place > high))[:, None]  # other joints get rows of zeros: no force
-    stops = held * along(lambda p: values(limited, p), pose, units)
-    rows = np.concatenate([along(lambda p: bound(links, p), pose, units), stops], axis=-1)  # J^T
-    slides = [joint.hold.axis is not None for joint in limited]
+    stops = held * derivative_along(lambda p: values_of(limited, p), pose, units)
+    rows = np.concatenate(
+        [derivative_along(lambda p: constraint_values(links, p), pose, units), stops], axis=-1
+    )  # J^T
+    slides = [joint.constraint.axis is not None for joint in limited]
     bounds = np.append(links.bounds, np.where(slides, links.extent, 1.0))
     coefficients, damped = damping(links)
-    slopes = along(damped, pose, units)
-    rates = along(damped, pose[:, 0], velocity)
-    moved = (links.inertia * motion.acceleration[block])[:, :-1].reshape(-1, size)
-    load = along(lambda p: potential(links, p), pose, units)
+    slopes = derivative_along(damped, pose, units)
+    rates = derivative_along(damped, pose[:, 0], velocity)
+    inertial = (links.inertia * motion.acceleration[block])[:, :-1].reshape(-1, size)
+    load = derivative_along(lambda p: potential(links, p), pose, units)
     rub = np.broadcast_to(motion.rub, (len(motion.pose), len(links.joints)))
-    lost = coefficients * rates
-    lost[:, : len(links.joints)] += rub[block]
-    needed = moved + load + (slopes @ lost[..., None])[..., 0]
-    inverse = np.linalg.pinv(rows * links.sizes[:, None] / bounds, rcond=DEPENDENT)
+    dissipated = coefficients * rates
+    dissipated[:, : len(links.joints)] += rub[block]
+    needed = inertial + load + (slopes @ dissipated[..., None])[..., 0]
+    inverse = np.linalg.pinv(rows * links.sizes[:, None] / bounds, rcond=DEPENDENCE_TOLERANCE)
     return np.asarray((inverse @ (needed * links.sizes)[..., None])[..., 0] / bounds)
 
 
@@ -127,21 +131,23 @@ class Interaction:
     moment: bool
 
 
-def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces: Array) -> Array:
+def transmitted_force(
+    links: Links, sensor: Interaction, motion: SampledMotion, forces: Array
+) -> Array:
     """Values (n,) [N or N m] of a sensor of the force or moment between two bodies.
 
     They follow from the Newton-Euler equations of the body together with all its descendants in the
     MJCF.  `forces` are those of `solve_forces`.
     """
     model, data, plane = links.model, links.data, links.plane
-    carried = carried_by(model, sensor.body)
-    place = motion.pose[:, sensor.link, :2] + turned(motion.pose[:, sensor.link, 2], sensor.at)
+    carried = bodies_carried_by(model, sensor.body)
+    place = motion.pose[:, sensor.link, :2] + rotate(motion.pose[:, sensor.link, 2], sensor.at)
     force, moment = np.zeros_like(place), np.zeros(len(place))
 
     def add(link: int, at: Array, pull: Array) -> None:
         nonlocal force, moment
         body = motion.pose[:, link]
-        arm = body[:, :2] + turned(body[:, 2], at) - place
+        arm = body[:, :2] + rotate(body[:, 2], at) - place
         force = force + pull
         moment = moment + arm[:, 0] * pull[:, 1] - arm[:, 1] * pull[:, 0]
 
@@ -149,14 +155,14 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
         link = int(links.of_body[b])
         at = plane.flat(data.xipos[b]) - links.centre[link]
         spin, bend = motion.velocity[:, link, 2:], motion.acceleration[:, link, 2:]
-        arm = turned(motion.pose[:, link, 2], at)
+        arm = rotate(motion.pose[:, link, 2], at)
         quarter = np.stack([-arm[:, 1], arm[:, 0]], axis=-1)
         acceleration = motion.acceleration[:, link, :2] + bend * quarter - spin**2 * arm
         add(link, at, model.body_mass[b] * (acceleration - links.gravity))
         frame = data.ximat[b].reshape(3, 3)
         moment = moment + (plane.normal @ frame) ** 2 @ model.body_inertia[b] * bend[:, 0]
     first = links.joint_rows
-    for k, (e, loop) in enumerate(zip(connects(model), links.loops, strict=True)):
+    for k, (e, loop) in enumerate(zip(active_connects(model), links.loops, strict=True)):
         pull = forces[:, first + 2 * k : first + 2 * k + 2]
         one, two = anchor_bodies(model, e)
         if one in carried:
@@ -165,7 +171,7 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
             add(loop.b, loop.on_b, -pull)
     for spring in links.springs:
         way, length = spring_line(spring, motion.pose)
-        rate = along(partial(spring_length, spring), motion.pose, motion.velocity)
+        rate = derivative_along(partial(spring_length, spring), motion.pose, motion.velocity)
         pull = (spring.push(length) - spring.damping * rate)[:, None] * way
         if spring.bodies[0] in carried:
             add(spring.a, spring.on_a, pull)
@@ -177,10 +183,10 @@ def transmitted(links: Links, sensor: Interaction, motion: SampledMotion, forces
             moment = moment - load.moment
     if sensor.moment:
         return moment * sensor.across
-    return np.asarray((force * turned(motion.pose[:, sensor.link, 2], sensor.axis)).sum(axis=-1))
+    return np.asarray((force * rotate(motion.pose[:, sensor.link, 2], sensor.axis)).sum(axis=-1))
 
 
-def carried_by(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
+def bodies_carried_by(model: mujoco.MjModel, body: int) -> NDArray[np.intp]:
     """Ids of a body and of all its descendants in the tree of the MJCF."""
     found = np.zeros(model.nbody, bool)
     found[body] = True

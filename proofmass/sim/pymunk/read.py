@@ -7,21 +7,27 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.contents import follows_joint, format_parts, gear_of_force, joint_of, parts_of
+from proofmass.sim.contents import (
+    format_parts,
+    gear_of_force,
+    is_linear_in_joint,
+    joint_of,
+    sensor_parts,
+)
 from proofmass.sim.plane import MotionPlane
 from proofmass.sim.protocol import BadModel
-from proofmass.sim.pymunk.kinematics import along, joint_value, spring_length, turned
+from proofmass.sim.pymunk.kinematics import derivative_along, joint_value, rotate, spring_length
 from proofmass.sim.pymunk.links import LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.reactions import (
     Interaction,
     SampledMotion,
-    carried_by,
+    bodies_carried_by,
     solve_forces,
-    transmitted,
+    transmitted_force,
 )
 
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
-ORDER = {
+SENSOR_ORDERS = {
     S.mjSENS_FRAMEPOS: 0,
     S.mjSENS_FRAMELINVEL: 1,
     S.mjSENS_FRAMELINACC: 2,
@@ -29,8 +35,8 @@ ORDER = {
     S.mjSENS_FRAMEANGVEL: 1,
     S.mjSENS_FRAMEANGACC: 2,
 }
-FORCES = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
-INTERACTIONS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
+FORCE_SENSORS = (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC)
+INTERACTION_SENSORS = (S.mjSENS_FORCE, S.mjSENS_TORQUE)
 PoseFunction = Callable[[Array], Array]
 
 
@@ -52,7 +58,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Level:
+class ConstantValue:
     """A function of the pose that is constant."""
 
     value: float = 0.0
@@ -63,7 +69,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Turn:
+class LinkAngle:
     """An angle [rad] that depends on the rotation of a link: ``start + share * rotation``."""
 
     link: int
@@ -76,7 +82,7 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class PointPlace:
+class PointPosition:
     """Component `part` of the world position [m] of a point of a link.
 
     ``local`` is the point relative to the link's centre in the start pose [m], ``height`` its
@@ -92,7 +98,7 @@ class PointPlace:
     def __call__(self, pose: Array) -> Array:
         """The component [m] in poses (..., links + 1, 3)."""
         body = pose[..., self.link, :]
-        flat = body[..., :2] + turned(body[..., 2], self.local)
+        flat = body[..., :2] + rotate(body[..., 2], self.local)
         return self.plane.world(flat, self.height)[..., self.part]
 
 
@@ -112,12 +118,12 @@ class Direction:
 
     def __call__(self, pose: Array) -> Array:
         """The component [1] in poses (..., links + 1, 3)."""
-        flat = turned(pose[..., self.link, 2], self.local)
+        flat = rotate(pose[..., self.link, 2], self.local)
         return self.plane.world(flat, self.height)[..., self.part]
 
 
 @dataclass(frozen=True)
-class Value:
+class JointValue:
     """The coordinate of a joint [rad or m]."""
 
     joint: LinkJoint
@@ -147,9 +153,9 @@ class Potential:
     def __call__(self, pose: Array) -> Array:
         """The energy [J] in poses (..., links + 1, 3)."""
         energy = np.zeros(pose.shape[:-2])
-        for mass, place in weights(self.links):
-            at = np.stack([replace(place, part=k)(pose) for k in range(3)], axis=-1)
-            energy = energy - mass * (at @ self.links.model.opt.gravity)
+        for mass, place in body_masses(self.links):
+            centre = np.stack([replace(place, part=k)(pose) for k in range(3)], axis=-1)
+            energy = energy - mass * (centre @ self.links.model.opt.gravity)
         for joint in self.links.joints:
             energy = energy + joint.spring_energy(joint_value(joint, pose))
         for spring in self.links.springs:
@@ -157,7 +163,7 @@ class Potential:
         return energy
 
 
-def weights(links: Links) -> list[tuple[float, PointPlace]]:
+def body_masses(links: Links) -> list[tuple[float, PointPosition]]:
     """Mass [kg] and centre of mass of every body of the MJCF except the world."""
     model, plane, found = links.model, links.plane, []
     for b in range(1, model.nbody):
@@ -165,7 +171,7 @@ def weights(links: Links) -> list[tuple[float, PointPlace]]:
         found.append(
             (
                 float(model.body_mass[b]),
-                PointPlace(
+                PointPosition(
                     plane,
                     link,
                     plane.flat(point) - links.centre[link],
@@ -177,7 +183,7 @@ def weights(links: Links) -> list[tuple[float, PointPlace]]:
     return found
 
 
-def channel(links: Links, name: str) -> Sensor | str:
+def read_channel(links: Links, name: str) -> Sensor | str:
     """The sensor that the name of a channel stands for, or why pymunk does not deliver it.
 
     Parameters
@@ -206,60 +212,60 @@ def channel(links: Links, name: str) -> Sensor | str:
     s = names.index(sensor)
     kind = S(int(model.sensor_type[s]))
     angle = ("angle",) if kind == S.mjSENS_FRAMEXAXIS else ()
-    if part not in (*parts_of(model, s), *angle):
+    if part not in (*sensor_parts(model, s), *angle):
         raise BadModel(f"no channel '{name}'; use {format_parts(model, s)}")
     if model.sensor_reftype[s] != OBJ.mjOBJ_UNKNOWN:
         return "a sensor with a reference frame is not rebuilt for pymunk"
-    if kind in ORDER:
-        return Sensor(ORDER[kind], _frame(links, s, part))
-    if kind in INTERACTIONS:
-        return _interaction(links, s, "xyz".index(part))
-    return _scalar(links, s)
+    if kind in SENSOR_ORDERS:
+        return Sensor(SENSOR_ORDERS[kind], _frame_function(links, s, part))
+    if kind in INTERACTION_SENSORS:
+        return _interaction_sensor(links, s, "xyz".index(part))
+    return _scalar_sensor(links, s)
 
 
-def _scalar(links: Links, s: int) -> Sensor | str:
+def _scalar_sensor(links: Links, s: int) -> Sensor | str:
     """Sensor s of joints, tendons, energies or actuator forces, or why it is missing."""
     model, obj = links.model, links.model.sensor_objid[s]
     kind = S(int(model.sensor_type[s]))
     user = kind == S.mjSENS_USER and model.sensor_objtype[s] == OBJ.mjOBJ_JOINT
     if kind in (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL) or user:
         order = {S.mjSENS_JOINTPOS: 0, S.mjSENS_JOINTVEL: 1}.get(kind, 2)
-        return Sensor(order, Value(links.joints[obj]))
+        return Sensor(order, JointValue(links.joints[obj]))
     if kind in (S.mjSENS_TENDONPOS, S.mjSENS_TENDONVEL):
         return Sensor(int(kind == S.mjSENS_TENDONVEL), LinkSpringLength(links.springs[obj]))
     if kind == S.mjSENS_E_POTENTIAL:
         return Sensor(0, Potential(links))
     if kind == S.mjSENS_E_KINETIC:
-        return Sensor(-1, Level())
-    if kind in FORCES:
-        return _force(links, kind, obj)
+        return Sensor(-1, ConstantValue())
+    if kind in FORCE_SENSORS:
+        return _force_sensor(links, kind, obj)
     return f"sensor type {kind.name[7:].lower()} is not rebuilt for pymunk"
 
 
-def _force(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
+def _force_sensor(links: Links, kind: mujoco.mjtSensor, obj: int) -> Sensor | str:
     """The force of a joint's drive, or the constant force of motors on a joint without drive."""
     model, of_joint = links.model, kind == S.mjSENS_JOINTACTFRC
     joint = obj if of_joint else joint_of(model, obj)
     if joint in links.driven:
         gear = 1.0 if of_joint else gear_of_force(model, obj)
-        return Sensor(-2, Level(), links.driven.index(joint), 1.0 / gear)
+        return Sensor(-2, ConstantValue(), links.driven.index(joint), 1.0 / gear)
     servos = (a for a in range(model.nactuator) if joint_of(model, a) == joint)
-    if joint >= 0 and any(follows_joint(model, a) for a in servos):
+    if joint >= 0 and any(is_linear_in_joint(model, a) for a in servos):
         return "the force of a servo is not rebuilt for pymunk"
     loaded = [pull.body for pull in links.pulls if pull.actuator >= 0]
-    if of_joint and np.isin(loaded, carried_by(model, model.jnt_bodyid[joint])).any():
+    if of_joint and np.isin(loaded, bodies_carried_by(model, model.jnt_bodyid[joint])).any():
         return "what loads on sites do to a joint is not rebuilt for pymunk"
     force = (
         links.joints[joint].load
         if of_joint
         else float(links.data.actuator_force[model.actuator_outadr[obj]])
     )
-    return Sensor(0, Level(force))
+    return Sensor(0, ConstantValue(force))
 
 
-def _interaction(links: Links, s: int, part: int) -> Sensor:
+def _interaction_sensor(links: Links, s: int, part: int) -> Sensor:
     """Component `part` of sensor s of the force or moment between a site's body and its parent."""
-    link, local, _, turn = _frame_at(links, s)
+    link, local, _, turn = _sensor_frame(links, s)
     plane, axis = links.plane, turn[:, part]
     sensor = Interaction(
         int(links.model.site_bodyid[links.model.sensor_objid[s]]),
@@ -269,7 +275,7 @@ def _interaction(links: Links, s: int, part: int) -> Sensor:
         float(plane.normal @ axis),
         S(int(links.model.sensor_type[s])) == S.mjSENS_TORQUE,
     )
-    return Sensor(-3, Level(), transmitted=sensor)
+    return Sensor(-3, ConstantValue(), transmitted=sensor)
 
 
 def force_curves(
@@ -282,28 +288,28 @@ def force_curves(
     forces = solve_forces(links, motion)
     drives = forces[:, links.rows :]
     return {
-        name: transmitted(links, c.transmitted, motion, forces)
+        name: transmitted_force(links, c.transmitted, motion, forces)
         if c.transmitted
         else drives[:, c.drive] * c.factor
         for name, c in wanted.items()
     }
 
 
-def _frame(links: Links, s: int, part: str) -> PoseFunction:
+def _frame_function(links: Links, s: int, part: str) -> PoseFunction:
     """Component `part` of the position, direction or angle that belongs to frame sensor s."""
-    link, local, height, turn = _frame_at(links, s)
+    link, local, height, turn = _sensor_frame(links, s)
     plane, kind = links.plane, S(int(links.model.sensor_type[s]))
     if part == "angle":
-        return Turn(link, float(np.arctan2(*plane.flat(turn[:, 0])[::-1])))
+        return LinkAngle(link, float(np.arctan2(*plane.flat(turn[:, 0])[::-1])))
     k = "xyz".index(part)
     if kind in (S.mjSENS_FRAMEANGVEL, S.mjSENS_FRAMEANGACC):
-        return Turn(link, share=float(plane.normal[k]))
+        return LinkAngle(link, share=float(plane.normal[k]))
     if kind == S.mjSENS_FRAMEXAXIS:
         return Direction(plane, link, plane.flat(turn[:, 0]), float(turn[:, 0] @ plane.normal), k)
-    return PointPlace(plane, link, local, height, k)
+    return PointPosition(plane, link, local, height, k)
 
 
-def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
+def _sensor_frame(links: Links, s: int) -> tuple[int, Array, float, Array]:
     """Link, point on it, height over the plane and orientation (3, 3) of the object of sensor s."""
     model, data, obj = links.model, links.data, links.model.sensor_objid[s]
     place = {
@@ -321,7 +327,7 @@ def _frame_at(links: Links, s: int) -> tuple[int, Array, float, Array]:
     return link, local, float(point @ links.plane.normal), turns[obj].reshape(3, 3)
 
 
-def kinetic(links: Links, velocity: Array) -> Array:
+def kinetic_energy(links: Links, velocity: Array) -> Array:
     """Kinetic energy [J] (...) of velocities (..., links + 1, 3)."""
     return 0.5 * (
         (velocity[..., :-1, :2] ** 2).sum(-1) @ links.mass
@@ -329,7 +335,7 @@ def kinetic(links: Links, velocity: Array) -> Array:
     )
 
 
-def moving(
+def time_derivative(
     function: PoseFunction, order: int, pose: Array, before: Array, after: Array, dt: float
 ) -> Array:
     """A function of the pose, its rate or its acceleration, from velocities around a sample.
@@ -351,12 +357,12 @@ def moving(
     """
     if order == 0:
         return function(pose)
-    late = along(function, pose + 0.5 * dt * after, after)
-    early = along(function, pose - 0.5 * dt * before, before)
+    late = derivative_along(function, pose + 0.5 * dt * after, after)
+    early = derivative_along(function, pose - 0.5 * dt * before, before)
     return 0.5 * (early + late) if order == 1 else (late - early) / dt
 
 
-def unwrapped(name: str, curve: Array) -> Array:
+def unwrap_angle(name: str, curve: Array) -> Array:
     """The curve of an angle channel, shifted by whole turns to start in (-pi, pi]; others as is."""
     if not name.endswith(".angle"):
         return curve

@@ -17,7 +17,7 @@ from proofmass.sim.pymunk.space import Settings
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60
 """Chipmunk's default share of a constraint violation that is left after a second."""
-SLOP = 1e-6
+CONTACT_SLOP = 1e-6
 """Overlap of shapes [m] that is not corrected, so that shapes at rest stay in contact."""
 
 
@@ -49,7 +49,7 @@ def settings_of_run(run: Run, model: mujoco.MjModel, touching: bool) -> Settings
         "error_bias": CHIPMUNK_BIAS if own else 0.0,
     }
     if touching:
-        tuned |= {"collision_slop": 0.1 if own else SLOP, "collision_bias": CHIPMUNK_BIAS}
+        tuned |= {"collision_slop": 0.1 if own else CONTACT_SLOP, "collision_bias": CHIPMUNK_BIAS}
     return tuned | given
 
 

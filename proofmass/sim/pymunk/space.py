@@ -15,20 +15,27 @@ from pymunk import batch
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.pymunk.contacts import ContactShape
-from proofmass.sim.pymunk.links import Hold, LinkGear, LinkJoint, Links, LinkSpring, Pull
+from proofmass.sim.pymunk.links import (
+    LinkConstraint,
+    LinkGear,
+    LinkJoint,
+    LinkLoad,
+    Links,
+    LinkSpring,
+)
 
 Settings = dict[str, Any]
 """Keys timestep [s], iterations, error_bias; for contacts collision_slop [m] and collision_bias."""
-RATES = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
-FIELDS = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | RATES
-LOADED = FIELDS | batch.BodyFields.FORCE
-STOPS = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
+VELOCITY_FIELDS = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
+STATE_FIELDS = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | VELOCITY_FIELDS
+STATE_AND_FORCE_FIELDS = STATE_FIELDS | batch.BodyFields.FORCE
+STOP_TYPES = (pymunk.RotaryLimitJoint, pymunk.SlideJoint)
 """Types of the constraints that represent joint limits; those of a space are in joint order."""
-REACH = 100.0
+HALF_GROOVE = 100.0
 """Half length of the groove of a slide [extents]."""
 
 
-def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
+def build_space(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
     """Build the space: a body for each link, in their order, and all constraints except drives.
 
     Parameters
@@ -55,19 +62,19 @@ def build(links: Links, iterations: int, error_bias: float) -> pymunk.Space:
         space.add(body)
         bodies.append(body)
     for pull in links.pulls:
-        _pull(pull, bodies[pull.link])
+        _add_link_load(pull, bodies[pull.link])
     bodies.append(space.static_body)
-    for _, constraint in constraints(links, bodies):
+    for _, constraint in make_constraints(links, bodies):
         # A stop that corrected its violation in a single step would make the joint bounce.
-        if not isinstance(constraint, STOPS):
+        if not isinstance(constraint, STOP_TYPES):
             constraint.error_bias = error_bias
         space.add(constraint)
     return space
 
 
-def constraints(
+def make_constraints(
     links: Links, bodies: list[pymunk.Body]
-) -> Iterator[tuple[LinkSpring | LinkJoint | Hold | LinkGear, pymunk.Constraint]]:
+) -> Iterator[tuple[LinkSpring | LinkJoint | LinkConstraint | LinkGear, pymunk.Constraint]]:
     """All constraints except drives, in the solver's order, each with the element it belongs to.
 
     The order is: springs between points; for each joint its spring, load, stop and pin or slide;
@@ -75,21 +82,25 @@ def constraints(
     """
     for spring in links.springs:
         if (spring.stiffness or spring.damping) and spring.a != spring.b:
-            yield spring, _point_spring(spring, links, bodies)
+            yield spring, _make_point_spring(spring, links, bodies)
     for joint in links.joints:
         for constraint in (
-            *_springs(joint, links, bodies),
-            *(_hold(joint.hold, links, bodies, joint) if joint.holds else ()),
+            *_make_springs(joint, links, bodies),
+            *(
+                _make_link_constraints(joint.constraint, links, bodies, joint)
+                if joint.holds
+                else ()
+            ),
         ):
             yield joint, constraint
     for loop in links.loops:
-        for constraint in _hold(loop, links, bodies):
+        for constraint in _make_link_constraints(loop, links, bodies):
             yield loop, constraint
     for gear in links.gears:
         yield gear, pymunk.GearJoint(bodies[gear.a], bodies[gear.b], gear.phase, gear.ratio)
 
 
-def _pull(pull: Pull, body: pymunk.Body) -> None:
+def _add_link_load(pull: LinkLoad, body: pymunk.Body) -> None:
     """Apply a load to its body in every step, in addition to the loads that the body has."""
     before = body.velocity_func
 
@@ -105,7 +116,7 @@ def _pull(pull: Pull, body: pymunk.Body) -> None:
     body.velocity_func = pulled
 
 
-def add_changing_pull(space: pymunk.Space, unit: Pull, k: int, now: list[float]) -> None:
+def add_changing_load(space: pymunk.Space, unit: LinkLoad, k: int, now: list[float]) -> None:
     """Apply a load to its body in every step: the load `unit` times ``now[k]``."""
     body = list(space.bodies)[unit.link]
     before, (x, y) = body.velocity_func, unit.force.tolist()
@@ -127,10 +138,10 @@ def add_changing_spring(
 ) -> None:
     """Apply a force or torque to a joint in every step: `unit` [N or N m] times ``now[k]``."""
     bodies = [*space.bodies, space.static_body]
-    space.add(_spring(joint, links, bodies, lambda _: unit * now[k]))
+    space.add(_make_spring(joint, links, bodies, lambda _: unit * now[k]))
 
 
-def at(links: Links, link: int, local: Array) -> tuple[float, float]:
+def body_point(links: Links, link: int, local: Array) -> tuple[float, float]:
     """A point in the coordinates of a link's body, from one relative to the link's centre.
 
     The coordinates of the ground's static body are those of the world.
@@ -139,7 +150,7 @@ def at(links: Links, link: int, local: Array) -> tuple[float, float]:
 
 
 def add_contacts(space: pymunk.Space, links: Links, settings: Settings) -> None:
-    """Add shapes to the bodies of a space from `build`, with the contact law of each pair."""
+    """Add shapes to the bodies of a space from `build_space`, with the contact law of each pair."""
     contacts = links.contacts
     if not contacts:
         return
@@ -147,7 +158,7 @@ def add_contacts(space: pymunk.Space, links: Links, settings: Settings) -> None:
     space.collision_bias = settings["collision_bias"]
     bodies, places = [*space.bodies, space.static_body], dict[pymunk.Shape, int]()
     for k, own in enumerate(contacts.shapes):
-        shape = _shape(own, links, bodies[own.link])
+        shape = _make_shape(own, links, bodies[own.link])
         places[shape] = k
         space.add(shape)
 
@@ -162,9 +173,9 @@ def add_contacts(space: pymunk.Space, links: Links, settings: Settings) -> None:
     space.on_collision(pre_solve=meet)
 
 
-def _shape(own: ContactShape, links: Links, body: pymunk.Body) -> pymunk.Shape:
+def _make_shape(own: ContactShape, links: Links, body: pymunk.Body) -> pymunk.Shape:
     """The circle, segment or polygon of a section."""
-    points = [at(links, own.link, point) for point in own.points]
+    points = [body_point(links, own.link, point) for point in own.points]
     if len(points) == 1:
         return pymunk.Circle(body, own.radius, points[0])
     if len(points) == 2:
@@ -172,19 +183,27 @@ def _shape(own: ContactShape, links: Links, body: pymunk.Body) -> pymunk.Shape:
     return pymunk.Poly(body, points, radius=own.radius)
 
 
-def _hold(
-    hold: Hold, links: Links, bodies: list[pymunk.Body], joint: LinkJoint | None = None
+def _make_link_constraints(
+    constraint: LinkConstraint,
+    links: Links,
+    bodies: list[pymunk.Body],
+    joint: LinkJoint | None = None,
 ) -> list[pymunk.Constraint]:
     """Chipmunk's constraints for a pin or slide, after the stop of its joint if that has limits."""
-    a, b = bodies[hold.a], bodies[hold.b]
+    a, b = bodies[constraint.a], bodies[constraint.b]
     limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
-    if hold.axis is None:
-        pin = pymunk.PivotJoint(a, b, at(links, hold.a, hold.on_a), at(links, hold.b, hold.on_b))
+    if constraint.axis is None:
+        pin = pymunk.PivotJoint(
+            a,
+            b,
+            body_point(links, constraint.a, constraint.on_a),
+            body_point(links, constraint.b, constraint.on_b),
+        )
         if joint is None or limits is None:
             return [pin]
         low, high = sorted(joint.sign * limit for limit in limits)
         return [pymunk.RotaryLimitJoint(a, b, low, high), pin]
-    reach = REACH * links.extent
+    reach = HALF_GROOVE * links.extent
     stops: list[pymunk.Constraint] = []
     if limits:
         low, high = (reach + limit for limit in limits)
@@ -192,24 +211,29 @@ def _hold(
             pymunk.SlideJoint(
                 a,
                 b,
-                at(links, hold.a, hold.on_a - reach * hold.axis),
-                at(links, hold.b, hold.on_b),
+                body_point(links, constraint.a, constraint.on_a - reach * constraint.axis),
+                body_point(links, constraint.b, constraint.on_b),
                 low,
                 high,
             )
         ]
-    start, end = (at(links, hold.a, hold.on_a + s * hold.axis) for s in (-reach, reach))
+    start, end = (
+        body_point(links, constraint.a, constraint.on_a + s * constraint.axis)
+        for s in (-reach, reach)
+    )
     # The groove's solution is correct only if neither anchor couples sliding with rotation;
     # proofmass.sim.pymunk.model chooses the anchors so.  A RotaryLimitJoint instead of the gear
     # would lock the rotation to one side only in each step.
     return [
         *stops,
         pymunk.GearJoint(a, b, 0.0, 1.0),
-        pymunk.GrooveJoint(a, b, start, end, at(links, hold.b, hold.on_b)),
+        pymunk.GrooveJoint(a, b, start, end, body_point(links, constraint.b, constraint.on_b)),
     ]
 
 
-def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[pymunk.Constraint]:
+def _make_springs(
+    joint: LinkJoint, links: Links, bodies: list[pymunk.Body]
+) -> list[pymunk.Constraint]:
     """The spring of a joint, and its load as a spring with a constant force.
 
     A linear spring is computed by Chipmunk itself, which calls no Python function in a step.
@@ -217,39 +241,41 @@ def _springs(joint: LinkJoint, links: Links, bodies: list[pymunk.Body]) -> list[
     springs: list[pymunk.Constraint] = []
     stiffness, *more = joint.acting
     if any(joint.acting) or joint.damping:
-        own = _unloaded_spring(joint, links, bodies, 0.0 if any(more) else stiffness, joint.damping)
+        own = _make_linear_spring(
+            joint, links, bodies, 0.0 if any(more) else stiffness, joint.damping
+        )
         springs.append(own)
         if any(more):
             _set_force(own, joint, links, joint.spring_force)
     if joint.load:
-        springs.append(_spring(joint, links, bodies, lambda value: joint.load))
+        springs.append(_make_spring(joint, links, bodies, lambda value: joint.load))
     return springs
 
 
-def _spring(
+def _make_spring(
     joint: LinkJoint, links: Links, bodies: list[pymunk.Body], force: Callable[[float], float]
 ) -> pymunk.Constraint:
     """A spring between two links whose force is a function of the joint's value."""
-    spring = _unloaded_spring(joint, links, bodies, 0.0, 0.0)
+    spring = _make_linear_spring(joint, links, bodies, 0.0, 0.0)
     _set_force(spring, joint, links, force)
     return spring
 
 
-def _unloaded_spring(
+def _make_linear_spring(
     joint: LinkJoint, links: Links, bodies: list[pymunk.Body], stiffness: float, damping: float
 ) -> pymunk.DampedRotarySpring | pymunk.DampedSpring:
     """A linear spring and damper between two links, slack at the rest value of the joint."""
-    hold, slack = joint.hold, joint.rest - joint.value if stiffness else 0.0
-    a, b = bodies[hold.a], bodies[hold.b]
-    if hold.axis is None:
+    constraint, slack = joint.constraint, joint.rest - joint.value if stiffness else 0.0
+    a, b = bodies[constraint.a], bodies[constraint.b]
+    if constraint.axis is None:
         # Chipmunk's angle is that of a relative to b, and its torque acts on b.
         return pymunk.DampedRotarySpring(a, b, -joint.sign * slack, stiffness, damping)
-    far = REACH * links.extent
+    far = HALF_GROOVE * links.extent
     return pymunk.DampedSpring(
         a,
         b,
-        at(links, hold.a, hold.on_a - far * hold.axis),
-        at(links, hold.b, hold.on_b),
+        body_point(links, constraint.a, constraint.on_a - far * constraint.axis),
+        body_point(links, constraint.b, constraint.on_b),
         far + slack,
         stiffness,
         damping,
@@ -266,11 +292,11 @@ def _set_force(
     if isinstance(spring, pymunk.DampedRotarySpring):
         spring.torque_func = lambda _, angle: joint.sign * force(joint.value - joint.sign * angle)
     else:
-        far = REACH * links.extent
+        far = HALF_GROOVE * links.extent
         spring.force_func = lambda _, length: force(joint.value + length - far)
 
 
-def _point_spring(
+def _make_point_spring(
     spring: LinkSpring, links: Links, bodies: list[pymunk.Body]
 ) -> pymunk.DampedSpring:
     """A spring between points of two links."""
@@ -278,8 +304,8 @@ def _point_spring(
     made = pymunk.DampedSpring(
         bodies[spring.a],
         bodies[spring.b],
-        at(links, spring.a, spring.on_a),
-        at(links, spring.b, spring.on_b),
+        body_point(links, spring.a, spring.on_a),
+        body_point(links, spring.b, spring.on_b),
         low,
         spring.stiffness,
         spring.damping,
@@ -289,14 +315,14 @@ def _point_spring(
     return made
 
 
-def put(space: pymunk.Space, pose: Array, velocity: Array) -> None:
+def set_states(space: pymunk.Space, pose: Array, velocity: Array) -> None:
     """Set the state of all bodies from arrays (links + 1, 3); the ground is the last row."""
     buffer = batch.Buffer()  # sets all bodies at once, in half the time of setting attributes
     buffer.set_float_buf(np.hstack([pose, velocity]))
-    batch.set_space_bodies(space, FIELDS, buffer)
+    batch.set_space_bodies(space, STATE_FIELDS, buffer)
 
 
-kept = threading.local()
+thread_buffers = threading.local()
 
 
 def empty_buffer() -> batch.Buffer:
@@ -304,14 +330,14 @@ def empty_buffer() -> batch.Buffer:
 
     It is used again in each run, since pymunk never frees the memory of a buffer.
     """
-    if not hasattr(kept, "buffer"):
-        kept.buffer = batch.Buffer()
-    buffer: batch.Buffer = kept.buffer
+    if not hasattr(thread_buffers, "buffer"):
+        thread_buffers.buffer = batch.Buffer()
+    buffer: batch.Buffer = thread_buffers.buffer
     buffer.clear()
     return buffer
 
 
-def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
+def read_states(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
     """Poses and velocities (reads, links + 1, 3) of all reads in a buffer.
 
     Chipmunk lists the static body, to which every mechanism is connected, after the moving bodies.
@@ -320,7 +346,7 @@ def taken(buffer: batch.Buffer, links: Links) -> tuple[Array, Array]:
     return states[..., :3], states[..., 3:]
 
 
-class StillBodies:
+class RestingBodies:
     """All bodies of a space, for steps from standstill; their states are set and read at once.
 
     The ground is the last body.  The weights are set as forces together with the pose, so the space
@@ -336,10 +362,10 @@ class StillBodies:
     def step(self, pose: Array, dt: float) -> Array:
         """The velocity (links + 1, 3) after a step of dt [s] from a pose at standstill."""
         self.states[:, :3] = pose
-        batch.set_space_bodies(self.space, LOADED, self.given)
+        batch.set_space_bodies(self.space, STATE_AND_FORCE_FIELDS, self.given)
         self.space.step(dt)
         self.found.clear()
-        batch.get_space_bodies(self.space, RATES, self.found)
+        batch.get_space_bodies(self.space, VELOCITY_FIELDS, self.found)
         return np.frombuffer(self.found.float_buf()).reshape(-1, 3).copy()
 
 
@@ -347,7 +373,7 @@ class HingeDrive(pymunk.GearJoint):
     """The drive of a hinge: a gear of ratio 1, whose phase is the angle between two links."""
 
     def __init__(self, joint: LinkJoint, bodies: Sequence[pymunk.Body]):
-        super().__init__(bodies[joint.hold.a], bodies[joint.hold.b], 0.0, 1.0)
+        super().__init__(bodies[joint.constraint.a], bodies[joint.constraint.b], 0.0, 1.0)
         self.start, self.sign = joint.value, joint.sign
         self.error_bias = 0.0
 
@@ -365,16 +391,20 @@ class SlideDrive(pymunk.GrooveJoint):
     """
 
     def __init__(self, joint: LinkJoint, links: Links, bodies: Sequence[pymunk.Body]):
-        hold, axis = joint.hold, joint.hold.axis
+        constraint, axis = joint.constraint, joint.constraint.axis
         assert axis is not None
         across = links.extent * np.array([-axis[1], axis[0]])
         self.left, self.right = (
-            at(links, hold.a, hold.on_a + across),
-            at(links, hold.a, hold.on_a - across),
+            body_point(links, constraint.a, constraint.on_a + across),
+            body_point(links, constraint.a, constraint.on_a - across),
         )
         self.start, self.axis = joint.value, tuple(axis.tolist())
         super().__init__(
-            bodies[hold.a], bodies[hold.b], self.left, self.right, at(links, hold.b, hold.on_b)
+            bodies[constraint.a],
+            bodies[constraint.b],
+            self.left,
+            self.right,
+            body_point(links, constraint.b, constraint.on_b),
         )
         self.error_bias = 0.0
 
@@ -386,33 +416,33 @@ class SlideDrive(pymunk.GrooveJoint):
         self.groove_b = (self.right[0] + dx, self.right[1] + dy)
 
 
-Motor = HingeDrive | SlideDrive
+LinkDrive = HingeDrive | SlideDrive
 
 
-def add_drives(space: pymunk.Space, links: Links) -> list[Motor]:
+def add_drives(space: pymunk.Space, links: Links) -> list[LinkDrive]:
     """Add the drives of a mechanism, last in the solver's order, where errors are smallest."""
-    drives = [new_drive(joint, links, space) for joint in links.drives]
+    drives = [make_drive(joint, links, space) for joint in links.drives]
     space.add(*drives)
     return drives
 
 
-def new_drive(joint: LinkJoint, links: Links, space: pymunk.Space) -> Motor:
+def make_drive(joint: LinkJoint, links: Links, space: pymunk.Space) -> LinkDrive:
     """Make the drive of a joint, without adding it to the space."""
     bodies = [*space.bodies, space.static_body]
-    if joint.hold.axis is None:
+    if joint.constraint.axis is None:
         return HingeDrive(joint, bodies)
     return SlideDrive(joint, links, bodies)
 
 
-def aim(drives: Iterable[Motor], values: Iterable[float]) -> None:
+def aim_drives(drives: Iterable[LinkDrive], values: Iterable[float]) -> None:
     """Set the values [rad or m] that all drives are to have after the next step."""
     for drive, value in zip(drives, values, strict=True):
         drive.aim(value)
 
 
-FAST = 1e9
+FRICTION_RATE = 1e9
 """Target rate [rad/s] of a friction motor, so large that the motor applies its largest moment."""
-FAR = 1e3
+FRICTION_DISTANCE = 1e3
 """Distance [extents] to the target of the friction of a slide, so large that it applies its largest
 force."""
 
@@ -425,12 +455,12 @@ class HingeFriction(pymunk.SimpleMotor):
     """
 
     def __init__(self, joint: LinkJoint, bodies: Sequence[pymunk.Body]):
-        super().__init__(bodies[joint.hold.a], bodies[joint.hold.b], 0.0)
+        super().__init__(bodies[joint.constraint.a], bodies[joint.constraint.b], 0.0)
         self.joint, self.max_force = joint, 0.0
 
     def slip(self, sense: float, value: float) -> None:
         """Push against a motion of that sense, not at all if it is 0."""
-        self.rate = FAST * sense * self.joint.sign
+        self.rate = FRICTION_RATE * sense * self.joint.sign
         self.max_force = abs(sense) * self.joint.friction
 
     def stick(self, value: float) -> None:
@@ -443,7 +473,7 @@ class SlideFriction(SlideDrive):
 
     def __init__(self, joint: LinkJoint, links: Links, bodies: Sequence[pymunk.Body]):
         super().__init__(joint, links, bodies)
-        self.joint, self.far, self.max_force = joint, FAR * links.extent, 0.0
+        self.joint, self.far, self.max_force = joint, FRICTION_DISTANCE * links.extent, 0.0
 
     def slip(self, sense: float, value: float) -> None:
         """Push against a motion of that sense, not at all if it is 0."""
@@ -456,15 +486,15 @@ class SlideFriction(SlideDrive):
         self.max_force = self.joint.friction
 
 
-Friction = HingeFriction | SlideFriction
+FrictionMotor = HingeFriction | SlideFriction
 
 
-def add_friction(space: pymunk.Space, links: Links) -> list[Friction]:
+def add_friction(space: pymunk.Space, links: Links) -> list[FrictionMotor]:
     """Add the motors of dry friction for all joints with dry friction."""
     bodies = [*space.bodies, space.static_body]
-    found: list[Friction] = [
+    found: list[FrictionMotor] = [
         HingeFriction(joint, bodies)
-        if joint.hold.axis is None
+        if joint.constraint.axis is None
         else SlideFriction(joint, links, bodies)
         for joint in (links.joints[j] for j in links.rubbing)
     ]

@@ -16,10 +16,10 @@ from pydantic import Field
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
 from proofmass.recorded import (
-    ENOUGH,
-    TIGHT,
+    MIN_ROWS,
+    ROW_TOLERANCE,
     RecordedColumn,
-    interpolated,
+    interpolate_recorded,
     nearest_rows,
     read_table,
 )
@@ -82,7 +82,7 @@ class Recording:
         columns = {"x": self.x}
         columns |= {f"channels.{name}": one for name, one in settings.channels.items()}
         for joint, drive in settings.drive.items():
-            columns |= {f"drive.{joint}.{key}": getattr(drive, key) for key in PARTS}
+            columns |= {f"drive.{joint}.{key}": getattr(drive, key) for key in DRIVE_PARTS}
         for key, column in columns.items():
             try:
                 self.table.require(column)
@@ -91,29 +91,29 @@ class Recording:
         self.rows = self.table.rising(self.x)
         self.curves = {key: self.table.curve(column) for key, column in columns.items()}
         self.spacing = float(np.median(np.diff(self.rows)))
-        self.check_gaps()
+        self.check_spacing()
 
-    def check_gaps(self) -> None:
+    def check_spacing(self) -> None:
         """Raise InputError if the spacing of rows is larger somewhere than the setting allows."""
-        wide = np.diff(self.rows) / self.spacing
-        k = int(np.argmax(wide))
-        if wide[k] > self.settings.gap:
+        ratios = np.diff(self.rows) / self.spacing
+        k = int(np.argmax(ratios))
+        if ratios[k] > self.settings.gap:
             raise InputError(
                 self.table.file,
                 self.table.line(k + 1),
                 f"{self.x.column} goes from {self.rows[k]:.6g} to {self.rows[k + 1]:.6g}, "
-                f"{wide[k]:.3g} times the usual spacing of rows, {self.spacing:.4g} (SI): record "
-                f"what is missing, or allow it by gap = {np.ceil(wide[k]):.0f} in the settings",
+                f"{ratios[k]:.3g} times the usual spacing of rows, {self.spacing:.4g} (SI): record "
+                f"what is missing, or allow it by gap = {np.ceil(ratios[k]):.0f} in the settings",
             )
 
-    def require(self, key: str, column: RecordedColumn, of: str, *quantities: str) -> None:
+    def require(self, key: str, column: RecordedColumn, subject: str, *quantities: str) -> None:
         """Raise InputError unless a column measures one of these quantities, given by SI units."""
         try:
             self.table.require(column, *quantities)
         except ValueError as error:
-            raise InputError(self.table.file, key, f"{of}: {error}") from None
+            raise InputError(self.table.file, key, f"{subject}: {error}") from None
 
-    def at_rows(self, run: Run) -> bool:
+    def has_rows_at_samples(self, run: Run) -> bool:
         """Whether the file has a row at every sample of a run.
 
         Raises
@@ -122,8 +122,8 @@ class Recording:
             The rows do not cover the range of the run, or are too few to interpolate.
         """
         first, last = self.rows[0], self.rows[-1]
-        near = TIGHT * self.spacing
-        if run.x[0] < first - near or run.x[-1] > last + near:
+        tolerance = ROW_TOLERANCE * self.spacing
+        if run.x[0] < first - tolerance or run.x[-1] > last + tolerance:
             raise InputError(
                 self.table.file,
                 f"column {self.x.column!r}",
@@ -131,20 +131,20 @@ class Recording:
                 f"to {run.x[-1]:.6g}; nothing is extrapolated: record the rest, or give the run "
                 "other samples",
             )
-        off = np.abs(run.x - self.rows[nearest_rows(run.x, self.rows)])
-        if (off <= near).all():
+        distances = np.abs(run.x - self.rows[nearest_rows(run.x, self.rows)])
+        if (distances <= tolerance).all():
             return True
-        if self.rows.size < ENOUGH:
+        if self.rows.size < MIN_ROWS:
             raise InputError(
                 self.table.file,
                 "",
-                f"{self.rows.size} rows are too few to interpolate; record {ENOUGH} or more, or "
+                f"{self.rows.size} rows are too few to interpolate; record {MIN_ROWS} or more, or "
                 "rows at the samples of the run",
             )
         return False
 
 
-PARTS = ("value", "rate", "acceleration")
+DRIVE_PARTS = ("value", "rate", "acceleration")
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -189,7 +189,7 @@ def simulate(model: Path, run: Run) -> Curves:
         if unit is not None:
             key = f"column {columns[name].column!r}"
             recording.require(key, columns[name], f"channel {name}", unit)
-    exact = recording.at_rows(run)
+    exact = recording.has_rows_at_samples(run)
     channels, uncertainty = dict[str, Array](), dict[str, Array]()
     nearest = nearest_rows(run.x, recording.rows)
     for name in (name for name in run.channels if name in columns):
@@ -197,7 +197,7 @@ def simulate(model: Path, run: Run) -> Curves:
         if exact:
             channels[name] = curve[nearest]
         else:
-            channels[name], uncertainty[name] = interpolated(run.x, recording.rows, curve)
+            channels[name], uncertainty[name] = interpolate_recorded(run.x, recording.rows, curve)
     return Curves(
         run.x,
         channels,
@@ -210,7 +210,7 @@ def simulate(model: Path, run: Run) -> Curves:
         seconds=time.perf_counter() - begin,
         settings={"x": recording.x.column},
         uncertainty=uncertainty,
-        notes=(words(recording, uncertainty),),
+        notes=(describe_source(recording, uncertainty),),
     )
 
 
@@ -234,10 +234,10 @@ def recorded_drive(
         samples of the run.  In the latter case the reference would have the unknown error of an
         interpolated state.
     """
-    there = recording.settings.drive
-    if not there or not run.drives:
+    columns = recording.settings.drive
+    if not columns or not run.drives:
         return None
-    missing = [drive.joint for drive in run.drives if drive.joint not in there]
+    missing = [drive.joint for drive in run.drives if drive.joint not in columns]
     wrong = (
         f"drive: no columns for joint {missing[0]!r}; give all drives or none"
         if missing
@@ -252,12 +252,12 @@ def recorded_drive(
     nearest = nearest_rows(run.x, recording.rows)
     value, rate, acceleration = (
         np.array([recording.curves[f"drive.{drive.joint}.{key}"][nearest] for drive in run.drives])
-        for key in PARTS
+        for key in DRIVE_PARTS
     )
     return value, rate, acceleration
 
 
-def words(recording: Recording, uncertainty: Mapping[str, Array]) -> str:
+def describe_source(recording: Recording, uncertainty: Mapping[str, Array]) -> str:
     """A sentence on the source of the curves and the error of their interpolation."""
     head = f"recorded in {recording.table.file.name}, {len(recording.table.rows)} rows"
     if not uncertainty:

@@ -21,59 +21,79 @@ from typing import Any, TypeVar
 import mujoco
 from rich.table import Table
 
-from proofmass.command import answering, errors
+from proofmass.command import error_console, exit_on_error
 from proofmass.errors import InputError
-from proofmass.fingerprint import saved
-from proofmass.sim.mjcf import NATIVE
+from proofmass.fingerprint import bytes_of_model
+from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol import Curves, Run
-from proofmass.studies.diet.edits import EditedModel, read, write
+from proofmass.studies.diet.edits import EditedModel, read_model, write_model
 from proofmass.studies.diet.options import (
-    CLOCKED,
-    COUNTED,
-    DRAWN,
-    ORDERS,
+    COUNTED_OPTIONS,
+    DRAWN_GEOM,
+    OPTION_ORDERS,
+    TIMED_OPTIONS,
     Feature,
-    Rungs,
-    features,
-    integrators,
-    stepped,
-    steps,
-    work,
+    OptionMaker,
+    change_integrator,
+    evaluations_per_second,
+    lengthen_step,
+    list_features,
+    stepped_runs,
 )
-from proofmass.studies.diet.scene import TIMED, DietScene, MonitoredRun, moved, scene_of, strayed
+from proofmass.studies.diet.scene import (
+    TIMED_STEPS,
+    DietScene,
+    MonitoredRun,
+    channel_changes,
+    channel_errors,
+    load_scene,
+)
 from proofmass.studies.diet.table import (
     NO_GAIN,
-    SAID,
-    WHOLE,
-    Displacements,
+    SENTENCE_KIND,
+    WHOLE_KIND,
+    ChannelChanges,
     Entry,
-    ranked,
+    format_saving,
     read_entries,
-    saving,
-    sentences,
+    sort_entries,
+    summary_sentences,
     write_entries,
 )
-from proofmass.studies.diet.trial import Cost, Pace, attempt, failure_word, paced
+from proofmass.studies.diet.trial import (
+    Cost,
+    CostComparison,
+    attempt,
+    compare_costs_isolated,
+    failed_outcome,
+)
 from proofmass.studies.measure import Measurement, measure
 from proofmass.studies.run import pool
-from proofmass.studies.store import digest, once, sources, versions
-from proofmass.terminal import console
+from proofmass.studies.store import digest, digest_of_sources, package_versions, read_or_make
+from proofmass.terminal import make_console
 from proofmass.wording import number
 
-GOES = {"harmless": "✓ goes", "drawn": "· drawn", NO_GAIN: "· no gain", "matters": "✗ matters"}
+OUTCOME_LABELS = {
+    "harmless": "✓ goes",
+    "drawn": "· drawn",
+    NO_GAIN: "· no gain",
+    "matters": "✗ matters",
+}
 """Outcomes of models that run, as the terminal shows them."""
 
 
-SLOWER = 20.0  # times the wall time of the original model, after which a run is given up
-NOT_CHEAPER = 3.0  # the same for an option, which has to be cheaper
-LEAST = 30.0  # s: no run is given up before
-ROUNDS = 15  # pairs of timed runs; the interval of their median is from the 3rd to the 13th value
-SETTLED = ("matters", "drawn")  # outcomes that are not tried again after others were removed
-ASKING = 8  # features that are tried at a time
+MAX_SLOWDOWN = 20.0  # times the wall time of the original model, after which a run is given up
+MAX_OPTION_SLOWDOWN = 3.0  # the same for an option, which has to be cheaper
+MIN_TIMEOUT = 30.0  # s: no run is given up before
+TIMING_ROUNDS = (
+    15  # pairs of timed runs; the interval of their median is from the 3rd to the 13th value
+)
+FINAL_OUTCOMES = ("matters", "drawn")  # outcomes that are not tried again after others were removed
+FEATURE_THREADS = 8  # features that are tried at a time
 T = TypeVar("T")
 TriedFeature = tuple[Feature, Entry]
-Judge = Callable[[list[mujoco.MjModel], EditedModel], tuple[str, Displacements, str]]
-Changed = tuple[EditedModel, EditedModel, Entry]
+Judge = Callable[[list[mujoco.MjModel], EditedModel], tuple[str, ChannelChanges, str]]
+ChangedOption = tuple[EditedModel, EditedModel, Entry]
 """An edited model, the same model with an option changed, and the result of the change."""
 
 
@@ -105,12 +125,12 @@ class DietStore:
         if not self.folder:
             return make()
         key = [
-            *map(saved, models),
+            *map(bytes_of_model, models),
             pickle.dumps(runs),
-            repr(versions(NATIVE)).encode(),
-            sources().encode(),
+            repr(package_versions(NATIVE_ENGINE)).encode(),
+            digest_of_sources().encode(),
         ]
-        return once(self.folder / f"{digest(b''.join(key))}.json", make)
+        return read_or_make(self.folder / f"{digest(b''.join(key))}.json", make)
 
 
 @dataclass(frozen=True)
@@ -158,13 +178,13 @@ def run_diet(
     from proofmass.studies.diet.page import write_diet  # matplotlib is slow to load
 
     file = output or Path("diet") / model.name
-    with answering("what was tried is kept"):
+    with exit_on_error("what was tried is kept"):
         if file.exists() and model.exists() and file.samefile(model):
             raise InputError(file, "--output", "is the model itself; give another file")
         if (table := file.with_suffix(".csv")).exists():
             read_entries(table)  # fails if the file is not the table of a diet: it is not replaced
-        scene = scene_of(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
-        with pool(jobs, dask) as workers, errors.status("starting") as status:
+        scene = load_scene(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
+        with pool(jobs, dask) as workers, error_console.status("starting") as status:
             found = DietSearch(
                 scene,
                 blind,
@@ -173,15 +193,15 @@ def run_diet(
                 store=DietStore(file.parent / "runs"),
                 progress=lambda what: status.update(what[:70]),
             ).run()
-        finish(scene, found, file)
+        write_result(scene, found, file)
     for part in result_parts(found.table):
-        console().print(part, markup=False)
+        make_console().print(part, markup=False)
     print()
     for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
         print(path)
 
 
-def finish(scene: DietScene, found: Diet, file: Path) -> None:
+def write_result(scene: DietScene, found: Diet, file: Path) -> None:
     """Write the reduced model and the table, after a trial of the model as it is written.
 
     Raises
@@ -190,10 +210,10 @@ def finish(scene: DietScene, found: Diet, file: Path) -> None:
         The written model does not give the same results, since digits were lost.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
-    half = file.with_name(f"{file.stem}.part.xml")
+    partial = file.with_name(f"{file.stem}.part.xml")
     try:
-        write(found.reduced, half, dressed=True)
-        written = read(half, found.reduced.rods)
+        write_model(found.reduced, partial, with_additions=True)
+        written = read_model(partial, found.reduced.rods)
         models = [
             written.compiled(found.reduced.segmented(w.run.rods)) for w in scene.monitored_runs
         ]
@@ -207,16 +227,16 @@ def finish(scene: DietScene, found: Diet, file: Path) -> None:
                 "",
                 f"cannot be written with all its digits: its reduced model {message or outcome}",
             )
-        write(found.reduced, half)
-        half.replace(file)
+        write_model(found.reduced, partial)
+        partial.replace(file)
     finally:
-        half.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
     write_entries(found.table, file.with_suffix(".csv"))
 
 
 def result_parts(entries: Sequence[Entry]) -> Iterator[str | Table]:
     """The parts of standard output: sentences, a table of models that run, and needed features."""
-    yield from (f"{text}\n" for text in sentences(entries))
+    yield from (f"{text}\n" for text in summary_sentences(entries))
     rows = Table(box=None, header_style="bold", pad_edge=False)
     for name in ("feature", "outcome", "time", "memory", "moves", "most of all"):
         rows.add_column(
@@ -225,9 +245,9 @@ def result_parts(entries: Sequence[Entry]) -> Iterator[str | Table]:
             no_wrap=name not in ("feature", "most of all"),
             overflow="fold",
         )
-    for entry in ranked(entries):
-        if entry.outcome in GOES:
-            rows.add_row(*cells(entry))
+    for entry in sort_entries(entries):
+        if entry.outcome in OUTCOME_LABELS:
+            rows.add_row(*result_row(entry))
     if rows.row_count:
         yield rows
         yield (
@@ -235,19 +255,19 @@ def result_parts(entries: Sequence[Entry]) -> Iterator[str | Table]:
             "where 0 is within it; moves: largest change of a channel, or with another option "
             "its error, of what is allowed"
         )
-    if needed := [e.title for e in ranked(entries) if e.outcome not in GOES]:
+    if needed := [e.title for e in sort_entries(entries) if e.outcome not in OUTCOME_LABELS]:
         yield f"\nWithout these it does not run: {'; '.join(needed)}"
 
 
-def cells(entry: Entry) -> tuple[str, ...]:
+def result_row(entry: Entry) -> tuple[str, ...]:
     """A row of the table on standard output."""
     run, channel, share = entry.worst
     saved = ("–", "–")
     if entry.costs:
-        saved = saving(entry), f"{entry.saved_memory:+.1f} KB"
+        saved = format_saving(entry), f"{entry.saved_memory:+.1f} KB"
     return (
         entry.title,
-        GOES[entry.outcome],
+        OUTCOME_LABELS[entry.outcome],
         *saved,
         number(share, 2),
         f"{channel} in {run}" if share else "",
@@ -261,7 +281,7 @@ class DietSearch:
     Attributes
     ----------
     scene : DietScene
-        The scene, from `scene_of`.
+        The scene, from `load_scene`.
     blind : bool
         Whether geoms that are only drawn are removed as well.
     rounds : int
@@ -282,7 +302,7 @@ class DietSearch:
 
     scene: DietScene
     blind: bool = False
-    rounds: int = ROUNDS
+    rounds: int = TIMING_ROUNDS
     tune: bool = True
     workers: Executor | None = None
     store: DietStore = field(default_factory=DietStore)
@@ -294,94 +314,102 @@ class DietSearch:
         if self.workers is None:
             with pool() as local:
                 return replace(self, workers=local).run()
-        reduced, left = self.scene.edited, True
-        while left:
-            there = list(features(reduced, self.scene))
-            with ThreadPoolExecutor(ASKING) as threads:
+        reduced, is_changed = self.scene.edited, True
+        while is_changed:
+            candidates = list(list_features(reduced, self.scene))
+            with ThreadPoolExecutor(FEATURE_THREADS) as threads:
                 fresh = [
                     one
-                    for each in threads.map(lambda f, d=reduced: self.explored(d, f), there)
+                    for each in threads.map(
+                        lambda f, d=reduced: self.try_with_parts(d, f), candidates
+                    )
                     for one in each
                 ]
             self.found |= {(e.kind, e.name): e for _, e in fresh}
             wanted = [feature for feature, e in fresh if e.outcome == "harmless"]
-            if left := bool(wanted):
+            if is_changed := bool(wanted):
                 reduced = self.together(reduced, wanted)
-        tune = self.tune and bool(stepped(self.scene))
-        lean, changed = self.optioned(reduced) if tune else (reduced, [])
+        tune = self.tune and bool(stepped_runs(self.scene))
+        cheapened, changed = self.optioned(reduced) if tune else (reduced, [])
         self.found |= {(e.kind, e.name): e for e in changed}
-        tuned = lean is not reduced
-        whole = self.timed(self.scene.edited, *self.tried(lean, all_of([]), tuned), tuned)
-        said = [Entry(SAID, "", SAID, message=text) for text in self.scene.said]
-        return Diet(list(self.found.values()), lean, whole, tuned, said)
+        tuned = cheapened is not reduced
+        whole = self.timed(
+            self.scene.edited, *self.tried(cheapened, combine_features([]), tuned), tuned
+        )
+        said = [Entry(SENTENCE_KIND, "", SENTENCE_KIND, message=text) for text in self.scene.said]
+        return Diet(list(self.found.values()), cheapened, whole, tuned, said)
 
     def optioned(self, reduced: EditedModel) -> tuple[EditedModel, list[Entry]]:
         """The edited model with cheaper options, and the results of all that were tried."""
-        now, changed = self.changed(reduced, COUNTED)
-        orders = ORDERS if integrators(now, self.scene) else ORDERS[:1]
-        now, more = min(
-            (self.changed(now, order) for order in orders), key=lambda way: work(way[0])
+        current, changed = self.changed(reduced, COUNTED_OPTIONS)
+        orders = OPTION_ORDERS if change_integrator(current, self.scene) else OPTION_ORDERS[:1]
+        current, more = min(
+            (self.changed(current, order) for order in orders),
+            key=lambda way: evaluations_per_second(way[0]),
         )
         entries = [self.timed(old, new, entry, True) for old, new, entry in (*changed, *more)]
-        for make in CLOCKED if self.rounds else ():
-            for rung in make(now, self.scene):
-                edited, entry = self.tried(now, rung, True)
-                entry = self.timed(now, edited, entry, True)
+        for make in TIMED_OPTIONS if self.rounds else ():
+            for rung in make(current, self.scene):
+                edited, entry = self.tried(current, rung, True)
+                entry = self.timed(current, edited, entry, True)
                 if entry.outcome == "harmless" and not (entry.saved and entry.saved[0] > 0):
                     entry = replace(entry, outcome=NO_GAIN)
                 entries.append(entry)
                 if entry.outcome == "harmless":
-                    now = edited
+                    current = edited
                     break
-        return now, entries
+        return current, entries
 
     def changed(
-        self, now: EditedModel, makers: tuple[Rungs, ...]
-    ) -> tuple[EditedModel, list[Changed]]:
+        self, current: EditedModel, makers: tuple[OptionMaker, ...]
+    ) -> tuple[EditedModel, list[ChangedOption]]:
         """The model with the first harmless option of each maker, and the results.
 
         If no option of a maker is harmless, the result of its last one is given.
         """
-        found: list[Changed] = []
+        found: list[ChangedOption] = []
         for make in makers:
             again = True
             while again:
                 again = False
-                for rung in (rungs := make(now, self.scene)):
-                    edited, entry = self.tried(now, rung, True)
+                for rung in (rungs := make(current, self.scene)):
+                    edited, entry = self.tried(current, rung, True)
                     holds = entry.outcome == "harmless"
                     if holds or rung is rungs[-1]:
-                        found.append((now, edited, entry))
+                        found.append((current, edited, entry))
                     if holds:
-                        now, again = edited, make is steps  # a still longer step may be harmless
+                        current, again = (
+                            edited,
+                            make is lengthen_step,
+                        )  # a still longer step may be harmless
                         break
-        return now, found
+        return current, found
 
-    def explored(self, now: EditedModel, feature: Feature) -> list[TriedFeature]:
+    def try_with_parts(self, current: EditedModel, feature: Feature) -> list[TriedFeature]:
         """The results of a feature, or of its parts if it cannot be removed as a whole."""
         last = self.found.get((feature.kind, feature.name))
-        if last and last.outcome in SETTLED:
+        if last and last.outcome in FINAL_OUTCOMES:
             return []
-        edited, entry = self.tried(now, feature)
+        edited, entry = self.tried(current, feature)
         if entry.outcome != "harmless" and feature.parts:
-            return [one for part in feature.parts for one in self.explored(now, part)]
-        if entry.outcome == "harmless" and feature.kind == DRAWN and not self.blind:
+            return [one for part in feature.parts for one in self.try_with_parts(current, part)]
+        if entry.outcome == "harmless" and feature.kind == DRAWN_GEOM and not self.blind:
             entry = replace(entry, outcome="drawn")
-        return [(feature, self.timed(now, edited, entry))]
+        return [(feature, self.timed(current, edited, entry))]
 
-    def together(self, now: EditedModel, wanted: list[Feature]) -> EditedModel:
+    def together(self, current: EditedModel, wanted: list[Feature]) -> EditedModel:
         """An edited model without the features, or without those that can be removed in turn."""
-        edited, entry = self.tried(now, all_of(wanted))
+        edited, entry = self.tried(current, combine_features(wanted))
         if entry.outcome == "harmless":
             return edited
         for feature in wanted:
-            edited, entry = self.tried(now, feature)
+            edited, entry = self.tried(current, feature)
             if entry.outcome == "harmless":
-                now = edited
-        return now
+                current = edited
+        return current
 
     def tried(
-        self, now: EditedModel, feature: Feature, tuned: bool = False
+        self, current: EditedModel, feature: Feature, tuned: bool = False
     ) -> tuple[EditedModel, Entry]:
         """An edited model without a feature, and its result in the runs of the scene.
 
@@ -389,12 +417,12 @@ class DietSearch:
         """
         self.progress(f"{feature.kind} {feature.name}")
         try:
-            edited = now.without(feature.cut)
+            edited = current.without(feature.cut)
             models = [
                 edited.compiled(monitored.run.rods) for monitored in self.scene.monitored_runs
             ]
         except (ValueError, mujoco.FatalError) as error:
-            return now, Entry(
+            return current, Entry(
                 feature.kind,
                 feature.name,
                 "needed",
@@ -406,7 +434,9 @@ class DietSearch:
         ]
         judge: Judge = self.judge_errors if tuned else self.judge_changes
         runs = (
-            [*monitored_runs, *map(key_of, self.scene.monitored_runs)] if tuned else monitored_runs
+            [*monitored_runs, *map(reference_key, self.scene.monitored_runs)]
+            if tuned
+            else monitored_runs
         )
         outcome, shares, message = self.store.once(models, runs, lambda: judge(models, edited))
         return edited, Entry(
@@ -415,7 +445,7 @@ class DietSearch:
 
     def judge_changes(
         self, models: list[mujoco.MjModel], edited: EditedModel
-    ) -> tuple[str, Displacements, str]:
+    ) -> tuple[str, ChannelChanges, str]:
         """Outcome, message, and changes of the channels of compiled models in the scene's runs.
 
         There is one compiled model for each run; its changes are shares of what is allowed.
@@ -424,25 +454,25 @@ class DietSearch:
         return self.judged(
             models,
             edited,
-            SLOWER,
+            MAX_SLOWDOWN,
             lambda monitored: monitored.run,
-            lambda monitored, curves: moved(monitored, curves, optional),
+            lambda monitored, curves: channel_changes(monitored, curves, optional),
         )
 
     def judge_errors(
         self, models: list[mujoco.MjModel], edited: EditedModel
-    ) -> tuple[str, Displacements, str]:
+    ) -> tuple[str, ChannelChanges, str]:
         """The same with errors instead of changes, in runs that have a reference."""
         optional = set() if edited.monitored else edited.probes
         return self.judged(
             models,
             edited,
-            NOT_CHEAPER,
+            MAX_OPTION_SLOWDOWN,
             lambda monitored: monitored.bound.run if monitored.bound else monitored.run,
             lambda monitored, curves: (
-                strayed(monitored, curves)
+                channel_errors(monitored, curves)
                 if monitored.bound
-                else moved(monitored, curves, optional)
+                else channel_changes(monitored, curves, optional)
             ),
         )
 
@@ -453,72 +483,74 @@ class DietSearch:
         slower: float,
         run_of: Callable[[MonitoredRun], Run],
         shares_of: Callable[[MonitoredRun, Curves], dict[str, float]],
-    ) -> tuple[str, Displacements, str]:
+    ) -> tuple[str, ChannelChanges, str]:
         """Outcome, shares of what is allowed, and message of compiled models in the scene's runs.
 
         A run is given up after `slower` times the wall time of the original model.
         """
-        shares: Displacements = {}
+        shares: ChannelChanges = {}
         for monitored, model in zip(self.scene.monitored_runs, models, strict=True):
-            curves = self.worked(
+            curves = self.call_in_worker(
                 measure,
                 attempt,
                 model,
-                rodded(run_of(monitored), edited),
-                timeout=max(LEAST, slower * monitored.before.seconds),
+                with_rods_of(run_of(monitored), edited),
+                timeout=max(MIN_TIMEOUT, slower * monitored.before.seconds),
             )
             if isinstance(curves, Measurement):
-                return failure_word(curves), shares, curves.message
+                return failed_outcome(curves), shares, curves.message
             shares[monitored.name] = shares_of(monitored, curves)
         same = all(share <= 1 for each in shares.values() for share in each.values())
         return "harmless" if same else "matters", shares, ""
 
     def timed(
-        self, now: EditedModel, edited: EditedModel, entry: Entry, tuned: bool = False
+        self, current: EditedModel, edited: EditedModel, entry: Entry, tuned: bool = False
     ) -> Entry:
         """The entry with the costs of both models, in time and memory, if the edited one runs."""
-        if entry.outcome not in ("harmless", *SETTLED) or not self.rounds:
+        if entry.outcome not in ("harmless", *FINAL_OUTCOMES) or not self.rounds:
             return entry
         monitored = self.scene.longest
         run = monitored.shortened(
-            monitored.bound.run if tuned and monitored.bound else monitored.run, TIMED
+            monitored.bound.run if tuned and monitored.bound else monitored.run, TIMED_STEPS
         )
         run = replace(run, rods=edited.segmented(monitored.run.rods))
-        models = [d.compiled(monitored.run.rods) for d in (now, edited)]
-        limit = self.rounds * SLOWER * max(LEAST, monitored.before.seconds)
+        models = [d.compiled(monitored.run.rods) for d in (current, edited)]
+        limit = self.rounds * MAX_SLOWDOWN * max(MIN_TIMEOUT, monitored.before.seconds)
         found = self.store.once(
             models,
             (run, self.rounds),
-            lambda: asdict(self.worked(paced, tuple(models), run, self.rounds, limit)),
+            lambda: asdict(
+                self.call_in_worker(compare_costs_isolated, tuple(models), run, self.rounds, limit)
+            ),
         )
         one, two = (Cost(**cost) for cost in found["costs"])
         low, middle, high = found["saved"]
-        pace = Pace((one, two), (low, middle, high))
+        pace = CostComparison((one, two), (low, middle, high))
         return replace(entry, costs=pace.costs, saved=pace.saved)
 
-    def worked(self, what: Callable[..., T], *args: Any, **more: Any) -> T:
+    def call_in_worker(self, what: Callable[..., T], *args: Any, **more: Any) -> T:
         """Call a function in a worker, or here if there are no workers."""
         if self.workers is None:
             return what(*args, **more)
         return self.workers.submit(what, *args, **more).result()
 
 
-def all_of(wanted: list[Feature]) -> Feature:
+def combine_features(wanted: list[Feature]) -> Feature:
     """One feature that removes several features."""
 
     def cut(edited: EditedModel) -> None:
         for feature in wanted:
             feature.cut(edited)
 
-    return Feature(WHOLE, "", cut)
+    return Feature(WHOLE_KIND, "", cut)
 
 
-def rodded(run: Run, edited: EditedModel) -> Run:
+def with_rods_of(run: Run, edited: EditedModel) -> Run:
     """A run with its rods in as many segments as they have in an edited model."""
     return replace(run, rods=edited.segmented(run.rods))
 
 
-def key_of(monitored: MonitoredRun) -> object:
+def reference_key(monitored: MonitoredRun) -> object:
     """All that a run's errors depend on besides its model, such that it always pickles alike."""
     if (bound := monitored.bound) is None:
         return None

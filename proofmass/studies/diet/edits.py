@@ -24,14 +24,14 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.errors import InputError, in_model, suggest
-from proofmass.files import write_whole
+from proofmass.errors import InputError, model_error, suggest_names
+from proofmass.files import write_atomically
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
 Cut = Callable[["EditedModel"], None]
-NAMED = (
+NAMED_LISTS = (
     "bodies",
     "joints",
     "geoms",
@@ -48,24 +48,28 @@ NAMED = (
     "textures",
     "keys",
 )
-JOINT, S, OBJ = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
-PROBES = {  # sensors that are added for each kind of joint, at the joint or at its body
-    JOINT.mjJNT_HINGE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
-    JOINT.mjJNT_SLIDE: (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL),
-    JOINT.mjJNT_BALL: (S.mjSENS_FRAMEQUAT, S.mjSENS_FRAMEANGVEL),
-    JOINT.mjJNT_FREE: (
-        S.mjSENS_FRAMEPOS,
-        S.mjSENS_FRAMEQUAT,
-        S.mjSENS_FRAMELINVEL,
-        S.mjSENS_FRAMEANGVEL,
+JointType, SensorType, ObjectType = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtObj
+JOINT_SENSORS = {  # sensors that are added for each kind of joint, at the joint or at its body
+    JointType.mjJNT_HINGE: (SensorType.mjSENS_JOINTPOS, SensorType.mjSENS_JOINTVEL),
+    JointType.mjJNT_SLIDE: (SensorType.mjSENS_JOINTPOS, SensorType.mjSENS_JOINTVEL),
+    JointType.mjJNT_BALL: (SensorType.mjSENS_FRAMEQUAT, SensorType.mjSENS_FRAMEANGVEL),
+    JointType.mjJNT_FREE: (
+        SensorType.mjSENS_FRAMEPOS,
+        SensorType.mjSENS_FRAMEQUAT,
+        SensorType.mjSENS_FRAMELINVEL,
+        SensorType.mjSENS_FRAMEANGVEL,
     ),
 }
 
 
-FRAME = PROBES[JOINT.mjJNT_FREE]
-MONITORED = {"joints": "joint", "bodies": "body", "sites": "site", "sensors": "sensor"}
+FRAME_SENSORS = JOINT_SENSORS[JointType.mjJNT_FREE]
+MONITORED_LISTS = {"joints": "joint", "bodies": "body", "sites": "site", "sensors": "sensor"}
 """Lists of the spec whose elements can be monitored by name, and the word for one element."""
-READ_AS = {"joints": OBJ.mjOBJ_JOINT, "bodies": OBJ.mjOBJ_XBODY, "sites": OBJ.mjOBJ_SITE}
+SENSOR_OBJECT_TYPES = {
+    "joints": ObjectType.mjOBJ_JOINT,
+    "bodies": ObjectType.mjOBJ_XBODY,
+    "sites": ObjectType.mjOBJ_SITE,
+}
 
 
 class EditedModel:
@@ -111,12 +115,14 @@ class EditedModel:
         self.source, self.monitored = (file, rods, probing), monitored
         self.alone = Lock()  # MuJoCo crashes if two threads compile the same spec
         self.spec = mujoco.MjSpec.from_file(str(file))
-        self.given = {(kind, name) for kind in NAMED for name in unnamed(self.spec, kind)}
+        self.given = {
+            (kind, name) for kind in NAMED_LISTS for name in name_unnamed(self.spec, kind)
+        }
         self.probes = set[str]()
         if monitored:
-            self.probes = set(probes_of(self.spec, monitored)) if probing else set()
+            self.probes = set(add_monitored_sensors(self.spec, monitored)) if probing else set()
         elif probing and not self.spec.sensors:
-            self.probes = set(probes(self.spec))
+            self.probes = set(add_joint_sensors(self.spec))
         if not rods:
             self.spec.compile()  # so that MuJoCo removes the values of deleted joints from the keys
         self.cuts: tuple[Cut, ...] = ()
@@ -167,14 +173,14 @@ class EditedModel:
     def drop(self, kind: str, name: str) -> None:
         """Delete an element, and the added sensors that read it, unless it was removed before."""
         if element := self.find(kind, name):
-            word = READ_AS.get(kind)
+            word = SENSOR_OBJECT_TYPES.get(kind)
             for sensor in list(self.spec.sensors):
                 if sensor.name in self.probes and (sensor.objtype, sensor.objname) == (word, name):
                     self.spec.delete(sensor)
             self.spec.delete(element)
 
 
-def read(
+def read_model(
     file: Path, rods: tuple[Rod, ...] = (), probing: bool = False, monitored: tuple[str, ...] = ()
 ) -> EditedModel:
     """Read a model from a file, without edits.
@@ -191,31 +197,32 @@ def read(
         compile_model(file, rods)
         edited = EditedModel(file, rods, probing, (), monitored)
     except BadModel as error:
-        raise in_model(file, error) from None
-    there = names(edited.spec)
+        raise model_error(file, error) from None
+    known_names = monitorable_names(edited.spec)
     for name in monitored:
-        if name not in there:
+        if name not in known_names:
             raise InputError(
                 file,
                 "--watch",
-                f"no joint, body, site or sensor is called {name!r}; {suggest(name, there)}",
+                f"no joint, body, site or sensor is called {name!r}; "
+                f"{suggest_names(name, known_names)}",
             )
     return edited
 
 
-def names(spec: mujoco.MjSpec) -> list[str]:
+def monitorable_names(spec: mujoco.MjSpec) -> list[str]:
     """The names of all elements that can be monitored."""
     return list(
         dict.fromkeys(
             e.name
-            for kind in MONITORED
+            for kind in MONITORED_LISTS
             for e in getattr(spec, kind)
             if (kind, e.name) != ("bodies", "world")
         )
     )
 
 
-def unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
+def name_unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
     """Give names to the elements of a list that have none, and yield these names."""
     taken = {element.name for element in getattr(spec, kind)}
     for k, element in enumerate(getattr(spec, kind)):
@@ -229,43 +236,47 @@ def unnamed(spec: mujoco.MjSpec, kind: str) -> Iterator[str]:
             yield name
 
 
-def probes(spec: mujoco.MjSpec) -> Iterator[str]:
+def add_joint_sensors(spec: mujoco.MjSpec) -> Iterator[str]:
     """Add sensors at every joint, and yield their names."""
     for joint in spec.joints:
-        scalar = joint.type in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE)
-        for kind in PROBES[joint.type]:
+        scalar = joint.type in (JointType.mjJNT_HINGE, JointType.mjJNT_SLIDE)
+        for kind in JOINT_SENSORS[joint.type]:
             name = f"{joint.name} {kind.name[7:].lower()}"
             spec.add_sensor(
                 name=name,
                 type=kind,
-                objtype=OBJ.mjOBJ_JOINT if scalar else OBJ.mjOBJ_XBODY,
+                objtype=ObjectType.mjOBJ_JOINT if scalar else ObjectType.mjOBJ_XBODY,
                 objname=joint.name if scalar else joint.parent.name,
             )
             yield name
 
 
-def probes_of(spec: mujoco.MjSpec, monitored: tuple[str, ...]) -> Iterator[str]:
+def add_monitored_sensors(spec: mujoco.MjSpec, monitored: tuple[str, ...]) -> Iterator[str]:
     """Add sensors at the joints, bodies and sites with these names, and yield the sensors' names.
 
     The sensors of a joint read its value and its rate, those of a body or a site its position, its
     orientation and both velocities.
     """
-    for kind, word in MONITORED.items():
-        for element in [e for e in getattr(spec, kind) if e.name in monitored and kind in READ_AS]:
-            read, what, name = READ_AS[kind], FRAME, element.name
+    for kind, word in MONITORED_LISTS.items():
+        for element in [
+            e for e in getattr(spec, kind) if e.name in monitored and kind in SENSOR_OBJECT_TYPES
+        ]:
+            read, what, name = SENSOR_OBJECT_TYPES[kind], FRAME_SENSORS, element.name
             if kind == "joints":
-                what = PROBES[element.type]
-                if element.type in (JOINT.mjJNT_BALL, JOINT.mjJNT_FREE):
-                    read, name = OBJ.mjOBJ_XBODY, element.parent.name
+                what = JOINT_SENSORS[element.type]
+                if element.type in (JointType.mjJNT_BALL, JointType.mjJNT_FREE):
+                    read, name = ObjectType.mjOBJ_XBODY, element.parent.name
             for sensor in what:
                 probe = f"{word} {element.name} {sensor.name[7:].lower()}"
                 spec.add_sensor(name=probe, type=sensor, objtype=read, objname=name)
                 yield probe
 
 
-GEOM = mujoco.mjtGeom
-AUTO = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO  # only for bodies without a given inertia
-ROUNDING = 1e-9  # deviation of a key from a plane that is only rounding
+GeomType = mujoco.mjtGeom
+INERTIA_AUTO = (
+    mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+)  # only for bodies without a given inertia
+PLANE_ROUNDING = 1e-9  # deviation of a key from a plane that is only rounding
 
 
 def switch_off(edited: EditedModel, bit: int) -> None:
@@ -278,19 +289,19 @@ def set_option(edited: EditedModel, name: str, value: float) -> None:
     setattr(edited.spec.option, name, value)
 
 
-def masks_off(edited: EditedModel, name: str) -> None:
+def disable_contacts(edited: EditedModel, name: str) -> None:
     """Set the masks of a geom so that it collides with nothing."""
     if geom := edited.find("geoms", name):
         geom.contype = geom.conaffinity = 0
 
 
-def unlimit(edited: EditedModel, name: str) -> None:
+def remove_limits(edited: EditedModel, name: str) -> None:
     """Remove the limits of a joint."""
     if joint := edited.find("joints", name):
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
-def flatten(edited: EditedModel, name: str) -> None:
+def remove_material(edited: EditedModel, name: str) -> None:
     """Delete a material; geoms and sites that are made of it keep its colour.
 
     Raises
@@ -314,48 +325,48 @@ def flatten(edited: EditedModel, name: str) -> None:
     edited.spec.delete(material)
 
 
-def undraw(edited: EditedModel, name: str) -> None:
+def remove_drawn_geom(edited: EditedModel, name: str) -> None:
     """Delete a geom that collides with nothing; its body keeps the inertia of the geom."""
     if geom := edited.find("geoms", name):
-        weigh(edited, geom.parent)
+        fix_inertia(edited, geom.parent)
         edited.spec.delete(geom)
 
 
-def enclose(edited: EditedModel, name: str) -> None:
+def replace_mesh_by_box(edited: EditedModel, name: str) -> None:
     """Replace a mesh by the box with the same inertia, which the compiler fits to the mesh."""
     geom = edited.find("geoms", name)
-    if geom is None or geom.type != GEOM.mjGEOM_MESH:
+    if geom is None or geom.type != GeomType.mjGEOM_MESH:
         return
-    weigh(edited, geom.parent)
-    geom.type = GEOM.mjGEOM_BOX
+    fix_inertia(edited, geom.parent)
+    geom.type = GeomType.mjGEOM_BOX
     fitted = edited.compiled().geom(name)
     geom.meshname, geom.fromto = "", [np.nan] * 6
     geom.size, geom.pos, geom.quat = fitted.size, fitted.pos, fitted.quat
     geom.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
 
 
-def weigh(edited: EditedModel, body: mujoco._specs.MjsBody) -> None:
+def fix_inertia(edited: EditedModel, body: mujoco._specs.MjsBody) -> None:
     """Give a body explicitly the inertia that the compiler computes from its geoms.
 
     If the compiler does so even for bodies whose inertia is given, all bodies get theirs.
     """
     compiler, model = edited.spec.compiler, edited.compiled()
-    by_rule = compiler.inertiafromgeom != AUTO or compiler.settotalmass > 0
+    by_rule = compiler.inertiafromgeom != INERTIA_AUTO or compiler.settotalmass > 0
     for one in edited.spec.bodies[1:] if by_rule else [body]:
         if one.name == "world" or (one.explicitinertial and not by_rule):
             continue
         found = model.body(one.name)
         one.explicitinertial, one.mass = True, found.mass[0]
         one.ipos, one.iquat, one.inertia = found.ipos, found.iquat, found.inertia
-    compiler.inertiafromgeom, compiler.settotalmass = AUTO, -1
+    compiler.inertiafromgeom, compiler.settotalmass = INERTIA_AUTO, -1
 
 
-def coarser(edited: EditedModel, share: int) -> None:
+def divide_segments(edited: EditedModel, share: int) -> None:
     """Divide the number of segments of every rod by a factor."""
     edited.share = share
 
 
-def planar(edited: EditedModel, name: str, normal: Array) -> None:
+def make_planar(edited: EditedModel, name: str, normal: Array) -> None:
     """Replace a free joint by two slides and a hinge, or a ball joint by a hinge, in a plane.
 
     The hinge turns about `normal`, which is given in the frame of the world.
@@ -368,49 +379,62 @@ def planar(edited: EditedModel, name: str, normal: Array) -> None:
     joint = edited.find("joints", name)
     if joint is None:
         return
-    before, body, free = edited.compiled(), joint.parent, joint.type == JOINT.mjJNT_FREE
+    before, body, free = edited.compiled(), joint.parent, joint.type == JointType.mjJNT_FREE
     data = mujoco.MjData(before)
     mujoco.mj_kinematics(before, data)
-    turn = data.body(body.name).xmat.reshape(3, 3)
-    axis = turn.T @ normal
-    one = turn.T @ np.roll(normal, 1)
+    rotation = data.body(body.name).xmat.reshape(3, 3)
+    axis = rotation.T @ normal
+    one = rotation.T @ np.roll(normal, 1)
     across = [one, np.cross(axis, one)] if free else []
-    poses = [flat_pose(before, key, joint, np.array([*across, axis])) for key in range(before.nkey)]
+    poses = [
+        planar_pose(before, key, joint, np.array([*across, axis])) for key in range(before.nkey)
+    ]
     edited.drop("joints", name)
     added = []
-    for k, way in enumerate(across):
-        body.add_joint(name=f"{name} {k + 1}", type=JOINT.mjJNT_SLIDE, axis=way)
+    for k, direction in enumerate(across):
+        body.add_joint(name=f"{name} {k + 1}", type=JointType.mjJNT_SLIDE, axis=direction)
         added.append(f"{name} {k + 1}")
-    body.add_joint(name=f"{name} 0", type=JOINT.mjJNT_HINGE, axis=axis)
+    body.add_joint(name=f"{name} 0", type=JointType.mjJNT_HINGE, axis=axis)
     added.append(f"{name} 0")
-    fill(edited, added, poses)
+    set_key_values(edited, added, poses)
 
 
-def flat_pose(model: mujoco.MjModel, key: int, joint: object, axes: Array) -> tuple[Array, Array]:
+def planar_pose(model: mujoco.MjModel, key: int, joint: object, axes: Array) -> tuple[Array, Array]:
     """Values and rates of slides and hinge that replace a free joint or a ball joint in a key."""
-    there = model.joint(joint.name)  # type: ignore[attr-defined]
-    pose = model.key_qpos[key, there.qposadr[0] :]
-    speed = model.key_qvel[key, there.dofadr[0] :]
-    zero, spin = model.qpos0[there.qposadr[0] :], speed[:3]
-    place, pace, shift = np.zeros(3), np.zeros(3), 0
-    turn = np.zeros(9)
+    joint_data = model.joint(joint.name)  # type: ignore[attr-defined]
+    pose = model.key_qpos[key, joint_data.qposadr[0] :]
+    speed = model.key_qvel[key, joint_data.dofadr[0] :]
+    zero, spin = model.qpos0[joint_data.qposadr[0] :], speed[:3]
+    place, velocity, shift = np.zeros(3), np.zeros(3), 0
+    rotation = np.zeros(9)
     if len(axes) == 3:
-        mujoco.mju_quat2Mat(turn, zero[3:7])
-        place, pace = (turn.reshape(3, 3).T @ v for v in (pose[:3] - zero[:3], speed[:3]))
+        mujoco.mju_quat2Mat(rotation, zero[3:7])
+        place, velocity = (rotation.reshape(3, 3).T @ v for v in (pose[:3] - zero[:3], speed[:3]))
         spin, shift = speed[3:6], 3
-    back, rest = np.zeros(4), np.zeros(4)
-    mujoco.mju_negQuat(back, zero[shift : shift + 4])
-    mujoco.mju_mulQuat(rest, back, pose[shift : shift + 4])
-    axis, ways = axes[-1], axes[:-1]
-    angle = 2 * np.arctan2(rest[1:] @ axis, rest[0])
-    off = [rest[1:] - (rest[1:] @ axis) * axis, spin - (spin @ axis) * axis]
-    off += [place - ways.T @ (ways @ place), pace - ways.T @ (ways @ pace)] if len(ways) else []
-    if np.abs(off).max() > ROUNDING:
+    inverse, relative = np.zeros(4), np.zeros(4)
+    mujoco.mju_negQuat(inverse, zero[shift : shift + 4])
+    mujoco.mju_mulQuat(relative, inverse, pose[shift : shift + 4])
+    axis, directions = axes[-1], axes[:-1]
+    angle = 2 * np.arctan2(relative[1:] @ axis, relative[0])
+    deviations = [relative[1:] - (relative[1:] @ axis) * axis, spin - (spin @ axis) * axis]
+    deviations += (
+        [
+            place - directions.T @ (directions @ place),
+            velocity - directions.T @ (directions @ velocity),
+        ]
+        if len(directions)
+        else []
+    )
+    if np.abs(deviations).max() > PLANE_ROUNDING:
         raise ValueError(f"key {model.key(key).name!r} leaves the plane")
-    return np.array([*(ways @ place), angle]), np.array([*(ways @ pace), spin @ axis])
+    return np.array([*(directions @ place), angle]), np.array(
+        [*(directions @ velocity), spin @ axis]
+    )
 
 
-def fill(edited: EditedModel, joints: list[str], poses: list[tuple[Array, Array]]) -> None:
+def set_key_values(
+    edited: EditedModel, joints: list[str], poses: list[tuple[Array, Array]]
+) -> None:
     """Set values and rates of new joints in all keys."""
     model = edited.compiled()
     for key, (values, rates) in zip(edited.spec.keys, poses, strict=True):
@@ -421,30 +445,30 @@ def fill(edited: EditedModel, joints: list[str], poses: list[tuple[Array, Array]
         key.qpos, key.qvel = pose, speed
 
 
-DIGITS = 17  # of a number in double precision
-FLOATS = ("rgba",)  # attributes in single precision
-NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
+DOUBLE_DIGITS = 17  # of a number in double precision
+FLOAT_ATTRIBUTES = ("rgba",)  # attributes in single precision
+NUMBER_PATTERN = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
 
 
-def write(edited: EditedModel, file: Path, dressed: bool = False) -> None:
+def write_model(edited: EditedModel, file: Path, with_additions: bool = False) -> None:
     """Write a model, with paths of its meshes and textures relative to the new file.
 
-    A model that is written `dressed` keeps the sensors and names that were added to it.
+    A model that is written `with_additions` keeps the sensors and names that were added to it.
     """
     spec = edited.again().spec
     keys = {key.name: (list(key.qpos), list(key.qvel)) for key in spec.keys}
-    if not dressed:
-        undress(edited, spec)
+    if not with_additions:
+        remove_additions(edited, spec)
     compile_with_rods(spec, edited.rods) if edited.rods else spec.compile()
     for folder in ("meshdir", "texturedir") if spec.meshes or spec.textures else ():
         place = os.path.relpath(edited.file.parent / getattr(spec, folder), file.parent)
         setattr(spec, folder, place)
-    with all_digits():
-        text = shortest(spec.to_xml())
-    write_whole(file, bare(text, edited.rods, keys) if edited.rods else text)
+    with write_all_digits():
+        text = shorten(spec.to_xml())
+    write_atomically(file, without_rods(text, edited.rods, keys) if edited.rods else text)
 
 
-def undress(edited: EditedModel, spec: mujoco.MjSpec) -> None:
+def remove_additions(edited: EditedModel, spec: mujoco.MjSpec) -> None:
     """Remove the sensors and names that were added to a spec."""
     for sensor in list(spec.sensors):
         if sensor.name in edited.probes:
@@ -456,7 +480,7 @@ def undress(edited: EditedModel, spec: mujoco.MjSpec) -> None:
 
 
 @contextmanager
-def all_digits() -> Iterator[None]:
+def write_all_digits() -> Iterator[None]:
     """Make the engine write numbers with all their digits instead of six, if it can.
 
     The function that sets the digits is private to the engine's library: the Python bindings do
@@ -476,27 +500,27 @@ def all_digits() -> Iterator[None]:
         ),
         lambda digits: None,
     )
-    switch(DIGITS)
+    switch(DOUBLE_DIGITS)
     try:
         yield
     finally:
         switch(6)
 
 
-def shortest(text: str) -> str:
+def shorten(text: str) -> str:
     """XML with every number written in as few digits as it needs.
 
-    >>> shortest('<geom rgba="0.40000000596046448 1 1 1" size="0.10000000000000001 1e-05 3"/>')
+    >>> shorten('<geom rgba="0.40000000596046448 1 1 1" size="0.10000000000000001 1e-05 3"/>')
     '<geom rgba="0.4 1 1 1" size="0.1 1e-05 3"/>'
     """
 
     def short(match: re.Match[str]) -> str:
         name, values = match.groups()
-        if not all(NUMBER.fullmatch(value) for value in values.split()):
+        if not all(NUMBER_PATTERN.fullmatch(value) for value in values.split()):
             return match[0]
         words = [
             f"{float(v):.7g}"
-            if name in FLOATS
+            if name in FLOAT_ATTRIBUTES
             else repr(float(v)).removesuffix(".0")
             if "." in v
             else v
@@ -507,7 +531,9 @@ def shortest(text: str) -> str:
     return re.sub(r'(\w+)="([^"]*)"', short, text)
 
 
-def bare(text: str, rods: tuple[Rod, ...], keys: dict[str, tuple[list[float], list[float]]]) -> str:
+def without_rods(
+    text: str, rods: tuple[Rod, ...], keys: dict[str, tuple[list[float], list[float]]]
+) -> str:
     """The MJCF text of a model that rods complete, without these rods, and with its own keys."""
     root = ElementTree.fromstring(
         text, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))

@@ -22,41 +22,57 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.check import LOADING, load
+from proofmass.check import LOADING_SECONDS, load_validated
 from proofmass.compare import allowed_error, reference_for
-from proofmass.errors import InputError, suggest
+from proofmass.errors import InputError, suggest_names
 from proofmass.files import read_text
-from proofmass.outcome import FAILURES, Outcome
-from proofmass.sim.mjcf import NATIVE, compile_model
+from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
 from proofmass.sim.protocol import BadModel, Curves, Run
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.strict import Kind
-from proofmass.studies.bounded import bounded
-from proofmass.studies.diet.edits import MONITORED, EditedModel, read
-from proofmass.studies.diet.trial import PASSIVE, attempt, by_steps, failure_word, groups
+from proofmass.studies.bounded import call_bounded
+from proofmass.studies.diet.edits import MONITORED_LISTS, EditedModel, read_model
+from proofmass.studies.diet.trial import (
+    FREE_MOTION,
+    attempt,
+    failed_outcome,
+    groups,
+    has_time_steps,
+)
 from proofmass.studies.measure import Measurement, measure
 from proofmass.wording import format_list, number
-from proofmass.worker import isolated
+from proofmass.worker import call_isolated
 
-ROUNDING = 1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
+ROUNDING_SHARE = 1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
 NUDGE = 1e-12  # [rad or m] of every joint at the start; the changes that it causes are allowed
-CHAOS = 0.1  # share of a channel's largest value; if the nudge changes it by more, it is chaotic
-FEWEST = 10  # samples before chaos that a run must have
-SAMPLES = 501
-SHARE = 0.1  # share of the difference between tolerance and error by which a channel may change
-LATEST = 600.0  # s, wall time of a run of the original model
-COMPILING = 120.0  # s, wall time of compiling, as a run has that states no limit
-FEW = 500  # steps whose iterations are counted, at most
-TIMED = 2000  # steps that are timed, at most
-BRIEF = 0.05  # s, wall time of a run that is timed or counted; it has fewer steps if they are slow
-FINER = (
+CHAOS_SHARE = (
+    0.1  # share of a channel's largest value; if the nudge changes it by more, it is chaotic
+)
+MIN_SAMPLES = 10  # samples before chaos that a run must have
+FREE_MOTION_SAMPLES = 501
+CHANGE_SHARE = (
+    0.1  # share of the difference between tolerance and error by which a channel may change
+)
+RUN_TIMEOUT = 600.0  # s, wall time of a run of the original model
+COMPILE_TIMEOUT = 120.0  # s, wall time of compiling, as a run has that states no limit
+COUNTED_STEPS = 500  # steps whose iterations are counted, at most
+TIMED_STEPS = 2000  # steps that are timed, at most
+BRIEF_SECONDS = (
+    0.05  # s, wall time of a run that is timed or counted; it has fewer steps if they are slow
+)
+STEP_DIVISORS = (
     4,
     8,
 )  # divisors of the time step in fine solutions; the last one is the reference
-FINE = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}  # other options of these
-WORSE = 0.1  # share of an error by which it may grow, if no tolerance allows more
-LONGER = 64  # steps between samples, so that steps up to so many times longer can be tried
-SPARSE = 50  # samples that must remain
+FINE_SETTINGS = {
+    "solver": "Newton",
+    "tolerance": 1e-14,
+    "iterations": 100,
+}  # other options of these
+ERROR_GROWTH = 0.1  # share of an error by which it may grow, if no tolerance allows more
+MAX_STRIDE = 64  # steps between samples, so that steps up to so many times longer can be tried
+MIN_THINNED_SAMPLES = 50  # samples that must remain
 
 
 @dataclass(frozen=True)
@@ -85,7 +101,7 @@ class Bound:
         reference = (
             self.reference
             if self.case is None
-            else bounded(
+            else call_bounded(
                 self.case,
                 cast(Kind, self.run.kind),
                 reference_for,
@@ -131,11 +147,11 @@ class MonitoredRun:
 
     @property
     def brief(self) -> Run:
-        """The first samples, `FEW` steps or `BRIEF` of wall time, two at least."""
+        """At least two samples: `COUNTED_STEPS` steps or `BRIEF_SECONDS` of wall time."""
         return self.shortened(self.run)
 
-    def shortened(self, run: Run, few: int = FEW) -> Run:
-        """The first samples of a run, with `few` steps or `BRIEF` of wall time.
+    def shortened(self, run: Run, most_steps: int = COUNTED_STEPS) -> Run:
+        """The first samples of a run, with `most_steps` steps or `BRIEF_SECONDS` of wall time.
 
         There are at least two.  The run is this one, or that of its bound.
         """
@@ -143,8 +159,10 @@ class MonitoredRun:
         samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
         stride = max(1, self.before.steps // samples)
         if self.before.seconds > 0 and self.before.steps:
-            few = min(few, int(BRIEF * self.before.steps / self.before.seconds))
-        return replace(run, x=run.x[: max(2, few // stride)])
+            most_steps = min(
+                most_steps, int(BRIEF_SECONDS * self.before.steps / self.before.seconds)
+            )
+        return replace(run, x=run.x[: max(2, most_steps // stride)])
 
 
 @dataclass(frozen=True)
@@ -174,10 +192,10 @@ class DietScene:
     @property
     def longest(self) -> MonitoredRun:
         """The run with the longest wall time, of those with time steps if there are any."""
-        return max(self.monitored_runs, key=lambda w: (by_steps(w.run), w.before.seconds))
+        return max(self.monitored_runs, key=lambda w: (has_time_steps(w.run), w.before.seconds))
 
 
-def scene_of(
+def load_scene(
     file: Path, seconds: float, monitored: tuple[str, ...] = (), error: float | None = None
 ) -> DietScene:
     """The scene of a model, with the sidecars in its folder that are about it.
@@ -205,22 +223,26 @@ def scene_of(
         raise InputError(
             file, "--error", f"{error:g} is no share of a range; give a number such as 1e-4"
         )
-    cases = list(sidecars(file)) if file.is_file() else []
+    cases = list(load_sidecars(file)) if file.is_file() else []
     if not cases:
-        compile_elsewhere(file)
+        compile_in_worker(file)
     runs = [
         (case, kind, solver)
         for case in cases
         for kind in case.run
-        for solver in solvers_of(case, kind)
+        for solver in mujoco_solvers(case, kind)
     ]
-    edited = read(file, next((case.rods for case in cases), ()), not runs, monitored)
+    edited = read_model(file, next((case.rods for case in cases), ()), not runs, monitored)
     if not runs:
-        let = let_go(file, edited, seconds)
-        keys = {let.run.start, *(case.start for case in cases)} - {""}
-        held, why = with_fine_solution(file, edited, let, error)
+        free_motion = monitor_free_motion(file, edited, seconds)
+        keys = {free_motion.run.start, *(case.start for case in cases)} - {""}
+        with_reference, why = with_fine_solution(file, edited, free_motion, error)
         return DietScene(
-            edited, (held,), own_sensors(edited), keys, (*watched_words(edited, let), why)
+            edited,
+            (with_reference,),
+            monitored_sensors(edited),
+            keys,
+            (*describe_monitored(edited, free_motion), why),
         )
     if error is not None:
         raise InputError(
@@ -229,20 +251,23 @@ def scene_of(
             "its sidecar states what an error may be; change its tolerances, or leave --error out",
         )
     monitored_runs = [
-        monitored_run(case, plan(case, kind, solver), solver, edited) for case, kind, solver in runs
+        monitor_run(case, plan_run(case, kind, solver), solver, edited)
+        for case, kind, solver in runs
     ]
     sensors = {name.partition(".")[0] for case in cases for name in case.channels}
     words = "Monitored: the channels of the sidecars, in their runs."
     if monitored:
-        read_by = sensors_of(edited, monitored)
-        monitored_runs = [only(w, read_by) for w in monitored_runs if reads(w, read_by)]
+        read_by = sensors_at(edited, monitored)
+        monitored_runs = [
+            keep_channels(w, read_by) for w in monitored_runs if channels_of_sensors(w, read_by)
+        ]
         if not monitored_runs:
-            there = dict.fromkeys(n for w in runs for n in w[0].channels)
+            known_channels = dict.fromkeys(n for w in runs for n in w[0].channels)
             raise InputError(
                 file,
                 "--watch",
                 f"no channel of the sidecars reads {format_list(monitored)}; "
-                f"{suggest(monitored[0], there, 'their channels')}",
+                f"{suggest_names(monitored[0], known_channels, 'their channels')}",
             )
         sensors &= read_by
         words = (
@@ -262,12 +287,12 @@ def scene_of(
     )
 
 
-def sensors_of(edited: EditedModel, monitored: Collection[str]) -> set[str]:
+def sensors_at(edited: EditedModel, monitored: Collection[str]) -> set[str]:
     """The sensors and rods with these names, and the sensors at elements with these names."""
     return {*monitored, *(s.name for s in edited.spec.sensors if s.objname in monitored)}
 
 
-def own_sensors(edited: EditedModel) -> set[str] | None:
+def monitored_sensors(edited: EditedModel) -> set[str] | None:
     """The sensors that are monitored in a model without sidecars; None if all are."""
     if not edited.monitored:
         return None
@@ -276,14 +301,14 @@ def own_sensors(edited: EditedModel) -> set[str] | None:
     }
 
 
-def reads(monitored: MonitoredRun, sensors: set[str]) -> list[str]:
+def channels_of_sensors(monitored: MonitoredRun, sensors: set[str]) -> list[str]:
     """The channels of a run that these sensors measure."""
     return [name for name in monitored.allowed if name.partition(".")[0] in sensors]
 
 
-def only(monitored: MonitoredRun, sensors: set[str]) -> MonitoredRun:
+def keep_channels(monitored: MonitoredRun, sensors: set[str]) -> MonitoredRun:
     """A run of which only the channels of these sensors are monitored."""
-    names = reads(monitored, sensors)
+    names = channels_of_sensors(monitored, sensors)
     run = replace(monitored.run, channels=tuple(names))
     bound = monitored.bound and replace(
         monitored.bound, run=run, allowed={n: monitored.bound.allowed[n] for n in names}
@@ -297,11 +322,11 @@ def only(monitored: MonitoredRun, sensors: set[str]) -> MonitoredRun:
     )
 
 
-def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]:
+def describe_monitored(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]:
     """Sentences on what is monitored of a model without sidecars, and on its independent groups."""
     named = [
         f"{word} {e.name}"
-        for kind, word in MONITORED.items()
+        for kind, word in MONITORED_LISTS.items()
         for e in getattr(edited.spec, kind)
         if e.name in edited.monitored and e.name not in edited.probes
     ]
@@ -324,7 +349,7 @@ def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]
             " so only its change counts; what does not move adds nothing to it."
         )
     try:
-        found = isolated(groups, edited.compiled(), monitored.run, timeout=LATEST)
+        found = call_isolated(groups, edited.compiled(), monitored.run, timeout=RUN_TIMEOUT)
     except Exception:  # without the groups there is no sentence on them
         return
     if len(found) < 2 or edited.monitored:
@@ -338,29 +363,29 @@ def watched_words(edited: EditedModel, monitored: MonitoredRun) -> Iterator[str]
     )
 
 
-def solvers_of(case: Case, kind: Kind) -> list[str]:
+def mujoco_solvers(case: Case, kind: Kind) -> list[str]:
     """The MuJoCo settings of a run, without the engine's defaults and those with flexes."""
     return [
         s
         for s in case.run[kind].solvers
-        if s.partition(":")[0] == NATIVE
-        and s != f"{NATIVE}:default"
+        if s.partition(":")[0] == NATIVE_ENGINE
+        and s != f"{NATIVE_ENGINE}:default"
         and not case.settings.get(s, {}).get("flex")
     ]
 
 
-def sidecars(file: Path) -> Iterator[Case]:
+def load_sidecars(file: Path) -> Iterator[Case]:
     """The cases in the model's folder that are about it; each file is read in a worker."""
     for path in sorted(file.parent.glob("*.toml")):
         try:
-            named = isolated(model_named, path, timeout=LOADING)
-        except tuple(FAILURES):  # then the sidecar counts by its own name
+            named = call_isolated(model_of_sidecar, path, timeout=LOADING_SECONDS)
+        except tuple(OUTCOME_OF_EXCEPTION):  # then the sidecar counts by its own name
             named = path.stem + ".xml"
         if named == file.name:
-            yield load(path, strict=True)
+            yield load_validated(path, strict=True)
 
 
-def model_named(path: Path) -> str:
+def model_of_sidecar(path: Path) -> str:
     """The model file that a sidecar names; that of its own name if it names none or is broken."""
     own = path.stem + ".xml"
     try:
@@ -369,7 +394,7 @@ def model_named(path: Path) -> str:
         return own
 
 
-def compile_elsewhere(file: Path) -> None:
+def compile_in_worker(file: Path) -> None:
     """Compile a model without a sidecar in a worker, before it is compiled in this process.
 
     Raises
@@ -378,12 +403,12 @@ def compile_elsewhere(file: Path) -> None:
         Compiling takes too long or too much memory.
     """
     try:
-        isolated(compiles, file, timeout=COMPILING)
-    except tuple(FAILURES) as error:
+        call_isolated(can_compile, file, timeout=COMPILE_TIMEOUT)
+    except tuple(OUTCOME_OF_EXCEPTION) as error:
         raise InputError(file, "", f"cannot be compiled: {error}") from None
 
 
-def compiles(file: Path) -> bool:
+def can_compile(file: Path) -> bool:
     """Whether MuJoCo compiles a model; the reason is reported where the model is read."""
     try:
         return compile_model(file) is not None
@@ -391,24 +416,29 @@ def compiles(file: Path) -> bool:
         return False
 
 
-def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> MonitoredRun:
+def monitor_run(case: Case, run: Run, solver: str, edited: EditedModel) -> MonitoredRun:
     """A run of a case, with the allowed changes and errors of its channels.
 
     A channel may change by a share of the difference between its tolerance and its error, or by
     rounding if it has no tolerance, or an error beyond it.
     """
-    before = done(case.model_path, edited.compiled(run.rods), run)
+    before = run_original(case.model_path, edited.compiled(run.rods), run)
     kind = cast(Kind, run.kind)
-    reference = bounded(case, kind, reference_for, case, kind, before).channels
+    reference = call_bounded(case, kind, reference_for, case, kind, before).channels
     allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
-        most = allowed_error(case, run.kind, solver, name, before, reference[name])
+        tolerance = allowed_error(case, run.kind, solver, name, before, reference[name])
         error = float(np.abs(curve - reference[name]).max())
-        left, rounding = SHARE * ((most or 0.0) - error), ROUNDING * scale(before, name)
-        allowed[name] = np.full(curve.size, max(left, rounding))
+        allowed_change, rounding = (
+            CHANGE_SHARE * ((tolerance or 0.0) - error),
+            ROUNDING_SHARE * sensor_scale(before, name),
+        )
+        allowed[name] = np.full(curve.size, max(allowed_change, rounding))
         # a tolerance may be smaller than that rounding, and no option may exceed a tolerance
         largest[name] = error + (
-            max(left, 1e-3 * rounding) if most is not None else max(WORSE * error, rounding)
+            max(allowed_change, 1e-3 * rounding)
+            if tolerance is not None
+            else max(ERROR_GROWTH * error, rounding)
         )
     setting = f", {solver.partition(':')[2]}" if ":" in solver else ""
     return MonitoredRun(
@@ -420,36 +450,39 @@ def monitored_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Mon
     )
 
 
-def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
+def monitor_free_motion(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
     """The free motion of the original model, for some seconds or until it is chaotic.
 
-    It is chaotic from where a nudge of the start pose changes a channel by `CHAOS` of its
+    It is chaotic from where a nudge of the start pose changes a channel by `CHAOS_SHARE` of its
     size.  A channel may change as much as by the nudge, or by rounding if that is more.
     """
     model = edited.compiled()
     names = [model.key(k).name for k in range(model.nkey)]
     start = "start" if "start" in names else next(iter(names), "")
     steps = max(1, round(seconds / model.opt.timestep))
-    stride = max(1, steps // (SAMPLES - 1))
+    stride = max(1, steps // (FREE_MOTION_SAMPLES - 1))
     x = model.opt.timestep * stride * np.arange(max(2, steps // stride + 1))
-    run = Run(PASSIVE, x, (), start=start)
+    run = Run(FREE_MOTION, x, (), start=start)
     level = frozenset(
         model.sensor(s).name
         for s in range(model.nsensor)
         if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_E_POTENTIAL
     )
-    before, beside = (
-        levelled(seen(edited, done(file, model, run, *nudge)), level) for nudge in ((), (NUDGE,))
+    before, nudged = (
+        with_changes_since_start(
+            select_monitored(edited, run_original(file, model, run, *nudge)), level
+        )
+        for nudge in ((), (NUDGE,))
     )
     if not before.channels:
         raise InputError(file, "", "nothing in it moves and nothing is measured; give it a <joint>")
     grown = {
-        name: np.abs(curve - beside.channels[name]) / scale(before, name)
+        name: np.abs(curve - nudged.channels[name]) / sensor_scale(before, name)
         for name, curve in before.channels.items()
     }
-    chaotic = np.max(list(grown.values()), axis=0) > CHAOS
+    chaotic = np.max(list(grown.values()), axis=0) > CHAOS_SHARE
     n = int(np.argmax(chaotic)) if chaotic.any() else x.size
-    if n < min(FEWEST, x.size):
+    if n < min(MIN_SAMPLES, x.size):
         name = max(grown, key=lambda name: float(grown[name][n]))
         raise InputError(
             file,
@@ -458,7 +491,8 @@ def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
             f"{x[n]:.3g} s; give a key that starts further from a collision",
         )
     allowed = {
-        name: np.maximum(ROUNDING, np.maximum.accumulate(part[:n])) * scale(before, name)
+        name: np.maximum(ROUNDING_SHARE, np.maximum.accumulate(part[:n]))
+        * sensor_scale(before, name)
         for name, part in grown.items()
     }
     return MonitoredRun(
@@ -466,9 +500,9 @@ def let_go(file: Path, edited: EditedModel, seconds: float) -> MonitoredRun:
     )
 
 
-def seen(edited: EditedModel, curves: Curves) -> Curves:
+def select_monitored(edited: EditedModel, curves: Curves) -> Curves:
     """The curves of the monitored sensors alone."""
-    if (sensors := own_sensors(edited)) is None:
+    if (sensors := monitored_sensors(edited)) is None:
         return curves
     return replace(
         curves,
@@ -480,7 +514,7 @@ def seen(edited: EditedModel, curves: Curves) -> Curves:
     )
 
 
-def levelled(curves: Curves, names: Collection[str]) -> Curves:
+def with_changes_since_start(curves: Curves, names: Collection[str]) -> Curves:
     """Curves, with the values of some channels replaced by their change since the start."""
     if not names:
         return curves
@@ -509,79 +543,89 @@ def with_fine_solution(
     step, x = model.opt.timestep, monitored.run.x
     stride = max(1, round((x[1] - x[0]) / step))
     thin = 1
-    while 2 * thin * stride <= LONGER and x.size // (2 * thin) >= SPARSE:
+    while 2 * thin * stride <= MAX_STRIDE and x.size // (2 * thin) >= MIN_THINNED_SAMPLES:
         thin *= 2
     run = replace(monitored.run, x=x[::thin])
-    own = {name: curve[: x.size : thin] for name, curve in monitored.before.channels.items()}
+    original = {name: curve[: x.size : thin] for name, curve in monitored.before.channels.items()}
     strict = {
-        **FINE,
+        **FINE_SETTINGS,
         "tolerance": min(1e-14, model.opt.tolerance),
         "iterations": max(100, model.opt.iterations),
     }
-    no = "Options may change a channel by no more than a feature may: there is no fine solution "
+    no_reference = (
+        "Options may change a channel by no more than a feature may: there is no fine solution "
+    )
     try:
         coarse, fine = (
-            levelled(
-                seen(
+            with_changes_since_start(
+                select_monitored(
                     edited,
-                    done(file, model, replace(run, settings={**strict, "timestep": step / k})),
+                    run_original(
+                        file, model, replace(run, settings={**strict, "timestep": step / k})
+                    ),
                 ),
                 monitored.level,
             ).channels
-            for k in FINER
+            for k in STEP_DIVISORS
         )
     except InputError as wrong:
-        return monitored, f"{no}to compare them with: {wrong.wrong}."
-    sizes = {name: scale(monitored.before, name) for name in own}
-    off = {name: np.abs(curve - fine[name]) / sizes[name] for name, curve in own.items()}
-    chaotic = np.max(list(off.values()), axis=0) > CHAOS
+        return monitored, f"{no_reference}to compare them with: {wrong.wrong}."
+    sizes = {name: sensor_scale(monitored.before, name) for name in original}
+    deviations = {
+        name: np.abs(curve - fine[name]) / sizes[name] for name, curve in original.items()
+    }
+    chaotic = np.max(list(deviations.values()), axis=0) > CHAOS_SHARE
     if chaotic.any():
         k = int(np.argmax(chaotic))
-        name = max(off, key=lambda name: float(off[name][k]))
+        name = max(deviations, key=lambda name: float(deviations[name][k]))
         return monitored, (
-            f"{no}to compare them with: {name} differs from it by a tenth of its "
+            f"{no_reference}to compare them with: {name} differs from it by a tenth of its "
             f"size after {number(float(run.x[k]))} s; --seconds ends the run before that."
         )
-    allowed, free = dict[str, float](), error or 0.0
+    allowed, allowed_share = dict[str, float](), error or 0.0
     ranges = {
         name: max(
             float(np.ptp(c))
             for other, c in fine.items()
             if other.partition("[")[0] == name.partition("[")[0]
         )
-        for name in own
+        for name in original
     }
     for name, size in sizes.items():
-        most = max((1 + WORSE) * float(off[name].max()), ROUNDING, free * ranges[name] / size)
-        if float(np.abs(coarse[name] - fine[name]).max()) / size > most / 2:
+        largest = max(
+            (1 + ERROR_GROWTH) * float(deviations[name].max()),
+            ROUNDING_SHARE,
+            allowed_share * ranges[name] / size,
+        )
+        if float(np.abs(coarse[name] - fine[name]).max()) / size > largest / 2:
             return monitored, (
-                f"{no}to compare them with: {name} still changes between steps of "
-                f"{number(step / FINER[0])} s and {number(step / FINER[1])} s."
+                f"{no_reference}to compare them with: {name} still changes between steps of "
+                f"{number(step / STEP_DIVISORS[0])} s and {number(step / STEP_DIVISORS[1])} s."
             )
-        allowed[name] = most * size
+        allowed[name] = largest * size
     return replace(monitored, bound=Bound(run, allowed, fine)), (
         f"Options are compared with the fine solution of the same model, with steps of "
-        f"{number(step / FINER[1])} s and constraints solved by Newton's method to 1e-14, "
+        f"{number(step / STEP_DIVISORS[1])} s and constraints solved by Newton's method to 1e-14, "
         f"over the first {number(float(run.x[-1]))} s: the error of a channel may be 1.1 times "
-        f"its error with the model's own options, {number(ROUNDING)} of its size"
+        f"its error with the model's own options, {number(ROUNDING_SHARE)} of its size"
         + (
-            f" or {number(free)} of its range, whichever is most."
-            if free
+            f" or {number(allowed_share)} of its range, whichever is most."
+            if allowed_share
             else ", whichever is more; --error SHARE allows more."
         )
     )
 
 
-def scale(curves: Curves, name: str) -> float:
+def sensor_scale(curves: Curves, name: str) -> float:
     """Largest value of all channels of a channel's sensor; 1 if all of them are only rounding."""
     sensor = name.partition("[")[0]
     largest = max(
         float(np.abs(v).max()) for n, v in curves.channels.items() if n.partition("[")[0] == sensor
     )
-    return largest if largest > ROUNDING else 1.0
+    return largest if largest > ROUNDING_SHARE else 1.0
 
 
-def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
+def run_original(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
     """The curves of the original model in a run.
 
     Raises
@@ -589,23 +633,25 @@ def done(file: Path, model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Cur
     InputError
         The run fails.
     """
-    found = measure(attempt, model, run, nudge, timeout=LATEST)
+    found = measure(attempt, model, run, nudge, timeout=RUN_TIMEOUT)
     if not isinstance(found, Measurement):
         return found
     if found.outcome == Outcome.NO_START:
         raise InputError(file, "", found.message)
-    word = failure_word(found)
+    word = failed_outcome(found)
     raise InputError(file, "", f"as it is, its run {word}: {found.message}; give a model that runs")
 
 
-def moved(monitored: MonitoredRun, curves: Curves, optional: set[str]) -> dict[str, float]:
+def channel_changes(
+    monitored: MonitoredRun, curves: Curves, optional: set[str]
+) -> dict[str, float]:
     """The change of each channel over the allowed one; up to 1 it counts as no change.
 
     The change of a channel that is missing is infinite.  If it is `optional`, the channel counts as
     constant instead.
     """
     found = {}
-    curves = levelled(curves, monitored.level)
+    curves = with_changes_since_start(curves, monitored.level)
     for name, before in monitored.before.channels.items():
         allowed, after = monitored.allowed[name], curves.channels.get(name)
         if after is None and name.partition("[")[0] in optional:
@@ -618,7 +664,7 @@ def moved(monitored: MonitoredRun, curves: Curves, optional: set[str]) -> dict[s
     return found
 
 
-def strayed(monitored: MonitoredRun, curves: Curves) -> dict[str, float]:
+def channel_errors(monitored: MonitoredRun, curves: Curves) -> dict[str, float]:
     """The error of each channel against the reference, over the allowed error."""
     assert monitored.bound is not None
-    return monitored.bound.errors(levelled(curves, monitored.level))
+    return monitored.bound.errors(with_changes_since_start(curves, monitored.level))

@@ -9,26 +9,26 @@ from operator import itemgetter
 from pathlib import Path
 
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.studies.diet.trial import Cost, TimeRange
 from proofmass.studies.record import write_columns
 from proofmass.wording import number
 
-Displacements = dict[str, dict[str, float]]
-EMPTY = ("",) * 7
-SAID = "said"
+ChannelChanges = dict[str, dict[str, float]]
+EMPTY_COSTS = ("",) * 7
+SENTENCE_KIND = "said"
 """The kind of an entry that is only a sentence: what is monitored, or what options are compared
 with."""
-OPTION = "option"
+OPTION_KIND = "option"
 """The kind of an entry that changes an option of the engine."""
 NO_GAIN = "no gain"
 """The outcome of an option that could be changed, and saves no measurable time."""
-WHOLE = "all of these"
+WHOLE_KIND = "all of these"
 """The kind of the last entry: all harmless changes together."""
-COLUMNS = {
+COLUMN_DESCRIPTIONS = {
     "kind": "kind of the feature that was removed; option: an option that was changed; "
-    f"{SAID}: the message is a sentence on what is monitored; the last rows, "
-    f"{WHOLE}: all harmless changes at once",
+    f"{SENTENCE_KIND}: the message is a sentence on what is monitored; the last rows, "
+    f"{WHOLE_KIND}: all harmless changes at once",
     "feature": "name of the feature",
     "outcome": "harmless: it is removed; drawn: it is not needed, but drawn, and kept; no gain: "
     "the change is harmless, and saves no measurable time; matters: it changes a channel; needed: "
@@ -79,7 +79,7 @@ class Entry:
     kind: str
     name: str
     outcome: str
-    moved: Displacements = field(default_factory=dict)
+    moved: ChannelChanges = field(default_factory=dict)
     message: str = ""
     costs: tuple[Cost, ...] = ()
     saved: TimeRange | tuple[()] = ()
@@ -127,11 +127,11 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
     """Write entries to a CSV file, and the description of its columns to ``diet.columns.md``."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(COLUMN_DESCRIPTIONS)
     for entry in entries:
         costs = [
             *(c.seconds for c in entry.costs),
-            *ordered(entry.saved),
+            *interval_cells(entry.saved),
             *(c.size for c in entry.costs),
         ]
         moved = [
@@ -146,16 +146,18 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
                     entry.name,
                     entry.outcome,
                     *row,
-                    *(costs if entry.costs else EMPTY),
+                    *(costs if entry.costs else EMPTY_COSTS),
                     entry.message,
                     entry.edit,
                 )
             )
-    write_whole(file, text.getvalue())
-    write_columns(file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMNS)
+    write_atomically(file, text.getvalue())
+    write_columns(
+        file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMN_DESCRIPTIONS
+    )
 
 
-def ordered(saved: TimeRange | tuple[()]) -> tuple[float | str, ...]:
+def interval_cells(saved: TimeRange | tuple[()]) -> tuple[float | str, ...]:
     """The cells of an interval in the order of the columns, with the median first."""
     return (saved[1], saved[0], saved[2]) if saved else ("",) * 3
 
@@ -170,16 +172,18 @@ def read_entries(file: Path) -> list[Entry]:
     """
     with file.open(encoding="utf-8", newline="") as stream:
         reader = csv.DictReader(stream)
-        if reader.fieldnames != list(COLUMNS):
+        if reader.fieldnames != list(COLUMN_DESCRIPTIONS):
             raise InputError(
-                file, "", f"not the table of a diet: its columns are not {', '.join(COLUMNS)}"
+                file,
+                "",
+                f"not the table of a diet: its columns are not {', '.join(COLUMN_DESCRIPTIONS)}",
             )
         rows = list(reader)
     whose = itemgetter("kind", "feature", "outcome", "message")
-    return [entry(list(own)) for _, own in groupby(rows, whose)]
+    return [entry_of_rows(list(own)) for _, own in groupby(rows, whose)]
 
 
-def entry(rows: list[dict[str, str]]) -> Entry:
+def entry_of_rows(rows: list[dict[str, str]]) -> Entry:
     """The entry that some rows of a table describe."""
     first, moved = rows[0], dict[str, dict[str, float]]()
     for row in rows:
@@ -207,35 +211,35 @@ def entry(rows: list[dict[str, str]]) -> Entry:
     )
 
 
-RANK = {"harmless": 0, "drawn": 1, NO_GAIN: 2, "matters": 3}
+OUTCOME_RANKS = {"harmless": 0, "drawn": 1, NO_GAIN: 2, "matters": 3}
 """Place of an outcome in the order of entries."""
-SURE = "99 %"
+CONFIDENCE = "99 %"
 """Probability of the intervals of time, as text."""
 
 
-def ranked(entries: Sequence[Entry]) -> list[Entry]:
+def sort_entries(entries: Sequence[Entry]) -> list[Entry]:
     """Entries without sentences, sorted by outcome, harmless ones first.
 
     The entry of all changes comes after those of models that run, and is left out if no change is
     harmless.
     """
-    entries = [e for e in entries if e.kind != SAID]
-    goes = any(e.outcome == "harmless" for e in entries if e.kind != WHOLE)
+    entries = [e for e in entries if e.kind != SENTENCE_KIND]
+    goes = any(e.outcome == "harmless" for e in entries if e.kind != WHOLE_KIND)
     return sorted(
-        (e for e in entries if goes or e.kind != WHOLE),
-        key=lambda e: 4 if e.kind == WHOLE else RANK.get(e.outcome, 5),
+        (e for e in entries if goes or e.kind != WHOLE_KIND),
+        key=lambda e: 4 if e.kind == WHOLE_KIND else OUTCOME_RANKS.get(e.outcome, 5),
     )
 
 
-def sentences(entries: Sequence[Entry]) -> Iterator[str]:
+def summary_sentences(entries: Sequence[Entry]) -> Iterator[str]:
     """Sentences on what is removed, what that saves, and what stays and why.
 
     The last of the entries must be that of all changes together.
     """
-    yield from (e.message for e in entries if e.kind == SAID)
-    single, whole = [e for e in entries if e.kind not in (WHOLE, SAID)], entries[-1]
-    features = [e for e in single if e.kind != OPTION]
-    options = [e for e in single if e.kind == OPTION]
+    yield from (e.message for e in entries if e.kind == SENTENCE_KIND)
+    single, whole = [e for e in entries if e.kind not in (WHOLE_KIND, SENTENCE_KIND)], entries[-1]
+    features = [e for e in single if e.kind != OPTION_KIND]
+    options = [e for e in single if e.kind == OPTION_KIND]
     gone = [e for e in features if e.outcome == "harmless"]
     cheaper = [e for e in options if e.outcome == "harmless"]
     drawn = [e for e in features if e.outcome == "drawn"]
@@ -262,7 +266,7 @@ def sentences(entries: Sequence[Entry]) -> Iterator[str]:
             else "No channel changes at all."
         )
         if whole.costs:
-            yield f"{spent(whole)}, and {number(whole.saved_memory)} KB less memory."
+            yield f"{format_time_share(whole)}, and {number(whole.saved_memory)} KB less memory."
     if stay := [e for e in options if e.outcome == "matters"]:
         yield (
             "Options that are not changed, since an error would be too large: "
@@ -279,23 +283,23 @@ def sentences(entries: Sequence[Entry]) -> Iterator[str]:
         )
 
 
-def spent(entry: Entry) -> str:
+def format_time_share(entry: Entry) -> str:
     """A phrase on the share of its former time that a run takes after a change, with interval."""
     if not entry.saved:
         return "Its time was not compared"
     low, middle, high = (1 - share for share in reversed(entry.saved))
     interval = f"{number(low, 3)} to {number(high, 3)}"
     if not entry.measurable:
-        return f"The time of a run does not change measurably ({interval} of it with {SURE})"
-    return f"A run takes {number(middle, 3)} of its time ({interval} with {SURE})"
+        return f"The time of a run does not change measurably ({interval} of it with {CONFIDENCE})"
+    return f"A run takes {number(middle, 3)} of its time ({interval} with {CONFIDENCE})"
 
 
-def saving(entry: Entry) -> str:
+def format_saving(entry: Entry) -> str:
     """The share of time that is saved, in per cent; "none" if no change is measurable.
 
-    >>> saving(Entry("light", "sun", "harmless", saved=(-0.02, 0.01, 0.03)))
+    >>> format_saving(Entry("light", "sun", "harmless", saved=(-0.02, 0.01, 0.03)))
     'none'
-    >>> saving(Entry("contact", "all", "harmless", saved=(0.31, 0.328, 0.34)))
+    >>> format_saving(Entry("contact", "all", "harmless", saved=(0.31, 0.328, 0.34)))
     '33 % (31 to 34)'
     """
     if not entry.saved:

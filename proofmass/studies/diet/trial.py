@@ -1,6 +1,6 @@
 """Runs of a compiled model: once for its channels, or in pairs for its cost.
 
-These functions are called in worker processes; `paced` starts its own.
+These functions are called in worker processes; `compare_costs_isolated` starts its own.
 
 `independent_groups` finds which bodies act on each other while a model moves.  A kinematic tree is
 a body that is joined to the world, with all its descendants.  Two trees act on each other through
@@ -22,16 +22,16 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.outcome import Outcome
-from proofmass.sim.mujoco.engine import follow
-from proofmass.sim.mujoco.model import begin
+from proofmass.sim.mujoco.engine import run_compiled
+from proofmass.sim.mujoco.model import prepare_model
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
-from proofmass.studies.measure import Measurement, own_core, pinned
-from proofmass.worker import Crashed, isolated
+from proofmass.studies.measure import Measurement, pin_process, reserve_processor
+from proofmass.worker import Crashed, call_isolated
 
-PASSIVE = "passive"  # the kind of run of a free motion, which is no run of a sidecar
-STEPPED = ("dynamics", PASSIVE)  # kinds of runs with time steps
-SPAN = 0.5  # s, least wall time of all rounds
-LEVEL = 0.99  # probability with which an interval contains its median
+FREE_MOTION = "passive"  # the kind of run of a free motion, which is no run of a sidecar
+STEPPED_KINDS = ("dynamics", FREE_MOTION)  # kinds of runs with time steps
+MIN_ROUNDS_SECONDS = 0.5  # s, least wall time of all rounds
+INTERVAL_LEVEL = 0.99  # probability with which an interval contains its median
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5
 """Whether the clock of processor time resolves runs of milliseconds; on Windows it does not."""
 
@@ -52,7 +52,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Pace:
+class CostComparison:
     """The costs of two models, and the share of the first one's time that the second one saves.
 
     Attributes
@@ -67,9 +67,9 @@ class Pace:
     saved: TimeRange
 
 
-def by_steps(run: Run) -> bool:
+def has_time_steps(run: Run) -> bool:
     """Whether a run has time steps."""
-    return run.kind in STEPPED or bool(run.settings.get("settled"))
+    return run.kind in STEPPED_KINDS or bool(run.settings.get("settled"))
 
 
 def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
@@ -78,28 +78,28 @@ def attempt(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> Curves:
     An exception that is not one of an engine's own counts as a crash of that run.
     """
     try:
-        return driven(model, run, nudge)[0]
+        return run_model(model, run, nudge)[0]
     except (BadModel, Unsupported, Diverged):
         raise
     except Exception as error:
         raise Crashed(f"{type(error).__name__}: {error}") from error
 
 
-def failure_word(found: Measurement) -> str:
+def failed_outcome(found: Measurement) -> str:
     """The outcome that a diet gives to a feature without which a run failed.
 
-    >>> failure_word(Measurement(outcome=Outcome.NO_START))
+    >>> failed_outcome(Measurement(outcome=Outcome.NO_START))
     'needed'
     """
     words = {str(Outcome.NO_START): "needed", str(Outcome.NOT_SOLVED): str(Outcome.DIVERGED)}
     return words.get(found.outcome, found.outcome)
 
 
-def driven(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> tuple[Curves, mujoco.MjData]:
+def run_model(model: mujoco.MjModel, run: Run, nudge: float = 0.0) -> tuple[Curves, mujoco.MjData]:
     """A run, and the engine's state at its end."""
-    model, data = begin(copy.copy(model), run)
+    model, data = prepare_model(copy.copy(model), run)
     mujoco.mj_integratePos(model, data.qpos, np.full(model.nv, nudge), 1.0)
-    return follow(model, data, run), data
+    return run_compiled(model, data, run), data
 
 
 def groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
@@ -107,21 +107,23 @@ def groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
     return independent_groups(copy.copy(model), run)
 
 
-def paced(
+def compare_costs_isolated(
     models: tuple[mujoco.MjModel, mujoco.MjModel], run: Run, rounds: int, timeout: float
-) -> Pace:
-    """Call `race` in a process of its own, on a processor of its own."""
-    with own_core() as core:
-        return isolated(race, models, run, rounds, SPAN, core, timeout=timeout)
+) -> CostComparison:
+    """Call `compare_costs` in a process of its own, on a processor of its own."""
+    with reserve_processor() as core:
+        return call_isolated(
+            compare_costs, models, run, rounds, MIN_ROUNDS_SECONDS, core, timeout=timeout
+        )
 
 
-def race(
+def compare_costs(
     models: tuple[mujoco.MjModel, mujoco.MjModel],
     run: Run,
     rounds: int,
     span: float,
     core: int | None = None,
-) -> Pace:
+) -> CostComparison:
     """The costs of two models that are run in pairs, after a pair that warms up.
 
     The first model of each pair is chosen at random, so that a periodic disturbance of the machine
@@ -130,42 +132,42 @@ def race(
     possible.  There are at least `rounds` pairs, and more if they take less than `span` [s].
     """
     times: list[list[float]] = [[], []]
-    sizes, steps, lot = [0, 0], 0, Random(0)
-    turn, began = 0, time.perf_counter()
-    with pinned(core):
-        while turn <= rounds or time.perf_counter() - began < span:
-            for k in lot.sample((0, 1), 2):
-                seconds, curves, data = clocked(models[k], run)
+    sizes, steps, random = [0, 0], 0, Random(0)
+    round_number, began = 0, time.perf_counter()
+    with pin_process(core):
+        while round_number <= rounds or time.perf_counter() - began < span:
+            for k in random.sample((0, 1), 2):
+                seconds, curves, data = time_run(models[k], run)
                 sizes[k] = int(mujoco.mj_sizeModel(models[k]) + data.nbuffer + data.maxuse_arena)
                 steps = curves.steps if k == 0 else steps
-                if turn:
+                if round_number:
                     times[k].append(seconds)
-            turn += 1
+            round_number += 1
     one, two = (
         Cost(float(np.median(t)) / steps, size) for t, size in zip(times, sizes, strict=True)
     )
-    return Pace((one, two), saved([b / a for a, b in zip(*times, strict=True)]))
+    return CostComparison((one, two), saved_share([b / a for a, b in zip(*times, strict=True)]))
 
 
-def clocked(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
+def time_run(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
     """Processor time of a run without the preparation of its model [s], curves, and end state."""
-    model, data = begin(copy.copy(model), run)
+    model, data = prepare_model(copy.copy(model), run)
     began = time.thread_time()
-    curves = follow(model, data, run)
+    curves = run_compiled(model, data, run)
     return time.thread_time() - began if FINE_CLOCK else curves.seconds, curves, data
 
 
-def saved(ratios: Sequence[float]) -> TimeRange:
+def saved_share(ratios: Sequence[float]) -> TimeRange:
     """The share of time that is saved, with its interval, from ratios of times after to before.
 
-    >>> saved([0.5] * 9)
+    >>> saved_share([0.5] * 9)
     (0.5, 0.5, 0.5)
     """
     low, middle, high = median_interval(ratios)
     return 1 - high, 1 - middle, 1 - low
 
 
-def median_interval(values: Sequence[float], level: float = LEVEL) -> TimeRange:
+def median_interval(values: Sequence[float], level: float = INTERVAL_LEVEL) -> TimeRange:
     """The median of values, and an interval that contains the median of their distribution.
 
     The interval is from the k-th value from below to the k-th from above.  For any distribution,
@@ -208,13 +210,13 @@ def most_iterations(model: mujoco.MjModel, run: Run, tolerance: float) -> int:
 
     mujoco.set_mjcb_control(look)
     try:
-        driven(model, run)
+        run_model(model, run)
     finally:
         mujoco.set_mjcb_control(None)
     return most
 
 
-WRAP = mujoco.mjtWrap
+WrapType = mujoco.mjtWrap
 
 
 def independent_groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
@@ -234,7 +236,7 @@ def independent_groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
         The names of the bodies that are joined to the world, in a list for each group.  All are in
         one group if the model has plugins, since these may act on any bodies.
     """
-    model, data = begin(model, run)
+    model, data = prepare_model(model, run)
     count = model.ntree
     joined = np.eye(count, dtype=bool)
     if model.nplugin:
@@ -242,13 +244,15 @@ def independent_groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
     of_dof = np.zeros((model.nv, count))
     of_dof[np.arange(model.nv), model.dof_treeid] = 1.0
     for bodies in (*tendon_bodies(model), *actuator_bodies(model), *flex_bodies(model)):
-        join(joined, model.body_treeid[bodies])
+        join_trees(joined, model.body_treeid[bodies])
     for _ in range(max(1, round(float(run.x[-1] - run.x[0]) / model.opt.timestep))):
         mujoco.mj_step(model, data)
         rows = (np.abs(constraint_jacobian(model, data)) @ of_dof > 0).astype(int)
         joined |= rows.T @ rows > 0
     roots = [model.body(int(b)).name for b in model.tree_bodyadr]
-    return [[roots[k] for k in np.flatnonzero(row)] for row in distinct(closed(joined))]
+    return [
+        [roots[k] for k in np.flatnonzero(row)] for row in distinct_rows(transitive_closure(joined))
+    ]
 
 
 def constraint_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
@@ -273,11 +277,11 @@ def tendon_bodies(model: mujoco.MjModel) -> list[list[int]]:
         for kind, k in zip(
             model.wrap_type[first : first + n], model.wrap_objid[first : first + n], strict=True
         ):
-            if kind == WRAP.mjWRAP_JOINT:
+            if kind == WrapType.mjWRAP_JOINT:
                 bodies.append(int(model.jnt_bodyid[k]))
-            elif kind == WRAP.mjWRAP_SITE:
+            elif kind == WrapType.mjWRAP_SITE:
                 bodies.append(int(model.site_bodyid[k]))
-            elif kind in (WRAP.mjWRAP_SPHERE, WRAP.mjWRAP_CYLINDER):
+            elif kind in (WrapType.mjWRAP_SPHERE, WrapType.mjWRAP_CYLINDER):
                 bodies.append(int(model.geom_bodyid[k]))
         found.append(bodies)
     return found
@@ -310,18 +314,18 @@ def flex_bodies(model: mujoco.MjModel) -> list[list[int]]:
     ]
 
 
-def join(joined: np.ndarray, trees: np.ndarray) -> None:
+def join_trees(joined: np.ndarray, trees: np.ndarray) -> None:
     """Mark, in place, that these trees act on each other; -1 is the world."""
     own = np.unique(trees[trees >= 0])
     joined[np.ix_(own, own)] = True
 
 
-def closed(joined: np.ndarray) -> np.ndarray:
+def transitive_closure(joined: np.ndarray) -> np.ndarray:
     """The transitive closure of a symmetric relation.
 
     >>> import numpy as np
     >>> chain = np.eye(4, dtype=bool); chain[0, 1] = chain[1, 0] = chain[1, 2] = chain[2, 1] = True
-    >>> closed(chain)[0].tolist()
+    >>> transitive_closure(chain)[0].tolist()
     [True, True, True, False]
     """
     while True:
@@ -331,6 +335,6 @@ def closed(joined: np.ndarray) -> np.ndarray:
         joined = more
 
 
-def distinct(rows: np.ndarray) -> list[np.ndarray]:
+def distinct_rows(rows: np.ndarray) -> list[np.ndarray]:
     """The distinct rows, in the order in which they occur first."""
     return [row for k, row in enumerate(rows) if not (rows[:k] == row).all(axis=1).any()]

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.studies.record import write_columns
 from proofmass.wording import number
 
-DIGITS = 4
+PRINTED_DIGITS = 4
 """Significant digits of the values that are tried near a boundary, so that the printed value is
 exactly the one that was tried."""
 NAN = float("nan")
@@ -37,10 +37,10 @@ class BoundaryKind(StrEnum):
     @property
     def sentence(self) -> str:
         """The description of this kind of limit."""
-        return SENTENCES[self]
+        return LIMIT_SENTENCES[self]
 
 
-SENTENCES = {
+LIMIT_SENTENCES = {
     BoundaryKind.UNSTABLE: "the run diverges, is not finite, aborts or raises the engine's "
     "warning, a loop opens, or no pose or equilibrium is found any more",
     BoundaryKind.INACCURATE: "the engine runs to the end, but its error is larger than a tenth of "
@@ -110,13 +110,13 @@ class VariedRange:
     reach: float
 
 
-def exactly(value: float) -> str:
+def format_exactly(value: float) -> str:
     """A value that was tried, written with all its digits, four at least.
 
-    >>> exactly(61.75), exactly(61.7523)
+    >>> format_exactly(61.75), format_exactly(61.7523)
     ('61.75', '61.7523')
     """
-    texts = (number(value, digits) for digits in range(DIGITS, 17))
+    texts = (number(value, digits) for digits in range(PRINTED_DIGITS, 17))
     return next((text for text in texts if float(text) == value), repr(value))
 
 
@@ -171,7 +171,7 @@ class Boundary(VariedRange):
     @property
     def last(self) -> str:
         """The furthest value that holds again, as text without its unit."""
-        return number(self.reach) if self.again == self.reach else exactly(self.again)
+        return number(self.reach) if self.again == self.reach else format_exactly(self.again)
 
     def format_measured(self, digits: int = 3) -> str:
         """The boundary as text without its unit; of several boundaries the first and the last.
@@ -182,7 +182,7 @@ class Boundary(VariedRange):
         '2 to 2.5'
         """
         if self.several:
-            return f"{exactly(self.breaks)} to {self.last}"
+            return f"{format_exactly(self.breaks)} to {self.last}"
         return number(self.measured, digits)
 
     @property
@@ -231,7 +231,7 @@ class Boundary(VariedRange):
         return self.failure.removeprefix(f"{self.limit}: ")
 
 
-COLUMNS = {
+COLUMN_DESCRIPTIONS = {
     "what": "name of the sidecar, or description of a small model whose limit is known by theory",
     "engine": "name of the engine",
     "setting": "integrator, or description of another setting",
@@ -257,16 +257,16 @@ COLUMNS = {
 }
 
 
-def write_boundaries(found: Iterable[Boundary], file: Path) -> None:
+def write_boundaries(boundaries: Iterable[Boundary], file: Path) -> None:
     """Write a CSV file with a row for each boundary, and its columns to ``NAME.columns.md``."""
     text = io.StringIO()
-    rows = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    rows = csv.DictWriter(text, COLUMN_DESCRIPTIONS, lineterminator="\n")
     rows.writeheader()
-    for one in found:
+    for one in boundaries:
         cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
         rows.writerow({key: "" if value != value else value for key, value in cells.items()})
-    write_whole(file, text.getvalue())
-    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMNS)
+    write_atomically(file, text.getvalue())
+    write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMN_DESCRIPTIONS)
 
 
 def read_boundaries(file: Path) -> list[Boundary]:
@@ -289,15 +289,15 @@ def read_boundaries(file: Path) -> list[Boundary]:
                     "proofmass stress again",
                 )
         return [
-            Boundary(**{f.name: parsed(cells[f.name], kinds[f.name]) for f in fields(Boundary)})
+            Boundary(**{f.name: parse_cell(cells[f.name], kinds[f.name]) for f in fields(Boundary)})
             for cells in reader
         ]
 
 
-def parsed(cell: str, kind: type) -> Any:
+def parse_cell(cell: str, kind: type) -> Any:
     """The value of a cell, of the type that its field has.
 
-    >>> parsed("", float), parsed("True", bool), parsed("2.0", float)
+    >>> parse_cell("", float), parse_cell("True", bool), parse_cell("2.0", float)
     (nan, True, 2.0)
     """
     if kind is bool:

@@ -34,18 +34,26 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar import read
-from proofmass.analytic.planar.kinematics import Drives, newton
+from proofmass.analytic.planar.kinematics import Drives, close_loops
 from proofmass.case import Case, Channel
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.strict import Kind
 from proofmass.studies import variants
-from proofmass.studies.bounded import bounded
-from proofmass.studies.invariants import conserved, invariants
+from proofmass.studies.bounded import call_bounded
+from proofmass.studies.invariants import conserves_energy, invariants
 from proofmass.studies.measure import Measurement, StudyRun, measure, simulate_task, step_taken
 from proofmass.studies.record import ParameterValue, Setting, format_kind
-from proofmass.studies.store import MATTERS, Store, digest, key_of, model_bytes, once, sources
+from proofmass.studies.store import (
+    KEY_FIELDS,
+    Store,
+    bytes_of_case_model,
+    digest,
+    digest_of_sources,
+    read_or_make,
+    task_key,
+)
 from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import (
     NAN,
@@ -55,63 +63,63 @@ from proofmass.studies.stress.boundary import (
     is_engine_warning,
 )
 from proofmass.studies.stress.limit_search import (
-    LARGE,
-    LONG,
-    TIMEOUT,
+    LARGE_ERROR,
+    MAX_STEPS,
+    RUN_TIMEOUT,
     LimitSearch,
     NotApplicable,
     Runner,
     StressedCase,
     bisect,
     find_failure,
-    limit_kind,
-    measure_once,
+    kind_of_limit,
+    measure_or_read,
     reference_follows_masses,
     require,
 )
 from proofmass.studies.variants import (
-    evaluate_run,
+    evaluate_reference,
     has_hinged_leader,
-    movable,
-    self_referenced,
-    times,
+    has_independent_motion,
+    multiply_attribute,
+    with_drive_distance,
+    with_drive_swing,
     with_longer_run,
     with_model,
-    with_swing,
-    with_way,
+    with_planar_reference,
     with_whole_steps,
 )
 
-MOST = 2000  # samples of a run whose energy is checked, at most
-OFF = 0.01
+MAX_ENERGY_SAMPLES = 2000  # samples of a run whose energy is checked, at most
+MAX_ENERGY_ERROR = 0.01
 """Largest change of the energy, over the largest kinetic energy, with which a run does not fail."""
-SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
+ENERGY_SENSORS = {"e_kinetic": "kinetic", "e_potential": "potential"}
 """MJCF elements of the sensors of both energies, and the energy that each of them measures."""
 
 
-def energies(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_energy_error(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the number of steps of a free motion until the energy error exceeds a hundredth."""
     why = "energy: the motion is driven, loaded or damped, or the run has no time steps"
     require(stressed.kind == "dynamics" and not stressed.case.drive, why)
     require(not stressed.runner, "energy: it needs measure_energy, and another runner is given")
-    watched = weighed(stressed.case, stressed.models)
-    require(bounded(watched, stressed.kind, conserved, watched), why)
+    watched = with_energy_sensors(stressed.case, stressed.models)
+    require(call_bounded(watched, stressed.kind, conserves_energy, watched), why)
     yield from stressed.search_schemes(
         "steps until the energy is off by 1 %",
         "1",
         stressed.seconds / stressed.step,
-        LONG,
-        partial(drifted, stressed, watched),
+        MAX_STEPS,
+        partial(try_step_count, stressed, watched),
         [one for one in stressed.engine.schemes if one.conserves],
     )
 
 
-def weighed(case: Case, folder: Path) -> Case:
+def with_energy_sensors(case: Case, folder: Path) -> Case:
     """The case with sensors of both energies as its only sensors, and without unused actuators.
 
     Actuators are unused if all controls of the keys are zero.
     """
-    idle = not compiled(case).key_ctrl.any()
+    idle = not compiled_model(case).key_ctrl.any()
 
     def change(root: Element) -> None:
         for old in [one for one in root if one.tag == "sensor" or (one.tag == "actuator" and idle)]:
@@ -119,35 +127,37 @@ def weighed(case: Case, folder: Path) -> Case:
         for key in root.iter("key") if idle else ():
             key.attrib.pop("ctrl", None)
         sensors = ElementTree.SubElement(root, "sensor")
-        for tag, name in SENSORS.items():
+        for tag, name in ENERGY_SENSORS.items():
             ElementTree.SubElement(sensors, tag, name=f"whole_{name}")
 
     changed = with_model(case, folder, change)
     return changed.model_copy(
         update={
             "channels": {
-                f"whole_{name}": Channel(equals=0.0, unit="J") for name in SENSORS.values()
+                f"whole_{name}": Channel(equals=0.0, unit="J") for name in ENERGY_SENSORS.values()
             }
         }
     )
 
 
-def drifted(
+def try_step_count(
     stressed: StressedCase, case: Case, parameters: dict[str, ParameterValue], steps: float
 ) -> TrialResult:
-    """Run a number of steps, and compare the energy error with `OFF`."""
-    per = int(np.ceil(steps / MOST))
-    count = round(steps / per)
+    """Run a number of steps, and compare the energy error with `MAX_ENERGY_ERROR`."""
+    steps_per_sample = int(np.ceil(steps / MAX_ENERGY_SAMPLES))
+    count = round(steps / steps_per_sample)
     run = case.run["dynamics"].model_copy(
-        update={"n": count + 1, "until": count * per * stressed.step}
+        update={"n": count + 1, "until": count * steps_per_sample * stressed.step}
     )
     own = case.model_copy(update={"run": {"dynamics": run}})
-    task = StudyRun(own, "dynamics", stressed.setting.but(**parameters), "stress", timed=False)
+    task = StudyRun(
+        own, "dynamics", stressed.setting.with_parameters(**parameters), "stress", timed=False
+    )
     found = stressed.store.once(
-        f"{key_of(task)}-energy", task, TIMEOUT, partial(measure_energy, task)
+        f"{task_key(task)}-energy", task, RUN_TIMEOUT, partial(measure_energy, task)
     )
     if found.outcome != Outcome.RAN:
-        limit = limit_kind(found)
+        limit = kind_of_limit(found)
         return TrialResult(
             Failure(
                 f"{found.outcome}: {found.message}",
@@ -155,14 +165,14 @@ def drifted(
                 limit != BoundaryKind.OURS and not is_engine_warning(found.message),
             )
         )
-    off = found.invariants.get("energy", 0.0)
-    failed = Failure(f"energy off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
-    return TrialResult(None if off <= OFF else failed, found.step)
+    error = found.invariants.get("energy", 0.0)
+    failed = Failure(f"energy off by {error:.2g}", BoundaryKind.INACCURATE, silent=True)
+    return TrialResult(None if error <= MAX_ENERGY_ERROR else failed, found.step)
 
 
 def measure_energy(task: StudyRun) -> Measurement:
     """Run a task in a worker process, and measure its energy alone."""
-    return measure(simulate_energy, task, timeout=TIMEOUT)
+    return measure(simulate_energy, task, timeout=RUN_TIMEOUT)
 
 
 def simulate_energy(task: StudyRun) -> Measurement:
@@ -176,25 +186,27 @@ def simulate_energy(task: StudyRun) -> Measurement:
     )
 
 
-ROUNDING = 1e-9  # share of a curve's range by which rounding may change it, at most, in chaos
-NULL = 1e-6  # [m] distances below it are zero to MuJoCo: `kFrameEps` of src/user/user_model.cc
+CHAOS_ROUNDING = 1e-9  # share of a curve's range by which rounding may change it, at most, in chaos
+MUJOCO_ZERO_LENGTH = (
+    1e-6  # [m] distances below it are zero to MuJoCo: `kFrameEps` of src/user/user_model.cc
+)
 
 
-def sizes(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_size(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Scale all lengths up and down; the theory is the smallest size that MuJoCo compiles."""
-    model = compiled(stressed.case)
+    model = compiled_model(stressed.case)
     driven = [int(model.joint(drive.joint).type[0]) for drive in stressed.case.drive]
     require(
         not (stressed.case.rod or mujoco.mjtJoint.mjJNT_SLIDE in driven or stressed.case.recorded),
         "size: the reference has its own lengths",
     )
     require(
-        len(variants.bodies(stressed.case)) >= int((model.body_jntnum > 0).sum()),
+        len(variants.inertial_elements(stressed.case)) >= int((model.body_jntnum > 0).sum()),
         "size: bodies have their masses from geoms",
     )
     weighs = bool(model.opt.gravity.any()) if stressed.kind != "dynamics" else not driven
-    least = smallest(model, weighs)
-    limit = least if least > 1e-6 else 0.0
+    smallest_size = smallest_compiled_size(model, weighs)
+    limit = smallest_size if smallest_size > 1e-6 else 0.0
     if limit and not stressed.engine.native:  # the limit is MuJoCo's, not that of another engine
         limit = NAN
     for word, reach, expected in (("larger", 1e6, np.inf), ("smaller", 1e-6, limit)):
@@ -203,78 +215,86 @@ def sizes(stressed: StressedCase) -> Iterator[LimitSearch]:
             "times",
             1.0,
             reach,
-            partial(resized, stressed, least),
+            partial(try_size, stressed, smallest_size),
             theory=expected,
             law="dimensional analysis, of what MuJoCo compiles",
         )
 
 
-def resized(stressed: StressedCase, least: float, factor: float) -> TrialResult:
+def try_size(stressed: StressedCase, smallest_size: float, factor: float) -> TrialResult:
     """Run at another size; below the size that MuJoCo compiles, only its own engine is run.
 
     MuJoCo reads the model for the other engines, which have no limit of their own there.
     """
-    if factor < least and not stressed.engine.native:
+    if factor < smallest_size and not stressed.engine.native:
         return TrialResult(
             Failure(
                 f"MuJoCo, which reads the model for {stressed.setting.engine}, compiles "
-                f"the same mechanism down to {least:.3g} times its size",
+                f"the same mechanism down to {smallest_size:.3g} times its size",
                 BoundaryKind.OURS,
             )
         )
-    found = stressed.run(variants.larger(stressed.case, stressed.models, factor))
-    return TrialResult(unlike(found, stressed.run(stressed.case), stressed.kind), found.step)
+    found = stressed.run(variants.with_scaled_lengths(stressed.case, stressed.models, factor))
+    return TrialResult(
+        find_size_failure(found, stressed.run(stressed.case), stressed.kind), found.step
+    )
 
 
-def unlike(found: Measurement, own: Measurement, run: Kind) -> Failure | None:
+def find_size_failure(measurement: Measurement, unscaled: Measurement, run: Kind) -> Failure | None:
     """The failure of a run at another size, or None.
 
     By dimensional analysis the errors, as shares of ranges, do not depend on the size.  An error
     ten times as large shows another curve; smaller differences are rounding.
     """
-    if failure := find_failure(found, run):
+    if failure := find_failure(measurement, run):
         return failure
-    for kind, error in found.errors.items():
-        if error > 10.0 * own.errors[kind] + ROUNDING:
+    for kind, error in measurement.errors.items():
+        if error > 10.0 * unscaled.errors[kind] + CHAOS_ROUNDING:
             return Failure(
                 f"{format_kind(kind)} off by {error:.2g} of its range, "
-                f"{own.errors[kind]:.2g} at its size",
+                f"{unscaled.errors[kind]:.2g} at its size",
                 BoundaryKind.INACCURATE,
                 silent=True,
             )
     return None
 
 
-def smallest(model: mujoco.MjModel, weighs: bool) -> float:
+def smallest_compiled_size(model: mujoco.MjModel, weighs: bool) -> float:
     """The smallest factor s on all lengths with which MuJoCo compiles the same mechanism.
 
     MuJoCo refuses inertias, which are scaled by s^2, up to mjMINVAL.  It moves points that are less
     than 1e-6 m from the origin of their body along each axis to that origin: sites, and centres of
     mass, which matter only if bodies weigh anything.
     """
-    alike = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT)  # axes parallel to those of the body
-    places = model.site_pos[model.site_sameframe == alike]
-    centres = model.body_ipos[(model.body_sameframe == alike) & weighs]
+    without_rotation = int(
+        mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT
+    )  # axes parallel to those of the body
+    site_positions = model.site_pos[model.site_sameframe == without_rotation]
+    centres = model.body_ipos[(model.body_sameframe == without_rotation) & weighs]
     inertia = model.body_inertia[model.body_mass > 0]
     return float(
         np.concatenate(
             [
-                NULL / np.abs(places).max(axis=1),
-                NULL / np.abs(centres).max(axis=1),
+                MUJOCO_ZERO_LENGTH / np.abs(site_positions).max(axis=1),
+                MUJOCO_ZERO_LENGTH / np.abs(centres).max(axis=1),
                 np.sqrt(mujoco.mjMINVAL / inertia).max(axis=1),
             ]
         ).max()
     )
 
 
-DECADES = 1e12  # ratio of the stiffest spring to the softest
-BRIEF = 100  # steps of a free motion, since the reference has to follow each swing of the spring
+STIFFNESS_RATIO = 1e12  # ratio of the stiffest spring to the softest
+FREE_MOTION_STEPS = (
+    100  # steps of a free motion, since the reference has to follow each swing of the spring
+)
 
 
-def stiffnesses(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_stiffness(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Stiffen a spring in the last hinge, starting with one that swings once during the run."""
     require(
-        stressed.kind == "dynamics" and movable(stressed.case) and not stressed.case.rod,
+        stressed.kind == "dynamics"
+        and has_independent_motion(stressed.case)
+        and not stressed.case.rod,
         "stiffness in motion: no time steps, a recorded curve, a motion profile, or rods",
     )
     free = not stressed.case.drive
@@ -283,20 +303,24 @@ def stiffnesses(stressed: StressedCase) -> Iterator[LimitSearch]:
         "stiffness in motion: the spring moves the mechanism, and the reference has no spring",
     )
     joint, inertia = last_hinge(stressed.case)
-    seconds = min(stressed.seconds, BRIEF * stressed.step) if free else stressed.seconds
-    case = brief(self_referenced(stressed.case), seconds, stressed.step) if free else stressed.case
+    seconds = min(stressed.seconds, FREE_MOTION_STEPS * stressed.step) if free else stressed.seconds
+    case = (
+        with_short_run(with_planar_reference(stressed.case), seconds, stressed.step)
+        if free
+        else stressed.case
+    )
     softest = inertia * (2.0 * np.pi / seconds) ** 2
     limit = NAN
-    scheme = stressed.engine.scheme_of(stressed.setting.parameters, compiled(stressed.case))
-    if free and compiled(case).nv == 1 and scheme:
-        z = theory.stiffest(scheme, seconds / stressed.step)
+    scheme = stressed.engine.scheme_of(stressed.setting.parameters, compiled_model(stressed.case))
+    if free and compiled_model(case).nv == 1 and scheme:
+        z = theory.largest_accurate_z(scheme, seconds / stressed.step)
         limit = inertia * (z / stressed.step) ** 2
     yield stressed.search(
         f"spring in {joint}",
         "N m/rad",
         softest,
-        DECADES * softest,
-        partial(sprung, stressed, case, joint),
+        STIFFNESS_RATIO * softest,
+        partial(try_spring, stressed, case, joint),
         theory=limit,
         law="" if limit != limit else "powers of the step's matrix",
     )
@@ -304,7 +328,7 @@ def stiffnesses(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 def last_hinge(case: Case) -> tuple[str, float]:
     """The last hinge that is not driven, and the inertia about it in the start pose [kg m^2]."""
-    model, driven = compiled(case), [drive.joint for drive in case.drive]
+    model, driven = compiled_model(case), [drive.joint for drive in case.drive]
     hinges = [
         j
         for j in range(model.njnt)
@@ -318,13 +342,13 @@ def last_hinge(case: Case) -> tuple[str, float]:
     return str(model.joint(hinges[-1]).name), float(inertia[hinges[-1], hinges[-1]])
 
 
-def brief(case: Case, seconds: float, step: float) -> Case:
+def with_short_run(case: Case, seconds: float, step: float) -> Case:
     """The case with a dynamics run of a shorter duration, which is sampled after every step."""
     run = case.run["dynamics"].model_copy(update={"n": round(seconds / step) + 1})
     return with_whole_steps(case.model_copy(update={"run": {"dynamics": run}}), seconds, step)
 
 
-def sprung(stressed: StressedCase, case: Case, joint: str, stiffness: float) -> TrialResult:
+def try_spring(stressed: StressedCase, case: Case, joint: str, stiffness: float) -> TrialResult:
     """Run the case with a spring in a joint."""
     return stressed.try_case(with_spring(case, stressed.models, joint, stiffness))
 
@@ -339,11 +363,16 @@ def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
     return with_model(case, folder, change)
 
 
-MANY, MANY_TIMEOUT = 200, 600.0  # most segments of a rod, and wall time for so many [s]
-FEW = 4  # steps of the shortest runs: a motion there and back in two steps would look like none
+MAX_SEGMENTS, MAX_SEGMENTS_TIMEOUT = (
+    200,
+    600.0,
+)  # most segments of a rod, and wall time for so many [s]
+MIN_STEPS = (
+    4  # steps of the shortest runs: a motion there and back in two steps would look like none
+)
 
 
-def extremes(
+def list_extremes(
     case: Case, store: Store, runner: Runner | None = None
 ) -> tuple[list[LimitSearch], list[str]]:
     """All searches that apply to a case, and the reasons why others do not apply.
@@ -367,7 +396,7 @@ def extremes(
     return found, list(dict.fromkeys(skipped))
 
 
-def steps(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_time_step(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the time step, with every integrator."""
     require(stressed.kind == "dynamics", "time step: the run has no time steps")
     require(not stressed.case.recorded, "time step: a recorded curve has its own samples")
@@ -375,21 +404,21 @@ def steps(stressed: StressedCase) -> Iterator[LimitSearch]:
         "time step",
         "s",
         stressed.step,
-        stressed.seconds / FEW,
-        partial(stepped, stressed),
+        stressed.seconds / MIN_STEPS,
+        partial(try_time_step, stressed),
         stressed.engine.schemes,
     )
 
 
-def stepped(
+def try_time_step(
     stressed: StressedCase, parameters: dict[str, ParameterValue], step: float
 ) -> TrialResult:
     """Run with a time step [s]; samples are not closer than the step."""
     return stressed.try_in_steps(stressed.case, stressed.seconds, timestep=step, **parameters)
 
 
-def speeds(stressed: StressedCase) -> Iterator[LimitSearch]:
-    """Increase the speed of the drives, until the run has only `FEW` steps."""
+def search_drive_speed(stressed: StressedCase) -> Iterator[LimitSearch]:
+    """Increase the speed of the drives, until the run has only `MIN_STEPS` steps."""
     require(
         stressed.kind == "dynamics" and stressed.case.drive,
         "drive speed: there is no drive, or the run has no time steps",
@@ -403,12 +432,12 @@ def speeds(stressed: StressedCase) -> Iterator[LimitSearch]:
         "drive speed",
         "times",
         1.0,
-        stressed.seconds / (FEW * stressed.step),
-        partial(sped, stressed),
+        stressed.seconds / (MIN_STEPS * stressed.step),
+        partial(try_drive_speed, stressed),
     )
 
 
-def sped(stressed: StressedCase, factor: float) -> TrialResult:
+def try_drive_speed(stressed: StressedCase, factor: float) -> TrialResult:
     """Run with the first drive faster by a factor, for a duration shorter by the same factor."""
     case, leader = stressed.case, stressed.case.drive[0]
     faster = (
@@ -424,9 +453,9 @@ def sped(stressed: StressedCase, factor: float) -> TrialResult:
     return stressed.try_in_steps(case, stressed.seconds / factor)
 
 
-def weights(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_gravity(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase gravity."""
-    model = compiled(stressed.case)
+    model = compiled_model(stressed.case)
     require(model.opt.gravity.any(), "gravity: there is none")
     require(
         reference_follows_masses(stressed.case) or "gravity" in stressed.case.parameters,
@@ -438,14 +467,14 @@ def weights(stressed: StressedCase) -> Iterator[LimitSearch]:
         1.0,
         1e6,
         lambda factor: stressed.try_case(
-            variants.weightier(stressed.case, stressed.models, factor)
+            variants.with_scaled_gravity(stressed.case, stressed.models, factor)
         ),
     )
 
 
-def masses(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_mass_ratio(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase and decrease the mass of the last body."""
-    bodies = len(variants.bodies(stressed.case))
+    bodies = len(variants.inertial_elements(stressed.case))
     require(bodies > 1, "mass ratio: there is one body, or bodies have their masses from geoms")
     require(
         stressed.kind == "dynamics" and reference_follows_masses(stressed.case),
@@ -458,14 +487,14 @@ def masses(stressed: StressedCase) -> Iterator[LimitSearch]:
             1.0,
             reach,
             lambda factor: stressed.try_case(
-                variants.heavier(stressed.case, stressed.models, factor)
+                variants.with_scaled_last_mass(stressed.case, stressed.models, factor)
             ),
         )
 
 
-def springs(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_spring_strength(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase and decrease the strength of all springs, rods and loads together."""
-    model = compiled(stressed.case)
+    model = compiled_model(stressed.case)
     require(model.jnt_stiffness.any(), "stiffness: there are no springs and no rods")
     require(
         stressed.kind != "dynamics" and not model.opt.gravity.any(),
@@ -478,26 +507,26 @@ def springs(stressed: StressedCase) -> Iterator[LimitSearch]:
             1.0,
             reach,
             lambda factor: stressed.try_case(
-                variants.stiffer(stressed.case, stressed.models, factor)
+                variants.with_scaled_stiffness(stressed.case, stressed.models, factor)
             ),
         )
 
 
-def segments(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_segments(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the number of segments of the rods."""
     require(stressed.case.rod, "segments: there is no rod")
     fewest = min(rod.segments for rod in stressed.case.rods)
-    slow = replace(stressed, timeout=MANY_TIMEOUT)
+    slow = replace(stressed, timeout=MAX_SEGMENTS_TIMEOUT)
     yield stressed.search(
         "segments of each rod",
         "1",
         fewest,
-        MANY,
+        MAX_SEGMENTS,
         lambda n: slow.try_case(stressed.case, segments=round(n)),
     )
 
 
-def long(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_run_length(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Continue the same motion, up to a million steps."""
     case = stressed.case
     require(
@@ -513,28 +542,33 @@ def long(stressed: StressedCase) -> Iterator[LimitSearch]:
         "steps",
         "1",
         own,
-        LONG,
+        MAX_STEPS,
         lambda count: stressed.try_in_steps(
             with_longer_run(case, count / own, stressed.seconds), count * stressed.step
         ),
     )
 
 
-LONGEST, SHORTEST = (1.1, 1.0), 0.2  # links are shortened from one of these factors to this one
-PACE = 0.02  # change of length from one closed start pose to the next, which keeps the branch
-LENGTH_WITHIN = 1e-9  # relative tolerance of the shortest length
+START_LENGTHS, END_LENGTH = (
+    (1.1, 1.0),
+    0.2,
+)  # links are shortened from one of these factors to this one
+LENGTH_STEP = (
+    0.02  # change of length from one closed start pose to the next, which keeps the branch
+)
+LENGTH_TOLERANCE = 1e-9  # relative tolerance of the shortest length
 
 
-BodyNames = tuple[str, ...]
+SiteNames = tuple[str, ...]
 """Names of the sites at the ends of links."""
 
 
-def ends(case: Case) -> Iterator[BodyNames]:
+def loop_ends(case: Case) -> Iterator[SiteNames]:
     """The sites that each loop constraint joins at the ends of moving links, the last loop first.
 
     Sites on the ground, and at the origin of their body, are left out.
     """
-    model = compiled(case)
+    model = compiled_model(case)
     for e in reversed(range(model.neq)):
         if int(model.eq_objtype[e]) == mujoco.mjtObj.mjOBJ_SITE:
             pair = int(model.eq_obj2id[e]), int(model.eq_obj1id[e])
@@ -545,38 +579,38 @@ def ends(case: Case) -> Iterator[BodyNames]:
             )
 
 
-def last_link(case: Case) -> BodyNames:
+def last_link(case: Case) -> SiteNames:
     """The site at the end of the last link in a loop; empty if no link is in a loop."""
-    return next((links[:1] for links in ends(case) if links), ())
+    return next((links[:1] for links in loop_ends(case) if links), ())
 
 
-def last_arm(case: Case) -> BodyNames:
+def last_arm(case: Case) -> SiteNames:
     """The sites at the ends of both links of the last loop.
 
     Empty if a drive or another loop acts on one of the two bodies, or there is no such loop.
     """
-    model, (last, *others) = compiled(case), [*ends(case)] or [()]
+    model, (last, *others) = compiled_model(case), [*loop_ends(case)] or [()]
     bodies = [int(model.site(link).bodyid[0]) for link in last]
-    held = {int(model.site(link).bodyid[0]) for links in others for link in links}
+    constrained = {int(model.site(link).bodyid[0]) for links in others for link in links}
     driven = {int(model.joint(drive.joint).bodyid[0]) for drive in case.drive}
-    return last if len(bodies) == 2 and not {*bodies} & (held | driven) else ()
+    return last if len(bodies) == 2 and not {*bodies} & (constrained | driven) else ()
 
 
-def shortened(case: Case, links: BodyNames, folder: Path, factor: float) -> Case:
+def with_scaled_links(case: Case, links: SiteNames, folder: Path, factor: float) -> Case:
     """The case with the lengths of links multiplied by a factor, and its start pose closed."""
-    pose = closed(case, links, factor)
+    pose = close_start_pose(case, links, factor)
 
     def change(root: Element) -> None:
         for site in root.iter("site"):
             if site.get("name") in links:
-                times(site, "pos", factor)
+                multiply_attribute(site, "pos", factor)
         key = next(key for key in root.iter("key") if key.get("name") == case.start)
         key.set("qpos", " ".join(map(repr, pose.tolist())))
 
     return with_model(case, folder, change)
 
 
-def closed(case: Case, links: BodyNames, factor: float) -> Array:
+def close_start_pose(case: Case, links: SiteNames, factor: float) -> Array:
     """Joint values of the start pose with the lengths of links multiplied by a factor.
 
     Raises
@@ -584,66 +618,75 @@ def closed(case: Case, links: BodyNames, factor: float) -> Array:
     InputError
         The loops cannot be closed with these lengths.
     """
-    model = copy(compiled(case))
+    model = copy(compiled_model(case))
     sites = [model.site(link).id for link in links]
     lengths, joints = model.site_pos[sites].copy(), tuple(d.joint for d in case.drive)
     pose = read(model, case.start)[0].start
-    for share in np.linspace(1.0, factor, int(abs(factor - 1.0) / PACE) + 2).tolist():
+    for share in np.linspace(1.0, factor, int(abs(factor - 1.0) / LENGTH_STEP) + 2).tolist():
         model.site_pos[sites] = share * lengths
         mechanism, _ = read(model, case.start)
         try:
-            pose = newton(mechanism, pose[None], Drives.of(mechanism, joints))[0]
+            pose = close_loops(mechanism, pose[None], Drives.of(mechanism, joints))[0]
         except ValueError as error:
             raise InputError(case.model_path, "", str(error)) from None
     return pose
 
 
-def find_shortest_length(case: Case, links: BodyNames, kind: Kind, folder: Path) -> float:
+def find_shortest_length(case: Case, links: SiteNames, kind: Kind, folder: Path) -> float:
     """Shortest length of links, over their own, with which the mechanism makes its whole motion.
 
     NaN if the reference does not have all poses with the longest links, or if it has all of them
     with the shortest links as well.
     """
-    for longest in LONGEST:
+    for longest in START_LENGTHS:
         holds, breaks, _ = bisect(
-            partial(unclosed, case, links, kind, folder), longest, SHORTEST, LENGTH_WITHIN
+            partial(find_closing_failure, case, links, kind, folder),
+            longest,
+            END_LENGTH,
+            LENGTH_TOLERANCE,
         )
         if holds == holds:
             return float(np.sqrt(holds * breaks))
     return float("nan")
 
 
-def cached_shortest_length(case: Case, links: BodyNames, kind: Kind, store: Store) -> float:
+def cached_shortest_length(case: Case, links: SiteNames, kind: Kind, store: Store) -> float:
     """The length of `find_shortest_length`, computed once for all engines and kept in the store.
 
     Its search is slow, since the reference takes short steps near singular poses.
     """
-    name = repr((case.model_dump_json(include=MATTERS), links, kind, sources()))
-    file = store.folder / f"{digest(name.encode() + model_bytes(case))}.least.json"
+    name = repr((case.model_dump_json(include=KEY_FIELDS), links, kind, digest_of_sources()))
+    file = store.folder / f"{digest(name.encode() + bytes_of_case_model(case))}.least.json"
     return float(
-        once(file, lambda: find_shortest_length(case, links, kind, store.folder / "models"))
+        read_or_make(file, lambda: find_shortest_length(case, links, kind, store.folder / "models"))
     )
 
 
-def unclosed(
-    case: Case, links: BodyNames, kind: Kind, folder: Path, factor: float
+def find_closing_failure(
+    case: Case, links: SiteNames, kind: Kind, folder: Path, factor: float
 ) -> Failure | None:
     """A failure if the mechanism cannot make its whole motion with links longer by a factor."""
     try:
-        evaluate_run(shortened(case, links, folder, factor), kind)
+        evaluate_reference(with_scaled_links(case, links, folder, factor), kind)
     except InputError as error:
         return Failure(error.wrong, BoundaryKind.UNSTABLE)
     return None
 
 
-TURNS = 2.0  # a crank is driven so far in search of its limit position
-NEAREST, LIMIT_WITHIN = 1e-9, 1e-12  # nearest turning point to a limit [rad]; its tolerance [1]
-SPARE, LEAST = 0.05, 1e-7  # first and last excess length of a link, over the shortest that closes
-PIECES = 10, 20, 40  # numbers of segments with which a rod is made to snap
-SAMPLES = 41  # of a sweep there and back; an odd number has one sample at the turning point
+MAX_CRANK_TURNS = 2.0  # a crank is driven so far in search of its limit position
+NEAREST_TURNING_POINT, LIMIT_TOLERANCE = (
+    1e-9,
+    1e-12,
+)  # nearest turning point to a limit [rad]; its tolerance [1]
+FIRST_SPARE_LENGTH, LAST_SPARE_LENGTH = (
+    0.05,
+    1e-7,
+)  # first and last excess length of a link, over the shortest that closes
+SNAP_SEGMENTS = 10, 20, 40  # numbers of segments with which a rod is made to snap
+SWEEP_SAMPLES = 41  # of a sweep there and back; an odd number has one sample at the turning point
 
 
-def limits(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_limit_position(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the distance of the drive until a limit position, in a sweep.
 
     In dynamics the drive then turns back closer and closer to that limit position.
@@ -658,16 +701,18 @@ def limits(stressed: StressedCase) -> Iterator[LimitSearch]:
         and has_hinged_leader(case),
         "limit position: there is no single crank to drive further",
     )
-    way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
+    own_distance = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
     swept = replace(stressed, kind="sweep", setting=Setting(stressed.setting.engine))
-    reach = max(TURNS * 2 * np.pi, 2 * way)
-    limit = between(*bisect(partial(unreachable, case), way, reach, LIMIT_WITHIN)[:2])
+    reach = max(MAX_CRANK_TURNS * 2 * np.pi, 2 * own_distance)
+    limit = boundary_value(
+        *bisect(partial(find_reach_failure, case), own_distance, reach, LIMIT_TOLERANCE)[:2]
+    )
     yield swept.search(
         "drive's way",
         "rad",
-        way,
+        own_distance,
         reach,
-        lambda far: swept.try_case(with_way(case, far)),
+        lambda far: swept.try_case(with_drive_distance(case, far)),
         "sweep",
         theory=limit,
         law="where the reference has no pose any more",
@@ -676,29 +721,31 @@ def limits(stressed: StressedCase) -> Iterator[LimitSearch]:
         yield stressed.search(
             "drive turns back before its limit",
             "rad",
-            limit - way,
-            NEAREST,
-            lambda gap: stressed.try_case(with_swing(case, limit - gap, stressed.seconds)),
+            limit - own_distance,
+            NEAREST_TURNING_POINT,
+            lambda distance: stressed.try_case(
+                with_drive_swing(case, limit - distance, stressed.seconds)
+            ),
         )
 
 
-def between(holds: float, breaks: float) -> float:
+def boundary_value(holds: float, breaks: float) -> float:
     """The geometric mean of both sides of a boundary; infinite if there is no boundary."""
     return float(np.sqrt(holds * breaks)) if np.isfinite(breaks) else np.inf
 
 
-def unreachable(case: Case, far: float) -> Failure | None:
+def find_reach_failure(case: Case, distance: float) -> Failure | None:
     """A failure if the reference has no pose somewhere on the drive's way to a distance."""
     try:
-        evaluate_run(with_way(case, far), "sweep")
+        evaluate_reference(with_drive_distance(case, distance), "sweep")
     except InputError as error:
         return Failure(str(error), BoundaryKind.UNSTABLE)
     return None
 
 
-def closings(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_bars_in_line(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Shorten the last link until the engine leaves the assembly mode where bars are in line."""
-    yield from spared(
+    yield from search_spare_length(
         stressed,
         "bars in line",
         "length to spare where bars come in line",
@@ -706,9 +753,9 @@ def closings(stressed: StressedCase) -> Iterator[LimitSearch]:
     )
 
 
-def stretchings(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_stretched_arm(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Shorten both links of the last loop until they are stretched."""
-    yield from spared(
+    yield from search_spare_length(
         stressed,
         "stretched arm",
         "length to spare where an arm is stretched",
@@ -716,60 +763,66 @@ def stretchings(stressed: StressedCase) -> Iterator[LimitSearch]:
     )
 
 
-def spared(
-    stressed: StressedCase, pose: str, parameter: str, links: BodyNames
+def search_spare_length(
+    stressed: StressedCase, pose: str, parameter: str, links: SiteNames
 ) -> Iterator[LimitSearch]:
     """Shorten links towards the shortest length that closes, in a sweep and in dynamics."""
     require(
         stressed.case.drive
-        and movable(stressed.case)
+        and has_independent_motion(stressed.case)
         and reference_follows_masses(stressed.case)
         and links,
         f"{pose}: no such links in a driven loop",
     )
-    case = self_referenced(stressed.case)
-    way: Kind = "dynamics" if "dynamics" in case.run else "sweep"
-    length = cached_shortest_length(case, links, way, stressed.store)
+    case = with_planar_reference(stressed.case)
+    kind_of_run: Kind = "dynamics" if "dynamics" in case.run else "sweep"
+    length = cached_shortest_length(case, links, kind_of_run, stressed.store)
     require(np.isfinite(length), f"{pose}: no length of {' and '.join(links)} brings them there")
     for kind in (kind for kind in ("dynamics", "sweep") if kind in case.run):
         own = replace(stressed, case=case, kind=kind)
         yield own.search(
             parameter,
             "share",
-            SPARE,
-            LEAST,
-            partial(sparing, own, links, length),
+            FIRST_SPARE_LENGTH,
+            LAST_SPARE_LENGTH,
+            partial(try_spare_length, own, links, length),
             own.integrator if kind == "dynamics" else kind,
         )
 
 
-def sparing(stressed: StressedCase, links: BodyNames, length: float, share: float) -> TrialResult:
+def try_spare_length(
+    stressed: StressedCase, links: SiteNames, length: float, share: float
+) -> TrialResult:
     """Run with links longer by a share than the shortest length that closes.
 
     The reference has all poses.  A sweep that stops before one of them has only not found it, so
     the limit is that of proofmass and not of the engine.
     """
     found = stressed.try_case(
-        shortened(stressed.case, links, stressed.models, length * (1.0 + share))
+        with_scaled_links(stressed.case, links, stressed.models, length * (1.0 + share))
     )
     if found.failure and found.failure.message.startswith("stopped"):
         return found._replace(failure=found.failure._replace(limit=BoundaryKind.OURS))
     return found
 
 
-def snaps(stressed: StressedCase) -> Iterator[LimitSearch]:
+def search_rod_snap(stressed: StressedCase) -> Iterator[LimitSearch]:
     """Increase the distance of the drive until a rod does not return along its path."""
     case = stressed.case
     require(
-        case.rod and "sweep" in case.run and len(case.drive) == 1 and movable(case),
+        case.rod and "sweep" in case.run and len(case.drive) == 1 and has_independent_motion(case),
         "fold: no rod that a single drive bends",
     )
-    way = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
-    fold = between(*bisect(partial(unreturned, case), way / 16, way, LIMIT_WITHIN)[:2])
+    own_distance = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
+    fold = boundary_value(
+        *bisect(
+            partial(find_return_failure, case), own_distance / 16, own_distance, LIMIT_TOLERANCE
+        )[:2]
+    )
     unit = "rad" if has_hinged_leader(case) else "m"
     # without `settled` the equilibrium is followed, and the sweep ends at its fold
     parameters = {k: v for k, v in stressed.setting.parameters.items() if k != "settled"}
-    for pieces in PIECES:
+    for pieces in SNAP_SEGMENTS:
         own = replace(
             stressed,
             kind="sweep",
@@ -779,51 +832,55 @@ def snaps(stressed: StressedCase) -> Iterator[LimitSearch]:
         yield own.search(
             "drive's way until a rod snaps",
             unit,
-            way / 16,
-            way,
-            partial(snapped, own),
+            own_distance / 16,
+            own_distance,
+            partial(try_snap, own),
             f"{pieces} segments",
             theory=fold,
             law="where the reference's rod does not come back the way it went",
         )
 
 
-def there_and_back(case: Case, far: float) -> Case:
+def with_return_sweep(case: Case, distance: float) -> Case:
     """The case with a sweep to a distance and back, sampled at the same drive values both ways."""
-    run = case.run["sweep"].model_copy(update={"n": SAMPLES, "until": None})
-    return with_swing(case, far, 1.0).model_copy(update={"run": {"sweep": run}})
+    run = case.run["sweep"].model_copy(update={"n": SWEEP_SAMPLES, "until": None})
+    return with_drive_swing(case, distance, 1.0).model_copy(update={"run": {"sweep": run}})
 
 
-def snapped(stressed: StressedCase, far: float) -> TrialResult:
+def try_snap(stressed: StressedCase, distance: float) -> TrialResult:
     """Fail if the engine's rod does not return along its path; the error of the run is not used."""
     task = StudyRun(
-        there_and_back(stressed.case, far), "sweep", stressed.setting, "stress", timed=False
+        with_return_sweep(stressed.case, distance), "sweep", stressed.setting, "stress", timed=False
     )
-    found = measure_once(task, stressed.store, stressed.timeout)
+    found = measure_or_read(task, stressed.store, stressed.timeout)
     if found.outcome != Outcome.RAN:
         return TrialResult(find_failure(found, "sweep"))
-    curves = stressed.store.curves(key_of(task))
-    return TrialResult(parted({name: curves[f"channel.{name}"] for name in places(stressed.case)}))
+    curves = stressed.store.curves(task_key(task))
+    return TrialResult(
+        find_return_difference(
+            {name: curves[f"channel.{name}"] for name in position_channels(stressed.case)}
+        )
+    )
 
 
-def unreturned(case: Case, far: float) -> Failure | None:
+def find_return_failure(case: Case, distance: float) -> Failure | None:
     """A failure if the reference's rod does not return along its path."""
-    wanted = evaluate_run(there_and_back(case, far), "sweep").channels
-    return parted({name: wanted[name] for name in places(case)})
+    wanted = evaluate_reference(with_return_sweep(case, distance), "sweep").channels
+    return find_return_difference({name: wanted[name] for name in position_channels(case)})
 
 
-def places(case: Case) -> list[str]:
+def position_channels(case: Case) -> list[str]:
     """The channels of a sweep that are positions."""
     return [name for name, one in case.channels_of("sweep").items() if one.si_unit in ("m", "rad")]
 
 
-def parted(curves: dict[str, Array]) -> Failure | None:
+def find_return_difference(curves: dict[str, Array]) -> Failure | None:
     """A failure if a curve of a sweep there and back differs on the way back."""
     for name, values in curves.items():
-        apart = float(np.abs(values - values[::-1]).max())
-        if apart > LARGE * np.ptp(values):
+        difference = float(np.abs(values - values[::-1]).max())
+        if difference > LARGE_ERROR * np.ptp(values):
             return Failure(
-                f"{name} comes back {apart:.2g} away from where it went",
+                f"{name} comes back {difference:.2g} away from where it went",
                 BoundaryKind.UNSTABLE,
                 silent=True,
             )
@@ -831,18 +888,18 @@ def parted(curves: dict[str, Array]) -> Failure | None:
 
 
 SEARCHES: tuple[Callable[[StressedCase], Iterator[LimitSearch]], ...] = (
-    steps,
-    speeds,
-    weights,
-    masses,
-    springs,
-    stiffnesses,
-    sizes,
-    segments,
-    limits,
-    closings,
-    stretchings,
-    snaps,
-    long,
-    energies,
+    search_time_step,
+    search_drive_speed,
+    search_gravity,
+    search_mass_ratio,
+    search_spring_strength,
+    search_stiffness,
+    search_size,
+    search_segments,
+    search_limit_position,
+    search_bars_in_line,
+    search_stretched_arm,
+    search_rod_snap,
+    search_run_length,
+    search_energy_error,
 )

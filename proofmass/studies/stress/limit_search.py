@@ -20,16 +20,16 @@ from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.mobility import mobility
 from proofmass.outcome import Outcome
-from proofmass.reference import compiled, grid
+from proofmass.reference import compiled_model, run_samples
 from proofmass.sim.mjcf import compiles
 from proofmass.sim.protocol import Engine, Scheme
 from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, measure, observe, simulate_task
 from proofmass.studies.record import ParameterValue, Setting, format_kind
-from proofmass.studies.store import Store, key_of
+from proofmass.studies.store import Store, task_key
 from proofmass.studies.stress.boundary import (
-    DIGITS,
     NAN,
+    PRINTED_DIGITS,
     Boundary,
     BoundaryKind,
     Failure,
@@ -37,37 +37,37 @@ from proofmass.studies.stress.boundary import (
     VariedRange,
     is_engine_warning,
 )
-from proofmass.studies.variants import READS, with_whole_steps
+from proofmass.studies.variants import PLANAR_REFERENCE, with_whole_steps
 from proofmass.wording import number
-from proofmass.worker import KILLED, isolated
+from proofmass.worker import KILLED_BY_SIGNAL, call_isolated
 
-WITHIN = 0.01
+BOUNDARY_TOLERANCE = 0.01
 """Relative distance of the failing value from the holding one at which a bisection ends."""
-COARSE = 0.1
+UNKNOWN_BOUNDARY_TOLERANCE = 0.1
 """The same if nothing is known beyond the holding value, and theory has no boundary either: then
 the value is not a property of the engine."""
-STRIDE = 4.0
+STRIDE_FACTOR = 4.0
 """Largest factor between consecutive values on the way to the extreme, before the bisection."""
-BESIDE = 1.01, 1.02, 1.03, 1.04, 1.06, 1.1, 1.2, 1.4
+NEIGHBOUR_FACTORS = 1.01, 1.02, 1.03, 1.04, 1.06, 1.1, 1.2, 1.4
 """Factors to both sides of a boundary at which values are tried: those before it must hold, those
 beyond it must fail.  Bisection finds only one of several boundaries, and a stride is a factor of 4.
 Errors that go up and down with the parameter do so within 2 to 4 % of its value."""
-JUST = 1.02
+NEAREST_FACTOR = 1.02
 """Factor from the first of several boundaries back to the value that is given as holding.  Only if
 bisection ended within this factor are other boundaries searched for."""
 
 
-LARGE = 0.1
+LARGE_ERROR = 0.1
 """Largest error, as a share of the reference's range, with which a run does not fail."""
-JUDGED: dict[Kind, tuple[str, ...]] = {
+JUDGED_ERROR_KINDS: dict[Kind, tuple[str, ...]] = {
     "sweep": ("position", "force"),
     "equilibrium": ("position", "force"),
     "dynamics": ("position",),
 }
-TIMEOUT = 60.0  # [s] of a run
-LONG = 1_000_000  # steps of the longest runs
-SAME = 1e-9  # relative difference of two time steps that is only rounding
-LIMITS: dict[str, BoundaryKind] = {
+RUN_TIMEOUT = 60.0  # [s] of a run
+MAX_STEPS = 1_000_000  # steps of the longest runs
+STEP_ROUNDING = 1e-9  # relative difference of two time steps that is only rounding
+LIMIT_OF_OUTCOME: dict[str, BoundaryKind] = {
     Outcome.DIVERGED: BoundaryKind.UNSTABLE,
     Outcome.NOT_FINITE: BoundaryKind.UNSTABLE,
     Outcome.STOPPED: BoundaryKind.UNSTABLE,
@@ -91,7 +91,7 @@ class LimitSearch(VariedRange):
     theory: float = NAN
     law: str = ""
 
-    def find(self, within: float = WITHIN) -> Boundary:
+    def find(self, within: float = BOUNDARY_TOLERANCE) -> Boundary:
         """Find the boundary by bisection, and search for other boundaries near it.
 
         `within` is the relative distance of the failing value from the holding one.  It is used
@@ -106,12 +106,12 @@ class LimitSearch(VariedRange):
             return failure
 
         expected = np.isfinite(self.theory) and self.theory > 0
-        coarse = within if expected else COARSE
+        coarse = within if expected else UNKNOWN_BOUNDARY_TOLERANCE
         holds, breaks, failure = bisect(test, self.start, self.reach, within, coarse)
         again = NAN
-        near = max(holds / breaks, breaks / holds) < JUST
-        if near and is_failure(failure):
-            holds, breaks, failure, again = find_several(
+        near = max(holds / breaks, breaks / holds) < NEAREST_FACTOR
+        if near and is_engine_failure(failure):
+            holds, breaks, failure, again = find_first_and_last(
                 test, self.start, self.reach, holds, breaks, failure
             )
         known = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trial"}
@@ -132,14 +132,14 @@ def bisect(
     test: Callable[[float], Failure | None],
     start: float,
     reach: float,
-    within: float = WITHIN,
-    coarse: float = COARSE,
+    within: float = BOUNDARY_TOLERANCE,
+    coarse: float = UNKNOWN_BOUNDARY_TOLERANCE,
 ) -> tuple[float, float, Failure | None]:
     """Vary a parameter from `start` towards `reach`, and bisect where the first value fails.
 
     The values are geometrically spaced, so all of them are positive.  The first boundary that a
     stride crosses is found.  Failing values between two strides that hold are not seen, and only
-    one of several boundaries is found: see `find_several`.  The bisection ends at the
+    one of several boundaries is found: see `find_first_and_last`.  The bisection ends at the
     relative distance `within`, or at `coarse` if that is larger and nothing is known
     beyond `holds`.
 
@@ -164,7 +164,7 @@ def bisect(
     if failure:
         return NAN, NAN, failure._replace(message=f"at {start:g} already: {failure.message}")
     holds, breaks = start, NAN
-    strides = max(1, int(np.ceil(abs(np.log(reach / start)) / np.log(STRIDE) - 1e-9)))
+    strides = max(1, int(np.ceil(abs(np.log(reach / start)) / np.log(STRIDE_FACTOR) - 1e-9)))
     for value in np.geomspace(start, reach, strides + 1)[1:].tolist():
         failure = test(value)
         if failure:
@@ -182,7 +182,7 @@ def bisect(
     return holds, breaks, failure
 
 
-def find_several(
+def find_first_and_last(
     test: Callable[[float], Failure | None],
     start: float,
     reach: float,
@@ -194,7 +194,7 @@ def find_several(
 
     A run through a singular pose fails if one of its steps comes near that pose, and an error that
     goes up and down with the parameter exceeds its limit several times.  In such cases the first
-    and the last boundary are searched for, until the values at all factors of `BESIDE`
+    and the last boundary are searched for, until the values at all factors of `NEIGHBOUR_FACTORS`
     before the first one hold, and those beyond the last one fail.  Values are rounded to the
     printed digits.
 
@@ -224,72 +224,76 @@ def find_several(
     >>> failed = Failure("beyond", BoundaryKind.UNSTABLE)
     >>> def test(x):  # fails from 2.2 to 2.3, and from 2.5 on
     ...     return failed if 2.2 <= x < 2.3 or x >= 2.5 else None
-    >>> holds, breaks, _, again = find_several(test, 1.0, 9.0, 2.48, 2.5, failed)
+    >>> holds, breaks, _, again = find_first_and_last(test, 1.0, 9.0, 2.48, 2.5, failed)
     >>> holds < 2.2 <= breaks < 2.25, 2.45 < again < 2.5
     (True, True)
-    >>> find_several(lambda x: failed if x >= 2 else None, 1.0, 9.0, 1.99, 2.0, failed)[-1]
+    >>> find_first_and_last(lambda x: failed if x >= 2 else None, 1.0, 9.0, 1.99, 2.0, failed)[-1]
     nan
     """
     up = reach > start
 
     def fails_at(value: float) -> bool:
-        return is_failure(test(value))
+        return is_engine_failure(test(value))
 
     def holds_at(value: float) -> bool:
         return test(value) is None
 
-    one_before = next(filter(holds_at, printed(holds, not up)), holds)
-    one_beyond = next(filter(fails_at, printed(breaks, up)), breaks)
+    one_before = next(filter(holds_at, printed_neighbours(holds, not up)), holds)
+    one_beyond = next(filter(fails_at, printed_neighbours(breaks, up)), breaks)
     between = float(number(np.sqrt(holds * breaks)))
-    first = find_last(fails_at, one_beyond, start, not up, beside(between, JUST, start, not up))
-    last = find_last(holds_at, one_before, reach, up, beside(between, JUST, reach, up))
+    first = find_furthest(
+        fails_at, one_beyond, start, not up, step_by_factor(between, NEAREST_FACTOR, start, not up)
+    )
+    last = find_furthest(
+        holds_at, one_before, reach, up, step_by_factor(between, NEAREST_FACTOR, reach, up)
+    )
     if first == one_beyond and last == one_before:
         return holds, breaks, failure, NAN
-    return beside(first, JUST, start, not up), first, test(first), last
+    return step_by_factor(first, NEAREST_FACTOR, start, not up), first, test(first), last
 
 
-def find_last(
-    meets: Callable[[float], bool], edge: float, end: float, up: bool, near: float
+def find_furthest(
+    meets: Callable[[float], bool], edge: float, end: float, up: bool, first_trial: float
 ) -> float:
     """The furthest value from an edge towards an end that meets a condition; the edge if none does.
 
-    The value `near` is tried first.  Then the values at all factors of `BESIDE`
+    The value `first_trial` is tried first.  Then the values at all factors of `NEIGHBOUR_FACTORS`
     from the furthest one that meets the condition are tried, until none of them meets it.
     """
-    found = near if near != edge and meets(near) else edge
+    found = first_trial if first_trial != edge and meets(first_trial) else edge
     while True:
-        tried = [beside(found, factor, end, up) for factor in BESIDE]
+        tried = [step_by_factor(found, factor, end, up) for factor in NEIGHBOUR_FACTORS]
         met = [value for value in tried if value != found and meets(value)]
         if not met:
             return found
         found = met[-1]
 
 
-def rounded(value: float) -> float:
+def round_to_printed(value: float) -> float:
     """A value rounded to the digits that are printed."""
-    return float(number(value, DIGITS))
+    return float(number(value, PRINTED_DIGITS))
 
 
-def printed(value: float, up: bool) -> list[float]:
+def printed_neighbours(value: float, up: bool) -> list[float]:
     """A value rounded to the digits that are printed, and the next such value, up or down.
 
     Of two values that round to the same digits one may hold and the other fail.
 
-    >>> printed(0.177634, up=True), printed(0.177634, up=False)
+    >>> printed_neighbours(0.177634, up=True), printed_neighbours(0.177634, up=False)
     ([0.1776, 0.1777], [0.1776, 0.1775])
     """
-    digit = 10.0 ** (floor(log10(value)) - DIGITS + 1)
-    nearest = rounded(value)
-    return [nearest, rounded(nearest + digit if up else nearest - digit)]
+    digit = 10.0 ** (floor(log10(value)) - PRINTED_DIGITS + 1)
+    nearest = round_to_printed(value)
+    return [nearest, round_to_printed(nearest + digit if up else nearest - digit)]
 
 
-def beside(value: float, factor: float, end: float, up: bool) -> float:
+def step_by_factor(value: float, factor: float, end: float, up: bool) -> float:
     """A value multiplied or divided by a factor and rounded, but not beyond an end.
 
-    >>> beside(0.05, 1.02, 1.0, up=True), beside(0.05, 1.02, 0.04901, up=False)
+    >>> step_by_factor(0.05, 1.02, 1.0, up=True), step_by_factor(0.05, 1.02, 0.04901, up=False)
     (0.051, 0.04902)
     """
-    there = rounded(value * factor if up else value / factor)
+    there = round_to_printed(value * factor if up else value / factor)
     return min(there, end) if up else max(there, end)
 
 
@@ -297,7 +301,7 @@ def beside(value: float, factor: float, end: float, up: bool) -> float:
 class StressedCase:
     """A case in one engine, and the kind of run in which its limits are searched for.
 
-    Runs are made by `measure_once`, with a limit of wall time `timeout` [s], and kept in the
+    Runs are made by `measure_or_read`, with a limit of wall time `timeout` [s], and kept in the
     store; if `runner` is given, it makes them instead.
     """
 
@@ -305,7 +309,7 @@ class StressedCase:
     kind: Kind
     setting: Setting
     store: Store
-    timeout: float = TIMEOUT
+    timeout: float = RUN_TIMEOUT
     runner: Runner | None = None
 
     @property
@@ -326,23 +330,27 @@ class StressedCase:
     @property
     def step(self) -> float:
         """Time step [s] that the case asks for."""
-        return float(str(self.setting.parameters.get("timestep", compiled(self.case).opt.timestep)))
+        return float(
+            str(self.setting.parameters.get("timestep", compiled_model(self.case).opt.timestep))
+        )
 
     @property
     def seconds(self) -> float:
         """Duration of the run [s]."""
-        x = grid(self.case, self.kind)
+        x = run_samples(self.case, self.kind)
         return float(x[-1] - x[0])
 
     def run(self, case: Case, **parameters: ParameterValue) -> Measurement:
         """Run a changed case."""
-        task = StudyRun(case, self.kind, self.setting.but(**parameters), "stress", timed=False)
+        task = StudyRun(
+            case, self.kind, self.setting.with_parameters(**parameters), "stress", timed=False
+        )
         try:
             if self.runner:
                 return self.runner(task)
-            return measure_once(task, self.store, self.timeout)
+            return measure_or_read(task, self.store, self.timeout)
         except InputError as error:
-            refused = self.engine.native and not is_compiled(case)
+            refused = self.engine.native and not can_compile(case)
             return Measurement(outcome="refused" if refused else "no start", message=error.wrong)
 
     def find_failure(self, case: Case, **parameters: ParameterValue) -> Failure | None:
@@ -364,7 +372,7 @@ class StressedCase:
         """
         step = float(str(parameters.get("timestep", self.step)))
         found = self.try_case(with_whole_steps(case, seconds, step), **parameters)
-        if not (isnan(found.step) or isclose(found.step, step, rel_tol=SAME)):
+        if not (isnan(found.step) or isclose(found.step, step, rel_tol=STEP_ROUNDING)):
             raise RuntimeError(
                 f"{self.case.name}, {self.setting.engine}: took steps of "
                 f"{found.step!r} s where {step!r} s were asked for"
@@ -414,76 +422,81 @@ class StressedCase:
         )
 
 
-def measure_once(task: StudyRun, store: Store, timeout: float = TIMEOUT) -> Measurement:
+def measure_or_read(task: StudyRun, store: Store, timeout: float = RUN_TIMEOUT) -> Measurement:
     """Make a run, or read it from the store if it was made before.
 
     Its wall time is not used, so the run does not need a processor of its own.
     """
-    return store.once(key_of(task), task, timeout, partial(measure_untimed, task, timeout))
+    return store.once(task_key(task), task, timeout, partial(measure_untimed, task, timeout))
 
 
 def measure_untimed(task: StudyRun, timeout: float) -> Measurement:
     """Make a run; if it fails, the measurement has its outcome alone."""
     found = measure(observe, task, False, None, timeout=timeout)
-    return find_late_part(task, found) if found.outcome == Outcome.TIMED_OUT else found
+    return attribute_timeout(task, found) if found.outcome == Outcome.TIMED_OUT else found
 
 
-def find_late_part(task: StudyRun, late: Measurement) -> Measurement:
+def attribute_timeout(task: StudyRun, late: Measurement) -> Measurement:
     """Tell whether the engine or the reference was too slow in a run that timed out.
 
     The engine is run alone: if it fails again the measurement is kept as it is, otherwise the
     outcome is that there is no reference.
     """
-    if isinstance(measure(simulate_task, task, timeout=TIMEOUT), Measurement):
+    if isinstance(measure(simulate_task, task, timeout=RUN_TIMEOUT), Measurement):
         return late
     message = f"{late.message}; the engine has its run"
     return Measurement(outcome=Outcome.NO_REFERENCE, message=message)
 
 
-def is_compiled(case: Case) -> bool:
+def can_compile(case: Case) -> bool:
     """Whether the model of a case compiles; it is tried in a worker process."""
-    return cast(bool, isolated(compiles, case.model_path, timeout=TIMEOUT))
+    return cast(bool, call_isolated(compiles, case.model_path, timeout=RUN_TIMEOUT))
 
 
-def find_failure(found: Measurement, run: Kind) -> Failure | None:
+def find_failure(measurement: Measurement, run: Kind) -> Failure | None:
     """The failure of a run, or None."""
-    if found.outcome != Outcome.RAN:
-        unseen = found.outcome in (Outcome.DIVERGED, Outcome.NOT_FINITE) and not is_engine_warning(
-            found.message
+    if measurement.outcome != Outcome.RAN:
+        unseen = measurement.outcome in (
+            Outcome.DIVERGED,
+            Outcome.NOT_FINITE,
+        ) and not is_engine_warning(measurement.message)
+        return Failure(
+            f"{measurement.outcome}: {measurement.message}", kind_of_limit(measurement), unseen
         )
-        return Failure(f"{found.outcome}: {found.message}", limit_kind(found), unseen)
-    for kind in JUDGED[run]:
-        if not found.errors.get(kind, 0.0) <= LARGE:
+    for kind in JUDGED_ERROR_KINDS[run]:
+        if not measurement.errors.get(kind, 0.0) <= LARGE_ERROR:
             return Failure(
-                f"{format_kind(kind)} off by {found.errors[kind]:.2g} of its range",
+                f"{format_kind(kind)} off by {measurement.errors[kind]:.2g} of its range",
                 BoundaryKind.INACCURATE,
                 silent=True,
             )
     return None
 
 
-def is_failure(failure: Failure | None) -> bool:
+def is_engine_failure(failure: Failure | None) -> bool:
     """Whether a value fails by the engine, and not since proofmass itself gave up."""
     return failure is not None and failure.limit != BoundaryKind.OURS
 
 
-def limit_kind(found: Measurement) -> BoundaryKind:
+def kind_of_limit(measurement: Measurement) -> BoundaryKind:
     """The kind of limit that a run meets which ended without curves to compare."""
-    if found.outcome == Outcome.CRASHED and found.message.startswith(KILLED):
+    if measurement.outcome == Outcome.CRASHED and measurement.message.startswith(KILLED_BY_SIGNAL):
         return BoundaryKind.UNSTABLE
-    return LIMITS.get(found.outcome, BoundaryKind.OURS)
+    return LIMIT_OF_OUTCOME.get(measurement.outcome, BoundaryKind.OURS)
 
 
 class NotApplicable(Exception):
     """A case does not have this kind of limit; the message says why."""
 
 
-def require(there: object, why: str) -> None:
+def require(condition: object, why: str) -> None:
     """Raise `NotApplicable` if a condition is not met."""
-    if not there:
+    if not condition:
         raise NotApplicable(why)
 
 
 def reference_follows_masses(case: Case) -> bool:
     """Whether the reference stays right when masses change: it reads them, or needs no masses."""
-    return case.reference == READS or (bool(case.drive) and mobility(case) == len(case.drive))
+    return case.reference == PLANAR_REFERENCE or (
+        bool(case.drive) and mobility(case) == len(case.drive)
+    )

@@ -21,22 +21,27 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from proofmass.errors import InputError
-from proofmass.report.case_data import finite
+from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import save
 from proofmass.report.page import slug
-from proofmass.report.strip import Strip, place
-from proofmass.report.study import Pages, Written, prepared
-from proofmass.report.style import RC, Look, hatches, looks
-from proofmass.report.svg_markers import MARKS, Tone, tones
-from proofmass.studies.stress.boundary import Boundary, BoundaryKind, exactly, read_boundaries
-from proofmass.wording import format_solver, number, pretty
+from proofmass.report.strip import Strip, log_place
+from proofmass.report.study import PageWriter, StudyPages, prepare_folder
+from proofmass.report.style import RC, Look, engine_hatches, solver_looks
+from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
+from proofmass.studies.stress.boundary import (
+    Boundary,
+    BoundaryKind,
+    format_exactly,
+    read_boundaries,
+)
+from proofmass.wording import format_solver, format_unit, number
 
-SCRIPTS = ("axes.js", "rows.js", "limits.js")
+CHART_SCRIPTS = ("axes.js", "rows.js", "limits.js")
 """Scripts of the chart."""
-THEORY = "Small models whose limits theory knows"
+THEORY_SECTION = "Small models whose limits theory knows"
 
 
-def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Written:
+def write_stress(folder: Path | str, output: Path | str, home: str = "") -> StudyPages:
     """Write the page of a study, ``index.html``, and its figures, from its table ``stress.csv``.
 
     Raises
@@ -48,59 +53,68 @@ def write_stress(folder: Path | str, output: Path | str, home: str = "") -> Writ
     if not file.is_file():
         raise InputError(file, "", "no such file; proofmass stress writes it")
     found = read_boundaries(file)
-    prepared(output, (file, file.with_name("stress.columns.md")), SCRIPTS)
+    prepare_folder(output, (file, file.with_name("stress.columns.md")), CHART_SCRIPTS)
     engines = list(dict.fromkeys(one.engine for one in found))
-    chosen = looks(engines)
-    there = list(dict.fromkeys(one.limit for one in found))
-    looked = [look for limit, look in KINDS.items() if limit in there]
-    colours = tones([look.colour for look in chosen.values()] + [look.colour for look in looked])
-    dressed = {name: colours[look.colour] for name, look in chosen.items()}
-    own = [(name, list(some)) for name, some in groupby(found, lambda one: subject(one))]
-    parts = [part(name, some, output / "figures", dressed) for name, some in own]
+    chosen = solver_looks(engines)
+    kinds_found = list(dict.fromkeys(one.limit for one in found))
+    kind_looks = [look for limit, look in KIND_LOOKS.items() if limit in kinds_found]
+    colours = page_tones(
+        [look.colour for look in chosen.values()] + [look.colour for look in kind_looks]
+    )
+    engine_tones = {name: colours[look.colour] for name, look in chosen.items()}
+    own = [(name, list(some)) for name, some in groupby(found, lambda one: section_of(one))]
+    parts = [section_data(name, some, output / "figures", engine_tones) for name, some in own]
     charted = [
         (one["name"], one["stem"], by_parameter(some))
         for one, (_, some) in zip(parts, own, strict=True)
     ]
-    page = Pages(output, home, SCRIPTS).write(
+    page = PageWriter(output, home, CHART_SCRIPTS).write(
         "index.html",
         "stress.html",
         limits_data(charted, colours),
         parts=parts,
-        kinds=[(MARKS[look.marker], colours[look.colour].css, look.words) for look in looked],
+        kinds=[
+            (MARKER_PATHS[look.marker], colours[look.colour].css, look.words) for look in kind_looks
+        ],
         limits=list(BoundaryKind),
-        there=there,
-        engines=[(name, format_solver(name), dressed[name].css) for name in engines],
+        there=kinds_found,
+        engines=[(name, format_solver(name), engine_tones[name].css) for name in engines],
         tones=colours.values(),
     )
-    return Written(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
+    return StudyPages(page, {one["name"]: f"{page.name}#{one['stem']}" for one in parts})
 
 
-def subject(one: Boundary) -> str:
+def section_of(one: Boundary) -> str:
     """The section of the page that a boundary belongs to: its case, or the small models."""
-    return THEORY if one.law and " " in one.what else one.what  # words, not a sidecar's name
+    return (
+        THEORY_SECTION if one.law and " " in one.what else one.what
+    )  # words, not a sidecar's name
 
 
-def part(
-    name: str, found: Sequence[Boundary], folder: Path, dressed: Mapping[str, Tone]
+def section_data(
+    name: str, found: Sequence[Boundary], folder: Path, engine_tones: Mapping[str, Tone]
 ) -> dict[str, Any]:
     """The data of one section of the page, and its figure in a folder."""
     stem = f"{slug(name)}-stress"
     with rc_context(RC):
         save(stress_figure(found), folder / stem)
     known = all(one.theory == one.theory for one in found)
-    reach = max((far(one) for one in found), default=1.0)
+    reach = max((largest_factor(one) for one in found), default=1.0)
     return {
         "name": name,
         "stem": stem,
-        "words": list(words(found)),
-        "first": list(breaks_first(found)),
+        "words": list(summary_sentences(found)),
+        "first": list(nearest_boundaries(found)),
         "engines": list(dict.fromkeys(format_solver(one.engine) for one in found)),
         "several": len({one.what for one in found}) > 1,
         "known": known,
         "theory": any(one.theory == one.theory for one in found),
-        "labels": labels(reach),
-        "ratios": [(place_ratio(ratio), number(ratio)) for ratio in (1 - NEAR, 1.0, 1 + NEAR)],
-        "rows": [cells(one, dressed[one.engine], reach) for one in by_parameter(found)],
+        "labels": axis_ticks(reach),
+        "ratios": [
+            (place_ratio(ratio), number(ratio))
+            for ratio in (1 - THEORY_TOLERANCE, 1.0, 1 + THEORY_TOLERANCE)
+        ],
+        "rows": [table_row(one, engine_tones[one.engine], reach) for one in by_parameter(found)],
     }
 
 
@@ -110,61 +124,63 @@ def by_parameter(found: Sequence[Boundary]) -> list[Boundary]:
     return sorted(found, key=lambda one: parameters.index(one.parameter))
 
 
-def far(one: Boundary) -> float:
+def largest_factor(one: Boundary) -> float:
     """The largest factor on the axis of a boundary, by measurement or by theory."""
-    there = [end(one), one.theory]
+    there = [bar_end(one), one.theory]
     return max((factor_to(one, x) for x in there if isfinite(x) and x > 0), default=1.0)
 
 
-def labels(reach: float) -> list[tuple[float, str]]:
+def axis_ticks(reach: float) -> list[tuple[float, str]]:
     """Places of the ticks on the axis of a section [%], and their labels."""
     decades = int(log10(max(reach, 10.0)) + 1e-9)
     step = max(1, -(-decades // 4))
     return [
-        (place(10.0**k, 1.0, reach), f"×1e{k}" if k > 3 else f"×{10**k}")
+        (log_place(10.0**k, 1.0, reach), f"×1e{k}" if k > 3 else f"×{10**k}")
         for k in range(0, decades + 1, step)
     ]
 
 
 def place_ratio(ratio: float) -> float:
-    """Place of measured over theory on its axis [%]; `NEAR` is half way to an end."""
-    return min(max(50 + 25 * (ratio - 1) / NEAR, 0.0), 100.0)
+    """Place of measured over theory on its axis [%]; `THEORY_TOLERANCE` is half way to an end."""
+    return min(max(50 + 25 * (ratio - 1) / THEORY_TOLERANCE, 0.0), 100.0)
 
 
-def breaks_first(found: Sequence[Boundary]) -> Iterator[dict[str, Any]]:
+def nearest_boundaries(found: Sequence[Boundary]) -> Iterator[dict[str, Any]]:
     """For each parameter and engine the nearest boundary of all settings."""
     engines = list(dict.fromkeys(one.engine for one in found))
     for parameter in dict.fromkeys(one.parameter for one in found):
         own = [one for one in found if one.parameter == parameter]
         yield {
             "parameter": parameter,
-            "cells": [first([one for one in own if one.engine == name]) for name in engines],
+            "cells": [
+                nearest_boundary([one for one in own if one.engine == name]) for name in engines
+            ],
         }
 
 
-def first(found: Sequence[Boundary]) -> dict[str, str]:
+def nearest_boundary(found: Sequence[Boundary]) -> dict[str, str]:
     """The nearest of some boundaries as text, and its setting and kind of limit."""
     failed = [one for one in found if one.found or (one.holds != one.holds and not one.unknown)]
     if not found:
         return {"value": "—", "more": ""}
     if not failed:
         return {
-            "value": measured(min(found, key=lambda one: factor_to(one, one.reach))),
+            "value": format_boundary(min(found, key=lambda one: factor_to(one, one.reach))),
             "more": "",
         }
-    one = min(failed, key=lambda one: factor_to(one, end(one)) if one.found else 1.0)
+    one = min(failed, key=lambda one: factor_to(one, bar_end(one)) if one.found else 1.0)
     silence = ", in silence" if one.silent else ""
-    return {"value": measured(one), "more": f"{one.setting}: {one.limit}{silence}"}
+    return {"value": format_boundary(one), "more": f"{one.setting}: {one.limit}{silence}"}
 
 
-def words(found: Sequence[Boundary]) -> Iterator[str]:
+def summary_sentences(found: Sequence[Boundary]) -> Iterator[str]:
     """Sentences that summarize the boundaries of a section."""
     known = [one for one in found if one.theory == one.theory]
     if known:
-        near = sum(abs(one.ratio - 1) <= NEAR for one in known)
+        near = sum(abs(one.ratio - 1) <= THEORY_TOLERANCE for one in known)
         yield (
             f"{near} of {len(known)} boundaries that theory knows were measured within "
-            f"{NEAR:.0%} of it."
+            f"{THEORY_TOLERANCE:.0%} of it."
         )
     silent = [one for one in found if one.found and one.silent]
     if silent:
@@ -180,22 +196,22 @@ def words(found: Sequence[Boundary]) -> Iterator[str]:
             )
 
 
-def strip_of(one: Boundary, tone: Tone, reach: float) -> Strip:
+def boundary_strip(one: Boundary, tone: Tone, reach: float) -> Strip:
     """The strip of a row: how far the parameter holds, and its boundary by theory."""
-    at = end(one)
-    dot = place(factor_to(one, at), 1.0, reach) if isfinite(at) and at > 0 else None
+    at = bar_end(one)
+    dot = log_place(factor_to(one, at), 1.0, reach) if isfinite(at) and at > 0 else None
     tick = None
     if isfinite(one.theory) and one.theory > 0:
-        tick = place(factor_to(one, one.theory), 1.0, reach)
-    said = f"{one.parameter}, {solver_of(one)}: {measured(one)}"
+        tick = log_place(factor_to(one, one.theory), 1.0, reach)
+    said = f"{one.parameter}, {format_engine_setting(one)}: {format_boundary(one)}"
     if one.theory == one.theory:
         said += f"; theory {number(one.theory, 4)}"
     mark = "o" if one.found else "X" if one.unknown else ">"
     return Strip(
         said,
         tone.css,
-        [x for x, _ in labels(reach)],
-        mark=MARKS[mark],
+        [x for x, _ in axis_ticks(reach)],
+        mark=MARKER_PATHS[mark],
         hollow=one.silent,
         dot=dot,
         bar=None if dot is None else (0.0, dot),
@@ -203,29 +219,32 @@ def strip_of(one: Boundary, tone: Tone, reach: float) -> Strip:
     )
 
 
-def ratio_of(one: Boundary, tone: Tone) -> Strip:
+def ratio_strip(one: Boundary, tone: Tone) -> Strip:
     """The strip that shows the ratio of a measured boundary to that by theory."""
     return Strip(
         f"measured over theory: {number(one.ratio, 4)}",
         tone.css,
         [place_ratio(1.0)],
-        mark=MARKS["o"],
+        mark=MARKER_PATHS["o"],
         dot=place_ratio(one.ratio),
-        band=(place_ratio(1 - NEAR), place_ratio(1 + NEAR) - place_ratio(1 - NEAR)),
+        band=(
+            place_ratio(1 - THEORY_TOLERANCE),
+            place_ratio(1 + THEORY_TOLERANCE) - place_ratio(1 - THEORY_TOLERANCE),
+        ),
     )
 
 
-def cells(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
+def table_row(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
     """A row of the table, with all numbers formatted as text."""
-    at = end(one)
+    at = bar_end(one)
     return {
         "what": one.what,
         "engine": one.engine,
-        "solver": solver_of(one),
+        "solver": format_engine_setting(one),
         "css": tone.css,
         "parameter": one.parameter,
         "start": number(one.start),
-        "measured": measured(one),
+        "measured": format_boundary(one),
         "value": factor_to(one, at) if isfinite(at) and at > 0 else "",
         "theory": number(one.theory, 4),
         "ratio": number(one.ratio, 4),
@@ -235,8 +254,8 @@ def cells(one: Boundary, tone: Tone, reach: float) -> dict[str, Any]:
         "silent": "in silence" if one.silent else "",
         "limit": "" if one.limit == BoundaryKind.HOLDS else str(one.limit),
         "groups": f"{one.engine}|{one.limit}",
-        "strip": strip_of(one, tone, reach),
-        "near": ratio_of(one, tone) if one.ratio == one.ratio else None,
+        "strip": boundary_strip(one, tone, reach),
+        "near": ratio_strip(one, tone) if one.ratio == one.ratio else None,
     }
 
 
@@ -248,7 +267,7 @@ class KindLook(NamedTuple):
     words: str
 
 
-KINDS = {
+KIND_LOOKS = {
     BoundaryKind.UNSTABLE: KindLook("D", "#D55E00", "unstable: the run fails"),
     BoundaryKind.INACCURATE: KindLook("o", "#0072B2", "inaccurate"),
     BoundaryKind.REFUSED: KindLook("s", "#7b4ba0", "refused by the engine"),
@@ -256,7 +275,7 @@ KINDS = {
     BoundaryKind.HOLDS: KindLook(">", "#00755e", "holds to the end"),
 }
 """Looks of the kinds of limits; the markers distinguish them without colour."""
-DOWNWARDS = "<"
+DOWNWARD_MARKER = "<"
 """Marker of a parameter that was decreased and holds to its last value."""
 
 
@@ -271,49 +290,54 @@ def limits_data(
         Name, stem, and boundaries of each section, in the order of its table, whose row k has the
         id ``STEM-k``.
     tones : mapping
-        Tones of the colours of `KINDS`.
+        Tones of the colours of `KIND_LOOKS`.
     """
     parts = [(name, stem, list(found)) for name, stem, found in parts]
     return {
         "parts": [{"name": name, "stem": stem} for name, stem, _ in parts],
         "rows": [
-            row(one, stem, f"{stem}-{k}", tones[KINDS[one.limit].colour], name)
+            chart_row(one, stem, f"{stem}-{k}", tones[KIND_LOOKS[one.limit].colour], name)
             for name, stem, found in parts
             for k, one in enumerate(found)
         ],
     }
 
 
-def row(one: Boundary, stem: str, key: str, tone: Tone, part: str) -> dict[str, Any]:
+def chart_row(one: Boundary, stem: str, key: str, tone: Tone, part: str) -> dict[str, Any]:
     """A row of the chart."""
-    look, down = KINDS[one.limit], one.reach < one.start
-    held = one.holds == one.holds
-    at = end(one) if held else one.start
+    look, down = KIND_LOOKS[one.limit], one.reach < one.start
+    start_holds = one.holds == one.holds
+    at = bar_end(one) if start_holds else one.start
     return {
         "part": stem,
         "id": key,
-        "panel": one.parameter + ("" if one.unit in ("1", "times") else f" [{pretty(one.unit)}]"),
-        "label": solver_of(one) if one.what == part else f"{solver_of(one)}: {one.what}",
+        "panel": one.parameter
+        + ("" if one.unit in ("1", "times") else f" [{format_unit(one.unit)}]"),
+        "label": format_engine_setting(one)
+        if one.what == part
+        else f"{format_engine_setting(one)}: {one.what}",
         "named": one.what != part,
-        "value": measured(one),
-        "start": one.start if held else None,
-        "at": finite(at),
+        "value": format_boundary(one),
+        "start": one.start if start_holds else None,
+        "at": finite_or_none(at),
         "down": down,
         "theory": one.theory if isfinite(one.theory) and one.theory > 0 else None,
-        "found": one.found or not held,
+        "found": one.found or not start_holds,
         "silent": one.silent,
         "css": tone.css,
-        "mark": MARKS[DOWNWARDS if down and one.limit == BoundaryKind.HOLDS else look.marker],
-        "said": sentence(one),
+        "mark": MARKER_PATHS[
+            DOWNWARD_MARKER if down and one.limit == BoundaryKind.HOLDS else look.marker
+        ],
+        "said": describe_boundary(one),
     }
 
 
-def end(one: Boundary) -> float:
+def bar_end(one: Boundary) -> float:
     """The end of a bar: the boundary, or the furthest value that holds; NaN if there is neither."""
     return one.measured if one.found else one.holds
 
 
-def solver_of(one: Boundary) -> str:
+def format_engine_setting(one: Boundary) -> str:
     """Engine and setting as text, only once if they are the same."""
     engine = format_solver(one.engine)
     return engine if one.setting == engine else f"{engine}, {one.setting}"
@@ -323,12 +347,12 @@ def with_unit(one: Boundary, value: str) -> str:
     """A value of the parameter as text, with its unit."""
     if one.unit == "times":
         return f"× {value}"
-    return value + ("" if one.unit == "1" else f" {pretty(one.unit)}")
+    return value + ("" if one.unit == "1" else f" {format_unit(one.unit)}")
 
 
-def measured(one: Boundary) -> str:
+def format_boundary(one: Boundary) -> str:
     """A boundary as text, with its unit."""
-    unit = "" if one.unit == "1" else f" {pretty(one.unit)}"
+    unit = "" if one.unit == "1" else f" {format_unit(one.unit)}"
     if one.found:
         return f"{one.format_measured(4)}{unit}"
     if one.unknown:
@@ -337,12 +361,12 @@ def measured(one: Boundary) -> str:
     return f"none to {number(one.reach)}{unit}" if one.holds == one.holds else "nowhere"
 
 
-def sentence(one: Boundary) -> str:
+def describe_boundary(one: Boundary) -> str:
     """A description of a boundary in one or more sentences.
 
     >>> found = Boundary("fourbar", "mujoco", "Euler", "time step", "s", 1e-3, 1.0, 0.1, 0.101,
     ...     limit=BoundaryKind.INACCURATE, failure="position off by 0.1", silent=True, theory=0.1)
-    >>> sentence(found)
+    >>> describe_boundary(found)
     'Holds up to 0.1 s and fails at 0.101 s: inaccurate, in silence: position off by 0.1. Theory: \
 0.1 s, of which it is 1.005.'
     """
@@ -352,7 +376,7 @@ def sentence(one: Boundary) -> str:
             f"Does not hold at {with_unit(one, number(one.start))}, the first value: {one.ending}."
         )
     elif one.found:
-        format_value = exactly if one.several else number
+        format_value = format_exactly if one.several else number
         words = (
             f"Holds {way} to {with_unit(one, format_value(one.holds))} and fails at "
             f"{with_unit(one, format_value(one.breaks))}: {one.ending}."
@@ -366,10 +390,10 @@ def sentence(one: Boundary) -> str:
         words = (
             f"Holds {way} to {with_unit(one, number(one.reach))}, the last value that was tried."
         )
-    return words + theory(one)
+    return words + describe_theory(one)
 
 
-def theory(one: Boundary) -> str:
+def describe_theory(one: Boundary) -> str:
     """A sentence with the boundary by theory; empty if no theory is known."""
     if one.theory != one.theory:
         return ""
@@ -380,12 +404,16 @@ def theory(one: Boundary) -> str:
     return f" Theory: {with_unit(one, number(one.theory, 4))}{of}{law}."
 
 
-INK = "#333333"
-ROW, WIDE, HEAD = 0.17, 7.2, 0.75  # [inch] height of a row, width of the figure, upper/lower margin
-PALE = 0.35  # share of an engine's colour in its bars; the rest is white
+TEXT_COLOUR = "#333333"
+ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (
+    0.17,
+    7.2,
+    0.75,
+)  # [inch] height of a row, width of the figure, upper/lower margin
+COLOUR_SHARE = 0.35  # share of an engine's colour in its bars; the rest is white
 Style = tuple[Look, str]
 """Look and hatch of an engine."""
-NEAR = 0.02
+THEORY_TOLERANCE = 0.02
 """Relative deviation from theory up to which a measured boundary agrees with it."""
 
 
@@ -401,12 +429,12 @@ def stress_figure(found: Sequence[Boundary]) -> Figure:
         for parameter in dict.fromkeys(one.parameter for one in found)
     ]
     rows = len(found) + len(groups)
-    height = ROW * rows + 2 * HEAD
-    figure = Figure(figsize=(WIDE, height))
+    height = ROW_HEIGHT * rows + 2 * MARGIN_HEIGHT
+    figure = Figure(figsize=(FIGURE_WIDTH, height))
     axes = figure.subplots(
         1, 2 if known else 1, sharey=True, squeeze=False, width_ratios=[3, 1] if known else None
     )[0]
-    y, styles = float(rows), styled(found)
+    y, styles = float(rows), engine_styles(found)
     for parameter, ours in groups:
         unit = "" if ours[0].unit in ("1", "times") or not known else f" [{ours[0].unit}]"
         axes[0].annotate(
@@ -421,7 +449,7 @@ def stress_figure(found: Sequence[Boundary]) -> Figure:
         )
         for one in ours:
             y -= 1
-            bar(axes[0], one, y, known, styles[one.engine])
+            draw_bar(axes[0], one, y, known, styles[one.engine])
             if known and one.ratio == one.ratio:
                 axes[1].plot(
                     one.ratio,
@@ -431,22 +459,22 @@ def stress_figure(found: Sequence[Boundary]) -> Figure:
                     marker=styles[one.engine][0].marker,
                 )
         y -= 1
-    dress(axes, found, rows, known)
+    format_axes(axes, found, rows, known)
     figure.subplots_adjust(
         left=0.41, right=0.98, bottom=0.55 / height, top=1 - 0.5 / height, wspace=0.06
     )
-    legend(figure, found, height)
+    draw_legend(figure, found, height)
     return figure
 
 
-def styled(found: Sequence[Boundary]) -> dict[str, Style]:
+def engine_styles(found: Sequence[Boundary]) -> dict[str, Style]:
     """The look and the hatch of every engine."""
     engines = list(dict.fromkeys(one.engine for one in found))
-    chosen, lines = looks(engines), hatches(engines)
+    chosen, lines = solver_looks(engines), engine_hatches(engines)
     return {name: (chosen[name], lines[name]) for name in engines}
 
 
-def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
+def draw_bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
     """Draw a boundary: a bar from its first value to its last, and a marker at its end."""
     label = f"{one.what}, {one.setting}" if known else f"{format_solver(one.engine)}, {one.setting}"
     ax.annotate(
@@ -459,7 +487,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
         ha="right",
         va="center",
     )
-    low, high = span(one, known)
+    low, high = bar_ends(one, known)
     colour = style[0].colour
     if one.holds != one.holds:
         ax.annotate(
@@ -470,7 +498,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
             va="center",
         )
         return
-    ax.barh(y, high - low, left=low, height=0.6, **filled(style))
+    ax.barh(y, high - low, left=low, height=0.6, **bar_fill(style))
     marker = "o" if one.found else "X" if one.unknown else ">"
     ax.plot(
         high,
@@ -496,7 +524,7 @@ def bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
         )
 
 
-def filled(style: Style) -> dict[str, Any]:
+def bar_fill(style: Style) -> dict[str, Any]:
     """The arguments that draw an engine's bars: a pale fill, and a hatch in its colour.
 
     The fill is an opaque mixture with white.  With a translucent fill an SVG would draw the
@@ -504,14 +532,14 @@ def filled(style: Style) -> dict[str, Any]:
     """
     colour = style[0].colour
     return {
-        "facecolor": 1 - PALE * (1 - np.array(to_rgb(colour))),
+        "facecolor": 1 - COLOUR_SHARE * (1 - np.array(to_rgb(colour))),
         "edgecolor": colour,
         "hatch": style[1],
         "linewidth": 0.4,
     }
 
 
-def span(one: Boundary, known: bool) -> tuple[float, float]:
+def bar_ends(one: Boundary, known: bool) -> tuple[float, float]:
     """Both ends of a bar: values if theory is known for all, otherwise factors on the start."""
     end = one.measured if one.found else one.holds if one.unknown else one.reach
     if known:
@@ -524,7 +552,7 @@ def factor_to(one: Boundary, value: float) -> float:
     return max(value / one.start, one.start / value)
 
 
-def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: bool) -> None:
+def format_axes(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: bool) -> None:
     """Set scales and labels of the axes, and draw the band of agreement with theory."""
     axes[0].set_xscale("log")
     axes[0].set_ylim(-0.2, rows + 0.3)
@@ -532,22 +560,23 @@ def dress(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, known: boo
     axes[0].set_xlabel(
         "value of the parameter" if known else "factor, up or down, on the case's own value"
     )
-    right = max(span(one, known)[1] for one in found if one.holds == one.holds)
+    right = max(bar_ends(one, known)[1] for one in found if one.holds == one.holds)
     room = 1.3 if known else 60.0  # factor on the axis for text at the ends of bars
-    axes[0].set_xlim(min(span(one, known)[0] for one in found) * 0.9, right * room)
+    axes[0].set_xlim(min(bar_ends(one, known)[0] for one in found) * 0.9, right * room)
     if known:
-        axes[1].axvspan(1 - NEAR, 1 + NEAR, color="#eeeeee", zorder=0)
-        axes[1].axvline(1.0, color=INK, linewidth=0.8)
-        axes[1].set_xlim(1 - 1.6 * NEAR, 1 + 1.6 * NEAR)
+        axes[1].axvspan(1 - THEORY_TOLERANCE, 1 + THEORY_TOLERANCE, color="#eeeeee", zorder=0)
+        axes[1].axvline(1.0, color=TEXT_COLOUR, linewidth=0.8)
+        axes[1].set_xlim(1 - 1.6 * THEORY_TOLERANCE, 1 + 1.6 * THEORY_TOLERANCE)
         axes[1].set_xlabel("measured / theory")
 
 
-def legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
+def draw_legend(figure: Figure, found: Sequence[Boundary], height: float) -> None:
     """Draw the legend: the engines, and the meaning of the markers at the ends of bars."""
     handles: list[Patch | Line2D] = [
-        Patch(label=format_solver(e), **filled(style)) for e, style in styled(found).items()
+        Patch(label=format_solver(e), **bar_fill(style))
+        for e, style in engine_styles(found).items()
     ]
-    plain: dict[str, Any] = {"color": INK, "linestyle": "", "markersize": 4.5}
+    plain: dict[str, Any] = {"color": TEXT_COLOUR, "linestyle": "", "markersize": 4.5}
     handles += [
         Line2D([], [], marker="o", label="failed, and said so", **plain),
         Line2D([], [], marker="o", markerfacecolor="white", label="failed in silence", **plain),

@@ -13,22 +13,22 @@ from typing import Any
 import numpy as np
 
 from proofmass.drive import Steady
-from proofmass.engines import computes, engine_names, engine_of
+from proofmass.engines import computes_curves, engine_names, engine_of
 from proofmass.outcome import Outcome
-from proofmass.sim.problem_models import key, mjcf, wheel
+from proofmass.sim.problem_models import problem_mjcf, start_key, wheel_model
 from proofmass.sim.protocol import Curves, Drive, LimitProblem, Rod, Run, Scheme
-from proofmass.sim.stability import limit
-from proofmass.solve import simulate
+from proofmass.sim.stability import stability_limit
+from proofmass.solve import call_engine
 from proofmass.studies.measure import Measurement, measure, step_taken
 from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult, is_engine_warning
-from proofmass.studies.stress.limit_search import LimitSearch, limit_kind
+from proofmass.studies.stress.limit_search import LimitSearch, kind_of_limit
 
-STEPS, EVERY = 4000, 20  # time steps of a run, and from one sample to the next
-SECONDS = 120.0  # wall time of a run, at most
+DEFAULT_STEPS, STEPS_PER_SAMPLE = 4000, 20  # time steps of a run, and from one sample to the next
+RUN_TIMEOUT = 120.0  # wall time of a run, at most
 
 
-def chain(masses: int) -> str:
+def chain_model(masses: int) -> str:
     """Unit masses in a row, on unit springs between them and to the ground at one end."""
     world = "".join(
         f"""<body pos="1 0 0">
@@ -36,37 +36,39 @@ def chain(masses: int) -> str:
         <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>"""
         for k in range(masses)
     )
-    return mjcf(world + "</body>" * masses, f"j{masses - 1}", key("0 " * (masses - 1) + "0.001"))
-
-
-def pendulum(gravity: float) -> str:
-    """A hanging point mass on a rod of unit length, at an angle of 1e-6 rad: it stays linear."""
-    return mjcf(
-        """<body><joint name="joint" axis="0 0 1"/>
-        <inertial pos="0 -1 0" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body>""",
-        gravity=f"0 {-gravity!r} 0",
-        rest=key("1e-6"),
+    return problem_mjcf(
+        world + "</body>" * masses, f"j{masses - 1}", start_key("0 " * (masses - 1) + "0.001")
     )
 
 
-def whirl(speed: float) -> str:
+def pendulum_model(gravity: float) -> str:
+    """A hanging point mass on a rod of unit length, at an angle of 1e-6 rad: it stays linear."""
+    return problem_mjcf(
+        """<body><joint name="joint" axis="0 0 1"/>
+        <inertial pos="0 -1 0" mass="1" diaginertia="1e-12 1e-12 1e-12"/></body>""",
+        gravity=f"0 {-gravity!r} 0",
+        rest=start_key("1e-6"),
+    )
+
+
+def whirl_model(speed: float) -> str:
     """A unit mass on a unit spring, on a slide of a heavy rotating wheel, displaced by 1e-3 m.
 
     A body at a distance of 1 m gives the model a size, which constraint violations are compared
     with.
     """
-    return mjcf(
+    return problem_mjcf(
         """<body><joint name="wheel" axis="0 0 1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="1e9 1e9 1e9"/>
         <body><joint name="joint" type="slide" axis="1 0 0" stiffness="1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
         </body><body pos="1 0 0"><joint name="far" axis="0 0 1"/>
         <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>""",
-        rest=key("0 0.001 0", f"{speed!r} 0 0"),
+        rest=start_key("0 0.001 0", f"{speed!r} 0 0"),
     )
 
 
-def column(load: float) -> str:
+def column_model(load: float) -> str:
     """A clamp for a rod, and a load on the rod's tip that compresses it along its axis."""
     return f"""<mujoco model="column">
   <compiler angle="radian"/>
@@ -78,7 +80,7 @@ def column(load: float) -> str:
 </mujoco>"""
 
 
-def fourbar(crank: float, coupler: float, rocker: float, ground: float, start: float) -> str:
+def fourbar_model(crank: float, coupler: float, rocker: float, ground: float, start: float) -> str:
     """A four-bar in its open assembly mode, with its crank at an angle [rad]; lengths in [m]."""
     tip = crank * np.exp(1j * start)
     to_rocker = ground - tip
@@ -88,14 +90,14 @@ def fourbar(crank: float, coupler: float, rocker: float, ground: float, start: f
     pin = tip + coupler * np.exp(1j * turn)
     pose = f"{start!r} {float(turn - start)!r} {float(np.angle(pin - ground))!r}"
     inertia = 'mass="1" diaginertia="1 1 1"'
-    return mjcf(
+    return problem_mjcf(
         f"""<body><joint name="crank" axis="0 0 1"/><inertial pos="0 0 0" {inertia}/>
         <body pos="{crank} 0 0"><joint name="coupler" axis="0 0 1"/>
         <inertial pos="0 0 0" {inertia}/><site name="a" pos="{coupler} 0 0"/></body></body>
         <body pos="{ground} 0 0"><joint name="rocker" axis="0 0 1"/>
         <inertial pos="0 0 0" {inertia}/><site name="b" pos="{rocker} 0 0"/></body>""",
         "rocker",
-        '<equality><connect name="pin" site1="a" site2="b"/></equality>' + key(pose),
+        '<equality><connect name="pin" site1="a" site2="b"/></equality>' + start_key(pose),
     )
 
 
@@ -104,52 +106,52 @@ def run_model(engine: str, text: str, run: Run) -> Curves | Measurement:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "problem.xml"
         file.write_text(text, encoding="utf-8")
-        return measure(simulate, engine, file, run, timeout=SECONDS)
+        return measure(call_engine, engine, file, run, timeout=RUN_TIMEOUT)
 
 
-def failed(found: Measurement) -> TrialResult:
+def failed_trial(found: Measurement) -> TrialResult:
     """The result of a trial whose run failed."""
     unseen = found.outcome == Outcome.DIVERGED and not is_engine_warning(found.message)
-    return TrialResult(Failure(found.message, limit_kind(found), silent=unseen))
+    return TrialResult(Failure(found.message, kind_of_limit(found), silent=unseen))
 
 
-def stepping(
+def step_model(
     engine: str,
     text: str,
     step: float,
     settings: dict[str, Any],
     channel: str = "place",
     bound: float = 1.0,
-    steps: int = STEPS,
+    steps: int = DEFAULT_STEPS,
     kind: BoundaryKind = BoundaryKind.UNSTABLE,
 ) -> TrialResult:
     """Step a model; it fails if the run fails, or if a channel is beyond a bound at its end.
 
     The last quarter of the samples counts as the end.
     """
-    x = step * EVERY * np.arange(steps // EVERY + 1.0)
+    x = step * STEPS_PER_SAMPLE * np.arange(steps // STEPS_PER_SAMPLE + 1.0)
     settings = {"timestep": step, **settings}
     curves = run_model(engine, text, Run("dynamics", x, (channel,), settings=settings))
     if isinstance(curves, Measurement):
-        return failed(curves)
+        return failed_trial(curves)
     last = float(np.abs(curves.channels[channel])[-curves.x.size // 4 :].max())
-    grew = Failure(f"grew to {last:.2g}", kind, silent=True)
-    return TrialResult(None if last < bound else grew, step_taken("dynamics", curves))
+    growth = Failure(f"grew to {last:.2g}", kind, silent=True)
+    return TrialResult(None if last < bound else growth, step_taken("dynamics", curves))
 
 
 def list_problems() -> Iterator[LimitSearch]:
     """The searches of all test problems, for all engines."""
-    yield from springs()
-    yield from chains()
-    yield from pendulums()
-    yield from own_ones()
-    yield from whirls()
-    yield from columns()
-    yield from folds()
-    yield from long_runs()
+    yield from search_springs()
+    yield from search_chains()
+    yield from search_pendulum()
+    yield from search_engine_problems()
+    yield from search_whirl()
+    yield from search_columns()
+    yield from search_fourbar_limit()
+    yield from search_long_runs()
 
 
-def schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
+def problem_schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
     """Each engine with each of its schemes that is tried with a problem, and the problem's number.
 
     `proofmass.sim.protocol.Scheme` describes the numbers.
@@ -160,11 +162,11 @@ def schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
                 yield engine, scheme, number
 
 
-def springs() -> Iterator[LimitSearch]:
+def search_springs() -> Iterator[LimitSearch]:
     """Increase the time step of a wheel, and of a slide, on a spring and a damper."""
     for problem, kind in (("spring", "hinge"), ("slide", "slide")):
-        for engine, scheme, zeta in schemes(problem):
-            text = wheel(1.0, 2.0 * zeta, kind)
+        for engine, scheme, zeta in problem_schemes(problem):
+            text = wheel_model(1.0, 2.0 * zeta, kind)
             yield LimitSearch(
                 f"spring on a {kind}, ζ = {zeta:g}",
                 engine,
@@ -173,18 +175,18 @@ def springs() -> Iterator[LimitSearch]:
                 "1",
                 0.1,
                 100.0,
-                partial(row, engine, text, scheme.settings, STEPS),
-                limit(scheme.step, zeta),
+                partial(try_step, engine, text, scheme.settings, DEFAULT_STEPS),
+                stability_limit(scheme.step, zeta),
                 scheme.law,
             )
 
 
-def chains() -> Iterator[LimitSearch]:
+def search_chains() -> Iterator[LimitSearch]:
     """Increase the time step of masses in a row, whose highest frequency gives the limit.
 
     All modes are excited in a run, so it need not be as long as the slowest mode.
     """
-    for engine, scheme, masses in schemes("chain"):
+    for engine, scheme, masses in problem_schemes("chain"):
         masses = round(masses)
         yield LimitSearch(
             f"{masses} masses in a row on springs",
@@ -194,20 +196,22 @@ def chains() -> Iterator[LimitSearch]:
             "1",
             0.1,
             10.0,
-            partial(row, engine, chain(masses), scheme.settings, 1000),
-            limit(scheme.step) / theory.chain_frequency(masses),
+            partial(try_step, engine, chain_model(masses), scheme.settings, 1000),
+            stability_limit(scheme.step) / theory.chain_frequency(masses),
             "limit of one spring / (2 sin((2n − 1)π / (4n + 2)))",
         )
 
 
-def row(engine: str, text: str, settings: dict[str, Any], steps: int, step: float) -> TrialResult:
+def try_step(
+    engine: str, text: str, settings: dict[str, Any], steps: int, step: float
+) -> TrialResult:
     """Try a time step of a model."""
-    return stepping(engine, text, step, settings, steps=steps)
+    return step_model(engine, text, step, settings, steps=steps)
 
 
-def pendulums() -> Iterator[LimitSearch]:
+def search_pendulum() -> Iterator[LimitSearch]:
     """Increase the gravity of a hanging pendulum."""
-    for engine, scheme, _ in schemes("pendulum"):
+    for engine, scheme, _ in problem_schemes("pendulum"):
         yield LimitSearch(
             "hung pendulum",
             engine,
@@ -216,25 +220,25 @@ def pendulums() -> Iterator[LimitSearch]:
             "1",
             0.01,
             100.0,
-            partial(hung, engine, scheme.settings),
-            limit(scheme.step) ** 2,
+            partial(try_gravity, engine, scheme.settings),
+            stability_limit(scheme.step) ** 2,
             "square of the limit of dt ω",
         )
 
 
-def hung(engine: str, settings: dict[str, Any], gravity: float) -> TrialResult:
+def try_gravity(engine: str, settings: dict[str, Any], gravity: float) -> TrialResult:
     """Try a gravity in steps of 1 s; it fails if the amplitude grows by a factor of 1000.
 
     The amplitude is still small then, so the pendulum is still linear.
     """
-    return stepping(engine, pendulum(gravity), 1.0, settings, bound=1e-3)
+    return step_model(engine, pendulum_model(gravity), 1.0, settings, bound=1e-3)
 
 
-def own_ones() -> Iterator[LimitSearch]:
+def search_engine_problems() -> Iterator[LimitSearch]:
     """The searches of the problems that an engine itself provides."""
     for engine in engine_names():
         for one in engine_of(engine).limit_problems():
-            known = limit(one.step, one.zeta) if one.step else one.theory
+            known = stability_limit(one.step, one.zeta) if one.step else one.theory
             yield LimitSearch(
                 one.what,
                 engine,
@@ -243,27 +247,27 @@ def own_ones() -> Iterator[LimitSearch]:
                 "1",
                 one.start,
                 one.reach,
-                partial(stepped, engine, one),
+                partial(try_engine_problem, engine, one),
                 known,
                 one.law,
             )
 
 
-def stepped(engine: str, problem: LimitProblem, value: float) -> TrialResult:
+def try_engine_problem(engine: str, problem: LimitProblem, value: float) -> TrialResult:
     """Try a value of a problem that an engine itself provides."""
     text, step, settings, channel = problem.stepped(value)
     bound, kind = 1.0, BoundaryKind.UNSTABLE
     if problem.bound is not None:
         bound, kind = problem.bound, BoundaryKind.INACCURATE
-    return stepping(engine, text, step, dict(settings), channel, bound, kind=kind)
+    return step_model(engine, text, step, dict(settings), channel, bound, kind=kind)
 
 
-def whirls() -> Iterator[LimitSearch]:
+def search_whirl() -> Iterator[LimitSearch]:
     """Increase the speed of a wheel until a slider on a spring moves outwards without limit.
 
     The limit is reached when the wheel rotates as fast as the slider swings on the wheel at rest.
     """
-    for engine, scheme, _ in schemes("whirl"):
+    for engine, scheme, _ in problem_schemes("whirl"):
         yield LimitSearch(
             "sprung slider on a turning wheel",
             engine,
@@ -272,20 +276,20 @@ def whirls() -> Iterator[LimitSearch]:
             "1",
             0.5,
             2.0,
-            partial(turn_wheel, engine, scheme.settings),
+            partial(try_wheel_speed, engine, scheme.settings),
             1.0,
             "Ω² = k/m",
         )
 
 
-def turn_wheel(engine: str, settings: dict[str, Any], speed: float) -> TrialResult:
+def try_wheel_speed(engine: str, settings: dict[str, Any], speed: float) -> TrialResult:
     """Try a speed of the wheel, in a run that is long enough for a slow outward motion."""
-    return stepping(engine, whirl(speed), 0.05, settings, steps=6000)
+    return step_model(engine, whirl_model(speed), 0.05, settings, steps=6000)
 
 
-def columns() -> Iterator[LimitSearch]:
+def search_columns() -> Iterator[LimitSearch]:
     """Increase the load of Euler's column, which is a chain of rigid segments."""
-    for engine in filter(computes, engine_names()):
+    for engine in filter(computes_curves, engine_names()):
         for segments in (4, 12):
             yield LimitSearch(
                 f"column of {segments} segments",
@@ -295,35 +299,37 @@ def columns() -> Iterator[LimitSearch]:
                 "1",
                 0.5,
                 10.0,
-                partial(pushed, engine, segments),
-                theory.hencky(segments),
+                partial(try_column_load, engine, segments),
+                theory.hencky_load(segments),
                 "Hencky: 4 n² sin²(π/4n)",
             )
 
 
-def pushed(engine: str, segments: int, load: float) -> TrialResult:
+def try_column_load(engine: str, segments: int, load: float) -> TrialResult:
     """Try a load [EI/L^2] on a slightly bent column; it fails if the column comes to rest bent."""
     rod = Rod("rod", "clamp", None, 1.0, 1.0, segments, ("clamped", "free"), turn=0.5)
     run = Run("equilibrium", np.linspace(0.0, 1.0, 3), ("rod.angle",), rods=(rod,))
-    curves = run_model(engine, column(load), run)
+    curves = run_model(engine, column_model(load), run)
     if isinstance(curves, Measurement):
         # such as an unstable equilibrium
         unstable = curves.outcome in (Outcome.NO_START, Outcome.DIVERGED)
         limit = BoundaryKind.UNSTABLE if unstable else BoundaryKind.OURS
         return TrialResult(Failure(curves.message, limit))
-    bent = float(abs(curves.channels["rod.angle"][-1]))
+    tip_angle = float(abs(curves.channels["rod.angle"][-1]))
     # a load that is 1e-6 above the critical one rotates the tip by sqrt(8e-6) rad
     return TrialResult(
-        None if bent <= 3e-3 else Failure(f"bent by {bent:.2g} rad", BoundaryKind.UNSTABLE)
+        None
+        if tip_angle <= 3e-3
+        else Failure(f"bent by {tip_angle:.2g} rad", BoundaryKind.UNSTABLE)
     )
 
 
-def folds() -> Iterator[LimitSearch]:
+def search_fourbar_limit() -> Iterator[LimitSearch]:
     """Increase the crank angle of a four-bar to its limit position, coupler and rocker in line."""
     bars = 2.0, 2.0, 2.5, 3.0
     crank, coupler, rocker, ground = bars
-    reach = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
-    for engine in filter(computes, engine_names()):
+    limit_angle = np.arccos((crank**2 + ground**2 - (coupler + rocker) ** 2) / (2 * crank * ground))
+    for engine in filter(computes_curves, engine_names()):
         yield LimitSearch(
             "four-bar 2, 2, 2.5, 3 to its limit position",
             engine,
@@ -332,26 +338,26 @@ def folds() -> Iterator[LimitSearch]:
             "rad",
             0.6,
             3.1,
-            partial(swept, engine, fourbar(*bars, 0.5)),
-            float(reach),
+            partial(try_crank_angle, engine, fourbar_model(*bars, 0.5)),
+            float(limit_angle),
             "law of cosines",
         )
 
 
-def swept(engine: str, text: str, end: float) -> TrialResult:
+def try_crank_angle(engine: str, text: str, end: float) -> TrialResult:
     """Try a crank angle [rad]: sweep the crank from 0.5 rad to it."""
-    law = Steady(0.0, 1.0, x_is_time=False)
-    run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", law),))
+    profile = Steady(0.0, 1.0, x_is_time=False)
+    run = Run("sweep", np.linspace(0.5, end, 40), ("place",), (Drive("crank", profile),))
     curves = run_model(engine, text, run)
     if isinstance(curves, Measurement):
-        return failed(curves)
+        return failed_trial(curves)
     stopped = curves.stopped
     return TrialResult(Failure(stopped, BoundaryKind.UNSTABLE) if stopped else None)
 
 
-def long_runs() -> Iterator[LimitSearch]:
+def search_long_runs() -> Iterator[LimitSearch]:
     """Increase the duration of an undamped oscillation until its phase or its energy is off."""
-    for engine, scheme, z in schemes("swing"):
+    for engine, scheme, z in problem_schemes("swing"):
         yield LimitSearch(
             f"undamped spring, dt ω = {z:g}, off by 10 %",
             engine,
@@ -360,11 +366,11 @@ def long_runs() -> Iterator[LimitSearch]:
             "1",
             10.0,
             2e4,
-            partial(swinging, engine, scheme.settings, z, "place"),
-            theory.off_after(scheme, z),
+            partial(try_periods, engine, scheme.settings, z, "place"),
+            theory.periods_until_error(scheme, z),
             "powers of the step's matrix",
         )
-    for engine, scheme, z in schemes("fade"):
+    for engine, scheme, z in problem_schemes("fade"):
         yield LimitSearch(
             f"undamped spring, dt ω = {z:g}, energy down to 0.9",
             engine,
@@ -373,19 +379,19 @@ def long_runs() -> Iterator[LimitSearch]:
             "1",
             1e3,
             1e6,
-            partial(fading, engine, scheme.settings, z),
-            theory.faded_after(scheme, z),
+            partial(try_step_count, engine, scheme.settings, z),
+            theory.steps_until_energy_share(scheme, z),
             "eigenvalues of the step's matrix",
         )
 
 
-def fading(engine: str, settings: dict[str, Any], z: float, steps: float) -> TrialResult:
+def try_step_count(engine: str, settings: dict[str, Any], z: float, steps: float) -> TrialResult:
     """Try a number of steps; it fails if the oscillation has lost a tenth of its energy."""
-    return swinging(engine, settings, z, "energy", steps * z / (2 * np.pi))
+    return try_periods(engine, settings, z, "energy", steps * z / (2 * np.pi))
 
 
-def swinging(
-    engine: str, settings: dict[str, Any], z: float, what: str, periods: float
+def try_periods(
+    engine: str, settings: dict[str, Any], z: float, quantity: str, periods: float
 ) -> TrialResult:
     """Try a number of periods; it fails if the place or the energy is off by more than a tenth.
 
@@ -393,17 +399,17 @@ def swinging(
     share that is lost at the end.
     """
     steps = int(np.ceil(periods * 2 * np.pi / z))
-    per = max(1, steps // 2000)
-    x = z * per * np.arange(steps // per + 1.0)
+    steps_per_sample = max(1, steps // 2000)
+    x = z * steps_per_sample * np.arange(steps // steps_per_sample + 1.0)
     run = Run(
         "dynamics", x, ("place", "kinetic", "potential"), settings={"timestep": z, **settings}
     )
-    curves = run_model(engine, wheel(1.0), run)
+    curves = run_model(engine, wheel_model(1.0), run)
     if isinstance(curves, Measurement):
-        return failed(curves)
+        return failed_trial(curves)
     found = curves.channels
     place, reference = found["place"] / 1e-3, np.cos(x)
     energy = (found["kinetic"] + found["potential"]) / (0.5 * 1e-6)
-    off = np.abs(place - reference).max() / 2 if what == "place" else 1 - energy[-1]
-    inaccurate = Failure(f"off by {off:.2g}", BoundaryKind.INACCURATE, silent=True)
-    return TrialResult(inaccurate if off > 0.1 else None, step_taken("dynamics", curves))
+    error = np.abs(place - reference).max() / 2 if quantity == "place" else 1 - energy[-1]
+    inaccurate = Failure(f"off by {error:.2g}", BoundaryKind.INACCURATE, silent=True)
+    return TrialResult(inaccurate if error > 0.1 else None, step_taken("dynamics", curves))

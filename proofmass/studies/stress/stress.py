@@ -18,10 +18,10 @@ from pathlib import Path
 
 from rich.table import Table
 
-from proofmass.command import answering, counting, errors
-from proofmass.studies.command import named
+from proofmass.command import error_console, exit_on_error, progress_bar
+from proofmass.studies.command import load_cases
 from proofmass.studies.run import Progress, pool
-from proofmass.studies.store import Store, digest, once, sources, versions
+from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_or_make
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import (
     Boundary,
@@ -30,10 +30,10 @@ from proofmass.studies.stress.boundary import (
     TrialResult,
     write_boundaries,
 )
-from proofmass.studies.stress.extremes import extremes
+from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch, TryValue
 from proofmass.studies.stress.problems import list_problems
-from proofmass.terminal import console
+from proofmass.terminal import make_console
 from proofmass.wording import number
 
 
@@ -41,31 +41,31 @@ def run_stress(
     paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None, only: str
 ) -> None:
     """Run ``proofmass stress``; `proofmass.cli` describes its arguments."""
-    with answering(f"{output} keeps the runs"):
+    with exit_on_error(f"{output} keeps the runs"):
         from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
 
-        found = measured(paths or [], output, jobs, dask, only)
+        found = search_cases(paths or [], output, jobs, dask, only)
         write_boundaries(found, output / "stress.csv")
-        console().print(result_table(found))
+        make_console().print(result_table(found))
         print(write_stress(output, output).first)
 
 
-def measured(
+def search_cases(
     paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
 ) -> list[Boundary]:
     """Find boundaries with a progress bar on standard error, and print which do not apply."""
     store = Store(folder / "runs")
     searches = [] if paths else [cache_trials(one, store) for one in list_problems()]
-    for case in named(paths) if paths else ():
-        ours, skipped = extremes(case, store)
+    for case in load_cases(paths) if paths else ():
+        ours, skipped = list_extremes(case, store)
         searches += ours
         for why in skipped:
-            errors.print(f"{case.name}: not varied: {why}")
+            error_console.print(f"{case.name}: not varied: {why}")
     searches = [one for one in searches if only in one.parameter]
     if not searches:
         raise ValueError(f"--only {only}: no such parameter")
-    with pool(jobs, dask) as workers, counting(len(searches), letters=40) as advance:
-        return stress(searches, workers, advance)
+    with pool(jobs, dask) as workers, progress_bar(len(searches), max_letters=40) as advance:
+        return find_boundaries(searches, workers, advance)
 
 
 def result_table(found: list[Boundary]) -> Table:
@@ -100,7 +100,7 @@ def result_table(found: list[Boundary]) -> Table:
             one.engine,
             one.setting,
             one.parameter,
-            reached(one),
+            format_limit(one),
             number(one.theory) if known else "",
             number(one.ratio) if known else "",
             one.ending,
@@ -108,15 +108,15 @@ def result_table(found: list[Boundary]) -> Table:
     return table
 
 
-def reached(one: Boundary) -> str:
+def format_limit(one: Boundary) -> str:
     """A boundary as text, with its unit.
 
-    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02))
+    >>> format_limit(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02))
     '2.01 s'
-    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
+    >>> format_limit(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
     'none to 10 s'
     >>> ours = BoundaryKind.OURS
-    >>> reached(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=ours))
+    >>> format_limit(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=ours))
     'not known beyond 2 s'
     """
     unit = "" if one.unit == "1" else f" {one.unit}"
@@ -140,7 +140,7 @@ class StoredTrial:
     def __call__(self, value: float) -> TrialResult:
         """The result for a value, read from its file or made now."""
         file = self.folder / f"{digest(f'{self.name} {value!r}'.encode())}.trial.json"
-        failure, step = once(file, lambda: self.trial(value))
+        failure, step = read_or_make(file, lambda: self.trial(value))
         return TrialResult(
             Failure(failure[0], BoundaryKind(failure[1]), failure[2]) if failure else None, step
         )
@@ -155,15 +155,15 @@ def cache_trials(search: LimitSearch, store: Store) -> LimitSearch:
             search.engine,
             search.setting,
             search.parameter,
-            versions(search.engine),
-            sources(),
+            package_versions(search.engine),
+            digest_of_sources(),
             code,
         )
     )
     return replace(search, trial=StoredTrial(search.trial, store.folder, name))
 
 
-def stress(
+def find_boundaries(
     searches: Iterable[LimitSearch], workers: Executor, progress: Progress = lambda *_: None
 ) -> list[Boundary]:
     """Find boundaries, several at a time.
@@ -172,7 +172,7 @@ def stress(
     ----------
     searches : iterable of LimitSearch
         The searches, from `proofmass.studies.stress.problems.list_problems` and
-        `proofmass.studies.stress.extremes.extremes`.
+        `proofmass.studies.stress.extremes.list_extremes`.
     workers : Executor
         The worker processes, from `proofmass.studies.run.pool`.
     progress : callable

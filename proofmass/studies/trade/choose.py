@@ -1,7 +1,7 @@
 """Choose the cheapest measured setting with a small enough error, and verify it.
 
 Errors are shares of the reference's range.  A setting is good enough if its measured error times
-`MARGIN` is no larger than the error that is asked for, and further runs confirm it: as a
+`ERROR_MARGIN` is no larger than the error that is asked for, and further runs confirm it: as a
 program without proofmass, and from a shifted start, where these are possible.
 """
 
@@ -17,23 +17,32 @@ from proofmass.outcome import Outcome
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, StudyRow, format_kind
 from proofmass.studies.trade.program import snippet
-from proofmass.studies.trade.series import FALLS, Limits, order, promises
+from proofmass.studies.trade.series import (
+    MIN_FALLING_ORDER,
+    Limits,
+    convergence_order,
+    predict_steps,
+)
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import Check, verify
 from proofmass.studies.trade.words import (
-    by_drives,
     format_cost,
     format_error,
     format_floor,
     format_setting,
+    is_error_of_drives,
 )
 from proofmass.wording import number
 
-MARGIN = 2.0  # wanted error over the measured one, at least: from another start it may be larger
-ALIKE = 1.5  # ratio up to which an error is taken to be at the error floor of another series
+ERROR_MARGIN = (
+    2.0  # wanted error over the measured one, at least: from another start it may be larger
+)
+SAME_FLOOR_RATIO = (
+    1.5  # ratio up to which an error is taken to be at the error floor of another series
+)
 
 
-class Cannot(Exception):
+class NoGoodSetting(Exception):
     """No measured setting is good enough; the message names the best one and its error floor."""
 
 
@@ -71,7 +80,7 @@ class Choice:
     motion: str = ""
 
 
-Verify = Callable[[Case, Kind, StudyRow, str, float], Check]
+VerifySetting = Callable[[Case, Kind, StudyRow, str, float], Check]
 
 
 def choose(
@@ -79,10 +88,10 @@ def choose(
     kind: Kind,
     rows: Iterable[StudyRow],
     wanted: float,
-    of: str = "position",
+    error_kind: str = "position",
     engine: str = "",
     verdicts: Iterable[Verdict] = (),
-    verify: Verify = verify,
+    verify: VerifySetting = verify,
     limits: Limits | None = None,
 ) -> Choice:
     """Choose the cheapest setting that meets an error with margin, and run it again to verify it.
@@ -96,7 +105,7 @@ def choose(
     wanted : float
         Largest error that is good enough, as a share of the reference's range [1]; the measured
         error must be at most half of it.
-    of : str
+    error_kind : str
         Kind of error: position, velocity, acceleration, ...
     engine : str, optional
         The only engine to choose from.
@@ -115,19 +124,28 @@ def choose(
     """
     rows = [row for row in rows if row.engine in (engine or row.engine)]
     verdicts, refused = list(verdicts), list[str]()
-    for row in enough(rows, of, wanted):
-        check = verify(case, kind, row, of, wanted)
+    for row in good_settings(rows, error_kind, wanted):
+        check = verify(case, kind, row, error_kind, wanted)
         if check.holds(wanted):
             return Choice(
-                row, of, wanted, check, *beside(rows, row, of, wanted, verdicts), tuple(refused)
+                row,
+                error_kind,
+                wanted,
+                check,
+                *compare_with_defaults(rows, row, error_kind, wanted, verdicts),
+                tuple(refused),
             )
         rows.remove(row)
-        refused.append(f"{format_setting(row)} is {format_error(row, of)}, but {check.words}")
+        refused.append(
+            f"{format_setting(row)} is {format_error(row, error_kind)}, but {check.words}"
+        )
     rods = filter(None, [format_rods(case, kind)])
-    raise Cannot("; ".join([*refused, *best(rows, of, wanted, verdicts, limits), *rods]))
+    raise NoGoodSetting(
+        "; ".join([*refused, *explain_no_choice(rows, error_kind, wanted, verdicts, limits), *rods])
+    )
 
 
-def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
+def good_settings(rows: Iterable[StudyRow], error_kind: str, wanted: float) -> list[StudyRow]:
     """Settings that meet an error with margin, cheapest first.
 
     Settings that differ only in the number of iterations are sorted by that number, since fewer
@@ -136,32 +154,34 @@ def enough(rows: Iterable[StudyRow], of: str, wanted: float) -> list[StudyRow]:
     good = [
         row
         for row in rows
-        if row.outcome == Outcome.RAN and row.seconds > 0 and MARGIN * row.reached(of) <= wanted
+        if row.outcome == Outcome.RAN
+        and row.seconds > 0
+        and ERROR_MARGIN * row.reached(error_kind) <= wanted
     ]
-    least = dict[str, float]()
+    least_times = dict[str, float]()
     for row in good:
-        least[apart_from_iterations(row)] = min(
-            row.seconds, least.get(apart_from_iterations(row), inf)
+        least_times[key_without_iterations(row)] = min(
+            row.seconds, least_times.get(key_without_iterations(row), inf)
         )
     return sorted(
         good,
         key=lambda row: (
-            least[apart_from_iterations(row)],
+            least_times[key_without_iterations(row)],
             float(str(row.parameters.get("iterations", 0))),
             row.seconds,
         ),
     )
 
 
-def apart_from_iterations(row: StudyRow) -> str:
+def key_without_iterations(row: StudyRow) -> str:
     """Key that is equal for rows whose settings differ only in the number of iterations."""
-    said = {name: value for name, value in row.parameters.items() if name != "iterations"}
-    return repr((row.engine, "iterations" in row.parameters, sorted(said.items())))
+    parameters = {name: value for name, value in row.parameters.items() if name != "iterations"}
+    return repr((row.engine, "iterations" in row.parameters, sorted(parameters.items())))
 
 
-def best(
+def explain_no_choice(
     rows: Sequence[StudyRow],
-    of: str,
+    error_kind: str,
     wanted: float,
     verdicts: Iterable[Verdict],
     limits: Limits | None = None,
@@ -171,25 +191,27 @@ def best(
     They name the best setting, its error floor with the evidence if there is one, and what a series
     whose error still falls would need.
     """
-    able = [row for row in rows if row.outcome == Outcome.RAN and isfinite(row.reached(of))]
-    if not able:
-        return none_ran(rows, of)
+    usable = [
+        row for row in rows if row.outcome == Outcome.RAN and isfinite(row.reached(error_kind))
+    ]
+    if not usable:
+        return explain_no_errors(rows, error_kind)
     verdicts = list(verdicts)
-    row = min(able, key=lambda row: row.reached(of))
-    short = (
-        f"no measured setting has {format_kind(of)} within {number(wanted, 2)} of its "
-        f"range with a margin of {number(MARGIN)}; the best, {format_setting(row)}, is "
-        f"{format_error(row, of)}"
+    row = min(usable, key=lambda row: row.reached(error_kind))
+    shortfall = (
+        f"no measured setting has {format_kind(error_kind)} within {number(wanted, 2)} of its "
+        f"range with a margin of {number(ERROR_MARGIN)}; the best, {format_setting(row)}, is "
+        f"{format_error(row, error_kind)}"
     )
-    more = would_need(able, of, wanted, verdicts, limits)
-    if not (floor := floor_at(row, of, verdicts)):
-        return short, more
-    return f"{short}: {format_floor(floor)}", floor.evidence, more
+    needed_refinement = format_needed_refinement(usable, error_kind, wanted, verdicts, limits)
+    if not (floor := find_floor(row, error_kind, verdicts)):
+        return shortfall, needed_refinement
+    return f"{shortfall}: {format_floor(floor)}", floor.evidence, needed_refinement
 
 
-def would_need(
+def format_needed_refinement(
     rows: Iterable[StudyRow],
-    of: str,
+    error_kind: str,
     wanted: float,
     verdicts: Iterable[Verdict],
     limits: Limits | None = None,
@@ -199,17 +221,17 @@ def would_need(
     With `limits` the sentence also says why that step was not measured: it takes longer than a run
     may, or than what is left of the budget.
     """
-    promised = promises(rows, verdicts, of, wanted / MARGIN)
-    if not promised:
+    predictions = predict_steps(rows, verdicts, error_kind, wanted / ERROR_MARGIN)
+    if not predictions:
         return "no convergence series still falls at its finest step, so none promises to get there"
-    first = promised[0]
+    first = predictions[0]
     said = (
         f"{first.row.series} would need a step of about {number(first.step, 2)} s and about "
         f"{number(first.seconds, 2)} s a run, if its order {number(first.falls, 2)} holds"
     )
     if limits is None:
         return f"{said}; proofmass choose measures finer steps"
-    if first.seconds > limits.likely:
+    if first.seconds > limits.longest_expected:
         return f"{said}; --longest is {number(limits.longest)} s"
     if limits.short:
         return (
@@ -218,7 +240,7 @@ def would_need(
     return f"{said}; {limits.settings} settings were measured"
 
 
-def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
+def explain_no_errors(rows: Sequence[StudyRow], error_kind: str) -> tuple[str, ...]:
     """Sentences on settings none of which has such an error: counts of outcomes, and the first one.
 
     The first setting is that of the model itself, if it was measured.
@@ -227,7 +249,7 @@ def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
         return ("no setting was measured",)
     outcomes = Counter(row.outcome for row in rows if row.outcome != Outcome.RAN)
     if len(rows) > outcomes.total():
-        outcomes[f"ran without {format_kind(of)} errors"] = len(rows) - outcomes.total()
+        outcomes[f"ran without {format_kind(error_kind)} errors"] = len(rows) - outcomes.total()
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     first = rows[0]
     why = ": ".join(filter(None, (first.outcome, first.message)))
@@ -237,44 +259,60 @@ def none_ran(rows: Sequence[StudyRow], of: str) -> tuple[str, ...]:
     )
 
 
-def beside(
-    rows: Iterable[StudyRow], chosen: StudyRow, of: str, wanted: float, verdicts: Iterable[Verdict]
+def compare_with_defaults(
+    rows: Iterable[StudyRow],
+    chosen: StudyRow,
+    error_kind: str,
+    wanted: float,
+    verdicts: Iterable[Verdict],
 ) -> tuple[str, float]:
     """Cost of the engine's defaults refined to the same error: a sentence, and `Choice.ratio`."""
-    plain = [
+    default_rows = [
         row
         for row in rows
         if row.engine == chosen.engine
         and is_default(row)
-        and isfinite(row.reached(of))
+        and isfinite(row.reached(error_kind))
         and row.outcome == Outcome.RAN
     ]
-    if not plain:
+    if not default_rows:
         return "the defaults were not measured, or did not run", NAN
     if is_default(chosen):
         return "these are the engine's defaults, refined", 1.0
-    if good := enough(plain, of, wanted):
+    if good := good_settings(default_rows, error_kind, wanted):
         ratio = good[0].seconds / chosen.seconds
         return (
             f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
             f"error, {format_cost(good[0])}"
         ), ratio
-    row = min(plain, key=lambda row: row.reached(of))
-    own = [verdict for verdict in verdicts if verdict.series == row.series]
-    if (floor := floor_at(row, of, own)) and floor.floor > wanted / MARGIN:
+    row = min(default_rows, key=lambda row: row.reached(error_kind))
+    series_verdicts = [verdict for verdict in verdicts if verdict.series == row.series]
+    if (
+        floor := find_floor(row, error_kind, series_verdicts)
+    ) and floor.floor > wanted / ERROR_MARGIN:
         return f"the engine's defaults never get there: {format_floor(floor)}", NAN
-    short = f"the engine's defaults are {format_error(row, of)} at best, {format_cost(row)}"
-    before = min(
-        (one for one in plain if one.value > row.value), key=lambda one: one.value, default=None
+    shortfall = (
+        f"the engine's defaults are {format_error(row, error_kind)} at best, {format_cost(row)}"
     )
-    falls = order(*((one.value, one.reached(of)) for one in (before, row))) if before else NAN
-    if not falls > FALLS:
-        return short, NAN
-    more = (MARGIN * row.reached(of) / wanted) ** (1 / falls)  # times as many steps
-    ratio = more * row.seconds / chosen.seconds
+    coarser = min(
+        (one for one in default_rows if one.value > row.value),
+        key=lambda one: one.value,
+        default=None,
+    )
+    falls = (
+        convergence_order(*((one.value, one.reached(error_kind)) for one in (coarser, row)))
+        if coarser
+        else NAN
+    )
+    if not falls > MIN_FALLING_ORDER:
+        return shortfall, NAN
+    step_factor = (ERROR_MARGIN * row.reached(error_kind) / wanted) ** (
+        1 / falls
+    )  # times as many steps
+    ratio = step_factor * row.seconds / chosen.seconds
     return (
-        f"{short}; of order {number(falls, 2)} they would take "
-        f"{number(more * row.seconds, 2)} s, {number(ratio, 2)} times as long"
+        f"{shortfall}; of order {number(falls, 2)} they would take "
+        f"{number(step_factor * row.seconds, 2)} s, {number(ratio, 2)} times as long"
     ), ratio
 
 
@@ -283,27 +321,29 @@ def is_default(row: StudyRow) -> bool:
     return engine_of(row.engine).is_default(row.parameters)
 
 
-def floor_at(row: StudyRow, of: str, verdicts: Iterable[Verdict]) -> Verdict | None:
+def find_floor(row: StudyRow, error_kind: str, verdicts: Iterable[Verdict]) -> Verdict | None:
     """The error floor at which a row is: that of its own series, or of another of its engine.
 
     None where most of the error is that of the drives, since floors are stated at the motion that
     the drives really had.
     """
-    if by_drives(row, of):
+    if is_error_of_drives(row, error_kind):
         return None
     near = [
         v
         for v in verdicts
-        if (v.engine, v.kind) == (row.engine, of)
-        and v.floor > row.errors[of] / ALIKE
-        and (v.series == row.series or v.floor < ALIKE * row.errors[of])
+        if (v.engine, v.kind) == (row.engine, error_kind)
+        and v.floor > row.errors[error_kind] / SAME_FLOOR_RATIO
+        and (v.series == row.series or v.floor < SAME_FLOOR_RATIO * row.errors[error_kind])
     ]
     return min(
-        near, key=lambda v: (v.series != row.series, abs(v.floor - row.errors[of])), default=None
+        near,
+        key=lambda v: (v.series != row.series, abs(v.floor - row.errors[error_kind])),
+        default=None,
     )
 
 
-def words(choice: Choice, case: Case) -> list[str]:
+def describe_choice(choice: Choice, case: Case) -> list[str]:
     """Describe a choice in sentences, the evidence for it included."""
     row, check = choice.row, choice.check
     return [
@@ -313,7 +353,7 @@ def words(choice: Choice, case: Case) -> list[str]:
         f"{row.steps} steps",
         *filter(None, [format_rods(case, row.run)]),
         check.words,
-        *check.other_drives(choice.of, choice.wanted),
+        *check.describe_other_drives(choice.of, choice.wanted),
         choice.beside,
         *choice.refused,
         *filter(None, [choice.motion]),
@@ -328,11 +368,11 @@ def format_rods(case: Case, kind: str) -> str:
     return f"rods have the segments of the sidecar: {numbers}"
 
 
-def printed(choice: Choice, case: Case) -> str:
+def format_snippet(choice: Choice, case: Case) -> str:
     """Text to paste for the chosen setting, with the evidence as comments in it."""
     lines = snippet(choice.check.used, choice.row.steps, case.model_path)
-    own_lines = [fill(line, 92, subsequent_indent="  ") for line in words(choice, case)]
+    comments = [fill(line, 92, subsequent_indent="  ") for line in describe_choice(choice, case)]
     if choice.check.ran:
-        own_lines.append("The start state and the drives are in the program that -o run.py writes.")
-    text = "\n".join(own_lines).replace("--", "-")
+        comments.append("The start state and the drives are in the program that -o run.py writes.")
+    text = "\n".join(comments).replace("--", "-")
     return f"{engine_of(choice.row.engine).comment(text)}\n{lines}"

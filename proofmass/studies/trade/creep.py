@@ -18,21 +18,21 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
-from proofmass.reference import compiled, evaluate, grid
+from proofmass.reference import compiled_model, evaluate, run_samples
 from proofmass.sim.contents import size
-from proofmass.studies.bounded import limited
+from proofmass.studies.bounded import call_limited
 from proofmass.studies.record import NAN, Setting
-from proofmass.studies.trade.program import NoCurves, imposed, program, run_bare
-from proofmass.studies.trade.verify import as_used
+from proofmass.studies.trade.program import NoCurves, drive_ways, program_text, run_bare_program
+from proofmass.studies.trade.verify import setting_as_used
 from proofmass.wording import number
 
-LAST = 0.1
+FINAL_SHARE = 0.1
 """Share of a run, at its end, over which the rate is taken."""
-STILL = 1e-9
+REST_TOLERANCE = 1e-9
 """Largest motion of the reference in that time for it to be at rest [extents of the model]."""
-MARGIN = 1.05
+RATE_MARGIN = 1.05
 """Ratio of the wanted rate to the rate that a proposed setting aims at."""
-MOST = 4
+MAX_PROPOSALS = 4
 """Largest number of proposed settings; each asks for a tenth of the previous reduction."""
 
 
@@ -72,12 +72,12 @@ class Creep:
         )
 
 
-def at_last(x: Array) -> NDArray[np.bool_]:
+def final_samples(x: Array) -> NDArray[np.bool_]:
     """Mask (n,) of the samples in the last tenth of a run."""
-    return np.asarray(x >= x[-1] - LAST * np.ptp(x))
+    return np.asarray(x >= x[-1] - FINAL_SHARE * np.ptp(x))
 
 
-def still(case: Case) -> list[str]:
+def find_resting_channels(case: Case) -> list[str]:
     """Names of the channels of position whose reference is at rest in the last tenth of a motion.
 
     Raises
@@ -85,47 +85,51 @@ def still(case: Case) -> list[str]:
     InputError
         There is no such channel.
     """
-    x = grid(case, "dynamics")
-    late = at_last(x)
-    most = STILL * size(compiled(case), case.start)
+    x = run_samples(case, "dynamics")
+    final = final_samples(x)
+    largest_motion = REST_TOLERANCE * size(compiled_model(case), case.start)
     reference = evaluate(case, "dynamics", x, None).channels
     places = [name for name, c in case.channels_of("dynamics").items() if c.si_unit == "m"]
-    found = [name for name in places if np.ptp(reference[name][late]) <= most]
+    found = [name for name in places if np.ptp(reference[name][final]) <= largest_motion]
     if not found:
         raise InputError(
             case.file,
             "channels",
-            f"no place is at rest in the last tenth of the run, from {x[late][0]:g} s on, so "
+            f"no place is at rest in the last tenth of the run, from {x[final][0]:g} s on, so "
             "that no creep can be measured; give a run that ends at rest, and a channel of a place",
         )
     return found
 
 
-def creep(case: Case, setting: Setting, names: Sequence[str], longest: float) -> Creep:
+def measure_creep(case: Case, setting: Setting, names: Sequence[str], longest: float) -> Creep:
     """Run a setting as a program in a worker, and measure the creep of the named channels."""
-    used = as_used(case, setting)
-    text = program(case, used, imposed(case, setting.engine)[0])
-    found: Creep = limited(case, "dynamics", creep_here, case, used, names, text, longest)
+    used = setting_as_used(case, setting)
+    text = program_text(case, used, drive_ways(case, setting.engine)[0])
+    found: Creep = call_limited(
+        case, "dynamics", measure_creep_here, case, used, names, text, longest
+    )
     return found
 
 
-def creep_here(
+def measure_creep_here(
     case: Case, setting: Setting, names: Sequence[str], text: str, longest: float
 ) -> Creep:
     """Run the program of a setting, and measure the creep of the named channels."""
     try:
-        curves, seconds, steps = run_bare(text, setting.applied(case, "dynamics")[1], longest)
+        curves, seconds, steps = run_bare_program(
+            text, setting.apply_to(case, "dynamics")[1], longest
+        )
     except NoCurves as why:
         return Creep(setting, failure=str(why))
-    late = at_last(curves.x)
-    time = float(np.ptp(curves.x[late]))
-    ends = {name: curves.channels[name][late][[0, -1]] for name in names}
+    final = final_samples(curves.x)
+    time = float(np.ptp(curves.x[final]))
+    ends = {name: curves.channels[name][final][[0, -1]] for name in names}
     rates = {name: abs(float(end - begin)) / time for name, (begin, end) in ends.items()}
     fastest = max(rates, key=lambda name: rates[name])
     return Creep(setting, rates[fastest], fastest, seconds, steps)
 
 
-def hold(case: Case, solver: str, wanted: float, longest: float) -> list[Creep]:
+def find_slow_setting(case: Case, solver: str, wanted: float, longest: float) -> list[Creep]:
     """Measure the creep with the model's own settings, then with others until one is slow enough.
 
     If the last result is not slow enough, none is.
@@ -141,17 +145,17 @@ def hold(case: Case, solver: str, wanted: float, longest: float) -> list[Creep]:
     longest : float
         Wall time after which a program is ended [s].
     """
-    names = limited(case, "dynamics", still, case)
+    names = call_limited(case, "dynamics", find_resting_channels, case)
     engine = engine_of(solver)
     given = dict(case.settings.get(solver, {}))
-    found = [creep(case, Setting(solver, given), names, longest)]
-    slower = MARGIN * found[0].rate / wanted
-    for _ in range(MOST):
-        if found[-1].rate <= wanted or not slower > 1.0:
+    found = [measure_creep(case, Setting(solver, given), names, longest)]
+    reduction = RATE_MARGIN * found[0].rate / wanted
+    for _ in range(MAX_PROPOSALS):
+        if found[-1].rate <= wanted or not reduction > 1.0:
             break
-        more = engine.holding(case.model_path, given, float(f"{slower:.2g}"))
-        if more is None:
+        proposed = engine.holding(case.model_path, given, float(f"{reduction:.2g}"))
+        if proposed is None:
             break
-        found.append(creep(case, Setting(solver, more), names, longest))
-        slower /= 10.0
+        found.append(measure_creep(case, Setting(solver, proposed), names, longest))
+        reduction /= 10.0
     return found

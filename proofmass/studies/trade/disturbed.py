@@ -22,54 +22,61 @@ from numpy.typing import NDArray
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.sim.contents import size
 from proofmass.sim.protocol import Curves
-from proofmass.sim.rods import chain, joints_of
+from proofmass.sim.rods import chain, joint_names
 from proofmass.strict import Kind
-from proofmass.studies.measure import CONSTANT, Measurement, StudyRun, measure, simulate_task, span
-from proofmass.studies.record import KINDS, NAN
-from proofmass.studies.store import Store, digest, key_of, once
-from proofmass.studies.trade.varied import as_given
-from proofmass.studies.variants import times, with_model
+from proofmass.studies.measure import (
+    CONSTANT_RANGE,
+    Measurement,
+    StudyRun,
+    curve_range,
+    measure,
+    simulate_task,
+)
+from proofmass.studies.record import KIND_UNITS, NAN
+from proofmass.studies.store import Store, digest, read_or_make, task_key
+from proofmass.studies.trade.varied import own_settings_series
+from proofmass.studies.variants import multiply_attribute, with_model
 from proofmass.wording import number
 
-NUDGE = 1e-9
+DISTURBANCE = 1e-9
 """Disturbance of the start: of all joints, and of arcs of rods with a free end [rad, or mechanism's
 size].  If a joint starts at its joint limit, the rates of the joints are disturbed instead [per s]:
 a disturbed value would decide whether the joint touches its limit in the first step."""
-SHARE = 1e-4
+HORIZON_SHARE = 1e-4
 """Share of the range by which a disturbance may move a trajectory before its horizon: the coarsest
 error for which studies look."""
-LINEAR = 1e-2
+LINEAR_SHARE = 1e-2
 """Share of the range up to which a disturbance counts as small, so that its growth is fitted."""
-NOTABLE = 100.0
+SENSITIVE_GROWTH = 100.0
 """Growth of a disturbance [1] from which a motion is called sensitive to its start."""
-SUSTAINED = 10.0
+SUSTAINED_GROWTH = 10.0
 """Least growth [1] of a disturbance in each half of a chaotic motion; a disturbance that grows with
 the cube of time grows by 8 in the second half."""
-LEAST = 11
+MIN_SAMPLES = 11
 """Least number of samples at which errors are judged."""
-ULPS = 4
+ROUNDING_ULPS = 4
 """Relative change of masses in machine epsilons, after which each step rounds differently."""
-ROUNDED = 0.3
+ROUNDING_SHARE = 0.3
 """Share of an error by which roundings must move the result for rounding to be its cause."""
 
 
 @dataclass(frozen=True)
 class DisturbedMotion:
-    """Response of a free motion to a start that is disturbed by `NUDGE`.
+    """Response of a free motion to a start that is disturbed by `DISTURBANCE`.
 
     Attributes
     ----------
     growth : float
         Largest distance from the undisturbed motion, as a share of its range, divided by
-        `NUDGE` [1].
+        `DISTURBANCE` [1].
     rate : float
         Rate of exponential growth of the distance [1/s], fitted while it is below
-        `LINEAR`; NaN if the growth is not sustained.
+        `LINEAR_SHARE`; NaN if the growth is not sustained.
     horizon : float
-        Time until which the distance is less than `SHARE` [s]; NaN if that is the whole
+        Time until which the distance is less than `HORIZON_SHARE` [s]; NaN if that is the whole
         run.
     until : float
         Length of the run [s].
@@ -82,15 +89,15 @@ class DisturbedMotion:
 
     @property
     def words(self) -> str:
-        """The response in a sentence; empty if the growth is below `NOTABLE`.
+        """The response in a sentence; empty if the growth is below `SENSITIVE_GROWTH`.
 
         >>> DisturbedMotion(1.9e7, 0.84, 15.2, 20.0).words.partition(",")[0]
         'chaotic: a start disturbed by 1e-9 moves it 1.9e7 times as far in 20 s'
         """
-        if not self.growth >= NOTABLE:
+        if not self.growth >= SENSITIVE_GROWTH:
             return ""
         text = (
-            f"a start disturbed by {number(NUDGE)} moves it "
+            f"a start disturbed by {number(DISTURBANCE)} moves it "
             f"{number(self.growth, 2)} times as far in {number(self.until)} s"
         )
         text = (
@@ -101,12 +108,12 @@ class DisturbedMotion:
         if not self.horizon > 0:
             return text
         return (
-            f"{text}; by {number(SHARE)} of its range after {number(self.horizon)} s, so "
+            f"{text}; by {number(HORIZON_SHARE)} of its range after {number(self.horizon)} s, so "
             f"errors are judged up to there"
         )
 
 
-def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> DisturbedMotion | None:
+def disturb_motion(case: Case, kind: Kind, store: Store, timeout: float) -> DisturbedMotion | None:
     """Response of a case's free motion to a disturbance; None if it has none, or no engine runs it.
 
     Parameters
@@ -120,33 +127,36 @@ def motion_of(case: Case, kind: Kind, store: Store, timeout: float) -> Disturbed
     """
     if kind != "dynamics" or case.drive:
         return None
-    other = moved(case, store.folder / "models")
-    for series in as_given(case, kind) if other else ():
+    other = with_disturbed_start(case, store.folder / "models")
+    for series in own_settings_series(case, kind) if other else ():
         task = StudyRun(case, kind, series.settings[0], timed=False)
-        if other and (found := parted(task, other, store, timeout)):
-            away = next((found[what] for what in KINDS if what in found), None)
-            if away is not None:
-                return answer(found["x"], away)
+        if other and (found := stored_distances(task, other, store, timeout)):
+            distance = next((found[what] for what in KIND_UNITS if what in found), None)
+            if distance is not None:
+                return classify_motion(found["x"], distance)
     return None
 
 
-def answer(x: Array, away: Array) -> DisturbedMotion:
+def classify_motion(x: Array, distance: Array) -> DisturbedMotion:
     """The response of a motion, from its distance (n,) to the undisturbed one at times x [s]."""
-    peak = np.maximum.accumulate(away)
-    end = int(np.argmax(peak > LINEAR)) if peak[-1] > LINEAR else x.size - 1
+    peak = np.maximum.accumulate(distance)
+    end = int(np.argmax(peak > LINEAR_SHARE)) if peak[-1] > LINEAR_SHARE else x.size - 1
     middle = end // 2
     rate = NAN
-    if peak[middle] >= SUSTAINED * NUDGE and peak[end] >= SUSTAINED * peak[middle]:
+    if (
+        peak[middle] >= SUSTAINED_GROWTH * DISTURBANCE
+        and peak[end] >= SUSTAINED_GROWTH * peak[middle]
+    ):
         fitted = slice(end // 5, end + 1)
         rate = float(np.polyfit(x[fitted], np.log(np.maximum(peak[fitted], 1e-300)), 1)[0])
-    beyond = int(np.argmax(peak > SHARE)) if peak[-1] > SHARE else 0
-    last = max(beyond - 1, min(LEAST, x.size) - 1)
+    beyond = int(np.argmax(peak > HORIZON_SHARE)) if peak[-1] > HORIZON_SHARE else 0
+    last = max(beyond - 1, min(MIN_SAMPLES, x.size) - 1)
     return DisturbedMotion(
-        float(peak[-1]) / NUDGE, rate, float(x[last]) if beyond else NAN, float(x[-1] - x[0])
+        float(peak[-1]) / DISTURBANCE, rate, float(x[last]) if beyond else NAN, float(x[-1] - x[0])
     )
 
 
-def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
+def end_at_horizon(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
     """The case with its run ended at the motion's horizon; the case itself without a horizon."""
     table = case.run[kind]
     if motion is None or not motion.horizon > 0 or not table.until or not table.n:
@@ -158,82 +168,86 @@ def within(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Case:
     return case.model_copy(update={"run": {**case.run, kind: cut}})
 
 
-def rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
+def measure_rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:
     """Largest change of a run by roundings, for each kind of channel, as a share of its range [1].
 
-    Masses are changed by `ULPS` roundings and the start by one, after which each step
+    Masses are changed by `ROUNDING_ULPS` roundings and the start by one, after which each step
     rounds differently.
     """
-    other = rounded(task.case, store.folder / "models")
-    found = parted(task, other, store, timeout) if other else {}
+    other = with_roundings(task.case, store.folder / "models")
+    found = stored_distances(task, other, store, timeout) if other else {}
     return {what: float(away.max()) for what, away in found.items() if what != "x"}
 
 
-def moved(case: Case, folder: Path) -> Case | None:
+def with_disturbed_start(case: Case, folder: Path) -> Case | None:
     """The case with a disturbed start: joints or their rates, and arcs of rods with a free end.
 
     None if the file does not state the key of the start, if nothing can be disturbed, or if the
     disturbed model does not compile: a straight rod cannot be closed between displaced pins.
     """
-    model, own = compiled(case), own_joints(case)
+    model, own = compiled_model(case), own_joint_mask(case)
     sliding = model.jnt_type[own] == mujoco.mjtJoint.mjJNT_SLIDE
     units = np.where(sliding, size(model, case.start), 1.0)
     signs = np.where(np.arange(sliding.size) % 3 == 1, -1.0, 1.0)  # not all in one direction
-    bent = {
-        name: rod.model_copy(update={"turn": rod.turn + NUDGE})
+    turned_rods = {
+        name: rod.model_copy(update={"turn": rod.turn + DISTURBANCE})
         for name, rod in case.rod.items()
         if rod.to is None
     }
-    if not (own.any() or bent):
+    if not (own.any() or turned_rods):
         return None
-    what = "qvel" if at_stop(case) else "qpos"
-    if not (found := with_start(case, folder, lambda x: x + NUDGE * signs * units, what=what)):
+    what = "qvel" if is_at_joint_limit(case) else "qpos"
+    if not (
+        found := with_changed_start(
+            case, folder, lambda x: x + DISTURBANCE * signs * units, what=what
+        )
+    ):
         return None
-    found = found.model_copy(update={"rod": {**case.rod, **bent}})
+    found = found.model_copy(update={"rod": {**case.rod, **turned_rods}})
     try:
-        compiled(found)
+        compiled_model(found)
     except InputError:
         return None
     return found
 
 
-def rounded(case: Case, folder: Path) -> Case | None:
+def with_roundings(case: Case, folder: Path) -> Case | None:
     """The case with masses and start changed by roundings; None if its file lacks the start key."""
 
-    more = 1.0 + ULPS * np.finfo(float).eps
+    factor = 1.0 + ROUNDING_ULPS * np.finfo(float).eps
 
     def change(root: Element) -> None:
         for element in root.iter():
             for key in ("mass", "diaginertia", "fullinertia", "density"):
-                times(element, key, more)
+                multiply_attribute(element, key, factor)
 
     rods = {
-        name: rod.model_copy(update={"mass": rod.mass and rod.mass * more})
+        name: rod.model_copy(update={"mass": rod.mass and rod.mass * factor})
         for name, rod in case.rod.items()
     }
-    found = with_start(case, folder, lambda q: np.nextafter(q, np.inf), change)
+    found = with_changed_start(case, folder, lambda q: np.nextafter(q, np.inf), change)
     return found.model_copy(update={"rod": rods}) if found else None
 
 
-def at_stop(case: Case) -> bool:
+def is_at_joint_limit(case: Case) -> bool:
     """Whether a joint is at its joint limit at the start."""
-    model = compiled(case)
+    model = compiled_model(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
     values = (model.key_qpos[key] if key >= 0 else model.qpos0)[model.jnt_qposadr]
     limited = model.jnt_limited.astype(bool)
     ends = model.jnt_range[limited]
-    apart = np.abs(ends - values[limited, None])
-    return bool((apart <= NUDGE * np.maximum(np.abs(ends), 1.0)).any())
+    distances = np.abs(ends - values[limited, None])
+    return bool((distances <= DISTURBANCE * np.maximum(np.abs(ends), 1.0)).any())
 
 
-def own_joints(case: Case) -> NDArray[np.bool_]:
+def own_joint_mask(case: Case) -> NDArray[np.bool_]:
     """Mask (njnt,) of the joints of the compiled model that belong to its file, not to its rods."""
-    model = compiled(case)
-    added = {name for rod in case.rods for name in joints_of(chain(rod))}
+    model = compiled_model(case)
+    added = {name for rod in case.rods for name in joint_names(chain(rod))}
     return np.array([model.joint(j).name not in added for j in range(model.njnt)], bool)
 
 
-def with_start(
+def with_changed_start(
     case: Case,
     folder: Path,
     move: Callable[[Array], Array],
@@ -245,13 +259,13 @@ def with_start(
     `move` changes them, and `change` the rest of the MJCF.  None if the file does not state the key
     of the start.
     """
-    model, own = compiled(case), own_joints(case)
+    model, own = compiled_model(case), own_joint_mask(case)
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, case.start)
     if key < 0 or model.nq != model.njnt:
         return None
     there = False
 
-    def both(root: Element) -> None:
+    def change_all(root: Element) -> None:
         nonlocal there
         for element in root.iterfind("./keyframe/key"):
             if element.get("name") == case.start:
@@ -261,29 +275,29 @@ def with_start(
                     element.set(what, " ".join(map(repr, start.tolist())))
         change(root)
 
-    found = with_model(case, folder, both)
+    found = with_model(case, folder, change_all)
     return found if there else None
 
 
-def parted(task: StudyRun, other: Case, store: Store, timeout: float) -> dict[str, Array]:
+def stored_distances(task: StudyRun, other: Case, store: Store, timeout: float) -> dict[str, Array]:
     """Distance (n,) of two runs with a setting by kind of channel, as shares of its range; and x.
 
     The runs are those of a task's case and of another case.  Neither is compared with a reference.
     Empty if either fails.
     """
     twin = replace(task, case=other)
-    file = store.folder / f"{key_of(task)}.{digest(key_of(twin).encode())[:16]}.parted.json"
+    file = store.folder / f"{task_key(task)}.{digest(task_key(twin).encode())[:16]}.parted.json"
 
     def made() -> dict[str, list[float]]:
         one, two = (measure(simulate_task, each, timeout=timeout) for each in (task, twin))
         if isinstance(one, Measurement) or isinstance(two, Measurement):
             return {}
-        return {what: values.tolist() for what, values in distances(task, one, two).items()}
+        return {what: values.tolist() for what, values in channel_distances(task, one, two).items()}
 
-    return {what: np.array(values) for what, values in once(file, made).items()}
+    return {what: np.array(values) for what, values in read_or_make(file, made).items()}
 
 
-def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
+def channel_distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
     """Largest distance (n,) of two runs at each sample, by kind of channel; and x."""
     found = {"x": one.x}
     channels = {
@@ -291,24 +305,24 @@ def distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
         for n, c in task.case.channels_of(task.run).items()
         if n in one.channels and n in two.channels
     }
-    for what, units in KINDS.items():
+    for what, units in KIND_UNITS.items():
         own = [name for name, channel in channels.items() if channel.si_unit in units]
         for unit in units:
-            alike = [name for name in own if channels[name].si_unit == unit]
-            widest = max((span(one.channels[name]) for name in alike), default=0.0)
-            for name in alike:
-                if (width := span(one.channels[name])) > CONSTANT * widest:
-                    away = np.abs(two.channels[name] - one.channels[name]) / width
-                    found[what] = np.maximum(found.get(what, 0.0), away)
+            of_unit = [name for name in own if channels[name].si_unit == unit]
+            widest = max((curve_range(one.channels[name]) for name in of_unit), default=0.0)
+            for name in of_unit:
+                if (width := curve_range(one.channels[name])) > CONSTANT_RANGE * widest:
+                    distance = np.abs(two.channels[name] - one.channels[name]) / width
+                    found[what] = np.maximum(found.get(what, 0.0), distance)
     return found
 
 
-def motions_of(
+def disturb_motions(
     cases: list[Case], kinds: list[Kind], store: Store, workers: Executor, timeout: float
 ) -> list[DisturbedMotion | None]:
-    """Call `motion_of` for many cases in parallel, in workers here or of a cluster."""
+    """Call `disturb_motion` for many cases in parallel, in workers here or of a cluster."""
     futures = [
-        workers.submit(motion_of, case, kind, store, timeout)
+        workers.submit(disturb_motion, case, kind, store, timeout)
         for case, kind in zip(cases, kinds, strict=True)
     ]
     return [future.result() for future in futures]

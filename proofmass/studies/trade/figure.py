@@ -19,55 +19,61 @@ from numpy.typing import NDArray
 
 from proofmass.engines import NoEngine, engine_of
 from proofmass.outcome import Outcome
-from proofmass.report.figures import decades
-from proofmass.report.refinements import triangle
-from proofmass.report.style import KNOWN, SOLID, Dash, Look
-from proofmass.studies.record import KINDS, StudyRow
-from proofmass.studies.trade.varied import size
-from proofmass.studies.trade.verdict import Verdict, front
+from proofmass.report.figures import set_decades
+from proofmass.report.refinements import draw_triangle
+from proofmass.report.style import FIXED_LOOKS, SOLID, Dash, Look
+from proofmass.studies.record import KIND_UNITS, StudyRow
+from proofmass.studies.trade.varied import setting_size
+from proofmass.studies.trade.verdict import Verdict, pareto_front
 from proofmass.wording import number
 
-INK, PALE = "#333333", "#888888"
-NEAR = 9.0  # [pt] distance of ends of series up to which their letters share one place
-LEVEL = 3.0  # ratio of error floors of one cause up to which they share one text in the margin
-NARROW = 26  # characters in a line of the margin
-ROW = 0.06  # height of a line of the margin, as a share of the height of a panel
-SHOWN = 0.5  # difference of slope and expected order up to which a triangle is drawn
-TRIANGLE_AT = 0.4  # height of a triangle, as a share of the error above it
-Name = tuple[str, str]
+TEXT_COLOUR, LINE_COLOUR = "#333333", "#888888"
+SHARED_LETTER_DISTANCE = (
+    9.0  # [pt] distance of ends of series up to which their letters share one place
+)
+SAME_FLOOR_RATIO = (
+    3.0  # ratio of error floors of one cause up to which they share one text in the margin
+)
+MARGIN_CHARACTERS = 26  # characters in a line of the margin
+MARGIN_LINE_HEIGHT = 0.06  # height of a line of the margin, as a share of the height of a panel
+TRIANGLE_TOLERANCE = 0.5  # difference of slope and expected order up to which a triangle is drawn
+TRIANGLE_HEIGHT = 0.4  # height of a triangle, as a share of the error above it
+SeriesName = tuple[str, str]
 """Engine and name of a series, which identify it."""
-SeriesEnds = Mapping[Name, tuple[float, float]]
+SeriesEnds = Mapping[SeriesName, tuple[float, float]]
 
 
-def name_of(of: StudyRow | Verdict) -> Name:
+def series_name(row_or_verdict: StudyRow | Verdict) -> SeriesName:
     """Engine and name of the series that a run or a verdict belongs to."""
-    return of.engine, of.series
+    return row_or_verdict.engine, row_or_verdict.series
 
 
-def letter(look: Look) -> str:
+def series_letter(look: Look) -> str:
     """Letter of a series in the legend; after 26 series a number follows the letter.
 
-    >>> letter(Look("", (0, ()), "", 1)), letter(Look("", (0, ()), "", 27))
+    >>> series_letter(Look("", (0, ()), "", 1)), series_letter(Look("", (0, ()), "", 27))
     ('b', 'b1')
     """
-    turn, place = divmod(look.number, 26)
-    return ascii_lowercase[place] + (str(turn) if turn else "")
+    repeat, place = divmod(look.number, 26)
+    return ascii_lowercase[place] + (str(repeat) if repeat else "")
 
 
-def letters(ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look]) -> None:
+def draw_letters(ax: Axes, ends: SeriesEnds, looks: Mapping[SeriesName, Look]) -> None:
     """Draw the letter of each series at its end; series that end close together share a text."""
-    groups: list[tuple[float, float, list[Name]]] = []
+    groups: list[tuple[float, float, list[SeriesName]]] = []
     points = 72 / ax.figure.dpi
     for series, end in ends.items():
         x, y = ax.transData.transform(end) * points
-        near = next((g for g in groups if max(abs(x - g[0]), abs(y - g[1])) < NEAR), None)
+        near = next(
+            (g for g in groups if max(abs(x - g[0]), abs(y - g[1])) < SHARED_LETTER_DISTANCE), None
+        )
         if near:
             near[2].append(series)
         else:
             groups.append((x, y, [series]))
     for _, _, names in groups:
         ax.annotate(
-            " ".join(letter(looks[series]) for series in names),
+            " ".join(series_letter(looks[series]) for series in names),
             ends[names[0]],
             xytext=(0, 7),
             textcoords="offset points",
@@ -81,15 +87,17 @@ def letters(ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look]) -> None:
         )
 
 
-def work(row: StudyRow) -> float:
+def step_count(row: StudyRow) -> float:
     """Number of time steps of a run, or number of segments where the segments are varied."""
     return row.value if row.varied == "segments" else float(row.steps)
 
 
-def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Name, Look]) -> None:
+def draw_failures(
+    ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[SeriesName, Look]
+) -> None:
     """Draw failed runs as crosses at the upper edge, if their cost is known."""
     for row in rows:
-        x = row.seconds if timed else work(row) or planned(row, rows)
+        x = row.seconds if timed else step_count(row) or planned_steps(row, rows)
         if row.outcome != Outcome.RAN and x > 0:
             ax.plot(
                 x,
@@ -98,73 +106,81 @@ def failures(ax: Axes, rows: Sequence[StudyRow], timed: bool, looks: Mapping[Nam
                 marker="x",
                 markersize=5,
                 markeredgewidth=1.2,
-                color=looks[name_of(row)].colour,
+                color=looks[series_name(row)].colour,
                 clip_on=False,
                 zorder=8,
             )
 
 
-def planned(row: StudyRow, rows: Iterable[StudyRow]) -> float:
+def planned_steps(row: StudyRow, rows: Iterable[StudyRow]) -> float:
     """Steps that a failed run would have taken, from the duration of one that ran; 0 if unknown."""
-    spans = (r.steps * step(r) for r in rows if r.steps)
-    steps = next((s for s in spans if s > 0), np.nan) / step(row)
+    spans = (r.steps * wanted_step(r) for r in rows if r.steps)
+    steps = next((s for s in spans if s > 0), np.nan) / wanted_step(row)
     return steps if steps > 0 else 0.0
 
 
-def step(row: StudyRow) -> float:
+def wanted_step(row: StudyRow) -> float:
     """Time step that was asked for [s]; NaN if none was."""
     return float(str(row.parameters.get("timestep", np.nan)))
 
 
-def triangles(ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]) -> None:
+def draw_triangles(
+    ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]
+) -> None:
     """Draw a triangle for each expected order, below the part of a series of nearest slope."""
-    orders: dict[float, list[Name]] = {}
+    orders: dict[float, list[SeriesName]] = {}
     for verdict in verdicts:
         if verdict.expected > 0:
-            orders.setdefault(verdict.expected, []).append(name_of(verdict))
+            orders.setdefault(verdict.expected, []).append(series_name(verdict))
     taken: list[float] = []
     for order, names in sorted(orders.items(), reverse=True):  # steep parts are few
         pairs = [
             pair
             for series in names
-            for pair in pairwise(r for r in rows if name_of(r) == series)
-            if 0 < work(pair[0]) < work(pair[1])
-            and work(pair[0]) not in taken
-            and abs(slope(kind, *pair) - order) < SHOWN
+            for pair in pairwise(r for r in rows if series_name(r) == series)
+            if 0 < step_count(pair[0]) < step_count(pair[1])
+            and step_count(pair[0]) not in taken
+            and abs(observed_slope(kind, *pair) - order) < TRIANGLE_TOLERANCE
         ]
         if pairs:
-            a, b = min(pairs, key=lambda pair: abs(slope(kind, *pair) - order))
-            taken.append(work(a))
-            triangle(ax, (work(a), work(b)), TRIANGLE_AT * a.errors[kind], order)
+            a, b = min(pairs, key=lambda pair: abs(observed_slope(kind, *pair) - order))
+            taken.append(step_count(a))
+            draw_triangle(
+                ax, (step_count(a), step_count(b)), TRIANGLE_HEIGHT * a.errors[kind], order
+            )
 
 
-def slope(kind: str, a: StudyRow, b: StudyRow) -> float:
+def observed_slope(kind: str, a: StudyRow, b: StudyRow) -> float:
     """Order that the errors of two runs show over their numbers of steps."""
-    return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(work(b) / work(a)))
+    return float(np.log(a.errors[kind] / b.errors[kind]) / np.log(step_count(b) / step_count(a)))
 
 
 def draw_floors(
-    ax: Axes, ends: SeriesEnds, looks: Mapping[Name, Look], verdicts: Iterable[Verdict], named: bool
+    ax: Axes,
+    ends: SeriesEnds,
+    looks: Mapping[SeriesName, Look],
+    verdicts: Iterable[Verdict],
+    with_causes: bool,
 ) -> None:
-    """Draw a horizontal tick at each error floor; with `named`, its cause in the margin."""
+    """Draw a horizontal tick at each error floor; with `with_causes`, its cause in the margin."""
     groups: list[list[Verdict]] = []
     for verdict in sorted(
-        (v for v in verdicts if v.floor > 0 and name_of(v) in ends), key=lambda v: v.floor
+        (v for v in verdicts if v.floor > 0 and series_name(v) in ends), key=lambda v: v.floor
     ):
         ax.plot(
-            ends[name_of(verdict)][0],
+            ends[series_name(verdict)][0],
             verdict.floor,
             marker="_",
             markersize=18,
             zorder=2.5,
             markeredgewidth=1.8,
-            color=looks[name_of(verdict)].colour,
+            color=looks[series_name(verdict)].colour,
         )
         alike = next(
             (
                 g
                 for g in groups
-                if g[0].cause == verdict.cause and verdict.floor < LEVEL * g[0].floor
+                if g[0].cause == verdict.cause and verdict.floor < SAME_FLOOR_RATIO * g[0].floor
             ),
             None,
         )
@@ -172,24 +188,26 @@ def draw_floors(
             alike.append(verdict)
         else:
             groups.append([verdict])
-    if named:
-        margin(ax, groups, looks)
+    if with_causes:
+        write_margin(ax, groups, looks)
 
 
-def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, Look]) -> None:
+def write_margin(
+    ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[SeriesName, Look]
+) -> None:
     """Write level, cause and series of error floors at the right of a panel, without overlaps."""
     low, high = np.log(ax.get_ylim())
     texts = [
         fill(
             f"{number(group[0].floor, 2)} {group[0].cause} ("
-            f"{' '.join(sorted(letter(looks[name_of(v)]) for v in group))})",
-            NARROW,
+            f"{' '.join(sorted(series_letter(looks[series_name(v)]) for v in group))})",
+            MARGIN_CHARACTERS,
         )
         for group in groups
     ]
     places = [float((np.log(group[0].floor) - low) / (high - low)) for group in groups]
-    heights = [ROW * (text.count("\n") + 1) for text in texts]
-    for at, y, text in zip(places, spread(places, heights), texts, strict=True):
+    heights = [MARGIN_LINE_HEIGHT * (text.count("\n") + 1) for text in texts]
+    for at, y, text in zip(places, spread_texts(places, heights), texts, strict=True):
         ax.annotate(
             text,
             (1.0, at),
@@ -198,27 +216,39 @@ def margin(ax: Axes, groups: Sequence[Sequence[Verdict]], looks: Mapping[Name, L
             fontsize=6.5,
             textcoords="axes fraction",
             va="center",
-            color=INK,
-            arrowprops={"arrowstyle": "-", "linewidth": 0.6, "color": PALE, "relpos": (0.0, 0.5)},
+            color=TEXT_COLOUR,
+            arrowprops={
+                "arrowstyle": "-",
+                "linewidth": 0.6,
+                "color": LINE_COLOUR,
+                "relpos": (0.0, 0.5),
+            },
         )
 
 
-def spread(places: Sequence[float], heights: Sequence[float]) -> list[float]:
+def spread_texts(places: Sequence[float], heights: Sequence[float]) -> list[float]:
     """Move texts up from their rising places as far as needed so that they do not overlap.
 
-    >>> spread([0.1, 0.15, 0.9], [0.1, 0.1, 0.1])
+    >>> spread_texts([0.1, 0.15, 0.9], [0.1, 0.1, 0.1])
     [0.1, 0.2, 0.9]
     """
     moved: list[float] = []
     for k, place in enumerate(places):
-        least = moved[-1] + 0.5 * (heights[k - 1] + heights[k]) if moved else place
-        moved.append(max(place, least))
+        lowest = moved[-1] + 0.5 * (heights[k - 1] + heights[k]) if moved else place
+        moved.append(max(place, lowest))
     return moved
 
 
-HIGH, LEFT, GAP, RIGHT, BELOW, ABOVE = 2.4, 0.62, 0.25, 1.75, 0.42, 0.26  # [inch]
-LINE, ENTRY = 0.155, 2.9  # [inch] of the legend
-SHARE = "error, share of the range"
+PANEL_HEIGHT, LEFT_MARGIN, PANEL_GAP, RIGHT_MARGIN, BOTTOM_MARGIN, TOP_MARGIN = (
+    2.4,
+    0.62,
+    0.25,
+    1.75,
+    0.42,
+    0.26,
+)  # [inch]
+LEGEND_LINE_HEIGHT, LEGEND_ENTRY_WIDTH = 0.155, 2.9  # [inch] of the legend
+ERROR_LABEL = "error, share of the range"
 MARKERS = "os^Dv<>pPX*h"
 DASHES: tuple[Dash, ...] = (
     SOLID,
@@ -228,17 +258,17 @@ DASHES: tuple[Dash, ...] = (
     (0, (8, 2)),
     (0, (3, 1, 1, 1, 1, 1)),
 )
-FRONT: dict[str, Any] = {
+FRONT_STYLE: dict[str, Any] = {
     "color": "#d0d0d0",
     "linewidth": 6.0,
     "solid_capstyle": "round",
     "zorder": 1,
 }
-TOP = 10.0  # [ranges] error from which on a run is drawn at the upper edge
+LARGEST_DRAWN_ERROR = 10.0  # [ranges] error from which on a run is drawn at the upper edge
 
 
 def trade_figure(
-    rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[Name, Look]
+    rows: Sequence[StudyRow], verdicts: Iterable[Verdict], looks: Mapping[SeriesName, Look]
 ) -> Figure:
     """Draw the diagram of one run of a case: a row of panels for each kind of error.
 
@@ -249,77 +279,79 @@ def trade_figure(
     verdicts : iterable of Verdict
         Error floors and expected orders of the series.
     looks : mapping
-        Look of each series, from `dressed`.
+        Look of each series, from `series_looks`.
     """
     kinds, verdicts = shown_kinds(rows), list(verdicts)
-    looks = {name: looks[name] for name in map(name_of, rows)}
-    figure, axes = grid(kinds, 2, len(looks), 3.5, RIGHT)
+    looks = {name: looks[name] for name in map(series_name, rows)}
+    figure, axes = make_panels(kinds, 2, len(looks), 3.5, RIGHT_MARGIN)
     for pair, kind in zip(axes, kinds, strict=True):
-        panels(pair, rows, kind, looks, [v for v in verdicts if v.kind == kind])
-    legend(figure, looks, marks=True)
+        draw_panels(pair, rows, kind, looks, [v for v in verdicts if v.kind == kind])
+    draw_legend(figure, looks, marks=True)
     axes[-1][0].set_xlabel("wall time of the run [s]")
-    axes[-1][1].set_xlabel("segments" if varied_in(rows) == "segments" else "time steps")
+    axes[-1][1].set_xlabel("segments" if main_parameter(rows) == "segments" else "time steps")
     return figure
 
 
-def other_parameters_figure(rows: Sequence[StudyRow], looks: Mapping[Name, Look]) -> Figure:
+def other_parameters_figure(rows: Sequence[StudyRow], looks: Mapping[SeriesName, Look]) -> Figure:
     """Draw errors over parameters other than the step: a column for each, coarse at the left."""
     kinds, parameters = shown_kinds(rows), list(dict.fromkeys(row.varied for row in rows))
-    looks = {name: looks[name] for name in map(name_of, rows)}
-    figure, axes = grid(kinds, len(parameters), len(looks), 2.4, 0.15)
-    legend(figure, looks, marks=False)
+    looks = {name: looks[name] for name in map(series_name, rows)}
+    figure, axes = make_panels(kinds, len(parameters), len(looks), 2.4, 0.15)
+    draw_legend(figure, looks, marks=False)
     for panels, kind in zip(axes, kinds, strict=True):
-        shown = [row for row in rows if good(row, kind)]
+        shown = [row for row in rows if has_drawable_error(row, kind)]
         for ax, parameter in zip(panels, parameters, strict=True):
             ends = {}
-            for series in dict.fromkeys(name_of(row) for row in shown if row.varied == parameter):
-                own = [row for row in shown if name_of(row) == series]
-                x = [value_of(row) for row in own]
-                curve(ax, x, own, kind, looks[series])
-                ends[series] = x[-1], min(own[-1].errors[kind], TOP)
-            scale(ax, [min(row.errors[kind], TOP) for row in shown])
-            label = label_of(next(row for row in rows if row.varied == parameter))
+            for series in dict.fromkeys(
+                series_name(row) for row in shown if row.varied == parameter
+            ):
+                own = [row for row in shown if series_name(row) == series]
+                x = [axis_value(row) for row in own]
+                draw_series(ax, x, own, kind, looks[series])
+                ends[series] = x[-1], min(own[-1].errors[kind], LARGEST_DRAWN_ERROR)
+            scale_axes(ax, [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in shown])
+            label = axis_label(next(row for row in rows if row.varied == parameter))
             if label:
                 ax.invert_xaxis()
             ax.set_xlabel(label or parameter)
-            letters(ax, ends, looks)
+            draw_letters(ax, ends, looks)
         panels[0].set_title(kind)
-        panels[0].set_ylabel(SHARE)
+        panels[0].set_ylabel(ERROR_LABEL)
     return figure
 
 
-def grid(
-    kinds: Sequence[str], across: int, lines: int, wide: float, right: float
+def make_panels(
+    kinds: Sequence[str], columns: int, series_count: int, panel_width: float, right_margin: float
 ) -> tuple[Figure, NDArray[Any]]:
     """Make a figure of empty panels, a row for each kind of error, with room for the legend."""
-    width = LEFT + across * (wide + GAP) - GAP + right
-    head = 0.1 + LINE * -(-(lines + 2) // entries(width))
-    down = len(kinds) * (HIGH + ABOVE + BELOW)
-    figure = Figure(figsize=(width, head + down))
-    axes = figure.subplots(len(kinds), across, squeeze=False, sharex="col", sharey="row")
+    width = LEFT_MARGIN + columns * (panel_width + PANEL_GAP) - PANEL_GAP + right_margin
+    head = 0.1 + LEGEND_LINE_HEIGHT * -(-(series_count + 2) // legend_columns(width))
+    panels_height = len(kinds) * (PANEL_HEIGHT + TOP_MARGIN + BOTTOM_MARGIN)
+    figure = Figure(figsize=(width, head + panels_height))
+    axes = figure.subplots(len(kinds), columns, squeeze=False, sharex="col", sharey="row")
     figure.subplots_adjust(
-        left=LEFT / width,
-        right=1 - right / width,
-        bottom=BELOW / (head + down),
-        top=1 - (head + ABOVE) / (head + down),
-        wspace=GAP / wide,
-        hspace=(ABOVE + BELOW) / HIGH,
+        left=LEFT_MARGIN / width,
+        right=1 - right_margin / width,
+        bottom=BOTTOM_MARGIN / (head + panels_height),
+        top=1 - (head + TOP_MARGIN) / (head + panels_height),
+        wspace=PANEL_GAP / panel_width,
+        hspace=(TOP_MARGIN + BOTTOM_MARGIN) / PANEL_HEIGHT,
     )
     return figure, axes
 
 
-def varied_in(rows: Iterable[StudyRow]) -> str:
+def main_parameter(rows: Iterable[StudyRow]) -> str:
     """The parameter that the diagram is about: the time step, else that of the first series."""
     there = dict.fromkeys(row.varied for row in rows)
     return "timestep" if "timestep" in there else next(iter(there))
 
 
-def value_of(row: StudyRow) -> float:
+def axis_value(row: StudyRow) -> float:
     """Place of a run on the axis of its parameter: its size if that has a label, else its value."""
-    return size(row.engine, row.varied, row.value) if label_of(row) else row.value
+    return setting_size(row.engine, row.varied, row.value) if axis_label(row) else row.value
 
 
-def label_of(row: StudyRow) -> str:
+def axis_label(row: StudyRow) -> str:
     """Label for the sizes of a varied parameter; empty if its own values are drawn."""
     try:
         return engine_of(row.engine).labels.get(row.varied, "")
@@ -330,79 +362,81 @@ def label_of(row: StudyRow) -> str:
 def shown_kinds(rows: Iterable[StudyRow]) -> list[str]:
     """Kinds of errors that some run has; position if there are none."""
     rows = list(rows)
-    return [kind for kind in KINDS if any(good(row, kind) for row in rows)] or ["position"]
+    return [kind for kind in KIND_UNITS if any(has_drawable_error(row, kind) for row in rows)] or [
+        "position"
+    ]
 
 
-def good(row: StudyRow, kind: str) -> bool:
+def has_drawable_error(row: StudyRow, kind: str) -> bool:
     """Whether a run has an error of that kind that can be drawn: finite, and above zero."""
     return row.outcome == Outcome.RAN and 0 < row.errors.get(kind, np.nan) < np.inf
 
 
-def dressed(rows: Iterable[StudyRow]) -> dict[Name, Look]:
+def series_looks(rows: Iterable[StudyRow]) -> dict[SeriesName, Look]:
     """A look for each series: colour by engine, marker by integrator, dashes for equal markers."""
-    looks: dict[Name, Look] = {}
-    markers: dict[Name, int] = {}
-    alike: dict[Name, int] = {}
+    looks: dict[SeriesName, Look] = {}
+    markers: dict[SeriesName, int] = {}
+    same_marker: dict[SeriesName, int] = {}
     for row in rows:
-        if name_of(row) in looks:
+        if series_name(row) in looks:
             continue
         key = row.engine, str(row.parameters.get("integrator", "")).lower()
         markers.setdefault(key, len(markers))
-        alike[key] = alike.get(key, -1) + 1
-        known = KNOWN.get(row.engine + ":default" * bool(row.parameters.get("defaults")))
-        looks[name_of(row)] = Look(
+        same_marker[key] = same_marker.get(key, -1) + 1
+        known = FIXED_LOOKS.get(row.engine + ":default" * bool(row.parameters.get("defaults")))
+        looks[series_name(row)] = Look(
             known.colour if known else "#444444",
-            DASHES[alike[key] % len(DASHES)],
+            DASHES[same_marker[key] % len(DASHES)],
             MARKERS[markers[key] % len(MARKERS)],
             len(looks),
         )
     return looks
 
 
-def panels(
+def draw_panels(
     pair: Sequence[Axes],
     rows: Sequence[StudyRow],
     kind: str,
-    looks: Mapping[Name, Look],
+    looks: Mapping[SeriesName, Look],
     verdicts: Sequence[Verdict],
 ) -> None:
     """Draw one kind of error over wall time, and over steps or segments."""
     left, right = pair
-    shown = [row for row in rows if good(row, kind)]
-    best = front(rows, kind)
+    shown = [row for row in rows if has_drawable_error(row, kind)]
+    best = pareto_front(rows, kind)
     left.set_title(kind)
-    left.set_ylabel(SHARE)
-    stairs(left, best, kind)
-    for ax, cost in ((left, seconds), (right, work)):
+    left.set_ylabel(ERROR_LABEL)
+    draw_front(left, best, kind)
+    for ax, cost in ((left, wall_time), (right, step_count)):
         ends = {}
-        for series in dict.fromkeys(map(name_of, shown)):
-            own = [row for row in shown if name_of(row) == series and cost(row) > 0]
+        for series in dict.fromkeys(map(series_name, shown)):
+            own = [row for row in shown if series_name(row) == series and cost(row) > 0]
             if own:
                 x = [cost(row) for row in own]
-                curve(ax, x, own, kind, looks[series], best)
-                ends[series] = x[-1], min(own[-1].errors[kind], TOP)
-        scale(ax, [min(row.errors[kind], TOP) for row in shown])
-        failures(ax, rows, ax is left, looks)
-        letters(ax, ends, looks)
-        draw_floors(ax, ends, looks, verdicts, named=ax is right)
-    triangles(right, shown, kind, verdicts)
+                draw_series(ax, x, own, kind, looks[series], best)
+                ends[series] = x[-1], min(own[-1].errors[kind], LARGEST_DRAWN_ERROR)
+        scale_axes(ax, [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in shown])
+        draw_failures(ax, rows, ax is left, looks)
+        draw_letters(ax, ends, looks)
+        draw_floors(ax, ends, looks, verdicts, with_causes=ax is right)
+    draw_triangles(right, shown, kind, verdicts)
 
 
-def seconds(row: StudyRow) -> float:
+def wall_time(row: StudyRow) -> float:
     """Wall time of a run [s]."""
     return row.seconds
 
 
-def scale(ax: Axes, errors: Sequence[float]) -> None:
+def scale_axes(ax: Axes, errors: Sequence[float]) -> None:
     """Make both axes logarithmic, with room for letters and crosses."""
     ax.set_xscale("log")
-    decades(ax, min(errors, default=1e-3) / 8, max(errors, default=1.0) * 8)
+    set_decades(ax, min(errors, default=1e-3) / 8, max(errors, default=1.0) * 8)
     ax.xaxis.set_major_locator(LogLocator(numticks=8))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.tick_params(labelbottom=True)
 
 
-def curve(
+def draw_series(
     ax: Axes,
     x: Sequence[float],
     rows: Sequence[StudyRow],
@@ -411,7 +445,7 @@ def curve(
     best: Sequence[StudyRow] = (),
 ) -> None:
     """Draw one series from coarse to fine; markers of settings on the front are filled."""
-    y = [min(row.errors[kind], TOP) for row in rows]
+    y = [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in rows]
     layer = 3 + look.number / 20
     ax.plot(
         x,
@@ -424,10 +458,10 @@ def curve(
         markeredgewidth=0.8,
         zorder=layer,
     )
-    ahead = [k for k, row in enumerate(rows) if row in best]
+    on_front = [k for k, row in enumerate(rows) if row in best]
     ax.plot(
-        [x[k] for k in ahead],
-        [y[k] for k in ahead],
+        [x[k] for k in on_front],
+        [y[k] for k in on_front],
         linestyle="",
         marker=look.marker,
         color=look.colour,
@@ -436,24 +470,24 @@ def curve(
     )
 
 
-def stairs(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
+def draw_front(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
     """Draw the front as steps: no measured setting is both below and to the left of it."""
     if best:
         ax.step(
             [row.seconds for row in best],
-            [min(row.errors[kind], TOP) for row in best],
+            [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in best],
             where="post",
-            **FRONT,
+            **FRONT_STYLE,
         )
 
 
-def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
+def draw_legend(figure: Figure, looks: Mapping[SeriesName, Look], marks: bool) -> None:
     """Draw the legend: series by their letters; with `marks` also the front and the cross."""
     handles = [
         Line2D(
             [],
             [],
-            label=f"{letter(look)}  {series}",
+            label=f"{series_letter(look)}  {series}",
             color=look.colour,
             linestyle=look.dash,
             marker=look.marker,
@@ -465,7 +499,11 @@ def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
     if marks:
         handles += [
             Line2D(
-                [], [], label="front: nothing cheaper is as good", linewidth=5, color=FRONT["color"]
+                [],
+                [],
+                label="front: nothing cheaper is as good",
+                linewidth=5,
+                color=FRONT_STYLE["color"],
             ),
             Line2D(
                 [], [], label="failed: see the table", color="#333333", marker="x", linestyle=""
@@ -474,7 +512,7 @@ def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
     figure.legend(
         handles=handles,
         loc="upper left",
-        ncols=entries(figure.get_figwidth()),
+        ncols=legend_columns(figure.get_figwidth()),
         handlelength=3.4,
         fontsize=7.5,
         labelspacing=0.3,
@@ -483,6 +521,6 @@ def legend(figure: Figure, looks: Mapping[Name, Look], marks: bool) -> None:
     )
 
 
-def entries(width: float) -> int:
+def legend_columns(width: float) -> int:
     """Number of columns of the legend of a figure of that width [inch]."""
-    return max(1, int(width / ENTRY))
+    return max(1, int(width / LEGEND_ENTRY_WIDTH))

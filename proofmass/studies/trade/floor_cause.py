@@ -15,25 +15,32 @@ from pathlib import Path
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import Outcome
-from proofmass.sim.protocol import STEP, Perturbation
+from proofmass.sim.protocol import STEP_CAUSE, Perturbation
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Setting, StudyRow
-from proofmass.studies.trade.varied import ConvergenceSeries, at_step, studied
-from proofmass.studies.variants import READS, movable, self_referenced, thinned
+from proofmass.studies.trade.varied import ConvergenceSeries, describe_dynamics, with_step
+from proofmass.studies.variants import (
+    PLANAR_REFERENCE,
+    has_independent_motion,
+    with_every_other_row,
+    with_planar_reference,
+)
 
-SIGNIFICANT = 1.1
+SIGNIFICANT_FACTOR = 1.1
 """Factor on the error from which a change counts as the cause: a fifth of a first-order error."""
-FEWEST = 2
+MIN_SEGMENTS = 2
 """Least number of segments of a rod."""
-UNKNOWN = "unknown"
-ROUNDING = "rounding"
+UNKNOWN_CAUSE = "unknown"
+ROUNDING_CAUSE = "rounding"
 
 
 PerturbedCase = tuple[Case, Perturbation]
 """A case and the settings to run it with, in which one possible cause of its error is changed."""
 
 
-def halvings(run: Kind, series: ConvergenceSeries, setting: Setting, own: float) -> list[Setting]:
+def halved_settings(
+    run: Kind, series: ConvergenceSeries, setting: Setting, model_step: float
+) -> list[Setting]:
     """The setting with half and a quarter of its step, or with two and four times the segments.
 
     Parameters
@@ -41,15 +48,17 @@ def halvings(run: Kind, series: ConvergenceSeries, setting: Setting, own: float)
     run, series, setting
         Kind of run, series, and a setting of it.  If the stiffness of loops changes with the step
         along the series (`ConvergenceSeries.scaled`), it does so here as well.
-    own : float
+    model_step : float
         Time step of the model [s], used if the setting has none.
     """
     if run != "dynamics":
         n = int(str(setting.parameters["segments"]))
-        return [setting.but(segments=2 * n), setting.but(segments=4 * n)]
-    step = float(str(setting.parameters.get("timestep", own)))
+        return [setting.with_parameters(segments=2 * n), setting.with_parameters(segments=4 * n)]
+    step = float(str(setting.parameters.get("timestep", model_step)))
     return [
-        at_step(setting, step / by) if series.scaled else setting.but(timestep=step / by)
+        with_step(setting, step / by)
+        if series.scaled
+        else setting.with_parameters(timestep=step / by)
         for by in (2, 4)
     ]
 
@@ -70,13 +79,15 @@ def list_perturbations(
         change of the step alone changes the ratio of time constants to the step.
     """
     if run == "dynamics":
-        found = engine_of(setting.engine).perturbations(setting.parameters, studied(case), scaled)
-        own = [(case, one) for one in found]
-        own += halve_segments(case, setting)
+        found = engine_of(setting.engine).perturbations(
+            setting.parameters, describe_dynamics(case), scaled
+        )
+        changes = [(case, one) for one in found]
+        changes += halve_segments(case, setting)
     else:
-        own = [(case, finer)] if (finer := double_segments(case, setting)) else []
+        changes = [(case, finer)] if (finer := double_segments(case, setting)) else []
     return [
-        *own,
+        *changes,
         *perturb_reference(case, setting, folder),
         *perturb_samples(case, run, setting),
     ]
@@ -86,7 +97,7 @@ def double_segments(case: Case, setting: Setting) -> Perturbation | None:
     """The change to twice as many segments of all rods; None without rods."""
     if not case.rod:
         return None
-    finer = setting.but(segments=2 * int(str(setting.parameters["segments"])))
+    finer = setting.with_parameters(segments=2 * int(str(setting.parameters["segments"])))
     return Perturbation("segments", "twice as many segments", finer.parameters)
 
 
@@ -100,17 +111,19 @@ def halve_segments(case: Case, setting: Setting) -> Iterator[PerturbedCase]:
         name: int(str(setting.parameters.get("segments", rod.segments)))
         for name, rod in case.rod.items()
     }
-    half = {name: max(FEWEST, n // 2) for name, n in numbers.items()}
+    half = {name: max(MIN_SEGMENTS, n // 2) for name, n in numbers.items()}
     if half == numbers:
         return
     rods = {name: rod.model_copy(update={"segments": half[name]}) for name, rod in case.rod.items()}
-    rest = {name: value for name, value in setting.parameters.items() if name != "segments"}
+    other_parameters = {
+        name: value for name, value in setting.parameters.items() if name != "segments"
+    }
     words = (
         "half as many segments" if all(n % 2 == 0 for n in numbers.values()) else "fewer segments"
     )
     yield (
         case.model_copy(update={"rod": rods}),
-        Perturbation("segments", words, rest, better=False),
+        Perturbation("segments", words, other_parameters, better=False),
     )
 
 
@@ -118,17 +131,17 @@ def perturb_reference(case: Case, setting: Setting, folder: Path) -> Iterator[Pe
     """The change to every other row of a recorded curve, or to the planar solver as reference.
 
     The general planar solver knows only the model, so it is left out if a drive has its motion
-    profile from the case's reference (see `movable`).
+    profile from the case's reference (see `has_independent_motion`).
     """
     if case.recorded:
         words = "every other row of the recorded curve"
         yield (
-            thinned(case, folder),
+            with_every_other_row(case, folder),
             Perturbation("the reference", words, setting.parameters, better=False),
         )
-    elif case.reference != READS and movable(case) and not case.rod:
+    elif case.reference != PLANAR_REFERENCE and has_independent_motion(case) and not case.rod:
         yield (
-            self_referenced(case),
+            with_planar_reference(case),
             Perturbation("the reference", "a second reference", setting.parameters, better=None),
         )
 
@@ -143,23 +156,23 @@ def perturb_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Perturb
         if table.n - 1 != segments:
             words = "samples at the ends of links"
             yield (
-                sampled(case, run, segments + 1),
+                with_samples(case, run, segments + 1),
                 Perturbation("sampling", words, setting.parameters),
             )
     elif run == "dynamics" and table.n % 2:
         yield (
-            sampled(case, run, table.n // 2 + 1),
+            with_samples(case, run, table.n // 2 + 1),
             Perturbation("sampling", "every other sample", setting.parameters, better=None),
         )
 
 
-def sampled(case: Case, run: Kind, n: int) -> Case:
+def with_samples(case: Case, run: Kind, n: int) -> Case:
     """The case with another number of samples."""
     table = case.run[run].model_copy(update={"n": n})
     return case.model_copy(update={"run": {**case.run, run: table}})
 
 
-def judge(
+def find_cause(
     error: float, found: Sequence[tuple[Perturbation, StudyRow]], kind: str, at_floor: bool = False
 ) -> tuple[str, str]:
     """Find the change that moves an error most, and describe the factors of all changes.
@@ -178,24 +191,28 @@ def judge(
     Returns
     -------
     cause, evidence : str
-        The cause that moves the error most, or `UNKNOWN`; the factor of each change, in
+        The cause that moves the error most, or `UNKNOWN_CAUSE`; the factor of each change, in
         words.
     """
-    gains: dict[str, float] = {}
+    improvements: dict[str, float] = {}
     words = []
     for one, row in found:
-        changed = row.errors.get(kind, NAN)
-        if row.outcome != Outcome.RAN or not changed > 0:
+        new_error = row.errors.get(kind, NAN)
+        if row.outcome != Outcome.RAN or not new_error > 0:
             words.append(f"{one.change}: {row.outcome}")
             continue
-        if not (at_floor and one.cause == STEP):
-            gains[one.cause] = max(gain(one, error / changed), gains.get(one.cause, 0.0))
-        words.append(f"{one.change} {factor(error / changed)}")
-    cause = max(gains, key=lambda name: gains[name], default=UNKNOWN)
-    return cause if gains.get(cause, 1.0) >= SIGNIFICANT else UNKNOWN, "; ".join(words)
+        if not (at_floor and one.cause == STEP_CAUSE):
+            improvements[one.cause] = max(
+                improvement(one, error / new_error), improvements.get(one.cause, 0.0)
+            )
+        words.append(f"{one.change} {format_factor(error / new_error)}")
+    cause = max(improvements, key=lambda name: improvements[name], default=UNKNOWN_CAUSE)
+    return cause if improvements.get(
+        cause, 1.0
+    ) >= SIGNIFICANT_FACTOR else UNKNOWN_CAUSE, "; ".join(words)
 
 
-def gain(perturbation: Perturbation, ratio: float) -> float:
+def improvement(perturbation: Perturbation, ratio: float) -> float:
     """Factor by which a change moves an error as expected; `ratio` is the error before over after.
 
     It is the reciprocal of the ratio if the cause could only be made worse, and the larger of both
@@ -208,10 +225,10 @@ def gain(perturbation: Perturbation, ratio: float) -> float:
     return ratio if perturbation.better else 1 / ratio
 
 
-def factor(ratio: float) -> str:
+def format_factor(ratio: float) -> str:
     """Describe the change of an error; `ratio` is the error before over the error after.
 
-    >>> factor(4.0), factor(0.5), factor(1.0)
+    >>> format_factor(4.0), format_factor(0.5), format_factor(1.0)
     ('divides the error by 4.00', 'multiplies the error by 2.00', 'leaves the error')
     """
     if abs(log(ratio)) < 0.005:

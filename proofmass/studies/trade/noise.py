@@ -11,17 +11,17 @@ from statistics import median
 from typing import NamedTuple
 
 from proofmass.studies.record import StudyRow
-from proofmass.studies.trade.verdict import able
+from proofmass.studies.trade.verdict import comparable_settings
 from proofmass.wording import number
 
-LOADED = 1.25
+BUSY_LOAD = 1.25
 """Load average per processor above which runs wait; the study itself runs one on each processor."""
-TAKEN = 0.05
+DISTURBED_SHARE = 0.05
 """Share of a run's time that its processor gave to others, above which the run was disturbed."""
-APART = 1.5
+BUSY_SPREAD = 1.5
 """Longest over shortest wall time of the median setting, above which the machine was busy; settings
 next to each other in a series differ by a factor of two."""
-SEVERAL = 0.1
+BUSY_SHARE = 0.1
 """Share of the settings that must be disturbed for the machine to be called busy."""
 
 
@@ -47,30 +47,33 @@ def usual_spread(rows: Iterable[StudyRow]) -> float:
     return median(found) if found else 1.0
 
 
-def interval(row: StudyRow, usual: float) -> Interval:
-    """Interval of a setting's wall times; a single one may be too long by the factor `usual`."""
+def wall_time_interval(row: StudyRow, spread: float) -> Interval:
+    """Interval of a setting's wall times; a single one may be too long by the factor `spread`."""
     if len(row.repeats) > 1:
         return Interval(min(row.repeats), row.seconds, max(row.repeats))
-    return Interval(row.seconds / usual, row.seconds, row.seconds)
+    return Interval(row.seconds / spread, row.seconds, row.seconds)
 
 
-def ties(rows: Iterable[StudyRow], chosen: StudyRow, usual: float) -> list[StudyRow]:
+def tied_settings(rows: Iterable[StudyRow], chosen: StudyRow, spread: float) -> list[StudyRow]:
     """Settings other than the chosen one that are tied with it."""
-    own = interval(chosen, usual)
+    own = wall_time_interval(chosen, spread)
     return [
         row
         for row in rows
-        if row is not chosen and row.seconds > 0 and own.overlaps(interval(row, usual))
+        if row is not chosen and row.seconds > 0 and own.overlaps(wall_time_interval(row, spread))
     ]
 
 
-def perhaps(rows: Iterable[StudyRow], kind: str, usual: float) -> list[StudyRow]:
+def possible_front(rows: Iterable[StudyRow], kind: str, spread: float) -> list[StudyRow]:
     """Settings that may be on the front: no setting with an error as small is faster for certain.
 
     One setting is faster than another for certain if its longest wall time is below the other's
     shortest.  If each setting has one exact time, these settings are the front.
     """
-    timed = [(row, row.errors[kind], interval(row, usual)) for row in able(rows, kind)]
+    timed = [
+        (row, row.errors[kind], wall_time_interval(row, spread))
+        for row in comparable_settings(rows, kind)
+    ]
     return [
         row
         for row, error, own in timed
@@ -81,57 +84,64 @@ def perhaps(rows: Iterable[StudyRow], kind: str, usual: float) -> list[StudyRow]
     ]
 
 
-def band(rows: Iterable[StudyRow], kind: str, usual: float) -> list[tuple[float, float, float]]:
+def front_band(
+    rows: Iterable[StudyRow], kind: str, spread: float
+) -> list[tuple[float, float, float]]:
     """Band in which the front lies: rising errors, each with bounds of the cost to reach it [s].
 
     Of the intervals of all settings with an error as small, the bounds are the least lower end and
     the least upper end.
     """
-    timed = sorted((row.errors[kind], *interval(row, usual)) for row in able(rows, kind))
+    timed = sorted(
+        (row.errors[kind], *wall_time_interval(row, spread))
+        for row in comparable_settings(rows, kind)
+    )
     found = list[tuple[float, float, float]]()
     low = high = float("inf")
-    for error, least, _, most in timed:
-        if least < low or most < high:
-            low, high = min(low, least), min(high, most)
+    for error, shortest, _, longest in timed:
+        if shortest < low or longest < high:
+            low, high = min(low, shortest), min(high, longest)
             found.append((error, low, high))
     return found
 
 
-PROCESSORS = re.compile(r" x (\d+)$")
+PROCESSORS_PATTERN = re.compile(r" x (\d+)$")
 
 
-def processors(machine: str) -> int:
+def count_processors(machine: str) -> int:
     """Number of processors of a machine, from the text of `StudyRow.machine`; 0 if it has none.
 
-    >>> processors("Some Processor x 2"), processors("")
+    >>> count_processors("Some Processor x 2"), count_processors("")
     (2, 0)
     """
-    found = PROCESSORS.search(machine)
+    found = PROCESSORS_PATTERN.search(machine)
     return int(found[1]) if found else 0
 
 
-def busy(rows: Sequence[StudyRow]) -> list[str]:
+def explain_busy_machine(rows: Sequence[StudyRow]) -> list[str]:
     """Sentences on why the wall times of a study are uncertain; none if the machine was idle."""
     timed = [row for row in rows if row.repeats]
     words = []
-    loaded = [row for row in timed if (n := processors(row.machine)) and row.load > LOADED * n]
-    if len(loaded) > SEVERAL * len(timed):
-        most = max(loaded, key=lambda row: row.load)
+    loaded = [
+        row for row in timed if (n := count_processors(row.machine)) and row.load > BUSY_LOAD * n
+    ]
+    if len(loaded) > BUSY_SHARE * len(timed):
+        most_loaded = max(loaded, key=lambda row: row.load)
         words.append(
-            f"The load average was up to {number(most.load, 2)} on "
-            f"{processors(most.machine)} processors while {len(loaded)} of "
+            f"The load average was up to {number(most_loaded.load, 2)} on "
+            f"{count_processors(most_loaded.machine)} processors while {len(loaded)} of "
             f"{len(timed)} settings were timed."
         )
-    taken = [row.shared for row in timed if row.shared > TAKEN]
-    if len(taken) > SEVERAL * len(timed):
+    shares = [row.shared for row in timed if row.shared > DISTURBED_SHARE]
+    if len(shares) > BUSY_SHARE * len(timed):
         words.append(
-            f"Of the best runs of {len(taken)} of {len(timed)} settings the processor gave more "
-            f"than {number(100 * TAKEN)} % of the time to others, at most "
-            f"{number(100 * max(taken), 2)} %."
+            f"Of the best runs of {len(shares)} of {len(timed)} settings the processor gave more "
+            f"than {number(100 * DISTURBED_SHARE)} % of the time to others, at most "
+            f"{number(100 * max(shares), 2)} %."
         )
-    if (usual := usual_spread(timed)) > APART:
+    if (spread := usual_spread(timed)) > BUSY_SPREAD:
         words.append(
             "Repeated wall times of the same setting differ by a factor of "
-            f"{number(usual, 2)} (median of all settings)."
+            f"{number(spread, 2)} (median of all settings)."
         )
     return words

@@ -17,44 +17,57 @@ from matplotlib import rc_context
 
 from proofmass.engines import NoEngine, engine_of
 from proofmass.errors import InputError
-from proofmass.front import nondominated
+from proofmass.front import nondominated_points
 from proofmass.outcome import Outcome
-from proofmass.report.case_data import finite
+from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import save
 from proofmass.report.page import slug
-from proofmass.report.study import Pages, Written, prepared
-from proofmass.report.style import KNOWN, RC, Look
-from proofmass.report.svg_markers import MARKS, Tone, tones
+from proofmass.report.study import PageWriter, StudyPages, prepare_folder
+from proofmass.report.style import FIXED_LOOKS, RC, Look
+from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.sim.protocol import ParameterValue
-from proofmass.studies.record import KINDS, NAN, Setting, StudyRow, read_table
-from proofmass.studies.trade.choose import MARGIN, beside, enough, floor_at, would_need
-from proofmass.studies.trade.figure import (
-    TOP,
-    Name,
-    dressed,
-    good,
-    letter,
-    name_of,
-    other_parameters_figure,
-    planned,
-    trade_figure,
-    varied_in,
-    work,
+from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, read_table
+from proofmass.studies.trade.choose import (
+    ERROR_MARGIN,
+    compare_with_defaults,
+    find_floor,
+    format_needed_refinement,
+    good_settings,
 )
-from proofmass.studies.trade.noise import band, busy, interval, perhaps, ties, usual_spread
-from proofmass.studies.trade.orders import off
+from proofmass.studies.trade.figure import (
+    LARGEST_DRAWN_ERROR,
+    SeriesName,
+    has_drawable_error,
+    main_parameter,
+    other_parameters_figure,
+    planned_steps,
+    series_letter,
+    series_looks,
+    series_name,
+    step_count,
+    trade_figure,
+)
+from proofmass.studies.trade.noise import (
+    explain_busy_machine,
+    front_band,
+    possible_front,
+    tied_settings,
+    usual_spread,
+    wall_time_interval,
+)
+from proofmass.studies.trade.orders import is_unexpected
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.trade import read_verdicts
-from proofmass.studies.trade.verdict import Verdict, able, front
+from proofmass.studies.trade.verdict import Verdict, comparable_settings, pareto_front
 from proofmass.studies.trade.words import format_floor, format_setting, format_setting_briefly
 from proofmass.wording import format_solver, number
 
-FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
+COPIED_FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
 SCRIPTS = ("axes.js", "diagram.js", "trade.js")
-FIRST = "position"
+DEFAULT_KIND = "position"
 
 
-def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Written:
+def write_trade(folder: Path | str, output: Path | str, home: str = "") -> StudyPages:
     """Write a page for each case of a study, and an index, from the tables of the study alone.
 
     Parameters
@@ -77,121 +90,128 @@ def write_trade(folder: Path | str, output: Path | str, home: str = "") -> Writt
         if not (folder / name).is_file():
             raise InputError(folder / name, "", "no such file; proofmass trade CASE writes it")
     rows, verdicts = read_table(folder / "trade.csv"), read_verdicts(folder / "verdicts.json")
-    files = prepared(output, (folder / name for name in FILES), SCRIPTS)
-    pages = Pages(output, home, SCRIPTS)
+    files = prepare_folder(output, (folder / name for name in COPIED_FILES), SCRIPTS)
+    pages = PageWriter(output, home, SCRIPTS)
     parts = []
-    for (case, run), own in groupby(sorted(rows, key=place), key=place):
+    for (case, run), own in groupby(sorted(rows, key=page_key), key=page_key):
         own_verdicts = [v for v in verdicts if (v.case, v.run) == (case, run)]
-        parts.append(write_part(list(own), own_verdicts, pages, files))
+        parts.append(write_run_page(list(own), own_verdicts, pages, files))
     index = pages.write(
         "index.html",
         "trade_index.html",
         parts=parts,
-        asked=[number(wanted) for wanted in ASKED],
-        margin=MARGIN,
+        asked=[number(wanted) for wanted in ADVISED_ERRORS],
+        margin=ERROR_MARGIN,
         files=files,
         tones=[],
     )
-    return Written(index, {one["case"]: one["page"] for one in parts})
+    return StudyPages(index, {one["case"]: one["page"] for one in parts})
 
 
-def place(row: StudyRow) -> tuple[str, str]:
+def page_key(row: StudyRow) -> tuple[str, str]:
     """The case and the kind of run to which a row belongs; each pair has a page."""
     return row.case, row.run
 
 
-def write_part(
-    rows: Sequence[StudyRow], verdicts: Sequence[Verdict], pages: Pages, files: list[str]
+def write_run_page(
+    rows: Sequence[StudyRow], verdicts: Sequence[Verdict], pages: PageWriter, files: list[str]
 ) -> dict[str, Any]:
     """Write the page of one run of a case; return the data that the index shows of it."""
-    case, run = place(rows[0])
+    case, run = page_key(rows[0])
     stem = f"{slug(case)}-{run}-trade"
-    looks, usual, there = dressed(rows), usual_spread(rows), kinds(rows)
-    colours = tones(look.colour for look in looks.values())
-    engines = {engine: colours[main_colour(engine, looks)].css for engine, _ in looks}
-    letters = {name: letter(look) for name, look in looks.items()}
+    looks, spread, present_kinds = series_looks(rows), usual_spread(rows), error_kinds(rows)
+    colours = page_tones(look.colour for look in looks.values())
+    engines = {engine: colours[engine_colour(engine, looks)].css for engine, _ in looks}
+    letters = {name: series_letter(look) for name, look in looks.items()}
     write_figures(rows, verdicts, pages.output / "figures" / stem)
     pages.write(
         f"{stem}.html",
         "trade.html",
-        page_data(rows, verdicts, looks, colours, usual),
+        page_data(rows, verdicts, looks, colours, spread),
         case=case,
         run=run,
         tones=colours.values(),
         engines=engines,
-        kinds=[(kind, TITLES[kind]) for kind in there],
-        advice={kind: advised(rows, verdicts, kind, usual) for kind in there},
-        limits={kind: list(limited_by(verdicts, kind, letters)) for kind in there},
-        margin=MARGIN,
-        busy=busy(rows),
+        kinds=[(kind, KIND_TITLES[kind]) for kind in present_kinds],
+        advice={kind: list_advice(rows, verdicts, kind, spread) for kind in present_kinds},
+        limits={kind: list(limit_records(verdicts, kind, letters)) for kind in present_kinds},
+        margin=ERROR_MARGIN,
+        busy=explain_busy_machine(rows),
         series=list(series_records(rows, verdicts, looks, colours)),
         floors=list(floor_records(verdicts, letters)),
-        reached=list(reached(verdicts, letters)),
+        reached=list(reached_records(verdicts, letters)),
         motion=next((v.motion for v in verdicts if v.motion), ""),
-        measured=measured(rows),
-        figures=[stem, *([f"{stem}-parameters"] if other_parameters(rows) else [])],
+        measured=describe_timing(rows),
+        figures=[stem, *([f"{stem}-parameters"] if rows_of_other_parameters(rows) else [])],
         files=files,
     )
     return {
         "case": case,
         "run": run,
         "page": f"{stem}.html",
-        "prices": list(prices(rows, verdicts, usual)),
-        "kind": next(iter(there), FIRST),
-        "busy": bool(busy(rows)),
+        "prices": list(index_rows(rows, verdicts, spread)),
+        "kind": next(iter(present_kinds), DEFAULT_KIND),
+        "busy": bool(explain_busy_machine(rows)),
     }
 
 
-def main_colour(engine: str, looks: Mapping[Name, Look]) -> str:
+def engine_colour(engine: str, looks: Mapping[SeriesName, Look]) -> str:
     """The colour of an engine: its own if a series has it, else that of its first series."""
     own = [look.colour for name, look in looks.items() if name[0] == engine]
-    known = KNOWN.get(engine)
+    known = FIXED_LOOKS.get(engine)
     return known.colour if known and known.colour in own else own[0]
 
 
-def other_parameters(rows: Sequence[StudyRow]) -> list[StudyRow]:
+def rows_of_other_parameters(rows: Sequence[StudyRow]) -> list[StudyRow]:
     """Settings of series that vary another parameter than the step; empty if none can be drawn."""
-    varied = varied_in(rows)
+    varied = main_parameter(rows)
     others = [row for row in rows if row.varied != varied]
-    return others if any(good(row, kind) for row in others for kind in KINDS) else []
+    return (
+        others
+        if any(has_drawable_error(row, kind) for row in others for kind in KIND_UNITS)
+        else []
+    )
 
 
 def write_figures(rows: Sequence[StudyRow], verdicts: Sequence[Verdict], stem: Path) -> None:
     """Save the diagram for papers, and the figure of errors over other parameters, if any."""
-    looks, varied = dressed(rows), varied_in(rows)
+    looks, varied = series_looks(rows), main_parameter(rows)
     with rc_context(RC):
         save(trade_figure([row for row in rows if row.varied == varied], verdicts, looks), stem)
-        if others := other_parameters(rows):
+        if others := rows_of_other_parameters(rows):
             save(other_parameters_figure(others, looks), stem.with_name(f"{stem.name}-parameters"))
 
 
-def prices(
-    rows: Sequence[StudyRow], verdicts: Sequence[Verdict], usual: float
+def index_rows(
+    rows: Sequence[StudyRow], verdicts: Sequence[Verdict], spread: float
 ) -> Iterator[list[dict[str, str]]]:
     """Rows of the index, one for each engine.
 
-    For each of `ASKED`, of the first kind of error, a row has the setting to use, its
+    For each of `ADVISED_ERRORS`, of the first kind of error, a row has the setting to use, its
     wall time [s], and how many times as long the engine's defaults take.
     """
-    kind = next(iter(kinds(rows)), "")
+    kind = next(iter(error_kinds(rows)), "")
     for engine in dict.fromkeys(row.engine for row in rows):
         own = [row for row in rows if row.engine == engine]
-        cells = [cell(format_solver(engine))]
-        for wanted in ASKED:
-            if not (able := enough(own, kind, wanted)):
-                cells += [cell("not reached"), cell(), cell()]
+        cells = [index_cell(format_solver(engine))]
+        for wanted in ADVISED_ERRORS:
+            if not (able := good_settings(own, kind, wanted)):
+                cells += [index_cell("not reached"), index_cell(), index_cell()]
                 continue
-            said, ratio = beside(own, able[0], kind, wanted, verdicts)
-            same = len(ties(able, able[0], usual))
+            sentence, ratio = compare_with_defaults(own, able[0], kind, wanted, verdicts)
+            tie_count = len(tied_settings(able, able[0], spread))
             cells += [
-                cell(format_setting_briefly(able[0]), f"tied with {same} more" if same else ""),
-                cell(number(able[0].seconds, 2)),
-                cell("never" if "never get there" in said else number(ratio, 2)),
+                index_cell(
+                    format_setting_briefly(able[0]),
+                    f"tied with {tie_count} more" if tie_count else "",
+                ),
+                index_cell(number(able[0].seconds, 2)),
+                index_cell("never" if "never get there" in sentence else number(ratio, 2)),
             ]
         yield cells
 
 
-def cell(text: str = "", note: str = "") -> dict[str, str]:
+def index_cell(text: str = "", note: str = "") -> dict[str, str]:
     """A cell of the index: a text, and a note below it."""
     return {"text": text, "note": note}
 
@@ -199,29 +219,33 @@ def cell(text: str = "", note: str = "") -> dict[str, str]:
 def series_records(
     rows: Sequence[StudyRow],
     verdicts: Iterable[Verdict],
-    looks: Mapping[Name, Look],
+    looks: Mapping[SeriesName, Look],
     colours: Mapping[str, Tone],
 ) -> Iterator[dict[str, Any]]:
     """The table of each series, with all numbers as text."""
     own_verdicts = list(verdicts)
     for name, look in looks.items():
-        own = [row for row in rows if name_of(row) == name]
+        own = [row for row in rows if series_name(row) == name]
         yield {
-            "letter": letter(look),
+            "letter": series_letter(look),
             "css": colours[look.colour].css,
-            "mark": MARKS.get(look.marker, MARKS["o"]),
+            "mark": MARKER_PATHS.get(look.marker, MARKER_PATHS["o"]),
             "name": name[1],
             "varied": own[0].varied,
-            "rows": [cells(row, kinds(rows)) for row in own],
+            "rows": [table_cells(row, error_kinds(rows)) for row in own],
             "orders": {
-                v.kind: (number(v.observed), number(v.expected), off(v.observed, v.expected))
+                v.kind: (
+                    number(v.observed),
+                    number(v.expected),
+                    is_unexpected(v.observed, v.expected),
+                )
                 for v in own_verdicts
-                if name_of(v) == name
+                if series_name(v) == name
             },
         }
 
 
-def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
+def table_cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
     """Cells of the table for one run."""
     return {
         "value": number(row.value),
@@ -237,13 +261,13 @@ def cells(row: StudyRow, kinds: Iterable[str]) -> dict[str, Any]:
 
 
 def floor_records(
-    verdicts: Iterable[Verdict], letters: Mapping[Name, str]
+    verdicts: Iterable[Verdict], letters: Mapping[SeriesName, str]
 ) -> Iterator[dict[str, str]]:
     """Error floor of each series that has one, with its cause and the evidence."""
     for v in verdicts:
-        if v.floor > 0 and name_of(v) in letters:
+        if v.floor > 0 and series_name(v) in letters:
             yield {
-                "letter": letters[name_of(v)],
+                "letter": letters[series_name(v)],
                 "series": v.series,
                 "kind": v.kind,
                 "level": number(v.floor, 2),
@@ -252,19 +276,23 @@ def floor_records(
             }
 
 
-def reached(verdicts: Iterable[Verdict], letters: Mapping[Name, str]) -> Iterator[dict[str, str]]:
+def reached_records(
+    verdicts: Iterable[Verdict], letters: Mapping[SeriesName, str]
+) -> Iterator[dict[str, str]]:
     """For each series without error floor how far it came, and where a finer setting is worse."""
     for v in verdicts:
-        if (said := "; ".join(filter(None, (v.reached, v.worse)))) and name_of(v) in letters:
+        if (sentence := "; ".join(filter(None, (v.reached, v.worse)))) and series_name(
+            v
+        ) in letters:
             yield {
-                "letter": letters[name_of(v)],
+                "letter": letters[series_name(v)],
                 "series": v.series,
                 "kind": v.kind,
-                "said": said,
+                "said": sentence,
             }
 
 
-def measured(rows: Sequence[StudyRow]) -> str:
+def describe_timing(rows: Sequence[StudyRow]) -> str:
     """Describe how the wall times were measured."""
     ran = [row for row in rows if row.repeats]
     machines = ", ".join(dict.fromkeys(row.machine for row in ran if row.machine))
@@ -272,17 +300,17 @@ def measured(rows: Sequence[StudyRow]) -> str:
     most_shared = max((row.shared for row in ran if row.shared >= 0), default=0.0)
     loads = [row.load for row in ran if row.load >= 0]
     load = f"; load average {number(min(loads), 2)} to {number(max(loads), 2)}" if loads else ""
-    once = sum(len(row.repeats) == 1 for row in ran)
+    single_runs = sum(len(row.repeats) == 1 for row in ran)
     most = max((len(row.repeats) for row in ran), default=0)
     return (
         f"{len(rows)} settings, {len(rows) - len(ran)} without times. Wall times: least of up "
-        f"to {most} in rounds over the settings near the front, {once} of a single run; "
+        f"to {most} in rounds over the settings near the front, {single_runs} of a single run; "
         f"{pinned} of {len(ran)} with a processor of their own, which gave others at most "
         f"{number(100 * most_shared, 2)} % of its time{load}. {machines}"
     )
 
 
-TITLES = {
+KIND_TITLES = {
     "position": "Position",
     "velocity": "Velocity",
     "acceleration": "Acceleration",
@@ -295,9 +323,9 @@ TITLES = {
 def page_data(
     rows: Sequence[StudyRow],
     verdicts: Sequence[Verdict],
-    looks: Mapping[Name, Look],
+    looks: Mapping[SeriesName, Look],
     tones: Mapping[str, Tone],
-    usual: float,
+    spread: float,
 ) -> dict[str, Any]:
     """Data of the diagram of one run of a case.
 
@@ -309,7 +337,7 @@ def page_data(
         The look of each series, from `figure.dressed`.
     tones : mapping of str to Tone
         Tones of the colours of these looks, for light and dark pages.
-    usual : float
+    spread : float
         Usual ratio of the longest to the shortest wall time of a setting [1], from
         `noise.usual_spread`.
     """
@@ -317,64 +345,70 @@ def page_data(
     return {
         "case": rows[0].case,
         "run": rows[0].run,
-        "kinds": [kind_data(rows, verdicts, kind, looks, usual) for kind in kinds(rows)],
+        "kinds": [kind_data(rows, verdicts, kind, looks, spread) for kind in error_kinds(rows)],
         "work": "segments" if all(row.varied == "segments" for row in rows) else "time steps",
         "series": [
             series_data(name, look, tones[look.colour], verdicts) for name, look in looks.items()
         ],
-        "settings": [setting_data(row, rows, names.index(name_of(row)), usual) for row in rows],
-        "top": TOP,
+        "settings": [
+            setting_data(row, rows, names.index(series_name(row)), spread) for row in rows
+        ],
+        "top": LARGEST_DRAWN_ERROR,
     }
 
 
-def kinds(rows: Sequence[StudyRow]) -> list[str]:
+def error_kinds(rows: Sequence[StudyRow]) -> list[str]:
     """Kinds of errors that some row has."""
-    return [kind for kind in KINDS if any(kind in row.errors for row in rows)]
+    return [kind for kind in KIND_UNITS if any(kind in row.errors for row in rows)]
 
 
-def series_data(name: Name, look: Look, tone: Tone, verdicts: Sequence[Verdict]) -> dict[str, Any]:
+def series_data(
+    name: SeriesName, look: Look, tone: Tone, verdicts: Sequence[Verdict]
+) -> dict[str, Any]:
     """Names and look of a series, and the order of each kind of error."""
     orders = {
         v.kind: f"order {number(v.observed)}, expected {number(v.expected)}"
-        + (" ✗" if off(v.observed, v.expected) else "")
+        + (" ✗" if is_unexpected(v.observed, v.expected) else "")
         for v in verdicts
-        if name_of(v) == name and isfinite(v.observed)
+        if series_name(v) == name and isfinite(v.observed)
     }
     return {
         "engine": name[0],
         "title": format_solver(name[0]),
         "name": name[1],
-        "letter": letter(look),
+        "letter": series_letter(look),
         "css": tone.css,
-        "mark": MARKS.get(look.marker, MARKS["o"]),
+        "mark": MARKER_PATHS.get(look.marker, MARKER_PATHS["o"]),
         "dash": list(look.dash[1]),
         "orders": orders,
     }
 
 
 def setting_data(
-    row: StudyRow, rows: Sequence[StudyRow], series: int, usual: float
+    row: StudyRow, rows: Sequence[StudyRow], series: int, spread: float
 ) -> dict[str, Any]:
     """Data of the marker of one setting."""
-    steps = work(row) or planned(row, rows)
-    low, at, high = interval(row, usual)
+    steps = step_count(row) or planned_steps(row, rows)
+    low, stated, high = wall_time_interval(row, spread)
     return {
         "series": series,
         "words": format_setting(row),
         "ran": row.outcome == Outcome.RAN,
         "outcome": f"{row.outcome}: {row.message}" if row.message else str(row.outcome),
         "errors": {
-            kind: row.errors[kind] for kind in kinds(rows) if isfinite(row.errors.get(kind, NAN))
+            kind: row.errors[kind]
+            for kind in error_kinds(rows)
+            if isfinite(row.errors.get(kind, NAN))
         },
-        "seconds": [finite(low), finite(at), finite(high)],
-        "time": timed(row, usual) if row.seconds > 0 else "",
+        "seconds": [finite_or_none(low), finite_or_none(stated), finite_or_none(high)],
+        "time": format_wall_time(row, spread) if row.seconds > 0 else "",
         "repeats": len(row.repeats),
-        "work": finite(steps) or None,
+        "work": finite_or_none(steps) or None,
         "step": f"{number(1e3 * row.step)} ms" if row.step > 0 else "",
-        "violation": finite(row.invariants.get("violation", NAN)),
-        "energy": finite(row.invariants.get("energy", NAN)),
-        "load": finite(row.load),
-        "text": pasted(row),
+        "violation": finite_or_none(row.invariants.get("violation", NAN)),
+        "energy": finite_or_none(row.invariants.get("energy", NAN)),
+        "load": finite_or_none(row.load),
+        "text": text_to_paste(row),
     }
 
 
@@ -382,8 +416,8 @@ def kind_data(
     rows: Sequence[StudyRow],
     verdicts: Sequence[Verdict],
     kind: str,
-    looks: Mapping[Name, Look],
-    usual: float,
+    looks: Mapping[SeriesName, Look],
+    spread: float,
 ) -> dict[str, Any]:
     """Fronts and error floors of a kind of error, with numbers in place of settings and series.
 
@@ -391,34 +425,36 @@ def kind_data(
     since their times are uncertain; "band" is the band in which the front lies; "fewest" is the
     front over steps.
     """
-    shown = [row for row in rows if good(row, kind)]
+    shown = [row for row in rows if has_drawable_error(row, kind)]
     numbers = {id(row): k for k, row in enumerate(rows)}
-    best = [numbers[id(row)] for row in front(shown, kind)]
-    maybe = [numbers[id(row)] for row in perhaps(shown, kind, usual)]
-    stepped = [row for row in able(shown, kind) if work(row) > 0]
-    aims = np.array([(work(row), row.errors[kind]) for row in stepped]).reshape(-1, 2)
+    best = [numbers[id(row)] for row in pareto_front(shown, kind)]
+    possible = [numbers[id(row)] for row in possible_front(shown, kind, spread)]
+    stepped = [row for row in comparable_settings(shown, kind) if step_count(row) > 0]
+    costs_and_errors = np.array([(step_count(row), row.errors[kind]) for row in stepped]).reshape(
+        -1, 2
+    )
     names = list(looks)
     return {
         "key": kind,
-        "title": TITLES[kind],
+        "title": KIND_TITLES[kind],
         "front": best,
-        "tied": [k for k in maybe if k not in best],
-        "band": band(shown, kind, usual),
-        "fewest": [numbers[id(stepped[k])] for k in nondominated(aims)],
+        "tied": [k for k in possible if k not in best],
+        "band": front_band(shown, kind, spread),
+        "fewest": [numbers[id(stepped[k])] for k in nondominated_points(costs_and_errors)],
         "floors": [
             {
-                "series": names.index(name_of(v)),
+                "series": names.index(series_name(v)),
                 "level": v.floor,
                 "cause": v.cause,
                 "evidence": v.evidence,
             }
             for v in verdicts
-            if v.kind == kind and v.floor > 0 and name_of(v) in looks
+            if v.kind == kind and v.floor > 0 and series_name(v) in looks
         ],
     }
 
 
-ASKED = (1e-3, 1e-5, 1e-7)
+ADVISED_ERRORS = (1e-3, 1e-5, 1e-7)
 """Errors for which the pages recommend settings, as shares of the range [1]."""
 
 
@@ -458,7 +494,7 @@ class Advice:
 
 
 @dataclass(frozen=True)
-class Asked:
+class AdvisedError:
     """A wanted error, and the advice for each engine, the cheapest first."""
 
     wanted: str
@@ -467,26 +503,28 @@ class Asked:
     """Whether the first two engines are tied."""
 
 
-def advised(
-    rows: Sequence[StudyRow], verdicts: Sequence[Verdict], kind: str, usual: float
-) -> list[Asked]:
-    """Advice of each engine for each of `ASKED`; `usual` is from `noise.usual_spread`."""
+def list_advice(
+    rows: Sequence[StudyRow], verdicts: Sequence[Verdict], kind: str, spread: float
+) -> list[AdvisedError]:
+    """Advice of each engine for each of `ADVISED_ERRORS`; `spread` is from `noise.usual_spread`."""
     found = []
-    for wanted in ASKED:
+    for wanted in ADVISED_ERRORS:
         cheapest = dict[str, StudyRow]()
         advice = dict[str, Advice]()
         for engine in dict.fromkeys(row.engine for row in rows):
             own = [row for row in rows if row.engine == engine]
-            able = enough(own, kind, wanted)
+            able = good_settings(own, kind, wanted)
             if able:
                 cheapest[engine] = able[0]
-                advice[engine] = use(rows, own, able, kind, wanted, verdicts, usual)
+                advice[engine] = advise_setting(rows, own, able, kind, wanted, verdicts, spread)
             else:
-                advice[engine] = short(rows, own, kind, wanted, verdicts)
+                advice[engine] = advise_best(rows, own, kind, wanted, verdicts)
         order = sorted(advice, key=lambda name: cheapest[name].seconds if name in cheapest else inf)
-        first = [interval(cheapest[name], usual) for name in order[:2] if name in cheapest]
+        first = [
+            wall_time_interval(cheapest[name], spread) for name in order[:2] if name in cheapest
+        ]
         found.append(
-            Asked(
+            AdvisedError(
                 number(wanted),
                 tuple(advice[name] for name in order),
                 len(first) == 2 and first[0].overlaps(first[1]),
@@ -495,38 +533,40 @@ def advised(
     return found
 
 
-def use(
+def advise_setting(
     rows: Sequence[StudyRow],
     own: Sequence[StudyRow],
-    able: Sequence[StudyRow],
+    good: Sequence[StudyRow],
     kind: str,
     wanted: float,
     verdicts: Iterable[Verdict],
-    usual: float,
+    spread: float,
 ) -> Advice:
-    """Advice to use the cheapest of `able`, settings of one engine with a small enough error."""
-    row = able[0]
-    same = [format_setting_briefly(one) for one in ties(able, row, usual)]
-    words = "; ".join(same[:MOST]) + (f"; and {len(same) - MOST} more" if same[MOST:] else "")
+    """Advice to use the cheapest of `good`, settings of one engine with a small enough error."""
+    row = good[0]
+    tied = [format_setting_briefly(one) for one in tied_settings(good, row, spread)]
+    words = "; ".join(tied[:MAX_LISTED_TIES]) + (
+        f"; and {len(tied) - MAX_LISTED_TIES} more" if tied[MAX_LISTED_TIES:] else ""
+    )
     return Advice(
         format_solver(row.engine),
         row.engine,
-        place_of(rows, row),
+        row_number(rows, row),
         True,
         format_setting_briefly(row),
         number(row.reached(kind), 2),
-        timed(row, usual),
+        format_wall_time(row, spread),
         f"{row.steps} steps" if row.steps else "",
-        (beside(own, row, kind, wanted, verdicts)[0],),
+        (compare_with_defaults(own, row, kind, wanted, verdicts)[0],),
         words,
-        pasted(row),
+        text_to_paste(row),
     )
 
 
-MOST = 4  # tied settings that are listed by name
+MAX_LISTED_TIES = 4  # tied settings that are listed by name
 
 
-def short(
+def advise_best(
     rows: Sequence[StudyRow],
     own: Sequence[StudyRow],
     kind: str,
@@ -539,53 +579,55 @@ def short(
     if not ran:
         return Advice(format_solver(engine), engine, -1, False, "no setting ran")
     row = min(ran, key=lambda one: one.errors[kind])
-    floor = floor_at(row, kind, verdicts)
+    floor = find_floor(row, kind, verdicts)
     return Advice(
         format_solver(engine),
         engine,
-        place_of(rows, row),
+        row_number(rows, row),
         False,
         format_setting_briefly(row),
         number(row.errors[kind], 2),
         f"{number(row.seconds, 2)} s" if row.seconds > 0 else "",
         f"{row.steps} steps" if row.steps else "",
-        (format_floor(floor),) if floor else (would_need(ran, kind, wanted, verdicts),),
+        (format_floor(floor),)
+        if floor
+        else (format_needed_refinement(ran, kind, wanted, verdicts),),
         "",
-        pasted(row),
+        text_to_paste(row),
     )
 
 
-def place_of(rows: Sequence[StudyRow], row: StudyRow) -> int:
+def row_number(rows: Sequence[StudyRow], row: StudyRow) -> int:
     """Number of a row among rows, found by identity."""
     return next(k for k, one in enumerate(rows) if one is row)
 
 
-def timed(row: StudyRow, usual: float) -> str:
+def format_wall_time(row: StudyRow, spread: float) -> str:
     """Wall time of a setting with its interval, in words.
 
     >>> row = StudyRow("", "", "", "", "", "", 1.0, seconds=0.01, repeats=(0.01, 0.02))
-    >>> timed(row, 1.0)
+    >>> format_wall_time(row, 1.0)
     '10 ms (10 to 20)'
     """
-    low, middle, high = interval(row, usual)
-    unit, factor = next(((u, f) for u, f in UNITS if middle * f >= 1), UNITS[-1])
+    low, middle, high = wall_time_interval(row, spread)
+    unit, factor = next(((u, f) for u, f in TIME_UNITS if middle * f >= 1), TIME_UNITS[-1])
     words = f"{number(middle * factor, 2)} {unit}"
     if not high > low:
         return words
     return f"{words} ({number(low * factor, 2)} to {number(high * factor, 2)})"
 
 
-UNITS = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
+TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
 
 
-def pasted(row: StudyRow) -> str:
+def text_to_paste(row: StudyRow) -> str:
     """Text to paste for a setting: in the engine's own form, or else as a table of the sidecar.
 
     An engine has no form of its own for a setting that lacks parameters which it chooses in a run.
 
-    >>> print(pasted(StudyRow("", "", "", "mujoco", "", "", 1.0, {"timestep": 0.01})))
+    >>> print(text_to_paste(StudyRow("", "", "", "mujoco", "", "", 1.0, {"timestep": 0.01})))
     <option timestep="0.01"/>
-    >>> print(pasted(StudyRow("", "", "", "pymunk", "", "", 1.0, {"timestep": 0.01})))
+    >>> print(text_to_paste(StudyRow("", "", "", "pymunk", "", "", 1.0, {"timestep": 0.01})))
     # in the sidecar
     [settings.pymunk]
     timestep = 0.01
@@ -596,31 +638,33 @@ def pasted(row: StudyRow) -> str:
     try:
         engine = engine_of(row.engine)
     except NoEngine:  # the table may come from a machine with other engines
-        return in_sidecar(row.engine, parameters)
+        return format_as_sidecar(row.engine, parameters)
     own = {}
     if parameters.get("defaults"):
         fields = engine.settings.model_fields
         own = {name: fields[name].default for name in engine.chooses if name in fields}
     text = snippet(Setting(row.engine, {**own, **parameters}), row.steps)
-    return text or in_sidecar(row.engine, parameters)
+    return text or format_as_sidecar(row.engine, parameters)
 
 
-def in_sidecar(engine: str, parameters: dict[str, ParameterValue]) -> str:
+def format_as_sidecar(engine: str, parameters: dict[str, ParameterValue]) -> str:
     """Settings as a TOML table of a sidecar."""
-    lines = [f"{name} = {toml(value)}" for name, value in parameters.items() if name != "segments"]
+    lines = [
+        f"{name} = {format_toml(value)}" for name, value in parameters.items() if name != "segments"
+    ]
     return "\n".join(["# in the sidecar", f"[settings.{engine}]", *lines])
 
 
-def toml(value: ParameterValue) -> str:
+def format_toml(value: ParameterValue) -> str:
     """A value in TOML.
 
-    >>> toml(True), toml((0.02, 1.0)), toml("RK4")
+    >>> format_toml(True), format_toml((0.02, 1.0)), format_toml("RK4")
     ('true', '[0.02, 1.0]', '"RK4"')
     """
     return json.dumps(value)
 
 
-def limited_by(
+def limit_records(
     verdicts: Iterable[Verdict], kind: str, letters: dict[tuple[str, str], str]
 ) -> Iterator[dict[str, str]]:
     """Causes that limit a kind of error, with levels, series, and the evidence of one series."""

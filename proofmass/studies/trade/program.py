@@ -21,13 +21,13 @@ from proofmass.case import Case
 from proofmass.drive import motion_source
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.profile import controls_source
 from proofmass.sim.protocol import Curves, Imposed, Run, drive_columns
-from proofmass.studies.bounded import limited
-from proofmass.studies.measure import own_core, pinned, relative_errors
+from proofmass.studies.bounded import call_limited
+from proofmass.studies.measure import pin_process, relative_errors, reserve_processor
 from proofmass.studies.record import Setting
-from proofmass.studies.store import Store, digest, read, sources, versions
+from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_json
 from proofmass.wording import number
 
 
@@ -52,7 +52,7 @@ def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
     return engine_of(setting.engine).snippet(setting.parameters, steps, model)
 
 
-PRINTED = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)
+STEPS_LINE = re.compile(r"^(\d+) steps in (\S+) s", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,13 @@ class ProgramRun:
     driven: dict[str, float] = field(default_factory=dict)
 
 
-def imposed(case: Case, engine: str) -> Sequence[Imposed]:
+def drive_ways(case: Case, engine: str) -> Sequence[Imposed]:
     """The ways in which an engine's programs can move a case's drives, the ideal one first."""
     ways = engine_of(engine).imposed
     return ways if case.drive else ways[:1]
 
 
-def program(case: Case, setting: Setting, drive: Imposed, head: str = "") -> str:
+def program_text(case: Case, setting: Setting, drive: Imposed, docstring: str = "") -> str:
     """Write the dynamics run of a case with a setting as a program, in a worker.
 
     Raises
@@ -96,68 +96,75 @@ def program(case: Case, setting: Setting, drive: Imposed, head: str = "") -> str
     InputError, BadModel
         The case or its model has an error.
     """
-    return str(limited(case, "dynamics", written, case, setting, drive, head))
+    return str(call_limited(case, "dynamics", program_text_here, case, setting, drive, docstring))
 
 
-def written(case: Case, setting: Setting, drive: Imposed, head: str) -> str:
-    """The text of `program`, written in this process."""
-    case, run = setting.applied(case, "dynamics")
+def program_text_here(case: Case, setting: Setting, drive: Imposed, docstring: str) -> str:
+    """The text of `program_text`, written in this process."""
+    case, run = setting.apply_to(case, "dynamics")
     motion = motion_source([each.law for each in run.drives], run.x)
     given = {}
     if run.loads:
         given = {"controls": controls_source([each.law for each in run.loads], run.x)}
     engine = engine_of(setting.engine)
-    return engine.write_program(case.model_path, run, motion, head, drive, **given)
+    return engine.write_program(case.model_path, run, motion, docstring, drive, **given)
 
 
-def tried(case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float) -> ProgramRun:
+def run_stored_program(
+    case: Case, setting: Setting, drive: Imposed, store: Store, timeout: float
+) -> ProgramRun:
     """Run the program of a setting, or read its result from the store."""
-    text = program(case, setting, drive)
+    text = program_text(case, setting, drive)
     name = digest(
         json.dumps(
-            [text, case.model_dump(mode="json"), versions(setting.engine), sources()],
+            [
+                text,
+                case.model_dump(mode="json"),
+                package_versions(setting.engine),
+                digest_of_sources(),
+            ],
             sort_keys=True,
         ).encode()
     )
     file = store.folder / f"{name}.program.json"
     if file.is_file():
-        return ProgramRun(**{"seconds": float("nan"), **read(file)})
-    with own_core() as core:
-        ran = limited(case, "dynamics", run_program, case, setting, text, timeout, core)
+        return ProgramRun(**{"seconds": float("nan"), **read_json(file)})
+    with reserve_processor() as core:
+        ran = call_limited(case, "dynamics", run_program, case, setting, text, timeout, core)
     known = {key: value for key, value in asdict(ran).items() if value == value}
-    if not ran.failure.startswith(LATE):
-        write_whole(file, json.dumps(known))
+    if not ran.failure.startswith(TIMED_OUT_PREFIX):
+        write_atomically(file, json.dumps(known))
     return ran
 
 
-LATE = "no end after"  # begin of the failure of a program that took too long
+TIMED_OUT_PREFIX = "no end after"  # begin of the failure of a program that took too long
 
 
 def run_program(
     case: Case, setting: Setting, text: str, timeout: float, core: int | None = None
 ) -> ProgramRun:
     """Run a program in a bare interpreter, and compare its curves with the reference."""
-    case, run = setting.applied(case, "dynamics")
+    case, run = setting.apply_to(case, "dynamics")
     try:
-        curves, seconds, steps = run_bare(text, run, timeout, core)
+        curves, seconds, steps = run_bare_program(text, run, timeout, core)
     except NoCurves as why:
         return ProgramRun(failure=str(why))
-    at_law = replace(curves, drive=run.motion(run.x)) if run.drives else curves
-    asked = relative_errors(case, "dynamics", at_law)
-    driven = asked
+    at_prescribed_motion = replace(curves, drive=run.motion(run.x)) if run.drives else curves
+    errors = relative_errors(case, "dynamics", at_prescribed_motion)
+    driven = errors
     if run.drives:
         try:
             driven = relative_errors(case, "dynamics", curves)
         except InputError:  # the reference covers the motion that was asked for, and not this one
             driven = {}
-    return ProgramRun(asked, seconds, steps, driven=driven)
+    return ProgramRun(errors, seconds, steps, driven=driven)
 
 
 class NoCurves(Exception):
     """A program has no curves; the message is the last line that it wrote, or what is wrong."""
 
 
-def run_bare(
+def run_bare_program(
     text: str, run: Run, timeout: float, core: int | None = None
 ) -> tuple[Curves, float, int]:
     """Run a program in a bare interpreter: its curves, wall time of its loop [s], number of steps.
@@ -171,8 +178,8 @@ def run_bare(
         file = Path(folder) / "run.py"
         file.write_text(text, encoding="utf-8")
         try:
-            with pinned(core):
-                done = subprocess.run(
+            with pin_process(core):
+                process = subprocess.run(
                     [sys.executable, "-I", file.name],
                     cwd=folder,
                     text=True,
@@ -181,9 +188,11 @@ def run_bare(
                     check=False,
                 )
         except subprocess.TimeoutExpired:
-            raise NoCurves(f"{LATE} {timeout:g} s") from None
-        if done.returncode or not (printed := PRINTED.search(done.stdout)):
-            raise NoCurves((done.stderr.strip().splitlines() or ["it ended without a message"])[-1])
+            raise NoCurves(f"{TIMED_OUT_PREFIX} {timeout:g} s") from None
+        if process.returncode or not (printed := STEPS_LINE.search(process.stdout)):
+            raise NoCurves(
+                (process.stderr.strip().splitlines() or ["it ended without a message"])[-1]
+            )
         curves = read_curves(Path(folder) / "curves.csv", run)
     for name, values in curves.channels.items():
         if not np.isfinite(values).all():
@@ -204,10 +213,10 @@ def read_curves(file: Path, run: Run) -> Curves:
     return Curves(run.x, found, drive=(value, rate, acceleration) if drives else None)
 
 
-def drive_words(drive: Imposed) -> str:
+def describe_drive(drive: Imposed) -> str:
     """Describe how a drive is moved.
 
-    >>> drive_words(Imposed("flywheel")), drive_words(Imposed("servo", 0.5))
+    >>> describe_drive(Imposed("flywheel")), describe_drive(Imposed("servo", 0.5))
     ('a flywheel', 'a servo of gain 0.5')
     """
     article = "an" if drive.kind[0] in "aeiou" else "a"

@@ -4,8 +4,8 @@ A family is an engine with values of all parameters but the time step: an integr
 of loops, the number of iterations of the solver.  A family starts with one step from sample to
 sample, or with the step of the model if its settings are the model's own.  The next step is the one
 that should be good enough by the order of the last errors.  A family is followed as long as that
-step should not cost much more than the cheapest setting that is good enough already (`SLACK`).  The
-cheapest settings are then timed again in rounds.
+step should not cost much more than the cheapest setting that is good enough already (`COST_RATIO`).
+The cheapest settings are then timed again in rounds.
 """
 
 import time
@@ -20,46 +20,68 @@ from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
-from proofmass.reference import grid
-from proofmass.sim.protocol import Curves, Recipe, leading, whole_steps
+from proofmass.reference import run_samples
+from proofmass.sim.protocol import Curves, Recipe, first_number, whole_steps
 from proofmass.solve import prescribed_run
-from proofmass.studies.bounded import bounded
+from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import MOMENT, Progress, is_shared, reference_of, run
-from proofmass.studies.store import Store, key_of, once
-from proofmass.studies.trade.series import COARSE, FALLS, SAFE, Limits, scaled
-from proofmass.studies.trade.series import order as order_of
-from proofmass.studies.trade.varied import as_given, studied
+from proofmass.studies.run import (
+    LONG_RUN_SECONDS,
+    Progress,
+    has_shared_reference,
+    reference_file,
+    run_tasks,
+)
+from proofmass.studies.store import Store, read_or_make, task_key
+from proofmass.studies.trade.series import (
+    AIMED_ERROR_SHARE,
+    MIN_FALLING_ORDER,
+    OTHER_MOTION_ERROR,
+    Limits,
+    setting_at_step,
+)
+from proofmass.studies.trade.series import convergence_order as order_of
+from proofmass.studies.trade.varied import describe_dynamics, own_settings_series
 
-REPEATS = 2  # repeats, for wall times, of each setting that may be the cheapest
-CLOSE = 1.25  # ratio of a step to a good enough one below which no step between them is tried
-FARTHEST = 30.0  # largest ratio of a step to the next one
-SLACK = 2.0
+TIMING_REPEATS = 2  # repeats, for wall times, of each setting that may be the cheapest
+CLOSE_STEP_RATIO = (
+    1.25  # ratio of a step to a good enough one below which no step between them is tried
+)
+MAX_STEP_RATIO = 30.0  # largest ratio of a step to the next one
+COST_RATIO = 2.0
 """Ratio to the wall time of the cheapest setting up to which settings are followed, and timed again
 in rounds: single runs do not tell smaller ratios apart."""
-SURE = 1.3
-"""The same ratio for long runs (`MOMENT`), whose single wall times are more certain."""
-LONG = 0.5  # [s] expected time from which only the cheapest run is made, others if it is not enough
-YIELDING = 40.0
+LONG_RUN_COST_RATIO = 1.3
+"""The same ratio for long runs (`LONG_RUN_SECONDS`), whose single wall times are more certain."""
+PARALLEL_RUN_SECONDS = (
+    0.5  # [s] expected time from which only the cheapest run is made, others if it is not enough
+)
+YIELDING_COST_RATIO = 40.0
 """The same ratio for drives that yield: the cheapest setting with an ideal drive may cost much less
 than the cheapest one with such drives."""
-PLAIN = 8.0  # the same ratio for the engine's defaults, which are measured for comparison
-BETWEEN = 4.0  # ratio of a step to the next one that is tried to see whether an order holds
-HOPELESS = 3  # steps without a run or an order after which a family may be given up
-STUCK = 0.01
-"""Relative change of an error above `COARSE` over `HOPELESS` steps, each a
+DEFAULTS_COST_RATIO = (
+    8.0  # the same ratio for the engine's defaults, which are measured for comparison
+)
+TRIAL_STEP_RATIO = (
+    4.0  # ratio of a step to the next one that is tried to see whether an order holds
+)
+MAX_BAD_STEPS = 3  # steps without a run or an order after which a family may be given up
+STUCK_CHANGE = 0.01
+"""Relative change of an error above `OTHER_MOTION_ERROR` over `MAX_BAD_STEPS` steps, each a
 quarter of the previous one, up to which finer steps are taken not to help: the engine follows
 another motion."""
-NARROWER = 1 / 3
+MIN_LOG_DISTANCE = 1 / 3
 """Least distance of a step between two others from each of them, on the logarithmic scale, over the
 distance of these two."""
-ALIKE = 1e-3
+SAME_ERROR_TOLERANCE = 1e-3
 """Relative difference of errors up to which two families count as equal."""
-SAME = 0.2  # difference of two orders up to which they count as equal
-BEST = 3  # settings that are refined together because their drives are not accurate enough
-RUNS = 12  # largest number of runs of a family
-REFERENCE_TIMES = 5.0
+SAME_ORDER_TOLERANCE = 0.2  # difference of two orders up to which they count as equal
+MAX_DRIVE_REFINEMENTS = (
+    3  # settings that are refined together because their drives are not accurate enough
+)
+MAX_RUNS_OF_FAMILY = 12  # largest number of runs of a family
+REFERENCE_TIME_FACTOR = 5.0
 """Factor on the time of the reference that a run gets in addition: each worker evaluates the
 reference once, while others run."""
 
@@ -84,26 +106,26 @@ class SettingFamily:
         """The longest step up to the wanted one that fits its samples [s]; see `whole_step`."""
         return whole_step(self.sample, wanted)
 
-    def next(self, of: str, needed: float, limit: float) -> float | None:
+    def next(self, error_kind: str, needed: float, limit: float) -> float | None:
         """The step to try next [s]; None if none should be good enough within `limit` [s]."""
         if not self.rows:
             return self.first or self.sample
-        if len(self.rows) >= RUNS or any(
+        if len(self.rows) >= MAX_RUNS_OF_FAMILY or any(
             row.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED) for row in self.rows
         ):
             return None
         rows = sorted(self.rows, key=lambda row: -row.value)
-        if len(rows) >= HOPELESS and all(row.outcome != Outcome.RAN for row in rows):
+        if len(rows) >= MAX_BAD_STEPS and all(row.outcome != Outcome.RAN for row in rows):
             return None
-        good = next((k for k, row in enumerate(rows) if error(row, of) <= needed), None)
+        good = next((k for k, row in enumerate(rows) if row_error(row, error_kind) <= needed), None)
         if good == 0:
             return None
         if good is None:
-            step = self.finer(rows, of, needed, limit)
+            step = self.step_by_order(rows, error_kind, needed, limit)
         elif self.plain:
             return None
         else:
-            step = between(rows[good - 1], rows[good], of, needed)
+            step = step_between(rows[good - 1], rows[good], error_kind, needed)
         if step is None:
             return None
         step = self.step(step)
@@ -117,27 +139,37 @@ class SettingFamily:
         finest = min(ran, key=lambda row: row.value, default=None)
         return finest.seconds * finest.value / step if finest else 0.0
 
-    def finer(self, rows: list[StudyRow], of: str, needed: float, limit: float) -> float | None:
+    def step_by_order(
+        self, rows: list[StudyRow], error_kind: str, needed: float, limit: float
+    ) -> float | None:
         """The finer step [s] that should be good enough by the order of the last errors, or None.
 
-        If a run with that step should take longer than the limit [s], a step `BETWEEN`
+        If a run with that step should take longer than the limit [s], a step `TRIAL_STEP_RATIO`
         times finer is tried to see whether the order holds; if the order is known to hold, no step
         is tried.
         """
         last = rows[-1]
-        if not error(last, of) < COARSE:
-            return None if stuck(rows, of) else last.value / BETWEEN
-        if len(rows) < 2 or not error(rows[-2], of) < COARSE:
+        if not row_error(last, error_kind) < OTHER_MOTION_ERROR:
+            return None if is_stuck(rows, error_kind) else last.value / TRIAL_STEP_RATIO
+        if len(rows) < 2 or not row_error(rows[-2], error_kind) < OTHER_MOTION_ERROR:
             return last.value / 2.0
-        falls = order(rows[-2], last, of)
-        if falls < FALLS:  # one more refinement, then it counts as a floor
-            flat = len(rows) > 2 and order(rows[-3], last, of) < FALLS
-            return None if flat else last.value / 2.0
-        wanted = last.value * (SAFE * needed / error(last, of)) ** (1 / falls)
+        falls = order_between(rows[-2], last, error_kind)
+        if falls < MIN_FALLING_ORDER:  # one more refinement, then it counts as a floor
+            is_flat = (
+                len(rows) > 2 and order_between(rows[-3], last, error_kind) < MIN_FALLING_ORDER
+            )
+            return None if is_flat else last.value / 2.0
+        wanted = last.value * (AIMED_ERROR_SHARE * needed / row_error(last, error_kind)) ** (
+            1 / falls
+        )
         if self.cost(wanted) > limit:
-            holds = len(rows) > 2 and abs(order(rows[-3], rows[-2], of) - falls) < SAME
-            return None if holds else last.value / BETWEEN
-        return max(wanted, last.value / FARTHEST)
+            order_holds = (
+                len(rows) > 2
+                and abs(order_between(rows[-3], rows[-2], error_kind) - falls)
+                < SAME_ORDER_TOLERANCE
+            )
+            return None if order_holds else last.value / TRIAL_STEP_RATIO
+        return max(wanted, last.value / MAX_STEP_RATIO)
 
 
 def whole_step(sample: float, wanted: float) -> float:
@@ -149,92 +181,99 @@ def whole_step(sample: float, wanted: float) -> float:
     return sample / whole_steps(sample, wanted)
 
 
-def between(coarse: StudyRow, fine: StudyRow, of: str, needed: float) -> float | None:
+def step_between(coarse: StudyRow, fine: StudyRow, error_kind: str, needed: float) -> float | None:
     """A step between one that is not good enough and one that is; None if there is little to gain.
 
-    There is little to gain if the two steps are close (`CLOSE`).  For long runs this is
+    There is little to gain if the two steps are close (`CLOSE_STEP_RATIO`).  For long runs this is
     also so if, by the order of the two errors, the step that is just good enough is close to the
     fine one; the order is taken as 1 at most, since a very large error at the coarse step makes it
     too high.  Short runs are tried in any case, since errors need not fall evenly.
     """
-    if coarse.value < CLOSE * fine.value:
+    if coarse.value < CLOSE_STEP_RATIO * fine.value:
         return None
     middle = (coarse.value * fine.value) ** 0.5
-    if not error(coarse, of) < COARSE:
+    if not row_error(coarse, error_kind) < OTHER_MOTION_ERROR:
         return middle
-    falls = order(coarse, fine, of)
-    if falls < FALLS:
+    falls = order_between(coarse, fine, error_kind)
+    if falls < MIN_FALLING_ORDER:
         return middle
-    wanted = fine.value * (SAFE * needed / max(error(fine, of), 1e-17)) ** (1 / falls)
-    little = SAFE * needed < error(fine, of) * CLOSE ** min(falls, 1.0)
-    if little and fine.seconds > MOMENT:
+    wanted = fine.value * (
+        AIMED_ERROR_SHARE * needed / max(row_error(fine, error_kind), 1e-17)
+    ) ** (1 / falls)
+    has_little_gain = AIMED_ERROR_SHARE * needed < row_error(
+        fine, error_kind
+    ) * CLOSE_STEP_RATIO ** min(falls, 1.0)
+    if has_little_gain and fine.seconds > LONG_RUN_SECONDS:
         return None
-    aside = (coarse.value / fine.value) ** NARROWER
-    return min(max(wanted, fine.value * aside), coarse.value / aside)
+    margin = (coarse.value / fine.value) ** MIN_LOG_DISTANCE
+    return min(max(wanted, fine.value * margin), coarse.value / margin)
 
 
-def stuck(rows: Sequence[StudyRow], of: str) -> bool:
+def is_stuck(rows: Sequence[StudyRow], error_kind: str) -> bool:
     """Whether the errors of the last steps hardly change, so that finer steps will not help."""
-    last = [error(row, of) for row in rows[-HOPELESS:]]
-    return len(last) == HOPELESS and max(last) - min(last) <= STUCK * min(last) < inf
+    last = [row_error(row, error_kind) for row in rows[-MAX_BAD_STEPS:]]
+    return len(last) == MAX_BAD_STEPS and max(last) - min(last) <= STUCK_CHANGE * min(last) < inf
 
 
-def error(row: StudyRow, of: str) -> float:
+def row_error(row: StudyRow, error_kind: str) -> float:
     """The error of a row; infinite if it has none."""
-    value = row.reached(of)
+    value = row.reached(error_kind)
     return value if row.outcome == Outcome.RAN and isfinite(value) else inf
 
 
-def order(coarse: StudyRow, fine: StudyRow, of: str) -> float:
+def order_between(coarse: StudyRow, fine: StudyRow, error_kind: str) -> float:
     """The order of convergence that two rows show; minus infinity where the finer one fails."""
-    return order_of((coarse.value, error(coarse, of)), (fine.value, max(error(fine, of), 1e-300)))
+    return order_of(
+        (coarse.value, row_error(coarse, error_kind)),
+        (fine.value, max(row_error(fine, error_kind), 1e-300)),
+    )
 
 
-def families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
+def list_families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
     """The families to search in dynamics, of one engine or of all engines of the case."""
-    times = grid(case, "dynamics")
+    times = run_samples(case, "dynamics")
     sample = float(times[1] - times[0])
-    there = dict.fromkeys(solver.partition(":")[0] for solver in case.run["dynamics"].solvers)
-    about = studied(case)
-    for series in as_given(case, "dynamics"):
+    engines = dict.fromkeys(solver.partition(":")[0] for solver in case.run["dynamics"].solvers)
+    description = describe_dynamics(case)
+    for series in own_settings_series(case, "dynamics"):
         if series.engine in (engine or series.engine):
-            (own,) = series.settings
+            (setting,) = series.settings
             yield SettingFamily(
                 series.engine,
                 series.name,
-                setter(own),
+                vary_step(setting),
                 sample,
-                first=min(leading(own.parameters["timestep"]), sample),
+                first=min(first_number(setting.parameters["timestep"]), sample),
             )
-    for name in there:
+    for name in engines:
         if name in (engine or name):
-            for recipe in engine_of(name).recipes(about):
+            for recipe in engine_of(name).recipes(description):
                 yield SettingFamily(
-                    name, recipe.name, setting_of(name, recipe), sample, recipe.plain
+                    name, recipe.name, recipe_setting(name, recipe), sample, recipe.plain
                 )
 
 
-def setter(own: Setting) -> Callable[[float], Setting]:
+def vary_step(setting: Setting) -> Callable[[float], Setting]:
     """The function that gives a setting with another time step."""
-    return lambda step: own.but(timestep=step)
+    return lambda step: setting.with_parameters(timestep=step)
 
 
-def setting_of(engine: str, recipe: Recipe) -> Callable[[float], Setting]:
+def recipe_setting(engine: str, recipe: Recipe) -> Callable[[float], Setting]:
     """The function that gives the setting of a recipe for a time step."""
     return lambda step: Setting(engine, {"timestep": step, **recipe.parameters(step)})
 
 
 def search(
     case: Case,
-    of: str,
+    error_kind: str,
     needed: float,
     store: Store,
     workers: Executor | None = None,
     engine: str = "",
     *,
     limits: Limits | None = None,
-    slack: float = SLACK,
-    repeats: int = REPEATS,
+    cost_ratio: float = COST_RATIO,
+    repeats: int = TIMING_REPEATS,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
     """Measure settings of dynamics until the cheapest one that is good enough is known.
@@ -243,7 +282,7 @@ def search(
     ----------
     case : Case
         A case with a dynamics run.
-    of, needed : str, float
+    error_kind, needed : str, float
         Kind of error, and the largest that is good enough, as a share of the reference's range [1].
     store : Store
         Where every finished run is saved at once.
@@ -254,7 +293,7 @@ def search(
     limits : Limits, optional
         Wall time that each run, without its reference, and all runs together may take; the search
         updates how much they took.
-    slack : float
+    cost_ratio : float
         A family is followed while the expected wall time of its next run is below this multiple of
         that of the cheapest setting that is good enough so far [1].
     repeats : int
@@ -267,20 +306,22 @@ def search(
     list of StudyRow
         All settings that were measured.
     """
-    found, limits = list(families(case, engine)), limits or Limits()
+    found, limits = list(list_families(case, engine)), limits or Limits()
     longest = limits.longest
-    timeout = longest + REFERENCE_TIMES * cached_reference_seconds(case, store)
+    timeout = longest + REFERENCE_TIME_FACTOR * cached_reference_seconds(case, store)
     while tasks := [
         task
         for family in found
-        for task in following(case, family, found, of, needed, limits.likely, slack)
+        for task in next_runs(
+            case, family, found, error_kind, needed, limits.longest_expected, cost_ratio
+        )
     ]:
-        tasks = affordable(cheaper(tasks), limits.budget - limits.spent)
+        tasks = select_affordable(select_cheap(tasks), limits.budget - limits.spent)
         limits.short = not tasks
         if limits.short:
             break
         limits.settings += len(tasks)
-        rows = run(
+        rows = run_tasks(
             [task for _, task in tasks],
             store,
             workers,
@@ -292,21 +333,30 @@ def search(
             family.rows.append(row)
             failed = longest if row.outcome == Outcome.TIMED_OUT else 0.0
             limits.spent += row.seconds if isfinite(row.seconds) else failed
-        if is_shared(case, "dynamics") and any(row.outcome == Outcome.NO_REFERENCE for row in rows):
+        if has_shared_reference(case, "dynamics") and any(
+            row.outcome == Outcome.NO_REFERENCE for row in rows
+        ):
             break  # all settings have the same reference
     rows = [row for family in found for row in family.rows]
-    cheap = cheapest(rows, of, needed)
-    near = SLACK if cheap < MOMENT else SURE
-    timed = [row for row in rows if error(row, of) <= needed and row.seconds <= near * cheap]
+    cheap = least_cost(rows, error_kind, needed)
+    retiming_ratio = COST_RATIO if cheap < LONG_RUN_SECONDS else LONG_RUN_COST_RATIO
+    timed = [
+        row
+        for row in rows
+        if row_error(row, error_kind) <= needed and row.seconds <= retiming_ratio * cheap
+    ]
     for engine in dict.fromkeys(family.engine for family in found):
-        plain = [
+        default_rows = [
             row
             for family in found
             if family.plain and family.engine == engine
             for row in family.rows
             if row.outcome == Outcome.RAN
         ]
-        if plain and (compared := to_compare(plain, of, needed)) not in timed:
+        if (
+            default_rows
+            and (compared := select_for_comparison(default_rows, error_kind, needed)) not in timed
+        ):
             timed.append(compared)
     tasks_ = [
         StudyRun(
@@ -321,26 +371,30 @@ def search(
         )
         for row in timed
     ]
-    again = run(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
+    again = run_tasks(tasks_, store, workers, repeats=repeats, timeout=timeout, progress=progress)
     places = {id(row): k for k, row in enumerate(timed)}
     return [again[places[id(row)]] if id(row) in places else row for row in rows]
 
 
-def to_compare(plain: Sequence[StudyRow], of: str, needed: float) -> StudyRow:
+def select_for_comparison(
+    default_rows: Sequence[StudyRow], error_kind: str, needed: float
+) -> StudyRow:
     """Of rows with an engine's defaults the cheapest good enough one, or else the most accurate."""
-    good = [row for row in plain if error(row, of) <= needed]
+    good = [row for row in default_rows if row_error(row, error_kind) <= needed]
     if good:
         return min(good, key=lambda row: row.seconds)
-    return min(plain, key=lambda row: error(row, of))
+    return min(default_rows, key=lambda row: row_error(row, error_kind))
 
 
 def cached_reference_seconds(case: Case, store: Store) -> float:
     """`reference_seconds` of a case, measured once for a store; 0 if a file keeps the reference."""
     task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].solvers[0].partition(":")[0]))
-    if reference_of(task, store):
+    if reference_file(task, store):
         return 0.0
-    file = store.folder / f"{key_of(task)}.reference.json"
-    return float(once(file, lambda: bounded(case, "dynamics", reference_seconds, case)))
+    file = store.folder / f"{task_key(task)}.reference.json"
+    return float(
+        read_or_make(file, lambda: call_bounded(case, "dynamics", reference_seconds, case))
+    )
 
 
 def reference_seconds(case: Case) -> float:
@@ -356,7 +410,7 @@ def reference_seconds(case: Case) -> float:
     return time.perf_counter() - began
 
 
-def finer_for_drives(
+def refine_for_drives(
     case: Case, tried: Iterable[tuple[StudyRow, float]], wanted: float
 ) -> list[StudyRun]:
     """Tasks with finer steps for settings whose drives are not accurate enough in programs.
@@ -373,89 +427,107 @@ def finer_for_drives(
     Returns
     -------
     list of StudyRun
-        Runs of the settings with the shortest expected wall times, at most `BEST`.
+        Runs of the settings with the shortest expected wall times, at most `MAX_DRIVE_REFINEMENTS`.
         The step follows from the error, since a drive of a given gain yields in proportion to the
         square of the step.
     """
     asked = []
-    sample = float(grid(case, "dynamics")[1] - grid(case, "dynamics")[0])
-    for row, off in tried:
-        if wanted < off < COARSE:
-            finer = max((SAFE * wanted / off) ** 0.5, 1 / FARTHEST) * row.value
+    sample = float(run_samples(case, "dynamics")[1] - run_samples(case, "dynamics")[0])
+    for row, drive_error in tried:
+        if wanted < drive_error < OTHER_MOTION_ERROR:
+            finer = (
+                max((AIMED_ERROR_SHARE * wanted / drive_error) ** 0.5, 1 / MAX_STEP_RATIO)
+                * row.value
+            )
             step = whole_step(sample, finer)
             asked.append(
                 (
                     row.seconds * row.value / step,
                     StudyRun(
-                        case, "dynamics", scaled(row, step), row.study, row.series, row.varied, step
+                        case,
+                        "dynamics",
+                        setting_at_step(row, step),
+                        row.study,
+                        row.series,
+                        row.varied,
+                        step,
                     ),
                 )
             )
-    return [task for _, task in sorted(asked, key=lambda each: each[0])[:BEST]]
+    return [task for _, task in sorted(asked, key=lambda each: each[0])[:MAX_DRIVE_REFINEMENTS]]
 
 
-def following(
+def next_runs(
     case: Case,
     family: SettingFamily,
     every: Iterable[SettingFamily],
-    of: str,
+    error_kind: str,
     needed: float,
-    longest: float,
-    slack: float,
+    longest_expected: float,
+    cost_ratio: float,
 ) -> Iterator[tuple[SettingFamily, StudyRun]]:
     """The next run of a family with that family, or nothing if the family is given up."""
-    best = cheapest(
+    best = least_cost(
         [
             row
             for one in every
             for row in one.rows
             if one.engine == family.engine or not family.plain
         ],
-        of,
+        error_kind,
         needed,
     )
-    if not family.plain and (outdone(family, every, of) or repeated(family, every, of)):
+    if not family.plain and (
+        is_outdone(family, every, error_kind) or repeats_another(family, every, error_kind)
+    ):
         return
-    slack *= SURE / SLACK if best > MOMENT else 1.0
-    limit = min(longest, (PLAIN if family.plain else slack) * best)
-    step = family.next(of, needed, limit)
-    if step is not None and (family.plain or not merged(family, every, of, step)):
+    cost_ratio *= LONG_RUN_COST_RATIO / COST_RATIO if best > LONG_RUN_SECONDS else 1.0
+    limit = min(longest_expected, (DEFAULTS_COST_RATIO if family.plain else cost_ratio) * best)
+    step = family.next(error_kind, needed, limit)
+    if step is not None and (
+        family.plain or not coincides_with_another(family, every, error_kind, step)
+    ):
         yield (
             family,
             StudyRun(case, "dynamics", family.at(step), "choose", family.name, "timestep", step),
         )
 
 
-def outdone(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> bool:
+def is_outdone(family: SettingFamily, every: Iterable[SettingFamily], error_kind: str) -> bool:
     """Whether another family of the same engine is better, so that finer steps are no use.
 
     The other family has a smaller error in no more time, by more than the uncertainty of single
-    runs, and its errors fall as fast.  If the last `HOPELESS` errors of the family are
-    above `COARSE`, they show no order: then another family with an error well below
+    runs, and its errors fall as fast.  If the last `MAX_BAD_STEPS` errors of the family are
+    above `OTHER_MOTION_ERROR`, they show no order: then another family with an error well below
     that suffices.
     """
-    last = sorted(family.rows, key=lambda row: -row.value)[-HOPELESS:]
-    if len(last) < HOPELESS:
+    last = sorted(family.rows, key=lambda row: -row.value)[-MAX_BAD_STEPS:]
+    if len(last) < MAX_BAD_STEPS:
         return False
-    *_, before, end = last
-    falls = order(before, end, of)
-    if failed := all(error(row, of) >= COARSE for row in last):
-        most = COARSE / SLACK
-    elif error(before, of) < COARSE:
-        most = error(end, of) / SLACK ** max(1.0, falls)
+    *_, previous, finest = last
+    falls = order_between(previous, finest, error_kind)
+    if failed := all(row_error(row, error_kind) >= OTHER_MOTION_ERROR for row in last):
+        largest_error = OTHER_MOTION_ERROR / COST_RATIO
+    elif row_error(previous, error_kind) < OTHER_MOTION_ERROR:
+        largest_error = row_error(finest, error_kind) / COST_RATIO ** max(1.0, falls)
     else:
         return False
     for other in every:
         rows = sorted(other.rows, key=lambda row: -row.value)
         if other is family or other.engine != family.engine or len(rows) < 2:
             continue
-        ahead = any(error(row, of) <= most and row.seconds <= end.seconds for row in rows)
-        if ahead and (failed or order(rows[-2], rows[-1], of) > falls - SAME):
+        is_better = any(
+            row_error(row, error_kind) <= largest_error and row.seconds <= finest.seconds
+            for row in rows
+        )
+        if is_better and (
+            failed or order_between(rows[-2], rows[-1], error_kind) > falls - SAME_ORDER_TOLERANCE
+        ):
             return True
     return False
 
 
-def repeated(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> bool:
+def repeats_another(family: SettingFamily, every: Iterable[SettingFamily], error_kind: str) -> bool:
     """Whether an earlier family has the same error with the finest step of this one, for no more.
 
     This is decided only for runs that are long enough for a single wall time to be reliable.
@@ -465,20 +537,26 @@ def repeated(family: SettingFamily, every: Iterable[SettingFamily], of: str) -> 
     last = min(family.rows, key=lambda row: row.value, default=None)
     return (
         last is not None
-        and last.seconds > MOMENT
-        and error(last, of) < COARSE
+        and last.seconds > LONG_RUN_SECONDS
+        and row_error(last, error_kind) < OTHER_MOTION_ERROR
         and any(
             isclose(row.value, last.value)
-            and isclose(error(row, of), error(last, of), rel_tol=ALIKE)
-            and row.seconds <= SURE * last.seconds
-            for other in before(family, every)
+            and isclose(
+                row_error(row, error_kind),
+                row_error(last, error_kind),
+                rel_tol=SAME_ERROR_TOLERANCE,
+            )
+            and row.seconds <= LONG_RUN_COST_RATIO * last.seconds
+            for other in earlier_families(family, every)
             if not other.plain
             for row in other.rows
         )
     )
 
 
-def merged(family: SettingFamily, every: Iterable[SettingFamily], of: str, step: float) -> bool:
+def coincides_with_another(
+    family: SettingFamily, every: Iterable[SettingFamily], error_kind: str, step: float
+) -> bool:
     """Whether an earlier family has the same setting at this step, and at a step that it has run.
 
     Parameters that depend on the step may be bounded, so that several families meet at the bound.
@@ -486,21 +564,24 @@ def merged(family: SettingFamily, every: Iterable[SettingFamily], of: str, step:
     return any(
         other.at(step) == family.at(step)
         and any(
-            error(row, of) < COARSE and other.at(row.value) == family.at(row.value)
+            row_error(row, error_kind) < OTHER_MOTION_ERROR
+            and other.at(row.value) == family.at(row.value)
             for row in other.rows
         )
-        for other in before(family, every)
+        for other in earlier_families(family, every)
     )
 
 
-def before(family: SettingFamily, every: Iterable[SettingFamily]) -> Iterator[SettingFamily]:
+def earlier_families(
+    family: SettingFamily, every: Iterable[SettingFamily]
+) -> Iterator[SettingFamily]:
     """The families of the same engine that come before one in a list."""
     for other in takewhile(lambda one: one is not family, every):
         if other.engine == family.engine:
             yield other
 
 
-def cheaper(
+def select_cheap(
     tasks: list[tuple[SettingFamily, StudyRun]],
 ) -> list[tuple[SettingFamily, StudyRun]]:
     """Of the next runs those that are made now: all short ones, and the cheapest of the long ones.
@@ -508,11 +589,11 @@ def cheaper(
     The others wait until it is known whether one of these is good enough.
     """
     costs = [family.cost(task.value) for family, task in tasks]
-    most = max(LONG, SURE * min(costs))
-    return [each for each, cost in zip(tasks, costs, strict=True) if cost <= most]
+    longest = max(PARALLEL_RUN_SECONDS, LONG_RUN_COST_RATIO * min(costs))
+    return [each for each, cost in zip(tasks, costs, strict=True) if cost <= longest]
 
 
-def affordable(
+def select_affordable(
     tasks: list[tuple[SettingFamily, StudyRun]], left: float
 ) -> list[tuple[SettingFamily, StudyRun]]:
     """Of the next runs those that together are expected to take no more than is left [s]."""
@@ -524,8 +605,9 @@ def affordable(
     return found
 
 
-def cheapest(rows: Iterable[StudyRow], of: str, needed: float) -> float:
+def least_cost(rows: Iterable[StudyRow], error_kind: str, needed: float) -> float:
     """Wall time of the cheapest row that is good enough [s]; infinite if none is."""
     return min(
-        (row.seconds for row in rows if error(row, of) <= needed and row.seconds > 0), default=inf
+        (row.seconds for row in rows if row_error(row, error_kind) <= needed and row.seconds > 0),
+        default=inf,
     )

@@ -23,42 +23,64 @@ from pathlib import Path
 
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.files import write_whole
+from proofmass.files import write_atomically
 from proofmass.outcome import Outcome
-from proofmass.reference import compiled
-from proofmass.sim.protocol import Perturbation, leading
+from proofmass.reference import compiled_model
+from proofmass.sim.protocol import Perturbation, first_number
 from proofmass.strict import Kind
-from proofmass.studies import LONGEST
+from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.measure import StudyRun
-from proofmass.studies.record import KINDS, NAN, Setting, StudyRow, write_table
-from proofmass.studies.run import MOMENT, Progress, pool, run
+from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, write_table
+from proofmass.studies.run import LONG_RUN_SECONDS, Progress, pool, run_tasks
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import is_default
-from proofmass.studies.trade.disturbed import ROUNDED, DisturbedMotion, motions_of, rounding, within
+from proofmass.studies.trade.disturbed import (
+    ROUNDING_SHARE,
+    DisturbedMotion,
+    disturb_motions,
+    end_at_horizon,
+    measure_rounding,
+)
 from proofmass.studies.trade.floor_cause import (
-    ROUNDING,
-    UNKNOWN,
-    factor,
-    halvings,
-    judge,
+    ROUNDING_CAUSE,
+    UNKNOWN_CAUSE,
+    find_cause,
+    format_factor,
+    halved_settings,
     list_perturbations,
 )
-from proofmass.studies.trade.orders import expected, nearest, off
-from proofmass.studies.trade.search import SURE
-from proofmass.studies.trade.series import MeasuredSeries, clear, flat, halved, least, observed
-from proofmass.studies.trade.varied import WORK, ConvergenceSeries, list_series
-from proofmass.studies.trade.verdict import Verdict, able
-from proofmass.studies.trade.words import by_drives, format_end, format_reached, format_worsened
+from proofmass.studies.trade.orders import expected_orders, is_unexpected, nearest_order
+from proofmass.studies.trade.search import LONG_RUN_COST_RATIO
+from proofmass.studies.trade.series import (
+    MeasuredSeries,
+    find_flat_point,
+    find_least_error,
+    is_floor,
+    observed_order,
+    points_before_slowdown,
+)
+from proofmass.studies.trade.varied import MAX_FORCE_EVALUATIONS, ConvergenceSeries, list_series
+from proofmass.studies.trade.verdict import Verdict, comparable_settings
+from proofmass.studies.trade.words import (
+    format_end,
+    format_reached,
+    format_worsened,
+    is_error_of_drives,
+)
 from proofmass.wording import number
 
-USUAL = 0.5  # [s] wall time of a run after which its series ends; reached by slow engines only
-REPEATS = 2  # repeats, for wall times, of each setting that may be on the Pareto front
-NEAR = 1.5  # ratio to the cheapest of short runs: single ones do not tell smaller ratios apart
-SAME = 0.01
+SERIES_BUDGET = (
+    0.5  # [s] wall time of a run after which its series ends; reached by slow engines only
+)
+FRONT_REPEATS = 2  # repeats, for wall times, of each setting that may be on the Pareto front
+FRONT_COST_RATIO = (
+    1.5  # ratio to the cheapest of short runs: single ones do not tell smaller ratios apart
+)
+SAME_FLOOR_TOLERANCE = 0.01
 """Relative difference of errors of two settings of a case and engine that are at one floor."""
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
 PerturbedRows = dict[SeriesPlace, list[tuple[Perturbation, StudyRow]]]
-Halved = dict[SeriesPlace, list[StudyRow]]
+HalvedRows = dict[SeriesPlace, list[StudyRow]]
 Leaders = dict[SeriesPlace, SeriesPlace]
 """For each setting at a floor the first setting at the same floor, in which causes are changed."""
 
@@ -92,10 +114,10 @@ class CaseSeries:
 
     def orders(self, kind: str) -> tuple[float, float]:
         """The observed and the expected order of a kind of error; NaN where none is expected."""
-        if not (wanted := expected(self.case, self.run, self.series, kind)):
+        if not (expected_ones := expected_orders(self.case, self.run, self.series, kind)):
             return nan, nan
-        seen = observed(self.measured.points(kind))
-        return seen, nearest(wanted, seen)
+        observed_one = observed_order(self.measured.points(kind))
+        return observed_one, nearest_order(expected_ones, observed_one)
 
     def floors(self) -> dict[str, int]:
         """For each kind of error that may be at a floor the number of the setting to examine.
@@ -106,25 +128,25 @@ class CaseSeries:
             kind: self.measured.place(points[k][0])
             for kind in self.measured.kinds
             for points in (self.measured.points(kind),)
-            if (k := flat(points)) is not None
+            if (k := find_flat_point(points)) is not None
         }
         last = max(found.values(), default=0)
         return dict.fromkeys(found, last)
 
-    def risen(self) -> dict[str, int]:
+    def rising_kinds(self) -> dict[str, int]:
         """Number of the finest setting, for each kind of error that grows at the series' end."""
         return {
             kind: self.measured.place(points[-1][0])
             for kind in self.measured.kinds
             for points in (self.measured.points(kind),)
-            if least(points) is not None
+            if find_least_error(points) is not None
         }
 
-    def odd(self, kind: str) -> int | None:
+    def unexpected_order_setting(self, kind: str) -> int | None:
         """Number of the finest setting before a floor if the order is not as expected, or None."""
         return (
-            self.measured.place(clear(self.measured.points(kind))[-1][0])
-            if off(*self.orders(kind))
+            self.measured.place(points_before_slowdown(self.measured.points(kind))[-1][0])
+            if is_unexpected(*self.orders(kind))
             else None
         )
 
@@ -138,7 +160,7 @@ class CaseSeries:
             "trade",
             self.series.name,
             self.series.varied,
-            leading(setting.parameters[self.series.varied]),
+            first_number(setting.parameters[self.series.varied]),
             key=self.measured.rows[k].key if k < len(self.measured.rows) else "",
         )
 
@@ -153,9 +175,9 @@ def trade(
     workers: Executor | None = None,
     kind: Kind | None = None,
     *,
-    budget: float = USUAL,
-    longest: float = LONGEST,
-    repeats: int = REPEATS,
+    budget: float = SERIES_BUDGET,
+    longest: float = DEFAULT_LONGEST_RUN,
+    repeats: int = FRONT_REPEATS,
     progress: Progress = lambda *_: None,
 ) -> Trade:
     """Measure errors and wall times of all convergence series of cases, and judge the series.
@@ -197,16 +219,16 @@ def trade(
                 progress=progress,
             )
     cases = list(cases)
-    kinds = [chosen(case, kind) for case in cases]
-    motions = motions_of(cases, kinds, store, workers, longest)
-    cases = [within(*each) for each in zip(cases, kinds, motions, strict=True)]
-    every = [
+    kinds = [kind_to_study(case, kind) for case in cases]
+    motions = disturb_motions(cases, kinds, store, workers, longest)
+    cases = [end_at_horizon(*each) for each in zip(cases, kinds, motions, strict=True)]
+    all_series = [
         CaseSeries(case, which, MeasuredSeries(series), motion)
         for case, which, motion in zip(cases, kinds, motions, strict=True)
         for series in list_series(case, which)
     ]
-    while batch := [one for one in every if not one.measured.done(budget)]:
-        rows = run(
+    while batch := [one for one in all_series if not one.measured.done(budget)]:
+        rows = run_tasks(
             [one.task(len(one.measured.rows)) for one in batch],
             store,
             workers,
@@ -216,21 +238,21 @@ def trade(
         )
         for one, row in zip(batch, rows, strict=True):
             one.measured.rows.append(row)
-    rows = [row for one in every for row in one.measured.rows]
-    rows = run(
-        [one.task(k) for one in every for k in range(len(one.measured.rows))],
+    rows = [row for one in all_series for row in one.measured.rows]
+    rows = run_tasks(
+        [one.task(k) for one in all_series for k in range(len(one.measured.rows))],
         store,
         workers,
         repeats=repeats,
-        repeated={k for k, row in enumerate(rows) if is_default(row)}.union(near_front(rows)),
+        repeated={k for k, row in enumerate(rows) if is_default(row)}.union(find_near_front(rows)),
         longest_repeated=budget,
         timeout=longest,
         progress=progress,
     )
-    finer = halve(every, store, workers, longest, progress)
-    leaders = find_leaders(every, finer)
-    perturbed = perturb(every, leaders, store, workers, longest, progress)
-    disturbed = disturb(every, leaders, finer, perturbed, store, workers, longest)
+    finer = halve_steps(all_series, store, workers, longest, progress)
+    leaders = find_leaders(all_series, finer)
+    perturbed = perturb_causes(all_series, leaders, store, workers, longest, progress)
+    disturbed = measure_roundings(all_series, leaders, finer, perturbed, store, workers, longest)
     return Trade(
         rows,
         [
@@ -238,23 +260,23 @@ def trade(
             *(row for found in perturbed.values() for _, row in found),
         ],
         [
-            verdict(every, error, n, leaders, finer, perturbed, disturbed, budget)
-            for n, one in enumerate(every)
+            judge_series(all_series, error, n, leaders, finer, perturbed, disturbed, budget)
+            for n, one in enumerate(all_series)
             for error in one.measured.kinds
         ],
         cases,
     )
 
 
-def near_front(rows: Sequence[StudyRow]) -> list[int]:
+def find_near_front(rows: Sequence[StudyRow]) -> list[int]:
     """Numbers of the settings that may be on the Pareto front of their case and engine.
 
     A setting is one of them if for some kind of error no setting that is as accurate was faster by
-    more than the factor `NEAR`, or `SURE` for runs longer than
-    `MOMENT`.
+    more than the factor `FRONT_COST_RATIO`, or `LONG_RUN_COST_RATIO` for runs longer than
+    `LONG_RUN_SECONDS`.
 
     >>> times = [(1e-3, 0.01), (1e-3, 0.014), (1e-3, 0.02), (1e-4, 1.0), (1e-4, 1.2), (1e-4, 1.4)]
-    >>> near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
+    >>> find_near_front([StudyRow("", "", "", "", "", "", 0.0, errors={"energy": e}, seconds=s,
     ...                      outcome=Outcome.RAN) for e, s in times])
     [0, 1, 3, 4]
     """
@@ -263,16 +285,22 @@ def near_front(rows: Sequence[StudyRow]) -> list[int]:
     for row in rows:
         groups.setdefault((row.case, row.engine), []).append(row)
     found = set[int]()
-    for group, kind in product(groups.values(), KINDS):
-        least = inf
-        for row in sorted(able(group, kind), key=lambda row: (row.errors[kind], row.seconds)):
-            least = min(least, row.seconds)
-            if row.seconds <= (NEAR if row.seconds < MOMENT else SURE) * least:
+    for group, kind in product(groups.values(), KIND_UNITS):
+        shortest = inf
+        for row in sorted(
+            comparable_settings(group, kind), key=lambda row: (row.errors[kind], row.seconds)
+        ):
+            shortest = min(shortest, row.seconds)
+            if (
+                row.seconds
+                <= (FRONT_COST_RATIO if row.seconds < LONG_RUN_SECONDS else LONG_RUN_COST_RATIO)
+                * shortest
+            ):
                 found.add(numbers[id(row)])
     return sorted(found)
 
 
-def chosen(case: Case, kind: Kind | None) -> Kind:
+def kind_to_study(case: Case, kind: Kind | None) -> Kind:
     """The kind of run to study: the given one, else the first of three that the case has."""
     wanted: list[Kind] = [kind] if kind else ["dynamics", "equilibrium", "sweep"]
     for name in wanted:
@@ -283,28 +311,30 @@ def chosen(case: Case, kind: Kind | None) -> Kind:
     )
 
 
-def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
+def find_leaders(all_series: Sequence[CaseSeries], finer: HalvedRows) -> Leaders:
     """For each setting at a floor, unchanged by halvings, the first setting at the same floor.
 
     Two settings of a case and engine are at the same floor if all kinds of errors that are at a
     floor in the later one are so in the first one too, and are equal there up to
-    `SAME`.
+    `SAME_FLOOR_TOLERANCE`.
     """
-    kinds = {(n, k): left_kinds(every[n], k, rows) for (n, k), rows in finer.items()}
+    kinds = {(n, k): kinds_at_floor(all_series[n], k, rows) for (n, k), rows in finer.items()}
     found: Leaders = {}
     for n, k in filter(kinds.__getitem__, kinds):
-        own = every[n].measured.rows[k].errors
+        own = all_series[n].measured.rows[k].errors
         found[n, k] = next(
             (
                 (m, j)
                 for (m, j), first in found.items()
                 if (m, j) == first
-                for other in (every[m],)
-                if other.case is every[n].case
-                and other.series.engine == every[n].series.engine
+                for other in (all_series[m],)
+                if other.case is all_series[n].case
+                and other.series.engine == all_series[n].series.engine
                 and kinds[n, k] <= kinds[m, j]
                 and all(
-                    isclose(own[kind], other.measured.rows[j].errors[kind], rel_tol=SAME)
+                    isclose(
+                        own[kind], other.measured.rows[j].errors[kind], rel_tol=SAME_FLOOR_TOLERANCE
+                    )
                     for kind in kinds[n, k]
                 )
             ),
@@ -313,18 +343,27 @@ def find_leaders(every: Sequence[CaseSeries], finer: Halved) -> Leaders:
     return found
 
 
-def halve(
-    every: list[CaseSeries], store: Store, workers: Executor, longest: float, progress: Progress
-) -> Halved:
+def halve_steps(
+    all_series: list[CaseSeries],
+    store: Store,
+    workers: Executor,
+    longest: float,
+    progress: Progress,
+) -> HalvedRows:
     """Rows with half and a quarter of the step, for all settings that may be at a floor."""
-    places = [(n, k) for n, one in enumerate(every) for k in dict.fromkeys(one.floors().values())]
-    found: Halved = {place: [] for place in places}
+    places = [
+        (n, k) for n, one in enumerate(all_series) for k in dict.fromkeys(one.floors().values())
+    ]
+    found: HalvedRows = {place: [] for place in places}
     asked = [
         ((n, k), setting)
         for n, k in places
-        for one in (every[n],)
-        for setting in halvings(
-            one.run, one.series, one.series.settings[k], float(compiled(one.case).opt.timestep)
+        for one in (all_series[n],)
+        for setting in halved_settings(
+            one.run,
+            one.series,
+            one.series.settings[k],
+            float(compiled_model(one.case).opt.timestep),
         )
     ]
     tasks = [
@@ -335,34 +374,38 @@ def halve(
             "floor",
             one.series.name,
             "halved",
-            leading(setting.parameters["timestep" if one.run == "dynamics" else "segments"]),
+            first_number(setting.parameters["timestep" if one.run == "dynamics" else "segments"]),
             timed=False,
         )
         for (n, _), setting in asked
-        for one in (every[n],)
+        for one in (all_series[n],)
     ]
     for (place, _), row in zip(
         asked,
-        run(tasks, store, workers, repeats=0, timeout=longest, progress=progress),
+        run_tasks(tasks, store, workers, repeats=0, timeout=longest, progress=progress),
         strict=True,
     ):
         found[place].append(row)
     return found
 
 
-def left(one: CaseSeries, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
+def is_left_by_halvings(one: CaseSeries, k: int, kind: str, finer: Sequence[StudyRow]) -> bool:
     """Whether two halvings leave the error of setting number k, and it is asymptotic."""
     rows = [one.measured.rows[k], *finer]
-    return halved([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
+    return is_floor([row.errors.get(kind, NAN) for row in rows if row.outcome == Outcome.RAN])
 
 
-def left_kinds(one: CaseSeries, k: int, finer: Sequence[StudyRow]) -> set[str]:
+def kinds_at_floor(one: CaseSeries, k: int, finer: Sequence[StudyRow]) -> set[str]:
     """The kinds of errors of setting number k that are unchanged by two halvings of the step."""
-    return {kind for kind, at in one.floors().items() if at == k and left(one, k, kind, finer)}
+    return {
+        kind
+        for kind, at in one.floors().items()
+        if at == k and is_left_by_halvings(one, k, kind, finer)
+    }
 
 
-def perturb(
-    every: list[CaseSeries],
+def perturb_causes(
+    all_series: list[CaseSeries],
     leaders: Leaders,
     store: Store,
     workers: Executor,
@@ -377,15 +420,15 @@ def perturb(
         list(leaders.values())
         + [
             (n, k)
-            for n, one in enumerate(every)
+            for n, one in enumerate(all_series)
             for kind in one.measured.kinds
-            if (k := one.odd(kind)) is not None
+            if (k := one.unexpected_order_setting(kind)) is not None
         ]
     )
     asked = [
         (place, case, perturbation)
         for place in places
-        for one in (every[place[0]],)
+        for one in (all_series[place[0]],)
         for case, perturbation in list_perturbations(
             one.case,
             one.run,
@@ -397,26 +440,26 @@ def perturb(
     tasks = [
         StudyRun(
             case,
-            every[n].run,
-            Setting(every[n].series.engine, one.parameters),
+            all_series[n].run,
+            Setting(all_series[n].series.engine, one.parameters),
             "floor",
-            every[n].series.name,
+            all_series[n].series.name,
             one.cause,
             timed=False,
         )
         for (n, _), case, one in asked
     ]
-    rows = run(tasks, store, workers, repeats=0, timeout=longest, progress=progress)
+    rows = run_tasks(tasks, store, workers, repeats=0, timeout=longest, progress=progress)
     found: PerturbedRows = {place: [] for place in places}
     for (place, _, perturbation), row in zip(asked, rows, strict=True):
         found[place].append((perturbation, row))
     return found
 
 
-def disturb(
-    every: list[CaseSeries],
+def measure_roundings(
+    all_series: list[CaseSeries],
     leaders: Leaders,
-    finer: Halved,
+    finer: HalvedRows,
     perturbed: PerturbedRows,
     store: Store,
     workers: Executor,
@@ -428,29 +471,33 @@ def disturb(
     no other cause explains.
     """
     places = {
-        (n, k) for n, one in enumerate(every) if one.run == "dynamics" for k in one.risen().values()
+        (n, k)
+        for n, one in enumerate(all_series)
+        if one.run == "dynamics"
+        for k in one.rising_kinds().values()
     }
     places |= {
         (n, k)
         for n, k in leaders.values()
-        for one in (every[n],)
+        for one in (all_series[n],)
         if one.run == "dynamics"
-        for kind in left_kinds(one, k, finer[n, k])
-        if judge(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0] == UNKNOWN
+        for kind in kinds_at_floor(one, k, finer[n, k])
+        if find_cause(one.measured.rows[k].errors[kind], perturbed[n, k], kind, True)[0]
+        == UNKNOWN_CAUSE
     }
     futures = {
-        place: workers.submit(rounding, every[place[0]].task(place[1]), store, longest)
+        place: workers.submit(measure_rounding, all_series[place[0]].task(place[1]), store, longest)
         for place in sorted(places)
     }
     return {place: future.result() for place, future in futures.items()}
 
 
-def verdict(
-    every: Sequence[CaseSeries],
+def judge_series(
+    all_series: Sequence[CaseSeries],
     kind: str,
     n: int,
     leaders: Leaders,
-    finer: Halved,
+    finer: HalvedRows,
     perturbed: PerturbedRows,
     disturbed: Mapping[SeriesPlace, Mapping[str, float]],
     budget: float,
@@ -459,7 +506,7 @@ def verdict(
 
     Parameters
     ----------
-    every, kind : sequence of CaseSeries, str
+    all_series, kind : sequence of CaseSeries, str
         All series of the study, and the kind of error.
     n : int
         Number of the series; the first part of each key of the mappings.
@@ -473,43 +520,45 @@ def verdict(
     budget : float
         Wall time of a run after which its series ends [s].
     """
-    one = every[n]
-    rows, odd = one.measured.rows, one.odd(kind)
+    one = all_series[n]
+    rows, unexpected = one.measured.rows, one.unexpected_order_setting(kind)
     why = cause = evidence = ""
     floor = NAN
     if (k := one.floors().get(kind)) is not None:
         first = finer[n, k][0]
         half = first.errors.get(kind, NAN) if first.outcome == Outcome.RAN else NAN
-        what = "halving the step" if one.run == "dynamics" else "twice as many segments"
+        refinement = "halving the step" if one.run == "dynamics" else "twice as many segments"
         why = (
-            f"{what} {factor(rows[k].errors[kind] / half)}"
+            f"{refinement} {format_factor(rows[k].errors[kind] / half)}"
             if half > 0
-            else f"{what}: {first.outcome}"
+            else f"{refinement}: {first.outcome}"
         )
-        if left(one, k, kind, finer[n, k]):
+        if is_left_by_halvings(one, k, kind, finer[n, k]):
             place = leaders[n, k]
-            lead, row = every[place[0]], every[place[0]].measured.rows[place[1]]
-            cause, evidence = judge(row.errors[kind], perturbed[place], kind, at_floor=True)
+            leader, row = all_series[place[0]], all_series[place[0]].measured.rows[place[1]]
+            cause, evidence = find_cause(row.errors[kind], perturbed[place], kind, at_floor=True)
             why = "none of the changed causes changes it"
             floor = rows[k].errors[kind]
-            if cause == UNKNOWN:
-                cause, shown = as_rounding(row, kind, disturbed.get(place, {}))
-                evidence = "; ".join(filter(None, (evidence, shown)))
-            if lead is not one and evidence:
-                evidence = f"the same errors as {lead.series.name}, in which {evidence}"
-            evidence = "; ".join(filter(None, (evidence, added_by_drive(rows[k], kind))))
-    elif (k := one.risen().get(kind)) is not None:
+            if cause == UNKNOWN_CAUSE:
+                cause, rounding_evidence = judge_rounding(row, kind, disturbed.get(place, {}))
+                evidence = "; ".join(filter(None, (evidence, rounding_evidence)))
+            if leader is not one and evidence:
+                evidence = f"the same errors as {leader.series.name}, in which {evidence}"
+            evidence = "; ".join(filter(None, (evidence, format_drive_error(rows[k], kind))))
+    elif (k := one.rising_kinds().get(kind)) is not None:
         points = one.measured.points(kind)
-        cause, evidence = as_rounding(rows[k], kind, disturbed.get((n, k), {}))
+        cause, evidence = judge_rounding(rows[k], kind, disturbed.get((n, k), {}))
         why, floor = "finer settings are worse", min(error for _, error in points)
-    known = bool(cause) and cause != UNKNOWN
+    has_cause = bool(cause) and cause != UNKNOWN_CAUSE
     remark = (
         ""
-        if odd is None
-        else ": ".join(filter(None, judge(rows[odd].errors[kind], perturbed[n, odd], kind)))
+        if unexpected is None
+        else ": ".join(
+            filter(None, find_cause(rows[unexpected].errors[kind], perturbed[n, unexpected], kind))
+        )
     )
     motion = one.motion
-    last = format_end(one.measured, budget)
+    end = format_end(one.measured, budget)
     return Verdict(
         one.case.name,
         one.run,
@@ -517,26 +566,26 @@ def verdict(
         one.series.name,
         kind,
         *one.orders(kind),
-        floor if known else NAN,
-        cause if known else "",
-        evidence if known else "",
+        floor if has_cause else NAN,
+        cause if has_cause else "",
+        evidence if has_cause else "",
         remark,
-        "" if known else format_reached(one.measured, kind, one.orders(kind)[1], why, last),
-        "" if cause == ROUNDING else format_worsened(one.measured, kind),
+        "" if has_cause else format_reached(one.measured, kind, one.orders(kind)[1], why, end),
+        "" if cause == ROUNDING_CAUSE else format_worsened(one.measured, kind),
         motion.words if motion else "",
         motion.horizon if motion else NAN,
     )
 
 
-def added_by_drive(row: StudyRow, kind: str) -> str:
+def format_drive_error(row: StudyRow, kind: str) -> str:
     """A sentence on the error at the prescribed motion, if most of it is that of the drives.
 
     >>> row = StudyRow("", "", "", "", "", "", 1.0, errors={"position": 1e-6},
     ...                asked={"position": 3e-5})
-    >>> added_by_drive(row, "position")
+    >>> format_drive_error(row, "position")
     'at the motion that drives were asked for the error is 3e-5, since their own error is added'
     """
-    if not by_drives(row, kind):
+    if not is_error_of_drives(row, kind):
         return ""
     return (
         f"at the motion that drives were asked for the error is {number(row.asked[kind], 2)}, "
@@ -544,27 +593,27 @@ def added_by_drive(row: StudyRow, kind: str) -> str:
     )
 
 
-def as_rounding(row: StudyRow, kind: str, away: Mapping[str, float]) -> tuple[str, str]:
-    """Cause and evidence: rounding, if it moves the result by enough; else `UNKNOWN`."""
-    moved, error = away.get(kind, NAN), row.errors.get(kind, NAN)
-    if not moved >= ROUNDED * error:
-        return UNKNOWN, ""
-    return ROUNDING, (
+def judge_rounding(row: StudyRow, kind: str, moved_by: Mapping[str, float]) -> tuple[str, str]:
+    """Cause and evidence: rounding, if it moves the result by enough; else `UNKNOWN_CAUSE`."""
+    moved, error = moved_by.get(kind, NAN), row.errors.get(kind, NAN)
+    if not moved >= ROUNDING_SHARE * error:
+        return UNKNOWN_CAUSE, ""
+    return ROUNDING_CAUSE, (
         f"roundings of masses and start move the result by {number(moved, 2)} where "
         f"its error is {number(error, 2)}"
     )
 
 
-def limits(longest: float, budget: float = USUAL) -> str:
+def describe_limits(longest: float, budget: float = SERIES_BUDGET) -> str:
     """A sentence on the limits of a study: where series end, and when runs are given up."""
     return (
-        f"Limits: a convergence series ends at {number(WORK)} evaluations of "
+        f"Limits: a convergence series ends at {number(MAX_FORCE_EVALUATIONS)} evaluations of "
         f"forces, after a run of more than {number(budget)} s, or where its errors no longer fall; "
         f"a run is given up after {number(longest)} s (--longest)."
     )
 
 
-def cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
+def least_cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
     """Wall time of the cheapest row with an error of at most `error` [s]; NaN if there is none."""
     return min(
         (
@@ -585,7 +634,7 @@ def write_study(study: Trade, folder: Path) -> None:
         {k: v for k, v in asdict(one).items() if not (isinstance(v, float) and isnan(v))}
         for one in study.verdicts
     ]
-    write_whole(folder / "verdicts.json", json.dumps(records, indent=1, allow_nan=False))
+    write_atomically(folder / "verdicts.json", json.dumps(records, indent=1, allow_nan=False))
 
 
 def read_verdicts(file: Path) -> list[Verdict]:

@@ -7,22 +7,29 @@ import typer
 from rich.table import Table
 
 from proofmass.case import Case
-from proofmass.command import answering, counting, errors
+from proofmass.command import error_console, exit_on_error, progress_bar
 from proofmass.outcome import Outcome
 from proofmass.strict import Kind
-from proofmass.studies import LONGEST
-from proofmass.studies.command import named, seconds
+from proofmass.studies import DEFAULT_LONGEST_RUN
+from proofmass.studies.command import load_cases, require_seconds
 from proofmass.studies.run import pool
 from proofmass.studies.store import Store
-from proofmass.studies.trade.orders import off
-from proofmass.studies.trade.trade import Trade, chosen, cost, limits, trade, write_study
+from proofmass.studies.trade.orders import is_unexpected
+from proofmass.studies.trade.trade import (
+    Trade,
+    describe_limits,
+    kind_to_study,
+    least_cost,
+    trade,
+    write_study,
+)
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_varied
-from proofmass.terminal import console, number
+from proofmass.terminal import make_console, three_digits
 
-WANTED = (1e-4, 1e-6)  # errors for which the table has the wall time
-SAID = "cause of the error floor, or how far the series came"
+TABLE_ERRORS = (1e-4, 1e-6)  # errors for which the table has the wall time
+LIMIT_COLUMN = "cause of the error floor, or how far the series came"
 
 
 def run_trade(
@@ -35,49 +42,51 @@ def run_trade(
     error: str,
 ) -> None:
     """Run the command ``proofmass trade``; `proofmass.cli` describes its options."""
-    with answering(f"{output} keeps the runs"):
+    with exit_on_error(f"{output} keeps the runs"):
         from proofmass.studies.trade.page import write_trade  # matplotlib is slow to load
 
-        if not (cases := [case for case in named(paths) if has_series(case, kind)]):
+        if not (cases := [case for case in load_cases(paths) if has_series(case, kind)]):
             raise typer.Exit(0)
-        study = measured(cases, output, jobs, dask, kind, seconds("--longest", longest))
+        study = measure_cases(
+            cases, output, jobs, dask, kind, require_seconds("--longest", longest)
+        )
         write_study(study, output)
-        show(study, error)
-        errors.print(limits(longest), markup=False, highlight=False)
+        print_table(study, error)
+        error_console.print(describe_limits(longest), markup=False, highlight=False)
         print(write_trade(output, output).first if study.rows else output / "trade.csv")
     raise typer.Exit(int(not any(row.outcome == Outcome.RAN for row in study.rows)))
 
 
 def has_series(case: Case, kind: Kind | None) -> bool:
     """Whether a case has a convergence series; print a message if not."""
-    which = chosen(case, kind)
+    which = kind_to_study(case, kind)
     if list_series(case, which):
         return True
-    errors.print(
+    error_console.print(
         f"{case.name}: no convergence series in its {which}, which both engines solve to rounding"
     )
     return False
 
 
-def measured(
+def measure_cases(
     cases: list[Case],
     folder: Path,
     jobs: int | None,
     dask: str | None,
     kind: Kind | None,
-    longest: float = LONGEST,
+    longest: float = DEFAULT_LONGEST_RUN,
 ) -> Trade:
     """Run `trade` with a progress bar on standard error; then print which motions are chaotic."""
-    with pool(jobs, dask) as workers, counting(letters=40) as advance:
+    with pool(jobs, dask) as workers, progress_bar(max_letters=40) as advance:
         study = trade(
             cases, Store(folder / "runs"), workers, kind, longest=longest, progress=advance
         )
     for case, motion in {v.case: v.motion for v in study.verdicts if v.motion}.items():
-        errors.print(f"{case}: {motion}", markup=False, highlight=False)
+        error_console.print(f"{case}: {motion}", markup=False, highlight=False)
     return study
 
 
-def show(study: Trade, kind: str) -> None:
+def print_table(study: Trade, kind: str) -> None:
     """Print a table with one row for each convergence series on standard output."""
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name in (
@@ -87,16 +96,16 @@ def show(study: Trade, kind: str) -> None:
         "expected",
         "error floor",
         "best",
-        *(f"s for {error:g}" for error in WANTED),
-        SAID,
+        *(f"s for {error:g}" for error in TABLE_ERRORS),
+        LIMIT_COLUMN,
     ):
-        right = name not in ("case", "series", SAID)
+        right = name not in ("case", "series", LIMIT_COLUMN)
         table.add_column(name, justify="right" if right else "left", no_wrap=right)
     by_series = {(v.case, v.series): v for v in study.verdicts if v.kind == kind}
     last = ""
     for (case, series), rows in groupby(study.rows, lambda row: (row.case, row.series)):
         own = list(rows)
-        figures = [number(cost(own, kind, error)) for error in WANTED]
+        costs = [three_digits(least_cost(own, kind, error)) for error in TABLE_ERRORS]
         best = min((row.errors[kind] for row in own if kind in row.errors), default=float("nan"))
         verdict = by_series.get((case, series), Verdict(case, "", "", series, kind))
         failed = next(
@@ -111,20 +120,22 @@ def show(study: Trade, kind: str) -> None:
             case if case != last else "",
             series,
             *format_orders(verdict),
-            number(verdict.floor),
-            number(best),
-            *figures,
+            three_digits(verdict.floor),
+            three_digits(best),
+            *costs,
             "; ".join(filter(None, (verdict.cause, verdict.reached, verdict.worse, failed))),
         )
         last = case
     if table.row_count:
-        console().print(table)
+        make_console().print(table)
 
 
 def format_orders(verdict: Verdict) -> tuple[str, str]:
     """The observed order, with a mark if theory expects another one, and the expected order."""
-    seen, wanted = verdict.observed, verdict.expected
+    observed, expected = verdict.observed, verdict.expected
     return (
-        f"{seen:.2f}{' !' if off(seen, wanted) else ''}" if seen == seen else "–",
-        f"{wanted:g}" if wanted == wanted else "–",
+        f"{observed:.2f}{' !' if is_unexpected(observed, expected) else ''}"
+        if observed == observed
+        else "–",
+        f"{expected:g}" if expected == expected else "–",
     )

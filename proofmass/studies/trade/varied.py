@@ -11,16 +11,18 @@ from itertools import takewhile
 
 from proofmass.case import Case
 from proofmass.engines import NoEngine, engine_of
-from proofmass.reference import compiled, grid, laws
+from proofmass.reference import compiled_model, drive_laws, run_samples
 from proofmass.sim.protocol import Engine, ParameterValue, Scan, Studied, scan_over
 from proofmass.strict import Kind
 from proofmass.studies.record import Setting
 from proofmass.wording import format_solver
 
-WORK = 3e4  # largest number of evaluations of forces in a run: series end alike on any machine
+MAX_FORCE_EVALUATIONS = (
+    3e4  # largest number of evaluations of forces in a run: series end alike on any machine
+)
 
 
-def size(engine: str, varied: str, value: ParameterValue) -> float:
+def setting_size(engine: str, varied: str, value: ParameterValue) -> float:
     """Quantity with which errors should fall: a time step or constant [s], a share, a length."""
     try:
         return engine_of(engine).size(varied, value)
@@ -48,9 +50,10 @@ class ConvergenceSeries:
 
     @property
     def sizes(self) -> list[float]:
-        """Size of each setting, with which its errors should fall; see `size`."""
+        """Size of each setting, with which its errors should fall; see `setting_size`."""
         return [
-            size(self.engine, self.varied, one.parameters[self.varied]) for one in self.settings
+            setting_size(self.engine, self.varied, one.parameters[self.varied])
+            for one in self.settings
         ]
 
     @property
@@ -82,45 +85,53 @@ def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
     InputError
         The model has an error.
     """
-    there = dict.fromkeys(solver.partition(":")[0] for solver in case.run[kind].solvers)
+    engines = dict.fromkeys(solver.partition(":")[0] for solver in case.run[kind].solvers)
     if kind != "dynamics":
         return [
-            series_of_scan(name, scan) for name in there for scan in of_segments(case, kind, name)
+            series_of_scan(name, scan)
+            for name in engines
+            for scan in scan_segments(case, kind, name)
         ]
-    about = studied(case)
+    description = describe_dynamics(case)
     return [
-        *as_given(case, kind),
-        *(series_of_scan(name, scan) for name in there for scan in engine_of(name).scans(about)),
+        *own_settings_series(case, kind),
+        *(
+            series_of_scan(name, scan)
+            for name in engines
+            for scan in engine_of(name).scans(description)
+        ),
     ]
 
 
-def studied(case: Case) -> Studied:
+def describe_dynamics(case: Case) -> Studied:
     """The description of a case's dynamics run from which an engine lists its settings."""
     driven = bool(case.drive)
     return Studied(
-        compiled(case),
-        grid(case, "dynamics"),
-        WORK,
+        compiled_model(case),
+        run_samples(case, "dynamics"),
+        MAX_FORCE_EVALUATIONS,
         driven,
         driven and not case.recorded,
-        lambda: jolted(case),
+        lambda: starts_with_jolt(case),
         bool(case.load),
     )
 
 
-def jolted(case: Case) -> bool:
+def starts_with_jolt(case: Case) -> bool:
     """Whether a dynamics run starts under gravity or with moving drives."""
-    start = grid(case, "dynamics")[:1]
-    moving = any(abs(part).max() > 0 for law in laws(case, "dynamics") for part in law(start)[1:])
-    return moving or bool(compiled(case).opt.gravity.any())
+    start = run_samples(case, "dynamics")[:1]
+    moving = any(
+        abs(part).max() > 0 for law in drive_laws(case, "dynamics") for part in law(start)[1:]
+    )
+    return moving or bool(compiled_model(case).opt.gravity.any())
 
 
-def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
+def own_settings_series(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
     """The setting of the model and the sidecar, as a series of one, for each solver of the run.
 
     It may run where no other setting does, such as for a stiff mechanism with a tiny mass.
     """
-    own = float(compiled(case).opt.timestep)
+    own = float(compiled_model(case).opt.timestep)
     for solver in case.run[kind].solvers:
         engine, _, variant = solver.partition(":")
         if variant == "default":  # the other series have the defaults
@@ -136,12 +147,12 @@ def as_given(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:
         )
 
 
-def at_step(setting: Setting, step: float) -> Setting:
+def with_step(setting: Setting, step: float) -> Setting:
     """A setting with another time step [s], and with parameters that depend on it."""
     return replace(setting, parameters=engine_of(setting.engine).at_step(setting.parameters, step))
 
 
-def of_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:
+def scan_segments(case: Case, kind: Kind, engine: str) -> Iterator[Scan]:
     """Scan over the number of segments of all rods.
 
     In equilibrium the numbers suit the samples, so that these lie at the ends of segments: segments

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.front import nondominated
+from proofmass.front import nondominated_points
 from proofmass.outcome import Outcome
 from proofmass.studies.record import NAN, StudyRow
 
@@ -57,20 +57,20 @@ class Verdict:
     horizon: float = NAN
 
 
-def front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
+def pareto_front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
     """The Pareto front: settings that no other beats in both wall time and error; cheapest first.
 
     >>> rows = [StudyRow("", "", "", "", "", "", v, errors={"velocity": e}, seconds=s)
     ...         for v, e, s in ((1, 0.1, 1.0), (2, 0.2, 2.0), (3, 0.01, 3.0))]
-    >>> [row.value for row in front(rows, "velocity")]
+    >>> [row.value for row in pareto_front(rows, "velocity")]
     [1, 3]
     """
-    found = able(rows, kind)
-    aims = np.array([(row.seconds, row.errors[kind]) for row in found]).reshape(-1, 2)
-    return [found[k] for k in nondominated(aims)]
+    found = comparable_settings(rows, kind)
+    costs_and_errors = np.array([(row.seconds, row.errors[kind]) for row in found]).reshape(-1, 2)
+    return [found[k] for k in nondominated_points(costs_and_errors)]
 
 
-def able(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
+def comparable_settings(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
     """Settings that can be on a front: they ran, and have an error of that kind and a wall time."""
     return [
         row

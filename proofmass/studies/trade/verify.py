@@ -16,23 +16,30 @@ from proofmass.analytic import planar
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
-from proofmass.outcome import FAILURES
-from proofmass.reference import compiled, control_laws, evaluate
+from proofmass.outcome import OUTCOME_OF_EXCEPTION
+from proofmass.reference import compiled_model, control_laws, evaluate
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
-from proofmass.solve import simulate
+from proofmass.solve import call_engine
 from proofmass.strict import Kind
-from proofmass.studies.bounded import limited
-from proofmass.studies.measure import REFERENCE, StudyRun, relative_errors
+from proofmass.studies.bounded import call_limited
+from proofmass.studies.measure import REFERENCE_TIMEOUT, StudyRun, relative_errors
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
-from proofmass.studies.store import Store, key_of, once
-from proofmass.studies.trade.program import ProgramRun, drive_words, imposed, tried
+from proofmass.studies.store import Store, read_or_make, task_key
+from proofmass.studies.trade.program import (
+    ProgramRun,
+    describe_drive,
+    drive_ways,
+    run_stored_program,
+)
 from proofmass.wording import number
 from proofmass.worker import TimedOut
 
-FAILED: tuple[type[Exception], ...] = (BadModel, *FAILURES)
+RUN_ERRORS: tuple[type[Exception], ...] = (BadModel, *OUTCOME_OF_EXCEPTION)
 """Exceptions that a run may raise."""
-PART = 0.381966  # shift of samples, over their distance; irrational, so that no steps coincide
+SAMPLE_SHIFT = (
+    0.381966  # shift of samples, over their distance; irrational, so that no steps coincide
+)
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,7 @@ class Check:
     @property
     def words(self) -> str:
         """Describe the results of both runs."""
-        how = f", its drive moved by {drive_words(self.drive)}" if self.drive else ""
+        how = f", its drive moved by {describe_drive(self.drive)}" if self.drive else ""
         if self.ran is None:
             first = f"run again with the lines below {number(self.fresh, 2)} off"
             first += f" (no program: {self.reason})" if self.reason else ""
@@ -101,18 +108,18 @@ class Check:
             return first
         return f"{first}; {number(self.shifted, 2)} from a shifted start"
 
-    def other_drives(self, of: str, wanted: float) -> list[str]:
+    def describe_other_drives(self, error_kind: str, wanted: float) -> list[str]:
         """Sentences on the results of other ways to move the drives."""
         texts = []
         for drive, ran in self.others:
             if ran.failure:
-                texts.append(f"its drive moved by {drive_words(drive)} instead: {ran.failure}")
+                texts.append(f"its drive moved by {describe_drive(drive)} instead: {ran.failure}")
                 continue
-            error = ran.errors.get(of, NAN)
-            enough = "" if error <= wanted else ", not good enough"
+            error = ran.errors.get(error_kind, NAN)
+            verdict = "" if error <= wanted else ", not good enough"
             texts.append(
-                f"its drive moved by {drive_words(drive)} instead: {number(error, 2)} off "
-                f"in {number(ran.seconds, 2)} s{enough}"
+                f"its drive moved by {describe_drive(drive)} instead: {number(error, 2)} off "
+                f"in {number(ran.seconds, 2)} s{verdict}"
             )
         return texts
 
@@ -121,7 +128,7 @@ def verify(
     case: Case,
     kind: Kind,
     row: StudyRow,
-    of: str,
+    error_kind: str,
     wanted: float,
     store: Store | None = None,
     longest: float = 30.0,
@@ -136,7 +143,7 @@ def verify(
         The case, and which of its runs.
     row : StudyRow
         A setting of that run, as it was measured.
-    of : str
+    error_kind : str
         Kind of error, such as position.
     wanted : float
         Largest error that is good enough, as a share of the reference's range [1].
@@ -153,157 +160,180 @@ def verify(
     check = Check(NAN, NAN, "", setting)
     try:
         if kind == "dynamics":
-            check = as_program(case, setting, row, of, store, longest, drive)
+            check = run_as_program(case, setting, row, error_kind, store, longest, drive)
         else:
-            error, used = limited(case, kind, again, case, kind, setting, row.steps, of)
+            error, used = call_limited(
+                case, kind, rerun_setting, case, kind, setting, row.steps, error_kind
+            )
             check = Check(error, NAN, "", used)
     except Unsupported as error:
         check = replace(check, note=str(error))
-    except FAILED:
+    except RUN_ERRORS:
         pass
     if check.fresh <= wanted:
-        shifted, note, failed = shifted_once(case, kind, check.used, of, store)
+        shifted, note, failed = stored_shifted_error(case, kind, check.used, error_kind, store)
         check = replace(check, shifted=shifted, note=note, failed=failed)
     else:
         check = replace(check, again=False)
     if compare and check.drive and check.holds(wanted) and not drive:
-        others = other_drives(case, check, of, store, longest)
+        others = try_other_drives(case, check, error_kind, store, longest)
         check = replace(check, others=tuple(others))
     return check
 
 
-def shifted_once(
-    case: Case, kind: Kind, setting: Setting, of: str, store: Store | None
+def stored_shifted_error(
+    case: Case, kind: Kind, setting: Setting, error_kind: str, store: Store | None
 ) -> tuple[float, str, str]:
     """Error from a shifted start, reason why there is no such start, reason why its run failed.
 
     The results are read from the store if they are there.  A run that took too long is not stored,
     since another call may allow more time.
     """
-    least = REFERENCE if kind == "dynamics" and not case.drive else 0.0
+    min_timeout = REFERENCE_TIMEOUT if kind == "dynamics" and not case.drive else 0.0
 
     def make() -> tuple[float | None, str, str]:
         try:
-            error = float(limited(case, kind, elsewhere, case, kind, setting, of, least=least))
+            error = float(
+                call_limited(
+                    case, kind, shifted_error, case, kind, setting, error_kind, least=min_timeout
+                )
+            )
             return (error, "", "") if error == error else (None, "", "not finite")
         except Unsupported as error:
             return None, str(error), ""
         except TimedOut:
             raise
-        except FAILED as error:
+        except RUN_ERRORS as error:
             return None, "", str(error)
 
     try:
         if store is None:
             found, note, failed = make()
         else:
-            key = key_of(StudyRun(case, kind, setting))
-            found, note, failed = once(store.folder / f"{key}.{of}.shifted.json", make)
+            key = task_key(StudyRun(case, kind, setting))
+            found, note, failed = read_or_make(
+                store.folder / f"{key}.{error_kind}.shifted.json", make
+            )
     except TimedOut as error:
         return NAN, "", str(error)
     return (NAN if found is None else found), note, failed
 
 
-def as_program(
+def run_as_program(
     case: Case,
     setting: Setting,
     row: StudyRow,
-    of: str,
+    error_kind: str,
     store: Store | None,
     longest: float,
     drive: str = "",
 ) -> Check:
     """Run a setting as a program, with the gain of its drive that gives the least error."""
-    ways = imposed(case, setting.engine)
+    ways = drive_ways(case, setting.engine)
     known = list(dict.fromkeys(one.kind for one in ways))
     if drive and drive not in known:
         raise ValueError(f"--drive {drive}: {setting.engine} has {', '.join(known)}")
     ways = [one for one in ways if one.kind == (drive or known[0])]
-    used = as_used(case, setting)
+    used = setting_as_used(case, setting)
     try:
-        ran = [ran_as(case, used, one, store, longest) for one in ways]
+        ran = [run_with_drive(case, used, one, store, longest) for one in ways]
     except Unsupported as error:
-        off, used = limited(case, "dynamics", again, case, "dynamics", setting, row.steps, of)
-        return Check(off, NAN, "", used, reason=str(error))
-    best = min(range(len(ran)), key=lambda k: error_or_inf(ran[k], of))
+        error_again, used = call_limited(
+            case, "dynamics", rerun_setting, case, "dynamics", setting, row.steps, error_kind
+        )
+        return Check(error_again, NAN, "", used, reason=str(error))
+    best = min(range(len(ran)), key=lambda k: error_or_inf(ran[k], error_kind))
     return Check(
-        ran[best].errors.get(of, NAN), NAN, "", used, ran[best], ways[best] if case.drive else None
+        ran[best].errors.get(error_kind, NAN),
+        NAN,
+        "",
+        used,
+        ran[best],
+        ways[best] if case.drive else None,
     )
 
 
-def other_drives(
-    case: Case, check: Check, of: str, store: Store | None, longest: float
+def try_other_drives(
+    case: Case, check: Check, error_kind: str, store: Store | None, longest: float
 ) -> list[tuple[Imposed, ProgramRun]]:
     """For each other way to move the drives the best gain, and the result of its program."""
     found: dict[str, tuple[Imposed, ProgramRun]] = {}
-    for one in imposed(case, check.used.engine):
+    for one in drive_ways(case, check.used.engine):
         if check.drive and one.kind == check.drive.kind:
             continue
         try:
-            ran = ran_as(case, check.used, one, store, longest)
+            ran = run_with_drive(case, check.used, one, store, longest)
         except Unsupported as error:
             ran = ProgramRun(failure=str(error))
-        if one.kind not in found or error_or_inf(ran, of) < error_or_inf(found[one.kind][1], of):
+        if one.kind not in found or error_or_inf(ran, error_kind) < error_or_inf(
+            found[one.kind][1], error_kind
+        ):
             found[one.kind] = one, ran
     return list(found.values())
 
 
-def ran_as(
+def run_with_drive(
     case: Case, setting: Setting, drive: Imposed, store: Store | None, longest: float
 ) -> ProgramRun:
     """Run the program of a setting, with a store in a temporary folder if there is none."""
     if store is not None:
-        return tried(case, setting, drive, store, longest)
+        return run_stored_program(case, setting, drive, store, longest)
     with tempfile.TemporaryDirectory() as folder:
-        return tried(case, setting, drive, Store(Path(folder)), longest)
+        return run_stored_program(case, setting, drive, Store(Path(folder)), longest)
 
 
-def error_or_inf(ran: ProgramRun, of: str) -> float:
+def error_or_inf(ran: ProgramRun, error_kind: str) -> float:
     """The error of a program; infinite if it has none."""
-    error = ran.errors.get(of, NAN)
+    error = ran.errors.get(error_kind, NAN)
     return error if error == error else np.inf
 
 
-def as_used(case: Case, setting: Setting) -> Setting:
+def setting_as_used(case: Case, setting: Setting) -> Setting:
     """A setting with the step that is really taken, and what its engine chooses by itself."""
-    return cast(Setting, limited(case, "dynamics", used_here, case, setting))
+    return cast(Setting, call_limited(case, "dynamics", setting_as_used_here, case, setting))
 
 
-def used_here(case: Case, setting: Setting) -> Setting:
-    """The result of `as_used`, computed in this process."""
-    changed, run = setting.applied(case, "dynamics")
+def setting_as_used_here(case: Case, setting: Setting) -> Setting:
+    """The result of `setting_as_used`, computed in this process."""
+    changed, run = setting.apply_to(case, "dynamics")
     if engine_of(setting.engine).chooses == ("timestep",):  # it is known without a run
-        step = float(str(setting.parameters.get("timestep", compiled(changed).opt.timestep)))
-        return setting.but(timestep=run.steps(step)[1])
-    return setting.but(**used(simulate(setting.engine, changed.model_path, run), setting))
+        step = float(str(setting.parameters.get("timestep", compiled_model(changed).opt.timestep)))
+        return setting.with_parameters(timestep=run.steps(step)[1])
+    return setting.with_parameters(
+        **chosen_parameters(call_engine(setting.engine, changed.model_path, run), setting)
+    )
 
 
-def again(case: Case, kind: Kind, setting: Setting, steps: int, of: str) -> tuple[float, Setting]:
+def rerun_setting(
+    case: Case, kind: Kind, setting: Setting, steps: int, error_kind: str
+) -> tuple[float, Setting]:
     """Run a setting again: its error, and the setting as it was used."""
-    curves, used = fresh(case, kind, setting, steps)
-    return error_of(setting.applied(case, kind)[0], kind, curves, of), used
+    curves, used = run_fresh(case, kind, setting, steps)
+    return largest_error(setting.apply_to(case, kind)[0], kind, curves, error_kind), used
 
 
-def elsewhere(case: Case, kind: Kind, setting: Setting, of: str) -> float:
+def shifted_error(case: Case, kind: Kind, setting: Setting, error_kind: str) -> float:
     """Run a setting from a shifted start: its error."""
-    curves = shifted(case, kind, setting)
-    return error_of(setting.applied(case, kind)[0], kind, curves, of)
+    curves = run_shifted(case, kind, setting)
+    return largest_error(setting.apply_to(case, kind)[0], kind, curves, error_kind)
 
 
-def fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
+def run_fresh(case: Case, kind: Kind, setting: Setting, steps: int) -> tuple[Curves, Setting]:
     """Run a setting again, with its snippet in the model if it is MJCF: curves, setting as used."""
-    case, run = setting.applied(case, kind)
-    there = engine_of(setting.engine).pasted(case.model_path, setting.parameters, steps)
-    if there:
-        text, said = there
-        run = replace(run, settings={k: v for k, v in run.settings.items() if k not in said})
-        curves = ran_text(text, case, run, setting.engine)
+    case, run = setting.apply_to(case, kind)
+    pasted_model = engine_of(setting.engine).pasted(case.model_path, setting.parameters, steps)
+    if pasted_model:
+        text, stated = pasted_model
+        run = replace(run, settings={k: v for k, v in run.settings.items() if k not in stated})
+        curves = run_model_text(text, case, run, setting.engine)
     else:
-        curves = simulate(setting.engine, case.model_path, run)
-    return curves, setting.but(**used(curves, setting)) if kind == "dynamics" else setting
+        curves = call_engine(setting.engine, case.model_path, run)
+    return curves, setting.with_parameters(
+        **chosen_parameters(curves, setting)
+    ) if kind == "dynamics" else setting
 
 
-def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
+def run_shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
     """Run a setting with all samples, also the start, moved by a part of a sample on the motion.
 
     A driven motion follows its motion profile; a free motion starts from the pose and rates that
@@ -315,7 +345,7 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
     Unsupported
         There is no other start; the message says why.
     """
-    case, run = setting.applied(case, kind)
+    case, run = setting.apply_to(case, kind)
     if kind == "equilibrium":
         raise Unsupported("an equilibrium has one start")
     if case.rod and kind == "dynamics":
@@ -325,23 +355,23 @@ def shifted(case: Case, kind: Kind, setting: Setting) -> Curves:
         )
     if case.recorded:
         raise Unsupported("the reference is a recorded curve, known at its samples only")
-    later = replace(run, x=run.x[:-1] + PART * np.diff(run.x))
+    later = replace(run, x=run.x[:-1] + SAMPLE_SHIFT * np.diff(run.x))
     if run.drives:
-        return simulate(setting.engine, case.model_path, later)
-    text = moved_on(case, float(later.x[0] - run.x[0]))
-    return ran_text(text, case, later, setting.engine)
+        return call_engine(setting.engine, case.model_path, later)
+    text = model_text_at(case, float(later.x[0] - run.x[0]))
+    return run_model_text(text, case, later, setting.engine)
 
 
-def error_of(case: Case, kind: Kind, curves: Curves, of: str) -> float:
+def largest_error(case: Case, kind: Kind, curves: Curves, error_kind: str) -> float:
     """Largest error of a kind, as a share of the range [1]; NaN if the curves have none."""
     if curves.stopped or not all(np.isfinite(part).all() for part in curves.channels.values()):
         return np.nan
     if curves.drive is None and kind == "dynamics" and curves.x[0] > 0.0:
-        curves = from_start(case, kind, curves)
-    return relative_errors(case, kind, curves).get(of, np.nan)
+        curves = with_reference_start(case, kind, curves)
+    return relative_errors(case, kind, curves).get(error_kind, np.nan)
 
 
-def from_start(case: Case, kind: Kind, curves: Curves) -> Curves:
+def with_reference_start(case: Case, kind: Kind, curves: Curves) -> Curves:
     """Curves of a free motion that starts later, with the reference's start at time 0 before them.
 
     The general planar solver takes the first time of the curves as that of the start pose.
@@ -356,7 +386,7 @@ def from_start(case: Case, kind: Kind, curves: Curves) -> Curves:
     )
 
 
-def used(curves: Curves, setting: Setting) -> dict[str, ParameterValue]:
+def chosen_parameters(curves: Curves, setting: Setting) -> dict[str, ParameterValue]:
     """Parameters that an engine chose itself or fitted to the samples in a run."""
     return {
         name: value
@@ -365,15 +395,15 @@ def used(curves: Curves, setting: Setting) -> dict[str, ParameterValue]:
     }
 
 
-def ran_text(text: str, case: Case, run: Run, engine: str) -> Curves:
+def run_model_text(text: str, case: Case, run: Run, engine: str) -> Curves:
     """Run a changed model, given as the text of its MJCF."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / case.model_path.name
         model.write_text(text, encoding="utf-8")
-        return simulate(engine, model, run)
+        return call_engine(engine, model, run)
 
 
-def moved_on(case: Case, time: float) -> str:
+def model_text_at(case: Case, time: float) -> str:
     """Text of the model with its start key moved to the state of its free motion at a time [s]."""
     root = read_tree(case.model_path)
     key = root.find(f"./keyframe/key[@name='{case.start}']")

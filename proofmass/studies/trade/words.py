@@ -4,21 +4,21 @@ from math import isfinite
 
 from proofmass.outcome import Outcome
 from proofmass.studies.record import NAN, StudyRow
-from proofmass.studies.trade.orders import WITHIN
+from proofmass.studies.trade.orders import ORDER_TOLERANCE
 from proofmass.studies.trade.series import (
-    ASYMPTOTIC,
+    ASYMPTOTIC_ERROR,
     MeasuredSeries,
-    observed,
-    still,
-    still_falls,
-    worse,
+    final_order,
+    find_worse_pair,
+    is_constant,
+    observed_order,
 )
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.wording import format_solver, number
 
-ASKED = 1e-4
+STATED_ERROR = 1e-4
 """Error [share of the range] for which the needed step of a series is stated."""
-ADDED = 1.5
+DRIVE_ERROR_RATIO = 1.5
 """Ratio of the error at the prescribed motion to that at the motion that drives really had, above
 which most of the error is that of the drives."""
 
@@ -53,7 +53,7 @@ def format_setting_briefly(row: StudyRow) -> str:
     return format_setting(row).removeprefix(format_solver(row.engine)).lstrip(", ")
 
 
-def format_error(row: StudyRow, of: str) -> str:
+def format_error(row: StudyRow, error_kind: str) -> str:
     """Describe an error at the prescribed motion, and at that of the drives if it differs much.
 
     >>> row = StudyRow("", "", "", "", "", "", 1e-3, errors={"position": 1e-6},
@@ -61,15 +61,17 @@ def format_error(row: StudyRow, of: str) -> str:
     >>> format_error(row, "position")
     '3e-5 off, and 1e-6 off the motion that its drives really had'
     """
-    text = f"{number(row.reached(of), 2)} off"
-    if not by_drives(row, of):
+    text = f"{number(row.reached(error_kind), 2)} off"
+    if not is_error_of_drives(row, error_kind):
         return text
-    return f"{text}, and {number(row.errors[of], 2)} off the motion that its drives really had"
+    return (
+        f"{text}, and {number(row.errors[error_kind], 2)} off the motion that its drives really had"
+    )
 
 
-def by_drives(row: StudyRow, of: str) -> bool:
+def is_error_of_drives(row: StudyRow, error_kind: str) -> bool:
     """Whether most of an error is that of the drives."""
-    return row.reached(of) > ADDED * row.errors.get(of, NAN)
+    return row.reached(error_kind) > DRIVE_ERROR_RATIO * row.errors.get(error_kind, NAN)
 
 
 def format_cost(row: StudyRow) -> str:
@@ -82,24 +84,24 @@ def format_floor(verdict: Verdict) -> str:
     return f"the error floor is {number(verdict.floor, 2)}, {verdict.cause}"
 
 
-def format_needed_step(error: float, wanted: float, falls: float, row: StudyRow) -> str:
+def format_needed_step(error: float, wanted: float, order: float, row: StudyRow) -> str:
     """Describe the step that a wanted error needs, and the wall time of a run, if an order holds.
 
     >>> row = StudyRow("", "", "", "", "", "timestep", 1e-3, seconds=0.5)
     >>> format_needed_step(4e-4, 1e-4, 2.0, row)
     '1e-4 would need a step of about 5e-4 s and about 1 s a run'
     """
-    times = (error / wanted) ** (1 / falls)
+    factor = (error / wanted) ** (1 / order)
     return (
-        f"{number(wanted, 2)} would need a step of about {number(row.value / times, 2)} s and "
-        f"about {number(row.seconds * times, 2)} s a run"
+        f"{number(wanted, 2)} would need a step of about {number(row.value / factor, 2)} s and "
+        f"about {number(row.seconds * factor, 2)} s a run"
     )
 
 
 def format_reached(
     measured: MeasuredSeries, kind: str, expected: float, why: str, ended: str
 ) -> str:
-    """Describe how far a series without error floor came, and what it needs for `ASKED`.
+    """Describe how far a series without error floor came, and what it needs for `STATED_ERROR`.
 
     Parameters
     ----------
@@ -119,25 +121,27 @@ def format_reached(
     size, error = points[-1]
     row = measured.rows[measured.place(size)]
     place = f"{number(error, 2)} at {format_varied(row)}"
-    falls = still_falls(measured.points(kind))
-    begun = "" if error < ASYMPTOTIC else "not yet asymptotic: "
-    alone = observed(measured.points(kind)) != falls
-    if not falls > 0 or (alone and not abs(falls - expected) <= WITHIN):
+    order = final_order(measured.points(kind))
+    not_asymptotic = "" if error < ASYMPTOTIC_ERROR else "not yet asymptotic: "
+    is_last_alone = observed_order(measured.points(kind)) != order
+    if not order > 0 or (is_last_alone and not abs(order - expected) <= ORDER_TOLERANCE):
         why = why or "its last refinements change it without an order"
         words = [f"no error floor is shown: {place}, {why}"]
-        if begun:
+        if not_asymptotic:
             words = [
-                f"stays at {place}; an error floor is claimed below {number(ASYMPTOTIC)} only"
-                if measured.settled(kind) and still(measured.points(kind))
-                else f"{begun}{place}, and no order is seen"
+                f"stays at {place}; an error floor is claimed below {number(ASYMPTOTIC_ERROR)} only"
+                if measured.settled(kind) and is_constant(measured.points(kind))
+                else f"{not_asymptotic}{place}, and no order is seen"
             ]
     else:
         words = [
-            f"{begun}order {number(falls, 2)} down to {place}"
-            + ", of the last refinement alone" * alone
+            f"{not_asymptotic}order {number(order, 2)} down to {place}"
+            + ", of the last refinement alone" * is_last_alone
         ]
-        if error > ASKED and row.varied == "timestep" and row.seconds > 0:
-            words.append(format_needed_step(error, ASKED, falls, row) + ", if that order holds")
+        if error > STATED_ERROR and row.varied == "timestep" and row.seconds > 0:
+            words.append(
+                format_needed_step(error, STATED_ERROR, order, row) + ", if that order holds"
+            )
     return "; ".join([*words, *filter(None, [ended])])
 
 
@@ -153,7 +157,7 @@ def format_end(measured: MeasuredSeries, budget: float) -> str:
 
 def format_worsened(measured: MeasuredSeries, kind: str) -> str:
     """Describe a finer setting that is worse than the one before it; empty if there is none."""
-    if not (pair := worse(measured.every(kind))):
+    if not (pair := find_worse_pair(measured.every(kind))):
         return ""
     coarse, fine = (
         f"{number(error, 2)} at {format_varied(measured.rows[measured.place(size)])}"

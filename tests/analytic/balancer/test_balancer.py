@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from proofmass.analytic.balancer import along, balancer, follow, solve
-from proofmass.analytic.balancer.model import balancers, close
+from proofmass.analytic.balancer.model import balancers, close_chain
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.independent.balancer.series import curve
 
@@ -24,8 +24,8 @@ def energy_of(parameters: dict[str, float], alpha: float, beta: np.ndarray) -> n
     """Spring energy over the angle of segment 1 from the pendulum, by the cosine rule alone."""
     p = {"pendulum": 1.0, "rest_angle": 0.0} | parameters
     lengths = np.array([p["length1"], p["length2"], p["length3"]])
-    psi = close(p["pendulum"], lengths, np.asarray(beta)[..., None], 1)
-    rest = close(p["pendulum"], lengths, np.array([p["rest_angle"]]), 1)
+    psi = close_chain(p["pendulum"], lengths, np.asarray(beta)[..., None], 1)
+    rest = close_chain(p["pendulum"], lengths, np.array([p["rest_angle"]]), 1)
     e = np.diff(psi - rest, axis=-1, prepend=0.0)
     e[..., 0] += alpha
     return 0.5 * (e**2 @ [p["stiffness1"], p["stiffness2"], p["stiffness3"]])

@@ -5,10 +5,10 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.balancer import flexing, solve
-from proofmass.analytic.balancer.measures import TARGETS, weight_on
+from proofmass.analytic.balancer.measures import TARGETS, weight_target
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.design.template import write_case
-from proofmass.outcome import GOOD
+from proofmass.outcome import GOOD_OUTCOMES
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.verdicts import verdicts
 
@@ -72,11 +72,11 @@ def test_the_chain_takes_the_least_energy_by_the_law_of_cosines():
 
 
 def test_weight_is_the_target_of_its_own_energy_and_the_sine_without_extension():
-    target = weight_on(0.02, 0.03)
+    target = weight_target(0.02, 0.03)
     step = 1e-30
     slope = -target.height_energy(ANGLES + 1j * step).imag / step
     assert target(ANGLES) == pytest.approx(slope, abs=1e-15)
-    assert weight_on(0.0, 0.0)(ANGLES) == pytest.approx(TARGETS["sine"](ANGLES), abs=1e-15)
+    assert weight_target(0.0, 0.0)(ANGLES) == pytest.approx(TARGETS["sine"](ANGLES), abs=1e-15)
     found = solve(ANGLES, target="weight", weight=1.0, **FREE, **GROWS)
     assert found["target"] == pytest.approx(target(ANGLES), abs=1e-15)
     assert found["target_energy"] == pytest.approx(found["weight_energy"], abs=1e-15)
@@ -101,7 +101,7 @@ def test_two_drives_or_one_angle_give_the_same():
 
 def test_a_design_is_worth_its_virtual_work():
     variant = Variant("weight", free_angle=True, extension=(0.02, 0.03))
-    task = Synthesis(variant, weight_on(0.02, 0.03))
+    task = Synthesis(variant, weight_target(0.02, 0.03))
     vector = variant.vector(FREE)[None]
     known = solve(task.angles, target="weight", **FREE, **GROWS)["residual"]
     assert task.figures(vector).rmse[0] == pytest.approx(np.sqrt(np.mean(known**2)), rel=1e-9)
@@ -136,5 +136,5 @@ def test_engines_agree_and_another_extension_turns_the_verdict(change, tmp_path)
         for name, value in change.items():  # in the reference alone, not in the drive
             text = text.replace(f"{name} = {GROWS[name]}", f"{name} = {value}", 1)
     file.write_text(text)
-    turned = {c.solver for c in verdicts(file) if c.outcome not in (*GOOD, "unsupported")}
+    turned = {c.solver for c in verdicts(file) if c.outcome not in (*GOOD_OUTCOMES, "unsupported")}
     assert turned == ({"mujoco", "pymunk"} if change else set())

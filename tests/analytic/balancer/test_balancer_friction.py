@@ -226,7 +226,7 @@ def test_a_bearing_takes_its_moment_times_the_way_of_a_cycle():
 def test_a_rest_that_lies_off_the_way_there_is_on_another_branch(monkeypatch):
     """Newton's method may correct a stride by 0.05 rad; here by nothing."""
     assert np.isfinite(solve(UP[:5], **flat(ROW), friction2=0.02)["theta1"]).all()
-    monkeypatch.setattr(friction_of_balancers, "STRAY", 0.0)
+    monkeypatch.setattr(friction_of_balancers, "MAX_CORRECTION", 0.0)
     with pytest.raises(ValueError, match="the equilibrium ends at a fold"):
         solve(UP[:5], **flat(ROW), friction2=0.02)
 

@@ -6,11 +6,11 @@ from scipy.optimize import least_squares
 
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, best_lines, precision_points, rmse, target
-from proofmass.analytic.balancer.synthesis import FIGURES
+from proofmass.analytic.balancer.synthesis import THESIS_FIGURES
 from tests.analytic.balancer.balancer_chain import ROWS, flat
 
 POINTS, FEW = precision_points(90), precision_points(15)
-TABULATED = list(dict.fromkeys(name for name, _ in FIGURES))  # the column has no others
+TABULATED = list(dict.fromkeys(name for name, _ in THESIS_FIGURES))  # the column has no others
 
 
 def chain(angle, kinks, slopes):

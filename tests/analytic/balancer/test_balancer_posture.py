@@ -5,7 +5,7 @@ import pytest
 
 from proofmass.analytic.balancer import posture, solve
 from proofmass.design.template import write_case
-from proofmass.outcome import GOOD
+from proofmass.outcome import GOOD_OUTCOMES
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.shipped import shipped
 from tests.verdicts import verdicts
@@ -124,4 +124,4 @@ def test_another_model_turns_the_verdict_in_both_engines(old, new, tmp_path):
         assert name.endswith(".csv") or (old in text) == name.endswith("xml")
         (tmp_path / name).write_text(text.replace(old, new))
     found = verdicts(tmp_path / f"{NAME}.toml")
-    assert {c.solver for c in found if c.outcome not in GOOD} == {"mujoco", "pymunk"}
+    assert {c.solver for c in found if c.outcome not in GOOD_OUTCOMES} == {"mujoco", "pymunk"}

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from proofmass.analytic.balancer import measures, solve
-from proofmass.analytic.balancer.measures import TARGETS, tabulated, target
+from proofmass.analytic.balancer.measures import TARGETS, target, target_from_table
 from tests.analytic.balancer.balancer_chain import PATH, ROWS, flat
 
 EACH = pytest.mark.parametrize("name", TARGETS)
@@ -119,7 +119,7 @@ def test_unknown_target():
 
 def test_table_goes_through_its_points_without_overshoot():
     angles, moments = [0.0, 0.2, 0.5, 1.0, 1.5], [0.0, 0.9, 1.0, 1.0, 0.2]
-    wanted = tabulated(angles, moments)
+    wanted = target_from_table(angles, moments)
     np.testing.assert_allclose(wanted(angles), moments, rtol=0, atol=1e-16)  # eps
     fine = wanted(np.linspace(0.0, 1.5, 301))
     assert fine.min() == 0.0
@@ -129,12 +129,12 @@ def test_table_goes_through_its_points_without_overshoot():
 
 
 def test_table_of_a_line_is_the_line_and_of_a_curve_nearly():
-    line = tabulated([0.0, 0.4, 1.6], [0.0, 0.2, 0.8])
+    line = target_from_table([0.0, 0.4, 1.6], [0.0, 0.2, 0.8])
     np.testing.assert_allclose(line(QUARTER), 0.5 * QUARTER, rtol=0, atol=2e-16)
     angle = np.linspace(0.0, np.pi / 2, 5001)
     for curve, order in ((np.exp, 3), (np.sin, 2)):  # the sine has its extreme at the end
         coarse, fine = (
-            np.abs(tabulated(nodes, curve(nodes))(angle) - curve(angle)).max()
+            np.abs(target_from_table(nodes, curve(nodes))(angle) - curve(angle)).max()
             for nodes in (np.linspace(0.0, np.pi / 2, n) for n in (37, 73))
         )
         assert np.log2(coarse / fine) == pytest.approx(order, abs=0.15)  # of higher terms
@@ -161,12 +161,12 @@ def test_table_of_a_line_is_the_line_and_of_a_curve_nearly():
 )
 def test_bad_tables(angles, moments, message):
     with pytest.raises(ValueError, match=message):
-        tabulated(angles, moments, name="mine")
+        target_from_table(angles, moments, name="mine")
 
 
 @pytest.mark.parametrize("angle", [-0.1, 1.1, np.nan])
 def test_outside_of_a_table(angle):
-    wanted = tabulated([0.0, 1.0], [0.0, 1.0])
+    wanted = target_from_table([0.0, 1.0], [0.0, 1.0])
     for curve in (wanted, wanted.height_energy):
         with pytest.raises(ValueError, match="outside its range 0 to 1 rad"):
             curve(np.array([0.5, angle]))

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from proofmass.analytic.balancer import along, balancer, events, follow, path, solve
 from proofmass.analytic.balancer.measures import warnings
 from proofmass.analytic.balancer.model import balancers
-from proofmass.analytic.balancer.path import at_rest, system
+from proofmass.analytic.balancer.path import rest_posture, system
 from tests.analytic.balancer.balancer_chain import angles
 
 CHAIN = {
@@ -97,7 +97,7 @@ def test_along_the_pendulum_joint_3_turns_one_way_with_the_square(mode):
 def test_the_rest_posture_is_an_equilibrium_with_its_preload(preload):
     """Also where the load holds joint 3 on its stop, which then holds nothing."""
     chain = balancer(**CHAIN, **preload)
-    residual, _ = system(chain, at_rest(chain))
+    residual, _ = system(chain, rest_posture(chain))
     assert np.abs(residual).max() < 1e-15  # of a preload of 0.3 N m
 
 
@@ -130,7 +130,7 @@ def test_a_preload_that_can_never_release_is_an_error(wrong, said):
 
 def test_a_path_of_which_a_joint_leaves_and_meets_stops_too_often_ends(monkeypatch):
     assert follow(balancer(**CHAIN, **CLOSING), 1.0).why == [""]
-    monkeypatch.setattr(path, "SWITCHES", 0)
+    monkeypatch.setattr(path, "MAX_SWITCHES", 0)
     assert "a joint rattles on its stop" in follow(balancer(**CHAIN, **CLOSING), 1.0).why[0]
 
 

@@ -51,16 +51,16 @@ def apart(times, closed, **case):
 @pytest.mark.parametrize("name", CASES)
 def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(name, monkeypatch):
     case = CASES[name]
-    times = np.linspace(0.0, 2.2 * rocking_block.quarter(**case), 91)  # two impacts
+    times = np.linspace(0.0, 2.2 * rocking_block.time_to_impact(**case), 91)  # two impacts
     # the grid's points have the second moments of the block but for a share of 1 / 401^2
     assert apart(times, rocking_block.solve(times, **case), **case) < 3e-5
-    before = times[times < rocking_block.quarter(**case)]
+    before = times[times < rocking_block.time_to_impact(**case)]
     assert apart(before, rocking_block.solve(before, **case), **case) < 1e-11
     for wrong in ("width", "tilt"):
         other = rocking_block.solve(times, **{**case, wrong: case[wrong] * 1.001})
         assert apart(times, other, **case) > 1e-4, wrong
-    own = rocking_block.ratio(width=case["width"], height=case["height"])
-    monkeypatch.setattr(rocking_block, "ratio", lambda **_: own - 1e-3)
+    own = rocking_block.rate_ratio(width=case["width"], height=case["height"])
+    monkeypatch.setattr(rocking_block, "rate_ratio", lambda **_: own - 1e-3)
     assert apart(times, rocking_block.solve(times, **case), **case) > 1e-4
 
 
@@ -71,7 +71,7 @@ def test_energy_between_impacts_and_the_share_that_they_leave(name):
     inertia = (case["width"] ** 2 + case["height"] ** 2) / 3.0
     rest = 0.5 * case["height"]
     energy = 0.5 * inertia * at["rate"] ** 2 + GRAVITY * (at["centre_height"] - rest)
-    kept = rocking_block.ratio(width=case["width"], height=case["height"]) ** 2
+    kept = rocking_block.rate_ratio(width=case["width"], height=case["height"]) ** 2
     left, moves = energy[0] * kept ** at["impacts"], at["rate"] != 0.0
     moves[0] = True
     np.testing.assert_allclose(energy[moves], left[moves], rtol=1e-12, atol=1e-12 * energy[0])
@@ -88,7 +88,7 @@ def test_small_amplitudes_fall_like_a_bouncing_ball():
     width, height, small = 0.1, 0.4, 1e-7
     alpha = np.arctan(0.25)
     squared = 1.5 * GRAVITY / np.hypot(width, height)
-    found = rocking_block.quarter(width=width, height=height, tilt=small)
+    found = rocking_block.time_to_impact(width=width, height=height, tilt=small)
     assert found == pytest.approx(np.sqrt(2 * small / (squared * np.sin(alpha))), rel=1e-6)
 
 

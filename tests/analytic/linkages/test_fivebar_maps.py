@@ -8,7 +8,7 @@ import pytest
 
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.linkages import fivebar
-from proofmass.analytic.linkages.fivebar.maps import WORKING, reach_border
+from proofmass.analytic.linkages.fivebar.maps import WORKING_MODE_PAIRS, reach_border
 
 LINKS = {
     "thesis": fivebar.FivebarLengths(2.0, 3.5, 4.0, 1.0, 0.0, 2.0),
@@ -72,7 +72,7 @@ def test_random_reaches_and_aspects_add_up(count: int) -> None:
         whole = fivebar.reach_area(link)
         assert sum(one.area for one in fivebar.reach(link)) == pytest.approx(whole, rel=1e-9)
         singular = singular_curves(link)
-        for mode in WORKING:
+        for mode in WORKING_MODE_PAIRS:
             found = fivebar.aspects(link, mode, singular)
             assert sum(one.area for some in found.values() for one in some) == pytest.approx(
                 whole, rel=1e-8
@@ -80,7 +80,7 @@ def test_random_reaches_and_aspects_add_up(count: int) -> None:
 
 
 @EACH
-@pytest.mark.parametrize("mode", WORKING)
+@pytest.mark.parametrize("mode", WORKING_MODE_PAIRS)
 def test_aspects_are_where_the_inverse_problem_has_their_sign(
     link: fivebar.FivebarLengths, mode: tuple[int, int]
 ) -> None:
@@ -236,7 +236,7 @@ def test_singular_poses_have_their_bars_in_line(name: str, kinds: int) -> None:
 def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:
     link = LINKS["symmetric"]
     chart = fivebar.workspace(**asdict(link), path=(0.0, 5.0, 1.0, 5.0, 1.0, 6.0))
-    for mode, panel in zip(WORKING, chart.panels, strict=True):
+    for mode, panel in zip(WORKING_MODE_PAIRS, chart.panels, strict=True):
         areas = [one.area for some in fivebar.aspects(link, mode).values() for one in some]
         assert sorted(region.area for region in panel.regions) == pytest.approx(sorted(areas))
         path = next(line for line in panel.lines if line.label == "path of the tip")

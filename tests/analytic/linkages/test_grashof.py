@@ -155,7 +155,9 @@ def test_swing_and_time_ratio_of_the_thesis(mode):
     np.testing.assert_allclose(
         np.sort(-mode * turns % TURN), printed["crank_rad"], rtol=0, atol=5.1e-11
     )
-    assert np.degrees(fourbar.swing(**LINK)) == pytest.approx(printed["swing_deg"], abs=5.1e-8)
+    assert np.degrees(fourbar.swing_angle(**LINK)) == pytest.approx(
+        printed["swing_deg"], abs=5.1e-8
+    )
     assert fourbar.time_ratio(**LINK) == pytest.approx(printed["time_ratio"], abs=5.1e-11)
     ends = np.degrees(fourbar.transmission_range(**LINK))
     for found, degrees in zip(ends, ("0", "180"), strict=True):
@@ -179,14 +181,14 @@ def test_swing_is_the_range_of_the_rocker(link):
             rocker, (middle - step, middle, middle + step), args=(sign,), tol=1e-12
         )
     # eps: an extreme is flat, so its place is half as exact as its height
-    assert -found[-1].fun - found[1].fun == pytest.approx(fourbar.swing(**link), abs=1e-13)
+    assert -found[-1].fun - found[1].fun == pytest.approx(fourbar.swing_angle(**link), abs=1e-13)
     part = abs(found[1].x - found[-1].x) % TURN
     ratio = max(part, TURN - part) / min(part, TURN - part)
     assert ratio == pytest.approx(fourbar.time_ratio(**link), rel=1e-6)
 
 
 def test_only_a_crank_rocker_has_a_swing_and_a_time_ratio():
-    for function in (fourbar.swing, fourbar.time_ratio):
+    for function in (fourbar.swing_angle, fourbar.time_ratio):
         with pytest.raises(ValueError, match="must make a crank-rocker, these make a triple"):
             function(**STIFF)
 

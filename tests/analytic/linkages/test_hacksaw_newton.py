@@ -139,7 +139,9 @@ def test_four_branches_at_the_start():
     for theta1 in (-2.5, -0.5, 0.5, 2.5):
         for theta3 in (0.3, 2.9):
             start = [-0.1, theta1, theta3, *np.zeros(6)]
-            root, _ = hacksaw.newton_pose(REST, start, **LINK, simultaneous=False, most=50)
+            root, _ = hacksaw.newton_pose(
+                REST, start, **LINK, simultaneous=False, max_iterations=50
+            )
             point = root[0] * np.exp(1j * root[1])
             found.add((bool(root[0] > 0.0), bool(point.real > 0.0)))
             mode = -1 if point.real > 0.0 else 1
@@ -182,7 +184,7 @@ def test_printed_inverse_jacobians_of_annex_c():
     numbers = np.random.default_rng(5)
     for _ in range(20):
         law = numbers.uniform(-3.0, 3.0, 3)
-        x, _ = hacksaw.newton_pose(law, DATA["starts"]["code"], **LINK, most=50)
+        x, _ = hacksaw.newton_pose(law, DATA["starts"]["code"], **LINK, max_iterations=50)
         position, velocity, acceleration = printed_inverses(*x[:3])
         _, plain = hacksaw.newton_system(x, law, *LINK.values())
         _, reduced = hacksaw.newton_system(x, law, *LINK.values(), reduced=True)
@@ -266,6 +268,6 @@ def test_the_error_figures_show_a_wrong_equation(monkeypatch):
     monkeypatch.setattr(
         hacksaw, "newton_system", lambda q, law, *a, **k: true(q, law * (1.0 + 1e-9), *a, **k)
     )
-    monkeypatch.setattr(hacksaw, "POSES", 41)
+    monkeypatch.setattr(hacksaw, "SWEEP_POSES", 41)
     errors = hacksaw.newton_errors(**LINK)
     assert min(line.y.max() for line in errors.lines) > 1e-10

@@ -259,18 +259,20 @@ def test_slider_leaves_the_rod():
         table["slide_range"], abs=5.1e-9
     )  # last digit
     leave = np.arccos((3.0 - np.sqrt(17.0)) / 4.0)
-    intervals = inverted_slider_crank.off_rod(angle, pose["slide_margin"])
+    intervals = inverted_slider_crank.off_rod_intervals(angle, pose["slide_margin"])
     # 1e-9: step^2/8 = 5e-10 times the ratio of second to first derivative, below 1
     np.testing.assert_allclose(intervals, [[leave, TURN - leave]], rtol=0, atol=1e-9)
     assert np.ptp(intervals) / TURN == pytest.approx(table["share"], abs=5.1e-5)  # last digit
     part = slice(40000, 60001)  # begins and ends off the rod
     np.testing.assert_array_equal(
-        inverted_slider_crank.off_rod(angle[part], pose["slide_margin"][part]),
+        inverted_slider_crank.off_rod_intervals(angle[part], pose["slide_margin"][part]),
         [[angle[40000], angle[60000]]],
     )
-    safe = inverted_slider_crank.off_rod(angle[:20000], pose["slide_margin"][:20000])
+    safe = inverted_slider_crank.off_rod_intervals(angle[:20000], pose["slide_margin"][:20000])
     assert safe.shape == (0, 2)
-    touches = inverted_slider_crank.off_rod([0.0, 1.0, 2.0], [0.5, 0.0, 0.5])  # the rod's end
+    touches = inverted_slider_crank.off_rod_intervals(
+        [0.0, 1.0, 2.0], [0.5, 0.0, 0.5]
+    )  # the rod's end
     assert touches.shape == (0, 2)
 
 

@@ -325,7 +325,7 @@ def block_at_an_angle(angle):
             scheme.distance(b, three, 1.0),
             scheme.collinear(one, three, two),
             scheme.constant_angle(one, two, three, b, 4.0 * 1.0 * np.cos(angle)),
-            *scheme.turned(a, one, 0.6, 6),
+            *scheme.ground_angle(a, one, 0.6, 6),
         ),
         ("X1", "Y1", "X2", "Y2", "X3", "Y3", "theta"),
     )

@@ -7,9 +7,9 @@ from proofmass.analytic.linkages.regions import (
     CurvePiece,
     arc,
     chord,
-    joined_regions,
-    overlap,
-    within,
+    is_inside,
+    join_regions,
+    overlap_area,
 )
 
 
@@ -20,7 +20,7 @@ def polygon(*corners: complex) -> list[CurvePiece]:
 def test_a_hole_belongs_to_the_smallest_region_around_it() -> None:
     outer = [arc(0.0, 5.0, 0.0, 2 * np.pi), arc(0.0, 4.0, 0.0, 2 * np.pi).back]
     inner = [arc(0.5, 2.0, 0.0, 2 * np.pi), arc(0.5, 1.0, 0.0, 2 * np.pi).back]
-    found = joined_regions([*inner, *outer], 10.0)
+    found = join_regions([*inner, *outer], 10.0)
     assert [one.area for one in found] == pytest.approx([9 * np.pi, 3 * np.pi], rel=1e-13)
     assert [len(one.outlines) for one in found] == [2, 2]
     assert np.abs(found[1].outlines[0] - 0.5).max() == pytest.approx(2.0)
@@ -29,27 +29,27 @@ def test_a_hole_belongs_to_the_smallest_region_around_it() -> None:
 @pytest.mark.parametrize("turned", range(8))
 def test_regions_that_touch_in_a_corner_are_two(turned: int) -> None:
     squares = polygon(0, 1, 1 + 1j, 1j) + polygon(1 + 1j, 2 + 1j, 2 + 2j, 1 + 2j)
-    found = joined_regions(squares[turned:] + squares[:turned], 2.0)
+    found = join_regions(squares[turned:] + squares[:turned], 2.0)
     assert [one.area for one in found] == [1.0, 1.0]
     assert [len(one.outlines[0]) for one in found] == [4, 4]
 
 
 def test_an_outline_that_does_not_close_is_an_error() -> None:
     with pytest.raises(ValueError, match=r"an outline ends at \(0, 1\) m"):
-        joined_regions(polygon(0, 1, 1 + 1j, 1j)[:3], 1.0)
+        join_regions(polygon(0, 1, 1 + 1j, 1j)[:3], 1.0)
 
 
 def test_areas_do_not_depend_on_how_an_outline_is_drawn() -> None:
     whole = arc(2 - 1j, 3.0, 0.3, 0.3 + 2 * np.pi)
     parts = [arc(2 - 1j, 3.0, a, b) for a, b in ((0.3, 0.4), (0.4, 5.0), (5.0, 0.3 + 2 * np.pi))]
     for pieces in ([whole], parts):
-        assert joined_regions(pieces, 3.0)[0].area == pytest.approx(9 * np.pi, rel=1e-14)
+        assert join_regions(pieces, 3.0)[0].area == pytest.approx(9 * np.pi, rel=1e-14)
 
 
 def test_a_half_disc_beside_the_origin() -> None:
     half = [arc(2 - 1j, 3.0, 0.3, 0.3 + np.pi)]
     half.append(chord(half[0].points[-1], half[0].points[0]))
-    (found,) = joined_regions(half, 3.0)
+    (found,) = join_regions(half, 3.0)
     assert found.area == pytest.approx(4.5 * np.pi, rel=1e-14)
 
 
@@ -59,12 +59,14 @@ def test_overlap_is_that_of_points_in_both_discs() -> None:
         z = one * np.sqrt(rng.random(400_000)) * np.exp(2j * np.pi * rng.random(400_000))
         share = np.mean(np.abs(z - distance) < other)
         # four standard deviations of a share are 4 * 0.5/sqrt(400000) = 3.2e-3
-        assert overlap(distance, one, other) / (np.pi * one**2) == pytest.approx(share, abs=3.2e-3)
+        assert overlap_area(distance, one, other) / (np.pi * one**2) == pytest.approx(
+            share, abs=3.2e-3
+        )
 
 
 def test_points_are_within_an_outline_that_turns_back() -> None:
     horseshoe = np.array([0, 3, 3 + 3j, 2 + 3j, 2 + 1j, 1 + 1j, 1 + 3j, 3j])
-    assert within(np.array([0.5 + 2j, 1.5 + 2j, 2.5 + 2j, 1.5 + 0.5j]), horseshoe).tolist() == [
+    assert is_inside(np.array([0.5 + 2j, 1.5 + 2j, 2.5 + 2j, 1.5 + 0.5j]), horseshoe).tolist() == [
         True,
         False,
         True,

@@ -8,8 +8,8 @@ from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.linkages.shaft_pendulum import (
+    apply_play,
     events,
-    played,
     properties,
     slip_angle,
     solve,
@@ -68,7 +68,7 @@ def test_rates_are_slopes_and_the_hinge_gives_the_weight_its_moment():
 
 
 def test_a_sample_at_which_it_begins_to_slip_is_one_behind_that():
-    swing, slips = played(np.array([0.0, 0.25, 0.5]), 0.25)  # without rounding
+    swing, slips = apply_play(np.array([0.0, 0.25, 0.5]), 0.25)  # without rounding
     assert (swing.tolist(), slips.tolist()) == ([0.0, 0.25, 0.25], [True, True, True])
 
 

@@ -15,8 +15,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from proofmass.analytic.planar import read, solve
-from proofmass.analytic.planar.forces import centres, mass
-from proofmass.analytic.planar.kinematics import move, residual
+from proofmass.analytic.planar.forces import centre_jacobians, mass_matrix
+from proofmass.analytic.planar.kinematics import loop_violations, move_bodies
 from tests.independent.linkages import andrews
 from tests.shipped import shipped
 
@@ -91,9 +91,9 @@ def test_the_model_has_the_sources_mass_matrix_and_constraints():
     poses = np.random.default_rng(5).uniform(-np.pi, np.pi, (20, 7))
     q = np.empty_like(poses)
     q[:, order(mechanism)] = poses
-    motion = move(mechanism, q)
-    matrices = mass(mechanism, centres(mechanism, motion))
-    gaps = residual(mechanism, motion, q)
+    motion = move_bodies(mechanism, q)
+    matrices = mass_matrix(mechanism, centre_jacobians(mechanism, motion))
+    gaps = loop_violations(mechanism, motion, q)
     for p, matrix, gap in zip(poses, matrices, gaps, strict=True):
         own = matrix[np.ix_(order(mechanism), order(mechanism))]
         np.testing.assert_allclose(own, andrews.mass_matrix(p), rtol=1e-13, atol=1e-19)

@@ -90,7 +90,7 @@ def test_a_leap_over_a_change_point_that_bends_a_rate_is_none(monkeypatch):
     """Then the change point is a limit position; the rates beside this one differ by rounding."""
     x = np.linspace(3.0, 3.3, 4)[:, None]
     assert branch(four_bar(1, 2, 2, 3, first=2.9)).follow(x)[1] is None
-    monkeypatch.setattr(planar.branch, "KINK", 0.0)
+    monkeypatch.setattr(planar.branch, "MAX_KINK", 0.0)
     q, failure = branch(four_bar(1, 2, 2, 3, first=2.9)).follow(x)
     assert len(q) == 2  # at 3.0 and 3.1, before pi
     assert isinstance(failure, SingularHere)
@@ -251,7 +251,7 @@ def test_poses_that_nobody_guesses_are_found_step_by_step(monkeypatch):
     """The same way, without a knot that is found at once, is the same to rounding."""
     x = np.linspace(0.0, 6.0, 61)[:, None]
     q, _ = branch(four_bar(1, 2, 2.5, 3)).follow(x)
-    monkeypatch.setattr(Branch, "trace", Branch.reached)
+    monkeypatch.setattr(Branch, "find_knots", Branch.reached)
     steps, failure = branch(four_bar(1, 2, 2.5, 3)).follow(x)
     assert failure is None
     assert np.abs(steps - q).max() < 1e-14

@@ -8,9 +8,14 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic import planar
 from proofmass.analytic.planar import read, solve
-from proofmass.analytic.planar.kinematics import fitting, loop_jacobian, move, nearest
+from proofmass.analytic.planar.kinematics import (
+    loop_jacobian,
+    move_bodies,
+    nearest_pose,
+    nearest_rates,
+)
 from proofmass.drive import Swing
-from proofmass.reference import evaluate, grid
+from proofmass.reference import evaluate, run_samples
 from tests.shipped import loaded, shipped
 
 G, FAR, OWN = 9.81, 0.3, 1e-9  # m/s^2, m, kg m^2
@@ -51,7 +56,7 @@ def swung(t: np.ndarray) -> np.ndarray:
 
 def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
     case = loaded(shipped("driven_cart.toml"))
-    t = grid(case, "dynamics")
+    t = run_samples(case, "dynamics")
     t = t[: t.size // 4]
     state = tuple(part[None] for part in law(t))
     found = evaluate(case, "dynamics", t, state).channels
@@ -145,12 +150,14 @@ def test_the_drive_of_a_four_bar_with_a_pendulum_does_the_work():
 def test_rates_that_fit_close_the_loops_and_go_with_the_drives():
     """With the least change of what was given: none where it fits already."""
     m = read(mujoco.MjModel.from_xml_path(str(shipped("fivebar.xml"))), "start")[0]
-    q, drives, given = nearest(m, m.start), np.array([0]), np.linspace(0.5, -0.7, m.start.size)
-    found = fitting(m, q, given, drives, np.array([1.3]))
-    rows = loop_jacobian(m, move(m, q[None]), q[None])[0]
+    q, drives, given = nearest_pose(m, m.start), np.array([0]), np.linspace(0.5, -0.7, m.start.size)
+    found = nearest_rates(m, q, given, drives, np.array([1.3]))
+    rows = loop_jacobian(m, move_bodies(m, q[None]), q[None])[0]
     assert found[0] == pytest.approx(1.3, abs=1e-14)
     assert np.abs(rows @ found).max() < 1e-13
-    np.testing.assert_allclose(fitting(m, q, found, drives, np.array([1.3])), found, atol=1e-14)
+    np.testing.assert_allclose(
+        nearest_rates(m, q, found, drives, np.array([1.3])), found, atol=1e-14
+    )
     held = np.vstack([rows, np.eye(q.size)[drives]])
     free = np.linalg.svd(held)[2][len(held) :]
     assert len(free) == 1

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from proofmass.analytic.linkages import fourbar, pendulum
 from proofmass.analytic.planar import SingularHere, read, solve
 from proofmass.analytic.planar.dynamics import free_motion
-from proofmass.analytic.planar.forces import kinetic, potential
-from proofmass.analytic.planar.kinematics import move
+from proofmass.analytic.planar.forces import kinetic_energy, potential_energy
+from proofmass.analytic.planar.kinematics import move_bodies
 from tests.shipped import shipped
 
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
@@ -104,10 +104,10 @@ def released():
 
 def test_a_four_bar_keeps_its_energy_and_its_loops(released):
     mechanism, (q, v, _) = released
-    motion = move(mechanism, q, v)
-    work = kinetic(mechanism, motion, v)
+    motion = move_bodies(mechanism, q, v)
+    work = kinetic_energy(mechanism, motion, v)
     assert np.ptp(work) > 20.0  # J: it does move
-    assert np.ptp(work + potential(mechanism, motion, q)) < 1e-12 * np.ptp(work)
+    assert np.ptp(work + potential_energy(mechanism, motion, q)) < 1e-12 * np.ptp(work)
     pin = mechanism.pins[0]
     gap = motion.point(pin.one, pin.on_one) - motion.point(pin.two, pin.on_two)
     assert np.abs(gap).max() < 1e-14

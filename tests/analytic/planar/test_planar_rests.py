@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import planar, spatial
-from proofmass.analytic.equilibrium import Resting, Unstable
+from proofmass.analytic.equilibrium import EquilibriumSolver, Unstable
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import LinkageAtRest, SingularHere
 from proofmass.analytic.planar.kinematics import Drives
 from proofmass.check import check
-from proofmass.reference import compiled, evaluate
+from proofmass.reference import compiled_model, evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import ChangingLoad, Drive, Run
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import models_like, shipped
 
 LIMBS = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0">
@@ -92,8 +92,8 @@ def test_balancers_are_those_of_their_own_reference(name):
     Rates have the rounding of differences of forces, 1e-12 of the stiffness.
     """
     case = load_case(shipped(f"{name}.toml"))
-    run = plan(case, "sweep", "mujoco")
-    state, model = run.motion(run.x), compiled(case)
+    run = plan_run(case, "sweep", "mujoco")
+    state, model = run.motion(run.x), compiled_model(case)
     wanted = evaluate(case, "sweep", run.x, state).channels
     joints = tuple(drive.joint for drive in case.drive)
     args = (part[0] if len(part) == 1 else part for part in state)
@@ -243,13 +243,13 @@ def test_a_stop_that_holds_what_others_hold_is_refused(tmp_path):
     model = mujoco.MjModel.from_xml_path(str(limbs(tmp_path, 'limited="true" range="-1 .1"')))
     mechanism, _ = planar.read(model, "start")
     statics = LinkageAtRest(mechanism, Drives.of(mechanism, ("bar",)))
-    resting, values = Resting(statics), np.array([[0.3]])
+    resting, values = EquilibriumSolver(statics), np.array([[0.3]])
     q = statics.begin(values[0])[None]
     resting.count(q)
     found = resting.equations(q, values, None, statics.stops)
     assert len(statics.stops) == 2
     with pytest.raises(SingularHere, match="a stop or a drive constrains what others"):
-        found.solved(-found.left, -found.gap)
+        found.solve_linear(-found.left, -found.gap)
     assert resting.next(q, (values, None), (values, None), statics.stops) is None
 
 

@@ -8,8 +8,13 @@ from proofmass.analytic import spatial
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import read, solve
 from proofmass.analytic.planar.dynamics import free_motion
-from proofmass.analytic.planar.forces import applied, centres, kinetic, potential
-from proofmass.analytic.planar.kinematics import move
+from proofmass.analytic.planar.forces import (
+    applied_forces,
+    centre_jacobians,
+    kinetic_energy,
+    potential_energy,
+)
+from proofmass.analytic.planar.kinematics import move_bodies
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
@@ -93,10 +98,12 @@ def test_forces_are_the_slope_of_the_energy(slack):
     """At random poses, by central differences, in which a spring pulls, pushes or is slack."""
     mechanism, _ = read(arm_with_offset(slack), "start")
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3)) * [3.0, 0.2, 3.0]
-    motion, h = move(mechanism, q), 1e-5
-    found = applied(mechanism, motion, centres(mechanism, motion), q)
+    motion, h = move_bodies(mechanism, q), 1e-5
+    found = applied_forces(mechanism, motion, centre_jacobians(mechanism, motion), q)
     for k, step in enumerate(h * np.eye(3)):
-        there, back = (potential(mechanism, move(mechanism, x), x) for x in (q + step, q - step))
+        there, back = (
+            potential_energy(mechanism, move_bodies(mechanism, x), x) for x in (q + step, q - step)
+        )
         # the square of the step, and rounding of 100 J over it
         assert np.abs(found[:, k] + (there - back) / (2 * h)).max() < 1e-8
 
@@ -108,8 +115,8 @@ def test_energy_is_kept_and_a_damper_takes_its_share():
         nodes, shares = np.polynomial.legendre.leggauss(60)
         t = np.concatenate([[0.0], 0.5 * (nodes + 1), [1.0]])
         q, v, _ = free_motion(mechanism, t).arrays()
-        motion = move(mechanism, q, v)
-        total = kinetic(mechanism, motion, v) + potential(mechanism, motion, q)
+        motion = move_bodies(mechanism, q, v)
+        total = kinetic_energy(mechanism, motion, v) + potential_energy(mechanism, motion, q)
         spring = mechanism.point_springs[0]
         flat = motion.point(spring.one, spring.on_one) - motion.point(spring.two, spring.on_two)
         speed = motion.point(spring.one, spring.on_one, 1)

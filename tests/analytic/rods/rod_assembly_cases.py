@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ellipeinc, ellipkinc
 
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
-from proofmass.analytic.rods.equilibrium import RodState, direct, state
+from proofmass.analytic.rods.equilibrium import RodState, solve_direct, state
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_assemblies.json").read_text())
 EI = DATA["stiffness"]
@@ -27,7 +27,7 @@ def pair(name: str) -> RodState:
     """An equilibrium of the 2RFR of Table 7, solved from the recomputed digits."""
     row, load = DATA["rfr2"]["recomputed"][name], np.array(DATA["rfr2"]["load"])
     first = np.array(row["force1"])
-    return direct(
+    return solve_direct(
         state(
             PAIR,
             inputs=np.radians(DATA["rfr2"]["inputs_deg"]),

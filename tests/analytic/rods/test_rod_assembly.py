@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods.assembly import assembly, mirrored, triangle
+from proofmass.analytic.rods.assembly import assembly, is_mirrored, triangle
 from proofmass.analytic.rods.equilibrium import (
     RodState,
     closure,
     derivatives,
-    direct,
-    inverse,
-    sizes,
+    residual_and_state_sizes,
+    solve_direct,
+    solve_inverse,
     state,
 )
 from tests.analytic.rods.rod_assembly_cases import (
@@ -76,7 +76,7 @@ def test_printed_digits_of_table_7_close_and_carry_plus_the_load(which):
     )
     assert np.abs(closure(s)[0]).max() <= 2e-5  # the same by shooting
     wanted = TABLE7["recomputed"][NAMES[which]]
-    found = direct(s)
+    found = solve_direct(s)
     assert np.abs(found.pose - wanted["pose"]).max() <= 1e-9  # of ten kept digits
     assert found.energy.sum() == pytest.approx(wanted["energy"], abs=1e-7)
 
@@ -107,8 +107,12 @@ def test_derivatives_of_table_7(name):
 def test_jacobians_are_slopes_of_solutions(name):
     s, h = pair(name), 5e-5
     found = derivatives(s)
-    turned = direct(s.replaced(inputs=s.inputs + h * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])))
-    moved = inverse(s.replaced(pose=s.pose + h * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])))
+    turned = solve_direct(
+        s.with_parts(inputs=s.inputs + h * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]]))
+    )
+    moved = solve_inverse(
+        s.with_parts(pose=s.pose + h * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]]))
+    )
     # h^2/6 of third derivatives up to 2e5 near the stretched rods of S4; 1e-11 of the rods over h
     assert (turned.pose[:2] - turned.pose[2:]).T / (2 * h) == pytest.approx(found.direct, abs=2e-5)
     assert (moved.inputs[:2] - moved.inputs[2:]).T / (2 * h) == pytest.approx(
@@ -135,7 +139,7 @@ def test_work_of_the_load_is_stored_in_the_rods(name):
     full = pair(name)
     load, (nodes, weights) = full.load, np.polynomial.legendre.leggauss(12)
     share = 0.8 + 0.2 * nodes  # from 0.6 to 1 of the load
-    states = direct(full.replaced(load=np.outer([*share, 0.6], load)))
+    states = solve_direct(full.with_parts(load=np.outer([*share, 0.6], load)))
     along = np.linalg.solve(derivatives(states).stiffness[:-1], np.tile(load[:, None], (12, 1, 1)))
     work = 0.2 * weights @ (share * (load @ along)[:, 0])
     stored = full.energy.sum() - states.energy[-1].sum()
@@ -158,7 +162,7 @@ def test_energy_and_moments_along_the_rods(name):
 def test_symmetric_pair_without_load():
     for row in DATA["symmetric"]["recomputed"]:
         first, m = np.array(row["force1"]), row["moment1"]
-        s = direct(
+        s = solve_direct(
             state(
                 PAIR,
                 inputs=np.radians(DATA["symmetric"]["inputs_deg"]),
@@ -187,7 +191,7 @@ def rfr3():
             pose=[*xy(tip.mean()), phi_of(tip)],
             force=xy(force),
         )
-        states.append(direct(guess))
+        states.append(solve_direct(guess))
     return states
 
 
@@ -223,7 +227,7 @@ def test_inverse_pose_of_the_program(row):
         moment=DATA["pfr3"]["guess"]["moment"],
         force=CORNERS * DATA["pfr3"]["guess"]["force"],
     )
-    found = inverse(guess)
+    found = solve_inverse(guess)
     assert found.inputs == pytest.approx(row["slide"], abs=1e-6)  # six to seven decimals
     assert np.ptp(found.inputs) <= 1e-10
     assert found.moment == pytest.approx(row["moment"], abs=1e-6)
@@ -232,14 +236,14 @@ def test_inverse_pose_of_the_program(row):
     assert np.degrees(angle[:, 0] - turns) == pytest.approx(row["tip_turn_deg"], abs=1e-4)
     along = np.sum(found.force * np.stack([np.cos(turns), np.sin(turns)], axis=1), axis=1)
     assert np.abs(along).max() <= 1e-10  # each guide is free of force
-    assert np.abs(direct(found).vector - found.vector).max() <= 1e-8  # and back
+    assert np.abs(solve_direct(found).vector - found.vector).max() <= 1e-8  # and back
 
 
 def test_symmetric_platform_without_load():
     case = DATA["pfr3_symmetric"]
     turns = np.radians(case["angle_deg"])
     for row in case["recomputed"]:
-        found = direct(
+        found = solve_direct(
             state(
                 three(case["side"], angle=turns, guide=turns),
                 moment=row["moment"],
@@ -259,7 +263,7 @@ def test_a_turned_and_scaled_mechanism_is_the_same():
     clamp = xy(2 * turn * (np.array(TABLE7["clamp"]) @ [1, 1j]))
     a = assembly(clamp, length=2.0, stiffness=16 * EI)
     force = xy(4 * turn * (s.force @ [1, 1j]))
-    found = direct(
+    found = solve_direct(
         state(
             a,
             inputs=s.inputs + 0.7,
@@ -276,18 +280,18 @@ def test_a_turned_and_scaled_mechanism_is_the_same():
 def test_a_batch_is_its_members():
     s = pair("S1")
     turns = s.inputs + np.linspace(0.0, 0.1, 5)[:, None] * [1, -1]
-    together = direct(s.replaced(inputs=turns))
+    together = solve_direct(s.with_parts(inputs=turns))
     for one, turn in zip(together.vector, turns, strict=True):
-        alone = direct(s.replaced(inputs=turn))
+        alone = solve_direct(s.with_parts(inputs=turn))
         # members may get more steps for the sake of others: the error of the rods
-        assert np.abs((one - alone.vector) / sizes(PAIR)[1]).max() <= 1e-9
+        assert np.abs((one - alone.vector) / residual_and_state_sizes(PAIR)[1]).max() <= 1e-9
 
 
 def test_platforms_that_close_by_distances_only():
     """Three of the six roots of the program's residual are mirror images."""
     a = three(DATA["pfr3_closures"]["side"])
     for row in DATA["pfr3_closures"]["pins"]:
-        assert bool(mirrored(a, row["pins"])) == row["mirrored"]
+        assert bool(is_mirrored(a, row["pins"])) == row["mirrored"]
 
 
 @pytest.mark.parametrize(
@@ -314,16 +318,16 @@ def test_bad_mechanisms(wrong, word):
 
 def test_bad_problems():
     with pytest.raises(ValueError, match=r"out of reach: rod 1 is too short by 0\.3"):
-        inverse(pair("S1").replaced(pose=[1.0, 0.0]))
+        solve_inverse(pair("S1").with_parts(pose=[1.0, 0.0]))
     with pytest.raises(ValueError, match="no equilibrium is found from the guess at inputs"):
-        direct(state(PAIR, inputs=1.0))  # straight rods without load
+        solve_direct(state(PAIR, inputs=1.0))  # straight rods without load
     with pytest.raises(ValueError, match="as many rods as degrees of freedom"):
-        inverse(state(assembly(TABLE7["clamp"], arm=[[0.1, 0.0], [-0.1, 0.0]]), moment=0.1))
+        solve_inverse(state(assembly(TABLE7["clamp"], arm=[[0.1, 0.0], [-0.1, 0.0]]), moment=0.1))
     with pytest.raises(ValueError, match=r"load must be finite, \(\.\.\., 2\)"):
-        pair("S1").replaced(load=[1.0, 0.0, 0.0])
+        pair("S1").with_parts(load=[1.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="force must hold x, y of 2 rods"):
         state(PAIR, force=[1.0, 0.0])
     with pytest.raises(ValueError, match="side must be positive"):
         triangle(0.0)
     with pytest.raises(ValueError, match="pins must be those of a platform"):
-        mirrored(PAIR, [[0.0, 0.0], [1.0, 0.0]])
+        is_mirrored(PAIR, [[0.0, 0.0], [1.0, 0.0]])

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods import buckling, critical, elastica, equilibria, imperfect
-from proofmass.analytic.rods.buckling import of_free, of_pinned, on_the_line, pinned_waves
+from proofmass.analytic.rods.buckling import (
+    free_column,
+    pinned_column,
+    pinned_column_chart,
+    pinned_waves,
+)
 from proofmass.analytic.rods.cantilever import solve
-from proofmass.analytic.rods.elastica import rods
+from proofmass.analytic.rods.elastica import rods_of_chart
 from proofmass.analytic.rods.shooting import integrate
 from proofmass.sim.protocol import BadModel, Rod
 from tests.sim.rod_models import ENGINES, model, pull, rest
@@ -38,15 +43,15 @@ def column(engine, folder, load, n, turn=0.0):
 
 def test_the_free_column_is_the_elastica_of_quarter_waves():
     """Loads by Legendre's K, the rise by Love's formula; higher modes are shorter columns."""
-    y, load, falls = of_free(1)
+    y, load, falls = free_column(1)
     whole = elastica(load / EULER)
     # half of the digits at k = 0, and of 1 - k at the other end
     np.testing.assert_allclose(np.abs(y), whole["rise"], atol=1e-7)
     for mode in (2, 3):
-        part, shorter, _ = of_free(mode)
+        part, shorter, _ = free_column(mode)
         np.testing.assert_allclose(shorter, (2 * mode - 1) ** 2 * load, rtol=1e-11)  # of 1 - k
         np.testing.assert_allclose(np.abs(part), np.abs(y) / (2 * mode - 1), atol=1e-11)
-        assert (of_free(mode)[2] == mode - 1).all()
+        assert (free_column(mode)[2] == mode - 1).all()
     assert not falls.any()
 
 
@@ -66,8 +71,8 @@ def test_the_forks_count_is_that_of_all_equilibria(load):
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_the_pinned_column_is_a_rod_on_its_line(mode):
     """Shot from the clamp: the tip on the tangent without moment, the middle; small deflections."""
-    y, load, falls = of_pinned(mode)
-    found = rods(*on_the_line(mode))
+    y, load, falls = pinned_column(mode)
+    found = rods_of_chart(*pinned_column_chart(mode))
     rod = integrate(found.force.real, found.force.imag, found.moment, nodes=161)
     np.testing.assert_allclose(found.force.real, -load, rtol=1e-14)  # rounding
     np.testing.assert_allclose(rod.y[-1], 0.0, atol=1e-9)  # of order 8, 160 nodes
@@ -81,7 +86,7 @@ def test_the_pinned_column_is_a_rod_on_its_line(mode):
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_a_dead_load_loses_a_pinned_mode_at_its_largest(mode):
     """Where dP/dx changes its sign one more direction falls."""
-    _, load, falls = of_pinned(mode)
+    _, load, falls = pinned_column(mode)
     assert abs(np.flatnonzero(np.diff(falls))[0] - load.argmax()) <= 1
     assert set(falls) == {mode - 1, mode}
 

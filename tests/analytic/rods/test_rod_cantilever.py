@@ -10,7 +10,7 @@ from scipy.integrate import solve_bvp
 from scipy.special import ellipk
 
 from proofmass.analytic.rods import equilibria, pseudo_rigid, self_buckling, solve, tip
-from proofmass.analytic.rods.cantilever import STEPS, roots
+from proofmass.analytic.rods.cantilever import MIN_SHOOTING_STEPS, roots
 from proofmass.analytic.rods.shooting import stability
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
@@ -36,7 +36,7 @@ def test_closed_form_by_shooting(force):
     for name in closed:
         # order 8 with (L sqrt(R/EI)/64)^8 = 1e-11 and its constant
         np.testing.assert_allclose(shot[name], closed[name], rtol=0, atol=1e-11)
-    assert STEPS == 64
+    assert MIN_SHOOTING_STEPS == 64
 
 
 @pytest.mark.parametrize(

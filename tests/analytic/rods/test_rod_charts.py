@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.rods import rod_pair
-from proofmass.analytic.rods.rod_pair import MANY, sharing
+from proofmass.analytic.rods.rod_pair import MAX_SHOWN_DIRECTIONS, divide_into_panels
 from proofmass.case import Case
-from proofmass.chart import chart_of
+from proofmass.chart import compute_chart
 from proofmass.errors import InputError
 from proofmass.report.charts import chart_figure
 from proofmass.report.style import RC
@@ -29,7 +29,7 @@ def natural() -> Case:
 
 @pytest.fixture(scope="module")
 def equilibria(natural: Case) -> Chart:
-    return chart_of(natural, natural.chart[0])
+    return compute_chart(natural, natural.chart[0])
 
 
 @pytest.fixture(scope="module")
@@ -101,18 +101,18 @@ def test_the_case_is_the_stable_one_of_least_energy(equilibria: Chart, natural: 
 
 def test_more_inflections_bring_more_and_keep_the_stable(natural: Case, equilibria: Chart) -> None:
     few = natural.chart[0].model_copy(update={"parameters": {"modes": 1}})
-    less = chart_of(natural.model_copy(update={"chart": (few,)}), few)
+    less = compute_chart(natural.model_copy(update={"chart": (few,)}), few)
     assert len(postures(less)) == 3
     assert {line.label for line in postures(less)} < {line.label for line in postures(equilibria)}
 
 
 def test_panels_hold_few_unless_there_are_too_many() -> None:
     negative = np.repeat(np.arange(12), 9)
-    panels = sharing(negative)
+    panels = divide_into_panels(negative)
     assert len(panels) <= 12
     assert sorted(np.concatenate(panels).tolist()) == list(range(108))
-    assert all(np.ptp(np.minimum(negative[which], MANY)) == 0 for which in panels)
-    assert [len(which) for which in sharing(np.zeros(9, int))] == [3, 3, 3]
+    assert all(np.ptp(np.minimum(negative[which], MAX_SHOWN_DIRECTIONS)) == 0 for which in panels)
+    assert [len(which) for which in divide_into_panels(np.zeros(9, int))] == [3, 3, 3]
 
 
 def test_nothing_is_cut_off_and_nothing_overlaps(figure: Figure) -> None:
@@ -126,4 +126,4 @@ def test_nothing_is_cut_off_and_nothing_overlaps(figure: Figure) -> None:
 def test_modes_that_are_none_are_the_sidecars_fault(natural: Case) -> None:
     wrong = natural.chart[0].model_copy(update={"parameters": {"modes": 0}})
     with pytest.raises(InputError, match="modes must be 1, 2"):
-        chart_of(natural.model_copy(update={"chart": (wrong,)}), wrong)
+        compute_chart(natural.model_copy(update={"chart": (wrong,)}), wrong)

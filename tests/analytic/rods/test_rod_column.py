@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from scipy.special import ellipe, ellipk
 
 from proofmass.analytic.rods import critical, elastica, ends_meet, shape, tip
-from proofmass.analytic.rods.column import ENDS, QUARTERS
+from proofmass.analytic.rods.column import ENDS, QUARTER_WAVES
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
 EULER = {
@@ -71,7 +71,7 @@ def test_buckled_clamped_free_column_is_the_tip_under_its_axial_load():
         assert rod["energy"] == pytest.approx(float(bent["energy"]), abs=1e-12)
 
 
-@pytest.mark.parametrize(("ends", "quarters"), QUARTERS.items())
+@pytest.mark.parametrize(("ends", "quarters"), QUARTER_WAVES.items())
 def test_columns_are_quarter_waves(ends, quarters):
     """One quarter wave of length L/n, repeated: the shape of a clamped-free rod."""
     bent = elastica(1.7, ends, length=1.2, stiffness=0.4)

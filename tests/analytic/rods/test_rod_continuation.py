@@ -11,11 +11,11 @@ from proofmass.analytic.rods.equilibrium import (
     RodState,
     closure,
     derivatives,
-    direct,
-    inverse,
+    solve_direct,
+    solve_inverse,
     state,
 )
-from proofmass.analytic.rods.workspace import loci, spread
+from proofmass.analytic.rods.workspace import find_singularities, map_equilibria
 from tests.analytic.rods.rod_assembly_cases import DATA, NAMES, PAIR, pair, three
 
 PATHS, TABLE7 = DATA["trajectories"], DATA["rfr2"]["recomputed"]
@@ -91,7 +91,7 @@ def test_rectangle_returns():
     followed = follow(centre(), pose=centre().pose + way)
     assert not followed.why
     assert np.abs(followed.states.inputs[-1] - followed.states.inputs[0]).max() <= 1e-9
-    back = direct(followed.states)
+    back = solve_direct(followed.states)
     assert np.abs(back.pose - followed.states.pose).max() <= 1e-9
 
 
@@ -129,12 +129,14 @@ def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
     ahead = fold.inputs + np.array([eps, 0.0])
     # along the null vector the parameter is quadratic, so solutions are sqrt(eps) = 1e-3 away
     sides = [
-        direct(RodState(PAIR, fold.vector + np.pad(step * slack, (0, 4))).replaced(inputs=ahead))
+        solve_direct(
+            RodState(PAIR, fold.vector + np.pad(step * slack, (0, 4))).with_parts(inputs=ahead)
+        )
         for step in (3e-3, -3e-3)
     ]
     assert 1e-4 < np.linalg.norm(sides[0].pose - sides[1].pose) < 1e-2
     with pytest.raises(ValueError, match="no equilibrium"):
-        direct(fold.replaced(inputs=fold.inputs - [eps, 0.0]))
+        solve_direct(fold.with_parts(inputs=fold.inputs - [eps, 0.0]))
 
 
 def test_a_symmetric_pair_gives_way_sideways():
@@ -142,7 +144,7 @@ def test_a_symmetric_pair_gives_way_sideways():
     turns = np.radians(DATA["symmetric"]["inputs_deg"])
     row = DATA["symmetric"]["recomputed"][0]
     first = np.array(row["force1"])
-    start = direct(
+    start = solve_direct(
         state(
             PAIR,
             inputs=turns,
@@ -191,7 +193,7 @@ def test_inverse_singularity_ends_a_line_of_poses():
 
 
 def test_a_sheet_of_poses_is_the_path_through_it():
-    sheet = spread(centre(), np.linspace(0.0, 0.6, 4), np.linspace(-0.5, 0.0, 5))
+    sheet = map_equilibria(centre(), np.linspace(0.0, 0.6, 4), np.linspace(-0.5, 0.0, 5))
     x, y = np.meshgrid(sheet.first, sheet.second, indexing="ij")
     kept = sheet.states[sheet.reached]
     assert sheet.reached.sum() > 13
@@ -206,21 +208,21 @@ def test_a_sheet_of_poses_is_the_path_through_it():
 
 def test_sheet_and_loci_have_the_symmetry_of_the_mechanism():
     """Without load the mirror image x -> -x swaps the rods; loci are on both sides."""
-    sheet = spread(centre(), np.linspace(-0.6, 0.6, 9), np.linspace(-0.4, 0.1, 4))
+    sheet = map_equilibria(centre(), np.linspace(-0.6, 0.6, 9), np.linspace(-0.4, 0.1, 4))
     assert (sheet.reached == sheet.reached[::-1]).all()
-    found = loci(sheet, "direct")
+    found = find_singularities(sheet, "direct")
     assert len(found.vector) > 10
     size = np.abs(derivatives(sheet.states[sheet.reached]).direct_determinant).max()
     assert np.abs(derivatives(found).direct_determinant).max() <= 1e-7 * size  # 1e-9 of an edge
     gaps = np.linalg.norm(found.pose[:, None] - found.pose * MIRROR, axis=-1).min(axis=1)
     assert np.quantile(gaps, 0.8) <= 1e-6  # where sheets meet, an edge on one side is left out
     # nothing is left of the inverse singularities: a sheet of poses ends there
-    assert not len(loci(sheet, "inverse").vector)
+    assert not len(find_singularities(sheet, "inverse").vector)
 
 
 def test_a_sheet_of_inputs_ends_at_the_fold():
     q = centre().inputs
-    sheet = spread(
+    sheet = map_equilibria(
         centre(),
         q[0] + np.linspace(-0.5, 0.1, 13),
         q[1] + np.array([-0.05, 0.0, 0.05]),
@@ -236,7 +238,7 @@ def test_platform_follows_a_circle_at_constant_orientation():
     turns = np.radians([0.0, 120.0, -120.0])
     a = three(0.2 * np.sqrt(3.0), angle=turns, guide=turns, rigid_extension=0.1)
     row = DATA["pfr3"]
-    start = inverse(
+    start = solve_inverse(
         state(
             a,
             pose=[0.0, 0.0, np.radians(row["phi_deg"])],
@@ -269,9 +271,9 @@ def test_bad_way_points(wrong, word):
 
 def test_bad_maps():
     with pytest.raises(ValueError, match="name must be 'pose' or 'inputs'"):
-        spread(centre(), [0.0], [0.0], name="load")
+        map_equilibria(centre(), [0.0], [0.0], name="load")
     with pytest.raises(ValueError, match="the start cannot be followed to the grid's node"):
-        spread(centre(), [0.65], [-0.35])  # rod 1 does not reach as far
-    sheet = spread(centre(), *centre().pose[:, None])
+        map_equilibria(centre(), [0.65], [-0.35])  # rod 1 does not reach as far
+    sheet = map_equilibria(centre(), *centre().pose[:, None])
     with pytest.raises(ValueError, match="which must be 'direct' or 'inverse'"):
-        loci(sheet, "both")
+        find_singularities(sheet, "both")

@@ -19,7 +19,11 @@ from proofmass.analytic.rods import (
     shape,
     tip,
 )
-from proofmass.analytic.rods.elastica import incomplete, jacobi, legendre
+from proofmass.analytic.rods.elastica import (
+    elliptic_integrals,
+    incomplete_integrals,
+    jacobi_functions,
+)
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_elliptic.json").read_text())
 TABLE = dict(
@@ -58,7 +62,7 @@ def test_legendre_by_carlson(size):
         whole,
         whole_second,
     )
-    for found, true in zip(legendre(s, c, d, other), expected, strict=True):
+    for found, true in zip(elliptic_integrals(s, c, d, other), expected, strict=True):
         # a few roundings of F; E is F less nearly as much, so F's roundings are its own
         np.testing.assert_allclose(found, true, rtol=2e-15, atol=5e-15 * whole.max())
 
@@ -66,8 +70,8 @@ def test_legendre_by_carlson(size):
 @pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6, 1e-9])
 def test_jacobi_inverts_legendre(size):
     s, c, d, other = amplitudes(size)
-    first, second, *_ = legendre(s, c, d, other)
-    sn, cn, dn, epsilon = jacobi(first, other)
+    first, second, *_ = elliptic_integrals(s, c, d, other)
+    sn, cn, dn, epsilon = jacobi_functions(first, other)
     # roundings of u, 2e-16 K with K up to 22
     for found, true in ((sn, s), (cn, c), (epsilon, second)):
         np.testing.assert_allclose(found, true, rtol=0, atol=3e-14)
@@ -77,16 +81,16 @@ def test_jacobi_inverts_legendre(size):
 @pytest.mark.parametrize("k", [0.0, 0.3, -0.9, 1.0 - 1e-12])
 def test_incomplete_slopes_and_quasi_periods(k):
     phi = np.linspace(-9.0, 9.0, 61)
-    first, second = incomplete(phi, k)
+    first, second = incomplete_integrals(phi, k)
     step = 1e-3 * np.sqrt(1.0 - k**2) ** 0.5
-    ahead, behind = incomplete(phi + step, k), incomplete(phi - step, k)
+    ahead, behind = incomplete_integrals(phi + step, k), incomplete_integrals(phi - step, k)
     root = np.sqrt(1.0 - (k * np.sin(phi)) ** 2)
     calm = root > 0.1  # else the integrand changes within a step
     for slope, up, down in ((1.0 / root, ahead[0], behind[0]), (root, ahead[1], behind[1])):
         error = np.abs((up - down) / (2.0 * step) / slope - 1.0)[calm]
         assert error.max() <= 40.0 * step**2 + 1e-13 / step  # third derivative; rounding
-    later = incomplete(phi + np.pi, k)
-    whole = incomplete(np.pi / 2, k)
+    later = incomplete_integrals(phi + np.pi, k)
+    whole = incomplete_integrals(np.pi / 2, k)
     for now, then, part in zip((first, second), later, whole, strict=True):
         # phi + pi is rounded by 1e-15, times the slope 1/k'
         np.testing.assert_allclose(
@@ -250,6 +254,6 @@ def test_bad_inverse_and_modulus():
     with pytest.raises(ValueError, match=r"^fraction must"):
         shape(1.0, 0.5, 1, 1.1)
     with pytest.raises(ValueError, match=r"^k must"):
-        incomplete(1.0, 1.0)
+        incomplete_integrals(1.0, 1.0)
     with pytest.raises(ValueError, match=r"^complement must"):
-        jacobi(1.0, 0.0)
+        jacobi_functions(1.0, 0.0)

@@ -7,22 +7,22 @@ import pytest
 
 from proofmass.analytic.rods import integrate
 from proofmass.analytic.rods.continuation import follow
-from proofmass.analytic.rods.equilibrium import derivatives, direct, state
+from proofmass.analytic.rods.equilibrium import derivatives, solve_direct, state
 from proofmass.analytic.rods.rod_pair import motor_angles, workspace
 from proofmass.analytic.rods.rod_platform_driven import constant_orientation
 from proofmass.analytic.rods.shooting import stability
 from proofmass.analytic.rods.workspace import (
-    area,
-    aspect,
-    determinants,
-    joined,
-    loci,
-    meshed,
-    outward,
-    over_poses,
-    rim,
-    sheet,
-    spread,
+    aspect_nodes,
+    border_directions,
+    connected_edges,
+    determinant_field,
+    find_rim,
+    find_singularities,
+    fit_pose_map,
+    map_area,
+    map_equilibria,
+    mesh_map,
+    pose_chart,
 )
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, PAIR, pair
 
@@ -45,14 +45,14 @@ CLAMPS = PAIR.clamp
 
 @cache
 def natural():
-    return sheet(pair("S4"), 17)
+    return fit_pose_map(pair("S4"), 17)
 
 
 @cache
 def unloaded():
     row = DATA["rfr2"]["recomputed"]["S2"]
     near = pair("S2")
-    return direct(
+    return solve_direct(
         state(
             PAIR,
             inputs=np.radians(row["unloaded_inputs_deg"]),
@@ -66,14 +66,14 @@ def unloaded():
 @cache
 def folded():
     """A sheet of poses about the fold of motor 1."""
-    return spread(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
+    return map_equilibria(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
 
 
 @cache
 def filled():
     """The rim of that sheet, and its mesh."""
-    m, rims = folded(), rim(folded())
-    return rims, meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
+    m, rims = folded(), find_rim(folded())
+    return rims, mesh_map(m, connected_edges(m)[0], rims[0], find_singularities(m, "direct", rims))
 
 
 @cache
@@ -123,7 +123,7 @@ def test_motors_end_where_the_sheet_of_poses_is_singular():
 
 @pytest.mark.slow
 def test_rim_of_a_sheet_is_an_inverse_singularity():
-    ends, ways = rim(natural())
+    ends, ways = find_rim(natural())
     slopes = derivatives(ends)
     start = derivatives(pair("S4"))
     # within 1e-4 of an edge the determinant is a root of that, 1e-2
@@ -136,7 +136,7 @@ def test_rim_of_a_sheet_is_an_inverse_singularity():
 @pytest.mark.slow
 def test_top_of_the_rim_is_the_reach_of_straight_rods():
     """A pin that pulls: above, the sheet ends where one rod is straight."""
-    ends, ways = rim(natural())
+    ends, ways = find_rim(natural())
     top = ends.pose[(ways[:, 1] == 1) & (ends.pose[:, 1] > 0.5)]
     away = np.abs(top @ [1.0, 1.0j] - CLAMPS[:, None]).max(axis=0)
     assert len(top) > 5
@@ -145,9 +145,9 @@ def test_top_of_the_rim_is_the_reach_of_straight_rods():
 
 def test_the_aspect_of_a_stable_equilibrium_is_stable():
     """By Jacobi's field of each rod with its tip pinned, and the stiffness of the pin."""
-    m = sheet(pair("S4"), 13)
-    edges, torn = joined(m)
-    own = aspect(m, edges, pair("S4"))
+    m = fit_pose_map(pair("S4"), 13)
+    edges, torn = connected_edges(m)
+    own = aspect_nodes(m, edges, pair("S4"))
     states = m.states[own]
     turn = states.shape([1.0])[2][..., 0]
     assert 30 < own.sum() < m.reached.sum()
@@ -162,11 +162,11 @@ def test_the_aspect_of_a_stable_equilibrium_is_stable():
 @pytest.mark.slow
 def test_labels_of_singularities_are_those_of_the_text():
     """Not of the program, which has them swapped: direct where K is singular, at which dq/dP is."""
-    chart = over_poses(pair("S4"), natural(), "rad²/m²")
+    chart = pose_chart(pair("S4"), natural(), "rad²/m²")
     lines = {line.label: np.stack([line.x, line.y], axis=1) for line in chart.panels[0].lines}
     for label, states in (
-        ("direct singularity", loci(natural(), "direct", rim(natural()))),
-        ("inverse singularity", rim(natural())[0]),
+        ("direct singularity", find_singularities(natural(), "direct", find_rim(natural()))),
+        ("inverse singularity", find_rim(natural())[0]),
     ):
         points = lines[label][np.isfinite(lines[label][:, 0])]
         assert len(points) > 20
@@ -179,7 +179,7 @@ def test_labels_of_singularities_are_those_of_the_text():
 def test_unloaded_sheet_is_its_mirror_image():
     row = DATA["symmetric"]["recomputed"][1]
     first, moment = np.array(row["force1"]), row["moment1"]
-    start = direct(
+    start = solve_direct(
         state(
             PAIR,
             inputs=np.radians(DATA["symmetric"]["inputs_deg"]),
@@ -188,7 +188,7 @@ def test_unloaded_sheet_is_its_mirror_image():
             force=[first, -first],
         )
     )
-    m = sheet(start, 11)
+    m = fit_pose_map(start, 11)
     assert m.first == pytest.approx(-m.first[::-1], abs=1e-12)
     values = np.linalg.det(derivatives(m.states[m.reached & m.reached[::-1]]).inverse)
     mirrored = np.full(m.reached.shape, np.nan)
@@ -219,7 +219,7 @@ def test_maps_do_not_depend_on_the_unit_of_force():
 @pytest.mark.slow
 def test_area_converges():
     """Lengths along the lines are exact; between them a rim with corners leaves the step."""
-    areas = [area(m, *rim(m)) for m in (sheet(pair("S4"), n) for n in (17, 29, 57))]
+    areas = [map_area(m, *find_rim(m)) for m in (fit_pose_map(pair("S4"), n) for n in (17, 29, 57))]
     assert areas[1] == pytest.approx(areas[2], rel=0.01)  # a corner of the rim takes (1/28)^2
     assert areas[0] == pytest.approx(areas[2], rel=0.03)  # of the window, or (1/16)^2, and there
     # are several
@@ -273,9 +273,13 @@ def test_bad_windows():
 @cache
 def small():
     """The sheet of the natural equilibrium on a coarse grid, and its mesh."""
-    m = sheet(pair("S4"), 11)
-    rims = rim(m)
-    return m, rims, meshed(m, joined(m)[0], rims[0], loci(m, "direct", rims))
+    m = fit_pose_map(pair("S4"), 11)
+    rims = find_rim(m)
+    return (
+        m,
+        rims,
+        mesh_map(m, connected_edges(m)[0], rims[0], find_singularities(m, "direct", rims)),
+    )
 
 
 def corners_of(mesh, triangles):
@@ -296,22 +300,22 @@ def test_triangles_fill_the_sheet_to_its_rim():
     cell = np.mean(np.diff(m.first)) * np.mean(np.diff(m.second))
     full = np.sum(m.reached[:-1, :-1] & m.reached[1:, :-1] & m.reached[1:, 1:] & m.reached[:-1, 1:])
     # up to cells of tears: what is left of a jagged rim is far more
-    assert covered == pytest.approx(area(m, ends, ways), rel=0.08)
+    assert covered == pytest.approx(map_area(m, ends, ways), rel=0.08)
     assert covered > 1.1 * full * cell
     last = np.unique(mesh.triangles(m.reached))
-    beyond = sum(outward(m))
+    beyond = sum(border_directions(m))
     inside = ((beyond >= 0) & (beyond < m.reached.shape)).all(axis=1)  # not at the window's edge
     assert (last >= m.reached.size).sum() > 0.8 * inside.sum() > 10
 
 
 def test_a_tear_is_cut_half_way_from_both_sides():
     """An edge is taken out as if its ends did not follow from each other: nothing stays white."""
-    m, edges = folded(), joined(folded())[0]
+    m, edges = folded(), connected_edges(folded())[0]
     (ends, _), mesh = filled()
     whole = mesh.triangles(m.reached)
     within = np.isin(edges, np.flatnonzero(eroded(m.reached))).all(axis=1)
     k = int(np.flatnonzero(within)[0])
-    cut = meshed(m, np.delete(edges, k, axis=0), ends, mesh.loci)
+    cut = mesh_map(m, np.delete(edges, k, axis=0), ends, mesh.loci)
     first, last = m.reached.size + len(mesh.ends.vector), m.reached.size + len(cut.ends.vector)
     assert last - first == 2
     middle = cut.xy[edges[k]].mean(axis=0)
@@ -338,12 +342,12 @@ def eroded(inside):
 @pytest.mark.slow
 def test_no_cell_of_a_sheet_stays_white():
     """Two nodes of 245 are torn from others; cells of tears left out 10 % of the sheet before."""
-    m = sheet(pair("S4"), 24)
-    rims = rim(m)
-    edges, torn = joined(m)
-    mesh = meshed(m, edges, rims[0], loci(m, "direct", rims))
+    m = fit_pose_map(pair("S4"), 24)
+    rims = find_rim(m)
+    edges, torn = connected_edges(m)
+    mesh = mesh_map(m, edges, rims[0], find_singularities(m, "direct", rims))
     covered = np.abs(sizes_of(corners_of(mesh, mesh.triangles(m.reached)))).sum()
-    assert covered == pytest.approx(area(m, *rims), rel=0.03)  # chords of the rim
+    assert covered == pytest.approx(map_area(m, *rims), rel=0.03)  # chords of the rim
     assert torn.sum() < 10
 
 
@@ -361,7 +365,7 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
     for part, sign in zip(parts, (1, -1), strict=True):
         nodes = np.unique(part[part < m.reached.size])
         assert (sign * det.ravel()[nodes] > 0.0).all()
-    field = determinants(
+    field = determinant_field(
         mesh, derivatives(m.states).inverse, derivatives(mesh.ends).inverse, "", "1"
     )
     corners, first = np.unique(field.triangles), m.reached.size + len(mesh.ends.vector)

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.rods import rod_pinned
 from proofmass.case import Case
-from proofmass.chart import chart_of
+from proofmass.chart import compute_chart
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
@@ -19,7 +19,7 @@ def case() -> Case:
 
 @pytest.fixture(scope="module")
 def charts(case: Case) -> list[Chart]:
-    return [chart_of(case, table) for table in case.chart]
+    return [compute_chart(case, table) for table in case.chart]
 
 
 def end(psi: float, k: float, size: float) -> tuple[float, int]:

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from proofmass.analytic.linkages import slider_crank
-from proofmass.analytic.remember import memory_in_use
+from proofmass.analytic.remember import use_memory
 from proofmass.analytic.rods import rod_motion, rod_released, slider_crank_elastic
 from proofmass.analytic.rods import solve as rod_at_rest
 from proofmass.analytic.rods.rod_motion import MovingRod
@@ -97,7 +97,7 @@ def test_more_polynomials_and_shorter_steps_change_what_is_said():
     """A half of the step changes a place by 3e-6; polynomials by what the docstring says."""
     t = np.linspace(0.0, 0.8, 9)
     rod = MovingRod(1.0, 0.25, 0.1, gravity=-9.81j)
-    step = 1.0 / rod.frequencies(10)[rod_motion.RESOLVED - 1]
+    step = 1.0 / rod.frequencies(10)[rod_motion.RESOLVED_MODES - 1]
     places = [
         rod.curves(t, *rod.integrate(t, np.zeros(n), np.zeros(n), h))["tip_y"]
         for n, h in ((16, step), (16, step / 2), (24, step))
@@ -165,8 +165,10 @@ def test_the_drive_does_the_work_of_the_energy():
 
 def test_drives_that_differ_by_rounding_have_one_motion(monkeypatch):
     """And one that is faster by 1e-6 has its own: the slider is ahead by as much of its way."""
-    integrated, whole = [], rod_motion.moved
-    monkeypatch.setattr(rod_motion, "moved", lambda *given: integrated.append(1) or whole(*given))
+    integrated, whole = [], rod_motion.motion_curves
+    monkeypatch.setattr(
+        rod_motion, "motion_curves", lambda *given: integrated.append(1) or whole(*given)
+    )
     angle = np.linspace(0.0, 1.0, 5)
     noise = 1e-13 * np.cos(np.arange(5.0))
     links = LINKS | {"coupler_mass": 0.123}
@@ -215,17 +217,19 @@ def test_bad_input_of_an_elastic_coupler(change, rate, words):
 
 def test_neighbours_have_as_many_polynomials(monkeypatch):
     """A mass changed by 1e-6 takes the number that the motion itself was found to need."""
-    counts, moved = [], rod_motion.moved
+    counts, moved = [], rod_motion.motion_curves
     monkeypatch.setattr(
-        rod_motion, "moved", lambda rod, t, a, rate: counts.append(a.size) or moved(rod, t, a, rate)
+        rod_motion,
+        "motion_curves",
+        lambda rod, t, a, rate: counts.append(a.size) or moved(rod, t, a, rate),
     )
     t, numbers, memory = np.linspace(0.0, 0.1, 3), ROD | {"mass": 0.101}, {}
-    with memory_in_use(memory, more=True):
+    with use_memory(memory, store_results=True):
         own = rod_released.solve(t, **numbers)
-    assert counts == list(rod_motion.COUNTS[: len(counts)])
+    assert counts == list(rod_motion.POLYNOMIAL_COUNTS[: len(counts)])
     needed = counts[-1]
     counts.clear()
-    with memory_in_use(memory, more=False):
+    with use_memory(memory, store_results=False):
         near = rod_released.solve(t, **numbers | {"mass": 0.101 * (1.0 + 1e-6)})
     assert counts == [needed]
     assert 0.0 < np.abs(near["tip_y"] - own["tip_y"]).max() < 1e-6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.equilibrium import derivatives
-from proofmass.analytic.rods.rod_pair_driven import circles, held, rectangles, solve
+from proofmass.analytic.rods.rod_pair_driven import circles, equilibria_at_points, rectangles, solve
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
 from tests.analytic.rods.rod_chain_cases import continuum
 
@@ -230,7 +230,7 @@ def led_to(law, time, size):
 
 def stiffness_at(places):
     """The least stiffness that the motors hold the pin with at places about the centre."""
-    states = held(tuple(places.tolist()), **CENTRE, **LINE)
+    states = equilibria_at_points(tuple(places.tolist()), **CENTRE, **LINE)
     return states, np.linalg.eigvalsh(derivatives(states).stiffness)[:, 0]
 
 

@@ -9,10 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from proofmass.analytic.remember import memory_in_use
+from proofmass.analytic.remember import use_memory
 from proofmass.analytic.rods import rod_platform, rod_platform_driven
-from proofmass.analytic.rods.assembly import mirrored, triangle
-from proofmass.analytic.rods.rod_platform import PlatformProblem, standing
+from proofmass.analytic.rods.assembly import is_mirrored, triangle
+from proofmass.analytic.rods.rod_platform import PlatformProblem, equilibrium_of_mode
 from tests.analytic.rods.rod_assembly_cases import CORNERS, DATA, EI, three
 from tests.independent.rods.chain_assembly import settle
 
@@ -43,7 +43,7 @@ def at(slides, **parameters):
 
 def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
     """A state of the mechanism of Table 8."""
-    return standing(
+    return equilibrium_of_mode(
         PlatformProblem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode
     )
 
@@ -122,7 +122,7 @@ def test_shooting_finds_the_same(load):
 def test_the_misprinted_angle_is_another_mechanism():
     """With theta2 = 0 no equilibrium, of any potential, is near a printed one."""
     motors = tuple(np.radians([45.0, TABLE8["inputs2_misprint_deg"], -60.0]))
-    there = rod_platform.stable(
+    there = rod_platform.stable_equilibria(
         PlatformProblem(0.2, 1.0, 1.0, EI, motors, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1)
     ).pose
     for row in TABLE8["recomputed"]:
@@ -133,7 +133,9 @@ def test_annex_configuration():
     """Three equilibria; the other roots of the program's residual are mirror images."""
     a = three(ANNEX["side"])
     pins = [row["pins"] for row in DATA["pfr3_closures"]["pins"]]
-    assert mirrored(a, pins).tolist() == [row["mirrored"] for row in DATA["pfr3_closures"]["pins"]]
+    assert is_mirrored(a, pins).tolist() == [
+        row["mirrored"] for row in DATA["pfr3_closures"]["pins"]
+    ]
     for mode, row in enumerate(ANNEX["equilibria"], 1):
         found = at([ANNEX["slide"]] * 3, **PFR3, mode=mode)
         assert [found["x"], found["y"]] == pytest.approx(row["pose"], abs=5.1e-6)  # its digits
@@ -254,9 +256,9 @@ def test_neighbours_share_a_search(monkeypatch):
     )
     numbers = RFR3 | {"radius": 1.01}
     memory = {}
-    with memory_in_use(memory, more=True):
+    with use_memory(memory, store_results=True):
         rod_platform.solve(ENDS, **numbers)
-    with memory_in_use(memory, more=False):
+    with use_memory(memory, store_results=False):
         up, down, wide, narrow = (
             rod_platform.solve(ENDS, **numbers | {"radius": 1.01 + h})
             for h in (1e-6, -1e-6, 9e-6, -9e-6)

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic.rods import from_tip, integrate, of_load, pinned, rod_pinned, tip
 from proofmass.analytic.rods.shooting import stability
-from proofmass.chart import chart_of
+from proofmass.chart import compute_chart
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
@@ -186,7 +186,7 @@ def test_guess_selects_the_branch(guess, name, way):
 def page():
     case = load_case(shipped("rod_pinned.toml"))
     return {
-        table.draw: chart_of(case, table)
+        table.draw: compute_chart(case, table)
         for table in case.chart
         if table.draw.startswith("shooting")
     }

@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 
-from proofmass.analytic.rods.elastica import rods
-from proofmass.analytic.rods.equilibrium import flow
+from proofmass.analytic.rods.elastica import rods_of_chart
+from proofmass.analytic.rods.equilibrium import integrate_to_tip
 from proofmass.analytic.rods.rod_snap import (
+    MAX_HALF_WAVES,
     STRIDE,
-    WAVES,
     branches,
     events,
     family,
@@ -97,14 +97,14 @@ def test_the_fold_is_where_shooting_is_singular(distance):
 def test_the_branch_has_a_shape_at_every_stride(distance):
     """All with the pin at its distance, from half a turn of the clamp to beyond the second fold."""
     of = family(1.0, distance)
-    found = rods(*np.exp(of.place.T))
+    found = rods_of_chart(*np.exp(of.place.T))
     np.testing.assert_allclose(np.abs(found.tip), distance, rtol=1e-13)
     gap = np.linalg.norm(np.diff(of.place, axis=0), axis=1)
     beside = np.concatenate([of.folds - 1, of.folds])  # a fold lies within a stride
     np.testing.assert_allclose(np.delete(gap, beside), STRIDE, rtol=1e-2)
     np.testing.assert_allclose(gap[of.folds - 1] + gap[of.folds], STRIDE, rtol=1e-2)
     assert abs(of.angle[0]) > np.pi > abs(of.angle[1])
-    assert found.waves[-1] > WAVES > found.waves[-2]
+    assert found.waves[-1] > MAX_HALF_WAVES > found.waves[-2]
 
 
 @pytest.mark.parametrize("distance", DISTANCES)
@@ -114,8 +114,8 @@ def test_each_fold_adds_a_direction_to_fall_in(distance):
     clear = np.abs(np.arange(of.angle.size)[:, None] - of.folds).min(axis=1) > 2
     which = np.flatnonzero(clear & (np.abs(of.angle) < 1.5))[::5]
     alpha, q = np.exp(of.place[which].T)
-    rod = rods(alpha, q)
-    _, theta = flow(0.0, rod.moment, rod.force, 1.0, 1.0)
+    rod = rods_of_chart(alpha, q)
+    _, theta = integrate_to_tip(0.0, rod.moment, rod.force, 1.0, 1.0)
     count = stability(rod.force.real, rod.force.imag, theta[0]).pinned
     np.testing.assert_array_equal(count, (which[:, None] > of.folds).sum(axis=1))
     assert set(count) == {0, 1, 2}
@@ -147,7 +147,7 @@ def every(angle: float, distance: float = 0.8, starts: int = 120):
         random.uniform(-90, 60, starts) + 1j * random.uniform(-45, 45, starts),
     )
     for _ in range(25):
-        z, _ = flow(angle, m, n, 1.0, 1.0)
+        z, _ = integrate_to_tip(angle, m, n, 1.0, 1.0)
         gap = [m + (n.conj() * z[0]).imag, z[0].real - distance, z[0].imag]
         by = np.add((n.conj() * z[1:]).imag, [np.ones_like(m), z[0].imag, -z[0].real])
         matrix = np.moveaxis(np.stack([by, z[1:].real, z[1:].imag]), -1, 0)
@@ -161,7 +161,7 @@ def every(angle: float, distance: float = 0.8, starts: int = 120):
     met = np.abs(gap).max(axis=0) < 1e-9
     _, first = np.unique(np.stack([m, n.real, n.imag])[:, met].round(5), axis=1, return_index=True)
     m, n = m[met][first], n[met][first]
-    z, theta = flow(angle, m, n, 1.0, 1.0)
+    z, theta = integrate_to_tip(angle, m, n, 1.0, 1.0)
     energy = m**2 / 2.0 + (n.conj() * np.exp(1j * angle)).real - (n.conj() * z[0]).real
     return m, energy, stability(n.real, n.imag, theta[0]).pinned
 
@@ -179,7 +179,7 @@ def test_beyond_the_fold_one_rest_is_left(degrees):
     assert stable.sum() == 1
     assert -m[stable] == pytest.approx(
         solve([-np.radians(degrees)], distance=0.8)["holding_moment"], abs=1e-7
-    )  # what `flow` and Newton leave
+    )  # what `integrate_to_tip` and Newton leave
 
 
 def test_between_the_folds_there_are_two():

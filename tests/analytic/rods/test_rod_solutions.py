@@ -7,10 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from proofmass.analytic.rods import all_equilibria
-from proofmass.analytic.rods.all_equilibria import Solutions, solutions, solve
+from proofmass.analytic.rods.all_equilibria import Solutions, solutions, solve_starts
 from proofmass.analytic.rods.assembly import assembly, triangle
-from proofmass.analytic.rods.elastica import rods
-from proofmass.analytic.rods.equilibrium import clamps, closure, state
+from proofmass.analytic.rods.elastica import rods_of_chart
+from proofmass.analytic.rods.equilibrium import clamps_and_forces, closure, state
 from tests.analytic.rods.rod_solutions_cases import CORNERS, DATA, EI, alphas, found, made
 from tests.independent.rods.chain_assembly import settle
 from tests.independent.rods.stability import negative
@@ -139,7 +139,7 @@ def test_verified_by_shooting(name, modes):
 def test_verified_by_a_general_integrator():
     f = found("rfr2", 3)
     for s, alpha in zip((f.state[i] for i in range(len(f))), alphas(f), strict=True):
-        theta, clamp, n = clamps(s)
+        theta, clamp, n = clamps_and_forces(s)
         for i in range(2):
             x, y, _, m = shot(theta[i], s.moment[i], n[i])
             off = np.hypot(clamp[i].real + x - s.pose[0], clamp[i].imag + y - s.pose[1])
@@ -204,11 +204,11 @@ def test_random_starts_find_no_other(name, modes, random):
     alpha = random.uniform(0.1, 20.0, shape)
     chart = np.stack([alpha, random.uniform(-1.0, 1.0, shape) * (alpha + 3.0)], axis=1)
     pose = random.uniform(-1.0, 1.0, (3, shape[1])) * [[1.0], [1.0], [np.pi]]
-    arrived, _ = solve(s, chart, pose)
-    inside = (rods(*np.moveaxis(arrived, 1, 0)).waves < modes) & (arrived[:, 0] <= 20.0)
-    force = rods(*np.moveaxis(arrived[..., inside.all(axis=0)], 1, 0)).force
+    arrived, _ = solve_starts(s, chart, pose)
+    inside = (rods_of_chart(*np.moveaxis(arrived, 1, 0)).waves < modes) & (arrived[:, 0] <= 20.0)
+    force = rods_of_chart(*np.moveaxis(arrived[..., inside.all(axis=0)], 1, 0)).force
     own = found(name, modes)
-    theta, _, n = clamps(own.state[alphas(own).max(axis=1) <= 20.0])
+    theta, _, n = clamps_and_forces(own.state[alphas(own).max(axis=1) <= 20.0])
     mine = n * np.exp(-1j * theta) / EI  # on rods of 1 m, in the clamps' frames
     gaps = np.array([np.abs(mine - one).max(axis=1) for one in force.T])
     assert gaps.min(axis=1).max() < 1e-5  # of loads up to 400, as flat as e^-alpha leaves them
@@ -225,7 +225,7 @@ def test_counts_do_not_depend_on_lattice_or_mesh(name, modes, count, monkeypatch
     a, given = made(name)
     assert len(found(name, modes)) == count
     assert len(solutions(a, modes=modes, poses=10_000, **given)) == count
-    monkeypatch.setattr(all_equilibria, "MESH", 0.05)
+    monkeypatch.setattr(all_equilibria, "MESH_SIZE", 0.05)
     assert len(solutions(a, modes=modes, **given)) == count
 
 

@@ -8,23 +8,23 @@ import pytest
 
 from proofmass.analytic.rods import all_equilibria
 from proofmass.analytic.rods.all_equilibria import (
-    LATTICE,
-    OVERLAP,
-    bound,
-    drawn,
-    first,
-    hold,
-    largest,
-    limits,
-    moved,
+    MAX_LATTICE_ALPHA,
+    MIN_DRAWN_ALPHA,
+    alpha_limits,
+    bending_allowance,
+    bound_by_boxes,
+    bound_by_pose,
+    draw_starts,
+    first_boxes,
     solutions,
-    solve,
+    solve_starts,
     theoretical_bound,
-    tight,
+    tight_poses,
+    with_best_motions,
 )
 from proofmass.analytic.rods.assembly import assembly
-from proofmass.analytic.rods.elastica import rods
-from proofmass.analytic.rods.equilibrium import clamps, state
+from proofmass.analytic.rods.elastica import rods_of_chart
+from proofmass.analytic.rods.equilibrium import clamps_and_forces, state
 from tests.analytic.rods.rod_galerkin import solve as by_galerkin
 from tests.analytic.rods.rod_solutions_cases import EI, found, made
 
@@ -42,9 +42,9 @@ def arrived(name, modes):
     a, given = made(name)
     s = state(a, **given)
     most = found(name, modes).bound
-    chart = solve(s, *drawn(s, [modes] * a.rods, OVERLAP, most))[0]
-    kept = (rods(chart[:, 0], chart[:, 1]).waves < modes).all(axis=0)
-    return chart[..., kept & (chart[:, 0].max(axis=0) > OVERLAP)]
+    chart = solve_starts(s, *draw_starts(s, [modes] * a.rods, MIN_DRAWN_ALPHA, most))[0]
+    kept = (rods_of_chart(chart[:, 0], chart[:, 1]).waves < modes).all(axis=0)
+    return chart[..., kept & (chart[:, 0].max(axis=0) > MIN_DRAWN_ALPHA)]
 
 
 @pytest.mark.parametrize(
@@ -53,9 +53,9 @@ def arrived(name, modes):
 )
 def test_counts_are_those_up_to_the_proven_bound(name, modes, below, beyond, stable):
     f = found(name, modes)
-    assert f.bounded
+    assert f.is_bounded
     assert f.up_to == f.bound < np.inf
-    heavy = f.alpha.max(axis=1) > LATTICE
+    heavy = f.alpha.max(axis=1) > MAX_LATTICE_ALPHA
     assert ((~heavy).sum(), heavy.sum(), (f.negative == 0).sum()) == (below, beyond, stable)
     assert f.alpha.max() < f.bound
 
@@ -63,7 +63,7 @@ def test_counts_are_those_up_to_the_proven_bound(name, modes, below, beyond, sta
 def test_a_count_says_how_far_it_goes():
     a, given = made("rfr3")
     f = solutions(a, most_load=26.0, poses=300, **given)
-    assert (len(f), f.up_to, f.bounded) == (8, 26.0, False)
+    assert (len(f), f.up_to, f.is_bounded) == (8, 26.0, False)
     np.testing.assert_allclose(  # what the state knows as well
         f.alpha, np.sqrt(np.linalg.norm(f.state.force, axis=-1) / EI), rtol=1e-12
     )
@@ -85,19 +85,21 @@ def test_a_search_goes_to_its_largest_load_or_to_the_bound(most):
     a, given = made("pfr3")
     f = solutions(a, most_load=most, poses=30, **given)
     assert f.up_to == min(most, found("pfr3", 1).bound)
-    assert f.bounded == (most > 18.2)
+    assert f.is_bounded == (most > 18.2)
 
 
 def test_a_load_below_the_bound_takes_a_part_of_its_work(monkeypatch):
     a, given = made("rfr3")
     work = []
     monkeypatch.setattr(
-        all_equilibria, "moved", lambda s, boxes: work.append(boxes.phi.size) or moved(s, boxes)
+        all_equilibria,
+        "with_best_motions",
+        lambda s, boxes: work.append(boxes.phi.size) or with_best_motions(s, boxes),
     )
     s = state(a, **given)
-    assert bound(s, [1] * 3, LATTICE) == np.inf
+    assert bound_by_boxes(s, [1] * 3, MAX_LATTICE_ALPHA) == np.inf
     part = sum(work)
-    assert LATTICE < bound(s, [1] * 3) < np.inf
+    assert MAX_LATTICE_ALPHA < bound_by_boxes(s, [1] * 3) < np.inf
     assert sum(work) > 10 * part
 
 
@@ -115,7 +117,7 @@ def test_galerkin_method_finds_them_as_well(name, modes, degree):
     Polynomials converge like exp(-pi degree/(2 alpha)), and errors are of energies, twice that.
     """
     f = found(name, modes)
-    heavy = np.flatnonzero(f.alpha.max(axis=1) > LATTICE)
+    heavy = np.flatnonzero(f.alpha.max(axis=1) > MAX_LATTICE_ALPHA)
     assert heavy.size
     for i in heavy:
         order = degree + 6 * int(f.alpha[i].max()) * (modes > 1)
@@ -140,7 +142,7 @@ def test_galerkin_method_finds_them_as_well(name, modes, degree):
 def test_drawn_starts_find_each_many_times_and_nothing_else(name, modes):
     """Among them those between alpha = 12 and 20, which the lattice finds without them."""
     chart, f = arrived(name, modes), found(name, modes)
-    known = f.alpha[f.alpha.max(axis=1) > OVERLAP]
+    known = f.alpha[f.alpha.max(axis=1) > MIN_DRAWN_ALPHA]
     off = np.abs(chart[:, 0].T[:, None] - known).max(axis=-1)
     assert off.min(axis=1).max() < 1e-6  # alpha of 100, to the last step of Newton's method
     hits = np.bincount(off.argmin(axis=1), minlength=len(known))
@@ -151,8 +153,8 @@ def test_drawn_starts_find_each_many_times_and_nothing_else(name, modes):
 @pytest.mark.parametrize(("name", "modes", "below", "beyond", "stable"), COUNTS)
 def test_other_and_more_starts_count_the_same(name, modes, below, beyond, stable, monkeypatch):
     a, given = made(name)
-    monkeypatch.setattr(all_equilibria, "EACH", 10 * all_equilibria.EACH)
-    monkeypatch.setattr(all_equilibria, "FEWEST", 10 * all_equilibria.FEWEST)
+    monkeypatch.setattr(all_equilibria, "STARTS_PER_CHOICE", 10 * all_equilibria.STARTS_PER_CHOICE)
+    monkeypatch.setattr(all_equilibria, "MIN_STARTS", 10 * all_equilibria.MIN_STARTS)
     monkeypatch.setattr(all_equilibria, "SEED", 2)
     f = solutions(a, modes=modes, **given)
     assert (len(f), (f.negative == 0).sum()) == (below + beyond, stable)
@@ -162,11 +164,11 @@ def test_other_and_more_starts_count_the_same(name, modes, below, beyond, stable
 def test_the_inequality_behind_the_bound_holds_for_every_motion(name, random):
     """Of all equilibria that are found, for random motions (v, w): it is what the proof adds up."""
     f = found(name, 1)
-    a, (_, clamp, _) = f.state.assembly, clamps(f.state)
+    a, (_, clamp, _) = f.state.assembly, clamps_and_forces(f.state)
     pose = np.column_stack([f.state.pose, np.zeros((len(f), 3 - a.dof))])
     arm = np.exp(1j * pose[:, 2:]) * a.arm
     away = pose[:, :1] + 1j * pose[:, 1:2] + arm - clamp
-    held = f.alpha * hold(f.alpha, 1)
+    held = f.alpha * bending_allowance(f.alpha, 1)
     load = np.append(f.state.load[0], 0.0)[:3]
     tightest = np.inf
     for motion in random.normal(0.0, 0.3, (300, 3)):
@@ -180,8 +182,8 @@ def test_the_inequality_behind_the_bound_holds_for_every_motion(name, random):
 def test_the_limit_of_a_box_holds_for_the_poses_in_it(name, random):
     a, given = made(name)
     s = state(a, **given)
-    boxes = moved(s, first(s).halved(flat=False))
-    whole = limits(s, boxes, [1] * 3)[0]
+    boxes = with_best_motions(s, first_boxes(s).halve(flat=False))
+    whole = alpha_limits(s, boxes, [1] * 3)[0]
     bounded = np.isfinite(whole)
     assert bounded.sum() > 100
     inside = 0
@@ -194,7 +196,7 @@ def test_the_limit_of_a_box_holds_for_the_poses_in_it(name, random):
             0.0,
             own.motion,
         )
-        alone, reached = limits(s, there, [1] * 3)
+        alone, reached = alpha_limits(s, there, [1] * 3)
         inside += reached.sum()
         assert np.all(alone[reached] <= whole[bounded][reached] * (1.0 + 1e-12))
     assert inside > 1000
@@ -203,24 +205,24 @@ def test_the_limit_of_a_box_holds_for_the_poses_in_it(name, random):
 def test_two_bounds_of_rods_on_a_pin_agree():
     a, given = made("rfr2")
     for modes in (1, 2, 3):
-        quick = largest(state(a, **given), [modes] * 2)
+        quick = bound_by_pose(state(a, **given), [modes] * 2)
         # by a tenth more, as it is made, less the choice of the motion at every pose
-        assert 0.9 * quick < bound(state(a, **given), [modes] * 2) < 1.1 * quick
+        assert 0.9 * quick < bound_by_boxes(state(a, **given), [modes] * 2) < 1.1 * quick
 
 
 def test_rods_that_are_tight_against_each_other_have_no_bound():
     a = assembly([[-1.0, 0.0], [1.0, 0.0]], stiffness=EI)
-    assert bound(state(a), [1, 1]) == largest(state(a), [1, 1]) == np.inf
+    assert bound_by_boxes(state(a), [1, 1]) == bound_by_pose(state(a), [1, 1]) == np.inf
     near = assembly([[-0.9, 0.0], [0.9, 0.0]], stiffness=EI)
     # 2 rods with 4/alpha each are short of 2 by 0.2, if their loads are equal
-    assert 40.0 < bound(state(near), [1, 1]) < 1.1 * (1.0 + np.sqrt(2.0)) * 20.0 * 1.01
+    assert 40.0 < bound_by_boxes(state(near), [1, 1]) < 1.1 * (1.0 + np.sqrt(2.0)) * 20.0 * 1.01
 
 
 def test_no_pose_of_an_equilibrium_is_left_out():
     """Boxes where starts are drawn hold the poses of all with such loads."""
     f = found("rfr3", 1)
-    boxes = tight(f.state[0], [1] * 3, LATTICE, 0.05)
-    for x, y, phi in f.state.pose[f.alpha.max(axis=1) > LATTICE]:
+    boxes = tight_poses(f.state[0], [1] * 3, MAX_LATTICE_ALPHA, 0.05)
+    for x, y, phi in f.state.pose[f.alpha.max(axis=1) > MAX_LATTICE_ALPHA]:
         off = boxes.where - x - 1j * y
         turn = (boxes.phi - phi + np.pi) % (2.0 * np.pi) - np.pi
         assert np.any(

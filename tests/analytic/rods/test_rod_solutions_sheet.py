@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods import tip
-from proofmass.analytic.rods.all_equilibria import BEYOND, hold, largest, mesh, system
-from proofmass.analytic.rods.elastica import rods
+from proofmass.analytic.rods.all_equilibria import (
+    TRIANGLE_MARGIN,
+    bending_allowance,
+    bound_by_pose,
+    make_mesh,
+    newton_system,
+)
+from proofmass.analytic.rods.elastica import rods_of_chart
 from proofmass.analytic.rods.equilibrium import state
 from tests.analytic.rods.rod_solutions_cases import alphas, found, made
 
@@ -18,21 +24,21 @@ def random():
 def test_loads_are_bounded(random):
     a, given = made("rfr2")
     for modes in (1, 2, 3):
-        assert alphas(found("rfr2", modes)).max() < largest(state(a, **given), [modes] * 2)
+        assert alphas(found("rfr2", modes)).max() < bound_by_pose(state(a, **given), [modes] * 2)
     alpha, q = random.uniform(0.1, 25.0, 4000), random.uniform(-1.0, 1.0, 4000) * 28.0
-    r = rods(alpha, q)
+    r = rods_of_chart(alpha, q)
     along = (r.tip * r.force.conj()).real / np.abs(r.force)
     for mode in (1, 2, 3):
         own = np.floor(r.waves) == mode - 1
         assert own.sum() > 100
         # interpolated between 4001 moduli
-        assert np.all(along[own] >= 1.0 - hold(alpha[own], mode) / alpha[own] - 1e-6)
+        assert np.all(along[own] >= 1.0 - bending_allowance(alpha[own], mode) / alpha[own] - 1e-6)
 
 
 def charted(random, count):
     """Random places of the chart, and the document's names for them."""
     alpha, q = random.uniform(0.2, 15.0, count), random.uniform(-6.0, 6.0, count)
-    r = rods(alpha, q)
+    r = rods_of_chart(alpha, q)
     psi = -np.angle(r.delta) % (2.0 * np.pi)
     least = np.abs(np.cos(psi / 2.0))
     k_rel = np.copysign((np.tanh(np.abs(q)) - least) / (1.0 - least), r.moment)
@@ -58,8 +64,8 @@ def test_derivatives_of_the_chart(random):
     def difference(part, da, dq):
         one, two = (
             (
-                getattr(rods(alpha + n * da, q + n * dq), part)
-                - getattr(rods(alpha - n * da, q - n * dq), part)
+                getattr(rods_of_chart(alpha + n * da, q + n * dq), part)
+                - getattr(rods_of_chart(alpha - n * da, q - n * dq), part)
             )
             / (2.0 * n * h)
             for n in (1, 2)
@@ -82,12 +88,12 @@ def test_mesh_covers_all_rods(modes, random):
     """
     alpha, q = random.uniform(0.3, 19.7, 1200), random.uniform(-1.0, 1.0, 1200)
     q *= alpha + 6.0
-    r = rods(alpha, q)
+    r = rods_of_chart(alpha, q)
     mine = np.flatnonzero((r.waves < modes) & (np.abs(r.tip) < 0.98))
     assert mine.size > 300
     around = 0.06 * np.append(0.0, np.exp(2j * np.pi * np.arange(8) / 8))
-    sheet = mesh(modes, 20.0, 0.08)
-    which, triangles, share = sheet.reaching((r.tip[mine, None] + around).ravel())
+    sheet = make_mesh(modes, 20.0, 0.08)
+    which, triangles, share = sheet.rods_at((r.tip[mine, None] + around).ravel())
     which, own = which // around.size, r.force[mine]
     force = (sheet.force[triangles] * share).sum(axis=1)
     nearest = np.full(mine.size, np.inf)
@@ -100,10 +106,10 @@ def test_newton_matrix_is_the_derivative(random):
     s, h = state(a, **given), 1e-6
     chart = np.stack([random.uniform(1.0, 8.0, (3, 5)), random.uniform(-4.0, 4.0, (3, 5))], axis=1)
     pose = random.uniform(-0.5, 0.5, (3, 5))
-    matrix, x = system(s, chart, pose)[1], np.concatenate([chart.reshape(6, 5), pose])
+    matrix, x = newton_system(s, chart, pose)[1], np.concatenate([chart.reshape(6, 5), pose])
     for j in range(9):
         up, down = (
-            system(s, (x + d).reshape(9, 5)[:6].reshape(3, 2, 5), (x + d)[6:])[0]
+            newton_system(s, (x + d).reshape(9, 5)[:6].reshape(3, 2, 5), (x + d)[6:])[0]
             for d in (h * np.eye(9)[:, j : j + 1], -h * np.eye(9)[:, j : j + 1])
         )
         # second order and rounding over the step, of loads up to 4 N
@@ -112,15 +118,15 @@ def test_newton_matrix_is_the_derivative(random):
 
 def test_a_point_is_reached_by_all_triangles_about_it(random):
     """Of all triangles, without the bins: those in which it is, and no more than are near."""
-    sheet = mesh(1, 6.0, 0.2)
+    sheet = make_mesh(1, 6.0, 0.2)
     point = random.uniform(-0.9, 0.9, 40) + 1j * random.uniform(-0.9, 0.9, 40)
-    which, triangle, share = sheet.reaching(point)
+    which, triangle, share = sheet.rods_at(point)
     a, b, c = np.moveaxis(sheet.tip, -1, 0)[..., None]
     size = ((b - a).conj() * (c - a)).imag
     parts = [((v - u).conj() * (point - u)).imag / size for u, v in ((b, c), (c, a), (a, b))]
     inside, beside = (
         set(zip(*np.nonzero((np.stack(parts) > least).all(axis=0)), strict=True))
-        for least in (0.0, -BEYOND)
+        for least in (0.0, -TRIANGLE_MARGIN)
     )
     reached = set(zip(triangle, which, strict=True))
     assert inside < reached <= beside  # bins lack what is beyond a sharp corner

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from proofmass.analytic.remember import memory_in_use
+from proofmass.analytic.remember import use_memory
 from proofmass.analytic.rods import rod_pinned
 from proofmass.analytic.rods.rod_pinned import pinned, solve
 from tests.independent.rods.cosserat import Section
@@ -83,11 +83,11 @@ def test_neighbours_share_a_search(monkeypatch):
 
     monkeypatch.setattr(rod_pinned, "newton", counted)
     numbers, memory = TAUT | GUESS | {"weight_y": -1.01}, {}
-    with memory_in_use(memory, more=True):
+    with use_memory(memory, store_results=True):
         solve(0.5, **numbers)
     searched = steps[0]
     steps.clear()
-    with memory_in_use(memory, more=False):
+    with use_memory(memory, store_results=False):
         up, down, wide, narrow = (
             solve(0.5, **numbers | {"weight_y": -1.01 + h})["y"] for h in (1e-6, -1e-6, 4e-6, -4e-6)
         )

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from proofmass.analytic.remember import memory_in_use
+from proofmass.analytic.remember import use_memory
 from proofmass.analytic.rods import solve as planar_solve
 from proofmass.analytic.rods import spatial_rod
 from proofmass.analytic.rods.spatial_rod import solve
@@ -313,14 +313,18 @@ def test_a_rod_near_a_known_one_is_not_loaded_from_zero_again(monkeypatch):
     coil = {"length": 2.0, "curvature": 5.0, "twist": 0.3, "torsion": 0.7, "axial": 80.0}
     force, memory = {"force_z": 1.2 * (1.0 + 1e-6), "force_x": 0.3}, {}
     fresh = solve([1.1, 2.0], **coil, **force)
-    with memory_in_use(memory, more=True):
+    with use_memory(memory, store_results=True):
         solve(2.0, **coil, force_z=1.2, force_x=0.3)
-    followed, work = spatial_rod.followed, []
-    monkeypatch.setattr(spatial_rod, "followed", lambda *a: work.append(a) or followed(*a))
-    with memory_in_use(memory, more=False):
+    followed, work = spatial_rod.continue_from_zero, []
+    monkeypatch.setattr(
+        spatial_rod, "continue_from_zero", lambda *a: work.append(a) or followed(*a)
+    )
+    with use_memory(memory, store_results=False):
         near = solve([1.1, 2.0], **coil, **force)
         assert not work
-        monkeypatch.setattr(spatial_rod, "grown", lambda *_: (np.nan,) * 3)  # a guess of no use
+        monkeypatch.setattr(
+            spatial_rod, "cached_clamp_moment", lambda *_: (np.nan,) * 3
+        )  # a guess of no use
         lost = solve([1.1, 2.0], **coil, **force)
         assert work
     for name, values in fresh.items():

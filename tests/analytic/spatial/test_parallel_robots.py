@@ -6,10 +6,10 @@ import pytest
 
 from proofmass import load_case
 from proofmass.analytic import spatial
-from proofmass.analytic.spatial.kinematics import matrices
+from proofmass.analytic.spatial.kinematics import rotation_matrices
 from proofmass.compare import compare
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import plan, solve
+from proofmass.solve import plan_run, solve
 from tests.shipped import loaded, shipped
 
 WEIGHT = np.array([0.0, 0.0, -9.81])
@@ -43,7 +43,7 @@ def spectral(curve: np.ndarray) -> np.ndarray:
 def driven(name: str, inertia: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Values, rates and accelerations (3, drives, n) of the drives of a case, and its reference."""
     case = loaded(shipped(f"{name}.toml"))
-    run = plan(case, "sweep", "mujoco")
+    run = plan_run(case, "sweep", "mujoco")
     state = np.array(run.motion(run.x[::6]))
     model = mujoco.MjModel.from_xml_path(str(case.model_path))
     joints = tuple(drive.joint for drive in run.drives)
@@ -340,7 +340,7 @@ def test_legs_of_these_lengths_lead_the_stewart_platform_on_its_motion():
     turn = 2 * np.pi * np.arange(state.shape[-1]) / (state.shape[-1] - 1)
     place, axes = wobble(turn)
     np.testing.assert_allclose(columns(curves, "platform"), place, rtol=0, atol=2e-8)
-    found = matrices(columns(curves, "turn", "wxyz"))
+    found = rotation_matrices(columns(curves, "turn", "wxyz"))
     np.testing.assert_allclose(found, axes, rtol=0, atol=1e-7)
 
 

@@ -12,7 +12,7 @@ from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import Run
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 
@@ -43,7 +43,7 @@ def test_closed_robots_at_rest_are_those_of_mujoco_with_rigid_loops(name, bodies
     case = load_case(shipped(f"{name}.toml"))
     file, channels = with_sensors(case.model_path, tmp_path)
     assert len(channels) == 6 * bodies
-    whole = plan(case, "sweep", "mujoco")
+    whole = plan_run(case, "sweep", "mujoco")
     run = Run("sweep", whole.x[::20], channels, whole.drives)
     found = in_mujoco(file, run).channels
     joints = tuple(drive.joint for drive in case.drive)

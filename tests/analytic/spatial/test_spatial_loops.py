@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from proofmass import load_case
 from proofmass.analytic import spatial
 from proofmass.analytic.spatial import motion
-from proofmass.analytic.spatial.motion import inverse_of_full
+from proofmass.analytic.spatial.motion import regular_pseudo_inverse
 from proofmass.compare import reference_for
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import solve
@@ -254,7 +254,7 @@ def test_a_stride_that_leaves_its_tangent_is_another_branch(monkeypatch):
     model = compiled("slider_crank_spatial")
     given = {"model": model, "joints": ("crank",), "terms": SmoothTerms(model)}
     assert np.isfinite(spatial.solve([0.1], **given)["slider"]).all()
-    monkeypatch.setattr(motion, "ASTRAY", 0.0)
+    monkeypatch.setattr(motion, "MAX_TANGENT_CHANGE", 0.0)
     with pytest.raises(ValueError, match="no further than the drives at 0: a limit position"):
         spatial.solve([0.2], **given)
 
@@ -294,7 +294,7 @@ def test_the_inverse_of_drives_and_equalities_is_the_pseudo_inverse(rows: int, l
     rng = np.random.default_rng(5)
     left, right = (np.linalg.qr(rng.normal(size=(n, 6)))[0] for n in (rows, 6))
     values = np.geomspace(1.0, least, 6)
-    found = inverse_of_full((left * values) @ right.T)
+    found = regular_pseudo_inverse((left * values) @ right.T)
     assert found is not None
     # rounding of a matrix moves its inverse by eps times the ratio of its singular values
     np.testing.assert_allclose(
@@ -310,11 +310,11 @@ def test_no_matrix_with_a_small_singular_value_has_such_an_inverse(least: float)
         rows = columns + columns % 3
         left, right = (np.linalg.qr(rng.normal(size=(n, columns)))[0] for n in (rows, columns))
         values = np.array([*np.geomspace(1.0, 0.05, columns - 1), least])
-        assert inverse_of_full((left * values) @ right.T) is None
+        assert regular_pseudo_inverse((left * values) @ right.T) is None
 
 
 def test_rows_that_are_nearly_dependent_have_no_such_inverse():
     rows = np.eye(6)
     rows[5] = rows[4] + 1e-6 * rows[5]
-    assert inverse_of_full(rows) is None
-    assert inverse_of_full(rows[:5]) is None
+    assert regular_pseudo_inverse(rows) is None
+    assert regular_pseudo_inverse(rows[:5]) is None

@@ -13,15 +13,15 @@ from proofmass.analytic import planar, spatial
 from proofmass.analytic.equilibrium import Unstable
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
-from proofmass.analytic.spatial.kinematics import advance
+from proofmass.analytic.spatial.kinematics import advance_pose
 from proofmass.analytic.spatial.mechanism import read_tree
 from proofmass.check import check
-from proofmass.reference import compiled, evaluate, properties
+from proofmass.reference import compiled_model, evaluate, properties
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import ChangingLoad, Drive, Run
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.analytic.planar.test_planar_rests import ANGLES, bar, chain, limbs
 from tests.shipped import shipped
 
@@ -68,9 +68,9 @@ def test_balls_turn_evenly_on_a_way(tmp_path):
     """As rates do that act for a unit of time, also by more than half a turn."""
     tree = read_tree(mujoco.MjModel.from_xml_path(str(arm(tmp_path))), "start")
     ways = np.random.default_rng(0).normal(0.0, 2.0, (8, tree.armature.size))
-    begin = advance(tree, tree.start, ways[0])
+    begin = advance_pose(tree, tree.start, ways[0])
     moved = TreeAtRest(tree, ("arm",)).moved(np.tile(begin, (8, 1)), ways)
-    known = [advance(tree, begin, way) for way in ways]
+    known = [advance_pose(tree, begin, way) for way in ways]
     np.testing.assert_allclose(moved, known, rtol=0, atol=1e-15)  # of quaternions, lengths below 8
 
 
@@ -146,7 +146,7 @@ def test_in_a_plane_they_are_those_of_the_planar_reference(tmp_path, ranges):
 def test_rows_that_repeat_what_others_hold_are_no_hindrance():
     """A `connect` of a planar linkage holds the plane's normal twice; a load that changes."""
     case = load_case(shipped("finger.toml"))
-    run, model = plan(case, "sweep", "mujoco"), compiled(case)
+    run, model = plan_run(case, "sweep", "mujoco"), compiled_model(case)
     x = run.x[::4]
     state = tuple(part[0] for part in run.motion(x))
     controls, rates = ({"contact": part[0]} for part in run.controls(x))
@@ -185,7 +185,7 @@ def test_the_wrist_yields_about_its_compliance_centre():
     of the peg.  Held there, the peg turns about x with the square of the way, and about y with the
     cube.
     """
-    model = compiled(load_case(shipped("compliant_wrist.toml")))
+    model = compiled_model(load_case(shipped("compliant_wrist.toml")))
     model.opt.gravity[:] = 0.0
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -223,11 +223,17 @@ def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, long, sho
     """Properties are those of the path or motion that the channels came from."""
     case = load_case(edit(f"{name}.toml", long, short, 1))
     (kind,) = case.run
-    run = plan(case, kind, "mujoco")
+    run = plan_run(case, kind, "mujoco")
     evaluate(case, kind, run.x, run.motion(run.x))
-    kept = [spatial.rests_once.cache_info().misses, spatial.in_time_once.cache_info().misses]
+    kept = [
+        spatial.follow_equilibria_cached.cache_info().misses,
+        spatial.integrate_in_time_cached.cache_info().misses,
+    ]
     assert how in properties(case)["equations of motion"]
-    after = [spatial.rests_once.cache_info().misses, spatial.in_time_once.cache_info().misses]
+    after = [
+        spatial.follow_equilibria_cached.cache_info().misses,
+        spatial.integrate_in_time_cached.cache_info().misses,
+    ]
     assert after == kept
 
 
@@ -281,7 +287,7 @@ def test_the_load_of_the_crane_is_a_point_mass_on_a_rope():
     """
     case = load_case(shipped("tower_crane.toml"))
     times = np.linspace(0.0, 12.0, 25)
-    slew, run = (drive.law for drive in plan(case, "dynamics", "mujoco").drives)
+    slew, run = (drive.law for drive in plan_run(case, "dynamics", "mujoco").drives)
     gravity = np.array([0.0, 0.0, -9.81])
 
     def trolley(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -302,7 +308,7 @@ def test_the_load_of_the_crane_is_a_point_mass_on_a_rope():
     known = solve_ivp(slope, (0, 12), begin, "DOP853", times, rtol=1e-12, atol=1e-12).y
     joints = tuple(drive.joint for drive in case.drive)
     state = [np.array([law(times)[k] for law in (slew, run)]) for k in range(3)]
-    in_time, model = (times, (slew, run)), compiled(case)
+    in_time, model = (times, (slew, run)), compiled_model(case)
     found = spatial.solve(
         *state,
         model=model,
@@ -330,7 +336,7 @@ def test_beside_drives_in_a_plane_it_is_the_planar_motion(stop):
     text = text.replace('axis="1 0 0"/>', 'axis="1 0 0" range="-1 .1" limited="true"/>', 1)
     model = mujoco.MjModel.from_xml_string(text.replace(joint, f"{joint} {stop}"))
     case = load_case(shipped("driven_cart.toml"))
-    run, times = plan(case, "dynamics", "mujoco"), np.linspace(0.0, 1.2, 25)
+    run, times = plan_run(case, "dynamics", "mujoco"), np.linspace(0.0, 1.2, 25)
     (law,) = (drive.law for drive in run.drives)
     state = law(times)
     given = {

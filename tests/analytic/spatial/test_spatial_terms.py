@@ -12,10 +12,10 @@ from proofmass import load_case
 from proofmass.analytic import spatial
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial import terms as own
-from proofmass.analytic.spatial.kinematics import advance
+from proofmass.analytic.spatial.kinematics import advance_pose
 from proofmass.analytic.spatial.mechanism import Tree, read_tree
-from proofmass.analytic.spatial.terms import NAMES, OwnTerms, Terms, TermSource, own_terms
-from proofmass.analytic.spatial.witness import TermsDiffer, bear_witness
+from proofmass.analytic.spatial.terms import TERM_NAMES, OwnTerms, Terms, TermSource, own_terms
+from proofmass.analytic.spatial.witness import TermsDiffer, compare_terms
 from proofmass.errors import InputError
 from proofmass.reference import properties
 from proofmass.sim.protocol import Unsupported
@@ -103,7 +103,7 @@ def everything() -> tuple[mujoco.MjModel, Tree, np.ndarray, np.ndarray]:
     model, rng = mujoco.MjModel.from_xml_string(EVERYTHING), np.random.default_rng(1)
     tree = read_tree(model, "start")
     v = rng.normal(size=(20, model.nv))
-    q = np.array([advance(tree, model.qpos0, rng.normal(size=model.nv)) for _ in v])
+    q = np.array([advance_pose(tree, model.qpos0, rng.normal(size=model.nv)) for _ in v])
     return model, tree, q, v
 
 
@@ -113,7 +113,7 @@ def test_all_terms_are_those_of_mujoco(everything):
     source, found = SmoothTerms(model), own_terms(tree, q, v)
     for k, state in enumerate(zip(q, v, strict=True)):
         theirs = source.terms(*state)
-        for name in NAMES:
+        for name in TERM_NAMES:
             one, two = getattr(found, name)[k], getattr(theirs, name)
             atol = (1e-12 if name == "drift" else 1e-14) * max(1.0, np.abs(two).max())
             np.testing.assert_allclose(one, two, rtol=0, atol=atol, err_msg=name)
@@ -125,7 +125,7 @@ def test_what_a_model_switches_off_is_in_no_term(everything, part):
     model, q, v = mujoco.MjModel.from_xml_string(EVERYTHING), everything[2][:1], everything[3][:1]
     model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}"))
     found, theirs = own_terms(read_tree(model, "start"), q, v), SmoothTerms(model).terms(q[0], v[0])
-    for name in NAMES:
+    for name in TERM_NAMES:
         one, two = getattr(found, name)[0], getattr(theirs, name)
         atol = (1e-12 if name == "drift" else 1e-14) * max(1.0, np.abs(two).max(initial=0.0))
         np.testing.assert_allclose(one, two, rtol=0, atol=atol, err_msg=name)
@@ -190,7 +190,7 @@ def test_rows_of_equalities_are_the_derivatives_of_their_gaps(everything):
     found, step = own_terms(tree, q, v), 1e-4
 
     def gaps(time: float) -> np.ndarray:
-        moved = np.array([advance(tree, *state) for state in zip(q, time * v, strict=True)])
+        moved = np.array([advance_pose(tree, *state) for state in zip(q, time * v, strict=True)])
         return own_terms(tree, moved, v).gap
 
     before, now, after = (gaps(time) for time in (-step, 0.0, step))
@@ -223,17 +223,17 @@ def of_mujoco(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.zeros(1)
 
 
-def free(model: mujoco.MjModel, source: TermSource, times: np.ndarray) -> spatial.Followed:
+def free(model: mujoco.MjModel, source: TermSource, times: np.ndarray) -> spatial.SolvedMotion:
     """Its free motion with the terms of a source."""
-    tree, _ = spatial.sources(model, "start", source)
-    return spatial.moved_in_time(tree, source, (), (), times, (), None)
+    tree, _ = spatial.tree_and_terms(model, "start", source)
+    return spatial.integrate_in_time(tree, source, (), (), times, (), None)
 
 
 def test_the_witness_agrees_with_mujoco():
     model = mujoco.MjModel.from_xml_string(SWINGING)
     times, source = np.linspace(0.0, 0.2, 5), SmoothTerms(model)
     spatial.solve(times, model=model, terms=source)
-    seen = free(model, source, times).witnessed
+    seen = free(model, source, times).comparison
     assert seen.states == 5
     assert seen.difference < 1e-13
 
@@ -256,7 +256,7 @@ def test_the_witness_believes_no_term_that_is_no_number():
     tree, state = read_tree(model, "start"), (model.key_qpos.copy(), model.key_qvel.copy())
     changed = Changed(model, bias=lambda source, q, v: np.nan * v)
     with pytest.raises(TermsDiffer, match="bias force"):
-        bear_witness(tree, changed, np.zeros(1), *state)
+        compare_terms(tree, changed, np.zeros(1), *state)
 
 
 def test_the_witness_notices_another_inertia():
@@ -265,7 +265,7 @@ def test_the_witness_notices_another_inertia():
     model.body_inertia[1, 0] *= 1 + 1e-10
     state = model.key_qpos.copy(), model.key_qvel.copy()
     with pytest.raises(TermsDiffer, match="mass matrix"):
-        bear_witness(tree, SmoothTerms(model), np.zeros(1), *state)
+        compare_terms(tree, SmoothTerms(model), np.zeros(1), *state)
 
 
 @pytest.mark.parametrize("sign", [0.0, -1.0])
@@ -276,8 +276,8 @@ def test_the_witness_notices_a_gyroscopic_term_that_is_missing_or_turned(sign, m
         moments = balances(tree, still, inertia)[1]
         return forces, moments + sign * (balances(tree, motion, inertia)[1] - moments)
 
-    balances = own.balances
-    monkeypatch.setattr(own, "balances", turned)
+    balances = own.newton_euler_forces
+    monkeypatch.setattr(own, "newton_euler_forces", turned)
     model = mujoco.MjModel.from_xml_string(SWINGING)
     with pytest.raises(TermsDiffer, match="bias force"):
         spatial.solve([0.0, 0.01], model=model, terms=SmoothTerms(model))

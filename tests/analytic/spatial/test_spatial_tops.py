@@ -6,7 +6,7 @@ import pytest
 from scipy.special import ellipkm1, elliprf
 
 from proofmass.analytic import spatial
-from proofmass.analytic.spatial.kinematics import matrices
+from proofmass.analytic.spatial.kinematics import rotation_matrices
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
@@ -100,7 +100,9 @@ def test_a_free_body_that_flips_over_is_that_of_the_elliptic_functions():
     assert np.ptp(spin[:, 1]) > 1.99 * start[1]  # it flips
     np.testing.assert_allclose(spin, spins(start, times), rtol=0, atol=1e-9)
     quaternion = np.column_stack([found[f"turn.{part}"] for part in "wxyz"])
-    np.testing.assert_allclose(matrices(quaternion), turns(start, times), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        rotation_matrices(quaternion), turns(start, times), rtol=0, atol=1e-9
+    )
     own = spatial.solve(times[:4], model=model)
     for name, curve in own.items():
         np.testing.assert_allclose(curve, found[name][:4], rtol=0, atol=1e-12)

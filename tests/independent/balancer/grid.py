@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.balancer.model import Balancer, close
+from proofmass.analytic.balancer.model import Balancer, close_chain
 from proofmass.analytic.numerics import Array
 from tests.independent.balancer.trial import (
     centred,
@@ -99,7 +99,7 @@ def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> d
 def _closed(device: Balancer, lead: Array) -> Array:
     """Segments' angles (..., 3) in the pendulum's frame when segment 1 leads it by (...)."""
     mode = np.sign(device.rest[0, 2] - device.rest[0, 1])
-    return close(device.pendulum[0], device.length[0], lead[..., None], mode)
+    return close_chain(device.pendulum[0], device.length[0], lead[..., None], mode)
 
 
 def _release(device: Balancer, alpha: Array, sweep: Array) -> Array:

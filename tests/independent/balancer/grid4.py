@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.balancer.model import Balancer, close
+from proofmass.analytic.balancer.model import Balancer, close_chain
 from proofmass.analytic.numerics import Array
 from tests.independent.balancer.grid import NAMES
 from tests.independent.balancer.trial import (
@@ -128,7 +128,7 @@ def _outer(device: Balancer, points: int) -> Array:
     """Postures (N, 1, 4) with joint 2 straight."""
     r, (a, b, c, d) = device.pendulum[0], device.length[0]
     bar = (opening(r, a + b, c + d) * centred(points))[:, None, None]
-    return close(r, device.length[0], np.concatenate([bar, bar], -1), 1)
+    return close_chain(r, device.length[0], np.concatenate([bar, bar], -1), 1)
 
 
 def _inner(device: Balancer, points: int) -> Array:
@@ -137,7 +137,7 @@ def _inner(device: Balancer, points: int) -> Array:
     turn = device.rest[0, 2] - device.rest[0, 1]
     bar = b + c * np.exp(1j * turn)
     lead = (opening(r, a, abs(bar) + d) * centred(points))[:, None, None]
-    three = close(r, np.array([a, abs(bar), d]), lead, 1)
+    three = close_chain(r, np.array([a, abs(bar), d]), lead, 1)
     second = three[..., 1] - np.angle(bar)
     return np.stack([three[..., 0], second, second + turn, three[..., 2]], -1)
 
@@ -149,7 +149,7 @@ def _free(device: Balancer, points: int) -> Array:
     x, y = -a * np.sin(lead), r - a * np.cos(lead)
     second = np.arctan2(x, y) + opening(np.hypot(x, y), b, c + d) * centred(points)
     first = np.stack(np.broadcast_arrays(lead, second), -1)
-    return close(r, device.length[0], first, 1)
+    return close_chain(r, device.length[0], first, 1)
 
 
 def _energy(device: Balancer, alpha: Array, posture: Array, unilateral: bool) -> Array:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import finite, one_of, positive
+from proofmass.analytic.numerics import check_finite, check_one_of, check_positive
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def _check(
     weight: float,
     mode: int,
 ) -> None:
-    positive(**lengths)
+    check_positive(**lengths)
     if not lengths["length1"] < lengths["pendulum"]:
         raise ValueError(
             f"length1 must be below pendulum = {lengths['pendulum']} m for angles "
@@ -120,8 +120,8 @@ def _check(
     for i, k in enumerate(stiffness, start=1):
         if not 0.0 <= k < np.inf:
             raise ValueError(f"stiffness{i} must be zero or positive [N m/rad], got {k}")
-    finite(rest_angle=rest_angle, weight=weight)
-    one_of((1, -1), mode=mode)
+    check_finite(rest_angle=rest_angle, weight=weight)
+    check_one_of((1, -1), mode=mode)
 
 
 def _bends(

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.balancer.model import balancer, close
+from proofmass.analytic.balancer.model import balancer, close_chain
 from proofmass.analytic.numerics import Array
 
 
@@ -53,7 +53,7 @@ def curve(beta: ArrayLike, **parameters: float) -> dict[str, Array]:
     if b.segments != 3 or b.quadratic[0, 0] != 0:
         raise ValueError("the closed curve is for three segments with a linear spring 1")
     angle = np.asarray(beta, float)
-    psi = close(b.pendulum[0], b.length[0], angle[..., None], int(parameters.get("mode", 1)))
+    psi = close_chain(b.pendulum[0], b.length[0], angle[..., None], int(parameters.get("mode", 1)))
     e = np.diff(psi - b.rest[0], axis=-1, prepend=0.0)
     moment = b.moments(np.reshape(e, (1, -1, 3)))[0].reshape(psi.shape)
     one, two, three = np.moveaxis(psi, -1, 0)

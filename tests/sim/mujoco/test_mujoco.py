@@ -10,14 +10,14 @@ from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 
 def worst(name: str, kind: str, units: tuple[str, ...], **settings) -> float:
     """Largest error over the range, of the channels in those units."""
     case = load_case(shipped(f"{name}.toml"))
-    curves = simulate(case.model_path, replace(plan(case, kind, "mujoco"), settings=settings))
+    curves = simulate(case.model_path, replace(plan_run(case, kind, "mujoco"), settings=settings))
     truth = evaluate(case, kind, curves.x, curves.drive)
     return max(
         float(np.abs(curves.channels[n] - truth.channels[n]).max() / np.ptp(truth.channels[n]))
@@ -41,7 +41,7 @@ def test_sweep_is_the_closed_form_to_rounding(name):
 def test_a_stride_that_ends_on_a_change_point_is_taken_with_the_next(samples):
     """Half of these sample widths is a stride, and one of its ends is pi or 3 pi."""
     case = load_case(shipped("change_point.toml"))
-    run = plan(case, "sweep", "mujoco")
+    run = plan_run(case, "sweep", "mujoco")
     curves = simulate(case.model_path, replace(run, x=np.linspace(0, 4 * np.pi, samples)))
     truth = evaluate(case, "sweep", curves.x, curves.drive)
     for name in ("rocker", "coupler.angle"):  # rounding over the sine of 0.06
@@ -94,7 +94,9 @@ def test_a_duration_says_what_it_was_stepped_with(models, edit):
     tuned, plain = (
         simulate(
             case.model_path,
-            replace(plan(case, "dynamics", "mujoco"), x=np.linspace(0, 0.1, 3), settings=settings),
+            replace(
+                plan_run(case, "dynamics", "mujoco"), x=np.linspace(0, 0.1, 3), settings=settings
+            ),
         ).settings
         for settings in ({}, {"defaults": True})
     )
@@ -111,7 +113,7 @@ def test_a_duration_says_what_it_was_stepped_with(models, edit):
     assert differ == {"timestep", "integrator", "solref", "solimp"}
     more = '<connect name="pin" site1="coupler_end" site2="rocker_end" solref="0.02 1"/></equality>'
     file = edit("fourbar.xml", "</equality>", more.replace('"pin"', '"twice"'))
-    both = simulate(file, replace(plan(case, "dynamics", "mujoco"), x=np.linspace(0, 0.1, 3)))
+    both = simulate(file, replace(plan_run(case, "dynamics", "mujoco"), x=np.linspace(0, 0.1, 3)))
     assert both.settings["solref"] == "several"
     assert both.settings["solimp"] == tuned["solimp"]
 
@@ -121,7 +123,7 @@ def test_a_sweep_uses_no_settings_of_the_stepping_engine():
     one, two = (
         simulate(
             case.model_path,
-            replace(plan(case, "sweep", "mujoco"), x=np.linspace(0, 1, 5), settings=settings),
+            replace(plan_run(case, "sweep", "mujoco"), x=np.linspace(0, 1, 5), settings=settings),
         )
         for settings in ({}, {"defaults": True, "iterations": 1})
     )
@@ -170,7 +172,7 @@ def test_an_equality_of_another_kind_is_named(tmp_path):
 
 def test_friction_of_a_driven_joint_changes_nothing_that_a_duration_shows(edit, models):
     case = load_case(models / "fourbar.toml")
-    run = replace(plan(case, "dynamics", "mujoco"), x=np.linspace(0, 1, 11))
+    run = replace(plan_run(case, "dynamics", "mujoco"), x=np.linspace(0, 1, 11))
     free = simulate(case.model_path, run)
     edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" frictionloss="50"')
     for name, curve in simulate(case.model_path, run).channels.items():
@@ -258,7 +260,7 @@ def test_start_pose_far_from_assembled_is_refused(models, edit):
     file = edit("fourbar.xml", r'qpos="0  1\.35', 'qpos="0  2.35')
     case = load_case(models / "fourbar.toml")
     with pytest.raises(BadModel, match="loop 'pin' is open by"):
-        simulate(file, plan(case, "sweep", "mujoco"))
+        simulate(file, plan_run(case, "sweep", "mujoco"))
 
 
 def test_acceleration_of_a_point_is_free_of_gravity(tmp_path):

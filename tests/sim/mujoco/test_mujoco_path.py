@@ -10,10 +10,10 @@ import pytest
 from proofmass.sim.mujoco import linkage
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.equilibrium import linkage_of
-from proofmass.sim.mujoco.linkage import Linkage, between
+from proofmass.sim.mujoco.linkage import Linkage, interpolate_poses
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from tests.shipped import loaded, shipped
 
 CASES = {  # whether all poses are closed together
@@ -33,7 +33,7 @@ CASES = {  # whether all poses are closed together
 def swept(name: str) -> Curves:
     """The first 240 poses at most of a shipped sweep."""
     case = loaded(shipped(f"{name}.toml"))
-    run = plan(case, "sweep", "mujoco")
+    run = plan_run(case, "sweep", "mujoco")
     return simulate(case.model_path, replace(run, x=run.x[:240]))
 
 
@@ -79,9 +79,9 @@ def test_poses_together_are_those_one_by_one(name, blocks):
 
 
 SLOWER = {
-    "an inverse in every step": ("CHORD", 0.0),
-    "singular values": ("SURE", 0.0),
-    "guesses by tangents": ("BENDS", 0.0),
+    "an inverse in every step": ("MAX_CHORD_DISTANCE", 0.0),
+    "singular values": ("MAX_CONDITION", 0.0),
+    "guesses by tangents": ("MAX_BEND_RATIO", 0.0),
 }
 
 
@@ -98,7 +98,7 @@ def test_poses_one_by_one_are_those_of_a_slower_way(name, how, monkeypatch):
 
 def of_fourbar() -> Linkage:
     case = loaded(shipped("fourbar.toml"))
-    run = plan(case, "sweep", "mujoco")
+    run = plan_run(case, "sweep", "mujoco")
     return linkage_of(*load(case.model_path, run), run)
 
 
@@ -120,11 +120,13 @@ def test_a_guess_by_the_last_stride_is_of_fourth_order():
 def test_elimination_leaves_what_may_be_singular_to_singular_values():
     four = of_fourbar()
     scaled = four.scaled(four.rows()[1])
-    inverse = four.eliminated(scaled, linkage.SURE)
+    inverse = four.invert_by_elimination(scaled, linkage.MAX_CONDITION)
     np.testing.assert_allclose(inverse / four.shares.T @ scaled, np.eye(3), atol=1e-14)
-    assert four.eliminated(scaled, np.linalg.cond(scaled)) is None
-    assert four.eliminated(scaled[[0, 0, 2, 3]], linkage.SURE) is None
-    assert four.eliminated(np.vstack([scaled, scaled[:1]]), linkage.SURE) is None
+    assert four.invert_by_elimination(scaled, np.linalg.cond(scaled)) is None
+    assert four.invert_by_elimination(scaled[[0, 0, 2, 3]], linkage.MAX_CONDITION) is None
+    assert (
+        four.invert_by_elimination(np.vstack([scaled, scaled[:1]]), linkage.MAX_CONDITION) is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -134,7 +136,9 @@ def test_a_guess_that_is_far_off_is_not_taken(
     spoil: Callable[[np.ndarray], np.ndarray], blocks, monkeypatch
 ):
     wanted = swept("fourbar")
-    monkeypatch.setattr(linkage, "between", lambda *given: spoil(between(*given)))
+    monkeypatch.setattr(
+        linkage, "interpolate_poses", lambda *given: spoil(interpolate_poses(*given))
+    )
     found = swept("fourbar")
     assert blocks == [True, False]
     assert far_apart(found, wanted) < 1e-11
@@ -142,7 +146,7 @@ def test_a_guess_that_is_far_off_is_not_taken(
 
 def test_blocks_of_poses_go_on_where_the_last_one_ended(blocks, monkeypatch):
     wanted = swept("fourbar")
-    monkeypatch.setattr(linkage, "BLOCK", 60)
+    monkeypatch.setattr(linkage, "POSES_PER_BLOCK", 60)
     found = swept("fourbar")
     assert blocks == [True] * 5
     assert far_apart(found, wanted) < 1e-11
@@ -151,7 +155,7 @@ def test_blocks_of_poses_go_on_where_the_last_one_ended(blocks, monkeypatch):
 def test_a_sweep_to_a_limit_position_ends_where_it_does_one_by_one(blocks, monkeypatch):
     """A drive that is asked to turn on, where the linkage can only swing."""
     case = loaded(shipped("double_rocker.toml"))
-    run = plan(case, "sweep", "mujoco")
+    run = plan_run(case, "sweep", "mujoco")
     (drive,) = run.drives
     begin = float(drive.law(run.x)[0][0])
 
@@ -178,10 +182,10 @@ def test_guesses_are_exact_for_polynomials_of_third_degree():
         return np.column_stack([d[:, 0] ** 3 - d[:, 1], d[:, 1] ** 2])
 
     ways = np.array([[[3 * a**2, -1.0], [0.0, 2 * b]] for a, b in drives[knots]])
-    guess = between(drives, knots, pose(drives[knots]), ways)
+    guess = interpolate_poses(drives, knots, pose(drives[knots]), ways)
     assert np.abs(guess - pose(drives)).max() < 1e-15
     aside = drives.copy()
     aside[3] += [-0.002, 0.001]  # across the line
-    off = between(aside, knots, pose(drives[knots]), ways)[3] - pose(aside)[3]
+    off = interpolate_poses(aside, knots, pose(drives[knots]), ways)[3] - pose(aside)[3]
     assert np.abs(off).max() < 1e-3  # the ways of the knots for those of the place between
     assert np.abs(pose(drives)[3] - pose(aside)[3]).max() > 1.3e-3

@@ -15,7 +15,7 @@ from proofmass.sim.mujoco import settling
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.quasi_static import sweep
-from proofmass.sim.mujoco.settling import settled
+from proofmass.sim.mujoco.settling import settled_sweep
 from proofmass.sim.protocol import BadModel, Curves, Drive, NotSolved, Run
 
 ALPHA = Drive("pendulum", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
@@ -165,7 +165,7 @@ def test_an_unstable_rest_at_the_start_is_an_error(file):
 
 def in_time(path: Path, run: Run) -> Curves:
     model, data = load(path, run)
-    return settled(model, data, run)
+    return settled_sweep(model, data, run)
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_the_setting_chooses_and_has_no_rates(file):
 
 
 def test_an_engine_that_does_not_come_to_rest_is_said_to(file, monkeypatch):
-    monkeypatch.setattr(settling, "MOST", 200)
+    monkeypatch.setattr(settling, "MAX_STEPS", 200)
     with pytest.raises(
         NotSolved, match=r"not at rest after 150 steps at pendulum = 0.17.*moves at"
     ):

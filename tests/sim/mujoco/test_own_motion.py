@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.own_motion import (
-    Turning,
-    changed_copy,
+    CoordinateRates,
+    copy_with_changes,
     solve_closely,
     solve_own_motion,
 )
@@ -46,7 +46,9 @@ def test_rates_of_coordinates_are_those_of_the_engine():
     mujoco.mj_integratePos(model, ahead, speed, h)
     mujoco.mj_integratePos(model, back, speed, -h)
     slope = (ahead - back) / (2 * h)
-    assert np.abs(Turning(model).rates(pose, speed) - slope).max() < 1e-9  # of central differences
+    assert (
+        np.abs(CoordinateRates(model).rates(pose, speed) - slope).max() < 1e-9
+    )  # of central differences
 
 
 def test_a_spinning_body_is_that_of_eulers_equations(tmp_path):
@@ -129,15 +131,15 @@ def test_finer_steps_let_nothing_sleep():
         MIXED.replace("<mujoco>", '<mujoco><option><flag sleep="enable"/></option>')
     )
     asleep = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    assert changed_copy(model, model.opt.timestep).opt.enableflags & asleep
-    assert not changed_copy(model, model.opt.timestep / 2).opt.enableflags & asleep
+    assert copy_with_changes(model, model.opt.timestep).opt.enableflags & asleep
+    assert not copy_with_changes(model, model.opt.timestep / 2).opt.enableflags & asleep
     assert model.opt.enableflags & asleep
 
 
 def test_stiffer_is_stiffer():
     model = mujoco.MjModel.from_xml_string(MIXED)
     model.geom_solref[1] = -100.0, -2.0
-    changed = changed_copy(model, 1e-3, stiffer=4.0)
+    changed = copy_with_changes(model, 1e-3, stiffer=4.0)
     assert changed.geom_solref[0].tolist() == [0.005, 1.0]
     assert changed.geom_solref[1].tolist() == [-1600.0, -8.0]
     assert model.geom_solref[0].tolist() == [0.02, 1.0]

@@ -9,7 +9,7 @@ import pytest
 from proofmass import reference
 from proofmass.compare import compare
 from proofmass.errors import InputError
-from proofmass.reference import evaluate, grid
+from proofmass.reference import evaluate, run_samples
 from proofmass.self_consistency import Rung
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
@@ -37,7 +37,7 @@ def tumbling(**changed):
 @pytest.fixture
 def fewer_steps(monkeypatch):
     """Steps down to an eighth alone, which tell how long a motion is known, and not its curves."""
-    monkeypatch.setattr(own_motion, "HALVINGS", own_motion.FEWEST)
+    monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
 
 
 def test_the_engines_sensor_of_kinetic_energy_is_an_evaluation_late():
@@ -60,7 +60,7 @@ def test_the_engines_sensor_of_kinetic_energy_is_an_evaluation_late():
 def test_a_motion_without_contacts_is_that_of_the_spatial_reference(name, until):
     """Which integrates the same equations with an allowance of 3e-14."""
     case = refined(name, until=until, n=41)
-    x = grid(case, "dynamics")
+    x = run_samples(case, "dynamics")
     found = evaluate(case, "dynamics", x, None).channels
     other = case.model_copy(update={"reference": "spatial"})
     true = evaluate(other, "dynamics", x, None).channels
@@ -99,12 +99,12 @@ def test_the_page_says_why_the_motion_is_known():
 
 
 def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
-    reference.closely_once.cache_clear()
-    monkeypatch.setattr(Rung, "sure", False)
+    reference.solve_closely_once.cache_clear()
+    monkeypatch.setattr(Rung, "is_sure", False)
     case = load_case(shipped("euler_top.toml")).model_copy(update={"reference": "refined"})
     with pytest.raises(InputError, match=r"motion is not known until 0.1 s: until 0.1 s, its end"):
         evaluate(case, "dynamics", np.linspace(0.0, 0.1, 3), None)
-    reference.closely_once.cache_clear()
+    reference.solve_closely_once.cache_clear()
 
 
 def test_a_sweep_and_rods_are_refused():
@@ -156,7 +156,7 @@ def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
 @pytest.mark.usefixtures("fewer_steps")
 def test_controls_that_change_are_those_of_the_planar_reference():
     case = refined("axes_controlled", n=11, until=0.5)
-    x = grid(case, "dynamics")
+    x = run_samples(case, "dynamics")
     found = evaluate(case, "dynamics", x, None).channels
     true = evaluate(case.model_copy(update={"reference": "planar"}), "dynamics", x, None).channels
     for channel, curve in true.items():

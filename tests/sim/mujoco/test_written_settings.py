@@ -10,13 +10,19 @@ import pytest
 from proofmass.drive import motion_source
 from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.mujoco.engine import pasted
+from proofmass.sim.mujoco.engine import insert_snippet
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.program import write_program
-from proofmass.sim.mujoco.settings import PLACES, SOFTNESS, MujocoSettings, configure, named_values
+from proofmass.sim.mujoco.settings import (
+    SETTING_PLACES,
+    SOFTNESS_SETTINGS,
+    MujocoSettings,
+    configure,
+    option_values,
+)
 from proofmass.sim.mujoco.tried_settings import recipes
-from proofmass.sim.protocol import Run, Studied, leading
-from proofmass.solve import simulate
+from proofmass.sim.protocol import Run, Studied, first_number
+from proofmass.solve import call_engine
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import snippet
 from tests.programs import program_curves
@@ -43,7 +49,7 @@ def others(key: str) -> list[ParameterValue]:
     """Values of a setting that are not MuJoCo's own: of words all, of others one."""
     value = own(key)
     if isinstance(value, str):
-        return [word for word in named_values(key) if word != value.lower()]
+        return [word for word in option_values(key) if word != value.lower()]
     if isinstance(value, bool):
         return [not value]
     if isinstance(value, int):
@@ -60,7 +66,9 @@ def read(model: mujoco.MjModel) -> dict[str, object]:
     found = {name: np.asarray(getattr(model.opt, name)).tolist() for name in fields}
     assert {"timestep", "cone", "disableflags", "noslip_iterations"} <= found.keys()
     soft = {
-        f"{of}_{key}": getattr(model, f"{of}_{key}") for of in ("eq", "jnt") for key in SOFTNESS
+        f"{of}_{key}": getattr(model, f"{of}_{key}")
+        for of in ("eq", "jnt")
+        for key in SOFTNESS_SETTINGS
     }
     return {**found, **{name: rows.tolist() for name, rows in soft.items()}}
 
@@ -86,7 +94,7 @@ def in_run(file: Path, settings: dict) -> mujoco.MjModel:
 def in_snippet(file: Path, settings: dict) -> mujoco.MjModel:
     """The model with a snippet pasted."""
     return mujoco.MjModel.from_xml_string(
-        pasted(file, snippet(Setting("mujoco", settings), 1, file))
+        insert_snippet(file, snippet(Setting("mujoco", settings), 1, file))
     )
 
 
@@ -98,7 +106,7 @@ def scene(tmp_path: Path) -> Path:
 
 
 def test_every_setting_is_written_or_is_the_product_s_own() -> None:
-    assert PLACES.keys() | OURS == MujocoSettings.model_fields.keys()
+    assert SETTING_PLACES.keys() | OURS == MujocoSettings.model_fields.keys()
 
 
 def test_the_settings_of_mujoco_are_what_it_has_by_itself() -> None:
@@ -122,7 +130,7 @@ def test_a_setting_is_written_as_it_is_applied(
     applied = compile_model(scene)
     configure(applied, {key: value})
     assert read(in_snippet(scene, {key: value})) == read(applied)
-    scene.write_text(pasted(scene, snippet(Setting("mujoco", {key: value}), 1, scene)))
+    scene.write_text(insert_snippet(scene, snippet(Setting("mujoco", {key: value}), 1, scene)))
     assert read(compile_model(scene)) == read(applied)
     assert read(in_program(scene, {})) == read(in_run(scene, {})) == read(told)
     back = in_run(scene, {key: own(key)})
@@ -166,9 +174,9 @@ def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Pat
             settings={"warmstart": False, **settings},
         )
 
-    wanted = simulate("mujoco", file, run(settings)).channels
+    wanted = call_engine("mujoco", file, run(settings)).channels
     fewer = dict(list(settings.items())[:-1])
-    without = simulate("mujoco", file, run(fewer)).channels
+    without = call_engine("mujoco", file, run(fewer)).channels
     found = program_curves(write_program(file, run(settings), "", ""), tmp_path)
     for name, curve in wanted.items():
         assert found[name].tolist() == curve.tolist()
@@ -196,12 +204,12 @@ def test_a_program_closes_its_loop_as_the_product_s_own_run(
     case = load_case(shipped("fourbar.toml"))
     table = case.run["dynamics"].model_copy(update={"n": 21})
     case = case.model_copy(update={"run": {"dynamics": table}})
-    _, run = Setting("mujoco", {**base, **changed}).applied(case, "dynamics")
-    _, other = Setting("mujoco", {**base, **unchanged}).applied(case, "dynamics")
+    _, run = Setting("mujoco", {**base, **changed}).apply_to(case, "dynamics")
+    _, other = Setting("mujoco", {**base, **unchanged}).apply_to(case, "dynamics")
     motion = motion_source([each.law for each in run.drives], run.x)
     found = program_curves(write_program(case.model_path, run, motion, ""), tmp_path)
-    wanted = simulate("mujoco", case.model_path, run).channels
-    without = simulate("mujoco", case.model_path, other).channels
+    wanted = call_engine("mujoco", case.model_path, run).channels
+    without = call_engine("mujoco", case.model_path, other).channels
     for name, curve in wanted.items():
         assert found[name].tolist() == curve.tolist()
     assert max(np.abs(curve - without[name]).max() for name, curve in wanted.items()) > 1e-7
@@ -224,8 +232,12 @@ def test_impacts_on_limits_are_tried_with_more_steps(limited: str, softest: int)
     """An impact lasts as long as the time constant, and is as exact as the steps in it."""
     model = mujoco.MjModel.from_xml_string(SCENE.replace('limited="true"', f'limited="{limited}"'))
     about = Studied(model, np.linspace(0.0, 1.0, 11), 1e4, False, False, lambda: False)
-    tried = [leading(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", about)]
+    tried = [
+        first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", about)
+    ]
     assert max(tried) == softest
     driven = replace(about, driven=True)
-    tried = [leading(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", driven)]
+    tried = [
+        first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", driven)
+    ]
     assert max(tried) == 8

@@ -12,11 +12,11 @@ from proofmass.analytic import planar
 from proofmass.engines import engine_of
 from proofmass.sim.protocol import BadModel, Drive, Run
 from proofmass.sim.pymunk import quasi_static
-from proofmass.sim.pymunk.dynamics import contraction
+from proofmass.sim.pymunk.dynamics import contraction_factor
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.model import read_links, read_model
-from proofmass.sim.pymunk.space import build, put
-from proofmass.solve import plan
+from proofmass.sim.pymunk.space import build_space, set_states
+from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 HEAD = (
@@ -287,15 +287,15 @@ def test_nothing_at_rest_depends_on_inertia(name, monkeypatch):
     What is left of an error in an iteration says how many are needed.
     """
     case = load_case(shipped(f"{name}.toml"))
-    run = plan(case, "sweep", "pymunk")
+    run = plan_run(case, "sweep", "pymunk")
     run = replace(run, x=run.x[:: len(run.x) // 12])
     found, shares = [], []
-    for masses in (quasi_static.quick, lambda links: links):
-        monkeypatch.setattr(quasi_static, "quick", masses)
+    for masses in (quasi_static.replace_inertia, lambda links: links):
+        monkeypatch.setattr(quasi_static, "replace_inertia", masses)
         found.append(simulate(case.model_path, run).channels)
         links, settings = read_model(case.model_path, run)
-        held = quasi_static.hold(links, settings)
-        shares.append(contraction(held.links, held.pose))
+        held = quasi_static.start_sweep(links, settings)
+        shares.append(contraction_factor(held.links, held.pose))
     for channel, curve in found[0].items():
         np.testing.assert_allclose(curve, found[1][channel], rtol=1e-9, atol=1e-9)  # iterations
     assert np.log(shares[0]) < 2.5 * np.log(shares[1])
@@ -304,7 +304,7 @@ def test_nothing_at_rest_depends_on_inertia(name, monkeypatch):
 def test_a_sweep_takes_no_more_iterations_with_a_coupler_of_a_gram(tmp_path):
     """The crank has 1000 kg.  The drive does the work that the weights of the bars ask for."""
     case = load_case(shipped("fourbar.toml"))
-    run = plan(case, "sweep", "pymunk")
+    run = plan_run(case, "sweep", "pymunk")
     run = replace(run, x=run.x[::30])
     text = case.model_path.read_text()
     for mass, turn, factor in (("1", "0.0833333333333333", 1e3), ("2", "0.666666666666667", 5e-4)):
@@ -361,12 +361,12 @@ def test_contraction_is_what_the_engine_does():
     links, speeds = read_links(model, "start", ()), {}
     # the pins alone leave the linkage free to fall
     for count in (60, 120, 5000):
-        space = build(links, count, 0.0)
-        put(space, links.pose, np.zeros_like(links.pose))
+        space = build_space(links, count, 0.0)
+        set_states(space, links.pose, np.zeros_like(links.pose))
         space.step(1e-3)
         speeds[count] = np.array([[*b.velocity, b.angular_velocity] for b in space.bodies])
     early, late = (np.abs(speeds[n] - speeds[5000]).max() for n in (60, 120))
-    assert late / early == pytest.approx(contraction(links, links.pose) ** 60, rel=0.05)
+    assert late / early == pytest.approx(contraction_factor(links, links.pose) ** 60, rel=0.05)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])

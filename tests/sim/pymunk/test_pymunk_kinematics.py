@@ -7,15 +7,15 @@ from proofmass import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.pymunk import kinematics
 from proofmass.sim.pymunk.kinematics import (
-    bound,
+    constraint_values,
+    energy_gradient,
     find_modes,
     free_directions,
     jacobian,
     joint_value,
     joint_values,
     potential,
-    slope,
-    values,
+    values_of,
 )
 from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.model import read_links
@@ -45,13 +45,13 @@ def test_the_slope_is_that_of_the_energy(name):
     stops = tuple(joint for joint in links.joints if joint.limits)
     random = np.random.default_rng(1)
     pose = links.pose + 0.3 * random.normal(size=(3, *links.pose.shape))
-    pull = random.normal(size=bound(links, pose).shape[-1] + len(stops))
+    pull = random.normal(size=constraint_values(links, pose).shape[-1] + len(stops))
 
     def energy(p):
-        held = np.concatenate([bound(links, p), values(stops, p)], axis=-1)
+        held = np.concatenate([constraint_values(links, p), values_of(stops, p)], axis=-1)
         return potential(links, p) - held @ pull
 
-    found = slope(links, pose, pull, stops)
+    found = energy_gradient(links, pose, pull, stops)
     for one, there in zip(pose, found, strict=True):
         truth = jacobian(energy, one)
         # rounding of sums
@@ -79,7 +79,7 @@ def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled
     links = links_of(name)
     pose = links.pose + 0.01 * np.random.default_rng(3).normal(size=links.pose.shape)
     pose[-1] = 0.0  # the ground
-    rows = jacobian(lambda p: bound(links, p), pose)
+    rows = jacobian(lambda p: constraint_values(links, p), pose)
     given = np.vstack([rows, rows[:1] + rows[-1:]]) if doubled else rows
     called = []
     svd = np.linalg.svd
@@ -103,8 +103,8 @@ def test_pulls_hold_what_springs_and_weights_ask_for(name):
     """All that is left of the slope, with the pulls, is along the free motions."""
     links = links_of(name)
     modes = find_modes(links, links.pose, ())
-    left = slope(links, links.pose, modes.pull, ())
-    load = slope(links, links.pose, np.zeros_like(modes.pull), ())
+    left = energy_gradient(links, links.pose, modes.pull, ())
+    load = energy_gradient(links, links.pose, np.zeros_like(modes.pull), ())
     free = modes.sum(modes.of(left)) * links.inertia
     size = np.abs(load / links.inertia.clip(min=links.inertia[:-1].min()) ** 0.5).max()
     rest = (left - free)[:-1] / links.inertia[:-1] ** 0.5

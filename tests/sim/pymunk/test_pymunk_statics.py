@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from proofmass.sim.protocol import Drive, Run
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.links import LinkJoint
-from proofmass.sim.pymunk.quasi_static import lagrange, nodes, ways_along
+from proofmass.sim.pymunk.quasi_static import lagrange_weights, ratio_of_ways, rests_on_way
 from tests.shipped import shipped
 
 FLAT = '<option gravity="0 0 0"><flag contact="disable"/></option>'
@@ -396,20 +396,23 @@ def test_stops_on_both_sides_lock_a_balancer(tmp_path):
 
 def test_a_rest_is_guessed_by_a_polynomial_through_the_ones_before_it():
     """Of third degree through four, and the straight line where the drives turned before."""
-    places, _ = nodes([([0.0], 0), ([1.0], 1), ([2.0], 8), ([3.0], 27)], [4.0])
+    places, _ = rests_on_way([([0.0], 0), ([1.0], 1), ([2.0], 8), ([3.0], 27)], [4.0])
     assert places == [-1.0, -2.0, -3.0, -4.0]
     for past, degree in ((1, 1), (2, 2), (3, 3)):
-        parts = lagrange(1.5, places[:past])
+        parts = lagrange_weights(1.5, places[:past])
         here = 1.0 - sum(parts)
         for power in range(degree + 1):
             values = [(4.0 + place) ** power for place in places[:past]]
             found = here * 4.0**power + sum(a * b for a, b in zip(parts, values, strict=True))
             assert found == pytest.approx(5.5**power, rel=1e-12)
-    assert nodes([([5.0], 0), ([3.0], 1)], [4.0])[0] == [-1.0]
-    assert nodes([([0.0, 0.0], 0), ([0.5, 1.0], 1), ([1.0, 1.0], 2)], [2.0, 1.0])[0] == [-1.0, -1.5]
-    assert np.isnan(ways_along([1.0, 0.0], [1.0, 1.0]))
-    assert ways_along([0.0], [1.0]) == 0.0
-    assert ways_along([], []) == 0.0
+    assert rests_on_way([([5.0], 0), ([3.0], 1)], [4.0])[0] == [-1.0]
+    assert rests_on_way([([0.0, 0.0], 0), ([0.5, 1.0], 1), ([1.0, 1.0], 2)], [2.0, 1.0])[0] == [
+        -1.0,
+        -1.5,
+    ]
+    assert np.isnan(ratio_of_ways([1.0, 0.0], [1.0, 1.0]))
+    assert ratio_of_ways([0.0], [1.0]) == 0.0
+    assert ratio_of_ways([], []) == 0.0
 
 
 def test_moments_have_their_sign_beside_where_they_vanish(tmp_path):

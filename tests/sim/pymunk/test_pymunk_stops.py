@@ -94,7 +94,7 @@ def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
 
 def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
     """Iterations are needed by the ten thousands where a joint comes to its stop."""
-    monkeypatch.setattr(quasi_static, "MOST_ITERATIONS", 2000)
+    monkeypatch.setattr(quasi_static, "MAX_ITERATIONS", 2000)
     with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
         light(tmp_path, LOCKED["four"], [5.0], ("holding_moment",))
 
@@ -102,7 +102,9 @@ def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
 @pytest.mark.parametrize("doubt", [6, 8])
 def test_a_short_step_to_a_stop_is_no_rest(doubt, tmp_path, monkeypatch):
     """Nor may it be what the drive is read in: 1e-16 m over its square is felt as a moment."""
-    monkeypatch.setattr(quasi_static, "DOUBT", doubt)  # begins anew a hair from the stop, and often
+    monkeypatch.setattr(
+        quasi_static, "STEPS_BEFORE_CHECK", doubt
+    )  # begins anew a hair from the stop, and often
     got = light(tmp_path, SHORT, np.arange(5.0, 95.0, 5.0), ("deflection1", "holding_moment"))
     # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
     np.testing.assert_allclose(got["holding_moment"], 4.3498 * got["deflection1"], atol=1e-10)

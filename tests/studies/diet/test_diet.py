@@ -14,10 +14,17 @@ from typer.testing import CliRunner
 from proofmass.cli import app
 from proofmass.compare import compare
 from proofmass.sidecar import load_case
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.studies.diet.diet import Diet, DietSearch
-from proofmass.studies.diet.edits import EditedModel, all_digits, flatten, read, shortest, write
-from proofmass.studies.diet.scene import DietScene, monitored_run, scene_of
+from proofmass.studies.diet.edits import (
+    EditedModel,
+    read_model,
+    remove_material,
+    shorten,
+    write_all_digits,
+    write_model,
+)
+from proofmass.studies.diet.scene import DietScene, load_scene, monitor_run
 from proofmass.studies.diet.trial import most_iterations
 from tests.shipped import shipped
 
@@ -106,7 +113,7 @@ def padded(folder: Path) -> Path:
 
 def searched(file: Path, seconds: float = 0.3, **how: bool) -> tuple[DietScene, Diet]:
     """A diet without timings."""
-    scene = scene_of(file, seconds)
+    scene = load_scene(file, seconds)
     return scene, DietSearch(scene, rounds=0, **how).run()
 
 
@@ -162,7 +169,7 @@ def test_what_matters_is_kept(stripped, kind, name):
 
 def test_nothing_is_left_to_remove(stripped, tmp_path):
     file = tmp_path / "reduced.xml"
-    write(stripped[1].reduced, file)
+    write_model(stripped[1].reduced, file)
     _, again = searched(file, blind=True)
     assert not [e for e in again.entries if e.outcome == "harmless"]
 
@@ -175,8 +182,8 @@ def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
 
 def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance():
     case = load_case(shipped("fourbar.toml"))
-    run = plan(case, "dynamics", "mujoco")
-    monitored = monitored_run(case, run, "mujoco", read(case.model_path))
+    run = plan_run(case, "dynamics", "mujoco")
+    monitored = monitor_run(case, run, "mujoco", read_model(case.model_path))
     found = [c for c in compare(case, "dynamics", "mujoco", monitored.before) if c.allowed > 0]
     assert len(found) > 5
     for c in found:
@@ -188,7 +195,7 @@ def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance
 
 def test_a_diet_that_allows_too_much_is_noticed(tmp_path, monkeypatch):
     # a mutation: with a loose tolerance the ball loses its table
-    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING", 1e6)
+    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING_SHARE", 1e6)
     _, found = searched(model(tmp_path))
     assert "pin" not in names(found.reduced.spec)["equalities"]
 
@@ -207,7 +214,7 @@ def test_without_sensors_everything_that_moves_is_watched(tmp_path):
     _, found = searched(file, blind=True)
     assert names(found.reduced.spec)["joints"] == {"ball", "arm", "slide", "brace"}
     written = tmp_path / "reduced.xml"
-    write(found.reduced, written)
+    write_model(found.reduced, written)
     assert mujoco.MjModel.from_xml_path(str(written)).nsensor == 0
 
 
@@ -249,7 +256,7 @@ def test_a_model_is_written_with_all_its_digits(tmp_path, name):
 
     rods = load_case(shipped(f"{name}.toml")).rods
     edited, file = EditedModel(shipped(f"{name}.xml"), rods), tmp_path / f"{name}.xml"
-    write(edited, file)
+    write_model(edited, file)
     before, after = edited.compiled(), EditedModel(file, rods).compiled()
     for field in (
         "qpos0",
@@ -266,8 +273,8 @@ def test_a_model_is_written_with_all_its_digits(tmp_path, name):
 def test_the_digits_are_put_back():
     spec = mujoco.MjSpec.from_string('<mujoco><option timestep="0.00123456789"/></mujoco>')
     spec.compile()
-    with all_digits():
-        assert "0.00123456789" in shortest(spec.to_xml())
+    with write_all_digits():
+        assert "0.00123456789" in shorten(spec.to_xml())
     assert "0.00123457" in spec.to_xml()
 
 
@@ -293,8 +300,8 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
 @pytest.mark.usefixtures("undrawn")
 def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
     # timings are not looked at
-    monkeypatch.setattr("proofmass.studies.diet.trial.own_core", nullcontext)
-    monkeypatch.setattr("proofmass.studies.diet.trial.SPAN", 0.0)
+    monkeypatch.setattr("proofmass.studies.diet.trial.reserve_processor", nullcontext)
+    monkeypatch.setattr("proofmass.studies.diet.trial.MIN_ROUNDS_SECONDS", 0.0)
     file, reduced = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "reduced.xml"
     for _ in range(2):
         answer = CliRunner().invoke(
@@ -304,7 +311,7 @@ def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path,
         monkeypatch.setattr(
             DietSearch, "judge_changes", None
         )  # the second time nothing is run again
-        monkeypatch.setattr("proofmass.studies.diet.diet.finish", lambda *_: None)
+        monkeypatch.setattr("proofmass.studies.diet.diet.write_result", lambda *_: None)
     assert "sun" not in reduced.read_text()
     assert not list(reduced.parent.glob("*.part*"))
     rows = list(csv.DictReader(reduced.with_suffix(".csv").read_text().splitlines()))
@@ -325,7 +332,7 @@ def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
         )
     )
     _, found = searched(file)
-    write(found.reduced, tmp_path / "reduced.xml")
+    write_model(found.reduced, tmp_path / "reduced.xml")
     reduced = mujoco.MjModel.from_xml_path(str(tmp_path / "reduced.xml"))
     assert reduced.nmat == 0
     assert reduced.geom_rgba[0] == pytest.approx([0.5, 0.5, 0.5, 1])
@@ -344,13 +351,13 @@ def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
       <geom size=".1" pos="0 .5 0"/><site name="low" pos="0 .5 0"/></body></worldbody>
       <tendon><spatial name="rope" {own} stiffness="5"><site site="top"/><site site="low"/>
       </spatial></tendon></mujoco>""")
-    reduced = read(file).without(partial(flatten, name="steel"))
+    reduced = read_model(file).without(partial(remove_material, name="steel"))
     if usual:
         with pytest.raises(ValueError, match="tendon 'rope' is made of it"):
-            reduced.without(partial(flatten, name="red"))
+            reduced.without(partial(remove_material, name="red"))
     else:
-        reduced = reduced.without(partial(flatten, name="red"))
-    write(reduced, tmp_path / "reduced.xml")
+        reduced = reduced.without(partial(remove_material, name="red"))
+    write_model(reduced, tmp_path / "reduced.xml")
     found = mujoco.MjModel.from_xml_path(str(tmp_path / "reduced.xml"))
     assert [found.material(k).name for k in range(found.nmat)] == ["red"] * bool(usual)
     assert found.tendon_matid[0] == (0 if usual else -1)
@@ -365,7 +372,7 @@ def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations)
     )
     text = text.replace("0 3 0.1 1 0 0 0 ", "")
     (tmp_path / "bars.xml").write_text(text if loops else re.sub("<connect.*?/>", "", text))
-    scene = scene_of(tmp_path / "bars.xml", 0.1)
+    scene = load_scene(tmp_path / "bars.xml", 0.1)
     monitored = scene.monitored_runs[0]
     assert most_iterations(scene.edited.compiled(), monitored.brief, 1e-8) == iterations
 

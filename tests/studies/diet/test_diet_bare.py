@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from proofmass.studies.diet.diet import Diet, DietSearch
-from proofmass.studies.diet.edits import EditedModel, set_option, write
-from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.edits import EditedModel, set_option, write_model
+from proofmass.studies.diet.scene import load_scene
 from tests.studies.diet.test_diet import BALLAST, model
 
 BARE = Path(__file__).with_name("diet_bare.py")
@@ -52,13 +52,13 @@ def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str,
 
 def dieted(file: Path, folder: Path, seconds: float, **more: object) -> tuple[Diet, Path]:
     """A diet, and the file that it wrote."""
-    found = DietSearch(scene_of(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
+    found = DietSearch(load_scene(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
     return found, written(found.reduced, folder)
 
 
 def written(edited: EditedModel, folder: Path, name: str = "reduced") -> Path:
     """The file of an edited model."""
-    write(edited, folder / f"{name}.xml")
+    write_model(edited, folder / f"{name}.xml")
     return folder / f"{name}.xml"
 
 
@@ -83,7 +83,7 @@ def test_a_scene_without_its_ballast_moves_to_rounding(tmp_path):
 
 def test_what_was_allowed_too_much_shows_in_the_bare_engine(tmp_path, monkeypatch):
     # a mutation of the diet itself: changes up to all of a channel's size are called rounding
-    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING", 1.0)
+    monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING_SHARE", 1.0)
     file = model(tmp_path, **{**BALLAST, "option": ""})
     _, reduced = dieted(file, tmp_path, 0.3)
     assert bare(file, reduced, 0.3, joints=["arm"])["arm"]["moved"] > 0.01

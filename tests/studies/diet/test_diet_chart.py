@@ -8,8 +8,21 @@ import pytest
 
 from proofmass.report.figures import save
 from proofmass.studies.diet import page as diet_page
-from proofmass.studies.diet.page import LEAST, mark_of, sentence, times, write_diet
-from proofmass.studies.diet.table import NO_GAIN, OPTION, WHOLE, Entry, read_entries, write_entries
+from proofmass.studies.diet.page import (
+    MIN_COST_SHARE,
+    describe_entry,
+    outcome_marker,
+    step_times,
+    write_diet,
+)
+from proofmass.studies.diet.table import (
+    NO_GAIN,
+    OPTION_KIND,
+    WHOLE_KIND,
+    Entry,
+    read_entries,
+    write_entries,
+)
 from proofmass.studies.diet.trial import Cost
 from tests.visit import PHONE, Visit
 
@@ -21,38 +34,42 @@ CONTACT = replace(
     edit='<option><flag contact="disable"/></option>',
 )  # fmt: skip
 STEP = replace(
-    LIGHT, kind=OPTION, name="time step 1e-3 to 2e-3 s", outcome="matters",
+    LIGHT, kind=OPTION_KIND, name="time step 1e-3 to 2e-3 s", outcome="matters",
     moved={"run": {"angle": 7.0}}, edit='<option timestep="0.002"/>',
 )  # fmt: skip
 SOLVER = replace(
-    LIGHT, kind=OPTION, name="solver Newton to CG", outcome=NO_GAIN, saved=(-0.1, 0.0, 0.1),
+    LIGHT, kind=OPTION_KIND, name="solver Newton to CG", outcome=NO_GAIN, saved=(-0.1, 0.0, 0.1),
     edit='<option solver="CG"/>',
 )  # fmt: skip
 GEOM = replace(LIGHT, kind="drawn geom", name="cover", outcome="drawn")
 NEEDED = Entry("joint", "pivot", "needed", message="a sensor names it")
-ALL = replace(CONTACT, kind=WHOLE, name="", edit="")
+ALL = replace(CONTACT, kind=WHOLE_KIND, name="", edit="")
 ENTRIES = [STEP, LIGHT, CONTACT, SOLVER, GEOM, NEEDED, ALL]
 
 
 def test_an_edit_in_a_sentence() -> None:
-    assert sentence(LIGHT) == (
+    assert describe_entry(LIGHT) == (
         "Harmless: it is removed or changed. A step takes 100 µs with it, 50 µs without (40 µs to "
         "60 µs with 99 %). Memory: 20 KB with it, 10 without. The largest change is 0.5 of what is "
         "allowed, angle in run."
     )
-    assert "100 µs before, 100 µs after (90 µs to 110 µs with 99 %), no change" in sentence(SOLVER)
-    assert sentence(CONTACT).endswith("No channel changes.")
+    assert "100 µs before, 100 µs after (90 µs to 110 µs with 99 %), no change" in describe_entry(
+        SOLVER
+    )
+    assert describe_entry(CONTACT).endswith("No channel changes.")
 
 
 def test_the_interval_of_a_saving_is_one_of_time_and_never_below_zero() -> None:
-    assert times(LIGHT) == pytest.approx([5e-5, 4e-5, 6e-5])
-    assert times(replace(LIGHT, saved=(0.5, 0.9, 1.2)))[1] == pytest.approx(LEAST * 1e-4)
-    assert times(replace(LIGHT, saved=())) == [4.9e-5]  # as it was measured, of no pairs
+    assert step_times(LIGHT) == pytest.approx([5e-5, 4e-5, 6e-5])
+    assert step_times(replace(LIGHT, saved=(0.5, 0.9, 1.2)))[1] == pytest.approx(
+        MIN_COST_SHARE * 1e-4
+    )
+    assert step_times(replace(LIGHT, saved=())) == [4.9e-5]  # as it was measured, of no pairs
 
 
 def test_outcomes_differ_in_their_markers() -> None:
     outcomes = ("harmless", "drawn", NO_GAIN, "matters")
-    assert len({mark_of(outcome) for outcome in outcomes}) == len(outcomes)
+    assert len({outcome_marker(outcome) for outcome in outcomes}) == len(outcomes)
 
 
 def test_a_table_keeps_its_edits(tmp_path: Path) -> None:
@@ -91,7 +108,7 @@ def places(visit: Visit, label: str, part: str, *names: str) -> list[float]:
 def test_edits_are_sorted_by_what_they_save(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         assert visit.run(LABELS) == [
-            WHOLE,
+            WHOLE_KIND,
             "contact all",  # goes, and saves most
             "light sun",
             "drawn geom cover",
@@ -128,7 +145,7 @@ def test_a_click_copies_an_edit_or_leads_to_the_row(page: Path, browser: Any) ->
         contact = visit.page.locator("#rows .row", has_text="contact all")
         contact.hover()
         assert f"A click copies {CONTACT.edit}" in tip.inner_text()
-        assert sentence(CONTACT) in tip.inner_text()
+        assert describe_entry(CONTACT) in tip.inner_text()
         contact.click()
         visit.page.wait_for_function("find('#rows [role=status]').textContent !== ''")
         assert visit.run("navigator.clipboard.readText()") == CONTACT.edit
@@ -156,7 +173,7 @@ def test_the_keyboard_copies_as_well(page: Path, browser: Any) -> None:
 def test_model_and_filters_are_kept(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         visit.page.select_option("#subject", "bob-diet")
-        assert visit.run(LABELS) == [WHOLE, "light sun"]
+        assert visit.run(LABELS) == [WHOLE_KIND, "light sun"]
         visit.page.select_option("#subject", "")
         assert len(visit.run(LABELS)) == 8
         visit.page.click("#filters [data-group='harmless']")

@@ -11,7 +11,7 @@ import pytest
 from proofmass.errors import InputError
 from proofmass.sim.protocol import Curves, Run
 from proofmass.studies.diet import scene
-from proofmass.studies.diet.edits import read
+from proofmass.studies.diet.edits import read_model
 from proofmass.studies.diet.scene import MonitoredRun, with_fine_solution
 from tests.studies.diet.test_diet_options import falling
 from tests.studies.test_study_verdicts import bob, let_go
@@ -34,7 +34,7 @@ class Fine:
         self.file = falling(folder, step=STEP, more=more)
         self.own, self.solutions = own, {STEP / 4: coarse or fine, STEP / 8: fine}
         self.asked: list[Run] = []
-        monkeypatch.setattr(scene, "done", self.done)
+        monkeypatch.setattr(scene, "run_original", self.done)
 
     def done(self, file, model, run):
         assert file == self.file
@@ -46,7 +46,9 @@ class Fine:
         run = Run("passive", x, (), start="key")
         before = curves(x, self.own)
         self.monitored = MonitoredRun("let go", run, {}, before, level)
-        return with_fine_solution(self.file, read(self.file, probing=True), self.monitored, error)
+        return with_fine_solution(
+            self.file, read_model(self.file, probing=True), self.monitored, error
+        )
 
 
 def curves(x, functions) -> Curves:
@@ -152,7 +154,7 @@ def test_a_motion_that_ended_early_is_held_as_far_as_it_was_followed(tmp_path, m
     """Its curves go on where a nudge has grown too much already, and nothing counts there."""
     fine = Fine(tmp_path, monkeypatch, {"a": lambda x: x + 9.0 * (x > 0.505)}, {"a": line(1.0)})
     monitored = MonitoredRun("let go", Run("passive", X[:51], ()), {}, curves(X, fine.own))
-    held, _ = with_fine_solution(fine.file, read(fine.file, probing=True), monitored)
+    held, _ = with_fine_solution(fine.file, read_model(fine.file, probing=True), monitored)
     assert held.bound.allowed["a"] == pytest.approx(1e-9 * 10.0)
 
 
@@ -187,7 +189,7 @@ def test_a_fine_solution_that_does_not_run_is_none(tmp_path, monkeypatch):
         raise InputError(file, "", "as it is, its run diverged")
 
     fine = Fine(tmp_path, monkeypatch, {"a": line(1.0)}, {})
-    monkeypatch.setattr(scene, "done", done)
+    monkeypatch.setattr(scene, "run_original", done)
     held, words = fine.held(X)
     assert held is fine.monitored
     assert words == f"{NONE}to compare them with: as it is, its run diverged."

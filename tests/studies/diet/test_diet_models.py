@@ -9,11 +9,11 @@ import pytest
 
 from proofmass.compare import compare, reference_for
 from proofmass.sidecar import load_case
-from proofmass.solve import plan, simulate
+from proofmass.solve import call_engine, plan_run
 from proofmass.studies.diet.diet import DietSearch
-from proofmass.studies.diet.edits import set_option, write
-from proofmass.studies.diet.options import integrators, steps, tolerances
-from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.edits import set_option, write_model
+from proofmass.studies.diet.options import change_integrator, lengthen_step, loosen_tolerance
+from proofmass.studies.diet.scene import load_scene
 from tests.shipped import models_like, shipped
 
 OWN = models_like("*.xml")
@@ -21,7 +21,7 @@ OWN = models_like("*.xml")
 
 def gone(file: Path) -> list[str]:
     """What a diet takes out of a model."""
-    found = DietSearch(scene_of(file, 1.0), rounds=0, tune=False).run()
+    found = DietSearch(load_scene(file, 1.0), rounds=0, tune=False).run()
     return [e.title for e in found.entries if e.outcome == "harmless"]
 
 
@@ -48,14 +48,14 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
     edit("pendulum.toml", r"n = 1001", "n = 26")
     edit("pendulum.xml", 'timestep="1e-3"', 'timestep="1.25e-4"')
     file, case = models / "pendulum.xml", load_case(models / "pendulum.toml")
-    scene = scene_of(file, 1.0)
+    scene = load_scene(file, 1.0)
     found = DietSearch(scene, rounds=0).run()
     step = mujoco.MjModel.from_xml_path(str(file)).opt.timestep
     longer = found.reduced.compiled().opt.timestep
     assert longer >= 2 * step
-    write(found.reduced, file)
-    run = plan(case, "dynamics", "mujoco")
-    for c in compare(case, "dynamics", "mujoco", simulate("mujoco", file, run)):
+    write_model(found.reduced, file)
+    run = plan_run(case, "dynamics", "mujoco")
+    for c in compare(case, "dynamics", "mujoco", call_engine("mujoco", file, run)):
         before = scene.monitored_runs[0].before.channels[c.channel]
         truth = reference_for(case, "dynamics", scene.monitored_runs[0].before).channels[c.channel]
         error = float(np.abs(before - truth).max())
@@ -71,17 +71,19 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
 def test_what_a_sidecar_sets_itself_is_not_tried(models, edit):
     with (models / "pendulum.toml").open("a") as sidecar:
         sidecar.write('\n[settings.mujoco]\ntimestep = 1e-3\nintegrator = "RK4"\n')
-    scene = scene_of(models / "pendulum.xml", 1.0)
-    assert not steps(scene.edited, scene)
-    assert not integrators(scene.edited, scene)
-    assert tolerances(scene.edited.without(partial(set_option, name="tolerance", value=0.0)), scene)
+    scene = load_scene(models / "pendulum.xml", 1.0)
+    assert not lengthen_step(scene.edited, scene)
+    assert not change_integrator(scene.edited, scene)
+    assert loosen_tolerance(
+        scene.edited.without(partial(set_option, name="tolerance", value=0.0)), scene
+    )
 
 
 def test_every_setting_of_a_case_is_watched(models, edit):
     edit("pendulum.toml", r'solvers = \["mujoco", ', 'solvers = ["mujoco", "mujoco:fine", ')
     with (models / "pendulum.toml").open("a") as sidecar:
         sidecar.write('\n[settings."mujoco:fine"]\ntimestep = 5e-4\n')
-    scene = scene_of(models / "pendulum.xml", 1.0)
+    scene = load_scene(models / "pendulum.xml", 1.0)
     assert [w.name for w in scene.monitored_runs] == [
         "pendulum dynamics",
         "pendulum dynamics, fine",

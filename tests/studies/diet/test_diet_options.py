@@ -11,8 +11,8 @@ import pytest
 from proofmass.studies.diet import diet, options
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.edits import EditedModel, set_option
-from proofmass.studies.diet.scene import DietScene, scene_of
-from proofmass.studies.diet.trial import Cost, Pace
+from proofmass.studies.diet.scene import DietScene, load_scene
+from proofmass.studies.diet.trial import Cost, CostComparison
 from tests.studies.diet.test_diet import model
 
 FALLING = """<mujoco><option timestep="{step}" integrator="{integrator}" {more}/><worldbody>
@@ -35,37 +35,40 @@ def set_to(edited: EditedModel, **values: float) -> EditedModel:
     return edited
 
 
-def names(rungs: options.Rungs, edited: EditedModel, scene: DietScene) -> list[str]:
+def names(rungs: options.OptionMaker, edited: EditedModel, scene: DietScene) -> list[str]:
     """What is tried, in words."""
     return [rung.name for rung in rungs(edited, scene)]
 
 
 def test_the_cheapest_value_is_tried_first(tmp_path):
-    scene = scene_of(falling(tmp_path, more='tolerance="1e-14" iterations="200"'), 1.0)
+    scene = load_scene(falling(tmp_path, more='tolerance="1e-14" iterations="200"'), 1.0)
     own = scene.edited
-    assert names(options.tolerances, own, scene) == [
+    assert names(options.loosen_tolerance, own, scene) == [
         "tolerance 1e-14 to 1e-8",
         "tolerance 1e-14 to 1e-10",
         "tolerance 1e-14 to 1e-12",
     ]
-    assert names(options.caps, own, scene) == ["iterations 200 to 100"]
-    assert names(options.searches, own, scene) == []
-    assert names(options.searches, set_to(own, ls_iterations=60), scene) == [
+    assert names(options.limit_iterations, own, scene) == ["iterations 200 to 100"]
+    assert names(options.limit_line_search, own, scene) == []
+    assert names(options.limit_line_search, set_to(own, ls_iterations=60), scene) == [
         "ls_iterations 60 to 50"
     ]
-    assert names(options.integrators, own, scene) == [
+    assert names(options.change_integrator, own, scene) == [
         "integrator RK4 to Euler",
         "integrator RK4 to implicitfast",
     ]
     euler = set_to(own, integrator=int(mujoco.mjtIntegrator.mjINT_EULER))
-    assert names(options.integrators, euler, scene) == []
-    assert names(options.solvers, own, scene) == []  # there is nothing to solve
-    assert names(options.cones, own, scene) == []
-    assert names(options.cones, set_to(own, cone=1), scene) == ["cone elliptic to pyramidal"]
-    assert names(options.jacobians, own, scene) == ["jacobian auto to sparse"]
-    assert (options.work(own), options.work(euler)) == (4000.0, 1000.0)
-    loops = scene_of(model(tmp_path), 0.1)
-    assert names(options.solvers, loops.edited, loops) == [
+    assert names(options.change_integrator, euler, scene) == []
+    assert names(options.change_solver, own, scene) == []  # there is nothing to solve
+    assert names(options.change_cone, own, scene) == []
+    assert names(options.change_cone, set_to(own, cone=1), scene) == ["cone elliptic to pyramidal"]
+    assert names(options.change_jacobian, own, scene) == ["jacobian auto to sparse"]
+    assert (options.evaluations_per_second(own), options.evaluations_per_second(euler)) == (
+        4000.0,
+        1000.0,
+    )
+    loops = load_scene(model(tmp_path), 0.1)
+    assert names(options.change_solver, loops.edited, loops) == [
         "solver Newton to CG",
         "solver Newton to PGS",
     ]
@@ -92,13 +95,13 @@ def test_what_is_pasted_is_what_was_tried(tmp_path):
     file.write_text(file.read_text().replace("</option/>", "</option>"))
     text = file.read_text().replace('contype="0" conaffinity="0"', "")
     file.write_text(text.replace("</worldbody>", '<geom size="1" pos="9 9 9"/></worldbody>'))
-    scene = scene_of(file, 1.0)
+    scene = load_scene(file, 1.0)
     makers = (
-        *options.COUNTED,
-        *options.ORDERS[0],
-        options.cones,
-        options.jacobians,
-        lambda edited, _: options.features(edited, scene),
+        *options.COUNTED_OPTIONS,
+        *options.OPTION_ORDERS[0],
+        options.change_cone,
+        options.change_jacobian,
+        lambda edited, _: options.list_features(edited, scene),
     )
     tried = [one for make in makers for one in make(scene.edited, scene) if one.edit]
     assert {one.edit.split("=")[0] for one in tried} == {
@@ -111,8 +114,8 @@ def test_what_is_pasted_is_what_was_tried(tmp_path):
         cut, own = scene.edited.without(one.cut).compiled().opt, pasted(file, one.edit).opt
         for name in NUMBERS:
             assert getattr(cut, name) == getattr(own, name), (one.edit, name)
-    loops = scene_of(model(tmp_path), 0.1)
-    assert [one.edit for one in options.solvers(loops.edited, loops)] == [
+    loops = load_scene(model(tmp_path), 0.1)
+    assert [one.edit for one in options.change_solver(loops.edited, loops)] == [
         '<option solver="CG"/>',
         '<option solver="PGS"/>',
     ]
@@ -125,24 +128,24 @@ NUMBERS = (
 
 
 def test_steps_fit_between_samples(tmp_path):
-    scene = scene_of(falling(tmp_path, step=1e-3), 5.0)
+    scene = load_scene(falling(tmp_path, step=1e-3), 5.0)
     width = float(scene.monitored_runs[0].bound.run.x[1])
     assert width == pytest.approx(0.04)  # 40 steps, of 126 samples
-    found = [rung.cut.keywords["value"] for rung in options.steps(scene.edited, scene)]
+    found = [rung.cut.keywords["value"] for rung in options.lengthen_step(scene.edited, scene)]
     assert found == pytest.approx([0.04, 0.02, 0.04 / 3, 0.008, 0.004, 0.002])
     longest = set_to(scene.edited, timestep=0.04)
-    assert options.steps(longest, scene) == []
+    assert options.lengthen_step(longest, scene) == []
 
 
 def test_the_way_with_less_work_is_taken(tmp_path):
     """RK4 with a longer step, or another integrator with the step as it is: by what is allowed."""
     file = falling(tmp_path, step=1e-3)
     for error, integrator in ((1e-6, "RK4"), (0.05, "EULER")):
-        scene = scene_of(file, 1.0, (), error)
+        scene = load_scene(file, 1.0, (), error)
         found = DietSearch(scene, rounds=0).run()
         reduced = found.reduced.compiled()
         assert mujoco.mjtIntegrator(reduced.opt.integrator).name == f"mjINT_{integrator}"
-        assert options.work(found.reduced) < 4000.0
+        assert options.evaluations_per_second(found.reduced) < 4000.0
         assert found.tuned
         assert found.whole.worst[2] <= 1
     kept = DietSearch(scene, rounds=0, tune=False).run()
@@ -158,9 +161,11 @@ def test_the_way_with_less_work_is_taken(tmp_path):
 def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, saved, outcome):
     """A Jacobian that is kept another way changes nothing, and is taken if it saves time."""
     monkeypatch.setattr(
-        diet, "paced", lambda models, run, rounds, limit: Pace((Cost(2.0, 3), Cost(1.0, 2)), saved)
+        diet,
+        "compare_costs_isolated",
+        lambda models, run, rounds, limit: CostComparison((Cost(2.0, 3), Cost(1.0, 2)), saved),
     )
-    scene = scene_of(falling(tmp_path), 0.2)
+    scene = load_scene(falling(tmp_path), 0.2)
     now, entries = DietSearch(scene, rounds=9).optioned(scene.edited)
     entry = entries[-1]
     assert (entry.name, entry.outcome) == ("jacobian auto to sparse", outcome)
@@ -175,7 +180,7 @@ def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_
     file.write_text("""<mujoco><option timestep="0.004" tolerance="1e-14"/><worldbody>
       <geom type="plane" size="9 9 .1"/><body pos="0 0 0.3"><freejoint/>
       <geom size=".1" solref="-20000 0"/></body></worldbody></mujoco>""")
-    scene = scene_of(file, 1.0)
+    scene = load_scene(file, 1.0)
     assert scene.monitored_runs[0].bound is None
     assert "Options may change a channel by no more than a feature may" in scene.said[-1]
     found = DietSearch(scene, rounds=0).run()
@@ -185,7 +190,7 @@ def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_
 
 def test_a_bound_that_allows_anything_is_noticed(tmp_path):
     """A mutation: with a loose bound the step is as long as there is room for."""
-    scene = scene_of(falling(tmp_path), 1.0)
+    scene = load_scene(falling(tmp_path), 1.0)
     monitored = scene.monitored_runs[0]
     loose = replace(
         monitored,
@@ -207,7 +212,7 @@ def test_nothing_is_tried_twice_where_nothing_goes(tmp_path, monkeypatch):
         return tried(self, now, feature, tuned)
 
     monkeypatch.setattr(DietSearch, "tried", noted)
-    DietSearch(scene_of(falling(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
+    DietSearch(load_scene(falling(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
     whole = [k for k, (kind, _) in enumerate(asked) if kind == "all of these"]
     assert whole[-1] == len(asked) - 1
     assert len(whole) == 2  # what goes in the first round together, and what is left at the end

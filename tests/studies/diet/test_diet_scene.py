@@ -9,14 +9,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from proofmass.compare import one
+from proofmass.compare import compare_channel
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Run
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.studies.diet import scene
-from proofmass.studies.diet.edits import read
-from proofmass.studies.diet.scene import Bound, MonitoredRun, monitored_run, moved, strayed
+from proofmass.studies.diet.edits import read_model
+from proofmass.studies.diet.scene import (
+    Bound,
+    MonitoredRun,
+    channel_changes,
+    channel_errors,
+    monitor_run,
+)
 from proofmass.worker import OutOfMemory, TimedOut
 from tests.shipped import shipped
 from tests.studies.diet.test_diet_options import falling
@@ -29,10 +35,12 @@ def watched_with(
     curves: Curves, truth: dict[str, np.ndarray], monkeypatch, case=PENDULUM, solver: str = "mujoco"
 ):
     """A run of the pendulum that gave these curves, where that is true."""
-    monkeypatch.setattr(scene, "done", lambda file, model, run: curves)
-    monkeypatch.setattr(scene, "bounded", lambda case, kind, function, *told: function(*told))
+    monkeypatch.setattr(scene, "run_original", lambda file, model, run: curves)
+    monkeypatch.setattr(scene, "call_bounded", lambda case, kind, function, *told: function(*told))
     monkeypatch.setattr(scene, "reference_for", lambda case, kind, curves: Curves(curves.x, truth))
-    return monitored_run(case, plan(case, "dynamics", solver), solver, read(case.model_path))
+    return monitor_run(
+        case, plan_run(case, "dynamics", solver), solver, read_model(case.model_path)
+    )
 
 
 def allowing(channel: dict[str, object], **tolerance: object):
@@ -75,7 +83,7 @@ def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
     left = 0.1 * (most - 0.01)
     assert monitored.allowed["angle"] == pytest.approx(np.full(3, left), rel=1e-12)
     assert monitored.bound.allowed["angle"] == pytest.approx(0.01 + left, rel=1e-12)
-    compared = one(case, "dynamics", "mujoco", "angle", curves, np.array(truth), {})
+    compared = compare_channel(case, "dynamics", "mujoco", "angle", curves, np.array(truth), {})
     assert compared.allowed * case.channels["angle"].factor == pytest.approx(most, rel=1e-12)
 
 
@@ -102,12 +110,14 @@ def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
 
 def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeypatch):
     case = load_case(shipped("rod_cantilever.toml"))
-    run, asked = plan(case, "equilibrium", "mujoco"), []
+    run, asked = plan_run(case, "equilibrium", "mujoco"), []
     curves = Curves(run.x, {name: np.ones(run.x.size) for name in case.channels_of("equilibrium")})
-    monkeypatch.setattr(scene, "done", lambda file, model, run: asked.append(model) or curves)
-    monkeypatch.setattr(scene, "bounded", lambda *told: asked.append(told) or curves)
+    monkeypatch.setattr(
+        scene, "run_original", lambda file, model, run: asked.append(model) or curves
+    )
+    monkeypatch.setattr(scene, "call_bounded", lambda *told: asked.append(told) or curves)
     edited = SimpleNamespace(compiled=lambda rods: ("model with", rods))
-    assert monitored_run(case, run, "mujoco", edited).name == "rod_cantilever equilibrium"
+    assert monitor_run(case, run, "mujoco", edited).name == "rod_cantilever equilibrium"
     assert run.rods
     assert asked == [
         ("model with", run.rods),
@@ -142,7 +152,7 @@ def test_errors_of_a_case_are_those_from_its_reference_at_the_state_of_the_drive
         asked.append((case, kind, function, *told))
         return Curves(x, {"a": np.array([0.0, 1.0, 2.0])})
 
-    monkeypatch.setattr(scene, "bounded", bounded)
+    monkeypatch.setattr(scene, "call_bounded", bounded)
     bound = Bound(Run("dynamics", x, ()), {"a": 0.25}, case=PENDULUM)
     assert bound.errors(curves) == {"a": 4.0}
     assert asked == [(PENDULUM, "dynamics", scene.reference_for, PENDULUM, "dynamics", curves)]
@@ -162,9 +172,9 @@ def test_of_a_potential_energy_the_change_counts():
         Bound(run, {"energy": 1.0, "other": 1.0}, before.channels),
     )
     shifted = Curves(x, {"energy": energy + 7.0, "other": energy + 7.0})
-    for how in (moved(monitored, shifted, set()), strayed(monitored, shifted)):
+    for how in (channel_changes(monitored, shifted, set()), channel_errors(monitored, shifted)):
         assert how == {"energy": 0.0, "other": 7.0}
-    assert scene.levelled(shifted, set()) is shifted
+    assert scene.with_changes_since_start(shifted, set()) is shifted
 
 
 SENSORS = [
@@ -192,19 +202,19 @@ def draft_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (), sens
 
 
 def test_what_is_watched_is_read_by_the_sensors_of_its_name_and_those_on_it():
-    assert scene.sensors_of(draft_of(), ("tip", "rate")) == {"tip", "rate", "place", "probe of tip"}
-    assert scene.own_sensors(draft_of()) is None
+    assert scene.sensors_at(draft_of(), ("tip", "rate")) == {"tip", "rate", "place", "probe of tip"}
+    assert scene.monitored_sensors(draft_of()) is None
     own = draft_of(("tip", "angle"), ("probe of tip",))
-    assert scene.own_sensors(own) == {"angle", "probe of tip"}
+    assert scene.monitored_sensors(own) == {"angle", "probe of tip"}
     curves = Curves(
         np.zeros(1),
         {"angle": np.zeros(1), "probe of tip[0]": np.ones(1), "place[0]": np.zeros(1)},
         steps=7,
     )
-    left = scene.seen(own, curves)
+    left = scene.select_monitored(own, curves)
     assert (list(left.channels), left.steps) == (["angle", "probe of tip[0]"], 7)
     assert left.channels["probe of tip[0]"] == 1.0
-    assert scene.seen(draft_of(), curves) is curves
+    assert scene.select_monitored(draft_of(), curves) is curves
 
 
 def test_a_run_of_which_some_sensors_are_watched_has_their_channels_alone():
@@ -213,15 +223,15 @@ def test_a_run_of_which_some_sensors_are_watched_has_their_channels_alone():
         {"pin.x": [1.0], "pin.y": [2.0], "point.x": [3.0], "pin": [4.0]},
     )
     monitored = replace(monitored, name="run", level=frozenset({"pin"}))
-    assert scene.reads(monitored, {"pin"}) == ["pin.x", "pin.y", "pin"]
-    assert scene.reads(monitored, {"x"}) == []
+    assert scene.channels_of_sensors(monitored, {"pin"}) == ["pin.x", "pin.y", "pin"]
+    assert scene.channels_of_sensors(monitored, {"x"}) == []
     bound = Bound(
         replace(monitored.run, settings={"timestep": 1.0}),
         {"pin.x": 0.1, "pin.y": 0.2, "point.x": 0.3, "pin": 0.4},
         case=PENDULUM,
     )
     for each in (monitored, replace(monitored, bound=bound)):
-        left = scene.only(each, {"pin"})
+        left = scene.keep_channels(each, {"pin"})
         assert (left.name, left.level, left.run) == (
             "run",
             {"pin"},
@@ -231,7 +241,7 @@ def test_a_run_of_which_some_sensors_are_watched_has_their_channels_alone():
         assert left.before.channels == {"pin.x": 1.0, "pin.y": 2.0, "pin": 4.0}
         assert left.before.x is monitored.before.x
     assert left.bound == Bound(left.run, {"pin.x": 0.1, "pin.y": 0.2, "pin": 0.4}, case=PENDULUM)
-    assert scene.only(monitored, {"pin"}).bound is None
+    assert scene.keep_channels(monitored, {"pin"}).bound is None
 
 
 ONE = watch_of({"y": 1.0}, {"y": [0.0]})
@@ -259,13 +269,13 @@ ONE = watch_of({"y": 1.0}, {"y": [0.0]})
 def test_it_is_said_what_is_watched_and_why(edited, words, monkeypatch):
     """Sensors that a study adds are not named; where groups cannot be told, nothing is said."""
     for answer in (lambda *_, **__: [["a"]], fails(TimedOut("late")), fails(ValueError("other"))):
-        monkeypatch.setattr(scene, "isolated", answer)
-        assert list(scene.watched_words(edited, ONE)) == [words]
+        monkeypatch.setattr(scene, "call_isolated", answer)
+        assert list(scene.describe_monitored(edited, ONE)) == [words]
 
 
 def test_it_is_said_how_potential_energies_are_read(monkeypatch):
-    monkeypatch.setattr(scene, "isolated", fails(TimedOut("late")))
-    _, level = scene.watched_words(draft_of(), replace(ONE, level=frozenset({"b", "a"})))
+    monkeypatch.setattr(scene, "call_isolated", fails(TimedOut("late")))
+    _, level = scene.describe_monitored(draft_of(), replace(ONE, level=frozenset({"b", "a"})))
     assert level == (
         "a and b: a potential energy is known up to a constant, so only its change "
         "counts; what does not move adds nothing to it."
@@ -280,8 +290,8 @@ def test_groups_that_do_not_act_on_each_other_are_named_where_all_are_watched(mo
         asked.append((function.__name__, *args, timeout))
         return [["a", "b"], ["c"]]
 
-    monkeypatch.setattr(scene, "isolated", answer)
-    _, groups = scene.watched_words(draft_of(), ONE)
+    monkeypatch.setattr(scene, "call_isolated", answer)
+    _, groups = scene.describe_monitored(draft_of(), ONE)
     assert asked == [("groups", "model", ONE.run, 600.0)]
     assert groups == (
         "2 groups of bodies move without acting on each other in this run, through no contact, "
@@ -289,7 +299,7 @@ def test_groups_that_do_not_act_on_each_other_are_named_where_all_are_watched(mo
         "NAME, with a joint, body, site or sensor of the group that matters, leaves the others "
         "out."
     )
-    assert len(list(scene.watched_words(draft_of(("tip",)), ONE))) == 1
+    assert len(list(scene.describe_monitored(draft_of(("tip",)), ONE))) == 1
 
 
 def test_a_sidecar_speaks_of_the_model_that_it_names_or_the_one_of_its_own_name(tmp_path):
@@ -302,10 +312,10 @@ def test_a_sidecar_speaks_of_the_model_that_it_names_or_the_one_of_its_own_name(
         ("model = 7", "7"),
     ):
         file.write_text(text)
-        assert scene.model_named(file) == model
+        assert scene.model_of_sidecar(file) == model
     file.write_bytes(b"title = '\xb0'")  # no UTF-8
-    assert scene.model_named(file) == "crank.xml"
-    assert scene.model_named(tmp_path / "none.toml") == "none.xml"
+    assert scene.model_of_sidecar(file) == "crank.xml"
+    assert scene.model_of_sidecar(tmp_path / "none.toml") == "none.xml"
 
 
 def test_sidecars_are_read_strictly_each_within_a_minute(tmp_path, monkeypatch):
@@ -320,29 +330,31 @@ def test_sidecars_are_read_strictly_each_within_a_minute(tmp_path, monkeypatch):
             raise OutOfMemory("full")
         return function(path)
 
-    monkeypatch.setattr(scene, "isolated", answer)
-    monkeypatch.setattr(scene, "load", lambda path, strict: (path.name, strict))
-    assert list(scene.sidecars(tmp_path / "a.xml")) == [("a.toml", True), ("b.toml", True)]
-    assert asked == [("model_named", f"{name}.toml", 60.0) for name in "abc"]
-    assert list(scene.sidecars(tmp_path / "c.xml")) == [("c.toml", True)]
+    monkeypatch.setattr(scene, "call_isolated", answer)
+    monkeypatch.setattr(scene, "load_validated", lambda path, strict: (path.name, strict))
+    assert list(scene.load_sidecars(tmp_path / "a.xml")) == [("a.toml", True), ("b.toml", True)]
+    assert asked == [("model_of_sidecar", f"{name}.toml", 60.0) for name in "abc"]
+    assert list(scene.load_sidecars(tmp_path / "c.xml")) == [("c.toml", True)]
 
 
 def test_a_model_that_no_sidecar_speaks_of_is_compiled_in_a_worker_first(tmp_path, monkeypatch):
     """What takes too long or all memory is bad input; what MuJoCo refuses, its reader explains."""
     file, asked = falling(tmp_path), []
     monkeypatch.setattr(
-        scene, "isolated", lambda function, *args, timeout: asked.append((function, args, timeout))
+        scene,
+        "call_isolated",
+        lambda function, *args, timeout: asked.append((function, args, timeout)),
     )
-    scene.compile_elsewhere(file)
-    assert asked == [(scene.compiles, (file,), 120.0)]
-    monkeypatch.setattr(scene, "isolated", fails(TimedOut("no answer")))
+    scene.compile_in_worker(file)
+    assert asked == [(scene.can_compile, (file,), 120.0)]
+    monkeypatch.setattr(scene, "call_isolated", fails(TimedOut("no answer")))
     with pytest.raises(InputError) as error:
-        scene.compile_elsewhere(file)
+        scene.compile_in_worker(file)
     assert (error.value.file, error.value.key, error.value.wrong) == (
         file,
         "",
         "cannot be compiled: no answer",
     )
-    assert scene.compiles(file)
+    assert scene.can_compile(file)
     file.write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
-    assert not scene.compiles(file)
+    assert not scene.can_compile(file)

@@ -8,7 +8,7 @@ import pytest
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.studies.diet import scene
-from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.scene import load_scene
 from tests.studies.diet.test_diet_options import falling
 from tests.studies.test_study_verdicts import fails, watch_of
 
@@ -28,10 +28,10 @@ def beside(monkeypatch) -> list[tuple]:
         names = case.channels_of(run.kind)
         return watch_of(dict.fromkeys(names, 1.0), {name: [0.0] for name in names})
 
-    monkeypatch.setattr(scene, "isolated", lambda function, *args, timeout: function(*args))
-    monkeypatch.setattr(scene, "load", lambda path, strict: load_case(path))
-    monkeypatch.setattr(scene, "monitored_run", monitored_run)
-    monkeypatch.setattr(scene, "compile_elsewhere", fails(AssertionError()))
+    monkeypatch.setattr(scene, "call_isolated", lambda function, *args, timeout: function(*args))
+    monkeypatch.setattr(scene, "load_validated", lambda path, strict: load_case(path))
+    monkeypatch.setattr(scene, "monitor_run", monitored_run)
+    monkeypatch.setattr(scene, "compile_in_worker", fails(AssertionError()))
     return asked
 
 
@@ -39,10 +39,10 @@ def beside(monkeypatch) -> list[tuple]:
 def alone(monkeypatch) -> list[tuple]:
     """A model without a sidecar, whose run is not done."""
     asked = []
-    monkeypatch.setattr(scene, "compile_elsewhere", lambda file: asked.append(("compiled", file)))
+    monkeypatch.setattr(scene, "compile_in_worker", lambda file: asked.append(("compiled", file)))
     monkeypatch.setattr(
         scene,
-        "let_go",
+        "monitor_free_motion",
         lambda file, edited, seconds: (
             asked.append((file, edited, seconds)) or watch_of({"y": 1.0}, {"y": [0.0]})
         ),
@@ -54,7 +54,7 @@ def alone(monkeypatch) -> list[tuple]:
             asked.append((file, edited, monitored, error)) or ("held", "why")
         ),
     )
-    monkeypatch.setattr(scene, "watched_words", lambda edited, monitored: iter(("one", "two")))
+    monkeypatch.setattr(scene, "describe_monitored", lambda edited, monitored: iter(("one", "two")))
     return asked
 
 
@@ -63,7 +63,7 @@ def test_an_error_is_a_share_of_a_range(error, tmp_path):
     """It is not even tried with anything else."""
     file = tmp_path / "none.xml"
     with pytest.raises(InputError) as found:
-        scene_of(file, 1.0, (), float(error))
+        load_scene(file, 1.0, (), float(error))
     assert (found.value.file, found.value.key, found.value.wrong) == (
         file,
         "--error",
@@ -76,7 +76,7 @@ def test_a_model_without_sidecars_is_let_go_and_held_against_its_fine_solution(
     error, tmp_path, alone
 ):
     file = falling(tmp_path)
-    found = scene_of(file, 3.0, ("bob",), error)
+    found = load_scene(file, 3.0, ("bob",), error)
     compiled, let, fine = alone
     edited = let[1]
     assert compiled == ("compiled", file)  # in a worker, before it is compiled here
@@ -104,18 +104,18 @@ def test_a_model_without_a_key_keeps_none(tmp_path, alone, monkeypatch):
     """The run starts from no key, which is none to keep."""
     monitored = watch_of({"y": 1.0}, {"y": [0.0]})
     monitored = replace(monitored, run=replace(monitored.run, start=""))
-    monkeypatch.setattr(scene, "let_go", lambda *_: monitored)
-    found = scene_of(falling(tmp_path), 3.0)
+    monkeypatch.setattr(scene, "monitor_free_motion", lambda *_: monitored)
+    found = load_scene(falling(tmp_path), 3.0)
     assert (found.keys, found.read) == (set(), None)
 
 
 def test_a_sidecar_of_a_model_that_is_not_there_is_not_read(tmp_path, monkeypatch):
     """Who mistypes a model is told that it is not there, whatever a sidecar says."""
     (tmp_path / "none.toml").write_text('model = "none.xml"')
-    monkeypatch.setattr(scene, "sidecars", fails(AssertionError()))
-    monkeypatch.setattr(scene, "compile_elsewhere", lambda file: None)
+    monkeypatch.setattr(scene, "load_sidecars", fails(AssertionError()))
+    monkeypatch.setattr(scene, "compile_in_worker", lambda file: None)
     with pytest.raises(InputError, match="no such model"):
-        scene_of(tmp_path / "none.xml", 1.0)
+        load_scene(tmp_path / "none.xml", 1.0)
 
 
 def lone(models: Path, name: str) -> Path:
@@ -127,7 +127,7 @@ def lone(models: Path, name: str) -> Path:
 
 
 def test_runs_of_the_sidecars_are_watched_with_all_their_channels(models, beside):
-    found = scene_of(lone(models, "fourbar"), 1.0)
+    found = load_scene(lone(models, "fourbar"), 1.0)
     case = load_case(models / "fourbar.toml")
     kinds = ["sweep", "dynamics"]
     assert [list(w.allowed) for w in found.monitored_runs] == [
@@ -141,7 +141,7 @@ def test_runs_of_the_sidecars_are_watched_with_all_their_channels(models, beside
 
 
 def test_a_draft_is_completed_with_the_rods_of_its_sidecar(models, beside):
-    found = scene_of(lone(models, "rod_cantilever"), 1.0)
+    found = load_scene(lone(models, "rod_cantilever"), 1.0)
     assert found.edited.rods == load_case(models / "rod_cantilever.toml").rods
     assert found.edited.rods
 
@@ -149,7 +149,7 @@ def test_a_draft_is_completed_with_the_rods_of_its_sidecar(models, beside):
 def test_what_is_watched_of_sidecars_are_the_channels_that_read_it(models, beside):
     """Those of the sensors on a site; a run that has none of them is not monitored at all."""
     file = lone(models, "fourbar")
-    found = scene_of(file, 1.0, ("rocker_end",))
+    found = load_scene(file, 1.0, ("rocker_end",))
     wanted = ["pin.x", "pin.y", "pin_velocity.x", "pin_velocity.y"]
     assert [list(w.allowed) for w in found.monitored_runs] == [wanted, wanted]
     assert found.read == {"pin", "pin_velocity"}
@@ -157,7 +157,7 @@ def test_what_is_watched_of_sidecars_are_the_channels_that_read_it(models, besid
         "Monitored: pin.x, pin.y, pin_velocity.x and pin_velocity.y, in the runs of the sidecars.",
         HELD,
     )
-    moment = scene_of(file, 1.0, ("holding_moment",))
+    moment = load_scene(file, 1.0, ("holding_moment",))
     assert [list(w.allowed) for w in moment.monitored_runs] == [
         ["holding_moment"],
         ["holding_moment"],
@@ -169,7 +169,7 @@ def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):
     lone(models, "pendulum")
     file = edit("pendulum.xml", "</body>", '<site name="rate_"/><site name="tip"/></body>')
     with pytest.raises(InputError) as error:
-        scene_of(file, 1.0, ("rate_", "tip"))
+        load_scene(file, 1.0, ("rate_", "tip"))
     assert (error.value.file, error.value.key, error.value.wrong) == (
         file,
         "--watch",
@@ -183,7 +183,7 @@ def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):
 def test_what_an_error_may_be_is_said_in_one_place(models, beside):
     file = lone(models, "pendulum")
     with pytest.raises(InputError) as error:
-        scene_of(file, 1.0, (), 1e-4)
+        load_scene(file, 1.0, (), 1e-4)
     assert (error.value.file, error.value.key, error.value.wrong) == (
         file,
         "--error",

@@ -14,11 +14,11 @@ import pytest
 from proofmass.sim.protocol import Curves, Run
 from proofmass.studies import measure
 from proofmass.studies.diet import diet
-from proofmass.studies.diet.diet import DietSearch, DietStore, key_of
+from proofmass.studies.diet.diet import DietSearch, DietStore, reference_key
 from proofmass.studies.diet.options import Feature
 from proofmass.studies.diet.scene import Bound, DietScene, MonitoredRun
 from proofmass.studies.diet.table import Entry
-from proofmass.studies.diet.trial import Cost, Pace
+from proofmass.studies.diet.trial import Cost, CostComparison
 from tests.studies.test_study_verdicts import (
     Asked,
     Cuts,
@@ -46,7 +46,9 @@ def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources
         return DietStore(there).once(models, runs, lambda: made.append(len(made)) or len(made))
 
     asked = []
-    monkeypatch.setattr(diet, "versions", lambda engine: asked.append(engine) or len(asked) > 5)
+    monkeypatch.setattr(
+        diet, "package_versions", lambda engine: asked.append(engine) or len(asked) > 5
+    )
     assert once([one], ["run"]) == 1
     assert once([twin], ["run"]) == 1
     assert once([two], ["run"]) == 2
@@ -54,7 +56,7 @@ def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources
     assert once([one], ["other run"]) == 4
     assert once([one], ["run"]) == 5  # another version of the engine
     assert set(asked) == {"mujoco"}
-    monkeypatch.setattr(diet, "sources", lambda: "others")
+    monkeypatch.setattr(diet, "digest_of_sources", lambda: "others")
     assert once([one], ["run"]) == 6
     assert once([one], ["run"]) == 6
     assert len(list(folder.glob("*.json"))) == len(made) == 6
@@ -121,7 +123,7 @@ def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
     def steps(now, scene):
         return [feature(name) for name in (["4", "2"] if "4" not in now else ["bad 8"])]
 
-    monkeypatch.setattr(diet, "steps", steps)
+    monkeypatch.setattr(diet, "lengthen_step", steps)
     now, found = options().changed(Cuts(), (steps,))
     assert now == ["4"]
     assert [e.name for *_, e in found] == ["4", "bad 8"]
@@ -131,17 +133,21 @@ def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
 
 def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
     """Both begin where what is counted has led; what was tried is timed from one to the next."""
-    monkeypatch.setattr(diet, "COUNTED", (making("counted"),))
-    monkeypatch.setattr(diet, "ORDERS", ((making("first"), making("bad")), (making("second"),)))
-    monkeypatch.setattr(diet, "CLOCKED", (making("clocked"),))
-    monkeypatch.setattr(diet, "work", lambda edited: {"first": 2.0}.get(edited[-1], 1.0))
+    monkeypatch.setattr(diet, "COUNTED_OPTIONS", (making("counted"),))
+    monkeypatch.setattr(
+        diet, "OPTION_ORDERS", ((making("first"), making("bad")), (making("second"),))
+    )
+    monkeypatch.setattr(diet, "TIMED_OPTIONS", (making("clocked"),))
+    monkeypatch.setattr(
+        diet, "evaluations_per_second", lambda edited: {"first": 2.0}.get(edited[-1], 1.0)
+    )
     seen = []
 
     def integrators(now, scene):
         seen.append((list(now), scene))
         return [now] if order == "second" else []
 
-    monkeypatch.setattr(diet, "integrators", integrators)
+    monkeypatch.setattr(diet, "change_integrator", integrators)
     for order in ("second", "first"):
         own = options()
         now, entries = own.optioned(Cuts(["old"]))
@@ -167,11 +173,13 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
 def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome, monkeypatch):
     """That is, if even the lower end of the interval does; the next kind begins with it."""
     asked: list = []
-    for name in ("COUNTED", "ORDERS"):
-        monkeypatch.setattr(diet, name, ((),) * (name == "ORDERS"))
-    monkeypatch.setattr(diet, "integrators", lambda now, scene: [])
-    monkeypatch.setattr(diet, "CLOCKED", (making("bad", "one", "two"), making("x", asked=asked)))
-    monkeypatch.setattr(diet, "work", lambda edited: 1.0)
+    for name in ("COUNTED_OPTIONS", "OPTION_ORDERS"):
+        monkeypatch.setattr(diet, name, ((),) * (name == "OPTION_ORDERS"))
+    monkeypatch.setattr(diet, "change_integrator", lambda now, scene: [])
+    monkeypatch.setattr(
+        diet, "TIMED_OPTIONS", (making("bad", "one", "two"), making("x", asked=asked))
+    )
+    monkeypatch.setattr(diet, "evaluations_per_second", lambda edited: 1.0)
     own = options(rounds=3)
     monkeypatch.setattr(
         Options,
@@ -201,7 +209,7 @@ def test_options_are_held_against_what_is_true_and_kept_with_it(monkeypatch):
     """What a run is held against is part of what its result is kept as."""
     bound = Bound(Run("dynamics", np.zeros(2), ()), {"y": 0.1}, {"y": np.zeros(2)})
     free, held = stepping(name="free"), stepping(name="held", bound=bound)
-    for tuned, more in ((True, [None, key_of(held)]), (False, [])):
+    for tuned, more in ((True, [None, reference_key(held)]), (False, [])):
         own = (Options if tuned else Outcomes)(scene_with(free, held), rounds=0, store=Asked())
         _, found = own.tried(Cuts(), feature("new"), tuned)
         assert found.message == ("held" if tuned else "said")
@@ -212,14 +220,19 @@ def test_options_are_held_against_what_is_true_and_kept_with_it(monkeypatch):
 def test_a_key_of_what_is_true_is_the_same_for_the_same():
     """It is pickled: the order in which a sidecar has its parameters makes no difference."""
     run, truth = Run("dynamics", np.zeros(2), ()), {"y": np.zeros(2)}
-    assert key_of(stepping()) is None
+    assert reference_key(stepping()) is None
     free = stepping(bound=Bound(run, {"y": 0.1}, truth))
-    assert key_of(free) == (run, {"y": 0.1}, truth, None)
+    assert reference_key(free) == (run, {"y": 0.1}, truth, None)
     case = case_of("pendulum").model_copy(
         update={"reference": "one", "parameters": {"b": 1.0, "a": 2.0, "c": "word"}}
     )
     held = stepping(bound=Bound(run, {"y": 0.1}, case=case))
-    assert key_of(held) == (run, {"y": 0.1}, {}, ("one", [("a", 2.0), ("b", 1.0), ("c", "word")]))
+    assert reference_key(held) == (
+        run,
+        {"y": 0.1},
+        {},
+        ("one", [("a", 2.0), ("b", 1.0), ("c", "word")]),
+    )
 
 
 class Named(Given):
@@ -240,7 +253,7 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
         calls: list = []
         monkeypatch.setattr(
             measure,
-            "isolated",
+            "call_isolated",
             cost_of(
                 calls,
                 Curves(np.zeros(1), {"y": np.array([2.875])}),
@@ -259,7 +272,7 @@ def test_a_probe_that_is_watched_by_name_is_missed(monkeypatch):
     """One that a study adds for itself is not, where it never moved."""
     monitored = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
     for edited, outcome in ((Given(), "harmless"), (Named(), "matters")):
-        monkeypatch.setattr(measure, "isolated", cost_of([], Curves(np.zeros(1), {})))
+        monkeypatch.setattr(measure, "call_isolated", cost_of([], Curves(np.zeros(1), {})))
         assert DietSearch(scene_with(monitored)).judge_changes(["model"], edited)[0] == outcome
 
 
@@ -274,9 +287,9 @@ def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
 
     def paced(models, run, rounds, limit):
         asked.append((run.x[1], run.x.size))
-        return Pace((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
+        return CostComparison((Cost(2.0, 3), Cost(1.0, 2)), (0.4, 0.5, 0.6))
 
-    monkeypatch.setattr(diet, "paced", paced)
+    monkeypatch.setattr(diet, "compare_costs_isolated", paced)
     entry = Entry("option", "name", "harmless")
     for one, tuned, wanted in (
         (monitored, True, (2.0, 1000)),
@@ -309,7 +322,9 @@ class Tuning(Outcomes):
 
 def tuning(monkeypatch, kind: str = "dynamics", **how):
     monkeypatch.setattr(
-        diet, "features", lambda reduced, scene: iter([feature("a")] if "a" not in reduced else [])
+        diet,
+        "list_features",
+        lambda reduced, scene: iter([feature("a")] if "a" not in reduced else []),
     )
     run = replace(stepping().run, kind=kind)
     scene = replace(scene_with(stepping(run=run), edited=Cuts()), said=("one", "two"))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from proofmass.studies.diet import trial
-from proofmass.studies.diet.diet import ROUNDS
-from proofmass.studies.diet.scene import scene_of
-from proofmass.studies.diet.trial import clocked, median_interval, race, saved
+from proofmass.studies.diet.diet import TIMING_ROUNDS
+from proofmass.studies.diet.scene import load_scene
+from proofmass.studies.diet.trial import compare_costs, median_interval, saved_share, time_run
 
 PENDULUM = """<mujoco><option timestep="0.001"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
   <geom size=".1" pos="0.3 0 0" contype="0" conaffinity="0"/></body>{more}</worldbody>
@@ -22,7 +22,7 @@ CROWD = "".join(
 )
 
 
-def noisy_ratios(rng: np.random.Generator, effect: float, n: int = ROUNDS) -> list[float]:
+def noisy_ratios(rng: np.random.Generator, effect: float, n: int = TIMING_ROUNDS) -> list[float]:
     """Ratios of times as a shared machine gives them: skewed, with a fifth of them disturbed."""
 
     def times(factor: float) -> np.ndarray:
@@ -53,7 +53,7 @@ def test_few_values_bound_nothing():
 def test_ten_null_features_in_ten_trials():
     """Nothing is taken for a change where there is none: 0 is within in nine of ten at least."""
     rng = np.random.default_rng(7)
-    found = [saved(noisy_ratios(rng, 0.0)) for _ in range(10)]
+    found = [saved_share(noisy_ratios(rng, 0.0)) for _ in range(10)]
     assert sum(low <= 0 <= high for low, _, high in found) >= 9
 
 
@@ -61,14 +61,14 @@ def test_the_interval_holds_the_effect_as_often_as_it_says():
     # 99 % asked for, 99.26 % of 15 pairs by the sign test; 1000 trials are within 3 sigma of that
     rng = np.random.default_rng(8)
     for effect in (0.0, 0.2):
-        found = [saved(noisy_ratios(rng, effect)) for _ in range(1000)]
+        found = [saved_share(noisy_ratios(rng, effect)) for _ in range(1000)]
         holds = np.mean([low <= effect <= high for low, _, high in found])
         assert holds >= 0.9926 - 3 * np.sqrt(0.0074 * 0.9926 / 1000)
 
 
 def test_an_effect_of_two_fifths_is_seen_through_the_noise():
     rng = np.random.default_rng(9)
-    found = [saved(noisy_ratios(rng, 0.4)) for _ in range(10)]
+    found = [saved_share(noisy_ratios(rng, 0.4)) for _ in range(10)]
     assert sum(low > 0 for low, _, _ in found) >= 9
     assert np.median([middle for _, middle, _ in found]) == pytest.approx(0.4, abs=0.03)
 
@@ -93,9 +93,9 @@ def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
         curves = type("Curves", (), {"steps": 10})
         return (1 + 0.1 * (len(asked) // 2)) * {"one": 2.0, "two": 1.0}[model], curves, data
 
-    monkeypatch.setattr(trial, "clocked", run)
+    monkeypatch.setattr(trial, "time_run", run)
     monkeypatch.setattr(trial.mujoco, "mj_sizeModel", lambda model: 3)
-    found = race(("one", "two"), None, 15, 0.0)  # type: ignore[arg-type]
+    found = compare_costs(("one", "two"), None, 15, 0.0)  # type: ignore[arg-type]
     low, middle, high = found.saved
     assert middle == pytest.approx(0.5, abs=0.05)
     assert 0.4 < low <= high < 0.6
@@ -113,13 +113,13 @@ def compiled(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
     """A pendulum, with more in its scene, and its run."""
     file = folder / "pendulum.xml"
     file.write_text(PENDULUM.format(more=more))
-    scene = scene_of(file, 1.0)
+    scene = load_scene(file, 1.0)
     return scene.edited.compiled(), scene.longest.run
 
 
 def test_the_time_of_a_run_is_that_of_the_processor(tmp_path):
     model, run = compiled(tmp_path, "")
-    seconds, curves, _ = clocked(model, run)
+    seconds, curves, _ = time_run(model, run)
     assert 0 < seconds < 10
     assert curves.steps == 1000
 
@@ -128,11 +128,11 @@ def test_the_time_of_a_run_is_that_of_the_processor(tmp_path):
 def test_a_null_feature_and_one_of_known_cost_on_this_machine(tmp_path):
     """A/A: no change is measured in nine of ten trials; twenty more bodies are seen every time."""
     lean, run = compiled(tmp_path, "")
-    same = [race((lean, lean), run, ROUNDS, 0.2).saved for _ in range(10)]
+    same = [compare_costs((lean, lean), run, TIMING_ROUNDS, 0.2).saved for _ in range(10)]
     assert sum(low <= 0 <= high for low, _, high in same) >= 9
     fat, _ = compiled(tmp_path, CROWD)
-    costs = [min(clocked(model, run)[0] for _ in range(5)) for model in (lean, fat)]
+    costs = [min(time_run(model, run)[0] for _ in range(5)) for model in (lean, fat)]
     for _ in range(3):
-        low, middle, _ = race((fat, lean), run, ROUNDS, 0.2).saved
+        low, middle, _ = compare_costs((fat, lean), run, TIMING_ROUNDS, 0.2).saved
         assert low > 0
         assert middle == pytest.approx(1 - costs[0] / costs[1], abs=0.15)

@@ -13,7 +13,7 @@ from proofmass.errors import InputError
 from proofmass.sim.protocol import Run
 from proofmass.studies.diet import scene as scenes
 from proofmass.studies.diet.diet import DietSearch
-from proofmass.studies.diet.scene import scene_of
+from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.diet.trial import independent_groups
 from proofmass.worker import TimedOut
 from tests.studies.diet.test_diet_bare import bare, written
@@ -45,7 +45,7 @@ def far(folder: Path, sensors: str = "", tie: str = "") -> Path:
 
 def left(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
     """The bodies that a diet leaves, and what it says of what was monitored."""
-    scene = scene_of(file, 0.3, **more)  # type: ignore[arg-type]
+    scene = load_scene(file, 0.3, **more)  # type: ignore[arg-type]
     found = DietSearch(scene, rounds=0, tune=False).run()
     return {b.name for b in found.reduced.spec.bodies} - {"world"}, scene.said
 
@@ -65,19 +65,19 @@ def test_a_body_that_does_not_move_is_not_kept_for_its_potential_energy(tmp_path
     assert "all sensors of the model, potential and kinetic" in said[0]
     assert "known up to a constant" in said[1]
     # a mutation: its height is counted
-    before = scenes.levelled
-    scenes.levelled = lambda curves, names: curves
+    before = scenes.with_changes_since_start
+    scenes.with_changes_since_start = lambda curves, names: curves
     try:
         assert "rock" in left(far(tmp_path, ENERGIES))[0]
     finally:
-        scenes.levelled = before
+        scenes.with_changes_since_start = before
 
 
 @pytest.mark.parametrize("name", ["hinge", "crank", "tip", "angle"])
 def test_what_is_named_is_all_that_decides(tmp_path, name):
     """A joint, a body, a site or a sensor; the energies of all are asked for by nobody."""
     file = far(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
-    scene = scene_of(file, 0.3, (name,))
+    scene = load_scene(file, 0.3, (name,))
     found = DietSearch(scene, rounds=0, tune=False).run()
     assert {b.name for b in found.reduced.spec.bodies} == {"world", "crank"}
     assert scene.said[0].startswith("Monitored: ")
@@ -110,7 +110,7 @@ def test_a_name_that_is_not_there(tmp_path):
         match=r"far\.xml: --watch: no joint, body, site or sensor is "
         r"called 'crnk'; did you mean 'crank'\? there are: hinge, far, crank, rock",
     ):
-        scene_of(far(tmp_path), 0.3, ("crnk",))
+        load_scene(far(tmp_path), 0.3, ("crnk",))
     answer = CliRunner().invoke(
         app, ["diet", str(far(tmp_path)), "--watch", "crnk", "-o", str(tmp_path / "reduced.xml")]
     )
@@ -123,21 +123,21 @@ def test_channels_of_a_sidecar_can_be_watched(models, edit):
     edit("pendulum.toml", r"until = 10\.0", "until = 0.5")
     edit("pendulum.toml", r"n = 1001", "n = 26")
     file = models / "pendulum.xml"
-    scene = scene_of(file, 1.0, ("angle",))
+    scene = load_scene(file, 1.0, ("angle",))
     assert list(scene.monitored_runs[0].allowed) == ["angle"]
     assert scene.read == {"angle"}
     found = DietSearch(scene, rounds=0, tune=False).run()
     assert [s.name for s in found.reduced.spec.sensors] == ["angle"]
     with pytest.raises(InputError, match="did you mean 'rate'"):
-        scene_of(file, 1.0, ("rat",))
+        load_scene(file, 1.0, ("rat",))
     with pytest.raises(InputError, match=r"--error: its sidecar states what an error may be"):
-        scene_of(file, 1.0, (), 1e-3)
+        load_scene(file, 1.0, (), 1e-3)
 
 
 @pytest.mark.parametrize("error", ["nan", "inf"])
 def test_an_error_is_a_number(tmp_path, error):
     with pytest.raises(InputError, match=rf"--error: {error} is no share of a range"):
-        scene_of(far(tmp_path), 0.3, (), float(error))
+        load_scene(far(tmp_path), 0.3, (), float(error))
 
 
 def test_a_neighbour_that_hangs_costs_itself_only(tmp_path, monkeypatch):
@@ -146,18 +146,20 @@ def test_a_neighbour_that_hangs_costs_itself_only(tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "pipe.toml")
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
     (tmp_path / "other.toml").write_text('model = "other.xml"')
-    assert list(scenes.sidecars(file)) == []
+    assert list(scenes.load_sidecars(file)) == []
     asked = []
 
     def late(function, *args, timeout):
         asked.append((function.__name__, args[0].name))
         raise TimedOut("no answer")
 
-    monkeypatch.setattr(scenes, "isolated", late)
-    monkeypatch.setattr(scenes, "load", lambda path, strict: path.name)
+    monkeypatch.setattr(scenes, "call_isolated", late)
+    monkeypatch.setattr(scenes, "load_validated", lambda path, strict: path.name)
     (tmp_path / "far.toml").write_text("")
-    assert list(scenes.sidecars(file)) == ["far.toml"]  # it has the name of the model
-    assert asked == [("model_named", f"{name}.toml") for name in ("deep", "far", "other", "pipe")]
+    assert list(scenes.load_sidecars(file)) == ["far.toml"]  # it has the name of the model
+    assert asked == [
+        ("model_of_sidecar", f"{name}.toml") for name in ("deep", "far", "other", "pipe")
+    ]
 
 
 TREES = """<mujoco><option jacobian="{jacobian}" gravity="0 0 -9.81"/><worldbody>

@@ -17,9 +17,14 @@ from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress import limit_search
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, Failure, TrialResult
-from proofmass.studies.stress.limit_search import LimitSearch, StressedCase, find_several, rounded
-from proofmass.studies.stress.page import sentence
-from proofmass.studies.stress.stress import reached
+from proofmass.studies.stress.limit_search import (
+    LimitSearch,
+    StressedCase,
+    find_first_and_last,
+    round_to_printed,
+)
+from proofmass.studies.stress.page import describe_boundary
+from proofmass.studies.stress.stress import format_limit
 from tests.shipped import shipped
 
 PENDULUM = load_case(shipped("pendulum.toml"))  # 10 s in 1001 samples, in steps of 1 ms
@@ -111,8 +116,8 @@ def test_a_model_that_an_engine_refuses_is_the_changed_one(own, monkeypatch):
     def failing(*_):
         raise InputError(PENDULUM.file, "model", "why")
 
-    monkeypatch.setattr(limit_search, "measure_once", failing)
-    monkeypatch.setattr(limit_search, "is_compiled", lambda case: asked.append(case))
+    monkeypatch.setattr(limit_search, "measure_or_read", failing)
+    monkeypatch.setattr(limit_search, "can_compile", lambda case: asked.append(case))
     assert own.run(OTHER) == Measurement(outcome="refused", message="why")
     assert asked == [OTHER]
 
@@ -124,22 +129,22 @@ def test_a_model_is_compiled_in_a_worker_within_a_minute(monkeypatch):
         calls.append((function, args, timeout))
         return "whether"
 
-    monkeypatch.setattr(limit_search, "isolated", answer)
-    assert limit_search.is_compiled(OTHER) == "whether"
+    monkeypatch.setattr(limit_search, "call_isolated", answer)
+    assert limit_search.can_compile(OTHER) == "whether"
     assert calls == [(compiles, (OTHER.model_path,), 60.0)]
 
 
 def test_what_is_not_in_the_store_is_run(own, monkeypatch):
     task, asked = StudyRun(PENDULUM, "dynamics", own.setting), []
-    monkeypatch.setattr(limit_search, "key_of", lambda task: "key")
+    monkeypatch.setattr(limit_search, "task_key", lambda task: "key")
     monkeypatch.setattr(
         limit_search, "measure_untimed", lambda *told: asked.append(told) or Measurement(steps=3)
     )
     for _ in range(2):
-        assert limit_search.measure_once(task, own.store, 5.0) == Measurement(steps=3)
+        assert limit_search.measure_or_read(task, own.store, 5.0) == Measurement(steps=3)
     assert asked == [(task, 5.0)]
     assert (
-        limit_search.measure_once(replace(task, study="x"), own.store).steps == 3
+        limit_search.measure_or_read(replace(task, study="x"), own.store).steps == 3
     )  # nobody asks which study
 
 
@@ -178,9 +183,9 @@ def test_of_several_boundaries_the_first_and_the_last_are_found(fails, first, la
     assert test(found.breaks) == GONE
     assert test(found.again) is None
     assert 1.019 < max(found.breaks / found.holds, found.holds / found.breaks) < 1.021
-    words = reached(found).split()  # what is printed was run
+    words = format_limit(found).split()  # what is printed was run
     assert (float(words[0]), float(words[2])) == (found.breaks, found.again)
-    assert "some values hold and others do not, up to" in sentence(found)
+    assert "some values hold and others do not, up to" in describe_boundary(found)
 
 
 @pytest.mark.parametrize("within", [0.01, 1e-6, 0.5])
@@ -189,7 +194,7 @@ def test_one_boundary_stays_as_it_was_bisected(edge, within):
     found = search(lambda x: GONE if x >= edge else None, 1.0, 64.0).find(within)
     assert found.holds < edge <= found.breaks <= (1.0 + within) * found.holds
     assert not found.several
-    assert found.format_measured() == reached(found).removesuffix(" s")
+    assert found.format_measured() == format_limit(found).removesuffix(" s")
 
 
 def test_what_is_not_known_beside_a_boundary_makes_no_second():
@@ -208,8 +213,8 @@ def test_values_beside_a_boundary_have_four_digits_and_stay_between_the_ends():
         seen.append(x)
         return GONE if x >= 2.0 else None
 
-    find_several(test, 1.5, 2.4, 1.9876543, 2.0012345, GONE)
-    assert all(x == rounded(x) for x in seen)
+    find_first_and_last(test, 1.5, 2.4, 1.9876543, 2.0012345, GONE)
+    assert all(x == round_to_printed(x) for x in seen)
     assert (min(seen), max(seen)) == (1.5, 2.4)
 
 
@@ -219,9 +224,9 @@ def test_a_first_boundary_within_the_last_digit_is_told_as_a_value_that_fails():
     def test(x: float) -> Failure | None:
         return GONE if 1.77634 <= x < 1.8 or x >= 2.5 else None
 
-    holds, breaks, _, again = find_several(test, 1.7, 9.0, 1.7763, 1.7764, GONE)
+    holds, breaks, _, again = find_first_and_last(test, 1.7, 9.0, 1.7763, 1.7764, GONE)
     assert breaks == 1.777
-    assert again == rounded(again)
+    assert again == round_to_printed(again)
     assert (test(holds), test(breaks), test(again)) == (None, GONE, None)
 
 
@@ -231,7 +236,7 @@ def test_the_limit_as_it_is_printed_is_looked_beside():
     def test(x: float) -> Failure | None:
         return GONE if 1.949 <= x < 1.953 or x >= 2.0 else None
 
-    holds, breaks, _, again = find_several(test, 1.0, 9.0, 1.985, 2.0, GONE)
+    holds, breaks, _, again = find_first_and_last(test, 1.0, 9.0, 1.985, 2.0, GONE)
     assert breaks == 1.951
     assert again == 1.985
     assert test(holds) is None
@@ -243,14 +248,14 @@ def test_what_only_more_digits_tell_is_printed_with_them():
     def test(x: float) -> Failure | None:
         return GONE if 1.7763 < x < 1.7764 or x >= 2.5 else None
 
-    holds, breaks, failure, again = find_several(test, 1.7, 9.0, 1.7763, 1.77634, GONE)
+    holds, breaks, failure, again = find_first_and_last(test, 1.7, 9.0, 1.7763, 1.77634, GONE)
     found = Boundary("", "", "", "step", "s", 1.7, 9.0, holds, breaks, failure="gone", again=again)
     assert failure == GONE
-    assert reached(found).startswith("1.77634 to ")
-    assert "fails at 1.77634 s" in sentence(found)
+    assert format_limit(found).startswith("1.77634 to ")
+    assert "fails at 1.77634 s" in describe_boundary(found)
 
 
 def test_the_last_value_that_was_tried_is_printed_as_where_nothing_fails():
     """1e12 times 6.5797 is a value that nobody chose by its digits."""
     found = Boundary("", "", "", "k", "1", 6.5797, 6.579736e12, 1.3e10, 1.341e10, again=6.579736e12)
-    assert reached(found) == "1.341e10 to 6.58e12"
+    assert format_limit(found) == "1.341e10 to 6.58e12"

@@ -24,10 +24,15 @@ from proofmass.studies.stress.boundary import (
     read_boundaries,
     write_boundaries,
 )
-from proofmass.studies.stress.extremes import extremes, limits, resized, sizes
+from proofmass.studies.stress.extremes import (
+    list_extremes,
+    search_limit_position,
+    search_size,
+    try_size,
+)
 from proofmass.studies.stress.limit_search import LimitSearch, bisect
 from proofmass.studies.stress.page import stress_figure, write_stress
-from proofmass.studies.stress.stress import cache_trials, stress
+from proofmass.studies.stress.stress import cache_trials, find_boundaries
 from proofmass.studies.variants import with_longer_run
 from proofmass.worker import TimedOut
 
@@ -120,7 +125,7 @@ def test_scaled_mechanisms_have_scaled_curves(stressed, name, kind, engine, fact
     run = held.case.run[kind]
     brief = {"n": 11, "until": run.until and run.until / 4}
     few = held.case.model_copy(update={"run": {kind: run.model_copy(update=brief)}})
-    assert resized(replace(held, case=few), 0.0, factor).failure is None
+    assert try_size(replace(held, case=few), 0.0, factor).failure is None
 
 
 def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
@@ -131,7 +136,7 @@ def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
     held = stressed("fourbar", "mujoco", "sweep")
     few = held.case.run["sweep"].model_copy(update={"n": 11})
     held = replace(held, case=held.case.model_copy(update={"run": {"sweep": few}}))
-    smaller = next(s for s in sizes(held) if s.reach < 1)
+    smaller = next(s for s in search_size(held) if s.reach < 1)
     assert smaller.theory == pytest.approx(2e-6)
     assert smaller.trial(2.1e-6).failure is None
     failure = smaller.trial(1.9e-6).failure
@@ -144,7 +149,7 @@ def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
 def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stressed):
     """The model is read by MuJoCo for both engines; Chipmunk was not asked."""
     held = stressed("pendulum", "pymunk")
-    smaller = next(s for s in sizes(held) if s.reach < 1)
+    smaller = next(s for s in search_size(held) if s.reach < 1)
     assert np.isnan(smaller.theory)
     found = smaller.find()
     assert (found.limit, found.found, found.silent) == (BoundaryKind.OURS, False, False)
@@ -156,7 +161,7 @@ def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stressed):
 def test_a_scale_that_forgets_something_is_noticed(stressed):
     """Lengths without gravity: the pendulum swings at another pace."""
     held = stressed("pendulum")
-    larger = variants.larger(held.case, held.models, 4.0)
+    larger = variants.with_scaled_lengths(held.case, held.models, 4.0)
     assert held.find_failure(larger) is None
     forgotten = variants.with_model(
         larger,
@@ -166,7 +171,7 @@ def test_a_scale_that_forgets_something_is_noticed(stressed):
     assert held.find_failure(forgotten)
     assert held.find_failure(larger.model_copy(update={"channels": held.case.channels})) is None
     crank = stressed("slider_crank")
-    larger = variants.larger(crank.case, crank.models, 4.0)
+    larger = variants.with_scaled_lengths(crank.case, crank.models, 4.0)
     assert crank.find_failure(larger.model_copy(update={"channels": crank.case.channels}))
 
 
@@ -176,14 +181,16 @@ def test_stronger_springs_need_proportional_moments(stressed, engine, factor):
     few = held.case.model_copy(
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 10})}}
     )
-    assert held.find_failure(variants.stiffer(few, held.models, factor)) is None
-    wrong = variants.stiffer(few, held.models, factor).model_copy(update={"channels": few.channels})
+    assert held.find_failure(variants.with_scaled_stiffness(few, held.models, factor)) is None
+    wrong = variants.with_scaled_stiffness(few, held.models, factor).model_copy(
+        update={"channels": few.channels}
+    )
     assert held.find_failure(wrong).message.startswith("force or torque off by")
 
 
 def test_the_least_inertia_bounds_the_size(stressed):
     """1e-14 kg m2 times s^2 against MuJoCo's 1e-15: s = 0.316."""
-    search, skipped = extremes(stressed("pendulum").case, stressed("pendulum").store)
+    search, skipped = list_extremes(stressed("pendulum").case, stressed("pendulum").store)
     smaller = next(
         s for s in search if s.parameter == "all lengths smaller" and s.engine == "mujoco"
     )
@@ -192,7 +199,7 @@ def test_the_least_inertia_bounds_the_size(stressed):
     assert found.ratio == pytest.approx(1.0, abs=0.01)
     assert (found.limit, found.silent) == (BoundaryKind.REFUSED, False)
     assert "mjMINVAL" in found.failure
-    assert "stiffness: there is no spring and no rod" in skipped
+    assert "stiffness: there are no springs and no rods" in skipped
     assert {s.parameter for s in search} == {
         "time step",
         "gravity",
@@ -211,7 +218,7 @@ def test_limit_positions_come_from_the_reference(stressed, engine):
     case = held.case.model_copy(
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
     )
-    way = next(limits(replace(held, case=case)))
+    way = next(search_limit_position(replace(held, case=case)))
     assert way.parameter == "drive's way"
     assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
     assert way.trial(0.99 * way.theory).failure is None
@@ -230,7 +237,7 @@ def test_a_model_with_another_limit_position_is_noticed(stressed):
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
     )
     wrong = variants.with_model(case, held.models, change)
-    search = next(s for s in extremes(wrong, held.store)[0] if s.parameter == "drive's way")
+    search = next(s for s in list_extremes(wrong, held.store)[0] if s.parameter == "drive's way")
     found = search.find()
     assert found.ratio < 0.99
     assert "off by" in found.failure
@@ -240,7 +247,7 @@ def test_boundaries_that_begin_alike_do_not_meet(stressed):
     """Eight threads change the same model at once; none finds a file of another gone."""
     held = stressed("fourbar")
     for factor in np.linspace(2.0, 3.0, 20).tolist():
-        change = partial(variants.heavier, held.case, held.models)
+        change = partial(variants.with_scaled_last_mass, held.case, held.models)
         with ThreadPoolExecutor(8) as threads:
             assert len({case.model for case in threads.map(change, [factor] * 8)}) == 1
 
@@ -262,7 +269,7 @@ def test_a_case_is_run_as_its_first_solver_is_set(stressed, monkeypatch):
     monkeypatch.setattr(
         "proofmass.studies.stress.extremes.SEARCHES", (lambda one: stands.append(one) or (),)
     )
-    extremes(held.case, held.store)
+    list_extremes(held.case, held.store)
     assert [one.setting for one in stands] == [
         Setting("mujoco", {"settled": True}),
         Setting("pymunk", {}),
@@ -277,14 +284,14 @@ def test_a_reference_that_is_late_is_not_the_engines_fault(stressed, monkeypatch
             raise TimedOut(words)
         return function(*arguments)
 
-    monkeypatch.setattr("proofmass.studies.measure.isolated", late)
+    monkeypatch.setattr("proofmass.studies.measure.call_isolated", late)
     failure = held.find_failure(held.case)
     assert failure.message == f"no reference: {words}; the engine has its run"
 
     def never(function, *arguments, **_):
         raise TimedOut(words)
 
-    monkeypatch.setattr("proofmass.studies.measure.isolated", never)
+    monkeypatch.setattr("proofmass.studies.measure.call_isolated", never)
     failure = held.find_failure(held.case, timestep=2e-3)
     assert failure.message == f"timed out: {words}"
 
@@ -300,12 +307,14 @@ def test_trials_are_made_once(tmp_path):
 
     search = LimitSearch("spring", "mujoco", "Euler", "step", "s", 1.0, 100.0, trial, theory=3.0)
     with pool(1) as workers:
-        first = stress([cache_trials(search, Store(tmp_path))], workers)
+        first = find_boundaries([cache_trials(search, Store(tmp_path))], workers)
         assert first[0].step == first[0].holds / 2
         count = len(tried)
-        assert stress([cache_trials(search, Store(tmp_path))], workers) == first
+        assert find_boundaries([cache_trials(search, Store(tmp_path))], workers) == first
         assert len(tried) == count > 5
-        stress([cache_trials(replace(search, parameter="other"), Store(tmp_path))], workers)
+        find_boundaries(
+            [cache_trials(replace(search, parameter="other"), Store(tmp_path))], workers
+        )
     assert len(tried) == 2 * count
 
 

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from proofmass.reference import grid
+from proofmass.reference import run_samples
 from proofmass.sim.protocol import Run
 from proofmass.studies.measure import Measurement
 from proofmass.studies.stress import extremes
@@ -90,7 +90,7 @@ def test_the_scripts_import_their_engine_and_numpy_alone():
     ],
 )
 def test_time_steps_of_mujoco(stressed, case, integrator):
-    search = next(s for s in extremes.steps(stressed(case)) if s.setting == integrator)
+    search = next(s for s in extremes.search_time_step(stressed(case)) if s.setting == integrator)
     agrees(search, bare("mujoco", f"{case}, {integrator}"))
 
 
@@ -98,7 +98,7 @@ def test_time_steps_of_mujoco(stressed, case, integrator):
     "case", ["pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)]
 )
 def test_time_steps_of_chipmunk(stressed, case):
-    (search,) = extremes.steps(stressed(case, "pymunk"))
+    (search,) = extremes.search_time_step(stressed(case, "pymunk"))
     agrees(search, bare("pymunk", f"{case}, step"))
 
 
@@ -111,26 +111,26 @@ def test_a_point_mass_of_chipmunk_takes_a_shorter_step():
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_gravity_of_a_pendulum(stressed, engine):
-    (search,) = extremes.weights(stressed("pendulum", engine))
+    (search,) = extremes.search_gravity(stressed("pendulum", engine))
     agrees(search, bare(engine, "pendulum, gravity"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_springs_in_a_pendulum(stressed, engine):
-    (search,) = extremes.stiffnesses(stressed("pendulum", engine))
+    (search,) = extremes.search_stiffness(stressed("pendulum", engine))
     agrees(search, bare(engine, "pendulum, spring"))
 
 
 def test_speed_of_a_driven_four_bar(stressed):
-    (search,) = extremes.speeds(stressed("fourbar"))
+    (search,) = extremes.search_drive_speed(stressed("fourbar"))
     agrees(search, bare("mujoco", "fourbar, drive speed"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicit"])
 def test_energy_of_a_free_four_bar(stressed, integrator):
-    found = extremes.energies(stressed("fourbar_released"))
+    found = extremes.search_energy_error(stressed("fourbar_released"))
     search = next(s for s in found if s.setting == integrator)
     agrees(search, bare("mujoco", f"fourbar_released, energy, {integrator}"))
 
@@ -191,11 +191,11 @@ def test_chipmunk_holds_a_damped_spring_everywhere():
 def test_samples_are_whole_steps_apart(stressed, name, step):
     """As many as fit between those of the case, and one at least; the end moves by half of them."""
     case = stressed(name).case
-    x = grid(case, "dynamics")
+    x = run_samples(case, "dynamics")
     if step > x[-1] / 4:
         pytest.skip("fewer than four steps")
     changed = with_whole_steps(case, float(x[-1]), step)
-    found = Run("dynamics", grid(changed, "dynamics"), ())
+    found = Run("dynamics", run_samples(changed, "dynamics"), ())
     per, taken = found.steps(step)
     assert taken == pytest.approx(step, rel=1e-12)
     assert per == max(1, int((x[1] - x[0]) / step + 1e-9))
@@ -213,7 +213,7 @@ def test_a_long_run_has_the_steps_that_are_told(stressed, name):
     case = with_whole_steps(
         with_longer_run(held.case, 7.3, held.seconds), 7.3 * held.seconds, held.step
     )
-    per, taken = Run("dynamics", grid(case, "dynamics"), ()).steps(held.step)
+    per, taken = Run("dynamics", run_samples(case, "dynamics"), ()).steps(held.step)
     assert taken == pytest.approx(held.step, rel=1e-12)
     steps = per * (case.run["dynamics"].n - 1)
     assert steps == pytest.approx(7.3 * held.seconds / held.step, abs=per)
@@ -238,14 +238,14 @@ def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch
 def test_a_run_that_is_failed_has_no_step_to_tell(stressed, monkeypatch):
     held = stressed("pendulum")
     monkeypatch.setattr(
-        "proofmass.studies.stress.limit_search.measure_once",
+        "proofmass.studies.stress.limit_search.measure_or_read",
         lambda *_: Measurement(outcome="diverged"),
     )
     assert np.isnan(held.try_in_steps(held.case, 1.0, timestep=0.01).step)
 
 
 def test_a_recorded_curve_has_its_own_samples(stressed):
-    _, skipped = extremes.extremes(
+    _, skipped = extremes.list_extremes(
         stressed("hacksaw_recorded").case, stressed("hacksaw_recorded").store
     )
     assert "time step: a recorded curve has its own samples" in skipped

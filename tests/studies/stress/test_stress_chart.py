@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from proofmass.report.figures import save
-from proofmass.report.svg_markers import MARKS
+from proofmass.report.svg_markers import MARKER_PATHS
 from proofmass.studies.stress import page as stress_page
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
-from proofmass.studies.stress.page import KINDS, sentence, write_stress
+from proofmass.studies.stress.page import KIND_LOOKS, describe_boundary, write_stress
 from tests.visit import PHONE, Visit
 
 STEP = Boundary(
@@ -60,13 +60,13 @@ ALL = [STEP, FAILED, HOLDS, LIGHTER, OURS, NEVER, OTHER]
     ],
 )
 def test_a_limit_in_a_sentence(one: Boundary, words: str) -> None:
-    assert sentence(one) == words
+    assert describe_boundary(one) == words
 
 
 def test_kinds_differ_in_shape_and_in_colour() -> None:
-    assert set(KINDS) == set(BoundaryKind)
+    assert set(KIND_LOOKS) == set(BoundaryKind)
     for part in ("marker", "colour"):
-        assert len({getattr(look, part) for look in KINDS.values()}) == len(KINDS)
+        assert len({getattr(look, part) for look in KIND_LOOKS.values()}) == len(KIND_LOOKS)
 
 
 @pytest.fixture(scope="module")
@@ -126,13 +126,13 @@ def test_kinds_are_told_by_shape_and_silence_by_a_hollow_one(page: Path, browser
     with Visit(browser, page) as visit:
         marks = visit.run("findAll('#rows .dot').map((one) => one.getAttribute('d'))")
         names = ["o", "D", ">", "s", "X", "D"]
-        assert marks == [MARKS[name] for name in names]
+        assert marks == [MARKER_PATHS[name] for name in names]
         hollow = visit.run("findAll('#rows .dot').map((one) => one.classList.contains('hollow'))")
         assert hollow == [True, False, False, False, False, False]
         colours = visit.run("findAll('#rows .dot').map((one) => getComputedStyle(one).stroke)")
         assert len(set(colours)) == 5
         legend = visit.page.inner_text("#chart .legend")
-        for look in KINDS.values():
+        for look in KIND_LOOKS.values():
             assert look.words in legend
 
 
@@ -142,7 +142,7 @@ def test_pointing_tells_the_sentence_and_a_click_leads_to_the_row(page: Path, br
         assert tip.is_hidden()
         row = visit.page.locator("#row-fourbar-stress-3")
         row.hover()
-        assert sentence(LIGHTER) in tip.inner_text()
+        assert describe_boundary(LIGHTER) in tip.inner_text()
         row.click()
         led = visit.page.locator("tr.led-to")
         assert led.get_attribute("id") == "fourbar-stress-3"
@@ -162,12 +162,12 @@ def test_the_keyboard_goes_from_limit_to_limit(page: Path, browser: Any) -> None
             if visit.run("document.activeElement.className") == "row-list":
                 break
         tip = visit.page.locator("#rows .tip")
-        assert sentence(STEP) in tip.inner_text()
+        assert describe_boundary(STEP) in tip.inner_text()
         visit.page.keyboard.press("ArrowDown")
         active = visit.page.get_attribute(".row-list", "aria-activedescendant")
         assert active == "row-fourbar-stress-1"
         assert visit.page.get_attribute(f"#{active}", "aria-selected") == "true"
-        assert sentence(FAILED) in tip.inner_text()
+        assert describe_boundary(FAILED) in tip.inner_text()
         visit.page.keyboard.press("End")
         visit.page.keyboard.press("Enter")
         assert visit.page.get_attribute("tr.led-to", "id") == "fourbar-stress-5"

@@ -6,14 +6,20 @@ from pathlib import Path
 import pytest
 
 from proofmass.errors import InputError
-from proofmass.report.svg_markers import MARKS, tones
+from proofmass.report.svg_markers import MARKER_PATHS, page_tones
 from proofmass.studies.stress.boundary import (
     Boundary,
     BoundaryKind,
     read_boundaries,
     write_boundaries,
 )
-from proofmass.studies.stress.page import breaks_first, by_parameter, far, ratio_of, strip_of
+from proofmass.studies.stress.page import (
+    boundary_strip,
+    by_parameter,
+    largest_factor,
+    nearest_boundaries,
+    ratio_strip,
+)
 
 FOUND = Boundary(
     "fourbar",
@@ -34,12 +40,12 @@ HOLDS = replace(
     FOUND, engine="pymunk", setting="as it is", holds=1.0, breaks=float("nan"),
     limit=BoundaryKind.HOLDS, failure="", silent=False,
 )  # fmt: skip
-TONE = tones(["#0072B2"])["#0072B2"]
+TONE = page_tones(["#0072B2"])["#0072B2"]
 
 
 def test_of_all_settings_the_boundary_that_is_met_first_is_told() -> None:
     gravity = replace(HOLDS, engine="mujoco", parameter="gravity", unit="times")
-    told = list(breaks_first([RK4, FOUND, HOLDS, gravity]))
+    told = list(nearest_boundaries([RK4, FOUND, HOLDS, gravity]))
     assert [row["parameter"] for row in told] == ["time step", "gravity"]
     assert told[0]["cells"] == [
         {"value": "0.1005 s", "more": "Euler: inaccurate, in silence"},
@@ -51,9 +57,9 @@ def test_of_all_settings_the_boundary_that_is_met_first_is_told() -> None:
 def test_what_does_not_hold_from_the_start_breaks_first() -> None:
     nan = float("nan")
     never = replace(RK4, holds=nan, breaks=nan, limit=BoundaryKind.UNSTABLE)
-    (told,) = breaks_first([FOUND, never])
+    (told,) = nearest_boundaries([FOUND, never])
     assert told["cells"] == [{"value": "nowhere", "more": "RK4: unstable"}]
-    (told,) = breaks_first([FOUND, replace(never, limit=BoundaryKind.OURS)])
+    (told,) = nearest_boundaries([FOUND, replace(never, limit=BoundaryKind.OURS)])
     assert told["cells"][0]["more"] == "Euler: inaccurate, in silence"
 
 
@@ -64,23 +70,23 @@ def test_boundaries_of_a_parameter_stand_side_by_side() -> None:
 
 def test_a_strip_tells_how_far_and_where_theory_is() -> None:
     known = replace(FOUND, theory=1e-2, law="a law")
-    strip = strip_of(known, TONE, 1000.0)
+    strip = boundary_strip(known, TONE, 1000.0)
     assert strip.dot == pytest.approx(100 * 2.002 / 3, abs=0.05)  # decades of 3; 0.1005 over 1e-3
     assert strip.tick == pytest.approx(100 / 3, abs=0.01)
-    assert (strip.bar, strip.hollow, strip.mark) == ((0.0, strip.dot), True, MARKS["o"])
+    assert (strip.bar, strip.hollow, strip.mark) == ((0.0, strip.dot), True, MARKER_PATHS["o"])
     assert "theory 0.01" in strip.said
     downwards = replace(FOUND, reach=1e-6, holds=1e-5, breaks=0.99e-5)
-    assert strip_of(downwards, TONE, 1000.0).dot == pytest.approx(66.8, abs=0.1)
-    assert strip_of(HOLDS, TONE, 1000.0).mark == MARKS[">"]
-    assert far(HOLDS) == 1000.0
+    assert boundary_strip(downwards, TONE, 1000.0).dot == pytest.approx(66.8, abs=0.1)
+    assert boundary_strip(HOLDS, TONE, 1000.0).mark == MARKER_PATHS[">"]
+    assert largest_factor(HOLDS) == 1000.0
 
 
 def test_ratios_stand_about_the_middle() -> None:
     exact = replace(FOUND, theory=FOUND.measured)
-    assert ratio_of(exact, TONE).dot == 50.0
+    assert ratio_strip(exact, TONE).dot == 50.0
     off = replace(FOUND, theory=FOUND.measured / 1.02)
-    low, wide = ratio_of(off, TONE).band or (0.0, 0.0)
-    assert ratio_of(off, TONE).dot == pytest.approx(low + wide)  # at the end of what is near
+    low, wide = ratio_strip(off, TONE).band or (0.0, 0.0)
+    assert ratio_strip(off, TONE).dot == pytest.approx(low + wide)  # at the end of what is near
 
 
 def test_a_table_of_an_earlier_version_is_named(tmp_path: Path) -> None:

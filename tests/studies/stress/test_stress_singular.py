@@ -7,14 +7,14 @@ import pytest
 
 from proofmass.analytic.rods.rod_snap import events
 from proofmass.engines import engine_of
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.studies import variants
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.stress import extremes, theory
 from proofmass.studies.stress.boundary import BoundaryKind, Failure
-from proofmass.studies.stress.limit_search import bisect, measure_once
-from proofmass.studies.variants import self_referenced
+from proofmass.studies.stress.limit_search import bisect, measure_or_read
+from proofmass.studies.variants import with_planar_reference
 
 (PYMUNK,) = engine_of("pymunk").schemes
 RK4 = next(one for one in engine_of("mujoco").schemes if one.name == "RK4")
@@ -23,11 +23,11 @@ RK4 = next(one for one in engine_of("mujoco").schemes if one.name == "RK4")
 def test_grashof_knows_the_shortest_rocker(stressed):
     """Crank 1, coupler 2, ground 3 turn as long as the rocker is no less than 1 + 3 - 2."""
     held = stressed("fourbar")
-    case = self_referenced(held.case)
+    case = with_planar_reference(held.case)
     link = extremes.last_link(case)
     assert link == ("rocker_end",)
-    assert extremes.unclosed(case, link, "sweep", held.models, 0.8 + 1e-6) is None
-    assert extremes.unclosed(case, link, "sweep", held.models, 0.8 - 1e-6)
+    assert extremes.find_closing_failure(case, link, "sweep", held.models, 0.8 + 1e-6) is None
+    assert extremes.find_closing_failure(case, link, "sweep", held.models, 0.8 - 1e-6)
 
 
 @pytest.mark.slow
@@ -37,9 +37,11 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
     left = np.linspace(0.0, 2 * np.pi, 1_000_001)
     nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
     shortest = (3.5 - nearest) / 4.0
-    case, link = self_referenced(held.case), extremes.last_link(held.case)
-    assert extremes.unclosed(case, link, "dynamics", held.models, shortest * 1.001) is None
-    assert extremes.unclosed(case, link, "dynamics", held.models, shortest * 0.999)
+    case, link = with_planar_reference(held.case), extremes.last_link(held.case)
+    assert (
+        extremes.find_closing_failure(case, link, "dynamics", held.models, shortest * 1.001) is None
+    )
+    assert extremes.find_closing_failure(case, link, "dynamics", held.models, shortest * 0.999)
 
 
 @pytest.mark.parametrize(
@@ -58,11 +60,13 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
 def test_arms_reach_as_far_as_their_ends_are_apart(stressed, name, kind, farthest):
     """Both links by the same share shorter, until they are stretched."""
     held = stressed(name)
-    case, arm = self_referenced(held.case), extremes.last_arm(held.case)
-    model = compiled(case)
+    case, arm = with_planar_reference(held.case), extremes.last_arm(held.case)
+    model = compiled_model(case)
     shortest = farthest / sum(np.linalg.norm(model.site(link).pos) for link in arm)
-    assert extremes.unclosed(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
-    assert extremes.unclosed(case, arm, kind, held.models, shortest * (1 - 1e-6))
+    assert (
+        extremes.find_closing_failure(case, arm, kind, held.models, shortest * (1 + 1e-6)) is None
+    )
+    assert extremes.find_closing_failure(case, arm, kind, held.models, shortest * (1 - 1e-6))
 
 
 def test_an_arm_is_what_nothing_else_holds_or_drives(stressed):
@@ -76,15 +80,16 @@ def test_an_arm_is_what_nothing_else_holds_or_drives(stressed):
 def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stressed, name):
     """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
     held = stressed(name)
-    held = replace(held, case=self_referenced(held.case))
+    held = replace(held, case=with_planar_reference(held.case))
     arm = extremes.last_arm(held.case)
     shortest = {"fourbar": 8 / 9, "fivebar": 2 / 3}[name]
     shares = np.geomspace(2e-3, 3e-5, 4)
     cases = [
-        extremes.shortened(held.case, arm, held.models, shortest * (1 + share)) for share in shares
+        extremes.with_scaled_links(held.case, arm, held.models, shortest * (1 + share))
+        for share in shares
     ]
     found = [
-        measure_once(StudyRun(case, "dynamics", held.setting, "stress"), held.store)
+        measure_or_read(StudyRun(case, "dynamics", held.setting, "stress"), held.store)
         for case in cases
     ]
     ratio = [one.errors["position"] / one.invariants["violation"] for one in found]
@@ -95,12 +100,12 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stressed, name):
 def test_a_softer_loop_loses_its_way_further_from_the_change_point(stressed):
     """With 5e-4 of their length to spare; an open loop is then in the other mode for nothing."""
     held = stressed("fourbar")
-    held = replace(held, case=self_referenced(held.case))
-    soft = replace(held, setting=held.setting.but(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
+    held = replace(held, case=with_planar_reference(held.case))
+    soft = replace(held, setting=held.setting.with_parameters(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
     link, arm = extremes.last_link(held.case), extremes.last_arm(held.case)
     for links, length in ((link, 0.8), (arm, 8 / 9)):
-        assert extremes.sparing(held, links, length, 5e-4).failure is None
-        failure = extremes.sparing(soft, links, length, 5e-4).failure
+        assert extremes.try_spare_length(held, links, length, 5e-4).failure is None
+        failure = extremes.try_spare_length(soft, links, length, 5e-4).failure
         assert failure
         assert failure.silent
 
@@ -113,9 +118,9 @@ def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(
         stressed("fourbar", kind="sweep"),
         Measurement(outcome="stopped", message="no pose"),
     )
-    monkeypatch.setattr("proofmass.studies.stress.limit_search.measure_once", lambda *_: answer)
-    held = replace(held, case=self_referenced(held.case))
-    assert extremes.sparing(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
+    monkeypatch.setattr("proofmass.studies.stress.limit_search.measure_or_read", lambda *_: answer)
+    held = replace(held, case=with_planar_reference(held.case))
+    assert extremes.try_spare_length(held, ("rocker_end",), 1.0, 0.0).failure == Failure(
         "stopped: no pose", BoundaryKind.OURS
     )
     assert held.try_case(held.case).failure == Failure("stopped: no pose", BoundaryKind.UNSTABLE)
@@ -126,7 +131,7 @@ def test_the_reference_snaps_at_its_fold(stressed):
     case = stressed("rod_snap", kind="sweep").case
     fold = events(distance=0.8)["snaps to the left"] + case.drive[0].start
     holds, breaks, _ = bisect(
-        lambda far: extremes.unreturned(case, far), 0.99 * fold, 1.01 * fold, 1e-8
+        lambda far: extremes.find_return_failure(case, far), 0.99 * fold, 1.01 * fold, 1e-8
     )
     assert np.sqrt(holds * breaks) == pytest.approx(fold, rel=1e-8)
 
@@ -140,7 +145,7 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stressed):
     for pieces in (10, 20):
         chain = replace(held, setting=Setting("mujoco", {"segments": pieces}))
         holds, breaks, failure = bisect(
-            lambda far, chain=chain: extremes.snapped(chain, far).failure,
+            lambda far, chain=chain: extremes.try_snap(chain, far).failure,
             0.99 * fold,
             1.01 * fold,
             1e-4,
@@ -165,13 +170,13 @@ def test_a_rod_of_another_length_snaps_elsewhere(stressed):
     assert abs(wrong / right - 1) > 0.01
     middle = np.sqrt(right * wrong)
     theirs = replace(held, case=longer)
-    assert bool(extremes.snapped(held, middle).failure) is not bool(
-        extremes.snapped(theirs, middle).failure
+    assert bool(extremes.try_snap(held, middle).failure) is not bool(
+        extremes.try_snap(theirs, middle).failure
     )
 
 
 def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stressed):
-    (search,) = extremes.stiffnesses(stressed("pendulum", integrator="Euler"))
+    (search,) = extremes.search_stiffness(stressed("pendulum", integrator="Euler"))
     assert search.reach == pytest.approx(1e12 * search.start)
     assert search.trial(0.95 * search.theory).failure is None
     failure = search.trial(1.05 * search.theory).failure
@@ -195,17 +200,17 @@ def test_in_chipmunk_small_swings_of_a_spring_are_linear(stressed, swing, holds,
             key.set("qpos", repr(swing))
 
     held = replace(held, case=variants.with_model(held.case, held.models, change))
-    (search,) = extremes.stiffnesses(held)
-    steps = min(held.seconds / held.step, extremes.BRIEF)
+    (search,) = extremes.search_stiffness(held)
+    steps = min(held.seconds / held.step, extremes.FREE_MOTION_STEPS)
     inertia = extremes.last_hinge(held.case)[1]
-    theirs = inertia * (theory.stiffest(PYMUNK, steps) / held.step) ** 2
+    theirs = inertia * (theory.largest_accurate_z(PYMUNK, steps) / held.step) ** 2
     assert search.trial(holds * theirs).failure is None
     assert search.trial(breaks * theirs).failure
 
 
 def test_stiffest_is_where_the_phase_is_off():
     """z^3 / 24 a step with semi-implicit steps, begun with the velocity of half a step before."""
-    z = theory.stiffest(PYMUNK, 10_000)
+    z = theory.largest_accurate_z(PYMUNK, 10_000)
     assert 10_000 * z**3 / 24 == pytest.approx(2 * np.arcsin(0.1), rel=0.01)
 
 
@@ -213,14 +218,14 @@ def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stressed):
     """dt omega = 0.3: a hundredth is gone after ln(1/0.99) 72 / 0.3^6 steps or so."""
     held = stressed("pendulum", integrator="RK4")
     case = extremes.with_spring(
-        extremes.weighed(held.case, held.models),
+        extremes.with_energy_sensors(held.case, held.models),
         held.models,
         extremes.last_hinge(held.case)[0],
         (0.3 / held.step) ** 2,
     )
-    steps = theory.faded_after(RK4, 0.3, 0.99)
-    assert extremes.drifted(held, case, {}, 0.95 * steps).failure is None
-    failure = extremes.drifted(held, case, {}, 1.05 * steps).failure
+    steps = theory.steps_until_energy_share(RK4, 0.3, 0.99)
+    assert extremes.try_step_count(held, case, {}, 0.95 * steps).failure is None
+    failure = extremes.try_step_count(held, case, {}, 1.05 * steps).failure
     assert failure
     assert failure.message.startswith("energy off by 0.01")
 
@@ -228,11 +233,11 @@ def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stressed):
 def test_what_applies_is_found_from_the_case(stressed):
     """No loop, no drive: neither bars in line nor folds; a load: no energy."""
     held = stressed("pendulum")
-    _, skipped = extremes.extremes(held.case, held.store)
+    _, skipped = extremes.list_extremes(held.case, held.store)
     assert "bars in line: no such links in a driven loop" in skipped
     assert "stretched arm: no such links in a driven loop" in skipped
     assert "fold: no rod that a single drive bends" in skipped
-    _, skipped = extremes.extremes(stressed("rod_cantilever").case, held.store)
+    _, skipped = extremes.list_extremes(stressed("rod_cantilever").case, held.store)
     assert any(why.startswith("energy: ") for why in skipped)
 
 
@@ -246,7 +251,7 @@ def test_rounding_decides_at_a_singular_pose_in_pymunk(stressed):
     held = stressed("fivebar")
     (search,) = (
         one
-        for one in extremes.extremes(held.case, held.store)[0]
+        for one in extremes.list_extremes(held.case, held.store)[0]
         if one.engine == "pymunk"
         and "bars come in line" in one.parameter
         and one.setting != "sweep"

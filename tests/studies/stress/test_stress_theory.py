@@ -5,13 +5,13 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass.sim.mujoco.tried_settings import SCHEMES, discrete, euler, euler_explicit
-from proofmass.sim.pymunk.tried_settings import chipmunk
-from proofmass.sim.stability import limit
+from proofmass.sim.mujoco.tried_settings import SCHEMES, discrete_map, euler_map, explicit_euler_map
+from proofmass.sim.pymunk.tried_settings import chipmunk_step
+from proofmass.sim.stability import stability_limit
 from proofmass.studies.stress import problems, theory
 from proofmass.studies.stress.boundary import Boundary
 from proofmass.studies.stress.limit_search import LimitSearch
-from proofmass.studies.stress.problems import list_problems, stepping, wheel
+from proofmass.studies.stress.problems import list_problems, step_model, wheel_model
 
 PROBLEMS = {f"{p.what}, {p.setting}, {p.parameter}": p for p in list_problems()}
 QUICK = [
@@ -52,7 +52,7 @@ def test_all_other_boundaries_are_where_theory_says(name):
 @pytest.mark.parametrize("factor", [0.8, 1.25])
 def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
     """Stiffness enters the limit by its root: 0.8 moves it by 12 %."""
-    text = wheel(factor)
+    text = wheel_model(factor)
     found = LimitSearch(
         "",
         "mujoco",
@@ -61,7 +61,7 @@ def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
         "1",
         0.5,
         10.0,
-        lambda z: stepping("mujoco", text, z, {"integrator": "Euler"}),
+        lambda z: step_model("mujoco", text, z, {"integrator": "Euler"}),
         theory=2.0,
     ).find()
     assert found.ratio == pytest.approx(factor**-0.5, rel=0.01)
@@ -72,9 +72,9 @@ def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
 def test_limits_have_closed_forms(zeta):
     """The roots of |trace| = 1 + determinant, by hand."""
     root = np.sqrt(1 + zeta**2)
-    assert limit(euler, zeta) == pytest.approx(2 * (zeta + root), rel=1e-6)
-    assert limit(euler_explicit, zeta) == pytest.approx(2 * (root - zeta), rel=1e-6)
-    assert limit(discrete, zeta) == np.inf
+    assert stability_limit(euler_map, zeta) == pytest.approx(2 * (zeta + root), rel=1e-6)
+    assert stability_limit(explicit_euler_map, zeta) == pytest.approx(2 * (root - zeta), rel=1e-6)
+    assert stability_limit(discrete_map, zeta) == np.inf
 
 
 def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
@@ -84,9 +84,9 @@ def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
         u = 2 + 2 * np.exp(-u)
     edge = np.sqrt(u * np.exp(-u)) / 2
     assert edge == pytest.approx(0.2457, abs=1e-4)
-    assert np.isfinite(limit(chipmunk, 0.99 * edge))
-    assert limit(chipmunk, 1.01 * edge) == np.inf
-    z = limit(chipmunk, 0.1)
+    assert np.isfinite(stability_limit(chipmunk_step, 0.99 * edge))
+    assert stability_limit(chipmunk_step, 1.01 * edge) == np.inf
+    z = stability_limit(chipmunk_step, 0.1)
     assert z**2 == pytest.approx(2 + 2 * np.exp(0.2 * z), rel=1e-6)
 
 
@@ -94,7 +94,7 @@ def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
 @pytest.mark.parametrize("z", [0.5, 2.5])
 @pytest.mark.parametrize("integrator", [one.name for one in SCHEMES])
 def test_maps_are_those_of_mujoco(integrator, z, zeta):
-    model = mujoco.MjModel.from_xml_string(wheel(1.0, 2 * zeta))
+    model = mujoco.MjModel.from_xml_string(wheel_model(1.0, 2 * zeta))
     model.opt.timestep = z
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     columns = []
@@ -120,12 +120,12 @@ def test_map_is_that_of_chipmunk(z, zeta):
         space.step(z)
         columns.append((body.angle, z * body.angular_velocity))
     found = np.array(columns).T
-    assert found == pytest.approx(chipmunk(z, zeta), abs=1e-12)
+    assert found == pytest.approx(chipmunk_step(z, zeta), abs=1e-12)
 
 
 def test_a_row_of_masses_has_the_frequencies_of_its_compiled_model():
     """Highest one of K against MuJoCo's mass matrix, in the joints' own coordinates."""
-    model = mujoco.MjModel.from_xml_string(problems.chain(7))
+    model = mujoco.MjModel.from_xml_string(problems.chain_model(7))
     data, inertia = mujoco.MjData(model), np.zeros((7, 7))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, inertia)
@@ -147,4 +147,4 @@ def test_henckys_load_is_the_least_eigenvalue_of_the_chain(segments):
     lengths = np.full(n, h)
     lengths[-1] = h / 2
     loads = np.linalg.eigvals(np.linalg.solve(np.diag(lengths), bending))
-    assert loads.real.min() == pytest.approx(theory.hencky(segments), rel=1e-12)
+    assert loads.real.min() == pytest.approx(theory.hencky_load(segments), rel=1e-12)

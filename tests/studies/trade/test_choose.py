@@ -14,40 +14,40 @@ from typer.testing import CliRunner
 from proofmass.analytic.linkages import pendulum
 from proofmass.case import Case
 from proofmass.cli import app
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.sidecar import load_case
-from proofmass.sim.mujoco.engine import pasted
+from proofmass.sim.mujoco.engine import insert_snippet
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.protocol import Diverged, Unsupported
-from proofmass.solve import plan
+from proofmass.solve import plan_run
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import verify as verify_module
 from proofmass.studies.trade.choose import (
-    MARGIN,
-    Cannot,
-    beside,
-    best,
+    ERROR_MARGIN,
+    NoGoodSetting,
     choose,
-    enough,
-    floor_at,
+    compare_with_defaults,
+    describe_choice,
+    explain_no_choice,
+    find_floor,
+    format_snippet,
+    good_settings,
     is_default,
-    printed,
-    words,
 )
-from proofmass.studies.trade.choose_command import solver_for
+from proofmass.studies.trade.choose_command import find_solver
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import (
-    PART,
+    SAMPLE_SHIFT,
     Check,
-    again,
-    elsewhere,
-    fresh,
-    shifted,
+    rerun_setting,
+    run_fresh,
+    run_shifted,
+    shifted_error,
     state_at,
     verify,
 )
@@ -75,13 +75,13 @@ def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
     rows = [*series_rows("slow", cost=1e-4), *series_rows("quick"), *series_rows("poor", order=1.0)]
     found = chosen(fourbar, rows, 1e-4)
     assert (found.row.series, found.row.value) == ("quick", 0.0005)
-    assert MARGIN * found.row.errors["position"] <= 1e-4 < MARGIN * 100 * 0.001**2
+    assert ERROR_MARGIN * found.row.errors["position"] <= 1e-4 < ERROR_MARGIN * 100 * 0.001**2
 
 
 @pytest.mark.parametrize(
     "changed",
     [
-        {"errors": {"position": 1.0001e-4 / MARGIN}},
+        {"errors": {"position": 1.0001e-4 / ERROR_MARGIN}},
         {"errors": {"position": nan}},
         {"errors": {}},
         {"errors": {"position": inf}},
@@ -186,24 +186,26 @@ def test_a_floor_is_named(fourbar: Case) -> None:
     assert "defaults never get there: the error floor is 2e-4, softness of the loop" in found.beside
     assert np.isnan(found.ratio)
     with pytest.raises(
-        Cannot,
+        NoGoodSetting,
         match=r"the best, MuJoCo RK4, solref 8 dt.* the error floor is "
         r"3e-8, cap of solimp; halving solref divides the error by 4.0",
     ):
         chosen(fourbar, mine, 1e-9, verdicts=verdicts)
     # 100 h^2 with 6.28e-5 / h seconds: to 0.8 * 5e-10, h = 2e-6 s and 31 s
     needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
-    with pytest.raises(Cannot, match=needs + "proofmass choose measures finer steps"):
+    with pytest.raises(NoGoodSetting, match=needs + "proofmass choose measures finer steps"):
         chosen(fourbar, series_rows("quick"), 1e-9)
-    with pytest.raises(Cannot, match=needs + "--longest is 30 s$"):
+    with pytest.raises(NoGoodSetting, match=needs + "--longest is 30 s$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=30.0))
-    with pytest.raises(Cannot, match=needs + "--longest is 33 s$"):  # expectations are a tenth off
+    with pytest.raises(
+        NoGoodSetting, match=needs + "--longest is 33 s$"
+    ):  # expectations are a tenth off
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=33.0))
-    with pytest.raises(Cannot, match=needs + "of --budget 60 s, 50 s are spent$"):
+    with pytest.raises(NoGoodSetting, match=needs + "of --budget 60 s, 50 s are spent$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
     failed = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
     with pytest.raises(
-        Cannot,
+        NoGoodSetting,
         match=r"^no setting ran, of \d+: \d+ diverged; the first, "
         r"[^;]*: diverged: open by 1 m$",
     ):
@@ -218,7 +220,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
             zip(series_rows("quick"), ["diverged"] * 4 + ["timed out"] * 99, strict=False)
         )
     ]
-    with pytest.raises(Cannot) as why:
+    with pytest.raises(NoGoodSetting) as why:
         chosen(fourbar, failed, 1e-3)
     first, second = str(why.value).split("; ")
     assert first == f"no setting ran, of {len(failed)}: " + ", ".join(
@@ -227,9 +229,9 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
     )
     assert second == "the first, quick, timestep 16 ms: diverged: failed at 0 s"
     other = [replace(row, errors={"velocity": 1.0}) for row in series_rows("quick")]
-    with pytest.raises(Cannot, match="ran without position errors"):
+    with pytest.raises(NoGoodSetting, match="ran without position errors"):
         chosen(fourbar, other, 1e-3)
-    with pytest.raises(Cannot, match="no setting was measured"):
+    with pytest.raises(NoGoodSetting, match="no setting was measured"):
         chosen(fourbar, [], 1e-3)
 
 
@@ -237,7 +239,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
 def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
     """Each solver of the run that has settings, with what `check` runs it with."""
     case = load_case(shipped(f"{name}.toml"))
-    step = compiled(case).opt.timestep
+    step = compiled_model(case).opt.timestep
     tried = [
         (s.engine, s.parameters)
         for series in list_series(case, "dynamics")
@@ -248,7 +250,7 @@ def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
         if variant != "default":
             own = {
                 name: tuple(value) if isinstance(value, list) else value
-                for name, value in plan(case, "dynamics", solver).settings.items()
+                for name, value in plan_run(case, "dynamics", solver).settings.items()
             }
             assert (engine, {"timestep": step, **own}) in tried
 
@@ -324,7 +326,7 @@ def test_a_pasted_snippet_is_the_setting(parameters: dict, own: str, tmp_path: P
     )
     file.write_text(text.replace("<worldbody>", soft, 1))
     lines = snippet(Setting("mujoco", parameters), 0, file)
-    merged = mujoco.MjModel.from_xml_string(pasted(file, lines))
+    merged = mujoco.MjModel.from_xml_string(insert_snippet(file, lines))
     wanted = mujoco.MjModel.from_xml_path(str(file))
     configure(wanted, {k: v for k, v in parameters.items() if k != "solver"})
     if "solver" in parameters:
@@ -396,10 +398,10 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
         2e-3,
         {"timestep": 2e-3, "integrator": "RK4"},
     )
-    curves = shifted(case, "dynamics", Setting("mujoco", row.parameters))
-    whole, _ = fresh(case, "dynamics", Setting("mujoco", row.parameters), 0)
+    curves = run_shifted(case, "dynamics", Setting("mujoco", row.parameters))
+    whole, _ = run_fresh(case, "dynamics", Setting("mujoco", row.parameters), 0)
     width = whole.x[1] - whole.x[0]
-    assert curves.x == pytest.approx(whole.x[:-1] + PART * width, abs=1e-12)
+    assert curves.x == pytest.approx(whole.x[:-1] + SAMPLE_SHIFT * width, abs=1e-12)
     check = verify(case, "dynamics", row, "position", 1e-6)
     assert 0 < check.fresh < 1e-6  # README: RK4 at 1 ms is 1e-8 off, and 16 times that at 2 ms
     assert 0 < check.shifted < 1e-6
@@ -410,9 +412,9 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
 def test_no_other_start_is_said() -> None:
     case = load_case(shipped("hacksaw_recorded.toml"))
     with pytest.raises(Unsupported, match="recorded curve"):
-        shifted(case, "dynamics", Setting("mujoco"))
+        run_shifted(case, "dynamics", Setting("mujoco"))
     with pytest.raises(Unsupported, match="an equilibrium has one start"):
-        shifted(load_case(shipped("rod_cantilever.toml")), "equilibrium", Setting("mujoco"))
+        run_shifted(load_case(shipped("rod_cantilever.toml")), "equilibrium", Setting("mujoco"))
 
 
 @pytest.mark.parametrize("name", ["rod_released", "slider_crank_elastic"])
@@ -421,7 +423,7 @@ def test_rods_in_motion_have_no_other_start(name: str, engine: str) -> None:
     """A key gives them an arc: the elastic coupler, straight at another angle of the crank, was
     4.3e-2 off where it is 6.7e-4 off from its own start."""
     with pytest.raises(Unsupported, match="rods start in the arcs that the model's key gives them"):
-        shifted(load_case(shipped(f"{name}.toml")), "dynamics", Setting(engine))
+        run_shifted(load_case(shipped(f"{name}.toml")), "dynamics", Setting(engine))
 
 
 def test_rods_that_a_drive_sweeps_have_another_start() -> None:
@@ -429,14 +431,14 @@ def test_rods_that_a_drive_sweeps_have_another_start() -> None:
     case = load_case(shipped("rfr2_driven.toml"))
     table = case.run["sweep"].model_copy(update={"n": 3})
     case = case.model_copy(update={"run": {"sweep": table}})
-    curves = shifted(case, "sweep", Setting("mujoco", {"segments": 4}))
+    curves = run_shifted(case, "sweep", Setting("mujoco", {"segments": 4}))
     assert all(np.isfinite(part).all() for part in curves.channels.values())
 
 
 def test_a_setting_of_rods_holds_without_another_start(monkeypatch: pytest.MonkeyPatch) -> None:
     case = load_case(shipped("rod_released.toml"))
     here = Check(1e-3, np.nan, "", Setting("pymunk", {"timestep": 1e-3}))
-    monkeypatch.setattr("proofmass.studies.trade.verify.as_program", lambda *_: here)
+    monkeypatch.setattr("proofmass.studies.trade.verify.run_as_program", lambda *_: here)
     row = StudyRow("choose", "rod_released", "dynamics", "pymunk", "", "timestep", 1e-3)
     check = verify(case, "dynamics", row, "position", 1e-2)
     assert check.holds(1e-2)
@@ -464,13 +466,13 @@ def test_a_failed_run_does_not_hold(fourbar: Case) -> None:
 def test_printed_with_its_evidence(fourbar: Case) -> None:
     """All of it can be pasted: comments, then elements that MuJoCo reads."""
     rows = series_rows("tuned", integrator="RK4")
-    text = printed(chosen(fourbar, rows, 1e-4), fourbar)
+    text = format_snippet(chosen(fourbar, rows, 1e-4), fourbar)
     assert "position within 1e-4 of its range" in text
-    merged = mujoco.MjModel.from_xml_string(pasted(shipped("fourbar.xml"), text))
+    merged = mujoco.MjModel.from_xml_string(insert_snippet(shipped("fourbar.xml"), text))
     assert merged.opt.timestep == 0.0005
     parameters = {"timestep": 0.01, "iterations": 10, "error_bias": 0.0}
     rows = [replace(row, engine="pymunk", parameters=parameters) for row in rows]
-    exec(printed(chosen(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()})
+    exec(format_snippet(chosen(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()})
 
 
 @pytest.mark.parametrize(
@@ -512,10 +514,10 @@ def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models: P
 
 def test_a_drive_names_its_engine(fourbar: Case) -> None:
     """Where only one of the case's engines can move drives so."""
-    assert solver_for(fourbar, "dynamics", "gear", "") == "pymunk"
-    assert solver_for(fourbar, "dynamics", "servo", "") == "mujoco"
-    assert solver_for(fourbar, "dynamics", "servo", "mujoco") == "mujoco"
-    assert solver_for(fourbar, "dynamics", "", "") == ""
+    assert find_solver(fourbar, "dynamics", "gear", "") == "pymunk"
+    assert find_solver(fourbar, "dynamics", "servo", "") == "mujoco"
+    assert find_solver(fourbar, "dynamics", "servo", "mujoco") == "mujoco"
+    assert find_solver(fourbar, "dynamics", "", "") == ""
 
 
 def test_fewer_iterations_come_first() -> None:
@@ -531,7 +533,7 @@ def test_fewer_iterations_come_first() -> None:
             ("coarse", 0.05, 2e-3, 30),
         )
     ]
-    assert [row.series for row in enough(rows, "position", 1.0)] == ["coarse", "few", "many"]
+    assert [row.series for row in good_settings(rows, "position", 1.0)] == ["coarse", "few", "many"]
 
 
 @pytest.mark.slow
@@ -542,7 +544,7 @@ def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
     asked = ["choose", str(file), "--solver", "mujoco", "--store", str(tmp_path / "study")]
     found = CliRunner().invoke(app, [*asked, "--error", "1e-6"])
     assert found.exit_code == 0, found.stderr
-    merged = mujoco.MjModel.from_xml_string(pasted(file.with_suffix(".xml"), found.stdout))
+    merged = mujoco.MjModel.from_xml_string(insert_snippet(file.with_suffix(".xml"), found.stdout))
     assert merged.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     assert 1e-3 < merged.opt.timestep <= 0.05
     found = CliRunner().invoke(app, [*asked, "--error", "1e-17"])
@@ -611,7 +613,7 @@ def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "posit
     ],
 )
 def test_the_floor_that_a_setting_is_at(floors: list[Verdict], found: int | None) -> None:
-    assert floor_at(at("own", 2.0), "position", iter(floors)) == (
+    assert find_floor(at("own", 2.0), "position", iter(floors)) == (
         None if found is None else floors[found]
     )
 
@@ -624,8 +626,8 @@ def test_settings_that_are_enough_have_a_margin_of_two() -> None:
         at("untimed", seconds=0.0),
         at("failed", outcome="stopped"),
     ]
-    assert [row.series for row in enough(rows, "position", 1e-4)] == ["cheap", "dear"]
-    assert enough(rows, "velocity", 1e-4) == []
+    assert [row.series for row in good_settings(rows, "position", 1e-4)] == ["cheap", "dear"]
+    assert good_settings(rows, "velocity", 1e-4) == []
 
 
 def test_why_none_is_enough() -> None:
@@ -641,22 +643,23 @@ def test_why_none_is_enough() -> None:
         "best, fine, timestep 0.1 ms, is 1.2e-5 off"
     )
     none = "no convergence series still falls at its finest step, so none promises to get there"
-    assert best(rows, "position", 1.27e-6, []) == (short, none)
-    assert best(rows, "position", 1.27e-6, [floor_of("fine", 1.16e-5)]) == (
+    assert explain_no_choice(rows, "position", 1.27e-6, []) == (short, none)
+    assert explain_no_choice(rows, "position", 1.27e-6, [floor_of("fine", 1.16e-5)]) == (
         f"{short}: the error floor is 1.2e-5, softness",
         "halving it divides the error by 4",
         none,
     )
-    assert best([], "position", 1.0, []) == ("no setting was measured",)
+    assert explain_no_choice([], "position", 1.0, []) == ("no setting was measured",)
     failed = [
         at("one", nan),
         at("two", outcome="diverged", message="why"),
         at("three", outcome="diverged"),
     ]
     assert (
-        best(failed[1:], "velocity", 1.0, [])[1] == "the first, two, timestep 1 ms: diverged: why"
+        explain_no_choice(failed[1:], "velocity", 1.0, [])[1]
+        == "the first, two, timestep 1 ms: diverged: why"
     )
-    assert best(failed, "velocity", 1.0, []) == (
+    assert explain_no_choice(failed, "velocity", 1.0, []) == (
         "no setting ran, of 3: 2 diverged, 1 ran without velocity errors",
         "the first, one, timestep 1 ms: ran",
     )
@@ -666,7 +669,7 @@ def test_the_drives_own_error_is_what_keeps_a_setting_from_being_enough() -> Non
     """It is nearest to the motion that its drives had, at a floor, and not to that asked for."""
     closest = replace(at("lagging", 2e-8), asked={"position": 9e-7})
     plain = replace(at("softer", 4e-7, 2e-3), asked={"position": 8e-7})
-    short, *_ = best([closest, plain], "position", 1e-6, [floor_of("lagging", 2e-8)])
+    short, *_ = explain_no_choice([closest, plain], "position", 1e-6, [floor_of("lagging", 2e-8)])
     assert short == (
         "no measured setting has position within 1e-6 of its range with a margin of 2; the best, "
         "softer, timestep 2 ms, is 8e-7 off, and 4e-7 off the motion that its drives really had"
@@ -678,7 +681,7 @@ def test_what_the_defaults_would_cost() -> None:
     tuned = at("tuned", seconds=0.5)
 
     def of(*rows: StudyRow, floors: tuple[Verdict, ...] = ()) -> tuple[str, float]:
-        return beside([tuned, *rows], tuned, "position", 1e-4, floors)
+        return compare_with_defaults([tuned, *rows], tuned, "position", 1e-4, floors)
 
     def plain(error: float, value: float, seconds: float = 2.0, **more) -> StudyRow:
         return at("plain", error, value, seconds, defaults=True, **more)
@@ -721,7 +724,7 @@ def test_what_the_defaults_would_cost() -> None:
     for floor, never in ((5.1e-5, True), (4.9e-5, False)):
         said = of(near, nearer, floors=(floor_of("plain", floor),))[0]
         assert ("never get there" in said) is never
-    assert beside([fine], fine, "position", 1e-4, ()) == (
+    assert compare_with_defaults([fine], fine, "position", 1e-4, ()) == (
         "these are the engine's defaults, refined",
         1.0,
     )
@@ -738,9 +741,11 @@ def test_only_the_step_may_differ_from_the_defaults() -> None:
 def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     """What has no time has no program; both errors are kept."""
     used = Setting("mujoco", {"segments": 20})
-    found = {again: (1.0, used), elsewhere: 2.0}
+    found = {rerun_setting: (1.0, used), shifted_error: 2.0}
     monkeypatch.setattr(
-        verify_module, "limited", lambda case, kind, function, *told, least=0.0: found[function]
+        verify_module,
+        "call_limited",
+        lambda case, kind, function, *told, least=0.0: found[function],
     )
     assert verify(fourbar, "equilibrium", at(), "velocity", 3.0) == Check(1.0, 2.0, "", used)
     poor = verify(fourbar, "equilibrium", at(), "velocity", 0.5)
@@ -749,14 +754,14 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
 
     def fails(error):
         def call(case, kind, function, *told, least=0.0):
-            if function is again:
+            if function is rerun_setting:
                 return 1.0, used
             raise error
 
         return call
 
     monkeypatch.setattr(
-        verify_module, "limited", fails(Unsupported("an equilibrium has one start"))
+        verify_module, "call_limited", fails(Unsupported("an equilibrium has one start"))
     )
     check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
     assert (check.fresh, check.note, check.used) == (1.0, "an equilibrium has one start", used)
@@ -765,7 +770,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     assert not check.holds(0.9)
     assert Check(1.0, 2.0, "", used).holds(2.0)
     for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
-        monkeypatch.setattr(verify_module, "limited", fails(why))
+        monkeypatch.setattr(verify_module, "call_limited", fails(why))
         check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
         assert (check.fresh, check.note, check.failed) == (1.0, "", str(why))
         assert check.words.endswith(f"from a shifted start: {why}")
@@ -786,7 +791,7 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
 
     found = choose(fourbar, "dynamics", rows, 1.27e-4, verify=check)
     assert asked == [(fourbar, "dynamics", "position")] * 2
-    assert words(found, fourbar) == [
+    assert describe_choice(found, fourbar) == [
         "fourbar, dynamics: position within 1.3e-4 of its range",
         "tuned, timestep 1 ms: 2.3e-5 off in 0.51 s, 70 steps",
         "run again with the lines below 2.2e-5 off; 4.6e-5 from a shifted start",
@@ -795,24 +800,24 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
         "4.1e-4 from a shifted start",
     ]
     once = replace(found, check=replace(found.check, note="a rest -- has one"), refused=())
-    assert words(once, fourbar)[2] == (
+    assert describe_choice(once, fourbar)[2] == (
         "run again with the lines below 2.2e-5 off; from a shifted start: a rest -- has one"
     )
     chaotic = replace(once, motion="chaotic: errors are judged up to 15 s")
-    assert words(chaotic, fourbar)[-1] == "chaotic: errors are judged up to 15 s"
-    assert "\n  chaotic: errors are judged up to 15 s\n" in printed(chaotic, fourbar)
-    text = printed(once, fourbar)
+    assert describe_choice(chaotic, fourbar)[-1] == "chaotic: errors are judged up to 15 s"
+    assert "\n  chaotic: errors are judged up to 15 s\n" in format_snippet(chaotic, fourbar)
+    text = format_snippet(once, fourbar)
     assert text.startswith("<!--\n  fourbar, dynamics: position within 1.3e-4 of its range\n")
     assert "a rest - has one\n" in text  # two dashes would end the comment
     assert "\n-->\n<option" in text
-    assert all(len(line) <= 94 for line in printed(found, fourbar).splitlines())
-    assert "4.1e-4\n    from a shifted start\n-->" in printed(found, fourbar)
+    assert all(len(line) <= 94 for line in format_snippet(found, fourbar).splitlines())
+    assert "4.1e-4\n    from a shifted start\n-->" in format_snippet(found, fourbar)
     planar = replace(
         once,
         row=replace(once.row, engine="pymunk"),
         check=replace(once.check, used=Setting("pymunk", {"timestep": 1e-3})),
     )
-    assert printed(planar, fourbar).startswith("# fourbar, dynamics: ")
-    with pytest.raises(Cannot) as why:
+    assert format_snippet(planar, fourbar).startswith("# fourbar, dynamics: ")
+    with pytest.raises(NoGoodSetting) as why:
         choose(fourbar, "dynamics", rows[:1], 1e-4, verify=check)
-    assert str(why.value) == f"{words(found, fourbar)[-1]}; no setting was measured"
+    assert str(why.value) == f"{describe_choice(found, fourbar)[-1]}; no setting was measured"

@@ -12,7 +12,7 @@ from proofmass.cli import app
 from proofmass.engines import engine_of
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.contacts import creep_rate
-from proofmass.studies.trade.creep import MARGIN, hold
+from proofmass.studies.trade.creep import RATE_MARGIN, find_slow_setting
 from tests.programs import run_alone
 from tests.shipped import shipped
 
@@ -51,11 +51,11 @@ def told(impratio: float) -> float:
 
 
 def test_the_rate_is_that_of_the_closed_form_and_as_slow_as_asked_for(brief):
-    model, chosen = hold(load_case(brief), "mujoco", 1e-6, 30.0)
+    model, chosen = find_slow_setting(load_case(brief), "mujoco", 1e-6, 30.0)
     assert chosen.rate <= 1e-6 < model.rate
     assert model.rate == pytest.approx(told(1.0), rel=1e-4)
     ratio = chosen.setting.parameters["impratio"]
-    assert ratio == pytest.approx(MARGIN * model.rate / 1e-6, rel=0.05)  # two digits
+    assert ratio == pytest.approx(RATE_MARGIN * model.rate / 1e-6, rel=0.05)  # two digits
     assert chosen.rate == pytest.approx(told(ratio), rel=1e-3)
 
 

@@ -10,25 +10,25 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from proofmass.case import Case
-from proofmass.reference import compiled, grid
+from proofmass.reference import compiled_model, run_samples
 from proofmass.sidecar import load_case
 from proofmass.studies.measure import StudyRun, simulate_task
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.disturbed import (
-    LEAST,
-    NUDGE,
-    ROUNDED,
+    DISTURBANCE,
+    MIN_SAMPLES,
+    ROUNDING_SHARE,
     DisturbedMotion,
-    answer,
-    motion_of,
-    moved,
-    own_joints,
-    parted,
-    rounded,
-    rounding,
-    within,
+    classify_motion,
+    disturb_motion,
+    end_at_horizon,
+    measure_rounding,
+    own_joint_mask,
+    stored_distances,
+    with_disturbed_start,
+    with_roundings,
 )
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
@@ -87,22 +87,24 @@ def by_hand(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:
 
 def away_by_hand(until: float) -> np.ndarray:
     """How far the nudged motion is off (n,), as a share of the ranges."""
-    plain, other = by_hand(until), by_hand(until, NUDGE, -NUDGE)
+    plain, other = by_hand(until), by_hand(until, DISTURBANCE, -DISTURBANCE)
     return (np.abs(other - plain) / np.ptp(plain, axis=0)).max(axis=1)
 
 
 def test_a_disturbance_grows_as_the_equations_of_motion_have_it(double, tmp_path):
     """No engine and no code of this package on the other side."""
     case = short(double, 10.0)
-    found = parted(StudyRun(case, "dynamics", RK4), moved(case, tmp_path), Store(tmp_path), 60.0)
+    found = stored_distances(
+        StudyRun(case, "dynamics", RK4), with_disturbed_start(case, tmp_path), Store(tmp_path), 60.0
+    )
     away = away_by_hand(10.0)
     # RK4 at 1 ms is 1e-5 off at the end, and so is the place where its growth is that
     assert found["position"] == pytest.approx(away, rel=0.01, abs=1e-11)
-    assert away.max() > 1e3 * NUDGE
+    assert away.max() > 1e3 * DISTURBANCE
 
 
 def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
-    motion = motion_of(double, "dynamics", Store(tmp_path), 60.0)
+    motion = disturb_motion(double, "dynamics", Store(tmp_path), 60.0)
     assert motion.words.startswith("chaotic: a start disturbed by 1e-9 moves it ")
     assert "errors are judged up to there" in motion.words
     away = np.maximum.accumulate(away_by_hand(20.0))
@@ -110,9 +112,9 @@ def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
     linear = np.flatnonzero(away <= 1e-2)[-1] + 2
     rate = np.polyfit(TIMES[linear // 5 : linear], np.log(away[linear // 5 : linear]), 1)[0]
     assert motion.rate == pytest.approx(rate, rel=0.2)  # RK4 is 5e-3 off at the end, and elsewhere
-    cut = within(double, "dynamics", motion)
-    assert grid(cut, "dynamics")[-1] == pytest.approx(motion.horizon, abs=0.051)
-    assert np.allclose(np.diff(grid(cut, "dynamics")), 0.05)
+    cut = end_at_horizon(double, "dynamics", motion)
+    assert run_samples(cut, "dynamics")[-1] == pytest.approx(motion.horizon, abs=0.051)
+    assert np.allclose(np.diff(run_samples(cut, "dynamics")), 0.05)
     assert cut.run["dynamics"].n % 2 == 1
 
 
@@ -120,23 +122,23 @@ def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
 def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
     """A pendulum's phase parts in proportion to time, not faster."""
     case = load_case(shipped(f"{name}.toml"))
-    motion = motion_of(case, "dynamics", Store(tmp_path), 60.0)
+    motion = disturb_motion(case, "dynamics", Store(tmp_path), 60.0)
     assert np.isnan(motion.rate)
     assert np.isnan(motion.horizon)
-    assert within(case, "dynamics", motion) is case
+    assert end_at_horizon(case, "dynamics", motion) is case
     assert "chaotic" not in motion.words
 
 
 def test_a_driven_motion_has_no_free_start(tmp_path):
     case = load_case(shipped("fourbar.toml"))
-    assert motion_of(case, "dynamics", Store(tmp_path), 60.0) is None
-    assert within(case, "dynamics", None) is case
+    assert disturb_motion(case, "dynamics", Store(tmp_path), 60.0) is None
+    assert end_at_horizon(case, "dynamics", None) is case
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
 def test_a_rate_is_that_of_the_exponential_and_the_horizon_where_it_passes(rate):
     x = np.linspace(0.0, 20.0, 2001)
-    motion = answer(x, np.minimum(1e-9 * np.exp(rate * x), 1.0))
+    motion = classify_motion(x, np.minimum(1e-9 * np.exp(rate * x), 1.0))
     assert motion.rate == pytest.approx(rate, rel=0.02)
     passes = np.log(1e5) / rate
     assert (
@@ -149,7 +151,7 @@ def test_a_rate_is_that_of_the_exponential_and_the_horizon_where_it_passes(rate)
 @pytest.mark.parametrize("power", [0, 1, 2, 3])
 def test_what_grows_with_a_power_of_time_is_not_chaotic(power):
     x = np.linspace(0.0, 20.0, 2001)
-    motion = answer(x, 1e-9 * (1.0 + 100.0 * (x / 5.0) ** power))
+    motion = classify_motion(x, 1e-9 * (1.0 + 100.0 * (x / 5.0) ** power))
     assert np.isnan(motion.rate)
     assert "chaotic" not in motion.words
     assert motion.words.startswith("sensitive" if motion.growth >= 100 else "")
@@ -157,14 +159,19 @@ def test_what_grows_with_a_power_of_time_is_not_chaotic(power):
 
 def test_a_horizon_leaves_something_to_judge():
     x = np.linspace(0.0, 20.0, 401)
-    assert answer(x, np.where(x > 0.04, 1.0, 1e-9)).horizon == x[LEAST - 1]
+    assert classify_motion(x, np.where(x > 0.04, 1.0, 1e-9)).horizon == x[MIN_SAMPLES - 1]
     assert np.isnan(DisturbedMotion(1.0, np.nan, np.nan, 20.0).horizon)
     assert DisturbedMotion(99.0, np.nan, np.nan, 20.0).words == ""
 
 
 def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_path):
-    own, nudged, other = map(compiled, (double, moved(double, tmp_path), rounded(double, tmp_path)))
-    assert nudged.key_qpos[0] - own.key_qpos[0] == pytest.approx([NUDGE, -NUDGE], rel=1e-6)
+    own, nudged, other = map(
+        compiled_model,
+        (double, with_disturbed_start(double, tmp_path), with_roundings(double, tmp_path)),
+    )
+    assert nudged.key_qpos[0] - own.key_qpos[0] == pytest.approx(
+        [DISTURBANCE, -DISTURBANCE], rel=1e-6
+    )
     assert np.array_equal(nudged.body_mass, own.body_mass)
     assert 0 < np.abs(other.body_mass[1:] / own.body_mass[1:] - 1).max() < 1e-15
     assert 0 < np.abs(other.key_qpos[0] - own.key_qpos[0]).max() < 1e-15
@@ -173,13 +180,15 @@ def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_p
 def test_roundings_move_a_run_by_no_more_than_their_growth(double, tmp_path):
     """Some 1e-16 in each of 5000 steps, times what a disturbance grows by; not by what RK4 errs."""
     case = short(double, 5.0)
-    away = rounding(StudyRun(case, "dynamics", RK4), Store(tmp_path), 60.0)["position"]
+    away = measure_rounding(StudyRun(case, "dynamics", RK4), Store(tmp_path), 60.0)["position"]
     assert 1e-16 < away < 5000 * 1e-15 * 1e3
-    row = StudyRow("", "", "", "mujoco", "", "", 1e-3, errors={"position": away / ROUNDED * 0.99})
-    assert trade.as_rounding(row, "position", {"position": away})[0] == "rounding"
-    far = replace(row, errors={"position": away / ROUNDED * 1.01})
-    assert trade.as_rounding(far, "position", {"position": away}) == ("unknown", "")
-    assert trade.as_rounding(row, "position", {})[0] == "unknown"
+    row = StudyRow(
+        "", "", "", "mujoco", "", "", 1e-3, errors={"position": away / ROUNDING_SHARE * 0.99}
+    )
+    assert trade.judge_rounding(row, "position", {"position": away})[0] == "rounding"
+    far = replace(row, errors={"position": away / ROUNDING_SHARE * 1.01})
+    assert trade.judge_rounding(far, "position", {"position": away}) == ("unknown", "")
+    assert trade.judge_rounding(row, "position", {})[0] == "unknown"
 
 
 def bare(until: float, integrator: int, step: float) -> np.ndarray:
@@ -241,24 +250,24 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_pat
 def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
     """It has no joint in the file; its tip is off by half a nudge, a rod of 1 m being an arc."""
     case = load_case(shipped("rod_released.toml"))
-    other = moved(case, tmp_path)
-    assert other.rods[0].turn == NUDGE
+    other = with_disturbed_start(case, tmp_path)
+    assert other.rods[0].turn == DISTURBANCE
     task = StudyRun(case, "dynamics", Setting("mujoco", {"timestep": 2e-4}))
     one, two = (simulate_task(replace(task, case=each)) for each in (case, other))
     away = two.channels["tip.y"][0] - one.channels["tip.y"][0]
-    assert away == pytest.approx(NUDGE / 2, rel=1e-3)
-    motion = motion_of(case, "dynamics", Store(tmp_path), 30.0)
+    assert away == pytest.approx(DISTURBANCE / 2, rel=1e-3)
+    motion = disturb_motion(case, "dynamics", Store(tmp_path), 30.0)
     assert 0.1 < motion.growth < 10.0  # of the range, in a regular motion
     assert not motion.rate > 0
 
 
 def test_joints_beside_rods_are_disturbed_in_the_file(tmp_path: Path) -> None:
     case = load_case(shipped("rfr3.toml"))
-    other = moved(case, tmp_path)
-    own = own_joints(case)
-    there, here = (compiled(each).key_qpos[0] for each in (other, case))
+    other = with_disturbed_start(case, tmp_path)
+    own = own_joint_mask(case)
+    there, here = (compiled_model(each).key_qpos[0] for each in (other, case))
     assert own.sum() == 6 < own.size
-    assert np.abs(there - here)[own] == pytest.approx(np.full(6, NUDGE), rel=1.0)
+    assert np.abs(there - here)[own] == pytest.approx(np.full(6, DISTURBANCE), rel=1.0)
     assert np.abs(there - here)[~own].max() > 0  # the rods close the loops again
     assert other.rods == case.rods
 
@@ -268,23 +277,23 @@ def test_what_cannot_be_disturbed_has_no_disturbed_motion(name: str, tmp_path: P
     """No joint but those of a rod between sites that stay; a straight rod between pins, which are
     nudged to a distance that none of its arcs has."""
     case = load_case(shipped(f"{name}.toml"))
-    assert moved(case, tmp_path) is None
+    assert with_disturbed_start(case, tmp_path) is None
 
 
 def test_roundings_reach_the_masses_of_rods(tmp_path: Path) -> None:
     case = load_case(shipped("rod_released.toml"))
-    other = rounded(case, tmp_path)
+    other = with_roundings(case, tmp_path)
     assert 0 < other.rods[0].mass / case.rods[0].mass - 1 < 1e-14
 
 
 def test_rates_are_nudged_where_a_joint_starts_on_its_stop(tmp_path: Path) -> None:
     """Nudged off its stop, the first step of MuJoCo would pass it by: a jump that is no chaos."""
     case = load_case(ROOT / "models" / "spatial" / "robotiq_2f85.toml")
-    other = moved(case, tmp_path)
+    other = with_disturbed_start(case, tmp_path)
     assert other is not None
-    one, two = compiled(case), compiled(other)
+    one, two = compiled_model(case), compiled_model(other)
     assert np.array_equal(one.key_qpos, two.key_qpos)
-    assert np.abs(two.key_qvel - one.key_qvel).max() == NUDGE
-    motion = motion_of(case, "dynamics", Store(tmp_path / "store"), 60.0)
+    assert np.abs(two.key_qvel - one.key_qvel).max() == DISTURBANCE
+    motion = disturb_motion(case, "dynamics", Store(tmp_path / "store"), 60.0)
     assert motion is not None
     assert motion.words == ""

@@ -7,14 +7,14 @@ import pytest
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.noise import (
     Interval,
-    band,
-    busy,
-    interval,
-    perhaps,
-    ties,
+    explain_busy_machine,
+    front_band,
+    possible_front,
+    tied_settings,
     usual_spread,
+    wall_time_interval,
 )
-from proofmass.studies.trade.verdict import front
+from proofmass.studies.trade.verdict import pareto_front
 
 MACHINE = "Processor x 2"
 
@@ -26,9 +26,9 @@ def timed(error: float, *seconds: float, **more: object) -> StudyRow:
 
 
 def test_an_interval_goes_from_the_least_to_the_greatest_wall_time() -> None:
-    assert interval(timed(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
+    assert wall_time_interval(timed(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
     # a single run may be too long by what is usual, and not too short
-    assert interval(timed(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
+    assert wall_time_interval(timed(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
 
 
 def test_the_usual_spread_is_that_of_the_middle_setting() -> None:
@@ -39,22 +39,24 @@ def test_the_usual_spread_is_that_of_the_middle_setting() -> None:
 
 def test_settings_whose_intervals_overlap_are_tied() -> None:
     best, near, far = timed(1.0, 1.0, 2.0), timed(1.0, 1.9, 3.0), timed(1.0, 2.1, 3.0)
-    assert ties([best, near, far], best, 1.0) == [near]
-    assert ties([best, near, far], near, 1.0) == [best, far]
+    assert tied_settings([best, near, far], best, 1.0) == [near]
+    assert tied_settings([best, near, far], near, 1.0) == [best, far]
 
 
 def test_a_setting_that_noise_may_have_put_behind_is_not_off_the_front() -> None:
     cheap, tied = timed(1e-3, 1.0, 1.5), timed(2e-3, 1.2, 1.6)
     worse, close = timed(2e-3, 1.6, 1.7), timed(1e-4, 9.0, 9.5)
     rows = [cheap, tied, worse, close]
-    assert front(rows, "position") == [cheap, close]
-    assert perhaps(rows, "position", 1.0) == [cheap, tied, close]
-    assert set(map(id, front(rows, "position"))) <= set(map(id, perhaps(rows, "position", 1.0)))
+    assert pareto_front(rows, "position") == [cheap, close]
+    assert possible_front(rows, "position", 1.0) == [cheap, tied, close]
+    assert set(map(id, pareto_front(rows, "position"))) <= set(
+        map(id, possible_front(rows, "position", 1.0))
+    )
 
 
 def test_the_front_lies_in_its_band() -> None:
     rows = [timed(1e-3, 1.0, 3.0), timed(2e-3, 1.2, 1.6), timed(1e-4, 9.0, 9.5)]
-    assert band(rows, "position", 1.0) == [
+    assert front_band(rows, "position", 1.0) == [
         (1e-4, 9.0, 9.5),
         (1e-3, 1.0, 3.0),
         (2e-3, 1.0, 1.6),
@@ -73,14 +75,14 @@ QUIET = [timed(1.0, 1.0, 1.1, load=2.2, shared=0.01) for _ in range(10)]
     ],
 )
 def test_a_busy_machine_is_said(changed: dict[str, object], words: str) -> None:
-    assert busy(QUIET) == []
-    (said,) = busy([replace(row, **changed) for row in QUIET])
+    assert explain_busy_machine(QUIET) == []
+    (said,) = explain_busy_machine([replace(row, **changed) for row in QUIET])
     assert words in said
 
 
 def test_a_single_disturbed_setting_does_not_make_a_machine_busy() -> None:
-    assert busy([*QUIET, replace(QUIET[0], load=9.0, shared=0.5)]) == []
+    assert explain_busy_machine([*QUIET, replace(QUIET[0], load=9.0, shared=0.5)]) == []
 
 
 def test_tables_without_a_load_say_nothing_of_it() -> None:
-    assert busy([replace(row, load=float("nan")) for row in QUIET]) == []
+    assert explain_busy_machine([replace(row, load=float("nan")) for row in QUIET]) == []

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.reference import compiled
+from proofmass.reference import compiled_model
 from proofmass.sidecar import load_case
 from proofmass.sim.contents import may_touch
 from proofmass.sim.pymunk.tried_settings import is_damped
-from proofmass.studies.measure import StudyRun, simulate
+from proofmass.studies.measure import StudyRun, call_engine
 from proofmass.studies.record import Setting
-from proofmass.studies.run import run
+from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
-from proofmass.studies.trade.orders import expected
-from proofmass.studies.trade.series import order
+from proofmass.studies.trade.orders import expected_orders
+from proofmass.studies.trade.series import convergence_order
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import loaded, models_like, shipped
 
@@ -35,9 +35,9 @@ CASES = {
     and "pymunk" in case.run["dynamics"].solvers
     and not case.reference.endswith(".csv")
     and not any(str(c.equals).startswith("drive.") for c in case.channels.values())
-    and not may_touch(compiled(case))
-    and not is_damped(compiled(case))
-    and not compiled(case).jnt_limited.any()  # Chipmunk's stops throw nothing back
+    and not may_touch(compiled_model(case))
+    and not is_damped(compiled_model(case))
+    and not compiled_model(case).jnt_limited.any()  # Chipmunk's stops throw nothing back
 }  # these have an error; the acceleration of a drive itself is of first order where it bends
 
 
@@ -46,10 +46,10 @@ def errors(case, folder, change=lambda setting: setting):
     series = next(
         series for series in list_series(case, "dynamics") if series.name == "pymunk, no bias"
     )
-    own = compiled(case).opt.timestep
+    own = compiled_model(case).opt.timestep
     k = next((k for k, size in enumerate(series.sizes) if size < 2 * own), -2)
     pair = [change(setting) for setting in series.settings[k:][:2]]
-    rows = run(
+    rows = run_tasks(
         [StudyRun(case, "dynamics", setting) for setting in pair],
         Store(folder),
         repeats=0,
@@ -70,7 +70,7 @@ def test_pymunk_is_second_order(name, tmp_path):
     for kind, points in errors(CASES[name], tmp_path).items():
         if (name, kind) == SINGULAR:
             continue
-        seen = order(*points)
+        seen = convergence_order(*points)
         assert seen >= ORDER or points[0][1] <= WALL, f"{kind}: order {seen:.2f}, errors {points}"
 
 
@@ -79,7 +79,7 @@ def test_pymunk_with_its_bias_is_not(tmp_path):
         return replace(setting, parameters={**setting.parameters, "error_bias": 0.9**60})
 
     found = errors(CASES["slider_crank"], tmp_path, biased)
-    assert order(*found["position"]) < ORDER
+    assert convergence_order(*found["position"]) < ORDER
 
 
 def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
@@ -88,8 +88,8 @@ def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
 
     def fall_and_swing(h, lag):
         setting = Setting("pymunk", {"timestep": h, "error_bias": np.exp(-1 / lag)})
-        model, dynamics = setting.applied(case, "dynamics")
-        curves = simulate("pymunk", model.model_path, dynamics)
+        model, dynamics = setting.apply_to(case, "dynamics")
+        curves = call_engine("pymunk", model.model_path, dynamics)
         energy = curves.channels["kinetic"] + curves.channels["potential"]
         fall = -np.polyfit(curves.x, energy, 1)[0]
         return np.array([fall, np.ptp(energy + fall * curves.x)])
@@ -108,8 +108,8 @@ def test_that_order_is_expected_of_what_is_let_go_alone():
     ):
         case = load_case(shipped(f"{name}.toml"))
         series = next(one for one in list_series(case, "dynamics") if one.varied == "error_bias")
-        assert expected(case, "dynamics", series, "position") == orders
-        assert expected(case, "dynamics", series, "acceleration") == (*orders, 0.0)
+        assert expected_orders(case, "dynamics", series, "position") == orders
+        assert expected_orders(case, "dynamics", series, "acceleration") == (*orders, 0.0)
 
 
 @pytest.mark.parametrize(("name", "orders"), [("arm_servos", (1.0, 2.0)), ("pendulum", (2.0,))])
@@ -117,4 +117,4 @@ def test_what_goes_with_rates_is_of_first_order_in_pymunk(name, orders):
     """Chipmunk damps with the rate from before its step: dampers, and servos with a gain of it."""
     case = load_case(shipped(f"{name}.toml"))
     series = next(one for one in list_series(case, "dynamics") if one.name == "pymunk, no bias")
-    assert expected(case, "dynamics", series, "position") == orders
+    assert expected_orders(case, "dynamics", series, "position") == orders

@@ -12,23 +12,23 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from proofmass.case import Case
-from proofmass.drive import EXACT, FunctionLaw, InProportion, Steady, Swing, motion_source
+from proofmass.drive import TABLE_TOLERANCE, FunctionLaw, InProportion, Steady, Swing, motion_source
 from proofmass.sidecar import load_case
-from proofmass.sim.mujoco.program import IMPOSED, expanded, write_program
+from proofmass.sim.mujoco.program import IMPOSED, expand_model, write_program
 from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
-from proofmass.solve import simulate
+from proofmass.solve import call_engine
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.program import (
     ProgramRun,
-    imposed,
-    program,
+    drive_ways,
+    program_text,
+    program_text_here,
     read_curves,
     run_program,
-    tried,
-    written,
+    run_stored_program,
 )
-from proofmass.studies.trade.verify import moved_on
+from proofmass.studies.trade.verify import model_text_at
 from tests.programs import program_curves
 from tests.shipped import shipped
 from tests.studies.trade.driven import driven
@@ -65,12 +65,12 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
     1e-10 to 1e-8 of the forces, which the stiff loops turn into accelerations.
     """
     case, setting = short(name), Setting("mujoco", COARSE)
-    text = written(case, setting, IMPOSED[0], 'A head\nwith """ and \\ in it.')
+    text = program_text_here(case, setting, IMPOSED[0], 'A head\nwith """ and \\ in it.')
     assert imports(text) == {"csv", "sys", "time", "mujoco", "numpy"}
     assert "proofmass" not in text
     found = program_curves(text, tmp_path)
-    case, run = setting.applied(case, "dynamics")
-    wanted = simulate("mujoco", case.model_path, run)
+    case, run = setting.apply_to(case, "dynamics")
+    wanted = call_engine("mujoco", case.model_path, run)
     curves = wanted.channels | driven(run, wanted)
     assert list(found) == ["t", *curves]
     assert found["t"] == pytest.approx(wanted.x, abs=1e-12)
@@ -82,7 +82,9 @@ def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
     """Against Jacobi's elliptic functions, written out here; RK4 at 10 ms is 1e-7 off."""
     case = short("pendulum", 101, 2.0)
     found = program_curves(
-        written(case, Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"}), IMPOSED[0], ""),
+        program_text_here(
+            case, Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"}), IMPOSED[0], ""
+        ),
         tmp_path,
     )
     k, w = math.sin(math.pi / 4), math.sqrt(9.81)  # released from the horizontal
@@ -107,7 +109,7 @@ def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_
     setting = Setting(
         "mujoco", {**COARSE, "timestep": 1e-3, "integrator": "implicitfast", "solref": (4e-3, 1.0)}
     )
-    text = written(case, setting, drive, "")
+    text = program_text_here(case, setting, drive, "")
     assert 1e-6 < run_program(case, setting, text, 30.0).driven["force"] < 2e-5
     found = program_curves(text, tmp_path)
     t = found["t"]
@@ -126,7 +128,7 @@ def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_
 def test_a_servo_of_too_high_a_gain_is_failed() -> None:
     """RK4 is explicit in the damper: kv h / I = 2 gain above 2.8 throws the crank away."""
     case, setting = short("fourbar"), Setting("mujoco", COARSE)
-    text = written(case, setting, Imposed("servo", 2.0), "")
+    text = program_text_here(case, setting, Imposed("servo", 2.0), "")
     ran = run_program(case, setting, text, 30.0)
     assert not ran.errors
     assert "mjWARN_BADQ" in ran.failure
@@ -152,14 +154,15 @@ LAWS = {
 
 @pytest.mark.parametrize("laws", LAWS.values(), ids=LAWS)
 def test_a_written_motion_is_the_law(laws: list) -> None:
-    """To rounding where it is a formula; a table is exact at its times and within `EXACT` between
-    in value, and to its own order, two and four more digits less, in rate and acceleration."""
+    """To rounding where it is a formula; a table is exact at its times and within `TABLE_TOLERANCE`
+    between in value, and to its own order, two and four more digits less, in rate and
+    acceleration."""
     x = np.linspace(0.0, 3.0, 41)
     names: dict = {"np": np}
     exec(motion_source(laws, x), names)
     t = np.linspace(0.0, 3.0, 1001)
     wanted = np.array([np.broadcast_arrays(*law(t)) for law in laws])
-    for k, within in enumerate((10 * EXACT, 1e-8, 1e-5)):
+    for k, within in enumerate((10 * TABLE_TOLERANCE, 1e-8, 1e-5)):
         found = names["motion"](t)[k]
         assert found.shape == (len(laws), t.size)
         assert found == pytest.approx(wanted[:, k], abs=within)
@@ -173,7 +176,7 @@ def test_a_free_motion_has_no_law() -> None:
 def test_a_law_that_is_written_wrongly_is_noticed() -> None:
     """A swing of half the period, in a program that is held against the right one."""
     case, setting = short("fourbar", 41), Setting("mujoco", COARSE)
-    text = written(case, setting, IMPOSED[0], "")
+    text = program_text_here(case, setting, IMPOSED[0], "")
     good = run_program(case, setting, text, 30.0)
     assert 0 < good.errors["position"] < 1e-5
     assert good.driven["position"] == pytest.approx(good.errors["position"], rel=0.1)
@@ -194,7 +197,7 @@ def test_a_law_that_is_written_wrongly_is_noticed() -> None:
 )
 def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
-    text = written(case, setting, IMPOSED[0], "").replace(broken, said, 1)
+    text = program_text_here(case, setting, IMPOSED[0], "").replace(broken, said, 1)
     ran = run_program(case, setting, text, 30.0)
     assert not ran.errors
     assert "Error" in ran.failure
@@ -202,7 +205,7 @@ def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
 
 def test_a_program_that_does_not_end_is_ended() -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
-    text = written(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
+    text = program_text_here(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
     assert run_program(case, setting, text, 0.5) == ProgramRun(failure="no end after 0.5 s")
 
 
@@ -210,10 +213,12 @@ def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:
     """Until the setting, the drive or the sidecar is another."""
     case, store = short("pendulum"), Store(tmp_path)
     setting = Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"})
-    first = tried(case, setting, IMPOSED[0], store, 30.0)
-    assert tried(case, setting, IMPOSED[0], store, 30.0) == first
+    first = run_stored_program(case, setting, IMPOSED[0], store, 30.0)
+    assert run_stored_program(case, setting, IMPOSED[0], store, 30.0) == first
     assert len(list(tmp_path.glob("*.program.json"))) == 1
-    finer = tried(case, setting.but(timestep=0.005), IMPOSED[0], store, 30.0)
+    finer = run_stored_program(
+        case, setting.with_parameters(timestep=0.005), IMPOSED[0], store, 30.0
+    )
     assert finer.errors["position"] < first.errors["position"] / 8
     assert len(list(tmp_path.glob("*.program.json"))) == 2
 
@@ -241,7 +246,7 @@ def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
         '</asset><worldbody><include file="part.xml"/></worldbody><keyframe>'
         '<key name="start" qpos="0"/></keyframe></mujoco>'
     )
-    root = expanded(whole)
+    root = expand_model(whole)
     assert root.find(".//include") is None
     assert [child.tag for child in root.find("worldbody") or []] == ["site", "body"]
     mesh = root.find(".//mesh")
@@ -252,7 +257,7 @@ def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
 
 def test_what_no_program_can_be_written_for_is_named() -> None:
     case = short("fourbar")
-    _, run = Setting("mujoco", COARSE).applied(case, "dynamics")
+    _, run = Setting("mujoco", COARSE).apply_to(case, "dynamics")
     with pytest.raises(ValueError, match="known: flywheel, servo, equality"):
         write_program(case.model_path, run, "def motion(t): pass", "", Imposed("rope"))
 
@@ -288,8 +293,8 @@ def test_a_servo_beside_another_of_the_model_is_refused(
     )
     edit("fourbar.xml", '<key name="start"', f'<key name="start"{key}')
     model = edit("fourbar.xml", "<worldbody>", (PID if "pid" in hand else "") + "<worldbody>")
-    _, run = Setting("mujoco", COARSE).applied(short("fourbar"), "dynamics")
-    simulate("mujoco", model, run)
+    _, run = Setting("mujoco", COARSE).apply_to(short("fourbar"), "dynamics")
+    call_engine("mujoco", model, run)
     for drive in (Imposed("flywheel"), Imposed("equality", 0.25)):
         assert "MODEL" in write_program(model, run, "", "", drive)
     if not refused:
@@ -333,13 +338,13 @@ def test_a_drive_that_the_model_disables_is_refused(
 
 
 def test_free_motions_have_one_program() -> None:
-    assert imposed(load_case(shipped("pendulum.toml")), "mujoco") == IMPOSED[:1]
-    assert imposed(load_case(shipped("fourbar.toml")), "mujoco") == IMPOSED
+    assert drive_ways(load_case(shipped("pendulum.toml")), "mujoco") == IMPOSED[:1]
+    assert drive_ways(load_case(shipped("fourbar.toml")), "mujoco") == IMPOSED
 
 
 def test_a_program_is_written_in_a_worker() -> None:
     case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
-    assert program(case, setting, IMPOSED[0], "a head") == written(
+    assert program_text(case, setting, IMPOSED[0], "a head") == program_text_here(
         case, setting, IMPOSED[0], "a head"
     )
 
@@ -351,7 +356,7 @@ def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
     """
     case = short("fourbar_released", 21, 0.4)
     found = program_curves(
-        written(
+        program_text_here(
             case,
             Setting("mujoco", {**COARSE, "timestep": 1e-3, "solref": (8e-3, 1.0)}),
             IMPOSED[0],
@@ -473,7 +478,7 @@ def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
     model, run = odd(tmp_path, gravity, rate)
     motion = motion_source([each.law for each in run.drives], run.x)
     text = write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
-    wanted = simulate("mujoco", model, run)
+    wanted = call_engine("mujoco", model, run)
     for file in (model, tmp_path / "rocker.xml", tmp_path / "shapes" / "m.stl"):
         file.unlink()
     assert str(tmp_path) not in text
@@ -490,7 +495,7 @@ def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_
     model, run = odd(tmp_path)
     motion = motion_source([each.law for each in run.drives], run.x)
     found = program_curves(write_program(model, run, motion, "", drive), tmp_path)
-    wanted = simulate("mujoco", model, run).channels['ro"ck\\, é']
+    wanted = call_engine("mujoco", model, run).channels['ro"ck\\, é']
     assert np.ptp(wanted) > 0.1
     assert found['ro"ck\\, é'] == pytest.approx(wanted, abs=1e-3)
 
@@ -505,7 +510,7 @@ def test_large_files_of_a_model_are_named_by_their_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model, run = odd(tmp_path, rate=0.0)
-    monkeypatch.setattr("proofmass.sim.mujoco.program.CARRIED", 100)
+    monkeypatch.setattr("proofmass.sim.mujoco.program.MAX_EMBEDDED_BYTES", 100)
     text = write_program(model, run, "", "")
     assert str(tmp_path / "shapes" / "m.stl") in text
     assert program_curves(text, tmp_path)["t"].size == run.x.size
@@ -514,4 +519,4 @@ def test_large_files_of_a_model_are_named_by_their_place(
 def test_another_start_of_a_motion_in_space_is_not_known():
     case = load_case(shipped("tumbling_box.toml"))
     with pytest.raises(Unsupported, match="moves in space"):
-        moved_on(case, 0.1)
+        model_text_at(case, 0.1)

@@ -11,19 +11,19 @@ import pytest
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import program
 from proofmass.sim.mujoco.program import (
-    DEEPEST,
     IMPOSED,
-    expanded,
-    first_other,
+    MAX_DEPTH,
+    expand_model,
+    first_difference,
     write_program,
     write_rods,
 )
 from proofmass.sim.protocol import Imposed, Rod, Run, Unsupported
 from proofmass.sim.rods import compile_with_rods
-from proofmass.solve import simulate
+from proofmass.solve import call_engine
 from proofmass.studies.record import Setting
 from proofmass.studies.trade.choose import format_rods
-from proofmass.studies.trade.program import run_program, written
+from proofmass.studies.trade.program import program_text_here, run_program
 from tests.programs import program_curves
 from tests.shipped import shipped
 from tests.studies.trade.driven import driven
@@ -67,10 +67,10 @@ def six_digits(text: str) -> str:
 def test_a_program_with_rods_gives_what_the_harness_gives(name: str, tmp_path: Path) -> None:
     """To rounding in all curves; with links of six digits it does not."""
     case = load_case(shipped(f"{name}.toml"))
-    text = written(case, FEW, IMPOSED[0], "x")
+    text = program_text_here(case, FEW, IMPOSED[0], "x")
     assert "proofmass" not in text
-    changed, run = FEW.applied(case, "dynamics")
-    wanted = simulate("mujoco", changed.model_path, run)
+    changed, run = FEW.apply_to(case, "dynamics")
+    wanted = call_engine("mujoco", changed.model_path, run)
     curves = wanted.channels | driven(run, wanted)
 
     def furthest(text: str) -> float:
@@ -89,7 +89,7 @@ def test_the_error_of_a_program_with_rods_is_that_of_its_rods() -> None:
     """Twenty links: 3.6e-3 off, as the tolerance of the case says; springs of 1 % more turn it."""
     case = load_case(shipped("rod_released.toml"))
     setting = Setting("mujoco", {"timestep": 5e-4})
-    text = written(case, setting, IMPOSED[0], "x")
+    text = program_text_here(case, setting, IMPOSED[0], "x")
     ran = run_program(case, setting, text, 60.0)
     assert ran.errors["position"] == pytest.approx(3.63e-3, rel=0.01)
     stiffer = text.replace('stiffness="5"', 'stiffness="5.05"')
@@ -101,7 +101,7 @@ def test_the_error_of_a_program_with_rods_is_that_of_its_rods() -> None:
 def test_links_of_every_shipped_rod_have_all_digits(name: str) -> None:
     """Slides, clamps at both ends, rods that end at others: the same numbers when compiled."""
     case = load_case(shipped(name))
-    root = expanded(case.model_path)
+    root = expand_model(case.model_path)
     write_rods(root, case.model_path, case.rods)
     assert len(root.findall(".//body")) > sum(rod.segments for rod in case.rods)
 
@@ -124,14 +124,14 @@ def test_defaults_do_not_reach_the_links_of_a_program(
     rod = replace(LOOSE, scheme=scheme, shear=40.0, axial=60.0)
     run = Run("dynamics", np.linspace(0.0, 0.02, 3), ("tip.x", "tip.y"), rods=(rod,))
     found = program_curves(write_program(model, run, "", "x"), tmp_path)
-    for name, curve in simulate("mujoco", model, run).channels.items():
+    for name, curve in call_engine("mujoco", model, run).channels.items():
         assert found[name] == pytest.approx(curve, abs=1e-14)
 
 
 def test_dead_loads_of_rods_are_in_the_program(tmp_path: Path) -> None:
     model = arm(tmp_path)
     run = Run("dynamics", np.linspace(0.0, 0.2, 5), ("tip.x", "tip.y"), rods=(LOOSE,))
-    wanted = simulate("mujoco", model, run).channels
+    wanted = call_engine("mujoco", model, run).channels
     found = program_curves(write_program(model, run, "", "x"), tmp_path)
     without = replace(run, rods=(replace(LOOSE, load=(0.0, 0.0, 0.0)),))
     still = program_curves(write_program(model, without, "", "x"), tmp_path)
@@ -143,7 +143,7 @@ def test_dead_loads_of_rods_are_in_the_program(tmp_path: Path) -> None:
 def test_other_drives_move_rods(drive: Imposed) -> None:
     """At the motion that was asked for: the reference has none for a rate that is not constant."""
     case = load_case(shipped("slider_crank_elastic.toml"))
-    ran = run_program(case, FEW, written(case, FEW, drive, "x"), 60.0)
+    ran = run_program(case, FEW, program_text_here(case, FEW, drive, "x"), 60.0)
     assert not ran.failure
     # seven links, of second order: 8 times the 6.7e-4 of the 20 of the case
     assert ran.errors["position"] == pytest.approx(6.7e-4 * (20 / 7) ** 2, rel=0.3)
@@ -155,7 +155,7 @@ def test_a_number_that_is_rounded_is_refused(
     digits: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each kind of them alone, to six digits."""
-    own = program.parts
+    own = program.body_parts
 
     def rounded(body, plain):
         for element in own(body, plain):
@@ -164,34 +164,36 @@ def test_a_number_that_is_rounded_is_refused(
                 element.set(digits, " ".join(values))
             yield element
 
-    monkeypatch.setattr(program, "parts", rounded)
+    monkeypatch.setattr(program, "body_parts", rounded)
     rod = replace(LOOSE, length=0.7123456789, stiffness=0.3123456789, mass=0.1123456789)
     with pytest.raises(Unsupported, match="its elements compile to another"):
-        write_rods(expanded(arm(tmp_path)), arm(tmp_path), (rod,))
+        write_rods(expand_model(arm(tmp_path)), arm(tmp_path), (rod,))
 
 
 def test_what_is_compared_of_two_models(tmp_path: Path) -> None:
     def model(rod: Rod) -> mujoco.MjModel:
         return compile_with_rods(mujoco.MjSpec.from_file(str(arm(tmp_path))), [rod])
 
-    assert first_other(model(LOOSE), model(LOOSE)) is None
-    assert first_other(model(LOOSE), model(replace(LOOSE, stiffness=0.31))) == "jnt_stiffness"
-    assert first_other(model(LOOSE), model(replace(LOOSE, turn=1.0))) is None  # of the key alone
-    assert "names" in str(first_other(model(LOOSE), model(replace(LOOSE, segments=5))))
+    assert first_difference(model(LOOSE), model(LOOSE)) is None
+    assert first_difference(model(LOOSE), model(replace(LOOSE, stiffness=0.31))) == "jnt_stiffness"
+    assert (
+        first_difference(model(LOOSE), model(replace(LOOSE, turn=1.0))) is None
+    )  # of the key alone
+    assert "names" in str(first_difference(model(LOOSE), model(replace(LOOSE, segments=5))))
 
 
 def test_rods_that_no_program_can_be_written_for_are_named(tmp_path: Path) -> None:
     model = arm(tmp_path)
-    long = replace(LOOSE, segments=DEEPEST + 1)
-    with pytest.raises(Unsupported, match=f"more than {DEEPEST} links and slides"):
-        write_rods(expanded(model), model, (long,))
-    write_rods(expanded(model), model, (replace(LOOSE, segments=DEEPEST - 3),))
+    long = replace(LOOSE, segments=MAX_DEPTH + 1)
+    with pytest.raises(Unsupported, match=f"more than {MAX_DEPTH} links and slides"):
+        write_rods(expand_model(model), model, (long,))
+    write_rods(expand_model(model), model, (replace(LOOSE, segments=MAX_DEPTH - 3),))
     copied = tmp_path / "copied.xml"
     text = model.read_text().replace("<worldbody>", '<worldbody><replicate count="2">')
     text = text.replace(' qpos="0.4"', "")
     copied.write_text(text.replace("</worldbody>", "</replicate></worldbody>"))
     with pytest.raises(Unsupported, match="on site 'hand0', which is no element of the file"):
-        write_rods(expanded(copied), copied, (replace(LOOSE, start="hand0"),))
+        write_rods(expand_model(copied), copied, (replace(LOOSE, start="hand0"),))
 
 
 def test_the_segments_of_rods_are_told() -> None:

@@ -33,7 +33,7 @@ from proofmass.sim.protocol import (
 )
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
-from proofmass.units import FORCES
+from proofmass.units import FORCE_UNITS
 from tests.programs import run_alone
 from tests.shipped import loaded, models_like, shipped
 from tests.studies.trade.driven import driven
@@ -111,7 +111,7 @@ def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
     acceleration by dt^2.  A force is that of all masses, a moment that at the mechanism's size.
     """
     orders = {"rad": 0, "m": 0, "rad/s": 1, "m/s": 1, "rad/s^2": 2, "m/s^2": 2}
-    model = reference.compiled(case)
+    model = reference.compiled_model(case)
     mass = float(model.body_mass.sum())
     moved = {"N": mass, "N m": mass * float(model.stat.extent) ** 2}
     order = {
@@ -135,11 +135,11 @@ def run_of(case: Case, samples: int = SAMPLES) -> Run:
     """The first samples of a case's dynamics in pymunk."""
     drives = tuple(
         Drive(d.joint, law)
-        for d, law in zip(case.drive, reference.laws(case, "dynamics"), strict=True)
+        for d, law in zip(case.drive, reference.drive_laws(case, "dynamics"), strict=True)
     )
     return Run(
         "dynamics",
-        reference.grid(case, "dynamics")[:samples],
+        reference.run_samples(case, "dynamics")[:samples],
         tuple(case.channels_of("dynamics")),
         drives,
         case.start,
@@ -157,7 +157,7 @@ def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tup
     shown = {  # of forces a program has what drives do, and leaves out those between bodies
         name: curve
         for name, curve in wanted.channels.items()
-        if not (case.channels[name].si_unit in FORCES and "." in name)
+        if not (case.channels[name].si_unit in FORCE_UNITS and "." in name)
     }
     return ran(folder / "bare", text), replace(wanted, channels=shown | driven(run, wanted))
 

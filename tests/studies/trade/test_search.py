@@ -13,23 +13,23 @@ import pytest
 from proofmass.case import Case
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Imposed
-from proofmass.sim.pymunk.tried_settings import left_after
+from proofmass.sim.pymunk.tried_settings import bias_of_share
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import search as module
 from proofmass.studies.trade.program import ProgramRun
 from proofmass.studies.trade.search import (
-    REPEATS,
+    TIMING_REPEATS,
     SettingFamily,
-    between,
-    families,
-    finer_for_drives,
+    list_families,
+    refine_for_drives,
     search,
-    to_compare,
+    select_for_comparison,
+    step_between,
 )
 from proofmass.studies.trade.series import Limits
-from proofmass.studies.trade.verify import Check, other_drives
+from proofmass.studies.trade.verify import Check, try_other_drives
 from tests.shipped import shipped
 
 SAMPLE = 3.14159265358979 / 180
@@ -48,7 +48,7 @@ class World:
         self.asked: list[tuple[str, float, int]] = []
         monkeypatch.setattr(
             module,
-            "families",
+            "list_families",
             lambda case, engine: [
                 SettingFamily(
                     "mujoco", name, partial_setting(name), SAMPLE, one[4] if len(one) > 4 else False
@@ -56,7 +56,7 @@ class World:
                 for name, one in families.items()
             ],
         )
-        monkeypatch.setattr(module, "run", self.run)
+        monkeypatch.setattr(module, "run_tasks", self.run)
 
     def run(
         self,
@@ -131,7 +131,7 @@ def test_the_cheapest_is_found_within_a_tenth(
     chosen = min(
         (row for row in rows if row.errors["position"] <= needed), key=lambda row: row.seconds
     )
-    assert len(chosen.repeats) == REPEATS  # timed in rounds
+    assert len(chosen.repeats) == TIMING_REPEATS  # timed in rounds
     steps = [(series, value) for series, value, repeats in world.asked if not repeats]
     assert len(steps) == len(set(steps))
     numbers = np.array([SAMPLE / value for _, value in steps])
@@ -149,7 +149,7 @@ def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path)
         for name in world.families
     }
     assert counts["dear"] == 1
-    assert counts["failed"] == module.HOPELESS
+    assert counts["failed"] == module.MAX_BAD_STEPS
     assert counts["good"] >= 1
 
 
@@ -170,7 +170,7 @@ def test_what_another_family_outdoes_is_left(fourbar: Case, monkeypatch, tmp_pat
         name: sum(series == name and not repeats for series, _, repeats in world.asked)
         for name in world.families
     }
-    assert counts["far"] == counts["behind"] == module.HOPELESS
+    assert counts["far"] == counts["behind"] == module.MAX_BAD_STEPS
     least = {
         name: min(row.errors["position"] for row in rows if row.series == name)
         for name in ("ahead", "late")
@@ -181,7 +181,7 @@ def test_what_another_family_outdoes_is_left(fourbar: Case, monkeypatch, tmp_pat
 def test_a_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
     world = World(monkeypatch, floor=(2.0, 50.0, 1e-4, 1e-6))
     rows = search(fourbar, "position", 1e-6, Store(tmp_path))
-    assert len(world.asked) < module.RUNS
+    assert len(world.asked) < module.MAX_RUNS_OF_FAMILY
     assert min(row.errors["position"] for row in rows) < 2e-4
 
 
@@ -197,14 +197,16 @@ def test_an_error_that_stays_ends_a_family_of_another_motion(
         name: sum(series == name and not repeats for series, _, repeats in world.asked)
         for name in world.families
     }
-    assert counts["other"] == module.HOPELESS
-    assert counts["late"] > module.HOPELESS
+    assert counts["other"] == module.MAX_BAD_STEPS
+    assert counts["late"] > module.MAX_BAD_STEPS
 
 
 def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
     """Its order says that the good step is nearly the best; steps of 5 % would take nine runs."""
     needed, coarse, fine, runs = 5e-7, 8e-7, 4e-7, 0
-    while (step := between(*(row_at(h) for h in (coarse, fine)), "position", needed)) is not None:
+    while (
+        step := step_between(*(row_at(h) for h in (coarse, fine)), "position", needed)
+    ) is not None:
         assert fine < step < coarse
         coarse, fine = (coarse, step) if row_at(step).errors["position"] <= needed else (step, fine)
         runs += 1
@@ -219,13 +221,13 @@ def test_where_the_order_says_that_little_is_left_no_step_between_is_tried() -> 
     """
     good = StudyRow("", "", "", "", "", "timestep", 1e-3, errors={"position": 7e-5}, seconds=1.0)
     bad = replace(good, value=1e-2, errors={"position": 7e-4}, seconds=0.1)
-    assert between(bad, good, "position", 1e-4) is None
+    assert step_between(bad, good, "position", 1e-4) is None
     short = replace(good, seconds=0.01)
-    assert between(replace(bad, seconds=0.001), short, "position", 1e-4) is not None
+    assert step_between(replace(bad, seconds=0.001), short, "position", 1e-4) is not None
     better = replace(good, errors={"position": 6e-5})
     far = replace(bad, errors={"position": 9e-2})
-    assert between(bad, better, "position", 1e-4) is not None
-    assert between(far, better, "position", 1e-4) is not None
+    assert step_between(bad, better, "position", 1e-4) is not None
+    assert step_between(far, better, "position", 1e-4) is not None
 
 
 def row_at(step: float) -> StudyRow:
@@ -294,7 +296,7 @@ def test_a_budget_is_of_the_runs_and_no_run_begins_that_would_exceed_it(
     assert min(row.errors["position"] for row in rows) <= 1e-5
     assert not enough.short
     assert 25.0 < enough.spent <= 60.0
-    assert len(world.asked) < module.RUNS * 2
+    assert len(world.asked) < module.MAX_RUNS_OF_FAMILY * 2
 
 
 def test_runs_that_are_given_up_are_of_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
@@ -339,12 +341,14 @@ def test_families_that_come_to_one_setting_are_one_from_there(
 
     def at(name: str) -> Callable[[float], Setting]:
         return lambda step: (
-            partial_setting(name)(step) if step > SAMPLE / 8 else limit.but(timestep=step)
+            partial_setting(name)(step)
+            if step > SAMPLE / 8
+            else limit.with_parameters(timestep=step)
         )
 
     monkeypatch.setattr(
         module,
-        "families",
+        "list_families",
         lambda case, engine: [
             SettingFamily("mujoco", name, at(name), SAMPLE) for name in ("one", "other")
         ],
@@ -370,12 +374,12 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
         {"position": 1e-8},
         seconds=1.0,
     )
-    (task,) = finer_for_drives(fourbar, [(row, 1e-2)], 1e-4)
+    (task,) = refine_for_drives(fourbar, [(row, 1e-2)], 1e-4)
     assert SAMPLE / 14 < task.value <= SAMPLE * (0.8 * 1e-2) ** 0.5
     assert task.setting.parameters["solref"] == pytest.approx((4 * task.value, 1.0))
-    assert not finer_for_drives(fourbar, [(row, 0.2), (row, 1e-5), (row, nan)], 1e-4)
+    assert not refine_for_drives(fourbar, [(row, 0.2), (row, 1e-5), (row, nan)], 1e-4)
     many = [(replace(row, seconds=float(k)), 1e-2) for k in (5, 1, 4, 2, 3)]
-    assert len(finer_for_drives(fourbar, many, 1e-4)) == module.BEST
+    assert len(refine_for_drives(fourbar, many, 1e-4)) == module.MAX_DRIVE_REFINEMENTS
 
 
 def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -> None:
@@ -386,22 +390,25 @@ def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -
         Imposed("servo", 0.2): ProgramRun({"position": 2e-3}, 1.0, 9),
     }
     monkeypatch.setattr(
-        "proofmass.studies.trade.verify.ran_as",
+        "proofmass.studies.trade.verify.run_with_drive",
         lambda case, setting, drive, *_: given.get(drive, ProgramRun(failure="failed")),
     )
     setting = Setting("mujoco", {"timestep": 1e-3})
     check = Check(
         1e-6, 1e-6, "", setting, ProgramRun({"position": 1e-6}, 1.0, 9), Imposed("flywheel")
     )
-    found = other_drives(fourbar, check, "position", None, 9.0)
+    found = try_other_drives(fourbar, check, "position", None, 9.0)
     assert [drive.kind for drive, _ in found] == ["servo", "equality"]
     assert found[0][0].gain == 0.5
-    told = replace(check, others=tuple(found)).other_drives("position", 1e-4)
+    told = replace(check, others=tuple(found)).describe_other_drives("position", 1e-4)
     assert told == [
         "its drive moved by a servo of gain 0.5 instead: 3e-4 off in 2 s, not good enough",
         "its drive moved by an equality of gain 0.5 instead: failed",
     ]
-    assert "enough" not in replace(check, others=tuple(found)).other_drives("position", 1e-3)[0]
+    assert (
+        "enough"
+        not in replace(check, others=tuple(found)).describe_other_drives("position", 1e-3)[0]
+    )
 
 
 @pytest.mark.parametrize("step", [1e-2, 1e-4])
@@ -411,7 +418,7 @@ def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
     space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
     body.position = 1.0, 0.0
     pin = pymunk.PivotJoint(space.static_body, body, (0.9, 0.0), (0.0, 0.0))
-    pin.error_bias = left_after(share, step)
+    pin.error_bias = bias_of_share(share, step)
     space.add(body, pin)
     space.step(step)
     assert -body.velocity.x * step / 0.1 == pytest.approx(share, rel=1e-11)  # 1 / step roundings
@@ -421,7 +428,7 @@ def test_few_iterations_come_with_a_bias(fourbar):
     """Each step of such a family has the same share, whatever the step is."""
     found = [
         one
-        for one in families(fourbar, "pymunk")
+        for one in list_families(fourbar, "pymunk")
         if one.name == "pymunk, bias 0.01 a step, 3 iterations"
     ]
     assert len(found) == 1
@@ -480,7 +487,7 @@ def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path)
     copyfile(models / "double_pendulum.toml", tmp_path / "double_pendulum.toml")
     case = load_case(tmp_path / "double_pendulum.toml")
     rows = search(case, "position", 1e-3, Store(tmp_path), engine="pymunk")
-    assert len(rows) == len(list(families(case, "pymunk")))
+    assert len(rows) == len(list(list_families(case, "pymunk")))
     assert {row.outcome for row in rows} == {"no reference"}
     assert all("elbow" in row.message and row.steps == 0 for row in rows)
 
@@ -492,5 +499,5 @@ def test_of_the_defaults_the_cheapest_good_step_is_compared_with_or_the_closest(
         )
 
     rows = [row(1e-3, 1.0), row(1e-5, 3.0), row(1e-4, 2.0)]
-    assert to_compare(rows, "position", 1e-4) is rows[2]
-    assert to_compare(rows, "position", 1e-6) is rows[1]
+    assert select_for_comparison(rows, "position", 1e-4) is rows[2]
+    assert select_for_comparison(rows, "position", 1e-6) is rows[1]

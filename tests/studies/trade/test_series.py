@@ -13,20 +13,20 @@ from proofmass.studies.store import Store
 from proofmass.studies.trade import series
 from proofmass.studies.trade.series import (
     MeasuredSeries,
-    clear,
-    ends,
-    flat,
-    halved,
-    least,
+    are_same_parameters,
+    convergence_order,
+    final_order,
+    final_pairs,
+    find_flat_point,
+    find_least_error,
+    find_series,
+    find_worse_pair,
+    is_floor,
+    is_rising,
     list_cached_settings,
-    order,
-    placed,
-    promises,
-    rising,
-    same,
-    scaled,
-    still_falls,
-    worse,
+    points_before_slowdown,
+    predict_steps,
+    setting_at_step,
 )
 from proofmass.studies.trade.varied import ConvergenceSeries
 from proofmass.studies.trade.verdict import Verdict
@@ -131,22 +131,22 @@ def test_rates_that_stay_far_off_are_settled_where_the_last_places_are_right(pla
     ],
 )
 def test_an_error_rises_that_two_refinements_made_worse(errors, rises):
-    assert rising(refined(*errors)) is rises
+    assert is_rising(refined(*errors)) is rises
 
 
 def test_a_hundredth_of_the_range_is_no_floor():
     """Less is asymptotic: at 1 % the next term of an error, of its square, is 1 % of it."""
-    assert flat(refined(0.0098, 0.01)) is None
-    assert flat(refined(0.01, 0.0098)) is None
-    assert flat(refined(0.0099, 0.0098)) == 0
-    assert not halved([0.01, 0.01, 0.01])
-    assert not halved([0.0102, 0.0099, 0.0098]), "the error that is judged is not asymptotic"
-    assert least(refined(0.01, 0.02, 0.04)) is None
-    assert flat([]) is None
+    assert find_flat_point(refined(0.0098, 0.01)) is None
+    assert find_flat_point(refined(0.01, 0.0098)) is None
+    assert find_flat_point(refined(0.0099, 0.0098)) == 0
+    assert not is_floor([0.01, 0.01, 0.01])
+    assert not is_floor([0.0102, 0.0099, 0.0098]), "the error that is judged is not asymptotic"
+    assert find_least_error(refined(0.01, 0.02, 0.04)) is None
+    assert find_flat_point([]) is None
 
 
 def test_no_error_at_all_is_no_error_floor():
-    assert not halved([0.0, 0.0, 0.0])
+    assert not is_floor([0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(
@@ -161,14 +161,14 @@ def test_no_error_at_all_is_no_error_floor():
     ],
 )
 def test_the_least_error_may_be_a_floor_if_two_finer_ones_or_more_are_worse(errors, place):
-    assert least(refined(*errors)) == place
+    assert find_least_error(refined(*errors)) == place
 
 
 def test_an_end_that_falls_with_the_order_one_half_still_falls():
     """A quarter of the step and half of the error: order 0.5 is not below 0.5."""
     points = [(1.0, 1e-3), (0.25, 0.5e-3)]
-    assert order(*points) == 0.5
-    assert clear(points) == points
+    assert convergence_order(*points) == 0.5
+    assert points_before_slowdown(points) == points
 
 
 @pytest.mark.parametrize(
@@ -190,12 +190,12 @@ def test_an_end_that_falls_with_the_order_one_half_still_falls():
     ],
 )
 def test_the_order_with_which_a_line_ends(points, seen):
-    assert still_falls(points) == pytest.approx(seen, nan_ok=True)
+    assert final_order(points) == pytest.approx(seen, nan_ok=True)
 
 
 def test_of_several_finer_steps_that_are_worse_that_of_the_largest_factor_is_told():
     points = refined(1e-2, 2e-2, 1e-4, 1e-3)
-    assert worse(points) == (points[2], points[3])
+    assert find_worse_pair(points) == (points[2], points[3])
 
 
 def row(
@@ -224,25 +224,25 @@ def row(
 def test_a_line_s_ends_are_its_finest_step_and_the_next_that_is_clearly_coarser():
     """Outcomes of other steps are no matter; a tenth of a step apart shows no order."""
     rows = [row(8.0), row(4.0, "diverged"), row(2.0), row(1.1, "diverged"), row(1.0)]
-    assert list(ends(rows[::-1])) == [(rows[2], rows[4])]
+    assert list(final_pairs(rows[::-1])) == [(rows[2], rows[4])]
     other = [replace(each, series="other") for each in rows]
     abroad = [replace(each, engine="pymunk") for each in rows]
-    found = list(ends([*rows, *abroad, *other]))
+    found = list(final_pairs([*rows, *abroad, *other]))
     assert len(found) == 3
     assert all((part[2], part[4]) in found for part in (rows, other, abroad))
-    assert list(ends(replace(each, varied="iterations") for each in rows)) == []
-    assert list(ends([row(2.0, "diverged"), row(1.0)])) == []
-    assert list(ends([row(2.0), row(1.0, "diverged")])) == []
-    assert list(ends([row(1.3), row(1.0)])) == []
+    assert list(final_pairs(replace(each, varied="iterations") for each in rows)) == []
+    assert list(final_pairs([row(2.0, "diverged"), row(1.0)])) == []
+    assert list(final_pairs([row(2.0), row(1.0, "diverged")])) == []
+    assert list(final_pairs([row(1.3), row(1.0)])) == []
 
 
 def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
     rows = [row(2.0, velocity=4e-3, position=4e-3), row(1.0, velocity=1e-3, position=1e-3)]
     at = Verdict("fourbar", "dynamics", "mujoco", "plain", "position", floor=1e-3)
-    assert promises(rows, [at], "position", 1e-5) == []
-    assert len(promises(rows, [at], "velocity", 1e-5)) == 1
+    assert predict_steps(rows, [at], "position", 1e-5) == []
+    assert len(predict_steps(rows, [at], "velocity", 1e-5)) == 1
     none = replace(at, floor=nan)
-    assert len(promises(rows, [none], "position", 1e-5)) == 1
+    assert len(predict_steps(rows, [none], "position", 1e-5)) == 1
 
 
 @pytest.mark.parametrize(
@@ -259,12 +259,14 @@ def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
     ],
 )  # it hardly falls
 def test_what_shows_no_order_or_is_good_enough_promises_nothing(coarse, fine, needed):
-    assert promises([row(2.0, **coarse), row(1.0, **fine)], [], "velocity", needed) == []
+    assert predict_steps([row(2.0, **coarse), row(1.0, **fine)], [], "velocity", needed) == []
 
 
 def test_the_price_of_a_promise_is_that_of_its_steps():
     """Second order, from 1e-3 to four fifths of 1e-5: a step shorter by the root of 125."""
-    (found,) = promises([row(2.0, velocity=4e-3), row(1.0, velocity=1e-3)], [], "velocity", 1e-5)
+    (found,) = predict_steps(
+        [row(2.0, velocity=4e-3), row(1.0, velocity=1e-3)], [], "velocity", 1e-5
+    )
     assert found.falls == pytest.approx(2.0)
     assert found.step == pytest.approx(125**-0.5)
     assert found.seconds == pytest.approx(125**0.5)
@@ -273,7 +275,7 @@ def test_the_price_of_a_promise_is_that_of_its_steps():
 def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
     parameters = {"integrator": "RK4", "solref": (8e-3, 1.0)}
     coarse = StudyRow("trade", "", "dynamics", "mujoco", "", "timestep", 1e-3, parameters)
-    found = scaled(coarse, 2.5e-4)
+    found = setting_at_step(coarse, 2.5e-4)
     assert found.engine == "mujoco"
     assert found.parameters == {"integrator": "RK4", "timestep": 2.5e-4, "solref": (2e-3, 1.0)}
     assert coarse.parameters == parameters, "the row keeps its own"
@@ -302,8 +304,8 @@ def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
     ],
 )
 def test_settings_are_the_same_that_differ_by_rounding_only(one, other, alike):
-    assert same(one, other) is alike
-    assert same(other, one) is alike
+    assert are_same_parameters(one, other) is alike
+    assert are_same_parameters(other, one) is alike
 
 
 def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
@@ -316,7 +318,7 @@ def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
     ]
 
     def at(engine: str = "mujoco", **parameters) -> tuple[str, str, float]:
-        return placed(Setting(engine, parameters), own)
+        return find_series(Setting(engine, parameters), own)
 
     assert at(timestep=1e-3) == ("Euler", "timestep", 1e-3)
     assert at(timestep=1e-3, integrator="RK4") == ("RK4", "timestep", 1e-3)
@@ -329,7 +331,7 @@ def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
     name, axis, value = at(solver="CG")
     assert (name, axis) == ("MuJoCo, solver CG", "timestep")
     assert isnan(value), "it has the model's step, which it does not tell"
-    assert placed(Setting("pymunk", {"timestep": 0.5}), []) == (
+    assert find_series(Setting("pymunk", {"timestep": 0.5}), []) == (
         "pymunk, as in the model",
         "timestep",
         0.5,
@@ -339,9 +341,9 @@ def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
 def test_a_setting_of_a_line_whose_loops_go_with_the_step_has_theirs():
     hard = steps(name="hard", per=8.0)
     on = Setting("mujoco", {"timestep": 1e-3, "solref": (8e-3, 1.0)})
-    assert placed(on, [hard]) == ("hard", "timestep", 1e-3)
-    off = on.but(solref=(0.8, 1.0))  # as the line's first setting has it
-    assert placed(off, [hard]) == ("MuJoCo, solref (0.8, 1.0)", "timestep", 1e-3)
+    assert find_series(on, [hard]) == ("hard", "timestep", 1e-3)
+    off = on.with_parameters(solref=(0.8, 1.0))  # as the line's first setting has it
+    assert find_series(off, [hard]) == ("MuJoCo, solref (0.8, 1.0)", "timestep", 1e-3)
 
 
 def test_a_setting_is_placed_by_the_parameter_that_its_line_varies():
@@ -355,15 +357,15 @@ def test_a_setting_is_placed_by_the_parameter_that_its_line_varies():
         ),
     )
     on = Setting("mujoco", {"timestep": 1e-3, "solref": (0.003, 1.0)})
-    assert placed(on, [steps(), softer]) == ("softer", "solref", 0.003)
+    assert find_series(on, [steps(), softer]) == ("softer", "solref", 0.003)
     of_two = replace(softer, settings=softer.settings[:2])
-    assert placed(on, [steps(), of_two]) == ("softer", "solref", 0.003)
+    assert find_series(on, [steps(), of_two]) == ("softer", "solref", 0.003)
 
 
 @pytest.fixture
 def store(tmp_path, monkeypatch) -> Store:
     """A store whose keys are settings in words, and a case whose lines are two."""
-    monkeypatch.setattr(series, "key_of", key)
+    monkeypatch.setattr(series, "task_key", key)
     monkeypatch.setattr(
         series,
         "list_series",
@@ -440,18 +442,20 @@ def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypa
     other = CASE.model_copy(update={"file": CASE.file.with_name("other.toml")})
     save(store, FINE, case=other)
     save(store, FINE, run="sweep")
-    save(store, FINE.but(integrator="Euler"), outcome=Outcome.DIVERGED)
+    save(store, FINE.with_parameters(integrator="Euler"), outcome=Outcome.DIVERGED)
     save(store, Setting("pymunk", {"timestep": 1e-3}))
-    no_parameters = save(store, FINE.but(timestep=1e-4))
+    no_parameters = save(store, FINE.with_parameters(timestep=1e-4))
     file = store.file(no_parameters, 0)
     file.write_text(file.read_text().replace('"parameters": {', '"parameters": 3, "were": {'))
     good = save(store, FINE)
-    now = series.versions
+    now = series.package_versions
     monkeypatch.setattr(
-        series, "versions", lambda engine: now(engine) if engine == "mujoco" else {"pymunk": "0"}
+        series,
+        "package_versions",
+        lambda engine: now(engine) if engine == "mujoco" else {"pymunk": "0"},
     )
     assert [row.key for row in list_cached_settings(CASE, "dynamics", [], store)] == [good]
-    monkeypatch.setattr(series, "key_of", lambda task: "changed since")
+    monkeypatch.setattr(series, "task_key", lambda task: "changed since")
     assert list(list_cached_settings(CASE, "dynamics", [], store)) == []
 
 

@@ -7,9 +7,9 @@ import pytest
 from proofmass.sidecar import load_case
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
-from proofmass.studies.run import run
+from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
-from proofmass.studies.trade.series import list_cached_settings, placed, promises
+from proofmass.studies.trade.series import find_series, list_cached_settings, predict_steps
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
@@ -29,7 +29,7 @@ def test_the_order_tells_which_step_is_good_enough(order):
     """With a fifth of the error to spare."""
     needed = 1e-8
     rows = coarse(order=order, scale=1e-6 / 1e-3**order)
-    (found,) = promises(rows, [], "position", needed)
+    (found,) = predict_steps(rows, [], "position", needed)
     assert 1e-6 * (found.step / 1e-3) ** order == pytest.approx(0.8 * needed)
     assert found.falls == pytest.approx(order)
     assert found.seconds == pytest.approx(rows[-1].seconds * rows[-1].value / found.step)
@@ -38,16 +38,16 @@ def test_the_order_tells_which_step_is_good_enough(order):
 
 def test_a_line_at_its_floor_promises_nothing():
     rows = coarse()
-    assert promises(rows, [], "position", NEEDED)
-    assert not promises(rows, verdict("RK4", 2.0, 1e-8, "softness"), "position", NEEDED)
-    assert not promises(coarse(order=0.1, scale=1e-6), [], "position", NEEDED)
+    assert predict_steps(rows, [], "position", NEEDED)
+    assert not predict_steps(rows, verdict("RK4", 2.0, 1e-8, "softness"), "position", NEEDED)
+    assert not predict_steps(coarse(order=0.1, scale=1e-6), [], "position", NEEDED)
     failed = [*rows[:-1], replace(rows[-1], outcome="diverged", errors={})]
-    assert not promises(failed, [], "position", NEEDED)
+    assert not predict_steps(failed, [], "position", NEEDED)
 
 
 def test_the_cheapest_promise_is_the_first():
     dear, cheap = coarse("dear", seconds=1e-4), coarse("cheap", seconds=1e-5)
-    assert [one.row.series for one in promises(dear + cheap, [], "position", NEEDED)] == [
+    assert [one.row.series for one in predict_steps(dear + cheap, [], "position", NEEDED)] == [
         "cheap",
         "dear",
     ]
@@ -57,7 +57,9 @@ def test_an_order_is_not_told_from_two_steps_that_are_nearly_the_same():
     """An earlier correction of a step may be 2 % from it: rounding of errors would be an order."""
     rows = coarse()
     near = replace(rows[-1], value=0.98e-3, errors={"position": 0.99e-6})
-    plain, with_near = (promises(each, [], "position", NEEDED)[0] for each in (rows, [*rows, near]))
+    plain, with_near = (
+        predict_steps(each, [], "position", NEEDED)[0] for each in (rows, [*rows, near])
+    )
     assert with_near.falls == pytest.approx(plain.falls, abs=0.1)
     assert with_near.row is near
 
@@ -69,7 +71,7 @@ def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
         Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),
         Setting("mujoco", {"timestep": 1e-3, "integrator": "Euler", "solver": "CG"}),
     ]
-    rows = run(
+    rows = run_tasks(
         [StudyRun(own, "dynamics", setting, "choose") for setting in asked], store, repeats=1
     )
     found = sorted(list_cached_settings(own, "dynamics", [], store), key=lambda row: row.value)
@@ -91,6 +93,6 @@ def test_a_setting_finds_its_line_with_what_goes_with_its_step():
     there = list_series(CASE, "dynamics")
     hard = next(one for one in there if one.name == "MuJoCo RK4, solref 8 steps")
     parameters = dict(hard.settings[0].parameters, timestep=1.7e-5, solref=(8 * 1.7e-5, 1.0))
-    assert placed(Setting("mujoco", parameters), there) == (hard.name, "timestep", 1.7e-5)
+    assert find_series(Setting("mujoco", parameters), there) == (hard.name, "timestep", 1.7e-5)
     parameters["solref"] = (9 * 1.7e-5, 1.0)
-    assert placed(Setting("mujoco", parameters), there)[0].startswith("MuJoCo, integrator RK4")
+    assert find_series(Setting("mujoco", parameters), there)[0].startswith("MuJoCo, integrator RK4")

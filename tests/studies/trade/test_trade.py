@@ -13,22 +13,27 @@ from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.tried_settings import INTEGRATORS
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow, read_table
-from proofmass.studies.run import run
+from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade, varied
 from proofmass.studies.trade.choose import is_default
-from proofmass.studies.trade.orders import WITHIN, expected, off
+from proofmass.studies.trade.orders import ORDER_TOLERANCE, expected_orders, is_unexpected
 from proofmass.studies.trade.series import (
     MeasuredSeries,
-    flat,
-    halved,
-    least,
-    level,
-    observed,
-    slowed,
-    worse,
+    find_flat_point,
+    find_least_error,
+    find_slowdown,
+    find_worse_pair,
+    is_floor,
+    observed_order,
+    slowdown_error,
 )
-from proofmass.studies.trade.varied import ConvergenceSeries, list_series, size, studied
+from proofmass.studies.trade.varied import (
+    ConvergenceSeries,
+    describe_dynamics,
+    list_series,
+    setting_size,
+)
 from proofmass.studies.trade.words import format_end, format_reached, format_worsened
 from tests.shipped import shipped
 
@@ -41,62 +46,66 @@ def falling(order, scale=1.0, floor=0.0, count=8):
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_the_order_of_a_power_law_is_its_power(order):
-    assert observed(falling(order)) == pytest.approx(order, abs=1e-9)
+    assert observed_order(falling(order)) == pytest.approx(order, abs=1e-9)
 
 
 def test_an_error_slows_where_it_stops_falling_and_bends_no_order():
     points = falling(2.0, floor=1e-5)
-    assert 1.0e-5 < points[slowed(points)][1] < 2e-5
-    assert level(points) == points[-1][1]
-    assert observed(points) == pytest.approx(2.0, abs=0.15)  # a tenth of floor: 1.87
+    assert 1.0e-5 < points[find_slowdown(points)][1] < 2e-5
+    assert slowdown_error(points) == points[-1][1]
+    assert observed_order(points) == pytest.approx(2.0, abs=0.15)  # a tenth of floor: 1.87
 
 
 def test_without_a_floor_there_is_none():
-    assert slowed(falling(1.0)) is None
-    assert flat(falling(1.0)) is None
-    assert np.isnan(level(falling(1.0)))
+    assert find_slowdown(falling(1.0)) is None
+    assert find_flat_point(falling(1.0)) is None
+    assert np.isnan(slowdown_error(falling(1.0)))
 
 
 def test_a_plateau_that_an_error_leaves_is_no_floor():
     points = [(0.4, 1e-3), (0.2, 1e-3), (0.1, 1e-3), (0.05, 1e-4), (0.025, 1e-6)]
-    assert slowed(points) is None
-    assert flat(points) is None
+    assert find_slowdown(points) is None
+    assert find_flat_point(points) is None
 
 
 def test_rounding_that_grows_may_be_a_floor_at_the_least_error():
     points = [(h, h**2 + 1e-12 / h**2) for h in (0.1 / 2**k for k in range(12))]
-    assert level(points) == points[least(points)][1] == min(error for _, error in points)
-    assert flat(points) is None
-    assert least(points[:9]) is None  # only one finer step is worse
+    assert (
+        slowdown_error(points)
+        == points[find_least_error(points)][1]
+        == min(error for _, error in points)
+    )
+    assert find_flat_point(points) is None
+    assert find_least_error(points[:9]) is None  # only one finer step is worse
 
 
 @pytest.mark.parametrize(("share", "shown"), [(0.05, True), (0.2, False), (1.0, False)])
 def test_a_floor_is_what_two_halvings_leave(share, shown):
     """An error of first order with a share s that still falls changes by s / 2, then by less."""
-    assert halved([1e-3 * (1 - share + share / by) for by in (1, 2, 4)]) is shown
+    assert is_floor([1e-3 * (1 - share + share / by) for by in (1, 2, 4)]) is shown
 
 
 @pytest.mark.parametrize(
     "errors", [(0.8, 0.8, 0.8), (0.011, 0.011, 0.011), (1e-3, 1.06e-3, 1.06e-3), (1e-3, 1e-3), ()]
 )
 def test_a_floor_is_asymptotic_and_measured_twice(errors):
-    assert not halved(errors)
+    assert not is_floor(errors)
 
 
 def test_a_finer_step_that_is_worse_is_found():
     """As the chain of two four-bars shows it; what is far off at both steps is another motion."""
     chain = [(4e-3, 0.9), (2e-3, 0.3), (1e-3, 1.9e-2), (5e-4, 6.8e-2), (2.5e-4, 4e-4)]
-    assert worse(chain) == (chain[2], chain[3])
-    assert worse([(2e-3, 0.3), (1e-3, 0.9)]) is None
-    assert worse([(2e-3, 1e-3), (1e-3, 1.4e-3)]) is None
-    assert worse(falling(1.0)) is None
+    assert find_worse_pair(chain) == (chain[2], chain[3])
+    assert find_worse_pair([(2e-3, 0.3), (1e-3, 0.9)]) is None
+    assert find_worse_pair([(2e-3, 1e-3), (1e-3, 1.4e-3)]) is None
+    assert find_worse_pair(falling(1.0)) is None
 
 
 @pytest.mark.slow
 def test_a_finer_step_through_a_flat_pose_is_worse(tmp_path):
     """Of the shipped chain of parallelograms in pymunk; its reference is a closed form."""
     case = load_case(shipped("parallelogram_chain.toml"))
-    rows = run(
+    rows = run_tasks(
         [
             StudyRun(case, "dynamics", Setting("pymunk", {"timestep": step}))
             for step in (1e-3, 5e-4, 2.5e-4)
@@ -105,7 +114,7 @@ def test_a_finer_step_through_a_flat_pose_is_worse(tmp_path):
         repeats=0,
     )
     points = [(row.step, row.errors["position"]) for row in rows]
-    assert worse(points) == (points[1], points[2])
+    assert find_worse_pair(points) == (points[1], points[2])
 
 
 def measured_series(errors, seconds=0.1, outcomes=()):
@@ -152,10 +161,10 @@ def test_runs_that_are_failed_at_finer_steps_end_a_line():
     failed = measured_series([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
     points = failed.points("velocity")
     assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
-    assert level(points) == 1e-4
-    assert flat(points) is least(points) is None, "nothing shows a floor"
+    assert slowdown_error(points) == 1e-4
+    assert find_flat_point(points) is find_least_error(points) is None, "nothing shows a floor"
     assert failed.done(1.0)
-    assert np.isnan(observed(points))
+    assert np.isnan(observed_order(points))
 
 
 def test_runs_that_are_failed_or_far_off_at_coarse_steps_are_none():
@@ -166,7 +175,7 @@ def test_runs_that_are_failed_or_far_off_at_coarse_steps_are_none():
         [1e-2, 1e-3, 7.0, 9.0]
     )  # finer steps that are far off again are not coarse
     assert [error for _, error in risen.points("velocity")] == [1e-2, 1e-3, 7.0, 9.0]
-    assert level(risen.points("velocity")) == 1e-3
+    assert slowdown_error(risen.points("velocity")) == 1e-3
 
 
 def placed(errors, seconds=0.5, **kinds):
@@ -260,8 +269,8 @@ def test_what_ended_a_line_is_told():
 def test_a_slope_that_changes_is_no_order():
     slopes = 0.5 * np.arange(8)
     errors = 0.05 / 2 ** np.cumsum(slopes)
-    assert np.isnan(observed(list(zip(0.1 / 2 ** np.arange(8), errors, strict=True))))
-    assert np.isnan(observed(falling(2.0, count=2))), "one refinement shows no constancy"
+    assert np.isnan(observed_order(list(zip(0.1 / 2 ** np.arange(8), errors, strict=True))))
+    assert np.isnan(observed_order(falling(2.0, count=2))), "one refinement shows no constancy"
 
 
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
@@ -288,10 +297,10 @@ def test_every_integrator_of_mujoco_has_a_line():
 
 def test_steps_are_halves_of_each_other_and_within_the_work():
     case = load_case(shipped("change_point.toml"))
-    steps = studied(case).timesteps(4)
+    steps = describe_dynamics(case).timesteps(4)
     numbers = steps[0] / np.array(steps)
     assert np.array_equal(numbers, 2.0 ** np.arange(len(steps)))
-    assert numbers[-1] * 362 * 4 <= varied.WORK < 2.1 * numbers[-1] * 362 * 4
+    assert numbers[-1] * 362 * 4 <= varied.MAX_FORCE_EVALUATIONS < 2.1 * numbers[-1] * 362 * 4
 
 
 def test_a_rigid_sweep_has_nothing_to_turn():
@@ -299,8 +308,8 @@ def test_a_rigid_sweep_has_nothing_to_turn():
 
 
 def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
-    assert size("mujoco", "solimp", (0.999, 0.9999, 0.001)) == pytest.approx(1e-3)
-    assert size("pymunk", "error_bias", np.exp(-1 / 0.25)) == pytest.approx(0.25)
+    assert setting_size("mujoco", "solimp", (0.999, 0.9999, 0.001)) == pytest.approx(1e-3)
+    assert setting_size("pymunk", "error_bias", np.exp(-1 / 0.25)) == pytest.approx(0.25)
 
 
 PENDULUM = load_case(shipped("pendulum.toml"))
@@ -332,7 +341,7 @@ def pendulum(tmp_path_factory):
                 if series.name in ORDERS
             ],
         )
-        patch.setattr(trade, "near_front", lambda rows: [*FRONT])
+        patch.setattr(trade, "find_near_front", lambda rows: [*FRONT])
         folder = tmp_path_factory.mktemp("pendulum")
         study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=2)
         trade.write_study(study, folder)
@@ -350,7 +359,7 @@ def test_defaults_and_settings_near_the_front_are_timed_again_and_no_others(pend
 def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
     told = {v.kind: v for v in pendulum[0].verdicts if v.series == name}
     for kind, order in zip(("position", "velocity"), ORDERS[name], strict=True):
-        assert told[kind].observed == pytest.approx(order, abs=WITHIN)
+        assert told[kind].observed == pytest.approx(order, abs=ORDER_TOLERANCE)
         assert told[kind].expected == order
         assert told[kind].remark == ""
 
@@ -360,7 +369,9 @@ def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
     rows = [row for row in pendulum[0].rows if row.series == name]
     for kind, order in zip(("position", "velocity"), ORDERS[name], strict=True):
         told = next(v for v in pendulum[0].verdicts if (v.series, v.kind) == (name, kind))
-        assert orders_of_places(PENDULUM, told, rows)[-1] == pytest.approx(order, abs=WITHIN)
+        assert orders_of_places(PENDULUM, told, rows)[-1] == pytest.approx(
+            order, abs=ORDER_TOLERANCE
+        )
 
 
 def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch):
@@ -373,12 +384,12 @@ def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch)
             series for series in list_series(case, kind) if series.name == "MuJoCo RK4"
         ],
     )
-    monkeypatch.setattr(varied, "WORK", 6e4)  # to where the phase shows
+    monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 6e4)  # to where the phase shows
     study = trade.trade(
         [load_case(tmp_path / "models" / "pendulum.toml")], Store(tmp_path / "runs"), repeats=0
     )
     told = next(v for v in study.verdicts if v.kind == "position")
-    assert off(told.observed, told.expected)
+    assert is_unexpected(told.observed, told.expected)
     assert told.remark.startswith("the reference: ")
 
 
@@ -403,8 +414,11 @@ def test_a_wrong_integrator_is_off(pendulum):
     case = load_case(shipped("pendulum.toml"))
     fourth = next(series for series in list_series(case, "dynamics") if series.name == "MuJoCo RK4")
     rows = [row for row in pendulum[0].rows if row.series == "MuJoCo Euler"]
-    seen = observed(MeasuredSeries(fourth, rows[: len(fourth.settings)]).points("position"))
-    assert all(off(seen, order) for order in expected(case, "dynamics", fourth, "position"))
+    seen = observed_order(MeasuredSeries(fourth, rows[: len(fourth.settings)]).points("position"))
+    assert all(
+        is_unexpected(seen, order)
+        for order in expected_orders(case, "dynamics", fourth, "position")
+    )
 
 
 def test_failures_stay_in_the_table(tmp_path, monkeypatch):
@@ -419,12 +433,12 @@ def test_failures_stay_in_the_table(tmp_path, monkeypatch):
     study = trade.trade([case], Store(tmp_path), repeats=1)
     assert [row.outcome for row in study.rows] == ["diverged", "ran"]
     assert "loops are open" in study.rows[0].message
-    assert trade.cost(study.rows, "position", 1e-4) == study.rows[1].seconds
+    assert trade.least_cost(study.rows, "position", 1e-4) == study.rows[1].seconds
 
 
 def test_a_run_that_a_case_lacks_is_bad_input():
     with pytest.raises(InputError, match="there is no such run; there are: dynamics"):
-        trade.chosen(load_case(shipped("pendulum.toml")), "equilibrium")
+        trade.kind_to_study(load_case(shipped("pendulum.toml")), "equilibrium")
 
 
 def command(*args):
@@ -433,7 +447,7 @@ def command(*args):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, monkeypatch):
-    monkeypatch.setattr(varied, "WORK", 3e3)
+    monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 3e3)
     monkeypatch.setattr(
         trade,
         "list_series",

@@ -9,19 +9,19 @@ from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Perturbation
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
-from proofmass.studies.run import run
+from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade as trade_module
 from proofmass.studies.trade.floor_cause import (
-    SIGNIFICANT,
-    gain,
+    SIGNIFICANT_FACTOR,
+    find_cause,
     halve_segments,
-    halvings,
-    judge,
+    halved_settings,
+    improvement,
     list_perturbations,
 )
 from proofmass.studies.trade.series import MeasuredSeries
-from proofmass.studies.trade.trade import CaseSeries, find_leaders, halve
+from proofmass.studies.trade.trade import CaseSeries, find_leaders, halve_steps
 from proofmass.studies.trade.varied import ConvergenceSeries
 from tests.shipped import shipped
 
@@ -36,7 +36,7 @@ def moved(folder, case, setting, kind="dynamics", causes=None):
     """The errors of a setting, and each of its causes changed, or of some of them."""
     listed = list_perturbations(case, kind, setting, folder)
     wanted = [(own, p) for own, p in listed if causes is None or p.cause in causes]
-    first, *rows = run(
+    first, *rows = run_tasks(
         [
             StudyRun(case, kind, setting),
             *(StudyRun(own, kind, Setting(setting.engine, p.parameters)) for own, p in wanted),
@@ -48,49 +48,53 @@ def moved(folder, case, setting, kind="dynamics", causes=None):
 
 
 def gains(errors, found, kind):
-    return {p.cause: gain(p, errors[kind] / row.errors[kind]) for p, row in found}
+    return {p.cause: improvement(p, errors[kind] / row.errors[kind]) for p, row in found}
 
 
 def of_two(**second):
     """A series of `STIFF` and another setting."""
-    return ConvergenceSeries("mujoco", "x", "timestep", (STIFF, STIFF.but(**second)))
+    return ConvergenceSeries("mujoco", "x", "timestep", (STIFF, STIFF.with_parameters(**second)))
 
 
 def test_a_step_is_halved_and_quartered():
     """Loops stay as hard as they are, unless they get harder with the step along the series."""
     plain, hard = of_two(timestep=1e-3), of_two(timestep=1e-3, solref=(0.016, 1.0))
-    assert halvings("dynamics", plain, STIFF, 1.0) == [
-        STIFF.but(timestep=1e-3),
-        STIFF.but(timestep=0.5e-3),
+    assert halved_settings("dynamics", plain, STIFF, 1.0) == [
+        STIFF.with_parameters(timestep=1e-3),
+        STIFF.with_parameters(timestep=0.5e-3),
     ]
-    assert halvings("dynamics", hard, STIFF, 1.0) == [
-        STIFF.but(timestep=1e-3, solref=(0.016, 1.0)),
-        STIFF.but(timestep=0.5e-3, solref=(0.008, 1.0)),
+    assert halved_settings("dynamics", hard, STIFF, 1.0) == [
+        STIFF.with_parameters(timestep=1e-3, solref=(0.016, 1.0)),
+        STIFF.with_parameters(timestep=0.5e-3, solref=(0.008, 1.0)),
     ]
 
 
 def test_a_setting_without_a_step_has_the_model_s_to_be_halved():
     setting = Setting("mujoco", {"iterations": 3})
-    series = ConvergenceSeries("mujoco", "x", "iterations", (setting, setting.but(iterations=6)))
-    assert halvings("dynamics", series, setting, 4e-3) == [
-        setting.but(timestep=2e-3),
-        setting.but(timestep=1e-3),
+    series = ConvergenceSeries(
+        "mujoco", "x", "iterations", (setting, setting.with_parameters(iterations=6))
+    )
+    assert halved_settings("dynamics", series, setting, 4e-3) == [
+        setting.with_parameters(timestep=2e-3),
+        setting.with_parameters(timestep=1e-3),
     ]
 
 
 @pytest.mark.parametrize("kind", ["equilibrium", "sweep"])
 def test_links_of_a_rod_are_cut_in_two_and_in_four(kind):
     setting = Setting("mujoco", {"segments": 10, "solver": "CG"})
-    series = ConvergenceSeries("mujoco", "x", "segments", (setting, setting.but(segments=20)))
-    assert halvings(kind, series, setting, 1e-3) == [
-        setting.but(segments=20),
-        setting.but(segments=40),
+    series = ConvergenceSeries(
+        "mujoco", "x", "segments", (setting, setting.with_parameters(segments=20))
+    )
+    assert halved_settings(kind, series, setting, 1e-3) == [
+        setting.with_parameters(segments=20),
+        setting.with_parameters(segments=40),
     ]
 
 
 def test_softness_of_loops_goes_with_solref_squared(tmp_path):
     errors, found = moved(tmp_path, FOURBAR, STIFF)
-    cause, evidence = judge(errors["position"], found, "position")
+    cause, evidence = find_cause(errors["position"], found, "position")
     assert cause == "softness of the loops"
     told = gains(errors, found, "position")
     # tau^2, but for the share of the start's jolt
@@ -99,13 +103,13 @@ def test_softness_of_loops_goes_with_solref_squared(tmp_path):
     assert told["time step"] == pytest.approx(1.0, rel=0.01)
     assert "halving solref divides the error by" in evidence
     # of accelerations the share 1 - d of the open loop's remains, whatever solref
-    assert judge(errors["acceleration"], found, "acceleration")[0] == (
+    assert find_cause(errors["acceleration"], found, "acceleration")[0] == (
         "softness of the loops, solimp"
     )
 
 
 def test_a_floor_moves_with_what_it_is_made_of(tmp_path):
-    softer = STIFF.but(solref=(0.064, 1.0))
+    softer = STIFF.with_parameters(solref=(0.064, 1.0))
     hard, soft = (moved(tmp_path, FOURBAR, s, causes=())[0]["position"] for s in (STIFF, softer))
     assert soft / hard == pytest.approx(4.0, rel=0.1)
 
@@ -114,12 +118,12 @@ def test_a_reference_that_is_wrong_is_found(tmp_path):
     """A crank that is 0.1 % longer in the sidecar than in the MJCF, which the second one reads."""
     wrong = FOURBAR.model_copy(update={"parameters": FOURBAR.parameters | {"crank": 1.001}})
     errors, found = moved(tmp_path, wrong, STIFF)
-    assert judge(errors["position"], found, "position")[0] == "the reference"
+    assert find_cause(errors["position"], found, "position")[0] == "the reference"
 
 
 def test_a_coarse_step_is_found_with_its_order(tmp_path):
     errors, found = moved(tmp_path, FOURBAR, Setting("pymunk", {"timestep": 4e-3}))
-    assert judge(errors["position"], found, "position")[0] == "time step"
+    assert find_cause(errors["position"], found, "position")[0] == "time step"
     # second order, within what a number of whole steps between samples rounds away: 5 become 9
     assert gains(errors, found, "position")["time step"] == pytest.approx((9 / 5) ** 2, rel=0.05)
 
@@ -139,7 +143,7 @@ def test_a_bias_is_found_by_taking_it_away_with_iterations_enough_for_that(tmp_p
     """Its start is a jolt, however short its time; without it 750 iterations open the loop."""
     setting = Setting("pymunk", {"timestep": 0.5e-3, "defaults": True})
     errors, found = moved(tmp_path, load_case(shipped("fivebar.toml")), setting)
-    assert judge(errors["acceleration"], found, "acceleration")[0] == "bias of the loops"
+    assert find_cause(errors["acceleration"], found, "acceleration")[0] == "bias of the loops"
 
 
 def test_half_of_a_recorded_curve_leaves_the_error(tmp_path):
@@ -149,22 +153,22 @@ def test_half_of_a_recorded_curve_leaves_the_error(tmp_path):
     setting = Setting("pymunk", {"timestep": 1e-3, "error_bias": 0.0, "iterations": 100})
     errors, found = moved(tmp_path, case, setting)
     for kind in ("position", "velocity", "acceleration"):
-        assert judge(errors[kind], found, kind)[0] == "time step"
+        assert find_cause(errors[kind], found, kind)[0] == "time step"
         told = gains(errors, found, kind)
         assert told["the reference"] == pytest.approx(1.0, abs=0.01)
         assert told["time step"] == pytest.approx(4.0, rel=0.02)  # of second order
 
 
 def test_too_few_iterations_are_found(tmp_path):
-    setting = STIFF.but(solver="PGS", iterations=1, tolerance=0.0)
+    setting = STIFF.with_parameters(solver="PGS", iterations=1, tolerance=0.0)
     errors, found = moved(tmp_path, FOURBAR, setting)
-    assert judge(errors["position"], found, "position")[0] == "the solver's iterations"
+    assert find_cause(errors["position"], found, "position")[0] == "the solver's iterations"
 
 
 def test_segments_of_a_rod_are_found(tmp_path):
     case = load_case(shipped("rod_cantilever.toml"))
     errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 40}), "equilibrium")
-    assert judge(errors["position"], found, "position")[0] == "segments"
+    assert find_cause(errors["position"], found, "position")[0] == "segments"
     assert gains(errors, found, "position")["segments"] == pytest.approx(4.0, rel=0.1)  # n^-2
 
 
@@ -175,11 +179,11 @@ def test_segments_of_a_rod_in_motion_are_found(engine, step, tmp_path):
     """Half as many have four times the error; without that change its cause is unknown."""
     case = load_case(shipped("rod_released.toml"))
     errors, found = moved(tmp_path, case, Setting(engine, {"timestep": step}))
-    cause, evidence = judge(errors["position"], found, "position", at_floor=True)
+    cause, evidence = find_cause(errors["position"], found, "position", at_floor=True)
     assert cause == "segments"
     assert "half as many segments multiplies the error by 4.1" in evidence  # n^-2, of 20 and 10
     rest = [(p, row) for p, row in found if p.cause != "segments"]
-    assert judge(errors["position"], rest, "position", at_floor=True)[0] == "unknown"
+    assert find_cause(errors["position"], rest, "position", at_floor=True)[0] == "unknown"
 
 
 def segments_of(case, parameters, tmp_path):
@@ -194,7 +198,7 @@ def segments_of(case, parameters, tmp_path):
 
 def rods_of(case, perturbation):
     """The rods that a changed run has."""
-    return Setting("mujoco", perturbation.parameters).applied(case, "dynamics")[1].rods
+    return Setting("mujoco", perturbation.parameters).apply_to(case, "dynamics")[1].rods
 
 
 @pytest.mark.parametrize(
@@ -256,8 +260,8 @@ def moving(cause, better=True):
 
 def test_what_nothing_moves_is_unknown():
     found = [(moving("time step"), row(1.0)), (moving("softness"), row(0.99))]
-    assert judge(1.0, found, "velocity")[0] == "unknown"
-    assert judge(1.0, [], "velocity") == ("unknown", "")
+    assert find_cause(1.0, found, "velocity")[0] == "unknown"
+    assert find_cause(1.0, [], "velocity") == ("unknown", "")
 
 
 @pytest.mark.parametrize(
@@ -265,52 +269,58 @@ def test_what_nothing_moves_is_unknown():
 )
 def test_a_cause_has_a_fifth_of_the_error(share, cause):
     """Of first order: halving it takes half of its share away."""
-    assert judge(1.0, [(moving("softness"), row(1 - share / 2))], "velocity")[0] == cause
+    assert find_cause(1.0, [(moving("softness"), row(1 - share / 2))], "velocity")[0] == cause
 
 
 def test_what_a_smaller_step_makes_worse_is_not_yet_rounding():
-    cause, evidence = judge(1.0, [(moving("time step"), row(4.0))], "velocity")
+    cause, evidence = find_cause(1.0, [(moving("time step"), row(4.0))], "velocity")
     assert cause == "unknown"
     assert evidence == "moving time step multiplies the error by 4.00"
 
 
 def test_a_cause_that_can_only_be_moved_away_is_found_by_a_worse_error():
-    assert judge(1.0, [(moving("softness", better=False), row(2.0))], "velocity")[0] == "softness"
-    assert judge(1.0, [(moving("softness", better=False), row(0.5))], "velocity")[0] == "unknown"
+    assert (
+        find_cause(1.0, [(moving("softness", better=False), row(2.0))], "velocity")[0] == "softness"
+    )
+    assert (
+        find_cause(1.0, [(moving("softness", better=False), row(0.5))], "velocity")[0] == "unknown"
+    )
 
 
 def test_the_reference_may_move_an_error_either_way():
     for error in (2.0, 0.5):
         assert (
-            judge(1.0, [(moving("reference", better=None), row(error))], "velocity")[0]
+            find_cause(1.0, [(moving("reference", better=None), row(error))], "velocity")[0]
             == "reference"
         )
 
 
 def test_the_largest_of_several_causes_is_the_floor_s():
-    found = [(moving("one"), row(1 / SIGNIFICANT)), (moving("two"), row(0.5))]
-    assert judge(1.0, found, "velocity")[0] == "two"
+    found = [(moving("one"), row(1 / SIGNIFICANT_FACTOR)), (moving("two"), row(0.5))]
+    assert find_cause(1.0, found, "velocity")[0] == "two"
 
 
 def test_a_failed_run_is_told_and_moves_nothing():
     found = [(moving("softness"), row(0.0, "diverged"))]
-    assert judge(1.0, found, "velocity") == ("unknown", "moving softness: diverged")
-    assert judge(1.0, [*found, (moving("step"), row(0.5))], "velocity")[0] == "step"
+    assert find_cause(1.0, found, "velocity") == ("unknown", "moving softness: diverged")
+    assert find_cause(1.0, [*found, (moving("step"), row(0.5))], "velocity")[0] == "step"
     away = [(moving("softness", better=False), row(0.0, "diverged"))]
-    assert judge(1.0, away, "velocity") == ("unknown", "moving softness: diverged")
+    assert find_cause(1.0, away, "velocity") == ("unknown", "moving softness: diverged")
 
 
 def test_a_cause_that_is_moved_twice_has_its_larger_effect():
     for found in ([0.5, 1.0], [1.0, 0.5]):
         moves = [(moving("bias"), row(error)) for error in found]
-        assert judge(1.0, moves, "velocity")[0] == "bias"
+        assert find_cause(1.0, moves, "velocity")[0] == "bias"
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
     """Of first order, both tell the same share of the error."""
     half, whole = moving("bias"), replace(moving("bias"), whole=True)
-    assert gain(half, 1 / (1 - share / 2)) == pytest.approx(gain(whole, 1 / (1 - share)))
+    assert improvement(half, 1 / (1 - share / 2)) == pytest.approx(
+        improvement(whole, 1 / (1 - share))
+    )
 
 
 def test_a_bias_that_is_gone_leaves_no_perturbation_of_it(tmp_path):
@@ -329,7 +339,7 @@ def test_a_bias_that_is_gone_leaves_no_perturbation_of_it(tmp_path):
 
 def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
     """solimp is capped at 0.9999, solref at two steps: those are moved away."""
-    hard = STIFF.but(solref=(4e-3, 1.0))
+    hard = STIFF.with_parameters(solref=(4e-3, 1.0))
     found = {p.cause: p for p in perturbations(hard, tmp_path)}
     assert found["softness of the loops, solimp"].better is False
     assert found["softness of the loops"].parameters["solref"] == (8e-3, 1.0)
@@ -351,14 +361,14 @@ def test_what_there_is_none_of_is_not_moved(name, missing, tmp_path):
 def test_other_samples_leave_the_steps_as_they_are(tmp_path):
     found = list_perturbations(FOURBAR, "dynamics", STIFF, tmp_path)
     thinned = next(case for case, p in found if p.cause == "sampling")
-    every, other = (STIFF.applied(case, "dynamics")[1] for case in (FOURBAR, thinned))
+    every, other = (STIFF.apply_to(case, "dynamics")[1] for case in (FOURBAR, thinned))
     assert other.x == pytest.approx(every.x[::2], abs=1e-12)
     assert other.steps(2e-3)[1] == pytest.approx(every.steps(2e-3)[1])
 
 
 def test_a_solver_that_mujoco_lacks_is_bad_input(tmp_path):
     with pytest.raises(InputError, match="solver: known: pgs, cg, newton, not 'Gauss'"):
-        moved(tmp_path, FOURBAR, STIFF.but(solver="Gauss"))
+        moved(tmp_path, FOURBAR, STIFF.with_parameters(solver="Gauss"))
 
 
 FLOORED = {"position": (4e-4, 2e-5, 1e-5, 1e-5, 1e-5), "velocity": (4e-3, 2e-4, 1e-4, 1e-4, 1e-4)}
@@ -447,9 +457,9 @@ def test_a_floor_is_tried_with_half_and_a_quarter_of_its_step_exactly(monkeypatc
         asked.extend(tasks)
         return [series_at("Newton", FLOORED).measured.rows[0] for _ in tasks]
 
-    monkeypatch.setattr(trade_module, "run", ran)
+    monkeypatch.setattr(trade_module, "run_tasks", ran)
     one = series_at("Newton", FLOORED)
-    found = halve([one], None, None, 1.0, lambda *_: None)
+    found = halve_steps([one], None, None, 1.0, lambda *_: None)
     (place,) = found
     step = one.series.settings[place[1]].parameters["timestep"]
     assert [task.setting.parameters["timestep"] for task in asked] == [step / 2, step / 4]

@@ -14,7 +14,7 @@ from proofmass.case import Case
 from proofmass.sidecar import load_case
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade, varied
-from proofmass.studies.trade.series import worse
+from proofmass.studies.trade.series import find_worse_pair
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
 
@@ -132,7 +132,7 @@ def study(tmp_path_factory) -> trade.Trade:
     table = case.run["dynamics"].model_copy(update={"until": END, "n": N})
     case = case.model_copy(update={"run": {"dynamics": table}})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(varied, "WORK", 3.2e4)
+        patch.setattr(varied, "MAX_FORCE_EVALUATIONS", 3.2e4)
         patch.setattr(
             trade,
             "list_series",
@@ -167,7 +167,7 @@ def test_a_finer_step_that_is_worse_in_bare_mujoco_is_told(study, truth):
     """Errors of step and softness cancel at 1.4 ms, by chance."""
     name = "MuJoCo Euler, default softness"
     own = {per: error(in_mujoco(per), truth) for per in (1, 3, 7, 15)}
-    coarse, fine = worse([(1 / per, each) for per, each in own.items()])
+    coarse, fine = find_worse_pair([(1 / per, each) for per, each in own.items()])
     assert (round(1 / coarse[0]), round(1 / fine[0])) == (7, 15)
     told = next(v for v in study.verdicts if (v.series, v.kind) == (name, "position"))
     assert told.worse.startswith("finer is worse: ")

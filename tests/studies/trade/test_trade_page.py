@@ -10,19 +10,19 @@ from pathlib import Path
 import pytest
 
 from proofmass.report.figures import save
-from proofmass.report.svg_markers import tones
+from proofmass.report.svg_markers import page_tones
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade import page as trade_page
-from proofmass.studies.trade.figure import dressed
-from proofmass.studies.trade.page import advised, page_data, pasted, write_trade
+from proofmass.studies.trade.figure import series_looks
+from proofmass.studies.trade.page import list_advice, page_data, text_to_paste, write_trade
 from proofmass.studies.trade.trade import Trade, write_study
-from proofmass.studies.trade.verdict import front
+from proofmass.studies.trade.verdict import pareto_front
 from tests.studies.trade.trade_rows import series_rows, study
 
 
 def test_what_is_reached_is_pasted_and_what_is_not_says_why() -> None:
     rows, verdicts = study()
-    asked = advised(rows, verdicts, "acceleration", 1.0)
+    asked = list_advice(rows, verdicts, "acceleration", 1.0)
     assert [one.wanted for one in asked] == ["1e-3", "1e-5", "1e-7"]
     # accelerations are 100 times as far off: RK4 stays at 3e-6, pymunk without bias at 2e-7
     reached = [{use.engine: use.reached for use in one.engines} for one in asked]
@@ -36,7 +36,7 @@ def test_what_is_reached_is_pasted_and_what_is_not_says_why() -> None:
     assert best.error == number_of(rows[best.place], "acceleration")
     short = next(use for use in asked[2].engines if use.engine == "MuJoCo")
     assert "the error floor is 3e-6, cap of solimp" in short.more[0]
-    (falls,) = advised(series_rows("falls")[:3], [], "acceleration", 1.0)[2].engines
+    (falls,) = list_advice(series_rows("falls")[:3], [], "acceleration", 1.0)[2].engines
     assert "falls would need a step of about" in falls.more[0]
 
 
@@ -51,37 +51,37 @@ def test_ties_are_told_and_only_among_what_is_close_enough() -> None:
         replace(row, series="slow", repeats=(1.2 * row.seconds,) * 5, seconds=1.2 * row.seconds)
         for row in near
     ]
-    (one, *_) = advised([*near, *slow], [], "position", 1.0)
+    (one, *_) = list_advice([*near, *slow], [], "position", 1.0)
     (use,) = one.engines
     assert use.tied == "slow, timestep 2 ms"  # not the coarser ones, which are not close enough
     apart = [replace(row, repeats=(2 * row.seconds,) * 5, seconds=2 * row.seconds) for row in slow]
-    (one, *_) = advised([*near, *apart], [], "position", 1.0)
+    (one, *_) = list_advice([*near, *apart], [], "position", 1.0)
     assert one.engines[0].tied == ""
 
 
 def test_engines_that_the_clock_does_not_tell_apart_are_tied() -> None:
     rows = [*series_rows("a"), *series_rows("b", "pymunk", cost=1.2e-5)]
-    assert not advised(rows, [], "position", 1.0)[0].tied
+    assert not list_advice(rows, [], "position", 1.0)[0].tied
     rows = [replace(row, repeats=(row.seconds, 1.5 * row.seconds)) for row in rows]
-    assert advised(rows, [], "position", 1.0)[0].tied
+    assert list_advice(rows, [], "position", 1.0)[0].tied
 
 
 def test_the_step_that_was_taken_is_pasted() -> None:
     row = StudyRow("", "", "", "mujoco", "", "timestep", 0.01, {"timestep": 0.01}, step=0.008)
-    assert pasted(row) == '<option timestep="0.008"/>'
-    assert "timestep = 0.008" in pasted(replace(row, engine="unheard of"))
+    assert text_to_paste(row) == '<option timestep="0.008"/>'
+    assert "timestep = 0.008" in text_to_paste(replace(row, engine="unheard of"))
 
 
 def test_defaults_of_pymunk_are_pasted_with_their_numbers() -> None:
     parameters = {"timestep": 0.01, "defaults": True}
     row = StudyRow("", "", "", "pymunk", "", "timestep", 0.01, parameters, steps=100)
-    assert "space.iterations = 10\n" in pasted(row)
+    assert "space.iterations = 10\n" in text_to_paste(row)
 
 
 def test_the_data_of_the_diagram_are_those_of_the_table() -> None:
     rows, verdicts = study()
-    looks = dressed(rows)
-    data = page_data(rows, verdicts, looks, tones(k.colour for k in looks.values()), 1.0)
+    looks = series_looks(rows)
+    data = page_data(rows, verdicts, looks, page_tones(k.colour for k in looks.values()), 1.0)
     json.dumps(data, allow_nan=False)
     assert len(data["settings"]) == len(rows)
     for one, row in zip(data["settings"], rows, strict=True):
@@ -90,7 +90,7 @@ def test_the_data_of_the_diagram_are_those_of_the_table() -> None:
         assert one["ran"] == (row.outcome == "ran")
         assert one["work"] == pytest.approx(6.28 / row.value, abs=1)  # also of the one that failed
     position = data["kinds"][0]
-    assert [rows[k] for k in position["front"]] == front(rows, "position")
+    assert [rows[k] for k in position["front"]] == pareto_front(rows, "position")
     assert position["tied"] == []
     assert [one["level"] for one in position["floors"]] == [
         v.floor for v in verdicts if v.kind == "position" and v.floor > 0

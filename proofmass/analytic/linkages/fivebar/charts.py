@@ -8,14 +8,14 @@ from dataclasses import asdict
 
 import numpy as np
 
-from proofmass.analytic.chart import GAP, Chart, ChartLine, Panel, line_through
+from proofmass.analytic.chart import LINE_BREAK, Chart, ChartLine, Panel, line_through
 from proofmass.analytic.linkages.fivebar.kinematics import (
     solve,
     solve_inverse,
     unassembled_share,
 )
 from proofmass.analytic.linkages.fivebar.maps import (
-    WORKING,
+    WORKING_MODE_PAIRS,
     FivebarLengths,
     SingularPiece,
     aspects,
@@ -23,17 +23,17 @@ from proofmass.analytic.linkages.fivebar.maps import (
     reach_border,
     type_2,
 )
-from proofmass.analytic.linkages.regions import drawn_regions
+from proofmass.analytic.linkages.regions import chart_regions
 from proofmass.analytic.numerics import Array, Complex
 
-TYPE_1 = {side: f"type 1: {side} crank and coupler in line" for side in ("left", "right")}
-TYPE_2 = {
+TYPE_1_LABELS = {side: f"type 1: {side} crank and coupler in line" for side in ("left", "right")}
+TYPE_2_LABELS = {
     True: "type 2: couplers in line, stretched",
     False: "type 2: couplers in line, folded",
 }
-ASSEMBLIES = {1: "assembly +1: tip left of L to R", -1: "assembly -1: tip right of L to R"}
-XY = (("x", "m"), ("y", "m"))
-Traced = tuple[Complex, str]
+ASSEMBLY_LABELS = {1: "assembly +1: tip left of L to R", -1: "assembly -1: tip right of L to R"}
+POSITION_AXES = (("x", "m"), ("y", "m"))
+LabelledCurve = tuple[Complex, str]
 """Points x + iy of a curve, and its label."""
 
 
@@ -84,30 +84,30 @@ def workspace(
     ['left +1, right +1: 21.61 + 14.37 m²', 'left +1, right -1: 35.1 + 0.5173 + 0.3621 m²']
     """
     link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
-    way = path_of_tip(path, circle)
-    singular, pins = type_2(link), fixed(link)
-    border = [(piece.points, TYPE_1[side]) for piece, side in reach_border(link)]
+    path_lines = path_of_tip(path, circle)
+    singular, pins = type_2(link), fixed_pin_markers(link)
+    border = [(piece.points, TYPE_1_LABELS[side]) for piece, side in reach_border(link)]
     panels = []
-    for mode in WORKING:
+    for mode in WORKING_MODE_PAIRS:
         found = aspects(link, mode, singular)
-        inner = [(s.curve.points, TYPE_2[s.stretched]) for s in singular if s.mode == mode]
-        lines = by_label([*border, *inner])
+        inner = [(s.curve.points, TYPE_2_LABELS[s.stretched]) for s in singular if s.mode == mode]
+        lines = lines_by_label([*border, *inner])
         areas = sorted((one.area for some in found.values() for one in some), reverse=True)
         panels.append(
             Panel(
-                (*lines, *way, pins),
-                title=f"{named(mode)}: {' + '.join(f'{area:.4g}' for area in areas)} m²",
-                regions=drawn_regions(found, ASSEMBLIES),
+                (*lines, *path_lines, pins),
+                title=f"{format_mode(mode)}: {' + '.join(f'{area:.4g}' for area in areas)} m²",
+                regions=chart_regions(found, ASSEMBLY_LABELS),
             )
         )
     return Chart(
-        *XY,
+        *POSITION_AXES,
         tuple(panels),
         f"The tip reaches {reach_area(link):.6g} m² in each of the four working modes. Type 1 "
         "singularities bound the reach; type 2 singularities divide it into aspects, in each of "
         "which the tip goes everywhere without a singular pose. L and R are the crank pins. "
         "Numbers are areas of aspects, integrated along their borders with an error below 1e-8 m².",
-        alike=True,
+        equal_scales=True,
     )
 
 
@@ -125,21 +125,23 @@ def path_of_tip(path: tuple[float, ...], circle: tuple[float, ...]) -> tuple[Cha
     return (line_through(closed, "path of the tip"),) if corners.size else ()
 
 
-def named(mode: tuple[int, int]) -> str:
+def format_mode(mode: tuple[int, int]) -> str:
     """Describe a working mode in words.
 
-    >>> named((1, -1))
+    >>> format_mode((1, -1))
     'left +1, right -1'
     """
     return f"left {mode[0]:+d}, right {mode[1]:+d}"
 
 
-def by_label(curves: Iterable[Traced]) -> tuple[ChartLine, ...]:
+def lines_by_label(curves: Iterable[LabelledCurve]) -> tuple[ChartLine, ...]:
     """One line for all curves of a label, interrupted between them; a marker for a single point."""
     found: dict[tuple[str, bool], list[Complex]] = {}
     for points, label in curves:
         point = bool(np.ptp(points.real) == np.ptp(points.imag) == 0.0)
-        found.setdefault((label, point), []).append(np.append(points[:1] if point else points, GAP))
+        found.setdefault((label, point), []).append(
+            np.append(points[:1] if point else points, LINE_BREAK)
+        )
     return tuple(
         line_through(z, label, points=point)
         for (label, point), parts in found.items()
@@ -147,25 +149,27 @@ def by_label(curves: Iterable[Traced]) -> tuple[ChartLine, ...]:
     )
 
 
-def fixed(link: FivebarLengths) -> ChartLine:
+def fixed_pin_markers(link: FivebarLengths) -> ChartLine:
     """Markers of both fixed pins."""
     return ChartLine(np.array([link.left_x, link.right_x]), np.zeros(2), "fixed pins", points=True)
 
 
-def links(
+def link_lines(
     link: FivebarLengths, left: complex, right: complex, tip: complex, other: complex | None = None
 ) -> tuple[ChartLine, ...]:
     """Lines of cranks and couplers in one pose; dashed the couplers to the tip `other`, if any."""
-    ghost = (
+    dashed = (
         [line_through(np.array([left, other, right]), "other assembly", stable=False, bars=True)]
         if other is not None
         else []
     )
     return (
-        line_through(np.array([link.left_x, left, GAP, right, link.right_x]), "cranks", bars=True),
+        line_through(
+            np.array([link.left_x, left, LINE_BREAK, right, link.right_x]), "cranks", bars=True
+        ),
         line_through(np.array([left, tip, right]), "couplers", bars=True),
-        *ghost,
-        fixed(link),
+        *dashed,
+        fixed_pin_markers(link),
         line_through(np.array([tip]), "tip", points=True),
     )
 
@@ -178,7 +182,7 @@ def poses_of_tip(
     The points are left pin, right pin, tip, and the tip of the other assembly mode.
     """
     lengths = asdict(link)
-    for mode in WORKING:
+    for mode in WORKING_MODE_PAIRS:
         found = solve_inverse(
             [tip.real, tip.imag], **lengths, left_mode=mode[0], right_mode=mode[1]
         )
@@ -236,20 +240,20 @@ def working_modes(
     link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
     panels = tuple(
         Panel(
-            links(link, *places),
-            title=f"{named(mode)}, assembly {assembly:+d}: cranks at "
+            link_lines(link, *places),
+            title=f"{format_mode(mode)}, assembly {assembly:+d}: cranks at "
             + " and ".join(f"{one:.2f}°" for one in (np.degrees(angle) + 180.0) % 360.0 - 180.0),
         )
         for mode, assembly, angle, places in poses_of_tip(link, complex(tip_x, tip_y))
     )
     return Chart(
-        *XY,
+        *POSITION_AXES,
         panels,
         f"Four pairs of crank angles put the tip at ({tip_x:g}, {tip_y:g}) m. The mode of a side "
         "is +1 where its crank pin lies to the left of the line from the fixed pin to the tip. "
         "Dashed: the other assembly mode, with the same cranks and the tip on the other side of "
         "the line between the crank pins.",
-        alike=True,
+        equal_scales=True,
     )
 
 
@@ -284,8 +288,13 @@ def crank_angles(
     singular = type_2(link)
     panels = tuple(
         Panel(
-            by_label([*serial(link, singular, assembly), *parallel(link, singular)]),
-            title=ASSEMBLIES[assembly],
+            lines_by_label(
+                [
+                    *type_1_angle_curves(link, singular, assembly),
+                    *type_2_angle_curves(link, singular),
+                ]
+            ),
+            title=ASSEMBLY_LABELS[assembly],
         )
         for assembly in (1, -1)
     )
@@ -302,18 +311,20 @@ def crank_angles(
         panels,
         f"{words} On type 1 curves the tip is on the border of its reach and the working mode "
         "changes. L and R are the crank pins.",
-        alike=True,
+        equal_scales=True,
     )
 
 
-def over_angles(left: Complex, right: Complex) -> Complex:
+def angle_curve(left: Complex, right: Complex) -> Complex:
     """Angles of both cranks as real and imaginary part, in [-pi, pi], with NaN where they jump."""
     one, other = np.angle(left), np.angle(right)
     jumps = np.flatnonzero((np.abs(np.diff(one)) > np.pi) | (np.abs(np.diff(other)) > np.pi)) + 1
-    return np.insert(one + 1j * other, jumps, GAP)
+    return np.insert(one + 1j * other, jumps, LINE_BREAK)
 
 
-def serial(link: FivebarLengths, singular: list[SingularPiece], assembly: int) -> Iterable[Traced]:
+def type_1_angle_curves(
+    link: FivebarLengths, singular: list[SingularPiece], assembly: int
+) -> Iterable[LabelledCurve]:
     """Curves of type 1 singularities over both crank angles, in one assembly mode.
 
     Where crank and coupler of one side are in line, the tip is on the border of the reach; the
@@ -322,14 +333,16 @@ def serial(link: FivebarLengths, singular: list[SingularPiece], assembly: int) -
     ends = np.array([one.curve.points[[0, -1]] for one in singular], complex).ravel()
     for piece, side in reach_border(link, ends):
         for mode in (1, -1):
-            left = pin(piece.points, link.left_x, link.left_crank, link.left_coupler, mode)
-            right = pin(piece.points, link.right_x, link.right_crank, link.right_coupler, mode)
-            turned = np.imag(np.conj(piece.points - left) * (piece.points - right))
-            if turned[turned.size // 2] * assembly > 0.0:
-                yield over_angles(left - link.left_x, right - link.right_x), TYPE_1[side]
+            left = crank_pin(piece.points, link.left_x, link.left_crank, link.left_coupler, mode)
+            right = crank_pin(
+                piece.points, link.right_x, link.right_crank, link.right_coupler, mode
+            )
+            coupler_cross = np.imag(np.conj(piece.points - left) * (piece.points - right))
+            if coupler_cross[coupler_cross.size // 2] * assembly > 0.0:
+                yield angle_curve(left - link.left_x, right - link.right_x), TYPE_1_LABELS[side]
 
 
-def pin(tip: Complex, x: float, crank: float, coupler: float, mode: int) -> Complex:
+def crank_pin(tip: Complex, x: float, crank: float, coupler: float, mode: int) -> Complex:
     """Crank pin x + iy of one side for tips within its reach, or out of it by rounding only."""
     s = tip - x
     cosine = (np.abs(s) ** 2 + crank**2 - coupler**2) / (2.0 * np.abs(s) * crank)
@@ -337,10 +350,15 @@ def pin(tip: Complex, x: float, crank: float, coupler: float, mode: int) -> Comp
     return np.asarray(x + crank * s / np.abs(s) * np.exp(1j * mode * opening))
 
 
-def parallel(link: FivebarLengths, singular: list[SingularPiece]) -> Iterable[Traced]:
+def type_2_angle_curves(
+    link: FivebarLengths, singular: list[SingularPiece]
+) -> Iterable[LabelledCurve]:
     """Curves of type 2 singularities over both crank angles."""
     for one in singular:
-        yield over_angles(one.left - link.left_x, one.right - link.right_x), TYPE_2[one.stretched]
+        yield (
+            angle_curve(one.left - link.left_x, one.right - link.right_x),
+            TYPE_2_LABELS[one.stretched],
+        )
 
 
 def singular_poses(
@@ -372,20 +390,20 @@ def singular_poses(
     """
     link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
     panels = [
-        *(Panel(links(link, *places), title=title) for title, places in serial_poses(link)),
-        *(Panel(links(link, *places), title=title) for title, places in parallel_poses(link)),
+        *(Panel(link_lines(link, *places), title=title) for title, places in type_1_poses(link)),
+        *(Panel(link_lines(link, *places), title=title) for title, places in type_2_poses(link)),
     ]
     return Chart(
-        *XY,
+        *POSITION_AXES,
         tuple(panels),
         "In a type 1 singularity the tip has no velocity along the bars in line, whatever the "
         "cranks do; in a type 2 singularity it moves across the couplers although the cranks "
         "are fixed.",
-        alike=True,
+        equal_scales=True,
     )
 
 
-def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
+def type_1_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
     """Titles and points of poses with one side in line: left pin, right pin, tip.
 
     There is at most one pose for each side and each of stretched and folded, on an arc of the
@@ -402,8 +420,8 @@ def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
             else (link.right_crank, link.right_coupler)
         )
         how = "stretched" if abs(tip - x) > max(crank, coupler) else "folded"
-        if tip.imag >= 0.0 or f"{TYPE_1[side]}, {how}" not in seen:
-            seen[f"{TYPE_1[side]}, {how}"] = tip
+        if tip.imag >= 0.0 or f"{TYPE_1_LABELS[side]}, {how}" not in seen:
+            seen[f"{TYPE_1_LABELS[side]}, {how}"] = tip
     for title, tip in seen.items():
         found = solve_inverse([tip.real, tip.imag], **asdict(link), left_mode=1, right_mode=-1)
         yield (
@@ -418,7 +436,7 @@ def serial_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
         )
 
 
-def parallel_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
+def type_2_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
     """Titles and points of poses with the couplers in line: left pin, right pin, tip.
 
     There is at most one pose for stretched and one for folded couplers, in the middle of the
@@ -427,13 +445,13 @@ def parallel_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
     longest: dict[bool, SingularPiece] = {}
     for one in type_2(link):
         best = longest.get(one.stretched)
-        if best is None or extent(one) > extent(best):
+        if best is None or curve_length(one) > curve_length(best):
             longest[one.stretched] = one
     for stretched, one in longest.items():
         k = one.left.size // 2
-        yield TYPE_2[stretched], np.array([one.left[k], one.right[k], one.curve.points[k]])
+        yield TYPE_2_LABELS[stretched], np.array([one.left[k], one.right[k], one.curve.points[k]])
 
 
-def extent(one: SingularPiece) -> float:
+def curve_length(one: SingularPiece) -> float:
     """Length of the polygon of a curve's points [m]."""
     return float(np.abs(np.diff(one.curve.points)).sum())

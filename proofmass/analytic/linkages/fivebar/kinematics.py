@@ -24,24 +24,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages.bars import (
-    FORCES,
-    LOADS,
+    FORCE_ENDINGS,
+    LOAD_ENDINGS,
     Ends,
-    asked_of_drive,
-    asked_of_pins,
-    asks,
+    drive_moment,
+    is_requested,
+    pin_load,
 )
 from proofmass.analytic.numerics import (
     Array,
     Complex,
+    check_finite,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+    components_in_frame,
     cross,
     dot,
-    finite,
-    in_frame,
-    not_negative,
-    one_of,
-    positive,
-    unwrapped,
+    unwrap_angles,
 )
 
 WORKING_MODES = (1, -1)
@@ -114,7 +114,7 @@ def solve_inverse(
     >>> [round(float(np.degrees(pose[side])), 6) for side in ("left", "right")]
     [90.0, 131.11209]
     """
-    check(
+    check_parameters(
         left_crank=left_crank,
         left_coupler=left_coupler,
         right_coupler=right_coupler,
@@ -124,14 +124,14 @@ def solve_inverse(
         left_mode=left_mode,
         right_mode=right_mode,
     )
-    motion = inputs(tip, velocity, acceleration)
-    left, a = _side("left", motion, left_x, left_crank, left_coupler, left_mode)
-    right, b = _side("right", motion, right_x, right_crank, right_coupler, right_mode)
+    motion = broadcast_inputs(tip, velocity, acceleration)
+    left, a = _solve_side("left", motion, left_x, left_crank, left_coupler, left_mode)
+    right, b = _solve_side("right", motion, right_x, right_crank, right_coupler, right_mode)
     curves = left | right | {"assembly": cross(a, b) / (left_coupler * right_coupler)}
     return {name: np.reshape(curve, motion[0].shape[1:]) for name, curve in curves.items()}
 
 
-def _side(
+def _solve_side(
     name: str, motion: list[Array], base: float, crank: float, coupler: float, mode: int
 ) -> tuple[dict[str, Array], Complex]:
     """Angle, rate and acceleration of one crank, and the vector of its coupler."""
@@ -154,7 +154,7 @@ def _side(
         lever = -mode * area
         rate = dot(a, v) / lever
         second = (dot(a, dv) + rate**2 * dot(a, p) + np.abs(v - 1j * rate * p) ** 2) / lever
-    angle = unwrapped(np.atleast_1d(np.angle(s))) + mode * np.arctan2(area, side)
+    angle = unwrap_angles(np.atleast_1d(np.angle(s))) + mode * np.arctan2(area, side)
     return {name: angle, f"{name}_rate": rate, f"{name}_acceleration": second}, a
 
 
@@ -181,8 +181,8 @@ def jacobians(
     >>> np.linalg.solve(A, B).round(12).tolist()
     [[-2.0, -2.0], [-1.5, 1.5]]
     """
-    check(left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
-    theta, place = inputs(angle, tip)
+    check_parameters(left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
+    theta, place = broadcast_inputs(angle, tip)
     p, q = left_crank * np.exp(1j * theta[0]), right_crank * np.exp(1j * theta[1])
     end = place[0] + 1j * place[1]
     a, b, zero = end - left_x - p, end - right_x - q, np.zeros(end.shape)
@@ -197,44 +197,44 @@ def twice_area(
     two: float,
     size: float,
     pose: Array,
-    open_at: str,
-    whose: str,
+    error_format: str,
+    bars: str,
 ) -> Array:
     """Twice the area of triangles with three given sides, or a ValueError if one cannot be closed.
 
     The sides are `distance`, `one` and `two`; `size` bounds the numbers from which `distance` was
-    computed. The message is made of `open_at`, a format for the two entries of `pose` (2, ...)
-    at the first such triangle, and of `whose`, the names of the bars.
+    computed. The message is made of `error_format`, a format for the two entries of `pose` (2, ...)
+    at the first such triangle, and of `bars`, the names of the bars.
     """
     far, near = one + two, abs(one - two)
-    gap = np.maximum(distance - far, near - distance)
-    slack = 4.0 * np.finfo(float).eps * (far + size)  # rounding at a limit position
-    good = (gap <= slack) & (distance > slack)
-    if not good.all():
-        bad = np.unravel_index(np.argmin(good), good.shape)
-        miss = f"miss by {gap[bad]:.6g} m"
+    violation = np.maximum(distance - far, near - distance)
+    rounding = 4.0 * np.finfo(float).eps * (far + size)  # rounding at a limit position
+    is_closed = (violation <= rounding) & (distance > rounding)
+    if not is_closed.all():
+        bad = np.unravel_index(np.argmin(is_closed), is_closed.shape)
+        miss = f"miss by {violation[bad]:.6g} m"
         raise ValueError(
-            f"{open_at.format(*(row[bad] for row in pose))}: the circles of {whose} "
-            + ("coincide, so the pose is not determined" if gap[bad] <= slack else miss)
+            f"{error_format.format(*(row[bad] for row in pose))}: the circles of {bars} "
+            + ("coincide, so the pose is not determined" if violation[bad] <= rounding else miss)
         )
     heron = (far + distance) * (far - distance) * (distance + near) * (distance - near)
     return np.asarray(0.5 * np.sqrt(np.maximum(heron, 0.0)))
 
 
-def check(**values: float) -> None:
+def check_parameters(**values: float) -> None:
     """Raise a ValueError for a parameter out of its domain, which depends on its name's ending."""
     for name, value in values.items():
         if name.endswith("mode"):
-            one_of(WORKING_MODES, **{name: value})
+            check_one_of(WORKING_MODES, **{name: value})
         elif name.endswith("_x"):
-            finite(**{name: value})
+            check_finite(**{name: value})
         elif name.endswith("_mass"):
-            not_negative(**{name: value})
+            check_not_negative(**{name: value})
         else:
-            positive(**{name: value})
+            check_positive(**{name: value})
 
 
-def inputs(*values: ArrayLike) -> list[Array]:
+def broadcast_inputs(*values: ArrayLike) -> list[Array]:
     """Arrays with the shape (2, ...) of the first one; a (2,) array holds for all samples."""
     first, *others = (np.asarray(value, float) for value in values)
     if first.shape[:1] != (2,):
@@ -264,7 +264,7 @@ def margin(
     >>> margin([[0.0, 0.0], [0.0, 9.0]], **link).round(6).tolist()
     [2.0, -0.486833]
     """
-    check(
+    check_parameters(
         left_crank=left_crank,
         left_coupler=left_coupler,
         right_coupler=right_coupler,
@@ -272,7 +272,7 @@ def margin(
         left_x=left_x,
         right_x=right_x,
     )
-    ((x, y),) = inputs(tip)
+    ((x, y),) = broadcast_inputs(tip)
     left, right = np.hypot(x - left_x, y), np.hypot(x - right_x, y)
     return np.asarray(
         np.minimum.reduce(
@@ -312,7 +312,7 @@ def boundary(
         "right_coupler": right_coupler,
         "right_crank": right_crank,
     }
-    check(**lengths, left_x=left_x, right_x=right_x)
+    check_parameters(**lengths, left_x=left_x, right_x=right_x)
     base = np.array([left_x, left_x, right_x, right_x])[:, None]
     radius = np.array(
         [
@@ -322,8 +322,8 @@ def boundary(
             abs(right_crank - right_coupler),
         ]
     )[:, None]
-    turn = np.linspace(0.0, 2.0 * np.pi, n)
-    points = np.stack([base + radius * np.cos(turn), radius * np.sin(turn)])
+    angle = np.linspace(0.0, 2.0 * np.pi, n)
+    points = np.stack([base + radius * np.cos(angle), radius * np.sin(angle)])
     inside = margin(points, **lengths, left_x=left_x, right_x=right_x)
     rounding = 4.0 * np.finfo(float).eps * (radius + np.abs(base) + abs(right_x - left_x))
     return np.moveaxis(np.where(inside >= -rounding, points, np.nan), 0, 1)
@@ -350,7 +350,7 @@ def in_line(
     >>> in_line(0.5, **link).round(6).tolist()
     [nan, nan, 1.312845, 2.328748]
     """
-    check(
+    check_parameters(
         left_crank=left_crank,
         left_coupler=left_coupler,
         right_coupler=right_coupler,
@@ -360,12 +360,12 @@ def in_line(
     )
     s = left_x - right_x + left_crank * np.exp(1j * np.asarray(left, float))
     rows = []
-    for apart in (left_coupler + right_coupler, abs(left_coupler - right_coupler)):
+    for distance in (left_coupler + right_coupler, abs(left_coupler - right_coupler)):
         with np.errstate(divide="ignore", invalid="ignore"):  # nan, as documented
-            open_by = np.arccos(
-                (np.abs(s) ** 2 + right_crank**2 - apart**2) / (2.0 * np.abs(s) * right_crank)
+            opening = np.arccos(
+                (np.abs(s) ** 2 + right_crank**2 - distance**2) / (2.0 * np.abs(s) * right_crank)
             )
-        rows += [np.angle(s) - open_by, np.angle(s) + open_by]
+        rows += [np.angle(s) - opening, np.angle(s) + opening]
     return np.stack(rows)
 
 
@@ -379,7 +379,7 @@ def pin_distances(
     >>> pin_distances(left_crank=2.0, right_crank=0.5, left_x=0.0, right_x=1.0)
     (0.5, 3.5)
     """
-    check(left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
+    check_parameters(left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
     chain = (abs(right_x - left_x), left_crank, right_crank)
     return max(0.0, 2.0 * max(chain) - sum(chain)), sum(chain)
 
@@ -404,7 +404,7 @@ def unassembled_share(
     ...                         right_crank=1.0, left_x=0.0, right_x=2.0), 8)
     0.02126519
     """
-    check(
+    check_parameters(
         left_crank=left_crank,
         left_coupler=left_coupler,
         right_coupler=right_coupler,
@@ -416,9 +416,9 @@ def unassembled_share(
         abs(right_x - left_x),
         (left_coupler + right_coupler, abs(left_coupler - right_coupler)),
     )
-    bends = np.array([right_crank + sign * x for x in limits for sign in (1, -1)])
+    kink_distances = np.array([right_crank + sign * x for x in limits for sign in (1, -1)])
     with np.errstate(divide="ignore"):  # ground = 0: S is constant
-        cosines = (ground**2 + left_crank**2 - bends**2) / (2.0 * ground * left_crank)
+        cosines = (ground**2 + left_crank**2 - kink_distances**2) / (2.0 * ground * left_crank)
     knots = np.array([0.0, *np.sort(np.arccos(cosines[np.abs(cosines) < 1.0])), np.pi])
     nodes, weights = np.polynomial.legendre.leggauss(64)
     u = 0.5 * np.pi * (nodes + 1.0)  # angle = middle - half cos(u): no square roots at ends
@@ -552,7 +552,7 @@ def solve(
     >>> [round(float(pose[name]), 8) for name in ("tip_x", "tip_y", "tip_vx", "tip_vy")]
     [-0.9068351, 2.66749129, 0.52591296, 0.98486894]
     """
-    check(
+    check_parameters(
         left_crank=left_crank,
         left_coupler=left_coupler,
         right_coupler=right_coupler,
@@ -566,16 +566,16 @@ def solve(
         right_crank_mass=right_crank_mass,
         tip_mass=tip_mass,
     )
-    theta, w, dw = inputs(angle, rate, acceleration)
-    turned = np.exp(1j * theta)  # vectors are complex numbers, J is 1j
-    p, q = left_crank * turned[0], right_crank * turned[1]
+    theta, w, dw = broadcast_inputs(angle, rate, acceleration)
+    directions = np.exp(1j * theta)  # vectors are complex numbers, J is 1j
+    p, q = left_crank * directions[0], right_crank * directions[1]
     d = right_x + q - left_x - p
-    reach = abs(right_x - left_x) + left_crank + right_crank
+    size = abs(right_x - left_x) + left_crank + right_crank
     area = mode * twice_area(
         np.abs(d),
         left_coupler,
         right_coupler,
-        reach,
+        size,
         theta,
         "loop cannot close at angles ({:.9g}, {:.9g}) rad",
         "the couplers",
@@ -587,13 +587,13 @@ def solve(
     dvp, dvq = (1j * dw[0] - w[0] ** 2) * p, (1j * dw[1] - w[1] ** 2) * q
     with np.errstate(divide="ignore", invalid="ignore"):  # in line: inf or nan, as documented
         alpha, beta = dot(vq - vp, b) / area, dot(vq - vp, a) / area
-        rest = 0.5 * (left_coupler**2 + right_coupler**2 - square)
-        ddalpha = (dot(dvq - dvp, b) + alpha**2 * rest - beta**2 * right_coupler**2) / area
-        ddbeta = (dot(dvq - dvp, a) + alpha**2 * left_coupler**2 - beta**2 * rest) / area
+        a_dot_b = 0.5 * (left_coupler**2 + right_coupler**2 - square)
+        ddalpha = (dot(dvq - dvp, b) + alpha**2 * a_dot_b - beta**2 * right_coupler**2) / area
+        ddbeta = (dot(dvq - dvp, a) + alpha**2 * left_coupler**2 - beta**2 * a_dot_b) / area
         tip, v = left_x + p + a, vp + 1j * alpha * a
         dv = dvp + (1j * ddalpha - alpha**2) * a
         loads: dict[str, Array] = {}
-        if asks(only, *LOADS):
+        if is_requested(only, *LOAD_ENDINGS):
             lift = 1j * gravity
             at_l, at_t, at_r = (inertia * each + lift for each in (dvp, dv, dvq))
             carried = tip_mass * at_t - (
@@ -604,15 +604,15 @@ def solve(
             by_left, by_right = -1j * b * left_lever / area, 1j * a * right_lever / area
             loads = {
                 "left_moment": dot(carried, by_left)
-                + asked_of_drive(left[0], (lift, at_l), (0j, 1j * p))
-                + asked_of_drive(left[1], (at_l, at_t), (1j * p, by_left))
-                + asked_of_drive(right[1], (at_r, at_t), (0j, by_left)),
+                + drive_moment(left[0], (lift, at_l), (0j, 1j * p))
+                + drive_moment(left[1], (at_l, at_t), (1j * p, by_left))
+                + drive_moment(right[1], (at_r, at_t), (0j, by_left)),
                 "right_moment": dot(carried, by_right)
-                + asked_of_drive(right[0], (lift, at_r), (0j, 1j * q))
-                + asked_of_drive(right[1], (at_r, at_t), (1j * q, by_right))
-                + asked_of_drive(left[1], (at_l, at_t), (0j, by_right)),
+                + drive_moment(right[0], (lift, at_r), (0j, 1j * q))
+                + drive_moment(right[1], (at_r, at_t), (1j * q, by_right))
+                + drive_moment(left[1], (at_l, at_t), (0j, by_right)),
             }
-            if asks(only, *FORCES):
+            if is_requested(only, *FORCE_ENDINGS):
                 loads |= _forces(
                     (p, a, q, b), (at_l, at_t, at_r), area, carried, lift, (*left, *right)
                 )
@@ -623,10 +623,10 @@ def solve(
         "tip_vy": v.imag,
         "tip_ax": dv.real,
         "tip_ay": dv.imag,
-        "left_coupler_angle": unwrapped(np.atleast_1d(np.angle(a))),
+        "left_coupler_angle": unwrap_angles(np.atleast_1d(np.angle(a))),
         "left_coupler_rate": alpha,
         "left_coupler_acceleration": ddalpha,
-        "right_coupler_angle": unwrapped(np.atleast_1d(np.angle(b))),
+        "right_coupler_angle": unwrap_angles(np.atleast_1d(np.angle(b))),
         "right_coupler_rate": beta,
         "right_coupler_acceleration": ddbeta,
         **loads,
@@ -654,18 +654,18 @@ def _forces(
     at_l, at_t, at_r = accelerations
     ends: tuple[Ends, ...] = (lift, at_l), (at_l, at_t), (lift, at_r), (at_r, at_t)
     (f0, _), (f1, m1), (f2, _), (f3, m2) = (
-        asked_of_pins(mass, bar, two) for mass, bar, two in zip(masses, bars, ends, strict=True)
+        pin_load(mass, bar, two) for mass, bar, two in zip(masses, bars, ends, strict=True)
     )
     left_crank, left, right_crank, right = bars
     m1 = m1 + cross(left, carried)
     on_right = np.asarray(-(m1 * right + m2 * left) / area)
     on_left, from_right = f1 + carried + on_right, f3 - on_right
     return {
-        **in_frame("left_crank_force", f0 + on_left, left_crank),
-        **in_frame("left_coupler_force", on_left, left),
-        **in_frame("right_crank_force", f2 + from_right, right_crank),
-        **in_frame("right_coupler_force", from_right, right),
-        **in_frame("pin_force", on_right, left),
+        **components_in_frame("left_crank_force", f0 + on_left, left_crank),
+        **components_in_frame("left_coupler_force", on_left, left),
+        **components_in_frame("right_crank_force", f2 + from_right, right_crank),
+        **components_in_frame("right_coupler_force", from_right, right),
+        **components_in_frame("pin_force", on_right, left),
     }
 
 
@@ -695,7 +695,7 @@ def circle(
     """
     spin = radius * np.exp(1j * rate * np.asarray(time, float))
     tip, v, dv = center_x + 1j * center_y + spin, 1j * rate * spin, -(rate**2) * spin
-    return led(np.asarray(tip), np.asarray(v), np.asarray(dv), **linkage)
+    return follow_tip(np.asarray(tip), np.asarray(v), np.asarray(dv), **linkage)
 
 
 def rectangle(
@@ -732,30 +732,30 @@ def rectangle(
         raise ValueError(f"period must be positive and finite [s], got {period}")
     quarters = 4.0 * np.asarray(time, float) / period
     number = np.floor(quarters)
-    turned = 2.0 * np.pi * (quarters - number)
+    phase = 2.0 * np.pi * (quarters - number)
     corners = complex(corner_x, corner_y) + np.array(
         [0.0, width, complex(width, height), 1j * height]
     )
     side = number.astype(int) % 4
-    corner, way = corners[side], (np.roll(corners, -1) - corners)[side]
-    pace = 4.0 / period
-    share = (turned - np.sin(turned)) / (2.0 * np.pi)
+    corner, edge = corners[side], (np.roll(corners, -1) - corners)[side]
+    quarter_rate = 4.0 / period
+    share = (phase - np.sin(phase)) / (2.0 * np.pi)
     vectors: list[Complex] = [
-        corner + share * way,
-        pace * (1.0 - np.cos(turned)) * way,
-        2.0 * np.pi * pace**2 * np.sin(turned) * way,
+        corner + share * edge,
+        quarter_rate * (1.0 - np.cos(phase)) * edge,
+        2.0 * np.pi * quarter_rate**2 * np.sin(phase) * edge,
     ]
-    return led(*vectors, **linkage)
+    return follow_tip(*vectors, **linkage)
 
 
-def led(tip: Complex, v: Complex, dv: Complex, **linkage: Any) -> tuple[Array, Array, Array]:
+def follow_tip(tip: Complex, v: Complex, dv: Complex, **linkage: Any) -> tuple[Array, Array, Array]:
     """Crank angles, rates and accelerations, (2, n) each, for a given motion of the tip."""
     pose = solve_inverse(*([vector.real, vector.imag] for vector in (tip, v, dv)), **linkage)
-    angle, speed, change = (
+    angle, rate, acceleration = (
         np.stack([pose[f"left{part}"], pose[f"right{part}"]])
         for part in ("", "_rate", "_acceleration")
     )
-    return angle, speed, change
+    return angle, rate, acceleration
 
 
 def properties(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.linkages.fivebar.kinematics import (
-    check,
+    check_parameters,
     cross,
     dot,
     solve_inverse,
@@ -17,18 +17,18 @@ from proofmass.analytic.linkages.regions import (
     CurvePiece,
     PlaneRegion,
     arc,
-    joined_regions,
-    overlap,
+    join_regions,
+    overlap_area,
 )
 from proofmass.analytic.numerics import TURN, Array, Complex
 
-WORKING: tuple[tuple[int, int], ...] = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+WORKING_MODE_PAIRS: tuple[tuple[int, int], ...] = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """The four working modes: left_mode and right_mode of `solve_inverse`."""
-SAMPLES = 721
+CURVE_SAMPLES = 721
 """Number of samples of a singular curve; between two of them the working mode may change once."""
-PARTS, NODES = 8, 24
+QUADRATURE_PARTS, QUADRATURE_NODES = 8, 24
 """Gauss quadrature along a piece of a curve: number of parts, and of nodes in each part."""
-HALVINGS = 60
+BISECTIONS = 60
 """Number of bisections of an interval in which the mode changes: to the last bit."""
 
 
@@ -52,7 +52,7 @@ class FivebarLengths:
     right_x: float
 
     def __post_init__(self) -> None:
-        check(**asdict(self))
+        check_parameters(**asdict(self))
 
     @property
     def base(self) -> float:
@@ -100,7 +100,7 @@ def reach_area(link: FivebarLengths) -> float:
     for _, radius, sense, side in link.circles:
         radii[side][sense] = radius
     return sum(
-        one * other * overlap(abs(link.base), radii["left"][one], radii["right"][other])
+        one * other * overlap_area(abs(link.base), radii["left"][one], radii["right"][other])
         for one in radii["left"]
         for other in radii["right"]
     )
@@ -129,7 +129,7 @@ class SingularPiece:
     right: Complex
 
 
-Track = Callable[[Array], tuple[Complex, Complex, Complex, Complex]]
+CurveFunction = Callable[[Array], tuple[Complex, Complex, Complex, Complex]]
 """Function of a parameter: tip, its derivative by the parameter, left and right crank pin."""
 
 
@@ -156,22 +156,24 @@ def type_2(link: FivebarLengths) -> list[SingularPiece]:
     """
     found: list[SingularPiece] = []
     for stretched in (True, False):
-        for track, first, last in tracks(link, stretched):
-            found += parted_by_mode(link, track, first, last, stretched)
+        for track, first, last in type_2_curves(link, stretched):
+            found += divide_by_mode(link, track, first, last, stretched)
     return found
 
 
-def tracks(link: FivebarLengths, stretched: bool) -> Iterator[tuple[Track, float, float]]:
+def type_2_curves(
+    link: FivebarLengths, stretched: bool
+) -> Iterator[tuple[CurveFunction, float, float]]:
     """Curves on which the couplers are stretched, or folded, with the limits of their parameter."""
     c, r = link.left_coupler, link.right_coupler
-    apart = c + r if stretched else abs(c - r)
-    if apart == 0.0:
-        yield from coinciding(link)
+    pin_distance = c + r if stretched else abs(c - r)
+    if pin_distance == 0.0:
+        yield from coincident_pin_curves(link)
         return
     share, m = c / (c + r if stretched else c - r), link.right_crank
-    reached = np.array([m + apart, abs(m - apart)])
+    end_distances = np.array([m + pin_distance, abs(m - pin_distance)])
     with np.errstate(divide="ignore", invalid="ignore"):  # both fixed pins at one point: no ends
-        cosine = (link.base**2 + link.left_crank**2 - reached**2) / (
+        cosine = (link.base**2 + link.left_crank**2 - end_distances**2) / (
             2.0 * link.base * link.left_crank
         )
     ends = np.arccos(cosine[np.abs(cosine) < 1.0])
@@ -179,7 +181,7 @@ def tracks(link: FivebarLengths, stretched: bool) -> Iterator[tuple[Track, float
     edges = np.append(ends, ends[0] + TURN) if ends.size else np.array([0.0, TURN])
     for low, high in pairwise(edges):
         s = abs(link.left_crank * np.exp(0.5j * (low + high)) - link.base)
-        if not abs(m - apart) < s < m + apart:
+        if not abs(m - pin_distance) < s < m + pin_distance:
             continue
         for branch in (1, -1):
 
@@ -190,7 +192,7 @@ def tracks(link: FivebarLengths, stretched: bool) -> Iterator[tuple[Track, float
                 alpha = 0.5 * (low + high) - half * np.cos(u)
                 p = link.left_crank * np.exp(1j * alpha)
                 s = p - link.base
-                cosine = (np.abs(s) ** 2 + m**2 - apart**2) / (2.0 * np.abs(s) * m)
+                cosine = (np.abs(s) ** 2 + m**2 - pin_distance**2) / (2.0 * np.abs(s) * m)
                 beta = np.angle(s) + branch * np.arccos(np.clip(cosine, -1.0, 1.0))
                 q = m * np.exp(1j * beta)
                 across = q - s
@@ -203,7 +205,7 @@ def tracks(link: FivebarLengths, stretched: bool) -> Iterator[tuple[Track, float
             yield track, 0.0, np.pi
 
 
-def coinciding(link: FivebarLengths) -> Iterator[tuple[Track, float, float]]:
+def coincident_pin_curves(link: FivebarLengths) -> Iterator[tuple[CurveFunction, float, float]]:
     """Circles of the tip about crank pins that coincide, which couplers of equal length allow."""
     g, one, other = abs(link.base), link.left_crank, link.right_crank
     if not abs(one - other) < g < one + other:
@@ -220,8 +222,8 @@ def coinciding(link: FivebarLengths) -> Iterator[tuple[Track, float, float]]:
         yield track, 0.0, TURN
 
 
-def parted_by_mode(
-    link: FivebarLengths, track: Track, first: float, last: float, stretched: bool
+def divide_by_mode(
+    link: FivebarLengths, track: CurveFunction, first: float, last: float, stretched: bool
 ) -> Iterator[SingularPiece]:
     """Pieces of a curve, which is divided where its working mode changes."""
 
@@ -232,12 +234,12 @@ def parted_by_mode(
             cross(right - link.right_x, tip - right) < 0.0,
         )
 
-    u = np.linspace(first, last, SAMPLES + 1)[:-1] + 0.5 * (last - first) / SAMPLES
+    u = np.linspace(first, last, CURVE_SAMPLES + 1)[:-1] + 0.5 * (last - first) / CURVE_SAMPLES
     cuts = [first, last]
     for k, sign in enumerate(sides(u)):
-        at = np.flatnonzero(sign[:-1] != sign[1:])
-        low, high, before = u[at], u[at + 1], sign[at]
-        for _ in range(HALVINGS):
+        changes = np.flatnonzero(sign[:-1] != sign[1:])
+        low, high, before = u[changes], u[changes + 1], sign[changes]
+        for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
             same = sides(middle)[k] == before
             low, high = np.where(same, middle, low), np.where(same, high, middle)
@@ -248,24 +250,26 @@ def parted_by_mode(
             continue
         here = np.array([0.5 * (start + end)])
         left_mode, right_mode = (1 if sign[0] else -1 for sign in sides(here))
-        curve, pins = sampled(track, start, end)
-        if not rises_to_the_left(link, track, here):
+        curve, pins = sample_piece(track, start, end)
+        if not is_increasing_to_left(link, track, here):
             curve, pins = curve.back, pins[:, ::-1]
         yield SingularPiece(curve, (left_mode, right_mode), stretched, *pins)
 
 
-def sampled(track: Track, low: float, high: float) -> tuple[CurvePiece, Complex]:
+def sample_piece(track: CurveFunction, low: float, high: float) -> tuple[CurvePiece, Complex]:
     """Piece of a curve between two parameters, with its area integral; its crank pins (2, n)."""
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    edges = np.linspace(low, high, PARTS + 1)
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
+    edges = np.linspace(low, high, QUADRATURE_PARTS + 1)
     half = 0.5 * np.diff(edges)[:, None]
     tip, speed, *_ = track((edges[:-1, None] + half * (1.0 + nodes)).ravel())
-    swept = 0.5 * float(np.sum(cross(tip, speed).reshape(PARTS, NODES) * half * weights))
+    swept = 0.5 * float(
+        np.sum(cross(tip, speed).reshape(QUADRATURE_PARTS, QUADRATURE_NODES) * half * weights)
+    )
     points, _, left, right = track(np.linspace(low, high, max(25, int(120 * (high - low)))))
     return CurvePiece(points, swept), np.array([left, right])
 
 
-def rises_to_the_left(link: FivebarLengths, track: Track, u: Array) -> bool:
+def is_increasing_to_left(link: FivebarLengths, track: CurveFunction, u: Array) -> bool:
     """Whether a x b increases to the left of a curve on which it is zero.
 
     The crank angles follow the tip: for its velocity v the crank rates are a.v/(p x a) and
@@ -288,7 +292,9 @@ def reach_border(
     """
     for center, radius, sense, side in link.circles:
         others = [one for one in link.circles if one[3] != side]
-        angles = [angle for x, far, *_ in others for angle in crossings(center, radius, x, far)]
+        angles = [
+            angle for x, far, *_ in others for angle in circle_crossings(center, radius, x, far)
+        ]
         if cuts is not None:
             on = np.abs(np.abs(cuts - center) - radius) < 1e-7 * link.size
             angles += (np.angle(cuts[on] - center) % TURN).tolist()
@@ -303,18 +309,20 @@ def reach_border(
                 yield (piece if sense > 0 else piece.back), side
 
 
-def crossings(center: float, radius: float, x: float, far: float) -> list[float]:
+def circle_crossings(
+    center: float, radius: float, other_center: float, other_radius: float
+) -> list[float]:
     """Angles [rad] on a circle about (center, 0) where the circle about (x, 0) crosses it."""
-    g = x - center
-    if g == 0.0 or not abs(radius - far) < abs(g) < radius + far:
+    g = other_center - center
+    if g == 0.0 or not abs(radius - other_radius) < abs(g) < radius + other_radius:
         return []
-    angle = float(np.arccos((g**2 + radius**2 - far**2) / (2.0 * g * radius)))
+    angle = float(np.arccos((g**2 + radius**2 - other_radius**2) / (2.0 * g * radius)))
     return [angle, TURN - angle]
 
 
 def reach(link: FivebarLengths) -> list[PlaneRegion]:
     """Connected regions that the tip can reach, the largest first."""
-    return joined_regions((piece for piece, _ in reach_border(link)), link.size)
+    return join_regions((piece for piece, _ in reach_border(link)), link.size)
 
 
 def aspects(
@@ -347,7 +355,7 @@ def aspects(
         )["assembly"]
     )
     return {
-        assembly: joined_regions(
+        assembly: join_regions(
             [
                 *(one for one, s in zip(border, sign, strict=True) if s == assembly),
                 *(one.curve if assembly > 0 else one.curve.back for one in pieces),

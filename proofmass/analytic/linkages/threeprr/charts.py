@@ -8,15 +8,15 @@ from dataclasses import asdict
 
 import numpy as np
 
-from proofmass.analytic.chart import GAP, Chart, ChartLine, Field, Panel, line_through
-from proofmass.analytic.linkages.regions import drawn_regions
+from proofmass.analytic.chart import LINE_BREAK, Chart, ChartLine, Field, Panel, line_through
+from proofmass.analytic.linkages.regions import chart_regions
 from proofmass.analytic.linkages.threeprr.kinematics import (
-    CORNERS,
-    GUIDES,
+    GUIDE_DIRECTIONS,
     SIGNS,
+    UNIT_CORNERS,
     WORKING_MODES,
-    legs,
-    origins,
+    guide_origins,
+    leg_vectors,
     poses,
     solve_inverse,
 )
@@ -32,9 +32,9 @@ from proofmass.analytic.linkages.threeprr.maps import (
 )
 from proofmass.analytic.numerics import TURN, Array, Complex
 
-XY = (("x", "m"), ("y", "m"))
-SIDES = {1: "singularity measure > 0", -1: "singularity measure < 0"}
-BEYOND = 0.3
+POSITION_AXES = (("x", "m"), ("y", "m"))
+SIGN_LABELS = {1: "singularity measure > 0", -1: "singularity measure < 0"}
+GUIDE_OVERHANG = 0.3
 """Length of guides drawn beyond sliders and platform, as a share of the side."""
 
 
@@ -100,24 +100,26 @@ def workspace(
     ]
     words = "no place of P is reached at every angle"
     if side < leg:
-        room = leg - side
-        corners = np.array([-1.0 - 1.0j, 1.0 - 1.0j, 1.0 + 1.0j, -1.0 + 1.0j, -1.0 - 1.0j]) * room
+        half_side = leg - side
+        corners = (
+            np.array([-1.0 - 1.0j, 1.0 - 1.0j, 1.0 + 1.0j, -1.0 + 1.0j, -1.0 - 1.0j]) * half_side
+        )
         lines.append(
             line_through(np.asarray(guide3_x + corners, complex), "reached at every angle")
         )
-        words = f"{4.0 * room**2:.6g} m² at every angle"
+        words = f"{4.0 * half_side**2:.6g} m² at every angle"
     field = Field(x, y, angles, "angles of the platform", "rad")
     return Chart(
-        *XY,
+        *POSITION_AXES,
         (Panel(tuple(lines), field),),
         f"P reaches {reach_area_of_place(robot):.6g} m² at some angle of the platform; {words}. "
         f"Slices at one angle have {volume(robot) / TURN:.6g} m² in the mean, "
-        f"{slice_words(robot)}. The mean is exact.",
-        alike=True,
+        f"{describe_slices(robot)}. The mean is exact.",
+        equal_scales=True,
     )
 
 
-def slice_words(robot: RobotLengths) -> str:
+def describe_slices(robot: RobotLengths) -> str:
     """Smallest and largest area of a slice, in words."""
     least = 2.0 * robot.leg * max(0.0, 2.0 * robot.leg - robot.side)
     return f"from {least:.6g} m² at 90° to {4.0 * robot.leg**2:.6g} m² at 0°"
@@ -150,7 +152,7 @@ def slice_area(
         ("angle of the platform", "rad"),
         ("area of the slice", "m²"),
         (Panel((ChartLine(psi, area),)),),
-        f"{slice_words(robot).capitalize()}; {volume(robot) / TURN:.6g} m² in the mean. "
+        f"{describe_slices(robot).capitalize()}; {volume(robot) / TURN:.6g} m² in the mean. "
         "Exact: at one angle P reaches a rectangle.",
     )
 
@@ -194,41 +196,45 @@ def workspace_slice(
     if part.area == 0.0:
         raise ValueError(f"no place is reached at psi = {psi:.6g} rad")
     (left, right), (low, high) = part.x, part.y
-    across = np.array([left, right, GAP.real, left, right])
-    up = np.array([low, high, GAP.real, low, high])
+    across = np.array([left, right, LINE_BREAK.real, left, right])
+    up = np.array([low, high, LINE_BREAK.real, low, high])
     edges = (
-        ChartLine(across, np.array([low, low, GAP.real, high, high]), "type 1: leg 1 or 2 upright"),
-        ChartLine(np.array([left, left, GAP.real, right, right]), up, "type 1: leg 3 level"),
+        ChartLine(
+            across, np.array([low, low, LINE_BREAK.real, high, high]), "type 1: leg 1 or 2 upright"
+        ),
+        ChartLine(np.array([left, left, LINE_BREAK.real, right, right]), up, "type 1: leg 3 level"),
     )
     panels = []
     for mode in WORKING_MODES:
         found = aspects_of_slice(part, mode)
-        curves = np.concatenate([np.append(one.points, GAP) for one in type_2_of_slice(part, mode)])
+        curves = np.concatenate(
+            [np.append(one.points, LINE_BREAK) for one in type_2_of_slice(part, mode)]
+        )
         areas = [one.area for some in found.values() for one in some]
         shown = sorted((area for area in areas if area > 5e-5 * part.area), reverse=True)
         panels.append(
             Panel(
                 (*edges, line_through(curves, "type 2")),
-                title=f"legs {signs(mode)}: {' + '.join(f'{area:.4g}' for area in shown)} m²",
-                regions=drawn_regions(found, SIDES),
+                title=f"legs {leg_signs(mode)}: {' + '.join(f'{area:.4g}' for area in shown)} m²",
+                regions=chart_regions(found, SIGN_LABELS),
             )
         )
     return Chart(
-        *XY,
+        *POSITION_AXES,
         tuple(panels),
         f"P reaches {part.area:.6g} m² with the platform at {np.degrees(psi):.4g}°, exactly, in "
         "each of eight modes of the legs. A sign is + where the platform's corner is ahead of its "
         "slider. On the edges a leg is perpendicular to its guide, type 1; on type 2 curves the "
         "lines of all legs meet in one point, and the platform can move although the sliders are "
         "fixed. Numbers are areas of the aspects, with an error below 1e-9 m².",
-        alike=True,
+        equal_scales=True,
     )
 
 
-def signs(mode: int) -> str:
+def leg_signs(mode: int) -> str:
     """Signs of a mode of the legs.
 
-    >>> signs(3)
+    >>> leg_signs(3)
     '+-+'
     """
     return "".join("+" if one > 0 else "-" for one in SIGNS[mode - 1])
@@ -238,10 +244,10 @@ def robot_lines(
     robot: RobotLengths, point: complex, psi: float, sliders: Array
 ) -> tuple[ChartLine, ...]:
     """Lines of platform, legs, sliders and P in one pose."""
-    arms = robot.side * CORNERS[:, 0] * np.exp(1j * psi)
+    arms = robot.side * UNIT_CORNERS[:, 0] * np.exp(1j * psi)
     corners = point + arms
-    feet = feet_of(robot, sliders)
-    both = np.stack([feet, corners, np.full(3, GAP)], axis=1).ravel()[:-1]
+    feet = slider_points(robot, sliders)
+    both = np.stack([feet, corners, np.full(3, LINE_BREAK)], axis=1).ravel()[:-1]
     ring = np.append(corners, corners[:1])
     return (
         line_through(ring, "platform", bars=True),
@@ -251,7 +257,7 @@ def robot_lines(
     )
 
 
-def with_guides(robot: RobotLengths, panels: Iterable[Panel]) -> tuple[Panel, ...]:
+def add_guides(robot: RobotLengths, panels: Iterable[Panel]) -> tuple[Panel, ...]:
     """Panels with the lines of the guides, which extend over all lines of all panels."""
     given = tuple(panels)
     x, y = (
@@ -259,9 +265,9 @@ def with_guides(robot: RobotLengths, panels: Iterable[Panel]) -> tuple[Panel, ..
         for axis in ("x", "y")
     )
     x, y = np.append(x, robot.guide3_x), np.append(y, 0.0)
-    more = BEYOND * robot.side
-    left, right = np.nanmin(x) - more, np.nanmax(x) + more
-    low, high = np.nanmin(y) - more, np.nanmax(y) + more
+    overhang = GUIDE_OVERHANG * robot.side
+    left, right = np.nanmin(x) - overhang, np.nanmax(x) + overhang
+    low, high = np.nanmin(y) - overhang, np.nanmax(y) + overhang
     guides = ChartLine(
         np.array([left, right, np.nan, robot.guide3_x, robot.guide3_x]),
         np.array([0.0, 0.0, np.nan, low, high]),
@@ -309,20 +315,21 @@ def leg_modes(
     robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     panels = []
     for mode in WORKING_MODES:
-        sliders = sliders_of(robot, complex(x, y), psi, mode)
+        sliders = slider_positions(robot, complex(x, y), psi, mode)
         panels.append(
             Panel(
                 robot_lines(robot, complex(x, y), psi, sliders),
-                title=f"legs {signs(mode)}: sliders at {', '.join(f'{s:.4g}' for s in sliders)} m",
+                title=f"legs {leg_signs(mode)}: "
+                f"sliders at {', '.join(f'{s:.4g}' for s in sliders)} m",
             )
         )
     return Chart(
-        *XY,
-        with_guides(robot, panels),
+        *POSITION_AXES,
+        add_guides(robot, panels),
         f"Eight triples of sliders give P the position ({x:g}, {y:g}) m with the platform at "
         f"{np.degrees(psi):.4g}°: each leg may lean in the direction of its guide, +, or against "
         "it, -.",
-        alike=True,
+        equal_scales=True,
     )
 
 
@@ -364,8 +371,8 @@ def direct_poses(
     robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     sliders = np.array([slider_1, slider_2, slider_3])
     found = poses(sliders, **asdict(robot))
-    there = np.flatnonzero(np.isfinite(found["psi"]))
-    if not there.size:
+    pose_rows = np.flatnonzero(np.isfinite(found["psi"]))
+    if not pose_rows.size:
         raise ValueError(f"no pose at sliders ({slider_1:g}, {slider_2:g}, {slider_3:g}) m")
     panels = [
         Panel(
@@ -375,15 +382,15 @@ def direct_poses(
             title=f"psi = {np.degrees(found['psi'][k]):.4f}°, "
             f"measure {found['singularity'][k]:.4g}",
         )
-        for k in there
+        for k in pose_rows
     ]
     return Chart(
-        *XY,
-        with_guides(robot, panels),
-        f"The platform has {there.size} poses with the sliders at {slider_1:g}, {slider_2:g} "
+        *POSITION_AXES,
+        add_guides(robot, panels),
+        f"The platform has {pose_rows.size} poses with the sliders at {slider_1:g}, {slider_2:g} "
         f"and {slider_3:g} m, all real roots of a sextic, so that there are at most six. The "
         "singularity measure is zero where two poses meet.",
-        alike=True,
+        equal_scales=True,
     )
 
 
@@ -426,58 +433,64 @@ def singular_poses(
         ("type 1: leg 3 perpendicular to its guide", part.x[1] + 1j * height, 1),
     ]
     panels = [
-        Panel(posed(robot, complex(place), psi, mode), title=title) for title, place, mode in kinds
+        Panel(pose_lines(robot, complex(place), psi, mode), title=title)
+        for title, place, mode in kinds
     ]
     for mode in (1, 6):
         curve = max(type_2_of_slice(part, mode), key=lambda one: one.points.size).points
         place = complex(curve[curve.size // 2])
         panels.append(
             Panel(
-                (*posed(robot, place, psi, mode), *meeting(robot, place, psi, mode)),
-                title=f"type 2, legs {signs(mode)}: lines meet in one point",
+                (
+                    *pose_lines(robot, place, psi, mode),
+                    *intersection_lines(robot, place, psi, mode),
+                ),
+                title=f"type 2, legs {leg_signs(mode)}: lines meet in one point",
             )
         )
     return Chart(
-        *XY,
-        with_guides(robot, panels),
+        *POSITION_AXES,
+        add_guides(robot, panels),
         "In a type 1 singularity a corner has no velocity along its leg, whatever the sliders do; "
         "in a type 2 singularity the platform turns about the point where the lines of its legs "
         "meet, although all sliders are fixed.",
-        alike=True,
+        equal_scales=True,
     )
 
 
-def posed(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple[ChartLine, ...]:
+def pose_lines(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple[ChartLine, ...]:
     """Lines of the robot with P at a point, in one mode of the legs."""
-    return robot_lines(robot, place, psi, sliders_of(robot, place, psi, mode))
+    return robot_lines(robot, place, psi, slider_positions(robot, place, psi, mode))
 
 
-def sliders_of(robot: RobotLengths, place: complex, psi: float, mode: int) -> Array:
+def slider_positions(robot: RobotLengths, place: complex, psi: float, mode: int) -> Array:
     """Positions of the sliders (3,) [m] with P at a point, in one mode of the legs."""
     found = solve_inverse([place.real, place.imag, psi], **asdict(robot), mode=mode)
     return np.array([float(found[f"slider_{k}"]) for k in (1, 2, 3)])
 
 
-def feet_of(robot: RobotLengths, sliders: Array) -> Complex:
+def slider_points(robot: RobotLengths, sliders: Array) -> Complex:
     """Points x + iy (3,) of the sliders in the plane [m]."""
-    starts = origins(robot.guide2_x, robot.guide3_x, robot.guide3_y)
-    return np.asarray((starts + sliders[:, None] * GUIDES)[:, 0])
+    starts = guide_origins(robot.guide2_x, robot.guide3_x, robot.guide3_y)
+    return np.asarray((starts + sliders[:, None] * GUIDE_DIRECTIONS)[:, 0])
 
 
-def meeting(robot: RobotLengths, place: complex, psi: float, mode: int) -> tuple[ChartLine, ...]:
+def intersection_lines(
+    robot: RobotLengths, place: complex, psi: float, mode: int
+) -> tuple[ChartLine, ...]:
     """Lines from the platform along the legs to the intersection of those of legs 1 and 2.
 
     There are none if the legs are nearly parallel, so that the intersection is far away.
     """
-    feet = feet_of(robot, sliders_of(robot, place, psi, mode))
-    e, arms = legs(feet[:, None], np.array([place]), np.array([psi]), robot.side)
+    feet = slider_points(robot, slider_positions(robot, place, psi, mode))
+    e, arms = leg_vectors(feet[:, None], np.array([place]), np.array([psi]), robot.side)
     p, v = (place + arms)[:, 0], e[:, 0]
-    turned = float(np.imag(np.conj(v[0]) * v[1]))
-    if abs(turned) < 0.05 * robot.leg**2:
+    direction_cross = float(np.imag(np.conj(v[0]) * v[1]))
+    if abs(direction_cross) < 0.05 * robot.leg**2:
         return ()
-    share = float(np.imag(np.conj(p[1] - p[0]) * v[1])) / turned
+    share = float(np.imag(np.conj(p[1] - p[0]) * v[1])) / direction_cross
     point = p[0] + share * v[0]
-    z = np.array([p[0], point, GAP, p[1], point, GAP, p[2], point])
+    z = np.array([p[0], point, LINE_BREAK, p[1], point, LINE_BREAK, p[2], point])
     return (
         line_through(z, "lines of the legs", stable=False),
         line_through(np.array([point]), "where they meet", points=True),

@@ -9,26 +9,26 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.linkages.bars import asked_of_drive, asked_of_pins, asks
+from proofmass.analytic.linkages.bars import drive_moment, is_requested, pin_load
 from proofmass.analytic.numerics import (
     Array,
     Complex,
+    check_finite,
+    check_not_negative,
+    check_one_of,
+    check_positive,
+    components_in_frame,
     cross,
     dot,
-    finite,
-    in_frame,
-    not_negative,
-    one_of,
-    positive,
-    unwrapped,
+    unwrap_angles,
 )
 
 SIGNS = tuple(product((1, -1), repeat=3))
 WORKING_MODES = tuple(range(1, len(SIGNS) + 1))
 # Unit vectors along the guides as x + iy, as all vectors below
-GUIDES = np.array([[1.0], [-1.0], [-1.0j]])
+GUIDE_DIRECTIONS = np.array([[1.0], [-1.0], [-1.0j]])
 # Vectors from P to the corners of the platform at psi = 0, for a side of 1
-CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])
+UNIT_CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])
 
 
 def solve_inverse(
@@ -98,19 +98,19 @@ def solve_inverse(
     >>> [round(float(sliders[f"slider_{k}"]), 5) for k in (1, 2, 3)]
     [1.51652, 2.31652, 1.65049]
     """
-    check(side, leg, guide2_x, guide3_x, guide3_y, mode, WORKING_MODES)
-    shape, (point, velocity, push), (psi, w, dw) = _motion(pose, rate, acceleration)
-    arm = side * CORNERS * np.exp(1j * psi)
+    check_parameters(side, leg, guide2_x, guide3_x, guide3_y, mode, WORKING_MODES)
+    shape, (point, velocity, point_acceleration), (psi, w, dw) = _motion(pose, rate, acceleration)
+    arm = side * UNIT_CORNERS * np.exp(1j * psi)
     # real part along the guide, imaginary part across it
-    d = (point + arm - origins(guide2_x, guide3_x, guide3_y)) / GUIDES
-    signs, along = np.array(SIGNS[int(mode) - 1])[:, None], _along(d, leg, pose)
-    e = (signs * along + 1j * d.imag) * GUIDES
-    lean = dot(e, GUIDES)
+    d = (point + arm - guide_origins(guide2_x, guide3_x, guide3_y)) / GUIDE_DIRECTIONS
+    signs, along = np.array(SIGNS[int(mode) - 1])[:, None], _leg_along_guide(d, leg, pose)
+    e = (signs * along + 1j * d.imag) * GUIDE_DIRECTIONS
+    lean = dot(e, GUIDE_DIRECTIONS)
     v = velocity + 1j * w * arm
-    a = push + (1j * dw - w**2) * arm
+    a = point_acceleration + (1j * dw - w**2) * arm
     with np.errstate(divide="ignore", invalid="ignore"):  # leg perpendicular to its guide
         rates = dot(e, v) / lean
-        accelerations = (dot(e, a) + np.abs(v - rates * GUIDES) ** 2) / lean
+        accelerations = (dot(e, a) + np.abs(v - rates * GUIDE_DIRECTIONS) ** 2) / lean
     curves = {"singularity": determinant(e, dot(e, 1j * arm)) / (leg**3 * side)}
     for name, rows in {
         "slider_{}": d.real - signs * along,
@@ -139,14 +139,14 @@ def reachable(
     >>> reachable(np.transpose([(0.6, 0.4, 0.0), (0.6, 1.4, 0.0)]), **where)
     array([ True, False])
     """
-    check(side, leg, guide2_x, guide3_x, guide3_y)
+    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
     shape, (point, *_), (psi, *_) = _motion(pose, 0.0, 0.0)
-    corner = point + side * CORNERS * np.exp(1j * psi)
-    across = ((corner - origins(guide2_x, guide3_x, guide3_y)) / GUIDES).imag
+    corner = point + side * UNIT_CORNERS * np.exp(1j * psi)
+    across = ((corner - guide_origins(guide2_x, guide3_x, guide3_y)) / GUIDE_DIRECTIONS).imag
     return np.all(np.abs(across) <= leg, axis=0).reshape(shape)
 
 
-def origins(guide2_x: float, guide3_x: float, guide3_y: float) -> Complex:
+def guide_origins(guide2_x: float, guide3_x: float, guide3_y: float) -> Complex:
     """Starting points x + iy of the guides, (3, 1) [m]."""
     return np.array([[0.0], [guide2_x], [guide3_x + 1j * guide3_y]])
 
@@ -156,7 +156,7 @@ def determinant(e: Complex, moment: Array) -> Array:
     return np.sum(moment * cross(np.roll(e, -1, 0), np.roll(e, -2, 0)), axis=0)
 
 
-def check(
+def check_parameters(
     side: float,
     leg: float,
     guide2_x: float,
@@ -166,12 +166,14 @@ def check(
     modes: tuple[int, ...] = WORKING_MODES,
 ) -> None:
     """Raise a ValueError that names the first parameter out of its domain."""
-    positive(side=side, leg=leg)
-    finite(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
-    one_of(modes, mode=mode)
+    check_positive(side=side, leg=leg)
+    check_finite(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
+    check_one_of(modes, mode=mode)
 
 
-def three(value: ArrayLike, *derivatives: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
+def broadcast_inputs(
+    value: ArrayLike, *derivatives: ArrayLike
+) -> tuple[tuple[int, ...], list[Array]]:
     """Shape (...), and arrays (3, n) of a value (3, ...) and of derivatives broadcast to it."""
     first = np.asarray(value, float)
     if first.ndim == 0 or first.shape[0] != 3:
@@ -186,32 +188,32 @@ def _motion(
     pose: ArrayLike, rate: ArrayLike, acceleration: ArrayLike
 ) -> tuple[tuple[int, ...], list[Complex], list[Array]]:
     """Shape (...); P with its derivatives; psi with its derivatives."""
-    shape, arrays = three(pose, rate, acceleration)
+    shape, arrays = broadcast_inputs(pose, rate, acceleration)
     return shape, [x + 1j * y for x, y, _ in arrays], [psi for *_, psi in arrays]
 
 
-def _along(d: Complex, leg: float, pose: ArrayLike) -> Array:
+def _leg_along_guide(d: Complex, leg: float, pose: ArrayLike) -> Array:
     """Part of each leg along its guide, not negative; a ValueError where a leg is too short."""
-    gap = np.abs(d.imag) - leg
-    slack = 4.0 * np.finfo(float).eps * (leg + np.abs(d).max(initial=0.0))  # rounding error
-    if not gap.max(initial=0.0) <= slack:
-        n, k = np.unravel_index(np.argmin((gap <= slack).T), gap.T.shape)
+    shortage = np.abs(d.imag) - leg
+    rounding = 4.0 * np.finfo(float).eps * (leg + np.abs(d).max(initial=0.0))  # rounding error
+    if not shortage.max(initial=0.0) <= rounding:
+        n, k = np.unravel_index(np.argmin((shortage <= rounding).T), shortage.T.shape)
         x, y, psi = np.asarray(pose, float).reshape(3, -1)[:, n]
         raise ValueError(
             f"pose ({x:.9g} m, {y:.9g} m, {psi:.9g} rad) is out of reach: leg {k + 1} "
-            f"is too short by {gap[k, n]:.6g} m"
+            f"is too short by {shortage[k, n]:.6g} m"
         )
     return np.sqrt(np.maximum((leg + d.imag) * (leg - d.imag), 0.0))
 
 
-PAIRS = np.array([(0, 1), (0, 2), (1, 2)])
-NEAR = 1e-7  # closer poses count as one: a double root is known to sqrt(1e-16) = 1e-8
-MISSING = complex(np.nan, np.nan)
-ORDERS = np.arange(-3, 4)[:, None]
-SAMPLES = np.exp(2j * np.pi * np.arange(7) / 7)[:, None]
+LEG_PAIRS = np.array([(0, 1), (0, 2), (1, 2)])
+POSE_TOLERANCE = 1e-7  # closer poses count as one: a double root is known to sqrt(1e-16) = 1e-8
+MISSING_POSE = complex(np.nan, np.nan)
+HARMONIC_ORDERS = np.arange(-3, 4)[:, None]
+UNIT_CIRCLE_SAMPLES = np.exp(2j * np.pi * np.arange(7) / 7)[:, None]
 # column k: (1 + it)^(3 + k) (1 - it)^(3 - k) = (1 + t^2)^3 e^(i k psi), highest power first
-HALF_ANGLE = np.transpose(
-    [np.poly([1j] * (3 + k) + [-1j] * (3 - k)) * (-1) ** (k % 2) for k in ORDERS.ravel()]
+HALF_ANGLE_MATRIX = np.transpose(
+    [np.poly([1j] * (3 + k) + [-1j] * (3 - k)) * (-1) ** (k % 2) for k in HARMONIC_ORDERS.ravel()]
 )
 
 
@@ -279,30 +281,34 @@ def poses(
     >>> poses([2.0, 0.5, 0.2], **where)["psi"].round(6)
     array([-0.250967,  0.125104,       nan,       nan,       nan,       nan])
     """
-    check(side, leg, guide2_x, guide3_x, guide3_y)
-    shape, (s,) = three(sliders)
+    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
+    shape, (s,) = broadcast_inputs(sliders)
     if not np.isfinite(s).all():
         raise ValueError("sliders must be finite [m]")
-    c = origins(guide2_x, guide3_x, guide3_y) + s * GUIDES
+    c = guide_origins(guide2_x, guide3_x, guide3_y) + s * GUIDE_DIRECTIONS
     a, b = c[1] - c[0], c[2] - c[0]
-    _refuse(np.maximum(np.abs(np.abs(a) - side), np.abs(b - CORNERS[2] * a)) < NEAR * side, s)
-    starts = _starts(c, _angles(c, side, leg, s), side, leg)
-    point, psi = _merged(_polished(starts, c, side, leg), leg + side)
-    e, arm = legs(c[:, None], point, psi, side)
-    apart = np.abs(np.diff(e[PAIRS], axis=1)[:, 0])
+    _check_not_free(
+        np.maximum(np.abs(np.abs(a) - side), np.abs(b - UNIT_CORNERS[2] * a))
+        < POSE_TOLERANCE * side,
+        s,
+    )
+    starts = _first_guesses(c, _sextic_roots(c, side, leg, s), side, leg)
+    point, psi = _merge_poses(_polish_poses(starts, c, side, leg), leg + side)
+    e, arm = leg_vectors(c[:, None], point, psi, side)
+    leg_differences = np.abs(np.diff(e[LEG_PAIRS], axis=1)[:, 0])
     curves = {
         "x": point.real,
         "y": point.imag,
         "psi": psi,
         "singularity": determinant(e, cross(arm, e)) / (leg**3 * side),
-        "parallel": np.any(apart < NEAR * (leg + side), axis=0),
+        "parallel": np.any(leg_differences < POSE_TOLERANCE * (leg + side), axis=0),
     }
     return {name: curve.reshape(6, *shape) for name, curve in curves.items()}
 
 
-def legs(c: Complex, point: Complex, psi: Array, side: float) -> tuple[Complex, Complex]:
+def leg_vectors(c: Complex, point: Complex, psi: Array, side: float) -> tuple[Complex, Complex]:
     """Legs e, and arms b from P to corners, (3, ...), for sliders at c (3, ...) and poses (...)."""
-    arm = side * CORNERS.reshape(3, *(1,) * psi.ndim) * np.exp(1j * psi)
+    arm = side * UNIT_CORNERS.reshape(3, *(1,) * psi.ndim) * np.exp(1j * psi)
     return point + arm - c, arm
 
 
@@ -314,7 +320,7 @@ def inverse_jacobian(e: Complex, arm: Complex) -> tuple[Complex, Array]:
     return 1j * (m1 * e2 - m2 * e1) / total, cross(e1, e2) / total
 
 
-def lacking(
+def missing_leg_length(
     sliders: ArrayLike,
     *,
     side: float,
@@ -324,29 +330,33 @@ def lacking(
     guide3_y: float,
 ) -> float:
     """Length [m] by which the legs are too short for given sliders; negative if too long."""
-    c = origins(guide2_x, guide3_x, guide3_y) + np.reshape(sliders, (3, 1)) * GUIDES
-    s, area = _triangle(c, side, np.exp(1j * np.linspace(-np.pi, np.pi, 3600)))
+    c = guide_origins(guide2_x, guide3_x, guide3_y) + np.reshape(sliders, (3, 1)) * GUIDE_DIRECTIONS
+    s, area = _triangle_sides(c, side, np.exp(1j * np.linspace(-np.pi, np.pi, 3600)))
     with np.errstate(divide="ignore", invalid="ignore"):  # points in line: no circle
         short = np.sqrt(s.prod(axis=0)) / (2.0 * np.abs(area)) - leg
     return float(short[np.nanargmin(np.abs(short))])
 
 
-def _triangle(c: Complex, side: float, z: Complex) -> tuple[Array, Array]:
+def _triangle_sides(c: Complex, side: float, z: Complex) -> tuple[Array, Array]:
     """Squared sides (3, ...) and twice the area (...) of triangle q1, q2, q3 at z = e^(i psi)."""
-    q = c - side * CORNERS.reshape(3, *(1,) * (c.ndim - 1)) * z
+    q = c - side * UNIT_CORNERS.reshape(3, *(1,) * (c.ndim - 1)) * z
     a, b = q[1] - q[0], q[2] - q[0]
     return np.abs(np.array([a, b, b - a])) ** 2, cross(a, b)
 
 
-def _angles(c: Complex, side: float, leg: float, sliders: Array) -> Array:
+def _sextic_roots(c: Complex, side: float, leg: float, sliders: Array) -> Array:
     """Real roots psi of the sextic, (6, n); NaN in place of complex roots."""
-    s, area = _triangle(c[:, None], side, SAMPLES)
+    s, area = _triangle_sides(c[:, None], side, UNIT_CIRCLE_SAMPLES)
     product, square = s.prod(axis=0), 4.0 * leg**2 * area**2
     p = product - square
-    _refuse(np.abs(p).max(axis=0) < NEAR * (product + square).max(axis=0), sliders)
-    zero = -SAMPLES[np.argmax(np.abs(p), axis=0), 0]  # opposite to the largest |p|: t is finite
+    _check_not_free(
+        np.abs(p).max(axis=0) < POSE_TOLERANCE * (product + square).max(axis=0), sliders
+    )
+    zero = -UNIT_CIRCLE_SAMPLES[
+        np.argmax(np.abs(p), axis=0), 0
+    ]  # opposite to the largest |p|: t is finite
     harmonics = np.fft.fftshift(np.fft.fft(p, axis=0), axes=0)
-    sextic = (HALF_ANGLE @ (harmonics * zero**ORDERS)).real
+    sextic = (HALF_ANGLE_MATRIX @ (harmonics * zero**HARMONIC_ORDERS)).real
     companion = np.zeros((sextic.shape[1], 6, 6))
     companion[:, range(1, 6), range(5)] = 1.0
     companion[:, 0] = -(sextic[1:] / sextic[0]).T
@@ -355,13 +365,13 @@ def _angles(c: Complex, side: float, leg: float, sliders: Array) -> Array:
     return np.where(real, np.angle(zero) + 2.0 * np.arctan(t.real), np.nan)
 
 
-def _starts(c: Complex, psi: Array, side: float, leg: float) -> Complex:
+def _first_guesses(c: Complex, psi: Array, side: float, leg: float) -> Complex:
     """First guesses of P and psi, (2, 12, n), for each psi from two circles of radius `leg`.
 
     The circles pass through those two of q1, q2, q3 that are farthest apart.
     """
-    q = c[:, None] - side * CORNERS[..., None] * np.exp(1j * psi)
-    one, other = q[PAIRS.T]
+    q = c[:, None] - side * UNIT_CORNERS[..., None] * np.exp(1j * psi)
+    one, other = q[LEG_PAIRS.T]
     far = np.argmax(np.abs(other - one), axis=0)[None]
     one, other = (np.take_along_axis(x, far, 0)[0] for x in (one, other))
     half = 0.5 * (other - one)
@@ -370,46 +380,49 @@ def _starts(c: Complex, psi: Array, side: float, leg: float) -> Complex:
     return np.array([point, np.broadcast_to(psi, point.shape)]).reshape(2, 12, -1)
 
 
-def _polished(starts: Complex, c: Complex, side: float, leg: float) -> Complex:
-    """Poses after Newton steps on the leg lengths, best first; wrong ones are `MISSING`."""
+def _polish_poses(starts: Complex, c: Complex, side: float, leg: float) -> Complex:
+    """Poses after Newton steps on the leg lengths, best first; wrong ones are `MISSING_POSE`."""
     real = np.isfinite(starts[1].real)
     c, trial = c[:, np.nonzero(real)[1]], starts[:, real]
-    best, gap = trial, np.full(c.shape[1], np.inf)
+    best, best_error = trial, np.full(c.shape[1], np.inf)
     for _ in range(5):
-        e, arm = legs(c, trial[0], trial[1].real, side)
-        wrong = np.abs(np.abs(e) - leg).max(axis=0)
-        best, gap = np.where(wrong < gap, trial, best), np.fmin(wrong, gap)
+        e, arm = leg_vectors(c, trial[0], trial[1].real, side)
+        length_error = np.abs(np.abs(e) - leg).max(axis=0)
+        best, best_error = (
+            np.where(length_error < best_error, trial, best),
+            np.fmin(length_error, best_error),
+        )
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # singular poses
             steps = np.array(inverse_jacobian(e, arm)) * 0.5 * (leg**2 - np.abs(e) ** 2)
             trial = trial + steps.sum(axis=1)
     # within the rounding error of a leg's length
-    good = gap <= 1e-14 * (leg + side + np.abs(c).max(axis=0))
-    found, gaps = np.full_like(starts, MISSING), np.full(real.shape, np.inf)
-    found[:, real], gaps[real] = np.where(good, best, MISSING), gap
-    return np.take_along_axis(found, np.argsort(gaps, axis=0)[None], 1)
+    good = best_error <= 1e-14 * (leg + side + np.abs(c).max(axis=0))
+    found, all_errors = np.full_like(starts, MISSING_POSE), np.full(real.shape, np.inf)
+    found[:, real], all_errors[real] = np.where(good, best, MISSING_POSE), best_error
+    return np.take_along_axis(found, np.argsort(all_errors, axis=0)[None], 1)
 
 
-def _merged(found: Complex, size: float) -> tuple[Complex, Array]:
+def _merge_poses(found: Complex, size: float) -> tuple[Complex, Array]:
     """P and psi of different poses, (6, n), by ascending psi in [-pi, pi]."""
     z = np.exp(1j * found[1].real)
     for k in range(1, len(z)):
-        apart = np.abs(found[0, :k] - found[0, k]) + size * np.abs(z[:k] - z[k])
-        found[:, k, np.any(apart < NEAR * size, axis=0)] = MISSING
+        distance = np.abs(found[0, :k] - found[0, k]) + size * np.abs(z[:k] - z[k])
+        found[:, k, np.any(distance < POSE_TOLERANCE * size, axis=0)] = MISSING_POSE
     psi = (found[1].real + np.pi) % (2.0 * np.pi) - np.pi
     order = np.argsort(psi, axis=0)[:6]
     return np.take_along_axis(found[0], order, 0), np.take_along_axis(psi, order, 0)
 
 
-def _refuse(free: NDArray[np.bool_], sliders: Array) -> None:
+def _check_not_free(is_free: NDArray[np.bool_], sliders: Array) -> None:
     """Raise a ValueError if the platform can move while the sliders are at rest."""
-    if free.any():
-        where = ", ".join(f"{x:.9g}" for x in sliders[:, np.argmax(free)])
+    if is_free.any():
+        where = ", ".join(f"{x:.9g}" for x in sliders[:, np.argmax(is_free)])
         raise ValueError(f"the platform is free to move at sliders ({where}) m")
 
 
 MODES = (1, -1, 2, -2, 3, -3)
-PIN_FORCES = tuple(f"_force_{k}_{part}" for k in (1, 2, 3) for part in "xy")
-LOADS = ("holding_force_1", "holding_force_2", "holding_force_3", *PIN_FORCES)
+PIN_FORCE_ENDINGS = tuple(f"_force_{k}_{part}" for k in (1, 2, 3) for part in "xy")
+LOAD_ENDINGS = ("holding_force_1", "holding_force_2", "holding_force_3", *PIN_FORCE_ENDINGS)
 
 
 def solve(
@@ -515,45 +528,50 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("x", "y", "psi")]
     [2.21711, 0.976147, -0.250967]
     """
-    where = {
+    lengths = {
         "side": side,
         "leg": leg,
         "guide2_x": guide2_x,
         "guide3_x": guide3_x,
         "guide3_y": guide3_y,
     }
-    check(**where, mode=mode, modes=MODES)
-    not_negative(platform_mass=platform_mass, leg_mass=leg_mass, slider_mass=slider_mass)
-    shape, (s, ds, dds) = three(sliders, rate, acceleration)
-    point, psi, singularity = _chosen(s, mode, where)
-    e, arm = legs(origins(guide2_x, guide3_x, guide3_y) + s * GUIDES, point, psi, side)
-    slide = dot(e, GUIDES)
+    check_parameters(**lengths, mode=mode, modes=MODES)
+    check_not_negative(platform_mass=platform_mass, leg_mass=leg_mass, slider_mass=slider_mass)
+    shape, (s, ds, dds) = broadcast_inputs(sliders, rate, acceleration)
+    point, psi, singularity = _choose_pose(s, mode, lengths)
+    e, arm = leg_vectors(
+        guide_origins(guide2_x, guide3_x, guide3_y) + s * GUIDE_DIRECTIONS, point, psi, side
+    )
+    slide = dot(e, GUIDE_DIRECTIONS)
     with np.errstate(divide="ignore", invalid="ignore"):  # singular: inf or nan, as documented
         move, turn = inverse_jacobian(e, arm)
         v, w = ((x * ds * slide).sum(axis=0) for x in (move, turn))
-        de = v + 1j * w * arm - ds * GUIDES
+        de = v + 1j * w * arm - ds * GUIDE_DIRECTIONS
         right = dds * slide + w**2 * dot(e, arm) - np.abs(de) ** 2
         a, dw = ((x * right).sum(axis=0) for x in (move, turn))
-        dde = a + (1j * dw - w**2) * arm - dds * GUIDES
+        dde = a + (1j * dw - w**2) * arm - dds * GUIDE_DIRECTIONS
         loads: dict[str, Array] = {}
-        if asks(only, *LOADS):
+        if is_requested(only, *LOAD_ENDINGS):
             spin, lift, middle = 1j * dw - w**2, 1j * gravity, arm.mean(axis=0)
-            ends = inertia * dds * GUIDES + lift, inertia * (a + spin * arm) + lift  # of the legs
+            ends = (
+                inertia * dds * GUIDE_DIRECTIONS + lift,
+                inertia * (a + spin * arm) + lift,
+            )  # of the legs
             force = platform_mass * (inertia * (a + spin * middle) + lift)
             moment = cross(middle, force) + inertia * platform_mass * side**2 / 12.0 * dw
             across, up, turning = (
                 np.asarray(part, float) for part in (load_x, load_y, load_moment)
             )
             force, moment = force - (across + 1j * up), moment - turning
-            hold = slider_mass * dot(ends[0], GUIDES)
+            holding_force = slider_mass * dot(ends[0], GUIDE_DIRECTIONS)
             for k in range(3):  # virtual work for a unit rate of slider k
-                way, turned = move[k] * slide[k], turn[k] * slide[k]
-                feet = np.where(np.arange(3)[:, None] == k, GUIDES, 0.0)
-                moved = feet, way + 1j * turned * arm
-                hold[k] += dot(force, way) + moment * turned
-                hold[k] += asked_of_drive(leg_mass, ends, moved).sum(axis=0)
-            loads = {f"holding_force_{k + 1}": row for k, row in enumerate(hold)}
-            if asks(only, *PIN_FORCES):
+                unit_velocity, unit_rate = move[k] * slide[k], turn[k] * slide[k]
+                feet = np.where(np.arange(3)[:, None] == k, GUIDE_DIRECTIONS, 0.0)
+                moved = feet, unit_velocity + 1j * unit_rate * arm
+                holding_force[k] += dot(force, unit_velocity) + moment * unit_rate
+                holding_force[k] += drive_moment(leg_mass, ends, moved).sum(axis=0)
+            loads = {f"holding_force_{k + 1}": row for k, row in enumerate(holding_force)}
+            if is_requested(only, *PIN_FORCE_ENDINGS):
                 loads |= _pin_forces(
                     (e, arm), (move, turn), (force, moment), ends, leg_mass, slider_mass
                 )
@@ -578,12 +596,12 @@ def solve(
         curves |= {name.format(k + 1): row for k, row in enumerate(rows)}
     curves = {name: curve.reshape(shape) for name, curve in curves.items()}
     angles = ("psi", "leg_angle_1", "leg_angle_2", "leg_angle_3")
-    return curves | {name: unwrapped(curves[name]) for name in angles if shape}
+    return curves | {name: unwrap_angles(curves[name]) for name in angles if shape}
 
 
 def _pin_forces(
     pose: tuple[Complex, Complex],
-    ways: tuple[Complex, Array],
+    unit_motions: tuple[Complex, Array],
     needed: tuple[Complex, Array],
     ends: tuple[Complex, Complex],
     leg_mass: float,
@@ -591,39 +609,39 @@ def _pin_forces(
 ) -> dict[str, Array]:
     """Forces of pins and guides.
 
-    `pose` has the vectors of legs and arms, `ways` is the result of `inverse_jacobian`.
+    `pose` has the vectors of legs and arms, `unit_motions` is the result of `inverse_jacobian`.
     `needed` are the force and the moment about P that the platform needs from the legs, and `ends`
     the accelerations of slider and corner of each leg less that of gravity.
     """
-    (e, arm), (move, turn), (force, moment) = pose, ways, needed
-    on_leg, m = asked_of_pins(leg_mass, e, ends)
+    (e, arm), (move, turn), (force, moment) = pose, unit_motions, needed
+    on_leg, m = pin_load(leg_mass, e, ends)
     across = -1j * m * e / np.abs(e) ** 2
-    left = force - across.sum(axis=0), moment - cross(arm, across).sum(axis=0)
-    on_platform = across + (dot(move, left[0]) + turn * left[1]) * e
+    remainder = force - across.sum(axis=0), moment - cross(arm, across).sum(axis=0)
+    on_platform = across + (dot(move, remainder[0]) + turn * remainder[1]) * e
     on_leg = on_leg + on_platform
     on_slider = on_leg + slider_mass * ends[0]
     found: dict[str, Array] = {}
     for k in range(3):
-        found |= in_frame(f"pin_force_{k + 1}", on_platform[k], e[k])
-        found |= in_frame(f"leg_force_{k + 1}", on_leg[k], e[k])
-        found |= in_frame(f"guide_force_{k + 1}", on_slider[k], GUIDES[k])
+        found |= components_in_frame(f"pin_force_{k + 1}", on_platform[k], e[k])
+        found |= components_in_frame(f"leg_force_{k + 1}", on_leg[k], e[k])
+        found |= components_in_frame(f"guide_force_{k + 1}", on_slider[k], GUIDE_DIRECTIONS[k])
     return found
 
 
-def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Array, Array]:
+def _choose_pose(s: Array, mode: int, lengths: dict[str, float]) -> tuple[Complex, Array, Array]:
     """P, psi and singularity of a mode, or a ValueError where the mode does not exist."""
-    found = poses(s, **where)
-    hits = {m: _hit(found["singularity"], m) for m in MODES}
-    there = hits[mode].any(axis=0)
-    if not there.all():
-        n = int(np.argmin(there))
+    found = poses(s, **lengths)
+    hits = {m: _has_mode(found["singularity"], m) for m in MODES}
+    exists = hits[mode].any(axis=0)
+    if not exists.all():
+        n = int(np.argmin(exists))
         others = [
             f"{m:+d} at psi {found['psi'][hit[:, n], n][0]:.6g} rad"
             for m, hit in hits.items()
             if hit[:, n].any()
         ]
         triple = ", ".join(f"{x:.9g}" for x in s[:, n])
-        short = lacking(s[:, n], **where) if not others else 0.0
+        short = missing_leg_length(s[:, n], **lengths) if not others else 0.0
         why = (
             f"there are: {', '.join(others)}"
             if others
@@ -637,9 +655,9 @@ def _chosen(s: Array, mode: int, where: dict[str, float]) -> tuple[Complex, Arra
     return x + 1j * y, psi, singularity
 
 
-def _hit(singularity: Array, mode: int) -> NDArray[np.bool_]:
+def _has_mode(singularity: Array, mode: int) -> NDArray[np.bool_]:
     """Whether each of the poses (6, n) has the mode; a singular pose counts for both signs."""
-    sign = np.sign(mode) * singularity > -NEAR
+    sign = np.sign(mode) * singularity > -POSE_TOLERANCE
     return sign & (np.cumsum(sign, axis=0) == abs(mode))
 
 
@@ -689,7 +707,7 @@ def circle(
         1j * w * radius * turn,
         -(w**2) * radius * turn,
     )
-    arm = side * CORNERS.mean() * np.exp(1j * angle[0])  # from P to the centre
+    arm = side * UNIT_CORNERS.mean() * np.exp(1j * angle[0])  # from P to the centre
     point = (
         centre[0] - arm,
         centre[1] - 1j * angle[1] * arm,

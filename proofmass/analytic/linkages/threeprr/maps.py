@@ -11,23 +11,28 @@ from proofmass.analytic.linkages.regions import (
     CurvePiece,
     PlaneRegion,
     chord,
-    joined_regions,
+    join_regions,
 )
-from proofmass.analytic.linkages.threeprr.kinematics import CORNERS, SIGNS, check, cross
+from proofmass.analytic.linkages.threeprr.kinematics import (
+    SIGNS,
+    UNIT_CORNERS,
+    check_parameters,
+    cross,
+)
 from proofmass.analytic.numerics import TURN, Array, Complex
 
-SAMPLES = 721
+CURVE_SAMPLES = 721
 """Number of samples of a singular curve, which may leave the slice once between two of them."""
-PARTS = 8
+QUADRATURE_PARTS = 8
 """Number of parts of a piece of a curve, each with its own Gauss quadrature."""
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
-HALVINGS = 60
+QUADRATURE_NODES, QUADRATURE_WEIGHTS = np.polynomial.legendre.leggauss(24)
+BISECTIONS = 60
 """Number of bisections of an interval in which a curve leaves the slice: to the last bit."""
-FLAT = 1e-9
+ZERO_VECTOR_SHARE = 1e-9
 """Share of the largest possible |w|; a smaller |w| is zero, but for rounding."""
-EDGE = 1e-7
+END_OFFSET = 1e-7
 """Distance of a curve's parameter from its ends, at which w may be zero, without direction."""
-INSIDE = 1e-6
+INWARD_SHARE = 1e-6
 """Share of the way from an edge to the middle of a slice: at special angles, edges are singular."""
 
 
@@ -50,7 +55,7 @@ class RobotLengths:
     guide3_y: float
 
     def __post_init__(self) -> None:
-        check(**asdict(self))
+        check_parameters(**asdict(self))
 
     @property
     def size(self) -> float:
@@ -78,7 +83,7 @@ class WorkspaceSlice:
     @property
     def arms(self) -> Complex:
         """Vectors from P to the three corners, (3,) [m]."""
-        return np.asarray(self.robot.side * CORNERS[:, 0] * np.exp(1j * self.psi))
+        return np.asarray(self.robot.side * UNIT_CORNERS[:, 0] * np.exp(1j * self.psi))
 
     @property
     def x(self) -> tuple[float, float]:
@@ -106,7 +111,7 @@ class WorkspaceSlice:
         e2 = -second * np.sqrt(np.maximum(leg**2 - other**2, 0.0)) + 1j * other
         return np.asarray(cross(e1, e2) * arms[2] - cross(arms[1], e2) * e1)
 
-    def third(self, x: Array, mode: int) -> Complex:
+    def third_leg(self, x: Array, mode: int) -> Complex:
         """Vector e3 of leg 3 (...) [m] for P at x [m]."""
         across = x + self.arms[2].real - self.robot.guide3_x
         along = np.sqrt(np.maximum(self.robot.leg**2 - across**2, 0.0))
@@ -114,7 +119,7 @@ class WorkspaceSlice:
 
     def singularity(self, x: Array, y: Array, mode: int) -> Array:
         """Singularity measure of `solve_inverse` (...) at points (...) [m]; zero is type 2."""
-        return cross(self.level(y, mode), self.third(x, mode)) / (
+        return cross(self.level(y, mode), self.third_leg(x, mode)) / (
             self.robot.leg**3 * self.robot.side
         )
 
@@ -152,56 +157,58 @@ def type_2_of_slice(part: WorkspaceSlice, mode: int) -> list[CurvePiece]:
         w = level(u)
         return np.asarray(center - side * np.where(w.imag < 0.0, -leg, leg) * w.real / np.abs(w))
 
-    u = np.linspace(0.0, np.pi, SAMPLES + 1)[:-1] + 0.5 * np.pi / SAMPLES
+    u = np.linspace(0.0, np.pi, CURVE_SAMPLES + 1)[:-1] + 0.5 * np.pi / CURVE_SAMPLES
     sign = np.signbit(level(u).imag)
-    at = np.flatnonzero(sign[:-1] != sign[1:])
-    first, last, before = u[at], u[at + 1], sign[at]
-    for _ in range(HALVINGS):
-        between = 0.5 * (first + last)
-        same = np.signbit(level(between).imag) == before
-        first, last = np.where(same, between, first), np.where(same, last, between)
-    whole = np.abs(level(first)) < FLAT * leg**2 * part.robot.side
+    changes = np.flatnonzero(sign[:-1] != sign[1:])
+    first, last, before = u[changes], u[changes + 1], sign[changes]
+    for _ in range(BISECTIONS):
+        middles = 0.5 * (first + last)
+        same = np.signbit(level(middles).imag) == before
+        first, last = np.where(same, middles, first), np.where(same, last, middles)
+    is_zero = np.abs(level(first)) < ZERO_VECTOR_SHARE * leg**2 * part.robot.side
     starts, ends = np.append(0.0, last), np.append(first, np.pi)
-    places = np.stack([x(starts + EDGE), x(ends - EDGE)])
-    meet = 0.5 * (places[0, 1:] + places[1, :-1])
-    places[0, 1:] = np.where(whole, meet, places[0, 1:])
-    places[1, :-1] = np.where(whole, meet, places[1, :-1])
+    x_at_ends = np.stack([x(starts + END_OFFSET), x(ends - END_OFFSET)])
+    common_x = 0.5 * (x_at_ends[0, 1:] + x_at_ends[1, :-1])
+    x_at_ends[0, 1:] = np.where(is_zero, common_x, x_at_ends[0, 1:])
+    x_at_ends[1, :-1] = np.where(is_zero, common_x, x_at_ends[1, :-1])
     found = []
-    for start, end, tips in zip(starts, ends, places.T, strict=True):
+    for start, end, end_x in zip(starts, ends, x_at_ends.T, strict=True):
         along = np.linspace(start, end, max(25, int(80 * (end - start))))
-        across = np.concatenate([tips[:1], x(along[1:-1]), tips[1:]])
+        across = np.concatenate([end_x[:1], x(along[1:-1]), end_x[1:]])
         points = across + 1j * (middle - half * np.cos(along))
-        knots = np.linspace(start, end, PARTS + 1)
+        knots = np.linspace(start, end, QUADRATURE_PARTS + 1)
         step = 0.5 * np.diff(knots)[:, None]
-        inner = knots[:-1, None] + step * (1.0 + NODES)
-        under = float(np.sum(x(inner) * half * np.sin(inner) * step * WEIGHTS))
-        moved = points[[0, -1]]
-        piece = CurvePiece(points, under - 0.5 * float(np.diff(moved.real * moved.imag)[0]))
+        inner = knots[:-1, None] + step * (1.0 + QUADRATURE_NODES)
+        integral = float(np.sum(x(inner) * half * np.sin(inner) * step * QUADRATURE_WEIGHTS))
+        end_pair = points[[0, -1]]
+        piece = CurvePiece(
+            points, integral - 0.5 * float(np.diff(end_pair.real * end_pair.imag)[0])
+        )
         here = np.array([0.5 * (start + end)])
-        e3 = part.third(x(here), mode)
+        e3 = part.third_leg(x(here), mode)
         rises = cross(level(here), np.asarray(1.0 - 1j * e3.real / e3.imag, complex))
         found.append(piece if rises[0] < 0.0 else piece.back)
-    for turn, place in zip(first[whole], meet[whole], strict=True):
+    for turn, place in zip(first[is_zero], common_x[is_zero], strict=True):
         height = 1j * (middle - half * np.cos(turn))
         for one, other in pairwise([part.x[0], place, part.x[1]]):
-            above = np.array([0.5 * (one + other)]), height.imag + EDGE * np.ones(1)
+            above = np.array([0.5 * (one + other)]), height.imag + END_OFFSET * np.ones(1)
             piece = chord(one + height, other + height)
             found.append(piece if part.singularity(*above, mode)[0] > 0.0 else piece.back)
     return found
 
 
-def border(part: WorkspaceSlice, ends: Complex) -> Iterator[CurvePiece]:
+def slice_border(part: WorkspaceSlice, ends: Complex) -> Iterator[CurvePiece]:
     """Edges of a slice, counter-clockwise, divided at the ends of curves on them."""
     (left, right), (low, high) = part.x, part.y
     corners = [left + 1j * low, right + 1j * low, right + 1j * high, left + 1j * high]
     for start, end in pairwise([*corners, corners[0]]):
-        way = end - start
-        share = (ends - start) / way
-        on = np.abs(share.imag * np.abs(way)) < 1e-6 * part.robot.size
-        cuts = np.sort(share.real[on & (share.real > 1e-9) & (share.real < 1.0 - 1e-9)])
+        edge = end - start
+        share = (ends - start) / edge
+        on_edge = np.abs(share.imag * np.abs(edge)) < 1e-6 * part.robot.size
+        cuts = np.sort(share.real[on_edge & (share.real > 1e-9) & (share.real < 1.0 - 1e-9)])
         for one, other in pairwise([0.0, *cuts.tolist(), 1.0]):
             if other - one > 1e-9:
-                yield chord(start + one * way, start + other * way)
+                yield chord(start + one * edge, start + other * edge)
 
 
 def aspects_of_slice(part: WorkspaceSlice, mode: int) -> dict[int, list[PlaneRegion]]:
@@ -217,12 +224,12 @@ def aspects_of_slice(part: WorkspaceSlice, mode: int) -> dict[int, list[PlaneReg
     curves = type_2_of_slice(part, mode)
     if not curves:
         return {1: [], -1: []}
-    edges = list(border(part, np.array([one.points[[0, -1]] for one in curves]).ravel()))
+    edges = list(slice_border(part, np.array([one.points[[0, -1]] for one in curves]).ravel()))
     middle = np.array([one.points.mean() for one in edges])
-    middle += INSIDE * (complex(np.mean(part.x), np.mean(part.y)) - middle)
+    middle += INWARD_SHARE * (complex(np.mean(part.x), np.mean(part.y)) - middle)
     sign = part.singularity(middle.real, middle.imag, mode)
     return {
-        side: joined_regions(
+        side: join_regions(
             [
                 *(one for one, s in zip(edges, sign, strict=True) if s * side > 0.0),
                 *(one if side > 0 else one.back for one in curves),
@@ -240,9 +247,9 @@ def volume(robot: RobotLengths) -> float:
     >>> abs(volume(robot) - 8.0 * (np.pi - 1.0)) < 1e-12
     True
     """
-    most = 2.0 * robot.leg
-    last = float(np.arcsin(min(1.0, most / robot.side)))
-    return float(4.0 * most * (most * last - robot.side * (1.0 - np.cos(last))))
+    double_leg = 2.0 * robot.leg
+    last = float(np.arcsin(min(1.0, double_leg / robot.side)))
+    return float(4.0 * double_leg * (double_leg * last - robot.side * (1.0 - np.cos(last))))
 
 
 def angles_of_place(x: ArrayLike, y: ArrayLike, robot: RobotLengths) -> Array:
@@ -288,9 +295,9 @@ def reach_of_place(y: ArrayLike, robot: RobotLengths) -> Array:
         most = np.where(within & (peak < 0.0), 1.0, ends.max(axis=0))
         least = np.where(within & (peak > 0.0), -1.0, ends.min(axis=0))
         found[:, k] = np.stack([-side * most - leg, -side * least + leg], axis=1)
-    meet = found[:, :, 0].max(axis=1) <= found[:, :, 1].min(axis=1)
+    overlap = found[:, :, 0].max(axis=1) <= found[:, :, 1].min(axis=1)
     whole = np.stack([found[:, :, 0].min(axis=1), found[:, :, 1].max(axis=1)], axis=1)
-    found[meet, 0], found[meet, 1] = whole[meet], np.nan
+    found[overlap, 0], found[overlap, 1] = whole[overlap], np.nan
     found[(np.abs(height) > leg) | (height - leg > side) | (height + leg < -side)] = np.nan
     return found + robot.guide3_x
 
@@ -302,14 +309,14 @@ def reach_area_of_place(robot: RobotLengths) -> float:
     changes; the relative error is below 1e-8.
     """
     leg, side = robot.leg, robot.side
-    bends = np.array([1.0, np.sqrt(0.75), 0.5, 0.0])
+    kink_sines = np.array([1.0, np.sqrt(0.75), 0.5, 0.0])
     knots = np.concatenate(
-        [sign * leg + other * side * bends for sign in (1, -1) for other in (1, -1)]
+        [sign * leg + other * side * kink_sines for sign in (1, -1) for other in (1, -1)]
     )
     knots = np.unique(np.append(knots[np.abs(knots) < leg], [-leg, leg]))
     nodes, weights = np.polynomial.legendre.leggauss(64)
     u = 0.5 * np.pi * (nodes + 1.0)
     half = 0.5 * np.diff(knots)[:, None]
     y = (knots[:-1, None] + half * (1.0 - np.cos(u))).ravel()
-    wide = np.nansum(np.diff(reach_of_place(y, robot), axis=-1)[..., 0], axis=-1)
-    return float(np.sum(wide.reshape(half.size, -1) * half * np.sin(u) * weights) * 0.5 * np.pi)
+    widths = np.nansum(np.diff(reach_of_place(y, robot), axis=-1)[..., 0], axis=-1)
+    return float(np.sum(widths.reshape(half.size, -1) * half * np.sin(u) * weights) * 0.5 * np.pi)
