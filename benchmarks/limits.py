@@ -45,7 +45,7 @@ printed limit and to 2 % beyond it. Both changed cases were written as programs 
 `python -I`, in which proofmass cannot be imported.
 
 A limit is *confirmed* if all positions of the program before it are within a tenth of the range of
-the reference, and the program beyond it fails or has a larger error. Of {several} limits a first
+the reference, and the program beyond it fails or has a larger error. For {several} limits a first
 and a last boundary are stated, and two more programs were run at these values. Such a limit is
 confirmed if the program at the first value fails and the one at the last value holds, if the one
 2 % before the first value holds, and if the one 2 % beyond the last value fails, unless the last
