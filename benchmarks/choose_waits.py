@@ -126,7 +126,7 @@ def page(found: Sequence[Waited]) -> str:
     for k, name in enumerate(("first", "next")):
         took = [each.seconds[k] for each in found]
         cells = [number(value, 2) + " s" for value in (min(took), median(took), max(took))]
-        within = [f"{sum(value <= most for value in took)}" for most in (FIRST_LIMIT, NEXT_LIMIT)]
+        within = [f"{sum(value <= limit for value in took)}" for limit in (FIRST_LIMIT, NEXT_LIMIT)]
         lines.append(f"| {name} | {' | '.join([*cells, *within])} |")
     return HEAD.format(
         machine=describe_machine(),

@@ -361,7 +361,7 @@ slides on a slope of 0.3 rad, with a coefficient of friction of 0.6:
 In pymunk friction holds the box: its speed is a rounding error.
 
 `proofmass choose CASE --creep 1e-6` proposes the `impratio` with which a body creeps in MuJoCo with
-no more than 1e-6 m/s, and runs it as a separate program. The block of
+no more than 1e-6 m/s, and confirms it with a separate program. The block of
 `models/contacts/block_sticks` creeps with 2.09e-4 m/s with the default `impratio`, with
 9.5e-7 m/s at 220 and with 9.5e-10 m/s at 220,000; at 2.2 million it creeps faster, with 7.8e-4 m/s.
 

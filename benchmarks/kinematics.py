@@ -61,7 +61,7 @@ class Sizes:
 
     Attributes
     ----------
-    most : int
+    closed_form : int
         Poses of a closed form, in addition to the last of `samples`.
     samples : tuple of int
         Poses of the general solver; the last one also of the closed forms.
@@ -71,7 +71,7 @@ class Sizes:
         Mechanisms of the general solver, and of the engines.
     """
 
-    most: int = 1_000_000
+    closed_form: int = 1_000_000
     samples: tuple[int, ...] = (361, 10_000, 100_000)
     python: int = 500
     few: int = 10_000
@@ -264,7 +264,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     rows = [
         Row(word, "closed form", "p v a h", n, closed_form(name, n))
         for name, word in CLOSED.items()
-        for n in (last, sizes.most)
+        for n in (last, sizes.closed_form)
         if n <= MAX_POSES.get(name, n)
     ]
     rows += [

@@ -85,16 +85,17 @@ def duel(
     dice = random.Random(seed)
     times = run_samples(case, "dynamics")
     sample = float(times[1] - times[0])
-    own = prepared(case, chosen, drive)
-    error, seconds = ran(own, name, of, inf)
-    seconds = min(seconds, ran(own, name, of, inf)[1])
+    own = compile_program(case, chosen, drive)
+    error, seconds = run_program(own, name, of, inf)
+    seconds = min(seconds, run_program(own, name, of, inf)[1])
     good, done = list[tuple[Setting, Imposed, object, float]](), 0
     ways = [one for one in drive_ways(case, chosen.engine) if one.kind == drive.kind]
     for k in range(count):
-        far = randomly(chosen.engine, sample, chosen, dice, None if k % 2 else dice.randint(1, 3))
+        changes = None if k % 2 else dice.randint(1, 3)
+        far = draw_setting(chosen.engine, sample, chosen, dice, changes)
         way = dice.choice(ways)
-        rival = prepared(case, far, way)
-        off, spent = ran(rival, name, of, MAX_RATIO_OF_TIME * seconds)
+        rival = compile_program(case, far, way)
+        off, spent = run_program(rival, name, of, MAX_RATIO_OF_TIME * seconds)
         done += spent < inf
         if off <= error:
             good.append((far, way, rival, off))
@@ -102,7 +103,7 @@ def duel(
     least = [inf] * len(good)
     for _ in range(rounds):
         for k, (_, _, rival, _) in enumerate(good):
-            least[k] = min(least[k], ran(rival, name, of, inf)[1])
+            least[k] = min(least[k], run_program(rival, name, of, inf)[1])
     first = sorted(range(len(good)), key=least.__getitem__)[:FINALISTS]
     # The least of many times is too low.  Therefore the cheapest are timed again, in pairs.
     ratios = {k: ratio([own, good[k][2]], name, of, 3 * rounds) for k in first}
@@ -120,15 +121,15 @@ def ratio(codes: Sequence[object], name: str, of: str, rounds: int) -> float:
     """
     found = []
     for n in range(rounds):
-        spent = [ran(one, name, of, inf)[1] for one in (codes if n % 2 else codes[::-1])]
+        spent = [run_program(one, name, of, inf)[1] for one in (codes if n % 2 else codes[::-1])]
         found.append(spent[1] / spent[0] if n % 2 else spent[0] / spent[1])
     return median(found)
 
 
-def randomly(
-    engine: str, sample: float, chosen: Setting, dice: random.Random, turn: int | None
+def draw_setting(
+    engine: str, sample: float, chosen: Setting, dice: random.Random, changes: int | None
 ) -> Setting:
-    """A random setting; or the chosen one with `turn` parameters changed."""
+    """A random setting; or the chosen one with `changes` parameters changed."""
 
     def logarithmic(low: float, high: float) -> float:
         return float(low * (high / low) ** dice.random())
@@ -136,15 +137,15 @@ def randomly(
     base = dict(chosen.parameters)
     step = float(base["timestep"])  # type: ignore[arg-type]
     count = max(1, round(sample / step))
-    most = MAX_RATIO_OF_STEPS * count if turn is None else 2 * count
+    max_count = MAX_RATIO_OF_STEPS * count if changes is None else 2 * count
     step = (
-        sample / ceil(logarithmic(0.4 * count, most))
-        if count > 1 or turn is None
+        sample / ceil(logarithmic(0.4 * count, max_count))
+        if count > 1 or changes is None
         else (sample / dice.choice((1, 1, 2)))
     )
     if engine == "pymunk":
         iterations = round(logarithmic(1, 300))
-        if turn is not None:
+        if changes is not None:
             iterations = max(1, round(int(str(base["iterations"])) * logarithmic(0.3, 1.5)))
         drawn: dict[str, ParameterValue] = {
             "iterations": iterations,
@@ -161,9 +162,9 @@ def randomly(
             "iterations": round(logarithmic(1, 100)),
             "tolerance": dice.choice((0.0, logarithmic(1e-14, 1e-2))),
         }
-    if turn is None:
+    if changes is None:
         return Setting(engine, {"timestep": step, **drawn})
-    names = dice.sample(sorted(["timestep", *drawn]), min(turn, len(drawn) + 1))
+    names = dice.sample(sorted(["timestep", *drawn]), min(changes, len(drawn) + 1))
     kept = {k: v for k, v in base.items() if k not in ("defaults",)}
     if "timestep" in names and isinstance(solref := kept.get("solref"), tuple):
         kept["solref"] = (float(solref[0]) * step / float(str(kept["timestep"])), *solref[1:])
@@ -171,12 +172,12 @@ def randomly(
     return Setting(engine, {**kept, **changed})
 
 
-def prepared(case: Case, setting: Setting, drive: Imposed) -> object:
+def compile_program(case: Case, setting: Setting, drive: Imposed) -> object:
     """The program of a setting, compiled."""
     return compile(program_text_here(case, setting, drive, ""), "rival.py", "exec")
 
 
-def ran(code: object, name: str, of: str, longest: float) -> tuple[float, float]:
+def run_program(code: object, name: str, of: str, longest: float) -> tuple[float, float]:
     """Error and wall time of a program; infinite if it fails or takes too long."""
     output, space = io.StringIO(), dict[str, object](__name__="rival")
     with tempfile.TemporaryDirectory() as folder:

@@ -182,16 +182,16 @@ def rotated_tip(
 ) -> tuple[Array, Array, Complex, Complex]:
     """R/EI, k, tip and force in the frame of rod i; NaN where k_rel is."""
     theta, clamp, _ = clamps_and_forces(s)
-    unit, there = s.assembly.stiffness[i], np.isfinite(k_rel)
-    rod = tip(np.broadcast_to(psi, k_rel.shape)[there], k_rel[there], stiffness=unit)
+    unit, finite = s.assembly.stiffness[i], np.isfinite(k_rel)
+    rod = tip(np.broadcast_to(psi, k_rel.shape)[finite], k_rel[finite], stiffness=unit)
     out = np.full((4, *k_rel.shape), np.nan, complex)
     turn = np.exp(1j * theta[i])
-    psi_there = np.broadcast_to(psi, k_rel.shape)[there]
-    out[:, there] = (
+    psi_finite = np.broadcast_to(psi, k_rel.shape)[finite]
+    out[:, finite] = (
         rod["R"] / unit,
         rod["k"],
         clamp[i] + turn * (rod["x"] + 1j * rod["y"]),
-        rod["R"] * turn * np.exp(1j * psi_there),
+        rod["R"] * turn * np.exp(1j * psi_finite),
     )
     return out[0].real, out[1].real, out[2], out[3]
 
@@ -231,9 +231,9 @@ def solve_from(s: RodState, chart: Array, pose: Array) -> Array:
     """
     if not pose.size:
         return np.empty((0, 2 * s.assembly.rods))
-    there = solve_starts(s, chart, pose)[0]
-    found = rods_of_chart(*np.moveaxis(there, 1, 0))
-    force = found.force[:, ((found.waves < 1.0) & (there[:, 0] < MAX_ALPHA)).all(axis=0)].T
+    solved = solve_starts(s, chart, pose)[0]
+    found = rods_of_chart(*np.moveaxis(solved, 1, 0))
+    force = found.force[:, ((found.waves < 1.0) & (solved[:, 0] < MAX_ALPHA)).all(axis=0)].T
     return np.concatenate([force.real, force.imag], axis=1)
 
 

@@ -109,12 +109,12 @@ def timed(work: Callable[[], Grid]) -> tuple[Grid, float]:
     return work(), time.process_time() - began
 
 
-def searched(names: Sequence[str], most: int) -> Iterator[str]:
-    """Rows of the first table, with up to `most` inflections."""
+def search_rows(names: Sequence[str], max_modes: int) -> Iterator[str]:
+    """Rows of the first table, with up to `max_modes` of the modes of a case."""
     before = {("2RFR, Table 7", 3): 33, ("3RFR, Table 8", 2): 4, ("3PFR, annex", 1): 3}
     for name in names:
         a, given, modes = CASES[name]
-        for upto in modes[:most]:
+        for upto in modes[:max_modes]:
             found = solutions(a, modes=upto, **given)
             yield (
                 f"| {name} | {upto} | {len(found)} | {(found.negative == 0).sum()} | "
@@ -123,11 +123,11 @@ def searched(names: Sequence[str], most: int) -> Iterator[str]:
             )
 
 
-def counts_by_load(names: Sequence[str], most: int, limits: Sequence[float]) -> Iterator[str]:
+def counts_by_load(names: Sequence[str], max_modes: int, limits: Sequence[float]) -> Iterator[str]:
     """Rows of counts up to each limit of the largest alpha, as far as the proven bound."""
     for name in names:
         a, given, modes = CASES[name]
-        for upto in modes[:most]:
+        for upto in modes[:max_modes]:
             found = solutions(a, modes=upto, **given)
             cells = []
             for limit in (*limits, found.bound):
@@ -136,7 +136,7 @@ def counts_by_load(names: Sequence[str], most: int, limits: Sequence[float]) -> 
             yield f"| {name}, modes to {upto} | {' | '.join(cells)} (to {found.bound:.1f}) |"
 
 
-def gridded(
+def grid_rows(
     names: Sequence[str], nodes: Sequence[int], settings: Sequence[tuple[int, float, float]]
 ) -> Iterator[str]:
     """Rows of the table of grids: n for two rods; n, tolL [m] and tolM [N m] for three."""
@@ -199,14 +199,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     table = AGAINST.rstrip("\n").format(
         heads=" | ".join(f"to {limit:g}" for limit in limits), lines="---|" * len(limits)
     )
-    most = 1 if given.quick else 3
-    grids = gridded(names, *(((3,), ((3, 0.5, 1.0),)) if given.quick else (NODES, tuple(PRINTED))))
+    max_modes = 1 if given.quick else 3
+    sizes = ((3,), ((3, 0.5, 1.0),)) if given.quick else (NODES, tuple(PRINTED))
+    grids = grid_rows(names, *sizes)
     text = "\n".join(
         [
             HEAD.rstrip("\n"),
-            *searched(names, most),
+            *search_rows(names, max_modes),
             table,
-            *counts_by_load(names, most, limits),
+            *counts_by_load(names, max_modes, limits),
             GRIDS.rstrip("\n"),
             *grids,
             TAIL,

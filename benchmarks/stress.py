@@ -81,8 +81,9 @@ as fit between two samples of the case lead from one sample to the next, and the
 moved to the nearest sample. With a drive at constant speed that makes no whole turns, or with a
 motion profile, the run ends at the last sample before its end. Faster drives and longer runs are
 stepped in the same way, down to four steps for the whole run. Where another parameter is varied,
-the samples are those of the sidecar, and the step is the longest whole fraction of their distance
-up to the step of the model. The step that the engine took is a column of `stress.csv`.
+the samples are those of the sidecar, and the step is the largest one up to the step of the model of
+which a whole number fits between two samples. The step that the engine took is a column of
+`stress.csv`.
 
 `tests/studies/stress/test_stress_bare.py` confirms 40 of these boundaries within 2 % with scripts
 in `tests/studies/stress/bare/` that import an engine and NumPy and nothing of proofmass. These are
@@ -160,17 +161,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     if given.only:
         renew(given.only, given.parameter, given.folder)
         return
-    most = 1 if given.quick else None  # number of boundaries of small models and of each case
+    max_searches = 1 if given.quick else None  # of the small models, and of each case
     with folders(given.quick, given.folder) as (folder, docs):
         store = Store(folder / "runs")
         with pool() as workers:
-            known = find_boundaries(small_models(store, most), workers)
+            known = find_boundaries(small_models(store, max_searches), workers)
             cases = {
                 name: list_extremes(load_case(next((ROOT / "models").rglob(f"{name}.toml"))), store)
                 for name in (("pendulum",) if given.quick else CASES)
             }
             found = find_boundaries(
-                [one for searches, _ in cases.values() for one in searches[:most]], workers
+                [one for searches, _ in cases.values() for one in searches[:max_searches]], workers
             )
         write_boundaries([*known, *found], folder / "stress.csv")
         draw(known, docs)
@@ -180,9 +181,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         (docs / "stress.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def small_models(store: Store, most: int | None = None) -> list[LimitSearch]:
-    """The searches of the first `most` small models, or of all, with their trials stored."""
-    return [cache_trials(one, store) for one in islice(list_problems(), most)]
+def small_models(store: Store, count: int | None = None) -> list[LimitSearch]:
+    """The searches of the first `count` small models, or of all, with their trials stored."""
+    return [cache_trials(one, store) for one in islice(list_problems(), count)]
 
 
 def draw(known: Sequence[Boundary], docs: Path) -> None:

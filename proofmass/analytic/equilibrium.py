@@ -44,9 +44,9 @@ MAX_JOINT_MOVE = 0.3
 MAX_STEP_RATIO = 0.25
 """Largest ratio of a step of Newton's method to the step before it, within one stride."""
 SHORT_FIRST_STEP, MAX_STEP_GROWTH, MAX_GROWING_STEPS = 1e-3, 30.0, 3
-"""Exception to `MAX_STEP_RATIO`: if the first step is not longer than `SHORT_FIRST_STEP` [rad, or
-sizes], steps may grow to `MAX_STEP_GROWTH` times the first one, at most `MAX_GROWING_STEPS`
-times."""
+"""Exception to `MAX_STEP_RATIO`: if the first step is not longer than `SHORT_FIRST_STEP`
+[rad, or sizes], steps may grow to `MAX_STEP_GROWTH` times the first one, at most
+`MAX_GROWING_STEPS` times."""
 SNAP_MISMATCH = 0.5
 """Share of the longer step: if the step ahead from an equilibrium and the step back to it differ by
 more than this, the mechanism has snapped to another branch between the two."""

@@ -1,7 +1,6 @@
 """Stick and slip of joints with dry friction along a path of equilibria.
 
-The equilibria themselves are found by an engine or a reference, through the protocol
-`MechanismWithFriction`.
+An engine or a reference finds the equilibria, through the protocol `MechanismWithFriction`.
 
 At rest the friction R of a joint lies between its two bounds, so that the pose depends on how it
 was reached.  A joint sticks, and stays where it is with any R between the bounds, or it slips, and
@@ -27,24 +26,26 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 
-MAX_FRICTION_JOINTS = 6  # 3^6 combinations of stick and slip are tried at an event
-EVENT_MARGIN = (
-    1e-9  # [1] margin beyond an event at which a state ends: more than rounding of slopes
-)
-MAX_STATE_VIOLATION = (
-    1e-5  # [1] largest violation of a state that may be chosen: places of events are not exact
-)
-YIELD_SHARE = 1e-6  # a stuck joint may begin to slip within this share of its bound
-FRICTION_GROWTH_STEP = (
-    1e-3  # growth of friction, as a share of the bounds, over which its change is evaluated
-)
-EVENT_RESOLUTION = 1e-13  # share of the way between two samples to which an event is located
-DEAD_POINT_SHARE = 1e-6  # share of the largest motion: a joint that moves less is at a dead point
-DRIVE_ROUNDING = 1e-12  # [rad or m] rounding of the values of the drives
-RANK_TOLERANCE = (
-    1e-9  # share of the largest singular value: stuck joints below it depend on each other
-)
-MAX_EVENTS = 100  # largest number of events between two samples
+MAX_FRICTION_JOINTS = 6
+"""Largest number of joints with friction: at an event, up to 3^6 states are tried."""
+EVENT_MARGIN = 1e-9
+"""Margin beyond an event at which a state ends [1]: more than rounding of slopes."""
+MAX_STATE_VIOLATION = 1e-5
+"""Largest violation of a state that may be chosen [1]: the places of events are not exact."""
+YIELD_SHARE = 1e-6
+"""A stuck joint may begin to slip within this share of its bound."""
+FRICTION_GROWTH_STEP = 1e-3
+"""Growth of friction, as a share of the bounds, over which its change is evaluated."""
+EVENT_RESOLUTION = 1e-13
+"""Share of the way between two samples to which an event is located."""
+DEAD_POINT_SHARE = 1e-6
+"""Share of the largest motion: a joint that moves less is at a dead point."""
+DRIVE_ROUNDING = 1e-12
+"""Rounding of the values of the drives [rad or m]."""
+RANK_TOLERANCE = 1e-9
+"""Share of the largest singular value below which stuck joints depend on each other."""
+MAX_EVENTS = 100
+"""Largest number of events between two samples."""
 
 
 NOTHING_SLIPS = (

@@ -336,7 +336,7 @@ def resolve_event(
 def find_flat_rebounds(
     hit: Sequence[Stop], state: State, rebound_rates: Sequence[float]
 ) -> list[int]:
-    """Find rebounds (numbers of `hit`) that stay lower than `MIN_REBOUND_HEIGHT`."""
+    """Find rebounds (numbers of `hit`) lower than `MIN_REBOUND_HEIGHT`, by accelerations."""
     return [
         k
         for k, (stop, rate) in enumerate(zip(hit, rebound_rates, strict=True))

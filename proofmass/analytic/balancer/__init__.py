@@ -28,7 +28,9 @@ from proofmass.analytic.numerics import (
 )
 
 MODES = (1, -1)
-PATH_MARGIN = 1e-9  # [rad] path beyond the largest angle, so that rounding does not end it before
+"""Elbow up, and elbow down."""
+PATH_MARGIN = 1e-9
+"""Length of the path beyond the largest angle [rad], so that rounding does not end it before."""
 
 __all__ = [
     "MODES",
@@ -319,7 +321,7 @@ def quantities(
     friction: Array | float = 0.0,
     bearing: Array | float = 0.0,
 ) -> dict[str, Array]:
-    """Quantities of a path by name, with `friction` of joints and `bearing` of the pendulum."""
+    """Quantities of a path by name; `friction` and `bearing`: friction of joints and pendulum."""
     friction = np.broadcast_to(friction, path.rate[0].shape)
     weight = chain.weight[0]
     scale = weight * chain.reach(path.alpha)

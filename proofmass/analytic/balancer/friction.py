@@ -19,18 +19,18 @@ from proofmass.analytic.balancer.path import Path, deflections, rest_posture
 from proofmass.analytic.friction import PathEnds, SlipProblem, follow_stick_slip
 from proofmass.analytic.numerics import Array
 
-MAX_STRIDE = 0.05  # [rad] longest move of the pendulum in one stride
-MAX_CORRECTION = (
-    0.05  # [rad] largest correction by Newton's method: a larger one could be another branch
-)
-STEP_TOLERANCE = (
-    1e-10  # [rad] length of the last Newton step; the error is of the order of its square
-)
-MAX_NEWTON_STEPS = 12  # largest number of Newton steps
-RANK_TOLERANCE = 1e-11  # share of the largest singular value: rows below it depend on others
-MIN_RELATIVE_STIFFNESS = (
-    1e-9  # share of the largest stiffness: smallest stiffness of a stable equilibrium
-)
+MAX_STRIDE = 0.05
+"""Longest move of the pendulum in one stride [rad]."""
+MAX_CORRECTION = 0.05
+"""Largest correction by Newton's method [rad]: a larger one could be another branch."""
+STEP_TOLERANCE = 1e-10
+"""Length of the last Newton step [rad]; the error is of the order of its square."""
+MAX_NEWTON_STEPS = 12
+"""Largest number of Newton steps."""
+RANK_TOLERANCE = 1e-11
+"""Share of the largest singular value below which rows depend on others."""
+MIN_RELATIVE_STIFFNESS = 1e-9
+"""Smallest stiffness of a stable equilibrium, as a share of the largest."""
 NOTHING_SLIPS = (
     "dry friction holds the whole chain: no joint slips over the angles that are asked for; give "
     "less friction, or a wider motion"

@@ -28,7 +28,8 @@ from proofmass.analytic.numerics import Array
 MomentCurve = Callable[[Array], Array]
 # polynomial of the target laevo, from the thesis's program, line 4067; eq. 28 is rounded
 LAEVO_COEFFICIENTS = (-0.2511, 1.343, -2.91, 2.824, -0.006501)
-TAN_3PI_8 = np.tan(3.0 * np.pi / 8.0)  # 1 + sqrt(2), in eqs 26 and 27
+TAN_3PI_8 = np.tan(3.0 * np.pi / 8.0)
+"""Factor 1 + sqrt(2) in eqs 26 and 27."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,9 @@ def target_for(b: Balancer, name: str) -> Target:
 
 
 def weight_target(extension1: float, extension2: float) -> Target:
-    """Target `weight` of a pendulum with extension1/r0 and extension2/r0 [1/rad, 1/rad^2].
+    """Target `weight` of a pendulum with r/r0 = 1 + extension1 a + extension2 a^2.
+
+    `extension1` is in [1/rad], `extension2` in [1/rad^2].
 
     >>> float(weight_target(0.1, 0.0)(np.pi / 2).round(6))
     1.15708
@@ -259,9 +262,8 @@ TARGETS = {
 }
 
 
-KINK_SEARCH_STEPS = (
-    40  # steps of the search for kinks: from the distance of samples down to rounding
-)
+KINK_SEARCH_STEPS = 40
+"""Number of halvings in the search for kinks, from the distance of samples to rounding."""
 
 
 def precision_points(count: int) -> Array:
@@ -448,11 +450,12 @@ def _fit_pieces(angle: Array, target: Array, kinks: Array) -> tuple[Array, Array
     return changes[..., 0], rmse(fitted, target[..., None, :])
 
 
-MAX_SPRING_DEFLECTION = np.pi / 2  # [rad] largest deflection of a clock spring between simple stops
-NEARLY_STRAIGHT_ANGLE = (
-    0.05  # [rad] angle below which an arm is nearly straight: length errors grow twentyfold
-)
-ANGLE_STEP = np.radians(0.25)  # [rad] distance of the pendulum angles that are examined
+MAX_SPRING_DEFLECTION = np.pi / 2
+"""Largest deflection of a clock spring between simple stops [rad]."""
+NEARLY_STRAIGHT_ANGLE = 0.05
+"""Angle below which an arm is nearly straight [rad]: length errors grow twentyfold."""
+ANGLE_STEP = np.radians(0.25)
+"""Distance of the pendulum angles that are examined [rad]."""
 
 
 def warnings(to: float = np.pi / 2, **parameters: float) -> list[str]:
@@ -556,6 +559,7 @@ def warn_of_overwound_springs(path: Path, stiffness: Array, quadratic: Array) ->
 
 
 RIGHT_ANGLE = np.pi / 2
+"""Last pendulum angle of events and properties [rad]."""
 
 
 def chain_of(parameters: dict[str, Any]) -> Balancer:

@@ -104,12 +104,14 @@ def close_chain(pendulum: Array | float, length: Array, first: Array, mode: Arra
     return np.concatenate([np.broadcast_to(first, (*last.shape[:-1], first.shape[-1])), last], -1)
 
 
-MAX_ALONG_SINE = (
-    1e-9  # largest sine of the angle at which segment 1 counts as lying along the pendulum
-)
+MAX_ALONG_SINE = 1e-9
+"""Largest sine of the angle at which segment 1 counts as lying along the pendulum."""
 NUMBERED_PARAMETERS = ("length", "stiffness", "quadratic", "preload", "low", "high")
+"""Parameters of every joint or segment; its number is appended to the name."""
 REQUIRED_PARAMETERS = ("length", "stiffness")
+"""Parameters of every joint or segment without a default."""
 NUMBERED_DEFAULTS = {"quadratic": 0.0, "preload": 0.0, "low": -np.inf, "high": np.inf}
+"""Defaults of the other parameters of joints."""
 OTHER_DEFAULTS = {
     "pendulum": 1.0,
     "extension1": 0.0,
@@ -119,6 +121,7 @@ OTHER_DEFAULTS = {
     "weight": 0.0,
     "mode": 1,
 }
+"""Defaults of the parameters that are not those of a joint or segment."""
 
 
 @dataclass(frozen=True)

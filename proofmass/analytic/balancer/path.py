@@ -32,19 +32,22 @@ from proofmass.analytic.balancer.model import Balancer
 from proofmass.analytic.numerics import Array
 
 Indices = NDArray[Any]
-STEP_TOLERANCE = (
-    1e-9  # [rad] length of the last Newton step; the error is of the order of its square
-)
-MAX_NEWTON_STEPS = 12  # largest number of Newton steps
-MAX_STRIDE = 0.1  # [rad] largest stride of the pendulum between two nodes of a path
-MIN_STRIDE = 1e-7  # [rad] stride that is not halved any more: the path has come to a fold
-MAX_CORRECTION = (
-    0.03  # [rad] largest correction by Newton's method: a larger one could be another branch
-)
-SWITCH_TOLERANCE = 1e-12  # [rad, N m] tolerance of the margin at which a stop switches
+STEP_TOLERANCE = 1e-9
+"""Length of the last Newton step [rad]; the error is of the order of its square."""
+MAX_NEWTON_STEPS = 12
+"""Largest number of Newton steps."""
+MAX_STRIDE = 0.1
+"""Largest stride of the pendulum between two nodes of a path [rad]."""
+MIN_STRIDE = 1e-7
+"""Stride that is not halved any more [rad]: the path has come to a fold."""
+MAX_CORRECTION = 0.03
+"""Largest correction by Newton's method [rad]: a larger one could be another branch."""
+SWITCH_TOLERANCE = 1e-12
+"""Tolerance of the margin at which a stop switches [rad, N m]."""
 UNREACHABLE = "the segments cannot reach the tip, or a spring not carry or release its preload"
 UNSTABLE = "the rest posture is an unstable equilibrium"
-MAX_SWITCHES = 30  # largest number of stops that a path leaves or meets before it is given up
+MAX_SWITCHES = 30
+"""Largest number of stops that a path leaves or meets before it is given up."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from proofmass.analytic.balancer.path import Path
 from proofmass.analytic.numerics import Array, cross
 
 MODES = (1, -1)
+"""Elbow up, and elbow down."""
 
 
 def solve(

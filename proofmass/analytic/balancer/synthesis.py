@@ -19,12 +19,13 @@ from proofmass.analytic.balancer.path import along, balancing_moment, follow
 from proofmass.analytic.numerics import Array
 
 SPRING_KINDS = ("linear", "nonlinear", "each")
-LENGTH_BOUNDS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}  # [m], for a pendulum of 1 m
-RELAXED_LENGTH_BOUNDS = (0.1, 0.9)  # [m] of relaxed lengths
-DEFAULT_BOUNDS = (
-    4.5,
-    4.5,
-)  # upper bounds as in FIGURES, for variants without a figure in the thesis
+"""Kinds of springs, see `Variant.springs`."""
+LENGTH_BOUNDS = {3: (1 / 3, 1 / 2), 4: (1 / 4, 3 / 8)}
+"""Usual bounds of lengths by the number of segments, for a pendulum of 1 m [m]."""
+RELAXED_LENGTH_BOUNDS = (0.1, 0.9)
+"""Bounds of relaxed lengths [m]."""
+DEFAULT_BOUNDS = (4.5, 4.5)
+"""Upper bounds as in `THESIS_FIGURES`, for variants without a figure."""
 # figure of the thesis by target and option; upper bounds of k [N m/rad] and of |A|, |B|
 # [N m/rad^2, N m/rad]
 THESIS_FIGURES = {
@@ -275,13 +276,20 @@ def variants_of(target: str, option: str) -> list[Variant]:
     ]
 
 
-THESIS_POINTS = {3: 90, 4: 15}  # number of points of the thesis, by segments
-COARSE_POINTS = 15  # largest number of points of a coarse evaluation
-MIN_ELBOW_SINE = 0.02  # smallest sine of the last joint's angle: a straighter elbow can flip
-COARSE_ELBOW_FACTOR = 1.25  # factor of BENT at few points: between them the elbow may be straighter
-RIGHT_ANGLE = np.pi / 2 + 1e-9  # [rad] so that rounding does not end a path before its last point
-SPREAD_PENALTY = 30.0  # penalty factor of the excess over a limit of the spread
-SMALL_ERROR = 1e-4  # errors below this share of m g r count as squares for any power
+THESIS_POINTS = {3: 90, 4: 15}
+"""Number of points of the thesis, by segments."""
+COARSE_POINTS = 15
+"""Largest number of points of a coarse evaluation."""
+MIN_ELBOW_SINE = 0.02
+"""Smallest sine of the last joint's angle: a straighter elbow can flip."""
+COARSE_ELBOW_FACTOR = 1.25
+"""Factor of `MIN_ELBOW_SINE` at few points: between them the elbow may be straighter."""
+RIGHT_ANGLE = np.pi / 2 + 1e-9
+"""Last angle of a path [rad]: more than pi/2, so that rounding does not end it before."""
+SPREAD_PENALTY = 30.0
+"""Penalty factor of the excess over a limit of the spread."""
+SMALL_ERROR = 1e-4
+"""Errors below this share of m g r count as squares for any power."""
 
 
 @dataclass(frozen=True)
@@ -372,7 +380,7 @@ class Synthesis:
         return self.terms(vectors, self.angles)
 
     def terms(self, vectors: Array, angle: Array, min_sine: float = MIN_ELBOW_SINE) -> Array:
-        """Terms (B, m) at angles (A,); NaN unless the elbow's sine always exceeds `min_sine`."""
+        """Terms (B, m) at angles (A,); NaN unless the elbow's sine is always above `min_sine`."""
         moment, energy = self.curves(vectors, angle, min_sine)
         found = moment - self.target(angle)
         if self.power != 2.0:

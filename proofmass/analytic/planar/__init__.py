@@ -93,22 +93,27 @@ __all__ = [
 ]
 
 KNOT_SPACING, KNOT_OFFSET = 0.1, 0.382
-"""Knots begin and end at (k + `KNOT_OFFSET`) `KNOT_SPACING` with an integer k [rad, or sizes].  Two
-motions that begin at the same round number, but for a small difference, then have the same first
-knot; likewise at their ends."""
+"""Knots begin and end at (k + `KNOT_OFFSET`) `KNOT_SPACING` with an integer k [rad, or sizes].
+Two motions that begin at the same round number, but for a small difference, then have the same
+first knot; likewise at their ends."""
 SENSOR_TYPE, OBJECT_TYPE, DISABLE_FLAG = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtDisableBit
 POSITION_SENSORS = {
     SENSOR_TYPE.mjSENS_FRAMEPOS: 0,
     SENSOR_TYPE.mjSENS_FRAMELINVEL: 1,
     SENSOR_TYPE.mjSENS_FRAMELINACC: 2,
 }
+"""Sensors of positions of frames, with the order of the time derivative."""
 ROTATION_SENSORS = {SENSOR_TYPE.mjSENS_FRAMEANGVEL: 1, SENSOR_TYPE.mjSENS_FRAMEANGACC: 2}
+"""Sensors of rotations of frames, with the order of the time derivative."""
 TENDON_SENSORS = (SENSOR_TYPE.mjSENS_TENDONPOS, SENSOR_TYPE.mjSENS_TENDONVEL)
+"""Sensors of the length of a tendon, and of its rate."""
 ACTUATOR_SENSORS = (SENSOR_TYPE.mjSENS_ACTUATORFRC, SENSOR_TYPE.mjSENS_JOINTACTFRC)
+"""Sensors of the force of an actuator, and of all actuators on a joint."""
 INTERACTION_SENSORS = (SENSOR_TYPE.mjSENS_FORCE, SENSOR_TYPE.mjSENS_TORQUE)
+"""Sensors of the force and the moment between a body and its parent."""
 MAX_STEP_SHARE = STEP_SHARE * (1 + 1e-9)
-"""Share of the proven step within which a knot is used: the next knot is `STEP_SHARE` of the proven
-step ahead, up to rounding."""
+"""Share of the proven step within which a knot is used: the next knot is `STEP_SHARE` of the
+proven step ahead, up to rounding."""
 
 
 def solve(
@@ -449,7 +454,7 @@ def _integrate_in_time(
 def _integrate_in_time_cached(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes, stops: tuple[Stop, ...]
 ) -> MotionWithStops:
-    """`_integrate_in_time` for pickled times, motion profiles and controls; a cache by these."""
+    """`_integrate_in_time` for pickled times, profiles and controls, cached by these bytes."""
     times, laws, controls = pickle.loads(packed)
     return _integrate(mechanism, joints, times, laws, stops, controls)
 

@@ -325,7 +325,7 @@ class Branch:
         moved = np.linalg.norm((q - guess) / self.m.scale, axis=1)
         if not (moved <= NEWTON_SHARE * proven).all():
             worst = int(np.argmax(moved > NEWTON_SHARE * proven))
-            raise Mirrored(f"mirrored at {self.format_drives(inputs[worst])}")
+            raise Mirrored(f"another assembly mode at {self.format_drives(inputs[worst])}")
         return q
 
     def beside(self, inputs: Array, knots: Knots) -> tuple[Array, Array, Array]:
@@ -407,7 +407,7 @@ class Branch:
         knot = self.at(close_loops(self.m, self.predict(inputs[None]), self.d)[0])
         if knot.orientation != self.knot.orientation:
             if self.knot.radius > LEAP_STEP:
-                raise Mirrored(f"mirrored at {self.format_drives(inputs)}")
+                raise Mirrored(f"another assembly mode at {self.format_drives(inputs)}")
             raise SingularHere(f"singular at {self.format_drives(inputs)}")
         self.last, self.knot = self.knot, knot
 

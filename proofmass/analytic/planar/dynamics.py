@@ -128,7 +128,7 @@ class TangentChart:
             last = size
             q = q - np.linalg.solve(self.matrix(q, motion), errors) * m.scale
         if not size < CLOSING_TOLERANCE:
-            raise CannotAssemble("a free motion left its branch")
+            raise CannotAssemble("the loops do not close: a free motion has left its branch")
         self.at, self.z = q, z
         return q, np.linalg.inv(self.matrix(q, motion)) * m.scale[:, None]
 
@@ -293,7 +293,7 @@ class FreeMechanism:
             start = solver.t
             message = solver.step()
             if solver.status == "failed":
-                raise SingularHere(f"no further than t = {solver.t:.6g} s: {message}")
+                raise SingularHere(f"the motion ends at t = {solver.t:.6g} s: {message}")
             longest = max(longest, solver.step_size)
             short = (
                 solver.step_size < SHORT_STEP_SHARE * longest
@@ -400,4 +400,4 @@ def step_over_singularity(
             if check.status == "finished" and np.abs(check.y - late.y).max() < MAX_LEAP_MISMATCH:
                 chart.motion(best.y, best.t)
                 return best
-    raise SingularHere(f"no further than t = {t:.6g} s: the loops lose rank behind it")
+    raise SingularHere(f"the motion ends at t = {t:.6g} s: the loops lose rank there")

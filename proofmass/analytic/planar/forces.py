@@ -64,10 +64,9 @@ def applied_forces(
 def polynomial_force(
     poly: tuple[Array, Array] | tuple[float, float], extent: Array | float, variable: Array | float
 ) -> Array:
-    """Force of the linear and quadratic terms of a stiffness or a damping, as polynomials of
-    `variable`.
+    """Force of the linear and quadratic terms of a stiffness or a damping.
 
-    `extent` is the stretch or the rate that the stiffness or damping is multiplied by.
+    These are polynomials of `variable`, and `extent` is the stretch or the rate that they multiply.
     """
     linear, square = poly
     return np.asarray(extent * variable * (linear + square * variable))

@@ -177,7 +177,7 @@ def _coupling_violation(m: Mechanism, q: Array, k: int) -> Array:
 
 
 def weighted_sum(weights: tuple[tuple[int, float], ...], values: Array) -> Array:
-    """Weighted sum (n,) of joint values (n, joints), with weights `weights` by joint number."""
+    """Weighted sum (n,) of joint values (n, joints); `weights` has joint numbers and weights."""
     return np.asarray(sum((share * values[:, j] for j, share in weights), np.zeros(len(values))))
 
 
@@ -263,6 +263,7 @@ def iterate_newton(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
 
 
 NO_JOINTS, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
+"""Defaults of joints with given values, and of these values."""
 
 
 def nearest_pose(
@@ -301,7 +302,7 @@ def nearest_rates(
 ) -> Array:
     """Find the rates (joints,) nearest to v that keep the loops of a closed pose closed.
 
-    The joints with numbers `joints` get the given `joint_rates`.
+    The joints with numbers `joints` get given rates.
     """
     matrix = loop_jacobian(m, move_bodies(m, q[None]), q[None])[0]
     rows = np.concatenate([matrix, np.eye(len(q))[joints]])

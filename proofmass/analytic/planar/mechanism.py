@@ -29,7 +29,7 @@ from proofmass.analytic.stops import Stop, read_stops
 
 
 class Mirrored(CannotMove):
-    """A pose that closes the loops, but in another assembly mode than was asked for."""
+    """A pose that closes the loops, but in another assembly mode than the start pose."""
 
 
 class Overconstrained(CannotMove):

@@ -335,7 +335,7 @@ def integrate_in_time(
 def integrate_in_time_cached(
     tree: Tree, source: TermSource, joints: tuple[str, ...], stops: tuple[Stop, ...], packed: bytes
 ) -> SolvedMotion:
-    """`integrate_in_time` for pickled times, motion profiles and controls; a cache by these."""
+    """`integrate_in_time` for pickled times, profiles and controls, cached by these bytes."""
     return integrate_in_time(tree, source, joints, stops, *pickle.loads(packed))
 
 

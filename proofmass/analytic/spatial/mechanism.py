@@ -40,6 +40,7 @@ JOINT_KINDS = {
 JOINT_SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
 """How many numbers a joint has in a pose and in the rates, by its kind."""
 IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
+"""Quaternion of no rotation."""
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@ r"""The motion of a tree with exact equalities.
     M v̇ = Q - h + Jᵀ λ,   J v̇ = γ        with M = L Lᵀ, W = J L⁻ᵀ:
     v̇ = a + L⁻ᵀ W⁺ (γ - J a),   a = M⁻¹ (Q - h)
 
-The pseudo-inverse W⁺ leaves out singular values below `RANK_TOLERANCE` of the largest, so that rows
-may depend on each other. The integrator is DOP853. After every step the pose is projected on φ(q) =
-0 and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are scaled to
-length 1.
+The pseudo-inverse W⁺ leaves out singular values below `RANK_TOLERANCE` of the largest, so that
+rows may depend on each other. The integrator is DOP853. After every step the pose is projected on
+φ(q) = 0 and the rates on J v = 0 by the smallest change in the metric of M, and quaternions are
+scaled to length 1.
 """
 
 from collections.abc import Callable, Iterator
@@ -50,9 +50,9 @@ MAX_START_VIOLATION = 1e-3
 MAX_NEWTON_STEPS = 20
 """Largest number of Newton steps to close the equalities."""
 SHORT_STEP_SHARE, MAX_SHORT_STEPS = 1e-8, 10
-"""The integration ends after `MAX_SHORT_STEPS` steps in turn that are shorter than the share
-`SHORT_STEP_SHARE` of the longest one: near a pose in which the equalities lose rank, accelerations
-are rounding."""
+"""The integration ends after `MAX_SHORT_STEPS` steps in turn that are shorter than
+`SHORT_STEP_SHARE` times the longest one: near a pose in which the equalities lose rank,
+accelerations are rounding."""
 
 
 @dataclass(frozen=True)
@@ -314,7 +314,7 @@ class FreeTree:
                     longest = max(longest, solver.step_size)
                     short = short + 1 if solver.step_size < SHORT_STEP_SHARE * longest else 0
                     if short == MAX_SHORT_STEPS:
-                        raise SingularHere("steps vanish, as where the equalities lose rank")
+                        raise SingularHere("steps become too short, as where equalities lose rank")
                     yield Step(step_start, solver.t, states_in_step(holder, solver, size))
                     if solver.status == "running":
                         y = holder.close(solver.t, solver.y[:size], solver.y[size:])
@@ -323,7 +323,7 @@ class FreeTree:
                     elif stop < end:
                         q, v = holder.close(solver.t, solver.y[:size], solver.y[size:])
                 except (SingularHere, CannotAssemble) as error:
-                    raise type(error)(f"no further than t = {solver.t:.6g} s: {error}") from None
+                    raise type(error)(f"the motion ends at t = {solver.t:.6g} s: {error}") from None
 
 
 def states_in_step(
@@ -434,7 +434,7 @@ class DrivenTree:
                 share /= 2
             else:
                 values_text = ", ".join(f"{value:.6g}" for value in done)
-                raise SingularHere(f"no further than the drives at {values_text}: a limit position")
+                raise SingularHere(f"limit position with the drives at {values_text}")
         return q, inverse
 
     def rates(

@@ -85,10 +85,10 @@ class TermSource(Protocol):
         """Hash value, so that motions can be cached."""
 
     def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
-        """All terms at a pose (poses,) with rates (rates,), and controls other than the key's."""
+        """All terms at a pose (poses,) with rates (rates,) and controls, by default the key's."""
 
     def equalities(self, q: Array) -> tuple[Array, Array]:
-        """Gap and Jacobian of the equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
+        """Violations (rows,) and Jacobian (rows, rates) of equalities at a pose (poses,) [SI]."""
 
     def acceleration(self, q: Array, v: Array, ctrl: Array | None = None) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
@@ -102,12 +102,12 @@ class OwnTerms:
     name: str = "proofmass"
 
     def terms(self, q: Array, v: Array, ctrl: Array | None = None) -> Terms:
-        """All terms at a pose (poses,) with rates (rates,), and controls other than the key's."""
+        """All terms at a pose (poses,) with rates (rates,) and controls, by default the key's."""
         found = own_terms(self.tree, q[None], v[None], None if ctrl is None else ctrl[None])
         return Terms(**{k: x[0] for k, x in vars(found).items()})
 
     def equalities(self, q: Array) -> tuple[Array, Array]:
-        """Gap and Jacobian of the equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
+        """Violations (rows,) and Jacobian (rows, rates) of equalities at a pose (poses,) [SI]."""
         found = self.terms(q, np.zeros(self.tree.armature.size))
         return found.gap, found.jacobian
 
@@ -361,7 +361,7 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
     spin = motion.spin[:, one] - motion.spin[:, two]
 
     def vector_part(left: Array, right: Array) -> Array:
-        """Vector part of second * left * right * first, the middle two vectors."""
+        """Vector part of second * left * right * first; left and right are pure quaternions."""
         return quaternion_product(
             quaternion_product(second, left), quaternion_product(right, first)
         )[:, 1:]

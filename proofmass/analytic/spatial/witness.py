@@ -97,9 +97,9 @@ def compare_terms(
         if not share[k] <= MAX_TERM_DIFFERENCE:
             raise TermsDiffer(
                 f"the {TERM_NAMES[name]} of {source.name} and of proofmass's own formulation "
-                f"differ by {share[k]:.3g} of the largest at {when} = {times[numbers[k]]:.6g}, "
-                f"where {MAX_TERM_DIFFERENCE:g} is rounding: one of the two has a defect, and "
-                f"there is no reference"
+                f"differ by {share[k]:.3g} of the largest at "
+                f"{when} = {times[numbers[k]]:.6g}, where {MAX_TERM_DIFFERENCE:g} is rounding: "
+                "one of the two has a defect, and there is no reference"
             )
         if share[k] >= worst.difference:
             worst = TermComparison(len(numbers), float(share[k]), name)
@@ -109,9 +109,9 @@ def compare_terms(
 def term_scales(terms: Terms, v: Array) -> dict[str, float]:
     """Find the scale of each kind of term in a motion, by which differences are divided.
 
-    It is the largest value of the kind; for gaps, in m and rad, it is 1.  The scale of drifts is at
-    least that of accelerations, of the order of forces over masses, since the drifts of bodies at
-    rest are rounding.
+    It is the largest value of the kind; for violations, in m and rad, it is 1.  The scale of drifts
+    is at least that of accelerations, of the order of forces over masses, since the drifts of
+    bodies at rest are rounding.
     """
 
     def largest(*parts: Array) -> float:

@@ -147,7 +147,7 @@ class MonitoredRun:
 
     @property
     def brief(self) -> Run:
-        """At least two samples: `COUNTED_STEPS` steps or `BRIEF_SECONDS` of wall time."""
+        """The first samples: `COUNTED_STEPS` steps or `BRIEF_SECONDS` of wall time, 2 at least."""
         return self.shortened(self.run)
 
     def shortened(self, run: Run, most_steps: int = COUNTED_STEPS) -> Run:

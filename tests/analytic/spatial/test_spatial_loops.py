@@ -255,7 +255,7 @@ def test_a_stride_that_leaves_its_tangent_is_another_branch(monkeypatch):
     given = {"model": model, "joints": ("crank",), "terms": SmoothTerms(model)}
     assert np.isfinite(spatial.solve([0.1], **given)["slider"]).all()
     monkeypatch.setattr(motion, "MAX_TANGENT_CHANGE", 0.0)
-    with pytest.raises(ValueError, match="no further than the drives at 0: a limit position"):
+    with pytest.raises(ValueError, match="limit position with the drives at 0"):
         spatial.solve([0.2], **given)
 
 
@@ -282,7 +282,7 @@ def test_a_motion_ends_beside_a_pose_where_a_loop_loses_rank():
     """Without weight cranks turn evenly, by half a turn between two poses in which all is flat."""
     turn, rate = 0.5, -2.0
     model = parallelogram(f'qpos="{turn} {-turn} {turn}" qvel="{rate} {-rate} {rate}"')
-    with pytest.raises(ValueError, match="steps vanish, as where the equalities lose") as error:
+    with pytest.raises(ValueError, match="steps become too short, as where equalities") as error:
         spatial.solve([0.0, 20.0], model=model)
     end = float(re.search(r"t = ([\d.]+) s", str(error.value))[1])
     halves = (turn + rate * end) / np.pi
