@@ -129,10 +129,10 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
         r"\[run.dynamics\]",
         "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.dynamics]",
     )
-    workers.fails["validate"] = OSError()  # the runs meet it as well
+    workers.fails["validate_case"] = OSError()  # the runs meet it as well
     assert load_validated(short).name == "pendulum"
-    assert workers == [("load_case", LOADING_SECONDS, None), ("validate", 9.0, 3.0)]
-    workers.fails["validate"] = InputError(short, "channels", "bad")
+    assert workers == [("load_case", LOADING_SECONDS, None), ("validate_case", 9.0, 3.0)]
+    workers.fails["validate_case"] = InputError(short, "channels", "bad")
     assert wrong(load_validated, short) == ("channels", "bad")
     for error, words in (
         (InputError(short, "key", "bad"), ("key", "bad")),
@@ -145,10 +145,10 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
 
 def test_a_strict_reader_is_told_what_the_runs_would_meet(short, workers):
     """A command that makes no run has nothing else to say so."""
-    workers.fails["validate"] = MemoryError("more than 3 GiB")
+    workers.fails["validate_case"] = MemoryError("more than 3 GiB")
     assert load_validated(short).name == "pendulum"
     assert wrong(load_validated, short, True) == ("", "its model or its reference: more than 3 GiB")
-    workers.fails["validate"] = InputError(short, "channels", "bad")
+    workers.fails["validate_case"] = InputError(short, "channels", "bad")
     assert wrong(load_validated, short, True) == ("channels", "bad")
 
 
@@ -305,7 +305,7 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     case = load_validated(short)
     assert seen == [case]
     found, curves = run_solver(case, "dynamics", "mujoco")
-    assert workers[-1] == ("measured", 7.0, 3.0)
+    assert workers[-1] == ("run_and_compare", 7.0, 3.0)
     assert {c.outcome for c in found} == {"agrees"}
     assert found[0].detectable
     assert curves.x.size == 11
@@ -322,7 +322,7 @@ def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short
         for name, kind_of in (("rate", "sweep"), ("angle", "dynamics"))
     }
     case = case.model_copy(update={"channels": {**case.channels, **of_one}})
-    workers.fails["measured"] = kind("why")
+    workers.fails["run_and_compare"] = kind("why")
     if kind is Unsupported:
         assert wrong(run_solver, case, "dynamics", "mujoco") == (
             "run.dynamics.solvers",
@@ -370,7 +370,7 @@ def test_what_a_run_means_to_raise_is_no_crash(error, short, monkeypatch):
 
 def test_what_nobody_meant_to_raise_is_a_crash(short, monkeypatch):
     case = load_validated(short)
-    for name in ("mobility", "run_here"):
+    for name in ("mobility", "solve_here"):
         with monkeypatch.context() as patch:
             patch.setattr(CHECK, name, lambda case, *_: {}[case.name])
             with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
@@ -396,7 +396,7 @@ def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
     monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
     model = short.with_suffix(".xml")
     (found,) = check_bare_model(model)
-    assert workers[-1] == ("rung_of", OWN_MODEL_TIMEOUT, None)
+    assert workers[-1] == ("check_model_here", OWN_MODEL_TIMEOUT, None)
     assert (found.case, found.solver, found.run, found.channel, found.unit) == (
         "pendulum",
         "mujoco",
@@ -412,10 +412,10 @@ def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
     assert found.steps == 1000  # of 1 ms
     assert found.seconds > 0
     for kind, outcome in OUTCOME_OF_EXCEPTION.items():
-        workers.fails["rung_of"] = kind("why")
+        workers.fails["check_model_here"] = kind("why")
         (found,) = check_bare_model(model)
         assert (found.outcome, found.message) == (outcome, "why")
-    workers.fails["rung_of"] = BadModel("pendulum.xml: broken")
+    workers.fails["check_model_here"] = BadModel("pendulum.xml: broken")
     assert wrong(check_bare_model, model) == ("", "broken")
 
 
@@ -449,16 +449,16 @@ def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatc
     """And what two runs say alike is said once."""
     lone = short.with_name("fourbar.xml")
     lone.with_suffix(".toml").unlink()
-    workers.fails["rung_of"] = OSError("no more files")
+    workers.fails["check_model_here"] = OSError("no more files")
     found = check([lone, short])
     (error,) = found.errors
     assert (error.file, error.key) == (lone, "")
     assert error.wrong == "fourbar.xml failed: OSError: no more files"
     assert {c.case for c in found.comparisons} == {"pendulum"}
-    workers.fails["measured"] = Crashed("why")
+    workers.fails["run_and_compare"] = Crashed("why")
     failed = check([short])
     assert ({c.outcome for c in failed.comparisons}, failed.curves) == ({"crashed"}, {})
-    workers.fails["measured"] = InputError(short, "drive", "bad")
+    workers.fails["run_and_compare"] = InputError(short, "drive", "bad")
     text = short.read_text().replace('["mujoco"]', '["mujoco", "mujoco:default"]')
     short.write_text(text)
     assert [e.wrong for e in check([short]).errors] == ["bad"]

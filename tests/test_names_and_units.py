@@ -310,7 +310,7 @@ def test_si_units_do_not_import_pint():
     """Its import takes longer than that of the rest."""
     line = (
         "import sys; from proofmass.sidecar import load_case; from proofmass.validate import "
-        "validate; validate(load_case('models/linkages/hacksaw_recorded.toml')); "
+        "validate_case; validate_case(load_case('models/linkages/hacksaw_recorded.toml')); "
         "sys.exit('pint' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", line], check=True, cwd=MODELS.parent)

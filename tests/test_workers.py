@@ -45,7 +45,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     for kind, name in ((mujoco.MjModel, "from_xml_path"), (mujoco.MjSpec, "from_file")):
         monkeypatch.setattr(kind, name, staticmethod(partial(noted, getattr(kind, name))))
-    for module, name in ((reference, "call"), (planar, "solve")):
+    for module, name in ((reference, "call_reference"), (planar, "solve")):
         monkeypatch.setattr(module, name, lambda *_, **__: pytest.fail("a reference was evaluated"))
     return files
 
