@@ -495,10 +495,10 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
 
 def test_a_run_of_a_refinement_is_held_by_its_errors_alone(short, monkeypatch):
     case = load_validated(short)
-    monkeypatch.setattr(CHECK, "run_solver", lambda *task, hold: (task, hold))
-    task, hold = run_task((case, "dynamics", "mujoco"), detectable=False)
+    monkeypatch.setattr(CHECK, "run_solver", lambda *task, compare_curves: (task, compare_curves))
+    task, compared = run_task((case, "dynamics", "mujoco"), detectable=False)
     assert task == (case, "dynamics", "mujoco")
-    assert (hold.func, hold.keywords) == (compare, {"detectable": False})
+    assert (compared.func, compared.keywords) == (compare, {"detectable": False})
     assert run_task(finer(case, 2, None)) == ((case, "dynamics", "mujoco"), refined_errors)
 
 

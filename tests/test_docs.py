@@ -222,6 +222,15 @@ def test_the_script_on_the_page_runs(capsys: pytest.CaptureFixture[str]) -> None
     assert "theta3 agrees" in channels[0]
 
 
+def test_names_in_the_architecture_are_those_of_the_files() -> None:
+    found = re.findall(r"`(\w+)` (?:of|in) `(proofmass/[\w/]+\.py)`", page("architecture"))
+    assert len(found) > 5
+    for name, file in found:
+        assert re.search(
+            rf"^(?:(?:def|class) )?{name}\b", (ROOT / file).read_text(), re.MULTILINE
+        ), f"{file} has no {name}"
+
+
 def test_public_names_are_on_the_page() -> None:
     told = re.findall(r"^::: proofmass\.(\w+)$", page("python"), re.MULTILINE)
     assert sorted(told) == sorted(proofmass.__all__)

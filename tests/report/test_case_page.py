@@ -229,7 +229,7 @@ def test_bodies_are_moved_by_what_is_measured(fourbar: Case) -> None:
         fourbar, lambda x: {"rocker": 1e-7 * np.cos(x), "coupler.angle": 3e-7 * np.sin(x)}
     )
     x, away = found.picture.x, found.away["mujoco"]
-    # the loops pull with the square of `LOOPS`, 1e-6 of it
+    # the loops pull with the square of `LOOP_WEIGHT`, 1e-6 of it
     assert away[:, names.index("rocker"), 2] == pytest.approx(1e-7 * np.cos(x), abs=1e-12)
     assert away[:, names.index("coupler"), 2] == pytest.approx(3e-7 * np.sin(x), abs=1e-12)
     assert away[:, names.index("crank")] == pytest.approx(0.0, abs=1e-12)  # the drive holds it

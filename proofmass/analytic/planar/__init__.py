@@ -700,7 +700,7 @@ def interaction_curves(
 
 @dataclass(frozen=True)
 class LinkageAtRest:
-    """A planar linkage whose drives leave degrees of freedom, for `equilibrium.Resting`.
+    """A planar linkage whose drives leave degrees of freedom, for `EquilibriumSolver`.
 
     Raises
     ------

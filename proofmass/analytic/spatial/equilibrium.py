@@ -15,7 +15,7 @@ from proofmass.analytic.stops import Stop, make_stops
 
 @dataclass(frozen=True)
 class TreeAtRest:
-    """A tree whose drives leave degrees of freedom, for `equilibrium.Resting`.
+    """A tree whose drives leave degrees of freedom, for `EquilibriumSolver`.
 
     Attributes
     ----------

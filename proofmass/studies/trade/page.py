@@ -334,7 +334,7 @@ def page_data(
     rows, verdicts : sequence of StudyRow, sequence of Verdict
         The settings of that run, and the verdicts on its series.
     looks : mapping of (str, str) to Look
-        The look of each series, from `figure.dressed`.
+        The look of each series, from `figure.series_looks`.
     tones : mapping of str to Tone
         Tones of the colours of these looks, for light and dark pages.
     spread : float
