@@ -227,7 +227,7 @@ def test_names_in_the_architecture_are_those_of_the_files() -> None:
     assert len(found) > 5
     for name, file in found:
         assert re.search(
-            rf"^(?:(?:def|class) )?{name}\b", (ROOT / file).read_text(), re.MULTILINE
+            rf"^ *(?:(?:def|class) )?{name}\b", (ROOT / file).read_text(), re.MULTILINE
         ), f"{file} has no {name}"
 
 

@@ -418,7 +418,8 @@ def test_a_rest_is_guessed_by_a_polynomial_through_the_ones_before_it():
 def test_moments_have_their_sign_beside_where_they_vanish(tmp_path):
     """Chipmunk tells their size alone: a bar that is held, just before and behind its top.
 
-    Within 1e-7 rad of the top the effort is less than `FORCE_REDUCTION` of the largest: the drive lets go.
+    Within 1e-7 rad of the top the moment is less than `FORCE_REDUCTION` of the largest: the drive
+    lets go.
     """
     x = np.pi / 2 + np.array([-1.0, -1e-3, -1e-9, 1e-9, 1e-3, 1.0])
     bar = (
