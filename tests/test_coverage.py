@@ -52,6 +52,7 @@ from proofmass.explain import format_coverage, format_not_noticed, name_numbers,
 from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.sidecar import load_case
 from proofmass.sim.elements import Number, Place
+from proofmass.sim.numbers import NUMBER_KINDS
 from proofmass.sim.protocol import BadModel
 from proofmass.solve import solve
 from proofmass.terminal import failure_lines
@@ -271,6 +272,13 @@ def writable(case: Case, one: Finding) -> bool:
         body = ElementTree.fromstring(text).find(f".//body[@name='{name}']")
         return body is not None and (body.find("inertial") is not None or not body.findall("geom"))
     return one.kind not in ("range", "softness of the stop") and not one.of[-1:].isdigit()
+
+
+@pytest.mark.parametrize("kind", [kind for kind in NUMBER_KINDS if "of a rod" in kind])
+def test_numbers_of_several_rods_have_a_plural(kind):
+    found = [Finding(kind, name, "1", 1.0, 0.1, False) for name in ("a", "b")]
+    assert "of the rods" in name_numbers(kind, found)
+    assert "a rod" not in name_numbers(kind, found)
 
 
 def test_the_fourbar_leaves_the_inertia_of_its_steady_crank_unchecked(tmp_path):

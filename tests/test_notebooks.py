@@ -18,9 +18,9 @@ import pytest
 
 import proofmass
 from benchmarks.notebooks import NAMES, NOTEBOOKS, answers, cells, executed, explored
-from proofmass import Explorer, InputError, as_html, compare, load_case, solve
+from proofmass import Comparison, Explorer, InputError, as_html, compare, load_case, solve
 from proofmass.outcome import Outcome
-from proofmass.report.explorer import MISSING_IPYWIDGETS
+from proofmass.report.explorer import MISSING_IPYWIDGETS, worst_comparisons
 from tests.shipped import shipped
 
 METADATA = {
@@ -276,3 +276,18 @@ def test_a_notebook_runs(name: str) -> None:
         assert int(count[1]) == len(PRINTED[LOGS[name]]["steps"])
     if name == "hacksaw":
         assert outputs["log"][0]["text"].startswith("5 iterations")  # as the report has it
+
+
+def test_the_worst_comparison_of_a_solver_is_shown():
+    """Also where an error is no number, nothing is allowed, or no tolerance is given."""
+
+    def row(error: float, allowed: float, channel: str, outcome: str = "differs") -> Comparison:
+        return Comparison(
+            "a", "mujoco", "sweep", channel, "m", error, allowed=allowed, outcome=outcome
+        )
+
+    for worst in (row(9.0, 1.0, "w"), row(np.nan, 1.0, "w"), row(1.0, 0.0, "w")):
+        rows = [row(2.0, 1.0, "a"), worst, row(3.0, 1.0, "b")]
+        assert [found.channel for found in worst_comparisons(rows)] == ["w"]
+    rows = [row(1.0, np.nan, "a", "unchecked"), row(2.0, 1.0, "b"), row(0.1, 1.0, "c", "agrees")]
+    assert worst_comparisons(rows) == rows

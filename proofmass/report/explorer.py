@@ -418,11 +418,17 @@ def svg_line(points: Array, colour: str, width: float, dash: str = "", opacity: 
 
 
 def worst_comparisons(rows: Sequence[Comparison]) -> list[Comparison]:
-    """Return for each solver and outcome the comparison that is nearest to its limit."""
-    found: dict[tuple[str, str], Comparison] = {}
+    """Return for each solver and outcome the comparison with the largest share of its tolerance.
+
+    An error that is not a number, or that nothing is allowed of, is larger than any other.
+    """
+    groups: dict[tuple[str, str], list[Comparison]] = {}
     for row in rows:
-        key = row.solver, row.outcome
-        ratio = row.error_max / row.allowed if row.allowed else np.inf
-        if key not in found or ratio > found[key].error_max / (found[key].allowed or np.inf):
-            found[key] = row
-    return list(found.values())
+        groups.setdefault((row.solver, row.outcome), []).append(row)
+    return [max(group, key=share_of_allowed) for group in groups.values()]
+
+
+def share_of_allowed(row: Comparison) -> float:
+    """The error of a comparison over its tolerance; infinite if either gives no number."""
+    share = row.error_max / row.allowed if row.allowed else np.inf
+    return np.inf if np.isnan(share) else share

@@ -30,6 +30,7 @@ from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
 from proofmass.sim.rods import Chain, RodPose, rod_channels, rod_curves
 
+NO_MOTION = "nothing moves in an equilibrium run: it has no rates and no accelerations"
 ACCELERATION_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
 NO_ACCELERATIONS = (
     "springs, weights or joint limits determine the pose: an equilibrium has no accelerations"
@@ -144,9 +145,7 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     linkage.check_limits()
     sensors = tuple(c for c in run.channels if c not in rod_channels(run))
     record = Recorder(model, data, sensors, 1)
-    missing = withhold_interactions(record) | withhold_stage(
-        record, VELOCITY_STAGE, NO_ACCELERATIONS
-    )
+    missing = withhold_interactions(record) | withhold_stage(record, VELOCITY_STAGE, NO_MOTION)
     mujoco.mj_forward(model, data)
     data.qvel[:] = data.qacc[:] = 0.0
     moments = linkage.balance_forces(tangent, bool(interaction_indices(record)))

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, root
 
+from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import BadModel, Curves, Drive, Run, Unsupported
+from proofmass.solve import solve_here
 
 G = 10.0
 RATE = Drive("a", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
@@ -420,6 +422,17 @@ def test_a_sweep_stops_where_a_joint_that_the_drive_moves_leaves_its_range(sweep
     )
     assert curves.x.tolist() == [0.0, 0.1, 0.2]  # b is on the end of its range there
     assert curves.stopped == "joint 'b' is beyond its range at a = 0.3"
+
+
+def test_an_equilibrium_has_no_rates(models):
+    case = load_case(models / "rod_pinned.toml")
+    text = case.model_path.read_text()
+    joint = '<jointvel name="speed" joint="rod.1"/>'
+    case.model_path.write_text(text.replace("</sensor>", joint + "</sensor>", 1))
+    speed = case.channels["rod.angle"].model_copy(update={"unit": "rad/s"})
+    changed = case.model_copy(update={"channels": {**case.channels, "speed": speed}})
+    curves = solve_here(changed, "equilibrium", "mujoco")
+    assert curves.missing["speed"].startswith("nothing moves in an equilibrium run")
 
 
 @pytest.mark.parametrize("stage", ['needstage="acc"', 'needstage="pos"'])
