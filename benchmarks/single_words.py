@@ -23,9 +23,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             names[kind].append(name)
     for kind, found in names.items():
         single = sum("_" not in name.strip("_") for name in found)
-        print(
-            f"{kind}: {single} of {len(found)} have a single word, {100 * single / len(found):.0f} %"
-        )
+        share = 100 * single / len(found)
+        print(f"{kind}: {single} of {len(found)} have a single word, {share:.0f} %")
 
 
 def definitions(file: Path) -> Iterator[tuple[str, str]]:
