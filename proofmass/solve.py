@@ -365,7 +365,7 @@ def solve_here(case: Case, kind: Kind, solver: str) -> Curves:
 
 
 def call_engine(engine: str, model: Path, run: Run) -> Curves:
-    """Call an engine's ``call_engine``; an unexpected exception becomes a crash of the run."""
+    """Call an engine's ``simulate``; an unexpected exception becomes a crash of the run."""
     try:
         return engine_of(engine).simulate(model, run)
     except NoEngine as error:

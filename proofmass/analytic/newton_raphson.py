@@ -202,6 +202,7 @@ def newton_raphson(
 
 
 def _newton_step(jacobian: Array, right: Array) -> Array:
+    """Solve J dq = `right`; of a Jacobian that is not square in the sense of least squares."""
     square = jacobian.shape[0] == jacobian.shape[1]
     step = np.linalg.solve(jacobian, right) if square else np.linalg.lstsq(jacobian, right)[0]
     return np.asarray(step, float)

@@ -295,7 +295,7 @@ def _arm(
 def _rod_direction(
     separation: ComplexPoints, rounding: float, a1: Array, a2: Array
 ) -> ComplexPoints:
-    """Unit vectors along D, or a ValueError where D vanishes."""
+    """Unit vectors along the rod, from its ends' separation D; ValueError where D vanishes."""
     distance = np.abs(separation)
     if not distance.min(initial=np.inf) > rounding:
         bad = np.argmin(distance > rounding)

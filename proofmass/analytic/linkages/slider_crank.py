@@ -356,7 +356,7 @@ def _close_loop(
     mode: int,
     rounding: float,
 ) -> tuple[Array, "tuple[_Root, _Root]"]:
-    """Part q of the coupler along the guide, with its two roots; or ValueError if it misses.
+    """The component q of the coupler along the guide; ValueError if the coupler misses the guide.
 
     q is mode times the product of the roots of c - h and c + h.
     """

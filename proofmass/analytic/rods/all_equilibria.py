@@ -73,7 +73,7 @@ POSE_BOUND_SAMPLES = 20001  # values of alpha up to there
 
 
 def bound_by_pose(s: RodState, modes: Sequence[int]) -> float:
-    """alpha = L sqrt(R/EI) that no rod of any equilibrium exceeds, by one pose; inf if unknown."""
+    """A bound of alpha = L sqrt(R/EI) of all rods in any equilibrium, by one pose; inf if unknown."""
     a, clamp = s.assembly, clamps_and_forces(s)[1]
     away = np.abs(clamp - clamp.mean()) + np.abs(a.arm)
     slack = a.length - away
@@ -721,7 +721,7 @@ def solve_starts(s: RodState, chart: Array, pose: Array) -> tuple[Array, Array]:
 
 
 def step_lengths(s: RodState, x: Array, step: Array) -> Array:
-    """Lengths of steps (2 k + p, n) over the longest ones that are allowed.
+    """Lengths of Newton steps (2 k + p, n) as shares of the longest step that is allowed.
 
     A large alpha may change by `MAX_STEP_SHARE` of itself, if q changes with it so that the loops
     keep their places.  The length of a step of q is therefore that of the change of alpha - n K,

@@ -182,7 +182,7 @@ def pinned_waves() -> list[float]:
 def straight_column_lines(
     loads: list[float], max_ratio: float = MAX_LOAD_RATIO
 ) -> Iterator[ChartLine]:
-    """Lines of the straight column, with one more negative direction from each critical load on."""
+    """Chart lines of the straight column; each critical load adds an unstable direction."""
     load = np.linspace(0.0, max_ratio, STRAIGHT_POINTS) * critical()
     return stability_lines(
         0.0 * load, load, (load[:, None] > loads).sum(axis=1), "straight", max_ratio

@@ -464,7 +464,7 @@ class NewtonSolution(NamedTuple):
 def newton(
     s: RodState, free: Columns, max_distance: ArrayLike = MAX_DISTANCE_FROM_GUESS
 ) -> tuple[RodState, Array]:
-    """The states that `close_states` finds, and the distance of each from its first guess."""
+    """Find closed and balanced states by Newton's method, and their distances from guesses `s`."""
     found = close_states(s, free, max_distance)
     return found.states, found.moved
 

@@ -173,7 +173,7 @@ def equilibria_panel(found: Solutions, which: NDArray[np.intp]) -> Panel:
 
 
 def posture_line(found: Solutions, i: int, rank: int) -> ChartLine:
-    """Line of one equilibrium, from one clamp along both rods to the other."""
+    """Chart line of equilibrium number `i`: both rods, from clamp to clamp."""
     x, y = (
         np.append(one[0], one[1, -2::-1])
         for one in found.state[i].shape(np.linspace(0.0, 1.0, DRAWN_POINTS))[:2]

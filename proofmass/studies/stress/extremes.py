@@ -241,7 +241,7 @@ def try_size(stressed: StressedCase, smallest_size: float, factor: float) -> Tri
 
 
 def find_size_failure(measurement: Measurement, unscaled: Measurement, run: Kind) -> Failure | None:
-    """The failure of a run at another size, or None.
+    """The failure of a run of a scaled mechanism, judged by the run at its own size; None if none.
 
     By dimensional analysis the errors, as shares of ranges, do not depend on the size.  An error
     ten times as large shows another curve; smaller differences are rounding.

@@ -431,7 +431,7 @@ def measure_or_read(task: StudyRun, store: Store, timeout: float = RUN_TIMEOUT) 
 
 
 def measure_untimed(task: StudyRun, timeout: float) -> Measurement:
-    """Make a run; if it fails, the measurement has its outcome alone."""
+    """Make a run that is not timed; the measurement of a failed run has only its outcome."""
     found = measure(observe, task, False, None, timeout=timeout)
     return attribute_timeout(task, found) if found.outcome == Outcome.TIMED_OUT else found
 

@@ -557,7 +557,7 @@ def repeats_another(family: SettingFamily, every: Iterable[SettingFamily], error
 def coincides_with_another(
     family: SettingFamily, every: Iterable[SettingFamily], error_kind: str, step: float
 ) -> bool:
-    """Whether an earlier family has the same setting at this step, and at a step that it has run.
+    """Whether an earlier family is the same as this one: at this step, and at a step that it ran.
 
     Parameters that depend on the step may be bounded, so that several families meet at the bound.
     """

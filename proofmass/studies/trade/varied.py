@@ -23,7 +23,10 @@ MAX_FORCE_EVALUATIONS = (
 
 
 def setting_size(engine: str, varied: str, value: ParameterValue) -> float:
-    """Quantity with which errors should fall: a time step or constant [s], a share, a length."""
+    """The size of a setting with which errors should fall, such as its time step [s].
+
+    For other varied parameters it is a time constant [s], a share or a length: the engine says.
+    """
     try:
         return engine_of(engine).size(varied, value)
     except NoEngine:  # the table may come from a machine with other engines
