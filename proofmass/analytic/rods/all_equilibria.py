@@ -73,7 +73,7 @@ POSE_BOUND_SAMPLES = 20001  # values of alpha up to there
 
 
 def bound_by_pose(s: RodState, modes: Sequence[int]) -> float:
-    """A bound of alpha = L sqrt(R/EI) of all rods in any equilibrium, by one pose; inf if unknown."""
+    """A bound of alpha = L sqrt(R/EI) of all rods in equilibrium, by one pose; inf if unknown."""
     a, clamp = s.assembly, clamps_and_forces(s)[1]
     away = np.abs(clamp - clamp.mean()) + np.abs(a.arm)
     slack = a.length - away

@@ -189,7 +189,7 @@ def _make_link_constraints(
     bodies: list[pymunk.Body],
     joint: LinkJoint | None = None,
 ) -> list[pymunk.Constraint]:
-    """Make Chipmunk's constraints for a pin or slide; limits of its joint come first in the list."""
+    """Make Chipmunk's constraints for a pin or slide; limits of its joint come first."""
     a, b = bodies[constraint.a], bodies[constraint.b]
     limits = tuple(e - joint.value for e in joint.limits) if joint and joint.limits else None
     if constraint.axis is None:
