@@ -22,7 +22,7 @@ from proofmass.reference import (
     ComparedCurves,
     assembly_modes,
     compiled_model,
-    drive_laws,
+    drive_profiles,
     evaluate,
     load_reference,
     properties,
@@ -449,7 +449,11 @@ class RunReference:
             changeable_parameters(case),
         )
         self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
-        drives = () if curves.drive is None else [Drive("", law) for law in drive_laws(case, run)]
+        drives = (
+            ()
+            if curves.drive is None
+            else [Drive("", profile) for profile in drive_profiles(case, run)]
+        )
         self.state = Run(run, curves.x, (), tuple(drives)).motion(curves.x) if drives else None
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}

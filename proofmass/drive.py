@@ -80,7 +80,7 @@ class InProportion:
 
 
 @dataclass(frozen=True)
-class FunctionLaw:
+class FunctionProfile:
     """A function of time from a reference module, such as a motor profile.
 
     A function for several drives returns arrays (drives, n), of which this drive has one `row`.
@@ -173,7 +173,7 @@ def check_driven(run: Run, curves: Curves) -> None:
         )
 
 
-def motion_source(laws: Sequence[object], x: Array) -> str:
+def motion_source(profiles: Sequence[object], x: Array) -> str:
     """Write ``motion(t)``: values, rates and accelerations (drives, n) of drives at times (n,).
 
     The source uses NumPy as ``np``.  A profile that is not a formula is written as a table of
@@ -181,7 +181,7 @@ def motion_source(laws: Sequence[object], x: Array) -> str:
 
     Parameters
     ----------
-    laws : sequence of callable
+    profiles : sequence of callable
         See `proofmass.sim.protocol.Drive`.
     x : ndarray (n,)
         Times of the samples [s].
@@ -197,16 +197,16 @@ def motion_source(laws: Sequence[object], x: Array) -> str:
             np.array([2.0 * one]),
             np.array([0.0 * one]))
     """
-    if not laws:
+    if not profiles:
         return ""
-    formulas = [law_formula(law) for law in laws]
+    formulas = [profile_formula(profile) for profile in profiles]
     if all(formulas):
         parts = [", ".join(one[k] for one in formulas if one) for k in range(3)]
         return FORMULA_SOURCE.format(
             *parts, one=ONES_LINE if any("* one" in part for part in parts) else ""
         )
-    times = table_times(laws, x)
-    rows = np.array([np.broadcast_arrays(*law(times)) for law in laws])  # type: ignore[operator]
+    times = table_times(profiles, x)
+    rows = np.array([np.broadcast_arrays(*profile(times)) for profile in profiles])  # type: ignore[operator]
     return TABLE_SOURCE.format(
         times=format_numbers(times),
         rows=",\n".join(
@@ -248,28 +248,28 @@ def motion(t):
         (a + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2)'''
 
 
-def law_formula(law: object) -> tuple[str, str, str] | None:
+def profile_formula(profile: object) -> tuple[str, str, str] | None:
     """A profile as Python expressions of t: value, rate, acceleration; None if it is no formula."""
-    if isinstance(law, Steady) and law.x_is_time:
-        return f"{law.start!r} + {law.rate!r} * t", f"{law.rate!r} * one", "0.0 * one"
-    if isinstance(law, Swing):
-        half, w = 0.5 * (law.to - law.start), 2 * math.pi / law.period
+    if isinstance(profile, Steady) and profile.x_is_time:
+        return f"{profile.start!r} + {profile.rate!r} * t", f"{profile.rate!r} * one", "0.0 * one"
+    if isinstance(profile, Swing):
+        half, w = 0.5 * (profile.to - profile.start), 2 * math.pi / profile.period
         return (
-            f"{law.start!r} + {half!r} * (1 - np.cos({w!r} * t))",
+            f"{profile.start!r} + {half!r} * (1 - np.cos({w!r} * t))",
             f"{half * w!r} * np.sin({w!r} * t)",
             f"{half * w**2!r} * np.cos({w!r} * t)",
         )
-    if isinstance(law, InProportion) and (leader := law_formula(law.leader)):
+    if isinstance(profile, InProportion) and (leader := profile_formula(profile.leader)):
         value, rate, acceleration = leader
         return (
-            f"{law.start!r} + {law.ratio!r} * ({value} - {law.origin!r})",
-            f"{law.ratio!r} * ({rate})",
-            f"{law.ratio!r} * ({acceleration})",
+            f"{profile.start!r} + {profile.ratio!r} * ({value} - {profile.origin!r})",
+            f"{profile.ratio!r} * ({rate})",
+            f"{profile.ratio!r} * ({acceleration})",
         )
     return None
 
 
-def table_times(laws: Sequence[object], x: Array) -> Array:
+def table_times(profiles: Sequence[object], x: Array) -> Array:
     """Times of a table of profiles.
 
     They are so dense that half way between two of them no profile is off by more than
@@ -279,10 +279,10 @@ def table_times(laws: Sequence[object], x: Array) -> Array:
     while times.size < MAX_TABLE_ROWS:
         middle = 0.5 * (times[:-1] + times[1:])
         off = 0.0
-        for law in laws:
-            value, rate, acceleration = np.broadcast_arrays(*law(times))  # type: ignore[operator]
+        for profile in profiles:
+            value, rate, acceleration = np.broadcast_arrays(*profile(times))  # type: ignore[operator]
             spline = quintic_spline(times, value, rate, acceleration)
-            exact = np.broadcast_to(law(middle)[0], middle.shape)  # type: ignore[operator]
+            exact = np.broadcast_to(profile(middle)[0], middle.shape)  # type: ignore[operator]
             span = float(np.ptp(value)) or 1.0
             off = max(off, float(np.abs(spline(middle) - exact).max()) / span)
         if off <= TABLE_TOLERANCE:

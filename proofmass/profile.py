@@ -21,7 +21,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import ProfileTable
-from proofmass.drive import DriveState, format_numbers, law_formula, quintic_spline, table_times
+from proofmass.drive import DriveState, format_numbers, profile_formula, quintic_spline, table_times
 from proofmass.errors import InputError
 from proofmass.recorded import (
     MIN_ROWS,
@@ -32,14 +32,14 @@ from proofmass.recorded import (
     read_table,
 )
 
-LAWS_IN_MEMORY = 16  # profiles in memory
+PROFILES_IN_MEMORY = 16  # profiles in memory
 MIN_SPLINE_ROWS = 4  # smallest number of rows of a spline; any table has at least two rows
 JUMP_STEEPNESS = 10.0  # times the neighbouring slopes: a steeper change from row to row is a jump
 SMALLEST_JUMP = 1e-6  # of the range: a smaller change is no jump
 
 
 @dataclass(frozen=True)
-class SampledLaw:
+class SampledProfile:
     """A drive that follows a piecewise polynomial.
 
     Attributes
@@ -81,8 +81,10 @@ class SampledLaw:
     def scalar(self) -> Callable[[float], float]:
         """The value only, as a function of one time [s].
 
-        >>> law = SampledLaw(np.array([0.0, 1.0, 3.0]), np.array([[2.0, -1.0], [0.0, 2.0]]), "", "")
-        >>> [law.scalar()(t) for t in (0.5, 1.0, 2.0)], law(np.array([0.5, 1.0, 2.0]))[0].tolist()
+        >>> pieces = np.array([[2.0, -1.0], [0.0, 2.0]])
+        >>> profile = SampledProfile(np.array([0.0, 1.0, 3.0]), pieces, "", "")
+        >>> times = [0.5, 1.0, 2.0]
+        >>> [profile.scalar()(t) for t in times], profile(np.array(times))[0].tolist()
         ([1.0, 2.0, 1.0], [1.0, 2.0, 1.0])
         """
         times, pieces = self.times.tolist(), self.pieces.T.tolist()
@@ -108,9 +110,9 @@ class SampledLaw:
         return bool(x[0] >= self.times[0] - near and x[-1] <= self.times[-1] + near)
 
 
-def law_of_profile(
+def make_sampled_profile(
     folder: Path, profile: ProfileTable, start: float, unit: str, *others: str
-) -> SampledLaw:
+) -> SampledProfile:
     """Make the profile of a drive, or of the control of a load, from rows.
 
     Parameters
@@ -131,13 +133,13 @@ def law_of_profile(
         A column does not exist, or measures something else; the message names it.
     """
     if profile.file is None:
-        return law_of_table(profile, start, unit)
+        return profile_of_table(profile, start, unit)
     file = folder / profile.file
     changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return law_of_file(file, changed, profile, start, unit, *others)
+    return profile_of_file(file, changed, profile, start, unit, *others)
 
 
-def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
+def profile_of_table(profile: ProfileTable, start: float, unit: str) -> SampledProfile:
     """Make a profile from rows that stand in the sidecar.
 
     Raises
@@ -154,7 +156,9 @@ def law_of_table(profile: ProfileTable, start: float, unit: str) -> SampledLaw:
         )
     si = unit if kind == "value" else f"{unit}/s"
     pieces, words = make_pieces(times, values, profile, start, si)
-    return SampledLaw(piece_times(times, profile), pieces, "the table", f"{profile.words}, {words}")
+    return SampledProfile(
+        piece_times(times, profile), pieces, "the table", f"{profile.words}, {words}"
+    )
 
 
 def piece_times(times: Array, profile: ProfileTable) -> Array:
@@ -170,7 +174,7 @@ def piece_times(times: Array, profile: ProfileTable) -> Array:
 
 
 def last_time(folder: Path, profile: ProfileTable) -> float:
-    """The last time of rows that a drive follows [s]; it raises what `law_of_profile` raises."""
+    """The last time of rows that a drive follows [s]; it raises as `make_sampled_profile` does."""
     if profile.file is None:
         return float(cast(tuple[float, ...], profile.time)[-1])
     table = read_table(folder / profile.file)
@@ -185,11 +189,11 @@ def time_column(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
     return clock
 
 
-@lru_cache(LAWS_IN_MEMORY)
-def law_of_file(
+@lru_cache(PROFILES_IN_MEMORY)
+def profile_of_file(
     file: Path, changed: int, profile: ProfileTable, start: float, unit: str, *others: str
-) -> SampledLaw:
-    """Do what `law_of_profile` does for a file that was last changed at `changed`; a cache."""
+) -> SampledProfile:
+    """Do what `make_sampled_profile` does, for a file last changed at `changed`; a cache."""
     table = read_table(file)
     kind, column = profile.given
     assert isinstance(column, RecordedColumn)
@@ -209,7 +213,7 @@ def law_of_file(
             f"{advise_on_jump(kind, unit, values[k + 1] - values[k])}",
         )
     pieces, words = make_pieces(times, values, profile, start, si)
-    return SampledLaw(
+    return SampledProfile(
         piece_times(times, profile),
         pieces,
         file.name,
@@ -303,7 +307,7 @@ def piecewise(t, times, pieces):
 '''
 
 
-def controls_source(laws: Sequence[object], x: Array) -> str:
+def controls_source(profiles: Sequence[object], x: Array) -> str:
     """Write ``controls(t)``: controls (loads, n) of changing loads at times (n,).
 
     The source uses NumPy as ``np``.  Rows are joined as in the profile, by straight lines or by
@@ -312,7 +316,7 @@ def controls_source(laws: Sequence[object], x: Array) -> str:
 
     Parameters
     ----------
-    laws : sequence of callable
+    profiles : sequence of callable
         See `proofmass.sim.protocol.ChangingLoad`.
     x : ndarray (n,)
         Times of the samples [s].
@@ -327,25 +331,25 @@ def controls_source(laws: Sequence[object], x: Array) -> str:
             1.0 + 0.5 * (0.0 + 2.0 * t - 0.0),
         ])
     """
-    if not laws:
+    if not profiles:
         return ""
-    rows = [control_source(law, x) for law in laws]
+    rows = [control_source(profile, x) for profile in profiles]
     text = CONTROLS_SOURCE.format(rows="".join(f"        {row},\n" for row in rows))
     return (PIECEWISE_SOURCE if any(row.startswith("piecewise(") for row in rows) else "") + text
 
 
-def control_source(law: object, x: Array) -> str:
+def control_source(profile: object, x: Array) -> str:
     """A profile as a Python expression of t."""
-    if found := law_formula(law):
+    if found := profile_formula(profile):
         return found[0]
-    if isinstance(law, SampledLaw):
-        times, pieces = law.times, law.pieces
+    if isinstance(profile, SampledProfile):
+        times, pieces = profile.times, profile.pieces
     else:
-        times = table_times([law], x)
-        value, rate, bend = np.broadcast_arrays(*law(times))  # type: ignore[operator]
+        times = table_times([profile], x)
+        value, rate, bend = np.broadcast_arrays(*profile(times))  # type: ignore[operator]
         pieces = quintic_spline(times, value, rate, bend).c
     if len(pieces) == 2:
-        last = law(times[-1:])[0]  # type: ignore[operator]
+        last = profile(times[-1:])[0]  # type: ignore[operator]
         return (
             f"np.interp(t, {indent_numbers(times)}, {indent_numbers(np.append(pieces[1], last))})"
         )

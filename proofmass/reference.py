@@ -20,10 +20,10 @@ from proofmass.analytic import REFERENCES
 from proofmass.analytic.numerics import Array, NotCovered
 from proofmass.analytic.remember import call_once
 from proofmass.case import Case, ProfileTable
-from proofmass.drive import DriveState, FunctionLaw, InProportion, Samples, Steady, Swing
+from proofmass.drive import DriveState, FunctionProfile, InProportion, Samples, Steady, Swing
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error, suggest_names
-from proofmass.profile import SampledLaw, last_time, law_of_profile
+from proofmass.profile import SampledProfile, last_time, make_sampled_profile
 from proofmass.recorded import Recorded, read_recorded
 from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sim.contents import channel_names, joints
@@ -42,7 +42,7 @@ from proofmass.sim.smooth import SmoothTerms
 from proofmass.strict import Kind
 from proofmass.units import same_quantity, si_unit
 
-DriveLaw = InProportion | FunctionLaw | SampledLaw | Samples | Steady | Swing
+DriveProfile = InProportion | FunctionProfile | SampledProfile | Samples | Steady | Swing
 DRIVE_PREFIX, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of the prescribed motion of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
 CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
@@ -148,18 +148,18 @@ def run_samples(case: Case, kind: Kind) -> Array:
     return np.linspace(0.0, (last - first) / leader.speed, n)
 
 
-def drive_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
+def drive_profiles(case: Case, kind: Kind) -> tuple[DriveProfile, ...]:
     """The motion profiles of a run, one for each drive; none for a free motion."""
-    return tuple(drive_law(case, kind, k) for k in range(len(case.drive)))
+    return tuple(drive_profile(case, kind, k) for k in range(len(case.drive)))
 
 
-def drive_law(case: Case, kind: Kind, k: int) -> DriveLaw:
+def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
     """The motion profile of drive number k."""
     drive, reference, leader = case.drive[k], load_reference(case), case.drive[0]
     if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
     if isinstance(drive.profile, ProfileTable):
-        return sampled_drive_law(case, k)
+        return sampled_drive_profile(case, k)
     if drive.profile is not None or drive.to is None:
         if isinstance(reference, Recorded):
             key = case.drive_key(k, "profile")
@@ -189,45 +189,47 @@ def drive_law(case: Case, kind: Kind, k: int) -> DriveLaw:
                     f"{teller.profile}() has no such parameter; "
                     f"{suggest_names(name, names, 'known')}",
                 )
-        return FunctionLaw(function, dict(teller.parameters), k if shared else None)
+        return FunctionProfile(function, dict(teller.parameters), k if shared else None)
     if k:
         ratio = (drive.to - drive.start) / (float(leader.to or 0.0) - leader.start)
-        return InProportion(drive_law(case, kind, 0), leader.start, ratio, drive.start)
+        return InProportion(drive_profile(case, kind, 0), leader.start, ratio, drive.start)
     if drive.period:
         return Swing(drive.start, drive.to, drive.period)
     return Steady(drive.start, drive.speed, x_is_time=kind == "dynamics")
 
 
-def sampled_drive_law(case: Case, k: int) -> SampledLaw:
+def sampled_drive_profile(case: Case, k: int) -> SampledProfile:
     """The motion profile of drive number k, which follows the rows of a file."""
     drive = case.drive[k]
     unit = joints(compiled_model(case)).get(drive.joint) or "rad"
-    return read_profile(case, k, law_of_profile, case.file.parent, drive.profile, drive.start, unit)
+    return read_profile(
+        case, k, make_sampled_profile, case.file.parent, drive.profile, drive.start, unit
+    )
 
 
-def load_laws(case: Case, kind: Kind) -> tuple[DriveLaw, ...]:
+def load_profiles(case: Case, kind: Kind) -> tuple[DriveProfile, ...]:
     """The profiles of the controls of a run's changing loads, one for each load."""
-    return tuple(load_law(case, kind, k) for k in range(len(case.load)))
+    return tuple(load_profile(case, kind, k) for k in range(len(case.load)))
 
 
-def control_laws(case: Case, kind: Kind) -> dict[str, DriveLaw]:
-    """The profiles of `load_laws`, by the names of the actuators."""
+def control_profiles(case: Case, kind: Kind) -> dict[str, DriveProfile]:
+    """The profiles of `load_profiles`, by the names of the actuators."""
     names = (load.actuator for load in case.load)
-    return dict(zip(names, load_laws(case, kind), strict=True))
+    return dict(zip(names, load_profiles(case, kind), strict=True))
 
 
-def load_law(case: Case, kind: Kind, k: int) -> DriveLaw:
+def load_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
     """The profile of the control of load number k."""
     load = case.load[k]
     if load.profile is not None:
         try:
-            return law_of_profile(case.file.parent, load.profile, 0.0, *CONTROL_UNITS)
+            return make_sampled_profile(case.file.parent, load.profile, 0.0, *CONTROL_UNITS)
         except ValueError as error:
             raise InputError(case.file, case.load_key(k, "profile"), str(error)) from None
     way, leader = float(load.to or 0.0) - load.start, case.drive[0]
     if leader.to is not None:
         ratio = way / (leader.to - leader.start)
-        return InProportion(drive_law(case, kind, 0), leader.start, ratio, load.start)
+        return InProportion(drive_profile(case, kind, 0), leader.start, ratio, load.start)
     first, last = run_samples(case, kind)[[0, -1]].tolist()
     rate = way / (last - first)
     return Steady(load.start - rate * first, rate, x_is_time=True)
@@ -341,8 +343,8 @@ def prescribed_quantities(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
     """
     return {
         f"{DRIVE_PREFIX}{drive.joint}{part}": np.broadcast_to(values, np.shape(x))
-        for drive, law in zip(case.drive, drive_laws(case, kind), strict=True)
-        for part, values in zip(DRIVE_PARTS, law(np.asarray(x, float)), strict=True)
+        for drive, profile in zip(case.drive, drive_profiles(case, kind), strict=True)
+        for part, values in zip(DRIVE_PARTS, profile(np.asarray(x, float)), strict=True)
     }
 
 
@@ -387,7 +389,7 @@ def call_reference(
     - ``model``, ``start``, ``joints``: the compiled MJCF, its start key and the driven joints;
     - ``inertia``: whether moments and forces include inertia;
     - ``only``: the quantities that are used, None for all;
-    - ``in_time``, ``control_laws``: in dynamics, the profiles of the drives and of the loads;
+    - ``in_time``, ``control_profiles``: in dynamics, the profiles of the drives and of the loads;
     - ``controls``, ``control_rates``, ``load_rates``: controls and scaled parameters along the run;
     - ``terms``: the terms of the equations of motion as MuJoCo computes them;
     - ``closely``: the sensors of the model's own motion, see `solve_closely`.
@@ -406,15 +408,17 @@ def call_reference(
         "terms": lambda: smooth_terms(compiled_model(case), case.start),
         "closely": lambda: partial(solve_closely, case, kind),
         "controls": lambda: {
-            name: law(np.asarray(x, float))[0] for name, law in control_laws(case, kind).items()
+            name: profile(np.asarray(x, float))[0]
+            for name, profile in control_profiles(case, kind).items()
         },
         "control_rates": lambda: {
-            name: law(np.asarray(x, float))[1] for name, law in control_laws(case, kind).items()
+            name: profile(np.asarray(x, float))[1]
+            for name, profile in control_profiles(case, kind).items()
         },
-        "control_laws": lambda: control_laws(case, kind) if kind == "dynamics" else {},
+        "control_profiles": lambda: control_profiles(case, kind) if kind == "dynamics" else {},
         "load_rates": dict,
         "in_time": lambda: (
-            (np.asarray(x, float), drive_laws(case, kind))
+            (np.asarray(x, float), drive_profiles(case, kind))
             if kind == "dynamics" and case.drive
             else None
         ),
@@ -462,7 +466,7 @@ def scale_parameters(
     takes = inspect.signature(reference.solve).parameters
     may = [name for name, p in takes.items() if name in parameters and p.annotation == ArrayLike]
     found, rates = dict(parameters), dict[str, Array]()
-    for k, (load, law) in enumerate(zip(case.load, load_laws(case, kind), strict=True)):
+    for k, (load, profile) in enumerate(zip(case.load, load_profiles(case, kind), strict=True)):
         reads = "controls" in takes or "closely" in takes
         if not may and not reads:
             raise InputError(
@@ -477,7 +481,7 @@ def scale_parameters(
                 f"missing: which parameters of {case.reference} the load multiplies; "
                 f"{suggest_names('', may, 'those of this case that may change')}",
             )
-        control, rate, _ = np.broadcast_arrays(*law(np.asarray(x, float)))
+        control, rate, _ = np.broadcast_arrays(*profile(np.asarray(x, float)))
         for name in load.scales:
             if name not in may:
                 raise InputError(
@@ -510,9 +514,9 @@ def solve_closely(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
 def solve_closely_with_evidence(case: Case, x: Array) -> tuple[dict[str, Array], str]:
     """All sensors at times x [s], and the evidence that the motion is known."""
     file = case.model_path
-    led = zip(case.drive, drive_laws(case, "dynamics"), strict=True)
-    drives = tuple(Drive(drive.joint, law) for drive, law in led)
-    loads = tuple(ChangingLoad(*one) for one in control_laws(case, "dynamics").items())
+    led = zip(case.drive, drive_profiles(case, "dynamics"), strict=True)
+    drives = tuple(Drive(drive.joint, profile) for drive, profile in led)
+    loads = tuple(ChangingLoad(*one) for one in control_profiles(case, "dynamics").items())
     inputs = pickle.dumps((drives, loads))
     return solve_closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes(), inputs)
 
@@ -555,7 +559,7 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
     if "motion" in asked:  # of the model itself
         model, kind = compiled_model(case), next(iter(case.run))
         x = run_samples(case, kind)
-        drives = [np.broadcast_arrays(*one(x)) for one in drive_laws(case, kind)]
+        drives = [np.broadcast_arrays(*one(x)) for one in drive_profiles(case, kind)]
         own = {
             "model": model,
             "start": case.start,
@@ -563,11 +567,11 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
             "motion": np.moveaxis(np.array(drives), 0, 1) if drives else x,
         }
         if "in_time" in asked and kind == "dynamics" and drives:
-            own["in_time"] = x, drive_laws(case, kind)
-        if "control_laws" in asked and kind == "dynamics":
-            own["control_laws"] = control_laws(case, kind)
+            own["in_time"] = x, drive_profiles(case, kind)
+        if "control_profiles" in asked and kind == "dynamics":
+            own["control_profiles"] = control_profiles(case, kind)
         elif "controls" in asked:
-            found = {name: one(x) for name, one in control_laws(case, kind).items()}
+            found = {name: one(x) for name, one in control_profiles(case, kind).items()}
             own["controls"] = {name: one[0] for name, one in found.items()}
             own["control_rates"] = {name: one[1] for name, one in found.items()}
     if "terms" in asked:

@@ -11,8 +11,8 @@ from proofmass.case import Case
 from proofmass.drive import check_driven
 from proofmass.engines import NoEngine, computes_curves, engine_names, engine_of
 from proofmass.errors import InputError, model_error, suggest_names
-from proofmass.profile import SampledLaw
-from proofmass.reference import compiled_model, drive_laws, load_laws, run_samples
+from proofmass.profile import SampledProfile
+from proofmass.reference import compiled_model, drive_profiles, load_profiles, run_samples
 from proofmass.sim.contents import (
     has_dry_friction,
     joint_of,
@@ -140,13 +140,14 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
         A motion profile cannot be evaluated, is not finite, or leads a joint out of its range.
     """
     drives = tuple(
-        Drive(d.joint, law) for d, law in zip(case.drive, drive_laws(case, kind), strict=True)
+        Drive(d.joint, profile)
+        for d, profile in zip(case.drive, drive_profiles(case, kind), strict=True)
     )
     channels = tuple(case.channels_of(kind))
     x, inertia = run_samples(case, kind), case.run[kind].inertia
     loads = tuple(
-        ChangingLoad(one.actuator, law)
-        for one, law in zip(case.load, load_laws(case, kind), strict=True)
+        ChangingLoad(one.actuator, profile)
+        for one, profile in zip(case.load, load_profiles(case, kind), strict=True)
     )
     run = Run(kind, x, channels, drives, case.start, {}, case.rods, inertia, loads)
     try:
@@ -156,7 +157,7 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
         raise
     except Exception as error:  # a function that the sidecar names may raise anything
         raise InputError(
-            case.file, "drive.parameters", f"the law of a drive cannot be evaluated: {error}"
+            case.file, "drive.parameters", f"the profile of a drive cannot be evaluated: {error}"
         ) from None
     return run
 
@@ -183,12 +184,12 @@ def check_drives(case: Case, run: Run) -> None:
         if drive.joint not in units:  # the engines report it, and list the joints
             continue
         values, unit = motion[0], units[drive.joint]
-        if isinstance(drive.law, SampledLaw) and not drive.law.covers(run.x):
-            first, last = drive.law.times[[0, -1]]
+        if isinstance(drive.profile, SampledProfile) and not drive.profile.covers(run.x):
+            first, last = drive.profile.times[[0, -1]]
             raise InputError(
                 case.file,
                 case.drive_key(k, "profile"),
-                f"{drive.law.file} goes from {first:.6g} to {last:.6g} s, the run from "
+                f"{drive.profile.file} goes from {first:.6g} to {last:.6g} s, the run from "
                 f"{run.x[0]:.6g} to {run.x[-1]:.6g} s; nothing is extrapolated: give more rows, or "
                 "an until within them",
             )
@@ -230,7 +231,7 @@ def check_loads(case: Case, run: Run) -> None:
             np.arange(x.size),
             x,
         )
-        rows = np.array(break_times(load.law for load in run.loads))
+        rows = np.array(break_times(load.profile for load in run.loads))
         x = np.union1d(x, rows[(rows >= x[0]) & (rows <= x[-1])])
     controls = run.controls(x)[0]
     names = [model.actuator(a).name for a in range(model.nactuator)]
@@ -252,13 +253,13 @@ def check_loads(case: Case, run: Run) -> None:
             )
         if why := fits(model, a):
             raise InputError(case.file, case.load_key(k, "actuator"), f"{load.actuator!r} {why}")
-        if isinstance(load.law, SampledLaw) and not load.law.covers(run.x):
+        if isinstance(load.profile, SampledProfile) and not load.profile.covers(run.x):
             raise InputError(
                 case.file,
                 case.load_key(k, "profile"),
-                f"{load.law.file} goes from {load.law.times[0]:.6g} to {load.law.times[-1]:.6g} s, "
-                f"the run from {run.x[0]:.6g} to {run.x[-1]:.6g} s; nothing is extrapolated: give "
-                "more rows, or an until within them",
+                f"{load.profile.file} goes from {load.profile.times[0]:.6g} to "
+                f"{load.profile.times[-1]:.6g} s, the run from {run.x[0]:.6g} to {run.x[-1]:.6g} "
+                "s; nothing is extrapolated: give more rows, or an until within them",
             )
         low, high = (
             model.actuator_ctrlrange[a]
@@ -349,17 +350,17 @@ def solve_here(case: Case, kind: Kind, solver: str) -> Curves:
     except BadModel as error:
         raise model_error(case.model_path, error) from None
     notes = [
-        f"{word} {name}: {law.words}"
-        for word, name, law in (
-            *(("drive", drive.joint, drive.law) for drive in run.drives),
-            *(("load", load.actuator, load.law) for load in run.loads),
+        f"{word} {name}: {profile.words}"
+        for word, name, profile in (
+            *(("drive", drive.joint, drive.profile) for drive in run.drives),
+            *(("load", load.actuator, load.profile) for load in run.loads),
         )
-        if isinstance(law, SampledLaw)
+        if isinstance(profile, SampledProfile)
     ]
     if notes:
         curves = replace(curves, notes=(*curves.notes, *notes))
     if run.drives and curves.drive is None and kind != "equilibrium":
-        return replace(curves, drive=run.motion(curves.x), by_law=True)
+        return replace(curves, drive=run.motion(curves.x), by_profile=True)
     check_driven(run, curves)
     return curves
 

@@ -39,7 +39,7 @@ OWN = (
     "only",
     "controls",
     "control_rates",
-    "control_laws",
+    "control_profiles",
     "in_time",
     "terms",
     "closely",

@@ -13,9 +13,9 @@ from proofmass.case import ProfileTable
 from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.errors import InputError
-from proofmass.profile import SampledLaw, law_of_profile
+from proofmass.profile import SampledProfile, make_sampled_profile
 from proofmass.recorded import RecordedColumn
-from proofmass.reference import all_quantities, drive_laws, evaluate, prescribed_quantities
+from proofmass.reference import all_quantities, drive_profiles, evaluate, prescribed_quantities
 from proofmass.sidecar import format_sidecar, load_case
 from proofmass.solve import plan_run, solve_here
 from tests.shipped import shipped
@@ -23,14 +23,16 @@ from tests.shipped import shipped
 TIMES = np.linspace(0.0, 2.0, 81)
 
 
-def law(folder: Path, start: float = 0.0, rows: np.ndarray | None = None, **table) -> SampledLaw:
+def law(
+    folder: Path, start: float = 0.0, rows: np.ndarray | None = None, **table
+) -> SampledProfile:
     """The law of a file with columns t, q, w: a sine and its rate, if no others are given."""
     if rows is None:
         rows = np.column_stack([TIMES, np.sin(3.0 * TIMES), 3.0 * np.cos(3.0 * TIMES)])
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
     folder = Path(mkdtemp(dir=folder))  # a file is read again if its time changed, by ticks
     (folder / "motor.csv").write_text("\n".join(["t [s],q [rad],w [rad/s]", *lines]) + "\n")
-    return law_of_profile(folder, ProfileTable(file="motor.csv", **table), start, "rad")
+    return make_sampled_profile(folder, ProfileTable(file="motor.csv", **table), start, "rad")
 
 
 @pytest.mark.parametrize(
@@ -79,7 +81,7 @@ def test_a_spline_is_of_fourth_order_and_says_how_near_it_is(tmp_path):
 def test_the_hacksaw_s_rows_lead_to_its_motor():
     """Straight between 1000 rows: 6.3e-6 rad of 6 pi, and a stair in the acceleration."""
     case = load_case(shipped("hacksaw_sampled.toml"))
-    (follow,) = drive_laws(case, "dynamics")
+    (follow,) = drive_profiles(case, "dynamics")
     t = np.linspace(0.0, follow.times[-1], 20_011)
     value, rate, acceleration = follow(t)
     wanted = motor(t)
@@ -228,7 +230,7 @@ def test_a_few_rows_are_the_corners_of_a_motion(tmp_path):
 def test_a_start_goes_with_a_rate(edit, models):
     edit("hacksaw_sampled.toml", 'joint = "crank"', 'joint = "crank"\nfrom = 0.25')
     case = load_case(models / "hacksaw_sampled.toml")
-    assert drive_laws(case, "dynamics")[0](np.zeros(1))[0] == 0.25
+    assert drive_profiles(case, "dynamics")[0](np.zeros(1))[0] == 0.25
     edit("hacksaw_sampled.toml", re.escape('rate = "w2", interpolation = "linear"'), 'value = "w2"')
     with pytest.raises(InputError, match="its value has a start"):
         load_case(models / "hacksaw_sampled.toml")

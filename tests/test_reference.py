@@ -21,8 +21,8 @@ from proofmass.reference import (
     assembly_modes,
     call_reference,
     compiled_model,
-    drive_law,
-    drive_laws,
+    drive_profile,
+    drive_profiles,
     evaluate,
     load_reference,
     properties,
@@ -177,7 +177,7 @@ def test_a_rest_is_sampled_along_the_shortest_rod_or_up_to_a_length():
 
 def moved(case, kind, k=0):
     """Values, rates and accelerations of a drive at `X`."""
-    return [np.broadcast_to(part, X.shape).tolist() for part in drive_law(case, kind, k)(X)]
+    return [np.broadcast_to(part, X.shape).tolist() for part in drive_profile(case, kind, k)(X)]
 
 
 def test_at_rest_all_drives_stay_where_they_begin():
@@ -190,7 +190,7 @@ def test_a_steady_drive_goes_with_time_in_a_duration_and_is_x_itself_in_a_sweep(
     case = driven({"from": 0.5, "to": 2.0, "rate": 3.0})
     assert moved(case, "dynamics") == [[0.5, 1.25, 3.5], [3.0] * 3, [0.0] * 3]
     assert moved(case, "sweep") == [[0.0, 0.25, 1.0], [3.0] * 3, [0.0] * 3]
-    assert drive_law(driven({"to": 2.0}), "dynamics", 0)(X)[1].tolist() == [1.0] * 3, (
+    assert drive_profile(driven({"to": 2.0}), "dynamics", 0)(X)[1].tolist() == [1.0] * 3, (
         "1 if none is given"
     )
 
@@ -200,10 +200,10 @@ def test_a_follower_keeps_its_share_of_the_leader_s_way():
     case = driven({"from": -2.0, "to": 0.0, "rate": 2.0}, {"from": 1.0, "to": 4.0})
     assert moved(case, "dynamics", 1) == [[1.0, 1.75, 4.0], [3.0] * 3, [0.0] * 3]
     assert moved(case, "sweep", 1) == [[4.0, 4.375, 5.5], [3.0] * 3, [0.0] * 3]  # leader at X
-    both = drive_laws(case, "dynamics")
+    both = drive_profiles(case, "dynamics")
     assert [float(one(X)[0][-1]) for one in both] == [0.0, 4.0]
-    assert [float(one(X)[0][-1]) for one in drive_laws(case, "sweep")] == [1.0, 5.5]
-    assert drive_laws(PENDULUM, "dynamics") == ()
+    assert [float(one(X)[0][-1]) for one in drive_profiles(case, "sweep")] == [1.0, 5.5]
+    assert drive_profiles(PENDULUM, "dynamics") == ()
 
 
 def test_a_follower_of_a_swing_swings():
@@ -214,7 +214,7 @@ def test_a_follower_of_a_swing_swings():
 
 def test_drives_of_a_recorded_curve_are_its_columns(monkeypatch):
     made(monkeypatch, a=("rad", 1, 2, 3), b=("rad/s", 4, 5, 6), c=("rad/s^2", 7, 8, 9))
-    found = drive_law(driven({"profile": ("a", "b", "c")}), "sweep", 0)
+    found = drive_profile(driven({"profile": ("a", "b", "c")}), "sweep", 0)
     assert isinstance(found, Samples)
     assert [part.tolist() for part in found(X)] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 
@@ -223,8 +223,8 @@ def test_a_column_that_a_drive_lacks_is_named_where_it_is_asked_for(monkeypatch)
     made(monkeypatch, a=("rad", 1, 2, 3))
     case = driven({"profile": ("a", "a", "a")}, {"profile": ("a", "a", "aa")}, case=RECORDED)
     words = "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a"
-    assert wrong(drive_law, case, "sweep", 1) == (RECORDED.file, "drive.1.profile", words)
-    assert wrong(drive_law, but(case, drive=case.drive[1:]), "sweep", 0) == (
+    assert wrong(drive_profile, case, "sweep", 1) == (RECORDED.file, "drive.1.profile", words)
+    assert wrong(drive_profile, but(case, drive=case.drive[1:]), "sweep", 0) == (
         RECORDED.file,
         "drive.profile",
         words,
@@ -262,17 +262,17 @@ def test_a_law_is_a_function_of_the_reference_s_module_with_its_parameters(monke
 def test_a_law_that_the_reference_lacks_is_named_where_it_is_asked_for(monkeypatch):
     closed(monkeypatch, ramp=ramp)
     words = "reference fourbar has no function 'rump'"
-    assert wrong(drive_law, driven({**LAW, "profile": "rump"}), "sweep", 0) == (
+    assert wrong(drive_profile, driven({**LAW, "profile": "rump"}), "sweep", 0) == (
         FOURBAR.file,
         "drive.profile",
         words,
     )
-    assert wrong(drive_law, driven(LAW, {"profile": "rump"}), "sweep", 1) == (
+    assert wrong(drive_profile, driven(LAW, {"profile": "rump"}), "sweep", 1) == (
         FOURBAR.file,
         "drive.1.profile",
         words,
     )
-    assert wrong(drive_law, driven({**LAW, "profile": "rump"}, {}), "sweep", 1) == (
+    assert wrong(drive_profile, driven({**LAW, "profile": "rump"}, {}), "sweep", 1) == (
         FOURBAR.file,
         "drive.0.profile",
         words,
@@ -283,17 +283,17 @@ def test_a_parameter_that_a_law_lacks_is_named_with_those_it_has(monkeypatch):
     closed(monkeypatch, ramp=ramp)
     words = "ramp() has no such parameter; did you mean 'rate'? known: rate, other"
     bad = {**LAW, "parameters": {"rte": 2.0}}
-    assert wrong(drive_law, driven(bad), "sweep", 0) == (
+    assert wrong(drive_profile, driven(bad), "sweep", 0) == (
         FOURBAR.file,
         "drive.parameters.rte",
         words,
     )
-    assert wrong(drive_law, driven(LAW, bad | {"until": None}), "sweep", 1) == (
+    assert wrong(drive_profile, driven(LAW, bad | {"until": None}), "sweep", 1) == (
         FOURBAR.file,
         "drive.1.parameters.rte",
         words,
     )
-    assert wrong(drive_law, driven({**LAW, "parameters": {"t": 2.0}}), "sweep", 0)[1] == (
+    assert wrong(drive_profile, driven({**LAW, "parameters": {"t": 2.0}}), "sweep", 0)[1] == (
         "drive.parameters.t"
     ), "the time is no parameter"
 

@@ -1,6 +1,6 @@
 """Actuators whose force is linear in control, length and rate, and controls that change in time.
 
-The profiles of controls and of drives (`Law`) are functions of time.  A profile may have
+The profiles of controls and of drives (`MotionProfile`) are functions of time.  A profile may have
 ``breaks``: times at which one of its derivatives jumps, such as the rows of a table.  A motion is
 integrated from break to break, since it is smooth in between.  A profile may also have a method
 ``scalar()``, which returns a function of one time that is faster than the profile itself.
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array, Index
 
-Law = Callable[[Array], tuple[Array, Array, Array]]
+MotionProfile = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""
 UNLIMITED = (-np.inf, np.inf)
 TIME_TOLERANCE = 1e-13
@@ -123,16 +123,16 @@ class ControlsInTime:
     ----------
     fixed : ndarray (controls,)
         Controls of the start key [SI].
-    laws : mapping of int to callable
+    profiles : mapping of int to callable
         Profiles of the controls that change, by their indices among all controls.
     """
 
     fixed: Array
-    laws: Mapping[int, Law]
+    profiles: Mapping[int, MotionProfile]
 
     @classmethod
     def of(
-        cls, model: Any, fixed: Array, named: Mapping[str, Law] | None
+        cls, model: Any, fixed: Array, named: Mapping[str, MotionProfile] | None
     ) -> "ControlsInTime | None":
         """Controls of a compiled MJCF, profiles by actuators' names; None if no control changes."""
         return cls(fixed, controls_by_place(model, named)) if named else None
@@ -148,22 +148,24 @@ class ControlsInTime:
     def scalars(self) -> tuple[tuple[int, Callable[[float], float]], ...]:
         """Indices of the controls that change, with their profiles as functions of one time [s]."""
 
-        def scalar_function(law: Law) -> Callable[[float], float]:
-            return lambda time: float(law(np.array([time]))[0][0])
+        def scalar_function(profile: MotionProfile) -> Callable[[float], float]:
+            return lambda time: float(profile(np.array([time]))[0][0])
 
         return tuple(
-            (place, law.scalar() if hasattr(law, "scalar") else scalar_function(law))
-            for place, law in self.laws.items()
+            (place, profile.scalar() if hasattr(profile, "scalar") else scalar_function(profile))
+            for place, profile in self.profiles.items()
         )
 
     def along(self, times: Array) -> Array:
         """All controls (n, controls) at times (n,) [s]."""
-        return insert_controls(self.fixed, {k: law(times)[0] for k, law in self.laws.items()})
+        return insert_controls(
+            self.fixed, {k: profile(times)[0] for k, profile in self.profiles.items()}
+        )
 
     @property
     def breaks(self) -> tuple[float, ...]:
         """Times at which a derivative of a control jumps [s]."""
-        return break_times(self.laws.values())
+        return break_times(self.profiles.values())
 
 
 def controls_at_samples(
@@ -211,7 +213,7 @@ class Prescribed:
     ----------
     poses, rates : ndarray (drives,) of int
         Indices of the joints in a pose and in the rates.
-    law : callable
+    profile : callable
         Function of one time that returns values, rates and accelerations [SI].
     breaks : tuple of float
         Times at which a derivative of the motion jumps [s].
@@ -219,19 +221,19 @@ class Prescribed:
 
     poses: Index
     rates: Index
-    law: Callable[[float], tuple[Array, Array, Array]]
+    profile: Callable[[float], tuple[Array, Array, Array]]
     breaks: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, poses: Index, rates: Index, laws: Sequence[Law]) -> "Prescribed":
+    def of(cls, poses: Index, rates: Index, profiles: Sequence[MotionProfile]) -> "Prescribed":
         """Joints with a motion profile each."""
 
-        def law(t: float) -> tuple[Array, Array, Array]:
-            parts = [[float(part) for part in one(np.asarray(t, float))] for one in laws]
+        def profile(t: float) -> tuple[Array, Array, Array]:
+            parts = [[float(part) for part in one(np.asarray(t, float))] for one in profiles]
             value, rate, acceleration = np.array(parts).T
             return value, rate, acceleration
 
-        return cls(poses, rates, law, break_times(laws))
+        return cls(poses, rates, profile, break_times(profiles))
 
 
 NO_INDICES, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
@@ -241,9 +243,9 @@ NO_PRESCRIBED_JOINTS = Prescribed(
 """A prescribed motion of no joints."""
 
 
-def break_times(laws: Any) -> tuple[float, ...]:
+def break_times(profiles: Any) -> tuple[float, ...]:
     """Times at which a derivative of any of the profiles jumps [s], in rising order."""
-    times = [np.asarray(getattr(law, "breaks", ()), float) for law in laws]
+    times = [np.asarray(getattr(profile, "breaks", ()), float) for profile in profiles]
     return tuple(np.unique(np.concatenate([np.zeros(0), *times])).tolist())
 
 

@@ -201,7 +201,7 @@ def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
                 np.ptp(wanted) or np.inf
             ):
                 one["shifts"][name] = encode_numbers(shift[drawn], "<f4")
-    for name, (law, moved, unit) in drive_curves(run).items():
+    for name, (profile, moved, unit) in drive_curves(run).items():
         read, factor = displayed_unit(unit)
         found["channels"][name] = {
             "unit": format_unit(unit),
@@ -209,13 +209,13 @@ def run_data(run: PlottedRun, every: int) -> dict[str, Any]:
             "read": format_unit(read),
             "read_factor": factor,
             "kind": "drive",
-            "range": float(np.ptp(law)),
-            "curve": encode_numbers(law[index], "<f8"),
+            "range": float(np.ptp(profile)),
+            "curve": encode_numbers(profile[index], "<f8"),
         }
         for solver, values in moved.items():
             drawn = index[index < len(values)]
             found["solvers"][solver]["differences"][name] = encode_numbers(
-                values[drawn] - law[drawn], "<f4"
+                values[drawn] - profile[drawn], "<f4"
             )
     return found
 

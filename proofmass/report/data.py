@@ -24,7 +24,7 @@ from proofmass.reference import (
     DRIVE_PREFIX,
     ComparedCurves,
     compiled_model,
-    drive_laws,
+    drive_profiles,
     evaluate,
     run_samples,
 )
@@ -300,8 +300,8 @@ def drive_curves(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], s
     ):
         return {}
     equal = {case.channels[name].equals for name in view.channels}
-    prescribed = zip(case.drive, drive_laws(case, view.kind), drive_units(case), strict=True)
-    for row, (drive, law, unit) in enumerate(prescribed):
+    prescribed = zip(case.drive, drive_profiles(case, view.kind), drive_units(case), strict=True)
+    for row, (drive, profile, unit) in enumerate(prescribed):
         names = (
             (" (drive)", unit),
             (" rate (drive)", f"{unit}/s"),
@@ -311,10 +311,10 @@ def drive_curves(view: PlottedRun) -> dict[str, tuple[Array, dict[str, Array], s
             moved = {
                 s: c.drive[k][row]
                 for s, c in view.curves.items()
-                if c.drive and not c.by_law and k <= c.derivatives
+                if c.drive and not c.by_profile and k <= c.derivatives
             }
             if moved and f"{DRIVE_PREFIX}{drive.joint}{DRIVE_PARTS[k]}" not in equal:
-                found[f"{drive.joint}{suffix}"] = np.asarray(law(view.longest.x)[k]), moved, u
+                found[f"{drive.joint}{suffix}"] = np.asarray(profile(view.longest.x)[k]), moved, u
     return found
 
 

@@ -222,7 +222,7 @@ def run_columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]
                 moved = {
                     s: c.drive[order][row]
                     for s, c in view.curves.items()
-                    if c.drive and not c.by_law
+                    if c.drive and not c.by_profile
                 }
                 if moved:
                     yield name, f"{unit}{per}", moved

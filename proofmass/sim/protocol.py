@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from proofmass.analytic.controls import Law
+from proofmass.analytic.controls import MotionProfile
 from proofmass.analytic.numerics import Array
 
 if TYPE_CHECKING:
@@ -150,13 +150,13 @@ class Drive:
     ----------
     joint : str
         Name of the driven joint in the MJCF.
-    law : callable
-        The motion profile: ``law(x) -> (value, rate, acceleration)`` for arrays of x, in the
+    profile : callable
+        The motion profile: ``profile(x) -> (value, rate, acceleration)`` for arrays of x, in the
         joint's SI units.  In a sweep x is the run's x; in dynamics it is time [s].
     """
 
     joint: str
-    law: Law
+    profile: MotionProfile
 
 
 @dataclass(frozen=True)
@@ -168,13 +168,13 @@ class ChangingLoad:
     actuator : str
         Its name in the MJCF.  It acts on a joint that is not driven, at a site or on a tendon; in
         a sweep it is a motor.
-    law : callable
-        ``law(x) -> (value, rate, acceleration)`` of its control, see `Drive`.  The force of a motor
-        is the control times its gear and its gain.
+    profile : callable
+        ``profile(x) -> (value, rate, acceleration)`` of its control, see `Drive`.  The force of a
+        motor is the control times its gear and its gain.
     """
 
     actuator: str
-    law: Law
+    profile: MotionProfile
 
 
 @dataclass(frozen=True)
@@ -301,7 +301,7 @@ class Run:
 
     def controls(self, x: Array) -> tuple[Array, Array]:
         """Controls of all loads that change and their rates at x, each (loads, n)."""
-        rows = [np.broadcast_arrays(*load.law(x))[:2] for load in self.loads]
+        rows = [np.broadcast_arrays(*load.profile(x))[:2] for load in self.loads]
         value, rate = (
             np.array(part, float).reshape(len(rows), x.size)
             for part in (zip(*rows, strict=True) if rows else [()] * 2)
@@ -310,7 +310,7 @@ class Run:
 
     def motion(self, x: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations of all drives at x, each (drives, n)."""
-        rows = [np.broadcast_arrays(*drive.law(x)) for drive in self.drives]
+        rows = [np.broadcast_arrays(*drive.profile(x)) for drive in self.drives]
         value, rate, acceleration = (
             np.array(part, float).reshape(len(rows), x.size)
             for part in (zip(*rows, strict=True) if rows else [()] * 3)
@@ -393,7 +393,7 @@ class Curves:
     uncertainty : dict of str to ndarray (n,)
         By channel, the possible error of its curve from a cause that is no fault of the judged
         party, such as the interpolation of rows [SI]; zero for channels that are left out.
-    by_law : bool
+    by_profile : bool
         Whether `drive` is that of the motion profiles, since the run has no record of its drives.
     notes : tuple of str
         Remarks on the curves, a sentence each.
@@ -411,7 +411,7 @@ class Curves:
     derivatives: int = 2
     violations: Array | None = None
     uncertainty: dict[str, Array] = field(default_factory=dict)
-    by_law: bool = False
+    by_profile: bool = False
     notes: tuple[str, ...] = ()
 
     def first(self, count: int) -> "Curves":

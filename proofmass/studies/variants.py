@@ -25,7 +25,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case, LoadTable
 from proofmass.files import read_bytes, write_atomically
 from proofmass.recorded import RecordedColumn, decode_csv
-from proofmass.reference import compiled_model, drive_laws, evaluate, run_samples
+from proofmass.reference import compiled_model, drive_profiles, evaluate, run_samples
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.protocol import Curves
 from proofmass.strict import Kind
@@ -374,7 +374,8 @@ def evaluate_reference_here(case: Case, kind: Kind) -> Curves:
     """The reference curves of a run at the prescribed motion of its drives, in this process."""
     x = run_samples(case, kind)
     state = tuple(
-        np.array(part) for part in zip(*(law(x) for law in drive_laws(case, kind)), strict=True)
+        np.array(part)
+        for part in zip(*(profile(x) for profile in drive_profiles(case, kind)), strict=True)
     )
     return evaluate(case, kind, x, state)  # type: ignore[arg-type]
 

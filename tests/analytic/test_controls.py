@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.controls import ControlsInTime, smooth_pieces
 from proofmass.analytic.numerics import NotCovered
-from proofmass.reference import control_laws
+from proofmass.reference import control_profiles
 from proofmass.sidecar import load_case
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
@@ -94,15 +94,15 @@ def axes() -> dict[str, np.ndarray]:
 def solved(name: str, model, laws, t=T, **more):
     """A free motion by one of the references, with MuJoCo's terms in space."""
     if name == "planar":
-        return planar.solve(t, model=model, control_laws=laws, **more)
-    return spatial.solve(t, model=model, control_laws=laws, terms=SmoothTerms(model), **more)
+        return planar.solve(t, model=model, control_profiles=laws, **more)
+    return spatial.solve(t, model=model, control_profiles=laws, terms=SmoothTerms(model), **more)
 
 
 @cache
 def moved_axes(name: str) -> dict[str, np.ndarray]:
     """The motion of the case's three axes by one of the references."""
     model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
-    return solved(name, model, control_laws(AXES, "dynamics"))
+    return solved(name, model, control_profiles(AXES, "dynamics"))
 
 
 BOTH = pytest.mark.parametrize("reference", ["planar", "spatial"])
@@ -161,7 +161,7 @@ def test_steps_end_at_the_kinks_and_are_fewer_for_it(monkeypatch):
     """Steps over kinks are refused until they are short: the order is lost there."""
     model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
     tree = spatial.read_tree(model, "start")
-    laws, times = control_laws(AXES, "dynamics"), np.linspace(0.0, 2.0, 3)
+    laws, times = control_profiles(AXES, "dynamics"), np.linspace(0.0, 2.0, 3)
     places = {k: laws[name] for k, name in enumerate(("push", "wind", "lift"))}
     controls = ControlsInTime(tree.ctrl, places)
     few = spatial.integrate_motion(tree, SmoothTerms(model), times, controls=controls).evaluations
@@ -226,7 +226,7 @@ def test_a_control_beside_a_drive_acts_as_well():
       <sensor><jointpos name="x" joint="x"/></sensor></mujoco>""")
     law, push = Stair((0.0, 0.5, 1.0), (2.0, -3.0)), Rows((0.0, 0.3, 1.0), (0.0, 4.0, -2.0))
     t = np.linspace(0.0, 1.0, 51)
-    given = {"joints": ("cart",), "in_time": (t, (law,)), "control_laws": {"push": push}}
+    given = {"joints": ("cart",), "in_time": (t, (law,)), "control_profiles": {"push": push}}
     found = planar.solve(*law(t), model=model, **given)
     slopes = 4.0 / 0.3, -6.0 / 0.7, -6.0 / 0.7
     values = -1.0, 4.0 - 1.0, 4.0 - 6.0 / 0.7 * 0.2 + 1.5

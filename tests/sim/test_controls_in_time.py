@@ -12,8 +12,8 @@ from proofmass.analytic import planar, spatial
 from proofmass.case import ProfileTable
 from proofmass.check import check
 from proofmass.drive import InProportion, Steady, Swing, motion_source
-from proofmass.profile import controls_source, law_of_profile
-from proofmass.reference import evaluate, load_laws, run_samples
+from proofmass.profile import controls_source, make_sampled_profile
+from proofmass.reference import evaluate, load_profiles, run_samples
 from proofmass.report import write_report
 from proofmass.sidecar import format_sidecar, load_case
 from proofmass.sim.mujoco import dynamics as mujoco_dynamics
@@ -89,7 +89,7 @@ def exact(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def polyline(folder: Path):
     """The law of its control, from a table."""
     table = ProfileTable(time=TIMES, value=FORCES, interpolation="linear")
-    return law_of_profile(folder, table, 0.0, "1")
+    return make_sampled_profile(folder, table, 0.0, "1")
 
 
 def run(step: float, **settings) -> Run:
@@ -207,7 +207,7 @@ def test_a_program_of_pymunk_tells_the_moment_of_a_drive_beside_a_load(tmp_path)
     names = ("rocker", "holding_moment")
     given = Run("dynamics", t, names, (Drive("crank", swing),), loads=loads)
     wanted = in_pymunk(file, replace(given, settings={"timestep": 1e-3}))
-    sampled = law_of_profile(
+    sampled = make_sampled_profile(
         tmp_path, ProfileTable(time=TIMES, value=FORCES, interpolation="linear"), 0.0, "1"
     )
     source = controls_source([sampled, laws[1]], t)
@@ -247,7 +247,7 @@ def stepped(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def held(step: float, **settings) -> Run:
     """A second and a bit of it: the last row lasts as long as the one before it."""
-    law, t = law_of_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 7)
+    law, t = make_sampled_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 7)
     assert law.covers(t)
     assert not law.covers(np.array([0.0, 1.5]))
     loads = (ChangingLoad("push", law),)
@@ -263,7 +263,7 @@ def test_a_control_that_is_held_is_a_stair(actuator, tmp_path):
     found = in_mujoco(file, given).channels
     assert np.abs(found["x"] - place).max() < 1e-13
     assert np.abs(found["rate"] - speed).max() < 1e-13
-    assert (found["push"] == given.loads[0].law(given.x)[0]).all()
+    assert (found["push"] == given.loads[0].profile(given.x)[0]).all()
     assert set(found["push"]) == set(FORCES)
     off = [np.abs(in_pymunk(file, held(h)).channels["x"] - place).max() for h in (2e-2, 1e-2)]
     assert off[0] < 5e-2
@@ -273,11 +273,11 @@ def test_a_control_that_is_held_is_a_stair(actuator, tmp_path):
 @BOTH
 def test_references_begin_anew_where_a_control_jumps(actuator, tmp_path):
     model = mujoco.MjModel.from_xml_path(str(pushed(tmp_path, actuator)))
-    law, t = law_of_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 25)
+    law, t = make_sampled_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 25)
     place, speed = stepped(t)
     for found in (
-        planar.solve(t, model=model, control_laws={"push": law}),
-        spatial.solve(t, model=model, control_laws={"push": law}, terms=SmoothTerms(model)),
+        planar.solve(t, model=model, control_profiles={"push": law}),
+        spatial.solve(t, model=model, control_profiles={"push": law}, terms=SmoothTerms(model)),
     ):
         assert np.abs(found["x"] - place).max() < 1e-13
         assert np.abs(found["rate"] - speed).max() < 1e-13
@@ -290,7 +290,7 @@ def test_programs_hold_a_control(engine, tmp_path):
     if engine == "pymunk":
         simulate, writer, given = in_pymunk, pymunk_program, held(1e-2)
     wanted = simulate(file, given)
-    source = controls_source([law_of_profile(Path(), STAIR, 0.0, "1")], given.x)
+    source = controls_source([make_sampled_profile(Path(), STAIR, 0.0, "1")], given.x)
     same = replace(given, settings=wanted.settings)
     found = program_curves(writer.write_program(file, same, "", "", controls=source), tmp_path)
     for name, curve in wanted.channels.items():
@@ -299,7 +299,7 @@ def test_programs_hold_a_control(engine, tmp_path):
 
 def test_splines_and_other_laws_are_written_exactly(tmp_path):
     table = ProfileTable(time=(0.0, 0.5, 1.0, 1.5, 2.0), value=(0.1, 0.15, 0.35, 0.5, 0.5))
-    spline = law_of_profile(tmp_path, table, 0.0, "1")
+    spline = make_sampled_profile(tmp_path, table, 0.0, "1")
     swing = InProportion(Swing(0.0, 2.0, 2.0), 0.0, 0.5, 1.0)
     t, there = np.linspace(0.0, 2.0, 401), {"np": np}
     exec(controls_source([spline, swing, Wave()], t[::20]), there)
@@ -338,7 +338,9 @@ def test_the_sidecar_is_written_again_as_it_was(tmp_path):
         (tmp_path / name).write_bytes((AXES.parent / name).read_bytes())
     again = load_case(tmp_path / "again.toml")
     assert again.load == case.load
-    for one, two in zip(load_laws(case, "dynamics"), load_laws(again, "dynamics"), strict=True):
+    for one, two in zip(
+        load_profiles(case, "dynamics"), load_profiles(again, "dynamics"), strict=True
+    ):
         assert np.array_equal(
             one(run_samples(case, "dynamics"))[0], two(run_samples(case, "dynamics"))[0]
         )
@@ -558,7 +560,7 @@ def test_a_range_of_forces_clips_what_a_control_asks(actuator, joint, own, tmp_p
         "pymunk": in_pymunk(file, run(1e-3)).channels,
     }
     model = mujoco.MjModel.from_xml_path(str(file))
-    found["planar"] = planar.solve(T, model=model, control_laws={"push": Rows(TIMES, FORCES)})
+    found["planar"] = planar.solve(T, model=model, control_profiles={"push": Rows(TIMES, FORCES)})
     for solver, curves in found.items():
         assert np.abs(curves["rate"] - speed[::20000]).max() < 2e-6, solver
         shown = np.clip(np.interp(T, TIMES, FORCES), *own)

@@ -101,7 +101,7 @@ def test_the_stated_disturbance_is_what_is_found() -> None:
     """The zero of the crank, 0.02 deg; no drive of its own, so that the law tells the reference."""
     case = load_case(shipped(f"{HACKSAW}.toml"))
     curves = solve_here(case, "dynamics", SOLVER)
-    assert curves.by_law
+    assert curves.by_profile
     off = np.degrees(curves.channels["theta2"] - curves.drive[0][0])
     assert off == pytest.approx(0.02, abs=1e-4)  # four decimals of a degree, twice
     assert "972 rows, interpolated by a cubic spline, which may be off by" in curves.notes[0]

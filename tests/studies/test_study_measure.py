@@ -12,7 +12,7 @@ from proofmass.case import Case
 from proofmass.compare import reference_for
 from proofmass.drive import DriveState
 from proofmass.errors import InputError
-from proofmass.reference import drive_laws, evaluate, run_samples
+from proofmass.reference import drive_profiles, evaluate, run_samples
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import (
     BadModel,
@@ -49,7 +49,7 @@ LIMITED = pytest.mark.skipif(not measure.available_processors(), reason="runs ar
 
 def driven(case: Case, kind: Kind, x: Array) -> DriveState:
     """The state of a drive that does what its law says."""
-    value, rate, acceleration = drive_laws(case, kind)[0](x)
+    value, rate, acceleration = drive_profiles(case, kind)[0](x)
     return tuple(np.array([part * np.ones_like(x)]) for part in (value, rate, acceleration))
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.controls import (
     NO_PRESCRIBED_JOINTS,
     ControlsInTime,
-    Law,
+    MotionProfile,
     Prescribed,
     controls_at_samples,
     controls_by_place,
@@ -127,8 +127,8 @@ def solve(
     inertia: bool = False,
     controls: Mapping[str, ArrayLike] | None = None,
     control_rates: Mapping[str, ArrayLike] | None = None,
-    in_time: tuple[Array, Sequence[Law]] | None = None,
-    control_laws: Mapping[str, Law] | None = None,
+    in_time: tuple[Array, Sequence[MotionProfile]] | None = None,
+    control_profiles: Mapping[str, MotionProfile] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any planar linkage of hinges, slides, ``connect`` and ``joint`` equalities.
 
@@ -176,7 +176,7 @@ def solve(
         Times [s] of the samples, and the motion profile of each drive: values, rates and
         accelerations as functions of time.  Needed where the drives leave degrees of freedom, whose
         motion depends on the whole way and not on the samples alone.
-    control_laws : mapping of str to callable, optional
+    control_profiles : mapping of str to callable, optional
         For actuators whose controls change in time: values, rates and accelerations as functions of
         time.  Used where degrees of freedom move freely; `controls` follow from them.
 
@@ -219,7 +219,7 @@ def solve(
     """
     mechanism, reader = _read_cached(model, start)
     refuse_actuators(model, joints)
-    refuse_shared_ranges(model, {**(controls or {}), **(control_laws or {})})
+    refuse_shared_ranges(model, {**(controls or {}), **(control_profiles or {})})
     own, stop_forces = dict[str, Array](), np.zeros(1)
     has_dof = not joints or has_free_dof(mechanism, joints)
     is_free = has_dof and (not joints or in_time is not None)
@@ -252,7 +252,7 @@ def solve(
             name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
             raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
         d = Drives.of(mechanism, joints)
-        profiles = ControlsInTime.of(model, mechanism.ctrl, control_laws)
+        profiles = ControlsInTime.of(model, mechanism.ctrl, control_profiles)
         free_states = _find_motion(reader, mechanism, joints, value, in_time, profiles)
         q, v, a = free_states.arrays()
         stop_forces = np.array(free_states.forces)
@@ -261,9 +261,9 @@ def solve(
     friction = mechanism.frictions * motion_senses(v.T, fastest).T
     if not is_free and not inertia:
         v = a = np.zeros_like(q)
-    if control_laws and controls is None:
+    if control_profiles and controls is None:
         times = np.asarray(in_time[0] if in_time else value, float)
-        controls = {name: law(times)[0] for name, law in control_laws.items()}
+        controls = {name: profile(times)[0] for name, profile in control_profiles.items()}
     ctrl = controls_at_samples(model, mechanism.ctrl, controls)
     found |= force_curves(
         reader,
@@ -309,7 +309,7 @@ def properties(
     start: str,
     joints: tuple[str, ...],
     motion: Any,
-    control_laws: Mapping[str, Law] | None = None,
+    control_profiles: Mapping[str, MotionProfile] | None = None,
     **_: float,
 ) -> dict[str, str]:
     """Describe the events at the stops of a mechanism that moves freely, for a report.
@@ -319,8 +319,8 @@ def properties(
     if joints:
         return {}
     mechanism, reader = _read_cached(model, start)
-    laws = ControlsInTime.of(model, mechanism.ctrl, control_laws)
-    events = _find_motion(reader, mechanism, (), motion, None, laws).events()
+    profiles = ControlsInTime.of(model, mechanism.ctrl, control_profiles)
+    events = _find_motion(reader, mechanism, (), motion, None, profiles).events()
     return {"stops": events} if events else {}
 
 
@@ -414,7 +414,7 @@ def _find_motion(
     mechanism: Mechanism,
     joints: tuple[str, ...],
     value: ArrayLike,
-    in_time: tuple[Array, Sequence[Law]] | None,
+    in_time: tuple[Array, Sequence[MotionProfile]] | None,
     controls: ControlsInTime | None = None,
 ) -> MotionWithStops:
     """Integrate a motion with degrees of freedom that no drive determines, between stops."""
@@ -438,15 +438,15 @@ def _integrate_in_time(
     mechanism: Mechanism,
     joints: tuple[str, ...],
     times: Array,
-    laws: Sequence[Law],
+    profiles: Sequence[MotionProfile],
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
 ) -> MotionWithStops:
     """A motion under motion profiles; cached where possible, since all solvers use it."""
     try:
-        pickled = pickle.dumps((times, laws, controls))
+        pickled = pickle.dumps((times, profiles, controls))
     except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
-        return _integrate(mechanism, joints, times, laws, stops, controls)
+        return _integrate(mechanism, joints, times, profiles, stops, controls)
     return _integrate_in_time_cached(mechanism, joints, pickled, stops)
 
 
@@ -455,20 +455,20 @@ def _integrate_in_time_cached(
     mechanism: Mechanism, joints: tuple[str, ...], packed: bytes, stops: tuple[Stop, ...]
 ) -> MotionWithStops:
     """`_integrate_in_time` for pickled times, profiles and controls, cached by these bytes."""
-    times, laws, controls = pickle.loads(packed)
-    return _integrate(mechanism, joints, times, laws, stops, controls)
+    times, profiles, controls = pickle.loads(packed)
+    return _integrate(mechanism, joints, times, profiles, stops, controls)
 
 
 def _integrate(
     mechanism: Mechanism,
     joints: tuple[str, ...],
     times: Array,
-    laws: Sequence[Law],
+    profiles: Sequence[MotionProfile],
     stops: tuple[Stop, ...],
     controls: ControlsInTime | None,
 ) -> MotionWithStops:
     driven = Drives.of(mechanism, joints).driven
-    drives = Prescribed.of(driven, driven, laws) if joints else NO_PRESCRIBED_JOINTS
+    drives = Prescribed.of(driven, driven, profiles) if joints else NO_PRESCRIBED_JOINTS
     return free_motion(mechanism, times, drives, stops, controls)
 
 

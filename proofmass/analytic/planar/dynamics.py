@@ -112,7 +112,7 @@ class TangentChart:
         if not self.held:  # an open chain, where the tangent plane is the whole space
             return self.q + self.into @ z, self.into
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
-        q[self.drives.rates] = wanted = self.drives.law(t)[0]
+        q[self.drives.rates] = wanted = self.drives.profile(t)[0]
         while True:
             motion = move_bodies(m, q[None])
             errors = np.concatenate(
@@ -141,7 +141,7 @@ class TangentChart:
         """Find pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż) at a time."""
         m, half = self.m, y.size // 2
         q, inverse = self.close(y[:half], t)
-        _, rate, acceleration = self.drives.law(t)
+        _, rate, acceleration = self.drives.profile(t)
         by_drives, self.into = inverse[:, m.rows : self.held], inverse[:, self.held :]
         into, v = self.into, self.into @ y[half:] + by_drives @ (rate / self.units)
         without_accelerations = move_bodies(m, q[None], v[None], np.zeros((1, v.size)))
@@ -199,7 +199,7 @@ def free_motion(
     NotCovered
         The start is beyond a stop.
     """
-    value, rate, _ = drives.law(float(times[0]))
+    value, rate, _ = drives.profile(float(times[0]))
     q = nearest_pose(m, m.start, drives.rates, value)
     if count_dof(m, q) <= drives.rates.size:
         raise SingularHere("the mechanism has no degree of freedom")

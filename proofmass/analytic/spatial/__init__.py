@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.controls import (
     NO_PRESCRIBED_JOINTS,
     ControlsInTime,
-    Law,
+    MotionProfile,
     Prescribed,
     controls_at_samples,
 )
@@ -98,8 +98,8 @@ def solve(
     terms: TermSource | None = None,
     controls: Mapping[str, ArrayLike] | None = None,
     control_rates: Mapping[str, ArrayLike] | None = None,
-    in_time: tuple[Array, Sequence[Law]] | None = None,
-    control_laws: Mapping[str, Law] | None = None,
+    in_time: tuple[Array, Sequence[MotionProfile]] | None = None,
+    control_profiles: Mapping[str, MotionProfile] | None = None,
 ) -> dict[str, Array]:
     r"""Motion of any tree of hinges, slides, balls and free joints with exact equalities.
 
@@ -143,7 +143,7 @@ def solve(
         Times [s] of the samples, and the motion profile of each drive: values, rates and
         accelerations as functions of time.  Needed where the drives leave degrees of freedom, whose
         motion depends on the whole way and not on the samples alone.
-    control_laws : mapping of str to callable, optional
+    control_profiles : mapping of str to callable, optional
         For actuators whose controls change in time: values, rates and accelerations as functions of
         time.  Used where degrees of freedom move freely.
 
@@ -182,7 +182,7 @@ def solve(
     """
     tree, source = tree_and_terms(model, start, terms)
     motion = (value,) if not joints else (value, rate, acceleration)
-    changing = ChangingControls(controls, control_rates, control_laws)
+    changing = ChangingControls(controls, control_rates, control_profiles)
     followed = find_motion(model, tree, source, joints, motion, in_time, changing)
     if followed.way == AT_REST and inertia:
         raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
@@ -199,10 +199,10 @@ def properties(
     terms: TermSource,
     joints: tuple[str, ...],
     motion: Any,
-    in_time: tuple[Array, Sequence[Law]] | None = None,
+    in_time: tuple[Array, Sequence[MotionProfile]] | None = None,
     controls: Mapping[str, ArrayLike] | None = None,
     control_rates: Mapping[str, ArrayLike] | None = None,
-    control_laws: Mapping[str, Law] | None = None,
+    control_profiles: Mapping[str, MotionProfile] | None = None,
     **_: float,
 ) -> dict[str, str]:
     """Describe properties of a motion as a whole, in words for a report.
@@ -211,7 +211,7 @@ def properties(
     other parameters are those of `solve`.
     """
     tree, source = tree_and_terms(model, start, terms)
-    changing = ChangingControls(controls, control_rates, control_laws)
+    changing = ChangingControls(controls, control_rates, control_profiles)
     given = motion if joints else (motion,)
     followed = find_motion(model, tree, source, joints, given, in_time, changing)
     comparison, held = followed.comparison, followed.held
@@ -271,7 +271,7 @@ class ChangingControls:
 
     controls: Mapping[str, ArrayLike] | None
     rates: Mapping[str, ArrayLike] | None
-    laws: Mapping[str, Law] | None
+    profiles: Mapping[str, MotionProfile] | None
 
 
 def find_motion(
@@ -280,7 +280,7 @@ def find_motion(
     source: TermSource,
     joints: tuple[str, ...],
     motion: Sequence[ArrayLike],
-    in_time: tuple[Array, Sequence[Law]] | None,
+    in_time: tuple[Array, Sequence[MotionProfile]] | None,
     changing: ChangingControls,
 ) -> SolvedMotion:
     """Find the motion by the way that its drives allow; results are cached.
@@ -289,14 +289,16 @@ def find_motion(
     """
     has_dof = not joints or has_free_dof(tree, joints)
     if has_dof and (not joints or in_time is not None):
-        times, laws = in_time if joints and in_time else (np.atleast_1d(motion[0]), ())
+        times, profiles = in_time if joints and in_time else (np.atleast_1d(motion[0]), ())
         times = np.asarray(times, float)
-        ctrl_laws = ControlsInTime.of(model, tree.ctrl, changing.laws)
+        control_profiles_by_place = ControlsInTime.of(model, tree.ctrl, changing.profiles)
         stops = tuple(read_tree_stops(model, tree))
         try:
-            packed = pickle.dumps((times, tuple(laws), ctrl_laws))
+            packed = pickle.dumps((times, tuple(profiles), control_profiles_by_place))
         except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
-            return integrate_in_time(tree, source, joints, stops, times, laws, ctrl_laws)
+            return integrate_in_time(
+                tree, source, joints, stops, times, profiles, control_profiles_by_place
+            )
         return integrate_in_time_cached(tree, source, joints, stops, packed)
     values = np.atleast_2d(np.asarray(motion[0], float))
     state = [np.broadcast_to(np.asarray(x, float), values.shape).T for x in motion]
@@ -319,13 +321,13 @@ def integrate_in_time(
     joints: tuple[str, ...],
     stops: tuple[Stop, ...],
     times: Array,
-    laws: Sequence[Law],
+    profiles: Sequence[MotionProfile],
     changing: ControlsInTime | None,
 ) -> SolvedMotion:
     """Integrate a motion in time, free or with drives that follow motion profiles."""
     drives = NO_PRESCRIBED_JOINTS
     if joints:
-        drives = Prescribed.of(*tree.places(joints), laws)
+        drives = Prescribed.of(*tree.places(joints), profiles)
     held = integrate_motion(tree, source, times, stops, changing, drives)
     ctrl = changing.along(times) if changing else None
     return compare_and_move(tree, source, IN_TIME, held, times, ctrl)

@@ -115,7 +115,7 @@ class ConstrainedTree:
         found = self.source.terms(q, v, self.ctrl(t))
         if not self.joint_rows.size:
             return found
-        value, _, acceleration = self.drives.law(t)
+        value, _, acceleration = self.drives.profile(t)
         gaps = [q[stop.pose] - stop.value for stop in self.stops]
         return replace(
             found,
@@ -126,7 +126,7 @@ class ConstrainedTree:
 
     def row_rates(self, t: float) -> Array:
         """Prescribed rates of all rows (rows,) at a time: zero except for the drives."""
-        rate = self.drives.law(min(t, self.last))[1]
+        rate = self.drives.profile(min(t, self.last))[1]
         return np.concatenate([np.zeros(self.tree.rows), rate, np.zeros(len(self.stops))])
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:

@@ -166,7 +166,7 @@ class InputsInTime:
     def breaks(self) -> tuple[float, ...]:
         """Times at which a derivative of a motion profile or of a control jumps [s]."""
         drives, loads = self.run.drives, self.run.loads
-        return break_times([*(one.law for one in drives), *(one.law for one in loads)])
+        return break_times([*(one.profile for one in drives), *(one.profile for one in loads)])
 
     def energy(self, data: mujoco.MjData) -> float:
         """Kinetic energy of the flywheels [J]."""

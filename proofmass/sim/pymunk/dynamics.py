@@ -267,11 +267,11 @@ def start_state(
     values of the drives (steps, drives) [rad or m].
     """
     times = run.x[0] + dt * np.arange((len(run.x) - 1) * steps_per_sample + 1)
-    laws = np.zeros((3, len(times), len(run.drives)))
+    profiles = np.zeros((3, len(times), len(run.drives)))
     for k, drive in enumerate(run.drives):
-        for part, curve in zip(laws, drive.law(times), strict=True):
+        for part, curve in zip(profiles, drive.profile(times), strict=True):
             part[:, k] = curve
-    value, rate, acc = laws
+    value, rate, acc = profiles
     value = _extend_values(value, acc, dt)
     chain = bool(links.driven) and not links.loops and not links.gears
     begin = place_chain(links, value[1]) if chain else links.pose

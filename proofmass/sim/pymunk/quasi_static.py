@@ -963,8 +963,8 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     if not run.drives:
         raise Unsupported("a sweep without a driven joint")
     began = time.perf_counter()
-    laws = np.array(
-        [[curve * np.ones(len(run.x)) for curve in drive.law(run.x)] for drive in run.drives]
+    profiles = np.array(
+        [[curve * np.ones(len(run.x)) for curve in drive.profile(run.x)] for drive in run.drives]
     )  # drives, (value, rate, acceleration), samples
     sweep_state = start_sweep(links, settings)
     loaded = LoadedLinks.of(links, run)
@@ -975,7 +975,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         missing |= {name: NO_INERTIA for name, c in channels.items() if c.order <= -2}
     wanted = {name: c for name, c in channels.items() if name not in missing}
     read, stopped = _follow_drives(
-        sweep_state, laws, {c.order for c in wanted.values()}, loaded, settings
+        sweep_state, profiles, {c.order for c in wanted.values()}, loaded, settings
     )
     if isinstance(sweep_state, FrictionSweepState) and not stopped:
         sweep_state.check_slipped()
@@ -993,7 +993,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         curves |= loaded.curves(wanted, SampledMotion.at_rest(pose, taken))
     else:
         curves |= force_curves(links, between, SampledMotion.at_rest(pose, taken))
-    state = (drive_values(links, pose).T, laws[:, 1, :n], laws[:, 2, :n])
+    state = (drive_values(links, pose).T, profiles[:, 1, :n], profiles[:, 2, :n])
     return Curves(
         run.x[:n],
         curves,
@@ -1009,23 +1009,29 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
 
 
 def _follow_drives(
-    sweep_state: SweepState, laws: Array, orders: set[int], loaded: LoadedLinks, settings: Settings
+    sweep_state: SweepState,
+    profiles: Array,
+    orders: set[int],
+    loaded: LoadedLinks,
+    settings: Settings,
 ) -> tuple[list[tuple[Array, ...]], str]:
     """Pose, velocity, drive forces and friction at each sample, and the reason of an early end.
 
     The reason is empty if all samples were reached.
     """
     read: list[tuple[Array, ...]] = []
-    fastest = float(np.abs(laws[:, 1]).max())
+    fastest = float(np.abs(profiles[:, 1]).max())
     before = loaded.controls[0]
-    for value, rate, controls in zip(laws[:, 0].T, laws[:, 1].T, loaded.controls, strict=True):
+    for value, rate, controls in zip(
+        profiles[:, 0].T, profiles[:, 1].T, loaded.controls, strict=True
+    ):
         try:
             _drive_to(sweep_state, value, loaded, before, controls, settings)
             sweep_state.rubs(rate, fastest)
         except BadModel as error:
             if len(read) < 2:
                 raise
-            last = format_drives(loaded.links, laws[:, 0, len(read) - 1])
+            last = format_drives(loaded.links, profiles[:, 0, len(read) - 1])
             return read, f"stopped at {last}: {error}"
         pose, before = sweep_state.pose, controls
         force = sweep_state.drive_forces() if -2 in orders else np.zeros(len(value))

@@ -102,10 +102,10 @@ def program_text(case: Case, setting: Setting, drive: Imposed, docstring: str = 
 def program_text_here(case: Case, setting: Setting, drive: Imposed, docstring: str) -> str:
     """The text of `program_text`, written in this process."""
     case, run = setting.apply_to(case, "dynamics")
-    motion = motion_source([each.law for each in run.drives], run.x)
+    motion = motion_source([each.profile for each in run.drives], run.x)
     given = {}
     if run.loads:
-        given = {"controls": controls_source([each.law for each in run.loads], run.x)}
+        given = {"controls": controls_source([each.profile for each in run.loads], run.x)}
     engine = engine_of(setting.engine)
     return engine.write_program(case.model_path, run, motion, docstring, drive, **given)
 

@@ -11,7 +11,7 @@ from itertools import takewhile
 
 from proofmass.case import Case
 from proofmass.engines import NoEngine, engine_of
-from proofmass.reference import compiled_model, drive_laws, run_samples
+from proofmass.reference import compiled_model, drive_profiles, run_samples
 from proofmass.sim.protocol import Engine, ParameterValue, Scan, Studied, scan_over
 from proofmass.strict import Kind
 from proofmass.studies.record import Setting
@@ -124,7 +124,9 @@ def starts_with_jolt(case: Case) -> bool:
     """Whether a dynamics run starts under gravity or with moving drives."""
     start = run_samples(case, "dynamics")[:1]
     moving = any(
-        abs(part).max() > 0 for law in drive_laws(case, "dynamics") for part in law(start)[1:]
+        abs(part).max() > 0
+        for profile in drive_profiles(case, "dynamics")
+        for part in profile(start)[1:]
     )
     return moving or bool(compiled_model(case).opt.gravity.any())
 

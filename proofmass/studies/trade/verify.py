@@ -17,7 +17,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import OUTCOME_OF_EXCEPTION
-from proofmass.reference import compiled_model, control_laws, evaluate
+from proofmass.reference import compiled_model, control_profiles, evaluate
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import call_engine
@@ -439,7 +439,7 @@ def state_at(case: Case, time: float) -> tuple[Array, Array]:
             np.array([0.0, time]),
             model=spec.compile(),
             start=case.start,
-            control_laws=control_laws(case, "dynamics"),
+            control_profiles=control_profiles(case, "dynamics"),
         )
     except (TypeError, ValueError) as error:
         raise Unsupported(f"no other start of this free motion is known: {error}") from None

@@ -198,7 +198,7 @@ def test_a_load_that_changes_in_time_is_a_moment_that_does(tmp_path):
     one = double(tmp_path, '<motor name="push" site="tip" gear="0 5 0 0 0 0"/>', "0")
     two = double(tmp_path, '<motor name="push" joint="bar" gear="5"/>', "0")
     laws = {"push": law}
-    site, motor = free(one, control_laws=laws), free(two, control_laws=laws)
+    site, motor = free(one, control_profiles=laws), free(two, control_profiles=laws)
     assert max(np.abs(site[name] - motor[name]).max() for name in ("bar", "two", "on_bar")) < 1e-11
 
 

@@ -287,7 +287,7 @@ def test_the_load_of_the_crane_is_a_point_mass_on_a_rope():
     """
     case = load_case(shipped("tower_crane.toml"))
     times = np.linspace(0.0, 12.0, 25)
-    slew, run = (drive.law for drive in plan_run(case, "dynamics", "mujoco").drives)
+    slew, run = (drive.profile for drive in plan_run(case, "dynamics", "mujoco").drives)
     gravity = np.array([0.0, 0.0, -9.81])
 
     def trolley(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -337,7 +337,7 @@ def test_beside_drives_in_a_plane_it_is_the_planar_motion(stop):
     model = mujoco.MjModel.from_xml_string(text.replace(joint, f"{joint} {stop}"))
     case = load_case(shipped("driven_cart.toml"))
     run, times = plan_run(case, "dynamics", "mujoco"), np.linspace(0.0, 1.2, 25)
-    (law,) = (drive.law for drive in run.drives)
+    (law,) = (drive.profile for drive in run.drives)
     state = law(times)
     given = {
         "model": model,

@@ -157,13 +157,13 @@ def test_a_sweep_to_a_limit_position_ends_where_it_does_one_by_one(blocks, monke
     case = loaded(shipped("double_rocker.toml"))
     run = plan_run(case, "sweep", "mujoco")
     (drive,) = run.drives
-    begin = float(drive.law(run.x)[0][0])
+    begin = float(drive.profile(run.x)[0][0])
 
     def further(x: np.ndarray) -> tuple[np.ndarray, ...]:
-        value, rate, acceleration = drive.law(x)
+        value, rate, acceleration = drive.profile(x)
         return begin + 3.0 * (value - begin), 3.0 * rate, 3.0 * acceleration
 
-    run = replace(run, drives=(replace(drive, law=further),))
+    run = replace(run, drives=(replace(drive, profile=further),))
     found = simulate(case.model_path, run)
     assert found.stopped
     assert blocks == [False]

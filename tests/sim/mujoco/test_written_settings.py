@@ -206,7 +206,7 @@ def test_a_program_closes_its_loop_as_the_product_s_own_run(
     case = case.model_copy(update={"run": {"dynamics": table}})
     _, run = Setting("mujoco", {**base, **changed}).apply_to(case, "dynamics")
     _, other = Setting("mujoco", {**base, **unchanged}).apply_to(case, "dynamics")
-    motion = motion_source([each.law for each in run.drives], run.x)
+    motion = motion_source([each.profile for each in run.drives], run.x)
     found = program_curves(write_program(case.model_path, run, motion, ""), tmp_path)
     wanted = call_engine("mujoco", case.model_path, run).channels
     without = call_engine("mujoco", case.model_path, other).channels

@@ -125,7 +125,7 @@ def test_sweep_of_a_five_bar_with_both_forces(write):
 def five_errors(file: Path, dt: float):
     run = Run("dynamics", np.linspace(0, 2, 101), TIP, BOTH, settings={"timestep": dt})
     got = simulate(file, run)
-    law = np.array([drive.law(run.x)[0] for drive in BOTH])
+    law = np.array([drive.profile(run.x)[0] for drive in BOTH])
     np.testing.assert_allclose(got.drive[0], law, atol=1e-14)  # met to rounding, both
     truth = five_truth(*got.drive)
     return np.array([np.abs(got.channels[n] - truth[k]).max() for k, n in enumerate(TIP)])
@@ -215,7 +215,7 @@ def test_a_driven_slide_between_moving_links_is_second_order(write):
             [
                 np.abs(got.channels["boom"] - boom(place)).max(),
                 np.abs(got.channels["boom_rate"] - along(boom, place, rate)).max(),
-                np.abs(place - run.drives[0].law(run.x)[0]).max(),
+                np.abs(place - run.drives[0].profile(run.x)[0]).max(),
             ]
         )
     assert np.all(np.log2(np.divide(*errors)) > 1.8), errors
@@ -240,7 +240,7 @@ def test_drives_that_share_links_are_met_to_rounding_and_carry_their_own_moments
     for name, moment in zip(("m1", "m2", "m3"), (shoulder, elbow, wrist), strict=True):
         np.testing.assert_allclose(got.channels[name], moment, atol=1e-10)  # rounding of impulses
     moved = simulate(write(ARM), Run("dynamics", run.x, (), ARM_DRIVES))
-    law = np.array([drive.law(run.x)[0] for drive in ARM_DRIVES])
+    law = np.array([drive.profile(run.x)[0] for drive in ARM_DRIVES])
     # only the last is met exactly in a step, but what lacks is made up for in the next
     np.testing.assert_allclose(moved.drive[0], law, atol=1e-9)
 

@@ -12,7 +12,14 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 from proofmass.case import Case
-from proofmass.drive import TABLE_TOLERANCE, FunctionLaw, InProportion, Steady, Swing, motion_source
+from proofmass.drive import (
+    TABLE_TOLERANCE,
+    FunctionProfile,
+    InProportion,
+    Steady,
+    Swing,
+    motion_source,
+)
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.program import IMPOSED, expand_model, write_program
 from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
@@ -148,7 +155,7 @@ LAWS = {
     "steady": [Steady(0.5, -2.0, x_is_time=True)],
     "swing": [LEADER],
     "in proportion": [LEADER, InProportion(LEADER, 0.3, -0.5, 2.0)],
-    "table": [FunctionLaw(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)],
+    "table": [FunctionProfile(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)],
 }
 
 
@@ -476,7 +483,7 @@ def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
 ) -> None:
     """Bit by bit; and it needs none of the model's files."""
     model, run = odd(tmp_path, gravity, rate)
-    motion = motion_source([each.law for each in run.drives], run.x)
+    motion = motion_source([each.profile for each in run.drives], run.x)
     text = write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
     wanted = call_engine("mujoco", model, run)
     for file in (model, tmp_path / "rocker.xml", tmp_path / "shapes" / "m.stl"):
@@ -493,7 +500,7 @@ def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_
     """Neither a gear nor a range of actuators, nor equalities that are not active: each of them
     leaves the crank 0.1 rad behind or more."""
     model, run = odd(tmp_path)
-    motion = motion_source([each.law for each in run.drives], run.x)
+    motion = motion_source([each.profile for each in run.drives], run.x)
     found = program_curves(write_program(model, run, motion, "", drive), tmp_path)
     wanted = call_engine("mujoco", model, run).channels['ro"ck\\, é']
     assert np.ptp(wanted) > 0.1

@@ -128,14 +128,14 @@ def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
 
 def motion_of(run: Run) -> str:
     """Source of the motion of a run."""
-    return motion_source([drive.law for drive in run.drives], run.x)
+    return motion_source([drive.profile for drive in run.drives], run.x)
 
 
 def run_of(case: Case, samples: int = SAMPLES) -> Run:
     """The first samples of a case's dynamics in pymunk."""
     drives = tuple(
         Drive(d.joint, law)
-        for d, law in zip(case.drive, reference.drive_laws(case, "dynamics"), strict=True)
+        for d, law in zip(case.drive, reference.drive_profiles(case, "dynamics"), strict=True)
     )
     return Run(
         "dynamics",
