@@ -67,10 +67,8 @@ ATTEMPTS: tuple[Attempt, ...] = (
     (-1, 1.5, 0.0, {}),
     (-1, 2.0, 3.0, {}),
 )
-SIGNS: tuple[dict[str, tuple[float, float]], ...] = (
-    {},
-    {"preload3": (-1.0, 0.0)},
-)  # narrower bounds of a preload of spring 3 where both signs can release it
+SIGNS: tuple[dict[str, tuple[float, float]], ...] = ({}, {"preload3": (-1.0, 0.0)})
+"""Narrower bounds of a preload of spring 3 where both signs can release it."""
 SHORT_EFFORT = Effort(((96, 10), (32, 60)))
 
 

@@ -45,13 +45,8 @@ ZERO_SHARE = 1e-12  # share of the mechanism's size up to which a reference's va
 SMALL_CHANGE = 1e-6
 """Relative change of a parameter for a slope: the neglected terms are 1e-12, and rounding is 1e-10
 of the change."""
-LARGE_CHANGES = (
-    1e-1,
-    1e-2,
-    1e-3,
-    1e-4,
-    1e-5,
-)  # relative changes to try where a slope is not enough
+LARGE_CHANGES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+"""Relative changes to try where a slope is not enough."""
 SMOOTH_CURVATURE = 0.1  # curvature over slope up to which the slope is exact to about one digit
 Differences = list[dict[str, Array]]
 DifferencesAt = Callable[[float], Differences]

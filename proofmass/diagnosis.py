@@ -89,11 +89,8 @@ FIT_SECONDS = (
 MODEL_KIND = "number of the model"  # a kind of cause
 SWEEP_SAMPLES = 48  # samples of a sweep that suffice to fit a number; its end may be left out
 MODEL_FIT_SECONDS = 6.0  # as SECONDS, for numbers of the model, with which the engine runs again
-UNFITTED_KINDS = (
-    "inertia",
-    "softness of the loop",
-    "softness of the stop",
-)  # kinds that are not fitted
+UNFITTED_KINDS = ("inertia", "softness of the loop", "softness of the stop")
+"""Kinds that are not fitted."""
 KNOWN_FACTORS = {
     "with the opposite sign": (-1.0, ""),
     "in degrees, not in radians": (180 / np.pi, "rad"),

@@ -63,10 +63,8 @@ GIB = 2**30
 LONGEST_ALARM = 1e9  # [s], the longest alarm that can be set
 KEPT_CHARACTERS = 240  # characters that are kept of what a process wrote before it died
 KILLED_BY_SIGNAL = "killed by signal"  # begins the message of a `Crashed` whose process was killed
-OUT_OF_MEMORY_MESSAGES = (
-    "bad_alloc",
-    "allocate memory",
-)  # last messages of C++ and MuJoCo when memory runs out
+OUT_OF_MEMORY_MESSAGES = ("bad_alloc", "allocate memory")
+"""Last messages of C++ and MuJoCo when memory runs out."""
 
 
 class Crashed(Exception):

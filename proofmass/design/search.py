@@ -23,10 +23,8 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
 
-FACE_SHARES = (
-    0.1,
-    0.05,
-)  # shares of random coordinates that are on their lower, on their upper bound
+FACE_SHARES = (0.1, 0.05)
+"""Shares of random coordinates that are on their lower, on their upper bound."""
 MIN_DISTANCE = 0.05  # [1] places nearer than this to a better place get no descent of their own
 
 

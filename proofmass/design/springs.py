@@ -43,18 +43,10 @@ STRIP_HEADER = (
     "modulus [GPa]",
     "stress [MPa]",
 )
-STRIP_SCALES = (
-    1e-3,
-    1e-3,
-    1e-3,
-    1e-3,
-    1e9,
-    1e6,
-)  # factors of the columns after the name, to SI units
-SPRING_COUNTS = (
-    1,
-    2,
-)  # numbers of springs at a joint; the thesis's prototype has two, wound oppositely
+STRIP_SCALES = (1e-3, 1e-3, 1e-3, 1e-3, 1e9, 1e6)
+"""Factors of the columns after the name, to SI units."""
+SPRING_COUNTS = (1, 2)
+"""Numbers of springs at a joint; the thesis's prototype has two, wound oppositely."""
 
 
 @dataclass(frozen=True)

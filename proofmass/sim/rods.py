@@ -275,7 +275,8 @@ JOINT_PROPERTIES = {
     "ref": 0.0,
     "springref": 0.0,
     "limited": mujoco.mjtLimited.mjLIMITED_FALSE,
-}  # properties of the joints of rods, independent of <default>
+}
+"""Properties of the joints of rods, independent of <default>."""
 
 
 def joint_names(chain: Chain) -> list[str]:

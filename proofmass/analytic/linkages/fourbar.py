@@ -32,9 +32,8 @@ from proofmass.analytic.numerics import (
     unwrap_angles,
 )
 
-WithDerivatives = tuple[
-    Array, Array, Array
-]  # a value and its first two derivatives by the crank angle
+WithDerivatives = tuple[Array, Array, Array]
+"""A value and its first two derivatives by the crank angle."""
 MODES = (1, -1)
 
 

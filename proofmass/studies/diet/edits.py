@@ -273,9 +273,8 @@ def add_monitored_sensors(spec: mujoco.MjSpec, monitored: tuple[str, ...]) -> It
 
 
 GeomType = mujoco.mjtGeom
-INERTIA_AUTO = (
-    mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
-)  # only for bodies without a given inertia
+INERTIA_AUTO = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+"""Only for bodies without a given inertia."""
 PLANE_ROUNDING = 1e-9  # deviation of a key from a plane that is only rounding
 
 

@@ -251,14 +251,8 @@ def can_divide_segments(edited: EditedModel, share: int) -> bool:
 OptionMaker = Callable[[EditedModel, DietScene], list[Feature]]
 TRIED_ITERATIONS = (1, 2, 3, 5, 10, 20, 50)  # iterations that are tried
 DEFAULT_ITERATIONS = {"iterations": 100, "ls_iterations": 50}  # MuJoCo's defaults
-TRIED_TOLERANCES = (
-    1e-8,
-    1e-10,
-    1e-12,
-    1e-15,
-    1e-20,
-    1e-24,
-)  # tolerances that are tried, if they are larger
+TRIED_TOLERANCES = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)
+"""Tolerances that are tried, if they are larger."""
 STEP_FACTORS = (64, 32, 16, 8, 4, 2)  # factors on the time step that are tried
 COUNTING_TIMEOUT = 60.0  # s, wall time of a run whose iterations are counted
 INTEGRATOR, SOLVER, JACOBIAN = mujoco.mjtIntegrator, mujoco.mjtSolver, mujoco.mjtJacobian

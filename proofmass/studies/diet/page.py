@@ -38,11 +38,8 @@ from proofmass.studies.diet.table import (
 )
 from proofmass.wording import number
 
-ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (
-    0.19,
-    7.2,
-    0.5,
-)  # [inch] height of a row, width of the figure, upper/lower margin
+ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (0.19, 7.2, 0.5)
+"""Height of a row, width of the figure, and upper and lower margin [inch]."""
 MIN_SAVING = -50.0  # % saved, at the left end of the axis at most: a disturbed timing may be less
 MAX_LABEL_LETTERS = 42  # most letters of a feature's name in the figure
 SMALLEST_CHANGE, LARGEST_CHANGE = 1e-9, 1e9  # ends of the axis of changes over the allowed ones

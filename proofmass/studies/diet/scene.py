@@ -61,15 +61,10 @@ TIMED_STEPS = 2000  # steps that are timed, at most
 BRIEF_SECONDS = (
     0.05  # s, wall time of a run that is timed or counted; it has fewer steps if they are slow
 )
-STEP_DIVISORS = (
-    4,
-    8,
-)  # divisors of the time step in fine solutions; the last one is the reference
-FINE_SETTINGS = {
-    "solver": "Newton",
-    "tolerance": 1e-14,
-    "iterations": 100,
-}  # other options of these
+STEP_DIVISORS = (4, 8)
+"""Divisors of the time step in fine solutions; the last one is the reference."""
+FINE_SETTINGS = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}
+"""Other options of these."""
 ERROR_GROWTH = 0.1  # share of an error by which it may grow, if no tolerance allows more
 MAX_STRIDE = 64  # steps between samples, so that steps up to so many times longer can be tried
 MIN_THINNED_SAMPLES = 50  # samples that must remain

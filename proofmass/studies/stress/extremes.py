@@ -363,10 +363,8 @@ def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
     return with_model(case, folder, change)
 
 
-MAX_SEGMENTS, MAX_SEGMENTS_TIMEOUT = (
-    200,
-    600.0,
-)  # most segments of a rod, and wall time for so many [s]
+MAX_SEGMENTS, MAX_SEGMENTS_TIMEOUT = (200, 600.0)
+"""Most segments of a rod, and wall time for so many [s]."""
 MIN_STEPS = (
     4  # steps of the shortest runs: a motion there and back in two steps would look like none
 )
@@ -549,10 +547,8 @@ def search_run_length(stressed: StressedCase) -> Iterator[LimitSearch]:
     )
 
 
-START_LENGTHS, END_LENGTH = (
-    (1.1, 1.0),
-    0.2,
-)  # links are shortened from one of these factors to this one
+START_LENGTHS, END_LENGTH = ((1.1, 1.0), 0.2)
+"""Links are shortened from one of these factors to this one."""
 LENGTH_STEP = (
     0.02  # change of length from one closed start pose to the next, which keeps the branch
 )
@@ -674,14 +670,10 @@ def find_closing_failure(
 
 
 MAX_CRANK_TURNS = 2.0  # a crank is driven so far in search of its limit position
-NEAREST_TURNING_POINT, LIMIT_TOLERANCE = (
-    1e-9,
-    1e-12,
-)  # nearest turning point to a limit [rad]; its tolerance [1]
-FIRST_SPARE_LENGTH, LAST_SPARE_LENGTH = (
-    0.05,
-    1e-7,
-)  # first and last excess length of a link, over the shortest that closes
+NEAREST_TURNING_POINT, LIMIT_TOLERANCE = (1e-9, 1e-12)
+"""Nearest turning point to a limit [rad]; its tolerance [1]."""
+FIRST_SPARE_LENGTH, LAST_SPARE_LENGTH = (0.05, 1e-7)
+"""First and last excess length of a link, over the shortest that closes."""
 SNAP_SEGMENTS = 10, 20, 40  # numbers of segments with which a rod is made to snap
 SWEEP_SAMPLES = 41  # of a sweep there and back; an odd number has one sample at the turning point
 

@@ -405,11 +405,8 @@ def describe_theory(one: Boundary) -> str:
 
 
 TEXT_COLOUR = "#333333"
-ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (
-    0.17,
-    7.2,
-    0.75,
-)  # [inch] height of a row, width of the figure, upper/lower margin
+ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (0.17, 7.2, 0.75)
+"""Height of a row, width of the figure, and upper and lower margin [inch]."""
 COLOUR_SHARE = 0.35  # share of an engine's colour in its bars; the rest is white
 Style = tuple[Look, str]
 """Look and hatch of an engine."""
