@@ -242,7 +242,7 @@ def spread_texts(places: Sequence[float], heights: Sequence[float]) -> list[floa
 PANEL_HEIGHT, PANEL_GAP = 2.4, 0.25
 """Height of a panel, and width between two of them [inch]."""
 LEFT_MARGIN, RIGHT_MARGIN, BOTTOM_MARGIN, TOP_MARGIN = 0.62, 1.75, 0.42, 0.26
-"""Margins of the figure [inch]; the legend is in the right one."""
+"""Margins around the panels [inch]."""
 LEGEND_LINE_HEIGHT, LEGEND_ENTRY_WIDTH = 0.155, 2.9  # [inch] of the legend
 ERROR_LABEL = "error, share of the range"
 MARKERS = "os^Dv<>pPX*h"
