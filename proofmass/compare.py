@@ -15,7 +15,7 @@ from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.drive import DriveState
 from proofmass.errors import InputError
-from proofmass.outcome import Outcome
+from proofmass.outcome import GOOD_OUTCOMES, Outcome
 from proofmass.plot_data import check_views
 from proofmass.recorded import Recorded
 from proofmass.reference import (
@@ -143,6 +143,16 @@ class Comparison:
     def allowed_of_range(self) -> float:
         """The allowed error over `scale_of` the reference curve; NaN if the error is 0."""
         return self.allowed * self.nrmse / self.error_rms if self.error_rms else NAN
+
+    @property
+    def share_of_allowed(self) -> float:
+        """The error over the tolerance, 1 at the limit.
+
+        Where one of them gives no number it is infinite, or 0 if the outcome is good all the same.
+        """
+        if np.isfinite(self.error_max) and self.allowed > 0:
+            return self.error_max / self.allowed
+        return 0.0 if self.outcome in GOOD_OUTCOMES else np.inf
 
     def _share(self, error: float) -> float:
         return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse

@@ -34,8 +34,7 @@ from proofmass.analytic.planar.mechanism import (
     refuse_actuators,
     refuse_contacts,
 )
-from proofmass.check import OWN_MODEL_SAMPLES, run_solver
-from proofmass.check import read_isolated as read_sidecar
+from proofmass.check import OWN_MODEL_SAMPLES, read_isolated, run_solver
 from proofmass.compare import Comparison, compare
 from proofmass.engines import default_engines, engine_of
 from proofmass.errors import InputError
@@ -517,7 +516,7 @@ def run_until_close(proposal: Proposal, sidecar: Path, kind: Kind, solver: str) 
         if step < own:
             proposal.steps[solver] = step
         write_atomically(sidecar, proposal.text())
-        found, _ = run_solver(read_sidecar(sidecar), kind, solver, COMPARE_ERRORS_ONLY)
+        found, _ = run_solver(read_isolated(sidecar), kind, solver, COMPARE_ERRORS_ONLY)
         if all(c.outcome != Outcome.DIFFERS for c in found):
             return found
     proposal.steps.pop(solver, None)

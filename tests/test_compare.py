@@ -572,3 +572,19 @@ def test_a_recorded_curve_is_not_asked_at_the_drives_state():
         reference_for(closed, "sweep", Curves(x, {}, drive=off)).channels["r1"],
         reference_for(closed, "sweep", Curves(x, {}, drive=state)).channels["r1"],
     )
+
+
+@pytest.mark.parametrize(
+    ("error", "allowed", "outcome", "share"),
+    [
+        (1.0, 2.0, "agrees", 0.5),
+        (3.0, 2.0, "differs", 1.5),
+        (1.0, 0.0, "differs", np.inf),
+        (np.nan, 2.0, "differs", np.inf),
+        (np.nan, np.nan, "diverged", np.inf),
+        (1.0, np.nan, "unchecked", 0.0),
+    ],
+)
+def test_an_error_is_a_share_of_what_is_allowed(error, allowed, outcome, share):
+    """Also where one of the two is no number, and where nothing is allowed."""
+    assert compared(error, allowed, outcome).share_of_allowed == share

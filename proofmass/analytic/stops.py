@@ -178,6 +178,16 @@ class MotionWithStops:
         return "; ".join(texts)
 
 
+def refuse_limit(name: str, limits: tuple[float, float], values: Array) -> None:
+    """Raise ValueError if a driven joint leaves its range [rad or m] at one of the samples."""
+    outside = (values < limits[0]) | (values > limits[1])
+    if outside.any():
+        raise ValueError(
+            f"joint {name!r} leaves its range {limits} at sample {int(np.argmax(outside))}; "
+            f"joint limits are not covered in driven motions"
+        )
+
+
 def make_stops(
     joint: str, limits: tuple[float, float], pose: int, rate: int, size: float
 ) -> Iterator[Stop]:

@@ -418,17 +418,8 @@ def svg_line(points: Array, colour: str, width: float, dash: str = "", opacity: 
 
 
 def worst_comparisons(rows: Sequence[Comparison]) -> list[Comparison]:
-    """Return for each solver and outcome the comparison with the largest share of its tolerance.
-
-    An error that is not a number, or that nothing is allowed of, is larger than any other.
-    """
+    """Return for each solver and outcome the comparison with the largest share of its tolerance."""
     groups: dict[tuple[str, str], list[Comparison]] = {}
     for row in rows:
         groups.setdefault((row.solver, row.outcome), []).append(row)
-    return [max(group, key=share_of_allowed) for group in groups.values()]
-
-
-def share_of_allowed(row: Comparison) -> float:
-    """The error of a comparison over its tolerance; infinite if either gives no number."""
-    share = row.error_max / row.allowed if row.allowed else np.inf
-    return np.inf if np.isnan(share) else share
+    return [max(group, key=lambda row: row.share_of_allowed) for group in groups.values()]

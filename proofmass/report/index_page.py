@@ -343,7 +343,7 @@ def case_row(
             dict.fromkeys(engine_name(c) for c in rows if c.outcome not in GOOD_OUTCOMES)
         ),
         margin=max(
-            (error_ratio(c) for c in rows if c.outcome not in UNCHECKED_OUTCOMES), default=0.0
+            (c.share_of_allowed for c in rows if c.outcome not in UNCHECKED_OUTCOMES), default=0.0
         ),
         checked=sum(c.outcome in CHECKED_OUTCOMES for c in curves),
         channels=len(curves),
@@ -373,7 +373,7 @@ def format_failure(bad: Sequence[Comparison], channel_count: int) -> str:
 
     `channel_count` is the number of all channels.
     """
-    c = max(bad, key=error_ratio)
+    c = max(bad, key=lambda c: c.share_of_allowed)
     if c.outcome != Outcome.DIFFERS:
         return f"{c.outcome}: {c.message}"
     return f"{len(bad)} of {channel_count} differ, {c.channel} by {c.message}"
@@ -424,13 +424,6 @@ def total_seconds(rows: Iterable[Comparison]) -> float:
     return sum(s for s in runs.values() if math.isfinite(s))
 
 
-def error_ratio(c: Comparison) -> float:
-    """Return the error over what is allowed; infinite for a failure without a number."""
-    if math.isfinite(c.error_max) and c.allowed > 0:
-        return c.error_max / c.allowed
-    return 0.0 if c.outcome in GOOD_OUTCOMES else math.inf
-
-
 def index_cell(rows: Sequence[Comparison]) -> IndexCell | None:
     """Return the cell of these comparisons: a mark for each solver, the engine itself first."""
     solvers = sorted(dict.fromkeys(c.solver for c in rows), key=is_variant)
@@ -459,7 +452,7 @@ def representative(group: Sequence[Comparison]) -> Comparison:
         failed = c.outcome not in GOOD_OUTCOMES
         share = c.relative_to_range
         known = share if math.isfinite(share) else -1.0
-        return failed, error_ratio(c) if failed else 0.0, known
+        return failed, c.share_of_allowed if failed else 0.0, known
 
     return max(group, key=rank)
 
@@ -495,7 +488,7 @@ def trend_line(history: History, rows: Sequence[Comparison]) -> Markup:
     judged = [c for c in rows if c.outcome in CHECKED_OUTCOMES]
     if len(history.reports) < MIN_TREND_REPORTS or not judged:
         return NO_MARKUP
-    c = max(judged, key=error_ratio)
+    c = max(judged, key=lambda c: c.share_of_allowed)
     values = history.trend(c.case, c.run, c.solver, c.channel)
     powers = [math.log10(v) if v else None for v in values]
     known = [p for p in powers if p is not None]

@@ -220,9 +220,7 @@ def describe_solver(solver: str, rows: list[Comparison], where: str) -> str:
     if failed:
         return f"{name} {failed}{where}"
     if bad:
-        worst = max(
-            bad, key=lambda c: c.error_max / c.allowed if math.isfinite(c.error_max) else math.inf
-        )
+        worst = max(bad, key=lambda c: c.share_of_allowed)
         return (
             f"{name} differs{where} on {format_list(c.channel for c in bad)}"
             f" (worst {worst.channel}: {worst.message})"

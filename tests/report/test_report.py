@@ -162,6 +162,14 @@ def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
     )
 
 
+def test_a_channel_that_nothing_is_allowed_of_is_the_worst(fourbar: Case) -> None:
+    rows = [
+        Comparison(fourbar.name, "mujoco", "sweep", name, "m", 3.0, allowed=a, outcome="differs")
+        for name, a in (("pin.x", 1.0), ("pin.y", 0.0))
+    ]
+    assert "(worst pin.y: " in headline(fourbar, rows)
+
+
 def test_duration_differs(fourbar: Case) -> None:
     text = headline(fourbar, result_of(fourbar, sweep=0.0, dynamics=1e-3).comparisons)
     assert text.startswith(f"The model matches the reference: all {len(fourbar.channels)} channels")

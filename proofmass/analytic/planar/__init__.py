@@ -76,8 +76,9 @@ from proofmass.analytic.planar.mechanism import (
     refuse_actuators,
     refuse_contacts,
     rotation_matrix,
+    sensor_place,
 )
-from proofmass.analytic.stops import MotionWithStops, Stop, make_stops
+from proofmass.analytic.stops import MotionWithStops, Stop, make_stops, refuse_limit
 
 __all__ = [
     "Branch",
@@ -280,12 +281,7 @@ def solve(
 def refuse_limits(m: Mechanism, q: Array) -> None:
     """Raise ValueError if a joint that the drives determine leaves its range."""
     for k, joint in enumerate(m.joints):
-        outside = (q[:, k] < joint.range[0]) | (q[:, k] > joint.range[1])
-        if outside.any():
-            raise ValueError(
-                f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                f"{int(np.argmax(outside))}; joint limits are not covered in driven motions"
-            )
+        refuse_limit(joint.name, joint.range, q[:, k])
 
 
 def refuse_shared_ranges(model: Any, controls: Mapping[str, Any]) -> None:
@@ -569,27 +565,9 @@ def frame_curves(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]
 
 def sensor_frame(reader: Reader, s: int) -> tuple[int, Array, Array]:
     """Body, position and axes, in the reference pose, of the object that a sensor is on."""
-    model, kind = reader.model, OBJECT_TYPE(reader.model.sensor_objtype[s])
-    i = model.sensor_objid[s]
-    body, position, quaternion = {
-        OBJECT_TYPE.mjOBJ_SITE: lambda: (
-            model.site_bodyid[i],
-            model.site_pos[i],
-            model.site_quat[i],
-        ),
-        OBJECT_TYPE.mjOBJ_GEOM: lambda: (
-            model.geom_bodyid[i],
-            model.geom_pos[i],
-            model.geom_quat[i],
-        ),
-        OBJECT_TYPE.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
-        OBJECT_TYPE.mjOBJ_XBODY: lambda: (i, np.zeros(3), np.array([1.0, 0, 0, 0])),
-    }[kind]()
-    return (
-        int(body),
-        reader.at[body] + reader.turn[body] @ position,
-        reader.turn[body] @ rotation_matrix(quaternion),
-    )
+    body, position, quaternion = sensor_place(reader.model, s)
+    axes = reader.turn[body] @ rotation_matrix(quaternion)
+    return body, reader.at[body] + reader.turn[body] @ position, axes
 
 
 def world_components(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]:

@@ -858,6 +858,26 @@ def rotation_matrix(quaternion: Array) -> Array:
     return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
 
 
+def sensor_place(model: Any, s: int) -> tuple[int, Array, Array]:
+    """Body of the object that sensor number s is on; its position and quaternion in that body."""
+    kind, i = mujoco.mjtObj(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
+    body, position, quaternion = {
+        mujoco.mjtObj.mjOBJ_SITE: lambda: (
+            model.site_bodyid[i],
+            model.site_pos[i],
+            model.site_quat[i],
+        ),
+        mujoco.mjtObj.mjOBJ_GEOM: lambda: (
+            model.geom_bodyid[i],
+            model.geom_pos[i],
+            model.geom_quat[i],
+        ),
+        mujoco.mjtObj.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
+        mujoco.mjtObj.mjOBJ_XBODY: lambda: (i, np.zeros(3), np.array([1.0, 0, 0, 0])),
+    }[kind]()
+    return int(body), np.array(position), np.array(quaternion)
+
+
 def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
     """Read a planar mechanism.
 

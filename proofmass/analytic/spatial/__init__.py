@@ -26,11 +26,10 @@ from proofmass.analytic.controls import (
 )
 from proofmass.analytic.equilibrium import EquilibriumSolver
 from proofmass.analytic.numerics import Array, NotCovered, unwrap_quaternions
-from proofmass.analytic.planar.mechanism import acts_on_joint, rotation_matrix
+from proofmass.analytic.planar.mechanism import acts_on_joint, rotation_matrix, sensor_place
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import (
-    IDENTITY_QUATERNION,
     Tree,
     quaternion_product,
     read_tree,
@@ -53,7 +52,7 @@ from proofmass.analytic.spatial.terms import (
     tendon_stretch,
 )
 from proofmass.analytic.spatial.witness import TermComparison, compare_terms
-from proofmass.analytic.stops import MotionWithStops, Stop, read_stops
+from proofmass.analytic.stops import MotionWithStops, Stop, read_stops, refuse_limit
 
 __all__ = ["properties", "solve"]
 
@@ -474,12 +473,7 @@ def refuse_limits(tree: Tree, q: Array) -> None:
     """Raise ValueError if a joint of a driven motion leaves its range."""
     for joint in tree.joints:
         if joint.kind in ("hinge", "slide"):
-            outside = (q[:, joint.pose] < joint.range[0]) | (q[:, joint.pose] > joint.range[1])
-            if outside.any():
-                raise ValueError(
-                    f"joint {joint.name!r} leaves its range {joint.range} at sample "
-                    f"{int(np.argmax(outside))}; joint limits are not covered in driven motions"
-                )
+            refuse_limit(joint.name, joint.range, q[:, joint.pose])
 
 
 def quantities(model: Any, tree: Tree, followed: SolvedMotion) -> dict[str, Array]:
@@ -546,22 +540,8 @@ class SensorFrame:
     @classmethod
     def of(cls, model: Any, tree: Tree, motion: TreeMotion, s: int) -> "SensorFrame":
         """Read the frame of sensor number s."""
-        kind, i = OBJECT_TYPE(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
-        body, place, quaternion = {
-            OBJECT_TYPE.mjOBJ_SITE: lambda: (
-                model.site_bodyid[i],
-                model.site_pos[i],
-                model.site_quat[i],
-            ),
-            OBJECT_TYPE.mjOBJ_GEOM: lambda: (
-                model.geom_bodyid[i],
-                model.geom_pos[i],
-                model.geom_quat[i],
-            ),
-            OBJECT_TYPE.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
-            OBJECT_TYPE.mjOBJ_XBODY: lambda: (i, np.zeros(3), IDENTITY_QUATERNION),
-        }[kind]()
-        return cls(motion, int(body), np.array(place), np.array(quaternion), tree.gravity)
+        body, place, quaternion = sensor_place(model, s)
+        return cls(motion, body, place, quaternion, tree.gravity)
 
     def at(self) -> Array:
         """Position of the frame (n, 3) [m]."""

@@ -35,8 +35,7 @@ from proofmass.analytic.controls import break_times, smooth_pieces
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
-from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, moments_of_drives
-from proofmass.sim.mujoco.dynamics import initialize_dynamics as begin
+from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics, moments_of_drives
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, load
 from proofmass.sim.mujoco.sensors import (
@@ -153,7 +152,7 @@ class InputsInTime:
             none = np.zeros(0, np.int32)
             return cls(run, none, none, np.zeros(0), loads)
         before = model.dof_armature[linkage.dofs].copy()
-        begin(linkage, run, run.x)
+        initialize_dynamics(linkage, run, run.x)
         wheels = model.dof_armature[linkage.dofs] - before
         return cls(run, linkage.adr, linkage.dofs, wheels, loads)
 

@@ -30,8 +30,8 @@ from proofmass.sim.pymunk.read import (
     Potential,
     Sensor,
     body_masses,
+    read_channel,
 )
-from proofmass.sim.pymunk.read import read_channel as channel_of
 from proofmass.sim.pymunk.space import (
     HALF_GROOVE,
     STOP_TYPES,
@@ -370,14 +370,14 @@ def channel_changes(links: Links, run: Run) -> dict[str, tuple[float, ...]]:
         for control in (curve.min(), curve.max()):
             controls = values[:, 0].copy()
             controls[k] = control
-            shown = channel_of(with_controls(links, load_names(run), controls), name)
+            shown = read_channel(with_controls(links, load_names(run), controls), name)
             assert isinstance(shown, Sensor)
             assert isinstance(shown.function, ConstantValue)
             found.append(shown.function.value)
         return found
 
     for name in run.channels:
-        first = channel_of(links, name)
+        first = read_channel(links, name)
         if (
             not isinstance(first, Sensor)
             or first.order

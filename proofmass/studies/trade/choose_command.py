@@ -17,8 +17,7 @@ from proofmass.files import write_atomically
 from proofmass.strict import Kind
 from proofmass.studies.command import load_cases, require_seconds
 from proofmass.studies.record import StudyRow
-from proofmass.studies.run import pool
-from proofmass.studies.run import run_tasks as run_tasks
+from proofmass.studies.run import pool, run_tasks
 from proofmass.studies.store import Store, package_versions
 from proofmass.studies.trade.choose import (
     ERROR_MARGIN,

@@ -39,9 +39,9 @@ from proofmass.studies.trade.series import (
     MIN_FALLING_ORDER,
     OTHER_MOTION_ERROR,
     Limits,
+    convergence_order,
     setting_at_step,
 )
-from proofmass.studies.trade.series import convergence_order as order_of
 from proofmass.studies.trade.varied import describe_dynamics, own_settings_series
 
 TIMING_REPEATS = 2  # repeats, for wall times, of each setting that may be the cheapest
@@ -223,7 +223,7 @@ def row_error(row: StudyRow, error_kind: str) -> float:
 
 def order_between(coarse: StudyRow, fine: StudyRow, error_kind: str) -> float:
     """The order of convergence that two rows show; minus infinity where the finer one fails."""
-    return order_of(
+    return convergence_order(
         (coarse.value, row_error(coarse, error_kind)),
         (fine.value, max(row_error(fine, error_kind), 1e-300)),
     )

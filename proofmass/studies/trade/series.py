@@ -21,7 +21,7 @@ from proofmass.strict import Kind
 from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
-from proofmass.studies.run import make_row as row_of
+from proofmass.studies.run import make_row
 from proofmass.studies.store import Store, package_versions, task_key
 from proofmass.studies.trade.varied import ConvergenceSeries, list_series, with_step
 from proofmass.studies.trade.verdict import Verdict
@@ -453,7 +453,7 @@ def list_cached_settings(
         task = StudyRun(case, kind, setting, "choose", *find_series(setting, all_series))
         found = store.repeats(key) if task_key(task) == key else []
         if found and found[0].outcome == Outcome.RAN:
-            yield row_of(task, found, True, key)
+            yield make_row(task, found, True, key)
 
 
 def find_series(
