@@ -301,6 +301,17 @@ def test_own_models_are_xml_that_other_programs_read():
         ElementTree.parse(file)
 
 
+def test_every_sensor_of_an_own_model_is_read_by_a_sidecar():
+    """A diet removes a sensor that is not: model only what a scene requires."""
+    read: dict[Path, set[str]] = {}
+    for file in models_like():
+        case = loaded(file)
+        read.setdefault(case.model_path, set()).update(n.partition(".")[0] for n in case.channels)
+    for model, names in read.items():
+        sensors = ElementTree.parse(model).getroot().iterfind("sensor/*")
+        assert [s.get("name") for s in sensors if s.get("name") not in names] == [], model.name
+
+
 @pytest.mark.parametrize("file", each_case())
 def test_own_cases_are_valid(file):
     validate_case(loaded(file))
