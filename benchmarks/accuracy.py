@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from math import inf, isfinite
 from pathlib import Path
 from statistics import median
 
@@ -81,7 +82,7 @@ class Pick:
     @property
     def never(self) -> bool:
         """Whether the engine's defaults cannot reach the error with any step."""
-        return self.choice is not None and "never get there" in self.choice.beside
+        return self.choice is not None and self.choice.ratio == inf
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -249,7 +250,7 @@ def summary(found: Sequence[Pick]) -> Iterator[str]:
         asked = [pick for pick in found if own(pick)]
         got = [pick for pick in asked if pick.choice]
         seconds = [pick.choice.row.seconds for pick in got if pick.choice]
-        finite = [pick.choice.ratio for pick in got if pick.choice and pick.choice.ratio > 0]
+        finite = [pick.choice.ratio for pick in got if pick.choice and isfinite(pick.choice.ratio)]
         never = sum(pick.never for pick in got)
         every = [*finite, *[float("inf")] * never]
         cells = [f"{number(max(seconds))} s", f"{number(min(seconds))} s"] if seconds else ["", ""]

@@ -337,14 +337,14 @@ class Rung:
         swing = float(np.ptp(fine.energy)) or 1.0
         energy = abs(fine.energy[end] - coarse.energy[end]) / swing
         parts = [f"energies at the end differ by {number(100 * energy, 2)} % of their swing"]
-        for what, one, two in (
-            ("penetrations", coarse.depth, fine.depth),
-            ("constraint violations", coarse.gap, fine.gap),
+        for what, unit, one, two in (
+            ("penetrations", "m", coarse.depth, fine.depth),
+            ("constraint violations", "m or rad", coarse.gap, fine.gap),
         ):
             most = [float(np.max(each[: self.count])) for each in (one, two)]
             if max(most) > 0:
                 parts.append(
-                    f"largest {what} are {format_list(number(each, 2) for each in most)} m"
+                    f"largest {what} are {format_list(number(each, 2) for each in most)} {unit}"
                 )
         return ", ".join(parts)
 

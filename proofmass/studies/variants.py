@@ -357,9 +357,10 @@ def can_be_extended(case: Case) -> bool:
 def with_longer_run(case: Case, factor: float, seconds: float) -> Case:
     """The case with its dynamics run of `seconds` extended by a factor, with as many samples.
 
-    A drive that makes no whole turns moves to and fro instead.
+    A drive that makes no whole turns moves to and fro instead.  The profile of a load cannot be
+    extended.
     """
-    if not can_be_extended(case):
+    if case.drive and not can_be_extended(case):
         leader = case.drive[0]
         case = with_drive_swing(case, abs(float(leader.to or 0.0) - leader.start), 2.0 * seconds)
     return with_duration(case, seconds * factor)

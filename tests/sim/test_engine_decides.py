@@ -125,32 +125,43 @@ def springs(name: str) -> bool:
     return bool(CASES[name].rod or model.jnt_stiffness.any() or model.tendon_stiffness.any())
 
 
+STIFFER = 1.01
+COARSE = {("robotiq_2f85", "mujoco"): 1.6}
+"""Stiffer springs of a run whose tolerance is wider than the effect of 1 %.
+
+The gripper as its vendor publishes it has joint limits and loops so soft that its curves are known
+to 6 % of their ranges; with hard ones, in "mujoco:hard", springs 1 % stiffer differ.
+"""
+
+
 def stiffer(joint):
     """A joint of pymunk whose spring and servo are 1 % stiffer."""
-    springs = tuple(1.01 * part for part in joint.stiffness)
-    return replace(joint, stiffness=springs, servo=1.01 * joint.servo)
+    springs = tuple(STIFFER * part for part in joint.stiffness)
+    return replace(joint, stiffness=springs, servo=STIFFER * joint.servo)
 
 
 def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
     """Make all springs of an engine 1 % stiffer; what to change of the run."""
+    factor = COARSE.get((name, solver), STIFFER)
     begin, read = mujoco_model.prepare_model, pymunk_model.read_links
 
     def read_stiffer(*args):
         links = read(*args)
-        own = [replace(spring, stiffness=1.01 * spring.stiffness) for spring in links.springs]
+        own = [replace(spring, stiffness=STIFFER * spring.stiffness) for spring in links.springs]
         return replace(links, springs=tuple(own), joints=tuple(map(stiffer, links.joints)))
 
     def begun(model, run):
-        model.tendon_stiffness *= 1.01
-        model.jnt_stiffness *= 1.01
-        model.jnt_stiffnesspoly *= 1.01
+        model.tendon_stiffness *= factor
+        model.jnt_stiffness *= factor
+        model.jnt_stiffnesspoly *= factor
         return begin(model, run)
 
     monkeypatch.setattr(mujoco_model, "prepare_model", begun)
     monkeypatch.setattr(pymunk_model, "read_links", read_stiffer)
     if not solver.endswith(":flex"):
         return {}
-    return {"rods": tuple(replace(rod, stiffness=1.01 * rod.stiffness) for rod in CASES[name].rods)}
+    rods = CASES[name].rods
+    return {"rods": tuple(replace(rod, stiffness=STIFFER * rod.stiffness) for rod in rods)}
 
 
 SPRINGS = [run for run in CHECKED if springs(run[0])]

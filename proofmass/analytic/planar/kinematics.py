@@ -134,12 +134,20 @@ def loop_bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
 
 
 def largest_violation(m: Mechanism, q: Array) -> tuple[float, str]:
-    """Largest constraint violation of one pose [m, or rad of a coupling], and its loop's name."""
+    """Largest constraint violation of one pose [m, or rad of a coupling], and a text with its loop.
+
+    The text names the loop, and has the violation with its unit.
+    """
     r = loop_violations(m, move_bodies(m, q[None]), q[None])[0]
     pins = np.hypot(r[0 : 2 * len(m.pins) : 2], r[1 : 2 * len(m.pins) : 2])
     violations = np.append(pins, np.abs(r[2 * len(m.pins) :]))
     worst = int(np.argmax(violations))
-    return float(violations[worst]), m.loop_names[worst]
+    violation, unit = float(violations[worst]), "m"
+    if worst >= len(m.pins):
+        coupling = m.couplings[worst - len(m.pins)]
+        joint = (*coupling.one, *coupling.two)[0][0]
+        unit = "rad" if m.hinges[joint] else "m"
+    return violation, f"loop {m.loop_names[worst]!r} stays open by {violation:.3g} {unit}"
 
 
 def lipschitz(m: Mechanism, q: Array) -> Array:
@@ -240,8 +248,7 @@ def close_loops(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
         violations = iterate_newton(m, block, d, steps)
         if not violations.max(initial=0.0) < CLOSING_TOLERANCE:
             worst = int(np.argmax(np.where(np.isfinite(violations), violations, np.inf)))
-            violation, name = largest_violation(m, block[worst])
-            raise CannotAssemble(f"loop {name!r} stays open by {violation:.3g} m")
+            raise CannotAssemble(largest_violation(m, block[worst])[1])
     return q
 
 
@@ -289,10 +296,8 @@ def nearest_pose(
         best = least_squares(
             lambda q: loop_violations(m, move_bodies(m, q[None]), q[None])[0], m.start
         )
-        violation, name = largest_violation(m, best.x)
         raise CannotAssemble(
-            f"cannot be assembled from the start pose: loop {name!r} stays open "
-            f"by {violation:.3g} m at best"
+            f"cannot be assembled from the start pose: {largest_violation(m, best.x)[1]} at best"
         )
     return q
 

@@ -236,6 +236,10 @@ def find_clamp_moment(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, 
             if negative_directions(load, near[0], steps):
                 raise ValueError("the rod buckles before its loads have grown to the whole")
             return near[0], steps
+    if not near:
+        raise ValueError(
+            f"Newton's method finds no equilibrium of the rod with {steps} steps along it"
+        )
     raise ValueError(
         f"the rod is not resolved with {MAX_STEPS} steps along it: it is bent too sharply"
     )
@@ -287,7 +291,8 @@ def solve_from_guess(
     )
     for _ in range(MAX_ITERATIONS):
         starts = moment[:, None] + width * np.eye(3, 4, 1)
-        state = integrate_rods(load, share, starts, steps)[-1]
+        with np.errstate(over="ignore", invalid="ignore"):  # an error that is not finite
+            state = integrate_rods(load, share, starts, steps)[-1]
         ends = state[MOMENT]
         moment_error = ends[:, 0] - share * load.moment
         error = float(np.abs(moment_error).max())

@@ -386,9 +386,15 @@ class Linkage:
         gaps = residual / self.spans[: residual.size]
         if not np.abs(gaps).max(initial=0.0) < LOOP_TOLERANCE:
             open_by = loop_violations(self.model, self.data).max(initial=0.0)
+            worst = int(np.argmax(np.abs(gaps)))
             raise BadModel(
                 f"cannot be assembled at {self.format_drives(values)}: "
-                f"the loop stays open by {open_by:.3g} m"
+                + (
+                    f"the loop stays open by {open_by:.3g} m"
+                    if open_by > LOOP_TOLERANCE * self.model.stat.extent
+                    else "an equality of joints stays violated by "
+                    f"{abs(residual[worst]):.3g} rad, or m of slides"
+                )
             )
         return jacobian, residual
 

@@ -62,7 +62,8 @@ class Choice:
         A sentence on what the engine's defaults would cost for the same error.
     ratio : float
         Wall time of the defaults over that of the setting [1].  If no measured step of the defaults
-        is good enough, it is extrapolated by their order; NaN if that is not possible.
+        is good enough, it is extrapolated by their order; NaN if that is not possible, and
+        infinity if their error floor is above the error.
     refused : tuple of str
         Cheaper settings whose second run was not good enough, a sentence for each.
     motion : str
@@ -290,7 +291,7 @@ def compare_with_defaults(
     if (
         floor := find_floor(row, error_kind, series_verdicts)
     ) and floor.floor > wanted / ERROR_MARGIN:
-        return f"the engine's defaults never get there: {format_floor(floor)}", NAN
+        return f"the engine's defaults never get there: {format_floor(floor)}", inf
     shortfall = (
         f"the engine's defaults are {format_error(row, error_kind)} at best, {format_cost(row)}"
     )

@@ -198,7 +198,7 @@ def index_rows(
             if not (able := good_settings(own, kind, wanted)):
                 cells += [index_cell("not reached"), index_cell(), index_cell()]
                 continue
-            sentence, ratio = compare_with_defaults(own, able[0], kind, wanted, verdicts)
+            _, ratio = compare_with_defaults(own, able[0], kind, wanted, verdicts)
             tie_count = len(tied_settings(able, able[0], spread))
             cells += [
                 index_cell(
@@ -206,7 +206,7 @@ def index_rows(
                     f"tied with {tie_count} more" if tie_count else "",
                 ),
                 index_cell(number(able[0].seconds, 2)),
-                index_cell("never" if "never get there" in sentence else number(ratio, 2)),
+                index_cell("never" if ratio == inf else number(ratio, 2)),
             ]
         yield cells
 

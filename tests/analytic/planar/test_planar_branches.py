@@ -20,7 +20,7 @@ from proofmass.analytic.planar import (
     read,
     solve,
 )
-from proofmass.analytic.planar.kinematics import lipschitz, scaled_jacobian
+from proofmass.analytic.planar.kinematics import largest_violation, lipschitz, scaled_jacobian
 from proofmass.analytic.planar.mechanism import Mechanism
 from tests.analytic.linkages.random_linkages import bar, compiled, four_bars
 
@@ -181,6 +181,23 @@ def test_lengths_that_cannot_close():
     model.body("rocker").pos[0] = 50.0
     with pytest.raises(CannotAssemble, match=r"loop 'coupler_end' stays open by 44\.5 m at best"):
         branch(model)
+
+
+@pytest.mark.parametrize(("joint", "unit"), [("hinge", "rad"), ("slide", "m")])
+def test_the_violation_of_a_coupling_has_the_unit_of_its_joint(joint, unit):
+    body = (
+        '<body name="{0}" pos="0 {1} 0"><joint name="{0}" {2}/>'
+        '<inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/></body>'
+    )
+    axis = 'axis="0 0 1"' if joint == "hinge" else 'type="slide" axis="1 0 0"'
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody>{body.format("a", 0, axis)}{body.format("b", 9, axis)}</worldbody>
+        <equality><joint name="gear" joint1="b" joint2="a"/></equality></mujoco>"""
+    )
+    mechanism = read(model, "")[0]
+    violation, words = largest_violation(mechanism, np.array([0.25, 0.5]))
+    assert violation == pytest.approx(0.25, abs=1e-15)
+    assert words == f"loop 'gear' stays open by 0.25 {unit}"
 
 
 def test_a_rough_start_pose_is_closed():

@@ -350,6 +350,12 @@ def test_what_is_out_of_its_domain_is_named(wrong, words):
         solve(0.5, **{"length": 1.0, **wrong})
 
 
+def test_a_rod_without_a_solution_is_not_called_too_sharply_bent():
+    """A moment that winds it 159 times is beyond the steps with which its loads are increased."""
+    with pytest.raises(ValueError, match="Newton's method finds no equilibrium of the rod"):
+        solve(1.0, length=1.0, stiffness=1.0, torsion=1.0, moment_y=1e3)
+
+
 def test_a_place_beyond_the_rod_is_refused():
     with pytest.raises(ValueError, match="s must lie within"):
         solve([0.5, 1.5])

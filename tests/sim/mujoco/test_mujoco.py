@@ -270,3 +270,18 @@ def test_acceleration_of_a_point_is_free_of_gravity(tmp_path):
     curves = sweep_of(xml, tmp_path, ("tip.x", "tip.y"))
     np.testing.assert_allclose(curves.channels["tip.x"], -2 * np.cos(curves.x), atol=1e-14)
     np.testing.assert_allclose(curves.channels["tip.y"], -2 * np.sin(curves.x), atol=1e-14)
+
+
+def test_a_coupling_without_solution_is_named_as_an_equality(tmp_path):
+    """A joint that must be 1 + b + b^2 cannot be driven to 0; the model has no loop."""
+    xml = ARM.format(spring="", more="", gear=1).replace(
+        "<sensor>",
+        '<sensor><jointpos name="a" joint="a"/>',
+    )
+    body = '<body name="b"><joint name="b"/><inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>'
+    xml = xml.replace("</worldbody>", f"{body}</body></worldbody>").replace(
+        "<sensor>",
+        '<equality><joint joint1="a" joint2="b" polycoef="1 1 1 0 0"/></equality><sensor>',
+    )
+    with pytest.raises(BadModel, match=r"an equality of joints stays violated by .* rad"):
+        sweep_of(xml, tmp_path, ("a",))

@@ -17,6 +17,19 @@ from proofmass.studies.diet.scene import load_scene
 from tests.shipped import models_like, shipped
 
 OWN = models_like("*.xml")
+KEPT = {
+    # the mechanism of the reference: a preloaded spring leaves its joint limit at once
+    "balancer_third_preload_at_once": ["limit joint3"],
+    # the gripper as its vendor publishes it, which closes empty and meets few of its limits
+    "robotiq_2f85": [
+        "equality alike",
+        "limit right_driver",
+        "limit 2: right_spring_link, right_follower",
+        "limit left_driver",
+        "limit 2: left_spring_link, left_follower",
+    ],
+}
+"""What a model keeps although no run of its sidecars needs it."""
 
 
 def gone(file: Path) -> list[str]:
@@ -34,7 +47,7 @@ def gone(file: Path) -> list[str]:
     ids=lambda file: file.stem,
 )
 def test_own_models_have_nothing_left_to_remove(file):
-    assert gone(file) == []
+    assert gone(file) == KEPT.get(file.stem, [])
 
 
 def test_a_light_in_an_own_model_is_found(models, edit):
