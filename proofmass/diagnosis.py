@@ -56,36 +56,30 @@ from proofmass.strict import Kind
 from proofmass.wording import format_list, format_unit, number
 
 SLOPE_STEP = 1e-6  # relative change of a parameter for a slope, whose rounding is then 1e-10 of it
-AGREEMENT_FACTOR = (
-    2.0  # times the tolerance, up to which a channel agrees: engine and fit both have errors
-)
-AGREEMENT_SHARE = (
-    1e-3  # share of its difference with which a channel agrees as well, as slopes are inexact
-)
-MAX_REMAINING_SHARE = (
-    0.5  # largest such share of a channel within AGREES, whose difference may be small already
-)
+AGREEMENT_FACTOR = 2.0
+"""A channel agrees up to this many times its tolerance, since engine and fit both have errors."""
+AGREEMENT_SHARE = 1e-3
+"""A channel also agrees up to this share of its difference, since slopes are inexact."""
+MAX_REMAINING_SHARE = 0.5
+"""Largest such share of a channel that agrees, whose difference may be small already."""
 HANDICAPS = {0: 0.0, 1: 0.01, 2: 0.1, 3: 0.25}
 """Handicap of a cause in the ranking, as a share of the channels that differ, by how freely it was
 chosen, see `Explanation.free`."""
 EARLY_SHARES = (0.1, 0.4)  # shares of a run that are fitted by themselves before the whole run
-SAME_CHANGE_SHARE = (
-    0.1  # share of a channel's difference that remains after a change that it agrees with
-)
+SAME_CHANGE_SHARE = 0.1
+"""Share of a channel's difference that remains after a change that it agrees with."""
 MAX_ITERATIONS = 12  # most steps of a fit; each but the first doubles the number of correct digits
 CONVERGED_CHANGE = 1e-13  # relative change of a parameter at which a fit ends: it is rounding
 RIVAL_SHARE = 0.1  # share left to first order, up to which a cause is fitted after one explains all
 TINY_CHANGE = 1e-8  # relative change of a parameter up to which a step is not halved
-MAX_HALVINGS = (
-    6  # trials of a step of a fit, halved if it does not fit better; halvings of a time step
-)
+MAX_HALVINGS = 6
+"""Number of times that a step of a fit is halved until it fits better, and that a time step is."""
 MAX_MISFIT_RATIO = 0.999  # share of the misfit that a step may leave; a smaller gain is rounding
 MAX_FITTED_PAIRS = 4  # pairs of parameters that are fitted: those that leave least to first order
 MAX_CAUSES = 5  # causes that are kept
 EXACT_SHARE = 1e-6  # share of the differences that a cause may leave to be called exact
-FIT_SECONDS = (
-    6.0  # of processor time, after which no other fit begins; a slow reference takes 0.5 s
-)
+FIT_SECONDS = 6.0
+"""Processor time [s] after which no other fit begins; a slow reference takes 0.5 s."""
 MODEL_KIND = "number of the model"  # a kind of cause
 SWEEP_SAMPLES = 48  # samples of a sweep that suffice to fit a number; its end may be left out
 MODEL_FIT_SECONDS = 6.0  # as SECONDS, for numbers of the model, with which the engine runs again
@@ -108,9 +102,8 @@ ANGLE_OFFSETS = {"a whole turn": 2 * np.pi, "half a turn": np.pi, "a quarter tur
 SAMPLE_SHIFTS = {"one sample": 1, "two samples": 2}
 """Shifts of a curve that have a name, in samples."""
 MAX_REPEATED_SECONDS = 0.3  # [s] longest wall time of a run that is made again with changes
-FALLING_SHARE = (
-    0.6  # share of a difference that half a time step leaves if the error is of order 3/4
-)
+FALLING_SHARE = 0.6
+"""Share of a difference that half a time step leaves if the error is of order 3/4."""
 MAX_ORDER = 6  # highest order of an integrator
 WORSE_RATIO = 1.1  # factor on the difference above which a change is said to make it larger
 NUMBER_TOLERANCE = 1e-5  # relative difference up to which a number of the model is the fitted one

@@ -58,20 +58,17 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 INSPECTION_SECONDS = 240.0
 """Wall time to compile a model, and to drive its joints or to solve its motion closely [s]."""
 TURN = 2 * pi
-DRIVEN_SHARE = (
-    0.9  # share of a joint's distance to its limit position that is driven, to stay before it
-)
-MIN_DRIVEN_SHARE = (
-    0.01  # least distance of a drive, as a share of a turn or of the mechanism's size
-)
+DRIVEN_SHARE = 0.9
+"""Share of a joint's distance to its limit position that is driven, to stay before it."""
+MIN_DRIVEN_SHARE = 0.01
+"""Least distance of a drive, as a share of a turn or of the mechanism's size."""
 TRIED_SHARES = 1.0, 0.5, 0.25, 0.1, 0.05  # shares of a distance that are tried if springs act
 FREE_MOTION_SECONDS = 1.0  # s, duration of a free motion
 MIN_TOLERANCE_SHARE = 1e-12
 """Least tolerance that is proposed, as a share of a curve's range: the rounding of another machine,
 which adds up over the steps."""
-TOLERANCE_FACTOR = (
-    3.0  # proposed tolerance over the measured error: other rounding, a slightly longer motion
-)
+TOLERANCE_FACTOR = 3.0
+"""Proposed tolerance over the measured error: other rounding, a slightly longer motion."""
 REFERENCE_COMMENTS = {
     "planar": "reads the numbers of the model: a wrong one is wrong in both",
     "spatial": "reads the numbers of the model: a wrong one is wrong in both",
@@ -79,9 +76,8 @@ REFERENCE_COMMENTS = {
 }
 COMPARE_ERRORS_ONLY = partial(compare, detectable=False)
 STEP_DIVISORS = 2, 4  # divisors of the model's step, if the error with that is too large
-KNOWN_SHARE = (
-    0.9  # share of the time until which a motion is known, since other samples may give less
-)
+KNOWN_SHARE = 0.9
+"""Share of the time until which a motion is known, since other samples may give less."""
 SENSOR_TEMPLATES = {
     "jointpos": '<jointpos name="{name}" joint="{name}"/>',
     "jointvel": '<jointvel name="{name}_rate" joint="{name}"/>',

@@ -32,9 +32,8 @@ FILES_IN_MEMORY = 16  # files that are kept in memory after they were read
 ROW_TOLERANCE = 1e-9  # of the median spacing of rows: a place no farther from a row is at the row
 MIN_ROWS = 16  # least number of rows: a spline through every fourth then has at least four points
 NEIGHBOUR_ROWS = 4  # rows to each side whose errors decide how the error falls with the spacing
-CUBIC_ERROR_RATIO = (
-    0.1  # largest ratio of the errors at 2 and 4 times the spacing where the error is a cubic's
-)
+CUBIC_ERROR_RATIO = 0.1
+"""Largest ratio of the errors at 2 and 4 times the spacing where the error is a cubic's."""
 SMOOTH_FACTOR, BEND_FACTOR, END_FACTOR = 2 / 16, 2.0, 2.0
 """Factors on the error at twice the spacing: on smooth stretches, at bends, and at both ends in
 addition; see `interpolate_recorded`."""

@@ -47,9 +47,8 @@ DRIVE_PREFIX, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of the prescribed motion of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
 CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
 """SI units that the control of a motor or of a servo may have."""
-MODELS_IN_MEMORY = (
-    64  # compiled models and read curves in memory; a study tries many numbers of rod links
-)
+MODELS_IN_MEMORY = 64
+"""Number of compiled models and read curves in memory; a study tries many numbers of rod links."""
 compile_once = lru_cache(MODELS_IN_MEMORY)(lambda file, changed, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
 read_recorded_once = lru_cache(MODELS_IN_MEMORY)(lambda file, changed: read_recorded(file))

@@ -28,9 +28,8 @@ from proofmass.strict import Kind, Strict
 from proofmass.units import FORCE_UNITS, MOTION_UNITS, si_unit
 from proofmass.validate import delivered_unit, first_samples
 
-DEFAULT_SAMPLES = (
-    361  # default number of samples of a sweep or dynamics: one turn in steps of a degree
-)
+DEFAULT_SAMPLES = 361
+"""Default number of samples of a sweep or dynamics: one turn in steps of a degree."""
 ALL_OTHERS = "*"
 """The key of ``[channels]`` that stands for all sensors that are not listed."""
 FIELDS_WITHOUT_KEY = {"file", "unmatched", "called"}

@@ -36,13 +36,11 @@ from proofmass.sim.protocol import (
 from proofmass.strict import Kind
 from proofmass.worker import Crashed, call_isolated
 
-LIMIT_ROUNDING = (
-    1e-12  # [rad or m] by which a drive may pass its joint's limit, as it may end on it
-)
+LIMIT_ROUNDING = 1e-12
+"""Distance by which a drive may pass its joint's limit, since it may end on it [rad or m]."""
 LARGEST_RATE = 1e150  # [rad/s or m/s] of a motion profile: squares of larger rates are not finite
-TURNING_ROUNDING = (
-    1e-9  # share of a drive's range by which it may leave the interval between two samples
-)
+TURNING_ROUNDING = 1e-9
+"""Share of a drive's range by which it may leave the interval between two samples."""
 LARGEST_CONTROL = 1e150  # [its unit] of a control: squares of larger forces are not finite
 CHECKS_PER_SAMPLE = 20  # intervals into which the time between two samples is divided for checks
 

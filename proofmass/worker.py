@@ -56,9 +56,8 @@ fragments: after ten minutes of runs a worker that used 0.4 GB held 6.5 GB, whic
 counts."""
 
 GRACE_SECONDS = 5.0  # [s] after its time limit a worker ends itself, if its caller is gone
-DEFAULT_MEMORY = (
-    8.0  # [GiB] that a call may use by default; a worker with both engines loaded uses 0.2
-)
+DEFAULT_MEMORY = 8.0
+"""Memory [GiB] that a call may use by default; a worker with both engines loaded uses 0.2."""
 GIB = 2**30
 LONGEST_ALARM = 1e9  # [s], the longest alarm that can be set
 KEPT_CHARACTERS = 240  # characters that are kept of what a process wrote before it died

@@ -57,9 +57,8 @@ def distinct_places(places: Array, values: Array, most: int) -> Array:
 DIFFERENCE_STEP = 1e-6  # [1] displacement for finite differences of terms that are exact to 1e-12
 DAMPING_FACTORS = np.array([0.1, 1.0, 10.0])  # factors of the damping that are tried in each step
 DAMPING_RISE = 1e3  # factor of the damping if none of the trials is better
-MAX_DAMPING = (
-    1e8  # [1] damping beyond which a descent has ended: no step reduces the sum of squares
-)
+MAX_DAMPING = 1e8
+"""Damping [1] beyond which a descent has ended, since no step reduces the sum of squares."""
 MIN_DAMPING = 1e-9  # [1] smallest damping
 MIN_REDUCTION = 1e-7  # smallest relative reduction that counts as better
 CostTerms = Callable[[Array], Array]

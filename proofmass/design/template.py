@@ -17,15 +17,12 @@ from proofmass.engines import default_engines
 from proofmass.files import write_atomically
 
 GRAVITY = 9.81  # [m/s^2] to compute the mass at the tip from its weight; statics needs no mass
-SEGMENT_LINE_MASS = (
-    1e-3  # [kg/m] mass of the last segment over the pendulum's length; has no effect in statics
-)
-SINGULAR_START = (
-    0.017453292519943295  # [rad] one degree: start of the drive if the rest pose is singular
-)
-MISSING_STOP = (
-    10.0  # [rad] second stop, beyond all deflections, of a joint with only one: MJCF needs two
-)
+SEGMENT_LINE_MASS = 1e-3
+"""Mass of the last segment over the pendulum's length [kg/m]; it has no effect in statics."""
+SINGULAR_START = 0.017453292519943295
+"""Start of the drive if the rest pose is singular [rad]: one degree."""
+MISSING_STOP = 10.0
+"""Second stop of a joint with only one, beyond all deflections [rad]: MJCF needs two."""
 SOLVERS = default_engines()
 
 

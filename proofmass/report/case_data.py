@@ -30,13 +30,12 @@ from proofmass.sim.picture import Picture
 from proofmass.wording import format_solver, format_unit, is_variant
 
 MAX_PAGE_BYTES = 700_000  # [bytes] largest size of a page, with its data
-MAX_RUNS_CHARACTERS = (
-    560_000  # [characters] largest size of the runs' data, before the rest of the page is known
-)
+MAX_RUNS_CHARACTERS = 560_000
+"""Largest size of the runs' data [characters], before the rest of the page is known."""
 LARGEST_INTEGER = 2**15 - 1  # largest integer of 16 bits
-MIN_REFERENCE_SHIFT = (
-    1e-3  # of the range: a solver's reference farther from the drawn one has its own curve
-)
+MIN_REFERENCE_SHIFT = 1e-3
+"""A solver's reference that is farther from the drawn one than this share of its range has a curve
+of its own."""
 MARKER_NAMES = {
     "o": "circle",
     "s": "square",

@@ -64,9 +64,8 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
 MAX_SOURCE_CHARACTERS = 200_000  # [characters] of a sidecar or model that a page shows
 MAX_CAUSES = 3  # number of causes that a panel shows
-VISIBLE_GROUPS = (
-    4  # groups of numbers that are visible at once; the others are in a list that opens
-)
+VISIBLE_GROUPS = 4
+"""Number of groups that are visible at once; the others are in a list that opens."""
 
 
 @dataclass(frozen=True)

@@ -38,16 +38,13 @@ from proofmass.strict import Kind
 from proofmass.units import si_unit
 
 MIN_JUMP_SHARE = 0.02  # of the range: a smaller step is narrower than the line of a curve
-MIN_JUMP_RATIO = (
-    2.0  # least ratio of a jump to the steps around it; a sine of 8 samples a period has 1.4
-)
-FINER_SAMPLES = (
-    32  # finer samples per step; a square root, as before a fold, has steps of 0.18 of it
-)
+MIN_JUMP_RATIO = 2.0
+"""Least ratio of a jump to the steps around it; a sine of 8 samples a period has 1.4."""
+FINER_SAMPLES = 32
+"""Number of finer samples per step; a square root, as before a fold, has steps of 0.18 of it."""
 REMAINING_SHARE = 0.25  # share of a suspected step that a single finer step must have to be a jump
-OWN_STEP_SHARE = (
-    0.5  # share of a solver's step by which it must differ from the reference's step to be a jump
-)
+OWN_STEP_SHARE = 0.5
+"""Share of a solver's step by which it must differ from the reference's step to be a jump."""
 MAX_SUSPECTS = 32  # largest number of suspected steps that are examined; noise has more
 
 

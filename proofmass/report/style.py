@@ -112,9 +112,8 @@ def solver_looks(solvers: Iterable[str]) -> dict[str, Look]:
 
 BACKGROUNDS = {"light": "#ffffff", "dark": "#191d21"}
 """Background of curves on light and on dark pages."""
-TEXT_CONTRAST = (
-    4.5  # least contrast of small letters to the background (WCAG 2.2, 1.4.3); lines need 3
-)
+TEXT_CONTRAST = 4.5
+"""Least contrast of small letters to the background (WCAG 2.2, 1.4.3); lines need 3."""
 
 
 def luminance(colour: str) -> float:

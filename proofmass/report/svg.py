@@ -20,9 +20,8 @@ POLYLINE = re.compile(r' d="(M[^"QCz]*)"')
 PATH_STEP = re.compile(r"([ML]) (-?[\d.e+-]+) (-?[\d.e+-]+)")
 STYLE_SPACE = re.compile(r"(?<=[:;,]) ")
 GROUP = re.compile(r"<(/?)g([^>]*)>\n?")
-PIXELS_PER_POINT = (
-    1.37  # [px] per point on a page: letters of 8 pt are as large as the page's small print
-)
+PIXELS_PER_POINT = 1.37
+"""Pixels per point on a page: letters of 8 pt are as large as the page's small print."""
 
 
 def compact_svg(text: str) -> str:

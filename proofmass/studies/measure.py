@@ -122,9 +122,8 @@ def load_average() -> float:
 
 
 T = TypeVar("T")
-MAX_CACHED_REFERENCES = (
-    8  # references in memory; those of driven runs differ from run to run and are used once
-)
+MAX_CACHED_REFERENCES = 8
+"""Number of references in memory; those of driven runs differ from run to run and are used once."""
 ReferenceKey = tuple[str | int | bytes, ...]
 reference_cache: dict[ReferenceKey, dict[str, Array]] = {}
 
@@ -178,9 +177,8 @@ reference_locks: dict[Path, Lock] = {}
 SHORT_RUN_SECONDS = 0.02
 """Wall time [s] below which a run is made twice and timed the second time: a process needs some
 milliseconds more for the first run."""
-CONSTANT_RANGE = (
-    1e-9  # share of the largest range of a unit's curves, up to which a curve is rounding
-)
+CONSTANT_RANGE = 1e-9
+"""Largest share of the largest range of a unit's curves at which a curve is only rounding."""
 
 
 @dataclass(frozen=True)

@@ -85,9 +85,8 @@ OUTCOME_LABELS = {
 MAX_SLOWDOWN = 20.0  # times the wall time of the original model, after which a run is given up
 MAX_OPTION_SLOWDOWN = 3.0  # the same for an option, which has to be cheaper
 MIN_TIMEOUT = 30.0  # s: no run is given up before
-TIMING_ROUNDS = (
-    15  # pairs of timed runs; the interval of their median is from the 3rd to the 13th value
-)
+TIMING_ROUNDS = 15
+"""Number of pairs of timed runs; the interval of their median is from the 3rd to the 13th value."""
 FINAL_OUTCOMES = ("matters", "drawn")  # outcomes that are not tried again after others were removed
 FEATURE_THREADS = 8  # features that are tried at a time
 T = TypeVar("T")

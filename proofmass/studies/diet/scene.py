@@ -46,21 +46,18 @@ from proofmass.worker import call_isolated
 
 ROUNDING_SHARE = 1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
 NUDGE = 1e-12  # [rad or m] of every joint at the start; the changes that it causes are allowed
-CHAOS_SHARE = (
-    0.1  # share of a channel's largest value; if the nudge changes it by more, it is chaotic
-)
+CHAOS_SHARE = 0.1
+"""Share of a channel's largest value; if the nudge changes it by more, it is chaotic."""
 MIN_SAMPLES = 10  # samples before chaos that a run must have
 FREE_MOTION_SAMPLES = 501
-CHANGE_SHARE = (
-    0.1  # share of the difference between tolerance and error by which a channel may change
-)
+CHANGE_SHARE = 0.1
+"""Share of the difference between tolerance and error by which a channel may change."""
 RUN_TIMEOUT = 600.0  # s, wall time of a run of the original model
 COMPILE_TIMEOUT = 120.0  # s, wall time of compiling, as a run has that states no limit
 COUNTED_STEPS = 500  # steps whose iterations are counted, at most
 TIMED_STEPS = 2000  # steps that are timed, at most
-BRIEF_SECONDS = (
-    0.05  # s, wall time of a run that is timed or counted; it has fewer steps if they are slow
-)
+BRIEF_SECONDS = 0.05
+"""Wall time of a run that is timed or counted [s]; it has fewer steps if they are slow."""
 STEP_DIVISORS = (4, 8)
 """Divisors of the time step in fine solutions; the last one is the reference."""
 FINE_SETTINGS = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}

@@ -187,9 +187,9 @@ def simulate_energy(task: StudyRun) -> Measurement:
 
 
 CHAOS_ROUNDING = 1e-9  # share of a curve's range by which rounding may change it, at most, in chaos
-MUJOCO_ZERO_LENGTH = (
-    1e-6  # [m] distances below it are zero to MuJoCo: `kFrameEps` of src/user/user_model.cc
-)
+MUJOCO_ZERO_LENGTH = 1e-6
+"""Distance below which MuJoCo takes a distance as zero [m]: `kFrameEps` of src/user/user_model.cc.
+"""
 
 
 def search_size(stressed: StressedCase) -> Iterator[LimitSearch]:
@@ -284,9 +284,8 @@ def smallest_compiled_size(model: mujoco.MjModel, weighs: bool) -> float:
 
 
 STIFFNESS_RATIO = 1e12  # ratio of the stiffest spring to the softest
-FREE_MOTION_STEPS = (
-    100  # steps of a free motion, since the reference has to follow each swing of the spring
-)
+FREE_MOTION_STEPS = 100
+"""Steps of a free motion, since the reference has to follow each swing of the spring."""
 
 
 def search_stiffness(stressed: StressedCase) -> Iterator[LimitSearch]:
@@ -365,9 +364,8 @@ def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
 
 MAX_SEGMENTS, MAX_SEGMENTS_TIMEOUT = (200, 600.0)
 """Most segments of a rod, and wall time for so many [s]."""
-MIN_STEPS = (
-    4  # steps of the shortest runs: a motion there and back in two steps would look like none
-)
+MIN_STEPS = 4
+"""Steps of the shortest runs: a motion there and back in two steps would look like none."""
 
 
 def list_extremes(
@@ -549,9 +547,8 @@ def search_run_length(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 START_LENGTHS, END_LENGTH = ((1.1, 1.0), 0.2)
 """Links are shortened from one of these factors to this one."""
-LENGTH_STEP = (
-    0.02  # change of length from one closed start pose to the next, which keeps the branch
-)
+LENGTH_STEP = 0.02
+"""Change of length from one closed start pose to the next, which keeps the branch."""
 LENGTH_TOLERANCE = 1e-9  # relative tolerance of the shortest length
 
 

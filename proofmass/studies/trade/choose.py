@@ -34,12 +34,10 @@ from proofmass.studies.trade.words import (
 )
 from proofmass.wording import number
 
-ERROR_MARGIN = (
-    2.0  # wanted error over the measured one, at least: from another start it may be larger
-)
-SAME_FLOOR_RATIO = (
-    1.5  # ratio up to which an error is taken to be at the error floor of another series
-)
+ERROR_MARGIN = 2.0
+"""Least ratio of the wanted error to the measured one, which may be larger from another start."""
+SAME_FLOOR_RATIO = 1.5
+"""Ratio up to which an error is taken to be at the error floor of another series."""
 
 
 class NoGoodSetting(Exception):

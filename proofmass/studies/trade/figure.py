@@ -28,12 +28,10 @@ from proofmass.studies.trade.verdict import Verdict, pareto_front
 from proofmass.wording import number
 
 TEXT_COLOUR, LINE_COLOUR = "#333333", "#888888"
-SHARED_LETTER_DISTANCE = (
-    9.0  # [pt] distance of ends of series up to which their letters share one place
-)
-SAME_FLOOR_RATIO = (
-    3.0  # ratio of error floors of one cause up to which they share one text in the margin
-)
+SHARED_LETTER_DISTANCE = 9.0
+"""Distance of ends of series up to which their letters share one place [pt]."""
+SAME_FLOOR_RATIO = 3.0
+"""Ratio of error floors of one cause up to which they share one text in the margin."""
 MARGIN_CHARACTERS = 26  # characters in a line of the margin
 MARGIN_LINE_HEIGHT = 0.06  # height of a line of the margin, as a share of the height of a panel
 TRIANGLE_TOLERANCE = 0.5  # difference of slope and expected order up to which a triangle is drawn

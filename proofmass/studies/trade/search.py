@@ -45,27 +45,23 @@ from proofmass.studies.trade.series import (
 from proofmass.studies.trade.varied import describe_dynamics, own_settings_series
 
 TIMING_REPEATS = 2  # repeats, for wall times, of each setting that may be the cheapest
-CLOSE_STEP_RATIO = (
-    1.25  # ratio of a step to a good enough one below which no step between them is tried
-)
+CLOSE_STEP_RATIO = 1.25
+"""Ratio of a step to a good enough one below which no step between them is tried."""
 MAX_STEP_RATIO = 30.0  # largest ratio of a step to the next one
 COST_RATIO = 2.0
 """Ratio to the wall time of the cheapest setting up to which settings are followed, and timed again
 in rounds: single runs do not tell smaller ratios apart."""
 LONG_RUN_COST_RATIO = 1.3
 """The same ratio for long runs (`LONG_RUN_SECONDS`), whose single wall times are more certain."""
-PARALLEL_RUN_SECONDS = (
-    0.5  # [s] expected time from which only the cheapest run is made, others if it is not enough
-)
+PARALLEL_RUN_SECONDS = 0.5
+"""Expected time [s] from which only the cheapest run is made, and others if it is not enough."""
 YIELDING_COST_RATIO = 40.0
 """The same ratio for drives that yield: the cheapest setting with an ideal drive may cost much less
 than the cheapest one with such drives."""
-DEFAULTS_COST_RATIO = (
-    8.0  # the same ratio for the engine's defaults, which are measured for comparison
-)
-TRIAL_STEP_RATIO = (
-    4.0  # ratio of a step to the next one that is tried to see whether an order holds
-)
+DEFAULTS_COST_RATIO = 8.0
+"""The same ratio for the engine's defaults, which are measured for comparison."""
+TRIAL_STEP_RATIO = 4.0
+"""Ratio of a step to the next one that is tried to see whether an order holds."""
 MAX_BAD_STEPS = 3  # steps without a run or an order after which a family may be given up
 STUCK_CHANGE = 0.01
 """Relative change of an error above `OTHER_MOTION_ERROR` over `MAX_BAD_STEPS` steps, each a
@@ -77,9 +73,8 @@ distance of these two."""
 SAME_ERROR_TOLERANCE = 1e-3
 """Relative difference of errors up to which two families count as equal."""
 SAME_ORDER_TOLERANCE = 0.2  # difference of two orders up to which they count as equal
-MAX_DRIVE_REFINEMENTS = (
-    3  # settings that are refined together because their drives are not accurate enough
-)
+MAX_DRIVE_REFINEMENTS = 3
+"""Settings that are refined together because their drives are not accurate enough."""
 MAX_RUNS_OF_FAMILY = 12  # largest number of runs of a family
 REFERENCE_TIME_FACTOR = 5.0
 """Factor on the time of the reference that a run gets in addition: each worker evaluates the

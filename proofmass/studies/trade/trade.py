@@ -69,13 +69,11 @@ from proofmass.studies.trade.words import (
 )
 from proofmass.wording import number
 
-SERIES_BUDGET = (
-    0.5  # [s] wall time of a run after which its series ends; reached by slow engines only
-)
+SERIES_BUDGET = 0.5
+"""Wall time of a run [s] after which its series ends; only slow engines reach it."""
 FRONT_REPEATS = 2  # repeats, for wall times, of each setting that may be on the Pareto front
-FRONT_COST_RATIO = (
-    1.5  # ratio to the cheapest of short runs: single ones do not tell smaller ratios apart
-)
+FRONT_COST_RATIO = 1.5
+"""Ratio of the wall time of short runs to the cheapest; single runs cannot rank smaller ratios."""
 SAME_FLOOR_TOLERANCE = 0.01
 """Relative difference of errors of two settings of a case and engine that are at one floor."""
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it

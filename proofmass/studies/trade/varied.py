@@ -17,9 +17,8 @@ from proofmass.strict import Kind
 from proofmass.studies.record import Setting
 from proofmass.wording import format_solver
 
-MAX_FORCE_EVALUATIONS = (
-    3e4  # largest number of evaluations of forces in a run: series end alike on any machine
-)
+MAX_FORCE_EVALUATIONS = 3e4
+"""Largest number of force evaluations in a run; series so end at the same step on any machine."""
 
 
 def setting_size(engine: str, varied: str, value: ParameterValue) -> float:

@@ -37,9 +37,8 @@ from proofmass.worker import TimedOut
 
 RUN_ERRORS: tuple[type[Exception], ...] = (BadModel, *OUTCOME_OF_EXCEPTION)
 """Exceptions that a run may raise."""
-SAMPLE_SHIFT = (
-    0.381966  # shift of samples, over their distance; irrational, so that no steps coincide
-)
+SAMPLE_SHIFT = 0.381966
+"""Shift of samples, over their distance; irrational, so that no steps coincide."""
 
 
 @dataclass(frozen=True)
