@@ -7,6 +7,9 @@ out, because users reach them by this name: entry points, references of sidecars
 names of the package (`PUBLIC`).  A package counts if it has more than a docstring.  A module is
 found by name if an example or a benchmark imports it, or if a page of the documentation or
 CONTRIBUTING.md names its file.
+
+The only user of many modules is a list of what exists: the package that offers its modules, the
+command line, or an engine's adapter.  These are counted separately.
 """
 
 import ast
@@ -29,10 +32,23 @@ def main(argv: Sequence[str] | None = None) -> None:
     once = {name: own[0] for name, own in users.items() if len(own) == 1}
     named = named_elsewhere(once)
     print(f"{len(users)} modules, {len(once)} used by one: {len(once) / len(users):.1%}")
+    listed = {name: kind for name, user in once.items() if (kind := kind_of_list(name, user))}
+    print(f"{len(once) - len(listed)} of these used by a module that is no list of modules", end="")
+    print(f": {(len(once) - len(listed)) / len(users):.1%}")
     print(f"{len(once) - len(named)} of these named nowhere else", end="")
     print(f": {(len(once) - len(named)) / len(users):.1%}")
     for name, user in once.items() if not given.quick else ():
-        print(f"    {name:42} {lines(name):4}  {user:34} {'named' * (name in named)}")
+        found = "named" * (name in named)
+        print(f"    {name:42} {lines(name):4}  {user:34} {found:5} {listed.get(name, '')}")
+
+
+def kind_of_list(module: str, user: str) -> str:
+    """The kind of list of modules that a module's only user is; empty if it is none."""
+    if user == module.rpartition(".")[0]:
+        return "package"
+    if user in ("cli", "__main__"):
+        return "command line"
+    return "adapter" if user.endswith(".engine") else ""
 
 
 def users_of_modules() -> dict[str, list[str]]:
