@@ -286,7 +286,12 @@ def break_line(line: str) -> list[str]:
 
 
 def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
-    """Write the options and the softness of a compiled model into its elements."""
+    """Write the options and the softness of a compiled model into its elements.
+
+    The flag ``energy`` is left out, since `prepare_model` clears it.
+    """
+    for flags in root.iterfind("option/flag"):
+        flags.attrib.pop("energy", None)
     written = {
         key
         for path in ("option", "option/flag")

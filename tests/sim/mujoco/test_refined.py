@@ -14,6 +14,7 @@ from proofmass.self_consistency import Rung
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
+from proofmass.sim.protocol import Run
 from proofmass.solve import prescribed_run, solve
 from tests.shipped import shipped
 
@@ -40,9 +41,12 @@ def fewer_steps(monkeypatch):
     monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
 
 
-def test_the_engines_sensor_of_kinetic_energy_is_an_evaluation_late():
-    """MuJoCo 4.0.0 evaluates it with the positions, before it knows that the rates are others."""
+@pytest.mark.parametrize("enabled", [False, True])
+def test_the_sensor_of_kinetic_energy_is_an_evaluation_late_if_the_flag_energy_is_set(enabled):
+    """MuJoCo 4.0.0 then shows the kinetic energy of the evaluation before."""
     model = mujoco.MjModel.from_xml_path(str(shipped("heavy_top.xml")))
+    if enabled:
+        model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     shown = []
@@ -50,9 +54,22 @@ def test_the_engines_sensor_of_kinetic_energy_is_an_evaluation_late():
         data.qvel[:] = factor * model.key_qvel[0]
         mujoco.mj_forward(model, data)
         shown.append(float(data.sensor("kinetic").data[0]))
-    first, late, right = shown
-    assert late == first
-    assert right == pytest.approx(1.01**2 * first)
+    first, second, third = shown
+    assert third == pytest.approx(1.01**2 * first)
+    assert second == (first if enabled else third)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
+def test_a_run_shows_the_kinetic_energy_of_its_samples(models, edit, integrator):
+    """Of the rates that it shows at the same samples, also if the model sets the flag energy."""
+    x, found = np.linspace(0.0, 0.2, 11), {}
+    for flag in ("", ' energy="enable"'):
+        file = edit("heavy_top.xml", "<flag .*/>", f'<flag contact="disable"{flag}/>')
+        run = Run("dynamics", x, ("kinetic",), settings={"integrator": integrator})
+        found[flag] = in_mujoco(file, run).channels["kinetic"]
+    plain, with_flag = found.values()
+    assert np.ptp(plain) > 0
+    np.testing.assert_array_equal(with_flag, plain)
 
 
 @pytest.mark.usefixtures("fewer_steps")
