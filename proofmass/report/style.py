@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
+from zlib import crc32
 
 from proofmass.engines import own_engines
 
@@ -90,23 +91,26 @@ RC: dict[Any, Any] = {
 
 
 def solver_looks(solvers: Iterable[str]) -> dict[str, Look]:
-    """Return a look for every solver; those without a fixed look get spare ones, by name.
+    """Return a look for every solver; those without a fixed look get spare ones.
+
+    The spare look follows from the name, so that a solver looks the same in every report.  If
+    several names have the same one, those later in the alphabet get the next that is free.
 
     >>> solver_looks(["pymunk", "adams"])["pymunk"].colour
     '#D55E00'
-    >>> solver_looks(["b", "a"])["a"] == solver_looks(["a", "b"])["a"]
+    >>> solver_looks(["simpack"])["simpack"] == solver_looks(["adams", "simpack"])["simpack"]
     True
     """
     chosen = {}
-    unknown = 0
+    free = list(range(len(SPARE_LOOKS)))
     for name in sorted(set(solvers)):
         if name in FIXED_LOOKS:
             chosen[name] = FIXED_LOOKS[name]
-        else:
-            chosen[name] = Look(
-                *SPARE_LOOKS[unknown % len(SPARE_LOOKS)], number=len(FIXED_LOOKS) + unknown
-            )
-            unknown += 1
+            continue
+        wanted = (crc32(name.encode()) >> 8) % len(SPARE_LOOKS)
+        spare = min(free, key=lambda k: (k - wanted) % len(SPARE_LOOKS))
+        free = [k for k in free if k != spare] or list(range(len(SPARE_LOOKS)))
+        chosen[name] = Look(*SPARE_LOOKS[spare], number=len(FIXED_LOOKS) + spare)
     return chosen
 
 

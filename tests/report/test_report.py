@@ -294,10 +294,23 @@ def test_thinning_keeps_spikes_and_ends() -> None:
 
 def test_solvers_differ_in_colour_and_without_it() -> None:
     found = solver_looks(
-        ["mujoco", "mujoco:default", "mujoco:fine", "pymunk", "pymunk:default", "a", "b"]
+        ["mujoco", "mujoco:default", "mujoco:fine", "pymunk", "pymunk:default", "adams", "simpack"]
     )
     assert len({v.colour for v in found.values()}) == 7
     assert len({(v.dash, v.marker) for v in found.values()}) == 7
+
+
+def test_a_solver_looks_the_same_in_every_report() -> None:
+    """Of one case, of a folder and of all: 3 colours, 4 dashes and 6 markers are enough for 12."""
+    names = [f"engine{k}" for k in range(12)]
+    together = solver_looks(names)
+    assert len({(v.colour, v.dash, v.marker) for v in together.values()}) == 12
+    own = {name: solver_looks([name])[name] for name in names}
+    assert len(set(own.values())) > 4  # not all alike
+    preferred = [name for name in names if together[name] == own[name]]
+    assert preferred[0] == names[0]
+    for name in preferred:
+        assert solver_looks(["mujoco", "zeta", name])[name] == own[name]
 
 
 def test_inline_svg_escapes_its_label() -> None:
