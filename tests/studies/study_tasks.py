@@ -1,4 +1,4 @@
-"""Quick tasks for tests of studies: a pendulum of half a second in steps of 10 ms and less."""
+"""Quick tasks for tests of studies: the pendulum for 0.5 s, in time steps of 10 ms and less."""
 
 import tempfile
 from pathlib import Path
@@ -20,7 +20,7 @@ LINES = (
 
 
 def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
-    """Four lines of five steps."""
+    """The runs of four convergence series with five time steps each."""
     case = load_case(models / "pendulum.toml")
     short = case.run["dynamics"].model_copy(update={"until": 0.5, "n": 51})
     case = case.model_copy(update={"run": {"dynamics": short}})
@@ -41,7 +41,7 @@ def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
 
 @pytest.fixture(autouse=True)
 def own_locks(tmp_path_factory, monkeypatch):
-    """Processors that no study outside of the test, which may last, can keep from it."""
+    """Give each test lock files of its own, so that no other study on this machine delays it."""
     folder = str(tmp_path_factory.mktemp("locks"))
     monkeypatch.setenv("TMPDIR", folder)
     monkeypatch.setattr(tempfile, "tempdir", folder)

@@ -1,4 +1,4 @@
-"""Studies as commands: killed at any moment, interrupted, and on a cluster, they give one table."""
+"""Commands of studies give the same tables if killed, interrupted, or run on a cluster."""
 
 import contextlib
 import csv
@@ -56,7 +56,7 @@ TABLES = {
     "stress": ("stress.csv",),
     "diet": ("fat.csv", "fat.xml"),
 }
-FOLDERS = {"choose": "trade"}  # of runs, where they are not called like the command
+FOLDERS = {"choose": "trade"}  # folder of the runs, where it is not named like the command
 KEPT = {
     "trade": "trade keeps the runs",
     "choose": "trade keeps the runs",
@@ -64,15 +64,18 @@ KEPT = {
     "diet": "what was tried is kept",
 }
 COSTS = re.compile(r"about \S+ s a run")
-"""What finer steps would take, in words of verdicts: measured times a factor."""
+"""The predicted wall time of finer steps in verdicts: a multiple of a measured wall time."""
 MEASURED = "seconds", "repeats", "shared", "bytes"
-"""How columns begin that no two runs have alike: clocks; an arena's use goes with its alignment."""
-ALIVE = 10.0  # s, in which workers end whose study was killed: the longest run here takes 2 s
+"""Beginnings of the names of columns that differ from run to run: wall times, and the bytes that
+an arena uses, which depend on its alignment."""
+ALIVE = 10.0  # s, within which the workers of a killed study end: the longest run takes 2 s
 ANSWERED = 60.0
-"""Seconds in which an interrupted command ends: 0.4 s of a processor, 15 s where ten want it."""
+"""Time in which an interrupted command must end [s].  It takes 0.4 s on a free processor, and 15 s
+if ten processes share the processor."""
 
-# Python that is put before a command: files are written in place and take time, or runs are made
-# that are kept already, or cannot be made.
+# Python code that is put before a command.  It makes the command write files in place and slowly,
+# makes runs impossible so that only kept ones can be used, gives each series more time, or makes
+# the store forget its runs.
 IN_PLACE = """
 import os, time
 def replace(half, file):
@@ -96,7 +99,7 @@ from proofmass.studies.diet.diet import DietSearch
 ran = DietSearch.judge_changes
 DietSearch.judge_changes = lambda self, *what: None if self.store.folder else ran(self, *what)
 """,
-}  # a diet tries the model that it has written, and keeps nothing of that
+}  # a diet also tries the model that it has written, without a store: that trial is skipped
 UNHURRIED = {
     "trade": """
 from importlib import import_module
@@ -105,7 +108,8 @@ assert options["budget"]
 options["budget"] = 60.0
 """,
 }
-"""Series end at a run of more than 0.5 s, which depends on the load: not in tests."""
+"""By default a series ends at a run of more than 0.5 s, which depends on the load of the machine.
+In these tests it ends at a run of more than 60 s."""
 FORGETS = (
     "from proofmass.studies.store import Store; assert Store.load; Store.load = lambda *_: None"
 )
@@ -113,7 +117,7 @@ FORGETS = (
 
 @pytest.fixture
 def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]:
-    """Makes a folder with a short case, and a model without one."""
+    """A function that makes a folder with a short case, and a model without a sidecar."""
     edit("pendulum.toml", "until = 10.0 ", "until = 0.5 ")
     edit("pendulum.toml", "n = 1001", "n = 51")
 
@@ -128,7 +132,7 @@ def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]
 
 
 def begin(what: str, folder: Path, before: str = "", more: str = "") -> subprocess.Popen:
-    """A command, as the shell starts it: in a process group of its own."""
+    """Start a command as the shell does, in a process group of its own."""
     code = f"{UNHURRIED.get(what, '')}{before}\nfrom proofmass.__main__ import main; main()"
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
@@ -143,23 +147,24 @@ def begin(what: str, folder: Path, before: str = "", more: str = "") -> subproce
 
 
 def finish(what: str, folder: Path, before: str = "", more: str = "") -> None:
-    """Let a command run to its end."""
+    """Run a command to its end; fail if it reports an error."""
     command = begin(what, folder, before, more)
     said = command.communicate()[1]
     assert command.returncode == 0, said
 
 
 def kept(what: str, folder: Path) -> dict[str, int]:
-    """The records that a study has kept so far, by when they were written [ns].
+    """Names of the records that a study has kept so far, and when they were written [ns].
 
-    Curves are written before their record: without one they are of a run that is made again.
+    Curves are written before their record; curves without a record belong to a run that will be
+    made again.
     """
     there = folder / FOLDERS.get(what, what) / "runs"
     return {file.name: file.stat().st_mtime_ns for file in there.glob("*.json")}
 
 
 def wholes(what: str, folder: Path) -> None:
-    """Read all that is kept; a file that is not whole raises."""
+    """Read all files that a study has kept; an incomplete file raises an exception."""
     for file in (folder / what / "runs").glob("*"):
         if file.suffix == ".json":
             json.loads(file.read_text(encoding="utf-8"))
@@ -169,7 +174,7 @@ def wholes(what: str, folder: Path) -> None:
 
 
 def told(what: str, folder: Path) -> list:
-    """The tables of a study without what is measured anew in every run."""
+    """The tables of a study, without the values that differ from run to run."""
     found = list[object]()
     for name in TABLES[what]:
         text = (folder / what / name).read_text(encoding="utf-8")
@@ -185,7 +190,7 @@ def told(what: str, folder: Path) -> list:
 
 
 def ended(group: int, within: float) -> bool:
-    """Whether no process of a group is left after so many seconds."""
+    """Whether all processes of a group have ended within a time [s]."""
     late = time.monotonic() + within
     while time.monotonic() < late:
         try:
@@ -197,7 +202,7 @@ def ended(group: int, within: float) -> bool:
 
 
 def undisturbed(what: str, folder: Path) -> float:
-    """Seconds that a study takes."""
+    """Wall time of an undisturbed study [s]."""
     start = time.monotonic()
     finish(what, folder)
     return time.monotonic() - start
@@ -211,7 +216,11 @@ def killed(
     before: str = "",
     how: signal.Signals = signal.SIGKILL,
 ) -> bool:
-    """Kill a study, by itself or with its workers, so late; whether it was still at work."""
+    """Start a study and kill it after `moment` seconds; return whether it was still running.
+
+    The study is killed `alone`, or together with its workers.  Workers must end, all kept files
+    must be complete, and the runs that were kept before must not be made again.
+    """
     there, study = kept(what, folder), begin(what, folder, before)
     with contextlib.suppress(subprocess.TimeoutExpired):
         study.wait(moment)
@@ -225,9 +234,9 @@ def killed(
         os.killpg(study.pid, signal.SIGKILL)
         study.communicate()
         raise
-    assert ended(study.pid, ALIVE), "workers outlive their study"
+    assert ended(study.pid, ALIVE), "workers did not end with their study"
     wholes(what, folder)
-    assert kept(what, folder).items() >= there.items(), "what was kept is made again"
+    assert kept(what, folder).items() >= there.items(), "a kept run was made again"
     return not late
 
 
@@ -238,10 +247,11 @@ def same_after(
     before: str = "",
     how: signal.Signals = signal.SIGKILL,
 ) -> None:
-    """A study that is killed again and again gives the tables of one that is left alone.
+    """Assert that a study that is killed repeatedly gives the tables of an undisturbed study.
 
-    Moments are spread over the length of an undisturbed study.  One that got to its end before its
-    moment has the same tables already, and another takes its place.
+    The moments are spread over the duration of an undisturbed study.  If a study ends before its
+    moment, its tables are compared at once, and a new study is started in another folder.  At the
+    end the study is run once more with a code that makes runs impossible: all must be kept.
     """
     whole, dice, fresh = place("whole"), random.Random(6), (place(f"torn {k}") for k in count())
     length = undisturbed(what, whole)
@@ -267,7 +277,7 @@ def test_a_study_killed_ten_times_gives_the_same_table(what, place):
 @pytest.mark.slow
 @pytest.mark.parametrize("what", KILLED)
 def test_a_study_interrupted_ten_times_gives_the_same_table(what, place):
-    """No worker that the interrupt ends is taken for an engine that crashed."""
+    """In particular, a worker that the interrupt ends is not recorded as an engine that crashed."""
     same_after(what, 10, place, how=signal.SIGINT)
 
 
@@ -298,7 +308,10 @@ def test_what_code_before_a_command_replaces_is_there():
 
 
 def errors(folder: Path) -> dict[str, dict]:
-    """Errors of the runs that a folder keeps, by the runs' keys; a busy machine gives some up."""
+    """Errors of the runs that a folder keeps, by file name.
+
+    Runs that timed out, as happens on a busy machine, are left out; other failures are not allowed.
+    """
     files = (folder / "trade" / "runs").glob("*.0.json")
     found = {file.name: json.loads(file.read_text())["found"] for file in files}
     failed = [one for one in found.values() if one["outcome"] not in ("ran", "timed out")]
@@ -308,7 +321,7 @@ def errors(folder: Path) -> dict[str, dict]:
 
 @pytest.mark.slow
 def test_choose_measures_on_a_cluster_what_it_measures_here(place, address):
-    """Which settings it measures depends on their times, but of none the error."""
+    """The choice of settings depends on wall times; the errors of common settings do not."""
     near, far = place("near"), place("far")
     finish("choose", far, more=f"--dask {address}")
     finish("choose", far, NO_RUNS["trade"])
@@ -364,7 +377,7 @@ def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, 
         held.push(begun(packed, *args, **options))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(zipfile.ZipFile, "open", interrupt)  # whose file then raises ValueError
+    monkeypatch.setattr(zipfile.ZipFile, "open", interrupt)  # closing it raises ValueError
     found = Measurement(curves={"x": np.zeros(3)})
     with held, pytest.raises(typer.Exit) as ended, exit_on_error("runs are kept"):
         Store(tmp_path).save("key", 0, None, found, 1.0)
@@ -373,7 +386,7 @@ def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, 
 
 
 def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
-    """As one with a byte between its elements that XML does not have, which MuJoCo passes over."""
+    """The file has a byte between two elements that XML does not allow and MuJoCo ignores."""
     file = tmp_path / "fat.xml"
     file.write_bytes(FAT.replace("<worldbody>", "°<worldbody>").encode("latin-1"))
     with pytest.raises(typer.Exit) as ended, exit_on_error("runs are kept"):
@@ -391,7 +404,7 @@ def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
     ],
 )
 def test_a_kind_of_error_that_there_is_not_is_named(asked, words):
-    """A former name with its present one, in place of a run."""
+    """The command does not run; for a former name the message states the present one."""
     found = CliRunner().invoke(app, asked.split())
     assert found.exit_code == 2
     assert words in " ".join(found.output.replace("│", " ").split())

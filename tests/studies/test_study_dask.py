@@ -1,4 +1,4 @@
-"""Studies on a Dask cluster: a real one, of two processes on this machine."""
+"""Studies on a real Dask cluster of two processes on this machine."""
 
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -11,13 +11,13 @@ from proofmass.studies.run import pool, run_tasks
 from proofmass.studies.store import Store
 from tests.studies.study_tasks import tasks
 
-pytestmark = pytest.mark.skipif(  # imported where a test runs: it takes as long as all others
+pytestmark = pytest.mark.skipif(  # not imported here, since its import takes as long as all others
     find_spec("distributed") is None, reason="distributed is not installed"
 )
 
 
 def values(store: Store, workers: Executor | None) -> list[tuple]:
-    """What does not depend on clocks."""
+    """The results of the tasks that do not depend on wall times."""
     return [
         (one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
         for one in run_tasks(tasks(), store, workers, repeats=1)
@@ -29,7 +29,7 @@ def test_a_cluster_gives_what_this_machine_gives(tmp_path, address):
     with pool(dask=address) as cluster:
         far = values(Store(tmp_path / "far"), cluster)
     assert far == values(Store(tmp_path / "here"), None)
-    assert far == values(Store(tmp_path / "far"), None)  # and it was stored here
+    assert far == values(Store(tmp_path / "far"), None)  # the cluster stored them here
 
 
 def test_both_workers_are_used(address):
@@ -39,7 +39,7 @@ def test_both_workers_are_used(address):
 
 
 def slowly() -> str:
-    """Takes long enough for another worker to take the next."""
+    """The address of the worker, after a pause in which the other worker takes a call."""
     import time
 
     import distributed

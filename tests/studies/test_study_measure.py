@@ -1,4 +1,4 @@
-"""What a run of a study gives: errors as shares of a range, invariants, failures, wall times."""
+"""Results of one run of a study: relative errors, invariants, failures, and wall times."""
 
 import os
 from dataclasses import replace
@@ -48,13 +48,13 @@ LIMITED = pytest.mark.skipif(not measure.available_processors(), reason="runs ar
 
 
 def driven(case: Case, kind: Kind, x: Array) -> DriveState:
-    """The state of a drive that does what its law says."""
+    """The state of a drive that follows its motion profile exactly."""
     value, rate, acceleration = drive_profiles(case, kind)[0](x)
     return tuple(np.array([part * np.ones_like(x)]) for part in (value, rate, acceleration))
 
 
 def seen(step: float, setting: Setting = EULER) -> measure.Measurement:
-    """The pendulum in MuJoCo, ten seconds from the horizontal."""
+    """Measure the pendulum in MuJoCo, released from the horizontal, for ten seconds."""
     return observe(
         StudyRun(PENDULUM, "dynamics", setting.with_parameters(timestep=step)), False, None
     )
@@ -66,7 +66,7 @@ def test_errors_are_shares_of_the_range_of_the_reference():
     off = {"angle": exact["angle"] + 1e-3, "kinetic": exact["kinetic"] * 1.01}
     found = relative_errors(PENDULUM, "dynamics", Curves(x, off))
     assert found == {
-        "position": pytest.approx(1e-3 / np.pi, rel=1e-6),  # from side to side
+        "position": pytest.approx(1e-3 / np.pi, rel=1e-6),  # it swings over pi
         "energy": pytest.approx(0.01, rel=1e-6),
     }
 
@@ -146,8 +146,10 @@ def test_curves_that_are_constant_have_no_share():
 
 @pytest.mark.parametrize("step", [0.01, 0.0025])
 def test_energy_of_a_symplectic_euler_drifts_as_its_modified_hamiltonian_says(step):
-    # H - h/2 p V'(q) stays to second order, so H is off by the largest h/2 p V' = h/2 sqrt(2 g)
-    # max(sin q sqrt(cos q)) g, at cos q = 1/sqrt(3); K is g at most.  The next order is h omega.
+    # The modified Hamiltonian H - h/2 p V'(q) is constant to second order.  So the error of H is
+    # the largest h/2 p V' = h/2 sqrt(2 g) max(sin q sqrt(cos q)) g, at cos q = 1/sqrt(3).  It is
+    # divided by the largest kinetic energy, g.  The relative size of the next order is h omega,
+    # with omega = sqrt(g).
     drift = step / 2 * np.sqrt(2 * 9.81) * np.sqrt(2 / 3 / np.sqrt(3))
     assert seen(step).invariants["energy"] == pytest.approx(drift, rel=step * np.sqrt(9.81))
 
@@ -178,7 +180,7 @@ def test_steps_and_seconds_are_those_of_the_engine():
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
-    """Whole steps lead from sample to sample: 18 in the 17.45 ms of this case, not 17.45."""
+    """A whole number of steps leads from sample to sample: 18 in the 17.45 ms of this case."""
     task = StudyRun(FOURBAR, "dynamics", Setting(engine, {"timestep": 1e-3}))
     found = observe(task, False, None)
     assert found.step == pytest.approx(2 * np.pi / 360 / 18, rel=1e-12)
@@ -191,7 +193,7 @@ def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
     ("timed", "seconds", "made"), [(True, 0.01, 2), (True, 0.03, 1), (False, 0.01, 1)]
 )
 def test_a_short_run_is_made_twice_where_its_time_matters(monkeypatch, timed, seconds, made):
-    """The first time a process also loads what it needs: that is no time of the run."""
+    """In its first run a process also loads libraries, whose time is not that of the run."""
     step, runs = measure.time_run, []
 
     def clocked(*run):
@@ -211,7 +213,7 @@ def test_the_load_is_that_of_the_worse_end_of_a_timed_run(monkeypatch):
     task = StudyRun(PENDULUM, "dynamics", EULER.with_parameters(timestep=0.01))
     found = [observe(task, again, None) for again in (False, True)]
     assert [one.load for one in found] == [3.0, 7.0]
-    assert make_row(task, found, is_timed=True).load == 7.0  # of the repeats
+    assert make_row(task, found, is_timed=True).load == 7.0  # the load of the repeat
     assert make_row(task, found[:1], is_timed=True).load == 3.0
     assert np.isnan(make_row(task, [measure.Measurement()], is_timed=True).load)
 
@@ -253,7 +255,11 @@ def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
     ],
 )
 def test_what_fails_in_a_worker_is_an_outcome(monkeypatch, error, outcome, of_a_task):
-    """A table has no poses that were not found, and a model that is no chain's is bad input."""
+    """Each exception has an outcome, which `measure_task` replaces in two cases.
+
+    A run that was not solved counts as diverged.  A model that cannot start is unsupported if the
+    setting has a number of segments, and bad input otherwise.
+    """
 
     def fail(*_, **__):
         raise error
@@ -348,7 +354,7 @@ def test_a_process_is_pinned_for_a_run_only(monkeypatch):
         assert os.sched_getaffinity(0) == {min(before)}
     assert os.sched_getaffinity(0) == before
     assert observe(StudyRun(PENDULUM, "dynamics", EULER), False, min(before)).pinned
-    assert where in ([{min(before)}], [{min(before)}] * 2)  # a run that is short is made twice
+    assert where in ([{min(before)}], [{min(before)}] * 2)  # a short run is made twice
     assert os.sched_getaffinity(0) == before
 
 
@@ -369,7 +375,10 @@ def test_without_pinning_runs_are_not_said_to_be_pinned(monkeypatch):
 def test_a_reference_that_fails_is_tried_once_and_a_time_limit_is_no_verdict(
     error, outcome, message, monkeypatch, tmp_path
 ):
-    """One that took too long is told as such, so that a later study tries it again."""
+    """A reference that took too long gives the outcome "timed out", not "no reference".
+
+    So a later study tries it again.
+    """
     asked = []
 
     def fail(function, *args, **limits):

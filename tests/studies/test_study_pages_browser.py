@@ -1,4 +1,4 @@
-"""The pages of studies in a browser: what they tell, and that they fetch nothing."""
+"""The pages of studies in a browser: their content and controls; they fetch nothing."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,11 +24,11 @@ from tests.visit import PHONE, Visit
 TRADE, STRESS, DIET = "trade/fourbar-dynamics-trade.html", "stress/index.html", "diet/index.html"
 PAGES = [TRADE, "trade/index.html", STRESS, DIET]
 ALL, DARK = ["wcag2a", "wcag2aa", "wcag21aa", "wcag22aa", "best-practice"], ["color-contrast"]
-LARGEST = 700_000  # bytes of a page with its data
+LARGEST = 700_000  # bytes: largest size of a page with its data
 
 
 def noisy(row: StudyRow) -> StudyRow:
-    """Wall times with a spread of 1.3, on a machine that had other work."""
+    """A row whose wall times have a spread of 1.3, measured on a machine with a high load."""
     if not row.repeats:
         return row
     times = (row.seconds, 1.1 * row.seconds, 1.3 * row.seconds)
@@ -36,14 +36,17 @@ def noisy(row: StudyRow) -> StudyRow:
 
 
 def boundary(parameter: str, engine: str, holds: float, **more: Any) -> Boundary:
-    """A boundary of the four-bar's case, 1 % wide, turned from 1 ms."""
+    """A boundary of the four-bar's case between `holds` and 1 % more.
+
+    The parameter was varied from 1e-3 s.
+    """
     found = Boundary("fourbar", engine, "as it is", parameter, "s", 1e-3, 1.0, holds, 1.01 * holds)
     return replace(found, limit=BoundaryKind.INACCURATE, failure="off by 0.1", **more)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The pages of three small studies, without their figures for papers."""
+    """The folder of the pages of three small studies, without their figures for papers."""
     out = tmp_path_factory.mktemp("studies")
     for name in ("trade", "stress", "diet"):
         (out / name).mkdir()
@@ -76,10 +79,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class StudyVisit(Visit):
-    """The page of a study."""
+    """A page of a study that is open in a browser."""
 
     def point_to(self, number: int, click: bool = False) -> None:
-        """Bring the pointer to the marker of a setting."""
+        """Move the pointer to the marker of a setting, and click if `click` is true."""
         self.page.locator("#plot").scroll_into_view_if_needed()
         frame = self.page.locator("#plot svg").bounding_box()
         x, y = self.run(f"view.places.get({number})")
@@ -111,7 +114,7 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
 )
 def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
     with StudyVisit(browser, folder / name, color_scheme=scheme) as visit:
-        dark = scheme == "dark"  # only colours differ
+        dark = scheme == "dark"  # only colours differ from the light scheme
         if not dark:
             visit.run("findAll('details').forEach((one) => one.setAttribute('open', ''))")
         wrong, met = visit.axe(options=f"{{runOnly: {DARK if dark else ALL}}}")
@@ -130,7 +133,7 @@ def test_a_setting_that_is_pointed_at_is_told(folder: Path, browser: Any) -> Non
         assert "on the front" in visit.page.inner_text("#tip")
         assert "3 runs" in visit.page.inner_text("#setting")
         assert "Load average" in visit.page.inner_text("#setting")
-        assert visit.page.locator("#plot .faded").count() > 0  # the other lines
+        assert visit.page.locator("#plot .faded").count() > 0  # the other series
 
 
 def test_the_keyboard_goes_from_setting_to_setting(folder: Path, browser: Any) -> None:
@@ -219,7 +222,7 @@ def test_tables_sort_and_rows_are_filtered(folder: Path, browser: Any) -> None:
 
 def test_without_script_there_are_advice_and_tables(folder: Path, browser: Any) -> None:
     with StudyVisit(browser, folder / TRADE, java_script_enabled=False) as visit:
-        assert visit.page.locator(".ask pre").count() > 10  # of all kinds of errors
+        assert visit.page.locator(".ask pre").count() > 10  # settings for all kinds of errors
         assert "needs JavaScript" in visit.page.inner_text("main")
         visit.page.click("#tables summary >> nth=0")
         assert "the loops are open by 0.3 m" in visit.page.inner_text("#tables")

@@ -1,4 +1,4 @@
-"""Running studies: rounds, resuming, interrupts, and SIGKILL at any moment."""
+"""Running the tasks of a study: rounds, resuming, interrupts, and SIGKILL at any moment."""
 
 import os
 import random
@@ -42,7 +42,7 @@ FEW = tasks()[:2]
 
 
 class Here:
-    """An executor that does nothing beside: results are there at once, calls are kept."""
+    """An executor that calls functions at once in this thread, and records the arguments."""
 
     def __init__(self):
         self.calls: list[tuple] = []
@@ -65,7 +65,7 @@ def found(seconds: float, **changed: object) -> Measurement:
 
 @pytest.fixture
 def timed(monkeypatch):
-    """Runs that take seconds from a list, and nothing in truth."""
+    """A function that replaces runs by measurements with given wall times [s], in order."""
 
     def take(*seconds):
         left = iter(seconds)
@@ -140,7 +140,7 @@ def test_what_is_there_is_not_run_again_and_counts_as_done(tmp_path, timed):
         (0.005, True),
     ]
     assert seen[-1][1:] == (4, 4)
-    assert run_tasks(FEW, Store(tmp_path), Here(), repeats=1) == rows  # nothing is left to take
+    assert run_tasks(FEW, Store(tmp_path), Here(), repeats=1) == rows  # none is left to take
 
 
 def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
@@ -155,7 +155,7 @@ def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
 
 
 def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch):
-    """It is evaluated once, into a file; workers that come later read it."""
+    """The reference is written once into a file, which later workers read."""
     limits = []
 
     def isolated(function, *args, timeout, **_):
@@ -241,7 +241,7 @@ def test_without_dask_the_extra_is_named(monkeypatch):
 
 
 def begin(folder: Path, count: int) -> subprocess.Popen:
-    """A study of so many tasks in a process group of its own."""
+    """Start a study of `count` tasks in a process group of its own."""
     return subprocess.Popen(
         [sys.executable, "-c", STUDY, str(folder), str(count)],
         cwd=Path(__file__).parents[2],
@@ -252,12 +252,15 @@ def begin(folder: Path, count: int) -> subprocess.Popen:
 
 
 def files(folder: Path) -> dict[str, int]:
-    """Finished runs, by when they were written [ns]."""
+    """Names of the records of finished runs, and when they were written [ns]."""
     return {one.name: one.stat().st_mtime_ns for one in folder.glob("*.json")}
 
 
 def killed(folder: Path, count: int, after: int, later: float, how: signal.Signals) -> str:
-    """Begin a study and stop it so much later than so many more runs are there; what it said."""
+    """Start a study and stop it `later` seconds after `after` more runs are finished.
+
+    Returns the standard error of the study.
+    """
     there, study = len(files(folder)), begin(folder, count)
     while study.poll() is None and len(files(folder)) < there + after:
         time.sleep(1e-3)
@@ -267,7 +270,7 @@ def killed(folder: Path, count: int, after: int, later: float, how: signal.Signa
 
 
 def untimed(folder: Path) -> list[str]:
-    """The rows of a study without what was measured by clocks."""
+    """The rows of a study, as text, without wall times."""
     return [
         repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN))
         for one in read_table(folder / "trade.csv")
@@ -275,7 +278,7 @@ def untimed(folder: Path) -> list[str]:
 
 
 def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
-    """A study that is killed again and again gives the table of one that is left alone."""
+    """Assert that a study that is killed repeatedly gives the table of an undisturbed study."""
     torn, whole, dice = tmp_path / "torn", tmp_path / "whole", random.Random(seed)
     torn.mkdir()
     before = files(torn)
@@ -288,7 +291,7 @@ def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
             signal.SIGKILL,
         )
         now = files(torn)
-        assert now.items() >= before.items()  # what was there is not made again
+        assert now.items() >= before.items()  # finished runs are not made again
         before = now
         assert not (torn / "trade.csv").exists()
     for folder in (torn, whole):
@@ -298,7 +301,7 @@ def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
     assert curves == {one.split(".")[0] for one in files(torn)}
     assert (
         len(list(torn.glob("*.reference.npz"))) == 1
-    )  # the reference that all runs have in common
+    )  # the reference, which all runs share
     assert files(torn).keys() == files(whole).keys()
     assert len(files(torn)) == 2 * count
     assert untimed(torn) == untimed(whole)
@@ -310,7 +313,7 @@ def test_a_study_killed_ten_times_gives_the_same_table(tmp_path):
 
 
 def test_an_interrupt_from_the_keyboard_stores_no_crash(tmp_path):
-    said = killed(tmp_path, 4, 2, 0.0, signal.SIGINT)  # the workers get it as well
+    said = killed(tmp_path, 4, 2, 0.0, signal.SIGINT)  # the signal also reaches the workers
     assert "KeyboardInterrupt" in said
     assert begin(tmp_path, 4).communicate()[1] == ""
     assert [one.outcome for one in read_table(tmp_path / "trade.csv")] == ["ran"] * 4

@@ -1,4 +1,4 @@
-"""The store of studies and their tables: whole files, keys that tell apart what differs."""
+"""The store of studies and their tables: complete files, and keys that differ for other runs."""
 
 import csv
 import io
@@ -229,7 +229,7 @@ def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input(
 def test_a_table_gives_back_its_rows_and_describes_all_columns(tmp_path):
     file = tmp_path / "trade.csv"
     write_table(ROWS, file)
-    assert repr(read_table(file)) == repr(ROWS)  # NaN equals nothing
+    assert repr(read_table(file)) == repr(ROWS)  # as text, since NaN is not equal to itself
     described = (tmp_path / "trade.columns.md").read_text()
     for column in format_table(ROWS).splitlines()[0].split(","):
         assert f"| `{column.partition('.')[0]}" in described

@@ -1,4 +1,4 @@
-"""What the studies decide by: causes to move, orders of theory, boundaries, failed runs."""
+"""How studies decide: perturbed causes, expected orders, boundaries, failures, removed features."""
 
 from contextlib import contextmanager
 from dataclasses import replace
@@ -80,13 +80,17 @@ def case_of(name: str):
 
 
 FOURBAR = case_of("fourbar")  # timestep 1e-3, solref 0.005 1, solimp 0.9999 0.9999 0.001
-BIAS = 0.9**60  # Chipmunk's own: the share of a gap that is left after a second
-SECOND = 3000  # iterations in pymunk where nothing is said
+BIAS = 0.9**60  # Chipmunk's default: share of a constraint violation that is left after a second
+SECOND = 3000  # number of iterations in pymunk if the setting does not state it
 GONE = Failure("gone", BoundaryKind.UNSTABLE, True)
 
 
 def moves(name: str, setting: Setting, folder: Path, run: str = "dynamics"):
-    """Perturbations of the engine: causes with what is done, the parameters, and which way."""
+    """Perturbations of the engine's parameters in a run of a shipped case.
+
+    For each: cause, change in words, parameters, whether the error should get better, and whether
+    the cause is removed entirely.
+    """
     case = case_of(name)
     found = [
         (own, p)
@@ -151,7 +155,7 @@ def test_what_is_moved_in_pymunk(parameters, step, bias, iterations, tmp_path):
             True,
             (0.9998, 0.9998),
             False,
-        ),  # of the model, whose solimp is at the cap
+        ),  # values of the model, whose solimp is at its cap
         (
             {"timestep": 2e-3},
             2e-3,
@@ -159,9 +163,9 @@ def test_what_is_moved_in_pymunk(parameters, step, bias, iterations, tmp_path):
             False,
             (0.9998, 0.9998),
             False,
-        ),  # a half is below two steps
-        ({"timestep": 1.25e-3}, 1.25e-3, 0.0025, True, (0.9998, 0.9998), False),  # two steps
-        ({"defaults": True}, 2e-3, 0.01, True, (0.95, 0.975), True),  # of 0.02, 0.9 and 0.95
+        ),  # half of solref is less than two steps
+        ({"timestep": 1.25e-3}, 1.25e-3, 0.0025, True, (0.9998, 0.9998), False),  # its half: two steps
+        ({"defaults": True}, 2e-3, 0.01, True, (0.95, 0.975), True),  # defaults: 0.02, 0.9 and 0.95
         (
             {"solref": (0.5, 0.7), "solimp": (0.8, 0.9998, 0.1), "iterations": 5},
             1e-3,
@@ -169,7 +173,7 @@ def test_what_is_moved_in_pymunk(parameters, step, bias, iterations, tmp_path):
             True,
             (0.9, 0.9999),
             True,
-        ),  # just the cap
+        ),  # half of 1 - solimp is just at the cap
         ({"solimp": (0.8, 0.9999, 0.1)}, 1e-3, 0.0025, True, (0.6, 0.9998), False),
     ],
 )
@@ -201,7 +205,7 @@ def test_what_is_moved_in_mujoco(parameters, step, solref, closer, solimp, harde
         assert (words, better, whole) == (move, way, False)
         assert setting.keys() == {**parameters, **more}.keys()
         for name, value in {**parameters, **more}.items():
-            assert setting[name] == pytest.approx(value, rel=1e-12)  # 1 - (1 - d), rounded
+            assert setting[name] == pytest.approx(value, rel=1e-12)  # 1 - (1 - d) is rounded
 
 
 def test_what_is_moved_where_there_are_no_loops_and_in_rods(tmp_path):
@@ -236,7 +240,7 @@ def test_what_is_moved_of_the_reference(tmp_path):
         ("stephenson", "dynamics"),
         ("hacksaw", "dynamics"),
         ("rod_cantilever", "equilibrium"),
-    ):  # it is that already; own law; no planar rods
+    ):  # the reference is the planar solver, has its own motion profile, or has rods
         assert of(name, run) == []
 
 
@@ -256,10 +260,10 @@ def test_what_is_moved_of_the_samples(tmp_path):
 
     for n in (361, 363):
         assert of("fourbar", n=n) == [("every other sample", n // 2 + 1, None)]
-    assert of("fourbar", n=360) == []  # its last sample would be another
+    assert of("fourbar", n=360) == []  # the last sample would be left out
     assert of("fourbar", "sweep", n=361) == []
     assert of("hacksaw_recorded") == []
-    assert of("rod_cantilever", "equilibrium", n=41) == []  # at the ends of its 40 links
+    assert of("rod_cantilever", "equilibrium", n=41) == []  # at the ends of its 40 links already
     assert of("rod_cantilever", "equilibrium", n=41, segments=20) == [
         ("samples at the ends of links", 21, True)
     ]
@@ -294,9 +298,9 @@ def test_what_an_error_follows_is_told_by_all_that_was_moved():
         assert nothing[0] == "unknown"
     assert (
         find_cause(1.0, [moved("one", 1 / 1.11)], "velocity")[0] == "one"
-    )  # of which a fifth is one
+    )  # its share is just a fifth
     assert find_cause(1.0, [moved("one", 1 / 1.09)], "velocity")[0] == "unknown"
-    for worse in (1.09, 1.11, 9.0):  # no rounding: nobody has moved that
+    for worse in (1.09, 1.11, 9.0):  # not "rounding", which was not perturbed
         assert find_cause(1.0, [moved("time step", worse)], "velocity")[0] == "unknown"
 
 
@@ -317,7 +321,7 @@ def test_a_gain_is_how_much_better_the_error_is():
 
     assert (of(True, 4.0), of(True, 0.25), of(False, 4.0), of(False, 0.25)) == (4, 0.25, 0.25, 4)
     assert (of(None, 4.0), of(None, 0.25)) == (4.0, 4.0)
-    assert of(True, 2.0, whole=True) == pytest.approx(1 / (1 - 0.5 / 2))  # a share of a half
+    assert of(True, 2.0, whole=True) == pytest.approx(1 / (1 - 0.5 / 2))  # its share was 1/2
     assert [format_factor(r) for r in (1.004, 1.006, 0.5)] == [
         "leaves the error",
         "divides the error by 1.01",
@@ -328,7 +332,10 @@ def test_a_gain_is_how_much_better_the_error_is():
 def series_of(
     engine: str, axis: str, scaled: bool = False, count: int = 2, **parameters
 ) -> ConvergenceSeries:
-    """A series of settings; loops get harder with the step of one that is scaled."""
+    """A series of `count` settings whose parameter `axis` is halved from each to the next.
+
+    If it is `scaled`, `solref` is halved as well.
+    """
     return ConvergenceSeries(
         engine,
         "",
@@ -347,7 +354,8 @@ def series_of(
     )
 
 
-# as `orders` derives them; the four-bar starts in motion under gravity, the hacksaw at rest
+# The orders that the engines derive.  The four-bar starts in motion under gravity, the hacksaw at
+# rest without gravity.
 @pytest.mark.parametrize(
     ("name", "of", "wanted"),
     [
@@ -413,7 +421,7 @@ def test_orders_of_rods_and_other_kinds():
         )
     assert (
         expected_orders(FOURBAR, "dynamics", softer, "velocity")[0] == 1.0
-    )  # told where none was observed
+    )  # the first order is stated if none was observed
 
 
 def test_a_jolt_is_a_start_in_motion_or_under_gravity():
@@ -437,7 +445,7 @@ def test_an_order_is_off_by_more_than_a_fifth():
 
 
 def test_a_boundary_is_where_its_strides_find_it():
-    """Strides of at most four, from the start to the reach itself; then halves."""
+    """Values go from `start` to `reach` itself, each by a factor of at most 4; then bisection."""
 
     def tried(start: float, reach: float, edge: float = inf, **how):
         seen = []
@@ -454,12 +462,15 @@ def test_a_boundary_is_where_its_strides_find_it():
     assert tried(2.0, 9.0)[0] == pytest.approx([2.0, 18**0.5, 9.0])
     seen, (holds, breaks, failure) = tried(1.0, 16.0, edge=9.0, within=0.5)
     assert seen == pytest.approx([1.0, 4.0, 16.0, 8.0, 128**0.5])
-    assert (holds, breaks) == pytest.approx((8.0, 128**0.5))  # within 1.5
+    assert (holds, breaks) == pytest.approx((8.0, 128**0.5))  # a factor within 1.5
     assert failure == GONE
 
 
 def test_what_is_not_known_is_closed_in_to_a_tenth():
-    """Where nothing is known is no property of an engine; a boundary before it still is."""
+    """The limit of proofmass itself is no property of an engine: a tenth is close enough.
+
+    A boundary of the engine before that limit is bisected to 1 % as usual.
+    """
 
     def ours(x: float) -> Failure | None:
         return Failure("late", BoundaryKind.OURS) if x >= 9.0 else None
@@ -474,14 +485,17 @@ def test_what_is_not_known_is_closed_in_to_a_tenth():
 
 
 def test_where_theory_has_a_boundary_what_is_not_known_hides_none():
-    """An engine leaves its reference behind at 9, and failed 1 % before."""
+    """The reference ends at 9, where theory has a boundary; the engine fails from 8.9 on.
+
+    Without the theory bisection would end at a tenth, and the failure at 8.9 would be missed.
+    """
 
     def trial(x: float) -> TrialResult:
         late = Failure("no reference", BoundaryKind.OURS)
         return TrialResult(late if x >= 9.0 else GONE if x >= 8.9 else None)
 
     plain = LimitSearch("", "", "", "", "", 1.0, 16.0, trial)
-    assert plain.find().unknown  # 8.72 held and 9.51 is not known, within a tenth
+    assert plain.find().unknown  # 8.72 holds, 9.51 is not known: within a tenth
     found = replace(plain, theory=9.0).find()
     assert found.limit == GONE.limit
     assert found.holds < 8.9 <= found.breaks <= 1.01 * found.holds
@@ -567,12 +581,12 @@ def test_the_front_is_of_settings_that_ran():
 
 
 def halved(*errors: float) -> list[tuple[float, float]]:
-    """Errors at sizes of which each is half of that before."""
+    """Points with these errors, at sizes each of which is half of the previous one."""
     return [(2.0**-k, error) for k, error in enumerate(errors)]
 
 
 def falling(*slopes: float) -> list[tuple[float, float]]:
-    """Errors that fall with the orders given."""
+    """Points whose errors fall with these orders from each refinement to the next."""
     return halved(*(2.0 ** -sum(slopes[:k]) for k in range(len(slopes) + 1)))
 
 
@@ -580,14 +594,14 @@ def falling(*slopes: float) -> list[tuple[float, float]]:
     ("points", "first", "least", "before"),
     [
         (halved(1.0), None, nan, 1),
-        (halved(1.0, 1.0), None, nan, 0),  # which may become one
+        (halved(1.0, 1.0), None, nan, 0),  # these may become a plateau with one more point
         (halved(1.0, 1.0, 1.0), 0, 1.0, 0),
-        (halved(1.0, 0.7, 0.5), None, nan, 0),  # an order of a half: it falls
+        (halved(1.0, 0.7, 0.5), None, nan, 0),  # order 1/2: the error falls
         (halved(1.0, 0.7, 0.51), 0, 0.51, 0),
         (halved(1.0, 1.0, 0.9, 0.3), None, nan, 4),
         (halved(100.0, 11.0, 1.0, 1.1, 1.0), 2, 1.0, 2),
-        (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 1.0, 1),  # ten times the least: it bends
-        (halved(100.0, 11.0, 1.1, 1.0), None, nan, 2),  # an end that falls no further
+        (halved(100.0, 10.0, 1.0, 1.1, 1.0), 2, 1.0, 1),  # 10 times the least error is near it
+        (halved(100.0, 11.0, 1.1, 1.0), None, nan, 2),  # one refinement without a fall
         (halved(100.0, 9.0, 1.1, 1.0), None, nan, 1),
         (halved(100.0, 10.5, 1.0, 1.1), None, nan, 2),
         (halved(100.0, 11.0, 1.0, 2.0, inf, inf), 2, 1.0, 2),
@@ -604,14 +618,14 @@ def test_where_an_error_slows_and_what_is_before_it(points, first, least, before
 @pytest.mark.parametrize(
     ("errors", "place"),
     [
-        ((0.8, 0.81, 0.8, 0.8), None),  # of another motion
+        ((0.8, 0.81, 0.8, 0.8), None),  # the error of another motion
         ((0.011, 0.011, 0.011), None),
         ((9e-3, 9e-3, 9e-3), 0),
-        ((1e-3, 1e-3), 0),  # the line ends there
+        ((1e-3, 1e-3), 0),  # the series ends there
         ((1e-3,), None),
         ((1e-3, 0.94e-3), None),
         ((1e-3, 0.96e-3), 0),
-        ((4e-3, 1e-3, 1e-3, 1e-3, 1e-3), 2),  # of all that are flat, the last with two after it
+        ((4e-3, 1e-3, 1e-3, 1e-3, 1e-3), 2),  # of several flat points, the last with two after it
         ((1e-3, 1e-3, 1e-4, 1e-5), None),
         ((1e-3, 1e-3, inf), None),
     ],
@@ -623,10 +637,10 @@ def test_what_may_be_a_floor_is_asymptotic_and_flat_to_the_end(errors, place):
 @pytest.mark.parametrize(
     ("slopes", "seen"),
     [
-        ((2.0, 2.0, 1.0, 1.0), 1.0),  # of the finest two
+        ((2.0, 2.0, 1.0, 1.0), 1.0),  # the finest two orders
         ((1.0, 1.0, 2.0, 1.0), 1.0),
         ((1.92, 2.08), 2.0),
-        ((1.85, 2.15), nan),  # a twentieth of their sum
+        ((1.85, 2.15), nan),  # they differ by more than a twentieth of their sum
         ((0.7, 0.78), 0.74),
         ((0.7, 0.82), nan),
         ((2.0,), nan),
@@ -637,7 +651,7 @@ def test_an_order_is_seen_in_two_refinements_in_turn(slopes, seen):
 
 
 def measured_series(*rows: StudyRow) -> MeasuredSeries:
-    """Rows of a series of four steps."""
+    """A series of four steps with these rows."""
     return MeasuredSeries(series_of("mujoco", "timestep", count=4), list(rows))
 
 
@@ -678,14 +692,14 @@ def test_a_line_goes_on_until_none_of_its_kinds_falls_any_more():
     one, two = at(velocity=1e-3, position=1e-3), at(velocity=1e-3, position=1e-6)
     assert not measured_series(one, one).done(1.0)
     assert measured_series(one, one, one).done(1.0)
-    assert not measured_series(one, one, two).done(1.0)  # its positions fall
+    assert not measured_series(one, one, two).done(1.0)  # position errors still fall
     assert measured_series(one, one, two).kinds == ["velocity", "position"]
     assert measured_series(one, two, two, two).done(1.0)  # no more settings
     far, jolt = at(velocity=0.5, position=0.8), at(velocity=0.5, position=1e-3)
     assert not measured_series(far, far, far).done(
         1.0
-    )  # another motion, which may yet become right
-    assert measured_series(jolt, jolt, jolt).done(1.0)  # the motion is right, its rates are not
+    )  # the error of another motion, which may become right at a smaller step
+    assert measured_series(jolt, jolt, jolt).done(1.0)  # positions are accurate, velocities are not
     assert not measured_series().done(1.0)
     assert not measured_series(at("diverged"), at("diverged"), at("diverged")).done(1.0)
     assert not measured_series(at(seconds=1.0)).done(1.0)
@@ -747,7 +761,7 @@ def test_when_a_run_is_failed_and_whether_the_engine_said_so(found, message, lim
 
 
 def test_in_time_positions_alone_are_judged():
-    """A moment in time is off by a tenth long before the motion is."""
+    """In dynamics the error of a moment exceeds a tenth long before the motion is wrong."""
     found = Measurement({"position": 0.05, "force": 0.5})
     assert find_failure(found, "dynamics") is None
     assert find_failure(found, "sweep").message.startswith("force or torque off by 0.5")
@@ -900,7 +914,7 @@ def test_what_an_extreme_needs():
     require([1], "why")
     with pytest.raises(NotApplicable, match=r"^why$"):
         require([], "why")
-    assert reference_follows_masses(FOURBAR)  # as many drives as degrees of freedom
+    assert reference_follows_masses(FOURBAR)  # it has as many drives as degrees of freedom
     assert reference_follows_masses(case_of("fourbar_released"))  # the reference reads the model
     assert not reference_follows_masses(case_of("pendulum"))
     assert not reference_follows_masses(FOURBAR.model_copy(update={"drive": FOURBAR.drive * 2}))
@@ -933,9 +947,9 @@ def test_how_far_a_channel_moved_of_what_it_may():
     }
     gone = of(one=[1.0, 2.0])
     assert gone == {"one": 0.0, "two[0]": inf, "still": inf}
-    assert of("still", one=[1.0, 2.0])["still"] == 0.0  # it never moved
-    assert of("two", one=[1.0, 2.0])["two[0]"] == 2.0  # and it does
-    assert of(one=[1.0])["one"] == inf  # a run that ended early
+    assert of("still", one=[1.0, 2.0])["still"] == 0.0  # it was constant before as well
+    assert of("two", one=[1.0, 2.0])["two[0]"] == 2.0  # it was not constant before
+    assert of(one=[1.0])["one"] == inf  # the run ended early
     longer = MonitoredRun("", monitored.run, {"one": np.full(1, 0.5)}, monitored.before)
     assert scene.channel_changes(
         replace(longer, before=Curves(np.zeros(2), {"one": np.array([1.0, 9.0])})),
@@ -980,7 +994,11 @@ def test_a_scene_is_run_with_the_settings_of_its_own():
 
 
 def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
-    """Or by rounding, where it has no tolerance or is beyond it."""
+    """The allowed change is a tenth of the tolerance minus the error.
+
+    It is a rounding share of the channel's largest value if the channel has no tolerance, or if its
+    error is beyond the tolerance.
+    """
     case, edited = case_of("pendulum"), read_model(case_of("pendulum").model_path)
     x = np.linspace(0.0, 1.0, 3)
     truth = {name: np.array([0.0, 1.0, 2.0]) for name in case.channels}
@@ -1003,13 +1021,14 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
     monitored = scene.monitor_run(case, run, "mujoco", edited)
     assert asked == [(case.model_path, 1, "dynamics")]
     assert (monitored.name, monitored.run, monitored.before) == ("pendulum dynamics", run, curves)
-    # 1e-10 of a range of 2; a tenth of what is left, or 1e-9 of the largest value
+    # The tolerance is 1e-10 of a range of 2.  Allowed is a tenth of the tolerance minus the error,
+    # or 1e-9 of the largest value.
     wanted = {"angle": 2e-9, "rate": 1e-8, "acceleration": 2e-9, "kinetic": 2e-9, "potential": 2e-9}
     for name, most in wanted.items():
         assert monitored.allowed[name] == pytest.approx(np.full(3, most), rel=1e-9)
     loose = scene.monitor_run(case, run, "pymunk:fine", edited)
     assert loose.name == "pendulum dynamics, fine"
-    assert loose.allowed["angle"] == pytest.approx(np.full(3, 2e-9))  # no tolerance covers it
+    assert loose.allowed["angle"] == pytest.approx(np.full(3, 2e-9))  # no tolerance applies
     soft = scene.monitor_run(case, run, "pymunk", edited)  # relative_to_range = 1e-4
     assert soft.allowed["angle"] == pytest.approx(np.full(3, 0.1 * (2e-4 - 5e-11)), rel=1e-12)
     assert soft.allowed["rate"] == pytest.approx(np.full(3, 1e-8))
@@ -1024,7 +1043,10 @@ def scene_with(*monitored_runs: MonitoredRun, edited: object = "whole") -> DietS
 
 
 def cost_of(calls: list, *answers):
-    """Stands for `isolated`: keeps what it is asked, and answers in turn or raises."""
+    """A stand-in for `call_isolated` that records its calls in `calls`.
+
+    It returns the answers in order, or raises those that are exceptions.
+    """
     queue = list(answers)
 
     def call(function, *args, timeout, memory=None):
@@ -1037,7 +1059,7 @@ def cost_of(calls: list, *answers):
 
 
 class Given:
-    """An edited model that was given probes and rods of its own."""
+    """A stand-in for an edited model with a probe, which adds a rod to those of a run."""
 
     probes: ClassVar = {"probe"}
     monitored = ()
@@ -1085,11 +1107,11 @@ def test_a_feature_without_which_a_model_fails_is_said_to(monkeypatch):
             outcome,
             {"a": {"probe": 0.0}},
             "why",
-        )  # a probe that never moved
+        )  # the probe is missing in the first run and was constant before: a change of 0
 
 
 class Cuts(list):
-    """An edited model that knows what was cut from it."""
+    """A stand-in for an edited model: the list of the names of removed features."""
 
     def without(self, cut):
         edited = Cuts(self)
@@ -1115,7 +1137,7 @@ def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
 
 
 class Outcomes(diet.DietSearch):
-    """Answers by what was cut: that without a harmful feature is harmless."""
+    """A search that judges by names: a model is harmless if no removed feature is called "bad"."""
 
     def judge_changes(self, models, edited):
         self.store.asked.append(list(edited))
@@ -1124,7 +1146,7 @@ class Outcomes(diet.DietSearch):
 
 
 class Asked(DietStore):
-    """Keeps nothing, and what it was asked."""
+    """A store that keeps no results, and records the keys that it is asked for."""
 
     def __init__(self):
         super().__init__()
@@ -1212,7 +1234,7 @@ def test_as_many_go_together_as_can(monkeypatch):
 
 
 def test_a_diet_looks_again_until_nothing_can_go(monkeypatch):
-    """A second feature can go when the first has gone; one that matters is tried once."""
+    """The second feature appears after the first was removed; one that matters is tried once."""
 
     def there(reduced, scene):
         yield feature("bad")
@@ -1290,7 +1312,8 @@ def test_what_a_step_costs_is_asked_with_and_without(monkeypatch):
     assert own.timed(now, edited, entry("needed")) == entry("needed")
     assert replace(own, rounds=0).timed(now, edited, entry("drawn")) == entry("drawn")
     models = ("model", "old", "rod"), ("model", "old", "new", "rod")
-    # two samples are more than are timed; a limit of 20 times as long, 3 times over
+    # The run is cut to two samples, the least number.  The limit of wall time is 20 times that of
+    # the original run, for each of the 3 rounds.
     assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
     kept_as, (run, rounds) = own.store.keys[0]
     assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)
@@ -1323,14 +1346,17 @@ BOB = """<mujoco><option timestep="{step}"/><worldbody><body><joint name="hinge"
 
 
 def bob(folder: Path, step: float = 0.01, keys: str = '<key name="first"/><key name="start"/>'):
-    """A pendulum without a sidecar."""
+    """Write the model of a pendulum without a sidecar; its path."""
     file = folder / "bob.xml"
     file.write_text(BOB.format(step=step, keys=keys))
     return file
 
 
 def let_go(file: Path, seconds: float, monkeypatch, grown=None, **channels):
-    """How it is let go, and the runs that are asked for; `grown` is what a nudge changes."""
+    """The monitored free motion of a model, and the runs that were made for it.
+
+    Runs are replaced by constant `channels`; `grown(x)` is added to them in the nudged run.
+    """
     asked = []
 
     def done(file, model, run, nudge=0.0):
@@ -1369,7 +1395,7 @@ def test_a_model_is_let_go_in_five_hundred_samples_or_so(
     assert run.x == pytest.approx(step * stride * np.arange(n), abs=1e-12)
     assert monitored.run.x.tolist() == run.x.tolist()
     assert monitored.before.channels["hinge"].tolist() == [2.0] * n
-    assert monitored.allowed["hinge"] == pytest.approx(np.full(n, 2e-9))  # rounding, of its size
+    assert monitored.allowed["hinge"] == pytest.approx(np.full(n, 2e-9))  # 1e-9 of it: rounding
 
 
 @pytest.mark.parametrize(
@@ -1385,7 +1411,7 @@ def test_a_model_is_let_go_from_its_start_or_its_first_key(keys, start, tmp_path
 
 
 def test_a_motion_is_followed_until_a_nudge_has_grown_to_a_tenth_of_it(tmp_path, monkeypatch):
-    """A channel may move by the most that the nudge has moved it so far."""
+    """The allowed change of a channel is the largest change by the nudge up to that sample."""
     monitored, _ = let_go(
         bob(tmp_path),
         1.0,
@@ -1494,7 +1520,7 @@ def test_a_scene_is_what_the_sidecars_beside_a_model_ask_for(models, monkeypatch
     assert (loose.read, loose.keys) == (None, {"key", "start"})
     lone = scene.load_scene(bob(models), 3.0)
     assert lone.keys == {"key"}
-    assert lone.monitored_runs[0].name.startswith("3.0 s of bob.xml, ['")  # read by probes
+    assert lone.monitored_runs[0].name.startswith("3.0 s of bob.xml, ['")  # the sensors are probes
     with pytest.raises(InputError, match="no such model"):
         scene.load_scene(models / "none.xml", 3.0)
 
