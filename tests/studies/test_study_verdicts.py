@@ -164,7 +164,7 @@ def test_what_is_moved_in_pymunk(parameters, step, bias, iterations, tmp_path):
             (0.9998, 0.9998),
             False,
         ),  # half of solref is less than two steps
-        ({"timestep": 1.25e-3}, 1.25e-3, 0.0025, True, (0.9998, 0.9998), False),  # its half: two steps
+        ({"timestep": 1.25e-3}, 1.25e-3, 0.0025, True, (0.9998, 0.9998), False),  # two steps
         ({"defaults": True}, 2e-3, 0.01, True, (0.95, 0.975), True),  # defaults: 0.02, 0.9 and 0.95
         (
             {"solref": (0.5, 0.7), "solimp": (0.8, 0.9998, 0.1), "iterations": 5},

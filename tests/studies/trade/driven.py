@@ -1,11 +1,11 @@
-"""What the drives of a run did, as a program writes it."""
+"""Curves of the drives of a run, with the column names that a program writes."""
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Curves, Run, drive_columns
 
 
 def driven(run: Run, curves: Curves) -> dict[str, Array]:
-    """What the drives of a run did, by the columns of a program."""
+    """Value, rate and acceleration of each drive in a run, by the column names of a program."""
     if curves.drive is None:
         return {}
     value, rate, acceleration = curves.drive

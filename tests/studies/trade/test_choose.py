@@ -1,4 +1,4 @@
-"""Choosing: the cheapest setting that holds, what turns the choice, lines that can be pasted."""
+"""Choosing the cheapest good enough setting: its check, comparison with defaults, snippets."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -62,7 +62,7 @@ def fourbar() -> Case:
 
 
 def holds(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
-    """A run that gives again what was measured."""
+    """A check whose two runs have the measured error again."""
     return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.parameters))
 
 
@@ -71,7 +71,7 @@ def chosen(case: Case, rows: list[StudyRow], wanted: float, *kind: str, **asked:
 
 
 def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
-    """Of 100 h^2 with 6.28e-5 / h seconds the largest step with 2 * 100 h^2 <= 1e-4 is 0.5 ms."""
+    """With error 100 h^2 and margin 2 the largest step with 2 * 100 h^2 <= 1e-4 is 0.5 ms."""
     rows = [*series_rows("slow", cost=1e-4), *series_rows("quick"), *series_rows("poor", order=1.0)]
     found = chosen(fourbar, rows, 1e-4)
     assert (found.row.series, found.row.value) == ("quick", 0.0005)
@@ -117,38 +117,47 @@ def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
         chosen(fourbar, series_rows("quick"), 1e-3, of).row.value
         for of in ("position", "velocity", "acceleration")
     ]
-    assert steps == [0.002, 0.0005, 0.000125]  # 10 and 100 times as far off, next power of two
+    assert steps == [0.002, 0.0005, 0.000125]
+    # errors are 10 and 100 times as large; steps are powers of two
 
 
 def test_beside_the_defaults(fourbar: Case) -> None:
-    """First order, 0.05 h: 2.5e-5 at 0.5 ms, where 100 h^2 is 1.6e-3: nothing to compare yet."""
+    """Defaults with error 0.05 h are good enough at 1 ms, the tuned series, 100 h^2, at 0.5 ms.
+
+    The margin is 2, so errors up to 5e-5 are good enough.  A step of the tuned series takes a tenth
+    of the time, so twice as many of them are 5 times cheaper.
+    """
     plain = series_rows("plain", order=1.0, scale=0.05, defaults=True, integrator="Euler")
     tuned = series_rows("tuned", cost=1e-6)
     assert all(map(is_default, plain))
     assert not any(map(is_default, tuned))
-    found = chosen(fourbar, [*plain, *tuned], 1e-4)  # both at h with error 2.5e-5
+    found = chosen(fourbar, [*plain, *tuned], 1e-4)
     assert found.row.series == "tuned"
-    assert found.ratio == pytest.approx(5.0, rel=0.01)  # 1 ms against 0.5 ms, a tenth of the price
+    assert found.ratio == pytest.approx(5.0, rel=0.01)
     alone = chosen(fourbar, plain, 1e-4)
     assert (alone.ratio, alone.beside) == (1.0, "these are the engine's defaults, refined")
 
 
 @pytest.mark.parametrize(("order", "scale"), [(1.0, 0.1), (2.0, 1600.0)])
 def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scale: float) -> None:
-    """6.25e-6 off at 1/16 ms; to 5e-7 a factor 12.5 is left, its root in steps of second order."""
+    """The finest defaults have error 6.25e-6 at 1/16 ms, and 1e-6 with margin 2 needs 5e-7.
+
+    So the error must fall by 12.5: 12.5 times as many steps of first order, the root of that of
+    second order.
+    """
     plain = series_rows("plain", order=order, scale=scale, defaults=True)
     assert plain[-1].errors["position"] == pytest.approx(6.25e-6)
     tuned = series_rows("tuned", cost=1e-6)
     found = chosen(fourbar, [*plain, *tuned], 1e-6)
     cost = 12.5 ** (1 / order) * plain[-1].seconds
     assert found.ratio == pytest.approx(cost / found.row.seconds)
-    assert np.isnan(chosen(fourbar, [plain[-1], *tuned], 1e-6).ratio)  # no order: no guess
+    assert np.isnan(chosen(fourbar, [plain[-1], *tuned], 1e-6).ratio)  # one row shows no order
     risen = [replace(plain[-2], errors={"position": 1e-6}), plain[-1]]
     assert np.isnan(chosen(fourbar, [plain[-1], *risen, *tuned], 1e-6).ratio)
 
 
 def test_a_floor_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
-    """They are at the level of that floor by chance, and fall on."""
+    """The error of the finest defaults equals the floor of another series, but still falls."""
     plain = series_rows("plain", order=1.0, scale=0.1, defaults=True)
     level = plain[-1].errors["position"]
     others = verdict("other", 2.0, level, "iterations")
@@ -163,7 +172,7 @@ def test_a_floor_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
 
 
 def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
-    """Those at 1 ms were lucky: the price of the defaults is that of a half or a quarter of it."""
+    """The defaults at 1 ms fail their check, so those at 0.5 ms or 0.25 ms are compared with."""
     plain = series_rows("plain", order=1.0, scale=0.05, defaults=True, cost=1e-6)
     tuned = series_rows("tuned", cost=1.5e-6)
 
@@ -191,7 +200,7 @@ def test_a_floor_is_named(fourbar: Case) -> None:
         r"3e-8, cap of solimp; halving solref divides the error by 4.0",
     ):
         chosen(fourbar, mine, 1e-9, verdicts=verdicts)
-    # 100 h^2 with 6.28e-5 / h seconds: to 0.8 * 5e-10, h = 2e-6 s and 31 s
+    # error 100 h^2 in 6.28e-5 / h seconds: 0.8 * 5e-10 needs h = 2e-6 s and 31 s
     needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
     with pytest.raises(NoGoodSetting, match=needs + "proofmass choose measures finer steps"):
         chosen(fourbar, series_rows("quick"), 1e-9)
@@ -199,7 +208,7 @@ def test_a_floor_is_named(fourbar: Case) -> None:
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=30.0))
     with pytest.raises(
         NoGoodSetting, match=needs + "--longest is 33 s$"
-    ):  # expectations are a tenth off
+    ):  # expected wall times have errors of a tenth
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=33.0))
     with pytest.raises(NoGoodSetting, match=needs + "of --budget 60 s, 50 s are spent$"):
         chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
@@ -213,7 +222,10 @@ def test_a_floor_is_named(fourbar: Case) -> None:
 
 
 def test_many_reasons_are_two(fourbar: Case) -> None:
-    """A reason of its own for each setting, such as the time at which it failed."""
+    """Each setting fails with another message, such as the time at which it failed.
+
+    Only the counts of outcomes and the message of the first setting are stated.
+    """
     failed = [
         replace(row, outcome=outcome, message=f"failed at {k} s", errors={})
         for k, (row, outcome) in enumerate(
@@ -237,7 +249,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
 
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw", "pendulum", "slider_crank_inclined"])
 def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
-    """Each solver of the run that has settings, with what `check` runs it with."""
+    """Each solver of the run except defaults, with the settings with which `check` runs it."""
     case = load_case(shipped(f"{name}.toml"))
     step = compiled_model(case).opt.timestep
     tried = [
@@ -257,10 +269,11 @@ def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
 
 @pytest.fixture
 def stiff(models: Path, edit: Callable[..., Path]) -> Path:
-    """A slider-crank with a plunger of 1e-7 kg, whose loop has to be stiff to drag it along.
+    """A slider-crank with a slider of 1e-7 kg, whose loop has to be stiff to move the slider.
 
-    The pin's time constant acts on the mass of both sides, which is that of the plunger, and
-    gravity pulls the coupler by 10 N: its own settings are Euler at 0.1 ms with 0.2 ms.
+    The time constant of the pin acts on the combined mass of both sides, which is nearly that of
+    the slider, and gravity pulls the coupler with 10 N.  The model's own settings are Euler with
+    steps of 0.1 ms and a time constant of 0.2 ms.
     """
     edit("slider_crank.xml", 'mass="1.5"', 'mass="1e-7"')
     edit("slider_crank.xml", 'diaginertia="0.01 0.01 0.01"', 'diaginertia="1e-9 1e-9 1e-9"')
@@ -278,7 +291,7 @@ def stiff(models: Path, edit: Callable[..., Path]) -> Path:
 
 @pytest.mark.slow
 def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
-    """Where most other steps fail."""
+    """More than ten series of other settings fail on this model."""
     folder = stiff.parent / "trade"
     rows = search(load_case(stiff), "position", 5e-3, Store(folder / "runs"), repeats=0)
     assert "MuJoCo, as in the model" in {row.series for row in rows if row.outcome == "ran"}
@@ -317,7 +330,7 @@ PARAMETERS = [
     ],
 )
 def test_a_pasted_snippet_is_the_setting(parameters: dict, own: str, tmp_path: Path) -> None:
-    """The compiled options are, to the last bit, what `configure` writes."""
+    """The compiled options are, to the last bit, those that `configure` writes."""
     file = tmp_path / "fourbar.xml"
     text = shipped("fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
     soft = (
@@ -354,7 +367,7 @@ def test_lines_for_pymunk_step_a_space() -> None:
     loose.velocity = 1.0, 0.0
     free.add(loose)
     exec(snippet(Setting("pymunk", parameters), 9), {"space": free})
-    assert loose.position.x == pytest.approx(9 * 0.25)  # as many steps as asked for
+    assert loose.position.x == pytest.approx(9 * 0.25)  # the number of steps that was asked for
 
 
 def test_segments_are_the_sidecars() -> None:
@@ -365,11 +378,11 @@ def test_segments_are_the_sidecars() -> None:
 
 
 def test_a_free_motion_starts_later_on_the_same_motion() -> None:
-    """The state that a shifted run starts from is the closed form's at that time."""
+    """The start of a shifted run is the state of the closed form at that time."""
     case = load_case(shipped("pendulum.toml"))
     angle, rate = state_at(case, 0.3)
     truth = pendulum.solve(0.3, length=1.0, mass=1.0, gravity=9.81, amplitude=-np.pi / 2)
-    # by the general solver, at 3e-14 a step
+    # the start is computed by the general solver, with errors of 3e-14 a step
     assert angle == pytest.approx(truth["angle"], abs=1e-12)
     assert rate == pytest.approx(truth["rate"], abs=1e-12)
 
@@ -403,7 +416,7 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
     width = whole.x[1] - whole.x[0]
     assert curves.x == pytest.approx(whole.x[:-1] + SAMPLE_SHIFT * width, abs=1e-12)
     check = verify(case, "dynamics", row, "position", 1e-6)
-    assert 0 < check.fresh < 1e-6  # README: RK4 at 1 ms is 1e-8 off, and 16 times that at 2 ms
+    assert 0 < check.fresh < 1e-6  # README: 1e-8 at 1 ms with RK4, so 16 times that
     assert 0 < check.shifted < 1e-6
     assert check.shifted != check.fresh
     assert check.used.parameters["timestep"] == whole.settings["timestep"]
@@ -420,14 +433,17 @@ def test_no_other_start_is_said() -> None:
 @pytest.mark.parametrize("name", ["rod_released", "slider_crank_elastic"])
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_rods_in_motion_have_no_other_start(name: str, engine: str) -> None:
-    """A key gives them an arc: the elastic coupler, straight at another angle of the crank, was
-    4.3e-2 off where it is 6.7e-4 off from its own start."""
+    """A key can start rods only in arcs, not in the shapes that they have later in the motion.
+
+    The elastic coupler, started straight at another angle of the crank, had an error of 4.3e-2;
+    from its own start it has 6.7e-4.
+    """
     with pytest.raises(Unsupported, match="rods start in the arcs that the model's key gives them"):
         run_shifted(load_case(shipped(f"{name}.toml")), "dynamics", Setting(engine))
 
 
 def test_rods_that_a_drive_sweeps_have_another_start() -> None:
-    """They are at rest in every pose, so that a later one needs no earlier one."""
+    """In a sweep rods are in equilibrium at every sample, independent of earlier samples."""
     case = load_case(shipped("rfr2_driven.toml"))
     table = case.run["sweep"].model_copy(update={"n": 3})
     case = case.model_copy(update={"run": {"sweep": table}})
@@ -446,7 +462,7 @@ def test_a_setting_of_rods_holds_without_another_start(monkeypatch: pytest.Monke
 
 
 def test_a_failed_run_does_not_hold(fourbar: Case) -> None:
-    """One iteration a step leaves loops open."""
+    """With one iteration a step the loops open, and the run fails."""
     row = StudyRow(
         "trade",
         "fourbar",
@@ -464,7 +480,7 @@ def test_a_failed_run_does_not_hold(fourbar: Case) -> None:
 
 
 def test_printed_with_its_evidence(fourbar: Case) -> None:
-    """All of it can be pasted: comments, then elements that MuJoCo reads."""
+    """The text can be pasted as a whole: comments, then MJCF elements or Python lines."""
     rows = series_rows("tuned", integrator="RK4")
     text = format_snippet(chosen(fourbar, rows, 1e-4), fourbar)
     assert "position within 1e-4 of its range" in text
@@ -513,7 +529,7 @@ def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models: P
 
 
 def test_a_drive_names_its_engine(fourbar: Case) -> None:
-    """Where only one of the case's engines can move drives so."""
+    """This holds if only one of the case's engines has this kind of drive."""
     assert find_solver(fourbar, "dynamics", "gear", "") == "pymunk"
     assert find_solver(fourbar, "dynamics", "servo", "") == "mujoco"
     assert find_solver(fourbar, "dynamics", "servo", "mujoco") == "mujoco"
@@ -521,7 +537,8 @@ def test_a_drive_names_its_engine(fourbar: Case) -> None:
 
 
 def test_fewer_iterations_come_first() -> None:
-    """Though the clock says otherwise by a little; not before what is cheaper by its step."""
+    """Of settings with the same step the one with fewer iterations is first, even if its wall time
+    is a little longer.  A setting with a larger step that takes less time is before both."""
     one = series_rows("a")[0]
     rows = [
         replace(
@@ -538,7 +555,10 @@ def test_fewer_iterations_come_first() -> None:
 
 @pytest.mark.slow
 def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
-    """RK4 falls with h^4: it is the cheapest by far; rounding keeps it from 1e-17."""
+    """RK4, whose error falls with h^4, is the cheapest by far; no setting reaches 1e-17.
+
+    Rounding is larger than that.
+    """
     edit("pendulum.toml", r"until = 10.0 ", "until = 1.0 ")
     file = edit("pendulum.toml", "n = 1001", "n = 21")
     asked = ["choose", str(file), "--solver", "mujoco", "--store", str(tmp_path / "study")]
@@ -598,8 +618,8 @@ def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "posit
 @pytest.mark.parametrize(
     ("floors", "found"),
     [
-        ([floor_of("own", 2.0)], 0),  # a line falls to its own floor, however far it is
-        ([floor_of("own", 1.2)], None),  # below 2 / 1.5 it is not at it
+        ([floor_of("own", 2.0)], 0),  # the floor of its own series may be higher by any ratio
+        ([floor_of("own", 1.2)], None),  # the floor is below 2 / 1.5
         ([floor_of("other", 2.8)], 0),
         ([floor_of("other", 3.2)], None),
         ([floor_of("other", 1.4)], 0),
@@ -631,7 +651,7 @@ def test_settings_that_are_enough_have_a_margin_of_two() -> None:
 
 
 def test_why_none_is_enough() -> None:
-    """The best, and its floor with the evidence."""
+    """The message names the best setting, and its error floor with the evidence."""
     rows = [
         at("poor", 1e-3),
         at("fine", 1.23e-5, 1e-4),
@@ -666,7 +686,10 @@ def test_why_none_is_enough() -> None:
 
 
 def test_the_drives_own_error_is_what_keeps_a_setting_from_being_enough() -> None:
-    """It is nearest to the motion that its drives had, at a floor, and not to that asked for."""
+    """The best setting is the one nearest to the prescribed motion, without a floor.
+
+    The other one is nearer to the motion that its drives really had, and at an error floor there.
+    """
     closest = replace(at("lagging", 2e-8), asked={"position": 9e-7})
     plain = replace(at("softer", 4e-7, 2e-3), asked={"position": 8e-7})
     short, *_ = explain_no_choice([closest, plain], "position", 1e-6, [floor_of("lagging", 2e-8)])
@@ -677,7 +700,10 @@ def test_the_drives_own_error_is_what_keeps_a_setting_from_being_enough() -> Non
 
 
 def test_what_the_defaults_would_cost() -> None:
-    """Seconds of a setting that takes 0.5 s and of the defaults, refined to a half of 1e-4."""
+    """The chosen setting takes 0.5 s; the defaults are refined to half of 1e-4, the margin.
+
+    The result is the sentence, and the ratio of the wall times.
+    """
     tuned = at("tuned", seconds=0.5)
 
     def of(*rows: StudyRow, floors: tuple[Verdict, ...] = ()) -> tuple[str, float]:
@@ -699,7 +725,7 @@ def test_what_the_defaults_would_cost() -> None:
         "2.3 s at timestep 1 ms",
         4.69,
     )
-    # of second order: 3.2e-3 is 64 times half of 1e-4, so 8 times as many steps
+    # 3.2e-3 is 64 times half of 1e-4, which takes 8 times as many steps of second order
     coarse, fine = plain(1.28e-2, 2e-3), plain(3.2e-3, 1e-3)
     text, ratio = of(coarse, fine, plain(9e-1, 4e-3))
     assert ratio == pytest.approx(8 * 2.0 / 0.5)
@@ -708,12 +734,12 @@ def test_what_the_defaults_would_cost() -> None:
         "2 they would take 16 s, 32 times as long"
     )
     text, ratio = of(plain(1.3e-2, 2e-3), fine)
-    order = np.log2(1.3e-2 / 3.2e-3)  # 2.02: 7.8 times as many steps
+    order = np.log2(1.3e-2 / 3.2e-3)  # order 2.02: 7.8 times as many steps
     assert ratio == pytest.approx(64 ** (1 / order) * 4.0)
     assert text.endswith("of order 2 they would take 16 s, 31 times as long")
     short = "the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms"
     assert of(fine) == (short, pytest.approx(nan, nan_ok=True))
-    flat = plain(3.2e-3 * 2**0.49, 2e-3)  # an order of less than a half
+    flat = plain(3.2e-3 * 2**0.49, 2e-3)  # an order below one half
     assert of(flat, fine) == (short, pytest.approx(nan, nan_ok=True))
     assert of(coarse, fine, floors=(floor_of("plain", 3.2e-3), floor_of("other", 3.2e-3))) == (
         "the engine's defaults never get there: the error floor is 3.2e-3, softness",
@@ -739,7 +765,7 @@ def test_only_the_step_may_differ_from_the_defaults() -> None:
 
 
 def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
-    """What has no time has no program; both errors are kept."""
+    """A run without time has no program; the check has the errors of both runs."""
     used = Setting("mujoco", {"segments": 20})
     found = {rerun_setting: (1.0, used), shifted_error: 2.0}
     monkeypatch.setattr(
@@ -808,7 +834,7 @@ def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
     assert "\n  chaotic: errors are judged up to 15 s\n" in format_snippet(chaotic, fourbar)
     text = format_snippet(once, fourbar)
     assert text.startswith("<!--\n  fourbar, dynamics: position within 1.3e-4 of its range\n")
-    assert "a rest - has one\n" in text  # two dashes would end the comment
+    assert "a rest - has one\n" in text  # two dashes are not allowed in a comment
     assert "\n-->\n<option" in text
     assert all(len(line) <= 94 for line in format_snippet(found, fourbar).splitlines())
     assert "4.1e-4\n    from a shifted start\n-->" in format_snippet(found, fourbar)

@@ -1,4 +1,4 @@
-"""`choose --creep`: how fast what friction holds creeps, beside its closed form, and slower."""
+"""`choose --creep`: the creep rate of a body that friction keeps at rest, and slower settings."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -26,23 +26,24 @@ def run(*args: object):
 
 @pytest.fixture
 def brief(edit: Callable[..., Path]) -> Path:
-    """A copy of the case that ends earlier: the block is at rest after 0.28 s."""
+    """A copy of the case that ends after 0.5 s; the block is at rest after 0.28 s."""
     return edit("block_sticks.toml", r"until = 1\.0", "until = 0.5")
 
 
 def told(impratio: float) -> float:
-    """The closed form of the case's rate [m/s].
+    """The creep rate of the case by its closed form [m/s].
 
-    The upper two corners of the block, 0.2 m by 0.1 m, bear less than the lower two, since friction
-    acts below the centre of mass; they hold all that they can, and the lower two the rest.
+    The block is 0.2 m by 0.1 m.  Its upper two corners bear less weight than the lower two, since
+    friction acts below the centre of mass.  The upper ones are at their largest friction force, and
+    the lower ones bear the remainder.
     """
-    pull, weight = 9.81 * np.sin(SLOPE), 9.81 * np.cos(SLOPE)  # of 1 kg
+    pull, weight = 9.81 * np.sin(SLOPE), 9.81 * np.cos(SLOPE)  # forces on 1 kg
     upper = weight / 4 - pull * 0.05 / (4 * 0.1)
     lower = pull / 2 - 0.7 * upper  # friction of each of the two
     model = mujoco.MjModel.from_xml_path(str(shipped("block_sticks.xml")))
     body = model.body("block").id
     return creep_rate(
-        pull=4 * lower,  # as if each of four held as much
+        pull=4 * lower,  # as if all four contacts had this friction force
         contacts=4,
         solref=(0.005, 1.0),
         impratio=impratio,
@@ -55,7 +56,7 @@ def test_the_rate_is_that_of_the_closed_form_and_as_slow_as_asked_for(brief):
     assert chosen.rate <= 1e-6 < model.rate
     assert model.rate == pytest.approx(told(1.0), rel=1e-4)
     ratio = chosen.setting.parameters["impratio"]
-    assert ratio == pytest.approx(RATE_MARGIN * model.rate / 1e-6, rel=0.05)  # two digits
+    assert ratio == pytest.approx(RATE_MARGIN * model.rate / 1e-6, rel=0.05)  # it has two digits
     assert chosen.rate == pytest.approx(told(ratio), rel=1e-3)
 
 

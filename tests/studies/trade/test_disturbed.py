@@ -1,4 +1,4 @@
-"""Disturbed starts: growth as theory has it, the horizon that it sets, and rounding."""
+"""Disturbed starts: growth of the disturbance by theory, the horizon of a motion, and rounding."""
 
 from dataclasses import replace
 from math import cos, sin
@@ -45,7 +45,7 @@ def double() -> Case:
 
 
 def short(case: Case, until: float) -> Case:
-    """The same with its samples, for a shorter time."""
+    """The case with its dynamics ended earlier, and with the same distance of samples."""
     table = case.run["dynamics"]
     n = round((table.n - 1) * until / table.until) + 1
     return case.model_copy(
@@ -54,7 +54,10 @@ def short(case: Case, until: float) -> Case:
 
 
 def slope(_: float, y: np.ndarray) -> list[float]:
-    """Two uniform bars of 1 m and 1 kg by Lagrange, absolute angles from straight down."""
+    """Rates of the state of a double pendulum, by Lagrange's equations.
+
+    It has two uniform bars of 1 m and 1 kg; the angles are absolute, from straight down.
+    """
     a, b, u, v = y
     across, upper, lower = HALF * cos(a - b), MOMENT + HALF**2 + 1.0, MOMENT + HALF**2
     first = -HALF * v * v * sin(a - b) - 1.5 * G * sin(a)
@@ -69,7 +72,7 @@ def slope(_: float, y: np.ndarray) -> list[float]:
 
 
 def by_hand(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:
-    """Angles of the joints and place of the tip (n, 4) from a start that is moved."""
+    """Angles of the joints and position of the tip (n, 4), from a start displaced by two angles."""
     x = TIMES[until + 1e-9 >= TIMES]
     y = solve_ivp(
         slope,
@@ -86,19 +89,19 @@ def by_hand(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:
 
 
 def away_by_hand(until: float) -> np.ndarray:
-    """How far the nudged motion is off (n,), as a share of the ranges."""
+    """Largest distance of the disturbed motion from the plain one (n,), over the ranges."""
     plain, other = by_hand(until), by_hand(until, DISTURBANCE, -DISTURBANCE)
     return (np.abs(other - plain) / np.ptp(plain, axis=0)).max(axis=1)
 
 
 def test_a_disturbance_grows_as_the_equations_of_motion_have_it(double, tmp_path):
-    """No engine and no code of this package on the other side."""
+    """The reference is integrated by scipy, without an engine and without code of this package."""
     case = short(double, 10.0)
     found = stored_distances(
         StudyRun(case, "dynamics", RK4), with_disturbed_start(case, tmp_path), Store(tmp_path), 60.0
     )
     away = away_by_hand(10.0)
-    # RK4 at 1 ms is 1e-5 off at the end, and so is the place where its growth is that
+    # RK4 at 1 ms has an error of 1e-5 at the end, which displaces the growth by as much
     assert found["position"] == pytest.approx(away, rel=0.01, abs=1e-11)
     assert away.max() > 1e3 * DISTURBANCE
 
@@ -111,7 +114,7 @@ def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
     assert motion.horizon == TIMES[np.argmax(away > 1e-4) - 1]
     linear = np.flatnonzero(away <= 1e-2)[-1] + 2
     rate = np.polyfit(TIMES[linear // 5 : linear], np.log(away[linear // 5 : linear]), 1)[0]
-    assert motion.rate == pytest.approx(rate, rel=0.2)  # RK4 is 5e-3 off at the end, and elsewhere
+    assert motion.rate == pytest.approx(rate, rel=0.2)  # RK4 has an error of 5e-3 at the end
     cut = end_at_horizon(double, "dynamics", motion)
     assert run_samples(cut, "dynamics")[-1] == pytest.approx(motion.horizon, abs=0.051)
     assert np.allclose(np.diff(run_samples(cut, "dynamics")), 0.05)
@@ -120,7 +123,7 @@ def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar_released"])
 def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
-    """A pendulum's phase parts in proportion to time, not faster."""
+    """The phases of a disturbed pendulum and a plain one part in proportion to time, no faster."""
     case = load_case(shipped(f"{name}.toml"))
     motion = disturb_motion(case, "dynamics", Store(tmp_path), 60.0)
     assert np.isnan(motion.rate)
@@ -178,7 +181,11 @@ def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_p
 
 
 def test_roundings_move_a_run_by_no_more_than_their_growth(double, tmp_path):
-    """Some 1e-16 in each of 5000 steps, times what a disturbance grows by; not by what RK4 errs."""
+    """The change is at most a rounding of 1e-15 in each of 5000 steps, times a growth of 1e3.
+
+    It is not the error of RK4.  Rounding is the cause of an error if the change by rounding is more
+    than `ROUNDING_SHARE` of that error.
+    """
     case = short(double, 5.0)
     away = measure_rounding(StudyRun(case, "dynamics", RK4), Store(tmp_path), 60.0)["position"]
     assert 1e-16 < away < 5000 * 1e-15 * 1e3
@@ -192,7 +199,7 @@ def test_roundings_move_a_run_by_no_more_than_their_growth(double, tmp_path):
 
 
 def bare(until: float, integrator: int, step: float) -> np.ndarray:
-    """Angles (n, 2) of bare MuJoCo."""
+    """Angles (n, 2) of the double pendulum in MuJoCo, without code of this package."""
     model = mujoco.MjModel.from_xml_path(str(ROOT / "tests" / "data" / "double_pendulum.xml"))
     model.opt.integrator, model.opt.timestep = integrator, step
     data = mujoco.MjData(model)
@@ -206,7 +213,10 @@ def bare(until: float, integrator: int, step: float) -> np.ndarray:
 
 @pytest.mark.slow
 def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
-    """Euler is off by half of the range: that is no floor, and no cause is made up for it."""
+    """The error of Euler is half of the range: that is no error floor, and no cause is stated.
+
+    The errors of the study are compared with those of MuJoCo without code of this package.
+    """
     monkeypatch.setattr(
         trade,
         "list_series",
@@ -227,7 +237,7 @@ def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
     for name, integrator in (("MuJoCo Euler", 0), ("MuJoCo RK4", 1)):
         row = next(row for row in study.rows if row.series == name and row.value < 1e-3)
         angles = np.abs(bare(5.0, integrator, row.value) - plain) / np.ptp(plain, axis=0)
-        assert angles.max() <= 1.01 * row.errors["position"]  # which has the tip as well
+        assert angles.max() <= 1.01 * row.errors["position"]  # the study also compares the tip
         assert angles.max() >= 0.2 * row.errors["position"]
 
 
@@ -248,7 +258,10 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_pat
 
 
 def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
-    """It has no joint in the file; its tip is off by half a nudge, a rod of 1 m being an arc."""
+    """The rod has no joint in the file, so its arc is turned further by the disturbance.
+
+    The rod is an arc of 1 m, so its tip moves by half of the disturbance.
+    """
     case = load_case(shipped("rod_released.toml"))
     other = with_disturbed_start(case, tmp_path)
     assert other.rods[0].turn == DISTURBANCE
@@ -257,7 +270,7 @@ def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
     away = two.channels["tip.y"][0] - one.channels["tip.y"][0]
     assert away == pytest.approx(DISTURBANCE / 2, rel=1e-3)
     motion = disturb_motion(case, "dynamics", Store(tmp_path), 30.0)
-    assert 0.1 < motion.growth < 10.0  # of the range, in a regular motion
+    assert 0.1 < motion.growth < 10.0  # the motion is regular
     assert not motion.rate > 0
 
 
@@ -268,14 +281,17 @@ def test_joints_beside_rods_are_disturbed_in_the_file(tmp_path: Path) -> None:
     there, here = (compiled_model(each).key_qpos[0] for each in (other, case))
     assert own.sum() == 6 < own.size
     assert np.abs(there - here)[own] == pytest.approx(np.full(6, DISTURBANCE), rel=1.0)
-    assert np.abs(there - here)[~own].max() > 0  # the rods close the loops again
+    assert np.abs(there - here)[~own].max() > 0  # the rods are fitted to the displaced joints
     assert other.rods == case.rods
 
 
 @pytest.mark.parametrize("name", ["rod_taut", "slider_crank_elastic"])
 def test_what_cannot_be_disturbed_has_no_disturbed_motion(name: str, tmp_path: Path) -> None:
-    """No joint but those of a rod between sites that stay; a straight rod between pins, which are
-    nudged to a distance that none of its arcs has."""
+    """Two cases have no disturbed start.
+
+    One has no joints except those of a rod between fixed sites.  The other has a straight rod
+    between pins, and the disturbance moves the pins further apart than any arc of the rod.
+    """
     case = load_case(shipped(f"{name}.toml"))
     assert with_disturbed_start(case, tmp_path) is None
 
@@ -287,7 +303,10 @@ def test_roundings_reach_the_masses_of_rods(tmp_path: Path) -> None:
 
 
 def test_rates_are_nudged_where_a_joint_starts_on_its_stop(tmp_path: Path) -> None:
-    """Nudged off its stop, the first step of MuJoCo would pass it by: a jump that is no chaos."""
+    """A disturbed value would be off the joint limit, which changes the first step by a jump.
+
+    That jump is no chaos, so the rates are disturbed instead.
+    """
     case = load_case(ROOT / "models" / "spatial" / "robotiq_2f85.toml")
     other = with_disturbed_start(case, tmp_path)
     assert other is not None

@@ -1,4 +1,4 @@
-"""What the clock can tell apart: intervals, ties, fronts, and machines that were busy."""
+"""Noise of wall times: intervals, tied settings, the possible front, and busy machines."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def timed(error: float, *seconds: float, **more: object) -> StudyRow:
 
 def test_an_interval_goes_from_the_least_to_the_greatest_wall_time() -> None:
     assert wall_time_interval(timed(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
-    # a single run may be too long by what is usual, and not too short
+    # a single wall time may be too long by the usual spread, but not too short
     assert wall_time_interval(timed(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
 
 

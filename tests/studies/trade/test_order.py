@@ -1,4 +1,4 @@
-"""pymunk converges with the second order of its step on every mechanism, by measurement."""
+"""Measured orders of convergence of pymunk: second order in its time step on every mechanism."""
 
 from dataclasses import replace
 
@@ -18,15 +18,16 @@ from proofmass.studies.trade.series import convergence_order
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import loaded, models_like, shipped
 
-# A second-order error e = a h^2 halves to order 2; higher terms and a first-order remainder of a
-# tenth take at most 0.2 away.
+# A second-order error e = a h^2 shows order 2 when the step is halved; higher terms and a
+# first-order remainder of a tenth reduce the order by at most 0.2.
 ORDER = 1.8
-# Share of range below which accelerations stop improving: the rounding of positions over the step
-# squared, 1e-15 m / (0.25 ms)^2 = 2e-8 m/s^2, times the condition of the loop; more iterations do
-# not lower it. At the steps of the models all cases are above it.
+# Error, as a share of the range, below which accelerations stop improving: the rounding of
+# positions over the step squared, 1e-15 m / (0.25 ms)^2 = 2e-8 m/s^2, times the condition number of
+# the loop.  More iterations do not lower it.  With the steps of the models all errors are above it.
 WALL = 2e-7
-# A step that ends near the folded pose leaves the loop open after 3000 iterations, which a rate
-# does not see and a difference of rates does: order 1.5 from 12 to 2 ms, and none below.
+# After 3000 iterations a step that ends near the folded pose leaves a constraint violation.  Rates
+# do not show it, but differences of rates do: accelerations have order 1.5 from 12 to 2 ms, and no
+# order below.
 SINGULAR = "change_point", "acceleration"
 CASES = {
     case.name: case
@@ -37,12 +38,16 @@ CASES = {
     and not any(str(c.equals).startswith("drive.") for c in case.channels.values())
     and not may_touch(compiled_model(case))
     and not is_damped(compiled_model(case))
-    and not compiled_model(case).jnt_limited.any()  # Chipmunk's stops throw nothing back
-}  # these have an error; the acceleration of a drive itself is of first order where it bends
+    and not compiled_model(case).jnt_limited.any()  # Chipmunk's joint limits do not rebound
+}  # cases that are left out have an error of their own, or a drive as a channel, whose acceleration
+# is of first order where the profile bends
 
 
 def errors(case, folder, change=lambda setting: setting):
-    """Steps and errors of the two settings of the plain series that are about the model's step."""
+    """Steps and errors, by kind, of two successive settings of the series without bias.
+
+    The first step is less than twice that of the model; `change` modifies both settings.
+    """
     series = next(
         series for series in list_series(case, "dynamics") if series.name == "pymunk, no bias"
     )
@@ -83,7 +88,10 @@ def test_pymunk_with_its_bias_is_not(tmp_path):
 
 
 def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
-    """Energy swings with the gap, h T, and falls by h T^2 t, for the gap is late by T."""
+    """Energy oscillates with the constraint violation, h T, and falls by h T^2 t.
+
+    h is the time step and T the time constant of the bias: the violation is late by T.
+    """
     case = load_case(shipped("pendulum.toml"))
 
     def fall_and_swing(h, lag):
@@ -96,7 +104,7 @@ def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
 
     coarse, quick, fine = (fall_and_swing(*of) for of in ((1e-3, 0.02), (1e-3, 0.01), (5e-4, 0.02)))
     assert all(coarse > 0)
-    np.testing.assert_allclose(np.log2(coarse / quick), [2, 1], atol=0.1)  # T over a swing of 2 s
+    np.testing.assert_allclose(np.log2(coarse / quick), [2, 1], atol=0.1)  # T / (2 s) off
     np.testing.assert_allclose(np.log2(coarse / fine), [1, 1], atol=0.1)
 
 
@@ -114,7 +122,10 @@ def test_that_order_is_expected_of_what_is_let_go_alone():
 
 @pytest.mark.parametrize(("name", "orders"), [("arm_servos", (1.0, 2.0)), ("pendulum", (2.0,))])
 def test_what_goes_with_rates_is_of_first_order_in_pymunk(name, orders):
-    """Chipmunk damps with the rate from before its step: dampers, and servos with a gain of it."""
+    """Chipmunk computes damping forces from the rate before the step.
+
+    This concerns dampers, and servos with a gain on the rate.
+    """
     case = load_case(shipped(f"{name}.toml"))
     series = next(one for one in list_series(case, "dynamics") if one.name == "pymunk, no bias")
     assert expected_orders(case, "dynamics", series, "position") == orders

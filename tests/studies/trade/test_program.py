@@ -1,4 +1,4 @@
-"""Programs that run without proofmass: what they give, and that it is what they say."""
+"""Programs of MuJoCo that run without proofmass: their curves, errors, drives and messages."""
 
 import ast
 import math
@@ -66,10 +66,11 @@ def imports(text: str) -> set[str]:
     "name", ["fourbar", "pendulum", "fourbar_released", "hacksaw", "slider_crank"]
 )
 def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> None:
-    """The same steps from the same state.
+    """The program makes the same steps from the same state as the engine's adapter.
 
-    Forward passes at the samples give the solver another start: it ends within its tolerance,
-    1e-10 to 1e-8 of the forces, which the stiff loops turn into accelerations.
+    Forward passes at the samples give the constraint solver other start values.  Its results differ
+    within its tolerance, 1e-10 to 1e-8 of the forces, and stiff loops turn these differences into
+    accelerations: hence 1e-6 of the range.
     """
     case, setting = short(name), Setting("mujoco", COARSE)
     text = program_text_here(case, setting, IMPOSED[0], 'A head\nwith """ and \\ in it.')
@@ -86,7 +87,10 @@ def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> No
 
 
 def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
-    """Against Jacobi's elliptic functions, written out here; RK4 at 10 ms is 1e-7 off."""
+    """The reference is computed here with Jacobi's elliptic functions.
+
+    RK4 at 10 ms has an error of 1e-7 of the range.
+    """
     case = short("pendulum", 101, 2.0)
     found = program_curves(
         program_text_here(
@@ -94,12 +98,12 @@ def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
         ),
         tmp_path,
     )
-    k, w = math.sin(math.pi / 4), math.sqrt(9.81)  # released from the horizontal
+    k, w = math.sin(math.pi / 4), math.sqrt(9.81)  # the pendulum is released from the horizontal
     sn = ellipj(ellipk(k**2) - w * found["t"], k**2)[0]
     exact = -2 * np.arcsin(k * sn)
     assert np.ptp(exact) > 3.0
     assert found["angle"] == pytest.approx(exact, abs=3e-7 * np.pi)
-    assert np.abs(found["angle"] - exact).max() > 1e-10  # it is the engine's motion, not ours
+    assert np.abs(found["angle"] - exact).max() > 1e-10  # it is not the reference itself
 
 
 @pytest.mark.parametrize(
@@ -107,10 +111,11 @@ def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
     [(Imposed("flywheel"), 1e-5), (Imposed("servo", 2.0), 3e-5), (Imposed("equality", 0.5), 3e-5)],
 )
 def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_path: Path) -> None:
-    """Against the two circles of its joints, written out here: the crank turns at 1 rad/s.
+    """The reference is the intersection of the two circles of the joints, computed here.
 
-    implicitfast at 1 ms: a servo of gain 2 lets the crank lag by its load over kp, 1e-5 rad.
-    The moment of each drive is told at its own motion, where the loop's softness alone is left.
+    The crank turns at 1 rad/s, with implicitfast at 1 ms.  A servo of gain 2 lets the crank lag by
+    its load over kp, 1e-5 rad.  The moment of each drive is compared at the motion that the drive
+    really had, so that only the softness of the loop contributes to its error.
     """
     case = short("fourbar", 91)
     setting = Setting(
@@ -122,18 +127,18 @@ def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_
     t = found["t"]
     assert t[-1] == pytest.approx(2 * np.pi)
     crank = np.array([np.cos(t), np.sin(t)])
-    d = crank - np.array([[3.0], [0.0]])  # from the rocker's pin to the crank's
+    d = crank - np.array([[3.0], [0.0]])  # from the rocker's ground pin to the crank pin
     far = np.hypot(*d)
     along = (2.5**2 - 2.0**2 + far**2) / (2 * far)
     turn = np.unwrap(np.arctan2(d[1], d[0]))
-    rocker = turn - np.arccos(along / 2.5)  # the open mode
+    rocker = turn - np.arccos(along / 2.5)  # the open assembly mode
     assert np.ptp(rocker) > 0.5
     off = np.abs(found["rocker"] - rocker).max() / np.ptp(rocker)
     assert 0 < off < position
 
 
 def test_a_servo_of_too_high_a_gain_is_failed() -> None:
-    """RK4 is explicit in the damper: kv h / I = 2 gain above 2.8 throws the crank away."""
+    """RK4 is explicit in the servo's damping, so kv h / I = 2 gain above 2.8 is unstable."""
     case, setting = short("fourbar"), Setting("mujoco", COARSE)
     text = program_text_here(case, setting, Imposed("servo", 2.0), "")
     ran = run_program(case, setting, text, 30.0)
@@ -142,7 +147,7 @@ def test_a_servo_of_too_high_a_gain_is_failed() -> None:
 
 
 def swinging(x, far):
-    """A law that is no formula: value, rate and acceleration."""
+    """A motion profile that a program writes as a table: value, rate and acceleration."""
     return (
         far * np.sin(x) ** 3,
         3 * far * np.sin(x) ** 2 * np.cos(x),
@@ -161,9 +166,11 @@ LAWS = {
 
 @pytest.mark.parametrize("laws", LAWS.values(), ids=LAWS)
 def test_a_written_motion_is_the_law(laws: list) -> None:
-    """To rounding where it is a formula; a table is exact at its times and within `TABLE_TOLERANCE`
-    between in value, and to its own order, two and four more digits less, in rate and
-    acceleration."""
+    """The written motion agrees with the motion profile up to rounding if it is a formula.
+
+    A table is exact at its times.  Between them its values are within `TABLE_TOLERANCE`; its rates
+    and accelerations have two and four digits less, by the order of the interpolation.
+    """
     x = np.linspace(0.0, 3.0, 41)
     names: dict = {"np": np}
     exec(motion_source(laws, x), names)
@@ -181,7 +188,11 @@ def test_a_free_motion_has_no_law() -> None:
 
 
 def test_a_law_that_is_written_wrongly_is_noticed() -> None:
-    """A swing of half the period, in a program that is held against the right one."""
+    """In the wrong program the crank turns 0.1 % too fast, and starts with that rate.
+
+    Its error against the prescribed motion is large; its error at the motion that its drive really
+    had is small.
+    """
     case, setting = short("fourbar", 41), Setting("mujoco", COARSE)
     text = program_text_here(case, setting, IMPOSED[0], "")
     good = run_program(case, setting, text, 30.0)
@@ -196,7 +207,7 @@ def test_a_law_that_is_written_wrongly_is_noticed() -> None:
     wrong = head + "1.001 * np.array([" + tail.replace("]", "])", 1)
     ran = run_program(case, setting, wrong, 30.0)
     assert ran.errors["position"] > 1e-3
-    assert ran.driven["position"] < 1e-4  # the linkage itself follows its crank
+    assert ran.driven["position"] < 1e-4  # the linkage follows its crank correctly
 
 
 @pytest.mark.parametrize(
@@ -217,7 +228,10 @@ def test_a_program_that_does_not_end_is_ended() -> None:
 
 
 def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:
-    """Until the setting, the drive or the sidecar is another."""
+    """A second run of the same setting reads the stored result, with the same wall time.
+
+    Another setting has a result of its own.
+    """
     case, store = short("pendulum"), Store(tmp_path)
     setting = Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"})
     first = run_stored_program(case, setting, IMPOSED[0], store, 30.0)
@@ -241,7 +255,7 @@ def test_samples_at_other_times_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
-    """Includes are put in place, also those of included files, and meshes keep their place."""
+    """Nested includes are replaced by their content, and paths of meshes become absolute."""
     (tmp_path / "part.xml").write_text(
         '<mujocoinclude><include file="inner.xml"/><body name="a"><joint name="a"/>'
         '<geom type="mesh" mesh="m" mass="1"/></body></mujocoinclude>'
@@ -291,8 +305,11 @@ HELD = '<general name="hand" joint="crank" dyntype="integrator" gainprm="5" bias
 def test_a_servo_beside_another_of_the_model_is_refused(
     hand: str, key: str, refused: bool, edit
 ) -> None:
-    """A position actuator of 100 N m/rad puts the rocker off by 4e-4 of its range where a servo
-    drives at 1 ms, and by 1e-6 with a flywheel, an equality, or in the product's own run."""
+    """Another actuator on the joint acts against the servo.
+
+    A position actuator of 100 N m/rad gives the rocker an error of 4e-4 of its range if a servo
+    drives at 1 ms, and 1e-6 with a flywheel, an equality, or in the product's own run.
+    """
     edit(
         "fourbar.xml",
         '<motor name="motor" joint="crank"/>',
@@ -357,9 +374,10 @@ def test_a_program_is_written_in_a_worker() -> None:
 
 
 def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
-    """Against one equation in the crank's angle, from energies, integrated here.
+    """The reference is one equation of motion of the crank's angle a, integrated here.
 
-    T = J(a) a'^2 / 2 with J by central differences of the closed pose; no constraint solver.
+    It follows from the kinetic energy T = J(a) a'^2 / 2, with J from central differences of the
+    closed pose, and needs no constraint solver.
     """
     case = short("fourbar_released", 21, 0.4)
     found = program_curves(
@@ -377,7 +395,10 @@ def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
 
 
 def released(t: np.ndarray, start: float) -> np.ndarray:
-    """The rocker of the four-bar 1, 2, 2.5, 3 of uniform bars, 1 kg/m, its crank let go."""
+    """Angles of the rocker of a released four-bar [rad], at times t [s], from a crank angle.
+
+    The links of 1 m, 2 m, 2.5 m and the ground of 3 m are uniform bars of 1 kg/m.
+    """
 
     def pose(a):
         crank = np.array([math.cos(a), math.sin(a)])
@@ -461,7 +482,10 @@ ROCKER = """
 
 
 def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
-    """A model with classes, a mesh, an include, loads with a state, and names to be quoted."""
+    """Write a model with classes, a mesh, an include, and names to be quoted; its path and a run.
+
+    Its loads have an activation.  The crank turns at `rate` [rad/s]; with 0 the motion is free.
+    """
     (folder / "shapes").mkdir()
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
     faces = [
@@ -481,7 +505,7 @@ def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
 def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
     gravity: str, rate: float, tmp_path: Path
 ) -> None:
-    """Bit by bit; and it needs none of the model's files."""
+    """All curves are equal bit by bit, and the program needs none of the model's files."""
     model, run = odd(tmp_path, gravity, rate)
     motion = motion_source([each.profile for each in run.drives], run.x)
     text = write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
@@ -497,8 +521,10 @@ def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
 
 @pytest.mark.parametrize("drive", [Imposed("servo", 0.5), Imposed("equality", 0.25)])
 def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_path: Path) -> None:
-    """Neither a gear nor a range of actuators, nor equalities that are not active: each of them
-    leaves the crank 0.1 rad behind or more."""
+    """The default classes have a gear and a range of actuators, and inactive equalities.
+
+    Each of them would leave the crank 0.1 rad behind or more.
+    """
     model, run = odd(tmp_path)
     motion = motion_source([each.profile for each in run.drives], run.x)
     found = program_curves(write_program(model, run, motion, "", drive), tmp_path)

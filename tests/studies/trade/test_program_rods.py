@@ -1,4 +1,4 @@
-"""Programs of MuJoCo for models with rods: links have all digits, and the runs are the same."""
+"""Programs of MuJoCo for models with rods: numbers of links have all digits, runs are the same."""
 
 import re
 from dataclasses import replace
@@ -54,7 +54,7 @@ DEFAULTS = """<default>
 
 
 def six_digits(text: str) -> str:
-    """The text of a program whose bodies have the six digits of MuJoCo's own writer."""
+    """The text of a program with numbers of bodies rounded to six digits, as MuJoCo writes them."""
 
     def rounded(found: re.Match[str]) -> str:
         values = " ".join(f"{float(value):.6g}" for value in found[2].split())
@@ -65,7 +65,7 @@ def six_digits(text: str) -> str:
 
 @pytest.mark.parametrize("name", ["rod_released", "slider_crank_elastic"])
 def test_a_program_with_rods_gives_what_the_harness_gives(name: str, tmp_path: Path) -> None:
-    """To rounding in all curves; with links of six digits it does not."""
+    """All curves agree up to rounding; with numbers of links rounded to six digits they do not."""
     case = load_case(shipped(f"{name}.toml"))
     text = program_text_here(case, FEW, IMPOSED[0], "x")
     assert "proofmass" not in text
@@ -86,7 +86,10 @@ def test_a_program_with_rods_gives_what_the_harness_gives(name: str, tmp_path: P
 
 
 def test_the_error_of_a_program_with_rods_is_that_of_its_rods() -> None:
-    """Twenty links: 3.6e-3 off, as the tolerance of the case says; springs of 1 % more turn it."""
+    """With twenty links the error is 3.6e-3, as the tolerance of the case states.
+
+    With springs that are 1 % stiffer the error exceeds that tolerance, 5e-3.
+    """
     case = load_case(shipped("rod_released.toml"))
     setting = Setting("mujoco", {"timestep": 5e-4})
     text = program_text_here(case, setting, IMPOSED[0], "x")
@@ -99,7 +102,10 @@ def test_the_error_of_a_program_with_rods_is_that_of_its_rods() -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_links_of_every_shipped_rod_have_all_digits(name: str) -> None:
-    """Slides, clamps at both ends, rods that end at others: the same numbers when compiled."""
+    """`write_rods` refuses links that compile to other numbers than those of the model.
+
+    The shipped rods have slides, clamps at both ends, and ends on other rods.
+    """
     case = load_case(shipped(name))
     root = expand_model(case.model_path)
     write_rods(root, case.model_path, case.rods)
@@ -107,7 +113,7 @@ def test_links_of_every_shipped_rod_have_all_digits(name: str) -> None:
 
 
 def arm(folder: Path, defaults: str = "", body: str = "", joint: str = "") -> Path:
-    """A swinging arm with a site for a rod."""
+    """Write the model of a swinging arm with a site for a rod; its path."""
     file = folder / "arm.xml"
     file.write_text(ARM.format(defaults=defaults, body=body, joint=joint))
     return file
@@ -141,11 +147,14 @@ def test_dead_loads_of_rods_are_in_the_program(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("drive", [Imposed("servo", 0.2), Imposed("equality", 0.25)])
 def test_other_drives_move_rods(drive: Imposed) -> None:
-    """At the motion that was asked for: the reference has none for a rate that is not constant."""
+    """The error is that against the prescribed motion; there is none at the drive's real motion.
+
+    The reference does not exist for a crank whose rate is not constant.
+    """
     case = load_case(shipped("slider_crank_elastic.toml"))
     ran = run_program(case, FEW, program_text_here(case, FEW, drive, "x"), 60.0)
     assert not ran.failure
-    # seven links, of second order: 8 times the 6.7e-4 of the 20 of the case
+    # seven links: by second order 8 times the error 6.7e-4 of the case with 20 links
     assert ran.errors["position"] == pytest.approx(6.7e-4 * (20 / 7) ** 2, rel=0.3)
     assert ran.driven == {}
 
@@ -154,7 +163,7 @@ def test_other_drives_move_rods(drive: Imposed) -> None:
 def test_a_number_that_is_rounded_is_refused(
     digits: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each kind of them alone, to six digits."""
+    """Numbers of one attribute are rounded to six digits at a time."""
     own = program.body_parts
 
     def rounded(body, plain):
@@ -178,7 +187,7 @@ def test_what_is_compared_of_two_models(tmp_path: Path) -> None:
     assert first_difference(model(LOOSE), model(replace(LOOSE, stiffness=0.31))) == "jnt_stiffness"
     assert (
         first_difference(model(LOOSE), model(replace(LOOSE, turn=1.0))) is None
-    )  # of the key alone
+    )  # it changes the key only
     assert "names" in str(first_difference(model(LOOSE), model(replace(LOOSE, segments=5))))
 
 
@@ -199,5 +208,5 @@ def test_rods_that_no_program_can_be_written_for_are_named(tmp_path: Path) -> No
 def test_the_segments_of_rods_are_told() -> None:
     case = load_case(shipped("rod_released.toml"))
     assert format_rods(case, "dynamics") == "rods have the segments of the sidecar: rod 20"
-    assert format_rods(case, "equilibrium") == ""  # a setting has them there
+    assert format_rods(case, "equilibrium") == ""  # there the setting states them
     assert format_rods(load_case(shipped("pendulum.toml")), "dynamics") == ""

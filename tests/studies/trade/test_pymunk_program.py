@@ -1,7 +1,7 @@
-"""Programs that run dynamics in pymunk on their own: against `simulate`, and against mathematics.
+"""Programs of pymunk that run without proofmass, compared with `simulate` and with mathematics.
 
-A program runs in an interpreter of its own (``python -I``), in an empty folder, so that nothing of
-this project is at hand there.
+A program runs in an interpreter of its own (``python -I``), in an empty folder, so that it cannot
+import this project.
 """
 
 import ast
@@ -56,12 +56,12 @@ QUICK = (
 MODULES = {"csv", "math", "sys", "time", "numpy", "pymunk"}
 SAMPLES = 21
 NONE: dict[str, float] = {}
-EXACT = {"iterations": 1000, "error_bias": 0.0}  # of chains without loops: solved to rounding
+EXACT = {"iterations": 1000, "error_bias": 0.0}  # for chains without loops: exact up to rounding
 
 
 @dataclass(frozen=True)
 class Ran:
-    """What a program left: its text, its curves, the number of steps that it told."""
+    """A program's text, its samples and curves, and the number of steps that it printed."""
 
     text: str
     x: Array
@@ -77,7 +77,7 @@ def started(folder: Path, text: str) -> CompletedProcess[str]:
 
 
 def ran(folder: Path, text: str) -> Ran:
-    """Run a program to its end, and read what it wrote."""
+    """Run a program in a new folder to its end, and read its curves."""
     done = started(folder, text)
     assert (done.returncode, done.stderr) == (0, "")
     with (folder / "curves.csv").open(newline="", encoding="utf-8") as stream:
@@ -93,9 +93,10 @@ def ran(folder: Path, text: str) -> Ran:
 def assert_alike(
     got: dict[str, Array], wanted: dict[str, Array], share: float, rounding: dict[str, float] = NONE
 ) -> None:
-    """Curves of the same names in the same order, alike to a share of their range and `rounding`.
+    """Assert that curves have the same names in the same order, and nearly the same values.
 
-    Rounding is in the unit of a channel, whatever its range in so few samples is.
+    The largest difference that is allowed is `share` times the range, plus `rounding` of the
+    channel [its unit], which does not depend on the range in these few samples.
     """
     assert list(got) == list(wanted)
     for name, curve in wanted.items():
@@ -105,10 +106,11 @@ def assert_alike(
 
 
 def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
-    """What rounding of points and of a table of a law leaves in curves.
+    """Differences of channels by rounding of points and of tables of motion profiles [their units].
 
-    1e-14 m or rad is six roundings of a point 8 m away (2^-49 m); a rate divides it by dt, an
-    acceleration by dt^2.  A force is that of all masses, a moment that at the mechanism's size.
+    1e-14 m or rad is six roundings of a point 8 m away (2^-49 m).  A rate divides it by dt, an
+    acceleration by dt^2.  A force multiplies the acceleration by all masses, a moment also by the
+    square of the mechanism's size.
     """
     orders = {"rad": 0, "m": 0, "rad/s": 1, "m/s": 1, "rad/s^2": 2, "m/s^2": 2}
     model = reference.compiled_model(case)
@@ -127,12 +129,12 @@ def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
 
 
 def motion_of(run: Run) -> str:
-    """Source of the motion of a run."""
+    """Source code of the motion of a run's drives."""
     return motion_source([drive.profile for drive in run.drives], run.x)
 
 
 def run_of(case: Case, samples: int = SAMPLES) -> Run:
-    """The first samples of a case's dynamics in pymunk."""
+    """A run of the first samples of a case's dynamics in pymunk."""
     drives = tuple(
         Drive(d.joint, law)
         for d, law in zip(case.drive, reference.drive_profiles(case, "dynamics"), strict=True)
@@ -149,12 +151,12 @@ def run_of(case: Case, samples: int = SAMPLES) -> Run:
 
 
 def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tuple[Ran, Curves]:
-    """Curves of a run and of its program with the settings that the run used."""
+    """The output of the program of a run, with the settings that the run used, and its curves."""
     wanted = simulate(case.model_path, run)
     run = replace(run, settings=wanted.settings)
     motion = motion_of(run)
     text = write_program(case.model_path, run, motion, case.title, drive)
-    shown = {  # of forces a program has what drives do, and leaves out those between bodies
+    shown = {  # of forces and moments a program has those of drives, not those between bodies
         name: curve
         for name, curve in wanted.channels.items()
         if not (case.channels[name].si_unit in FORCE_UNITS and "." in name)
@@ -169,9 +171,9 @@ def test_a_program_does_what_simulate_does(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     run = run_of(case)
     got, wanted = both(case, run, tmp_path)
-    np.testing.assert_allclose(got.x, wanted.x, rtol=1e-15)  # rounding of a shortened grid
+    np.testing.assert_allclose(got.x, wanted.x, rtol=1e-15)  # rounding, since the samples are cut
     assert got.steps == wanted.steps
-    # 1e-9: rounding of laws, numpy's cosine and that of math.
+    # 1e-9: rounding of motion profiles, and the cosines of numpy and math
     dt = float(str(wanted.settings["timestep"]))
     assert_alike(got.curves, wanted.channels, 1e-9, roundings(case, run, dt))
 
@@ -188,21 +190,21 @@ def test_motors_do_what_gears_do(name, tmp_path):
         for n, c in wanted.channels.items()
         if n in case.channels and case.channels[n].unit in ("rad", "m")
     }
-    # 1e-13 m in the ends of grooves, 100 extents away
+    # 1e-13 m of rounding in the ends of grooves, which are 100 extents away
     assert_alike({n: got.curves[n] for n in still}, still, 1e-11)
-    # .. which an acceleration divides by dt^2 = 1e-6 s2, over ranges of 0.02
-    # .. and rounding of the drives, whose rates are constant
+    # accelerations divide this rounding by dt^2 = 1e-6 s^2, and have ranges of 0.02; the rates of
+    # drives are constant, so that their differences are rounding
     dt = float(str(wanted.settings["timestep"]))
     assert_alike(got.curves, wanted.channels, 1e-5, roundings(case, run, dt))
 
 
 def test_a_motor_does_not_drift(tmp_path):
-    """A hundred turns, by rates that are corrected at every step, in few iterations."""
+    """The motor corrects its rate at every step: after 100 turns, with few iterations, no drift."""
     file = tmp_path / "wheel.xml"
     inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
     file.write_text(
         planar(
-            f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel turns against it
+            f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel's axis is opposite
             f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
             '<jointpos name="value" joint="wheel"/>'
             '<framexaxis name="way" objtype="xbody" objname="wheel"/>',
@@ -218,10 +220,11 @@ def test_a_motor_does_not_drift(tmp_path):
     motion = "def motion(t):\n    return 4 + 20 * np.pi * t[None], 0 * t[None], 0 * t[None]"
     text = write_program(file, run, motion, "", Imposed("motor"))
     got, truth = ran(tmp_path / "bare", text).curves, 4 + 20 * np.pi * run.x
-    # 1e-13 rad of rounding at 600 rad, corrected in the next step
+    # rounding is 1e-13 rad at 600 rad, and is corrected in the next step
     np.testing.assert_allclose(got["value"], truth, atol=1e-11)
     np.testing.assert_allclose(got["way.angle"], 2 * np.pi - truth, atol=1e-11)  # from (-pi, pi]
-    # the mutation: the angle of now, which the step moves on by 0.06 rad before the motor pushes
+    # The mutation corrects the present angle, not that after the step: the step turns the wheel by
+    # 0.06 rad before the motor acts.
     late, hits = re.subn(r" \+ TIMESTEP \* \(b\.angular_velocity - .*\)", "", text)
     assert hits == 1
     assert abs(ran(tmp_path / "late", late).curves["value"] - truth).max() > 0.01
@@ -236,7 +239,7 @@ def planar(
     ctrl: str = "",
     gravity: str = "0 -9.81 0",
 ) -> str:
-    """An MJCF without contact, its start pose in a key."""
+    """Text of an MJCF without contacts, with its start pose in a key."""
     key = "".join(
         f' {name}="{text}"'
         for name, text in (("qpos", qpos), ("qvel", qvel), ("ctrl", ctrl))
@@ -249,9 +252,10 @@ def planar(
     )
 
 
-# In the x-z plane with its normal along -y, about which two hinges turn backwards; springs of all
-# kinds, a damper, limits, constant loads on hinges and a slide, two pulls on one site, an armature,
-# a body on the ground, names that Python cannot have for variables, and two that the program has.
+# A model in the x-z plane with its normal along -y, about which two hinges turn backwards.  It has
+# springs of all kinds, a damper, joint limits, constant loads on hinges and a slide, two loads on
+# one site, an armature, a body on the ground, names that are no Python variables, and two names
+# that the program itself uses.
 RICH = planar(
     '<body name="time"><joint name="lift &#34;1&#34;" type="slide" axis="0.6 0 0.8" '
     ' stiffness="40 3 2" springref="0.1" limited="true" range="-0.2 0.21"/>'
@@ -316,7 +320,7 @@ WHEEL = Drive("wheel", Swing(0.2, 1.0, 0.7))
 @pytest.mark.parametrize("drives", [(), (WHEEL,)])
 def test_springs_limits_loads_and_all_channels(drives, tmp_path):
     file, on_joint = tmp_path / "rich.xml", '<jointactuatorfrc name="moment" joint="arm"/>'
-    assert on_joint in RICH  # which loads on sites move as well
+    assert on_joint in RICH  # forces of loads on sites are included in this sensor
     file.write_text(RICH.replace(on_joint, '<actuatorfrc name="moment" actuator="twist"/>'))
     run = Run(
         "dynamics", np.linspace(0, 0.5, 51), CHANNELS, drives, settings={"timestep": 2e-3, **EXACT}
@@ -325,10 +329,10 @@ def test_springs_limits_loads_and_all_channels(drives, tmp_path):
     assert set(wanted.channels) == set(CHANNELS)
     text = write_program(file, run, motion_of(run), "")
     got = ran(tmp_path / "bare", text)
-    # the program's linear springs are Chipmunk's own: 1e-14 m of rounding in ends of springs 100
-    # extents away, which an acceleration divides by dt^2
+    # The program's linear springs are Chipmunk's own.  Their ends are 100 extents away and have
+    # 1e-14 m of rounding, which an acceleration divides by dt^2.
     assert_alike(got.curves, wanted.channels | driven(run, wanted), 1e-7)
-    # the mutation: stops are reached, so that without them the motion is another
+    # The mutation: joint limits are reached, so that without them the motion differs.
     free, hits = re.subn(r"space\.add\(pymunk\.(RotaryLimit|Slide)Joint\([^#]*?\)\)\n", "", text)
     assert hits == 2
     gone = ran(tmp_path / "free", free).curves['lift, "m"']
@@ -339,7 +343,10 @@ SWUNG = Drive("arm", Swing(0.4, 0.3, 0.9))
 
 
 def test_what_drives_must_do_is_in_a_program(tmp_path):
-    """Of a hinge with a spring, a damper and a pull on its body, and of one with a spring alone."""
+    """The program computes the moments of two drives.
+
+    One hinge has a spring, a damper and a load on its body; the other one has only a spring.
+    """
     file = tmp_path / "rich.xml"
     sensor = '<jointactuatorfrc name="wheel" joint="wheel"/><jointactuatorfrc name="moment"'
     file.write_text(
@@ -357,8 +364,8 @@ def test_what_drives_must_do_is_in_a_program(tmp_path):
     wanted = simulate(file, run)
     text = write_program(file, run, motion_of(run), "")
     got = ran(tmp_path / "bare", text).curves
-    assert_alike(got, wanted.channels | driven(run, wanted), 1e-7)  # as above
-    # the mutations: without a load, a spring, a damper, or the inertia, a moment is another
+    assert_alike(got, wanted.channels | driven(run, wanted), 1e-7)  # tolerance as in the test above
+    # The mutations: without a load, a spring, a damper, or the inertia, a moment differs.
     for k, (pattern, instead, name) in enumerate(
         [
             (r"\[\.\.\., bodies\.index\(body\), :2\] \+= force", "[..., 0, 0] += 0.0", "moment"),
@@ -375,11 +382,14 @@ def test_what_drives_must_do_is_in_a_program(tmp_path):
     limited = tmp_path / "limited.xml"
     limited.write_text(RICH)
     text = write_program(limited, replace(run, channels=("moment", "arm")), motion_of(run), "")
-    assert '"moment":' not in text  # a stop may push, which is not solved for
+    assert '"moment":' not in text  # a joint limit may act, whose force the program does not know
 
 
 def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
-    """theta = -2 asin(k sn(K + w t, k)) of a point mass from the horizontal; second order."""
+    """The reference is theta = -2 asin(k sn(K + w t, k)); the error is of second order.
+
+    It is the angle of a point mass that is released from the horizontal.
+    """
     run, errors = Run("dynamics", np.linspace(0, 10, 101), ("angle",)), []
     k, w = np.sin(np.pi / 4), np.sqrt(9.81)
     truth = -2 * np.arcsin(k * ellipj(ellipk(k**2) + w * run.x, k**2)[0])
@@ -391,9 +401,9 @@ def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
             "",
         )
         errors.append(abs(ran(tmp_path / f"{dt}", text).curves["angle"] - truth).max())
-    # (w dt)^2 / 24 of the period, a phase of 1e-5 rad after 10 s, and some more of a wide swing
+    # The period is off by (w dt)^2 / 24, a phase of 1e-5 rad after 10 s; a wide swing has more.
     assert errors[1] < 1e-4
-    # terms of third order take 10 % at 4 ms, 5 % at 2 ms, 2.5 % at 1 ms
+    # Terms of third order take away 10 % at 4 ms, 5 % at 2 ms, 2.5 % at 1 ms.
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.08)
 
 
@@ -415,7 +425,10 @@ LOADED = planar(
 
 
 def loaded(_, state):
-    """Rates of the arm's angle and the block's way and of their rates, in three dimensions."""
+    """Rates of the state of arm and block, computed in three dimensions.
+
+    The state is the arm's angle, the block's displacement, and their rates.
+    """
     angle, way, angle_rate, way_rate = state
     gravity, normal, along = np.array([1, 0, -9.81]), np.array([0, -1, 0]), np.array([0.6, 0, -0.8])
     turn = np.array(
@@ -434,7 +447,7 @@ def loaded(_, state):
 
 
 def test_springs_and_loads_are_those_of_an_independent_integration(tmp_path):
-    """Second order towards DOP853."""
+    """The error against an integration by DOP853 is of second order."""
     file = tmp_path / "loaded.xml"
     file.write_text(LOADED)
     run, errors = Run("dynamics", np.linspace(0, 2, 41), ("arm", "block")), []
@@ -445,15 +458,17 @@ def test_springs_and_loads_are_those_of_an_independent_integration(tmp_path):
         text = write_program(file, replace(run, settings={"timestep": dt, **EXACT}), "", "")
         curves = ran(tmp_path / f"{dt}", text).curves
         errors.append(abs(np.array([curves["arm"], curves["block"]]) - truth).max(axis=1))
-    assert (errors[1] < 1e-4).all()  # (w dt)^2 / 24 of the phase of 10 rad, w some 5 rad/s
+    assert (errors[1] < 1e-4).all()  # (w dt)^2 / 24 of a phase of 10 rad, w about 5 rad/s
     np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.15)  # terms of third order
 
 
 def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
-    """The free four-bar at 0.2 ms against its equations of motion: 1.1e-6 and 4.3e-4 of range.
+    """The error of the released four-bar is 1.1e-6 of the range with the program's own start.
 
-    That is its first second.  The error of a start without the step before it is of first order,
-    that of the program of second: their ratio is 74 at 1 ms, 375 at 0.2 ms, 750 at 0.1 ms.
+    With a start from the plain pose and zero rates it is 4.3e-4.  Both are errors against the
+    equations of motion in the first second, at 0.2 ms.  The error of a start without the step
+    before it is of first order, that of the program of second order: their ratio is 74 at 1 ms, 375
+    at 0.2 ms, 750 at 0.1 ms.
     """
     case = load_case(shipped("fourbar_released.toml"))
     run = replace(
@@ -479,7 +494,7 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
 
 
 def test_a_failed_run_says_so_as_simulate_does(tmp_path):
-    """A five-bar near a singular pose, in too few iterations."""
+    """The case is a five-bar near a singular pose, with too few iterations."""
     case = load_case(shipped("fivebar.toml"))
     run = replace(run_of(case), settings={"timestep": 2e-3, "iterations": 50, "error_bias": 0.0})
     with pytest.raises(Diverged) as failed:

@@ -1,4 +1,4 @@
-"""The search for the cheapest setting, on families whose errors and costs are formulas."""
+"""The search for the cheapest setting, with families whose errors and wall times are formulas."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -41,7 +41,12 @@ def fourbar() -> Case:
 
 
 class World:
-    """Families by name: order, scale and floor of the error, cost of a step [s], and if plain."""
+    """Replaces the families and runs of a search by formulas, and records the runs in `asked`.
+
+    Each family has a name, and a tuple: order, scale and floor of the error, wall time of a step
+    [s], and optionally whether it is the engine's defaults (`plain`).  The error is
+    scale * step^order + floor; with order 0 all runs diverge.
+    """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **families: tuple):
         self.families = families
@@ -95,7 +100,7 @@ class World:
         return rows
 
     def best(self, needed: float) -> float:
-        """The least cost of a step of a whole share of a sample that is good enough."""
+        """The least wall time [s] of a good enough run with whole numbers of steps per sample."""
         costs = [inf]
         for order, scale, floor, cost, *_ in self.families.values():
             costs += [
@@ -114,9 +119,11 @@ def partial_setting(name: str) -> Callable[[float], Setting]:
 def test_the_cheapest_is_found_within_a_tenth(
     needed: float, fourbar: Case, monkeypatch, tmp_path
 ) -> None:
-    """Steps are as close as 1.25, and 0.8 of the error is aimed at: 0.8^(1/4) to 0.8 of a step.
+    """The cheapest good enough run that is found takes at most 1.25 times the least wall time.
 
-    Of the two families the quick one of first order is cheaper for large errors.
+    Steps between a good and a bad one are tried until their ratio is 1.25; since 0.8 of the error
+    is aimed at, a step is 0.8 (first order) to 0.8^(1/4) (fourth order) of the largest good one.
+    The family of first order is the cheapest for large errors.
     """
     world = World(
         monkeypatch,
@@ -131,7 +138,7 @@ def test_the_cheapest_is_found_within_a_tenth(
     chosen = min(
         (row for row in rows if row.errors["position"] <= needed), key=lambda row: row.seconds
     )
-    assert len(chosen.repeats) == TIMING_REPEATS  # timed in rounds
+    assert len(chosen.repeats) == TIMING_REPEATS  # it is timed again in rounds
     steps = [(series, value) for series, value, repeats in world.asked if not repeats]
     assert len(steps) == len(set(steps))
     numbers = np.array([SAMPLE / value for _, value in steps])
@@ -139,7 +146,7 @@ def test_the_cheapest_is_found_within_a_tenth(
 
 
 def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """A dear family ends with its first step, one that fails after three."""
+    """An expensive family ends with its first step, a failing one after `MAX_BAD_STEPS` steps."""
     world = World(
         monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3), failed=(0, 0, 0, 0)
     )
@@ -154,9 +161,9 @@ def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path)
 
 
 def test_what_another_family_outdoes_is_left(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """Three steps show that a family is behind and falls no faster, or is far off at every step.
+    """After three steps a family ends whose errors are larger and fall no faster, or are all large.
 
-    One that is behind but falls faster is followed as far as runs may take.
+    A family whose errors are larger but fall faster is followed as far as the wall time allows.
     """
     world = World(
         monkeypatch,
@@ -188,7 +195,10 @@ def test_a_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
 def test_an_error_that_stays_ends_a_family_of_another_motion(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
-    """Also if it is the defaults, which nothing outdoes; one that falls by 4 % goes on."""
+    """This also holds for defaults, which are not given up for a better family.
+
+    A family whose error falls by 4 % from step to step goes on.
+    """
     world = World(
         monkeypatch, other=(1e-9, 0.6, 0.0, 1e-6, True), late=(0.03, 0.6, 0.0, 1e-6, True)
     )
@@ -202,7 +212,10 @@ def test_an_error_that_stays_ends_a_family_of_another_motion(
 
 
 def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
-    """Its order says that the good step is nearly the best; steps of 5 % would take nine runs."""
+    """The order of the errors shows how near the good step is to the best one: three runs suffice.
+
+    Bisection to 5 % would take nine runs.
+    """
     needed, coarse, fine, runs = 5e-7, 8e-7, 4e-7, 0
     while (
         step := step_between(*(row_at(h) for h in (coarse, fine)), "position", needed)
@@ -215,9 +228,10 @@ def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
 
 
 def test_where_the_order_says_that_little_is_left_no_step_between_is_tried() -> None:
-    """A good step of ten times fewer seconds than the bad one is taken at 0.8 of what is needed.
+    """No step between is tried if the good step is long and near the predicted best step.
 
-    With a coarse step that is off by far the order is too high, and there may be much between.
+    Short runs are tried in any case.  A good step with an error well below the needed one leaves
+    more to gain; so does a coarse step with a very large error, since its order is too high.
     """
     good = StudyRow("", "", "", "", "", "timestep", 1e-3, errors={"position": 7e-5}, seconds=1.0)
     bad = replace(good, value=1e-2, errors={"position": 7e-4}, seconds=0.1)
@@ -231,13 +245,16 @@ def test_where_the_order_says_that_little_is_left_no_step_between_is_tried() -> 
 
 
 def row_at(step: float) -> StudyRow:
-    """A run whose error grows with the step, and passes 5e-7 at 7.9e-7 s."""
+    """A run whose error is proportional to step^0.33, and is 5e-7 at a step of 7.9e-7 s."""
     error = {"position": 4e-7 * (step / 4e-7) ** 0.33}
     return StudyRow("", "", "", "", "", "timestep", step, errors=error, seconds=1e-6 / step)
 
 
 def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """Up to `PLAIN` times the cheapest, where another family would end."""
+    """Defaults are followed up to `DEFAULTS_COST_RATIO` times the cheapest wall time.
+
+    Another family with the same errors ends earlier.
+    """
     world = World(
         monkeypatch,
         good=(4.0, 1.0, 0.0, 1e-6),
@@ -259,7 +276,7 @@ def test_no_run_is_longer_than_is_allowed(fourbar: Case, monkeypatch, tmp_path) 
 
 
 def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """And the limits say so."""
+    """The limits report that the budget left settings out."""
     world = World(monkeypatch, good=(1.0, 1.0, 0.0, 1e-6))
     limits = Limits(budget=1e-9)
     search(fourbar, "position", 1e-6, Store(tmp_path), limits=limits)
@@ -276,9 +293,10 @@ def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
 def test_a_budget_is_of_the_runs_and_no_run_begins_that_would_exceed_it(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
-    """First order, of 1e-4 s a step: 1e-5 needs runs of 25 s and more, and coarser ones before.
+    """With a budget of 0.6 s only one of two families that need 0.4 s each is followed to the end.
 
-    Of two families that need 0.4 s each, one is followed with 0.6 s.
+    A family of first order with 1e-4 s a step needs a run of 25 s or more for an error of 1e-5, and
+    coarser runs before.  A budget of 10 s is too small for it, one of 60 s is enough.
     """
     world = World(monkeypatch, one=(1.0, 0.5, 0.0, 1e-6), two=(1.0, 0.51, 0.0, 1e-6))
     limits = Limits(budget=0.6)
@@ -300,7 +318,7 @@ def test_a_budget_is_of_the_runs_and_no_run_begins_that_would_exceed_it(
 
 
 def test_runs_that_are_given_up_are_of_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """One such run takes all of it, so that a second family is left out."""
+    """A timed-out run counts with the longest wall time of a run."""
     World(monkeypatch, slow=(1.0, 0.5, 0.0, 1e2), slower=(1.0, 0.6, 0.0, 2e2))
     limits = Limits(longest=30.0, budget=20.0)
     rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
@@ -309,9 +327,10 @@ def test_runs_that_are_given_up_are_of_the_budget(fourbar: Case, monkeypatch, tm
 
 
 def test_a_family_with_the_errors_of_another_ends(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """After its first step, if it takes as long; one that is much cheaper goes on.
+    """A family ends after its first step if an earlier one has the same errors and wall times.
 
-    The defaults end with a good step, and none ends by them, nor by short runs: they tell no costs.
+    It goes on if it is much cheaper, if the earlier family is the defaults, which are not refined
+    once a step is good enough, or if runs are too short for reliable wall times.
     """
     counts = {}
     for dear, cost, plain in (
@@ -335,7 +354,11 @@ def test_a_family_with_the_errors_of_another_ends(fourbar: Case, monkeypatch, tm
 def test_families_that_come_to_one_setting_are_one_from_there(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
-    """Their coarse steps differ, and so would the fine ones, by what the coarse ones predict."""
+    """From an eighth of a sample on both families have the same settings.
+
+    Their coarse steps give other errors, and so would predict other fine steps.  The second family
+    ends after its first fine step.
+    """
     world = World(monkeypatch, one=(2.0, 50.0, 0.0, 1e-6), other=(1.9, 40.0, 0.0, 1e-6))
     limit = Setting("mujoco", {"timestep": SAMPLE / 8, "integrator": "limit"})
 
@@ -360,7 +383,11 @@ def test_families_that_come_to_one_setting_are_one_from_there(
 
 
 def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
-    """By the square of the step: a hundredth of the error is a tenth of the step, and its loops."""
+    """The error of such a drive goes with the square of the step: 1/100 of it needs a step of 1/10.
+
+    `solref` keeps its ratio to the step.  Settings with an error that is too large, small enough,
+    or NaN are left out; of the others the cheapest `MAX_DRIVE_REFINEMENTS` are refined.
+    """
     parameters = {"timestep": SAMPLE, "solref": (4 * SAMPLE, 1.0)}
     row = StudyRow(
         "choose",
@@ -383,7 +410,7 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
 
 
 def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -> None:
-    """With its error, or why it fails."""
+    """The report has the error of the program with that gain, or the reason why it failed."""
     given = {
         Imposed("servo", 2.0): ProgramRun(failure="failed"),
         Imposed("servo", 0.5): ProgramRun({"position": 3e-4}, 2.0, 9),
@@ -414,7 +441,7 @@ def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -
 @pytest.mark.parametrize("step", [1e-2, 1e-4])
 @pytest.mark.parametrize("share", [0.003, 0.03])
 def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
-    """By Chipmunk itself: a free body whose pin is open by a tenth of a metre."""
+    """Chipmunk makes one step of a free body whose pin has a constraint violation of 0.1 m."""
     space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
     body.position = 1.0, 0.0
     pin = pymunk.PivotJoint(space.static_body, body, (0.9, 0.0), (0.0, 0.0))
@@ -425,7 +452,7 @@ def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
 
 
 def test_few_iterations_come_with_a_bias(fourbar):
-    """Each step of such a family has the same share, whatever the step is."""
+    """A step of such a family corrects the same share of a violation, whatever its length."""
     found = [
         one
         for one in list_families(fourbar, "pymunk")
@@ -438,9 +465,10 @@ def test_few_iterations_come_with_a_bias(fourbar):
 
 
 def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """Of three like families one needs runs of seconds; the dear ones end before theirs.
+    """Of three similar families only the cheapest is run with the step that is good enough.
 
-    Without the order of costs all three would be run with the step that is good enough.
+    That run takes seconds.  Without the order by cost the other two would be run with such a step
+    as well.
     """
     world = World(
         monkeypatch,
@@ -460,10 +488,10 @@ def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_pa
 def test_a_step_that_would_take_too_long_is_tried_only_while_its_order_is_not_known(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
-    """First order needs 5,000 times the steps, 250 s of the 30 s that a run may take.
+    """An error of first order needs a run of 250 s, and a run may take 30 s.
 
-    Three steps show the order, and no run takes a second.  With an error of second order the step
-    that is needed is found.
+    Three steps show the order, and none of the runs takes a second.  With an error of second order
+    the needed step is found.
     """
     world = World(monkeypatch, first=(1.0, 0.5, 0.0, 1e-4))
     rows = search(fourbar, "position", 1e-6, Store(tmp_path))
@@ -478,7 +506,10 @@ def test_a_step_that_would_take_too_long_is_tried_only_while_its_order_is_not_kn
 
 
 def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path) -> None:
-    """A limit of the elbow that acts at a distance: the reference is tried once, and no setting."""
+    """The elbow's joint limit has a margin, for which there is no reference.
+
+    The reference is tried once, and no setting is run.
+    """
     models = Path(__file__).parents[3] / "examples" / "chosen" / "models"
     text = (models / "double_pendulum.xml").read_text(encoding="utf-8")
     stopped = text.replace('range="-170 170"', 'range="-170 170" margin="0.1"')

@@ -1,4 +1,4 @@
-"""Convergence series: what ends one, what may be its floor, and settings that a store knows."""
+"""Convergence series: their ends, error floors and predictions, and settings from the store."""
 
 from dataclasses import replace
 from math import inf, isnan, nan
@@ -38,7 +38,7 @@ CASE = load_case(shipped("fourbar.toml"))
 def steps(
     engine: str = "mujoco", name: str = "plain", per: float = 0.0, **parameters
 ) -> ConvergenceSeries:
-    """A line of four steps, with a `solref` of so many of them."""
+    """A series of four time steps; `solref` is `per` steps if that is given."""
     return ConvergenceSeries(
         engine,
         name,
@@ -58,17 +58,17 @@ def steps(
 
 
 def refined(*errors: float) -> list[tuple[float, float]]:
-    """Errors at sizes of which each is half of that before."""
+    """Points with these errors, at sizes each of which is half of the previous one."""
     return [(2.0**-k, error) for k, error in enumerate(errors)]
 
 
 def falling(*slopes: float) -> list[tuple[float, float]]:
-    """Errors from 1e-2 on that fall with the orders given."""
+    """Points whose errors fall from 1e-2 with these orders, one for each refinement."""
     return refined(*(1e-2 * 2.0 ** -sum(slopes[:k]) for k in range(len(slopes) + 1)))
 
 
 def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
-    """A line whose runs had these errors; infinite: the run failed."""
+    """A series whose runs have these errors, by kind; an infinite error is a failed run."""
     rows = []
     for each in zip(*kinds.values(), strict=True):
         failed = inf in each
@@ -92,16 +92,16 @@ def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
 @pytest.mark.parametrize(
     ("errors", "settled"),
     [
-        ((0.05, 0.0105, 0.0101, 0.0097), True),  # what it comes to is below a hundredth
-        ((0.0104, 0.0102, 0.01), False),  # which a hundredth itself is not
-        ((1e-3, inf, inf), True),  # finer runs fail: what went before was good enough
+        ((0.05, 0.0105, 0.0101, 0.0097), True),  # the last error is below 1/100
+        ((0.0104, 0.0102, 0.01), False),  # 1/100 itself is not asymptotic
+        ((1e-3, inf, inf), True),  # finer runs fail after a small error
         ((1e-3, 2e-3, inf), True),
         ((0.05, 1e-3, inf, inf), True),
         ((0.05, 0.02, inf, inf), False),
-        ((1e-3, 1e-3), False),  # one refinement
+        ((1e-3, 1e-3), False),  # only one refinement
         ((1e-3, 2e-3, 1.9e-3), False),
     ],
-)  # worse, then as it was: neither
+)  # the last case: worse, then nearly unchanged, so neither twice
 def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, settled):
     assert measured_series(velocity=errors).settled("velocity") is settled
 
@@ -111,7 +111,7 @@ def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, set
     [((0.05, 0.02, 0.005), True), ((0.05, 0.02, 0.01), False), ((0.002, 0.005, 0.02), False)],
 )
 def test_rates_that_stay_far_off_are_settled_where_the_last_places_are_right(places, settled):
-    """Jolts at the start may leave rates far off for any step."""
+    """A jolt at the start may cause large errors of rates for any step."""
     assert measured_series(velocity=(0.5, 0.5, 0.5), position=places).settled("velocity") is settled
 
 
@@ -135,12 +135,15 @@ def test_an_error_rises_that_two_refinements_made_worse(errors, rises):
 
 
 def test_a_hundredth_of_the_range_is_no_floor():
-    """Less is asymptotic: at 1 % the next term of an error, of its square, is 1 % of it."""
+    """Only smaller errors are asymptotic.
+
+    At 1 % the next term of an error, which goes with its square, is 1 % of the error.
+    """
     assert find_flat_point(refined(0.0098, 0.01)) is None
     assert find_flat_point(refined(0.01, 0.0098)) is None
     assert find_flat_point(refined(0.0099, 0.0098)) == 0
     assert not is_floor([0.01, 0.01, 0.01])
-    assert not is_floor([0.0102, 0.0099, 0.0098]), "the error that is judged is not asymptotic"
+    assert not is_floor([0.0102, 0.0099, 0.0098]), "the first error is not asymptotic"
     assert find_least_error(refined(0.01, 0.02, 0.04)) is None
     assert find_flat_point([]) is None
 
@@ -156,7 +159,7 @@ def test_no_error_at_all_is_no_error_floor():
         ((1e-10, 4e-10), None),
         ((), None),
         ((1e-3, 1.5e-3, 1.6e-3), 0),
-        ((1e-10, 1.02e-10, 5e-10, 1e-9), None),  # nearly as small: no turn is seen there
+        ((1e-10, 1.02e-10, 5e-10, 1e-9), None),  # the next error is nearly as small
         ((1e-10, 5e-10, 1e-9, inf), None),
     ],
 )
@@ -165,7 +168,7 @@ def test_the_least_error_may_be_a_floor_if_two_finer_ones_or_more_are_worse(erro
 
 
 def test_an_end_that_falls_with_the_order_one_half_still_falls():
-    """A quarter of the step and half of the error: order 0.5 is not below 0.5."""
+    """Half of the error at a quarter of the step is order 0.5, which is not below the limit 0.5."""
     points = [(1.0, 1e-3), (0.25, 0.5e-3)]
     assert convergence_order(*points) == 0.5
     assert points_before_slowdown(points) == points
@@ -178,13 +181,13 @@ def test_an_end_that_falls_with_the_order_one_half_still_falls():
         (falling(2.0, 2.1), 2.05),  # the observed order, not that of the last refinement alone
         (falling(2.0, 2.0, 1.0), 1.0),  # the last refinement shows another order
         (falling(2.0, 2.0, 1.75), 1.75),  # off by more than a tenth
-        (falling(1.0, 1.0, 0.85), 0.85),  # a tenth of first order
-        (falling(2.0), 2.0),  # of one refinement, if there are no more
+        (falling(1.0, 1.0, 0.85), 0.85),  # off by more than a tenth of first order
+        (falling(2.0), 2.0),  # the only refinement
         (falling(0.03), nan),
-        (falling(2.0, 0.03), nan),  # it falls no further
+        (falling(2.0, 0.03), nan),  # the last refinement does not reduce the error
         (refined(1e-2, 2.5e-3, inf), nan),  # a finer run failed
         (refined(0.2, 0.05), nan),
-        (refined(0.8, 0.2), nan),  # from the error of another motion
+        (refined(0.8, 0.2), nan),  # starts from the error of another motion
         (refined(1e-3), nan),
         ([], nan),
     ],
@@ -222,7 +225,10 @@ def row(
 
 
 def test_a_line_s_ends_are_its_finest_step_and_the_next_that_is_clearly_coarser():
-    """Outcomes of other steps are no matter; a tenth of a step apart shows no order."""
+    """Both must have run; the outcomes of other steps do not matter.
+
+    Two steps that differ by a tenth only show no order.
+    """
     rows = [row(8.0), row(4.0, "diverged"), row(2.0), row(1.1, "diverged"), row(1.0)]
     assert list(final_pairs(rows[::-1])) == [(rows[2], rows[4])]
     other = [replace(each, series="other") for each in rows]
@@ -248,22 +254,25 @@ def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
 @pytest.mark.parametrize(
     ("coarse", "fine", "needed"),
     [
-        ({}, {}, 1e-5),  # errors of this kind were not found
+        ({}, {}, 1e-5),  # no errors of this kind
         ({"velocity": 4e-3}, {}, 1e-5),
         ({"velocity": inf}, {"velocity": 1e-3}, 1e-5),
         ({"velocity": 1e-3}, {"velocity": 0.0}, 1e-5),
         ({"velocity": 0.0}, {"velocity": 1e-3}, 1e-5),
-        ({"velocity": 4e-3}, {"velocity": 1e-3}, 1e-3),  # it is good enough as it is
+        ({"velocity": 4e-3}, {"velocity": 1e-3}, 1e-3),  # good enough already
         ({"velocity": 4e-3}, {"velocity": 1e-3}, 2e-3),
         ({"velocity": 1.1e-3}, {"velocity": 1e-3}, 1e-5),
     ],
-)  # it hardly falls
+)  # the error of the last case hardly falls
 def test_what_shows_no_order_or_is_good_enough_promises_nothing(coarse, fine, needed):
     assert predict_steps([row(2.0, **coarse), row(1.0, **fine)], [], "velocity", needed) == []
 
 
 def test_the_price_of_a_promise_is_that_of_its_steps():
-    """Second order, from 1e-3 to four fifths of 1e-5: a step shorter by the root of 125."""
+    """From an error of 1e-3 to 0.8 of 1e-5 the step is shorter by the root of 125.
+
+    The errors are of second order, and the wall time is longer by the same factor.
+    """
     (found,) = predict_steps(
         [row(2.0, velocity=4e-3), row(1.0, velocity=1e-3)], [], "velocity", 1e-5
     )
@@ -278,7 +287,7 @@ def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
     found = setting_at_step(coarse, 2.5e-4)
     assert found.engine == "mujoco"
     assert found.parameters == {"integrator": "RK4", "timestep": 2.5e-4, "solref": (2e-3, 1.0)}
-    assert coarse.parameters == parameters, "the row keeps its own"
+    assert coarse.parameters == parameters, "the parameters of the row must not change"
 
 
 @pytest.mark.parametrize(
@@ -289,7 +298,7 @@ def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
         ({"a": 1.0}, {}, False),
         ({"a": 1.0}, {"a": 1.0 + 1e-12}, True),
         ({"a": 1.0}, {"a": 1.0 + 1e-6}, False),
-        ({"a": 1e-9}, {"a": 2e-9}, False),  # however small they are
+        ({"a": 1e-9}, {"a": 2e-9}, False),  # also for small numbers
         ({"a": 1.0}, {"a": 1}, True),
         ({"a": 1}, {"a": 1}, True),
         ({"a": 1}, {"a": 2}, False),
@@ -330,7 +339,7 @@ def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
     )
     name, axis, value = at(solver="CG")
     assert (name, axis) == ("MuJoCo, solver CG", "timestep")
-    assert isnan(value), "it has the model's step, which it does not tell"
+    assert isnan(value), "the setting does not state the model's step"
     assert find_series(Setting("pymunk", {"timestep": 0.5}), []) == (
         "pymunk, as in the model",
         "timestep",
@@ -342,12 +351,12 @@ def test_a_setting_of_a_line_whose_loops_go_with_the_step_has_theirs():
     hard = steps(name="hard", per=8.0)
     on = Setting("mujoco", {"timestep": 1e-3, "solref": (8e-3, 1.0)})
     assert find_series(on, [hard]) == ("hard", "timestep", 1e-3)
-    off = on.with_parameters(solref=(0.8, 1.0))  # as the line's first setting has it
+    off = on.with_parameters(solref=(0.8, 1.0))  # that of the series' first setting
     assert find_series(off, [hard]) == ("MuJoCo, solref (0.8, 1.0)", "timestep", 1e-3)
 
 
 def test_a_setting_is_placed_by_the_parameter_that_its_line_varies():
-    """The first number of one that has several."""
+    """The value of a parameter with several numbers is its first number."""
     softer = ConvergenceSeries(
         "mujoco",
         "softer",
@@ -364,7 +373,7 @@ def test_a_setting_is_placed_by_the_parameter_that_its_line_varies():
 
 @pytest.fixture
 def store(tmp_path, monkeypatch) -> Store:
-    """A store whose keys are settings in words, and a case whose lines are two."""
+    """A store whose keys are readable, with two series for the four-bar's dynamics."""
     monkeypatch.setattr(series, "task_key", key)
     monkeypatch.setattr(
         series,
@@ -390,7 +399,7 @@ FINE = Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4", "solref": (0.02
 
 
 def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
-    """With all that their runs gave, whoever asked for them, on their lines."""
+    """The rows have the results of the runs of any study, and the names of their series."""
     own = save(store, Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4"}))
     other = save(store, FINE)
     found = {row.key: row for row in list_cached_settings(CASE, "dynamics", [], store)}
@@ -411,7 +420,7 @@ def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
         shared=found[own].shared,
         step=found[own].step,
     )
-    assert found[other].parameters == FINE.parameters, "a tuple, which the file has as a list"
+    assert found[other].parameters == FINE.parameters, "the tuple, which the file has as a list"
     assert found[other].series == "MuJoCo, integrator RK4, solref (0.02, 1.0)"
 
 
@@ -460,7 +469,7 @@ def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypa
 
 
 def test_an_engine_without_a_line_of_the_case_is_not_asked(store, monkeypatch):
-    """Another installation may have one that is not here."""
+    """An engine may exist in another installation only."""
     save(store, FINE)
     monkeypatch.setattr(series, "list_series", lambda case, kind: [steps("pymunk")])
     assert list(list_cached_settings(CASE, "dynamics", [], store)) == []

@@ -1,4 +1,4 @@
-"""Finer steps than a study took: where the errors of a series fall on, its own order tells."""
+"""Predicted finer steps of series whose errors still fall, and settings from the store."""
 
 from dataclasses import replace
 
@@ -20,13 +20,13 @@ NEEDED = 1e-9
 
 
 def coarse(name="RK4", order=2.0, seconds=1e-5, scale=1.0, **parameters):
-    """A series without its fine half: its last step is 1 ms."""
+    """A series without its finer steps: its last step is 1 ms."""
     return series_rows(name, order=order, scale=scale, cost=seconds, **parameters)[:5]
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_the_order_tells_which_step_is_good_enough(order):
-    """With a fifth of the error to spare."""
+    """The step is that with 0.8 of the needed error."""
     needed = 1e-8
     rows = coarse(order=order, scale=1e-6 / 1e-3**order)
     (found,) = predict_steps(rows, [], "position", needed)
@@ -54,7 +54,10 @@ def test_the_cheapest_promise_is_the_first():
 
 
 def test_an_order_is_not_told_from_two_steps_that_are_nearly_the_same():
-    """An earlier correction of a step may be 2 % from it: rounding of errors would be an order."""
+    """Two steps may differ by 2 % only, after a correction of a step.
+
+    An order computed from these two would be noise of their errors.
+    """
     rows = coarse()
     near = replace(rows[-1], value=0.98e-3, errors={"position": 0.99e-6})
     plain, with_near = (
@@ -65,7 +68,7 @@ def test_an_order_is_not_told_from_two_steps_that_are_nearly_the_same():
 
 
 def test_what_the_store_knows_is_used_whoever_asked_for_it(tmp_path, models):
-    """Settings that somebody measured before, on their lines; none of another model."""
+    """Stored settings of any study get their series; those of a changed model are left out."""
     store, own = Store(tmp_path), tasks(models)[0].case
     asked = [
         Setting("mujoco", {"timestep": 4e-4, "integrator": "RK4", "defaults": True}),

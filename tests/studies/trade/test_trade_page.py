@@ -1,5 +1,4 @@
-"""What the pages of a trade study tell: settings to paste, ties, fronts, and the data of the
-diagram."""
+"""The pages of a trade study: snippets to paste, ties, fronts, and the data of the diagram."""
 
 import json
 import math
@@ -24,7 +23,7 @@ def test_what_is_reached_is_pasted_and_what_is_not_says_why() -> None:
     rows, verdicts = study()
     asked = list_advice(rows, verdicts, "acceleration", 1.0)
     assert [one.wanted for one in asked] == ["1e-3", "1e-5", "1e-7"]
-    # accelerations are 100 times as far off: RK4 stays at 3e-6, pymunk without bias at 2e-7
+    # acceleration errors are 100 times as large: RK4 has a floor of 3e-6, pymunk without bias 2e-7
     reached = [{use.engine: use.reached for use in one.engines} for one in asked]
     assert reached == [
         {"MuJoCo": True, "pymunk": True},
@@ -53,7 +52,7 @@ def test_ties_are_told_and_only_among_what_is_close_enough() -> None:
     ]
     (one, *_) = list_advice([*near, *slow], [], "position", 1.0)
     (use,) = one.engines
-    assert use.tied == "slow, timestep 2 ms"  # not the coarser ones, which are not close enough
+    assert use.tied == "slow, timestep 2 ms"  # coarser settings are not good enough
     apart = [replace(row, repeats=(2 * row.seconds,) * 5, seconds=2 * row.seconds) for row in slow]
     (one, *_) = list_advice([*near, *apart], [], "position", 1.0)
     assert one.engines[0].tied == ""
@@ -88,7 +87,7 @@ def test_the_data_of_the_diagram_are_those_of_the_table() -> None:
         assert one["errors"] == {k: e for k, e in row.errors.items() if math.isfinite(e)}
         assert data["series"][one["series"]]["name"] == row.series
         assert one["ran"] == (row.outcome == "ran")
-        assert one["work"] == pytest.approx(6.28 / row.value, abs=1)  # also of the one that failed
+        assert one["work"] == pytest.approx(6.28 / row.value, abs=1)  # the failed one has it too
     position = data["kinds"][0]
     assert [rows[k] for k in position["front"]] == pareto_front(rows, "position")
     assert position["tied"] == []
