@@ -299,9 +299,7 @@ def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
     assert files(torn).items() >= before.items()
     curves = {one.stem for one in torn.glob("*.npz") if not one.name.endswith(".reference.npz")}
     assert curves == {one.split(".")[0] for one in files(torn)}
-    assert (
-        len(list(torn.glob("*.reference.npz"))) == 1
-    )  # the reference, which all runs share
+    assert len(list(torn.glob("*.reference.npz"))) == 1  # the reference, which all runs share
     assert files(torn).keys() == files(whole).keys()
     assert len(files(torn)) == 2 * count
     assert untimed(torn) == untimed(whole)

@@ -1,4 +1,4 @@
-"""Work and precision: lines, their orders by theory, failures in the table, the command."""
+"""Trade studies: convergence series, expected orders, error floors, failed runs, the command."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ from tests.shipped import shipped
 
 
 def falling(order, scale=1.0, floor=0.0, count=8):
-    """Sizes and errors of the model error scale * size^order + floor."""
+    """Points of halved sizes whose errors are scale * size^order + floor."""
     sizes = 0.1 / 2 ** np.arange(count)
     return [(float(h), float(scale * h**order + floor)) for h in sizes]
 
@@ -53,7 +53,7 @@ def test_an_error_slows_where_it_stops_falling_and_bends_no_order():
     points = falling(2.0, floor=1e-5)
     assert 1.0e-5 < points[find_slowdown(points)][1] < 2e-5
     assert slowdown_error(points) == points[-1][1]
-    assert observed_order(points) == pytest.approx(2.0, abs=0.15)  # a tenth of floor: 1.87
+    assert observed_order(points) == pytest.approx(2.0, abs=0.15)  # with a tenth of floor: 1.87
 
 
 def test_without_a_floor_there_is_none():
@@ -81,7 +81,7 @@ def test_rounding_that_grows_may_be_a_floor_at_the_least_error():
 
 @pytest.mark.parametrize(("share", "shown"), [(0.05, True), (0.2, False), (1.0, False)])
 def test_a_floor_is_what_two_halvings_leave(share, shown):
-    """An error of first order with a share s that still falls changes by s / 2, then by less."""
+    """If a share s of an error still falls with first order, it changes by s / 2, then by less."""
     assert is_floor([1e-3 * (1 - share + share / by) for by in (1, 2, 4)]) is shown
 
 
@@ -93,7 +93,10 @@ def test_a_floor_is_asymptotic_and_measured_twice(errors):
 
 
 def test_a_finer_step_that_is_worse_is_found():
-    """As the chain of two four-bars shows it; what is far off at both steps is another motion."""
+    """The first points are those of the shipped chain of two four-bars.
+
+    Errors that are large at both steps are those of another motion, and do not count.
+    """
     chain = [(4e-3, 0.9), (2e-3, 0.3), (1e-3, 1.9e-2), (5e-4, 6.8e-2), (2.5e-4, 4e-4)]
     assert find_worse_pair(chain) == (chain[2], chain[3])
     assert find_worse_pair([(2e-3, 0.3), (1e-3, 0.9)]) is None
@@ -103,7 +106,7 @@ def test_a_finer_step_that_is_worse_is_found():
 
 @pytest.mark.slow
 def test_a_finer_step_through_a_flat_pose_is_worse(tmp_path):
-    """Of the shipped chain of parallelograms in pymunk; its reference is a closed form."""
+    """The case is the shipped chain of parallelograms in pymunk; its reference is a closed form."""
     case = load_case(shipped("parallelogram_chain.toml"))
     rows = run_tasks(
         [
@@ -179,7 +182,7 @@ def test_runs_that_are_failed_or_far_off_at_coarse_steps_are_none():
 
 
 def placed(errors, seconds=0.5, **kinds):
-    """A series whose rows know their steps; `errors` of positions."""
+    """A series whose rows have their steps, with position `errors`, and other kinds by name."""
     measured = measured_series([])
     measured.rows = [
         StudyRow(
@@ -202,7 +205,7 @@ def placed(errors, seconds=0.5, **kinds):
 @pytest.mark.parametrize(
     ("errors", "expected", "words"),
     [
-        # 8e-3 / 1e-4 is 80 of first order: 25 ms / 80, and 80 times 0.5 s
+        # first order, 8e-3 / 1e-4 = 80: a step of 25 ms / 80, and 80 times 0.5 s
         (
             (3.2e-2, 1.6e-2, 8e-3),
             1.0,
@@ -270,7 +273,7 @@ def test_a_slope_that_changes_is_no_order():
     slopes = 0.5 * np.arange(8)
     errors = 0.05 / 2 ** np.cumsum(slopes)
     assert np.isnan(observed_order(list(zip(0.1 / 2 ** np.arange(8), errors, strict=True))))
-    assert np.isnan(observed_order(falling(2.0, count=2))), "one refinement shows no constancy"
+    assert np.isnan(observed_order(falling(2.0, count=2))), "one refinement shows no constant order"
 
 
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
@@ -313,9 +316,10 @@ def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
 
 
 PENDULUM = load_case(shipped("pendulum.toml"))
-# Released from rest, semi-implicit Euler is a leapfrog half a step early: places are off by the
-# first order, rates by the second. Runge-Kutta is of fourth order, Chipmunk with bias 0 of second;
-# its bias, which falls with the step, is of first order.
+# Orders of positions and velocities.  Released from rest, semi-implicit Euler is a leapfrog method
+# that is half a step early: position errors are of first order, velocity errors of second.
+# Runge-Kutta is of fourth order, Chipmunk with bias 0 of second.  The error of its default bias
+# falls with the step, so that Chipmunk with defaults is of first order.
 ORDERS = {
     "MuJoCo Euler": (1, 2),
     "MuJoCo discrete": (1, 2),
@@ -325,12 +329,15 @@ ORDERS = {
 }
 
 
-FRONT = {1, 3}  # numbers of settings
+FRONT = {1, 3}  # numbers of the settings that count as near the front
 
 
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory):
-    """The trade of the pendulum, some of its lines; clocks do not tell which are near the front."""
+    """The trade study of the pendulum with a few series and settings, and its folder.
+
+    The settings near the front are given, since otherwise they would depend on wall times.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             trade,
@@ -375,7 +382,10 @@ def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
 
 
 def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch):
-    """The closed form has a point mass; this one has 1e-12 kg m2, a phase of 1e-11 in 10 s."""
+    """The closed form has a point mass, and this model a moment of inertia of 1e-12 kg m^2.
+
+    The difference is a phase of 1e-11 after 10 s.
+    """
     edit("pendulum.xml", '"1e-14 1e-14 1e-14"', '"1e-12 1e-12 1e-12"')
     monkeypatch.setattr(
         trade,
@@ -384,7 +394,7 @@ def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch)
             series for series in list_series(case, kind) if series.name == "MuJoCo RK4"
         ],
     )
-    monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 6e4)  # to where the phase shows
+    monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 6e4)  # down to steps where it matters
     study = trade.trade(
         [load_case(tmp_path / "models" / "pendulum.toml")], Store(tmp_path / "runs"), repeats=0
     )
@@ -410,7 +420,7 @@ def test_verdicts_of_another_version_are_bad_input(tmp_path, text):
 
 
 def test_a_wrong_integrator_is_off(pendulum):
-    """A series that is run with Euler and said to be RK4's is flagged."""
+    """The order of Euler's errors is unexpected if they are taken for those of RK4."""
     case = load_case(shipped("pendulum.toml"))
     fourth = next(series for series in list_series(case, "dynamics") if series.name == "MuJoCo RK4")
     rows = [row for row in pendulum[0].rows if row.series == "MuJoCo Euler"]

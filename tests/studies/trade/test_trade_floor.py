@@ -1,4 +1,4 @@
-"""Error floors whose causes are known: each is found when it is put there, by no other name."""
+"""Causes of errors: each known cause is found, and none is named without evidence."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ STIFF = Setting(
 
 
 def moved(folder, case, setting, kind="dynamics", causes=None):
-    """The errors of a setting, and each of its causes changed, or of some of them."""
+    """The errors of a setting; and all its perturbations, or those of `causes`, with their rows."""
     listed = list_perturbations(case, kind, setting, folder)
     wanted = [(own, p) for own, p in listed if causes is None or p.cause in causes]
     first, *rows = run_tasks(
@@ -52,12 +52,12 @@ def gains(errors, found, kind):
 
 
 def of_two(**second):
-    """A series of `STIFF` and another setting."""
+    """A series of two settings: the stiff one, and the same with other parameters."""
     return ConvergenceSeries("mujoco", "x", "timestep", (STIFF, STIFF.with_parameters(**second)))
 
 
 def test_a_step_is_halved_and_quartered():
-    """Loops stay as hard as they are, unless they get harder with the step along the series."""
+    """`solref` stays as it is, unless it changes with the step along the series."""
     plain, hard = of_two(timestep=1e-3), of_two(timestep=1e-3, solref=(0.016, 1.0))
     assert halved_settings("dynamics", plain, STIFF, 1.0) == [
         STIFF.with_parameters(timestep=1e-3),
@@ -97,12 +97,12 @@ def test_softness_of_loops_goes_with_solref_squared(tmp_path):
     cause, evidence = find_cause(errors["position"], found, "position")
     assert cause == "softness of the loops"
     told = gains(errors, found, "position")
-    # tau^2, but for the share of the start's jolt
+    # the square of the time constant, except for the share of the jolt at the start
     assert told["softness of the loops"] == pytest.approx(4.0, rel=0.1)
-    assert told["softness of the loops, solimp"] == pytest.approx(2.0, rel=0.05)  # 1 - d
+    assert told["softness of the loops, solimp"] == pytest.approx(2.0, rel=0.05)  # like 1 - d
     assert told["time step"] == pytest.approx(1.0, rel=0.01)
     assert "halving solref divides the error by" in evidence
-    # of accelerations the share 1 - d of the open loop's remains, whatever solref
+    # accelerations keep the share 1 - d of those of the open loop, for any solref
     assert find_cause(errors["acceleration"], found, "acceleration")[0] == (
         "softness of the loops, solimp"
     )
@@ -115,7 +115,10 @@ def test_a_floor_moves_with_what_it_is_made_of(tmp_path):
 
 
 def test_a_reference_that_is_wrong_is_found(tmp_path):
-    """A crank that is 0.1 % longer in the sidecar than in the MJCF, which the second one reads."""
+    """The crank is 0.1 % longer in the sidecar than in the MJCF.
+
+    The second reference reads the MJCF.
+    """
     wrong = FOURBAR.model_copy(update={"parameters": FOURBAR.parameters | {"crank": 1.001}})
     errors, found = moved(tmp_path, wrong, STIFF)
     assert find_cause(errors["position"], found, "position")[0] == "the reference"
@@ -124,12 +127,16 @@ def test_a_reference_that_is_wrong_is_found(tmp_path):
 def test_a_coarse_step_is_found_with_its_order(tmp_path):
     errors, found = moved(tmp_path, FOURBAR, Setting("pymunk", {"timestep": 4e-3}))
     assert find_cause(errors["position"], found, "position")[0] == "time step"
-    # second order, within what a number of whole steps between samples rounds away: 5 become 9
+    # second order; steps between samples are a whole number, so that 5 become 9 and not 10
     assert gains(errors, found, "position")["time step"] == pytest.approx((9 / 5) ** 2, rel=0.05)
 
 
 def test_a_bias_is_found(tmp_path):
-    """Chipmunk's own, with so small steps that it is what is left: it is off by step times time."""
+    """The bias is Chipmunk's default, and the steps are so small that its error is the largest.
+
+    That error is proportional to the step and to the time constant of the bias: halving either one
+    divides it by 2.
+    """
     setting = Setting("pymunk", {"timestep": 1e-3, "error_bias": 0.9**60})
     brief = FOURBAR.run["dynamics"].model_copy(update={"until": 2.0, "n": 121})
     case = FOURBAR.model_copy(update={"run": {"dynamics": brief}})
@@ -140,15 +147,21 @@ def test_a_bias_is_found(tmp_path):
 
 
 def test_a_bias_is_found_by_taking_it_away_with_iterations_enough_for_that(tmp_path):
-    """Its start is a jolt, however short its time; without it 750 iterations open the loop."""
+    """The start of the bias is a jolt, however short its time constant.
+
+    Without the bias 750 iterations leave the loop open.
+    """
     setting = Setting("pymunk", {"timestep": 0.5e-3, "defaults": True})
     errors, found = moved(tmp_path, load_case(shipped("fivebar.toml")), setting)
     assert find_cause(errors["acceleration"], found, "acceleration")[0] == "bias of the loops"
 
 
 def test_half_of_a_recorded_curve_leaves_the_error(tmp_path):
-    """A drive between its rows is a motion whose second derivative is its acceleration, so that
-    fewer rows give another motion between the samples and the same errors at them."""
+    """With every other row of the recorded curve the errors at the samples stay the same.
+
+    Between the rows of a drive its motion is one whose second derivative is its acceleration.
+    Fewer rows give another motion between the samples only.
+    """
     case = load_case(shipped("hacksaw_recorded.toml"))
     setting = Setting("pymunk", {"timestep": 1e-3, "error_bias": 0.0, "iterations": 100})
     errors, found = moved(tmp_path, case, setting)
@@ -156,7 +169,7 @@ def test_half_of_a_recorded_curve_leaves_the_error(tmp_path):
         assert find_cause(errors[kind], found, kind)[0] == "time step"
         told = gains(errors, found, kind)
         assert told["the reference"] == pytest.approx(1.0, abs=0.01)
-        assert told["time step"] == pytest.approx(4.0, rel=0.02)  # of second order
+        assert told["time step"] == pytest.approx(4.0, rel=0.02)  # second order
 
 
 def test_too_few_iterations_are_found(tmp_path):
@@ -176,18 +189,24 @@ def test_segments_of_a_rod_are_found(tmp_path):
     ("engine", "step"), [("mujoco", 5e-4), pytest.param("pymunk", 2.5e-4, marks=pytest.mark.slow)]
 )
 def test_segments_of_a_rod_in_motion_are_found(engine, step, tmp_path):
-    """Half as many have four times the error; without that change its cause is unknown."""
+    """Half as many segments have four times the error.
+
+    Without that perturbation the cause is unknown.
+    """
     case = load_case(shipped("rod_released.toml"))
     errors, found = moved(tmp_path, case, Setting(engine, {"timestep": step}))
     cause, evidence = find_cause(errors["position"], found, "position", at_floor=True)
     assert cause == "segments"
-    assert "half as many segments multiplies the error by 4.1" in evidence  # n^-2, of 20 and 10
+    assert "half as many segments multiplies the error by 4.1" in evidence  # n^-2, for 20 and 10
     rest = [(p, row) for p, row in found if p.cause != "segments"]
     assert find_cause(errors["position"], rest, "position", at_floor=True)[0] == "unknown"
 
 
 def segments_of(case, parameters, tmp_path):
-    """The numbers of segments of the change of segments, with its words."""
+    """The perturbations of segments.
+
+    For each: the change in words, the numbers of segments, and whether the error should get better.
+    """
     found = list_perturbations(case, "dynamics", Setting("mujoco", parameters), tmp_path)
     return [
         (p.change, [rod.segments for rod in rods_of(case, p)], p.better)
@@ -197,7 +216,7 @@ def segments_of(case, parameters, tmp_path):
 
 
 def rods_of(case, perturbation):
-    """The rods that a changed run has."""
+    """The rods of a perturbed run."""
     return Setting("mujoco", perturbation.parameters).apply_to(case, "dynamics")[1].rods
 
 
@@ -206,7 +225,7 @@ def rods_of(case, perturbation):
     [({}, [10]), ({"segments": 12}, [6]), ({"segments": 7}, [3]), ({"segments": 3}, [2])],
 )
 def test_half_of_the_segments_in_time(parameters, numbers, tmp_path):
-    """The sidecar's own number where the setting has none."""
+    """If the setting has no number of segments, that of the sidecar is halved."""
     case = load_case(shipped("rod_released.toml"))
     words = "fewer" if parameters.get("segments", 20) % 2 else "half as many"
     found = segments_of(case, {"timestep": 1e-3, **parameters}, tmp_path)
@@ -217,7 +236,7 @@ def test_each_rod_has_half_of_its_own_segments(tmp_path):
     case = load_case(shipped("rod_released.toml"))
     other = case.rod["rod"].model_copy(update={"segments": 8})
     case = case.model_copy(update={"rod": {**case.rod, "other": other}})
-    # neither rod is compiled: only what is asked for is looked at
+    # the model with the two rods is not compiled: only the perturbation is examined
     ((changed, one),) = halve_segments(case, Setting("mujoco"))
     assert [rod.segments for rod in changed.rods] == [10, 4]
     assert one.parameters == {}
@@ -230,7 +249,10 @@ def test_two_segments_and_none_are_not_halved(tmp_path):
 
 
 def test_samples_between_the_ends_of_links_are_found(tmp_path):
-    """Ten straight links, sampled in 41 places: chords are off where there are no joints."""
+    """Ten straight links have larger errors at 41 samples than at the ends of the links.
+
+    Between the ends the links are chords of the rod.
+    """
     case = load_case(shipped("rod_cantilever.toml"))
     errors, found = moved(tmp_path, case, Setting("mujoco", {"segments": 10}), "equilibrium")
     assert gains(errors, found, "position")["sampling"] > 1.0
@@ -268,7 +290,7 @@ def test_what_nothing_moves_is_unknown():
     ("share", "cause"), [(0.17, "unknown"), (0.2, "softness"), (0.5, "softness")]
 )
 def test_a_cause_has_a_fifth_of_the_error(share, cause):
-    """Of first order: halving it takes half of its share away."""
+    """The error is of first order in the cause: halving the cause removes half of its share."""
     assert find_cause(1.0, [(moving("softness"), row(1 - share / 2))], "velocity")[0] == cause
 
 
@@ -316,7 +338,7 @@ def test_a_cause_that_is_moved_twice_has_its_larger_effect():
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_half_of_a_cause_counts_as_much_as_all_of_it(share):
-    """Of first order, both tell the same share of the error."""
+    """If the error is of first order in the cause, both changes show the same share."""
     half, whole = moving("bias"), replace(moving("bias"), whole=True)
     assert improvement(half, 1 / (1 - share / 2)) == pytest.approx(
         improvement(whole, 1 / (1 - share))
@@ -338,7 +360,10 @@ def test_a_bias_that_is_gone_leaves_no_perturbation_of_it(tmp_path):
 
 
 def test_mujoco_is_asked_for_nothing_harder_than_it_takes(tmp_path):
-    """solimp is capped at 0.9999, solref at two steps: those are moved away."""
+    """`solimp` is at most 0.9999 and `solref` at least two steps.
+
+    Values at these limits are changed to softer ones.
+    """
     hard = STIFF.with_parameters(solref=(4e-3, 1.0))
     found = {p.cause: p for p in perturbations(hard, tmp_path)}
     assert found["softness of the loops, solimp"].better is False
@@ -377,7 +402,7 @@ FLOORED = {"position": (4e-4, 2e-5, 1e-5, 1e-5, 1e-5), "velocity": (4e-3, 2e-4, 
 def series_at(
     name: str, errors: dict[str, tuple[float, ...]], engine: str = "mujoco", case=FOURBAR
 ) -> CaseSeries:
-    """A series of steps, halved in turn, with errors that are given."""
+    """A series of five time steps, each half of the previous one, with given errors by kind."""
     steps = [4e-3 / 2**k for k in range(5)]
     settings = tuple(Setting(engine, {"timestep": step}) for step in steps)
     rows = [
@@ -398,7 +423,7 @@ def series_at(
 
 
 def scaled(kind: str, by: float) -> dict[str, tuple[float, ...]]:
-    """`FLOORED` with other errors of one kind."""
+    """The errors with a floor, with those of one kind multiplied by a factor."""
     return {**FLOORED, kind: tuple(by * error for error in FLOORED[kind])}
 
 
@@ -433,14 +458,17 @@ def test_series_with_another_error_engine_or_case_are_not(other):
 
 
 def test_a_series_without_a_floor_of_a_kind_does_not_stand_for_one_with_it():
-    """Velocities of the first still fall, and pass those of the second by chance."""
+    """The velocity errors of the first series still fall.
+
+    At one step they happen to equal those of the second series.
+    """
     falling = {**FLOORED, "velocity": (1.6e-3, 4e-4, 1e-4, 2.5e-5, 6e-6)}
     found = leaders(series_at("Newton", falling), series_at("CG", FLOORED))
     assert found == {(0, 2): (0, 2), (1, 2): (1, 2)}
 
 
 def test_a_series_that_a_halving_does_not_leave_is_at_no_floor_of_another():
-    """Its step changes it, though it has the errors of one that it leaves."""
+    """Two series have the same errors, but halving the step changes those of the second."""
     every = [series_at("Newton", FLOORED), series_at("CG", FLOORED)]
     moved = [
         replace(row, errors={k: 3 * v for k, v in row.errors.items()})
@@ -450,7 +478,7 @@ def test_a_series_that_a_halving_does_not_leave_is_at_no_floor_of_another():
 
 
 def test_a_floor_is_tried_with_half_and_a_quarter_of_its_step_exactly(monkeypatch):
-    """Steps of a series go down by a little more than a half, which a force may not survive."""
+    """The next steps of a series may be a little shorter than half, which may change forces."""
     asked = list[StudyRun]()
 
     def ran(tasks, *_, **__):
