@@ -58,6 +58,7 @@ class Here:
 
 
 def found(seconds: float, **changed: object) -> Measurement:
+    """A measurement with a wall time [s] and other changed fields."""
     return replace(
         Measurement({"position": 1e-3}, {"violation": 0.0}, seconds, 10, True, 0.5, "x"), **changed
     )

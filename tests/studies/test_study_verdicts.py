@@ -76,6 +76,7 @@ from tests.shipped import shipped
 
 
 def case_of(name: str):
+    """The shipped case with this name."""
     return load_case(shipped(f"{name}.toml"))
 
 
@@ -270,12 +271,14 @@ def test_what_is_moved_of_the_samples(tmp_path):
 
 
 def row(error: float, outcome: str = "ran") -> StudyRow:
+    """A row with a velocity error."""
     return StudyRow(
         "floor", "", "dynamics", "mujoco", "", "", 0.0, {}, {"velocity": error}, outcome=outcome
     )
 
 
 def moved(cause: str, error: float, better: bool | None = True, **more):
+    """A perturbation of a cause, and a row with the velocity error that it leaves."""
     return Perturbation(cause, f"moving {cause}", {}, better), row(error, **more)
 
 
@@ -656,6 +659,7 @@ def measured_series(*rows: StudyRow) -> MeasuredSeries:
 
 
 def at(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
+    """A row with an outcome, a wall time [s], and errors by kind."""
     return StudyRow(
         "trade",
         "",
@@ -772,6 +776,8 @@ def test_every_kind_of_limit_has_its_sentence():
 
 
 def fails(error: Exception):
+    """A function that raises an exception, whatever its arguments are."""
+
     def call(*_, **__):
         raise error
 
@@ -921,6 +927,7 @@ def test_what_an_extreme_needs():
 
 
 def watch_of(allowed: dict[str, float], before: dict[str, list[float]]) -> MonitoredRun:
+    """A monitored run with allowed changes and original curves of its channels."""
     x = np.arange(len(next(iter(before.values()))))
     return MonitoredRun(
         "",
@@ -1035,10 +1042,12 @@ def test_a_channel_may_move_by_a_share_of_what_its_error_leaves(monkeypatch):
 
 
 def entry(outcome: str, **more):
+    """An entry of the table of a diet."""
     return Entry("kind", "name", outcome, **more)
 
 
 def scene_with(*monitored_runs: MonitoredRun, edited: object = "whole") -> DietScene:
+    """The scene of a model with these runs."""
     return DietScene(edited, monitored_runs, None, set())
 
 
@@ -1128,6 +1137,8 @@ class Cuts(list):
 
 
 def feature(name: str, *parts: Feature, kind: str = "geom") -> Feature:
+    """A feature whose removal adds its name to a model; that of "wrong" raises an exception."""
+
     def cut(edited):
         if name == "wrong":
             raise ValueError("Error: it is named")
@@ -1158,6 +1169,7 @@ class Asked(DietStore):
 
 
 def search(scene: DietScene, **how) -> Outcomes:
+    """A search that judges by names and times nothing."""
     return Outcomes(scene, rounds=0, store=Asked(), **how)
 
 

@@ -67,6 +67,7 @@ def holds(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check
 
 
 def chosen(case: Case, rows: list[StudyRow], wanted: float, *kind: str, **asked: object):
+    """The choice for dynamics, by default with checks that confirm the measured errors."""
     return choose(case, "dynamics", rows, wanted, *kind, **{"verify": holds, **asked})
 
 
@@ -117,8 +118,8 @@ def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
         chosen(fourbar, series_rows("quick"), 1e-3, of).row.value
         for of in ("position", "velocity", "acceleration")
     ]
+    # errors are 1, 10 and 100 times as large; the steps of a series go down by factors of two
     assert steps == [0.002, 0.0005, 0.000125]
-    # errors are 10 and 100 times as large; steps are powers of two
 
 
 def test_beside_the_defaults(fourbar: Case) -> None:
@@ -537,8 +538,11 @@ def test_a_drive_names_its_engine(fourbar: Case) -> None:
 
 
 def test_fewer_iterations_come_first() -> None:
-    """Of settings with the same step the one with fewer iterations is first, even if its wall time
-    is a little longer.  A setting with a larger step that takes less time is before both."""
+    """Of two settings with the same step the one with fewer iterations is first.
+
+    This holds even if its wall time is a little longer.  A setting with a larger step that takes
+    less time is before both.
+    """
     one = series_rows("a")[0]
     rows = [
         replace(
@@ -584,6 +588,7 @@ def at(
     message: str = "",
     **parameters: object,
 ) -> StudyRow:
+    """A row of a series with a position error, at a time step `value` [s]."""
     return StudyRow(
         "trade",
         "fourbar",
@@ -603,6 +608,7 @@ def at(
 
 
 def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
+    """A verdict that a series has an error floor by softness."""
     return Verdict(
         "fourbar",
         "dynamics",

@@ -21,6 +21,7 @@ SLOPE = 0.5
 
 
 def run(*args: object):
+    """The result of the command `choose` with these arguments."""
     return CliRunner().invoke(app, ["choose", *map(str, args)])
 
 

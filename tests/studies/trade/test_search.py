@@ -112,6 +112,7 @@ class World:
 
 
 def partial_setting(name: str) -> Callable[[float], Setting]:
+    """The function that gives the setting of a family for a time step."""
     return lambda step: Setting("mujoco", {"timestep": step, "integrator": name})
 
 

@@ -209,6 +209,7 @@ def row(
     axis: str = "timestep",
     **errors: float,
 ) -> StudyRow:
+    """A row of a series at a value of its varied parameter, with errors by kind."""
     return StudyRow(
         "trade",
         "fourbar",
@@ -386,10 +387,12 @@ def store(tmp_path, monkeypatch) -> Store:
 
 
 def key(task: StudyRun) -> str:
+    """A key of a task that is readable."""
     return f"{task.case.name} {task.run} {task.setting}".replace("/", " ")
 
 
 def save(store: Store, setting: Setting, case=CASE, run="dynamics", **found) -> str:
+    """Save a measurement of a setting; return its key."""
     task = StudyRun(case, run, setting)
     store.save(key(task), 0, task, Measurement({"velocity": 1e-3}, seconds=2.0, **found), 5.0)
     return key(task)

@@ -93,7 +93,7 @@ def test_a_floor_is_asymptotic_and_measured_twice(errors):
 
 
 def test_a_finer_step_that_is_worse_is_found():
-    """The first points are those of the shipped chain of two four-bars.
+    """The first points are like those of the chain of two four-bars.
 
     Errors that are large at both steps are those of another motion, and do not count.
     """
@@ -121,6 +121,7 @@ def test_a_finer_step_through_a_flat_pose_is_worse(tmp_path):
 
 
 def measured_series(errors, seconds=0.1, outcomes=()):
+    """A series of runs with velocity errors, followed by runs with other outcomes."""
     series = ConvergenceSeries(
         "mujoco",
         "x",
@@ -452,6 +453,7 @@ def test_a_run_that_a_case_lacks_is_bad_input():
 
 
 def command(*args):
+    """The result of the command `trade` with these arguments."""
     return CliRunner().invoke(app, ["trade", *map(str, args)])
 
 

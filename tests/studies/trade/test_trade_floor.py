@@ -48,6 +48,7 @@ def moved(folder, case, setting, kind="dynamics", causes=None):
 
 
 def gains(errors, found, kind):
+    """The improvement of an error by the perturbation of each cause."""
     return {p.cause: improvement(p, errors[kind] / row.errors[kind]) for p, row in found}
 
 
@@ -259,6 +260,7 @@ def test_samples_between_the_ends_of_links_are_found(tmp_path):
 
 
 def row(error, outcome="ran"):
+    """A row with a velocity error, if it ran."""
     return StudyRow(
         "floor",
         "",
@@ -273,10 +275,12 @@ def row(error, outcome="ran"):
 
 
 def perturbations(setting, folder, case=FOURBAR):
+    """All perturbations of a setting in dynamics."""
     return [p for _, p in list_perturbations(case, "dynamics", setting, folder)]
 
 
 def moving(cause, better=True):
+    """A perturbation of a cause."""
     return Perturbation(cause, f"moving {cause}", STIFF.parameters, better)
 
 

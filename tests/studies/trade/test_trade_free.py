@@ -131,6 +131,7 @@ def in_chipmunk(per: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> trade.Trade:
+    """The trade study of two series of the released four-bar."""
     case: Case = load_case(MODEL.parent / "fourbar_released.toml")
     table = case.run["dynamics"].model_copy(update={"until": END, "n": N})
     case = case.model_copy(update={"run": {"dynamics": table}})
