@@ -1,6 +1,8 @@
-"""Misprints of the source documents that no other test shows: the truth, and that it differs.
+"""Misprints of the source documents that no other test shows.
 
-The register is docs/errata.md; the last test here holds the tests that it names to exist.
+Each test asserts the true value and that the printed one differs from it.  The register of all
+misprints is docs/errata.md.  The last two tests check that all tests that the register names exist,
+and that it names all tests of this file.
 """
 
 import ast
@@ -28,28 +30,33 @@ FIVE = scheme.EXAMPLES["five-bar"]
 def test_full_rank_does_not_mean_that_newton_converges():
     with pytest.raises(NotConverged) as failure:
         scheme.assemble(scheme.fourbar(1.0, 2.0, 3.0, 50.0), (0.1, 1.0, 1.0, 0.2, 0.0))
-    assert set(failure.value.log.ranks) == {5}  # line 1064: "it will converge"
+    # the rank is full in each iteration, for which line 1064 says: "it will converge"
+    assert set(failure.value.log.ranks) == {5}
 
 
 def test_tolerance_of_one_to_the_minus_ten():
-    """Lines 1406-1408 print 1^-10, which is 1; the code has 1e-10."""
+    """Lines 1406-1408 print the tolerance 1^-10, which is 1; the code has 1e-10."""
     linkage, start = scheme.EXAMPLES["four-bar"]
     steps = scheme.assemble(linkage, start).steps
     stopped = np.argmax(steps <= 1.0**-10)
     assert steps[-1] <= 1e-10
-    assert steps[stopped + 1 :].sum() > 0.04  # what would be left of the way [m]
+    assert steps[stopped + 1 :].sum() > 0.04  # the steps [m] that 1 would leave out
 
 
 def test_the_cosine_row_is_the_singular_one_at_zero():
-    """Lines 4244, 5960, 7819, 9152 choose the rows the wrong way round; the code is right."""
+    """Lines 4244, 5960, 7819 and 9152 exchange the sine row and the cosine row; the code is right.
+
+    At a crank angle of 0 the Jacobian has full rank with the sine row, and lacks a rank with the
+    cosine row.
+    """
     q = scheme.assemble(*scheme.EXAMPLES["four-bar"]).root  # crank angle 0
-    for threshold, rank in ((0.5**0.5, 5), (2.0, 4)):  # sine row; cosine row whatever the angle
+    for threshold, rank in ((0.5**0.5, 5), (2.0, 4)):  # sine row; cosine row at any angle
         linkage = scheme.fourbar(1.0, 2.0, 2.5, 3.0, threshold=threshold)
         assert np.linalg.matrix_rank(linkage.evaluate(q, q)[1], 1e-5) == rank
 
 
 def test_bias_of_figures_58_and_80():
-    """Figure 58 has a minus sign too many, figure 80 a row for the guide, whose bias is zero."""
+    """Figure 58 prints a wrong minus sign, figure 80 a bias for the guide's row, which is zero."""
     linkage, start = scheme.EXAMPLES["four-bar"]
     q = scheme.assemble(linkage, start).root
     v = scheme.velocities(linkage, q, [1.0])
@@ -66,6 +73,7 @@ def test_bias_of_figures_58_and_80():
 
 
 def test_collinear_row_of_figure_89():
+    """Figure 89 prints two wrong derivatives in the row that keeps three points on a line."""
     linkage, start = scheme.EXAMPLES["inverted slider-crank"]
     q = scheme.assemble(linkage, start).root
     (_, y1), (_, y2), (_, y3) = q[:6].reshape(3, 2)
@@ -76,7 +84,7 @@ def test_collinear_row_of_figure_89():
 
 
 def test_input_accelerations_that_the_solver_overwrites():
-    """Lines 2843, 7262, 10629 set (1, 2); the solver puts (1, 1) in their place."""
+    """Lines 2843, 7262 and 10629 set the input accelerations (1, 2); the solver uses (1, 1)."""
     linkage, start = FIVE
     q = scheme.assemble(linkage, start).root
     v = scheme.velocities(linkage, q, [1.0, 2.0])
@@ -85,10 +93,13 @@ def test_input_accelerations_that_the_solver_overwrites():
 
 
 def test_equal_angles_at_unequal_rates_are_no_motion():
-    """Lines 2756, 2839, 10619: beta = theta drawn with beta' = 2 theta'."""
+    """Lines 2756, 2839 and 10619 draw curves for beta = theta with the rates beta' = 2 theta'.
+
+    The rates of the points are the derivatives of their positions only if beta = 2 theta.
+    """
     angle, linkage = np.linspace(0.3, 0.31, 11), FIVE[0]
     gap = {}
-    for ratio in (1.0, 2.0):  # of the angles; that of the rates is 2
+    for ratio in (1.0, 2.0):  # beta / theta; the ratio of the rates is always 2
         angles = np.stack([angle, ratio * angle], 1)
         q, v, _ = scheme.sweep(linkage, FIVE[1], angles, [1.0, 2.0], [0.0, 0.0])
         slope = (q[2:] - q[:-2]) / 2e-3  # central difference, error step^2
@@ -98,13 +109,17 @@ def test_equal_angles_at_unequal_rates_are_no_motion():
 
 
 def test_pi_of_3_1416():
+    """Lines 2079 and 2261 use pi = 3.1416, which makes a turn too long by 1.47e-5 rad."""
     assert 2.0 * 3.1416 - 2.0 * np.pi == pytest.approx(1.47e-5, rel=1e-3)  # three digits
 
 
 def test_ground_length_with_its_sign():
-    """Lines 1275, 4179 sort XB - XA: a ground to the left hides that this linkage is no Grashof."""
+    """Lines 1275 and 4179 sort XB - XA, with its sign, among the lengths.
+
+    With a ground pin to the left, -3 m, the code gives no warning that this linkage is non-Grashof.
+    """
     d, c, b, a = sorted([2.0, 2.0, 2.5, -3.0])
-    assert not b + c < a + d  # the code's test for its warning
+    assert not b + c < a + d  # the condition of the code's warning
     assert fourbar.grashof_margin(crank=2.0, coupler=2.0, rocker=2.5, ground=3.0) < 0.0
 
 
@@ -112,7 +127,10 @@ def test_ground_length_with_its_sign():
 
 
 def test_error_plots_end_below_the_errors_they_show():
-    """Lines 2297-2339: axes to 1e-15; text line 771 has 1e-14 for the accelerations."""
+    """The error plots of lines 2297-2339 end at 1e-15, below the errors of the accelerations.
+
+    Line 771 of the text has 1e-14 for the accelerations, which is right.
+    """
     law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
     found, truth = hacksaw.newton_sweep(*law, **SAW), hacksaw.solve(*law, **SAW)
     for name in ("theta1_acceleration", "theta3_acceleration"):
@@ -120,19 +138,22 @@ def test_error_plots_end_below_the_errors_they_show():
 
 
 def test_the_axis_of_v_r_clips_its_peak():
+    """The axis of V_r ends at 0.6 m/s in lines 1845 and 2421, below the peak of 0.6048 m/s."""
     law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
     peak = hacksaw.solve(*law, **SAW)["r1_rate"].max()
-    assert peak == pytest.approx(0.604780, abs=5.1e-7)  # six decimals, at this grid
-    assert peak > 0.6  # lines 1845, 2421
+    assert peak == pytest.approx(0.604780, abs=5.1e-7)  # six decimals, on this grid
+    assert peak > 0.6  # the end of the axis
 
 
 # S. van Nes, MSc thesis TU Delft 2022.074
 
 
 def test_sam_arrays_are_of_another_balancer():
-    """Lines 10241-10246: residuals ten times those of Table F.1, and straight once the sine is on.
+    """The arrays of lines 10241-10246 belong to another balancer than that of Table F.1.
 
-    A chain with two preloads that let go has two kinks; these moments rise in equal steps.
+    Their rms is 0.1005 N m, ten times the residual of the balancer of Table F.1.  With the sine
+    added, all of their 14 steps but two are equal.  The moment of the balancer of Table F.1 has
+    unequal steps, since two of its preloads are released on the way.
     """
     other = next(o for o in DATA["others"] if o["name"] == "listing N.4")
     angle = precision_points(15)
@@ -141,7 +162,7 @@ def test_sam_arrays_are_of_another_balancer():
     assert float(rmse(printed, 0.0)) == pytest.approx(0.1005, abs=5e-5)
     assert float(rmse(left, 0.0)) == pytest.approx(0.00995, abs=5e-6)
     steps = np.diff(printed + np.sin(angle))
-    assert np.ptp(np.sort(steps)[2:]) < 3e-4  # twelve equal ones, to the digits printed
+    assert np.ptp(np.sort(steps)[2:]) < 3e-4  # twelve steps are equal to the printed digits
     assert np.ptp(np.diff(left + np.sin(angle))) > 0.03
 
 

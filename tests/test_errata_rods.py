@@ -1,6 +1,7 @@
-"""Misprints of Pérez Gámiz 2018 about rods that no other test shows: the truth, and the difference.
+"""Misprints of Pérez Gámiz 2018 about rods that no other test shows.
 
-The register is docs/errata.md.
+Each test asserts the true value and that the printed one differs from it.  The register of all
+misprints is docs/errata.md.
 """
 
 import ast
@@ -25,7 +26,7 @@ ROOT = Path(__file__).parent.parent
 
 
 def platform(moment=0.0):
-    """The second solution of Table 8, under a moment as well."""
+    """The second solution of Table 8, under an external moment in addition to its force."""
     row = DATA["rfr3"]["printed"][1]
     motors = np.radians(DATA["rfr3"]["inputs_deg"])
     tip, force, clamp = elliptic(row["psi"], row["kr"], CORNERS, motors)
@@ -41,35 +42,38 @@ def platform(moment=0.0):
 
 
 def pins(s: RodState):
-    """B_i as x + iy."""
+    """The pins B_i of the platform as complex numbers x + iy."""
     return s.pose @ [1.0, 1.0j, 0.0] + np.exp(1j * s.pose[2]) * s.assembly.arm
 
 
 def test_equations_114_and_115_hold_for_tips_whose_loads_add_up_to_the_load():
-    """M_i of eq. 115 is -r x R, the moment of rod i on the platform, if R is the load of its tip.
+    """M_i of eq. 115, -r x R, is the moment of rod i on the platform if R is the load of its tip.
 
-    Eq. 113 has loads that add up to -F: with these the residual of eq. 114 is 2 M_ext.
+    The loads of eq. 113 add up to -F.  With them the residual of eq. 114 is 2 M_ext.
     """
     s = platform(moment=0.01)
     (x, y), load = xy(pins(s) - s.pose @ [1.0, 1.0j, 0.0]).T, s.force
-    assert load.sum(axis=0) == pytest.approx(s.load[:2], abs=1e-10)  # closed to 1e-10 EI/L
+    assert load.sum(axis=0) == pytest.approx(s.load[:2], abs=1e-10)  # solved to 1e-10 EI/L
     for sign, residual in ((1.0, 0.0), (-1.0, 2.0 * s.load[2])):
         moment = sign * (load[:, 0] * y - load[:, 1] * x)
-        assert moment.sum() + s.load[2] == pytest.approx(residual, abs=1e-10)  # likewise
+        assert moment.sum() + s.load[2] == pytest.approx(residual, abs=1e-10)  # as above
 
 
 def test_equation_110_adds_the_moment_of_one_rod_three_times():
-    """About the frame's origin: sum of p_i x n_i, not three times p_1 x n_1."""
+    """The moment about the origin is the sum of p_i x n_i, not three times p_1 x n_1."""
     s = platform()
     moments = (pins(s).conj() * (s.force @ [1.0, 1.0j])).imag
     load = (s.pose[:2] @ [1.0, -1.0j] * (s.load[:2] @ [1.0, 1.0j])).imag
-    assert moments.sum() == pytest.approx(load, abs=1e-10)  # closed to 1e-10 EI/L
+    assert moments.sum() == pytest.approx(load, abs=1e-10)  # solved to 1e-10 EI/L
     assert abs(3.0 * moments[0] - load) > 1e-3
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_moduli_of_rods_are_outside_the_zone_that_line_451_calls_valid(name):
-    """k^2 - cos(psi/2)^2 = m0^2/(4 EI R), so |k| >= |cos(psi/2)|: the text has it inside."""
+    """Since k^2 - cos(psi/2)^2 = m0^2/(4 EI R), |k| >= |cos(psi/2)|; line 451 has the reverse.
+
+    With a modulus below the limit, eq. 41 would take the arcsine of more than 1.
+    """
     s = pair(name)
     tangent = np.stack([np.cos(s.inputs), np.sin(s.inputs)], axis=-1)
     load = np.linalg.norm(s.force, axis=-1)
@@ -79,16 +83,19 @@ def test_moduli_of_rods_are_outside_the_zone_that_line_451_calls_valid(name):
     least = np.sqrt((1.0 + along / load) / 2.0)  # |cos(psi/2)|
     assert np.all(k > least)
     with np.errstate(invalid="ignore"):
-        assert np.isnan(np.arcsin(least / (0.9 * least))).all()  # eq. 41 with a k of the inside
+        assert np.isnan(np.arcsin(least / (0.9 * least))).all()  # eq. 41 with k = 0.9 of the limit
 
 
 def test_equation_29_of_a_planar_cosserat_rod():
-    """p_y' has cos where sin must stand, and m' lacks a factor C2; EA and GA of order EI/L^2."""
+    """Eq. 29 prints cos instead of sin in p_y', and omits a factor C2 in m'.
+
+    EA and GA are of the order of EI/L^2 here, so that extension and shear are not small.
+    """
     theta, n, ea, ga = 0.4, np.array([0.7, -0.3]), 5.0, 3.0
     c, s = np.cos(theta), np.sin(theta)
     axial, shear = n @ [c, s], n @ [-s, c]
     slope = np.array([(1 + axial / ea) * c - shear / ga * s, (1 + axial / ea) * s + shear / ga * c])
-    # strains in the rod's frame turned to the ground: an independent way to p'
+    # p' independently: the strains in the rod's frame, rotated to the ground'
     turn = np.array([[c, -s], [s, c]])
     assert slope == pytest.approx(turn @ [1 + axial / ea, shear / ga], rel=1e-14)  # rounding
     bend = -(slope[0] * n[1] - slope[1] * n[0])  # m' = -p' x n
@@ -100,12 +107,15 @@ def test_equation_29_of_a_planar_cosserat_rod():
 
 
 def test_equation_27_keeps_the_force_of_a_rod_constant():
-    """In a rod without load per length, of stiffnesses that vary, n' = 0 and m' = -p' x n."""
+    """A rod with varying stiffnesses and without distributed load has n' = 0 and m' = -p' x n."""
     theta, v_x, v_z, u = 0.4, 0.3, 1.2, 0.8
     ea, ga, ei, ea_slope, ga_slope, ei_slope = 5.0, 3.0, 2.0, 0.6, -0.4, 0.5
 
     def balance(lack: float) -> np.ndarray:
-        """n' in the frame of the section, and m' + p' x n; `lack` is the share of the misprints."""
+        """n' in the frame of the section, and m' + p' x n, which must all be zero.
+
+        `lack` is 0 for the right equations and 1 for the printed ones.
+        """
         x = -(ga_slope * (v_x + lack * (1.0 - v_x)) + ea * u * (v_z - 1.0)) / ga
         z = -(ea_slope * (v_z - 1.0) - (1.0 - 2.0 * lack) * ga * u * v_x) / ea
         own = -(ei_slope * u - (ea - ga) * v_x * v_z + (1.0 - lack) * ea * v_x) / ei
@@ -119,20 +129,24 @@ def test_equation_27_keeps_the_force_of_a_rod_constant():
     assert np.all(np.abs(balance(1.0)) > 0.1)  # as printed
     turn = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]])
     slope = [v_z * np.cos(theta) - v_x * np.sin(theta), v_x * np.cos(theta) + v_z * np.sin(theta)]
-    assert turn @ [v_z, v_x] == pytest.approx(slope, rel=1e-14)  # its first two rows are right
+    assert turn @ [v_z, v_x] == pytest.approx(slope, rel=1e-14)  # rows 1 and 2 are right
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_energy_of_the_program_is_twice_the_energy(name):
-    """Simpson's rule over m^2/EI with 41 nodes, as in its code; the half is missing."""
+    """The program applies Simpson's rule with 41 nodes to m^2/EI; the factor 1/2 is missing."""
     s = pair(name)
     m = s.shape(np.linspace(0.0, 1.0, 41))[3]
     weights = np.r_[1.0, np.tile([4.0, 2.0], 19), 4.0, 1.0] / 120.0
-    assert m**2 @ weights / EI == pytest.approx(2.0 * s.energy, rel=1e-3)  # of Simpson's rule
+    assert m**2 @ weights / EI == pytest.approx(2.0 * s.energy, rel=1e-3)  # Simpson's rule
 
 
 def test_a_slide_moves_the_clamp_along_its_guide():
-    """The inverse program takes cos and sin of the clamp's angle, right where both are the same."""
+    """The derivative of the clamp's position by its slide is (cos, sin) of the guide's angle.
+
+    The program for the inverse problem takes the clamp's angle, which is right only if both angles
+    are equal.
+    """
     guide, angle, h = np.array([0.3, 2.0, -2.2]), np.array([0.1, 2.2, -1.9]), 1e-6
     s = state(three(0.3, angle=angle, guide=guide), moment=0.02, force=np.full((3, 2), 0.05))
     base = s.vector.size - s.assembly.dof - 3

@@ -1,7 +1,8 @@
-"""The scripts in examples/: each runs by itself, and what it prints obeys a law or a printed value.
+"""The scripts in examples/ run by themselves and print numbers that satisfy a law or a source.
 
-They are run by hand as well: in an empty folder, where one writes nothing.  One is started as a
-user starts it; the others run in this process, which has loaded already what each of them loads.
+Each script runs in an empty folder, into which it must not write unless it is given the folder.
+One of them is started as a process, as a user starts it.  The others run in this process, which has
+already imported the packages that they need.
 """
 
 import ast
@@ -37,7 +38,7 @@ def printed(name: str, folder: Path, *args: str) -> str:
 
 
 def started(name: str, folder: Path) -> str:
-    """Standard output of a script that is a process of its own."""
+    """Standard output of a script that runs as a process of its own."""
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / f"{name}.py")],
         cwd=folder,
@@ -51,7 +52,7 @@ def started(name: str, folder: Path) -> str:
 
 
 def numbers(pattern: str, text: str) -> list[tuple[float, ...]]:
-    """The numbers in every line that a pattern finds, in which N stands for one."""
+    """The numbers of each match of a pattern, in which N stands for a number."""
     found = re.findall(pattern.replace("N", NUMBER), text)
     return [tuple(map(float, one if isinstance(one, tuple) else (one,))) for one in found]
 
@@ -88,17 +89,20 @@ def test_check_a_model(tmp_path: Path) -> None:
 
 
 def test_compare_two_engines(tmp_path: Path) -> None:
-    """pymunk is of second order; MuJoCo's error is that of its loop, whatever the step."""
+    """pymunk converges with second order; MuJoCo's error is that of its soft loop at any step."""
     text = printed("compare_two_engines", tmp_path)
     orders = numbers(r"pymunk +\S+ +\S+ +N +\S+", text)
     assert [order for (order,) in orders] == pytest.approx([2.0] * 2, abs=0.1)
     _, coarse, fine = numbers(r"mujoco +\S+ +N +\S+ +\S+", text)
-    assert fine == pytest.approx(coarse, rel=0.5)  # a quarter if it were of second order
+    assert fine == pytest.approx(coarse, rel=0.5)  # 0.25 if it were of second order
 
 
 def test_read_curves(tmp_path: Path) -> None:
-    """The swing of the rocker is that of two triangles; samples are a degree apart, which costs
-    the cosine of half a degree, 4e-5."""
+    """The swing of the rocker in the run is that of the triangles of its two limit positions.
+
+    Samples are one degree apart, so that they miss a limit position by half a degree at most and
+    the swing by the share 1 - cos(0.5 deg), 4e-5.
+    """
     text = printed("read_curves", tmp_path, str(tmp_path))
     run, geometry = numbers(r"swings by N rad", text)
     assert run[0] == pytest.approx(geometry[0], abs=1.1e-3)  # three decimals are printed
@@ -108,7 +112,10 @@ def test_read_curves(tmp_path: Path) -> None:
 
 
 def test_choose_a_setting(tmp_path: Path) -> None:
-    """A pendulum let go keeps its energy; 1e-3 of the angle's range, pi, is 3e-3 of m g L."""
+    """The energy of a released pendulum is constant as far as the error asked for allows.
+
+    An error of 1e-3 of the angle's range, pi, changes the energy by 3e-3 of m g L at most.
+    """
     text = printed("choose_a_setting", tmp_path)
     ((change,),) = numbers(r"the energy changes by at most N of m g L", text)
     assert 0.0 < change < 4e-3
@@ -116,7 +123,10 @@ def test_choose_a_setting(tmp_path: Path) -> None:
 
 
 def test_sweep_in_python(tmp_path: Path) -> None:
-    """Work is energy; Simpson's rule with 60 intervals leaves 1e-6 of it."""
+    """The work of the drive is the change of energy; both are printed with five decimals.
+
+    Simpson's rule with 60 intervals has a relative error of 1e-6.
+    """
     found = numbers(r"work N J, energy N J", printed("sweep_in_python", tmp_path))
     assert len(found) == 2
     for work, energy in found:
@@ -125,16 +135,16 @@ def test_sweep_in_python(tmp_path: Path) -> None:
 
 
 def test_balancer(tmp_path: Path) -> None:
-    """The thesis prints an error of 0.0835; work is the energy that the springs give."""
+    """The error is that of the thesis, 0.0835, and the work is the energy of the springs."""
     text = printed("balancer", tmp_path)
     errors = numbers(r"m g r sin N m g r", text)
     assert [error for (error,) in errors] == pytest.approx([0.0835] * 2, abs=2e-4)
     for work, energy in numbers(r"work N J, energy of the springs N J", text):
-        assert work == pytest.approx(energy, abs=1.1e-3)  # three decimals, trapezoids
+        assert work == pytest.approx(energy, abs=1.1e-3)  # three decimals, trapezoidal rule
 
 
 def test_rods(tmp_path: Path) -> None:
-    """Second order, and the tip that Mattiasson prints with five decimals."""
+    """The tip converges with second order to the value that Mattiasson prints to five decimals."""
     found = numbers(r"order N; limit N m, printed N m", printed("rods", tmp_path))
     assert len(found) == 2
     for order, limit, there in found:
@@ -143,7 +153,7 @@ def test_rods(tmp_path: Path) -> None:
 
 
 def test_recorded_curve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It prints no causes, which are sought for seconds."""
+    """The search for causes of differences, which the script does not print, is left out."""
     monkeypatch.setattr(
         sys.modules["proofmass.check"],
         "diagnose_run",

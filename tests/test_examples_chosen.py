@@ -1,6 +1,8 @@
-"""The programs in examples/chosen/: in a bare interpreter, against formulas, without proofmass.
+"""The programs in examples/chosen/ run without proofmass and have the errors that they state.
 
-`examples/chosen/truths.py` is held against itself here: rates are derivatives, energies are kept.
+The errors are measured against the formulas in `examples/chosen/truths.py`.  These are tested here
+as well: rates are derivatives of positions, energies are constant, and moments agree with the
+references of proofmass.
 """
 
 import re
@@ -30,12 +32,12 @@ COMMANDS = dict(
 COMMANDS = {name: asked for asked, name in COMMANDS.items()}
 HEAD = re.compile(r'^"""(\w+), dynamics: (\w+) within (\S+) of its range\.$', re.MULTILINE)
 PRINTED = re.compile(r"as a program that runs by itself.*?: (\S+) off in")
-ROUNDED = 1.06  # two digits are printed
-OTHERS = 1.2  # another version of an engine may take its sums in another order
+ROUNDED = 1.06  # factor on an error of which two digits are printed
+OTHERS = 1.2  # factor for another version of an engine, which may sum in another order
 
 
 def head(name: str) -> tuple[str, str, float, float]:
-    """Case, kind of error, error asked for and printed, from a program's first lines."""
+    """Case, kind of error, error asked for and error printed in the first lines of a program."""
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8").split('"""')[1]
     case, of, asked = HEAD.findall(f'"""{text}')[0]
     printed = PRINTED.search(" ".join(text.split()))
@@ -79,7 +81,7 @@ def test_a_program_is_as_accurate_as_it_says(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["pendulum_mujoco", "fourbar_released_pymunk"])
 def test_a_program_that_is_wrong_is_noticed(name: str, tmp_path: Path) -> None:
-    """Gravity that is 1 % weaker."""
+    """With gravity that is 1 % weaker, the error is larger than the one asked for."""
     case, of, asked, _ = head(name)
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
     changed = text.replace('gravity="0 -9.81 0"', 'gravity="0 -9.71 0"').replace(
@@ -92,8 +94,11 @@ def test_a_program_that_is_wrong_is_noticed(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("case", truths.TRUTHS)
 def test_true_rates_are_derivatives(case: str) -> None:
-    """By central differences of the sixth order at 1 ms: 1e-9 of the largest rate, and rounding
-    of a coordinate over the step, 1e-12."""
+    """Each rate agrees with central differences of sixth order with a step of 1 ms.
+
+    The differences have a truncation error of 1e-9 of the largest rate.  Rounding of a coordinate,
+    divided by the step, adds 1e-12.
+    """
     h = 1e-3
     t = np.arange(501) * h
     curves = truths.TRUTHS[case](t)
@@ -115,8 +120,8 @@ def test_true_rates_are_derivatives(case: str) -> None:
 
 
 def derivative_of(name: str, curves: truths.Curves) -> np.ndarray | None:
-    """The curve that is the derivative of another by time, if there is one."""
-    if name == "angle":  # of the pendulum
+    """The curve that is the time derivative of a named curve, or None if there is none."""
+    if name == "angle":  # the pendulum's
         return curves["rate"]
     name, dot, part = name.partition(".")
     if part == "angle":
@@ -136,7 +141,10 @@ def derivative_of(name: str, curves: truths.Curves) -> np.ndarray | None:
 
 
 def test_true_energies_are_kept() -> None:
-    """Of both pendulums; the double one fails by 1e-9 if one mass is wrong by as much."""
+    """The energies of the single and the double pendulum are constant.
+
+    A relative error of 1e-9 in one mass changes the energy of the double pendulum by 1e-9.
+    """
     t = np.linspace(0.0, 2.0, 201)
     single = truths.pendulum(t)
     assert single["kinetic"] + single["potential"] == pytest.approx(truths.G, rel=1e-12)
@@ -166,7 +174,7 @@ def test_a_wrong_name_of_a_truth_is_told() -> None:
 
 @pytest.mark.parametrize("asked", {one.truth: one for one in ASKED}.values(), ids=lambda a: a.truth)
 def test_every_curve_of_a_case_has_a_truth(asked: Asked) -> None:
-    """What it lacks would be an error only when `python -m benchmarks.choose` gets there."""
+    """Otherwise a missing curve shows only when `python -m benchmarks.choose` reaches the case."""
     case = load_case(ROOT / asked.path)
     energies = {"kinetic", "potential"}
     assert (
@@ -176,7 +184,7 @@ def test_every_curve_of_a_case_has_a_truth(asked: Asked) -> None:
 
 @pytest.mark.parametrize("name", ["fourbar", "slider_crank", "inverted_slider_crank_classic"])
 def test_moments_by_power_are_those_of_the_references(name: str) -> None:
-    """Two formulations that share no code."""
+    """The moments of truths.py follow from power; the references share no code with them."""
     case = load_case(shipped(f"{name}.toml"))
     t = np.linspace(0.0, 6.0, 61)
     state = tuple(part[None] for part in (t, np.ones_like(t), np.zeros_like(t)))

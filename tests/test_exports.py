@@ -1,4 +1,4 @@
-"""A check as JUnit XML and as SARIF: what is counted, and where faults are said to stand."""
+"""Results of a check as JUnit XML and as SARIF: counts, messages and places of faults."""
 
 import json
 from collections import Counter
@@ -24,6 +24,7 @@ from tests.shipped import shipped
 
 
 def of(channel: str, outcome: str = "agrees", **more) -> Comparison:
+    """A comparison of one channel, in MuJoCo's sweep of the four-bar unless said otherwise."""
     place = {"case": "fourbar", "solver": "mujoco", "run": "sweep", "seconds": 3.0}
     return Comparison(**{**place, "channel": channel, "unit": "m", "outcome": outcome, **more})
 
@@ -53,7 +54,7 @@ BAD = InputError(Path("models/a b.toml"), "drive.joint", "no joint <q>")
 
 @pytest.fixture
 def result(models: Path) -> Result:
-    """Every kind of outcome, of a case in the folder `models`."""
+    """A result with all kinds of outcomes that the exports distinguish, of cases in `models`."""
     case = load_case(models / "fourbar.toml")
     still = load_case(models / "pendulum.toml")
     rows = [*ROWS, of("angle", Outcome.UNCHECKED, case="pendulum", seconds=nan)]
@@ -110,7 +111,7 @@ def test_junit_shares_the_time_of_a_run_among_its_channels(result):
     assert float(root.find("testsuite").get("time")) == 6.0
 
 
-REQUIRED = {  # of SARIF 2.1.0, sections 3.13 to 3.28
+REQUIRED = {  # keys that SARIF 2.1.0 requires, sections 3.13 to 3.28
     "log": {"version", "runs"},
     "run": {"tool", "results"},
     "driver": {"name"},
@@ -122,7 +123,7 @@ LEVELS = {"none", "note", "warning", "error"}
 
 
 def require_sarif(log: dict) -> dict:
-    """The one run of a SARIF log that keeps the rules of the format."""
+    """Check a SARIF log by the rules of the format, and return its only run."""
     assert log.keys() >= REQUIRED["log"]
     assert log["version"] == "2.1.0"
     (run,) = log["runs"]
@@ -228,12 +229,12 @@ def run(*args: object):
 
 
 def test_check_writes_both_after_the_verdict(models, edit, tmp_path):
-    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # whose cause is soon found
+    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # a fault whose cause is found fast
     junit, sarif = tmp_path / "junit.xml", tmp_path / "check.sarif"
     answer = run("check", models / "pendulum.toml", "--junit", junit, "--sarif", sarif)
     assert answer.exit_code == 1
     root = ElementTree.fromstring(junit.read_bytes())
-    # five channels of four solvers, of which those with default settings are not checked
+    # five channels of four solvers; the two solvers with default settings are not checked
     assert (root.get("tests"), root.get("failures"), root.get("skipped")) == ("20", "10", "10")
     found = require_sarif(json.loads(sarif.read_text()))["results"]
     assert {each["ruleId"] for each in found} == {"differs"}

@@ -1,4 +1,4 @@
-"""Every verdict can fail: a wrong model, a wrong curve, a NaN turn it."""
+"""A wrong model, a wrong curve or a NaN changes an outcome of a shipped case to "differs"."""
 
 import re
 from dataclasses import replace
@@ -16,12 +16,12 @@ from proofmass.solve import solve
 from tests.shipped import fewer_samples, loaded, shipped
 
 Place = tuple[str, str, int, float]
-# where each length of the drawing stands in the MJCF: element path, attribute, index, sign
+# where a length stands in the MJCF: path of the element, attribute, index of the number, and factor
 BODY, SITE = ".//body[@name='{}']", ".//site[@name='{}']"
 
 
 def at(element: str, name: str, index: int = 0, sign: float = 1) -> Place:
-    """A coordinate of an element's place."""
+    """The place in the MJCF of a coordinate of an element's position."""
     return element.format(name), "pos", index, sign
 
 
@@ -50,7 +50,7 @@ PARALLEL_ROBOT = {
 
 
 def chain(name: str) -> dict[str, list[Place]]:
-    """Lengths of a balancer, each along its segment in the rest posture."""
+    """The lengths of a balancer, each in the direction of its segment in the rest posture."""
     tree = ElementTree.parse(shipped(f"{name}.xml"))
     ends = [BODY.format(body.get("name")) for body in tree.findall(".//body/body")]
     found = {"pendulum": [at(SITE, "pendulum_tip", 1)]}
@@ -142,7 +142,7 @@ LENGTHS = {
         "gap": [at(BODY, f"ball{k + 1}", 0, k) for k in range(1, 5)],
         "speed": [(".//key", "qvel", 0, 1)],
     },
-    # the other balancers are of the same template, which `test_balancer_template` holds
+    # the other balancers have the same template, as `test_balancer_template` checks
     "balancer_sine_free_preload": chain("balancer_sine_free_preload"),
     "balancer4_sine": chain("balancer4_sine"),
     "balancer4_sam_prescribed": chain("balancer4_sam_prescribed"),
@@ -167,7 +167,7 @@ CASES = [(case, key) for case in (*LENGTHS, *OTHERS) for key in LENGTHS[OTHERS.g
 
 
 def first_of_each() -> set[str]:
-    """One case for each reference."""
+    """The first case of each reference."""
     found: dict[str, str] = {}
     for case in LENGTHS:
         found.setdefault(loaded(shipped(f"{case}.toml")).reference, case)
@@ -176,8 +176,10 @@ def first_of_each() -> set[str]:
 
 WHOLE = first_of_each()
 QUICK = {(case, next(iter(LENGTHS[case]))) for case in WHOLE}
-"""All lengths of one case for each reference run in a sweep in MuJoCo, and one in pymunk and in
-time.  All of all cases run in the slow test."""
+"""The first length of each case of `WHOLE`.
+
+The fast test covers all lengths of these cases in a sweep in MuJoCo, and the first length in pymunk
+and in dynamics.  The slow test covers all other lengths and runs of all cases."""
 
 
 def lengthen(file: Path, places: list[Place], by: float) -> None:
@@ -192,10 +194,10 @@ def lengthen(file: Path, places: list[Place], by: float) -> None:
 
 
 def few(case: Case, kind: str) -> Case:
-    """The case with a tenth of the places of a sweep, each of which is found by itself.
+    """The case with about a tenth of the samples of a sweep, each of which is solved by itself.
 
-    Where joints have dry friction the turns of the drive are among them.  What a change must be to
-    be noticed is asked of the same places.
+    The turning points of the drive, which matter for joints with dry friction, stay among the
+    samples.  Detectable changes are computed from the same samples.
     """
     run = case.run[kind]
     if kind != "sweep" or not run.n:
@@ -206,7 +208,7 @@ def few(case: Case, kind: str) -> Case:
 
 @cache
 def detectable(name: str, kind: str, solver: str) -> dict[str, float]:
-    """The smallest change of each parameter that a channel of the good model notices, in SI."""
+    """The smallest detectable change of each parameter over all channels of the good model [SI]."""
     case = few(load_case(shipped(f"{name}.toml")), kind)
     comparisons = compare(case, kind, solver, solve(case, kind, solver))
     outcomes = {c.outcome for c in comparisons}
@@ -221,10 +223,10 @@ def detectable(name: str, kind: str, solver: str) -> dict[str, float]:
 
 
 def turns(name: str, key: str, solver: str, kind: str, models: Path) -> None:
-    """A length that is wrong by three times its detectable change turns a verdict that was good."""
+    """Check that a length wrong by three times its detectable change makes a channel differ."""
     case, owner = load_case(models / f"{name}.toml"), OTHERS.get(name, name)
     noticed = detectable(name, kind, solver)
-    if key not in case.parameters:  # a recorded curve has none
+    if key not in case.parameters:  # the reference is a recorded curve, without parameters
         noticed = detectable(owner, kind, solver)
     lengthen(case.model_path, LENGTHS[owner][key], 3 * noticed[key])
     case = few(case, kind)
@@ -233,7 +235,7 @@ def turns(name: str, key: str, solver: str, kind: str, models: Path) -> None:
 
 
 def runs(quick: bool) -> list[tuple[str, str, str, str]]:
-    """Case, length, solver and kind of run: the quick ones, or all others."""
+    """Case, length, solver and kind of run of the fast test, or of the slow one."""
     found = []
     for name, key in CASES:
         case = loaded(shipped(f"{name}.toml"))
@@ -263,7 +265,7 @@ def test_every_wrong_length_differs_in_every_run(name, key, solver, kind, models
     turns(name, key, solver, kind, models)
 
 
-PLANAR = {  # the reference reads the model itself: the engine gets a wrong one
+PLANAR = {  # the reference reads the model itself, so only the engine gets the wrong one
     "peaucellier": at(BODY, "lower_out"),
     "watt": at(SITE, "second_end"),
     "stephenson": at(SITE, "link_end"),
@@ -288,7 +290,11 @@ def test_an_engine_with_another_length_differs_from_the_general_solver(name, mod
 
 
 def test_a_law_is_broken_by_a_wrong_length_in_the_model(models):
-    """The Peaucellier cell's tip leaves its line, though engine and general solver agree."""
+    """The tip of the Peaucellier cell leaves its straight line by a wrong length in the model.
+
+    The engine and the general solver agree, since both read the length from the model; the channels
+    whose reference is the constant of the line differ.
+    """
     case = load_case(models / "peaucellier.toml")
     lengthen(case.model_path, [at(SITE, "tip")], 1e-6)
     found = compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"), detectable=False)
@@ -306,7 +312,7 @@ def sweep():
 
 
 def held(case, curves):
-    """A sweep in MuJoCo, held against the reference."""
+    """Compare a sweep in MuJoCo with the reference."""
     return compare(case, "sweep", "mujoco", curves, detectable=False)
 
 
@@ -331,7 +337,7 @@ def test_a_wrong_curve_differs_in_every_channel(how, sweep):
 
 
 def test_signs_of_the_document_are_tested(sweep):
-    """theta3 without its half turn, r1 not negated, Vr negated: each is seen."""
+    """The mistakes differ: theta3 without its half turn, r1 not negated, V_r negated."""
     case, curves = sweep
     for name, change in {
         "theta3": curves.channels["theta3"] - np.pi,
@@ -398,12 +404,16 @@ def test_a_wrong_load_turns_the_holding_moment_and_nothing_else(old, new, models
     ],
 )
 def test_a_wrong_inertia_turns_the_moment_of_a_drive(name, old, new, solver, models, edit):
-    """By 10 %; nothing else of a driven motion knows it, but the crank's of a steady drive."""
+    """An inertia that is wrong by 10 % changes moments and forces of a driven motion alone.
+
+    The wrong inertia of `fourbar_forces` changes nothing, since it is that of a crank at a steady
+    rate.
+    """
     case = load_case(models / f"{name}.toml")
     edit(case.model, re.escape(old), new)
     found = compare(case, "dynamics", solver, solve(case, "dynamics", solver), detectable=False)
     differs = {c.channel for c in found if c.outcome == "differs"}
-    steady = name == "fourbar_forces"  # its inertia is that of the crank, at 6 rad/s
+    steady = name == "fourbar_forces"  # the crank turns at 6 rad/s
     assert bool(differs) != steady
     assert all(case.channels[channel].si_unit in ("N", "N m") for channel in differs)
 
@@ -421,7 +431,10 @@ def test_a_wrong_inertia_turns_the_moment_of_a_drive(name, old, new, solver, mod
     ],
 )
 def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver, models, edit):
-    """In one second; the reference is a closed form of a pendulum, and reads no model."""
+    """A wrong number of the model differs within one second of motion.
+
+    The reference is the closed form of a pendulum, which does not read the model.
+    """
     edit("parallelogram_chain.xml", re.escape(old), new)
     edit("parallelogram_chain.toml", r"until = 2\.5", "until = 1.0")
     edit("parallelogram_chain.toml", "n = 251", "n = 101")
@@ -433,7 +446,7 @@ def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver,
 LEFT, RIGHT = "left_crank_force left_coupler_force", "right_crank_force right_coupler_force"
 TIP = f"left_moment right_moment {LEFT} {RIGHT} pin_force"
 PLATFORM = " ".join(f"{one}_force_{k}" for one in ("holding", "guide", "leg", "pin") for k in "123")
-FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what knows it at rest
+FORCES = {  # by case: a number of the model, a wrong one, and the channels that need it at rest
     "inverted_slider_crank_forces": [
         (
             'pos="1.5 0 0" mass="3"',
@@ -450,7 +463,7 @@ FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what 
         ),
     ],
     "fivebar_forces": [
-        (  # of both cranks, and of both couplers
+        (  # the numbers of both cranks, and of both couplers
             'pos="2 0 0" mass="4"',
             'pos="2 0 0" mass="4.004"',
             "left_moment left_crank_force right_moment right_crank_force",
@@ -464,7 +477,7 @@ FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what 
         ('mass="2"', 'mass="2.002"', PLATFORM),
         ('pos="0.5 0.28867513', 'pos="0.501 0.28867513', PLATFORM),
         ('pos="0.5 0 0" mass="0.6"', 'pos="0.501 0 0" mass="0.6"', PLATFORM),
-        (  # of all sliders, of which one goes up and down
+        (  # of all sliders, one of which moves vertically
             'mass="0.5"',
             'mass="0.5005"',
             "holding_force_3 guide_force_1 guide_force_2 guide_force_3",
@@ -480,7 +493,10 @@ FORCES = {  # of a pin-force case: a number of the model, a wrong one, and what 
 def test_a_wrong_mass_turns_what_knows_it_and_nothing_else(
     name, old, new, known, solver, models, edit
 ):
-    """By a thousandth, or 1 mm of its place."""
+    """A wrong mass differs in the channels that depend on it, and in no other.
+
+    The mass is wrong by one or two thousandths, or its centre is off by 1 mm.
+    """
     edit(f"{name}.xml", re.escape(old), new)
     case = few(load_case(models / f"{name}.toml"), "sweep")
     found = compare(case, "sweep", solver, solve(case, "sweep", solver), detectable=False)

@@ -1,4 +1,4 @@
-"""Names and patterns of a sidecar that match nothing, and units: found before anything runs."""
+"""Unknown names, patterns and units of a sidecar are reported before anything runs."""
 
 import re
 import subprocess
@@ -219,7 +219,7 @@ def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit,
     )
     result = check([models / f"{name}.toml"])
     assert result.exit_code == 2
-    (error,) = map(str, result.errors)  # once
+    (error,) = map(str, result.errors)  # reported once
     assert all(word in error for word in [f"{name}.toml", *words]), error
 
 
@@ -296,13 +296,13 @@ def test_an_angle_is_a_quantity_of_its_own():
 
 
 def test_own_models_are_xml_that_other_programs_read():
-    """MuJoCo takes "--" in a comment, which XML does not have."""
+    """MuJoCo accepts "--" in a comment, which XML does not allow."""
     for file in models_like("*.xml"):
         ElementTree.parse(file)
 
 
 def test_every_sensor_of_an_own_model_is_read_by_a_sidecar():
-    """A diet removes a sensor that is not: model only what a scene requires."""
+    """A shipped model has only what its cases need; `proofmass diet` would remove other sensors."""
     read: dict[Path, set[str]] = {}
     for file in models_like():
         case = loaded(file)
@@ -318,7 +318,7 @@ def test_own_cases_are_valid(file):
 
 
 def test_si_units_do_not_import_pint():
-    """Its import takes longer than that of the rest."""
+    """The import of pint takes longer than that of everything else."""
     line = (
         "import sys; from proofmass.sidecar import load_case; from proofmass.validate import "
         "validate_case; validate_case(load_case('models/linkages/hacksaw_recorded.toml')); "
@@ -358,7 +358,7 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
         assert c.error_max == pytest.approx(known.error_max * factor, rel=1e-9)
         assert c.nrmse == pytest.approx(known.nrmse, rel=1e-9)
         assert c.allowed == 1e-3
-        # the slope of the closed form by the change of 1, in SI as well as in the channel's unit
+        # the detectable change is the tolerance over the slope of the closed form, in any unit
         for p, notice in known.detectable.items():
             assert c.detectable[p].size == pytest.approx(
                 notice.size * 1e-3 / factor / known.allowed, rel=1e-6
@@ -368,10 +368,11 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
     plain = evaluate(
         load_case(shipped("fourbar.toml")), "sweep", x, plan_run(case, "sweep", "mujoco").motion(x)
     ).channels
-    assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # shift, in deg
+    assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # the shift [deg]
 
 
 def of_sweep(case: Case, off: float):
+    """Compare curves of a sweep that are off by a share of their range."""
     return compare(case, "sweep", "mujoco", curves_of(case, "sweep", off))
 
 
@@ -382,7 +383,7 @@ def test_a_simulator_agrees_in_degrees(models, edit):
     curves = solve(case, "sweep", "mujoco")
     found = {c.channel: c for c in compare(case, "sweep", "mujoco", curves, detectable=False)}
     assert {c.outcome for c in found.values()} == {"agrees"}
-    # the rocker turns between the poses with crank and coupler in line: 2 + 1 and 2 - 1 across
+    # the rocker swings between the poses with crank and coupler in line, 2 - 1 and 2 + 1 long
     inner, outer = (np.degrees(np.arccos((2.5**2 + 3**2 - r**2) / 15)) for r in (1, 3))
     assert found["rocker"].allowed == pytest.approx(1e-12 * (outer - inner), rel=1e-3)
 

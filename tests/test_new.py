@@ -1,4 +1,4 @@
-"""A start for one's own model, and the schema that editors check a sidecar with."""
+"""A first model and sidecar by `proofmass new`, and the schema by which editors check sidecars."""
 
 import json
 import re
@@ -54,7 +54,7 @@ def test_nothing_is_written_over(tmp_path):
         write_new("arm", tmp_path)
     assert not (tmp_path / "arm.xml").exists()
     assert (tmp_path / "arm.toml").read_text() == before
-    assert len(write_new("leg", tmp_path)) == 2, "the schema is there"
+    assert len(write_new("leg", tmp_path)) == 2, "the schema is there already"
 
 
 @pytest.mark.parametrize("name", ["", "../arm", "a b", ".arm", "a/b"])
@@ -79,7 +79,7 @@ def test_every_sidecar_that_loads_suits_the_schema(validator, file):
 
 
 def test_the_schema_knows_every_key(validator):
-    """Of all tables, by the sidecars that leave nothing to defaults."""
+    """The schema has the keys of tables by their names in the file, but no internal fields."""
     schema = sidecar_schema()
     assert schema["properties"].keys() >= {"accuracy", "drive", "channels", "refine"}
     assert not {"file", "unmatched", "called"} & schema["properties"].keys()

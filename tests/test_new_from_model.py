@@ -1,4 +1,4 @@
-"""A sidecar for a model that has none: what is proposed passes, and is told where it cannot be."""
+"""`proofmass new --from` proposes a sidecar for a model, with which it agrees, or says why not."""
 
 import re
 from functools import partial
@@ -18,12 +18,12 @@ from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 verdicts = partial(check, jobs=1, detectable=False, causes=False)
-"""In the worker that measured: it has evaluated the reference of a free motion already."""
+"""A check in the worker that measured: it has evaluated the reference of a free motion already."""
 
 
 @pytest.fixture
 def few(monkeypatch):
-    """Proposed sweeps have 37 samples: what holds of a sweep is no matter of their number."""
+    """Proposed sweeps have 37 samples, on whose number nothing here depends."""
     whole = new_from_model.Proposal.text
     monkeypatch.setattr(
         new_from_model.Proposal,
@@ -34,7 +34,10 @@ def few(monkeypatch):
 
 @pytest.fixture
 def bare(tmp_path):
-    """``bare(name)``: the model of a shipped case without its sensors, alone in a folder."""
+    """``bare(name)`` writes the model of a shipped case, alone, into a folder.
+
+    Its sensors are removed unless `keep` is true.
+    """
 
     def of(name: str, keep: bool = False) -> Path:
         text = shipped(f"{name}.xml").with_suffix(".xml").read_text()
@@ -69,7 +72,7 @@ def test_a_model_with_sensors_is_not_copied(bare):
 
 @pytest.mark.usefixtures("few")
 def test_a_drive_stays_clear_of_the_limit_that_it_meets(bare):
-    """The double rocker's crank swings by less than a turn."""
+    """The crank of the double rocker swings by less than a turn, between two limit positions."""
     look = inspect_model(bare("double_rocker", keep=True))
     best = look.reaches[0]
     assert not best.turns
@@ -93,7 +96,10 @@ def test_a_mechanism_with_two_freedoms_is_let_go_and_its_tolerances_are_measured
 
 @pytest.mark.usefixtures("few")
 def test_what_springs_hold_is_swept(bare):
-    """A joint with an actuator is driven, the others rest; without springs nothing rests there."""
+    """The joint with the actuator is driven in a sweep, while springs hold the others at rest.
+
+    Without the springs the other joints have no equilibrium, and no drive is proposed.
+    """
     (sidecar, *_), told = write_proposal("mine", bare("finger", keep=True))
     assert told[0] == (
         "It has 2 degrees of freedom; joint 'driver' is driven, as its actuator does, and turns "
@@ -148,14 +154,17 @@ def test_a_model_in_space_is_let_go(tmp_path):
     assert "6 degrees of freedom" in told[0]
     assert any(line.startswith("dynamics: ") and "pymunk" in line for line in told)
     assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
-    # the mutation: a body that turns ten times as fast in a step
+    # the check can fail: the step is too long for a body that turns ten times as fast
     own.write_text(own.read_text().replace("1 2 3", "10 20 30"))
     worse = verdicts([sidecar]).comparisons
     assert Outcome.DIFFERS in {c.outcome for c in worse}
 
 
 def test_a_model_whose_sensors_tell_no_place_gets_some_that_do(tmp_path):
-    """Beside its own, whose names stay with them; what can be chosen by is a place."""
+    """The new sensors are added to the model's own, which keep their names.
+
+    A position or an orientation is needed because `proofmass choose` goes by the error of one.
+    """
     model = tmp_path / "top.xml"
     own = '<sensor><frameangvel name="top_rate" objtype="body" objname="top"/></sensor></mujoco>'
     model.write_text(TOP.replace("</mujoco>", own))
@@ -165,7 +174,7 @@ def test_a_model_whose_sensors_tell_no_place_gets_some_that_do(tmp_path):
 
 
 def test_a_proposed_tolerance_leaves_room_for_rounding(tmp_path):
-    """A body that flies freely is off by rounding, which is another on another machine."""
+    """The error of a body in free flight is rounding, which differs from machine to machine."""
     model = tmp_path / "top.xml"
     model.write_text(TOP)
     (sidecar, _), _ = write_proposal("spun", model)
@@ -178,7 +187,10 @@ def test_a_proposed_tolerance_leaves_room_for_rounding(tmp_path):
 
 
 def test_a_tolerance_of_what_is_off_by_nothing_is_rounding_of_the_range():
-    """A kilometre of range, of which 1e-12 is 1 nm; what is off by more has its own."""
+    """A proposed tolerance is 1e-12 of the range, or larger if the measured error is.
+
+    Here the range is 1 km, of which 1e-12 is 1 nm; the error of 1e-3 m/s gets 3e-3 m/s.
+    """
     still = Comparison("", "", "", "x", "m", error_max=1e-15, error_rms=5e-16, nrmse=5e-19)
     off = Comparison("", "", "", "v", "m/s", error_max=1e-3, error_rms=1e-3, nrmse=1e-6)
     lines = list(measured_tolerance("dynamics", "mujoco", [still, off]))
@@ -194,7 +206,10 @@ BOX = """<mujoco><option timestep="5e-3"/><default><geom solref=".05 1"/></defau
 
 
 def test_a_model_with_contacts_is_held_against_its_own_equations(tmp_path):
-    """As far as they say where it goes; whatever runs on a case then runs on it."""
+    """The reference is the model's own motion with refined steps, until it is no longer known.
+
+    The proposed case can be checked like any other.
+    """
     model = tmp_path / "box.xml"
     model.write_text(BOX)
     (sidecar, _), told = write_proposal("fallen", model)
@@ -205,7 +220,7 @@ def test_a_model_with_contacts_is_held_against_its_own_equations(tmp_path):
     assert 0.1 < case.run["dynamics"].until <= 1.0
     assert "in space" in told[0]
     assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
-    assert max(c.error_max for c in found.comparisons) > 0  # a step of 5 ms is not exact
+    assert max(c.error_max for c in found.comparisons) > 0  # a step of 5 ms has an error
 
 
 def test_a_model_without_names_has_nothing_to_measure(tmp_path):
@@ -245,7 +260,7 @@ def test_what_cannot_be_proposed_is_said_in_a_line(bare, old, new, said):
     assert found.exit_code == 2
     assert re.search(said, found.stderr)
     assert "Traceback" not in found.stderr
-    assert [file.name for file in model.parent.iterdir()] == ["fourbar.xml"], "nothing is left"
+    assert [file.name for file in model.parent.iterdir()] == ["fourbar.xml"], "a file is left"
 
 
 def test_names_that_are_taken_are_kept(bare):

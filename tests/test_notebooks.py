@@ -1,8 +1,9 @@
-"""The notebooks: written in one form, short, run from top to bottom, and quick under their sliders.
+"""The notebooks have one form, are short, run from top to bottom, and answer their sliders quickly.
 
-All are run in one process for their sliders and for the engines at other lengths; two are run as a
-user runs them, in a kernel of their own, in the fast suite, for a kernel and two workers load
-NumPy, SciPy, Matplotlib and the engines each, 4 to 9 s of CPU time a notebook.  The rest is slow.
+The code of all notebooks is run in this process to test the sliders, and the engines at other
+lengths.  By default only two notebooks are executed as a user does, in a kernel; the others are
+marked slow.  A kernel and two workers load NumPy, SciPy, Matplotlib and the engines each, which
+takes 4 to 9 s of CPU time for a notebook.
 """
 
 import ast
@@ -27,8 +28,8 @@ METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"name": "python"},
 }
-QUICK = "fourbar", "hacksaw"  # a closed form with a Grashof class; a profile in time
-ANSWER = 0.05  # [s] that a slider may take: beyond it a hand feels it
+QUICK = "fourbar", "hacksaw"  # one with a Grashof class, one with a motion profile
+ANSWER = 0.05  # [s] of CPU time that an answer to a slider may take: users notice longer ones
 PRINTED = json.loads(
     (Path(__file__).parent / "data" / "newton_raphson.json").read_text(encoding="utf-8")
 )["linkages"]
@@ -51,7 +52,7 @@ def test_there_is_one_for_each_mechanism() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_notebook_is_in_canonical_form(name: str) -> None:
-    """No outputs, no counts, no metadata of a machine, cells named; as `json` writes it."""
+    """The file is as `json` writes it, with named cells, but no outputs, counts or own metadata."""
     text = (NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8")
     found = json.loads(text)
     assert json.dumps(found, indent=1, ensure_ascii=False) + "\n" == text
@@ -83,10 +84,11 @@ def test_a_notebook_is_short_and_uses_what_is_documented(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(name: str) -> None:
-    """CPU time of what a slider calls, the least of three: others may use the processor as well.
+    """An answer to a slider takes little CPU time, and the engines agree at the slider's lengths.
 
-    The engines run a model with the lengths of the sliders, within the tolerances of the shipped
-    case, so what `model` of a notebook changes is what the closed form is told.
+    The CPU time is the least of three measurements, since other processes use the processor too.
+    The engines agree within the tolerances of the shipped case, so the lengths that `model` of a
+    notebook writes into the model are those that the closed form gets.
     """
     explorer = explored(name)
     assert explorer.wrong == ""
@@ -100,12 +102,12 @@ def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(name: str) ->
     second = explorer.panel.value
     explorer.place.value += 5
     assert explorer.panel.value != second
-    if name in ("fourbar", "slider_crank", "threeprr", "rods"):  # the others are slow, see below
+    if name in ("fourbar", "slider_crank", "threeprr", "rods"):  # the others take long, see below
         assert run_engines(explorer)
 
 
 def run_engines(explorer: Explorer) -> bool:
-    """Whether both engines agree with the closed form in all that they deliver."""
+    """Whether both engines agree with the closed form in all channels that they deliver."""
     explorer.run_engines()
     assert explorer.rows, explorer.table.value
     outcomes = {row.outcome for row in explorer.rows}
@@ -129,7 +131,10 @@ def test_engines_agree_at_random_lengths(name: str) -> None:
 
 
 def test_what_engines_find_is_dropped_and_a_wrong_model_shows() -> None:
-    """Other lengths have other curves; a model that is told other ones than the form differs."""
+    """Moving a slider clears the results of the engines, which belong to other lengths.
+
+    Before that, a model whose coupler is longer than that of the closed form differs.
+    """
     explorer = explored("slider_crank")
     right = explorer.model
     explorer.model = lambda **p: right(**{**p, "coupler": 1.001 * p["coupler"]}).model_copy(
@@ -162,7 +167,7 @@ def test_both_modes_and_the_static_panel() -> None:
     explorer = explored("fourbar")
     up = explorer.known["pin_y"].copy()
     explorer.sliders["mode"].value = -1
-    assert explorer.known["pin_y"][0] == pytest.approx(-up[0])  # the crank lies on the ground
+    assert explorer.known["pin_y"][0] == pytest.approx(-up[0])  # the crank is on the ground line
     bundle = explorer._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in bundle
     assert explorer.panel.value in bundle["text/html"]
@@ -170,7 +175,7 @@ def test_both_modes_and_the_static_panel() -> None:
 
 
 def test_links_of_the_panel_close() -> None:
-    """Corners that links share are the same place, and links are as long as the sliders say."""
+    """The ends that two links share coincide, and links have the lengths of the sliders."""
     explorer = explored("fourbar")
     explorer.sliders["rocker"].value = 2.3
     p = explorer.parameters
@@ -253,7 +258,7 @@ def test_a_case_that_cannot_be_drawn_is_shown_without() -> None:
 )
 def test_a_notebook_runs(name: str) -> None:
     notebook = executed(name)
-    gc.collect()  # what the kernel's client leaves warns here, and not in another test
+    gc.collect()  # objects left by the kernel's client warn here, and not in another test
     outputs = {c["id"]: c["outputs"] for c in notebook.cells if c["cell_type"] == "code"}
     html = {
         cell: "".join(one["data"].get("text/html", "") for one in found if "data" in one)
@@ -275,11 +280,11 @@ def test_a_notebook_runs(name: str) -> None:
         assert count
         assert int(count[1]) == len(PRINTED[LOGS[name]]["steps"])
     if name == "hacksaw":
-        assert outputs["log"][0]["text"].startswith("5 iterations")  # as the report has it
+        assert outputs["log"][0]["text"].startswith("5 iterations")  # as in the report
 
 
 def test_the_worst_comparison_of_a_solver_is_shown():
-    """Also where an error is no number, nothing is allowed, or no tolerance is given."""
+    """The worst one may have an error that is NaN, a tolerance of zero, or no tolerance."""
 
     def row(error: float, allowed: float, channel: str, outcome: str = "differs") -> Comparison:
         return Comparison(
