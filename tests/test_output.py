@@ -1,4 +1,4 @@
-"""What is written: verdicts come first, files are whole, and inputs are not replaced."""
+"""Outcomes are printed even if no file can be written; files are whole; inputs are not replaced."""
 
 import os
 from pathlib import Path
@@ -174,7 +174,10 @@ def test_a_case_beyond_its_limits_has_a_page_without_drawings(models, tmp_path, 
 
 
 def test_progress_in_a_log_is_a_line_a_case(monkeypatch, capsys):
-    """A pipe has no cursor that could go back, so a bar would fail or fill the log."""
+    """A log has a line for each case, for each 10 s, and at the end.
+
+    A pipe has no cursor that could move back, so a progress bar would fail or fill the log.
+    """
     now = [0.0]
     monkeypatch.setattr(command.time, "monotonic", lambda: now[0])
     with command.progress_bar() as advance:

@@ -1,4 +1,4 @@
-"""Drives that follow the rows of a file, and channels that are held against what was asked."""
+"""Drives that follow the rows of a file, and channels compared with the prescribed motion."""
 
 import re
 from pathlib import Path
@@ -26,11 +26,11 @@ TIMES = np.linspace(0.0, 2.0, 81)
 def law(
     folder: Path, start: float = 0.0, rows: np.ndarray | None = None, **table
 ) -> SampledProfile:
-    """The law of a file with columns t, q, w: a sine and its rate, if no others are given."""
+    """The motion profile of a file with columns t, q, w, by default of a sine and its rate."""
     if rows is None:
         rows = np.column_stack([TIMES, np.sin(3.0 * TIMES), 3.0 * np.cos(3.0 * TIMES)])
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
-    folder = Path(mkdtemp(dir=folder))  # a file is read again if its time changed, by ticks
+    folder = Path(mkdtemp(dir=folder))  # since a change within a tick of a file's time is not seen
     (folder / "motor.csv").write_text("\n".join(["t [s],q [rad],w [rad/s]", *lines]) + "\n")
     return make_sampled_profile(folder, ProfileTable(file="motor.csv", **table), start, "rad")
 
@@ -45,7 +45,7 @@ def test_rate_and_acceleration_are_derivatives_and_the_value_their_integral(tmp_
     ahead, behind = follow(t + h), follow(t - h)
     assert (ahead[0] - behind[0]) / (2 * h) == pytest.approx(rate, abs=1e-8)
     assert (ahead[1] - behind[1]) / (2 * h) == pytest.approx(acceleration, abs=1e-7)
-    nodes, weights = np.polynomial.legendre.leggauss(4)  # exact of pieces of degree 7
+    nodes, weights = np.polynomial.legendre.leggauss(4)  # exact for pieces of degree 7
     half = 0.5 * np.diff(TIMES)[:, None]
     rates = follow((TIMES[:-1, None] + half * (1.0 + nodes)).ravel())[1].reshape(half.size, -1)
     way = np.cumsum((half * weights * rates).sum(axis=1))
@@ -59,13 +59,16 @@ def test_the_law_goes_through_its_rows(tmp_path):
     rates = 3.0 * np.cos(3.0 * TIMES)
     value, rate, acceleration = straight(TIMES)
     assert rate == pytest.approx(rates, abs=1e-14)
-    whole = cumulative_trapezoid(rates, TIMES, initial=0.0)  # exact of what is straight
+    whole = cumulative_trapezoid(rates, TIMES, initial=0.0)  # exact for straight lines
     assert value == pytest.approx(0.5 + whole, abs=1e-14)
     assert acceleration[:-1] == pytest.approx(np.diff(rates) / np.diff(TIMES), abs=1e-12)
 
 
 def test_a_spline_is_of_fourth_order_and_says_how_near_it_is(tmp_path):
-    """Of a value; the rate of one that is given as a rate likewise."""
+    """The error of a value falls with fourth order; the stated bound is at most ten times larger.
+
+    The rate of a profile that is given as a rate has the same order, which is not tested here.
+    """
     between = np.linspace(0.0, 2.0, 4001)
     off = []
     for n in (41, 81):
@@ -79,7 +82,10 @@ def test_a_spline_is_of_fourth_order_and_says_how_near_it_is(tmp_path):
 
 
 def test_the_hacksaw_s_rows_lead_to_its_motor():
-    """Straight between 1000 rows: 6.3e-6 rad of 6 pi, and a stair in the acceleration."""
+    """With straight lines between 1000 rows the value is within 6.3e-6 rad of the motor's 6 pi.
+
+    The acceleration is a step function.
+    """
     case = load_case(shipped("hacksaw_sampled.toml"))
     (follow,) = drive_profiles(case, "dynamics")
     t = np.linspace(0.0, follow.times[-1], 20_011)
@@ -99,7 +105,7 @@ def test_what_was_asked_is_a_quantity_of_its_own():
     assert np.array(list(found.values())) == pytest.approx(np.array(motor(x)))
     late = tuple(np.array([part]) for part in motor(x + 0.01))
     there = evaluate(case, "dynamics", x, late).channels
-    assert there["theta2"] == pytest.approx(motor(x)[0], abs=1e-15)  # not at the drive's state
+    assert there["theta2"] == pytest.approx(motor(x)[0], abs=1e-15)  # not the drive's state
     prompt = tuple(np.array([part]) for part in motor(x))
     assert there["r1"] != pytest.approx(evaluate(case, "dynamics", x, prompt).channels["r1"])
 
@@ -129,11 +135,14 @@ def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
 
 
 def test_a_drive_that_lags_is_seen_in_its_own_channels_alone(monkeypatch):
-    """The linkage is judged where its drive was, the drive by what it was asked for."""
+    """The channel of a drive is compared with the prescribed motion, so that a lag is its error.
+
+    Channels of the linkage are compared with the reference at the values that the drive had.
+    """
     case = load_case(shipped("hacksaw_inventor_shaped.toml"))
     curves = solve_here(case, "dynamics", "mujoco:default")
     found = {c.channel: c for c in compare(case, "dynamics", "mujoco:default", curves)}
-    assert found["theta2"].error_max == pytest.approx(0.36, abs=0.02)  # degrees behind the law
+    assert found["theta2"].error_max == pytest.approx(0.36, abs=0.02)  # the lag [deg]
     own = np.degrees(
         np.abs(curves.drive[0][0] - plan_run(case, "dynamics", "mujoco").motion(curves.x)[0])
     )
@@ -221,7 +230,7 @@ def test_a_step_of_the_angle_is_no_motion_and_a_wrapped_angle_says_so(tmp_path):
 
 
 def test_a_few_rows_are_the_corners_of_a_motion(tmp_path):
-    """A trapezoid of the rate, of four rows, is what somebody wrote on purpose."""
+    """Four rows of a trapezoidal rate are written on purpose, so their kinks are not refused."""
     rows = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 5.0], [3.0, 0.0, 5.0], [4.0, 0.0, 0.0]])
     follow = law(tmp_path, rows=rows, rate="w", interpolation="linear")
     assert follow(np.array([1.0, 3.0, 4.0]))[0].tolist() == [2.5, 12.5, 15.0]

@@ -1,6 +1,6 @@
-"""The truth of a case: where it is sampled, how drives move, what channels must be, what is wrong.
+"""The reference of a case: its samples, the motion of drives, the expected channels, and errors.
 
-Modules of references are made up here, but for a few of the shipped ones.
+Most modules of references are stubs that are made here; a few are shipped ones.
 """
 
 import os
@@ -51,17 +51,17 @@ X = np.array([0.0, 0.25, 1.0])
 
 
 def but(case, **changed):
-    """The same case but for some of its tables."""
+    """The case with some of its tables replaced."""
     return case.model_copy(update=changed)
 
 
 def sampled(case, kind, **table):
-    """The same case with another table of a run."""
+    """The case with one run alone, some keys of which are replaced."""
     return but(case, run={kind: case.run[kind].model_copy(update=table)})
 
 
 def driven(*tables, case=FOURBAR):
-    """A case with these drives; each has the number of its joint."""
+    """The case with these drives, whose joints have the numbers of the drives as names."""
     return but(
         case,
         drive=tuple(
@@ -71,14 +71,14 @@ def driven(*tables, case=FOURBAR):
 
 
 def wrong(function, *args, **named):
-    """The file, the key and the words of the error of a call."""
+    """The file, the key and the message of the error that a call raises."""
     with pytest.raises(InputError) as error:
         function(*args, **named)
     return error.value.file, error.value.key, error.value.wrong
 
 
 def closed(monkeypatch, **functions):
-    """Make these functions the module of every case's reference."""
+    """Replace the reference module of all cases by one with these functions."""
     monkeypatch.setattr(
         reference,
         "load_reference",
@@ -87,7 +87,10 @@ def closed(monkeypatch, **functions):
 
 
 def made(monkeypatch, **columns) -> Recorded:
-    """Make a recorded curve of three rows the truth of all cases; columns are units and values."""
+    """Replace the reference of all cases by a recorded curve of three rows at `X`.
+
+    Each column is given as its unit and its values.
+    """
     curve = Recorded(
         X,
         {name: np.array(values) for name, (_, *values) in columns.items()},
@@ -144,12 +147,13 @@ def test_a_free_motion_is_sampled_from_its_start_to_its_last_time():
 @pytest.mark.parametrize(
     ("drive", "kind", "until", "expected"),
     [
-        # a sweep goes by the drive's value, a duration by the time that takes it there
+        # a sweep is sampled by the drive's value, dynamics by time until the drive is there
         ({"from": -2.0, "to": 1.0, "rate": 0.5}, "sweep", None, (-2.0, -0.5, 1.0)),
         ({"from": -2.0, "to": 1.0, "rate": 0.5}, "dynamics", None, (0.0, 3.0, 6.0)),
         ({"from": -2.0, "to": 0.0, "rate": 0.5}, "sweep", None, (-2.0, -1.0, 0.0)),
         ({"from": -2.0, "to": 0.0, "rate": 0.5}, "dynamics", None, (0.0, 2.0, 4.0)),
-        # a swing and a law go by time in both: one period, up to the law's last time, or the run's
+        # a drive with a period or a profile is sampled by time in both runs: over one period,
+        # until the profile's last time, or until that of the run
         ({"to": 1.0, "period": 8.0}, "sweep", None, (0.0, 4.0, 8.0)),
         ({"to": 1.0, "period": 8.0}, "dynamics", 2.0, (0.0, 1.0, 2.0)),
         ({"profile": "circle", "until": 6.0}, "dynamics", None, (0.0, 3.0, 6.0)),
@@ -176,7 +180,7 @@ def test_a_rest_is_sampled_along_the_shortest_rod_or_up_to_a_length():
 
 
 def moved(case, kind, k=0):
-    """Values, rates and accelerations of a drive at `X`."""
+    """The values, the rates and the accelerations of drive k at `X`."""
     return [np.broadcast_to(part, X.shape).tolist() for part in drive_profile(case, kind, k)(X)]
 
 
@@ -191,15 +195,15 @@ def test_a_steady_drive_goes_with_time_in_a_duration_and_is_x_itself_in_a_sweep(
     assert moved(case, "dynamics") == [[0.5, 1.25, 3.5], [3.0] * 3, [0.0] * 3]
     assert moved(case, "sweep") == [[0.0, 0.25, 1.0], [3.0] * 3, [0.0] * 3]
     assert drive_profile(driven({"to": 2.0}), "dynamics", 0)(X)[1].tolist() == [1.0] * 3, (
-        "1 if none is given"
+        "the default rate is 1"
     )
 
 
 def test_a_follower_keeps_its_share_of_the_leader_s_way():
-    """From 1 to 4 while the leader goes from -2 to 0: 1.5 times as fast."""
+    """The second drive goes from 1 to 4 while the first goes from -2 to 0: 1.5 times as fast."""
     case = driven({"from": -2.0, "to": 0.0, "rate": 2.0}, {"from": 1.0, "to": 4.0})
     assert moved(case, "dynamics", 1) == [[1.0, 1.75, 4.0], [3.0] * 3, [0.0] * 3]
-    assert moved(case, "sweep", 1) == [[4.0, 4.375, 5.5], [3.0] * 3, [0.0] * 3]  # leader at X
+    assert moved(case, "sweep", 1) == [[4.0, 4.375, 5.5], [3.0] * 3, [0.0] * 3]  # the first drive is at X
     both = drive_profiles(case, "dynamics")
     assert [float(one(X)[0][-1]) for one in both] == [0.0, 4.0]
     assert [float(one(X)[0][-1]) for one in drive_profiles(case, "sweep")] == [1.0, 5.5]
@@ -232,17 +236,17 @@ def test_a_column_that_a_drive_lacks_is_named_where_it_is_asked_for(monkeypatch)
 
 
 def ramp(t, *, rate=1.0, other=0.0):
-    """A law of one drive."""
+    """A motion profile of one drive."""
     return rate * t, rate + 0 * t, other + 0 * t
 
 
 def fan(t, rate):
-    """A law of two drives, the second one twice as fast."""
+    """A motion profile of two drives, the second of which is twice as fast."""
     return tuple(np.array([part, 2 * part]) for part in ramp(t, rate=rate))
 
 
 def freely(t, **rates):
-    """A law that takes any parameters."""
+    """A motion profile that takes any parameters."""
     return ramp(t, rate=sum(rates.values()))
 
 
@@ -254,7 +258,7 @@ def test_a_law_is_a_function_of_the_reference_s_module_with_its_parameters(monke
     assert moved(driven(LAW), "dynamics") == [[0.0, 0.5, 2.0], [2.0] * 3, [0.0] * 3]
     own = driven(LAW, {"profile": "freely", "parameters": {"one": 1.0, "two": 2.0}})
     assert moved(own, "sweep")[0] == [0.0, 0.5, 2.0]
-    assert moved(own, "sweep", 1)[0] == [0.0, 0.75, 3.0], "one that brings its own law"
+    assert moved(own, "sweep", 1)[0] == [0.0, 0.75, 3.0], "a drive with a profile of its own"
     shared = driven({**LAW, "profile": "fan"}, {})
     assert [moved(shared, "sweep", k)[0] for k in (0, 1)] == [[0.0, 0.5, 2.0], [0.0, 1.0, 4.0]]
 
@@ -276,7 +280,7 @@ def test_a_law_that_the_reference_lacks_is_named_where_it_is_asked_for(monkeypat
         FOURBAR.file,
         "drive.0.profile",
         words,
-    ), "of which the second has a row"
+    ), "the second drive follows a row of the first drive's profile"
 
 
 def test_a_parameter_that_a_law_lacks_is_named_with_those_it_has(monkeypatch):
@@ -295,11 +299,11 @@ def test_a_parameter_that_a_law_lacks_is_named_with_those_it_has(monkeypatch):
     )
     assert wrong(drive_profile, driven({**LAW, "parameters": {"t": 2.0}}), "sweep", 0)[1] == (
         "drive.parameters.t"
-    ), "the time is no parameter"
+    ), "the time is not a parameter"
 
 
 def listening(told, **found):
-    """A reference that keeps what it is asked."""
+    """A reference that appends its arguments to a list and returns these quantities."""
 
     def solve(*args, length=1.0, mode=1):
         told.append((args, length, mode))
@@ -330,7 +334,7 @@ def test_a_reference_that_reads_the_model_gets_it_with_start_and_driven_joints()
     truth, case = SimpleNamespace(solve=solve), but(FIVEBAR, start="elsewhere")
     given = call_reference(case, "sweep", truth, X, None, {"gravity": 1.6})["given"]
     assert given == (compiled_model(FIVEBAR), "elsewhere", ("left", "right"), 1.6)
-    for name in ("model", "start", "joints"):  # the case gives them, not the sidecar
+    for name in ("model", "start", "joints"):  # these come from the case, not from [parameters]
         assert wrong(call_reference, case, "sweep", truth, X, None, {name: 3.0}) == (
             FIVEBAR.file,
             f"parameters.{name}",
@@ -363,7 +367,7 @@ def test_a_parameter_that_a_reference_lacks_is_named_with_those_it_has():
 
 
 def failing(error):
-    """A reference that raises an error."""
+    """A reference that raises this error."""
 
     def solve(*_, length=1.0):
         raise error
@@ -394,7 +398,7 @@ def test_a_model_that_a_reference_does_not_cover_is_at_fault_itself():
 def test_what_a_reference_refuses_is_an_error_of_what_it_was_given(
     error, case, parameters, key, at_fault
 ):
-    """Of its parameters if there are any, else of how it is driven, else of the model."""
+    """The error is one of the parameters if there are any, otherwise of the drives or the model."""
     assert wrong(call_reference, case, "sweep", failing(error), X, None, parameters, key) == (
         case.file,
         at_fault,
@@ -499,7 +503,7 @@ def test_a_column_is_asked_for_with_its_quantity_or_without(monkeypatch):
 
 
 def test_a_reference_is_evaluated_at_its_parameters_and_at_changed_ones():
-    """A light pendulum and a heavy one swing alike; their energies are as their masses."""
+    """A pendulum of twice the mass has the same motion and twice the energy."""
     once = evaluate(PENDULUM, "dynamics", X, None)
     assert once.x is X
     mass = PENDULUM.parameters["mass"]
@@ -523,7 +527,7 @@ def test_facts_are_of_the_parameters_or_of_those_beside(monkeypatch):
     )
     assert properties(case) == {"length": "2 m"}
     assert properties(case, "x") == {"length": "3 m"}
-    assert properties(case, "bad") == {}, "the runs say what is wrong with the parameters"
+    assert properties(case, "bad") == {}, "errors of the parameters are reported by the runs"
     closed(monkeypatch)
     assert properties(case) == {}
 

@@ -1,4 +1,4 @@
-"""Refinement: orders of convergence and limits of rods in more and more segments."""
+"""Refinement of rods: orders of convergence, and limits, for rising numbers of segments."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +24,10 @@ Edit = Callable[..., Path]
 
 @pytest.fixture
 def few(edit: Edit) -> Path:
-    """The cantilever in both engines, with few segments; 1e-5 m is what h^4 leaves of its tip."""
+    """The cantilever in both engines, with few segments.
+
+    The limit of its tip is off by the term of h^4, for which 1e-5 m is allowed.
+    """
     edit(FILE, r"segments = \[10, 20, 40, 80\]", f"segments = {list(SEGMENTS)}")
     edit(FILE, r"between = \[20, 40\]\n", "")
     return edit(FILE, "richardson = 1e-6", "richardson = 1e-5")
@@ -32,12 +35,12 @@ def few(edit: Edit) -> Path:
 
 @pytest.fixture
 def alone(few: Path, edit: Edit) -> Path:
-    """The same in MuJoCo alone."""
+    """The cantilever with few segments in MuJoCo alone."""
     return edit(FILE, r'"mujoco", "pymunk"', '"mujoco"')
 
 
 def verdicts(file: Path) -> dict[str, list[Comparison]]:
-    """Verdicts of the refinement by outcome, without those of the run itself."""
+    """The comparisons of the refinement by outcome, without those of the run itself."""
     found: dict[str, list[Comparison]] = {}
     for task in refinement_runs(load_case(file)):
         for c in task.study.add(task.segments, run_task(task))[1]:
@@ -48,7 +51,11 @@ def verdicts(file: Path) -> dict[str, list[Comparison]]:
 def studied(
     off: Callable[[int, Array], Array], **asked: object
 ) -> tuple[RefinementStudy, list[Comparison]]:
-    """A study of what nobody ran: the reference's own curves, off by so much at arc lengths."""
+    """A study of synthetic runs, and its comparisons.
+
+    The curves are those of the reference plus an error, ``off(segments, arc lengths)``.  Keywords
+    replace keys of `[refine]`.
+    """
     case = load_case(shipped(FILE))
     assert case.refine is not None
     case = case.model_copy(update={"refine": case.refine.model_copy(update=asked)})
@@ -71,12 +78,12 @@ def studied(
 
 
 def power(p: float, size: float = 1.0) -> Callable[[int, Array], Array]:
-    """An error of that order."""
+    """An error of order p, proportional to the arc length."""
     return lambda n, s: size * s * float(n) ** -p
 
 
 def test_both_engines_show_the_order_and_the_limit(few):
-    """Half links at the clamp: order 2, and a limit as near as h^4."""
+    """With half a link at the clamp the order is 2, and the error of the limit is of h^4."""
     labels = []
     result = check([few], progress=lambda label, *_: labels.append(label), detectable=False)
     rows = [c for c in result.comparisons if c.run == "refine"]
@@ -93,20 +100,23 @@ def test_both_engines_show_the_order_and_the_limit(few):
     assert len(labels) == 2 + 2 * len(SEGMENTS)
     both = {name: [row for row in result.refined if row.solver == name] for name in ENGINES}
     assert [row.segments for row in both["mujoco"]] == [n for n in SEGMENTS for _ in range(3)]
-    for one, two in zip(*both.values(), strict=True):  # the same chain, at rest to 1e-12 of it
+    for one, two in zip(*both.values(), strict=True):  # the same chain, at rest to 1e-12
         assert one.error == pytest.approx(two.error, abs=1e-11)
         assert one.seconds != two.seconds
 
 
 def test_a_naive_clamp_is_of_first_order(alone, edit):
-    """Half a cell of the rod is as soft as a whole one, and the limit is none."""
+    """The naive scheme makes half a cell at the clamp as soft as a whole one.
+
+    Its error is of first order, and the extrapolated limit differs.
+    """
     edit(FILE, "segments = 40", 'segments = 40\nscheme = "naive"')
     found = verdicts(alone)
     assert set(found) == {"differs"}
     orders = [c for c in found["differs"] if c.channel.startswith("order")]
     assert len(orders) == 3
     for c in orders:
-        assert 0.7 < c.error_max < 1.3  # of first order; h^2 is seen with five links
+        assert 0.7 < c.error_max < 1.3  # off 2 by about 1; with five links h^2 still counts
         assert "x the allowed error, order 1." in c.message or "order 0." in c.message
 
 
@@ -115,7 +125,7 @@ def test_a_naive_clamp_is_of_first_order(alone, edit):
     [("stiffness = 1.0 +#", "stiffness = 1.02 #"), ("force_y = 10.0", "force_y = 10.5")],
 )
 def test_a_wrong_reference_is_never_reached(old, new, alone, edit):
-    """The errors level off at what the reference is off by."""
+    """The errors level off at the error of the reference."""
     edit(FILE, old, new)
     found = verdicts(alone)
     assert "agrees" not in found
@@ -123,7 +133,7 @@ def test_a_wrong_reference_is_never_reached(old, new, alone, edit):
 
 
 def test_directions_of_a_circle_show_no_order(edit):
-    """They are exact, and that is said; places are those of a polygon."""
+    """The angles are exact, which is reported; the positions are those of a polygon."""
     edit("rod_into_circle.toml", '"mujoco", "pymunk"', '"mujoco"')
     found = verdicts(
         edit("rod_into_circle.toml", r"segments = \[10, 20, 40\]", "segments = [4, 8]")
@@ -135,7 +145,7 @@ def test_directions_of_a_circle_show_no_order(edit):
 
 
 def test_each_pair_counts():
-    """Of second order at first, of order 1.8 between the last two."""
+    """The order is 2 for the first pairs of runs and 1.8 for the last one, which differs."""
     assert {c.outcome for c in studied(power(2.0))[1]} == {"agrees"}
 
     def late(n: int, s: Array) -> Array:
@@ -143,12 +153,12 @@ def test_each_pair_counts():
 
     found = [c for c in studied(late)[1] if c.channel.startswith("order")]
     assert [(c.outcome, c.at) for c in found] == [("differs", 80)] * 3
-    assert found[0].error_max == pytest.approx(0.2, rel=1e-9)  # rounding of differences
+    assert found[0].error_max == pytest.approx(0.2, rel=1e-9)  # rounding of the differences
     assert found[0].message == "2 x the allowed error, order 1.8 from 40 to 80 segments"
 
 
 def test_a_higher_order_than_asked_for_differs():
-    """An order is a statement on both sides."""
+    """An order that is too high differs as well as one that is too low."""
     assert all(
         c.outcome == "differs" for c in studied(power(3.0))[1] if c.channel.startswith("order")
     )
@@ -156,7 +166,7 @@ def test_a_higher_order_than_asked_for_differs():
 
 @pytest.mark.parametrize("bad", [10, 80])
 def test_a_nan_differs(bad):
-    """In any of the runs, be the others at the error floor."""
+    """A NaN in any run makes orders and limits differ, even if the other runs have no error."""
 
     def off(n: int, s: Array) -> Array:
         return np.where(s == s[-1], np.nan, 0.0) if n == bad else 0 * s
@@ -174,7 +184,11 @@ def test_a_nan_differs(bad):
 
 
 def test_errors_at_the_wall_do_not_count():
-    """Rounding of 1e-10 below an order of 2 that is seen from 10 to 20 only."""
+    """Pairs with an error below the error floor, 1e-9 m, do not count.
+
+    The errors are of second order, but at least 3e-10 of the arc length, as with rounding, so that
+    only 10 and 20 segments show the order.  With a lower error floor, 40 and 80 segments differ.
+    """
 
     def off(n: int, s: Array) -> Array:
         return np.maximum(power(2.0, 1e-6)(n, s), 3e-10 * s)
@@ -189,7 +203,7 @@ def test_errors_at_the_wall_do_not_count():
 
 @pytest.mark.parametrize(("between", "fine"), [((20, 40), 40), (None, 80)])
 def test_the_limit_lacks_the_next_order(between, fine):
-    """Of a h^2 + b h^4 it leaves -b h1^2 h2^2, with h1 = 2 h2."""
+    """The limit of an error a h^2 + b h^4 is off by -b h1^2 h2^2, with h1 = 2 h2."""
 
     def off(n: int, s: Array) -> Array:
         return s * (0.1 * n**-2.0 + 5.0 * n**-4.0)
@@ -199,12 +213,12 @@ def test_the_limit_lacks_the_next_order(between, fine):
         found = {c.channel: c for c in studied(off, between=between, richardson=share * left)[1]}
         limit = found["limit of rod.x"]
         assert (limit.outcome, limit.at, limit.unit) == (outcome, 1.0, "m")
-        assert limit.error_max == pytest.approx(left, rel=1e-6)  # rounding over h^4
+        assert limit.error_max == pytest.approx(left, rel=1e-6)  # rounding, divided by h^4
         assert "limit of rod.angle" not in found
 
 
 def test_a_lost_run_loses_the_study():
-    """Which number of segments, and why."""
+    """The outcome of the study names the number of segments of the failed run and its reason."""
     study, _ = studied(power(2.0))
     failed = Comparison(
         "rod_cantilever",
@@ -242,7 +256,7 @@ BAD = {
 
 @pytest.mark.parametrize(("old", "new", "words"), BAD.values(), ids=BAD)
 def test_bad_tables_are_named(old, new, words, edit):
-    """Key and what would be right, and nothing is run."""
+    """The error names the key and what would be right, and nothing is run."""
     result = check([edit(FILE, old, new, count=1)])
     assert (result.exit_code, result.comparisons) == (2, [])
     assert "rod_cantilever.toml: refine" in str(result.errors[0])
@@ -250,7 +264,7 @@ def test_bad_tables_are_named(old, new, words, edit):
 
 
 def test_only_rods_are_refined(edit):
-    """A linkage has no segments."""
+    """A linkage has no rods, and so no segments."""
     file = edit(
         "fourbar.toml",
         r"\[channels\]",
@@ -262,7 +276,10 @@ def test_only_rods_are_refined(edit):
 
 @pytest.mark.parametrize(("segments", "n"), [((10, 20, 40, 80), 11), ((6, 9), 4)])
 def test_samples_have_their_places_on_the_links(segments, n, edit):
-    """Middles of links of every number, whatever the run itself shows."""
+    """The samples are places that the chains of all numbers of segments have in common.
+
+    They do not depend on the samples of the run itself.
+    """
     case = load_case(edit(FILE, "n = 41", "n = 41\nuntil = 0.5"))
     refine = case.refine.model_copy(update={"segments": segments, "between": None})
     tasks = list(refinement_runs(case.model_copy(update={"refine": refine})))
@@ -272,7 +289,7 @@ def test_samples_have_their_places_on_the_links(segments, n, edit):
 
 
 def report_of(folder: Path, off: Callable[[int, Array], Array]) -> str:
-    """The case's page with a study, and without a run of its own."""
+    """The page of the case with a synthetic study, without a run of the case itself."""
     study, found = studied(off)
     result = Result(cases=[study.case], comparisons=found, refined=study.rows())
     write_report(result, folder)
@@ -281,24 +298,24 @@ def report_of(folder: Path, off: Callable[[int, Array], Array]) -> str:
 
 @pytest.mark.parametrize("p", [2.0, 1.5])
 def test_the_page_shows_it(p, tmp_path):
-    """Figure, orders and verdicts; a wrong order turns the headline."""
+    """The page has the figure, the orders and the outcomes; a wrong order is in the headline."""
     page = report_of(tmp_path, power(p))
     assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()
     table = page[page.index("Refinement: the run with more") :]
-    assert table.count(f"<td>{p:g}</td>") >= 9  # pairs of three channels
+    assert table.count(f"<td>{p:g}</td>") >= 9  # three pairs of runs, three channels
     assert ("✗ order" in table) == (p != 2.0)
     assert ("MuJoCo differs in its order of convergence" in page) == (p != 2.0)
 
 
 def test_a_nan_is_drawn_beside(tmp_path):
-    """Failed numbers cost no figure."""
+    """Errors that are NaN in one run do not prevent the figure of the others."""
     page = report_of(tmp_path, lambda n, s: s * (np.nan if n == 20 else n**-2.0))
     assert "not a number somewhere" in page
     assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()
 
 
 def test_pytest_judges_it_as_well(alone, edit, pytester):
-    """An item fails where a check would."""
+    """An item of pytest fails where a check reports a wrong order."""
     edit(FILE, "within = 0.1", "within = 1e-3")
     run = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-n", "0", str(alone))
     run.assert_outcomes(failed=1)

@@ -1,4 +1,4 @@
-"""The reference of a run: evaluated once where its laws lead the drives, for all of its solvers."""
+"""The reference of a run is evaluated once for all solvers, at the prescribed drive values."""
 
 import os
 import sys
@@ -56,7 +56,7 @@ def test_a_run_whose_solver_has_no_drive_is_a_free_one():
     assert reference.state is None
     assert reference.x is x
     assert same(reference.as_driven(None).channels, evaluate(case, "sweep", x, None).channels)
-    held = load_case(shipped("rfr3.toml"))  # its motors stand, and no engine tells of them
+    held = load_case(shipped("rfr3.toml"))  # its motors are at rest; no engine reports them
     curves = Curves(np.zeros(2), {})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MODULE, "evaluate", lambda case, kind, x, state, **changed: Curves(x, {}))
@@ -80,7 +80,7 @@ def test_a_solver_that_does_not_is_held_against_the_reference_where_it_was():
 
 
 def test_laws_that_lead_out_of_the_reference_cost_only_what_is_found_there(monkeypatch):
-    """A lagging solver may still be where there is a reference."""
+    """A solver that lags may be at drive values for which there is a reference."""
 
     def up_to_here(case, kind, x, state, **changed):
         if state is LED or np.array_equal(state, LED):
@@ -97,7 +97,7 @@ def test_laws_that_lead_out_of_the_reference_cost_only_what_is_found_there(monke
 
 
 def test_searches_are_kept_from_the_unchanged_reference_alone(monkeypatch):
-    """Else last digits would depend on which changes another solver asked for."""
+    """Otherwise last digits would depend on the changes that another solver asked for before."""
     used = []
 
     def evaluated(case, kind, x, state, **changed):
@@ -145,7 +145,7 @@ def test_the_solvers_of_a_run_share_it_and_another_run_has_its_own():
     [("fourbar", "fourbar.xml"), ("hacksaw_recorded", "hacksaw_recorded.csv")],
 )
 def test_a_file_that_is_written_anew_makes_another_case(name, file, models):
-    """A model, or a recorded curve, under the same name."""
+    """The file is a model, or a recorded curve, that is written anew under the same name."""
     case = load_case(models / f"{name}.toml")
     before = reference_identity(case)
     assert reference_identity(case) == before
@@ -163,7 +163,7 @@ def test_what_a_reference_does_not_depend_on_makes_no_other_case():
 
 
 def test_views_show_the_reference_that_was_compared(monkeypatch):
-    """Its quantities beside the channels come with the curves, and are not asked for again."""
+    """Quantities that views show in addition to channels are stored, and not evaluated again."""
     case = load_case(shipped("balancer_weight.toml"))
     x = plan_run(case, "sweep", "mujoco").x[::30]
     state = plan_run(case, "sweep", "mujoco").motion(x)
@@ -186,7 +186,7 @@ def test_views_show_the_reference_that_was_compared(monkeypatch):
 
 
 def test_facts_come_with_the_curves_that_were_compared():
-    """A motion that was followed for the comparison is not followed once more for a page."""
+    """A motion that was computed for a comparison is not computed again for a page."""
     case = load_case(shipped("heavy_top.toml"))
     x = run_samples(case, "dynamics")
     curves = Curves(x, evaluate(case, "dynamics", x, None).channels)
@@ -196,14 +196,14 @@ def test_facts_come_with_the_curves_that_were_compared():
     own = attach_reference(case, "dynamics", curves)
     assert own.properties == properties(case)
     assert "energy" in own.properties
-    beyond = True  # so that no worker is asked
+    beyond = True  # no worker evaluates properties then
     for kept, shown in ((curves, {}), (own, own.properties)):
         result = Result([case], curves={(case.name, "dynamics", "mujoco"): kept})
         assert case_page.properties_of(case, result, beyond) == shown
 
 
 def test_a_refinement_asks_for_its_reference_once(monkeypatch):
-    """The rods of its runs have other numbers of segments, of which a closed form knows nothing."""
+    """Its runs differ in numbers of segments, on which a closed form does not depend."""
     case = load_case(shipped("rod_cantilever.toml"))
     x = np.linspace(0.0, case.rods[0].length, 5)
     asked, solve = [], rods.solve

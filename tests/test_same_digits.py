@@ -1,4 +1,4 @@
-"""Runs give the same digits whatever the environment, the number of runs side by side, the order.
+"""Runs give the same digits for any number of threads or parallel runs, and in any order.
 
 With two threads OpenBLAS gives other last digits of `solve`, `inv`, `cholesky` and `eigh` from 100
 equations on, and of products and singular values from 300 on.
@@ -57,7 +57,7 @@ print([one.channels["rocker"].tobytes().hex() for one in (wanted, run.reference[
 
 
 def printed(threads: int, *command: str, folder: Path = ROOT) -> str:
-    """Standard output of a command of Python, with BLAS told to take so many threads."""
+    """Standard output of a command of Python, with this number of threads for BLAS."""
     environment = {**os.environ, **dict.fromkeys(NAMES, str(threads)), "PYTHONPATH": str(folder)}
     done = subprocess.run(
         [sys.executable, *command],
@@ -98,7 +98,7 @@ print([curve.tobytes().hex() for at in (state, near)
 
 @pytest.mark.parametrize("name", [pytest.param("pfr3", marks=pytest.mark.slow), "rfr2_driven"])
 def test_a_reference_is_the_same_to_the_bit_whatever_was_evaluated_before(name):
-    """A search goes on from the result of one that is near, but of one of the same run alone."""
+    """A search starts from a stored result nearby, but only from one of the same run."""
     sidecar = str(shipped(f"{name}.toml"))
     first, later = (printed(1, "-c", EVALUATED, sidecar, *more) for more in ((), ("before",)))
     assert first == later
@@ -113,7 +113,7 @@ def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
 @ON_TWO
 @pytest.mark.slow
 def test_reports_and_studies_have_references_to_the_same_bits_with_any_number_of_threads(tmp_path):
-    """A reference of 400 equations, which workers and this process find in another folder."""
+    """The reference solves 400 equations; its module is in a folder that is put on the path."""
     (tmp_path / "solved.py").write_text(REFERENCE)
     (tmp_path / "solved.toml").write_text(SIDECAR)
     (tmp_path / "fourbar.xml").write_bytes(shipped("fourbar.xml").read_bytes())
@@ -126,9 +126,10 @@ def test_reports_and_studies_have_references_to_the_same_bits_with_any_number_of
 
 
 def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side_by_side(tmp_path):
-    """A rigid case, and chains of rods that both engines bring to rest; in another order too.
+    """The digits are the same with one thread and one job as with two of each and reversed cases.
 
-    Rods of 50 segments have 100 coordinates in MuJoCo; those of 20 have 120 in pymunk.
+    One case is rigid.  In the others engines find the equilibrium of chains of rods: those of 50
+    segments have 100 coordinates in MuJoCo, those of 20 have 120 in pymunk.
     """
     pair, swing = (shipped(f"{name}.toml").read_text() for name in ("rfr2_natural", "pendulum"))
     both = 'solvers = ["mujoco", "pymunk"]'

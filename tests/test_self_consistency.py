@@ -1,4 +1,8 @@
-"""Rungs of models without a sidecar, on motions that are made up: what is known, and until when."""
+"""Self-consistency of models without a sidecar: how well synthetic motions are known, and how long.
+
+`Rung` draws its conclusions from several solutions of a motion by three criteria: `steps`, `close`
+and `disturbed`, see `proofmass.self_consistency`.
+"""
 
 from dataclasses import replace
 
@@ -13,18 +17,22 @@ from proofmass.sim.protocol import OwnMotion, OwnRun
 TIMES = np.linspace(0.0, 1.0, 101)
 STEPS = [2e-3 / 2**k for k in range(7)]
 SIZE = 2.0  # m
-OFF = 0.05  # m of error per second of motion and millisecond of step
+OFF = 0.05  # error per second of motion with a step of 2 ms [m/s]
 
 
 def run(off, name="Euler, 2 ms", step=2e-3, seconds=1.0, **changed):
-    """A body that moves along x, off by some way [m] at each time."""
+    """A run of a body that moves along x at 1 m/s, with an error [m] at each time."""
     points = np.zeros((TIMES.size, 1, 3, 3))
     points[:, 0, :, 0] = (TIMES + off)[:, None]
     return OwnRun(name, step, seconds, points, TIMES, 0 * TIMES, 0 * TIMES, **changed)
 
 
 def motion(order=1.0, spread=0.0, **changed):
-    """Steps of an order, DOP853 to 1e-10 m, and a disturbance that grows at some rate [1/s]."""
+    """A motion that is solved in several ways.
+
+    Its steps converge with an order, DOP853 has an error of 1e-10 m/s, and a disturbance grows as
+    exp(spread t), with `spread` in 1/s.
+    """
     runs = tuple(
         run(OFF * TIMES * (step / 2e-3) ** order, f"Euler, {1e3 * step:.4g} ms", step, 2.0**k)
         for k, step in enumerate(STEPS)
@@ -67,7 +75,7 @@ def test_a_motion_that_converges_is_known_to_its_end(order):
 
 
 def test_a_clock_that_is_too_coarse_tells_no_cost():
-    """Some count in ticks of 16 ms, in which a short motion takes none."""
+    """Some clocks count in ticks of 16 ms, so that a short motion takes a time of zero."""
     own = motion()
     assert " × the time" in Rung(own).words()
     ticks = tuple(replace(one, seconds=0.0) for one in own.runs)
@@ -77,7 +85,7 @@ def test_a_clock_that_is_too_coarse_tells_no_cost():
 
 
 def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():
-    """Steps and disturbance grow as e^(30 t): 1e-9 becomes 1e-3 at 0.46 s."""
+    """The differences of steps and the disturbance grow as e^(30 t): 1e-9 is 1e-3 after 0.46 s."""
     own = motion(spread=30.0)
     grown = np.exp(30.0 * TIMES)
     off = [run(1e-9 * SIZE * grown * 2.0**-k, step=step) for k, step in enumerate(STEPS)]
@@ -85,14 +93,17 @@ def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():
     rung = Rung(replace(own, runs=tuple(off), disturbed=disturbed))
     last = (
         np.log(AGREEMENT_SHARE / 1e-9 * 2**5) / 30.0
-    )  # of the differences of the two finest steps
+    )  # where the two finest steps differ by too much
     assert rung.until == pytest.approx(last, abs=0.03)
     assert "a disturbance of 1e-9 has grown" in rung.words()
     assert rung.growth == pytest.approx(np.exp(30.0), rel=1e-6)
 
 
 def test_a_limit_that_is_wrong_in_silence_is_not_believed():
-    """DOP853 sticks at a force jump at 0.5 s; its two allowances agree, the steps do not."""
+    """DOP853 stops moving at a force jump at 0.5 s with both of its error allowances.
+
+    Its two solutions agree with each other, but not with the steps, which are used instead.
+    """
     stuck = np.where(TIMES > 0.5, 0.5 - TIMES, 0.0)
     own = motion(close=run(stuck, "DOP853 at 1e-9"), rough=run(stuck, "DOP853 at 1e-6"))
     rung = Rung(own)
@@ -104,7 +115,7 @@ def test_a_limit_that_is_wrong_in_silence_is_not_believed():
 
 
 def test_steps_that_do_not_converge_are_ill_posed_unless_something_else_agrees():
-    """From 0.3 s on each step leads elsewhere, by 1 cm and at random; nothing is chaotic."""
+    """From 0.3 s on each step has a random error of up to 1 cm, although nothing is chaotic."""
     chosen = np.random.default_rng(1)
     late = TIMES > 0.3
     runs = tuple(run(1e-6 * step + late * chosen.uniform(-1e-2, 1e-2), step=step) for step in STEPS)
@@ -128,13 +139,16 @@ def test_one_of_three_is_not_enough():
 
 
 def test_a_way_without_steps_that_differs_from_itself_is_not_believed():
-    """Its narrow allowance agrees with the steps, its wide one does not; a start is disturbed."""
+    """DOP853 agrees with the steps with its narrow error allowance, but not with its wide one.
+
+    The disturbed start leads elsewhere too, so that only one criterion is met.
+    """
     own = motion(rough=run(0.1 + TIMES, "DOP853 at 1e-6"), disturbed=run(0.2 + TIMES))
     assert not Rung(own).consistent
 
 
 def test_steps_that_differ_by_little_and_do_not_converge_are_not_believed():
-    """Every other one is 0.4 mm ahead, of 2 m; DOP853 is elsewhere."""
+    """Every other step is 0.4 mm ahead, with a size of 2 m, and DOP853 leads elsewhere."""
     runs = tuple(run(4e-4 * (-1) ** k + 0 * TIMES, step=step) for k, step in enumerate(STEPS))
     stuck = run(0.1 + TIMES)
     rung = Rung(motion(runs=runs, close=stuck, rough=stuck, disturbed=runs[4]))
@@ -143,7 +157,7 @@ def test_steps_that_differ_by_little_and_do_not_converge_are_not_believed():
 
 
 def test_steps_that_lead_to_another_motion_are_not_believed():
-    """The two finest stay where they are, and so does the one with a disturbed start."""
+    """The runs with the two finest steps do not move, nor does the one with a disturbed start."""
     own = motion()
     still = [replace(run(-TIMES), step=step) for step in STEPS[5:]]
     apart = run(0.1 + TIMES)
@@ -166,12 +180,12 @@ def test_the_softness_of_contacts_is_told_where_it_matters_more_than_the_step():
 
 
 def stiff(off):
-    """A run with stiffer contacts, off the one that it is compared with."""
+    """A run with stiffer contacts, with an error [m/s] to the run that it is compared with."""
     return run(motion().runs[4].points[:, 0, 0, 0] - TIMES + off * TIMES, "stiffer")
 
 
 def first(one, samples, **changed):
-    """The first samples of a run."""
+    """The run, cut to its first samples."""
     own = {name: getattr(one, name)[:samples] for name in ("points", "energy", "depth", "gap")}
     return replace(one, **own, **changed)
 
@@ -201,7 +215,7 @@ def test_a_run_that_is_failed_is_no_motion():
 
 
 def test_points_that_move_apart_in_one_body_alone_are_seen():
-    """A body that turns: its centre stays, and one of its three points does not."""
+    """A body differs by a rotation: one of its three points is elsewhere, but its centre is not."""
     own = motion()
     turned = np.array(own.runs[-1].points)
     turned[50:, 0, 2, 1] += 0.1 * SIZE
@@ -216,7 +230,7 @@ WALL = '<geom type="plane" size="1 1 1" pos="0 0 {}"/>'
 
 
 def test_a_ball_that_falls_is_self_consistent_and_off_by_half_a_step(tmp_path):
-    """Euler's method is off by g t dt / 2: 20 mm after 1 s with steps of 4 ms."""
+    """Euler's method has an error of g t dt / 2: 20 mm after 1 s with steps of 4 ms."""
     file = tmp_path / "ball.xml"
     file.write_text(BALL)
     result = check([file])
@@ -229,7 +243,7 @@ def test_a_ball_that_falls_is_self_consistent_and_off_by_half_a_step(tmp_path):
 
 
 def test_a_model_that_is_failed_says_so(tmp_path):
-    """A spring that no step of the model can follow."""
+    """The model has a spring that is too stiff for its step."""
     file = tmp_path / "spring.xml"
     file.write_text(
         '<mujoco><option timestep="0.1" integrator="RK4"/><worldbody><body><joint name="j" '
@@ -242,13 +256,16 @@ def test_a_model_that_is_failed_says_so(tmp_path):
 
 
 def stopped_early() -> OwnRun:
-    """The way that chooses its steps, which has come to the third sample only."""
+    """The run of DOP853, which chooses its steps, ended by its time at the third sample."""
     way = run(0.0 * TIMES, "DOP853 at 1e-9", 0.0)
     return replace(way, points=way.points[:3], stopped="out of time", late=True)
 
 
 def test_steps_that_fall_faster_than_their_order_tell_nothing():
-    """As with a trampoline of MuJoCo: order 2.9, and 3 mm off where 0.2 mm would be left."""
+    """Differences that fall with order 2.9 do not show convergence; those of order 1 do.
+
+    A trampoline in MuJoCo has such differences: its error is 3 mm, while they indicate 0.2 mm.
+    """
     early = stopped_early()
     fast, slow = (Rung(motion(order, close=early, rough=early)) for order in (2.9, 1.0))
     assert fast.until <= 0.02  # where DOP853 ended
@@ -256,7 +273,7 @@ def test_steps_that_fall_faster_than_their_order_tell_nothing():
 
 
 def test_a_motion_that_steps_alone_tell_is_known_to_the_last_difference():
-    """Whatever order they show: it may not last."""
+    """The error is not extrapolated with the order of 2 that the steps show: it may not last."""
     early = stopped_early()
     rung = Rung(motion(2.0, close=early, rough=early))
     assert rung.order == pytest.approx(2.0, abs=0.01)

@@ -1,4 +1,4 @@
-"""What is loaded when: a command that needs no engine does not wait for one."""
+"""Commands and imports that need no engine do not load one."""
 
 import subprocess
 import sys
@@ -28,7 +28,7 @@ def test_help_loads_no_engine_and_no_numerics() -> None:
 
 
 def test_the_command_itself_loads_no_more_for_its_help() -> None:
-    """By its entry point, which also says what MuJoCo need not load."""
+    """The command starts by its entry point, which also sets what MuJoCo need not load."""
     loaded = loaded_by(
         "import sys; from proofmass.__main__ import main; sys.argv = ['proofmass', '--help']\n"
         "try: main()\nexcept SystemExit: pass"
