@@ -203,7 +203,7 @@ def test_a_follower_keeps_its_share_of_the_leader_s_way():
     """The second drive goes from 1 to 4 while the first goes from -2 to 0: 1.5 times as fast."""
     case = driven({"from": -2.0, "to": 0.0, "rate": 2.0}, {"from": 1.0, "to": 4.0})
     assert moved(case, "dynamics", 1) == [[1.0, 1.75, 4.0], [3.0] * 3, [0.0] * 3]
-    assert moved(case, "sweep", 1) == [[4.0, 4.375, 5.5], [3.0] * 3, [0.0] * 3]  # the first drive is at X
+    assert moved(case, "sweep", 1) == [[4.0, 4.375, 5.5], [3.0] * 3, [0.0] * 3]  # drive 0 is at X
     both = drive_profiles(case, "dynamics")
     assert [float(one(X)[0][-1]) for one in both] == [0.0, 4.0]
     assert [float(one(X)[0][-1]) for one in drive_profiles(case, "sweep")] == [1.0, 5.5]

@@ -1,4 +1,4 @@
-"""What the terminal shows of a check, cell by cell, and what goes into JSON."""
+"""The tables and lines that the terminal shows of a check, and the result as JSON."""
 
 import json
 from io import StringIO
@@ -30,6 +30,7 @@ from tests.shipped import MODELS, models_like, shipped
 def of(
     case: str = "one", solver: str = "mujoco", channel: str = "y", outcome: str = "agrees", **more
 ) -> Comparison:
+    """A comparison of one channel in a sweep."""
     return Comparison(case, solver, "sweep", channel, "m", outcome=outcome, **more)
 
 
@@ -58,14 +59,14 @@ RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, of("two", channel="z"), F
 
 
 def cells(*args, **how) -> list[list[str]]:
-    """Header and rows of the table, without colours."""
+    """The header and the rows of the only summary table, without colours."""
     (table,) = summary_tables(*args, **how)
     columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     return [list(row) for row in zip(*columns, strict=True)]
 
 
 def printed(*shown: object, width: int) -> list[str]:
-    """The lines of a screen."""
+    """The lines in which objects appear on a screen of some width, without trailing blanks."""
     screen = Console(width=width, highlight=False, markup=False, emoji=False)
     with screen.capture() as caught:
         for each in shown:
@@ -178,7 +179,7 @@ LONG = [
 
 
 def test_no_word_is_broken_on_80_columns():
-    """The longest names of the shipped cases; each line says how well the engine agrees."""
+    """The longest names of the shipped cases fit, and each line has the error of the engine."""
     found = printed(*summary_tables(Result(comparisons=[*LONG, NEAR]), width=80), width=80)
     assert found == [
         "balancer_progressive_contact",
@@ -248,7 +249,7 @@ def test_what_failed_has_a_link_after_its_lines():
     rows = [
         of("pendulum", "mujoco", "angle", "differs", error_max=1.0),
         of("pendulum", "pymunk", "angle"),
-        of("loose", "mujoco", "angle", "diverged"),  # without a page
+        of("loose", "mujoco", "angle", "diverged"),  # a case without a page
     ]
     told = Diagnosis(*key, remarks=("it went too far",), failed=True)
     result = Result([pendulum], rows, diagnoses={key: told})

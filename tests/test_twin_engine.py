@@ -1,8 +1,8 @@
-"""An engine that another distribution brings works in all commands without a change of the core.
+"""An engine of another distribution works in all commands without a change of proofmass.
 
-The distribution is written by the tests: a module of some lines, and the metadata that pip would
-have installed.  `twin` is pymunk under another name, `wrong` the same with 1 % more gravity, `bare`
-has what an engine must have and nothing else, `broken` cannot be imported.
+The tests write the distribution: a short module, and the metadata that pip would install.  `twin`
+is pymunk under another name, `wrong` is the same with 1 % more gravity, `bare` has only what an
+engine must have, `broken` cannot be imported, and `foreign` is no engine.
 """
 
 import os
@@ -88,7 +88,7 @@ why = "leapfrog at 1 ms: the phase is off by (omega dt)^2 / 24 of the way"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder with the distribution, where this process and new workers find it."""
+    """A folder with the distribution, which this process and new workers have on their path."""
     folder = tmp_path_factory.mktemp("site")
     info = folder / "twin_engine-1.0.dist-info"
     info.mkdir()
@@ -97,7 +97,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     (info / "entry_points.txt").write_text(POINTS)
 
     def forget() -> None:
-        close_idle_workers()  # workers that were started with another path
+        close_idle_workers()  # those that were started with another path
         engines.engine_entry_points.cache_clear()
         engines.engine_of.cache_clear()
 
@@ -109,7 +109,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def written(folder: Path, *solvers: str) -> Path:
-    """A sidecar beside the pendulum's model."""
+    """Write a sidecar of the shipped pendulum's model for these solvers."""
     file = folder / "twins.toml"
     model = os.path.relpath(shipped("pendulum.xml"), folder)
     file.write_text(SIDECAR.format(model=model, solvers=list(solvers)))
@@ -117,7 +117,7 @@ def written(folder: Path, *solvers: str) -> Path:
 
 
 def run(*words: object) -> str:
-    """What a command prints on standard output; it must find nothing wrong."""
+    """The standard output of a command, which must end with exit code 0."""
     found = CliRunner().invoke(app, [str(word) for word in words])
     assert found.exit_code == 0, found.output
     return found.stdout
@@ -126,7 +126,7 @@ def run(*words: object) -> str:
 def test_engines_are_listed_without_being_imported(site: Path) -> None:
     others = ["bare", "broken", "foreign", "twin", "wrong"]
     assert engine_names() == ["mujoco", "pymunk", "recorded", *others]
-    assert engines.own_engines() == ("mujoco", "pymunk", "recorded")  # whose looks do not change
+    assert engines.own_engines() == ("mujoco", "pymunk", "recorded")  # these keep their colours
     assert engines.default_engines() == ("mujoco", "pymunk")
 
 
@@ -169,7 +169,7 @@ def test_an_engine_has_its_own_name_look_and_versions(site: Path) -> None:
     assert package_versions("twin")["twin-engine"] == "1.0"
     assert (
         package_versions("bare")["adapter"] == package_versions("twin")["adapter"]
-    )  # digest of the same module
+    )  # the digest of the module of both
     assert "adapter" not in package_versions("pymunk")
 
 
@@ -193,8 +193,8 @@ def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
         for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
         if (v.series, v.kind) == ("Bare", "position")
     )
-    assert verdict.reached.startswith("order 2")  # as pymunk's
-    assert verdict.expected != verdict.expected  # theory promises none
+    assert verdict.reached.startswith("order 2")  # as with pymunk
+    assert verdict.expected != verdict.expected  # NaN: no order follows from theory
     page = (tmp_path / "trade" / "index.html").read_text(encoding="utf-8")
     assert "Bare" in page
 
@@ -257,7 +257,7 @@ def test_stress_finds_where_the_twin_breaks(site: Path, tmp_path: Path) -> None:
     )
     (found,) = read_boundaries(tmp_path / "stress" / "stress.csv")
     assert (found.engine, found.parameter) == ("twin", "gravity")
-    assert found.holds > found.start == 1.0  # it ran, and no error of ours ended it at once
+    assert found.holds > found.start == 1.0  # it ran, and did not fail at once
     assert "Twin" in (tmp_path / "stress" / "index.html").read_text(encoding="utf-8")
 
 
@@ -271,7 +271,7 @@ def test_stress_has_the_test_problems_of_the_twin(
         return [(one.what, one.setting, one.parameter, one.theory) for one in found]
 
     assert asked("twin") == asked("pymunk")
-    assert len(asked("twin")) > len(asked("bare")) > 0  # of which no scheme is known
+    assert len(asked("twin")) > len(asked("bare")) > 0  # which states no time stepping scheme
 
 
 def test_pytest_runs_the_twin(site: Path, tmp_path: Path) -> None:

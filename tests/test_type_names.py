@@ -1,4 +1,4 @@
-"""Names of classes and types: each has one meaning in the whole package."""
+"""No two classes or type aliases of the package have the same name."""
 
 import ast
 import re
@@ -7,11 +7,11 @@ from pathlib import Path
 import proofmass
 
 TYPE = re.compile(r"[A-Z]\w*[a-z]\w*")
-"""What a class or a type is called, and no constant."""
+"""The name of a class or a type alias, which a constant does not match."""
 
 
 def type_names(source: str) -> list[str]:
-    """The names that a module gives to classes and aliases of types."""
+    """The names of the classes and type aliases that a module defines."""
     found = []
     for node in ast.parse(source).body:
         if isinstance(node, ast.ClassDef):

@@ -1,4 +1,4 @@
-"""One bad input costs itself only: limits of time and memory, and errors of every kind."""
+"""A bad input affects no other: limits of time and memory, crashes, and errors of all kinds."""
 
 import ctypes
 import importlib
@@ -35,7 +35,7 @@ LARGE = (
 
 
 class Peculiar(Exception):
-    """An exception that can be packed but not unpacked."""
+    """An exception that can be pickled but not unpickled."""
 
     def __init__(self, one: int, two: int):
         super().__init__(f"{one} and {two}")
@@ -46,7 +46,7 @@ def peculiar() -> None:
 
 
 def deep(with_dask: bool) -> None:
-    """Fail far from where the call began; dask teaches pickle to pack tracebacks and contexts."""
+    """Fail in a deep recursion; dask, if imported, makes pickle include tracebacks and contexts."""
     if with_dask:
         importlib.import_module("dask.multiprocessing")
     try:
@@ -71,18 +71,21 @@ def test_a_call_has_as_much_memory_as_it_is_given():
 
 
 def data() -> int:
-    """Data of this process [KiB], touched or not, as its limit counts it."""
+    """The data segment of this process [KiB], as its limit counts it: also pages never used."""
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     return int(status.partition("VmData:")[2].split()[0])
 
 
 def leave_holes() -> int:
-    """What a process has more after it freed large blocks with small ones between them [KiB]."""
+    """The growth of the data segment [KiB] by large blocks that are freed, but not those between.
+
+    Between the large blocks are small ones, which stay in use.
+    """
     libc = ctypes.CDLL(None)
     libc.malloc.restype, libc.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
     libc.free.argtypes = [ctypes.c_void_p]
     before = data()
-    for _ in range(2):  # glibc takes blocks of a size that was freed once from its heap
+    for _ in range(2):  # glibc takes blocks from its heap if one of their size was freed before
         large, small = [], []
         for _ in range(20):
             large.append(libc.malloc(14 << 20))
@@ -94,7 +97,10 @@ def leave_holes() -> int:
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the heap is that of glibc")
 def test_blocks_that_are_freed_are_no_data_of_a_worker():
-    """MuJoCo's arenas, which are reserved and hardly used, once made up 8 GB of a worker."""
+    """A worker returns freed blocks to the system; an ordinary process keeps them in its heap.
+
+    MuJoCo's arenas, which are reserved and hardly used, once made up 8 GB of a worker.
+    """
     assert call_isolated(leave_holes, timeout=20) < 20 << 10
     heap = subprocess.run(
         [sys.executable, "-c", "from tests.test_worker import leave_holes; print(leave_holes())"],
@@ -103,7 +109,7 @@ def test_blocks_that_are_freed_are_no_data_of_a_worker():
         check=True,
         env={k: v for k, v in os.environ.items() if not k.startswith("MALLOC_")},
     )
-    assert int(heap.stdout) > 200 << 10  # without what a worker is given, 20 holes
+    assert int(heap.stdout) > 200 << 10  # without a worker's environment, 20 blocks of 14 MB
 
 
 def test_limits_may_be_larger_than_any_machine():
@@ -134,7 +140,7 @@ def test_an_exception_is_sent_without_where_it_was_raised():
 
 
 def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
-    """After such a model MuJoCo 4.0.0 hangs as soon as it warns of another."""
+    """After a model that is too large, MuJoCo 4.0.0 hangs at the next warning in the process."""
     large, warns = tmp_path / "large.xml", tmp_path / "warns.xml"
     large.write_text(
         '<mujoco><asset><hfield name="h" nrow="1000000" ncol="1000000" size="1 1 1 1"'
@@ -144,7 +150,7 @@ def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
         '<mujoco><worldbody><body pos="nan 0 0"><joint/><geom size="1"/></body>'
         "</worldbody></mujoco>"
     )
-    close_idle_workers()  # so that there is one process
+    close_idle_workers()  # so that there is one worker only
     process = call_isolated(os.getpid, timeout=20)
     for file, why in ((large, "cannot compile"), (warns, "not a number")):
         with pytest.raises(BadModel, match=why):
@@ -169,7 +175,7 @@ def test_modules_of_the_folder_are_not_imported(tmp_path, monkeypatch):
 
 @pytest.fixture
 def pendulum(edit):
-    """A good case beside, of half a second."""
+    """Another case, of half a second, which agrees."""
     edit("pendulum.toml", "until = 10.0", "until = 0.5")
     return edit("pendulum.toml", "n = 1001", "n = 51")
 
@@ -187,7 +193,7 @@ def test_a_model_that_is_too_large_costs_itself_only(models, edit, keep_solver, 
     assert outcomes(result, "fourbar_released") == {"timed out"}
     assert "agrees" in outcomes(result, "pendulum")
     assert result.exit_code == 1
-    assert time.monotonic() - began < 120  # it took longer than ten minutes without a limit
+    assert time.monotonic() - began < 120  # without a limit it took more than ten minutes
 
 
 def test_a_reference_that_takes_too_long_costs_itself_only(models, edit, pendulum):
@@ -233,7 +239,7 @@ def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
 
 @pytest.mark.parametrize(
     "deep",
-    [  # the reader of TOML takes a minute for the second one
+    [  # `tomllib` takes a minute for the second one
         pytest.param("x = " + "[" * 100_000, id="arrays"),
         pytest.param("a" + ".a" * 50_000 + " = 1", id="tables"),
     ],
@@ -249,7 +255,7 @@ def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(
 
 
 def test_the_worker_that_ran_last_is_asked_first():
-    """Two wait; the one that was called last has what the next call may ask for again."""
+    """Of two idle workers the one that ran last is called, since it may have stored results."""
     close_idle_workers()
     other = threading.Thread(target=call_isolated, args=(time.sleep, 0.3), kwargs={"timeout": 9})
     other.start()
@@ -267,7 +273,7 @@ def test_a_hang_is_killed_while_others_go_on():
 
 
 def loads_windows() -> bool:
-    """Whether MuJoCo brings what draws in windows."""
+    """Whether importing MuJoCo loads GLFW, its library for windows."""
     import mujoco  # noqa: F401
 
     return "glfw" in sys.modules
@@ -288,9 +294,9 @@ def misread() -> None:
 
 
 def compiles(asking: int) -> bool:
-    """Whether a process has a worker that has done more than load, by its processor time.
+    """Whether a process has a worker that has used more processor time than loading takes.
 
-    It goes on for the two minutes that its runs may take.
+    Without an interrupt it would compile for the two minutes of its time limit.
     """
     threads = Path(f"/proc/{asking}/task").glob("*/children")
     workers = [worker for file in threads for worker in file.read_text().split()]
@@ -306,7 +312,7 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    late = time.monotonic() + 20.0  # also where there is no /proc
+    late = time.monotonic() + 20.0  # the end of waiting where there is no /proc
     while not compiles(asking.pid) and time.monotonic() < late:
         time.sleep(0.1)
     asking.send_signal(signal.SIGINT)
@@ -314,7 +320,10 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
 
 
 def test_an_interrupt_leaves_no_clock_that_the_process_would_wait_for(monkeypatch):
-    """Ctrl-C right after the clock of a call was started: the process ended when it ran out."""
+    """After Ctrl-C no timer of a call keeps the process from ending.
+
+    Once, Ctrl-C right after the start of the timer delayed the end until the timer ran out.
+    """
     begin = threading.Timer.start
 
     def interrupted(timer):

@@ -1,4 +1,4 @@
-"""What commands leave to workers: models and references of the user's, within the case's limits."""
+"""Commands compile models and evaluate references in workers, within the limits of the case."""
 
 from collections.abc import Callable
 from functools import partial
@@ -31,12 +31,15 @@ from proofmass.studies.variants import evaluate_reference, with_drive_distance
 from tests.shipped import shipped
 
 LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
-"""A model that takes MuJoCo minutes."""
+"""Part of a model that takes MuJoCo minutes to compile."""
 
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Files that this process compiles from now on; it may evaluate no reference."""
+    """The files that this process compiles during a test.
+
+    A test fails if this process evaluates a reference.
+    """
     files = list[str]()
 
     def noted(do: Callable, file: str, *more: object) -> object:
@@ -53,7 +56,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(
     models, edit, keep_solver, here, tmp_path
 ):
-    """Of a case with a drive and with views."""
+    """The case has a drive and views."""
     edit("balancer_sine.toml", r"n = \d+", "n = 9")
     result = check([keep_solver("balancer_sine.toml", "mujoco")], causes=False)
     assert "agrees" in {c.outcome for c in result.comparisons}
@@ -65,7 +68,7 @@ def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(
 
 
 def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path):
-    """With a drive, a view, and another set of parameters beside its own."""
+    """The case, whose runs timed out, has a drive, a view and parameters to compare with."""
     case = load_case(models / "balancer_sine.toml")
     rows = [
         Comparison(case.name, solver, "sweep", name, channel.unit, outcome="timed out")
@@ -79,7 +82,7 @@ def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path)
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar"])
 def test_a_choice_is_verified_in_workers(name, models, edit, here):
-    """The general solver, from which a free motion starts later, is a reference too."""
+    """The general solver, which gives the start of the shifted free motion, is a reference too."""
     edit(f"{name}.toml", r"(?s)(run.dynamics.*?\nn = )\d+", r"\g<1>5")
     row = StudyRow("trade", name, "dynamics", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
     done = verify(load_case(models / f"{name}.toml"), "dynamics", row, "position", 1e-3)
@@ -99,7 +102,7 @@ def test_changed_models_are_compiled_and_followed_in_workers(models, here, stres
     assert evaluate_reference(with_drive_distance(fourbar.case, 1.0), "sweep").x.size == 361
     assert list(search_energy_error(stressed("fourbar_released")))
     names = {Path(file).parent for file in here}
-    assert names == {models}  # the cases' own models, which their numbers are asked of
+    assert names == {models}  # the cases' own models, whose numbers are looked up
 
 
 def test_rods_in_other_numbers_of_segments_are_built_in_workers(models, here):
@@ -141,7 +144,7 @@ def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, ed
 
 
 def test_models_that_are_no_longer_asked_for_are_forgotten():
-    """A search for what a case notices compiles thousands, each 0.1 MB of a worker."""
+    """A search for detectable changes compiles thousands of models of 0.1 MB in one worker."""
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
     for _ in range(MODELS_IN_MEMORY + 8):
         assert model_dof(mujoco.MjModel.from_xml_string(text), "start") == 1

@@ -2,8 +2,8 @@
 
 The closed forms, the models and the channels are those of `models/`.  Samples are few, paths are
 short and each run has a time limit of `TIMEOUT`.  Short paths have small ranges, of which rounding
-and softness are a larger share than in the shipped cases: tolerances of a range are 1e4 times
-wider.  That changes no verdict of the fuzz tests: their oracle reads the tolerance that was
+and softness are a larger share than in the shipped cases, so tolerances relative to a range are 1e4
+times wider.  This does not affect the fuzz tests, whose oracle reads the tolerance that was
 allowed.
 """
 
@@ -14,8 +14,8 @@ from pathlib import Path
 from tests.shipped import shipped, written_out
 
 TIMEOUT = 6.0
-"""Limit of each run of a small case [s]; a run that has no fault takes 0.05 s.  The limit
-includes the start of an engine's process, 1.5 s on a quiet machine."""
+"""Limit of each run of a small case [s]; a run without a fault takes 0.05 s.  The limit includes
+the start of an engine's process, 1.5 s on an idle machine."""
 
 Files = dict[str, bytes]
 
@@ -51,14 +51,15 @@ EDITS: dict[str, list] = {
     "watt": SHORT,
 }
 OF = {"fourbar_sweep": "fourbar"}
-"""Cases that are made of another one: what one run refuses, the other must not have to."""
+"""Cases that are made of another one, so that an input that one run refuses is tested in the other
+run."""
 ROWS = {"hacksaw_recorded": slice(300, 308)}
-"""Rows of the recorded curve that are kept, beside its comments and its header."""
+"""Rows of the recorded curve that are kept, in addition to its comments and its header."""
 
 
 @cache
 def small(name: str) -> tuple[tuple[str, bytes], ...]:
-    """Files of a small case, as pairs of name and content."""
+    """The files of a small case, as pairs of name and content."""
     text = written_out(shipped(f"{OF.get(name, name)}.toml"))
     for old, new in EDITS[name]:
         text = re.sub(old, new, text)
@@ -74,7 +75,7 @@ def small(name: str) -> tuple[tuple[str, bytes], ...]:
 
 
 def started(folder: Path) -> None:
-    """Check a good case without haste, so that an engine's process waits for the next one."""
+    """Check a good case with a long time limit, so that an idle worker waits for the next one."""
     from proofmass.check import check
 
     slow = {

@@ -1,7 +1,7 @@
-"""Inputs by number, and a hunt over many of them that shrinks and keeps what it finds.
+"""Inputs by their numbers, and a hunt over many inputs that shrinks and stores its findings.
 
 ``python -m tests.fuzz.hunt FIRST LAST [FOLDER]`` judges the inputs FIRST to LAST - 1 and writes the
-smallest input of each new signature into FOLDER, `tests/data/fuzz` if left out.
+smallest input of each new signature into FOLDER, by default `tests/data/fuzz`.
 """
 
 import json
@@ -20,7 +20,7 @@ from tests.fuzz.judge import MARGIN, ROOT, Judge, Verdict
 from tests.fuzz.mutators import Mutation, drawn, mutated
 
 COLD = 20.0
-"""Limit of a run [s] where engines start with it; 9 s were seen on a machine with a load of 12."""
+"""Limit of a run that includes the start of its engine [s]; with a load of 12 it took 9 s."""
 KEPT = ROOT / "tests" / "data" / "fuzz"
 
 
@@ -38,7 +38,7 @@ def made(name: str, mutations: list[Mutation]) -> Files:
 
 
 def shrunk(judge: Judge, name: str, mutations: list[Mutation], signature: str) -> list[Mutation]:
-    """As few of the mutations as still have a finding with that signature."""
+    """As few of the mutations as still lead to a finding with this signature."""
     for k in reversed(range(len(mutations))):
         fewer = mutations[:k] + mutations[k + 1 :]
         if fewer and signature in judge.judge(name, made(name, fewer)).findings:
@@ -47,13 +47,13 @@ def shrunk(judge: Judge, name: str, mutations: list[Mutation], signature: str) -
 
 
 def by_command_line(files: Files, folder: Path) -> Verdict:
-    """The same input through ``proofmass check FOLDER --json``.
+    """Judge an input by ``proofmass check FOLDER --json``.
 
-    Each command starts its engines anew, so that runs get more time than in the judge.
+    Each command starts its engines, so that runs get more time than in the judge.
     """
     limit = (
         LOADING_SECONDS + 5 * COLD + MARGIN
-    )  # no small case has more than four runs, and a look before
+    )  # at most four runs in a small case, and the check of the case before
     write(
         {
             name: content.replace(f"timeout = {TIMEOUT}".encode(), f"timeout = {COLD}".encode())
@@ -93,7 +93,7 @@ def by_command_line(files: Files, folder: Path) -> Verdict:
 
 
 def keep(folder: Path, signature: str, name: str, files: Files) -> Path:
-    """Store an input under its signature; `open` says that the finding is there still."""
+    """Store an input under its signature, as `open`: the finding is not repaired yet."""
     folder.mkdir(parents=True, exist_ok=True)
     slug = re.sub(r"\W+", "_", signature).strip("_")[:80]
     file = folder / f"{slug}.json"
@@ -105,14 +105,14 @@ def keep(folder: Path, signature: str, name: str, files: Files) -> Path:
 
 
 def kept(file: Path) -> tuple[str, Files, dict]:
-    """A stored input: its case, its files, and what is known of it."""
+    """A stored input: its case, its files, and its table with signature and `open`."""
     table = json.loads(file.read_text(encoding="ascii"))
     changed = {k: v.encode("latin-1") for k, v in table["changed"].items()}
     return table["case"], dict(small(table["case"])) | changed, table
 
 
 def hunt(first: int, last: int, folder: Path) -> Counter[str]:
-    """Judge inputs, print what is new, and count signatures and notes."""
+    """Judge inputs, print new findings and notes, store new findings, and count all of them."""
     known = {kept(file)[2]["signature"] for file in folder.glob("*.json")}
     seen, slow = Counter[str](), list[tuple[float, int]]()
     began = time.perf_counter()

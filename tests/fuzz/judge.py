@@ -1,9 +1,9 @@
-"""One process that judges inputs, and the handle by which a test uses and replaces it.
+"""A process that judges inputs, and the object by which a test calls and replaces it.
 
 The product reads, compiles and runs in workers with limits of time and memory.  An input that
-crashes or hangs the process that calls `check` all the same must not end the test, so the judge is
-a process of its own, in a session of its own with its workers, with a limit of memory; whoever asks
-it ends it when it is late.
+nevertheless crashes or hangs the process that calls `check` must not end the test.  Therefore the
+judge is a process of its own with a limit of memory, in a session with its workers, and its caller
+ends the session if no answer comes in time.
 """
 
 import json
@@ -25,20 +25,21 @@ from tests.fuzz.cases import TIMEOUT, Files, small, started, write
 
 ROOT = Path(__file__).parent.parent.parent
 MARGIN = 15.0
-"""[s] beyond the stated limits of all runs: start of processes on a busy machine."""
+"""Time beyond the stated limits of all runs [s], for the start of processes on a busy machine."""
 LONGEST = 45.0
-"""[s] stated limits are not waited for any longer; such an input is left unjudged."""
+"""Longest time to wait for stated limits [s]; an input that states longer ones is not judged."""
 LENGTHY = 20_000
-"""Bytes of a sidecar whose limits are read; `tomllib` takes memory with the square of a key."""
+"""Largest size of a sidecar whose limits are read [bytes]: the memory that `tomllib` takes grows
+with the square of the length of a key."""
 MEMORY = 6 << 30
-"""Address space of a judge and, each, of its engines [bytes]."""
+"""Address space of a judge, and of each of its engines [bytes]."""
 LIFE = 300
-"""Inputs that a judge takes before it is replaced: the product keeps what it compiled."""
+"""Inputs that a judge takes before it is replaced, since the product keeps compiled models."""
 
 
 @dataclass
 class Verdict:
-    """What came of an input: findings by their signatures, and notes that are no findings."""
+    """The result of an input: findings by their signatures, and notes, which are no findings."""
 
     findings: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -48,10 +49,10 @@ class Verdict:
 
 
 class Judge:
-    """A process that judges one input after the other; it is started again when it fails.
+    """A process that judges one input after the other, and is started again when it fails.
 
-    The causes of differences are sought where they are asked for: they take seconds, and whatever
-    goes wrong there is a line of a diagnosis.
+    With `causes` the product also searches for the causes of differences.  The search takes
+    seconds, and an error in it is only a line of a diagnosis.
     """
 
     def __init__(self, folder: Path, causes: bool = True):
@@ -84,7 +85,7 @@ class Judge:
             self.process = None
 
     def said(self) -> str:
-        """What the process wrote to standard error."""
+        """The end of what the process wrote to standard error."""
         self.words.seek(0)
         return self.words.read().decode(errors="replace")[-20_000:]
 
@@ -124,9 +125,9 @@ class Judge:
 
 
 def time_limit(files: Files, name: str) -> tuple[float, bool]:
-    """Seconds to wait for an input, and whether that covers the limits that it states.
+    """Seconds to wait for an input, and whether they cover the limits that it states.
 
-    It is read, checked and run, each within a limit of its own.
+    Reading the sidecar, checking the case, and each run have limits of their own.
     """
     total, text = TIMEOUT, files[f"{name}.toml"]
     try:
@@ -135,12 +136,12 @@ def time_limit(files: Files, name: str) -> tuple[float, bool]:
         for run in tomllib.loads(text.decode()).get("run", {}).values():
             total += float(run.get("timeout", 120.0)) * (1 + len(run.get("solvers", [])))
     except (ValueError, AttributeError, TypeError, RecursionError):
-        total = 7 * TIMEOUT  # as the small cases state it, or no case at all
+        total = 7 * TIMEOUT  # as of an unchanged small case; or the input is no case
     return min(max(total, TIMEOUT), LONGEST) + MARGIN, total <= LONGEST
 
 
 def place_of(frames: list[tuple[str, str]]) -> str:
-    """The innermost place of the product in a stack of (file, function), innermost last."""
+    """The innermost function of the product in a stack of (file, function), innermost last."""
     for file, function in reversed(frames):
         for part in ("proofmass",):
             if f"/{part}/" in file and "site-packages" not in file:
@@ -149,7 +150,7 @@ def place_of(frames: list[tuple[str, str]]) -> str:
 
 
 def stuck(words: str) -> str:
-    """Where the main thread or a task was, from a dump of all stacks, innermost first there."""
+    """Where the main thread or a task hangs, from a dump of all stacks, innermost frame first."""
     found = [
         place_of(re.findall(r'File "(.*?)", line \d+ in (\S+)', block)[::-1])
         for block in re.split(r"Thread |Current thread ", words.split("Timeout (")[-1])
@@ -158,11 +159,11 @@ def stuck(words: str) -> str:
     return inner[0] if inner else "; ".join(f for f in found if f != "?")[:200]
 
 
-# in the process
+# within the process
 
 
 def examine(folder: Path, name: str, causes: bool) -> Verdict:
-    """Check a folder as the command line does, and judge what comes of it."""
+    """Check a folder as the command line does, and judge the result."""
     from proofmass.check import check
     from proofmass.terminal import as_json, failure_lines, summary_tables
     from tests.fuzz.oracle import judge
@@ -181,7 +182,7 @@ def examine(folder: Path, name: str, causes: bool) -> Verdict:
         return answer
     for error in result.errors:
         answer.detail += f"{error}\n"[:1000]
-        if failed := re.match(r".* failed: (\w+): ", error.wrong):  # nothing but a net caught it
+        if failed := re.match(r".* failed: (\w+): ", error.wrong):  # by the handler of last resort
             answer.findings.append(f"unforeseen {failed[1]} in a run")
         if error.wrong.startswith("cannot be read: "):
             answer.notes.append(error.wrong[:80])
@@ -213,7 +214,7 @@ def examine(folder: Path, name: str, causes: bool) -> Verdict:
 
 
 def main() -> None:
-    """Answer requests, a line each."""
+    """Answer requests, of one line each."""
     import faulthandler
     import importlib
     import time

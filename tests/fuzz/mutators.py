@@ -1,7 +1,7 @@
 """Mutators of MJCF, TOML and CSV: ``mutator(rng, content) -> content``, all of them bytes.
 
-A mutator that finds nothing to change returns its input.  Each takes what it needs from `rng`
-alone, so that an input is a list of (file ending, mutator, seed).
+A mutator that finds nothing to change returns its input.  All random choices come from `rng`, so
+that a list of (file ending, mutator, seed) determines an input.
 """
 
 import re
@@ -14,7 +14,7 @@ Mutator = Callable[[Random, bytes], bytes]
 
 
 class Mutation(NamedTuple):
-    """One change: to the file of that ending, by the mutator of that name, with that seed."""
+    """A change of the file with an ending, by the mutator with a name, with a seed."""
 
     ending: str
     mutator: str
@@ -54,7 +54,7 @@ def bytes_of(text: str) -> bytes:
 
 
 def number(rng: Random, old: str) -> str:
-    """Another number in place of `old`, or what is no number."""
+    """Another number in place of `old`, or a text that is no number."""
     kind = rng.random()
     if kind < 0.15:
         return rng.choice(NONSENSE)
@@ -74,7 +74,7 @@ def number(rng: Random, old: str) -> str:
 
 
 def in_line(rng: Random, line: str) -> str:
-    """One of the numbers of a line changed."""
+    """A line with one of its numbers changed."""
     hits = list(NUMBER.finditer(line))
     if not hits:
         return line
@@ -83,7 +83,7 @@ def in_line(rng: Random, line: str) -> str:
 
 
 def typo(rng: Random, word: str) -> str:
-    """A word with a letter swapped, dropped, doubled, or in the other case."""
+    """A word with a letter swapped, dropped, doubled or in the other case, or with one added."""
     if not word:
         return "x"
     k = rng.randrange(len(word))
@@ -101,7 +101,7 @@ def typo(rng: Random, word: str) -> str:
 
 
 def odd_word(rng: Random, others: list[str]) -> str:
-    """A word that stands elsewhere, or one that stands nowhere."""
+    """One of the other words of the file, or a word that cannot be one."""
     if others and rng.random() < 0.6:
         return rng.choice(others)
     return rng.choice(
@@ -660,7 +660,7 @@ def t_word(rng: Random, content: bytes) -> bytes:
         return content
     hit = rng.choice(hits)
     new = typo(rng, hit[1]) if rng.random() < 0.4 else odd_word(rng, [m[1] for m in hits])
-    if rng.random() < 0.8:  # else what TOML does not let pass
+    if rng.random() < 0.8:  # otherwise TOML refuses a backslash
         new = new.replace("\\", "\\\\")
     return bytes_of(text[: hit.start(1)] + new + text[hit.end(1) :])
 
@@ -724,7 +724,7 @@ def t_deep(rng: Random, content: bytes) -> bytes:
 
 
 def t_unit(rng: Random, content: bytes) -> bytes:
-    """The unit, scale or shift of one channel changed."""
+    """Change the unit, the scale, the shift or `only` of one channel."""
     text = text_of(content)
     hits = list(re.finditer(r'unit = "([^"]*)" ?', text))
     if not hits:
@@ -827,7 +827,7 @@ def c_separator(rng: Random, content: bytes) -> bytes:
 
 
 def c_constant(rng: Random, content: bytes) -> bytes:
-    """A cell of all rows at once: scaled, constant, or moved."""
+    """Scale a column, make it constant, or shift it."""
     rows, first = cells(content)
     k, factor = rng.randrange(len(rows[first])), rng.choice([0.0, 1.0, 2.0, -1.0, 1.001])
     more = rng.choice([0.0, 0.0, 1.0, 6.283185307179586])
@@ -880,7 +880,7 @@ MUTATORS: dict[str, dict[str, tuple[Mutator, int]]] = {  # with weights
 
 
 def drawn(rng: Random, endings: list[str]) -> list[Mutation]:
-    """One to three mutations of files with these endings."""
+    """Draw one to three mutations of files with these endings."""
     found = []
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
         ending = rng.choice(endings)
@@ -891,7 +891,7 @@ def drawn(rng: Random, endings: list[str]) -> list[Mutation]:
 
 
 def mutated(files: dict[str, bytes], mutations: list[Mutation]) -> dict[str, bytes]:
-    """The files after all mutations, one after the other."""
+    """The files after all mutations, which are applied one after the other."""
     changed = dict(files)
     for mutation in mutations:
         name = next(n for n in changed if n.endswith(mutation.ending))

@@ -1,37 +1,37 @@
-"""An oracle for verdicts that are good: what bare MuJoCo makes of the same files.
+"""An oracle that judges good outcomes by the curves that bare MuJoCo gives for the same files.
 
 It shares no code with the product.  It reads the sidecar with `tomllib`, the recorded curve with
-`csv`, compiles the MJCF with MuJoCo alone, and computes every channel by a second way:
+`csv`, compiles the MJCF with MuJoCo alone, and computes every channel in a second way:
 
-- driven runs by Newton's method on loops and forces at once, ``f + J' s = 0`` and ``c(q) = 0``,
-  with the engine's rows and forces and numerical derivatives; rates and accelerations are
-  differences along the drive; the multiplier of the drive is its holding moment, to which the
-  motion adds what masses and armatures do along the difference of poses;
+- driven runs by Newton's method on the loops and the forces together, ``f + J' s = 0`` and
+  ``c(q) = 0``, with the engine's constraint rows and forces, and with numerical derivatives; rates
+  and accelerations are differences along the drive; the multiplier of the drive is its holding
+  moment, to which a motion adds the power of inertial forces per rate of the drive;
 - free motions by `mj_step` with the options of the file.
 
 A verdict is a *false agreement* if a channel agrees although one of these holds:
 
-- the engine's curve, or its x, is not what bare MuJoCo gives for the mutated files;
+- the engine's curve, or its x, is not that of bare MuJoCo for the mutated files;
 - a parameter of a closed form differs by more than three times its detectable change, or the
   assembly mode differs;
 - a channel's `equals` differs from that of the case before the mutation, and a closed form has
   another curve for it, or its `unit` measures another quantity;
-- dry friction, a joint range that the motion leaves, or a contact is in the model, although a
-  channel depends on forces; the product's sweeps have none of them.
+- the model has dry friction, a joint range that the motion leaves, or a contact, although a channel
+  depends on forces; the product's sweeps have none of them.
 
-Harmless changes, which no verdict has to notice, and why:
+Harmless changes, which need not change an outcome, and the reasons:
 
-- drawing (colours, sizes and groups of geoms without contact, lights, comments, names of what no
-  channel uses): nothing that moves depends on it;
+- drawing (colours, sizes and groups of geoms without contact, lights, comments, names of elements
+  that no channel uses): no motion depends on it;
 - masses, inertias, springs, dampers, armature, gravity and loads in a run whose channels are
   kinematic: its drives prescribe the motion (bare MuJoCo gives the same curves);
-- steps, iterations, softness: they are the engine's accuracy, which the tolerance judges;
-- samples, limits of time, rates and ends of a drive: both sides follow them;
+- steps, iterations, softness: they determine the engine's accuracy, which the tolerance judges;
+- samples, limits of time, rates and ends of a drive: engine and reference both follow them;
 - lengths of a model whose reference is the general solver: it reads them from the same MJCF, as
   docs/sidecar.md says;
-- tolerances that are wider, narrower or gone, channels, runs and solvers that are gone: the result
-  says so (`allowed`, "unchecked", no row);
-- words: titles, sources, reasons.
+- tolerances that are wider, narrower or removed, and channels, runs and solvers that are removed:
+  the result shows it (`allowed`, "unchecked", no row);
+- texts: titles, sources, reasons.
 """
 
 import csv
@@ -52,7 +52,7 @@ S, OFF = mujoco.mjtSensor, mujoco.mjtDisableBit
 Array = Any
 FORCES = ("actuatorfrc", "jointactuatorfrc", "e_potential")
 UNITS = {"deg": ("rad", math.pi / 180), "J": ("N m", 1.0)}
-"""What a channel's unit is in SI; other words stand for themselves."""
+"""SI units and factors of a channel's units; other units are SI units."""
 PREFIXES = dict(
     zip(
         "qryzafpnµmcdhkMGTPEZYRQ",
@@ -66,15 +66,15 @@ PREFIXES = dict(
         strict=True,
     )
 ) | {"u": 1e-6, "da": 10.0}
-"""Of a unit; a mutation of `rad` may be `rrad`, 1e-27 rad."""
+"""Prefixes of units and their factors; a mutation of `rad` may be `rrad`, 1e-27 rad."""
 
 
 class Unjudged(Exception):
-    """The oracle does not cover this input; the reason."""
+    """The oracle does not cover this input, for the reason given."""
 
 
 def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tuple[list[str], str]:
-    """False agreements among the channels of a result, and why some of it was not judged."""
+    """The false agreements of a result, and the reason if some channels were not judged."""
     new = tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8-sig"))
     old = tomllib.loads(before[f"{name}.toml"].decode())
     agrees = [c for c in result.comparisons if c.outcome == "agrees" and c.case == name]
@@ -94,10 +94,10 @@ def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tup
 
 
 def filled(new: dict, case: Any) -> dict[str, dict]:
-    """Runs and channels as the file has them, with what it leaves to defaults as the case has it.
+    """Runs and channels as in the file, with the keys that it leaves to defaults as in the case.
 
-    So a default is judged like a key: a channel that is held against another quantity than before
-    the mutation is found, whoever chose it.
+    So a default is judged like a key of the file: a channel that is compared with another quantity
+    than before the mutation is found, whether the file or a default chose the quantity.
     """
     whole = case.model_dump(by_alias=True, exclude_none=True)
     return {
@@ -126,9 +126,9 @@ def parameters(old: dict, new: dict, agrees: list) -> list[str]:
 
 
 def least(agrees: list, key: str, value: float) -> float:
-    """The smallest change of a parameter that one of the channels notices; infinite if none does.
+    """The smallest detectable change of a parameter over channels, or infinity without any.
 
-    A change whose size is not known, NaN, is none.
+    A change of unknown size, NaN, does not count.
     """
     changes = [c.detectable[key] for c in agrees if key in c.detectable]
     return min(
@@ -142,18 +142,18 @@ def least(agrees: list, key: str, value: float) -> float:
 
 
 def in_si(unit: str) -> tuple[str, float]:
-    """The SI unit of a channel's unit, and the factor to it."""
+    """The SI unit of a channel's unit, and the factor that converts to it."""
     unit = " ".join(unit.split())
     hit = re.fullmatch(f"({'|'.join(PREFIXES)})(rad|m)", unit)
     return (hit[2], PREFIXES[hit[1]]) if hit else UNITS.get(unit, (unit, 1.0))
 
 
 def channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
-    """Channels that agree although they are held against another quantity or in another unit."""
+    """Channels that agree although their quantity, unit, scale or shift is another one."""
     found = []
     for c in agrees:
         was, now = old["channels"].get(c.channel), new["channels"].get(c.channel)
-        if was is None or now is None:  # as of a row that shows an order of convergence
+        if was is None or now is None:  # such as a row with an order of convergence
             continue
         (quantity, factor), (other, its) = in_si(was["unit"]), in_si(now["unit"])
         if quantity != other:
@@ -179,7 +179,7 @@ def channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
 
 
 def alike(old: dict, curves: Any, one: str | float, two: str | float, allowed: float) -> bool:
-    """Whether a closed form has one curve for two quantities, as for a slide along x."""
+    """Whether two quantities of a closed form have the same curve, as those of a slide along x."""
     if "parameters" not in old:
         return False
     solve = importlib.import_module(REFERENCES[old["reference"]]).solve
@@ -192,11 +192,11 @@ def alike(old: dict, curves: Any, one: str | float, two: str | float, allowed: f
 
 
 def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> list[str]:
-    """Channels whose curves are not those that bare MuJoCo gives."""
+    """Channels whose curves are not those of bare MuJoCo."""
     model = mujoco.MjModel.from_xml_path(str(folder / new.get("model", f"{name}.xml")))
     if (model.jnt_type < int(mujoco.mjtJoint.mjJNT_SLIDE)).any() or model.nq > 12:
         raise Unjudged("joints other than a few hinges and slides")
-    found, bares = [], dict[str, Bare]()  # of runs, whatever their solver
+    found, bares = [], dict[str, Bare]()  # by runs, for all solvers
     recorded = table(folder / new["reference"]) if new["reference"].endswith(".csv") else None
     for run, solver in dict.fromkeys((c.run, c.solver) for c in agrees):
         mine = [c for c in agrees if (c.run, c.solver) == (run, solver)]
@@ -225,7 +225,7 @@ def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> 
 
 
 def far(curve: Array, want: Array, allowed: float, angle: bool = False) -> bool:
-    """Whether two curves differ by more than tolerance and the oracle's own error allow."""
+    """Whether two curves differ by more than the tolerance and the oracle's own error."""
     error = curve - want
     if angle:
         error = np.angle(np.exp(1j * (error - error[0]))) + np.angle(np.exp(1j * error[0]))
@@ -235,7 +235,7 @@ def far(curve: Array, want: Array, allowed: float, angle: bool = False) -> bool:
 
 
 def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
-    """The grid of a run, and for each drive (joint, value, rate, acceleration) on it."""
+    """The samples of a run, and (joint, value, rate, acceleration) of each drive at them."""
     drives = new.get("drive", [])
     drives = [drives] if isinstance(drives, dict) else drives
     if len(drives) > 1:
@@ -271,7 +271,7 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
 
 
 def table(file: Path) -> dict[str, Array]:
-    """A recorded curve in SI units; the oracle knows few of them."""
+    """The columns of a recorded curve in SI units; the oracle knows few units."""
     data = file.read_bytes()
     text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
@@ -385,7 +385,7 @@ class Bare:
             d.qvel[:] = 0
 
     def at_rest(self, q: Array, s: Array) -> Array:
-        """All sensors at rest, when loops push with their multipliers."""
+        """All sensors in a pose at rest, with the multipliers as the forces of the loops."""
         m, d = self.model, self.data
         d.qpos[:], d.qvel[:], d.qacc[:] = q, 0, 0
         mujoco.mj_fwdPosition(m, d)
@@ -397,7 +397,7 @@ class Bare:
         return d.sensordata.copy()
 
     def of_motion(self, q: Array, v: Array, a: Array) -> Array:
-        """What a motion asks of the joints beyond what they need at rest."""
+        """The forces on the joints in a motion, less those at rest in the same pose."""
         m, d = self.model, self.data
         forces = []
         for rates, accelerations in ((v, a), (0 * v, 0 * a)):
@@ -410,7 +410,7 @@ class Bare:
         return forces[0] - forces[1]
 
     def constraints(self, q: Array, value: float) -> tuple[Array, Array, Array]:
-        """Residual of loops and drive, its Jacobian, and forces on the joints at rest."""
+        """The residual of loops and drive, its Jacobian, and the forces on the joints at rest."""
         m, d = self.model, self.data
         d.qpos[:], d.qvel[:] = q, 0
         mujoco.mj_fwdPosition(m, d)
@@ -423,7 +423,7 @@ class Bare:
         return c, jacobian, d.qfrc_passive + d.qfrc_actuator - d.qfrc_bias
 
     def close(self, q: Array, s: Array, value: float) -> tuple[Array, Array]:
-        """Loops closed, drive at its value, forces balanced."""
+        """A pose with closed loops, the drive at its value and balanced forces, and its multipliers."""
         nv, e = self.model.nv, 1e-6
         scale = 1.0
         for _ in range(40):
@@ -448,12 +448,12 @@ class Bare:
         raise Unjudged("no rest found")
 
     def kind(self, channel: str) -> str:
-        """Type of the sensor of a channel, as MJCF calls it."""
+        """The type of a channel's sensor, as it is called in MJCF."""
         kind = S(int(self.model.sensor(channel.partition(".")[0]).type[0]))
         return kind.name[7:].lower()
 
     def channel(self, name: str) -> Array | None:
-        """The curve of a channel; None for one that the oracle cannot tell."""
+        """The curve of a channel, or None if the oracle does not know it."""
         m = self.model
         sensor, _, part = name.partition(".")
         i = m.sensor(sensor).id
@@ -461,7 +461,7 @@ class Bare:
         block = self.rows[:, m.sensor_adr[i] : m.sensor_adr[i] + m.sensor_dim[i]]
         if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE) and self.drives:
             if self.moves:
-                return None  # what soft loops transmit
+                return None  # soft loops transmit other forces
             block = self.forces[:, m.sensor_adr[i] : m.sensor_adr[i] + m.sensor_dim[i]]
         if kind == S.mjSENS_USER:
             return self.accelerations[:, m.jnt_dofadr[obj]]
@@ -478,7 +478,7 @@ class Bare:
                 return None
             first = np.flatnonzero(m.jnt_type == 3)
             if not first.size or m.jnt_axis[first[0], 2] < 0:
-                return None  # seen from below: the sense of the plane's angles is the product's
+                return None  # the plane is seen from below, where the product chooses the sense
             return np.arctan2(block[:, 1], block[:, 0])
         return block[:, "xyz".index(part) if part else 0]
 
@@ -489,7 +489,10 @@ class Bare:
 def rods(
     folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes], agrees: list
 ) -> list[str]:
-    """Rods are compared by the numbers that they and their loads are built from."""
+    """Rods and loads that differ in the numbers from which they are built.
+
+    The oracle does not compute curves of rods.
+    """
     found = []
     for rod, was in old["rod"].items():
         now = new["rod"].get(rod, {})
@@ -528,7 +531,7 @@ def rods(
 
 
 def loads(spec: Any, start: str) -> dict[str, list[float]]:
-    """Numbers on which the rest of the small rod depends, as MuJoCo reads them."""
+    """The numbers on which the equilibrium of the small rod depends, as MuJoCo reads them."""
     key = spec.key(start)
     found = {
         "key ctrl": key.ctrl if key else [],

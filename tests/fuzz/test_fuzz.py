@@ -1,9 +1,10 @@
-"""Mutated MJCF, TOML and CSV: no uncaught exception, no hang, no false agreement.
+"""Mutated MJCF, TOML and CSV cause no uncaught exception, no hang and no false agreement.
 
-An input is a small shipped case and one to three mutations, all from one seed, its number.
-`oracle` says what a false agreement is, and which changes are harmless.  Findings are shrunk and
-kept in `tests/data/fuzz` by `python -m tests.fuzz.hunt`.  Those that say `open` are known and not
-repaired yet: a finding with their signature fails no test.  Whoever repairs one writes `false`.
+An input is a small shipped case with one to three mutations, all drawn with one seed, the number of
+the input.  `oracle` defines false agreements and harmless changes.  ``python -m tests.fuzz.hunt``
+shrinks findings and stores them in `tests/data/fuzz`.  A stored finding with ``"open": true`` is
+not repaired yet, and another finding with its signature fails no test.  Whoever repairs it sets
+`open` to false.
 """
 
 from collections.abc import Callable, Iterator
@@ -34,7 +35,7 @@ def judge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Judge]:
 
 @pytest.fixture(scope="module")
 def thorough(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Judge]:
-    """A judge that has the causes sought as well."""
+    """A judge whose checks search for causes of differences too."""
     one = Judge(tmp_path_factory.mktemp("thorough"))
     yield one
     one.close()
@@ -42,12 +43,12 @@ def thorough(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Judge]:
 
 @pytest.fixture(scope="module")
 def engine(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """An engine's process of this one, which waits: its start counts towards a run's limit."""
+    """Start an idle worker of this process, since its start would count towards a run's limit."""
     started(tmp_path_factory.mktemp("start"))
 
 
 def faults(judge: Judge, first: int, last: int) -> list[str]:
-    """Findings that are not known, and inputs that the oracle failed on."""
+    """Findings whose signature is not open, and failures of the oracle, for inputs by number."""
     found = []
     for number in range(first, last):
         name, mutations = numbered(number)
@@ -64,7 +65,7 @@ def test_a_small_case_agrees_and_the_oracle_covers_it(name, judge):
     assert (answer.exit_code, answer.findings, answer.notes) == (0, [], [])
 
 
-ANOTHER = [  # what the oracle must see if the verdict does not
+ANOTHER = [  # changes of files, and the finding of the oracle if the outcome stays good
     (
         "fourbar",
         b'name="coupler" pos="1 0 0"',
@@ -116,7 +117,7 @@ ANOTHER = [  # what the oracle must see if the verdict does not
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory, engine: None) -> Callable[[str], Good]:
-    """The folder, the files and the result of a small case, which the oracle agrees to."""
+    """``good(name)``: folder, files and result of a small case without a false agreement."""
 
     @cache
     def of(name: str) -> Good:
@@ -131,7 +132,7 @@ def good(tmp_path_factory: pytest.TempPathFactory, engine: None) -> Callable[[st
 
 @pytest.mark.parametrize(("name", "old", "new", "signature"), ANOTHER)
 def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signature, good):
-    """The good result of the case is held against files that say something else."""
+    """The good result of the unchanged case is judged with changed files."""
     folder, files, result = good(name)
     changed = {k: v.replace(old, new) for k, v in files.items()}
     assert changed != files
@@ -140,7 +141,7 @@ def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signatur
 
 
 def test_another_quantity_that_is_the_same_curve_is_no_false_agreement(judge):
-    """A slide along x has the acceleration of its x."""
+    """The acceleration of a slide along x is that of its x coordinate."""
     files = dict(small("slider_crank"))
     files["slider_crank.toml"] = files["slider_crank.toml"].replace(
         b'"slide_acceleration",', b'"slider_ax",'
@@ -168,7 +169,7 @@ def test_each_mutator_changes_something_and_is_repeatable():
 
 @pytest.mark.parametrize(
     "file",
-    [  # a hang takes its limits of time
+    [  # a hang takes as long as its time limits
         pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * file.stem.startswith("hang"))
         for file in STORED
     ],
