@@ -1,4 +1,4 @@
-"""The scripts in examples/ run by themselves and print numbers that satisfy a law or a source.
+"""The scripts in examples/ run alone; their numbers satisfy a law or agree with a source.
 
 Each script runs in an empty folder, into which it must not write unless it is given the folder.
 One of them is started as a process, as a user starts it.  The others run in this process, which has

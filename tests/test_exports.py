@@ -24,7 +24,7 @@ from tests.shipped import shipped
 
 
 def of(channel: str, outcome: str = "agrees", **more) -> Comparison:
-    """A comparison of one channel, in MuJoCo's sweep of the four-bar unless said otherwise."""
+    """A comparison of one channel, in MuJoCo's sweep of the four-bar by default."""
     place = {"case": "fourbar", "solver": "mujoco", "run": "sweep", "seconds": 3.0}
     return Comparison(**{**place, "channel": channel, "unit": "m", "outcome": outcome, **more})
 

@@ -265,7 +265,7 @@ def test_every_wrong_length_differs_in_every_run(name, key, solver, kind, models
     turns(name, key, solver, kind, models)
 
 
-PLANAR = {  # the reference reads the model itself, so only the engine gets the wrong one
+PLANAR = {  # the reference reads the model too; the engine alone gets a wrong one
     "peaucellier": at(BODY, "lower_out"),
     "watt": at(SITE, "second_end"),
     "stephenson": at(SITE, "link_end"),
@@ -337,7 +337,10 @@ def test_a_wrong_curve_differs_in_every_channel(how, sweep):
 
 
 def test_signs_of_the_document_are_tested(sweep):
-    """The mistakes differ: theta3 without its half turn, r1 not negated, V_r negated."""
+    """A wrong sign or offset of a curve of the document makes its channel differ, and no other.
+
+    The mistakes are theta3 without its half turn, r1 not negated, and V_r negated.
+    """
     case, curves = sweep
     for name, change in {
         "theta3": curves.channels["theta3"] - np.pi,
@@ -431,7 +434,7 @@ def test_a_wrong_inertia_turns_the_moment_of_a_drive(name, old, new, solver, mod
     ],
 )
 def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver, models, edit):
-    """A wrong number of the model differs within one second of motion.
+    """A wrong number in the model makes a channel differ within one second of motion.
 
     The reference is the closed form of a pendulum, which does not read the model.
     """
@@ -446,7 +449,7 @@ def test_a_wrong_number_turns_the_motion_of_the_parallelograms(old, new, solver,
 LEFT, RIGHT = "left_crank_force left_coupler_force", "right_crank_force right_coupler_force"
 TIP = f"left_moment right_moment {LEFT} {RIGHT} pin_force"
 PLATFORM = " ".join(f"{one}_force_{k}" for one in ("holding", "guide", "leg", "pin") for k in "123")
-FORCES = {  # by case: a number of the model, a wrong one, and the channels that need it at rest
+FORCES = {  # by case: a number, a wrong one, and the channels that depend on it at rest
     "inverted_slider_crank_forces": [
         (
             'pos="1.5 0 0" mass="3"',
@@ -493,7 +496,7 @@ FORCES = {  # by case: a number of the model, a wrong one, and the channels that
 def test_a_wrong_mass_turns_what_knows_it_and_nothing_else(
     name, old, new, known, solver, models, edit
 ):
-    """A wrong mass differs in the channels that depend on it, and in no other.
+    """A wrong mass makes all channels differ that depend on it, and no other.
 
     The mass is wrong by one or two thousandths, or its centre is off by 1 mm.
     """

@@ -44,6 +44,7 @@ def same(one: dict, other: dict) -> bool:
 
 
 def test_its_drives_are_where_their_laws_lead_them_whatever_a_solver_did():
+    """The values that a solver reaches, here lagging ones, do not matter."""
     reference = of_fourbar(LATE)
     assert np.array_equal(reference.state, LED)
     assert same(reference.unchanged, evaluate(FOURBAR, "sweep", X, LED).channels)

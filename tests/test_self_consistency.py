@@ -55,6 +55,7 @@ def motion(order=1.0, spread=0.0, **changed):
 
 @pytest.mark.parametrize("order", [1.0, 2.0])
 def test_a_motion_that_converges_is_known_to_its_end(order):
+    """The error, the uncertainty, the cheapest better setting and the words of a good motion."""
     rung = Rung(motion(order))
     assert rung.until == 1.0
     assert rung.order == pytest.approx(order, abs=0.01)
@@ -126,6 +127,7 @@ def test_steps_that_do_not_converge_are_ill_posed_unless_something_else_agrees()
 
 
 def test_one_of_three_is_not_enough():
+    """A motion is known if two of the criteria `steps`, `close` and `disturbed` are met."""
     stuck = run(0.1 * TIMES, "DOP853 at 1e-9")
     far = run(0.2 * TIMES)
     assert Rung(motion(close=stuck, rough=stuck)).until == 1.0
@@ -168,6 +170,7 @@ def test_steps_that_lead_to_another_motion_are_not_believed():
 
 
 def test_an_error_that_goes_away_again_is_told():
+    """The error of a run is the largest one until T, not the one at T."""
     own = motion()
     there_and_back = replace(run(OFF * np.sin(np.pi * TIMES)), name="Euler, 2 ms")
     rung = Rung(replace(own, runs=(there_and_back, *own.runs[1:])))

@@ -77,9 +77,9 @@ def data() -> int:
 
 
 def leave_holes() -> int:
-    """The growth of the data segment [KiB] by large blocks that are freed, but not those between.
+    """The growth of the data segment after large blocks with small ones between are freed [KiB].
 
-    Between the large blocks are small ones, which stay in use.
+    The small blocks stay in use.
     """
     libc = ctypes.CDLL(None)
     libc.malloc.restype, libc.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]

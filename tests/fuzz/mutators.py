@@ -83,7 +83,7 @@ def in_line(rng: Random, line: str) -> str:
 
 
 def typo(rng: Random, word: str) -> str:
-    """A word with a letter swapped, dropped, doubled or in the other case, or with one added."""
+    """A word with a letter swapped, dropped, doubled or in the other case, or a mark added."""
     if not word:
         return "x"
     k = rng.randrange(len(word))
@@ -101,7 +101,7 @@ def typo(rng: Random, word: str) -> str:
 
 
 def odd_word(rng: Random, others: list[str]) -> str:
-    """One of the other words of the file, or a word that cannot be one."""
+    """One of the other words of the file, or one of a list of unusual words."""
     if others and rng.random() < 0.6:
         return rng.choice(others)
     return rng.choice(

@@ -6,7 +6,8 @@ It shares no code with the product.  It reads the sidecar with `tomllib`, the re
 - driven runs by Newton's method on the loops and the forces together, ``f + J' s = 0`` and
   ``c(q) = 0``, with the engine's constraint rows and forces, and with numerical derivatives; rates
   and accelerations are differences along the drive; the multiplier of the drive is its holding
-  moment, to which a motion adds the power of inertial forces per rate of the drive;
+  moment, to which a motion adds the work of the inertial forces, of masses and armatures, per
+  displacement of the drive;
 - free motions by `mj_step` with the options of the file.
 
 A verdict is a *false agreement* if a channel agrees although one of these holds:
@@ -423,7 +424,7 @@ class Bare:
         return c, jacobian, d.qfrc_passive + d.qfrc_actuator - d.qfrc_bias
 
     def close(self, q: Array, s: Array, value: float) -> tuple[Array, Array]:
-        """A pose with closed loops, the drive at its value and balanced forces, and its multipliers."""
+        """The pose with closed loops, balanced forces and the drive at its value; multipliers."""
         nv, e = self.model.nv, 1e-6
         scale = 1.0
         for _ in range(40):

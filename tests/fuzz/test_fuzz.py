@@ -3,8 +3,8 @@
 An input is a small shipped case with one to three mutations, all drawn with one seed, the number of
 the input.  `oracle` defines false agreements and harmless changes.  ``python -m tests.fuzz.hunt``
 shrinks findings and stores them in `tests/data/fuzz`.  A stored finding with ``"open": true`` is
-not repaired yet, and another finding with its signature fails no test.  Whoever repairs it sets
-`open` to false.
+not repaired yet, and another finding with its signature fails no test.  Once it is repaired, `open`
+must be set to false.
 """
 
 from collections.abc import Callable, Iterator
