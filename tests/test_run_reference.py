@@ -36,10 +36,12 @@ LATE = (LED[0] - 1e-3, *LED[1:])
 
 
 def of_fourbar(drive=LED) -> RunReference:
+    """The reference of a sweep of the four-bar for a solver with these values of the drive."""
     return RunReference(FOURBAR, "sweep", Curves(X, {}, drive=drive))
 
 
 def same(one: dict, other: dict) -> bool:
+    """Whether two sets of curves have the same names and the same bits."""
     return one.keys() == other.keys() and all(np.array_equal(one[n], other[n]) for n in one)
 
 

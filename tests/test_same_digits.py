@@ -106,6 +106,7 @@ def test_a_reference_is_the_same_to_the_bit_whatever_was_evaluated_before(name):
 
 @ON_TWO
 def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
+    """Workers override the number of threads that the environment asks for."""
     one, two = (printed(threads, "-c", SOLVED) for threads in (1, 2))
     assert one == two
 

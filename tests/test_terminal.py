@@ -297,6 +297,7 @@ def test_numbers_have_three_digits():
 
 
 def test_the_channel_nearest_its_limit_speaks():
+    """Comparisons count by error over tolerance, or by `nrmse` if the tolerance is not above 0."""
     unbounded = [of(channel="a", outcome="unchecked", nrmse=n) for n in (0.2, 0.1, nan)]
     assert worst_comparison(unbounded) is unbounded[0]
     assert worst_comparison(unbounded[::-1]) is unbounded[0]

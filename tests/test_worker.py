@@ -42,6 +42,7 @@ class Peculiar(Exception):
 
 
 def peculiar() -> None:
+    """Raise an exception that cannot be unpickled."""
     raise Peculiar(1, 2)
 
 
@@ -56,6 +57,7 @@ def deep(with_dask: bool) -> None:
 
 
 def reserve(gib: float) -> int:
+    """Reserve memory [GiB], and return its size in bytes."""
     return np.empty(int(gib * 2**30), np.uint8).size
 
 
@@ -134,6 +136,7 @@ def test_an_exception_that_cannot_be_sent_is_told():
 
 
 def test_an_exception_is_sent_without_where_it_was_raised():
+    """With dask, pickle would include the traceback of the deep recursion."""
     pytest.importorskip("dask")
     with pytest.raises(InputError, match="nested too deeply"):
         call_isolated(deep, True, timeout=20)
@@ -181,6 +184,7 @@ def pendulum(edit):
 
 
 def outcomes(result, name):
+    """The outcomes of a case in a result."""
     return {c.outcome for c in result.comparisons if c.case == name}
 
 

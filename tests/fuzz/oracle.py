@@ -325,6 +325,7 @@ class Bare:
             self.fall(x)
 
     def fall(self, x: Array) -> None:
+        """Step a free motion through time, and read all sensors at the samples."""
         m, d = self.model, self.data
         if m.neq:
             raise Unjudged("a free motion with loops")
@@ -340,6 +341,7 @@ class Bare:
                 mujoco.mj_step(m, d)
 
     def read(self, k: int) -> None:
+        """Store sensors and accelerations of sample k, and note contacts and left joint ranges."""
         m, d = self.model, self.data
         self.rows[k], self.accelerations[k] = d.sensordata, d.qacc
         if d.ncon:
@@ -350,6 +352,7 @@ class Bare:
             self.warnings.add("joint range")
 
     def follow(self, x: Array) -> None:
+        """Find the pose, rates, accelerations and forces of a driven run at each sample."""
         m, d = self.model, self.data
         ((_, value, rate, acceleration),) = self.drives
         q, h = d.qpos.copy(), 1e-3
