@@ -45,13 +45,14 @@ GATHERED = """
 import numpy as np
 from proofmass import Curves, load_case
 from proofmass.check import Result
-from proofmass.report.case_page import gather
-from proofmass.studies.variants import evaluate_run
+from proofmass.report.data import plotted_run
+from proofmass.studies.variants import evaluate_reference
+from proofmass.worker import call_isolated
 case = load_case("solved.toml")
-wanted = evaluate_run(case, "sweep")
+wanted = evaluate_reference(case, "sweep")
 drive = tuple(np.ones((3, 1, 100)))
 found = {("solved", "sweep", "mujoco"): Curves(wanted.x, {}, drive=drive)}
-(run,), _ = gather(Result([case], curves=found), case)
+run = call_isolated(plotted_run, Result([case], curves=found), case, "sweep", timeout=600)
 print([one.channels["rocker"].tobytes().hex() for one in (wanted, run.reference["mujoco"])])
 """
 

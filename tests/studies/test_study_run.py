@@ -27,15 +27,14 @@ from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture 
 STUDY = """
 import sys
 from pathlib import Path
-from proofmass.studies.run import pool, run
+from proofmass.studies.run import pool, run_tasks
 from proofmass.studies.store import Store
 from proofmass.studies.record import write_table
-from proofmass.sim.protocol import Curves
 from tests.studies.study_tasks import tasks
 
 folder = Path(sys.argv[1])
 with pool(jobs=2) as workers:
-    rows = run(tasks()[:int(sys.argv[2])], Store(folder), workers, repeats=1)
+    rows = run_tasks(tasks()[:int(sys.argv[2])], Store(folder), workers, repeats=1)
 write_table(rows, folder / "trade.csv")
 """
 FEW = tasks()[:2]
@@ -271,9 +270,9 @@ def killed(folder: Path, count: int, after: int, later: float, how: signal.Signa
 
 
 def untimed(folder: Path) -> list[str]:
-    """The rows of a study, as text, without wall times."""
+    """The rows of a study, as text, without wall times and the load of the machine."""
     return [
-        repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN))
+        repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN, load=NAN))
         for one in read_table(folder / "trade.csv")
     ]
 
