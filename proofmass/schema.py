@@ -48,6 +48,7 @@ def sidecar_schema() -> JsonObject:
         "type": "object",
         "additionalProperties": False,
         "required": REQUIRED_KEYS,
+        "anyOf": [{"required": ["drive"]}, {"required": ["run"]}],
         "properties": as_in_toml(keys | levels["properties"]),
         "$defs": as_in_toml(parts),
     }

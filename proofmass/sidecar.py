@@ -7,7 +7,7 @@ left to defaults.
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -406,7 +406,7 @@ def load_case(file: Path | str) -> Case:
         added = default_tolerances(case, levels)
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"] if part not in LOCATION_TYPES)
+        key = format_key([part for part in first["loc"] if part not in LOCATION_TYPES], given)
         wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
         raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
     except RecursionError:
@@ -415,3 +415,17 @@ def load_case(file: Path | str) -> Case:
         raise InputError(file, "", f"not TOML: {error}") from None
     case.require_model()
     return case.model_copy(update={"tolerance": (*case.tolerance, *added)})
+
+
+def format_key(place: Sequence[str | int], given: Mapping[str, object]) -> str:
+    """The key of a place in a sidecar, as in an error; a single table has no number.
+
+    >>> format_key(["drive", 0, "to"], {"drive": {"to": "far"}})
+    'drive.to'
+    >>> format_key(["drive", 0, "to"], {"drive": [{"to": "far"}]})
+    'drive.0.to'
+    """
+    is_single = bool(place) and isinstance(given.get(str(place[0])), dict)
+    numbered = len(place) > 1 and isinstance(place[1], int)
+    parts = [*place[:1], *place[2:]] if is_single and numbered else place
+    return ".".join(map(str, parts))

@@ -236,7 +236,7 @@ DRIVES = {
         "hacksaw_recorded.toml",
         r"profile = .*",
         'profile = ["omega2"]',
-        ["drive.0.profile", "['omega2']", "name of a function", "three columns"],
+        ["drive.profile", "['omega2']", "name of a function", "three columns"],
     ),
     "no such parameter of a law": (
         "fivebar_circle.toml",

@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 import tomllib
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -88,29 +89,43 @@ def test_the_schema_knows_every_key(validator):
 
 
 WRONG = {
-    "an unknown key": 'tilte = "x"',
-    "an unknown key of a table": '[drive]\njoint = "crank"\nfrmo = 1.0',
-    "a word for a number": '[drive]\njoint = "crank"\nto = "far"',
-    "an unknown run": "[run.swep]\nn = 3",
-    "a number that is too small": "[run.sweep]\nn = 1",
-    "a tolerance without a reason": "[[tolerance]]\nabs = 1.0",
-    "a channel with a key too many": '[channels]\na = { equals = "b", units = "m" }',
+    "an unknown key": ('tilte = "x"', "tilte"),
+    "an unknown key of a table": ('[drive]\njoint = "crank"\nfrmo = 1.0', "frmo"),
+    "a word for a number": ('[drive]\njoint = "crank"\nto = "far"', "drive.to"),
+    "an unknown run": ("[run.swep]\nn = 3", "'swep'"),
+    "a number that is too small": ("[run.sweep]\nn = 1", "run.sweep.n"),
+    "a tolerance without a reason": ("[[tolerance]]\nabs = 1.0", "tolerance"),
+    "a channel with a key too many": (
+        '[channels]\nrocker = { equals = "b", units = "m" }',
+        "units",
+    ),
 }
+"""Wrong lines of a sidecar, and a word of the key that the error names."""
 
 
-@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
-def test_the_schema_finds_what_load_case_refuses(validator, tmp_path, text):
-    good = 'title = "t"\nsource = "s"\nreference = "planar"\n'
-    assert validator.is_valid(tomllib.loads(good))
-    assert not validator.is_valid(tomllib.loads(good + text))
+@pytest.mark.parametrize(("text", "key"), WRONG.values(), ids=WRONG.keys())
+def test_the_schema_finds_what_load_case_refuses(validator, tmp_path, text, key):
+    good = 'title = "t"\nsource = "s"\nreference = "planar"\n{}\n[run.dynamics]\nuntil = 0.1\n'
     write_new("arm", tmp_path)
-    (tmp_path / "arm.toml").write_text(good + text)
-    with pytest.raises(InputError):
+    for lines, valid in (("", True), (text, False)):
+        (tmp_path / "arm.toml").write_text(good.format(lines))
+        assert validator.is_valid(tomllib.loads(good.format(lines))) == valid
+        with nullcontext() if valid else pytest.raises(InputError, match=re.escape(key)):
+            load_case(tmp_path / "arm.toml")
+
+
+def test_a_sidecar_without_drive_and_run_is_refused_by_the_schema_too(validator, tmp_path):
+    """The runs by default, a sweep and dynamics, are those of a drive."""
+    text = 'title = "t"\nsource = "s"\nreference = "planar"\n'
+    assert not validator.is_valid(tomllib.loads(text))
+    write_new("arm", tmp_path)
+    (tmp_path / "arm.toml").write_text(text)
+    with pytest.raises(InputError, match="run: missing"):
         load_case(tmp_path / "arm.toml")
 
 
 def test_a_required_key_is_missed(validator):
-    (missed,) = validator.iter_errors({"title": "t", "source": "s"})
+    (missed,) = validator.iter_errors({"title": "t", "source": "s", "drive": {"joint": "a"}})
     assert "'reference'" in missed.message
 
 
