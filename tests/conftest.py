@@ -1,4 +1,8 @@
-"""Shared fixtures: copies of models to change, a case of a stress study, a cluster, a browser."""
+"""Shared fixtures, and hooks that order, mark and check the tests.
+
+Fixtures: a copy of the models that a test may edit, a case of a stress study, a Dask cluster, a
+browser.
+"""
 
 import gc
 import os
@@ -27,15 +31,18 @@ from tests.long import LONG, SOME
 from tests.shipped import MODELS, READ, every_file
 
 pytest_plugins = ["pytester"]
-os.environ.update(SINGLE_THREAD)  # of pytest-xdist's workers, which share the processors
-os.environ.update(NO_RENDERER | os.environ)  # of processes that tests start
+os.environ.update(SINGLE_THREAD)  # for the processes of pytest-xdist, which share the processors
+os.environ.update(NO_RENDERER | os.environ)  # for processes that tests start
 FOUND = TemporaryDirectory()
-"""What `proofmass explain` keeps, not the user's: set before sidecars are read in workers."""
+"""The folder for stored findings of `proofmass explain`, instead of the user's cache.
+
+The variable that names it is set before sidecars are read in workers.
+"""
 os.environ[FOLDER_VARIABLE] = FOUND.name
 if sys.dont_write_bytecode:
-    # PYTHONDONTWRITEBYTECODE, which many containers set, keeps files of bytecode from the sources.
-    # Here they are among pytest's own: without any, each of some hundred processes that tests start
-    # compiles numpy, scipy and the rest for two seconds.
+    # Many containers set PYTHONDONTWRITEBYTECODE, which prevents bytecode files beside the sources.
+    # Here they are written into pytest's own folder instead: without bytecode files, each of about
+    # a hundred processes that tests start compiles numpy, scipy and the other modules for 2 s.
     sys.dont_write_bytecode = False
     sys.pycache_prefix = str(MODELS.parent / ".pytest_cache" / "bytecode")
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -44,10 +51,11 @@ if sys.dont_write_bytecode:
 
 @pytest.fixture(autouse=True, scope="session")
 def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Locks on processors that studies elsewhere on the machine do not hold, and fewer processors.
+    """Let studies lock files in a folder of this process, and use its share of the processors.
 
-    Processes of pytest-xdist share them: where each takes all, a reference that two runs of a case
-    are held against is evaluated in two workers.
+    With the usual lock files, tests would wait for studies elsewhere on the machine.  The processes
+    of pytest-xdist share the processors: if each process used all of them, two runs of a case would
+    go to two workers, and each worker would evaluate the reference that both are compared with.
     """
     folder = tmp_path_factory.mktemp("locks")
     share = (os.cpu_count() or 1) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
@@ -58,15 +66,18 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 LONG_AGO = 1e9
-"""When files of a `SpareFolder` were written, they say [s]: clocks of files tick every few
-milliseconds, in which a test may begin and write as many bytes."""
+"""Time of modification that files of a `SpareFolder` get [s since 1970].
+
+Clocks of file systems tick every few milliseconds.  With the present time, a test that writes a
+file of the same size within one tick would leave no trace.
+"""
 
 
 class SpareFolder:
-    """A folder with all files below `models/` that goes from test to test.
+    """A folder with copies of all files below `models/` that one test passes on to the next.
 
-    To write it for each of them would take longer than many a test: only what one changed is
-    written again.
+    Writing all files for each test would take longer than many tests do, so only the files that a
+    test changed are written again.
     """
 
     def __init__(self, path: Path) -> None:
@@ -74,7 +85,7 @@ class SpareFolder:
         self.mend()
 
     def mend(self) -> None:
-        """Let all files be there as they were at first, and no others."""
+        """Write missing and changed files again, and remove all other files."""
         self.path.mkdir(exist_ok=True)
         contents = every_file()
         there = {entry.name: entry for entry in os.scandir(self.path)}
@@ -92,22 +103,22 @@ class SpareFolder:
 
 
 def stamp(found: os.stat_result) -> tuple[int, ...]:
-    """What differs once a file has been written."""
+    """Properties of a file of which at least one differs after the file is written."""
     return found.st_ino, found.st_size, found.st_mtime_ns, found.st_mode
 
 
 @pytest.fixture(scope="session")
 def spare(tmp_path_factory: pytest.TempPathFactory) -> SpareFolder:
-    """The folder that `models` gives to tests."""
+    """The folder that the fixture `models` lends to tests."""
     return SpareFolder(tmp_path_factory.mktemp("spare") / "models")
 
 
 @pytest.fixture
 def models(tmp_path: Path, spare: SpareFolder, request: pytest.FixtureRequest) -> Iterator[Path]:
-    """A copy of all files below `models/`, in one folder, that a test may change.
+    """A folder with copies of all files below `models/`, which a test may change.
 
-    The sidecars leave nothing to defaults, so that a test can change any line.  A test that fails
-    keeps its folder.
+    The sidecars state all keys instead of leaving some to defaults, so that a test can change any
+    line.  The folder of a failed test is kept.
     """
     folder, failed = tmp_path / "models", request.session.testsfailed
     spare.path.rename(folder)
@@ -119,7 +130,7 @@ def models(tmp_path: Path, spare: SpareFolder, request: pytest.FixtureRequest) -
 
 @pytest.fixture
 def stressed(tmp_path: Path, models: Path) -> Callable[..., StressedCase]:
-    """``stressed(name, engine, kind, **parameters)``: a case in one engine, with a store."""
+    """``stressed(name, engine, kind, **parameters)`` makes a stress case in one engine."""
 
     def of(
         name: str, engine: str = "mujoco", kind: str = "dynamics", **parameters: object
@@ -136,7 +147,7 @@ def stressed(tmp_path: Path, models: Path) -> Callable[..., StressedCase]:
 
 @pytest.fixture
 def edit(models: Path) -> Callable[..., Path]:
-    """``edit(name, old, new)`` replaces a regular expression, which must match, in a copy."""
+    """``edit(name, old, new)`` replaces a regular expression in a copied file; it must match."""
 
     def change(name: str, old: str, new: str, count: int = 0) -> Path:
         file = models / name
@@ -150,7 +161,7 @@ def edit(models: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def keep_solver(models: Path) -> Callable[[str, str], Path]:
-    """``keep_solver(name, solver)`` leaves a sidecar one solver and the tolerances for it."""
+    """``keep_solver(name, solver)`` removes other solvers and their tolerances from a sidecar."""
 
     def keep(name: str, solver: str) -> Path:
         head, *tolerances = (models / name).read_text().split("[[tolerance]]")
@@ -164,7 +175,7 @@ def keep_solver(models: Path) -> Callable[[str, str], Path]:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pages of studies beside empty figures: to draw them takes longer than a small study."""
+    """Write empty figures for pages of studies, since drawing takes longer than a small study."""
 
     def empty(figure: object, stem: Path) -> None:
         for ending in (".svg", ".png"):
@@ -176,18 +187,18 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    """Of the scheduler of a Dask cluster: two workers, each a process, in a folder of their own."""
+    """Address of the scheduler of a local Dask cluster; its two workers are processes."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
-    ) as cluster:  # any port that is free
+    ) as cluster:  # :0 is any free port
         yield cluster.scheduler_address
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    """The Chromium of the system; tests are skipped where there is none."""
-    from benchmarks.pictures import CHROMIUM, chromium  # loads the report, which is slow
+    """The Chromium of the system; tests that need it are skipped if there is none."""
+    from benchmarks.pictures import CHROMIUM, chromium  # loads the report: slow
 
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if not CHROMIUM:
@@ -199,14 +210,15 @@ def browser() -> Iterator[Any]:
 FIRST = ("tests/test_coverage.py", "tests/report/test_browser.py")
 
 collect_ignore = ["data"]
-"""Sidecars there are for tests, and no cases of their own."""
+"""Folders that are not collected: the sidecars in `data` are input of tests, not cases to check."""
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """Collect without looking for garbage among what stays, 9,000 items and all modules, nor later.
+    """Disable garbage collection while tests are collected, and exempt all objects from it later.
 
-    That is a tenth of the time of collecting.
+    The 9,000 items and all modules stay until the end.  Searching them for garbage takes a tenth of
+    the time of collecting tests.
     """
     gc.disable()
     try:
@@ -217,39 +229,43 @@ def pytest_collection() -> Iterator[None]:
 
 
 class Collection:
-    """Hooks for all files; those of this file itself are for the tests below it."""
+    """Hooks for files of all folders; other hooks of this file are for tests below its folder."""
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collect_file(self, file_path: Path) -> Iterator[list[pytest.Collector]]:
-        """Look for doctests only where there are any."""
+        """Collect doctests only from files that contain a prompt ``>>>``."""
         found = yield
         if file_path.suffix != ".py" or b">>> " in file_path.read_bytes():
             return found
         return [one for one in found if type(one).__name__ != "DoctestModule"]
 
     def pytest_itemcollected(self, item: pytest.Item) -> None:
-        """Keep the case of a sidecar."""
+        """Keep the case that was read to collect the items of a sidecar."""
         if isinstance(item, SolverItem):
             READ[item.path] = item.case
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let tests ask for cases that are read to collect their items."""
+    """Register the hooks of `Collection`, so that tests can use cases read for their items."""
     config.pluginmanager.register(Collection())
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """One process more than there are processors: tests wait for others for a tenth of the time."""
+    """Start one process more than processors, since tests wait a tenth of their time for others."""
     return (os.cpu_count() or 1) + 1
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark what takes seconds and has a faster like of it; all of both must be there.
+    """Mark the slow tests that `tests/long.py` names, and put some files first.
 
-    Files whose first test waits long for what all their tests share come first: of two processes
-    none is left alone with them at the end, nor do both make it.
+    If all tests are collected, each row of `tests/long.py` must match a slow test and a faster
+    counterpart that runs by default.
+
+    The tests of `FIRST` share a fixture that takes long, for which their first test waits.  Since
+    they come first, no process is left alone with them at the end, and no two processes make the
+    fixture.
     """
     items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
     in_order = sorted(items, key=lambda item: item.nodeid)
@@ -283,6 +299,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def chosen(item: pytest.Item, words: Iterable[str]) -> bool:
-    """Whether the parameters of a test hold one of these words."""
+    """Whether the parameters in the name of a test contain one of these words."""
     parameters = item.nodeid.partition("[")[2]
     return any(word in parameters for word in words)

@@ -1,11 +1,13 @@
-"""Tests that take seconds, each with a faster like of it: the marker ``slow`` by their names.
+"""Names of tests that take seconds and get the marker ``slow``, with their faster counterparts.
 
-`LONG` has a row for single tests: the beginning of the names of tests, of sidecars as well, and
-that of a test which checks the same in less time.  `SOME` has a row for a test with parameters: its
-name, and words of which one stands in the parameters of each that runs by default; all others are
-slow.  `tests/conftest.py` marks them, and refuses a row that marks none, or of which a like or a
-word is not there, or is slow itself, when all tests are collected.  Families over all shipped
-models choose their representatives in their own files.
+`LONG` maps the beginning of the names of slow tests, including items of sidecars, to the beginning
+of the name of a test that checks the same in less time.  `SOME` has tests with parameters: for each
+test a list of words.  The tests whose parameters contain one of the words run by default; the
+others are slow.
+
+`tests/conftest.py` sets the markers.  When all tests are collected, it refuses a row that marks no
+test as slow, and a row whose counterpart or word matches no test or only slow tests.  Tests of all
+shipped models choose their representatives in their own files.
 """
 
 PLANE = "models/linkages"
@@ -35,7 +37,7 @@ LONG = {
     "tests/sim/test_rods_in_space.py::test_a_wrong_stiffness_about_z_differs": (
         "tests/sim/test_rods_in_space.py::test_either_side_bends_against_its_own_stiffness"
     ),
-    # pymunk finds each pose of a sweep by itself: one linkage of a kind, MuJoCo runs them all
+    # pymunk solves each pose of a sweep anew: it runs one linkage of each kind, MuJoCo runs all
     f"{PLANE}/fivebar.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
     f"{PLANE}/fivebar_down.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
     f"{PLANE}/fivebar_equal.toml::pymunk": f"{PLANE}/fivebar_regular.toml::pymunk",
@@ -61,7 +63,7 @@ LONG = {
     f"{PLANE}/hacksaw_inventor_shaped.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
     f"{PLANE}/hacksaw_recorded.toml::pymunk": f"{PLANE}/hacksaw.toml::pymunk",
     f"{PLANE}/change_point.toml::pymunk": f"{PLANE}/fourbar.toml::pymunk",
-    # each asks that nothing else of the case differs
+    # the counterparts require that no other channel of the case differs
     f"{PLANE}/hacksaw_cutting.toml::pymunk": (
         f"{MUTATIONS}_load_on_the_slider_turns_the_holding_moment_alone[hacksaw_cutting"
     ),
@@ -93,7 +95,7 @@ LONG = {
     f"{PLANE}/hacksaw.toml::mujoco:fine": f"{SPACE}/changing_gear.toml::mujoco:fine",
     f"{SPACE}/slider_crank_spatial.toml::mujoco": f"{SPACE}/universal_joint.toml::mujoco",
     f"{SPACE}/bricard.toml::mujoco:default": f"{SPACE}/universal_joint.toml::mujoco:default",
-    # balancers of one template
+    # balancers from one template
     f"{BALANCERS}/balancer4_sam_shaped.toml::pymunk": FOUR,
     f"{BALANCERS}/balancer4_sam.toml::pymunk": FOUR,
     f"{BALANCERS}/balancer4_sine.toml::pymunk": FOUR,
@@ -237,7 +239,7 @@ LONG = {
         "tests/sim/test_friction.py::test_every_friction_of_a_shipped_model_is_noticed"
         "[balancer_prototype-0-mujoco"
     ),
-    # what commands write, read and say, by whole runs
+    # files and output of commands, from whole runs
     "tests/test_worker.py::test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own[tables": (
         "tests/test_worker.py::test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own[arrays"
     ),
@@ -303,7 +305,7 @@ LONG = {
     "tests/sim/test_controls_in_time.py::test_the_shipped_case_agrees_in_both_engines": (
         f"{PLANE}/axes_controlled.toml::mujoco"
     ),
-    # references of mechanisms in space, over the whole of their runs
+    # references of mechanisms in space, over their whole runs
     "tests/analytic/spatial/test_spatial_loops.py::test_a_slider_crank_by_a_quadrature[5.0": (
         "tests/analytic/spatial/test_spatial_loops.py::test_a_slider_crank_by_a_quadrature[0.5"
     ),
@@ -419,7 +421,7 @@ LONG = {
     f"{RODS}/rod_taut.toml::mujoco": (
         "tests/sim/test_rods_taut.py::test_both_engines_sag_alike_and_symmetrically"
     ),
-    # an item of a sidecar validates its case first
+    # the pytest item of a sidecar validates its case first
     f"{VALID}[pfr3": f"{RODS}/pfr3.toml::mujoco",
     f"{VALID}[rfr3": f"{RODS}/rfr3.toml::mujoco",
     f"{RODS}/rod_follower.toml::pymunk": (
@@ -686,4 +688,4 @@ SOME = {
         ],
     },
 }
-"""Tests of one claim on many cases, by their files: words in the parameters of those that run."""
+"""Words in the parameters that run by default, by file and test; each test makes one claim."""

@@ -1,7 +1,7 @@
-"""Programs that stand alone, such as `choose` writes, run where nothing of a test is loaded.
+"""Run standalone programs, such as those that `proofmass choose` writes, without test modules.
 
-Each runs in a fork of one interpreter, started with -I, which has loaded the engines: that takes
-longer than most of the programs.
+Each program runs in a fork of one interpreter, which is started with ``-I`` and has loaded the
+engines, since loading them takes longer than most of the programs.
 """
 
 import csv
@@ -32,18 +32,18 @@ for line in sys.stdin:
     print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
 """
 STREAMS = (os.devnull, "stdout.txt", "stderr.txt")
-"""Standard input, output and errors of a program."""
+"""Files for the standard input, output and errors of a program."""
 
 
 @cache
 def forking() -> subprocess.Popen[str]:
-    """The interpreter that programs are forks of; it ends when this process does."""
+    """The interpreter that forks for each program; it ends when this process ends."""
     command = [sys.executable, "-I", "-c", FORKS]
     return subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True)
 
 
 def run_alone(file: Path, *args: str) -> CompletedProcess[str]:
-    """Run a program to its end in its own folder, and keep what it prints."""
+    """Run a program in its own folder until it ends; the result has its exit code and output."""
     folder, process = file.parent, forking()
     assert process.stdin is not None
     assert process.stdout is not None
@@ -55,7 +55,7 @@ def run_alone(file: Path, *args: str) -> CompletedProcess[str]:
 
 
 def program_curves(text: str, folder: Path) -> dict[str, Array]:
-    """The columns that a program writes in a folder, where it runs without a complaint."""
+    """Run the text of a program, which must print no errors; return the columns it writes."""
     file = folder / "run.py"
     file.write_text(text, encoding="utf-8")
     done = run_alone(file)

@@ -1,4 +1,4 @@
-"""The files of `models/` by their names, which are unique: a test need not know their folders."""
+"""The shipped files in `models/` by name; names are unique, so tests need not know the folders."""
 
 import re
 import tomllib
@@ -12,11 +12,11 @@ from proofmass.sidecar import format_sidecar, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
 READ: dict[Path, Case] = {}
-"""Shipped cases by their files, those that were read to collect their items among them."""
+"""Shipped cases by file, including those that were read to collect the items of sidecars."""
 
 
 def loaded(file: Path) -> Case:
-    """A shipped case, read once in a run of the tests; nobody changes a case."""
+    """A shipped case, which is read once in a run of the tests; no test may change it."""
     if file not in READ:
         READ[file] = load_case(file)
     return READ[file]
@@ -24,13 +24,13 @@ def loaded(file: Path) -> Case:
 
 @cache
 def shipped(name: str) -> Path:
-    """The file of that name below `models/`."""
+    """The path of the file with this name below `models/`."""
     (file,) = MODELS.rglob(name)
     return file
 
 
 def fewer_samples(n: int) -> int:
-    """About a tenth of the samples of a sweep to and fro, twice at most, with those on its turns.
+    """About a tenth of n samples of a sweep that reverses up to twice; its turns remain samples.
 
     >>> [fewer_samples(n) for n in (97, 145, 181, 361)]
     [13, 17, 21, 37]
@@ -40,12 +40,12 @@ def fewer_samples(n: int) -> int:
 
 
 def models_like(pattern: str = "*.toml") -> list[Path]:
-    """The files below `models/` whose names match, sorted by name."""
+    """The files below `models/` whose names match a pattern, sorted by name."""
     return sorted(MODELS.rglob(pattern), key=lambda file: file.name)
 
 
 def each_case() -> list:
-    """The shipped sidecars as parameters of a test: one for each reference, the others slow."""
+    """The shipped sidecars as parameters of a test; all but one of each reference are slow."""
     seen, found = set[str](), []
     for file in models_like():
         reference = tomllib.loads(file.read_text(encoding="utf-8"))["reference"]
@@ -56,7 +56,7 @@ def each_case() -> list:
 
 
 def with_brief_pendulum(models: Path) -> Path:
-    """The copies of all models, of whose pendulum one second is run from now on."""
+    """Shorten the run of the copied pendulum from 10 s to 1 s; return the folder of the models."""
     sidecar = models / "pendulum.toml"
     text = sidecar.read_text()
     assert "until = 10.0" in text
@@ -67,7 +67,7 @@ def with_brief_pendulum(models: Path) -> Path:
 
 @cache
 def every_file() -> dict[str, bytes]:
-    """What the files below `models/` hold, the sidecars with nothing left to defaults."""
+    """The contents of the files below `models/`, with sidecars as `written_out` gives them."""
     return {
         file.name: written_out(file).encode() if file.suffix == ".toml" else file.read_bytes()
         for file in models_like("*.*")
@@ -76,7 +76,7 @@ def every_file() -> dict[str, bytes]:
 
 @cache
 def written_out(file: Path) -> str:
-    """The text of a sidecar with all that it leaves to defaults behind its own lines, to edit."""
+    """The text of a sidecar in which the keys that it leaves to defaults follow its own lines."""
     text = file.read_text(encoding="utf-8")
     if re.search(r"equals = .*unit = ", text):
         return text

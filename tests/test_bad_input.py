@@ -1,4 +1,4 @@
-"""Bad input: one or two lines that name file and key and what would be right; exit code 2."""
+"""Bad input gives one or two lines that name file, key and what is right, and exit code 2."""
 
 import re
 from pathlib import Path
@@ -375,9 +375,10 @@ CURVES = {
 
 
 def messages(models: Path, name: str) -> list[str]:
-    """Errors of a check of one case and of a good one beside it, which must still run.
+    """The errors of a check of one faulty case together with a good one, which must still run.
 
-    Its runs are short and have few samples: what is wrong is no matter of time or of their number.
+    The runs of both cases are short and have few samples: the faults do not depend on the duration
+    or on the number of samples.
     """
     case = Path(name).stem if name.endswith(".toml") else "fourbar"
     sidecar = models / f"{case}.toml"
@@ -430,7 +431,7 @@ def test_a_drive_that_leaves_its_joint_s_range_is_one_error_for_all_solvers(mode
 
 def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
     edit("triple_rocker.xml", '<joint name="crank"', '<joint name="crank" range="-2 1.9"')
-    edit("triple_rocker.toml", r"n = \d+", "n = 4")  # the third of a swing is at 1.5 rad at most
+    edit("triple_rocker.toml", r"n = \d+", "n = 4")  # samples at -2, 1, 1 and -2 rad
     with pytest.raises(InputError, match="to 2 rad, beyond its range"):
         plan_run(load_case(models / "triple_rocker.toml"), "dynamics", "mujoco")
 
@@ -482,7 +483,7 @@ def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver,
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ('mass="1" ', 'mass="1.2e308" '),  # of a body that is built with twice the mass
+        ('mass="1" ', 'mass="1.2e308" '),  # the body is built with twice this mass
         ('<joint name="pivot"', '<joint name="pivot" armature="-2"'),
     ],
 )
@@ -528,7 +529,7 @@ def test_a_nan_in_the_model_is_named_by_pymunk_too(models, edit, keep_solver):
 
 
 def test_a_pose_that_cannot_be_assembled_is_named(models, edit):
-    # with a crank of 1.6 the crank pin comes 4.6 from B; coupler and rocker reach 4.5
+    # a crank of 1.6 m moves the crank pin to 4.6 m from B; coupler and rocker reach 4.5 m
     edit("fourbar.xml", r'name="coupler" pos="1 0 0"', 'name="coupler" pos="1.6 0 0"')
     edit("fourbar.xml", r'qpos="0  1.35026.* 2.2459.*"', 'qpos="0 1.6226 2.2160"')
     found = messages(models, "fourbar.xml")

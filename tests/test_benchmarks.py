@@ -1,7 +1,7 @@
-"""Every module of benchmarks/ runs to its end: with `--quick`, in another folder.
+"""Every benchmark runs to its end with ``--quick`` in another folder; other modules are imported.
 
-Some are started as a user starts them; the others run in this process, which has loaded already
-what each of them loads.
+Some benchmarks are started in a process of their own, as a user starts them.  The others run in
+this process, which has already loaded the modules that they need.
 """
 
 import os
@@ -21,7 +21,7 @@ TEXTS = {
 
 
 def docs():
-    """The documents and when they were written."""
+    """The files of docs/ and their times of modification."""
     return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").iterdir()}
 
 
@@ -41,16 +41,16 @@ LONG = (
     "rod_solutions",
     "stress",
 )
-"""Which take many seconds even then."""
+"""Benchmarks that take many seconds even with ``--quick``."""
 STARTED = ("files_passed", "limits", "newton_raphson", "notebooks")
-"""Processes of their own: they trace calls, set limits, or are as small as that."""
+"""Benchmarks that run in processes of their own: they trace calls, set limits, or are short."""
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in TEXTS]
 )
 def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path, monkeypatch):
-    if 'if __name__ == "__main__":' not in TEXTS[name]:  # what a benchmark is made of
+    if 'if __name__ == "__main__":' not in TEXTS[name]:  # a module that benchmarks import
         others = [text for other, text in TEXTS.items() if other != name]
         assert any(
             name in line.replace(",", " ").replace(".", " ").split()
@@ -76,4 +76,4 @@ def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path, monkeypa
         monkeypatch.setattr(sys, "argv", [str(file), "--quick"])
         runpy.run_path(str(file), run_name="__main__")
     assert docs() == before
-    assert {file.name for file in tmp_path.iterdir()} <= {"MUJOCO_LOG.TXT"}  # its own, of warnings
+    assert {file.name for file in tmp_path.iterdir()} <= {"MUJOCO_LOG.TXT"}  # of MuJoCo

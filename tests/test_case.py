@@ -1,4 +1,4 @@
-"""A sidecar by itself: which key is at fault, which channels and tolerances a run has."""
+"""Sidecars without runs: keys of faults, channels and tolerances of runs, drives and views."""
 
 import re
 
@@ -59,7 +59,7 @@ why = "one more"
             'unit = ["rad", "r*"]',
             "",
             r"tolerance.1.unit: 'r\*' matches nothing; .*",
-        ),  # a unit is no pattern
+        ),  # unlike names, units are not patterns
         (
             "pendulum",
             r'solver = "mujoco"',
@@ -172,7 +172,7 @@ def test_a_tolerance_is_a_number_or_a_share_of_the_range():
 
 
 def drive(**keys) -> DriveTable:
-    """A drive from 0.5, if nothing else is said."""
+    """A drive from 0.5, unless `keys` has another start."""
     return DriveTable(joint="crank", **{"from": 0.5, **keys})
 
 
@@ -213,7 +213,7 @@ def test_a_leader_that_does_not_say_how_it_moves_is_told_what_to_give(keys, wron
     ],
 )
 def test_a_leader_moves_steadily_to_and_fro_or_by_a_law(keys):
-    """To smaller values at a negative rate; a recorded law ends where its curve does."""
+    """A drive to a smaller value has a negative rate; a recorded profile needs no ``until``."""
     drive(**keys).check_leader()
 
 
@@ -240,7 +240,7 @@ def test_a_rod_is_built_as_its_table_says():
 
 
 def refine(**keys) -> Refine:
-    """Rods in 10, 15 and 20 segments."""
+    """A refinement with rods in 10, 15 and 20 segments."""
     return Refine(segments=(10, 15, 20), order=2.0, within=0.1, why="x", **keys)
 
 
@@ -256,7 +256,10 @@ def test_the_order_of_some_channels_is_asked_for():
 
 
 def test_a_refined_rest_is_sampled_where_all_rods_have_a_joint():
-    """At every fifth of its length, all of it; a sweep is sampled as it is."""
+    """The joints that 10, 15 and 20 segments share are the fifths of the whole rod: 6 samples.
+
+    The samples of a sweep stay as they are.
+    """
     run = RunTable(n=361, until=0.5, solvers=("mujoco",))
     assert refine().sampled(run) == run.model_copy(update={"n": 6, "until": None})
     assert refine(run="sweep").sampled(run) is run

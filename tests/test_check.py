@@ -1,6 +1,6 @@
-"""From paths to verdicts: what is found, asked of workers, judged, and said of what went wrong.
+"""`proofmass.check`: inputs that are found, calls of workers, outcomes, and errors.
 
-What would go to a worker process is called here.
+Functions that would run in a worker process are called in this process.
 """
 
 import os
@@ -50,7 +50,10 @@ CHECK = sys.modules[check.__module__]  # whose name in the package is that of th
 
 
 class Workers(list):
-    """Calls that would go to worker processes, made here, and their limits; `fails` has errors."""
+    """A substitute for `call_isolated`: it calls a function in this process and records its limits.
+
+    `fails` maps names of functions to errors that are raised instead of a call.
+    """
 
     fails: dict[str, Exception]
 
@@ -71,14 +74,14 @@ def workers(monkeypatch):
 
 @pytest.fixture
 def briefly(monkeypatch):
-    """Models without a sidecar are followed for a twentieth of the time: their names are asked."""
+    """Shorten the motion of models without a sidecar to a twentieth, for tests of their names."""
     monkeypatch.setattr(CHECK, "OWN_MODEL_SECONDS", OWN_MODEL_SECONDS / 20)
     monkeypatch.setattr(CHECK, "OWN_MODEL_SAMPLES", 6)
 
 
 @pytest.fixture
 def short(edit):
-    """A pendulum for a tenth of a second, with a channel of sweeps, which it has not."""
+    """The sidecar of a pendulum that runs in MuJoCo for 0.1 s, with limits of time and memory."""
     edit("pendulum.toml", r"until = 10\.0 .*", "until = 0.1\ntimeout = 7.0\nmemory = 3.0")
     edit("pendulum.toml", "n = 1001", "n = 11")
     edit("pendulum.toml", r'(?s)\[\[tolerance\]\]\nsolver = "pymunk".*', "")
@@ -86,7 +89,7 @@ def short(edit):
 
 
 def wrong(call, *args):
-    """The key and the words of the error of a call."""
+    """The key and the message of the input error that a call raises."""
     with pytest.raises(InputError) as error:
         call(*args)
     return error.value.key, error.value.wrong
@@ -129,7 +132,7 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
         r"\[run.dynamics\]",
         "[drive]\njoint = 'pendulum'\nto = 1.0\n[run.dynamics]",
     )
-    workers.fails["validate_case"] = OSError()  # the runs meet it as well
+    workers.fails["validate_case"] = OSError()  # the runs will report it
     assert load_validated(short).name == "pendulum"
     assert workers == [("load_case", LOADING_SECONDS, None), ("validate_case", 9.0, 3.0)]
     workers.fails["validate_case"] = InputError(short, "channels", "bad")
@@ -144,7 +147,7 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
 
 
 def test_a_strict_reader_is_told_what_the_runs_would_meet(short, workers):
-    """A command that makes no run has nothing else to say so."""
+    """A command that makes no run has no other way to report these errors."""
     workers.fails["validate_case"] = MemoryError("more than 3 GiB")
     assert load_validated(short).name == "pendulum"
     assert wrong(load_validated, short, True) == ("", "its model or its reference: more than 3 GiB")
@@ -153,7 +156,10 @@ def test_a_strict_reader_is_told_what_the_runs_would_meet(short, workers):
 
 
 def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
-    """Hidden folders and links to folders are not; a pipe is found, and reading it is an error."""
+    """Hidden folders and links to folders are not searched.
+
+    A link to itself and a pipe are found, and reading them is an error.
+    """
     for name in ("b.toml", "a/c.xml", "a/x/d.toml", "a/x/d.xml", ".git/e.toml"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
@@ -190,7 +196,7 @@ def test_a_folder_that_cannot_be_read_costs_itself_only(models, monkeypatch):
     errors = []
     assert models / "fourbar.toml" in collect_inputs([models], errors)
     assert [str(error) for error in errors] == [f"{locked}: cannot be read: Permission denied"]
-    assert errors[0].key == "", "the folder itself is at fault"
+    assert errors[0].key == "", "the error is of the folder itself, not of a key"
 
 
 def test_families_are_named_by_folders_below_the_paths(monkeypatch):
@@ -210,7 +216,7 @@ def test_families_are_named_by_folders_below_the_paths(monkeypatch):
 
 @pytest.fixture
 def twins(models, tmp_path):
-    """Two sidecars of one name in two folders."""
+    """A folder with two sidecars of the same name in two subfolders."""
     for folder in ("left", "right"):
         (tmp_path / "arms" / folder).mkdir(parents=True)
         for name in ("pendulum.toml", "pendulum.xml"):
@@ -219,7 +225,7 @@ def twins(models, tmp_path):
 
 
 def test_two_cases_of_one_name_are_two_cases(twins):
-    """One that differs, so that neither stands for the other."""
+    """One of the cases differs, so that the test fails if their results are exchanged."""
     wrong = twins / "right" / "pendulum.xml"
     text = wrong.read_text(encoding="utf-8")
     assert "9.81" in text
@@ -409,7 +415,7 @@ def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
     assert found.at == 1.0
     assert 0.0 < found.uncertainty < 1e-6  # m
     assert np.isnan(found.allowed)
-    assert found.steps == 1000  # of 1 ms
+    assert found.steps == 1000  # 1 s in steps of 1 ms
     assert found.seconds > 0
     for kind, outcome in OUTCOME_OF_EXCEPTION.items():
         workers.fails["check_model_here"] = kind("why")
@@ -446,7 +452,7 @@ def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path
 
 
 def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatch):
-    """And what two runs say alike is said once."""
+    """Also, an error that two runs have in common is reported once."""
     lone = short.with_name("fourbar.xml")
     lone.with_suffix(".toml").unlink()
     workers.fails["check_model_here"] = OSError("no more files")
@@ -507,7 +513,10 @@ def finer(case, segments, add):
 
 
 def test_runs_of_a_refinement_are_judged_by_their_study(short):
-    """Their own comparisons are not shown; a study that fails is an error, and not the last one."""
+    """The study of a refinement gives the comparisons; those of its single runs are not shown.
+
+    A study that fails adds an error, and the studies after it go on.
+    """
     case = load_validated(short)
     curves = Curves(np.zeros(4), {}, stopped="a limit")
 
@@ -537,7 +546,7 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
 
 def test_curves_have_the_reference_that_they_were_compared_with(models, keep_solver):
     case = load_case(keep_solver("fourbar.toml", "mujoco"))
-    for kind in case.run:  # a sweep's drives have their law's values, and dynamics' have not
+    for kind in case.run:  # drives follow their profile exactly in a sweep only
         rows, curves = run_and_compare(case, kind, "mujoco", compare)
         truth = evaluate(case, kind, curves.x, curves.drive).channels
         assert list(curves.reference) == list(case.channels)
@@ -546,4 +555,4 @@ def test_curves_have_the_reference_that_they_were_compared_with(models, keep_sol
             assert float(error.max()) / case.channels[c.channel].factor == c.error_max  # same bits
             assert curves.reference[c.channel] == pytest.approx(truth[c.channel], abs=1e-9)
         other = Curves(curves.x, curves.channels, drive=tuple(part.copy() for part in curves.drive))
-        assert attach_reference(case, kind, other) is other  # nobody compared these
+        assert attach_reference(case, kind, other) is other  # these curves were not compared

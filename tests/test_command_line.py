@@ -1,4 +1,4 @@
-"""The command line and the pytest plugin: exit codes, JSON, items."""
+"""The command line and the pytest plugin: exit codes, output, JSON, reports, pytest items."""
 
 import json
 import sys
@@ -19,6 +19,7 @@ def run(*args: object):
 
 @pytest.fixture
 def models(models):
+    """Copies of the models; the run of the pendulum is shortened to 1 s."""
     return with_brief_pendulum(models)
 
 
@@ -54,7 +55,7 @@ def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):
 
 def test_exit_1_where_something_differs(models, edit, keep_solver):
     keep_solver("pendulum.toml", "mujoco")
-    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # whose cause is soon found
+    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # the search for its cause is quick
     answer = run("check", models / "pendulum.toml")
     assert answer.exit_code == 1
     assert "pendulum dynamics mujoco differs: 5 of 5 channels" in answer.output
@@ -97,7 +98,7 @@ def test_a_model_in_which_nothing_moves_loads_and_steps(tmp_path):
 
 def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver, tmp_path):
     keep_solver("pendulum.toml", "mujoco")
-    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # whose cause is soon found
+    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # the search for its cause is quick
     answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     lines = [line.strip() for line in answer.output.splitlines()]
     failing = [k for k, line in enumerate(lines) if line.startswith("✗ pendulum")]
@@ -113,7 +114,7 @@ def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver
 
 @pytest.mark.parametrize(("options", "there"), [((), False), (("--figures",), True)])
 def test_report_writes_an_index_and_a_page_a_case(models, tmp_path, options, there):
-    """And figures for papers on demand."""
+    """Option ``--figures`` adds figures for papers, as SVG and PNG files."""
     answer = run("report", models / "pendulum.toml", "-o", tmp_path, *options)
     assert answer.exit_code == 0
     assert {p.name for p in tmp_path.glob("*.html")} == {"index.html", "pendulum.html"}
@@ -139,7 +140,7 @@ def test_sidecars_are_pytest_items(models, pytester):
 
 
 def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
-    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # whose cause is soon found
+    edit("pendulum.toml", "length = 1.0", "length = 1.001")  # the search for its cause is quick
     result = pytester.runpytest_inprocess(
         f"{models / 'pendulum.toml'}::mujoco", "-p", "no:cacheprovider"
     )
@@ -166,7 +167,7 @@ def test_an_interrupt_while_commands_are_loaded_is_no_traceback(monkeypatch):
     assert ended.value.code == 130
 
 
-CUT_OFF = r"(?s)\[\[tolerance\]\].*"  # a sidecar that ends before its tolerances
+CUT_OFF = r"(?s)\[\[tolerance\]\].*"  # from the first tolerance to the end of a sidecar
 
 
 def test_a_case_in_which_nothing_is_checked_is_not_green(models, edit, tmp_path):
@@ -209,7 +210,7 @@ def test_items_of_a_case_in_which_nothing_is_checked_fail(models, edit, pytester
 
 
 def test_help_joins_the_lines_of_a_paragraph_and_strikes_no_unit_through():
-    """At 80 columns; `[s]` would be a tag."""
+    """In 80 columns.  Rich would read a unit such as `[s]` as a tag."""
     text = CliRunner().invoke(app, ["choose", "--help"], env={"COLUMNS": "80"}).output
     assert "run as a program of its own, without proofmass, and from a shifted start, and" in text
     assert "Wall time of all runs" in " ".join(text.replace("│", " ").split())

@@ -1,4 +1,4 @@
-"""Units of the core: tolerances, comparisons, recorded curves, isolation."""
+"""Tolerances, comparisons, units, recorded curves, isolated calls, scales, detectable changes."""
 
 import os
 import subprocess
@@ -46,20 +46,20 @@ def test_error_measures_of_a_known_difference():
         case, "dynamics", "mujoco", "angle", Curves(x, {"angle": truth + error}), truth, {}
     )
     assert c.outcome == "agrees"
-    assert c.error_max == pytest.approx(2e-11, rel=1e-4, abs=0)  # 1e-16 of rounding at 2
+    assert c.error_max == pytest.approx(2e-11, rel=1e-4, abs=0)  # rounding is 1e-16 at 2
     assert c.at == 0.5
     assert c.error_rms == pytest.approx(1e-11, rel=1e-4, abs=0)  # sqrt((4 + 1) / 5) e-11
     assert c.nrmse == pytest.approx(2.5e-12, rel=1e-4, abs=0)
     assert c.relative_to_range == pytest.approx(5e-12, rel=1e-4, abs=0)
     assert c.allowed == pytest.approx(4e-10, rel=1e-4, abs=0)
-    assert c.message.startswith("RK4 at 1 ms")  # the tolerance's reason
+    assert c.message.startswith("RK4 at 1 ms")  # the reason of the tolerance
 
 
 PENDULUM = load_case(shipped("pendulum.toml"))
 
 
 def in_unit(case, channel: str, **changed):
-    """The case with a channel in another unit, or of one run only."""
+    """The case with changed keys of a channel, such as its unit or its only run."""
     return case.model_copy(
         update={
             "channels": {
@@ -95,7 +95,7 @@ def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
     c = compare_channel(
         PENDULUM, "dynamics", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {}
     )
-    assert c.nrmse == pytest.approx(2.0)  # 0.5 rad/s; one in the 4 s of the motion is 0.25
+    assert c.nrmse == pytest.approx(2.0)  # 0.5 rad/s over a scale of 1 rad / 4 s, the duration
     rod = load_case(shipped("rod_cantilever.toml"))
     c = compare_channel(
         rod, "equilibrium", "mujoco", "rod.moment", Curves(x, {"rod.moment": zero + 0.5}), zero, {}
@@ -109,7 +109,7 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
     curves = Curves(x, {"angle": truth + error})
     assert end_of_start(curves) == 3.0
     c = compare_channel(PENDULUM, "dynamics", "mujoco", "angle", curves, truth, {})
-    assert c.error_later == pytest.approx(1e-10, rel=1e-4, abs=0)  # at 3; 1e-16 of rounding at 1
+    assert c.error_later == pytest.approx(1e-10, rel=1e-4, abs=0)  # at 3; rounding is 1e-16 at 1
     assert c.relative_to_range_later == pytest.approx(c.relative_to_range / 1.1, rel=1e-4, abs=0)
     rod = load_case(shipped("rod_cantilever.toml"))
     name = next(iter(rod.channels))
@@ -164,7 +164,7 @@ def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
         (720.0, 0.1, "deg", "differs", "off by 2 whole turn(s): count the start pose's angle anew"),
         (2 * np.pi * 1.002, 0.1, "rad", "differs", "63 x the allowed error"),
         (2 * np.pi, 0.1, "m", "differs", "62.8 x the allowed error"),
-        (1e-3, 1e-4, "rad", "differs", "10 x the allowed error"),  # no turn is near as well
+        (1e-3, 1e-4, "rad", "differs", "10 x the allowed error"),  # 0 turns do not count
     ],
 )
 def test_a_verdict_says_why(error, allowed, unit, outcome, message):
@@ -176,7 +176,7 @@ def compared(error: float, allowed: float, outcome: str = "agrees", **more: floa
 
 
 def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
-    """The terminal shows one channel of a run: one that fails, or the one nearest its limit."""
+    """The terminal shows the channel of a run that failed, or that is nearest to its tolerance."""
     near, far, beyond = compared(9.0, 10.0), compared(1e3, 1e6), compared(3.0, 1.0, "differs")
     failed = compared(float("nan"), float("nan"), "diverged")
     unchecked = [compared(9.0, float("nan"), "unchecked", nrmse=n) for n in (0.1, 30.0, 0.2)]
@@ -193,7 +193,7 @@ def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
 
 @pytest.mark.parametrize("channel", ["pin.x", "coupler.angle", "pin.y"])
 def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
-    """Of a triple rocker, whose modes start 0.24, 0.34 and 0.47 of these channels' ranges apart."""
+    """The modes of the triple rocker start 0.24, 0.34 and 0.47 of these channels' ranges apart."""
     case = load_case(shipped("triple_rocker.toml"))
     x = run_samples(case, "sweep")
     state = plan_run(case, "sweep", "mujoco").motion(x)
@@ -217,10 +217,10 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
     check_assembly_mode(case.model_copy(update={"parameters": parameters}), "sweep", curves, truth)
     check_assembly_mode(
         case, "sweep", Curves(x, other.channels), truth
-    )  # a free motion: nothing to evaluate with
+    )  # a free motion is not compared with other modes
 
     def evaluated(case, x, state, run, mode):
-        if mode != -1:  # a mode that is not there at these poses hides no other
+        if mode != -1:  # a mode without a solution at these poses is skipped
             raise InputError(case.file, "", "")
         return other
 
@@ -245,7 +245,7 @@ def test_a_misfit_is_of_places_and_angles_at_the_first_sample():
 
     assert of(rocker=([1.0, 9.0], [1.5, 3.5])) == 0.25
     assert of(rocker=([1.0, 9.0], [1.5, 3.5]), coupler_rate=([5.0, 5.0], [0.0, 1.0])) == 0.25
-    assert of(rocker=([2.5, 7.0], [2.0, 2.0])) == 0.5  # of what does not move, in its unit
+    assert of(rocker=([2.5, 7.0], [2.0, 2.0])) == 0.5  # a constant reference: in its unit
     assert of(rocker_rate=([5.0, 5.0], [0.0, 1.0])) == 0.0
 
 
@@ -294,7 +294,7 @@ def test_a_curve_in_millimetres_and_degrees_is_the_curve_in_si(models, edit):
 
 
 def test_closed_form_is_the_recorded_hacksaw_curve():
-    """Two computations of the same mechanism that know nothing of each other."""
+    """The closed form and the recorded curve are independent computations of one mechanism."""
     closed, recorded = (load_case(shipped(f"{n}.toml")) for n in ("hacksaw", "hacksaw_recorded"))
     x = run_samples(recorded, "sweep")
     ours = evaluate(closed, "sweep", x, plan_run(closed, "sweep", "mujoco").motion(x))
@@ -302,7 +302,7 @@ def test_closed_form_is_the_recorded_hacksaw_curve():
     for name in closed.channels:
         span = np.ptp(theirs.channels[name])
         error = np.abs(ours.channels[name] - theirs.channels[name]).max()
-        assert error <= 1e-12 * span, name  # rounding of two formulations, 100 times over
+        assert error <= 1e-12 * span, name  # 100 times the rounding of two formulations
 
 
 def test_recorded_drive_is_exact_at_samples_and_close_between():
@@ -310,7 +310,8 @@ def test_recorded_drive_is_exact_at_samples_and_close_between():
     drive = Samples(x, np.sin(x), np.cos(x), -np.sin(x))
     np.testing.assert_array_equal(drive(x)[2], -np.sin(x))
     between = x[:-1] + 0.005
-    # a cubic through value and rate: h^4 / 384 of the fourth derivative, and rounding
+    # the error of a cubic through values and rates is h^4 / 384 times the fourth derivative;
+    # 1 % is added for rounding
     np.testing.assert_allclose(drive(between)[0], np.sin(between), atol=0.01**4 / 384 * 1.01)
 
 
@@ -348,7 +349,7 @@ def test_workers_that_wait_end_with_who_asked():
         text=True,
         check=True,
     )
-    assert ended.stderr == ""  # Python tells of processes and files that are left open
+    assert ended.stderr == ""  # Python warns of processes and files that stay open
 
 
 @pytest.mark.slow
@@ -364,8 +365,8 @@ def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
     asking.wait()
     words = Path("/proc") / file.read_text().strip() / "cmdline"
     assert b"proofmass.worker" in words.read_bytes()
-    time.sleep(10.0)  # its limit, and 5 s that it waits for who asked
-    assert not words.exists() or not words.read_bytes()  # gone, or dead and not buried
+    time.sleep(10.0)  # its limit, and 5 s in which it waits for its parent
+    assert not words.exists() or not words.read_bytes()  # ended, or a zombie
 
 
 def fail() -> None:
@@ -434,16 +435,16 @@ def gears(folder: Path, ratio: float = -0.5, rate: str = '"rate"'):
 def test_rounding_of_what_does_not_move_agrees(tmp_path):
     found = gears(tmp_path)
     assert {c.outcome for c in found.values()} == {"agrees"}
-    assert found["rate"].allowed == pytest.approx(1e-12)  # of 0.5 * 2 rad/s
-    assert found["hub.x"].allowed == pytest.approx(2e-12)  # of 2 m from axis to axis
-    assert found["hub_velocity.x"].allowed == pytest.approx(4e-12)  # 2 m at 2 rad/s
+    assert found["rate"].allowed == pytest.approx(1e-12)  # 1e-12 of 0.5 * 2 rad/s
+    assert found["hub.x"].allowed == pytest.approx(2e-12)  # 1e-12 of 2 m between the axes
+    assert found["hub_velocity.x"].allowed == pytest.approx(4e-12)  # 1e-12 of 2 m * 2 rad/s
 
 
 @pytest.mark.parametrize("off", [1e-11, -1e-3])
 def test_a_wrong_gear_ratio_is_found_by_a_constant_rate(tmp_path, off):
     found = gears(tmp_path, -0.5 * (1 + off), rate="-1.0")
     assert found["rate"].outcome == "differs"
-    assert found["rate"].error_max == pytest.approx(abs(off), rel=1e-4)  # 1e-16 of rounding
+    assert found["rate"].error_max == pytest.approx(abs(off), rel=1e-4)  # rounding is 1e-16
     assert found["hub.x"].outcome == "agrees"
 
 
@@ -456,18 +457,18 @@ def scale(channel: str, values: list[float], name: str = "fourbar", run: str = "
 
 def test_what_of_range_is_a_share_of():
     extent = size(compiled_model(load_case(shipped("fourbar.toml"))), "start")
-    assert extent == 3.0  # the ground; nothing reaches beyond its ends
+    assert extent == 3.0  # the ground; no other point is beyond its ends
     assert scale("rocker", [5.0, 5.5]) == 0.5
-    assert scale("rocker", [5.0, 5.0009]) == 1.0  # an angle of 286 degrees is no size
+    assert scale("rocker", [5.0, 5.0009]) == 1.0  # 1 rad, not the angle of 5 rad
     assert scale("rocker", [5.0, 5.0011]) == pytest.approx(1.1e-3)
-    assert scale("pin.x", [90.0, 90.0]) == extent  # nor is a place far from the origin
+    assert scale("pin.x", [90.0, 90.0]) == extent  # not the distance from the origin
     assert scale("rocker_rate", [7.0, 7.006]) == 7.006
     assert scale("rocker_rate", [7.0, 7.008]) == pytest.approx(8e-3)
-    assert scale("rocker_rate", [0.0, 1e-13]) == 3.0  # the drive's
-    assert scale("rocker_rate", [0.0, 1e-11]) == 1e-11  # small, and it moves
+    assert scale("rocker_rate", [0.0, 1e-13]) == 3.0  # the rate of the drive
+    assert scale("rocker_rate", [0.0, 1e-11]) == 1e-11  # a small motion has its range
     assert scale("pin_velocity.x", [0.0, 0.0]) == 3 * extent
     assert scale("point_acceleration.x", [0.0, 0.0]) == pytest.approx(9 * extent)
-    assert scale("holding_moment", [0.0, 0.0]) == pytest.approx(5.5 * 9 * extent**2)  # 5.5 kg
+    assert scale("holding_moment", [0.0, 0.0]) == pytest.approx(5.5 * 9 * extent**2)  # of 5.5 kg
 
 
 def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion():
@@ -482,7 +483,7 @@ def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion(
         )
 
     assert of("fourbar", [1.0, -4.0]) == 0.25
-    assert of("threeprr", [1.0, 2.0], [0.0, -6.0], [1.0, 1.0]) == 0.5  # sliders: 6 m/s through 3 m
+    assert of("threeprr", [1.0, 2.0], [0.0, -6.0], [1.0, 1.0]) == 0.5  # sliders: 3 m / (6 m/s)
     assert of("fourbar", [0.0, 0.0]) == of("fourbar") == of("fourbar", [1.0, 1.0], extent=0) == 0.0
     assert of("pendulum", run="dynamics") == 4.0
     assert of("pendulum", run="sweep") == 0.0
@@ -493,7 +494,7 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
     assert scale("rod.moment", [0.0, 0.0], "rod_cantilever", "equilibrium") == 0.0
     assert (
         scale("rod.angle", [0.0, 0.0], "rod_cantilever", "equilibrium") == 1.0
-    )  # whatever the time
+    )  # 1 rad; an angle needs no time
     outcome, message = judge_error(1e-17, 0.0, "N m", "rounding")
     assert outcome == "differs"
     assert "give the tolerance as abs" in message
@@ -504,17 +505,17 @@ def test_what_has_no_size_needs_an_absolute_tolerance():
     [
         ("hacksaw", "dynamics", "coupler", 1e-3),
         ("fourbar", "dynamics", "ground", 1e-3),
-        ("fivebar", "dynamics", "left_x", 1e-3),  # 0: an absolute change
+        ("fivebar", "dynamics", "left_x", 1e-3),  # the parameter is 0: an absolute change
         (
             "rod_cantilever",
             "equilibrium",
             "length",
             0.1,
-        ),  # at its end; the curvature over 2.6 % of it
+        ),  # changes of up to 2.6 % of the length, over which curves bend
     ],
 )
 def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, key, rel):
-    """With the parameter off by its detectable change the error of that channel is the limit."""
+    """A parameter changed by its detectable change gives an error equal to the tolerance."""
     case = load_case(shipped(f"{name}.toml"))
     x = run_samples(case, kind)
     state = plan_run(case, kind, "mujoco").motion(x) if case.drive else None
@@ -524,7 +525,7 @@ def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, 
     for c in found:
         change = c.detectable[key]
         assert change.relative is bool(value)
-        if change.size < 1e-9:  # or rounding is part of the error
+        if change.size < 1e-9:  # rounding would be part of the error
             continue
         by = change.size * (value or 1.0)
         off = evaluate(case, kind, x, state, **{key: value + by}).channels[c.channel]
@@ -586,5 +587,5 @@ def test_a_recorded_curve_is_not_asked_at_the_drives_state():
     ],
 )
 def test_an_error_is_a_share_of_what_is_allowed(error, allowed, outcome, share):
-    """Also where one of the two is no number, and where nothing is allowed."""
+    """The share is also defined if one of the two is NaN, or if the allowed error is 0."""
     assert compared(error, allowed, outcome).share_of_allowed == share

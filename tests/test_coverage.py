@@ -1,7 +1,7 @@
-"""What is said to be noticed is noticed, and what is not is not: changed models tell, run anew.
+"""Findings of `proofmass.coverage` agree with runs of models that are changed by other code.
 
-The models are changed here by a few lines of their own, which set attributes of the file, and are
-judged as `proofmass check` does it.
+The functions here change attributes in the file of a model.  The changed models run again, and
+their curves are compared as in `proofmass check`.
 """
 
 import json
@@ -75,13 +75,13 @@ WIDE = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
 
 
 def attribute(element, name: str, default) -> list[float]:
-    """The numbers of an attribute."""
+    """The numbers of an attribute, completed by the defaults."""
     own = [float(x) for x in element.get(name, "").split()]
     return own + list(default)[len(own) :]
 
 
 def put(element, name: str, default, part: int, by: float, factor: bool = False) -> None:
-    """Add to one number of an attribute, or multiply all of them."""
+    """Add `by` to one number of an attribute, or multiply all of them by 1 + `by`."""
     values = attribute(element, name, default)
     if factor:
         values = [value * (1 + by) for value in values]
@@ -91,7 +91,10 @@ def put(element, name: str, default, part: int, by: float, factor: bool = False)
 
 
 def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
-    """The case with one number changed in its file: models in radians whose elements have names."""
+    """The case with one number changed in the file of its model, or in a rod of the sidecar.
+
+    The angles of the model must be in radians, and its elements must have names.
+    """
     folder.mkdir(parents=True)
     tree = ElementTree.parse(case.model_path)
     root, words = tree.getroot(), one.of.split(" ")
@@ -121,7 +124,7 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
         case "mass" | "centre of mass" | "inertia":
             body = element("body")
             inertial = body.find("inertial")
-            if inertial is None:  # of a pin, which has no mass
+            if inertial is None:  # the body of a pin, which has no mass
                 none = {"pos": "0 0 0", "mass": "0", "diaginertia": "0 0 0"}
                 inertial = ElementTree.SubElement(body, "inertial", none)
             name = {"mass": "mass", "inertia": "diaginertia"}.get(one.kind, "pos")
@@ -147,10 +150,10 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
         case kind:
             put(element("joint"), ATTRIBUTE[kind], [0.0], 0, change)
     tree.write(folder / case.model)
-    for file in case.model_path.parent.glob("*.csv"):  # recorded curves, profiles
+    for file in case.model_path.parent.glob("*.csv"):  # recorded curves and profiles
         copyfile(file, folder / file.name)
     runs = dict(case.run)
-    if "equilibrium" in runs:  # places along the rod stay where they are
+    if "equilibrium" in runs:  # samples keep their positions along the rod
         length = min(rod.length for rod in case.rod.values())
         whole = runs["equilibrium"].until or length
         runs["equilibrium"] = runs["equilibrium"].model_copy(update={"until": whole})
@@ -158,10 +161,10 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
 
 
 def judged(changed: Case, own: Case, kind, solver: str) -> set[str]:
-    """Outcomes of the channels of a run that have a tolerance."""
+    """Outcomes of channels with a tolerance in a run of the changed case, or "failed"."""
     try:
         curves = solve(changed, kind, solver)
-        # rods of a closed form are parameters: it is asked at the places that were
+        # the length of a rod sets the samples, so a closed form is evaluated at the unchanged ones
         found = compare(own if changed.rod else changed, kind, solver, curves, detectable=False)
     except FAILED:
         return {"failed"}
@@ -169,7 +172,7 @@ def judged(changed: Case, own: Case, kind, solver: str) -> set[str]:
 
 
 def noticing(case: Case, one: Finding, change: float, folder: Path) -> list[tuple[str, str]]:
-    """The runs whose verdict a changed number turns."""
+    """The runs and solvers in which a changed number makes a channel differ or the run fail."""
     changed = by_hand(case, one, change, folder)
     return [
         (kind, solver)
@@ -181,7 +184,12 @@ def noticing(case: Case, one: Finding, change: float, folder: Path) -> list[tupl
 
 
 def holds(case: Case, one: Finding, folder: Path) -> None:
-    """What a finding says is what changed models do."""
+    """Assert that a finding agrees with runs of changed models.
+
+    A change that is not noticed leaves all outcomes; one that is refused makes some run differ or
+    fail.  Twice the smallest noticed change is noticed by the run of the finding, and half of it
+    by no run.
+    """
     if not one.noticed:
         for side in (1, -1) if one.value else (1,):
             place = folder / f"tried {side}"
@@ -196,8 +204,10 @@ def holds(case: Case, one: Finding, folder: Path) -> None:
 
 
 def quick(name: str) -> Case:
-    """A case of which much is asked here: half a turn of the four-bar at rest in MuJoCo alone, at
-    some samples, half of the pendulum's first second.
+    """A case with shortened runs.
+
+    The four-bar has a sweep of half a turn with 13 samples in MuJoCo only, the pendulum the first
+    half second; other cases are not shortened.
     """
     case = load_case(shipped(f"{name}.toml"))
     if name == "pendulum":
@@ -211,7 +221,7 @@ def quick(name: str) -> Case:
 
 
 def fourbar() -> Case:
-    """The four-bar in both engines, and in time in MuJoCo, for a twentieth of its turn."""
+    """The four-bar with a sweep in both engines; dynamics in MuJoCo for a twentieth of a turn."""
     case = load_case(shipped("fourbar.toml"))
     sweep = case.run["sweep"].model_copy(update={"n": 49})
     few = {"solvers": ("mujoco",), "until": 0.3, "n": 13}
@@ -221,13 +231,13 @@ def fourbar() -> Case:
 
 @pytest.fixture(scope="module")
 def findings(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of what some cases notice."""
+    """The folder in which findings of some cases are stored."""
     return tmp_path_factory.mktemp("cache")
 
 
 @pytest.fixture(scope="module")
 def told(findings: Path) -> ClickResult:
-    """What `proofmass explain` says of the cantilever, which it looks for first."""
+    """The result of `proofmass explain` for the cantilever, whose findings it has to search for."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PROOFMASS_CACHE", str(findings))
         return CliRunner().invoke(app, ["explain", str(CANTILEVER), "--jobs", "1"])
@@ -235,12 +245,12 @@ def told(findings: Path) -> ClickResult:
 
 @pytest.fixture(scope="module")
 def covered(findings: Path, told: ClickResult) -> dict[str, Coverage]:
-    """What some cases notice, found once."""
+    """The coverages of the quick cases, which are searched for once."""
     return {name: find_coverage(quick(name), folder=findings) for name in QUICK}
 
 
 def sample() -> list[tuple[str, int]]:
-    """Cases and shares of their lists, the same each time."""
+    """Cases, and random places in their lists of findings in thousandths, the same in each run."""
     chosen = random.Random(18)
     return [(QUICK[k % len(QUICK)], chosen.randrange(1000)) for k in range(SAMPLE)]
 
@@ -263,11 +273,11 @@ def test_every_finding_is_what_a_changed_model_does(name, tmp_path):
 
 
 def writable(case: Case, one: Finding) -> bool:
-    """Whether `by_hand` knows how the file states a number."""
+    """Whether `by_hand` can change this number in the file of the model."""
     text = case.model_path.read_text()
     if one.kind == "direction":
         return not re.search('xyaxes|euler|freejoint|quat|axis="0 -?1 0"', text)  # about z
-    if one.kind in ("mass", "inertia", "centre of mass"):  # those of a body with geoms are theirs
+    if one.kind in ("mass", "inertia", "centre of mass"):  # or of geoms
         name = one.of.split(" ")[0]
         body = ElementTree.fromstring(text).find(f".//body[@name='{name}']")
         return body is not None and (body.find("inertial") is not None or not body.findall("geom"))
@@ -282,7 +292,7 @@ def test_numbers_of_several_rods_have_a_plural(kind):
 
 
 def test_the_fourbar_leaves_the_inertia_of_its_steady_crank_unchecked(tmp_path):
-    """One-number mutants of its file tell so; the moment of the drive knows all other inertias."""
+    """Its inertia and armature are not noticed; the drive's moment depends on other inertias."""
     found = find_coverage(fourbar(), folder=tmp_path)
     unnoticed = {kind: {one.of for one in some} for kind, some in found.unnoticed.items()}
     assert unnoticed["inertia"] == unnoticed["armature"] == {"crank"}
@@ -298,7 +308,7 @@ def test_what_one_engine_refuses_and_another_notices_is_refused(covered):
 
 
 def test_a_length_is_noticed_in_the_model_as_in_the_reference(covered):
-    """One number, by two ways: a changed engine here, a changed reference in `compare`."""
+    """The smallest noticed changes of a changed model and of a changed reference agree to 5 %."""
     found = covered["fourbar"]
     model = {one.name: abs(one.change) for one in found.numbers}
     reference = {one.of: one.change for one in found.parameters}
@@ -331,7 +341,7 @@ def test_a_finding_that_is_turned_round_does_not_hold(name, covered, tmp_path):
     ],
 )
 def test_how_far_a_number_that_nothing_notices_moves_a_channel(name, kinds, covered, tmp_path):
-    """The curves of a model that was changed by hand, against those of the model as it is."""
+    """The stated share is that of the curves of a model changed by hand and the unchanged model."""
     case = quick(name)
     silent = [one for one in covered[name].numbers if not one.noticed and writable(case, one)]
     first = {one.kind: one for one in reversed(silent)}
@@ -356,7 +366,7 @@ def test_how_far_a_number_that_nothing_notices_moves_a_channel(name, kinds, cove
 
 
 def test_a_number_that_is_noticed_alone_is_noticed_though_not_in_its_group():
-    """A group that hides what one of its numbers does, as where others move the same error."""
+    """A group can hide the effect of one number if other numbers move the same error."""
     mass, other = number("mass", "a", 1.0), number("mass", "b", 1.0)
 
     class Asked(Search):
@@ -412,7 +422,7 @@ def test_a_change_that_is_wrong_by_five_does_not_hold(factor, covered, tmp_path)
 
 
 def searching(name: str, kind, solver: str) -> Search:
-    """A search in one run of a case, in this process."""
+    """A search of a case with one run, whose baseline is computed in this process."""
     case = load_case(shipped(f"{name}.toml"))
     case = with_fewer_samples(case, kind, sample_stride(case, kind))
     search = Search(case, ThreadPoolExecutor(1))
@@ -487,7 +497,7 @@ def number(kind: str, of: str, value: float = 0.0) -> Number:
 
 @pytest.mark.parametrize(("factor", "kept"), [(0.4, False), (1e6, True)])
 def test_another_run_takes_the_place_of_one_that_needs_a_larger_change_only(factor, kept):
-    """A run that failed with a tiny change, and not with a larger one, tells the larger one."""
+    """The search in another run may end with a larger change, which does not replace the first."""
     mass = number("mass", "a", 1.0)
     first = Finding("mass", "a", "kg", 1.0, 0.1, True, 1e-9, "sweep", "pymunk")
     other = replace(first, change=factor * first.change, run="dynamics")
@@ -538,7 +548,7 @@ def test_groups_are_of_one_kind_and_of_a_few():
 
 @pytest.mark.parametrize(("name", "whole"), [("balancer_prototype", True), ("fourbar", False)])
 def test_a_sweep_that_needs_all_its_samples_is_searched_at_all(name, whole, monkeypatch):
-    """Dry friction asks for a sample where the drive turns back."""
+    """Dry friction needs a sample where the drive reverses, so the sweep is made at all samples."""
     monkeypatch.setattr(changed_module, "compare", partial(compare, detectable=False))  # slow
     search = Search(load_case(shipped(f"{name}.toml")), ThreadPoolExecutor(1))
     search.before = [run_baseline(search.case, "sweep", "mujoco")]
@@ -559,7 +569,7 @@ def test_what_was_found_is_kept_and_read_again(covered, findings, tmp_path, monk
     case, found = load_case(shipped("rod_cantilever.toml")), covered["rod_cantilever"]
     assert stored_coverage(case, tmp_path) is None
     copytree(findings / "coverage", tmp_path / "coverage")
-    monkeypatch.setattr(coverage_module, "Search", None)  # nothing is searched
+    monkeypatch.setattr(coverage_module, "Search", None)  # a new search would fail
     assert str(find_coverage(case, 1, folder=tmp_path)) == str(found)
     assert str(stored_coverage(case, tmp_path)) == str(found)
     looser = case.tolerance[0].model_copy(update={"abs": None, "relative_to_range": 0.5})
@@ -668,7 +678,7 @@ def test_reasons_are_those_of_the_case(name, kind, words):
 
 
 def test_the_inertia_of_a_steady_crank_is_told_apart():
-    """That of the rocker, which swings, has no such reason."""
+    """The reason is not given for the inertia of the rocker, which swings."""
     case = load_case(shipped("fourbar.toml"))
     runs = tuple(CheckedRun(run, "mujoco", 1, 1, units=("N m",)) for run in case.run)
     found = Coverage("fourbar", "", runs, (), ())

@@ -1,4 +1,4 @@
-"""What a sidecar need not say: what is filled in, what is told, and the text with all of it."""
+"""Defaults of a sidecar: what is filled in, what is reported, and the text with all keys."""
 
 import sys
 import tomllib
@@ -45,7 +45,7 @@ def here(monkeypatch):
 
 
 def short(folder: Path, more: str = "", tables: str = "") -> Case:
-    """A case of the four-bar's model that says no more than it must."""
+    """A case of the model of the four-bar whose sidecar has the required keys, and `more`."""
     file = folder / "short.toml"
     file.write_text(SHORT.format(more=more, tables=tables))
     (folder / "short.xml").write_bytes(shipped("fourbar.xml").read_bytes())
@@ -53,7 +53,7 @@ def short(folder: Path, more: str = "", tables: str = "") -> Case:
 
 
 def wrong(folder: Path, more: str = "", tables: str = "") -> str:
-    """The error of such a case, without its folder."""
+    """The message of the input error of such a case, without the path of its folder."""
     with pytest.raises(InputError) as error:
         short(folder, more, tables)
     return str(error.value).removeprefix(f"{folder}/")
@@ -61,7 +61,7 @@ def wrong(folder: Path, more: str = "", tables: str = "") -> str:
 
 @pytest.mark.parametrize("file", each_case())
 def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
-    """With all keys, and with those alone that change something."""
+    """The case is shown with all keys, and with those only that change something."""
     again = tmp_path / file.name
     for other in file.parent.glob("*.[cx]*"):
         (tmp_path / other.name).write_bytes(other.read_bytes())
@@ -73,7 +73,7 @@ def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
 
 
 def test_a_shown_case_reads_as_a_sidecar_does(tmp_path):
-    """A channel in one line, keys and headings in the order of the schema, a line between them."""
+    """A channel is one line, headings are in the order of the schema, after an empty line each."""
     case = load_case(shipped("fourbar.toml"))
     odd = case.model_copy(update={"title": 'a "b" \\ \x7f\n\t é 😀', "unmatched": ("*",)})
     lines = format_sidecar(odd, every=False).splitlines()

@@ -1,7 +1,7 @@
-"""What a page says of a parameter, noticed from a change on, not checked, not known, is true.
+"""Statements of a page on parameters are true: smallest noticed change, not checked, not known.
 
-The reference at the true parameters stands for an engine without errors: held against the reference
-at a changed parameter it shows what the change does to the verdicts.
+The reference at the true parameters takes the place of an engine without errors.  Its comparison
+with the reference at a changed parameter shows how the change affects the outcomes.
 """
 
 import sys
@@ -44,9 +44,9 @@ QUICK = (
     "change_point",
     "pendulum",
 )
-"""A parameter that is 0, lengths that can only grow, a stiffness that can only grow, one that
-rounding alone seems to show, loads that no channel in time depends on, a change that changes the
-class."""
+"""Cases with a parameter that is 0, lengths that can only grow, a stiffness that can only grow, a
+parameter whose effect is only rounding, loads that do not affect the channels of dynamics, and a
+parameter whose change changes the class of the linkage."""
 
 
 def exact(case: Case, kind) -> Curves:
@@ -58,7 +58,7 @@ def exact(case: Case, kind) -> Curves:
 
 
 def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
-    """The verdicts on curves against any reference, without detectable changes."""
+    """Comparisons of curves with any reference, without detectable changes."""
     return [
         compare_channel(case, kind, solver, name, curves, truth.channels[name], {})
         for name in case.channels_of(kind)
@@ -66,7 +66,7 @@ def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list
 
 
 def differing(case: Case, kind, solver: str, curves: Curves, **changed: float) -> set[str] | None:
-    """The channels that differ from the reference at changed parameters; None: there is none."""
+    """Channels that differ from the reference at changed parameters; None if it does not exist."""
     try:
         other = evaluate(case, kind, curves.x, curves.drive, **changed)
     except InputError:
@@ -75,9 +75,10 @@ def differing(case: Case, kind, solver: str, curves: Curves, **changed: float) -
 
 
 def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> None:
-    """All that the page says of the parameters, from the curves of a solver, is so.
+    """Assert that the statements of the page on the parameters are true for curves of a solver.
 
-    Of the channels that notice a parameter the first and the last to do so, or all.
+    Of the channels that notice a parameter, all are tried, or only those that notice the smallest
+    and the largest change.
     """
     found = [c for c in compare(case, kind, solver, curves) if np.isfinite(c.allowed)]
     if not found:
@@ -98,8 +99,8 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
         scale = abs(value) or largest
         if key in never:
             sides = differ(key, 0.1 * scale)
-            assert sides, (key, "could not be evaluated")
-            assert not set().union(*sides), (key, "moves a channel by more than it may")
+            assert sides, (key, "has no reference at changed values")
+            assert not set().union(*sides), (key, "moves a channel beyond its tolerance")
             continue
         if key in unknown:
             assert not differ(key, 0.1 * scale), (key, "could be known")
@@ -113,7 +114,7 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
             change = c.detectable[key]
             assert change.relative == (value != 0)
             by = change.size * (abs(value) if change.relative else 1.0)
-            # three times, as in `test_mutations`; less where there is no such mechanism
+            # three times the change, as in `test_mutations`, or less if there is no such mechanism
             sides = next(s for s in (differ(key, n * by) for n in (3.0, 1.5, 1.0)) if s)
             assert c.channel in set().union(*sides), (key, c.channel, change)
 
@@ -122,7 +123,7 @@ CASES = sorted(file.stem for file in models_like())
 
 
 def every_run(name: str, all_channels: bool, few: bool = False) -> None:
-    """`few`: a tenth of the samples of a balancer's sweep."""
+    """Check all runs of a case; with `few` at a tenth of the samples of a balancer's sweep."""
     case = load_case(shipped(f"{name}.toml"))
     if isinstance(load_reference(case), Recorded):
         assert changeable_parameters(case) == {}
@@ -132,7 +133,7 @@ def every_run(name: str, all_channels: bool, few: bool = False) -> None:
         case = case.model_copy(update={"run": {"sweep": sweep}})
     for kind, run in case.run.items():
         curves, seen = exact(case, kind), set()
-        for solver in run.solvers:  # two with the same tolerances say the same
+        for solver in run.solvers:  # solvers with equal tolerances give equal results
             tolerances = str(
                 [
                     case.tolerance_for(kind, solver, n)
@@ -153,28 +154,31 @@ def test_what_is_said_of_a_parameter_is_what_a_changed_one_does(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_said_of_every_parameter_is_what_a_changed_one_does(name):
-    # an equilibrium of rods at changed parameters takes up to seconds
+    # an equilibrium of rods at changed parameters takes up to several seconds
     every_run(name, all_channels=not load_case(shipped(f"{name}.toml")).rod)
 
 
 def of(curve, low: float = -np.inf, high: float = np.inf):
-    """The differences of one channel by a share between two bounds, as `large_detectable` asks."""
+    """Differences of one channel as a function of the share of a change, for `large_detectable`.
+
+    There are no differences for shares beyond the two bounds.
+    """
     return lambda share: [{"y": np.array([float(curve(share))])}] if low <= share <= high else []
 
 
 def test_a_slope_is_taken_from_both_sides_or_the_one_that_there_is():
-    def curve(share: float) -> float:  # of slope 3, and a curvature that one side alone feels
+    def curve(share: float) -> float:  # slope 3, and curvature, which cancels from both sides
         return 3.0 * share + 1e4 * share**2
 
     for low, high in ((-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
         found, asked = small_detectable(of(curve, low, high), {"y": 3e-9})
-        # differences are of second order to one side too: without it 3e-3 of the slope
+        # one-sided differences are of second order: of first order they would be off by 3e-3
         assert found == {"y": pytest.approx(1e-9, rel=1e-8)}
         assert not asked
 
 
 def test_a_slope_promises_nothing_beyond_ten_per_cent():
-    """A curve that saturates: by its slope 1.5 times the parameter would be noticed, but is not."""
+    """By the slope of tanh a change by 1.5 would be noticed, but tanh never reaches 1.5."""
     curve = np.tanh
     assert small_detectable(of(curve), {"y": 1.5}) == ({}, {"y": 1.5})
     assert large_detectable(of(curve), {"y": 1.5}) == {}
@@ -183,21 +187,21 @@ def test_a_slope_promises_nothing_beyond_ten_per_cent():
 
 
 def test_where_a_reference_ends_a_slope_is_taken_as_far_as_it_goes():
-    """From one step alone: of first order, and by more than it may if it is more than that."""
+    """If only one step exists, it is the change if its difference exceeds the tolerance."""
 
     def asked(high: float, most: float):
         return small_detectable(of(lambda share: 3.0 * share, 0.0, high), {"y": most})
 
-    # the step is its own curvature, so that it is no slope, but a difference
+    # one step gives no curvature, so it counts as a difference, not as a slope
     assert asked(1.5e-6, 2e-6) == ({"y": 1e-6}, {})
     assert asked(1.5e-6, 4e-6) == ({}, {"y": 4e-6})
-    assert asked(0.5e-6, 1e-6) == ({}, {"y": 1e-6})  # not even one
+    assert asked(0.5e-6, 1e-6) == ({}, {"y": 1e-6})  # no step exists
 
 
 @pytest.mark.parametrize(("bend", "smooth"), [(0.19e6, True), (0.21e6, False)])
 @pytest.mark.parametrize("low", [-1.0, 0.0])
 def test_a_curve_is_straight_if_it_bends_by_a_tenth_of_its_slope(bend, smooth, low):
-    """Up to 1e-6, by which half of a second derivative turns the slope."""
+    """Within the step of 1e-6 the slope changes by half the second derivative times 1e-6."""
     found = parameter_slopes(of(lambda share: share + bend / 2 * share**2, low))["y"]
     assert found[1] is smooth
     most = 1e-6 * (1 if smooth else 1 + bend / 2 * 1e-6)
@@ -205,7 +209,7 @@ def test_a_curve_is_straight_if_it_bends_by_a_tenth_of_its_slope(bend, smooth, l
 
 
 def test_channels_are_judged_one_by_one():
-    """One that rounding hides, one that a slope tells, one that does not depend on it at all."""
+    """Rounding hides the slope of one channel, another has a slope, the third does not change."""
 
     def moved(share: float):
         return [
@@ -235,12 +239,12 @@ def test_a_slope_that_rounding_hides_is_asked_with_large_changes():
 @pytest.mark.parametrize(
     ("curve", "low", "high", "found"),
     [
-        (lambda share: 0.0, -1.0, 1.0, {}),  # not even 10 %
-        (lambda share: abs(share) > 0.005, -1.0, 1.0, {"y": 0.01}),  # a stop that is met
+        (lambda share: 0.0, -1.0, 1.0, {}),  # not even 10 % is noticed
+        (lambda share: abs(share) > 0.005, -1.0, 1.0, {"y": 0.01}),  # a joint limit that is reached
         (lambda share: abs(share) > 0.005, 0.0, 1.0, {"y": 0.01}),
         (lambda share: 0.0, -0.01, 0.01, {"y": np.nan}),  # 10 % cannot be evaluated
         (lambda share: 1.0, -0.01, 0.01, {"y": 1e-5}),
-        (lambda share: 0.0, 1.0, 0.0, {"y": np.nan}),  # nothing can
+        (lambda share: 0.0, 1.0, 0.0, {"y": np.nan}),  # no change can be evaluated
         (lambda share: np.nan, -1.0, 1.0, {"y": np.nan}),
     ],
 )
@@ -267,13 +271,13 @@ def test_the_page_says_what_is_noticed(name, key, begin):
 
 
 def test_the_page_says_what_is_not_known():
-    """The reference takes a stop that holds a preload at 0 only."""
+    """The reference accepts a joint limit that carries a preload only at the value 0."""
     case = load_case(shipped("balancer_sine_preload.toml"))
     found = compare(case, "sweep", "mujoco", exact(case, "sweep"))
     assert unknown_parameters(case, found) == ["low2"]
     assert unnoticed_parameters(case, found) == [
         "target_moment"
-    ]  # of a curve that no channel is held to
+    ]  # of a curve that no channel is compared with
     assert all(dict(format_detectable_changes(c)[1])["low2"] == "not known" for c in found)
     assert format_detectable_changes(found[0])[0].split()[1] != "not"
 
@@ -300,7 +304,7 @@ def test_a_mode_is_no_quantity_and_what_a_reference_takes_besides_is_one():
 
 
 def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
-    """A reference of two parameters, 0 and 5: steps of 5e-6, and a change where 1e-3 is used up."""
+    """Two parameters, 0 and -5: both steps are 5e-6; changes by 1e-3 and 1e-4 use up 1e-3."""
     case = load_case(shipped("fivebar.toml"))
     asked = []
 

@@ -1,4 +1,4 @@
-"""Planted faults: a case is changed in one place, and the first cause named must be that place."""
+"""Diagnoses of planted faults: the first cause must be the place where a case was changed."""
 
 import json
 import re
@@ -51,12 +51,12 @@ n = 11
 until = 0.5
 solvers = ["mujoco"]
 """
-"""Runs of the four-bar in one engine at every thirtieth degree, in time at 11 samples of the first
-half second, of which a diagnosis is asked."""
+"""Runs of the four-bar for a diagnosis in MuJoCo: a sweep with a sample every 30 degrees, and
+dynamics with 11 samples in the first half second."""
 
 
 def edited(folder: Path, name: str, *edits: tuple[str, str], runs: str = "") -> Path:
-    """A copy of a shipped case whose model is edited; the sidecar, which may get runs."""
+    """Copy a shipped case, edit its model and add runs to its sidecar; return the sidecar."""
     for ending in ("xml", "toml"):
         shutil.copy(shipped(f"{name}.{ending}"), folder)
     model = folder / f"{name}.xml"
@@ -74,7 +74,7 @@ def edited(folder: Path, name: str, *edits: tuple[str, str], runs: str = "") -> 
 
 @pytest.fixture
 def unhurried(monkeypatch):
-    """``unhurried(sidecar, run)``: the diagnosis in MuJoCo, with time enough."""
+    """``unhurried(sidecar, run)`` diagnoses a run in MuJoCo with limits of 60 s for the search."""
     for limit in ("FIT_SECONDS", "MAX_REPEATED_SECONDS"):
         monkeypatch.setattr(f"proofmass.diagnosis.{limit}", 60.0)
 
@@ -86,7 +86,7 @@ def unhurried(monkeypatch):
 
 
 def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path, monkeypatch):
-    checking = import_module("proofmass.check")  # here: a worker has its own limits of time
+    checking = import_module("proofmass.check")  # a worker has its own limits
     monkeypatch.setattr(
         checking, "call_isolated", lambda function, *args, **limits: function(*args)
     )
@@ -105,8 +105,8 @@ def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path, monkeypat
     k = lines.index(f"  cause: {first.words}")
     assert lines[k + 1].startswith("         puts all 17 channels right, ")
     assert "         2.525 stands in fourbar.xml, line 33" in lines[k : k + 6]
-    assert lines.count("         2.525 stands in fourbar.xml, line 33") <= 2  # once for each cause
-    assert "  cause: rocker = 2.525 m instead of 2.5 m (+1 %)" in lines  # no moment in dynamics
+    assert lines.count("         2.525 stands in fourbar.xml, line 33") <= 2  # once per cause
+    assert "  cause: rocker = 2.525 m instead of 2.5 m (+1 %)" in lines  # dynamics has no moment
     (of_json,) = (
         d
         for d in json.loads(as_json(result))["diagnoses"]
@@ -215,7 +215,7 @@ def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
 
 
 def test_causes_are_ranked_by_channels_then_by_what_is_left():
-    """Exact ones by their digits, then by the least change: what they leave is rounding."""
+    """Exact causes leave only rounding; they are ranked by digits of their values, then by change."""
 
     def cause(words: str, explains: str, left: float, free: int = 1, *change: float) -> Explanation:
         changes = {words: change} if change else {}
@@ -233,7 +233,7 @@ def test_causes_are_ranked_by_channels_then_by_what_is_left():
 
 
 def failed_case(folder: Path) -> Path:
-    """A free four-bar in a few samples, with a time step from sample to sample; the sidecar."""
+    """The sidecar of a free four-bar with 6 samples and a time step of 1 s, the sample interval."""
     for name in ("fourbar.xml", "fourbar_released.toml"):
         shutil.copy(shipped(name), folder)
     model, sidecar = folder / "fourbar.xml", folder / "fourbar_released.toml"

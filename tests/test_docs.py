@@ -1,7 +1,7 @@
-"""The pages in docs/ name every key, setting, reference and public name that there is.
+"""The pages in docs/ document every key, setting, reference and public name.
 
-Tables of keys are compared with the classes that read them, defaults included, so that a key which
-is added, renamed or given another default fails here until its page says so.
+Tables of keys are compared with the classes that read the keys, including defaults.  A test fails
+if a key is added, renamed or given another default and its page is not changed.
 """
 
 import importlib
@@ -44,7 +44,7 @@ OWN = (
     "terms",
     "closely",
     "load_rates",
-)  # what a reference is given of the case itself
+)  # parameters that a reference gets from the case, not from [parameters]
 
 
 def page(name: str) -> str:
@@ -53,14 +53,14 @@ def page(name: str) -> str:
 
 
 def section(text: str, heading: str) -> str:
-    """What stands below a heading, up to the next one."""
+    """The text between a heading and the next heading."""
     head = re.search(rf"^#+ {re.escape(heading)}$", text, re.MULTILINE)
     assert head, f"no heading {heading!r}"
     return re.split(r"^#+ ", text[head.end() :], maxsplit=1, flags=re.MULTILINE)[0]
 
 
 def rows(text: str) -> dict[str, list[str]]:
-    """The rows of all tables by the word in backticks that they begin with."""
+    """The cells of the rows of all tables, by the word in backticks in the first cell."""
     cells = [
         [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
         for line in text.splitlines()
@@ -70,7 +70,7 @@ def rows(text: str) -> dict[str, list[str]]:
 
 
 def tables_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
-    """The tables of a sidecar that a table has, by key."""
+    """The classes of the tables that a table of a sidecar contains, by key."""
     found = {}
     for name, field in model.model_fields.items():
         for part in re.findall(r"proofmass[\w.]*\.(\w+)", str(field.annotation)):
@@ -103,7 +103,7 @@ OWN_KEYS = ("file", "unmatched", "called")
 
 
 def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:
-    """Hold a table of keys against the class that reads it."""
+    """Assert that a table of keys has the fields and defaults of the class that reads it."""
     there = {key: row for key, row in rows(text).items() if len(row) == 4}
     fields = {
         field.alias or name: field
@@ -132,7 +132,7 @@ def test_every_table_of_a_sidecar_has_a_section() -> None:
 
 def test_top_level_keys() -> None:
     text = section(page("sidecar"), "Top level")
-    assert "| `accuracy` |" in text  # of which a case keeps the tolerances that come of it
+    assert "| `accuracy` |" in text  # no field of `Case`, which has the tolerances instead
     compare_keys(
         re.sub(r"^\| `accuracy` .*\n", "", text, flags=re.MULTILINE),
         Case,
@@ -269,7 +269,7 @@ def test_the_first_sidecar_of_the_page_loads(tmp_path: Path) -> None:
 
 
 def test_links_lead_somewhere() -> None:
-    """Of README.md and of examples/; those between pages are found by ``mkdocs build --strict``."""
+    """The files are README.md and examples/; ``mkdocs build --strict`` checks the pages of docs/."""
     for file in (
         ROOT / "README.md",
         ROOT / "examples" / "README.md",

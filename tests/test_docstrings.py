@@ -1,15 +1,15 @@
-"""Sections of docstrings name what is there, and numbers in them carry a unit.
+"""Sections of docstrings name existing parameters and fields, and state the units of numbers.
 
-ruff asks for a docstring of all that is public (D100 to D106).  Here griffe, which also makes the
-pages of the documentation, reads the sections:
+ruff requires a docstring for everything that is public (D100 to D106).  Here griffe, which also
+generates the pages of the documentation, reads the sections:
 
 - ``Parameters`` names the parameters of its function, all of them, in their order.
 - ``Attributes`` names all fields of its class, in their order, and nothing that the class lacks.
-- A parameter or attribute that is annotated as a float or an array says its unit in brackets:
-  ``[m]``, ``[rad/s^2]``, ``[1]`` for a number without a unit, ``[rad or m]`` where it depends on
-  the joint, ``[m, rad]`` for several in one array, ``[its unit]`` where an entry beside it or
-  the channel says which, ``[SI]`` where each entry of an array has its own.
-- So does ``Returns`` of a function that returns a float or an array.
+- A parameter or attribute that is annotated as a float or an array has its unit in brackets:
+  ``[m]``, ``[rad/s^2]``, ``[1]`` for a number without a unit, ``[rad or m]`` if it depends on the
+  joint, ``[m, rad]`` for several units in one array, ``[its unit]`` if another entry or the
+  channel states it, ``[SI]`` if each entry of an array has its own unit.
+- ``Returns`` of a function that returns a float or an array has a unit too.
 """
 
 import re
@@ -25,7 +25,7 @@ PACKAGE = Path(__file__).parent.parent / "proofmass"
 NUMBERS = re.compile(r"\b(float|Array|ArrayLike)\b")
 Annotation = str | griffe.Expr | None
 WORDS = ("its unit", "SI", "1", "px", "pt", "L", "EI/L", "GiB", "%")
-"""Units that are no SI units."""
+"""Words in brackets that are accepted as units in addition to those that `si_unit` reads."""
 
 
 def loaded() -> griffe.Module:
@@ -62,12 +62,12 @@ def is_unit(words: str) -> bool:
 
 
 def without_unit(text: str) -> bool:
-    """Whether no brackets of a text have a unit in them."""
+    """Whether no brackets in a text contain a unit."""
     return not any(map(is_unit, re.findall(r"\[([^\]]+)\]", text)))
 
 
 def faults(place: griffe.Object) -> list[str]:
-    """What the docstrings below a module lack, or say of what is not there."""
+    """The faults of all docstrings below a module: missing or unknown names, order, no units."""
     return [f"{one.path}: {fault}" for one in documented(place) for fault in faults_of(one)]
 
 
@@ -92,7 +92,7 @@ def faults_of(one: griffe.Function | griffe.Class) -> Iterator[str]:
 def compared(
     section: griffe.DocstringSection, there: Mapping[str, Annotation], needed: list[str]
 ) -> Iterator[str]:
-    """The faults of a section of names, beside what there is and what must be named in order."""
+    """The faults of a section, compared with the existing names and those needed, in order."""
     named = [name.strip() for entry in section.value for name in entry.name.split(",")]
     named = [name.lstrip("*") for name in named]
     yield from (f"{name} is not there" for name in named if name not in there)
@@ -107,7 +107,7 @@ def compared(
 
 
 def fields(one: griffe.Object) -> list[str]:
-    """What the body of a class annotates: the fields of a dataclass or of a named tuple."""
+    """The annotated names in the body of a class: the fields of a dataclass or a named tuple."""
     return [
         name
         for name, member in one.members.items()
@@ -119,17 +119,17 @@ def fields(one: griffe.Object) -> list[str]:
 
 
 def annotation(member: griffe.Object | griffe.Alias) -> Annotation:
-    """What a member of a class is annotated with."""
+    """The annotation of a member of a class; None if it is not an attribute."""
     return member.annotation if isinstance(member, griffe.Attribute) else None
 
 
 def number(annotated: Annotation) -> bool:
-    """Whether what is annotated so is a number, or has some; a function is none."""
+    """Whether an annotation is of a number or of numbers; that of a function is not."""
     return bool(NUMBERS.search(re.sub(r"Callable\[.*\]", "", str(annotated))))
 
 
 def read(text: str) -> griffe.Module:
-    """A module of this text."""
+    """A module as griffe reads it from a text."""
     return griffe.visit("text", Path("text.py"), text)
 
 

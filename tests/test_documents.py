@@ -1,4 +1,4 @@
-"""Numbers in README.md and docs/ are those that the benchmarks' data and the sources give."""
+"""Numbers in README.md and docs/ agree with the data of the benchmarks and with the sources."""
 
 import json
 import re
@@ -27,12 +27,15 @@ THESIS = [row for row in DESIGNS if row["line"]]
 
 
 def words(file: str) -> str:
-    """A document with single spaces, whatever its lines."""
+    """The text of a document with single spaces instead of line breaks."""
     return " ".join((ROOT / file).read_text(encoding="utf-8").split())
 
 
 def beside(row, theirs, digits):
-    """Whether our design has the lesser error and the larger work reduction, and both as good."""
+    """Whether our design is better in error and work reduction, and whether it is at least as good.
+
+    Both designs are rounded to the given digits.
+    """
     (error, reduction), (fine, coarse) = (theirs["rmse"], theirs["work_reduction"]), digits
     own = round(row["ours"]["rmse"], fine), round(row["ours"]["work_reduction"], coarse)
     error, reduction = round(error, fine), round(reduction, coarse)
@@ -44,7 +47,7 @@ def test_pages_count_the_designs_that_are_better_than_the_thesis():
     for row in THESIS:
         found = [beside(row, row["printed"], (4, 2))]  # the digits of the print
         if "why" not in row["recomputed"]:
-            found.append(beside(row, row["recomputed"], (15, 13)))  # all of a float's
+            found.append(beside(row, row["recomputed"], (15, 13)))  # nearly all digits of a float
         strict, good = (all(part) for part in zip(*found, strict=True))
         elbow_down = row["parameters"].get("mode", 1.0) < 0.0
         better, same, down = better + strict, same + (good and not strict), down + elbow_down
@@ -107,7 +110,7 @@ def test_errata_count_the_rows_whose_exact_error_is_larger():
 
 
 def test_times_of_the_thesis_for_three_rods():
-    """Table 2, lines 1152-1155, prints 985 s first and 17,241 s at the end."""
+    """Table 2 of the thesis, lines 1152-1155, prints times from 985 s to 17,241 s."""
     least, most = 985, max(seconds for _, seconds in PRINTED.values())
     assert f"thesis took {least} to {most:,} s for three to six" in words("docs/rods.md")
     page = (ROOT / "docs" / "rod_solutions.md").read_text(encoding="utf-8")
@@ -119,7 +122,7 @@ def test_times_of_the_thesis_for_three_rods():
 
 
 def test_table_2_of_the_thesis_is_answered_cell_by_cell():
-    """Each printed cell has a row; the two orientations of the platform make its six solutions."""
+    """Each printed cell has a row; the six solutions are of two orientations of the platform."""
     page = (ROOT / "docs" / "rod_table2.md").read_text(encoding="utf-8")
     rows = [line.split("|")[1:-1] for line in page.splitlines() if re.match(r"\| \d", line)]
     cells = [(int(row[0]), float(row[1]), float(row[2])) for row in rows]
@@ -128,8 +131,8 @@ def test_table_2_of_the_thesis_is_answered_cell_by_cell():
         assert (int(row[8]), int(row[9].replace(",", ""))) == (solutions, seconds)
         assert int(row[3].replace(",", "")) == 42 * int(row[0]) ** 3  # nodes
         found, mirrored = int(row[5]), int(row[6])
-        assert found <= 3 >= mirrored  # all that there are with alpha to 20
-        assert float(row[1]) < 0.5 or found + mirrored == 6  # of wide tolerances
+        assert found <= 3 >= mirrored  # there are three of each orientation with alpha to 20
+        assert float(row[1]) < 0.5 or found + mirrored == 6  # wide tolerances find all six
 
 
 ITEMS = (ROOT / "docs" / "documents.md").read_text(encoding="utf-8")
@@ -141,11 +144,11 @@ PLACES = sorted(
         for name in re.findall(r"`([^`]+)`", line)
     }
 )
-"""What the page of the documents' items names: in code, in its tables."""
+"""Names in backticks in the tables of the page on the documents' items."""
 
 
 def exists(name: str) -> bool:
-    """Whether there is a command, a chart of a model, a test, a file or a name in Python."""
+    """Whether a name is of an existing command, chart of a case, test, file or Python object."""
     words = name.split()
     if name.startswith("--"):
         return name in (ROOT / "docs" / "balancer.md").read_text(encoding="utf-8")

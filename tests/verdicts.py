@@ -1,4 +1,4 @@
-"""The verdicts on a case, without detectable changes, which take longer than the runs."""
+"""Comparisons of a case without detectable changes, whose search takes longer than the runs."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from proofmass.sidecar import load_case
 
 
 def verdicts(sidecar: Path) -> list[Comparison]:
-    """All runs of a case held against its reference, as its pytest items do."""
+    """Compare all runs of a case with its reference, as the pytest items of its sidecar do."""
     case, found = load_case(sidecar), []
     for kind, run in case.run.items():
         for solver in run.solvers:

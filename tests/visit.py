@@ -1,4 +1,4 @@
-"""A page that is open in a browser, for the tests of all pages."""
+"""A page that is opened in a browser, for the tests of pages."""
 
 from collections.abc import Callable
 from importlib.metadata import distribution
@@ -9,11 +9,11 @@ DESKTOP, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 
 
 class Visit:
-    """A page that was opened, and what went wrong on it.
+    """A visit to a page: it records messages of the console, errors, and requested addresses.
 
-    Visits are in one tab, one after the other, which takes the size, colours and motion that each
-    asks for; other options of a context have a tab of their own.  A new tab takes twice as long as
-    what is tested there.  The pages keep nothing in the browser.
+    Successive visits use the same tab, with the window size, colour scheme and reduced motion that
+    each visit asks for; visits with other options of a browser context use a tab of their own.
+    Opening a tab takes twice as long as a test in it.  The pages store nothing in the browser.
     """
 
     tabs: ClassVar[dict[str, Any]] = {}
@@ -61,9 +61,9 @@ class Visit:
         return self.page.evaluate(script)
 
     def axe(self, within: str = "", options: str = "{}") -> tuple[list[tuple[str, str]], int]:
-        """What axe finds wrong in the page or a part of it, and how many of its rules are met.
+        """Violations that axe finds in the page or a part of it, and the number of rules passed.
 
-        Of a rule that is met it gathers one element only, which takes a fraction of the time.
+        For a rule that passes, axe reports one element only, which takes a fraction of the time.
         """
         script = distribution("axe-core-python").locate_file("axe_core_python/axe.min.js")
         self.run(Path(str(script)).read_text(encoding="utf-8"))
@@ -73,9 +73,9 @@ class Visit:
         return wrong, len(found["passes"])
 
     def small_text(self, within: str, shown: str = "true") -> list[str]:
-        """Elements in a part of the page whose letters are smaller than 12 px.
+        """Elements in a part of the page that have text in letters smaller than 12 px.
 
-        `shown` is a condition in JavaScript on the element `one`; others do not count.
+        `shown` is a condition in JavaScript on the element `one`; other elements are ignored.
         """
         found: list[str] = self.run(
             f"findAll({within + ' *'!r}).filter((one) => {shown})"
