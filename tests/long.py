@@ -1,9 +1,10 @@
 """Names of tests that take seconds and get the marker ``slow``, with their faster counterparts.
 
-`LONG` maps the beginning of the names of slow tests, including items of sidecars, to the beginning
-of the name of a test that checks the same in less time.  `SOME` has tests with parameters: for each
-test a list of words.  The tests whose parameters contain one of the words run by default; the
-others are slow.
+`LONG` maps the beginning of the names of slow tests, including items of sidecars,
+to the beginning of the name of a test that checks the same in less time.
+
+`SOME` has a list of words for each of some tests with parameters.  Those whose
+parameters contain one of the words run by default; the others are slow.
 
 `tests/conftest.py` sets the markers.  When all tests are collected, it refuses a row that marks no
 test as slow, and a row whose counterpart or word matches no test or only slow tests.  Tests of all

@@ -1,4 +1,4 @@
-"""Sidecars without runs: keys of faults, channels and tolerances of runs, drives and views."""
+"""Faults of sidecars and their keys; channels and tolerances of runs; drives, rods and views."""
 
 import re
 

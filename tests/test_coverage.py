@@ -164,7 +164,7 @@ def judged(changed: Case, own: Case, kind, solver: str) -> set[str]:
     """Outcomes of channels with a tolerance in a run of the changed case, or "failed"."""
     try:
         curves = solve(changed, kind, solver)
-        # the length of a rod sets the samples, so a closed form is evaluated at the unchanged ones
+        # a closed form of rods reads its own parameters: it is evaluated at the unchanged places
         found = compare(own if changed.rod else changed, kind, solver, curves, detectable=False)
     except FAILED:
         return {"failed"}
@@ -186,9 +186,9 @@ def noticing(case: Case, one: Finding, change: float, folder: Path) -> list[tupl
 def holds(case: Case, one: Finding, folder: Path) -> None:
     """Assert that a finding agrees with runs of changed models.
 
-    A change that is not noticed leaves all outcomes; one that is refused makes some run differ or
-    fail.  Twice the smallest noticed change is noticed by the run of the finding, and half of it
-    by no run.
+    If the change that was tried is not noticed, no channel differs and no run fails.  If it is
+    refused, some run differs or fails.  Otherwise the run of the finding notices twice the smallest
+    noticed change, and no run notices half of it.
     """
     if not one.noticed:
         for side in (1, -1) if one.value else (1,):
@@ -277,7 +277,8 @@ def writable(case: Case, one: Finding) -> bool:
     text = case.model_path.read_text()
     if one.kind == "direction":
         return not re.search('xyaxes|euler|freejoint|quat|axis="0 -?1 0"', text)  # about z
-    if one.kind in ("mass", "inertia", "centre of mass"):  # or of geoms
+    # a body without <inertial> has the mass, inertia and centre of mass of its geoms
+    if one.kind in ("mass", "inertia", "centre of mass"):
         name = one.of.split(" ")[0]
         body = ElementTree.fromstring(text).find(f".//body[@name='{name}']")
         return body is not None and (body.find("inertial") is not None or not body.findall("geom"))

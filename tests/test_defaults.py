@@ -45,7 +45,7 @@ def here(monkeypatch):
 
 
 def short(folder: Path, more: str = "", tables: str = "") -> Case:
-    """A case of the model of the four-bar whose sidecar has the required keys, and `more`."""
+    """A case of the four-bar; its sidecar has the required keys, and `more` keys and `tables`."""
     file = folder / "short.toml"
     file.write_text(SHORT.format(more=more, tables=tables))
     (folder / "short.xml").write_bytes(shipped("fourbar.xml").read_bytes())

@@ -215,7 +215,7 @@ def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
 
 
 def test_causes_are_ranked_by_channels_then_by_what_is_left():
-    """Exact causes leave only rounding; they are ranked by digits of their values, then by change."""
+    """Exact causes leave only rounding; they are ranked by digits of values, then by change."""
 
     def cause(words: str, explains: str, left: float, free: int = 1, *change: float) -> Explanation:
         changes = {words: change} if change else {}

@@ -269,7 +269,7 @@ def test_the_first_sidecar_of_the_page_loads(tmp_path: Path) -> None:
 
 
 def test_links_lead_somewhere() -> None:
-    """The files are README.md and examples/; ``mkdocs build --strict`` checks the pages of docs/."""
+    """The files are README.md and examples/; ``mkdocs build --strict`` checks links of docs/."""
     for file in (
         ROOT / "README.md",
         ROOT / "examples" / "README.md",
