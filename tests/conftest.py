@@ -263,7 +263,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     If all tests are collected, each row of `tests/long.py` must match a slow test and a faster
     counterpart that runs by default.
 
-    The tests of a file in `FIRST` share a fixture that takes long, for which the first of them
+    The tests of a file in `FIRST` share a fixture that takes long, for which their first test
     waits.  Since they come first, no process is left alone with them at the end, and no two
     processes make the fixture.
     """

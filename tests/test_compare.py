@@ -310,8 +310,8 @@ def test_recorded_drive_is_exact_at_samples_and_close_between():
     drive = Samples(x, np.sin(x), np.cos(x), -np.sin(x))
     np.testing.assert_array_equal(drive(x)[2], -np.sin(x))
     between = x[:-1] + 0.005
-    # the error of a cubic through values and rates is h^4 / 384 times the fourth derivative;
-    # 1 % is added for rounding
+    # the error of a cubic through values and rates is h^4 / 384 times the fourth derivative, and
+    # 1 % is added for rounding; the polynomials of `Samples` are of fifth degree
     np.testing.assert_allclose(drive(between)[0], np.sin(between), atol=0.01**4 / 384 * 1.01)
 
 

@@ -466,6 +466,7 @@ def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer
 
 
 def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():
+    """If the reference reads the model, only channels that must equal a number notice a change."""
     search = searching("peaucellier", "sweep", "mujoco")
     there = {number.name: number for number in numbers_of_case(search.case)}
     (tip,) = search.tried([there["site of tip x"]])
