@@ -30,7 +30,7 @@ def shipped(name: str) -> Path:
 
 
 def fewer_samples(n: int) -> int:
-    """About a tenth of n samples of a sweep that reverses up to twice; its turns remain samples.
+    """About a tenth of n samples of a sweep; reversals of up to two cycles to and fro remain.
 
     >>> [fewer_samples(n) for n in (97, 145, 181, 361)]
     [13, 17, 21, 37]

@@ -46,7 +46,7 @@ from proofmass.studies.command import load_cases
 from proofmass.worker import Crashed
 from tests.shipped import MODELS
 
-CHECK = sys.modules[check.__module__]  # whose name in the package is that of the function
+CHECK = sys.modules[check.__module__]  # `proofmass.check` is the function
 
 
 class Workers(list):

@@ -224,7 +224,7 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
             raise InputError(case.file, "", "")
         return other
 
-    module = sys.modules[compare.__module__]  # whose name in the package is that of the function
+    module = sys.modules[compare.__module__]  # `proofmass.compare` is the function
     monkeypatch.setattr(module, "assembly_modes", lambda case: (1, -1))
     monkeypatch.setattr(module, "evaluate", evaluated)
     with pytest.raises(InputError, match="mode -1") as error:
