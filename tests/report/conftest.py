@@ -1,4 +1,4 @@
-"""A reference of a test's own in a copy of the four-bar's case."""
+"""A fixture that gives a copy of the four-bar's case a reference of the test's own."""
 
 import re
 from collections.abc import Callable
@@ -12,10 +12,11 @@ from proofmass.report import case_figures, case_page
 
 @pytest.fixture
 def stubbed(models: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, str, str], Path]:
-    """``stubbed(name, source, parameters, more)``: the sidecar, whose one channel is a moment.
+    """A function that writes a sidecar with a reference of the test's own, and returns its path.
 
-    The reference is a module of that name and source; `parameters` and `more` are lines of the
-    sidecar, in its table of parameters and at its end.
+    It is called as ``f(name, source, parameters, more)``.  The reference is a module with this name
+    and source.  `parameters` has the lines of the sidecar's table of parameters, `more` has lines
+    for the end of the sidecar.  The sidecar has one channel, a moment.
     """
 
     def make(name: str, source: str, parameters: str, more: str) -> Path:
@@ -23,7 +24,7 @@ def stubbed(models: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str
         (models / "stubs" / f"{name}.py").write_text(source)
         monkeypatch.syspath_prepend(models / "stubs")
         monkeypatch.setitem(REFERENCES, name, name)
-        for module in (case_figures, case_page):  # other processes do not know of it
+        for module in (case_figures, case_page):  # other processes lack the reference
             monkeypatch.setattr(
                 module, "call_isolated", lambda function, *args, **limits: function(*args)
             )

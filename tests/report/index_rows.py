@@ -1,4 +1,4 @@
-"""A result with everything that an index can show, without a run."""
+"""A result with everything that an index can show, made without running an engine."""
 
 from functools import cache
 from pathlib import Path
@@ -33,7 +33,7 @@ def of(
     unit: str = "m",
     message: str = "",
 ) -> Comparison:
-    """A comparison whose error and allowance are these shares of a range of 2."""
+    """A comparison whose error and tolerance are these shares of a range of 2."""
     return Comparison(
         case,
         solver,
@@ -51,6 +51,7 @@ def of(
 
 
 def failed(case: str, run: str, solver: str, channel: str, outcome: str) -> Comparison:
+    """A comparison with an outcome, and without an error."""
     return Comparison(case, solver, run, channel, "m", outcome=outcome, message="why not")
 
 
@@ -76,12 +77,12 @@ ROWS = [
 
 @cache
 def loaded() -> list[Case]:
-    """The cases; they are not changed."""
+    """The cases of `NAMES`; tests share them and must not change them."""
     return [load_case(shipped(f"{name}.toml")) for name in NAMES]
 
 
 def whole_result() -> Result:
-    """Five cases, a model without a sidecar, and an input at fault."""
+    """The result of five cases, a model without a sidecar, and an input with an error."""
     return Result(
         cases=loaded(),
         comparisons=list(ROWS),
@@ -91,7 +92,10 @@ def whole_result() -> Result:
 
 
 def last_record(result: Result) -> Record:
-    """The record of a report before: an error was smaller, one larger, and a case was there."""
+    """The record of an earlier report.
+
+    In it one error was smaller, one was larger, and there was a case that is not in `result`.
+    """
     rows = [
         of("pendulum", "dynamics", "mujoco", "angle", 1e-9, unit="rad")
         if (c.case, c.solver, c.channel) == ("pendulum", "mujoco", "angle")
@@ -105,7 +109,7 @@ def last_record(result: Result) -> Record:
 
 
 def small() -> Thumbnail:
-    """A bar that turns, from a pivot on the ground, with a driven slide at its end."""
+    """The drawing of a bar that turns about a pivot on the ground and has a slide at its end."""
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     end = np.stack([124 + 60 * np.cos(angles), 84 - 60 * np.sin(angles)], axis=1).round()
     pivot = np.broadcast_to([124.0, 84.0], end.shape)
@@ -116,7 +120,7 @@ def small() -> Thumbnail:
 def index_text(
     result: Result, before: Record | None = None, history: History | None = None, **more
 ) -> str:
-    """The index of a result."""
+    """The HTML of the index of a result; `before` is the record of the last report."""
     now = make_record(result, MADE)
     return render_index(
         environment(),
@@ -131,7 +135,10 @@ def index_text(
 
 
 def write_index(folder: Path, result: Result, before: Record | None = None) -> Path:
-    """The index with its styles and script, and pages that its links lead to."""
+    """Write the index with its styles and script, and an empty page for each link to a case.
+
+    Return the file of the index.
+    """
     write_static(folder, STATIC)
     for case in result.cases:
         (folder / f"{case.name}.html").write_text(f"<!doctype html><title>{case.name}</title>")

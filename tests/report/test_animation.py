@@ -1,4 +1,4 @@
-"""Animations: what they draw obeys closed forms, the files play, bad input is said in a line."""
+"""Animations: drawings compared with closed forms, files that play, and reports of bad input."""
 
 import io
 from collections.abc import Callable
@@ -30,11 +30,12 @@ CRANK = np.linspace(0, 2 * np.pi, POSES)
 
 
 def command(*args: object):
+    """The result of ``proofmass animate`` with these arguments."""
     return CliRunner().invoke(app, ["animate", *map(str, args)])
 
 
 def staged(case: Case, magnify: float = 1.0, poses: int = POSES) -> AnimationFigure:
-    """What is drawn of the first run of a case in MuJoCo."""
+    """The figure of the animation of a case's first run, in MuJoCo, at `poses` poses."""
     kind, solver = next(iter(case.run)), "mujoco"
     table = case.run[kind].model_copy(update={"solvers": (solver,), "n": poses})
     case = case.model_copy(update={"run": {kind: table}})
@@ -58,13 +59,13 @@ def playing() -> object:
 
 
 def ends(stage: AnimationFigure, body: str) -> np.ndarray:
-    """Where the first outline of a body has its ends, as the reference has it: (poses, 2, 2)."""
+    """Both ends of a body's first outline, as drawn for the reference (poses, 2, 2) [m]."""
     drawn = [b.name for b in stage.motion.bodies for _ in b.outlines]
     return stage.strokes(stage.motion.places)[drawn.index(body)][:, :2]
 
 
 def rocker_angle(rocker: float) -> np.ndarray:
-    """By the closed form, at the poses."""
+    """The angle of the rocker by the closed form, at the crank angles of the poses [rad]."""
     found = fourbar.solve(CRANK, 0 * CRANK, 0 * CRANK, rocker=rocker, **LENGTHS)
     return np.asarray(found["rocker_angle"])
 
@@ -85,7 +86,11 @@ def test_bars_are_where_the_closed_form_has_them() -> None:
 
 @pytest.mark.parametrize("magnify", [1.0, 10.0])
 def test_differences_are_drawn_as_large_as_asked(edit: Callable[..., Path], magnify: float) -> None:
-    """A rocker 1 % too long, whose angle is off by up to 8 mrad; it is a channel of the case."""
+    """Differences to the reference are drawn times the magnification.
+
+    The model has a rocker that is 1 % too long, which changes its angle by up to 8 mrad.  The angle
+    is a channel of the case, so the drawing gets the difference from the measured curve.
+    """
     edit("fourbar.xml", 'name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
     case = load_case(shipped("fourbar.toml"))
     stage = staged(
@@ -99,7 +104,7 @@ def test_differences_are_drawn_as_large_as_asked(edit: Callable[..., Path], magn
 
 
 def test_springs_wind_with_their_joints() -> None:
-    """The two ends of a spiral turn apart by what the closed form says of the spring."""
+    """The ends of a spiral turn relative to each other by the deflection of the closed form."""
     stage = staged(load_case(shipped("balancer_sine.toml")))
     case = stage.case
     run = plan_run(case, "sweep", "mujoco")
@@ -111,14 +116,18 @@ def test_springs_wind_with_their_joints() -> None:
         at = spots[i][:, 0]
         coils = np.array([stage.coil(i, places[k], at[k]) for k in range(POSES)])
         turned = np.unwrap(np.angle((coils - at[:, None]) @ [1, 1j]), axis=1)
-        wound = turned[:, 0] - turned[:, -1]  # of the inner end; the model counts clockwise
+        wound = turned[:, 0] - turned[:, -1]  # turn of the inner end; the model counts clockwise
         deflection = -truth[f"deflection{number}"]
         assert np.abs(deflection).max() > 0.3
         assert wound - wound[0] == pytest.approx(deflection, abs=1e-9)
 
 
 def test_rods_bend_and_keep_their_length(edit: Callable[..., Path]) -> None:
-    """Links of a chain are rigid, so is the length of its line; half a link is the clamp's."""
+    """The line of a rod keeps its length while the distance of its ends changes.
+
+    The links of the chain are rigid.  Of each rod of 1 m with 4 links half a link, 1/8 m, belongs
+    to the clamp, so the line has 7/8 m.
+    """
     file = edit("rfr2_load_path.toml", r"segments = \d+", "segments = 4")
     stage = staged(load_case(file), poses=3)
     lines = stage.strokes(stage.motion.places)[-2:]
@@ -127,12 +136,16 @@ def test_rods_bend_and_keep_their_length(edit: Callable[..., Path]) -> None:
         steps = np.linalg.norm(np.diff(line, axis=1), axis=2)
         assert steps.sum(axis=1) == pytest.approx(np.full(len(line), 1 - 1 / 8), rel=1e-9)
         straight.append(np.linalg.norm(line[:, -1] - line[:, 0], axis=1))
-    assert np.ptp(straight, axis=1).min() > 1e-3  # they bend more, or less, along the way
+    assert np.ptp(straight, axis=1).min() > 1e-3  # the curvature changes along the motion
 
 
 @pytest.mark.parametrize(("ending", "form"), [(".webp", "WEBP"), (".GIF", "GIF")])
 def test_a_file_plays(tmp_path: Path, ending: str, form: str) -> None:
-    """Six pictures of a turn all differ: its end, which is its start again, is left out."""
+    """A saved file has all pictures and repeats without end.
+
+    All six pictures of a turn differ, since the end of the turn, which equals its start, is left
+    out.
+    """
     found, file = playing(), tmp_path / f"mine{ending}"
     found.save(file)
     with Image.open(file) as image:
@@ -147,14 +160,14 @@ def test_a_file_plays(tmp_path: Path, ending: str, form: str) -> None:
             pictures.append(np.asarray(image.convert("RGB"), int))
         assert all(np.abs(a - b).max() > 100 for a, b in pairwise(pictures))
         for drawn, there in zip(found.frames, pictures, strict=True):
-            assert np.abs(drawn - there).mean() < 2.0  # of 255: few colours, and losses of WebP
+            assert np.abs(drawn - there).mean() < 2.0  # of 255: GIF has few colours, WebP losses
 
 
 def test_a_notebook_plays_it() -> None:
     html = playing()._repr_html_()
     assert html.startswith('<div><img src="data:image/webp;base64,')
     assert 'alt="fourbar, sweep: reference and pymunk"' in html
-    assert playing().encoded() == playing().encoded()  # nothing of the time or the machine in it
+    assert playing().encoded() == playing().encoded()  # independent of time and machine
     with Image.open(io.BytesIO(playing().encoded())) as image:
         assert image.size == playing().frames.shape[2:0:-1]
 
@@ -164,7 +177,7 @@ def test_a_notebook_plays_it() -> None:
     [
         ("fourbar.toml", 2 * np.pi, True),
         ("fourbar.toml", 3.0, False),
-        ("balancer_sine.toml", None, True),  # up and down
+        ("balancer_sine.toml", None, True),  # the drive goes up and comes back
         ("threeprr.toml", None, False),
     ],
 )
@@ -198,7 +211,11 @@ def test_what_is_no_animation() -> None:
 
 
 def test_another_number_of_samples() -> None:
-    """Pictures between samples are interpolated: with few of them the crank is too short there."""
+    """`samples` sets the number of samples of the run.
+
+    Pictures between samples are interpolated, so that with 3 samples the crank is drawn too short
+    between them, and the pictures differ from those with 361 samples.
+    """
     case = load_case(shipped("fourbar.toml"))
 
     def pictures(samples: int | None) -> np.ndarray:
@@ -257,7 +274,7 @@ def test_a_failed_solver_is_told_and_the_model_drawn(
 
 
 def test_a_motion_that_ends_early_is_told(models: Path, tmp_path: Path) -> None:
-    """The planar reference follows the triple rocker's crank as far as its loop closes."""
+    """The planar reference follows the triple rocker's crank only as far as the loop closes."""
     drive = load_case(models / "triple_rocker.toml").drive[0]
     (models / "mine.xml").write_text((models / "triple_rocker.xml").read_text())
     (models / "mine.toml").write_text(

@@ -1,4 +1,4 @@
-"""The pages of cases in a browser: what they show, and that they fetch nothing."""
+"""The pages of cases in a browser: what they show, and that they fetch only their own files."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,14 +22,14 @@ NAMES = [
     "hacksaw_recorded",
     "pendulum",
 ]
-SLOW = 2000  # [ms] until a page may be used, on a busy machine; 0.3 s are usual
+SLOW = 2000  # [ms] largest load time of a page, on a busy machine; 0.3 s are usual
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Pages of six cases: the slider-crank differs, the pendulum fails.
 
-    Most are without the drawing at several poses, which is no part of the scripts.
+    The static figures, which the scripts do not draw, are left out of most pages to save time.
     """
     cases = {name: load_case(shipped(f"{name}.toml")) for name in NAMES}
     offs = {"rod_cantilever": 1e-4, "slider_crank": 0.02}
@@ -56,13 +56,13 @@ assert set(FAILED) <= set(Comparison.__dataclass_fields__)
 
 
 class CaseVisit(Visit):
-    """The page of a case, whose mechanism stands still."""
+    """The page of a case, whose mechanism does not move by itself."""
 
     def __init__(self, browser: Any, file: Path, address: str = "", **options: Any) -> None:
         super().__init__(browser, file, address, **{"reduced_motion": "reduce", **options})
 
     def plot(self, place: str) -> dict[str, float]:
-        """Where a plot is on the screen, after it was brought there."""
+        """The rectangle of a plot on the screen, after the page was scrolled to it."""
         found = self.page.locator(f"{place} .u-over")
         found.scroll_into_view_if_needed()
         return dict(found.bounding_box())
@@ -133,7 +133,7 @@ def test_a_failed_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> N
         said = visit.page.inner_text("#failed")
         assert "MuJoCo is drawn until 1.7" in said
         assert visit.run(INK_AT_THE_END)
-        chip.click()  # without the failed curve nothing is marked there
+        chip.click()  # switches the failed curve off, and its mark with it
         assert not visit.run(INK_AT_THE_END)
         assert visit.run(SAID) is None
         assert visit.said == []
@@ -156,9 +156,9 @@ INK_AT_THE_END = """() => {
 
 @pytest.fixture(scope="module")
 def snap_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of the rod that snaps, with few links, in pymunk one sample after the reference.
+    """The page of a rod that snaps; in pymunk it snaps one sample later than in the reference.
 
-    Every other sample is left out, and its views and its chart, which take seconds.
+    To save time the rod has 10 links, the sweep has 22 samples, and views and charts are left out.
     """
     case, out = load_case(shipped("rod_snap.toml")), tmp_path_factory.mktemp("snap")
     rods = {"rod": case.rod["rod"].model_copy(update={"segments": 10})}
@@ -176,7 +176,7 @@ def snap_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out / "rod_snap.html"
 
 
-BEYOND = 8  # the first sample after a snap
+BEYOND = 8  # the first sample after the first snap of the reference
 
 
 def test_a_mechanism_plays_through_its_snaps(snap_page: Path, browser: Any) -> None:
@@ -193,7 +193,7 @@ def test_a_mechanism_plays_through_its_snaps(snap_page: Path, browser: Any) -> N
         told = visit.page.inner_text("#ghost")
         assert "jumps to another equilibrium between 0.6667 s and 0.7619 s and between" in told
         late = visit.run(SHAPES.replace("mujoco:settled", "pymunk"))
-        assert late[BEYOND]["middle"] < late[BEYOND]["ends"]  # where pymunk has not snapped yet
+        assert late[BEYOND]["middle"] < late[BEYOND]["ends"]  # pymunk has not snapped yet
         assert late[BEYOND + 1]["middle"] > late[BEYOND + 1]["ends"]
         assert visit.said == []
 
@@ -226,8 +226,9 @@ def test_curves_are_open_where_they_jump(snap_page: Path, browser: Any) -> None:
         moves = "find('#option-tip\\\\.angle path').getAttribute('d').split('M').length - 1"
         assert visit.run(moves) == 3
         assert visit.said == []
-        # between two samples before a snap there is ink; in a snap the reference leaves only the
-        # dots of an upright half-way, and an engine that snaps later a slope elsewhere
+        # Between two samples before the snap there is ink of both curves.  At the snap of the
+        # reference, after sample 7, only the dots of its vertical line are half-way, and pymunk,
+        # which snaps after sample 8, still has a curve there.
         assert visit.run(f"({INK_BETWEEN})(5, '--pale')")
         assert visit.run(f"({INK_BETWEEN})(5, '--s1')")
         assert not visit.run(f"({INK_BETWEEN})(7, '--pale')")
@@ -273,7 +274,7 @@ def test_the_scrub_bar_moves_plots_and_mechanism(folder: Path, browser: Any) -> 
         after = visit.run(line), visit.run(crank)
         assert after[0] != before[0]
         turn = float(after[1].split("rotate(")[1].rstrip(")"))
-        assert turn == pytest.approx(-90, abs=0.01)  # 16 bits of a turn; screens count downwards
+        assert turn == pytest.approx(-90, abs=0.01)  # 16 bits for a turn; screens count downwards
         assert visit.address == "#sweep/mujoco/pin.x@1.5708"
         assert visit.page.inner_text("#position") == "90°"
         visit.page.keyboard.press("ArrowRight")
@@ -284,7 +285,7 @@ def test_no_name_covers_another(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "hacksaw_recorded.html") as visit:
         covered, hidden = visit.run(COVERED)
         assert covered == 0
-        assert hidden > 0  # or there was nothing to leave out
+        assert hidden > 0  # otherwise no label was near another
 
 
 COVERED = """() => {
@@ -395,7 +396,7 @@ def test_differences_are_magnified(folder: Path, browser: Any) -> None:
         across = [float(text.split("(")[1].split()[0]) for text in (plain, visit.run(slide))]
         run = "data.runs.sweep.solvers.mujoco.differences['slider.x'][state.sample]"
         scale = visit.run("mechanism().scale")
-        # ten times the difference instead of once: nine more of it
+        # ten times the difference instead of once is nine times more
         assert across[1] - across[0] == pytest.approx(9 * scale * visit.run(run), rel=0.02)
 
 

@@ -1,4 +1,4 @@
-"""The data of a case's page: curves, comparisons and poses as its script finds them."""
+"""The page of a case: the data that its script reads, the texts, and the first table."""
 
 import json
 import re
@@ -55,14 +55,16 @@ from tests.report.whole import failed_result, whole_result, without_figures
 from tests.shipped import shipped
 
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
-SIZE = 700_000  # bytes of a page, its data with it
+SIZE = 700_000  # [bytes] largest size of a page, with its data
 
 
 def unpacked(text: str, kind: str) -> np.ndarray:
+    """Decode numbers in base64; `kind` is their NumPy type."""
     return np.frombuffer(b64decode(text), kind)
 
 
 def scaled(packed: dict[str, Any]) -> np.ndarray:
+    """Decode numbers that are stored as whole numbers of 16 bits and a scale; -2^15 is NaN."""
     numbers = unpacked(packed["numbers"], "<i2").reshape(packed["shape"]).astype(float)
     return np.where(numbers == -(2**15), np.nan, numbers) * packed["scale"]
 
@@ -213,7 +215,10 @@ def test_curves_that_are_no_numbers_somewhere_are_drawn_elsewhere(
 
 
 def moved_by(case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]) -> Motion:
-    """The motion of a sweep or of dynamics whose curves differ by what is given, by channel."""
+    """The motion of a case's first run, with MuJoCo's differences to the reference made up.
+
+    `change` gives the differences, by channel, at the samples of the run [SI].
+    """
     kind = next(iter(case.run))
     run = plan_run(case, kind, "mujoco")
     state = run.motion(run.x) if run.drives else None
@@ -229,10 +234,10 @@ def test_bodies_are_moved_by_what_is_measured(fourbar: Case) -> None:
         fourbar, lambda x: {"rocker": 1e-7 * np.cos(x), "coupler.angle": 3e-7 * np.sin(x)}
     )
     x, away = found.picture.x, found.away["mujoco"]
-    # the loops pull with the square of `LOOP_WEIGHT`, 1e-6 of it
+    # the loops have a weight of 1e-6 of the measured values, the square of `LOOP_WEIGHT`
     assert away[:, names.index("rocker"), 2] == pytest.approx(1e-7 * np.cos(x), abs=1e-12)
     assert away[:, names.index("coupler"), 2] == pytest.approx(3e-7 * np.sin(x), abs=1e-12)
-    assert away[:, names.index("crank")] == pytest.approx(0.0, abs=1e-12)  # the drive holds it
+    assert away[:, names.index("crank")] == pytest.approx(0.0, abs=1e-12)  # prescribed by the drive
     assert found.places[:, names.index("crank"), 2] == pytest.approx(x, abs=1e-12)
     assert found.unfit < 1e-13
     assert set(found.used) == {"rocker", "coupler.angle"}
@@ -254,7 +259,7 @@ def test_a_wrong_length_does_not_fit_the_reference(models: Path) -> None:
     case = load_case(models / "fourbar.toml")
     names = ["rocker", "coupler.angle", "pin.x", "pin.y"]
     found = moved_by(case, lambda x: dict.fromkeys(names, 0 * x))
-    assert 1e-3 < found.unfit < 2e-2  # 0.025 m too long, of a size of 3 m
+    assert 1e-3 < found.unfit < 2e-2  # 0.025 m too long, over a size of 3 m
 
 
 def test_limits_that_are_met_are_told() -> None:
@@ -288,7 +293,7 @@ def test_links_of_a_rod_are_one_line() -> None:
     assert rod["name"] == "rod"
     points = scaled(rod["points"])
     steps = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
-    half = 1.0 / 20  # of 10 links of 1 m in all; the first half link is clamped to the motor
+    half = 1.0 / 20  # [m] of 10 links of 1 m in all, half of the first is clamped to the motor
     assert steps == pytest.approx(1.0 - half, abs=1e-4)
     assert scaled(pin["points"])[:, 0] == pytest.approx(
         np.tile([0.8, 0.0], (len(points), 1)), abs=1e-4
@@ -304,7 +309,7 @@ def test_the_first_table_shows_the_worst_and_says_where(page: str, result: Resul
     (first, *_) = re.findall(r'href="#sweep/mujoco/([^@"]+)@([^"]+)"', page)
     (shown_row,) = [c for c in rows if c.channel == first[0]]
     worst = max(c.relative_to_range for c in rows)
-    assert shown_row.relative_to_range == pytest.approx(worst, rel=1e-3)  # four digits are kept
+    assert shown_row.relative_to_range == pytest.approx(worst, rel=1e-3)  # stored with four digits
     assert float(first[1]) == pytest.approx(shown_row.at, rel=1e-5)
     assert axis_place(10**LAST_DECADE * 10) == 100.0
     assert axis_place(10 ** (FIRST_DECADE - 1)) == 0.0
@@ -372,7 +377,7 @@ def test_a_reference_that_was_compared_is_not_evaluated_again(
 
 
 def coverage_found(case: Case) -> Coverage:
-    """A coverage as it may be found, with numbers of every sort."""
+    """A made-up coverage with numbers of every kind: noticed, refused and not noticed."""
     noticed = {"run": "sweep", "solver": "mujoco", "channel": "pin.x"}
     return Coverage(
         case.name,
@@ -419,7 +424,7 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
         coverage_file(fourbar, key, None)
     )
     assert load_noticed_panel(fourbar)
-    monkeypatch.setattr(  # a worker may have another folder of what was found
+    monkeypatch.setattr(  # a worker process may have another folder of stored findings
         "proofmass.report.case_page.evaluate_in_worker",
         lambda case, beyond, function, otherwise: function(case),
     )
@@ -431,15 +436,17 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     assert "finds the numbers" not in panel
     assert "Noticed from this change on" in page
     coverage_file(fourbar, key, None).write_text("{", encoding="utf-8")
-    assert load_noticed_panel(fourbar) is None  # the command says what is wrong with it
+    assert load_noticed_panel(fourbar) is None  # `proofmass explain` reports the damaged file
 
 
 def cause_of(words: str, explains: tuple[str, ...], left: float = 1e-15) -> Explanation:
+    """A longer rocker as the cause of the differences of the channels `explains`."""
     changes = {"rocker": (2.5, 2.525)}
     return Explanation("parameter", words, explains, ("pin.y",), left, 3, 1, changes, ("a twin",))
 
 
 def diagnosis_of(run: str, solver: str, *found: Explanation, **more: Any) -> Diagnosis:
+    """A diagnosis of three channels that differ in the four-bar, with these causes."""
     told = {"differing": ("a", "b", "c"), "tried": ("sign", "unit"), **more}
     return Diagnosis("fourbar", run, solver, causes=found, **told)
 
@@ -461,7 +468,7 @@ def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path:
     assert [row.words for row in panel.rows] == ["rocker 2.5 → 2.525"] * 2 + ["nothing changed"]
     assert panel.rows[0].explains == "2 of 3, 1 wrong"
     places = [row.place for row in panel.rows]
-    assert places == sorted(places)  # less is left than without a change
+    assert places == sorted(places)  # each leaves less error than no change does
     assert panel.where == (
         "The same in 2 runs: MuJoCo in the sweep (2 of 3 curves) and "
         "MuJoCo in dynamics (2 of 3 curves)."
@@ -487,7 +494,7 @@ def test_a_failed_run_is_drawn_until_its_loss(fourbar: Case, result: Result, alo
     solvers = fourbar.run["dynamics"].solvers if alone else ["mujoco"]
     run = plotted_run(failed_result(fourbar, result, *solvers), fourbar, "dynamics")
     assert set(run.failed) == set(solvers)
-    assert (run.whole is not None) == alone  # else a solver that came to the end has it
+    assert (run.whole is not None) == alone  # otherwise another solver reached the end
     data = recorded_data(fourbar, [run])["runs"]["dynamics"]
     exact = result.curves[fourbar.name, "dynamics", "mujoco"]
     assert np.array_equal(unpacked(data["x"], "<f8"), exact.x)
@@ -531,7 +538,7 @@ def test_colours_can_be_read_on_both_papers() -> None:
     ).values():
         for paper in BACKGROUNDS.values():
             assert contrast(make_legible(look.colour, paper), paper) >= TEXT_CONTRAST
-    assert contrast("#E69F00", "#ffffff") < 3  # why they are changed
+    assert contrast("#E69F00", "#ffffff") < 3  # this is why colours are changed
 
 
 def test_scripts_and_styles_stand_beside_the_pages(result: Result, tmp_path: Path) -> None:
@@ -542,7 +549,7 @@ def test_scripts_and_styles_stand_beside_the_pages(result: Result, tmp_path: Pat
 
 
 def test_an_undecided_curve_is_no_agreement_in_the_first_table():
-    """It stands where it fails, before a curve that agrees, and says why."""
+    """The cell shows the undecided curve, which has the larger error, and marks it as a failure."""
     told = {"share": 1e-3, "later": None, "allowed_share": 1e-2, "ratio": 0.1, "at": 0.5}
     own = {
         "far": {**told, "outcome": "undecided"},

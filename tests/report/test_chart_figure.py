@@ -1,4 +1,4 @@
-"""The figure of a chart: bold and dashed, broken lines, fields with their zero, one scale."""
+"""The figure of a chart: styles of lines, fields and regions, scales, axes, and the legend."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +24,7 @@ from proofmass.report.style import FIXED_LOOKS, RC
 
 
 def drawn(*panels: Panel, **changed: object):
-    """Axes of a chart of such panels, without those of colour bars."""
+    """The axes of a drawn chart with these panels, without the axes of colour bars."""
     chart = Chart(("x", "m"), ("y", "m"), panels, "Caption.")
     with rc_context(RC):
         figure = chart_figure("Title", replace(chart, **changed))
@@ -33,20 +33,24 @@ def drawn(*panels: Panel, **changed: object):
 
 
 def bold(ax) -> list:
+    """The solid lines that are wider than 1.5 points."""
     return [line for line in ax.lines if line.get_linestyle() == "-" and line.get_linewidth() > 1.5]
 
 
 def dashed(ax) -> list:
+    """The dashed lines that are narrower than 1 point."""
     return [
         line for line in ax.lines if line.get_linestyle() == "--" and line.get_linewidth() < 1.0
     ]
 
 
 def words(ax) -> list[str]:
+    """The texts of the figure's legend."""
     return [text.get_text() for text in ax.figure.legends[0].get_texts()]
 
 
 def bump(x0: float = 0.0) -> ChartLine:
+    """A parabola above x0."""
     x = np.linspace(0.0, 1.0, 11)
     return ChartLine(x, x0 + x * (1 - x), "a bump")
 
@@ -56,9 +60,10 @@ def test_stable_is_bold_and_unstable_thin_and_dashed() -> None:
     assert (len(bold(ax)), len(dashed(ax))) == (2, 1)
     assert dashed(ax)[0].get_ydata().min() == 2.0
     assert dashed(ax)[0].get_zorder() < bold(ax)[0].get_zorder()
-    assert words(ax) == ["a bump", "stable", "unstable"]  # one label for both
+    # the lines share one label, so the legend explains the styles
+    assert words(ax) == ["a bump", "stable", "unstable"]
     (ax,) = drawn(Panel((bump(), replace(bump(2.0), stable=False, label="else"))))
-    assert words(ax) == ["a bump", "else"]  # labels tell them apart
+    assert words(ax) == ["a bump", "else"]  # the labels distinguish stable from unstable
 
 
 def test_nan_breaks_a_line() -> None:
@@ -68,19 +73,20 @@ def test_nan_breaks_a_line() -> None:
     assert np.isnan(path.vertices[[2, 4]]).all()
     strokes = [len(p) for p in path.cleaned(remove_nans=True).to_polygons(closed_only=False)]
     assert strokes[0] == 2  # from 0 to 1
-    assert ax.get_xlim() == pytest.approx((-0.09, 3.09))  # 3 and 3 % of it at both ends
+    assert ax.get_xlim() == pytest.approx((-0.09, 3.09))  # a range of 3, and 3 % of it at both ends
 
 
 def test_long_lines_are_thinned_and_keep_the_ends_of_their_pieces() -> None:
     t = np.linspace(0.0, 1.0, 20_000)
     y = np.where((t > 0.3) & (t < 0.31), np.nan, np.sin(9 * t))
     few = thin_line(ChartLine(t, y))
-    assert MAX_LINE_POINTS <= len(few) <= MAX_LINE_POINTS + 6  # rounded up for each piece
+    # the number of points is rounded up for each piece
+    assert MAX_LINE_POINTS <= len(few) <= MAX_LINE_POINTS + 6
     there, before = np.isfinite(y), np.isfinite(few[:, 1])
     ends = t[np.flatnonzero(np.diff(there))], few[np.flatnonzero(np.diff(before)), 0]
-    assert ends[0][0] == ends[1][0]  # where it breaks off
+    assert ends[0][0] == ends[1][0]  # the last point before the gap
     assert few[-1, 0] == 1.0
-    # chords of 1/500: 81 / (8 * 500^2)
+    # the error of chords of length 1/500, y'' h^2 / 8 = 81 / (8 * 500^2), is 4.1e-5
     assert np.abs(np.interp(t[there], few[before, 0], few[before, 1]) - y[there]).max() < 5e-5
     assert len(thin_line(ChartLine(t, y, points=True))) == t.size
 
@@ -97,7 +103,7 @@ def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
     )
     fold, saddle = ax.lines
     assert len(saddle.get_xdata()) == 9
-    assert fold.get_markevery() is saddle.get_markevery() is None  # all of them
+    assert fold.get_markevery() is saddle.get_markevery() is None  # every point has a marker
     assert fold.get_linestyle() == saddle.get_linestyle() == "None"
     assert to_hex(fold.get_markerfacecolor()) == to_hex(fold.get_color())
     assert to_hex(saddle.get_markerfacecolor()) == "#ffffff"
@@ -108,12 +114,13 @@ def test_labels_differ_in_colour_and_without_it_and_are_no_solvers() -> None:
     lines = [replace(bump(), label=f"{k}", stable=k % 2 > 0) for k in range(12)]
     looks = label_looks(Chart(("x", "m"), ("y", "m"), (Panel(tuple(lines)),), ""))
     assert len({(look.colour, look.dash) for look in looks.values()}) == 12
-    # black and white: unstable by dashes, stable by markers, five and six of them
+    # without colour unstable lines differ by five dash patterns, stable ones by six markers
     assert len({looks[f"{k}"].dash for k in range(0, 10, 2)}) == 5
     assert len({line_style(lines[k], looks[f"{k}"])["marker"] for k in range(1, 12, 2)}) == 6
     (ax,) = drawn(Panel(tuple(lines)))
     marked = [line.get_markevery()[0] for line in ax.lines if line.get_marker() != "None"]
-    assert marked == [1, 0, 1, 0, 1, 0]  # beside those of the next, on 11 points
+    # lines that follow each other have their markers at different ones of the 11 points
+    assert marked == [1, 0, 1, 0, 1, 0]
     assert not {look.colour for look in looks.values()} & {
         look.colour for look in FIXED_LOOKS.values()
     }
@@ -159,7 +166,7 @@ def test_panels_are_a_grid_named_at_its_edges(count: int, grid: tuple[int, int])
 
 
 def saddle(unit: str = "1", *, signed: bool = True, times: float = 1.0) -> Field:
-    """x - 2 y: zero on a line that no grid line runs along; cut off where x > 0.8."""
+    """The field x - 2 y, whose zero line is along no grid line; it is NaN where x > 0.8."""
     x, y = np.linspace(-1.0, 1.0, 41), np.linspace(-0.4, 0.4, 31)
     values = times * (x[:, None] - 2 * y)
     values[x > 0.8] = np.nan
@@ -167,7 +174,7 @@ def saddle(unit: str = "1", *, signed: bool = True, times: float = 1.0) -> Field
 
 
 def zero(ax) -> list[np.ndarray]:
-    """Points of bold contours."""
+    """The points of the bold contours, which are those at zero."""
     return [
         path.vertices
         for c in ax.collections
@@ -180,7 +187,7 @@ def test_a_signed_field_has_a_line_where_it_is_zero() -> None:
     (ax,) = drawn(Panel(field=saddle()))
     points = np.concatenate(zero(ax))
     assert len(points) > 20
-    assert np.abs(points[:, 0] - 2 * points[:, 1]).max() < 1e-12  # linear between grid points
+    assert np.abs(points[:, 0] - 2 * points[:, 1]).max() < 1e-12  # exact, since the field is linear
     assert np.ptp(points[:, 1]) == pytest.approx(0.8)
     assert points[:, 0].max() < 0.8 + 1e-9
     assert words(ax) == ["zero of slope"]
@@ -188,7 +195,7 @@ def test_a_signed_field_has_a_line_where_it_is_zero() -> None:
     assert filled.levels[0] == -filled.levels[-1]
     assert filled.cmap.name == "PuOr"
     below, above = filled.cmap(filled.norm([-0.1, 0.1]))
-    assert np.abs(below - above).max() > 0.02  # the colours part there
+    assert np.abs(below - above).max() > 0.02  # the colours change at zero
 
 
 def test_colours_are_where_their_values_are_and_part_at_zero() -> None:
@@ -197,7 +204,7 @@ def test_colours_are_where_their_values_are_and_part_at_zero() -> None:
     filled = ax.collections[0]
     assert filled.levels[0] == -filled.levels[-1]  # though the values are not symmetric
     paths = filled.get_paths()
-    assert len(paths) == len(filled.levels)  # and one beyond
+    assert len(paths) == len(filled.levels)  # a band between each two levels, and one beyond them
     for low, high, path in zip(filled.levels[:-1], filled.levels[1:], paths, strict=False):
         values = path.vertices[path.codes != path.CLOSEPOLY] @ [1.0, -2.0] + 0.5
         assert np.all((low - 1e-9 <= values) & (values <= high + 1e-9))
@@ -215,7 +222,7 @@ def test_what_is_nan_stays_white() -> None:
         path.vertices[:, 0].max() for path in ax.collections[0].get_paths() if len(path.vertices)
     )
     assert right == pytest.approx(0.8)
-    assert ax.get_xlim()[1] == pytest.approx(0.8 + 0.03 * 1.8)  # nor does it take room
+    assert ax.get_xlim()[1] == pytest.approx(0.8 + 0.03 * 1.8)  # NaN does not extend the axis
     hollow = replace(saddle(), values=np.full((41, 31), np.nan))
     assert not drawn(Panel(field=hollow))[0].collections
 
@@ -230,7 +237,7 @@ def test_panels_of_one_label_share_their_colours_and_others_do_not() -> None:
 
 def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -> None:
     (ax,) = drawn(Panel((ChartLine(np.full(3, np.nan), np.ones(3)), bump()), saddle()))
-    ax.scatter([], [])  # as contours between grid points may be
+    ax.scatter([], [])  # empty, as contours between grid points may be
     svg = save(ax.figure, tmp_path / "figure", png=False)
     groups = [e for e in ElementTree.fromstring(svg).iter() if e.tag.endswith("}g")]
     assert groups
@@ -238,7 +245,7 @@ def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -
 
 
 def over_triangles() -> Field:
-    """The same saddle over four triangles of a tilted square, whose outline no grid has."""
+    """The field x - 2 y over four triangles, which form a square that stands on a corner."""
     x, y = np.array([0.0, 1.0, 0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0, 0.0, -1.0])
     fans = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]])
     return Field(x, y, x - 2 * y, "slope", "1", signed=True, triangles=fans)
@@ -278,10 +285,11 @@ def test_a_bar_has_name_and_unit_and_angles_are_in_degrees() -> None:
     (ax,) = drawn(Panel(field=saddle("rad/m")))
     bar = ax.child_axes[0]
     assert bar.get_ylabel() == "slope [deg/m]"
-    assert bar.get_ylim()[1] > 50.0  # 1.6 rad/m
+    assert bar.get_ylim()[1] > 50.0  # the largest value is 1.6 rad/m, 92 deg/m
 
 
 def square(label: str, x0: float, half: float = 1.0, area: float = 4.0) -> ChartRegion:
+    """A square region with its centre at (x0, 0) and sides of `2 half`."""
     corners = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return ChartRegion((corners + np.array([x0, 0.0]),), label, area)
 
@@ -297,7 +305,7 @@ def test_regions_of_one_label_are_alike_and_others_differ_in_colour_and_hatch() 
     assert words(one) == ["a", "b"]
     low, high = one.get_xlim()
     assert low < -1.0
-    assert high > 3.0  # regions take room
+    assert high > 3.0  # regions extend the axes
 
 
 def test_the_area_is_written_into_a_region_that_has_room() -> None:
@@ -307,7 +315,7 @@ def test_the_area_is_written_into_a_region_that_has_room() -> None:
     )
     (text,) = ax.texts
     assert text.get_text() == "4 m²"
-    assert np.abs(np.array(text.get_position())).max() < 0.1  # in its middle
+    assert np.abs(np.array(text.get_position())).max() < 0.1  # in the middle of the large square
 
 
 def test_the_area_of_a_ring_is_not_written_into_its_hole() -> None:
@@ -370,7 +378,8 @@ def test_a_logarithmic_axis_spans_decades_and_leaves_zeros_out() -> None:
     (ax,) = drawn(Panel((ChartLine(count, sizes, "error"),)), x=("iteration", ""), logarithmic=True)
     assert ax.get_yscale() == "log"
     low, top = np.log10(ax.get_ylim())
-    assert (low, top) == pytest.approx((-8.24, 0.24), abs=1e-9)  # 3 % of eight decades beyond
-    assert all(tick == round(tick) for tick in ax.get_xticks())  # iterations are whole
+    # eight decades, and 3 % of them at both ends
+    assert (low, top) == pytest.approx((-8.24, 0.24), abs=1e-9)
+    assert all(tick == round(tick) for tick in ax.get_xticks())  # iterations are whole numbers
     (ax,) = drawn(Panel((ChartLine(count, sizes, "error"),)))
     assert ax.get_yscale() == "linear"

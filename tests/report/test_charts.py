@@ -1,4 +1,4 @@
-"""Charts: what a sidecar asks for, and what its page shows."""
+"""Charts: their tables in a sidecar, their functions, and their place on the page."""
 
 import re
 from pathlib import Path
@@ -60,11 +60,11 @@ def stub(stubbed) -> Path:
 def test_a_function_gets_the_parameters_that_it_takes(stub: Path) -> None:
     case = load_case(stub)
     (line,) = compute_chart(case, case.chart[0]).lines
-    assert line.y[-1] == 2.0 * 12.0**2 / 2  # the case's stiffness, the chart's turns
+    assert line.y[-1] == 2.0 * 12.0**2 / 2  # stiffness of the case, turns of the chart
     stiffer = case.chart[0].model_copy(update={"parameters": {"stiffness": 3.0}})
     case = case.model_copy(update={"chart": (stiffer,)})
     (line,) = compute_chart(case, stiffer).lines
-    assert line.y[-1] == 3.0 * 6.0**2 / 2  # the chart's instead of the case's
+    assert line.y[-1] == 3.0 * 6.0**2 / 2  # stiffness of the chart instead of the case
 
 
 def test_counts_stay_whole_numbers() -> None:
@@ -101,7 +101,7 @@ def test_errors_name_the_key_and_what_there_is(
 
 
 def test_check_looks_but_does_not_call(stub: Path) -> None:
-    case = load_case(stub)  # one of whose functions fails
+    case = load_case(stub)  # the function of its second chart fails when it is called
     assert compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
     stub.write_text(stub.read_text().replace('"broken"', '"burst"'))
     case = load_case(stub)
@@ -132,10 +132,10 @@ def test_a_page_has_the_chart_and_names_the_one_that_failed(stub: Path, tmp_path
     assert "<figcaption>Up to 2 &amp; more." in plain
     assert "“Failed” is not drawn: IndexError: nothing there</p>" in plain
     assert "stored &lt;&amp;&gt;" in text
-    assert plain.count("<figure>") == 2  # mechanism and chart: nothing else is missing
+    assert plain.count("<figure>") == 2  # the mechanism and the chart that was drawn
     assert plain.index("Charts: ") < plain.index("Sweep: ")
     figures = page.parent / "figures"
-    assert not (figures / "fourbar-chart-1.png").exists()  # on demand, see `test_command_line`
+    assert not (figures / "fourbar-chart-1.png").exists()  # on demand only, see `test_command_line`
     assert (figures / "fourbar-chart-1.svg").is_file()
     assert not (figures / "fourbar-chart-2.svg").exists()
 

@@ -1,4 +1,4 @@
-"""The index in a browser: it filters, sorts and moves, fetches nothing, and is readable by all."""
+"""The index in a browser: filters, sorting, moving drawings, widths and accessibility."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -22,11 +22,16 @@ def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def opened(browser, index: Path) -> Iterator[Callable[..., Any]]:
-    """``opened(hash, **how)``: a page; at its end it has said and fetched nothing."""
+    """A function that opens the index in the browser, and returns the page.
+
+    It is called as ``f(address, **options)`` with the part of the address after the file's name and
+    options of `Visit`.  Before the next page, and at the end of the test, it asserts that the page
+    wrote no messages and fetched only local files.
+    """
     with ExitStack() as visits:
 
         def open_page(address: str = "", **how: Any) -> Any:
-            visits.close()  # the page before is left
+            visits.close()  # leaves the previous page
             visit = visits.enter_context(Visit(browser, index, address, **how))
             visits.callback(silent, visit)
             return visit.page
@@ -35,13 +40,13 @@ def opened(browser, index: Path) -> Iterator[Callable[..., Any]]:
 
 
 def silent(visit: Visit) -> None:
-    """Assert that a page has said nothing and fetched only files."""
+    """Assert that a page wrote no messages and fetched only local files."""
     assert visit.said == []
     assert [url for url in visit.asked if not url.startswith(("file:", "data:"))] == []
 
 
 def names(page) -> list[str]:
-    """The rows that are seen, from above."""
+    """The names of the visible rows, from top to bottom."""
     return page.eval_on_selector_all(
         "tbody tr[data-name]", "rows => rows.filter(r => !r.hidden).map(r => r.dataset.name)"
     )
@@ -52,7 +57,7 @@ def test_a_search_filters_and_stays_in_the_address(opened):
     assert names(page) == ORDER
     page.keyboard.press("/")
     assert page.evaluate("document.activeElement.id") == "search"
-    page.keyboard.type("crank slider")  # words in any order
+    page.keyboard.type("crank slider")  # the order of words does not matter
     assert names(page) == ["slider_crank"]
     assert page.inner_text("#count") == "1 of 5 cases"
     assert page.url.endswith("#q=crank+slider")
@@ -79,7 +84,7 @@ def test_the_numbers_filter(opened):
         shown = page.inner_text(f"[data-outcome={outcome}] b").split()[0]
         if outcome in ("agree", "differ"):
             assert int(shown) == len(left)
-    page.click("[data-outcome=changed]")  # again: all of them
+    page.click("[data-outcome=changed]")  # a second click shows all rows again
     assert names(page) == ORDER
 
 
@@ -91,7 +96,7 @@ def test_an_engine_and_a_family_filter(opened):
         "th[data-of]", "heads => heads.filter(h => !h.hidden).map(h => h.innerText.trim())"
     )
     assert heads == ["Dynamics · pymunk"]
-    page.click("[data-outcome=differ]")  # fourbar fails in the other engine
+    page.click("[data-outcome=differ]")  # fourbar differs in MuJoCo only
     assert names(page) == ["slider_crank"]
     page.click("[data-outcome=differ]")
     page.click("[data-engine='']")
@@ -106,7 +111,7 @@ def test_columns_sort_up_and_down_and_back(opened):
     page = opened()
     button = "th button[data-sort='quasi-static/mujoco']"
     page.click(button)
-    assert names(page)[:2] == ["fourbar", "rod_cantilever"]  # the largest error first
+    assert names(page)[:2] == ["fourbar", "rod_cantilever"]  # the largest error is first
     assert page.get_attribute("th[aria-sort]", "aria-sort") == "descending"
     page.click(button)
     assert names(page)[-2:] == ["rod_cantilever", "fourbar"]
@@ -218,12 +223,12 @@ def test_rules_of_accessibility_are_kept(browser, index, scheme, width):
         visit.page.click("[data-outcome=agree]")
         wrong, met = visit.axe()
         assert wrong == []
-        assert met > 15  # it did look
+        assert met > 15  # axe has applied its rules
 
 
 @pytest.fixture(scope="module")
 def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An index with each run in MuJoCo, in pymunk, in another engine, and as it was recorded."""
+    """An index with all runs in MuJoCo, in pymunk and in a third engine, and a recorded curve."""
     result = whole_result()
     own = [c for c in result.comparisons if c.solver == "mujoco"]
     for solver in ("recorded:rig", "adams", "pymunk"):

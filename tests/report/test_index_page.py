@@ -1,4 +1,4 @@
-"""The index as it is written: its rows, their order, and what stands in a cell."""
+"""The HTML of the index: its rows, their order, its cells, drawings and links to files."""
 
 import json
 import math
@@ -58,12 +58,13 @@ def rows_of(page: str) -> dict[str, str]:
 
 
 def attribute(row: str, name: str) -> str:
+    """The value of an attribute ``data-…`` of a row."""
     return unescape(re.search(rf'data-{name}="([^"]*)"', row)[1])
 
 
 def test_failures_come_first_then_what_is_worse_then_the_smallest_margin(page):
-    # slider_crank fails, fourbar 30 times too far, pendulum worse than before, and the margins
-    # of the others are 0.5 and 1e-6
+    # slider_crank fails, fourbar differs by 30 times its tolerance, pendulum is worse than before,
+    # and the others use 0.5 and 1e-6 of a tolerance
     order = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recorded"]
     assert list(rows_of(page)) == order
     states = [attribute(row, "state") for row in rows_of(page).values()]
@@ -77,9 +78,10 @@ def test_the_numbers_above_are_those_of_the_rows(page):
     words = {key: re.sub(r"<[^>]*>|\s+", " ", text).split() for key, text in numbers.items()}
     assert words["agree"][:3] == ["3", "of", "5"]
     assert words["differ"][0] == "2"
-    # not checked: the rate of adams, and the run that fails; default settings are only shown
+    # two channels are not checked: the rate of adams, and the run that fails; channels of default
+    # settings do not count
     assert words["gaps"][:3] == ["2", "of", "12"]
-    # pendulum is worse, hacksaw_recorded better, and a case is gone
+    # pendulum is worse, hacksaw_recorded is better, and a case is missing
     assert words["changed"][0] == "3"
     assert "Not in this one: gone_by_now." in page
 
@@ -142,14 +144,14 @@ def test_an_engine_that_is_not_known_in_advance_has_its_column(page):
     assert "Dynamics · adams" in page
     assert 'data-engine="adams"' in page
     shapes = re.findall(r'<svg class="dot" viewBox[^>]*><path d="([^"]+)"', page)
-    assert len(set(shapes)) == 3  # told apart without colour as well
+    assert len(set(shapes)) == 3  # so that engines can be distinguished without colour
 
 
 def test_a_curve_counts_as_checked_only_if_there_is_one(page):
     checked = {name: attribute(row, "gaps") for name, row in rows_of(page).items()}
     assert checked["pendulum"] == "1"
     assert checked["slider_crank"] == "1"
-    assert checked["rod_cantilever"] == "0"  # a refinement is no curve
+    assert checked["rod_cantilever"] == "0"  # errors of a refinement are not curves
     assert "3 of 4" in rows_of(page)["pendulum"]
 
 
@@ -221,7 +223,7 @@ def test_a_trend_is_drawn_of_errors_that_change():
     heights = [float(point.split(",")[1]) for point in points.split()]
     assert len(heights) == 3
     assert heights == sorted(heights, reverse=True)  # errors grow upwards
-    assert "polyline" not in rows["hacksaw_recorded"]  # of one report
+    assert "polyline" not in rows["hacksaw_recorded"]  # its channel is in one report only
     assert "polyline" not in rows_of(index_text(result, before))["pendulum"]
 
 
@@ -232,17 +234,20 @@ def test_the_drawing_moves_within_its_frame():
     assert moving.points[..., 0].max() <= DRAWING_WIDTH
     assert moving.points[..., 1].max() <= DRAWING_HEIGHT
     kinds = [(kind, driven, grounded) for kind, driven, grounded in moving.joints]
-    assert kinds.count(("hinge", True, True)) == 1  # the crank
-    # links stay as long as they are, to a step at each end in both directions
+    assert kinds.count(("hinge", True, True)) == 1  # the joint of the crank
+    # a link keeps its length to one unit of the grid at each end, in both directions
     first = moving.points[:, : moving.sizes[0]].astype(float)
     length = np.linalg.norm(first[:, 0] - first[:, 1], axis=1)
     assert np.ptp(length) <= 2 * np.sqrt(2)
-    assert np.ptp(first, axis=0).max() > 10  # and it does move
+    assert np.ptp(first, axis=0).max() > 10  # the crank moves
 
 
 @pytest.mark.parametrize("name", ["balls_touching", "compliant_wrist"])
 def test_a_drawing_with_many_points_has_fewer_poses(name):
-    """All drawings are on one page; outlines keep their shape to a twentieth of their width."""
+    """The data of a drawing are limited, since all drawings are on one page.
+
+    Its outlines have fewer points, and keep their extent to a twentieth of their larger side.
+    """
     case = load_case(shipped(f"{name}.toml"))
     motions, _ = moved(case, [])
     picture = next(iter(motions.values())).picture
@@ -259,7 +264,10 @@ def test_a_drawing_with_many_points_has_fewer_poses(name):
 
 
 def test_a_rod_that_begins_straight_is_shown_where_it_is_bent():
-    """It has no joints by which the clearest pose could be told."""
+    """The drawing shows a pose in which the rod is bent.
+
+    The rod has no joints from which the clearest pose could be chosen.
+    """
     motions, _ = moved(load_case(shipped("rod_released.toml")), [])
     moving = reduce_picture(motions["dynamics"].picture)
     begin, shown = moving.points[0].astype(float), moving.points[moving.shown].astype(float)
@@ -282,7 +290,7 @@ def test_the_data_of_a_drawing_are_its_bytes(page):
 
 
 def shown_curves(case_name: str = "fourbar") -> PlottedRun:
-    """Two solvers of a run, the second of which stopped early and has a reference of its own."""
+    """A run of two solvers; the second one stopped early and has a reference of its own."""
     case = load_case(shipped(f"{case_name}.toml"))
     view = PlottedRun(case, "dynamics", [])
     x = view.grid
@@ -304,12 +312,12 @@ def test_curves_are_written_in_si_units_with_all_their_digits(tmp_path: Path):
     assert columns[0] == "time t [s]"
     assert "pin.x mujoco [m]" in columns
     assert "pin.x reference pymunk [m]" in columns
-    assert "rocker reference [rad]" in columns  # the same for all that have it
+    assert "rocker reference [rad]" in columns  # all solvers that have it share it
     assert "crank drive rate mujoco [rad/s]" in columns
     assert len(lines) == view.grid.size
     row = lines[7].split(",")
     assert float(row[columns.index("pin.x mujoco [m]")]) == np.sin(view.grid[7]) / 3
-    assert row[columns.index("pin.x pymunk [m]")] == ""  # it had stopped
+    assert row[columns.index("pin.x pymunk [m]")] == ""  # pymunk had stopped
     assert "pin.x pymunk [m]" in run_table(view)
 
 
@@ -322,7 +330,7 @@ def test_links_lead_to_the_files_that_are_there(tmp_path: Path):
     assert all((tmp_path / path).is_file() for _, path in found)
     page = index_text(whole_result(), files={"fourbar": found}, note="")
     assert '<a href="data/fourbar-dynamics.csv">dynamics (CSV)</a>' in rows_of(page)["fourbar"]
-    write_curves(tmp_path, view.case, [])  # a later report without them
+    write_curves(tmp_path, view.case, [])  # a later report without curves
     assert file_links(tmp_path, view.case) == []
 
 

@@ -1,4 +1,4 @@
-"""Jumps of curves: what is one, and what is merely steep."""
+"""Jumps of curves, which are distinguished from steep curves."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from tests.report.whole import whole_result
 from tests.shipped import shipped
 
 X = np.linspace(0.0, 1.0, 41)
-HERE = 20.3  # of the samples: between number 20 and number 21
+HERE = 20.3  # number of the sample at which curves jump: between samples 20 and 21
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,10 @@ LAWS = {
 def reference(
     monkeypatch: pytest.MonkeyPatch, case: Case, channel: str, law: str, kind: str = "sweep"
 ) -> Jumps:
-    """The jumps of a channel that follows a law over the number of the sample."""
+    """Find the jumps of a reference with one channel, a curve of `LAWS`.
+
+    The curves of `LAWS` are functions of the sample's number.
+    """
 
     def curves(x: np.ndarray) -> Curves:
         return Curves(x, {channel: np.asarray(LAWS[law](x * 40.0))})
@@ -48,11 +51,11 @@ def reference(
 @pytest.mark.parametrize(
     ("law", "channel", "found"),
     [
-        ("step", "pin.x", Jumps((20,))),  # a place: the mechanism jumps, and all curves with it
+        ("step", "pin.x", Jumps((20,))),  # a position: the mechanism jumps, and all curves with it
         ("step", "pin_velocity.x", Jumps((), {"pin_velocity.x": (20,)})),
         ("steep", "pin.x", Jumps()),
         ("fold", "pin.x", Jumps()),
-        ("turn", "rocker", Jumps((), {"rocker": (20,)})),  # the same pose
+        ("turn", "rocker", Jumps((), {"rocker": (20,)})),  # a whole turn leads to the same pose
     ],
 )
 def test_a_jump_stays_one_between_finer_samples(
@@ -97,7 +100,10 @@ def test_a_snap_is_found_and_smooth_curves_have_none(fourbar: Case) -> None:
 
 
 def test_what_is_zero_to_rounding_has_no_jumps() -> None:
-    """A channel of one balancer is zero, and its rounding makes 26 steps."""
+    """Rounding errors of a channel that is zero are not taken for jumps.
+
+    A channel of this balancer is zero, and its rounding errors have 26 steps.
+    """
     case = load_case(shipped("balancer_progressive_locked.toml"))
     run = plotted_run(whole_result(case), case, "sweep")
     assert not run.jumps.every()

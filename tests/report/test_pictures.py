@@ -1,8 +1,8 @@
-"""First screens of three pages beside stored pictures of them, by the light of coarse blocks.
+"""First screens of three pages compared with stored pictures by the brightness of blocks.
 
-All letters are drawn with the DejaVu fonts that Matplotlib brings, so that a machine's own fonts
-change nothing.  What is left to differ are the edges of letters and lines: browsers smooth them in
-ways of their own.
+All letters are drawn with the DejaVu fonts of Matplotlib, so that the fonts of the machine have no
+influence.  Only the edges of letters and lines may still differ, since each browser smooths them in
+its own way; the mean brightness of a block hardly depends on that.
 """
 
 from base64 import b64encode
@@ -27,10 +27,14 @@ from tests.visit import Visit
 
 STORED = Path(__file__).parent.parent / "data" / "pictures"
 NAMES = ("index", "agrees", "differs")
-SIZE = 150_000  # bytes of a stored picture
-BLOCK = 8  # pixels: a letter's stroke and its smoothed edges are in one
-DIFFERS = 20.0  # of 255: the palette of a stored picture moves blocks of colour by up to that
-SHARE = 2e-3  # of the blocks: letters set at whole pixels move 7e-4, the smallest failed plot 5e-3
+SIZE = 150_000  # [bytes] largest size of a stored picture
+BLOCK = 8  # [pixels] side of a block, which contains a letter's stroke with its smoothed edges
+# Blocks differ if their brightness, of 255, does by more; the palette of a stored picture changes
+# coloured blocks by up to 20.
+DIFFERS = 20.0
+# Largest share of blocks that may differ: letters at whole pixels change 7e-4 of them, the smallest
+# missing plot changes 5e-3.
+SHARE = 2e-3
 FONTS = {"Page": "DejaVuSans", "Page bold": "DejaVuSans-Bold", "Page mono": "DejaVuSansMono"}
 MADE = Made(
     date="2026-01-02T03:04:05+00:00",
@@ -44,7 +48,10 @@ MADE = Made(
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The index, a four-bar that agrees, and one that differs; nothing of them is of today."""
+    """The index, the page of a four-bar that agrees, and that of one that differs.
+
+    Date, versions and machine are fixed on all of them.
+    """
     folder = tmp_path_factory.mktemp("pictures")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(index_rows, "MADE", MADE)
@@ -63,7 +70,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def diagnosis(*key: str) -> Diagnosis:
-    """Two causes of five channels that differ."""
+    """A diagnosis of five channels that differ, with two causes."""
     names = ("pin.x", "pin.y", "rocker", "point.x", "point.y")
     longer = Explanation(
         "parameter", "rocker = 2.525 m instead of 2.5 m (+1 %)", names[:4], (), 1e-13, 5, 1,
@@ -76,7 +83,7 @@ def diagnosis(*key: str) -> Diagnosis:
 
 
 def shot(browser: Any, page: Path, change: str = "") -> Image.Image:
-    """The first screen with the fonts of Matplotlib, after a script has changed the page."""
+    """Take a picture of the first screen with Matplotlib's fonts, after the script `change`."""
     with Visit(browser, page, reduced_motion="reduce") as visit:
         visit.page.add_style_tag(content="".join(map(face, FONTS)) + LETTERS)
         visit.run(READY)
@@ -86,7 +93,10 @@ def shot(browser: Any, page: Path, change: str = "") -> Image.Image:
 
 
 def face(name: str) -> str:
-    """A font for a style sheet, all of it: pages that lie on a disk may not read another folder."""
+    """The rule of a style sheet that defines a font.
+
+    The rule contains the whole font, since a page that is a file may not read another folder.
+    """
     file = Path(get_data_path()) / "fonts" / "ttf" / f"{FONTS[name]}.ttf"
     family, _, weight = name.partition(" ")
     bold, mono = weight == "bold", weight == "mono"
@@ -107,7 +117,7 @@ READY = """async () => {
 
 
 def blocks(image: Image.Image) -> np.ndarray:
-    """The mean light of each block of a picture."""
+    """The mean brightness of each block of a picture, from 0 to 255."""
     light = np.asarray(image.convert("L"), float)
     rows, columns = (size // BLOCK for size in light.shape)
     cut = light[: rows * BLOCK, : columns * BLOCK]
@@ -115,7 +125,7 @@ def blocks(image: Image.Image) -> np.ndarray:
 
 
 def apart(one: Image.Image, other: Image.Image) -> float:
-    """The share of the blocks that differ."""
+    """The share of the blocks that differ between two pictures; 1 if their sizes differ."""
     if one.size != other.size:
         return 1.0
     return float(np.mean(np.abs(blocks(one) - blocks(other)) > DIFFERS))
@@ -151,7 +161,7 @@ MUTATIONS = {
 
 @pytest.mark.parametrize(
     "words",
-    [  # one of each page
+    [  # one change of each page is in the fast suite
         words
         if words in ("a missing plot", "a missing panel", "a missing row")
         else pytest.param(words, marks=pytest.mark.slow)

@@ -1,4 +1,4 @@
-"""What pages say of a mechanism: degrees of freedom, Grashof class, stroke, crank angles."""
+"""Properties of a mechanism: degrees of freedom, Grashof class, stroke, crank angles."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
-SAYS = {  # lengths of B. Díaz Lozano 2019; figures in tests/data
+SAYS = {  # with the lengths of B. Díaz Lozano 2019; numbers in tests/data
     "fourbar": {
         "Grashof class": "crank-rocker, margin 0.5 m",
         "rocker swings": "47.18°",

@@ -1,4 +1,4 @@
-"""What a report keeps for the next one, and what changed since the last."""
+"""The record that a report keeps for the next one, and the changes since the last report."""
 
 import json
 import subprocess
@@ -107,7 +107,7 @@ def test_the_commit_is_that_of_the_tree_of_the_inputs(tmp_path):
     git("add", "a.toml")
     git("commit", "-q", "-m", "one")
     assert record.commit_of(tree / "a.toml") == (git("rev-parse", "HEAD"), False)
-    (tree / "b.toml").write_text("")  # not of the tree
+    (tree / "b.toml").write_text("")  # not tracked by git
     assert record.commit_of(tree) == (git("rev-parse", "HEAD"), False)
     (tree / "a.toml").write_text("x = 1")
     assert record.commit_of(tree) == (git("rev-parse", "HEAD"), True)
@@ -133,7 +133,7 @@ def test_a_damaged_record_is_one_line_and_the_rest_is_drawn(tmp_path, text, word
     page = write_report(Result(comparisons=[of("x", 1.0)]), tmp_path).read_text(encoding="utf-8")
     assert "changes since the last report are not shown" in page
     assert str(tmp_path) not in page
-    assert read_last(tmp_path).record is not None  # the next report has one to compare with
+    assert read_last(tmp_path).record is not None  # this report has written a new record
 
 
 def test_no_record_is_no_fault(tmp_path):
@@ -150,7 +150,7 @@ BEFORE = [of("x", 1e-6), of("y", 1e-6), of("z", 1e-14), of("w", 0.0)]
         (of("x", 2.01e-6), 2.01),
         (of("x", 0.51e-6), None),
         (of("x", 0.49e-6), 0.49),
-        (of("z", 0.99e-12), None),  # both are rounding
+        (of("z", 0.99e-12), None),  # both errors are rounding errors
         (of("z", 1.01e-12), 101.0),
         (of("w", 1.01e-12), inf),
         (of("x", 0.0), 0.0),
@@ -219,7 +219,7 @@ def test_a_history_keeps_three_digits_of_the_last_reports():
     assert len(history.reports) == KEPT_REPORTS
     assert history.trend("one", "sweep", "mujoco", "x")[0] == 3.7
     assert len(history.trend("one", "sweep", "mujoco", "x")) == KEPT_REPORTS
-    assert history.trend("one", "sweep", "mujoco", "y") == [None] * KEPT_REPORTS  # too long ago
+    assert history.trend("one", "sweep", "mujoco", "y") == [None] * KEPT_REPORTS  # no longer kept
     assert set(history.errors) == {"one/sweep/mujoco/x"}
     again = extend_history(history, recorded(of("y", 0.5)))
     assert again.trend("one", "sweep", "mujoco", "y") == [None] * (KEPT_REPORTS - 1) + [0.5]

@@ -1,4 +1,4 @@
-"""The report: its verdicts in words, and its pages."""
+"""The report: its headline for each case, and its pages."""
 
 import json
 import re
@@ -32,13 +32,14 @@ EVIL = '<script>alert("x")</script> & crank'
 
 
 def case_of(name: str, n: int = 37, **changed: object) -> Case:
+    """A shipped case whose runs have `n` samples, with other fields changed."""
     case = load_case(shipped(f"{name}.toml"))
     runs = {k: r.model_copy(update={"n": n}) for k, r in case.run.items()}
     return case.model_copy(update={"run": runs, **changed})
 
 
 def curves_of(case: Case, kind: str, off: float) -> Curves:
-    """What a solver would find that is off by that share of each curve's range."""
+    """The curves of a solver whose errors are sines of `off` times each curve's range."""
     run = plan_run(case, kind, "mujoco")
     x, state = run.x, run.motion(run.x) if run.drives else None
     truth = evaluate(case, kind, x, state)
@@ -59,7 +60,7 @@ def curves_of(case: Case, kind: str, off: float) -> Curves:
 
 
 def result_of(case: Case, **off: float) -> Result:
-    """A result of MuJoCo runs (sweep=, dynamics=) that are off by a share of the range."""
+    """The result of MuJoCo runs whose errors are the given shares of the range, by kind of run."""
     result = Result(cases=[case])
     for kind, share in off.items():
         curves = curves_of(case, kind, share)
@@ -69,6 +70,7 @@ def result_of(case: Case, **off: float) -> Result:
 
 
 def failed(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
+    """Comparisons of all channels of a run that failed with this outcome."""
     return [
         Comparison(case.name, solver, kind, name, c.unit, outcome=outcome, message="why not")
         for name, c in case.channels.items()
@@ -85,7 +87,11 @@ def fourbar() -> Case:
 
 @pytest.fixture(scope="module")
 def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report with everything that can go wrong in it."""
+    """The folder of a report on the four-bar with runs of every outcome.
+
+    It also has a NaN curve, a missing channel, a title with HTML, a model without a sidecar and an
+    input with an error.
+    """
     folder = tmp_path_factory.mktemp("report")
     case = fourbar.model_copy(update={"title": EVIL})
     result = result_of(case, sweep=0.0, dynamics=1e-3)
@@ -124,7 +130,10 @@ def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
 
 
 def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
-    """Each kind of quantity apart, and the first samples apart from what follows."""
+    """The headline gives the error of each kind of quantity, and separates the start of a run.
+
+    The acceleration has an error of 50 % of its range in the first sample, and of 0.2 % later.
+    """
     case = case_of("fourbar")
     curves = curves_of(case, "dynamics", 0.0)
     truth = reference_for(case, "sweep", curves).channels
@@ -233,7 +242,7 @@ def test_ids_are_unique_and_links_lead_somewhere(report: Path) -> None:
         inside = set(re.findall(r'(?:href="|url\()#([^")]+)', page))
         places = {place for place in inside if re.match(r"(sweep|dynamics|equilibrium)/", place)}
         assert inside - places <= set(ids)
-        assert bool(places) == (file.name == "fourbar.html")  # addresses of curves
+        assert bool(places) == (file.name == "fourbar.html")  # links to curves
 
 
 def test_special_characters_are_escaped(report: Path) -> None:
@@ -268,7 +277,7 @@ def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
     result = Result(cases=[case], comparisons=failed(case, "dynamics", "pymunk", "crashed"))
     page = write_report(result, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
     assert "pymunk is not drawn: crashed" in page
-    assert page.count("<figure") == 1  # the mechanism: it needs no solver
+    assert page.count("<figure") == 1  # the drawing of the mechanism needs no solver
     page = write_report(Result(cases=[case]), tmp_path).read_text(encoding="utf-8")
     assert "Nothing of it was checked." in page
     assert "No case was found" in write_report(Result(), tmp_path).read_text(encoding="utf-8")
@@ -280,7 +289,7 @@ def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
     )
     index = write_report(result_of(case, dynamics=0.0), tmp_path)
     page = index.with_name("pendulum.html").read_text(encoding="utf-8")
-    assert page.count("<figure") == 1  # the mechanism; curves are drawn by the script
+    assert page.count("<figure") == 1  # the mechanism; the script draws the curves
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
 
 
@@ -363,7 +372,7 @@ def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
         drive=tuple(part[:, :20] for part in whole.drive or ()),
     )
     result.comparisons.extend([replace(c, solver="pymunk") for c in result.comparisons])
-    for order in ("mujoco", "pymunk"), ("pymunk", "mujoco"):  # whichever solver comes first
+    for order in ("mujoco", "pymunk"), ("pymunk", "mujoco"):  # in either order
         for solver, curves in zip(order, (whole, short), strict=True):
             result.curves[fourbar.name, "sweep", solver] = curves
         with without_figures():
@@ -436,7 +445,11 @@ def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
 
 @pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
 def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> None:
-    """A docstring tells the page; the remark in the sidecar was written by itself."""
+    """The unit of a parameter, from the docstring of the reference, is that in the sidecar.
+
+    The comment in the sidecar was written independently of the docstring.  Only `mode` may have no
+    unit.
+    """
     case, remarks = (
         load_case(file),
         dict(
@@ -462,7 +475,7 @@ def test_the_unit_of_a_parameter_is_told_by_the_docstring() -> None:
     }
     for name, unit in (("crank", "m"), ("crank_mass", "kg"), ("gravity", "m/s^2"), ("mode", "")):
         assert units["fourbar"][name] == unit
-    assert units["balancer_sine"]["length3"] == "m"  # of "length1, .."
+    assert units["balancer_sine"]["length3"] == "m"  # the docstring has "length1, .."
     assert units["balancer_sine"]["target_moment"] == "N m"
     assert units["pendulum"] == {
         "length": "m",

@@ -1,4 +1,4 @@
-"""Studies as parts of the report: the page of diets, and links that lead somewhere."""
+"""Studies as parts of the report: the page of diet studies, and links between all pages."""
 
 import re
 from dataclasses import replace
@@ -55,7 +55,7 @@ ENTRIES = [
 
 @pytest.fixture
 def studies(tmp_path: Path) -> list[Path]:
-    """A folder of each kind."""
+    """Folders of three studies: trade, stress and diet."""
     folders = [tmp_path / name for name in ("costs", "breaks", "needs")]
     for folder in folders:
         folder.mkdir()
@@ -140,7 +140,7 @@ def test_the_page_of_a_diet_says_what_goes_and_what_that_saves(studies: list[Pat
     assert "The largest change is 0.5 of what is allowed, of angle in pendulum dynamics." in text
     assert "A run takes 0.75 of its time (0.7 to 0.8 with 99 %), and 10 KB less memory." in text
     assert re.search(r'data-name="time saved" data-value="0.25">25 % \(20 to 30\)</td>', text)
-    assert text.count(">none</td>") == 1  # whose interval holds 0
+    assert text.count(">none</td>") == 1  # an interval that contains 0: the drawn geom
     assert "Only drawn, and kept: 2: rod, bob." in text
     assert "MuJoCo warning badqacc" in text
 
@@ -154,14 +154,14 @@ def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
         "than is allowed, and 2 are needed for the model to run."
     ) in text
     assert "removed together" not in text
-    assert WHOLE_KIND not in text  # of nothing
+    assert WHOLE_KIND not in text  # no features were removed together
 
 
 def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
     runs = [e for e in ENTRIES if e.costs]
     with rc_context(RC):
         change, time, memory = diet_figure(runs).axes
-    # at the left edge what changes nothing, at the right one what is beyond the axis
+    # changes of zero are at the left edge, changes beyond the axis at the right edge
     marks = [line for line in change.lines if line.get_marker() in ("o", "X")]
     assert [m.get_xdata()[0] for m in marks] == [SMALLEST_CHANGE, 1e9, 2e-3, 0.5]
     assert [m.get_marker() for m in marks] == ["o", "X", "o", "o"]
@@ -184,12 +184,12 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(
     )
     assert answer.exit_code == 0, answer.output
     pages = sorted(out.rglob("*.html"))
-    assert len(pages) == 6  # index, pendulum; trade: index and a case; stress; diet
+    assert len(pages) == 6  # report: index, pendulum; trade: index, a case; stress; diet
     for page in pages:
         for link in re.findall(r'href="([^"#]*)(#[^"]*)?"', page.read_text(encoding="utf-8")):
             target = page if not link[0] else page.parent / link[0]
             assert target.is_file(), (page.name, link)
-            if "/" in link[1]:  # the address of a curve, which the page's script opens
+            if "/" in link[1]:  # a link to a curve, which the page's script opens
                 channel = re.split("[/@]", link[1])[2]
                 assert f'">{channel} <span class="unit">' in target.read_text(encoding="utf-8")
             elif link[1]:

@@ -1,4 +1,4 @@
-"""The work-precision diagram and its page, from tables alone."""
+"""The work-precision diagram and its page, drawn from made-up tables."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -30,6 +30,7 @@ NAN = float("nan")
 
 
 def drawn(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
+    """The work-precision diagram, drawn so that its texts have their sizes."""
     with rc_context(RC):
         figure = trade_figure(rows, verdicts, series_looks(rows))
     figure.draw_without_rendering()
@@ -37,6 +38,7 @@ def drawn(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
 
 
 def texts(ax) -> list[str]:
+    """The texts of the annotations of a panel."""
     return [t.get_text() for t in ax.texts if isinstance(t, Annotation)]
 
 
@@ -99,7 +101,7 @@ def test_no_two_lines_look_the_same() -> None:
 
 
 def test_nothing_is_over_the_panels_or_cut_off(figure: Figure) -> None:
-    """The legend stands above the panels; every letter and every cause lies inside the figure."""
+    """The legend is above the panels, and all texts are inside the figure."""
     legend = figure.legends[0].get_window_extent()
     whole = figure.bbox
     assert legend.x1 <= whole.x1
@@ -122,7 +124,11 @@ def test_causes_in_the_margin_do_not_touch(figure: Figure) -> None:
 
 
 def test_the_front_is_that_of_all_settings(figure: Figure) -> None:
-    """Brute force: nothing measured is cheaper and closer; filled markers are these."""
+    """The Pareto front has the settings that no other one beats in both time and error.
+
+    All pairs of settings are compared.  The front's line has a corner for each of these settings,
+    and their markers are filled.
+    """
     rows = [row for row in study()[0] if row.outcome == "ran"]
     best = pareto_front(rows, "position")
     for row in rows:
@@ -165,9 +171,11 @@ def test_floors_are_ticks_with_their_causes(figure: Figure) -> None:
 
 
 def test_failures_are_crosses_at_the_upper_edge(figure: Figure) -> None:
-    """A run that came apart has made no steps; those that it should have made are 6.28 s / 16 ms.
+    """A failed run is a cross over the number of steps that it should have made.
 
-    Its wall time is not known: over that it has no place."""
+    The run diverged and has no steps; its motion takes 6.28 s and its time step is 16 ms.  Its wall
+    time is not known, so that it is not drawn over the wall time.
+    """
     left, right = ([one for one in ax.lines if one.get_marker() == "x"] for ax in figure.axes[:2])
     assert not left
     assert [one.get_xdata()[0] for one in right] == pytest.approx([6.28 / 0.016], abs=1)
@@ -244,7 +252,7 @@ def test_the_page_says_what_to_do(page: Path) -> None:
     assert "MuJoCo RK4, solref 8 dt, timestep" in text
     assert "defaults never get there" in text
     assert "keeps series a, c, e, g, i at 2e-4 to 2.8e-4 of the range" in text
-    assert "the loops are open by 0.3 m" in text  # of the run that failed
+    assert "the loops are open by 0.3 m" in text  # message of the run that failed
     assert "halving solref divides the error by 4.0" in text
     assert "least of up to 5 in rounds" in text
 

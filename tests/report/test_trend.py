@@ -1,4 +1,4 @@
-"""The trend of a case: planted errors over several reports, damage, and the chart in a browser."""
+"""The trend of a case: known errors over several reports, damage, and the chart in a browser."""
 
 import json
 import re
@@ -30,7 +30,8 @@ from tests.shipped import shipped
 from tests.visit import PHONE, Visit
 
 MADE = record_start(["proofmass", "report"])
-OFF = 1e-7  # of the range: errors now; a sweep may be 1e-12 off, a motion 1e-6 in MuJoCo
+# Errors now, as a share of the range; 1e-12 is allowed in a sweep, 1e-6 in dynamics in MuJoCo.
+OFF = 1e-7
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,11 @@ def fourbar() -> Case:
 
 
 def past(record: Record, k: int, shares: Callable[[Any], float | None]) -> Record:
-    """A report of day `k` with other errors; from the third on with another MuJoCo."""
+    """The record of a report on day `k`, with other errors.
+
+    Reports from the third on were made with another version of MuJoCo; the second one was made with
+    changes that are not committed.
+    """
     versions = {**MADE.versions, "mujoco": "1.0" if k < 3 else "2.0"}
     made = MADE.model_copy(
         update={
@@ -54,7 +59,7 @@ def past(record: Record, k: int, shares: Callable[[Any], float | None]) -> Recor
 
 
 def history_of(result: Result, *shares: Callable[[Any], float | None]) -> History:
-    """A history of so many reports."""
+    """A history with a report for each function in `shares`, which gives its errors."""
     history, now = History(), make_record(result, MADE)
     for k, each in enumerate(shares, 1):
         history = extend_history(history, past(now, k, each))
@@ -62,13 +67,14 @@ def history_of(result: Result, *shares: Callable[[Any], float | None]) -> Histor
 
 
 def trend_now(result: Result, *shares: Callable[[Any], float | None]) -> Trend:
-    """The trend of the four-bar with the result as its last report."""
+    """The trend of the four-bar, whose last report is that of the result."""
     (case,) = result.cases
     now = make_record(result, MADE)
     return trend_of(extend_history(history_of(result, *shares), now), case, result.comparisons)
 
 
 def rows(*given: Comparison) -> Result:
+    """A result of the four-bar with these comparisons."""
     return Result(cases=[load_case(shipped("fourbar.toml"))], comparisons=list(given))
 
 
@@ -82,15 +88,15 @@ def test_a_trend_begins_with_the_second_report() -> None:
     second = trend_now(rows(ONE), lambda c: 1e-9)
     assert [row.channel for row in second.rows] == ["pin.x"]
     assert second.count == 2
-    new = trend_now(rows(ONE), lambda c: None)  # a channel that is new has one error
+    new = trend_now(rows(ONE), lambda c: None)  # a new channel, which has one error only
     assert (new.rows, new.count) == ([], 2)
 
 
 def test_rows_are_worst_first_and_say_how_errors_went() -> None:
     found = trend_now(rows(ONE, OTHER), lambda c: 4e-7, lambda c: None, lambda c: 1e-9)
     assert [(row.run, row.channel, row.solver) for row in found.rows] == [
-        ("sweep", "pin.x", "MuJoCo"),  # 10 times what is allowed
-        ("dynamics", "pin.x", "MuJoCo"),  # a hundredth
+        ("sweep", "pin.x", "MuJoCo"),  # 10 times its tolerance
+        ("dynamics", "pin.x", "MuJoCo"),  # a hundredth of its tolerance
     ]
     row = found.rows[1]
     assert (row.first, row.before, row.now, row.largest) == ("4e-7", "1e-9", "1e-8", "4e-7")
@@ -119,7 +125,10 @@ def test_growth_in_words(last: float | None, now: float, words: str) -> None:
 
 
 def damaged(folder: Path, change: Callable[[dict[str, Any]], object]) -> History:
-    """The history of a record of three reports whose file was changed."""
+    """Read the history of a record of three reports after its file was damaged by `change`.
+
+    The damage must be reported in one line.
+    """
     result = rows(ONE, OTHER)
     write_record(
         folder,
@@ -192,7 +201,11 @@ def test_damage_is_not_written_again(tmp_path: Path) -> None:
 
 
 def planted(c: Any, k: int) -> float | None:
-    """Errors of report `k`: of one curve they grow tenfold each time, from 1e-10 on."""
+    """The error of a channel in report `k`, from 1 to 4.
+
+    The error of one curve grows tenfold from report to report, from 1e-10 on.  The errors of the
+    rocker include a zero and a missing one.
+    """
     if (c.run, c.solver, c.channel) == ("dynamics", "mujoco", "pin.x"):
         return 10.0 ** (k - 11)
     if c.run == "dynamics" and c.channel == "rocker":
@@ -202,7 +215,7 @@ def planted(c: Any, k: int) -> float | None:
 
 @pytest.fixture(scope="module")
 def folder(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report after four others."""
+    """The folder of a report that was written after four others."""
     out = tmp_path_factory.mktemp("trend")
     result = whole_result(fourbar, off=OFF)
     laws = [lambda c, k=k: planted(c, k) for k in (1, 2, 3, 4)]
@@ -213,7 +226,7 @@ def folder(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TrendVisit(Visit):
-    """The page of the four-bar, whose trend shows a curve."""
+    """The page of the four-bar, opened at the trend of a channel in dynamics."""
 
     def __init__(self, browser: Any, folder: Path, channel: str = "pin.x", **options: Any) -> None:
         options = {"reduced_motion": "reduce", **options}
@@ -224,7 +237,7 @@ class TrendVisit(Visit):
         )
 
     def heights(self, solver: str) -> list[float]:
-        """How far down the points of a solver are."""
+        """The vertical places of a solver's points, which grow downwards."""
         found = self.run(
             f"findAll('#trend-plot [data-solver=\"{solver}\"] .trend-point')"
             ".map((one) => one.getAttribute('transform'))"
@@ -237,7 +250,8 @@ def test_planted_errors_stand_where_they_are(folder: Path, browser: Any) -> None
         heights = visit.heights("mujoco")
         steps = [a - b for a, b in pairwise(heights)]
         assert len(heights) == 5
-        assert steps[:3] == pytest.approx(3 * [steps[0]], abs=0.11)  # a decade each
+        # each step is a decade; coordinates have one decimal, so that steps differ by up to 0.1
+        assert steps[:3] == pytest.approx(3 * [steps[0]], abs=0.11)
         assert steps[0] > 10
         allowed = float(visit.run("find('.trend-allowed').getAttribute('y1')"))
         text = visit.page.inner_text("#trend-plot")
@@ -256,7 +270,7 @@ def test_the_worst_is_first_and_beyond_its_allowance_filled(folder: Path, browse
         ratios = visit.run("trend.channels.map(worstRatio)")
         known = [ratio for ratio in ratios if ratio is not None]
         assert known == sorted(known, reverse=True)
-        assert ratios[0] > 1  # a sweep may be 1e-12 off
+        assert ratios[0] > 1  # in a sweep only 1e-12 is allowed
         assert visit.page.locator("#trend-plot .over").count() == 10  # five reports, two solvers
         item = visit.page.locator("#trend-list [role=option]").first
         assert "✗" in item.inner_text()
@@ -265,10 +279,10 @@ def test_the_worst_is_first_and_beyond_its_allowance_filled(folder: Path, browse
 def test_zero_and_missing_errors(folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder, "rocker") as visit:
         heights = visit.heights("mujoco")
-        assert len(heights) == 4  # of five reports one has no error
-        assert heights[1] == max(heights)  # zero, below the axis
+        assert len(heights) == 4  # one of five reports has no error
+        assert heights[1] == max(heights)  # zero is drawn below the axis
         line = visit.run("find('#trend-plot [data-solver=mujoco] .trend-line').getAttribute('d')")
-        assert line.count("M") == 2  # open where there is none
+        assert line.count("M") == 2  # interrupted at the missing error
         assert "\n0\n" in "\n".join(
             visit.run("findAll('#trend-plot text').map((one) => one.textContent)")
         ).join(["\n", "\n"])
@@ -303,7 +317,7 @@ def test_a_pointer_and_keys_tell_reports(folder: Path, browser: Any) -> None:
         visit.page.focus("#trend-list")
         visit.page.keyboard.press("ArrowUp")
         assert visit.page.inner_text("#trend-channel") != channel
-        assert visit.run("state.channel") == before  # the curves above have keys of their own
+        assert visit.run("state.channel") == before  # the curves above have other keys
         assert visit.page.locator("#trend-list [aria-selected=true]").count() == 1
 
 
@@ -349,7 +363,7 @@ def test_the_index_leads_to_it(folder: Path, browser: Any) -> None:
         assert "of fourbar" in link.inner_text() + link.text_content()
         link.focus()
         visit.page.keyboard.press("Enter")
-        visit.page.wait_for_url(re.compile(r"/fourbar\.html"))  # a page adds what it shows
+        visit.page.wait_for_url(re.compile(r"/fourbar\.html"))  # the page appends to it
         top = visit.run("find('#trend').getBoundingClientRect().top")
         assert abs(top) < 200
         assert visit.said == []

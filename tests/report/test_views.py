@@ -1,4 +1,4 @@
-"""Views: curves over another x, energies in a stack, other parameter sets beside them."""
+"""Views: curves over another x, stacked energies, and curves of other parameter sets."""
 
 import re
 from pathlib import Path
@@ -73,23 +73,25 @@ parameters = { stiffness = 4.0, target = "cosine", weight = 2.0 }
 
 @pytest.fixture
 def stub(stubbed) -> Path:
-    """A sidecar whose reference takes a word and tells places and properties."""
+    """A sidecar whose reference has a parameter that is a word, marks and properties."""
     return stubbed("sprung_crank", STUB, 'stiffness = 2.0\ntarget = "sine"', MORE)
 
 
 def judged(sidecar: Path) -> list[Comparison]:
-    """Comparisons of what MuJoCo would find if it were perfect."""
+    """Comparisons of curves that are exactly those of the reference."""
     case = load_case(sidecar)
     return compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
 
 
 def with_views(*views: View, **beside: dict) -> Case:
+    """The four-bar with views, and with other parameter sets to compare with."""
     table = case_of("fourbar").model_dump(by_alias=True)
     table |= {"view": views, "compare_with": {k: {"parameters": p} for k, p in beside.items()}}
     return Case(**table)
 
 
 def view_of(case: Case, off: float = 0.0, kind: str = "sweep") -> Viewed:
+    """The first view of a case, applied to curves with errors of `off` times their range."""
     return apply_view(plotted_run(result_of(case, **{kind: off}), case, kind), case.view[0])
 
 
@@ -109,7 +111,7 @@ def test_a_channel_as_x_is_measured_and_its_reference_is_not() -> None:
     view, crank = view_of(case, off=0.01), np.linspace(0, 2 * np.pi, 37)
     truth = solve(crank, **case.parameters)["rocker_angle"]
     assert np.array_equal(view.over.reference["mujoco"].x, truth)
-    # off by a hundredth of the range, times a sine
+    # the error is a sine of a hundredth of the range
     assert (
         np.abs(
             view.over.curves["mujoco"].x - truth - 0.01 * np.ptp(truth) * np.sin(9 * crank)
@@ -150,14 +152,14 @@ def test_panels_hold_the_curves_and_their_difference() -> None:
     assert np.array_equal(thin.get_ydata(), np.degrees(beside["coupler_angle"]))
     assert max(line.get_ydata().max() for line in below.lines[:2]) == pytest.approx(
         0.01 * np.ptp(truth["coupler_angle"]), rel=0.02
-    )  # the sine's top falls between samples
+    )  # the maximum of the sine is between samples
     assert [line.get_markerfacecolor() for line in coupler.lines[1:3]] == ["#0072B2", "white"]
     assert np.all(np.diff(out.get_xdata()) < 0)
     assert moment.get_ylabel() == "[N·m]"
 
 
 def stacked(**parts: np.ndarray) -> Viewed:
-    """A view of a swing from 0 to 90 degrees and back with made-up parts."""
+    """A stack of these parts over an angle that goes from 0 to 90 degrees and back."""
     values = {"x": 0.25 * np.pi * (1 - np.cos(np.linspace(0, 2 * np.pi, 61))), **parts}
     view = View(title="t", x="x", stack=tuple(parts), unit="J", x_unit="rad")
     over = view_of(with_views(LOOP)).over
@@ -178,7 +180,7 @@ def test_a_flat_sum_is_said_and_drawn_flat() -> None:
         pile, below = view_figure(view, {}).axes
     first, second = (c.get_paths()[0].vertices for c in pile.collections)
     assert first[:, 1].max() == pytest.approx(2.0)  # 2 (1 - cos 90°)
-    assert second[:, 1].max() == pytest.approx(2.0)  # on top of the first, so up to the sum
+    assert second[:, 1].max() == pytest.approx(2.0)  # on top of the first, up to the sum
     assert first[:, 0].max() == pytest.approx(90.0)
     assert np.abs(below.lines[0].get_ydata()).max() < 1e-15
 
@@ -192,7 +194,7 @@ def test_what_is_below_zero_goes_downwards() -> None:
             c.get_paths()[0].vertices[:, 1] for c in view_figure(view, {}).axes[0].collections
         )
     assert (up.min(), up.max(), down.min(), down.max()) == (0, 2, -1, 0)
-    assert both.min() == pytest.approx(-1.5)  # below the part that is below zero
+    assert both.min() == pytest.approx(-1.5)  # stacked below the other negative part
 
 
 def test_near_marks_share_their_words() -> None:
@@ -211,7 +213,7 @@ def test_near_marks_share_their_words() -> None:
 
 
 def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Path) -> None:
-    # a word has no relative change
+    # a parameter that is a word has no relative change
     assert set(judged(stub)[0].detectable) == {"stiffness"}
     result = result_of(load_case(stub), sweep=0.0)
     page = write_report(result, tmp_path / "r").with_name("fourbar.html").read_text("utf-8")
@@ -221,9 +223,9 @@ def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Pa
     assert re.search(r'"row">load</th><td[^>]*>—</td><td[^>]*>2 N<', text)
     assert re.search(r'"row">target</th><td[^>]*>sine</td><td[^>]*>cosine<', text)
     assert "dashed: target; thin: stiff &amp; heavy; below" in text
-    # 2 (2 pi)^2 / 2, printed to four digits
+    # 2 (2 pi)^2 / 2 = 39.478, printed with four digits
     assert "0 to 39.48 J" in text
-    assert "spring on its stop 85.94°" in page  # 3 / 2 rad
+    assert "spring on its stop 85.94°" in page  # 3 / 2 rad = 85.94 deg
     ids = re.findall(r'\sid="([^"]*)"', page)
     assert len(ids) == len(set(ids))
     assert (tmp_path / "r" / "figures" / "fourbar-view-2.svg").is_file()
@@ -335,4 +337,4 @@ def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
             assert np.array_equal(truth.x, known.over.reference[solver].x)
     curves = next(iter(run.curves.values()))
     with pytest.raises(pytest.fail.Exception):
-        plot_data(case, case.view[0], curves)  # it would be, if nobody knew the channels
+        plot_data(case, case.view[0], curves)  # without known channels the reference is evaluated

@@ -1,4 +1,7 @@
-"""Results of cases with curves of all their solvers, made from the references: no engine runs."""
+"""Results of cases with curves of all their solvers.
+
+The curves are made from the references, so that no engine runs.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +22,10 @@ from proofmass.solve import plan_run
 
 @contextmanager
 def without_figures(*but: str) -> Iterator[None]:
-    """Pages without the drawing at several poses, but of cases with views and of those named."""
+    """Leave the static figures out of pages that are written in this context.
+
+    Cases with views and the cases named in `but` keep their figures.
+    """
     isolated = case_figures.call_isolated
 
     def left_out(function, case, *args, **limits):
@@ -33,7 +39,12 @@ def without_figures(*but: str) -> Iterator[None]:
 
 
 def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> Result:
-    """Curves that are off by that share of their ranges, with a sign and a place of their own."""
+    """A result whose curves differ from their references by waves.
+
+    The amplitude of the waves is the share `off` of each curve's range.  Each solver has a wave of
+    its own, so that signs and places of the largest errors differ.  With `detectable` the smallest
+    detectable changes are computed for the first solver of each run.
+    """
     result = Result(cases=list(cases))
     for case in cases:
         for kind, run in case.run.items():
@@ -60,7 +71,10 @@ def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> 
 
 
 def failed_result(case: Case, result: Result, *solvers: str, samples: int = 100) -> Result:
-    """The same with dynamics of solvers failed after so many samples."""
+    """The result with failed dynamics of these solvers, whose curves end after `samples` samples.
+
+    The other curves stay as they are.
+    """
     keys = {(case.name, "dynamics", solver) for solver in solvers}
     cut = {}
     for key in keys:
