@@ -1,9 +1,9 @@
 """A balancer: torsion springs that carry an inverted pendulum.
 
 A chain of three segments with torsion springs pushes the pendulum back by nearly m g r
-sin(angle), the moment of its weight. The sweep follows the static equilibrium of the chain, and
-the script holds the moment against two laws: how close it comes to the wanted sine, and that its
-work is the energy of the springs.
+sin(angle), the moment of its weight. The sweep follows the static equilibrium of the chain. The
+script compares the holding moment with this target, and its work with the energy that the springs
+lose or gain.
 
     uv run python examples/balancer.py [SIDECAR]
 """
@@ -19,7 +19,7 @@ MODELS = Path(__file__).parent.parent / "models"
 
 
 def main(sidecar: Path) -> None:
-    """Sweep the balancer in both engines and print what its moment amounts to."""
+    """Sweep the balancer in both engines, and print the errors of its moment and its work."""
     case = load_case(sidecar)
     weight = float(case.parameters["target_moment"])  # m g r [N m]
     for engine in ("mujoco", "pymunk"):
@@ -29,7 +29,7 @@ def main(sidecar: Path) -> None:
         moment, energy = (curves.channels[name][up] for name in ("holding_moment", "energy"))
         angle = angle[up]
         work = np.trapezoid(moment, angle)
-        degrees = np.radians(np.arange(1, 91))  # where the source of the model compares
+        degrees = np.radians(np.arange(1, 91))  # where the source of the model compares moments
         off = np.interp(degrees, angle, moment) - weight * np.sin(degrees)
         rms = np.sqrt(np.mean(off**2))
         print(

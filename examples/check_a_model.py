@@ -1,9 +1,9 @@
-"""Check a model: run a case in every engine and hold all curves against its reference.
+"""Check a model: run a case in every engine, and compare all curves with its reference.
 
 The case is a four-bar linkage: `models/linkages/fourbar.xml` is the model, `fourbar.toml` says
-what must be true of it. The reference is a closed form. The script prints, for each run and
-solver, the channel that comes nearest to its tolerance, and which change of a length would have
-been noticed.
+what must be true of it. The reference is a closed form. For each run and solver the script prints
+the channel whose error is nearest to its tolerance, and the smallest changes of lengths that the
+check would detect.
 
     uv run python examples/check_a_model.py [SIDECAR]
 """
@@ -17,9 +17,9 @@ MODELS = Path(__file__).parent.parent / "models"
 
 
 def main(sidecar: Path) -> int:
-    """Check a sidecar; its exit code is that of `proofmass check`."""
+    """Check a sidecar, and return the exit code of `proofmass check`."""
     result = check([sidecar])
-    for error in result.errors:  # bad input: the file, the key, and what would have been right
+    for error in result.errors:  # bad input: the file, the key, and what is expected there
         print("error:", error)
     for run, solver in dict.fromkeys((c.run, c.solver) for c in result.comparisons):
         found = [c for c in result.comparisons if (c.run, c.solver) == (run, solver)]

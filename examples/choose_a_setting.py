@@ -1,8 +1,8 @@
 """Choose a setting: the cheapest one that is accurate enough, and a program that uses it.
 
-`proofmass choose` searches the engine's settings for the cheapest one whose error is small
-enough, and writes a program that needs NumPy and the engine alone. The script runs that program
-by itself, and looks whether the pendulum that it lets go keeps its energy.
+`proofmass choose` searches the settings of an engine for the cheapest one whose error is small
+enough, and writes a program that needs only NumPy and the engine. The script runs that program as
+a process of its own, and computes by how much the energy of the released pendulum changes.
 
     uv run python examples/choose_a_setting.py [FOLDER]
 """
@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 MODELS = Path(__file__).parent.parent / "models"
-ERROR = 1e-3  # largest error of the angle, as a share of its range
-GRAVITY, LENGTH = 9.81, 1.0  # m/s2, m: of the model
+ERROR = 1e-3  # largest allowed error of the angle, as a share of its range
+GRAVITY, LENGTH = 9.81, 1.0  # m/s2, m: values of the model
 
 
 def main(folder: Path) -> None:
-    """Choose, run, and read the curves of the program."""
+    """Choose a setting, run its program, and read the curves that the program writes."""
     program, curves = folder / "run.py", folder / "curves.csv"
     command = [
         sys.executable,
@@ -42,7 +42,7 @@ def main(folder: Path) -> None:
     subprocess.run([str(part) for part in command], check=True, capture_output=True)
     print(program.read_text(encoding="utf-8").split('"""')[1].split("\n\n")[1])
 
-    # -I: an interpreter that sees no environment and no folder, so no proofmass is needed
+    # -I: the interpreter ignores environment variables, and imports nothing from its folder
     subprocess.run(
         [sys.executable, "-I", str(program), str(curves)], check=True, capture_output=True
     )

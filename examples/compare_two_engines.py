@@ -1,9 +1,9 @@
 """Compare two engines: the same motion in MuJoCo and in pymunk, with three time steps.
 
-The motion is a slider-crank's, stepped through time. The script prints the largest error of each
-engine against the closed form and the order with which it falls when the step is halved. pymunk
-is of second order here. MuJoCo's error hardly falls: it is the softness of the loop, which is set
-by `solref` and not by the time step.
+A slider-crank moves in time. For each engine the script prints the largest error of the slider's
+position compared with the closed form, and the order with which the error falls when the time step
+is halved. pymunk is of second order here. The error of MuJoCo hardly falls: its cause is the soft
+constraint of the loop, whose stiffness follows from `solref` and not from the time step.
 
     uv run python examples/compare_two_engines.py
 """
@@ -14,13 +14,13 @@ from pathlib import Path
 from proofmass import Case, compare, load_case, solve
 
 MODELS = Path(__file__).parent.parent / "models"
-SAMPLES = 360  # of a turn, which takes 2 pi s
+SAMPLES = 360  # number of samples of a turn, which takes 2 pi s
 STEPS = [2 * math.pi / SAMPLES / count for count in (8, 16, 32)]  # s
 RUN = "dynamics"
 
 
 def error(case: Case, engine: str, step: float) -> tuple[float, float]:
-    """Largest error of the slider's place [m], and the wall time of the run [s]."""
+    """Largest error of the slider's position [m], and the wall time of the run [s]."""
     changed = case.model_copy(update={"settings": {engine: {"timestep": step}}})
     curves = solve(changed, RUN, engine)
     found = {c.channel: c for c in compare(changed, RUN, engine, curves, detectable=False)}

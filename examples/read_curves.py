@@ -1,9 +1,9 @@
 """Read curves: how far the rocker of a four-bar swings, from a run in MuJoCo.
 
-A run delivers its curves as NumPy arrays in SI units. The rocker stands still where crank and
-coupler lie on one line, so its two limit positions follow from two triangles, and their
-difference must be the range of the curve. The curves are written as CSV as well, in a folder that
-may be given.
+A run returns its curves as NumPy arrays in SI units. The rocker is at its limit positions where
+crank and coupler are in line, so that two triangles give its angles there. Their difference must be
+the range of the curve. The script also writes the curves as a CSV file, to the given folder or to a
+temporary one.
 
     uv run python examples/read_curves.py [FOLDER]
 """
@@ -26,10 +26,10 @@ def angle(far: float, rocker: float, ground: float) -> float:
 
 
 def main(folder: Path) -> None:
-    """Run, write and read the curves."""
+    """Run the sweep, write its curves, and compare the swing with that of the triangles."""
     case = load_case(MODELS / "linkages" / "fourbar.toml")
     curves = solve(case, "sweep", "mujoco")  # in a process of its own
-    (crank,), _, _ = curves.drive  # value, rate and acceleration of the drives as they really moved
+    (crank,), _, _ = curves.drive  # value, rate and acceleration of the drives, as they moved
     table = np.column_stack([curves.x, *curves.channels.values()])
     np.savetxt(
         folder / "fourbar.csv",

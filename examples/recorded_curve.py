@@ -1,9 +1,9 @@
-"""A recorded curve as the reference: a CSV file, as a test rig or another program writes it.
+"""A recorded curve as the reference: a CSV file from a test rig or another program.
 
-The columns have a name and a unit each; the sidecar names the columns that move the drive and
-those that a sensor must follow. Here a formula stands for the test rig: the slider of a slider-
-crank with a crank of 1 m and a coupler of 2 m. The first recording agrees. The second is 2 mm
-off, and differs.
+Each column has a name and a unit. The sidecar names the columns that move the drive, and those that
+a sensor must follow. Here a formula replaces the test rig: the position of the slider of a
+slider-crank with a crank of 1 m and a coupler of 2 m. The first recording agrees. The second one
+is 2 mm off, and differs.
 
     uv run python examples/recorded_curve.py [FOLDER]
 """
@@ -35,7 +35,7 @@ why = "the recording has two decimals"
 
 
 def record(file: Path, offset: float) -> None:
-    """Write a turn of the crank in 3 s, in degrees and millimetres; `offset` [mm]."""
+    """Write one turn of the crank in 3 s; `offset` is added to the position of the slider [mm]."""
     lines = ["t [s],crank [deg],crank rate [deg/s],crank acceleration [deg/s^2],slider [mm]"]
     for time in np.linspace(0.0, 3.0, 181):
         turn = math.radians(120 * time)
@@ -45,7 +45,7 @@ def record(file: Path, offset: float) -> None:
 
 
 def main(folder: Path) -> None:
-    """Check the model against a good recording and one that is off."""
+    """Compare the model with a correct recording, and with one that is 2 mm off."""
     shutil.copy(MODELS / "linkages" / "slider_crank.xml", folder)
     (folder / "rig.toml").write_text(SIDECAR, encoding="utf-8")
     for offset in (0.0, 2.0):

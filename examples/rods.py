@@ -1,9 +1,10 @@
-"""Rods: a cantilever that bends far, as chains of more and more links in both engines.
+"""Rods: a cantilever with a large deflection, as chains of 10, 20 and 40 links in both engines.
 
-A flexible rod stands in the sidecar; each engine gets it as a chain of rigid links with springs.
-The error of the tip falls with the square of the links' length, so two chains point to the limit
-of many links (Richardson), which is much closer than the finer of them. K. Mattiasson (1981)
-prints the tip of this cantilever, P L^2 / EI = 10: 0.81061 L up and 0.55500 L back.
+The sidecar describes a flexible rod; each engine runs it as a chain of rigid links with springs.
+The error of the tip falls with the square of the links' length, so that the two finest chains give
+the limit of many links by Richardson's extrapolation. This limit is much more accurate than the
+finest chain. K. Mattiasson (1981) prints the place of the tip for P L^2 / EI = 10: 0.81061 L up
+and 0.55500 L back.
 
     uv run python examples/rods.py
 """
@@ -14,19 +15,19 @@ from pathlib import Path
 from proofmass import Case, load_case, solve
 
 MODELS = Path(__file__).parent.parent / "models"
-PRINTED = 0.81061  # of the length, which is 1 m
+PRINTED = 0.81061  # [m] printed height of the tip; the length of the rod is 1 m
 SEGMENTS = (10, 20, 40)
 
 
 def tip(case: Case, engine: str, segments: int) -> float:
-    """How high the tip of the rod comes to rest [m]."""
+    """Height of the tip in equilibrium [m]."""
     rod = case.rod["rod"].model_copy(update={"segments": segments})
     curves = solve(case.model_copy(update={"rod": {"rod": rod}}), "equilibrium", engine)
     return float(curves.channels["rod.y"][-1])
 
 
 def main() -> None:
-    """Print the tip by numbers of segments, the order of its error, and the limit."""
+    """Print the height of the tip by number of segments, the order of its error, and the limit."""
     case = load_case(MODELS / "rods" / "rod_cantilever.toml")
     for engine in ("mujoco", "pymunk"):
         heights = [tip(case, engine, segments) for segments in SEGMENTS]

@@ -1,9 +1,9 @@
-"""A sweep in Python: statics of a four-bar over a part of a turn, with a case that Python changes.
+"""A sweep in Python: statics of a four-bar over a third of a turn, with a changed case.
 
-A sweep is quasi-static: the crank stands still at each sample, and the motor holds it. The case
-is read from its sidecar; the range of the drive and the number of samples are changed here. The
-model has no friction and no springs, so the work of the motor between two poses is the change of
-the weight's energy, whichever engine holds the crank.
+A sweep is quasi-static: at each sample the crank is at rest, and the motor carries the weight of
+the links. The case is read from its sidecar; the script changes the range of the drive and the
+number of samples. The model has no friction and no springs, so that in either engine the work of
+the motor between two poses is the change of the potential energy.
 
     uv run python examples/sweep_in_python.py
 """
@@ -20,7 +20,7 @@ SAMPLES = 61
 
 
 def main() -> None:
-    """Sweep a third of a turn in both engines, and hold work against energy."""
+    """Sweep a third of a turn in both engines, and compare the work with the energy."""
     case = load_case(MODELS / "linkages" / "fourbar.toml")
     drive = case.drive[0].model_copy(update={"start": 0.5, "to": 0.5 + 2 * math.pi / 3})
     run = case.run["sweep"].model_copy(update={"n": SAMPLES})
@@ -38,7 +38,7 @@ def main() -> None:
             a / 2 * np.sin(crank),
             a * np.sin(crank) + b / 2 * np.sin(coupler),
             c / 2 * np.sin(rocker),
-        )  # of the centres of three uniform bars
+        )  # [m] heights of the centres of three uniform bars
         energy = gravity * sum(mass * height for mass, height in zip(m, heights, strict=True))
         moment = channels["holding_moment"]
         work = simpson(moment, crank)
@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def simpson(y: np.ndarray, x: np.ndarray) -> float:
-    """Integral by Simpson's rule: an odd number of even samples."""
+    """Integral by Simpson's rule over an odd number of samples at equal distances."""
     h = (x[-1] - x[0]) / (x.size - 1)
     return float(h / 3 * (y[0] + y[-1] + 4 * y[1:-1:2].sum() + 2 * y[2:-1:2].sum()))
 

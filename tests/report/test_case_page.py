@@ -293,7 +293,7 @@ def test_links_of_a_rod_are_one_line() -> None:
     assert rod["name"] == "rod"
     points = scaled(rod["points"])
     steps = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
-    half = 1.0 / 20  # [m] of 10 links of 1 m in all, half of the first is clamped to the motor
+    half = 1.0 / 20  # [m] half of the first of 10 links, which have 1 m in all, is clamped
     assert steps == pytest.approx(1.0 - half, abs=1e-4)
     assert scaled(pin["points"])[:, 0] == pytest.approx(
         np.tile([0.8, 0.0], (len(points), 1)), abs=1e-4
