@@ -21,7 +21,7 @@ MODELS = Path(__file__).parent.parent / "models"
 
 
 def angle(far: float, rocker: float, ground: float) -> float:
-    """Angle between rocker and ground in a triangle whose third side is `far` [rad]."""
+    """Angle between rocker and ground in a triangle with the third side `far` [rad]."""
     return math.acos((rocker**2 + ground**2 - far**2) / (2 * rocker * ground))
 
 
