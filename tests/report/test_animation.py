@@ -167,7 +167,8 @@ def test_a_notebook_plays_it() -> None:
     html = playing()._repr_html_()
     assert html.startswith('<div><img src="data:image/webp;base64,')
     assert 'alt="fourbar, sweep: reference and pymunk"' in html
-    assert playing().encoded() == playing().encoded()  # independent of time and machine
+    # independent of time and machine
+    assert playing().encoded() == playing().encoded()
     with Image.open(io.BytesIO(playing().encoded())) as image:
         assert image.size == playing().frames.shape[2:0:-1]
 

@@ -87,7 +87,7 @@ def fourbar() -> Case:
 
 @pytest.fixture(scope="module")
 def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a report on the four-bar with runs of every outcome.
+    """The folder of a report on the four-bar with channels of six outcomes.
 
     It also has a NaN curve, a missing channel, a title with HTML, a model without a sidecar and an
     input with an error.

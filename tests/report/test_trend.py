@@ -88,7 +88,8 @@ def test_a_trend_begins_with_the_second_report() -> None:
     second = trend_now(rows(ONE), lambda c: 1e-9)
     assert [row.channel for row in second.rows] == ["pin.x"]
     assert second.count == 2
-    new = trend_now(rows(ONE), lambda c: None)  # a new channel, which has one error only
+    # a new channel has one error only
+    new = trend_now(rows(ONE), lambda c: None)
     assert (new.rows, new.count) == ([], 2)
 
 
