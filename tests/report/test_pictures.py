@@ -29,8 +29,8 @@ STORED = Path(__file__).parent.parent / "data" / "pictures"
 NAMES = ("index", "agrees", "differs")
 SIZE = 150_000  # [bytes] largest size of a stored picture
 BLOCK = 8  # [pixels] side of a block, which contains a letter's stroke with its smoothed edges
-# Two blocks differ if their mean brightness, from 0 to 255, differs by more; the palette of a stored
-# picture changes coloured blocks by up to 20.
+# Two blocks differ if their mean brightness, from 0 to 255, differs by more.  The palette of a
+# stored picture changes coloured blocks by up to 20.
 DIFFERS = 20.0
 # Largest share of blocks that may differ: letters at whole pixels change 7e-4 of them, the smallest
 # missing plot changes 5e-3.
