@@ -7,7 +7,6 @@ another was interrupted.
 """
 
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +28,12 @@ from proofmass.studies.trade.choose_command import (
     program_docstring,
     search_cost_ratio,
 )
-from proofmass.studies.trade.program import describe_drive, drive_ways, program_text
+from proofmass.studies.trade.program import (
+    bare_command,
+    describe_drive,
+    drive_ways,
+    program_text,
+)
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import verify
@@ -43,11 +47,11 @@ HEAD = """# Programs that choose writes
 
 `python -m benchmarks.choose` made this page. Each row is a setting that `proofmass choose CASE
 --error ASKED --solver ENGINE --drive DRIVE -o run.py` found. *Printed* is the error that this
-command prints. *Bare* is the error of the CSV file that the program writes when it is run with
-`python -I`, in which proofmass cannot be imported. Its references are formulas of each mechanism
-and scipy's DOP853 (`examples/chosen/truths.py`), which share no code with proofmass. Both errors
-are shares of the range. *Ratio* is bare over printed, *seconds* the wall time of the program's
-steps.
+command prints. *Bare* is the error of the CSV file that the program writes when it is run by
+itself. Programs do not import proofmass; tests run them where it cannot be imported. Its references
+are formulas of each mechanism and scipy's DOP853 (`examples/chosen/truths.py`), which share no code
+with proofmass. Both errors are shares of the range. *Ratio* is bare over printed, *seconds* the
+wall time of the program's steps.
 
 | case | engine | drive | asked | printed | bare | ratio | seconds | setting |
 |---|---|---|---|---|---|---|---|---|"""
@@ -186,7 +190,7 @@ def bare(text: str, asked: Asked, folder: Path) -> float:
     """The error of a program in a bare interpreter, by a reference without proofmass."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "run.py").write_text(text, encoding="utf-8")
-    subprocess.run([sys.executable, "-I", "run.py"], cwd=folder, check=True, capture_output=True)
+    subprocess.run(bare_command("run.py"), cwd=folder, check=True, capture_output=True)
     return truths.errors(asked.truth, str(folder / "curves.csv"))[asked.of]
 
 

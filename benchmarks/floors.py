@@ -39,11 +39,12 @@ HEAD = """# Error floors in bare engines
 
 `python -m benchmarks.floors` made this page. `proofmass trade` states {count} error floors in
 dynamics runs, in {settings} settings of {cases} cases. Each setting was written as three programs,
-with the measured step, half and a quarter of it, and these were run with `python -I`, in which
-proofmass cannot be imported. The errors are those of the CSV files that the programs wrote, as
-shares of the range. They are evaluated at the actual motion of the drives, for which the files have
-columns, because `trade` states floors in this way. At the prescribed motion the error of the drive
-is added if the drive changes its speed; `trade` states it in addition to the floor.
+with the measured step, half and a quarter of it, and these were run by themselves. Programs do not
+import proofmass; tests run them where it cannot be imported. The errors are those of the CSV files
+that the programs wrote, as shares of the range. They are evaluated at the actual motion of the
+drives, for which the files have columns, because `trade` states floors in this way. At the
+prescribed motion the error of the drive is added if the drive changes its speed; `trade` states it
+in addition to the floor.
 
 A floor is *confirmed* if the two halvings each change the program's error by less than 5 %, and
 the error is within 5 % of the stated one. For a floor that is caused by rounding, the errors with

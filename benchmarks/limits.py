@@ -41,8 +41,8 @@ HEAD = """# Limits in bare engines
 
 `python -m benchmarks.limits` made this page. [Where it breaks](stress.md) states {count} limits of
 cases in dynamics runs. Each case was changed as `proofmass stress` changes it, to 2 % before the
-printed limit and to 2 % beyond it. Both changed cases were written as programs and run with
-`python -I`, in which proofmass cannot be imported.
+printed limit and to 2 % beyond it. Both changed cases were written as programs and run by
+themselves. Programs do not import proofmass; tests run them where it cannot be imported.
 
 A limit is *confirmed* if all positions of the program before it are within a tenth of the range of
 the reference, and the program beyond it fails or has a larger error. For {several} limits a first

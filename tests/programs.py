@@ -1,6 +1,6 @@
 """Run standalone programs, such as those that `proofmass choose` writes, without test modules.
 
-Each program runs in a fork of one interpreter, which is started with ``-I`` and has loaded the
+Each program runs in a fork of one interpreter, which cannot import proofmass and has loaded the
 engines, since loading them takes longer than most of the programs.
 """
 
@@ -20,6 +20,7 @@ from proofmass.analytic.numerics import Array
 FORKS = """
 import json, os, runpy, sys
 import mujoco, numpy, pymunk
+sys.modules["proofmass"] = None  # a program that imports it fails
 
 for line in sys.stdin:
     folder, sys.argv, streams = json.loads(line)

@@ -164,10 +164,26 @@ class NoCurves(Exception):
     """A program has no curves; the message is the last line that it wrote, or what is wrong."""
 
 
+BLOCK_PROOFMASS = "import sys; sys.modules['proofmass'] = None"
+"""Statement after which `import proofmass` fails; ``-I`` still finds what is installed."""
+RUN_FILE = "import runpy; del sys.argv[0]; runpy.run_path(sys.argv[0], run_name='__main__')"
+
+
+def bare_command(file: Path | str, *arguments: str) -> list[str]:
+    """The command that runs a program in an interpreter that cannot import proofmass.
+
+    >>> bare_command("run.py", "curves.csv")[4:]
+    ['run.py', 'curves.csv']
+    """
+    return [sys.executable, "-I", "-c", f"{BLOCK_PROOFMASS}; {RUN_FILE}", str(file), *arguments]
+
+
 def run_bare_program(
     text: str, run: Run, timeout: float, core: int | None = None
 ) -> tuple[Curves, float, int]:
     """Run a program in a bare interpreter: its curves, wall time of its loop [s], number of steps.
+
+    The interpreter cannot import proofmass.
 
     Raises
     ------
@@ -180,7 +196,7 @@ def run_bare_program(
         try:
             with pin_process(core):
                 process = subprocess.run(
-                    [sys.executable, "-I", file.name],
+                    bare_command(file.name),
                     cwd=folder,
                     text=True,
                     capture_output=True,

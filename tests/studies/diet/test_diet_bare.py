@@ -7,7 +7,6 @@ noticed.
 
 import json
 import subprocess
-import sys
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import pytest
 from proofmass.studies.diet.diet import Diet, DietSearch
 from proofmass.studies.diet.edits import EditedModel, set_option, write_model
 from proofmass.studies.diet.scene import load_scene
+from proofmass.studies.trade.program import bare_command
 from tests.studies.diet.test_diet import BALLAST, model
 
 BARE = Path(__file__).with_name("diet_bare.py")
@@ -39,10 +39,10 @@ DOUBLE = """<mujoco><option timestep="0.0005" integrator="RK4" tolerance="1e-14"
 
 
 def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str, dict[str, float]]:
-    """What `tests/studies/diet/diet_bare.py` measures; no site, no path of this project."""
+    """What `tests/studies/diet/diet_bare.py` measures, which cannot import proofmass."""
     asked = {"files": [str(before), str(after)], "seconds": seconds, **more}
     done = subprocess.run(
-        [sys.executable, "-I", str(BARE), json.dumps(asked)],
+        bare_command(BARE, json.dumps(asked)),
         capture_output=True,
         text=True,
         check=True,

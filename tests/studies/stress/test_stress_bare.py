@@ -10,7 +10,6 @@ stiffness, goes up and down by 5 % on its way up.
 import ast
 import json
 import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,6 +24,7 @@ from proofmass.studies.stress import extremes
 from proofmass.studies.stress.boundary import BoundaryKind
 from proofmass.studies.stress.limit_search import LimitSearch
 from proofmass.studies.stress.problems import list_problems
+from proofmass.studies.trade.program import bare_command
 from proofmass.studies.variants import with_longer_run, with_whole_steps
 
 BARE = Path(__file__).parent / "bare"
@@ -34,10 +34,10 @@ PROBLEMS = {f"{p.what}, {p.setting}, {p.parameter}": p for p in list_problems()}
 
 @cache
 def bare(engine: str, name: str) -> float:
-    """A limit as a script measures it, away from this folder and its packages."""
+    """A limit as a script measures it that cannot import proofmass."""
     with TemporaryDirectory() as folder:
         answer = subprocess.run(
-            [sys.executable, "-I", str(BARE / f"with_{engine}.py"), name],
+            bare_command(BARE / f"with_{engine}.py", name),
             cwd=folder,
             capture_output=True,
             text=True,

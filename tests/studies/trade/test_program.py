@@ -27,16 +27,18 @@ from proofmass.solve import call_engine
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.program import (
+    NoCurves,
     ProgramRun,
     drive_ways,
     program_text,
     program_text_here,
     read_curves,
+    run_bare_program,
     run_program,
     run_stored_program,
 )
 from proofmass.studies.trade.verify import model_text_at
-from tests.programs import program_curves
+from tests.programs import program_curves, run_alone
 from tests.shipped import shipped
 from tests.studies.trade.driven import driven
 
@@ -219,6 +221,17 @@ def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
     ran = run_program(case, setting, text, 30.0)
     assert not ran.errors
     assert "Error" in ran.failure
+
+
+def test_no_program_can_import_proofmass(tmp_path: Path) -> None:
+    """Neither where `choose` runs it nor where these tests do, although it is installed."""
+    text = "import mujoco, pymunk\nimport proofmass\n"
+    with pytest.raises(NoCurves, match="import of proofmass halted"):
+        run_bare_program(text, Run("dynamics", np.linspace(0, 1, 3), ()), 60.0)
+    (tmp_path / "run.py").write_text(text)
+    done = run_alone(tmp_path / "run.py")
+    assert done.returncode == 1
+    assert "import of proofmass halted" in done.stderr
 
 
 def test_a_program_that_does_not_end_is_ended() -> None:
