@@ -241,8 +241,9 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
             if engine not in run.solvers or any(t.is_for(kind, engine) for t in case.tolerance):
                 continue
             level = levels.get(engine) or Accuracy.model_validate({})
-            for part, units in accuracy_units(case, kind).items():
-                if limit := engine_accuracy(engine).get(part):
+            limits = engine_accuracy(engine)
+            for part, units in accuracy_units(case, kind, limits).items():
+                if limit := limits.get(part):
                     used.add((engine, part))
                     added.append(
                         Tolerance(
@@ -275,8 +276,13 @@ def engine_accuracy(engine: str) -> Mapping[str, AccuracyLimit]:
         return {}
 
 
-def accuracy_units(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
-    """The keys of an engine's accuracy that apply to a run, and the units that each covers."""
+def accuracy_units(
+    case: Case, kind: Kind, limits: Mapping[str, AccuracyLimit]
+) -> dict[str, tuple[str, ...]]:
+    """The keys of an engine's accuracy that apply to a run, and the units that each covers.
+
+    No unit is covered twice.  `limits` are those that the engine states.
+    """
     there = [channel.unit for channel in case.channels_of(kind).values()]
     if kind == "equilibrium" or not there:
         return {}
@@ -284,8 +290,10 @@ def accuracy_units(case: Case, kind: Kind) -> dict[str, tuple[str, ...]]:
         rates = dict.fromkeys(
             unit for unit in there if si_unit(unit)[0] in MOTION_UNITS["velocity"]
         )
-        own = {"rest": tuple(rates)} if rates and leaves_dof(case) else {}
-        return {**own, "sweep": ("*",)}
+        if not (rates and "rest" in limits and leaves_dof(case)):
+            return {"sweep": ("*",)}
+        others = tuple(unit for unit in dict.fromkeys(there) if unit not in rates)
+        return {"rest": tuple(rates), **({"sweep": others} if others else {})}
     units = {
         part: tuple(
             unit

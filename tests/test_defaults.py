@@ -72,6 +72,18 @@ def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
         assert "accuracy" not in tomllib.loads(format_sidecar(case, every))
 
 
+def test_rates_beside_springs_are_covered_by_one_default_tolerance():
+    """Of the finger: MuJoCo states a limit of its own for the rates of an equilibrium."""
+    case = loaded(shipped("finger.toml"))
+    for solver in ("mujoco", "pymunk"):
+        for name, channel in case.channels.items():
+            hits = [t for t in case.tolerance if t.covers("sweep", solver, name, channel.unit)]
+            assert len(hits) == 1, name
+    why = {name: case.tolerance_for("sweep", "mujoco", name).why for name in case.channels}
+    rates = {name for name, words in why.items() if words.startswith("stiffness by differences")}
+    assert rates == {"proximal_rate", "distal_rate", "tip_velocity.x", "tip_velocity.y"}
+
+
 def test_a_shown_case_reads_as_a_sidecar_does(tmp_path):
     """A channel is one line, headings are in the order of the schema, after an empty line each."""
     case = load_case(shipped("fourbar.toml"))
