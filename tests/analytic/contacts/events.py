@@ -1,4 +1,4 @@
-"""Motion in phases, each of which ends at an event: a general solver for what impacts interrupt."""
+"""General solver of motions in phases, each of which ends at an event such as an impact."""
 
 from collections.abc import Callable, Sequence
 
@@ -7,14 +7,15 @@ from scipy.integrate import solve_ivp
 
 State = np.ndarray
 Phase = tuple[Callable, Callable, Callable]
-"""Rates of a state, what is zero at the end of the phase, and the next phase with its state."""
+"""Functions of a state: its rates, a value that is zero at the end of the phase, the next phase."""
 
 
 def follow(phase: Phase, state: Sequence[float], times: np.ndarray) -> np.ndarray:
-    """States (n, size) at rising times, by DOP853 at 1e-13 from event to event.
+    """States (n, size) at rising times, by DOP853 from event to event (rtol 1e-13, atol 1e-14).
 
-    A phase is ``(rates, ends, after)``: ``rates(state)``; ``ends(state)`` falls through zero;
-    ``after(state) -> (phase, state)``.  It is positive at the start of the phase.
+    A phase is ``(rates, ends, after)``.  ``rates(state)`` returns the rates of the state.
+    ``ends(state)`` is positive at the start of the phase and falls through zero at its end.
+    ``after(state)`` returns the next phase and its first state.
     """
     found, now, state = np.empty((len(times), len(state))), times[0], np.asarray(state, float)
     found[0] = state

@@ -1,4 +1,4 @@
-"""Rows of balls against stiff springs, momentum, energy, and impacts in their own frame."""
+"""The row of balls against an event solver, stiff springs, and the laws of momentum and energy."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,16 @@ def states(closed, balls):
 
 
 def followed(times, *, balls, radius, gap, speed, restitution=1.0):
-    """The motion by a solver that stops where two balls meet; impacts in the frame of the pair."""
+    """States of the motion by a solver that stops where two balls meet.
+
+    The velocities after an impact are computed in the frame of the pair's centre of mass.
+    """
 
     def moving(touched=None):
         def rooms(y):
             apart = np.diff(y[:balls]) - 2 * radius
             closing = -np.diff(y[balls:])
-            # a pair that has just met, or goes apart, meets nobody
+            # a pair that has just collided, or separates, has no event ahead: its distance is 1
             return np.where(closing > 1e-12, apart, 1.0)
 
         def after(y):
@@ -47,10 +50,10 @@ def followed(times, *, balls, radius, gap, speed, restitution=1.0):
     "change", [{}, {"restitution": 0.9}, {"restitution": 0.5, "balls": 3}, {"balls": 2}]
 )
 def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(change):
-    case, times = ROW | change, np.linspace(0.0, 0.2013, 41)  # none at an impact
+    case, times = ROW | change, np.linspace(0.0, 0.2013, 41)  # no sample is at an impact
     truth = followed(times, **case)
     found = states(ball_row.solve(times, **case), case["balls"])
-    assert np.abs(found - truth).max() < 1e-11  # of the solver
+    assert np.abs(found - truth).max() < 1e-11  # error of the event solver
     for wrong in ("gap", "radius"):
         other = states(ball_row.solve(times, **{**case, wrong: case[wrong] * 1.01}), case["balls"])
         assert np.abs(other - truth).max() > 1e-5
@@ -73,7 +76,10 @@ def test_momentum_energy_and_order(restitution):
 
 
 def test_stiff_springs_between_balls_with_gaps_lead_to_the_same_velocities():
-    """Elastic impacts that do not overlap: 1e-9 s of contact, 1 % of the way between impacts."""
+    """Springs of 1e8 N/m between balls of 1 kg give elastic impacts that do not overlap in time.
+
+    A contact lasts pi sqrt(m/(2 k)) = 2.2e-4 s, 2 % of the 0.01 s between two impacts.
+    """
     from scipy.integrate import solve_ivp
 
     def rates(t, y):
@@ -95,7 +101,10 @@ def test_touching_balls_are_the_limit_of_small_gaps():
 
 
 def test_at_an_impact_balls_have_the_speeds_after_it_whatever_samples_follow():
-    """A gap of 1/4 m at 1 m/s is closed at 1/4 s, without rounding."""
+    """The sample at an impact has the velocities after it, with and without later samples.
+
+    A distance of 1/4 m is covered at 1 m/s in 1/4 s, without rounding errors.
+    """
     for times in ([0.0, 0.25], [0.0, 0.25, 0.3]):
         at = ball_row.solve(times, balls=2, radius=0.5, gap=0.25, speed=1.0)
         assert (at["v1"][1], at["v2"][1], at["impacts"][1]) == (0.0, 1.0, 1.0)
@@ -120,6 +129,6 @@ def test_bad_parameters(wrong):
 
 
 def test_balls_that_hit_each_other_without_end_are_an_error():
-    """Inelastic collapse: from about three balls at a low restitution on."""
+    """Inelastic collapse occurs in rows of about three balls or more at a low restitution."""
     with pytest.raises(ValueError, match="more than 10000 times"):
         ball_row.solve(10.0, balls=8, radius=0.02, gap=0.01, speed=1.0, restitution=0.3)

@@ -1,4 +1,4 @@
-"""The bouncing ball against a solver that stops at impacts, energy, and limits."""
+"""The bouncing ball against an event solver, the energy after impacts, and limits."""
 
 import numpy as np
 import pytest
@@ -18,10 +18,13 @@ GRAVITY = 9.81
 
 
 def followed(times, *, height, restitution, speed=0.0):
+    """Heights and velocities by a solver that stops at each impact."""
+
     def flying():
         return (
             lambda y: np.array([y[1], -GRAVITY]),
-            lambda y: y[0] if y[1] < 0 else 1.0,  # a long step may jump over a whole flight
+            # 1 while the ball rises, since one long step may cover the whole flight
+            lambda y: y[0] if y[1] < 0 else 1.0,
             lambda y: (
                 (flying(), [0.0, -restitution * y[1]]) if restitution else (resting(), [0, 0])
             ),
@@ -34,6 +37,7 @@ def followed(times, *, height, restitution, speed=0.0):
 
 
 def apart(times, closed, **case):
+    """Largest difference [m, m/s] between a closed form and the event solver."""
     found = np.stack([closed["height"], closed["velocity"]], axis=-1)
     return np.abs(found - followed(times, **case)).max()
 
@@ -41,7 +45,7 @@ def apart(times, closed, **case):
 @pytest.mark.parametrize("name", CASES)
 def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(name):
     case, times = CASES[name], np.linspace(0.0, 1.71, 98)
-    assert apart(times, bouncing_ball.solve(times, **case), **case) < 1e-11  # of the solver
+    assert apart(times, bouncing_ball.solve(times, **case), **case) < 1e-11  # error of the solver
     change = {"elastic": -1e-4, "plastic": 1e-2}.get(name, 1e-4)
     wrong = bouncing_ball.solve(times, **{**case, "restitution": case["restitution"] + change})
     assert apart(times, wrong, **case) > 1e-5
@@ -49,6 +53,7 @@ def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_impact_leaves_the_square_of_the_restitution(name):
+    """After each impact the energy is that before it times the square of the restitution."""
     case, times = CASES[name], np.linspace(0.0, 1.7, 3401)
     at = bouncing_ball.solve(times, **case)
     energy = 0.5 * at["velocity"] ** 2 + GRAVITY * at["height"]
@@ -67,7 +72,7 @@ def test_bounces_accumulate_and_the_ball_rests():
     flights = 2.0 * first * 0.8 ** np.arange(1, 300)
     assert end == pytest.approx(first + flights.sum(), rel=1e-14)
     near = bouncing_ball.solve(end - np.logspace(-12, -1, 400), **case)
-    # what is left to the end is the sum of the flights to come: the ball is no higher than they let
+    # the time that is left is the sum of the flights to come, which limits the height
     assert (near["height"] <= GRAVITY * np.logspace(-12, -1, 400) ** 2).all()
     late = bouncing_ball.solve([end, 2 * end], **case)
     for name in ("height", "velocity", "acceleration"):
@@ -78,7 +83,10 @@ def test_bounces_accumulate_and_the_ball_rests():
 
 
 def test_at_an_impact_the_ball_is_behind_it():
-    """At 1, 2, 2.5, 2.75 s, ..: powers of two, without rounding."""
+    """The sample at an impact counts this impact and has the velocity after it.
+
+    The impacts are at 1, 2, 2.5, 2.75 and 2.875 s: sums of powers of two, without rounding errors.
+    """
     times = np.array([1.0, 2.0, 2.5, 2.75, 2.875])
     at = bouncing_ball.solve(times, height=1.0, restitution=0.5, gravity=2.0)
     assert at["bounces"].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
@@ -87,6 +95,7 @@ def test_at_an_impact_the_ball_is_behind_it():
 
 
 def test_impacts_lie_where_their_series_says():
+    """The times of the impacts are the sums of a geometric series, to 1e-13 s."""
     times = np.sqrt(2.0 / GRAVITY) * np.cumsum([1.0, *(2.0 * 0.8 ** np.arange(1, 40))])
     for shift, count in ((-1e-13, np.arange(40)), (1e-13, np.arange(1, 41))):
         at = bouncing_ball.solve(times + shift, **CASES["dropped"])

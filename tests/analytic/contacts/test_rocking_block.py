@@ -1,4 +1,4 @@
-"""Housner's rocking block against a solver that stops at impacts, and momentum of its points."""
+"""Housner's rocking block against an event solver and the angular momentum of its points."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ GRAVITY = 9.81
 
 
 def rate_after(rate, width, height, side):
-    """Rate after an impact, by the moment of momentum of a grid of points about the new corner."""
+    """Rate after an impact, from the angular momentum of a grid of points about the new corner."""
     x, y = (part.ravel() for part in np.meshgrid(*[np.linspace(-0.5, 0.5, 402)[:-1]] * 2))
     x, y = width * (x + 0.5 / 401), height * (y + 0.5 / 401) + 0.5 * height
     old, new = -side * 0.5 * width, side * 0.5 * width
@@ -26,6 +26,8 @@ def rate_after(rate, width, height, side):
 
 
 def followed(times, *, width, height, tilt):
+    """Angles and rates by a solver that stops at each impact."""
+
     def turning(side):
         inertia = (width**2 + height**2) / 3.0  # about the corner, of 1 kg
 
@@ -37,13 +39,14 @@ def followed(times, *, width, height, tilt):
         def after(y):
             return turning(-side), [0.0, rate_after(y[1], width, height, side)]
 
-        # a long step may jump over a whole half cycle
+        # 1 while the block moves away from its base, since one long step may cover a half cycle
         return rates, lambda y: side * y[0] if side * y[1] < 0 else 1.0, after
 
     return follow(turning(np.sign(tilt)), [tilt, 0.0], times)
 
 
 def apart(times, closed, **case):
+    """Largest difference [rad, rad/s] between a closed form and the event solver."""
     found = np.stack([closed["angle"], closed["rate"]], axis=-1)
     return np.abs(found - followed(times, **case)).max()
 
@@ -52,7 +55,7 @@ def apart(times, closed, **case):
 def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(name, monkeypatch):
     case = CASES[name]
     times = np.linspace(0.0, 2.2 * rocking_block.time_to_impact(**case), 91)  # two impacts
-    # the grid's points have the second moments of the block but for a share of 1 / 401^2
+    # the second moments of the grid differ from those of the block by a share of 1 / 401^2
     assert apart(times, rocking_block.solve(times, **case), **case) < 3e-5
     before = times[times < rocking_block.time_to_impact(**case)]
     assert apart(before, rocking_block.solve(before, **case), **case) < 1e-11
@@ -75,8 +78,8 @@ def test_energy_between_impacts_and_the_share_that_they_leave(name):
     left, moves = energy[0] * kept ** at["impacts"], at["rate"] != 0.0
     moves[0] = True
     np.testing.assert_allclose(energy[moves], left[moves], rtol=1e-12, atol=1e-12 * energy[0])
-    assert (left[~moves] < 1e-8 * energy[0]).all()  # it rests
-    # the centre goes round the corner on which the block stands
+    assert (left[~moves] < 1e-8 * energy[0]).all()  # the block rests
+    # the centre moves on a circle around the corner on which the block stands
     corner = -np.sign(at["angle"]) * 0.5 * case["width"]
     half = 0.5 * np.hypot(case["width"], case["height"])
     away = np.hypot(at["centre_x"] - corner, at["centre_height"])
@@ -84,7 +87,10 @@ def test_energy_between_impacts_and_the_share_that_they_leave(name):
 
 
 def test_small_amplitudes_fall_like_a_bouncing_ball():
-    """theta'' = -p^2 sin(alpha) nearly: an amplitude A falls in (2 A / (p^2 sin alpha))^.5."""
+    """A block with a small amplitude A reaches its base after (2 A / (p^2 sin alpha))^.5.
+
+    Then theta'' is nearly -p^2 sin(alpha), a constant like the acceleration of a falling ball.
+    """
     width, height, small = 0.1, 0.4, 1e-7
     alpha = np.arctan(0.25)
     squared = 1.5 * GRAVITY / np.hypot(width, height)

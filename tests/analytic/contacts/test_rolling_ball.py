@@ -1,4 +1,4 @@
-"""The ball that slides and rolls against a solver of phases, momentum, and limits."""
+"""The ball that slides and rolls against an event solver, angular momentum, and limits."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ NAMES = ("position", "velocity", "angle", "spin")
 
 
 def followed(times, *, radius, friction, speed, spin=0.0, inertia_ratio=0.4):
-    """Places, velocities, angles and spins by Newton's and Euler's balances of 1 kg."""
+    """Positions, velocities, angles and spins by the balances of Newton and Euler, for 1 kg."""
 
     def moving(sense):
         push = -sense * friction * 9.81
@@ -36,6 +36,7 @@ def followed(times, *, radius, friction, speed, spin=0.0, inertia_ratio=0.4):
 
 
 def apart(times, closed, **case):
+    """Largest difference [m, m/s] from the event solver, with angles and spins times the radius."""
     found = np.stack([closed[name] for name in NAMES], axis=-1)
     return np.abs((found - followed(times, **case)) * [1, 1, 0.1, 0.1]).max()
 
@@ -43,10 +44,10 @@ def apart(times, closed, **case):
 @pytest.mark.parametrize("name", CASES)
 def test_the_solver_of_phases_agrees_and_finds_wrong_numbers(name):
     case, times = BALL | CASES[name], np.linspace(0.0, 2.0, 101)
-    assert apart(times, rolling_ball.solve(times, **case), **case) < 2e-12  # of the solver
+    assert apart(times, rolling_ball.solve(times, **case), **case) < 2e-12  # error of the solver
     for wrong in ("friction", "speed", "inertia_ratio"):
         if name == "rolls" and wrong != "speed":
-            continue  # without slip they make no difference
+            continue  # friction and inertia have no effect without slip
         other = {**case, wrong: case.get(wrong, 0.4) + 1e-4}
         assert apart(times, rolling_ball.solve(times, **other), **case) > 1e-6, wrong
 
@@ -56,16 +57,20 @@ def test_moment_about_the_floor_is_kept_and_friction_only_brakes(name):
     case, times = BALL | CASES[name], np.linspace(0.0, 2.0, 201)
     at = rolling_ball.solve(times, **case)
     k, r = case.get("inertia_ratio", 0.4), 0.1
-    moment = r * at["velocity"] + k * r**2 * at["spin"]  # about a point of the floor, of 1 kg
+    moment = r * at["velocity"] + k * r**2 * at["spin"]  # about a point of the floor, 1 kg
     np.testing.assert_allclose(moment, moment[0], atol=1e-15)
     energy = at["velocity"] ** 2 + k * r**2 * at["spin"] ** 2
     assert (np.diff(energy) <= 1e-14).all()
     np.testing.assert_allclose(at["slip"], at["velocity"] - r * at["spin"], atol=1e-14)
-    assert abs(at["slip"][-1]) < 1e-15  # rolls
+    assert abs(at["slip"][-1]) < 1e-15  # the ball rolls
     assert (at["slip"] * at["slip"][0] >= 0).all()
 
 
 def test_five_sevenths_and_limits():
+    """A solid sphere rolls at 5/7 of its sliding speed, or stops if its backspin was v/(k r).
+
+    Without friction neither speed nor spin changes.
+    """
     late = rolling_ball.solve(9.0, **BALL, speed=7.0)
     assert late["velocity"] == pytest.approx(5.0, rel=1e-15)
     stop = rolling_ball.solve(9.0, **BALL, speed=2.0, spin=-50.0)  # v = -k r spin

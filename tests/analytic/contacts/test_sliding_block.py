@@ -1,4 +1,4 @@
-"""The sliding block against a solver that knows phases and events, work, and limits."""
+"""The sliding block against an event solver, the work of friction, and limits."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def followed(times, *, friction, angle=0.0, speed=0.0):
 
 
 def apart(times, closed, **case):
-    """How far a closed form is from the solver's motion [m, m/s]."""
+    """Largest difference [m, m/s] between a closed form and the event solver."""
     found = np.stack([closed["position"], closed["velocity"]], axis=-1)
     return np.abs(found - followed(times, **case)).max()
 
@@ -50,18 +50,21 @@ def apart(times, closed, **case):
 @pytest.mark.parametrize("name", CASES)
 def test_the_solver_of_phases_agrees_and_finds_a_wrong_coefficient(name):
     case, times = CASES[name], np.linspace(0.0, 1.3, 131)
-    assert apart(times, sliding_block.solve(times, **case), **case) < 1e-12  # of the solver
+    assert apart(times, sliding_block.solve(times, **case), **case) < 1e-12  # error of the solver
     wrong = sliding_block.solve(times, **{**case, "friction": case["friction"] + 1e-4})
     assert apart(times, wrong, **case) > 1e-6
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_energy_is_lost_to_friction_alone(name):
-    """Trapezoids are exact but for the interval in which the block stops, which is left out."""
+    """The change of the energy is the work of friction, by the trapezoidal rule.
+
+    The rule is exact except in the interval in which the block stops, which is left out.
+    """
     case, times = CASES[name], np.linspace(0.0, 1.3, 1301)
     at = sliding_block.solve(times, **case, mass=2.0)
     height = at["position"] * np.sin(case.get("angle", 0.0))
-    energy = at["velocity"] ** 2 + 2.0 * GRAVITY * height  # of 2 kg
+    energy = at["velocity"] ** 2 + 2.0 * GRAVITY * height  # for 2 kg
     work = 0.5 * (at["friction_force"][1:] + at["friction_force"][:-1]) * np.diff(at["position"])
     clear = np.diff(at["acceleration"]) == 0.0
     assert np.abs(np.diff(energy) - work)[clear].max() < 1e-13
@@ -91,7 +94,7 @@ def test_bad_parameters(wrong):
 
 @pytest.mark.parametrize("friction", [0.4, 0.52, 0.57, 0.58, 0.9])
 def test_what_it_does_at_rest_is_told_as_it_is_solved(friction):
-    """At 30 degrees: tan 0.577, sin 0.5."""
+    """The slope has 30 degrees: its tangent is 0.577, its sine 0.5."""
     case = {"friction": friction, "angle": np.pi / 6, "speed": 1.0}
     told = sliding_block.properties(**case)["at rest"]
     late = sliding_block.solve(5.0, **case)["acceleration"]

@@ -42,7 +42,7 @@ def pair(name: str) -> RodState:
 def elliptic(psi, k_rel, clamp, angle):
     """Tip [m], force [N] and clamp moment [N m] of rods of 1 m and mode 1, by elliptic integrals.
 
-    Pérez Gámiz 2018, eqs 40, 41, 86, 87, 91; complex, angles to the frame.
+    Pérez Gámiz 2018, eqs 40, 41, 86, 87, 91.  Tips and forces are complex numbers in the frame.
     """
     psi, k_rel, angle = (np.asarray(v, float) for v in (psi, k_rel, angle))
     least = np.abs(np.cos(psi / 2))
@@ -60,5 +60,5 @@ def elliptic(psi, k_rel, clamp, angle):
 
 
 def xy(points):
-    """Complex numbers as points (..., 2)."""
+    """Points (..., 2) from complex numbers."""
     return np.stack([np.real(points), np.imag(points)], axis=-1)

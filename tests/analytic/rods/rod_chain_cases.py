@@ -1,4 +1,4 @@
-"""Printed cases of rods in segments, and the continuum that seeds them, integrated by DOP853."""
+"""Cases of rods in segments, data/rod_chain.json, and continuous rods by DOP853 as their seeds."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ STABLE = {row["name"]: row for row in RODS["stable"]}
 
 
 def continuum(angle, force, moment, stiffness, length=1.0):
-    """theta(s), theta'(s), x(s), y(s) of a clamped rod from force on its tip and clamp moment."""
+    """theta(s), theta'(s), x(s), y(s) of a clamped rod from its tip force and its clamp moment."""
 
     def slope(_, y):
         bend = (force[0] * np.sin(y[0]) - force[1] * np.cos(y[0])) / stiffness
@@ -38,7 +38,7 @@ def two_rods():
 
 
 def two_shapes(row):
-    """theta(s) of both its rods in an equilibrium."""
+    """theta(s) of both rods of that mechanism in an equilibrium, a row of the data."""
     first = np.array(row["force1"])
     forces = first, np.array(RODS["force"]) - first
     angles = np.radians(RODS["angle_deg"])
@@ -49,10 +49,10 @@ def two_shapes(row):
 
 
 def orders(errors):
-    """Observed orders under halved h."""
+    """Observed orders of errors for h that is halved each time."""
     return np.log2(np.abs(errors[:-1]) / np.abs(errors[1:]))
 
 
 def extrapolated(coarse, fine):
-    """Richardson's, second order: what is left is h^4."""
+    """Richardson's extrapolation of errors of second order; the remaining error is of order h^4."""
     return (4.0 * fine - coarse) / 3.0

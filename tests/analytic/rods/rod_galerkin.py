@@ -1,19 +1,20 @@
 """Rods on a platform by Galerkin's method, without the closed form of an elastica.
 
-Angles of the tangents are polynomials along the rods, of the least energy that closes; Newton's
-matrix of that tells in how many directions the potential falls.  For rods of length 1.
+The tangent angles are polynomials along the rods, with the least energy under the closures.  The
+eigenvalues of Newton's matrix give the number of directions in which the potential falls.  All
+rods have the length 1.
 """
 
 import numpy as np
 from numpy.polynomial import legendre
 
-STEPS = 12  # of Newton's method, which squares what e^-K is off
-CLOSED = 1e-11  # [N m, N, m] residual at which it ends: rods with loops far apart are soft to
-# e^-2K, and further steps would go that way at random
+STEPS = 12  # steps of Newton's method, from a first error of order e^-K that each step squares
+CLOSED = 1e-11  # [N m, N, m] residual at which the iteration ends: rods with loops far apart have
+# a direction with a stiffness of order e^-2K, in which further steps would be random
 
 
 def basis(degree, points):
-    """Integrals from 0 of Legendre's polynomials on [0, 1], their slopes, and Gauss's weights."""
+    """Integrals from 0 of Legendre polynomials on [0, 1], their slopes, Gauss weights and nodes."""
     node, weight = legendre.leggauss(points)
     value = legendre.legvander(node, degree + 1)
     k = np.arange(1, degree)
@@ -24,9 +25,10 @@ def basis(degree, points):
 
 
 def start(alpha, q, theta, node):
-    """Angles along a rod of the closed form, to begin with: delta of the pendulum of its chart.
+    """Tangent angles along a rod, to start Newton's method from: delta of the chart's pendulum.
 
-    Integrated from the tip by its own formula of loops, K apart, as good as e^-K.
+    A formula gives delta from the tip on, with an error of order e^-K: the first loop is at K from
+    the tip and each further one 2 K from the one before.
     """
     quarter = np.abs(q) + np.log(2.0)
     u = alpha * (1.0 - np.append(node, 0.0))
@@ -37,7 +39,7 @@ def start(alpha, q, theta, node):
 
 
 def system(x, clamp, theta, arm, stiffness, load, parts):
-    """Residual and symmetric matrix by (coefficients of all rods, pose, loads on the tips)."""
+    """Residual and symmetric matrix; x has coefficients of all rods, pose and loads on the tips."""
     phi, slope, weight, _ = parts
     k, n = len(clamp), phi.shape[1]
     c, pose, force = x[: k * n].reshape(k, n), x[k * n : k * n + 3], x[k * n + 3 :].reshape(k, 2)
@@ -64,7 +66,11 @@ def system(x, clamp, theta, arm, stiffness, load, parts):
 
 
 def solve(found, i, degree):
-    """Equilibrium number i again: pose (3,), loads (k, 2), the residual, directions down."""
+    """Equilibrium i by this method: pose (3,), loads (k, 2), residual, and its stability.
+
+    The latter is the number of directions in which the potential falls, as in `count_negative`.
+    `found` are the equilibria of `proofmass.analytic.rods.all_equilibria.solutions`.
+    """
     s = found.state[i]
     a = s.assembly
     theta, clamp = (

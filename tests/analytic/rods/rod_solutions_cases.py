@@ -15,7 +15,7 @@ CORNERS = triangle(np.sqrt(3.0))  # clamps or guides of three rods
 
 
 def made(name):
-    """Assembly, inputs and load of a case of the data."""
+    """The assembly of a case of the data, and its inputs and load as arguments of `solutions`."""
     row = DATA[name]
     if name == "rfr2":
         a = assembly(row["clamp"], stiffness=EI)
@@ -34,10 +34,11 @@ def made(name):
 
 @cache
 def found(name, modes):
+    """All equilibria of a case of the data with up to this number of modes, computed once."""
     a, given = made(name)
     return solutions(a, modes=modes, **given)
 
 
 def alphas(f):
-    """L sqrt(R/EI) of each rod (n, k), of 1 m."""
+    """alpha = L sqrt(R/EI) of each rod (n, k), with L = 1 m."""
     return np.sqrt(np.linalg.norm(f.state.force, axis=-1) / EI)

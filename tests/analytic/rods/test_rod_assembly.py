@@ -1,4 +1,4 @@
-"""Flexible mechanisms against printed tables, elliptic integrals, differences and virtual work."""
+"""Flexible mechanisms: printed tables, elliptic integrals, finite differences and virtual work."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ MOTORS8 = np.radians(TABLE8["inputs_deg"])
 
 
 def printed7(row, clamp=TABLE7["clamp"]):
-    """Tips, forces and clamp moments of the digits of a solution of Table 7."""
+    """Tips, forces and clamp moments from the digits of a solution of Table 7."""
     return elliptic(
         [row["psi1_rad"], row["psi2_rad"]],
         [row["kr1"], row["kr2"]],
@@ -40,7 +40,7 @@ def printed7(row, clamp=TABLE7["clamp"]):
 
 
 def printed8(row, motors=MOTORS8):
-    """Tips, forces and clamp moments of the digits of a solution of Table 8."""
+    """Tips, forces and clamp moments from the digits of a solution of Table 8."""
     return elliptic(row["psi"], row["kr"], CORNERS, motors)
 
 
@@ -51,6 +51,7 @@ def phi_of(pins):
 
 @pytest.mark.parametrize("guide", [None, [0.3, 2.0, -2.2]])
 def test_exact_derivatives_against_differences(guide):
+    """The Jacobian of the closure equations is that of central differences at a random state."""
     rng = np.random.default_rng(1)
     a = three(0.3, angle=[0.1, 2.2, -1.9], guide=guide, rigid_extension=[0.0, 0.1, 0.2])
     s = RodState(a, rng.normal(0.0, 0.1, 18))
@@ -62,9 +63,10 @@ def test_exact_derivatives_against_differences(guide):
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_printed_digits_of_table_7_close_and_carry_plus_the_load(which):
+    """The tips of the printed digits are at one pin and their forces add up to +F."""
     row = TABLE7["printed"][which]
     tip, force, moment = printed7(row)
-    assert abs(tip[0] - tip[1]) <= 2e-5  # six decimals of psi, k_rel times 5 m
+    assert abs(tip[0] - tip[1]) <= 2e-5  # six decimals of psi and k_rel, times 5 m
     assert np.abs(xy(force.sum()) - TABLE7["load"]).max() <= 2e-5  # N; eq. 104 has the wrong sign
     s = state(
         PAIR,
@@ -74,15 +76,18 @@ def test_printed_digits_of_table_7_close_and_carry_plus_the_load(which):
         moment=moment,
         force=xy(force),
     )
-    assert np.abs(closure(s)[0]).max() <= 2e-5  # the same by shooting
+    assert np.abs(closure(s)[0]).max() <= 2e-5  # the same errors, by shooting
     wanted = TABLE7["recomputed"][NAMES[which]]
     found = solve_direct(s)
-    assert np.abs(found.pose - wanted["pose"]).max() <= 1e-9  # of ten kept digits
+    assert np.abs(found.pose - wanted["pose"]).max() <= 1e-9  # the data have ten digits
     assert found.energy.sum() == pytest.approx(wanted["energy"], abs=1e-7)
 
 
 def test_misprinted_motor_2_of_table_7_leaves_a_gap():
-    """The text has motor 2 at (0, 0.3) m; its program, and the digits, have (0.3, 0)."""
+    """With motor 2 at (0, 0.3) m, as printed in the text, the tips are 0.424 m apart.
+
+    The program and the digits of the table have motor 2 at (0.3, 0) m.
+    """
     clamp = [TABLE7["clamp"][0], TABLE7["clamp2_misprint"]]
     tip, *_ = printed7(TABLE7["printed"][0], clamp)
     assert abs(tip[0] - tip[1]) == pytest.approx(0.3 * np.sqrt(2), abs=1e-5)
@@ -93,7 +98,7 @@ def test_derivatives_of_table_7(name):
     s, row = pair(name), TABLE7["recomputed"][name]
     found = derivatives(s)
     for key in ("direct", "inverse", "stiffness", "direct_determinant", "inverse_determinant"):
-        # recomputed by central differences of RK4 shooting with 400 steps: seven digits
+        # recomputed by central differences of RK4 shooting with 400 steps, which have seven digits
         assert getattr(found, key) == pytest.approx(np.array(row[key]), rel=1e-5, abs=2e-6)
     assert np.linalg.det(found.direct) == pytest.approx(
         -found.inverse_determinant / found.direct_determinant, rel=1e-10
@@ -105,6 +110,7 @@ def test_derivatives_of_table_7(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_jacobians_are_slopes_of_solutions(name):
+    """Central differences of direct and inverse solutions are the Jacobians at the solution."""
     s, h = pair(name), 5e-5
     found = derivatives(s)
     turned = solve_direct(
@@ -113,7 +119,7 @@ def test_jacobians_are_slopes_of_solutions(name):
     moved = solve_inverse(
         s.with_parts(pose=s.pose + h * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]]))
     )
-    # h^2/6 of third derivatives up to 2e5 near the stretched rods of S4; 1e-11 of the rods over h
+    # h^2/6 times third derivatives up to 2e5 near the stretched rods of S4; errors of rods over h
     assert (turned.pose[:2] - turned.pose[2:]).T / (2 * h) == pytest.approx(found.direct, abs=2e-5)
     assert (moved.inputs[:2] - moved.inputs[2:]).T / (2 * h) == pytest.approx(
         found.inverse, abs=2e-4
@@ -121,7 +127,10 @@ def test_jacobians_are_slopes_of_solutions(name):
 
 
 def test_determinants_of_three_rods():
-    """det(dP/dq) is plus the ratio, the order of eq. 111 being an odd permutation as well."""
+    """det(dP/dq) is the ratio of both determinants, with a plus sign for three rods.
+
+    The order of the unknowns in eq. 111 is an odd permutation as well, which makes it positive.
+    """
     for s in rfr3():
         found = derivatives(s)
         assert np.linalg.det(found.direct) == pytest.approx(
@@ -135,7 +144,10 @@ def test_determinants_of_three_rods():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_work_of_the_load_is_stored_in_the_rods(name):
-    """U grows by the integral of t F K^-1 F dt: with the sign of eq. 104 it would shrink."""
+    """U grows by the integral of t F K^-1 F dt as the load t F grows from t = 0.6 to 1.
+
+    With the sign of F in eq. 104 the energy would decrease.
+    """
     full = pair(name)
     load, (nodes, weights) = full.load, np.polynomial.legendre.leggauss(12)
     share = 0.8 + 0.2 * nodes  # from 0.6 to 1 of the load
@@ -143,17 +155,21 @@ def test_work_of_the_load_is_stored_in_the_rods(name):
     along = np.linalg.solve(derivatives(states).stiffness[:-1], np.tile(load[:, None], (12, 1, 1)))
     work = 0.2 * weights @ (share * (load @ along)[:, 0])
     stored = full.energy.sum() - states.energy[-1].sum()
-    assert stored == pytest.approx(work, abs=1e-9)  # J; 1e-11 of rods whose energies are 1 J
+    assert stored == pytest.approx(work, abs=1e-9)  # J; 1e-11 of energies of 1 J
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_energy_and_moments_along_the_rods(name):
+    """The energy is the integral of m^2/(2 EI); the moment is zero at the pin.
+
+    The clamp moment is that of the tip force about the clamp.
+    """
     s = pair(name)
     nodes, weights = np.polynomial.legendre.leggauss(40)
     x, y, _, m = s.shape(0.5 * (nodes + 1.0))
     assert (m**2 @ weights / (4 * EI)) == pytest.approx(s.energy, abs=1e-9)
     x, y, _, m = s.shape([0.0, 1.0])
-    assert np.abs(m[:, 1]).max() <= 1e-10  # the pin
+    assert np.abs(m[:, 1]).max() <= 1e-10  # at the pin
     assert np.abs(x[:, 1] - s.pose[0]).max() <= 1e-10
     lever = (x[:, 1] - x[:, 0]) * s.force[:, 1] - (y[:, 1] - y[:, 0]) * s.force[:, 0]
     assert lever == pytest.approx(s.moment, abs=1e-9)
@@ -209,7 +225,10 @@ def test_table_8(which):
 
 
 def test_misprinted_angle_of_table_8_does_not_close():
-    """The text has 0 degrees for motor 2; the digits need 180."""
+    """With 0 degrees for motor 2, as printed in the text, the pins have other distances.
+
+    The digits of the table need 180 degrees.
+    """
     motors = MOTORS8 * [1, 0, 1]
     tip, *_ = printed8(TABLE8["printed"][0], motors)
     sides = np.abs(tip - np.roll(tip, 1))
@@ -228,15 +247,15 @@ def test_inverse_pose_of_the_program(row):
         force=CORNERS * DATA["pfr3"]["guess"]["force"],
     )
     found = solve_inverse(guess)
-    assert found.inputs == pytest.approx(row["slide"], abs=1e-6)  # six to seven decimals
+    assert found.inputs == pytest.approx(row["slide"], abs=1e-6)  # data: six to seven decimals
     assert np.ptp(found.inputs) <= 1e-10
     assert found.moment == pytest.approx(row["moment"], abs=1e-6)
     assert np.hypot(*found.force.T) == pytest.approx(row["force"], abs=1e-6)
     *_, angle, _ = found.shape([1.0])
     assert np.degrees(angle[:, 0] - turns) == pytest.approx(row["tip_turn_deg"], abs=1e-4)
     along = np.sum(found.force * np.stack([np.cos(turns), np.sin(turns)], axis=1), axis=1)
-    assert np.abs(along).max() <= 1e-10  # each guide is free of force
-    assert np.abs(solve_direct(found).vector - found.vector).max() <= 1e-8  # and back
+    assert np.abs(along).max() <= 1e-10  # no force along a guide
+    assert np.abs(solve_direct(found).vector - found.vector).max() <= 1e-8  # direct problem
 
 
 def test_symmetric_platform_without_load():
@@ -258,7 +277,10 @@ def test_symmetric_platform_without_load():
 
 
 def test_a_turned_and_scaled_mechanism_is_the_same():
-    """Twice the lengths and sixteen times EI, turned by 0.7: four times the forces."""
+    """With twice the lengths, 16 times EI and a turn by 0.7 rad, the shapes are the same.
+
+    The forces are four times as large, moments and energies eight times.
+    """
     s, turn = pair("S2"), np.exp(0.7j)
     clamp = xy(2 * turn * (np.array(TABLE7["clamp"]) @ [1, 1j]))
     a = assembly(clamp, length=2.0, stiffness=16 * EI)
@@ -283,12 +305,12 @@ def test_a_batch_is_its_members():
     together = solve_direct(s.with_parts(inputs=turns))
     for one, turn in zip(together.vector, turns, strict=True):
         alone = solve_direct(s.with_parts(inputs=turn))
-        # members may get more steps for the sake of others: the error of the rods
+        # a batch takes the steps that one of its members needs, so the errors of the rods differ
         assert np.abs((one - alone.vector) / residual_and_state_sizes(PAIR)[1]).max() <= 1e-9
 
 
 def test_platforms_that_close_by_distances_only():
-    """Three of the six roots of the program's residual are mirror images."""
+    """Three of the six roots of the program's residual, which closes distances, are mirrored."""
     a = three(DATA["pfr3_closures"]["side"])
     for row in DATA["pfr3_closures"]["pins"]:
         assert bool(is_mirrored(a, row["pins"])) == row["mirrored"]

@@ -1,4 +1,4 @@
-"""The chain of high order that integrates a rod: against an adaptive integrator, and its order."""
+"""Integration of a rod by a chain of high order: against an adaptive integrator, and its order."""
 
 import numpy as np
 import pytest
@@ -26,14 +26,13 @@ def test_rod_against_an_adaptive_integrator(seed):
     wanted = solve_ivp(slope, (0, 1.3), [0, 0, angle, moment], "DOP853", rtol=3e-14, atol=1e-14)
     z, theta = integrate_to_tip(angle, moment, force @ [1, 1j], 1.3, 2.0)
     x, y, turned, _ = wanted.y[:, -1]
-    assert (
-        abs(z[0] - (x + 1j * y)) <= 1e-10
-    )  # the error that `integrate_to_tip` states, and a margin of ten
-    assert abs(theta[0] - turned) <= 1e-9  # the same, times the curvature
+    # ten times the error that `integrate_to_tip` states, and the same times the curvature
+    assert abs(z[0] - (x + 1j * y)) <= 1e-10
+    assert abs(theta[0] - turned) <= 1e-9
 
 
 def test_order_of_the_chain(monkeypatch):
-    """Sixth order, of coefficients with fifteen digits."""
+    """The chain is of sixth order; its coefficients have fifteen digits."""
     tips = []
     for count in (300, 24, 48):
         monkeypatch.setattr(equilibrium, "count_steps", lambda *_, count=count: count)
@@ -44,7 +43,7 @@ def test_order_of_the_chain(monkeypatch):
 
 
 def test_a_free_end_is_held_by_its_moment():
-    """Without force a rod is an arc of a circle; its derivatives are those of the arc."""
+    """Without a force the rod is an arc of a circle, with the derivatives of the arc."""
     z, theta = integrate_to_tip(0.3, 2.0, 0.0, 1.5, 4.0)
     bend, start = 2.0 / 4.0, np.exp(0.3j)
     assert abs(z[0] - start * np.expm1(1j * bend * 1.5) / (1j * bend)) <= 1e-12  # rounding

@@ -1,4 +1,4 @@
-"""Buckling: charts against closed forms and shooting; columns of links in both engines."""
+"""Buckling: charts against closed forms and shooting, and columns of links in both engines."""
 
 from functools import cache
 
@@ -25,12 +25,12 @@ EACH = pytest.mark.parametrize("engine", ENGINES)
 
 
 def hencky(n):
-    """Critical load of n links with half links at both ends: theta_i = sin(i pi/2n) at the i-th."""
+    """Critical load of a chain of n cells, with half links at both ends; theta_i = sin(i pi/2n)."""
     return 4.0 * n**2 * np.sin(np.pi / (4.0 * n)) ** 2
 
 
 def column(engine, folder, load, n, turn=0.0):
-    """Tip of a clamped and free column of links, and its direction, at rest."""
+    """Tip x, y [m] and its direction [rad] at rest, of a clamped and free column of links."""
     rod = Rod("r", "ground", None, 1.0, 1.0, n, ("clamped", "free"), turn=turn)
     found = rest(
         engine,
@@ -42,10 +42,13 @@ def column(engine, folder, load, n, turn=0.0):
 
 
 def test_the_free_column_is_the_elastica_of_quarter_waves():
-    """Loads by Legendre's K, the rise by Love's formula; higher modes are shorter columns."""
+    """The chart of the free column has the loads by Legendre's K and the rise by Love's formula.
+
+    Higher modes are those of columns that are shorter by 1/(2 mode - 1).
+    """
     y, load, falls = free_column(1)
     whole = elastica(load / EULER)
-    # half of the digits at k = 0, and of 1 - k at the other end
+    # half of the digits are lost at k = 0, and those of 1 - k at the other end
     np.testing.assert_allclose(np.abs(y), whole["rise"], atol=1e-7)
     for mode in (2, 3):
         part, shorter, _ = free_column(mode)
@@ -57,7 +60,7 @@ def test_the_free_column_is_the_elastica_of_quarter_waves():
 
 @pytest.mark.parametrize("load", [0.7, 1.2, 5.0, 12.0])
 def test_the_forks_count_is_that_of_all_equilibria(load):
-    """A search over the tip's angle finds what the chart's lines cross at that load."""
+    """A search over the tip's angle finds as many equilibria as the chart's lines have there."""
     found = equilibria(force_x=-load * EULER)
     crossed, stable = 0, 0
     for line in columns().panels[0].lines:
@@ -70,12 +73,15 @@ def test_the_forks_count_is_that_of_all_equilibria(load):
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_the_pinned_column_is_a_rod_on_its_line(mode):
-    """Shot from the clamp: the tip on the tangent without moment, the middle; small deflections."""
+    """A rod that is shot from the clamp has its tip on the clamp's tangent, without a moment.
+
+    The deflection of its middle is that of the chart; small deflections begin at q^2 EI/L^2.
+    """
     y, load, falls = pinned_column(mode)
     found = rods_of_chart(*pinned_column_chart(mode))
     rod = integrate(found.force.real, found.force.imag, found.moment, nodes=161)
     np.testing.assert_allclose(found.force.real, -load, rtol=1e-14)  # rounding
-    np.testing.assert_allclose(rod.y[-1], 0.0, atol=1e-9)  # of order 8, 160 nodes
+    np.testing.assert_allclose(rod.y[-1], 0.0, atol=1e-9)  # order 8 with 160 steps
     np.testing.assert_allclose(rod.m[-1], 0.0, atol=1e-8)  # the same
     np.testing.assert_allclose(rod.y[80], y, atol=1e-9)  # the same
     assert load[0] == pytest.approx(pinned_waves()[mode - 1] ** 2, rel=1e-5)  # q^2, 1e-6
@@ -85,21 +91,25 @@ def test_the_pinned_column_is_a_rod_on_its_line(mode):
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_a_dead_load_loses_a_pinned_mode_at_its_largest(mode):
-    """Where dP/dx changes its sign one more direction falls."""
+    """A mode of a pinned column gets one more negative direction where its load is the largest."""
     _, load, falls = pinned_column(mode)
     assert abs(np.flatnonzero(np.diff(falls))[0] - load.argmax()) <= 1
     assert set(falls) == {mode - 1, mode}
 
 
 def test_a_leaning_load_has_no_critical_one():
-    """Deflections are those of `solve`; the other side begins in a fold above Euler's load."""
+    """A load that leans bends the column from the start, so that there is no critical load.
+
+    Deflections to this side are those of `solve`; those to the other side begin at a fold above
+    Euler's load, where the number of equilibria rises from 1 to 3.
+    """
     line, island, other = (line for line in leaning(share=0.05).lines if "across" in line.label)
     for ratio in (0.3, 0.9, 1.0, 1.4):
         force = {"force_x": -ratio * EULER, "force_y": 0.05 * ratio * EULER}
         truth = solve(1.0, **force)["y"]
         assert np.interp(ratio, line.y, line.x) == pytest.approx(truth, abs=1e-3)  # chords
     least = np.nanmin(island.y)
-    assert least == pytest.approx(np.nanmin(other.y), rel=1e-3)  # the fold, between points
+    assert least == pytest.approx(np.nanmin(other.y), rel=1e-3)  # the fold is between points
     counts = [
         equilibria(force_x=-r * EULER, force_y=0.05 * r * EULER)["theta"].size
         for r in (least - 0.01, least + 0.01)
@@ -109,7 +119,7 @@ def test_a_leaning_load_has_no_critical_one():
 
 
 def test_length_and_stiffness_only_scale():
-    """Deflections go with L; the load is told over Euler's."""
+    """Deflections are proportional to L; loads are drawn over Euler's load and do not change."""
     for chart in (columns, leaning):
         for one, two in zip(chart().lines, chart(length=3.0, stiffness=5.0).lines, strict=True):
             np.testing.assert_array_equal(two.x, 3.0 * one.x)
@@ -118,14 +128,17 @@ def test_length_and_stiffness_only_scale():
 
 @EACH
 def test_a_bent_column_goes_straight_below_euler_and_stays_bent_above(engine, tmp_path):
-    """At 0.9 and at 1.15172 of the critical load, where k = 1/2; and to the other side."""
+    """A bent column of links is straight at 0.9 of the critical load and bent at 1.15172 of it.
+
+    The latter is the load with k = 1/2; the column stays bent to the side on which it begins.
+    """
     x, y, angle = column(engine, tmp_path, 0.9 * EULER, 20, turn=1.0)
-    assert (x, y, angle) == pytest.approx((1.0, 0.0, 0.0), abs=1e-10)  # rest, over the softness
+    assert (x, y, angle) == pytest.approx((1.0, 0.0, 0.0), abs=1e-10)  # residual over the stiffness
     truth = elastica(1.151719647)
     for side in (1.0, -1.0):
         tips = [column(engine, tmp_path, 1.151719647 * EULER, n, side) for n in (20, 40)]
         limit = (4.0 * tips[1] - tips[0]) / 3.0
-        # what h^4 leaves, more than elsewhere: P is 15 % above the critical load
+        # the error of order h^4, larger than elsewhere since P is 15 % above the critical load
         assert limit == pytest.approx(
             [truth["span"], side * truth["rise"], side * truth["angle"]], abs=1e-5
         )
@@ -134,7 +147,10 @@ def test_a_bent_column_goes_straight_below_euler_and_stays_bent_above(engine, tm
 
 @pytest.mark.parametrize("n", [5, 10, 20])
 def test_a_straight_chain_gives_way_at_henckys_load(n, tmp_path):
-    """MuJoCo finds it stable just below and unstable just above; the load is of second order."""
+    """In MuJoCo a straight chain is stable below Hencky's load and unstable above, within 1e-6.
+
+    Hencky's load differs from Euler's by a term of second order in 1/n.
+    """
     x, y, _ = column("mujoco", tmp_path, (1.0 - 1e-6) * hencky(n), n)
     assert (x, y) == pytest.approx((1.0, 0.0), abs=1e-12)  # rounding
     with pytest.raises(BadModel, match="unstable"):
@@ -151,7 +167,7 @@ def test_a_straight_chain_gives_way_at_henckys_load(n, tmp_path):
     ],
 )
 def test_a_wrong_column_is_found(old, new, edit):
-    """Stiffer, on the other side, with a soft clamp."""
+    """A stiffer column, one on the other side and one with a soft clamp differ in both engines."""
     file = edit("rod_buckled.toml", old, new)
     assert {c.solver for c in verdicts(file) if c.outcome == "differs"} == set(ENGINES)
 

@@ -1,4 +1,4 @@
-"""Cantilevers under dead loads: published tips, every branch, weight, moments, stability."""
+"""Cantilevers under dead loads: published tips, all branches, weight, moments and stability."""
 
 import json
 from functools import partial
@@ -29,12 +29,15 @@ def test_published_tips(row):
 
 @pytest.mark.parametrize("force", [(0.0, 10.0), (-9.0, 1.0), (3.0, -4.0)])
 def test_closed_form_by_shooting(force):
-    """A weight of 1e-300 N/m leaves the load as it is and sends `solve` to the other method."""
+    """The closed form is the solution by shooting.
+
+    A weight of 1e-300 N/m does not change the load, but makes `solve` use the shooting method.
+    """
     s = np.linspace(0.0, 1.0, 11)
     closed = solve(s, force_x=force[0], force_y=force[1])
     shot = solve(s, force_x=force[0], force_y=force[1], weight_y=1e-300)
     for name in closed:
-        # order 8 with (L sqrt(R/EI)/64)^8 = 1e-11 and its constant
+        # error of order 8: (L sqrt(R/EI)/64)^8 = 1e-11, times its constant
         np.testing.assert_allclose(shot[name], closed[name], rtol=0, atol=1e-11)
     assert MIN_SHOOTING_STEPS == 64
 
@@ -48,7 +51,10 @@ def test_closed_form_by_shooting(force):
     ],
 )
 def test_boundary_value_problem_by_collocation(load):
-    """scipy's collocation from the straight rod, loads put on in eight steps."""
+    """`solve` finds the curves of scipy's collocation, which starts from the straight rod.
+
+    Its loads grow in eight steps.
+    """
 
     def rate(s, z, share):
         fx = share * (load.get("force_x", 0.0) + load.get("weight_x", 0.0) * (1.0 - s))
@@ -67,15 +73,16 @@ def test_boundary_value_problem_by_collocation(load):
         z = found.sol(s)
     rod = solve(s, **load)
     for name, row in zip(("theta", "m", "x", "y"), z, strict=True):
-        np.testing.assert_allclose(rod[name], row, rtol=0, atol=1e-9)  # its tolerance, summed
+        np.testing.assert_allclose(rod[name], row, rtol=0, atol=1e-9)  # collocation, summed
 
 
 def test_end_moment_bends_into_a_circle():
+    """A moment of 2 pi EI/L bends the rod to a circle of radius L/(2 pi), one of pi EI/L to half."""
     s = np.linspace(0.0, 2.0, 21)
     rod = solve(s, length=2.0, stiffness=0.3, moment=2.0 * np.pi * 0.3 / 2.0, theta0=0.4, x0=1.0)
     radius = 1.0 / np.pi
     turned = 0.4 + s / radius
-    # order 8: (2 pi/64)^8 = 1e-8, times its constant 1e-6
+    # error of order 8: (2 pi/64)^8 = 1e-8, times its constant 1e-6
     np.testing.assert_allclose(rod["theta"], turned, rtol=0, atol=1e-13)
     np.testing.assert_allclose(rod["x"], 1.0 + radius * (np.sin(turned) - np.sin(0.4)), atol=1e-12)
     np.testing.assert_allclose(rod["y"], radius * (np.cos(0.4) - np.cos(turned)), atol=1e-12)
@@ -93,7 +100,10 @@ def test_end_moment_bends_into_a_circle():
     ],
 )
 def test_every_branch(load):
-    """Each is an equilibrium; their number is odd; stable ones are one more than saddles."""
+    """Each branch is an equilibrium, and the number of branches is odd.
+
+    Branches with an even number of negative directions are one more than those with an odd number.
+    """
     found = equilibria(**load)
     count = found["theta"].size
     assert count % 2 == 1
@@ -110,34 +120,37 @@ def test_every_branch(load):
 
 
 def test_number_of_columns():
-    """A column beyond (2 j - 1)^2 P_cr has j pairs of bent shapes, q-th pair with q inflections."""
+    """A column beyond (2 j - 1)^2 P_cr has j pairs of bent shapes; pair q has q inflections."""
     waves = np.pi / 2 * np.array([0.9, 1.1, 2.9, 3.1, 5.1])
     for wave, pairs in zip(waves, (0, 1, 1, 2, 3), strict=True):
         found = equilibria(force_x=-(wave**2))
         assert found["theta"].size == 2 * pairs + 1
-        # straight one: as many negative directions as critical loads below
+        # the straight shape has as many negative directions as there are critical loads below
         assert found["unstable"][np.argmin(np.abs(found["theta"]))] == pairs
         for q in range(1, pairs + 1):
             k = np.sin(0.5 * np.abs(found["theta"]))
-            # (2 q - 1) K(k) = wave, scipy's K
+            # (2 q - 1) K(k) = wave, with K by scipy
             assert np.sum(np.abs((2 * q - 1) * ellipk(k**2) - wave) < 1e-9) == 2
 
 
 def test_branches_are_modes_of_the_elliptic_form():
-    """The branches of a load across the rod, found again in (psi, k_rel, mode)."""
+    """The branches of a load across the rod are rods of the closed form in (psi, k_rel, mode)."""
     found = equilibria(force_y=100.0)
     for theta, m0 in zip(found["theta"], found["m0"], strict=True):
         k = np.sqrt(0.5 + m0**2 / 400.0)
         k_rel = np.copysign((k - np.sqrt(0.5)) / (1.0 - np.sqrt(0.5)), m0)
         rods = tip(np.pi / 2, k_rel, np.arange(1, 5))
-        # R of a rod under tension grows like log(1 - k): digits of k are lost, not of the angle
+        # R of a rod under tension grows like log(1 - k), so that k loses digits, the angle does not
         hit = np.argmin(np.abs(rods["R"] - 100.0))
         assert rods["R"][hit] == pytest.approx(100.0, rel=1e-3)
         assert rods["theta"][hit] == pytest.approx(theta, abs=1e-3)
 
 
 def test_fold_in_the_number_of_branches():
-    """A pair is born where d theta0/d theta_L = 0; the second variation has a zero there."""
+    """A pair of branches begins at a fold, d theta0/d theta_L = 0.
+
+    The second variation has a zero at the fold, so that the compliance next to it is large.
+    """
     low, high = 10.0, 11.0
     counts = [equilibria(force_y=force)["theta"].size for force in (low, high, 40.0)]
     assert counts == [1, 3, 3]
@@ -148,13 +161,13 @@ def test_fold_in_the_number_of_branches():
     pair = equilibria(force_y=high)
     assert sorted(pair["unstable"].tolist()) == [0, 0, 1]
     softest = stability(0.0, high, pair["theta"]).compliance
-    # next to a fold the compliance grows like 1/sqrt(distance): 1 N/2^7 away
+    # next to a fold the compliance grows like 1/sqrt(distance); here the distance is 1 N/2^7
     assert np.abs(softest).max() > 1.0
     assert np.ptp(pair["theta"][pair["theta"] < 0]) < 0.05
 
 
 def test_column_under_its_own_weight():
-    """The second variation turns at Greenhill's weight, and bent shapes begin there."""
+    """The straight column is unstable above Greenhill's weight, and bent shapes begin there."""
     critical = self_buckling(length=1.5, stiffness=0.2)
     assert critical * 1.5**3 / 0.2 == pytest.approx(7.837347438943484, rel=1e-14)
     for share, unstable in ((1.0 - 1e-6, 0), (1.0 + 1e-6, 1)):
@@ -179,7 +192,7 @@ def test_column_under_its_own_weight():
     ],
 )
 def test_potential_by_virtual_work(load):
-    """dV along a family of loads is minus the place of the load: V' = -(x, y, theta, int r)."""
+    """The derivative of V by a load is minus the position of the load: x, y, or its integral."""
     step, name = 1e-4, next(iter(load))
     ahead, behind = (
         equilibria(**load | {name: load[name] + d})["potential"][0] for d in (step, -step)
@@ -195,6 +208,7 @@ def test_potential_by_virtual_work(load):
 
 
 def test_turning_the_clamp_turns_everything():
+    """If the clamp and all loads are rotated by 2.3 rad, the shape is rotated as well."""
     s, turn = np.linspace(0.0, 1.2, 7), 2.3
     load = {"force": 2.0 - 1.0j, "weight": -0.4 + 0.9j}
     turned = {name: value * np.exp(1j * turn) for name, value in load.items()}
@@ -214,6 +228,7 @@ def test_turning_the_clamp_turns_everything():
 
 
 def test_small_loads_are_those_of_the_beam():
+    """Deflections under small loads are those of the linear beam."""
     s = np.linspace(0.0, 1.0, 5)
     for load, curve in (
         ({"force_y": 1e-5}, s**2 / 2 - s**3 / 6),
@@ -225,6 +240,7 @@ def test_small_loads_are_those_of_the_beam():
 
 
 def test_pulled_straight():
+    """A rod without load, or pulled along its axis, has one equilibrium, the straight one."""
     for load in ({"force_x": 5.0}, {}, {"force_x": 400.0, "force_y": 1e-9}):
         rod = equilibria(**load)
         assert rod["theta"].size == 1
@@ -236,10 +252,11 @@ def test_pseudo_rigid_body_is_near(force):
     model, truth = pseudo_rigid(force), solve(1.0, force_y=force)
     assert model["turn"] < np.radians(64.0)
     error = np.hypot(model["x"] - truth["x"], model["y"] - truth["y"])
-    assert 1e-3 < error < 0.015  # what the docstring says of the model, which is no more than one
+    assert 1e-3 < error < 0.015  # 1.5 %, as its docstring states
 
 
 def test_roots_close_together():
+    """`roots` finds two roots 2e-5 apart, and none of a function that only comes close to zero."""
     close = 1e-5
     found = roots(lambda x: (x - 0.3) ** 2 - close**2, np.linspace(-1.0, 1.0, 50))
     assert found == pytest.approx([0.3 - close, 0.3 + close], abs=1e-11)  # rounding over slope

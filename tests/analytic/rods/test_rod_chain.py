@@ -1,4 +1,4 @@
-"""Chains of rigid segments: energy and its slopes, exact cases, buckling, bad values."""
+"""Chains of rigid segments: energy and its derivatives, exact cases, buckling and bad values."""
 
 import numpy as np
 import pytest
@@ -26,10 +26,11 @@ from tests.independent.rods.stability import curvatures, negative
 
 EACH = pytest.mark.parametrize("scheme", SCHEMES)
 RNG = np.random.default_rng(5)
-STEP = 1e-30  # of the complex step, whose error is its square
+STEP = 1e-30  # complex step of the differentiation; the error is its square
 
 
 def loaded(scheme):
+    """A batch of random chains: chain, clamps, angles, carried forces and tip moments."""
     c = chain(7, length=[1.3, 0.8], stiffness=[0.7, 1.1], scheme=scheme, rigid_extension=[0.1, 0.0])
     pull = carried(c, RNG.normal(size=(3, 1, 2)), RNG.normal(size=(3, 2, 2)))
     return c, RNG.normal(size=(3, 2, 3)), RNG.normal(size=(3, 2, 7)), pull, RNG.normal(size=(3, 2))
@@ -37,6 +38,7 @@ def loaded(scheme):
 
 @EACH
 def test_slopes_by_complex_steps(scheme):
+    """Gradient, Hessian and slopes of the tip are derivatives by complex steps."""
     c, clamp, angle, pull, moment = loaded(scheme)
     slope, curve = gradient(c, clamp, angle, pull, moment), hessian(c, angle, pull)
     for j in range(c.segments):
@@ -51,7 +53,7 @@ def test_slopes_by_complex_steps(scheme):
 
 @EACH
 def test_dead_loads_do_their_work(scheme):
-    """V = U - F.tip - q.(centroid) L - M theta_n, up to what the clamp fixes."""
+    """V = U - F.tip - q.(centroid) L - M theta_n, up to a constant of the clamp's position."""
     c, clamp, angle, _, moment = loaded(scheme)
     force, line = RNG.normal(size=(2, 3, 2, 2))
     at = points(c, clamp, angle)
@@ -60,7 +62,7 @@ def test_dead_loads_do_their_work(scheme):
     work = (force * at[..., -1, :] + line * weight).sum(axis=-1) + moment * angle[..., -1]
     level = potential(c, clamp, angle, carried(c, force, line), moment)
     level -= energy(c, clamp, angle) - work
-    again = angle + 1.0  # another shape of the same clamp: the same constant
+    again = angle + 1.0  # another shape with the same clamp has the same constant
     at = points(c, clamp, again)
     weight = (c.length[..., None] * 0.5 * (at[..., 1:, :] + at[..., :-1, :])).sum(axis=-2)
     work = (force * at[..., -1, :] + line * weight).sum(axis=-1) + moment * again[..., -1]
@@ -70,6 +72,10 @@ def test_dead_loads_do_their_work(scheme):
 
 @EACH
 def test_the_clamp_holds_what_the_first_spring_carries(scheme):
+    """The moment at the clamp is that of the first spring plus that of the force on the stub.
+
+    Without a line load it is the moment of the tip's loads about the clamp.
+    """
     c = chain(9, scheme=scheme)
     clamp, force, line, moment = np.array([0.2, 0.1, 0.4]), [1.0, -2.0], [0.5, 1.0], 0.3
     found = free(c, clamp, force=force, line=line, moment=moment)
@@ -85,7 +91,11 @@ def test_the_clamp_holds_what_the_first_spring_carries(scheme):
 @EACH
 @pytest.mark.parametrize("n", [2, 7, 40])
 def test_an_end_moment_rolls_it_into_a_polygon(scheme, n):
-    """M = 2 pi EI/L: n corners of 2 pi/n; of "half" the edges' middles lie on a circle."""
+    """M = 2 pi EI/L bends a chain to a closed polygon with n corners of 2 pi/n.
+
+    The middles of the edges ("half") or the corners ("double") lie on a circle that is tangent to
+    the clamp; for "naive" it is not.
+    """
     c = chain(n, scheme=scheme)
     found = free(c, moment=2.0 * np.pi)
     np.testing.assert_allclose(found.tip, 0.0, atol=1e-14)  # n roundings
@@ -97,17 +107,20 @@ def test_an_end_moment_rolls_it_into_a_polygon(scheme, n):
     if scheme == "double":
         radius = 0.5 / n / np.sin(np.pi / n)
         distance = np.hypot(at[:, 0], at[:, 1] - radius)
-    if scheme != "naive":  # whose circle is not tangent to the clamp
+    if scheme != "naive":  # its circle is not tangent to the clamp
         np.testing.assert_allclose(distance, radius, rtol=0, atol=1e-14)
 
 
 def test_half_a_circle_is_second_order():
-    """Tip (0, 2/pi) L under M = pi EI/L; the chain's is on a polygon, (0, 1/(n tan(pi/2n)))."""
+    """Under M = pi EI/L the tip of a rod is at (0, 2/pi) L, with an error of second order in h.
+
+    The tip of the chain is a corner of a polygon, at (0, 1/(n tan(pi/2n))) L.
+    """
     for n in (10, 40):
         tip = free(chain(n), moment=np.pi).tip
         np.testing.assert_allclose(tip, [0.0, 1.0 / (n * np.tan(0.5 * np.pi / n))], atol=1e-14)
     fine = extrapolated(*(free(chain(n), moment=np.pi).tip for n in (20, 40)))
-    # the cotangent's h^4 term, 2/pi (pi/2n)^4/45, of which -1/4 stays: 1.35e-7 from n = 20
+    # -1/4 of the h^4 term of the cotangent remains: 2/pi (pi/2n)^4/45 / 4 = 1.35e-7 at n = 20
     np.testing.assert_allclose(fine, [0.0, 2.0 / np.pi], rtol=0, atol=1.4e-7)
 
 
@@ -121,14 +134,14 @@ def buckling(c, force, line):
 
 @pytest.mark.parametrize("scheme", ["half", "double"])
 def test_euler_load_of_a_chain(scheme):
-    """The difference equation has sines as its modes: P = 4 EI/h^2 sin(pi/4n)^2 for both."""
+    """P = 4 EI/h^2 sin(pi/4n)^2 for both schemes, since modes of the difference equation are sines."""
     for n in (2, 5, 40):
         found = buckling(chain(n, scheme=scheme), (0.0, -1.0), (0.0, 0.0))
         assert found == pytest.approx(4.0 * n**2 * np.sin(0.25 * np.pi / n) ** 2, rel=1e-11)
 
 
 def test_naive_clamp_lowers_the_euler_load_by_first_order():
-    """Half a cell too long: pi^2/4 (L + h/2)^-2 up to h^2."""
+    """The rod is half a cell too long: its load is pi^2/4 (L + h/2)^-2, up to terms of h^2."""
     for n in (20, 40, 80):
         found = buckling(chain(n, scheme="naive"), (0.0, -1.0), (0.0, 0.0))
         assert found == pytest.approx(np.pi**2 / 4 / (1.0 + 0.5 / n) ** 2, rel=1.0 / n**2)
@@ -136,15 +149,18 @@ def test_naive_clamp_lowers_the_euler_load_by_first_order():
 
 @pytest.mark.parametrize("scheme", ["half", "double"])
 def test_greenhill_buckles_under_its_own_weight(scheme):
-    """q L^3/EI = 7.837347438943 (9/4 of the square of the first zero of J_-1/3)."""
+    """q L^3/EI = 7.837347438943, which is 9/4 of the square of the first zero of J_-1/3."""
     coarse, fine = (buckling(chain(n, scheme=scheme), (0.0, 0.0), (0.0, -1.0)) for n in (40, 80))
-    # 1/4 of the h^4 term from n = 40, q^2 h^4: 6e-6
+    # 1/4 of the h^4 term at n = 40, q^2 h^4, remains: 6e-6
     assert extrapolated(coarse, fine) == pytest.approx(7.837347438943484, abs=6e-6)
 
 
 @pytest.mark.parametrize("scheme", ["half", "double"])
 def test_clamped_pinned_buckling_by_the_projected_hessian(scheme):
-    """tan x = x: 20.190728556427 EI/L^2; the tip of a straight rod can only move across."""
+    """The critical load is 20.190728556427 EI/L^2, by tan x = x.
+
+    The projected Hessian is singular there; the tip of a straight rod can only move across it.
+    """
 
     def lowest(load, c):
         angle = np.zeros(c.segments)
@@ -155,13 +171,16 @@ def test_clamped_pinned_buckling_by_the_projected_hessian(scheme):
     coarse, fine = (
         brentq(lowest, 15.0, 25.0, args=(chain(n, scheme=scheme),), xtol=1e-12) for n in (40, 80)
     )
-    # the h^4 term of 4/h^2 sin(mu h/2)^2, mu^6/360 with mu^2 = 20.19, of which 1/4 stays from
-    # n = 40: 2.2e-6; as much again for the ends
+    # 1/4 of the h^4 term of 4/h^2 sin(mu h/2)^2 at n = 40 remains, mu^6/360 with mu^2 = 20.19:
+    # 2.2e-6; as much again for the ends
     assert extrapolated(coarse, fine) == pytest.approx(20.19072855642663, abs=4.4e-6)
 
 
 def test_inertia_counts_what_the_projection_counts():
-    """Haynsworth: negative eigenvalues of the saddle matrix = those projected + constraints."""
+    """The saddle matrix has as many negative eigenvalues as its projection, plus the constraints.
+
+    This is Haynsworth's inertia formula.
+    """
     stiff = RNG.normal(size=(50, 9, 9))
     stiff = stiff + np.swapaxes(stiff, -1, -2) + 5.0 * RNG.normal(size=(50, 1, 1)) * np.eye(9)
     border = RNG.normal(size=(50, 1, 9, 3))
@@ -180,7 +199,10 @@ def test_bordered_matrices_are_solved_as_dense_ones():
 
 
 def test_newton_says_which_of_a_batch_are_lost():
-    """x^2 + 1 has no zero, x^2 - 2 has; a flat start leads nowhere."""
+    """Members of a batch without a zero are NaN, and so is one that starts at a zero slope.
+
+    x^2 + 1 has no zero, x^2 - 2 has one.
+    """
 
     def parabola(x):
         slope = Bordered(2.0 * x[..., None, None], np.zeros((3, 1, 1, 0)), np.zeros((3, 0, 0)))

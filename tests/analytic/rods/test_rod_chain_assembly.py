@@ -1,4 +1,4 @@
-"""Two chains on one pin against the continuum: where they stand, how firmly, how branches end."""
+"""Two chains on one pin against continuous rods: equilibria, stiffness and ends of branches."""
 
 import numpy as np
 import pytest
@@ -20,21 +20,25 @@ from tests.independent.rods.chain_newton import follow
 from tests.independent.rods.stability import negative
 
 TWO = pytest.mark.parametrize("name", STABLE)
-EXACT = 2e-12  # rounding of some hundred equations
+EXACT = 2e-12  # rounding errors of some hundred equations
 
 
 def both(name, segments, scheme="half", **change):
+    """Equilibrium of two chains of Table 7, seeded with the continuous rods of a stable one."""
     call = {"seed": two_shapes(STABLE[name]), "force": RODS["force"]} | change
     return settle(two_rods(), [0.0, 0.0], segments=segments, scheme=scheme, **call)
 
 
 @TWO
 def test_four_ways_that_two_rods_can_stand(name):
-    """Table 7 has S1 and S2; S3 is missed there, S4 has an inflection."""
+    """Chains have the recorded poses and energies of four stable equilibria.
+
+    Table 7 prints S1 and S2; S3 is missing there, and S4 has an inflection.
+    """
     row = STABLE[name]
     for n, printed in row["half"].items():
         found = both(name, int(n))
-        np.testing.assert_allclose(found.pose, printed, rtol=0, atol=5.1e-8)  # their digits
+        np.testing.assert_allclose(found.pose, printed, rtol=0, atol=5.1e-8)  # digits of the data
         assert found.energy == pytest.approx(row["half_energy"][n], abs=5.1e-8)
         assert negative(found.curvatures) == 0
         np.testing.assert_allclose(found.force.sum(axis=0), RODS["force"], rtol=0, atol=EXACT)
@@ -43,19 +47,23 @@ def test_four_ways_that_two_rods_can_stand(name):
 @TWO
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_errors_and_orders_of_every_scheme(name, scheme):
+    """The error of the pose is that of the data, and of first ("naive") or second order in h."""
     row = STABLE[name]
     found = {n: np.linalg.norm(both(name, n, scheme).pose - row["pose"]) for n in (10, 20, 40, 80)}
     for n, printed in row["error"].get(scheme, {}).items():
         assert found[int(n)] == pytest.approx(printed, rel=6e-4)  # four digits
     wanted = 1 if scheme == "naive" else 2
-    # what 20 and 40 differ by in the next term: 2 % of h^2, more of h where it all but vanishes
+    # next term of the series: 2 % of h^2; more in the case of h, whose coefficient may be small
     close = 0.04 if wanted == 2 else 0.2
     assert orders(np.array([found[40], found[80]]))[0] == pytest.approx(wanted, abs=close)
 
 
 @TWO
 def test_extrapolated_to_the_continuum(name):
-    """Pose within 1e-6 m, tip forces, clamp moments, energy; what is left is fourth order."""
+    """Richardson's extrapolation of chains gives the continuous rods, with an error of order h^4.
+
+    Pose, clamp moments and energy are within 1e-6, tip forces within 1.5e-6 N.
+    """
     row = STABLE[name]
     twenty, forty, eighty = (both(name, n) for n in (20, 40, 80))
     for field, exact in (
@@ -67,7 +75,7 @@ def test_extrapolated_to_the_continuum(name):
         last = extrapolated(middle, fine) - exact
         assert np.abs(last).max() < 1e-6
         first = extrapolated(coarse, middle) - exact
-        # the h^6 term; and differences of moments that all but cancel
+        # the h^6 term, and differences of moments that nearly cancel
         np.testing.assert_allclose(orders(np.array([first, last])), 4.0, rtol=0, atol=0.4)
     force = extrapolated(forty.force[0], eighty.force[0])
     np.testing.assert_allclose(force, row["force1"], rtol=0, atol=1.5e-6)  # stiffness times pose
@@ -77,7 +85,7 @@ def test_extrapolated_to_the_continuum(name):
 
 @TWO
 def test_energy_of_the_springs_is_second_order(name):
-    """U = int m^2/(2 EI) ds by Simpson's rule on the continuum."""
+    """The error of the energy is of second order; U = int m^2/(2 EI) ds by Simpson's rule."""
     s = np.linspace(0.0, 1.0, 2001)
     first = np.array(STABLE[name]["force1"])
     forces = first, np.array(RODS["force"]) - first
@@ -94,13 +102,13 @@ def test_energy_of_the_springs_is_second_order(name):
 
 @TWO
 def test_stiffness_of_the_pose(name):
-    """dF/dP: symmetric, what a changed load finds, and the continuum's after Richardson."""
+    """dF/dP is symmetric, agrees with differences of loads, and extrapolates to the data."""
     here, h = both(name, 40), 1e-6
     np.testing.assert_allclose(here.stiffness, here.stiffness.T, rtol=1e-9)
     for axis in (0, 1):
         push = np.array(RODS["force"]) + h * np.array([[1], [-1]]) * np.eye(2)[axis]
         more, less = both(name, 40, seed=here.angle, force=push).pose
-        # h^2, and eps/h of poses
+        # h^2, and rounding of poses over h
         np.testing.assert_allclose(
             here.stiffness @ (more - less) / (2 * h), np.eye(2)[axis], rtol=0, atol=1e-6
         )
@@ -110,7 +118,10 @@ def test_stiffness_of_the_pose(name):
 
 
 def test_all_equilibria_with_up_to_three_inflections():
-    """33, in one batch: where they are and how many ways down each has; 4 have none."""
+    """A batch of 33 equilibria has the poses and the numbers of negative directions of the data.
+
+    Four of them have no negative direction: they are stable.
+    """
     rows = RODS["modes to 3"]
     c = chains(two_rods(), 40)
     seed = np.array(
@@ -125,7 +136,7 @@ def test_all_equilibria_with_up_to_three_inflections():
 
 
 def test_two_rods_mirrored():
-    """Reflected in the y axis with the load: the same pose, mirrored."""
+    """Rods and load mirrored in the y axis have the mirrored pose."""
     a = assembly(
         [[-0.3, 0.0], [0.3, 0.0]], stiffness=RODS["stiffness"], angle=np.radians([120.0, 140.0])
     )
@@ -142,17 +153,17 @@ def test_two_rods_mirrored():
 
 
 def test_motor_moments_are_slopes_of_the_potential():
-    """dV = -m0 dtheta at a constant load: what a motor gives, as work."""
+    """dV = -m0 dtheta at a constant load: the work of a motor changes the potential."""
     here, h = both("S3", 20), 1e-6
     for motor in (0, 1):
         turns = h * np.array([[1], [-1]]) * np.eye(2)[motor]
         more, less = settle(two_rods(), turns, seed=here.angle, force=RODS["force"]).potential
-        # eps/h
+        # rounding over h
         assert (more - less) / (2 * h) == pytest.approx(-here.root_moment[motor], abs=1e-8)
 
 
 def test_start_takes_pose_and_forces_from_a_shape():
-    """An equilibrium's own angles give back its pose and forces."""
+    """The start that follows from an equilibrium's angles has its pose and its tip forces."""
     a, here = two_rods(), both("S2", 20)
     c, load = chains(a, 20), np.array(RODS["force"])
     z = started(a, c, clamps(a, np.zeros(2)), load, here.angle)
@@ -180,7 +191,10 @@ def test_bad_values_are_named(change, message):
 
 
 def followed(start, n, load, turns):
-    """Angles of the two rods on a way from ``load(0)``, ``turns(0)`` to those at 1, or NaN."""
+    """Angles of the two rods at the end of a path with load(share) and turns(share), or NaN.
+
+    The share rises from 0, at the angles `start`, to 1.
+    """
 
     def solve(part, seed):
         return settle(
@@ -191,7 +205,7 @@ def followed(start, n, load, turns):
 
 
 def test_unloading_passes_a_motor_without_moment():
-    """S2 with its load taken off: m0 of rod 1 changes its sign, from -0.01625 to 0.00543 N m."""
+    """As the load of S2 is removed, m0 of rod 1 changes its sign, from -0.01625 to 0.00543 N m."""
     ends = []
     for n in (20, 40):
         start = both("S2", n)
@@ -210,7 +224,10 @@ def test_unloading_passes_a_motor_without_moment():
 
 
 def test_a_branch_that_ends_is_not_jumped_from():
-    """S2 unloaded in its place, then motor 1 turned on to a fold at -0.36518 rad."""
+    """S2 is unloaded while its motors turn to a start; then motor 1 turns to a fold, -0.36518 rad.
+
+    The path is NaN beyond the fold: it does not continue on another branch.
+    """
     case, n = RODS["fold"], 40
     begin = np.radians(case["begin_deg"]) - np.radians(RODS["angle_deg"])
     start = followed(
@@ -225,6 +242,6 @@ def test_a_branch_that_ends_is_not_jumped_from():
             start, n, lambda part: (0.0, 0.0), lambda part: begin + part * np.array([turn, 0.0])
         )
 
-    # the fold of these chains is h^2 off: 1e-3 rad at most
+    # the fold of these chains differs by a term of order h^2, at most 1e-3 rad
     assert np.isfinite(turned(case["turn"] + 1e-3)).all()
     assert np.isnan(turned(case["turn"] - 1e-3)).all()

@@ -1,4 +1,4 @@
-r"""A rod as engines have it: rigid segments in a row, hinges between them, a spring in each hinge.
+r"""A rod as engines model it: rigid segments in a row, with hinges and springs between them.
 
 ::
 
@@ -6,12 +6,14 @@ r"""A rod as engines have it: rigid segments in a row, hinges between them, a sp
     double   |o----o----o----o----        the spring at the clamp 2 EI/h
     naive    |o----o----o----o----        the spring at the clamp EI/h, as the others
 
-With theta_0 the clamp's angle and l_0 what is fixed to it, the potential under dead loads is
+theta_0 is the clamp's angle and l_0 the length of the stub that is fixed to the clamp.  The
+potential under dead loads is
 
     V = sum k_i (theta_i - theta_{i-1})^2/2 - sum l_i G_i . u(theta_i) - M theta_n
 
-u(theta) = (cos theta, sin theta); G_i is the force that segment i carries at its middle, all dead
-forces beyond it.  Its Hessian is tridiagonal, and a force on the tip enters it as a stiffness.
+with u(theta) = (cos theta, sin theta).  G_i is the force that segment i carries at its middle: the
+sum of all dead forces beyond it.  The Hessian of V is tridiagonal, and a force on the tip enters it
+as a stiffness.
 """
 
 from dataclasses import dataclass
@@ -21,22 +23,22 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
 
-# of h: what is fixed to the clamp, the last segment; of EI/h: the spring at the clamp
+# lengths of the stub at the clamp and of the last segment [h], spring at the clamp [EI/h]
 SCHEMES = {"half": (0.5, 0.5, 1.0), "double": (0.0, 1.0, 2.0), "naive": (0.0, 1.0, 1.0)}
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Segments and springs of one rod, or of several with equally many segments.
+    """Segments and springs of one rod, or of several rods with the same number of segments.
 
     Attributes
     ----------
     length : ndarray (..., n + 1)
-        l_i [m]; the first is fixed to the clamp, 0 without such a stub.
+        l_i [m]; the first one is the stub that is fixed to the clamp, 0 if there is none.
     spring : ndarray (..., n)
         k_i [N m/rad] of the hinge before segment i.
     station : ndarray (..., n)
-        The place along the rod [m] whose tangent segment i has.
+        Arc length [m] at which the continuous rod has the tangent of segment i.
     """
 
     length: Array
@@ -45,7 +47,7 @@ class Chain:
 
     @property
     def segments(self) -> int:
-        """n, the segments that turn."""
+        """n, the number of segments that can rotate."""
         return int(self.spring.shape[-1])
 
 
@@ -78,9 +80,10 @@ def chain(
 
     Notes
     -----
-    "half" and "double" are second order in h, "naive" is first: the rod bends half a cell longer.
-    With a moment at the tip the last segment of "double" lags by M h/(2 EI), so a rigid_extension
-    wants "half".  Not in Pérez Gámiz 2018, whose continuum the chains are held against.
+    The errors of "half" and "double" are of second order in h.  Those of "naive" are of first
+    order, because its rod bends over half a cell more.  Under a moment at the tip the last segment
+    of "double" lags by M h/(2 EI), so a rigid_extension needs "half".  Pérez Gámiz 2018 has no
+    chains; the chains are compared with its continuous rods.
 
     Examples
     --------
@@ -122,13 +125,13 @@ def normal(angle: Array) -> Array:
 
 
 def turned(clamp: Array, angle: Array) -> Array:
-    """The angles (..., n + 1) of stub and segments [rad]; clamp (..., 3) is x0, y0, theta0."""
+    """Angles (..., n + 1) of the stub and the segments [rad]; clamp (..., 3) is x0, y0, theta0."""
     start = np.broadcast_to(clamp[..., 2:], (*angle.shape[:-1], 1))
     return np.concatenate([start, angle], axis=-1)
 
 
 def points(c: Chain, clamp: Array, angle: Array) -> Array:
-    """Clamp, ends of all segments (..., n + 2, 2) [m]; the last is the tip.
+    """Positions of the clamp and of the ends of all segments (..., n + 2, 2) [m], up to the tip.
 
     >>> points(chain(2), np.zeros(3), np.array([0.0, np.pi / 2])).round(3).tolist()
     [[0.0, 0.0], [0.25, 0.0], [0.75, 0.0], [0.75, 0.25]]
@@ -138,7 +141,7 @@ def points(c: Chain, clamp: Array, angle: Array) -> Array:
 
 
 def moments(c: Chain, clamp: Array, angle: Array) -> Array:
-    """Moments of the springs (..., n) [N m]; behind a stub the first is not that of the clamp."""
+    """Moments of the springs (..., n) [N m]; with a stub the first differs from the clamp's."""
     return c.spring * np.diff(turned(clamp, angle), axis=-1)
 
 
@@ -148,7 +151,9 @@ def energy(c: Chain, clamp: Array, angle: Array) -> Array:
 
 
 def carried(c: Chain, force: Array, line: Array) -> Array:
-    """G (..., n + 1, 2) [N]: tip force (..., 2) [N] and dead load (..., 2) [N/m] of what is beyond.
+    """G (..., n + 1, 2) [N], the forces beyond the middles of the segments.
+
+    The force (..., 2) [N] is on the tip; the dead load `line` (..., 2) is per length [N/m].
 
     >>> carried(chain(2), np.array([1.0, 0.0]), np.array([0.0, -4.0]))[:, 1].tolist()
     [-3.5, -2.0, -0.5]
@@ -189,7 +194,7 @@ def tip_slopes(c: Chain, angle: Array) -> Array:
 
 
 def root_moment(c: Chain, clamp: Array, angle: Array, pull: Array, moment: Array) -> Array:
-    """Moment at the clamp (...) [N m], that of all loads about it: ``sum l_i u_i x G_i + M``."""
+    """Moment of all loads about the clamp (...) [N m], ``sum l_i u_i x G_i + M``."""
     arm = unit(turned(clamp, angle))
     lever = arm[..., 0] * pull[..., 1] - arm[..., 1] * pull[..., 0]
     return np.asarray((c.length * lever).sum(axis=-1) + moment)

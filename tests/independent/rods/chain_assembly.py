@@ -32,13 +32,13 @@ class Standing:
     force : ndarray (..., k, 2)
         Forces on the tips [N]; their sum is the external force.
     root_moment : ndarray (..., k)
-        Moments at the clamps [N m], those that motors hold.
+        Moments at the clamps [N m], with the opposite sign those of the motors.
     energy : ndarray (...)
         Energy of the springs [J].
     potential : ndarray (...)
-        That energy less the work of the load, U - F.P - M phi [J].
+        Energy of the springs less the work of the load, U - F.P - M phi [J].
     matrix : Bordered
-        Newton's, of angles, pose and tip forces.
+        Newton's matrix, of angles, pose and tip forces.
     """
 
     pose: Array
@@ -51,17 +51,17 @@ class Standing:
 
     @cached_property
     def curvatures(self) -> Array:
-        """Of the potential along motions that keep the assembly together (..., kn + f - 2k).
+        """Curvatures of the potential along motions with closed loops (..., kn + f - 2k).
 
-        Lowest first; with a negative one the equilibrium is unstable.
+        The lowest one is the first; the equilibrium is unstable if it is negative.
         """
         return curvatures(self.matrix.dense(), 2 * self.force.shape[-2])
 
     @cached_property
     def stiffness(self) -> Array:
-        """d(F, M)/d(pose) with the clamps held (..., f, f) [N/m, N, N m].
+        """d(F, M)/d(pose) with fixed clamps (..., f, f) [N/m, N, N m].
 
-        The inverse of Newton's matrix holds d(pose)/d(F, M).
+        It is the inverse of d(pose)/d(F, M), a part of the inverse of Newton's matrix.
         """
         first, f = self.angle.shape[-2] * self.angle.shape[-1], self.pose.shape[-1]
         load = np.eye(self.matrix.border.shape[-1] + first)[first : first + f]
@@ -94,10 +94,10 @@ def settle(
     ----------
     a : Assembly
     inputs : turns [rad] or slides [m] of the clamps (..., k)
-    seed : angles (..., k, n) [rad], or k functions theta_i(s) of the arc length, the continuum's
-    segments : n of each chain
+    seed : angles (..., k, n) [rad], or theta_i(s) of the k continuous rods over the arc length
+    segments : n, the number of segments of each chain
     force, moment : dead load F [N] (..., 2), M [N m] (...) at the platform's origin
-    scheme : of `chain`
+    scheme : scheme of `chain`
 
     Returns
     -------
@@ -111,13 +111,14 @@ def settle(
 
     Notes
     -----
-    Exact for the chains, to rounding; h^2 away from the rods' continuum with "half" and "double".
-    Finds stable and unstable equilibria alike; the seed chooses.  Forces are signed as in Pérez
-    Gámiz 2018, eqs 92 and 109; its eqs 104 and 113 have the sum of the tips' forces as -F.
+    The equilibrium is exact for the chains, to rounding; with "half" and "double" its difference
+    from the continuous rods is of order h^2.  The seed determines which equilibrium is found,
+    stable or unstable.  Forces have the signs of Pérez Gámiz 2018, eqs 92 and 109; its eqs 104 and
+    113 have -F as the sum of the tips' forces.
 
     Examples
     --------
-    Two rods that lean together, symmetric without a load:
+    Two rods that lean towards each other are symmetric without a load:
 
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> a = assembly([[-0.3, 0.0], [0.3, 0.0]], angle=np.radians([60.0, 120.0]))
@@ -136,7 +137,7 @@ def settle(
 
 
 def started(a: Assembly, c: Chain, place: Array, load: Array, angle: Array) -> Array:
-    """Unknowns to start from: given angles, the pose and the tip forces that suit them best."""
+    """Start of Newton's method: given angles, with the best pose and tip forces for them."""
     batch = angle.shape[:-2]
     pose = fitted(a, points(c, place, angle)[..., -1, :])
     rods = gradient(c, place, angle, carried(c, NONE, NONE), np.zeros(()))
@@ -148,7 +149,7 @@ def started(a: Assembly, c: Chain, place: Array, load: Array, angle: Array) -> A
 
 
 def loads(a: Assembly, force: ArrayLike, moment: ArrayLike) -> Array:
-    """F and, on a platform, M (..., f)."""
+    """The load F and, on a platform, M (..., f)."""
     push, turn = vector("force", force, 2), number("moment", moment)
     if a.dof == 2 and turn.any():
         raise ValueError(f"moment must be 0 on a pin, got {moment!r}")
@@ -168,7 +169,7 @@ def sampled(a: Assembly, c: Chain, seed: Seed) -> Array:
 
 
 def standing(a: Assembly, c: Chain, place: Array, load: Array, unknowns: Array) -> Standing:
-    """What an equilibrium amounts to."""
+    """The equilibria that a vector of unknowns describes."""
     angle, pose, force = parts(a, c, unknowns)
     root = root_moment(c, place, angle, carried(c, force, NONE), np.zeros(()))
     stored = energy(c, place, angle).sum(axis=-1)

@@ -1,7 +1,7 @@
 r"""The equations of chains whose tips are pinned to one rigid platform.
 
-With w_i = Rot(phi) r_i, and n_i the force on the tip of rod i, the multiplier of its closure, the
-energy of all chains is stationary under their closures if
+Let w_i = Rot(phi) r_i, and let n_i be the force on the tip of rod i, which is the multiplier of its
+closure.  The energy of all chains is stationary under their closures if
 
     dV_i/dtheta = 0,   sum n_i = F,   sum w_i x n_i = M,   tip_i = P + w_i
 
@@ -23,18 +23,18 @@ from tests.independent.rods.chain import (
 )
 from tests.independent.rods.chain_matrix import Bordered
 
-NONE = np.zeros(2)  # no line load
+NONE = np.zeros(2)  # no force, or no line load
 
 
 def clamps(a: Assembly, inputs: Array) -> Array:
-    """Clamps x, y, theta (..., k, 3) under inputs (..., k): turned, or slid along their guides."""
+    """Clamps x, y, theta (..., k, 3); the inputs (..., k) turn them or move them along guides."""
     turn, slide = (inputs, 0 * inputs) if a.guide is None else (0 * inputs, inputs * a.guide)
     place = a.clamp + slide
     return np.stack([place.real, place.imag, a.angle + turn], axis=-1)
 
 
 def chains(a: Assembly, segments: int, scheme: str = "half") -> Chain:
-    """The rods of an assembly in `segments` cells each; `station` is where seeds are sampled."""
+    """Chains of the rods of an assembly, of `segments` cells each."""
     return chain(
         segments,
         length=a.length,
@@ -45,7 +45,7 @@ def chains(a: Assembly, segments: int, scheme: str = "half") -> Chain:
 
 
 def fitted(a: Assembly, tip: Array) -> Array:
-    """The pose (..., f) that comes nearest to tips (..., k, 2), in least squares.
+    """The pose (..., f) whose pins are nearest to tips (..., k, 2), in least squares.
 
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> pin = assembly([[-0.3, 0.0], [0.3, 0.0]])
@@ -61,13 +61,13 @@ def fitted(a: Assembly, tip: Array) -> Array:
 
 
 def arms(a: Assembly, pose: Array) -> tuple[Array, Array]:
-    """w_i and dw_i/dphi (..., k, 2) [m] in a pose (..., f)."""
+    """w_i and dw_i/dphi (..., k, 2) [m] at a pose (..., f)."""
     w = a.arm * (np.exp(1j * pose[..., 2:]) if a.dof == 3 else np.ones((*pose.shape[:-1], 1)))
     return np.stack([w.real, w.imag], axis=-1), np.stack([-w.imag, w.real], axis=-1)
 
 
 def matrix(a: Assembly, c: Chain, angle: Array, pose: Array, force: Array) -> Bordered:
-    """Newton's matrix: angles of each chain, bordered by pose and tip forces."""
+    """Newton's matrix: a block of angles for each chain, bordered by pose and tip forces."""
     k, f, batch = a.rods, a.dof, pose.shape[:-1]
     by_force = np.zeros((*batch, k, c.segments, k, 2))
     by_force[..., range(k), :, range(k), :] = np.moveaxis(-tip_slopes(c, angle), (-3, -1), (0, -2))

@@ -1,10 +1,10 @@
-r"""Newton's matrix of an equilibrium: a block for each chain, bordered by what chains share.
+r"""Newton's matrix of an equilibrium: a block for each chain, bordered by the common unknowns.
 
 ::
 
     | H_1           B_1 |     H_i  Hessian of the Lagrangian by the angles of chain i
-    |      H_2      B_2 |     B_i  its slopes by pose and multipliers
-    | B_1^T  B_2^T   C  |     C    what is left of pose and multipliers
+    |      H_2      B_2 |     B_i  its mixed derivatives by angles, and pose and multipliers
+    | B_1^T  B_2^T   C  |     C    its Hessian by pose and multipliers
 """
 
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ class Bordered:
 
     Attributes
     ----------
-    block : ndarray (..., k, n, n)
-    border : ndarray (..., k, n, m)
-    corner : ndarray (..., m, m)
+    block : ndarray (..., k, n, n), H_i
+    border : ndarray (..., k, n, m), B_i
+    corner : ndarray (..., m, m), C
     """
 
     block: Array
@@ -46,7 +46,7 @@ class Bordered:
         return np.concatenate([outer.reshape(*batch, split), shared[..., 0]], axis=-1)
 
     def dense(self) -> Array:
-        """The same written out (..., kn + m, kn + m)."""
+        """The matrices with all their zeros (..., kn + m, kn + m)."""
         *batch, k, n, m = self.border.shape
         out = np.zeros((*batch, k * n + m, k * n + m))
         for i in range(k):
@@ -62,7 +62,7 @@ def solved(matrix: Array, right: Array) -> Array:
     try:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        with np.errstate(invalid="ignore"):  # what is lost already is NaN
+        with np.errstate(invalid="ignore"):  # a matrix may be NaN already
             good = np.isin(np.linalg.slogdet(matrix).sign, (-1.0, 1.0))[..., None, None]
         found = np.linalg.solve(np.where(good, matrix, np.eye(matrix.shape[-1])), right)
         return np.where(good, found, np.nan)

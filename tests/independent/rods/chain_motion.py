@@ -1,12 +1,12 @@
-"""A chain of rigid links with torsion springs in motion, in absolute angles, by DOP853.
+"""Motion of a chain of rigid links with torsion springs, in absolute angles, by DOP853.
 
-The rod is n links of h between halves of h at both ends, of which the first is clamped.  With c_j
-the centres of the links, T = 1/2 sum m_j |c_j'|^2 + 1/2 sum m_j l_j^2/12 w_j^2, and the springs
-EI/h are between the links.  Lagrange's equations of absolute angles::
+The rod consists of n - 1 links of length h and half a link at each end; the first half link may be
+clamped.  Springs EI/h are between the links.  With c_j the centres of the links,
+T = 1/2 sum m_j |c_j'|^2 + 1/2 sum m_j l_j^2/12 w_j^2.  Lagrange's equations of absolute angles::
 
     sum_l B_kl (cos(t_k - t_l) t_l'' + sin(t_k - t_l) t_l'^2) + I_k t_k'' = Q_k
 
-with B = A^T m A, A_jk what link k adds to the place of centre j.
+with B = A^T m A; A_jk is the length that link k contributes to the position of centre j.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 
 
 class ChainMotion(NamedTuple):
-    """Tip of a chain, let go at rest: times (n,), places x + iy (n,) and the energy (n,)."""
+    """Motion of a chain released at rest: positions x + iy (n,) of the tip, and energy (n,)."""
 
     tip: np.ndarray
     energy: np.ndarray
@@ -25,14 +25,14 @@ class ChainMotion(NamedTuple):
 def released_chain(
     t: np.ndarray, n: int, *, stiffness: float, mass: float, gravity: float, theta0: float = 0.0
 ) -> ChainMotion:
-    """A straight rod of length 1, clamped at `theta0` from +x, let go, as n + 1 links."""
+    """Motion of a straight rod of length 1, released with its clamp at `theta0`, as n + 1 links."""
     h = 1.0 / n
     lengths = np.array([h / 2, *[h] * (n - 1), h / 2])
     masses = mass * lengths
     add = np.tril(np.tile(lengths, (n + 1, 1)), -1) + np.diag(lengths / 2)
     both = add.T @ (masses[:, None] * add)
     own = masses * lengths**2 / 12
-    pull = masses @ add  # of weight on each angle, by its cosine
+    pull = masses @ add  # moments of the weight, over g cos(t_k)
     spring = stiffness / h * (2.0 * np.eye(n + 1) - np.eye(n + 1, k=1) - np.eye(n + 1, k=-1))
     spring[-1, -1] /= 2.0
 
@@ -70,8 +70,8 @@ def driven_chain(
 ) -> np.ndarray:
     """Middle and tip (2, times) x + iy of a coupler of length 1, as n + 1 links; n is even.
 
-    In axes that go along with the end of the crank, its acceleration is a weight that turns; the
-    tip keeps the height of the guide by a Lagrange multiplier.  Coupler and crank begin along +x.
+    In axes that move with the end of the crank, the acceleration of this end acts as a weight that
+    rotates.  A Lagrange multiplier keeps the tip on the guide.  Coupler and crank begin along +x.
     """
     h = 1.0 / n
     lengths = np.array([h / 2, *[h] * (n - 1), h / 2])

@@ -1,4 +1,4 @@
-"""Newton's method with halved steps for batches of equilibria, and loads put on in steps."""
+"""Newton's method with halved steps for batches of equilibria, and loads that grow in steps."""
 
 from collections.abc import Callable
 
@@ -9,27 +9,29 @@ from tests.independent.rods.chain_matrix import Bordered
 
 System = Callable[[Array], tuple[Array, Bordered]]
 
-STILL = 1e-9  # [rad] the last step; what is left is its square
-MOST = 50
-SMALLEST = 2.0**-12  # part of Newton's step below which Newton is lost
-NEAR = 0.5  # [rad] a load step that turns a segment by more could change the branch
-LEAST = 2.0**-10  # part of the load
+STILL = 1e-9  # [rad] largest last step of Newton's method; the remaining error is its square
+MOST = 50  # largest number of Newton's iterations
+SMALLEST = 2.0**-12  # share of Newton's step at which the halving ends without success
+NEAR = 0.5  # [rad] rotation of a segment in a load step from which on the branch could change
+LEAST = 2.0**-10  # smallest step of a load, as a share of it
 
 
 def newton(system: System, start: Array, angles: int) -> Array:
     r"""Zeros of a batch of systems, by Newton's method with halved steps.
 
-    A step d = J^-1 r is halved to t d until it leads on: until the next step with the old J, which
-    no choice of units changes, has become shorter::
+    A step d = J^-1 r is halved to t d until the step that follows is shorter::
 
         |J^-1 r(x - t d)| <= (1 - t/4) |d|
+
+    The units of the residual do not change the result of this test.
 
     Parameters
     ----------
     system : callable
         ``system(unknowns)`` gives the residual (..., N) and its slopes, a `Bordered` matrix.
     start : ndarray (..., N)
-    angles : how many of the unknowns, the first ones, are angles [rad]; their steps count
+    angles : number of angles [rad] among the unknowns, which are the first ones; only their steps
+        are measured
 
     Returns
     -------
@@ -74,11 +76,11 @@ def turn(step: Array, angles: int) -> Array:
 
 
 def follow(solve: Callable[[float, Array], Array], start: Array, angles: int) -> Array:
-    """Put a load on in steps: ``solve(part, seed)`` for parts that rise to 1; NaN where it is lost.
+    """Apply a load in steps: ``solve(part, seed)`` for shares of the load that rise to 1.
 
-    Steps are halved where Newton fails or a segment turns by more than 0.5 rad, so that the branch
-    of `start`, the equilibrium without load, is kept as far as it goes.  A batch goes in equal
-    steps and is lost as a whole.
+    A step is halved if Newton's method fails or a segment turns by more than 0.5 rad, so that the
+    equilibria stay on the branch of `start`, the equilibrium without load.  All members of a batch
+    take the same steps, and all are NaN if the steps become too small.
     """
     done, step, unknowns = 0.0, 1.0, start
     while done < 1.0:

@@ -34,7 +34,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Rest:
-    """Equilibria of a chain; NaN where there is none to be found.
+    """Equilibria of a chain; NaN where none was found.
 
     Attributes
     ----------
@@ -49,8 +49,8 @@ class Rest:
     energy : ndarray (...)
         Energy of the springs [J].
     curvatures : ndarray (..., n) or (..., n - 2)
-        Of the potential along the motions that the tip allows [N m], lowest first; with a negative
-        one the equilibrium is unstable.
+        Curvatures of the potential along the motions that the tip allows [N m], the lowest one
+        first; the equilibrium is unstable if it is negative.
     """
 
     angle: Array
@@ -62,7 +62,7 @@ class Rest:
 
 
 def seeded(c: Chain, shape: Shape) -> Array:
-    """Angles (..., n) of a shape, given as such or as the continuum's ``theta(s)``."""
+    """Angles (..., n) of a shape, from angles or from ``theta(s)`` of the continuous rod."""
     angle = number("seed", shape(c.station) if callable(shape) else shape)
     if angle.shape[-1:] != (c.segments,):
         raise ValueError(f"seed must be angles (..., {c.segments}), got {angle.shape}")
@@ -102,8 +102,8 @@ def free(
     clamp : x0, y0 [m] and tangent angle theta0 [rad] (..., 3)
     force, moment : on the tip, F [N] (..., 2) and M [N m] (...)
     line : dead load on the chain's length [N/m] (..., 2)
-    seed : angles (..., n) [rad] or the continuum's theta(s) to start Newton from; without it the
-        loads are put on the straight chain in steps
+    seed : angles (..., n) [rad], or theta(s) of the continuous rod, to start Newton's method from;
+        without a seed the loads on the straight chain grow in steps
 
     Returns
     -------
@@ -116,12 +116,13 @@ def free(
 
     Notes
     -----
-    Exact for the chain, to rounding.  Of several equilibria it is the one that the straight chain
-    grows into, or the seed's; a straight chain under a load along it stays straight, stable or not.
+    The equilibrium is exact for the chain, to rounding.  Of several equilibria it is the one near
+    the seed, or without a seed the one on the branch of the unloaded chain.  A straight chain under
+    a load along it stays straight, stable or not.
 
     Examples
     --------
-    An end moment of 2 pi EI/L closes every chain.
+    An end moment of 2 pi EI/L closes every chain to a polygon.
 
     >>> from tests.independent.rods.chain import chain
     >>> bool(np.allclose(free(chain(8), moment=2 * np.pi).tip, 0.0))
@@ -165,32 +166,33 @@ def pinned(
     moment: ArrayLike = 0.0,
     line: ArrayLike = (0.0, 0.0),
 ) -> Rest:
-    r"""Equilibrium of a clamped chain whose tip is held in place.
+    r"""Equilibrium of a clamped chain whose tip is pinned.
 
-    The force on the tip is the multiplier of its place.  It is also the slope of the energy,
-    dU = F . dp, along equilibria.
+    The force on the tip is the multiplier of the tip's position.  It is also the slope of the
+    energy, dU = F . dp, along equilibria.
 
     Parameters
     ----------
     c : Chain
     clamp : x0, y0 [m] and tangent angle theta0 [rad] (..., 3)
-    tip : where it is held [m] (..., 2)
-    seed : angles (..., n) [rad] or the continuum's theta(s); it chooses the branch
+    tip : position of the pin [m] (..., 2)
+    seed : angles (..., n) [rad], or theta(s) of the continuous rod; it determines the branch
     moment : on the tip [N m] (...)
     line : dead load on the chain's length [N/m] (..., 2)
 
     Returns
     -------
-    Rest, its curvatures those with the tip held
+    Rest, with the curvatures for a pinned tip
 
     Raises
     ------
     ValueError
-        A tip that the chain does not reach, or reaches only when it is straight.
+        A pin that the chain does not reach, or reaches only when it is straight.
 
     Notes
     -----
-    Pérez Gámiz 2018, annex II.1 (line 1616), is the continuum's problem; it has many equilibria.
+    Pérez Gámiz 2018, annex II.1 (line 1616), has this problem for the continuous rod; it has many
+    equilibria.
 
     Examples
     --------
@@ -229,7 +231,7 @@ def pinned(
 
 
 def matrix(c: Chain, angle: Array, pull: Array, *, held: bool) -> Bordered:
-    """Newton's matrix of one chain, its tip held or not."""
+    """Newton's matrix of one chain, with its tip pinned (`held`) or free."""
     slopes = np.swapaxes(tip_slopes(c, angle), -1, -2)[..., None, :, : 2 if held else 0]
     corner = np.zeros((*angle.shape[:-1], *2 * slopes.shape[-1:]))
     return Bordered(hessian(c, angle, pull)[..., None, :, :], -slopes, corner)
@@ -238,7 +240,7 @@ def matrix(c: Chain, angle: Array, pull: Array, *, held: bool) -> Bordered:
 def rest(
     c: Chain, clamp: Array, angle: Array, pull: Array, force: Array, moment: Array, *, held: bool
 ) -> Rest:
-    """What an equilibrium amounts to."""
+    """The equilibria that angles of segments and loads describe."""
     tip = points(c, clamp, angle)[..., -1, :]
     return Rest(
         angle,

@@ -1,8 +1,8 @@
 """A clamped chain whose links stretch and shear in their middles, from the balance of its links.
 
-With N_k the force on what lies beyond the middle of link k, as a complex number, A + i S the same
-in the frame of the link, which has the length h_k, and moments M_k of the springs at the links'
-beginnings::
+N_k is the force, as a complex number, on the part of the chain beyond the middle of link k, and
+A + i S is the same force in the frame of the link.  h_k and a_k are the length and the angle of the
+link, M_k and c_k the moment and the stiffness of the spring at its beginning::
 
     M_k - M_(k+1) = Im(conj(h_k e_k exp(i a_k)) N_k),      M_k = c_k (a_k - a_(k-1))
     e_k = 1 + A/EA + i S/GA
@@ -24,9 +24,9 @@ def free(
     line: complex = 0.0,
     follower: complex = 0.0,
 ) -> tuple[Array, Array]:
-    """Angles of the links [rad], and places of their ends as complex numbers [m].
+    """Angles of the links [rad], and positions of their ends as complex numbers [m].
 
-    A spring that is infinite keeps its link along +x; `follower` turns with the last link.
+    An infinite spring keeps its link along +x.  The force `follower` turns with the last link.
     """
     dead = force + line * (np.sum(lengths) - np.cumsum(lengths) + 0.5 * lengths)
     free = np.isfinite(springs)

@@ -1,15 +1,16 @@
 """A clamped rod that stretches and shears, in the frame of its sections: a second formulation.
 
-The unknowns are the strains themselves, as in Pérez Gámiz 2018, eq. 27 without its misprints: v_z
-along the section's normal, v_x across it, and the curvature u, with constant stiffnesses and a dead
-load f per length,
+The unknowns are the strains: v_z along the section's normal, v_x across it, and the curvature u.
+Their equations are those of Pérez Gámiz 2018, eq. 27 without its misprints, with constant
+stiffnesses and a dead load f per length,
 
     GA v_x' = -EA u (v_z - 1) - f . d        t = (cos theta, sin theta), the normal
     EA v_z' =  GA u v_x       - f . t        d = (-sin theta, cos theta)
     EI u'   =  EA v_x (v_z - 1) - GA v_x v_z
     theta' = u,    p' = v_z t + v_x d
 
-from the clamp, whose three strains are found by `scipy.optimize.root` while the loads are put on.
+They are integrated from the clamp; `scipy.optimize.root` finds its three strains while the loads
+grow in steps.
 """
 
 from dataclasses import dataclass
@@ -57,9 +58,9 @@ def shoot(
     follower: tuple[float, float] = (0.0, 0.0),
     steps: int = 3,
 ) -> dict[str, Array]:
-    """x, y, theta and m at arc lengths s from a clamp along +x, the last one being the tip.
+    """x, y, theta and m at arc lengths s from a clamp along +x; the last s is that of the tip.
 
-    `force` and `line` keep their directions, `follower` turns with the section at the tip.
+    `force` and `line` keep their directions; `follower` turns with the section at the tip.
     """
 
     def path(strains: Array, share: float) -> Array:
@@ -99,7 +100,7 @@ def shoot(
 def pinned(
     s: Array, section: Section, pin: tuple[float, float], line: tuple[float, float]
 ) -> dict[str, Array]:
-    """The same with the tip pinned to a place, by scipy's collocation from the straight rod."""
+    """x, y, theta and m with the tip at a pin, by scipy's collocation from the straight rod."""
     nodes = np.linspace(0.0, s[-1], 41)
     straight, level = np.hypot(*pin) / s[-1], 0.0 * nodes
     found = solve_bvp(

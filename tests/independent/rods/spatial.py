@@ -1,12 +1,13 @@
-"""A rod in space from its strains: no moment is integrated, each follows from the part beyond.
+"""A rod in space, formulated by strains: moments follow from the loads beyond, not by integration.
 
-Unknown are the twist and the two curvatures at Gauss points of the rod's centre line, r(t) without
-load.  They turn the sections and place them, and must be those that the loads beyond bend::
+The unknowns u are the twist and the two curvatures at Gauss points of the rod's centre line, which
+is r(t) without load.  They determine the rotations R and the positions p of the sections, and must
+be equal to those that the loads beyond each section cause::
 
     R' = J R u^,   p' = J R v,   J = |r'(t)|,   v = e1 + S R^T F
     u(t) = u0(t) + B R^T (M + (p(1) - p(t)) x F)        at each Gauss point
 
-The line may have any curvature, unlike that of `proofmass.analytic.rods.spatial_rod`.
+The curvature of the line may vary, unlike in `proofmass.analytic.rods.spatial_rod`.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.interpolate import BarycentricInterpolator
 
 Line = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-STEPS = 200  # of RK4: (1 rad / 200)^4 / 120 of the length is 5e-12
+STEPS = 200  # steps of RK4, with an error of (1 rad / 200)^4 / 120 = 5e-12 of the length
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,12 @@ class Sections:
 
 
 def arc(length: float, natural: tuple[float, float, float]) -> Line:
-    """A line of constant twist and curvatures: lengths per parameter, and u0 (3, n)."""
+    """A line of constant twist and curvatures: a function that returns |r'(t)| and u0 (3, n)."""
     return lambda t: (np.full_like(t, length), np.outer(natural, np.ones_like(t)))
 
 
 def quadratic(points: np.ndarray, at: np.ndarray) -> Line:
-    """The curve in the plane through three points (3, 2), quadratic in a parameter that is `at`.
+    """The plane curve through three points (3, 2), quadratic in a parameter with the values `at`.
 
     Its twist is zero.
     """
@@ -59,7 +60,7 @@ def rotated(
     begin: np.ndarray,
     steps: int = STEPS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Places and rotations (steps + 1, columns, ...) of rods with strains (columns, points, 3)."""
+    """Positions and rotations (steps + 1, columns, ...) from strains (columns, points, 3)."""
     h = 1.0 / steps
     t = np.linspace(0.0, 1.0, 2 * steps + 1)
     size, _ = line(t)
@@ -98,7 +99,7 @@ def tip(
     parts: int = 1,
     steps: int = STEPS,
 ) -> np.ndarray:
-    """Place of the tip (3,), the loads growing in some parts."""
+    """Position of the tip (3,); the loads grow in `parts` equal steps."""
     begin = np.eye(3) if begin is None else begin
     gauss = (leggauss(points)[0] + 1) / 2
     natural = line(gauss)[1].T
@@ -111,7 +112,7 @@ def tip(
         t = np.linspace(0.0, 1.0, steps + 1)
         near = np.clip(np.searchsorted(t, gauss) - 4, 0, steps - 7)
         found = np.empty_like(strain)
-        for g, first in enumerate(near):  # between steps by polynomials of degree 7
+        for g, first in enumerate(near):  # interpolation of degree 7 between steps
             some = slice(first, first + 8)
             place = BarycentricInterpolator(t[some], places[some])(gauss[g])
             turn = BarycentricInterpolator(t[some], turns[some])(gauss[g])
@@ -135,6 +136,6 @@ def tip(
 
 
 def extrapolated(*args, **named) -> np.ndarray:
-    """The tip's place from 100 and 200 steps, without their error of order 4."""
+    """Position of the tip from 100 and 200 steps, extrapolated to remove the error of order 4."""
     one, two = (tip(*args, **named, steps=steps) for steps in (STEPS // 2, STEPS))
     return two + (two - one) / 15.0

@@ -1,8 +1,8 @@
-r"""Stability of an equilibrium under constraints: how the energy curves along allowed motions.
+r"""Stability of an equilibrium under constraints: curvatures of the energy along allowed motions.
 
-With H the Hessian of the Lagrangian and A the slopes of the constraints, an equilibrium is a
-minimum if Z^T H Z is positive definite, Z an orthonormal basis of A's null space.  Newton's matrix
-of the equilibrium holds both::
+H is the Hessian of the Lagrangian, A the matrix of the constraints' derivatives, and Z an
+orthonormal basis of the null space of A.  An equilibrium is a minimum if Z^T H Z is positive
+definite.  Newton's matrix of the equilibrium contains H and A::
 
     | H   -A^T |
     | -A   0   |
@@ -20,22 +20,22 @@ def curvatures(matrix: Array, constraints: int) -> Array:
     Parameters
     ----------
     matrix : ndarray (..., n + m, n + m)
-        Newton's, as above, symmetric.
-    constraints : m, independent ones; may be 0
+        Newton's matrix, symmetric, as above.
+    constraints : m, the number of independent constraints, which may be 0
 
     Returns
     -------
     ndarray (..., n - m); NaN where the matrix is not finite.
-        Their signs do not depend on the coordinates, their values do.
+        Their values depend on the coordinates, their signs do not.
 
     Notes
     -----
-    Z from a complete QR factorisation of A^T.  Not in Pérez Gámiz 2018, which lists solutions
-    without asking which of them stand.
+    Z is computed by a complete QR factorisation of A^T.  Pérez Gámiz 2018 lists solutions without
+    their stability.
 
     Examples
     --------
-    A saddle is stable where only its valley is allowed:
+    A saddle is stable if only motions along its valley are allowed:
 
     >>> curvatures(np.array([[2.0, 0.0, 0.0], [0.0, -1.0, 3.0], [0.0, 3.0, 0.0]]), 1)
     array([2.])
@@ -50,7 +50,7 @@ def curvatures(matrix: Array, constraints: int) -> Array:
 
 
 def negative(eigenvalues: Array) -> NDArray[np.int64]:
-    """How many eigenvalues (..., n) are negative (...): 0 where the equilibrium is stable.
+    """Number (...) of negative eigenvalues (..., n): 0 where the equilibrium is stable.
 
     >>> int(negative(np.array([-1.0, 2.0])))
     1
