@@ -68,7 +68,7 @@ def system(x, clamp, theta, arm, stiffness, load, parts):
 def solve(found, i, degree):
     """Equilibrium i by this method: pose (3,), loads (k, 2), residual, and its stability.
 
-    The latter is the number of directions in which the potential falls, as in `count_negative`.
+    The latter is the number of directions in which the potential falls, 0 if it is stable.
     `found` are the equilibria of `proofmass.analytic.rods.all_equilibria.solutions`.
     """
     s = found.state[i]

@@ -77,7 +77,7 @@ def test_boundary_value_problem_by_collocation(load):
 
 
 def test_end_moment_bends_into_a_circle():
-    """A moment of 2 pi EI/L bends the rod to a circle of radius L/(2 pi), one of pi EI/L to half."""
+    """A moment of 2 pi EI/L bends a rod to a circle of radius L/(2 pi), one of pi EI/L to half."""
     s = np.linspace(0.0, 2.0, 21)
     rod = solve(s, length=2.0, stiffness=0.3, moment=2.0 * np.pi * 0.3 / 2.0, theta0=0.4, x0=1.0)
     radius = 1.0 / np.pi

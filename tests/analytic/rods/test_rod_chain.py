@@ -134,7 +134,7 @@ def buckling(c, force, line):
 
 @pytest.mark.parametrize("scheme", ["half", "double"])
 def test_euler_load_of_a_chain(scheme):
-    """P = 4 EI/h^2 sin(pi/4n)^2 for both schemes, since modes of the difference equation are sines."""
+    """P = 4 EI/h^2 sin(pi/4n)^2 for both schemes: modes of the difference equation are sines."""
     for n in (2, 5, 40):
         found = buckling(chain(n, scheme=scheme), (0.0, -1.0), (0.0, 0.0))
         assert found == pytest.approx(4.0 * n**2 * np.sin(0.25 * np.pi / n) ** 2, rel=1e-11)

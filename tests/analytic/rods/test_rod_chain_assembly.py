@@ -224,9 +224,9 @@ def test_unloading_passes_a_motor_without_moment():
 
 
 def test_a_branch_that_ends_is_not_jumped_from():
-    """S2 is unloaded while its motors turn to a start; then motor 1 turns to a fold, -0.36518 rad.
+    """Motor 1 is turned to a fold at -0.36518 rad; beyond it the path is NaN, on no other branch.
 
-    The path is NaN beyond the fold: it does not continue on another branch.
+    At the start S2 is unloaded, with motor angles at which its pin is where it was under load.
     """
     case, n = RODS["fold"], 40
     begin = np.radians(case["begin_deg"]) - np.radians(RODS["angle_deg"])

@@ -1,4 +1,4 @@
-"""Three chains on one platform: equations as slopes, Table 8, guides and rigid ends."""
+"""Three chains on one platform: equations as derivatives, Table 8, guides and rigid ends."""
 
 import numpy as np
 import pytest
@@ -11,10 +11,11 @@ from tests.independent.rods.stability import negative
 
 THREE = CASES["3RFR"]
 KNOWN = pytest.mark.parametrize("row", THREE["equilibria"], ids=lambda row: row["name"])
-EXACT = 2e-12  # rounding of some hundred equations
+EXACT = 2e-12  # rounding errors of some hundred equations
 
 
 def three_rods():
+    """The mechanism of Table 8."""
     return assembly(
         THREE["clamp"],
         stiffness=THREE["stiffness"],
@@ -24,6 +25,7 @@ def three_rods():
 
 
 def three(row, segments, scheme="half", moment=0.0):
+    """Equilibrium of its chains, seeded with the continuous rods of a row of the data."""
     angles = np.radians(THREE["angle_deg"])
     seed = [
         tangent(*rod, THREE["stiffness"])
@@ -41,11 +43,15 @@ def three(row, segments, scheme="half", moment=0.0):
 
 
 def degrees(pose):
+    """The pose with its angle in degrees."""
     return pose * [1.0, 1.0, 180.0 / np.pi]
 
 
 def test_residual_and_matrix_are_slopes_of_one_function():
-    """Central differences of the Lagrangian, U - F.P - M phi - sum n_i . (tip_i - P - w_i)."""
+    """Residual and matrix are central differences of the Lagrangian and of the residual.
+
+    The Lagrangian is U - F.P - M phi - sum n_i . (tip_i - P - w_i).
+    """
     a, rng, load = three_rods(), np.random.default_rng(3), np.array([0.2, 0.5, -0.1])
     c, place = chains(a, 4), clamps(a, np.zeros(3))
     z = rng.normal(size=3 * 4 + 3 + 6)
@@ -59,7 +65,7 @@ def test_residual_and_matrix_are_slopes_of_one_function():
     matrix = matrix.dense()
     np.testing.assert_array_equal(matrix, matrix.T)
     for j, way in enumerate(1e-5 * np.eye(z.size)):
-        # h^2 and eps/h of functions of about 10
+        # h^2, and rounding over h of functions of about 10
         assert residual[j] == pytest.approx(
             (lagrangian(z + way) - lagrangian(z - way)) / 2e-5, abs=1e-8
         )
@@ -69,7 +75,10 @@ def test_residual_and_matrix_are_slopes_of_one_function():
 
 @KNOWN
 def test_three_rods(row):
-    """Table 8 with theta2 = 180 degrees; U1 and U2 have inflections and do not stand."""
+    """Chains have the recorded equilibria of Table 8 with theta2 = 180 degrees.
+
+    U1 and U2 have inflections and are unstable.
+    """
     for n, printed in row.get("half", {}).items():
         digits = [5.1e-7, 5.1e-7, 5.1e-5]
         found = three(row, int(n))
@@ -77,7 +86,7 @@ def test_three_rods(row):
     one, two = three(row, 40), three(row, 80)
     assert negative(one.curvatures) == row["negative"]
     fine = degrees(extrapolated(one.pose, two.pose))
-    # h^4, of which U2 has most
+    # error of order h^4, which is the largest for U2
     np.testing.assert_allclose(fine[:2], row["pose_deg"][:2], rtol=0, atol=4e-8)
     assert fine[2] == pytest.approx(row["pose_deg"][2], abs=3e-6)
     stored = extrapolated(one.energy, two.energy)
@@ -88,12 +97,13 @@ def test_three_rods(row):
     ("row", "off"), [(THREE["equilibria"][0], 1.95), (THREE["equilibria"][1], 0.71)]
 )
 def test_three_naive_rods_turn_the_platform(row, off):
+    """With the scheme "naive" the angle of the platform is off by 1.95 or 0.71 degrees."""
     wrong = degrees(three(row, 20, "naive").pose)[2] - row["pose_deg"][2]
     assert abs(wrong) == pytest.approx(off, abs=5.1e-3)
 
 
 def test_moment_on_a_platform():
-    """dV = -phi dM, and the tips' forces hold both load and moment."""
+    """dV = -phi dM, and the tips' forces balance both the load and the moment."""
     row, h = THREE["equilibria"][1], 1e-5
     here = three(row, 10, moment=0.01)
     more, less = (three(row, 10, moment=0.01 + m).potential for m in (h, -h))
@@ -105,7 +115,7 @@ def test_moment_on_a_platform():
 
 
 def test_sliding_clamps_and_rigid_ends():
-    """3PFR start pose: with the recomputed slides the unloaded platform is at 0, 0, 60 degrees."""
+    """In the 3PFR's start pose recomputed slides hold the unloaded platform at 0, 0, 60 degrees."""
     case = CASES["3PFR"]
     angle = np.radians(case["angle_deg"])
     out = np.radians([-150.0, -30.0, 90.0])
@@ -129,7 +139,7 @@ def test_sliding_clamps_and_rigid_ends():
         for n in (20, 40)
     ]
     pose = degrees(extrapolated(*(f.pose for f in found)))
-    np.testing.assert_allclose(pose, case["pose_deg"], rtol=0, atol=1e-4)  # seven digits of slide
+    np.testing.assert_allclose(pose, case["pose_deg"], rtol=0, atol=1e-4)  # slide of seven digits
     moment = extrapolated(*(f.root_moment for f in found))
     np.testing.assert_allclose(moment, case["root_moment"], rtol=0, atol=1e-7)  # printed digits
     force = extrapolated(*(np.linalg.norm(f.force, axis=-1) for f in found))
@@ -137,7 +147,8 @@ def test_sliding_clamps_and_rigid_ends():
 
 
 def test_pose_that_fits_the_tips():
-    a = assembly(THREE["clamp"], arm=[[0.1, 0.3], [0.5, -0.2], [0.4, 0.4]])  # off their middle
+    """The fitted pose is that whose pins are the tips, with pins that are not around the origin."""
+    a = assembly(THREE["clamp"], arm=[[0.1, 0.3], [0.5, -0.2], [0.4, 0.4]])  # not around the origin
     for pose in ([0.2, -0.1, 2.5], [0.0, 0.4, -1.0]):
         tip = arms(a, np.array(pose))[0] + pose[:2]
         np.testing.assert_allclose(fitted(a, tip), pose, rtol=0, atol=1e-15)

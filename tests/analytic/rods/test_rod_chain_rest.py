@@ -1,4 +1,4 @@
-"""One chain at rest: cantilevers and pinned rods against the continuum, errors and their orders."""
+"""One chain at rest: cantilevers and pinned rods against continuous rods, errors and orders."""
 
 import numpy as np
 import pytest
@@ -19,15 +19,17 @@ EACH = pytest.mark.parametrize("scheme", SCHEMES)
 
 
 def tips(scheme, *segments):
+    """Tips of cantilevers under four forces across them, for each number of segments."""
     return [free(chain(n, scheme=scheme), force=ACROSS).tip for n in segments]
 
 
 @EACH
 def test_cantilever_errors_and_orders(scheme):
+    """Errors of the tip are those of the data, and of first ("naive") or second order in h."""
     errors = np.array([np.linalg.norm(tip - TIP, axis=-1) for tip in tips(scheme, 10, 20, 40, 80)])
     printed = CASES["cantilever_chain"]["tip error of 40 segments, alpha 1 2 5 10"][scheme]
     np.testing.assert_allclose(errors[2], printed, rtol=0.05)  # two digits
-    # the next term of the series, h against h^2 or h^2 against h^4 of alpha = 10
+    # next term of the series for alpha = 10: h^2 after h, or h^4 after h^2
     close = {"half": 0.02, "double": 0.02, "naive": 0.04}[scheme]
     np.testing.assert_allclose(orders(errors), ORDER[scheme], rtol=0, atol=close)
 
@@ -41,23 +43,24 @@ def test_cantilever_errors_and_orders(scheme):
     ],
 )
 def test_deflection_errors_known_from_elsewhere(scheme, alpha, digit):
+    """Errors of the deflection are those of an independent computation, to its digits."""
     table = CASES["cantilever_chain"]
     exact = ROWS[int(np.argmin(np.abs(ALPHA - alpha)))]["w_over_L"]
     found = [
         free(chain(n, scheme=scheme), force=(0.0, alpha)).tip[1] - exact for n in table["segments"]
     ]
     short = np.abs(np.abs(found) - table[f"{scheme} alpha {alpha}"])
-    assert np.all(short <= 1.02 * np.array(digit))  # a digit that may be cut instead of rounded
+    assert np.all(short <= 1.02 * np.array(digit))  # its last digit may be cut instead of rounded
 
 
 @pytest.mark.parametrize("scheme", ["half", "double"])
 def test_cantilever_extrapolated_to_the_continuum(scheme):
-    """From 20 and 40 segments within 1e-6 L: tip, clamp moment, tip angle."""
+    """Chains of 20 and 40 segments extrapolate to the tip within 1e-6 L and to the clamp moment."""
     c = [chain(n, scheme=scheme) for n in (20, 40)]
     found = [free(one, force=ACROSS) for one in c]
     np.testing.assert_allclose(extrapolated(*(f.tip for f in found)), TIP, rtol=0, atol=1e-6)
     moment = [row["root_moment_ML_over_EI"] for row in ROWS]
-    # alpha times what is left of the tip
+    # alpha times the error of the tip
     np.testing.assert_allclose(extrapolated(*(f.root_moment for f in found)), moment, atol=1e-5)
 
 
@@ -68,6 +71,7 @@ def test_last_segment_of_half_has_the_tip_angle():
 
 
 def test_seed_and_load_steps_meet():
+    """A load in steps and a seed of the continuous rod lead to the same stable equilibrium."""
     c = chain(20)
     slow = free(c, force=(0.0, 10.0))
     bend = continuum(0.0, (0.0, 10.0), ROWS[-1]["root_moment_ML_over_EI"], 1.0)
@@ -77,14 +81,20 @@ def test_seed_and_load_steps_meet():
 
 
 def test_a_strut_stays_straight_and_unstable():
-    """Above pi^2/4 once, above 9 pi^2/4 twice."""
+    """A straight chain under a load along it stays straight.
+
+    It has one negative direction above pi^2/4 EI/L^2 and two above 9 pi^2/4 EI/L^2.
+    """
     found = free(chain(40), force=[[-2.0, 0.0], [-3.0, 0.0], [-23.0, 0.0]])
     np.testing.assert_array_equal(found.angle, 0.0)
     np.testing.assert_array_equal(negative(found.curvatures), [0, 1, 2])
 
 
 def test_distributed_load_against_collocation():
-    """EI theta'' = -q (L - s) cos(theta) - ..., by a boundary-value solver."""
+    """Chains under a dead load along the rod extrapolate to a boundary-value solution of
+
+    EI theta'' = n_x sin(theta) - n_y cos(theta), n = q (L - s).
+    """
     load = np.array([-1.0, -6.0])
 
     def slope(s, y):
@@ -102,6 +112,7 @@ def test_distributed_load_against_collocation():
 
 @EACH
 def test_turned_and_mirrored(scheme):
+    """A chain with rotated clamp and loads is rotated; with mirrored loads it is mirrored."""
     c, turn = chain(12, scheme=scheme), 2.1
     spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     load = np.array([0.4, 1.7])
@@ -115,17 +126,19 @@ def test_turned_and_mirrored(scheme):
 
 
 def shape(row):
+    """theta(s) of the continuous rod in an equilibrium of the data."""
     return tangent(0.0, row["force"], row["root_moment"], PINNED["stiffness"])
 
 
 def held(n, row, scheme="half", tip=PINNED["tip"], turn=0.0):
+    """Equilibrium of a chain with a pinned tip, seeded with that rod."""
     c = chain(n, stiffness=PINNED["stiffness"], scheme=scheme)
     return pinned(c, (0.0, 0.0, turn), tip, seed=shape(row))
 
 
 @EACH
 def test_pinned_chain_of_every_scheme(scheme):
-    """Solution A: tip force and energy; orders from 20, 40, 80 segments."""
+    """Tip force and energy of solution A are those of the data; orders by 20, 40, 80 segments."""
     row = PINNED["equilibria"][0]
     for n, printed in PINNED["chain A"][scheme].items():
         found = held(int(n), row, scheme)
@@ -133,16 +146,19 @@ def test_pinned_chain_of_every_scheme(scheme):
     exact = [*row["force"], row["energy"]]
     found = [held(n, row, scheme) for n in (20, 40, 80)]
     errors = np.array([[*f.force, f.energy] for f in found]) - exact
-    # printed continuum digits 5e-8 over errors of 1e-4; naive: the h^2 term against h
+    # digits of the continuous rod, 5e-8, over errors of 1e-4; "naive": the h^2 term over h
     close = {"half": 0.03, "double": 0.03, "naive": 0.15}[scheme]
     np.testing.assert_allclose(orders(errors), ORDER[scheme], rtol=0, atol=close)
 
 
 @pytest.mark.parametrize("row", PINNED["equilibria"], ids=lambda row: row["name"])
 def test_four_shapes_of_a_pinned_rod(row):
-    """Continuum and chain, with 0, 0, 1 and 3 ways down while the tip is held."""
+    """Continuous rods and chains have the four equilibria of the data.
+
+    With a pinned tip they have 0, 0, 1 and 3 negative directions.
+    """
     exact = continuum(0.0, row["force"], row["root_moment"], PINNED["stiffness"])(1.0)
-    # seven digits of force and moment, amplified by the rod's five half waves
+    # seven digits of force and moment, whose errors grow along the rod's five half waves
     np.testing.assert_allclose(exact[2:], PINNED["tip"], rtol=0, atol=2e-6)
     found = {n: held(n, row) for n in (10, 20, 40, 80)}
     assert {int(negative(f.curvatures)) for f in found.values()} == {row["negative"]}
@@ -150,26 +166,26 @@ def test_four_shapes_of_a_pinned_rod(row):
         np.append(found[40].force, found[40].root_moment),
         np.append(found[80].force, found[80].root_moment),
     )
-    # h^4 of five half waves: what 40 is off, 1 %, squared
+    # h^4 of five half waves: the error with 40 segments, 1 %, squared
     np.testing.assert_allclose(fine, [*row["force"], row["root_moment"]], rtol=3e-4)
 
 
 @EACH
 def test_force_and_moment_are_slopes_of_the_energy(scheme):
-    """dU = F . dp - m0 dtheta0 along equilibria."""
+    """dU = F . dp - m0 dtheta0 along equilibria, by central differences."""
     row, h = PINNED["equilibria"][1], 1e-5
     here = held(16, row, scheme)
     for axis in (0, 1):
         tip = np.array([PINNED["tip"]] * 2) + h * np.array([[1], [-1]]) * np.eye(2)[axis]
         more, less = held(16, row, scheme, tip).energy
-        # h^2 times a third derivative of about 1e3, and eps/h
+        # h^2 times a third derivative of about 1e3, and rounding over h
         assert (more - less) / (2 * h) == pytest.approx(here.force[axis], abs=1e-6)
     more, less = (held(16, row, scheme, turn=turn).energy for turn in (h, -h))
     assert (more - less) / (2 * h) == pytest.approx(-here.root_moment, abs=1e-6)
 
 
 def test_pinned_under_a_tip_moment_and_a_line_load():
-    """The free chain under its own tip force stands where the pinned one is held."""
+    """A chain that is pinned where a free chain has its tip carries the tip force of the latter."""
     c, loads = chain(15), {"moment": 0.4, "line": (0.3, -1.0)}
     one = free(c, force=(-0.5, 1.5), **loads)
     two = pinned(c, (0.0, 0.0, 0.0), one.tip, seed=one.angle + 0.01, **loads)
@@ -178,7 +194,7 @@ def test_pinned_under_a_tip_moment_and_a_line_load():
 
 
 def test_straight_seed_of_a_pinned_chain_is_lost():
-    """Its tip cannot move along it: no slope says which way to buckle."""
+    """Newton's method fails from a straight chain, whose tip cannot move along it."""
     assert np.isnan(pinned(chain(6), (0, 0, 0), (0.8, 0.0), seed=np.zeros(6)).energy)
 
 

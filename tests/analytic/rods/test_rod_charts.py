@@ -1,4 +1,4 @@
-"""Charts of two rods on one pin: all equilibria, as they are drawn."""
+"""Charts of two rods on one pin: all equilibria and how they are drawn."""
 
 import re
 
@@ -41,6 +41,7 @@ def figure(equilibria: Chart) -> Figure:
 
 
 def postures(chart: Chart) -> list[ChartLine]:
+    """Lines of the chart that are rods, without those that are points."""
     return [line for line in chart.lines if not line.points]
 
 
@@ -54,9 +55,10 @@ def test_four_of_34_are_stable_and_share_a_panel(equilibria: Chart, figure: Figu
 
 
 def energies(panel: Panel, stiffness: float) -> np.ndarray:
-    """V of each posture by how much its 120 chords are shorter than 2 m, less the load's work.
+    """V of each posture: the energy from the length of its 120 chords, less the work of the load.
 
-    A chord h of curvature kappa lacks h (h kappa)^2 / 24, so all lack U h^2 / (12 EI).
+    A chord is shorter than its arc h of curvature kappa by h (h kappa)^2 / 24, so that all chords
+    together are shorter than 2 m by U h^2 / (12 EI).
     """
     *lines, pins, _ = panel.lines
     lacking = [2.0 - np.hypot(np.diff(line.x), np.diff(line.y)).sum() for line in lines]
@@ -64,18 +66,20 @@ def energies(panel: Panel, stiffness: float) -> np.ndarray:
 
 
 def test_postures_are_two_rods_from_clamp_to_clamp(equilibria: Chart) -> None:
+    """Each posture leads from one clamp to its pin, its middle point, and to the other clamp."""
     for panel in equilibria.panels:
         *lines, pins, clamps = panel.lines
         assert clamps.x.tolist() == [-0.3, 0.3]
         for line, pin in zip(lines, np.stack([pins.x, pins.y], 1), strict=True):
             points = np.stack([line.x, line.y], axis=1)
             assert points[[0, -1]].tolist() == [[-0.3, 0.0], [0.3, 0.0]]
-            # closed to 1e-12 times e^alpha, alpha up to 20; drawn to 1e-3
+            # constraint violation of 1e-12 times e^alpha, alpha up to 20; 1e-3 would be visible
             assert np.abs(points[60] - pin).max() < 1e-6
             assert np.abs(points[59:62] - points[60]).max() < 1 / 60
 
 
 def test_energies_are_those_of_the_curves(equilibria: Chart, natural: Case) -> None:
+    """Energies in labels and titles of panels are those of the drawn curves, in rising order."""
     stiffness = float(natural.parameters["stiffness"])
     for panel in equilibria.panels:
         found = energies(panel, stiffness)
@@ -85,13 +89,13 @@ def test_energies_are_those_of_the_curves(equilibria: Chart, natural: Case) -> N
             if line.stable and not line.points
         ]
         said = said or [float(s) for s in re.search(r": (\S+) to (\S+) J", panel.title).groups()]
-        # next order (h kappa)^2 / 80, kappa up to 34 /m, and three digits: 0.4 and 0.5 %
+        # next term (h kappa)^2 / 80 with kappa up to 34 /m, 0.4 %, and three digits, 0.5 %
         np.testing.assert_allclose(found if len(said) == 4 else found[[0, -1]], said, rtol=9e-3)
         assert np.all(np.diff(found) > 0)
 
 
 def test_the_case_is_the_stable_one_of_least_energy(equilibria: Chart, natural: Case) -> None:
-    """Newton's method from the sidecar's first guess leads where the search has been."""
+    """Newton's method from the sidecar's first guess finds the lowest equilibrium of the search."""
     known = rod_pair.solve(np.linspace(0.0, 1.0, 61), **natural.parameters)
     line = equilibria.panels[0].lines[0]
     np.testing.assert_allclose(line.x[:61], known["x1"], atol=1e-9)
@@ -100,6 +104,7 @@ def test_the_case_is_the_stable_one_of_least_energy(equilibria: Chart, natural: 
 
 
 def test_more_inflections_bring_more_and_keep_the_stable(natural: Case, equilibria: Chart) -> None:
+    """The three equilibria of mode 1 are among those of modes up to 3, with the same labels."""
     few = natural.chart[0].model_copy(update={"parameters": {"modes": 1}})
     less = compute_chart(natural.model_copy(update={"chart": (few,)}), few)
     assert len(postures(less)) == 3
@@ -107,6 +112,10 @@ def test_more_inflections_bring_more_and_keep_the_stable(natural: Case, equilibr
 
 
 def test_panels_hold_few_unless_there_are_too_many() -> None:
+    """Panels have up to four equilibria of one number of negative directions.
+
+    They have more if there would be more than twelve panels.
+    """
     negative = np.repeat(np.arange(12), 9)
     panels = divide_into_panels(negative)
     assert len(panels) <= 12

@@ -1,4 +1,4 @@
-"""Euler's columns against the tip's closed form, shooting, eigenvalues and printed constants."""
+"""Euler's columns against the tip's closed form, eigenvalues and recomputed constants."""
 
 import json
 from pathlib import Path
@@ -22,9 +22,10 @@ EULER = {
 
 @pytest.mark.parametrize("ends", ENDS)
 def test_critical_loads(ends):
+    """Critical loads are those of Euler, also for the document's steel rods."""
     found = critical(ends, length=2.0, stiffness=0.3)
     assert found == pytest.approx(EULER[ends] * 0.3 / 4.0, rel=1e-15)
-    # the document's rods of 1.5 and 2 mm, recomputed independently
+    # recomputed loads of the document's rods of 1.5 and 2 mm
     for diameter, loads in (
         (1.5e-3, (0.128763859, 1.053673894)),
         (2e-3, (0.406957381, 3.330129837)),
@@ -36,7 +37,10 @@ def test_critical_loads(ends):
 
 @pytest.mark.parametrize("ends", ENDS)
 def test_critical_loads_as_eigenvalues(ends):
-    """Ritz: EI int w''^2 = P int w'^2 with polynomials that meet the supports, degree 13."""
+    """Ritz's method gives the critical load: EI int w''^2 = P int w'^2.
+
+    w is a polynomial of a degree up to 13 that satisfies the conditions of the supports.
+    """
     clamped = (
         2 if ends.startswith("clamped") else 1,
         {"free": 0, "pinned": 1, "clamped": 2}[ends.split("-")[1]],
@@ -53,15 +57,15 @@ def test_critical_loads_as_eigenvalues(ends):
         return np.array([[w(1.0) - w(0.0) for w in row] for row in whole])
 
     lowest = eigh(product(2), product(1), eigvals_only=True)[0]
-    assert lowest == pytest.approx(critical(ends), rel=1e-7)  # monomials lose half of the digits
+    assert lowest == pytest.approx(critical(ends), rel=1e-7)  # monomials lose half the digits
 
 
 def test_buckled_clamped_free_column_is_the_tip_under_its_axial_load():
     for k, ratio, x, y in DATA["postbuckling"]["rows"]:
         true = (2.0 * ellipk(k * k) / np.pi) ** 2
-        assert true == pytest.approx(ratio, abs=6e-8)  # its last digits are off, by 5e-8 at worst
+        assert true == pytest.approx(ratio, abs=6e-8)  # errors of its last digits, up to 5e-8
         bent = elastica(true)
-        assert bent["k"] == pytest.approx(k, abs=1e-14 / k)  # k^2/2 is what is above P_cr
+        assert bent["k"] == pytest.approx(k, abs=1e-14 / k)  # P/P_cr - 1 is k^2/2
         assert [bent["span"], bent["rise"]] == pytest.approx([x, y], abs=6e-9)  # last digit
         rod = tip(np.pi, float(bent["k"]))
         assert rod["R"] / critical() == pytest.approx(true, rel=1e-12)
@@ -73,7 +77,7 @@ def test_buckled_clamped_free_column_is_the_tip_under_its_axial_load():
 
 @pytest.mark.parametrize(("ends", "quarters"), QUARTER_WAVES.items())
 def test_columns_are_quarter_waves(ends, quarters):
-    """One quarter wave of length L/n, repeated: the shape of a clamped-free rod."""
+    """A column consists of n quarter waves of length L/n, each with the shape of a clamped rod."""
     bent = elastica(1.7, ends, length=1.2, stiffness=0.4)
     part = tip(np.pi, float(bent["k"]), length=1.2 / quarters, stiffness=0.4)
     assert part["R"] == pytest.approx(1.7 * critical(ends, length=1.2, stiffness=0.4), rel=1e-12)
@@ -92,6 +96,7 @@ def test_work_of_the_load():
 
 
 def test_ends_meet():
+    """The ends of a pinned column meet where 2 E = K, at the recomputed modulus, load and angle."""
     k, ratio = ends_meet()
     assert k == pytest.approx(0.9089085575485415, abs=1e-15)
     assert ratio == pytest.approx(2.183379046189498, rel=1e-14)
@@ -99,17 +104,17 @@ def test_ends_meet():
     assert elastica(ratio, "pinned-pinned")["span"] == pytest.approx(0.0, abs=1e-14)
     angle = np.degrees(elastica(ratio, "pinned-pinned")["angle"])
     assert angle == pytest.approx(130.7099107078999, abs=1e-10)
-    half = shape(np.pi, k, 1, np.linspace(0.0, 1.0, 3))  # its middle clamps it, its end is the tip
+    half = shape(np.pi, k, 1, np.linspace(0.0, 1.0, 3))  # from its middle to one end
     assert half["x"][-1] == pytest.approx(0.0, abs=1e-15)
 
 
 def test_just_beyond_the_critical_load():
-    """rise = sqrt(8 (P/P_cr - 1)) L/pi in the first order."""
+    """The rise is sqrt(8 (P/P_cr - 1)) L/pi to first order."""
     excess = 1e-6
     bent = elastica(1.0 + excess, "pinned-pinned")
     # next term of the expansion, relative: 19/16 excess
     assert bent["rise"] == pytest.approx(np.sqrt(8.0 * excess) / np.pi, rel=1.2e-6)
-    assert elastica(1.0)["rise"] == pytest.approx(0.0, abs=1e-7)  # root of rounding
+    assert elastica(1.0)["rise"] == pytest.approx(0.0, abs=1e-7)  # root of a rounding error
 
 
 @pytest.mark.parametrize(

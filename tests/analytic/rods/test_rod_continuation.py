@@ -1,4 +1,4 @@
-"""Paths of flexible mechanisms: load ramps, trajectories, folds passed, sheets over a grid."""
+"""Paths of flexible mechanisms: load ramps, trajectories, folds, and manifolds over a grid."""
 
 from functools import cache
 from itertools import pairwise
@@ -24,32 +24,35 @@ MIRROR = [-1.0, 1.0]
 
 @cache
 def centre():
-    """Where the document's trajectories begin: the pin of S2, without load."""
+    """Start of the document's trajectories: the pin of S2, without load."""
     s = pair("S2")
     return follow(s, pose=s.pose[None], load=[[0.0, 0.0]]).last
 
 
 @cache
 def over_the_fold():
-    """From there by turning motor 1, and back on the other side of the fold."""
+    """The path from there by turning motor 1, over a fold, and back on the other side of it."""
     return trace(centre(), inputs=[1.0, 0.0], to=(-1.0, 0.0))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_unloading(name):
-    """Motors held, and the pin held."""
+    """S1 to S4 are unloaded with fixed motors and with a fixed pin, to the recomputed values."""
     s, row = pair(name), TABLE7[name]
     ramp = np.outer([0.5, 0.0], s.load)
     free, held = follow(s, load=ramp), follow(s, load=ramp, pose=np.tile(s.pose, (2, 1)))
     assert free.reached == held.reached == 2
     assert np.abs(free.last.pose - row["unloaded_pose"]).max() <= 1e-6  # seven decimals
-    # by RK4 with 400 steps and six digits of the pose, times dq/dP up to 20 rad/m
+    # recomputed by RK4 with 400 steps and six digits of the pose, times dq/dP up to 20 rad/m
     assert np.abs(np.degrees(held.last.inputs) - row["unloaded_inputs_deg"]).max() <= 1e-4
     assert np.abs(held.states.pose - s.pose).max() <= 1e-15  # rounding of steps of up to 0.9 m
 
 
 def test_clamp_moment_crosses_zero_smoothly():
-    """There the elliptic form changes its sign of k and its mode, and its Newton method stalls."""
+    """As S2 is unloaded, the moment at clamp 1 passes zero without a kink.
+
+    The elliptic form changes the sign of k and the mode there, so that its Newton method fails.
+    """
     s = pair("S2")
     m = follow(s, load=np.outer(np.linspace(1.0, 0.0, 21)[1:], s.load)).states.moment[:, 0]
     assert m[0] < 0.0 < m[-1]
@@ -59,13 +62,14 @@ def test_clamp_moment_crosses_zero_smoothly():
 
 
 def test_ring():
+    """Motor angles along a ring of 0.2 m are the recomputed ones, and the ring closes."""
     rows = PATHS["ring"]
     turn = np.radians([*(row["angle_deg"] for row in rows), 360.0])
     way = centre().pose + 0.1 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     followed = follow(centre(), pose=way)
     assert not followed.why
     wanted = np.array([row["inputs_deg"] for row in rows])
-    # five decimals, of a centre with eight digits
+    # five decimals, from a centre with eight digits
     assert np.abs(np.degrees(followed.states.inputs[:-1]) - wanted).max() <= 1e-4
     found = np.linalg.det(derivatives(followed.states[np.arange(8)]).inverse)
     assert found == pytest.approx([row["determinant"] for row in rows], rel=1e-4)
@@ -73,6 +77,7 @@ def test_ring():
 
 
 def test_straight_line_and_its_divisions():
+    """Motor angles along a line are the recomputed ones, and do not depend on the stride."""
     rows = PATHS["line"]
     way = centre().pose + np.outer([row["dx"] for row in rows], [1.0, 0.0])
     coarse = follow(centre(), pose=way)
@@ -83,7 +88,10 @@ def test_straight_line_and_its_divisions():
 
 
 def test_rectangle_returns():
-    """The document's square of 0.2 m, four divisions a side: a branch without jumps closes."""
+    """The motors are back at their start after the document's square of 0.2 m.
+
+    The square has four divisions a side.  A jump to another branch would leave other angles.
+    """
     corner = 0.1 * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]])
     way = np.concatenate(
         [np.linspace(a, b, 4, endpoint=False) for a, b in pairwise(corner)] + [corner[:1]]
@@ -96,16 +104,17 @@ def test_rectangle_returns():
 
 
 def test_motor_line():
+    """Poses and clamp moments are the recomputed ones as motor 1 turns."""
     rows = PATHS["motor"]
     way = centre().inputs + np.outer([row["turn"] for row in rows], [1.0, 0.0])
     followed = follow(centre(), inputs=way)
-    assert (
-        np.abs(followed.states.pose - [row["pose"] for row in rows]).max() <= 2e-6
-    )  # six decimals
+    # six decimals
+    assert np.abs(followed.states.pose - [row["pose"] for row in rows]).max() <= 2e-6
     assert np.abs(followed.states.moment - [row["moment"] for row in rows]).max() <= 1e-5
 
 
 def test_a_fold_ends_a_path_and_keeps_what_was_reached():
+    """A path ends at the fold at its recomputed angle; way points beyond it are NaN."""
     way = centre().inputs + np.outer([-0.2, -0.35, -0.4, -1.0], [1.0, 0.0])
     followed = follow(centre(), inputs=way)
     assert followed.why == "fold: direct singularity"
@@ -117,6 +126,7 @@ def test_a_fold_ends_a_path_and_keeps_what_was_reached():
 
 
 def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
+    """At a fold the direct determinant and the least stiffness are zero, the inverse is not."""
     branch = over_the_fold()
     assert not branch.why
     assert branch.at.shape == (1,)
@@ -124,10 +134,10 @@ def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
     found = derivatives(fold)
     assert abs(found.direct_determinant) <= 1e-9 * start.direct_determinant  # rounding
     assert abs(found.inverse_determinant) > 0.1 * abs(start.inverse_determinant)
-    assert abs(np.linalg.eigvalsh(found.stiffness)[0]) <= 1e-9  # N/m: the platform gives way
+    assert abs(np.linalg.eigvalsh(found.stiffness)[0]) <= 1e-9  # N/m: no stiffness
     slack, eps = np.linalg.svd(closure(fold)[1][:, :8])[2][-1], 1e-6
     ahead = fold.inputs + np.array([eps, 0.0])
-    # along the null vector the parameter is quadratic, so solutions are sqrt(eps) = 1e-3 away
+    # the parameter is quadratic along the null vector, so solutions are sqrt(eps) = 1e-3 away
     sides = [
         solve_direct(
             RodState(PAIR, fold.vector + np.pad(step * slack, (0, 4))).with_parts(inputs=ahead)
@@ -140,7 +150,10 @@ def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
 
 
 def test_a_symmetric_pair_gives_way_sideways():
-    """At a branch point the path runs on; there the stiffness across it vanishes."""
+    """Under a load a symmetric pair passes a branch point, where its sideways stiffness is zero.
+
+    The path continues on the symmetric branch, which is unstable beyond it.
+    """
     turns = np.radians(DATA["symmetric"]["inputs_deg"])
     row = DATA["symmetric"]["recomputed"][0]
     first = np.array(row["force1"])
@@ -165,7 +178,11 @@ def test_a_symmetric_pair_gives_way_sideways():
 
 
 def test_behind_the_fold_the_platform_is_unstable():
-    """Until a rod buckles between its ends as well, and the stiffness passes infinity."""
+    """Beyond the fold the least stiffness is negative, and before it positive.
+
+    This is checked up to where a rod buckles between its ends as well and the stiffness passes
+    infinity.
+    """
     branch = over_the_fold()
     found = derivatives(branch.states)
     least, turn = np.linalg.eigvalsh(found.stiffness)[:, 0], branch.parameter.argmin()
@@ -180,19 +197,23 @@ def test_behind_the_fold_the_platform_is_unstable():
 
 
 def test_inverse_singularity_ends_a_line_of_poses():
-    """Towards the reach of rod 1: it is straight there, and no motor moves it on."""
+    """A path of poses ends at the reach of rod 1, which is straight there.
+
+    There is a direction in which no motor moves the pin.
+    """
     followed = follow(centre(), pose=centre().pose[None] + [1.2, 0.0])
     assert followed.why == "fold: inverse singularity"
     found = derivatives(followed.last)
     assert abs(found.inverse_determinant) <= 1e-9 * abs(derivatives(centre()).inverse_determinant)
     assert abs(found.direct_determinant) > 0.01
     sizes = np.linalg.svd(found.direct, compute_uv=False)
-    assert sizes[1] <= 1e-9 * sizes[0]  # there is a direction in which no motor moves it
+    assert sizes[1] <= 1e-9 * sizes[0]  # no motor moves the pin in one direction
     assert np.hypot(*(followed.last.pose - [-0.3, 0.0])) == pytest.approx(1.0, abs=1e-10)
     assert abs(followed.last.moment[0]) <= 1e-9
 
 
 def test_a_sheet_of_poses_is_the_path_through_it():
+    """The manifold over a grid of poses has the inputs of paths to its nodes."""
     sheet = map_equilibria(centre(), np.linspace(0.0, 0.6, 4), np.linspace(-0.5, 0.0, 5))
     x, y = np.meshgrid(sheet.first, sheet.second, indexing="ij")
     kept = sheet.states[sheet.reached]
@@ -207,7 +228,10 @@ def test_a_sheet_of_poses_is_the_path_through_it():
 
 
 def test_sheet_and_loci_have_the_symmetry_of_the_mechanism():
-    """Without load the mirror image x -> -x swaps the rods; loci are on both sides."""
+    """Without load the manifold and its direct singularities are their own mirror images, x -> -x.
+
+    The mirror image exchanges the two rods.
+    """
     sheet = map_equilibria(centre(), np.linspace(-0.6, 0.6, 9), np.linspace(-0.4, 0.1, 4))
     assert (sheet.reached == sheet.reached[::-1]).all()
     found = find_singularities(sheet, "direct")
@@ -215,12 +239,13 @@ def test_sheet_and_loci_have_the_symmetry_of_the_mechanism():
     size = np.abs(derivatives(sheet.states[sheet.reached]).direct_determinant).max()
     assert np.abs(derivatives(found).direct_determinant).max() <= 1e-7 * size  # 1e-9 of an edge
     gaps = np.linalg.norm(found.pose[:, None] - found.pose * MIRROR, axis=-1).min(axis=1)
-    assert np.quantile(gaps, 0.8) <= 1e-6  # where sheets meet, an edge on one side is left out
-    # nothing is left of the inverse singularities: a sheet of poses ends there
+    assert np.quantile(gaps, 0.8) <= 1e-6  # an edge may be left out where the manifold is torn
+    # there are no inverse singularities on it: a manifold of poses ends there
     assert not len(find_singularities(sheet, "inverse").vector)
 
 
 def test_a_sheet_of_inputs_ends_at_the_fold():
+    """The manifold over a grid of motor angles ends at the last node before the fold."""
     q = centre().inputs
     sheet = map_equilibria(
         centre(),
@@ -229,12 +254,13 @@ def test_a_sheet_of_inputs_ends_at_the_fold():
         name="inputs",
     )
     turns = sheet.first[sheet.reached[:, 1]] - q[0]
-    # steps of 0.05 rad, fold at -0.365
+    # nodes are 0.05 rad apart, the fold is at -0.365 rad
     assert turns.min() == pytest.approx(-0.35, abs=1e-9)
     assert turns.max() == pytest.approx(0.1, abs=1e-9)
 
 
 def test_platform_follows_a_circle_at_constant_orientation():
+    """The slides of a 3PFR are back at their start after a circle, with three-fold symmetry."""
     turns = np.radians([0.0, 120.0, -120.0])
     a = three(0.2 * np.sqrt(3.0), angle=turns, guide=turns, rigid_extension=0.1)
     row = DATA["pfr3"]
@@ -251,7 +277,7 @@ def test_platform_follows_a_circle_at_constant_orientation():
     followed = follow(start, pose=way)
     assert not followed.why
     assert np.abs(followed.states.inputs[-1] - followed.states.inputs[0]).max() <= 1e-9
-    # three-fold symmetry: a third of the circle later the next slide does the same
+    # three-fold symmetry: after a third of the circle the next slide has this value
     assert np.abs(np.roll(followed.states.inputs[4], -1) - followed.states.inputs[0]).max() <= 1e-9
 
 
@@ -273,7 +299,7 @@ def test_bad_maps():
     with pytest.raises(ValueError, match="name must be 'pose' or 'inputs'"):
         map_equilibria(centre(), [0.0], [0.0], name="load")
     with pytest.raises(ValueError, match="the start cannot be followed to the grid's node"):
-        map_equilibria(centre(), [0.65], [-0.35])  # rod 1 does not reach as far
+        map_equilibria(centre(), [0.65], [-0.35])  # beyond the reach of rod 1
     sheet = map_equilibria(centre(), *centre().pose[:, None])
     with pytest.raises(ValueError, match="which must be 'direct' or 'inverse'"):
         find_singularities(sheet, "both")

@@ -1,4 +1,4 @@
-"""Rods that stretch and shear: a second formulation, limits, buckling, energy, bad input."""
+"""Rods that stretch and shear: a second formulation, limits, buckling, energy and bad input."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SECTIONS = {"both": (40.0, 20.0), "soft": (12.0, 9.0), "axial": (15.0, 1e4), "sh
 
 
 def named(force=(0.0, 0.0), line=(0.0, 0.0), moment=0.0):
-    """The loads as `solve` calls them."""
+    """The loads by the names of the parameters of `solve`."""
     return {
         "force_x": force[0],
         "force_y": force[1],
@@ -34,19 +34,23 @@ def named(force=(0.0, 0.0), line=(0.0, 0.0), moment=0.0):
     [("both", load) for load in LOADS] + [(section, "force") for section in SECTIONS][1:],
 )
 def test_shooting_in_the_frame_of_the_sections(load, section):
-    """Other unknowns, another integrator, another way to the solution: all curves to 1e-10."""
+    """All curves of `solve` are those of a second formulation, to 1e-10.
+
+    The second formulation has other unknowns, another integrator and another search.
+    """
     axial, shear = SECTIONS[section]
     own = shoot(ARC, Section(0.9, axial, shear), **LOADS[load])
     strained = {"axial": axial, "shear": shear}
     found = solve(ARC, length=1.2, stiffness=0.9, **strained, **named(**LOADS[load]))
     for name, values in own.items():
-        # the steps of both: 1e-13 in a step of DOP853, order 8 in 64 steps of ours; m is up to 10
+        # errors of both: 1e-13 in a step of DOP853, order 8 in 64 steps of `solve`; m is up to 10
         np.testing.assert_allclose(found[name], values, rtol=1e-10, atol=1e-10)
     stiff = solve(ARC, length=1.2, stiffness=0.9, **named(**LOADS[load]))
-    assert np.abs(stiff["y"] - own["y"]).max() > 1e-3  # both strains are noticed
+    assert np.abs(stiff["y"] - own["y"]).max() > 1e-3  # strains have an effect
 
 
 def test_a_pull_along_the_rod_stretches_it():
+    """A force and a weight along a rod stretch it by their integral over EA, and do not bend it."""
     rod = solve(np.array([0.5, 2.0]), length=2.0, force_x=3.0, weight_x=1.0, axial=10.0, shear=4.0)
     s = np.array([0.5, 2.0])
     exact = s + (3.0 * s + 2.0 * s - s**2 / 2.0) / 10.0  # the integral of 1 + (F + w (L - s))/EA
@@ -55,7 +59,11 @@ def test_a_pull_along_the_rod_stretches_it():
 
 
 def test_small_loads_bend_and_shear_as_timoshenko_says():
-    """F L^3/3EI + F L/GA, and w L^4/8EI + w L^2/2GA; a moment shears nothing."""
+    """Small deflections are those of Timoshenko's beam.
+
+    They are F L^3/3EI + F L/GA, w L^4/8EI + w L^2/2GA, and M L^2/2EI, since a moment causes no
+    shear.
+    """
     small, section = 1e-6, {"length": 1.5, "stiffness": 0.7, "axial": 30.0, "shear": 8.0}
     for load, deflection in (
         ("force_y", 1.5**3 / (3.0 * 0.7) + 1.5 / 8.0),
@@ -63,13 +71,17 @@ def test_small_loads_bend_and_shear_as_timoshenko_says():
         ("moment", 1.5**2 / (2.0 * 0.7)),
     ):
         rod = solve(1.5, **section, **{load: small})
-        # what is of third order in the load, and rounding of a length of 1.5 over the load
+        # terms of third order in the load, and rounding of a length of 1.5 over the load
         assert rod["y"] / small == pytest.approx(deflection, abs=1e-8)
 
 
 @pytest.mark.parametrize(("axial", "shear"), [(30.0, np.inf), (np.inf, 9.0), (30.0, 9.0)])
 def test_a_column_buckles_where_its_strains_say(axial, shear):
-    """Linear about the pressed column: EI theta'' + P (1 - P/EA + P/GA) theta = 0."""
+    """A column with strains becomes unstable at its critical load, within 1e-4 of it.
+
+    The load follows from the linear equation about the compressed column,
+    EI theta'' + P (1 - P/EA + P/GA) theta = 0.
+    """
 
     def beyond(load):
         return load * (1.0 - load / axial + load / shear) - np.pi**2 / 4.0
@@ -82,9 +94,10 @@ def test_a_column_buckles_where_its_strains_say(axial, shear):
 
 
 def test_potential_by_virtual_work():
-    """dV by the load is minus its place; dV by 1/EA is minus the integral of A^2/2, as of 1/GA.
+    """The derivative of V by a load is minus its position; that by 1/EA is minus the integral of
+    A^2/2, with the axial force A, and that by 1/GA likewise with the shear force.
 
-    Each time along a direction in which the second of two parts counts twice.
+    Two parameters change at once, the second one by twice the step.
     """
     section, step, load = {"axial": 25.0, "shear": 15.0}, 1e-4, {"force_x": -2.0, "weight_y": -8.0}
     s, weights = np.polynomial.legendre.leggauss(30)
@@ -108,10 +121,11 @@ def test_potential_by_virtual_work():
         }
     )
     squares = 0.25 * weights @ (local.real**2 + 2.0 * local.imag**2)
-    assert -by_strain == pytest.approx(squares, rel=1e-5, abs=1e-7)  # likewise
+    assert -by_strain == pytest.approx(squares, rel=1e-5, abs=1e-7)  # as above
 
 
 def test_slopes_by_differences():
+    """Derivatives of the tip of a rod with strains are central differences."""
     given, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
     shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "axial": 7.0, "shear": 5.0}
     exact = integrate(*given[:3], theta0=given[3], slopes=True, **shared).slope[-1]

@@ -1,4 +1,4 @@
-"""The elliptic rod against Carlson's integrals, shooting, an independent table and its laws."""
+"""The rod by elliptic integrals: Carlson's integrals, shooting, a table, and conservation laws."""
 
 import json
 from pathlib import Path
@@ -36,7 +36,10 @@ GAUSS = np.polynomial.legendre.leggauss(300)
 
 
 def amplitudes(size, count=4000):
-    """Amplitudes in [0, pi), also next to pi/2, and complements of about `size`."""
+    """Sine, cosine, delta and complement of amplitudes in [0, pi), a quarter next to pi/2.
+
+    The complements k' are about `size`.
+    """
     rng = np.random.default_rng(0)
     other = size * rng.uniform(0.5, 1.0, count)
     phi = rng.uniform(0.0, np.pi, count)
@@ -48,7 +51,7 @@ def amplitudes(size, count=4000):
 
 @pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6, 1e-9])
 def test_legendre_by_carlson(size):
-    """Another family of integrals, duplicated instead of averaged."""
+    """Legendre's integrals are those by Carlson's, which use duplication instead of means."""
     s, c, d, other = amplitudes(size)
     square = (1.0 - other) * (1.0 + other)
     whole = elliprf(0.0, other**2, 1.0)
@@ -63,16 +66,17 @@ def test_legendre_by_carlson(size):
         whole_second,
     )
     for found, true in zip(elliptic_integrals(s, c, d, other), expected, strict=True):
-        # a few roundings of F; E is F less nearly as much, so F's roundings are its own
+        # a few rounding errors of F; E is F less a number of nearly the same size
         np.testing.assert_allclose(found, true, rtol=2e-15, atol=5e-15 * whole.max())
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6, 1e-9])
 def test_jacobi_inverts_legendre(size):
+    """Jacobi's functions of F(phi) are sine, cosine, delta and E of the amplitude phi."""
     s, c, d, other = amplitudes(size)
     first, second, *_ = elliptic_integrals(s, c, d, other)
     sn, cn, dn, epsilon = jacobi_functions(first, other)
-    # roundings of u, 2e-16 K with K up to 22
+    # rounding errors of u, 2e-16 K with K up to 22
     for found, true in ((sn, s), (cn, c), (epsilon, second)):
         np.testing.assert_allclose(found, true, rtol=0, atol=3e-14)
     np.testing.assert_allclose(dn, d, rtol=3e-14)
@@ -80,12 +84,13 @@ def test_jacobi_inverts_legendre(size):
 
 @pytest.mark.parametrize("k", [0.0, 0.3, -0.9, 1.0 - 1e-12])
 def test_incomplete_slopes_and_quasi_periods(k):
+    """Incomplete integrals have their integrands as slopes, and grow by 2 K and 2 E over pi."""
     phi = np.linspace(-9.0, 9.0, 61)
     first, second = incomplete_integrals(phi, k)
     step = 1e-3 * np.sqrt(1.0 - k**2) ** 0.5
     ahead, behind = incomplete_integrals(phi + step, k), incomplete_integrals(phi - step, k)
     root = np.sqrt(1.0 - (k * np.sin(phi)) ** 2)
-    calm = root > 0.1  # else the integrand changes within a step
+    calm = root > 0.1  # elsewhere the integrand changes in a step
     for slope, up, down in ((1.0 / root, ahead[0], behind[0]), (root, ahead[1], behind[1])):
         error = np.abs((up - down) / (2.0 * step) / slope - 1.0)[calm]
         assert error.max() <= 40.0 * step**2 + 1e-13 / step  # third derivative; rounding
@@ -99,17 +104,20 @@ def test_incomplete_slopes_and_quasi_periods(k):
 
 
 def test_unit_table():
-    """70 rods; the table's program takes arccos of moduli next to 1, hence 1e-10 in the angle."""
+    """70 rods are those of the table, whose program is independent.
+
+    It computes the arccos of moduli next to 1, so that its angles have errors of 1e-10.
+    """
     found = tip(TABLE["psi"], TABLE["kr"], TABLE["mode"])
-    allowed = {"R": 1e-12, "x": 1e-12, "y": 1e-12, "m0": 1e-12}  # its rounding
+    allowed = {"R": 1e-12, "x": 1e-12, "y": 1e-12, "m0": 1e-12}  # rounding
     for name, share in allowed.items():
         np.testing.assert_allclose(found[name], TABLE[name], rtol=share, atol=share)
     np.testing.assert_allclose(np.degrees(found["theta"]), TABLE["tip_deg"], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(found["energy"], TABLE["U"], rtol=1e-11)  # its quadrature
+    np.testing.assert_allclose(found["energy"], TABLE["U"], rtol=1e-11)  # quadrature
 
 
 def test_shooting_agrees():
-    """Forty rods of one to five inflections, bent up to |k_rel| = 0.95."""
+    """Forty random rods of one to five inflections, |k_rel| up to 0.95, agree with shooting."""
     rng = np.random.default_rng(1)
     psi, mode = rng.uniform(0.1, 6.1, 40), rng.integers(1, 6, 40)
     k_rel = rng.uniform(0.02, 0.95, 40) * rng.choice([-1, 1], 40)
@@ -118,7 +126,7 @@ def test_shooting_agrees():
         rod["R"] * np.cos(psi), rod["R"] * np.sin(psi), rod["m0"], nodes=801, slopes=True
     )
     curve = shape(psi, k_rel, mode, shot.s[:, None])
-    # rounding of R and m0, 1e-15, times how much the rod moves with them; of the steps, 1e-12
+    # rounding errors of R and m0, 1e-15, times the slopes of the rod; error of the steps, 1e-12
     moved = np.abs(shot.slope[:, :, :3]).max(axis=2).max(axis=0)
     allowed = 1e-15 * moved * np.maximum(rod["R"], 1.0) + 1e-12 * np.array([1, 20, 1, 1])[:, None]
     for name, slack in zip(("theta", "m", "x", "y"), allowed, strict=True):
@@ -129,10 +137,10 @@ def test_shooting_agrees():
 @settings(derandomize=True, max_examples=60, deadline=None)
 @given(PSI, K_REL, MODE)
 def test_end_of_the_shape_is_the_tip(psi, k_rel, mode):
-    """Jacobi's functions counted from the tip against Legendre's integrals from the clamp."""
+    """The shape by Jacobi's functions from the tip ends at the tip by Legendre's integrals."""
     rod, curve = tip(psi, k_rel, mode), shape(psi, k_rel, mode, np.array([0.0, 1.0]))
     for name in ("x", "y", "theta"):
-        assert abs(curve[name][0]) <= 1e-12  # L sqrt(R) roundings of the Jacobi functions
+        assert abs(curve[name][0]) <= 1e-12  # L sqrt(R) rounding errors
         assert abs(curve[name][1] - rod[name]) <= 1e-13
     assert abs(curve["m"][0] - rod["m0"]) <= 1e-12 * max(np.sqrt(rod["R"]), 1.0)
 
@@ -140,7 +148,10 @@ def test_end_of_the_shape_is_the_tip(psi, k_rel, mode):
 @settings(derandomize=True, max_examples=100, deadline=None)
 @given(PSI, K_REL, MODE)
 def test_identities(psi, k_rel, mode):
-    """Moment about the tip, the first integral, the energy as a quadrature, inflections counted."""
+    """Random rods satisfy the balance of moments about the tip and the first integral.
+
+    Their energy is a quadrature of m^2, and the number of their inflections is that of the mode.
+    """
     rod = tip(psi, k_rel, mode, length=0.7, stiffness=0.3)
     n = rod["R"] * np.array([np.cos(psi), np.sin(psi)])
     scale = np.sqrt(rod["R"] * 0.3)
@@ -161,7 +172,7 @@ def test_identities(psi, k_rel, mode):
 
 @pytest.mark.parametrize(("psi", "mode"), [(1.0, 1), (2.8, 2), (4.0, 1), (5.5, 3)])
 def test_energy_rises_with_the_work_of_the_load(psi, mode):
-    """dU = n . dp at a fixed clamp, by central differences along k_rel."""
+    """dU = n . dp with a fixed clamp, by central differences along k_rel."""
     step = 1e-5
     before, here, after = (tip(psi, 0.4 + d, mode) for d in (-step, 0.0, step))
     work = here["R"] * (
@@ -174,9 +185,10 @@ def test_energy_rises_with_the_work_of_the_load(psi, mode):
 @settings(derandomize=True, max_examples=60, deadline=None)
 @given(PSI, K_REL, MODE)
 def test_mirror_and_round_trip(psi, k_rel, mode):
+    """The mirrored rod has 2 pi - psi and -k_rel; the load gives back psi, k_rel and the mode."""
     rod, image = tip(psi, k_rel, mode), tip(2.0 * np.pi - psi, -k_rel, mode)
     for name, sign in (("R", 1), ("x", 1), ("y", -1), ("theta", -1), ("m0", -1), ("energy", 1)):
-        # 2 pi - psi is rounded by 4e-16, which next to k_rel = 0 the half angles magnify
+        # the rounding of 2 pi - psi, 4e-16, which half angles magnify next to k_rel = 0
         np.testing.assert_allclose(image[name], sign * rod[name], rtol=1e-11, atol=1e-12)
     k, other = modulus(psi, k_rel)
     assert abs(np.hypot(k, other) - 1.0) <= 1e-15
@@ -186,22 +198,23 @@ def test_mirror_and_round_trip(psi, k_rel, mode):
         rod["R"] * np.cos(psi + turn), rod["R"] * np.sin(psi + turn), rod["m0"], theta0=turn
     )
     assert back[2] == mode
-    # m0^2/(4R) against 1 - k_min, in which psi's rounding counts as well
+    # the rounding of m0^2/(4R) and of psi, over 1 - k_min
     assert abs(back[0] - psi) <= 3e-15
     assert abs(back[1] - k_rel) <= 1e-14 / bounds(psi)[1]
 
 
 def test_seam_at_zero_moment():
-    """A rod goes through m0 = 0 from k_rel > 0 with mode q + 1 to k_rel < 0 with mode q."""
-    for psi, sign in ((2.0, 1.0), (5.0, -1.0)):  # the wave that begins has the sign of cos(psi/2)
+    """As m0 passes zero, k_rel > 0 with mode q + 1 becomes k_rel < 0 with mode q, for one shape."""
+    for psi, sign in ((2.0, 1.0), (5.0, -1.0)):  # sign of the new wave, cos(psi/2)
         near = [tip(psi, sign * d, q) for d, q in ((1e-9, 2), (-1e-9, 1))]
         for name in ("R", "x", "y", "theta"):
-            # m0 is proportional to sqrt(k_rel), 6e-5 here, and the rest to it
+            # m0 is proportional to sqrt(k_rel), 6e-5 here; the others differ in proportion to m0
             assert near[0][name] == pytest.approx(near[1][name], rel=2e-3, abs=2e-3)
         assert near[0]["m0"] * near[1]["m0"] < 0.0
 
 
 def test_limits():
+    """Rods under small loads, taut rods and rods pulled along the clamp have their known limits."""
     light = tip(1.0, 1e-9)  # a rod that hardly bends: y = R sin(psi)/3, m0 = R sin(psi)
     assert light["x"] == pytest.approx(1.0, abs=1e-15)
     assert light["y"] == pytest.approx(light["R"] * np.sin(1.0) / 3.0, rel=1e-8)
@@ -214,6 +227,7 @@ def test_limits():
 
 
 def test_shape_finds_its_parameters():
+    """`of_shape` finds k_rel of sampled points, with an error of second order in their distance."""
     s = np.linspace(0.0, 2.0, 401)
     rod = shape(2.0, -0.6, 3, s / 2.0, length=2.0, stiffness=0.1)
     errors = []

@@ -1,4 +1,4 @@
-"""Loads that turn with the tip: elliptic functions, a second formulation, Beck's column."""
+"""Loads that turn with the tip: elliptic functions, a second formulation and Beck's column."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,12 @@ ARC = np.linspace(0.0, 1.2, 7)
 
 @pytest.mark.parametrize(("along", "across"), [(0.0, 1.0), (0.0, 8.0), (-2.0, 8.0), (3.0, -5.0)])
 def test_turn_of_the_tip_by_elliptic_functions(along, across):
-    """The load leans from the tip by psi and from the clamp by psi + theta_L, which obey
+    """The tip turns by theta_L, which follows from the angle psi of the load to the tip by
 
         cos((psi + theta_L)/2) = cos(psi/2) cd(L sqrt(R/EI), cos(psi/2))
 
-    as from any inflection of an elastica (Pérez Gámiz 2018, eqs 37 and 39).
+    psi + theta_L is the angle of the load to the clamp.  The equation holds from any inflection of
+    an elastica (Pérez Gámiz 2018, eqs 37 and 39).
     """
     length, stiffness, load = 1.2, 0.9, complex(along, abs(across))
     psi = np.angle(load)
@@ -37,6 +38,7 @@ def test_turn_of_the_tip_by_elliptic_functions(along, across):
     ],
 )
 def test_shooting_in_the_frame_of_the_sections(load):
+    """All curves of `solve` with follower forces are those of a second formulation, to 1e-10."""
     own = shoot(ARC, Section(0.9, 30.0, 20.0), **load)
     named = {
         f"{name}_{axis}": value
@@ -46,14 +48,15 @@ def test_shooting_in_the_frame_of_the_sections(load):
     given = {"moment": load.get("moment", 0.0), "axial": 30.0, "shear": 20.0, **named}
     rod = solve(ARC, length=1.2, stiffness=0.9, **given)
     for name, values in own.items():
-        # the steps of both: 1e-13 in a step of DOP853, order 8 in 64 steps of ours
+        # errors of both: 1e-13 in a step of DOP853, order 8 in 64 steps of `solve`
         np.testing.assert_allclose(rod[name], values, rtol=1e-10, atol=1e-10)
 
 
 def test_a_push_along_the_tip_bends_no_rod():
-    """Beck's column: it flutters at 20.05 EI/L^2, but has no equilibrium beside the straight one.
+    """Beck's column flutters at 20.05 EI/L^2, but the straight equilibrium is its only one.
 
-    A dead load has three beyond Euler's pi^2/4, so none of the two can be taken for the other.
+    Under a dead load there are three equilibria beyond Euler's pi^2/4, so that the test would fail
+    if one kind of load were taken for the other.
     """
     assert solve(1.0, follower_x=-15.0)["y"] == pytest.approx(0.0, abs=1e-12)
     with pytest.raises(ValueError, match=r"^branch must be from 1 to 1, got 2$"):
@@ -62,7 +65,7 @@ def test_a_push_along_the_tip_bends_no_rod():
 
 
 def test_it_has_no_potential():
-    """How the tip yields to two follower forces is no symmetric matrix, as to dead ones it is."""
+    """The compliance of the tip to two follower forces is not symmetric; to dead forces it is."""
     for name, asymmetric in (("follower", True), ("force", False)):
         base, step, yields = {f"{name}_x": 1.0, f"{name}_y": 4.0}, 1e-4, []
         for axis in "xy":

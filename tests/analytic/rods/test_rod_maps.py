@@ -45,11 +45,13 @@ CLAMPS = PAIR.clamp
 
 @cache
 def natural():
+    """Map of the poses that are reached from S4, over 17 by 17 nodes."""
     return fit_pose_map(pair("S4"), 17)
 
 
 @cache
 def unloaded():
+    """The equilibrium without load whose pin is that of S2."""
     row = DATA["rfr2"]["recomputed"]["S2"]
     near = pair("S2")
     return solve_direct(
@@ -65,25 +67,25 @@ def unloaded():
 
 @cache
 def folded():
-    """A sheet of poses about the fold of motor 1."""
+    """Map of poses about the fold of motor 1."""
     return map_equilibria(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
 
 
 @cache
 def filled():
-    """The rim of that sheet, and its mesh."""
+    """The rim of that map, and its mesh."""
     m, rims = folded(), find_rim(folded())
     return rims, mesh_map(m, connected_edges(m)[0], rims[0], find_singularities(m, "direct", rims))
 
 
 @cache
 def folds():
-    """Direct singularities on that sheet."""
+    """Direct singularities on that map."""
     return filled()[1].loci
 
 
 def residual(x, inputs, load):
-    """Eq. 98 of Pérez Gámiz 2018, by an integrator of its own: x (8, n) in the order of eq. 102."""
+    """Eq. 98 of Pérez Gámiz 2018 by another integrator; x (8, n) is in the order of eq. 102."""
     rows = []
     for i, clamp in enumerate(CLAMPS):
         m0, n_x, n_y = x[3 * i : 3 * i + 3]
@@ -93,19 +95,22 @@ def residual(x, inputs, load):
 
 
 def singular_values(s):
-    """Of the 8 x 8 matrix of the direct problem, by central differences."""
+    """Singular values of the 8 x 8 matrix of the direct problem, by central differences."""
     x, h = s.vector[:8, None], 1e-5 * np.eye(8)
     up, down = (residual(x + step, s.inputs, s.load) for step in (h, -h))
     return np.linalg.svd((up - down) / 2e-5, compute_uv=False)
 
 
 def test_direct_singularities_by_differences():
-    """There the motors no longer hold the pin: the matrix of the *direct* problem is singular."""
+    """At direct singularities the matrix of the *direct* problem is singular.
+
+    There the motors no longer constrain the pin.
+    """
     found = folds()
     assert len(found.vector) > 4
     for s in (found[i] for i in range(0, len(found.vector), 3)):
         values = singular_values(s)
-        # bisected to 1e-9 of an edge of 0.05 m; differences 1e-10 of third derivatives up to 1e3
+        # bisection to 1e-9 of an edge of 0.05 m; differences: 1e-10 of third derivatives up to 1e3
         assert values[-1] < 1e-6 * values[0]
         assert values[-2] > 1e-4 * values[0]
     values = singular_values(unloaded())
@@ -113,20 +118,21 @@ def test_direct_singularities_by_differences():
 
 
 def test_motors_end_where_the_sheet_of_poses_is_singular():
-    """A fold, met by turning motor 1, is on the direct singularities of the sheet of poses."""
+    """The fold at which a path of motor 1 ends is a direct singularity of the map of poses."""
     start = unloaded()
     fold = follow(start, inputs=start.inputs[None] - [1.0, 0.0]).last
     gap = np.linalg.norm(folds().pose - fold.pose, axis=1).min()
-    assert gap < 0.05  # an edge: points are where the locus crosses lines of the grid
+    assert gap < 0.05  # an edge, since points are only on lines of the grid
     assert abs(np.linalg.eigvalsh(derivatives(fold).stiffness)[0]) < 1e-8
 
 
 @pytest.mark.slow
 def test_rim_of_a_sheet_is_an_inverse_singularity():
+    """At the rim of a manifold the inverse determinant is small compared with that at S4."""
     ends, ways = find_rim(natural())
     slopes = derivatives(ends)
     start = derivatives(pair("S4"))
-    # within 1e-4 of an edge the determinant is a root of that, 1e-2
+    # 1e-4 of an edge from the rim the determinant is of the order of its root, 1e-2
     share = np.abs(slopes.inverse_determinant / start.inverse_determinant)
     assert np.median(share) < 0.05
     assert len(ends.vector) == len(ways)
@@ -135,16 +141,20 @@ def test_rim_of_a_sheet_is_an_inverse_singularity():
 
 @pytest.mark.slow
 def test_top_of_the_rim_is_the_reach_of_straight_rods():
-    """A pin that pulls: above, the sheet ends where one rod is straight."""
+    """At its top, where the pin pulls, the manifold ends where one rod is straight."""
     ends, ways = find_rim(natural())
     top = ends.pose[(ways[:, 1] == 1) & (ends.pose[:, 1] > 0.5)]
     away = np.abs(top @ [1.0, 1.0j] - CLAMPS[:, None]).max(axis=0)
     assert len(top) > 5
-    assert np.quantile(np.abs(away - 1.0), 0.8) < 1e-3  # the march ends 1e-4 of an edge before
+    assert np.quantile(np.abs(away - 1.0), 0.8) < 1e-3  # the march ends 1e-4 of an edge inside
 
 
 def test_the_aspect_of_a_stable_equilibrium_is_stable():
-    """By Jacobi's field of each rod with its tip pinned, and the stiffness of the pin."""
+    """In the aspect of S4 all equilibria are stable; beyond it some are unstable.
+
+    Stability follows from Jacobi's field of each rod with its tip pinned and from the stiffness of
+    the pin.
+    """
     m = fit_pose_map(pair("S4"), 13)
     edges, torn = connected_edges(m)
     own = aspect_nodes(m, edges, pair("S4"))
@@ -161,7 +171,10 @@ def test_the_aspect_of_a_stable_equilibrium_is_stable():
 
 @pytest.mark.slow
 def test_labels_of_singularities_are_those_of_the_text():
-    """Not of the program, which has them swapped: direct where K is singular, at which dq/dP is."""
+    """Labels are those of the document's text; its program has them exchanged.
+
+    A singularity is direct where K and dq/dP are singular.
+    """
     chart = pose_chart(pair("S4"), natural(), "rad²/m²")
     lines = {line.label: np.stack([line.x, line.y], axis=1) for line in chart.panels[0].lines}
     for label, states in (
@@ -171,12 +184,13 @@ def test_labels_of_singularities_are_those_of_the_text():
         points = lines[label][np.isfinite(lines[label][:, 0])]
         assert len(points) > 20
         assert np.abs(points[:, None] - states.pose).sum(axis=-1).min(axis=1).max() < 1e-9
-    field = chart.panels[1].field  # up to the first direct singularity, where it is zero
+    field = chart.panels[1].field  # within the first direct singularity
     assert field.values[np.unique(field.triangles)].min() >= 0.0
 
 
 @pytest.mark.slow
 def test_unloaded_sheet_is_its_mirror_image():
+    """Without load the inverse determinant of a symmetric pair is the same at mirrored poses."""
     row = DATA["symmetric"]["recomputed"][1]
     first, moment = np.array(row["force1"]), row["moment1"]
     start = solve_direct(
@@ -195,37 +209,45 @@ def test_unloaded_sheet_is_its_mirror_image():
     mirrored[m.reached & m.reached[::-1]] = values
     gap = np.abs(mirrored / mirrored[::-1] - 1.0)[m.reached & m.reached[::-1]]
     assert gap.size > 0.9 * m.reached.sum()
-    assert np.quantile(gap, 0.85) < 1e-6  # what is left is where the sheet lies over itself
+    assert np.quantile(gap, 0.85) < 1e-6  # elsewhere the manifold lies over itself
 
 
 @cache
 def charted():
-    """Charts of the case over the motors' angles."""
+    """Charts of the case over its motor angles."""
     return motor_angles(**CASE, span=0.4, nodes=5)
 
 
 def test_maps_do_not_depend_on_the_unit_of_force():
-    """Twice the stiffness and twice the load: the same shapes."""
+    """With twice the stiffness and twice the load the maps are the same.
+
+    With twice the stiffness alone they differ.
+    """
     stiff = CASE | {
         key: 2 * CASE[key]
         for key in ("force_x", "force_y", "moment1", "moment2", "push_x", "push_y", "stiffness")
     }
     one, two = charted().panels[0], motor_angles(**stiff, span=0.4, nodes=5).panels[0]
-    assert one.field.values == pytest.approx(two.field.values, rel=1e-6, nan_ok=True)  # Newton's
+    assert one.field.values == pytest.approx(two.field.values, rel=1e-6, nan_ok=True)  # Newton
     light = motor_angles(**CASE | {"stiffness": 2 * EI}, span=0.4, nodes=5).panels[0]
     assert np.nanmax(np.abs(light.field.values / one.field.values - 1.0)) > 0.01
 
 
 @pytest.mark.slow
 def test_area_converges():
-    """Lengths along the lines are exact; between them a rim with corners leaves the step."""
+    """The area of a map converges with the number of its lines.
+
+    The extent of a line is exact; between lines a corner of the rim leaves an error of the square
+    of their distance.
+    """
     areas = [map_area(m, *find_rim(m)) for m in (fit_pose_map(pair("S4"), n) for n in (17, 29, 57))]
-    assert areas[1] == pytest.approx(areas[2], rel=0.01)  # a corner of the rim takes (1/28)^2
-    assert areas[0] == pytest.approx(areas[2], rel=0.03)  # of the window, or (1/16)^2, and there
-    # are several
+    # each of several corners of the rim takes (1/28)^2 or (1/16)^2 of the window
+    assert areas[1] == pytest.approx(areas[2], rel=0.01)
+    assert areas[0] == pytest.approx(areas[2], rel=0.03)
 
 
 def test_motor_angles_show_the_field_at_the_case():
+    """The middle node of the charts has the determinant and the pose of the case, S4."""
     chart = charted()
     field = chart.panels[0].field
     here = derivatives(pair("S4")).direct
@@ -249,7 +271,10 @@ def platform():
 
 @pytest.mark.slow
 def test_platform_without_load_is_stiffest_at_the_centre():
-    """Three alike: a third of a turn changes nothing, so the stiffness is level there."""
+    """The stiffness of three equal rods is largest at the centre.
+
+    A third of a turn does not change it, so that its gradient is zero there.
+    """
     field = platform().panels[1].field
     best = np.nanargmax(field.values)
     assert np.hypot(field.x[best], field.y[best]) < 0.1
@@ -272,7 +297,7 @@ def test_bad_windows():
 
 @cache
 def small():
-    """The sheet of the natural equilibrium on a coarse grid, and its mesh."""
+    """Map of the poses that are reached from S4 on a coarse grid, its rim and its mesh."""
     m = fit_pose_map(pair("S4"), 11)
     rims = find_rim(m)
     return (
@@ -283,7 +308,7 @@ def small():
 
 
 def corners_of(mesh, triangles):
-    """Places (t, 3) of the corners as x + iy."""
+    """Positions (t, 3) of the corners of triangles, as x + iy."""
     return (mesh.xy @ [1.0, 1.0j])[triangles]
 
 
@@ -294,12 +319,13 @@ def sizes_of(corners):
 
 
 def test_triangles_fill_the_sheet_to_its_rim():
+    """Triangles cover the area of the map, more than its whole cells, up to points at the rim."""
     m, (ends, ways), mesh = small()
     whole = corners_of(mesh, mesh.triangles(m.reached))
     covered = np.abs(sizes_of(whole)).sum()
     cell = np.mean(np.diff(m.first)) * np.mean(np.diff(m.second))
     full = np.sum(m.reached[:-1, :-1] & m.reached[1:, :-1] & m.reached[1:, 1:] & m.reached[:-1, 1:])
-    # up to cells of tears: what is left of a jagged rim is far more
+    # cells of tears may be missing; a rim along whole cells would leave far more
     assert covered == pytest.approx(map_area(m, ends, ways), rel=0.08)
     assert covered > 1.1 * full * cell
     last = np.unique(mesh.triangles(m.reached))
@@ -309,7 +335,10 @@ def test_triangles_fill_the_sheet_to_its_rim():
 
 
 def test_a_tear_is_cut_half_way_from_both_sides():
-    """An edge is taken out as if its ends did not follow from each other: nothing stays white."""
+    """Where an edge is removed, as if its ends did not follow from each other, no area is missing.
+
+    The triangles end at the middle of that edge, from both sides.
+    """
     m, edges = folded(), connected_edges(folded())[0]
     (ends, _), mesh = filled()
     whole = mesh.triangles(m.reached)
@@ -341,7 +370,10 @@ def eroded(inside):
 
 @pytest.mark.slow
 def test_no_cell_of_a_sheet_stays_white():
-    """Two nodes of 245 are torn from others; cells of tears left out 10 % of the sheet before."""
+    """Triangles cover a map of which two nodes of 245 are beside tears.
+
+    Without triangles in cells with tears 10 % of the area would be missing.
+    """
     m = fit_pose_map(pair("S4"), 24)
     rims = find_rim(m)
     edges, torn = connected_edges(m)
@@ -352,6 +384,10 @@ def test_no_cell_of_a_sheet_stays_white():
 
 
 def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
+    """Triangles over nodes of either sign of the determinant cover the map without overlap.
+
+    The determinant is zero at direct singularities, and no triangle extends across them.
+    """
     m, (_, mesh) = folded(), filled()
     det = np.full(m.reached.shape, np.nan)
     det[m.reached] = np.linalg.det(derivatives(m.states[m.reached]).inverse)
@@ -372,15 +408,15 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
     assert (corners >= first).sum() > 3
     assert (field.values[corners[corners >= first]] == 0.0).all()  # loci
     values = field.values[field.triangles]
-    assert (values.min(axis=1) * values.max(axis=1) >= 0.0).all()  # none reaches across them
+    assert (values.min(axis=1) * values.max(axis=1) >= 0.0).all()  # no triangle across them
     assert np.abs(sizes_of(corners_of(mesh, field.triangles))).sum() > 0.9 * whole
 
 
 def test_states_at_the_rim_hold_by_an_integrator_of_its_own():
-    """So motor angles and places of the pin in the charts are those of an equilibrium there too."""
+    """States at the rim, which charts use as well, are equilibria by another integrator."""
     (ends, _), _ = filled()
     for i in range(0, len(ends.vector), 5):
         s = ends[i]
-        # RK of 41 nodes: 1e-6 of bent rods
+        # Runge-Kutta with 41 nodes: errors of 1e-6 for bent rods
         assert np.abs(residual(s.vector[:8, None], s.inputs, s.load)).max() < 1e-5
         assert np.abs(residual(s.vector[:8, None], s.inputs + 0.01, s.load)).max() > 1e-4

@@ -1,4 +1,4 @@
-"""Charts of the moduli and loads of a clamped rod with a pinned tip, by integration along it."""
+"""Charts of moduli and loads of a clamped rod with a pinned tip, against integration along it."""
 
 import numpy as np
 import pytest
@@ -23,9 +23,9 @@ def charts(case: Case) -> list[Chart]:
 
 
 def end(psi: float, k: float, size: float) -> tuple[float, int]:
-    """Moment [EI/L] at the tip and inflections before it, by the rod's own equation.
+    """Moment [EI/L] at the tip and number of inflections before it, by integration.
 
-    theta'' = R sin(theta - psi) from theta = 0, with the slope that has the modulus k.
+    The equation is theta'' = R sin(theta - psi) from theta = 0, with the slope of the modulus k.
     """
     slope = np.sign(k) * 2.0 * np.sqrt(size * (k**2 - np.cos(psi / 2.0) ** 2))
     run = solve_ivp(
@@ -41,6 +41,7 @@ def end(psi: float, k: float, size: float) -> tuple[float, int]:
 
 
 def test_loads_of_the_surface_end_in_an_inflection(charts: list[Chart]) -> None:
+    """Under loads of the charts a rod has no moment at its tip, and inflections of the mode."""
     rng = np.random.default_rng(8)
     for mode, panel in enumerate(charts[1].panels, 1):
         field = panel.field
@@ -48,18 +49,19 @@ def test_loads_of_the_surface_end_in_an_inflection(charts: list[Chart]) -> None:
             i = int(rng.integers(3, field.x.size - 3))
             j = int(rng.integers(6, field.y.size - 6))
             psi, k_rel, size = field.x[i], field.y[j], 10.0 ** field.values[i, j]
-            if k_rel == 0.0 or size > 500.0:  # a long rod forgets its clamp
+            if k_rel == 0.0 or size > 500.0:  # the tip of a long rod does not depend on its clamp
                 continue
             least = abs(np.cos(psi / 2.0))
             k = np.sign(k_rel) * (least + (1.0 - least) * abs(k_rel))
             moment, before = end(psi, k, size)
-            # rounding of the load, e^sqrt(R) times at the tip; a wrong load gives 0.1 and more
+            # rounding of the load, e^sqrt(R) times at the tip; a wrong load gives 0.1 or more
             assert abs(moment) < 1e-6 * np.sqrt(size), (mode, psi, k_rel)
             assert before == mode - 1
             assert abs(end(psi, k, 1.02 * size)[0]) > 1e-4
 
 
 def test_moduli_lie_between_their_bound_and_one(charts: list[Chart]) -> None:
+    """Regions of the chart are bounded by |k| = |cos(psi/2)| and |k| = 1; lines are inside."""
     for sign, region in zip((1.0, -1.0), charts[0].panels[0].regions, strict=True):
         (outline,) = region.outlines
         edge = np.abs(np.abs(outline[:, 1]) - np.abs(np.cos(outline[:, 0] / 2.0)))
@@ -71,11 +73,15 @@ def test_moduli_lie_between_their_bound_and_one(charts: list[Chart]) -> None:
 
 
 def test_all_rods_of_the_load_are_on_its_line(charts: list[Chart], case: Case) -> None:
+    """The chart has the three rods under the direction and size of the case's load, and the case.
+
+    By integration each of them has no moment at its tip; two have one half wave, one has two.
+    """
     (panel,) = charts[2].panels
     every, this = panel.lines[-2:]
     assert every.x.size == 3
     assert np.abs(every.x - this.x).min() < 1e-9
-    assert this.x[0] == pytest.approx(-0.3222579, abs=1e-7)  # by a multi-start of shooting, rod A
+    assert this.x[0] == pytest.approx(-0.3222579, abs=1e-7)  # rod A, by many shootings
     force = rod_pinned.pinned(
         0.8, 0.1, (-3.2, -1.2, -0.6), stiffness=case.parameters["stiffness"]
     ).unknowns

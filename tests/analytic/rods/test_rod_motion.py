@@ -1,4 +1,4 @@
-"""Rods in motion against beams' frequencies, a chain of links, statics, energy and momentum."""
+"""Rods in motion: frequencies of beams, chains of links, statics, and energy."""
 
 import numpy as np
 import pytest
@@ -16,11 +16,16 @@ LINKS = {"crank": 0.25, "coupler": 1.0, "stiffness": 0.2, "coupler_mass": 0.1, "
 
 
 def roots(function, about) -> np.ndarray:
+    """Roots of a function within 0.4 of given numbers."""
     return np.array([brentq(function, a - 0.4, a + 0.4) for a in about])
 
 
 def test_small_oscillations_are_those_of_beams():
-    """(beta L)^2 of Euler and Bernoulli: 1.8751, 4.6941, ...; 3.9266, ...; pi, 2 pi, ..."""
+    """Frequencies of small oscillations are those of Euler-Bernoulli beams, (beta L)^2.
+
+    beta L is 1.8751, 4.6941, ... for a clamped rod, 3.9266, ... for a pinned rod with a free end,
+    and pi, 2 pi, ... for a pinned rod with a slider.
+    """
     about = np.pi * (np.arange(3) + 0.5)
     clamped = roots(lambda b: np.cos(b) + 1.0 / np.cosh(b), about)
     np.testing.assert_allclose(clamped[:2], [1.8751, 4.6941], atol=1e-4)
@@ -28,7 +33,7 @@ def test_small_oscillations_are_those_of_beams():
     np.testing.assert_allclose(rod.frequencies(12)[:3], clamped**2, rtol=1e-9)
     pinned = roots(lambda b: np.tan(b) - np.tanh(b), about[:2] + 0.75 * np.pi)
     found = MovingRod(1.0, 1.0, 1.0, clamped=False).frequencies(12)
-    assert found[0] < 1e-6  # turning about the pin
+    assert found[0] < 1e-6  # rotation about the pin
     np.testing.assert_allclose(found[1:3], pinned**2, rtol=1e-9)
     both = MovingRod(2.0, 3.0, 5.0, clamped=False, slider=1.0).frequencies(16)[:4]
     waves = np.pi * np.arange(1, 5)
@@ -36,7 +41,10 @@ def test_small_oscillations_are_those_of_beams():
 
 
 def test_a_small_fall_is_that_of_a_beam():
-    """Twice about its deflection at rest, by 40 modes of a clamped beam."""
+    """A rod that is released under a small weight moves like a clamped beam, by five modes.
+
+    It oscillates about its deflection at rest.
+    """
     beta = np.array([1.87510406871, 4.69409113297, 7.85475743824, 10.9955407349, 14.1371683910])
     share = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
     t = np.linspace(0.0, 3.0, 31)
@@ -45,13 +53,16 @@ def test_a_small_fall_is_that_of_a_beam():
     tip = 2.0 * (-1.0) ** np.arange(5)
     wanted = -fall * (2.0 * share / beta**5 * tip) @ (1.0 - np.cos(np.outer(beta**2, t)))
     found = rod_released.solve(t, length=1.0, stiffness=1.0, mass=1.0, gravity=fall)
-    # other modes: 4/beta^5, 1e-6 of the fall
+    # further modes: 4/beta^5, 1e-6 of the fall
     np.testing.assert_allclose(found["tip_y"] / fall, wanted / fall, atol=1e-5)
 
 
 @pytest.mark.parametrize("theta0", [0.0, pytest.param(2.2, marks=pytest.mark.slow)])
 def test_a_large_motion_is_the_limit_of_chains(theta0):
-    """Chains of 5, 10 and 20 links, by equations of their own, extrapolated in 1/n^2."""
+    """A released rod moves like chains of 5, 10 and 20 links, extrapolated in 1/n^2.
+
+    The chains have other equations of motion.
+    """
     t = np.linspace(0.0, 0.45, 10)
     found = rod_released.solve(t, theta0=theta0, **ROD)
     tip = found["tip_x"] + 1j * found["tip_y"]
@@ -66,7 +77,7 @@ def test_a_large_motion_is_the_limit_of_chains(theta0):
 
 
 def test_energy_and_balance():
-    """Energy stays, and so does that of a chain; the clamp has no moment at first."""
+    """The energy of a released rod is constant, and the moment at its clamp is zero at first."""
     t = np.linspace(0.0, 0.6, 13)
     found = rod_released.solve(t, **ROD)
     np.testing.assert_allclose(found["energy"], 0.0, atol=1e-8 * np.ptp(found["kinetic"]))
@@ -74,7 +85,10 @@ def test_energy_and_balance():
 
 
 def test_an_equilibrium_is_an_equilibrium_of_the_motion():
-    """The elastica under its own weight, as polynomials through its angles, stays at rest."""
+    """A rod that begins with the shape of the elastica under its own weight stays at rest.
+
+    Its polynomials are fitted to the angles of the elastica.
+    """
     weight = 0.1 * 9.81
     s = np.linspace(0.0, 1.0, 41)
     shape = rod_at_rest(s, length=1.0, stiffness=0.25, weight_y=-weight)
@@ -94,7 +108,7 @@ def test_an_equilibrium_is_an_equilibrium_of_the_motion():
 
 
 def test_more_polynomials_and_shorter_steps_change_what_is_said():
-    """A half of the step changes a place by 3e-6; polynomials by what the docstring says."""
+    """Half the step changes a position by 3e-6, more polynomials by up to `POSITION_TOLERANCE`."""
     t = np.linspace(0.0, 0.8, 9)
     rod = MovingRod(1.0, 0.25, 0.1, gravity=-9.81j)
     step = 1.0 / rod.frequencies(10)[rod_motion.RESOLVED_MODES - 1]
@@ -107,7 +121,10 @@ def test_more_polynomials_and_shorter_steps_change_what_is_said():
 
 
 def test_a_stiff_coupler_is_a_rigid_one():
-    """Ten times as stiff: the slider is off by a hundredth, the square of the deflection."""
+    """With a coupler ten times as stiff the slider's difference from a rigid linkage is 1/100.
+
+    This difference is of the order of the square of the deflection.
+    """
     angle, speed = np.linspace(0.0, 1.5, 7), 3.0
     rigid = slider_crank.solve(
         angle,
@@ -132,12 +149,15 @@ def test_a_stiff_coupler_is_a_rigid_one():
             ]
         )
     assert off[1][0] < 0.02 * off[0][0]
-    assert off[1][1] < 0.5 * off[0][1]  # it rings: no moment at the start, but its rate
+    assert off[1][1] < 0.5 * off[0][1]  # an oscillation from the start
     assert off[1][1] < 0.01 * np.ptp(rigid["holding_moment"])
 
 
 def test_an_elastic_coupler_is_the_limit_of_chains():
-    """Chains of 4, 8 and 16 links, by equations of their own, extrapolated in 1/n^2."""
+    """An elastic coupler moves like chains of 4, 8 and 16 links, extrapolated in 1/n^2.
+
+    The chains have other equations of motion.
+    """
     angle = np.linspace(0.0, 1.2, 5)
     found = slider_crank_elastic.solve(angle, 6.0 + 0.0 * angle, 0.0 * angle, **LINKS)
     wanted = np.array([found[f"{at}_x"] + 1j * found[f"{at}_y"] for at in ("middle", "tip")])
@@ -151,7 +171,10 @@ def test_an_elastic_coupler_is_the_limit_of_chains():
 
 
 def test_the_drive_does_the_work_of_the_energy():
-    """Its moment integrated over the turn is what kinetic and potential energy gain."""
+    """The integral of the drive's moment over its angle is the increase of the energy.
+
+    The tip stays on its guide, and the velocity of the slider is the derivative of its position.
+    """
     angle = np.linspace(0.0, 2.0, 201)
     at = slider_crank_elastic.solve(angle, 6.0 + 0.0 * angle, 0.0 * angle, gravity=2.0, **LINKS)
     gained = at["energy"][-1] - at["energy"][0]
@@ -164,7 +187,10 @@ def test_the_drive_does_the_work_of_the_energy():
 
 
 def test_drives_that_differ_by_rounding_have_one_motion(monkeypatch):
-    """And one that is faster by 1e-6 has its own: the slider is ahead by as much of its way."""
+    """Drives that differ by rounding errors share one integration of the motion.
+
+    A drive with an angle that is larger by 1e-6 has its own: the slider is ahead in proportion.
+    """
     integrated, whole = [], rod_motion.motion_curves
     monkeypatch.setattr(
         rod_motion, "motion_curves", lambda *given: integrated.append(1) or whole(*given)
@@ -216,7 +242,7 @@ def test_bad_input_of_an_elastic_coupler(change, rate, words):
 
 
 def test_neighbours_have_as_many_polynomials(monkeypatch):
-    """A mass changed by 1e-6 takes the number that the motion itself was found to need."""
+    """A rod with a mass changed by 1e-6 uses the number of polynomials that the rod needed."""
     counts, moved = [], rod_motion.motion_curves
     monkeypatch.setattr(
         rod_motion,

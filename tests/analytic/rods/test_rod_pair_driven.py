@@ -1,4 +1,4 @@
-"""Two rods on one pin led by their motors: laws, recomputed lines, the fold, turns of motors."""
+"""Two rods on one pin, driven by motors: paths of the document, a fold, whole turns of motors."""
 
 import numpy as np
 import pytest
@@ -18,14 +18,14 @@ LINE = WHERE | {
     "moment2": 0.29,
     "push_x": -0.83,
     "push_y": 0.95,
-}  # where the document's trajectories begin
+}  # the start of the document's trajectories
 BEGIN = np.radians([[-32.2157989], [20.9113672]])
 FIRST = np.array([[1.0], [0.0]])
-ASIDE = np.array([0.1, -0.05])  # where the rods are looked at
+ASIDE = np.array([0.1, -0.05])  # rotation [rad] of the motors from the guess
 
 
 def guess(name):
-    """A first guess for an equilibrium of Table 7, in three digits."""
+    """Motor angles of an equilibrium of Table 7, and parameters with a guess of three decimals."""
     s = pair(name)
     names = "pin_x", "pin_y", "moment1", "moment2", "push_x", "push_y"
     values = np.array([*s.pose, *s.moment, *s.force[0]])
@@ -33,18 +33,18 @@ def guess(name):
 
 
 def test_a_motor_turned_by_a_radian():
-    """The document's line without load, recomputed: pin and moments at its clamps."""
+    """Pin and holding moments are the recomputed ones along the document's motor line, unloaded."""
     rows = PATHS["motor"]
     found = solve(BEGIN + FIRST * [0.0, *(row["turn"] for row in rows)], **LINE)
     for names, key in ((("pin_x", "pin_y"), "pose"), (("hold1", "hold2"), "moment")):
         sign = -1.0 if key == "moment" else 1.0  # the motors hold against the rods
         values = sign * np.stack([found[name][1:] for name in names], axis=1)
-        # given to six decimals, moments to five
+        # the data have six decimals, those of moments five
         np.testing.assert_allclose(values, [row[key] for row in rows], rtol=0, atol=6e-6)
 
 
 def test_both_motors_lead_the_pin_round_a_ring():
-    """Motor angles of a ring of 0.2 m about the start, recomputed to 1e-5 degrees."""
+    """Recomputed motor angles, with digits of 1e-5 degrees, lead the pin round a ring of 0.2 m."""
     rows = PATHS["ring"]
     angles = np.radians([row["inputs_deg"] for row in rows]).T
     found = solve(np.hstack([BEGIN, angles]), **LINE)
@@ -55,16 +55,16 @@ def test_both_motors_lead_the_pin_round_a_ring():
 
 
 def test_a_fold_ends_the_branch():
-    """NaN behind it; the pin loses its stiffness with the root of the way to it."""
+    """Curves are NaN beyond the fold; the stiffness is the root of the angle that is left to it."""
     fold = PATHS["fold"]
-    ways = np.array([4e-4, 1e-4, -1e-4])  # the turn is given to 5e-6 rad
+    ways = np.array([4e-4, 1e-4, -1e-4])  # the data have 5e-6 rad
     found = solve(BEGIN + FIRST * [0.0, *(fold["turn"] + ways)], **LINE)
     assert np.isfinite(found["pin_x"]).tolist() == [True, True, True, False]
     assert all(np.isnan(curve[3]) for curve in found.values())
     soft = found["pin_stiffness"][1:3]
-    assert soft[1] / soft[0] == pytest.approx(0.5, abs=0.02)  # next power; the fold's 5e-6
+    assert soft[1] / soft[0] == pytest.approx(0.5, abs=0.02)  # next power; fold to 5e-6
     near = [found["pin_x"][2], found["pin_y"][2]]
-    assert near == pytest.approx(fold["pose"], abs=2e-2)  # that root: 1e-2 rad
+    assert near == pytest.approx(fold["pose"], abs=2e-2)  # root of 1e-4 rad
 
 
 TURNS = {"S1": (1, -1, "S2"), "S4": (0, -1, "S2"), "S3": (-1, 0, "S1")}
@@ -74,20 +74,26 @@ TURNS = {"S1": (1, -1, "S2"), "S4": (0, -1, "S2"), "S3": (-1, 0, "S1")}
     "name", ["S3", *(pytest.param(name, marks=pytest.mark.slow) for name in ("S1", "S4"))]
 )
 def test_turns_of_the_motors_join_the_equilibria_of_table_7(name):
-    """The clamps come back, the rods are wound otherwise: S1 and S2 are printed there."""
+    """Whole turns of the motors lead from one equilibrium of Table 7 to another one.
+
+    The clamps have the same directions again, but the rods are wound in another way.
+    """
     *turns, other = TURNS[name]
     begin, given = guess(name)
     found = solve(begin[:, None] + 2 * np.pi * np.outer(turns, np.linspace(0, 1, 7)), **given)
     goal = pair(other)
     ends = [found[key][-1] for key in ("pin_x", "pin_y", "hold1", "hold2", "energy")]
     truth = [*goal.pose, *-goal.moment, goal.energy.sum()]
-    np.testing.assert_allclose(ends, truth, rtol=0, atol=1e-10)  # Newton's, of sizes L and EI/L
+    np.testing.assert_allclose(ends, truth, rtol=0, atol=1e-10)  # Newton, over L and EI/L
     assert found["pin_stiffness"].min() > 0.1  # far from any fold
 
 
 @pytest.mark.parametrize("name", ["S1", "S2", "S3", "S4"])
 def test_the_rods_integrated_from_their_clamps_meet_at_the_pin(name):
-    """By DOP853 from moments and forces: places, tangents, no moment at the pin, energy."""
+    """Rods by DOP853, from their clamp moments and tip forces, meet at the pin without a moment.
+
+    Their tangents at the pin and their energy are those of `solve`.
+    """
     begin, given = guess(name)
     found = {
         key: curve[-1]
@@ -107,7 +113,7 @@ def test_the_rods_integrated_from_their_clamps_meet_at_the_pin(name):
 
 
 def spread(h):
-    """A sample of the document's line between two others, by turning either motor."""
+    """A sample of the document's line (1) and two at +-h (2, 3), for each of the two motors."""
     middle = BEGIN + FIRST * 0.4
     return [
         solve(
@@ -121,7 +127,7 @@ def spread(h):
 
 
 def test_rates_are_slopes_and_moments_are_work():
-    """dP/dt = sum dP/dtheta_i, and d(U - F.P) = hold . dtheta, by differences."""
+    """dP/dt = sum dP/dtheta_i at motor rates of 1 rad/s; d(U - F.P) = hold . dtheta."""
     h = 1e-4
     first, second = spread(h)
     for axis in "xy":
@@ -136,7 +142,10 @@ def test_rates_are_slopes_and_moments_are_work():
 
 
 def test_symmetric_motors_keep_the_pin_in_the_middle():
-    """Tangents 60 and 120 degrees without load: the recomputed pose, and further down."""
+    """Motors that turn symmetrically from 60 and 120 degrees keep the unloaded pin on the y axis.
+
+    The pose at the start is the recomputed one.
+    """
     turn = np.linspace(0.0, 0.3, 4)
     found = solve(
         [np.pi / 3 + turn, 2 * np.pi / 3 - turn],
@@ -152,20 +161,20 @@ def test_symmetric_motors_keep_the_pin_in_the_middle():
     assert np.abs(found["pin_x"]).max() <= 1e-9
     assert np.abs(found["pin_vx"]).max() <= 1e-9
     np.testing.assert_allclose(found["hold1"], -found["hold2"], atol=1e-9)
-    assert found["pin_y"][0] == pytest.approx(0.948938, abs=5e-7)  # its digits
+    assert found["pin_y"][0] == pytest.approx(0.948938, abs=5e-7)  # digits of the data
 
 
 def test_motors_that_differ_in_the_seventh_digit_have_equilibria_of_their_own():
-    """They share the search for a way, whatever was asked before."""
+    """Motor angles that differ by 2e-7 rad share the search for a path, but not the equilibrium."""
     step = 2e-7
     one, other = (solve(BEGIN + FIRST * turn, FIRST, **LINE) for turn in (0.5, 0.5 + step))
     slope = (other["pin_x"] - one["pin_x"]) / step
-    assert slope == pytest.approx(one["pin_vx"], abs=2e-3)  # Newton's 1e-10 twice, over the step
+    assert slope == pytest.approx(one["pin_vx"], abs=2e-3)  # twice Newton's 1e-10, over the step
 
 
 @pytest.mark.slow
 def test_the_way_there_does_not_matter():
-    """More samples, there and back, other units: the same equilibria."""
+    """The equilibria are the same with more samples, on the way back, and in other units."""
     turn = np.linspace(0.0, 1.0, 3)
     coarse = solve(BEGIN + FIRST * turn, FIRST, **LINE)
     there = np.linspace(0.0, 1.0, 9)
@@ -222,20 +231,23 @@ SQUARES = {"width": 0.2, "height": 0.2, "number": 4, "divisions": 4}
 
 
 def led_to(law, time, size):
-    """Places of the pin x + iy about its first one, where the motors lead it."""
+    """Positions x + iy of the pin from its first one, for motor angles of a motion profile."""
     found = solve(*law(time, **size, **CENTRE, **LINE), **LINE)
     place = found["pin_x"] + 1j * found["pin_y"]
     return place - place[0]
 
 
 def stiffness_at(places):
-    """The least stiffness that the motors hold the pin with at places about the centre."""
+    """States at positions of the pin about the centre, and their least stiffness, fixed motors."""
     states = equilibria_at_points(tuple(places.tolist()), **CENTRE, **LINE)
     return states, np.linalg.eigvalsh(derivatives(states).stiffness)[:, 0]
 
 
 def test_five_circles_of_the_document():
-    """The last of them is the ring that was recomputed; all poses are stable."""
+    """The motors lead the pin along the document's five circles, through stable poses.
+
+    The last circle is the ring whose motor angles were recomputed.
+    """
     turns = np.exp(0.25j * np.pi * np.arange(8))
     wanted = np.outer(0.02 * np.arange(1.0, 6.0), turns).ravel()
     time = np.array([0, 1, 4, 11, 18, 25, 29, 33, 36, 39])
@@ -248,8 +260,11 @@ def test_five_circles_of_the_document():
 
 
 def test_four_rectangles_of_the_document_end_beyond_a_fold():
-    """All 64 places, of which the last, a corner of the largest, is an unstable equilibrium."""
-    # clockwise, from the lower right corner: each side is the one before, turned
+    """The motors lead the pin along the document's four rectangles, except for the last corner.
+
+    Of all 64 positions this one, a corner of the largest rectangle, is an unstable equilibrium.
+    """
+    # clockwise from the lower right corner; each side is the one before, rotated
     square = (-1j) ** np.arange(4)[:, None] * (1.0 - 1.0j - 0.5 * np.arange(1, 5))
     wanted = np.outer(0.025 * np.arange(1, 5), square).ravel()
     time = np.array([0, 3, 4, 8, 12, 16, 21, 28, 35, 44, 50, 56, 60])
@@ -257,10 +272,10 @@ def test_four_rectangles_of_the_document_end_beyond_a_fold():
     np.testing.assert_allclose(places[1:], wanted[time[1:] - 1], rtol=0, atol=1e-9)
     states, least = stiffness_at(wanted)
     assert least[:-1].min() > 0.05
-    assert least[-1] < -0.1  # the document's inverse problem holds the pin, which motors cannot
+    assert least[-1] < -0.1  # motors do not constrain the pin there
     own = rectangles(np.arange(1.0, 65.0), **SQUARES, **CENTRE, **LINE)[0]
     np.testing.assert_allclose(own.T, states.inputs, rtol=0, atol=1e-9)
-    # two shapes at these angles: the motors lead to the stable one
+    # of two shapes at these angles the motors lead to the stable one
     assert (
         abs(led_to(rectangles, np.array([0.0, 56.0, 60.0, 64.0]), SQUARES)[-1] - wanted[-1]) > 0.05
     )
@@ -268,6 +283,7 @@ def test_four_rectangles_of_the_document_end_beyond_a_fold():
 
 @pytest.mark.parametrize("law", [circles, rectangles])
 def test_a_path_has_the_rates_of_its_angles(law):
+    """Rates and accelerations of a motion profile are central differences of its angles."""
     size = ROUND if law is circles else SQUARES
     t, step = np.array([0.7, 7.3, 22.9]), 1e-4
     angle, rate, acceleration = law(t, **size, **CENTRE, **LINE)

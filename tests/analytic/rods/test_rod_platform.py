@@ -1,4 +1,4 @@
-"""Three rods on a platform as references: Table 8, annex II.4, shooting, virtual work, symmetry."""
+"""Three rods on a platform: Table 8, annex II.4, shooting, virtual work, and symmetry."""
 
 import json
 from functools import partial
@@ -36,13 +36,13 @@ ENDS = np.array([0.0, 1.0])
 
 
 def at(slides, **parameters):
-    """Quantities at one triple of inputs, as numbers."""
+    """Quantities at one triple of inputs, as numbers by name."""
     found = rod_platform_driven.solve(np.asarray(slides, float), **parameters)
     return {name: float(value) for name, value in found.items()}
 
 
 def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
-    """A state of the mechanism of Table 8."""
+    """An equilibrium of the mechanism of Table 8; mode 1 has the least potential."""
     return equilibrium_of_mode(
         PlatformProblem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode
     )
@@ -50,10 +50,13 @@ def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
 
 @pytest.mark.parametrize(("mode", "row"), [(2, 0), (1, 1)])
 def test_table_8_at_rest(mode, row):
-    """Its two solutions are the two lowest of the stable equilibria."""
+    """The two solutions of Table 8 are the two lowest stable equilibria.
+
+    Rods lead from the clamps to the pins and have no moment there.
+    """
     wanted = TABLE8["recomputed"][row]
     found = rod_platform.solve(ENDS, **RFR3, mode=mode)
-    assert [found["x"][0], found["y"][0]] == pytest.approx(wanted["pose"], abs=1e-8)  # its digits
+    assert [found["x"][0], found["y"][0]] == pytest.approx(wanted["pose"], abs=1e-8)  # digits
     assert np.degrees(found["phi"][0]) == pytest.approx(wanted["phi_deg"], abs=1e-6)
     assert found["energy"][0] == pytest.approx(wanted["energy"], abs=1e-8)
     holds = [-found[f"hold{k}"][0] for k in (1, 2, 3)]
@@ -70,14 +73,17 @@ def test_table_8_at_rest(mode, row):
 
 
 def test_other_stable_equilibria_have_a_looped_rod():
-    """Three that the table lacks: chains of the same shapes are stable as well."""
+    """Modes 3 to 5, which the table does not have, are stable and each have one looped rod.
+
+    Chains that are seeded with their shapes are stable at the same poses.
+    """
     for mode in (1, 2, 3, 4, 5):
         s = rfr3(mode=mode)
         tips = s.shape([0.0, 1.0])[2]
         looped = np.abs(tips[:, 1] - tips[:, 0]) > np.radians(300.0)
         assert looped.sum() == (mode > 2)
         shapes = [lambda arc, k=k, s=s: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
-        # of a rod that is 40 links long at least: the bend of a loop is 1/13 of its length
+        # the bend of a loop is 1/13 of the length, so a chain needs 40 links at least
         own = settle(three(0.2), MOTORS8, seed=shapes, segments=80, force=(0.0, 0.5))
         assert own.curvatures[0] > 0.0
         np.testing.assert_allclose(own.pose, s.pose, atol=6e-3)  # h^2 of that bend
@@ -87,7 +93,7 @@ def test_other_stable_equilibria_have_a_looped_rod():
 
 @pytest.mark.parametrize("load", [(0.0, 0.5, 0.0), (0.2, 0.1, 0.03)])
 def test_shooting_finds_the_same(load):
-    """Twelve unknowns, integrated by another method from a guess of two digits."""
+    """Shooting by DOP853, with twelve unknowns and a guess of two digits, finds the same state."""
     s = rfr3(load, mode=2)
 
     def residual(z):
@@ -116,11 +122,11 @@ def test_shooting_finds_the_same(load):
     guess = [float(f"{value:.2g}") for value in s.vector[:12]]
     found = root(residual, guess, tol=1e-12)
     assert np.abs(found.x - guess).max() > 1e-3
-    np.testing.assert_allclose(found.x, s.vector[:12], rtol=0, atol=1e-9)  # 1e-11 of a rod's digits
+    np.testing.assert_allclose(found.x, s.vector[:12], rtol=0, atol=1e-9)  # rods: 1e-11
 
 
 def test_the_misprinted_angle_is_another_mechanism():
-    """With theta2 = 0 no equilibrium, of any potential, is near a printed one."""
+    """With theta2 = 0, as printed, no stable equilibrium is within 0.05 m of those of Table 8."""
     motors = tuple(np.radians([45.0, TABLE8["inputs2_misprint_deg"], -60.0]))
     there = rod_platform.stable_equilibria(
         PlatformProblem(0.2, 1.0, 1.0, EI, motors, None, (0.0,) * 3, (0.0, 0.5, 0.0), 1)
@@ -130,7 +136,10 @@ def test_the_misprinted_angle_is_another_mechanism():
 
 
 def test_annex_configuration():
-    """Three equilibria; the other roots of the program's residual are mirror images."""
+    """The mechanism of the annex has three equilibria, those recomputed, and no fourth one.
+
+    They are the roots of the program's residual that are not mirror images.
+    """
     a = three(ANNEX["side"])
     pins = [row["pins"] for row in DATA["pfr3_closures"]["pins"]]
     assert is_mirrored(a, pins).tolist() == [
@@ -138,7 +147,7 @@ def test_annex_configuration():
     ]
     for mode, row in enumerate(ANNEX["equilibria"], 1):
         found = at([ANNEX["slide"]] * 3, **PFR3, mode=mode)
-        assert [found["x"], found["y"]] == pytest.approx(row["pose"], abs=5.1e-6)  # its digits
+        assert [found["x"], found["y"]] == pytest.approx(row["pose"], abs=5.1e-6)  # digits
         assert np.degrees(found["phi"]) == pytest.approx(row["phi_deg"], abs=5.1e-4)
         assert found["energy"] == pytest.approx(row["energy"], abs=5.1e-6)
         arms = triangle(ANNEX["side"]) @ [1.0, 1.0j] * np.exp(1j * found["phi"])
@@ -153,18 +162,22 @@ def test_annex_configuration():
 @pytest.mark.parametrize("row", DATA["pfr3"]["recomputed"], ids=["rigid ends", "none"])
 @pytest.mark.slow
 def test_start_pose_of_the_program(row):
-    """Its slides turn the unloaded platform to 60 degrees; each force is across its guide."""
+    """At the recomputed slides the unloaded platform is at 60 degrees, with no force on the drives.
+
+    Each rod's force is across its guide.
+    """
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
     found = at([row["slide"]] * 3, side=side, **GUIDED, rigid_extension=row["rigid_extension"])
-    assert np.degrees(found["phi"]) == pytest.approx(60.0, abs=5e-5)  # 5e-8 m of the slide, 0.3 m
+    assert np.degrees(found["phi"]) == pytest.approx(60.0, abs=5e-5)  # slide: 5e-8 m over 0.3 m
     holds = np.array([found[f"hold{k}"] for k in (1, 2, 3)])
-    assert np.abs(holds).max() <= 2e-8  # the same times 0.1 N/m
+    assert np.abs(holds).max() <= 2e-8  # 5e-8 m times 0.1 N/m
     assert np.ptp(holds) <= 1e-12
     assert abs(found["x"]) + abs(found["y"]) <= 1e-12
 
 
 @pytest.mark.parametrize("row", DATA["pfr3_symmetric"]["recomputed"])
 def test_symmetric_platform_without_load(row):
+    """An unloaded symmetric platform has the recomputed angle, energy and forces along guides."""
     found = at([0.0] * 3, side=0.5, **GUIDED, mode=1 if row["phi_deg"] > 0 else 2)
     assert np.degrees(found["phi"]) == pytest.approx(row["phi_deg"], abs=1e-5)  # five decimals
     assert found["energy"] == pytest.approx(row["energy"], abs=1e-7)
@@ -176,7 +189,7 @@ def test_symmetric_platform_without_load(row):
 
 
 def test_a_third_of_a_turn():
-    """Load and slides turned by 120 degrees: so is the pose, and the drives change places."""
+    """With load and slides rotated by 120 degrees the pose is rotated and the drives exchanged."""
     path, third = np.linspace([0.1] * 3, [0.2, 0.05, -0.1], 3).T, np.exp(2j * np.pi / 3)
     load = (0.3 - 0.2j) * third
     one = rod_platform_driven.solve(path, **PFR3)
@@ -200,9 +213,9 @@ DRIVEN = {
 
 @pytest.mark.parametrize(("parameters", "first", "last"), DRIVEN.values(), ids=DRIVEN)
 def test_rates_and_virtual_work(parameters, first, last):
-    """Rates are slopes of the path, and what the drives hold is that of the potential.
+    """Rates are derivatives of the pose, and the holding moments do the work of the potential.
 
-    A moment on the platform grows along the path: the potential changes with it as well.
+    A moment on the platform grows along the path, and the potential changes with it as well.
     """
     h, way, growth = 1e-4, np.subtract(last, first), np.full(5, 0.03)
     share = np.array([0.0, 0.3 - h, 0.3, 0.3 + h, 1.0])
@@ -214,7 +227,7 @@ def test_rates_and_virtual_work(parameters, first, last):
         f * found[name] for f, name in zip(force, ("x", "y", "phi"), strict=True)
     )
     held = sum(found[f"hold{k}"][2] * way[k - 1] for k in (1, 2, 3)) - 0.03 * found["phi"][2]
-    # h^2 of the third derivatives, 20 and less, and 1e-11 of the rods over h
+    # h^2 times third derivatives of up to 20, and 1e-11 of the rods over h
     for name in ("x", "y", "phi"):
         slope = (found[name][3] - found[name][1]) / (2 * h)
         assert found[f"{name}_rate"][2] == pytest.approx(slope, abs=5e-7)
@@ -223,9 +236,9 @@ def test_rates_and_virtual_work(parameters, first, last):
 
 
 def test_the_end_of_a_path_is_an_equilibrium_of_its_own():
-    """The branch of the path is the one that is found at its end, lowest there as well.
+    """The last equilibrium of a path is the lowest one that is found at its end alone.
 
-    The slides go back to the symmetric platform while the load goes.
+    Along the path the slides return to the symmetric platform and the load falls to zero.
     """
     share = np.linspace(1.0, 0.0, 5)
     load = {"force_x": 0.3 * share, "force_y": -0.2 * share}
@@ -237,7 +250,7 @@ def test_the_end_of_a_path_is_an_equilibrium_of_its_own():
 
 
 def test_a_path_ends_at_its_fold():
-    """Slider 1 drawn out: the platform turns ever faster, and there is nothing beyond."""
+    """As slider 1 is drawn out, the path ends at a fold; all further samples are NaN."""
     path = np.linspace([0.1, 0.1, 0.1], [1.5, 0.1, 0.1], 31).T
     found = rod_platform_driven.solve(path, **PFR3)
     there = np.isfinite(found["x"])
@@ -248,9 +261,12 @@ def test_a_path_ends_at_its_fold():
 
 
 def test_neighbours_share_a_search(monkeypatch):
-    """A parameter changed by 1e-6 needs no other search, and moves what it must."""
+    """A parameter changed by 1e-6 uses the search of its neighbour, and has its own equilibrium.
+
+    Differences over 1e-6 and 9e-6 give the same derivative.
+    """
     calls = []
-    search = partial(rod_platform.solutions, poses=300)  # finds mode 1 already
+    search = partial(rod_platform.solutions, poses=300)  # enough to find mode 1
     monkeypatch.setattr(
         rod_platform, "solutions", lambda *a, **k: calls.append(a) or search(*a, **k)
     )

@@ -1,4 +1,4 @@
-"""Rods by shooting: orders, tangents, the document's Newton method, stability with a pinned tip."""
+"""Rods by shooting: orders, derivatives, the document's Newton method, stability, bad values."""
 
 import json
 from functools import cache
@@ -22,17 +22,18 @@ DOCUMENT = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
 
 
 def start(name):
+    """Recomputed tip force and clamp moment of rod A, B, C or D."""
     return [ROD[name][key] for key in ("n_x", "n_y", "m0")]
 
 
 @cache
 def solved(n_x, n_y, m0):
-    """What Newton's method with exact Jacobians makes of a guess."""
+    """The result of Newton's method with exact Jacobians from a guess, on 61 nodes."""
     return pinned(*PIN, (n_x, n_y, m0), stiffness=EI, nodes=61)
 
 
 def test_section():
-    """Bending stiffness of the document's round rods; its code calls the unit Pa."""
+    """EI of the document's round rods is E pi r^4/4, in N m^2; its code names the unit Pa."""
     for diameter, stiffness in ((1.5e-3, 0.05218602640), (2e-3, 0.16493361431)):
         assert 210e9 * np.pi * (diameter / 2) ** 4 / 4 == pytest.approx(stiffness, abs=1e-11)
     assert pytest.approx(EI, rel=1e-15) == 210e9 * np.pi * 1e-12 / 4
@@ -42,6 +43,7 @@ def test_section():
     ("scheme", "order", "nodes"), [("rk4", 4, (81, 161)), ("dop853", 8, (17, 33))]
 )
 def test_order(scheme, order, nodes):
+    """The error of the tip is of fourth order for RK4 and of eighth order for DOP853."""
     truth = tip(1.3, -0.4, 2)
     force = truth["R"] * np.array([np.cos(1.3), np.sin(1.3)])
     errors = []
@@ -49,20 +51,20 @@ def test_order(scheme, order, nodes):
         rod = integrate(*force, truth["m0"], nodes=count, scheme=scheme)
         errors.append(np.hypot(rod.x[-1] - truth["x"], rod.y[-1] - truth["y"]))
     seen = np.log2(errors[0] / errors[1])
-    assert seen == pytest.approx(order, rel=0.06)  # terms of the next order, at finite steps
+    assert seen == pytest.approx(order, rel=0.06)  # terms of the next order
 
 
 def test_errors_of_the_document_s_scheme():
-    """RK4 on the exact load of A: the tip's error falls with the fourth power of the step."""
+    """Under the exact load of A the tip has the recomputed errors of RK4, of fourth order."""
     exact = pinned(*PIN, start("A"), stiffness=EI, nodes=161).unknowns
     for count, error in DATA["rk4_tip_error_at_A"].items():
         rod = integrate(*exact, stiffness=EI, nodes=int(count), scheme="rk4")
         found = np.hypot(rod.x[-1] - PIN[0], rod.y[-1] - PIN[1])
-        assert found == pytest.approx(error, rel=5e-3)  # three digits given
+        assert found == pytest.approx(error, rel=5e-3)  # data: three digits
 
 
 def test_scipy_s_integrator_agrees_under_weight():
-    """Adaptive steps on the equations written out, with a dead load along the rod."""
+    """`integrate` and `from_tip`, with a dead load along the rod, agree with scipy's DOP853."""
     n, w, length = np.array([0.4, -1.1]), np.array([0.7, -2.0]), 1.3
 
     def rate(s, z):
@@ -87,7 +89,7 @@ def test_scipy_s_integrator_agrees_under_weight():
         stiffness=0.5,
     )
     found = [rod.theta[-1], rod.m[-1], rod.x[-1], rod.y[-1]]
-    np.testing.assert_allclose(found, run.y[:, -1], rtol=0, atol=1e-11)  # its tolerance, summed
+    np.testing.assert_allclose(found, run.y[:, -1], rtol=0, atol=1e-11)  # scipy, summed
     back = from_tip(
         *n, rod.theta[-1], rod.m[-1], weight_x=w[0], weight_y=w[1], length=length, stiffness=0.5
     )
@@ -101,6 +103,7 @@ def test_scipy_s_integrator_agrees_under_weight():
 
 @pytest.mark.parametrize("scheme", ["rk4", "dop853"])
 def test_slopes_by_differences(scheme):
+    """Derivatives of the tip are central differences."""
     given, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
     shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "stiffness": 0.4, "scheme": scheme}
     exact = integrate(*given[:3], theta0=given[3], slopes=True, **shared).slope[-1]
@@ -114,24 +117,28 @@ def test_slopes_by_differences(scheme):
 
 @pytest.mark.parametrize("name", "ABCD")
 def test_solutions(name):
-    """Newton with exact Jacobians from the digits given; the closed form knows them too."""
+    """Newton's method from the recomputed digits converges to them, in three steps or fewer.
+
+    The closed form has the recomputed parameters and energy and its tip at the pin.
+    """
     row = ROD[name]
     shot = pinned(*PIN, start(name), stiffness=EI, nodes=161)
     assert shot.converged
     assert shot.iterations <= 3
-    np.testing.assert_allclose(shot.unknowns, start(name), rtol=0, atol=1e-6)  # digits given: 5e-8
+    np.testing.assert_allclose(shot.unknowns, start(name), rtol=0, atol=1e-6)  # data: 5e-8
     assert np.degrees(shot.rod.theta[-1]) == pytest.approx(row["tip_deg"], abs=2e-5)
     psi, k_rel, mode = of_load(*shot.unknowns, stiffness=EI)
     assert (round(float(psi), 6), float(mode)) == (round(row["psi"], 6), row["mode"])
     assert k_rel == pytest.approx(row["k_rel"], abs=6e-8)
     closed = tip(psi, k_rel, mode, stiffness=EI)
     assert closed["energy"] == pytest.approx(row["U"], abs=6e-8)
-    # k_rel and psi carry Newton's tolerance, 1e-12
+    # k_rel and psi have errors of Newton's tolerance, 1e-12
     assert [closed["x"], closed["y"]] == pytest.approx(PIN, abs=1e-11)
 
 
 @pytest.mark.parametrize("name", "ABCD")
 def test_stability_with_a_pinned_tip(name):
+    """The number of negative directions is that of the data and of a discrete Hessian."""
     row = ROD[name]
     found = stability(row["n_x"], row["n_y"], np.radians(row["tip_deg"]), stiffness=EI)
     assert found.pinned == row["negative"]
@@ -139,7 +146,7 @@ def test_stability_with_a_pinned_tip(name):
 
 
 def smallest(n_x, n_y, m0, cells=60):
-    """Negative eigenvalues of the energy's Hessian on the motions that leave the tip in place."""
+    """Number of negative eigenvalues of the energy's Hessian for motions with a fixed tip."""
     rod = integrate(n_x, n_y, m0, stiffness=EI, nodes=2 * cells + 1)
     theta, h = rod.theta[1::2], 1.0 / cells  # constant angle in each cell
     along = n_x * np.cos(theta) + n_y * np.sin(theta)
@@ -153,7 +160,7 @@ def smallest(n_x, n_y, m0, cells=60):
 
 
 def test_compliance_by_differences():
-    """The tip's compliance is the slope of what Newton finds, turned around."""
+    """The tip's compliance is the inverse of differences of pin forces, and symmetric."""
     exact = pinned(*PIN, start("B"), stiffness=EI, nodes=161)
     found = stability(*exact.unknowns[:2], exact.rod.theta[-1], stiffness=EI).compliance
     step, stiff = 1e-4, np.empty((2, 2))
@@ -165,16 +172,20 @@ def test_compliance_by_differences():
         stiff[:, k] = (ahead - behind)[:2] / (2.0 * step)
     # third derivatives times step^2: forces of 4 N change over 0.1 m
     np.testing.assert_allclose(found @ stiff, np.eye(2), rtol=0, atol=1e-4)
-    assert abs(found[0, 1] - found[1, 0]) <= 1e-12  # the gradient of an energy
+    assert abs(found[0, 1] - found[1, 0]) <= 1e-12  # force: gradient of an energy
 
 
 @pytest.mark.parametrize(("guess", "name"), DATA["guesses"])
 @pytest.mark.parametrize("way", ["document", "exact"])
 def test_guess_selects_the_branch(guess, name, way):
+    """Both Newton methods lead from each guess to the same recomputed equilibrium.
+
+    The document's method takes six iterations from its own guess, 0.1.
+    """
     by_document = way == "document"
     shot = pinned(*PIN, guess, stiffness=EI, **DOCUMENT) if by_document else solved(*guess)
     assert shot.converged
-    # RK4 with 61 nodes is off by 2e-7 m at A and B, more at C: times the stiffness, 1 to 20 N/m
+    # errors of RK4 with 61 nodes, 2e-7 m at A and B, more at C, times stiffnesses of 1 to 20 N/m
     np.testing.assert_allclose(
         shot.unknowns, start(name), rtol=0, atol={"A": 1e-5, "B": 1e-5, "C": 1e-4}[name]
     )
@@ -193,22 +204,22 @@ def page():
 
 
 def test_page_draws_the_document_s_shooting_from_its_guess_to_the_solution(page):
-    """Annex II: three plots from 0.1; the solution is A, known to the closed form (above)."""
+    """The page draws the course of the three unknowns from annex II's guess, 0.1, to rod A."""
     for k, (panel, name) in enumerate(
         zip(page["shooting_course"].panels, ("n_x [N]", "n_y [N]", "m_0 [N m]"), strict=True)
     ):
         assert panel.title == name
         exact, document = panel.lines
         assert exact.y[0] == document.y[0] == 0.1
-        assert exact.y[-1] == pytest.approx(start("A")[k], abs=1e-6)  # digits given: 5e-8
+        assert exact.y[-1] == pytest.approx(start("A")[k], abs=1e-6)  # data: 5e-8
         assert document.y[-1] == pytest.approx(start("A")[k], abs=1e-5)  # RK4: 2e-7 m of the tip
-        assert document.x.tolist() == list(range(7))  # six steps, as an independent run took
+        assert document.x.tolist() == list(range(7))  # six steps, as in an independent run
     titles = [panel.title for panel in page["shooting_convergence"].panels]
     assert titles[1] == "the document's way: 6 iterations"
 
 
 def test_every_iterate_is_newton_s_step_from_the_one_before(page):
-    """By central differences along the rod's own integration: J times the step takes f away."""
+    """Each step is Newton's by central differences, -J^-1 f, or a half, a quarter, .. of it."""
     log, h = solved(0.1, 0.1, 0.1).log, 1e-5
 
     def miss(unknowns):
@@ -231,7 +242,7 @@ def test_every_iterate_is_newton_s_step_from_the_one_before(page):
 
 
 def left_by_a_step(wrong, distance, direction):
-    """Error after one step of Newton from beside A, with a Jacobian that is wrong by a share."""
+    """Error after one Newton step from next to A, with a Jacobian that is wrong by a share."""
     root = solved(*start("A")).unknowns
     rod = integrate(*(root + distance * direction), stiffness=EI, nodes=61, slopes=True)
     f = np.array([rod.x[-1] - PIN[0], rod.y[-1] - PIN[1], rod.m[-1]])
@@ -246,7 +257,7 @@ def left_by_a_step(wrong, distance, direction):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_shooting_converges_quadratically(seed):
-    """Half the distance leaves a quarter of the error; a Jacobian 1 % off, half of it."""
+    """Half the distance leaves a quarter of the error; with a Jacobian wrong by 1 %, half of it."""
     direction = np.random.default_rng(seed).normal(size=3)
     direction /= np.linalg.norm(direction)
     orders = [
@@ -258,8 +269,9 @@ def test_shooting_converges_quadratically(seed):
 
 
 def test_last_steps_of_the_page_are_quadratic(page):
-    """What is left is below three times the square of what was left before, as above; in a slower
-    iteration, of a step that is off by 1 %, it is a hundred times as much.
+    """The last errors are less than three times the square of the error before.
+
+    In a slower iteration, with steps that are wrong by 1 %, they would be larger than that.
     """
     log = solved(0.1, 0.1, 0.1).log
     errors = np.linalg.norm(log.iterates - log.root, axis=1)[-4:-1]
@@ -267,13 +279,15 @@ def test_last_steps_of_the_page_are_quadratic(page):
     assert not np.all(errors[1:] + 0.01 * errors[:-1] < 3.0 * errors[:-1] ** 2)
     (exact, _) = page["shooting_convergence"].panels
     size = {line.label: line.y for line in exact.lines}["error: norm of the step"]
-    np.testing.assert_allclose(size, log.steps, rtol=1e-4, atol=1e-12)  # 81 nodes there
+    np.testing.assert_allclose(size, log.steps, rtol=1e-4, atol=1e-12)  # the page has 81 nodes
 
 
 def test_guess_next_to_buckling():
-    """At n_x = -0.4 N, next to the load pi^2/4 EI = 0.407 N at which the clamped-free rod buckles,
-    the first Jacobian is nearly singular: forward differences go where their rounding sends them
-    (an independent run ended in D), and exact ones in a fifth equilibrium.
+    """From a guess next to buckling Newton's method with exact slopes finds a fifth equilibrium.
+
+    The guess has n_x = -0.4 N, next to pi^2/4 EI = 0.407 N, where the clamped-free rod buckles, so
+    that the first Jacobian is nearly singular.  With forward differences rounding errors determine
+    the result: an independent run ended in D.
     """
     guess, ends = (-0.4, 0.1, 0.1), set()
     for nodes in (41, 61):

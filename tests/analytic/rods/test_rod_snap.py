@@ -1,4 +1,4 @@
-"""A rod between a motor and a pin: its shapes, the fold where it snaps, what is left beyond it."""
+"""A rod between a motor and a pin: shapes, the fold where it snaps, and equilibria beyond it."""
 
 from functools import cache
 
@@ -25,7 +25,7 @@ DISTANCES = 0.35, 0.5, 0.8, 0.95
 
 
 def held(angle, distance=0.8, **more):
-    """The swing, and its rods shot from their clamps."""
+    """The quantities of `solve`, and rods that are shot from their clamps with its forces."""
     found = solve(angle, distance=distance, **more)
     rod = integrate(
         found["force_x"],
@@ -41,24 +41,27 @@ def held(angle, distance=0.8, **more):
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("distance", DISTANCES)
 def test_shapes_are_rods_from_the_clamp_to_the_pin(distance, side):
-    """Shooting with Runge-Kutta: the tip on the pin without moment, the middle, the direction."""
+    """Rods that are shot from the clamp end at the pin, without a moment.
+
+    Their middle, the direction of their tip and their energy are those of `solve`.
+    """
     fold = events(distance=distance)["snaps to the left"]
     way = {"left": 1, "right": -1}[side]
     angle = way * np.linspace(1.4, -fold + 1e-6, 12)
     found, rod = held(angle, distance, side=side)
     assert (found["side"] == way).all()
-    # of order 8 over 80 nodes, grown from the clamp on by exp(alpha) where the rod is stretched
+    # order 8 with 80 steps; the error grows from the clamp by exp(alpha) if the rod is stretched
     np.testing.assert_allclose(rod.x[-1] + 1j * rod.y[-1], distance, atol=1e-8)
     np.testing.assert_allclose(rod.m[-1], 0.0, atol=1e-7)
     np.testing.assert_allclose(rod.x[40], found["mid_x"], atol=1e-9)
     np.testing.assert_allclose(rod.y[40], found["mid_y"], atol=1e-9)
     np.testing.assert_allclose(rod.theta[-1], found["tip_angle"], atol=1e-7)
     energy = trapezoid(rod.m**2, rod.s, axis=0) / 2.0
-    np.testing.assert_allclose(found["energy"], energy, rtol=3e-3)  # trapezoids, 80 of them
+    np.testing.assert_allclose(found["energy"], energy, rtol=3e-3)  # 80 trapezoids
 
 
 def test_moments_are_slopes_of_the_energy():
-    """Virtual work of the motor, and of the pin about the clamp."""
+    """The holding moment is the derivative of the energy, and the moment of the pin's force."""
     angle, step = np.linspace(1.3, -0.9, 12), 1e-5
     found, *near = (solve(angle + d, distance=0.8) for d in (0.0, step, -step))
     slope = (near[0]["energy"] - near[1]["energy"]) / (2.0 * step)
@@ -67,7 +70,10 @@ def test_moments_are_slopes_of_the_energy():
 
 
 def test_lengths_and_stiffness_only_scale():
-    """Places with L, moments with EI/L, forces with EI/L^2; the rod snaps on the way."""
+    """Positions scale with L, moments and energies with EI/L, forces with EI/L^2.
+
+    The rod snaps between two of the samples.
+    """
     angle = np.radians([70.0, 0.0, -100.0])
     one, two = (
         solve(angle, distance=0.5 * s, length=s, stiffness=k) for s, k in ((1.0, 1.0), (2.5, 7.0))
@@ -85,22 +91,25 @@ def test_lengths_and_stiffness_only_scale():
 
 @pytest.mark.parametrize("distance", DISTANCES)
 def test_the_fold_is_where_shooting_is_singular(distance):
-    """The Jacobian of (x, y, m) at the tip by (n_x, n_y, m0) loses its inverse at a*."""
+    """At the fold a* the Jacobian of (x, y, m) at the tip by (n_x, n_y, m0) is singular."""
     fold = events(distance=distance)["snaps to the left"]
     _, rod = held(np.array([-fold, -fold + 1e-4]), distance)
     at, near = np.linalg.det(np.moveaxis(rod.slope[-1][[2, 3, 1], :3], -1, 0))
-    # det goes with the root of the way to the fold: 1e-2 of a radian's at 1e-4
+    # det is proportional to the root of the angle to the fold: 1e-2 of a radian's at 1e-4 rad
     assert abs(at) < 1e-5 * abs(near)
 
 
 @pytest.mark.parametrize("distance", DISTANCES)
 def test_the_branch_has_a_shape_at_every_stride(distance):
-    """All with the pin at its distance, from half a turn of the clamp to beyond the second fold."""
+    """Shapes of the branch are a stride apart and have the pin at its distance.
+
+    The branch leads from half a turn of the clamp to beyond the second fold.
+    """
     of = family(1.0, distance)
     found = rods_of_chart(*np.exp(of.place.T))
     np.testing.assert_allclose(np.abs(found.tip), distance, rtol=1e-13)
     gap = np.linalg.norm(np.diff(of.place, axis=0), axis=1)
-    beside = np.concatenate([of.folds - 1, of.folds])  # a fold lies within a stride
+    beside = np.concatenate([of.folds - 1, of.folds])  # a fold divides a stride
     np.testing.assert_allclose(np.delete(gap, beside), STRIDE, rtol=1e-2)
     np.testing.assert_allclose(gap[of.folds - 1] + gap[of.folds], STRIDE, rtol=1e-2)
     assert abs(of.angle[0]) > np.pi > abs(of.angle[1])
@@ -109,7 +118,7 @@ def test_the_branch_has_a_shape_at_every_stride(distance):
 
 @pytest.mark.parametrize("distance", DISTANCES)
 def test_each_fold_adds_a_direction_to_fall_in(distance):
-    """Stability by Jacobi's field with the tip pinned, along the whole branch."""
+    """Beyond each fold there is one more negative direction, by Jacobi's field, with pinned tip."""
     of = family(1.0, distance)
     clear = np.abs(np.arange(of.angle.size)[:, None] - of.folds).min(axis=1) > 2
     which = np.flatnonzero(clear & (np.abs(of.angle) < 1.5))[::5]
@@ -122,7 +131,11 @@ def test_each_fold_adds_a_direction_to_fall_in(distance):
 
 
 def test_a_shallow_rod_snaps_where_a_beam_does():
-    """w = A (sin pt - t sin p), t from the pin; a/sqrt(2 (1 - d)) is least at the fold."""
+    """As the pin is moved towards L, the angle of the fold tends to that of a linear beam.
+
+    The beam is w = A (sin pt - t sin p) with t from the pin; a/sqrt(2 (1 - d)) is least at its
+    fold.
+    """
 
     def slope(p):
         size = p * p / 2.0 + p * np.sin(2.0 * p) / 4.0 - np.sin(p) ** 2
@@ -134,13 +147,13 @@ def test_a_shallow_rod_snaps_where_a_beam_does():
         for e in (0.2, 0.1, 0.05)
     ]
     ratios = np.divide(off[:-1], off[1:])
-    np.testing.assert_allclose(ratios, 2.0, atol=0.1)  # what (1 - d)^2 adds
+    np.testing.assert_allclose(ratios, 2.0, atol=0.1)  # terms of (1 - d)^2
     assert abs(off[-1]) < 0.02
 
 
 @cache
 def every(angle: float, distance: float = 0.8, starts: int = 120):
-    """Equilibria from random starts by Newton's method: moment, force, energy, negatives."""
+    """Moments, energies and numbers of negative directions of equilibria, from random starts."""
     random = np.random.default_rng(1)
     m, n = (
         random.uniform(-15, 15, starts),
@@ -171,7 +184,10 @@ def every(angle: float, distance: float = 0.8, starts: int = 120):
     [54.338, 80.0, *(pytest.param(degrees, marks=pytest.mark.slow) for degrees in (58.0, 65.0))],
 )
 def test_beyond_the_fold_one_rest_is_left(degrees):
-    """Of all equilibria below the energy at the fold; it is the one that the rod snaps to."""
+    """Beyond the fold one stable equilibrium has less energy than the fold, by random starts.
+
+    It is the one that the rod snaps to.
+    """
     fold = events(distance=0.8)["snaps to the left"]
     most = solve(-fold, distance=0.8)["energy"][0]
     m, energy, negative = every(-np.radians(degrees))
@@ -179,11 +195,11 @@ def test_beyond_the_fold_one_rest_is_left(degrees):
     assert stable.sum() == 1
     assert -m[stable] == pytest.approx(
         solve([-np.radians(degrees)], distance=0.8)["holding_moment"], abs=1e-7
-    )  # what `integrate_to_tip` and Newton leave
+    )  # errors of `integrate_to_tip` and of Newton's method
 
 
 def test_between_the_folds_there_are_two():
-    """The search finds both sides, and the passes between them."""
+    """Between the folds random starts find the stable equilibria of both sides, and saddles."""
     most = solve(-events(distance=0.8)["snaps to the left"], distance=0.8)["energy"][0]
     for degrees in (0.0, 30.0, 54.0):
         m, energy, negative = every(-np.radians(degrees))
@@ -197,21 +213,24 @@ def test_between_the_folds_there_are_two():
 
 
 def test_the_loop_loses_what_the_motor_puts_in():
-    """Closed cycles: work is the moment's integral, and two snaps of it are lost."""
+    """In a closed cycle the work of the motor is the integral of its moment.
+
+    All of this work is lost in two snaps.
+    """
     t = np.linspace(0.0, 1.0, 20001)
     swing = solve(1.4 * np.cos(2.0 * np.pi * t), distance=0.8)
     angle = 1.4 * np.cos(2.0 * np.pi * t)
     assert np.flatnonzero(np.diff(swing["side"])).size == 2
     assert swing["energy"][-1] == pytest.approx(swing["energy"][0], rel=1e-12)  # rounding
     put_in = trapezoid(swing["holding_moment"], angle)
-    # the snap falls within a sample: 4e-4 rad by a moment of 1.5
+    # a snap is between two samples: 4e-4 rad times a moment of 1.5
     assert swing["work"][-1] == pytest.approx(put_in, abs=1e-3)
     assert swing["lost"][-1] == pytest.approx(swing["work"][-1], rel=1e-12)
     assert swing["lost"][-1] == pytest.approx(2.0 * 6.257, abs=1e-3)  # as `properties` says
 
 
 def test_history_chooses_the_side():
-    """The same angles in another order; the mirrored swing is the mirror image."""
+    """The side of the rod depends on earlier angles; a mirrored motion has mirrored curves."""
     angle = np.radians([0.0, -60.0, 0.0, 60.0, 0.0])
     left, right = solve(angle, distance=0.8), solve(-angle, distance=0.8, side="right")
     assert left["side"].tolist() == [1, -1, -1, 1, 1]
@@ -227,7 +246,10 @@ def test_history_chooses_the_side():
 
 
 def test_charts_hold_the_swing():
-    """Samples of the swing lie on the stable lines; the snap leads from one to the other."""
+    """Stable lines of the charts have the moments of `solve`; the snap leads from one to another.
+
+    The drawn shapes have the length 1 and end at the pin.
+    """
     lines = branches(distance=0.8).lines
     for side in ("left", "right"):
         line = next(line for line in lines if line.stable and side in line.label)
@@ -235,10 +257,10 @@ def test_charts_hold_the_swing():
         angle = np.linspace(-0.9, 0.9, 7)
         drawn = np.interp(angle, line.x[order], line.y[order])
         truth = [solve([a], distance=0.8, side=side)["holding_moment"][0] for a in angle]
-        np.testing.assert_allclose(drawn, truth, atol=1e-2)  # chords of a curve
+        np.testing.assert_allclose(drawn, truth, atol=1e-2)  # chords
     snap = next(line for line in lines if line.points)
     swing = solve(np.add(snap.x, [1e-9, -1e-9]), distance=0.8)
-    np.testing.assert_allclose(swing["holding_moment"], snap.y, atol=1e-3)  # a root of 1e-9
+    np.testing.assert_allclose(swing["holding_moment"], snap.y, atol=1e-3)  # root of 1e-9
     for line in shapes(distance=0.8).lines:
         assert np.hypot(np.diff(line.x), np.diff(line.y)).sum() == pytest.approx(1.0, abs=1e-3)
         assert (line.x[-1], line.y[-1]) == pytest.approx((0.8, 0.0), abs=1e-12)
@@ -262,7 +284,7 @@ def test_bad_input_is_named(change, words):
 
 
 def test_facts_tell_the_snap():
-    """In the units of the rod."""
+    """The properties have the angle of the snap and the energy that is lost, in SI units."""
     told = properties(distance=0.8, stiffness=0.05218602640386952)
     assert told["snaps at"] == "±54.337°"
     assert told["lost in a snap"].startswith("0.3265 J")

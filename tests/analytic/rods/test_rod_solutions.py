@@ -1,4 +1,4 @@
-"""All equilibria of 2RFR, 3RFR and 3PFR: found, verified by shooting, counted again otherwise."""
+"""All equilibria of 2RFR, 3RFR and 3PFR: known ones, shooting, and counts by other searches."""
 
 from dataclasses import fields
 
@@ -24,17 +24,17 @@ def random():
 
 
 def light(f):
-    """Those with loads up to alpha = 20: integrated from a clamp, others are off by e^alpha."""
+    """Equilibria with loads up to alpha = 20; integration from a clamp has errors of e^alpha."""
     kept = alphas(f).max(axis=1) <= 20.0
     parts = {name: getattr(f, name) for name in ("up_to", "load_bound")}
     return Solutions(*(getattr(f, one.name)[kept] for one in fields(f)[:-2]), **parts)
 
 
 def index(f, row):
-    """Which of the solutions a recomputed one is."""
+    """Index of the solution that is a recomputed one."""
     distance = np.abs(f.psi - row["psi"]).max(axis=1) + np.abs(f.k_rel - row["k_rel"]).max(axis=1)
     distance[(f.modes != row["modes"]).any(axis=1)] = np.inf
-    assert distance.min() < 1e-8  # digits that the recomputed ones are known to
+    assert distance.min() < 1e-8  # digits of the data
     return int(distance.argmin())
 
 
@@ -53,7 +53,7 @@ def test_every_known_equilibrium_is_found_with_its_energy_and_stability(name, mo
     assert len(set(which)) == len(known)
     for i, row in zip(which, known, strict=True):
         np.testing.assert_allclose(f.state.pose[i, :2], row["pose"], rtol=0, atol=1e-7)
-        # recomputed with k to 1e-16, a relative 1e-9 of the energy of the most bent
+        # recomputed with k to 1e-16, which is 1e-9 of the energy of the most bent rods
         assert f.potential[i] == pytest.approx(row["potential"], rel=1e-7)
         assert f.negative[i] == row["negative"]
         if "phi_deg" in row:
@@ -62,18 +62,21 @@ def test_every_known_equilibrium_is_found_with_its_energy_and_stability(name, mo
 
 
 def test_two_rods_have_three_equilibria_of_mode_one_and_four_that_are_stable():
-    """Table 7 prints two; 34 of modes up to 3, of which 33 were known."""
+    """Two rods have 34 equilibria of modes up to 3; three have mode 1, and four are stable.
+
+    Table 7 prints two of them, and 33 were known.
+    """
     f = found("rfr2", 3)
     assert len(f) == 34
     assert np.sum((f.modes == 1).all(axis=1)) == len(found("rfr2", 1)) == 3
     stable = f.negative == 0
     assert sorted(map(tuple, f.modes[stable])) == [(1, 1), (1, 1), (1, 1), (1, 2)]
-    assert f.modes[0].tolist() == [1, 2]  # the lowest of all is none of mode one
+    assert f.modes[0].tolist() == [1, 2]  # the lowest one has not mode 1
 
 
 @pytest.mark.parametrize(("name", "digits"), [("rfr2", 1.5e-6), ("rfr3", 1e-4)])
 def test_printed_solutions_are_among_them(name, digits):
-    """Within three units of the last printed digit: Tables 7 and 8 of Pérez Gámiz 2018."""
+    """Solutions of Tables 7 and 8 of Pérez Gámiz 2018 are found, to three units of their digits."""
     f = found(name, 1)
     for row in DATA[name]["printed"]:
         off = np.maximum(np.abs(f.psi - row["psi"]), np.abs(f.k_rel - row["k_rel"])).max(axis=1)
@@ -82,18 +85,22 @@ def test_printed_solutions_are_among_them(name, digits):
 
 
 def test_platform_of_table_8_has_three_more_that_are_stable():
-    """Rods in loops under 7 to 9 N: their k_rel is within 2e-6 of 1."""
+    """Of nine stable equilibria five are below alpha = 20; Table 8 prints two of them.
+
+    The other ones have rods in loops, with |k_rel| within 1e-5 of 1; those below alpha = 20 are
+    under 7 to 9 N.
+    """
     f = found("rfr3", 1)
     assert np.all(f.negative == 0)
     largest = alphas(f).max(axis=1)
-    assert (largest < 20.0).sum() == 5  # four beyond: test_rod_solutions_bound.py
+    assert (largest < 20.0).sum() == 5  # for four others see test_rod_solutions_bound.py
     assert np.all(np.abs(f.k_rel[2:]) > 1.0 - 1e-5)
     assert np.all(largest[2:] > 12.0)
 
 
 @pytest.mark.slow
 def test_mirrored_platforms_are_other_platforms():
-    """Closure by distances has six roots: three of the platform, three of its mirror image."""
+    """Of six roots that close distances three are equilibria of the mirrored platform."""
     a, given = made("pfr3")
     mirror = assembly(
         CORNERS, stiffness=EI, arm=triangle(0.5) * [1, -1], guide=np.angle(a.guide), angle=a.angle
@@ -105,7 +112,10 @@ def test_mirrored_platforms_are_other_platforms():
 
 
 def test_unloaded_symmetric_platform_keeps_its_symmetry():
-    """Poses at the centre, two of them known; others come in threes, a third of a turn apart."""
+    """Equilibria of the unloaded platform are at the centre or in threes, 120 degrees apart.
+
+    Two poses at the centre are known.
+    """
     f = found("pfr3_unloaded", 1)
     place = f.state.pose[:, 0] + 1j * f.state.pose[:, 1]
     centred = np.abs(place) < 1e-9
@@ -113,11 +123,12 @@ def test_unloaded_symmetric_platform_keeps_its_symmetry():
     assert all(np.abs(turns - phi).min() < 5e-4 for phi in (80.610, -68.796))
     for turn in np.exp(2j * np.pi / 3 * np.arange(3)):
         gaps = np.abs(place[:, None] * turn - place)
-        assert gaps.min(axis=1).max() < 1e-9  # Newton's last step, squared, times the condition
+        assert gaps.min(axis=1).max() < 1e-9  # last step squared, times the condition
     assert (~centred).sum() % 3 == 0
 
 
 def test_symmetric_pair_has_mirrored_equilibria():
+    """Equilibria of a symmetric pair are mirror images of each other; three of them are known."""
     a = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=EI)
     f = solutions(a, inputs=np.radians([60.0, 120.0]), modes=2, poses=1000)
     pose = f.state.pose
@@ -130,24 +141,30 @@ def test_symmetric_pair_has_mirrored_equilibria():
 
 @pytest.mark.parametrize(("name", "modes"), [("rfr2", 3), ("rfr3", 1), ("pfr3", 1)])
 def test_verified_by_shooting(name, modes):
-    """Residuals of another formulation: an error at the clamp grows by up to e^alpha."""
+    """Equilibria satisfy the equations of another formulation, which integrates from the clamp.
+
+    There an error at the clamp grows by up to e^alpha.
+    """
     f = light(found(name, modes))
     growth = 1e-12 * np.exp(alphas(f).max(axis=1))
     assert np.all(np.abs(closure(f.state)[0]).max(axis=1) < 1e-12 + growth)
 
 
 def test_verified_by_a_general_integrator():
+    """Rods by DOP853 from their clamps end at the pin, without a moment."""
     f = found("rfr2", 3)
     for s, alpha in zip((f.state[i] for i in range(len(f))), alphas(f), strict=True):
         theta, clamp, n = clamps_and_forces(s)
         for i in range(2):
             x, y, _, m = shot(theta[i], s.moment[i], n[i])
             off = np.hypot(clamp[i].real + x - s.pose[0], clamp[i].imag + y - s.pose[1])
-            assert off < 1e-10 + 1e-12 * np.exp(alpha[i])  # rtol, grown as above
+            assert off < 1e-10 + 1e-12 * np.exp(alpha[i])  # rtol with growth as above
             assert abs(m) < 1e-10 + 1e-12 * np.exp(alpha[i])
 
 
 def shot(theta, moment, n):
+    """x, y [m], angle [rad] and moment [N m] at the end of a rod, from its clamp."""
+
     def slope(_, z):
         c, s = np.cos(z[2]), np.sin(z[2])
         return [c, s, z[3] / EI, n.real * s - n.imag * c]
@@ -159,6 +176,7 @@ def shot(theta, moment, n):
 
 @pytest.mark.parametrize(("name", "modes", "segments"), [("rfr2", 3, 40), ("rfr3", 1, 40)])
 def test_fine_chains_stand_there_and_fall_in_as_many_directions(name, modes, segments):
+    """Chains have equilibria at the same poses, with as many negative directions."""
     f, (a, given) = light(found(name, modes)), made(name)
     load = np.append(given["load"], 0.0)
     middle = (np.arange(segments) + 0.5) / segments
@@ -171,13 +189,14 @@ def test_fine_chains_stand_there_and_fall_in_as_many_directions(name, modes, seg
         moment=load[2],
         scheme="double",
     )
-    # second order: (alpha/40)^2, 0.2 for the shortest waves
+    # error of second order, (alpha/40)^2: 0.2 for the shortest waves
     near = np.abs(chains.pose - f.state.pose).max(axis=1)
     assert np.all(near < 0.02)
     assert negative(chains.curvatures).tolist() == f.negative.tolist()
 
 
 def test_the_34th_equilibrium_of_two_rods():
+    """One equilibrium of two rods is not among those of the data; it has the modes 1 and 3."""
     f = found("rfr2", 3)
     new = np.abs(f.state.pose - NEW).max(axis=1).argmin()
     np.testing.assert_allclose(f.state.pose[new], NEW, rtol=0, atol=1e-6)
@@ -198,7 +217,10 @@ def test_the_34th_equilibrium_of_two_rods():
     ],
 )
 def test_random_starts_find_no_other(name, modes, random):
-    """20,000 without lattice, mesh or any choice; the search has to have what they find."""
+    """The search has all equilibria to which 20,000 random starts lead.
+
+    These starts use no lattice and no mesh.
+    """
     a, given = made(name)
     s, shape = state(a, **given), (a.rods, 20_000)
     alpha = random.uniform(0.1, 20.0, shape)
@@ -209,11 +231,11 @@ def test_random_starts_find_no_other(name, modes, random):
     force = rods_of_chart(*np.moveaxis(arrived[..., inside.all(axis=0)], 1, 0)).force
     own = found(name, modes)
     theta, _, n = clamps_and_forces(own.state[alphas(own).max(axis=1) <= 20.0])
-    mine = n * np.exp(-1j * theta) / EI  # on rods of 1 m, in the clamps' frames
+    mine = n * np.exp(-1j * theta) / EI  # for rods of 1 m, in frames of the clamps
     gaps = np.array([np.abs(mine - one).max(axis=1) for one in force.T])
-    assert gaps.min(axis=1).max() < 1e-5  # of loads up to 400, as flat as e^-alpha leaves them
+    assert gaps.min(axis=1).max() < 1e-5  # loads up to 400, sensitivity e^alpha
     seen = np.unique(gaps.argmin(axis=1))
-    assert len(seen) > 0.8 * len(mine)  # chance may miss some
+    assert len(seen) > 0.8 * len(mine)  # random starts may miss some
 
 
 @pytest.mark.slow
@@ -222,6 +244,7 @@ def test_random_starts_find_no_other(name, modes, random):
     [("rfr2", 3, 34), ("rfr3", 1, 9), ("rfr3", 2, 67), ("pfr3", 1, 3), ("pfr3", 2, 57)],
 )
 def test_counts_do_not_depend_on_lattice_or_mesh(name, modes, count, monkeypatch):
+    """A search with 10,000 poses and one with a mesh of 0.05 L find as many equilibria."""
     a, given = made(name)
     assert len(found(name, modes)) == count
     assert len(solutions(a, modes=modes, poses=10_000, **given)) == count
@@ -230,7 +253,10 @@ def test_counts_do_not_depend_on_lattice_or_mesh(name, modes, count, monkeypatch
 
 
 def test_load_of_the_wrong_sign_has_other_equilibria():
-    """Eq. 104 of the document balances the rods with -F; Table 7 is right, the equation is not."""
+    """With the load -F of the document's eq. 104 no solution of Table 7 is an equilibrium.
+
+    Table 7 is right, the equation is not.
+    """
     a, given = made("rfr2")
     wrong = solutions(a, inputs=given["inputs"], load=-np.array(given["load"]))
     for row in DATA["rfr2"]["printed"]:

@@ -1,4 +1,4 @@
-"""How far equilibria of 3RFR and 3PFR are counted: the bound of loads, what is beyond 20."""
+"""Completeness of the equilibria of 3RFR and 3PFR: the bound of loads, and loads beyond 20."""
 
 import pickle
 from functools import cache
@@ -38,7 +38,7 @@ def random():
 
 @cache
 def arrived(name, modes):
-    """alpha and q (k, 2, n) where the drawn starts alone lead, between OVERLAP and the bound."""
+    """alpha and q (k, 2, n) to which drawn starts lead, from `MIN_DRAWN_ALPHA` to the bound."""
     a, given = made(name)
     s = state(a, **given)
     most = found(name, modes).bound
@@ -52,6 +52,10 @@ def arrived(name, modes):
     [pytest.param(*row, marks=[pytest.mark.slow] if row[1] == 2 else []) for row in COUNTS],
 )
 def test_counts_are_those_up_to_the_proven_bound(name, modes, below, beyond, stable):
+    """The search goes to the proven bound and finds the known numbers of equilibria.
+
+    These are the numbers below alpha = 20, beyond it, and of stable ones.
+    """
     f = found(name, modes)
     assert f.is_bounded
     assert f.up_to == f.bound < np.inf
@@ -61,18 +65,22 @@ def test_counts_are_those_up_to_the_proven_bound(name, modes, below, beyond, sta
 
 
 def test_a_count_says_how_far_it_goes():
+    """A search up to alpha = 26 reports this limit, and the bound of all loads."""
     a, given = made("rfr3")
     f = solutions(a, most_load=26.0, poses=300, **given)
     assert (len(f), f.up_to, f.is_bounded) == (8, 26.0, False)
-    np.testing.assert_allclose(  # what the state knows as well
+    np.testing.assert_allclose(  # alpha by the loads of the state
         f.alpha, np.sqrt(np.linalg.norm(f.state.force, axis=-1) / EI), rtol=1e-12
     )
-    assert f.bound == found("rfr3", 1).bound  # all of it, though the search asked for less
+    assert f.bound == found("rfr3", 1).bound  # the whole bound, although the search ended before
 
 
 @pytest.mark.parametrize("name", ["rfr2", "rfr3", "pfr3"])
 def test_a_bound_is_the_same_or_above_what_is_enough(name):
-    """Whether it is above the largest load of a search is known from a part of its work."""
+    """A bound that is computed up to a limit is the whole bound if this is below the limit.
+
+    Otherwise both are above the limit.
+    """
     a, given = made(name)
     s = state(a, **given)
     whole = theoretical_bound(s, [1] * a.rods)
@@ -82,6 +90,7 @@ def test_a_bound_is_the_same_or_above_what_is_enough(name):
 
 @pytest.mark.parametrize("most", [15.0, 20.0])
 def test_a_search_goes_to_its_largest_load_or_to_the_bound(most):
+    """The bound of this case is between 15 and 20."""
     a, given = made("pfr3")
     f = solutions(a, most_load=most, poses=30, **given)
     assert f.up_to == min(most, found("pfr3", 1).bound)
@@ -89,6 +98,7 @@ def test_a_search_goes_to_its_largest_load_or_to_the_bound(most):
 
 
 def test_a_load_below_the_bound_takes_a_part_of_its_work(monkeypatch):
+    """To find that the bound exceeds a load takes less than a tenth of the boxes of the bound."""
     a, given = made("rfr3")
     work = []
     monkeypatch.setattr(
@@ -112,9 +122,10 @@ def test_a_load_below_the_bound_takes_a_part_of_its_work(monkeypatch):
     ],
 )
 def test_galerkin_method_finds_them_as_well(name, modes, degree):
-    """Loads, poses and stability of all beyond alpha = 20, without elliptic functions.
+    """Galerkin's method has the loads, poses and stability of all equilibria beyond alpha = 20.
 
-    Polynomials converge like exp(-pi degree/(2 alpha)), and errors are of energies, twice that.
+    It uses no elliptic functions.  Its polynomials converge like exp(-pi degree/(2 alpha)), and
+    errors of energies like the square of that.
     """
     f = found(name, modes)
     heavy = np.flatnonzero(f.alpha.max(axis=1) > MAX_LATTICE_ALPHA)
@@ -127,7 +138,7 @@ def test_galerkin_method_finds_them_as_well(name, modes, degree):
         np.testing.assert_allclose(force, f.state.force[i], rtol=0, atol=1e-9 * np.abs(force).max())
         if f.modes[i].max() == 1 or f.alpha[i].max() < 40.0:
             assert down == f.negative[i]
-        else:  # soft to e^-2K of the load, K about alpha/3: less than rounding
+        else:  # a stiffness of e^-2K of the load, K about alpha/3, is less than rounding
             assert down <= f.negative[i]
 
 
@@ -140,11 +151,14 @@ def test_galerkin_method_finds_them_as_well(name, modes, degree):
     ],
 )
 def test_drawn_starts_find_each_many_times_and_nothing_else(name, modes):
-    """Among them those between alpha = 12 and 20, which the lattice finds without them."""
+    """Drawn starts lead to each equilibrium beyond alpha = 12 ten times or more, and to no other.
+
+    Up to alpha = 20 these are found from the lattice as well.
+    """
     chart, f = arrived(name, modes), found(name, modes)
     known = f.alpha[f.alpha.max(axis=1) > MIN_DRAWN_ALPHA]
     off = np.abs(chart[:, 0].T[:, None] - known).max(axis=-1)
-    assert off.min(axis=1).max() < 1e-6  # alpha of 100, to the last step of Newton's method
+    assert off.min(axis=1).max() < 1e-6  # alpha up to 100, last step of Newton's method
     hits = np.bincount(off.argmin(axis=1), minlength=len(known))
     assert hits.min() >= 10, hits
 
@@ -152,6 +166,7 @@ def test_drawn_starts_find_each_many_times_and_nothing_else(name, modes):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "modes", "below", "beyond", "stable"), COUNTS)
 def test_other_and_more_starts_count_the_same(name, modes, below, beyond, stable, monkeypatch):
+    """Ten times as many starts with another seed find as many equilibria."""
     a, given = made(name)
     monkeypatch.setattr(all_equilibria, "STARTS_PER_CHOICE", 10 * all_equilibria.STARTS_PER_CHOICE)
     monkeypatch.setattr(all_equilibria, "MIN_STARTS", 10 * all_equilibria.MIN_STARTS)
@@ -162,7 +177,7 @@ def test_other_and_more_starts_count_the_same(name, modes, below, beyond, stable
 
 @pytest.mark.parametrize("name", ["rfr2", "rfr3", "pfr3"])
 def test_the_inequality_behind_the_bound_holds_for_every_motion(name, random):
-    """Of all equilibria that are found, for random motions (v, w): it is what the proof adds up."""
+    """The inequality of the proof holds for all known equilibria and random motions (v, w)."""
     f = found(name, 1)
     a, (_, clamp, _) = f.state.assembly, clamps_and_forces(f.state)
     pose = np.column_stack([f.state.pose, np.zeros((len(f), 3 - a.dof))])
@@ -180,6 +195,7 @@ def test_the_inequality_behind_the_bound_holds_for_every_motion(name, random):
 
 @pytest.mark.parametrize("name", ["rfr3", "pfr3"])
 def test_the_limit_of_a_box_holds_for_the_poses_in_it(name, random):
+    """No pose in a box has a higher limit of alpha than the box, for the same motion."""
     a, given = made(name)
     s = state(a, **given)
     boxes = with_best_motions(s, first_boxes(s).halve(flat=False))
@@ -203,23 +219,25 @@ def test_the_limit_of_a_box_holds_for_the_poses_in_it(name, random):
 
 
 def test_two_bounds_of_rods_on_a_pin_agree():
+    """The bound by boxes is within 10 % of the bound by one pose."""
     a, given = made("rfr2")
     for modes in (1, 2, 3):
         quick = bound_by_pose(state(a, **given), [modes] * 2)
-        # by a tenth more, as it is made, less the choice of the motion at every pose
+        # it is larger by up to a tenth by its construction, and smaller since motions are chosen
         assert 0.9 * quick < bound_by_boxes(state(a, **given), [modes] * 2) < 1.1 * quick
 
 
 def test_rods_that_are_tight_against_each_other_have_no_bound():
+    """Two rods of 1 m with clamps 2 m apart have no bound, with clamps 1.8 m apart they have."""
     a = assembly([[-1.0, 0.0], [1.0, 0.0]], stiffness=EI)
     assert bound_by_boxes(state(a), [1, 1]) == bound_by_pose(state(a), [1, 1]) == np.inf
     near = assembly([[-0.9, 0.0], [0.9, 0.0]], stiffness=EI)
-    # 2 rods with 4/alpha each are short of 2 by 0.2, if their loads are equal
+    # with equal loads both rods are shorter than 2 m by 4/alpha each, together 0.2 m
     assert 40.0 < bound_by_boxes(state(near), [1, 1]) < 1.1 * (1.0 + np.sqrt(2.0)) * 20.0 * 1.01
 
 
 def test_no_pose_of_an_equilibrium_is_left_out():
-    """Boxes where starts are drawn hold the poses of all with such loads."""
+    """The boxes in which starts are drawn contain all poses of equilibria with large loads."""
     f = found("rfr3", 1)
     boxes = tight_poses(f.state[0], [1] * 3, MAX_LATTICE_ALPHA, 0.05)
     for x, y, phi in f.state.pose[f.alpha.max(axis=1) > MAX_LATTICE_ALPHA]:
@@ -233,6 +251,7 @@ def test_no_pose_of_an_equilibrium_is_left_out():
 
 
 def test_solutions_of_another_process_tell_their_bound():
+    """Pickled solutions have the same bound and the same loads."""
     a, given = made("rfr2")
     f = solutions(a, modes=1, most_load=5.0, **given)
     there = pickle.loads(pickle.dumps(f))

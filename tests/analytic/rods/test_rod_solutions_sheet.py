@@ -1,4 +1,4 @@
-"""What the search for all equilibria rests on: chart, mesh, bound of the loads, Newton's matrix."""
+"""Parts of the search for all equilibria: chart, mesh, bound of the loads, Newton's matrix."""
 
 import numpy as np
 import pytest
@@ -22,6 +22,7 @@ def random():
 
 
 def test_loads_are_bounded(random):
+    """Loads of known equilibria are below the bound; random rods satisfy its inequality."""
     a, given = made("rfr2")
     for modes in (1, 2, 3):
         assert alphas(found("rfr2", modes)).max() < bound_by_pose(state(a, **given), [modes] * 2)
@@ -36,7 +37,7 @@ def test_loads_are_bounded(random):
 
 
 def charted(random, count):
-    """Random places of the chart, and the document's names for them."""
+    """Random rods of the chart, psi and k_rel of the document, and whether these are regular."""
     alpha, q = random.uniform(0.2, 15.0, count), random.uniform(-6.0, 6.0, count)
     r = rods_of_chart(alpha, q)
     psi = -np.angle(r.delta) % (2.0 * np.pi)
@@ -47,6 +48,7 @@ def charted(random, count):
 
 
 def test_chart_agrees_with_the_form_by_inflections(random):
+    """Rods of the chart are those of the closed form by psi, k_rel and mode."""
     _, _, r, psi, k_rel, plain = charted(random, 4000)
     assert plain.sum() > 500
     form = tip(psi[plain], k_rel[plain], np.floor(r.waves[plain]) + 1)
@@ -58,8 +60,9 @@ def test_chart_agrees_with_the_form_by_inflections(random):
 
 
 def test_derivatives_of_the_chart(random):
+    """Derivatives of tip, load and angle by alpha and q are differences of fourth order."""
     alpha, q, r, *_ = charted(random, 2000)
-    h = 1e-3  # fourth order: h^4 times a fifth derivative, rounding/h
+    h = 1e-3  # errors: h^4 times a fifth derivative, rounding over h
 
     def difference(part, da, dq):
         one, two = (
@@ -82,9 +85,10 @@ def test_derivatives_of_the_chart(random):
 
 @pytest.mark.parametrize("modes", [1, 3])
 def test_mesh_covers_all_rods(modes, random):
-    """Of every rod one that is like it is listed within a cell of the lattice from its tip.
+    """Within a cell of the lattice from the tip of a random rod the mesh has a rod like it.
 
-    Not always at its tip itself: beside a fold of the sheet a tip may lie outside of all triangles.
+    At the tip itself this need not be so: next to a fold of the manifold a tip may be outside of
+    all triangles.
     """
     alpha, q = random.uniform(0.3, 19.7, 1200), random.uniform(-1.0, 1.0, 1200)
     q *= alpha + 6.0
@@ -98,10 +102,11 @@ def test_mesh_covers_all_rods(modes, random):
     force = (sheet.force[triangles] * share).sum(axis=1)
     nearest = np.full(mine.size, np.inf)
     np.minimum.at(nearest, which, np.abs(force - own[which]) / (1.0 + np.abs(own[which])))
-    assert nearest.max() < 0.6  # of the load: 0.06 L away, and between corners 0.08 L apart
+    assert nearest.max() < 0.6  # [load]: 0.06 L away, between corners 0.08 L apart
 
 
 def test_newton_matrix_is_the_derivative(random):
+    """Newton's matrix is the central difference of the residuals at random states."""
     a, given = made("pfr3")
     s, h = state(a, **given), 1e-6
     chart = np.stack([random.uniform(1.0, 8.0, (3, 5)), random.uniform(-4.0, 4.0, (3, 5))], axis=1)
@@ -112,12 +117,15 @@ def test_newton_matrix_is_the_derivative(random):
             newton_system(s, (x + d).reshape(9, 5)[:6].reshape(3, 2, 5), (x + d)[6:])[0]
             for d in (h * np.eye(9)[:, j : j + 1], -h * np.eye(9)[:, j : j + 1])
         )
-        # second order and rounding over the step, of loads up to 4 N
+        # second order, and rounding over the step, for loads up to 4 N
         np.testing.assert_allclose((up - down) / (2.0 * h), matrix[..., j], rtol=0, atol=1e-8)
 
 
 def test_a_point_is_reached_by_all_triangles_about_it(random):
-    """Of all triangles, without the bins: those in which it is, and no more than are near."""
+    """`rods_at` lists all triangles that contain a point, and no others than nearby ones.
+
+    The reference goes through all triangles, without bins.
+    """
     sheet = make_mesh(1, 6.0, 0.2)
     point = random.uniform(-0.9, 0.9, 40) + 1j * random.uniform(-0.9, 0.9, 40)
     which, triangle, share = sheet.rods_at(point)
@@ -129,7 +137,6 @@ def test_a_point_is_reached_by_all_triangles_about_it(random):
         for least in (0.0, -TRIANGLE_MARGIN)
     )
     reached = set(zip(triangle, which, strict=True))
-    assert inside < reached <= beside  # bins lack what is beyond a sharp corner
-    np.testing.assert_allclose(
-        share, np.stack(parts)[:, triangle, which].T, rtol=0, atol=1e-9
-    )  # of thin ones
+    assert inside < reached <= beside  # bins do not extend beyond sharp corners
+    # thin triangles
+    np.testing.assert_allclose(share, np.stack(parts)[:, triangle, which].T, rtol=0, atol=1e-9)

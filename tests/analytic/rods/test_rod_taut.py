@@ -1,4 +1,4 @@
-"""Rods that are straight or taut between a clamp and a pin: a second formulation, the small sag."""
+"""Straight or taut rods between a clamp and a pin: a second formulation, and small sags."""
 
 import numpy as np
 import pytest
@@ -15,17 +15,21 @@ LEANING = {"weight_x": 0.3, "weight_y": -1.0, "shear": 30.0}
 
 
 def test_collocation_in_the_frame_of_the_sections():
+    """All curves of a taut rod that shears are those of a second formulation, to 1e-8."""
     s = np.linspace(0.0, 0.98, 8)
     own = collocated(s, Section(0.05, 50.0, 30.0), (1.0, 0.0), (0.3, -1.0))
     rod = solve(s, **TAUT, **GUESS, **LEANING)
     for name, values in own.items():
-        # its tolerance for the residual, summed
+        # tolerance of the collocation for its residual, summed
         np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("length", [0.98, 1.0])
 def test_a_small_sag_is_that_of_a_beam_in_tension(length):
-    """Linear about the straight rod: EI theta'' = (1 + T/EA) (T theta - V - w (L - s))."""
+    """A small weight bends a straight rod like a beam in tension.
+
+    The linear equation is EI theta'' = (1 + T/EA) (T theta - V - w (L - s)).
+    """
     small, s, ei, ea = 1e-5, np.linspace(0.0, length, 9), 0.05, 50.0
     stretch = 1.0 / length
     tension = ea * (stretch - 1.0)
@@ -45,12 +49,12 @@ def test_a_small_sag_is_that_of_a_beam_in_tension(length):
         theta = s * (6.0 * length**2 - 15.0 * length * s + 8.0 * s**2) / (48.0 * ei)
     guess = {"force_x": tension, "force_y": -0.4 * small, "moment": 0.1 * small}
     rod = solve(s, **TAUT | {"length": length}, **guess, weight_y=small)
-    # what is of third order in the weight, and Newton's 1e-12 over it
+    # terms of third order in the weight, and Newton's 1e-12 over the weight
     np.testing.assert_allclose(rod["theta"] / small, theta, rtol=0, atol=2e-6)
 
 
 def test_the_pin_s_force_keeps_the_rod_in_balance():
-    """Moments about the clamp: the pin's force, the weight at its place, and the clamp's moment."""
+    """The clamp's moment balances those of the pin's force and of the weight about the clamp."""
     s, weights = np.polynomial.legendre.leggauss(30)
     rod = solve(0.49 * (1.0 + s), **TAUT, **GUESS, **LEANING)
     moment = -0.49 * weights @ (rod["x"] + 0.3 * rod["y"]) + rod["force_y"][0]
@@ -73,7 +77,10 @@ def test_bad_values_are_named(given, message):
 
 
 def test_neighbours_share_a_search(monkeypatch):
-    """A parameter changed by 1e-6 needs a step or two from the root that is known."""
+    """A parameter changed by 1e-6 needs three Newton steps or fewer from its neighbour's root.
+
+    Differences over 1e-6 and 4e-6 give the same derivative.
+    """
     steps, newton = [], rod_pinned.newton
 
     def counted(*given):
@@ -92,5 +99,5 @@ def test_neighbours_share_a_search(monkeypatch):
             solve(0.5, **numbers | {"weight_y": -1.01 + h})["y"] for h in (1e-6, -1e-6, 4e-6, -4e-6)
         )
     assert searched > 4 > max(steps)
-    # what is left of Newton's last step over 1e-6
+    # error of Newton's last step over 1e-6
     assert (up - down) / 2e-6 == pytest.approx((wide - narrow) / 8e-6, rel=1e-4)

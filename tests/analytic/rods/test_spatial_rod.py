@@ -1,4 +1,4 @@
-"""Rods in space: another formulation, closed forms, other programs, laws, limits, bad input."""
+"""Rods in space: another formulation, closed forms, other programs, conservation laws, limits."""
 
 from functools import cache
 
@@ -12,7 +12,7 @@ from proofmass.analytic.rods.spatial_rod import solve
 from tests.independent.rods.spatial import Sections, arc, extrapolated, quadratic
 
 XYZ = "xyz"
-BEND = 100.0 * np.pi / 4  # of Bathe and Bolourchi: 45 degrees with a radius of 100
+BEND = 100.0 * np.pi / 4  # length of the bend of Bathe and Bolourchi, 45 degrees of a radius of 100
 EDGE = 100.0 * np.array([np.sin(np.pi / 4), 1.0 - np.cos(np.pi / 4), 0.0])  # its tip without load
 SECTION = {"axial": 1e7, "shear": 41.6667e5}
 STIFF = 8.333e5
@@ -20,7 +20,7 @@ STIFF = 8.333e5
 
 @cache
 def bend(force: float, **others: float):
-    """Tip of the bend of 45 degrees."""
+    """Tip (3,) of the bend of 45 degrees under a force along z."""
     rod = solve(
         BEND, length=BEND, stiffness=STIFF, torsion=STIFF, curvature=0.01, force_z=force, **others
     )
@@ -28,12 +28,12 @@ def bend(force: float, **others: float):
 
 
 def vector(rod, prefix: str):
-    """Three components, the last axis."""
+    """Three quantities x, y, z of a solution as one array, on its last axis."""
     return np.stack([rod[prefix + name] for name in XYZ], axis=-1)
 
 
 def named(what: str, values):
-    """Three components as `solve` calls them."""
+    """Three components by the names of the parameters of `solve`."""
     return {f"{what}_{name}": value for name, value in zip(XYZ, values, strict=True)}
 
 
@@ -50,7 +50,10 @@ FORCE, MOMENT = (1.5, -2.0, 2.5), (0.4, 0.3, -0.5)
     ],
 )
 def test_a_formulation_by_strains_in_which_no_moment_is_integrated(natural, strains):
-    """Three different stiffnesses, all loads at the tip, and any natural shape: to 1e-10."""
+    """The tip is that of a formulation by strains, to 1e-10.
+
+    The rod has three different stiffnesses, all loads at its tip, and any natural shape.
+    """
     length, stiffnesses = 1.1, (0.6, 0.9, 1.4)
     axial, shear = strains
     line = arc(length, natural)
@@ -65,13 +68,17 @@ def test_a_formulation_by_strains_in_which_no_moment_is_integrated(natural, stra
         **named("force", FORCE),
         **named("moment", MOMENT),
     )
-    # of order 5: 2e-10 of order 4 in 200 steps, times their 0.02 rad; order 8 here, to 1e-12
+    # formulation by strains: order 5 after extrapolation, 2e-10 of order 4 in 200 steps times their
+    # 0.02 rad; `solve`: order 8, 1e-12
     np.testing.assert_allclose(vector(rod, ""), own, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize(("twist", "curvature"), [(1.1, 2.5), (0.4, 3.3), (0.9, 2.9)])
 def test_a_helix_under_a_wrench_along_its_axis_is_another_helix(twist, curvature):
-    """Love, sec. 270-272: moments and force follow from twist and curvature before and after."""
+    """A helix under a force and a moment along its axis is a helix (Love, sec. 270-272).
+
+    They follow from the twist and the curvature of both helices.
+    """
     bending, torsion, natural, turns = 1.3, 0.9, (0.6, 3.0), 2.0
     rate = np.hypot(curvature, twist)
     length, radius = turns * 2.0 * np.pi / rate, curvature / rate**2
@@ -105,11 +112,11 @@ def test_a_helix_under_a_wrench_along_its_axis_is_another_helix(twist, curvature
 
 
 def test_the_bend_of_45_degrees_is_where_others_print_it():
-    """Printed with eight elements; what they are off by are their elements.
+    """The tip of the bend agrees with printed values, within the errors of their eight elements.
 
-    K.-J. Bathe and S. Bolourchi, Int. J. Numer. Methods Eng. 14 (1979) 961-986: 23.5, 13.4, 53.4
-    as displacements, of elements that shear; J. C. Simo and L. Vu-Quoc, Comput. Methods Appl. Mech.
-    Eng. 58 (1986) 79-116: 15.79, 47.23, 53.37 as place.
+    K.-J. Bathe and S. Bolourchi, Int. J. Numer. Methods Eng. 14 (1979) 961-986, print the
+    displacement 23.5, 13.4, 53.4 of elements that shear.  J. C. Simo and L. Vu-Quoc, Comput.
+    Methods Appl. Mech. Eng. 58 (1986) 79-116, print the position 15.79, 47.23, 53.37.
     """
     moved = bend(600.0, **SECTION) - EDGE
     assert np.abs(moved - [-23.5, -13.4, 53.4]).max() < 0.25
@@ -119,15 +126,15 @@ def test_the_bend_of_45_degrees_is_where_others_print_it():
 
 
 KYNEMA = [-23.6459716009048, -13.7208006040058, 53.5776450626989]
-"""Tip displacement, docs/sphinx/testing/curved.rst of github.com/kynema/kynema, with 18 nodes; its
-test says the same of BeamDyn.  In axes in which the bend turns to the left."""
+"""Tip displacement with 18 nodes, docs/sphinx/testing/curved.rst of github.com/kynema/kynema, whose
+test has the same numbers for BeamDyn; here in axes in which the bend turns to the left."""
 
 
 def test_two_programs_agree_to_ten_digits_on_another_line():
-    """Their line is a parabola through three points of the arc, 3 degrees off where it is clamped.
+    """The formulation by strains finds the digits of two programs for their line, a parabola.
 
-    The formulation by strains takes any line: of the parabola it finds their digits, of the arc
-    those of `solve`.
+    The parabola goes through three points of the arc and differs from it by 3 degrees at the clamp.
+    For the arc the formulation finds the digits of `solve`.
     """
     points = np.array([[0.0, 0.0], [38.2683, 7.61205], [70.7107, 29.2893]])
     at = points[:, 0] / points[2, 0]
@@ -139,7 +146,7 @@ def test_two_programs_agree_to_ten_digits_on_another_line():
     section = Sections((STIFF,) * 3, (1e7, 41.6667e5, 41.6667e5))
     load = (0.0, 0.0, 600.0)
     moved = extrapolated(line, section, load, begin=clamp) - np.append(points[2], 0.0)
-    # of order 5: 4e-9 of order 4, times the step of 0.005 rad; what they print has fourteen digits
+    # order 5: 4e-9 of order 4, times the step of 0.005 rad; the programs print fourteen digits
     np.testing.assert_allclose(moved, KYNEMA, rtol=0, atol=5e-10)
     on_arc = extrapolated(arc(BEND, (0.0, 0.0, 0.01)), section, load)
     np.testing.assert_allclose(bend(600.0, **SECTION), on_arc, rtol=0, atol=5e-10)
@@ -157,7 +164,10 @@ LOADS = {
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("strains", [{}, {"axial": 30.0, "shear": 12.0}])
 def test_in_its_plane_it_is_the_planar_rod(load, strains):
-    """Torsion and the other bending stiffness do nothing there."""
+    """Under loads in its plane a rod is the planar rod.
+
+    Torsion and the other bending stiffness have no effect there.
+    """
     s = np.linspace(0.0, 1.2, 9)
     flat = planar_solve(s, length=1.2, stiffness=0.8, **strains, **LOADS[load])
     loads = dict(LOADS[load])
@@ -180,7 +190,7 @@ def test_in_its_plane_it_is_the_planar_rod(load, strains):
 
 
 def test_bending_to_either_side_is_the_planar_rod():
-    """About y, a load along z bends a rod as one along y does about z, the other way round."""
+    """A load along z bends a rod about y as a load along y bends it about z, with another sign."""
     s = np.linspace(0.0, 1.0, 5)
     flat = planar_solve(s, stiffness=0.7, force_y=3.0)
     rod = solve(s, stiffness=50.0, stiffness_y=0.7, torsion=70.0, force_z=3.0)
@@ -193,7 +203,7 @@ STIFFNESSES = {"torsion": 0.6, "stiffness_y": 0.9, "stiffness": 1.4}
 
 
 def test_what_stays_constant_along_a_rod():
-    """Force and moment about a fixed point; of an even rod also n . v + m . (u + u0)/2."""
+    """The force and, for constant stiffnesses, n . v + m . (u + u0)/2 are constant along a rod."""
     s = np.linspace(0.0, 1.0, 21)
     rod = solve(
         s,
@@ -212,13 +222,13 @@ def test_what_stays_constant_along_a_rod():
     u0 = np.array(list(NATURAL.values()))
     bent = local**2 / np.array(list(STIFFNESSES.values())) / 2 + local * u0
     energy = bent.sum(axis=1) + along + along**2 / 24.0 + across / 16.0
-    # E of the steps: 1e-12 of the tip's place; of the terms, which are up to 10
+    # errors of the steps: 1e-12 of the tip's position, times terms of up to 10
     assert np.ptp(energy) < 1e-10
     assert np.ptp(along) > 0.1
 
 
 def test_moments_of_a_rod_with_weight_follow_from_the_part_beyond():
-    """m(s) = M + (p(L) - p(s)) x F + int (p - p(s)) x w over the part beyond, by Gauss's sum."""
+    """The clamp moment is M + (p(L) - p(0)) x F + int (p - p(0)) x w ds, by Gauss's quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(30)
     s = np.array([0.0, *(1.0 + nodes) / 2.0, 1.0])
     weight = (0.5, 1.0, -2.0)
@@ -227,12 +237,12 @@ def test_moments_of_a_rod_with_weight_follow_from_the_part_beyond():
     arm = weights @ place[1:-1] / 2.0 - place[0]
     root = np.cross(place[-1] - place[0], FORCE) + np.cross(arm, weight)
     clamp = [rod[name][0] for name in ("twist_moment", "bend_moment_y", "bend_moment")]
-    np.testing.assert_allclose(clamp, root, rtol=0, atol=1e-11)  # E of the steps
+    np.testing.assert_allclose(clamp, root, rtol=0, atol=1e-11)  # error of the steps
     np.testing.assert_allclose(vector(rod, "force_")[0], np.add(FORCE, weight), rtol=1e-15)
 
 
 def test_a_round_rod_turns_with_its_loads():
-    """A straight rod as stiff to all sides: loads that are turned about it turn its shape."""
+    """If the loads of a straight rod with equal bending stiffnesses rotate about it, it rotates."""
     turn = 0.7
     c, s = np.cos(turn), np.sin(turn)
     about = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
@@ -245,6 +255,7 @@ def test_a_round_rod_turns_with_its_loads():
 
 
 def test_small_loads_twist_and_bend_as_in_textbooks():
+    """Small loads twist a straight rod, and bend it and a quarter of a circle, as in textbooks."""
     small, length = 1e-6, 1.3
     rod = solve(length, length=length, **STIFFNESSES, moment_x=small)
     assert rod["normal_x"] == pytest.approx(1.0)
@@ -256,7 +267,7 @@ def test_small_loads_twist_and_bend_as_in_textbooks():
         solve(np.pi / 2, **quarter, stiffness=2.0, torsion=0.5, force_z=force)
         for force in (small, 0.0)
     )
-    # Castigliano: arms sin(a) about the normal and 1 - cos(a) about the tangent, a from the tip
+    # Castigliano, a from the tip: arms sin(a) about the normal and 1 - cos(a) about the tangent
     bent, twisted = np.pi / 4, 3 * np.pi / 4 - 2.0
     assert rod["z"] - free["z"] == pytest.approx(small * (bent / 2.0 + twisted / 0.5), rel=1e-8)
 
@@ -267,9 +278,10 @@ LATERAL = 4.01259934  # twice the first root of Bessel's function J of order -1/
 @pytest.mark.parametrize(("share", "stands"), [(0.98, True), (1.02, False)])
 @pytest.mark.parametrize("y", [False, True])
 def test_a_deep_cantilever_topples_where_prandtl_says(share, stands, y):
-    """A. G. M. Michell and L. Prandtl 1899: F L^2 = 4.0126 sqrt(EI GJ), stiff in the load's plane.
+    """A deep cantilever is stable below Prandtl's load and refused as buckled above it.
 
-    The part bent before is small, as its bending stiffness is 1e5 times the other.
+    A. G. M. Michell and L. Prandtl 1899: F L^2 = 4.0126 sqrt(EI GJ) for a rod that is stiff in the
+    plane of the load.  Here this stiffness is 1e5 times the other one: the rod bends little.
     """
     stiff = {"stiffness": 1e5, "stiffness_y": 1.0} if y else {"stiffness": 1.0, "stiffness_y": 1e5}
     load = {"force_y" if y else "force_z": share * LATERAL * np.sqrt(0.7)}
@@ -284,7 +296,11 @@ def test_a_deep_cantilever_topples_where_prandtl_says(share, stands, y):
 @pytest.mark.parametrize(("share", "stands"), [(0.98, True), (1.02, False), (2.0, False)])
 @pytest.mark.parametrize("strains", [{}, {"axial": 1e6, "shear": 25.0}])
 def test_a_column_as_stiff_to_all_sides_buckles_where_euler_says(share, stands, strains):
-    """Twice at once, so that no determinant changes its sign; less with shear, by Engesser."""
+    """A column with equal bending stiffnesses is stable below Euler's load and refused above.
+
+    It buckles in two planes at once, so that the determinant does not change its sign.  With shear
+    the load is lower, by Engesser.
+    """
     euler = np.pi**2 / 4
     critical = euler / (1.0 + euler / strains["shear"]) if strains else euler
     load = {"force_x": -share * critical}
@@ -296,20 +312,21 @@ def test_a_column_as_stiff_to_all_sides_buckles_where_euler_says(share, stands, 
 
 
 def test_a_column_buckles_under_its_weight_where_greenhill_says():
-    """w L^3 = 7.8373 EI, A. G. Greenhill 1881."""
+    """The critical weight is w L^3 = 7.8373 EI, A. G. Greenhill 1881."""
     solve(1.0, torsion=0.7, weight_x=-0.98 * 7.8373)
     with pytest.raises(ValueError, match="buckle"):
         solve(1.0, torsion=0.7, weight_x=-1.02 * 7.8373)
 
 
 def test_steps_are_doubled_until_they_change_nothing():
-    """A rod that a load bends to itself takes 128 of them; it is a planar one, turned about x."""
+    """A rod under a load that needs 128 steps is the planar rod, rotated about x, to 1e-13."""
     rod, planar = solve(1.0, force_y=20.0, force_z=10.0), planar_solve(1.0, force_y=np.sqrt(500.0))
     for name, values in {"x": planar["x"], "y": planar["y"] * np.sqrt(0.8)}.items():
         np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-13)
 
 
 def test_a_rod_near_a_known_one_is_not_loaded_from_zero_again(monkeypatch):
+    """A rod with a load changed by 1e-6 starts from its neighbour, and from zero if that fails."""
     coil = {"length": 2.0, "curvature": 5.0, "twist": 0.3, "torsion": 0.7, "axial": 80.0}
     force, memory = {"force_z": 1.2 * (1.0 + 1e-6), "force_x": 0.3}, {}
     fresh = solve([1.1, 2.0], **coil, **force)
@@ -324,7 +341,7 @@ def test_a_rod_near_a_known_one_is_not_loaded_from_zero_again(monkeypatch):
         assert not work
         monkeypatch.setattr(
             spatial_rod, "cached_clamp_moment", lambda *_: (np.nan,) * 3
-        )  # a guess of no use
+        )  # a guess that fails
         lost = solve([1.1, 2.0], **coil, **force)
         assert work
     for name, values in fresh.items():
