@@ -101,7 +101,7 @@ def settle(
 
     Returns
     -------
-    Standing
+    `Standing`
 
     Raises
     ------

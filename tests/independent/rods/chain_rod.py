@@ -107,7 +107,7 @@ def free(
 
     Returns
     -------
-    Rest
+    `Rest`
 
     Raises
     ------
@@ -182,7 +182,7 @@ def pinned(
 
     Returns
     -------
-    Rest, with the curvatures for a pinned tip
+    `Rest`, with the curvatures for a pinned tip
 
     Raises
     ------
