@@ -48,7 +48,7 @@ def test_the_free_column_is_the_elastica_of_quarter_waves():
     """
     y, load, falls = free_column(1)
     whole = elastica(load / EULER)
-    # half of the digits are lost at k = 0, and those of 1 - k at the other end
+    # half of the digits are missing at k = 0, and those of 1 - k at the other end
     np.testing.assert_allclose(np.abs(y), whole["rise"], atol=1e-7)
     for mode in (2, 3):
         part, shorter, _ = free_column(mode)

@@ -24,7 +24,7 @@ EXACT = 2e-12  # rounding errors of some hundred equations
 
 
 def both(name, segments, scheme="half", **change):
-    """Equilibrium of two chains of Table 7, seeded with the continuous rods of a stable one."""
+    """Equilibrium of two chains of Table 7, seeded with continuous rods of a stable equilibrium."""
     call = {"seed": two_shapes(STABLE[name]), "force": RODS["force"]} | change
     return settle(two_rods(), [0.0, 0.0], segments=segments, scheme=scheme, **call)
 

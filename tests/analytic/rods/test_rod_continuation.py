@@ -126,7 +126,10 @@ def test_a_fold_ends_a_path_and_keeps_what_was_reached():
 
 
 def test_fold_is_singular_and_has_two_solutions_on_one_side_only():
-    """At a fold the direct determinant and the least stiffness are zero, the inverse is not."""
+    """At a fold the direct determinant and the least stiffness are zero, the inverse is not.
+
+    There are two solutions on one side of the fold and none on the other.
+    """
     branch = over_the_fold()
     assert not branch.why
     assert branch.at.shape == (1,)

@@ -370,7 +370,7 @@ def eroded(inside):
 
 @pytest.mark.slow
 def test_no_cell_of_a_sheet_stays_white():
-    """Triangles cover a map of which two nodes of 245 are beside tears.
+    """Triangles cover a map of which two nodes of 245 are next to tears.
 
     Without triangles in cells with tears 10 % of the area would be missing.
     """

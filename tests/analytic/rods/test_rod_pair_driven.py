@@ -37,7 +37,7 @@ def test_a_motor_turned_by_a_radian():
     rows = PATHS["motor"]
     found = solve(BEGIN + FIRST * [0.0, *(row["turn"] for row in rows)], **LINE)
     for names, key in ((("pin_x", "pin_y"), "pose"), (("hold1", "hold2"), "moment")):
-        sign = -1.0 if key == "moment" else 1.0  # the motors hold against the rods
+        sign = -1.0 if key == "moment" else 1.0  # motors act against the rods
         values = sign * np.stack([found[name][1:] for name in names], axis=1)
         # the data have six decimals, those of moments five
         np.testing.assert_allclose(values, [row[key] for row in rows], rtol=0, atol=6e-6)
@@ -55,7 +55,9 @@ def test_both_motors_lead_the_pin_round_a_ring():
 
 
 def test_a_fold_ends_the_branch():
-    """Curves are NaN beyond the fold; the stiffness is the root of the angle that is left to it."""
+    """Curves are NaN beyond the fold; the pin's stiffness is proportional to the root of the angle
+    to the fold.
+    """
     fold = PATHS["fold"]
     ways = np.array([4e-4, 1e-4, -1e-4])  # the data have 5e-6 rad
     found = solve(BEGIN + FIRST * [0.0, *(fold["turn"] + ways)], **LINE)
