@@ -95,6 +95,10 @@ def test_misprinted_motor_2_of_table_7_leaves_a_gap():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_derivatives_of_table_7(name):
+    """Jacobians, stiffness and determinants are the recomputed ones of four stable equilibria.
+
+    The direct and the inverse Jacobian are inverse matrices, and the stiffness is symmetric.
+    """
     s, row = pair(name), TABLE7["recomputed"][name]
     found = derivatives(s)
     for key in ("direct", "inverse", "stiffness", "direct_determinant", "inverse_determinant"):
@@ -176,6 +180,7 @@ def test_energy_and_moments_along_the_rods(name):
 
 
 def test_symmetric_pair_without_load():
+    """A symmetric pair without load has its pin on the y axis, at the recomputed positions."""
     for row in DATA["symmetric"]["recomputed"]:
         first, m = np.array(row["force1"]), row["moment1"]
         s = solve_direct(
@@ -213,6 +218,7 @@ def rfr3():
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_table_8(which):
+    """The printed digits have the sides of the platform, and lead to the recomputed solutions."""
     row = TABLE8["printed"][which]
     tip, force, _ = printed8(row)
     assert np.abs(np.abs(tip - np.roll(tip, 1)) - TABLE8["side"]).max() <= 2e-4  # four decimals
@@ -237,6 +243,10 @@ def test_misprinted_angle_of_table_8_does_not_close():
 
 @pytest.mark.parametrize("row", DATA["pfr3"]["recomputed"], ids=["rigid ends", "none"])
 def test_inverse_pose_of_the_program(row):
+    """Slides, moments and forces at the program's start pose are the recomputed ones.
+
+    No force acts along a guide, and the direct problem leads back to the pose.
+    """
     turns = np.radians([0.0, 120.0, -120.0])
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
     a = three(side, angle=turns, guide=turns, rigid_extension=row["rigid_extension"])
@@ -259,6 +269,7 @@ def test_inverse_pose_of_the_program(row):
 
 
 def test_symmetric_platform_without_load():
+    """An unloaded symmetric platform is at the centre, at the recomputed angles and energies."""
     case = DATA["pfr3_symmetric"]
     turns = np.radians(case["angle_deg"])
     for row in case["recomputed"]:
@@ -300,6 +311,7 @@ def test_a_turned_and_scaled_mechanism_is_the_same():
 
 
 def test_a_batch_is_its_members():
+    """A batch of direct problems has the solutions of its members alone."""
     s = pair("S1")
     turns = s.inputs + np.linspace(0.0, 0.1, 5)[:, None] * [1, -1]
     together = solve_direct(s.with_parts(inputs=turns))

@@ -62,7 +62,7 @@ def test_clamp_moment_crosses_zero_smoothly():
 
 
 def test_ring():
-    """Motor angles along a ring of 0.2 m are the recomputed ones, and the ring closes."""
+    """Motor angles along a ring of diameter 0.2 m are the recomputed ones, and the ring closes."""
     rows = PATHS["ring"]
     turn = np.radians([*(row["angle_deg"] for row in rows), 360.0])
     way = centre().pose + 0.1 * np.stack([np.cos(turn), np.sin(turn)], axis=1)

@@ -44,7 +44,7 @@ def test_a_motor_turned_by_a_radian():
 
 
 def test_both_motors_lead_the_pin_round_a_ring():
-    """Recomputed motor angles, with digits of 1e-5 degrees, lead the pin round a ring of 0.2 m."""
+    """Recomputed motor angles, to 1e-5 degrees, lead the pin round a ring of diameter 0.2 m."""
     rows = PATHS["ring"]
     angles = np.radians([row["inputs_deg"] for row in rows]).T
     found = solve(np.hstack([BEGIN, angles]), **LINE)

@@ -48,6 +48,7 @@ def index(f, row):
     ],
 )
 def test_every_known_equilibrium_is_found_with_its_energy_and_stability(name, modes):
+    """Recomputed equilibria are found, with their poses, potentials and negative directions."""
     f, known = found(name, modes), [r for r in DATA[name]["recomputed"] if not r.get("mirrored")]
     which = [index(f, row) for row in known]
     assert len(set(which)) == len(known)
