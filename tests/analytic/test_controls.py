@@ -26,7 +26,7 @@ HEAD = (
 
 @dataclass(frozen=True)
 class Rows:
-    """A control that is straight between rows: a law that knows nothing of `proofmass.profile`."""
+    """A control that is linear between rows, as a profile that does not use `proofmass.profile`."""
 
     times: tuple[float, ...]
     values: tuple[float, ...]
@@ -41,16 +41,16 @@ class Rows:
 
 
 def straight(times, values) -> PPoly:
-    """A polyline."""
+    """A piecewise linear function through some points."""
     times, values = np.array(times, float), np.array(values, float)
     return PPoly(np.array([np.diff(values) / np.diff(times), values[:-1]]), times)
 
 
 def answer(m, c, k, force: PPoly, x0, v0, t):
-    """m x'' + c x' + k x = force(t), a piecewise polynomial: matrix exponentials, piece by piece.
+    """Solution and rate of m x'' + c x' + k x = force(t) by matrix exponentials.
 
-    The force and its derivatives, the last of which does not change in a piece, are part of the
-    state.
+    The force is a piecewise polynomial, and each piece is solved by itself.  The force and its
+    derivatives, the last of which is constant in a piece, are part of the state.
     """
     order = len(force.c)
     a = np.zeros((2 + order, 2 + order))
@@ -60,7 +60,7 @@ def answer(m, c, k, force: PPoly, x0, v0, t):
     found, at, state = np.empty((2, len(t))), float(t[0]), np.array([x0, v0])
     for start, end in zip(force.x[:-1], force.x[1:], strict=True):
         inside = (t >= start) & ((t < end) | ((t == end) & (end == force.x[-1])))
-        middle = 0.5 * (start + end)  # where the derivatives are those of this piece
+        middle = 0.5 * (start + end)  # the derivatives there are those of this piece
         pushes = np.array([d(middle) for d in derivatives])
         back = expm(a * (at - middle))
         begin = np.concatenate([state, (back[2:, 2:] @ pushes)])
@@ -71,15 +71,16 @@ def answer(m, c, k, force: PPoly, x0, v0, t):
 
 
 def axes() -> dict[str, np.ndarray]:
-    """The closed forms of the case's three axes."""
+    """The closed forms of the three axes of the case, and of their rates."""
     model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
     rows = np.loadtxt(shipped("axes_controlled.csv"), delimiter=",", comments=("#", "t"))
     push = straight(rows[:, 0], rows[:, 1])
-    wind = straight([0.0, 0.3, 1.2, 2.0], 0.3 + np.array([0.0, 0.6, 0.6, -0.2]))  # and 3 * 0.1
+    # 0.3 N m are those of the spring: 3 N m/rad times its reference angle of 0.1 rad
+    wind = straight([0.0, 0.3, 1.2, 2.0], 0.3 + np.array([0.0, 0.6, 0.6, -0.2]))
     target = CubicSpline([0.0, 0.5, 1.0, 1.5, 2.0], [0.1, 0.15, 0.35, 0.5, 0.5])
     lift = PPoly(900.0 * target.c, target.x)
     lift.c[-1] -= 4.0 * 9.81
-    moment = float(model.body_inertia[2][2])  # of the cylinder about its axis
+    moment = float(model.body_inertia[2][2])  # the cylinder about its axis
     assert moment == pytest.approx(1.5 * 0.2**2 / 2, rel=1e-12)
     found = {}
     for name, one in {
@@ -92,7 +93,7 @@ def axes() -> dict[str, np.ndarray]:
 
 
 def solved(name: str, model, laws, t=T, **more):
-    """A free motion by one of the references, with MuJoCo's terms in space."""
+    """A free motion by one of the references; the spatial one has MuJoCo's terms."""
     if name == "planar":
         return planar.solve(t, model=model, control_profiles=laws, **more)
     return spatial.solve(t, model=model, control_profiles=laws, terms=SmoothTerms(model), **more)
@@ -112,7 +113,7 @@ BOTH = pytest.mark.parametrize("reference", ["planar", "spatial"])
 def test_three_axes_move_as_their_linear_equations_have_it(reference):
     found = moved_axes(reference)
     for name, curve in axes().items():
-        assert np.abs(found[name] - curve).max() < 1e-12, name  # of 1: some 20 pieces at 3e-14
+        assert np.abs(found[name] - curve).max() < 1e-12, name  # about 20 pieces at 3e-14
 
 
 def test_the_force_of_a_control_is_that_of_its_rows():
@@ -122,7 +123,7 @@ def test_the_force_of_a_control_is_that_of_its_rows():
 
 @BOTH
 def test_a_control_that_stays_is_that_of_the_key(reference):
-    """A law without changes and a key that has its value give one motion."""
+    """A constant profile gives the same motion as a key with the same control."""
     model = mujoco.MjModel.from_xml_path(str(shipped("arm_servos.xml")))
     t = np.linspace(0.0, 0.1, 7)
     changed = {"lift": Rows((0.0, 1.0), (0.4, 0.4)), "turn": Rows((0.0, 1.0), (-2.0, -2.0))}
@@ -158,7 +159,7 @@ def test_both_references_have_one_motion_of_an_arm_under_controls():
 
 
 def test_steps_end_at_the_kinks_and_are_fewer_for_it(monkeypatch):
-    """Steps over kinks are refused until they are short: the order is lost there."""
+    """A step across a kink loses its order, so it is refused until it is short."""
     model = mujoco.MjModel.from_xml_path(str(AXES.model_path))
     tree = spatial.read_tree(model, "start")
     laws, times = control_profiles(AXES, "dynamics"), np.linspace(0.0, 2.0, 3)
@@ -180,7 +181,7 @@ def test_the_pieces_of_a_motion_are_those_between_breaks():
 
 @dataclass(frozen=True)
 class Stair:
-    """A drive whose acceleration is a stair, and so its rate straight between rows."""
+    """A drive whose acceleration is a step function, so that its rate is piecewise linear."""
 
     times: tuple[float, ...]
     steps: tuple[float, ...]
@@ -199,7 +200,7 @@ class Stair:
 
 
 def test_a_mass_beside_a_drive_whose_acceleration_jumps():
-    """On a spring on a driven cart: m x'' + k x = -m a(t), the stair's own jumps at its rows."""
+    """A mass on a spring on a driven cart: m x'' + k x = -m a(t), where a(t) jumps at its rows."""
     model = mujoco.MjModel.from_xml_string(f"""{HEAD.format(g=0)}<worldbody>
       <body><joint name="cart" type="slide" axis="1 0 0"/><geom size=".1" mass="3"/>
         <body><joint name="x" type="slide" axis="1 0 0" stiffness="40"/><geom size=".1" mass="0.5"/>
@@ -216,7 +217,7 @@ def test_a_mass_beside_a_drive_whose_acceleration_jumps():
 
 
 def test_a_control_beside_a_drive_acts_as_well():
-    """The same mass with a motor: m x'' + k x = -m a(t) + u(t)."""
+    """The same mass on a driven cart with a motor: m x'' + k x = -m a(t) + u(t)."""
     model = mujoco.MjModel.from_xml_string(f"""{HEAD.format(g=0)}<worldbody>
       <body><joint name="cart" type="slide" axis="1 0 0"/><geom size=".1" mass="3"/>
         <body><joint name="x" type="slide" axis="1 0 0" stiffness="40"/><geom size=".1" mass="0.5"/>
@@ -236,7 +237,10 @@ def test_a_control_beside_a_drive_acts_as_well():
 
 @BOTH
 def test_a_joint_leaves_its_stop_when_the_control_turns(reference):
-    """Pressed on it until 0.5 s by 2 t - 1 [N], then off by (t - 0.5)^3 / (3 m)."""
+    """The force 2 t - 1 [N] presses the joint on its stop until 0.5 s; then x = (t - 0.5)^3 / 6.
+
+    The mass is 2 kg.
+    """
     model = mujoco.MjModel.from_xml_string(
         (HEAD.format(g=0) + SERVO.format(more=""))
         .replace("<position", "<motor")
@@ -259,10 +263,11 @@ SERVO = """<worldbody>
 
 
 def saturated(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A mass of 2 kg that a servo of 50 N/m and at most 8 N pulls from 0 to 1 m, and its rate.
+    """Position and rate of a mass of 2 kg that a servo of 50 N/m, at most 8 N, pulls from 0 to 1 m.
 
-    At first the force is 8 N: a parabola, up to 8 / 50 m before the target. Then it swings, up to
-    as far behind the target, where the force is -8 N; and all that is symmetric to where it turns.
+    At first the force is 8 N and the motion a parabola, until 8 / 50 m before the target.  Then the
+    mass swings until 8 / 50 m beyond the target, from where the force is -8 N.  The motion is
+    symmetric about the time at which the mass turns back.
     """
     m, k, most = 2.0, 50.0, 8.0
     near, w = most / k, np.sqrt(k / m)
@@ -271,7 +276,7 @@ def saturated(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     size, phase = np.hypot(near, speed / w), np.arctan2(near, speed / w)
     second = first + 2.0 * phase / w
     turn = second + first
-    mirrored = np.minimum(t, 2.0 * turn - t)  # the way back is that there
+    mirrored = np.minimum(t, 2.0 * turn - t)  # the motion back mirrors the motion there
     swing = w * (mirrored - first) - phase
     late = mirrored - second
     x = np.select(
@@ -289,7 +294,7 @@ def saturated(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @BOTH
 def test_a_servo_with_a_range_of_forces_saturates(reference):
-    """Over four of its kinks, to and fro; each step of the integration is 1e-12 off at most."""
+    """The motion there and back has four kinks; each integration step has an error up to 1e-12."""
     model = mujoco.MjModel.from_xml_string(
         HEAD.format(g=0) + SERVO.format(more='forcerange="-8 8" forcelimited="true"')
     )
@@ -322,7 +327,7 @@ def test_an_arm_whose_servos_saturate_is_one_in_both_references():
 
 
 def test_at_rest_a_saturated_servo_asks_no_more_of_a_drive():
-    """A four-bar with a servo on its rocker: by virtual work of the clipped moment."""
+    """The servo on the rocker of a four-bar does virtual work with its clipped moment."""
     text = shipped("fourbar.xml").read_text()
     servo = '<position name="hold" joint="rocker" kp="30" gear="2" forcerange="-140 5"/>'
     text = text.replace("</actuator>", f"{servo}</actuator>")

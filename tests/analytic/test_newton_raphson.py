@@ -1,4 +1,4 @@
-"""Newton-Raphson with a log: its order, its failures, and what it prints and draws."""
+"""Newton-Raphson with a log: its order, its failures, and the printed and drawn log."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_a_failed_log_prints_as_well():
 
 
 def test_rank_of_a_jacobian_that_loses_it():
-    """At a double root of one of two equations the rank falls to one, and the order with it."""
+    """At a double root of one of two equations the rank falls to one, and convergence is linear."""
     found = newton_raphson(
         lambda x: (np.array([x[0] ** 2, x[1] - 1.0]), np.diag([2.0 * x[0], 1.0])),
         [1.0, 0.0],

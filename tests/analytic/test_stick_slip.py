@@ -1,4 +1,4 @@
-"""Stick and slip against the least of energy and dissipation, on chains of springs and sliders."""
+"""Stick and slip of chains of springs and sliders, compared with least energy and dissipation."""
 
 from itertools import pairwise
 
@@ -17,12 +17,12 @@ from proofmass.analytic.friction import (
 
 
 class Sliders:
-    """Springs in a row from a driven end over sliders with dry friction to a wall."""
+    """A row of springs from a driven end to a wall, with sliders with dry friction between them."""
 
     def __init__(self, springs, bounds):
         self.springs, self.bounds = np.asarray(springs, float), np.asarray(bounds, float)
         n = self.bounds.size
-        stretch = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)  # of each spring with each slider
+        stretch = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)  # of each spring by each slider
         self.stretch, self.pulled = -stretch, np.eye(n + 1)[0]
         self.place, self.drive = np.zeros(n), 0.0
         self.senses, self.is_at_start = np.zeros(n), True
@@ -60,13 +60,17 @@ class Sliders:
 
 
 def least(body, path, parts):
-    """Places of the sliders along a path, whose parts minimise energy plus what they rub off."""
+    """Positions of the sliders along a path of the drive, by minimization.
+
+    In each of the parts of the path the sliders minimize their energy plus the dissipation since
+    the part before.
+    """
     place, found = np.zeros(body.bounds.size), [np.zeros(body.bounds.size)]
     for first, last in pairwise(path):
         for drive in np.linspace(first, last, parts + 1)[1:]:
             n, before = place.size, place
 
-            def cost(ways, drive=drive, before=before, n=n):  # forth and back of each slider
+            def cost(ways, drive=drive, before=before, n=n):  # forwards and back
                 here = before + ways[:n] - ways[n:]
                 slope = body.coupling * drive + body.stiffness @ here
                 return (
@@ -99,7 +103,8 @@ def test_sliders_go_where_energy_and_dissipation_are_least(springs, bounds):
     for drive in PATH[1:]:
         follow_stick_slip(body, np.array([drive]))
         found.append(body.place)
-    # parts of a monotone way of a row of sliders change nothing; 1e-6 is that of the search
+    # in a row of sliders the number of parts of a monotone path makes no difference; the accuracy
+    # of the minimization is 1e-6
     np.testing.assert_allclose(found, least(body, PATH, 4), atol=2e-6)
 
 
@@ -136,13 +141,13 @@ def test_shares_of_more_joints_than_they_can_hold_are_level():
     matrix, shares = generator.normal(size=(2, 4)), generator.normal(size=4)
     found = minimize_largest_share(matrix, shares)
     np.testing.assert_allclose(matrix @ found, matrix @ shares, atol=1e-14)
-    # least maximum: its dual, a push whose 1-norm of works is 1, does as much
+    # at a least maximum under two equations at least three of four joints have the largest share
     full = np.abs(found) > (1 - 1e-9) * np.abs(found).max()
     assert full.sum() >= 3
     bound = np.array([1.0, 2.0, 0.5, 3.0])
     some = share_friction(
         matrix.T / bound[:, None], bound, matrix @ shares
-    )  # in shares of their bounds
+    )  # shares of the bounds are the unknowns
     np.testing.assert_allclose(some / bound, found, rtol=0, atol=1e-13)
     for other in np.linalg.svd(matrix)[2][2:]:
         for way in (1e-3, -1e-3):

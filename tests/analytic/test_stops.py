@@ -1,4 +1,4 @@
-"""Joints that meet the ends of their ranges: closed forms, and MuJoCo's soft limits."""
+"""Joints that reach the ends of their ranges: closed forms, and MuJoCo's soft limits."""
 
 from functools import cache
 
@@ -19,7 +19,7 @@ BOTH = pytest.mark.parametrize("solve", [planar.solve, spatial.solve], ids=["pla
 
 
 def falling(ratio: float, more: str = "") -> mujoco.MjModel:
-    """A mass on an upright slide, with a stop 1 m below its start."""
+    """A mass on a vertical slide, with a stop 1 m below its start."""
     return mujoco.MjModel.from_xml_string(f"""{HEAD}</option><worldbody><body>
       <joint name="z" type="slide" axis="0 0 1" range="-1 9" solreflimit="0.01 {ratio}" {more}/>
       <geom size="0.1" mass="2"/></body></worldbody>
@@ -29,7 +29,7 @@ def falling(ratio: float, more: str = "") -> mujoco.MjModel:
 @BOTH
 @pytest.mark.parametrize("ratio", [0.0, 0.2, 1.0, 5.0])
 def test_a_mass_bounces_on_a_stop_as_a_ball_on_the_ground(solve, ratio):
-    """The closed form sums the bounces up; the last of them are lower than 1e-13 m."""
+    """The closed form sums all bounces; the solvers leave out those lower than 1e-13 m."""
     t = np.linspace(0.0, 1.5, 151)
     found = solve(t, model=falling(ratio))
     known = bouncing_ball.solve(t, height=1.0, restitution=restitution(ratio), gravity=9.81)
@@ -39,7 +39,7 @@ def test_a_mass_bounces_on_a_stop_as_a_ball_on_the_ground(solve, ratio):
 
 
 def two_discs(start: str) -> mujoco.MjModel:
-    """As `two_masses`: discs of 1 and 3 kg m^2 on one axis."""
+    """The model of `two_masses` with discs of 1 and 3 kg m^2 on one axis instead of masses."""
     model = two_masses(start)
     model.jnt_type[:] = mujoco.mjtJoint.mjJNT_HINGE
     model.body_inertia[1:] = np.array([[1.0], [3.0]])
@@ -47,7 +47,7 @@ def two_discs(start: str) -> mujoco.MjModel:
 
 
 def two_masses(start: str, more: str = "") -> mujoco.MjModel:
-    """Masses of 1 and 3 kg in line, a spring of 200 N/m between, and a stop of the first at 0."""
+    """Masses of 1 and 3 kg in line with a spring of 200 N/m between; the first has a stop at 0."""
     return mujoco.MjModel.from_xml_string(f"""{HEAD}</option><option gravity="0 0 0"/><worldbody>
       <body><joint name="a" type="slide" axis="1 0 0" range="0 9"/><geom size="0.1" mass="1"/>
         <body pos="1 0 0"><joint name="b" type="slide" axis="1 0 0" stiffness="200"/>
@@ -59,7 +59,7 @@ def two_masses(start: str, more: str = "") -> mujoco.MjModel:
 @BOTH
 @pytest.mark.parametrize("two", [two_masses, two_discs])
 def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve, two):
-    """Pressed on the stop until the spring is slack; then both move on as if there were none."""
+    """The mass is pressed on its stop until the spring has no force; then both masses are free."""
     pressed, wide = np.sqrt(200.0 / 3.0), np.sqrt(200.0 / 0.75)
     off = np.pi / 2.0 / pressed
     t = np.linspace(0.0, off + np.pi / wide, 91)
@@ -75,7 +75,7 @@ def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve, two):
 
 @BOTH
 def test_a_mass_that_is_pulled_off_its_stop_leaves_it_at_once(solve):
-    """The spring is stretched at the start: the centre of mass stays, and both swing about it."""
+    """The spring is stretched at the start, so both masses swing about the fixed centre of mass."""
     wide = np.sqrt(200.0 / 0.75)
     t = np.linspace(0.0, np.pi / wide, 41)
     found = solve(t, model=two_masses('qpos="0 0.3"'))
@@ -86,7 +86,7 @@ def test_a_mass_that_is_pulled_off_its_stop_leaves_it_at_once(solve):
 
 @BOTH
 def test_of_two_masses_on_their_stops_the_one_that_is_pulled_leaves(solve):
-    """Each on its own spring: one is pressed on its stop, the other swings away from its own."""
+    """Each mass has its own spring: one is pressed on its stop, the other is pulled off it."""
     body = """<body><joint name="{}" type="slide" axis="1 0 0" range="0 9" stiffness="50"
       springref="{}"/><geom size="0.1" mass="2"/></body>"""
     model = mujoco.MjModel.from_xml_string(f"""{HEAD}</option><option gravity="0 0 0"/><worldbody>
@@ -101,13 +101,16 @@ def test_of_two_masses_on_their_stops_the_one_that_is_pulled_leaves(solve):
 
 @BOTH
 def test_an_impact_on_one_stop_throws_another_mass_off_its_own(solve):
-    """Of two masses in line, by momentum and restitution: the first may leave its stop alone."""
+    """Momentum and restitution give the rates of two masses in line after the impact.
+
+    The first mass leaves its stop, on which it rested.
+    """
     model = two_masses('qpos="0 0" qvel="0 1.5"')
     model.opt.gravity[:] = (-2.0, 0.0, 0.0)
     model.jnt_stiffness[1], model.jnt_limited[1], model.jnt_range[1] = 0.0, 1, (-9.0, 0.4)
-    speed = np.sqrt(1.5**2 - 2.0 * 2.0 * 0.4)  # of 3 kg, when it meets its stop in the first mass
+    speed = np.sqrt(1.5**2 - 2.0 * 2.0 * 0.4)  # of the 3 kg at its stop in the first mass
     hit = (1.5 - speed) / 2.0
-    thrown = 0.75 * speed * (1.0 + restitution(1.0))  # the first mass; it is 1 kg
+    thrown = 0.75 * speed * (1.0 + restitution(1.0))  # rate of the first mass, of 1 kg
     t = hit + np.array([-0.1, -0.01, 0.0, 0.02, 0.05])
     found = solve(np.append(0.0, t), model=model)
     after = np.maximum(t - hit, 0.0)
@@ -120,14 +123,14 @@ def test_an_impact_on_one_stop_throws_another_mass_off_its_own(solve):
 
 @BOTH
 def test_samples_at_events_are_those_behind_them(solve):
-    """A rate is the one after the impact, and a motion may end with a release."""
+    """A rate at an impact is that after it, and a motion may end when a joint leaves its stop."""
     fall = np.sqrt(2.0 / 9.81)
     for times in ([0.0, fall], [0.0, fall, 0.5]):
         found = solve(times, model=falling(1.0))
         assert len(found["rate"]) == len(times)
         assert abs(found["z"][1] + 1.0) < 1e-14
         assert np.abs(found["rate"][1]) == pytest.approx(fall * 9.81 * np.exp(-2), rel=1e-6) or (
-            found["rate"][1] == pytest.approx(-fall * 9.81, rel=1e-12)  # rounding: just before it
+            found["rate"][1] == pytest.approx(-fall * 9.81, rel=1e-12)  # by rounding just before it
         )
     off = np.pi / 2.0 / np.sqrt(200.0 / 3.0)
     found = solve([0.0, 0.5 * off, off], model=two_masses('qpos="0 -0.3"'))
@@ -137,7 +140,7 @@ def test_samples_at_events_are_those_behind_them(solve):
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.6, 0.9, 0.999])
 def test_a_stop_is_found_wherever_a_step_comes_to_it(share):
-    """At even pace, and by a parabola that turns back beyond it in the middle of the step."""
+    """The joint moves at a constant rate, or along a parabola that turns back beyond the stop."""
     step = Step(2.0, 6.0, lambda t: (np.array([3.0 * t]), np.array([3.0]), np.zeros(1)))
     stop = Stop("x", 0, 0, 3.0 * (2.0 + 4.0 * share), 1.0, 0.5)
     assert list(impact_times([stop], step)) == pytest.approx([2.0 + 4.0 * share], abs=1e-14)
@@ -148,10 +151,10 @@ def test_a_stop_is_found_wherever_a_step_comes_to_it(share):
     def thrown(t):
         return np.array([t * (4.0 - t)]), np.array([4.0 - 2.0 * t]), np.array([-2.0])
 
-    top = Stop("x", 0, 0, 4.0 - (2.0 * share) ** 2, 1.0, 0.5)  # the way up is 4
-    # a step is looked at in its quarters: the one at the top is always beyond
+    top = Stop("x", 0, 0, 4.0 - (2.0 * share) ** 2, 1.0, 0.5)  # the parabola rises to 4
+    # distances are evaluated at the quarters of a step; the one at the top is beyond the stop
     found = list(impact_times([top], Step(0.0, 4.0, thrown)))
-    assert found == pytest.approx([2.0 - 2.0 * share], abs=1e-12)  # eps over the least pace
+    assert found == pytest.approx([2.0 - 2.0 * share], abs=1e-12)  # rounding over the least rate
 
 
 def test_what_happened_is_told():
@@ -165,7 +168,7 @@ def test_what_happened_is_told():
         "z hits a stop at t = 0.451524, 0.573738, 0.590278, 0.592516, .. s (5 in all)"
     )
     free = two_masses('qpos="0.5 -0.1"')
-    pulled = two_masses('qpos="0 0.3"')  # it does not rest on its stop for a moment
+    pulled = two_masses('qpos="0 0.3"')  # it leaves its stop at the start
     for model in (free, pulled):
         told = planar.properties(
             model=model, start="start", joints=(), motion=np.linspace(0, 0.1, 6)
@@ -186,17 +189,17 @@ ARM = f"""{HEAD}</option><option integrator="RK4"/><default><geom type="capsule"
 NAMES = "shoulder", "elbow", "wrist"
 RIGID = mujoco.MjModel.from_xml_string(ARM.replace("TAU", "0.01"))
 TIMES = np.linspace(0.0, 0.36, 19)
-"""Until the elbow has hit both its stops."""
+"""Times until the elbow has hit both its stops [s]."""
 
 
 @cache
 def between_rigid_stops() -> dict[str, np.ndarray]:
-    """The motion of the arm by the planar reference."""
+    """The motion of the arm with rigid stops, by the planar reference."""
     return planar.solve(TIMES, model=RIGID)
 
 
 def stepped(model: mujoco.MjModel, samples: int, count: int) -> np.ndarray:
-    """Poses of a model let go, `count` steps of it from one to the next."""
+    """Poses of the free motion of a model in MuJoCo, with `count` steps between samples."""
     data, found = mujoco.MjData(model), []
     mujoco.mj_resetDataKeyframe(model, data, 0)
     for _ in range(samples):
@@ -206,18 +209,18 @@ def stepped(model: mujoco.MjModel, samples: int, count: int) -> np.ndarray:
 
 
 def test_mujoco_comes_to_the_motion_between_rigid_stops_as_its_limits_get_stiff():
-    """An elbow that hits both its stops: how far MuJoCo is off falls with the time constant."""
+    """MuJoCo's error falls with the time constant, for an elbow that hits both its stops."""
     known, off = between_rigid_stops(), []
     told = planar.properties(model=RIGID, start="start", joints=(), motion=TIMES)
     assert told["stops"] == "elbow hits a stop at t = 0.125401, 0.325648 s (2 in all)"
     for tau in (1e-3, 3e-4):
         model = mujoco.MjModel.from_xml_string(ARM.replace("TAU", str(tau)))
-        count = round(0.02 * 40 / tau)  # a restitution needs some 40 steps in the time constant
+        count = round(0.02 * 40 / tau)  # an impact needs about 40 steps per time constant
         model.opt.timestep = 0.02 / count
         q = stepped(model, TIMES.size, count)
         off.append(max(np.abs(q[:, k] - known[name]).max() for k, name in enumerate(NAMES)))
     assert off[0] < 0.03
-    assert off[1] < 0.4 * off[0]  # 0.3 in first order of the duration of an impact
+    assert off[1] < 0.4 * off[0]  # 0.3 if the error is of first order in tau
 
 
 def test_both_general_solvers_have_the_same_motion_between_stops():
@@ -227,7 +230,7 @@ def test_both_general_solvers_have_the_same_motion_between_stops():
 
 
 def test_a_wrong_restitution_is_seen():
-    """The damping ratio of the limit is what throws the joint back: half of it, another motion."""
+    """The restitution follows from the damping ratio of the limit, which is halved here."""
     text = ARM.replace('solreflimit="TAU 1"', 'solreflimit="0.01 0.5"')
     soft = planar.solve(TIMES, model=mujoco.MjModel.from_xml_string(text))
     hard = between_rigid_stops()
@@ -236,7 +239,7 @@ def test_a_wrong_restitution_is_seen():
 
 @BOTH
 def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics(solve):
-    """An arm of 2 kg and 0.8 m that lies level on its stop: weight, and moment about the hinge."""
+    """An arm of 2 kg and 0.8 m lies horizontally on its stop: its weight, and the hinge moment."""
     model = mujoco.MjModel.from_xml_string(f"""{HEAD}</option><worldbody><body>
       <joint name="hinge" axis="0 -1 0" range="0 1"/>
       <geom type="capsule" size="0.02" fromto="0 0 0 0.8 0 0" mass="2"/><site name="pin"/>
@@ -249,7 +252,7 @@ def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics(solve):
 
 
 def test_a_stop_asks_of_the_pins_what_a_drive_does():
-    """A four-bar whose crank lies on its stop, and one whose crank is held there."""
+    """The crank of a four-bar rests on its stop, or a drive holds it there: equal pin forces."""
     file = str(shipped("fourbar_forces.xml"))
     held = planar.solve([0.0], model=mujoco.MjModel.from_xml_path(file), joints=("crank",))
     model = mujoco.MjModel.from_xml_path(file)
@@ -265,7 +268,7 @@ def test_a_stop_asks_of_the_pins_what_a_drive_does():
 
 
 def parts(model: mujoco.MjModel, s: int) -> list[str]:
-    """The channels in the plane of sensor number s, if it shows forces between bodies."""
+    """The channels x and y of sensor number s, if it measures a force between bodies."""
     of_force = model.sensor_type[s] == mujoco.mjtSensor.mjSENS_FORCE
     return [f"{model.sensor(s).name}.{part}" for part in "xy"] if of_force else []
 
@@ -285,7 +288,7 @@ def test_limits_that_are_no_stops_are_refused(solve):
 
 
 def test_stops_that_hold_the_same_are_refused():
-    """Two slides in line whose sum is held: one stop holds both."""
+    """An equality couples two slides, so the stops of both constrain the same motion."""
     tie = '<equality><joint joint1="a" joint2="b" polycoef="0 -1 0 0 0"/></equality>'
     text = two_masses('qpos="0 0" qvel="0 0"', tie)
     text.jnt_limited[1], text.jnt_range[1] = 1, (-9.0, 0.0)
@@ -296,7 +299,7 @@ def test_stops_that_hold_the_same_are_refused():
 
 @pytest.mark.parametrize("range_", [(0.0, 2.7), (2.1, 10.0)])
 def test_a_drive_leads_no_other_joint_beyond_its_range(range_):
-    """A sweep has no motion behind a stop: the rocker swings between 2.00 and 2.82 rad."""
+    """A sweep cannot pass a stop; without a range the rocker swings between 2.00 and 2.82 rad."""
     model = mujoco.MjModel.from_xml_path("models/linkages/fourbar.xml")
     model.jnt_limited[:], model.jnt_range[:] = 1, (-10.0, 10.0)
     model.jnt_range[model.joint("rocker").id] = range_

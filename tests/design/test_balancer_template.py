@@ -1,4 +1,4 @@
-"""The balancers in `models/` are what the template writes, and a wrong one turns its verdict."""
+"""The balancers in `models/` are output of the template, and a wrong model differs."""
 
 import re
 import shutil
@@ -34,16 +34,16 @@ def test_committed_files_are_what_the_template_gives(name, tmp_path):
         committed = shipped(f"{name}{ending}").read_text()
         written = (tmp_path / name).with_suffix(ending).read_text()
         assert NUMBER.split(written) == NUMBER.split(committed)
-        # another processor has other sines: rounding of a start pose's sums of up to four links
+        # sines depend on the processor: rounding of the start pose, of sums of up to four links
         assert list(map(float, NUMBER.findall(written))) == pytest.approx(
             list(map(float, NUMBER.findall(committed))), rel=1e-14, abs=1e-15
         )
 
 
 def test_every_balancer_in_models_is_of_the_table():
-    """But for a sidecar that holds an export beside the engines, with a model of the table."""
+    """The exception is a sidecar that compares an export with engines, for a model of the table."""
     own = {file.stem for file in models_like("balancer*.toml") if file.with_suffix(".xml").exists()}
-    assert own == {*DESIGNS, "balancer4_sam_prescribed"}  # `test_balancer_posture` holds it
+    assert own == {*DESIGNS, "balancer4_sam_prescribed"}  # see `test_balancer_posture`
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -52,7 +52,7 @@ def test_the_start_pose_is_closed_and_at_rest(name):
     gap = data.site("tip").xpos - data.site("pendulum_tip").xpos
     # sums of four coordinates below 1 m; arc cosines lose digits where an elbow is nearly straight
     assert np.abs(gap).max() <= (5e-15 if name == "balancer_extending" else 5e-16)
-    # no spring pulls but against its stop, and no segment weighs: rounding of 1 N m
+    # springs act against their stops only, and segments have no weight: rounding of 1 N m
     driven = np.array([model.joint(j).name == "extension" for j in range(model.njnt)])
     free = (model.jnt_limited == 0) & ~driven
     assert np.abs((data.qfrc_passive - data.qfrc_bias)[free]).max() <= 1e-15
@@ -65,15 +65,15 @@ def test_the_tip_alone_weighs(chain, tmp_path):
     model.jnt_stiffness[:] = 0.0
     data.qpos[:] = np.random.default_rng(1).uniform(-np.pi, np.pi, model.nq)
     mujoco.mj_forward(model, data)
-    pull = 2.5 * np.sin(data.qpos[0])  # clockwise, so the bias, which resists, is its negative
-    # 1e-15: rounding of moments of some 0.1 N m, or of 2.5 N m
+    pull = 2.5 * np.sin(data.qpos[0])  # clockwise, so the bias, which resists it, is its negative
+    # 1e-15: rounding of moments of about 0.1 N m, and of 2.5 N m
     assert np.abs(data.qfrc_bias[1:]).max() <= 1e-15
     assert abs(data.qfrc_bias[0] + pull) <= 1e-15
     assert abs(data.sensor("energy").data[0] - 2.5 * np.cos(data.qpos[0])) <= 2e-15
 
 
 def test_springs_are_what_the_parameters_say(tmp_path):
-    """Moment and energy of a quadratic spring, preloaded, against the integral of the moment."""
+    """A preloaded quadratic spring has its preload as moment, and the integral as energy."""
     k, a, preload = 1.1, -0.3, 0.4
     found = write_case(
         tmp_path,
@@ -86,7 +86,7 @@ def test_springs_are_what_the_parameters_say(tmp_path):
     assert data.qfrc_passive[2] == pytest.approx(-preload, abs=1e-15)  # rounding
     wound = min(x for x in np.roots([a, k, -preload]) if x > 0)
     x = np.linspace(0.0, wound, 1001)
-    # 1e-7: trapezoids of 4e-4 rad
+    # 1e-7: trapezoidal rule with steps of 4e-4 rad
     assert data.sensor("energy").data[0] == pytest.approx(
         np.trapezoid(k * x + a * x**2, x), abs=1e-7
     )
@@ -101,7 +101,7 @@ def at_start(file: Path) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, data
 
 
-# The sidecar of one balancer beside the model of another; its own agrees, as in `models/`.
+# A sidecar of one balancer with the model of another one; with its own model it agrees.
 WRONG = {
     "a length": (PRELOADED, {"length2": PRELOADED["length2"] * (1 + 1e-9)}),
     "the pendulum": (PRELOADED, {"pendulum": 1 + 1e-9}),
@@ -124,7 +124,7 @@ WRONG = {
     "a missing preload that holds at no moment": (AT_ONCE, {"preload3": 0.0, "high3": np.inf}),
     "preloads changed about": (FOUR, {"preload2": FOUR["preload3"], "preload3": FOUR["preload2"]}),
 }
-TEXT = {  # what no parameter can say
+TEXT = {  # changes of a model that no parameter makes
     "the sign of a stiffness": (PRELOADED, 'stiffness="2.4054"', 'stiffness="-2.4054"'),
     "a preload without its stop": (PRELOADED, ' range="0.0 10.0"', ""),
     "the sign of a preload": (PRELOADED, 'springref="-', 'springref="'),
@@ -141,7 +141,7 @@ SOLVER = pytest.mark.parametrize(
 
 
 def write(folder: Path, chain: dict, solver: str) -> Path:
-    """A case of a balancer that says ``mode = 1``, at few places."""
+    """Write a case of a balancer that states ``mode = 1``, with few samples."""
     return fewer(
         write_case(
             folder, "case", title="t", source="s", parameters={"mode": 1} | chain, solvers=[solver]
@@ -150,7 +150,7 @@ def write(folder: Path, chain: dict, solver: str) -> Path:
 
 
 def fewer(file: Path) -> Path:
-    """A twentieth of the places, each of which rests by itself."""
+    """Keep a twentieth of the samples of a sweep, whose equilibria do not depend on each other."""
     text, hits = re.subn(r"(?m)^n = 181\b", "n = 9", file.read_text())
     assert hits == 1
     file.write_text(text)
@@ -158,7 +158,7 @@ def fewer(file: Path) -> Path:
 
 
 def turned(file: Path) -> bool:
-    """Whether a channel is not as the reference has it, or the model is refused for its pose."""
+    """Whether a channel does not agree, or the model is refused for its start pose."""
     try:
         return any(c.outcome not in GOOD_OUTCOMES for c in verdicts(file))
     except InputError:
@@ -170,7 +170,7 @@ def turned(file: Path) -> bool:
 def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
     truth, change = WRONG[what]
     file = write(tmp_path, truth, solver)
-    validate_case(load_case(file))  # else it is bad input that turns the verdict
+    validate_case(load_case(file))  # otherwise the difference could be due to bad input
     shutil.copy(write(tmp_path / "wrong", truth | change, solver).with_suffix(".xml"), tmp_path)
     assert turned(file)
 
@@ -221,7 +221,7 @@ def test_a_spring_without_stiffness_is_a_constant_moment(tmp_path):
     )
     _, data = at_start(file.with_suffix(".xml"))
     assert data.qfrc_actuator.tolist() == [0.0, 0.0, -0.369, 0.0]
-    assert "energy" not in load_case(file).channels  # nothing stores what it gives
+    assert "energy" not in load_case(file).channels  # a constant moment has no energy channel
     assert check([fewer(file)], detectable=False, causes=False).exit_code == 0
 
 

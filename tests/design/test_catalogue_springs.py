@@ -1,4 +1,4 @@
-"""Springs from a catalogue: the best of all combinations, and files that are none."""
+"""Springs from a catalogue: the best of all combinations, and files that are refused."""
 
 from itertools import combinations_with_replacement
 
@@ -29,7 +29,7 @@ def test_no_combination_is_better(seed):
     rng = np.random.default_rng(seed)
     catalogue = dict(zip("abcdefghijkl", rng.uniform(0.01, 0.1, 12), strict=True))
     wanted = rng.uniform(0.0, 5.0, 3)
-    springs = np.array([0.0, *catalogue.values()])  # with none 13 entries: listing N.1
+    springs = np.array([0.0, *catalogue.values()])  # 13 entries with "no spring": listing N.1
     sums = np.array([a + b for a, b in combinations_with_replacement(springs, 2)])
     assert sums.size == 91
     second = sums[sums > 0]

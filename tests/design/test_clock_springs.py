@@ -1,4 +1,4 @@
-"""Clock springs against the bending of a spiral, the prints of van Nes 2022, and all choices."""
+"""Clock springs compared with a bent spiral, numbers of van Nes 2022, and all other choices."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ STRIPS = [
 
 
 def test_a_spiral_under_one_moment_turns_by_its_length_over_its_bending_stiffness():
-    """Castigliano on an Archimedean spiral: dU/dM of U = integral M^2/(2 E I) ds."""
+    """Castigliano's theorem for an Archimedean spiral: dU/dM with U = integral M^2/(2 E I) ds."""
     inner, outer, turns, b, t = 4e-3, 25e-3, 8, 6e-3, 0.6e-3
     growth = (outer - inner) / (2.0 * np.pi * turns)
     length, _ = quad(lambda a: np.hypot(inner + growth * a, growth), 0.0, 2.0 * np.pi * turns)
@@ -42,7 +42,7 @@ def test_a_spiral_under_one_moment_turns_by_its_length_over_its_bending_stiffnes
 
 @pytest.mark.parametrize(("name", "eq_i1"), [("907", 0.0305), ("903", 0.0174), ("908", 0.0625)])
 def test_the_thesis_springs_are_stiffer_than_its_equation(name, eq_i1):
-    """Eq. I.1 with the length of the windings is 18 to 29 % low: not all of it bends."""
+    """Eq. I.1 with the length of the windings is 18 to 29 % low: not the whole length bends."""
     turns, t, b, inner, outer, k = PRINTED[name]
     strip = SpringStrip(name, 1e-3 * b, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)
     length = 2.0 * np.pi * turns * 1e-3 * (inner + outer) / 2.0
@@ -51,9 +51,10 @@ def test_the_thesis_springs_are_stiffer_than_its_equation(name, eq_i1):
 
 
 def test_the_cut_spring_of_the_thesis():
-    """Line 1566: t times 5^(1/3) makes k five times as large.
+    """By line 1566 a factor of 5^(1/3) on the thickness t multiplies the stiffness k by five.
 
-    With b = 2 mm of 6 that is 0.0621; table J.2 expects 0.051, by a factor that it does not name.
+    With a width b of 2 mm instead of 6 the stiffness is 0.0621.  Table J.2 expects 0.051, by a
+    factor that it does not name.
     """
     _, t, _, _, _, k = PRINTED["907"]
     strip = SpringStrip("", 2e-3, 1e-3 * t * 5 ** (1 / 3), 0.1, 2.0, STEEL, 1e9)

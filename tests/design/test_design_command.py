@@ -1,4 +1,4 @@
-"""``proofmass design balancer``: files, words, exit codes, bad input."""
+"""``proofmass design balancer``: its files, its output, exit codes, and bad input."""
 
 import json
 
@@ -20,7 +20,7 @@ from tests.shipped import shipped
 
 @pytest.fixture(autouse=True)
 def quick(request, monkeypatch):
-    """Searches of a second, but in slow tests."""
+    """Make searches last a second, except in slow tests."""
     if "slow" not in request.keywords:
         monkeypatch.setattr(command, "scale_effort", lambda _, seed: Effort(((8, 2), (4, 2)), seed))
 
@@ -31,7 +31,7 @@ def run(*args):
 
 @pytest.fixture
 def unverified(monkeypatch):
-    """Without the engines, which take longer than the search."""
+    """Do not run the engines, which take longer than the search."""
     monkeypatch.setattr(command, "check_design", lambda *_: 0)
 
 
@@ -136,7 +136,7 @@ def test_bad_input_is_one_line(tmp_path, options, words):
 
 @pytest.mark.usefixtures("unverified")
 def test_clock_springs_of_a_design(tmp_path):
-    """Each has the stiffness of its joint; what no strip can be is told with the reason."""
+    """Each spring has the stiffness of its joint; a spring that no strip gives is reported."""
     strips = tmp_path / "strips.csv"
     strips.write_text(",".join(STRIP_HEADER) + "\nthick,20,2,300,4000,206,1400\n")
     answer = run("--free-angle", "--strips", strips, "--moment", 5, "-o", tmp_path / "out")

@@ -1,4 +1,4 @@
-"""The search: seeds, interruptions, bounds, descents, and that it finds better than the thesis."""
+"""The search for designs: seeds, interruptions, bounds, descents, and designs of the thesis."""
 
 from dataclasses import dataclass
 
@@ -71,7 +71,7 @@ def test_designs_stay_within_their_bounds_and_do_not_get_worse():
         for vector in search.vectors(search.state.places):
             assert (REGULAR.low <= vector).all()
             assert (vector <= REGULAR.high).all()
-        if search.heat == 1:  # the heat before counts fewer points
+        if search.heat == 1:  # the heat before this one evaluates fewer points
             assert search.state.values.min() <= worst
             worst = search.state.values.min()
     assert search.state.values.min() == pytest.approx(REGULAR.figures(search.found[:1]).rmse[0])
@@ -81,7 +81,7 @@ def test_a_search_from_given_designs_is_no_worse_than_they():
     first = SavedSearch(REGULAR, TINY)
     first.run()
     again = SavedSearch(REGULAR, Effort(((12, 1), (4, 1)), seed=2), start=first.found)
-    assert len(again.state.places) == 12  # four given, the others random
+    assert len(again.state.places) == 12  # four are given, the others are random
     assert REGULAR.figures(again.run()[None]).rmse[0] <= REGULAR.figures(first.found[:1]).rmse[0]
 
 
@@ -97,7 +97,7 @@ def test_a_given_design_that_the_coarse_look_refuses_is_not_failed():
 
     assert SavedSearch(Narrow(), TINY).run() == pytest.approx(
         [0.0, 0.0], abs=1e-6
-    )  # the other valley
+    )  # the minimum in the other region
     given = np.array([[0.95, 0.5]])
     assert SavedSearch(Narrow(), TINY, start=given).run() == pytest.approx([1.0, 1.0], abs=1e-6)
 
@@ -112,8 +112,8 @@ def test_bounds_that_exclude_every_design_are_refused():
 def test_ten_seconds_beat_row_1766():
     task = Synthesis(Variant("sine", free_angle=True), np.sin)
     found = task.figures(SavedSearch(task, Effort(((64, 8), (16, 20)))).run()[None])
-    assert found.rmse[0] < 0.0059  # both as printed
-    assert found.work_reduction[0] > 99.62  # of any sine balancer in the thesis
+    assert found.rmse[0] < 0.0059  # printed for row 1766
+    assert found.work_reduction[0] > 99.62  # the largest of all sine balancers of the thesis
 
 
 def test_descents_solve_bounded_linear_least_squares():
@@ -130,7 +130,7 @@ def test_descents_solve_bounded_linear_least_squares():
     for _ in range(60):
         state = step_descents(*state, terms)
     assert (state[2] > MAX_DAMPING).all()
-    # the gain of a step is no longer worth it at 1e-7 of the value: its root in the place
+    # descents end when a step gains less than 1e-7 of the value, so places have about its root
     assert state[0] == pytest.approx(np.tile(truth.x, (6, 1)), abs=1e-3)
     assert state[1] == pytest.approx(np.sqrt(2 * truth.cost), rel=1e-6)
 
@@ -144,7 +144,7 @@ def test_a_descent_keeps_out_of_what_is_not_possible():
     for _ in range(40):
         state = step_descents(*state, terms)
     assert 0.3 <= state[0][0, 0] < 0.301
-    assert np.array_equal(state[0][1], places[1])  # began where nothing is
+    assert np.array_equal(state[0][1], places[1])  # the start of this descent is infeasible
 
 
 def test_nondominated_by_its_definition():
@@ -159,7 +159,7 @@ def test_nondominated_by_its_definition():
 
 @dataclass(frozen=True)
 class Hollow:
-    """Fonseca and Fleming's two aims, whose front is hollow: weighted sums find its ends alone."""
+    """Fonseca and Fleming's two aims with a concave front: weighted sums find only its ends."""
 
     limit: float = np.inf
     low, high, fingerprint = -np.ones(2), np.ones(2), "hollow"
@@ -179,18 +179,18 @@ class Hollow:
 
 
 def test_a_front_is_found_beyond_its_convex_part(monkeypatch):
-    """On the front x1 = x2, which gives the spread of each error in closed form."""
+    """On this front x1 = x2, which gives the spread for each error in closed form."""
     monkeypatch.setattr("proofmass.design.pareto.LIMIT_EFFORT", Effort(((8, 4), (4, 12))))
     best = SavedSearch(Hollow(), Effort(((16, 6), (4, 20)))).run()
     found = find_front(Hollow(), best[None], limits=6)
     inner = (found.rmse > 0.05) & (found.rmse < 0.95)
     assert inner.sum() >= 5
     distance = 2.0 - np.sqrt(-np.log1p(-found.rmse[inner]))
-    # descents end where a step gains 1e-7
+    # descents end when a step gains less than 1e-7
     assert found.spread[inner] == pytest.approx(1.0 - np.exp(-(distance**2)), abs=2e-3)
     ends = found.spread[[0, -1]]
     chord = np.interp(found.rmse[inner], found.rmse[[0, -1]], ends)
-    assert (found.spread[inner] > chord + 0.02).all()  # a weighted sum has none of them
+    assert (found.spread[inner] > chord + 0.02).all()  # no weighted sum has its minimum there
     assert is_on_hull(found.rmse, found.spread)[inner].sum() == 0
 
 
@@ -207,7 +207,7 @@ def test_the_front_trades_error_for_spread(tmp_path, monkeypatch):
     assert found.rmse.size >= 2
     assert (np.diff(found.rmse) > 0).all()
     assert (np.diff(found.spread) < 0).all()
-    again = find_front(REGULAR, best[None], tmp_path, limits=2)  # from its states
+    again = find_front(REGULAR, best[None], tmp_path, limits=2)  # from the saved states
     assert np.array_equal(found.vectors, again.vectors)
     files = write_front(found, list(REGULAR.variant.usual), tmp_path / "pareto")
     assert all(file.stat().st_size > 0 for file in files)

@@ -1,4 +1,4 @@
-"""Balancers by the batch: the thesis's variants and bounds, and what designs are worth."""
+"""Evaluation of many balancers at once: variants and bounds of the thesis, errors of designs."""
 
 from fractions import Fraction
 
@@ -77,7 +77,7 @@ def test_its_tables_have_a_dash_for_these_56():
 
 
 def test_each_figure_has_two_dashed_rows_for_a_preload_of_spring_3():
-    """ "3 Seg.: prestress spring 3": with linear and with nonlinear springs, M.1 to M.20."""
+    """ "3 Seg.: prestress spring 3", with linear and with nonlinear springs, Fig. M.1 to M.20."""
     figures = [(v.figure, v.springs) for v in third_preload_variants()]
     assert sorted(figures) == sorted(
         (f"M.{k}", springs) for k in range(1, 21) for springs in ("linear", "nonlinear")
@@ -86,7 +86,7 @@ def test_each_figure_has_two_dashed_rows_for_a_preload_of_spring_3():
 
 
 def test_a_preload_of_spring_3_without_moment_is_no_preload():
-    """Where segment 1 begins along the pendulum the stop of joint 3 is never met again."""
+    """If segment 1 starts along the pendulum, joint 3 leaves its stop and never returns to it."""
     bare, third = Variant("sine"), Variant("sine", preload=(3,))
     vector = 0.5 * (Synthesis(bare, np.sin).low + Synthesis(bare, np.sin).high)
     flat = {k: v[0] for k, v in bare.parameters(vector[None]).items()}
@@ -112,7 +112,7 @@ def test_bounds_are_those_of_the_figure(line):
             np.pi * (1 if b == "pi" else -1) if "pi" in str(b) else float(Fraction(b))
             for b in printed[kind]
         ]
-        # printed from -B; such a chain is not stable at rest
+        # stiffnesses are printed from -B on, but such a chain is not stable at rest
         assert (low, high) == pytest.approx(
             (max(bound[0], 0.0) if "stiff" in kind else bound[0], bound[1])
         )
@@ -124,7 +124,7 @@ def test_the_thesis_designs_are_worth_what_independent_recomputations_say(line):
     task = task_of(row)
     vector = task.variant.vector(parameters(row))
     found, known = task.figures(vector[None]), row["recomputed"]["path"]
-    assert found.rmse[0] == pytest.approx(known["rmse"], abs=6e-8)  # known to eight decimals
+    assert found.rmse[0] == pytest.approx(known["rmse"], abs=6e-8)  # recomputed to eight decimals
     assert found.work_reduction[0] == pytest.approx(known["work_reduction"], abs=6e-5)
     assert (task.low - 1e-12 <= vector).all()
     assert (vector <= task.high + 1e-12).all()
@@ -157,7 +157,7 @@ def test_a_batch_is_worth_what_each_design_alone_is(variant):
     task, vectors = random(variant)
     found, built = task.figures(vectors), 0
     for k, vector in enumerate(vectors):
-        if built == 8:  # each is another design: more would cost time alone
+        if built == 8:  # eight designs suffice; more would only take time
             break
         flat = {name: value[0] for name, value in variant.parameters(vector[None]).items()}
         try:
@@ -170,7 +170,7 @@ def test_a_batch_is_worth_what_each_design_alone_is(variant):
             continue
         wanted, moment = task.target(task.angles), alone["balancing_moment"]
         spread = energy_spread(*(alone[f"energy{i + 1}"] for i in range(variant.segments)))
-        # both by Newton's method to rounding, from other strides
+        # both use Newton's method to rounding, with different strides
         assert found.rmse[k] == pytest.approx(rmse(moment, wanted), abs=1e-9)
         assert found.work_reduction[k] == pytest.approx(
             work_reduction(moment, wanted, task.angles), abs=1e-7
@@ -210,7 +210,7 @@ def test_terms_square_to_the_aim():
     assert (SINE.residuals(vector) ** 2).sum() == pytest.approx(figures.rmse[0] ** 2, rel=1e-12)
     work = Synthesis(SINE.variant, np.sin, power=1.0)
     left = (1.0 - figures.work_reduction[0] / 100.0) * np.trapezoid(np.sin(angle), angle)
-    mean = (work.residuals(vector) ** 2).sum() * np.pi / 2  # the sum has no trapezoids' ends
+    mean = (work.residuals(vector) ** 2).sum() * np.pi / 2  # no half weights at the ends
     assert mean == pytest.approx(left, rel=0.05)
     within = Synthesis(SINE.variant, np.sin, limit=figures.spread[0] + 0.01).residuals(vector)
     assert np.array_equal(within[0, :-1], SINE.residuals(vector)[0])

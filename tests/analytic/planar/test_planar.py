@@ -1,4 +1,4 @@
-"""The general planar solver against every closed form, its branches, and its typed failures."""
+"""The general planar solver compared with every closed form of linkages, for random lengths."""
 
 import numpy as np
 import pytest
@@ -12,10 +12,10 @@ RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(H
 
 
 def agrees(linkage: Linkage, inertia: bool) -> None:
-    """Hold the general solver to the closed form, at rates and accelerations of their own.
+    """Compare the general solver with the closed form, at given rates and accelerations.
 
-    Moments and forces of closed forms are balances of bodies and virtual work, those here are
-    multipliers of the loops.
+    Closed forms have moments and forces from balances of bodies and virtual work, and the general
+    solver from multipliers of the loops.
     """
     inputs = linkage.way.T
     rate, acceleration = 1.0 + 0.0 * inputs, np.cos(inputs)

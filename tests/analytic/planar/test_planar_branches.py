@@ -1,4 +1,4 @@
-"""The general planar solver where it must stop, pass, or refuse."""
+"""Branches of the general planar solver: limit positions, change points, and refused models."""
 
 import contextlib
 from dataclasses import replace
@@ -36,7 +36,7 @@ def four_bar(
     mode: int = 1,
     off: float = 0.0,
 ) -> mujoco.MjModel:
-    """A four-bar with its start pose at a crank angle, its rocker off by some radians."""
+    """A four-bar whose start pose is at a crank angle, with an error of the rocker angle [rad]."""
     start = fourbar.solve(
         first, crank=crank, coupler=coupler, rocker=rocker, ground=ground, mode=mode
     )
@@ -53,7 +53,7 @@ def branch(model: mujoco.MjModel, *joints: str) -> Branch:
 
 
 def test_it_stops_at_the_limit_position():
-    """(2, 2, 2.5, 3): the coupler stretches at cos(crank) = (2^2 + 3^2 - 4.5^2) / 12."""
+    """The four-bar 2, 2, 2.5, 3 is stretched at cos(crank) = (2^2 + 3^2 - 4.5^2) / 12."""
     limit = np.arccos((4 + 9 - 4.5**2) / 12)
     for sign in (1, -1):
         inputs = sign * np.linspace(0, 3, 301)[:, None]
@@ -72,7 +72,7 @@ def test_it_stops_at_the_limit_position():
 )
 @pytest.mark.parametrize("mode", [1, -1])
 def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
-    """(1, 2, 2, 3) is flat at pi; the closed form continues it by cos(angle / 2)."""
+    """The four-bar 1, 2, 2, 3 is flat at pi; the closed form passes it with cos(angle / 2)."""
     x = np.linspace(0, 4 * np.pi, samples)  # none of these falls on pi
     truth = fourbar.solve(x, crank=1, coupler=2, rocker=2, ground=3, mode=mode)
     found = solve(x, model=four_bar(1, 2, 2, 3, mode=mode), joints=("crank",))
@@ -87,7 +87,7 @@ def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
 
 
 def test_a_leap_over_a_change_point_that_bends_a_rate_is_none(monkeypatch):
-    """Then the change point is a limit position; the rates beside this one differ by rounding."""
+    """If no kink is allowed, not even rounding, the change point counts as a limit position."""
     x = np.linspace(3.0, 3.3, 4)[:, None]
     assert branch(four_bar(1, 2, 2, 3, first=2.9)).follow(x)[1] is None
     monkeypatch.setattr(planar.branch, "MAX_KINK", 0.0)
@@ -104,7 +104,7 @@ def test_condition_grows_like_the_inverse_distance_from_a_change_point():
 
 
 def test_a_start_beside_a_change_point_chooses_no_branch():
-    """Rounding would: a parallelogram whose crank is off its flat pose by a millionth."""
+    """Rounding would choose the branch of a parallelogram 1e-6 rad from its flat pose."""
     lengths = {"crank": 1.0, "coupler": 2.0, "rocker": 1.0, "ground": 2.0}
     for first in (1e-6, np.pi - 1e-6):
         with pytest.raises(SingularHere, match="is singular and chooses no branch"):
@@ -119,7 +119,7 @@ def test_a_sample_on_the_change_point_is_singular():
 
 @pytest.mark.parametrize("mechanisms", [6, pytest.param(12, marks=pytest.mark.slow)])
 def test_success_is_on_the_branch_and_failure_at_a_limit(mechanisms):
-    """Over a turn that may have limits: what is kept is the closed form; what is not has none."""
+    """In a turn that may have limits, found poses are the closed form; it has none beyond them."""
 
     @settings(RELAXED, max_examples=mechanisms)
     @given(four_bars(clear=0.0, turn=6.0))
@@ -144,7 +144,7 @@ def test_success_is_on_the_branch_and_failure_at_a_limit(mechanisms):
 
 
 def test_one_long_stride_keeps_the_branch():
-    """Two samples two turns apart: the way between is followed, not jumped."""
+    """Two samples are two turns apart, and the path between them is followed."""
     model = four_bar(1, 2, 2.5, 3, mode=-1)
     found = solve(np.array([0.0, 4 * np.pi - 0.1]), model=model, joints=("crank",))
     truth = fourbar.solve(-0.1, crank=1, coupler=2, rocker=2.5, ground=3, mode=-1)
@@ -153,7 +153,7 @@ def test_one_long_stride_keeps_the_branch():
 
 @pytest.mark.parametrize("off", [1e-9, 1e-3])
 def test_a_motion_beside_a_solved_one_takes_no_steps(off, monkeypatch):
-    """It is the closed form along two turns with a wobble, and back beyond the start."""
+    """It agrees with the closed form over two turns with a small oscillation, from before 0."""
     x = np.linspace(-1.0, 4 * np.pi, 361)
     beside = x + off * np.sin(7 * x)
     model = four_bar(1, 2, 2.5, 3, mode=-1)
@@ -166,10 +166,10 @@ def test_a_motion_beside_a_solved_one_takes_no_steps(off, monkeypatch):
 
 
 def test_a_motion_has_the_same_bits_whatever_was_solved_before():
-    """Workers solve other cases in another order for every number of them."""
+    """Workers solve other cases before it, in an order that depends on the number of workers."""
     x = np.linspace(0.0, 7.0, 101)
     first = solve(x, model=four_bar(1, 2, 2.5, 3), joints=("crank",))
-    model = four_bar(1, 2, 2.5, 3)  # read anew
+    model = four_bar(1, 2, 2.5, 3)  # read again
     for off in (-0.3, 1e-3):
         solve(x + off, model=model, joints=("crank",))
     again = solve(x, model=model, joints=("crank",))
@@ -236,7 +236,7 @@ def test_a_joint_that_is_not_there():
 
 
 def test_a_step_to_the_mirrored_pose_is_refused():
-    """A prediction beyond the proven radius is the only way there; it is taken by force."""
+    """Only a prediction beyond the proven radius leads there, so that a wrong one is given."""
     follower = branch(four_bar(1, 2, 2.5, 3))
     other = branch(four_bar(1, 2, 2.5, 3, mode=-1)).knot
     follower.predict = lambda inputs: np.repeat(other.q[None], len(inputs), axis=0)
@@ -248,7 +248,7 @@ def test_a_step_to_the_mirrored_pose_is_refused():
 
 
 def test_a_guess_of_the_mirrored_branch_is_not_believed(monkeypatch):
-    """Guesses from some place on are closed poses of the other branch."""
+    """From a crank angle of 2 rad on the guesses are closed poses of the other branch."""
     x = np.linspace(0.0, 2 * np.pi, 91)
     truth = fourbar.solve(x, crank=1, coupler=2, rocker=2.5, ground=3)
     guess = Branch.guess
@@ -265,7 +265,7 @@ def test_a_guess_of_the_mirrored_branch_is_not_believed(monkeypatch):
 
 
 def test_poses_that_nobody_guesses_are_found_step_by_step(monkeypatch):
-    """The same way, without a knot that is found at once, is the same to rounding."""
+    """Without knots that are found at once the poses of the path are the same to rounding."""
     x = np.linspace(0.0, 6.0, 61)[:, None]
     q, _ = branch(four_bar(1, 2, 2.5, 3)).follow(x)
     monkeypatch.setattr(Branch, "find_knots", Branch.reached)
@@ -296,7 +296,7 @@ GEAR = '<joint joint1="c" joint2="a" polycoef="0 1 2 0 0"/>'
 
 @pytest.mark.parametrize("equalities", [LOOP, GEAR, LOOP + GEAR], ids=["loop", "gear", "both"])
 def test_rows_change_no_faster_than_their_bound(equalities):
-    """What proves a step; of a loop through a slide, and of a gear whose ratio changes."""
+    """The bound proves steps; for a loop through a slide, and a gear of changing ratio."""
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/><worldbody>
       <body><joint name="a"/><geom size="0.1"/><body pos="1 0 0"><joint name="b"/>
         <joint name="s" type="slide" axis="1 0 0"/><geom size="0.1"/><site name="one" pos="1 1 0"/>
@@ -305,7 +305,7 @@ def test_rows_change_no_faster_than_their_bound(equalities):
       <sensor><jointpos name="b" joint="b"/></sensor></mujoco>""")
     m, generator = read(model, "start")[0], np.random.default_rng(4)
     q, steps = np.zeros((1, 4)), generator.normal(0.0, 0.1, (40, 4))
-    if equalities == GEAR:  # on its own motion
+    if equalities == GEAR:  # only its own joints move
         steps[:, 1:3] = 0.0
     bound, worst = float(lipschitz(m, q)[0]), 0.0
     for step in steps:
@@ -347,7 +347,7 @@ def test_dry_friction_of_a_free_motion_is_named():
 
 
 def test_a_mechanism_is_read_from_numbers_alone():
-    """Poses of MuJoCo's own kinematics, at random joint values of a tree with tilted frames."""
+    """The tree has tilted frames, and its joint values are random."""
     model = mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="radian"/><worldbody>
       <body pos="1 2 3" euler="0.3 -0.2 0.5"><body quat="1 1 0 0" pos="0 0 1">
         <joint name="a" axis="0 1 0" pos="0.1 0 0.2" ref="0.3"/><geom size="0.1"/>

@@ -1,4 +1,4 @@
-"""Drives beside free degrees of freedom in time: equations by hand, and the work of the drive."""
+"""Driven linkages with other degrees of freedom in time: equations of motion, and energy."""
 
 import mujoco
 import numpy as np
@@ -24,14 +24,14 @@ W = 2 * np.pi / 1.5  # rad/s
 
 
 def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """To and fro by 0.3 m in 1.5 s, as a swing goes."""
+    """The motion profile of the cart: 0.3 m and back in 1.5 s, as a swing."""
     t = np.asarray(t, float)
     half = FAR / 2
     return half * (1 - np.cos(W * t)), half * W * np.sin(W * t), half * W**2 * np.cos(W * t)
 
 
 def bend(t: float, y: np.ndarray) -> np.ndarray:
-    """Accelerations of the absolute angles: Lagrange's equations, the rail's acceleration known."""
+    """Accelerations of the absolute angles by Lagrange's equations with the cart's acceleration."""
     a, b, u, v = y
     (m1, m2), (l1, l2), push = MASSES, LENGTHS, float(law(np.asarray(t))[2])
     mixed = m2 * l1 * l2 * np.cos(a - b)
@@ -45,7 +45,7 @@ def bend(t: float, y: np.ndarray) -> np.ndarray:
 
 
 def swung(t: np.ndarray) -> np.ndarray:
-    """Absolute angles and their rates (4, n)."""
+    """Absolute angles and their rates (4, n) by integration of `bend`."""
     start = [0.4, 0.1, 0.0, 0.0]
 
     def slope(t: float, y: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
     a, b, u, v = truth
     du, dv = np.array([bend(*one) for one in zip(t, truth.T, strict=True)]).T
     tip = law(t)[0] + 0.8 * np.sin(a) + 0.5 * np.sin(b)
-    # of the cart: Newton for all three masses along the rail
+    # the force on the cart: Newton's law for all three masses along the rail
     (m1, m2), (l1, l2) = MASSES, LENGTHS
     force = (CART + m1 + m2) * law(t)[2]
     force = force + (m1 + m2) * l1 * (du * np.cos(a) - u**2 * np.sin(a))
@@ -80,12 +80,15 @@ def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
         "force": force,
     }
     for name, curve in wanted.items():
-        # both integrators' walls, on a motion that parts by a factor of ten
+        # the accuracy of both integrators, for a motion that amplifies differences tenfold
         assert np.abs(found[name] - curve).max() < 1e-10 * max(1.0, np.ptp(curve)), name
 
 
 def test_a_motion_beside_a_drive_is_integrated_once(monkeypatch):
-    """It is that of the law, whatever a solver's drive did; another law has its own."""
+    """It is that of the motion profile, and not of the drive in an engine's run.
+
+    Another profile is integrated by itself.
+    """
     calls, integrate = [], planar.free_motion
     monkeypatch.setattr(planar, "free_motion", lambda *given: calls.append(1) or integrate(*given))
     model = mujoco.MjModel.from_xml_path(str(shipped("driven_cart.xml")))
@@ -101,7 +104,7 @@ def test_a_motion_beside_a_drive_is_integrated_once(monkeypatch):
 
 
 def test_a_pendulum_on_a_driven_cart_obeys_its_one_equation():
-    """theta'' = -(g sin theta + x'' cos theta) / L, with L that of the bob's moment of inertia."""
+    """theta'' = -(g sin theta + x'' cos theta) / L, where L includes the bob's inertia."""
     text = shipped("driven_cart.xml").read_text()
     inner = text[text.index('<body name="lower"') : text.index("</body>") + len("</body>")]
     text = text.replace(inner, "")
@@ -121,7 +124,7 @@ def test_a_pendulum_on_a_driven_cart_obeys_its_one_equation():
 
 
 def test_the_drive_of_a_four_bar_with_a_pendulum_does_the_work():
-    """The energy that the moment of the crank brings in, by quadrature, is what there is more."""
+    """The integral of the crank's moment times its rate, by quadrature, is the gain of energy."""
     text = shipped("fourbar.xml").read_text()
     bob = (
         '<body name="bob" pos="2.5 0 0"><joint name="bob" pos="0 0 0"/>'
@@ -144,11 +147,11 @@ def test_the_drive_of_a_four_bar_with_a_pendulum_does_the_work():
     power = found["holding_moment"] * turned(t)[1]
     assert np.ptp(energy) > 10.0  # J
     assert energy[-1] - energy[0] == pytest.approx(0.5 * shares @ power[1:-1], abs=1e-9)
-    assert np.ptp(found["bob"]) > 1.0  # rad: it does swing
+    assert np.ptp(found["bob"]) > 1.0  # rad: the bob swings
 
 
 def test_rates_that_fit_close_the_loops_and_go_with_the_drives():
-    """With the least change of what was given: none where it fits already."""
+    """They change the given rates as little as possible, and not at all if those fit already."""
     m = read(mujoco.MjModel.from_xml_path(str(shipped("fivebar.xml"))), "start")[0]
     q, drives, given = nearest_pose(m, m.start), np.array([0]), np.linspace(0.5, -0.7, m.start.size)
     found = nearest_rates(m, q, given, drives, np.array([1.3]))
@@ -161,11 +164,11 @@ def test_rates_that_fit_close_the_loops_and_go_with_the_drives():
     held = np.vstack([rows, np.eye(q.size)[drives]])
     free = np.linalg.svd(held)[2][len(held) :]
     assert len(free) == 1
-    assert np.abs(free @ (found - given)).max() < 1e-14  # it stays along what is free
+    assert np.abs(free @ (found - given)).max() < 1e-14  # no change along the free motion
 
 
 def test_drives_that_determine_all_joints_ask_for_no_times():
-    """With the laws or without them: poses by the loops alone, at the drives' own state."""
+    """With and without motion profiles the poses follow from the loops at the drives' state."""
     model, t = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml"))), np.linspace(0, 1, 11)
     state = t, 1.0 + 0 * t, 0 * t
     one = solve(*state, model=model, joints=("crank",))

@@ -17,7 +17,7 @@ MASSES = {"crank_mass": 1.0, "coupler_mass": 2.0, "rocker_mass": 2.5}
 
 
 def hinge(attributes: str, more: str = "", key: str = 'qpos="0.4"') -> mujoco.MjModel:
-    """A body of 2 kg m2 on a hinge without gravity."""
+    """A body of 2 kg m2 on a hinge, without gravity."""
     return mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/>
       <option gravity="0 0 0"/><worldbody><body><joint name="a" {attributes}/>
       <inertial pos="0 0 0" mass="1" diaginertia="2 2 2"/></body></worldbody>{more}
@@ -30,17 +30,18 @@ def test_pendulum_is_its_closed_form():
     t = np.linspace(0, 5, 51)
     found = solve(t, model=model)
     truth = pendulum.solve(t, length=1.0 + 1e-14, mass=1.0, gravity=9.81, amplitude=-np.pi / 2)
-    # the length is that of the model's bob, which has 1e-14 kg m2 (length + moment / mass length);
-    # two swings at 3e-14 a step, and the dense output between steps: the wall in the docstring
+    # the length is that of the model's bob, whose inertia of 1e-14 kg m2 lengthens the pendulum
+    # by inertia / (mass length); the error is that of two swings at 3e-14 per step, and of the
+    # interpolation between steps
     assert np.abs(found["angle"] - truth["angle"]).max() < 3e-12
     assert np.abs(found["rate"] - truth["rate"]).max() < 1e-11
 
 
 @pytest.mark.parametrize("n", [11, 126, 251, 321])
 def test_parallelograms_pass_their_flat_poses_on_the_motion_of_a_pendulum(n):
-    """Steps that end beside the pose where loops lose rank shrink by rounding; a leap passes it.
+    """Near a pose in which loops lose rank rounding makes steps shorter; a leap passes the pose.
 
-    Which steps do depends on the samples.  Accelerations have the rounding of the loops there.
+    Which steps end there depends on the samples.  Accelerations have the rounding of the loops.
     """
     model = mujoco.MjModel.from_xml_path(str(shipped("parallelogram_chain.xml")))
     t = np.linspace(0, 2.5, n)
@@ -89,14 +90,15 @@ def test_double_pendulum_is_the_textbook_one():
     t = np.linspace(0, 2, 21)
     truth = solve_ivp(slope, (0, 2), [1.2, 0.7, 0.0, 2.0], "DOP853", t, rtol=1e-13, atol=1e-13).y
     found = solve(t, model=model)
-    # the bobs' 1e-14 kg m2, and both integrators' walls, on a motion that parts by a factor of ten
+    # the inertia of 1e-14 kg m2 of the bobs, and the accuracy of both integrators, for a motion
+    # that amplifies differences tenfold
     assert np.abs(found["a"] - truth[0]).max() < 1e-11
     assert np.abs(found["a"] + found["b"] - truth[1]).max() < 1e-11
 
 
 @pytest.fixture(scope="module")
 def released():
-    """The four-bar let go from its start pose for 1.2 s."""
+    """The four-bar and its free motion from its start pose for 1.2 s."""
     model = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
     mechanism, _ = read(model, "start")
     return mechanism, free_motion(mechanism, np.linspace(0, 1.2, 25)).arrays()
@@ -106,7 +108,7 @@ def test_a_four_bar_keeps_its_energy_and_its_loops(released):
     mechanism, (q, v, _) = released
     motion = move_bodies(mechanism, q, v)
     work = kinetic_energy(mechanism, motion, v)
-    assert np.ptp(work) > 20.0  # J: it does move
+    assert np.ptp(work) > 20.0  # J: the four-bar moves
     assert np.ptp(work + potential_energy(mechanism, motion, q)) < 1e-12 * np.ptp(work)
     pin = mechanism.pins[0]
     gap = motion.point(pin.one, pin.on_one) - motion.point(pin.two, pin.on_two)
@@ -114,7 +116,7 @@ def test_a_four_bar_keeps_its_energy_and_its_loops(released):
 
 
 def test_a_four_bar_obeys_the_equation_of_its_crank_alone(released):
-    """Eksergian's equation: I a + I'(angle)/2 w^2 + holding moment = 0, all of closed forms."""
+    """Eksergian's equation with closed forms: I a + I'(angle)/2 w^2 + holding moment = 0."""
     _, (q, v, a) = released
 
     def inertia(angle: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ ANGLES = np.linspace(0.2, 2 * np.pi, 7)
 
 
 def four_bar(folder: Path, actuators: str = "", ctrl: str = "", turned: str = "") -> Path:
-    """The four-bar with actuators beside its motor, and a frame of the ground to name in them."""
+    """Write the four-bar with more actuators, and a site on the ground that they may refer to."""
     file = folder / f"four{len(list(folder.iterdir()))}.xml"
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
     for old, new in (
@@ -34,14 +34,17 @@ def four_bar(folder: Path, actuators: str = "", ctrl: str = "", turned: str = ""
 
 
 def moments(file: Path, **more: object) -> np.ndarray:
-    """Holding moments of the crank, at rest."""
+    """Holding moments of the crank in a sweep."""
     model = mujoco.MjModel.from_xml_path(str(file))
     return planar.solve(ANGLES, model=model, joints=("crank",), **more)["holding_moment"]
 
 
 @pytest.mark.parametrize("actuator", [DEAD, FOLLOWING], ids=["dead", "following"])
 def test_the_drive_does_the_work_that_a_load_does_not(tmp_path, actuator):
-    """Of a turn of the crank to both sides: force times way of the point, moment times turn."""
+    """The virtual work of the load is that of a small rotation of the crank to both sides.
+
+    It is force times displacement of the point, plus moment times rotation of the coupler.
+    """
     file, bare = four_bar(tmp_path, actuator, "2"), four_bar(tmp_path)
     model = mujoco.MjModel.from_xml_path(str(bare))
 
@@ -62,7 +65,7 @@ def test_the_drive_does_the_work_that_a_load_does_not(tmp_path, actuator):
 
 
 def test_a_dead_load_is_the_weight_of_a_mass_at_rest(tmp_path):
-    """1.5 kg at the coupler's point, hung there as a body without size."""
+    """The mass is 1.5 kg, a small body at the point of the coupler."""
     text = four_bar(tmp_path).read_text(encoding="utf-8")
     inertial = '<inertial pos="0 0 0" mass="1.5" diaginertia="1e-12 1e-12 1e-12"/>'
     site = '<site name="point" pos="1 0.8 0"/>'
@@ -75,7 +78,7 @@ def test_a_dead_load_is_the_weight_of_a_mass_at_rest(tmp_path):
 
 
 def test_the_frame_of_the_ground_may_be_turned(tmp_path):
-    """A frame that is turned by a quarter: its x is the world's y."""
+    """If the site on the ground is rotated by a quarter turn, x of the load is y of the world."""
     turned = DEAD.replace("3 -7 0", "-7 -3 0")
     one = four_bar(tmp_path, DEAD, "2")
     two = four_bar(tmp_path, turned, "2", turned='euler="0 0 1.5707963267948966"')
@@ -105,19 +108,22 @@ T = np.linspace(0.0, 1.0, 101)
 
 
 def double(folder: Path, actuators: str, ctrl: str, sensors: str = "") -> Path:
-    """A double pendulum with actuators."""
+    """Write a double pendulum with actuators."""
     file = folder / f"double{len(list(folder.iterdir()))}.xml"
     file.write_text(PENDULUM.format(actuators, sensors, ctrl))
     return file
 
 
 def free(file: Path, **more: object) -> dict[str, np.ndarray]:
-    """Its motion by itself."""
+    """The free motion of a model."""
     return planar.solve(T, model=mujoco.MjModel.from_xml_path(str(file)), **more)
 
 
 def test_what_the_ground_does_is_what_is_left_of_newtons_law(tmp_path):
-    """Masses times accelerations, less weights and loads; and what both loads do to the joint."""
+    """It is masses times accelerations, less weights and loads.
+
+    The sensor `jointactuatorfrc` has the moments of both loads about the joint.
+    """
     found = free(double(tmp_path, LOADS, "1 1"))
     along = np.array([np.cos(found["bar"]), np.sin(found["bar"])])
     across = np.array([-along[1], along[0]])
@@ -133,7 +139,7 @@ def test_what_the_ground_does_is_what_is_left_of_newtons_law(tmp_path):
 
 
 def test_a_load_across_a_bar_is_a_moment(tmp_path):
-    """It follows the bar, 1 m from the joint; its own moment is one as well."""
+    """The force follows the bar, 1 m from the joint; the load's own moment is added."""
     site = free(double(tmp_path, '<motor name="push" site="tip" gear="0 5 0 0 0 .7"/>', "2"))
     motor = free(double(tmp_path, '<motor name="push" joint="bar" gear="11.4"/>', "1"))
     assert np.ptp(site["bar"]) > 1.0
@@ -142,7 +148,7 @@ def test_a_load_across_a_bar_is_a_moment(tmp_path):
 
 
 def test_the_work_of_dead_loads_becomes_energy(tmp_path):
-    """Energy less force times way stays; the joint has no damper here."""
+    """Energy less force times displacement is constant; the joint has no damper here."""
     text = double(tmp_path, LOADS.split("\n")[0], "1.5", '<e_kinetic name="kinetic"/>').read_text()
     file = tmp_path / "undamped.xml"
     file.write_text(
@@ -157,7 +163,7 @@ def test_the_work_of_dead_loads_becomes_energy(tmp_path):
 
 
 def test_both_engines_come_to_the_motion(tmp_path):
-    """MuJoCo with the fourth order that no damper spoils, pymunk with the first."""
+    """MuJoCo's RK4 is of fourth order in spite of the damper; pymunk is of first order."""
     file = double(tmp_path, LOADS, "1 1")
     known = free(file)
     names = ("bar", "two", "end.x", "end.y")
@@ -203,7 +209,7 @@ def test_a_load_that_changes_in_time_is_a_moment_that_does(tmp_path):
 
 
 def test_an_actuator_shows_its_own_force(tmp_path):
-    """Of two on a joint each its own, and of one on a site; with ranges of control and force."""
+    """Two actuators on one joint and one on a site, with ranges of control and of force."""
     actuators = """<motor name="a" joint="two" gear="2"/>
       <motor name="b" joint="two" gear="3" ctrlrange="-1 .5" ctrllimited="true"/>
       <motor name="c" site="tip" gear="0 4 0 0 0 0" forcerange="-1 .3" forcelimited="true"/>

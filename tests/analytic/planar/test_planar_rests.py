@@ -1,4 +1,4 @@
-"""What drives leave at rest on springs, weights, loads and stops: the planar solver and others."""
+"""Equilibria of driven linkages on springs, weights, loads and stops: planar solver and others."""
 
 import re
 from pathlib import Path
@@ -42,20 +42,20 @@ ANGLES = np.linspace(0.3, 4.0, 38)
 
 
 def limbs(folder: Path, two: str = "", three: str = "", pull: float = 1.0) -> Path:
-    """A driven bar, and two links that springs hold on it."""
+    """Write a driven bar with two links on springs."""
     file = folder / f"limbs{len(list(folder.iterdir()))}.xml"
     file.write_text(LIMBS.format(two=two, three=three, pull=pull))
     return file
 
 
 def rests(file: Path, angles: np.ndarray = ANGLES, **more: object) -> dict[str, np.ndarray]:
-    """The reference of its sweep."""
+    """The planar reference of a sweep of the bar."""
     model = mujoco.MjModel.from_xml_path(str(file))
     return planar.solve(angles, model=model, joints=("bar",), **more)
 
 
 def bar(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The law of the drive."""
+    """The motion profile of the drive: its value is the time."""
     return t, np.ones_like(t), np.zeros_like(t)
 
 
@@ -76,7 +76,7 @@ WITH_FRICTION = ("balancer_prototype",)
 
 
 def balancers() -> list:
-    """All of `models/balancers` that the planar reference covers; most of them slow."""
+    """All cases of `models/balancers` that the planar reference covers; most of them are slow."""
     names = [file.stem for file in models_like("balancer*.toml")]
     return [
         pytest.param(name, marks=() if name in OFTEN else pytest.mark.slow)
@@ -87,7 +87,7 @@ def balancers() -> list:
 
 @pytest.mark.parametrize("name", balancers())
 def test_balancers_are_those_of_their_own_reference(name):
-    """Chains of segments with preloads and stops, solved there in another way.
+    """The balancers' own reference solves chains with preloads and stops by another method.
 
     Rates have the rounding of differences of forces, 1e-12 of the stiffness.
     """
@@ -115,7 +115,7 @@ def test_balancers_are_those_of_their_own_reference(name):
 
 
 def test_the_drive_does_the_work_of_the_energy(tmp_path):
-    """Its moment is the slope of the energy of springs and weights, less the load's work."""
+    """The energy is that of springs and weights, less the work of the load."""
     file, step = limbs(tmp_path, pull=2.0), 1e-4
 
     def energy(angles: np.ndarray) -> np.ndarray:
@@ -141,7 +141,7 @@ def test_rates_are_those_of_the_path(tmp_path):
 
 @pytest.mark.parametrize("stops", [False, True])
 def test_both_engines_rest_there(tmp_path, stops):
-    """Joints come to their stops and leave them; pymunk has no rates of what springs hold."""
+    """Joints reach their stops and leave them; pymunk has no rates of joints on springs."""
     ranges = ('limited="true" range="-1 .1"', 'limited="true" range="-.2 .3"') if stops else ()
     file = limbs(tmp_path, *ranges)
     angles = ANGLES[::2]
@@ -159,7 +159,7 @@ def test_both_engines_rest_there(tmp_path, stops):
 @pytest.mark.parametrize("beyond", [-5e-5, 5e-5, 0.02])
 @pytest.mark.parametrize("solve", [planar.solve, spatial.solve], ids=["planar", "spatial"])
 def test_rates_beside_a_spring_that_goes_slack_are_those_of_their_side(solve, beyond):
-    """A slide between springs: 300 N/m to its drive, 100 to a wall, and 200 more from 0.1 m on."""
+    """A slide has springs of 300 N/m to its drive, 100 to a wall, and 200 more beyond 0.1 m."""
     model = mujoco.MjModel.from_xml_string("""<mujoco><option gravity="0 0 0">
       <flag contact="disable"/></option><worldbody>
       <body><joint name="d" type="slide" axis="1 0 0"/><geom size="0.1"/></body>
@@ -174,12 +174,12 @@ def test_rates_beside_a_spring_that_goes_slack_are_those_of_their_side(solve, be
     drive = (400.0 * x + 200.0 * max(beyond, 0.0)) / 300.0
     found = solve(np.array([0.0, 0.9 * drive, drive]), model=model, joints=("d",))
     assert found["x"][-1] == pytest.approx(x, abs=1e-12)
-    # the force is linear on either side: rounding of a difference over 6e-6 of the size
+    # the force is linear on both sides: rounding of a difference over 6e-6 of the size
     assert found["rate"][-1] == pytest.approx(0.75 if beyond < 0.0 else 0.5, abs=1e-8)
 
 
 def test_a_load_that_changes_moves_the_rest(tmp_path):
-    """Values and rates are MuJoCo's, and at each sample those of a model with that load."""
+    """Values and rates agree with MuJoCo; the last value is that of a model with that load."""
     file = limbs(tmp_path, pull=0.0)
 
     def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -209,21 +209,21 @@ COLUMN = """<mujoco><compiler angle="radian"/><option gravity="0 0 0">
 
 
 def column(push: np.ndarray, ref: float = 0.0, more: str = "", start: float = 0.0) -> np.ndarray:
-    """Turn of a stiff column on a torsion spring under a load at its top, 2 m up."""
+    """Rotation of a rigid column on a torsion spring with a load at its top, at 2 m."""
     model = mujoco.MjModel.from_xml_string(COLUMN.format(ref, more, start))
     turned = np.linspace(0.0, 1.0, push.size)
     return planar.solve(turned, model=model, joints=("arm",), controls={"push": push})["column"]
 
 
 def test_a_column_buckles_where_its_spring_yields():
-    """At stiffness over length, 2.5 N; the path ends there, at the sample that is named."""
+    """The critical load is stiffness over length, 2.5 N; the message names where the path ends."""
     assert np.abs(column(np.linspace(0.0, 2.499, 6))).max() == 0.0
     with pytest.raises(Unstable, match=r"unstable with the drives at 0\.83333\d, between"):
         column(np.array([0.0, 1.0, 2.0, 3.0]))  # 2.5 N are at 2.5 / 3
 
 
 def test_a_column_that_leans_follows_its_closed_form():
-    """5 (turn - 0.1) = 2 P sin(turn), beyond the load at which a straight one buckles."""
+    """5 (turn - 0.1) = 2 P sin(turn), also above the critical load of a straight column."""
     push = np.linspace(0.0, 6.0, 31)
     turn = column(push, 0.1)
     assert turn[-1] > 1.5
@@ -239,7 +239,7 @@ def test_the_start_pose_falls_to_the_rest_on_its_side():
 
 
 def test_a_stop_that_holds_what_others_hold_is_refused(tmp_path):
-    """Both ends of one range at once: no pose is at both."""
+    """The stops are both ends of one range, at which no pose is at once."""
     model = mujoco.MjModel.from_xml_path(str(limbs(tmp_path, 'limited="true" range="-1 .1"')))
     mechanism, _ = planar.read(model, "start")
     statics = LinkageAtRest(mechanism, Drives.of(mechanism, ("bar",)))
@@ -284,7 +284,7 @@ def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
         name: case.tolerance_for("sweep", "mujoco", name).relative_to_range
         for name in ("two", "two_rate")
     }
-    assert shares == {"two": 1e-12, "two_rate": 1e-10}  # with differences of forces in it
+    assert shares == {"two": 1e-12, "two_rate": 1e-10}  # rates contain differences of forces
     found = check([tmp_path], jobs=1, detectable=False)
     outcomes = {(c.solver, c.channel): c.outcome for c in found.comparisons}
     assert outcomes["mujoco", "two_rate"] == "agrees"
@@ -294,7 +294,7 @@ def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
 
 
 def finger(folder: Path, distal: str = "0 1.6") -> Path:
-    """The finger, whose proximal phalanx comes to a stop of its own, and without contact."""
+    """Write the finger with a stop of its proximal phalanx."""
     text = shipped("finger.xml").read_text(encoding="utf-8")
     for old, new in (
         ('<joint name="proximal"/>', '<joint name="proximal" range="-0.1 0.7"/>'),
@@ -308,12 +308,15 @@ def finger(folder: Path, distal: str = "0 1.6") -> Path:
 
 
 def driven(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The driver's law: to 1.2 rad and back."""
+    """The motion profile of the driver: to 1.2 rad and back."""
     return 0.6 - 0.6 * np.cos(t), 0.6 * np.sin(t), 0.6 * np.cos(t)
 
 
 def test_a_joint_that_comes_to_its_stop_frees_another(tmp_path):
-    """Both hold at one driver angle alone: no more than one of the two can, but for there."""
+    """At every sample exactly one of the two joints is on its stop.
+
+    Both can be on their stops at one driver angle only.
+    """
     file, t = finger(tmp_path), np.linspace(0.0, 2 * np.pi, 21)
     model = mujoco.MjModel.from_xml_path(str(file))
     known = planar.solve(*driven(t), model=model, joints=("driver",))
@@ -329,7 +332,7 @@ def test_a_joint_that_comes_to_its_stop_frees_another(tmp_path):
 
 
 def test_a_limit_position_is_told_from_an_unstable_rest(tmp_path):
-    """MuJoCo's path ends at the same angle of the driver."""
+    """The path in MuJoCo ends at the same driver angle."""
     file, angles = finger(tmp_path, "0 16"), np.linspace(0.0, 1.6, 9)
     model = mujoco.MjModel.from_xml_path(str(file))
     with pytest.raises(SingularHere, match="a limit position lies on the way: with the") as told:
@@ -342,7 +345,7 @@ def test_a_limit_position_is_told_from_an_unstable_rest(tmp_path):
 
 
 def chain(seed: int) -> str:
-    """A driven bar and more on springs, some with ranges, a slack spring to the wall, a load."""
+    """MJCF of a driven bar and links on springs, some with ranges, a slack spring and a load."""
     random = np.random.default_rng(seed)
     bodies, place, count = "", 0.0, int(random.integers(2, 5))
     for k in range(count):
@@ -378,11 +381,11 @@ def chain(seed: int) -> str:
 
 SOME = (8, 11, 14, 15)
 SLACK, SNAPS = (166, 395), (108, 140)
-"""Chains whose spring goes slack where the rest moves fast, and that snap from sample to sample."""
+"""Chains whose spring goes slack where the equilibrium moves fast; chains that snap in between."""
 
 
 def test_random_chains_rest_where_mujoco_has_them(tmp_path):
-    """Stops, springs that go slack and loads; both paths end where a rest becomes unstable."""
+    """Chains have stops, slack springs and loads; both paths end at an unstable equilibrium."""
     compared = ended = 0
     for seed in (*SOME, *SLACK, *SNAPS):
         file, x = tmp_path / f"chain{seed}.xml", np.linspace(0.0, 3.0, 13)
@@ -407,12 +410,12 @@ def test_random_chains_rest_where_mujoco_has_them(tmp_path):
 
 
 PASSED = (572, 590, 633)
-"""Chains whose snap Newton's method passes from some samples: it comes to another path of rests."""
+"""Chains whose snap Newton's method passes from some samples, to another path of equilibria."""
 
 
 @pytest.mark.parametrize("seed", PASSED)
 def test_a_snap_ends_a_path_wherever_the_samples_are(tmp_path, seed):
-    """The joints stop short of the tangent there, or move on as slowly as before the fold."""
+    """At the snap the joints fall short of the tangent, or move as slowly as before the fold."""
     file = tmp_path / "chain.xml"
     file.write_text(chain(seed))
     model, ends = mujoco.MjModel.from_xml_path(str(file)), list[float]()

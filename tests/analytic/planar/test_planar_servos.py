@@ -1,4 +1,4 @@
-"""Actuators that follow their joints: the planar solver, MuJoCo and pymunk, in time and at rest."""
+"""Servos on joints: the planar solver, MuJoCo and pymunk, in time and at rest."""
 
 from dataclasses import replace
 from functools import cache
@@ -29,7 +29,7 @@ def moved() -> dict[str, np.ndarray]:
 
 
 def test_the_spatial_solver_has_the_same_motion():
-    """Its own forces of actuators are held to those of MuJoCo at random states."""
+    """It has its own actuator forces, which are compared with MuJoCo's at random states."""
     model = mujoco.MjModel.from_xml_path(str(ARM))
     one, two = moved(), spatial.solve(T, model=model, terms=SmoothTerms(model))
     shared = one.keys() & two.keys()
@@ -38,14 +38,17 @@ def test_the_spatial_solver_has_the_same_motion():
 
 
 def test_forces_of_servos_are_those_of_their_laws():
-    """The rates are differences of values, and sums of them: 1e-3 N m and 1e-4 m of 5e-4 s."""
+    """The moment is compared by differences, the force by sums, over samples 5e-4 s apart.
+
+    So the errors are up to 1e-3 N m and 1e-4 m.
+    """
     model, t = mujoco.MjModel.from_xml_path(str(ARM)), np.linspace(0.0, 0.25, 501)
     found = planar.solve(t, model=model)
     rate = np.gradient(found["elbow"], t, edge_order=2)
     assert np.abs(found["turning"] - 0.8 * (1.5 - rate))[100:].max() < 1e-3
-    push = 200 * 0.05 + 1 - 300 * found["reach"]  # and -9 times the rate
+    push = 200 * 0.05 + 1 - 300 * found["reach"]  # without -9 times the rate
     speed = (push - found["pushing"]) / 9.0
-    assert speed[0] == pytest.approx(0.1, rel=1e-12)  # of the key
+    assert speed[0] == pytest.approx(0.1, rel=1e-12)  # the rate in the key
     way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
     assert np.abs(way - (found["reach"] - found["reach"][0])).max() < 1e-4
 
@@ -70,7 +73,7 @@ def test_a_program_of_pymunk_has_the_servos(tmp_path: Path):
 
 
 def four_bar(folder: Path, actuators: str, ctrl: str) -> Path:
-    """The four-bar with other actuators."""
+    """Write the four-bar with other actuators."""
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
     text = text.replace('<motor name="motor" joint="crank"/>', actuators)
     text = text.replace("2.2459278597319283", f'2.2459278597319283" ctrl="{ctrl}')
@@ -92,7 +95,7 @@ ANGLE = np.linspace(0.0, 6.0, 61)
 
 
 def test_a_servo_of_the_rocker_asks_of_the_crank_what_virtual_work_has(tmp_path: Path):
-    """At rest its force, gear kp (2 - gear rocker), times the rate of the rocker by the crank."""
+    """At rest the moment gear kp (2 - gear rocker) acts with the rocker's rate by the crank."""
     plain = four_bar(tmp_path, MOTOR, "0")
     free = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(plain)), joints=("crank",))
     file = four_bar(tmp_path, MOTOR + SERVO, "0 2")
@@ -106,7 +109,7 @@ def test_a_servo_of_the_rocker_asks_of_the_crank_what_virtual_work_has(tmp_path:
 
 
 def test_a_servo_of_the_driven_joint_is_the_drive(tmp_path: Path):
-    """Its law does not act: the drive holds the joint, and its moment is what that takes."""
+    """The servo itself does not act: its sensor has the moment that the drive needs."""
     servo = '<position name="motor" joint="crank" kp="50" kv="3" forcerange="-1 1"/>'
     file = four_bar(tmp_path, servo, "0")
     known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
@@ -120,7 +123,7 @@ def test_a_servo_of_the_driven_joint_is_the_drive(tmp_path: Path):
 
 @pytest.mark.parametrize("option", ['actuatorgroupdisable="0"', "flag"])
 def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Path):
-    """In both engines and the reference the arm falls as one without actuators."""
+    """In both engines and in the reference the arm falls freely."""
     off = (
         '<option><flag actuation="disable"/></option>'
         if option == "flag"
@@ -149,7 +152,7 @@ def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Pa
     ],
 )
 def test_what_an_actuator_may_not_have_is_named(kind, more, why, in_chipmunk, tmp_path: Path):
-    """Not on a driven joint: there it does not act, whatever it has."""
+    """On a driven joint they are not refused, since the actuator does not act there."""
     own = SERVO if kind == "servo" else '<motor name="hold" joint="rocker"/>'
     file = four_bar(tmp_path, MOTOR.replace("/>", f" {more}/>") + own, "0 2")
     model = mujoco.MjModel.from_xml_path(str(file))
@@ -163,7 +166,7 @@ def test_what_an_actuator_may_not_have_is_named(kind, more, why, in_chipmunk, tm
 
 
 def test_a_range_of_forces_is_for_the_reference_and_mujoco(tmp_path: Path):
-    """See `tests/analytic/test_controls.py`; in pymunk a servo has none."""
+    """MuJoCo and the reference agree; pymunk refuses a range.  See also `test_controls.py`."""
     more = SERVO.replace("/>", ' forcerange="-140 5"/>')
     file = four_bar(tmp_path, MOTOR + more, "0 0")
     known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
@@ -178,7 +181,7 @@ def test_a_range_of_forces_is_for_the_reference_and_mujoco(tmp_path: Path):
 
 
 def test_a_wrong_gain_in_the_engine_turns_the_verdict(tmp_path: Path):
-    """A thousandth of the gain: more than the case allows."""
+    """An error of a thousandth of the gain exceeds the tolerance of 1e-4 of the range."""
     known, file = moved(), tmp_path / "arm.xml"
     file.write_text(ARM.read_text(encoding="utf-8").replace('kp="120"', 'kp="120.12"'))
     found = in_mujoco(file, Run("dynamics", T, ("shoulder",))).channels
@@ -186,7 +189,7 @@ def test_a_wrong_gain_in_the_engine_turns_the_verdict(tmp_path: Path):
 
 
 def test_sensors_of_a_driven_joint_with_a_gear_and_an_armature_are_those_of_mujoco(tmp_path: Path):
-    """An actuator shows its moment before the gear; armatures have energy, and ask for moments."""
+    """The sensor shows the moment before the gear; armatures have energy and need moments."""
     motor = '<motor name="motor" joint="crank" gear="2.5"/>'
     text = four_bar(tmp_path, motor, "0").read_text(encoding="utf-8")
     more = '<jointactuatorfrc name="whole" joint="crank"/><e_kinetic name="kinetic"/></sensor>'
@@ -199,7 +202,7 @@ def test_sensors_of_a_driven_joint_with_a_gear_and_an_armature_are_those_of_mujo
     found, model = in_mujoco(file, run).channels, mujoco.MjModel.from_xml_path(str(file))
     known = planar.solve(ANGLE, model=model, joints=("crank",), inertia=True)
     for name in names:
-        # of moments up to 100 N m
+        # rounding of moments up to 100 N m
         np.testing.assert_allclose(known[name], found[name], rtol=0, atol=1e-11, err_msg=name)
     np.testing.assert_allclose(known["whole"], 2.5 * known["holding_moment"], rtol=1e-14)
     bare = planar.solve(
@@ -213,7 +216,7 @@ def test_sensors_of_a_driven_joint_with_a_gear_and_an_armature_are_those_of_mujo
 
 @pytest.mark.parametrize("ranges", [(2.0, 9.0), (9.0, 2.0), (9.0, 9.0)])
 def test_the_narrower_of_two_ranges_of_a_force_holds(ranges: tuple[float, float]):
-    """That of a motor, and that of its joint, which is after the gear: a disc of 0.5 kg m^2."""
+    """The motor's range is before the gear, the joint's after it, for a disc of 0.5 kg m^2."""
     motor, joint = ranges
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><body>
       <joint name="a" actuatorfrcrange="{-joint} {joint}" actuatorfrclimited="true"/>
@@ -230,7 +233,7 @@ def test_the_narrower_of_two_ranges_of_a_force_holds(ranges: tuple[float, float]
 
 
 def test_a_drive_overcomes_dry_friction_in_the_sense_of_its_motion():
-    """0.3 N m in its own joint, and 0.2 in one that a gear of -2 turns along."""
+    """Friction is 0.3 N m in its joint, and 0.2 in a joint that a gear of ratio -2 drives."""
     model = mujoco.MjModel.from_xml_string("""<mujoco><option gravity="0 0 0"/><worldbody>
       <body><joint name="a" frictionloss=".3"/><geom size="0.1"/></body>
       <body pos="1 0 0"><joint name="b" frictionloss=".2"/><geom size="0.1"/></body></worldbody>
@@ -239,5 +242,5 @@ def test_a_drive_overcomes_dry_friction_in_the_sense_of_its_motion():
       <sensor><jointactuatorfrc name="m" joint="a"/></sensor></mujoco>""")
     angle, rate = np.array([0.0, 0.5, 1.0, 0.5, 0.0]), np.array([1.0, 1.0, 0.0, -1.0, -1.0])
     found = planar.solve(angle, rate, model=model, joints=("a",))["m"]
-    # where it stands, as it came there
+    # at rest the direction is that of the motion before
     np.testing.assert_allclose(found, 0.7 * np.array([1.0, 1.0, 1.0, -1.0, -1.0]), atol=1e-15)

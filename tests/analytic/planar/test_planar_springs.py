@@ -1,4 +1,4 @@
-"""Tendons in the general planar solver: springs between two points, sums of joints."""
+"""Tendons in the general planar solver: springs between two points, and sums of joints."""
 
 import mujoco
 import numpy as np
@@ -43,7 +43,7 @@ def mass_on_a_slide(spring: str, start: str, wall: str = "0 0 0") -> mujoco.MjMo
 
 
 def arm_with_offset(slack: str, damping: float = 0.0) -> mujoco.MjModel:
-    """A double pendulum in a tilted plane; the spring goes across the plane as well."""
+    """A double pendulum with a slide in a tilted plane; its spring is not parallel to the plane."""
     arm = '<inertial pos="0.3 0.1 0" mass="1" diaginertia="0.1 0.1 0.1"/>'
     return model_of(
         '<body pos="1 2 3" euler="0.3 -0.2 0.5"><site name="one" pos="0.9 0.4 0.35"/>'
@@ -80,22 +80,22 @@ def test_a_damped_spring_is_its_closed_form():
 
 
 def test_a_spring_is_slack_between_two_lengths():
-    """Pushed from 0.6 m, it is free from 0.8 to 1.1 m, and is pulled back beyond."""
+    """The spring pushes from 0.6 m on, is slack from 0.8 to 1.1 m, and pulls back beyond."""
     model = mass_on_a_slide('stiffness="18" springlength="0.8 1.1"', 'qpos="0.6"')
-    quarter = np.pi / 6  # of the swing with 3 rad/s
+    quarter = np.pi / 6  # a quarter of the period at 3 rad/s
     speed, t = 0.2 * 3, np.linspace(0, 2.0, 81)
     free = 0.3 / speed
     truth = np.where(t < quarter, 0.8 - 0.2 * np.cos(3 * t), 0.8 + speed * (t - quarter))
     turn = t - quarter - free
     truth = np.where(turn > 0, 1.1 + 0.2 * np.sin(3 * turn), truth)
     assert t[-1] < quarter + free + 2 * quarter
-    # where the force has a corner the integrator's steps end at its tolerance, not exactly there
+    # at a kink of the force the error is the integrator's tolerance: no step ends exactly there
     assert np.abs(solve(t, model=model)["x"] - truth).max() < 1e-11
 
 
 @pytest.mark.parametrize("slack", ["0.2", "0.75", "0.5 0.9", "0"])
 def test_forces_are_the_slope_of_the_energy(slack):
-    """At random poses, by central differences, in which a spring pulls, pushes or is slack."""
+    """By central differences at random poses, in which the spring pulls, pushes or is slack."""
     mechanism, _ = read(arm_with_offset(slack), "start")
     q = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3)) * [3.0, 0.2, 3.0]
     motion, h = move_bodies(mechanism, q), 1e-5
@@ -104,12 +104,12 @@ def test_forces_are_the_slope_of_the_energy(slack):
         there, back = (
             potential_energy(mechanism, move_bodies(mechanism, x), x) for x in (q + step, q - step)
         )
-        # the square of the step, and rounding of 100 J over it
+        # the error is the square of the step, and rounding of 100 J over the step
         assert np.abs(found[:, k] + (there - back) / (2 * h)).max() < 1e-8
 
 
 def test_energy_is_kept_and_a_damper_takes_its_share():
-    """Energy and the work of the dampers, by Gauss-Legendre quadrature of what they take."""
+    """Without dampers it is constant; the work of dampers is a Gauss-Legendre quadrature."""
     for damping in (0.0, 3.0):
         mechanism, _ = read(arm_with_offset("0.3", damping), "start")
         nodes, shares = np.polynomial.legendre.leggauss(60)
@@ -130,13 +130,13 @@ def test_energy_is_kept_and_a_damper_takes_its_share():
 
 @pytest.mark.parametrize("slack", ["0.2", "0.6 0.9", "0"])
 def test_the_spatial_reference_has_the_same_motion(slack):
-    """Newton's and Euler's balances of bodies in space, with tendons of their own formulation."""
+    """It has Newton's and Euler's balances of bodies in space, and its own tendons."""
     model = arm_with_offset(slack, 0.4)
     t = np.linspace(0, 0.5, 21)
     found, other = solve(t, model=model), spatial.solve(t, model=model)
     for name in ("a", "s", "b", "w", "length", "rate", "end.x", "end.y", "end.z", "potential"):
         apart = np.abs(found[name] - other[name]).max()
-        assert apart < 2e-12 * max(1.0, np.ptp(found[name])), name  # both integrators' walls
+        assert apart < 2e-12 * max(1.0, np.ptp(found[name])), name  # accuracy of both
 
 
 def test_a_four_bar_with_a_damped_spring_moves_as_in_the_spatial_reference():
@@ -167,7 +167,7 @@ FORCES = (
 
 @pytest.mark.parametrize(("wrong", "share"), [(1.0, 0.0), (1.01, 0.01)])
 def test_an_ideal_spring_balances_a_weight_at_every_angle(wrong, share):
-    """k a b = m g c: the moment of the weight and of a spring of no free length cancel."""
+    """With k a b = m g c the moments of weight and of a spring of zero free length cancel."""
     stiffness = wrong * 2 * 9.81 * 0.5 / (0.4 * 0.25)
     model = model_of(BALANCED, f'stiffness="{stiffness!r}" springlength="0"', FORCES, "0 -9.81 0")
     angle = np.linspace(-3, 3, 61)
@@ -175,14 +175,14 @@ def test_an_ideal_spring_balances_a_weight_at_every_angle(wrong, share):
     np.testing.assert_allclose(found["moment"], -share * 9.81 * np.cos(angle), atol=2e-14)
     length = np.abs(0.4j - 0.25 * np.exp(1j * angle))
     np.testing.assert_allclose(found["length"], length, atol=1e-15)
-    # the pin holds the weight and what the spring pulls with, in the frame of the arm
+    # the pin carries the weight and the force of the spring, in the frame of the arm
     pin = (2 * 9.81j - stiffness * (0.4j - 0.25 * np.exp(1j * angle))) * np.exp(-1j * angle)
     np.testing.assert_allclose(found["pin.x"], pin.real, atol=1e-13)
     np.testing.assert_allclose(found["pin.y"], pin.imag, atol=1e-13)
 
 
 def test_a_moving_damper_asks_a_moment_and_loads_the_pin():
-    """With inertia a drive at a steady rate overcomes c L'; L' by hand."""
+    """A run with inertia at a constant rate needs the moment of the damping force c L'."""
     spring = 'stiffness="0" damping="3" springlength="0"'
     model = model_of(BALANCED, spring, FORCES)
     angle, rate = np.linspace(-3, 3, 61), 2.0
@@ -195,7 +195,7 @@ def test_a_moving_damper_asks_a_moment_and_loads_the_pin():
     pin = -2 * 0.5 * rate**2 - pull * np.exp(-1j * angle)
     np.testing.assert_allclose(found["pin.x"], pin.real, atol=1e-14)
     np.testing.assert_allclose(found["pin.y"], pin.imag, atol=1e-14)
-    # about the pin the drive holds against the damper; the twist of the joint is that moment
+    # the torque sensor at the pin has the moment of the drive against the damper
     np.testing.assert_allclose(found["twist.z"], found["moment"], atol=1e-14)
 
 
@@ -247,7 +247,7 @@ POLYNOMIAL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><
 
 @pytest.mark.parametrize("damped", [False, True])
 def test_polynomial_springs_and_dampers_are_those_of_the_spatial_reference(damped):
-    """Which has them from MuJoCo's terms, and a formulation of its own beside it."""
+    """The spatial reference has MuJoCo's terms, and compares them with its own formulation."""
     dampers = ['damping=".1 .2 .3"', 'damping="0 0 .2"', 'damping=".5 1 2"', 'damping=".3 0 1"']
     text, t = POLYNOMIAL.format(*dampers if damped else [""] * 4), np.linspace(0, 0.4, 9)
     model = mujoco.MjModel.from_xml_string(text)
@@ -281,7 +281,7 @@ DIFFERENTIAL = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><wo
 
 
 def test_a_differential_of_fixed_tendons_turns_its_cage_by_the_mean():
-    """And a rack whose way is a polynomial of the cage: all of it from the drives, by formulas."""
+    """A rack moves by a polynomial of the cage angle; formulas give both from the drives."""
     model, x = mujoco.MjModel.from_xml_string(DIFFERENTIAL), np.linspace(0, 2, 21)
     left, right = x + 0.2, 0.5 * x
     found = solve(
@@ -317,7 +317,7 @@ def test_tendon_equalities_of_springs_are_named():
 
 @pytest.mark.parametrize("name", ["springs_series", "springs_parallel"])
 def test_a_pin_between_slides_along_one_line_is_refused(name):
-    """It would hold across the line as well, where guides do already."""
+    """It would also constrain the motion normal to the line, which the guides do already."""
     model = mujoco.MjModel.from_xml_path(str(shipped(f"{name}.xml")))
     with pytest.raises(NotCovered, match="slides along one line"):
         solve([0.0, 1.0], model=model)

@@ -1,4 +1,4 @@
-"""Parallel robots: closed forms of kinematics and balances, the spatial reference beside them."""
+"""Parallel robots: closed forms of kinematics and balances, compared with the spatial reference."""
 
 import mujoco
 import numpy as np
@@ -13,16 +13,16 @@ from proofmass.solve import plan_run, solve
 from tests.shipped import loaded, shipped
 
 WEIGHT = np.array([0.0, 0.0, -9.81])
-"""[m/s^2]"""
+"""Gravity [m/s^2]."""
 CLOSED = 2e-12
-"""How far places [m] and turns [1] may be off: the reference closes loops to 1e-13 of the size."""
+"""Tolerance of positions [m] and quaternions [1]: loops are closed to 1e-13 of the size."""
 
 
 def asked(mass: float, moves: tuple[np.ndarray, ...], at: tuple[np.ndarray, ...]) -> np.ndarray:
-    """What a uniform slender bar asks of the drives by virtual work (n, drives).
+    """Forces (n, drives) that a uniform slender bar requires of the drives, by virtual work.
 
-    `at` are the accelerations (n, 3) of its ends, `moves` the moves (n, 3, drives) of these for a
-    unit of each drive; between the ends both are linear.
+    `at` are the accelerations (n, 3) of its ends, and `moves` the displacements (n, 3, drives) of
+    its ends for a unit of each drive.  Both are linear between the ends.
     """
     (p, q), (one, two) = (each - WEIGHT for each in at), moves
     work = 2 * _along(one, p) + _along(one, q) + _along(two, p) + 2 * _along(two, q)
@@ -34,14 +34,14 @@ def _along(moves: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 def spectral(curve: np.ndarray) -> np.ndarray:
-    """The derivative of a periodic curve, whose samples are a turn of 2 pi (n, ...)."""
+    """The derivative of a periodic curve whose samples (n, ...) cover a turn of 2 pi."""
     waves = np.fft.rfft(curve, axis=0)
     order = 1j * np.arange(len(waves)).reshape(-1, *[1] * (curve.ndim - 1))
     return np.fft.irfft(order * waves, n=len(curve), axis=0)
 
 
 def driven(name: str, inertia: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Values, rates and accelerations (3, drives, n) of the drives of a case, and its reference."""
+    """Values, rates and accelerations (3, drives, n) of a case's drives, and reference curves."""
     case = loaded(shipped(f"{name}.toml"))
     run = plan_run(case, "sweep", "mujoco")
     state = np.array(run.motion(run.x[::6]))
@@ -52,12 +52,12 @@ def driven(name: str, inertia: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]
 
 
 def columns(curves: dict[str, np.ndarray], name: str, parts: str = "xyz") -> np.ndarray:
-    """The parts of a vector or a quaternion (n, 3 or 4)."""
+    """The components of a vector or a quaternion (n, 3 or 4)."""
     return np.column_stack([curves[f"{name}.{part}"] for part in parts])
 
 
 def turned(name: str, models) -> set[str]:
-    """The channels of a sweep of the copy of a case that differ."""
+    """The channels of a sweep of the copied case with the outcome "differs"."""
     case = load_case(models / f"{name}.toml")
     run = case.run["sweep"].model_copy(update={"n": 21})
     case = case.model_copy(update={"run": {"sweep": run}})
@@ -68,7 +68,7 @@ def turned(name: str, models) -> set[str]:
 # Clavel's delta robot
 
 BASE, ARM, ROD, PLATE = 0.567 * 3**0.5 / 6, 0.524, 1.244, 0.076 * 3**0.5 / 3
-"""Of hips from the axis, of an arm, of a rod, of the rods' ends from the platform's centre [m]."""
+"""Distance of hips from the axis, lengths of arm and rod, distance of rod ends on platform [m]."""
 AZIMUTH = np.radians([-90.0, 30.0, 150.0])
 OUT = np.stack([np.cos(AZIMUTH), np.sin(AZIMUTH), 0 * AZIMUTH], axis=-1)
 ACROSS = np.stack([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0 * AZIMUTH], axis=-1)
@@ -76,7 +76,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def hips(place: np.ndarray) -> np.ndarray:
-    """Angles (n, 3) of the arms, elbows outside, that lead the platform to a place (n, 3)."""
+    """Angles (n, 3) of the arms, elbows outside, for positions (n, 3) of the platform."""
     along, across, z = place @ OUT.T + PLATE - BASE, place @ ACROSS.T, place[:, 2:]
     a, b = 2 * ARM * along, -2 * ARM * z
     c = along**2 + across**2 + z**2 + ARM**2 - ROD**2
@@ -84,15 +84,16 @@ def hips(place: np.ndarray) -> np.ndarray:
 
 
 def elbows(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Elbows (n, 3 legs, 3), and their two derivatives by the angle of their arm."""
+    """Positions (n, 3 legs, 3) of the elbows, and two derivatives by the angles of their arms."""
     c, s = ARM * np.cos(angle)[..., None], ARM * np.sin(angle)[..., None]
     return (BASE + c) * OUT - s * UP, -s * OUT - c * UP, -c * OUT + s * UP
 
 
 def platform(angle: np.ndarray) -> np.ndarray:
-    """The platform's place (n, 3): the lower point at a rod's length from three centres.
+    """The platform's position (n, 3): the lower point at a rod's length from three centres.
 
-    The centres are the elbows, moved inwards as the platform's ends are from its centre.
+    The centres are the elbows, moved inwards by the distance of the rod ends from the platform's
+    centre.
     """
     centres = elbows(angle)[0] - PLATE * OUT
     one, two, three = centres.transpose(1, 0, 2)
@@ -110,7 +111,7 @@ def platform(angle: np.ndarray) -> np.ndarray:
 
 
 def circle(turn: np.ndarray) -> np.ndarray:
-    """The path (n, 3): round a centre 1 m below the base, 0.3 m, tilted by 20 degrees about y."""
+    """Circle (n, 3) of radius 0.3 m about a centre 1 m below the base, tilted by 20 deg about y."""
     tilt = np.radians(20.0)
     x, z = 0.3 * np.cos(tilt) * np.cos(turn), 0.3 * np.sin(tilt) * np.cos(turn) - 1.0
     return np.stack([x, 0.3 * np.sin(turn), z], axis=-1)
@@ -120,7 +121,7 @@ TURN = 2 * np.pi * np.arange(128) / 128
 
 
 def test_inverse_kinematics_of_the_delta_robot_has_the_printed_angles():
-    """Examples of R. L. Williams II, whose robot has these lengths, to a tenth of a degree."""
+    """Examples of R. L. Williams II for these lengths, printed to a tenth of a degree."""
     found = np.degrees(hips(np.array([[0.0, 0.0, -0.9], [0.3, 0.5, -1.1]])))
     np.testing.assert_allclose(found, [[-20.5] * 3, [47.5, -11.6, 21.4]], rtol=0, atol=0.05)
     place = platform(np.radians([[10.0, 20.0, 30.0]]))
@@ -135,10 +136,10 @@ def test_forward_kinematics_of_the_delta_robot_undoes_the_inverse():
 def delta_moves(
     angle: np.ndarray, rate: np.ndarray, acceleration: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Moves (.., 3, 3 drives) of elbows and platform for a unit of each drive, and accelerations.
+    """Displacements (.., 3, 3 drives) of elbows and platform per unit of drive, and accelerations.
 
-    With d from elbow to platform's end, d . d is the rods' length squared: d . d' = 0 and
-    d . d'' + d' . d' = 0 give the platform's velocity and acceleration.
+    With d from the elbow to the rod end on the platform, d . d is the square of the rod's length,
+    so d . d' = 0 and d . d'' + d' . d' = 0 give the platform's velocity and acceleration.
     """
     place, first, second = elbows(angle)
     rods = platform(angle)[:, None] + PLATE * OUT - place
@@ -219,7 +220,7 @@ def test_the_delta_robot_is_that_of_its_closed_forms(inertia):
     ids=["all rods", "one rod", "arms", "a hip"],
 )
 def test_a_wrong_length_leaves_the_circle_or_turns_the_platform(old, new, channels, edit, models):
-    """The drives lead the robot of the drawing, so that one of other lengths runs elsewhere."""
+    """The drives are those of the right lengths, so a robot with a wrong length moves elsewhere."""
     edit("delta.xml", old, new)
     found = turned("delta", models)
     if channels is None:
@@ -244,7 +245,7 @@ TUBE, SLIDING = 0.35, 0.4
 
 
 def turns(axis: int, angle: np.ndarray) -> np.ndarray:
-    """Turns (n, 3, 3) about an axis of the world."""
+    """Rotation matrices (n, 3, 3) about an axis of the world."""
     c, s = np.cos(angle), np.sin(angle)
     found = np.zeros((*np.shape(angle), 3, 3))
     one, two = (axis + 1) % 3, (axis + 2) % 3
@@ -255,7 +256,7 @@ def turns(axis: int, angle: np.ndarray) -> np.ndarray:
 
 
 def wobble(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places (n, 3) on a tilted circle, and axes (n, 3, 3), turned about a level axis."""
+    """Positions (n, 3) on a tilted circle, and axes (n, 3, 3) rotated about a horizontal axis."""
     tilt = np.radians(30.0)
     x, z = np.cos(tilt) * np.cos(turn), np.sin(tilt) * np.cos(turn)
     place = 0.08 * np.stack([x, np.sin(turn), z], axis=-1) + [0.0, 0.0, 0.6]
@@ -287,22 +288,23 @@ def wobbling(turn: np.ndarray, rate: float) -> dict[str, np.ndarray]:
 
 
 def leg_forces(turn: np.ndarray, rate: float) -> np.ndarray:
-    """Forces (n, 6) of the legs: what the bodies ask along six moves of the platform, J' f = W.
+    """Forces (n, 6) of the legs by virtual work of the bodies in six motions of the platform.
 
-    The moves are a unit of velocity and of angular velocity along each axis of the world. Rows of
-    J are those of the legs' lengths. Platform: Newton's and Euler's equations about its centre of
-    mass; tubes of 0.6 kg and rods of 0.4 kg: slender bars along their legs.
+    The motions are a unit velocity and a unit angular velocity along each axis of the world.  With
+    the Jacobian J of the legs' lengths and the wrench W that the bodies require, J' f = W.  The
+    platform has Newton's and Euler's equations about its centre of mass; tubes of 0.6 kg and rods
+    of 0.4 kg are slender bars along their legs.
     """
     motion, ways = wobbling(turn, rate), legs(turn)
     axes, spin, twist = motion["axes"], motion["spin"], np.eye(3)
 
     def moved(arm: np.ndarray) -> np.ndarray:
-        """Moves (n, 3, 6) of a point of the platform at an arm (n, 3) from its place."""
+        """Displacements (n, 3, 6) of a point at an arm (n, 3) from the platform's origin."""
         turning = np.stack([np.cross(axis, arm) for axis in twist], axis=-1)
         return np.concatenate([np.broadcast_to(twist, turning.shape), turning], axis=-1)
 
     def accelerated(arm: np.ndarray) -> np.ndarray:
-        """Its acceleration (n, 3)."""
+        """Acceleration (n, 3) of the same point."""
         turning = np.cross(motion["spin_rate"], arm) + np.cross(spin, np.cross(spin, arm))
         return motion["acceleration"] + turning
 
@@ -335,7 +337,7 @@ def test_the_drives_of_the_stewart_platform_are_its_inverse_kinematics():
 
 
 def test_legs_of_these_lengths_lead_the_stewart_platform_on_its_motion():
-    """The splines between the rows are off by 1e-8 m: the case's own drives."""
+    """With the case's own drives, whose splines between the rows have an error of 1e-8 m."""
     state, curves = driven("stewart", True)
     turn = 2 * np.pi * np.arange(state.shape[-1]) / (state.shape[-1] - 1)
     place, axes = wobble(turn)
@@ -346,7 +348,7 @@ def test_legs_of_these_lengths_lead_the_stewart_platform_on_its_motion():
 
 @pytest.mark.parametrize("rate", [0.0, 2 * np.pi])
 def test_forces_of_the_legs_are_those_of_the_balances(rate):
-    """With the exact lengths, rates and accelerations of the motion, at rest and in motion."""
+    """With the exact lengths, rates and accelerations of the legs, at rest and in motion."""
     model = mujoco.MjModel.from_xml_path(str(shipped("stewart.xml")))
     joints = tuple(f"leg_{k + 1}" for k in LEG)
     state = wobbling(TURN, rate)["state"].transpose(0, 2, 1)
@@ -363,6 +365,6 @@ def test_forces_of_the_legs_are_those_of_the_balances(rate):
     "place", ['name="ball_1" pos="0.21213', 'name="tube_3" pos="-0.12940'], ids=["ball", "base"]
 )
 def test_a_wrong_place_of_a_joint_leaves_the_wobble(place, edit, models):
-    """One joint of twelve that is off by 1e-5 m, of the platform and of the base."""
+    """One of twelve joints, on the platform or on the base, is displaced by 1e-5 m."""
     edit("stewart.xml", place, f"{place[:-1]}{int(place[-1]) + 1}")
     assert turned("stewart", models) == {"turn.w", "turn.z", "radius", "from_apex"}

@@ -1,4 +1,4 @@
-"""What bodies get from their parents in space: MuJoCo's rigid loops, Newton's law, free joints."""
+"""Reactions between bodies and their parents in space, compared with MuJoCo and Newton's law."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -22,7 +22,7 @@ def solve(model: mujoco.MjModel, *args: object, **more: object) -> dict[str, np.
 
 
 def with_sensors(file: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """A model with sensors of the force and the moment on each body with joints; their channels."""
+    """Copy a model with force and torque sensors on each body with joints; give their channels."""
     root = ElementTree.fromstring(file.read_text(encoding="utf-8"))
     sensors, names = root.find("sensor"), []
     for body in root.iter("body"):
@@ -39,7 +39,7 @@ def with_sensors(file: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
 
 @pytest.mark.parametrize(("name", "bodies"), [("delta", 9), ("stewart", 12)])
 def test_closed_robots_at_rest_are_those_of_mujoco_with_rigid_loops(name, bodies, tmp_path):
-    """Its own inverse dynamics, with forces of the loops that proofmass gives it in sweeps."""
+    """MuJoCo's inverse dynamics, with the rigid loop forces that proofmass applies in sweeps."""
     case = load_case(shipped(f"{name}.toml"))
     file, channels = with_sensors(case.model_path, tmp_path)
     assert len(channels) == 6 * bodies
@@ -55,7 +55,7 @@ def test_closed_robots_at_rest_are_those_of_mujoco_with_rigid_loops(name, bodies
 
 
 def test_a_ball_joint_carries_a_top_and_no_moment():
-    """Force: mass times acceleration less weight, by the sensor of the centre's acceleration."""
+    """The force is mass times acceleration less weight, by an acceleration sensor at the centre."""
     spec = mujoco.MjSpec.from_file(str(shipped("heavy_top.xml")))
     model = spec.compile()
     assert model.jnt_type.tolist() == [mujoco.mjtJoint.mjJNT_BALL]
@@ -106,13 +106,13 @@ WELDED = """<mujoco><option gravity="1 2 -9.81"><flag contact="disable"/></optio
 
 @pytest.fixture
 def welded() -> mujoco.MjModel:
-    """A box that a weld holds on an arm that swings; its free joint holds nothing."""
+    """A box with a free joint that a weld constrains to a swinging arm."""
     model = mujoco.MjModel.from_xml_string(WELDED.format("0 0"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     turn = np.zeros(4)
     mujoco.mju_euler2Quat(turn, np.radians([10, 50, 20]), "xyz")
-    model.key_qpos[0, 4:8] = turn  # as it is welded
+    model.key_qpos[0, 4:8] = turn  # the pose in which the weld closes
     data.qpos[:] = model.key_qpos[0]
     mujoco.mj_forward(model, data)
     rows = np.zeros((6, model.nv))
@@ -131,7 +131,7 @@ def test_a_free_joint_holds_nothing_whatever_its_weld_does(welded):
 
 
 def test_the_ground_carries_weights_loads_and_accelerations(welded):
-    """Newton's law of both bodies, along the axes of the arm."""
+    """The reaction obeys Newton's law for both bodies, in components along the axes of the arm."""
     welded.key_ctrl[0] = [0.0, -1.5]
     found = solve(welded, np.linspace(0, 0.4, 21))
     needed = -np.array([[1.0], [2.0], [3.0]]) * -1.5 * np.ones(21)
@@ -142,13 +142,14 @@ def test_the_ground_carries_weights_loads_and_accelerations(welded):
         way = np.array([found[f"{axis}.{part}"] for part in "xyz"])
         assert np.abs(found[f"on arm.{axis}"] - (way * needed).sum(axis=0)).max() < 1e-10
     along = sum(found[f"twist of arm.{k}"] * c for k, c in (("y", 1.0), ("z", 1.0)))
-    assert np.abs(along).max() < 1e-10  # about its own hinge
+    assert np.abs(along).max() < 1e-10  # no moment about the arm's hinge
 
 
 def test_a_stop_asks_of_a_weld_what_a_drive_does(welded):
-    """An arm that lies on its stop, and one that is held there.
+    """The arm rests on its stop, or a drive holds it there: both have equal reactions.
 
-    At rest the drift of the rows is rounding, by which no formulation is told from another.
+    At rest the drift of the constraint rows is only rounding, so this test does not distinguish
+    formulations of the drift.
     """
     welded.key_qvel[0] = 0.0
     held = solve(welded, [0.0], joints=("arm",))
@@ -165,11 +166,12 @@ def test_a_stop_asks_of_a_weld_what_a_drive_does(welded):
 
 
 def test_what_nothing_determines_is_no_quantity(tmp_path):
-    """Loops that hold something twice, and a tendon that pulls."""
+    """Redundant loop constraints and a tendon with a spring leave reactions undetermined."""
     file, channels = with_sensors(shipped("bricard.xml"), tmp_path)
     model = mujoco.MjModel.from_xml_path(str(file))
     assert channels[0] not in solve(model, [0.0, 0.01])
-    model = mujoco.MjModel.from_xml_path(str(shipped("fourbar_forces.xml")))  # across its plane
+    # in space the loop of a planar linkage is redundant normal to its plane
+    model = mujoco.MjModel.from_xml_path(str(shipped("fourbar_forces.xml")))
     for joints in ((), ("crank",)):
         found = solve(model, [0.0], joints=joints)
         assert "rocker" in found

@@ -1,4 +1,4 @@
-"""Forces of actuators in space, within their ranges and those of joints, and their sensors."""
+"""Forces of actuators in space, limited by their own ranges and those of joints, and sensors."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ FORCES = ("turn", "lift", "pull", "push", "all_pitch", "all_elbow", "all_cable")
 
 
 def robot(folder: Path, limited: bool = True) -> Path:
-    """Three joints, of which ranges limit what all actuators do to two."""
+    """Write a robot with three joints; ranges limit the total actuator force of two of them."""
     file = folder / f"robot{int(limited)}.xml"
     file.write_text(ROBOT.format(**(RANGES if limited else dict.fromkeys(RANGES, ""))))
     return file
@@ -62,7 +62,7 @@ def test_forces_are_those_of_mujoco_at_any_state(tmp_path, limited):
 
 @pytest.mark.parametrize("limited", [False, True])
 def test_sensors_of_a_motion_are_what_mujoco_comes_to(tmp_path, limited):
-    """Also where the range of a joint is met: the motion has a kink there."""
+    """This holds also where a joint's force reaches its range, at which the motion has a kink."""
     file, times = robot(tmp_path, limited), np.linspace(0.0, 0.5, 26)
     model = mujoco.MjModel.from_xml_path(str(file))
     known = spatial.solve(times, model=model, terms=SmoothTerms(model))
@@ -78,7 +78,10 @@ def test_sensors_of_a_motion_are_what_mujoco_comes_to(tmp_path, limited):
 
 
 def test_a_sweep_tells_what_actuators_do_and_drives_in_place_of_their_own(tmp_path):
-    """A drive holds what other actuators leave, whatever its own would do with its control."""
+    """A drive provides the moment that other actuators leave.
+
+    The actuator of the driven joint itself does not act, so its control has no effect.
+    """
     text = ROBOT.format(**RANGES).replace('kp="60" kv="4"', 'kp="60"')
     file = tmp_path / "robot.xml"
     file.write_text(text)
@@ -98,7 +101,7 @@ def test_a_sweep_tells_what_actuators_do_and_drives_in_place_of_their_own(tmp_pa
         np.testing.assert_allclose(known[name], values, rtol=0, atol=1e-11, err_msg=name)
     assert set(found) == {*FORCES}
     model = mujoco.MjModel.from_xml_path(str(file))
-    model.key_ctrl[0, :3] = 5.0, -3.0, 2.0  # of the actuators whose joints are driven
+    model.key_ctrl[0, :3] = 5.0, -3.0, 2.0  # actuators whose joints are driven
     other = spatial.solve(*state, model=model, joints=tuple(shares))
     for name in FORCES:
         np.testing.assert_array_equal(other[name], known[name])

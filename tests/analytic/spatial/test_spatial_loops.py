@@ -1,7 +1,7 @@
-"""Mechanisms in space with loops: the spatial reference beside one equation of motion each.
+"""Mechanisms in space with loops: the spatial reference compared with an equation of motion each.
 
-Each has one degree of freedom s, so that energy gives its motion: T = I(s) s'^2 / 2. The functions
-I and V are those of the points and axes of its bodies, by plain geometry.
+Each has one degree of freedom s, so that the energies T = I(s) s'^2 / 2 and V(s) give its motion.
+The functions I and V follow from the points and axes of its bodies by geometry.
 """
 
 import re
@@ -33,7 +33,7 @@ def compiled(name: str) -> mujoco.MjModel:
 
 
 def found(name: str, times: np.ndarray) -> dict[str, np.ndarray]:
-    """What the reference has."""
+    """The curves of the spatial reference for the free motion of a shipped model."""
     model = compiled(name)
     return spatial.solve(times, model=model, terms=SmoothTerms(model))
 
@@ -54,7 +54,7 @@ def swing(
 
 
 def along_x(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the slider-crank: ends of the rod at crank and slider, and the change of both with s."""
+    """Crank end of the slider-crank's rod, its derivative by s, and slider position with slope."""
     zero = np.zeros_like(s)
     ball = np.stack([zero, 0.1 - 0.08 * np.sin(s), 0.12 + 0.08 * np.cos(s)], axis=-1)
     moves = np.stack([zero, -0.08 * np.cos(s), -0.08 * np.sin(s)], axis=-1)
@@ -64,7 +64,7 @@ def along_x(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def inertia_of_slider_crank(s: np.ndarray) -> np.ndarray:
-    """I(s) [kg m^2]; the universal joint turns the rod by yaw about z and then by pitch."""
+    """I(s) [kg m^2]; the universal joint rotates the rod by yaw about z, then by pitch."""
     ball, moves, slider = along_x(s)
     x, slope = slider[..., 0], slider[..., 1]
     way = np.stack([x, 0 * x, 0 * x], axis=-1) - ball  # from the crank to the slider: R(1, 0, 0)
@@ -80,13 +80,13 @@ def inertia_of_slider_crank(s: np.ndarray) -> np.ndarray:
 
 
 def weight_of_slider_crank(s: np.ndarray) -> np.ndarray:
-    """V(s) [J]."""
+    """V(s) [J] of the slider-crank."""
     return GRAVITY * (0.12 * 0.04 * np.cos(s) + 0.5 * 0.04 * np.cos(s))
 
 
 @pytest.mark.parametrize("end", [0.5, 5.0])
 def test_a_slider_crank_by_a_quadrature(end):
-    """Time is an integral over the crank's turn: t = int sqrt(I / 2 / (E - V)) ds."""
+    """Time is an integral over the crank angle: t = int sqrt(I / 2 / (E - V)) ds."""
     times = np.linspace(0.0, end, 51)
     curves = found("slider_crank_spatial", times)
     s = curves["crank"]
@@ -101,7 +101,7 @@ def test_a_slider_crank_by_a_quadrature(end):
     taken = np.append(0.0, np.cumsum((1 / rate) @ weights * halves))[::8]
     here = np.sqrt(2 * (energy - weight_of_slider_crank(s)) / inertia_of_slider_crank(s))
     assert s[-1] > (50.0 if end > 1 else 4.0)
-    assert np.abs((taken - times) * here).max() < 1e-9  # of the crank's angle
+    assert np.abs((taken - times) * here).max() < 1e-9  # error of the crank angle
     assert np.abs(curves["slider"] - along_x(s)[2][..., 0]).max() < 1e-12
     assert np.abs(curves["crank_rate"] - here).max() < 1e-8
 
@@ -124,11 +124,11 @@ BARS = (
     (1, (-1, 0, 0)),
     (2, (0, 1, 0)),
 )
-"""Of Bricard's bars: the axis that each turns about against the one before, and its own way."""
+"""For each of Bricard's bars: axis of its rotation relative to the bar before, and direction."""
 
 
 def knees(odd: np.ndarray, even: np.ndarray) -> np.ndarray:
-    """Ends (n, 6, 3) of the bars, hinges turning by one of two angles in turn."""
+    """Ends (n, 6, 3) of the bars, whose hinges alternate between two angles."""
     at = np.zeros((*odd.shape, 3), dtype=np.result_type(odd, even))
     axes, places = np.eye(3), [at]
     for k, (axis, way) in enumerate(BARS):
@@ -138,22 +138,22 @@ def knees(odd: np.ndarray, even: np.ndarray) -> np.ndarray:
 
 
 def bent(s: np.ndarray) -> np.ndarray:
-    """Ends of Bricard's bars by the angle s of its hinges 1, 3 and 5.
+    """Ends of Bricard's bars for the angle s of its hinges 1, 3 and 5.
 
-    That of hinges 2 and 4 closes the loop where sin s + sin b + sin s sin b = 0.
+    The loop is closed if the angle b of hinges 2 and 4 satisfies sin s + sin b + sin s sin b = 0.
     """
     return knees(s, -np.arcsin(np.sin(s) / (1.0 + np.sin(s))))
 
 
 def inertia_of_bricard(s: np.ndarray) -> np.ndarray:
-    """I(s) [kg m^2] of slender bars, by the velocities of their ends."""
+    """I(s) [kg m^2] of slender bars, from the velocities of their ends."""
     rates = bent(s + 1e-30j).imag / 1e-30
     one, two = rates[..., :-1, :], rates[..., 1:, :]
     return ((one**2 + one * two + two**2) / 3.0).sum(axis=(-1, -2))
 
 
 def weight_of_bricard(s: np.ndarray) -> np.ndarray:
-    """V(s) [J]."""
+    """V(s) [J] of Bricard's linkage."""
     places = bent(s)
     return GRAVITY * 0.5 * (places[..., :-1, 1] + places[..., 1:, 1]).sum(axis=-1)
 
@@ -194,7 +194,7 @@ def test_a_gear_of_changing_ratio_is_that_of_its_one_equation_of_motion():
 
 
 def test_no_step_lowers_what_mujoco_leaves_out_of_a_gear_of_changing_ratio():
-    """Beside the equation of motion itself; a step of an eighth leaves the error, MuJoCo 4.0.0."""
+    """Compared with the equation of motion, MuJoCo 4.0.0 has the same error with an eighth step."""
     case = load_case(shipped("changing_gear.toml"))
     errors = []
     for solver in ("mujoco", "mujoco:fine"):
@@ -206,7 +206,7 @@ def test_no_step_lowers_what_mujoco_leaves_out_of_a_gear_of_changing_ratio():
 
 
 def test_a_universal_joint_is_that_of_its_closed_form():
-    """tan b = tan a / cos 30 deg; the moment is that of the flywheel by virtual work."""
+    """tan b = tan a / cos 30 deg; the moment follows from the flywheel by virtual work."""
     model, rate, tilt = compiled("universal_joint"), 10.0, np.pi / 6
     turn_of_input = np.linspace(0.0, 2 * np.pi, 37)
     curves = spatial.solve(
@@ -250,7 +250,7 @@ def test_a_drive_beyond_a_limit_position_is_refused():
 
 
 def test_a_stride_that_leaves_its_tangent_is_another_branch(monkeypatch):
-    """By half of its length; here by anything, so that no stride is short enough."""
+    """The limit is half of the stride's length; here it is 0, so that no stride is accepted."""
     model = compiled("slider_crank_spatial")
     given = {"model": model, "joints": ("crank",), "terms": SmoothTerms(model)}
     assert np.isfinite(spatial.solve([0.1], **given)["slider"]).all()
@@ -260,7 +260,7 @@ def test_a_stride_that_leaves_its_tangent_is_another_branch(monkeypatch):
 
 
 def parallelogram(key: str) -> mujoco.MjModel:
-    """Cranks of 0.2 m and a coupler of 0.5 m, which turns by as much as they do the other way."""
+    """A parallelogram with cranks of 0.2 m and a coupler of 0.5 m, which keeps its direction."""
     return mujoco.MjModel.from_xml_string(f"""<mujoco>
       <option gravity="0 0 0"><flag contact="disable"/></option>
       <worldbody><body><joint axis="0 -1 0"/><geom size=".05" pos=".1 0 0"/>
@@ -273,13 +273,13 @@ def parallelogram(key: str) -> mujoco.MjModel:
 
 
 def test_a_loop_that_begins_flat_chooses_no_branch():
-    """A parallelogram: flat, its loop holds one row less than in any other pose."""
+    """In the flat pose of a parallelogram its loop has one independent row less than elsewhere."""
     with pytest.raises(ValueError, match="the equalities lose rank: 2 rows hold, 1 at the start"):
         spatial.solve([0.0, 0.1], model=parallelogram('qvel="1 -1 1"'))
 
 
 def test_a_motion_ends_beside_a_pose_where_a_loop_loses_rank():
-    """Without weight cranks turn evenly, by half a turn between two poses in which all is flat."""
+    """Without weight the cranks turn at a constant rate; every half turn the linkage is flat."""
     turn, rate = 0.5, -2.0
     model = parallelogram(f'qpos="{turn} {-turn} {turn}" qvel="{rate} {-rate} {rate}"')
     with pytest.raises(ValueError, match="steps become too short, as where equalities") as error:
@@ -296,7 +296,7 @@ def test_the_inverse_of_drives_and_equalities_is_the_pseudo_inverse(rows: int, l
     values = np.geomspace(1.0, least, 6)
     found = regular_pseudo_inverse((left * values) @ right.T)
     assert found is not None
-    # rounding of a matrix moves its inverse by eps times the ratio of its singular values
+    # rounding changes an inverse by eps times the ratio of the singular values of the matrix
     np.testing.assert_allclose(
         found, (right / values) @ left.T, rtol=0, atol=1e-14 / least**2 / np.sqrt(rows)
     )
@@ -304,7 +304,7 @@ def test_the_inverse_of_drives_and_equalities_is_the_pseudo_inverse(rows: int, l
 
 @pytest.mark.parametrize("least", [0.0, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6])
 def test_no_matrix_with_a_small_singular_value_has_such_an_inverse(least: float):
-    """The pseudo-inverse by the singular product may be small: rounding alone makes it."""
+    """The smallest singular value is 1e-6 of the largest or less; it may consist of rounding."""
     rng = np.random.default_rng(7)
     for columns in range(3, 20):
         rows = columns + columns % 3

@@ -1,4 +1,4 @@
-"""What drives leave in space: at rest on springs, weights, loads and stops, or moving in time."""
+"""Driven mechanisms in space with joints that no drive determines: equilibria and motions."""
 
 import copy
 import re
@@ -52,26 +52,26 @@ ARM = """<mujoco><compiler angle="radian"/><option gravity="0.5 0.3 -9.81" integ
 
 
 def arm(folder: Path, hinge: str = "", slide: str = "", pull: float = 1.0) -> Path:
-    """A driven arm with a ball, a hinge and a slide on springs, a cord and a load that follows."""
+    """Write a driven arm with a ball, a hinge and a slide on springs, a cord, a follower load."""
     file = folder / f"arm{len(list(folder.iterdir()))}.xml"
     file.write_text(ARM.format(hinge=hinge, slide=slide, pull=pull))
     return file
 
 
 def rests(file: Path, angles: np.ndarray = ANGLES, **more: object) -> dict[str, np.ndarray]:
-    """The reference of its sweep."""
+    """The spatial reference of a sweep of the arm."""
     model = mujoco.MjModel.from_xml_path(str(file))
     return spatial.solve(angles, model=model, joints=("arm",), **more)
 
 
 def test_balls_turn_evenly_on_a_way(tmp_path):
-    """As rates do that act for a unit of time, also by more than half a turn."""
+    """The result is that of constant rates for a unit of time, also beyond half a turn."""
     tree = read_tree(mujoco.MjModel.from_xml_path(str(arm(tmp_path))), "start")
     ways = np.random.default_rng(0).normal(0.0, 2.0, (8, tree.armature.size))
     begin = advance_pose(tree, tree.start, ways[0])
     moved = TreeAtRest(tree, ("arm",)).moved(np.tile(begin, (8, 1)), ways)
     known = [advance_pose(tree, begin, way) for way in ways]
-    np.testing.assert_allclose(moved, known, rtol=0, atol=1e-15)  # of quaternions, lengths below 8
+    np.testing.assert_allclose(moved, known, rtol=0, atol=1e-15)  # rounding of values below 8
 
 
 STOPS = ('range="-.9 .28" limited="true"', 'range="-.04 .1" limited="true"')
@@ -79,7 +79,7 @@ STOPS = ('range="-.9 .28" limited="true"', 'range="-.04 .1" limited="true"')
 
 @pytest.mark.parametrize("stops", [False, True])
 def test_mujoco_rests_there(tmp_path, stops):
-    """Balls, tendons, loads and stops that joints come to and leave; rates as well."""
+    """The arm has a ball, a tendon, a load, and stops that joints reach and leave; with rates."""
     file = arm(tmp_path, *(STOPS if stops else ()))
     known = rests(file)
     on = [np.isclose(known[name], end).sum() for name, end in (("hinge", 0.28), ("slide", -0.04))]
@@ -95,7 +95,7 @@ def test_mujoco_rests_there(tmp_path, stops):
 
 
 def test_the_drive_does_the_work_of_the_energy(tmp_path):
-    """Its moment is the slope of the energy of springs and weights, without a load."""
+    """Without a load the moment of the drive is the slope of the energy of springs and weights."""
     file, step = arm(tmp_path, pull=0.0), 1e-4
     for angle in (0.5, 2.0, 3.5):
         found = rests(file, np.array([angle - step, angle, angle + step]))
@@ -113,7 +113,7 @@ def test_rates_are_those_of_the_path(tmp_path):
 
 
 def test_a_load_that_changes_moves_the_rest(tmp_path):
-    """Values and rates are MuJoCo's."""
+    """Values and rates agree with MuJoCo."""
     file = arm(tmp_path)
 
     def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -134,7 +134,7 @@ def test_a_load_that_changes_moves_the_rest(tmp_path):
 @pytest.mark.parametrize("ranges", [(), ('limited="true" range="-1 .1"',)])
 def test_in_a_plane_they_are_those_of_the_planar_reference(tmp_path, ranges):
     model = mujoco.MjModel.from_xml_path(str(limbs(tmp_path, *ranges)))
-    angles = ANGLES[20::2]  # the stop is met on the way
+    angles = ANGLES[20::2]  # a joint reaches its stop in between
     one, two = (part.solve(angles, model=model, joints=("bar",)) for part in (planar, spatial))
     on = np.isclose(one["two"], 0.1)
     assert on.any() == bool(ranges)
@@ -144,7 +144,7 @@ def test_in_a_plane_they_are_those_of_the_planar_reference(tmp_path, ranges):
 
 
 def test_rows_that_repeat_what_others_hold_are_no_hindrance():
-    """A `connect` of a planar linkage holds the plane's normal twice; a load that changes."""
+    """A `connect` of a planar linkage constrains the plane's normal twice; the load changes."""
     case = load_case(shipped("finger.toml"))
     run, model = plan_run(case, "sweep", "mujoco"), compiled_model(case)
     x = run.x[::4]
@@ -157,7 +157,7 @@ def test_rows_that_repeat_what_others_hold_are_no_hindrance():
 
 
 def test_random_chains_are_those_of_the_planar_reference():
-    """Slack springs, ranges and loads; both end where the rest becomes unstable."""
+    """Chains have slack springs, ranges and loads; both paths end at an unstable equilibrium."""
     x, ended = np.linspace(0.0, 1.5, 7), 0
     for seed in (2, 3, 129):
         model, told = mujoco.MjModel.from_xml_string(chain(seed)), []
@@ -170,7 +170,7 @@ def test_random_chains_are_those_of_the_planar_reference():
         if isinstance(one, str):
             ended += 1
             places = [float(re.findall(r"drives at ([\d.]+)", said)[0]) for said in told]
-            assert places[1] == pytest.approx(places[0], abs=1e-5)  # of six digits
+            assert places[1] == pytest.approx(places[0], abs=1e-5)  # printed with six digits
             assert re.sub(r"at [\d.]+", "", one) == re.sub(r"at [\d.]+", "", two)
             continue
         for name in one.keys() & two.keys():
@@ -179,11 +179,11 @@ def test_random_chains_are_those_of_the_planar_reference():
 
 
 def test_the_wrist_yields_about_its_compliance_centre():
-    """Six springs n at places p have the stiffness k Σ w wᵀ, w = (n, p x n), about a point.
+    """Six springs along n at points p have the stiffness k Σ w wᵀ, w = (n, p x n), about a point.
 
-    Where it does not couple a push along x with a turn about y lies the compliance centre: the tip
-    of the peg.  Held there, the peg turns about x with the square of the way, and about y with the
-    cube.
+    The compliance centre is the point about which a force along x causes no rotation about y: the
+    tip of the peg.  If the tip is moved, the axis of the peg changes only in second order in its y
+    component, and in third order in its x component.
     """
     model = compiled_model(load_case(shipped("compliant_wrist.toml")))
     model.opt.gravity[:] = 0.0
@@ -207,7 +207,7 @@ def test_the_wrist_yields_about_its_compliance_centre():
     slope = (found["force"][3] - found["force"][1]) / 2e-4
     assert slope == pytest.approx(stiffness[0, 0], rel=1e-5)
     model = copy.copy(model)
-    model.tendon_stiffness[:2] *= 2.0  # springs that are no longer alike: the centre is elsewhere
+    model.tendon_stiffness[:2] *= 2.0  # the springs are no longer equal: another centre
     found = spatial.solve(ways, model=model, joints=("hand",))
     assert found["axis.x"][4] / found["axis.x"][3] == pytest.approx(2.0, rel=1e-2)
 
@@ -220,7 +220,7 @@ def test_the_wrist_yields_about_its_compliance_centre():
     ],
 )
 def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, long, short, how, edit):
-    """Properties are those of the path or motion that the channels came from."""
+    """The properties use the path or the motion that was solved for the channels."""
     case = load_case(edit(f"{name}.toml", long, short, 1))
     (kind,) = case.run
     run = plan_run(case, kind, "mujoco")
@@ -261,13 +261,13 @@ CRANE = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"><flag c
 
 
 def test_a_load_that_goes_round_with_its_crane_stands_out():
-    """tan(angle) = rate² (jib + rope sin(angle)) / g, and the drive does nothing."""
+    """tan(angle) = rate² (jib + rope sin(angle)) / g, and the drive has no moment."""
     rate, model = 1.3, mujoco.MjModel.from_xml_string(CRANE)
     angle = 0.5
     for _ in range(200):
         angle = np.arctan(rate**2 * (2.0 + 1.5 * np.sin(angle)) / 9.81)
     model.key_qpos[0, 1:] = np.cos(angle / 2), 0.0, -np.sin(angle / 2), 0.0
-    model.key_qvel[0, :] = rate, 0.0, 0.0, 0.0  # the rope goes round with the jib
+    model.key_qvel[0, :] = rate, 0.0, 0.0, 0.0  # the rope turns with the jib
     times = np.linspace(0.0, 3.0, 31)
 
     def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -281,7 +281,7 @@ def test_a_load_that_goes_round_with_its_crane_stands_out():
 
 
 def test_the_load_of_the_crane_is_a_point_mass_on_a_rope():
-    """In Cartesian coordinates, with l = r - p from the trolley's place p and the length L::
+    """In Cartesian coordinates, with l = r - p from the trolley's position p and the length L::
 
     r'' = g - (|l'|² + l·(g - p'')) / L² l
     """
@@ -326,9 +326,9 @@ def test_the_load_of_the_crane_is_a_point_mass_on_a_rope():
 
 @pytest.mark.parametrize("stop", ["", 'range="-.4 .45" limited="true" solreflimit="0.01 1"'])
 def test_beside_drives_in_a_plane_it_is_the_planar_motion(stop):
-    """Of a driven cart with a double pendulum, one with a stop on which it bounces or rests.
+    """A driven cart with a double pendulum, without and with a stop on which it bounces or rests.
 
-    The cart is driven past the end of its own range, which stops nothing.
+    The cart is driven beyond the end of its own range, which does not stop a drive.
     """
     text = shipped("driven_cart.xml").read_text(encoding="utf-8")
     joint = '<joint name="upper"'
@@ -355,7 +355,7 @@ def test_beside_drives_in_a_plane_it_is_the_planar_motion(stop):
 
 
 def test_a_spatial_motion_beside_a_drive_is_what_mujoco_comes_to(tmp_path):
-    """Its error falls with the third power of the step at least, moments of the drive as well."""
+    """Half the step divides the errors by more than four, also that of the drive's moment."""
     file, times = arm(tmp_path), np.linspace(0.0, 0.3, 7)
     model = mujoco.MjModel.from_xml_path(str(file))
 
@@ -397,7 +397,7 @@ def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
         case.tolerance_for("sweep", "mujoco", name).relative_to_range
         for name in ("hinge", "hinge_rate")
     ]
-    assert shares == [1e-12, 1e-10]  # with differences of forces in it
+    assert shares == [1e-12, 1e-10]  # rates contain differences of forces
     found = check([tmp_path], jobs=1, detectable=False).comparisons
     outcomes = {(c.run, c.channel): c.outcome for c in found}
     assert [outcomes["sweep", name] for name in ("moment", "hinge", "hinge_rate")] == ["agrees"] * 3

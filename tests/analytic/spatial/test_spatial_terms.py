@@ -1,4 +1,4 @@
-"""Terms of the equations of motion: two formulations, finite differences, and the witness."""
+"""Terms of the equations of motion: two formulations, finite differences, and their comparison."""
 
 import re
 from dataclasses import replace
@@ -99,7 +99,7 @@ SWINGING = """
 
 @pytest.fixture(scope="module")
 def everything() -> tuple[mujoco.MjModel, Tree, np.ndarray, np.ndarray]:
-    """A model with all that is covered, and twenty states of it."""
+    """A model with every feature that is covered, and twenty random states of it."""
     model, rng = mujoco.MjModel.from_xml_string(EVERYTHING), np.random.default_rng(1)
     tree = read_tree(model, "start")
     v = rng.normal(size=(20, model.nv))
@@ -108,7 +108,10 @@ def everything() -> tuple[mujoco.MjModel, Tree, np.ndarray, np.ndarray]:
 
 
 def test_all_terms_are_those_of_mujoco(everything):
-    """Gaps of up to 2 are multiplied by MuJoCo's stiffness in its drift, and taken off again."""
+    """MuJoCo's drift contains violations of up to 2 times its stiffness, which are subtracted.
+
+    So the tolerance of the drift is 1e-12, and that of the other terms 1e-14.
+    """
     model, tree, q, v = everything
     source, found = SmoothTerms(model), own_terms(tree, q, v)
     for k, state in enumerate(zip(q, v, strict=True)):
@@ -121,7 +124,7 @@ def test_all_terms_are_those_of_mujoco(everything):
 
 @pytest.mark.parametrize("part", ["SPRING", "DAMPER", "GRAVITY", "EQUALITY", "ACTUATION"])
 def test_what_a_model_switches_off_is_in_no_term(everything, part):
-    """At one state: gaps are those of `test_all_terms_are_those_of_mujoco`."""
+    """At one state, with the tolerances of `test_all_terms_are_those_of_mujoco`."""
     model, q, v = mujoco.MjModel.from_xml_string(EVERYTHING), everything[2][:1], everything[3][:1]
     model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}"))
     found, theirs = own_terms(read_tree(model, "start"), q, v), SmoothTerms(model).terms(q[0], v[0])
@@ -135,7 +138,7 @@ def test_what_a_model_switches_off_is_in_no_term(everything, part):
 
 
 def test_sensors_at_a_state_are_those_of_mujoco(everything):
-    """Without equalities, whose forces are soft there; accelerations are those of the start."""
+    """Equalities are disabled, since MuJoCo's are soft; accelerations are those of the start."""
     spec, kind, obj = mujoco.MjSpec.from_string(EVERYTHING), mujoco.mjtSensor, mujoco.mjtObj
     for one in spec.equalities:
         one.active = False
@@ -152,7 +155,7 @@ def test_sensors_at_a_state_are_those_of_mujoco(everything):
         spec.add_sensor(name=name, type=getattr(kind, f"mjSENS_{name}"), **given)
     q, v = everything[2:]
     for k in range(3):
-        model = spec.compile()  # one that is known already is not read again
+        model = spec.compile()  # a model that was read is not read again
         model.key_qpos[0], model.key_qvel[0] = q[k], v[k]
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -162,22 +165,22 @@ def test_sensors_at_a_state_are_those_of_mujoco(everything):
             name, begin = model.sensor(s).name, model.sensor_adr[s]
             theirs = data.sensordata[begin : begin + model.sensor_dim[s]]
             parts = [found[one][0] for one in found if one.split(".")[0] == name]
-            if name == "FRAMELINACC":  # MuJoCo's is less gravity, as that of an accelerometer
+            if name == "FRAMELINACC":  # MuJoCo subtracts gravity, as in an accelerometer
                 theirs = theirs + model.opt.gravity
             sign = -1.0 if name == "FRAMEQUAT" and theirs @ parts < 0.0 else 1.0
-            # of accelerations, by a mass matrix of condition 1e3; of a quaternion either sign
+            # the mass matrix of condition 1e3 affects accelerations; quaternions have either sign
             bound = 1e-11 * max(1.0, np.abs(theirs).max())
             np.testing.assert_allclose(parts, sign * theirs, rtol=0, atol=bound, err_msg=name)
 
 
 def test_a_quaternion_and_its_negative_are_one_pose(everything):
-    """Also for the spring of a ball, which turns back by the shorter way."""
+    """The same holds for the spring of a ball, whose moment acts along the shorter rotation."""
     _, tree, q, v = everything
     found, other = own_terms(tree, q, v), q.copy()
     (free, _), (ball, _) = tree.quaternions
     for begin in (free, ball):
         other[:, begin : begin + 4] *= -1.0
-    # a weld's gap is the vector part of a quaternion, of either sign: those without it are left
+    # a weld's violation is the vector part of a quaternion, of either sign: it is not compared
     for name in ("mass", "bias", "force"):
         np.testing.assert_array_equal(
             getattr(own_terms(tree, other, v), name), getattr(found, name), err_msg=name
@@ -185,7 +188,7 @@ def test_a_quaternion_and_its_negative_are_one_pose(everything):
 
 
 def test_rows_of_equalities_are_the_derivatives_of_their_gaps(everything):
-    """Central differences of the gap along motions whose rates are constant."""
+    """They agree with central differences of the violation along motions of constant rates."""
     _, tree, q, v = everything
     found, step = own_terms(tree, q, v), 1e-4
 
@@ -201,30 +204,30 @@ def test_rows_of_equalities_are_the_derivatives_of_their_gaps(everything):
 
 
 class Changed(SmoothTerms):
-    """MuJoCo's terms with one of them changed."""
+    """MuJoCo's terms, of which some are replaced."""
 
     def __init__(self, model: mujoco.MjModel, **changes):
         super().__init__(model)
         self.changes = changes
 
     def terms(self, q: np.ndarray, v: np.ndarray, ctrl: np.ndarray | None = None) -> Terms:
-        """The changed terms."""
+        """The terms at a state, with the replaced ones."""
         found = super().terms(q, v, ctrl)
         return replace(found, **{name: change(self, q, v) for name, change in self.changes.items()})
 
 
 def resting(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The bias force without all that rates do."""
+    """The bias force at zero rates."""
     return SmoothTerms(source.model).terms(q, 0 * v).bias
 
 
 def of_mujoco(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The drift that MuJoCo has itself: none of a joint equality."""
+    """The drift in MuJoCo itself, which is 0 for a joint equality."""
     return np.zeros(1)
 
 
 def free(model: mujoco.MjModel, source: TermSource, times: np.ndarray) -> spatial.SolvedMotion:
-    """Its free motion with the terms of a source."""
+    """The free motion of a model with the terms of a source."""
     tree, _ = spatial.tree_and_terms(model, "start", source)
     return spatial.integrate_in_time(tree, source, (), (), times, (), None)
 
@@ -375,7 +378,7 @@ TOP = ("euler_top.xml", "euler_top.toml")
 
 
 def copied(folder: Path, *change: str) -> Path:
-    """A sidecar of a copy of the free body, with a change of its model or of itself."""
+    """Copy the sidecar and the model of the free body, with a change of their text."""
     for name in TOP:
         text = shipped(name).read_text(encoding="utf-8")
         (folder / name).write_text(text.replace(*change), encoding="utf-8")

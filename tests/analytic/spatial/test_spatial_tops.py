@@ -1,4 +1,4 @@
-"""Tops: the spatial reference beside elliptic functions."""
+"""Tops: the spatial reference compared with elliptic functions."""
 
 import mujoco
 import numpy as np
@@ -19,9 +19,9 @@ def compiled(name: str) -> mujoco.MjModel:
 
 
 def jacobi(u: np.ndarray, rest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The elliptic functions sn, cn and dn of parameter 1 - rest, by descending means.
+    """The elliptic functions sn, cn and dn of parameter 1 - rest, by arithmetic-geometric means.
 
-    Those of scipy take the parameter itself, whose rounding is 1e-12 of a rest of 1e-4.
+    The functions of scipy take the parameter itself, whose rounding is 1e-12 of a rest of 1e-4.
     """
     a, b, c = [1.0], [np.sqrt(rest)], [np.sqrt(1.0 - rest)]
     while abs(c[-1]) > 1e-16:
@@ -59,9 +59,9 @@ def spins(start: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def turns(start: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Axes (n, 3, 3) of a free body whose axes are the world's at time 0.
+    """Axes (n, 3, 3) of a free body whose axes are those of the world at time 0.
 
-    Two of Euler's angles about the angular momentum follow from the angular velocity, the third
+    Two of Euler's angles about the angular momentum follow from the angular velocity, and the third
     from an integral over time.
     """
     momentum = MOMENTS * start
@@ -92,7 +92,7 @@ def turns(start: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def test_a_free_body_that_flips_over_is_that_of_the_elliptic_functions():
-    """Angular velocity and axes over 20 s; without MuJoCo's terms for the first three samples."""
+    """Angular velocity and axes over 20 s; the first four samples also without MuJoCo's terms."""
     model, times = compiled("euler_top"), np.linspace(0.0, 20.0, 401)
     start = model.key_qvel[0, 3:].copy()
     found = spatial.solve(times, model=model, terms=SmoothTerms(model))
@@ -109,11 +109,11 @@ def test_a_free_body_that_flips_over_is_that_of_the_elliptic_functions():
 
 
 def centre_of_heavy_top(times: np.ndarray) -> np.ndarray:
-    """Centre of mass (n, 3) of Lagrange's top that starts level and passes below its support.
+    """Centre of mass (n, 3) of Lagrange's top that starts horizontally and passes below its pivot.
 
-    With u the height, u'^2 = beta u (u + 1) (u - w): the spin a and the precession -a at the start
-    make -1 a root, and u + 1 = sn^2. Its root has a sign, which turns below the support; the
-    precession -a / (1 - u) is an integral over time.
+    The height u satisfies u'^2 = beta u (u + 1) (u - w): with the spin a and the precession -a at
+    the start, -1 is a root, and u + 1 = sn^2.  The root sn changes its sign below the pivot.  The
+    rate of precession, -a / (1 - u), is integrated over time.
     """
     transverse, axial, spin = 15.234375, 0.46875, 150.0
     a, beta = axial * spin / transverse, 2 * 15.0 * 9.81 / transverse

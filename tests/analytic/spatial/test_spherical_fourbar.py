@@ -1,4 +1,4 @@
-"""The spherical four-bar: its closed form, and the spatial reference and verdicts beside it."""
+"""The spherical four-bar: its closed form, the spatial reference, and outcomes of wrong arcs."""
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ from proofmass.solve import solve
 from tests.shipped import shipped
 
 ARCS = np.radians([30.0, 60.0, 75.0, 70.0])
-"""Of crank, coupler, rocker and ground [rad], as drawn."""
+"""Arcs of crank, coupler, rocker and ground [rad]."""
 RADIUS, RATE, GRAVITY = 0.2, 10.0, 9.81
 COUPLER_END = 'site name="coupler_end" pos="0.17320508075688773 0 0.1"'
 ROCKER_END = 'site name="rocker_end" pos="0.19318516525781368 0 0.051763809020504148"'
@@ -22,20 +22,20 @@ DOWN = np.array([0.0, -1.0, 0.0])
 
 
 def about_y(angle: float) -> np.ndarray:
-    """A turn about y (3, 3)."""
+    """Rotation matrix about y (3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
 def about_z(angle: np.ndarray) -> np.ndarray:
-    """Turns about z (n, 3, 3)."""
+    """Rotation matrices about z (n, 3, 3)."""
     c, s, zero = np.cos(angle), np.sin(angle), 0 * angle
     rows = (c, -s, zero), (s, c, zero), (zero, zero, zero + 1)
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def on_cone(angle: np.ndarray, arc: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A direction (n, 3) at an arc from z, turned about z, and its two derivatives by the angle."""
+    """A direction (n, 3) at an arc from z, rotated about z, and two derivatives by the angle."""
     c, s, zero = np.sin(arc) * np.cos(angle), np.sin(arc) * np.sin(angle), 0 * angle
     return (
         np.stack([c, s, zero + np.cos(arc)], axis=-1),
@@ -45,10 +45,11 @@ def on_cone(angle: np.ndarray, arc: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def spherical(theta: np.ndarray, arcs: np.ndarray, mode: int = -1) -> dict[str, np.ndarray]:
-    """Angles by the crank's angle, each with its two derivatives (3, n) by it, and directions.
+    """Angles of rocker, coupler and transmission for crank angles, and directions of both ends.
 
-    A cos(psi) + B sin(psi) = C says that coupler's and rocker's ends are at the coupler's arc from
-    each other; the derivatives are those of this equation, u(theta) . w(psi) = cos(coupler).
+    The rocker's angle has its two derivatives by the crank angle (3, n).  The ends of crank and
+    rocker are the coupler's arc apart, u(theta) . w(psi) = cos(coupler), which is
+    A cos(psi) + B sin(psi) = C; the derivatives are those of this equation.
     """
     crank, coupler, rocker, ground = arcs
     a = np.sin(rocker) * (
@@ -88,7 +89,7 @@ def spectral(curve: np.ndarray) -> np.ndarray:
 
 
 def coupler_pace(form: dict[str, np.ndarray]) -> np.ndarray:
-    """The rate of the coupler's hinge for a unit rate of the crank: once round against it."""
+    """The rate of the coupler's hinge at a unit rate of the crank: one turn back per turn."""
     return spectral(form["coupler"] + TURN) - 1.0
 
 
@@ -99,13 +100,13 @@ def model() -> mujoco.MjModel:
 
 
 def found(model: mujoco.MjModel, inertia: bool) -> dict[str, np.ndarray]:
-    """What the reference has over a turn."""
+    """The curves of the spatial reference over a turn."""
     terms = SmoothTerms(model)
     return spatial.solve(TURN, RATE, model=model, joints=("crank",), inertia=inertia, terms=terms)
 
 
 def vector(curves: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """Its three parts (n, 3)."""
+    """The three components of a vector (n, 3)."""
     return np.column_stack([curves[f"{name}.{part}"] for part in "xyz"])
 
 
@@ -129,7 +130,7 @@ def test_the_transmission_angle_is_that_between_the_planes_of_coupler_and_rocker
 
 
 def test_small_arcs_make_the_planar_four_bar_to_second_order():
-    """The sine of an arc e is e (1 - e^2 / 6 ..): half the arcs leave a quarter of the error."""
+    """The sine of an arc e is e (1 - e^2 / 6 ..), so half the arcs have a quarter of the error."""
     lengths = np.array([1.0, 2.0, 2.5, 3.0])
     named = dict(zip(("crank", "coupler", "rocker", "ground"), lengths, strict=True))
     plane = fourbar.solve(TURN, **named)
@@ -174,7 +175,7 @@ def test_the_reference_is_the_closed_form(model):
 def energies(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
     """Twice the kinetic energy at a unit rate of the crank, and the potential energy, over a turn.
 
-    All bodies turn about the origin: T = w . I w / 2 with the angular velocities of their hinges.
+    All bodies rotate about the origin: T = w . I w / 2 with the sums of the hinges' rates.
     """
     form, ground = spherical(TURN, ARCS), about_y(ARCS[3])
     z, one = np.array([0.0, 0.0, 1.0]), np.ones_like(TURN)
@@ -202,7 +203,7 @@ def energies(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("inertia", [False, True])
 def test_the_moment_is_that_of_the_energies(model, inertia):
-    """Of a constant rate s': I' s'^2 / 2 + V', by the spectral derivatives of I and V."""
+    """At a constant rate s' it is I' s'^2 / 2 + V', with spectral derivatives of I and V."""
     twice, height = energies(model)
     moment = spectral(height) + (0.5 * RATE**2 * spectral(twice) if inertia else 0.0)
     curve = found(model, inertia)["moment"]
@@ -211,11 +212,11 @@ def test_the_moment_is_that_of_the_energies(model, inertia):
 
 
 LONGER = 1e-9
-"""How far an arc is off in a wrong model [rad]: 1000 times what a chord shows of a sweep."""
+"""Error of an arc in a wrong model [rad]: 1000 times the error of a chord in a sweep."""
 
 
 def on_arc(angle: float) -> str:
-    """The place of a site at the end of an arc, as the model writes it."""
+    """The position of a site at the end of an arc, as MJCF."""
     return f'pos="{RADIUS * float(np.sin(angle))!r} 0 {RADIUS * float(np.cos(angle))!r}"'
 
 
@@ -230,7 +231,7 @@ def on_arc(angle: float) -> str:
     ids=["crank", "coupler", "rocker", "ground"],
 )
 def test_a_wrong_arc_is_shown_by_a_chord(old, new, channel, edit, models):
-    """The reference reads the model, so that a wrong arc is wrong in both but for the chords."""
+    """The reference reads the model, so a wrong arc is wrong in both; only the chords show it."""
     edit("spherical_fourbar.xml", old, new, 1)
     case = load_case(models / "spherical_fourbar.toml")
     outcomes = compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"), detectable=False)
