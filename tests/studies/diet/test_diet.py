@@ -1,4 +1,4 @@
-"""Diet: known ballast goes, what matters stays, and the model that is left does the same."""
+"""A diet removes known ballast, keeps features that matter, and keeps the motion of the model."""
 
 import csv
 import re
@@ -98,27 +98,27 @@ LISTS = (
 
 
 def model(folder: Path, **parts: str) -> Path:
-    """A model with a ball on a table and a loop of two bars that fall."""
+    """Write a model of a ball on a table and of a closed loop of two bars that fall."""
     file = folder / "scene.xml"
     file.write_text(CORE.format(**{**LEAN, **parts}))
     return file
 
 
 def padded(folder: Path) -> Path:
-    """The same with what it does not need."""
+    """Write the same model with ballast: features that it does not need."""
     file = model(folder, **{**BALLAST, "idle": "0"})
     file.write_text(file.read_text().replace("</worldbody>", IDLE))
     return file
 
 
 def searched(file: Path, seconds: float = 0.3, **how: bool) -> tuple[DietScene, Diet]:
-    """A diet without timings."""
+    """The scene of a model and the result of a diet without timings."""
     scene = load_scene(file, seconds)
     return scene, DietSearch(scene, rounds=0, **how).run()
 
 
 def names(spec: mujoco.MjSpec) -> dict[str, set[str]]:
-    """What there is in a model."""
+    """The names of the elements of a model, in a set for each list."""
     return {kind: {element.name for element in getattr(spec, kind)} for kind in LISTS}
 
 
@@ -129,14 +129,14 @@ def stripped(tmp_path_factory) -> tuple[DietScene, Diet]:
 
 def test_ballast_goes_and_the_core_stays(stripped, tmp_path):
     spec, core = stripped[1].reduced.spec, names(mujoco.MjSpec.from_file(str(model(tmp_path))))
-    core["geoms"] -= {"arm", "brace"}  # drawn, and blind
+    core["geoms"] -= {"arm", "brace"}  # only drawn, so a blind diet removes them
     assert names(spec) == core
     assert spec.option.tolerance == 1e-8
     assert {(g.name, g.contype) for g in spec.geoms} == {("ball", 1), ("table", 1)}
 
 
 def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
-    # nothing of the core is known to the diet: its own motion is the independent truth
+    # the diet does not know the core, so the motion of the core is an independent reference
     reduced, core = (
         stripped[1].reduced.compiled(),
         mujoco.MjModel.from_xml_path(str(model(tmp_path))),
@@ -147,8 +147,8 @@ def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
         mujoco.mj_resetDataKeyframe(m, data, 0)
         mujoco.mj_step(m, data, 150)
         poses.append(data.qpos.copy())
-    assert np.abs(np.subtract(*poses)).max() < 1e-9  # rounding, grown over 150 steps
-    assert np.abs(poses[0][7:]).max() > 0.1  # and it does move
+    assert np.abs(np.subtract(*poses)).max() < 1e-9  # rounding that grows over 150 steps
+    assert np.abs(poses[0][7:]).max() > 0.1  # the bars do move
 
 
 @pytest.mark.parametrize(
@@ -189,12 +189,12 @@ def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance
     for c in found:
         rounding = 1e-9 * max(float(np.abs(v).max()) for v in monitored.before.channels.values())
         left = (c.allowed - c.error_max) / 10
-        assert left > rounding  # which every channel may move by as well
+        assert left > rounding  # every channel may change by rounding as well
         assert monitored.allowed[c.channel] == pytest.approx(np.full(run.x.size, left), rel=1e-9)
 
 
 def test_a_diet_that_allows_too_much_is_noticed(tmp_path, monkeypatch):
-    # a mutation: with a loose tolerance the ball loses its table
+    # a mutation: with a loose tolerance the diet removes the pin of the loop
     monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING_SHARE", 1e6)
     _, found = searched(model(tmp_path))
     assert "pin" not in names(found.reduced.spec)["equalities"]
@@ -241,7 +241,7 @@ def test_a_free_joint_becomes_planar_where_the_motion_is(tmp_path, speed, planar
     steps = scene.monitored_runs[0].before.steps
     mujoco.mj_step(reduced, data, steps)
     mujoco.mj_kinematics(reduced, data)
-    # free flight: straight on, and turning at its own rate; integrated exactly by any first order
+    # free flight with constant velocity and rate, which methods of first order integrate exactly
     x, y, z = map(float, speed.split())
     t = steps * reduced.opt.timestep
     assert data.xpos[1] == pytest.approx([1.5 + x * t, 2.5 + y * t, 3 + z * t], abs=1e-12)
@@ -279,7 +279,7 @@ def test_the_digits_are_put_back():
 
 
 def test_sidecars_say_what_a_model_is_for(models, edit):
-    # two cases of one model: both keys stay; a sensor that no channel reads goes
+    # two cases of one model: both keys are kept; a sensor that no channel reads is removed
     edit("pendulum.toml", r"kinetic = .*\n", "")
     edit("pendulum.toml", r"until = 10\.0", "until = 1.0")
     edit("pendulum.toml", "n = 1001", "n = 101")
@@ -299,7 +299,7 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
 
 @pytest.mark.usefixtures("undrawn")
 def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    # timings are not looked at
+    # no timing is checked, so no processor is reserved and the rounds may be short
     monkeypatch.setattr("proofmass.studies.diet.trial.reserve_processor", nullcontext)
     monkeypatch.setattr("proofmass.studies.diet.trial.MIN_ROUNDS_SECONDS", 0.0)
     file, reduced = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "reduced.xml"
@@ -310,7 +310,7 @@ def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path,
         assert answer.exit_code == 0, answer.output
         monkeypatch.setattr(
             DietSearch, "judge_changes", None
-        )  # the second time nothing is run again
+        )  # the second time no feature is judged again
         monkeypatch.setattr("proofmass.studies.diet.diet.write_result", lambda *_: None)
     assert "sun" not in reduced.read_text()
     assert not list(reduced.parent.glob("*.part*"))
@@ -343,7 +343,7 @@ def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
     ["", '<tendon material="red"/>', '<default class="rope"><tendon material="red"/></default>'],
 )
 def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
-    """A material goes from the geom, and stays where a tendon is made of it."""
+    """A material is removed from geoms, and kept if a tendon has it, itself or by a default."""
     file, own = tmp_path / "rope.xml", 'class="rope"' if "class" in usual else ""
     file.write_text(f"""<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="steel"/>
       </asset><default><geom material="steel"/>{usual}</default><worldbody>
@@ -365,7 +365,7 @@ def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
 
 @pytest.mark.parametrize(("loops", "iterations"), [(False, 0), (True, 1)])
 def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations):
-    # Newton's first step ends in the minimum of what is quadratic, as soft equalities alone are
+    # soft equalities alone have a quadratic cost, whose minimum is Newton's first step
     text = model(tmp_path).read_text()
     text = text.replace("<freejoint", "<!-- <freejoint").replace(
         'name="ball"/>\n      <geom', 'name="ball"/> -->\n      <geom'

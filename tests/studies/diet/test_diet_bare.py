@@ -1,8 +1,8 @@
-"""What a diet leaves moves as it promises, held against bare MuJoCo in a process of its own.
+"""The model that a diet writes moves as allowed, compared in bare MuJoCo in a separate process.
 
-`tests/studies/diet/diet_bare.py` knows nothing of proofmass: it steps the file as it was and the
-file that a diet wrote from the same start.  Each kind of promise is broken once on purpose, and is
-noticed.
+`tests/studies/diet/diet_bare.py` imports nothing of proofmass: it steps the original file and the
+file that a diet wrote from the same start.  Each kind of allowed difference is also exceeded on
+purpose, by a mutation, which the comparison must show.
 """
 
 import json
@@ -39,7 +39,11 @@ DOUBLE = """<mujoco><option timestep="0.0005" integrator="RK4" tolerance="1e-14"
 
 
 def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str, dict[str, float]]:
-    """What `tests/studies/diet/diet_bare.py` measures, which cannot import proofmass."""
+    """The differences and errors that `tests/studies/diet/diet_bare.py` prints for two files.
+
+    It runs with ``python -I``, so that no environment variable and no folder of this project is
+    part of its path.
+    """
     asked = {"files": [str(before), str(after)], "seconds": seconds, **more}
     done = subprocess.run(
         bare_command(BARE, json.dumps(asked)),
@@ -51,19 +55,19 @@ def bare(before: Path, after: Path, seconds: float, **more: object) -> dict[str,
 
 
 def dieted(file: Path, folder: Path, seconds: float, **more: object) -> tuple[Diet, Path]:
-    """A diet, and the file that it wrote."""
+    """The result of a diet, and the file of the reduced model."""
     found = DietSearch(load_scene(file, seconds, **more), rounds=0).run()  # type: ignore[arg-type]
     return found, written(found.reduced, folder)
 
 
 def written(edited: EditedModel, folder: Path, name: str = "reduced") -> Path:
-    """The file of an edited model."""
+    """Write an edited model to a file in a folder."""
     write_model(edited, folder / f"{name}.xml")
     return folder / f"{name}.xml"
 
 
 def changed(found: Diet) -> list[str]:
-    """The options that a diet has changed."""
+    """The names of the options that a diet has changed."""
     return [e.name for e in found.entries if e.kind == "option" and e.outcome == "harmless"]
 
 
@@ -73,16 +77,16 @@ def test_a_scene_without_its_ballast_moves_to_rounding(tmp_path):
     assert sum(e.outcome == "harmless" for e in found.entries) >= 10
     assert changed(found) == []
     shown = bare(file, reduced, 0.3, joints=["arm", "brace"], bodies=["ball"])
-    for name, part in shown.items():  # of a ball's y and x nothing but rounding is there
+    for name, part in shown.items():  # x of the ball is 0 but for rounding, hence the size 1e-3
         assert part["moved"] <= 1e-9 * max(part["size"], 1e-3), name
     assert shown["arm"]["range"] > 0.1
-    # a mutation: the loop is cut as well
+    # a mutation: the pin of the loop is removed as well
     wrong = written(found.reduced.without(lambda d: d.drop("equalities", "pin")), tmp_path, "wrong")
     assert bare(file, wrong, 0.3, joints=["arm"])["arm"]["moved"] > 0.01
 
 
 def test_what_was_allowed_too_much_shows_in_the_bare_engine(tmp_path, monkeypatch):
-    # a mutation of the diet itself: changes up to all of a channel's size are called rounding
+    # a mutation of the diet itself: changes up to the whole size of a channel count as rounding
     monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING_SHARE", 1.0)
     file = model(tmp_path, **{**BALLAST, "option": ""})
     _, reduced = dieted(file, tmp_path, 0.3)
@@ -96,11 +100,11 @@ def test_a_fat_four_bar_of_which_the_crank_is_watched(tmp_path):
     assert [left.body(b).name for b in range(1, left.nbody)] == ["crank", "coupler", "rocker"]
     assert (left.opt.tolerance, left.opt.iterations) == (1e-8, 100)
     shown = bare(FAT, reduced, 1.0, joints=["crank"])["crank"]
-    # the promise: off the fine solution by no more than 1.1 times what the fat model is
+    # allowed: at most 1.1 times the error of the fat model against the fine solution
     assert shown["after"] <= 1.1 * shown["before"]
     assert shown["moved"] <= 1e-6 * shown["size"]
     assert shown["range"] > 0.1
-    # mutations: a step that the diet refused, and the pin
+    # mutations: a time step that the diet refused, and a removed pin
     longer = written(
         found.reduced.without(partial(set_option, name="timestep", value=0.002)), tmp_path, "longer"
     )
@@ -129,7 +133,7 @@ def test_a_step_as_long_as_the_error_allows(tmp_path):
     )
     for name, part in shown.items():
         assert part["after"] <= allowed * part["range"], name
-    # a mutation: four times the step that was found, 256 times the error of RK4
+    # a mutation: four times the step that was found, which has 256 times the error of RK4
     step = 4 * left.opt.timestep
     wrong = written(
         found.reduced.without(partial(set_option, name="timestep", value=step)), tmp_path, "wrong"
@@ -145,14 +149,14 @@ def test_a_step_as_long_as_the_error_allows(tmp_path):
 
 
 def test_nothing_is_coarser_than_it_was_unless_that_is_allowed(tmp_path):
-    """Without --error a step is as long as the model's own error is not exceeded."""
+    """Without --error the time step may not exceed 1.1 times the model's own error."""
     file = tmp_path / "double.xml"
     file.write_text(DOUBLE.replace('integrator="RK4"', 'integrator="implicitfast"'))
     found, reduced = dieted(file, tmp_path, 0.5, monitored=("upper",))
     assert mujoco.MjModel.from_xml_path(str(reduced)).opt.timestep == 0.0005
     refused = [e for e in found.entries if e.name.startswith("time step")]
     assert [e.outcome for e in refused] == ["matters"]
-    # implicitfast is of first order: twice the step has twice the error, of 1.1 that is allowed
+    # implicitfast is of first order: twice the step has twice the error, and 1.1 times is allowed
     assert refused[0].worst[2] == pytest.approx(2 / 1.1, rel=0.1)
     shown = bare(file, reduced, 0.5, joints=["upper"])["upper"]
     assert shown["after"] <= 1.1 * shown["before"]

@@ -1,4 +1,4 @@
-"""The chart of a diet page: its data in words, and what it does in a browser."""
+"""The chart of a diet page: its sentences and its markers, and its behaviour in a browser."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_the_interval_of_a_saving_is_one_of_time_and_never_below_zero() -> None:
     assert step_times(replace(LIGHT, saved=(0.5, 0.9, 1.2)))[1] == pytest.approx(
         MIN_COST_SHARE * 1e-4
     )
-    assert step_times(replace(LIGHT, saved=())) == [4.9e-5]  # as it was measured, of no pairs
+    assert step_times(replace(LIGHT, saved=())) == [4.9e-5]  # no pairs, no interval
 
 
 def test_outcomes_differ_in_their_markers() -> None:
@@ -79,7 +79,7 @@ def test_a_table_keeps_its_edits(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of two models, without its figures for papers."""
+    """The page of two models, without its printable figures."""
     out = tmp_path_factory.mktemp("chart")
     write_entries(ENTRIES, out / "arm.csv")
     write_entries([LIGHT, replace(ALL, outcome="harmless")], out / "bob.csv")
@@ -93,12 +93,12 @@ LABELS = "findAll('#rows .row-label').map((one) => one.textContent)"
 
 
 def row_of(label: str) -> str:
-    """The row of the chart with a label, as a script finds it."""
+    """A JavaScript expression that finds the row of the chart with a label."""
     return f"findAll('#rows .row').find((one) => find('.row-label', one).textContent === '{label}')"
 
 
 def places(visit: Visit, label: str, part: str, *names: str) -> list[float]:
-    """Places on the axis [%] of a part of a row."""
+    """Attributes of a part of a row that are positions on the axis [%]."""
     found = visit.run(
         f"{list(names)!r}.map((name) => find('{part}', {row_of(label)}).getAttribute(name))"
     )
@@ -109,12 +109,12 @@ def test_edits_are_sorted_by_what_they_save(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         assert visit.run(LABELS) == [
             WHOLE_KIND,
-            "contact all",  # goes, and saves most
+            "contact all",  # harmless, with the largest saving
             "light sun",
             "drawn geom cover",
             "option solver Newton to CG",
             "option time step 1e-3 to 2e-3 s",
-        ]  # what is needed has no costs
+        ]  # the needed joint has no costs, and no row
         values = visit.run("findAll('#rows .row .row-value').map((one) => one.textContent)")
         assert values[1:3] == ["80 % (70 to 90)", "50 % (40 to 60)"]
         visit.page.click("#costs [data-cost=memory]")
@@ -125,7 +125,7 @@ def test_edits_are_sorted_by_what_they_save(page: Path, browser: Any) -> None:
 
 
 def test_costs_and_intervals_stand_at_their_places(page: Path, browser: Any) -> None:
-    """Logarithmic: 100 µs with the light, 50 µs without, 40 to 60 µs."""
+    """The axis is logarithmic; a step takes 100 µs with the light, 50 µs (40 to 60) without."""
     with Visit(browser, page) as visit:
         (before,) = places(visit, "light sun", ".theory", "x1")
         (after,) = places(visit, "light sun", ".strip svg", "x")

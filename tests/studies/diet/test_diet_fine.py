@@ -1,6 +1,6 @@
-"""A model that is let go: how long it is followed, and the fine solution that it is held against.
+"""The free motion of a model: its samples, and the fine solution that it is compared with.
 
-The curves of the model are given, as functions of time and of the options that it is run with.
+No engine runs: the curves of the model are functions of time that depend on the time step.
 """
 
 from dataclasses import replace
@@ -17,17 +17,17 @@ from tests.studies.diet.test_diet_options import falling
 from tests.studies.test_study_verdicts import bob, let_go
 
 NONE = "Options may change a channel by no more than a feature may: there is no fine solution "
-STEP = 1e-3  # of the model
+STEP = 1e-3  # s, time step of the model
 
 
 class Fine:
-    """A pendulum whose curves are functions of time; those of its fine solutions are others.
+    """A pendulum whose curves are functions of time, with other functions for fine solutions.
 
     Parameters
     ----------
     own, fine, coarse : dict
-        Of each channel, its curve as the model is, in steps of an eighth, and in steps of a
-        quarter, which is that of an eighth if it is not given.
+        The curve of each channel with the model's own step, with an eighth of the step, and with a
+        quarter of it; without `coarse` the last one is that of an eighth.
     """
 
     def __init__(self, folder, monkeypatch, own, fine, coarse=None, more=""):
@@ -59,11 +59,14 @@ def line(slope: float, start: float = 0.0):
     return lambda x: start + slope * x
 
 
-X = 0.01 * np.arange(101)  # a second, in ten steps from sample to sample
+X = 0.01 * np.arange(101)  # 1 s, with ten steps between samples
 
 
 def test_the_truth_of_a_free_motion_is_its_fine_solution(tmp_path, monkeypatch):
-    """In steps of an eighth, by Newton's method; a channel may be off it by a tenth more."""
+    """The fine solution has an eighth of the step and Newton's method.
+
+    The error of a channel against it may be 1.1 times its error with the model's own options.
+    """
     fine = Fine(
         tmp_path, monkeypatch, {"a": line(2.002), "b": line(3.0)}, {"a": line(2.0), "b": line(3.0)}
     )
@@ -79,7 +82,7 @@ def test_the_truth_of_a_free_motion_is_its_fine_solution(tmp_path, monkeypatch):
     assert held.bound.run == replace(fine.asked[0], settings={})
     assert held.bound.case is None
     assert held.bound.reference["a"].tolist() == (2.0 * X[::2]).tolist()
-    # off by 2e-3 at the end; b is not off at all, so that rounding of its size is allowed
+    # the error of a is 2e-3 at the end; b has no error, so that 1e-9 of its size is allowed
     assert held.bound.allowed == {
         "a": pytest.approx(1.1 * 2e-3, rel=1e-9),
         "b": pytest.approx(1e-9 * 3.0, rel=1e-9),
@@ -108,7 +111,10 @@ def test_a_fine_solution_is_no_coarser_than_the_model(tmp_path, monkeypatch):
 
 
 def test_a_share_of_the_range_may_be_allowed(tmp_path, monkeypatch):
-    """The range is the largest of the numbers of a sensor, so that a plane stays one."""
+    """The range is the largest one of a sensor's components, also for a component that is constant.
+
+    So a component normal to the plane of a motion may have the same error as those in the plane.
+    """
     own = {"place[0]": line(2.0, 5.0), "place[1]": line(0.0), "rate": line(0.5)}
     fine = Fine(tmp_path, monkeypatch, own, own)
     held, words = fine.held(X, 0.01)
@@ -122,7 +128,7 @@ def test_a_share_of_the_range_may_be_allowed(tmp_path, monkeypatch):
         "its size or 0.01 of its range, whichever is most."
     )
     assert fine.held(X, 0.0)[1].endswith("--error SHARE allows more.")
-    # what the model as it is leaves may be more
+    # 1.1 times the error with the model's own options is larger here
     off = Fine(tmp_path, monkeypatch, {"a": line(2.1)}, {"a": line(2.0)})
     assert off.held(X, 0.01)[0].bound.allowed["a"] == pytest.approx(0.11)
 
@@ -143,7 +149,10 @@ def test_a_share_of_the_range_may_be_allowed(tmp_path, monkeypatch):
     ],
 )
 def test_longer_steps_have_room_between_samples(steps, n, thin, tmp_path, monkeypatch):
-    """64 steps at most, of as many samples that 50 are left at least."""
+    """Samples are left out until a stride has at most 64 steps, while at least 50 samples remain.
+
+    A time step can then be lengthened up to the distance of the samples.
+    """
     fine = Fine(tmp_path, monkeypatch, {"a": line(1.0)}, {"a": line(1.0)})
     x = STEP * steps * np.arange(n)
     assert fine.held(x)[0].bound.run.x.tolist() == x[::thin].tolist()
@@ -151,7 +160,10 @@ def test_longer_steps_have_room_between_samples(steps, n, thin, tmp_path, monkey
 
 
 def test_a_motion_that_ended_early_is_held_as_far_as_it_was_followed(tmp_path, monkeypatch):
-    """Its curves go on where a nudge has grown too much already, and nothing counts there."""
+    """The curves are longer than the run, which ends where a nudge has grown too much.
+
+    Errors after the end of the run do not count: the curve differs by 9 there.
+    """
     fine = Fine(tmp_path, monkeypatch, {"a": lambda x: x + 9.0 * (x > 0.505)}, {"a": line(1.0)})
     monitored = MonitoredRun("let go", Run("passive", X[:51], ()), {}, curves(X, fine.own))
     held, _ = with_fine_solution(fine.file, read_model(fine.file, probing=True), monitored)
@@ -166,7 +178,10 @@ def test_potential_energies_are_held_as_changes(tmp_path, monkeypatch):
 
 
 def test_where_a_model_leaves_its_fine_solution_nothing_is_held_against_it(tmp_path, monkeypatch):
-    """By more than a tenth of a channel's size; the first one that does so is named."""
+    """There is none if a channel differs from it by more than a tenth of its size at any sample.
+
+    The message names the channel that does so first, and the time of that sample.
+    """
 
     def off(by: float, when: float):
         return lambda x: 2.0 * (x == 0) + by * (x > when)
@@ -196,7 +211,10 @@ def test_a_fine_solution_that_does_not_run_is_none(tmp_path, monkeypatch):
 
 
 def test_a_fine_solution_has_converged_to_half_of_what_is_allowed(tmp_path, monkeypatch):
-    """The finest is the truth only where the one before, in steps twice as long, is as good."""
+    """The finest solution is a reference only if that with twice its step differs little from it.
+
+    The difference may be half of the allowed error, which is 1.1 times 0.02 here, or 0.04.
+    """
     for off, holds in ((1.09, True), (1.11, False), (-1.11, False)):
         fine = Fine(
             tmp_path,
@@ -217,7 +235,7 @@ def test_a_fine_solution_has_converged_to_half_of_what_is_allowed(tmp_path, monk
         Fine(tmp_path, monkeypatch, {"a": line(4.02)}, {"a": line(4.0)}, {"a": line(4.0111)})
         .held(X, 0.01)[0]
         .bound
-    )  # 0.04 is allowed
+    )  # 0.01 of the range of 4, which is 0.04, is allowed
 
 
 def test_a_potential_energy_is_let_go_as_its_change(tmp_path, monkeypatch):
@@ -231,7 +249,7 @@ def test_a_potential_energy_is_let_go_as_its_change(tmp_path, monkeypatch):
         )
     )
     monitored, _ = let_go(file, 1.0, monkeypatch, potential=5.0, kinetic=5.0)
-    assert monitored.level == {"potential"}  # of what is there
+    assert monitored.level == {"potential"}  # the sensor "unread" has no channel
     assert (monitored.before.channels["potential"] == 0.0).all()
     assert (monitored.before.channels["kinetic"] == 5.0).all()
 
@@ -250,7 +268,7 @@ def test_up_to_a_tenth_a_nudge_may_grow_and_the_channel_that_grows_most_is_named
 
 
 def test_a_model_is_let_go_in_fewer_than_a_thousand_samples(tmp_path, monkeypatch):
-    """Of 999 steps every one, of 1000 every other one."""
+    """Of 999 steps every one is a sample, of 1000 steps every other one."""
     for seconds, n in ((9.99, 1000), (10.0, 501)):
         monitored, _ = let_go(bob(tmp_path), seconds, monkeypatch, hinge=1.0)
         assert monitored.run.x.size == n
@@ -265,11 +283,15 @@ X_LONG = 0.01 * np.arange(1001)
     [(1000, 0.0, 500), (1000, 0.5, 100), (4000, 0.0, 500), (4000, 0.5, 400), (8000, 100.0, 4)],
 )
 def test_a_shortened_run_has_few_steps_whatever_its_samples_are(part, steps, seconds, wanted):
-    """500, or as many as take 0.05 s; also of a run with fewer samples, or of less of it."""
+    """A shortened run has at most 500 steps, and at most as many as take 0.05 s of wall time.
+
+    It has at least two samples.  This also holds for a run that has fewer samples, or ends earlier,
+    than the measured one.
+    """
     whole = Run("passive", X_LONG, ())
     run = replace(whole, x=X_LONG[part])
     monitored = MonitoredRun("", whole, {}, Curves(X_LONG, {}, seconds=seconds, steps=steps))
-    per = round(steps / 1000 * (run.x[1] - run.x[0]) / 0.01)  # steps from sample to sample
+    per = round(steps / 1000 * (run.x[1] - run.x[0]) / 0.01)  # steps between samples
     samples = min(max(2, wanted // per), run.x.size)
     assert monitored.shortened(run).x.tolist() == run.x[:samples].tolist()
     assert monitored.brief.x.tolist() == monitored.shortened(whole).x.tolist()

@@ -1,4 +1,4 @@
-"""Own models: nothing is left in them that a diet finds; what it watches of a case."""
+"""Diets of the shipped models remove nothing; which runs and options of a case a diet uses."""
 
 from functools import partial
 from pathlib import Path
@@ -33,7 +33,7 @@ KEPT = {
 
 
 def gone(file: Path) -> list[str]:
-    """What a diet takes out of a model."""
+    """The titles of the features that a diet removes from a model."""
     found = DietSearch(load_scene(file, 1.0), rounds=0, tune=False).run()
     return [e.title for e in found.entries if e.outcome == "harmless"]
 
@@ -56,7 +56,7 @@ def test_a_light_in_an_own_model_is_found(models, edit):
 
 
 def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
-    """The closed form of the pendulum, and not the model's own fine solution, decides."""
+    """The error is that against the closed form, and not against the model's own fine solution."""
     edit("pendulum.toml", r"until = 10\.0", "until = 1.0")
     edit("pendulum.toml", r"n = 1001", "n = 26")
     edit("pendulum.xml", 'timestep="1e-3"', 'timestep="1.25e-4"')
@@ -73,7 +73,8 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
         truth = reference_for(case, "dynamics", scene.monitored_runs[0].before).channels[c.channel]
         error = float(np.abs(before - truth).max())
         assert c.outcome == "agrees"
-        # by a tenth of what is left of the tolerance, or by rounding of a number where it is 1e-10
+        # an error may grow by a tenth of the difference between tolerance and error, or by rounding
+        # (1e-12 of the channel's size) if that is more, as with the tolerance of 1e-10 of the range
         assert c.error_max <= error + max(
             0.1 * (c.allowed - error), 1e-12 * float(np.abs(before).max())
         )

@@ -1,4 +1,4 @@
-"""Options of the engine in a diet: what is tried, what is taken, and what the clock decides."""
+"""Engine options in a diet: which values are tried, which are taken, and when time decides."""
 
 from dataclasses import replace
 from functools import partial
@@ -22,21 +22,21 @@ FALLING = """<mujoco><option timestep="{step}" integrator="{integrator}" {more}/
 
 
 def falling(folder: Path, step: float = 1e-3, integrator: str = "RK4", more: str = "") -> Path:
-    """A pendulum that is let go."""
+    """Write a model of a pendulum that falls from its horizontal pose."""
     file = folder / "falling.xml"
     file.write_text(FALLING.format(step=step, integrator=integrator, more=more))
     return file
 
 
 def set_to(edited: EditedModel, **values: float) -> EditedModel:
-    """An edited model with other options."""
+    """An edited model with other values of some options."""
     for name, value in values.items():
         edited = edited.without(partial(set_option, name=name, value=value))
     return edited
 
 
 def names(rungs: options.OptionMaker, edited: EditedModel, scene: DietScene) -> list[str]:
-    """What is tried, in words."""
+    """The names of the values of an option that are tried."""
     return [rung.name for rung in rungs(edited, scene)]
 
 
@@ -59,7 +59,7 @@ def test_the_cheapest_value_is_tried_first(tmp_path):
     ]
     euler = set_to(own, integrator=int(mujoco.mjtIntegrator.mjINT_EULER))
     assert names(options.change_integrator, euler, scene) == []
-    assert names(options.change_solver, own, scene) == []  # there is nothing to solve
+    assert names(options.change_solver, own, scene) == []  # the model has no constraints
     assert names(options.change_cone, own, scene) == []
     assert names(options.change_cone, set_to(own, cone=1), scene) == ["cone elliptic to pyramidal"]
     assert names(options.change_jacobian, own, scene) == ["jacobian auto to sparse"]
@@ -75,7 +75,7 @@ def test_the_cheapest_value_is_tried_first(tmp_path):
 
 
 def pasted(file: Path, edit: str) -> mujoco.MjModel:
-    """A model with what an edit says in place of its own options."""
+    """The compiled model of a file whose options are replaced by those of an edit in MJCF."""
     tree = ElementTree.fromstring(file.read_text())
     own, new = tree.find("option"), ElementTree.fromstring(edit)
     own.attrib.update(new.attrib)
@@ -88,7 +88,7 @@ def pasted(file: Path, edit: str) -> mujoco.MjModel:
 
 
 def test_what_is_pasted_is_what_was_tried(tmp_path):
-    """Each edit as lines of MJCF sets the options that the cut set."""
+    """The MJCF of each edit sets the same options as its function `cut`."""
     more = 'tolerance="1e-14" iterations="200" ls_iterations="60" cone="elliptic"'
     more += ' noslip_iterations="3"><flag energy="enable" fwdinv="enable"/></option'
     file = falling(tmp_path, more=more)
@@ -130,7 +130,7 @@ NUMBERS = (
 def test_steps_fit_between_samples(tmp_path):
     scene = load_scene(falling(tmp_path, step=1e-3), 5.0)
     width = float(scene.monitored_runs[0].bound.run.x[1])
-    assert width == pytest.approx(0.04)  # 40 steps, of 126 samples
+    assert width == pytest.approx(0.04)  # 40 steps between 126 samples
     found = [rung.cut.keywords["value"] for rung in options.lengthen_step(scene.edited, scene)]
     assert found == pytest.approx([0.04, 0.02, 0.04 / 3, 0.008, 0.004, 0.002])
     longest = set_to(scene.edited, timestep=0.04)
@@ -138,7 +138,7 @@ def test_steps_fit_between_samples(tmp_path):
 
 
 def test_the_way_with_less_work_is_taken(tmp_path):
-    """RK4 with a longer step, or another integrator with the step as it is: by what is allowed."""
+    """A small allowed error gives RK4 with a longer step, a large one another integrator."""
     file = falling(tmp_path, step=1e-3)
     for error, integrator in ((1e-6, "RK4"), (0.05, "EULER")):
         scene = load_scene(file, 1.0, (), error)
@@ -159,7 +159,7 @@ def test_the_way_with_less_work_is_taken(tmp_path):
     [((0.1, 0.2, 0.3), "harmless"), ((-0.1, 0.2, 0.3), "no gain"), ((-0.3, -0.2, -0.1), "no gain")],
 )
 def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, saved, outcome):
-    """A Jacobian that is kept another way changes nothing, and is taken if it saves time."""
+    """Another storage of the Jacobian changes no result, and is taken only if it saves time."""
     monkeypatch.setattr(
         diet,
         "compare_costs_isolated",
@@ -175,7 +175,7 @@ def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, save
 
 
 def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_path):
-    """A ball that bounces is off its fine solution long before the run ends."""
+    """A bouncing ball differs from its fine solution long before the run ends."""
     file = tmp_path / "ball.xml"
     file.write_text("""<mujoco><option timestep="0.004" tolerance="1e-14"/><worldbody>
       <geom type="plane" size="9 9 .1"/><body pos="0 0 0.3"><freejoint/>
@@ -189,7 +189,7 @@ def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_
 
 
 def test_a_bound_that_allows_anything_is_noticed(tmp_path):
-    """A mutation: with a loose bound the step is as long as there is room for."""
+    """A mutation: with a loose bound the time step is as long as the sample interval."""
     scene = load_scene(falling(tmp_path), 1.0)
     monitored = scene.monitored_runs[0]
     loose = replace(
@@ -203,7 +203,10 @@ def test_a_bound_that_allows_anything_is_noticed(tmp_path):
 
 
 def test_nothing_is_tried_twice_where_nothing_goes(tmp_path, monkeypatch):
-    """The last look takes out features that are there, and not an empty set of them."""
+    """Several features are removed together in the first round, and in the last trial of all.
+
+    The second round, in which no feature is harmless, tries no removal of an empty set.
+    """
     asked = []
     tried = DietSearch.tried
 
@@ -215,4 +218,4 @@ def test_nothing_is_tried_twice_where_nothing_goes(tmp_path, monkeypatch):
     DietSearch(load_scene(falling(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
     whole = [k for k, (kind, _) in enumerate(asked) if kind == "all of these"]
     assert whole[-1] == len(asked) - 1
-    assert len(whole) == 2  # what goes in the first round together, and what is left at the end
+    assert len(whole) == 2  # the harmless features of the first round, and all changes at the end

@@ -1,4 +1,4 @@
-"""The page of a diet: what it saves in short, and places of changes and savings on their axes."""
+"""The page of a diet: the summary of savings, and positions of changes and savings on axes."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def test_what_a_diet_saves_as_a_whole_is_told_first() -> None:
     assert told[0][:2] == ("time of a step", "20 → 15 µs")
     assert told[1][1] == "30 → 20 KB"
     assert told[2] == ("largest change", "1e-3 of what is allowed", "angle in run")
-    assert summary_rows(GOES) == []  # not all of it
+    assert summary_rows(GOES) == []  # not the entry of all changes
     assert summary_rows(replace(GOES, kind=WHOLE_KIND, costs=(), saved=())) == []
 
 

@@ -1,6 +1,6 @@
-"""What a scene is for, without a process: what is monitored, how far it may move, in which words.
+"""The scene of a diet: what is monitored, which changes are allowed, and the sentences on both.
 
-Runs are done in the test's own process, or their curves are given.
+No worker processes start: runs are made in the test's own process, or their curves are given.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ PENDULUM = load_case(shipped("pendulum.toml"))
 def watched_with(
     curves: Curves, truth: dict[str, np.ndarray], monkeypatch, case=PENDULUM, solver: str = "mujoco"
 ):
-    """A run of the pendulum that gave these curves, where that is true."""
+    """A monitored run of the pendulum with given curves and given reference curves (`truth`)."""
     monkeypatch.setattr(scene, "run_original", lambda file, model, run: curves)
     monkeypatch.setattr(scene, "call_bounded", lambda case, kind, function, *told: function(*told))
     monkeypatch.setattr(scene, "reference_for", lambda case, kind, curves: Curves(curves.x, truth))
@@ -44,7 +44,7 @@ def watched_with(
 
 
 def allowing(channel: dict[str, object], **tolerance: object):
-    """The pendulum with its angle as a channel says, and one tolerance, of the angle."""
+    """The case of the pendulum with one changed channel, its angle, and one tolerance of it."""
     angle = PENDULUM.channels["angle"].model_copy(update=channel)
     return PENDULUM.model_copy(
         update={
@@ -69,14 +69,14 @@ def allowing(channel: dict[str, object], **tolerance: object):
         ({"unit": "deg"}, {"abs": 9.0}, [0.0, 1.0, 2.0], np.deg2rad(9.0)),
         ({}, {"abs": 0.3}, [0.0, 1.0, 2.0], 0.3),
         ({"unit": "deg"}, {"relative_to_range": 0.05}, [0.0, 1.0, 2.0], 0.1),
-        # a share of the size of what does not move, which is 1 rad of an angle
+        # the reference is constant, so the share is of a scale, which is 1 rad for an angle
         ({}, {"relative_to_range": 0.2}, [2.0, 2.0, 2.0], 0.2),
     ],
 )
 def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
     channel, tolerance, truth, most, monkeypatch
 ):
-    """In the channel's own unit, and of its size where the reference does not move."""
+    """It is in the channel's own unit, and relative to its scale if the reference is constant."""
     curves = Curves(np.linspace(0.0, 1.0, 3), {"angle": np.array(truth) + 0.01})
     case = allowing(channel, **tolerance)
     monitored = watched_with(curves, {"angle": np.array(truth)}, monkeypatch, case)
@@ -88,7 +88,11 @@ def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
 
 
 def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
-    """Beyond its tolerance a channel may grow by a thousandth of rounding, and no more."""
+    """The allowed error is the error plus a tenth of the difference between tolerance and error.
+
+    An error beyond its tolerance may only grow by a thousandth of rounding, which is 1e-9 of the
+    largest value of the channel.
+    """
     x, truth = np.linspace(0.0, 1.0, 3), np.array([0.0, 1.0, 2.0])
     curves = Curves(x, {"angle": truth + 0.01})
     for most, larger in ((0.11, 0.01), (0.005, 1e-3 * 1e-9 * 2.01)):
@@ -96,12 +100,14 @@ def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
         assert monitored.bound.allowed["angle"] - 0.01 == pytest.approx(larger, rel=1e-3)
     run = monitored.run
     assert (monitored.bound.run, monitored.bound.case) == (run, allowing({}, abs=most))
-    free = allowing({}, abs=0.11, solver=("pymunk",))  # no tolerance: a tenth more, or rounding
+    # no tolerance for MuJoCo: 1.1 times the error is allowed, or rounding
+    free = allowing({}, abs=0.11, solver=("pymunk",))
     monitored = watched_with(curves, {"angle": truth}, monkeypatch, free)
     assert monitored.bound.allowed["angle"] == pytest.approx(0.011, rel=1e-12)
     monitored = watched_with(curves, {"angle": truth + 0.01}, monkeypatch, free)
     assert monitored.bound.allowed["angle"] == pytest.approx(2.01e-9, rel=1e-12)
-    for kind, most in (("sweep", 0.011), ("dynamics", 0.02)):  # of another run: it covers nothing
+    # a tolerance of the sweep does not apply to this run of dynamics
+    for kind, most in (("sweep", 0.011), ("dynamics", 0.02)):
         monitored = watched_with(
             curves, {"angle": truth}, monkeypatch, allowing({}, abs=0.11, run=kind)
         )
@@ -144,7 +150,7 @@ def test_errors_are_told_over_what_they_may_be():
 
 
 def test_errors_of_a_case_are_those_from_its_reference_at_the_state_of_the_drives(monkeypatch):
-    """It is evaluated anew for the curves, in a worker, within the limits of the run."""
+    """The reference is evaluated again for the curves, in a worker with the limits of the run."""
     x, asked = np.arange(3.0), []
     curves = Curves(x, {"a": np.array([0.0, 1.0, 1.0])})
 
@@ -159,7 +165,7 @@ def test_errors_of_a_case_are_those_from_its_reference_at_the_state_of_the_drive
 
 
 def test_of_a_potential_energy_the_change_counts():
-    """It is known up to a constant: one that is larger throughout is the same."""
+    """A potential energy is known up to a constant: adding a constant is no change."""
     x, energy = np.arange(3.0), np.array([0.0, 1.0, 3.0])
     before = Curves(x, {"energy": energy, "other": energy})
     run, one = Run("passive", x, ()), np.ones(3)
@@ -189,7 +195,7 @@ SENSORS = [
 
 
 def draft_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (), sensors=SENSORS):
-    """An edited model with four sensors, one of which may have been added."""
+    """A stand-in for an edited model with four sensors, one of which the study may have added."""
     spec = SimpleNamespace(
         joints=[SimpleNamespace(name="crank")],
         sensors=sensors,
@@ -267,7 +273,10 @@ ONE = watch_of({"y": 1.0}, {"y": [0.0]})
     ],
 )
 def test_it_is_said_what_is_watched_and_why(edited, words, monkeypatch):
-    """Sensors that a study adds are not named; where groups cannot be told, nothing is said."""
+    """Sensors that the study adds are not named.
+
+    There is no sentence on independent groups if there is only one or if finding them fails.
+    """
     for answer in (lambda *_, **__: [["a"]], fails(TimedOut("late")), fails(ValueError("other"))):
         monkeypatch.setattr(scene, "call_isolated", answer)
         assert list(scene.describe_monitored(edited, ONE)) == [words]
@@ -283,7 +292,7 @@ def test_it_is_said_how_potential_energies_are_read(monkeypatch):
 
 
 def test_groups_that_do_not_act_on_each_other_are_named_where_all_are_watched(monkeypatch):
-    """Who has named what matters need not be told what he may leave out."""
+    """If the caller has named what is monitored, there is no sentence on groups."""
     asked = []
 
     def answer(function, *args, timeout):
@@ -319,7 +328,10 @@ def test_a_sidecar_speaks_of_the_model_that_it_names_or_the_one_of_its_own_name(
 
 
 def test_sidecars_are_read_strictly_each_within_a_minute(tmp_path, monkeypatch):
-    """One that is late is that of the model of its own name, whose reading says what is wrong."""
+    """A sidecar that cannot be read here counts as that of the model of its own name.
+
+    Loading it with that model then reports what is wrong.
+    """
     for name in ("b", "a", "c"):
         (tmp_path / f"{name}.toml").write_text('model = "a.xml"')
     asked = []
@@ -338,7 +350,10 @@ def test_sidecars_are_read_strictly_each_within_a_minute(tmp_path, monkeypatch):
 
 
 def test_a_model_that_no_sidecar_speaks_of_is_compiled_in_a_worker_first(tmp_path, monkeypatch):
-    """What takes too long or all memory is bad input; what MuJoCo refuses, its reader explains."""
+    """A model that takes too long or too much memory is bad input.
+
+    A model that MuJoCo refuses is only reported as not compiling; reading it gives the reason.
+    """
     file, asked = falling(tmp_path), []
     monkeypatch.setattr(
         scene,

@@ -1,4 +1,4 @@
-"""Which runs a scene has: those of the sidecars beside a model, or the model as it is let go."""
+"""The runs of a scene: those of the sidecars of a model, or the free motion of the model."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ HELD = (
 
 @pytest.fixture
 def beside(monkeypatch) -> list[tuple]:
-    """Sidecars that are read in the test's own process, and runs that are only asked for."""
+    """Sidecars are read in the test's own process; the runs are not made, but listed here."""
     asked = []
 
     def monitored_run(case, run, solver, edited):
@@ -37,7 +37,7 @@ def beside(monkeypatch) -> list[tuple]:
 
 @pytest.fixture
 def alone(monkeypatch) -> list[tuple]:
-    """A model without a sidecar, whose run is not done."""
+    """Nothing runs for a model without a sidecar; the calls that would do so are listed here."""
     asked = []
     monkeypatch.setattr(scene, "compile_in_worker", lambda file: asked.append(("compiled", file)))
     monkeypatch.setattr(
@@ -60,7 +60,7 @@ def alone(monkeypatch) -> list[tuple]:
 
 @pytest.mark.parametrize("error", ["nan", "inf", "-0.001"])
 def test_an_error_is_a_share_of_a_range(error, tmp_path):
-    """It is not even tried with anything else."""
+    """Another number is refused before the model, which does not exist here, is read."""
     file = tmp_path / "none.xml"
     with pytest.raises(InputError) as found:
         load_scene(file, 1.0, (), float(error))
@@ -88,7 +88,7 @@ def test_a_model_without_sidecars_is_let_go_and_held_against_its_fine_solution(
         ("held",),
         ("one", "two", "why"),
     )
-    # a joint and a body of that name
+    # the sensors that are added for a joint and a body with that name
     assert found.read == {
         f"{kind} bob {what}"
         for kind, whats in (
@@ -101,7 +101,7 @@ def test_a_model_without_sidecars_is_let_go_and_held_against_its_fine_solution(
 
 
 def test_a_model_without_a_key_keeps_none(tmp_path, alone, monkeypatch):
-    """The run starts from no key, which is none to keep."""
+    """The run starts from no key, so there is no key to keep."""
     monitored = watch_of({"y": 1.0}, {"y": [0.0]})
     monitored = replace(monitored, run=replace(monitored.run, start=""))
     monkeypatch.setattr(scene, "monitor_free_motion", lambda *_: monitored)
@@ -110,7 +110,7 @@ def test_a_model_without_a_key_keeps_none(tmp_path, alone, monkeypatch):
 
 
 def test_a_sidecar_of_a_model_that_is_not_there_is_not_read(tmp_path, monkeypatch):
-    """Who mistypes a model is told that it is not there, whatever a sidecar says."""
+    """For a mistyped name the message is that there is no such model, whatever a sidecar says."""
     (tmp_path / "none.toml").write_text('model = "none.xml"')
     monkeypatch.setattr(scene, "load_sidecars", fails(AssertionError()))
     monkeypatch.setattr(scene, "compile_in_worker", lambda file: None)
@@ -119,7 +119,7 @@ def test_a_sidecar_of_a_model_that_is_not_there_is_not_read(tmp_path, monkeypatc
 
 
 def lone(models: Path, name: str) -> Path:
-    """A model with one sidecar beside it."""
+    """Delete all sidecars but that of one model, and return the file of the model."""
     for sidecar in models.glob("*.toml"):
         if sidecar.stem != name:
             sidecar.unlink()
@@ -147,7 +147,7 @@ def test_a_draft_is_completed_with_the_rods_of_its_sidecar(models, beside):
 
 
 def test_what_is_watched_of_sidecars_are_the_channels_that_read_it(models, beside):
-    """Those of the sensors on a site; a run that has none of them is not monitored at all."""
+    """For a site they are the channels of the sensors at it; for a sensor its own channel."""
     file = lone(models, "fourbar")
     found = load_scene(file, 1.0, ("rocker_end",))
     wanted = ["pin.x", "pin.y", "pin_velocity.x", "pin_velocity.y"]
@@ -165,7 +165,7 @@ def test_what_is_watched_of_sidecars_are_the_channels_that_read_it(models, besid
 
 
 def test_what_no_channel_reads_cannot_be_watched(models, beside, edit):
-    """A site with no sensor on it; channels with a similar name are suggested."""
+    """No sensor is at the site; the message suggests a channel with a similar name."""
     lone(models, "pendulum")
     file = edit("pendulum.xml", "</body>", '<site name="rate_"/><site name="tip"/></body>')
     with pytest.raises(InputError) as error:

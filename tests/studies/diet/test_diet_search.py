@@ -1,6 +1,6 @@
-"""How a diet goes on: what is kept, which options are tried, what is taken, and what is timed.
+"""The search of a diet: which results are stored, and which options are tried, taken and timed.
 
-Drafts are lists of what was cut, and what comes of them is given.
+Edited models are lists of the names of their cuts, and the results of trials are given.
 """
 
 from dataclasses import replace
@@ -37,7 +37,7 @@ POINT = "<mujoco><worldbody><geom size='{}'/></worldbody></mujoco>"
 def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources(
     tmp_path, monkeypatch
 ):
-    """Whatever a result depends on is a reason to make it anew; nothing else is."""
+    """A result is made again if something that it depends on has changed, and only then."""
     folder = tmp_path / "a" / "b"
     one, two, twin = (mujoco.MjModel.from_xml_string(POINT.format(size)) for size in (1, 2, 1))
     made: list[int] = []
@@ -65,12 +65,15 @@ def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources
 
 
 def stepping(**how) -> MonitoredRun:
-    """A run that goes by time steps."""
+    """A monitored run with time steps."""
     return replace(watch_of({"y": 0.5}, {"y": [0.0] * 9}), **how)
 
 
 class Options(DietSearch):
-    """Tries lists of cuts as edited models: one with a "bad" cut matters; what is asked is kept."""
+    """A search whose edited models are lists of cuts: one with a "bad" cut matters.
+
+    What it is asked to time is kept in its store.
+    """
 
     saving: ClassVar[dict[str, tuple]] = {}
 
@@ -90,7 +93,7 @@ def options(rounds: int = 0) -> Options:
 
 
 def making(*names: str, asked: list | None = None):
-    """Rungs of these names, whatever the edited model is; `asked` is told the edited models."""
+    """A maker of options with these names for any edited model; `asked` collects the models."""
 
     def make(now, scene) -> list[Feature]:
         assert isinstance(scene, DietScene)
@@ -108,7 +111,7 @@ def test_the_first_value_that_holds_is_taken_and_the_last_that_does_not_is_told(
         (making("bad 1", "one", "other"), making("bad 2", "bad 3", asked=asked), making()),
     )
     assert now == ["old", "one"]
-    assert asked == [["old", "one"]]  # the next kind begins where the one before has led
+    assert asked == [["old", "one"]]  # the next maker starts from the result of the one before
     assert [(before, after, e.name, e.outcome) for before, after, e in found] == [
         (["old"], ["old", "one"], "one", "harmless"),
         (["old", "one"], ["old", "one", "bad 3"], "bad 3", "matters"),
@@ -118,7 +121,10 @@ def test_the_first_value_that_holds_is_taken_and_the_last_that_does_not_is_told(
 
 
 def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
-    """Steps of four are no more than a try; whether eight hold as well is asked after that."""
+    """After a step of factor 4 is found harmless, longer steps are tried, here factor 8.
+
+    Another maker of options is called only once after it has found a harmless value.
+    """
 
     def steps(now, scene):
         return [feature(name) for name in (["4", "2"] if "4" not in now else ["bad 8"])]
@@ -132,7 +138,10 @@ def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
 
 
 def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
-    """Both begin where what is counted has led; what was tried is timed from one to the next."""
+    """Both orders start from the result of the counted options.
+
+    Each value that is taken is timed against the model before it.
+    """
     monkeypatch.setattr(diet, "COUNTED_OPTIONS", (making("counted"),))
     monkeypatch.setattr(
         diet, "OPTION_ORDERS", ((making("first"), making("bad")), (making("second"),))
@@ -154,7 +163,7 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
         assert now == ["old", "counted", order]
         assert seen.pop() == (["old", "counted"], own.scene)
         told = ["counted", order] + ["bad"] * (order == "first")
-        assert [e.name for e in entries] == told  # without rounds the clock decides nothing
+        assert [e.name for e in entries] == told  # without rounds no option is decided by time
         assert own.store.asked[:2] == [
             (["old"], ["old", "counted"], "counted", True),
             (["old", "counted"], ["old", "counted", order], order, True),
@@ -171,7 +180,10 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
     ],
 )
 def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome, monkeypatch):
-    """That is, if even the lower end of the interval does; the next kind begins with it."""
+    """It is taken if the lower end of the interval of the saved time is above 0.
+
+    The next maker of options starts from the model with the value that was taken.
+    """
     asked: list = []
     for name in ("COUNTED_OPTIONS", "OPTION_ORDERS"):
         monkeypatch.setattr(diet, name, ((),) * (name == "OPTION_ORDERS"))
@@ -206,7 +218,7 @@ def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome,
 
 
 def test_options_are_held_against_what_is_true_and_kept_with_it(monkeypatch):
-    """What a run is held against is part of what its result is kept as."""
+    """The key of a stored result of an option contains the references of the runs."""
     bound = Bound(Run("dynamics", np.zeros(2), ()), {"y": 0.1}, {"y": np.zeros(2)})
     free, held = stepping(name="free"), stepping(name="held", bound=bound)
     for tuned, more in ((True, [None, reference_key(held)]), (False, [])):
@@ -218,7 +230,7 @@ def test_options_are_held_against_what_is_true_and_kept_with_it(monkeypatch):
 
 
 def test_a_key_of_what_is_true_is_the_same_for_the_same():
-    """It is pickled: the order in which a sidecar has its parameters makes no difference."""
+    """The key is pickled, so the order of the parameters in a sidecar must make no difference."""
     run, truth = Run("dynamics", np.zeros(2), ()), {"y": np.zeros(2)}
     assert reference_key(stepping()) is None
     free = stepping(bound=Bound(run, {"y": 0.1}, truth))
@@ -236,13 +248,16 @@ def test_a_key_of_what_is_true_is_the_same_for_the_same():
 
 
 class Named(Given):
-    """An edited model of which something is monitored by name."""
+    """An edited model in which one sensor is monitored by its name."""
 
     monitored = ("probe",)
 
 
 def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monkeypatch):
-    """A run without a fine solution is held by how far its channels move, as for a feature."""
+    """A run with a reference is judged by errors, one without by changes, as for a feature.
+
+    A run is given up after three times the wall time of the original (20 s), or after 30 s.
+    """
     bound = Bound(
         Run("dynamics", np.zeros(1), (), settings={"own": 1}), {"y": 0.25}, {"y": np.array([3.0])}
     )
@@ -269,7 +284,7 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
 
 
 def test_a_probe_that_is_watched_by_name_is_missed(monkeypatch):
-    """One that a study adds for itself is not, where it never moved."""
+    """A missing probe that the study has added counts as constant, and it was constant before."""
     monitored = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
     for edited, outcome in ((Given(), "harmless"), (Named(), "matters")):
         monkeypatch.setattr(measure, "call_isolated", cost_of([], Curves(np.zeros(1), {})))
@@ -277,7 +292,7 @@ def test_a_probe_that_is_watched_by_name_is_missed(monkeypatch):
 
 
 def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
-    """2000 steps of it; a feature in the run of the scene."""
+    """They are timed in 2000 steps of it, features in 2000 steps of the run of the scene."""
     x = np.arange(9001.0)
     bound = Bound(Run("dynamics", x[::2], ()), {})
     monitored = MonitoredRun(
@@ -303,7 +318,7 @@ def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
 
 
 class Tuning(Outcomes):
-    """Features are what they are; options are made cheaper, or not; what is asked is noted."""
+    """A search that changes the options to those of `lean`, and lists its calls in its store."""
 
     lean: ClassVar = Cuts(["lean"])
 
@@ -333,7 +348,7 @@ def tuning(monkeypatch, kind: str = "dynamics", **how):
 
 
 def test_options_are_made_cheaper_when_all_features_have_gone(monkeypatch):
-    """What is left is held against what is true, and timed so, once its options are others."""
+    """The final model has other options, so it is compared with references, and timed likewise."""
     own, found = tuning(monkeypatch)
     assert ("optioned", ["a"]) in own.store.asked
     assert found.tuned is True

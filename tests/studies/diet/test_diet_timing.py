@@ -1,4 +1,4 @@
-"""Times of a diet: their intervals hold what they should, on samples and on real features."""
+"""Times in a diet: their intervals contain the true saving, for random samples and real models."""
 
 from math import comb, inf
 from pathlib import Path
@@ -23,7 +23,7 @@ CROWD = "".join(
 
 
 def noisy_ratios(rng: np.random.Generator, effect: float, n: int = TIMING_ROUNDS) -> list[float]:
-    """Ratios of times as a shared machine gives them: skewed, with a fifth of them disturbed."""
+    """Ratios of times as on a shared machine: skewed, and a fifth of the times is disturbed."""
 
     def times(factor: float) -> np.ndarray:
         own = 1 + 0.03 * rng.exponential(size=n)
@@ -51,14 +51,15 @@ def test_few_values_bound_nothing():
 
 
 def test_ten_null_features_in_ten_trials():
-    """Nothing is taken for a change where there is none: 0 is within in nine of ten at least."""
+    """Ten features without effect: the interval contains 0 for at least nine of them."""
     rng = np.random.default_rng(7)
     found = [saved_share(noisy_ratios(rng, 0.0)) for _ in range(10)]
     assert sum(low <= 0 <= high for low, _, high in found) >= 9
 
 
 def test_the_interval_holds_the_effect_as_often_as_it_says():
-    # 99 % asked for, 99.26 % of 15 pairs by the sign test; 1000 trials are within 3 sigma of that
+    # the level of 99 % gives 99.26 % for 15 pairs by the sign test; the share that 1000 trials find
+    # may be 3 sigma less
     rng = np.random.default_rng(8)
     for effect in (0.0, 0.2):
         found = [saved_share(noisy_ratios(rng, effect)) for _ in range(1000)]
@@ -74,7 +75,7 @@ def test_an_effect_of_two_fifths_is_seen_through_the_noise():
 
 
 def test_a_narrower_interval_would_take_noise_for_a_change():
-    """A mutation: the quartiles, which miss in half of all trials as they say."""
+    """A mutation: an interval of level 50 % misses the median in up to half of all trials."""
     rng = np.random.default_rng(7)
     missed = 0
     for _ in range(100):
@@ -84,7 +85,7 @@ def test_a_narrower_interval_would_take_noise_for_a_change():
 
 
 def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
-    """A machine that gets slower does not show in the ratio; a model that costs twice does."""
+    """The ratios show that a model costs twice as much, and not that the machine gets slower."""
     asked = []
 
     def run(model, run):
@@ -110,7 +111,7 @@ def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
 
 
 def compiled(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
-    """A pendulum, with more in its scene, and its run."""
+    """The compiled model of a pendulum with more bodies in its scene, and its run."""
     file = folder / "pendulum.xml"
     file.write_text(PENDULUM.format(more=more))
     scene = load_scene(file, 1.0)
@@ -126,7 +127,10 @@ def test_the_time_of_a_run_is_that_of_the_processor(tmp_path):
 
 @pytest.mark.slow
 def test_a_null_feature_and_one_of_known_cost_on_this_machine(tmp_path):
-    """A/A: no change is measured in nine of ten trials; twenty more bodies are seen every time."""
+    """Two equal models show no saving in at least nine of ten trials.
+
+    The removal of twenty bodies shows a saving in each of three trials.
+    """
     lean, run = compiled(tmp_path, "")
     same = [compare_costs((lean, lean), run, TIMING_ROUNDS, 0.2).saved for _ in range(10)]
     assert sum(low <= 0 <= high for low, _, high in same) >= 9

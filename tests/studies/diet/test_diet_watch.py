@@ -1,4 +1,4 @@
-"""What is monitored of a scene without a sidecar: all, or what is named; what does not act."""
+"""What is monitored in a model without a sidecar, and which groups of bodies are independent."""
 
 import os
 from pathlib import Path
@@ -37,14 +37,14 @@ TIE = '<equality><joint name="tie" joint1="hinge" joint2="far"/></equality>'
 
 
 def far(folder: Path, sensors: str = "", tie: str = "") -> Path:
-    """A crank, another one 50 m away, and a rock that does not move."""
+    """Write a model of a crank, another crank 50 m away, and a rock that does not move."""
     file = folder / "far.xml"
     file.write_text(FAR.format(sensors=sensors, tie=tie))
     return file
 
 
 def left(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
-    """The bodies that a diet leaves, and what it says of what was monitored."""
+    """The bodies that a diet keeps, and its sentences on what was monitored."""
     scene = load_scene(file, 0.3, **more)  # type: ignore[arg-type]
     found = DietSearch(scene, rounds=0, tune=False).run()
     return {b.name for b in found.reduced.spec.bodies} - {"world"}, scene.said
@@ -52,7 +52,7 @@ def left(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
 
 def test_all_that_moves_is_kept_and_what_does_not_act_on_it_is_named(tmp_path):
     bodies, said = left(far(tmp_path))
-    assert bodies == {"crank", "far"}  # the rock weighs, and neither moves nor is touched
+    assert bodies == {"crank", "far"}  # the rock has mass, but neither moves nor touches anything
     assert said[0].startswith("Monitored, since no sidecar, no sensor and no --watch says")
     assert "2 groups of bodies move without acting on each other" in said[1]
     assert "crank; far." in said[1]
@@ -64,7 +64,7 @@ def test_a_body_that_does_not_move_is_not_kept_for_its_potential_energy(tmp_path
     assert bodies == {"crank", "far"}
     assert "all sensors of the model, potential and kinetic" in said[0]
     assert "known up to a constant" in said[1]
-    # a mutation: its height is counted
+    # a mutation: the potential energy itself counts, and not its change
     before = scenes.with_changes_since_start
     scenes.with_changes_since_start = lambda curves, names: curves
     try:
@@ -75,7 +75,7 @@ def test_a_body_that_does_not_move_is_not_kept_for_its_potential_energy(tmp_path
 
 @pytest.mark.parametrize("name", ["hinge", "crank", "tip", "angle"])
 def test_what_is_named_is_all_that_decides(tmp_path, name):
-    """A joint, a body, a site or a sensor; the energies of all are asked for by nobody."""
+    """It is a joint, a body, a site or a sensor; the sensors of energies are not monitored then."""
     file = far(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
     scene = load_scene(file, 0.3, (name,))
     found = DietSearch(scene, rounds=0, tune=False).run()
@@ -90,18 +90,18 @@ def test_what_is_named_is_all_that_decides(tmp_path, name):
 
 
 def bare_angle(one: Path, two: Path) -> float:
-    """How far the hinge of two files differs in bare MuJoCo [rad]."""
+    """The largest difference of the hinge between two files in bare MuJoCo [rad]."""
     shown = bare(one, two, 0.3, joints=["hinge"])["hinge"]
     assert shown["range"] > 0.1
     return shown["moved"]
 
 
 def test_what_acts_on_what_is_named_stays(tmp_path):
-    """A mutation of the scene: what is 50 m away is tied to the crank."""
+    """A mutation of the scene: an equality ties the crank that is 50 m away to the other one."""
     file = far(tmp_path, tie=TIE)
     bodies, _ = left(file, monitored=("crank",))
     assert bodies == {"crank", "far"}
-    assert len(left(file)[1]) == 2  # of groups nothing is said, for there is one
+    assert len(left(file)[1]) == 2  # there is one group, so no sentence on groups
 
 
 def test_a_name_that_is_not_there(tmp_path):
@@ -141,7 +141,10 @@ def test_an_error_is_a_number(tmp_path, error):
 
 
 def test_a_neighbour_that_hangs_costs_itself_only(tmp_path, monkeypatch):
-    """Each TOML is read in a worker: a pipe is no file, and what takes too long is left out."""
+    """Each TOML file is read in a worker: a pipe, or a file that takes too long, is left out.
+
+    A file with the name of the model is used all the same.
+    """
     file = far(tmp_path)
     os.mkfifo(tmp_path / "pipe.toml")
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
@@ -156,7 +159,7 @@ def test_a_neighbour_that_hangs_costs_itself_only(tmp_path, monkeypatch):
     monkeypatch.setattr(scenes, "call_isolated", late)
     monkeypatch.setattr(scenes, "load_validated", lambda path, strict: path.name)
     (tmp_path / "far.toml").write_text("")
-    assert list(scenes.load_sidecars(file)) == ["far.toml"]  # it has the name of the model
+    assert list(scenes.load_sidecars(file)) == ["far.toml"]  # this file has the name of the model
     assert asked == [
         ("model_of_sidecar", f"{name}.toml") for name in ("deep", "far", "other", "pipe")
     ]
@@ -184,7 +187,7 @@ TIES = {
 @pytest.mark.parametrize("jacobian", ["dense", "sparse"])
 @pytest.mark.parametrize("tie", TIES)
 def test_groups_are_what_nothing_joins(tie, jacobian):
-    """A ball that stands on another touches it; one on the floor touches what does not move."""
+    """A ball on another ball acts on it; a ball on the floor only acts on a fixed body."""
     text = TREES.format(tie=tie, jacobian=jacobian)
     run = Run("passive", np.linspace(0, 0.2, 11), ())
     found = independent_groups(mujoco.MjModel.from_xml_string(text), run)
@@ -193,7 +196,7 @@ def test_groups_are_what_nothing_joins(tie, jacobian):
 
 @pytest.mark.parametrize("tie", TIES)
 def test_what_is_joined_feels_a_push_on_the_other(tie):
-    """The same by a push in bare MuJoCo: who is in another group does not feel it at all."""
+    """The groups are checked by a push in bare MuJoCo: it does not move bodies of other groups."""
     found = []
     for push in (0.0, 1.0):
         model = mujoco.MjModel.from_xml_string(TREES.format(tie=tie, jacobian="dense"))
@@ -204,5 +207,5 @@ def test_what_is_joined_feels_a_push_on_the_other(tie):
         mujoco.mj_step(model, data, 100)
         found.append(data.qpos[model.joint("a").qposadr[0]])
     felt = abs(found[1] - found[0]) > 1e-9
-    slack = "<fixed>" in tie  # a tendon without a spring, a limit or a motor passes nothing on
+    slack = "<fixed>" in tie  # a tendon without a spring, a limit or a motor transmits no force
     assert felt == (TIES[tie] and not slack), found
