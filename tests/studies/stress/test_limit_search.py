@@ -1,6 +1,6 @@
-"""A case in one engine: in which steps it is run, in which schemes, and what may be compiled.
+"""The search for a limit of a case: its time steps, its schemes, and several boundaries.
 
-The runs are given.
+No engine runs: the results of runs are given.
 """
 
 from dataclasses import replace
@@ -40,7 +40,7 @@ def own(tmp_path) -> StressedCase:
 
 @pytest.fixture
 def ran(monkeypatch):
-    """``ran(found)``: what all runs give; what is asked for is in the list that it returns."""
+    """``ran(found)``: all runs give this result; the list that it returns has their arguments."""
 
     def given(found: Measurement) -> list[tuple]:
         asked: list[tuple] = []
@@ -69,7 +69,7 @@ def test_a_trial_tells_why_it_is_failed_and_in_which_steps(own, ran):
     [({}, 1e-3), ({"timestep": 3e-3}, 3e-3), ({"timestep": 3e-3, "iterations": 7}, 3e-3)],
 )
 def test_a_run_in_steps_takes_just_those_that_are_asked_for(parameters, step, own, ran):
-    """Its samples are whole steps apart; a step of the model is one as well."""
+    """Its samples are whole steps apart; without a parameter the step is that of the model."""
     asked = ran(Measurement(step=step * (1 + 1e-10)))
     assert own.try_in_steps(OTHER, 2.0, **parameters) == TrialResult(None, step * (1 + 1e-10))
     ((case, given),) = asked
@@ -82,7 +82,7 @@ def test_a_run_in_steps_takes_just_those_that_are_asked_for(parameters, step, ow
 
 
 def test_another_step_than_asked_for_is_an_error_of_the_program(own, ran):
-    """What is found of a step would be told of another; a failed run has none."""
+    """Otherwise the limit would be given for a wrong time step.  A failed run has no step."""
     for step in (1.001e-3, 1e-3 * (1 + 1e-8), 2e-3, 5e-4):
         ran(Measurement(step=step))
         with pytest.raises(RuntimeError) as error:
@@ -95,7 +95,7 @@ def test_another_step_than_asked_for_is_an_error_of_the_program(own, ran):
 
 
 def test_a_boundary_is_searched_in_each_scheme_of_an_engine_that_has_several(own, monkeypatch):
-    """With one scheme, what is set is what there is; with two, each has its boundary."""
+    """With one scheme the setting of the case is searched; with two, each scheme is searched."""
     schemes = [SimpleNamespace(name=name, settings={"integrator": name}) for name in "ab"]
 
     def trial(parameters, x):
@@ -110,7 +110,7 @@ def test_a_boundary_is_searched_in_each_scheme_of_an_engine_that_has_several(own
 
 
 def test_a_model_that_an_engine_refuses_is_the_changed_one(own, monkeypatch):
-    """Whether it compiles is asked of the case whose run has failed."""
+    """It is tried whether the model of the changed case, whose run failed, compiles."""
     asked = []
 
     def failing(*_):
@@ -145,7 +145,7 @@ def test_what_is_not_in_the_store_is_run(own, monkeypatch):
     assert asked == [(task, 5.0)]
     assert (
         limit_search.measure_or_read(replace(task, study="x"), own.store).steps == 3
-    )  # nobody asks which study
+    )  # another study has the same key here
 
 
 GONE = Failure("gone", BoundaryKind.UNSTABLE)
@@ -153,7 +153,7 @@ LATE = Failure("late", BoundaryKind.OURS)
 
 
 def search(test, start: float, reach: float) -> LimitSearch:
-    """A search among values that a function judges."""
+    """A search whose values hold or fail as a function says."""
     return LimitSearch("", "", "", "step", "s", start, reach, lambda x: TrialResult(test(x)))
 
 
@@ -161,11 +161,14 @@ def search(test, start: float, reach: float) -> LimitSearch:
 @pytest.mark.parametrize(
     ("fails", "first", "last"),
     [
-        (((2.0, 2.2), (2.5, inf)), 2.0, 2.5),  # before the one that bisection finds, or beyond it
+        # bisection finds one boundary; the other one is before or beyond it
+        (((2.0, 2.2), (2.5, inf)), 2.0, 2.5),
         (((2.0, 2.05), (2.1, 2.2), (2.3, 2.6), (3.0, inf)), 2.0, 3.0),
         (((5.0, 5.3), (7.0, inf)), 5.0, 7.0),
-        (((1.77634, 2.2), (2.51234, inf)), 1.77634, 2.51234),  # not what these are in four digits
-        (((3.9, 4.3),), 3.9, 16.0),  # an island that a stride meets: the last value held
+        # edges that have more than four digits
+        (((1.77634, 2.2), (2.51234, inf)), 1.77634, 2.51234),
+        # a failing interval that a stride meets; the end of the range holds
+        (((3.9, 4.3),), 3.9, 16.0),
     ],
 )
 def test_of_several_boundaries_the_first_and_the_last_are_found(fails, first, last, up):
@@ -183,7 +186,7 @@ def test_of_several_boundaries_the_first_and_the_last_are_found(fails, first, la
     assert test(found.breaks) == GONE
     assert test(found.again) is None
     assert 1.019 < max(found.breaks / found.holds, found.holds / found.breaks) < 1.021
-    words = format_limit(found).split()  # what is printed was run
+    words = format_limit(found).split()  # the printed values are those that were tried
     assert (float(words[0]), float(words[2])) == (found.breaks, found.again)
     assert "some values hold and others do not, up to" in describe_boundary(found)
 
@@ -198,7 +201,7 @@ def test_one_boundary_stays_as_it_was_bisected(edge, within):
 
 
 def test_what_is_not_known_beside_a_boundary_makes_no_second():
-    """Neither before it nor beyond does it tell anything of the engine."""
+    """Values at which proofmass gives up, before or beyond the boundary, are no engine failures."""
 
     def test(x: float) -> Failure | None:
         return LATE if 1.7 < x < 1.95 or x > 2.2 else GONE if x >= 2.0 else None
@@ -219,7 +222,7 @@ def test_values_beside_a_boundary_have_four_digits_and_stay_between_the_ends():
 
 
 def test_a_first_boundary_within_the_last_digit_is_told_as_a_value_that_fails():
-    """1.776 holds, 1.7764 fails, and both are printed as 1.776."""
+    """1.776 holds and 1.7764 fails, but both are printed as 1.776, so 1.777 is given."""
 
     def test(x: float) -> Failure | None:
         return GONE if 1.77634 <= x < 1.8 or x >= 2.5 else None
@@ -231,7 +234,7 @@ def test_a_first_boundary_within_the_last_digit_is_told_as_a_value_that_fails():
 
 
 def test_the_limit_as_it_is_printed_is_looked_beside():
-    """1.99 is printed, of 1.985 and 2: 2 % before it a value fails, and 2 % before 2 none does."""
+    """1.985 holds, 2 fails, 1.99 is printed: 2 % before 1.99 a value fails, 2 % before 2 none."""
 
     def test(x: float) -> Failure | None:
         return GONE if 1.949 <= x < 1.953 or x >= 2.0 else None
@@ -243,7 +246,7 @@ def test_the_limit_as_it_is_printed_is_looked_beside():
 
 
 def test_what_only_more_digits_tell_is_printed_with_them():
-    """Of 1.77634 both neighbours in four digits hold."""
+    """1.77634 fails, but both neighbours of it with four digits hold."""
 
     def test(x: float) -> Failure | None:
         return GONE if 1.7763 < x < 1.7764 or x >= 2.5 else None
@@ -256,6 +259,6 @@ def test_what_only_more_digits_tell_is_printed_with_them():
 
 
 def test_the_last_value_that_was_tried_is_printed_as_where_nothing_fails():
-    """1e12 times 6.5797 is a value that nobody chose by its digits."""
+    """The end of the range is 1e12 times 6.5797, whose digits have no meaning, so three suffice."""
     found = Boundary("", "", "", "k", "1", 6.5797, 6.579736e12, 1.3e10, 1.341e10, again=6.579736e12)
     assert format_limit(found) == "1.341e10 to 6.58e12"

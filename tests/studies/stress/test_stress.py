@@ -1,4 +1,4 @@
-"""Extremes of cases: bisection, changed models, silent failures, tables, commands."""
+"""Limits of cases: bisection, changed models, silent failures, tables and commands."""
 
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -69,7 +69,7 @@ def test_what_never_holds_and_what_always_does():
 
 
 def test_a_reset_is_heard(stressed):
-    """MuJoCo puts everything back and goes on; only its warning tells."""
+    """MuJoCo resets a diverged state and goes on, so only its warning shows the failure."""
     case = stressed("pendulum").case
     failure = stressed("pendulum", integrator="Euler").find_failure(
         case, timestep=1e-3, tolerance=0.0
@@ -85,7 +85,7 @@ def test_a_reset_is_heard(stressed):
 
 
 def test_an_open_loop_is_seen_though_all_is_finite(stressed):
-    """An impedance of a half leaves half of the acceleration that gravity gives the open loop."""
+    """A constraint impedance of 0.5 leaves half of the acceleration by gravity of the open loop."""
     failure = stressed("fourbar").find_failure(
         stressed("fourbar").case, solref=(50.0, 1.0), solimp=(0.5, 0.5)
     )
@@ -95,7 +95,7 @@ def test_an_open_loop_is_seen_though_all_is_finite(stressed):
 
 
 def test_a_run_that_is_finite_and_wrong_is_failed(stressed):
-    """Steps of half a second on a pendulum of two, in which no loop can come open."""
+    """The step is 0.5 s for a pendulum with a period of about 2 s, which has no loop to open."""
     pendulum = stressed("pendulum", integrator="Euler")
     run = pendulum.case.run["dynamics"].model_copy(update={"n": 21})
     coarse = pendulum.case.model_copy(update={"run": {"dynamics": run}})
@@ -117,9 +117,10 @@ def test_a_run_that_is_finite_and_wrong_is_failed(stressed):
     ],
 )
 def test_scaled_mechanisms_have_scaled_curves(stressed, name, kind, engine, factor):
-    """Masses as they are, gravity with the lengths: errors are those at the mechanism's own size.
+    """Lengths and gravity are scaled, masses are not: errors are those at the original size.
 
-    Hinges and a slide; a free motion, whose truth reads the larger model itself; springs.
+    The cases have hinges and a slide, a free motion, whose reference reads the scaled model itself,
+    and springs.
     """
     held = stressed(name, engine, kind)
     run = held.case.run[kind]
@@ -129,9 +130,10 @@ def test_scaled_mechanisms_have_scaled_curves(stressed, name, kind, engine, fact
 
 
 def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
-    """The crank's centre, 0.5 m away, is at 1.9e-6 of its size.
+    """Below 2e-6 of the size MuJoCo moves the crank's centre, 0.5 m from its hinge, to the hinge.
 
-    Its weight is gone then, which the holding moment shows, though not by a tenth of its range.
+    The crank's weight then has no moment.  The error of the holding moment is less than a tenth of
+    its range, and is found by comparison with the run at the original size.
     """
     held = stressed("fourbar", "mujoco", "sweep")
     few = held.case.run["sweep"].model_copy(update={"n": 11})
@@ -147,7 +149,7 @@ def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
 
 
 def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stressed):
-    """The model is read by MuJoCo for both engines; Chipmunk was not asked."""
+    """MuJoCo reads the model for both engines, so pymunk is not run at that size."""
     held = stressed("pendulum", "pymunk")
     smaller = next(s for s in search_size(held) if s.reach < 1)
     assert np.isnan(smaller.theory)
@@ -159,7 +161,11 @@ def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stressed):
 
 
 def test_a_scale_that_forgets_something_is_noticed(stressed):
-    """Lengths without gravity: the pendulum swings at another pace."""
+    """With scaled lengths and the original gravity the pendulum has another period.
+
+    With scaled lengths and the original channels the pin of the slider-crank, but no angle of the
+    pendulum, has an error.
+    """
     held = stressed("pendulum")
     larger = variants.with_scaled_lengths(held.case, held.models, 4.0)
     assert held.find_failure(larger) is None
@@ -189,7 +195,7 @@ def test_stronger_springs_need_proportional_moments(stressed, engine, factor):
 
 
 def test_the_least_inertia_bounds_the_size(stressed):
-    """1e-14 kg m2 times s^2 against MuJoCo's 1e-15: s = 0.316."""
+    """The inertia of 1e-14 kg m2 times s^2 reaches MuJoCo's least, 1e-15, at s = 0.316."""
     search, skipped = list_extremes(stressed("pendulum").case, stressed("pendulum").store)
     smaller = next(
         s for s in search if s.parameter == "all lengths smaller" and s.engine == "mujoco"
@@ -213,7 +219,7 @@ def test_the_least_inertia_bounds_the_size(stressed):
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_limit_positions_come_from_the_reference(stressed, engine):
-    """The crank of (2, 2, 2.5, 3), at first at -2 rad, stops at arccos((4 + 9 - 4.5^2) / 12)."""
+    """The four-bar 2, 2, 2.5, 3 starts at -2 rad; its limit is arccos((4 + 9 - 4.5^2) / 12)."""
     held = stressed("triple_rocker", engine)
     case = held.case.model_copy(
         update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
@@ -227,7 +233,10 @@ def test_limit_positions_come_from_the_reference(stressed, engine):
 
 @pytest.mark.slow
 def test_a_model_with_another_limit_position_is_noticed(stressed):
-    """A rocker longer by 2 % turns on by 1 %; angles and moments are off before that."""
+    """A rocker that is 2 % longer lets the crank turn 1 % further.
+
+    The errors of angles and moments are too large before that limit position.
+    """
     held = stressed("triple_rocker")
 
     def change(root):
@@ -244,7 +253,7 @@ def test_a_model_with_another_limit_position_is_noticed(stressed):
 
 
 def test_boundaries_that_begin_alike_do_not_meet(stressed):
-    """Eight threads change the same model at once; none finds a file of another gone."""
+    """Eight threads write the same changed model at once, and no file of a thread disappears."""
     held = stressed("fourbar")
     for factor in np.linspace(2.0, 3.0, 20).tolist():
         change = partial(variants.with_scaled_last_mass, held.case, held.models)
@@ -256,7 +265,7 @@ def test_a_long_run_turns_on_or_goes_to_and_fro(stressed):
     turned = with_longer_run(stressed("fourbar").case, 3.0, 2 * np.pi)
     assert turned.drive[0].to == pytest.approx(6 * np.pi)
     assert turned.drive[0].rate == 1.0
-    both = with_longer_run(stressed("fivebar").case, 3.0, 2 * np.pi)  # which keep their ratio
+    both = with_longer_run(stressed("fivebar").case, 3.0, 2 * np.pi)  # the drives keep their ratio
     assert [drive.to for drive in both.drive] == pytest.approx([6 * np.pi, 12 * np.pi])
     slid = with_longer_run(stressed("threeprr").case, 3.0, 1.0)
     assert (slid.drive[0].to, slid.drive[0].period) == (stressed("threeprr").case.drive[0].to, 2.0)
@@ -264,7 +273,7 @@ def test_a_long_run_turns_on_or_goes_to_and_fro(stressed):
 
 
 def test_a_case_is_run_as_its_first_solver_is_set(stressed, monkeypatch):
-    """The snapping rod's mujoco:settled falls where its plain sweep ends."""
+    """For the rod that snaps it is mujoco:settled, which falls where the plain sweep ends."""
     held, stands = stressed("rod_snap", kind="sweep"), []
     monkeypatch.setattr(
         "proofmass.studies.stress.extremes.SEARCHES", (lambda one: stands.append(one) or (),)
@@ -406,7 +415,7 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
     grounds = re.findall(
         r'<pattern.*?<rect[^>]* fill="(#\w+)".*?stroke: (#\w+)', drawing, re.DOTALL
     )
-    assert grounds  # of the bars and in the legend, each other than the lines on it
+    assert grounds  # of bars and the legend; each has another colour than the lines on it
     assert all(ground != lines for ground, lines in grounds)
     for some, here in ((rows[:2], False), (rows[2:], True)):
         told = [text.get_text() for text in stress_figure(some).legends[0].get_texts()]

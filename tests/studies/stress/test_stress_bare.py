@@ -1,10 +1,10 @@
-"""What `proofmass stress` says of the engines, held against the engines themselves.
+"""The limits of `proofmass stress`, compared with limits of the engines without proofmass.
 
-`tests/bare/` has a script for each engine that imports nothing of proofmass.  Each of its limits is
-bisected there to 0.2 %; the boundary that `stress` measures must lie within 2 % of it: what is
-tried 2 % before holds, and what is tried 2 % beyond does not.  It takes 2 % because samples of an
-oscillation need not hit where its error is largest: the error of the stiffest spring, by its
-stiffness, goes up and down by 5 % on its way up.
+`tests/studies/stress/bare/` has a script for each engine that imports nothing of proofmass.  It
+bisects each limit to 0.2 %.  The boundary that `stress` measures must be within 2 % of it: the
+value 2 % before the limit holds, and the value 2 % beyond it fails.  The tolerance is 2 % because
+the samples of an oscillation need not be where its error is largest: as a spring is stiffened, the
+error grows, but also goes up and down by 5 %.
 """
 
 import ast
@@ -34,7 +34,7 @@ PROBLEMS = {f"{p.what}, {p.setting}, {p.parameter}": p for p in list_problems()}
 
 @cache
 def bare(engine: str, name: str) -> float:
-    """A limit as a script measures it that cannot import proofmass."""
+    """A limit that a script measures, in another folder and without packages of this one."""
     with TemporaryDirectory() as folder:
         answer = subprocess.run(
             bare_command(BARE / f"with_{engine}.py", name),
@@ -47,7 +47,7 @@ def bare(engine: str, name: str) -> float:
 
 
 def agrees(search: LimitSearch, limit: float) -> None:
-    """Raise AssertionError if a boundary is not within `AGREE` of a limit that is its engine's."""
+    """Fail if the boundary of a search is not within `AGREE` of a limit of the bare engine."""
     assert search.trial(limit * (1 - AGREE)).failure is None
     failure = search.trial(limit * (1 + AGREE)).failure
     assert failure
@@ -103,7 +103,10 @@ def test_time_steps_of_chipmunk(stressed, case):
 
 
 def test_a_point_mass_of_chipmunk_takes_a_shorter_step():
-    """A link that is nearly one is built as another body that swings alike; see docs/stress.md."""
+    """proofmass builds a link that is nearly a point mass as another body, with the same motion.
+
+    See docs/stress.md.
+    """
     built, plain = (bare("pymunk", f"pendulum{words}, step") for words in ("", " as a point mass"))
     assert plain < 0.9 * built
 
@@ -189,7 +192,11 @@ def test_chipmunk_holds_a_damped_spring_everywhere():
 @pytest.mark.parametrize("step", [1e-3, 1.37e-3, 9.99e-3, 0.01, 0.0101, 0.13, 0.77, 2.5])
 @pytest.mark.parametrize("name", ["pendulum", "fourbar", "threeprr", "double_rocker", "hacksaw"])
 def test_samples_are_whole_steps_apart(stressed, name, step):
-    """As many as fit between those of the case, and one at least; the end moves by half of them."""
+    """A stride has as many steps as fit between samples of the case, and at least one.
+
+    The end of the run moves by at most half a stride; the end of a drive or of a motion profile is
+    not exceeded.
+    """
     case = stressed(name).case
     x = run_samples(case, "dynamics")
     if step > x[-1] / 4:
@@ -200,7 +207,7 @@ def test_samples_are_whole_steps_apart(stressed, name, step):
     assert taken == pytest.approx(step, rel=1e-12)
     assert per == max(1, int((x[1] - x[0]) / step + 1e-9))
     late = found.x[-1] - x[-1]
-    if name in ("threeprr", "hacksaw"):  # a drive that ends, and a law
+    if name in ("threeprr", "hacksaw"):  # a drive that ends, and a motion profile
         assert -per * step < late <= 1e-9
     else:
         assert abs(late) <= per * step / 2 + 1e-9
@@ -208,7 +215,7 @@ def test_samples_are_whole_steps_apart(stressed, name, step):
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar", "threeprr"])
 def test_a_long_run_has_the_steps_that_are_told(stressed, name):
-    """To half of a sample."""
+    """The number of steps is that of the duration, up to the steps between two samples."""
     held = stressed(name)
     case = with_whole_steps(
         with_longer_run(held.case, 7.3, held.seconds), 7.3 * held.seconds, held.step
@@ -221,7 +228,7 @@ def test_a_long_run_has_the_steps_that_are_told(stressed, name):
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch):
-    """Two steps a sample, which `Run.steps` takes where one is a little too long."""
+    """With samples 1 % too far apart `Run.steps` takes two steps between them instead of one."""
     held = stressed("pendulum", engine)
     assert held.try_in_steps(held.case, 1.0, timestep=0.0137).step == pytest.approx(
         0.0137, rel=1e-12

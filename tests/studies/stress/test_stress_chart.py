@@ -1,4 +1,4 @@
-"""The chart of a stress page: its data in words, and what it does in a browser."""
+"""The chart of a stress page: its sentences and its markers, and its behaviour in a browser."""
 
 from dataclasses import replace
 from math import inf, nan
@@ -71,7 +71,7 @@ def test_kinds_differ_in_shape_and_in_colour() -> None:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of two cases, without its figures for papers."""
+    """The page of two cases, without its printable figures."""
     out = tmp_path_factory.mktemp("chart")
     write_boundaries(ALL, out / "stress.csv")
     with pytest.MonkeyPatch.context() as patch:
@@ -88,14 +88,14 @@ def test_a_panel_has_a_parameter_and_an_axis(page: Path, browser: Any) -> None:
         titles = visit.run("findAll('#rows [role=group]').map((one) => one.ariaLabel)")
         assert titles == ["time step [s]", "last body lighter", "gravity"]
         rows = visit.run(ROWS)
-        assert len(rows) == 6  # of the first case
+        assert len(rows) == 6  # the rows of the first case
         assert rows[0].startswith("MuJoCo, Euler, time step [s]. Holds up to 0.1 s")
         assert visit.said == []
         assert all(url.startswith(page.parent.as_uri()) for url in visit.asked)
 
 
 def test_limits_stand_at_their_places(page: Path, browser: Any) -> None:
-    """On a logarithmic axis: 1 ms, the limit at 0.1005 s, theory at 0.2 s."""
+    """The axis is logarithmic, with the start at 1 ms, the limit at 0.1005 s, theory at 0.2 s."""
 
     def places(k: int, part: str, *names: str) -> list[float]:
         return [
@@ -115,8 +115,8 @@ def test_limits_stand_at_their_places(page: Path, browser: Any) -> None:
         decade = (at - start) / 2.00217  # decades from 1e-3 to 0.1005
         assert theory - at == pytest.approx(0.29887 * decade, abs=0.02)  # log10(0.2 / 0.1005)
         failed = places(0, ".failed", "x1", "x2")
-        assert failed == [at, 100.0]  # it fails above
-        assert places(3, ".failed", "x2") == [0.0]  # a lighter body fails below
+        assert failed == [at, 100.0]  # a longer step fails: to the right end
+        assert places(3, ".failed", "x2") == [0.0]  # a lighter body fails: to the left end
         assert places(3, ".held", "x1")[0] > places(3, ".held", "x2")[0]
         for k, none in ((2, ".failed"), (2, ".theory"), (4, ".failed"), (5, ".held")):
             assert visit.page.locator(f"#row-fourbar-stress-{k} {none}").count() == 0
@@ -181,14 +181,14 @@ def test_case_and_parameter_are_chosen_and_kept(page: Path, browser: Any) -> Non
         rows = visit.run(ROWS)
         assert [row.split(",")[0] for row in rows] == 3 * ["fourbar: MuJoCo"] + ["pendulum: MuJoCo"]
         visit.page.click("#filters [data-group='unstable']")
-        assert len(visit.run(ROWS)) == 3  # as the table
+        assert len(visit.run(ROWS)) == 3  # the same as in the table
         address = visit.address
         assert "case=all" in address
         assert "off=unstable" in address
     with Visit(browser, page, address) as visit:
         assert len(visit.run(ROWS)) == 3
         assert visit.run("find('#panel').value") == "time step [s]"
-    with Visit(browser, page, "#pendulum-stress") as visit:  # as the report leads there
+    with Visit(browser, page, "#pendulum-stress") as visit:  # the address of the report's links
         assert [row.split(",")[0] for row in visit.run(ROWS)] == ["MuJoCo"]
 
 
@@ -214,7 +214,7 @@ def test_a_phone_has_one_column(page: Path, browser: Any) -> None:
 
 
 def test_it_is_readable_in_black_and_white(page: Path, browser: Any) -> None:
-    """Markers keep a contrast of 3 to their paper where only their lightness is left."""
+    """By lightness alone, markers have a contrast of at least 3 to their background."""
     for scheme in ("light", "dark"):
         with Visit(browser, page, color_scheme=scheme) as visit:
             paper = lightness(visit.run("getComputedStyle(find('#chart')).backgroundColor"))

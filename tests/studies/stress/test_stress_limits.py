@@ -1,4 +1,4 @@
-"""The benchmark that holds printed limits against programs in bare engines."""
+"""The benchmark that compares the limits of docs/stress.md with programs in bare engines."""
 
 from dataclasses import replace
 
@@ -61,7 +61,7 @@ def test_a_limit_that_is_5_percent_off_is_found(factor, result, tmp_path):
     ],
 )
 def test_several_boundaries_that_are_wrong_are_found(factors, result, tmp_path):
-    """The pendulum has one: no value holds again."""
+    """The pendulum has one boundary, beyond which no value holds again."""
     one, _ = printed_limits(PAGE)
     first, last = (factor * one.value for factor in factors)
     (found,) = confirm([replace(one, value=first, again=last)], Store(tmp_path))
@@ -81,7 +81,7 @@ def test_beyond_the_last_value_that_stress_tries_nothing_must_fail(again, result
 
 
 def test_the_rows_are_of_the_limits_that_are_printed_now():
-    """Limits of energy and of runs without a program have none."""
+    """Limits of the energy, and of a drive until a rod snaps, have no program and no row."""
     stress, limits = (
         (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("stress.md", "limits.md")
     )

@@ -1,4 +1,4 @@
-"""The page of a stress study: what breaks first, and places of boundaries on their axis."""
+"""The page of a stress study: the nearest boundaries, and positions of boundaries on axes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_of_all_settings_the_boundary_that_is_met_first_is_told() -> None:
         {"value": "0.1005 s", "more": "Euler: inaccurate, in silence"},
         {"value": "none to 1 s", "more": ""},
     ]
-    assert told[1]["cells"][1] == {"value": "—", "more": ""}  # pymunk was not asked
+    assert told[1]["cells"][1] == {"value": "—", "more": ""}  # pymunk was not run
 
 
 def test_what_does_not_hold_from_the_start_breaks_first() -> None:
@@ -71,7 +71,7 @@ def test_boundaries_of_a_parameter_stand_side_by_side() -> None:
 def test_a_strip_tells_how_far_and_where_theory_is() -> None:
     known = replace(FOUND, theory=1e-2, law="a law")
     strip = boundary_strip(known, TONE, 1000.0)
-    assert strip.dot == pytest.approx(100 * 2.002 / 3, abs=0.05)  # decades of 3; 0.1005 over 1e-3
+    assert strip.dot == pytest.approx(100 * 2.002 / 3, abs=0.05)  # log10(100.5) of 3 decades
     assert strip.tick == pytest.approx(100 / 3, abs=0.01)
     assert (strip.bar, strip.hollow, strip.mark) == ((0.0, strip.dot), True, MARKER_PATHS["o"])
     assert "theory 0.01" in strip.said
@@ -86,11 +86,11 @@ def test_ratios_stand_about_the_middle() -> None:
     assert ratio_strip(exact, TONE).dot == 50.0
     off = replace(FOUND, theory=FOUND.measured / 1.02)
     low, wide = ratio_strip(off, TONE).band or (0.0, 0.0)
-    assert ratio_strip(off, TONE).dot == pytest.approx(low + wide)  # at the end of what is near
+    assert ratio_strip(off, TONE).dot == pytest.approx(low + wide)  # at the end of the band
 
 
 def test_a_table_of_an_earlier_version_is_named(tmp_path: Path) -> None:
-    """Its column `parameter` had another name."""
+    """The column `parameter` had another name in it."""
     file = tmp_path / "stress.csv"
     write_boundaries([FOUND], file)
     assert [one.measured for one in read_boundaries(file)] == [FOUND.measured]

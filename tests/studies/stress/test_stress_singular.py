@@ -1,4 +1,4 @@
-"""Bars that come into line, rods that snap, springs and energies of cases, beside what is known."""
+"""Limits near singular poses, of snapping rods, springs and energy, compared with theory."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ RK4 = next(one for one in engine_of("mujoco").schemes if one.name == "RK4")
 
 
 def test_grashof_knows_the_shortest_rocker(stressed):
-    """Crank 1, coupler 2, ground 3 turn as long as the rocker is no less than 1 + 3 - 2."""
+    """With crank 1, coupler 2 and ground 3 the crank turns if the rocker is at least 1 + 3 - 2."""
     held = stressed("fourbar")
     case = with_planar_reference(held.case)
     link = extremes.last_link(case)
@@ -32,7 +32,7 @@ def test_grashof_knows_the_shortest_rocker(stressed):
 
 @pytest.mark.slow
 def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
-    """They come in line, one on the other, where the crank pins are nearest."""
+    """The couplers come into line, folded, where the distance of the crank pins is smallest."""
     held = stressed("fivebar")
     left = np.linspace(0.0, 2 * np.pi, 1_000_001)
     nearest = np.abs(2 * np.exp(1j * left) - 2 - np.exp(2j * left)).min()
@@ -47,7 +47,7 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
 @pytest.mark.parametrize(
     ("name", "kind", "farthest"),
     [
-        ("fourbar", "sweep", 1.0 + 3.0),  # over the ends of coupler and rocker: crank and ground
+        ("fourbar", "sweep", 1.0 + 3.0),  # coupler and rocker span crank and ground in line
         (
             "fivebar",
             "dynamics",
@@ -58,7 +58,7 @@ def test_the_couplers_of_a_five_bar_span_its_crank_pins(stressed):
     ],
 )
 def test_arms_reach_as_far_as_their_ends_are_apart(stressed, name, kind, farthest):
-    """Both links by the same share shorter, until they are stretched."""
+    """Both links are shortened by the same share until they are stretched."""
     held = stressed(name)
     case, arm = with_planar_reference(held.case), extremes.last_arm(held.case)
     model = compiled_model(case)
@@ -70,7 +70,7 @@ def test_arms_reach_as_far_as_their_ends_are_apart(stressed, name, kind, farthes
 
 
 def test_an_arm_is_what_nothing_else_holds_or_drives(stressed):
-    """Not the legs of a platform that two loops hold, nor the bar of a slide, nor a driven one."""
+    """No arm: legs of a platform in two loops, the bar of a slide, and driven links."""
     assert extremes.last_arm(stressed("watt").case) == ("output_end", "second_end")
     for name in ("threeprr", "slider_crank", "inverted_slider_crank"):
         assert not extremes.last_arm(stressed(name).case), name
@@ -78,7 +78,7 @@ def test_an_arm_is_what_nothing_else_holds_or_drives(stressed):
 
 @pytest.mark.parametrize("name", ["fourbar", pytest.param("fivebar", marks=pytest.mark.slow)])
 def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stressed, name):
-    """error / gap ~ share^-1/2: of the squares of a triangle's sides."""
+    """error / violation ~ share^-1/2, by the law of cosines for the triangle of the arm."""
     held = stressed(name)
     held = replace(held, case=with_planar_reference(held.case))
     arm = extremes.last_arm(held.case)
@@ -93,12 +93,17 @@ def test_a_gap_turns_an_arm_by_the_root_of_what_it_has_to_spare(stressed, name):
         for case in cases
     ]
     ratio = [one.errors["position"] / one.invariants["violation"] for one in found]
-    # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the gap is not all error
+    # 0.02: the next term is of the order of the angle, sqrt(4e-3), and the error has other causes
+    # than the constraint violation
     assert np.polyfit(np.log(shares), np.log(ratio), 1)[0] == pytest.approx(-0.5, abs=0.02)
 
 
 def test_a_softer_loop_loses_its_way_further_from_the_change_point(stressed):
-    """With 5e-4 of their length to spare; an open loop is then in the other mode for nothing."""
+    """The links are 5e-4 longer than the shortest that close.
+
+    A soft loop then passes into the other assembly mode, since a constraint violation of this size
+    suffices for that.
+    """
     held = stressed("fourbar")
     held = replace(held, case=with_planar_reference(held.case))
     soft = replace(held, setting=held.setting.with_parameters(solref=(0.1, 1.0), solimp=(0.9, 0.9)))
@@ -113,7 +118,10 @@ def test_a_softer_loop_loses_its_way_further_from_the_change_point(stressed):
 def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(
     stressed, monkeypatch
 ):
-    """We did not find the pose; the drive's own way ends at a limit position, which is none."""
+    """proofmass did not find the pose, since the reference has all poses in this search.
+
+    In other searches a sweep that stops is a limit of the mechanism or of the engine.
+    """
     held, answer = (
         stressed("fourbar", kind="sweep"),
         Measurement(outcome="stopped", message="no pose"),
@@ -127,7 +135,7 @@ def test_a_sweep_that_ends_where_the_reference_has_poses_is_a_limit_of_our_own(
 
 
 def test_the_reference_snaps_at_its_fold(stressed):
-    """Found from curves there and back, against the equation of the fold."""
+    """The fold from the reference's curves there and back is that of the equation of the fold."""
     case = stressed("rod_snap", kind="sweep").case
     fold = events(distance=0.8)["snaps to the left"] + case.drive[0].start
     holds, breaks, _ = bisect(
@@ -138,7 +146,7 @@ def test_the_reference_snaps_at_its_fold(stressed):
 
 @pytest.mark.slow
 def test_folds_of_chains_converge_with_the_square_of_their_links(stressed):
-    """MuJoCo's chains of 10 and 20 links; Richardson's limit is the rod's own fold."""
+    """The Richardson limit of MuJoCo's chains of 10 and 20 links is the fold of the rod."""
     held = stressed("rod_snap", kind="sweep")
     fold = events(distance=0.8)["snaps to the left"] + held.case.drive[0].start
     ends = []
@@ -152,14 +160,14 @@ def test_folds_of_chains_converge_with_the_square_of_their_links(stressed):
         )
         assert "unstable" in failure.message
         ends.append(np.sqrt(holds * breaks))
-    # bisected to 1e-4, of which Richardson makes 5/3
+    # the bisection ends at 1e-4, which Richardson's extrapolation multiplies by 5/3
     assert (4 * ends[1] - ends[0]) / 3 == pytest.approx(fold, rel=2e-4)
     assert abs(ends[0] - fold) > 1e-3
 
 
 @pytest.mark.slow
 def test_a_rod_of_another_length_snaps_elsewhere(stressed):
-    """2 % longer in the engine alone: its ends are nearer for it, and the fold is elsewhere."""
+    """A rod that is 2 % longer has its ends nearer, relative to its length, and another fold."""
     held = stressed("rod_snap", kind="sweep", segments=10)
     start = held.case.drive[0].start
     right, wrong = (
@@ -189,9 +197,10 @@ def test_a_stiff_spring_on_a_pendulum_is_a_linear_oscillator(stressed):
     [(0.05, 0.98, 1.03), pytest.param(0.5, 1.03, 2.0, marks=pytest.mark.slow)],
 )
 def test_in_chipmunk_small_swings_of_a_spring_are_linear(stressed, swing, holds, breaks):
-    """Its bodies go straight ahead in a step, which is off by the square of its angle, (dt w A)^2.
+    """Chipmunk moves a body along a straight line in a step: a relative error of (dt w A)^2.
 
-    So small swings hold as far as those of one coordinate, 0.3 % further here, others elsewhere.
+    So swings of small amplitude A have the limit of a linear oscillator, here 0.3 % beyond it;
+    larger swings have another limit.
     """
     held = stressed("pendulum", "pymunk")
 
@@ -209,13 +218,13 @@ def test_in_chipmunk_small_swings_of_a_spring_are_linear(stressed, swing, holds,
 
 
 def test_stiffest_is_where_the_phase_is_off():
-    """z^3 / 24 a step with semi-implicit steps, begun with the velocity of half a step before."""
+    """The phase error is z^3 / 24 per semi-implicit step, with velocities half a step earlier."""
     z = theory.largest_accurate_z(PYMUNK, 10_000)
     assert 10_000 * z**3 / 24 == pytest.approx(2 * np.arcsin(0.1), rel=0.01)
 
 
 def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stressed):
-    """dt omega = 0.3: a hundredth is gone after ln(1/0.99) 72 / 0.3^6 steps or so."""
+    """With dt omega = 0.3 it loses a hundredth in about ln(1/0.99) 72 / 0.3^6 steps."""
     held = stressed("pendulum", integrator="RK4")
     case = extremes.with_spring(
         extremes.with_energy_sensors(held.case, held.models),
@@ -231,7 +240,7 @@ def test_rk4_takes_energy_from_a_stiff_spring_as_its_matrix_says(stressed):
 
 
 def test_what_applies_is_found_from_the_case(stressed):
-    """No loop, no drive: neither bars in line nor folds; a load: no energy."""
+    """Without loops and drives there are no bars in line and no folds; with a load, no energy."""
     held = stressed("pendulum")
     _, skipped = extremes.list_extremes(held.case, held.store)
     assert "bars in line: no such links in a driven loop" in skipped
@@ -243,10 +252,10 @@ def test_what_applies_is_found_from_the_case(stressed):
 
 @pytest.mark.slow
 def test_rounding_decides_at_a_singular_pose_in_pymunk(stressed):
-    """Where the bars of a five-bar come nearly in line, changes of 1e-9 turn the verdict both ways.
+    """If bars of a five-bar are nearly in line, changes of 1e-9 change the outcome both ways.
 
-    At 0.0072 of the couplers to spare 4 of 6 such values failed on one machine; where 20 values all
-    have the same verdict, it is no matter of rounding.
+    With couplers 0.0072 longer than the shortest 4 of 6 such values failed on one machine.  If all
+    20 values had the same outcome, it would not depend on rounding.
     """
     held = stressed("fivebar")
     (search,) = (

@@ -1,4 +1,4 @@
-"""Limits of stability: closed forms, the engines' own maps, and boundaries as measured."""
+"""Limits of stability: closed forms, step matrices of the engines, and measured boundaries."""
 
 import mujoco
 import numpy as np
@@ -29,12 +29,13 @@ QUICK = [
 
 
 def near(found: Boundary) -> bool:
-    """Within 2 % of theory, of which bisection takes up to 0.5.
+    """Whether a boundary is within 2 % of theory, of which bisection takes up to 0.5 %.
 
-    The rest is how long a model is stepped: what grows slowly fails a little beyond the limit.
+    The rest is due to the number of steps: an oscillation that grows slowly fails only a little
+    beyond the limit.
     """
     if found.parameter in ("dt ω", "dt √(k/m)", "dt kv/I"):
-        assert found.step == pytest.approx(found.holds, rel=1e-12)  # what the engine took
+        assert found.step == pytest.approx(found.holds, rel=1e-12)  # the step that the engine took
     return abs(found.ratio - 1.0) <= 0.02
 
 
@@ -51,7 +52,7 @@ def test_all_other_boundaries_are_where_theory_says(name):
 
 @pytest.mark.parametrize("factor", [0.8, 1.25])
 def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
-    """Stiffness enters the limit by its root: 0.8 moves it by 12 %."""
+    """The limit is proportional to stiffness^-1/2, so a factor of 0.8 changes it by 12 %."""
     text = wheel_model(factor)
     found = LimitSearch(
         "",
@@ -70,7 +71,7 @@ def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
 
 @pytest.mark.parametrize("zeta", [0.0, 0.05, 0.3, 1.0, 3.0])
 def test_limits_have_closed_forms(zeta):
-    """The roots of |trace| = 1 + determinant, by hand."""
+    """The limits are the roots of |trace| = 1 + determinant, solved by hand."""
     root = np.sqrt(1 + zeta**2)
     assert stability_limit(euler_map, zeta) == pytest.approx(2 * (zeta + root), rel=1e-6)
     assert stability_limit(explicit_euler_map, zeta) == pytest.approx(2 * (root - zeta), rel=1e-6)
@@ -124,7 +125,7 @@ def test_map_is_that_of_chipmunk(z, zeta):
 
 
 def test_a_row_of_masses_has_the_frequencies_of_its_compiled_model():
-    """Highest one of K against MuJoCo's mass matrix, in the joints' own coordinates."""
+    """The highest frequency follows from the stiffnesses and MuJoCo's mass matrix of the joints."""
     model = mujoco.MjModel.from_xml_string(problems.chain_model(7))
     data, inertia = mujoco.MjData(model), np.zeros((7, 7))
     mujoco.mj_forward(model, data)
@@ -135,7 +136,10 @@ def test_a_row_of_masses_has_the_frequencies_of_its_compiled_model():
 
 @pytest.mark.parametrize("segments", [2, 4, 9])
 def test_henckys_load_is_the_least_eigenvalue_of_the_chain(segments):
-    """Moments of a half-ended chain about its joints: k (t_j - t_j-1) against P h sin t, linear."""
+    """The chain has half a link at its end; k (t_j - t_j-1) = P h t_j about joint j, linearized.
+
+    The critical load is the least eigenvalue of these equations.
+    """
     n, h = segments, 1.0 / segments
     bending = np.zeros((n, n))
     for joint in range(n):  # between links joint and joint + 1; link 0 is clamped

@@ -3,10 +3,11 @@
     python -I tests/studies/stress/bare/with_mujoco.py                       # all of them, as JSON
     python -I tests/studies/stress/bare/with_mujoco.py "pendulum, Euler"     # one
 
-Nothing of proofmass is imported: what `proofmass stress` says of MuJoCo must hold here as well.
-The mechanisms are the files in `models/linkages/`; springs are written here.  A run fails when
-MuJoCo warns, when it is not finite, when a loop is open by a tenth of the model's extent, or when
-a position is off by a tenth of its range.  Every position is looked at after every step.
+Nothing of proofmass is imported, so the limits that `proofmass stress` states for MuJoCo are
+confirmed independently.  The mechanisms are the files in `models/linkages/`; models of springs are
+written here.  A run fails if MuJoCo warns, if a value is not finite, if the constraint violation is
+more than a tenth of the model's extent, or if the error of a position is more than a tenth of its
+range.  All positions are compared after every step.
 """
 
 import cmath
@@ -20,7 +21,7 @@ import mujoco
 import numpy as np
 
 MODELS = Path(__file__).parents[4] / "models" / "linkages"
-WITHIN = 2e-3  # share of a limit to which it is bisected
+WITHIN = 2e-3  # relative width at which a bisection ends
 FAILED = 0.1
 GRAVITY = 9.81
 WARNINGS = (
@@ -31,7 +32,7 @@ WARNINGS = (
 
 
 def limit(failed, low, high):
-    """Where something fails first: strides of a quarter from `low` on, then halves."""
+    """The first value that fails: in strides of a quarter from `low` on, then by bisection."""
     stride = 1.25 if high > low else 0.8
     assert not failed(low)
     while not failed(low * stride):
@@ -45,19 +46,19 @@ def limit(failed, low, high):
 
 
 def warned(data):
-    """Whether MuJoCo has put a run back to its start, or says that it is not finite."""
+    """Whether MuJoCo has warned of a state that is not finite or too large, and has reset it."""
     return any(data.warning[w].number for w in WARNINGS)
 
 
 def off(found, wanted):
-    """Largest error of some curves (n, curves), as a share of the range of the true ones."""
+    """Largest error of some curves (n, curves), as a share of the range of the reference curve."""
     if not np.isfinite(found).all():
         return math.inf
     return float((np.abs(found - wanted).max(axis=0) / np.ptp(wanted, axis=0)).max())
 
 
 def stepped(model, steps, read, start=lambda model, data: None):
-    """What `read` gives of the state before the first step and after each; None if it fails."""
+    """The rows of `read` for the state before the first step and after each; None if it fails."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     start(model, data)
@@ -67,17 +68,17 @@ def stepped(model, steps, read, start=lambda model, data: None):
         if warned(data):
             return None
         rows.append(read(data))
-    assert math.isclose(data.time, steps * model.opt.timestep, rel_tol=1e-9)  # what was taken
+    assert math.isclose(data.time, steps * model.opt.timestep, rel_tol=1e-9)  # the steps taken
     return np.array(rows)
 
 
 def ahead(y, step, rate):
-    """A state some way along its rate."""
+    """A state after a step with a constant rate."""
     return [p + step * q for p, q in zip(y, rate, strict=True)]
 
 
 def integrate(slope, y, step, count):
-    """Runge and Kutta's method: states (count + 1, len(y))."""
+    """States (count + 1, len(y)) by the Runge-Kutta method of order 4."""
     rows = [y]
     for _ in range(count):
         a = slope(y)
@@ -92,7 +93,7 @@ def integrate(slope, y, step, count):
     return np.array(rows)
 
 
-# -- a pendulum, let go where it is level
+# -- a pendulum that is released from its horizontal pose
 
 
 def swing(x, speed):
@@ -113,7 +114,7 @@ def swing(x, speed):
 
 
 def pendulum(integrator=None, step=1e-3, gravity=1.0, seconds=10.0):
-    """How far off the pendulum's angle is."""
+    """The largest error of the pendulum's angle, as a share of its range."""
     model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
     model.opt.timestep = step
     model.opt.gravity[:] *= gravity
@@ -128,17 +129,17 @@ def pendulum(integrator=None, step=1e-3, gravity=1.0, seconds=10.0):
 
 
 def pendulum_step(integrator):
-    """Largest time step [s] of ten seconds."""
+    """Largest time step [s] of a run of ten seconds."""
     return limit(lambda h: pendulum(integrator, h) > FAILED, 0.02, 2.0)
 
 
 def pendulum_gravity():
-    """How many times gravity may be, at 1 ms with RK4."""
+    """Largest factor on gravity, with steps of 1 ms and RK4."""
     return limit(lambda g: pendulum(gravity=g) > FAILED, 100.0, 1e5)
 
 
 def pendulum_spring(seconds=0.1, step=1e-3):
-    """The stiffest spring in the pivot [N m/rad], of 1 kg m2, over a tenth of a second with RK4."""
+    """Stiffest spring in the pivot [N m/rad], for 1 kg m2, in a run of 0.1 s with RK4."""
 
     def failed(stiffness):
         model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
@@ -146,7 +147,7 @@ def pendulum_spring(seconds=0.1, step=1e-3):
         found = stepped(model, round(seconds / step), lambda data: data.qpos.copy())
         if found is None:
             return True
-        each = 40  # fine steps of the truth in one that is tried
+        each = 40  # steps of the reference in one step that is tried
         true = integrate(
             lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
             [-math.pi / 2, 0.0],
@@ -165,7 +166,7 @@ BARS = 1.0, 2.0, 2.5, 3.0
 
 
 def closed(crank):
-    """Angles of coupler and rocker in the open mode."""
+    """Angles of coupler and rocker in the open assembly mode."""
     a, b, c, ground = BARS
     pin = cmath.rect(a, crank)
     gap = ground - pin
@@ -174,7 +175,7 @@ def closed(crank):
 
 
 def energies(crank):
-    """Inertia (1, at unit speed of the crank) and potential energy of a pose."""
+    """Generalized inertia about the crank [kg m2] and potential energy [J] of a pose."""
     a, b, c, _ = BARS
     beta, gamma = closed(crank)
     # a i e^(ia) + b i e^(ib) b' = c i e^(ic) c'
@@ -191,7 +192,7 @@ def energies(crank):
 
 
 def slope(y):
-    """Lagrange's equation of the one coordinate; derivatives of the energies by differences."""
+    """Rates of crank angle and speed by Lagrange's equation, with differences of the energies."""
     crank, rate = y
     h = 1e-5
     (more, up), (less, down) = energies(crank + h), energies(crank - h)
@@ -203,19 +204,19 @@ FINE = 2.5e-4  # [s]
 
 @cache
 def released():
-    """Angle and speed of the crank, let go at rest, at times FINE apart."""
+    """Angle and speed of the crank, released at rest, at times FINE apart."""
     return integrate(slope, [0.0, 0.0], FINE, round(2.3 / FINE))
 
 
 def places(crank):
-    """Rocker, direction of the coupler, and where the pin is."""
+    """Angle of the rocker, direction of the coupler, and coordinates of the pin."""
     pairs = np.array([closed(angle) for angle in crank])
     coupler, rocker = np.unwrap(pairs, axis=0).T
     return np.column_stack([rocker, coupler, 3 + 2.5 * np.cos(rocker), 2.5 * np.sin(rocker)])
 
 
 def between(x):
-    """The crank at times, by a cubic between two of those that are known."""
+    """Angle of the released crank at some times, by cubic interpolation."""
     place, rate = released().T
     k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
     s = x / FINE - k
@@ -228,7 +229,7 @@ def between(x):
 
 
 def fourbar(step, integrator=None):
-    """The four-bar's model."""
+    """The model of the four-bar with a time step and an integrator."""
     model = mujoco.MjModel.from_xml_path(str(MODELS / "fourbar.xml"))
     model.opt.timestep = step
     if integrator:
@@ -237,7 +238,7 @@ def fourbar(step, integrator=None):
 
 
 def looked(data):
-    """The positions that are judged, and how far the loop is open."""
+    """The four positions that are compared, the constraint violation, and the crank angle."""
     crank, coupler, rocker = data.qpos
     pin = cmath.rect(1.0, crank) + cmath.rect(2.0, crank + coupler)
     end = 3.0 + cmath.rect(2.5, rocker)
@@ -245,14 +246,14 @@ def looked(data):
 
 
 def apart(model, rows):
-    """Whether a run fails before any truth is asked."""
+    """Whether a run fails by itself, without a comparison with the reference."""
     return (
         rows is None or not np.isfinite(rows).all() or rows[:, 4].max() > FAILED * model.stat.extent
     )
 
 
 def fourbar_step(integrator, seconds=2.0):
-    """Largest time step [s] of a four-bar that is let go."""
+    """Largest time step [s] of a four-bar that is released at rest."""
 
     def failed(step):
         model, steps = fourbar(step, integrator), round(seconds / step)
@@ -265,7 +266,7 @@ def fourbar_step(integrator, seconds=2.0):
 
 
 def driven(step, integrator=None, times=1.0):
-    """Whether a turn of the crank at so many rad/s fails, with a flywheel that nothing slows."""
+    """Whether one turn of the crank at `times` rad/s fails, with a flywheel of 1e12 kg m2."""
     model = fourbar(step, integrator)
     model.dof_armature[0] = 1e12
 
@@ -274,7 +275,7 @@ def driven(step, integrator=None, times=1.0):
         (b, c), (beta, gamma) = closed(-h), closed(h)
         rates = np.array([1.0, (beta - b) / (2 * h) - 1.0, (gamma - c) / (2 * h)])
         place = data.qpos.copy()
-        mujoco.mj_setConst(model, data)  # how stiff a loop is depends on what it moves
+        mujoco.mj_setConst(model, data)  # the loop's stiffness depends on the inertias
         data.qpos[:], data.qvel[:] = place, times * rates
 
     rows = stepped(model, round(2 * math.pi / times / step), looked, start)
@@ -282,7 +283,7 @@ def driven(step, integrator=None, times=1.0):
 
 
 def fourbar_speed():
-    """How many times as fast as 1 rad/s a crank may turn once, at 1 ms with RK4."""
+    """Largest speed of one turn of the crank [rad/s], with steps of 1 ms and RK4."""
     return limit(lambda times: driven(1e-3, times=times), 20.0, 5e3)
 
 
@@ -292,9 +293,10 @@ def driven_step(integrator):
 
 
 def fourbar_energy(integrator, most=100_000, share=0.01):
-    """Steps of 1 ms after which a four-bar that is let go is off by a hundredth in energy.
+    """Steps of 1 ms after which the energy of a released four-bar has changed by a hundredth.
 
-    Over the largest kinetic energy; the first swing, which has it, is let pass.
+    The change is over the largest kinetic energy.  The first 2000 steps are not judged, since the
+    kinetic energy is largest in the first swing.
     """
     model = fourbar(1e-3, integrator)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
@@ -302,7 +304,7 @@ def fourbar_energy(integrator, most=100_000, share=0.01):
     mujoco.mj_resetDataKeyframe(model, data, 0)
     largest, drift, first = 0.0, 0.0, None
     for k in range(most):
-        mujoco.mj_step(model, data)  # the energies of where the step began
+        mujoco.mj_step(model, data)  # the energies are those before the step
         potential, kinetic = data.energy.tolist()
         total = potential + kinetic
         first = total if first is None else first
@@ -316,7 +318,7 @@ def fourbar_energy(integrator, most=100_000, share=0.01):
 
 
 def oscillator(rest="", kind="hinge", stiffness=0.0, damping=0.0, gravity="0 0 0", flag=""):
-    """A body on a spring and a damper, a thousandth out of its place."""
+    """A body on a spring and a damper, displaced by a thousandth."""
     return mujoco.MjModel.from_xml_string(f"""<mujoco>
   <option gravity="{gravity}"><flag contact="disable" {flag}/></option>
   <worldbody><body pos="1 0 0">
@@ -326,7 +328,7 @@ def oscillator(rest="", kind="hinge", stiffness=0.0, damping=0.0, gravity="0 0 0
 
 
 def grows(model, step, integrator, what="qpos", steps=3000, bound=1.0):
-    """Whether what is begun small is large after many steps."""
+    """Whether a value that starts small is large after many steps."""
     model.opt.timestep = step
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     data = mujoco.MjData(model)
@@ -350,7 +352,7 @@ def spring_step(integrator, zeta, flag=""):
 
 
 def hung_gravity(integrator):
-    """Largest gravity dt2 / L of a point mass that hangs."""
+    """Largest gravity dt2 / L of a hanging point mass."""
 
     def failed(gravity):
         model = mujoco.MjModel.from_xml_string(f"""<mujoco>
@@ -389,9 +391,10 @@ def loop_softness(integrator):
 
 
 def flat_cylinder(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
-    """Largest r d / (gap tilt) with which a cylinder above a floor has no contact, however turned.
+    """Largest r d / (gap tilt) at which a cylinder above a floor has no contact at any rotation.
 
-    The square of an axis that is turned is off 1 by d at most, two units of the last place.
+    Here gap is the distance from the floor, and d the largest rounding error of the square of a
+    rotated axis, two units of the last place.
     """
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>
   <geom type="plane" size="1 1 1"/>
@@ -404,7 +407,7 @@ def flat_cylinder(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
     def touches(share):
         tilt = radius * 2.0**-51 / (gap * share)
         for turn, way in chance:
-            # the tilt about an axis in the floor, after the turn about the normal
+            # the tilt about an axis in the floor follows the rotation about the normal
             data.qpos[3:] = (
                 math.cos(turn / 2),
                 tilt / 2 * math.cos(way),

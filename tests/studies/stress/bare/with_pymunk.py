@@ -1,11 +1,11 @@
-"""Limits of Chipmunk, measured with pymunk and NumPy alone; see `with_mujoco.py` beside it.
+"""Limits of Chipmunk, measured with pymunk and NumPy alone; see `with_mujoco.py`.
 
     python -I tests/studies/stress/bare/with_pymunk.py                     # all of them, as JSON
     python -I tests/studies/stress/bare/with_pymunk.py "pendulum, step"    # one
 
-All mechanisms are built by hand.  Chipmunk moves positions with the velocity of the step before, so
-that a run that is known begins one step before its start, with the velocity that leads there.
-Pins close their gap in one step (`error_bias` 0), and have the iterations that they need.
+All mechanisms are built here.  Chipmunk moves positions with the velocity of the previous step, so
+each run begins one step before its start, with the velocity that leads to the start pose.  Pins
+remove their constraint violation in one step (`error_bias` 0), with enough iterations for that.
 """
 
 import cmath
@@ -17,14 +17,14 @@ from functools import cache, partial
 import numpy as np
 import pymunk
 
-WITHIN = 2e-3  # share of a limit to which it is bisected
+WITHIN = 2e-3  # relative width at which a bisection ends
 FAILED = 0.1
 GRAVITY = 9.81
 ITERATIONS = 3000
 
 
 def limit(failed, low, high):
-    """Where something fails first: strides of a quarter from `low` on, then halves."""
+    """The first value that fails: in strides of a quarter from `low` on, then by bisection."""
     stride = 1.25 if high > low else 0.8
     assert not failed(low)
     while not failed(low * stride):
@@ -38,19 +38,19 @@ def limit(failed, low, high):
 
 
 def off(found, wanted):
-    """Largest error of some curves (n, curves), as a share of the range of the true ones."""
+    """Largest error of some curves (n, curves), as a share of the range of the reference curve."""
     if not np.isfinite(found).all():
         return math.inf
     return float((np.abs(found - wanted).max(axis=0) / np.ptp(wanted, axis=0)).max())
 
 
 def ahead(y, step, rate):
-    """A state some way along its rate."""
+    """A state after a step with a constant rate."""
     return [p + step * q for p, q in zip(y, rate, strict=True)]
 
 
 def integrate(slope, y, step, count):
-    """Runge and Kutta's method: states (count + 1, len(y))."""
+    """States (count + 1, len(y)) by the Runge-Kutta method of order 4."""
     rows = [y]
     for _ in range(count):
         a = slope(y)
@@ -66,7 +66,7 @@ def integrate(slope, y, step, count):
 
 
 def space_of(gravity, iterations=ITERATIONS):
-    """An empty space."""
+    """A pymunk space without bodies, with gravity downwards."""
     space = pymunk.Space()
     space.gravity = 0.0, -gravity
     space.iterations = iterations
@@ -74,16 +74,16 @@ def space_of(gravity, iterations=ITERATIONS):
 
 
 def pinned(space, one, other, at):
-    """A pin at a place of the world, where both bodies are now."""
+    """Add a pin between two bodies at a point of the world where both are now."""
     pin = pymunk.PivotJoint(one, other, at)
     pin.error_bias = 0.0
     space.add(pin)
 
 
 def led(body, before, after, step):
-    """Put a body where it is one step before the start, on its way to the start.
+    """Set a body to its pose one step before the start, with the velocity to the start pose.
 
-    Both are a place (complex) and an angle.
+    Both poses are a position (complex) and an angle.
     """
     (place, angle), (place_after, angle_after) = before, after
     way = (place_after - place) / step
@@ -91,7 +91,7 @@ def led(body, before, after, step):
     body.velocity, body.angular_velocity = (way.real, way.imag), (angle_after - angle) / step
 
 
-# -- a pendulum: a point mass on a rod of 1 m, let go where it is level
+# -- a pendulum: a point mass on a rod of 1 m, released from its horizontal pose
 
 
 def swing(x, speed):
@@ -113,22 +113,22 @@ def swing(x, speed):
 
 POINT = 1.0, 1.0, 1e-14
 SWUNG = 2.0, 0.5, 0.5
-"""Mass, distance of its centre from the pin, and moment about its centre: of a point mass, and of
-a body that swings in the same way, since its moment about the pin and its mass times distance are
-the same.  Chipmunk's error differs: a body goes straight ahead in a step, here with its centre
-nearer to the pin.  proofmass builds the second for a link on the ground that is nearly a point
-mass."""
+"""Mass, distance of its centre from the pin, and moment of inertia about its centre: of a point
+mass, and of a body with the same motion, since its moment of inertia about the pin and its mass
+times distance are the same.  Chipmunk's errors differ, since the centre of a body moves along a
+straight line in a step, and is nearer to the pin here.  proofmass builds the second body for a link
+on the ground that is nearly a point mass."""
 
 
 def hung(angle, distance=1.0):
-    """Where the centre of a body is, and how it is turned."""
+    """Position of the centre (complex) and rotation of a body that hangs at an angle."""
     return cmath.rect(distance, angle - math.pi / 2), angle
 
 
 def pendulum(step, steps, gravity, before, stiffness=0.0, built=SWUNG):
-    """Angles after each step, from a place `before` one step before the start.
+    """Angles after each step, from the angle `before` one step before the start.
 
-    A pin alone is closed in one iteration, a pin and a spring are not.
+    A pin alone is solved in one iteration, a pin and a spring are not.
     """
     space = space_of(gravity, ITERATIONS if stiffness else 10)
     mass, distance, moment = built
@@ -144,12 +144,12 @@ def pendulum(step, steps, gravity, before, stiffness=0.0, built=SWUNG):
     for _ in range(steps + 1):
         space.step(step)
         rows.append(body.angle)
-    assert math.isclose(space.current_time_step, step, rel_tol=1e-12)  # what was taken
+    assert math.isclose(space.current_time_step, step, rel_tol=1e-12)  # the step that was taken
     return np.array(rows)[:, None]
 
 
 def pendulum_failed(step, gravity=1.0, seconds=10.0, built=SWUNG):
-    """Whether the pendulum's angle is off by a tenth of its range."""
+    """Whether the error of the pendulum's angle is more than a tenth of its range."""
     steps, speed = round(seconds / step), math.sqrt(GRAVITY * gravity)
     wanted = swing(step * np.arange(-1, steps + 1), speed)
     found = pendulum(step, steps, GRAVITY * gravity, float(wanted[0]), built=built)
@@ -162,22 +162,23 @@ def pendulum_step(built=SWUNG):
 
 
 def pendulum_gravity():
-    """How many times gravity may be, at 1 ms."""
+    """Largest factor on gravity, with steps of 1 ms."""
     return limit(lambda gravity: pendulum_failed(1e-3, gravity), 20.0, 1e4)
 
 
 def pendulum_spring(seconds=0.1, step=1e-3):
-    """The stiffest spring in the pivot [N m/rad], over a tenth of a second at 1 ms."""
+    """Stiffest spring in the pivot [N m/rad], in a run of 0.1 s with steps of 1 ms."""
 
     def failed(stiffness):
-        steps, each = round(seconds / step), 40  # fine steps of the truth in one that is tried
+        steps, each = round(seconds / step), 40  # steps of the reference in one step that is tried
         true = integrate(
             lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
             [-math.pi / 2, 0.0],
             step / each,
             each * steps,
         )[::each, 0]
-        found = pendulum(step, steps, GRAVITY, float(true[1]), stiffness)  # let go at rest: even
+        # released at rest: the angle is an even function of time
+        found = pendulum(step, steps, GRAVITY, float(true[1]), stiffness)
         return off(found, true[:, None]) > FAILED
 
     return limit(failed, 1e4, 1e6)
@@ -190,7 +191,7 @@ BARS = 1.0, 2.0, 2.5, 3.0
 
 
 def closed(crank):
-    """Angles of coupler and rocker in the open mode."""
+    """Angles of coupler and rocker in the open assembly mode."""
     a, b, c, ground = BARS
     pin = cmath.rect(a, crank)
     gap = ground - pin
@@ -199,7 +200,7 @@ def closed(crank):
 
 
 def energies(crank):
-    """Inertia (1, at unit speed of the crank) and potential energy of a pose."""
+    """Generalized inertia about the crank [kg m2] and potential energy [J] of a pose."""
     a, b, c, _ = BARS
     beta, gamma = closed(crank)
     # a i e^(ia) + b i e^(ib) b' = c i e^(ic) c'
@@ -216,7 +217,7 @@ def energies(crank):
 
 
 def slope(y):
-    """Lagrange's equation of the one coordinate; derivatives of the energies by differences."""
+    """Rates of crank angle and speed by Lagrange's equation, with differences of the energies."""
     crank, rate = y
     h = 1e-5
     (more, up), (less, down) = energies(crank + h), energies(crank - h)
@@ -228,12 +229,12 @@ FINE = 2.5e-4  # [s]
 
 @cache
 def released():
-    """Angle and speed of the crank, let go at rest, at times FINE apart."""
+    """Angle and speed of the crank, released at rest, at times FINE apart."""
     return integrate(slope, [0.0, 0.0], FINE, round(2.3 / FINE))
 
 
 def between(x):
-    """The crank at times, by a cubic between two of those that are known."""
+    """Angle of the released crank at some times, by cubic interpolation."""
     place, rate = released().T
     k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
     s = x / FINE - k
@@ -246,7 +247,7 @@ def between(x):
 
 
 def middles(crank):
-    """Places and angles of crank, coupler and rocker."""
+    """Positions of the centres (complex) and angles of crank, coupler and rocker."""
     beta, gamma = closed(crank)
     return (
         (cmath.rect(0.5, crank), crank),
@@ -256,14 +257,15 @@ def middles(crank):
 
 
 def fourbar_step(seconds=2.0):
-    """Largest time step [s] of a four-bar that is let go."""
+    """Largest time step [s] of a four-bar that is released at rest."""
 
     def failed(step):
         steps, space = round(seconds / step), space_of(GRAVITY)
         bodies = [pymunk.Body(m, m**3 / 12) for m in BARS[:3]]  # 1 kg/m
         space.add(*bodies)
         crank, coupler, rocker = bodies
-        start, before = middles(0.0), middles(float(between(np.array([step]))[0]))  # even in time
+        # the angle of the crank is an even function of time
+        start, before = middles(0.0), middles(float(between(np.array([step]))[0]))
         for body, (place, angle) in zip(bodies, start, strict=True):
             body.position, body.angle = (place.real, place.imag), angle
         pin = cmath.rect(2.5, start[2][1]) + 3.0
@@ -293,11 +295,11 @@ def fourbar_step(seconds=2.0):
     return limit(failed, 4e-3, 1.0)
 
 
-# -- springs, begun a thousandth out of their place
+# -- springs that are displaced by a thousandth at the start
 
 
 def grows(space, body, step, steps=3000, bound=1.0):
-    """Whether an angle, or else a place, is large after many steps."""
+    """Whether the angle or the displacement of a body is large after many steps."""
     began, largest = body.position.x, 0.0
     for k in range(steps):
         space.step(step)
@@ -312,7 +314,7 @@ def spring_step(zeta, high=50.0):
     """Largest dt omega of a wheel on a spring and a damper."""
 
     def failed(z):
-        # a spring alone is solved in one iteration
+        # a spring without a pin is solved in one iteration
         space, body = space_of(0.0, iterations=1), pymunk.Body(1.0, 1.0)
         body.angle = 1e-3
         space.add(body, pymunk.DampedRotarySpring(space.static_body, body, 0.0, 1.0, 2 * zeta))
@@ -334,13 +336,14 @@ def row_step(masses=5):
             body.position = k + 1.0 + (1e-3 if k == masses - 1 else 0.0), 0.0
             space.add(body, pymunk.DampedSpring(last, body, (0, 0), (0, 0), 1.0, 1.0, 0.0))
             last = body
-        return grows(space, last, z, steps=1000, bound=0.1)  # far from 1 m, where springs turn over
+        # the bound is well below 1 m, at which springs turn over
+        return grows(space, last, z, steps=1000, bound=0.1)
 
     return limit(failed, 0.1, 10.0)
 
 
 def hung_gravity():
-    """Largest gravity dt2 / L of a point mass that hangs."""
+    """Largest gravity dt2 / L of a hanging point mass."""
 
     def failed(gravity):
         space, body = space_of(gravity), pymunk.Body(1.0, 1e-12)
