@@ -21,8 +21,9 @@ CLOSED = 2e-12
 def asked(mass: float, moves: tuple[np.ndarray, ...], at: tuple[np.ndarray, ...]) -> np.ndarray:
     """Forces (n, drives) that a uniform slender bar requires of the drives, by virtual work.
 
-    `at` are the accelerations (n, 3) of its ends, and `moves` the displacements (n, 3, drives) of
-    its ends for a unit of each drive.  Both are linear between the ends.
+    Both `moves` and `at` are given for its two ends, and linear between them.
+    The former are displacements (n, 3, drives) for a unit of each drive, the latter accelerations
+    (n, 3).
     """
     (p, q), (one, two) = (each - WEIGHT for each in at), moves
     work = 2 * _along(one, p) + _along(one, q) + _along(two, p) + 2 * _along(two, q)

@@ -34,7 +34,7 @@ PENDULUM = load_case(shipped("pendulum.toml"))
 def watched_with(
     curves: Curves, truth: dict[str, np.ndarray], monkeypatch, case=PENDULUM, solver: str = "mujoco"
 ):
-    """A monitored run of the pendulum with given curves and given reference curves (`truth`)."""
+    """A monitored run of the pendulum with given curves and given curves of its reference."""
     monkeypatch.setattr(scene, "run_original", lambda file, model, run: curves)
     monkeypatch.setattr(scene, "call_bounded", lambda case, kind, function, *told: function(*told))
     monkeypatch.setattr(scene, "reference_for", lambda case, kind, curves: Curves(curves.x, truth))

@@ -40,7 +40,7 @@ def own(tmp_path) -> StressedCase:
 
 @pytest.fixture
 def ran(monkeypatch):
-    """``ran(found)``: all runs give this result; the list that it returns has their arguments."""
+    """``ran(found)``: all runs give this result; it returns the list of their arguments."""
 
     def given(found: Measurement) -> list[tuple]:
         asked: list[tuple] = []
