@@ -1,6 +1,6 @@
-"""The balancers in `models/`: what `proofmass.design.template` writes of the thesis's designs.
+"""The balancers in `models/`, which `proofmass.design.template` writes, mostly thesis designs.
 
-``python -m tests.analytic.balancer.balancer_cases`` writes them anew.
+``python -m tests.analytic.balancer.balancer_cases`` writes them again.
 """
 
 import json
@@ -20,12 +20,12 @@ THESIS = (
     "segments are ours"
 )
 SETTLED = ("balancer_sine_free_preload", "balancer_progressive_contact", "balancer4_sine")
-"""A stop that is left, one that is met, two joints that move: such runs take 5e5 steps."""
+"""Cases with runs of 5e5 steps: a stop is left, a stop is met, two joints move."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """What a case says."""
+    """Contents of a case: texts, parameters, target, and designs that it is compared with."""
 
     title: str
     place: str
@@ -36,7 +36,7 @@ class Design:
     beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def write(self, folder: Path, name: str) -> Path:
-        """Write model and sidecar; the sidecar's file."""
+        """Write model and sidecar; return the path of the sidecar."""
         solvers = (SOLVERS[0], "mujoco:settled", *SOLVERS[1:]) if name in SETTLED else SOLVERS
         source = self.place if self.beside else THESIS.format(self.place)
         return write_case(
@@ -53,7 +53,7 @@ class Design:
 
 
 def row(line: int, title: str, **changed: float) -> Design:
-    """A row of the thesis's tables."""
+    """A row of the thesis's tables as a case."""
     found = rows()[str(line)]
     return Design(
         title,
@@ -65,7 +65,7 @@ def row(line: int, title: str, **changed: float) -> Design:
 
 
 def designed(line: int, title: str) -> Design:
-    """A design of ours beside the thesis's row with the same springs, joints and bounds."""
+    """A design of ours, compared with the thesis's of the same springs, joints and bounds."""
     theirs = rows()[str(line)]
     ours = next(d for d in json.loads(OURS.read_text()) if d["line"] == line)
     chain = {"pendulum": 1.0, **ours["parameters"]}
@@ -79,7 +79,7 @@ def designed(line: int, title: str) -> Design:
 
 
 def third(target: str, springs: str, option: str, title: str) -> Design:
-    """A design of ours with a preload of spring 3 beside ours without a preload."""
+    """A design of ours with a preload of spring 3, compared with ours without a preload."""
     ours, bare = (
         next(
             d["parameters"]

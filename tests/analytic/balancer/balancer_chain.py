@@ -1,4 +1,4 @@
-"""A three-segment balancer by plain means: circles that meet, virtual work, and a secant."""
+"""A three-segment balancer by elementary means: meeting circles, virtual work, and secants."""
 
 import numpy as np
 from scipy.optimize import newton
@@ -41,7 +41,7 @@ ROWS = {
 
 
 def flat(row):
-    """The row in the names of `proofmass.analytic.balancer.solve`."""
+    """Parameters of a row under the names of `proofmass.analytic.balancer.solve`."""
     found = {"pendulum": 1.0, "rest_angle": row.get("rest_angle", 0.0)}
     for name in ("length", "stiffness"):
         found |= {f"{name}{i}": value for i, value in enumerate(row[name], start=1)}
@@ -91,10 +91,10 @@ def slope(row, theta1, alpha):
 
 
 def equilibrium(row, alphas=PATH):
-    """Angle of segment 1 (n,) followed from rest through rising `alphas`; a preload opens once.
+    """Angle of segment 1 (n,), followed from rest through rising `alphas`; a preload releases once.
 
-    Spring 2 winds up as segment 1 falls back behind the pendulum: its stop is pressed while virtual
-    work drives segment 1 forward, slope < 0.
+    Spring 2 is wound when segment 1 falls back behind the pendulum: joint 2 presses on its stop
+    while virtual work drives segment 1 forward, slope < 0.
     """
     start, last, rate, found = row.get("rest_angle", 0.0), 0.0, 1.0, []
     theta = start

@@ -1,4 +1,4 @@
-"""The path of a balancer against a closed curve, energies, printed rows and its own laws."""
+"""Path of a balancer against a closed curve, energies, printed rows and its own identities."""
 
 import numpy as np
 import pytest
@@ -13,15 +13,15 @@ ANGLES = np.radians(np.arange(0.0, 90.5, 5.0))
 FREE = parameters(rows()["1766"])
 PRELOADED = parameters(rows()["1745"])
 CONTACT = parameters(rows()["1860"])
-# rows that have no regular path: an unstable rest posture, or a fold before 90 degrees
+# rows without a regular path: the rest posture is unstable, or a fold comes before 90 degrees
 IRREGULAR = {"1825", "1870", "2188", "2159"}
-# rows whose arm is straight but for 0.02 rad: the recomputation with one angle, singular there, was
-# pinned 8e-4 and 1e-4 N m beside the equilibrium; and 1800, whose spring 4 is past its peak
+# rows whose arm is straight to 0.02 rad: the recomputation with one angle is singular there and was
+# 8e-4 and 1e-4 N m off the equilibrium; and row 1800, whose spring 4 is past its largest moment
 SINGULAR = {"1928", "2117", "1800"}
 
 
 def energy_of(parameters: dict[str, float], alpha: float, beta: np.ndarray) -> np.ndarray:
-    """Spring energy over the angle of segment 1 from the pendulum, by the cosine rule alone."""
+    """Spring energy for angles `beta` of segment 1 from the pendulum, by the cosine rule."""
     p = {"pendulum": 1.0, "rest_angle": 0.0} | parameters
     lengths = np.array([p["length1"], p["length2"], p["length3"]])
     psi = close_chain(p["pendulum"], lengths, np.asarray(beta)[..., None], 1)
@@ -32,7 +32,7 @@ def energy_of(parameters: dict[str, float], alpha: float, beta: np.ndarray) -> n
 
 
 def test_equilibrium_is_a_minimum_of_the_energy() -> None:
-    """The slope of an energy that shares no line with the path vanishes where the path stands."""
+    """The slope of the energy is zero at the equilibria; it uses no equation of the path."""
     h = 1e-4
     found = solve(ANGLES, **FREE)
     for alpha, theta in zip(ANGLES[1:], found["theta1"][1:], strict=True):
@@ -48,7 +48,7 @@ def test_equilibrium_is_a_minimum_of_the_energy() -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_path_lies_on_the_closed_curve(seed: int) -> None:
-    """Random springs and lengths: the closed form gives alpha for the beta that was found."""
+    """For random springs and lengths the closed form gives alpha from the beta of the path."""
     rng = np.random.default_rng(seed)
     given = (
         {f"length{i}": rng.uniform(1 / 3, 0.5) for i in (1, 2, 3)}
@@ -71,12 +71,12 @@ def test_path_lies_on_the_closed_curve(seed: int) -> None:
     ),
 )
 def test_recomputed_curves(line: str) -> None:
-    """Two independent recomputations of the thesis's designs, to the digits they were kept with."""
+    """Two independent recomputations of the thesis's designs agree to the digits kept of them."""
     row = rows()[line]
     step = 10.0 if row["segments"] == 3 else 6.0
     wanted = np.array(row["recomputed"]["moments"])
     found = solve(np.radians(step) * np.arange(1, wanted.size + 1), **parameters(row))
-    # five to eight digits are kept; the nearly straight chain of 2169 came out to 1e-6
+    # five to eight digits are kept; of the nearly straight chain of 2169 they are right to 1e-6
     kept = 6e-6 if row["segments"] == 4 else 1.1e-6
     assert np.abs(found["balancing_moment"] - wanted).max() < kept
 
@@ -91,7 +91,7 @@ def test_moment_is_the_slope_of_the_energy(given: dict[str, float]) -> None:
     found = solve(nodes, **given)
     v = found["energy"]
     slope = (v[:, 0] - 8 * v[:, 1] + 8 * v[:, 3] - v[:, 4]) / (12 * h)
-    # h^4 V'''''/30 where it is smooth; 1e-3 of a kink of M1's slope where a stop switches inside
+    # h^4 V'''''/30 where it is smooth; 1e-3 of the kink of M1's slope where a stop switches between
     smooth = np.ones(len(nodes), bool)
     for name in [k for k in found if k.startswith("deflection") and "rate" not in k]:
         bent = np.abs(np.diff(found[name], 3, axis=1)).max(axis=1)
@@ -101,7 +101,7 @@ def test_moment_is_the_slope_of_the_energy(given: dict[str, float]) -> None:
 
 
 def test_tip_is_met_and_forces_balance_the_springs() -> None:
-    """Loop closure, and the tip force's moments about every joint."""
+    """The loop closes, and the moment of the tip force about every joint is its spring moment."""
     found = solve(ANGLES, **FREE)
     lengths = [FREE[f"length{i}"] for i in (1, 2, 3)]
     x = sum(length * np.sin(found[f"theta{i}"]) for i, length in enumerate(lengths, 1))
@@ -117,7 +117,7 @@ def test_tip_is_met_and_forces_balance_the_springs() -> None:
 
 
 def test_release_and_contact_at_their_exact_angles() -> None:
-    """Release where M1 (1 - l1/r) = M02; on its stop the joint adds no compliance."""
+    """Joint 2 releases where M1 (1 - l1/r) = M02; on its stop it adds no compliance."""
     release = PRELOADED["preload2"] / (PRELOADED["stiffness1"] * (1 - PRELOADED["length1"]))
     paths = follow(balancer(**PRELOADED), np.pi / 2)
     assert [s[1:] for s in paths.switches] == [(2, pytest.approx(release, abs=1e-12), 0)]
@@ -133,7 +133,7 @@ def test_release_and_contact_at_their_exact_angles() -> None:
 
 @pytest.mark.parametrize("line", ["1747", "2041", "2071", "1757", "1998"])
 def test_stops_push_and_never_pull(line: str) -> None:
-    """Between its stops a joint carries its spring; on one, the stop pushes it away."""
+    """Between its stops a joint carries its spring moment; a stop pushes the joint off itself."""
     given = parameters(rows()[line])
     chain = balancer(**given)
     path = along(chain, follow(chain, np.pi / 2), np.linspace(0, np.pi / 2, 200))
@@ -148,13 +148,13 @@ def test_stops_push_and_never_pull(line: str) -> None:
         1.0 - np.pad(y[..., :-1], ((0, 0), (0, 0), (1, 0))),
     )
     load = path.force[..., 1:] * arm_x - path.force[..., :1] * arm_y
-    push = path.moment - load  # what the stop adds to the load that the spring sees
+    push = path.moment - load  # moment of the stop
     assert np.abs(push[path.side == 0]).max() < 1e-11
     assert (push * -path.side)[path.side != 0].min() > -1e-11
 
 
 def test_a_batch_is_its_members() -> None:
-    """Designs followed together do not know of each other, whatever stops they have."""
+    """Designs that are followed together do not affect each other, whatever their stops."""
     rng = np.random.default_rng(7)
     size = 40
     many = (
@@ -175,7 +175,7 @@ def test_a_batch_is_its_members() -> None:
 
 
 def test_the_stride_does_not_matter() -> None:
-    """Half the stride gives the same equilibria: the branch is followed, not guessed."""
+    """A fifth of the stride gives the same equilibria: the branch is followed, not guessed."""
     for line in ("2107", "2178", "2157", "2088"):
         chain = balancer(**parameters(rows()[line]))
         coarse, fine = (along(chain, follow(chain, np.pi / 2, h), ANGLES) for h in (0.1, 0.02))
@@ -183,7 +183,7 @@ def test_the_stride_does_not_matter() -> None:
 
 
 def test_mirror_image() -> None:
-    """The mirrored balancer leans the other way with the opposite moment."""
+    """The mirrored balancer leans to the other side with the opposite moment."""
     given = FREE | {"quadratic1": -0.2, "quadratic3": 0.3}
     mirrored = {k: -v if k.startswith(("quadratic", "rest")) else v for k, v in given.items()}
     one, two = solve(ANGLES, **given), solve(-ANGLES, mode=-1, **mirrored)
@@ -192,7 +192,7 @@ def test_mirror_image() -> None:
 
 
 def test_up_and_down_and_out_of_order() -> None:
-    """Without a jump the path has no memory of the order in which angles are asked for."""
+    """Without a jump, equilibria do not depend on the order of the requested angles."""
     shuffled = np.random.default_rng(0).permutation(np.linspace(-0.3, 1.5, 50))
     found = solve(shuffled, **FREE)["holding_moment"]
     order = np.argsort(shuffled)
@@ -201,7 +201,7 @@ def test_up_and_down_and_out_of_order() -> None:
 
 
 def test_rates_are_the_slopes_of_the_angles() -> None:
-    """Quasi-static rates against differences of the angles, on a four-segment path."""
+    """Quasi-static rates of four segments against differences of their angles."""
     given, h = parameters(rows()["1747"]), 1e-4
     at = np.radians([20.0, 50.0, 80.0])
     up, down = solve(at + h, **given), solve(at - h, **given)
@@ -212,7 +212,7 @@ def test_rates_are_the_slopes_of_the_angles() -> None:
 
 
 def test_weight_and_target() -> None:
-    """A weight takes its moment off; the energy of what is balanced stays flat."""
+    """A weight lowers the holding moment by its own; the total energy is nearly constant."""
     bare, loaded = solve(ANGLES, **FREE), solve(ANGLES, weight=1.0, target="sine", **FREE)
     assert np.abs(loaded["holding_moment"] - bare["holding_moment"] + np.sin(ANGLES)).max() < 1e-15
     assert np.abs(loaded["residual"] - loaded["holding_moment"]).max() < 1e-15
@@ -244,20 +244,20 @@ def test_weight_and_target() -> None:
     ],
 )
 def test_bad_input(wrong: dict[str, float], word: str) -> None:
-    """A clear error names the parameter; nothing is computed from nonsense."""
+    """The error names the wrong parameter or the reason."""
     with pytest.raises((ValueError, TypeError), match=word):
         solve(ANGLES, **(FREE | wrong))
 
 
 def test_irregular_rows_are_refused() -> None:
-    """Unstable rest postures and folds end in an error, not in a curve."""
+    """Unstable rest postures and folds give an error, not a curve."""
     for line in sorted(IRREGULAR):
         with pytest.raises(ValueError, match=r"unstable|fold"):
             solve(ANGLES, **parameters(rows()[line]))
 
 
 def test_impossible_members_of_a_batch() -> None:
-    """What cannot be is NaN, and does not disturb the others."""
+    """A member that cannot reach the tip gives NaN and does not affect the others."""
     chain = balancers(
         length1=[0.4, 0.1],
         length2=[0.4, 0.1],
@@ -286,14 +286,14 @@ def test_impossible_members_of_a_batch() -> None:
     "change", [{"length2": 1.001}, {"stiffness3": 1.01}, {"mode": -1}, {"rest_angle": 1.01}]
 )
 def test_a_changed_balancer_is_another(change: dict[str, float]) -> None:
-    """The reference notices each of its parameters."""
+    """A small change of a length, stiffness or rest angle, or of the mode, changes the moment."""
     changed = FREE | {k: v if k == "mode" else FREE[k] * v for k, v in change.items()}
     one, two = (solve(ANGLES, **p)["holding_moment"] for p in (FREE, changed))
     assert np.abs(one - two).max() > 1e-5
 
 
 def test_four_segments_of_the_listing() -> None:
-    """Listing N.4 and Table D.1: curves, and the angles at which joints 3 and 2 let go."""
+    """Listing N.4 and Table D.1: curves, and the angles at which joints 3 and 2 are released."""
     for other in DATA["others"]:
         if other["segments"] != 4 or "moments" not in other["recomputed"]:
             continue

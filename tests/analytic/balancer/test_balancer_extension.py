@@ -1,4 +1,4 @@
-"""A pendulum that extends as it leans: virtual work, the least energy, engines, and its design."""
+"""A pendulum that extends as it leans: virtual work, least energy, engines, and design."""
 
 import numpy as np
 import pytest
@@ -28,9 +28,9 @@ def stretch(alpha):
 
 @LINES
 def test_drives_of_both_joints_do_all_work(line):
-    """dV/dalpha = holding + extension force x dr/dalpha; without the weight the balancing moment.
+    """dV/dalpha = holding + extension force x dr/dalpha, without weight the balancing moment.
 
-    By differences of the energy, which knows nothing of forces.
+    The slope is by differences of the energy, which do not use any force.
     """
     given, h = parameters(rows()[line]) | GROWS, 1e-4
     for weight in (0.0, 0.8):
@@ -46,7 +46,7 @@ def test_drives_of_both_joints_do_all_work(line):
 
 
 def test_the_chain_takes_the_least_energy_by_the_law_of_cosines():
-    """Three linear springs over the angle of segment 1, with r(alpha) in the triangle."""
+    """Energy of three linear springs over the angle of segment 1, with r(alpha) in the triangle."""
     l1, l2, l3 = (FREE[f"length{i}"] for i in (1, 2, 3))
     k = [FREE[f"stiffness{i}"] for i in (1, 2, 3)]
 
@@ -67,7 +67,7 @@ def test_the_chain_takes_the_least_energy_by_the_law_of_cosines():
 
         near = found["theta1"][n]
         best = minimize_scalar(energy, bounds=(near - 0.2, near + 0.2), options={"xatol": 1e-10})
-        assert near == pytest.approx(best.x, abs=1e-7)  # root of rounding
+        assert near == pytest.approx(best.x, abs=1e-7)  # square root of rounding
         assert found["energy"][n] == pytest.approx(best.fun, abs=1e-14)
 
 
@@ -106,7 +106,7 @@ def test_a_design_is_worth_its_virtual_work():
     known = solve(task.angles, target="weight", **FREE, **GROWS)["residual"]
     assert task.figures(vector).rmse[0] == pytest.approx(np.sqrt(np.mean(known**2)), rel=1e-9)
     still = Synthesis(Variant("sine", free_angle=True), np.sin).figures(vector).rmse[0]
-    assert task.figures(vector).rmse[0] > 2 * still  # made for a pendulum that keeps its length
+    assert task.figures(vector).rmse[0] > 2 * still  # the design is for a constant length
 
 
 def test_a_pendulum_of_no_length_is_refused():
@@ -133,7 +133,7 @@ def test_engines_agree_and_another_extension_turns_the_verdict(change, tmp_path)
         assert TALLER[0] in model.read_text()
         model.write_text(model.read_text().replace(*TALLER))
     else:
-        for name, value in change.items():  # in the reference alone, not in the drive
+        for name, value in change.items():  # only in the reference, not in the drive
             text = text.replace(f"{name} = {GROWS[name]}", f"{name} = {value}", 1)
     file.write_text(text)
     turned = {c.solver for c in verdicts(file) if c.outcome not in (*GOOD_OUTCOMES, "unsupported")}

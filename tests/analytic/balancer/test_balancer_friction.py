@@ -1,4 +1,4 @@
-"""Stick, slip and loops of friction against the least dissipation of small steps."""
+"""Sticking, slip and friction loops against small steps of least energy plus dissipation."""
 
 from itertools import pairwise
 
@@ -21,9 +21,9 @@ EVEN = np.full(4, 0.005)  # [N m] in each joint and in the tip
 
 
 def stepped(friction, path):
-    """Moment [N m] between the poses of `path`: each minimises energy plus what the step rubs off.
+    """Moments [N m] between poses of `path` that minimise energy plus dissipation of each step.
 
-    The incremental problem of rate-independent friction; it knows sticking, and no first order.
+    This incremental problem of rate-independent friction covers sticking and is not of first order.
     """
 
     def joints(theta1, alpha):
@@ -40,7 +40,7 @@ def stepped(friction, path):
         def cost(t, alpha=alpha, here=here):
             return energy(t, alpha) + friction @ np.abs(joints(t, alpha) - here)
 
-        # as far as friction of this size can keep the chain from its free equilibrium
+        # bounds: friction of this size keeps the chain closer to its free equilibrium
         found = minimize_scalar(
             cost, bounds=(theta - 0.1, theta + 0.1), method="bounded", options={"xatol": 1e-10}
         )
@@ -57,7 +57,7 @@ def test_no_friction_no_loop():
 
 @pytest.mark.parametrize("friction", [EVEN, np.array([0.0, 0.005, 0.005, 0.0])])
 def test_loop_is_widest_where_the_chain_moves_most(friction):
-    """From 60 to 90 degrees, as the thesis's measured band; |dbeta/dalpha| peaks there as well."""
+    """From 60 to 90 degrees, as the measured band of the thesis; |dbeta/dalpha| peaks there too."""
     found = loop(FOUND["holding_moment"], TURNS, friction)
     width, inner = found.out - found.back, np.abs(FOUND["theta1_rate"] - 1.0)
     late = np.arange(1, 91) >= 60  # degrees
@@ -68,7 +68,7 @@ def test_loop_is_widest_where_the_chain_moves_most(friction):
 
 
 def test_how_far_the_chain_moves_against_the_pendulum():
-    """Mean |dbeta/dalpha| over ten degrees each, recomputed independently to two decimals."""
+    """Means of |dbeta/dalpha| over ten degrees, recomputed independently to two decimals."""
     tens = np.radians([0.0, 10.0, 50.0, 60.0, 70.0, 80.0, 90.0])
     beta = solve(tens, **flat(ROW))["theta1"] - tens
     mean = -np.diff(beta)[[0, 2, 3, 4, 5]] / np.radians(10.0)
@@ -78,8 +78,8 @@ def test_how_far_the_chain_moves_against_the_pendulum():
 def test_area_is_the_work_of_friction():
     found = loop(FOUND["holding_moment"], TURNS, EVEN)
     joints = np.concatenate([deflections(ROW, FOUND["theta1"], PATH), [PATH - FOUND["theta3"]]])
-    way = np.abs(np.diff(joints, axis=1)).sum(axis=1)  # all that each joint turns, back and forth
-    # trapezoids of 1 degree against sums of differences: a twelfth of step^2 times the curvature
+    way = np.abs(np.diff(joints, axis=1)).sum(axis=1)  # total rotation of each joint
+    # trapezoids of 1 degree against sums of differences: step^2/12 times the curvature
     assert dissipated(PATH, found) == pytest.approx(2.0 * EVEN @ way, rel=1e-3)
     both = loop(FOUND["holding_moment"], TURNS, 2.0 * EVEN)
     assert dissipated(PATH, both) == pytest.approx(2.0 * dissipated(PATH, found), rel=1e-14)
@@ -92,14 +92,15 @@ def test_loop_is_symmetric_about_the_conservative_curve():
 
 
 def test_first_order_of_the_least_dissipation():
-    """Error of the loop against small steps with sticking: of second order in the friction."""
+    """The error of the loop against small steps with sticking is of second order in friction."""
     path = np.radians(np.concatenate([np.arange(0.0, 80.1, 0.5), np.arange(79.5, 54.9, -0.5)]))
     way = np.sign(np.diff(path))
     middle = (path[1:] + path[:-1]) / 2.0
     pose = solve(np.sort(middle), **flat(ROW))
     order = np.argsort(np.argsort(middle))
     turns = np.stack([pose[f"deflection{i}_rate"] for i in (1, 2, 3)] + [1.0 - pose["theta3_rate"]])
-    # sliding: the docstring's span of sticking is 2 degrees at most after the start and the turn
+    # sliding: 4 degrees after start and turn, where sticking, by the docstring of `loop`, ends
+    # within 2 degrees
     sliding = ((way > 0) & (middle > np.radians(4))) | ((way < 0) & (middle < np.radians(76)))
     errors = []
     for friction in (2.0 * EVEN, EVEN):
@@ -136,7 +137,7 @@ UP = np.radians(np.concatenate([np.arange(0.0, 80.1, 1.0), np.arange(79.0, 29.9,
 
 @pytest.mark.parametrize("friction", [(0.01, 0.02, 0.0), (0.0, 0.03, 0.05), (0.005, 0.02, 0.02)])
 def test_postures_are_of_least_energy_and_dissipation(friction):
-    """Stick and slip of the reference against small steps that minimise what they cost."""
+    """The reference agrees with small steps that minimise energy plus dissipation."""
     own = flat(ROW)
     chain = own | {f"friction{i}": tau for i, tau in enumerate(friction, start=1)}
     found, tau = solve(UP, np.gradient(UP), **chain), np.array(friction)
@@ -157,13 +158,13 @@ def test_postures_are_of_least_energy_and_dissipation(friction):
                 cost, bounds=(theta - 0.05, theta + 0.05), method="bounded", options={"xatol": 1e-9}
             ).x
         worst = max(worst, abs(theta - expected))
-    # where a joint comes to stand within a part of a quarter of a degree, it is off by its square;
-    # a search of a minimum with kinks to 1e-9 gives 1e-6
+    # where a joint comes to rest within a part of a quarter of a degree, the error is its square; a
+    # search to 1e-9 of a minimum with kinks gives 1e-6
     assert worst < 2e-5
 
 
 def test_friction_and_springs_take_the_work_of_the_drive():
-    """Over each sample: work = change of energy + friction times the way of each joint."""
+    """Between samples: work = change of energy + friction times the rotation of each joint."""
     friction = {"friction1": 0.01, "friction2": 0.02, "friction3": 0.03, "pendulum_friction": 0.02}
     fine = np.radians(np.concatenate([np.arange(0, 80, 0.2), np.arange(80, 20, -0.2)]))
     found = solve(fine, np.gradient(fine), **flat(ROW), **friction)
@@ -174,7 +175,7 @@ def test_friction_and_springs_take_the_work_of_the_drive():
     )
     lost = lost + 0.02 * np.abs(way)
     off = np.cumsum(work - np.diff(found["energy"]) - lost)
-    smooth = np.abs(np.diff(moment)) < 1e-3  # the moment of a carried joint jumps on a turn
+    smooth = np.abs(np.diff(moment)) < 1e-3  # at the turn the moment of a joint at rest jumps
     assert np.abs(np.diff(off)[smooth[1:]]).max() < 3e-5  # trapezoids at the events
     assert np.abs(off).max() < 3e-3 * np.cumsum(lost)[-1]
 
@@ -186,7 +187,7 @@ def test_the_drive_holds_what_balancer_and_bearing_leave_of_the_weight():
     found = solve(way, rate, **flat(ROW), **friction, weight=0.7)
     left = found["balancing_moment"] + 0.02 * rate - 0.7 * np.sin(way)
     np.testing.assert_allclose(found["holding_moment"], left, rtol=0, atol=1e-15)
-    # the ground holds the chain by its first joint: spring and friction
+    # the ground acts on the chain through joint 1: spring and friction
     own = found["moment1"] + found["friction1"]
     np.testing.assert_allclose(found["balancing_moment"], own, rtol=0, atol=1e-15)
     assert np.ptp(found["friction1"]) == pytest.approx(0.02)  # it slips both ways
@@ -205,12 +206,13 @@ def test_every_joint_carries_its_load_by_spring_and_friction_and_rates_are_slope
         np.testing.assert_allclose(found[f"node{i}_load"], own, rtol=0, atol=1e-12)
         slope = (found[f"theta{i}"][2:] - found[f"theta{i}"][:-2]) / (2.0 * step)
         off = np.abs(slope - found[f"theta{i}_rate"][1:-1])
-        # step^2/6 of the third derivative, but beside the turn and two events, where rates jump
+        # step^2/6 times the third derivative, except next to the turn and two events, where rates
+        # jump
         assert (off > 1e-5).sum() <= 5
 
 
 def test_a_bearing_takes_its_moment_times_the_way_of_a_cycle():
-    """There and back over half a turn in all, to the two digits that are printed."""
+    """A cycle is a quarter turn out and back; the numbers are printed with two decimals."""
     chain = prototype.parameters() | {"pendulum_friction": 0.02, "expected": "van Nes N.2"}
     told = properties(**chain)
     lost = float(told["lost in a cycle"].removesuffix(" mJ by friction"))
@@ -224,7 +226,7 @@ def test_a_bearing_takes_its_moment_times_the_way_of_a_cycle():
 
 
 def test_a_rest_that_lies_off_the_way_there_is_on_another_branch(monkeypatch):
-    """Newton's method may correct a stride by 0.05 rad; here by nothing."""
+    """Newton's method may correct a stride by 0.05 rad; with a limit of 0 the path ends."""
     assert np.isfinite(solve(UP[:5], **flat(ROW), friction2=0.02)["theta1"]).all()
     monkeypatch.setattr(friction_of_balancers, "MAX_CORRECTION", 0.0)
     with pytest.raises(ValueError, match="the equilibrium ends at a fold"):
@@ -249,7 +251,7 @@ def test_the_expected_measurement_is_the_polynomial_with_the_loop_of_first_order
 
 
 def test_friction_of_the_prototype_lowers_the_work_reduction_to_what_was_measured():
-    """93.47 % of listing N.2 for the closed loop, by friction of joints 2 and 3 alone."""
+    """Friction of joints 2 and 3 alone gives the 93.47 % of listing N.2 for the closed loop."""
     chain = prototype.parameters() | {"friction2": 0.00263, "friction3": 0.00263}
     found = properties(**chain, expected="van Nes N.2")
     assert found["work reduction of the loop"] == "93.47 % against van Nes N.2"

@@ -1,8 +1,8 @@
 """The thesis's own search over a grid, against the 112 results that it printed.
 
-Source and lines of every figure: data/balancer.json. The search has no freedom of its own; what
-separates our figures from the print is the fourth decimal of the printed parameters: half a unit of
-it lets the minimum jump to another point of the grid.
+data/balancer.json has source and line of every number. The search has no free choices; our numbers
+differ from the print because of the fourth decimal of the printed parameters: half a unit of it
+moves the minimum to another point of the grid.
 """
 
 from functools import cache
@@ -17,11 +17,11 @@ from tests.independent.balancer import grid, grid4
 THREE, FOUR = rows(3), rows(4)
 OTHERS = {row["name"]: row for row in DATA["others"]}
 DESIGNS = THREE | FOUR | OTHERS
-LEAST_ENERGY = "1847"  # its least energy at 1 deg is far from the printed path: a test of its own
+LEAST_ENERGY = "1847"  # its least energy at 1 deg is far from the printed path; it has its own test
 FURTHER = {
-    "2107": 8e-4,  # its moments come in steps of 9e-3, twice the printed rmse of 4e-3
+    "2107": 8e-4,  # its grid has moments in steps of 9e-3, twice the printed rmse of 4e-3
     "2117": 8e-4,
-}  # from 60 deg on in the corner of the stretched arm: rounding decides
+}  # arm stretched from 60 deg on: rounding decides
 NOT_FOUND = [
     "1744",
     "1747",
@@ -36,7 +36,7 @@ NOT_FOUND = [
     "2095",
     "2134",
     "2159",
-]  # four segments, steps of 0.02 rad: rounding picks other points
+]  # four segments, steps of 0.02 rad: rounding selects other points
 LETTERS = {"locked": "L", "joint 3 free": "3", "joint 2 free": "2", "both free": "B"}
 NO_PATH = {
     "unstable at rest",
@@ -48,7 +48,7 @@ NO_PATH = {
 
 @cache
 def searched(line, **changes):
-    """The search as the thesis ran it, and rmse and work reduction of what it found."""
+    """Result of the search as in the thesis, and its rmse and work reduction."""
     row = DESIGNS[line]
     search, count = (grid, 90) if row["segments"] == 3 else (grid4, 15)
     angles = precision_points(count)
@@ -62,7 +62,7 @@ def figures(row, angles, moment):
 
 
 def misses(line, **changes):
-    """Distances from the printed rmse and work reduction."""
+    """Absolute differences from the printed rmse and work reduction."""
     (_, error, reduction), printed = searched(line, **changes), DESIGNS[line]["printed"]
     return abs(error - printed["rmse"]), abs(reduction - printed["work_reduction"])
 
@@ -80,11 +80,11 @@ def test_most_results_of_three_segments_are_met_to_their_last_digit():
 
 
 def test_least_energy_of_1847_is_no_posture_from_rest():
-    """At 1 deg the stretched arm, quadratic springs wound backwards, holds less than nothing."""
+    """At 1 deg the stretched arm with quadratic springs wound backwards has negative energy."""
     row, angles = THREE[LEAST_ENERGY], precision_points(90)
     found, error, _ = searched(LEAST_ENERGY)
     assert found["energy"][0] < 0.0 < found["energy"][1]
-    assert found["theta3"][0] - found["theta2"][0] < 1e-6  # stretched: the last point of the range
+    assert found["theta3"][0] - found["theta2"][0] < 1e-6  # stretched: last point of the range
     assert error > 2.0 * row["printed"]["rmse"]
     rest, _ = figures(row, angles[1:], found["balancing_moment"][1:])
     assert rest == pytest.approx(row["printed"]["rmse"], abs=4e-4)  # as for all others
@@ -99,7 +99,7 @@ def test_printed_results_of_four_segments(line):
 
 @pytest.mark.parametrize("line", NOT_FOUND)
 def test_other_results_of_four_segments_are_as_another_program_found_them(line):
-    """Not as printed; those that were recomputed independently, to the digits they are kept in."""
+    """They differ from the print, and agree with independent recomputations to the kept digits."""
     _, error, reduction = searched(line)
     printed, again = FOUR[line]["printed"], FOUR[line].get("recomputed", {}).get("grid")
     assert abs(error - printed["rmse"]) > 1.5e-4
@@ -129,7 +129,7 @@ def test_other_results_of_four_segments_are_as_another_program_found_them(line):
     ],
 )
 def test_prints_lie_within_the_rounding_of_the_printed_parameters(line):
-    """Some parameters that round to the printed ones give the printed result."""
+    """Some parameters that round to the printed parameters give the printed result."""
     row, random = DATA["rows"][line], np.random.default_rng(1)
     names = [
         name
@@ -143,7 +143,7 @@ def test_prints_lie_within_the_rounding_of_the_printed_parameters(line):
         if "quadratic1" in shift:  # one spring for all joints
             shift |= {n: shift[n[:-1] + "1"] for n in shift if n[:-1] in ("stiffness", "quadratic")}
         error, reduction = misses(line, **shift)
-        return error <= 1.5e-4 and reduction <= 0.05  # what other designs are met to unshifted
+        return error <= 1.5e-4 and reduction <= 0.05  # bounds of other designs without a shift
 
     assert any(meets_the_print() for _ in range(400))
 
@@ -152,12 +152,12 @@ def test_prints_lie_within_the_rounding_of_the_printed_parameters(line):
 def test_swapped_lengths_and_the_other_elbow_are_noticed(line):
     p = parameters(THREE[line])
     for change in ({"length2": p["length3"], "length3": p["length2"]}, {"mode": -1}):
-        assert misses(line, **change)[0] > 4e-4  # what the print is met to
+        assert misses(line, **change)[0] > 4e-4  # the tolerance of the print
 
 
 @pytest.mark.parametrize("line", ["1743", "2107", "2178"])
 def test_moments_come_in_steps(line):
-    """In units of the step every moment is a whole number, once the angle's own share is off."""
+    """In steps of the grid every moment less the share of the angle is a whole number."""
     row, angles = THREE[line], precision_points(90)
     p = parameters(row)
     r, l1, rest = p["pendulum"], p["length1"], p["length2"] + p["length3"]
@@ -214,7 +214,7 @@ def test_contact_keeps_joint_two_below_its_stop(line):
     row, (found, *_) = THREE[line], searched(line)
     top, stop = found["deflection2"].max(), row["parameters"]["high2"]
     assert top <= stop
-    # a stop is touched when the next point is beyond it: 2 pi/1000 of segment 1, 0.03 of joint 2
+    # a stop is touched if the next point, 2 pi/1000 of segment 1 or 0.03 of joint 2, is beyond it
     assert (top < stop - 0.03) == ("stop never touched" in row.get("warnings", []))
 
 
@@ -233,7 +233,7 @@ def test_a_finer_grid_of_1790_leaves_the_print():
     fine = grid4.minimise(angles, points=300, **parameters(row))
     error, _ = figures(row, angles, fine["balancing_moment"])
     assert row["printed"]["rmse"] == 0.04
-    # the path's 0.0466; half a step of 0.021 rad times k1, over the root of 15 points
+    # the path has 0.0466; tolerance: half a step of 0.021 rad times k1, over the root of 15 points
     assert error == pytest.approx(row["recomputed"]["path"]["rmse"], abs=3.5e-3)
 
 

@@ -1,4 +1,4 @@
-"""Appendix E: the energy, its slopes by differences, its stationary point, its two misprints."""
+"""Appendix E: energy, its slopes by differences, its stationary point, and two misprints."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_slopes_by_differences(line, mode):
     row, h = flat(ROWS[line]), 1e-5
     alpha1 = deflections(ROWS[line], equilibrium(ROWS[line]), PATH)[0] + 0.01  # off equilibrium
     if mode == -1:
-        alpha1 = 0.9 * PATH  # where elbow down reaches as well
+        alpha1 = 0.9 * PATH  # elbow down reaches these too
     call = dict(**row, weight=0.7, mode=mode)
     found = potential(PATH, alpha1, **call)
     for slope, (da, d1) in ((found.by_angle, (h, 0.0)), (found.by_winding1, (0.0, h))):
@@ -87,7 +87,7 @@ def test_e8_prints_the_wrong_sign_of_the_rest_angle():
 
 
 def test_e6_holds_only_behind_the_pendulum():
-    """Line 1347, theta_2 - theta_1 = pi - gamma_2 - phi_2: for line 1766 it misses 1.17 rad."""
+    """Line 1347, theta_2 - theta_1 = pi - gamma_2 - phi_2, is 1.17 rad off for line 1766."""
     for line, misses in ((1743, False), (1766, True)):
         l1, l2, l3 = ROWS[line]["length"]
         theta1 = equilibrium(ROWS[line])[49]

@@ -1,4 +1,4 @@
-"""Closed laws of a balancer against equilibria found by search, finite differences and limits."""
+"""Closed formulas of a balancer against equilibria by search, finite differences and limits."""
 
 import numpy as np
 import pytest
@@ -51,8 +51,8 @@ def rest(row):
 
 
 def compliant_slope(theta, lengths, stiffness):
-    """dM1/dangle by deflections and tip force together: springs K e = W F, the tip goes with t."""
-    steps = np.asarray(lengths) * np.exp(-1j * np.asarray(theta))  # x is the imaginary part, less
+    """dM1/dangle from one system for deflections and tip force: K e = W F, the tip moves with t."""
+    steps = np.asarray(lengths) * np.exp(-1j * np.asarray(theta))  # x is minus the imaginary part
     to_tip = np.cumsum(steps[::-1])[::-1]
     w = np.stack([-to_tip.real, -to_tip.imag], axis=-1)
     n = len(lengths)
@@ -70,7 +70,10 @@ def test_release_angle_from_one_length(line):
 
 @pytest.mark.parametrize("line", [1745, 1768, 1826])
 def test_release_angle_by_search(line):
-    """Where virtual work no longer presses spring 2 on its stop, the chain turned as one body."""
+    """The search turns the chain as one body.
+
+    It finds the angle from which on virtual work no longer presses joint 2 on its stop.
+    """
     row = ROWS[line]
     share = leverage(rest(row), row["length"])[1]
     start = row.get("rest_angle", 0.0)
@@ -179,13 +182,13 @@ def test_locked_joints_have_infinite_stiffness():
 
 def test_stiff_outer_springs_leave_spring_1_alone():
     stiff = flat(ROWS[1766]) | {"stiffness2": 1e9, "stiffness3": 1e9}
-    # compliance of the other springs over that of the first
+    # compliance of the other springs divided by that of spring 1
     np.testing.assert_allclose(solve(PATH, **stiff)["balancing_moment"], 1.2701 * PATH, rtol=1e-8)
 
 
 @pytest.mark.parametrize("line", [1743, 1766])
 def test_without_outer_springs_the_chain_hangs_slack_until_it_is_taut(line):
-    """Spring 1 alone: its energy is least at rest, or as near to rest as the tip lets it."""
+    """Spring 1 alone has its least energy at rest, or as close to rest as the tip allows."""
     row = ROWS[line]
     (l1, *outer), k1 = row["length"], row["stiffness"][0]
     start, reach = row.get("rest_angle", 0.0), sum(outer)

@@ -1,4 +1,4 @@
-"""Best straight pieces through the origin against a general fitter and the thesis's column."""
+"""Best piecewise linear curves through the origin against a general fitter and the thesis."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from proofmass.analytic.balancer.synthesis import THESIS_FIGURES
 from tests.analytic.balancer.balancer_chain import ROWS, flat
 
 POINTS, FEW = precision_points(90), precision_points(15)
-TABULATED = list(dict.fromkeys(name for name, _ in THESIS_FIGURES))  # the column has no others
+TABULATED = list(dict.fromkeys(name for name, _ in THESIS_FIGURES))  # all targets in its column
 
 
 def chain(angle, kinks, slopes):
@@ -61,7 +61,7 @@ def test_slope_of_one_line_is_that_of_the_normal_equation():
 def test_a_chain_of_lines_is_found_again(kinks):
     slopes = np.array([1.5, 0.3, 0.9])[: len(kinks) + 1]
     found = best_lines(POINTS, chain(POINTS, kinks, slopes), len(kinks) + 1)
-    # the lattice ends at 1e-14 rad; that is rounding of the fits
+    # 1e-7 is rounding of the fits; the lattice of kinks ends at 1e-14 rad
     np.testing.assert_allclose(found.kinks, kinks, rtol=0, atol=1e-7)
     np.testing.assert_allclose(found.slopes, slopes, rtol=0, atol=1e-7)
     assert found.rmse <= 1e-8
@@ -92,12 +92,12 @@ def test_best_theoretical_approximations(name, pieces, points, printed):
     ],
 )
 def test_straight_lines_are_printed_with_zero_among_the_points(name, points, printed):
-    """A point more at angle 0, where nothing is left: the mean over n + 1 of the same squares."""
+    """The print has one more point, angle 0 without error: the same squares over n + 1 points."""
     true = best_lines(points, target(name, points)).rmse
     with_zero = true * np.sqrt(points.size / (points.size + 1.0))
     # half a unit of the last digit, 0.10155 rounded twice, and three digits of 0.279
     assert with_zero == pytest.approx(printed, abs=5.1e-4 if printed == 0.279 else 5.3e-5)
-    assert abs(true - printed) > 4e-4  # the column is not of the points of eq. 18
+    assert abs(true - printed) > 4e-4  # the column does not use the points of eq. 18
 
 
 def test_misprints_of_the_column():
@@ -115,7 +115,7 @@ def test_misprints_of_the_column():
 
 
 def test_best_is_not_a_bound():
-    """The optimum of line 1743, with no more than linear springs, is nearer to the sine."""
+    """The optimum of line 1743, with linear springs only, is closer to the sine than the line."""
     moment = solve(POINTS, **flat(ROWS[1743]))["balancing_moment"]
     assert rmse(moment, np.sin(POINTS)) < 0.98 * best_lines(POINTS, np.sin(POINTS)).rmse
 

@@ -1,4 +1,4 @@
-"""Pin forces and node loads against the thesis's table, its printed forms and each free body."""
+"""Pin forces and node loads against the thesis's table and printed forms, and on free bodies."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ STAGED = {
 
 
 def chain(parameters, angle=PATH):
-    """Angles, lengths and spring moments (..., n) of a balancer at rest, and all its curves."""
+    """Angles, lengths, spring moments (..., n) of a balancer in equilibrium, and all its curves."""
     found = solve(angle, **parameters)
     count = 4 if "length4" in parameters else 3
     theta, moment = (
@@ -83,7 +83,7 @@ def test_pose_of_line_1743_at_50_degrees():
 
 @FREE
 def test_printed_forms_give_the_same_force(line):
-    """B.3, B.4 and those of the program, which lose digits where theta_1 or theta_3 is level."""
+    """Eqs B.3, B.4 and those of the program, which lose digits where segment 1 or 3 is level."""
     theta, lengths, moment, _ = chain(flat(ROWS[line]))
     (s1, s2, s3), (c1, c2, c3), (l1, l2, l3) = np.sin(theta).T, np.cos(theta).T, lengths
     m1, m2, m3 = moment.T
@@ -95,8 +95,8 @@ def test_printed_forms_give_the_same_force(line):
     x_code = (-m3 + y_code * l3 * s3) / (l3 * c3)
     force = np.array(pin_force(theta, lengths, moment))
     for printed, level in (((x_b3, y_b4), c1), ((x_code, y_code), c3)):
-        # rounding of six terms up to 3, 1e-14, over an elbow's sine, 0.1, and over the cosine:
-        # divided by once in the other component, and then in this one
+        # rounding of six terms of up to 3, 1e-14, divided by an elbow's sine, 0.1, and twice by the
+        # cosine: in the other component, and then in this one
         assert np.all(np.abs(np.array(printed) - force).max(axis=0) <= 1e-13 / level**2)
 
 
@@ -104,14 +104,14 @@ def test_printed_forms_give_the_same_force(line):
 def test_springs_of_free_joints_carry_their_load(parameters):
     theta, lengths, moment, found = chain(parameters)
     force = pin_force(theta, lengths, moment)
-    # M_1 and M_n by construction; the others hold at equilibrium only, here to its rounding
+    # M_1 and M_n are equal by construction, the others only at equilibrium, to its rounding
     np.testing.assert_allclose(node_loads(theta, lengths, *force), moment, rtol=0, atol=1e-13)
     np.testing.assert_allclose(force, [found["force_x"], found["force_y"]], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("parameters", [flat(ROWS[1745]), flat(ROWS[1766]), FOUR, STAGED])
 def test_node_loads_and_forces_along_segments_are_those_of_the_appendices(parameters):
-    """Springs of free joints, and springs with their stops; forces turned into each segment."""
+    """Joints are free or on stops; forces are resolved along and across each segment."""
     theta, lengths, _, found = chain(parameters)
     force = found["force_x"], found["force_y"]
     loads = node_loads(theta, lengths, *force)
@@ -131,7 +131,7 @@ def test_joints_out_of_equilibrium_do_not():
 
 @pytest.mark.parametrize("parameters", [flat(ROWS[1766]), FOUR])
 def test_each_segment_is_in_equilibrium(parameters):
-    """Moments on segment i about its inner pin: the two springs and the force at its outer pin."""
+    """Moments on segment i about its inner pin sum to zero: two springs and the outer pin force."""
     theta, lengths, moment, _ = chain(parameters)
     fx, fy = (force[:, None] for force in pin_force(theta, lengths, moment))
     outer = np.roll(moment, -1, axis=-1)
@@ -146,7 +146,7 @@ def test_any_free_joint_gives_the_same_force(line):
     x, y = levers(theta, lengths)
     area = np.abs(x[:, 1] * y[:, 0] - x[:, 0] * y[:, 1])
     last, middle = (np.array(pin_force(theta, lengths, moment, joint)) for joint in (3, 2))
-    assert np.all(np.abs(last - middle) <= 1e-13 / area)  # rounding over what is divided by
+    assert np.all(np.abs(last - middle) <= 1e-13 / area)  # rounding over the divisor
 
 
 def test_pendulum_is_in_equilibrium():
@@ -186,7 +186,7 @@ def test_stages_of_two_preloads():
 
 
 def test_appendix_c_with_the_sign_of_its_last_moment():
-    """C.1 and C.2 add M_4 where the program subtracts it; with M_4 = k_4 e_4 only one closes."""
+    """C.1 and C.2 add M_4, the program subtracts it; with M_4 = k_4 e_4 only that is right."""
     theta, lengths, moment, _ = chain(FOUR)
     s, c = np.sin(theta), np.cos(theta)
     up, across = (np.sum(lengths[:3] * part[:, :3], axis=-1) for part in (s, c))
@@ -197,7 +197,7 @@ def test_appendix_c_with_the_sign_of_its_last_moment():
         x = (-last + y * lengths[3] * s[:, 3]) / (lengths[3] * c[:, 3])
         return node_loads(theta, lengths, x, y)
 
-    # rounding over cos theta_4, which passes zero on the way
+    # rounding over cos theta_4, which passes zero on the path
     near = np.abs(c[:, 3]) > 0.05
     np.testing.assert_allclose(loads(m4)[near], moment[near], rtol=0, atol=1e-12)
     printed = loads(-m4)

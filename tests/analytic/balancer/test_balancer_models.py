@@ -1,4 +1,4 @@
-"""The thesis's 112 balancers as models: statics of the engine's own Jacobian, sweeps, and warnings.
+"""The thesis's 112 balancers as models: statics by MuJoCo's Jacobian, sweeps, and warnings.
 
 Source: van Nes 2022 (see `tests/data/balancer.json`); rows by the line of its text.
 """
@@ -53,21 +53,21 @@ def model(tmp_path):
 
 
 def statics(model: mujoco.MjModel, alpha: float, deflection: np.ndarray):
-    """Forces that hold a pose at rest: what no constraint can give, the drive's, the stops'.
+    """Forces that hold a pose at rest: of the drive, of the stops, and the part that is missing.
 
-    What must act besides springs, weights and loads, f, is put together from the loop's rows, the
-    drive and the stops that the joints lie on, by least squares.
+    The force f that must act in addition to springs, weights and loads is fitted by least squares
+    with the rows of the loop, of the drive and of the stops that the joints lie on.
 
     Returns
     -------
     residual : float
-        Largest part of f [N m] that is left.
+        Largest component of f [N m] that the fit leaves.
     moment : float
         Of the drive [N m].
     pushes : ndarray
         Of the stops, inwards positive [N m].
-    gap, energy : float
-        [m], [J]
+    violation, energy : float
+        Constraint violation of the loop [m], and energy [J].
     """
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -131,7 +131,7 @@ def test_a_sweep_of_pymunk_follows_the_path(line, model):
     found = with_pymunk.simulate(model(line), Run("sweep", ANGLES, names, (DRIVE,)))
     pose = balancer.solve(ANGLES, **parameters(rows()[line]))
     for name in names:
-        # 1e-9: nothing moves by 1e-12 of the mechanism any more; a nearly straight arm magnifies it
+        # 1e-9: the last motion is 1e-12 of the mechanism, and a nearly straight arm magnifies it
         assert np.abs(found.channels[name] - pose[name]).max() <= 1e-9
 
 
@@ -184,9 +184,9 @@ WOUND = re.compile(r"spring (\d) is wound by ([\d.]+) rad, more than a quarter t
 
 @pytest.mark.parametrize("line", ["2165", "1926", "1800", "1754", "2180"])
 def test_springs_past_their_range_or_their_largest_moment_are_told_and_no_others(line):
-    """Not the first, which has no stops to be wound between: in 2165 it is by more than a quarter.
+    """Spring 1 has no stops, so its winding is not limited: in 2165 it exceeds a quarter turn.
 
-    Past its largest moment a spring resists less where it is wound further.
+    Past its largest moment a spring resists less when it is wound further.
     """
     chain, fine = parameters(rows()[line]), np.radians(np.linspace(0.0, 90.0, 721))
     pose, told = balancer.solve(fine, **chain), "; ".join(warnings(**chain))
@@ -196,10 +196,10 @@ def test_springs_past_their_range_or_their_largest_moment_are_told_and_no_others
         way, moment = np.abs(pose[f"deflection{k}"]), np.abs(pose[f"moment{k}"])
         if way.max() > np.pi / 2:
             far[k] = way.max()
-        further = np.diff(way) > 1e-9  # and not by rounding, on a stop
+        further = np.diff(way) > 1e-9  # not by rounding on a stop
         if (falls := (np.diff(moment) < 0.0) & further).any():
             less[k] = np.degrees(fine[np.argmax(falls)])
     assert far or less
     far.pop(1, None)
-    assert wound == pytest.approx(far, abs=5.1e-3)  # told to a hundredth
-    assert past == pytest.approx(less, abs=0.45)  # steps of 1/8 and 1/4 degree, told to a tenth
+    assert wound == pytest.approx(far, abs=5.1e-3)  # printed with two decimals
+    assert past == pytest.approx(less, abs=0.45)  # steps of 1/8 and 1/4 degree, one decimal

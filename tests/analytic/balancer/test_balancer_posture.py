@@ -38,7 +38,7 @@ def test_an_equilibrium_needs_no_drive_but_the_pendulums(line):
 
 @pytest.mark.parametrize("line", ["1766", "1747", "1757"])
 def test_drives_do_all_work_on_any_way(line):
-    """dV = holding dalpha + sum drive_i de_i, by differences along a way through no equilibrium."""
+    """dV = holding dalpha + sum drive_i de_i, by differences along a path off all equilibria."""
     given = without_stops(parameters(rows()[line])) | {"weight": 0.4}
     n, h = rows()[line]["segments"], 1e-5
 
@@ -59,9 +59,9 @@ def test_drives_do_all_work_on_any_way(line):
 
 
 def test_loads_and_energy_of_the_thesis_check_in_sam():
-    """Appendix F: angles prescribed, loads and energy read; the moment curve as recomputed.
+    """Appendix F prescribes angles and reads loads and energy; the moment curve is a recomputation.
 
-    While joints 2 and 3 are locked the drives carry what stops would; the work is the same.
+    While joints 2 and 3 are locked the drives carry the moments of the stops; the work is the same.
     """
     angle = np.radians(6.0) * np.arange(1, 16)
     rest = solve(angle, **SAM["parameters"])
@@ -76,12 +76,12 @@ def test_loads_and_energy_of_the_thesis_check_in_sam():
     assert np.abs(found["drive_moment1"][third]).max() < 1e-12
     assert found["node3_load"][third] == pytest.approx(rest["node3_load"][third], abs=1e-12)
     assert found["node2_load"][both] == pytest.approx(rest["moment2"][both], abs=1e-12)
-    assert (found["drive_moment2"][~both] > 0.02).all()  # of the stop of joint 2
+    assert (found["drive_moment2"][~both] > 0.02).all()  # moment of the stop of joint 2
     assert (found["drive_moment1"][~third] < -0.02).all()
 
 
 def test_angles_that_are_no_equilibrium_need_drives():
-    """What SAM could not tell the thesis: wrong angles show as moments of the drives alone."""
+    """Wrong angles appear only as moments of the drives, which SAM did not show to the thesis."""
     angle = np.radians([70.0, 80.0])
     given = inputs(solve(angle, **SAM["parameters"]), angle, 4)
     given[1] += 1e-3
@@ -106,20 +106,20 @@ def test_the_model_is_that_of_the_balancer_without_stops(tmp_path):
     parts = write_case(tmp_path, NAME, title="", source="", parameters=SAM["parameters"])
     text = parts.with_suffix(".xml").read_text().replace(' range="0.0 10.0"', "")
     more = [line for line in own if line not in text.splitlines()]
-    assert len(more) == 6  # two lines that say so, motors of joints 1 and 2 and their sensors
+    assert len(more) == 6  # two lines of comment, motors of joints 1 and 2 and their sensors
     sensors = text.partition("<sensor>")[2].splitlines()
     less = [line for line in text.splitlines() if line not in own and line not in sensors]
     assert (
         less.pop(0) == "       centres of mass balance the chain: what weighs is the tip alone. -->"
     )
-    # no sensor that is left is at these places
+    # no remaining sensor uses these sites
     assert [re.match(' *<site name="(.*?)"', line)[1] for line in less] == ["node1", "node2"]
 
 
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ('springref="-5.67619', 'springref="-5.67618'),  # of spring 2: its drive carries it
+        ('springref="-5.67619', 'springref="-5.67618'),  # spring 2: its drive differs
         ('stiffness="0.31"', 'stiffness="0.3100001"'),
         ('pos="-0.2 0.21 0"', 'pos="-0.2 0.2100001 0"'),
     ],

@@ -1,4 +1,4 @@
-"""The built balancer: what was mounted, what its model gives, and what 93.47 % is of."""
+"""The built balancer: its mounted springs, its model, and the reference of the 93.47 %."""
 
 import json
 from pathlib import Path
@@ -30,7 +30,7 @@ def model(springs, angle=PATH):
 
 
 def test_moments_of_the_model_by_another_solver():
-    """Circles and a secant on the moments in units of m g r; rounding of twenty operations."""
+    """The other solver uses circles, a secant and units of m g r; rounding of twenty operations."""
     row = {
         "length": np.array(prototype.LENGTHS) / prototype.PENDULUM,
         "stiffness": np.array(prototype.stiffnesses()) / MGR,
@@ -105,7 +105,7 @@ def test_printed_polynomial_has_a_first_coefficient_ten_times_too_large():
     printed = np.array(DATA["polynomial"]["printed"])
     assert np.polyval(printed, 90.0) == pytest.approx(2.41, abs=5e-3)  # 41 times m g r
     np.testing.assert_allclose(prototype.EXPECTED / printed, [0.1, 1, 1, 1, 1, 1], rtol=1e-15)
-    # the thesis's model has grid noise, k_1 times a step of 1.2e-3 rad, 9e-5 N m, in each point
+    # each point of the thesis's model has noise of its grid: k_1 times 1.2e-3 rad, 9e-5 N m
     assert rmse(prototype.expected_moment(PATH), model("measured")) < 1e-4
     own = np.polyfit(np.degrees(PATH), model("measured"), 5)
     np.testing.assert_allclose(prototype.EXPECTED, own, rtol=0.03)  # a refit of the exact curve
@@ -119,7 +119,7 @@ def test_work_reductions_name_their_reference():
     assert tuple(printed.values()) == tuple(DATA["reductions"].values())
     # the thesis's grid, N = 1000: 0.02 by its search, as line 1766 shows
     assert found["design", "sine"] == pytest.approx(printed["design", "sine"], abs=0.04)
-    # with nothing measured at all the model would reach more against the polynomial
+    # the model alone, without any measurement, reaches more against the polynomial
     assert found["measured", "expected"] > 99.7 > printed["ten measured runs", "expected"]
 
 
@@ -141,7 +141,7 @@ def test_bounds_of_the_measurement_against_the_sine():
     expected, sine = prototype.expected_moment(angle), MGR * np.sin(angle)
     lost = (1.0 - 0.9347) * np.trapezoid(expected, angle) / np.trapezoid(sine, angle)
     apart = 1.0 - work_reduction(expected, sine, angle) / 100.0
-    # the docstring's digits
+    # the digits in the docstring of `reductions`
     np.testing.assert_allclose(
         100.0 * (1.0 - np.array([apart + lost, apart - lost])), [86.3, 98.3], rtol=0, atol=0.06
     )

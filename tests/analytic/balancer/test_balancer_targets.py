@@ -1,4 +1,4 @@
-"""Targets against their energies and prints; measures against plain sums and a general fitter."""
+"""Targets against their energies and printed formulas; measures against plain sums."""
 
 from itertools import combinations
 
@@ -14,7 +14,7 @@ EACH = pytest.mark.parametrize("name", TARGETS)
 QUARTER = np.linspace(0.0, np.pi / 2, 91)
 POINTS = measures.precision_points(90)
 EQUATION_28 = (-0.25, 1.34, -2.91, 2.82, -0.01)  # van Nes 2022, line 804, as printed
-# Heights' energies as in the program, lines 4060-4112, with its six decimals.
+# Energies as in the program, lines 4060-4112, with its six decimals.
 PRINTED_ENERGY = {
     "sine": np.cos,
     "progressive": lambda a: np.sin(a) - a,
@@ -36,7 +36,7 @@ PRINTED_ENERGY = {
     "softening-hardening": lambda a: 0.5 * np.log(np.cos(a - np.pi / 4)) - 0.5 * a,
 }
 SIX_DIGITS = "progressive-degressive", "degressive-progressive"
-# Moments of the four that the program has and the tables have not, as in lines 4079 to 4100.
+# Moments of the four targets that only the program has, not the tables, as in lines 4079 to 4100.
 UNTABLED = {
     "square-root": np.sqrt,
     "quadratic": lambda a: a**2,
@@ -72,7 +72,7 @@ def test_target_is_the_falling_slope_of_its_energy(name):
 @EACH
 def test_energy_as_the_program_prints_it(name):
     shift = TARGETS[name].height_energy(QUARTER) - PRINTED_ENERGY[name](QUARTER)
-    # up to a constant: coefficients of six digits in the two with a hyphen, all digits else
+    # up to a constant: two targets have coefficients of six digits, the others have all digits
     assert np.ptp(shift) <= (2e-5 if name in SIX_DIGITS else 1e-15)
 
 
@@ -97,18 +97,18 @@ def test_targets_that_are_odd_about_45_degrees(name):
     total = target(name, QUARTER) + target(name, QUARTER[::-1])
     np.testing.assert_allclose(total, 1.0, rtol=0, atol=1e-15)
     bend = np.diff(target(name, QUARTER), 2)[:40]
-    assert np.all(bend > 0.0 if name == "progressive-degressive" else bend < 0.0)  # as its name
+    assert np.all(bend > 0.0 if name == "progressive-degressive" else bend < 0.0)  # as named
 
 
 def test_equation_28_is_too_coarse_for_its_table():
-    """Line 2107 prints 0.0037, 99.66 %: the program's coefficients give it, those of eq. 28 not."""
+    """Line 2107 prints 0.0037, 99.66 %, by the program's coefficients, not by those of eq. 28."""
     moment = balancing_moment(2107)
     for coefficients, error, reduction in ((None, 0.00381, 99.61), (EQUATION_28, 0.01007, 98.96)):
         wanted = target("laevo", PATH) if coefficients is None else np.polyval(coefficients, PATH)
         # half a unit of the digits given, recomputed by an independent implementation
         assert measures.rmse(moment, wanted) == pytest.approx(error, abs=6e-6)
         assert measures.work_reduction(moment, wanted, PATH) == pytest.approx(reduction, abs=6e-3)
-    # what the search grid of the thesis adds: k_1 times half a step of 1.4e-3 rad
+    # error of the search grid of the thesis: k_1 times half a step of 1.4e-3 rad
     assert measures.rmse(moment, target("laevo", PATH)) == pytest.approx(0.0037, abs=2e-3)
 
 
@@ -132,7 +132,7 @@ def test_table_of_a_line_is_the_line_and_of_a_curve_nearly():
     line = target_from_table([0.0, 0.4, 1.6], [0.0, 0.2, 0.8])
     np.testing.assert_allclose(line(QUARTER), 0.5 * QUARTER, rtol=0, atol=2e-16)
     angle = np.linspace(0.0, np.pi / 2, 5001)
-    for curve, order in ((np.exp, 3), (np.sin, 2)):  # the sine has its extreme at the end
+    for curve, order in ((np.exp, 3), (np.sin, 2)):  # the sine has an extreme at the end
         coarse, fine = (
             np.abs(target_from_table(nodes, curve(nodes))(angle) - curve(angle)).max()
             for nodes in (np.linspace(0.0, np.pi / 2, n) for n in (37, 73))
@@ -187,14 +187,14 @@ def test_measures_of_line_1766():
     assert measures.rmse(moment, np.sin(PATH)) == pytest.approx(0.006101, abs=1e-6)
     reduction = measures.work_reduction(moment, np.sin(PATH), PATH)
     assert reduction == pytest.approx(99.2994, abs=1e-4)
-    # the print, by the thesis's grid: noise of k_1 times half a step of 2.4e-3 rad in each moment
+    # the print has noise of the thesis's grid: k_1 times half a step of 2.4e-3 rad in each moment
     assert reduction == pytest.approx(99.33, abs=0.05)
     with_zero = measures.work_reduction(np.insert(moment, 0, 0.0), np.sin(QUARTER), QUARTER)
-    assert with_zero == pytest.approx(reduction, abs=0.02)  # the docstring's claim
+    assert with_zero == pytest.approx(reduction, abs=0.02)  # as its docstring states
 
 
 def test_single_springs_of_lines_1839_and_2167():
-    """Balancers that never release: closed curves, their measures to the digits printed."""
+    """Balancers that never release have closed curves; their measures are those printed."""
     line = 0.5152 * PATH
     assert measures.rmse(line, target("progressive", PATH)) == pytest.approx(0.1021, abs=5.1e-5)
     assert measures.work_reduction(line, target("progressive", PATH), PATH) == pytest.approx(

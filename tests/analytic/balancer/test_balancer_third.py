@@ -1,7 +1,7 @@
-"""A preload of spring 3 of three segments: release, energies, stops that hold ever or never.
+"""A preload of spring 3 of three segments: release, energies, preloads that never release.
 
-The second formulation is that of `tests.analytic.balancer.balancer_chain`: circles that meet, and
-here the least energy among the postures that the stop allows.
+The second formulation closes the chain by circles, as `tests.analytic.balancer.balancer_chain`, and
+finds the least energy among the postures that the stop allows.
 """
 
 import numpy as np
@@ -30,14 +30,14 @@ ROW = {"length": (0.45, 0.47, 0.46)}
 
 
 def turned(theta1, alpha, rest_angle):
-    """Windings (3, ...) of an elbow that is up, by circles that meet."""
+    """Deflections (3, ...) of the joints with the elbow up, by the intersection of circles."""
     rest = angles(ROW, rest_angle, 0.0)
     theta = angles(ROW, theta1, alpha)
     return np.diff(theta - rest.reshape(3, *[1] * (theta.ndim - 1)), axis=0, prepend=0.0)
 
 
 def energy(theta1, alpha, preload):
-    """Energy [J] of the springs without that at rest; infinite beyond the stop."""
+    """Energy [J] of the springs less their energy at rest; infinite beyond the stop."""
     with np.errstate(invalid="ignore"):  # an arm that does not reach
         e = turned(theta1, alpha, preload.get("rest_angle", 0.0))
     stiff = np.array([1.2, 0.3, 0.2]).reshape(3, *[1] * (e.ndim - 1))
@@ -56,14 +56,14 @@ def test_the_chain_takes_the_least_energy_that_the_stop_allows(preload):
         best = minimize_scalar(
             energy, (start - 1e-4, start, start + 1e-4), args=(alpha, preload), tol=1e-12
         ).x
-        # the place of a minimum: the root of rounding, over the root of the stiffness; locked, the
-        # stop's slack of 1e-9 over the slope of e3
+        # position of a minimum: root of rounding, divided by the root of the stiffness; of a locked
+        # joint: the slack of 1e-9 of the stop, divided by the slope of e3
         assert near == pytest.approx(best, abs=3e-7 if preload is AT_ONCE else 1e-7)
 
 
 @pytest.mark.parametrize("preload", [CLOSING, OPENING])
 def test_release_where_the_load_along_segments_2_and_3_reaches_the_preload(preload):
-    """Locked, segments 2 and 3 are a bar: its force goes from P1 to the tip, no spring bends it."""
+    """Locked segments 2 and 3 are a bar without moments: its force points from P1 to the tip."""
     rest = angles(ROW, preload["rest_angle"], 0.0)
     steps = 1j * np.array(ROW["length"]) * np.exp(-1j * rest)
     p1, p2 = steps[0], steps[0] + steps[1]
@@ -78,7 +78,7 @@ def test_release_where_the_load_along_segments_2_and_3_reaches_the_preload(prelo
 
 @pytest.mark.parametrize("mode", [1, -1])
 def test_along_the_pendulum_joint_3_turns_one_way_with_the_square(mode):
-    """e3 = -mode c b^2, c from the law of cosines: q dq = r l1 sin b db at b = 0."""
+    """e3 = -mode c b^2 with b = beta, c by the law of cosines: q dq = r l1 sin b db at b = 0."""
     given = CHAIN | {"mode": mode} | {"preload3": -0.3 * mode}
     given |= {"high3": 0.0} if mode > 0 else {"low3": 0.0}
     l1, l2, l3 = ROW["length"]
@@ -95,7 +95,7 @@ def test_along_the_pendulum_joint_3_turns_one_way_with_the_square(mode):
 
 @EACH
 def test_the_rest_posture_is_an_equilibrium_with_its_preload(preload):
-    """Also where the load holds joint 3 on its stop, which then holds nothing."""
+    """Also where a force along the pendulum, and not the stop, carries the preload of joint 3."""
     chain = balancer(**CHAIN, **preload)
     residual, _ = system(chain, rest_posture(chain))
     assert np.abs(residual).max() < 1e-15  # of a preload of 0.3 N m
@@ -142,7 +142,7 @@ def test_of_a_batch_those_that_can_never_release_have_no_numbers():
 
 
 def test_beyond_the_end_of_a_path_there_are_no_numbers():
-    """A path that is followed to half a radian knows nothing of what comes after."""
+    """A path that is followed to 0.5 rad has no values at larger angles."""
     chain = balancer(**CHAIN, **CLOSING)
     found = along(chain, follow(chain, 0.5), np.array([0.1, 0.5, 0.51, 1.0]))
     for name in ("theta", "moment", "energy", "force"):
@@ -151,9 +151,9 @@ def test_beyond_the_end_of_a_path_there_are_no_numbers():
 
 
 def test_a_stop_on_the_side_that_the_load_presses_is_told():
-    """Segment 1 behind the pendulum pulls the elbow open, onto a stop that keeps it from closing.
+    """Segment 1 behind the pendulum opens the elbow and presses joint 3 onto its stop.
 
-    At angles below zero it leaves it: no error, since a drive may go there.
+    At angles below zero the joint leaves the stop: this is no error, a drive may go there.
     """
     pressed = CHAIN | CLOSING | {"rest_angle": -0.5}
     (told,) = warnings(**pressed)

@@ -1,4 +1,4 @@
-"""Two springs and a contact that releases: against least energy, and models of other numbers."""
+"""Two springs and a contact that releases: against least energy, and wrong models differ."""
 
 import re
 from pathlib import Path
@@ -19,7 +19,7 @@ CASES = [
 
 
 def energy(gap: float, x: float, k1: float, k2: float, preload: float, connection: str) -> float:
-    """Of both springs with the end of the first so far from its contact, whatever balances it."""
+    """Energy of both springs, spring 1 at a distance `gap` from its contact, balanced or not."""
     if connection == "series":
         return 0.5 * (k1 * (preload / k1 + gap) ** 2 + k2 * (x - gap) ** 2)
     return 0.5 * (k1 * (preload / k1 - x + gap) ** 2 + k2 * (preload / k2 + x) ** 2)
@@ -40,7 +40,7 @@ def test_the_gap_has_the_least_energy_and_the_force_is_its_slope(connection, k1,
             method="bounded",
             options={"xatol": 1e-12},
         )
-        assert found["gap"][k] == pytest.approx(least.x, abs=2e-7)  # flat: root of rounding
+        assert found["gap"][k] == pytest.approx(least.x, abs=2e-7)  # square root of rounding
         assert found["energy"][k] == pytest.approx(energy(found["gap"][k], at, *numbers), rel=1e-14)
         assert found["energy"][k] <= least.fun + 1e-13
     h = 1e-6 * release
@@ -56,14 +56,14 @@ def test_the_gap_has_the_least_energy_and_the_force_is_its_slope(connection, k1,
 
 @pytest.mark.parametrize(("connection", "k1", "k2", "preload"), CASES)
 def test_stiffnesses_are_those_of_equations_1_and_2(connection, k1, k2, preload):
-    """In parallel they add up, in series their reciprocals do; less stiff beyond the release."""
+    """In parallel stiffnesses add up, in series reciprocals; they are less beyond the release."""
     given = {"stiffness1": k1, "stiffness2": k2, "preload": preload, "connection": connection}
     (release,) = events(**given).values()
     slope = solve([0.0, 2.0 * release], **given)["slope"]
     wanted = [k2, 1.0 / (1.0 / k1 + 1.0 / k2)] if connection == "series" else [k1 + k2, k2]
     np.testing.assert_allclose(slope, wanted, rtol=1e-14)
     assert slope[1] < slope[0]
-    # as a joint of a balancer that all of the moment acts on
+    # as for a joint of a balancer with a leverage of 1
     assert release == pytest.approx(
         release_angle(preload, 1.0, k2 if connection == "series" else k1)
     )
@@ -93,7 +93,7 @@ def test_bad_parameters_are_named(change, words):
 
 
 def few(file: Path) -> Path:
-    """The case at fewer places."""
+    """Sidecar `file` with 7 instead of 61 samples."""
     text, hits = re.subn("n = 61", "n = 7", file.read_text())
     assert hits
     file.write_text(text)
@@ -112,7 +112,7 @@ def few(file: Path) -> Path:
     ],
 )
 def test_a_wrong_spring_or_contact_is_found(name, old, new, models):
-    """Mutations, in both engines: each preload, a stiffness, and no contact at all."""
+    """Each preload, a stiffness, or a missing contact differs in both engines."""
     file = few(models / f"springs_{name}.toml")
     assert {c.outcome.value for c in verdicts(file)} == {"agrees", "unsupported"}
     model = file.with_suffix(".xml")

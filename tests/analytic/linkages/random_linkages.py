@@ -1,7 +1,7 @@
-"""Random linkages of every family: an MJCF text beside the closed form that it must follow.
+"""Random linkages of every family: an MJCF model and the closed form that it must follow.
 
-Each builder draws lengths by hypothesis, writes the model with its start pose to seven digits, as a
-modeller would, and says which channel equals which quantity.
+Each builder draws lengths with hypothesis, writes the model with its start pose to seven digits, as
+a modeller would, and maps each channel to the quantity that it must equal.
 """
 
 from collections.abc import Callable
@@ -23,12 +23,12 @@ from proofmass.analytic.linkages import (
 N = 25
 """Samples of a sweep."""
 CLEAR = 0.15
-"""Least sine of a transmission angle along a sweep: accelerations lose its third power."""
+"""Least sine of a transmission angle in a sweep: accelerations lose digits by its third power."""
 
 
 @dataclass(frozen=True)
 class Linkage:
-    """A model, its drives, the way they go, and its closed form."""
+    """A model, its drives, their path, and its closed form."""
 
     model: mujoco.MjModel
     joints: tuple[str, ...]
@@ -59,9 +59,9 @@ def compiled(
     forces: tuple[str, ...] = (),
     moments: tuple[str, ...] = (),
 ) -> mujoco.MjModel:
-    """The model, with sensors of position, rate and acceleration on sites and joints.
+    """Model with sensors of position, rate and acceleration on sites and joints.
 
-    And of what bodies get from the ones before them, forces and moments, at their roots.
+    Sensors at the roots of bodies measure the forces and moments that their parent bodies apply.
     """
     sensors = "".join(
         f'<{kind} name="{name}{suffix}" objtype="site" objname="{site}"/>'
@@ -88,7 +88,7 @@ def compiled(
 
 
 def tip(channel: str, quantity: str) -> dict[str, str]:
-    """Place, velocity and acceleration of a point."""
+    """Channels of position, velocity and acceleration of a point."""
     return {
         f"{channel}{c}.{x}": f"{quantity}_{o}{x}"
         for x in "xy"
@@ -97,7 +97,7 @@ def tip(channel: str, quantity: str) -> dict[str, str]:
 
 
 def turning(joint: str, quantity: str, rate: str) -> dict[str, str]:
-    """Value, rate and acceleration of a joint."""
+    """Channels of value, rate and acceleration of a joint."""
     return {
         joint: quantity,
         f"{joint}_rate": f"{rate}_rate",
@@ -106,17 +106,17 @@ def turning(joint: str, quantity: str, rate: str) -> dict[str, str]:
 
 
 def force(*names: str) -> dict[str, str]:
-    """Parts of the forces of pins and guides."""
+    """Channels of the components of the forces of pins and guides."""
     return {f"{name}_force.{x}": f"{name}_force_{x}" for name in names for x in "xy"}
 
 
 def pin(at: str = "0 0 0", name: str = "pin", inside: str = "") -> str:
-    """A body without mass, fixed to a link: what the link gives it, another gets by a loop."""
+    """Massless body fixed to a link; the link's force on it acts on another body through a loop."""
     return f'<body pos="{at}"><site name="{name}_root"/>{inside}</body>'
 
 
 def feasible(solve: Callable, way: np.ndarray, **parameters: float) -> dict[str, np.ndarray]:
-    """The closed form on a fine way; gives the example up where it has no pose."""
+    """Closed form on a fine path of the drives; rejects an example that has no pose somewhere."""
     fine = np.linspace(0, 1, 401)
     path = way[0] + fine[:, None] * (way[-1] - way[0])
     try:
@@ -131,7 +131,7 @@ angles = st.floats(-3.0, 3.0)
 
 
 def straight(*ends: tuple[float, float]) -> np.ndarray:
-    """A straight way of the drives, from and to."""
+    """Straight path of the drives, each from its first to its second value."""
     return np.stack([np.linspace(a, b, N) for a, b in ends], axis=1)
 
 
@@ -383,7 +383,7 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
     fine = feasible(threeprr.solve, way, **p)
     assume(np.abs(fine["singularity"]).min() > CLEAR)
     jumps = [np.abs(np.diff(fine[k])).max() for k in ("x", "y", "psi")]
-    assume(max(jumps) < 0.02)  # the mode by its number is one branch only until another passes it
+    assume(max(jumps) < 0.02)  # a mode number means one branch only until another branch passes it
     start = threeprr.solve(way[0], **p)
     angle = [float(start[f"leg_angle_{k}"]) for k in (1, 2, 3)]
     psi, third = float(start["psi"]), side * np.exp(1j * np.pi / 3)

@@ -1,10 +1,10 @@
-"""Derivatives of periodic curves by Fourier transform; they know nothing of the formulas."""
+"""Derivatives of periodic curves by Fourier transform, without the formulas under test."""
 
 import numpy as np
 
 
 def derivative(curve: np.ndarray, order: int = 1) -> np.ndarray:
-    """Spectral derivative of a curve sampled evenly over one period of 2 pi, an even number."""
+    """Spectral derivative of a curve with an even number of equal steps over a period of 2 pi."""
     count = curve.shape[-1]
     wave = 1j * np.fft.fftfreq(count, 1.0 / count)
     wave[count // 2] = 0.0

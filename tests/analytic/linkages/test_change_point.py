@@ -1,4 +1,4 @@
-"""The four-bar through its change points, where all bars are in line and the modes meet."""
+"""Motion of the four-bar through change points: all bars are in line, both assembly modes meet."""
 
 import numpy as np
 import pytest
@@ -10,9 +10,9 @@ from test_grashof import named
 from proofmass.analytic.linkages import fourbar
 from tests.analytic.linkages.spectral import derivative
 
-OUTER = named([1.0, 2.0, 2.0, 3.0])  # in line at pi: crank + ground = coupler + rocker
-INNER = named([1.0, 1.5, 2.5, 2.0])  # in line at 0: ground - crank = rocker - coupler
-BUTTERFLY = named([1.0, 2.0, 1.0, 2.0])  # both; the other mode is the parallelogram
+OUTER = named([1.0, 2.0, 2.0, 3.0])  # bars in line at pi: crank + ground = coupler + rocker
+INNER = named([1.0, 1.5, 2.5, 2.0])  # bars in line at 0: ground - crank = rocker - coupler
+BUTTERFLY = named([1.0, 2.0, 1.0, 2.0])  # in line at 0 and pi; mode +1 is the parallelogram
 TWO_TURNS = 2.0 * GRID, np.full(GRID.size, 2.0), np.zeros(GRID.size)  # with samples at 0 and pi
 
 
@@ -37,28 +37,33 @@ def test_butterfly_is_smooth():
 )
 def test_random_linkages_are_smooth_through_their_change_points(three, scale, order, mode):
     p, q, shortest = sorted(three, reverse=True)
-    assume(min(p - q, q - shortest) > 0.05)  # a parallelogram or a kite has curves without range
+    assume(min(p - q, q - shortest) > 0.05)  # a parallelogram or a kite has constant curves, and
+    # `assert_close` divides by the range of a curve
     lengths = np.array([shortest, p, q, p + q - shortest])[order] * scale
     link = named(lengths.tolist())
     assert fourbar.classify(**link) == "change point"
     low, high = fourbar.crank_range(**link)
     assert (low == 0.0) or (high == np.pi)
-    half = 0.8 * (np.pi - low if high == np.pi else high)  # through one of them, there and back
+    # the crank swings through one change point and back
+    half = 0.8 * (np.pi - low if high == np.pi else high)
     middle = np.pi if high == np.pi else 0.0
     law = middle + half * np.sin(GRID), half * np.cos(GRID), -half * np.sin(GRID)
     reach = np.hypot(
         link["crank"] * np.cos(law[0]) - link["ground"], link["crank"] * np.sin(law[0])
     )
-    assume(reach.min() > 0.2 * scale)  # nearer the rates are too steep for 512 samples
+    assume(reach.min() > 0.2 * scale)  # closer to B the rates are too steep for 512 samples
     check_laws(link, mode, law)
 
 
 def test_rates_at_the_change_point_solve_the_quadratic():
-    """All bars along x: the loop's derivatives say sum(rate * bar) = 0, sum(rate^2 * bar) = 0."""
+    """All bars lie along x, and the signed lengths of the bars enter both derivatives of the loop.
+
+    The first derivative is sum(rate * bar) = 0, the second is sum(rate^2 * bar) = 0.
+    """
     found = sorted(
         float(fourbar.solve(np.pi, **OUTER, mode=mode)["rocker_rate"]) for mode in fourbar.MODES
     )
-    # -1 + 2 coupler' = -2 rocker' and -1 + 2 coupler'^2 = -2 rocker'^2 without coupler'
+    # -1 + 2 coupler' = -2 rocker' and -1 + 2 coupler'^2 = -2 rocker'^2, coupler' eliminated
     roots = np.roots([4.0, -2.0, -0.5])
     np.testing.assert_allclose(found, np.sort(roots), rtol=1e-15)  # rounding
     pose = fourbar.solve(np.pi, **OUTER)
@@ -70,11 +75,11 @@ def test_rates_at_the_change_point_solve_the_quadratic():
 def test_neighbours_that_stay_in_their_mode(mode):
     angle = np.linspace(np.pi + 0.5, 3.0 * np.pi - 0.5, 101)
     pose = fourbar.solve(angle, **OUTER, mode=mode)
-    shorter = {**OUTER, "ground": 3.0 - 1e-12}  # no change point: passes pi close to in line
+    shorter = {**OUTER, "ground": 3.0 - 1e-12}  # no change point: nearly in line at pi
     other = fourbar.solve(angle, **shorter, mode=-mode)
     for name, curve in pose.items():
         finite = np.abs(curve) < 1e2 if name == "mechanical_advantage" else np.isfinite(curve)
-        # the change of length, 1e-12, times up to 1e4 where the advantage is up to 1e2
+        # the change of length, 1e-12, times slopes of up to 1e4 where the advantage is up to 1e2
         np.testing.assert_allclose(
             curve[finite] % TURN,
             other[name][finite] % TURN,
@@ -101,12 +106,12 @@ def test_mode_is_the_side_of_the_pin_between_0_and_pi():
 
 def test_parallelogram_and_kite():
     pose = fourbar.solve(2.0 * GRID, **BUTTERFLY, mode=1)
-    # rounding of the two turns' angles
+    # rounding of angles of up to two turns
     np.testing.assert_allclose(pose["rocker_angle"], 2.0 * GRID, rtol=0, atol=1e-14)
     np.testing.assert_allclose(pose["coupler_angle"], 0.0, rtol=0, atol=1e-15)
     np.testing.assert_allclose(pose["rocker_rate"], 1.0, rtol=0, atol=1e-14)
     folded = fourbar.solve(2.0 * GRID, **named([1.0, 1.0, 2.0, 2.0]), mode=-1)
-    assert np.hypot(folded["pin_x"], folded["pin_y"]).max() <= 1e-14  # the pin rests in A; rounding
+    assert np.hypot(folded["pin_x"], folded["pin_y"]).max() <= 1e-14  # the pin stays in A; rounding
     assert np.abs(folded["rocker_rate"]).max() <= 1e-14
 
 

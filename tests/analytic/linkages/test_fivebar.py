@@ -1,4 +1,4 @@
-"""Five-bar closed form against its laws: the loop, derivatives, virtual work, mirror images."""
+"""Five-bar closed form against loop closure, derivatives, virtual work and mirror images."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ MASSES = {
 MODES = pytest.mark.parametrize("mode", fivebar.MODES)
 TURN = 2.0 * np.pi
 GRID = np.arange(512) * TURN / 512
-# Crank laws with all derivatives alive and periodic, so that spectra can differentiate the curves.
+# Periodic crank profiles whose derivatives are not zero, for spectral derivatives of the curves.
 LAW = (
     np.stack([GRID + 0.3 * np.sin(GRID), 0.4 - 2.0 * GRID + 0.2 * np.cos(GRID)]),
     np.stack([1.0 + 0.3 * np.cos(GRID), -2.0 - 0.2 * np.sin(GRID)]),
@@ -44,7 +44,7 @@ SIDES = ("left", "right")
 
 @st.composite
 def always_assembled(draw):
-    """Lengths that close for all crank angles; margins keep the couplers out of line."""
+    """Lengths that close at all crank angles; margins keep the couplers out of line."""
     left, right = draw(st.floats(0.1, 0.4)), draw(st.floats(0.1, 0.4))
     total = (1.0 + left + right) * draw(st.floats(1.1, 2.0))
     difference = (1.0 - left - right) * draw(st.floats(-0.8, 0.8))
@@ -61,7 +61,7 @@ def always_assembled(draw):
 
 
 def points(angle, pose, link):
-    """Crank pins (2, n) and tip as complex numbers, from angles alone: once over each side."""
+    """Crank pins (2, n), and the tip (2, n) by each side, as complex numbers, from angles alone."""
     bases = np.array([link["left_x"], link["right_x"]])[:, None]
     arms = np.array([[link[f"{side}_crank"]] for side in SIDES])
     pins = bases + arms * np.exp(1j * angle)
@@ -103,7 +103,7 @@ def test_laws_of_random_linkages(link, mode):
 
 @MODES
 def test_holding_moments_are_virtual_work(mode):
-    """Their power is what raises the bars, less what the force on the tip gives."""
+    """Their power is the rate of the potential energy less the power of the force on the tip."""
     force = {"force_x": 3.0, "force_y": -5.0}
     pose = fivebar.solve(*LAW, **REGULAR, **MASSES, **force, gravity=3.7, mode=mode)
     (left, right), (tip, _) = points(LAW[0], pose, REGULAR)
@@ -125,7 +125,7 @@ def test_jacobians_carry_rates_forward_and_forces_back(mode):
     onto_pins = np.linalg.solve(np.swapaxes(A, -1, -2), np.full((512, 2, 1), [[3.0], [-5.0]]))
     moments = -(np.swapaxes(B, -1, -2) @ onto_pins)[..., 0]
     assert_close(moments.T, np.stack([pose["left_moment"], pose["right_moment"]]), 1e-13)
-    # the sines are the determinants, bar lengths taken out; rounding of coordinates
+    # the sines are the determinants divided by bar lengths; rounding of coordinates
     bars = REGULAR["left_coupler"] * REGULAR["right_coupler"]
     assert_close(np.linalg.det(A), bars * pose["assembly"], 1e-14)
     for k, side in enumerate(SIDES):
@@ -262,7 +262,7 @@ def test_poses_that_cannot_be_assembled_are_named_with_the_miss():
         fivebar.solve(angles, **short)
     with pytest.raises(ValueError, match=r"miss by 3\.9\d+e-12 m"):
         fivebar.solve([limit + 2e-12, 0.0], **short)
-    with pytest.raises(ValueError, match=r"angles \(0, 0\) rad: .* miss by 1 m"):  # one in another
+    with pytest.raises(ValueError, match=r"angles \(0, 0\) rad: .* miss by 1 m"):  # one in other
         fivebar.solve([0.0, 0.0], **{**short, "right_coupler": 3.0})
     with pytest.raises(ValueError, match=r"angles \(0, nan\) rad"):
         fivebar.solve([0.0, np.nan], **LINK)

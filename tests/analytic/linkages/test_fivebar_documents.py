@@ -1,4 +1,4 @@
-"""The two five-bar documents: what they print, what they should, and their own methods."""
+"""Printed numbers, misprints and methods of the two five-bar documents, thesis and notebook."""
 
 import json
 from pathlib import Path
@@ -15,10 +15,11 @@ SYMMETRIC, ASYMMETRIC, REGULAR = (NOTEBOOK[key] for key in ("symmetric", "asymme
 
 
 def natural(q, cosine_row, b_row=None):
-    """Thesis: constraints (8,), their Jacobian and dJ/dt qp as a function of qp (2382-2489).
+    """Constraints (8,) of the thesis, their Jacobian, and dJ/dt qp as a function of qp.
 
-    q = [x1, y1, x2, y2, x3, y3, theta, beta], 1 left crank pin, 2 tip, 3 right crank pin. An angle
-    whose |cos| is below `cosine_row` is tied to x, else to y; `b_row`: the same for dJ/dt qp.
+    q = [x1, y1, x2, y2, x3, y3, theta, beta]; 1 is the left crank pin, 2 the tip, 3 the right crank
+    pin. The row of an angle contains x of its pin if |cos| is below `cosine_row`, otherwise y;
+    `b_row` is the same threshold for dJ/dt qp. Text lines 2382-2489.
     """
     bars = [
         (None, 0, "left_crank"),
@@ -62,7 +63,7 @@ def natural_motion(q, rate, acceleration, cosine_row, b_row=None):
 
 
 def newton(q, cosine_row=0.5):
-    """The thesis' iteration from `q`, until a step below 1e-10; the solution and its steps."""
+    """Iterate from `q` as the thesis does, until a step is below 1e-10; solution and step norms."""
     steps = []
     while not steps or (steps[-1] > 1e-10 and len(steps) <= 100):
         value, slope, _ = natural(q, cosine_row)
@@ -72,7 +73,7 @@ def newton(q, cosine_row=0.5):
 
 
 def elimination(right, left, link, sigma, printed_0_9=False):
-    """Notebook: X3 = f + g Y3 and a quadratic for Y3 (lines 43-123)."""
+    """X and y of the tip by the notebook: X3 = f + g Y3, and a quadratic for Y3 (lines 43-123)."""
     l1, l2, l3, l4 = (
         link[name] for name in ("right_crank", "right_coupler", "left_coupler", "left_crank")
     )
@@ -94,7 +95,7 @@ def tip(pose):
 
 
 def quadratic(side, place, link):
-    """Notebook: a, b, c of the quadratic for tan(angle/2) of one crank (lines 173-233)."""
+    """Coefficients a, b, c of the notebook's quadratic for tan(angle/2) of a crank (173-233)."""
     crank, coupler = link[f"{side}_crank"], link[f"{side}_coupler"]
     x, y = place[0] - link[f"{side}_x"], place[1]
     return (
@@ -116,7 +117,7 @@ def test_position_of_the_thesis():
 
 
 def test_velocity_and_acceleration_of_the_thesis_and_their_misprints():
-    """E2: both are solved at the first guess. E8: accelerations are +1 whatever the caller set."""
+    """E2: the thesis solves both at the first guess. E8: its driven accelerations are always +1."""
     rate, ones = THESIS["rate"], THESIS["acceleration"]
     state = np.array([*THESIS["position_printed"], *THESIS["angle"]])
     solved, _ = newton(state)
@@ -138,12 +139,12 @@ def test_velocity_and_acceleration_of_the_thesis_and_their_misprints():
     for found, misprint, true in zip((qp, qpp), printed, (velocity, acceleration), strict=True):
         np.testing.assert_allclose(found[:6], misprint, rtol=5e-9, atol=5.1e-9)  # 9 digits
         assert np.abs(np.array(misprint[2:4]) - true).max() > 0.3
-    _, reversed_sign = natural_motion(guess, rate, [-1.0, -1.0], 0.7)  # the body's b = +1
+    _, reversed_sign = natural_motion(guess, rate, [-1.0, -1.0], 0.7)  # b = +1 as in the body
     assert np.abs(reversed_sign[:6] - THESIS["acceleration_misprint"]).max() > 1.0
 
 
 def test_mixed_thresholds_of_the_thesis_spoil_accelerations():
-    """E7: the Jacobian switches at 0.7, its derivative at 1/sqrt(2) (lines 6805, 7096)."""
+    """E7: the Jacobian changes rows at |cos| = 0.7, its derivative at 1/sqrt(2) (6805, 7096)."""
     angle = np.array([np.arccos(0.705), 0.9])
     truth = fivebar.solve(angle, [1.0, 2.0], 0.0, **LINK)
     pins = [
@@ -163,7 +164,7 @@ def test_cycles_of_the_thesis(table):
     rows, factor = np.array(table["rows"]).T, table["factor"]
     pose = fivebar.solve([rows[0], factor * rows[0]], [1.0, factor], **LINK)
     for name, column in zip(DATA["cycles"]["columns"][1:], rows[1:], strict=True):
-        # the table has 12 digits, its angles too: 5e-13 through accelerations' slopes up to 1e3
+        # the table and its angles have 12 digits: 5e-13 times slopes of accelerations of up to 1e3
         np.testing.assert_allclose(pose[name], column, rtol=0, atol=1e-9)
 
 
@@ -210,7 +211,7 @@ def test_sign_error_in_equation_0_9_of_the_notebook():
 
 
 def test_elimination_of_the_notebook_over_its_domain():
-    """Its sigma is the mode while the right pin is right of the left one, else the other mode."""
+    """The notebook's sigma is the mode while the right pin is right of the left pin, else -mode."""
     link = SYMMETRIC["lengths"]
     right, left = np.random.default_rng(2).uniform(-np.pi, np.pi, (2, 4000))
     level = 3.0 + 4.0 * np.cos(right) - (-3.0 + 4.0 * np.cos(left))
@@ -226,7 +227,7 @@ def test_elimination_of_the_notebook_over_its_domain():
 
 
 def test_where_the_notebook_divides_by_zero():
-    """One crank pin above the other; and a crank at half a turn: the mechanism is regular there."""
+    """One crank pin is above the other, or a crank is at half a turn; both poses are regular."""
     link = SYMMETRIC["lengths"]
     right, left = np.pi, np.pi / 3
     for mode in (1, -1):
@@ -270,7 +271,7 @@ def test_regular_poses(row):
         found = [pose[f"tip_{part}{axis}"] for axis in "xy"]
         np.testing.assert_allclose(found, row[key], rtol=0, atol=4e-14)  # rounding of both
     bars = link["left_coupler"] * link["right_coupler"]
-    assert pose["assembly"] == pytest.approx(-row["det_A"] / bars, rel=1e-14)  # rows right, left
+    assert pose["assembly"] == pytest.approx(-row["det_A"] / bars, rel=1e-14)  # rows: right, left
     places = {name: link[name] for name in ("left_crank", "right_crank", "left_x", "right_x")}
     A, B = fivebar.jacobians(left_right[0], row["tip"], **places)
     np.testing.assert_allclose(np.linalg.solve(A, B)[:, ::-1], row["jacobian"], rtol=0, atol=4e-14)

@@ -1,4 +1,4 @@
-"""Five-bar inverse kinematics, singularities and workspace, held against the direct kinematics."""
+"""Five-bar inverse kinematics, singularities and workspace against the direct kinematics."""
 
 import itertools
 
@@ -42,7 +42,7 @@ linkages = st.fixed_dictionaries(
 
 
 def assembled(link, angle, mode):
-    """The pose, if there is one and it is clear of the singular ones."""
+    """Pose at the crank angles; rejects an example without a pose or near a singular pose."""
     try:
         pose = fivebar.solve(angle, [0.7, -0.4], [0.3, 0.2], **link, mode=mode)
     except ValueError:
@@ -74,8 +74,8 @@ def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, 
             continue
         cranks = cranks_of(found)
         back = fivebar.solve(*cranks, **link, mode=int(np.sign(found["assembly"])))
-        # rounding of the longest bar over the shortest, divided by the sines, by their cubes in
-        # the accelerations
+        # rounding times the longest bar over the shortest, divided by the sines, in the
+        # accelerations by their cubes
         bars = [length for name, length in link.items() if not name.endswith("_x")]
         loss = (
             1e-13
@@ -182,7 +182,7 @@ def test_type_1_singularities_are_the_boundary_of_the_reach():
         crank = here - [[LINK[f"{side}_x"]], [0.0]]
         turned = 4.0 * np.stack([np.cos(pose[side]), np.sin(pose[side])])
         straight = np.abs(crank[0] * turned[1] - crank[1] * turned[0])
-        assert straight.max() <= 1e-6  # sqrt(eps) of 9 m times 4 m: the root of a zero area
+        assert straight.max() <= 1e-6  # sqrt(eps) times 9 m times 4 m: the root of a zero area
         outward = -crank if folded else crank
         assert np.all(fivebar.margin(here + 1e-6 * outward, **LINK) < 0)
 
@@ -207,7 +207,7 @@ def test_type_2_singularities_are_the_border_of_what_can_be_assembled(link, left
         assert abs(pins[1] - pins[0]) == pytest.approx(apart, abs=3e-8 * reach)
         slope = abs(np.imag(np.conj(pins[1] - pins[0]) * (pins[1] - link["right_x"])))
         assume(slope > 1e-2 and near > 1e-2)
-        inward = 1e-6 * (1 if row in (0, 3) else -1)  # from stretched closer, from folded apart
+        inward = 1e-6 * (1 if row in (0, 3) else -1)  # stretched: pins closer; folded: pins apart
         pose = fivebar.solve([left, right + inward], **link, mode=mode)
         assert abs(pose["assembly"]) < 0.5
         with pytest.raises(ValueError, match="circles of the couplers miss"):
@@ -215,7 +215,7 @@ def test_type_2_singularities_are_the_border_of_what_can_be_assembled(link, left
 
 
 def test_share_of_crank_angles_that_cannot_be_assembled():
-    """By counting, by the mirrored linkage (another integral), and where it is known."""
+    """Against counting, the mirrored linkage (another integral), and known shares."""
     share = fivebar.unassembled_share(**THESIS)
     turn = (np.arange(2003) + 0.5) * TURN / 2003
     pins = 2.0 * np.exp(1j * turn[:, None]), 2.0 + np.exp(1j * turn)
@@ -230,7 +230,7 @@ def test_share_of_crank_angles_that_cannot_be_assembled():
         "right_x": 2.0,
     }
     assert share == pytest.approx(fivebar.unassembled_share(**mirrored), abs=1e-13)
-    coaxial = {**THESIS, "right_x": 0.0, "left_crank": 1.0}  # near where 2 sin(half angle) < 1/2
+    coaxial = {**THESIS, "right_x": 0.0, "left_crank": 1.0}  # too near: 2 sin(half angle) < 1/2
     known = 2.0 * np.arcsin(0.25) / np.pi
     assert fivebar.unassembled_share(**coaxial) == pytest.approx(known, abs=1e-14)
     always = {
@@ -267,7 +267,7 @@ def test_a_rectangle_is_run_with_rest_in_its_corners() -> None:
     time = np.linspace(0.0, 16.0, 4001)
     angle, rate, change = fivebar.rectangle(time, **path, **LINK, **modes)
     step = time[1]
-    # central differences: h^2/6 of the next derivative, below 20 here; kinks of the third, h/2
+    # central differences: h^2/6 times the third derivative, below 20; h/2 at kinks of the third
     assert np.abs((angle[:, 2:] - angle[:, :-2]) / (2 * step) - rate[:, 1:-1]).max() < 1e-4
     assert np.abs((rate[:, 2:] - rate[:, :-2]) / (2 * step) - change[:, 1:-1]).max() < 1e-2
     assert np.abs(change).max() > 0.1
@@ -275,7 +275,7 @@ def test_a_rectangle_is_run_with_rest_in_its_corners() -> None:
     at = fivebar.rectangle(2.0 * np.arange(8), **path, **LINK, **modes)
     sign = int(np.sign(fivebar.solve_inverse(corners[0], **LINK, **modes)["assembly"]))
     pose = fivebar.solve(*at, **LINK, mode=sign)
-    # rounding over the sines of the modes
+    # rounding divided by the sines of the modes
     assert np.abs(np.transpose([pose["tip_x"], pose["tip_y"]]) - corners * 2).max() < 1e-12
     for name in ("tip_vx", "tip_vy", "tip_ax", "tip_ay"):
         assert np.abs(pose[name]).max() < 1e-11, name
@@ -286,9 +286,9 @@ def test_a_rectangle_is_run_with_rest_in_its_corners() -> None:
             *(np.abs(pose["tip_y"] - y) for y in (4.1, 4.6)),
         ]
     )
-    assert off.max() < 1e-12  # one of both coordinates is that of a side
+    assert off.max() < 1e-12  # every point is on the line of a side
     assert np.ptp(pose["tip_x"]) == pytest.approx(0.8)
     speed = np.hypot(pose["tip_vx"], pose["tip_vy"])
-    assert speed.max() == pytest.approx(2.0 * 0.8 / 2.0)  # twice the mean on a cycloid
+    assert speed.max() == pytest.approx(2.0 * 0.8 / 2.0)  # a cycloid has twice its mean speed
     with pytest.raises(ValueError, match="period must be positive"):
         fivebar.rectangle(0.0, **path | {"period": 0.0}, **LINK, **modes)

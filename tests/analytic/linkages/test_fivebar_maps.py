@@ -1,4 +1,4 @@
-"""Workspace of five-bar linkages: areas by two ways, singularities as zeros that change sign."""
+"""Workspace of five-bar linkages: areas in two ways, singular curves as zeros with a new sign."""
 
 from dataclasses import asdict, replace
 from functools import cache
@@ -22,7 +22,7 @@ COUNTS = pytest.mark.parametrize("count", [24, pytest.param(60, marks=pytest.mar
 
 
 def random_links(count: int) -> list[fivebar.FivebarLengths]:
-    """Lengths of every kind that reach something."""
+    """Random lengths with a workspace of more than 0.1 m^2."""
     rng = np.random.default_rng(12)
     found = []
     while len(found) < count:
@@ -37,7 +37,7 @@ singular_curves = cache(fivebar.type_2)
 
 
 def assembly(link: fivebar.FivebarLengths, tip: np.ndarray, mode: tuple[int, int]) -> np.ndarray:
-    """Sine of the angle between the couplers, NaN out of reach, by the inverse problem."""
+    """Sine of the angle between the couplers by the inverse problem; NaN out of reach."""
     found = np.full(tip.shape, np.nan)
     inside = fivebar.margin([tip.real, tip.imag], **asdict(link)) > 0.0
     where = tip[inside]
@@ -48,7 +48,7 @@ def assembly(link: fivebar.FivebarLengths, tip: np.ndarray, mode: tuple[int, int
 
 
 def grid(link: fivebar.FivebarLengths, n: int = 420) -> tuple[np.ndarray, float]:
-    """Middles of cells over all that may be reached, and the area of one."""
+    """Centres of cells that cover all reachable points, and the area of a cell."""
     x, y = (np.linspace(-1.0, 1.0, n + 1) for _ in range(2))
     half = link.size
     x, y = half * 0.5 * (x[1:] + x[:-1]), half * 0.5 * (y[1:] + y[:-1])
@@ -89,7 +89,7 @@ def test_aspects_are_where_the_inverse_problem_has_their_sign(
     found = fivebar.aspects(link, mode, singular_curves(link))
     for sign in (1, -1):
         counted = cell * np.sum(sign * sine > 0.0)
-        # along borders of about six radii the cells that are cut average to less than this
+        # along borders of about six radii the errors of the cut cells average to less than this
         assert sum(one.area for one in found[sign]) == pytest.approx(
             counted, abs=3e-3 * fivebar.reach_area(link)
         )
@@ -108,7 +108,7 @@ def test_a_wrong_length_moves_areas_beyond_what_counting_allows() -> None:
 @EACH
 def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.FivebarLengths) -> None:
     pieces = singular_curves(link)
-    assert bool(pieces) is (link is not LINKS["regular"])  # that one is never in line
+    assert bool(pieces) is (link is not LINKS["regular"])  # its couplers are never in line
     for one in pieces:
         tip = one.curve.points
         a, b = tip - one.left, tip - one.right
@@ -125,7 +125,7 @@ def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.Fiveba
         middle = slice(tip.size // 3, -(tip.size // 3))
         across = 1e-4 * link.size * 1j * (way / np.abs(way))[middle]
         long = np.abs(np.diff(tip)).sum()
-        if long < 0.05 * link.size:  # beside a border the other sign is not 1e-4 wide
+        if long < 0.05 * link.size:  # at a border the other sign is narrower than 1e-4
             continue
         left, right = (assembly(link, tip[middle] + step, one.mode) for step in (across, -across))
         there = np.isfinite(left) & np.isfinite(right)
@@ -187,7 +187,7 @@ def test_eight_poses_of_a_tip_close_their_loops(name: str, x: float, y: float) -
         assert np.abs(bars(chart, "other assembly", k) - couplers).max() < 1e-12
         (ghost,) = [one for one in chart.panels[k].lines if one.label == "other assembly"]
         others.add((round(ghost.x[1], 6), round(ghost.y[1], 6)))
-    assert len(others) == 4  # as many other places of the tip
+    assert len(others) == 4  # each has another position of the tip in the other assembly
     assert len({panel.title for panel in chart.panels}) == 4
 
 
@@ -211,14 +211,14 @@ def test_singular_pairs_of_angles_are_singular_in_the_direct_problem(
             inside = (apart < (c + r) * (1 - 1e-6)) & (apart > abs(c - r) + 1e-6)
             pose = fivebar.solve(angle[:, inside], **asdict(link), mode=mode)
             side = "left" if "left" in line.label else "right"
-            assert np.abs(pose[f"{side}_working"]).max() < 1e-5  # a root of rounding, 1e-8, and c/C
+            assert np.abs(pose[f"{side}_working"]).max() < 1e-5  # root of rounding, 1e-8; c/C
 
 
 @pytest.mark.parametrize(("name", "kinds"), [("thesis", 5), ("symmetric", 6), ("long cranks", 6)])
 def test_singular_poses_have_their_bars_in_line(name: str, kinds: int) -> None:
     link = LINKS[name]
     chart = fivebar.singular_poses(**asdict(link))
-    assert len(chart.panels) == kinds  # the left side of the thesis' one never folds
+    assert len(chart.panels) == kinds  # the left side of the thesis' linkage never folds
     for k, panel in enumerate(chart.panels):
         lines = {line.label: line.x + 1j * line.y for line in panel.lines}
         assert np.abs(bars(chart, "cranks", k) - [link.left_crank, link.right_crank]).max() < 1e-12
@@ -230,7 +230,7 @@ def test_singular_poses_have_their_bars_in_line(name: str, kinds: int) -> None:
         }
         (at,) = [z for name, z in triples.items() if panel.title.startswith(name)]
         turned = np.imag(np.conj(at[1] - at[0]) * (at[2] - at[1]))
-        assert abs(turned) < 1e-6 * link.size**2  # a root of rounding
+        assert abs(turned) < 1e-6 * link.size**2  # square root of rounding
 
 
 def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:

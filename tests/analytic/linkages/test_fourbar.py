@@ -1,4 +1,4 @@
-"""Four-bar closed form against its laws, a second formulation and published numbers."""
+"""Four-bar closed form against derivatives, a second formulation and published numbers."""
 
 import json
 from pathlib import Path
@@ -17,14 +17,14 @@ LINK = THESIS["lengths"]
 TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", fourbar.MODES)
 GRID = np.arange(512) * TURN / 512
-# A crank law with all derivatives alive and periodic, so that spectra can differentiate the curves.
+# A periodic crank profile whose derivatives are not zero, for spectral derivatives of the curves.
 LAW = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
 POINT = {"point_along": 0.7, "point_across": -0.4}
 
 
 @st.composite
 def crank_rockers(draw):
-    """Lengths whose loop closes all round; margins keep coupler and rocker out of line."""
+    """Lengths whose crank turns fully; margins keep coupler and rocker out of line."""
     crank, scale = draw(st.floats(0.1, 0.7)), draw(st.floats(1e-3, 1e3))
     total = (1.0 + crank) * draw(st.floats(1.1, 2.0))
     difference = (1.0 - crank) * draw(st.floats(-0.9, 0.9))
@@ -53,7 +53,7 @@ def loop_gap(angle, pose, link):
 
 
 def check_laws(link, mode, law=LAW):
-    """Closed loop, rigid coupler, and rates that are the derivatives of what they are rates of.
+    """Check the closed loop, the rigid coupler, and all rates and accelerations as derivatives.
 
     1e-10: rounding times the highest wave number, 256 eps = 6e-14, times the ratio of the ranges of
     a curve and of its derivative, which grows near in-line poses.
@@ -136,7 +136,7 @@ def test_modes_are_mirror_images(mode):
         "holding_moment",
     )
     for name in pose.keys() - {"mechanical_advantage"}:
-        # eps: the two runs differ in the order of the same sums
+        # eps: the two calls add the same terms in another order
         sign = 1.0 if name in same else -1.0
         np.testing.assert_allclose(image[name], sign * pose[name], rtol=0, atol=4e-15)
     ratio = image["mechanical_advantage"] / pose["mechanical_advantage"]

@@ -42,7 +42,7 @@ def turns_fully(crank, coupler, rocker, ground):
 
 
 def swung(link, share=0.85):
-    """A crank law, periodic on GRID, within the crank's range; a full turn where there is one."""
+    """Periodic crank profile on GRID within the crank's range; a full turn where possible."""
     low, high = fourbar.crank_range(**link)
     if (low, high) == (0.0, np.pi):
         return LAW
@@ -72,7 +72,8 @@ def test_classes_say_what_turns(kind, data):
     link = data.draw(linkages(kind))
     crank, coupler, rocker, ground = link.values()
     assert fourbar.classify(**link) == kind
-    # angle at A, at B, and at P between coupler and crank; GRID holds the extremes 0 and pi
+    # full turns at A, at B, and at P of the coupler against the crank; GRID contains the extreme
+    # angles 0 and pi
     turning = (
         turns_fully(crank, coupler, rocker, ground),
         turns_fully(rocker, coupler, crank, ground),
@@ -99,7 +100,7 @@ def test_laws_in_every_class(kind, data, mode):
     law = swung(link)
     pose = fourbar.solve(*law, **link, mode=mode)
     steep = max(np.abs(pose[f"{bar}_rate"]).max() for bar in ("coupler", "rocker"))
-    assume(steep < 6.0)  # next to an in-line pose 512 samples do not resolve the curve
+    assume(steep < 6.0)  # next to a pose with bars in line 512 samples do not resolve the curve
     pose = check_laws(link, mode, law)
     low, high = fourbar.transmission_range(**link)
     assert low <= pose["transmission_angle"].min() + 1e-12  # rounding of an angle
@@ -133,7 +134,7 @@ def test_dead_centres_are_where_the_rocker_turns_back(kind, data, mode):
         return float(fourbar.solve(x, **link, mode=mode)["rocker_rate"])
 
     angle, found = swung(link, 1.0 - 1e-9)[0], set()
-    for grid in (angle, -angle):  # the second interval of a crank that has two
+    for grid in (angle, -angle):  # -angle: the second interval of a crank that has two
         rate = fourbar.solve(grid, **link, mode=mode)["rocker_rate"]
         for k in np.flatnonzero(np.diff(np.sign(rate))):
             at = brentq(rocker_rate, *sorted(grid[k : k + 2]), xtol=1e-14)
@@ -180,7 +181,7 @@ def test_swing_is_the_range_of_the_rocker(link):
         found[sign] = minimize_scalar(
             rocker, (middle - step, middle, middle + step), args=(sign,), tol=1e-12
         )
-    # eps: an extreme is flat, so its place is half as exact as its height
+    # the height of an extreme is exact to rounding; its position has half as many digits
     assert -found[-1].fun - found[1].fun == pytest.approx(fourbar.swing_angle(**link), abs=1e-13)
     part = abs(found[1].x - found[-1].x) % TURN
     ratio = max(part, TURN - part) / min(part, TURN - part)
@@ -195,13 +196,13 @@ def test_only_a_crank_rocker_has_a_swing_and_a_time_ratio():
 
 @pytest.mark.parametrize("longest", BARS)
 def test_a_bar_as_long_as_the_others_together_leaves_one_pose(longest):
-    """In line: whole numbers, so that nothing is rounded."""
+    """All bars are in line. The lengths are whole numbers, so that nothing is rounded."""
     link = dict.fromkeys(BARS, 1.0) | {longest: 3.0}
     assert fourbar.classify(**link) == "triple rocker"
     low, high = fourbar.crank_range(**link)
     assert (low, high) == ((0.0, 0.0) if longest in ("crank", "ground") else (np.pi, np.pi))
     pose = fourbar.solve(low, **link, only={"pin_x", "pin_y", "transmission_angle"})
-    straight = np.pi if longest in ("crank", "ground") else 0.0  # coupler and rocker stretched
+    straight = np.pi if longest in ("crank", "ground") else 0.0  # stretched at pi
     assert pose["transmission_angle"] == pytest.approx(straight, abs=1e-15)
     assert abs(pose["pin_y"]) < 1e-15  # sin(pi), rounded
     with pytest.raises(ValueError, match="cannot close"):
@@ -238,7 +239,7 @@ def test_unreachable_angle_is_named_with_the_miss():
 def test_limit_of_the_crank_is_reached_without_finite_rates(angle):
     link = {"crank": 2.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
     pose = fourbar.solve(angle * np.arccos((13.0 - 20.25) / 12.0), **link)
-    # in line: rounding of the limit, eps, below a root
+    # coupler and rocker are in line: the square root of the rounding of the limit
     assert pose["transmission_angle"] == pytest.approx(np.pi, abs=1e-7)
     assert not abs(pose["rocker_rate"]) < 1e7
     with pytest.raises(ValueError, match="rocker angle undefined"):

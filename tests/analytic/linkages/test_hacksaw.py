@@ -1,4 +1,4 @@
-"""Hacksaw closed form and motor against the report's equations, laws and published numbers."""
+"""Hacksaw closed form and motor against the report's equations, derivatives, published numbers."""
 
 import json
 from pathlib import Path
@@ -17,16 +17,19 @@ LINK = {name: DATA["lengths"][name] for name in ("crank", "coupler", "offset")}
 TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", hacksaw.MODES)
 GRID = np.arange(512) * TURN / 512
-# A crank law with all derivatives alive and periodic, so that spectra can differentiate the curves.
+# A periodic crank profile whose derivatives are not zero, for spectral derivatives of the curves.
 LAW = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
 DEGREES = ("theta1", "theta3")
 
 
 @st.composite
 def full_turn_links(draw):
-    """Lengths whose crank turns all round with the slider clear of the axis and of upright."""
+    """Lengths with which the crank turns fully, clear of poses that change the assembly mode.
+
+    The slider never crosses above the axis of the crank, and the coupler is never upright.
+    """
     crank, scale = draw(st.floats(0.1, 1.0)), draw(st.floats(1e-3, 1e3))
-    # below 0.05 the absolute rounding of theta1 near -pi swamps its small derivative
+    # below 0.05 the absolute rounding of theta1 near -pi is too large for its small derivative
     offset = crank * draw(st.just(0.0) | st.floats(0.05, 2.0) | st.floats(-2.0, -0.05))
     coupler = (crank + abs(offset)) * draw(st.floats(1.15, 4.0))
     return {"crank": scale * crank, "coupler": scale * coupler, "offset": scale * offset}
@@ -206,7 +209,7 @@ def test_extrema_of_the_sweep(name, dense):
         middle = np.argmax(sign * curve)
         left, top, right = curve[middle - 1 : middle + 2]
         peak = top + (right - left) ** 2 / (8.0 * (2.0 * top - left - right))  # parabola
-        # 6 printed decimals, and the dense grid behind the printed values misses the peak a little
+        # 6 printed decimals, and the grid of the printed values does not contain the peak
         assert peak == pytest.approx(expected, abs=1.1e-6, rel=1e-9)
 
 
@@ -233,7 +236,7 @@ def test_holding_moment_by_virtual_work(mode):
     table = DATA["moment"]
     angle = np.radians(np.arange(0, 360, 30))
     pose = hacksaw.solve(angle, 1.0, 0.0, **LINK, mode=mode, cutting_force=table["force"])
-    if mode == 1:  # the table's; last printed digit
+    if mode == 1:  # the mode of the table; last printed digit
         np.testing.assert_allclose(pose["holding_moment"], table["values"], rtol=0, atol=5.1e-7)
     work = -table["force"] * pose["slider_velocity"]  # at unit rate
     np.testing.assert_allclose(pose["holding_moment"], work, rtol=0, atol=1e-15)  # rounding
@@ -318,9 +321,9 @@ def test_unreachable_angle_is_named_with_the_miss():
         hacksaw.solve([0.0, np.pi / 2], 1.0, 0.0, **{**short, "offset": -0.045})
     with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):
         hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short)
-    with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):  # without what a slider-crank refuses
+    with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):  # no slider-crank is solved
         hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short, only={"r1"})
-    for length in np.linspace(0.1, 0.119, 200):  # upright: some miss the guide by their rounding
+    for length in np.linspace(0.1, 0.119, 200):  # coupler upright: some miss the guide by rounding
         hacksaw.solve(np.arcsin((0.045 - length) / 0.075), 0.0, 0.0, **{**short, "coupler": length})
     with pytest.raises(ValueError, match="angle nan rad"):
         hacksaw.solve(np.nan, 1.0, 0.0, **LINK)
@@ -342,14 +345,14 @@ LOADED = {
 
 
 def moving(mode):
-    """Motion and forces under the motor, and the crank's motion; a second has no kink of jerk."""
+    """Crank profile of the motor, motion and forces from 0.7 to 1.2 s, where the jerk is smooth."""
     law = hacksaw.motor(np.linspace(0.7, 1.2, 2001))
     return law, hacksaw.solve(*law, **{**LINK, "mode": mode}, **LOADED, inertia=True)
 
 
 @MODES
 def test_work_of_the_motor_is_the_energy_of_the_bodies(mode):
-    """Kinetic and potential energy from the motion alone; M dtheta2 by Simpson's rule."""
+    """The energies follow from the motion alone, the integral of M dtheta2 by Simpson's rule."""
     (angle, rate, _), found = moving(mode)
     crank, coupler = (LINK[name] for name in ("crank", "coupler"))
     pin = crank * np.exp(1j * angle)
@@ -371,7 +374,7 @@ def test_work_of_the_motor_is_the_energy_of_the_bodies(mode):
 
 @MODES
 def test_ground_carries_weight_and_inertia_of_all_bodies(mode):
-    """Reactions of crank and guide against the accelerations of three centres of mass."""
+    """Reactions at crank and guide against weights and accelerations of three centres of mass."""
     (angle, rate, acceleration), found = moving(mode)
     crank, coupler = (LINK[name] for name in ("crank", "coupler"))
     turn, spin, bend = (found[f"theta3{part}"] for part in ("", "_rate", "_acceleration"))

@@ -1,4 +1,4 @@
-"""Newton-Raphson and the hacksaw's use of it: the report's counts, Jacobian, sweep, branches."""
+"""Newton-Raphson of the hacksaw against the report: iterations, Jacobian, sweep, branches."""
 
 import json
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_printed_iterations_and_root_at_the_start(start, reduced):
     ]
     for root in (one, each):
         np.testing.assert_allclose(root[:3], DATA["root"], rtol=0, atol=5.1e-7)  # last printed
-        np.testing.assert_allclose(root[3:], 0.0, rtol=0, atol=1e-12)  # step squared, 1e-6
+        np.testing.assert_allclose(root[3:], 0.0, rtol=0, atol=1e-12)  # square of the step, 1e-6
 
 
 def test_the_printed_count_for_accelerations_is_that_of_the_positions():
@@ -71,7 +71,7 @@ def test_the_printed_count_for_accelerations_is_that_of_the_positions():
         REST, DATA["starts"]["code"], **LINK, simultaneous=False
     )
     assert acceleration.iterations == 2  # linear: one step solves, the next confirms
-    as_printed = 1 + np.argmax(position.steps < DATA["sweep"]["step"])  # line 1420 tests these
+    as_printed = 1 + np.argmax(position.steps < DATA["sweep"]["step"])  # line 1420 tests positions
     assert as_printed == DATA["iterations"]["acceleration_printed"] != acceleration.iterations
 
 
@@ -115,26 +115,26 @@ def sweeps():
 def test_sweep_with_continuation_follows_the_closed_form(sweeps):
     truth = hacksaw.solve(*GRID, **LINK)
     # simultaneous: rounding, 1e-14 (the report's own bound); sequential: it stops at a step of
-    # 1e-6, whose square is left, and takes it along into rates and accelerations
+    # 1e-6, whose square remains as an error, also of the rates and accelerations
     for way, bound in ((True, DATA["sweep"]["simultaneous_against_analytic"]), (False, 2e-12)):
         for name in hacksaw.UNKNOWNS:
             assert np.abs(sweeps[way][name] - truth[name]).max() < bound, name
         assert sweeps[way]["last_step"].max() < DATA["sweep"]["step"]
     assert set(sweeps[True]["iterations"][1:]) <= {2, 3, 4}
-    # each linear system takes a step and one to confirm it, or none where nothing moves
+    # each linear system takes a step and one to confirm it, or none if nothing moves
     assert set(sweeps[False]["iterations"][1:]) <= {2 + 2 + 2, 3 + 2 + 2, 5}
 
 
 def test_simultaneous_against_sequential_as_the_report_compares_them(sweeps):
     together = np.array([[sweeps[way][name] for name in hacksaw.UNKNOWNS] for way in (True, False)])
     difference = np.linalg.norm(together[0] - together[1], axis=0)
-    # the report: of the order of 1e-12, and the step of the simultaneous way usually the larger
+    # the report: of the order of 1e-12, and the step of the simultaneous form is usually larger
     assert 0.5 < difference.max() / DATA["sweep"]["simultaneous_against_sequential"] < 5.0
     assert np.mean(sweeps[True]["last_step"] > sweeps[False]["last_step"]) > 0.8
 
 
 def test_four_branches_at_the_start():
-    """Two assemblies, each with r1 of either sign; any of them is a root, only one is drawn."""
+    """Two assembly modes, each with r1 of either sign, are roots; the report draws only one."""
     found = set()
     for theta1 in (-2.5, -0.5, 0.5, 2.5):
         for theta3 in (0.3, 2.9):
@@ -152,7 +152,7 @@ def test_four_branches_at_the_start():
 
 
 def test_a_loop_that_cannot_close_names_its_angle():
-    limit = np.arcsin((0.045 - 0.1) / 0.075)  # beyond it the coupler is too short for the guide
+    limit = np.arcsin((0.045 - 0.1) / 0.075)  # beyond it the coupler does not reach the guide
     law = np.linspace(0.0, 2.0 * limit, 20)
     with pytest.raises(NotConverged, match=rf"at angle {law[10]:.9g} rad: no root in 50"):
         hacksaw.newton_sweep(law, 0.0, 0.0, **{**LINK, "coupler": 0.1})
@@ -180,7 +180,7 @@ def printed_inverses(r1, theta1, theta3):
 
 
 def test_printed_inverse_jacobians_of_annex_c():
-    """All three are right: that of C.1 at roots only, where r1 = offset/sin(theta1)."""
+    """All three are right, that of C.1 only at roots, where r1 = offset/sin(theta1)."""
     numbers = np.random.default_rng(5)
     for _ in range(20):
         law = numbers.uniform(-3.0, 3.0, 3)
@@ -198,16 +198,16 @@ def test_printed_inverse_jacobians_of_annex_c():
             np.testing.assert_allclose(
                 inverse @ jacobian, np.eye(3), rtol=0, atol=1e-14 * scale
             )  # rounding
-        # each block on the diagonal of the nine equations is that of the positions
+        # each diagonal block of the nine equations equals the block of the positions
         np.testing.assert_array_equal(plain[3:6, 3:6], plain[:3, :3])
         np.testing.assert_array_equal(plain[6:, 6:], plain[:3, :3])
-        # a sign of one printed entry would show
+        # a wrong sign of one printed entry would be noticed
         position[1, 2] *= -1.0
         assert np.abs(position @ reduced[:3, :3] - np.eye(3)).max() > 1e-3
 
 
 def test_determinant_tells_where_the_method_fails():
-    """|det J| = |r1 r3 cos(theta3)|: zero with an upright coupler or a slider above the axis."""
+    """|det J| = |r1 r3 cos(theta3)|: zero with coupler upright or slider above the axis."""
     x, _ = hacksaw.newton_pose(REST, DATA["starts"]["code"], **LINK)
     _, jacobian = hacksaw.newton_system(x, REST, *LINK.values())
     one = x[0] * LINK["coupler"] * np.cos(x[2])
@@ -247,12 +247,12 @@ def test_charts_show_the_printed_counts_and_a_quadratic_convergence():
 
 @pytest.mark.parametrize("mode", hacksaw.MODES)
 def test_nine_error_figures_and_step_errors(mode):
-    """The report: below 1e-13 all, a step error below 1e-6; and no error is nothing at all."""
+    """As in the report all errors are below 1e-13, step errors below 1e-6; none is all zeros."""
     errors = hacksaw.newton_errors(**LINK, mode=mode)
     assert [panel.title.split(":")[0] for panel in errors.panels] == list(hacksaw.UNKNOWNS)
     for line in errors.lines:
         assert line.x.size == DATA["sweep"]["points"]
-        # the report's bound; slower and further from the axis in the other mode
+        # the report's bound; in the other mode the slider is slower and further from the axis
         assert 0.0 < line.y.max() < 1e-13
     if mode == 1:
         both = hacksaw.newton_steps(**LINK)
@@ -263,7 +263,7 @@ def test_nine_error_figures_and_step_errors(mode):
 
 
 def test_the_error_figures_show_a_wrong_equation(monkeypatch):
-    """A crank that is 1e-9 too far leaves none of the nine near rounding."""
+    """A crank motion that is 1e-9 too large raises all nine errors far above rounding."""
     true = hacksaw.newton_system
     monkeypatch.setattr(
         hacksaw, "newton_system", lambda q, law, *a, **k: true(q, law * (1.0 + 1e-9), *a, **k)

@@ -1,4 +1,4 @@
-"""Inverted slider-crank closed form against its laws, other formulations, published numbers."""
+"""Inverted slider-crank closed form against derivatives, other formulations, published numbers."""
 
 import json
 from pathlib import Path
@@ -18,7 +18,7 @@ INPUTS = THESIS["angles"], THESIS["rates"]
 TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", inverted_slider_crank.MODES)
 GRID = np.arange(512) * TURN / 512
-# Laws with all derivatives alive and periodic, so that spectra can differentiate the curves.
+# Periodic profiles whose derivatives are not zero, for spectral derivatives of the curves.
 LAW = np.array(
     [
         [GRID + 0.3 * np.sin(GRID), 2.0 * GRID + 0.2 * np.cos(GRID)],
@@ -30,7 +30,7 @@ LAW = np.array(
 
 @st.composite
 def links(draw):
-    """Lengths whose crank pin stays clear of the slider."""
+    """Lengths with which the crank pin never comes near the slider."""
     scale, direction = draw(st.floats(1e-3, 1e3)), draw(st.floats(-np.pi, np.pi))
     reach, share = draw(st.floats(0.2, 0.85)), draw(st.floats(0.1, 0.9))
     ground = scale * np.exp(1j * direction)
@@ -44,12 +44,12 @@ def links(draw):
 
 
 def vectors(pose, name):
-    """Place, velocity and acceleration of a point in the complex plane."""
+    """Position, velocity and acceleration of a point as complex numbers."""
     return [pose[f"{name}_{part}x"] + 1j * pose[f"{name}_{part}y"] for part in ("", "v", "a")]
 
 
 def constraints(q, link):
-    """The thesis' Phi and Jacobian of x1 y1 x2 y2 x3 y3 (text lines 3497-3601), inputs given."""
+    """Phi of the thesis and its Jacobian by x1 y1 x2 y2 x3 y3, inputs given (lines 3497-3601)."""
     x1, y1, x2, y2, x3, y3 = q
     bx, by = link["ground_x"], link.get("ground_y", 0.0)
     phi = [
@@ -68,7 +68,7 @@ def constraints(q, link):
 
 
 def end_of_rod(p1, p3, guess, link):
-    """Point 2 and its derivatives by Newton-Raphson, from those of points 1 and 3 (3,)."""
+    """Motion of point 2 by Newton-Raphson, from the motions (3,) of points 1 and 3."""
 
     def row(p2, k):
         return np.array([p1[k].real, p1[k].imag, p2.real, p2.imag, p3[k].real, p3[k].imag])
@@ -87,7 +87,7 @@ def end_of_rod(p1, p3, guess, link):
 
 
 def right_side(v):
-    """b of J qpp = -b for the rod's length and for points 1, 3, 2 in line."""
+    """b of J qpp = -b for the rows of the rod's length and of points 1, 3, 2 in line."""
     x1, y1, x2, y2, x3, y3 = v
     return np.array(
         [
@@ -111,7 +111,7 @@ def test_laws_of_random_links(link, mode):
     assert np.abs(gaps).max() <= 1e-14 * (abs(ground) + link["rod"])  # rounding: ten operations
     assert np.all(mode * pose["slide"] > 0)
     # 1e-9: rounding times the highest wave number, 256 eps = 6e-14, times the ratio of a curve,
-    # with its mean, to its derivative: up to 1e4 where a long way lies between short cranks
+    # with its mean, to its derivative: up to 1e4 where the cranks are short against their distance
     for name, rate in (("slide", "slide"), ("rod_angle", "rod")):
         assert_close(derivative(pose[name]), pose[f"{rate}_rate"], 1e-9)
         assert_close(derivative(pose[f"{rate}_rate"]), pose[f"{rate}_acceleration"], 1e-9)
@@ -145,7 +145,7 @@ def test_holding_moments_are_the_slopes_of_the_potential_energy(link, mode, at):
     masses = {"crank_mass": 1.3, "bar_mass": 0.8, "rod_mass": 2.1, "slider_mass": 0.7}
     for k, name in enumerate(("holding_moment", "holding_moment_bar")):
         angles = np.full((2, GRID.size), at)
-        angles[k] = GRID  # one input turns, the other is held
+        angles[k] = GRID  # one input turns, the other is at rest
         pose = inverted_slider_crank.solve(angles, 3.0, **link, mode=mode, **masses, gravity=3.7)
         pin_y = link["crank"] * np.sin(angles[0])
         heights = (
@@ -213,7 +213,7 @@ def test_accelerations_of_the_thesis(row):
 
 
 def test_the_two_slips_reproduce_the_printed_accelerations():
-    """A product for a difference, and a row that is not the rate of the collinearity row."""
+    """A product for a difference, and a row that is not the derivative of the collinearity row."""
     row = THESIS["accelerations"][1]
     q, v = np.array(THESIS["position"]), np.array(THESIS["velocity"])
     x1, y1, x2, y2 = v[:4]
@@ -248,7 +248,7 @@ def test_cycle_tables(name, bar, rates):
 
 
 def test_slider_leaves_the_rod():
-    """beta = 2 theta: |D| = 3 where 2 cos^2 - 3 cos - 1 = 0; text line 10966 does not notice."""
+    """With beta = 2 theta, |D| = 3 m where 2 cos^2 - 3 cos - 1 = 0; text line 10966 ignores it."""
     table, angle = DATA["off_rod"], np.linspace(0.0, TURN, 100001)
     pose = inverted_slider_crank.solve([angle, 2.0 * angle], [1.0, 2.0], **LINK)
     for degrees, slide in table["slides"].items():
@@ -272,7 +272,7 @@ def test_slider_leaves_the_rod():
     assert safe.shape == (0, 2)
     touches = inverted_slider_crank.off_rod_intervals(
         [0.0, 1.0, 2.0], [0.5, 0.0, 0.5]
-    )  # the rod's end
+    )  # touches the end of the rod
     assert touches.shape == (0, 2)
 
 

@@ -1,4 +1,4 @@
-"""The document's natural-coordinate scheme: its printed digits, its mistakes, its traps.
+"""The document's scheme in natural coordinates: printed digits, errors and pitfalls.
 
 B. Díaz Lozano, Desarrollo de material de prácticas interactivo para Teoría de Mecanismos,
 Universidad de Almería 2019; the figures with their lines are in data/newton_raphson.json.
@@ -26,7 +26,7 @@ PRINTED = {"rtol": 5e-9, "atol": 5.1e-9}  # nine significant digits or eight dec
 
 
 def reversed_angle(linkage):
-    """The slider-crank's velocity notebook: a derivative with a wrong sign (8356, 8363)."""
+    """Slider-crank whose angle derivative has the wrong sign of its notebook (8356, 8363)."""
 
     def wrong(q, rates):
         value, gradient, bias = linkage.rows[-1](q, rates)
@@ -37,7 +37,7 @@ def reversed_angle(linkage):
 
 
 def with_bias(linkage, number, value):
-    """A row of a linkage with another bias."""
+    """A linkage whose row `number` has another bias."""
     row = linkage.rows[number]
     rows = list(linkage.rows)
     rows[number] = lambda q, rates: (*row(q, rates)[:2], value(*rates[:6].reshape(3, 2)))
@@ -45,12 +45,12 @@ def with_bias(linkage, number, value):
 
 
 def rod_as_printed(one, two, three):
-    """Line 3704: a product for a difference."""
+    """Bias of the row of the rod as line 3704 prints it: a product in place of a difference."""
     return -2.0 * one @ (two - one) + 2.0 * (two**2) @ one
 
 
 def slider_as_printed(one, two, three):
-    """Line 3706."""
+    """Bias of the row of the slider as line 3706 prints it."""
     u, w = two - one, three - one
     return (
         -2.0 * one[0] * (u[1] + w[1])
@@ -69,7 +69,7 @@ def solved(name):
 
 
 def mirrored(q, angle):
-    """Whether Newton-Raphson put the crank pin of the four-bar where its angle is not."""
+    """Whether Newton-Raphson found a crank pin of the four-bar that is not at the crank angle."""
     return np.hypot(q[..., 0] - np.cos(angle), q[..., 1] - np.sin(angle)) > 1e-6
 
 
@@ -79,7 +79,7 @@ def test_every_printed_iteration_replays(name):
     np.testing.assert_allclose(start, DATA[name]["start"], rtol=1e-11)  # twelve stored digits
     found, printed = scheme.assemble(linkage, start), np.array(DATA[name]["steps"])
     assert found.iterations == printed.size
-    # 1e-11: rounding, grown by steps of up to 50 m; 2e-14: rounding of coordinates of that size
+    # 1e-11: rounding, magnified by steps of up to 50 m; 2e-14: rounding of such coordinates
     np.testing.assert_allclose(found.steps, printed, rtol=1e-11, atol=2e-14)
     np.testing.assert_allclose(found.root, DATA[name]["position"], **PRINTED)
     assert np.all(found.ranks == DATA[name]["rank"])
@@ -88,7 +88,7 @@ def test_every_printed_iteration_replays(name):
 
 
 def differences(function, q):
-    """Central differences: exact for the quadratic rows, step^2/6 = 2e-9 for those of angles."""
+    """Central differences: exact for quadratic rows, step^2/6 = 2e-9 off for rows of angles."""
     return np.array([(function(q + e) - function(q - e)) / 2e-4 for e in 1e-4 * np.eye(q.size)]).T
 
 
@@ -121,7 +121,7 @@ def test_fourbar_follows_the_closed_form():
     truth = fourbar.solve(angle, 1.0, 0.3, **BAR, mode=-1)
     for order, part in enumerate(("", "v", "a")):
         for axis, column in (("x", 2), ("y", 3)):
-            # rounding through condition numbers up to 17; the last step is below 1e-10, squared
+            # rounding times condition numbers up to 17, and the square of a last step below 1e-10
             np.testing.assert_allclose(
                 found[order, :, column], truth[f"pin_{part}{axis}"], rtol=0, atol=1e-13
             )
@@ -157,7 +157,7 @@ def test_e3_e4_slider_crank_rates_have_the_wrong_sign_and_a_stale_angle():
     _, q, true = solved("slider-crank")
     data = DATA["slider-crank"]
     wrong = reversed_angle(scheme.EXAMPLES["slider-crank"][0])
-    assert scheme.assemble(wrong, data["start"]).iterations == 8  # the sign does not stop Newton
+    assert scheme.assemble(wrong, data["start"]).iterations == 8  # it converges nevertheless
     reversed_ = scheme.velocities(wrong, q, [1.0])
     np.testing.assert_allclose(reversed_[:4], -true[:4], rtol=0, atol=1e-15)  # rounding
     stale = np.array([*q[:4], 0.0])  # the plot function has left 0 in the angle (line 8480)
@@ -165,7 +165,7 @@ def test_e3_e4_slider_crank_rates_have_the_wrong_sign_and_a_stale_angle():
     np.testing.assert_allclose(scheme.velocities(wrong, stale, [1.0]), printed, **PRINTED)
     assert printed[0] == pytest.approx(np.tan(0.5), abs=5.1e-9)  # last printed digit
     assert abs(np.subtract(printed, true)[:3]).min() > 1.0
-    a = scheme.accelerations(wrong, q, reversed_, [-1.0])  # E1 on top: two signs cancel
+    a = scheme.accelerations(wrong, q, reversed_, [-1.0])  # with E1 as well: two signs cancel
     np.testing.assert_allclose(a, data["acceleration"]["printed"], **PRINTED)
     np.testing.assert_allclose(a[:4], data["acceleration"]["true"][:4], rtol=0, atol=1e-10)
     assert a[4] == -data["acceleration"]["true"][4]
@@ -187,7 +187,7 @@ def test_e5_e6_inverted_slider_crank_has_two_wrong_rows_of_bias():
 
 
 def test_not_assemblable_ends_after_101_iterations():
-    """Text line 1060. Newton wanders: only the count, not the last step, is the same everywhere."""
+    """Text line 1060. Without convergence only the count, not the last step, is reproducible."""
     with pytest.raises(NotConverged) as failure:
         scheme.assemble(scheme.fourbar(1.0, 2.0, 3.0, 50.0), (*GUESS, 0.0))
     assert failure.value.log.iterations == 101
@@ -207,7 +207,10 @@ def test_non_grashof_sweep_fails_at_the_first_frame_past_its_limit():
 
 
 def test_mirror_trap_and_its_remedy():
-    """One switched row fixes the pin up to a mirror image; both rows leave the right one alone."""
+    """One row at a time leaves a mirror image of the crank pin; both rows leave the right pin only.
+
+    With a threshold the row of x or that of y is used, depending on the crank angle.
+    """
     angles = np.arange(72) * 2.0 * np.pi / 72
     for threshold, wrong in ((0.5**0.5, 36), (None, 0)):
         linkage = scheme.fourbar(*BAR.values(), threshold=threshold)
@@ -216,7 +219,7 @@ def test_mirror_trap_and_its_remedy():
         left = (3.0 - q[:, 0]) * (q[:, 3] - q[:, 1]) + q[:, 1] * (q[:, 2] - q[:, 0]) > 0.0
         assert (np.sum(left & ~mirrored(q, angles)), np.sum(left & mirrored(q, angles))) == (
             (9, 10) if threshold else (0, 0)
-        )  # both rows: all in one assembly mode as well
+        )  # with both rows all poses are also in one assembly mode
 
 
 @pytest.mark.parametrize(
@@ -224,7 +227,7 @@ def test_mirror_trap_and_its_remedy():
     [(0.05, 50, 24), (0.05, 100, 0), (0.5**0.5, 20, 0), (0.5**0.5, 50, 0), (0.5**0.5, 200, 0)],
 )
 def test_step_trap_of_a_low_threshold(threshold, poses, wrong):
-    """Erratum E7: at 0.05 a sweep of 50 poses jumps over the switch and stays on the mirror."""
+    """Erratum E7: at 0.05 a sweep of 50 poses misses the change of rows, keeps the mirror image."""
     angles = np.linspace(0.0, 2.0 * 3.1416, poses)  # the document's pi, text line 2079
     linkage = scheme.fourbar(*BAR.values(), threshold=threshold)
     q = scheme.sweep(linkage, (*GUESS, 0.0), angles, [1.0], [0.0])[0]
@@ -250,7 +253,7 @@ def test_degrees_of_freedom_by_rank():
 
 
 def coupler_driven():
-    """The four-bar with the angle from crank to coupler driven: X1, Y1, X2, Y2, phi."""
+    """Four-bar whose drive is the angle from crank to coupler; unknowns X1, Y1, X2, Y2, phi."""
     a, b, one, two = (
         scheme.fixed(0, 0, 5),
         scheme.fixed(3.0, 0, 5),
@@ -269,13 +272,13 @@ def coupler_driven():
 
 
 def test_relative_angle_between_two_links():
-    """Figure 42: the four-bar by its angle at the crank pin is that of the closed form."""
+    """Figure 42: the four-bar driven by its angle at the crank pin moves as in the closed form."""
     linkage, crank = coupler_driven(), np.linspace(0.4, 2.4, 21)
     truth = fourbar.solve(crank, 1.0, 0.3, **BAR)
 
     def angle(order):
         tail = ("_angle", "_rate", "_acceleration")[order]
-        turn = (np.pi, 0.0, 0.0)[order]  # from the way back to the crank's pin
+        turn = (np.pi, 0.0, 0.0)[order]  # the angle counts from the direction back to A
         return truth[f"coupler{tail}"] - (crank, 1.0, 0.3)[order] - turn
 
     for k, theta in enumerate(crank):
@@ -293,7 +296,7 @@ def test_relative_angle_between_two_links():
 
 @pytest.mark.parametrize(("row", "mirrored_too"), [(0, True), (1, True), (None, False)])
 def test_one_row_of_a_relative_angle_leaves_another_pose(row, mirrored_too):
-    """Figure 42: "both, to avoid singularities"; either alone has a second root."""
+    """Figure 42 takes "both, to avoid singularities": either row alone has a second root."""
     linkage, phi = coupler_driven(), -2.0
     if row is not None:
         linkage = replace(linkage, rows=(*linkage.rows[:3], linkage.rows[3 + row]))
@@ -303,7 +306,7 @@ def test_one_row_of_a_relative_angle_leaves_another_pose(row, mirrored_too):
             q = scheme.assemble(linkage, [*start, phi]).root
         except NotConverged:
             continue
-        if np.abs(linkage.evaluate(q, 0.0 * q)[0][:3]).max() < 1e-9:  # else least squares only
+        if np.abs(linkage.evaluate(q, 0.0 * q)[0][:3]).max() < 1e-9:  # else a least-squares point
             back, to = -q[:2], q[2:4] - q[:2]
             turn = np.arctan2(back[0] * to[1] - back[1] * to[0], back @ to)
             found.add(round(float(turn), 6))
@@ -312,9 +315,10 @@ def test_one_row_of_a_relative_angle_leaves_another_pose(row, mirrored_too):
 
 
 def block_at_an_angle(angle):
-    """A block that a bar holds at an angle, on a rod from the crank pin: X1 .. X3, Y3, theta.
+    """A block on a rod from the crank pin, with a bar at a constant angle to the rod.
 
-    1 is the crank pin, 2 the end of the rod, 3 the block, whose bar of 1 m turns about (2, 0).
+    The unknowns are X1, Y1, .. X3, Y3, theta: 1 is the crank pin, 2 the end of the rod, 3 the
+    block, whose bar of 1 m turns about (2, 0).
     """
     a, b = scheme.fixed(0, 0, 7), scheme.fixed(2.0, 0, 7)
     one, two, three = (scheme.moving(k, 7) for k in range(3))
@@ -333,7 +337,7 @@ def block_at_an_angle(angle):
 
 @pytest.mark.parametrize("angle", [np.pi / 2, 1.2, 2.0])
 def test_constant_angle_between_block_and_rod(angle):
-    """Figure 41: the triangle of crank pin, block and pivot has the angle at the block."""
+    """Figure 41: the triangle of crank pin, block and pivot has the constant angle at the block."""
     linkage, q = block_at_an_angle(angle), None
     for theta in np.linspace(0.0, 2.0 * np.pi, 25):
         pin = 0.6 * np.exp(1j * theta)
@@ -380,7 +384,7 @@ def test_a_start_of_another_length_names_the_coordinates():
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5])
 def test_drives_of_figures_69_70_92_93(ratio):
-    """Both angles alike, and one and a half times as large: two formulations, 50 poses each."""
+    """The second angle is 1 or 1.5 times the first: scheme against closed forms, 50 poses each."""
     crank = np.linspace(0.0, 2.0 * 3.1416, 50)
     angles, rates = np.stack([crank, ratio * crank]), np.array([1.0, ratio])
     given = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0}

@@ -1,4 +1,4 @@
-"""Pendulum closed form against its laws, an integrator and published numbers."""
+"""Pendulum closed form against its differential equation, an integrator, published numbers."""
 
 import json
 from pathlib import Path

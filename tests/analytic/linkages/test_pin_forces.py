@@ -1,7 +1,7 @@
-"""Forces of pins and guides: each body of a linkage by itself is in balance, at rest and in motion.
+"""Forces of pins and guides: each body of a linkage is in balance, at rest and in motion.
 
-Newton's and Euler's equations of every body, about its centre of mass, with all forces that act on
-it. Drives hold it with the moments and forces that the closed forms know by virtual work.
+Every body satisfies Newton's and Euler's equations about its centre of mass, with all forces that
+act on it. The drives apply the moments and forces that the closed forms compute by virtual work.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from proofmass.analytic.linkages import (
 GRAVITY = 3.7
 STATES = pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
 GRID = np.linspace(0.0, 2.0 * np.pi, 65)
-LAW = np.array(  # both inputs turn back and forth, with all derivatives alive
+LAW = np.array(  # both inputs turn back and forth, no derivative is zero
     [
         [0.4 + 0.8 * np.sin(GRID), 1.1 - 0.5 * np.cos(GRID)],
         [2.0 + 0.8 * np.cos(GRID), -3.0 + 0.5 * np.sin(GRID)],
@@ -32,19 +32,19 @@ LAW = np.array(  # both inputs turn back and forth, with all derivatives alive
 
 @dataclass(frozen=True)
 class Body:
-    """A body, its motion, and all that acts on it but its weight."""
+    """A body, its motion, and all forces and moments on it except its weight."""
 
     mass: float  # kg
     inertia: float  # about the centre of mass, kg m^2
     centre: np.ndarray  # m, as all vectors a complex number
     acceleration: np.ndarray  # of the centre, m/s^2
     turning: np.ndarray | float  # angular acceleration, rad/s^2
-    pulls: tuple[tuple[np.ndarray, np.ndarray], ...]  # a force [N] and where it acts [m]
+    pulls: tuple[tuple[np.ndarray, np.ndarray], ...]  # a force [N] and its point [m]
     moment: np.ndarray | float = 0.0  # N m
 
 
 def unbalanced(body: Body) -> float:
-    """What is left of the forces and moments on a body, as a share of the largest of them."""
+    """Residual of the equations of force and moment of a body, as a share of their largest term."""
     forces = [force for force, _ in body.pulls]
     levers = [(np.conj(place - body.centre) * force).imag for force, place in body.pulls]
     needed = body.mass * (body.acceleration + 1j * GRAVITY)
@@ -69,12 +69,12 @@ def bar(mass, ends, accelerations, turning, forces, moment=0.0):
 
 
 def force(pose, name, angle):
-    """A force in the axes of the world, from its parts in a frame at that angle."""
+    """Force in the axes of the world, from its components in a frame at `angle`."""
     return (pose[f"{name}_x"] + 1j * pose[f"{name}_y"]) * np.exp(1j * angle)
 
 
 def arm(length, k, inertia):
-    """Vector of the k-th driven arm and the acceleration of its end."""
+    """Vector of the k-th driven arm, and the acceleration of its end, zero without inertia."""
     angle, rate, change = LAW[:, k]
     vector = length * np.exp(1j * angle)
     return vector, inertia * (1j * change - rate**2) * vector
@@ -89,12 +89,12 @@ def driven_bar(k, base, length, mass, inertia, forces, moment):
 
 
 def coupler_forces(pose):
-    """Of the crank on the coupler, and of the coupler on what follows."""
+    """Force of the crank on the coupler, and of the coupler on the next body."""
     return (force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin"))
 
 
 def point(pose, name, inertia):
-    """Place and acceleration of a point."""
+    """Position and acceleration of a point, the latter zero without inertia."""
     place = pose[f"{name}_x"] + 1j * pose[f"{name}_y"]
     return place, inertia * (pose[f"{name}_ax"] + 1j * pose[f"{name}_ay"])
 
@@ -123,7 +123,7 @@ def fourbar_bodies(mode, inertia):
 
 
 def slider_crank_bodies(mode, inertia):
-    """With dry friction, which is against the motion of each joint, and a load on the slider."""
+    """Bodies with dry friction against the motion of each joint, and with a load on the slider."""
     link = {"crank": 0.6, "coupler": 1.8, "guide_x": 0.4, "guide_y": 0.5, "guide_angle": 0.3}
     masses = {"crank_mass": 1.3, "coupler_mass": 2.1, "slider_mass": 0.7}
     frictions = {"crank_friction": 0.6, "pin_friction": 0.4, "slider_friction": 1.1}
@@ -289,7 +289,7 @@ def threeprr_bodies(mode, inertia):
             (on_leg, -of_leg),
         )
         on_platform.append((of_leg, p + arm_k))
-        # the drive's part of what the guide gives is the force of virtual work
+        # the force along the guide is the drive's force by virtual work
         along = pose[f"guide_force_{k + 1}_x"]
         np.testing.assert_allclose(along, pose[f"holding_force_{k + 1}"], rtol=0, atol=1e-12)
     middle = sum(arms) / 3.0
@@ -320,7 +320,7 @@ ALL = pytest.mark.parametrize(
 @STATES
 @ALL
 def test_every_body_is_in_balance(linkage, mode, inertia):
-    """To rounding: at worst 40 eps of the largest force or moment on it."""
+    """The residual is rounding: at most 40 eps of the largest force or moment on the body."""
     for name, body in LINKAGES[linkage][0](mode, inertia).items():
         assert unbalanced(body) < 2e-14, name
 
@@ -328,7 +328,7 @@ def test_every_body_is_in_balance(linkage, mode, inertia):
 @STATES
 @ALL
 def test_the_ground_carries_weight_and_inertia_of_all_bodies(linkage, mode, inertia):
-    """What bodies give each other cancels: the sum of all forces is that of the ground."""
+    """Forces between bodies cancel: the sum of all forces is that from outside the linkage."""
     bodies = LINKAGES[linkage][0](mode, inertia).values()
     forces = np.array([force for body in bodies for force, _ in body.pulls])
     needed = sum(body.mass * (body.acceleration + 1j * GRAVITY) for body in bodies)
@@ -336,7 +336,7 @@ def test_the_ground_carries_weight_and_inertia_of_all_bodies(linkage, mode, iner
     np.testing.assert_allclose(forces.sum(axis=0), needed, rtol=0, atol=bound)
 
 
-MUTATIONS = {  # what must not be zero, and what is wrong
+MUTATIONS = {  # attribute that must not be zero, and the mutation
     "mass": ("mass", lambda body: replace(body, mass=1.001 * body.mass)),
     "inertia": ("turning", lambda body: replace(body, inertia=1.01 * body.inertia)),
     "centre of mass": ("mass", lambda body: replace(body, centre=body.centre + 1e-3)),
@@ -364,7 +364,7 @@ def test_every_wrong_number_leaves_its_body_out_of_balance(linkage, how):
 
 
 def test_a_swinging_block_has_the_forces_of_an_inverted_slider_crank_with_its_bar_held():
-    """The pivot carries what the bar's tip carries, with the weight of the block."""
+    """The pivot carries the force of the bar's tip and the weight of the block."""
     ground, held = 1.9 + 0.7j, 0.5 * np.exp(0.8j)
     angle, rate, change = LAW[:, 0]
     still = np.zeros_like(angle)

@@ -1,4 +1,4 @@
-"""Places and angles of a linkage without its rates: the same numbers as of the whole motion."""
+"""Positions and angles of a linkage without its rates are the same as in the whole motion."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ from proofmass.analytic.linkages import fourbar, slider_crank
     ],
 )
 def test_places_alone_are_those_of_the_whole_motion(solve, parameters, places):
-    """Also through a change point; without rates, and none of what was not asked for."""
+    """Also through a change point. Only requested quantities are returned."""
     angle = np.linspace(-1.0, 12.0, 400)
     whole = solve(angle, **parameters)
     for name in places.split():

@@ -1,4 +1,4 @@
-"""Regions of pieces of curves: holes, parts that touch in a point, outlines that do not close."""
+"""Regions bounded by pieces of curves: holes, parts that touch in a point, open outlines."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A pendulum on a shaft with dry friction against the least of its energy and dissipation."""
+"""A pendulum on a shaft with dry friction against the minimum of energy plus dissipation."""
 
 from itertools import pairwise
 
@@ -20,7 +20,7 @@ WEIGHT = 0.5 * 9.81 * 0.2  # m g l [N m]
 
 
 def test_it_goes_where_energy_and_dissipation_are_least():
-    """Each sample minimises m g l (1 - cos phi) + friction |slip|."""
+    """Each pose minimises m g l (1 - cos phi) + friction |slip|, slip since the last sample."""
     shaft = np.array([0.0, 0.2, 0.7, 0.5, 0.1, -0.9, -0.8, 0.4, 2.0])
     phi, found = 0.0, [0.0]
     for before, now in pairwise(shaft):
@@ -43,7 +43,10 @@ def test_it_goes_where_energy_and_dissipation_are_least():
 
 
 def test_area_of_a_cycle():
-    """2 friction (a - 2 p) and 2 bearing_friction a, and as much is lost."""
+    """The area is 2 friction (a - 2 p) + 2 bearing_friction a, and equals the energy lost.
+
+    The range of the shaft is a, the slip angle p.
+    """
     way = 1.8
     shaft = way * 0.5 * (1 - np.cos(np.linspace(0, 4 * np.pi, 40001)))
     rate = np.gradient(shaft)
@@ -53,7 +56,7 @@ def test_area_of_a_cycle():
     assert trapezoid(found["holding_moment"][last], shaft[last]) == pytest.approx(area, rel=1e-4)
     assert found["lost"][-1] - found["lost"][20000] == pytest.approx(area, rel=1e-12)
     first = np.diff(found["lost"][[0, 20000]])[0]
-    assert first == pytest.approx(area + 0.3 * slip_angle(**OWN), rel=1e-12)  # it begins between
+    assert first == pytest.approx(area + 0.3 * slip_angle(**OWN), rel=1e-12)  # starts in mid-play
 
 
 def test_rates_are_slopes_and_the_hinge_gives_the_weight_its_moment():
@@ -68,7 +71,7 @@ def test_rates_are_slopes_and_the_hinge_gives_the_weight_its_moment():
 
 
 def test_a_sample_at_which_it_begins_to_slip_is_one_behind_that():
-    swing, slips = apply_play(np.array([0.0, 0.25, 0.5]), 0.25)  # without rounding
+    swing, slips = apply_play(np.array([0.0, 0.25, 0.5]), 0.25)  # numbers without rounding
     assert (swing.tolist(), slips.tolist()) == ([0.0, 0.25, 0.25], [True, True, True])
 
 

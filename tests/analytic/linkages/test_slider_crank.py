@@ -1,4 +1,4 @@
-"""Slider-crank closed form against its laws, other formulations, limits and published numbers."""
+"""Slider-crank closed form against derivatives, other formulations, limits, published numbers."""
 
 import json
 from pathlib import Path
@@ -19,13 +19,13 @@ MASSES = {"crank_mass": 1.3, "coupler_mass": 2.1, "slider_mass": 0.7}
 TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", slider_crank.MODES)
 GRID = np.arange(512) * TURN / 512
-# A crank law with all derivatives alive and periodic, so that spectra can differentiate the curves.
+# A periodic crank profile whose derivatives are not zero, for spectral derivatives of the curves.
 LAW = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
 
 
 @st.composite
 def full_turn_links(draw):
-    """Lengths and a guide whose crank turns all round, the coupler never across the guide."""
+    """Lengths and a guide: the crank turns fully, the coupler is never normal to the guide."""
     crank, scale = draw(st.floats(0.1, 1.0)), draw(st.floats(1e-3, 1e3))
     offset = scale * crank * draw(st.floats(-2.0, 2.0))
     coupler = (scale * crank + abs(offset)) * draw(st.floats(1.15, 4.0))
@@ -45,7 +45,7 @@ def size(link):
 
 
 def constraints(q, link):
-    """The thesis' Phi (text lines 3063-3131) and its Jacobian, poses along the first axis."""
+    """Phi of the thesis (text lines 3063-3131) and its Jacobian, poses along the first axis."""
     x1, y1, x2, y2, angle = q.T
     ux, uy = np.cos(link["guide_angle"]), np.sin(link["guide_angle"])
     none, one = np.zeros_like(x1), np.ones_like(x1)
@@ -78,7 +78,7 @@ def solved(matrix, right):
 
 
 def natural_coordinates(angle, rate, acceleration, link, guess):
-    """x1, y1, x2, y2, angle and derivatives, (3, n, 5), by Newton-Raphson from x2 + i y2."""
+    """x1, y1, x2, y2, angle and derivatives, (3, n, 5), by Newton-Raphson; guess = x2 + i y2."""
     pin = link["crank"] * np.exp(1j * angle)
     q = np.stack([pin.real, pin.imag, guess.real, guess.imag, angle], -1)
     for _ in range(8):
@@ -156,7 +156,7 @@ def test_turning_the_drawing_turns_the_motion(link, mode, by):
         np.testing.assert_allclose(turned[part], pose[part], rtol=0, atol=bound)
     np.testing.assert_allclose(
         turned["transmission_angle"], pose["transmission_angle"], rtol=0, atol=1e-13
-    )  # the same
+    )  # rounding as above
 
 
 @MODES
@@ -189,7 +189,7 @@ def test_a_four_bar_with_a_long_rocker_is_a_slider_crank():
     angle, rate, acceleration = (x[::8] for x in LAW)
     pose = slider_crank.solve(angle, rate, acceleration, **LINK)
     errors = []
-    for rocker in (1e4, 1e5):  # about a point far below the guide, the drawing turned by a quarter
+    for rocker in (1e4, 1e5):  # pivot far below the guide, linkage turned by a quarter
         bar = fourbar.solve(
             angle + np.pi / 2, rate, acceleration, **LINK, rocker=rocker, ground=rocker, mode=1
         )
@@ -220,7 +220,7 @@ def test_holding_moment_is_the_slope_of_the_potential_energy(mode):
 
 def test_printed_pose_of_the_thesis():
     printed = THESIS["position"]
-    for point in THESIS["guide_through"]:  # the slide counts from whichever point is given
+    for point in THESIS["guide_through"]:  # the slide counts from the given point
         pose = slider_crank.solve(THESIS["angle"], **LINK, guide_x=point[0])
         assert pose["slider_x"] == pytest.approx(printed["x"], abs=5.1e-9)  # half a last digit
         assert pose["slide"] == pytest.approx(printed["x"] - point[0], abs=5.1e-9)
@@ -240,7 +240,7 @@ def test_velocities_of_the_thesis_and_their_misprint():
     jacobian = constraints(q, link)[1][0]
     right = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
     np.testing.assert_allclose(solved(jacobian, right), table["true"], rtol=0, atol=1e-11)
-    jacobian[3, 4] = np.cos(0.0)  # the sign wrong, and the angle overwritten with zero
+    jacobian[3, 4] = np.cos(0.0)  # wrong sign, and the angle overwritten with zero
     np.testing.assert_allclose(solved(jacobian, right), table["printed"], rtol=0, atol=5.1e-9)
 
 
@@ -306,7 +306,7 @@ def test_dead_points_are_where_the_slider_reverses(link, mode):
 
 
 def test_fold_of_equal_crank_and_coupler():
-    """In line at pi/2 the Jacobian is singular, like 1/eps, and the rate still has a limit."""
+    """Near pi/2 the condition number of the Jacobian grows like 1/eps, but the rate has a limit."""
     table, link = DATA["slider_crank_fold"], {"crank": 1.0, "coupler": 1.0}
     axis = {"guide_x": 0.0, "guide_y": 0.0, "guide_angle": 0.0}
     for eps in (1e-3, 1e-4):

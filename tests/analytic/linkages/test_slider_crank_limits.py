@@ -22,7 +22,7 @@ def assert_derivative(curve, expected, period, tolerance):
 
 
 def test_dead_points_of_a_swinging_crank():
-    """A coupler shorter than the crank: either dead point has its own range of crank angles."""
+    """With a coupler shorter than the crank each dead point lies in its own range of the crank."""
     angles, slides = slider_crank.dead_points(**SHORT)
     pose = slider_crank.solve(angles, **SHORT)
     np.testing.assert_allclose(pose["slide_rate"], 0.0, rtol=0, atol=1e-15)  # rounding
@@ -33,7 +33,7 @@ def test_dead_points_of_a_swinging_crank():
 
 
 def test_motion_runs_smoothly_through_the_fold():
-    """Crank = coupler in line is Cardan's straight line: s = 2 r cos(angle), coupler opposed."""
+    """Crank = coupler, in line, is Cardan's straight line: s = 2 r cos(angle), coupler reversed."""
     at = np.linspace(0.0, TURN, 361)
     pose = slider_crank.solve(at, crank=1.0, coupler=1.0)
     # rounding of the bracket's root, twice
@@ -41,7 +41,7 @@ def test_motion_runs_smoothly_through_the_fold():
     np.testing.assert_allclose(pose["slide_rate"], -2.0 * np.sin(at), rtol=0, atol=1e-15)
     np.testing.assert_allclose(pose["coupler_angle"], -at, rtol=1e-15)
     assert np.all(pose["coupler_rate"] == -1.0)
-    still = slider_crank.solve(at, 1.3, -0.4, crank=1.0, coupler=1.0, mode=-1)  # slider stays on A
+    still = slider_crank.solve(at, 1.3, -0.4, crank=1.0, coupler=1.0, mode=-1)  # slider stays in A
     for name in ("slide", "slide_rate", "slide_acceleration"):
         assert np.abs(still[name]).max() <= 2e-15  # rounding
 
@@ -68,7 +68,7 @@ def test_offset_change_point_closes_after_two_turns(offset, mode):
         assert_derivative(value, pose[f"{name}_rate"], 2 * TURN, 1e-10)
         assert_derivative(pose[f"{name}_rate"], pose[f"{name}_acceleration"], 2 * TURN, 1e-10)
     later = slider_crank.solve(angle + TURN, **link, mode=mode)["slide"]
-    assert np.abs(later - pose["slide"]).max() > 1.0  # a turn later it is in the other assembly
+    assert np.abs(later - pose["slide"]).max() > 1.0  # a turn later: other assembly mode
 
 
 @pytest.mark.parametrize(
@@ -88,10 +88,10 @@ def test_bad_value_is_named(name, value):
 
 
 def test_unreachable_angle_is_named_with_the_miss():
-    limit = np.arcsin(0.7)  # coupler across the guide
+    limit = np.arcsin(0.7)  # coupler perpendicular to the guide
     assert slider_crank.solve(limit, **SHORT)["slide"] == pytest.approx(
         np.cos(limit), abs=1e-7
-    )  # root of the rounding
+    )  # square root of rounding
     with pytest.raises(ValueError, match=r"angle 1\.6 rad: .* by 0\.299574 m"):
         slider_crank.solve([0.0, 0.5, 1.6, 1.7], **SHORT)
     with pytest.raises(ValueError, match=rf"angle {-np.pi / 2:.9g} rad: .* by 0\.5 m"):

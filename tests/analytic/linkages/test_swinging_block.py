@@ -1,4 +1,4 @@
-"""Swinging-block closed form: the inverted slider-crank with its bar held, and a triangle."""
+"""Swinging-block closed form against an inverted slider-crank with its bar at rest, a triangle."""
 
 import json
 from pathlib import Path
@@ -22,7 +22,7 @@ def test_it_is_the_inverted_slider_crank_with_the_bar_held(mode):
     pose = inverted_slider_crank.solve(
         [GRID, 0.8 + 0.0 * GRID], [1.3, 0.0], [-0.4, 0.0], **LINK, mode=mode, **MASSES
     )
-    for name, curve in classic.items():  # rounding: the two add up the pivot differently
+    for name, curve in classic.items():  # rounding: the pivot is computed differently
         np.testing.assert_allclose(curve, pose[name], rtol=0, atol=1e-13 * np.ptp(curve))
 
 
@@ -50,7 +50,7 @@ def test_rocking_rod_of_the_held_bar():
 
 @pytest.mark.parametrize("crank", [0.4, 1.7])
 def test_swinging_block_is_a_triangle(crank):
-    """Law of cosines, and the whole turn of a rod whose crank is longer than the ground."""
+    """Law of cosines; the rod turns fully if the crank is longer than the ground."""
     pose = swinging_block.solve(GRID, crank=crank, rod=3.0, pivot_x=1.0)
     square = crank**2 + 1.0 - 2.0 * crank * np.cos(GRID)
     np.testing.assert_allclose(pose["slide"] ** 2, square, rtol=1e-14)  # rounding
@@ -58,7 +58,7 @@ def test_swinging_block_is_a_triangle(crank):
         pose["rod_rate"], (crank**2 - crank * np.cos(GRID)) / square, rtol=0, atol=4e-15
     )  # rounding
     winds = pose["rod_angle"][-1] + pose["rod_rate"][-1] * TURN / 512 - pose["rod_angle"][0]
-    assert winds == pytest.approx(TURN if crank > 1.0 else 0.0, abs=1e-3)  # a step's curvature
+    assert winds == pytest.approx(TURN if crank > 1.0 else 0.0, abs=1e-3)  # curvature within a step
 
 
 def test_bad_values_and_shapes():

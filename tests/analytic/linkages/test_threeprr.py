@@ -1,4 +1,4 @@
-"""3PRR robot, all poses: the document's polynomial and tables, parallel legs, singular poses."""
+"""All poses of a 3PRR robot: the document's polynomial and tables, parallel legs, folds."""
 
 import re
 
@@ -30,7 +30,10 @@ RANDOM = settings(derandomize=True, max_examples=60, deadline=None)
 
 
 def document_polynomial(sliders, where):
-    """Eqs 146-148 in t = tan(psi/2), degree 8, lowest power first, over its largest term; den."""
+    """Polynomial of degree 8 in t = tan(psi/2) of eqs 146-148, and their denominator `den`.
+
+    Its coefficients begin with the lowest power and are divided by those of the largest term.
+    """
     l1, l2, l3 = sliders
     a, b2, b3, h3 = (where[k] for k in ("side", "guide2_x", "guide3_x", "guide3_y"))
 
@@ -63,7 +66,7 @@ def document_polynomial(sliders, where):
 
 @st.composite
 def mechanisms(draw):
-    """A mechanism and a pose that all its legs reach with some way to go."""
+    """A mechanism, and a pose that all its legs reach with a margin."""
     leg, ratio = draw(st.floats(0.1, 10.0)), draw(st.floats(0.2, 1.8))
     where = {"side": ratio * leg, "leg": leg, "guide2_x": leg * draw(st.floats(-3.0, 5.0))}
     psi = draw(st.floats(-3.0, 3.0))
@@ -105,13 +108,13 @@ def test_the_eight_triples_of_both_tables_lead_back():
 
 
 def test_four_triples_of_table_3_have_parallel_legs():
-    """There eqs 146 and 147 are 0/0: the document's program can only print a singular position."""
+    """Then eqs 146 and 147 are 0/0: the document's program can print only a singular position."""
     where, pose = TABLE3["where"], [0.6, 0.4, 0.0]
     for signs, triple in zip(threeprr.SIGNS, all_triples(pose, where), strict=True):
         found = poses(triple, **where)
         parallel, (p, den) = signs[0] != signs[1], document_polynomial(triple, where)
         assert found["parallel"].sum() == 2 * parallel
-        # rounding of terms up to 10 m^2; the double root at t = 0 of two poses at psi = 0
+        # rounding of terms of up to 10 m^2; two poses at psi = 0 are a double root at t = 0
         assert (abs(den[0]) <= 1e-14) == (np.abs(p[:2]).max() <= 1e-14) == parallel
         np.testing.assert_allclose(found["psi"][found["parallel"]], 0.0, atol=1e-14)  # rounding
         if np.allclose(triple, [row[0] for row in TABLE3["sliders"]], atol=1e-4):
@@ -122,7 +125,7 @@ def test_four_triples_of_table_3_have_parallel_legs():
 @pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
 @pytest.mark.parametrize("off", [0.0, 1e-15, 1e-12, -1e-9, 1e-8, -1e-6, 1e-4])
 def test_any_two_legs_may_be_parallel(pair, off):
-    """Two poses of almost one psi, found on both sides of the double root too."""
+    """Two poses with almost the same psi are found, also on both sides of the double root."""
     leg, lean = 1.1, np.array([1.9, 2.6, 0.4])
     lean[pair[1]] = lean[pair[0]] + off
     c = np.array(corners(0.0, 0.0, 0.7, 1.0)) - leg * np.exp(1j * lean)
@@ -178,7 +181,7 @@ def test_poses_are_the_roots_of_the_document_polynomial(side, numbers):
     assert abs(np.polynomial.polynomial.polyval(1j, p)) <= 1e-12  # rounding of nine terms
     assert abs(np.polynomial.polynomial.polyval(-1j, p)) <= 1e-12
     sextic = np.polynomial.polynomial.polydiv(p, [1.0, 0.0, 1.0])[0]
-    assume(abs(sextic[-1]) > 1e-6)  # psi = pi, see the next test, and a platform free to move
+    assume(abs(sextic[-1]) > 1e-6)  # excludes psi = pi (next test) and a free platform
     t = np.roots(sextic[::-1])
     psi = np.sort(2.0 * np.arctan(t[t.imag == 0.0].real))
     found = poses(sliders, **where)
@@ -193,7 +196,7 @@ def test_poses_are_the_roots_of_the_document_polynomial(side, numbers):
 
 
 def test_a_pose_at_half_a_turn_is_found():
-    """There t = tan(psi/2) is infinite and the document's leading coefficient vanishes."""
+    """At psi = pi, t = tan(psi/2) is infinite, and the polynomial's leading coefficient is zero."""
     pose, where = [1.0, 0.5, np.pi], {**WHERE, "guide3_x": 0.8}
     for triple in all_triples(pose, where):
         assert abs(document_polynomial(triple, where)[0][-1]) <= 1e-14  # rounding
@@ -220,7 +223,7 @@ def test_lengths_that_differ_by_a_hundred():
 
 
 def fold():
-    """Sliders at which the two poses of table 5 meet, to rounding: bisection on the third."""
+    """Third slider [m] at which the two poses of table 5 meet, by bisection to rounding."""
     exists, not_there = 0.2, -0.2
     for _ in range(60):
         middle = 0.5 * (exists + not_there)
@@ -234,7 +237,7 @@ def test_two_poses_meet_in_a_singular_one():
     for before in (1e-4, 1e-6, 1e-8):
         found = poses([2.0, 0.5, third + before], **WHERE)
         assert np.isfinite(found["psi"]).sum() == 2
-        ratio = found["singularity"][:2] / np.sqrt(before)  # opposite, and like the square root
+        ratio = found["singularity"][:2] / np.sqrt(before)  # opposite signs, and like a square root
         assert abs(ratio[0] + ratio[1]) <= 0.05 * abs(ratio[0])
     pose = [threeprr.solve([2.0, 0.5, third], **WHERE, mode=m) for m in (1, -1)]
     for p in pose:
@@ -269,7 +272,7 @@ def test_a_platform_that_is_free_to_move_is_refused():
         poses(parallel, **{**WHERE, "guide3_x": 0.5})
     one = {"side": np.sqrt(3.0), "leg": 1.0, "guide2_x": 1.0, "guide3_x": 0.0, "guide3_y": 2.0}
     with pytest.raises(ValueError, match=r"free to move at sliders \(0, 1, 2\) m"):
-        poses(np.transpose([(0.3, 0.2, 0.1), (0.0, 1.0, 2.0)]), **one)  # all in one point
+        poses(np.transpose([(0.3, 0.2, 0.1), (0.0, 1.0, 2.0)]), **one)  # all legs meet in one point
 
 
 def test_of_two_starts_that_meet_the_better_pose_is_kept():

@@ -1,4 +1,4 @@
-"""Workspace of a 3PRR robot: areas by two ways, singular curves, poses by mode of the legs."""
+"""Workspace of a 3PRR robot: areas in two ways, singular curves, poses of each working mode."""
 
 from dataclasses import asdict, replace
 
@@ -17,14 +17,14 @@ ANGLES = pytest.mark.parametrize("psi", [np.pi / 6, -0.4, 2.0, 4.0])
 
 
 def cells(part: threeprr.WorkspaceSlice, n: int = 300) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of cells of a slice."""
+    """Coordinates of the centres of the cells of a slice."""
     share = (np.arange(n) + 0.5) / n
     x, y = (low + share * (high - low) for low, high in (part.x, part.y))
     return tuple(np.meshgrid(x, y, indexing="ij"))
 
 
 def measure(robot: threeprr.RobotLengths, x: np.ndarray, y: np.ndarray, psi: float, mode: int):
-    """The singularity measure by the inverse problem."""
+    """Singularity measure by the inverse problem."""
     pose = np.array([x, y, np.full(np.shape(x), psi)])
     return threeprr.solve_inverse(pose, **asdict(robot), mode=mode)["singularity"]
 
@@ -41,7 +41,7 @@ def test_a_slice_is_where_all_legs_reach(robot: threeprr.RobotLengths, psi: floa
     counted = threeprr.reachable(grid, **asdict(robot)).mean() * (
         4.0 * robot.leg * (robot.side + robot.leg)
     )
-    # cells along edges of less than 2 L, each 1/600 of the box
+    # cells along the edges, which are shorter than 2 L; a cell is 1/600 of the box
     assert part.area == pytest.approx(counted, abs=0.03)
     assert (part.area == 0.0) == (2.0 * robot.leg <= robot.side * abs(np.sin(psi)))
 
@@ -69,7 +69,7 @@ def test_aspects_are_where_the_inverse_problem_has_their_sign(
     sign = measure(robot, *cells(part), psi, mode)
     for side in (1, -1):
         area = sum(one.area for one in found[side])
-        # cells that a curve across the slice cuts are 1/300, and average to less
+        # a curve across the slice cuts 1/300 of the cells, and their errors average to less
         assert area == pytest.approx(np.mean(sign * side > 0.0) * part.area, abs=2e-3 * part.area)
     total = sum(one.area for some in found.values() for one in some)
     assert total == pytest.approx(part.area, rel=1e-12)
@@ -111,7 +111,7 @@ def test_type_2_is_a_zero_with_a_change_of_sign(
 
 
 def test_legs_as_long_as_the_side_may_have_a_whole_line_of_singular_poses() -> None:
-    # sliders 1 and 2 stand in the third corner: the lines of all legs meet there
+    # sliders 1 and 2 coincide with the third corner, in which the lines of all legs meet
     psi, mode = -0.4, 7
     part = threeprr.WorkspaceSlice(THESIS, psi)
     (height,) = {
@@ -147,32 +147,35 @@ def test_angles_of_a_place_are_those_at_which_all_legs_reach(
 def test_the_map_slices_and_closed_form_have_one_volume(robot: threeprr.RobotLengths) -> None:
     psi = (np.arange(2400) + 0.5) * 2.0 * np.pi / 2400
     slices = np.mean([threeprr.WorkspaceSlice(robot, one).area for one in psi.tolist()])
-    # the midpoint rule at kinks of |sin|: h^2 of them
+    # error h^2 of the midpoint rule at kinks of |sin|
     assert threeprr.volume(robot) == pytest.approx(2.0 * np.pi * slices, rel=1e-6)
     n = 400
     share = (np.arange(n) + 0.5) / n - 0.5
     wide, high = 2.0 * (robot.side + robot.leg), 2.0 * robot.leg
     angles = threeprr.angles_of_place(robot.guide3_x + wide * share[:, None], high * share, robot)
-    # cells of 1/400 where angles change under a root at the border
+    # error of cells of 1/400 at the border, where the angles change like a square root
     assert angles.mean() * wide * high == pytest.approx(threeprr.volume(robot), rel=2e-4)
     counted = np.mean(angles > 0.0) * wide * high
     assert threeprr.reach_area_of_place(robot) == pytest.approx(counted, rel=4e-3)
 
 
 def test_the_reach_at_some_angle_in_closed_form() -> None:
-    """A side of L sqrt(3/4) or more lets one height alone decide; here by dense midpoints."""
+    """Against a dense midpoint rule, for sides above and below L sqrt(3/4).
+
+    From that side on one height alone decides.
+    """
     for robot in (THESIS, SHORT, LONG, threeprr.RobotLengths(0.2, 1.0, 1.0, 0.0, 1.0)):
         n = 200_000
         y = robot.leg * (2.0 * (np.arange(n) + 0.5) / n - 1.0)
         wide = np.nansum(np.diff(threeprr.reach_of_place(y, robot), axis=-1)[..., 0], axis=-1)
-        # a midpoint rule under roots: h^1.5
+        # error h^1.5 of a midpoint rule of square roots
         assert threeprr.reach_area_of_place(robot) == pytest.approx(
             wide.mean() * 2.0 * robot.leg, rel=1e-7
         )
 
 
 def legs_of(chart: Chart, panel: int) -> np.ndarray:
-    """Lengths of the legs, and of the platform's sides, in a panel."""
+    """Lengths of the legs and of the platform's sides in a panel."""
     lines = {line.label: line.x + 1j * line.y for line in chart.panels[panel].lines}
     legs, ring = np.abs(np.diff(lines["legs"])), np.abs(np.diff(lines["platform"]))
     return np.array([*legs[np.isfinite(legs)], *ring])
@@ -225,7 +228,7 @@ def test_singular_poses_are_singular() -> None:
         e = np.diff(lines["legs"])[[0, 3, 6]]
         if panel.title.startswith("type 1"):
             lean = np.real(np.conj(e) * np.array([1.0, -1.0, -1.0j]))
-            assert abs(lean[int(panel.title[12]) - 1]) < 1e-7  # a root of rounding
+            assert abs(lean[int(panel.title[12]) - 1]) < 1e-7  # square root of rounding
             continue
         corners = lines["legs"][[1, 4, 7]]
         point = lines["where they meet"][0]

@@ -1,4 +1,4 @@
-"""3PRR robot, motion: rates, forces and modes of the direct form, the inverse and its workspace."""
+"""Motion of a 3PRR robot: rates, forces and modes, the inverse problem and the workspace."""
 
 import numpy as np
 import pytest
@@ -129,14 +129,14 @@ def test_singularity_is_the_determinant_of_the_leg_lengths():
 
 
 def test_modes_are_continuous_between_folds():
-    """All six poses along a straight line of slider space, each mode one smooth curve."""
+    """Each of the six modes is one smooth curve along a straight line in the space of sliders."""
     line = np.linspace(0.0, 1.0, 401)
     sliders = np.array(SIX["sliders"])[:, None] + np.array([[0.03], [-0.02], [0.02]]) * line
     assert np.isfinite(poses(sliders, **SIX["where"])["psi"]).all()
     for mode in threeprr.MODES:
         pose = threeprr.solve(sliders, np.array([0.03, -0.02, 0.02]), **SIX["where"], mode=mode)
         assert np.all(np.sign(pose["singularity"]) == np.sign(mode))
-        for name in POSE:  # trapezoids: step^2/12 of the change of the acceleration
+        for name in POSE:  # trapezoids: step^2/12 times the change of the acceleration
             rate = pose[f"{name}_rate"]
             steps = 0.5 * (rate[1:] + rate[:-1]) / 400.0
             np.testing.assert_allclose(np.diff(pose[name]), steps, atol=1e-7)

@@ -1,4 +1,7 @@
-"""Tables of the 3PRR document, and what its tests need: legs of a pose, poses of a triple."""
+"""Tables of the 3PRR document, and helpers of its tests: legs of a pose, poses of a triple.
+
+A triple is the three slider positions.
+"""
 
 import json
 from pathlib import Path
@@ -21,7 +24,7 @@ def corners(x, y, psi, side):
 
 
 def ends(sliders, where):
-    """C1, C2, C3, as complex numbers."""
+    """Points C1, C2, C3 of the sliders, as complex numbers."""
     return [
         sliders[0] + 0j,
         where["guide2_x"] - sliders[1] + 0j,
@@ -30,7 +33,7 @@ def ends(sliders, where):
 
 
 def leg_errors(pose, sliders, where):
-    """How far each leg is from its length, for poses x, y, psi."""
+    """Distance between the ends of each leg less its length [m], for poses x, y, psi."""
     return [
         np.abs(p - c) - where["leg"]
         for p, c in zip(corners(*pose, where["side"]), ends(sliders, where), strict=True)
@@ -38,19 +41,19 @@ def leg_errors(pose, sliders, where):
 
 
 def all_triples(pose, where):
-    """The sliders of the eight modes, (8, 3)."""
+    """Slider positions of the eight working modes of a pose, (8, 3)."""
     found = [threeprr.solve_inverse(pose, **where, mode=m) for m in threeprr.WORKING_MODES]
     return np.array([[f[f"slider_{k}"] for k in (1, 2, 3)] for f in found])
 
 
 def there(found):
-    """The poses of one triple, (poses, 3)."""
+    """Rows x, y, psi of the poses that exist for one triple, (poses, 3)."""
     rows = np.transpose([found[name] for name in POSE])
     return rows[np.isfinite(rows[:, 0])]
 
 
 def nearest(rows, pose):
-    """Smallest distance of x, y [m] and psi [rad], whole turns aside, to a pose."""
+    """Smallest distance of rows x, y [m] and psi [rad], without whole turns, from a pose."""
     rows = np.asarray(rows) - np.asarray(pose)
     rows[:, 2] = np.angle(np.exp(1j * rows[:, 2]))
     return np.abs(rows).max(axis=1).min()

@@ -1,4 +1,4 @@
-"""Dry friction in the joints of a balancer: the loop between going up and coming back."""
+"""Dry friction in the joints of a balancer: the loop between the ways out and back."""
 
 from typing import NamedTuple
 
@@ -26,17 +26,18 @@ def loop(moment: ArrayLike, turns: ArrayLike, friction: ArrayLike) -> Loop:
         |  __--===--
         +------------------------ alpha
 
-    Why M of the frictionless path may be used: let beta be the internal coordinates of the chain,
-    V(alpha, beta) its energy, and Q_alpha, Q_beta what friction adds, with sum tau_i |de_i| lost
-    on the path. Equilibrium V_beta = Q_beta moves beta by V_bb^-1 Q_beta, so the holding moment by
-    V_ab V_bb^-1 Q_beta - Q_alpha = -(Q_alpha + beta' Q_beta), since beta' = -V_bb^-1 V_ba along
-    the path: that is the friction work per angle. What is left out is of second order in tau.
+    M of the frictionless path may be used for this reason: let beta be the internal coordinates of
+    the chain, V(alpha, beta) its energy, and Q_alpha, Q_beta the forces of friction, with the loss
+    sum tau_i |de_i| on the path. Equilibrium V_beta = Q_beta moves beta by V_bb^-1 Q_beta, and the
+    holding moment by V_ab V_bb^-1 Q_beta - Q_alpha = -(Q_alpha + beta' Q_beta), since
+    beta' = -V_bb^-1 V_ba along the path: that is the friction work per angle. The neglected terms
+    are of second order in tau.
 
     Parameters
     ----------
     moment : M without friction [N m], (..., points)
-    turns : de_i/dalpha of every joint that rubs, (joints, ..., points): the deflections' rates at
-        rate 1; for the pin in the tip that of alpha - theta_n; for the pendulum's own pivot 1
+    turns : de_i/dalpha of every joint with friction, (joints, ..., points): the deflections' rates
+        at rate 1; for the pin in the tip that of alpha - theta_n; for the pendulum's own pivot 1
     friction : tau_i [N m], (joints,), zero or positive
 
     Returns
@@ -46,7 +47,7 @@ def loop(moment: ArrayLike, turns: ArrayLike, friction: ArrayLike) -> Loop:
     Raises
     ------
     ValueError
-        A friction moment negative or not finite, or not one for each joint.
+        A friction moment is negative or not finite, or there is not one for each joint.
 
     Notes
     -----
@@ -57,8 +58,8 @@ def loop(moment: ArrayLike, turns: ArrayLike, friction: ArrayLike) -> Loop:
 
     Qualitative only: van Nes 2022 names friction as the cause of its measured loop (Fig. 8), widest
     from 60 to 90 degrees, where the internal freedom moves most (lines 936, 980-982, 1031),
-    but gives no friction moment. Its branches that cross at 50 degrees cannot come of this model,
-    which loses energy at every angle.
+    but gives no friction moment. Its branches cross at 50 degrees, which this model cannot do,
+    since it loses energy at every angle.
 
     Examples
     --------
@@ -78,7 +79,7 @@ def loop(moment: ArrayLike, turns: ArrayLike, friction: ArrayLike) -> Loop:
 
 
 def dissipated(angle: ArrayLike, branches: Loop) -> Array:
-    """Work [J] lost once out and back: the area of the loop, by trapezoids over `angle` [rad].
+    """Work [J] lost on one way out and back: area of the loop by trapezoids over `angle` [rad].
 
     >>> float(dissipated([0.0, 2.0], loop([0.0, 1.0], [[1.0, 1.0]], [0.25])))
     1.0

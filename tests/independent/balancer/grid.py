@@ -36,12 +36,12 @@ def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> d
                 O
         V(angle, beta_i) = V1(angle + beta_i - rest_angle) + V2(beta_i) + V3(beta_i)
 
-    The posture with the smallest V of all is taken, so the balancing moment comes in steps of
-    stiffness1 2R/N, and a posture that no motion from rest can reach is taken as well.
+    The result is the posture with the smallest V of all. So the balancing moment comes in steps of
+    stiffness1 2R/N, and the posture may be one that no motion from rest can reach.
 
     **Preload** (`low2` given). As long as the load on joint 2 of the rest posture, turned as a
     whole, has not exceeded the preload, that posture is the only one. The load that exceeds it
-    releases the joint for all angles to come; the stop itself is never looked at again.
+    releases the joint for all later angles; the stop itself is not considered afterwards.
 
     **Contact** (`high2` given). A point whose joint 2 is beyond the stop is replaced by beta = 0.
 
@@ -64,16 +64,16 @@ def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> d
     Raises
     ------
     ValueError
-        A parameter unknown or out of its domain; length1 not below the pendulum's; angles that do
-        not rise; no posture that closes.
+        A parameter is unknown or out of its domain, length1 is not below the pendulum's, the angles
+        do not rise, or no posture closes.
 
     Notes
     -----
     The balancing moment is off by up to one step, 2 to 9 mN m for r = 1 m and m g r = 1 N m.
-    Source: van Nes 2022, listing N.3, text lines 2335-4176. Departures: the closure by the cosine
-    rule; range and closure in the pendulum's frame, where they are the same at every angle; the
-    contact posture, for which the listing's bookkeeping (3182-3198) never runs, is what it falls
-    back to, theta1 = angle.
+    Source: van Nes 2022, listing N.3, text lines 2335-4176. Differences: the chain is closed by the
+    cosine rule; range and closure are in the pendulum's frame, where they are the same at every
+    angle; the contact posture is the listing's default, theta1 = angle, since its code for it
+    (3182-3198) never runs.
 
     Examples
     --------
@@ -97,15 +97,15 @@ def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> d
 
 
 def _closed(device: Balancer, lead: Array) -> Array:
-    """Segments' angles (..., 3) in the pendulum's frame when segment 1 leads it by (...)."""
+    """Angles (..., 3) of the segments in the pendulum's frame, if segment 1 leads it by (...)."""
     mode = np.sign(device.rest[0, 2] - device.rest[0, 1])
     return close_chain(device.pendulum[0], device.length[0], lead[..., None], mode)
 
 
 def _release(device: Balancer, alpha: Array, sweep: Array) -> Array:
-    """Points (n, N) of segment 1: the rest posture's until joint 2 is released, then the sweep."""
+    """Points (n, N) of segment 1: its rest angle until joint 2 is released, then the sweep."""
     load = trial_loads(device, alpha, device.rest[0])[:, 1]
     released = np.logical_or.accumulate(load > device.preload[0, 1])
     lead = np.where(released[:, None], sweep, device.rest[0, 0])
-    lead[np.flatnonzero(released)[:1], 0] = device.rest[0, 0]  # its load raises the flag
+    lead[np.flatnonzero(released)[:1], 0] = device.rest[0, 0]  # its load releases the joint
     return lead

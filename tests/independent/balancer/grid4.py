@@ -44,17 +44,17 @@ def minimise(
     Segments 3 and 4 close the loop, elbow up. Joints 2 and 3 are straight at rest, theta1 =
     theta2 = 0.
 
-    **Preload** (`low2` and `low3` given). Each point i, k tries up to four postures in this order,
-    and each replaces the one before, with its energy, if the loads M2, M3 that the posture before
-    puts on joints 2 and 3 ask for it::
+    **Preload** (`low2` and `low3` given). Each point i, k tries up to four postures in this order.
+    A posture replaces the previous one, with its energy, if the loads M2, M3 on joints 2 and 3 in
+    the previous posture satisfy its condition::
 
         locked         always                           the rest posture, turned as a whole
         joint 3 free   M2 <  preload2, M3 >= preload3   segments 1 and 2 one bar, its range over i
         joint 2 free   M2 >= preload2, M3 <  preload3   segments 2 and 3 one bar, the range over i
         both free      M2 >= preload2, M3 >= preload3   the point i, k itself
 
-    Where joint 3 or both are free, a posture with deflection2 or deflection3 < 0 is none. The loads
-    are those of a trial, not of an equilibrium: a stage may hide another of less energy.
+    Where joint 3 or both are free, postures with deflection2 or deflection3 < 0 are excluded. The
+    loads are those of a trial, not of an equilibrium: a stage may hide another of less energy.
 
     Parameters
     ----------
@@ -76,15 +76,17 @@ def minimise(
     Raises
     ------
     ValueError
-        As `grid.minimise`; low2 without low3, or the reverse.
+        As for `grid.minimise`; or low2 is given without low3, or the reverse.
 
     Notes
     -----
-    Off by up to a step of 0.02 to 0.04 rad: 6 to 27 mN m for r = 1 m and m g r = 1 N m, more where
-    the stages hide the equilibrium. Source: van Nes 2022, listing N.4, text lines 4178-10283.
-    Departures: closure by the cosine rule in the pendulum's frame; a posture that cannot close
-    does not take those at higher i and k with it (6118-6172), which changes none of the 32 designs
-    of appendix M.
+    The error is up to a step of 0.02 to 0.04 rad, 6 to 27 mN m for r = 1 m and m g r = 1 N m, and
+    more where the stages hide the equilibrium.
+
+    Source: van Nes 2022, listing N.4, text lines 4178-10283.
+    Differences: the chain is closed by the cosine rule in the pendulum's frame; a posture that
+    cannot close does not exclude those at higher i and k (6118-6172), which changes none of the 32
+    designs of appendix M.
 
     Examples
     --------
@@ -153,7 +155,7 @@ def _free(device: Balancer, points: int) -> Array:
 
 
 def _energy(device: Balancer, alpha: Array, posture: Array, unilateral: bool) -> Array:
-    """Energy (n, ...) [J] of postures; NaN where a joint is wound below its stop, if it has one."""
+    """Energy (n, ...) [J] of postures; NaN where `unilateral` and a joint is beyond its stop."""
     deflection = deflections(device, alpha, posture)
     beyond = unilateral & (deflection[..., 1:3] < 0.0).any(axis=-1)
     return np.where(beyond, np.nan, energies(device, deflection))

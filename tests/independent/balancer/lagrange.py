@@ -14,7 +14,7 @@ class Potential(NamedTuple):
     """Potential energy and its slopes; each (...)."""
 
     energy: Array  # V [J]
-    by_angle: Array  # dV/dalpha [N m]: what has to hold the pendulum
+    by_angle: Array  # dV/dalpha [N m]: the moment that holds the pendulum
     by_winding1: Array  # dV/dalpha_1 [N m]: zero at equilibrium
 
 
@@ -49,8 +49,8 @@ def potential(
 
         V = m g r cos alpha + (k_1 alpha_1^2 + k_2 alpha_2^2 + k_3 alpha_3^2)/2       (E.4)
 
-    alpha_2 and alpha_3 are those differences less the same at rest, alpha = alpha_1 = 0. They
-    depend on delta alone: spring 1 in series with one nonlinear spring. With ' by delta::
+    alpha_2 and alpha_3 are those differences less their values at rest, alpha = alpha_1 = 0. They
+    depend on delta alone: spring 1 is in series with one nonlinear spring. With ' = d/ddelta::
 
         dV/dalpha   = M_2 alpha_2' + M_3 alpha_3' - m g r sin alpha                   (E.2)
         dV/dalpha_1 = M_1 - M_2 alpha_2' - M_3 alpha_3'                               (E.3)
@@ -71,17 +71,17 @@ def potential(
     Raises
     ------
     ValueError
-        A length not positive or length1 not below the pendulum's, a stiffness negative, an angle or
-        weight not finite, a mode unknown.
+        A length is not positive, length1 is not below the pendulum's, a stiffness is negative, an
+        angle or weight is not finite, or the mode is unknown.
 
     Notes
     -----
-    Slopes lose digits like 1/sin(phi_3) where segments 2 and 3 come into line.
+    The slopes lose digits like 1/sin(phi_3) near poses with segments 2 and 3 in line.
 
     Source: van Nes 2022, appendix E, lines 1318-1365, with two corrections. E.8 prints
     cos(alpha - alpha_1 + theta_10), right only for theta_10 = 0. E.6 prints pi - gamma_2 for psi,
-    with gamma_2 the angle at P_1 between segment 1 and q: right only while theta_1 <= alpha, else
-    psi = gamma_2 - pi; the arc tangent of two arguments is both.
+    with gamma_2 the angle at P_1 between segment 1 and q: right only while theta_1 <= alpha,
+    otherwise psi = gamma_2 - pi; the arc tangent of two arguments covers both.
 
     Examples
     --------

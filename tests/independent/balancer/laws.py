@@ -1,4 +1,4 @@
-"""Closed laws of a balancer: when a preload lets go, how stiff it starts, how it scales."""
+"""Closed formulas of a balancer: release angle of a preload, initial stiffness, scaling."""
 
 import re
 from collections.abc import Mapping
@@ -48,7 +48,7 @@ def release_angle(
         k_1 a + A_1 a^2 = M_0/h      a = 2 m/(k_1 + sqrt(k_1^2 + 4 A_1 m)), m = M_0/h
 
     For linear springs a = M_0/(k_1 h). The first of several preloaded joints is the one with the
-    smallest angle; the angles of the others hold no longer once it is open.
+    smallest angle; the angles of the others are no longer valid once it is released.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def release_angle(
 
     Returns
     -------
-    angle [rad], broadcast; inf if the joint never opens: h <= 0, or spring 1 never carries M_0/h
+    angle [rad], broadcast; inf if the joint never releases: h <= 0, or spring 1 never carries M_0/h
 
     Notes
     -----
@@ -85,8 +85,8 @@ def initial_stiffness(theta: ArrayLike, lengths: ArrayLike, stiffness: ArrayLike
 
         k_eff = t . C^-1 t,   C = sum_i w_i w_i^T/k_i,   w_i = (-y_i, x_i),   t = (y_1, -x_1)
 
-    C is the compliance of the tip, (x_i, y_i) = T - P_i, and t dangle the way that the pendulum
-    takes the tip. With n = 3 and segment 1 along the pendulum, whatever k_3::
+    C is the compliance of the tip, (x_i, y_i) = T - P_i, and t dangle the displacement of the tip
+    by the pendulum. With n = 3 and segment 1 along the pendulum, for any k_3::
 
         k_eff = 1/(1/k_1 + (1 - l_1/r)^2/k_2)
 
@@ -134,7 +134,7 @@ def slack_moment(
     stiffness1: float,
     rest_angle: float = 0.0,
 ) -> Array:
-    r"""Balancing moment if only spring 1 is there: none until the rest of the chain is taut.
+    r"""Balancing moment with spring 1 alone: zero until the other segments are stretched (taut).
 
     ::
 
@@ -151,11 +151,11 @@ def slack_moment(
 
     Returns
     -------
-    M_1 [N m] (...); zero throughout if the outer segments reach all round
+    M_1 [N m] (...); zero at all angles if the outer segments reach the tip everywhere
 
     Notes
     -----
-    Van Nes 2022, lines 2588-2612, has the angle b as the end of its search.
+    In van Nes 2022, lines 2588-2612, the angle b is the end of the search.
 
     Examples
     --------

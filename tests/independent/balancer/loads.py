@@ -7,7 +7,7 @@ Array = NDArray[np.float64]
 
 
 def levers(theta: ArrayLike, lengths: ArrayLike) -> tuple[Array, Array]:
-    """Tip less joint, T - P_i, as x and y [m], each (..., n), for joints 1 .. n from O outwards.
+    """Vectors T - P_i from the joints to the tip, x and y [m] (..., n), joints 1 .. n from O on.
 
     `theta` [rad] are the segments' angles, clockwise from +y, and `lengths` [m] theirs, (..., n).
     The first is the tip itself, since P_1 = O; the last is the last segment.
@@ -27,26 +27,26 @@ def levers(theta: ArrayLike, lengths: ArrayLike) -> tuple[Array, Array]:
 def pin_force(
     theta: ArrayLike, lengths: ArrayLike, moments: ArrayLike, joint: int | None = None
 ) -> tuple[Array, Array]:
-    r"""Force that passes through the chain, from the equilibrium of its free segments.
+    r"""Force in the pins of the chain, from the equilibrium of its free segments.
 
     ::
 
             P_2 ------ T        T - P_i = (x_i, y_i); the chain presses on the tip with F,
            /          //        the ground on segment 1 with F, each segment on the next
         P_1          //
-          \\        //  r       M_1 = x_1 F_y - y_1 F_x       all that is outside joint i
-            \\     //           M_k = x_k F_y - y_k F_x       turns about it with M_i
+          \\        //  r       M_1 = x_1 F_y - y_1 F_x       equilibrium about joint i of all
+            \\     //           M_k = x_k F_y - y_k F_x       segments from i on
              O ----             F = (M_k T - M_1 (T - P_k))/(x_k y_1 - x_1 y_k)
 
-    The segments weigh nothing, so one force passes all pins of the chain: those at O, P_2 .. P_n
+    The segments are massless, so the same force acts in all pins of the chain: O, P_2 .. P_n
     and the tip, whose pin carries no moment.
 
     Parameters
     ----------
     theta, lengths : segments' angles, clockwise from +y [rad], and lengths [m], (..., n)
     moments : spring moments of the joints [N m], (..., n)
-    joint : k, 2 .. n, one that is not held by a stop, so that its spring's moment is all that it
-        carries; the last joint unless given
+    joint : k, 2 .. n, of a joint that is not on a stop, so that it carries only the moment of its
+        spring; the last joint unless given
 
     Returns
     -------
@@ -60,12 +60,12 @@ def pin_force(
     Notes
     -----
     Singular only where P_k lies on the pendulum's line; for the last joint: where the last segment
-    points at O. There the force is not finite, or lost in rounding. At equilibrium every free joint
-    gives the same.
+    points at O. There the force is not finite, or is only rounding. At equilibrium every free joint
+    gives the same force.
 
     Source: van Nes 2022, appendices B and C. B.3 and B.4 and the program's own forms divide by
-    cos(theta_1) and cos(theta_n), so that they lose poses which are not singular at all. Appendix C
-    draws M_4 the other way round; with M_4 = k_4 e_4 its sign in C.1 and C.2 must turn.
+    cos(theta_1) and cos(theta_n), so that they fail at poses which are not singular. Appendix C
+    draws M_4 in the opposite sense; with M_4 = k_4 e_4 its sign in C.1 and C.2 must be reversed.
 
     Examples
     --------

@@ -19,7 +19,7 @@ DESIGN_RATIOS = (1.498937760758821, 4.847839773931474)  # k_1/k_2 and k_3/k_2 of
 # Flat spiral springs by part number [N m/rad]: Table J.1 prints 0.037, 0.025 and 0.082. These are
 # what the measured values and the deviations of Table J.2 go back to, and give its ratios.
 CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
-# On each axis, in pairs wound against each other: part, problem, measured stiffness [N m/rad].
+# Springs of each axis, in pairs wound against each other: part, problem, stiffness [N m/rad].
 MOUNTED = (
     (("907", "iv", 0.03732627), ("907", "v", 0.03755394)),
     (("903", "ii", 0.0217042), ("903", "iii", 0.021610197)),
@@ -35,14 +35,14 @@ EXPECTED = (4.4283e-11, -8.2536e-09, 4.8168e-07, -1.4378e-05, 0.0011225, -0.0002
 
 
 class Reduction(NamedTuple):
-    """A work reduction [%] and what it is of: a balancer's curve against a reference."""
+    """A work reduction [%] with the balancer's curve and the reference that it belongs to."""
 
     percent: float
     curve: str
     reference: str
 
 
-# What the thesis prints. Its abstract sets one beside the other, but their references differ.
+# Printed by the thesis. Its abstract compares the two, but their references differ.
 PRINTED_REDUCTIONS = (
     Reduction(99.33, "design", "sine"),  # Table M.2, line 1766, by search on a grid
     Reduction(93.47, "ten measured runs", "expected"),  # lines 2283-2331
@@ -52,10 +52,11 @@ PRINTED_REDUCTIONS = (
 def stiffnesses(springs: Springs = "measured") -> tuple[float, float, float]:
     """Stiffness [N m/rad] on axes 1 to 3: the sum of the springs mounted on each.
 
-    "design" has the ratios of the optimum and the sum on axis 1 that was ordered; "catalogue" what
-    was ordered, "measured" what was delivered: k_1/k_2 = 1.73 for 1.50. Table I prints 0.037, 0.025
-    and 0.12 for the prototype: **half** of what is mounted, one spring of each pair. Van Nes 2022,
-    lines 881-913, 2202-2281, 2369-2373; Tables I, J.1 and J.2.
+    "design" has the ratios of the optimum and the sum ordered for axis 1; "catalogue" has the
+    springs as ordered, "measured" as delivered: k_1/k_2 = 1.73 for 1.50. Table I prints 0.037,
+    0.025 and 0.12 for the prototype: **half** of what is mounted, one spring of each pair.
+
+    Source: van Nes 2022, lines 881-913, 2202-2281, 2369-2373; Tables I, J.1 and J.2.
 
     >>> [round(k, 4) for k in stiffnesses()]
     [0.0749, 0.0433, 0.2127]
@@ -73,11 +74,11 @@ def stiffnesses(springs: Springs = "measured") -> tuple[float, float, float]:
 
 
 def parameters(springs: Springs = "measured") -> dict[str, Any]:
-    """The prototype as `proofmass.analytic.balancer.solve` takes it, without a weight: it lay flat.
+    """Parameters of the prototype for `proofmass.analytic.balancer.solve`; no weight: it lay flat.
 
-    Elbow up. The pendulum is `PENDULUM`, and the sine that it was designed for, a moment of
-    `WEIGHT` times `PENDULUM` times sin(angle), 0.0586 N m at the end. Van Nes 2022, listing N.3,
-    lines 2369-2387; half the optimum of line 1766 in length.
+    The elbow is up, the pendulum `PENDULUM` long. The sine of its design is a moment of `WEIGHT`
+    times `PENDULUM` times sin(angle), 0.0586 N m at the end. Its lengths are half those of the
+    optimum of line 1766. Van Nes 2022, listing N.3, lines 2369-2387.
 
     >>> parameters()["length1"] / PENDULUM
     0.33937703123683
@@ -89,7 +90,7 @@ def parameters(springs: Springs = "measured") -> dict[str, Any]:
 
 
 def expected_moment(angle: ArrayLike) -> Array:
-    r"""Polynomial [N m] that the measurement was compared with: a fit of the model as measured.
+    r"""Polynomial [N m] that the thesis compared its measurement with: a fit of its model.
 
     ::
 
@@ -108,10 +109,10 @@ def expected_moment(angle: ArrayLike) -> Array:
 def reductions() -> tuple[Reduction, ...]:
     """Work reductions of the models of the prototype, each with its reference.
 
-    Against the sine as designed 99.30 %, with catalogue springs 99.14 %, with the measured ones
-    92.33 %. The printed 93.47 % of the experiment is against `expected_moment`, a fit of the last
-    of these models, and so no figure of sine balancing: by the triangle inequality the same
-    measurement is somewhere between 86.3 and 98.3 % against the sine.
+    Against the sine they are 99.30 % as designed, 99.14 % with catalogue springs and 92.33 % with
+    the measured springs. The printed 93.47 % of the experiment is against `expected_moment`, a fit
+    of the last of these models, so it does not measure how well a sine is balanced: by the triangle
+    inequality the same measurement is between 86.3 and 98.3 % against the sine.
 
     At 90 precision points. Van Nes 2022, eq. 34, lines 2283-2331 and abstract.
 

@@ -18,7 +18,7 @@ def curve(beta: ArrayLike, **parameters: float) -> dict[str, Array]:
         de2/dbeta = -1 - l1 sin(theta3 - theta1)/(l2 sin(theta3 - theta2))
         d(e2 + e3)/dbeta = -1 + l1 sin(theta2 - theta1)/(l3 sin(theta3 - theta2))
 
-    The curve is that of the free joints; on a stop beta stays, and dM1/dalpha = k1.
+    The curve is that of the free joints; on a stop beta is constant, and dM1/dalpha = k1.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ def curve(beta: ArrayLike, **parameters: float) -> dict[str, Array]:
 
     Notes
     -----
-    Exact; the derivatives are singular where segments 2 and 3 are in line.  It holds on every
-    branch, stable or not.  Not in van Nes 2022, whose eq. 9-11 it is made of.
+    Exact; the derivatives are singular where segments 2 and 3 are in line. The curve covers every
+    branch, stable or not. It is not in van Nes 2022, but follows from its eqs 9-11.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Trial postures, what both grid searches need: ranges, deflections, energies and loads.
+"""Trial postures of both grid searches: ranges, deflections, energies and loads.
 
 A posture is the angles of all segments in the pendulum's frame, clockwise from the pendulum.
 """
@@ -19,7 +19,7 @@ TAUT = 1.0 - 1e-14  # a stretched chain whose cosine does not round to more than
 def prepared(
     angles: ArrayLike, points: int, parameters: dict[str, float], names: Iterable[str], listing: str
 ) -> tuple[Balancer, Array]:
-    """The balancer and the angles (n,), or the ValueError that says what is wrong with them."""
+    """The balancer and the angles (n,); ValueError if a parameter or an angle is wrong."""
     if strange := sorted(set(parameters) - set(names)):
         raise ValueError(f"listing {listing} has no {strange[0]}, only {', '.join(sorted(names))}")
     if points < 2:
@@ -47,7 +47,7 @@ def centred(points: int) -> Array:
 
 
 def opening(side: ArrayLike, arm: ArrayLike, opposite: ArrayLike) -> Array:
-    """Largest angle [rad] that two sides of a triangle open to; pi if the third outreaches them.
+    """Largest angle [rad] between two sides of a triangle; pi if the third is longer than both.
 
     >>> float(opening(1.0, 1.0, 1.0).round(9)), float(opening(1.0, 0.5, 2.0).round(9))
     (1.047197551, 3.141592654)
@@ -58,7 +58,7 @@ def opening(side: ArrayLike, arm: ArrayLike, opposite: ArrayLike) -> Array:
 
 
 def deflections(device: Balancer, alpha: Array, posture: Array) -> Array:
-    """Windings (..., n) [rad] of postures when the pendulum stands at alpha (...)."""
+    """Deflections (..., n) [rad] of postures for the pendulum angles alpha (...)."""
     turned = posture - device.rest[0]
     first = alpha + turned[..., 0]
     deflection = np.empty((*first.shape, turned.shape[-1]))
@@ -72,7 +72,7 @@ def energies(device: Balancer, deflection: Array) -> Array:
 
 
 def trial_loads(device: Balancer, alpha: Array, posture: Array) -> Array:
-    """Loads (..., n) [N m] on the joints when only the end springs are in equilibrium."""
+    """Loads (..., n) [N m] on the joints if only the first and last spring are in equilibrium."""
     moment = device.moments(deflections(device, alpha, posture)[None])[0]
     force = pin_force(posture, device.length[0], moment)
     with np.errstate(invalid="ignore"):  # no force where the last segment points at O
@@ -80,7 +80,7 @@ def trial_loads(device: Balancer, alpha: Array, posture: Array) -> Array:
 
 
 def lowest(alpha: Array, energy: Array) -> NDArray[np.intp]:
-    """Index (n,) of the smallest energy (n, N) at each angle; NaN is none."""
+    """Index (n,) of the smallest energy (n, N) at each angle; NaN marks a point without posture."""
     none = np.isnan(energy).all(axis=-1)
     if none.any():
         raise ValueError(f"no posture closes at {alpha[none][0]:.6g} rad: take more points")
@@ -88,7 +88,7 @@ def lowest(alpha: Array, energy: Array) -> NDArray[np.intp]:
 
 
 def curves(device: Balancer, alpha: Array, posture: Array) -> dict[str, Any]:
-    """What the searches return, of postures (n, segments)."""
+    """Curves that the searches return, of postures (n, segments)."""
     deflection = deflections(device, alpha, posture)
     segments = range(device.segments)
     return {

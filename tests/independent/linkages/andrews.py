@@ -1,8 +1,8 @@
-"""Andrews' squeezing mechanism as the test set states it, without bodies, joints or a model.
+"""Andrews' squeezing mechanism by the equations of a test set, without bodies, joints or a model.
 
 F. Mazzia and C. Magherini, Test Set for Initial Value Problem Solvers, release 2.4, 2008, problem
 `andrews`: M(p) p'' = f(p, p') - G(p)' lambda, 0 = g(p), with p = (beta, theta, gamma, phi, delta,
-omega, epsilon).  Here the constraints are differentiated twice, which gives p'' and lambda at once.
+omega, epsilon). Here the constraints are differentiated twice, which gives p'' and lambda together.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ MOMENT, STIFFNESS, LENGTH = 0.033, 4530.0, 0.07785
 
 
 def mass_matrix(p: np.ndarray) -> np.ndarray:
-    """M(p) [kg m^2]."""
+    """Mass matrix M(p) [kg m^2]."""
     _, theta, _, phi, _, omega, _ = p
     m1, m2, m3, m4, m5, m6, m7 = MASS
     i1, i2, i3, i4, i5, i6, i7 = INERTIA
@@ -38,7 +38,7 @@ def mass_matrix(p: np.ndarray) -> np.ndarray:
 
 
 def force(p: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """f(p, p') [N m]."""
+    """Generalized force f(p, p') [N m]."""
     _, theta, gamma, phi, _, omega, _ = p
     u_beta, u_theta, _, u_phi, u_delta, u_omega, u_epsilon = v
     _, m2, _, m4, _, m6, _ = MASS
@@ -62,7 +62,7 @@ def force(p: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def constraints(p: np.ndarray) -> np.ndarray:
-    """g(p) [m]; holds for complex p as well."""
+    """Constraints g(p) [m], also for complex p."""
     beta, theta, gamma, phi, delta, omega, epsilon = p
     x = RR * np.cos(beta) - D * np.cos(beta + theta)
     y = RR * np.sin(beta) - D * np.sin(beta + theta)
@@ -92,7 +92,7 @@ def accelerations(p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def second_along(p: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """d^2 g(p + s v) / ds^2 at s = 0: each sine and cosine times less the square of its rate."""
+    """d^2 g(p + s v)/ds^2 at s = 0: each sine and cosine times minus the square of its rate."""
     beta, theta, gamma, phi, delta, omega, epsilon = p
     w_beta, w_theta, w_gamma, w_phi, w_delta, w_omega, w_epsilon = v
     two, four, six = w_beta + w_theta, w_phi + w_delta, w_omega + w_epsilon
@@ -111,5 +111,5 @@ def second_along(p: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def slope(_: float, state: np.ndarray) -> np.ndarray:
-    """Rate of (p, p')."""
+    """Time derivative of the state (p, p')."""
     return np.append(state[7:], accelerations(state[:7], state[7:])[0])
