@@ -40,7 +40,8 @@ def test_energy_of_the_springs_and_the_weight(line):
 @LINES
 def test_slopes_by_differences(line, mode):
     row, h = flat(ROWS[line]), 1e-5
-    alpha1 = deflections(ROWS[line], equilibrium(ROWS[line]), PATH)[0] + 0.01  # off equilibrium
+    # 0.01 rad off equilibrium
+    alpha1 = deflections(ROWS[line], equilibrium(ROWS[line]), PATH)[0] + 0.01
     if mode == -1:
         alpha1 = 0.9 * PATH  # elbow down reaches these too
     call = dict(**row, weight=0.7, mode=mode)

@@ -10,7 +10,8 @@ from proofmass.analytic.balancer.synthesis import THESIS_FIGURES
 from tests.analytic.balancer.balancer_chain import ROWS, flat
 
 POINTS, FEW = precision_points(90), precision_points(15)
-TABULATED = list(dict.fromkeys(name for name, _ in THESIS_FIGURES))  # all targets in its column
+# all targets in its column
+TABULATED = list(dict.fromkeys(name for name, _ in THESIS_FIGURES))
 
 
 def chain(angle, kinks, slopes):

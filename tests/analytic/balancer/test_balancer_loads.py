@@ -154,7 +154,8 @@ def test_pendulum_is_in_equilibrium():
     theta, lengths, moment, found = chain(flat(ROWS[1766]) | {"weight": weight})
     force = pin_force(theta, lengths, moment)
     pivot = np.array(pivot_force(*force, weight=weight))
-    np.testing.assert_allclose(pivot + force, [0 * PATH, 0 * PATH + weight], atol=1e-15)  # eps
+    # eps
+    np.testing.assert_allclose(pivot + force, [0 * PATH, 0 * PATH + weight], atol=1e-15)
     about_tip = np.sin(PATH) * pivot[1] - np.cos(PATH) * pivot[0] + found["holding_moment"]
     np.testing.assert_allclose(about_tip, 0.0, atol=1e-13)
 

@@ -26,7 +26,8 @@ LOST = {  # rows whose path does not reach 90 degrees, and why
     "2159": "at 70.96.* fold",
 }
 REGULAR = [line for line in rows() if line not in LOST]
-FEW = ["1766", "1745", "1860", "1747"]  # plain, a preload, a stop that is met, four segments
+# plain, a preload, a stop that is met, four segments
+FEW = ["1766", "1745", "1860", "1747"]
 EACH = pytest.mark.parametrize(
     "line", [pytest.param(line, marks=() if line in FEW else pytest.mark.slow) for line in REGULAR]
 )
@@ -202,4 +203,5 @@ def test_springs_past_their_range_or_their_largest_moment_are_told_and_no_others
     assert far or less
     far.pop(1, None)
     assert wound == pytest.approx(far, abs=5.1e-3)  # printed with two decimals
-    assert past == pytest.approx(less, abs=0.45)  # steps of 1/8 and 1/4 degree, one decimal
+    # steps of 1/8 and 1/4 degree, one decimal
+    assert past == pytest.approx(less, abs=0.45)

@@ -82,7 +82,8 @@ def test_table_i_prints_half_of_what_is_mounted():
     np.testing.assert_allclose(mounted / 2.0, printed, rtol=0.02)
     half = prototype.parameters() | {f"stiffness{i}": k for i, k in enumerate(printed, 1)}
     top = solve(np.pi / 2, **half)["balancing_moment"]
-    assert abs(top / MGR - 0.5) < 0.02 < abs(top / MGR - 1.0)  # balances half of m g r
+    # balances half of m g r
+    assert abs(top / MGR - 0.5) < 0.02 < abs(top / MGR - 1.0)
 
 
 def test_rounded_lengths_of_table_i():
@@ -108,7 +109,8 @@ def test_printed_polynomial_has_a_first_coefficient_ten_times_too_large():
     # each point of the thesis's model has noise of its grid: k_1 times 1.2e-3 rad, 9e-5 N m
     assert rmse(prototype.expected_moment(PATH), model("measured")) < 1e-4
     own = np.polyfit(np.degrees(PATH), model("measured"), 5)
-    np.testing.assert_allclose(prototype.EXPECTED, own, rtol=0.03)  # a refit of the exact curve
+    # a refit of the exact curve
+    np.testing.assert_allclose(prototype.EXPECTED, own, rtol=0.03)
 
 
 def test_work_reductions_name_their_reference():

@@ -108,12 +108,14 @@ def quadratic(side, place, link):
 def test_position_of_the_thesis():
     pose = fivebar.solve(THESIS["angle"], **LINK, mode=THESIS["mode"])
     printed = THESIS["position_printed"][2:4]
-    np.testing.assert_allclose(tip(pose), printed, rtol=0, atol=5.1e-9)  # last printed digit
+    # last printed digit
+    np.testing.assert_allclose(tip(pose), printed, rtol=0, atol=5.1e-9)
     other = fivebar.solve(THESIS["angle"], **LINK, mode=-THESIS["mode"])
     np.testing.assert_allclose(tip(other), THESIS["other_assembly"], rtol=0, atol=1e-11)
     found, steps = newton(np.array([*THESIS["first_guess"], *THESIS["angle"]]))
     assert len(steps) == 12  # as printed from line 6278 on
-    np.testing.assert_allclose(found[2:4], tip(pose), rtol=0, atol=1e-14)  # quadratic convergence
+    # quadratic convergence
+    np.testing.assert_allclose(found[2:4], tip(pose), rtol=0, atol=1e-14)
 
 
 def test_velocity_and_acceleration_of_the_thesis_and_their_misprints():
@@ -252,7 +254,8 @@ def test_arms_up_of_the_notebook_is_no_continuous_branch():
     swap = SYMMETRIC["swap"]
     for end, key in ((0, "e_minus_001"), (-1, "e_plus_001")):
         truth = fivebar.solve([left[end], right[end]], **link, mode=-1 if end == 0 else 1)
-        np.testing.assert_allclose(tip(truth), swap[key], rtol=0, atol=5.1e-10)  # 9 decimals
+        # 9 decimals
+        np.testing.assert_allclose(tip(truth), swap[key], rtol=0, atol=5.1e-10)
         assert x[end] == pytest.approx(swap[key][0], abs=1e-7)  # loses digits like 1/e^2
     assert np.abs(np.diff(x)).max() > 9.0
     pose = fivebar.solve([left, right], **link)

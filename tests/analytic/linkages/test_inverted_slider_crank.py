@@ -108,7 +108,8 @@ def test_laws_of_random_links(link, mode):
         *(vectors(pose, name)[0] for name in ("slider", "end")),
     )
     gaps = [slider - tip, pin + pose["slide"] * rod - slider, pin + link["rod"] * rod - end]
-    assert np.abs(gaps).max() <= 1e-14 * (abs(ground) + link["rod"])  # rounding: ten operations
+    # rounding: ten operations
+    assert np.abs(gaps).max() <= 1e-14 * (abs(ground) + link["rod"])
     assert np.all(mode * pose["slide"] > 0)
     # 1e-9: rounding times the highest wave number, 256 eps = 6e-14, times the ratio of a curve,
     # with its mean, to its derivative: up to 1e4 where the cranks are short against their distance

@@ -145,7 +145,8 @@ def slider_crank_bodies(mode, inertia):
     rubs = np.sign(pose["slide_rate"])
     assert set(rubs) == {-1.0, 1.0}
     np.testing.assert_allclose(pose["guide_force_x"], -3.0 - 1.1 * rubs, rtol=0, atol=1e-13)
-    on_pin = -0.4 * np.sign(pose["coupler_rate"] - LAW[1, 0])  # of the crank on the coupler
+    # moment of the crank on the coupler
+    on_pin = -0.4 * np.sign(pose["coupler_rate"] - LAW[1, 0])
     turning = inertia * pose["coupler_acceleration"]
     return {
         "crank": driven_bar(

@@ -56,7 +56,8 @@ def test_area_of_a_cycle():
     assert trapezoid(found["holding_moment"][last], shaft[last]) == pytest.approx(area, rel=1e-4)
     assert found["lost"][-1] - found["lost"][20000] == pytest.approx(area, rel=1e-12)
     first = np.diff(found["lost"][[0, 20000]])[0]
-    assert first == pytest.approx(area + 0.3 * slip_angle(**OWN), rel=1e-12)  # starts in mid-play
+    # the first cycle starts in mid-play
+    assert first == pytest.approx(area + 0.3 * slip_angle(**OWN), rel=1e-12)
 
 
 def test_rates_are_slopes_and_the_hinge_gives_the_weight_its_moment():

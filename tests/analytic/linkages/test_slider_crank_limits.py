@@ -41,7 +41,8 @@ def test_motion_runs_smoothly_through_the_fold():
     np.testing.assert_allclose(pose["slide_rate"], -2.0 * np.sin(at), rtol=0, atol=1e-15)
     np.testing.assert_allclose(pose["coupler_angle"], -at, rtol=1e-15)
     assert np.all(pose["coupler_rate"] == -1.0)
-    still = slider_crank.solve(at, 1.3, -0.4, crank=1.0, coupler=1.0, mode=-1)  # slider stays in A
+    # the slider stays in A
+    still = slider_crank.solve(at, 1.3, -0.4, crank=1.0, coupler=1.0, mode=-1)
     for name in ("slide", "slide_rate", "slide_acceleration"):
         assert np.abs(still[name]).max() <= 2e-15  # rounding
 

@@ -119,7 +119,8 @@ def test_four_triples_of_table_3_have_parallel_legs():
         np.testing.assert_allclose(found["psi"][found["parallel"]], 0.0, atol=1e-14)  # rounding
         if np.allclose(triple, [row[0] for row in TABLE3["sliders"]], atol=1e-4):
             expected = [[*xy, 0.0] for xy in DATA["parallel"]["poses"]]
-            assert max(nearest(there(found), e) for e in expected) <= 5.1e-7  # its last digit
+            # last printed digit
+            assert max(nearest(there(found), e) for e in expected) <= 5.1e-7
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
@@ -140,7 +141,8 @@ def test_any_two_legs_may_be_parallel(pair, off):
     }
     found, still = poses(np.zeros(3), **where), np.zeros(3)
     rows = there(found)
-    assert nearest(rows, [start.real, start.imag, 0.7 - axis]) <= 1e-12  # rounding over 1e-3
+    # rounding over 1e-3
+    assert nearest(rows, [start.real, start.imag, 0.7 - axis]) <= 1e-12
     assert len(rows) == 2 * np.sum(found["singularity"] > 0)
     assert found["parallel"].sum() == 2 * (abs(off) < 1e-7)
     assert np.abs(leg_errors(rows.T, still, where)).max() <= 1e-14  # rounding
