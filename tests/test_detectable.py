@@ -173,7 +173,7 @@ def test_a_slope_is_taken_from_both_sides_or_the_one_that_there_is():
     for low, high in ((-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
         found, asked = small_detectable(of(curve, low, high), {"y": 3e-9})
         # one-sided differences are of second order: of first order they would be off by 3e-3
-        assert found == {"y": pytest.approx(1e-9, rel=1e-8)}
+        assert found == {"y": pytest.approx(1e-9, rel=1e-8, abs=0)}
         assert not asked
 
 
@@ -205,7 +205,7 @@ def test_a_curve_is_straight_if_it_bends_by_a_tenth_of_its_slope(bend, smooth, l
     found = parameter_slopes(of(lambda share: share + bend / 2 * share**2, low))["y"]
     assert found[1] is smooth
     most = 1e-6 * (1 if smooth else 1 + bend / 2 * 1e-6)
-    assert found[0] == pytest.approx(most, rel=1e-9)
+    assert found[0] == pytest.approx(most, rel=1e-9, abs=0)
 
 
 def test_channels_are_judged_one_by_one():

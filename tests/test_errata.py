@@ -63,7 +63,7 @@ def test_bias_of_figures_58_and_80():
     one, two = v[:2], v[2:4]
     u = two - one
     true = 2.0 * (two @ u - one @ u)
-    assert linkage.evaluate(q, v)[2][1] == pytest.approx(true, rel=1e-14)  # rounding
+    assert linkage.evaluate(q, v)[2][1] == pytest.approx(true, rel=1e-14, abs=0)  # rounding
     assert abs(true - 4.0 * two[1] * u[1] - true) > 0.5
     linkage, start = scheme.EXAMPLES["slider-crank"]
     q = scheme.assemble(linkage, start).root
@@ -78,7 +78,7 @@ def test_collinear_row_of_figure_89():
     q = scheme.assemble(linkage, start).root
     (_, y1), (_, y2), (_, y3) = q[:6].reshape(3, 2)
     row = linkage.evaluate(q, q)[1][3]
-    assert row[[0, 2]] == pytest.approx([y3 - y2, y1 - y3], rel=1e-14)  # rounding
+    assert row[[0, 2]] == pytest.approx([y3 - y2, y1 - y3], rel=1e-14, abs=0)  # rounding
     printed = [-2.0 * (y2 - y1) + y3 - y1, -y3 - y1]
     assert np.abs(row[[0, 2]] - printed).min() > 0.5
 

@@ -278,7 +278,7 @@ def test_units_there_and_back(unit, value):
     si, factor = si_unit(unit)
     assert same_quantity(unit, si)
     assert si_unit(si) == (si, 1.0)
-    assert value * factor / factor == pytest.approx(value, rel=4e-16)  # two roundings
+    assert value * factor / factor == pytest.approx(value, rel=4e-16, abs=0)  # two roundings
 
 
 @pytest.mark.parametrize("unit", ["m/s2", "-", "", "2 m", "degC", "banana"])
@@ -361,7 +361,7 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
         # the detectable change is the tolerance over the slope of the closed form, in any unit
         for p, notice in known.detectable.items():
             assert c.detectable[p].size == pytest.approx(
-                notice.size * 1e-3 / factor / known.allowed, rel=1e-6
+                notice.size * 1e-3 / factor / known.allowed, rel=1e-6, abs=0
             )
     x = np.linspace(0, 2 * np.pi, 37)
     truth = evaluate(case, "sweep", x, plan_run(case, "sweep", "mujoco").motion(x)).channels
@@ -385,7 +385,7 @@ def test_a_simulator_agrees_in_degrees(models, edit):
     assert {c.outcome for c in found.values()} == {"agrees"}
     # the rocker swings between the poses with crank and coupler in line, 2 - 1 and 2 + 1 long
     inner, outer = (np.degrees(np.arccos((2.5**2 + 3**2 - r**2) / 15)) for r in (1, 3))
-    assert found["rocker"].allowed == pytest.approx(1e-12 * (outer - inner), rel=1e-3)
+    assert found["rocker"].allowed == pytest.approx(1e-12 * (outer - inner), rel=1e-3, abs=0)
 
 
 def test_a_figure_is_in_the_unit_of_the_channel(models, edit):

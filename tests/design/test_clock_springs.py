@@ -34,9 +34,11 @@ def test_a_spiral_under_one_moment_turns_by_its_length_over_its_bending_stiffnes
     length, _ = quad(lambda a: np.hypot(inner + growth * a, growth), 0.0, 2.0 * np.pi * turns)
     inertia, _ = quad(lambda y: b * y**2, -t / 2, t / 2)
     strip = SpringStrip("", b, t, 0.1, 2.0, STEEL, 1e9)
-    assert strip_stiffness(strip, length) == pytest.approx(STEEL * inertia / length, rel=1e-12)
+    assert strip_stiffness(strip, length) == pytest.approx(
+        STEEL * inertia / length, rel=1e-12, abs=0
+    )
     spring = make_clock_spring(strip_stiffness(strip, length), 0.05, strip)
-    assert spring.length == pytest.approx(length, rel=1e-12)
+    assert spring.length == pytest.approx(length, rel=1e-12, abs=0)
     assert spring.stress == pytest.approx(0.05 * t / 2 / inertia, rel=1e-12)  # M y/I
 
 
@@ -59,7 +61,7 @@ def test_the_cut_spring_of_the_thesis():
     _, t, _, _, _, k = PRINTED["907"]
     strip = SpringStrip("", 2e-3, 1e-3 * t * 5 ** (1 / 3), 0.1, 2.0, STEEL, 1e9)
     length = make_clock_spring(k, 0.0, SpringStrip("", 6e-3, 1e-3 * t, 0.1, 2.0, STEEL, 1e9)).length
-    assert strip_stiffness(strip, length) == pytest.approx(k * 5.0 / 3.0, rel=1e-12)
+    assert strip_stiffness(strip, length) == pytest.approx(k * 5.0 / 3.0, rel=1e-12, abs=0)
     assert abs(strip_stiffness(strip, length) - 0.051) > 0.01
 
 
@@ -82,7 +84,9 @@ def test_no_other_spring_that_can_be_made_is_smaller(seed):
                 if strip.shortest <= length <= strip.longest and stress <= strip.stress:
                     sizes.append(n * length * strip.width * strip.thickness)
         if sizes:
-            assert choose_strip(k, moment, STRIPS).volume == pytest.approx(min(sizes), rel=1e-12)
+            assert choose_strip(k, moment, STRIPS).volume == pytest.approx(
+                min(sizes), rel=1e-12, abs=0
+            )
         else:
             with pytest.raises(ValueError, match="no clock spring"):
                 choose_strip(k, moment, STRIPS)

@@ -92,7 +92,7 @@ def test_a_preload_of_spring_3_without_moment_is_no_preload():
     flat = {k: v[0] for k, v in bare.parameters(vector[None]).items()}
     same = third.vector({**flat, "preload3": -1e-300})
     found = [Synthesis(v, np.sin).figures(x[None]).rmse for v, x in ((bare, vector), (third, same))]
-    assert found[0] == pytest.approx(found[1], rel=1e-12)
+    assert found[0] == pytest.approx(found[1], rel=1e-12, abs=0)
 
 
 @pytest.mark.parametrize("line", rows())
@@ -207,7 +207,9 @@ def test_lengths_that_do_not_reach_are_worth_nothing():
 def test_terms_square_to_the_aim():
     vector = np.array([[1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641]])
     figures, angle = SINE.figures(vector), SINE.angles
-    assert (SINE.residuals(vector) ** 2).sum() == pytest.approx(figures.rmse[0] ** 2, rel=1e-12)
+    assert (SINE.residuals(vector) ** 2).sum() == pytest.approx(
+        figures.rmse[0] ** 2, rel=1e-12, abs=0
+    )
     work = Synthesis(SINE.variant, np.sin, power=1.0)
     left = (1.0 - figures.work_reduction[0] / 100.0) * np.trapezoid(np.sin(angle), angle)
     mean = (work.residuals(vector) ** 2).sum() * np.pi / 2  # no half weights at the ends

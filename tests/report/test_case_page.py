@@ -105,7 +105,7 @@ def test_curves_on_the_page_are_those_of_the_run(page: str, result: Result, four
                 assert np.array_equal(reference, truth[name])
                 off = unpacked(run["solvers"][solver]["differences"][name], "<f4")
                 exact = curves.channels[name] - truth[name]
-                assert off == pytest.approx(exact, rel=6e-8)  # rounding of float32
+                assert off == pytest.approx(exact, rel=6e-8, abs=0)  # rounding of float32
                 assert np.abs(off).max() > 0
 
 
@@ -116,10 +116,12 @@ def test_the_largest_difference_stands_where_the_comparison_says(page: str, resu
         own = run["solvers"][c.solver]
         off = np.abs(unpacked(own["differences"][c.channel], "<f4"))
         at = int(np.abs(unpacked(run["x"], "<f8") - c.at).argmin())
-        assert off[at] == pytest.approx(off.max(), rel=1e-6)
+        assert off[at] == pytest.approx(off.max(), rel=1e-6, abs=0)
         told = own["comparisons"][c.channel]
-        assert off[at] * run["channels"][c.channel]["factor"] == pytest.approx(told["error"])
-        assert told["share"] == pytest.approx(c.relative_to_range, rel=1e-3)
+        assert off[at] * run["channels"][c.channel]["factor"] == pytest.approx(
+            told["error"], rel=1e-6, abs=0
+        )
+        assert told["share"] == pytest.approx(c.relative_to_range, rel=1e-3, abs=0)
 
 
 @pytest.mark.parametrize("name", ["fourbar", "rod_cantilever"])
@@ -309,7 +311,9 @@ def test_the_first_table_shows_the_worst_and_says_where(page: str, result: Resul
     (first, *_) = re.findall(r'href="#sweep/mujoco/([^@"]+)@([^"]+)"', page)
     (shown_row,) = [c for c in rows if c.channel == first[0]]
     worst = max(c.relative_to_range for c in rows)
-    assert shown_row.relative_to_range == pytest.approx(worst, rel=1e-3)  # stored with four digits
+    assert shown_row.relative_to_range == pytest.approx(
+        worst, rel=1e-3, abs=0
+    )  # stored with four digits
     assert float(first[1]) == pytest.approx(shown_row.at, rel=1e-5)
     assert axis_place(10**LAST_DECADE * 10) == 100.0
     assert axis_place(10 ** (FIRST_DECADE - 1)) == 0.0

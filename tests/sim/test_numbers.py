@@ -95,10 +95,10 @@ def test_a_turn_and_an_inertia_are_what_they_say(tmp_path):
         return compile_model(file)
 
     axis = changed("direction of joint slider", 0.1).jnt_axis[2]
-    np.testing.assert_allclose(axis, [np.cos(0.1), np.sin(0.1), 0.0], atol=1e-15)
+    np.testing.assert_allclose(axis, [np.cos(0.1), np.sin(0.1), 0.0], atol=1e-15, rtol=0)
     quat = changed("direction of body slider", 0.1).body_quat[3]
     angle = (0.4636476090008061 + 0.1) / 2
-    np.testing.assert_allclose(quat, [np.cos(angle), 0, 0, np.sin(angle)], atol=1e-15)
+    np.testing.assert_allclose(quat, [np.cos(angle), 0, 0, np.sin(angle)], atol=1e-15, rtol=0)
     inertia = changed("inertia of crank", 0.1).body_inertia[1]
     np.testing.assert_allclose(inertia, 1.1 * source.full.body_inertia[1], rtol=1e-15)
 
@@ -131,7 +131,7 @@ def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_p
         assert changed == [field], name
         expected = before[field].copy()
         expected[index] += 0.1
-        np.testing.assert_allclose(after[field], expected, atol=1e-15)
+        np.testing.assert_allclose(after[field], expected, atol=1e-15, rtol=0)
 
 
 FIELDS = "jnt_range", "qpos_spring", "qpos0", "dof_damping", "body_mass"
@@ -171,7 +171,9 @@ def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
                 expected = np.array(values)
                 if key == field:
                     expected[index] += by
-                np.testing.assert_allclose(getattr(model, key), expected, atol=1e-15, err_msg=name)
+                np.testing.assert_allclose(
+                    getattr(model, key), expected, atol=1e-15, err_msg=name, rtol=0
+                )
 
 
 MASSLESS = """<mujoco><worldbody><body name="link" pos="1 0 0"><joint axis="0 0 1"/>

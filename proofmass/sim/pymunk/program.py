@@ -739,7 +739,10 @@ class Writer:
         return format_sum([(1.0, text)], joint.value)
 
     def _springs(self) -> Iterator[tuple[str, float, tuple[float, ...], float, float]]:
-        """Value, rest, stiffness, damping and load of each joint and each spring between points."""
+        """Value, rest, stiffness, damping and load of each joint and each spring between points.
+
+        The stiffness of a joint includes that of its servos.
+        """
         for joint in self.links.joints:
             yield self._value(joint), joint.rest, joint.acting, joint.damping, joint.load
         for spring in self.links.springs:
@@ -855,9 +858,14 @@ class Writer:
         masses = [(mass, place) for mass, place in body_masses(self.links) if mass]
         up = float(plane.normal @ model.opt.gravity)
         heavy = bool(self.links.gravity.any())
+        own = [(self._value(j), j.rest, j.stiffness) for j in self.links.joints]  # no servos
+        own += [
+            (self._beyond(self._length(s), s), 0.0, (s.stiffness, 0.0, 0.0))
+            for s in self.links.springs
+        ]
         springs = [
             f"{wrap_lines(minus(value, rest), 29, 8)}, {', '.join(map(literal, stiffness))}"
-            for value, rest, stiffness, _, _ in self._springs()
+            for value, rest, stiffness in own
             if any(stiffness)
         ]
         return {

@@ -167,7 +167,9 @@ def test_moments_come_in_steps(line):
     step = 2.0 * (np.pi - at_tip - at_node) / 1000
     moment = searched(line)[0]["balancing_moment"]
     steps = (moment / p["stiffness1"] - angles + p.get("rest_angle", 0.0)) / step
-    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)  # rounding times 1000 steps
+    np.testing.assert_allclose(
+        steps, np.rint(steps), atol=1e-9, rtol=0
+    )  # rounding times 1000 steps
     errors = [
         figures(row, angles, grid.minimise(angles, points=n, **p)["balancing_moment"])[0]
         for n in (250, 16000)
@@ -201,7 +203,9 @@ def test_preload_holds_the_rest_posture_until_its_load_exceeds_it(line):
     release = row["recomputed"].get("release_deg", 180.0)
     locked = np.degrees(angles) < release
     alone = p["stiffness1"] * angles + p.get("quadratic1", 0.0) * angles**2
-    np.testing.assert_allclose(found["balancing_moment"][locked], alone[locked], atol=2e-15)  # eps
+    np.testing.assert_allclose(
+        found["balancing_moment"][locked], alone[locked], atol=2e-15, rtol=0
+    )  # eps
     assert not found["deflection2"][locked].any()
     assert locked.all() == ("never released" in row.get("warnings", []))
     assert locked.all() or found["deflection2"][~locked].max() > 0.1
@@ -248,7 +252,7 @@ def test_postures_close_and_energies_are_sums():
     wound = [0.0, *(_wound(p, p[f"preload{i}"]) for i in (2, 3)), 0.0]
     e = e + np.array(wound)[:, None]
     energy = (p["stiffness1"] * e**2 / 2 + p["quadratic1"] * e**3 / 3).sum(axis=0)
-    np.testing.assert_allclose(found["energy"], energy, atol=1e-14)  # rounding
+    np.testing.assert_allclose(found["energy"], energy, atol=1e-14, rtol=0)  # rounding
 
 
 def _wound(p, preload):

@@ -90,7 +90,7 @@ def test_leverage_of_three_segments_as_a_quotient_of_sines():
         (t1, t2, t3), (l1, l2, _) = rest(row), row["length"]
         outer = l2 * np.sin(t3 - t2)
         assert leverage(rest(row), row["length"]) == pytest.approx(
-            [1.0, outer / (l1 * np.sin(t3 - t1) + outer), 0.0], rel=1e-14
+            [1.0, outer / (l1 * np.sin(t3 - t1) + outer), 0.0], rel=1e-14, abs=0
         )
         if not t1:
             assert leverage(rest(row), row["length"])[1] == pytest.approx(1.0 - l1, abs=1e-15)
@@ -147,16 +147,16 @@ def test_initial_stiffness(line):
     found = initial_stiffness(rest(row), row["length"], row["stiffness"])
     assert found == pytest.approx(STIFF[line], abs=5.1e-7)
     assert found == pytest.approx(
-        compliant_slope(rest(row), row["length"], row["stiffness"]), rel=1e-13
+        compliant_slope(rest(row), row["length"], row["stiffness"]), rel=1e-13, abs=0
     )
     # central difference of step 1e-3: error step^2 times the third derivative, up to 10
     moment = solve([-1e-3, 1e-3], **flat(row))["balancing_moment"]
     assert found == pytest.approx((moment[1] - moment[0]) / 2e-3, abs=1e-5)
     if not row.get("rest_angle"):
         (l1, _, _), (k1, k2, k3) = row["length"], row["stiffness"]
-        assert found == pytest.approx(1.0 / (1.0 / k1 + (1.0 - l1) ** 2 / k2), rel=1e-12)
+        assert found == pytest.approx(1.0 / (1.0 / k1 + (1.0 - l1) ** 2 / k2), rel=1e-12, abs=0)
         assert found == pytest.approx(
-            initial_stiffness(rest(row), row["length"], (k1, k2, 5.0 * k3)), rel=1e-12
+            initial_stiffness(rest(row), row["length"], (k1, k2, 5.0 * k3)), rel=1e-12, abs=0
         )
 
 
@@ -169,13 +169,15 @@ def test_initial_stiffness_of_four_segments_and_of_a_leaning_start():
     found = initial_stiffness(theta, lengths, stiffness)
     moment = solve([-1e-3, 1e-3], **FOUR, rest_angle=0.3, rest_angle2=-0.2)["balancing_moment"]
     assert found == pytest.approx((moment[1] - moment[0]) / 2e-3, abs=1e-5)  # as above
-    assert found == pytest.approx(initial_stiffness(theta + 0.7, lengths, stiffness), rel=1e-13)
+    assert found == pytest.approx(
+        initial_stiffness(theta + 0.7, lengths, stiffness), rel=1e-13, abs=0
+    )
 
 
 def test_locked_joints_have_infinite_stiffness():
     row = ROWS[1745]
     locked = initial_stiffness(rest(row), row["length"], (0.9341, np.inf, 0.0927))
-    assert locked == pytest.approx(0.9341, rel=1e-13)  # turns as one body
+    assert locked == pytest.approx(0.9341, rel=1e-13, abs=0)  # turns as one body
     with pytest.raises(ValueError, match="stiffness must be positive, or inf"):
         initial_stiffness(rest(row), row["length"], (0.9341, 0.0, 0.0927))
 

@@ -155,7 +155,7 @@ def test_pendulum_is_in_equilibrium():
     force = pin_force(theta, lengths, moment)
     pivot = np.array(pivot_force(*force, weight=weight))
     # eps
-    np.testing.assert_allclose(pivot + force, [0 * PATH, 0 * PATH + weight], atol=1e-15)
+    np.testing.assert_allclose(pivot + force, [0 * PATH, 0 * PATH + weight], atol=1e-15, rtol=0)
     about_tip = np.sin(PATH) * pivot[1] - np.cos(PATH) * pivot[0] + found["holding_moment"]
     np.testing.assert_allclose(about_tip, 0.0, atol=1e-13)
 
@@ -183,7 +183,9 @@ def test_stages_of_two_preloads():
         np.testing.assert_allclose(
             loads[~locked, joint - 1], moment[~locked, joint - 1], rtol=0, atol=1e-13
         )
-    np.testing.assert_allclose(loads[0] / moment[0, 0], leverage(theta[0], lengths), atol=1e-14)
+    np.testing.assert_allclose(
+        loads[0] / moment[0, 0], leverage(theta[0], lengths), atol=1e-14, rtol=0
+    )
 
 
 def test_appendix_c_with_the_sign_of_its_last_moment():

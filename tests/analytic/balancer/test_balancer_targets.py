@@ -85,7 +85,9 @@ def test_values_at_three_angles():
         "sine180": (0, 1, 0),
     }
     for name, values in table.items():
-        np.testing.assert_allclose(target(name, [0, np.pi / 4, np.pi / 2]), values, atol=1e-15)
+        np.testing.assert_allclose(
+            target(name, [0, np.pi / 4, np.pi / 2]), values, atol=1e-15, rtol=0
+        )
     np.testing.assert_allclose(
         target("laevo", [0, np.pi / 4, np.pi / 2]), [-0.006501, 0.9715, 0.9258], rtol=0, atol=5.1e-5
     )  # four decimals
@@ -182,7 +184,7 @@ def test_measures_of_line_1766():
     moment = balancing_moment(1766)
     error = moment - np.sin(PATH)
     assert measures.rmse(moment, np.sin(PATH)) == pytest.approx(
-        np.linalg.norm(error) / 90**0.5, rel=1e-14
+        np.linalg.norm(error) / 90**0.5, rel=1e-14, abs=0
     )
     assert measures.rmse(moment, np.sin(PATH)) == pytest.approx(0.006101, abs=1e-6)
     reduction = measures.work_reduction(moment, np.sin(PATH), PATH)
@@ -219,10 +221,10 @@ def test_work_is_in_units_of_the_reference_and_rmse_in_units_of_its_scale():
     moment, sine = balancing_moment(1766), np.sin(PATH)
     for scale in (1e-3, 58.6):
         assert measures.work_reduction(scale * moment, scale * sine, PATH) == pytest.approx(
-            measures.work_reduction(moment, sine, PATH), rel=1e-14
+            measures.work_reduction(moment, sine, PATH), rel=1e-14, abs=0
         )
         assert measures.rmse(scale * moment, scale * sine, scale=scale) == pytest.approx(
-            measures.rmse(moment, sine), rel=1e-12
+            measures.rmse(moment, sine), rel=1e-12, abs=0
         )  # eps over the error's size, 6e-3
 
 
@@ -231,9 +233,11 @@ def test_energy_spread_by_pairs():
     energies = [found[f"energy{i}"] for i in (1, 2, 3)]
     pairs = sum((a - b) ** 2 for a, b in combinations(energies, 2))
     spread = measures.energy_spread(*energies)
-    assert spread == pytest.approx(np.mean(np.sqrt(pairs)), rel=1e-14)
+    assert spread == pytest.approx(np.mean(np.sqrt(pairs)), rel=1e-14, abs=0)
     assert spread == pytest.approx(0.17331380, abs=5.1e-9)  # independent implementation
-    assert measures.energy_spread(*energies, scale=2.0) == pytest.approx(spread / 2.0, rel=1e-15)
+    assert measures.energy_spread(*energies, scale=2.0) == pytest.approx(
+        spread / 2.0, rel=1e-15, abs=0
+    )
 
 
 def test_measures_take_a_batch():

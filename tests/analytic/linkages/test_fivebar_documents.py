@@ -192,7 +192,9 @@ def test_hand_case_of_the_notebook():
         )  # exact by hand
         for mode, key in ((1, "plus_deg"), (-1, "minus_deg")):
             pose = fivebar.solve_inverse([0.0, 8.0], **link, **{f"{side}_mode": mode})
-            assert np.degrees(pose[side]) == pytest.approx(known[key], rel=1e-14)  # 16 digits
+            assert np.degrees(pose[side]) == pytest.approx(
+                known[key], rel=1e-14, abs=0
+            )  # 16 digits
     places = {name: link[name] for name in ("left_crank", "right_crank", "left_x", "right_x")}
     A, B = fivebar.jacobians(upright, [0.0, 8.0], **places)
     jacobian = np.linalg.solve(A, B)[:, ::-1]  # the notebook's order: right, left
@@ -243,7 +245,7 @@ def test_where_the_notebook_divides_by_zero():
     assert abs(quadratic("right", half_turn["tip"], link)[0]) == 0.0
     for mode, expected in zip((1, -1), half_turn["right_deg"], strict=True):
         pose = fivebar.solve_inverse(half_turn["tip"], **link, right_mode=mode)
-        assert np.degrees(pose["right"]) % 360.0 == pytest.approx(expected, rel=1e-14)
+        assert np.degrees(pose["right"]) % 360.0 == pytest.approx(expected, rel=1e-14, abs=0)
 
 
 def test_arms_up_of_the_notebook_is_no_continuous_branch():
@@ -274,7 +276,9 @@ def test_regular_poses(row):
         found = [pose[f"tip_{part}{axis}"] for axis in "xy"]
         np.testing.assert_allclose(found, row[key], rtol=0, atol=4e-14)  # rounding of both
     bars = link["left_coupler"] * link["right_coupler"]
-    assert pose["assembly"] == pytest.approx(-row["det_A"] / bars, rel=1e-14)  # rows: right, left
+    assert pose["assembly"] == pytest.approx(
+        -row["det_A"] / bars, rel=1e-14, abs=0
+    )  # rows: right, left
     places = {name: link[name] for name in ("left_crank", "right_crank", "left_x", "right_x")}
     A, B = fivebar.jacobians(left_right[0], row["tip"], **places)
     np.testing.assert_allclose(np.linalg.solve(A, B)[:, ::-1], row["jacobian"], rtol=0, atol=4e-14)

@@ -161,10 +161,10 @@ def test_start_and_its_misprints():
         assert pose[f"{name}_rate"] == pose[f"{name}_acceleration"] == 0.0
     moving = hacksaw.solve(0.3, 2.0, 0.0, **LINK)
     rate_formula = -2.0 * LINK["crank"] * np.cos(0.3) / (LINK["coupler"] * np.cos(moving["theta3"]))
-    assert moving["theta3_rate"] == pytest.approx(rate_formula, rel=1e-14)  # rounding
+    assert moving["theta3_rate"] == pytest.approx(rate_formula, rel=1e-14, abs=0)  # rounding
     assert abs(moving["r1"] - rate_formula) > 0.5  # text line 533 prints it as r1
     angle_formula = np.arctan(LINK["offset"] / moving["slider_x"])
-    assert moving["theta1"] == pytest.approx(angle_formula, rel=1e-14)  # rounding
+    assert moving["theta1"] == pytest.approx(angle_formula, rel=1e-14, abs=0)  # rounding
     assert abs(moving["theta3_rate"] - angle_formula) > 0.5  # text line 534 prints it as theta3'
     as_printed = (LINK["crank"] + LINK["coupler"]) * np.sin(0.3) - LINK["offset"]
     assert abs(as_printed) > 0.01  # text line 302 with theta2 does not close
@@ -173,9 +173,9 @@ def test_start_and_its_misprints():
 def test_other_assembly_at_the_start():
     pose, other = hacksaw.solve(0.0, 0.0, 0.0, **LINK, mode=-1), DATA["other_assembly"]
     # rounding: the reference has all digits of a double
-    assert -pose["r1"] == pytest.approx(other["r1"], rel=1e-15)
-    assert pose["theta1"] + np.pi == pytest.approx(other["theta1"], rel=4e-15)
-    assert pose["theta3"] == pytest.approx(other["theta3"], rel=1e-15)
+    assert -pose["r1"] == pytest.approx(other["r1"], rel=1e-15, abs=0)
+    assert pose["theta1"] + np.pi == pytest.approx(other["theta1"], rel=4e-15, abs=0)
+    assert pose["theta3"] == pytest.approx(other["theta3"], rel=1e-15, abs=0)
 
 
 @pytest.mark.parametrize("row", DATA["points"]["rows"], ids=lambda row: str(row["index"]))
@@ -223,9 +223,9 @@ def test_limits_stroke_and_time_ratio():
     assert np.abs(pose["slider_velocity"]).max() <= 1e-15  # dead points; rounding of the angles
     np.testing.assert_allclose(pose["r1"], -np.array(reach), rtol=1e-14)  # exact, rounding
     np.testing.assert_allclose(pose["slider_x"], limits["slider_x"], rtol=1e-14)  # rounding
-    assert np.ptp(pose["slider_x"]) == pytest.approx(limits["stroke"], rel=1e-14)  # rounding
+    assert np.ptp(pose["slider_x"]) == pytest.approx(limits["stroke"], rel=1e-14, abs=0)  # rounding
     ratio = (TURN - (inner - outer)) / (inner - outer)
-    assert ratio == pytest.approx(limits["time_ratio"], rel=1e-14)  # rounding
+    assert ratio == pytest.approx(limits["time_ratio"], rel=1e-14, abs=0)  # rounding
     turn = hacksaw.solve(GRID, 1.0, 0.0, **LINK)
     assert turn["r1"].min() >= -reach[0] - 1e-16  # rounding
     assert turn["r1"].max() <= -reach[1] + 1e-16
@@ -282,9 +282,9 @@ def test_motor_integrates_its_acceleration(peak):
     # rounding of differences: eps times the final value
     assert np.abs(np.diff(angle) - simpson(rate, half[1])).max() <= 1e-15 * angle[-1]
     assert np.abs(np.diff(rate) - simpson(acceleration, half[2])).max() <= 1e-15 * rate[-1]
-    assert angle[120] == pytest.approx(TURN, rel=1e-14)  # rounding: one turn in T
+    assert angle[120] == pytest.approx(TURN, rel=1e-14, abs=0)  # rounding: one turn in T
     assert angle[0] == rate[0] == acceleration[0] == 0.0
-    assert acceleration.max() == pytest.approx(peak, rel=1e-14)  # rounding
+    assert acceleration.max() == pytest.approx(peak, rel=1e-14, abs=0)  # rounding
     late = hacksaw.motor(1000.0 * total, peak=peak)
     assert late[0] == pytest.approx(TURN * 1999.0, rel=1e-14)  # rounding; two turns per T
 
@@ -387,7 +387,7 @@ def test_ground_carries_weight_and_inertia_of_all_bodies(mode):
     on_crank = (found["crank_force_x"] + 1j * found["crank_force_y"]) * np.exp(1j * angle)
     on_slider = found["guide_force_x"] + 1j * found["guide_force_y"]
     np.testing.assert_allclose(on_crank + on_slider, needed, rtol=0, atol=1e-12)  # rounding
-    np.testing.assert_allclose(found["guide_force_x"], LOADED["cutting_force"], atol=1e-12)
+    np.testing.assert_allclose(found["guide_force_x"], LOADED["cutting_force"], atol=1e-12, rtol=0)
 
 
 def test_masses_that_are_not_asked_for_cost_nothing_and_change_no_motion():

@@ -52,7 +52,7 @@ def test_the_document_counts_88_nodes_in_the_same_slice() -> None:
     (left, right), (low, high) = part.x, part.y
     inside = sum((left <= nodes) & (nodes <= right)) * sum((low <= nodes) & (nodes <= high))
     assert inside == 88
-    assert part.area == pytest.approx(3.0, rel=1e-15)
+    assert part.area == pytest.approx(3.0, rel=1e-15, abs=0)
 
 
 @EACH

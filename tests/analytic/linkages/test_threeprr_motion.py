@@ -155,7 +155,7 @@ def test_workspace_counts():
     x, y, _ = nodes[:, threeprr.reachable(nodes, **grid["where"])]
     assert x.size == cut["count"]
     for found, printed in ((x, cut["x"]), (y, cut["y"])):  # nodes, multiples of 0.18 m
-        np.testing.assert_allclose([found.min(), found.max()], printed, atol=1e-12)
+        np.testing.assert_allclose([found.min(), found.max()], printed, atol=1e-12, rtol=0)
 
 
 def test_what_is_reachable_is_what_the_inverse_solves():

@@ -179,7 +179,7 @@ def test_energy_rises_with_the_work_of_the_load(psi, mode):
         np.cos(psi) * (after["x"] - before["x"]) + np.sin(psi) * (after["y"] - before["y"])
     )
     # third derivatives times step^2, and rounding over the step
-    assert work == pytest.approx(after["energy"] - before["energy"], rel=1e-7)
+    assert work == pytest.approx(after["energy"] - before["energy"], rel=1e-7, abs=0)
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)
@@ -217,8 +217,10 @@ def test_limits():
     """Rods under small loads, taut rods and rods pulled along the clamp have their known limits."""
     light = tip(1.0, 1e-9)  # a rod that hardly bends: y = R sin(psi)/3, m0 = R sin(psi)
     assert light["x"] == pytest.approx(1.0, abs=1e-15)
-    assert light["y"] == pytest.approx(light["R"] * np.sin(1.0) / 3.0, rel=1e-8)
-    assert light["m0"] == pytest.approx(light["R"] * np.sin(1.0), rel=1e-8)
+    assert light["y"] == pytest.approx(
+        light["R"] * np.sin(1.0) / 3.0, rel=0, abs=5e-16
+    )  # rounding of 1
+    assert light["m0"] == pytest.approx(light["R"] * np.sin(1.0), rel=1e-8, abs=0)
     taut = tip(1.0, 1.0 - 1e-14)  # m0 -> 2 sqrt(R EI) sin(psi/2), all bending next to the clamp
     assert taut["m0"] == pytest.approx(2.0 * np.sqrt(taut["R"]) * np.sin(0.5), rel=1e-12)
     assert taut["theta"] == pytest.approx(1.0, abs=1e-6)  # sqrt(1 - k)

@@ -162,7 +162,7 @@ def test_symmetric_motors_keep_the_pin_in_the_middle():
     )
     assert np.abs(found["pin_x"]).max() <= 1e-9
     assert np.abs(found["pin_vx"]).max() <= 1e-9
-    np.testing.assert_allclose(found["hold1"], -found["hold2"], atol=1e-9)
+    np.testing.assert_allclose(found["hold1"], -found["hold2"], atol=1e-9, rtol=0)
     assert found["pin_y"][0] == pytest.approx(0.948938, abs=5e-7)  # digits of the data
 
 

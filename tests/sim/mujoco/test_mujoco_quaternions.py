@@ -25,4 +25,4 @@ def test_curves_and_programs_have_the_same_signs(tmp_path):
     program = ENGINE.write_program(model, run, "", "", Imposed("free", 0.0))
     found = program_curves(program, tmp_path)
     columns = [name for name in found if name.startswith("turn")]
-    np.testing.assert_allclose([found[name] for name in columns], quaternion, atol=1e-12)
+    np.testing.assert_allclose([found[name] for name in columns], quaternion, atol=1e-12, rtol=0)

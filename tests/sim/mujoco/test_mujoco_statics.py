@@ -103,7 +103,9 @@ def test_a_chain_of_sprung_links_under_its_weight(n, stiffness, length, mass, sw
         found = np.array([curves.channels[name][k] for name in names])
         rest = root(lambda q, first=first: slope(np.array([first, *q]))[1:], found[1:], tol=1e-14).x
         truth = np.array([first, *rest])
-        np.testing.assert_allclose(found, truth, atol=1e-12)  # rounding over the chain's softness
+        np.testing.assert_allclose(
+            found, truth, atol=1e-12, rtol=0
+        )  # rounding over the chain's softness
         assert curves.channels["hold"][k] == pytest.approx(slope(truth)[0], abs=1e-12)
 
 
@@ -145,7 +147,9 @@ def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
             [*found, 0.0, 0.0],
             tol=1e-14,
         ).x
-        np.testing.assert_allclose(found, truth[:-2], atol=1e-12)  # rounding over the softness
+        np.testing.assert_allclose(
+            found, truth[:-2], atol=1e-12, rtol=0
+        )  # rounding over the softness
         assert curves.channels["hold"][k] == pytest.approx(moments(first, truth)[0][0], abs=1e-12)
 
 
@@ -159,10 +163,14 @@ def test_rates_follow_the_path_of_rests(sweep):
         sensors="a b",
     )
     t = curves.x + curves.channels["b"]
-    np.testing.assert_allclose(k * (t - curves.x), w * np.sin(t), atol=1e-13)  # rounding of w
-    np.testing.assert_allclose(curves.channels["hold"], -w * np.sin(t), atol=1e-13)
+    np.testing.assert_allclose(
+        k * (t - curves.x), w * np.sin(t), atol=1e-13, rtol=0
+    )  # rounding of w
+    np.testing.assert_allclose(curves.channels["hold"], -w * np.sin(t), atol=1e-13, rtol=0)
     # the second difference of forces is sure to 1e-10
-    np.testing.assert_allclose(curves.channels["b_rate"], k / (k - w * np.cos(t)) - 1, atol=1e-9)
+    np.testing.assert_allclose(
+        curves.channels["b_rate"], k / (k - w * np.cos(t)) - 1, atol=1e-9, rtol=0
+    )
     np.testing.assert_array_equal(curves.channels["a_rate"], 1.0)
 
 
@@ -177,8 +185,8 @@ def test_a_motor_and_a_progressive_spring_hold_a_weight_on_a_slide(sweep):
         motors='<motor joint="b"/><motor joint="b" gear="2"/>',
         key='ctrl="9 3 4"',
     )
-    np.testing.assert_allclose(curves.channels["b"], q, atol=1e-14)  # rounding
-    np.testing.assert_allclose(curves.channels["hold"], G * np.cos(curves.x), atol=1e-13)
+    np.testing.assert_allclose(curves.channels["b"], q, atol=1e-14, rtol=0)  # rounding
+    np.testing.assert_allclose(curves.channels["hold"], G * np.cos(curves.x), atol=1e-13, rtol=0)
 
 
 def test_joint_equalities_share_what_the_freedom_carries(sweep):
@@ -193,7 +201,7 @@ def test_joint_equalities_share_what_the_freedom_carries(sweep):
     b, c = curves.channels["b"], curves.channels["c"]
     slope = G * np.cos(curves.x + b) + G * np.cos(c) * (0.5 + 0.2 * b) + 25 * (b - 0.3)
     np.testing.assert_allclose(slope, 0, atol=1e-13)  # rounding of 25
-    np.testing.assert_allclose(c, 0.5 * b + 0.1 * b**2, atol=1e-15)
+    np.testing.assert_allclose(c, 0.5 * b + 0.1 * b**2, atol=1e-15, rtol=0)
 
 
 PRELOAD = 6.0
@@ -218,9 +226,9 @@ def test_a_preloaded_joint_leaves_its_stop_where_the_weight_exceeds_the_preload(
         brentq(lambda q, a=a: G * np.cos(a + q) - PRELOAD + 20 * q, -1, 0.1, xtol=1e-15)
         for a in x[~on]
     ]
-    np.testing.assert_allclose(b[~on], free, atol=1e-14)  # rounding of w over k
+    np.testing.assert_allclose(b[~on], free, atol=1e-14, rtol=0)  # rounding of w over k
     assert -1e-9 < b[~on][0] < 0
-    np.testing.assert_allclose(curves.channels["hold"], G * np.cos(x + b), atol=1e-13)
+    np.testing.assert_allclose(curves.channels["hold"], G * np.cos(x + b), atol=1e-13, rtol=0)
 
 
 def test_several_stops_switch_at_once_on_both_sides(sweep):
@@ -244,9 +252,9 @@ def test_several_stops_switch_at_once_on_both_sides(sweep):
         gravity=0,
     )
     for name, ends in ranges.items():
-        np.testing.assert_allclose(curves.channels[name], np.clip(x, *ends), atol=1e-15)
+        np.testing.assert_allclose(curves.channels[name], np.clip(x, *ends), atol=1e-15, rtol=0)
     moment = sum(4 * (x - np.clip(x, *ends)) for ends in ranges.values())
-    np.testing.assert_allclose(curves.channels["hold"], moment, atol=1e-14)  # rounding
+    np.testing.assert_allclose(curves.channels["hold"], moment, atol=1e-14, rtol=0)  # rounding
 
 
 def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
@@ -265,7 +273,7 @@ def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
     assert curves.x.size == np.searchsorted(np.linspace(begin, 2.0, 41), last)
     assert curves.stopped == f"the equilibrium becomes unstable beyond a = {last:.6g}"
     t = curves.x + curves.channels["b"]
-    np.testing.assert_allclose(k * (t - curves.x), G * np.sin(t), atol=1e-13)
+    np.testing.assert_allclose(k * (t - curves.x), G * np.sin(t), atol=1e-13, rtol=0)
 
 
 LIFT = body(
@@ -281,7 +289,7 @@ def test_a_sweep_ends_where_a_symmetric_rest_loses_its_hold(sweep):
     assert curves.stopped == "the equilibrium becomes unstable beyond a = 0.7"
     np.testing.assert_array_equal(curves.x, x[x < 0.7])
     np.testing.assert_allclose(curves.channels["b"], 0, atol=1e-9)
-    np.testing.assert_allclose(curves.channels["hold"], G, atol=1e-13)
+    np.testing.assert_allclose(curves.channels["hold"], G, atol=1e-13, rtol=0)
 
 
 def test_a_hair_beside_symmetry_the_path_goes_on(sweep):
@@ -316,8 +324,8 @@ def test_a_sweep_ends_where_stops_block_the_drive(sweep):
     )
     assert curves.stopped == "the joint limits of b, c block the motion beyond a = 1"
     np.testing.assert_array_equal(curves.x, np.linspace(0, 1.4, 30)[:21])
-    np.testing.assert_allclose(curves.channels["b"], curves.x / 2, atol=1e-15)
-    np.testing.assert_allclose(curves.channels["hold"], 1.5 * curves.x, atol=1e-14)
+    np.testing.assert_allclose(curves.channels["b"], curves.x / 2, atol=1e-15, rtol=0)
+    np.testing.assert_allclose(curves.channels["hold"], 1.5 * curves.x, atol=1e-14, rtol=0)
 
 
 def test_a_sweep_ends_where_an_arm_is_stretched(sweep):
@@ -352,7 +360,7 @@ def test_a_sweep_ends_where_an_arm_is_stretched(sweep):
 def test_a_start_pose_off_its_rest_settles(sweep):
     bodies = body("a", body("b", centre="0 -1 0", range="-3 3"), centre="0 0 0")
     curves = sweep([0.0, 0.5], ("b",), bodies, sensors="b", key='qpos="0 0.4"')
-    np.testing.assert_allclose(curves.channels["b"], [0.0, -0.5], atol=1e-14)  # it hangs
+    np.testing.assert_allclose(curves.channels["b"], [0.0, -0.5], atol=1e-14, rtol=0)  # it hangs
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def test_plane(tmp_path, joint, e1, e2, normal):
     if normal == (0, -1, 0) and "slide" in joint:  # both signs of a slide's normal are as good
         e2, normal = np.sign(plane.e2[2]) * np.array(e2), np.sign(plane.e2[2]) * np.array(normal)
     for got, wanted in ((plane.e1, e1), (plane.e2, e2), (plane.normal, normal)):
-        np.testing.assert_allclose(got, wanted, atol=1e-15)  # rounding of a cross product
+        np.testing.assert_allclose(got, wanted, atol=1e-15, rtol=0)  # rounding of a cross product
 
 
 HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></body>'
@@ -196,7 +196,7 @@ def test_holding_moment_and_missing_accelerations():
         curves.drive[0][0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0, rocker_mass=2.5
     )["holding_moment"]
     # rounding of impulses: 1e-13 N m measured on 20 N m
-    np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10)
+    np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10, rtol=0)
     assert "no accelerations in a sweep" in curves.missing[ROCKER[2]]
     assert curves.derivatives == 1
 
@@ -231,7 +231,9 @@ def test_another_plane_gives_the_same(tmp_path, kind):
     ]
     for mine, theirs, sign in pairs:
         # the same arithmetic up to the rounding of the projection
-        np.testing.assert_allclose(flat.channels[mine], sign * upright.channels[theirs], atol=1e-9)
+        np.testing.assert_allclose(
+            flat.channels[mine], sign * upright.channels[theirs], atol=1e-9, rtol=0
+        )
 
 
 def test_spring_angle(tmp_path):
@@ -251,9 +253,9 @@ def test_spring_angle(tmp_path):
     got = simulate(mjcf(tmp_path, arm, sensor), run).channels
     q = np.array(got["arm"])
     # rest is called at moves of 1e-12 a step; slow sinking multiplies that by some ten steps
-    np.testing.assert_allclose(k * (q - ref), -weight * np.cos(x + q), atol=1e-8)
+    np.testing.assert_allclose(k * (q - ref), -weight * np.cos(x + q), atol=1e-8, rtol=0)
     carried = 9.81 * (0.5 * np.cos(x) + 0.5 * (np.cos(x) + 0.4 * np.cos(x + q)))
-    np.testing.assert_allclose(got["moment"], carried, atol=1e-8)
+    np.testing.assert_allclose(got["moment"], carried, atol=1e-8, rtol=0)
 
 
 def test_sliding_spring_oscillates(tmp_path):

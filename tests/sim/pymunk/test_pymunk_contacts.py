@@ -269,7 +269,7 @@ def test_masks_friction_and_softness_are_combined_as_mujoco_does(tmp_path, one, 
     if bare is None:
         assert law is None
     else:
-        assert (law.friction, law.restitution) == pytest.approx(bare, rel=1e-12)
+        assert (law.friction, law.restitution) == pytest.approx(bare, rel=1e-12, abs=0)
 
 
 def test_pairs_are_those_that_mujoco_finds(tmp_path):

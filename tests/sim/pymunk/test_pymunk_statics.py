@@ -72,12 +72,16 @@ def test_polynomial_spring_against_weight(stiffness, tmp_path):
         return e * (k + e * (a + e * b)) + 2 * 9.81 * 0.4 * np.cos(crank + ref + e)
 
     e = np.array([brentq(lacking, -1.2, 0.0, args=(crank,), xtol=1e-15) for crank in x])
-    np.testing.assert_allclose(got["arm"], ref + e, atol=1e-11)  # rest: moves below 1e-12 a step
+    np.testing.assert_allclose(
+        got["arm"], ref + e, atol=1e-11, rtol=0
+    )  # rest: moves below 1e-12 a step
     held = 2 * 9.81 * (np.cos(x) + 0.4 * np.cos(x + ref + e))
-    np.testing.assert_allclose(got["moment"], held, atol=1e-9)  # that times stiffness over step^2
+    np.testing.assert_allclose(
+        got["moment"], held, atol=1e-9, rtol=0
+    )  # that times stiffness over step^2
     height = np.sin(x) + 0.4 * np.sin(x + ref + e)
     energy = k * e**2 / 2 + a * e**3 / 3 + b * e**4 / 4 + 2 * 9.81 * height
-    np.testing.assert_allclose(got["energy"], energy, atol=1e-9)
+    np.testing.assert_allclose(got["energy"], energy, atol=1e-9, rtol=0)
 
 
 def test_polynomial_spring_of_a_slide(tmp_path):
@@ -94,9 +98,11 @@ def test_polynomial_spring_of_a_slide(tmp_path):
     got = curves.channels
     assert curves.derivatives == 0
     e = (20 - np.sqrt(400 - 30 * 0.8 * 9.81 * np.sin(x))) / 30
-    np.testing.assert_allclose(got["block"], e, atol=1e-11)  # rest: moves below 1e-12 a step
+    np.testing.assert_allclose(
+        got["block"], e, atol=1e-11, rtol=0
+    )  # rest: moves below 1e-12 a step
     held = -0.8 * 9.81 * ((0.3 + e) * np.cos(x) + 0.1 * np.sin(x))
-    np.testing.assert_allclose(got["moment"], held, atol=1e-9)
+    np.testing.assert_allclose(got["moment"], held, atol=1e-9, rtol=0)
 
 
 @pytest.mark.parametrize("law", [lambda x: x, lambda x: 1.5 - x])
@@ -123,9 +129,9 @@ def test_preloaded_hinge_leaves_its_stop(law, tmp_path):
     )
     assert 5 < (angle == 0).sum() < 25
     # a joint is left within 1e-12 rad of its stop
-    np.testing.assert_allclose(got["arm"], angle, atol=1e-11)
+    np.testing.assert_allclose(got["arm"], angle, atol=1e-11, rtol=0)
     held = 2 * 9.81 * (np.cos(law(x)) + 0.4 * np.cos(law(x) + angle))
-    np.testing.assert_allclose(got["moment"], held, atol=1e-9)
+    np.testing.assert_allclose(got["moment"], held, atol=1e-9, rtol=0)
 
 
 def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
@@ -286,7 +292,9 @@ def test_the_drive_holds_what_spring_1_takes_and_the_energy_gains(name, tmp_path
         else ({"plain": 1.2701, "released": 0.9341, "contact": 0.8971, "four": 0.9512}[name], 0.0)
     )
     spring1 = got["deflection1"] * (k + a * got["deflection1"])
-    np.testing.assert_allclose(got["hold"], spring1, atol=1e-10)  # rest, and a stop, to 1e-12 rad
+    np.testing.assert_allclose(
+        got["hold"], spring1, atol=1e-10, rtol=0
+    )  # rest, and a stop, to 1e-12 rad
     before, _, after = got["energy"].reshape(-1, 3).T
     slope = (after - before) / np.radians(2 * h)
     # rounding of the energy, 1e-15 J over 7e-4 rad, and h^2 / 6 of the moment's second derivative
@@ -300,7 +308,7 @@ def test_a_preload_is_released_at_its_moment(tmp_path):
     np.testing.assert_allclose(got["deflection2"][:4], 0, atol=1e-11)  # left within 1e-12 rad
     assert got["deflection2"][4] > 1e-5
     np.testing.assert_allclose(
-        got["hold"][:4], 0.9341 * np.radians((0, 20, 40, release - 0.01)), atol=1e-11
+        got["hold"][:4], 0.9341 * np.radians((0, 20, 40, release - 0.01)), atol=1e-11, rtol=0
     )
 
 
@@ -308,9 +316,11 @@ def test_a_joint_meets_its_upper_stop(tmp_path):
     """From 41.4841 degrees on segments 2 and 3 no longer bend: the moment grows by k1 alone."""
     got = balanced(tmp_path, "contact", (41.47, 41.50, 50, 60, 70, 80, 90)).channels
     assert got["deflection2"][0] < 0.8693 - 1e-4
-    np.testing.assert_allclose(got["deflection2"][1:], 0.8693, atol=1e-11)  # left within 1e-12 rad
+    np.testing.assert_allclose(
+        got["deflection2"][1:], 0.8693, atol=1e-11, rtol=0
+    )  # left within 1e-12 rad
     slope = np.diff(got["hold"][1:]) / np.diff(np.radians((41.50, 50, 60, 70, 80, 90)))
-    np.testing.assert_allclose(slope, 0.8971, atol=1e-10)
+    np.testing.assert_allclose(slope, 0.8971, atol=1e-10, rtol=0)
 
 
 @pytest.mark.parametrize("name", ["released", "contact", "four"])
@@ -319,7 +329,7 @@ def test_down_again_is_as_up(name, tmp_path):
     top = np.pi / 2
     got = balanced(tmp_path, name, np.linspace(0, 180, 41), lambda x: top - np.abs(x - top))
     for curve in got.channels.values():
-        np.testing.assert_allclose(curve, curve[::-1], atol=1e-11)  # rest: 1e-12 rad
+        np.testing.assert_allclose(curve, curve[::-1], atol=1e-11, rtol=0)  # rest: 1e-12 rad
 
 
 def test_a_sweep_may_begin_anywhere(tmp_path):
@@ -368,9 +378,11 @@ def test_a_hanging_chain_is_in_equilibrium(links, stiffness, tmp_path):
     middle, weight = (start + ends) / 2, 9.81 / links
     for k in range(links):
         carried = weight * (middle[k:] - start[k]).sum(axis=0)
-        np.testing.assert_allclose(stiffness * bend[k], -carried, atol=1e-9)  # k, 1e-12 rad a step
+        np.testing.assert_allclose(
+            stiffness * bend[k], -carried, atol=1e-9, rtol=0
+        )  # k, 1e-12 rad a step
     held = weight * (np.cos(x) + middle).sum(axis=0)
-    np.testing.assert_allclose(got["moment"], held, atol=1e-9)
+    np.testing.assert_allclose(got["moment"], held, atol=1e-9, rtol=0)
 
 
 def test_a_stop_in_the_way_ends_the_sweep(edit):

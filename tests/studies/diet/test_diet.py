@@ -190,7 +190,9 @@ def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance
         rounding = 1e-9 * max(float(np.abs(v).max()) for v in monitored.before.channels.values())
         left = (c.allowed - c.error_max) / 10
         assert left > rounding  # every channel may change by rounding as well
-        assert monitored.allowed[c.channel] == pytest.approx(np.full(run.x.size, left), rel=1e-9)
+        assert monitored.allowed[c.channel] == pytest.approx(
+            np.full(run.x.size, left), rel=1e-9, abs=0
+        )
 
 
 def test_a_diet_that_allows_too_much_is_noticed(tmp_path, monkeypatch):

@@ -62,7 +62,7 @@ def test_an_edit_in_a_sentence() -> None:
 def test_the_interval_of_a_saving_is_one_of_time_and_never_below_zero() -> None:
     assert step_times(LIGHT) == pytest.approx([5e-5, 4e-5, 6e-5])
     assert step_times(replace(LIGHT, saved=(0.5, 0.9, 1.2)))[1] == pytest.approx(
-        MIN_COST_SHARE * 1e-4
+        MIN_COST_SHARE * 1e-4, rel=1e-6, abs=0
     )
     assert step_times(replace(LIGHT, saved=())) == [4.9e-5]  # no pairs, no interval
 

@@ -85,7 +85,7 @@ def test_the_truth_of_a_free_motion_is_its_fine_solution(tmp_path, monkeypatch):
     # the error of a is 2e-3 at the end; b has no error, so that 1e-9 of its size is allowed
     assert held.bound.allowed == {
         "a": pytest.approx(1.1 * 2e-3, rel=1e-9),
-        "b": pytest.approx(1e-9 * 3.0, rel=1e-9),
+        "b": pytest.approx(1e-9 * 3.0, rel=1e-9, abs=0),
     }
     assert held == replace(fine.monitored, bound=held.bound)
     assert words == (
@@ -167,13 +167,13 @@ def test_a_motion_that_ended_early_is_held_as_far_as_it_was_followed(tmp_path, m
     fine = Fine(tmp_path, monkeypatch, {"a": lambda x: x + 9.0 * (x > 0.505)}, {"a": line(1.0)})
     monitored = MonitoredRun("let go", Run("passive", X[:51], ()), {}, curves(X, fine.own))
     held, _ = with_fine_solution(fine.file, read_model(fine.file, probing=True), monitored)
-    assert held.bound.allowed["a"] == pytest.approx(1e-9 * 10.0)
+    assert held.bound.allowed["a"] == pytest.approx(1e-9 * 10.0, rel=1e-6, abs=0)
 
 
 def test_potential_energies_are_held_as_changes(tmp_path, monkeypatch):
     fine = Fine(tmp_path, monkeypatch, {"energy": line(2.0)}, {"energy": line(2.0, 7.0)})
     held, _ = fine.held(X, level=frozenset({"energy"}))
-    assert held.bound.allowed["energy"] == pytest.approx(2e-9)
+    assert held.bound.allowed["energy"] == pytest.approx(2e-9, rel=1e-6, abs=0)
     assert held.bound.reference["energy"][0] == 0.0
 
 

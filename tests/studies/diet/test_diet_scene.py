@@ -81,10 +81,10 @@ def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
     case = allowing(channel, **tolerance)
     monitored = watched_with(curves, {"angle": np.array(truth)}, monkeypatch, case)
     left = 0.1 * (most - 0.01)
-    assert monitored.allowed["angle"] == pytest.approx(np.full(3, left), rel=1e-12)
-    assert monitored.bound.allowed["angle"] == pytest.approx(0.01 + left, rel=1e-12)
+    assert monitored.allowed["angle"] == pytest.approx(np.full(3, left), rel=1e-12, abs=0)
+    assert monitored.bound.allowed["angle"] == pytest.approx(0.01 + left, rel=1e-12, abs=0)
     compared = compare_channel(case, "dynamics", "mujoco", "angle", curves, np.array(truth), {})
-    assert compared.allowed * case.channels["angle"].factor == pytest.approx(most, rel=1e-12)
+    assert compared.allowed * case.channels["angle"].factor == pytest.approx(most, rel=1e-12, abs=0)
 
 
 def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
@@ -97,21 +97,21 @@ def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
     curves = Curves(x, {"angle": truth + 0.01})
     for most, larger in ((0.11, 0.01), (0.005, 1e-3 * 1e-9 * 2.01)):
         monitored = watched_with(curves, {"angle": truth}, monkeypatch, allowing({}, abs=most))
-        assert monitored.bound.allowed["angle"] - 0.01 == pytest.approx(larger, rel=1e-3)
+        assert monitored.bound.allowed["angle"] - 0.01 == pytest.approx(larger, rel=1e-3, abs=0)
     run = monitored.run
     assert (monitored.bound.run, monitored.bound.case) == (run, allowing({}, abs=most))
     # no tolerance for MuJoCo: 1.1 times the error is allowed, or rounding
     free = allowing({}, abs=0.11, solver=("pymunk",))
     monitored = watched_with(curves, {"angle": truth}, monkeypatch, free)
-    assert monitored.bound.allowed["angle"] == pytest.approx(0.011, rel=1e-12)
+    assert monitored.bound.allowed["angle"] == pytest.approx(0.011, rel=1e-12, abs=0)
     monitored = watched_with(curves, {"angle": truth + 0.01}, monkeypatch, free)
-    assert monitored.bound.allowed["angle"] == pytest.approx(2.01e-9, rel=1e-12)
+    assert monitored.bound.allowed["angle"] == pytest.approx(2.01e-9, rel=1e-12, abs=0)
     # a tolerance of the sweep does not apply to this run of dynamics
     for kind, most in (("sweep", 0.011), ("dynamics", 0.02)):
         monitored = watched_with(
             curves, {"angle": truth}, monkeypatch, allowing({}, abs=0.11, run=kind)
         )
-        assert monitored.bound.allowed["angle"] == pytest.approx(most, rel=1e-12)
+        assert monitored.bound.allowed["angle"] == pytest.approx(most, rel=1e-12, abs=0)
 
 
 def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeypatch):

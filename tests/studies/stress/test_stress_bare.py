@@ -204,7 +204,7 @@ def test_samples_are_whole_steps_apart(stressed, name, step):
     changed = with_whole_steps(case, float(x[-1]), step)
     found = Run("dynamics", run_samples(changed, "dynamics"), ())
     per, taken = found.steps(step)
-    assert taken == pytest.approx(step, rel=1e-12)
+    assert taken == pytest.approx(step, rel=1e-12, abs=0)
     assert per == max(1, int((x[1] - x[0]) / step + 1e-9))
     late = found.x[-1] - x[-1]
     if name in ("threeprr", "hacksaw"):  # a drive that ends, and a motion profile
@@ -221,7 +221,7 @@ def test_a_long_run_has_the_steps_that_are_told(stressed, name):
         with_longer_run(held.case, 7.3, held.seconds), 7.3 * held.seconds, held.step
     )
     per, taken = Run("dynamics", run_samples(case, "dynamics"), ()).steps(held.step)
-    assert taken == pytest.approx(held.step, rel=1e-12)
+    assert taken == pytest.approx(held.step, rel=1e-12, abs=0)
     steps = per * (case.run["dynamics"].n - 1)
     assert steps == pytest.approx(7.3 * held.seconds / held.step, abs=per)
 
@@ -231,7 +231,7 @@ def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch
     """With samples 1 % too far apart `Run.steps` takes two steps between them instead of one."""
     held = stressed("pendulum", engine)
     assert held.try_in_steps(held.case, 1.0, timestep=0.0137).step == pytest.approx(
-        0.0137, rel=1e-12
+        0.0137, rel=1e-12, abs=0
     )
     whole = with_whole_steps
     monkeypatch.setattr(

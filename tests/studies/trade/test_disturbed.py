@@ -173,7 +173,7 @@ def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_p
         (double, with_disturbed_start(double, tmp_path), with_roundings(double, tmp_path)),
     )
     assert nudged.key_qpos[0] - own.key_qpos[0] == pytest.approx(
-        [DISTURBANCE, -DISTURBANCE], rel=1e-6
+        [DISTURBANCE, -DISTURBANCE], rel=1e-6, abs=0
     )
     assert np.array_equal(nudged.body_mass, own.body_mass)
     assert 0 < np.abs(other.body_mass[1:] / own.body_mass[1:] - 1).max() < 1e-15
@@ -254,7 +254,8 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_pat
     (case,) = study.cases
     assert all(v.motion.startswith("chaotic") and v.horizon < 15.0 for v in study.verdicts)
     assert case.run["dynamics"].until == pytest.approx(study.verdicts[0].horizon, abs=0.051)
-    assert min(row.errors["position"] for row in study.rows) < 1e-3
+    *_, coarse, fine = [row.errors["position"] for row in study.rows]
+    assert fine < coarse / 8.0 < 0.01  # of fourth order there, and not as large as the range
 
 
 def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
@@ -268,7 +269,7 @@ def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
     task = StudyRun(case, "dynamics", Setting("mujoco", {"timestep": 2e-4}))
     one, two = (simulate_task(replace(task, case=each)) for each in (case, other))
     away = two.channels["tip.y"][0] - one.channels["tip.y"][0]
-    assert away == pytest.approx(DISTURBANCE / 2, rel=1e-3)
+    assert away == pytest.approx(DISTURBANCE / 2, rel=1e-3, abs=0)
     motion = disturb_motion(case, "dynamics", Store(tmp_path), 30.0)
     assert 0.1 < motion.growth < 10.0  # the motion is regular
     assert not motion.rate > 0

@@ -449,7 +449,9 @@ def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
     pin.error_bias = bias_of_share(share, step)
     space.add(body, pin)
     space.step(step)
-    assert -body.velocity.x * step / 0.1 == pytest.approx(share, rel=1e-11)  # 1 / step roundings
+    assert -body.velocity.x * step / 0.1 == pytest.approx(
+        share, rel=1e-11, abs=0
+    )  # 1 / step roundings
 
 
 def test_few_iterations_come_with_a_bias(fourbar):
@@ -462,7 +464,7 @@ def test_few_iterations_come_with_a_bias(fourbar):
     assert len(found) == 1
     for step in (1e-2, 1e-3):
         bias = found[0].at(step).parameters["error_bias"]
-        assert bias**step == pytest.approx(0.99, rel=1e-12)
+        assert bias**step == pytest.approx(0.99, rel=1e-12, abs=0)
 
 
 def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_path) -> None:

@@ -30,7 +30,7 @@ def test_the_order_tells_which_step_is_good_enough(order):
     needed = 1e-8
     rows = coarse(order=order, scale=1e-6 / 1e-3**order)
     (found,) = predict_steps(rows, [], "position", needed)
-    assert 1e-6 * (found.step / 1e-3) ** order == pytest.approx(0.8 * needed)
+    assert 1e-6 * (found.step / 1e-3) ** order == pytest.approx(0.8 * needed, rel=1e-6, abs=0)
     assert found.falls == pytest.approx(order)
     assert found.seconds == pytest.approx(rows[-1].seconds * rows[-1].value / found.step)
     assert found.row is rows[-1]
