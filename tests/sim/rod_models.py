@@ -1,4 +1,4 @@
-"""Small models with rods for the tests, and runs of them in both engines."""
+"""Small models with rods for the tests, and equilibrium runs of them in both engines."""
 
 import json
 from functools import partial
@@ -16,7 +16,7 @@ ENGINES = {"mujoco": with_mujoco.simulate, "pymunk": with_pymunk.simulate}
 FIGURES = json.loads((Path(__file__).parents[1] / "data" / "rod_in_engines.json").read_text())
 PAIR = shipped("rfr2_natural.xml")
 CLAMPS = np.radians([40.0, 60.0])
-STEEL = 210e9 * np.pi * 0.0015**4 / 64  # EI [N m2] of the pair's rods
+STEEL = 210e9 * np.pi * 0.0015**4 / 64  # bending stiffness EI [N m2] of the pair's rods
 MODEL = """<mujoco><compiler angle="radian"/><option gravity="{gravity}"><flag contact="disable"/>
   </option><worldbody><site name="ground"/>{bodies}</worldbody><actuator>{actuators}</actuator>
   <sensor>{sensors}</sensor><keyframe><key name="start" ctrl="{ctrl}"/></keyframe></mujoco>"""
@@ -30,7 +30,7 @@ def model(
     ctrl: str = "",
     gravity: str = "0 0 0",
 ) -> Path:
-    """Write a model."""
+    """Write an MJCF with these elements and return its path."""
     file = folder / "model.xml"
     file.write_text(
         MODEL.format(
@@ -41,7 +41,7 @@ def model(
 
 
 def pull(site: str, *gear: float) -> str:
-    """A dead load: force and moment in the world, at a site."""
+    """The MJCF of a motor that applies a dead load: force and moment in world axes, at a site."""
     row = " ".join(map(str, [*gear, *[0.0] * (6 - len(gear))]))
     return f'<motor name="pull" site="{site}" refsite="ground" gear="{row}"/>'
 
@@ -54,18 +54,18 @@ def rest(
     drives: tuple[Drive, ...] = (),
     samples: int = 2,
 ) -> Curves:
-    """A rest, read at so many places along the first rod."""
+    """Curves of an equilibrium run, at `samples` evenly spaced places along the first rod."""
     s = np.linspace(0.0, rods[0].length, samples)
     return ENGINES[engine](file, Run("equilibrium", s, channels, drives, rods=rods))
 
 
 def constant(value: float, x: Array) -> tuple[Array, Array, Array]:
-    """A law that holds a joint."""
+    """A motion profile that keeps a joint at a value."""
     return np.full(x.shape, value), 0 * x, 0 * x
 
 
 def pair(name: str, segments: int, scheme: str = "half") -> tuple[Rod, Rod]:
-    """The rods of an equilibrium of the pair."""
+    """The two rods of the pair, with the turns that lead to one of its equilibria."""
     left, right = np.radians(FIGURES["pair"][name]["turns"])
     made = 1.0, STEEL, segments
     return (
@@ -75,6 +75,6 @@ def pair(name: str, segments: int, scheme: str = "half") -> tuple[Rod, Rod]:
 
 
 def held() -> tuple[Drive, Drive]:
-    """The pair's motors, held."""
+    """The drives that keep the pair's two motors at the angles of the clamps."""
     one, two = (Drive(f"motor{k}", partial(constant, angle)) for k, angle in enumerate(CLAMPS, 1))
     return one, two

@@ -1,6 +1,6 @@
-"""Loads that change along a sweep: references, both engines, and bad input.
+"""Tests of loads that change along a sweep: references, both engines, and bad input.
 
-In time: `tests/sim/test_controls_in_time.py`.
+Loads that change in time are tested in `tests/sim/test_controls_in_time.py`.
 """
 
 import importlib
@@ -34,12 +34,12 @@ CHANGING = {
     "rod_pair_driven": "rfr2_load_path",
     "rod_platform_driven": "pfr3",
 }
-"""A case of each reference whose loads may change along a path."""
+"""A shipped case for each reference whose loads may change along a path."""
 MOTION = {"angle", "rate", "acceleration", "sliders", "inputs", "s", "time", "value"}
 
 
 def may_change(name: str) -> list[str]:
-    """The parameters of a reference that may change along a path."""
+    """Names of the parameters of a reference that may change along a path."""
     parameters = inspect.signature(importlib.import_module(REFERENCES[name]).solve).parameters
     return [
         key
@@ -54,7 +54,11 @@ def test_all_references_whose_loads_change_are_tried_here():
 
 @pytest.mark.parametrize("name", CHANGING)
 def test_a_load_along_a_path_is_the_load_of_each_place(name):
-    """Each place with its own load, constant all along, as of before."""
+    """A reference is solved at several samples with a load that changes from sample to sample.
+
+    At each sample its curves must equal those that it computes with the constant load of the same
+    size.
+    """
     case = load_case(shipped(f"{CHANGING[name]}.toml")).model_copy(update={"load": ()})
     solve = importlib.import_module(REFERENCES[name]).solve
     x = run_samples(case, "sweep")[:: max(1, run_samples(case, "sweep").size // 6)][:5]
@@ -69,7 +73,7 @@ def test_a_load_along_a_path_is_the_load_of_each_place(name):
     for k in range(x.size):
         alone = solve(*state, **given | {key: size * share[k] for key, size in sizes.items()})
         for key, curve in found.items():
-            # rods: Newton's method ends at 1e-10 of its sizes
+            # in references of rods, Newton's method ends at 1e-10 of the unknowns' sizes
             np.testing.assert_allclose(curve[..., k], alone[key][..., k], rtol=1e-7, atol=1e-8)
     constant = solve(*state, **given | {key: size * share[0] for key, size in sizes.items()})
     assert any(not np.allclose(constant[key][..., -1], found[key][..., -1]) for key in found)
@@ -97,10 +101,11 @@ def test_rates_under_a_load_that_grows_are_slopes_of_the_path(case, module, plac
     found = module.solve(start + way * t, way, **parameters | growing, load_rates=speed)
     silent = module.solve(start + way * t, way, **parameters | growing)
     for place, rate in zip(places, rates, strict=True):
-        slope = CubicSpline(t, found[place])(t, 1)[2:-2]  # its ends are of a lower order
+        slope = CubicSpline(t, found[place])(t, 1)[2:-2]  # the spline's ends are of a lower order
         size = np.abs(slope).max()
-        np.testing.assert_allclose(found[rate][2:-2], slope, rtol=0, atol=2e-4 * size)  # h^4
-        assert np.abs(silent[rate][2:-2] - slope).max() > 2e-3 * size  # without the load's growth
+        # the error of the spline is proportional to h^4
+        np.testing.assert_allclose(found[rate][2:-2], slope, rtol=0, atol=2e-4 * size)
+        assert np.abs(silent[rate][2:-2] - slope).max() > 2e-3 * size  # without the load's rate
 
 
 FOUR_BAR = """
@@ -142,7 +147,10 @@ GROWS = 'from = -2.0\nto = 6.0\nscales = "rocker_load"'
 
 @pytest.fixture
 def four_bar(tmp_path: Path):
-    """``four_bar(reference, load, motion, channels)``: a sidecar beside a model with a load."""
+    """``four_bar(reference, load, motion, channels)`` writes a sidecar of a loaded four-bar.
+
+    Its model stands in the same folder and has a motor on the rocker, `load`.
+    """
     mjcf = Path(shipped("fourbar.xml")).read_text()
     mjcf = mjcf.replace("</actuator>", '<motor name="load" joint="rocker" gear="1"/></actuator>')
     mjcf = mjcf.replace(
@@ -166,7 +174,12 @@ def four_bar(tmp_path: Path):
 
 @pytest.mark.parametrize("motion", ["to = 6.283185307179586", "to = 3.0\nperiod = 4.0"])
 def test_a_four_bar_whose_rocker_is_loaded_more_and_more(four_bar, motion):
-    """A closed form, by virtual work, and the general solver, by multipliers, know of it."""
+    """Both engines agree with the closed form and with the general solver under a growing load.
+
+    The closed form finds the holding moment by virtual work, the general solver by Lagrange
+    multipliers.  The part of the holding moment that the load causes must be the control times the
+    part that a load of 1 N m causes.
+    """
     closed = verdicts(four_bar(motion=motion))
     assert {c.outcome.value for c in closed} == {"agrees"}
     channels = 'load = { equals = "load", unit = "N m" }\n' + "\n".join(
@@ -191,7 +204,7 @@ def test_a_four_bar_whose_rocker_is_loaded_more_and_more(four_bar, motion):
 
 
 def test_a_wrong_gear_of_a_changing_load_is_found(four_bar):
-    """Mutation: the motor pushes 0.1 % more than the sidecar's parameter says."""
+    """Mutation: the motor's moment is 0.1 % larger than the sidecar's parameter says."""
     file = four_bar()
     mjcf = file.with_suffix(".xml")
     mjcf.write_text(
@@ -201,14 +214,14 @@ def test_a_wrong_gear_of_a_changing_load_is_found(four_bar):
 
 
 def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
-    """Mutation: engines that keep the control of the key."""
+    """Mutation: engines leave the control of the load at its value in the key."""
     monkeypatch.setattr(pymunk_loads, "with_controls", lambda links, loads, controls: links)
     set_up = Linkage.__init__
 
     def idle(self, model, data, joints, loads=()):
         set_up(self, model, data, joints, loads)
         self.data = data
-        self.controls = np.array([model.actuator_ctrladr[0]])[: len(loads)]  # the drive's own
+        self.controls = np.array([model.actuator_ctrladr[0]])[: len(loads)]  # that of the drive
 
     monkeypatch.setattr(Linkage, "__init__", idle)
     case = load_case(four_bar())
@@ -221,7 +234,10 @@ def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
 
 
 def test_a_load_follows_the_rows_of_a_file(four_bar, tmp_path):
-    """The control is the value of a column, over the time of a drive that swings."""
+    """The control of a load is the column of a CSV file, over the time of an oscillating drive.
+
+    The sidecar with this table is also written and read again without a change.
+    """
     t = np.linspace(0.0, 4.0, 41)
     rows = "\n".join(
         f"{a!r},{1e-3 * b!r}" for a, b in zip(t.tolist(), (3 * np.sin(t)).tolist(), strict=True)
@@ -238,7 +254,10 @@ def test_a_load_follows_the_rows_of_a_file(four_bar, tmp_path):
 
 
 def test_a_platform_carries_a_load_that_grows(edit):
-    """Three rods on sliders in MuJoCo, from half of the load to one and a half."""
+    """The load on a platform with three rods on sliders grows from 0.5 to 1.5 times its value.
+
+    MuJoCo's errors must fall with the square of the number of links.
+    """
     file = edit(
         "pfr3.toml",
         r"\[run.sweep\]",
@@ -255,13 +274,17 @@ def test_a_platform_carries_a_load_that_grows(edit):
         errors[links] = {name: np.abs(found[name] - wanted[name]).max() for name in wanted}
     for name, coarse in errors[10].items():
         order = np.log2(coarse / errors[20][name])
-        assert order == pytest.approx(2.0, abs=0.15), name  # the next order, in chains of 10
+        # terms of the next order, with ten links a rod, change the order by up to 0.15
+        assert order == pytest.approx(2.0, abs=0.15), name
     plain = evaluate(case.model_copy(update={"load": ()}), "sweep", run.x, run.motion(run.x))
     assert np.abs(plain.channels["force1"] - wanted["force1"]).max() > 10 * errors[20]["force1"]
 
 
 def test_rods_of_the_path_meet_and_carry_the_load_of_their_place():
-    """Integrated from their clamps by Runge-Kutta's method, which no closed form is part of."""
+    """Both rods of a pair end at the pin without moment, under the load of each sample.
+
+    They are integrated from their clamps by the Runge-Kutta method, without any closed form.
+    """
     run = prescribed_run(PAIR, "sweep")
     theta = run.motion(run.x)[0]
     force = np.outer([0.3, -0.1], run.controls(run.x)[0][0])
@@ -279,7 +302,8 @@ def test_rods_of_the_path_meet_and_carry_the_load_of_their_place():
             nodes=161,
         )
         for end, wanted in ((rod.x, curves["pin_x"]), (rod.y, curves["pin_y"]), (rod.m, 0.0)):
-            np.testing.assert_allclose(end[-1], wanted, rtol=0, atol=1e-9)  # the reference's own
+            # 1e-9 is the tolerance of the reference itself
+            np.testing.assert_allclose(end[-1], wanted, rtol=0, atol=1e-9)
     assert force[0, -1] == pytest.approx(0.9)
 
 
@@ -369,7 +393,7 @@ def test_motors_that_no_load_may_change_are_named(four_bar, motor, words):
 
 
 def test_what_engines_do_not_change_is_said(edit, models):
-    """Dry friction of free joints, and MuJoCo's own way to rest."""
+    """Engines refuse a changing load together with dry friction or with ``settled = true``."""
     edit(
         "rfr2_load_path.toml", r"\[run.sweep\]", "[settings.mujoco]\nsettled = true\n\n[run.sweep]"
     )
@@ -387,7 +411,7 @@ def test_what_engines_do_not_change_is_said(edit, models):
 
 
 def verdicts_of(file: Path, engine: str) -> str:
-    """Why an engine does not run a case."""
+    """The message of the error with which an engine refuses a case; empty if it runs it."""
     case = load_case(file)
     try:
         call_engine(engine, case.model_path, plan_run(case, "sweep", engine))

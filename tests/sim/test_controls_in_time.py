@@ -1,4 +1,4 @@
-"""Controls that change in time: both engines, their programs, sidecars, and bad input."""
+"""Tests of controls that change in time: both engines, their programs, sidecars, bad input."""
 
 import re
 from dataclasses import dataclass, replace
@@ -31,13 +31,13 @@ from tests.verdicts import verdicts
 
 AXES = shipped("axes_controlled.toml")
 TIMES, FORCES = (0.0, 0.4, 0.6, 1.0), (1.0, 3.0, 3.0, -2.0)
-"""A polyline [s, N] that ends elsewhere than it begins."""
+"""Times [s] and forces [N] of a polyline whose last force is not its first."""
 T = np.linspace(0.0, 1.0, 6)
 
 
 @dataclass(frozen=True)
 class Rows:
-    """A control that is straight between rows."""
+    """A control that is interpolated linearly between its rows."""
 
     times: tuple[float, ...]
     values: tuple[float, ...]
@@ -48,7 +48,7 @@ class Rows:
 
 
 def pushed(folder: Path, actuator: str, joint: str = "", key: str = "") -> Path:
-    """A mass of 2 kg on a slide, pushed at 2 N for a unit of the control."""
+    """Write a model: a mass of 2 kg on a slide, with a motor of 2 N per unit of its control."""
     file = folder / "slide.xml"
     file.write_text(f"""<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="1e-3">
       <flag contact="disable"/></option><worldbody><site name="ground"/>
@@ -70,7 +70,7 @@ BOTH = pytest.mark.parametrize("actuator", [ON_JOINT, ON_SITE], ids=["joint", "s
 
 
 def exact(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Place and speed of that mass: the polyline integrated once and twice, exactly."""
+    """Position and speed of the mass of `pushed`: exact integrals of the polyline."""
     x, v, place, speed = 0.1, 0.3, [], []
     for one in t:
         x, v, last = 0.1, 0.3, 0.0
@@ -87,13 +87,13 @@ def exact(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def polyline(folder: Path):
-    """The law of its control, from a table."""
+    """The sampled profile of the polyline, read from a table."""
     table = ProfileTable(time=TIMES, value=FORCES, interpolation="linear")
     return make_sampled_profile(folder, table, 0.0, "1")
 
 
 def run(step: float, **settings) -> Run:
-    """A second of it."""
+    """A run of 1 s with the polyline as the control of the motor `push`."""
     loads = (ChangingLoad("push", Rows(TIMES, FORCES)),)
     return Run(
         "dynamics",
@@ -106,9 +106,11 @@ def run(step: float, **settings) -> Run:
 
 @BOTH
 def test_mujoco_holds_a_control_over_a_step_to_the_second_order(actuator, tmp_path):
-    """With RK4 the speed is exact, and the place is off by h^2/12 of what the force rose by.
+    """MuJoCo keeps a control constant in each step, at its value in the middle of the step.
 
-    In a step the speed rises along a line instead of a parabola: by h^3/12 of the slope more.
+    With RK4 the speed is exact at the ends of steps.  In a step the speed is a straight line
+    instead of a parabola, which moves the position by h^3/12 times the slope of the force.  The
+    error of the position is therefore h^2/12 times the change of the force since the start.
     """
     file, (place, speed) = pushed(tmp_path, actuator), exact(T)
     for step in (2e-2, 1e-2):
@@ -122,7 +124,7 @@ def test_mujoco_holds_a_control_over_a_step_to_the_second_order(actuator, tmp_pa
 def test_kinks_between_steps_keep_the_second_order(tmp_path):
     file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
     off = []
-    for steps in (7, 14, 28, 56):  # from sample to sample: kinks lie on none of them
+    for steps in (7, 14, 28, 56):  # steps between two samples
         found = in_mujoco(file, run(0.2 / steps - 1e-12, integrator="RK4"))
         off.append(np.abs(found.channels["x"] - place).max())
     assert np.log2(off[0] / off[-1]) / 3 == pytest.approx(2.0, abs=0.2)
@@ -139,7 +141,7 @@ def test_steps_of_first_order_stay_of_first_order(tmp_path):
 
 
 def test_the_value_at_the_beginning_of_a_step_would_be_of_first_order(tmp_path, monkeypatch):
-    """Mutation."""
+    """Mutation: a step has the control of its beginning instead of that of its middle."""
     file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
     own = mujoco_dynamics.HeldControls.of
 
@@ -162,7 +164,8 @@ def test_pymunk_takes_a_control_to_the_second_order(actuator, tmp_path):
     for step in (2e-2, 1e-2):
         found = in_pymunk(file, run(step)).channels
         off.append(np.abs(found["x"] - place).max())
-        assert np.abs(found["rate"] - speed).max() < 1e-12  # the mean of two half steps
+        # the speed at a sample is the mean of those half a step before and behind it
+        assert np.abs(found["rate"] - speed).max() < 1e-12
         assert np.abs(found["push"] - np.interp(T, TIMES, FORCES)).max() < 1e-13
     assert off[1] < 3e-4
     assert off[0] / off[1] == pytest.approx(4.0, abs=0.1)
@@ -192,7 +195,10 @@ def test_programs_have_the_controls(engine, actuator, tmp_path):
 
 
 def test_a_program_of_pymunk_tells_the_moment_of_a_drive_beside_a_load(tmp_path):
-    """The four-bar with a moment on its rocker and a force on its coupler that change."""
+    """A program of pymunk computes the holding moment of a four-bar with two changing loads.
+
+    The loads are a moment on the rocker and a force on the coupler.
+    """
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
     text = text.replace(
         "</actuator>",
@@ -233,7 +239,7 @@ STAIR = ProfileTable(time=TIMES, value=FORCES, interpolation="held")
 
 
 def stepped(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Place and speed under forces that last from row to row, integrated exactly."""
+    """Position and speed under forces that are constant from row to row: exact integrals."""
     place, speed = [], []
     for one in t:
         x, v = 0.1, 0.3
@@ -246,7 +252,10 @@ def stepped(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def held(step: float, **settings) -> Run:
-    """A second and a bit of it: the last row lasts as long as the one before it."""
+    """A run of 1.2 s with a piecewise constant control, beyond its last row at 1 s.
+
+    The last row is valid for as long as the one before it.
+    """
     law, t = make_sampled_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 7)
     assert law.covers(t)
     assert not law.covers(np.array([0.0, 1.5]))
@@ -257,7 +266,11 @@ def held(step: float, **settings) -> Run:
 
 @BOTH
 def test_a_control_that_is_held_is_a_stair(actuator, tmp_path):
-    """MuJoCo's RK4 is exact where steps end at the rows; pymunk meets a jump half a step early."""
+    """A control with ``interpolation = "held"`` is piecewise constant in both engines.
+
+    MuJoCo's RK4 is exact since steps end at the rows.  In pymunk each jump acts half a step early,
+    which is an error of first order.
+    """
     file, given = pushed(tmp_path, actuator), held(2e-2, integrator="RK4")
     place, speed = stepped(given.x)
     found = in_mujoco(file, given).channels
@@ -306,11 +319,11 @@ def test_splines_and_other_laws_are_written_exactly(tmp_path):
     found = there["controls"](t)
     assert np.abs(found[0] - spline(t)[0]).max() < 1e-15
     assert np.abs(found[1] - swing(t)[0]).max() < 1e-15
-    assert np.abs(found[2] - np.sin(3.0 * t)).max() < 1e-11  # a table
+    assert np.abs(found[2] - np.sin(3.0 * t)).max() < 1e-11  # written as a table
 
 
 class Wave:
-    """A law that is no formula."""
+    """A profile that cannot be written as a formula."""
 
     def __call__(self, t):
         return np.sin(3.0 * t), 3.0 * np.cos(3.0 * t), -9.0 * np.sin(3.0 * t)
@@ -321,7 +334,7 @@ def test_the_shipped_case_agrees_in_both_engines():
 
 
 def test_an_engine_that_keeps_the_controls_of_the_key_is_found(monkeypatch):
-    """Mutation: the changes are left out."""
+    """Mutation: engines run without the changing loads."""
     case = load_case(AXES)
     given = prescribed_run(case, "dynamics")
     wanted = evaluate(case, "dynamics", given.x, None).channels
@@ -347,7 +360,11 @@ def test_the_sidecar_is_written_again_as_it_was(tmp_path):
 
 
 def test_a_load_goes_with_a_drive_in_time_as_well(tmp_path):
-    """A closed form whose parameter it multiplies, and the general solvers, in both engines."""
+    """A four-bar whose load grows with its drive agrees in dynamics, in both engines.
+
+    The references are the closed form, whose parameter the control multiplies, and the general
+    solvers of the plane and of space.
+    """
     mjcf = shipped("fourbar.xml").read_text()
     mjcf = mjcf.replace("</actuator>", '<motor name="load" joint="rocker"/></actuator>')
     (tmp_path / "case.xml").write_text(mjcf)
@@ -401,7 +418,7 @@ holding_moment = {{ equals = "holding_moment", unit = "N m" }}
 
 
 def test_the_page_of_a_case_names_its_controls(changed, tmp_path):
-    """Of half a second of the case in one engine."""
+    """The page describes each changing control; the case runs for 0.5 s in MuJoCo."""
     changed(".toml", r"until = 2\.0", "until = 0.5")
     changed(".toml", "n = 201", "n = 51")
     file = changed(".toml", r"solvers = \[.*\]", 'solvers = ["mujoco"]')
@@ -456,7 +473,10 @@ BAD = {
 
 @pytest.fixture
 def changed(tmp_path: Path):
-    """``changed(ending, old, new)``: a copy of the case with a text in a file of it replaced."""
+    """``changed(ending, old, new)`` replaces a regular expression in a file of a copy of the case.
+
+    It returns the path of the sidecar.
+    """
     for ending in (".toml", ".xml", ".csv"):
         (tmp_path / f"axes_controlled{ending}").write_bytes(AXES.with_suffix(ending).read_bytes())
 
@@ -546,10 +566,10 @@ RANGES = {
 
 @pytest.mark.parametrize(("actuator", "joint", "own"), RANGES.values(), ids=RANGES)
 def test_a_range_of_forces_clips_what_a_control_asks(actuator, joint, own, tmp_path):
-    """To -1 N to 2 N of the motor: the speed is that of the clipped polyline, whose kinks lie
-    between steps, in both engines and in the planar reference.
+    """A motor's force is clipped to -1 N to 2 N, in both engines and in the planar reference.
 
-    The motor's sensor shows what its own range leaves, before that of the joint.
+    The speed is that of the clipped polyline, whose kinks are at ends of steps.  The sensor of the
+    motor shows the force after the motor's own range and before that of the joint.
     """
     file, sense = pushed(tmp_path, actuator, joint), -1.0 if 'gear="-2"' in actuator else 1.0
     fine = np.linspace(0.0, 1.0, 100001)
@@ -569,7 +589,11 @@ def test_a_range_of_forces_clips_what_a_control_asks(actuator, joint, own, tmp_p
 
 
 def test_a_range_of_a_joint_is_shared_with_a_motor_whose_control_stays(tmp_path):
-    """Of 3 N that the joint takes, 1.5 N are taken: the other motor is held at 0.75 N."""
+    """A joint with a range of 3 N has a motor of constant 1.5 N in addition to the changing one.
+
+    The range limits the sum of both, so that the changing motor may push with 1.5 N, which is a
+    force of 0.75 N times its gear of 2.  A range of 3.1 N gives another motion.
+    """
 
     def ranged(most: float) -> Path:
         both = ON_JOINT + '<motor name="steady" joint="x" gear="1.5"/>'
@@ -600,7 +624,7 @@ def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
 
 @pytest.mark.parametrize(("gain", "ends"), [(0.7, "-0.36 1.5"), (-3.0, "-3.6 0.9")])
 def test_a_program_of_pymunk_shows_a_force_up_to_its_own_range(gain, ends, tmp_path):
-    """Also where gain times range over gain is the range but for a digit."""
+    """This is exact also where the range, divided by the gain and multiplied again, is rounded."""
     actuator = f'<general name="push" joint="x" gear="2" gainprm="{gain}" forcerange="{ends}"/>'
     file, given = pushed(tmp_path, actuator), run(1e-2)
     wanted = in_pymunk(file, given)

@@ -1,4 +1,4 @@
-"""What a model's ``<flag>`` disables is as if it were not there, in every engine and run."""
+"""Tests that features which a model's ``<flag>`` disables are as if absent, in every engine."""
 
 import mujoco
 import numpy as np
@@ -85,7 +85,7 @@ def test_what_is_disabled_is_as_if_it_were_not_there(engine, kind, flag, tmp_pat
     for name in RUNS[kind].channels:
         np.testing.assert_allclose(
             one.channels[name], two.channels[name], rtol=0, atol=1e-12, err_msg=name
-        )  # the same numbers, but for the order of sums
+        )  # rounding: sums have another order
 
 
 @pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
@@ -113,7 +113,7 @@ def test_the_planar_reference_keeps_a_motor_in_its_ranges(limits, tmp_path):
             written(tmp_path, "less", {"ctrl": ".1"}),
         )
     )
-    # a force with a range is not part of the joint's own load: another order of sums
+    # rounding: a force with a range is not part of the joint's own load, so sums have another order
     np.testing.assert_allclose(one["b"], two["b"], rtol=0, atol=1e-13)
 
 

@@ -1,4 +1,4 @@
-"""The engine decides every verdict: one that does nothing, or has stiffer springs, never agrees."""
+"""Tests that engines decide all outcomes: an idle engine, or one with stiffer springs, differs."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ RUNS = [
     for name, case in CASES.items()
     for kind, run in case.run.items()
     for solver in run.solvers
-    if computes_curves(solver)  # what is recorded is spoilt in `test_recorded`
+    if computes_curves(solver)  # recorded curves are changed in `test_recorded`
 ]
 MUJOCO = (
     "mj_step",
@@ -42,12 +42,12 @@ MUJOCO = (
     "mj_fullM",
     *STATIC_STAGES,
 )
-"""All that `sim` asks MuJoCo to compute of a pose, with steps and without."""
+"""All functions of MuJoCo by which `sim` computes with a pose, with time steps and without."""
 FAILED = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
 
 
 def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[str]:
-    """Outcomes of the channels that have a tolerance; that of the run where it gives no curves."""
+    """Outcomes of the channels with a tolerance, or of the run if it gives no curves."""
     run = replace(plan_run(case, kind, solver), **changed)
     try:
         curves = call_engine(solver.partition(":")[0], case.model_path, run)
@@ -61,13 +61,13 @@ def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[
 
 
 def checked(name: str, kind: str, solver: str) -> bool:
-    """Whether any channel of a run has a tolerance."""
+    """Whether any channel of a run has a tolerance for this solver."""
     case = CASES[name]
     return any(case.tolerance_for(kind, solver, c) for c in case.channels_of(kind))
 
 
 def stopped(monkeypatch, engine: str) -> None:
-    """Let an engine do nothing: its data stay as they are."""
+    """Make an engine idle: its functions leave all data as they are."""
     if engine == "pymunk":
         monkeypatch.setattr(pymunk.Space, "step", lambda space, dt: None)
     else:
@@ -77,11 +77,11 @@ def stopped(monkeypatch, engine: str) -> None:
 
 CHECKED = [run for run in RUNS if checked(*run)]
 LONG = ("rod_snap", "rod_taut", "rod_sheared", "rfr2_circles", "rfr2_rectangles", "rfr3")
-"""Cases that stand for no others, since their references take seconds."""
+"""Cases that represent no others, since their references take seconds."""
 
 
 def first_of_each(runs: list[tuple[str, str, str]]) -> set[tuple[str, str, str]]:
-    """One case for each reference, kind of run and solver, such as the first four-bar."""
+    """The first case of each reference, kind of run and solver, such as the first four-bar."""
     found: dict[tuple[str, str, str], tuple[str, str, str]] = {}
     for name, kind, solver in sorted(runs, key=lambda run: (run[0] in LONG, run)):
         found.setdefault((CASES[name].reference, kind, solver), (name, kind, solver))
@@ -99,7 +99,10 @@ def nothing_agrees(case: Case, kind: str, solver: str, monkeypatch) -> None:
 
 
 def begun(case: Case, kind: str) -> Case:
-    """The first fifth or so of a motion whose end is stated: what does nothing is off by then."""
+    """The case with about the first fifth of its motion, if the run states ``n`` and ``until``.
+
+    An engine that does nothing is wrong by then.
+    """
     run = case.run[kind]
     if kind != "dynamics" or not (run.n and run.until):
         return case
@@ -176,13 +179,15 @@ SLOW = {
         or run[2] not in ("mujoco", "mujoco:flex")
     )
 }
-"""What takes seconds, and has its like among the others."""
+"""Runs that take seconds, with a faster run of the same kind among the others."""
 
 
 def fewer(case: Case, kind: str) -> Case:
-    """A tenth of the places of a balancer's sweep, and its turns; three of a driven platform's.
+    """The case with fewer samples, so that its test is faster.
 
-    Of a rod that is let go, the first 0.4 s, in which nothing differs but for stiffer springs.
+    A balancer's sweep keeps about a tenth of its samples, with those at which the drive turns back.
+    The sweep of a driven platform keeps three.  Of a released rod the first 0.4 s are run; they
+    agree unless springs are stiffer.
     """
     run = case.run[kind]
     few: dict[str, dict[str, float]] = {
@@ -205,7 +210,11 @@ def differs(name: str, kind: str, solver: str, monkeypatch) -> None:
     ("name", "kind"), [("balancer_sine", "sweep"), ("rod_pinned", "equilibrium")]
 )
 def test_springs_that_are_stiffer_in_chipmunk_alone_differ(name, kind, monkeypatch):
-    """The energy by which proofmass moves on has the right ones: the engine decides on rest."""
+    """Only the springs in Chipmunk's space are 1 % stiffer, and the equilibria differ.
+
+    The energy by which proofmass paces the steps to rest has the right stiffness: the engine
+    decides where the equilibrium is.
+    """
     made = space._make_springs
     monkeypatch.setattr(space, "_make_springs", lambda joint, *to: made(stiffer(joint), *to))
     assert "differs" in outcomes(fewer(CASES[name], kind), kind, "pymunk", monkeypatch)

@@ -1,4 +1,4 @@
-"""Moments of drives and forces between bodies in both engines, at rest and in motion."""
+"""Tests of holding moments and of forces between bodies, in both engines, at rest and in motion."""
 
 from pathlib import Path
 
@@ -35,26 +35,26 @@ def simulate(engine: str, file: Path, run: Run) -> Curves:
 
 
 def run_of(kind: str, law, n: int = 61, **settings: object) -> Run:
-    """A run of the four-bar with its drive."""
+    """A run of the four-bar whose crank has a motion profile."""
     return Run(kind, np.linspace(0.0, 6.0, n), CHANNELS, (Drive("crank", law),), settings=settings)
 
 
 def by_multipliers(curves: Curves, file: Path = FILE, **inertia: bool) -> dict[str, np.ndarray]:
-    """The general solver at the state that the drive really had."""
+    """Curves of the general planar solver at the motion that the engine's drive really had."""
     assert curves.drive is not None
     compiled = mujoco.MjModel.from_xml_path(str(file))
     return solve(*curves.drive, model=compiled, joints=("crank",), **inertia)
 
 
 def off(curves: Curves, truth: dict[str, np.ndarray]) -> float:
-    """The largest error of all channels, as a share of their ranges."""
+    """The largest error of all channels, each as a share of its range."""
     return max(
         float(np.abs(y - truth[n]).max() / np.ptp(truth[n])) for n, y in curves.channels.items()
     )
 
 
 def written(folder: Path, text: str, option: str = "") -> Path:
-    """A model of that text, with gravity along -y."""
+    """Write an MJCF with these elements and gravity along -y, and return its path."""
     file = folder / "model.xml"
     file.write_text(
         f'<mujoco><compiler angle="radian"/><option gravity="0 -{G} 0" {option}>'
@@ -72,7 +72,10 @@ def test_a_sweep_at_rest_has_the_forces_of_rigid_loops(engine):
 
 @BOTH
 def test_the_ground_carries_all_weight_at_rest(engine):
-    """In the frames of crank and rocker; 5.5 kg hang on A and B, and nothing pushes sidewards."""
+    """The forces at both ground pins add up to the weight of 5.5 kg, with no horizontal part.
+
+    Their sensors are in the frames of crank and rocker.
+    """
     run = run_of("sweep", Steady(0.0, 6.0, False))
     run = Run(run.kind, run.x, (*CHANNELS, "rocker"), run.drives)
     found = simulate(engine, FILE, run).channels
@@ -94,13 +97,14 @@ def test_a_sweep_with_inertia_has_the_forces_of_the_motion():
 @pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
 @pytest.mark.parametrize("name", PINS)
 def test_mujoco_has_the_forces_of_closed_forms_to_rounding(name, inertia):
-    """Whatever the sidecar's sweep is; a hundred poses."""
+    """The case's sweep is replaced by one of a hundred poses, with inertia and without."""
     case = load_case(shipped(f"{name}.toml"))
     sweep = case.run["sweep"].model_copy(update={"inertia": inertia, "n": 100})
     case = case.model_copy(update={"run": {"sweep": sweep}})
     found = compare(case, "sweep", "mujoco", run_case(case, "sweep", "mujoco"), detectable=False)
     assert {c.channel for c in found} >= {n for n in case.channels if "force" in n}
-    # 1e-11 of the range: rounding of the pose, over the triangle that the pins of a loop span
+    # 1e-11 of the range: rounding of the pose, divided by the size of the triangle that the pins of
+    # a loop span
     assert max(c.relative_to_range for c in found) < 1e-11
 
 
@@ -118,21 +122,25 @@ def test_chipmunk_is_of_second_order_in_the_step():
         curves = simulate("pymunk", FILE, run_of("dynamics", Swing(0.3, 4.0, 3.0), timestep=step))
         errors.append(off(curves, by_multipliers(curves, inertia=True)))
     ratios = np.array(errors[:-1]) / errors[1:]
-    np.testing.assert_allclose(ratios, 4.0, rtol=0.05)  # the next order, of steps of 2 and 1 ms
+    # terms of the next order, with steps of 2 and 1 ms, change the ratios by up to 5 %
+    np.testing.assert_allclose(ratios, 4.0, rtol=0.05)
 
 
 def test_softness_is_the_floor_of_forces_in_mujoco():
-    """A tenth of the impedance that is left open leaves a tenth of the error."""
+    """The error floor is proportional to 1 - d, where d is the impedance of ``solimp``."""
     errors = []
     for soft in (1e-3, 1e-4):
         run = run_of("dynamics", Swing(0.3, 4.0, 3.0), solimp=(1 - soft, 1 - soft, 1e-3))
         curves = simulate("mujoco", FILE, run)
         errors.append(off(curves, by_multipliers(curves, inertia=True)))
-    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.02)  # solimp is linear in it
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.02)  # the floor is linear in 1 - d
 
 
 def test_forces_of_loops_are_as_large_as_the_impulses_that_chipmunk_tells():
-    """It tells their sizes alone, of pins and of the drive."""
+    """Computed forces of pins and drive have the sizes of Chipmunk's impulses over the step.
+
+    Chipmunk gives the sizes of impulses only, without directions.
+    """
     run = run_of("sweep", Steady(0.0, 6.0, False), 5)
     links, settings = model.read_model(FILE, run)
     held = quasi_static.start_sweep(links, settings)
@@ -142,12 +150,16 @@ def test_forces_of_loops_are_as_large_as_the_impulses_that_chipmunk_tells():
         told = np.array([each.impulse for each in held.space.constraints]) / held.dt
         found = solve_forces(links, SampledMotion.at_rest(held.pose[None]))[0]
         own = [*np.hypot(*found[:-1].reshape(-1, 2).T), abs(found[-1])]
-        np.testing.assert_allclose(sorted(told), sorted(own), rtol=1e-9)  # its iterations
+        # 1e-9: Chipmunk's iterations
+        np.testing.assert_allclose(sorted(told), sorted(own), rtol=1e-9)
 
 
 @BOTH
 def test_a_pendulum_pulls_as_its_closed_form_says(engine, tmp_path):
-    """Tension along the rod, and nothing across it where all mass is in a point."""
+    """The pin's force is the closed form's tension along the rod.
+
+    The force across the rod and the moment are zero, since all mass is in a point.
+    """
     file = written(
         tmp_path,
         '<worldbody><body name="rod"><joint name="rod"/><inertial pos="1 0 0" mass="2" '
@@ -159,7 +171,8 @@ def test_a_pendulum_pulls_as_its_closed_form_says(engine, tmp_path):
     times = np.linspace(0.0, 2.0, 41)
     found = simulate(engine, file, Run("dynamics", times, ("pull.x", "pull.y", "twist.z"))).channels
     truth = pendulum.solve(times, length=1.0, mass=2.0, gravity=G, amplitude=np.pi / 2)
-    # Chipmunk's phase lags by (omega dt)^2 / 24 a radian, 4e-7 here; moments of 1e-9 kg m^2
+    # Chipmunk's phase lags by (omega dt)^2 / 24 per radian, 4e-7 here; the bob's moment of inertia
+    # is 1e-9 kg m^2
     np.testing.assert_allclose(-found["pull.x"], truth["tension"], atol=1e-4)
     np.testing.assert_allclose(found["pull.y"], 0.0, atol=1e-5)
     np.testing.assert_allclose(found["twist.z"], 0.0, atol=1e-6)
@@ -178,7 +191,11 @@ SPRUNG = """<worldbody><body name="arm">
 
 @BOTH
 def test_a_spring_held_arm_hangs_on_its_elbow_at_rest(engine, tmp_path):
-    """The elbow's moment is the spring's; its force is the weight, seen from the arm's end."""
+    """At rest, the elbow's moment is that of its spring, and its force the weight of the end body.
+
+    The force sensor is in the frame of the end body, whose angle is that of the arm plus the
+    spring's.  The holding moment carries both weights.
+    """
     file = written(tmp_path, SPRUNG.format(damping=0, armature=0))
     channels = ("moment", "twist.z", "bend.z", "hang.x", "hang.y", "end")
     run = Run("sweep", np.linspace(0.0, 1.0, 5), channels, (Drive("arm", Steady(0, 1, False)),))
@@ -196,7 +213,10 @@ def test_a_spring_held_arm_hangs_on_its_elbow_at_rest(engine, tmp_path):
 
 @BOTH
 def test_a_drive_moves_its_own_armature_and_damper(engine, tmp_path):
-    """Neither reaches the sensor of the moment between arm and ground."""
+    """A drive's moment includes the damping and the armature of its joint.
+
+    The torque sensor between arm and ground shows neither.
+    """
     law = Swing(0.0, 1.0, 2.0)
     times = np.linspace(0.0, 2.0, 41)
     found = {}
@@ -211,7 +231,7 @@ def test_a_drive_moves_its_own_armature_and_damper(engine, tmp_path):
         found[damping] = simulate(engine, file, run).channels
     _, rate, acceleration = law(times)
     own = found[3.0]["moment"] - found[0.0]["moment"]
-    # Chipmunk's damper acts on the velocity of half a step before; a step of 5e-4 s
+    # Chipmunk's damper acts on the velocity of half a step before; the step is 5e-4 s
     np.testing.assert_allclose(own, 3.0 * rate + 0.5 * acceleration, atol=5e-3)
     np.testing.assert_allclose(found[3.0]["twist.z"], found[0.0]["twist.z"], atol=1e-3)
 
@@ -248,7 +268,10 @@ def test_friction_of_a_driven_joint_is_not_part_of_its_moment(tmp_path):
 
 
 def test_a_failed_sample_shifts_forces(monkeypatch):
-    """The accelerations of the step after the sample alone are off by the first order."""
+    """Mutation: forces at each sample are computed with the accelerations of the sample before.
+
+    Their errors are then more than 100 times as large.
+    """
     step, errors = 1e-3, []
     for shifted in (False, True):
         if shifted:

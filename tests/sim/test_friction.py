@@ -1,4 +1,4 @@
-"""Dry friction in sweeps: loops, their areas, transitions, and what is refused, in both engines."""
+"""Tests of dry friction in sweeps, in both engines: hysteresis loops, transitions, refusals."""
 
 import re
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ FRICTION = re.compile(r'frictionloss="([^"]+)"')
 
 @dataclass(frozen=True)
 class Along:
-    """A drive that goes straight through values at x = 0, 1, 2, ..."""
+    """A profile that is linear between its values at x = 0, 1, 2, ..."""
 
     values: tuple[float, ...]
 
@@ -43,8 +43,11 @@ class Along:
 
 
 def gauss(ends, nodes=24):
-    """Places between ends in their order, all ends among them, and weights of an integral."""
-    places, shares = np.polynomial.legendre.leggauss(nodes)  # to rounding on what is smooth
+    """Nodes and weights of Gauss-Legendre quadrature on each interval between successive ends.
+
+    The ends are nodes with weight zero.
+    """
+    places, shares = np.polynomial.legendre.leggauss(nodes)  # exact to rounding if it is smooth
     x, w = [np.array(ends[:1])], [np.zeros(1)]
     for first, last in pairwise(ends):
         half = 0.5 * (last - first)
@@ -55,7 +58,11 @@ def gauss(ends, nodes=24):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_cycle_of_the_shaft_loses_its_closed_area(engine):
-    """2 friction (a - 2 p) + 2 bearing_friction a; quadrature between the events, to rounding."""
+    """The drive's work in a cycle is 2 friction (a - 2 p) + 2 bearing_friction a.
+
+    a is the travel of the shaft and p the slip angle.  The quadrature goes from event to event, so
+    that its error is rounding.
+    """
     own = SHAFT.parameters
     p = shaft_pendulum.slip_angle(**{k: own[k] for k in ("length", "mass", "friction", "gravity")})
     way = 2.0
@@ -102,7 +109,10 @@ def test_a_loop_of_the_slider_crank_is_the_friction_times_the_way_of_each_joint(
 
 
 def test_the_closed_form_of_the_slider_crank_is_what_the_general_solver_finds():
-    """Forces of all pins by other equations, at rest and in motion; no engine takes part."""
+    """Two references with different equations for the pin forces agree, at rest and in motion.
+
+    No engine takes part.
+    """
     run = plan_run(CRANK, "sweep", "mujoco")
     value, rate, acceleration = (part[0] for part in run.motion(run.x))
     model = compiled_model(CRANK)
@@ -122,7 +132,10 @@ PROTOTYPE = load_case(shipped("balancer_prototype.toml"))
 
 
 def events(angles):
-    """Angles of the pendulum on its way where a joint of the prototype sticks or slips."""
+    """Angles of the pendulum at which a joint of the prototype begins to stick or to slip.
+
+    The given angles, through which the pendulum moves, are among them.
+    """
     own = {k: v for k, v in PROTOTYPE.parameters.items() if k[-1] in "123" or k in OTHER_DEFAULTS}
     rubs = {k: own.pop(k) for k in tuple(own) if "friction" in k}
     chain, found = (
@@ -141,10 +154,13 @@ def events(angles):
 
 @pytest.mark.parametrize("engine", ["mujoco", pytest.param("pymunk", marks=pytest.mark.slow)])
 def test_a_cycle_of_the_prototype_loses_the_friction_of_its_joints_times_their_way(engine):
-    """The work of the drive against sum of friction |way|; quadrature between the events."""
+    """The drive's work in a cycle is the sum of friction times travel over the joints.
+
+    The quadrature goes from event to event.
+    """
     end = np.pi / 2
     here = events([end, 0.0, end, 0.0])
-    ends = here[np.flatnonzero(here == 0.0)[1] :]  # from the first way back on
+    ends = here[np.flatnonzero(here == 0.0)[1] :]  # from the end of the first cycle on
     ends = ends[np.append(True, np.abs(np.diff(ends)) > 1e-9)]
     values = (0.0, end, 0.0, *ends[1:])
     x, weights = gauss(np.arange(len(values), dtype=float).tolist(), 16)
@@ -164,7 +180,7 @@ def test_a_cycle_of_the_prototype_loses_the_friction_of_its_joints_times_their_w
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_four_segments_of_which_all_joints_rub_follow_the_reference(engine, tmp_path):
-    """Two free motions: joints stick that hold each other, alone, and not at all."""
+    """The chain has two degrees of freedom left: several joints stick at once, one, or none."""
     chain = parameters(rows()["1744"]) | {f"friction{i}": 0.004 * i for i in (1, 2, 3, 4)}
     chain["pendulum_friction"] = 0.003
     case = load_case(write_case(tmp_path, "four", title="4", source="-", parameters=chain))
@@ -176,7 +192,7 @@ def test_four_segments_of_which_all_joints_rub_follow_the_reference(engine, tmp_
 
 
 def test_the_built_balancer_rubs_in_pymunk_as_in_its_reference():
-    """Up and down once by eight steps, with the tolerances of the whole way."""
+    """The pendulum moves up and down once in eight intervals; the tolerances are the case's own."""
     sweep = PROTOTYPE.run["sweep"].model_copy(update={"n": 9, "until": 2.0})
     case = PROTOTYPE.model_copy(update={"run": {"sweep": sweep}})
     curves = solve_here(case, "sweep", "pymunk")
@@ -186,7 +202,10 @@ def test_the_built_balancer_rubs_in_pymunk_as_in_its_reference():
 
 
 def brief(case):
-    """The first way to and fro of a case, of a third of the intervals; the drive turns on one."""
+    """The case with the first period of its drive, and a third of the intervals in it.
+
+    The drive turns back at a sample.
+    """
     sweep, period = case.run["sweep"], case.leader.period
     ways = round((sweep.until or period) / period)
     few = {"n": (sweep.n - 1) // (3 * ways) + 1, "until": period}
@@ -213,7 +232,7 @@ NUMBERS = [
     ],
 )
 def test_every_friction_of_a_shipped_model_is_noticed(name, number, engine, models):
-    """One frictionloss 0.1 % larger turns the verdict."""
+    """One ``frictionloss`` that is 0.1 % larger changes an outcome to "differs"."""
     file = models / load_case(shipped(f"{name}.toml")).model
     text = file.read_text()
     place = list(FRICTION.finditer(text))[number]
@@ -234,21 +253,26 @@ CREEPING = """<mujoco><option gravity="0 -9.81 0" integrator="implicitfast" tole
     [("", 1.15e-2), ('solreffriction="0.005 1" solimpfriction="0.9999 0.9999 0.001"', 3.02e-6)],
 )
 def test_mujocos_own_friction_creeps(soft, rate):
-    """(1 - d)/d f/I dmax timeconst/2: why a sweep takes its bound, and no steps in time."""
+    """MuJoCo's friction is soft: a joint that should stick creeps.
+
+    Its rate is (1 - dmin)/dmin M/I dmax timeconst/2, with the moment M and the moment of inertia I.
+    Therefore a sweep takes the bound of the friction and makes no time steps.
+    """
     model = mujoco.MjModel.from_xml_string(CREEPING.format(soft))
     data = mujoco.MjData(model)
     data.qpos[0] = 0.25
-    mujoco.mj_step(model, data, 1000)  # 2 s: the start has decayed
+    mujoco.mj_step(model, data, 1000)  # 2 s, after which the transient of the start has decayed
     moment, inertia = 0.5 * 9.81 * 0.2 * np.sin(data.qpos[0]), 0.5 * 0.2**2 + 1e-4
     time, (dmin, dmax) = model.dof_solref[0, 0], model.dof_solimp[0, :2]
     creep = (1 - dmin) / dmin * moment / inertia * dmax * time / 2
-    assert -data.qvel[0] == pytest.approx(creep, rel=0.05)  # dmin: friction has no width to grow in
+    # the impedance is dmin, since friction has no width over which it could grow
+    assert -data.qvel[0] == pytest.approx(creep, rel=0.05)
     assert creep == pytest.approx(rate, rel=0.1)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_drive_that_rubs_leaves_the_rest_of_springs_as_it_is(engine, edit, models):
-    """It has the friction to carry beside their force, in the sense of its motion."""
+    """Friction of 2 N in the driven joint adds 2 N to the drive's force and changes nothing else."""
     case = load_case(models / "springs_parallel.toml")
     smooth = solve_here(case, "sweep", engine).channels
     edit("springs_parallel.xml", '<joint name="handle"', '<joint name="handle" frictionloss="2"')

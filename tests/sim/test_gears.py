@@ -1,4 +1,4 @@
-"""Gears: joint equalities between two hinges of the ground, in both engines and the reference."""
+"""Tests of gears, which are joint equalities between two hinges on the ground, in both engines."""
 
 from pathlib import Path
 
@@ -20,12 +20,14 @@ ENGINES = {"mujoco": MUJOCO, "pymunk": PYMUNK}
 FILE = shipped("gear_pair.xml")
 SMALL, LARGE, AXLE = 0.3, 0.5, 0.8  # m
 MASS, ARM, OWN, PINION, G = 5.0, 0.2 + 0.1j, 0.6, 0.09, 9.81
-"""Of the wheel [kg, m, kg m^2], moment of inertia of the pinion [kg m^2], gravity [m/s^2]."""
+"""Mass [kg], centre of mass [m] and moment of inertia [kg m^2] of the wheel; moment of inertia of
+the pinion [kg m^2]; gravity [m/s^2]."""
 CHANNELS = ("wheel", "wheel_tooth.x", "wheel_tooth.y", "wheel_rate", "moment")
 
 
 def closed_form(pinion: np.ndarray) -> dict[str, np.ndarray]:
-    """Wheel, its tooth, its rate at 1 rad/s of the pinion, and the moment that holds the pinion."""
+    """Angle of the wheel, position of its tooth, its rate at 1 rad/s of the pinion, and the
+    pinion's holding moment."""
     ratio = -SMALL / LARGE
     wheel = ratio * pinion
     tooth = AXLE - 0.5 * np.exp(1j * wheel)
@@ -52,7 +54,7 @@ def test_a_sweep_is_the_closed_form(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_ratio_wrong_in_the_ninth_digit_is_seen(engine, tmp_path):
-    """The mutation of what is above."""
+    """Mutation of the test above: the ratio is -0.600000001 instead of -0.6."""
     file = tmp_path / "wrong.xml"
     file.write_text(FILE.read_text().replace("0 -0.6 0", "0 -0.600000001 0"))
     run = Run("sweep", np.linspace(0, 21, 64), CHANNELS, (turning(),))
@@ -68,7 +70,7 @@ def test_the_reference_is_the_closed_form():
 
 
 def let_go(start: float, until: float) -> tuple[np.ndarray, np.ndarray]:
-    """The wheel of a pair that is let go, by the inertia that it has with its pinion."""
+    """Times and wheel angles of a pair that is released, from the inertia of wheel and pinion."""
     inertia = OWN + MASS * abs(ARM) ** 2 + PINION * (LARGE / SMALL) ** 2
 
     def slope(_: float, y: np.ndarray) -> list[float]:
@@ -90,7 +92,8 @@ def test_a_pair_that_is_let_go_swings_with_the_inertia_of_both(tmp_path):
     assert errors[1] < 1e-4
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
     run = Run("dynamics", t, ("wheel",), settings={"timestep": 1e-3})
-    assert np.abs(MUJOCO.simulate(FILE, run).channels["wheel"] - truth).max() < 1e-4  # its softness
+    # 1e-4: softness of MuJoCo's constraints
+    assert np.abs(MUJOCO.simulate(FILE, run).channels["wheel"] - truth).max() < 1e-4
 
 
 TURNED = """<mujoco><compiler angle="radian"/>
@@ -110,14 +113,18 @@ TURNED = """<mujoco><compiler angle="radian"/>
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_axes_zeros_and_levels_count(engine, tmp_path):
-    """The pair rests between a spring and two weights; a third hinge is driven beside it."""
+    """A pair rests between a spring and two weights, while a third hinge is driven.
+
+    Its joints have opposite axes and reference angles that are not zero, and the equality has a
+    constant term.
+    """
     file = tmp_path / "turned.xml"
     file.write_text(TURNED)
     run = Run("sweep", np.linspace(0, 1, 5), ("one", "two"), (turning("other"),))
     found = ENGINES[engine].simulate(file, run).channels
 
     def slope(two: float) -> float:
-        """Of the energy, by the second joint; angles of the bodies from their joints' values."""
+        """Derivative of the energy with respect to the second joint's value."""
         one = 0.3 + 0.05 + 1.7 * (two + 0.2)
         first, second = 0.4 - (one - 0.3), two + 0.2
         weights = G * (

@@ -1,4 +1,7 @@
-"""Sweeps that meet a limit position or hold something twice: said, and nothing lost."""
+"""Tests of sweeps that meet a limit position, and of redundant constraints.
+
+Both are reported, and the samples before a limit position are kept.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +12,8 @@ from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 LIMIT = np.arccos((4 + 9 - 4.5**2) / 12)
-"""Crank angle [rad] at which coupler and rocker of (2, 2, 2.5, 3) are in line: 2.219516."""
+"""Crank angle [rad] at which coupler and rocker are in line, for links of 2, 2, 2.5 and 3 m:
+2.219516."""
 
 
 @pytest.mark.parametrize("reference", ["fourbar", "planar"])
@@ -52,19 +56,19 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
         "threeprr": 3,
         "watt": 1,
         "stephenson": 1,
-        "peaucellier": 1,  # Gruebler: 3 (n - 1) - 2 pairs, with n links and as many single pairs
+        "peaucellier": 1,  # Gruebler: 3 (n - 1) - 2 p, with n links and p pairs of one freedom
         "pendulum": 1,
         "change_point": 1,
     }.items(),
 )
 def test_mobility_is_grueblers(name, dof):
-    """The printed ones: B. Diaz Lozano 2019, text lines 1180, 2320, 3023, 3450."""
+    """Printed degrees of freedom are those of B. Diaz Lozano 2019, lines 1180, 2320, 3023, 3450."""
     assert mobility(load_case(shipped(f"{name}.toml"))) == dof
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
 def test_over_constrained_loops_are_named(solver, models, edit, keep_solver):
-    """A second pin in the place of the first holds nothing that is not held."""
+    """A second pin at the place of the first adds only redundant constraints, which are named."""
     edit(
         "fourbar.xml",
         r'(<connect name="pin" .*/>)',

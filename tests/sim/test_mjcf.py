@@ -1,4 +1,4 @@
-"""Reading MJCF: all that MuJoCo takes is taken, and numbers that are none are named."""
+"""Tests of reading MJCF: files that MuJoCo accepts are read, and invalid numbers are refused."""
 
 import os
 

@@ -1,4 +1,5 @@
-"""A mechanism in motion beyond a snap: its poses on both sides, and engines that snap elsewhere."""
+"""Tests of the drawn motion of a mechanism: poses on both sides of a snap, and engines that snap
+at other samples."""
 
 from collections.abc import Callable
 from functools import cache
@@ -14,27 +15,27 @@ from proofmass.sim.mujoco.engine import ENGINE
 from proofmass.solve import plan_run
 from tests.shipped import shipped
 
-JUMPS = (16, 37)  # the first samples beyond a fold
-LINKS = 10  # whose shapes are off by 1 % of the rod
+JUMPS = (16, 37)  # the first samples beyond each fold
+LINKS = 10  # shapes of so few links are wrong by 1 % of the rod's length
 PLACES = "middle.x", "middle.y", "tip.angle"
 
 
 @pytest.fixture
 def snap(edit: Callable[..., Path]) -> Path:
-    """The case with a rod of few links."""
+    """The sidecar of `rod_snap` with a rod of ten links."""
     return edit("rod_snap.toml", "segments = 40", f"segments = {LINKS}")
 
 
 @cache
 def truth() -> dict[str, np.ndarray]:
-    """The reference's curves."""
+    """The reference's curves of `rod_snap`."""
     case = load_case(shipped("rod_snap.toml"))
     run = plan_run(case, "sweep", "mujoco")
     return dict(evaluate(case, "sweep", run.x, run.motion(run.x)).channels)
 
 
 def joints(found, places: np.ndarray) -> np.ndarray:
-    """Where the links of the rod begin, (poses, links, 2)."""
+    """Positions at which the links of the rod begin, (poses, links, 2)."""
     return places[:, list(found.rods["rod"]), :2]
 
 
@@ -51,8 +52,8 @@ def test_a_mechanism_is_drawn_on_both_sides_of_its_snaps(snap: Path) -> None:
     way = joints(found, found.places)
     assert (np.sign(way[:, LINKS // 2, 1]) == np.sign(truth()["middle.y"])).all()
     back = way[21::-1] * [1.0, -1.0]  # at the opposite angles of the motor
-    for k in range(16, 22):  # beyond the snap the rod is the mirror image of what it was there
-        np.testing.assert_allclose(way[k], back[k], atol=1e-8)  # Newton's last step, squared
+    for k in range(16, 22):  # beyond the snap the rod is the mirror image of its pose there
+        np.testing.assert_allclose(way[k], back[k], atol=1e-8)  # square of Newton's last step
 
 
 def test_poses_next_to_a_snap_are_among_few(snap: Path) -> None:
@@ -72,7 +73,7 @@ def test_the_reference_is_drawn_beyond_the_snap(snap: Path) -> None:
 
 
 def test_an_engine_that_snaps_later_is_drawn_on_its_own_side(snap: Path) -> None:
-    """One that goes on for a sample, as on the shape before, keeps the rod's length."""
+    """An engine snaps one sample late: it is drawn in the shape before the snap, at full length."""
     known = {name: truth()[name] for name in PLACES}
     late = {name: 0.0 * curve for name, curve in known.items()}
     for name, curve in known.items():
@@ -84,14 +85,18 @@ def test_an_engine_that_snaps_later_is_drawn_on_its_own_side(snap: Path) -> None
     assert (sides == np.sign(truth()["middle.y"])).all()
     there = joints(found, found.places + found.away["pymunk"])
     half = there[:, LINKS // 2]
-    assert half[16] == pytest.approx(half[15], abs=5e-3)  # the motor is 7 degrees further
+    assert half[16] == pytest.approx(half[15], abs=5e-3)  # the motor has turned by 7 degrees
     assert half[17, 1] == pytest.approx(joints(found, found.places)[17, LINKS // 2, 1], abs=1e-9)
     lengths = np.linalg.norm(np.diff(there[16], axis=0), axis=1)
-    assert lengths[1:] == pytest.approx(1.0 / LINKS, rel=1e-6)  # by the Jacobian: up to twice that
+    # displacements by the Jacobian alone would make links up to twice as long
+    assert lengths[1:] == pytest.approx(1.0 / LINKS, rel=1e-6)
 
 
 def test_a_free_motion_beside_a_drive_is_drawn_to_its_end() -> None:
-    """At uneven samples too: half a step of 1 ms at 6 rad/s is 3e-3 rad."""
+    """The drawn samples are unevenly spaced.
+
+    Drawn angles are off by up to half a step of 1 ms at 6 rad/s, which is 3e-3 rad.
+    """
     case = load_case(shipped("driven_cart.toml"))
     run = plan_run(case, "dynamics", "mujoco")
     shown = motion(case.model_path, run, {}, 121)

@@ -1,4 +1,4 @@
-"""Every number of a model is changed where it stands, and nothing else is."""
+"""Tests of changes of single numbers of a model: each acts on its number and on nothing else."""
 
 import re
 from pathlib import Path
@@ -32,14 +32,14 @@ CASES += ["pendulum", "hacksaw", "rfr2_natural", "rfr3", "andrews"]
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
-    """All numbers of a compiled model that are not of what is drawn."""
+    """All arrays of real numbers of a compiled model, except those for drawing."""
     found = {name: getattr(model, name) for name in dir(model) if not name.startswith(DRAWN)}
     found["gravity"] = model.opt.gravity.copy()
     return {k: v for k, v in found.items() if isinstance(v, np.ndarray) and v.dtype.kind == "f"}
 
 
 def differ(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
-    """Whether any number of two models is another one."""
+    """Whether any number differs between two models."""
     return any((one[key] != other[key]).any() for key in one)
 
 
@@ -67,7 +67,7 @@ def test_a_change_is_where_it_was_meant_and_nowhere_else(name, tmp_path):
     alike = {(n.kind, n.place.tag, n.place.attribute, n.place.part): n for n in there}
     case = load_case(shipped(f"{name}.toml"))
     driven = [drive.joint for drive in case.drive]
-    massless = {"gravity"} if source.rods else set()  # gravity asks for the mass of rods
+    massless = {"gravity"} if source.rods else set()  # with gravity, rods need a mass
     before, full = arrays(source.bare), arrays(source.full)
     for number in alike.values():
         if number.place.tag == "rod" or number.kind in massless:
@@ -80,7 +80,7 @@ def test_a_change_is_where_it_was_meant_and_nowhere_else(name, tmp_path):
         for one in there:
             expected = one.value + (1e-3 * number.step if one == number and not turned else 0.0)
             if one.kind == "rest angle" and number.kind == "zero":
-                continue  # a spring without its own rest is at rest at the zero
+                continue  # a spring without a rest angle of its own is at rest at the joint's zero
             assert after.get(one.name, expected) == pytest.approx(expected, abs=1e-15), one.name
         assert differ(before, arrays(changed.bare)) or differ(full, arrays(changed.full)), number
 
@@ -184,7 +184,7 @@ MASSLESS = """<mujoco><worldbody><body name="link" pos="1 0 0"><joint axis="0 0 
 
 
 def test_a_body_without_mass_gets_it_at_its_own_origin(tmp_path):
-    """MuJoCo compiles the place of such a body as its centre."""
+    """MuJoCo compiles the position of a massless body in its parent as its centre of mass."""
     file, other = tmp_path / "massless.xml", tmp_path / "changed.xml"
     file.write_text(MASSLESS)
     source = compile_source(file, "start")

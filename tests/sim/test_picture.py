@@ -1,4 +1,4 @@
-"""The drawing of a mechanism: its poses, its lines, and what is not drawn."""
+"""Tests of the drawing of a mechanism: its poses, its lines, and the index of a report."""
 
 import re
 from pathlib import Path
@@ -62,8 +62,8 @@ def test_a_swing_is_drawn_on_its_way_there() -> None:
     assert shape is not None
     assert shape.inputs[0, [0, -1]] == pytest.approx([-2, 2])
     way = np.diff(shape.inputs[0])
-    # even over the way, not over time, as far as the poses at hand allow: 60 for half a cosine,
-    # the longest of which is pi/120 of the way
+    # evenly spaced over the drive's range, not over time, as far as the computed poses allow: there
+    # are 60 for half a cosine, with a largest spacing of pi/120 of the range
     assert np.abs(way - way.mean()).max() <= np.pi / 120 * way.sum()
 
 
@@ -90,12 +90,15 @@ def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
     arm, rod = (np.diff(link.outlines[0], axis=1)[:, 0] for link in shape.links)
     bend = arm[:, 0] * rod[:, 1] - arm[:, 1] * rod[:, 0], (arm * rod).sum(axis=1)
     assert (shape.stopped, len(shape.x)) == ("", 5)
-    # about +y, so clockwise in the drawing; Newton ends within 1e-8 rad of the rest
+    # about +y, so clockwise in the drawing; Newton ends within 1e-8 rad of the equilibrium
     assert np.degrees(np.arctan2(*bend)) == pytest.approx(np.full(5, -20.0), abs=1e-6)
 
 
 def test_rods_bend_as_they_move() -> None:
-    """The slider is where the reference has it: a straight coupler pushes it 6e-3 m further."""
+    """The drawn slider is where the reference has it.
+
+    A straight coupler would push it 6e-3 m further.
+    """
     case = load_case(shipped("slider_crank_elastic.toml"))
     drawn = picture(case.model_path, plan_run(case, "dynamics", "mujoco"), 13)
     assert not drawn.stopped
@@ -123,7 +126,7 @@ def test_what_leaves_the_plane_is_drawn_from_a_side(tmp_path: Path) -> None:
 
 
 def test_a_cylinder_is_closed_on_both_sides_that_are_seen() -> None:
-    """Its line goes from rim to rim at both edges, whichever way it lies."""
+    """The outline has a straight line from rim to rim at both edges, in two directions of view."""
     size = np.array([0.3, 0.5, 0.0])
     for view in (np.array([0.0, 1.0, 0.0]), np.array([0.6, -0.8, 0.0])):
         line = solid_outline(mujoco.mjtGeom.mjGEOM_CYLINDER, size, view)
@@ -176,12 +179,12 @@ def test_compact_svg_keeps_its_lines() -> None:
     start, steps = re.findall(r'd="M([^l]*)l([^"]*)"', short)[0]
     moves = np.array(re.findall(r"-?[\d.]+", steps), float).reshape(-1, 2)
     found = np.cumsum(np.vstack([np.array(start.split(), float), moves]), axis=0)
-    # half of a tenth, the last digit kept
+    # coordinates are rounded to tenths
     assert np.abs(found - points).max() <= 0.05 + 1e-9
 
 
 def test_a_floor_is_drawn_under_what_moves_and_a_free_body_has_no_guides() -> None:
-    """As wide as the block's way; the slope's surface goes through its place."""
+    """The surface of the slope passes through its position, and it extends beyond the block."""
     run = Run("dynamics", np.linspace(0, 0.5, 6), ())
     shape = picture(shipped("block_slides.xml"), run, count=6)
     (floor,) = shape.ground.outlines
@@ -191,6 +194,6 @@ def test_a_floor_is_drawn_under_what_moves_and_a_free_body_has_no_guides() -> No
     assert np.sort(heights)[2:] == pytest.approx([0.0, 0.0], abs=1e-12)
     assert np.sort(heights)[:2].max() < -1e-3
     block = shape.links[0].outlines[0]
-    assert (block @ up).min() == pytest.approx(0.0, abs=1e-3)  # it touches, softly
+    assert (block @ up).min() == pytest.approx(0.0, abs=1e-3)  # the contact is soft
     along = np.array([np.cos(0.5), np.sin(0.5)])
     assert (floor[0] @ along).min() < (block @ along).min() < (floor[0] @ along).max()

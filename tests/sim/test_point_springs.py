@@ -1,4 +1,4 @@
-"""Springs between two points in both engines: in time, at rest, in programs, refusals."""
+"""Tests of springs between two points, in both engines: dynamics, sweeps, programs, refusals."""
 
 from functools import cache
 from pathlib import Path
@@ -46,14 +46,14 @@ MOVING = ("a", "b", "w", "length", "pace", "ruler", "potential")
 
 
 def chain(folder: Path, springs: tuple[str, str]) -> Path:
-    """A file of a double pendulum with two springs and a tendon that only measures."""
+    """Write a double pendulum with two springs and a tendon without stiffness, `ruler`."""
     file = folder / "chain.xml"
     file.write_text(CHAIN.format(high=springs[0], low=springs[1]))
     return file
 
 
 def reference(file: Path, run: Run, inertia: bool = False) -> dict[str, np.ndarray]:
-    """The planar reference of a run."""
+    """Curves of the planar reference for a run."""
     model = mujoco.MjModel.from_xml_path(str(file))
     if not run.drives:
         return solve(run.x, model=model)
@@ -68,12 +68,12 @@ def samples(until: float) -> np.ndarray:
 
 @cache
 def let_go(text: str, until: float) -> dict[str, np.ndarray]:
-    """The planar reference of a free motion, once for both engines and all steps."""
+    """The planar reference of a free motion, computed once for both engines and all steps."""
     return solve(samples(until), model=mujoco.MjModel.from_xml_string(text))
 
 
 def errors(engine: str, file: Path, step: float, until: float = 1.0) -> dict[str, float]:
-    """Largest errors of a free motion, as shares of the range."""
+    """The largest error of each channel in a free motion, as a share of its range."""
     settings = {"timestep": step, **(EXACT if engine == "pymunk" else {})}
     run = Run("dynamics", samples(until), MOVING, settings=settings)
     found, truth = ENGINES[engine].simulate(file, run).channels, let_go(file.read_text(), until)
@@ -82,7 +82,10 @@ def errors(engine: str, file: Path, step: float, until: float = 1.0) -> dict[str
 
 @pytest.mark.parametrize("springs", [SPRINGS, SLACK], ids=["springs", "slack"])
 def test_pymunk_is_of_second_order(springs, tmp_path):
-    """The tip passes the wall within 0.1 m, where the rate of the length changes within 0.02 s."""
+    """Errors fall with the square of the time step.
+
+    The tip passes the wall at less than 0.1 m, where the rate of the length changes within 0.02 s.
+    """
     file = chain(tmp_path, springs)
     coarse, fine = (errors("pymunk", file, step) for step in (1e-3, 5e-4))
     for name in MOVING:
@@ -95,7 +98,7 @@ def test_dampers_of_pymunk_are_of_first_order(tmp_path):
     coarse, fine = (errors("pymunk", file, step) for step in (1e-3, 5e-4))
     for name in ("a", "b", "length"):
         assert coarse[name] < 3e-3
-        assert 1.8 < coarse[name] / fine[name] < 2.5  # 2, with a share of second order
+        assert 1.8 < coarse[name] / fine[name] < 2.5  # 2, and a part of second order
 
 
 def test_mujoco_is_of_fourth_order(tmp_path):
@@ -108,13 +111,13 @@ def test_mujoco_is_of_fourth_order(tmp_path):
 
 @pytest.mark.parametrize(("springs", "allowed"), [(DAMPED, 1e-8), (SLACK, 5e-6)])
 def test_mujoco_has_dampers_and_slack_springs(springs, allowed, tmp_path):
-    """Where a spring begins to pull, RK4 is of second order."""
+    """Slack springs have a larger tolerance: RK4 is of second order where they begin to pull."""
     assert max(errors("mujoco", chain(tmp_path, springs), 1e-3).values()) < allowed
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_spring_one_percent_stiffer_is_another_motion(engine, tmp_path):
-    """The mutation: what the tests above allow, a wrong stiffness exceeds."""
+    """Mutation: a stiffness that is wrong by 1 % exceeds the tolerances of the tests above."""
     run = Run("dynamics", samples(1.0), ("b",), settings={"timestep": 1e-3})
     stiffer = chain(tmp_path, (SPRINGS[0].replace("60", "60.6"), SPRINGS[1]))
     wrong = ENGINES[engine].simulate(stiffer, run)
@@ -125,7 +128,7 @@ def test_a_spring_one_percent_stiffer_is_another_motion(engine, tmp_path):
 @pytest.mark.parametrize("driven", [False, True], ids=["free", "driven"])
 @pytest.mark.parametrize("springs", [SLACK, DAMPED], ids=["slack", "damped"])
 def test_a_program_in_pymunk_alone_has_the_springs(springs, driven, tmp_path):
-    """In its motion, and in what a drive must do."""
+    """A pymunk program computes the same motion and the same moment of a drive."""
     file, law = chain(tmp_path, springs), Steady(0.3, 1.0, True)
     settings = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
     drives = (Drive("a", law),) if driven else ()
@@ -134,13 +137,13 @@ def test_a_program_in_pymunk_alone_has_the_springs(springs, driven, tmp_path):
     wanted = PYMUNK.simulate(file, run).channels
     motion = motion_source([law], run.x) if driven else ""
     found = program_curves(write_program(file, run, motion, ""), tmp_path)
-    for name in names:  # 1e-9: rounding of rates, which the step divides in accelerations
+    for name in names:  # 1e-9: rounding of rates, which accelerations divide by the step
         share = 1e-9 if name == "moment" else 1e-11
         assert np.abs(found[name] - wanted[name]).max() < share * np.ptp(wanted[name]), name
 
 
 def held_four_bar(folder: Path, stiffness: float = 40.0) -> Path:
-    """The shipped four-bar with a spring from its coupler to the ground, and sensors."""
+    """Write the shipped `fourbar_forces` with a spring and damper from its coupler to the ground."""
     text = shipped("fourbar_forces.xml").read_text()
     site = '<site name="hook" pos="1.5 2.5 0"/>'
     spring = (
@@ -165,20 +168,26 @@ TURN = Drive("crank", lambda t: (t, 1 + 0 * t, 0 * t))
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_sweep_has_the_spring_in_its_moment(engine, tmp_path):
-    """At rest the damper does nothing; a spring one percent stiffer is seen a thousand times."""
+    """The holding moment equals the planar reference; the damper does nothing at rest.
+
+    A spring that is 1 % stiffer changes the moment by more than 1e-3 of its range.
+    """
     file = held_four_bar(tmp_path)
     run = Run("sweep", np.linspace(0, 6, 25), ("holding_moment",), (TURN,))
     found = ENGINES[engine].simulate(file, run).channels["holding_moment"]
     truth = reference(file, run)["holding_moment"]
     without = reference(held_four_bar(tmp_path, 0.0), run)["holding_moment"]
-    assert np.ptp(truth - without) > 10.0  # N m: it does hold something
+    assert np.ptp(truth - without) > 10.0  # [N m] the part of the moment that the spring causes
     assert np.abs(found - truth).max() < 1e-11 * np.ptp(truth)
     wrong = reference(held_four_bar(tmp_path, 40.4), run)["holding_moment"]
     assert np.abs(found - wrong).max() > 1e-3 * np.ptp(truth)
 
 
 def test_forces_of_pins_in_pymunk_know_the_spring(tmp_path):
-    """At rest, and in time at 1 rad/s with its damper; MuJoCo's sensors leave tendons out."""
+    """Pin forces equal the planar reference at rest, and at 1 rad/s with the spring's damper.
+
+    MuJoCo's force sensors leave tendons out, so that its channels are missing.
+    """
     file = held_four_bar(tmp_path)
     model = mujoco.MjModel.from_xml_path(str(file))
     names = [
@@ -200,7 +209,10 @@ def test_forces_of_pins_in_pymunk_know_the_spring(tmp_path):
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("springs", [SPRINGS, SLACK], ids=["springs", "slack"])
 def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tmp_path):
-    """The second arm hangs between two springs; its place by a search of the energy alone."""
+    """The second arm rests between two springs, at the angle that a search for the least energy finds.
+
+    The moment of the drive is the derivative of that energy.
+    """
     file = chain(tmp_path, springs)
     file.write_text(file.read_text().replace('qpos="0.3 0.9"', 'qpos="0.3 -2.3"'))
     run = Run(
@@ -225,13 +237,13 @@ def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tm
 
     for a, b, moment in zip(run.x, found.channels["b"], found.channels["moment"], strict=True):
         best = minimize_scalar(lambda x, a=a: total(a, x), (b - 0.3, b, b + 0.2), tol=1e-12)
-        assert b == pytest.approx(best.x, abs=3e-8)  # the root of rounding in the energy
+        assert b == pytest.approx(best.x, abs=3e-8)  # square root of the energy's rounding
         slope = (total(a + 1e-5, b) - total(a - 1e-5, b)) / 2e-5
         assert moment == pytest.approx(slope, abs=1e-6)
 
 
 def numbers(springs: tuple[str, str]) -> list[tuple[float, float, float]]:
-    """Stiffness and slack lengths of two springs."""
+    """Stiffness, and the two lengths between which they are slack, of two springs."""
     found = []
     for text in springs:
         parts = dict(zip(text.split('"')[0::2], text.split('"')[1::2], strict=False))
@@ -241,7 +253,7 @@ def numbers(springs: tuple[str, str]) -> list[tuple[float, float, float]]:
 
 
 def stored(stiffness: float, slack: list[float], length: float) -> float:
-    """Energy of a spring."""
+    """Energy of a spring that is slack between two lengths."""
     return 0.5 * stiffness * (length - min(max(length, slack[0]), slack[1])) ** 2
 
 
@@ -268,7 +280,10 @@ def test_pymunk_names_a_spring_that_leaves_the_plane(tmp_path):
 
 
 def test_a_picture_and_an_animation_have_the_springs_ends(tmp_path):
-    """At all poses of both: as far apart as the sensor says, and on the bodies that carry them."""
+    """At all drawn poses, the ends of a spring are as far apart as the sensor of its length says.
+
+    In the animation they are at fixed points of their bodies, at the places of the picture.
+    """
     file = chain(tmp_path, SPRINGS)
     run = Run("dynamics", np.linspace(0, 1, 26), MOVING)
     drawn = picture(file, run, 26)
@@ -289,7 +304,10 @@ def test_a_picture_and_an_animation_have_the_springs_ends(tmp_path):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_ideal_spring_balances_a_weight_in_a_sweep(engine, tmp_path):
-    """k a b = m g c: without a free length the spring holds the weight at every angle."""
+    """A spring without free length balances a weight at every angle if k a b = m g c.
+
+    A spring that is 1 % stiffer leaves 1 % of the weight's moment.
+    """
     stiffness = 2 * 9.81 * 0.5 / (0.4 * 0.25)
     for wrong, share in ((1.0, 0.0), (1.01, 0.01)):
         file = tmp_path / "balanced.xml"

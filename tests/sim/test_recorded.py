@@ -1,6 +1,8 @@
-"""Recorded curves as a party that is judged: what turns a verdict, and what is refused.
+"""Tests of recorded curves that are compared with a reference: wrong columns differ, bad files are
+refused.
 
-The hacksaw's export has rows between the samples of the run, the balancer's at them.
+The rows of the hacksaw's export lie between the samples of the run, those of the balancer's export
+at the samples.
 """
 
 import re
@@ -28,27 +30,27 @@ Table = dict[str, list[str]]
 
 
 def judged(case: Case, kind: str = "dynamics", solver: str = SOLVER) -> dict[str, Comparison]:
-    """The comparisons of a recorded party, by channel."""
+    """The comparisons of recorded curves, by channel."""
     found = compare(case, kind, solver, solve_here(case, kind, solver), detectable=False)
     return {c.channel: c for c in found}
 
 
 def columns_of(file: Path) -> Table:
-    """Cells of a file by header; comments are left out."""
+    """The cells of a CSV file by header, without its comments."""
     lines = [line for line in file.read_text().splitlines() if not line.startswith("#")]
     heads, *rows = (line.split(",") for line in lines)
     return {head: [row[k] for row in rows] for k, head in enumerate(heads)}
 
 
 def write(file: Path, table: Table) -> None:
-    """Write cells as a file."""
+    """Write cells by header as a CSV file."""
     rows = zip(*table.values(), strict=True)
     file.write_text("\n".join([",".join(table), *(",".join(row) for row in rows)]) + "\n")
 
 
 @pytest.fixture
 def spoil(models: Path) -> Callable[..., Case]:
-    """``spoil(change, name)``: the case with its export changed, as a table of cells."""
+    """``spoil(change, name)`` applies a change to the table of an export and loads its case."""
 
     def changed(change: Callable[[Table], object], name: str = HACKSAW) -> Case:
         file = models / f"{name}.csv"
@@ -62,7 +64,7 @@ def spoil(models: Path) -> Callable[..., Case]:
 
 @pytest.mark.parametrize("name", FILES)
 def test_the_shipped_files_are_those_that_the_script_makes(name: str) -> None:
-    """Up to a digit in the last place, which another machine's sine may round the other way."""
+    """The numbers may differ by one in the last digit: another machine may round a sine otherwise."""
     there, again = (MODELS / name).read_text().splitlines(), text_of(name).splitlines()
     assert [line for line in there if line[0] in "#tTa"] == [
         line for line in again if line[0] in "#tTa"
@@ -98,28 +100,32 @@ def test_twelve_curves_of_five_parties_agree() -> None:
 
 
 def test_the_stated_disturbance_is_what_is_found() -> None:
-    """The zero of the crank, 0.02 deg; no drive of its own, so that the law tells the reference."""
+    """The zero of the crank is off by 0.02 degrees, as the file states.
+
+    The file has no drive of its own, so that the reference is computed from the motion profile.
+    """
     case = load_case(shipped(f"{HACKSAW}.toml"))
     curves = solve_here(case, "dynamics", SOLVER)
     assert curves.by_profile
     off = np.degrees(curves.channels["theta2"] - curves.drive[0][0])
-    assert off == pytest.approx(0.02, abs=1e-4)  # four decimals of a degree, twice
+    assert off == pytest.approx(0.02, abs=1e-4)  # both angles are rounded to 1e-4 degrees
     assert "972 rows, interpolated by a cubic spline, which may be off by" in curves.notes[0]
-    assert "(theta2_acceleration)" in curves.notes[0]  # which bends at the thirds of the first turn
+    # the acceleration has kinks at the thirds of the first turn
+    assert "(theta2_acceleration)" in curves.notes[0]
 
 
 def negated(name: str) -> Callable[[Table], object]:
-    """Another sign of a column."""
+    """A change of a table: a column with the opposite sign."""
     return lambda table: table.update({name: [str(-float(cell)) for cell in table[name]]})
 
 
 def shifted(name: str) -> Callable[[Table], object]:
-    """A column a row late."""
+    """A change of a table: a column that is late by one row."""
     return lambda table: table.update({name: [table[name][0], *table[name][:-1]]})
 
 
 def swapped(one: str, other: str) -> Callable[[Table], object]:
-    """One column in place of another, which measures the same."""
+    """A change of a table: two columns of the same unit are exchanged."""
     return lambda table: table.update({one: table[other], other: table[one]})
 
 
@@ -154,7 +160,11 @@ def test_swapped_columns_differ(one, other, spoil) -> None:
 
 
 def test_the_sign_map_of_the_sidecar_is_tested(edit) -> None:
-    """R1 as it stands, Theta3 without its half turn: each is seen."""
+    """Only the channel of a wrong entry does not agree.
+
+    The wrong entries are R1 without its factor -1, Theta3 without its shift of 180 degrees, and w1
+    with a factor of -1.
+    """
     for old, new, channel in (
         ('column = "R1", scale = -1', 'column = "R1"', "r1"),
         ('column = "Theta3", shift = 180', 'column = "Theta3"', "theta3"),
@@ -182,7 +192,10 @@ def test_a_curve_of_nothing_differs_everywhere(spoil) -> None:
 
 
 def test_rows_that_are_too_far_apart_decide_nothing(spoil, monkeypatch) -> None:
-    """A row every 64 ms is a spline that is near, and does not know how near."""
+    """With a row every 64 ms some channels are undecided.
+
+    The spline is close to the curve, but its uncertainty is too large.
+    """
 
     def thinned(table: Table) -> None:
         for name, cells in table.items():
@@ -241,11 +254,14 @@ def test_an_interpolated_curve_is_not_off_by_more_than_is_told(name: str) -> Non
         off = np.abs(found - SMOOTH[name](x, at))
         assert (off <= error + 1e-14).all()
         shares.append(off.max() / error.max())
-    assert max(shares) > 0.1  # and not by orders of magnitude too much
+    assert max(shares) > 0.1  # the stated error is not too large by orders of magnitude
 
 
 def test_a_file_with_its_own_drive_is_held_against_the_reference_there(models, edit, spoil) -> None:
-    """Where the rows are at the samples; the zero of the crank is then no error of the linkage."""
+    """The reference is computed at the drive that the file records, whose rows are at the samples.
+
+    The wrong zero of the crank then causes no errors of the other angles.
+    """
     edit(f"{HACKSAW}.toml", r"until = 3\.88\d*", "until = 3.884")
     edit(f"{HACKSAW}.toml", r"n = 1000", "n = 972")
     drive = '{ value = "Theta2", rate = "w2", acceleration = "A2" }'
@@ -255,8 +271,9 @@ def test_a_file_with_its_own_drive_is_held_against_the_reference_there(models, e
         f'x = "Tiempo"\ndrive.crank = {drive}',
     )
     found = judged(load_case(file))
-    assert found["theta2"].error_max == pytest.approx(0.02, abs=1e-4)  # held against the law
-    assert found["r1"].relative_to_range < 2e-6  # rounding of what is printed, not 2e-4
+    # theta2 itself is compared with the motion profile
+    assert found["theta2"].error_max == pytest.approx(0.02, abs=1e-4)
+    assert found["r1"].relative_to_range < 2e-6  # rounding of printed digits, instead of 2e-4
     assert found["theta3"].relative_to_range < 2e-6
 
 
@@ -287,7 +304,7 @@ CELLS = {
 
 
 def refused(models: Path) -> str:
-    """What `proofmass check` says on standard error of the hacksaw; its exit code is 2."""
+    """Standard error of `proofmass check` on the hacksaw's case, which must have exit code 2."""
     found = CliRunner().invoke(app, ["check", str(models / f"{HACKSAW}.toml"), "--jobs", "1"])
     assert found.exit_code == 2
     assert "Traceback" not in found.output
@@ -370,7 +387,7 @@ def test_a_file_is_named_from_the_sidecar_not_from_the_model(models: Path) -> No
 
 
 def test_a_time_base_of_its_own_is_mapped(spoil, edit, models: Path) -> None:
-    """Milliseconds that begin at 250: a clock that ran before the motion began."""
+    """The times are milliseconds that begin at 250: the clock ran before the motion began."""
 
     def late(table: Table) -> None:
         times = [f"{1e3 * float(cell) + 250.0:.0f}" for cell in table.pop("Tiempo [s]")]
@@ -380,7 +397,7 @@ def test_a_time_base_of_its_own_is_mapped(spoil, edit, models: Path) -> None:
     assert {c.outcome for c in judged(spoil(late)).values()} == {"agrees"}
     edit(f"{HACKSAW}.toml", "shift = -250", "shift = -250.5")
     found = judged(load_case(models / f"{HACKSAW}.toml"))
-    assert found["theta3_rate"].outcome == "differs"  # half a millisecond of 1500 deg/s2
+    assert found["theta3_rate"].outcome == "differs"  # 0.5 ms at 1500 deg/s^2
 
 
 def test_wrapped_angles_are_unwrapped(spoil, edit, models: Path) -> None:
@@ -433,7 +450,10 @@ def test_a_study_says_what_it_leaves_out(capsys) -> None:
 
 
 def test_a_wrong_sign_is_named_as_the_cause(edit, models: Path) -> None:
-    """And no number of the model is tried, on which nothing of it depends."""
+    """The diagnosis of a recorded column names its sign as the cause.
+
+    It tries no number of the model, since recorded curves do not depend on any.
+    """
     edit(f"{HACKSAW}.toml", re.escape('{ column = "R1", scale = -1 }'), '"R1"')
     edit(f"{HACKSAW}.toml", r'solvers = \["mujoco", "mujoco:default", "pymunk", ', "solvers = [")
     text = (models / f"{HACKSAW}.toml").read_text()
