@@ -143,7 +143,7 @@ def test_a_program_in_pymunk_alone_has_the_springs(springs, driven, tmp_path):
 
 
 def held_four_bar(folder: Path, stiffness: float = 40.0) -> Path:
-    """Write the shipped `fourbar_forces` with a spring and damper from its coupler to the ground."""
+    """Write the model `fourbar_forces` with a spring and damper from coupler to ground."""
     text = shipped("fourbar_forces.xml").read_text()
     site = '<site name="hook" pos="1.5 2.5 0"/>'
     spring = (
@@ -209,7 +209,7 @@ def test_forces_of_pins_in_pymunk_know_the_spring(tmp_path):
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("springs", [SPRINGS, SLACK], ids=["springs", "slack"])
 def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tmp_path):
-    """The second arm rests between two springs, at the angle that a search for the least energy finds.
+    """The second arm rests between two springs at the angle of the least energy, found by a search.
 
     The moment of the drive is the derivative of that energy.
     """

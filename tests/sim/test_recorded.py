@@ -64,7 +64,7 @@ def spoil(models: Path) -> Callable[..., Case]:
 
 @pytest.mark.parametrize("name", FILES)
 def test_the_shipped_files_are_those_that_the_script_makes(name: str) -> None:
-    """The numbers may differ by one in the last digit: another machine may round a sine otherwise."""
+    """Numbers may differ by one in the last digit: another machine may round a sine otherwise."""
     there, again = (MODELS / name).read_text().splitlines(), text_of(name).splitlines()
     assert [line for line in there if line[0] in "#tTa"] == [
         line for line in again if line[0] in "#tTa"

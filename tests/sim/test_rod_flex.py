@@ -1,4 +1,4 @@
-"""Rods as one-dimensional flexes of MuJoCo, against the elastica and the flex's own energy."""
+"""Tests of rods as one-dimensional flexes of MuJoCo, against the elastica and the flex's energy."""
 
 from dataclasses import replace
 
@@ -24,12 +24,12 @@ PIN = '<framepos name="pin" objtype="site" objname="left.tip"/>'
 
 
 def cantilever(n: int, **change) -> Rod:
-    """L = EI = 1, clamped at the ground."""
+    """A rod with L = 1 m and EI = 1 N m^2, clamped at the ground."""
     return replace(Rod("r", "ground", None, 1.0, 1.0, n, ("clamped", "free")), **change)
 
 
 def rest(file, *rods, channels=SHAPE, samples=2, kind="equilibrium", drives=(), step=None):
-    """A rest, read at so many places along the first rod."""
+    """Curves of a run with flexes, at `samples` evenly spaced places along the first rod."""
     s = np.linspace(0.0, rods[0].length, samples)
     settings = {"flex": True} | ({"timestep": step} if step else {})
     return simulate(file, Run(kind, s, channels, drives, settings=settings, rods=rods))
@@ -43,7 +43,10 @@ def rest(file, *rods, channels=SHAPE, samples=2, kind="equilibrium", drives=(), 
     ],
 )
 def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
-    """Errors of the tip from 12, 20 and 28 edges, and the limit that the last two point to."""
+    """Errors of the tip with 12, 20 and 28 edges are of order 2.
+
+    The limit extrapolated from the last two is the elastica's tip.
+    """
     truth = np.array([1.0 - row["u"], row["w"]])
     file = model(tmp_path, actuators=pull("r.tip", 0, row["alpha"]), ctrl="1")
     rods = [cantilever(n) for n in (12, 20, 28)]
@@ -52,14 +55,17 @@ def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
     h = np.array([cut_into_links(rod).lengths[-1] for rod in rods])
     errors = np.linalg.norm(tips - truth, axis=1)
     orders = np.log(errors[:-1] / errors[1:]) / np.log(h[:-1] / h[1:])
-    np.testing.assert_allclose(orders, 2.0, atol=0.1)  # what h^4 and soft edges add
+    np.testing.assert_allclose(orders, 2.0, atol=0.1)  # terms in h^4, and soft edges
     limit = (tips[2] * h[1] ** 2 - tips[1] * h[2] ** 2) / (h[1] ** 2 - h[2] ** 2)
-    np.testing.assert_allclose(limit, truth, atol=2e-5)  # h^4 and soft edges
+    np.testing.assert_allclose(limit, truth, atol=2e-5)  # terms in h^4, and soft edges
 
 
 @pytest.mark.parametrize("weight", [0.0, 3.0])
 def test_a_flex_has_the_energy_that_it_is_said_to_have(weight, tmp_path):
-    """Its links' angles, against the least energy found without the engine."""
+    """The angles of a flex are those of the least energy, which is found without the engine.
+
+    The energy is that of bending as the flex has it, of the load and of the weight.
+    """
     n, load = 7, np.array([-2.0, 3.0])
     rod = cantilever(n, mass=weight or None)
     one = cut_into_links(rod)
@@ -81,22 +87,23 @@ def test_a_flex_has_the_energy_that_it_is_said_to_have(weight, tmp_path):
     s = Run("equilibrium", one.nodes, SHAPE, settings={"flex": True}, rods=(rod,))
     angles = simulate(file, s).channels["r.angle"]
     truth = minimize(potential, np.zeros(n), method="BFGS", options={"gtol": 1e-9}).x
-    # BFGS by forward differences ends 1e-6 from its minimum; stretch bends the rest by its size
+    # BFGS with forward differences ends 1e-6 from its minimum; the stretch of the edges changes the
+    # angles by its own size
     np.testing.assert_allclose(angles, np.append(0.0, truth), atol=1e-5 + 10 * own)
     assert h == pytest.approx(1.0 / (n + 0.5), rel=1e-15, abs=0)
 
 
 def test_its_edges_are_soft(tmp_path):
-    """The stretch that a result tells goes with the square of the step."""
+    """The stretch that the settings of a result state falls with the square of the time step."""
     file = model(tmp_path, actuators=pull("r.tip", 5.0), ctrl="1")
     found = [rest(file, cantilever(10), step=step).settings["stretch"] for step in (6e-4, 12e-4)]
-    assert found[1] / found[0] == pytest.approx(4.0, rel=0.1)  # a part of first order is left
+    assert found[1] / found[0] == pytest.approx(4.0, rel=0.1)  # there is a part of first order
     assert found[0] < 1e-5
 
 
 @pytest.mark.parametrize("turn", [1.25, -1.04])
 def test_a_pinned_rod_rests_on_the_side_of_its_arc(turn, tmp_path):
-    """Pérez Gámiz 2018, annex II: both stable shapes, recomputed."""
+    """Both stable shapes of Pérez Gámiz 2018, annex II; the reference numbers are recomputed."""
     rods = [
         Rod("r", "ground", "pin", 1.0, 0.16493361431346418, n, ("clamped", "pinned"), turn=turn)
         for n in (10, 20)
@@ -106,16 +113,20 @@ def test_a_pinned_rod_rests_on_the_side_of_its_arc(turn, tmp_path):
     last = np.array([[c.channels["r.moment"][0], c.channels["r.angle"][-1]] for c in found])
     limit = (last[1] * one - last[0] * two) / (one - two)
     truth = {1.25: (-0.6076388, 71.85836), -1.04: (0.7206177, -59.83792)}[turn]
-    # moment and angle are drawn to the ends in straight lines: h^2 and, with ten elements, h^3
+    # moment and angle are extrapolated linearly to the ends, which leaves terms in h^2 and, with
+    # ten elements, in h^3
     np.testing.assert_allclose(limit, [truth[0], np.radians(truth[1])], atol=3e-3)
-    assert found[1].violation < 1e-6  # soft loops, in a step of 3e-3 of the rod's time
+    assert found[1].violation < 1e-6  # soft loops, with a step of 3e-3 of the rod's time
 
 
 @pytest.mark.parametrize(
     "name", ["S4", *(pytest.param(s, marks=pytest.mark.slow) for s in ("S1", "S2", "S3"))]
 )
 def test_all_stable_equilibria_of_a_pair(name, tmp_path):
-    """Pérez Gámiz 2018, Table 7 and the two it lacks, with the clamps on the ground."""
+    """The equilibria of Pérez Gámiz 2018, Table 7, and the two that it lacks.
+
+    The clamps are on the ground.
+    """
     file = model(tmp_path, FEET, pull("left.tip", 0.3, -0.1), PIN, "1")
     turns, pins, squares = np.radians(FIGURES["pair"][name]["turns"]), [], []
     for n in (16, 24):
@@ -127,18 +138,19 @@ def test_all_stable_equilibria_of_a_pair(name, tmp_path):
         assert found.violation < 3e-6  # soft loops
     (one, two), (far, near) = squares, np.array(pins)
     limit = (near * one - far * two) / (one - two)
-    # h^4 of pairs of which S2 gives way by half a metre for a newton
+    # terms in h^4; the pin of S2 moves by half a metre per newton
     np.testing.assert_allclose(limit, FIGURES["pair"][name]["pin"], atol=3e-3)
 
 
 def test_a_rod_pinned_at_both_ends_is_an_arch(tmp_path):
-    """Symmetric, without moments at its ends, and on the side of its arc."""
+    """The arch is symmetric and lies on the side of its initial arc."""
     file = model(tmp_path, '<site name="pin" pos="0.9 0 0"/>')
     rod = cantilever(10, end="pin", ends=("pinned", "pinned"), turn=-1.5)
     found = rest(file, rod, samples=11).channels
     assert found["r.y"][5] > 0.1
-    np.testing.assert_allclose(found["r.y"], found["r.y"][::-1], atol=1e-6)  # the loop's gap
-    np.testing.assert_allclose(found["r.angle"], -found["r.angle"][::-1], atol=1e-5)  # over h
+    # 1e-6: constraint violation of the loop; 1e-5: the same, divided by h
+    np.testing.assert_allclose(found["r.y"], found["r.y"][::-1], atol=1e-6)
+    np.testing.assert_allclose(found["r.angle"], -found["r.angle"][::-1], atol=1e-5)
 
 
 def test_what_a_flex_does_not_tell(tmp_path):
@@ -208,7 +220,7 @@ def test_stations_stand_half_an_element_beside_the_clamp():
 
 
 def test_another_rod_is_found_out():
-    """The verdict turns for a rod that is stiffer or longer than the case's parameters say."""
+    """A rod that is stiffer or longer than the case's parameters say changes an outcome."""
     case, outcomes = load_case(shipped("rod_flex.toml")), []
     for change in ({}, {"stiffness": 1.02}, {"length": 1.01}):
         rods = tuple(replace(rod, **change) for rod in case.rods)

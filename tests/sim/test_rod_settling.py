@@ -1,4 +1,7 @@
-"""Engines left to their own steps: they stay in stable equilibria of 2RFR and leave the others."""
+"""Tests of engines that step freely from equilibria of 2RFR.
+
+They stay in stable equilibria and leave the others.
+"""
 
 import copy
 
@@ -8,19 +11,24 @@ import pytest
 from benchmarks.rod_settle import ENGINES, mujoco_rest, scene
 from tests.analytic.rods.rod_solutions_cases import made
 
-STABLE = [0, 1, 3, 8]  # of modes up to 2, the lowest first: the natural one and three of modes 1
-SOFT = 3e-4  # [rad] MuJoCo's loops give way; Chipmunk's do not
+# stable equilibria among those of modes up to 2, in the order of their energies: the natural one
+# and three of modes 1
+STABLE = [0, 1, 3, 8]
+SOFT = 3e-4  # [rad] largest error of angles in MuJoCo, whose loops are soft; Chipmunk's are not
 
 
 @pytest.fixture(scope="module")
 def pair():
-    """Table 7 of Pérez Gámiz 2018 in chains of ten links."""
+    """The pair of Table 7 of Pérez Gámiz 2018, in chains of ten links."""
     a, given = made("rfr2")
     return scene(a, given, 2, 10)
 
 
 def test_chains_stand_where_rods_do(pair):
-    """Also as stable: what engines are held against."""
+    """Chains near equilibria of rods have as many negative curvatures as these.
+
+    The poses of engines are compared with these equilibria of chains.
+    """
     assert np.flatnonzero(pair.found.negative == 0).tolist() == STABLE
     stands = ~np.isnan(pair.standing.energy)
     down = (pair.standing.curvatures < 0).sum(axis=-1)
@@ -30,7 +38,7 @@ def test_chains_stand_where_rods_do(pair):
 
 
 def goes(engine, pair, k, seed=0):
-    """Where a nudged equilibrium comes to."""
+    """Index of the stable equilibrium in which an engine settles from a nudged equilibrium k."""
     to, own, off = pair.which(ENGINES[engine](pair, pair.nudged(k, seed)))
     assert own.curvatures[0] > 0
     assert off < SOFT
@@ -52,7 +60,11 @@ def test_stable_ones_stay_and_unstable_ones_leave(engine, pair):
     ],
 )
 def test_both_engines_fall_to_the_side_that_they_are_pushed_to(saddle, side, pair):
-    """A tenth of the way: nearer, inertia decides, which differs between the engines."""
+    """From a saddle, both engines settle in the equilibrium towards which the pair is displaced.
+
+    The displacement is a tenth of the distance.  With a smaller one the inertia decides, which
+    differs between the engines.
+    """
     here, there = pair.standing.angle[[saddle, side]]
     qpos = pair.closed(pair.pose(here + 0.1 * (there - here), np.zeros(3)))
     assert [pair.which(rest(pair, qpos))[0] for rest in ENGINES.values()] == [side, side]
@@ -67,7 +79,7 @@ def test_random_shapes_end_in_stable_equilibria(pair):
 
 
 def test_another_spring_is_found_out(pair):
-    """The control: links of a model with springs stiffer by a twentieth rest beside the chain's."""
+    """Mutation: with springs that are 5 % stiffer, links rest at other angles than the chain's."""
     changed = copy.copy(pair)
     changed.__dict__["weighed"] = model = copy.copy(pair.weighed)
     model.jnt_stiffness *= 1.05

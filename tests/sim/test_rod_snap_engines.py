@@ -1,4 +1,4 @@
-"""The snap in the engines: chains of links, their folds, and their way to the other side."""
+"""Tests of a rod that snaps, in both engines: folds of chains, and shapes on both sides."""
 
 from functools import cache, partial
 
@@ -21,17 +21,17 @@ NAMES = "tip.angle", "holding_moment", "energy"
 
 @cache
 def fold():
-    """The motor's angle at the rod's fold."""
+    """The motor angle at the rod's fold [rad]."""
     return events(distance=0.8)["snaps to the left"]
 
 
 def turned(angles, x):
-    """A law through angles of the motor, one at each whole x."""
+    """A profile that is linear between angles of the motor, one at each integer x."""
     return np.interp(x, np.arange(len(angles)), angles), 0.0 * x, 0.0 * x
 
 
 def swept(file, engine, degrees, segments, **settings):
-    """The engine at angles of the motor, from 80 degrees on."""
+    """Curves of an engine in a sweep through angles of the motor, which begins at 80 degrees."""
     angles = np.radians([80.0, *degrees])
     rods = (Rod("rod", "clamp", "pin", 1.0, STEEL, segments, ("clamped", "pinned"), turn=-2.1),)
     run = Run(
@@ -46,7 +46,7 @@ def swept(file, engine, degrees, segments, **settings):
 
 
 def of_chain(degrees, segments):
-    """Moments and energies of chains, each seeded with the rod's directions."""
+    """Holding moments and energies of chains in equilibrium, seeded with the rod's directions."""
     truth, c = swing(degrees), chain(segments, stiffness=STEEL)
     rod = integrate(
         truth["force_x"],
@@ -64,12 +64,15 @@ def of_chain(degrees, segments):
 
 
 def swing(degrees):
-    """The reference."""
+    """Curves of the reference at angles of the motor."""
     return solve(np.radians(degrees), distance=0.8, stiffness=STEEL)
 
 
 def test_a_sweep_without_time_ends_at_the_fold():
-    """MuJoCo's poses at rest: where it stops converges to a* with the square of the links."""
+    """A sweep of MuJoCo without time steps stops at the fold of its chain.
+
+    The motor angle there converges to that of the rod with the square of the number of links.
+    """
     ends = []
     for n in (10, 20, 40):
         found = swept(MODEL, "mujoco", [40.0, 0.0, -40.0, -80.0], n)
@@ -77,19 +80,20 @@ def test_a_sweep_without_time_ends_at_the_fold():
         assert found.stopped.startswith("the equilibrium becomes unstable beyond motor = ")
         ends.append(float(found.stopped.rpartition(" = ")[2]))
     off = np.array(ends) + fold()
-    np.testing.assert_allclose(np.log2(off[:-1] / off[1:]), 2.0, atol=0.05)  # h^4, six digits
-    assert (4.0 * ends[2] - ends[1]) / 3.0 == pytest.approx(-fold(), abs=3e-6)  # the same
+    # both tolerances: terms in h^4, and angles that are printed with six digits
+    np.testing.assert_allclose(np.log2(off[:-1] / off[1:]), 2.0, atol=0.05)
+    assert (4.0 * ends[2] - ends[1]) / 3.0 == pytest.approx(-fold(), abs=3e-6)
 
 
 @pytest.mark.parametrize(
     ("engine", "settings", "atol"),
     [
-        ("pymunk", {}, 1e-11),  # rest to 1e-12 of the model, over its softness
+        ("pymunk", {}, 1e-11),  # equilibrium to 1e-12 of the model, magnified by its softness
         ("mujoco", {"settled": True}, 1e-5),  # soft loops
     ],
 )
 def test_engines_snap_where_their_chain_does(engine, settings, atol):
-    """Down and up again with ten links: on every shape the chain's own equilibrium."""
+    """While the motor turns down and up again, every pose is an equilibrium of the chain."""
     degrees = [80.0, 30.0, -20.0, -45.0, -62.0, -80.0, -30.0, 20.0, 45.0, 62.0]
     found = swept(MODEL, engine, degrees[1:], 10, **settings).channels
     assert (np.sign(found["tip.angle"]) == [-1, -1, -1, -1, 1, 1, 1, 1, 1, -1]).all()
@@ -100,13 +104,13 @@ def test_engines_snap_where_their_chain_does(engine, settings, atol):
 
 @pytest.mark.slow
 def test_shapes_converge_on_both_sides_of_a_snap():
-    """Errors of direction, moment and energy go with the square of the links, in pymunk."""
+    """Errors of direction, moment and energy in pymunk fall with the square of the links."""
     degrees = [80.0, 20.0, -30.0, -70.0, -20.0, 30.0]
     truth = swing(degrees)
     found = [swept(MODEL, "pymunk", degrees[1:], n).channels for n in (8, 16)]
     for channel, name in zip(NAMES, ("tip_angle", "holding_moment", "energy"), strict=True):
         coarse, fine = (np.abs(curves[channel] - truth[name]) for curves in found)
-        np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)  # h^4 of eight links
+        np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)  # h^4 with eight links
 
 
 @pytest.mark.parametrize(
@@ -114,12 +118,12 @@ def test_shapes_converge_on_both_sides_of_a_snap():
     [
         ("segments = 40", 'segments = 40\nscheme = "naive"'),
         ("distance = 0.8 ", "distance = 0.79 "),
-        ("turn = -2.1", "turn = 2.1"),
+        ("turn = -2.1", "turn = 2.1"),  # wound into a loop
     ],
-)  # wound into a loop
+)
 @pytest.mark.slow
 def test_a_wrong_rod_is_found(old, new, edit):
-    """Another pin, a soft clamp, another equilibrium."""
+    """A soft clamp, another distance of the pin, and another equilibrium differ in pymunk."""
     edit("rod_snap.toml", '"mujoco:settled", "pymunk"', '"pymunk"')
     edit("rod_snap.toml", r'\[settings."mujoco:settled"\]\nsettled = true\n', "")
     edit("rod_snap.toml", "n = 43 ", "n = 9 ")

@@ -1,4 +1,7 @@
-"""Rods in the scene: chains of links at rest in both engines, against chains and against rods."""
+"""Tests of rods as chains of links in equilibrium, in both engines.
+
+They are compared with equilibria of chains, which are found without an engine, and of rods.
+"""
 
 import numpy as np
 import pytest
@@ -26,17 +29,18 @@ EACH = pytest.mark.parametrize("engine", ENGINES)
 FREE, PINNED = ("clamped", "free"), ("clamped", "pinned")
 PLACES = "r.x", "r.y"
 BENT = '<site name="pin" pos="0.8 0.1 0"/>'  # the pin of Pérez Gámiz 2018, annex II line 1640
-# both engines end where nothing moves by 1e-12 of the model; stiffness brings that to moments
+# both engines end where nothing moves by more than 1e-12 of the model; moments have this error
+# times the stiffness
 TIGHT = {"x": 1e-12, "y": 1e-12, "angle": 1e-11, "moment": 1e-10}
 
 
 def cantilever(n: int, scheme: str = "half") -> Rod:
-    """L = EI = 1, clamped at the ground."""
+    """A rod with L = 1 m and EI = 1 N m^2, clamped at the ground."""
     return Rod("r", "ground", None, 1.0, 1.0, n, FREE, scheme)
 
 
 def tip(engine, folder, alpha, n, scheme="half"):
-    """Where its tip is under a load across."""
+    """Position of a cantilever's tip under a transverse load."""
     file = model(folder, actuators=pull("r.tip", 0, alpha), ctrl="1")
     found = rest(engine, file, (cantilever(n, scheme),), PLACES)
     return np.array([found.channels[name][-1] for name in PLACES])
@@ -46,7 +50,7 @@ def tip(engine, folder, alpha, n, scheme="half"):
 @pytest.mark.parametrize("scheme", ["half", "double", "naive"])
 @pytest.mark.parametrize("n", [2, 7, 20])
 def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
-    """Vertices, directions and moments of all links, against the chain's own equilibrium."""
+    """Vertices, directions and moments of all links equal the chain's own equilibrium."""
     load = np.array([-2.0, 3.0, 0.5])
     file = model(
         tmp_path,
@@ -81,18 +85,22 @@ def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
 @EACH
 @pytest.mark.parametrize("row", FIGURES["cantilever"]["rows"], ids=lambda row: str(row["alpha"]))
 def test_orders_and_the_limit_of_a_cantilever(engine, row, tmp_path):
-    """Errors of the tip from 10, 20 and 40 links, and the limit that the last two point to."""
+    """Errors of the tip with 10, 20 and 40 links are of order 2.
+
+    The limit extrapolated from the last two is the elastica's tip.
+    """
     truth = np.array([1.0 - row["u"], row["w"]])
     tips = np.array([tip(engine, tmp_path, row["alpha"], n) for n in (10, 20, 40)])
     errors = np.linalg.norm(tips - truth, axis=1)
     orders = np.log2(errors[:-1] / errors[1:])
-    np.testing.assert_allclose(orders, 2.0, atol=0.1)  # what h^4 adds with ten links
+    np.testing.assert_allclose(orders, 2.0, atol=0.1)  # terms in h^4 with ten links
     limit = tips[2] + (tips[2] - tips[1]) / 3.0
-    np.testing.assert_allclose(limit, truth, atol=1e-6)  # h^4: 1/16 of it from 20 to 40 links
+    # terms in h^4, which fall to 1/16 from 20 to 40 links
+    np.testing.assert_allclose(limit, truth, atol=1e-6)
 
 
 def test_a_chain_that_mujoco_holds_in_sparse_matrices(tmp_path):
-    """From 60 degrees of freedom on it chooses them itself; the rows of the loop are the same."""
+    """From 60 degrees of freedom on MuJoCo chooses sparse matrices; the equilibrium is the same."""
     n, file = 70, model(tmp_path, BENT)
     rod = Rod("r", "ground", "pin", 1.0, 1.0, n, PINNED, turn=2.0)
     found = rest("mujoco", file, (rod,), ("r.angle",), samples=n + 1).channels["r.angle"]
@@ -101,12 +109,12 @@ def test_a_chain_that_mujoco_holds_in_sparse_matrices(tmp_path):
 
 
 def test_a_naive_clamp_is_of_first_order(tmp_path):
-    """The negative control: half a cell of the rod is as soft as a whole one."""
+    """Negative control: in the naive scheme, half a cell at the clamp is as soft as a whole one."""
     tips = [tip("mujoco", tmp_path, 2.0, n, "naive") for n in (20, 40, 80)]
     row = FIGURES["cantilever"]["rows"][1]
     errors = np.linalg.norm(np.array(tips) - [1.0 - row["u"], row["w"]], axis=1)
     orders = np.log2(errors[:-1] / errors[1:])
-    np.testing.assert_allclose(orders, 1.0, atol=0.1)  # what h^2 adds
+    np.testing.assert_allclose(orders, 1.0, atol=0.1)  # terms in h^2
     assert errors[1] > 50 * np.linalg.norm(
         tip("mujoco", tmp_path, 2.0, 40) - [1.0 - row["u"], row["w"]]
     )
@@ -115,21 +123,24 @@ def test_a_naive_clamp_is_of_first_order(tmp_path):
 @EACH
 @pytest.mark.parametrize("turn", [1.25, -1.04])
 def test_a_pinned_rod_rests_on_the_side_of_its_arc(engine, turn, tmp_path):
-    """Both stable shapes between a clamp and a pin, against the chain seeded with the same arc."""
+    """Both stable shapes between a clamp and a pin equal the chain's equilibria on their sides."""
     rod = Rod("r", "ground", "pin", 1.0, 0.16493361431346418, 20, PINNED, turn=turn)
     found = rest(engine, model(tmp_path, BENT), (rod,), (*PLACES, "r.angle"), samples=21).channels
     c = chain(20, stiffness=rod.stiffness)
     truth = chain_rod.pinned(c, (0, 0, 0), (0.8, 0.1), seed=found["r.angle"][1:] + 1e-3)
     np.testing.assert_allclose(found["r.angle"][1:], truth.angle, atol=1e-11, rtol=0)  # as TIGHT
     assert truth.curvatures[0] > 0
-    assert found["r.angle"][-1] == pytest.approx(turn, abs=0.01)  # the chain's h^2
+    assert found["r.angle"][-1] == pytest.approx(turn, abs=0.01)  # the chain's error in h^2
     assert np.hypot(found["r.x"][-1] - 0.8, found["r.y"][-1] - 0.1) < 1e-14
 
 
 @EACH
 @pytest.mark.parametrize("name", ["S1", "S2", "S3", "S4"])
 def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
-    """Table 7 of the document and the two it lacks; turns of the arcs choose among them."""
+    """The equilibria of Pérez Gámiz 2018, Table 7, and the two that it lacks.
+
+    The turns of the initial arcs choose among them.
+    """
     truth, names = FIGURES["pair"][name], ("pin.x", "pin.y", "moment1", "moment2", "energy")
     shape = tuple(f"{rod}.angle" for rod in ("left", "right"))
     runs = {
@@ -146,12 +157,16 @@ def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
     if engine == "mujoco":
         limit = [(4 * runs[40][n][0] - runs[20][n][0]) / 3 for n in names]
         exact = [*truth["pin"], *np.negative(truth["m0"]), truth["energy"]]
-        np.testing.assert_allclose(limit, exact, atol=2e-5)  # what h^4 leaves of moments
+        np.testing.assert_allclose(limit, exact, atol=2e-5)  # terms in h^4 of the moments
 
 
 @pytest.mark.parametrize("kept", ["clamped", "pinned"])
 def test_bodies_that_mujoco_would_fuse_stay_where_rods_stand_on_them(kept, tmp_path):
-    """A rod on a body without a joint, turned and aside, and the clamped link of a rod."""
+    """The model is the same with ``fusestatic`` false and true.
+
+    The rod begins on a body without a joint, which is rotated and displaced; with a clamp, its
+    first link is such a body too.
+    """
     rod, models = Rod("r", "foot", "pin", 1.0, 1.0, 3, (kept, "pinned"), turn=1.0), []
     file = model(
         tmp_path,
@@ -171,7 +186,7 @@ def test_bodies_that_mujoco_would_fuse_stay_where_rods_stand_on_them(kept, tmp_p
 
 
 def test_rods_follow_each_other_into_the_keys(tmp_path):
-    """Own joints keep their values in every key; rods get arcs, closed at their supports."""
+    """In every key the model's own joints keep their values, and rods are arcs between supports."""
     body = (
         '<body name="b"><joint name="{0}"/><geom size="0.1"/><site name="{0}.site" '
         'pos="0.1 0 0"/></body>'
@@ -199,7 +214,7 @@ def test_rods_follow_each_other_into_the_keys(tmp_path):
 
 @EACH
 def test_a_clamp_at_the_far_end_is_two_pins_and_a_slider(engine, tmp_path):
-    """An S between two clamps: its halves are rods from a clamp to a pin in the middle."""
+    """Between two clamps a rod forms an S, each half of which is a rod from a clamp to a pin."""
     whole = Rod("r", "ground", "far", 1.0, 1.0, 20, ("clamped", "clamped"))
     half = Rod("r", "ground", "pin", 0.5, 1.0, 10, PINNED, turn=0.3)
     file = model(tmp_path, '<site name="far" pos="0.9 0.4 0"/><site name="pin" pos="0.45 0.2 0"/>')
@@ -219,7 +234,10 @@ def test_a_clamp_at_the_far_end_is_two_pins_and_a_slider(engine, tmp_path):
 
 @EACH
 def test_a_rod_pinned_at_both_ends_is_half_of_a_wave(engine, tmp_path):
-    """Its half is a cantilever that is loaded along: P L^2 / EI of one is a quarter of it."""
+    """Half of the rod is a cantilever under an axial force.
+
+    P L^2 / EI of the cantilever is a quarter of that of the rod.
+    """
     rod = Rod("r", "ground", "far", 1.0, 1.0, 20, ("pinned", "pinned"), turn=-2.0)
     file = model(tmp_path, '<site name="far" pos="0.5 0 0"/>')
     found = rest(engine, file, (rod,), (*PLACES, "r.angle", "r.moment"), samples=21).channels
@@ -229,7 +247,8 @@ def test_a_rod_pinned_at_both_ends_is_half_of_a_wave(engine, tmp_path):
     half = Rod("r", "ground", None, 0.5, 1.0, 10, FREE, turn=1.0)
     there = rest(engine, load, (half,), PLACES).channels
     assert force > np.pi**2  # beyond Euler's load
-    # a chain's middle link has the moment of its neighbours; rounding, over the half's softness
+    # a chain's middle link has the moment of its neighbours; 1e-10 is rounding, magnified by the
+    # softness of the half
     assert (there["r.x"][-1], there["r.y"][-1]) == pytest.approx((0.25, height), abs=1e-10)
 
 
@@ -238,7 +257,7 @@ def test_a_rod_pinned_at_both_ends_is_half_of_a_wave(engine, tmp_path):
     ("euler", "force"), [("1.5707963267948966 0 0", (0, 0, 3)), ("0 0 0.7", (0, 3, 0))]
 )
 def test_rods_bend_in_the_plane_of_their_site(engine, euler, force, tmp_path):
-    """Another plane, and another direction in the plane: the same shape, turned."""
+    """In another plane, or in another direction in the plane, the shape is the same, rotated."""
     site = f'<site name="clamp" pos="0.1 0.2 0.3" euler="{euler}"/>'
     file = model(tmp_path, site, pull("r.tip", *force), ctrl="1")
     rod = Rod("r", "clamp", None, 1.0, 1.0, 10, FREE)
@@ -253,7 +272,7 @@ def test_rods_bend_in_the_plane_of_their_site(engine, euler, force, tmp_path):
 
 @EACH
 def test_a_rod_hangs_under_its_own_weight(engine, tmp_path):
-    """Links weigh their share: the chain under a dead load on its length."""
+    """Each link has its share of the mass, so that the chain is as under a distributed load."""
     file = model(tmp_path, gravity="0 -10 0")
     rod = Rod("r", "ground", None, 1.0, 1.0, 20, FREE, mass=0.3)
     found = rest(engine, file, (rod,), PLACES).channels
@@ -264,7 +283,7 @@ def test_a_rod_hangs_under_its_own_weight(engine, tmp_path):
 
 
 def test_a_rest_that_is_not_stable_is_refused(tmp_path):
-    """A straight start between clamps is led to the S, which snaps to one side."""
+    """From a straight start, a rod between two clamps is led to an S, which is unstable here."""
     rod = Rod("r", "ground", "far", 1.0, 1.0, 20, ("clamped", "clamped"))
     file = model(tmp_path, '<site name="far" pos="0.8 0.2 0"/>')
     with pytest.raises(BadModel, match="unstable equilibrium"):

@@ -1,4 +1,4 @@
-"""Two rods on one pin in both engines: at rest, along motions of their motors, at a fold."""
+"""Tests of two rods on one pin, in both engines: equilibria, paths of the motors, folds."""
 
 from functools import cache, partial
 from pathlib import Path
@@ -26,19 +26,20 @@ SLOW = pytest.mark.slow
 PIN = "pin.x", "pin.y"
 READ = *PIN, "moment1", "moment2", "energy"
 PATHS = DATA["trajectories"]
-BEGIN = np.radians([-32.2157989, 20.9113672])  # where the document's trajectories begin
+# motor angles at which the paths of Pérez Gámiz 2018 begin
+BEGIN = np.radians([-32.2157989, 20.9113672])
 
 
 @pytest.fixture(scope="module")
 def unloaded(tmp_path_factory) -> Path:
-    """The pair without its load."""
+    """The model of the pair without its load."""
     file = tmp_path_factory.mktemp("pair") / "unloaded.xml"
     file.write_text(PAIR.read_text().replace('ctrl="0 0 1"', 'ctrl="0 0 0"'))
     return file
 
 
 def led(engine, file, name, segments, angles) -> Curves:
-    """From an equilibrium of Table 7 along straight lines between motor angles (n, 2)."""
+    """Curves of a sweep from an equilibrium of Table 7, along lines between motor angles (n, 2)."""
     way = np.vstack([CLAMPS, angles])
 
     def law(k):
@@ -50,24 +51,24 @@ def led(engine, file, name, segments, angles) -> Curves:
 
 
 def read(curves: Curves) -> np.ndarray:
-    """Pin, moments and energy (samples, 5)."""
+    """Position of the pin, moments and energy (samples, 5)."""
     return np.stack([curves.channels[name] for name in READ], axis=1)
 
 
 @cache
 def centre() -> RodState:
-    """S2 without load, its motors turned so that the pin keeps its place: at BEGIN."""
+    """S2 without load, at the motor angles `BEGIN`, which keep the pin at the same place."""
     s = pair("S2")
     return follow(s, pose=s.pose[None], load=[[0.0, 0.0]]).last
 
 
 def turned(turn: float) -> RodState:
-    """The same with motor 1 turned on, or the fold on the way."""
+    """The state of `centre` with motor 1 turned further, or the fold before that angle."""
     return follow(centre(), inputs=centre().inputs + np.array([[turn, 0.0]])).last
 
 
 def own(segments: int, near: RodState) -> Standing:
-    """Equilibrium of chains next to one of rods."""
+    """The equilibrium of chains near one of rods."""
     angles = near.inputs
     shapes = [
         tangent(angle, force, moment, EI)
@@ -77,40 +78,47 @@ def own(segments: int, near: RodState) -> Standing:
 
 
 def stood(found: Standing) -> list[float]:
-    """The same of a chain's own equilibrium; the motors hold against the rods."""
+    """The values of `read` for an equilibrium of chains; the motors balance the rods' moments."""
     return [*found.pose, *-found.root_moment, found.energy]
 
 
 @EACH
 @pytest.mark.parametrize("name", STABLE)
 def test_four_rests_of_ten_links_a_rod(engine, name):
-    """Poses and energies of these chains, recomputed; with twenty links in `test_rods`."""
+    """Poses and energies equal recomputed ones of the same chains; the errors are of order 2.
+
+    Chains of twenty links are tested in `test_rods`.
+    """
     found = rest(engine, PAIR, rods(name, 10), READ, held()).channels
     row = STABLE[name]
     pin = [found[name][0] for name in PIN]
-    np.testing.assert_allclose(pin, row["half"]["10"], rtol=0, atol=5.1e-9)  # their digits
-    assert found["energy"][0] == pytest.approx(row["half_energy"]["10"], rel=1e-7)  # likewise
+    # both tolerances: digits of the recomputed numbers
+    np.testing.assert_allclose(pin, row["half"]["10"], rtol=0, atol=5.1e-9)
+    assert found["energy"][0] == pytest.approx(row["half_energy"]["10"], rel=1e-7)
     far = np.hypot(*(np.array(pin) - row["pose"]))
     near = np.hypot(*(np.array(row["half"]["20"]) - row["pose"]))
-    assert np.log2(far / near) == pytest.approx(2.0, abs=0.05)  # the h^4 term
+    assert np.log2(far / near) == pytest.approx(2.0, abs=0.05)  # the term in h^4
 
 
 @EACH
 def test_a_motion_of_both_motors_is_that_of_the_chains(engine):
-    """From S1 towards S2, against the chains' own equilibria."""
+    """Along a line of motor angles, from S1 towards S2, poses equal the chains' equilibria."""
     way = np.outer([0.2, 0.4, 0.6], [1.0, -1.0])
     found = read(led(engine, PAIR, "S1", 10, CLAMPS + way))
     states = follow(pair("S1"), inputs=CLAMPS + way).states
     for k in range(3):
         truth = own(10, states[k])
         assert truth.curvatures[0] > 0
-        # both engines rest to 1e-12 of the model; over the softness of the pair
+        # both engines end within 1e-12 of the equilibrium, magnified by the softness of the pair
         np.testing.assert_allclose(found[k + 1], stood(truth), rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("name", ["ring", pytest.param("line", marks=SLOW)])
 def test_motors_lead_the_pin_along_the_documents_paths(name, unloaded):
-    """Inverse problems solved for rods, put to the chains: in the limit of many links."""
+    """With the motor angles that solve the inverse problem for rods, the pin follows the path.
+
+    This holds in the limit of many links.
+    """
     rows = PATHS[name]
     angles = np.vstack([BEGIN, np.radians([row["inputs_deg"] for row in rows])])
     coarse, fine = (read(led("mujoco", unloaded, "S2", n, angles))[2:, :2] for n in (20, 40))
@@ -120,13 +128,13 @@ def test_motors_lead_the_pin_along_the_documents_paths(name, unloaded):
     else:
         way = np.outer([row["dx"] for row in rows], [1.0, 0.0])
     truth = STABLE["S2"]["pose"] + way
-    assert np.abs(fine - truth).max() > 1e-4  # the chains' h^2
-    # h^4, most where the ring comes near to a fold
+    assert np.abs(fine - truth).max() > 1e-4  # the chains' error in h^2
+    # terms in h^4, which are largest where the ring comes near to a fold
     np.testing.assert_allclose((4 * fine - coarse) / 3, truth, rtol=0, atol=8e-5)
 
 
 def fold(n: int) -> float:
-    """Turn of motor 1 from BEGIN at which chains of n links lose their stability [rad]."""
+    """Turn of motor 1 from `BEGIN` at which chains of n links become unstable [rad]."""
     turn, step = -0.3, -0.02
     here = own(n, turned(turn))
     while step < -1e-7:
@@ -141,28 +149,34 @@ def fold(n: int) -> float:
 
 @pytest.mark.slow
 def test_the_fold_of_chains_is_of_second_order():
-    """Towards that of the rods, which a continuation finds and a recomputation gives to 5e-6."""
+    """The fold of chains converges to that of rods with order 2.
+
+    A continuation finds the fold of rods; a recomputation has it to 5e-6 rad.
+    """
     exact = turned(-0.5).inputs[0] - BEGIN[0]
     assert exact == pytest.approx(PATHS["fold"]["turn"], abs=6e-6)
     errors = np.array([fold(n) for n in (10, 20, 40)]) - exact
     orders = np.log2(errors[:-1] / errors[1:])
-    np.testing.assert_allclose(orders, [2.0, 2.0], atol=0.12)  # the h^4 term of ten links
+    np.testing.assert_allclose(orders, [2.0, 2.0], atol=0.12)  # the term in h^4 with ten links
 
 
 @pytest.mark.parametrize("n", [10, pytest.param(20, marks=SLOW)])
 def test_a_sweep_ends_at_the_fold_of_its_chains(n, unloaded):
-    """It tells why, and keeps what is before."""
+    """The result states the reason and keeps the samples before the fold."""
     truth = fold(n)
     turns = np.array([0.0, 0.2, 0.3, 0.36, 0.4, 0.5])
     found = led("mujoco", unloaded, "S2", n, BEGIN - np.outer(turns, [1.0, 0.0]))
     assert "the equilibrium becomes unstable beyond motor1 = " in found.stopped
     assert found.x.size == len(found.channels["pin.x"]) == 5  # Table 7's angles, and four turns
     end = float(found.stopped.split("motor1 = ")[1].split(",")[0])
-    assert end - BEGIN[0] == pytest.approx(truth, abs=1e-6)  # spoken to six digits
+    assert end - BEGIN[0] == pytest.approx(truth, abs=1e-6)  # printed with six digits
 
 
 def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
-    """In pymunk, to one of the stable ones that a search finds there; MuJoCo rests in one too."""
+    """Beyond the fold pymunk comes to one of the stable equilibria that a search finds there.
+
+    MuJoCo, started near S4, comes to rest in the same equilibrium.
+    """
     angles = BEGIN - np.outer([0.0, 0.3, 0.4], [1.0, 0.0])
     found = led("pymunk", unloaded, "S2", 10, angles)
     assert not found.stopped
@@ -171,8 +185,8 @@ def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
     stable = there.state.pose[there.negative == 0]
     drives = tuple(Drive(f"motor{k + 1}", partial(constant, angles[-1, k])) for k in (0, 1))
     placed = rest("mujoco", unloaded, rods("S4", 10), PIN, drives).channels
-    assert np.linalg.norm(stable - pin[-1], axis=1).min() < 1e-2  # ten links: h^2
-    # at rest to 1e-12 of the model, over the softness of the pair
+    assert np.linalg.norm(stable - pin[-1], axis=1).min() < 1e-2  # error in h^2 with ten links
+    # equilibrium to 1e-12 of the model, magnified by the softness of the pair
     np.testing.assert_allclose([placed[name][0] for name in PIN], pin[-1], rtol=0, atol=1e-10)
     last = turned(-0.4).pose
     assert np.hypot(*(pin[-2] - last)) < 0.2 < np.hypot(*(pin[-1] - last))
@@ -180,7 +194,7 @@ def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
 
 @pytest.mark.parametrize(("name", "seconds"), [("rfr2_circles", 8.0), ("rfr2_rectangles", 12.0)])
 def test_the_pin_begins_the_documents_circles_and_rectangles(name, seconds):
-    """The first, third and fifth of their places in MuJoCo, with the tolerances of all."""
+    """The first, third and fifth positions agree in MuJoCo, with the tolerances of the cases."""
     case = load_case(shipped(f"{name}.toml"))
     drives = tuple(drive.model_copy(update={"until": seconds}) for drive in case.drive)
     runs = {"sweep": case.run["sweep"].model_copy(update={"n": 3})}
@@ -205,7 +219,7 @@ def test_the_pin_begins_the_documents_circles_and_rectangles(name, seconds):
     ],
 )
 def test_a_wrong_pair_is_found(file, old, new, edit):
-    """Soft clamps, rods too long, another load: beyond what the links explain."""
+    """Soft clamps, longer rods and another load exceed the tolerance for the number of links."""
     edit("rfr2_driven.toml", r'"mujoco", "pymunk"', '"mujoco"')
     edit("rfr2_driven.toml", "n = 37", "n = 19")
     edit(file, old, new)

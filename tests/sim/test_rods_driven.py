@@ -1,4 +1,4 @@
-"""Rods that motors bend, dead loads on rods and on rigid links, and bad input."""
+"""Tests of rods that motors bend, of dead loads on rods and on rigid links, and of bad input."""
 
 from pathlib import Path
 
@@ -22,14 +22,17 @@ ARM = (
 
 @pytest.fixture
 def unloaded(tmp_path: Path) -> Path:
-    """The pair without its load."""
+    """The model of the pair without its load."""
     file = tmp_path / "unloaded.xml"
     file.write_text(PAIR.read_text().replace('ctrl="0 0 1"', 'ctrl="0 0 0"'))
     return file
 
 
 def sweep(engine: str, file: Path, segments: int, x: list[float], way: float = 1.0):
-    """From S2 at x = -1 to where the line begins, at 0; from there motor 1 turns by `way` x."""
+    """Curves of a sweep from S2 at x = -1 to the beginning of the reference path at x = 0.
+
+    Beyond it motor 1 turns by `way` times x.
+    """
     begin = np.radians(FIGURES["pair"]["line"]["motors"])
 
     def law(k):
@@ -51,17 +54,17 @@ def sweep(engine: str, file: Path, segments: int, x: list[float], way: float = 1
 
 
 def test_a_motor_bends_a_pair_of_rods(unloaded):
-    """Along the document's line, in the limit of many links."""
+    """In the limit of many links, the pin follows the reference path while motor 1 turns."""
     line = FIGURES["pair"]["line"]
     coarse, fine = (sweep("mujoco", unloaded, n, line["turn"]).channels for n in (20, 40))
     for k, name in enumerate(("pin.x", "pin.y")):
         limit = (4 * fine[name] - coarse[name])[2:] / 3
-        # given to 1e-6; what h^4 leaves
+        # the reference has a precision of 1e-6; terms in h^4 remain
         np.testing.assert_allclose(limit, np.array(line["pin"])[:, k], atol=5e-6)
 
 
 def test_both_engines_turn_the_pair_alike():
-    """The same chains, ten links a rod."""
+    """The same chains of ten links a rod have the same poses and moments in both engines."""
     drives = Drive("motor1", lambda x: (CLAMPS[0] + x, 1 + 0 * x, 0 * x)), held()[1]
     run = Run(
         "sweep", np.linspace(0, 0.3, 4), ("pin.x", "pin.y", "moment1"), drives, rods=pair("S4", 10)
@@ -73,20 +76,23 @@ def test_both_engines_turn_the_pair_alike():
 
 @pytest.mark.slow
 def test_a_sweep_ends_at_the_fold(unloaded):
-    """Where the equilibrium becomes unstable; the place goes with the square of the links."""
+    """A sweep ends where the equilibrium becomes unstable.
+
+    The error of this motor angle falls with the square of the links.
+    """
     fold, ends = FIGURES["pair"]["fold"]["turn"], []
     for n in (20, 40):
         found = sweep("mujoco", unloaded, n, [0.3, 0.5], way=-1.0)
         assert "becomes unstable beyond motor1 = " in found.stopped
         ends.append(float(found.stopped.split("motor1 = ")[1].split(",")[0]))
     begin = np.radians(FIGURES["pair"]["line"]["motors"])[0]
-    # spoken to 6 digits, given to 5; what h^4 leaves
+    # the message has 6 digits and the reference 5; terms in h^4 remain
     assert (4 * ends[1] - ends[0]) / 3 - begin == pytest.approx(fold, abs=2e-5)
 
 
 @EACH
 def test_a_dead_load_on_a_link_keeps_its_direction(engine, tmp_path):
-    """Holding moment of an arm: minus F x r, minus M, at every angle."""
+    """The holding moment of an arm is minus the moment of the force F and minus the moment M."""
     hold = '<motor name="hold" joint="arm"/>'
     file = model(
         tmp_path,
@@ -106,7 +112,7 @@ def test_a_dead_load_on_a_link_keeps_its_direction(engine, tmp_path):
 
 @EACH
 def test_a_loaded_arm_swings(engine, tmp_path):
-    """A dead load in time, against the integrated equation of motion."""
+    """A dead load moves an arm as the integrated equation of motion says."""
     file = model(
         tmp_path,
         ARM,
@@ -121,14 +127,14 @@ def test_a_loaded_arm_swings(engine, tmp_path):
         return [z[1], (0.5 - 4 * np.cos(z[0]) - 3 * np.sin(z[0])) / 2.1]
 
     truth = solve_ivp(motion, (0, 2), [0, 0], t_eval=t, rtol=1e-11, atol=1e-11).y[0]
-    # MuJoCo's Euler is of first order in its 1 ms, pymunk of second
+    # with steps of 1 ms, MuJoCo's Euler is of first order and pymunk of second
     np.testing.assert_allclose(
         found.channels["angle"], truth, atol={"mujoco": 3e-3, "pymunk": 1e-6}[engine]
     )
 
 
 def test_loads_out_of_the_plane_are_refused(tmp_path):
-    """By pymunk; MuJoCo carries them."""
+    """Pymunk refuses a load out of the plane; MuJoCo covers it."""
     file = model(tmp_path, ARM, pull("end", 0, 0, 1), ctrl="1")
     run = Run("dynamics", np.linspace(0, 1, 3), ())
     with pytest.raises(Unsupported, match="actuator 'pull' leaves the plane"):
@@ -136,7 +142,7 @@ def test_loads_out_of_the_plane_are_refused(tmp_path):
 
 
 def test_a_load_on_the_ground_does_nothing(tmp_path):
-    """Its site hangs on no link."""
+    """A dead load whose site is on the ground moves no link."""
     file = model(tmp_path, ARM, pull("ground", 1), '<jointpos name="angle" joint="arm"/>', ctrl="1")
     found = ENGINES["pymunk"](file, Run("dynamics", np.linspace(0, 1, 3), ("angle",)))
     assert not found.channels["angle"].any()
@@ -157,7 +163,7 @@ RODS = {
 
 @pytest.mark.parametrize(("change", "key", "words"), RODS.values(), ids=RODS)
 def test_bad_rods_are_named(change, key, words, tmp_path):
-    """Which rod, what of it, and what would be right."""
+    """The error names the rod and the key, and states what would be right."""
     good = {
         "name": "r",
         "start": "ground",
@@ -204,7 +210,7 @@ SIDECARS = {
 
 @pytest.mark.parametrize(("old", "new", "words"), SIDECARS.values(), ids=SIDECARS)
 def test_bad_sidecars_are_named(old, new, words, edit):
-    """File and key, and exit code 2."""
+    """The only error names file and key, and the exit code is 2."""
     file = edit("rod_pinned.toml", old, new, count=1)
     result = check([file])
     assert result.exit_code == 2
@@ -214,7 +220,7 @@ def test_bad_sidecars_are_named(old, new, words, edit):
 
 
 def test_the_command_line_says_it_in_a_line(edit):
-    """Exit code 2 and no traceback."""
+    """The exit code is 2, the key is named, and there is no traceback."""
     file = edit("rod_pinned.toml", "length = 1.0\nstiffness", "length = 0.8\nstiffness", count=2)
     result = CliRunner().invoke(app, ["check", str(file)])
     assert result.exit_code == 2
@@ -223,7 +229,7 @@ def test_the_command_line_says_it_in_a_line(edit):
 
 
 def test_gravity_asks_for_a_mass(tmp_path):
-    """A light default would be a load that nobody told."""
+    """A default mass would be a load that the user did not state."""
     file = model(tmp_path, gravity="0 -9.81 0")
     with pytest.raises(BadRod, match="mass: missing"):
         rest("mujoco", file, (Rod("r", "ground", None, 1.0, 1.0, 5, ("clamped", "free")),), ())
@@ -238,7 +244,7 @@ def test_gravity_asks_for_a_mass(tmp_path):
     ],
 )
 def test_a_wrong_rod_is_found(old, new, edit):
-    """Stiffer, longer, or with a soft clamp: beyond what its links explain."""
+    """A stiffer or longer rod, or one with a soft clamp, differs in both engines."""
     file = edit("rod_cantilever.toml", old, new)
     edit("rod_cantilever.toml", "n = 41", "n = 41\nuntil = 1.0")
     assert {c.solver for c in verdicts(file) if c.outcome == "differs"} == set(ENGINES)

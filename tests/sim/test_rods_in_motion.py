@@ -1,4 +1,4 @@
-"""Rods with mass in motion: what the verdicts on them notice."""
+"""Tests of rods with mass in dynamics: wrong numbers differ, and start rates keep loops closed."""
 
 import mujoco
 import numpy as np
@@ -46,10 +46,11 @@ CRANK = "slider_crank_elastic"
     ],
 )
 def test_another_rod_is_noticed(name, old, new, edit):
-    """1 % of stiffness, mass or weight, 0.5 % of a rod's length and 0.1 mm of a crank's; springs
-    elsewhere; a sign of gravity or of the drive; a coupler that is not turning as it starts.
+    """Each mutation changes at least one outcome to "differs".
 
-    A rod that is let go has fallen for 0.4 s.
+    Stiffness, mass or weight are wrong by 1 %, a rod's length by 0.5 %, a crank's by 0.1 mm.  Other
+    mutations are springs at other places, the opposite sign of gravity or of the drive, and a
+    coupler that starts without its rate.  A released rod falls for 0.4 s.
     """
     edit("rod_released.toml", "until = 1.2", "until = 0.4")
     edit("rod_released.toml", "n = 61", "n = 21")
@@ -65,7 +66,10 @@ def test_another_rod_is_noticed(name, old, new, edit):
 
 
 def test_an_elastic_coupler_in_pymunk_is_off_by_the_square_of_its_links():
-    """An eighth of a turn with 6 and 12 links; moments and energies begin at zero and are left."""
+    """Errors with 6 and 12 links are compared, over an eighth of a turn of the crank.
+
+    Moments and energies are left out, since they begin at zero.
+    """
     case = load_case(shipped(f"{CRANK}.toml"))
     runs = {"dynamics": case.run["dynamics"].model_copy(update={"n": 10})}
     drives = (case.drive[0].model_copy(update={"to": np.pi / 4}),)
@@ -77,7 +81,8 @@ def test_an_elastic_coupler_in_pymunk_is_off_by_the_square_of_its_links():
         off.append({c.channel: c.error_max for c in found if c.unit not in ("J", "N m")})
     orders = {name: np.log2(off[0][name] / off[1][name]) for name in off[0]}
     assert len(orders) == 7
-    assert orders == pytest.approx(dict.fromkeys(orders, 2.0), abs=0.15)  # [refine] allows as much
+    # 0.15 is the tolerance of the order in [refine]
+    assert orders == pytest.approx(dict.fromkeys(orders, 2.0), abs=0.15)
 
 
 def test_a_motion_that_is_not_resolved_is_an_error_of_its_parameters(edit):
@@ -89,7 +94,10 @@ def test_a_motion_that_is_not_resolved_is_an_error_of_its_parameters(edit):
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.0])
 def test_a_coupler_starts_turning_as_a_whole(angle, tmp_path):
-    """Its pin has the rate of a rigid coupler from the key's rates, and its springs have none."""
+    """The first joint of a straight coupler starts with the rate of a rigid coupler.
+
+    The rate follows from the rates of the key; the springs start straight and without a rate.
+    """
     x = 0.25 * np.cos(angle) + np.sqrt(1.0 - (0.25 * np.sin(angle)) ** 2)
     turn = -np.arcsin(0.25 * np.sin(angle))
     rate = -6.0 * 0.25 * np.cos(angle) / np.cos(turn)
@@ -117,7 +125,10 @@ def test_a_coupler_starts_turning_as_a_whole(angle, tmp_path):
 
 
 def test_a_bent_coupler_starts_with_its_ends_at_the_slider(tmp_path):
-    """An arc that is 0.02 m longer than its supports are apart bends as slowly as it can."""
+    """The start rates of a bent coupler do not open its loop.
+
+    Its arc is 0.02 m longer than the distance of its supports; it bends with the smallest rates.
+    """
     file = tmp_path / "model.xml"
     text = shipped(f"{CRANK}.xml").read_text()
     file.write_text(text.replace('qvel="6 0"', 'qpos="0.7 -0.0922" qvel="6 -1"'))
@@ -157,7 +168,7 @@ HANGING = """<mujoco><compiler angle="radian"/>
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_drive_that_leaves_a_pendulum(engine, tmp_path):
-    """A pendulum on an arm that turns evenly, from the key's pose and rate, by its own equation."""
+    """A pendulum on an evenly turning arm follows its equation, from pose and rate of the key."""
     file = tmp_path / "model.xml"
     file.write_text(HANGING)
     t, length, inertia = np.linspace(0.0, 1.0, 11), 0.7, 0.49 + 1e-6

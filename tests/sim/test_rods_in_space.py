@@ -1,4 +1,4 @@
-"""Chains of rods in space: their order, their moments, wrong numbers, what cannot be run."""
+"""Tests of rods in space as chains of links: order, moments, wrong numbers, and refusals."""
 
 from functools import cache
 from shutil import copyfile
@@ -31,13 +31,13 @@ MODEL = """<mujoco><option gravity="0 0 0"/><worldbody><site name="clamp"/></wor
 
 
 def rod(segments: int, **others) -> Rod:
-    """A rod with three different stiffnesses, twisted and curved to both sides."""
+    """A rod with three different stiffnesses, naturally twisted and curved about two axes."""
     named = {**STIFF, "curvature": NATURAL, "load": WIND, **others}
     return Rod("rod", "clamp", None, LENGTH, segments=segments, ends=("clamped", "free"), **named)
 
 
 def rest(tmp_path, one: Rod, force=LOAD, parts=PARTS + MOMENTS):
-    """Curves of a rod at rest at its vertices' arc lengths."""
+    """Curves of a rod in equilibrium, at vertices and middles of its links."""
     file = tmp_path / "rod.xml"
     file.write_text(MODEL.format(*force))
     arcs = np.linspace(0.0, LENGTH, 2 * one.segments + 1)
@@ -47,7 +47,7 @@ def rest(tmp_path, one: Rod, force=LOAD, parts=PARTS + MOMENTS):
 
 
 def errors(tmp_path, segments: int, **others) -> dict[str, float]:
-    """Largest errors of all parts of a rod's shape."""
+    """The largest error of each channel of a rod's shape and moments."""
     curves = rest(tmp_path, rod(segments, **others))
     exact = reference(**{k: others[k] for k in ("axial", "shear") if k in others})
     every = (FINEST - 1) // (curves.x.size - 1)
@@ -58,12 +58,12 @@ def errors(tmp_path, segments: int, **others) -> dict[str, float]:
 
 
 FINEST = 33
-"""Vertices of sixteen links, among which are those of eight."""
+"""Number of samples along a rod of sixteen links, among which are those of eight."""
 
 
 @cache
 def reference(**strains: float) -> dict[str, np.ndarray]:
-    """The rod's shape and moments at these vertices."""
+    """Shape and moments of the rod at these samples, by the reference."""
     return solve(
         np.linspace(0.0, LENGTH, FINEST),
         length=LENGTH,
@@ -79,9 +79,9 @@ def reference(**strains: float) -> dict[str, np.ndarray]:
 def test_errors_fall_with_the_square_of_the_links(strains, tmp_path):
     one, two = (errors(tmp_path, n, **strains) for n in (8, 16))
     for name in PARTS[:3]:
-        # of second order; what is of fourth order changes the ratio by 14 % with eight links
+        # second order; terms of fourth order change the ratio by 14 % with eight links
         assert one[name] / two[name] == pytest.approx(4.0, rel=0.2), name
-    for name in PARTS[3:] + MOMENTS:  # they go up and down from link to link
+    for name in PARTS[3:] + MOMENTS:  # these errors alternate from link to link
         assert 2.8 < one[name] / two[name] < 6.0, name
     assert all(value < 0.05 for value in two.values())
 
@@ -97,7 +97,10 @@ def test_turns_in_one_order_all_along_are_of_first_order(tmp_path, monkeypatch):
 
 
 def test_moments_bear_what_is_beyond_them(tmp_path):
-    """The rest of the chain itself: a force at the tip and its lever, to Newton's last step."""
+    """In each hinge the moment has the size of the tip's force times its lever.
+
+    This is the equilibrium of the chain itself, exact to Newton's last step.
+    """
     one = rod(9, load=(0.0, 0.0, 0.0))
     curves = rest(tmp_path, one).channels
     place = np.stack([curves[f"rod.{name}"] for name in "xyz"], axis=1)
@@ -110,14 +113,15 @@ def test_moments_bear_what_is_beyond_them(tmp_path):
 
 
 def test_without_loads_a_chain_keeps_its_natural_shape(tmp_path):
-    """It is a helix: its links' ends lie evenly along an axis."""
+    """The natural shape is a helix, without moments; the key starts in it."""
     one = rod(12, load=(0.0, 0.0, 0.0), curvature=(0.9, 0.0, 1.5))
     curves = rest(tmp_path, one, force=(0.0, 0.0, 0.0)).channels
     for name in MOMENTS:
         np.testing.assert_allclose(curves[f"rod.{name}"], 0.0, atol=1e-12)
     exact = solve(np.linspace(0.0, LENGTH, 25), length=LENGTH, twist=0.9, curvature=1.5)
     for name in PARTS[:3]:
-        np.testing.assert_allclose(curves[f"rod.{name}"], exact[name], atol=5e-3)  # chords, h^2
+        # links are chords of the helix, which is an error in h^2
+        np.testing.assert_allclose(curves[f"rod.{name}"], exact[name], atol=5e-3)
     model = compile_model(tmp_path / "rod.xml", (one,))
     about = {hinge.name: hinge.rest for k in range(13) for hinge in chain(one).hinges(k)}
     assert model.njnt == len(about) == 36
@@ -129,7 +133,10 @@ def test_without_loads_a_chain_keeps_its_natural_shape(tmp_path):
 
 
 def test_either_side_bends_against_its_own_stiffness(tmp_path):
-    """Small loads: F L^3 / 3EI, less what a chain of twenty links lacks, 1/(4 n^2) of it."""
+    """Under small loads the deflection is F L^3 / 3EI.
+
+    A chain of n = 20 links lacks 1/(4 n^2) of it.
+    """
     straight = {"curvature": (0.0, 0.0, 0.0), "load": (0.0, 0.0, 0.0)}
     for axis, stiffness in ((1, STIFF["stiffness"]), (2, STIFF["stiffness_y"])):
         force = 1e-4 * np.eye(3)[axis]
@@ -139,7 +146,10 @@ def test_either_side_bends_against_its_own_stiffness(tmp_path):
 
 
 def test_a_wrong_stiffness_about_z_differs(edit):
-    """5 % of it, in the bend; the load of the coil hardly bends it about z."""
+    """A stiffness about z that is wrong by 5 % differs in `rod_bend`.
+
+    The load of the coil hardly bends it about z.
+    """
     edit("rod_bend.toml", r"(?s)\[refine\].*?\n\n", "")
     new = "stiffness = 8.75e5\nstiffness_y = 8.333e5"
     file = edit("rod_bend.toml", r"(?s)(\[rod.rod\].*?)stiffness = [^ \n]*", rf"\1{new}")
@@ -157,7 +167,10 @@ def test_a_wrong_stiffness_about_z_differs(edit):
     ],
 )
 def test_a_wrong_number_of_the_rod_differs(old, new, edit):
-    """By 6 to 20 %, or 1 and 2 per metre; the reference keeps its own.  Of one turn of the coil."""
+    """One turn of the coil has a number that is wrong by 6 to 20 %, or by 1 or 2 per metre.
+
+    The reference keeps the right numbers.
+    """
     edit("rod_coil.toml", r"(?s)\[refine\].*?\n\n", "")
     edit("rod_coil.toml", "length = 0.1263", "length = 0.06315")
     edit("rod_coil.toml", "segments = 60", "segments = 30")
@@ -198,7 +211,7 @@ def test_a_rod_in_space_cannot_hold_another(tmp_path):
 
 
 def test_a_program_has_the_rests_of_its_springs(tmp_path):
-    """It compiles to the numbers of the model, or is refused."""
+    """The MJCF of a program has the rest angles of the rod's springs."""
     file = tmp_path / "rod.xml"
     file.write_text(MODEL.format(*LOAD))
     root = ElementTree.parse(file).getroot()

@@ -1,4 +1,4 @@
-"""Loads of rods in both engines: along their length, and turning with their tips."""
+"""Tests of loads on rods, in both engines: distributed loads, and loads that follow the tips."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ FOLLOWER = '<motor name="follower" site="r.tip" gear="-1 4 0 0 0 0.2"/>'
 @EACH
 @pytest.mark.parametrize("strain", [None, 30.0])
 def test_a_chain_under_all_loads_at_once(engine, strain, tmp_path):
-    """Own weight, wind, dead and follower loads, against the balance of the links."""
+    """Weight, wind, dead and follower loads act together; the links' equilibrium is the reference."""
     file = model(
         tmp_path, actuators=pull("r.tip", 1.0, -0.5) + FOLLOWER, ctrl="1 1", gravity="0 -10 0"
     )
@@ -33,7 +33,7 @@ def test_a_chain_under_all_loads_at_once(engine, strain, tmp_path):
     )
     found = rest(engine, file, (rod,), (*PLACES, "r.angle"), samples=13).channels
     at = found["r.x"] + 1j * found["r.y"]
-    # both engines end where nothing moves by 1e-12 of the model
+    # both engines end where nothing moves by more than 1e-12 of the model
     np.testing.assert_allclose(at[1::2], ends[:-1], rtol=0, atol=1e-11)
     np.testing.assert_allclose(at[-1], ends[-1], rtol=0, atol=1e-11)
     np.testing.assert_allclose(found["r.angle"][2::2], angles[1:], rtol=0, atol=1e-10)
@@ -41,7 +41,7 @@ def test_a_chain_under_all_loads_at_once(engine, strain, tmp_path):
 
 @EACH
 def test_wind_does_what_the_same_weight_does(engine, tmp_path):
-    """A load per length, or gravity on a mass; on a rod that is pinned at its far end."""
+    """A load per length has the same effect as gravity on a mass, for a rod with a pinned end."""
     held = Rod("r", "ground", "far", 1.0, 1.0, 8, ("clamped", "pinned"), mass=0.5, turn=1.0)
     far = '<site name="far" pos="0.9 0.1 0"/>'
     heavy, windy = (
@@ -81,7 +81,10 @@ def test_a_load_in_the_frame_of_another_body_is_refused_by_pymunk(tmp_path):
     ],
 )
 def test_another_load_is_noticed(name, old, new, edit):
-    """1 to 4 % of it in MuJoCo; none at all, or a dead one for one that follows, in pymunk."""
+    """A load that is wrong by 1 to 4 % differs in MuJoCo.
+
+    A missing load, and a dead load instead of a follower load, differ in pymunk.
+    """
     sidecar = edit(name, old, new).with_suffix(".toml")
     solver = "pymunk" if new == "" or "refsite" in new else "mujoco"
     edit(sidecar.name, '"mujoco", "pymunk"', f'"{solver}"')
@@ -105,7 +108,10 @@ def test_no_such_load_is_an_error_of_its_key(value, words, edit):
 
 
 def test_a_motor_that_pushes_a_straight_rod_over_is_not_called_stable(tmp_path):
-    """MuJoCo asks for a positive stiffness, which a push of 30 along the tip does not leave."""
+    """MuJoCo requires a positive definite stiffness.
+
+    A follower force of 30 N along the tip leaves none.
+    """
     file = model(tmp_path, actuators=FOLLOWER.replace("-1 4 0 0 0 0.2", "-30 0 0 0 0 0"), ctrl="1")
     with pytest.raises(BadModel, match="unstable equilibrium"):
         rest("mujoco", file, (replace(ROD, turn=0.0),), PLACES)

@@ -1,4 +1,5 @@
-"""Three rods on a platform in both engines: 3RFR at rest, 3PFR driven, rigid ends; wrong models."""
+"""Tests of three rods on a platform, in both engines: 3RFR in equilibrium, 3PFR driven, rigid ends,
+wrong models."""
 
 import json
 from dataclasses import replace
@@ -31,7 +32,7 @@ EACH = pytest.mark.parametrize("engine", ENGINES)
 MOTORS = tuple(np.radians(DATA["rfr3"]["inputs_deg"]).tolist())
 PLACE = "platform.x", "platform.y", "phi"
 HOLDS = "moment1", "moment2", "moment3"
-POSE = "0.0165 0.0206 1.2"  # of the platform, in the key
+POSE = "0.0165 0.0206 1.2"  # of the platform in the key, x [m], y [m], angle [rad]
 KEYS = {
     "S1": (POSE, (-0.53, -0.94, -1.05)),
     "S2": ("0.0068 0.0111 -1.39", (-0.2, -0.61, -0.68)),
@@ -39,7 +40,10 @@ KEYS = {
 
 
 def at_rest(engine: str, name: str, segments: int, folder: Path):
-    """A solution of Table 8 in an engine, from the platform's pose and the turns of its rods."""
+    """Curves of an engine in an equilibrium of Table 8 of Pérez Gámiz 2018.
+
+    A pose of the platform and turns of the rods choose it.
+    """
     case, (pose, turns) = load_case(shipped("rfr3.toml")), KEYS[name]
     text, model = case.model_path.read_text(), folder / "rfr3.xml"
     assert POSE in text
@@ -55,7 +59,7 @@ def at_rest(engine: str, name: str, segments: int, folder: Path):
 
 @cache
 def of_rods(name: str) -> RodState:
-    """The same of rods, solved from the recomputed digits."""
+    """The same equilibrium of rods, solved from the recomputed digits."""
     row = DATA["rfr3"]["recomputed"][list(KEYS).index(name)]
     return solve_direct(
         state(
@@ -81,20 +85,20 @@ def of_rods(name: str) -> RodState:
     ],
 )
 def test_both_solutions_of_table_8_rest(engine, name, segments, tmp_path):
-    """Where the chains' equations have them, and where another computation has."""
+    """Both equilibria of Table 8 are those of the chains' equations, and of another computation."""
     found = at_rest(engine, name, segments, tmp_path)
     s = of_rods(name)
     shapes = [lambda arc, k=k: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
     own = settle(s.assembly, s.inputs, seed=shapes, segments=segments, force=[0.0, 0.5])
     values = [found[channel][0] for channel in (*PLACE, *HOLDS, "energy")]
-    # both engines rest to 1e-12 of the model, over the platform's softness
+    # both engines end within 1e-12 of the equilibrium, magnified by the platform's softness
     np.testing.assert_allclose(
         values, [*own.pose, *-own.root_moment, own.energy], rtol=0, atol=1e-10
     )
     for k, rod in enumerate(("left", "right", "top")):
         np.testing.assert_allclose(found[f"{rod}.angle"][1:], own.angle[k], rtol=0, atol=1e-10)
     row = CHAINS[name]["half"][str(segments)]
-    assert values[:2] == pytest.approx(row[:2], abs=5.1e-7)  # its digits
+    assert values[:2] == pytest.approx(row[:2], abs=5.1e-7)  # digits of that computation
     assert np.degrees(values[2]) == pytest.approx(row[2], abs=5.1e-5)
 
 
@@ -104,12 +108,12 @@ def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
     s = of_rods(name)
     limit = [(4 * fine[c][0] - coarse[c][0]) / 3 for c in (*PLACE, *HOLDS, "energy")]
     exact = [*s.pose, *-s.moment, s.energy.sum()]
-    np.testing.assert_allclose(limit, exact, rtol=0, atol=5e-6)  # what h^4 leaves
+    np.testing.assert_allclose(limit, exact, rtol=0, atol=5e-6)  # terms in h^4
 
 
 @EACH
 def test_sliders_lead_the_platform(engine):
-    """Samples of the driven case, against the chains' equilibria followed from arcs of circles."""
+    """Samples of the case `pfr3` are equilibria of chains, followed from initial arcs of circles."""
     case = load_case(shipped("pfr3.toml"))
     run = plan_run(case, "sweep", engine)
     run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])
@@ -126,7 +130,8 @@ def test_sliders_lead_the_platform(engine):
         seed = own.angle
         values = [found[channel][k] for channel in (*PLACE, "force1", "force2", "force3", "energy")]
         wanted = [*own.pose, *-(own.force * guides).sum(axis=-1), own.energy]
-        # rest to 1e-12, softness; pymunk's forces: rounding of a gap over a step's square, mass
+        # equilibrium to 1e-12 of the model, magnified by its softness; in pymunk's forces also
+        # rounding of a constraint violation, times mass over the square of a step
         np.testing.assert_allclose(values, wanted, rtol=0, atol=5e-9)
 
 
@@ -141,7 +146,10 @@ PLATFORM = """<body name="along"><joint name="x" type="slide" axis="1 0 0"/><geo
 
 
 def test_rigid_ends_and_the_start_pose_of_the_program(tmp_path):
-    """Rods clamped into rigid ends that are pinned to the platform: no force along the guides."""
+    """Rods are clamped into rigid ends, which are pinned to the platform.
+
+    In the start pose of Pérez Gámiz's program no force acts along the guides.
+    """
     row, turns = DATA["pfr3"]["recomputed"][0], np.radians([0.0, 120.0, -120.0])
     out = np.radians([-150.0, -30.0, 90.0])
     ends = "".join(END.format(k, 0.2 * np.cos(a), 0.2 * np.sin(a)) for k, a in enumerate(out))
@@ -169,20 +177,20 @@ def test_rigid_ends_and_the_start_pose_of_the_program(tmp_path):
         found.append(np.array([curves[name][0] for name in names]))
         assert np.ptp(found[-1][1:]) < 1e-11
     limit = (4 * found[1] - found[0]) / 3
-    assert np.degrees(limit[0]) == pytest.approx(60.0, abs=1e-4)  # seven digits of the slide
+    assert np.degrees(limit[0]) == pytest.approx(60.0, abs=1e-4)  # the slide has seven digits
     assert abs(found[0][1]) > 1e-5
-    assert np.abs(limit[1:]).max() < 5e-8  # N; the same, and h^4
+    assert np.abs(limit[1:]).max() < 5e-8  # [N] digits of the slide, and terms in h^4
 
 
 def quick(edit, name: str) -> Path:
-    """The case in MuJoCo alone, a sweep at its ends and in the middle."""
+    """The case in MuJoCo alone; a sweep has three samples, its ends and its middle."""
     if name == "pfr3":
         edit("pfr3.toml", "n = 9", "n = 3")
     return edit(f"{name}.toml", r'solvers = \["mujoco", "pymunk"\]', 'solvers = ["mujoco"]')
 
 
 def judged(sidecar: Path) -> list[Comparison]:
-    """The only run of a case in MuJoCo."""
+    """The comparisons of the only run of a case, in MuJoCo."""
     case = load_case(sidecar)
     (kind,) = case.run
     return compare(case, kind, "mujoco", solve_here(case, kind, "mujoco"), detectable=False)
@@ -218,7 +226,7 @@ def test_a_wrong_mechanism_differs(file, old, new, edit):
     name = file.partition(".")[0]
     sidecar = quick(edit, name)
     edit(file, old, new)
-    if new == "3.16 -1.047":  # the motor that is held there
+    if new == "3.16 -1.047":  # the drive keeps the motor at the angle of the key
         edit(
             "rfr3.toml",
             "from = 3.141592653589793\nto = 3.141592653589793",
@@ -228,21 +236,24 @@ def test_a_wrong_mechanism_differs(file, old, new, edit):
 
 
 def mirror(edit, name: str, half: float) -> Path:
-    """The first two pins of the platform in each other's place, and MuJoCo alone."""
+    """The case with the first two pins of the platform exchanged, in MuJoCo alone."""
     edit(f"{name}.xml", rf'name="pin1" pos="-{half}', f'name="pin1" pos="+{half}')
     edit(f"{name}.xml", rf'name="pin2" pos="{half}', f'name="pin2" pos="-{half}')
     return quick(edit, name)
 
 
 def test_a_mirrored_platform_is_refused(edit):
-    """The rods of Table 8 do not reach its pins."""
+    """The rods of Table 8 do not reach the pins of a mirrored platform."""
     found = check([mirror(edit, "rfr3", 0.1)])
     assert found.exit_code == 2
     assert "its supports are 1.139" in str(found.errors[0])
 
 
 def test_a_mirrored_platform_differs(edit):
-    """Assembled in a root that the program accepts: another equilibrium, or none that stands."""
+    """A mirrored platform starts in a root that Pérez Gámiz's program accepts.
+
+    There it is in another equilibrium.
+    """
     row = next(np.array(row["pins"]) for row in DATA["pfr3_closures"]["pins"] if row["mirrored"])
     (x, y), side = row.mean(axis=0), row[0] - row[1]
     edit("pfr3.xml", "0.0022 -0.0016 1.744", f"{x} {y} {np.arctan2(side[1], side[0])}")
@@ -251,18 +262,18 @@ def test_a_mirrored_platform_differs(edit):
 
 
 def test_the_misprinted_angle_does_not_agree(edit):
-    """theta2 = 0 as printed: the rods come to rest elsewhere, or nowhere."""
+    """With theta2 = 0, as printed, the equilibrium is another one."""
     sidecar = quick(edit, "rfr3")
     edit("rfr3.toml", "from = 3.141592653589793\nto = 3.141592653589793", "from = 0.0\nto = 0.0")
     assert {c.outcome for c in judged(sidecar) if c.channel == "phi"} == {"differs"}
 
 
 def test_another_equilibrium_is_named(edit):
-    """The start pose of a sweep is that of mode 2, the sidecar has mode 1."""
+    """A start pose of mode 2 is refused if the sidecar states mode 1."""
     file = edit("pfr3.xml", "0.0022 -0.0016 1.744", "0.0158 -0.0081 -1.388")
     for turn, other in ((0.41, 1.30), (0.47, 1.41), (0.42, 1.26)):
         edit("pfr3.toml", f"turn = {turn}", f"turn = {other}")
-    edit("pfr3.toml", "segments = 10", "segments = 40")  # or what is left of h^2 hides it
+    edit("pfr3.toml", "segments = 10", "segments = 40")  # with 10 links, errors in h^2 hide it
     edit("pfr3.toml", "n = 9", "n = 3")
     case = load_case(file.with_suffix(".toml"))
     curves = solve_here(case, "sweep", "mujoco")
@@ -271,7 +282,7 @@ def test_another_equilibrium_is_named(edit):
 
 
 def test_what_a_comparison_can_detect():
-    """Small changes of every parameter that is a length, an angle or a stiffness."""
+    """Changes below 0.02 of every length, angle, stiffness and load are detectable."""
     case = load_case(shipped("rfr3.toml"))
     found = compare(case, "equilibrium", "mujoco", solve_here(case, "equilibrium", "mujoco"))
     least: dict[str, float] = {}

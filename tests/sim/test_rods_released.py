@@ -1,4 +1,4 @@
-"""A rod in motion: a cantilever with mass along it, let go from a small arc, in both engines."""
+"""Tests of a cantilever with distributed mass that is released from a small arc, in both engines."""
 
 from pathlib import Path
 
@@ -15,22 +15,22 @@ SENSORS = (
     '<framepos name="tip" objtype="site" objname="r.tip"/>'
     '<e_kinetic name="kinetic"/><e_potential name="potential"/>'
 )
-TURN = 1e-3  # small: what is of third order is 1e-9
+TURN = 1e-3  # [rad] of the arc; terms of third order are 1e-9
 
 
 def rod(n: int) -> Rod:
-    """L = EI = m = 1."""
+    """A rod with L = 1 m, EI = 1 N m^2 and a mass of 1 kg."""
     return Rod("r", "ground", None, 1.0, 1.0, n, ("clamped", "free"), mass=1.0, turn=TURN)
 
 
 def roots(count: int) -> np.ndarray:
-    """beta L of a clamped-free beam: cos(b) cosh(b) = -1, the first 1.8751."""
+    """The first values of beta L of a clamped-free beam: cos(b) cosh(b) = -1, b = 1.8751, ..."""
     about = np.pi * (np.arange(count) + 0.5)
     return np.array([brentq(lambda b: np.cos(b) + 1 / np.cosh(b), a - 0.4, a + 0.4) for a in about])
 
 
 def tip(t: np.ndarray, count: int = 8) -> np.ndarray:
-    """Euler and Bernoulli's tip, let go from y = TURN s^2/2, by its modes.
+    """Deflection of an Euler-Bernoulli beam's tip, released from y = TURN s^2/2, by its modes.
 
     A mode phi of unit mass has q = int phi y0 = TURN phi'(L)/beta^4, since EI phi'''' = omega^2 phi
     and y0'' is constant.
@@ -43,13 +43,20 @@ def tip(t: np.ndarray, count: int = 8) -> np.ndarray:
 
 
 def test_the_modes_begin_with_the_arc():
-    """Terms are 4/beta^3 with beta = pi (k - 1/2): what is left out of eleven is 2/(11^2 pi^3)."""
+    """The sum of modes at time zero is the deflection of the arc.
+
+    Terms are 4/beta^3 with beta = pi (k - 1/2): the sum of those after the eleventh is
+    2/(11^2 pi^3).
+    """
     rest = 2.0 * TURN / (11.0**2 * np.pi**3)
     assert tip(np.zeros(1), 11)[0] == pytest.approx(TURN / 2.0 - rest, abs=0.01 * rest)
 
 
 def test_frequencies_of_the_chain(tmp_path):
-    """Of MuJoCo's own masses and springs: order 2 towards 1.8751^2 and the next two."""
+    """Frequencies from MuJoCo's masses and springs converge with order 2.
+
+    Their limits are 1.8751^2 and the next two of the beam.
+    """
     errors = []
     for n in (10, 20, 40):
         found = compile_model(model(tmp_path), [rod(n)])
@@ -60,12 +67,12 @@ def test_frequencies_of_the_chain(tmp_path):
         squares = np.linalg.eigvals(np.linalg.solve(mass, np.diag(found.jnt_stiffness)))
         errors.append(np.sqrt(np.sort(squares.real)[:3]) / roots(3) ** 2 - 1.0)
     orders = np.log2(np.abs(errors[0]) / np.abs(errors[1])), np.log2(np.abs(errors[1] / errors[2]))
-    np.testing.assert_allclose(orders, 2.0, atol=0.15)  # what h^4 adds in the third mode
+    np.testing.assert_allclose(orders, 2.0, atol=0.15)  # terms in h^4 in the third mode
     assert np.abs(errors[2][0]) < 1e-3
 
 
 def released(engine: str, folder: Path, n: int, step: float) -> tuple[float, float]:
-    """Largest error of the tip, of TURN, and largest change of the energy, of that at the start."""
+    """Largest error of the tip over `TURN`, and largest change of energy over that at the start."""
     t, channels = np.linspace(0.0, 1.0, 21), ("tip.y", "kinetic", "potential")
     run = Run("dynamics", t, channels, settings={"timestep": step}, rods=(rod(n),))
     found = ENGINES[engine](model(folder, sensors=SENSORS), run).channels
@@ -76,11 +83,14 @@ def released(engine: str, folder: Path, n: int, step: float) -> tuple[float, flo
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_released_cantilever(engine, tmp_path):
-    """Its tip falls in with that of the beam by order 2 in the number of links; energy stays."""
+    """The tip converges to that of the beam with order 2 in the number of links.
+
+    The change of energy falls with the time step.
+    """
     (coarse, lost), (fine, _), (_, less) = (
         released(engine, tmp_path, n, step) for n, step in ((4, 2e-4), (8, 2e-4), (4, 1e-4))
     )
-    # modes beside the first lose their phase: a share of what h^2 says of them
+    # higher modes lose their phase, so that their errors are smaller than h^2 predicts
     assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.4)
     assert lost < 2e-2
-    assert lost / less > 1.7  # both engines are of first order in the time step, or of second
+    assert lost / less > 1.7  # the engines are of first or second order in the time step

@@ -1,4 +1,4 @@
-"""Rods that stretch and shear in both engines: their chains, what notices their stiffnesses."""
+"""Tests of rods that stretch and shear, in both engines: their chains, and wrong stiffnesses."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ STRAINS = {"both": (40.0, 20.0), "axial": (40.0, None), "shear": (None, 20.0)}
 
 
 def rod(n: int, strain: str = "both", scheme: str = "half", mass: float | None = None) -> Rod:
-    """L = EI = 1, clamped at the ground."""
+    """A rod with L = 1 m and EI = 1 N m^2, clamped at the ground, with some of the `STRAINS`."""
     ends = ("clamped", "free")
     return Rod("r", "ground", None, 1.0, 1.0, n, ends, scheme, mass, 1.0, *STRAINS[strain])
 
@@ -28,7 +28,7 @@ def rod(n: int, strain: str = "both", scheme: str = "half", mass: float | None =
 @pytest.mark.parametrize("strain", STRAINS)
 @pytest.mark.parametrize("scheme", ["half", "double"])
 def test_a_strained_cantilever_rests_where_its_chain_does(engine, strain, scheme, tmp_path):
-    """Angles and ends of all links, with a force, a moment and a weight, against their balance."""
+    """Angles and ends of all links equal their own equilibrium, under a force and a moment."""
     file = model(tmp_path, actuators=pull("r.tip", -2.0, 5.0, 0, 0, 0, 0.3), ctrl="1")
     one = chain(rod(6, strain, scheme))
     axial, shear = (np.inf if value is None else value for value in STRAINS[strain])
@@ -37,7 +37,7 @@ def test_a_strained_cantilever_rests_where_its_chain_does(engine, strain, scheme
     tips = slice(1, None, 2) if scheme == "half" else slice(2, None, 2)
     middles = slice(2, None, 2) if scheme == "half" else slice(1, None, 2)
     at = found["r.x"] + 1j * found["r.y"]
-    # both engines end where nothing moves by 1e-12 of the model
+    # both engines end where nothing moves by more than 1e-12 of the model
     np.testing.assert_allclose(at[tips], ends[: at[tips].size], rtol=0, atol=1e-11)
     np.testing.assert_allclose(at[-1], ends[-1], rtol=0, atol=1e-11)
     np.testing.assert_allclose(found["r.angle"][middles], angles[-6:], rtol=0, atol=1e-10)
@@ -46,18 +46,24 @@ def test_a_strained_cantilever_rests_where_its_chain_does(engine, strain, scheme
 @EACH
 @pytest.mark.parametrize("strain", STRAINS)
 def test_order_under_its_own_weight(engine, strain, tmp_path):
-    """Loads on the body between two slides cancel: tips fall in with order 2, as without slides."""
+    """The tip converges with order 2, as without slides.
+
+    Loads on the body between two slides cancel.
+    """
     file = model(tmp_path, gravity="0 -10 0")
     tips = []
     for n in (4, 8, 16):
         found = rest(engine, file, (rod(n, strain, mass=0.6),), PLACES).channels
         tips.append(found["r.x"][-1] + 1j * found["r.y"][-1])
     first, second = np.abs(np.diff(tips))
-    assert np.log2(first / second) == pytest.approx(2.0, abs=0.15)  # what h^4 adds with four links
+    assert np.log2(first / second) == pytest.approx(2.0, abs=0.15)  # terms in h^4 with four links
 
 
 def test_slides_alternate_and_share_mass_and_inertia(tmp_path):
-    """A link with slides weighs and turns as the same link without them."""
+    """A link with slides has the mass and inertia of the same link without them.
+
+    The order of the two slides alternates from link to link.
+    """
     file = model(tmp_path)
     rigid = replace(rod(4, mass=2.0), axial=None, shear=None)
     plain, strained = (compile_model(file, [one]) for one in (rigid, rod(4, mass=2.0)))
@@ -75,10 +81,11 @@ def test_slides_alternate_and_share_mass_and_inertia(tmp_path):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_clamp_at_the_far_end_and_sites_in_the_middle(engine, tmp_path):
-    """An S between two clamps is symmetric about its middle, also where it stretches and shears."""
+    """An S between two clamps is symmetric about its middle, with stretch and shear."""
     far = '<site name="far" pos="0.9 0.3 0"/>'
     sensor = '<framepos name="middle" objtype="site" objname="r.middle"/>'
-    for n, off in ((8, 2e-2), (9, 1e-11)):  # 8: within a link, off by half of its strain
+    # with 8 links the middle is inside a link: its site is off by half of the link's strain
+    for n, off in ((8, 2e-2), (9, 1e-11)):
         held = Rod("r", "ground", "far", 1.0, 1.0, n, ("clamped", "clamped"), axial=9.0, shear=9.0)
         file = model(tmp_path, far, sensors=sensor)
         names = (*PLACES, "middle.x", "middle.y")
@@ -98,7 +105,7 @@ def test_a_clamp_at_the_far_end_and_sites_in_the_middle(engine, tmp_path):
     ],
 )
 def test_another_stiffness_of_the_rod_is_noticed(old, new, edit):
-    """5 % of it, or none at all; the reference keeps its own."""
+    """The rod's stiffness is wrong by 5 % or missing; the reference keeps the right one."""
     edit("rod_sheared.toml", r"(?s)\[refine\].*?\n\n", "")
     edit("rod_sheared.toml", r'"mujoco", "pymunk"', '"mujoco"')
     file = edit("rod_sheared.toml", rf"(?s)(\[rod.rod\].*?){old}", rf"\1{new}")

@@ -1,4 +1,4 @@
-"""Rods that are straight, or taut, between their supports, in both engines."""
+"""Tests of rods that are straight or taut between their supports, in both engines."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,10 @@ ENDS = [("clamped", "pinned"), ("pinned", "pinned"), ("clamped", "clamped")]
 @pytest.mark.parametrize("ends", ENDS)
 @pytest.mark.parametrize("length", [1.0, 0.9])
 def test_both_engines_sag_alike_and_symmetrically(ends, length, tmp_path):
-    """A taut rod sags less than a straight one; rods with equal ends are symmetric."""
+    """Rods under a distributed load have the same shape in both engines.
+
+    A taut rod sags less than a straight one, and rods with equal ends are symmetric.
+    """
     file = model(tmp_path, FAR)
     rod = Rod("r", "ground", "far", length, 0.1, 8, ends, axial=40.0, load=(0.0, -3.0, 0.0))
     found = {
@@ -38,13 +41,14 @@ def test_links_start_stretched_and_straight(tmp_path):
     found = compile_model(model(tmp_path, FAR), [rod])
     values = {found.joint(j).name: v for j, v in enumerate(found.key_qpos[0])}
     stretched = [values[f"r.{k}.x"] for k in range(5)]
-    assert stretched == pytest.approx([0.0125, 0.025, 0.025, 0.025, 0.0125])  # a ninth of each
+    # each link is stretched by a ninth of its length
+    assert stretched == pytest.approx([0.0125, 0.025, 0.025, 0.025, 0.0125])
     assert [values[f"r.{k}"] for k in range(1, 5)] == [0.0] * 4
 
 
 @pytest.mark.parametrize("length", [1.0, 0.9])
 def test_a_straight_rod_that_does_not_stretch_is_refused(length, tmp_path):
-    """Both engines would look for the force of a rod that cannot give way."""
+    """Both engines refuse it: the axial force of a straight rod without stretch is not determined."""
     rod = Rod("r", "ground", "far", length, 0.1, 8, ("clamped", "pinned"))
     for engine in ENGINES:
         with pytest.raises(BadRod, match=r"length.*must be longer, or stretch: axial = EA \[N\]"):

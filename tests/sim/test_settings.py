@@ -1,4 +1,4 @@
-"""Settings of engines are checked before anything runs: bad ones are named, with their key."""
+"""Tests of engine settings: bad ones are refused with their key before anything runs."""
 
 import mujoco
 import numpy as np
@@ -104,7 +104,7 @@ def fallen(model):
     ],
 )
 def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, there):
-    """And they act: without them the body is elsewhere."""
+    """A setting gives the same motion as the MJCF's attribute, and another one than without it."""
     plain = ' solver="CG" iterations="2"' if "CG" in option else ""
     read, own = scene(option, flag, **there), scene(plain, **there)
     before = fallen(own)

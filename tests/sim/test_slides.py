@@ -1,4 +1,4 @@
-"""Slides: driven ones in both engines against the inverse closed form, and stops."""
+"""Tests of slides: driven slides in both engines against an inverse closed form, and stops."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def there_and_back(t):
 
 
 def crank_angle(x):
-    """Crank angle of a slider position, by the triangle crank axis, crank pin, slider pin."""
+    """Crank angle [rad] of a slider position, from the triangle crank axis, crank pin, slider pin."""
     reach = np.hypot(x, OFFSET)
     inner = np.arccos((CRANK**2 + reach**2 - COUPLER**2) / (2 * CRANK * reach))
     return np.arctan2(OFFSET, x) - inner
@@ -50,13 +50,13 @@ def test_a_driven_slide_is_second_order_in_pymunk():
         curves = with_pymunk.simulate(HACKSAW, run_of("dynamics", dt))
         errors.append(np.abs(curves.channels["theta2"] - crank_angle(curves.drive[0])).max())
     assert errors[1] < 1e-4
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2)  # higher terms
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2)  # terms of higher order
 
 
 def test_a_driven_slide_in_mujoco_is_as_good_as_its_soft_loops():
     curves = with_mujoco.simulate(HACKSAW, run_of("dynamics"))
     error = np.abs(curves.channels["theta2"] - crank_angle(curves.drive[0])).max()
-    assert error < 1e-5  # gap over arm
+    assert error < 1e-5  # constraint violation divided by the lever arm
 
 
 SLIDER = """<mujoco><option gravity="0 -9.81 0" timestep="1e-3"><flag contact="disable"/></option>
@@ -73,8 +73,9 @@ def test_a_slide_falls_freely_to_its_stop_and_rests_there(tmp_path):
     curves = with_pymunk.simulate(file, Run("dynamics", np.linspace(0, 2, 201), ("drop",)))
     drop, hit = curves.channels["drop"], np.sqrt(2 * 0.5 / 9.81)
     free = curves.x < hit - 0.01
-    np.testing.assert_allclose(drop[free], -9.81 / 2 * curves.x[free] ** 2, atol=1e-6)  # dt^2
-    # the stop gives way by g dt^2 over the share of a gap that it closes in a step
+    # the error is proportional to dt^2
+    np.testing.assert_allclose(drop[free], -9.81 / 2 * curves.x[free] ** 2, atol=1e-6)
+    # the block enters the stop by g dt^2 over the share of a violation that a step corrects
     assert drop[-1] == pytest.approx(-0.5, abs=1e-3)
 
 
@@ -93,7 +94,7 @@ def test_a_driven_slide_that_rides_on_another_leaves_it_at_rest(tmp_path):
 
 
 def test_a_driven_slide_carries_only_what_acts_along_it(tmp_path):
-    """Block of 2 kg on an incline of 30 degrees, with its centre beside the guide."""
+    """A block of 2 kg rests on an incline of 30 degrees; its centre of mass is off the guide."""
     file = tmp_path / "incline.xml"
     file.write_text("""<mujoco><option gravity="0 -9.81 0"/><worldbody><body euler="0 0 30">
       <joint name="s" type="slide" axis="1 0 0"/>
