@@ -272,7 +272,7 @@ def test_mujocos_own_friction_creeps(soft, rate):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_drive_that_rubs_leaves_the_rest_of_springs_as_it_is(engine, edit, models):
-    """Friction of 2 N in the driven joint adds 2 N to the drive's force and changes nothing more."""
+    """Friction of 2 N in a driven joint adds 2 N to its force and changes no other curve."""
     case = load_case(models / "springs_parallel.toml")
     smooth = solve_here(case, "sweep", engine).channels
     edit("springs_parallel.xml", '<joint name="handle"', '<joint name="handle" frictionloss="2"')

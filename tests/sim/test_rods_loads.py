@@ -21,7 +21,7 @@ FOLLOWER = '<motor name="follower" site="r.tip" gear="-1 4 0 0 0 0.2"/>'
 @EACH
 @pytest.mark.parametrize("strain", [None, 30.0])
 def test_a_chain_under_all_loads_at_once(engine, strain, tmp_path):
-    """Weight, wind, dead and follower loads act together; the links' equilibrium is the reference."""
+    """Under weight, wind, dead and follower loads together, the links are in equilibrium."""
     file = model(
         tmp_path, actuators=pull("r.tip", 1.0, -0.5) + FOLLOWER, ctrl="1 1", gravity="0 -10 0"
     )

@@ -113,7 +113,7 @@ def test_the_limit_of_many_links_is_the_rods(name, tmp_path):
 
 @EACH
 def test_sliders_lead_the_platform(engine):
-    """Samples of the case `pfr3` are equilibria of chains, followed from initial arcs of circles."""
+    """Samples of the case `pfr3` are equilibria of chains, followed from arcs of circles."""
     case = load_case(shipped("pfr3.toml"))
     run = plan_run(case, "sweep", engine)
     run = replace(run, x=run.x[:: 4 if engine == "pymunk" else 2])

@@ -1,4 +1,4 @@
-"""Tests of a cantilever with distributed mass that is released from a small arc, in both engines."""
+"""Tests of a cantilever with distributed mass, released from a small arc, in both engines."""
 
 from pathlib import Path
 

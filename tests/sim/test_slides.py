@@ -20,7 +20,7 @@ def there_and_back(t):
 
 
 def crank_angle(x):
-    """Crank angle [rad] of a slider position, from the triangle crank axis, crank pin, slider pin."""
+    """Crank angle [rad] of a slider position, from the triangle of crank axis and both pins."""
     reach = np.hypot(x, OFFSET)
     inner = np.arccos((CRANK**2 + reach**2 - COUPLER**2) / (2 * CRANK * reach))
     return np.arctan2(OFFSET, x) - inner

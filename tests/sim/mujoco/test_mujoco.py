@@ -1,4 +1,4 @@
-"""Laws of the MuJoCo side: assembly, virtual work, convergence and its error floor, failed runs."""
+"""Tests of runs in MuJoCo: assembly, holding moments, convergence, error floors, failed runs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from tests.shipped import shipped
 
 
 def worst(name: str, kind: str, units: tuple[str, ...], **settings) -> float:
-    """Largest error over the range, of the channels in those units."""
+    """The largest error of all channels in these units, each as a share of its range."""
     case = load_case(shipped(f"{name}.toml"))
     curves = simulate(case.model_path, replace(plan_run(case, kind, "mujoco"), settings=settings))
     truth = evaluate(case, kind, curves.x, curves.drive)
@@ -32,19 +32,20 @@ EVERYTHING = ("m", "rad", "m/s", "rad/s", "m/s^2", "rad/s^2", "N m")
 
 @pytest.mark.parametrize("name", ["fourbar", "fourbar_crossed", "hacksaw"])
 def test_sweep_is_the_closed_form_to_rounding(name):
-    # poses and the inverse of their rows are closed to rounding: at worst 8 eps of the range, in
-    # an acceleration; rates by the rows of the last Newton step but one were 400 to 700 eps off
+    # poses and the inverse of their constraint rows are exact to rounding: the largest error, of an
+    # acceleration, is 8 eps of the range; rates by the rows of the last Newton step but one would
+    # have errors of 400 to 700 eps
     assert worst(name, "sweep", EVERYTHING) < 1e-14
 
 
 @pytest.mark.parametrize("samples", [63, 75, 83, 107])
 def test_a_stride_that_ends_on_a_change_point_is_taken_with_the_next(samples):
-    """Half of these sample widths is a stride, and one of its ends is pi or 3 pi."""
+    """With these numbers of samples a stride is half of the spacing, and one ends at pi or 3 pi."""
     case = load_case(shipped("change_point.toml"))
     run = plan_run(case, "sweep", "mujoco")
     curves = simulate(case.model_path, replace(run, x=np.linspace(0, 4 * np.pi, samples)))
     truth = evaluate(case, "sweep", curves.x, curves.drive)
-    for name in ("rocker", "coupler.angle"):  # rounding over the sine of 0.06
+    for name in ("rocker", "coupler.angle"):  # rounding divided by the sine of 0.06 rad
         assert np.abs(curves.channels[name] - truth.channels[name]).max() < 1e-12
 
 
@@ -52,8 +53,9 @@ def test_softness_is_a_wall_that_no_smaller_step_lowers():
     coarse = worst("hacksaw", "dynamics", POSITION, timestep=1e-3, solref=(0.02, 1.0))
     fine = worst("hacksaw", "dynamics", POSITION, timestep=2.5e-4, solref=(0.02, 1.0))
     stiff = worst("hacksaw", "dynamics", POSITION, timestep=2.5e-4, solref=(0.01, 1.0))
-    assert fine == pytest.approx(coarse, rel=0.05)  # the step is not what limits
-    assert fine / stiff == pytest.approx(4, rel=0.1)  # the loop's gap goes with solref squared
+    assert fine == pytest.approx(coarse, rel=0.05)  # the step does not limit the error
+    # the constraint violation of the loop is proportional to the square of solref
+    assert fine / stiff == pytest.approx(4, rel=0.1)
 
 
 def test_stiff_loops_cost_accelerations_with_the_fourth_power_of_step_over_solref():
@@ -62,9 +64,10 @@ def test_stiff_loops_cost_accelerations_with_the_fourth_power_of_step_over_solre
         worst("hacksaw", "dynamics", acceleration, timestep=1e-3, solref=(k * 1e-3, 1.0))
         for k in (5, 7)
     )
-    assert np.log(stiff / soft) / np.log(7 / 5) == pytest.approx(4, abs=0.5)  # softness adds
+    # the softness of the loops adds to the error
+    assert np.log(stiff / soft) / np.log(7 / 5) == pytest.approx(4, abs=0.5)
     finer = worst("hacksaw", "dynamics", acceleration, timestep=2.5e-4, solref=(5 * 2.5e-4, 1.0))
-    assert finer == pytest.approx(stiff, rel=0.1)  # the ratio counts, not the step
+    assert finer == pytest.approx(stiff, rel=0.1)  # the error depends on the ratio, not on the step
 
 
 def test_gravity_leaves_a_floor_in_accelerations_that_neither_step_nor_solref_lowers():
@@ -74,19 +77,20 @@ def test_gravity_leaves_a_floor_in_accelerations_that_neither_step_nor_solref_lo
         for dt, stiff in ((1e-3, 0.02), (1e-3, 0.01), (2.5e-4, 0.005))
     ]
     assert np.ptp(floors) < 0.05 * max(floors)
-    assert 1e-5 < max(floors) < 1e-3  # 1 - 0.9999 of the open loop's fall, times a length
+    # 1 - 0.9999 of the acceleration with which an open loop falls, times a length
+    assert 1e-5 < max(floors) < 1e-3
 
 
 @pytest.mark.parametrize(
     ("integrator", "order", "dt"), [("RK4", 4, 5e-3), ("RK4", 4, 2e-3), ("Euler", 1, 1e-3)]
 )
 def test_pendulum_converges_at_the_order_of_its_integrator(integrator, order, dt):
-    """At 1 ms RK4 is off by 5e-12, and would be by 12e-12 if its bob had 1e-12 kg m2."""
+    """At 1 ms the error of RK4 is 5e-12; it would be 12e-12 if the bob had 1e-12 kg m^2."""
     errors = [
         worst("pendulum", "dynamics", ("rad",), timestep=step, integrator=integrator)
         for step in (dt, dt / 2)
     ]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)  # higher terms
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)  # terms of higher order
 
 
 def test_a_duration_says_what_it_was_stepped_with(models, edit):
@@ -128,12 +132,13 @@ def test_a_sweep_uses_no_settings_of_the_stepping_engine():
         for settings in ({}, {"defaults": True, "iterations": 1})
     )
     assert one.settings == two.settings == {}
-    for name, curve in one.channels.items():  # moments: rounding of closed loops over solref^2
+    # 1e-10: moments have the rounding of closed loops divided by solref^2
+    for name, curve in one.channels.items():
         np.testing.assert_allclose(curve, two.channels[name], rtol=0, atol=1e-10, err_msg=name)
 
 
 def sweep_of(xml: str, tmp_path: Path, channels=("moment",), n: int = 5):
-    """Sweep the joint "a" of a small model from 0 to 1."""
+    """Curves of a sweep that drives the joint "a" of a small model from 0 to 1."""
     file = tmp_path / "model.xml"
     file.write_text(xml)
     drive = Drive("a", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
@@ -185,7 +190,10 @@ def test_friction_of_a_driven_joint_changes_nothing_that_a_duration_shows(edit, 
     "sensor", ['actuatorfrc name="moment" actuator="m"', 'jointactuatorfrc name="moment" joint="a"']
 )
 def test_a_duration_delivers_what_the_mechanism_asks_of_a_drive(sensor, tmp_path):
-    """At 1 rad/s the moment that holds 3 kg at 0.5 m, by the motor's gear of 2 or at the joint."""
+    """The moment balances the weight of 3 kg at 0.5 m, while the joint turns at 1 rad/s.
+
+    The sensor of the motor shows it divided by the gear of 2, the sensor of the joint as it is.
+    """
     xml = (
         ARM.format(spring="", more="", gear=2)
         .replace('actuatorfrc name="moment" actuator="m"', sensor)
@@ -200,7 +208,7 @@ def test_a_duration_delivers_what_the_mechanism_asks_of_a_drive(sensor, tmp_path
     held = 3 * 10 * 0.5 * np.cos(curves.channels["a"])
     np.testing.assert_allclose(
         gear * curves.channels["moment"], held, rtol=3e-9
-    )  # the flywheel is 1e9 times what it moves
+    )  # the inertia of the flywheel is 1e9 times that of the mechanism
     assert "flywheels" in curves.missing["energy"]
     free = simulate(file, Run("dynamics", x, channels))
     np.testing.assert_array_equal(free.channels["moment"], 0)  # the motor has no control
@@ -208,7 +216,7 @@ def test_a_duration_delivers_what_the_mechanism_asks_of_a_drive(sensor, tmp_path
 
 
 def test_friction_of_another_joint_acts_in_a_duration(tmp_path):
-    """A bob that starts with 1 rad/s and rubs with 0.5 N m per kg m2: v = 1 - 0.5 t, then rest."""
+    """A bob starts with 1 rad/s, under friction of 0.5 N m per kg m^2: v = 1 - 0.5 t, then rest."""
     xml = ARM.format(spring='frictionloss="1"', more="", gear=1).replace("0 -10 0", "0 0 0")
     xml = xml.replace("<sensor>", '<sensor><jointvel name="v" joint="a"/>').replace(
         "</mujoco>", '<keyframe><key name="start" qvel="1"/></keyframe></mujoco>'
@@ -218,7 +226,7 @@ def test_friction_of_another_joint_acts_in_a_duration(tmp_path):
     file.write_text(xml.replace('gravity="0 0 0"', 'gravity="0 0 0" timestep="1e-3"'))
     curves = simulate(file, Run("dynamics", np.linspace(0, 3, 7), ("v",)))
     by_hand = np.maximum(1 - 0.5 * curves.x, 0)
-    np.testing.assert_allclose(curves.channels["v"], by_hand, atol=0.02)  # MuJoCo's is soft
+    np.testing.assert_allclose(curves.channels["v"], by_hand, atol=0.02)  # soft friction of MuJoCo
 
 
 def test_a_joint_equality_drives_its_follower(tmp_path):
@@ -249,7 +257,8 @@ def test_a_joint_equality_drives_its_follower(tmp_path):
 
 
 def test_a_run_that_the_engine_resets_is_failed(tmp_path):
-    # undamped spring, dt * omega = 100 where RK4 holds to 2.83; MuJoCo resets and carries on
+    # an undamped spring with dt * omega = 76, while RK4 is stable up to 2.83; MuJoCo resets its
+    # state and continues
     xml = ARM.format(spring='stiffness="1e8"', more="", gear=1).replace(
         "<sensor>", '<sensor><jointpos name="a" joint="a"/>'
     )

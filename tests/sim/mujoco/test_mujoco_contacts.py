@@ -1,4 +1,4 @@
-"""Creep of MuJoCo's contacts, and contacts that are none: closed forms, in bare MuJoCo."""
+"""Tests of closed forms of MuJoCo's contacts, in bare MuJoCo: creep, and contacts by rounding."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,10 @@ def test_creep_is_the_closed_form_at_every_step(name):
     ("joints", "share"), [("<freejoint/>", 1.0), (f'{SLIDES}<joint axis="0 1 0"/>', 2.0 / 3.0)]
 )
 def test_a_body_that_may_turn(joints, share):
-    """Its contacts bear the weight unevenly and creep evenly, as MuJoCo's inverse mass has it."""
+    """The contacts carry the weight unevenly and creep at one speed.
+
+    MuJoCo's inverse mass of the body determines it.
+    """
     told = creep_rate(pull=9.81 * np.sin(SLOPE), contacts=4, inverse_mass=share)
     assert crept(2e-3, joints=joints) == pytest.approx(told, rel=1e-4)
 
@@ -52,7 +55,10 @@ def test_bad_parameters(wrong):
 
 @pytest.mark.parametrize("tilt", [1e-16, 1e-15, 1e-14, 1e-13, 1e-12])
 def test_a_flat_cylinder_above_a_floor_has_a_contact_of_rounding(tilt):
-    """MuJoCo 4.0.0 touches it from the closed form's tilt on; it hangs, and should not."""
+    """MuJoCo 4.0.0 finds a contact of a hanging cylinder in a range of tilts, though it is above.
+
+    The depth of the contact has a closed form.
+    """
     hits, deepest, energy = hanging(tilt, "0 0 0", 1000)
     known = phantom_depth(tilt)
     assert (hits > 0, energy > 0) == (known > 0, known > 0)

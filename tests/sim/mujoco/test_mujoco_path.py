@@ -1,4 +1,4 @@
-"""Poses of a sweep that are closed together are those that are followed one after the other."""
+"""Tests that poses of a sweep closed together equal poses that are closed one after the other."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +16,7 @@ from proofmass.sim.protocol import Curves
 from proofmass.solve import plan_run
 from tests.shipped import loaded, shipped
 
-CASES = {  # whether all poses are closed together
+CASES = {  # cases, and whether all poses of their sweeps are closed together
     "fourbar": True,
     "fivebar_circle": True,
     "threeprr_circle": True,
@@ -24,14 +24,14 @@ CASES = {  # whether all poses are closed together
     "peaucellier": True,
     "universal_joint": True,
     "spherical_fourbar": True,
-    "delta": False,  # its platform turns, by a quaternion
-    "gear_pair": False,  # its samples are as far from each other as strides
-    "change_point": False,  # it is singular half way
+    "delta": False,  # the rotation of its platform is a quaternion
+    "gear_pair": False,  # the spacing of its samples is that of strides
+    "change_point": False,  # it is singular in the middle
 }
 
 
 def swept(name: str) -> Curves:
-    """The first 240 poses at most of a shipped sweep."""
+    """Curves of a shipped sweep, of its first 240 poses at most."""
     case = loaded(shipped(f"{name}.toml"))
     run = plan_run(case, "sweep", "mujoco")
     return simulate(case.model_path, replace(run, x=run.x[:240]))
@@ -39,14 +39,14 @@ def swept(name: str) -> Curves:
 
 @cache
 def followed(name: str) -> Curves:
-    """The same, one pose after the other."""
+    """The same curves, with poses that are closed one after the other."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Linkage, "together", lambda *given: None)
         return swept(name)
 
 
 def far_apart(one: Curves, two: Curves) -> float:
-    """The largest difference of two runs, as a share of the range, or of a unit if that is less."""
+    """The largest difference of two runs, as a share of the range or of 1 if that is more."""
     return max(
         float(np.abs(one.channels[name] - two.channels[name]).max())
         / max(1.0, float(np.ptp(two.channels[name])))
@@ -56,7 +56,7 @@ def far_apart(one: Curves, two: Curves) -> float:
 
 @pytest.fixture
 def blocks(monkeypatch) -> list[bool]:
-    """Of each block of a sweep, whether its poses were closed together."""
+    """Filled in a sweep: whether the poses of each block were closed together."""
     found, whole = list[bool](), Linkage.together
 
     def noted(self, *given):
@@ -73,8 +73,9 @@ def test_poses_together_are_those_one_by_one(name, blocks):
     found = swept(name)
     assert all(blocks) == CASES[name]
     assert found.stopped == followed(name).stopped
-    # rounding by the transmission on the way: at worst 70 eps, where the spherical four-bar has its
-    # largest accelerations; 530 eps in a universal joint whose inverse is not that of its pose
+    # rounding, magnified by the transmission: the largest is 70 eps, where the spherical four-bar
+    # has its largest accelerations; it would be 530 eps in the universal joint with the inverse of
+    # another pose
     assert far_apart(found, followed(name)) < 5e-14
 
 
@@ -103,7 +104,7 @@ def of_fourbar() -> Linkage:
 
 
 def test_a_guess_by_the_last_stride_is_of_fourth_order():
-    """One by the tangent is of second order."""
+    """A guess by the last stride has an error of order 4, a guess by the tangent one of order 2."""
     off = []
     for stride in (0.08, 0.04, 0.02):
         four = of_fourbar()
@@ -153,7 +154,7 @@ def test_blocks_of_poses_go_on_where_the_last_one_ended(blocks, monkeypatch):
 
 
 def test_a_sweep_to_a_limit_position_ends_where_it_does_one_by_one(blocks, monkeypatch):
-    """A drive that is asked to turn on, where the linkage can only swing."""
+    """The drive of a linkage that can only oscillate is made to turn on."""
     case = loaded(shipped("double_rocker.toml"))
     run = plan_run(case, "sweep", "mujoco")
     (drive,) = run.drives
@@ -173,7 +174,7 @@ def test_a_sweep_to_a_limit_position_ends_where_it_does_one_by_one(blocks, monke
 
 
 def test_guesses_are_exact_for_polynomials_of_third_degree():
-    """On the line of the drives; beside it for what is linear there."""
+    """On the straight line of the drives, guesses are exact; off it they add linear terms."""
     x = np.linspace(0.0, 1.0, 13)
     drives = np.column_stack([x, 2.0 * x])
     knots = np.array([0, 6, 12])
@@ -187,5 +188,5 @@ def test_guesses_are_exact_for_polynomials_of_third_degree():
     aside = drives.copy()
     aside[3] += [-0.002, 0.001]  # across the line
     off = interpolate_poses(aside, knots, pose(drives[knots]), ways)[3] - pose(aside)[3]
-    assert np.abs(off).max() < 1e-3  # the ways of the knots for those of the place between
+    assert np.abs(off).max() < 1e-3  # tangents of the knots instead of those of the pose
     assert np.abs(pose(drives)[3] - pose(aside)[3]).max() > 1.3e-3

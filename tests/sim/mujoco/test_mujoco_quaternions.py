@@ -1,4 +1,4 @@
-"""Quaternions in curves and programs: q and -q are one turn."""
+"""Test of quaternions in curves and programs, where q and -q are the same rotation."""
 
 from dataclasses import replace
 

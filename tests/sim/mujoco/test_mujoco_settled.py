@@ -1,4 +1,4 @@
-"""The linkage balancer in MuJoCo: sweeps at rest, and the engine's own rest after time steps.
+"""Tests of the linkage balancer in MuJoCo: sweeps in equilibrium, and settling by time steps.
 
 S. van Nes, The use of a rigid linkage balancer with torsion springs to realize nonlinear
 moment-angle characteristics, MSc thesis TU Delft 2022.074, tables M.1, M.2 and M.6.
@@ -46,7 +46,7 @@ MOMENTS = [  # at 10, 20, ... 90 degrees, from the tables' parameters by a minim
 
 
 def posture(lengths: tuple[float, ...], first: tuple[float, ...]) -> np.ndarray:
-    """Angles from the upright, elbow up, when the pendulum (1 m) stands."""
+    """Angles of the segments from the upright, elbow up, when the pendulum of 1 m is upright."""
     start = np.array(lengths[:-2]) @ _unit(first)
     way, (a, b) = np.array([0, 1]) - start, lengths[-2:]
     far, base = np.hypot(*way), np.arctan2(*way)
@@ -60,7 +60,7 @@ def _unit(angle) -> np.ndarray:
 
 
 def balancer(lengths, k, first=(0.0,), preload=0.0, square=0.0, high=4.0, limit=STIFF) -> str:
-    """The MJCF; every segment is a body without rotation at rest."""
+    """The MJCF of a balancer; every segment is a body that is not rotated in the start pose."""
     along = [
         f'pos="{x!r} {y!r} 0"'
         for x, y in (np.array(lengths)[:, None] * _unit(posture(lengths, first))).tolist()
@@ -92,16 +92,20 @@ def file(tmp_path: Path):
 
 
 def to(degrees, *channels: str) -> Run:
-    """A sweep of the pendulum, with deflection and moment of its springs."""
+    """A sweep of the pendulum, with its holding moment and deflections of springs."""
     return Run("sweep", np.radians(degrees), ("hold", "s1", "s2", *channels), (ALPHA,))
 
 
 @pytest.mark.parametrize(("parameters", "moments"), MOMENTS)
 def test_the_sweep_holds_the_tabulated_balancers(parameters, moments, file):
-    """Linear, preloaded on a stop, quadratic springs, against an upper stop."""
+    """The springs are linear, preloaded on a stop, quadratic, and against an upper stop.
+
+    The holding moment is also that of spring 1.
+    """
     curves = simulate(file(**parameters), to(np.arange(0, 91, 5)))
     truth = [float(m) for m in moments.split()]
-    np.testing.assert_allclose(curves.channels["hold"][2::2], truth, atol=5e-7)  # their digits
+    # 5e-7: digits of the reference
+    np.testing.assert_allclose(curves.channels["hold"][2::2], truth, atol=5e-7)
     spring = parameters["k"][0] * curves.channels["s1"]
     spring += parameters.get("square", 0) * curves.channels["s1"] ** 2
     np.testing.assert_allclose(curves.channels["hold"], spring, atol=1e-13, rtol=0)  # rounding
@@ -116,9 +120,10 @@ def test_a_check_of_the_moments_can_fail(file):
 
 @pytest.mark.parametrize("p", [LINEAR, QUADRATIC, FOUR], ids=["three", "quadratic", "four"])
 def test_the_rest_is_free_body_equilibrium(p, file):
-    """Moments of neighbouring springs differ by the pin's force on the segment between them.
+    """Equilibrium of each segment as a free body has the same angles.
 
-    The scipy solution of these equations and of the loop starts from the engine's pose.
+    Moments of neighbouring springs differ by the moment of the pin's force on the segment between
+    them.  Scipy solves these equations and those of the loop, starting from the engine's pose.
     """
     bar, k, square = np.array(p["lengths"]), np.array(p["k"]), p.get("square", 0.0)
     rest = posture(p["lengths"], p.get("first", (0.0,)))
@@ -146,7 +151,10 @@ def test_the_rest_is_free_body_equilibrium(p, file):
 
 
 def test_the_preload_is_released_at_its_closed_form(file):
-    """Locked, the pin pulls along the last segment: M2 = k1 alpha (1 - l1 / r)."""
+    """While joint 2 is on its stop, the pin pulls along the last segment.
+
+    Its moment is M2 = k1 alpha (1 - l1 / r), which reaches the preload at the released angle.
+    """
     away = np.degrees(0.3983 / (0.9341 * (1 - 0.4764)))
     assert away == pytest.approx(46.6595, abs=5e-5)  # degrees, four decimals
     curves = simulate(file(**PRELOADED), to([0.0, 30.0, away - 1e-7, away + 1e-7, 60.0]))
@@ -174,12 +182,16 @@ def in_time(path: Path, run: Run) -> Curves:
 def test_the_engine_settles_where_the_sweep_rests(p, file):
     run = to(np.arange(0, 91, 15))
     exact, soft = simulate(file(**p), run), in_time(file(**p), run)
-    for name, size in (("hold", 1e-6), ("s1", 1e-6), ("s2", 3e-6)):  # soft, as the module says
+    # the tolerances are for soft constraints, see `proofmass.sim.mujoco.settling`
+    for name, size in (("hold", 1e-6), ("s1", 1e-6), ("s2", 3e-6)):
         np.testing.assert_allclose(soft.channels[name], exact.channels[name], atol=size)
 
 
 def test_softness_goes_with_the_force_and_with_solref_squared(file):
-    """A locked spring sinks into its stop by (1 - d) F T^2 / m, whatever T and d are."""
+    """A preloaded joint enters its stop by (1 - d) F T^2 / m.
+
+    T is the time constant of ``solreflimit`` and d the impedance of ``solimplimit``.
+    """
     run = to(np.arange(0, 31, 30))
     depths = []
     for time, d in ((0.002, 0.9999), (0.004, 0.9999), (0.002, 0.999)):
@@ -187,7 +199,7 @@ def test_softness_goes_with_the_force_and_with_solref_squared(file):
         depths.append(-in_time(file(**PRELOADED, limit=limit), run).channels["s2"])
     np.testing.assert_allclose(depths[1], 4 * depths[0], rtol=1e-2)
     np.testing.assert_allclose(depths[2], 10 * depths[0], rtol=1e-2)
-    push = 0.3983 - 0.9341 * (1 - 0.4764) * run.x  # the pin takes a part of the preload
+    push = 0.3983 - 0.9341 * (1 - 0.4764) * run.x  # the pin's force carries a part of the preload
     assert depths[0][1] / depths[0][0] == pytest.approx(push[1] / push[0], rel=1e-2)
 
 
@@ -197,9 +209,10 @@ def test_the_setting_chooses_and_has_no_rates(file):
     curves = sweep(model, data, replace(run, settings={"settled": True}))
     assert "at rest" in curves.missing["v1"]
     assert curves.derivatives == 0
-    for part, law in zip(curves.drive, run.motion(run.x), strict=True):  # for the reference
+    # the reference is computed at this motion of the drive
+    for part, law in zip(curves.drive, run.motion(run.x), strict=True):
         np.testing.assert_array_equal(part, law)
-    assert curves.steps > 100  # of the engine, not poses
+    assert curves.steps > 100  # time steps of the engine, not poses
 
 
 def test_an_engine_that_does_not_come_to_rest_is_said_to(file, monkeypatch):

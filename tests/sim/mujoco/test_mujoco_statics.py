@@ -1,4 +1,7 @@
-"""Degrees of freedom left in MuJoCo sweeps rest between springs, weights, motors and stops."""
+"""Tests of undriven degrees of freedom in sweeps of MuJoCo.
+
+They are in equilibrium of springs, weights, motors and stops.
+"""
 
 from pathlib import Path
 
@@ -21,7 +24,7 @@ MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 {gravity} 0">
 
 
 def joints(*names: str) -> str:
-    """Sensors of places and rates."""
+    """The MJCF of sensors of joints' values and rates."""
     return "".join(
         f'<jointpos name="{n}" joint="{n}"/><jointvel name="{n}_rate" joint="{n}"/>' for n in names
     )
@@ -35,7 +38,7 @@ def body(
     centre: str = "1 0 0",
     **joint: str,
 ) -> str:
-    """A link on a joint, its mass in a point."""
+    """The MJCF of a link on a joint, with its mass in a point."""
     more = " ".join(f'{key}="{value}"' for key, value in joint.items())
     return (
         f'<body name="{name}" pos="{at}"><joint name="{name}" {more}/><inertial pos="{centre}" '
@@ -45,7 +48,7 @@ def body(
 
 @pytest.fixture
 def sweep(tmp_path: Path):
-    """Sweep the joint "a" of a small model over x."""
+    """``sweep(x, channels, bodies, ...)`` runs a sweep of the joint "a" of a small model."""
 
     def run(
         x,
@@ -76,7 +79,7 @@ def sweep(tmp_path: Path):
 
 
 def chain(n: int, stiffness: float, length: float, mass: float, end: str = "") -> str:
-    """Links a, b1, b2 ... in a row along x, each with its mass at its far end."""
+    """The MJCF of links a, b1, b2 ... in a row along x, each with its mass at its far end."""
     inside = end
     for k in range(n - 1, 0, -1):
         inside = body(
@@ -90,7 +93,7 @@ def chain(n: int, stiffness: float, length: float, mass: float, end: str = "") -
     [(2, 30.0, 1.0, 1.0), (3, 40.0, 0.7, 1.0), (10, 20.0, 0.1, 0.2), (30, 60.0, 1 / 30, 0.05)],
 )
 def test_a_chain_of_sprung_links_under_its_weight(n, stiffness, length, mass, sweep):
-    """dV/dq = 0 of its energy, solved by scipy; the first link is driven."""
+    """The angles solve dV/dq = 0 of the energy V, as solved by scipy; the first link is driven."""
 
     def slope(q):
         bends = G * mass * length * np.arange(n, 0, -1) * np.cos(np.cumsum(q))
@@ -110,16 +113,18 @@ def test_a_chain_of_sprung_links_under_its_weight(n, stiffness, length, mass, sw
 
 
 def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
-    """Springs between ten links from (0, 0) to (0.8, 0); the first link is driven.
+    """Ten links with springs between them lead from (0, 0) to (0.8, 0); the first is driven.
 
-    The energy's slope and the loop are written out; the pin's forces are scipy's multipliers.
+    The reference is scipy's solution of the balance of moments and of the loop, with the pin's
+    forces as unknowns.
     """
     n, length, stiffness, span = 10, 0.1, 2.0, 0.8
     turn = brentq(lambda b: length * np.sin(n * b / 2) / np.sin(b / 2) - span, 1e-3, 0.6)
-    arc = np.array([-(n - 1) * turn / 2, *np.full(n - 1, turn)])  # a circle: near, not at rest
+    # an arc of a circle, which is near the equilibrium
+    arc = np.array([-(n - 1) * turn / 2, *np.full(n - 1, turn)])
 
     def moments(first, unknown):
-        """On each joint, and how far the loop is open."""
+        """Moment on each joint, and the constraint violation of the loop."""
         angle, pin = np.cumsum([first, *unknown[:-2]]), unknown[-2:]
         east, north = length * np.cos(angle), length * np.sin(angle)
         arms = np.array([-north[::-1].cumsum()[::-1], east[::-1].cumsum()[::-1]])
@@ -154,7 +159,7 @@ def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
 
 
 def test_rates_follow_the_path_of_rests(sweep):
-    """An inverted pendulum on a spring: k (t - a) = w sin t, so dt/da = k / (k - w cos t)."""
+    """An inverted pendulum on a spring has k (t - a) = w sin t and dt/da = k / (k - w cos t)."""
     k, w = 15.0, 10.0
     curves = sweep(
         np.linspace(0.0, 2.0, 21),
@@ -175,7 +180,10 @@ def test_rates_follow_the_path_of_rests(sweep):
 
 
 def test_a_motor_and_a_progressive_spring_hold_a_weight_on_a_slide(sweep):
-    """Upwards 3 + 2 * 4 = 11 N less 10 N of weight against 5 q + 7 q^2, at all drive angles."""
+    """Motors push up with 3 + 2 * 4 = 11 N, the weight is 10 N, the spring 5 q + 7 q^2.
+
+    The displacement q is the same at all angles of the drive.
+    """
     q = (-5 + np.sqrt(25 + 4 * 7)) / 14
     curves = sweep(
         [0.0, 1.0, 2.0],
@@ -190,7 +198,7 @@ def test_a_motor_and_a_progressive_spring_hold_a_weight_on_a_slide(sweep):
 
 
 def test_joint_equalities_share_what_the_freedom_carries(sweep):
-    """c = 0.5 b + 0.1 b^2; V = w sin(a + b) + w sin(c) + k (b - 0.3)^2 / 2."""
+    """With c = 0.5 b + 0.1 b^2, b minimizes V = w sin(a + b) + w sin(c) + k (b - 0.3)^2 / 2."""
     curves = sweep(
         np.linspace(0.0, 1.0, 5),
         ("hold", "b", "c"),
@@ -206,11 +214,12 @@ def test_joint_equalities_share_what_the_freedom_carries(sweep):
 
 PRELOAD = 6.0
 PRESSED = {"stiffness": "20", "springref": str(PRELOAD / 20), "range": "-2 0", "margin": "0.1"}
-"""Presses a joint on its stop with 6 N m; a soft limit would act 0.1 rad before it."""
+"""A spring that presses a joint on its stop with 6 N m; with this margin a soft limit would act
+0.1 rad before the stop."""
 
 
 def test_a_preloaded_joint_leaves_its_stop_where_the_weight_exceeds_the_preload(sweep):
-    """Released at w cos(a) = preload; beyond, w cos(a + b) = preload - k b."""
+    """The joint leaves its stop at w cos(a) = preload; then w cos(a + b) = preload - k b."""
     away = -np.arccos(PRELOAD / G)
     x = np.sort([*np.linspace(-np.pi / 2, 0.5, 99), away - 1e-9, away + 1e-9])
     curves = sweep(
@@ -232,7 +241,7 @@ def test_a_preloaded_joint_leaves_its_stop_where_the_weight_exceeds_the_preload(
 
 
 def test_several_stops_switch_at_once_on_both_sides(sweep):
-    """Three free wheels on springs of 4 N m/rad to the driven one; each has its own range."""
+    """Springs of 4 N m/rad connect three free wheels with ranges of their own to the driven one."""
     x = np.linspace(-1.5, 1.5, 31)
     ranges = {"b": (-1.0, 0.5), "c": (-1.0, 0.5), "d": (0.0, 2.0)}
     wheels = body("a") + "".join(
@@ -258,7 +267,7 @@ def test_several_stops_switch_at_once_on_both_sides(sweep):
 
 
 def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
-    """k (t - a) = w sin t turns back at cos t = k / w, where the pendulum would snap over."""
+    """The path k (t - a) = w sin t has a fold at cos t = k / w, where the pendulum would snap."""
     k, first = 5.0, -2.5
     fold = -np.arccos(k / G)
     last = fold - G / k * np.sin(fold)
@@ -279,11 +288,11 @@ def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
 LIFT = body(
     "b", body("a", type="slide", axis="0 1 0", centre="0 0 0"), centre="0 0 0", stiffness="7"
 )
-"""A mass that the drive lifts along a rod, which stands upright on a spring."""
+"""A mass that the drive lifts along a rod, which is upright on a torsion spring."""
 
 
 def test_a_sweep_ends_where_a_symmetric_rest_loses_its_hold(sweep):
-    """The rod stands until the mass is at k / (m g) = 0.7 m, where the path forks."""
+    """The upright rod is stable until the mass is at k / (m g) = 0.7 m, where the path branches."""
     x = np.linspace(0.1, 1.0, 20)
     curves = sweep(x, ("hold", "b"), LIFT, sensors="b", key='qpos="0 0.1"')
     assert curves.stopped == "the equilibrium becomes unstable beyond a = 0.7"
@@ -293,7 +302,7 @@ def test_a_sweep_ends_where_a_symmetric_rest_loses_its_hold(sweep):
 
 
 def test_a_hair_beside_symmetry_the_path_goes_on(sweep):
-    """With 1e-6 N m on the rod it leans over in time: k b = m g s sin b + 1e-6."""
+    """With a moment of 1e-6 N m the rod leans over gradually: k b = m g s sin b + 1e-6."""
     curves = sweep(
         np.linspace(0.1, 1.0, 19),
         ("b",),
@@ -309,7 +318,7 @@ def test_a_hair_beside_symmetry_the_path_goes_on(sweep):
 
 
 def test_a_sweep_ends_where_stops_block_the_drive(sweep):
-    """Two springs in a row, each to 0.5 m: nothing moves beyond a = 1 m."""
+    """Two sprung slides in series reach up to 0.5 m each, so that nothing moves beyond a = 1 m."""
     slide = {"type": "slide", "axis": "1 0 0", "centre": "0 0 0"}
     soft = slide | {"stiffness": "3", "range": "-1 0.5"}
     bodies = body("a", '<site name="s"/>', **slide) + body(
@@ -329,7 +338,7 @@ def test_a_sweep_ends_where_stops_block_the_drive(sweep):
 
 
 def test_a_sweep_ends_where_an_arm_is_stretched(sweep):
-    """Three links of 1 m on springs, whose end is drawn away to 3 m."""
+    """The end of three sprung links of 1 m is drawn away until they are in line, at 3 m."""
     first = np.array([-0.9, 1.0, 0.0])
     first[2] = np.arcsin(np.sin(0.9) - np.sin(0.1)) - 0.1  # its end lies on the x axis
     x = np.linspace(np.cos(np.cumsum(first)).sum(), 3.2, 40)
@@ -428,7 +437,7 @@ def test_a_sweep_stops_where_a_joint_that_the_drive_moves_leaves_its_range(sweep
         follower,
         sensors="b",
     )
-    assert curves.x.tolist() == [0.0, 0.1, 0.2]  # b is on the end of its range there
+    assert curves.x.tolist() == [0.0, 0.1, 0.2]  # b is at the end of its range at 0.2
     assert curves.stopped == "joint 'b' is beyond its range at a = 0.3"
 
 
@@ -455,7 +464,7 @@ def test_a_path_of_rests_has_no_accelerations(stage, sweep):
 
 
 def test_contacts_are_refused_where_the_drive_determines_the_pose(edit):
-    """Their forces are no part of what the drive has to hold."""
+    """Contact forces would be missing in the holding moment."""
     file = edit("fourbar.xml", r'<flag contact="disable"/>', "")
     drive = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
     with pytest.raises(Unsupported, match=r"contact\(s\) in a sweep, at crank = "):

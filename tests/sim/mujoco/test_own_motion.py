@@ -1,4 +1,4 @@
-"""A model's own motion by several ways, against formulas that know none of them."""
+"""Tests of a model's own motion, solved in several ways, against independent equations."""
 
 import re
 
@@ -36,7 +36,7 @@ def solved(tmp_path, text, **asked):
 
 
 def test_rates_of_coordinates_are_those_of_the_engine():
-    """`mj_integratePos` by a tiny step tells them as well."""
+    """Rates of coordinates equal central differences of `mj_integratePos`."""
     model = mujoco.MjModel.from_xml_string(MIXED)
     chosen = np.random.default_rng(3)
     pose, speed = model.qpos0.copy(), chosen.normal(size=model.nv)
@@ -48,11 +48,11 @@ def test_rates_of_coordinates_are_those_of_the_engine():
     slope = (ahead - back) / (2 * h)
     assert (
         np.abs(CoordinateRates(model).rates(pose, speed) - slope).max() < 1e-9
-    )  # of central differences
+    )  # error of central differences
 
 
 def test_a_spinning_body_is_that_of_eulers_equations(tmp_path):
-    """Written here with a rotation matrix, and integrated by another method."""
+    """Euler's equations are written with a rotation matrix and integrated by another method."""
     motion = solved(tmp_path, SPIN)
     inertia = np.array([1.0, 2.0, 3.0])
 
@@ -101,7 +101,10 @@ DOUBLE = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 
 
 
 def test_the_energy_of_a_double_pendulum_stays(tmp_path):
-    """Its mass matrix changes with the pose: that of RK4's last stage would be off by 2e-5 J."""
+    """The energy is computed with the mass matrix of the pose.
+
+    That of RK4's last stage would cause errors of 2e-5 J.
+    """
     motion = solved(tmp_path, DOUBLE)
     (rk4,) = motion.others
     for one in (motion.close, rk4):
@@ -126,7 +129,10 @@ def test_a_time_that_is_short_ends_runs_and_none_of_them_is_dropped(tmp_path):
 
 
 def test_finer_steps_let_nothing_sleep():
-    """Of a body that begins slowly MuJoCo counts the still steps, and these are many."""
+    """MuJoCo counts the steps in which a body is slow, and finer steps are many.
+
+    A body that starts slowly would otherwise sleep.
+    """
     model = mujoco.MjModel.from_xml_string(
         MIXED.replace("<mujoco>", '<mujoco><option><flag sleep="enable"/></option>')
     )
@@ -157,7 +163,7 @@ BALL = """<mujoco><option timestep="{}"/><worldbody><geom type="plane" size="1 1
 
 
 def test_what_has_no_steps_does_not_depend_on_the_step(tmp_path):
-    """MuJoCo makes a contact no shorter than two steps, of 10 ms and of 1 ms here."""
+    """MuJoCo makes time constants of contacts at least two steps long, here of 10 ms and 1 ms."""
     one, two = (solved(tmp_path, BALL.format(step), until=0.2, samples=11) for step in (0.01, 1e-3))
     assert np.abs(one.close.points - two.close.points).max() < 1e-7
     assert np.abs(one.runs[0].points - two.runs[0].points).max() > 1e-4

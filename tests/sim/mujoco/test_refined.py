@@ -1,4 +1,7 @@
-"""The reference of a model's own equations: against other references, and what it refuses."""
+"""Tests of the reference `refined`, which solves a model's own equations.
+
+It is compared with other references, and cases that it does not cover are refused.
+"""
 
 from dataclasses import replace
 
@@ -22,14 +25,14 @@ BOX = shipped("tumbling_box.toml")
 
 
 def refined(name, **run):
-    """A shipped case with this reference instead of its own."""
+    """A shipped case with the reference `refined` instead of its own."""
     case = load_case(shipped(f"{name}.toml"))
     kept = case.run["dynamics"].model_copy(update=run)
     return case.model_copy(update={"reference": "refined", "run": {"dynamics": kept}})
 
 
 def tumbling(**changed):
-    """Three quarters of the box's motion, in which corners of it hit the floor."""
+    """The box's case with three quarters of its motion, in which its corners hit the floor."""
     case = load_case(BOX)
     kept = case.run["dynamics"].model_copy(update={"n": 61, "until": 0.3})
     return case.model_copy(update={"run": {"dynamics": kept}, **changed})
@@ -37,7 +40,10 @@ def tumbling(**changed):
 
 @pytest.fixture
 def fewer_steps(monkeypatch):
-    """Steps down to an eighth alone, which tell how long a motion is known, and not its curves."""
+    """Steps are halved only down to an eighth.
+
+    They decide until when a motion is known, and do not change its curves.
+    """
     monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
 
 
@@ -75,7 +81,7 @@ def test_a_run_shows_the_kinetic_energy_of_its_samples(models, edit, integrator)
 @pytest.mark.usefixtures("fewer_steps")
 @pytest.mark.parametrize(("name", "until"), [("heavy_top", 0.5), ("euler_top", 2.0)])
 def test_a_motion_without_contacts_is_that_of_the_spatial_reference(name, until):
-    """Which integrates the same equations with an allowance of 3e-14."""
+    """The spatial reference integrates the same equations with a tolerance of 3e-14."""
     case = refined(name, until=until, n=41)
     x = run_samples(case, "dynamics")
     found = evaluate(case, "dynamics", x, None).channels
@@ -97,7 +103,7 @@ def test_steps_that_are_six_times_as_long_are_noticed():
 
 @pytest.mark.usefixtures("fewer_steps")
 def test_errors_fall_with_the_step():
-    """Of first order, scattered by where in a step an impact falls."""
+    """Errors are of first order and scatter with the time of an impact within its step."""
     worst = []
     for step in (1e-3, 2e-5):
         one = tumbling(settings={"mujoco": {"timestep": step}})
@@ -109,7 +115,10 @@ def test_errors_fall_with_the_step():
 
 @pytest.mark.usefixtures("fewer_steps")
 def test_the_page_says_why_the_motion_is_known():
-    """Before the next test, which forgets the motion of the box."""
+    """The page states the equations, and until when the motion is known and how exactly.
+
+    This test is before the next one, which clears the stored motion of the box.
+    """
     told = reference.properties(tumbling())
     assert "with soft contacts" in told["equations of motion"]
     assert told["self-consistent"].startswith("until 0.3 s, its end, known to ")
@@ -136,7 +145,11 @@ def test_a_sweep_and_rods_are_refused():
 
 @pytest.mark.usefixtures("fewer_steps")
 def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
-    """Whose drive is exact: a flywheel of 1e9 and an allowance of 1e-9 are within 1e-7."""
+    """The drive of the planar reference is exact.
+
+    The reference `refined` has a flywheel of 1e9 times the inertia and a tolerance of 1e-9, whose
+    errors are within 1e-7.
+    """
     case = refined("driven_cart", n=41, until=1.0)
     run = prescribed_run(case, "dynamics")
     found = evaluate(case, "dynamics", run.x, run.motion(run.x)).channels
@@ -149,7 +162,7 @@ def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
 
 @pytest.mark.usefixtures("fewer_steps")
 def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
-    """The four-bar's loops are soft: steps come to this reference, and not to the rigid one."""
+    """Runs with finer steps converge to the reference with soft loops, and not to the rigid one."""
     case = refined("fourbar", n=31)
     leader = case.drive[0].model_copy(update={"to": 1.5, "rate": 5.0})
     names = ("rocker", "holding_moment")

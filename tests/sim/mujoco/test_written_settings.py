@@ -1,4 +1,4 @@
-"""Every setting of MuJoCo is in a program and in a snippet as it is in the product's own run."""
+"""Tests that programs and snippets have every setting of MuJoCo as the engine's own run has it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ from proofmass.studies.trade.program import snippet
 from tests.programs import program_curves
 from tests.shipped import shipped
 
-OURS = {"settled", "flex", "defaults"}  # MuJoCo has no words for these
+OURS = {"settled", "flex", "defaults"}  # settings of proofmass, without an attribute in MJCF
 SAID = sorted(MujocoSettings.model_fields.keys() - OURS)
 SCENE = """<mujoco>
 <option><flag contact="disable" warmstart="enable"/></option><option gravity="0 0 -9"/>
@@ -40,13 +40,13 @@ SCENE = """<mujoco>
 
 
 def own(key: str) -> ParameterValue:
-    """A setting as MuJoCo has it by itself."""
+    """MuJoCo's default of a setting."""
     value: ParameterValue = MujocoSettings.model_fields[key].default
     return value
 
 
 def others(key: str) -> list[ParameterValue]:
-    """Values of a setting that are not MuJoCo's own: of words all, of others one."""
+    """Values of a setting other than MuJoCo's default: all words, or one number or boolean."""
     value = own(key)
     if isinstance(value, str):
         return [word for word in option_values(key) if word != value.lower()]
@@ -78,21 +78,21 @@ def asked(settings: dict) -> Run:
 
 
 def in_program(file: Path, settings: dict) -> mujoco.MjModel:
-    """The model of a program."""
+    """The compiled model of a program."""
     names: dict = {"__name__": "run"}
     exec(write_program(file, asked(settings), "", ""), names)
     return mujoco.MjModel.from_xml_string(names["MODEL"])
 
 
 def in_run(file: Path, settings: dict) -> mujoco.MjModel:
-    """The model that the product steps."""
+    """The compiled model that a run of the engine steps."""
     model, _ = load(file, asked(settings))
     model.opt.timestep = asked(settings).steps(model.opt.timestep)[1]
     return model
 
 
 def in_snippet(file: Path, settings: dict) -> mujoco.MjModel:
-    """The model with a snippet pasted."""
+    """The compiled model of a file into which a snippet is inserted."""
     return mujoco.MjModel.from_xml_string(
         insert_snippet(file, snippet(Setting("mujoco", settings), 1, file))
     )
@@ -123,7 +123,11 @@ def test_the_settings_of_mujoco_are_what_it_has_by_itself() -> None:
 def test_a_setting_is_written_as_it_is_applied(
     key: str, value: ParameterValue, scene: Path
 ) -> None:
-    """Also put back, in a file that says otherwise: MuJoCo merges options, and flags one by one."""
+    """A program, a snippet and a run of the engine have the same options for each setting.
+
+    This holds also if a setting returns to its default in a file that states another value: MuJoCo
+    merges option elements, and flags one by one.
+    """
     told = in_run(scene, {key: value})
     assert read(told) != read(in_run(scene, {}))
     assert read(in_program(scene, {key: value})) == read(told)
@@ -162,7 +166,10 @@ SLIDING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"/><worldbo
     [{"cone": "elliptic"}, {"cone": "elliptic", "impratio": 10.0}, {"noslip_iterations": 3}],
 )
 def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Path) -> None:
-    """Bit by bit: no step starts its solver from the last, which a look at a sample changes."""
+    """A program and a run of the engine are equal bit by bit.
+
+    Warm start is off, since reading a sample changes the start of the next step's solver.
+    """
     file = tmp_path / "sliding.xml"
     file.write_text(SLIDING)
 
@@ -193,7 +200,10 @@ def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Pat
 def test_a_program_closes_its_loop_as_the_product_s_own_run(
     changed: dict, unchanged: dict, tmp_path: Path
 ) -> None:
-    """Bit by bit, with a loop of a time constant of one step, or of two iterations a step."""
+    """A program and a run of the engine are equal bit by bit.
+
+    The loop has a time constant of one step, or the solver two iterations a step.
+    """
     base = {
         "timestep": 4e-3,
         "integrator": "RK4",
@@ -216,7 +226,10 @@ def test_a_program_closes_its_loop_as_the_product_s_own_run(
 
 
 def test_limits_take_the_time_constant_of_loops_and_keep_their_damping_ratio(scene: Path) -> None:
-    """What an impact on a limit leaves depends on that ratio; a stiffness says none of the two."""
+    """The speed after an impact on a limit depends on the damping ratio.
+
+    A ``solref`` of stiffness and damping states neither a time constant nor a damping ratio.
+    """
     told = in_run(scene, {"solref": (0.002, 1.0), "solimp": (0.99, 0.999)})
     assert told.jnt_solref[1].tolist() == [0.002, 0.7]
     assert told.jnt_solimp[1].tolist() == [0.99, 0.999, 0.001, 0.5, 2.0]
@@ -229,7 +242,7 @@ def test_limits_take_the_time_constant_of_loops_and_keep_their_damping_ratio(sce
 
 @pytest.mark.parametrize(("limited", "softest"), [("true", 128), ("false", 8)])
 def test_impacts_on_limits_are_tried_with_more_steps(limited: str, softest: int) -> None:
-    """An impact lasts as long as the time constant, and is as exact as the steps in it."""
+    """An impact lasts about a time constant, and its error depends on the steps in this time."""
     model = mujoco.MjModel.from_xml_string(SCENE.replace('limited="true"', f'limited="{limited}"'))
     about = Studied(model, np.linspace(0.0, 1.0, 11), 1e4, False, False, lambda: False)
     tried = [

@@ -1,4 +1,4 @@
-"""The pymunk rebuild: the plane, refusals by name, exact statics, second order in time."""
+"""Tests of models rebuilt in pymunk: plane, refusals, exact sweeps, second order in time."""
 
 import re
 from pathlib import Path
@@ -59,7 +59,7 @@ def plane_of(file: Path):
 )
 def test_plane(tmp_path, joint, e1, e2, normal):
     plane = plane_of(mjcf(tmp_path, f"<body><joint {joint}/>{BAR}</body>"))
-    if normal == (0, -1, 0) and "slide" in joint:  # both signs of a slide's normal are as good
+    if normal == (0, -1, 0) and "slide" in joint:  # either sign of a slide's normal is right
         e2, normal = np.sign(plane.e2[2]) * np.array(e2), np.sign(plane.e2[2]) * np.array(normal)
     for got, wanted in ((plane.e1, e1), (plane.e2, e2), (plane.normal, normal)):
         np.testing.assert_allclose(got, wanted, atol=1e-15, rtol=0)  # rounding of a cross product
@@ -177,16 +177,17 @@ def fourbar_errors(dt: float, model: Path = FOURBAR, kind: str = "dynamics"):
 
 def test_second_order():
     coarse, fine = np.array(fourbar_errors(2e-3)), np.array(fourbar_errors(1e-3))
-    # theory 4; both steps are rounded to fit the samples, which moves the ratio by up to a fifth
+    # 4 in theory; both steps are rounded to fit the samples, which changes the ratio by up to 20 %
     assert np.all((coarse / fine > 3.3) & (coarse / fine < 4.8)), coarse / fine
-    # the gap that Chipmunk's first-order closing leaves: 4e-7 rad at 1 ms
+    # constraint violation that Chipmunk's first-order correction leaves: 4e-7 rad at 1 ms
     assert fine[0] < 1e-6
 
 
 def test_sweep_is_exact():
     angle, rate, coupler, pin = fourbar_errors(1e-3, kind="sweep")
-    assert max(angle, coupler, pin) < 1e-12  # Newton by the engine, to rounding: 4e-15 measured
-    assert rate < 1e-11  # rounding times the linkage's transmission: 2e-14 measured
+    # Newton's method with the engine is exact to rounding, which was measured as 4e-15
+    assert max(angle, coupler, pin) < 1e-12
+    assert rate < 1e-11  # rounding, magnified by the linkage's transmission: 2e-14 measured
 
 
 def test_holding_moment_and_missing_accelerations():
@@ -203,12 +204,12 @@ def test_holding_moment_and_missing_accelerations():
 
 def test_wrong_length_is_caught(edit):
     file = edit("fourbar.xml", '"coupler_end" pos="2 0 0"', '"coupler_end" pos="2.001 0 0"')
-    # a millimetre on two metres moves the rocker by 5e-4 rad; 1e-6 is allowed above
+    # 1 mm in 2 m moves the rocker by 5e-4 rad; the tolerance above is 1e-6
     assert fourbar_errors(2e-3, file)[0] > 1e-4
 
 
 def turned_model(tmp_path: Path) -> Path:
-    """The fourbar turned by 90 degrees about x: into the x-z plane, axes along -y."""
+    """Write the four-bar rotated by 90 degrees about x, into the x-z plane, with axes along -y."""
     text = FOURBAR.read_text()
     text = text.replace('gravity="0 -9.81 0"', 'gravity="0 0 -9.81"')
     text = text.replace("<joint name=", '<joint axis="0 -1 0" name=')
@@ -237,7 +238,10 @@ def test_another_plane_gives_the_same(tmp_path, kind):
 
 
 def test_spring_angle(tmp_path):
-    """Spring against weight: k (q - q_ref) = -m g r cos(crank + q); the crank carries both."""
+    """A sprung arm is in equilibrium: k (q - q_ref) = -m g r cos(crank + q).
+
+    The crank's moment carries both weights.
+    """
     k, ref, weight = 50.0, 0.3, 0.5 * 9.81 * 0.4
     arm = (
         f'<body name="crank"><joint name="crank"/>{BAR}<body pos="1 0 0">'
@@ -266,7 +270,7 @@ def test_sliding_spring_oscillates(tmp_path):
     sensor = '<sensor><jointpos name="s" joint="s"/></sensor>'
     run = Run("dynamics", np.linspace(0, 2, 201), ("s",), settings={"timestep": 1e-3})
     got = simulate(mjcf(tmp_path, body, sensor), run)
-    # leapfrog's phase lag (w dt)^2 / 24 over 20 rad: 8e-5 of 0.1 m
+    # leapfrog's phase lag is (w dt)^2 / 24, times 20 rad: 8e-5 of 0.1 m
     np.testing.assert_allclose(got.channels["s"], 0.1 - 0.1 * np.cos(10 * got.x), atol=2e-5)
 
 
@@ -275,7 +279,7 @@ def test_hinge_rests_on_its_stop(tmp_path):
     sensor = '<sensor><jointpos name="arm" joint="arm"/></sensor>'
     run = Run("dynamics", np.linspace(0, 2, 21), ("arm",))
     got = simulate(mjcf(tmp_path, arm, sensor), run).channels["arm"]
-    # the joint enters the stop by up to a step's way, 3e-3 rad, and is let out slowly
+    # the joint enters the stop by up to its motion in a step, 3e-3 rad, and leaves it slowly
     assert np.abs(got[5:] + 0.2).max() < 4e-3
     assert abs(got[-1] + 0.2) < 1e-4
 
@@ -298,15 +302,15 @@ def pendulum(dt: float):
 
 def test_pendulum():
     coarse, fine = pendulum(2e-3), pendulum(1e-3)
-    # second order: 4 in theory, also of the energy
+    # second order: 4 in theory, also for the energy
     assert np.all((coarse / fine > 3.7) & (coarse / fine < 4.3)), coarse / fine
-    # 1 ms: the rod is longer by (rate dt)^2 / 2, which gives 3e-5 rad and 1e-4 J
+    # at 1 ms the rod is longer by (rate dt)^2 / 2, which gives 3e-5 rad and 1e-4 J
     assert fine[0] < 5e-5
     assert fine[3] < 2e-4
 
 
 def test_runs_of_one_thread_share_a_buffer_and_no_states():
-    """pymunk never frees a buffer; a run after a longer one is the same as before it."""
+    """Pymunk never frees a buffer; a run after a longer one gives the same curve as before it."""
     file = shipped("pendulum.xml")
 
     def swing(n: int) -> dict[str, np.ndarray]:
@@ -337,4 +341,4 @@ def test_defaults_are_softer_and_recorded():
     gap = simulate(FOURBAR, Run("dynamics", run.x, (), (turning(),))).violation
     assert (
         curves.violation > 10 * gap
-    )  # the gap of Chipmunk's soft closing: dt / (1 - bias) against dt^2
+    )  # violation with Chipmunk's soft correction, dt / (1 - bias), compared with dt^2

@@ -1,4 +1,4 @@
-"""Contacts in pymunk: which geoms touch, friction and impacts as MuJoCo states them, refusals."""
+"""Tests of contacts in pymunk: pairs of geoms, friction and impacts as in MuJoCo, refusals."""
 
 import mujoco
 import numpy as np
@@ -63,13 +63,13 @@ def test_restitution_is_that_of_a_damped_spring_that_can_only_push(z):
         atol=1e-14,
     )
     assert done.y[1, -1] == pytest.approx(restitution(z), rel=1e-6)
-    # one that may also pull keeps less: the formula of textbooks, which this is not
+    # the restitution of a spring that may also pull, the formula of textbooks, is smaller
     if 0.05 < z < 1.0:
         assert restitution(z) > np.exp(-np.pi * z / np.sqrt(1.0 - z * z)) * 1.001
 
 
 def bare_bounce(z, stiffness, mass=1.0):
-    """Speed after an impact over that before it in bare MuJoCo, 10,000 steps a contact."""
+    """Restitution in bare MuJoCo: ratio of speeds after and before an impact of 10,000 steps."""
     step = np.pi / np.sqrt(stiffness) / 10000
     model = mujoco.MjModel.from_xml_string(f"""<mujoco>
       <option timestep="{step}" gravity="0 0 0"/><worldbody>
@@ -85,9 +85,9 @@ def bare_bounce(z, stiffness, mass=1.0):
 
 @pytest.mark.parametrize("z", [0.07, 0.4, 1.0])
 def test_restitution_is_the_limit_of_mujocos_contact(z):
-    """The difference falls with the stiffness: the impedance grows with the depth."""
+    """The difference to MuJoCo falls with the stiffness: its impedance grows with the depth."""
     off = [abs(bare_bounce(z, stiffness) - restitution(z)) for stiffness in (1e4, 1e6, 1e8)]
-    assert off[2] < 5e-4  # steps of 1e-4 of the contact, of first order
+    assert off[2] < 5e-4  # first order, with steps of 1e-4 of the contact's duration
     assert off[2] < off[0]
 
 
@@ -155,7 +155,7 @@ def test_a_block_slides_and_stops(tmp_path):
     )
     found = moved(file)
     truth = sliding_block.solve(np.linspace(0, 1, 101), friction=0.4, speed=2.0)
-    assert np.abs(found["x"] - truth["position"]).max() < 2e-3  # v dt, when it begins to touch
+    assert np.abs(found["x"] - truth["position"]).max() < 2e-3  # v dt at the beginning of contact
     assert found["x_rate"][-1] == 0.0 or abs(found["x_rate"][-1]) < 1e-12  # it sticks
     assert np.abs(found["turn"]).max() < 1e-3
 
@@ -193,7 +193,7 @@ def test_a_ball_bounces_with_the_restitution_of_its_contact(tmp_path, z):
     )
     e = restitution(z)
     truth = bouncing_ball.solve(np.linspace(0, 0.9, 101), height=0.5, restitution=e)
-    assert np.abs(found["z"] - truth["height"]).max() < 2e-3  # steps of v dt, few impacts
+    assert np.abs(found["z"] - truth["height"]).max() < 2e-3  # v dt at each of few impacts
     wrong = bouncing_ball.solve(np.linspace(0, 0.9, 101), height=0.5, restitution=e - 0.02)
     assert np.abs(found["z"] - wrong["height"]).max() > 4e-3
 
@@ -219,7 +219,7 @@ def law_of(tmp_path, one="", two="", more=""):
 
 
 def bare_law(tmp_path):
-    """Friction and `solref` that MuJoCo itself gives the contact of the two spheres, pushed in."""
+    """Friction and restitution of the contact that MuJoCo finds where the two spheres overlap."""
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "two.xml"))
     data = mujoco.MjData(model)
     data.qpos[0] = 0.15
@@ -273,7 +273,7 @@ def test_masks_friction_and_softness_are_combined_as_mujoco_does(tmp_path, one, 
 
 
 def test_pairs_are_those_that_mujoco_finds(tmp_path):
-    """A chain of links on a floor: parents are left out, the floor's fixed boxes too."""
+    """In a chain of links on a floor, pairs with parents and of two static geoms are left out."""
     geom = '<geom size=".3"/>'
     body = f'<body pos=".1 0 0"><joint axis="0 1 0"/>{geom}{{0}}</body>'
     inner = body.format(body.format(body.format("")))
@@ -324,7 +324,7 @@ def test_bodies_that_pass_each_other_do_not_touch(tmp_path):
 
 
 def test_settings_of_contacts_act(tmp_path):
-    """What a resting ball is left in the floor, and how fast it comes out of it."""
+    """They determine how deep a ball at rest is in the floor, and how fast it comes out of it."""
     law = f'friction="0 0 0" {PLASTIC}'
     file = written(tmp_path, FLOOR.format(law) + BALL.format(law), pose="0 -.01 0")
     own = moved(file)["z"]

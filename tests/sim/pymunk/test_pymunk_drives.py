@@ -1,4 +1,7 @@
-"""Several ideal drives in pymunk: five-bar, cylinder and boom, serial arm; limits; iterations."""
+"""Tests of several ideal drives in pymunk, of limit positions, and of the solver's iterations.
+
+The mechanisms are a five-bar, a cylinder with a boom, and a serial arm.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +30,7 @@ G = 9.81
 
 
 def bar(length: float, mass: float) -> str:
-    """A uniform bar along x."""
+    """The MJCF of the inertia of a uniform bar along x."""
     turn = mass * length**2 / 12
     return (
         f'<inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="{turn / 100} {turn} {turn}"/>'
@@ -50,7 +53,7 @@ TIP = ("tip.x", "tip.y", "speed.x", "speed.y", "rush.x", "rush.y")
 
 
 def swing(joint: str, start: float, rate: float, far: float, w: float) -> Drive:
-    """A steady motion and an oscillation."""
+    """A drive with a steady motion plus an oscillation."""
     return Drive(
         joint,
         lambda t: (
@@ -69,7 +72,10 @@ BOTH = (swing("left", np.pi / 2, 0.5, 0.1, 2), swing("right", np.pi / 2, -0.3, 0
 
 
 def five_tip(angle):
-    """Upper meeting point of two circles of 2 m about the crank ends; angles (2, n)."""
+    """Tip of the five-bar: the upper intersection of circles of 2 m about the crank ends.
+
+    Angles of the cranks are (2, n).
+    """
     ends = np.stack([np.cos(angle), np.sin(angle)])
     ends[0, 1] = ends[0, 1] + 2
     apart = ends[:, 1] - ends[:, 0]
@@ -78,7 +84,7 @@ def five_tip(angle):
 
 
 def five_weight(angle):
-    """Potential energy: cranks of 1 kg, rods of 2 kg between crank ends and tip."""
+    """Potential energy of cranks of 1 kg and of rods of 2 kg between crank ends and tip."""
     pins = np.sin(angle)
     return G * (0.5 * pins.sum(0) + 2 * (0.5 * pins.sum(0) + five_tip(angle)[1]))
 
@@ -88,7 +94,7 @@ def along(function, place, rate):
 
 
 def five_truth(place, rate, acceleration):
-    """Tip position, velocity, acceleration (6, n) at a state of the drives."""
+    """Position, velocity and acceleration of the tip (6, n) at a state of the drives."""
     h = 1e-4  # error h^2 of the central difference: 1e-8
     late, early = (
         along(
@@ -135,7 +141,8 @@ def test_a_five_bar_is_second_order(write):
     file = write(FIVEBAR)
     coarse, fine = five_errors(file, 2e-3), five_errors(file, 1e-3)
     assert np.all(np.log2(coarse / fine) > 1.9), coarse / fine
-    assert fine[:2].max() < 1e-6  # gap of the first-order closing: (rate dt)^2
+    # constraint violation that the first-order correction leaves: (rate dt)^2
+    assert fine[:2].max() < 1e-6
 
 
 def test_a_drive_about_the_opposite_axis_turns_the_other_way(write):
@@ -157,7 +164,7 @@ def test_a_drive_may_hold_still(write):
     np.testing.assert_allclose(got.drive[1][1], 0.0, atol=1e-11)  # rounding over a step
     truth = five_truth(*got.drive)
     for k, name in enumerate(TIP[:4]):
-        np.testing.assert_allclose(got.channels[name], truth[k], atol=1e-5)  # dt^2 at 2 ms
+        np.testing.assert_allclose(got.channels[name], truth[k], atol=1e-5)  # dt^2, with 2 ms
 
 
 CYLINDER = f"""{HEAD}<worldbody>
@@ -174,12 +181,12 @@ CYLINDER = f"""{HEAD}<worldbody>
 
 
 def boom(length):
-    """Boom angle by the law of cosines: base 1 m, boom 1.5 m, cylinder of a length."""
+    """Angle of the boom by the law of cosines, with a base of 1 m and a boom of 1.5 m."""
     return np.pi - np.arccos((1 + 1.5**2 - length**2) / 3)
 
 
 def cylinder_weight(length):
-    """Eye at a height of 1.5 sin(boom); the barrel's centre is 0.5 m along the cylinder."""
+    """Potential energy: the eye is at a height of 1.5 sin(boom), the barrel's centre at 0.5 m."""
     eye = 1.5 * np.sin(boom(length))
     return G * (3 * eye / 2 + 0.5 * eye + 2 * 0.5 * eye / length)
 
@@ -223,7 +230,7 @@ def test_a_driven_slide_between_moving_links_is_second_order(write):
             ]
         )
     assert np.all(np.log2(np.divide(*errors)) > 1.8), errors
-    assert max(errors[1]) < 1e-5  # (turning of the slide dt)^2 and the gap
+    assert max(errors[1]) < 1e-5  # (rate of the slide's rotation dt)^2, and constraint violation
 
 
 ARM = f"""{HEAD}<worldbody><body><joint name="shoulder"/>{bar(1, 3)}
@@ -265,10 +272,10 @@ BENDING = SHORT.replace(
 
 @pytest.mark.parametrize("model", [SHORT, BENDING], ids=["rigid", "a rod bends"])
 def test_each_of_two_drives_does_the_work_that_the_energy_gains(model, write):
-    """Their moments are derivatives of the energy, with the signs that Chipmunk does not tell.
+    """Moments of two drives are derivatives of the energy, with signs that Chipmunk does not give.
 
-    Each of them vanishes on the way while the other does not.  Where a rod bends, a joint of the
-    heavy crank falls as the light one lets it, so that each drive has to let go alone.
+    Each of them vanishes on the path while the other does not.  Where a rod bends, a joint of the
+    heavy crank falls as the light one permits, so that each drive has to let go alone.
     """
     h, left = 1e-4, np.linspace(1.3, 2.2, 19)
     moves = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
@@ -289,9 +296,10 @@ def test_each_of_two_drives_does_the_work_that_the_energy_gains(model, write):
 
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw_forces", "threeprr_forces", "fivebar_forces"])
 def test_nothing_at_rest_depends_on_inertia(name, monkeypatch):
-    """Poses, rates, moments and forces are those of the masses of the model, with fewer iterations.
+    """Poses, rates, moments and forces of a sweep are the same with the masses of the model.
 
-    What is left of an error in an iteration says how many are needed.
+    With the replaced inertia fewer iterations are needed, as the factor by which an iteration
+    reduces an error shows.
     """
     case = load_case(shipped(f"{name}.toml"))
     run = plan_run(case, "sweep", "pymunk")
@@ -309,7 +317,10 @@ def test_nothing_at_rest_depends_on_inertia(name, monkeypatch):
 
 
 def test_a_sweep_takes_no_more_iterations_with_a_coupler_of_a_gram(tmp_path):
-    """The crank has 1000 kg.  The drive does the work that the weights of the bars ask for."""
+    """The crank has 1000 kg and the coupler 1 g.
+
+    The number of iterations is that of the shipped masses, and the moment balances the weights.
+    """
     case = load_case(shipped("fourbar.toml"))
     run = plan_run(case, "sweep", "pymunk")
     run = replace(run, x=run.x[::30])
@@ -350,7 +361,7 @@ def test_a_sweep_stops_at_a_limit_position_and_keeps_what_it_has():
 
 
 def test_the_gap_beyond_a_limit_is_the_least_one(write):
-    """A cylinder of 2.52 m between points that are at most 2.5 m apart: 0.02 m remain."""
+    """A cylinder of 2.52 m between points at most 2.5 m apart leaves a violation of 0.02 m."""
     drives = (swing("stroke", 2.4, 1, 0, 0),)
     run = Run("sweep", np.array([0, 0.04, 0.12]), ("boom",), drives)
     assert simulate(write(CYLINDER), run).stopped.endswith(" = 2.52, open by 0.02 m")
@@ -363,7 +374,7 @@ def test_a_sweep_that_cannot_begin_is_a_bad_model():
 
 
 def test_contraction_is_what_the_engine_does():
-    """One step from rest under gravity, with n and 2 n iterations, against very many."""
+    """The factor is that by which errors fall from 60 to 120 iterations, in a step from rest."""
     model = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
     links, speeds = read_links(model, "start", ()), {}
     # the pins alone leave the linkage free to fall
@@ -381,7 +392,10 @@ def test_contraction_is_what_the_engine_does():
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_a_drive_that_begins_at_speed_carries_along_what_hangs_on_it(engine):
-    """Joints keep the angles and rates of the key, so that the pendulum begins as the cart does."""
+    """The pendulum's joints start with the angles and rates of the key, relative to the cart.
+
+    The pendulum therefore starts with the velocity of the cart.
+    """
 
     def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = np.asarray(t, float)
@@ -393,5 +407,6 @@ def test_a_drive_that_begins_at_speed_carries_along_what_hangs_on_it(engine):
     found = engine_of(engine).simulate(file, run).channels
     model = mujoco.MjModel.from_xml_path(str(file))
     wanted = planar.solve(*law(t), model=model, joints=("cart",), in_time=(t, [law]))
-    for name in names:  # second order in the step; the cart's speed alone moves the pendulum by 0.1
+    # the error is of second order in the step; the start speed of the cart has an effect of 0.1
+    for name in names:
         assert np.abs(found[name] - wanted[name]).max() < 1e-4 * np.ptp(wanted[name])

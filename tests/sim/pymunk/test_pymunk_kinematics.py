@@ -1,4 +1,4 @@
-"""Energy, its slope and free motions of links, each in a second way."""
+"""Tests of energy, its gradient, joint values and free directions, each against a second method."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,10 @@ def links_of(name: str) -> Links:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_slope_is_that_of_the_energy(name):
-    """Hinges, slides, loops, springs, stops, weights, motors and dead loads, in wild poses."""
+    """The cases have hinges, slides, loops, springs, stops, weights, motors and dead loads.
+
+    Poses are random and do not satisfy the constraints.
+    """
     links = links_of(name)
     stops = tuple(joint for joint in links.joints if joint.limits)
     random = np.random.default_rng(1)
@@ -65,7 +68,7 @@ def test_joints_together_are_what_each_is_alone(name):
     links = links_of(name)
     pose = links.pose + 0.3 * np.random.default_rng(2).normal(size=(3, *links.pose.shape))
     alone = np.stack([joint_value(joint, pose) for joint in links.joints], axis=-1)
-    # sines of many angles at once and of one may differ in the last digit, by the processor
+    # on some processors, sines of many angles at once and of one differ in the last digit
     np.testing.assert_allclose(joint_values(links, pose), alone, rtol=1e-14, atol=1e-14)
     table = links.joint_table
     for k, joint in enumerate(links.joints):
@@ -77,7 +80,10 @@ def test_joints_together_are_what_each_is_alone(name):
 @pytest.mark.parametrize("name", ["fourbar", *NAMES])
 @pytest.mark.parametrize("doubled", [False, True])
 def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled, monkeypatch):
-    """Rows that depend on others leave the free motions as they are; QR leaves them to an SVD."""
+    """Free directions satisfy the constraints and are orthonormal, with masses as weights.
+
+    Linearly dependent rows do not change their number; QR then leaves them to an SVD.
+    """
     links = links_of(name)
     pose = links.pose + 0.01 * np.random.default_rng(3).normal(size=links.pose.shape)
     pose[-1] = 0.0  # the ground
@@ -102,7 +108,7 @@ def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled
 
 @pytest.mark.parametrize("name", NAMES)
 def test_pulls_hold_what_springs_and_weights_ask_for(name):
-    """All that is left of the slope, with the pulls, is along the free motions."""
+    """With the constraint forces, the gradient of the energy has a part along free motions only."""
     links = links_of(name)
     modes = find_modes(links, links.pose, ())
     left = energy_gradient(links, links.pose, modes.pull, ())

@@ -1,4 +1,4 @@
-"""Constant loads in pymunk: motors with a ctrl in the start key, on joints without a drive."""
+"""Tests of constant loads in pymunk: motors on undriven joints, with a control in the start key."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ TURN = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
 
 
 def bar(length: float, mass: float) -> str:
-    """A uniform bar along x."""
+    """The MJCF of the inertia of a uniform bar along x."""
     turn = mass * length**2 / 12
     return (
         f'<inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="{turn / 100} {turn} {turn}"/>'
@@ -71,7 +71,7 @@ def slope(function, x):
     ],
 )
 def test_the_crank_holds_a_force_on_the_slider(motor, ctrl, force, tmp_path):
-    """M = -F dx/dtheta; the ctrl of the crank's own motor does not count."""
+    """The holding moment is M = -F dx/dtheta; the control of the crank's motor has no effect."""
     file = tmp_path / "load.xml"
     file.write_text(slider_crank(ctrl, motor))
     run = Run("sweep", np.linspace(0.5, 6.5, 41), ("hold", "load"), (TURN,))
@@ -82,7 +82,7 @@ def test_the_crank_holds_a_force_on_the_slider(motor, ctrl, force, tmp_path):
 
 
 def test_the_crank_holds_a_moment_between_slider_and_rod(tmp_path):
-    """M = -m dphi/dtheta, by the hinge of two moving links."""
+    """A moment m on the hinge between two moving links gives the moment M = -m dphi/dtheta."""
     file = tmp_path / "load.xml"
     file.write_text(slider_crank("0 4", '<motor name="load" joint="rod"/>'))
     run = Run("sweep", np.linspace(0.5, 6.5, 41), ("hold",), (TURN,))
@@ -91,7 +91,10 @@ def test_the_crank_holds_a_moment_between_slider_and_rod(tmp_path):
 
 
 def test_the_boom_holds_a_force_in_the_cylinder(tmp_path):
-    """M = -F ds/dtheta, by the slide of two moving links with their centres off its axis."""
+    """A force F on the slide between two moving links gives the moment M = -F ds/dtheta.
+
+    Centres of mass of both links are off the axis of the slide.
+    """
     file = tmp_path / "load.xml"
     file.write_text(
         model(
@@ -137,7 +140,7 @@ def test_a_pushed_block_and_a_turned_wheel_gain_speed_evenly(tmp_path):
 
 
 def test_loads_between_free_links_move_them_as_in_mujoco(tmp_path):
-    """A moment between two arms and a force that shoots a block along the second."""
+    """A moment acts between two arms, and a force drives a block along the second arm."""
     file = tmp_path / "load.xml"
     file.write_text(
         model(

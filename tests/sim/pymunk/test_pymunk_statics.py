@@ -1,4 +1,4 @@
-"""Free coordinates at rest in pymunk: nonlinear springs, stops pressed, left and met, snags."""
+"""Tests of undriven joints in sweeps of pymunk: nonlinear springs, stops that are left or met."""
 
 from pathlib import Path
 
@@ -25,7 +25,10 @@ def swept(folder: Path, text: str, x, channels, joint: str, law=lambda x: x):
 
 
 def arm(joint: str, gravity: str = HEAVY) -> str:
-    """A bar of 2 kg and 0.8 m on a crank's pin; the crank is 1 m long and weighs nothing much."""
+    """The MJCF of an arm of 2 kg and 0.8 m on the pin of a crank of 1 m.
+
+    The crank's centre of mass is on its axis.
+    """
     return (
         f'{gravity}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
         f'diaginertia="1 1 1"/><body pos="1 0 0"><joint name="arm" {joint}/>'
@@ -37,7 +40,10 @@ def arm(joint: str, gravity: str = HEAVY) -> str:
 
 @pytest.mark.parametrize("joint", ["crank", "coupler", "rocker"])
 def test_a_damper_does_nothing_at_rest(joint, tmp_path):
-    """In the space of a sweep it would hinder the solver: a moment of ten times its range."""
+    """A damper changes no curve of a sweep.
+
+    In the space of a sweep it would hinder the solver, with moments of ten times their range.
+    """
     text = shipped("fourbar.xml").read_text()
     drive = Drive("crank", lambda x: (x, 1.0 + 0 * x, 0 * x))
     channels = ("rocker", "rocker_rate", "holding_moment")
@@ -57,7 +63,10 @@ def test_a_damper_does_nothing_at_rest(joint, tmp_path):
     "stiffness", [(9.0, -4.0, 0.0), (25.0, 5.0, 0.0), (3.0, 0.0, 8.0), (6.0, -7.0, 3.0)]
 )
 def test_polynomial_spring_against_weight(stiffness, tmp_path):
-    """k e + a e^2 + b e^3 = -m g s cos(crank + arm), e the arm's angle less the spring's rest."""
+    """The arm rests where k e + a e^2 + b e^3 = -m g s cos(crank + arm).
+
+    e is the arm's angle minus the rest angle of the spring.
+    """
     k, a, b = stiffness
     x, ref = np.linspace(0.3, 1.2, 7), 0.2
     got = swept(
@@ -85,7 +94,7 @@ def test_polynomial_spring_against_weight(stiffness, tmp_path):
 
 
 def test_polynomial_spring_of_a_slide(tmp_path):
-    """40 e - 30 e^2 = m g sin(crank): a block hangs in a guide that the crank tilts."""
+    """A block hangs in a guide that the crank tilts, with 40 e - 30 e^2 = m g sin(crank)."""
     text = (
         f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
         'diaginertia="1 1 1"/><body><joint name="block" type="slide" axis="-1 0 0" '
@@ -107,7 +116,7 @@ def test_polynomial_spring_of_a_slide(tmp_path):
 
 @pytest.mark.parametrize("law", [lambda x: x, lambda x: 1.5 - x])
 def test_preloaded_hinge_leaves_its_stop(law, tmp_path):
-    """It rests on its stop until the weight's moment is more than the preload k 0.6."""
+    """A hinge rests on its stop until the moment of the weight is larger than the preload k 0.6."""
     x, k = np.linspace(0.0, 1.5, 31), 8.0
     got = swept(
         tmp_path,
@@ -135,7 +144,7 @@ def test_preloaded_hinge_leaves_its_stop(law, tmp_path):
 
 
 def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
-    """Released at 0.8 rad, the joint turns back where the spring's energy is the same."""
+    """A joint released at 0.8 rad turns back where the energy of the spring is the same."""
     body = (
         '<worldbody><body><joint name="arm" stiffness="5 2 -1"/><inertial pos="0 0 0" mass="1" '
         'diaginertia=".1 .1 .1"/></body></worldbody><sensor><jointpos name="arm" joint="arm"/>'
@@ -155,12 +164,12 @@ def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
     coarse, fine = (np.abs(c["v"] + c["t"] - start).max() for c in got)
     assert 3.7 < coarse / fine < 4.3  # second order: 4 in theory
     turn = brentq(lambda q: q**2 * (5 / 2 + q * (2 / 3 - q / 4)) - start, -1.2, -0.1)
-    # it may turn between two samples: 16 rad/s2 (5 ms)^2 / 2
+    # it may turn back between two samples: 16 rad/s^2 (5 ms)^2 / 2
     assert abs(got[1]["arm"].min() - turn) < 2e-4
 
 
 def rest_posture(lengths, angles):
-    """Angles of the segments from the upright, clockwise; the last two reach (0, 1), elbow up."""
+    """Angles of segments from the upright, clockwise; the last two reach (0, 1), elbow up."""
     tip = 1j - sum(
         length * 1j * np.exp(-1j * angle) for length, angle in zip(lengths, angles, strict=False)
     )
@@ -172,7 +181,10 @@ def rest_posture(lengths, angles):
 
 
 def balancer(lengths, springs, angles=(0.0,), stops=("", "", "", "")) -> str:
-    """A chain of uniform segments, 1 kg/m, from O to the tip of a pendulum of 1 m, at rest."""
+    """The MJCF of a balancer in its start pose: a chain of uniform segments of 1 kg/m.
+
+    The chain leads from O to the tip of a pendulum of 1 m.
+    """
     bodies, place = "", "0 0 0"
     for k, (length, spring, angle, stop) in enumerate(
         zip(lengths, springs, rest_posture(lengths, angles), stops, strict=False), 1
@@ -282,7 +294,10 @@ def test_balancers_hold_the_moments_of_their_equilibria(name, tmp_path):
 
 @pytest.mark.parametrize("name", BALANCERS)
 def test_the_drive_holds_what_spring_1_takes_and_the_energy_gains(name, tmp_path):
-    """M = M1 = dV/dalpha: turning all about O winds spring 1 alone; and at rest V is lowest."""
+    """The holding moment is M = M1 = dV/dalpha.
+
+    A rotation of all links about O changes spring 1 only, and an equilibrium minimizes V.
+    """
     h = 0.02
     x = np.add.outer(np.arange(1.0, 90.0, 8.0), (-h, 0.0, h)).ravel()
     got = balanced(tmp_path, name, x).channels
@@ -302,10 +317,10 @@ def test_the_drive_holds_what_spring_1_takes_and_the_energy_gains(name, tmp_path
 
 
 def test_a_preload_is_released_at_its_moment(tmp_path):
-    """Up to 46.6595 degrees, preload / (k1 (1 - l1/r)), the chain turns with the pendulum."""
+    """Up to preload / (k1 (1 - l1/r)), 46.6595 degrees, the chain turns as a whole."""
     release = np.degrees(0.3983 / 0.9341 / (1 - 0.4764))
     got = balanced(tmp_path, "released", (0, 20, 40, release - 0.01, release + 0.01)).channels
-    np.testing.assert_allclose(got["deflection2"][:4], 0, atol=1e-11)  # left within 1e-12 rad
+    np.testing.assert_allclose(got["deflection2"][:4], 0, atol=1e-11)  # ends within 1e-12 rad
     assert got["deflection2"][4] > 1e-5
     np.testing.assert_allclose(
         got["hold"][:4], 0.9341 * np.radians((0, 20, 40, release - 0.01)), atol=1e-11, rtol=0
@@ -313,7 +328,7 @@ def test_a_preload_is_released_at_its_moment(tmp_path):
 
 
 def test_a_joint_meets_its_upper_stop(tmp_path):
-    """From 41.4841 degrees on segments 2 and 3 no longer bend: the moment grows by k1 alone."""
+    """From 41.4841 degrees on joint 2 is on its stop, and the moment rises with k1 only."""
     got = balanced(tmp_path, "contact", (41.47, 41.50, 50, 60, 70, 80, 90)).channels
     assert got["deflection2"][0] < 0.8693 - 1e-4
     np.testing.assert_allclose(
@@ -325,7 +340,7 @@ def test_a_joint_meets_its_upper_stop(tmp_path):
 
 @pytest.mark.parametrize("name", ["released", "contact", "four"])
 def test_down_again_is_as_up(name, tmp_path):
-    """Nothing rubs: stops are met and left at the same angles either way."""
+    """Without friction, stops are met and left at the same angles upwards and downwards."""
     top = np.pi / 2
     got = balanced(tmp_path, name, np.linspace(0, 180, 41), lambda x: top - np.abs(x - top))
     for curve in got.channels.values():
@@ -333,13 +348,13 @@ def test_down_again_is_as_up(name, tmp_path):
 
 
 def test_a_sweep_may_begin_anywhere(tmp_path):
-    """The free coordinates follow the drive from the start key to the first sample."""
+    """The undriven joints follow the drive from the start key to the first sample."""
     got = balanced(tmp_path, "four", (90, 96)).channels["hold"]
     assert abs(got[0] - 1.01564) < 5.01e-6  # half a unit of the last digit
 
 
 def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
-    """The energy only paces the steps: a wrong one makes them more, and no other moment."""
+    """With a wrong energy the moments are the same: it only determines the sizes of steps."""
     energy = LinkJoint.spring_energy
     monkeypatch.setattr(
         LinkJoint,
@@ -352,7 +367,7 @@ def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
 
 
 def chain(links: int, stiffness: float) -> str:
-    """Uniform links, 1 m and 1 kg in all, with equal springs, on a turning crank."""
+    """The MJCF of uniform links with equal springs on a crank; together they have 1 m and 1 kg."""
     size = 1 / links
     link = (
         f'<joint name="j{{}}" stiffness="{stiffness}"/><inertial pos="{size / 2} 0 0" '
@@ -369,7 +384,7 @@ def chain(links: int, stiffness: float) -> str:
 
 @pytest.mark.parametrize(("links", "stiffness"), [(3, 1.0), (6, 20.0)])
 def test_a_hanging_chain_is_in_equilibrium(links, stiffness, tmp_path):
-    """In every joint the spring carries the weight of all that hangs on it."""
+    """In every joint the spring balances the weight of all links beyond it."""
     x, names = np.array([0.0, 0.1, 0.2]), [f"j{k}" for k in range(links)]
     got = swept(tmp_path, chain(links, stiffness), x, (*names, "moment"), "crank").channels
     bend = np.array([got[name] for name in names])
@@ -386,7 +401,10 @@ def test_a_hanging_chain_is_in_equilibrium(links, stiffness, tmp_path):
 
 
 def test_a_stop_in_the_way_ends_the_sweep(edit):
-    """The rocker turns from 2.246 to 2.4 rad only: closed form, cosine rule in both triangles."""
+    """The rocker turns from 2.246 rad to its stop at 2.4 rad.
+
+    The crank's angle there follows from the law of cosines in both triangles.
+    """
     file = edit("fourbar.xml", '<joint name="rocker"/>', '<joint name="rocker" range="1.5 2.4"/>')
     drive = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
     got = simulate(file, Run("sweep", np.linspace(0, 3, 61), ("rocker",), (drive,)))
@@ -397,7 +415,7 @@ def test_a_stop_in_the_way_ends_the_sweep(edit):
 
 
 def test_stops_on_both_sides_lock_a_balancer(tmp_path):
-    """With joints 1 and 2 on their stops the pendulum can go no further."""
+    """With joints 1 and 2 on their stops the pendulum cannot turn further."""
     text = balancer(
         (0.45, 0.5, 0.4), (1.0, 1.0, 1.0), stops=('range="-1 0.6"', 'range="-1 0.3"', "")
     )
@@ -407,7 +425,10 @@ def test_stops_on_both_sides_lock_a_balancer(tmp_path):
 
 
 def test_a_rest_is_guessed_by_a_polynomial_through_the_ones_before_it():
-    """Of third degree through four, and the straight line where the drives turned before."""
+    """The polynomial is of third degree through four equilibria.
+
+    Equilibria before a change of the drives' direction are left out.
+    """
     places, _ = rests_on_way([([0.0], 0), ([1.0], 1), ([2.0], 8), ([3.0], 27)], [4.0])
     assert places == [-1.0, -2.0, -3.0, -4.0]
     for past, degree in ((1, 1), (2, 2), (3, 3)):
@@ -428,10 +449,10 @@ def test_a_rest_is_guessed_by_a_polynomial_through_the_ones_before_it():
 
 
 def test_moments_have_their_sign_beside_where_they_vanish(tmp_path):
-    """Chipmunk tells their size alone: a bar that is held, just before and behind its top.
+    """The moment of a driven bar has the right sign just before and just behind its top.
 
-    Within 1e-7 rad of the top the moment is less than `FORCE_REDUCTION` of the largest: the drive
-    lets go.
+    Chipmunk gives only the size of a moment.  Within 1e-7 rad of the top the moment is less than
+    `FORCE_REDUCTION` of the largest, so that the drive lets go.
     """
     x = np.pi / 2 + np.array([-1.0, -1e-3, -1e-9, 1e-9, 1e-3, 1.0])
     bar = (
@@ -443,7 +464,10 @@ def test_moments_have_their_sign_beside_where_they_vanish(tmp_path):
 
 
 def test_rates_leave_the_rest_of_the_next_pose_alone():
-    """Impulses of a motion are no guess of those of a rest: moments are the same without rates."""
+    """Moments are the same with and without rates.
+
+    The impulses by which rates are found are no guess for those of the next equilibrium.
+    """
     drive = Drive("crank", lambda x: (x, 1.0 + 0 * x, 0 * x))
     x = np.linspace(0.0, 1.0, 8)
     both, alone = (

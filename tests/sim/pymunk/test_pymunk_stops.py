@@ -1,4 +1,4 @@
-"""Light chains on their stops in pymunk: what its solver needs many iterations for.
+"""Tests of light chains on their stops in pymunk, for which its solver needs many iterations.
 
 Source: S. van Nes, The use of a rigid linkage balancer with torsion springs to realize nonlinear
 moment-angle characteristics, MSc thesis TU Delft 2022.074 (van Nes 2022).
@@ -14,7 +14,7 @@ from proofmass.sim.protocol import Drive, NotSolved, Run
 from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.engine import simulate
 
-# Lines 2119 and 2169 of the thesis's text: preloads that are never released
+# lines 2119 and 2169 of the thesis's text, whose preloads are never released
 LOCKED = {
     "three": {
         "length1": 0.4056,
@@ -39,7 +39,7 @@ LOCKED = {
         **{f"quadratic{k}": -1.5903 for k in (1, 2, 3, 4)},
     },
 }
-# lengths and springs at random: joint 3 comes to its stop in steps of 1e-12 rad
+# random lengths and springs with which joint 3 comes to its stop in steps of 1e-12 rad
 SHORT = {
     "length1": 0.35671057,
     "length2": 0.3456592,
@@ -55,7 +55,8 @@ SHORT = {
     "rest_angle2": -0.308,
     "mode": -1,
 }
-# the same, of a chain that is straight but for 0.02 rad: a repetition leaves much of an error
+# random lengths and springs of a chain that is straight to 0.02 rad: a repetition of the
+# iterations leaves much of an error
 STRAIGHT = {
     "length1": 0.23149409,
     "length2": 0.28570825,
@@ -73,7 +74,7 @@ STRAIGHT = {
 
 
 def light(folder: Path, parameters, degrees, channels):
-    """Sweep a balancer whose segments have masses of 1 to 4 g, on a pendulum of 1 kg."""
+    """Curves of a sweep of a balancer with segments of 1 to 4 g and a pendulum of 1 kg."""
     file = write_case(folder, "light", title="", source="", parameters=parameters)
     drive = Drive("pendulum", lambda x: (x, 0 * x, 0 * x))
     return simulate(
@@ -83,7 +84,7 @@ def light(folder: Path, parameters, degrees, channels):
 
 @pytest.mark.parametrize("name", LOCKED)
 def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
-    """The chain turns with the pendulum as one: M = k1 alpha + A1 alpha^2."""
+    """Joint 2 stays on its stop, and the chain turns as a whole: M = k1 alpha + A1 alpha^2."""
     degrees = np.array([5.0, 10.0])
     got = light(tmp_path, LOCKED[name], degrees, ("deflection2", "holding_moment"))
     k, a, alpha = LOCKED[name]["stiffness1"], LOCKED[name]["quadratic1"], np.radians(degrees)
@@ -93,7 +94,7 @@ def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
 
 
 def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
-    """Iterations are needed by the ten thousands where a joint comes to its stop."""
+    """Tens of thousands of iterations are needed where a joint comes to its stop."""
     monkeypatch.setattr(quasi_static, "MAX_ITERATIONS", 2000)
     with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
         light(tmp_path, LOCKED["four"], [5.0], ("holding_moment",))
@@ -101,10 +102,14 @@ def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("doubt", [6, 8])
 def test_a_short_step_to_a_stop_is_no_rest(doubt, tmp_path, monkeypatch):
-    """Nor may it be what the drive is read in: 1e-16 m over its square is felt as a moment."""
+    """A short step next to a stop is not taken as an equilibrium.
+
+    The holding moment is not read in such a step either, since rounding of 1e-16 m divided by the
+    square of the step is a large moment.
+    """
     monkeypatch.setattr(
         quasi_static, "STEPS_BEFORE_CHECK", doubt
-    )  # begins anew a hair from the stop, and often
+    )  # the steps begin anew often and close to the stop
     got = light(tmp_path, SHORT, np.arange(5.0, 95.0, 5.0), ("deflection1", "holding_moment"))
     # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
     np.testing.assert_allclose(
@@ -113,7 +118,11 @@ def test_a_short_step_to_a_stop_is_no_rest(doubt, tmp_path, monkeypatch):
 
 
 def test_a_slow_solver_is_waited_for(tmp_path):
-    """What a repetition changes is less than what is lacking: moves would swing, not end."""
+    """The iterations are repeated until a step is solved.
+
+    A repetition changes less than the remaining error; if it were taken as solved, the moves would
+    oscillate without end.
+    """
     got = light(tmp_path, STRAIGHT, [10.0, 20.0], ("deflection1", "holding_moment"))
     # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
     np.testing.assert_allclose(
