@@ -78,7 +78,7 @@ def own(segments: int, near: RodState) -> Standing:
 
 
 def stood(found: Standing) -> list[float]:
-    """The values of `read` for an equilibrium of chains; the motors balance the rods' moments."""
+    """The values of `read` for chains in equilibrium; the motors balance the rods."""
     return [*found.pose, *-found.root_moment, found.energy]
 
 

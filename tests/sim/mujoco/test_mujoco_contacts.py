@@ -55,9 +55,9 @@ def test_bad_parameters(wrong):
 
 @pytest.mark.parametrize("tilt", [1e-16, 1e-15, 1e-14, 1e-13, 1e-12])
 def test_a_flat_cylinder_above_a_floor_has_a_contact_of_rounding(tilt):
-    """MuJoCo 4.0.0 finds a contact of a hanging cylinder in a range of tilts, though it is above.
+    """In a range of tilts MuJoCo 4.0.0 finds a contact of a cylinder that hangs above a floor.
 
-    The depth of the contact has a closed form.
+    There should be none; the depth of the contact has a closed form.
     """
     hits, deepest, energy = hanging(tilt, "0 0 0", 1000)
     known = phantom_depth(tilt)

@@ -1,4 +1,4 @@
-"""Tests of the reference `refined`, which solves a model's own equations.
+"""Tests of the reference "refined", which solves a model's own equations.
 
 It is compared with other references, and cases that it does not cover are refused.
 """
@@ -25,7 +25,7 @@ BOX = shipped("tumbling_box.toml")
 
 
 def refined(name, **run):
-    """A shipped case with the reference `refined` instead of its own."""
+    """A shipped case with the reference "refined" instead of its own."""
     case = load_case(shipped(f"{name}.toml"))
     kept = case.run["dynamics"].model_copy(update=run)
     return case.model_copy(update={"reference": "refined", "run": {"dynamics": kept}})
@@ -147,7 +147,7 @@ def test_a_sweep_and_rods_are_refused():
 def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
     """The drive of the planar reference is exact.
 
-    The reference `refined` has a flywheel of 1e9 times the inertia and a tolerance of 1e-9, whose
+    The reference "refined" has a flywheel of 1e9 times the inertia and a tolerance of 1e-9, whose
     errors are within 1e-7.
     """
     case = refined("driven_cart", n=41, until=1.0)

@@ -30,7 +30,7 @@ G = 9.81
 
 
 def bar(length: float, mass: float) -> str:
-    """The MJCF of the inertia of a uniform bar along x."""
+    """The MJCF of the inertia of a uniform bar along x, from length [m] and mass [kg]."""
     turn = mass * length**2 / 12
     return (
         f'<inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="{turn / 100} {turn} {turn}"/>'
@@ -186,7 +186,10 @@ def boom(length):
 
 
 def cylinder_weight(length):
-    """Potential energy: the eye is at a height of 1.5 sin(boom), the barrel's centre at 0.5 m."""
+    """Potential energy: the eye is at a height of 1.5 sin(boom).
+
+    The barrel's centre of mass is 0.5 m along the cylinder.
+    """
     eye = 1.5 * np.sin(boom(length))
     return G * (3 * eye / 2 + 0.5 * eye + 2 * 0.5 * eye / length)
 

@@ -12,7 +12,7 @@ TURN = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
 
 
 def bar(length: float, mass: float) -> str:
-    """The MJCF of the inertia of a uniform bar along x."""
+    """The MJCF of the inertia of a uniform bar along x, from length [m] and mass [kg]."""
     turn = mass * length**2 / 12
     return (
         f'<inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="{turn / 100} {turn} {turn}"/>'
