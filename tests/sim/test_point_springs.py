@@ -280,7 +280,7 @@ def test_pymunk_names_a_spring_that_leaves_the_plane(tmp_path):
 
 
 def test_a_picture_and_an_animation_have_the_springs_ends(tmp_path):
-    """At all drawn poses, the ends of a spring are as far apart as the sensor of its length says.
+    """At all drawn poses, the distance of a spring's ends equals the sensor of its length.
 
     In the animation they are at fixed points of their bodies, at the places of the picture.
     """

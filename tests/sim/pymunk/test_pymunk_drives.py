@@ -278,7 +278,8 @@ def test_each_of_two_drives_does_the_work_that_the_energy_gains(model, write):
     """Moments of two drives are derivatives of the energy, with signs that Chipmunk does not give.
 
     Each of them vanishes on the path while the other does not.  Where a rod bends, a joint of the
-    heavy crank falls as the light one permits, so that each drive has to let go alone.
+    heavy crank falls as the light one permits, so that the force of each drive must be reduced
+    separately to find its sign.
     """
     h, left = 1e-4, np.linspace(1.3, 2.2, 19)
     moves = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])

@@ -452,7 +452,7 @@ def test_moments_have_their_sign_beside_where_they_vanish(tmp_path):
     """The moment of a driven bar has the right sign just before and just behind its top.
 
     Chipmunk gives only the size of a moment.  Within 1e-7 rad of the top the moment is less than
-    `FORCE_REDUCTION` of the largest, so that the drive lets go.
+    `FORCE_REDUCTION` of the largest, so that the drive's force is reduced to zero to find its sign.
     """
     x = np.pi / 2 + np.array([-1.0, -1e-3, -1e-9, 1e-9, 1e-3, 1.0])
     bar = (
