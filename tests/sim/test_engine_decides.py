@@ -99,7 +99,7 @@ def nothing_agrees(case: Case, kind: str, solver: str, monkeypatch) -> None:
 
 
 def begun(case: Case, kind: str) -> Case:
-    """The case with about the first fifth of its motion, if the run states ``n`` and ``until``.
+    """The case with about the first fifth of its motion, if ``dynamics`` has ``n`` and ``until``.
 
     An engine that does nothing is wrong by then.
     """

@@ -48,7 +48,7 @@ def test_links_start_stretched_and_straight(tmp_path):
 
 @pytest.mark.parametrize("length", [1.0, 0.9])
 def test_a_straight_rod_that_does_not_stretch_is_refused(length, tmp_path):
-    """Both engines refuse it, since the axial force of a straight rod needs a stretch."""
+    """Both engines would search for the axial force of a rod that cannot change its length."""
     rod = Rod("r", "ground", "far", length, 0.1, 8, ("clamped", "pinned"))
     for engine in ENGINES:
         with pytest.raises(BadRod, match=r"length.*must be longer, or stretch: axial = EA \[N\]"):

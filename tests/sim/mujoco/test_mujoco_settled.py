@@ -153,7 +153,8 @@ def test_the_rest_is_free_body_equilibrium(p, file):
 def test_the_preload_is_released_at_its_closed_form(file):
     """While joint 2 is on its stop, the pin pulls along the last segment.
 
-    Its moment is M2 = k1 alpha (1 - l1 / r), which reaches the preload at the released angle.
+    The moment on joint 2 is M2 = k1 alpha (1 - l1 / r); the joint leaves its stop where M2 is equal
+    to the preload.
     """
     away = np.degrees(0.3983 / (0.9341 * (1 - 0.4764)))
     assert away == pytest.approx(46.6595, abs=5e-5)  # degrees, four decimals

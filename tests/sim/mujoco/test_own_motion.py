@@ -129,9 +129,9 @@ def test_a_time_that_is_short_ends_runs_and_none_of_them_is_dropped(tmp_path):
 
 
 def test_finer_steps_let_nothing_sleep():
-    """MuJoCo counts the steps in which a body is slow, and finer steps are many.
+    """MuJoCo puts a body to sleep after a number of steps in which it is slow.
 
-    A body that starts slowly would otherwise sleep.
+    A run with finer steps would therefore put a body to sleep that starts slowly.
     """
     model = mujoco.MjModel.from_xml_string(
         MIXED.replace("<mujoco>", '<mujoco><option><flag sleep="enable"/></option>')

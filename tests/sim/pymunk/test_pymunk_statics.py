@@ -354,7 +354,7 @@ def test_a_sweep_may_begin_anywhere(tmp_path):
 
 
 def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
-    """With a wrong energy the moments are the same: it only determines the sizes of steps."""
+    """With a wrong energy the moments are the same: it only paces the steps, which become more."""
     energy = LinkJoint.spring_energy
     monkeypatch.setattr(
         LinkJoint,
