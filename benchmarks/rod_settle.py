@@ -20,7 +20,7 @@ from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.quasi_static import rod_shape
 from proofmass.sim.pymunk.space import build_space
 from proofmass.sim.rods import Chain, chain, compile_with_rods
-from tests.independent.rods.chain_assembly import Standing, settle
+from tests.independent.rods.chain_assembly import AssemblyEquilibria, settle
 
 MODEL = """<mujoco><compiler angle="radian"/>
   <option gravity="0 0 0" timestep="1e-3" integrator="implicitfast" tolerance="1e-12"
@@ -61,7 +61,7 @@ class Scene:
     a: Assembly
     n: int
     found: Solutions
-    standing: Standing
+    standing: AssemblyEquilibria
 
     @cached_property
     def chains(self) -> list[Chain]:
@@ -171,7 +171,7 @@ class Scene:
             ]
         )
 
-    def which(self, angles: Array) -> tuple[int, Standing, float]:
+    def which(self, angles: Array) -> tuple[int, AssemblyEquilibria, float]:
         """The number of the nearest equilibrium or -1, that of the chain, the distance [rad]."""
         inputs, load = self.found.state.inputs[0], np.append(self.found.state.load[0], 0.0)
         own = settle(self.a, inputs, seed=angles, segments=self.n, force=load[:2], moment=load[2])

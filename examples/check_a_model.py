@@ -22,8 +22,8 @@ def main(sidecar: Path) -> int:
     for error in result.errors:  # bad input: the file, the key, and what is expected there
         print("error:", error)
     for run, solver in dict.fromkeys((c.run, c.solver) for c in result.comparisons):
-        found = [c for c in result.comparisons if (c.run, c.solver) == (run, solver)]
-        checked = [c for c in found if c.allowed > 0]
+        rows = [c for c in result.comparisons if (c.run, c.solver) == (run, solver)]
+        checked = [c for c in rows if c.allowed > 0]
         if not checked:
             print(f"{run:9}{solver:16}is shown, not checked: no tolerance covers it")
             continue

@@ -32,12 +32,12 @@ def main() -> None:
     case = load_case(MODELS / "linkages" / "slider_crank.toml")
     print(f"{'engine':8}{'step [s]':>10}{'error [m]':>12}{'order':>8}{'wall time [s]':>15}")
     for engine in ("mujoco", "pymunk"):
-        before = math.nan
+        previous_error = math.nan
         for step in STEPS:
-            off, seconds = error(case, engine, step)
-            order = math.log2(before / off)
-            print(f"{engine:8}{step:10.2e}{off:12.2e}{order:8.2f}{seconds:15.3f}")
-            before = off
+            largest_error, seconds = error(case, engine, step)
+            order = math.log2(previous_error / largest_error)
+            print(f"{engine:8}{step:10.2e}{largest_error:12.2e}{order:8.2f}{seconds:15.3f}")
+            previous_error = largest_error
 
 
 if __name__ == "__main__":

@@ -20,9 +20,9 @@ from proofmass import load_case, solve
 MODELS = Path(__file__).parent.parent / "models"
 
 
-def angle(far: float, rocker: float, ground: float) -> float:
-    """Angle between rocker and ground in a triangle with the third side `far` [rad]."""
-    return math.acos((rocker**2 + ground**2 - far**2) / (2 * rocker * ground))
+def angle(third_side: float, rocker: float, ground: float) -> float:
+    """Angle between rocker and ground in a triangle with the third side `third_side` [rad]."""
+    return math.acos((rocker**2 + ground**2 - third_side**2) / (2 * rocker * ground))
 
 
 def main(folder: Path) -> None:

@@ -27,18 +27,18 @@ from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.worker import NO_RENDERER, SINGLE_THREAD
-from tests.long import LONG, SOME
-from tests.shipped import MODELS, READ, every_file
+from tests.long import DEFAULT_PARAMETERS, FASTER_TESTS
+from tests.shipped import MODELS, READ_CASES, all_file_contents
 
 pytest_plugins = ["pytester"]
 os.environ.update(SINGLE_THREAD)  # for the processes of pytest-xdist, which share the processors
 os.environ.update(NO_RENDERER | os.environ)  # for processes that tests start
-FOUND = TemporaryDirectory()
+COVERAGE_FOLDER = TemporaryDirectory()
 """The folder for stored findings of `proofmass explain`, instead of the user's cache.
 
 The variable that names it is set before sidecars are read in workers.
 """
-os.environ[FOLDER_VARIABLE] = FOUND.name
+os.environ[FOLDER_VARIABLE] = COVERAGE_FOLDER.name
 if sys.dont_write_bytecode:
     # Many containers set PYTHONDONTWRITEBYTECODE, which prevents bytecode files beside the sources.
     # Here they are written into pytest's own folder instead: without bytecode files, each of about
@@ -82,29 +82,29 @@ class SpareFolder:
 
     def __init__(self, path: Path) -> None:
         self.path, self.kept = path, dict[str, tuple[int, ...]]()
-        self.mend()
+        self.restore()
 
-    def mend(self) -> None:
+    def restore(self) -> None:
         """Write missing and changed files again, and remove all other files."""
         self.path.mkdir(exist_ok=True)
-        contents = every_file()
+        contents = all_file_contents()
         there = {entry.name: entry for entry in os.scandir(self.path)}
         for name in there.keys() - contents.keys():
             is_folder = there[name].is_dir(follow_symlinks=False)
             shutil.rmtree(there[name]) if is_folder else os.unlink(there[name])
         for name, content in contents.items():
             entry = there.get(name)
-            if entry is None or self.kept[name] != stamp(entry.stat(follow_symlinks=False)):
+            if entry is None or self.kept[name] != file_stamp(entry.stat(follow_symlinks=False)):
                 file = self.path / name
                 file.unlink(missing_ok=True)
                 file.write_bytes(content)
                 os.utime(file, (LONG_AGO, LONG_AGO))
-                self.kept[name] = stamp(file.stat())
+                self.kept[name] = file_stamp(file.stat())
 
 
-def stamp(found: os.stat_result) -> tuple[int, ...]:
+def file_stamp(status: os.stat_result) -> tuple[int, ...]:
     """Properties of a file of which at least one differs after the file is written."""
-    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_mode
+    return status.st_ino, status.st_size, status.st_mtime_ns, status.st_mode
 
 
 @pytest.fixture(scope="session")
@@ -125,14 +125,14 @@ def models(tmp_path: Path, spare: SpareFolder, request: pytest.FixtureRequest) -
     yield folder
     if request.session.testsfailed == failed:
         folder.rename(spare.path)
-    spare.mend()
+    spare.restore()
 
 
 @pytest.fixture
 def stressed(tmp_path: Path, models: Path) -> Callable[..., StressedCase]:
     """``stressed(name, engine, kind, **parameters)`` makes a stress case in one engine."""
 
-    def of(
+    def make_case(
         name: str, engine: str = "mujoco", kind: str = "dynamics", **parameters: object
     ) -> StressedCase:
         return StressedCase(
@@ -142,7 +142,7 @@ def stressed(tmp_path: Path, models: Path) -> Callable[..., StressedCase]:
             Store(tmp_path / "runs"),
         )
 
-    return of
+    return make_case
 
 
 @pytest.fixture
@@ -207,7 +207,7 @@ def browser() -> Iterator[Any]:
         yield found
 
 
-FIRST = ("tests/test_coverage.py", "tests/report/test_browser.py")
+FIRST_FILES = ("tests/test_coverage.py", "tests/report/test_browser.py")
 
 collect_ignore = ["data"]
 """Folders that are not collected: the sidecars in `data` are input of tests, not cases to check."""
@@ -242,7 +242,7 @@ class Collection:
     def pytest_itemcollected(self, item: pytest.Item) -> None:
         """Keep the case that was read to collect the items of a sidecar."""
         if isinstance(item, SolverItem):
-            READ[item.path] = item.case
+            READ_CASES[item.path] = item.case
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -263,42 +263,51 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     If all tests are collected, each row of `tests/long.py` must match a slow test and a faster
     counterpart that runs by default.
 
-    The tests of a file in `FIRST` share a fixture that takes long, for which their first test
+    The tests of a file in `FIRST_FILES` share a fixture that takes long, for which their first test
     waits.  Since they come first, no process is left alone with them at the end, and no two
     processes make the fixture.
     """
-    items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
+    items.sort(key=lambda item: not item.nodeid.startswith(FIRST_FILES))
     in_order = sorted(items, key=lambda item: item.nodeid)
     names = [item.nodeid for item in in_order]
 
-    def begin_with(start: str) -> list[pytest.Item]:
+    def items_beginning_with(start: str) -> list[pytest.Item]:
         first = bisect_left(names, start)
         return list(takewhile(lambda item: item.nodeid.startswith(start), in_order[first:]))
 
-    left = {name: begin_with(name) for name in LONG}
-    words = {f"{file}::{test}": some for file, of in SOME.items() for test, some in of.items()}
-    families = {name: begin_with(f"{name}[") for name in words}
+    slow_items = {name: items_beginning_with(name) for name in FASTER_TESTS}
+    words = {
+        f"{file}::{test}": some
+        for file, of in DEFAULT_PARAMETERS.items()
+        for test, some in of.items()
+    }
+    families = {name: items_beginning_with(f"{name}[") for name in words}
     for name, family in families.items():
-        left[name] = [item for item in family if not chosen(item, words[name])]
-    for item in {item for found in left.values() for item in found}:
+        slow_items[name] = [item for item in family if not has_any_word(item, words[name])]
+    for item in {item for found in slow_items.values() for item in found}:
         item.add_marker(pytest.mark.slow)
     if config.args != config.getini("testpaths"):
         return
 
-    def runs(found: list[pytest.Item]) -> bool:
+    def any_runs_by_default(found: list[pytest.Item]) -> bool:
         return any(not item.get_closest_marker("slow") for item in found)
 
-    wanted = [(like, runs(begin_with(like))) for like in LONG.values()]
+    fast_items = [
+        (like, any_runs_by_default(items_beginning_with(like))) for like in FASTER_TESTS.values()
+    ]
     for name, family in families.items():
-        wanted += [
-            (f"{name}[{word}", runs([item for item in family if chosen(item, [word])]))
+        fast_items += [
+            (
+                f"{name}[{word}",
+                any_runs_by_default([item for item in family if has_any_word(item, [word])]),
+            )
             for word in words[name]
         ]
-    if none := [name for name, there in (*left.items(), *wanted) if not there]:
-        raise pytest.UsageError("tests/long.py: there is no test\n" + "\n".join(none))
+    if unmatched := [name for name, there in (*slow_items.items(), *fast_items) if not there]:
+        raise pytest.UsageError("tests/long.py: there is no test\n" + "\n".join(unmatched))
 
 
-def chosen(item: pytest.Item, words: Iterable[str]) -> bool:
+def has_any_word(item: pytest.Item, words: Iterable[str]) -> bool:
     """Whether the parameters in the name of a test contain one of these words."""
     parameters = item.nodeid.partition("[")[2]
     return any(word in parameters for word in words)

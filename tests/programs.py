@@ -17,7 +17,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 
-FORKS = """
+FORKING_PROGRAM = """
 import json, os, runpy, sys
 import mujoco, numpy, pymunk
 sys.modules["proofmass"] = None  # a program that imports it fails
@@ -32,26 +32,26 @@ for line in sys.stdin:
         break  # the fork ends as its program does
     print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
 """
-STREAMS = (os.devnull, "stdout.txt", "stderr.txt")
+STREAM_FILES = (os.devnull, "stdout.txt", "stderr.txt")
 """Files for the standard input, output and errors of a program."""
 
 
 @cache
-def forking() -> subprocess.Popen[str]:
+def forking_interpreter() -> subprocess.Popen[str]:
     """The interpreter that forks for each program; it ends when this process ends."""
-    command = [sys.executable, "-I", "-c", FORKS]
+    command = [sys.executable, "-I", "-c", FORKING_PROGRAM]
     return subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True)
 
 
-def run_alone(file: Path, *args: str) -> CompletedProcess[str]:
+def run_standalone(file: Path, *args: str) -> CompletedProcess[str]:
     """Run a program in its own folder until it ends; the result has its exit code and output."""
-    folder, process = file.parent, forking()
+    folder, process = file.parent, forking_interpreter()
     assert process.stdin is not None
     assert process.stdout is not None
-    asked = json.dumps([str(folder), [file.name, *args], STREAMS])
+    asked = json.dumps([str(folder), [file.name, *args], STREAM_FILES])
     print(asked, file=process.stdin, flush=True)
     code = int(process.stdout.readline())
-    printed, errors = ((folder / name).read_text(encoding="utf-8") for name in STREAMS[1:])
+    printed, errors = ((folder / name).read_text(encoding="utf-8") for name in STREAM_FILES[1:])
     return CompletedProcess([file.name, *args], code, printed, errors)
 
 
@@ -59,7 +59,7 @@ def program_curves(text: str, folder: Path) -> dict[str, Array]:
     """Run the text of a program, which must print no errors; return the columns it writes."""
     file = folder / "run.py"
     file.write_text(text, encoding="utf-8")
-    done = run_alone(file)
+    done = run_standalone(file)
     assert (done.returncode, done.stderr) == (0, "")
     with (folder / "curves.csv").open(newline="", encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)

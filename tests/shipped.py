@@ -11,15 +11,15 @@ from proofmass.case import Case
 from proofmass.sidecar import format_sidecar, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
-READ: dict[Path, Case] = {}
+READ_CASES: dict[Path, Case] = {}
 """Shipped cases by file, including those that were read to collect the items of sidecars."""
 
 
-def loaded(file: Path) -> Case:
+def shipped_case(file: Path) -> Case:
     """A shipped case, which is read once in a run of the tests; no test may change it."""
-    if file not in READ:
-        READ[file] = load_case(file)
-    return READ[file]
+    if file not in READ_CASES:
+        READ_CASES[file] = load_case(file)
+    return READ_CASES[file]
 
 
 @cache
@@ -39,15 +39,15 @@ def fewer_samples(n: int) -> int:
     return (n - 1) // tenth + 1 if tenth else n // 10
 
 
-def models_like(pattern: str = "*.toml") -> list[Path]:
+def shipped_files(pattern: str = "*.toml") -> list[Path]:
     """The files below `models/` whose names match a pattern, sorted by name."""
     return sorted(MODELS.rglob(pattern), key=lambda file: file.name)
 
 
-def each_case() -> list:
+def sidecar_parameters() -> list:
     """The shipped sidecars as parameters of a test; all but one of each reference are slow."""
     seen, found = set[str](), []
-    for file in models_like():
+    for file in shipped_files():
         reference = tomllib.loads(file.read_text(encoding="utf-8"))["reference"]
         marks = [pytest.mark.slow] if reference in seen else []
         found.append(pytest.param(file, id=file.stem, marks=marks))
@@ -66,16 +66,16 @@ def with_brief_pendulum(models: Path) -> Path:
 
 
 @cache
-def every_file() -> dict[str, bytes]:
-    """The contents of the files below `models/`, with sidecars as `written_out` gives them."""
+def all_file_contents() -> dict[str, bytes]:
+    """The contents of the files below `models/`, with sidecars as `without_defaults` gives them."""
     return {
-        file.name: written_out(file).encode() if file.suffix == ".toml" else file.read_bytes()
-        for file in models_like("*.*")
+        file.name: without_defaults(file).encode() if file.suffix == ".toml" else file.read_bytes()
+        for file in shipped_files("*.*")
     }
 
 
 @cache
-def written_out(file: Path) -> str:
+def without_defaults(file: Path) -> str:
     """The text of a sidecar in which the keys that it leaves to defaults follow its own lines."""
     text = file.read_text(encoding="utf-8")
     if re.search(r"equals = .*unit = ", text):
@@ -83,5 +83,5 @@ def written_out(file: Path) -> str:
     head = re.split(
         r"(?m)^\[(?:run\b|channels\]|settings\b)", re.sub(r"(?m)^accuracy\..*\n", "", text)
     )[0]
-    filled = format_sidecar(loaded(file), every=False)
+    filled = format_sidecar(shipped_case(file), every=False)
     return f"{head.rstrip()}\n\n{filled[filled.index('[run.') :]}"

@@ -12,7 +12,7 @@ from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.solve import plan_run, solve, solve_here
 
-SIDECARS = {
+SIDECAR_FAULTS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),
     "unknown key": (
         "fourbar.toml",
@@ -118,7 +118,7 @@ SIDECARS = {
     "wrong branch": ("fourbar.toml", r"mode = 1 ", "mode = -1 ", ["start", "mode +1", "-1"]),
     "NaN": ("fourbar.toml", r"crank = 1.0", "crank = nan", ["parameters.crank", "finite"]),
 }
-MODELS = {
+MODEL_FAULTS = {
     "not XML": ("fourbar.xml", r"</worldbody>", "</wordlbody>", ["fourbar.xml", "XML"]),
     "no such sensor": (
         "fourbar.xml",
@@ -165,7 +165,7 @@ MODELS = {
         ["fourbar.xml"],
     ),
 }
-DRIVES = {
+DRIVE_FAULTS = {
     "a follower with a rate": (
         "fivebar.toml",
         r'joint = "right".*',
@@ -281,7 +281,7 @@ DRIVES = {
         ["parameters", "miss by", "m"],
     ),
 }
-RANGES = {
+JOINT_LIMIT_FAULTS = {
     "a crank": (
         "fourbar",
         "crank",
@@ -315,7 +315,7 @@ RANGES = {
         ["drive: joint 'motor'", "-1.39626 rad", "-1 to 2 rad"],
     ),
 }
-MEASURELESS = {
+EXTREME_NUMBERS = {
     "a gear of 0": (
         "fourbar.xml",
         '(<motor name="motor" joint="crank")',
@@ -364,7 +364,7 @@ MEASURELESS = {
         ["fourbar.xml: MuJoCo cannot compile it", '"Caught an unknown exception!"', "height field"],
     ),
 }
-CURVES = {
+CURVE_FAULTS = {
     "x falls": (r"\n0\.0077[^,]*", "\n0.0001", ["line", "t does not rise"]),
     "no unit": (r"r1 \[m\]", "r1", ["column 'r1'", "name [unit]"]),
     "unknown unit": (r"r1 \[m\]", "r1 [furlog]", ["column 'r1'", "unknown unit 'furlog'"]),
@@ -374,7 +374,7 @@ CURVES = {
 }
 
 
-def messages(models: Path, name: str) -> list[str]:
+def error_messages(models: Path, name: str) -> list[str]:
     """The errors of a check of one faulty case together with a good one, which must still run.
 
     The runs of both cases are short and have few samples: the faults do not depend on the duration
@@ -396,22 +396,22 @@ def messages(models: Path, name: str) -> list[str]:
     return [str(error) for error in result.errors]
 
 
-WRONG = {**SIDECARS, **MODELS, **DRIVES}
+FAULTS = {**SIDECAR_FAULTS, **MODEL_FAULTS, **DRIVE_FAULTS}
 
 
-@pytest.mark.parametrize("wrong", WRONG)
+@pytest.mark.parametrize("wrong", FAULTS)
 def test_error_names_file_and_key(wrong, models, edit):
-    name, old, new, words = WRONG[wrong]
+    name, old, new, words = FAULTS[wrong]
     edit(name, "(?m)" + old, new)
-    found = messages(models, name)
+    found = error_messages(models, name)
     assert any(all(word in line for word in words) for line in found), found
     assert all(len(line.splitlines()) <= 2 for line in found)
     assert len(found) == len(set(found))
 
 
-@pytest.mark.parametrize("wrong", RANGES)
-def test_a_drive_that_leaves_its_joint_s_range_is_named_before_any_run(wrong, models, edit):
-    name, joint, limits, words = RANGES[wrong]
+@pytest.mark.parametrize("wrong", JOINT_LIMIT_FAULTS)
+def test_a_drive_beyond_its_joint_limits_is_refused_before_any_run(wrong, models, edit):
+    name, joint, limits, words = JOINT_LIMIT_FAULTS[wrong]
     edit(f"{name}.xml", f'<joint name="{joint}"', f'<joint name="{joint}" range="{limits}"')
     case = load_case(models / f"{name}.toml")
     for kind, run in case.run.items():
@@ -422,14 +422,14 @@ def test_a_drive_that_leaves_its_joint_s_range_is_named_before_any_run(wrong, mo
             assert all(word in str(caught.value) for word in words), caught.value
 
 
-def test_a_drive_that_leaves_its_joint_s_range_is_one_error_for_all_solvers(models, edit):
+def test_a_drive_beyond_its_joint_limits_is_one_error_for_all_solvers(models, edit):
     edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" range="-0.01 0.01"')
-    found = messages(models, "fourbar.xml")
+    found = error_messages(models, "fourbar.xml")
     assert len(found) == 1
     assert "wider range" in found[0]
 
 
-def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
+def test_a_profile_beyond_its_joint_limits_between_samples_is_refused(models, edit):
     edit("triple_rocker.xml", '<joint name="crank"', '<joint name="crank" range="-2 1.9"')
     edit("triple_rocker.toml", r"n = \d+", "n = 4")  # samples at -2, 1, 1 and -2 rad
     with pytest.raises(InputError, match="to 2 rad, beyond its range"):
@@ -439,13 +439,13 @@ def test_a_law_that_leaves_its_range_between_two_samples_is_named(models, edit):
 @pytest.mark.parametrize(
     "joint", ['range="0 6.283185307179586"', 'range="-0.01 0.01" limited="false"']
 )
-def test_a_drive_may_end_where_its_joint_does(joint, models, edit):
+def test_a_drive_within_its_active_joint_limits_is_accepted(joint, models, edit):
     edit("fourbar.xml", '<joint name="crank"', f'<joint name="crank" {joint}')
     case = load_case(models / "fourbar.toml")
     assert [plan_run(case, kind, "mujoco").kind for kind in case.run] == ["sweep", "dynamics"]
 
 
-def test_a_range_that_a_flag_disables_holds_no_drive(models, edit):
+def test_joint_limits_that_a_flag_disables_do_not_restrict_a_drive(models, edit):
     edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" range="-0.01 0.01"')
     edit("fourbar.xml", "<flag ", '<flag limit="disable" ')
     result = check([models / "fourbar.toml"], detectable=False, causes=False)
@@ -453,9 +453,9 @@ def test_a_range_that_a_flag_disables_holds_no_drive(models, edit):
     assert {c.outcome for c in result.comparisons} == {"agrees", "unchecked", "unsupported"}
 
 
-@pytest.mark.parametrize("wrong", MEASURELESS)
-def test_a_number_that_is_out_of_all_measure_is_named_before_any_run(wrong, models, edit):
-    name, old, new, words = MEASURELESS[wrong]
+@pytest.mark.parametrize("wrong", EXTREME_NUMBERS)
+def test_an_extreme_number_is_refused_before_any_run(wrong, models, edit):
+    name, old, new, words = EXTREME_NUMBERS[wrong]
     edit(name, "(?m)" + old, new, count=1)
     with pytest.raises(InputError) as caught:
         load_validated((models / name).with_suffix(".toml"))
@@ -471,7 +471,7 @@ def test_a_number_that_is_out_of_all_measure_is_named_before_any_run(wrong, mode
         ("pendulum.xml", 'timestep="1e-3"', 'timestep="1e-320"', " are inf time steps of "),
     ],
 )
-def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver, models, edit):
+def test_a_run_of_too_many_time_steps_is_refused(name, old, new, words, solver, models, edit):
     edit(name, old, new)
     edit("pendulum.toml", r"n = \d+", "n = 2")
     with pytest.raises(InputError) as caught:
@@ -487,40 +487,40 @@ def test_steps_that_nobody_waits_for_are_no_crash(name, old, new, words, solver,
         ('<joint name="pivot"', '<joint name="pivot" armature="-2"'),
     ],
 )
-def test_a_body_at_which_chipmunk_would_abort_is_named(old, new, models, edit):
+def test_a_body_at_which_chipmunk_would_abort_is_refused(old, new, models, edit):
     edit("pendulum.xml", old, new)
     with pytest.raises(InputError, match=r"pendulum\.xml: body 'bob': mass .* must be positive"):
         solve(load_case(models / "pendulum.toml"), "dynamics", "pymunk")
 
 
-def test_a_start_that_is_too_large_for_numbers_is_no_crash(models, edit):
+def test_a_start_pose_that_overflows_is_refused(models, edit):
     edit("pendulum.xml", 'qpos="[^"]*"', 'qpos="1e308"')
     with pytest.raises(InputError, match=r"pendulum\.xml: .* open by inf m"):
         solve(load_case(models / "pendulum.toml"), "dynamics", "pymunk")
 
 
-def test_what_mujoco_itself_refuses_is_an_error_of_the_model(models, edit):
+def test_a_model_that_mujoco_refuses_to_run_is_bad_input(models, edit):
     edit("fourbar.xml", "<flag ", '<flag invdiscrete="enable" ')
     with pytest.raises(InputError, match=r"fourbar\.xml: mj_discreteAcc: .* not supported by RK4"):
         solve_here(load_case(models / "fourbar.toml"), "sweep", "mujoco")
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
-def test_a_gear_of_0_is_no_crash_of_an_engine(solver, models, edit):
+def test_both_engines_refuse_a_gear_of_0(solver, models, edit):
     edit("fourbar.xml", '<motor name="motor" joint="crank"', r'\g<0> gear="0"')
     with pytest.raises(InputError, match="the gear of actuator 'motor' is 0"):
         solve_here(load_case(models / "fourbar.toml"), "sweep", solver)
 
 
-@pytest.mark.parametrize("wrong", CURVES)
-def test_error_in_a_recorded_curve(wrong, models, edit):
-    old, new, words = CURVES[wrong]
+@pytest.mark.parametrize("wrong", CURVE_FAULTS)
+def test_faults_of_a_recorded_curve_are_reported(wrong, models, edit):
+    old, new, words = CURVE_FAULTS[wrong]
     edit("hacksaw_recorded.csv", old, new, count=1)
-    found = messages(models, "hacksaw_recorded.toml")
+    found = error_messages(models, "hacksaw_recorded.toml")
     assert any(all(word in line for word in words) for line in found), found
 
 
-def test_a_nan_in_the_model_is_named_by_pymunk_too(models, edit, keep_solver):
+def test_pymunk_names_a_nan_in_the_model(models, edit, keep_solver):
     edit("fourbar.xml", 'pos="0.5 0 0" mass="1"', 'pos="nan 0 0" mass="1"')
     keep_solver("fourbar.toml", "pymunk")
     result = check([models / "fourbar.toml"], detectable=False, causes=False)
@@ -532,7 +532,7 @@ def test_a_pose_that_cannot_be_assembled_is_named(models, edit):
     # a crank of 1.6 m moves the crank pin to 4.6 m from B; coupler and rocker reach 4.5 m
     edit("fourbar.xml", r'name="coupler" pos="1 0 0"', 'name="coupler" pos="1.6 0 0"')
     edit("fourbar.xml", r'qpos="0  1.35026.* 2.2459.*"', 'qpos="0 1.6226 2.2160"')
-    found = messages(models, "fourbar.xml")
+    found = error_messages(models, "fourbar.xml")
     assert any(
         "cannot be assembled at crank = 2." in line and "open by" in line for line in found
     ), found
@@ -552,7 +552,7 @@ def test_a_missing_path_is_named():
     assert "no/such/folder: no such file or folder" in answer.output.replace("\n", "")
 
 
-def test_what_the_planar_reference_does_not_cover_is_an_error_of_the_model(models, edit):
+def test_a_model_that_the_planar_reference_does_not_cover_is_bad_input(models, edit):
     edit(
         "watt.xml",
         "</mujoco>",

@@ -13,19 +13,19 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-TEXTS = {
+SOURCES = {
     file.stem: file.read_text(encoding="utf-8")
     for file in sorted((ROOT / "benchmarks").glob("*.py"))
     if file.stem != "__init__"
 }
 
 
-def docs():
+def document_times():
     """The files of docs/ and their times of modification."""
     return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").iterdir()}
 
 
-LONG = (
+SLOW_BENCHMARKS = (
     "accuracy",
     "balancer_fronts",
     "choose",
@@ -42,16 +42,20 @@ LONG = (
     "stress",
 )
 """Benchmarks that take many seconds even with ``--quick``."""
-STARTED = ("files_passed", "limits", "newton_raphson", "notebooks")
+BENCHMARKS_IN_PROCESSES = ("files_passed", "limits", "newton_raphson", "notebooks")
 """Benchmarks that run in processes of their own: they trace calls, set limits, or are short."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in TEXTS]
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in SLOW_BENCHMARKS else name
+        for name in SOURCES
+    ],
 )
 def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path, monkeypatch):
-    if 'if __name__ == "__main__":' not in TEXTS[name]:  # a module that benchmarks import
-        others = [text for other, text in TEXTS.items() if other != name]
+    if 'if __name__ == "__main__":' not in SOURCES[name]:  # a module that benchmarks import
+        others = [text for other, text in SOURCES.items() if other != name]
         assert any(
             name in line.replace(",", " ").replace(".", " ").split()
             for text in others
@@ -59,8 +63,8 @@ def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path, monkeypa
             if "import" in line
         ), f"nothing imports {name}"
         return
-    before = docs()
-    if name in STARTED:
+    before = document_times()
+    if name in BENCHMARKS_IN_PROCESSES:
         done = subprocess.run(
             [sys.executable, "-m", f"benchmarks.{name}", "--quick"],
             cwd=tmp_path,
@@ -75,5 +79,5 @@ def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path, monkeypa
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", [str(file), "--quick"])
         runpy.run_path(str(file), run_name="__main__")
-    assert docs() == before
+    assert document_times() == before
     assert {file.name for file in tmp_path.iterdir()} <= {"MUJOCO_LOG.TXT"}  # of MuJoCo

@@ -10,7 +10,7 @@ from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Rod
 from tests.shipped import shipped
 
-MORE = """
+ADDITIONAL_TOLERANCE = """
 [[tolerance]]
 {}
 solver = "mujoco"
@@ -92,21 +92,21 @@ why = "one more"
         (
             "fourbar",
             r"\Z",
-            MORE.format('run = "dynamics"'),
+            ADDITIONAL_TOLERANCE.format('run = "dynamics"'),
             "",
             "2 tolerances cover channel 'rocker' of mujoco in dynamics; exactly one may",
         ),
         (
             "fourbar",
             r"\Z",
-            MORE.format('unit = "rad"'),
+            ADDITIONAL_TOLERANCE.format('unit = "rad"'),
             "",
             "2 tolerances cover channel 'rocker' of mujoco in sweep; exactly one may",
         ),
         (
             "fourbar",
             r"\Z",
-            MORE.format('run = "equilibrium"'),
+            ADDITIONAL_TOLERANCE.format('run = "equilibrium"'),
             "",
             "tolerance.10.run: there is no run.equilibrium; there are: sweep, dynamics",
         ),
@@ -126,7 +126,7 @@ why = "one more"
         ),
     ],
 )
-def test_a_fault_is_said_at_its_key(name, old, new, key, wrong, models, edit):
+def test_a_fault_is_reported_with_its_key(name, old, new, key, wrong, models, edit):
     file = edit(f"{name}.toml", old, new, count=1)
     with pytest.raises(InputError) as error:
         load_case(file)
@@ -134,7 +134,7 @@ def test_a_fault_is_said_at_its_key(name, old, new, key, wrong, models, edit):
     assert re.fullmatch(wrong, error.value.wrong)
 
 
-def test_a_rest_may_end_where_its_shortest_rod_does(models, edit):
+def test_an_equilibrium_may_be_sampled_to_the_end_of_the_shortest_rod(models, edit):
     case = load_case(shipped("rod_cantilever.toml"))
     length = min(rod.length for rod in case.rods)
     file = edit(
@@ -143,18 +143,18 @@ def test_a_rest_may_end_where_its_shortest_rod_does(models, edit):
     assert load_case(str(file)).run["equilibrium"].until == length
 
 
-def test_channels_and_tolerances_of_a_run():
+def test_each_run_has_its_channels_and_tolerances():
     case = load_case(shipped("fourbar.toml"))
     assert list(case.channels_of("dynamics")) == list(case.channels)
-    held = case.channels["holding_moment"].model_copy(update={"only": "sweep"})
-    case = case.model_copy(update={"channels": {**case.channels, "holding_moment": held}})
+    sweep_only = case.channels["holding_moment"].model_copy(update={"only": "sweep"})
+    case = case.model_copy(update={"channels": {**case.channels, "holding_moment": sweep_only}})
     assert set(case.channels) - set(case.channels_of("dynamics")) == {"holding_moment"}
     assert list(case.channels_of("sweep")) == list(case.channels)
     assert case.tolerance_for("dynamics", "mujoco", "rocker_rate").relative_to_range == 2e-6
     assert case.tolerance_for("dynamics", "mujoco:default", "rocker") is None
 
 
-def test_a_tolerance_may_cover_a_channel_of_one_run_alone(edit):
+def test_a_tolerance_may_cover_one_channel_of_one_run(edit):
     file = edit(
         "fourbar.toml",
         'run = "sweep"\nsolver = "mujoco"',
@@ -195,7 +195,7 @@ def drive(**keys) -> DriveTable:
         ({"to": 0.0}, "rate must be non-zero and lead from 'from' to 'to'"),
     ],
 )
-def test_a_leader_that_does_not_say_how_it_moves_is_told_what_to_give(keys, wrong):
+def test_a_leading_drive_without_a_valid_motion_is_refused(keys, wrong):
     with pytest.raises(ValueError, match=f"^{re.escape(wrong)}$"):
         drive(**keys).check_leader()
 
@@ -212,13 +212,13 @@ def test_a_leader_that_does_not_say_how_it_moves_is_told_what_to_give(keys, wron
         {"profile": ("q", "w", "a")},
     ],
 )
-def test_a_leader_moves_steadily_to_and_fro_or_by_a_law(keys):
+def test_a_leading_drive_may_have_a_rate_a_period_or_a_profile(keys):
     """A drive to a smaller value has a negative rate; a recorded profile needs no ``until``."""
     drive(**keys).check_leader()
 
 
 @pytest.mark.parametrize("key", ["rate", "period", "until"])
-def test_what_belongs_to_the_leader_is_no_follower_s(key):
+def test_a_following_drive_with_rate_period_or_until_is_refused(key):
     drive(to=1.0).check_follower()
     with pytest.raises(ValueError, match=f"^{key} belongs to the first drive, which leads$"):
         drive(to=1.0, **{key: 2.0}).check_follower()
@@ -244,7 +244,7 @@ def refine(**keys) -> Refine:
     return Refine(segments=(10, 15, 20), order=2.0, within=0.1, why="x", **keys)
 
 
-def test_the_order_of_some_channels_is_asked_for():
+def test_a_refinement_covers_the_channels_that_it_names():
     asked = refine(channels=("tip.*", "middle.x"))
     assert [asked.covers(name) for name in ("tip.x", "middle.x", "middle.y", "a.tip.x")] == [
         True,
@@ -255,7 +255,7 @@ def test_the_order_of_some_channels_is_asked_for():
     assert refine().covers("tip.x")
 
 
-def test_a_refined_rest_is_sampled_where_all_rods_have_a_joint():
+def test_a_refined_equilibrium_is_sampled_at_joints_of_all_refinements():
     """The joints that 10, 15 and 20 segments share are the fifths of the whole rod: 6 samples.
 
     The samples of a sweep stay as they are.
@@ -265,7 +265,7 @@ def test_a_refined_rest_is_sampled_where_all_rods_have_a_joint():
     assert refine(run="sweep").sampled(run) is run
 
 
-def test_a_key_of_a_drive_has_a_number_where_there_are_several():
+def test_keys_of_drives_have_an_index_if_there_are_several_drives():
     assert load_case(shipped("fourbar.toml")).drive_key(0, "profile") == "drive.profile"
     threeprr = load_case(shipped("threeprr.toml"))
     assert threeprr.drive_key(2, "profile") == "drive.2.profile"

@@ -46,10 +46,10 @@ from proofmass.studies.command import load_cases
 from proofmass.worker import Crashed
 from tests.shipped import MODELS
 
-CHECK = sys.modules[check.__module__]  # `proofmass.check` is the function
+CHECK_MODULE = sys.modules[check.__module__]  # `proofmass.check` is the function
 
 
-class Workers(list):
+class RecordedCalls(list):
     """A substitute for `call_isolated`: it calls a function in this process and records its limits.
 
     `fails` maps names of functions to errors that are raised instead of a call.
@@ -66,17 +66,17 @@ class Workers(list):
 
 @pytest.fixture(autouse=True)
 def workers(monkeypatch):
-    found = Workers()
+    found = RecordedCalls()
     found.fails = {}
-    monkeypatch.setattr(CHECK, "call_isolated", found)
+    monkeypatch.setattr(CHECK_MODULE, "call_isolated", found)
     return found
 
 
 @pytest.fixture
 def briefly(monkeypatch):
     """Shorten the motion of models without a sidecar to a twentieth, for tests of their names."""
-    monkeypatch.setattr(CHECK, "OWN_MODEL_SECONDS", OWN_MODEL_SECONDS / 20)
-    monkeypatch.setattr(CHECK, "OWN_MODEL_SAMPLES", 6)
+    monkeypatch.setattr(CHECK_MODULE, "OWN_MODEL_SECONDS", OWN_MODEL_SECONDS / 20)
+    monkeypatch.setattr(CHECK_MODULE, "OWN_MODEL_SAMPLES", 6)
 
 
 @pytest.fixture
@@ -88,14 +88,14 @@ def short(edit):
     return edit("pendulum.toml", r"solvers = .*", 'solvers = ["mujoco"]')
 
 
-def wrong(call, *args):
+def key_and_message(call, *args):
     """The key and the message of the input error that a call raises."""
     with pytest.raises(InputError) as error:
         call(*args)
     return error.value.key, error.value.wrong
 
 
-def test_what_is_found_below_a_path(models, tmp_path):
+def test_sidecars_and_models_are_found_below_a_path(models, tmp_path):
     (models / "pendulum.toml").unlink()
     empty = tmp_path / "empty"
     empty.mkdir()
@@ -118,10 +118,10 @@ def test_what_is_found_below_a_path(models, tmp_path):
         (empty, "no sidecar (.toml) and no model (.xml) in this folder"),
         (models / "notes.txt", "neither a sidecar (.toml), a model (.xml) nor a folder"),
     ):
-        assert wrong(lambda p: list(find_inputs([p])), path) == ("", words)
+        assert key_and_message(lambda p: list(find_inputs([p])), path) == ("", words)
 
 
-def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short, workers, edit):
+def test_a_sidecar_is_validated_within_the_largest_limits_of_its_runs(short, workers, edit):
     edit(
         "pendulum.toml",
         r"\[channels\]",
@@ -136,23 +136,26 @@ def test_a_sidecar_is_read_and_looked_at_within_the_longest_of_its_limits(short,
     assert load_validated(short).name == "pendulum"
     assert workers == [("load_case", LOADING_SECONDS, None), ("validate_case", 9.0, 3.0)]
     workers.fails["validate_case"] = InputError(short, "channels", "bad")
-    assert wrong(load_validated, short) == ("channels", "bad")
+    assert key_and_message(load_validated, short) == ("channels", "bad")
     for error, words in (
         (InputError(short, "key", "bad"), ("key", "bad")),
         (OSError("gone"), ("", "cannot be read: gone")),
         (OSError(), ("", "cannot be read: OSError")),
     ):
         workers.fails["load_case"] = error
-        assert wrong(load_validated, short) == words
+        assert key_and_message(load_validated, short) == words
 
 
-def test_a_strict_reader_is_told_what_the_runs_would_meet(short, workers):
+def test_strict_loading_reports_errors_that_runs_would_report(short, workers):
     """A command that makes no run has no other way to report these errors."""
     workers.fails["validate_case"] = MemoryError("more than 3 GiB")
     assert load_validated(short).name == "pendulum"
-    assert wrong(load_validated, short, True) == ("", "its model or its reference: more than 3 GiB")
+    assert key_and_message(load_validated, short, True) == (
+        "",
+        "its model or its reference: more than 3 GiB",
+    )
     workers.fails["validate_case"] = InputError(short, "channels", "bad")
-    assert wrong(load_validated, short, True) == ("channels", "bad")
+    assert key_and_message(load_validated, short, True) == ("channels", "bad")
 
 
 def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
@@ -179,10 +182,10 @@ def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
         "a/x/pipe.toml",
     ]
     for name, words in (("a/loop.toml", "Too many levels"), ("a/x/pipe.toml", "a device or pipe")):
-        assert words in wrong(read_isolated, tmp_path / name)[1]
+        assert words in key_and_message(read_isolated, tmp_path / name)[1]
 
 
-def test_a_folder_that_cannot_be_read_costs_itself_only(models, monkeypatch):
+def test_an_unreadable_subfolder_does_not_stop_the_search(models, monkeypatch):
     locked = models / "locked"
     locked.mkdir()
     scandir = os.scandir
@@ -224,7 +227,7 @@ def twins(models, tmp_path):
     return tmp_path / "arms"
 
 
-def test_two_cases_of_one_name_are_two_cases(twins):
+def test_cases_with_the_same_name_are_kept_apart(twins):
     """One of the cases differs, so that the test fails if their results are exchanged."""
     wrong = twins / "right" / "pendulum.xml"
     text = wrong.read_text(encoding="utf-8")
@@ -244,13 +247,13 @@ def test_two_cases_of_one_name_are_two_cases(twins):
     assert [case.name for case in load_cases([twins])] == ["left/pendulum", "right/pendulum"]
 
 
-def test_a_case_that_is_given_twice_is_one(short, monkeypatch):
+def test_a_case_that_is_given_twice_is_collected_once(short, monkeypatch):
     monkeypatch.chdir(short.parent)
     again = Path("..") / short.parent.name / short.name
     assert collect_inputs([short, short.name, again], []) == [short]
 
 
-def test_names_have_as_many_folders_as_tell_them_apart():
+def test_names_have_as_many_folders_as_make_them_unique():
     files = [Path(f"/m/{name}") for name in ("a/x/arm.toml", "b/x/arm.toml", "b/arm.toml", "y.xml")]
     assert list(unique_names(files).values()) == ["a/x/arm", "b/x/arm", "b/arm", "y"]
     assert list(unique_names([Path("/m/arm.toml"), Path("/m/x/arm.xml")]).values()) == [
@@ -259,11 +262,11 @@ def test_names_have_as_many_folders_as_tell_them_apart():
     ]
 
 
-def test_paths_that_can_be_gone_through_once_are_kept(models):
+def test_paths_may_be_given_by_an_iterator(models):
     assert check(iter([models / "pendulum.xml"])).paths == (models / "pendulum.xml",)
 
 
-def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path, briefly):
+def test_models_with_the_same_name_and_no_sidecar_are_kept_apart(models, tmp_path, briefly):
     for name in ("a", "b"):
         (tmp_path / "robots" / name).mkdir(parents=True)
         (tmp_path / "robots" / name / "scene.xml").write_bytes(
@@ -277,9 +280,7 @@ def test_models_without_a_sidecar_of_one_name_are_told_apart(models, tmp_path, b
     ]
 
 
-def test_a_model_without_a_sidecar_that_has_the_name_of_a_case_is_called_by_its_folder(
-    short, tmp_path, briefly
-):
+def test_a_model_with_the_name_of_another_case_is_named_with_its_folder(short, tmp_path, briefly):
     lone = tmp_path / "robots" / "pendulum.xml"
     lone.parent.mkdir()
     lone.write_bytes(short.with_suffix(".xml").read_bytes())
@@ -287,16 +288,16 @@ def test_a_model_without_a_sidecar_that_has_the_name_of_a_case_is_called_by_its_
 
 
 @pytest.mark.parametrize(("jobs", "threads"), [(3, 3), (None, 5)])
-def test_so_many_runs_are_made_side_by_side_as_were_asked_for(jobs, threads, monkeypatch, tmp_path):
+def test_parallel_runs_are_as_many_as_jobs_or_processors(jobs, threads, monkeypatch, tmp_path):
     monkeypatch.setattr(os, "cpu_count", lambda: 5)
     asked = []
 
-    class Pool(CHECK.ThreadPoolExecutor):
+    class Pool(CHECK_MODULE.ThreadPoolExecutor):
         def __init__(self, most):
             asked.append(most)
             super().__init__(most)
 
-    monkeypatch.setattr(CHECK, "ThreadPoolExecutor", Pool)
+    monkeypatch.setattr(CHECK_MODULE, "ThreadPoolExecutor", Pool)
     check([tmp_path / "none"], jobs=jobs)
     assert asked == [threads]
 
@@ -307,7 +308,7 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     def validate(case):
         seen.append(case)
 
-    monkeypatch.setattr(CHECK, "validate_case", validate)
+    monkeypatch.setattr(CHECK_MODULE, "validate_case", validate)
     case = load_validated(short)
     assert seen == [case]
     found, curves = run_solver(case, "dynamics", "mujoco")
@@ -315,22 +316,22 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     assert {c.outcome for c in found} == {"agrees"}
     assert found[0].detectable
     assert curves.x.size == 11
-    held = run_solver(case, "dynamics", "mujoco", compare_curves=lambda *told: [told])[0]
-    assert held[0][:3] == (case, "dynamics", "mujoco")
-    assert held[0][3].x.size == 11
+    compared = run_solver(case, "dynamics", "mujoco", compare_curves=lambda *told: [told])[0]
+    assert compared[0][:3] == (case, "dynamics", "mujoco")
+    assert compared[0][3].x.size == 11
 
 
 @pytest.mark.parametrize("kind", OUTCOME_OF_EXCEPTION)
-def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short, workers):
+def test_a_failed_run_has_an_outcome_for_each_of_its_channels(kind, short, workers):
     case = load_validated(short)
-    of_one = {
+    of_one_run = {
         name: case.channels[name].model_copy(update={"only": kind_of})
         for name, kind_of in (("rate", "sweep"), ("angle", "dynamics"))
     }
-    case = case.model_copy(update={"channels": {**case.channels, **of_one}})
+    case = case.model_copy(update={"channels": {**case.channels, **of_one_run}})
     workers.fails["run_and_compare"] = kind("why")
     if kind is Unsupported:
-        assert wrong(run_solver, case, "dynamics", "mujoco") == (
+        assert key_and_message(run_solver, case, "dynamics", "mujoco") == (
             "run.dynamics.solvers",
             "mujoco cannot run pendulum.xml: why; leave it out",
         )
@@ -364,21 +365,21 @@ def test_a_run_that_is_failed_has_a_verdict_for_each_of_its_channels(kind, short
     "error",
     [InputError(Path("a"), "", ""), MemoryError(), *(kind("") for kind in OUTCOME_OF_EXCEPTION)],
 )
-def test_what_a_run_means_to_raise_is_no_crash(error, short, monkeypatch):
+def test_expected_exceptions_of_a_run_are_raised_unchanged(error, short, monkeypatch):
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(CHECK, "solve_here", fail)
+    monkeypatch.setattr(CHECK_MODULE, "solve_here", fail)
     with pytest.raises(type(error)) as raised:
         run_and_compare(load_validated(short), "dynamics", "mujoco", None)
     assert raised.value is error
 
 
-def test_what_nobody_meant_to_raise_is_a_crash(short, monkeypatch):
+def test_an_unexpected_exception_of_a_run_is_a_crash(short, monkeypatch):
     case = load_validated(short)
     for name in ("mobility", "solve_here"):
         with monkeypatch.context() as patch:
-            patch.setattr(CHECK, name, lambda case, *_: {}[case.name])
+            patch.setattr(CHECK_MODULE, name, lambda case, *_: {}[case.name])
             with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
                 run_and_compare(case, "dynamics", "mujoco", None)
 
@@ -396,9 +397,7 @@ def test_a_sweep_that_ends_early_says_where(short):
     )
 
 
-def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
-    short, workers, monkeypatch
-):
+def test_a_model_without_a_sidecar_is_checked_for_self_consistency(short, workers, monkeypatch):
     monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
     model = short.with_suffix(".xml")
     (found,) = check_bare_model(model)
@@ -422,19 +421,19 @@ def test_the_motion_of_a_model_without_a_sidecar_is_solved_in_several_ways(
         (found,) = check_bare_model(model)
         assert (found.outcome, found.message) == (outcome, "why")
     workers.fails["check_model_here"] = BadModel("pendulum.xml: broken")
-    assert wrong(check_bare_model, model) == ("", "broken")
+    assert key_and_message(check_bare_model, model) == ("", "broken")
 
 
-def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path, briefly):
+def test_a_fault_in_one_input_does_not_stop_the_check_of_others(short, workers, tmp_path, briefly):
     lone = short.with_name("fourbar.xml")
     lone.with_suffix(".toml").unlink()
     bad = tmp_path / "bad.toml"
     bad.write_text("title = 1")
-    told = []
+    progress = []
     found = check(
         [short, tmp_path / "none", short, bad, lone],
         jobs=1,
-        progress=lambda *words: told.append(words),
+        progress=lambda *words: progress.append(words),
     )
     assert [c.name for c in found.cases] == ["pendulum"]
     assert [(c.case, c.channel) for c in found.comparisons] == [
@@ -447,11 +446,11 @@ def test_all_is_checked_and_one_fault_costs_itself_only(short, workers, tmp_path
         (tmp_path / "none", ""),
         (bad, "title"),
     ]
-    assert told == [("pendulum dynamics mujoco", 1, 2), ("fourbar.xml", 2, 2)]
+    assert progress == [("pendulum dynamics mujoco", 1, 2), ("fourbar.xml", 2, 2)]
     assert found.exit_code == 2
 
 
-def test_what_nobody_expected_is_an_error_of_the_file(short, workers, monkeypatch):
+def test_an_unexpected_exception_is_an_error_of_the_file(short, workers, monkeypatch):
     """Also, an error that two runs have in common is reported once."""
     lone = short.with_name("fourbar.xml")
     lone.with_suffix(".toml").unlink()
@@ -474,7 +473,7 @@ def test_a_folder_that_cannot_be_read_is_an_error(monkeypatch, tmp_path):
     def closed(paths):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(CHECK, "find_inputs", closed)
+    monkeypatch.setattr(CHECK_MODULE, "find_inputs", closed)
     (error,) = check([tmp_path]).errors
     assert (error.file, error.key, error.wrong) == (
         tmp_path,
@@ -483,14 +482,14 @@ def test_a_folder_that_cannot_be_read_is_an_error(monkeypatch, tmp_path):
     )
 
 
-def test_an_interrupt_ends_what_waits(short, monkeypatch):
+def test_an_interrupt_cancels_waiting_runs(short, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
     ended = []
-    monkeypatch.setattr(CHECK, "run_tasks", interrupt)
+    monkeypatch.setattr(CHECK_MODULE, "run_tasks", interrupt)
     monkeypatch.setattr(
-        CHECK.ThreadPoolExecutor,
+        CHECK_MODULE.ThreadPoolExecutor,
         "shutdown",
         lambda self, wait=True, *, cancel_futures=False: ended.append((wait, cancel_futures)),
     )
@@ -499,16 +498,18 @@ def test_an_interrupt_ends_what_waits(short, monkeypatch):
     assert (False, True) in ended
 
 
-def test_a_run_of_a_refinement_is_held_by_its_errors_alone(short, monkeypatch):
+def test_a_run_of_a_refinement_is_compared_by_its_errors_alone(short, monkeypatch):
     case = load_validated(short)
-    monkeypatch.setattr(CHECK, "run_solver", lambda *task, compare_curves: (task, compare_curves))
+    monkeypatch.setattr(
+        CHECK_MODULE, "run_solver", lambda *task, compare_curves: (task, compare_curves)
+    )
     task, compared = run_task((case, "dynamics", "mujoco"), detectable=False)
     assert task == (case, "dynamics", "mujoco")
     assert (compared.func, compared.keywords) == (compare, {"detectable": False})
-    assert run_task(finer(case, 2, None)) == ((case, "dynamics", "mujoco"), refined_errors)
+    assert run_task(make_finer_run(case, 2, None)) == ((case, "dynamics", "mujoco"), refined_errors)
 
 
-def finer(case, segments, add):
+def make_finer_run(case, segments, add):
     return FinerRun(case, "dynamics", "mujoco", segments, SimpleNamespace(add=add))
 
 
@@ -527,7 +528,7 @@ def test_runs_of_a_refinement_are_judged_by_their_study(short):
             raise InputError(case.file, "refine.channels", "bad")
         return [f"row {segments}"], [f"order of {found[0][0]}"]
 
-    tasks = [finer(case, n, add) for n in (2, 3, 4, 5)]
+    tasks = [make_finer_run(case, n, add) for n in (2, 3, 4, 5)]
     assert task_label(tasks[0]) == "pendulum dynamics mujoco, 2 segments"
     assert task_file(tasks[0]) == short
     result = Result()

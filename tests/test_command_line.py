@@ -13,7 +13,7 @@ from proofmass.terminal import COMPARISON_KEYS
 from tests.shipped import with_brief_pendulum
 
 
-def run(*args: object):
+def run_command(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])
 
 
@@ -24,7 +24,7 @@ def models(models):
 
 
 def test_exit_0_and_json_where_all_agree(models):
-    answer = run("check", models / "pendulum.toml", "--json")
+    answer = run_command("check", models / "pendulum.toml", "--json")
     assert answer.exit_code == 0
     found = json.loads(answer.stdout)
     assert found["errors"] == []
@@ -40,7 +40,7 @@ def test_exit_0_and_json_where_all_agree(models):
 
 def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):
     edit("fourbar.toml", "crank = 1.0", "crank = nan")
-    answer = run("check", models / "fourbar.toml", models / "pendulum.toml", "--json")
+    answer = run_command("check", models / "fourbar.toml", models / "pendulum.toml", "--json")
     found = json.loads(answer.stdout)
     assert answer.exit_code == found["exit_code"] == 2
     assert {row["case"] for row in found["comparisons"]} == {"pendulum"}
@@ -56,14 +56,14 @@ def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):
 def test_exit_1_where_something_differs(models, edit, keep_solver):
     keep_solver("pendulum.toml", "mujoco")
     edit("pendulum.toml", "length = 1.0", "length = 1.001")  # the search for its cause is quick
-    answer = run("check", models / "pendulum.toml")
+    answer = run_command("check", models / "pendulum.toml")
     assert answer.exit_code == 1
     assert "pendulum dynamics mujoco differs: 5 of 5 channels" in answer.output
 
 
 def test_exit_1_where_a_run_takes_too_long(models, edit):
     edit("pendulum.toml", "n = 101", "n = 101\ntimeout = 1e-3")
-    answer = run("check", models / "pendulum.toml", "--json")
+    answer = run_command("check", models / "pendulum.toml", "--json")
     assert answer.exit_code == 1
     rows = json.loads(answer.stdout)["comparisons"]
     assert {row["outcome"] for row in rows} == {"timed out"}
@@ -75,7 +75,7 @@ def test_no_argument_means_the_folder_models(models, monkeypatch):
     for file in models.glob("*.toml"):
         if file.stem != "pendulum":
             file.unlink()
-    answer = run("list")
+    answer = run_command("list")
     assert answer.exit_code == 0
     assert "pendulum.xml" in answer.output
     others = sum(file.stem != "pendulum" for file in models.glob("*.xml"))
@@ -84,14 +84,14 @@ def test_no_argument_means_the_folder_models(models, monkeypatch):
 
 def test_a_folder_with_nothing_in_it_is_bad_input(tmp_path):
     for command in ("list", "check", "trade", "stress"):
-        answer = run(command, tmp_path)
+        answer = run_command(command, tmp_path)
         assert answer.exit_code == 2
         assert "no sidecar (.toml) and no model (.xml) in this folder" in answer.output
 
 
-def test_a_model_in_which_nothing_moves_loads_and_steps(tmp_path):
+def test_a_model_in_which_nothing_moves_is_unchecked(tmp_path):
     (tmp_path / "still.xml").write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
-    answer = run("check", tmp_path, "--json")
+    answer = run_command("check", tmp_path, "--json")
     assert answer.exit_code == 0
     assert [row["outcome"] for row in json.loads(answer.stdout)["comparisons"]] == ["unchecked"]
 
@@ -99,7 +99,7 @@ def test_a_model_in_which_nothing_moves_loads_and_steps(tmp_path):
 def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver, tmp_path):
     keep_solver("pendulum.toml", "mujoco")
     edit("pendulum.toml", "length = 1.0", "length = 1.001")  # the search for its cause is quick
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    answer = run_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     lines = [line.strip() for line in answer.output.splitlines()]
     failing = [k for k, line in enumerate(lines) if line.startswith("✗ pendulum")]
     assert failing
@@ -115,7 +115,7 @@ def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver
 @pytest.mark.parametrize(("options", "there"), [((), False), (("--figures",), True)])
 def test_report_writes_an_index_and_a_page_a_case(models, tmp_path, options, there):
     """Option ``--figures`` adds figures for papers, as SVG and PNG files."""
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path, *options)
+    answer = run_command("report", models / "pendulum.toml", "-o", tmp_path, *options)
     assert answer.exit_code == 0
     assert {p.name for p in tmp_path.glob("*.html")} == {"index.html", "pendulum.html"}
     assert (tmp_path / "figures" / "pendulum-mechanism.svg").is_file()
@@ -149,14 +149,14 @@ def test_an_item_fails_where_check_would_and_says_why(models, edit, pytester):
     assert "Traceback" not in result.stdout.str()
 
 
-def test_bad_input_is_a_line_in_pytest(models, edit, pytester):
+def test_pytest_reports_bad_input_in_one_line(models, edit, pytester):
     edit("pendulum.toml", "length = 1.0", "lenght = 1.0")
     result = pytester.runpytest_inprocess(str(models / "pendulum.toml"), "-p", "no:cacheprovider")
     result.assert_outcomes(failed=4)
     result.stdout.fnmatch_lines(["*pendulum.toml: parameters.lenght*known: length*"])
 
 
-def test_an_interrupt_while_commands_are_loaded_is_no_traceback(monkeypatch):
+def test_an_interrupt_while_commands_are_loaded_exits_with_130(monkeypatch):
     class Loading(ModuleType):
         def __getattr__(self, name):
             raise KeyboardInterrupt
@@ -167,12 +167,12 @@ def test_an_interrupt_while_commands_are_loaded_is_no_traceback(monkeypatch):
     assert ended.value.code == 130
 
 
-CUT_OFF = r"(?s)\[\[tolerance\]\].*"  # from the first tolerance to the end of a sidecar
+TOLERANCES_PATTERN = r"(?s)\[\[tolerance\]\].*"  # from the first tolerance to the end of a sidecar
 
 
-def test_a_case_in_which_nothing_is_checked_is_not_green(models, edit, tmp_path):
-    edit("pendulum.toml", CUT_OFF, "")
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path)
+def test_a_case_without_checks_exits_with_1(models, edit, tmp_path):
+    edit("pendulum.toml", TOLERANCES_PATTERN, "")
+    answer = run_command("report", models / "pendulum.toml", "-o", tmp_path)
     assert answer.exit_code == 1
     assert "pendulum unchecked: nothing of this case was checked" in answer.output
     assert "20 unchecked, 1 case(s) without any check" in answer.output
@@ -183,25 +183,25 @@ def test_a_case_in_which_nothing_is_checked_is_not_green(models, edit, tmp_path)
     assert "Nothing of it was checked." in index
 
 
-def test_a_case_may_say_that_it_is_unchecked(models, edit, tmp_path):
-    edit("pendulum.toml", CUT_OFF, "")
+def test_a_case_marked_as_unchecked_exits_with_0(models, edit, tmp_path):
+    edit("pendulum.toml", TOLERANCES_PATTERN, "")
     edit("pendulum.toml", "^title", "unchecked = true\ntitle")
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path)
+    answer = run_command("report", models / "pendulum.toml", "-o", tmp_path)
     assert answer.exit_code == 0
     assert "20 unchecked" in answer.output
     assert "without any check" not in answer.output
     assert "Unchecked, as the sidecar says" in (tmp_path / "pendulum.html").read_text()
 
 
-def test_a_case_that_says_so_and_has_tolerances_is_bad_input(models, edit):
+def test_a_case_marked_as_unchecked_with_tolerances_is_bad_input(models, edit):
     edit("pendulum.toml", "^title", "unchecked = true\ntitle")
-    answer = run("check", models / "pendulum.toml")
+    answer = run_command("check", models / "pendulum.toml")
     assert answer.exit_code == 2
     assert "unchecked = true says that nothing is checked" in answer.output.replace("\n", " ")
 
 
-def test_items_of_a_case_in_which_nothing_is_checked_fail(models, edit, pytester):
-    edit("pendulum.toml", CUT_OFF, "")
+def test_pytest_items_of_a_case_without_checks_fail(models, edit, pytester):
+    edit("pendulum.toml", TOLERANCES_PATTERN, "")
     result = pytester.runpytest_inprocess(
         f"{models / 'pendulum.toml'}::mujoco", "-p", "no:cacheprovider"
     )
@@ -209,7 +209,7 @@ def test_items_of_a_case_in_which_nothing_is_checked_fail(models, edit, pytester
     result.stdout.fnmatch_lines(["*nothing of this case was checked*unchecked = true*"])
 
 
-def test_help_joins_the_lines_of_a_paragraph_and_strikes_no_unit_through():
+def test_help_joins_the_lines_of_a_paragraph_and_keeps_units():
     """In 80 columns.  Rich would read a unit such as `[s]` as a tag."""
     text = CliRunner().invoke(app, ["choose", "--help"], env={"COLUMNS": "80"}).output
     assert "run as a program of its own, without proofmass, and from a shifted start, and" in text

@@ -34,7 +34,7 @@ from proofmass.solve import plan_run
 from proofmass.terminal import worst_comparison
 from proofmass.units import si_unit
 from proofmass.worker import Crashed, TimedOut, call_isolated
-from tests.shipped import models_like, shipped
+from tests.shipped import shipped, shipped_files
 
 
 def test_error_measures_of_a_known_difference():
@@ -58,7 +58,7 @@ def test_error_measures_of_a_known_difference():
 PENDULUM = load_case(shipped("pendulum.toml"))
 
 
-def in_unit(case, channel: str, **changed):
+def with_changed_channel(case, channel: str, **changed):
     """The case with changed keys of a channel, such as its unit or its only run."""
     return case.model_copy(
         update={
@@ -70,13 +70,13 @@ def in_unit(case, channel: str, **changed):
     )
 
 
-def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
+def test_a_comparison_in_degrees_equals_that_in_radians():
     x = np.linspace(0, 1, 5)
     truth = np.array([0.0, 1, 2, 3, 4])
     curves = Curves(x, {"angle": truth + np.array([0, 0, -2e-11, 1e-11, 0])})
     rad, deg = (
         compare_channel(case, "dynamics", "mujoco", "angle", curves, truth, {})
-        for case in (PENDULUM, in_unit(PENDULUM, "angle", unit="deg"))
+        for case in (PENDULUM, with_changed_channel(PENDULUM, "angle", unit="deg"))
     )
     assert (deg.unit, deg.outcome) == ("deg", "agrees")
     for name in ("error_max", "error_rms", "error_later", "allowed"):
@@ -86,11 +86,17 @@ def test_a_comparison_in_degrees_is_that_in_radians_but_for_the_unit():
     )
     off = Curves(x, {"angle": truth + 2 * np.pi})
     assert compare_channel(
-        in_unit(PENDULUM, "angle", unit="deg"), "dynamics", "mujoco", "angle", off, truth, {}
+        with_changed_channel(PENDULUM, "angle", unit="deg"),
+        "dynamics",
+        "mujoco",
+        "angle",
+        off,
+        truth,
+        {},
     ).message.startswith("off by 1 whole turn")
 
 
-def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
+def test_a_zero_curve_has_the_scale_of_the_mechanism_if_there_is_one():
     x, zero = np.linspace(0, 4, 3), np.zeros(3)
     c = compare_channel(
         PENDULUM, "dynamics", "mujoco", "rate", Curves(x, {"rate": zero + 0.5}), zero, {}
@@ -103,7 +109,7 @@ def test_a_curve_that_is_zero_has_a_scale_where_the_mechanism_has_one():
     assert np.isnan(c.nrmse)
 
 
-def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
+def test_the_later_error_leaves_out_the_first_tenth_of_dynamics():
     x = np.linspace(2, 12, 101)
     truth, error = np.sin(x), 1e-11 * (13 - x)
     curves = Curves(x, {"angle": truth + error})
@@ -120,7 +126,7 @@ def test_an_error_is_that_of_later_from_a_tenth_of_a_duration_on():
     )
 
 
-def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
+def test_a_channel_with_nan_missing_or_without_tolerance_does_not_agree():
     x = np.linspace(0, 1, 3)
     failed = Curves(
         x, {"angle": np.array([0.0, np.nan, 5.0])}, missing={"rate": "no such sensor"}, seconds=2.0
@@ -167,32 +173,38 @@ def test_a_channel_without_numbers_without_a_tolerance_or_that_is_not_there():
         (1e-3, 1e-4, "rad", "differs", "10 x the allowed error"),  # 0 turns do not count
     ],
 )
-def test_a_verdict_says_why(error, allowed, unit, outcome, message):
+def test_an_outcome_has_a_message_with_the_reason(error, allowed, unit, outcome, message):
     assert judge_error(error, allowed, unit, "why") == (outcome, message)
 
 
-def compared(error: float, allowed: float, outcome: str = "agrees", **more: float) -> Comparison:
+def make_comparison(
+    error: float, allowed: float, outcome: str = "agrees", **more: float
+) -> Comparison:
     return Comparison("", "", "", "", "", error_max=error, allowed=allowed, outcome=outcome, **more)
 
 
-def test_a_solver_is_spoken_for_by_what_is_worst_of_it():
+def test_the_worst_comparison_represents_a_solver():
     """The terminal shows the channel of a run that failed, or that is nearest to its tolerance."""
-    near, far, beyond = compared(9.0, 10.0), compared(1e3, 1e6), compared(3.0, 1.0, "differs")
-    failed = compared(float("nan"), float("nan"), "diverged")
-    unchecked = [compared(9.0, float("nan"), "unchecked", nrmse=n) for n in (0.1, 30.0, 0.2)]
-    for group, speaker in (
+    near, far, beyond = (
+        make_comparison(9.0, 10.0),
+        make_comparison(1e3, 1e6),
+        make_comparison(3.0, 1.0, "differs"),
+    )
+    failed = make_comparison(float("nan"), float("nan"), "diverged")
+    unchecked = [make_comparison(9.0, float("nan"), "unchecked", nrmse=n) for n in (0.1, 30.0, 0.2)]
+    for group, worst in (
         ([near, far], near),
         ([near, beyond, far], beyond),
         ([near, failed], failed),
         (unchecked, unchecked[1]),
         ([*unchecked, beyond], beyond),
     ):
-        assert worst_comparison(group) is speaker
-        assert worst_comparison(group[::-1]) is speaker
+        assert worst_comparison(group) is worst
+        assert worst_comparison(group[::-1]) is worst
 
 
 @pytest.mark.parametrize("channel", ["pin.x", "coupler.angle", "pin.y"])
-def test_a_mode_whose_start_is_a_quarter_of_the_range_away_is_another(channel):
+def test_another_assembly_mode_is_recognized_by_a_single_channel(channel):
     """The modes of the triple rocker start 0.24, 0.34 and 0.47 of these channels' ranges apart."""
     case = load_case(shipped("triple_rocker.toml"))
     x = run_samples(case, "sweep")
@@ -232,7 +244,7 @@ def test_a_model_in_another_mode_is_an_error_of_the_start_pose(monkeypatch):
     assert error.value.key == "start"
 
 
-def test_a_misfit_is_of_places_and_angles_at_the_first_sample():
+def test_start_difference_is_of_positions_at_the_first_sample():
     def of(**curves):
         x = np.zeros(2)
         return start_difference(
@@ -274,7 +286,7 @@ def test_tolerance_selects_by_run_solver_unit_and_channel():
         ("mV", "kg m^2/A/s^3", 1e-3),
     ],
 )
-def test_units_come_to_si(unit, si, factor):
+def test_units_are_converted_to_si(unit, si, factor):
     assert si_unit(unit)[0] == si
     assert si_unit(unit)[1] == pytest.approx(factor, rel=1e-15, abs=0)
 
@@ -323,7 +335,7 @@ def test_steady_drive_in_time_and_in_value():
     assert Steady(2, 3, x_is_time=False)(x)[0].tolist() == [0, 1]
 
 
-def test_an_abort_costs_its_own_call_only():
+def test_an_abort_in_a_worker_fails_its_own_call_only():
     with pytest.raises(Crashed, match="signal 6"):
         call_isolated(os.abort, timeout=20)
     assert call_isolated(abs, -3, timeout=20) == 3
@@ -336,12 +348,12 @@ def test_a_hang_is_killed():
     assert time.monotonic() - began < 20
 
 
-def test_errors_come_back_as_themselves():
+def test_an_error_in_a_worker_is_raised_unchanged():
     with pytest.raises(InputError, match="a: b: c"):
-        call_isolated(fail, timeout=20)
+        call_isolated(raise_input_error, timeout=20)
 
 
-def test_workers_that_wait_end_with_who_asked():
+def test_idle_workers_end_with_their_parent_process():
     call = (
         "import os; from proofmass.worker import call_isolated;call_isolated(os.getpid, timeout=60)"
     )
@@ -355,7 +367,7 @@ def test_workers_that_wait_end_with_who_asked():
 
 
 @pytest.mark.slow
-def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
+def test_a_busy_worker_without_its_parent_ends_after_its_time_limit(tmp_path):
     file = tmp_path / "pid"
     call = f"call_isolated(os.system, 'echo $PPID > {file}; sleep 60', timeout=4.0)"
     asking = subprocess.Popen(
@@ -371,7 +383,7 @@ def test_a_worker_does_not_outlive_its_limit_when_nobody_is_left(tmp_path):
     assert not words.exists() or not words.read_bytes()  # ended, or a zombie
 
 
-def fail() -> None:
+def raise_input_error() -> None:
     raise InputError(Path("a"), "b", "c")
 
 
@@ -385,10 +397,10 @@ def test_a_model_without_a_sidecar_is_self_consistent(models, edit):
 
 def test_paths_may_be_folders_sidecars_or_models(models):
     assert [p.name for p in find_inputs([models / "fourbar.xml"])] == ["fourbar.toml"]
-    assert {p.stem for p in find_inputs([models])} == {p.stem for p in models_like()}
+    assert {p.stem for p in find_inputs([models])} == {p.stem for p in shipped_files()}
 
 
-GEARS = """<mujoco>
+GEAR_MODEL = """<mujoco>
   <option timestep="0.001" integrator="RK4" gravity="0 0 0"/>
   <worldbody>
     <body name="small">
@@ -409,7 +421,7 @@ GEARS = """<mujoco>
   </sensor>
   <keyframe><key name="start" qpos="0 0"/></keyframe>
 </mujoco>"""
-SIDECAR = """
+GEAR_SIDECAR = """
 title = "Two gears"
 source = "none"
 reference = "planar"
@@ -427,15 +439,15 @@ why = "rounding"
 """
 
 
-def gears(folder: Path, ratio: float = -0.5, rate: str = '"rate"'):
-    (folder / "gears.xml").write_text(GEARS.replace("-0.5", str(ratio)))
-    (folder / "gears.toml").write_text(SIDECAR.replace("RATE", rate))
+def check_gears(folder: Path, ratio: float = -0.5, rate: str = '"rate"'):
+    (folder / "gears.xml").write_text(GEAR_MODEL.replace("-0.5", str(ratio)))
+    (folder / "gears.toml").write_text(GEAR_SIDECAR.replace("RATE", rate))
     found = check([folder / "gears.toml"], detectable=False, causes=False)
     return {c.channel: c for c in found.comparisons}
 
 
-def test_rounding_of_what_does_not_move_agrees(tmp_path):
-    found = gears(tmp_path)
+def test_rounding_errors_of_constant_channels_agree(tmp_path):
+    found = check_gears(tmp_path)
     assert {c.outcome for c in found.values()} == {"agrees"}
     assert found["rate"].allowed == pytest.approx(1e-12, rel=1e-6, abs=0)  # 1e-12 of 0.5 * 2 rad/s
     assert found["hub.x"].allowed == pytest.approx(
@@ -448,36 +460,40 @@ def test_rounding_of_what_does_not_move_agrees(tmp_path):
 
 @pytest.mark.parametrize("off", [1e-11, -1e-3])
 def test_a_wrong_gear_ratio_is_found_by_a_constant_rate(tmp_path, off):
-    found = gears(tmp_path, -0.5 * (1 + off), rate="-1.0")
+    found = check_gears(tmp_path, -0.5 * (1 + off), rate="-1.0")
     assert found["rate"].outcome == "differs"
     assert found["rate"].error_max == pytest.approx(abs(off), rel=1e-4)  # rounding is 1e-16
     assert found["hub.x"].outcome == "agrees"
 
 
-def scale(channel: str, values: list[float], name: str = "fourbar", run: str = "sweep") -> float:
+def scale_of_values(
+    channel: str, values: list[float], name: str = "fourbar", run: str = "sweep"
+) -> float:
     case = load_case(shipped(f"{name}.toml"))
     x = np.linspace(0, 4, len(values))
     drive = (x[None], np.full((1, x.size), 3.0), 0 * x[None])
     return scale_of(case, run, channel, Curves(x, {}, drive=drive), np.array(values))
 
 
-def test_what_of_range_is_a_share_of():
+def test_the_scale_is_the_range_or_the_size_of_a_quantity():
     extent = size(compiled_model(load_case(shipped("fourbar.toml"))), "start")
     assert extent == 3.0  # the ground; no other point is beyond its ends
-    assert scale("rocker", [5.0, 5.5]) == 0.5
-    assert scale("rocker", [5.0, 5.0009]) == 1.0  # 1 rad, not the angle of 5 rad
-    assert scale("rocker", [5.0, 5.0011]) == pytest.approx(1.1e-3)
-    assert scale("pin.x", [90.0, 90.0]) == extent  # not the distance from the origin
-    assert scale("rocker_rate", [7.0, 7.006]) == 7.006
-    assert scale("rocker_rate", [7.0, 7.008]) == pytest.approx(8e-3)
-    assert scale("rocker_rate", [0.0, 1e-13]) == 3.0  # the rate of the drive
-    assert scale("rocker_rate", [0.0, 1e-11]) == 1e-11  # a small motion has its range
-    assert scale("pin_velocity.x", [0.0, 0.0]) == 3 * extent
-    assert scale("point_acceleration.x", [0.0, 0.0]) == pytest.approx(9 * extent)
-    assert scale("holding_moment", [0.0, 0.0]) == pytest.approx(5.5 * 9 * extent**2)  # of 5.5 kg
+    assert scale_of_values("rocker", [5.0, 5.5]) == 0.5
+    assert scale_of_values("rocker", [5.0, 5.0009]) == 1.0  # 1 rad, not the angle of 5 rad
+    assert scale_of_values("rocker", [5.0, 5.0011]) == pytest.approx(1.1e-3)
+    assert scale_of_values("pin.x", [90.0, 90.0]) == extent  # not the distance from the origin
+    assert scale_of_values("rocker_rate", [7.0, 7.006]) == 7.006
+    assert scale_of_values("rocker_rate", [7.0, 7.008]) == pytest.approx(8e-3)
+    assert scale_of_values("rocker_rate", [0.0, 1e-13]) == 3.0  # the rate of the drive
+    assert scale_of_values("rocker_rate", [0.0, 1e-11]) == 1e-11  # a small motion has its range
+    assert scale_of_values("pin_velocity.x", [0.0, 0.0]) == 3 * extent
+    assert scale_of_values("point_acceleration.x", [0.0, 0.0]) == pytest.approx(9 * extent)
+    assert scale_of_values("holding_moment", [0.0, 0.0]) == pytest.approx(
+        5.5 * 9 * extent**2
+    )  # of 5.5 kg
 
 
-def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion():
+def test_the_time_scale_is_of_the_fastest_drive_or_of_the_free_motion():
     def of(name: str, *rates: list[float], run: str = "sweep", extent: float = 3.0) -> float:
         x = np.array([2.0, 6.0])
         drive = (np.zeros((len(rates), 2)), np.array(rates), np.zeros((len(rates), 2)))
@@ -493,13 +509,13 @@ def test_a_time_is_the_pace_of_the_fastest_drive_or_the_length_of_a_free_motion(
     assert of("fourbar", [0.0, 0.0]) == of("fourbar") == of("fourbar", [1.0, 1.0], extent=0) == 0.0
     assert of("pendulum", run="dynamics") == 4.0
     assert of("pendulum", run="sweep") == 0.0
-    assert scale("rate", [0.0, 0.0], "pendulum", "dynamics") == 0.25  # rad/s
+    assert scale_of_values("rate", [0.0, 0.0], "pendulum", "dynamics") == 0.25  # rad/s
 
 
-def test_what_has_no_size_needs_an_absolute_tolerance():
-    assert scale("rod.moment", [0.0, 0.0], "rod_cantilever", "equilibrium") == 0.0
+def test_a_quantity_without_a_size_needs_an_absolute_tolerance():
+    assert scale_of_values("rod.moment", [0.0, 0.0], "rod_cantilever", "equilibrium") == 0.0
     assert (
-        scale("rod.angle", [0.0, 0.0], "rod_cantilever", "equilibrium") == 1.0
+        scale_of_values("rod.angle", [0.0, 0.0], "rod_cantilever", "equilibrium") == 1.0
     )  # 1 rad; an angle needs no time
     outcome, message = judge_error(1e-17, 0.0, "N m", "rounding")
     assert outcome == "differs"
@@ -540,14 +556,17 @@ def test_detectable_change_is_the_change_that_uses_the_tolerance_up(name, kind, 
     assert checked
 
 
-def test_detectable_change_is_the_same_in_any_unit_and_for_a_channel_of_one_run():
+def test_detectable_change_does_not_depend_on_the_unit_of_a_channel():
     x = np.linspace(0.0, 1.0, 5)
     curves = Curves(x, evaluate(PENDULUM, "dynamics", x, None).channels)
 
     def angle(case, solver: str = "mujoco") -> Comparison:
         return next(c for c in compare(case, "dynamics", solver, curves) if c.channel == "angle")
 
-    rad, deg = angle(PENDULUM), angle(in_unit(PENDULUM, "angle", unit="deg", only="dynamics"))
+    rad, deg = (
+        angle(PENDULUM),
+        angle(with_changed_channel(PENDULUM, "angle", unit="deg", only="dynamics")),
+    )
     assert set(deg.detectable) == set(rad.detectable) >= {"length", "gravity"}
     for key, change in rad.detectable.items():
         assert deg.detectable[key].size == pytest.approx(change.size, rel=1e-6, abs=0)
@@ -566,7 +585,7 @@ def test_a_view_of_the_run_that_cannot_be_drawn_is_bad_input():
     assert compare(case.model_copy(update={"view": (other,)}), "dynamics", "mujoco", curves)
 
 
-def test_a_recorded_curve_is_not_asked_at_the_drives_state():
+def test_a_recorded_reference_ignores_the_state_of_the_drives():
     case = load_case(shipped("hacksaw_recorded.toml"))
     x = run_samples(case, "sweep")
     state = plan_run(case, "sweep", "mujoco").motion(x)
@@ -594,4 +613,4 @@ def test_a_recorded_curve_is_not_asked_at_the_drives_state():
 )
 def test_an_error_is_a_share_of_what_is_allowed(error, allowed, outcome, share):
     """The share is also defined if one of the two is NaN, or if the allowed error is 0."""
-    assert compared(error, allowed, outcome).share_of_allowed == share
+    assert make_comparison(error, allowed, outcome).share_of_allowed == share

@@ -57,13 +57,13 @@ from proofmass.sim.protocol import BadModel
 from proofmass.solve import solve
 from proofmass.terminal import failure_lines
 from proofmass.worker import OutOfMemory, TimedOut, call_isolated
-from tests.shipped import models_like, shipped
+from tests.shipped import shipped, shipped_files
 
-QUICK = ("fourbar", "pendulum", "rod_cantilever")
+QUICK_CASES = ("fourbar", "pendulum", "rod_cantilever")
 CANTILEVER = shipped("rod_cantilever.toml")
-SAMPLE = 12
-FAILED = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
-ATTRIBUTE = {
+SAMPLE_SIZE = 12
+FAILURES = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
+JOINT_ATTRIBUTES = {
     "damping": "damping",
     "armature": "armature",
     "friction": "frictionloss",
@@ -71,18 +71,20 @@ ATTRIBUTE = {
     "rest angle": "springref",
     "zero": "ref",
 }
-WIDE = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
+DEFAULT_SOFTNESS = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
 
 
-def attribute(element, name: str, default) -> list[float]:
+def attribute_values(element, name: str, default) -> list[float]:
     """The numbers of an attribute, completed by the defaults."""
     own = [float(x) for x in element.get(name, "").split()]
     return own + list(default)[len(own) :]
 
 
-def put(element, name: str, default, part: int, by: float, factor: bool = False) -> None:
+def change_attribute(
+    element, name: str, default, part: int, by: float, factor: bool = False
+) -> None:
     """Add `by` to one number of an attribute, or multiply all of them by 1 + `by`."""
-    values = attribute(element, name, default)
+    values = attribute_values(element, name, default)
     if factor:
         values = [value * (1 + by) for value in values]
     else:
@@ -90,7 +92,7 @@ def put(element, name: str, default, part: int, by: float, factor: bool = False)
     element.set(name, " ".join(map(repr, values)))
 
 
-def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
+def with_changed_file(case: Case, one: Finding, change: float, folder: Path) -> Case:
     """The case with one number changed in the file of its model, or in a rod of the sidecar.
 
     The angles of the model must be in radians, and its elements must have names.
@@ -113,14 +115,14 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
             value = getattr(rods[one.of], name) + change
             rods[one.of] = rods[one.of].model_copy(update={name: value})
         case "place":
-            put(element("body"), "pos", zero, axis, change)
+            change_attribute(element("body"), "pos", zero, axis, change)
         case "anchor":
-            put(element("joint"), "pos", zero, axis, change)
+            change_attribute(element("joint"), "pos", zero, axis, change)
         case "site":
-            put(element("site"), "pos", zero, axis, change)
+            change_attribute(element("site"), "pos", zero, axis, change)
         case "direction" if words[0] in ("body", "site"):
             x, y, *_ = map(float, element(words[0]).attrib.pop("xyaxes", "1 0").split())
-            put(element(words[0]), "euler", zero, 2, float(np.arctan2(y, x)) + change)
+            change_attribute(element(words[0]), "euler", zero, 2, float(np.arctan2(y, x)) + change)
         case "mass" | "centre of mass" | "inertia":
             body = element("body")
             inertial = body.find("inertial")
@@ -129,26 +131,32 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
                 inertial = ElementTree.SubElement(body, "inertial", none)
             name = {"mass": "mass", "inertia": "diaginertia"}.get(one.kind, "pos")
             usual = zero if name == "pos" else ()
-            put(inertial, name, usual, axis, change, factor=one.kind == "inertia")
+            change_attribute(inertial, name, usual, axis, change, factor=one.kind == "inertia")
         case "gravity":
-            put(root.find("option"), "gravity", (0.0, 0.0, -9.81), axis, change)
+            change_attribute(root.find("option"), "gravity", (0.0, 0.0, -9.81), axis, change)
         case "gear":
             part = int(words[-1]) - 1 if len(words) > 1 else 0
-            put(element("motor", words[0]), "gear", (1.0, *zero, *zero[:2]), part, change)
+            change_attribute(
+                element("motor", words[0]), "gear", (1.0, *zero, *zero[:2]), part, change
+            )
         case "load":
             names = [motor.get("name") for motor in root.find("actuator")]
-            put(key, "ctrl", [0.0] * len(names), names.index(one.of), change)
+            change_attribute(key, "ctrl", [0.0] * len(names), names.index(one.of), change)
         case "start value" | "start rate":
             joints = [joint.get("name") for joint in root.find("worldbody").iter("joint")]
             name = {"start value": "qpos"}.get(one.kind, "qvel")
-            put(key, name, [0.0] * len(joints), joints.index(one.of), change)
+            change_attribute(key, name, [0.0] * len(joints), joints.index(one.of), change)
         case "softness of the loop":
             loop, name, part = one.of.replace(",", "").split(" ")
             usual = root.find("default/equality")
-            own = attribute(usual, name, WIDE[name]) if usual is not None else WIDE[name]
-            put(element("connect", loop), name, own, int(part) - 1, change)
+            own = (
+                attribute_values(usual, name, DEFAULT_SOFTNESS[name])
+                if usual is not None
+                else DEFAULT_SOFTNESS[name]
+            )
+            change_attribute(element("connect", loop), name, own, int(part) - 1, change)
         case kind:
-            put(element("joint"), ATTRIBUTE[kind], [0.0], 0, change)
+            change_attribute(element("joint"), JOINT_ATTRIBUTES[kind], [0.0], 0, change)
     tree.write(folder / case.model)
     for file in case.model_path.parent.glob("*.csv"):  # recorded curves and profiles
         copyfile(file, folder / file.name)
@@ -160,30 +168,30 @@ def by_hand(case: Case, one: Finding, change: float, folder: Path) -> Case:
     return case.model_copy(update={"file": folder / case.file.name, "rod": rods, "run": runs})
 
 
-def judged(changed: Case, own: Case, kind, solver: str) -> set[str]:
+def outcomes_of(changed: Case, own: Case, kind, solver: str) -> set[str]:
     """Outcomes of channels with a tolerance in a run of the changed case, or "failed"."""
     try:
         curves = solve(changed, kind, solver)
         # a closed form of rods reads its own parameters: it is evaluated at the unchanged places
         found = compare(own if changed.rod else changed, kind, solver, curves, detectable=False)
-    except FAILED:
+    except FAILURES:
         return {"failed"}
     return {c.outcome for c in found if c.allowed > 0 and c.outcome != Outcome.UNSUPPORTED}
 
 
-def noticing(case: Case, one: Finding, change: float, folder: Path) -> list[tuple[str, str]]:
+def noticing_runs(case: Case, one: Finding, change: float, folder: Path) -> list[tuple[str, str]]:
     """The runs and solvers in which a changed number makes a channel differ or the run fail."""
-    changed = by_hand(case, one, change, folder)
+    changed = with_changed_file(case, one, change, folder)
     return [
         (kind, solver)
         for kind, run in case.run.items()
         for solver in run.solvers
         if any(case.tolerance_for(kind, solver, name) for name in case.channels_of(kind))
-        and judged(changed, case, kind, solver) & {"differs", "failed"}
+        and outcomes_of(changed, case, kind, solver) & {"differs", "failed"}
     ]
 
 
-def holds(case: Case, one: Finding, folder: Path) -> None:
+def check_finding(case: Case, one: Finding, folder: Path) -> None:
     """Assert that a finding agrees with runs of changed models.
 
     If the change that was tried is not noticed, no channel differs and no run fails.  If it is
@@ -193,17 +201,20 @@ def holds(case: Case, one: Finding, folder: Path) -> None:
     if not one.noticed:
         for side in (1, -1) if one.value else (1,):
             place = folder / f"tried {side}"
-            assert not noticing(case, one, side * one.tried, place), (one.name, "is noticed")
+            assert not noticing_runs(case, one, side * one.tried, place), (one.name, "is noticed")
     elif one.refused:
-        assert noticing(case, one, one.change, folder / "refused"), (one.name, "is not refused")
+        assert noticing_runs(case, one, one.change, folder / "refused"), (
+            one.name,
+            "is not refused",
+        )
     else:
-        found = noticing(case, one, 2 * one.change, folder / "twice")
+        found = noticing_runs(case, one, 2 * one.change, folder / "twice")
         assert (one.run, one.solver) in found, (one.name, "is not noticed at twice the change")
-        found = noticing(case, one, 0.5 * one.change, folder / "half")
+        found = noticing_runs(case, one, 0.5 * one.change, folder / "half")
         assert not found, (one.name, "is noticed at half the change")
 
 
-def quick(name: str) -> Case:
+def quick_case(name: str) -> Case:
     """A case with shortened runs.
 
     The four-bar has a sweep of half a turn with 13 samples in MuJoCo only, the pendulum the first
@@ -220,7 +231,7 @@ def quick(name: str) -> Case:
     return case.model_copy(update={"run": {"sweep": sweep}, "drive": (half,)})
 
 
-def fourbar() -> Case:
+def short_fourbar() -> Case:
     """The four-bar with a sweep in both engines; dynamics in MuJoCo for a twentieth of a turn."""
     case = load_case(shipped("fourbar.toml"))
     sweep = case.run["sweep"].model_copy(update={"n": 49})
@@ -236,7 +247,7 @@ def findings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def told(findings: Path) -> ClickResult:
+def explained(findings: Path) -> ClickResult:
     """The result of `proofmass explain` for the cantilever, whose findings it has to search for."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PROOFMASS_CACHE", str(findings))
@@ -244,36 +255,36 @@ def told(findings: Path) -> ClickResult:
 
 
 @pytest.fixture(scope="module")
-def covered(findings: Path, told: ClickResult) -> dict[str, Coverage]:
+def covered(findings: Path, explained: ClickResult) -> dict[str, Coverage]:
     """The coverages of the quick cases, which are searched for once."""
-    return {name: find_coverage(quick(name), folder=findings) for name in QUICK}
+    return {name: find_coverage(quick_case(name), folder=findings) for name in QUICK_CASES}
 
 
-def sample() -> list[tuple[str, int]]:
+def sample_findings() -> list[tuple[str, int]]:
     """Cases, and random places in their lists of findings in thousandths, the same in each run."""
     chosen = random.Random(18)
-    return [(QUICK[k % len(QUICK)], chosen.randrange(1000)) for k in range(SAMPLE)]
+    return [(QUICK_CASES[k % len(QUICK_CASES)], chosen.randrange(1000)) for k in range(SAMPLE_SIZE)]
 
 
-@pytest.mark.parametrize(("name", "share"), sample())
-def test_a_finding_is_what_a_changed_model_does(name, share, covered, tmp_path):
+@pytest.mark.parametrize(("name", "share"), sample_findings())
+def test_a_finding_agrees_with_runs_of_a_changed_model(name, share, covered, tmp_path):
     found = covered[name].numbers
-    holds(quick(name), found[share * len(found) // 1000], tmp_path)
+    check_finding(quick_case(name), found[share * len(found) // 1000], tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(file.stem for file in models_like()))
-def test_every_finding_is_what_a_changed_model_does(name, tmp_path):
+@pytest.mark.parametrize("name", sorted(file.stem for file in shipped_files()))
+def test_every_finding_agrees_with_runs_of_a_changed_model(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     found = find_coverage(case, folder=tmp_path / "cache")
     assert not found.differing
     for k, one in enumerate(found.numbers):
-        if not (one.kind == "direction" and one.of.startswith("joint")) and writable(case, one):
-            holds(case, one, tmp_path / str(k))
+        if not (one.kind == "direction" and one.of.startswith("joint")) and is_in_file(case, one):
+            check_finding(case, one, tmp_path / str(k))
 
 
-def writable(case: Case, one: Finding) -> bool:
-    """Whether `by_hand` can change this number in the file of the model."""
+def is_in_file(case: Case, one: Finding) -> bool:
+    """Whether `with_changed_file` can change this number in the file of the model."""
     text = case.model_path.read_text()
     if one.kind == "direction":
         return not re.search('xyaxes|euler|freejoint|quat|axis="0 -?1 0"', text)  # about z
@@ -294,21 +305,21 @@ def test_numbers_of_several_rods_have_a_plural(kind):
 
 def test_the_fourbar_leaves_the_inertia_of_its_steady_crank_unchecked(tmp_path):
     """Its inertia and armature are not noticed; the drive's moment depends on other inertias."""
-    found = find_coverage(fourbar(), folder=tmp_path)
+    found = find_coverage(short_fourbar(), folder=tmp_path)
     unnoticed = {kind: {one.of for one in some} for kind, some in found.unnoticed.items()}
     assert unnoticed["inertia"] == unnoticed["armature"] == {"crank"}
     assert unnoticed.keys() == {"inertia", "armature", "softness of the loop"}
-    words = list(format_not_noticed(fourbar(), found))
+    words = list(format_not_noticed(short_fourbar(), found))
     assert words[0].startswith("inertia of crank: a drive of constant rate has no acceleration")
 
 
-def test_what_one_engine_refuses_and_another_notices_is_refused(covered):
+def test_a_number_that_one_engine_refuses_counts_as_refused(covered):
     (friction,) = (one for one in covered["pendulum"].numbers if one.kind == "friction")
     assert friction.solver == "pymunk"
     assert "frictionloss" in friction.refused
 
 
-def test_a_length_is_noticed_in_the_model_as_in_the_reference(covered):
+def test_noticed_changes_of_the_model_and_of_the_reference_agree(covered):
     """The smallest noticed changes of a changed model and of a changed reference agree to 5 %."""
     found = covered["fourbar"]
     model = {one.name: abs(one.change) for one in found.numbers}
@@ -327,13 +338,13 @@ def test_a_length_is_noticed_in_the_model_as_in_the_reference(covered):
 
 
 @pytest.mark.parametrize("name", ["inertia of crank", "mass of crank", "friction of crank"])
-def test_a_finding_that_is_turned_round_does_not_hold(name, covered, tmp_path):
-    case = quick("fourbar")
+def test_a_finding_with_the_opposite_result_fails_the_check(name, covered, tmp_path):
+    case = quick_case("fourbar")
     (one,) = (one for one in covered["fourbar"].numbers if one.name == name)
     change = one.change if one.noticed else one.tried
     wrong = replace(one, noticed=not one.noticed, change=change, run="sweep", solver="mujoco")
     with pytest.raises(AssertionError, match=name):
-        holds(case, wrong, tmp_path)
+        check_finding(case, wrong, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -343,16 +354,16 @@ def test_a_finding_that_is_turned_round_does_not_hold(name, covered, tmp_path):
         ("pendulum", {"inertia", "place"}),
     ],
 )
-def test_how_far_a_number_that_nothing_notices_moves_a_channel(name, kinds, covered, tmp_path):
+def test_an_unnoticed_number_moves_channels_by_the_stated_share(name, kinds, covered, tmp_path):
     """The stated share is that of the curves of a model changed by hand and the unchanged model."""
-    case = quick(name)
-    silent = [one for one in covered[name].numbers if not one.noticed and writable(case, one)]
+    case = quick_case(name)
+    silent = [one for one in covered[name].numbers if not one.noticed and is_in_file(case, one)]
     first = {one.kind: one for one in reversed(silent)}
     assert set(first) == kinds
     for k, one in enumerate(first.values()):
         moved: dict[tuple[str, str, str], float] = {}
         for side in (1, -1) if is_decreased(one.kind, one.value, one.tried) else (1,):
-            changed = by_hand(case, one, side * one.tried, tmp_path / f"{k}{side}")
+            changed = with_changed_file(case, one, side * one.tried, tmp_path / f"{k}{side}")
             for kind, run in case.run.items():
                 for solver in run.solvers:
                     before, after = solve(case, kind, solver), solve(changed, kind, solver)
@@ -368,9 +379,9 @@ def test_how_far_a_number_that_nothing_notices_moves_a_channel(name, kinds, cove
             assert (one.run, one.solver, one.channel) == most
 
 
-def test_a_number_that_is_noticed_alone_is_noticed_though_not_in_its_group():
+def test_a_number_hidden_by_its_group_is_noticed_alone():
     """A group can hide the effect of one number if other numbers move the same error."""
-    mass, other = number("mass", "a", 1.0), number("mass", "b", 1.0)
+    mass, other = make_number("mass", "a", 1.0), make_number("mass", "b", 1.0)
 
     class Asked(Search):
         def __init__(self):
@@ -398,11 +409,11 @@ def test_a_number_that_is_noticed_alone_is_noticed_though_not_in_its_group():
     assert (found[other].moved, found[other].channel) == (0.3, "sweep -0.1")
 
 
-def test_how_little_a_number_does_is_told_in_words():
+def test_the_effect_of_an_unnoticed_number_is_described():
     small = Finding(
         "friction", "a", "N m", 2.0, 0.2, False, math.nan, "sweep", "pymunk", "x", "", 0.03
     )
-    case = quick("fourbar")
+    case = quick_case("fourbar")
     found = Coverage("fourbar", "", (), (), (small,))
     assert reason_not_noticed(case, found, "friction", [small]) == (
         "it does little: 10 % more or less of it moves no checked channel by more than 0.03 of "
@@ -417,14 +428,14 @@ def test_how_little_a_number_does_is_told_in_words():
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])
-def test_a_change_that_is_wrong_by_five_does_not_hold(factor, covered, tmp_path):
-    case = quick("fourbar")
+def test_a_change_that_is_wrong_by_a_factor_of_five_fails_the_check(factor, covered, tmp_path):
+    case = quick_case("fourbar")
     (one,) = (one for one in covered["fourbar"].numbers if one.name == "mass of crank")
     with pytest.raises(AssertionError, match="mass of crank"):
-        holds(case, replace(one, change=factor * one.change), tmp_path)
+        check_finding(case, replace(one, change=factor * one.change), tmp_path)
 
 
-def searching(name: str, kind, solver: str) -> Search:
+def make_search(name: str, kind, solver: str) -> Search:
     """A search of a case with one run, whose baseline is computed in this process."""
     case = load_case(shipped(f"{name}.toml"))
     case = with_fewer_samples(case, kind, sample_stride(case, kind))
@@ -433,9 +444,7 @@ def searching(name: str, kind, solver: str) -> Search:
     return search
 
 
-def test_a_run_that_reaches_a_limit_as_it_is_tells_nothing_and_is_asked_again(
-    tmp_path, monkeypatch
-):
+def test_findings_are_not_stored_if_the_unchanged_run_reaches_a_limit(tmp_path, monkeypatch):
     def full(self, kind, function, *args):
         raise OutOfMemory("needs more than 8 GiB of memory")
 
@@ -448,9 +457,7 @@ def test_a_run_that_reaches_a_limit_as_it_is_tells_nothing_and_is_asked_again(
 
 
 @pytest.mark.parametrize("again", [True, False])
-def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer_one(
-    again, monkeypatch
-):
+def test_a_trial_that_times_out_is_repeated_once_with_a_longer_limit(again, monkeypatch):
     asked = []
 
     def slow(function, *args, timeout, memory):
@@ -459,7 +466,7 @@ def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer
             raise TimedOut(f"no answer in {timeout:g} s")
         return call_isolated(function, *args, timeout=timeout, memory=memory)
 
-    search = searching("pendulum", "dynamics", "mujoco")
+    search = make_search("pendulum", "dynamics", "mujoco")
     monkeypatch.setattr("proofmass.coverage_search.call_isolated", slow)
     trial = search.trial(search.runs()[0], [])
     limit = search.case.run["dynamics"].timeout
@@ -467,9 +474,9 @@ def test_a_trial_that_reaches_its_limit_of_time_is_asked_once_more_with_a_longer
     assert trial.failed == ("" if again else f"no answer in {4 * limit:g} s")
 
 
-def test_a_reference_that_reads_the_model_notices_by_its_laws_alone():
+def test_constant_channels_notice_changes_if_the_reference_reads_the_model():
     """If the reference reads the model, only channels that must equal a number notice a change."""
-    search = searching("peaucellier", "sweep", "mujoco")
+    search = make_search("peaucellier", "sweep", "mujoco")
     there = {number.name: number for number in numbers_of_case(search.case)}
     (tip,) = search.tried([there["site of tip x"]])
     assert tip.noticed
@@ -488,21 +495,21 @@ def test_check_says_that_a_reference_reads_the_model():
     )
 
 
-def test_the_first_tolerance_that_is_used_up_tells_the_factor():
+def test_the_first_tolerance_that_is_used_up_limits_the_change():
     error, rate = np.array([0.5, 0.0, -0.9]), np.array([0.1, 0.0, 0.1])
     assert change_limit(error, 1.0, rate, "y").factor == pytest.approx(5.0)
     assert change_limit(error, 1.0, -rate, "y").factor == pytest.approx(1.0)
     assert change_limit(error, 1.0, 0 * rate, "y").factor == math.inf
 
 
-def number(kind: str, of: str, value: float = 0.0) -> Number:
+def make_number(kind: str, of: str, value: float = 0.0) -> Number:
     return Number(kind, of, value, "1", 0.1, Place("joint", 0, kind))
 
 
 @pytest.mark.parametrize(("factor", "kept"), [(0.4, False), (1e6, True)])
-def test_another_run_takes_the_place_of_one_that_needs_a_larger_change_only(factor, kept):
+def test_a_finding_is_replaced_only_by_one_with_a_smaller_change(factor, kept):
     """The search in another run may end with a larger change, which does not replace the first."""
-    mass = number("mass", "a", 1.0)
+    mass = make_number("mass", "a", 1.0)
     first = Finding("mass", "a", "kg", 1.0, 0.1, True, 1e-9, "sweep", "pymunk")
     other = replace(first, change=factor * first.change, run="dynamics")
 
@@ -524,8 +531,8 @@ def test_another_run_takes_the_place_of_one_that_needs_a_larger_change_only(fact
     assert Asked().try_half_changes({mass: first}) == {mass: first if kept else other}
 
 
-def test_draws_are_to_both_sides_and_never_less_than_alone():
-    group = [number("mass", name, 1.0) for name in "abcdef"] + [number("damping", "g")]
+def test_random_changes_have_both_signs_and_at_least_the_trial_size():
+    group = [make_number("mass", name, 1.0) for name in "abcdef"] + [make_number("damping", "g")]
     there = [[change for _, change in changes] for changes in random_changes(group)]
     for own in zip(*there, strict=True):
         assert min(map(abs, own)) >= 0.1
@@ -535,14 +542,14 @@ def test_draws_are_to_both_sides_and_never_less_than_alone():
     assert all(changes[6] > 0 for changes in there)
 
 
-def test_what_is_not_negative_is_not_tried_below_0():
-    assert signs_of_change(number("damping", "a")) == (1,)
-    assert signs_of_change(number("damping", "a", 1.0)) == (1, -1)
-    assert signs_of_change(number("gravity", "x")) == (1, -1)
+def test_numbers_that_are_not_negative_are_not_tried_below_0():
+    assert signs_of_change(make_number("damping", "a")) == (1,)
+    assert signs_of_change(make_number("damping", "a", 1.0)) == (1, -1)
+    assert signs_of_change(make_number("gravity", "x")) == (1, -1)
 
 
-def test_groups_are_of_one_kind_and_of_a_few():
-    there = [number("mass", str(k)) for k in range(8)] + [number("inertia", "a")]
+def test_groups_have_one_kind_and_at_most_six_numbers():
+    there = [make_number("mass", str(k)) for k in range(8)] + [make_number("inertia", "a")]
     assert {label: len(some) for label, some in group_numbers(there).items()} == {
         "mass 1": 6,
         "mass 2": 2,
@@ -551,7 +558,7 @@ def test_groups_are_of_one_kind_and_of_a_few():
 
 
 @pytest.mark.parametrize(("name", "whole"), [("balancer_prototype", True), ("fourbar", False)])
-def test_a_sweep_that_needs_all_its_samples_is_searched_at_all(name, whole, monkeypatch):
+def test_a_sweep_that_needs_all_samples_is_searched_with_all_samples(name, whole, monkeypatch):
     """Dry friction needs a sample where the drive reverses, so the sweep is made at all samples."""
     monkeypatch.setattr(changed_module, "compare", partial(compare, detectable=False))  # slow
     search = Search(load_case(shipped(f"{name}.toml")), ThreadPoolExecutor(1))
@@ -569,7 +576,7 @@ def test_a_sweep_is_searched_at_some_of_its_own_samples():
     assert sample_stride(load_case(shipped("hacksaw_recorded.toml")), "sweep") == 1
 
 
-def test_what_was_found_is_kept_and_read_again(covered, findings, tmp_path, monkeypatch):
+def test_findings_are_stored_and_read_again(covered, findings, tmp_path, monkeypatch):
     case, found = load_case(shipped("rod_cantilever.toml")), covered["rod_cantilever"]
     assert stored_coverage(case, tmp_path) is None
     copytree(findings / "coverage", tmp_path / "coverage")
@@ -586,20 +593,22 @@ def test_what_was_found_is_kept_and_read_again(covered, findings, tmp_path, monk
             stored_coverage(case, tmp_path)
 
 
-def test_a_search_that_was_stopped_goes_on(tmp_path, monkeypatch):
-    case, told = quick("pendulum"), list[tuple[int, int]]()
+def test_an_interrupted_search_continues(tmp_path, monkeypatch):
+    case, progress = quick_case("pendulum"), list[tuple[int, int]]()
 
     def stop(label: str, done: int, total: int) -> None:
-        told.append((done, total))
+        progress.append((done, total))
         if done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         find_coverage(case, 1, stop, tmp_path)
-    begun = len(told)
-    found = find_coverage(case, 1, lambda label, done, total: told.append((done, total)), tmp_path)
-    assert told[begun][0] > 3
-    assert told[-1][0] == told[-1][1]
+    begun = len(progress)
+    found = find_coverage(
+        case, 1, lambda label, done, total: progress.append((done, total)), tmp_path
+    )
+    assert progress[begun][0] > 3
+    assert progress[-1][0] == progress[-1][1]
     assert {one.kind for one in found.numbers} >= {"gravity", "mass", "friction"}
 
 
@@ -611,11 +620,11 @@ def test_the_cache_is_where_the_environment_says(monkeypatch, tmp_path):
     assert cache_folder() == tmp_path / "proofmass"
 
 
-def test_explain_tells_and_has_the_same_as_json(told, findings, monkeypatch):
-    assert told.exit_code == 0, told.output
-    assert max(map(len, told.stdout.splitlines())) <= 80
+def test_explain_prints_the_findings_as_text_and_as_json(explained, findings, monkeypatch):
+    assert explained.exit_code == 0, explained.output
+    assert max(map(len, explained.stdout.splitlines())) <= 80
     for words in ("Who checks what", "stiffness of a rod of rod", "Not noticed by any run"):
-        assert words in told.stdout
+        assert words in explained.stdout
     monkeypatch.setenv("PROOFMASS_CACHE", str(findings))
     answer = CliRunner().invoke(app, ["explain", str(CANTILEVER), "--json"])
     assert answer.exit_code == 0, answer.output
@@ -625,7 +634,7 @@ def test_explain_tells_and_has_the_same_as_json(told, findings, monkeypatch):
 
 
 @pytest.mark.parametrize("path", ["missing.toml", "models", "models/linkages/hacksaw_recorded.csv"])
-def test_explain_refuses_what_is_no_case(path, tmp_path, monkeypatch):
+def test_explain_refuses_paths_that_are_no_case(path, tmp_path, monkeypatch):
     monkeypatch.setenv("PROOFMASS_CACHE", str(tmp_path))
     answer = CliRunner().invoke(app, ["explain", path])
     assert answer.exit_code == 2
@@ -643,14 +652,14 @@ def test_explain_refuses_a_damaged_store(tmp_path, monkeypatch):
     assert "delete it, and it is made again" in answer.stderr
 
 
-def test_all_parts_are_told_in_eighty_columns(covered):
+def test_explanations_fit_in_eighty_columns(covered):
     for name, found in covered.items():
         case = load_case(shipped(f"{name}.toml"))
         lines = [part for part in format_coverage(case, found) if isinstance(part, str)]
         assert max(map(len, lines)) <= 80
 
 
-def test_a_case_in_which_nothing_is_checked_is_asked_nothing(tmp_path):
+def test_no_number_of_a_case_without_checks_is_tried(tmp_path):
     case = load_case(shipped("fourbar.toml")).model_copy(update={"tolerance": ()})
     found = find_coverage(case, 1, folder=tmp_path)
     assert (found.numbers, {one.checked for one in found.runs}) == ((), {0})
@@ -669,7 +678,7 @@ def test_a_case_in_which_nothing_is_checked_is_asked_nothing(tmp_path):
         ("pendulum", "inertia", ""),
     ],
 )
-def test_reasons_are_those_of_the_case(name, kind, words):
+def test_the_reason_for_an_unnoticed_kind_depends_on_the_case(name, kind, words):
     case = load_case(shipped(f"{name}.toml"))
     runs = tuple(
         CheckedRun(run, "mujoco", 1, 1, units=units)
@@ -681,7 +690,7 @@ def test_reasons_are_those_of_the_case(name, kind, words):
     assert bool(reason_not_noticed(case, found, kind)) == bool(words)
 
 
-def test_the_inertia_of_a_steady_crank_is_told_apart():
+def test_a_steady_drive_is_a_reason_for_the_inertia_of_its_crank_only():
     """The reason is not given for the inertia of the rocker, which swings."""
     case = load_case(shipped("fourbar.toml"))
     runs = tuple(CheckedRun(run, "mujoco", 1, 1, units=("N m",)) for run in case.run)
@@ -692,7 +701,7 @@ def test_the_inertia_of_a_steady_crank_is_told_apart():
         assert why.startswith(words)
 
 
-def test_words_for_one_number_and_for_several():
+def test_one_number_and_several_numbers_are_named():
     some = [Finding("mass", name, "kg", 1.0, 0.1, False) for name in "abc"]
     assert name_numbers("mass", some[:1]) == "mass of a"
     assert name_numbers("mass", some) == "masses of a, b and c"

@@ -16,9 +16,9 @@ from proofmass.sidecar import fill_runs, format_sidecar, load_case, match_quanti
 from proofmass.sim.mujoco.settings import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.settings import ACCURACY as PYMUNK
 from proofmass.terminal import failure_lines
-from tests.shipped import each_case, loaded, shipped
+from tests.shipped import shipped, shipped_case, sidecar_parameters
 
-SHORT = """title = "t"
+SHORT_SIDECAR = """title = "t"
 source = "s"
 reference = "fourbar"
 {more}
@@ -44,28 +44,28 @@ def here(monkeypatch):
     )
 
 
-def short(folder: Path, more: str = "", tables: str = "") -> Case:
+def write_short_case(folder: Path, more: str = "", tables: str = "") -> Case:
     """A case of the four-bar; its sidecar has the required keys, and `more` keys and `tables`."""
     file = folder / "short.toml"
-    file.write_text(SHORT.format(more=more, tables=tables))
+    file.write_text(SHORT_SIDECAR.format(more=more, tables=tables))
     (folder / "short.xml").write_bytes(shipped("fourbar.xml").read_bytes())
     return load_case(file)
 
 
-def wrong(folder: Path, more: str = "", tables: str = "") -> str:
+def error_of_short_case(folder: Path, more: str = "", tables: str = "") -> str:
     """The message of the input error of such a case, without the path of its folder."""
     with pytest.raises(InputError) as error:
-        short(folder, more, tables)
+        write_short_case(folder, more, tables)
     return str(error.value).removeprefix(f"{folder}/")
 
 
-@pytest.mark.parametrize("file", each_case())
+@pytest.mark.parametrize("file", sidecar_parameters())
 def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
     """The case is shown with all keys, and with those only that change something."""
     again = tmp_path / file.name
     for other in file.parent.glob("*.[cx]*"):
         (tmp_path / other.name).write_bytes(other.read_bytes())
-    case = loaded(file)
+    case = shipped_case(file)
     for every in (True, False):
         again.write_text(format_sidecar(case, every), encoding="utf-8")
         assert load_case(again).model_copy(update={"file": file}) == case
@@ -74,7 +74,7 @@ def test_a_shown_case_loads_to_the_same_case(file, tmp_path):
 
 def test_rates_beside_springs_are_covered_by_one_default_tolerance():
     """Of the finger: MuJoCo states a limit of its own for the rates of an equilibrium."""
-    case = loaded(shipped("finger.toml"))
+    case = shipped_case(shipped("finger.toml"))
     for solver in ("mujoco", "pymunk"):
         for name, channel in case.channels.items():
             hits = [t for t in case.tolerance if t.covers("sweep", solver, name, channel.unit)]
@@ -84,7 +84,7 @@ def test_rates_beside_springs_are_covered_by_one_default_tolerance():
     assert rates == {"proximal_rate", "distal_rate", "tip_velocity.x", "tip_velocity.y"}
 
 
-def test_a_shown_case_reads_as_a_sidecar_does(tmp_path):
+def test_a_shown_case_has_the_layout_of_a_sidecar(tmp_path):
     """A channel is one line, headings are in the order of the schema, after an empty line each."""
     case = load_case(shipped("fourbar.toml"))
     odd = case.model_copy(update={"title": 'a "b" \\ \x7f\n\t é 😀', "unmatched": ("*",)})
@@ -101,7 +101,7 @@ def test_a_shown_case_reads_as_a_sidecar_does(tmp_path):
     assert "relative_to_range = 1e-12" in lines
 
 
-def test_the_four_bar_is_short_and_shown_whole():
+def test_show_prints_all_keys_of_the_short_sidecar_of_the_four_bar():
     file = shipped("fourbar.toml")
     assert len(file.read_text(encoding="utf-8").splitlines()) <= 30
     answer = CliRunner().invoke(app, ["show", str(file)])
@@ -121,7 +121,7 @@ def test_the_four_bar_is_short_and_shown_whole():
 
 
 def test_runs_solvers_channels_and_tolerances_are_filled_in(tmp_path):
-    case = short(tmp_path)
+    case = write_short_case(tmp_path)
     assert {kind: (run.n, run.solvers) for kind, run in case.run.items()} == {
         "sweep": (361, ("mujoco", "pymunk")),
         "dynamics": (361, ("mujoco", "mujoco:default", "pymunk", "pymunk:default")),
@@ -143,8 +143,8 @@ def test_runs_solvers_channels_and_tolerances_are_filled_in(tmp_path):
     assert not any(allowed["dynamics", f"{e}:default", "pin.x"] for e in ("mujoco", "pymunk"))
 
 
-def test_an_accuracy_replaces_the_engine_s_share_and_keeps_its_reason(tmp_path):
-    case = short(tmp_path, "accuracy.pymunk = { velocity = 7e-7, sweep = 3e-11 }")
+def test_an_accuracy_replaces_the_engine_s_tolerance_and_keeps_its_reason(tmp_path):
+    case = write_short_case(tmp_path, "accuracy.pymunk = { velocity = 7e-7, sweep = 3e-11 }")
     velocity, sweep, position = (
         case.tolerance_for(*place)
         for place in (
@@ -163,8 +163,8 @@ def test_an_accuracy_replaces_the_engine_s_share_and_keeps_its_reason(tmp_path):
     )
 
 
-def test_a_tolerance_of_its_own_stands_alone_for_its_run_and_engine(tmp_path):
-    case = short(
+def test_a_tolerance_replaces_all_defaults_of_its_run_and_engine(tmp_path):
+    case = write_short_case(
         tmp_path,
         tables='[[tolerance]]\nrun = "sweep"\nsolver = "pymunk"\n'
         'channels = "pin.x"\nabs = 1.0\nwhy = "w"\n',
@@ -180,10 +180,13 @@ def test_a_tolerance_of_its_own_stands_alone_for_its_run_and_engine(tmp_path):
     )
 
 
-def test_listed_channels_are_all_unless_the_others_are_asked_for(tmp_path):
-    law = '"pin.x" = { equals = 0.5, unit = "mm" }\nrocker = {}\n'
-    assert list(short(tmp_path, tables=f"[channels]\n{law}").channels) == ["pin.x", "rocker"]
-    case = short(tmp_path, tables=f'[channels]\n{law}"*" = {{}}\n')
+def test_channels_that_are_not_listed_are_filled_in_by_an_asterisk_only(tmp_path):
+    listed = '"pin.x" = { equals = 0.5, unit = "mm" }\nrocker = {}\n'
+    assert list(write_short_case(tmp_path, tables=f"[channels]\n{listed}").channels) == [
+        "pin.x",
+        "rocker",
+    ]
+    case = write_short_case(tmp_path, tables=f'[channels]\n{listed}"*" = {{}}\n')
     assert (case.channels["pin.x"].equals, case.channels["pin.x"].unit) == (0.5, "mm")
     assert "pin.y" not in case.channels  # the sensor is listed
     assert case.channels["point.y"].equals == "point_y"
@@ -191,8 +194,8 @@ def test_listed_channels_are_all_unless_the_others_are_asked_for(tmp_path):
     assert position.unit == ("rad", "m", "mm")
 
 
-def test_a_sensor_without_a_quantity_is_told(tmp_path):
-    short(tmp_path)
+def test_a_sensor_without_a_quantity_is_reported(tmp_path):
+    write_short_case(tmp_path)
     model = tmp_path / "short.xml"
     model.write_text(model.read_text().replace('name="rocker_rate"', 'name="rate_of_the_rocker"'))
     file = tmp_path / "short.toml"
@@ -208,12 +211,12 @@ def test_a_sensor_without_a_quantity_is_told(tmp_path):
     assert next(failure_lines(Result(cases=[case]))).plain.startswith(f"· short: {words}")
 
 
-def test_a_page_tells_of_sensors_without_a_quantity(tmp_path, monkeypatch):
+def test_a_page_lists_sensors_without_a_quantity(tmp_path, monkeypatch):
     monkeypatch.setattr(
         case_page, "call_isolated", lambda function, *args, **limits: function(*args)
     )
     monkeypatch.setattr(pages, "draw_case", lambda *_: case_figures.Drawings({}))
-    case = short(tmp_path).model_copy(update={"unmatched": ("askew", "tilt")})
+    case = write_short_case(tmp_path).model_copy(update={"unmatched": ("askew", "tilt")})
     page = write_report(Result(cases=[case]), tmp_path / "r").with_name("short.html")
     assert "Not checked: sensors askew, tilt.</strong>" in page.read_text(encoding="utf-8")
 
@@ -244,8 +247,8 @@ def test_a_page_tells_of_sensors_without_a_quantity(tmp_path, monkeypatch):
         ('model = "none.xml"', "", "model: no file 'none.xml'"),
     ],
 )
-def test_a_fault_in_what_is_filled_in_is_said_at_its_key(more, tables, words, tmp_path):
-    assert f"short.toml: {words}" in wrong(tmp_path, more, tables)
+def test_a_fault_in_defaults_is_reported_with_its_key(more, tables, words, tmp_path):
+    assert f"short.toml: {words}" in error_of_short_case(tmp_path, more, tables)
 
 
 @pytest.mark.parametrize(

@@ -33,9 +33,9 @@ from proofmass.report.tables import (
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan_run
-from tests.shipped import fewer_samples, models_like, shipped
+from tests.shipped import fewer_samples, shipped, shipped_files
 
-QUICK = (
+QUICK_CASES = (
     "fivebar",
     "rod_cantilever",
     "rod_buckled",
@@ -49,7 +49,7 @@ parameter whose effect is only rounding, loads that do not affect the channels o
 parameter whose change changes the class of the linkage."""
 
 
-def exact(case: Case, kind) -> Curves:
+def exact_curves(case: Case, kind) -> Curves:
     """The curves of an engine without errors."""
     x = run_samples(case, kind)
     state = plan_run(case, kind, case.run[kind].solvers[0]).motion(x) if case.drive else None
@@ -57,7 +57,9 @@ def exact(case: Case, kind) -> Curves:
     return Curves(x, evaluate(case, kind, x, state).channels, drive=state)
 
 
-def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list[Comparison]:
+def comparisons_with(
+    case: Case, kind, solver: str, curves: Curves, truth: Curves
+) -> list[Comparison]:
     """Comparisons of curves with any reference, without detectable changes."""
     return [
         compare_channel(case, kind, solver, name, curves, truth.channels[name], {})
@@ -65,16 +67,22 @@ def judged(case: Case, kind, solver: str, curves: Curves, truth: Curves) -> list
     ]
 
 
-def differing(case: Case, kind, solver: str, curves: Curves, **changed: float) -> set[str] | None:
+def differing_channels(
+    case: Case, kind, solver: str, curves: Curves, **changed: float
+) -> set[str] | None:
     """Channels that differ from the reference at changed parameters; None if it does not exist."""
     try:
         other = evaluate(case, kind, curves.x, curves.drive, **changed)
     except InputError:
         return None
-    return {c.channel for c in judged(case, kind, solver, curves, other) if c.outcome == "differs"}
+    return {
+        c.channel
+        for c in comparisons_with(case, kind, solver, curves, other)
+        if c.outcome == "differs"
+    }
 
 
-def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> None:
+def check_statements(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> None:
     """Assert that the statements of the page on the parameters are true for curves of a solver.
 
     Of the channels that notice a parameter, all are tried, or only those that notice the smallest
@@ -89,7 +97,7 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
 
     def differ(key: str, by: float) -> list[set[str]]:
         sides = (
-            differing(case, kind, solver, curves, **{key: parameters[key] + sign * by})
+            differing_channels(case, kind, solver, curves, **{key: parameters[key] + sign * by})
             for sign in (1, -1)
         )
         return [side for side in sides if side is not None]
@@ -119,10 +127,10 @@ def holds(case: Case, kind, solver: str, curves: Curves, all_channels: bool) -> 
             assert c.channel in set().union(*sides), (key, c.channel, change)
 
 
-CASES = sorted(file.stem for file in models_like())
+CASES = sorted(file.stem for file in shipped_files())
 
 
-def every_run(name: str, all_channels: bool, few: bool = False) -> None:
+def check_every_run(name: str, all_channels: bool, few: bool = False) -> None:
     """Check all runs of a case; with `few` at a tenth of the samples of a balancer's sweep."""
     case = load_case(shipped(f"{name}.toml"))
     if isinstance(load_reference(case), Recorded):
@@ -132,7 +140,7 @@ def every_run(name: str, all_channels: bool, few: bool = False) -> None:
         sweep = case.run["sweep"].model_copy(update={"n": fewer_samples(case.run["sweep"].n)})
         case = case.model_copy(update={"run": {"sweep": sweep}})
     for kind, run in case.run.items():
-        curves, seen = exact(case, kind), set()
+        curves, seen = exact_curves(case, kind), set()
         for solver in run.solvers:  # solvers with equal tolerances give equal results
             tolerances = str(
                 [
@@ -142,23 +150,23 @@ def every_run(name: str, all_channels: bool, few: bool = False) -> None:
                 ]
             )
             if tolerances not in seen:
-                holds(case, kind, solver, curves, all_channels)
+                check_statements(case, kind, solver, curves, all_channels)
             seen.add(tolerances)
 
 
-@pytest.mark.parametrize("name", QUICK)
-def test_what_is_said_of_a_parameter_is_what_a_changed_one_does(name):
-    every_run(name, all_channels=False, few=True)
+@pytest.mark.parametrize("name", QUICK_CASES)
+def test_statements_on_parameters_hold_for_changed_parameters(name):
+    check_every_run(name, all_channels=False, few=True)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_said_of_every_parameter_is_what_a_changed_one_does(name):
+def test_statements_on_parameters_of_all_cases_hold_for_changed_ones(name):
     # an equilibrium of rods at changed parameters takes up to several seconds
-    every_run(name, all_channels=not load_case(shipped(f"{name}.toml")).rod)
+    check_every_run(name, all_channels=not load_case(shipped(f"{name}.toml")).rod)
 
 
-def of(curve, low: float = -np.inf, high: float = np.inf):
+def differences_within(curve, low: float = -np.inf, high: float = np.inf):
     """Differences of one channel as a function of the share of a change, for `large_detectable`.
 
     There are no differences for shares beyond the two bounds.
@@ -166,31 +174,35 @@ def of(curve, low: float = -np.inf, high: float = np.inf):
     return lambda share: [{"y": np.array([float(curve(share))])}] if low <= share <= high else []
 
 
-def test_a_slope_is_taken_from_both_sides_or_the_one_that_there_is():
+def test_a_slope_is_of_second_order_from_both_sides_or_from_one():
     def curve(share: float) -> float:  # slope 3, and curvature, which cancels from both sides
         return 3.0 * share + 1e4 * share**2
 
     for low, high in ((-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
-        found, asked = small_detectable(of(curve, low, high), {"y": 3e-9})
+        found, asked = small_detectable(differences_within(curve, low, high), {"y": 3e-9})
         # one-sided differences are of second order: of first order they would be off by 3e-3
         assert found == {"y": pytest.approx(1e-9, rel=1e-8, abs=0)}
         assert not asked
 
 
-def test_a_slope_promises_nothing_beyond_ten_per_cent():
+def test_slopes_are_not_extrapolated_beyond_ten_per_cent():
     """By the slope of tanh a change by 1.5 would be noticed, but tanh never reaches 1.5."""
     curve = np.tanh
-    assert small_detectable(of(curve), {"y": 1.5}) == ({}, {"y": 1.5})
-    assert large_detectable(of(curve), {"y": 1.5}) == {}
-    assert small_detectable(of(curve), {"y": 0.3})[0] == {}
-    assert small_detectable(of(curve), {"y": 0.09})[0] == {"y": pytest.approx(0.09, rel=1e-6)}
+    assert small_detectable(differences_within(curve), {"y": 1.5}) == ({}, {"y": 1.5})
+    assert large_detectable(differences_within(curve), {"y": 1.5}) == {}
+    assert small_detectable(differences_within(curve), {"y": 0.3})[0] == {}
+    assert small_detectable(differences_within(curve), {"y": 0.09})[0] == {
+        "y": pytest.approx(0.09, rel=1e-6)
+    }
 
 
-def test_where_a_reference_ends_a_slope_is_taken_as_far_as_it_goes():
+def test_a_single_available_step_gives_a_difference_and_no_slope():
     """If only one step exists, it is the change if its difference exceeds the tolerance."""
 
     def asked(high: float, most: float):
-        return small_detectable(of(lambda share: 3.0 * share, 0.0, high), {"y": most})
+        return small_detectable(
+            differences_within(lambda share: 3.0 * share, 0.0, high), {"y": most}
+        )
 
     # one step gives no curvature, so it counts as a difference, not as a slope
     assert asked(1.5e-6, 2e-6) == ({"y": 1e-6}, {})
@@ -200,9 +212,11 @@ def test_where_a_reference_ends_a_slope_is_taken_as_far_as_it_goes():
 
 @pytest.mark.parametrize(("bend", "smooth"), [(0.19e6, True), (0.21e6, False)])
 @pytest.mark.parametrize("low", [-1.0, 0.0])
-def test_a_curve_is_straight_if_it_bends_by_a_tenth_of_its_slope(bend, smooth, low):
+def test_a_curve_is_smooth_if_it_bends_by_less_than_a_tenth_of_its_slope(bend, smooth, low):
     """Within the step of 1e-6 the slope changes by half the second derivative times 1e-6."""
-    found = parameter_slopes(of(lambda share: share + bend / 2 * share**2, low))["y"]
+    found = parameter_slopes(differences_within(lambda share: share + bend / 2 * share**2, low))[
+        "y"
+    ]
     assert found[1] is smooth
     most = 1e-6 * (1 if smooth else 1 + bend / 2 * 1e-6)
     assert found[0] == pytest.approx(most, rel=1e-9, abs=0)
@@ -226,14 +240,19 @@ def test_channels_are_judged_one_by_one():
     assert large_detectable(lambda share: [{"y": np.array([share < 0])}], {"y": 0.5}) == {"y": 1e-5}
 
 
-def test_a_jump_is_noticed_at_the_step_that_showed_it_and_not_before():
-    assert small_detectable(of(lambda share: abs(share) > 0), {"y": 0.5}) == ({"y": 1e-6}, {})
+def test_a_jump_is_detectable_at_the_step_that_shows_it():
+    assert small_detectable(differences_within(lambda share: abs(share) > 0), {"y": 0.5}) == (
+        {"y": 1e-6},
+        {},
+    )
 
 
-def test_a_slope_that_rounding_hides_is_asked_with_large_changes():
-    found, asked = small_detectable(of(lambda share: 1e-15 * (share > 0)), {"y": 1e-12})
+def test_a_slope_that_rounding_hides_is_tried_with_large_changes():
+    found, asked = small_detectable(
+        differences_within(lambda share: 1e-15 * (share > 0)), {"y": 1e-12}
+    )
     assert (found, asked) == ({}, {"y": 1e-12})
-    assert large_detectable(of(lambda share: 1e-15), {"y": 1e-12}) == {}
+    assert large_detectable(differences_within(lambda share: 1e-15), {"y": 1e-12}) == {}
 
 
 @pytest.mark.parametrize(
@@ -248,8 +267,10 @@ def test_a_slope_that_rounding_hides_is_asked_with_large_changes():
         (lambda share: np.nan, -1.0, 1.0, {"y": np.nan}),
     ],
 )
-def test_large_changes(curve, low, high, found):
-    assert large_detectable(of(curve, low, high), {"y": 0.5}) == pytest.approx(found, nan_ok=True)
+def test_the_smallest_detectable_large_change_is_found(curve, low, high, found):
+    assert large_detectable(differences_within(curve, low, high), {"y": 0.5}) == pytest.approx(
+        found, nan_ok=True
+    )
 
 
 @pytest.mark.parametrize(
@@ -260,20 +281,20 @@ def test_large_changes(curve, low, high, found):
         ("fivebar", "left_x", "0 ± "),
     ],
 )
-def test_the_page_says_what_is_noticed(name, key, begin):
+def test_the_page_states_detectable_changes(name, key, begin):
     case = load_case(shipped(f"{name}.toml"))
     kind = next(iter(case.run))
-    found = compare(case, kind, "mujoco", exact(case, kind))
+    found = compare(case, kind, "mujoco", exact_curves(case, kind))
     assert key not in unnoticed_parameters(case, found) + unknown_parameters(case, found)
     words = [dict(format_detectable_changes(c)[1])[key] for c in found]
     assert all(word.startswith(begin) for word in words)
     assert all(0.0 < float(word.removeprefix(begin)) < 0.1 for word in words)
 
 
-def test_the_page_says_what_is_not_known():
+def test_the_page_states_which_parameters_are_not_known():
     """The reference accepts a joint limit that carries a preload only at the value 0."""
     case = load_case(shipped("balancer_sine_preload.toml"))
-    found = compare(case, "sweep", "mujoco", exact(case, "sweep"))
+    found = compare(case, "sweep", "mujoco", exact_curves(case, "sweep"))
     assert unknown_parameters(case, found) == ["low2"]
     assert unnoticed_parameters(case, found) == [
         "target_moment"
@@ -282,7 +303,7 @@ def test_the_page_says_what_is_not_known():
     assert format_detectable_changes(found[0])[0].split()[1] != "not"
 
 
-def test_whole_numbers_and_words_are_neither():
+def test_whole_numbers_and_texts_are_not_changeable_parameters():
     assert set(changeable_parameters(load_case(shipped("rfr3.toml")))) == {
         "side",
         "radius",
@@ -296,14 +317,14 @@ def test_whole_numbers_and_words_are_neither():
     assert "target" not in changeable_parameters(load_case(shipped("balancer_sine.toml")))
 
 
-def test_a_mode_is_no_quantity_and_what_a_reference_takes_besides_is_one():
+def test_a_mode_is_not_changeable_and_an_undeclared_parameter_is():
     fourbar = load_case(shipped("fourbar.toml"))
     assert "mode" not in changeable_parameters(fourbar)
     more = {**fourbar.parameters, "unknown": 2.0}
     assert changeable_parameters(fourbar.model_copy(update={"parameters": more}))["unknown"] == 2.0
 
 
-def test_changes_of_what_is_0_are_shares_of_the_largest_parameter_in_its_unit():
+def test_changes_of_a_parameter_that_is_0_are_shares_of_the_largest():
     """Two parameters, 0 and -5: both steps are 5e-6; changes by 1e-3 and 1e-4 use up 1e-3."""
     case = load_case(shipped("fivebar.toml"))
     asked = []

@@ -23,17 +23,19 @@ from proofmass.sim.protocol import Diverged
 from proofmass.terminal import as_json, failure_lines
 from tests.shipped import shipped
 
-QUICK = ("fourbar", "slider_crank", "pendulum")
-FEW = [fault for fault in FAULTS if fault.case in QUICK and fault.solver == "mujoco"]
+QUICK_CASES = ("fourbar", "slider_crank", "pendulum")
+QUICK_FAULTS = [fault for fault in FAULTS if fault.case in QUICK_CASES and fault.solver == "mujoco"]
 
 
-@pytest.mark.parametrize("fault", FEW, ids=lambda f: f"{f.case}-{f.kind}-{f.where}-{f.amount:.4g}")
+@pytest.mark.parametrize(
+    "fault", QUICK_FAULTS, ids=lambda f: f"{f.case}-{f.kind}-{f.where}-{f.amount:.4g}"
+)
 def test_the_planted_fault_is_the_first_cause(fault):
     assert search(fault)[0] == 1
 
 
 @pytest.mark.slow
-def test_the_first_cause_of_sixty_faults_is_the_planted_one():
+def test_the_first_cause_is_the_planted_fault_for_90_percent_of_faults():
     assert len(FAULTS) >= 60
     assert len({fault.case for fault in FAULTS}) >= 24
     places = {fault: search(fault)[0] for fault in FAULTS}
@@ -42,7 +44,7 @@ def test_the_first_cause_of_sixty_faults_is_the_planted_one():
     assert sum(place > 3 for place in wrong.values()) <= 0.02 * len(FAULTS), wrong
 
 
-MUJOCO = """
+MUJOCO_RUNS = """
 [run.sweep]
 n = 13
 solvers = ["mujoco"]
@@ -55,7 +57,7 @@ solvers = ["mujoco"]
 dynamics with 11 samples in the first half second."""
 
 
-def edited(folder: Path, name: str, *edits: tuple[str, str], runs: str = "") -> Path:
+def copy_edited_case(folder: Path, name: str, *edits: tuple[str, str], runs: str = "") -> Path:
     """Copy a shipped case, edit its model and add runs to its sidecar; return the sidecar."""
     for ending in ("xml", "toml"):
         shutil.copy(shipped(f"{name}.{ending}"), folder)
@@ -92,7 +94,9 @@ def test_a_longer_rocker_whose_centre_of_mass_stays_is_named(tmp_path, monkeypat
     )
     for limit in ("MODEL_FIT_SECONDS", "MAX_REPEATED_SECONDS"):  # for a busy machine
         monkeypatch.setattr(f"proofmass.diagnosis.{limit}", 60.0)
-    result = check([edited(tmp_path, "fourbar", LONGER, runs=MUJOCO)], jobs=1, detectable=False)
+    result = check(
+        [copy_edited_case(tmp_path, "fourbar", LONGER, runs=MUJOCO_RUNS)], jobs=1, detectable=False
+    )
     found = result.diagnoses["fourbar", "sweep", "mujoco"]
     first, second, *_ = found.causes
     assert first.words == (
@@ -163,14 +167,16 @@ def test_a_number_of_the_model_is_named_where_the_reference_has_none(
         ("fourbar", 'gravity="0 -9.81 0"', 'gravity="0 -9.8 0"', "gravity = 9.8 m/s²"),
     ],
 )  # fmt: skip
-def test_a_number_of_the_model_is_named(tmp_path, unhurried, name, old, new, words):
-    found = unhurried(edited(tmp_path, name, (old, new)), "sweep")
+def test_a_wrong_number_is_named_as_a_parameter_of_the_reference(
+    tmp_path, unhurried, name, old, new, words
+):
+    found = unhurried(copy_edited_case(tmp_path, name, (old, new)), "sweep")
     assert found.causes[0].words.startswith(words)
     assert len(found.causes[0].explains) == len(found.differing)
 
 
 def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried, monkeypatch):
-    sidecar = edited(tmp_path, "pendulum", ('timestep="1e-3"', 'timestep="1e-2"'))
+    sidecar = copy_edited_case(tmp_path, "pendulum", ('timestep="1e-3"', 'timestep="1e-2"'))
     text = sidecar.read_text(encoding="utf-8").replace("until = 10.0", "until = 1.0")
     sidecar.write_text(text.replace("n = 1001", "n = 51"), encoding="utf-8")
     monkeypatch.setattr("proofmass.diagnosis.MODEL_FIT_SECONDS", 1.0)
@@ -180,22 +186,26 @@ def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried, monkeypa
     assert best.words.startswith("a time step of 5e-3 s instead of 0.01 s (error of order 4)")
 
 
-def test_what_a_shorter_step_does_not_change_is_said(tmp_path, unhurried, monkeypatch):
+def test_a_remark_says_that_a_shorter_step_does_not_reduce_the_error(
+    tmp_path, unhurried, monkeypatch
+):
     monkeypatch.setattr("proofmass.diagnosis.MODEL_FIT_SECONDS", 0.0)
-    found = unhurried(edited(tmp_path, "fourbar", LONGER, runs=MUJOCO), "dynamics")
+    found = unhurried(copy_edited_case(tmp_path, "fourbar", LONGER, runs=MUJOCO_RUNS), "dynamics")
     assert any("leaves the error as it is" in words for words in found.remarks)
     assert found.causes[0].changes == {"rocker": (2.5, pytest.approx(2.525, rel=1e-4))}
 
 
 def test_agreeing_runs_have_no_diagnosis(tmp_path):
-    result = check([edited(tmp_path, "fourbar", runs=MUJOCO)], jobs=1, detectable=False)
+    result = check(
+        [copy_edited_case(tmp_path, "fourbar", runs=MUJOCO_RUNS)], jobs=1, detectable=False
+    )
     assert not result.diagnoses
     assert "agrees" in {c.outcome for c in result.comparisons}
     case, curves = solved("fourbar", "sweep", "mujoco")
     assert find_causes(case, "sweep", "mujoco", curves).causes == ()
 
 
-def test_nothing_is_named_that_explains_nothing():
+def test_no_cause_is_named_if_none_explains_a_channel():
     case, curves = solved("fourbar", "sweep", "mujoco")
     noise = np.random.default_rng(1).normal(size=curves.x.size)
     spoilt = {**curves.channels, "pin.x": curves.channels["pin.x"] + 1e-3 * noise}
@@ -204,9 +214,11 @@ def test_nothing_is_named_that_explains_nothing():
     assert found.lines[0].startswith("none of those tried: sign, unit")
 
 
-def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
+def test_a_failed_diagnosis_changes_no_outcome(monkeypatch, tmp_path):
     monkeypatch.setattr(import_module("proofmass.check"), "CAUSES_SECONDS", 1e-3)
-    result = check([edited(tmp_path, "fourbar", LONGER, runs=MUJOCO)], jobs=1, detectable=False)
+    result = check(
+        [copy_edited_case(tmp_path, "fourbar", LONGER, runs=MUJOCO_RUNS)], jobs=1, detectable=False
+    )
     assert any(c.outcome == "differs" for c in result.comparisons)
     assert (
         "causes were not searched for: no answer in"
@@ -214,7 +226,7 @@ def test_a_diagnosis_that_fails_costs_no_verdict(monkeypatch, tmp_path):
     )
 
 
-def test_causes_are_ranked_by_channels_then_by_what_is_left():
+def test_causes_are_ranked_by_channels_then_by_the_remaining_error():
     """Exact causes leave only rounding; they are ranked by digits of values, then by change."""
 
     def cause(words: str, explains: str, left: float, free: int = 1, *change: float) -> Explanation:
@@ -232,7 +244,7 @@ def test_causes_are_ranked_by_channels_then_by_what_is_left():
     assert found[2].same == ("f", "twin")
 
 
-def failed_case(folder: Path) -> Path:
+def write_failing_case(folder: Path) -> Path:
     """The sidecar of a free four-bar with 6 samples and a time step of 1 s, the sample interval."""
     for name in ("fourbar.xml", "fourbar_released.toml"):
         shutil.copy(shipped(name), folder)
@@ -246,8 +258,8 @@ def failed_case(folder: Path) -> Path:
     return sidecar
 
 
-def test_a_failed_run_says_what_happened_until_then(tmp_path):
-    result = check([failed_case(tmp_path)], jobs=1, detectable=False)
+def test_a_failed_run_is_described_up_to_its_failure(tmp_path):
+    result = check([write_failing_case(tmp_path)], jobs=1, detectable=False)
     key = ("fourbar_released", "dynamics", "mujoco")
     assert {c.outcome for c in result.comparisons if c.solver == "mujoco"} == {"diverged"}
     assert key not in result.curves
@@ -266,15 +278,17 @@ def test_a_failed_run_says_what_happened_until_then(tmp_path):
     assert any(line.plain.startswith("  failed: ") for line in failure_lines(result))
 
 
-def test_a_failed_run_of_which_nothing_is_known_has_a_line(tmp_path):
+def test_a_failed_run_without_a_known_reason_has_a_line(tmp_path):
     found = Diagnosis("a", "dynamics", "mujoco", failed=True)
     assert found.lines == ["no reason was found"]
-    fault = diagnose_run(load_case(failed_case(tmp_path)), "dynamics", "mujoco", None, failed=True)
+    fault = diagnose_run(
+        load_case(write_failing_case(tmp_path)), "dynamics", "mujoco", None, failed=True
+    )
     assert fault.fault
     assert fault.failed
 
 
-def test_the_first_channel_to_leave_and_the_growth_of_the_violation_are_told():
+def test_the_first_channel_to_differ_and_the_violation_are_described():
     case, whole = solved("fourbar", "dynamics", "mujoco")
     x = whole.x
     off = {**whole.channels, "pin.x": whole.channels["pin.x"] + np.where(x > 2.0, 1e-3, 0.0)}
@@ -290,20 +304,20 @@ def test_the_first_channel_to_leave_and_the_growth_of_the_violation_are_told():
     assert float(grown[3]) - float(grown[2]) == pytest.approx(1.0, abs=2 * (x[1] - x[0]))
 
 
-def test_a_step_beyond_the_stability_of_the_stiffest_spring_is_told():
-    model = mujoco.MjModel.from_xml_string(SPRUNG)
+def test_the_highest_frequency_is_that_of_the_stiffest_spring():
+    model = mujoco.MjModel.from_xml_string(MODEL_WITH_SPRING)
     assert highest_frequency(model, "start") == pytest.approx(np.sqrt(400.0 / 0.25), rel=1e-9)
     assert highest_frequency(compiled_model(case_of("fourbar")), "start") == 0.0
 
 
-SPRUNG = """<mujoco><compiler angle="radian"/><worldbody>
+MODEL_WITH_SPRING = """<mujoco><compiler angle="radian"/><worldbody>
 <body><joint name="a" stiffness="400"/><geom type="sphere" size="0.01" mass="0"/>
 <inertial pos="0 0 0" mass="1" diaginertia="0.25 0.25 0.25"/></body></worldbody>
 <keyframe><key name="start" qpos="0"/></keyframe></mujoco>"""
 
 
-def test_a_failed_item_of_pytest_tells_the_cause(pytester):
-    sidecar = edited(pytester.path, "fourbar", LONGER)
+def test_a_failed_pytest_item_states_the_cause(pytester):
+    sidecar = copy_edited_case(pytester.path, "fourbar", LONGER)
     run = pytester.runpytest_subprocess("-n0", f"{sidecar.name}::mujoco")
     run.assert_outcomes(failed=1)
     run.stdout.fnmatch_lines(
@@ -314,7 +328,7 @@ def test_a_failed_item_of_pytest_tells_the_cause(pytester):
     )
 
 
-def test_the_numbers_that_were_fitted_are_counted():
+def test_fitted_numbers_of_a_cause_are_counted():
     def cause(free: int, *changes: str) -> Explanation:
         return Explanation("", "", (), (), 1.0, 1, free, dict.fromkeys(changes, (1.0, 2.0)))
 

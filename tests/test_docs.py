@@ -31,7 +31,7 @@ from proofmass.sim.recorded.engine import RecordedSettings
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-OWN = (
+PARAMETERS_FROM_CASE = (
     "model",
     "start",
     "joints",
@@ -47,7 +47,7 @@ OWN = (
 )  # parameters that a reference gets from the case, not from [parameters]
 
 
-def page(name: str) -> str:
+def page_text(name: str) -> str:
     """The text of a page."""
     return (DOCS / f"{name}.md").read_text(encoding="utf-8")
 
@@ -59,7 +59,7 @@ def section(text: str, heading: str) -> str:
     return re.split(r"^#+ ", text[head.end() :], maxsplit=1, flags=re.MULTILINE)[0]
 
 
-def rows(text: str) -> dict[str, list[str]]:
+def table_rows(text: str) -> dict[str, list[str]]:
     """The cells of the rows of all tables, by the word in backticks in the first cell."""
     cells = [
         [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
@@ -95,20 +95,20 @@ HEADINGS = {
     "refine": "`[refine]`",
 }
 ACCURACY = "`accuracy.ENGINE`"
-FILLED = {
+FILLED_IN_DEFAULTS = {
     "run": {"solvers": "all engines", "n": 361},
     "channels": {"equals": "by name", "unit": "SI"},
 }
-OWN_KEYS = ("file", "unmatched", "called")
+INTERNAL_FIELDS = ("file", "unmatched", "called")
 
 
 def compare_keys(text: str, model: type[BaseModel], filled: dict[str, Any]) -> None:
     """Assert that a table of keys has the fields and defaults of the class that reads it."""
-    there = {key: row for key, row in rows(text).items() if len(row) == 4}
+    there = {key: row for key, row in table_rows(text).items() if len(row) == 4}
     fields = {
         field.alias or name: field
         for name, field in model.model_fields.items()
-        if model is not Case or name not in OWN_KEYS
+        if model is not Case or name not in INTERNAL_FIELDS
     }
     assert list(there) == list(fields)
     for key, field in fields.items():
@@ -130,8 +130,8 @@ def test_every_table_of_a_sidecar_has_a_section() -> None:
     assert tables_of(Case).keys() == HEADINGS.keys()
 
 
-def test_top_level_keys() -> None:
-    text = section(page("sidecar"), "Top level")
+def test_top_level_keys_are_documented() -> None:
+    text = section(page_text("sidecar"), "Top level")
     assert "| `accuracy` |" in text  # no field of `Case`, which has the tolerances instead
     compare_keys(
         re.sub(r"^\| `accuracy` .*\n", "", text, flags=re.MULTILINE),
@@ -140,20 +140,24 @@ def test_top_level_keys() -> None:
     )
 
 
-def test_keys_of_accuracy() -> None:
-    compare_keys(section(page("sidecar"), ACCURACY), Accuracy, {})
+def test_keys_of_accuracy_are_documented() -> None:
+    compare_keys(section(page_text("sidecar"), ACCURACY), Accuracy, {})
 
 
 @pytest.mark.parametrize("key", HEADINGS)
-def test_keys_of_a_table(key: str) -> None:
-    compare_keys(section(page("sidecar"), HEADINGS[key]), tables_of(Case)[key], FILLED.get(key, {}))
+def test_keys_of_each_table_are_documented(key: str) -> None:
+    compare_keys(
+        section(page_text("sidecar"), HEADINGS[key]),
+        tables_of(Case)[key],
+        FILLED_IN_DEFAULTS.get(key, {}),
+    )
 
 
 @pytest.mark.parametrize(
     ("engine", "model"), [("MuJoCo", MujocoSettings), ("pymunk", PymunkSettings)]
 )
-def test_settings_of_an_engine(engine: str, model: type[BaseModel]) -> None:
-    compare_keys(section(page("engines"), f"Settings of {engine}"), model, {})
+def test_settings_of_engines_are_documented(engine: str, model: type[BaseModel]) -> None:
+    compare_keys(section(page_text("engines"), f"Settings of {engine}"), model, {})
 
 
 @pytest.mark.parametrize(
@@ -164,12 +168,14 @@ def test_settings_of_an_engine(engine: str, model: type[BaseModel]) -> None:
         ("sidecar", "Columns", RecordedColumn),
     ],
 )
-def test_keys_of_recorded_curves(name: str, heading: str, model: type[BaseModel]) -> None:
-    compare_keys(section(page(name), heading), model, {})
+def test_keys_of_recorded_curves_are_documented(
+    name: str, heading: str, model: type[BaseModel]
+) -> None:
+    compare_keys(section(page_text(name), heading), model, {})
 
 
-def test_references_and_their_parameters() -> None:
-    there = rows(section(page("sidecar"), "References").split("Further functions")[0])
+def test_references_and_their_parameters_are_documented() -> None:
+    there = table_rows(section(page_text("sidecar"), "References").split("Further functions")[0])
     there = {name: row for name, row in there.items() if len(row) == 2}
     assert list(there) == list(REFERENCES)
     for name, (_, parameters) in there.items():
@@ -177,14 +183,14 @@ def test_references_and_their_parameters() -> None:
         takes = {
             p.name: p.default is p.empty
             for p in inspect.signature(solve).parameters.values()
-            if p.kind is p.KEYWORD_ONLY and p.name not in OWN
+            if p.kind is p.KEYWORD_ONLY and p.name not in PARAMETERS_FROM_CASE
         }
         told = {word: bool(bold) for bold, word in re.findall(r"(\*\*)?`(\w+)`", parameters)}
         assert told == takes, name
 
 
-def test_functions_that_a_sidecar_can_name() -> None:
-    there = rows(section(page("sidecar"), "Functions of references"))
+def test_functions_that_a_sidecar_can_name_are_documented() -> None:
+    there = table_rows(section(page_text("sidecar"), "Functions of references"))
     for name, module in REFERENCES.items():
         own = importlib.import_module(module)
         functions = {
@@ -197,14 +203,16 @@ def test_functions_that_a_sidecar_can_name() -> None:
             for key, function in functions.items()
             if inspect.signature(function).return_annotation is Chart
         ]
-        laws, marks, draw = (re.findall(r"`(\w+)`", cell) for cell in there.get(name, ["", "", ""]))
+        profiles, marks, draw = (
+            re.findall(r"`(\w+)`", cell) for cell in there.get(name, ["", "", ""])
+        )
         assert draw == charts, name
         assert marks == [key for key in functions if key == "events"], name
-        assert set(laws) <= functions.keys(), name
+        assert set(profiles) <= functions.keys(), name
 
 
-def test_the_engine_on_the_page_is_one() -> None:
-    (script,) = re.findall(r"^```python\n(.*?)^```", page("engines"), re.MULTILINE | re.DOTALL)
+def test_the_engine_on_the_page_has_the_protocol_of_engines() -> None:
+    (script,) = re.findall(r"^```python\n(.*?)^```", page_text("engines"), re.MULTILINE | re.DOTALL)
     there: dict[str, Any] = {}
     exec(compile(script, "docs/engines.md", "exec"), there)
     assert isinstance(there["ENGINE"], Engine)
@@ -214,7 +222,7 @@ def test_the_engine_on_the_page_is_one() -> None:
 
 
 def test_the_script_on_the_page_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    (script,) = re.findall(r"^```python\n(.*?)^```", page("python"), re.MULTILINE | re.DOTALL)
+    (script,) = re.findall(r"^```python\n(.*?)^```", page_text("python"), re.MULTILINE | re.DOTALL)
     exec(compile(script, "docs/python.md", "exec"), {})
     error, violation, _, *channels = capsys.readouterr().out.split(maxsplit=3)
     assert float(error) < 1e-5
@@ -223,7 +231,7 @@ def test_the_script_on_the_page_runs(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_names_in_the_architecture_are_those_of_the_files() -> None:
-    found = re.findall(r"`(\w+)` (?:of|in) `(proofmass/[\w/]+\.py)`", page("architecture"))
+    found = re.findall(r"`(\w+)` (?:of|in) `(proofmass/[\w/]+\.py)`", page_text("architecture"))
     assert len(found) > 5
     for name, file in found:
         assert re.search(
@@ -232,14 +240,14 @@ def test_names_in_the_architecture_are_those_of_the_files() -> None:
 
 
 def test_public_names_are_on_the_page() -> None:
-    told = re.findall(r"^::: proofmass\.(\w+)$", page("python"), re.MULTILINE)
+    told = re.findall(r"^::: proofmass\.(\w+)$", page_text("python"), re.MULTILINE)
     assert sorted(told) == sorted(proofmass.__all__)
 
 
 def test_the_glossary_has_32_words_in_order() -> None:
     words = [
         line.split("|")[1].strip()
-        for line in page("glossary").splitlines()
+        for line in page_text("glossary").splitlines()
         if line.startswith("| ")
     ][1:]
     assert words == sorted(words)
@@ -262,13 +270,13 @@ def test_readme_is_short_and_its_sidecar_agrees(tmp_path: Path) -> None:
 
 
 def test_the_first_sidecar_of_the_page_loads(tmp_path: Path) -> None:
-    sidecar = re.findall(r"^```toml\n(.*?)^```$", page("sidecar"), re.MULTILINE | re.DOTALL)[0]
+    sidecar = re.findall(r"^```toml\n(.*?)^```$", page_text("sidecar"), re.MULTILINE | re.DOTALL)[0]
     shutil.copy(ROOT / "models" / "linkages" / "fourbar.xml", tmp_path / "mine.xml")
     (tmp_path / "mine.toml").write_text(sidecar, encoding="utf-8")
     assert load_case(tmp_path / "mine.toml").reference == "fourbar"
 
 
-def test_links_lead_somewhere() -> None:
+def test_links_lead_to_existing_files() -> None:
     """The files are README.md and examples/; ``mkdocs build --strict`` checks links of docs/."""
     for file in (
         ROOT / "README.md",

@@ -22,20 +22,20 @@ import pytest
 from proofmass.units import si_unit
 
 PACKAGE = Path(__file__).parent.parent / "proofmass"
-NUMBERS = re.compile(r"\b(float|Array|ArrayLike)\b")
+NUMBER_TYPES = re.compile(r"\b(float|Array|ArrayLike)\b")
 Annotation = str | griffe.Expr | None
-WORDS = ("its unit", "SI", "1", "px", "pt", "L", "EI/L", "GiB", "%")
+OTHER_UNITS = ("its unit", "SI", "1", "px", "pt", "L", "EI/L", "GiB", "%")
 """Words in brackets that are accepted as units in addition to those that `si_unit` reads."""
 
 
-def loaded() -> griffe.Module:
+def load_package() -> griffe.Module:
     """The package as griffe reads it, without an import."""
     package = griffe.load("proofmass", search_paths=[PACKAGE.parent], allow_inspection=False)
     assert isinstance(package, griffe.Module)
     return package
 
 
-def documented(place: griffe.Object) -> Iterator[griffe.Function | griffe.Class]:
+def documented_members(place: griffe.Object) -> Iterator[griffe.Function | griffe.Class]:
     """The functions, methods and classes below a module that have a docstring."""
     for member in place.members.values():
         if isinstance(member, griffe.Alias):
@@ -43,7 +43,7 @@ def documented(place: griffe.Object) -> Iterator[griffe.Function | griffe.Class]
         if isinstance(member, griffe.Function | griffe.Class) and member.has_docstring:
             yield member
         if isinstance(member, griffe.Module | griffe.Class):
-            yield from documented(member)
+            yield from documented_members(member)
 
 
 def is_unit(words: str) -> bool:
@@ -54,7 +54,7 @@ def is_unit(words: str) -> bool:
     """
     try:
         return all(
-            word in WORDS or bool(si_unit(word.removeprefix("per ")))
+            word in OTHER_UNITS or bool(si_unit(word.removeprefix("per ")))
             for word in re.split(", | or |; ", words)
         )
     except ValueError:
@@ -66,9 +66,9 @@ def without_unit(text: str) -> bool:
     return not any(map(is_unit, re.findall(r"\[([^\]]+)\]", text)))
 
 
-def faults(place: griffe.Object) -> list[str]:
+def faults_below(place: griffe.Object) -> list[str]:
     """The faults of all docstrings below a module: missing or unknown names, order, no units."""
-    return [f"{one.path}: {fault}" for one in documented(place) for fault in faults_of(one)]
+    return [f"{one.path}: {fault}" for one in documented_members(place) for fault in faults_of(one)]
 
 
 def faults_of(one: griffe.Function | griffe.Class) -> Iterator[str]:
@@ -77,19 +77,19 @@ def faults_of(one: griffe.Function | griffe.Class) -> Iterator[str]:
     for section in one.docstring.parse("numpy", warnings=False):
         if isinstance(section, griffe.DocstringSectionParameters):
             there = {p.name: p.annotation for p in one.parameters if p.name not in ("self", "cls")}
-            yield from compared(section, there, list(there))
+            yield from section_faults(section, there, list(there))
         elif isinstance(section, griffe.DocstringSectionAttributes):
             own = re.findall(r"\bself\.(\w+)", one.source)
             members: dict[str, Annotation] = dict.fromkeys(own)
-            members |= {name: annotation(member) for name, member in one.all_members.items()}
-            yield from compared(section, members, fields(one))
-        elif isinstance(section, griffe.DocstringSectionReturns) and number(one.annotation):
+            members |= {name: annotation_of(member) for name, member in one.all_members.items()}
+            yield from section_faults(section, members, annotated_fields(one))
+        elif isinstance(section, griffe.DocstringSectionReturns) and is_number(one.annotation):
             text = " ".join(f"{e.name} {e.annotation} {e.description}" for e in section.value)
             if without_unit(text):
                 yield "Returns has no unit"
 
 
-def compared(
+def section_faults(
     section: griffe.DocstringSection, there: Mapping[str, Annotation], needed: list[str]
 ) -> Iterator[str]:
     """The faults of a section, compared with the existing names and those needed, in order."""
@@ -102,11 +102,11 @@ def compared(
     for entry in section.value:
         names = [name.strip().lstrip("*") for name in entry.name.split(",")]
         text = f"{entry.annotation} {entry.description}"
-        if any(number(there.get(name)) for name in names) and without_unit(text):
+        if any(is_number(there.get(name)) for name in names) and without_unit(text):
             yield f"{', '.join(names)}: no unit"
 
 
-def fields(one: griffe.Object) -> list[str]:
+def annotated_fields(one: griffe.Object) -> list[str]:
     """The annotated names in the body of a class: the fields of a dataclass or a named tuple."""
     return [
         name
@@ -118,30 +118,30 @@ def fields(one: griffe.Object) -> list[str]:
     ]
 
 
-def annotation(member: griffe.Object | griffe.Alias) -> Annotation:
+def annotation_of(member: griffe.Object | griffe.Alias) -> Annotation:
     """The annotation of a member of a class; None if it is not an attribute."""
     return member.annotation if isinstance(member, griffe.Attribute) else None
 
 
-def number(annotated: Annotation) -> bool:
+def is_number(annotated: Annotation) -> bool:
     """Whether an annotation is of a number or of numbers; that of a function is not."""
-    return bool(NUMBERS.search(re.sub(r"Callable\[.*\]", "", str(annotated))))
+    return bool(NUMBER_TYPES.search(re.sub(r"Callable\[.*\]", "", str(annotated))))
 
 
-def read(text: str) -> griffe.Module:
+def parse_module(text: str) -> griffe.Module:
     """A module as griffe reads it from a text."""
     return griffe.visit("text", Path("text.py"), text)
 
 
-def fourbar(old: str, new: str) -> list[str]:
+def faults_of_changed_fourbar(old: str, new: str) -> list[str]:
     """The faults of `proofmass.analytic.linkages.fourbar` after a change of its text."""
     text = (PACKAGE / "analytic/linkages/fourbar.py").read_text(encoding="utf-8")
     assert old in text
-    return faults(read(text.replace(old, new, 1)))
+    return faults_below(parse_module(text.replace(old, new, 1)))
 
 
-def test_sections_name_what_is_there_with_units():
-    assert faults(loaded()) == []
+def test_docstrings_name_existing_parameters_and_units():
+    assert faults_below(load_package()) == []
 
 
 @pytest.mark.parametrize(
@@ -158,12 +158,12 @@ def test_sections_name_what_is_there_with_units():
         ),
     ],
 )
-def test_a_failed_line_and_a_failed_unit_are_found(old, new, fault):
-    assert fourbar("gravity", "gravity") == []
-    assert any(fault in one for one in fourbar(old, new))
+def test_a_missing_line_and_a_missing_unit_are_found(old, new, fault):
+    assert faults_of_changed_fourbar("gravity", "gravity") == []
+    assert any(fault in one for one in faults_of_changed_fourbar(old, new))
 
 
-CLASS = '''
+CLASS_SOURCE = '''
 class Spring:
     """A spring.
 
@@ -197,6 +197,6 @@ class Spring:
         (" [N].", ".", "text.Spring.force: Returns has no unit"),
     ],
 )
-def test_a_class_is_asked_for_its_fields(old, new, fault):
-    assert faults(read(CLASS)) == []
-    assert fault in faults(read(CLASS.replace(old, new)))
+def test_faults_in_the_docstring_of_a_class_are_found(old, new, fault):
+    assert faults_below(parse_module(CLASS_SOURCE)) == []
+    assert fault in faults_below(parse_module(CLASS_SOURCE.replace(old, new)))

@@ -26,12 +26,12 @@ DESIGNS = json.loads(TABLE.read_text())
 THESIS = [row for row in DESIGNS if row["line"]]
 
 
-def words(file: str) -> str:
+def document_text(file: str) -> str:
     """The text of a document with single spaces instead of line breaks."""
     return " ".join((ROOT / file).read_text(encoding="utf-8").split())
 
 
-def beside(row, theirs, digits):
+def compare_designs(row, theirs, digits):
     """Whether our design is better in error and work reduction, and whether it is at least as good.
 
     Both designs are rounded to the given digits.
@@ -45,9 +45,11 @@ def beside(row, theirs, digits):
 def test_pages_count_the_designs_that_are_better_than_the_thesis():
     better = same = up = down = 0
     for row in THESIS:
-        found = [beside(row, row["printed"], (4, 2))]  # the digits of the print
+        found = [compare_designs(row, row["printed"], (4, 2))]  # the digits of the print
         if "why" not in row["recomputed"]:
-            found.append(beside(row, row["recomputed"], (15, 13)))  # nearly all digits of a float
+            found.append(
+                compare_designs(row, row["recomputed"], (15, 13))
+            )  # nearly all digits of a float
         strict, good = (all(part) for part in zip(*found, strict=True))
         elbow_down = row["parameters"].get("mode", 1.0) < 0.0
         better, same, down = better + strict, same + (good and not strict), down + elbow_down
@@ -55,8 +57,8 @@ def test_pages_count_the_designs_that_are_better_than_the_thesis():
     short = (
         f"Of {len(THESIS)} kinds of balancers {better} come out better here in every printed number"
     )
-    assert short in words("README.md")
-    text = words("docs/balancer.md")
+    assert short in document_text("README.md")
+    text = document_text("docs/balancer.md")
     assert f"Of the thesis's {len(THESIS)} kinds of balancers, the search finds designs for" in text
     assert f"[{better} that are better in every figure]" in text
     assert f"and for {same} that are better or equal at the printed digits in every figure" in text
@@ -64,7 +66,7 @@ def test_pages_count_the_designs_that_are_better_than_the_thesis():
     assert f"{up} are as good or better with the elbow up" in text
 
 
-def test_a_balancer_for_a_pendulum_that_extends_against_two_for_one_that_does_not():
+def test_the_page_states_the_errors_for_a_pendulum_that_extends():
     angle = precision_points(90)
     ours = next(row["parameters"] for row in THESIS if row["line"] == 1766)
     chains = (EXTENDING, ours, rows()["1766"]["parameters"])
@@ -77,7 +79,7 @@ def test_a_balancer_for_a_pendulum_that_extends_against_two_for_one_that_does_no
     assert (
         f"with an error of {errors[0]:.4f}; the best one for a pendulum that keeps its length has "
         f"{errors[1]:.3f} there, and the thesis's own (line 1766) {errors[2]:.3f}"
-    ) in words("docs/balancer.md")
+    ) in document_text("docs/balancer.md")
 
 
 def test_page_of_fronts_is_the_one_that_its_command_writes():
@@ -91,7 +93,7 @@ def test_page_of_designs_is_the_one_that_its_command_writes():
 
 
 def test_errata_count_the_rows_whose_exact_error_is_larger():
-    text = words("docs/errata.md")
+    text = document_text("docs/errata.md")
     three, four = (
         np.array([exact(row)[0] / row["printed"]["rmse"] for row in rows(n).values()])
         for n in (3, 4)
@@ -109,10 +111,10 @@ def test_errata_count_the_rows_whose_exact_error_is_larger():
     ) in text
 
 
-def test_times_of_the_thesis_for_three_rods():
+def test_pages_state_the_times_of_the_thesis_for_three_rods():
     """Table 2 of the thesis, lines 1152-1155, prints times from 985 s to 17,241 s."""
     least, most = 985, max(seconds for _, seconds in PRINTED.values())
-    assert f"thesis took {least} to {most:,} s for three to six" in words("docs/rods.md")
+    assert f"thesis took {least} to {most:,} s for three to six" in document_text("docs/rods.md")
     page = (ROOT / "docs" / "rod_solutions.md").read_text(encoding="utf-8")
     assert page.endswith(TAIL)
     assert f"takes {least} s (n = 15, three solutions) to {most:,} s" in " ".join(TAIL.split())
@@ -121,7 +123,7 @@ def test_times_of_the_thesis_for_three_rods():
     assert PRINTED.items() <= TABLE2.items()
 
 
-def test_table_2_of_the_thesis_is_answered_cell_by_cell():
+def test_each_cell_of_table_2_of_the_thesis_has_a_row():
     """Each printed cell has a row; the six solutions are of two orientations of the platform."""
     page = (ROOT / "docs" / "rod_table2.md").read_text(encoding="utf-8")
     rows = [line.split("|")[1:-1] for line in page.splitlines() if re.match(r"\| \d", line)]
@@ -135,11 +137,11 @@ def test_table_2_of_the_thesis_is_answered_cell_by_cell():
         assert float(row[1]) < 0.5 or found + mirrored == 6  # wide tolerances find all six
 
 
-ITEMS = (ROOT / "docs" / "documents.md").read_text(encoding="utf-8")
-PLACES = sorted(
+ITEMS_PAGE = (ROOT / "docs" / "documents.md").read_text(encoding="utf-8")
+NAMED_PLACES = sorted(
     {
         name
-        for line in ITEMS.splitlines()
+        for line in ITEMS_PAGE.splitlines()
         if line.startswith(("| ", "Beyond"))
         for name in re.findall(r"`([^`]+)`", line)
     }
@@ -174,8 +176,8 @@ def exists(name: str) -> bool:
     return True
 
 
-@pytest.mark.parametrize("name", PLACES)
-def test_where_an_item_of_the_documents_is_said_to_be_it_is(name):
+@pytest.mark.parametrize("name", NAMED_PLACES)
+def test_places_that_the_page_names_for_items_exist(name):
     assert exists(name)
 
 
@@ -191,14 +193,14 @@ def test_where_an_item_of_the_documents_is_said_to_be_it_is(name):
         "proofmass.analytic.none",
     ],
 )
-def test_what_is_not_there_is_noticed(name):
+def test_places_that_do_not_exist_are_recognized(name):
     assert not exists(name)
 
 
 def test_every_item_says_where_it_is_or_that_it_is_missing():
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
-        for line in ITEMS.splitlines()
+        for line in ITEMS_PAGE.splitlines()
         if line.startswith("| ") and not line.startswith("| item")
     ]
     assert len(rows) > 70

@@ -15,23 +15,23 @@ from tests.analytic.rods.rod_assembly_cases import (
     CORNERS,
     DATA,
     EI,
-    NAMES,
-    elliptic,
-    pair,
-    three,
+    TABLE_7_NAMES,
+    rods_by_elliptic_integrals,
+    table_7_state,
+    three_rod_platform,
     xy,
 )
 
 ROOT = Path(__file__).parent.parent
 
 
-def platform(moment=0.0):
+def platform_of_table_8(moment=0.0):
     """The second solution of Table 8, under an external moment in addition to its force."""
     row = DATA["rfr3"]["printed"][1]
     motors = np.radians(DATA["rfr3"]["inputs_deg"])
-    tip, force, clamp = elliptic(row["psi"], row["kr"], CORNERS, motors)
+    tip, force, clamp = rods_by_elliptic_integrals(row["psi"], row["kr"], CORNERS, motors)
     guess = state(
-        three(DATA["rfr3"]["side"]),
+        three_rod_platform(DATA["rfr3"]["side"]),
         inputs=motors,
         load=[0.0, 0.5, moment],
         pose=[*xy(tip.mean()), np.angle(tip[1] - tip[0])],
@@ -41,7 +41,7 @@ def platform(moment=0.0):
     return solve_direct(guess)
 
 
-def pins(s: RodState):
+def platform_pins(s: RodState):
     """The pins B_i of the platform as complex numbers x + iy."""
     return s.pose @ [1.0, 1.0j, 0.0] + np.exp(1j * s.pose[2]) * s.assembly.arm
 
@@ -51,8 +51,8 @@ def test_equations_114_and_115_hold_for_tips_whose_loads_add_up_to_the_load():
 
     The loads of eq. 113 add up to -F.  With them the residual of eq. 114 is 2 M_ext.
     """
-    s = platform(moment=0.01)
-    (x, y), load = xy(pins(s) - s.pose @ [1.0, 1.0j, 0.0]).T, s.force
+    s = platform_of_table_8(moment=0.01)
+    (x, y), load = xy(platform_pins(s) - s.pose @ [1.0, 1.0j, 0.0]).T, s.force
     assert load.sum(axis=0) == pytest.approx(s.load[:2], abs=1e-10)  # solved to 1e-10 EI/L
     for sign, residual in ((1.0, 0.0), (-1.0, 2.0 * s.load[2])):
         moment = sign * (load[:, 0] * y - load[:, 1] * x)
@@ -61,20 +61,20 @@ def test_equations_114_and_115_hold_for_tips_whose_loads_add_up_to_the_load():
 
 def test_equation_110_adds_the_moment_of_one_rod_three_times():
     """The moment about the origin is the sum of p_i x n_i, not three times p_1 x n_1."""
-    s = platform()
-    moments = (pins(s).conj() * (s.force @ [1.0, 1.0j])).imag
+    s = platform_of_table_8()
+    moments = (platform_pins(s).conj() * (s.force @ [1.0, 1.0j])).imag
     load = (s.pose[:2] @ [1.0, -1.0j] * (s.load[:2] @ [1.0, 1.0j])).imag
     assert moments.sum() == pytest.approx(load, abs=1e-10)  # solved to 1e-10 EI/L
     assert abs(3.0 * moments[0] - load) > 1e-3
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", TABLE_7_NAMES)
 def test_moduli_of_rods_are_outside_the_zone_that_line_451_calls_valid(name):
     """Since k^2 - cos(psi/2)^2 = m0^2/(4 EI R), |k| >= |cos(psi/2)|; line 451 has the reverse.
 
     With a modulus below the limit, eq. 41 would take the arcsine of more than 1.
     """
-    s = pair(name)
+    s = table_7_state(name)
     tangent = np.stack([np.cos(s.inputs), np.sin(s.inputs)], axis=-1)
     load = np.linalg.norm(s.force, axis=-1)
     along = np.sum(s.force * tangent, axis=-1)
@@ -86,7 +86,7 @@ def test_moduli_of_rods_are_outside_the_zone_that_line_451_calls_valid(name):
         assert np.isnan(np.arcsin(least / (0.9 * least))).all()  # eq. 41 with k = 0.9 of the limit
 
 
-def test_equation_29_of_a_planar_cosserat_rod():
+def test_equation_29_of_a_planar_cosserat_rod_is_misprinted():
     """Eq. 29 prints cos instead of sin in p_y', and omits a factor C2 in m'.
 
     EA and GA are of the order of EI/L^2 here, so that extension and shear are not small.
@@ -132,10 +132,10 @@ def test_equation_27_keeps_the_force_of_a_rod_constant():
     assert turn @ [v_z, v_x] == pytest.approx(slope, rel=1e-14, abs=0)  # rows 1 and 2 are right
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_energy_of_the_program_is_twice_the_energy(name):
+@pytest.mark.parametrize("name", TABLE_7_NAMES)
+def test_the_program_computes_twice_the_elastic_energy(name):
     """The program applies Simpson's rule with 41 nodes to m^2/EI; the factor 1/2 is missing."""
-    s = pair(name)
+    s = table_7_state(name)
     m = s.shape(np.linspace(0.0, 1.0, 41))[3]
     weights = np.r_[1.0, np.tile([4.0, 2.0], 19), 4.0, 1.0] / 120.0
     assert m**2 @ weights / EI == pytest.approx(2.0 * s.energy, rel=1e-3)  # Simpson's rule
@@ -148,7 +148,9 @@ def test_a_slide_moves_the_clamp_along_its_guide():
     are equal.
     """
     guide, angle, h = np.array([0.3, 2.0, -2.2]), np.array([0.1, 2.2, -1.9]), 1e-6
-    s = state(three(0.3, angle=angle, guide=guide), moment=0.02, force=np.full((3, 2), 0.05))
+    s = state(
+        three_rod_platform(0.3, angle=angle, guide=guide), moment=0.02, force=np.full((3, 2), 0.05)
+    )
     base = s.vector.size - s.assembly.dof - 3
     for i in range(3):
         step = np.zeros(s.vector.size)
@@ -159,7 +161,7 @@ def test_a_slide_moves_the_clamp_along_its_guide():
         assert np.abs(moved - [np.cos(angle[i]), np.sin(angle[i])]).max() > 0.1
 
 
-def test_the_register_names_every_test_here():
+def test_the_register_names_every_test_of_this_file():
     text = (ROOT / "docs" / "errata.md").read_text()
     tree = ast.parse(Path(__file__).read_text())
     tests = [

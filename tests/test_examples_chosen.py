@@ -18,7 +18,7 @@ from benchmarks.choose import ASKED, Asked
 from examples.chosen import truths
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
-from tests.programs import run_alone
+from tests.programs import run_standalone
 from tests.shipped import shipped
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "chosen"
@@ -30,70 +30,78 @@ COMMANDS = dict(
     )
 )
 COMMANDS = {name: asked for asked, name in COMMANDS.items()}
-HEAD = re.compile(r'^"""(\w+), dynamics: (\w+) within (\S+) of its range\.$', re.MULTILINE)
-PRINTED = re.compile(r"as a program that runs by itself.*?: (\S+) off in")
-ROUNDED = 1.06  # factor on an error of which two digits are printed
-OTHERS = 1.2  # factor for another version of an engine, which may sum in another order
+CASE_AND_ERROR = re.compile(
+    r'^"""(\w+), dynamics: (\w+) within (\S+) of its range\.$', re.MULTILINE
+)
+PRINTED_ERROR = re.compile(r"as a program that runs by itself.*?: (\S+) off in")
+ROUNDING_FACTOR = 1.06  # factor on an error of which two digits are printed
+OTHER_VERSION_FACTOR = (
+    1.2  # factor for another version of an engine, which may sum in another order
+)
 
 
-def head(name: str) -> tuple[str, str, float, float]:
+def read_first_lines(name: str) -> tuple[str, str, float, float]:
     """Case, kind of error, error asked for and error printed in the first lines of a program."""
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8").split('"""')[1]
-    case, of, asked = HEAD.findall(f'"""{text}')[0]
-    printed = PRINTED.search(" ".join(text.split()))
+    case, of, asked = CASE_AND_ERROR.findall(f'"""{text}')[0]
+    printed = PRINTED_ERROR.search(" ".join(text.split()))
     assert printed
     return case, of, float(asked), float(printed[1])
 
 
-def run(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def run_program(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a program that writes its curves to `out.csv`."""
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return run_alone(folder / "run.py", "out.csv")
+    return run_standalone(folder / "run.py", "out.csv")
 
 
-def test_every_program_has_its_command() -> None:
+def test_every_program_has_its_command_in_the_readme() -> None:
     programs = {file.stem for file in EXAMPLES.glob("*.py")} - {"truths", "__init__"}
     assert programs == set(COMMANDS)
     assert len(programs) >= 6
     for name, asked in COMMANDS.items():
-        case, of, error, _ = head(name)
+        case, of, error, _ = read_first_lines(name)
         model, *options = asked.split()
         assert Path(model).stem == case
-        given = dict(zip(options[::2], options[1::2], strict=True))
-        assert float(given["--error"]) == error
-        assert given.get("--of", "position") == of
-        assert given["--solver"] in name
+        values = dict(zip(options[::2], options[1::2], strict=True))
+        assert float(values["--error"]) == error
+        assert values.get("--of", "position") == of
+        assert values["--solver"] in name
         assert (EXAMPLES.parent.parent / model).is_file()
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_program_is_as_accurate_as_it_says(name: str, tmp_path: Path) -> None:
-    case, of, asked, printed = head(name)
+    case, of, asked, printed = read_first_lines(name)
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
     assert "proofmass" not in text.split('"""', 2)[2]
     assert not re.search(r"/(tmp|home|work|root|Users)\b", text)
-    done = run(text, tmp_path)
+    done = run_program(text, tmp_path)
     assert done.returncode == 0, done.stderr
-    off = truths.errors(case, str(tmp_path / "out.csv"))[of]
-    assert off <= asked
-    assert printed / (ROUNDED * OTHERS) < off < printed * ROUNDED * OTHERS
+    error = truths.errors(case, str(tmp_path / "out.csv"))[of]
+    assert error <= asked
+    assert (
+        printed / (ROUNDING_FACTOR * OTHER_VERSION_FACTOR)
+        < error
+        < printed * ROUNDING_FACTOR * OTHER_VERSION_FACTOR
+    )
 
 
 @pytest.mark.parametrize("name", ["pendulum_mujoco", "fourbar_released_pymunk"])
-def test_a_program_that_is_wrong_is_noticed(name: str, tmp_path: Path) -> None:
+def test_a_program_with_wrong_gravity_exceeds_its_error(name: str, tmp_path: Path) -> None:
     """With gravity that is 1 % weaker, the error is larger than the one asked for."""
-    case, of, asked, _ = head(name)
+    case, of, asked, _ = read_first_lines(name)
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
     changed = text.replace('gravity="0 -9.81 0"', 'gravity="0 -9.71 0"').replace(
         "space.gravity = (0.0, -9.81)", "space.gravity = (0.0, -9.71)"
     )
     assert changed != text
-    assert run(changed, tmp_path).returncode == 0
+    assert run_program(changed, tmp_path).returncode == 0
     assert truths.errors(case, str(tmp_path / "out.csv"))[of] > asked
 
 
 @pytest.mark.parametrize("case", truths.TRUTHS)
-def test_true_rates_are_derivatives(case: str) -> None:
+def test_rates_of_the_formulas_are_derivatives(case: str) -> None:
     """Each rate agrees with central differences of sixth order with a step of 1 ms.
 
     The differences have a truncation error of 1e-9 of the largest rate.  Rounding of a coordinate,
@@ -107,14 +115,14 @@ def test_true_rates_are_derivatives(case: str) -> None:
         rate = derivative_of(name, curves)
         if rate is None:
             continue
-        by = (
+        difference = (
             sum(
                 w * (curve[3 + k : len(t) - 3 + k] - curve[3 - k : len(t) - 3 - k])
                 for k, w in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
             )
             / h
         )
-        assert by == pytest.approx(rate[3:-3], abs=2e-8 * max(1.0, abs(rate).max())), name
+        assert difference == pytest.approx(rate[3:-3], abs=2e-8 * max(1.0, abs(rate).max())), name
         pairs += 1
     assert pairs >= 2
 
@@ -140,7 +148,7 @@ def derivative_of(name: str, curves: truths.Curves) -> np.ndarray | None:
     return None
 
 
-def test_true_energies_are_kept() -> None:
+def test_energies_of_the_formulas_are_constant() -> None:
     """The energies of the single and the double pendulum are constant.
 
     A relative error of 1e-9 in one mass changes the energy of the double pendulum by 1e-9.
@@ -161,7 +169,7 @@ def test_true_energies_are_kept() -> None:
     assert energy == pytest.approx(energy[0], abs=1e-10)
 
 
-def test_a_wrong_name_of_a_truth_is_told() -> None:
+def test_an_unknown_formula_is_reported_with_the_known_ones() -> None:
     done = subprocess.run(
         [sys.executable, str(EXAMPLES / "truths.py"), "fourbars", "x.csv"],
         text=True,
@@ -173,7 +181,7 @@ def test_a_wrong_name_of_a_truth_is_told() -> None:
 
 
 @pytest.mark.parametrize("asked", {one.truth: one for one in ASKED}.values(), ids=lambda a: a.truth)
-def test_every_curve_of_a_case_has_a_truth(asked: Asked) -> None:
+def test_every_channel_of_a_case_has_a_formula(asked: Asked) -> None:
     """Otherwise a missing curve shows only when `python -m benchmarks.choose` reaches the case."""
     case = load_case(ROOT / asked.path)
     energies = {"kinetic", "potential"}
@@ -183,7 +191,7 @@ def test_every_curve_of_a_case_has_a_truth(asked: Asked) -> None:
 
 
 @pytest.mark.parametrize("name", ["fourbar", "slider_crank", "inverted_slider_crank_classic"])
-def test_moments_by_power_are_those_of_the_references(name: str) -> None:
+def test_moments_that_follow_from_power_are_those_of_the_references(name: str) -> None:
     """The moments of truths.py follow from power; the references share no code with them."""
     case = load_case(shipped(f"{name}.toml"))
     t = np.linspace(0.0, 6.0, 61)

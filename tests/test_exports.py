@@ -23,13 +23,13 @@ from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
 
-def of(channel: str, outcome: str = "agrees", **more) -> Comparison:
+def make_comparison(channel: str, outcome: str = "agrees", **more) -> Comparison:
     """A comparison of one channel, in MuJoCo's sweep of the four-bar by default."""
     place = {"case": "fourbar", "solver": "mujoco", "run": "sweep", "seconds": 3.0}
     return Comparison(**{**place, "channel": channel, "unit": "m", "outcome": outcome, **more})
 
 
-DIFFERS = of(
+DIFFERS = make_comparison(
     "pin.x",
     Outcome.DIFFERS,
     error_max=3e-2,
@@ -39,33 +39,33 @@ DIFFERS = of(
     at=0.5,
     message="3 x the allowed error",
 )
-ROWS = [
-    of("pin.y"),
+COMPARISONS = [
+    make_comparison("pin.y"),
     DIFFERS,
-    of("rocker", Outcome.UNSUPPORTED, message="no such sensor"),
-    of("crank", Outcome.UNCHECKED, solver="pymunk", message="no tolerance"),
-    of(
+    make_comparison("rocker", Outcome.UNSUPPORTED, message="no such sensor"),
+    make_comparison("crank", Outcome.UNCHECKED, solver="pymunk", message="no tolerance"),
+    make_comparison(
         "pin.y", Outcome.TIMED_OUT, solver="pymunk", run="dynamics", message="60 s\x00", seconds=nan
     ),
-    of("", Outcome.UNCHECKED, case="loose", message="no sidecar; it loads and steps"),
+    make_comparison("", Outcome.UNCHECKED, case="loose", message="no sidecar; it loads and steps"),
 ]
-BAD = InputError(Path("models/a b.toml"), "drive.joint", "no joint <q>")
+BAD_INPUT = InputError(Path("models/a b.toml"), "drive.joint", "no joint <q>")
 
 
 @pytest.fixture
 def result(models: Path) -> Result:
     """A result with all kinds of outcomes that the exports distinguish, of cases in `models`."""
     case = load_case(models / "fourbar.toml")
-    still = load_case(models / "pendulum.toml")
-    rows = [*ROWS, of("angle", Outcome.UNCHECKED, case="pendulum", seconds=nan)]
-    return Result(cases=[case, still], comparisons=rows, errors=[BAD])
+    pendulum = load_case(models / "pendulum.toml")
+    rows = [*COMPARISONS, make_comparison("angle", Outcome.UNCHECKED, case="pendulum", seconds=nan)]
+    return Result(cases=[case, pendulum], comparisons=rows, errors=[BAD_INPUT])
 
 
-def test_junit_has_a_suite_a_case_and_a_test_a_channel(result):
+def test_junit_has_a_suite_for_each_case_and_a_test_for_each_channel(result):
     root = ElementTree.fromstring(as_junit(result))
     assert root.tag == "testsuites"
     suites = {suite.get("name"): suite for suite in root}
-    assert list(suites) == ["fourbar", "loose", "pendulum", str(BAD.file)]
+    assert list(suites) == ["fourbar", "loose", "pendulum", str(BAD_INPUT.file)]
     found = {
         name: tuple(int(suite.get(key)) for key in ("tests", "failures", "errors", "skipped"))
         for name, suite in suites.items()
@@ -74,7 +74,7 @@ def test_junit_has_a_suite_a_case_and_a_test_a_channel(result):
         "fourbar": (5, 2, 0, 2),
         "loose": (1, 0, 0, 1),
         "pendulum": (2, 1, 0, 1),
-        str(BAD.file): (1, 0, 1, 0),
+        str(BAD_INPUT.file): (1, 0, 1, 0),
     }
     assert [root.get(key) for key in ("tests", "failures", "errors", "skipped")] == list("9314")
     tests = [(t.get("classname"), t.get("name")) for t in suites["fourbar"]]
@@ -82,7 +82,7 @@ def test_junit_has_a_suite_a_case_and_a_test_a_channel(result):
     assert len(set(tests)) == 5
 
 
-def test_junit_counts_what_it_holds(result):
+def test_junit_counts_are_those_of_its_elements(result):
     root = ElementTree.fromstring(as_junit(result))
     for suite in root:
         assert int(suite.get("tests")) == len(suite.findall("testcase"))
@@ -90,7 +90,7 @@ def test_junit_counts_what_it_holds(result):
             assert int(suite.get(key)) == len(suite.findall(f"testcase/{tag}"))
 
 
-def test_junit_says_the_numbers_of_a_failure(result):
+def test_junit_messages_have_the_numbers_of_a_failure(result):
     root = ElementTree.fromstring(as_junit(result))
     first, second, third = root.iter("failure")
     assert first.get("message") == (
@@ -101,7 +101,7 @@ def test_junit_says_the_numbers_of_a_failure(result):
     assert third.get("type") == "unchecked"
     assert next(root.iter("skipped")).get("message") == "unsupported: no such sensor"
     (error,) = root.iter("error")
-    assert error.get("message") == f"{BAD.file}: drive.joint: no joint <q>"
+    assert error.get("message") == f"{BAD_INPUT.file}: drive.joint: no joint <q>"
 
 
 def test_junit_shares_the_time_of_a_run_among_its_channels(result):
@@ -111,7 +111,7 @@ def test_junit_shares_the_time_of_a_run_among_its_channels(result):
     assert float(root.find("testsuite").get("time")) == 6.0
 
 
-REQUIRED = {  # keys that SARIF 2.1.0 requires, sections 3.13 to 3.28
+REQUIRED_KEYS = {  # keys that SARIF 2.1.0 requires, sections 3.13 to 3.28
     "log": {"version", "runs"},
     "run": {"tool", "results"},
     "driver": {"name"},
@@ -119,27 +119,27 @@ REQUIRED = {  # keys that SARIF 2.1.0 requires, sections 3.13 to 3.28
     "result": {"message"},
     "invocation": {"executionSuccessful"},
 }
-LEVELS = {"none", "note", "warning", "error"}
+RESULT_LEVELS = {"none", "note", "warning", "error"}
 
 
 def require_sarif(log: dict) -> dict:
     """Check a SARIF log by the rules of the format, and return its only run."""
-    assert log.keys() >= REQUIRED["log"]
+    assert log.keys() >= REQUIRED_KEYS["log"]
     assert log["version"] == "2.1.0"
     (run,) = log["runs"]
-    assert run.keys() >= REQUIRED["run"]
+    assert run.keys() >= REQUIRED_KEYS["run"]
     driver = run["tool"]["driver"]
-    assert driver.keys() >= REQUIRED["driver"]
+    assert driver.keys() >= REQUIRED_KEYS["driver"]
     ids = [rule["id"] for rule in driver["rules"]]
     assert len(set(ids)) == len(ids)
     assert all(rule["shortDescription"]["text"] for rule in driver["rules"])
     for invocation in run["invocations"]:
-        assert invocation.keys() >= REQUIRED["invocation"]
+        assert invocation.keys() >= REQUIRED_KEYS["invocation"]
         assert isinstance(invocation["executionSuccessful"], bool)
     for found in run["results"]:
-        assert found.keys() >= REQUIRED["result"]
+        assert found.keys() >= REQUIRED_KEYS["result"]
         assert found["message"]["text"]
-        assert found["level"] in LEVELS
+        assert found["level"] in RESULT_LEVELS
         assert ids[found["ruleIndex"]] == found["ruleId"]
         for place in found["locations"]:
             physical = place["physicalLocation"]
@@ -176,7 +176,7 @@ def test_sarif_names_the_line_of_a_channel(result, models):
     assert "3 x the allowed error" in first["message"]["text"]
 
 
-def test_sarif_names_the_line_of_a_sensor_where_the_sidecar_leaves_it_out(monkeypatch):
+def test_sarif_names_the_sensor_of_a_channel_that_is_left_to_defaults(monkeypatch):
     file = shipped("fourbar.toml")
     monkeypatch.chdir(file.parent)
     found = json.loads(as_sarif(Result(cases=[load_case(file)], comparisons=[DIFFERS])))
@@ -186,7 +186,7 @@ def test_sarif_names_the_line_of_a_sensor_where_the_sidecar_leaves_it_out(monkey
     assert 'name="pin"' in line
 
 
-SIDECAR = """title = "a"
+SIDECAR_LINES = """title = "a"
 
 [parameters]
 crank = 1.0
@@ -218,20 +218,20 @@ abs = -1.0
 )
 def test_sarif_names_the_line_of_a_key(tmp_path, key, wrong, line):
     file = tmp_path / "a.toml"
-    file.write_text(SIDECAR)
+    file.write_text(SIDECAR_LINES)
     found = json.loads(as_sarif(Result(errors=[InputError(file, key, wrong)])))
     place = found["runs"][0]["results"][0]["locations"][0]["physicalLocation"]
     assert place.get("region", {}).get("startLine") == line
 
 
-def run(*args: object):
+def invoke_command(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])
 
 
-def test_check_writes_both_after_the_verdict(models, edit, tmp_path):
+def test_check_writes_junit_and_sarif_files(models, edit, tmp_path):
     edit("pendulum.toml", "length = 1.0", "length = 1.001")  # a fault whose cause is found fast
     junit, sarif = tmp_path / "junit.xml", tmp_path / "check.sarif"
-    answer = run("check", models / "pendulum.toml", "--junit", junit, "--sarif", sarif)
+    answer = invoke_command("check", models / "pendulum.toml", "--junit", junit, "--sarif", sarif)
     assert answer.exit_code == 1
     root = ElementTree.fromstring(junit.read_bytes())
     # five channels of four solvers; the two solvers with default settings are not checked
@@ -242,9 +242,11 @@ def test_check_writes_both_after_the_verdict(models, edit, tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--junit", "--sarif"])
-def test_a_file_that_cannot_be_written_costs_no_verdict(monkeypatch, tmp_path, option):
-    monkeypatch.setattr(cli, "check_with_progress", lambda *_, **__: Result(comparisons=[ROWS[0]]))
-    answer = run("check", "models", option, tmp_path / "none" / "file")
+def test_outcomes_are_printed_although_an_export_cannot_be_written(monkeypatch, tmp_path, option):
+    monkeypatch.setattr(
+        cli, "check_with_progress", lambda *_, **__: Result(comparisons=[COMPARISONS[0]])
+    )
+    answer = invoke_command("check", "models", option, tmp_path / "none" / "file")
     assert answer.exit_code == 2
     assert "1 agrees" in answer.output
     flat = answer.output.replace("\n", "")

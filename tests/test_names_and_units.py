@@ -26,33 +26,33 @@ from proofmass.sidecar import load_case
 from proofmass.solve import plan_run, solve
 from proofmass.units import same_quantity, si_unit, unit_powers
 from proofmass.validate import validate_case
-from tests.report.test_report import curves_of, result_of
-from tests.shipped import MODELS, each_case, loaded, models_like, shipped
+from tests.report.test_report import curves_with_error, result_with_errors
+from tests.shipped import MODELS, shipped, shipped_case, shipped_files, sidecar_parameters
 
 FOURBAR = load_case(shipped("fourbar.toml"))
-MUJOCO_SWEEP = r'(run = "sweep"\nsolver = )"mujoco"'
-WRONG = {
+SWEEP_TOLERANCE_SOLVER = r'(run = "sweep"\nsolver = )"mujoco"'
+WRONG_SIDECARS = {
     "solver of a tolerance": (
         "fourbar",
-        MUJOCO_SWEEP,
+        SWEEP_TOLERANCE_SOLVER,
         r'\1"mujco"',
         ["tolerance.0.solver", "'mujco'", "did you mean 'mujoco'?"],
     ),
     "one of several solvers": (
         "fourbar",
-        MUJOCO_SWEEP,
+        SWEEP_TOLERANCE_SOLVER,
         r'\1["mujoco", "pymnuk"]\n#',
         ["tolerance.0.solver", "'pymnuk'", "did you mean 'pymunk'?"],
     ),
     "channels of a tolerance": (
         "fourbar",
-        MUJOCO_SWEEP,
+        SWEEP_TOLERANCE_SOLVER,
         r'\1"mujoco"\nchannels = ["roker"]',
         ["tolerance.0.channels", "'roker'", "did you mean 'rocker'?"],
     ),
     "unit of a tolerance": (
         "fourbar",
-        MUJOCO_SWEEP,
+        SWEEP_TOLERANCE_SOLVER,
         r'\1"mujoco"\nunit = "radd"',
         ["tolerance.0.unit", "'radd'", "did you mean 'rad'?"],
     ),
@@ -64,7 +64,7 @@ WRONG = {
     ),
     "nothing covered": (
         "fourbar",
-        MUJOCO_SWEEP,
+        SWEEP_TOLERANCE_SOLVER,
         r'\1"mujoco"\nunit = "m"\nchannels = "rocker"',
         ["tolerance.0", "covers nothing"],
     ),
@@ -210,9 +210,11 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit, monkeypatch):
-    name, old, new, words = WRONG[wrong]
+@pytest.mark.parametrize("wrong", WRONG_SIDECARS)
+def test_unknown_names_and_units_are_reported_before_anything_runs(
+    wrong, models, edit, monkeypatch
+):
+    name, old, new, words = WRONG_SIDECARS[wrong]
     edit(f"{name}.toml", old, new, count=1)
     monkeypatch.setattr(
         sys.modules["proofmass.check"], "run_task", lambda *_: pytest.fail("a run was started")
@@ -227,7 +229,7 @@ def test_what_matches_nothing_is_named_before_anything_runs(wrong, models, edit,
     key=st.sampled_from(["solver", "unit", "channels"]),
     pattern=st.text(st.sampled_from("abcdmojunkrp.*?[]:/ "), min_size=1, max_size=8),
 )
-def test_a_pattern_loads_if_and_only_if_it_matches_a_name(key, pattern):
+def test_a_tolerance_loads_if_and_only_if_its_pattern_matches_a_name(key, pattern):
     case = FOURBAR
     names = {
         "solver": [s for run in case.run.values() for s in run.solvers],
@@ -274,7 +276,7 @@ def test_a_pattern_loads_if_and_only_if_it_matches_a_name(key, pattern):
     ),
     st.floats(1e-6, 1e6),
 )
-def test_units_there_and_back(unit, value):
+def test_conversion_to_si_and_back_keeps_the_value(unit, value):
     si, factor = si_unit(unit)
     assert same_quantity(unit, si)
     assert si_unit(si) == (si, 1.0)
@@ -282,12 +284,12 @@ def test_units_there_and_back(unit, value):
 
 
 @pytest.mark.parametrize("unit", ["m/s2", "-", "", "2 m", "degC", "banana"])
-def test_what_is_no_unit(unit):
+def test_unknown_units_are_refused(unit):
     with pytest.raises(ValueError, match="unknown unit"):
         si_unit(unit)
 
 
-def test_an_angle_is_a_quantity_of_its_own():
+def test_an_angle_is_not_dimensionless():
     assert not same_quantity("rad", "1")
     assert not same_quantity("Hz", "rad/s")
     assert same_quantity("rpm", "deg/s")
@@ -295,29 +297,29 @@ def test_an_angle_is_a_quantity_of_its_own():
     assert unit_powers("deg") == (0, 0, 0, 1)
 
 
-def test_own_models_are_xml_that_other_programs_read():
+def test_shipped_models_are_valid_xml():
     """MuJoCo accepts "--" in a comment, which XML does not allow."""
-    for file in models_like("*.xml"):
+    for file in shipped_files("*.xml"):
         ElementTree.parse(file)
 
 
-def test_every_sensor_of_an_own_model_is_read_by_a_sidecar():
+def test_every_sensor_of_a_shipped_model_is_read_by_a_sidecar():
     """A shipped model has only what its cases need; `proofmass diet` would remove other sensors."""
     read: dict[Path, set[str]] = {}
-    for file in models_like():
-        case = loaded(file)
+    for file in shipped_files():
+        case = shipped_case(file)
         read.setdefault(case.model_path, set()).update(n.partition(".")[0] for n in case.channels)
     for model, names in read.items():
         sensors = ElementTree.parse(model).getroot().iterfind("sensor/*")
         assert [s.get("name") for s in sensors if s.get("name") not in names] == [], model.name
 
 
-@pytest.mark.parametrize("file", each_case())
-def test_own_cases_are_valid(file):
-    validate_case(loaded(file))
+@pytest.mark.parametrize("file", sidecar_parameters())
+def test_shipped_cases_are_valid(file):
+    validate_case(shipped_case(file))
 
 
-def test_si_units_do_not_import_pint():
+def test_cases_in_si_units_do_not_import_pint():
     """The import of pint takes longer than that of everything else."""
     line = (
         "import sys; from proofmass.sidecar import load_case; from proofmass.validate import "
@@ -327,7 +329,7 @@ def test_si_units_do_not_import_pint():
     subprocess.run([sys.executable, "-c", line], check=True, cwd=MODELS.parent)
 
 
-def in_degrees(models: Path, edit) -> Path:
+def edit_units(models: Path, edit) -> Path:
     """The four-bar with an angle in degrees, a rate in rev/min and a length in millimetres."""
     edit("fourbar.toml", r'(rocker_angle", unit = )"rad"', r'\1"deg", shift = 10.0')
     edit("fourbar.toml", r'(rocker_rate", unit = )"rad/s"', r'\1"rev/min"')
@@ -344,10 +346,10 @@ why = "in the channel's unit"
     return models / "fourbar.toml"
 
 
-def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
-    before = {c.channel: c for c in of_sweep(load_case(shipped("fourbar.toml")), 0.01)}
-    case = load_case(in_degrees(models, edit))
-    after = {c.channel: c for c in of_sweep(case, 0.01)}
+def test_a_channel_in_another_unit_is_compared_in_it(models, edit):
+    before = {c.channel: c for c in compare_sweep(load_case(shipped("fourbar.toml")), 0.01)}
+    case = load_case(edit_units(models, edit))
+    after = {c.channel: c for c in compare_sweep(case, 0.01)}
     for name, unit, factor in (
         ("rocker", "deg", 180 / np.pi),
         ("pin.x", "mm", 1e3),
@@ -371,9 +373,9 @@ def test_a_channel_in_another_unit_is_compared_and_drawn_in_it(models, edit):
     assert truth["rocker"] - plain["rocker"] == pytest.approx(np.radians(10.0))  # the shift [deg]
 
 
-def of_sweep(case: Case, off: float):
+def compare_sweep(case: Case, error_share: float):
     """Compare curves of a sweep that are off by a share of their range."""
-    return compare(case, "sweep", "mujoco", curves_of(case, "sweep", off))
+    return compare(case, "sweep", "mujoco", curves_with_error(case, "sweep", error_share))
 
 
 def test_a_simulator_agrees_in_degrees(models, edit):
@@ -389,8 +391,8 @@ def test_a_simulator_agrees_in_degrees(models, edit):
 
 
 def test_a_figure_is_in_the_unit_of_the_channel(models, edit):
-    case = load_case(in_degrees(models, edit))
-    view = plotted_run(result_of(case, sweep=0.01), case, "sweep")
+    case = load_case(edit_units(models, edit))
+    view = plotted_run(result_with_errors(case, sweep=0.01), case, "sweep")
     ax = Figure().subplots()
     draw_overlay(ax, view, "pin.x", solver_looks(["mujoco"]))
     assert ax.get_ylabel() == "[mm]"
@@ -399,11 +401,11 @@ def test_a_figure_is_in_the_unit_of_the_channel(models, edit):
     assert view.error("mujoco", "pin.x").max() == pytest.approx(0.01 * span, rel=0.02)
 
 
-def test_a_whole_turn_is_told_in_degrees(models, edit):
+def test_a_whole_turn_is_recognized_in_degrees(models, edit):
     edit("fourbar.toml", r'(rocker_angle", unit = )"rad"', r'\1"deg"')
     edit("fourbar.toml", r'unit = \["rad", "m"\]', 'unit = ["rad", "m", "deg"]')
     case = load_case(models / "fourbar.toml")
-    curves = curves_of(case, "sweep", 0.0)
+    curves = curves_with_error(case, "sweep", 0.0)
     turned = dict(curves.channels, rocker=curves.channels["rocker"] + 2 * np.pi)
     (c,) = (
         c
@@ -413,7 +415,7 @@ def test_a_whole_turn_is_told_in_degrees(models, edit):
     assert "1 whole turn(s)" in c.message
 
 
-def test_a_recorded_curve_in_another_unit_than_the_channel(models, edit):
+def test_a_recorded_curve_is_converted_to_the_unit_of_the_channel(models, edit):
     edit("hacksaw_recorded.toml", r'("theta1", unit = )"rad"', r'\1"deg"')
     edit("hacksaw_recorded.toml", r'unit = \["rad", "m"\]', 'unit = ["rad", "m", "deg"]')
     case = load_case(models / "hacksaw_recorded.toml")

@@ -18,7 +18,7 @@ from proofmass.new import SCHEMA_FILE, write_new
 from proofmass.outcome import Outcome
 from proofmass.schema import sidecar_schema
 from proofmass.sidecar import load_case
-from tests.shipped import MODELS, models_like
+from tests.shipped import MODELS, shipped_files
 
 CONTRIB = MODELS.parent / "contrib"
 
@@ -29,7 +29,7 @@ def validator() -> Draft202012Validator:
     return Draft202012Validator(sidecar_schema())
 
 
-def test_what_is_written_passes_at_once(tmp_path):
+def test_a_new_case_agrees_without_changes(tmp_path):
     assert [file.name for file in write_new("arm", tmp_path)] == [
         "arm.xml",
         "arm.toml",
@@ -47,7 +47,7 @@ def test_what_is_written_passes_at_once(tmp_path):
     }
 
 
-def test_nothing_is_written_over(tmp_path):
+def test_existing_files_are_not_overwritten(tmp_path):
     write_new("arm", tmp_path)
     before = (tmp_path / "arm.toml").read_text()
     (tmp_path / "arm.xml").unlink()
@@ -59,7 +59,7 @@ def test_nothing_is_written_over(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["", "../arm", "a b", ".arm", "a/b"])
-def test_a_name_that_is_no_file_is_refused(tmp_path, name):
+def test_names_that_are_no_file_names_are_refused(tmp_path, name):
     found = CliRunner().invoke(app, ["new", name, "-o", str(tmp_path)])
     assert found.exit_code == 2
     assert "is no name of a case" in found.stderr
@@ -74,12 +74,12 @@ def test_the_command_prints_the_schema(tmp_path):
     assert file.read_text() == found.stdout
 
 
-@pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
-def test_every_sidecar_that_loads_suits_the_schema(validator, file):
+@pytest.mark.parametrize("file", shipped_files(), ids=lambda file: file.stem)
+def test_every_shipped_sidecar_satisfies_the_schema(validator, file):
     assert [e.message for e in validator.iter_errors(tomllib.loads(file.read_text()))] == []
 
 
-def test_the_schema_knows_every_key(validator):
+def test_the_schema_has_keys_of_the_file_and_no_internal_fields(validator):
     """The schema has the keys of tables by their names in the file, but no internal fields."""
     schema = sidecar_schema()
     assert schema["properties"].keys() >= {"accuracy", "drive", "channels", "refine"}
@@ -88,7 +88,7 @@ def test_the_schema_knows_every_key(validator):
     assert "null" not in json.dumps(schema)
 
 
-WRONG = {
+REFUSED_SIDECARS = {
     "an unknown key": ('tilte = "x"', "tilte"),
     "an unknown key of a table": ('[drive]\njoint = "crank"\nfrmo = 1.0', "frmo"),
     "a word for a number": ('[drive]\njoint = "crank"\nto = "far"', "drive.to"),
@@ -103,8 +103,8 @@ WRONG = {
 """Wrong lines of a sidecar, and a word of the key that the error names."""
 
 
-@pytest.mark.parametrize(("text", "key"), WRONG.values(), ids=WRONG.keys())
-def test_the_schema_finds_what_load_case_refuses(validator, tmp_path, text, key):
+@pytest.mark.parametrize(("text", "key"), REFUSED_SIDECARS.values(), ids=REFUSED_SIDECARS.keys())
+def test_the_schema_refuses_sidecars_that_load_case_refuses(validator, tmp_path, text, key):
     good = 'title = "t"\nsource = "s"\nreference = "planar"\n{}\n[run.dynamics]\nuntil = 0.1\n'
     write_new("arm", tmp_path)
     for lines, valid in (("", True), (text, False)):
@@ -124,13 +124,13 @@ def test_a_sidecar_without_drive_and_run_is_refused_by_the_schema_too(validator,
         load_case(tmp_path / "arm.toml")
 
 
-def test_a_required_key_is_missed(validator):
+def test_the_schema_reports_a_missing_key(validator):
     (missed,) = validator.iter_errors({"title": "t", "source": "s", "drive": {"joint": "a"}})
     assert "'reference'" in missed.message
 
 
 @pytest.mark.parametrize("name", ["pre-commit-config.yaml", "github/action.yml"])
-def test_the_commands_in_contrib_are_those_of_the_command_line(name):
+def test_the_options_in_contrib_exist_on_the_command_line(name):
     lines = re.findall(r"proofmass (check [^\n]*)", (CONTRIB / name).read_text())
     assert lines
     for line in lines:
@@ -139,7 +139,7 @@ def test_the_commands_in_contrib_are_those_of_the_command_line(name):
         assert all(option in helped for option in options)
 
 
-def test_the_starter_names_the_files_that_there_are(tmp_path):
+def test_a_new_sidecar_names_its_schema_and_an_existing_page(tmp_path):
     write_new("arm", tmp_path)
     text = (tmp_path / "arm.toml").read_text()
     assert text.startswith(f"#:schema {SCHEMA_FILE}\n")

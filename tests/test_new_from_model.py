@@ -17,7 +17,7 @@ from proofmass.outcome import Outcome
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
-verdicts = partial(check, jobs=1, detectable=False, causes=False)
+check_in_same_worker = partial(check, jobs=1, detectable=False, causes=False)
 """A check in the worker that measured: it has evaluated the reference of a free motion already."""
 
 
@@ -50,16 +50,16 @@ def bare(tmp_path):
     return of
 
 
-def test_a_model_without_sensors_gets_some_and_passes(bare):
+def test_a_model_without_sensors_gets_sensors_and_agrees(bare):
     model = bare("slider_crank")
     before = model.read_bytes()
-    files, told = write_proposal("mine", model)
+    files, messages = write_proposal("mine", model)
     assert [file.name for file in files] == ["mine.toml", "mine.xml"]
     assert model.read_bytes() == before
-    found = verdicts([files[0]])
+    found = check_in_same_worker([files[0]])
     assert found.exit_code == 0
     assert {"sweep", "dynamics"} == {c.run for c in found.comparisons if c.outcome == "agrees"}
-    assert "one degree of freedom; joint 'crank' drives it and turns once" in told[0]
+    assert "one degree of freedom; joint 'crank' drives it and turns once" in messages[0]
 
 
 @pytest.mark.usefixtures("few")
@@ -71,22 +71,22 @@ def test_a_model_with_sensors_is_not_copied(bare):
 
 
 @pytest.mark.usefixtures("few")
-def test_a_drive_stays_clear_of_the_limit_that_it_meets(bare):
+def test_a_proposed_drive_stays_clear_of_its_limit_position(bare):
     """The crank of the double rocker swings by less than a turn, between two limit positions."""
     look = inspect_model(bare("double_rocker", keep=True))
     best = look.reaches[0]
     assert not best.turns
     begin, end = best.way
     assert abs(end - begin) < max(best.high - best.start, best.start - best.low)
-    (sidecar,), told = write_proposal("mine", bare("double_rocker", keep=True))
-    assert verdicts([sidecar]).exit_code == 0
-    assert "90% of its way to a limit" in told[0]
+    (sidecar,), messages = write_proposal("mine", bare("double_rocker", keep=True))
+    assert check_in_same_worker([sidecar]).exit_code == 0
+    assert "90% of its way to a limit" in messages[0]
 
 
-def test_a_mechanism_with_two_freedoms_is_let_go_and_its_tolerances_are_measured(bare):
-    files, told = write_proposal("mine", bare("fivebar"))
-    assert "2 degrees of freedom" in told[0]
-    found = verdicts(files[:1])
+def test_a_mechanism_with_two_degrees_of_freedom_is_released(bare):
+    files, messages = write_proposal("mine", bare("fivebar"))
+    assert "2 degrees of freedom" in messages[0]
+    found = check_in_same_worker(files[:1])
     assert found.exit_code == 0
     (case,) = found.cases
     assert not case.drive
@@ -95,17 +95,17 @@ def test_a_mechanism_with_two_freedoms_is_let_go_and_its_tolerances_are_measured
 
 
 @pytest.mark.usefixtures("few")
-def test_what_springs_hold_is_swept(bare):
+def test_a_joint_with_an_actuator_is_swept_if_springs_hold_the_others(bare):
     """The joint with the actuator is driven in a sweep, while springs hold the others at rest.
 
     Without the springs the other joints have no equilibrium, and no drive is proposed.
     """
-    (sidecar, *_), told = write_proposal("mine", bare("finger", keep=True))
-    assert told[0] == (
+    (sidecar, *_), messages = write_proposal("mine", bare("finger", keep=True))
+    assert messages[0] == (
         "It has 2 degrees of freedom; joint 'driver' is driven, as its actuator does, and turns "
         "once. Springs hold the others at rest."
     )
-    found = verdicts([sidecar])
+    found = check_in_same_worker([sidecar])
     assert found.exit_code == 0
     (case,) = found.cases
     assert [drive.joint for drive in case.drive] == ["driver"]
@@ -119,55 +119,55 @@ def test_what_springs_hold_is_swept(bare):
 
 
 @pytest.mark.usefixtures("few")
-def test_what_an_engine_does_not_cover_is_left_out_with_its_reason(bare):
+def test_a_run_that_an_engine_does_not_cover_is_left_out_with_a_reason(bare):
     model = bare("fourbar")
     model.write_text(
         model.read_text().replace(
             '<joint name="rocker"/>', '<joint name="rocker" frictionloss="0.1"/>'
         )
     )
-    (sidecar, *_), told = write_proposal("mine", model)
-    (left_out,) = (line for line in told if "pymunk cannot run" in line)
+    (sidecar, *_), messages = write_proposal("mine", model)
+    (left_out,) = (line for line in messages if "pymunk cannot run" in line)
     assert left_out.startswith("dynamics: ")
     assert "frictionloss of joint 'rocker'" in left_out
     solvers = {kind: run.solvers for kind, run in load_case(sidecar).run.items()}
     assert solvers == {"sweep": ("mujoco", "pymunk"), "dynamics": ("mujoco",)}
-    assert all(line in sidecar.read_text() for line in told)
+    assert all(line in sidecar.read_text() for line in messages)
 
 
-TOP = """<mujoco><option gravity="0 0 0" timestep="2e-3"/><worldbody><body name="top">
+SPINNING_BOX = """<mujoco><option gravity="0 0 0" timestep="2e-3"/><worldbody><body name="top">
 <freejoint/><geom type="box" size=".1 .2 .3" contype="0" conaffinity="0"/></body></worldbody>
 <keyframe><key name="go" qvel="0.1 0 0 1 2 3"/></keyframe></mujoco>"""
 
 
-def test_a_model_in_space_is_let_go(tmp_path):
+def test_a_spatial_model_is_released_and_agrees(tmp_path):
     model = tmp_path / "top.xml"
-    model.write_text(TOP)
-    (sidecar, own), told = write_proposal("spun", model)
-    found = verdicts([sidecar])
+    model.write_text(SPINNING_BOX)
+    (sidecar, own), messages = write_proposal("spun", model)
+    found = check_in_same_worker([sidecar])
     (case,) = found.cases
     assert (case.reference, case.start) == ("spatial", "go")
     assert case.run["dynamics"].solvers == ("mujoco",)
     assert case.run["dynamics"].until == 1.0
     assert {"top_place.x", "top_turn.w", "top_rate.z"} <= case.channels.keys()
-    assert "planar solver does not cover it: joint '' is neither a hinge nor a slide" in told[0]
-    assert "6 degrees of freedom" in told[0]
-    assert any(line.startswith("dynamics: ") and "pymunk" in line for line in told)
+    assert "planar solver does not cover it: joint '' is neither a hinge nor a slide" in messages[0]
+    assert "6 degrees of freedom" in messages[0]
+    assert any(line.startswith("dynamics: ") and "pymunk" in line for line in messages)
     assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
     # the check can fail: the step is too long for a body that turns ten times as fast
     own.write_text(own.read_text().replace("1 2 3", "10 20 30"))
-    worse = verdicts([sidecar]).comparisons
+    worse = check_in_same_worker([sidecar]).comparisons
     assert Outcome.DIFFERS in {c.outcome for c in worse}
 
 
-def test_a_model_whose_sensors_tell_no_place_gets_some_that_do(tmp_path):
+def test_a_model_without_position_sensors_gets_some(tmp_path):
     """The new sensors are added to the model's own, which keep their names.
 
     A position or an orientation is needed because `proofmass choose` goes by the error of one.
     """
     model = tmp_path / "top.xml"
     own = '<sensor><frameangvel name="top_rate" objtype="body" objname="top"/></sensor></mujoco>'
-    model.write_text(TOP.replace("</mujoco>", own))
+    model.write_text(SPINNING_BOX.replace("</mujoco>", own))
     (sidecar, copy), _ = write_proposal("spun", model)
     assert copy.read_text().count('"top_rate"') == 1
     assert {"top_place.x", "top_turn.w", "top_rate.z"} <= load_case(sidecar).channels.keys()
@@ -176,71 +176,71 @@ def test_a_model_whose_sensors_tell_no_place_gets_some_that_do(tmp_path):
 def test_a_proposed_tolerance_leaves_room_for_rounding(tmp_path):
     """The error of a body in free flight is rounding, which differs from machine to machine."""
     model = tmp_path / "top.xml"
-    model.write_text(TOP)
+    model.write_text(SPINNING_BOX)
     (sidecar, _), _ = write_proposal("spun", model)
-    found = verdicts([sidecar])
+    found = check_in_same_worker([sidecar])
     (case,) = found.cases
     rate = next(one for one in case.tolerance if one.unit == ("rad/s",) or one.unit == "rad/s")
     rows = [c for c in found.comparisons if c.unit == "rad/s" and c.nrmse > 0]
-    swing = max(c.error_rms / c.nrmse for c in rows)
-    assert rate.abs >= 1e-12 * swing
+    largest_range = max(c.error_rms / c.nrmse for c in rows)
+    assert rate.abs >= 1e-12 * largest_range
 
 
-def test_a_tolerance_of_what_is_off_by_nothing_is_rounding_of_the_range():
+def test_a_proposed_tolerance_is_at_least_rounding_of_the_range():
     """A proposed tolerance is 1e-12 of the range, or larger if the measured error is.
 
     Here the range is 1 km, of which 1e-12 is 1 nm; the error of 1e-3 m/s gets 3e-3 m/s.
     """
-    still = Comparison("", "", "", "x", "m", error_max=1e-15, error_rms=5e-16, nrmse=5e-19)
-    off = Comparison("", "", "", "v", "m/s", error_max=1e-3, error_rms=1e-3, nrmse=1e-6)
-    lines = list(measured_tolerance("dynamics", "mujoco", [still, off]))
+    without_error = Comparison("", "", "", "x", "m", error_max=1e-15, error_rms=5e-16, nrmse=5e-19)
+    with_error = Comparison("", "", "", "v", "m/s", error_max=1e-3, error_rms=1e-3, nrmse=1e-6)
+    lines = list(measured_tolerance("dynamics", "mujoco", [without_error, with_error]))
     assert [line for line in lines if line.startswith("abs")] == ["abs = 1e-09", "abs = 0.003"]
-    told = [line for line in lines if line.startswith("why")]
-    assert ["at least 1e-12 of the range" in line for line in told] == [True, False]
+    reasons = [line for line in lines if line.startswith("why")]
+    assert ["at least 1e-12 of the range" in line for line in reasons] == [True, False]
 
 
-BOX = """<mujoco><option timestep="5e-3"/><default><geom solref=".05 1"/></default>
+FALLING_BOX = """<mujoco><option timestep="5e-3"/><default><geom solref=".05 1"/></default>
 <worldbody><geom type="plane" size="1 1 .1"/>
 <body name="box" pos="0 0 .3" euler="20 10 0"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
 </worldbody></mujoco>"""
 
 
-def test_a_model_with_contacts_is_held_against_its_own_equations(tmp_path):
+def test_a_model_with_contacts_is_compared_with_its_own_equations(tmp_path):
     """The reference is the model's own motion with refined steps, until it is no longer known.
 
     The proposed case can be checked like any other.
     """
     model = tmp_path / "box.xml"
-    model.write_text(BOX)
-    (sidecar, _), told = write_proposal("fallen", model)
-    found = verdicts([sidecar])
+    model.write_text(FALLING_BOX)
+    (sidecar, _), messages = write_proposal("fallen", model)
+    found = check_in_same_worker([sidecar])
     (case,) = found.cases
     assert case.reference == "refined"
     assert "judges the time stepping alone" in sidecar.read_text()
     assert 0.1 < case.run["dynamics"].until <= 1.0
-    assert "in space" in told[0]
+    assert "in space" in messages[0]
     assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
     assert max(c.error_max for c in found.comparisons) > 0  # a step of 5 ms has an error
 
 
-def test_a_model_without_names_has_nothing_to_measure(tmp_path):
+def test_a_model_without_names_is_refused(tmp_path):
     model = tmp_path / "top.xml"
-    model.write_text(TOP.replace(' name="top"', ""))
+    model.write_text(SPINNING_BOX.replace(' name="top"', ""))
     with pytest.raises(InputError, match="no joint, site or loose body of it has a name"):
         write_proposal("spun", model)
     assert [file.name for file in tmp_path.iterdir()] == ["top.xml"]
 
 
-def test_a_model_that_takes_too_long_to_look_at_is_said(tmp_path, monkeypatch):
+def test_a_model_that_takes_too_long_to_inspect_is_reported(tmp_path, monkeypatch):
     model = tmp_path / "box.xml"
-    model.write_text(BOX)
+    model.write_text(FALLING_BOX)
     monkeypatch.setattr(new_from_model, "INSPECTION_SECONDS", 0.05)
     with pytest.raises(InputError, match=r"could not be looked at: no answer in 0\.05 s"):
         write_proposal("fallen", model)
     assert [file.name for file in tmp_path.iterdir()] == ["box.xml"]
 
 
-WRONG = {
+MODELS_WITHOUT_PROPOSAL = {
     "no model": ("<mujoco", "<mujoca", "mujoca|Unrecognized|XML"),
     "nothing moves": (
         "</equality>",
@@ -250,8 +250,10 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize(("old", "new", "said"), WRONG.values(), ids=WRONG.keys())
-def test_what_cannot_be_proposed_is_said_in_a_line(bare, old, new, said):
+@pytest.mark.parametrize(
+    ("old", "new", "said"), MODELS_WITHOUT_PROPOSAL.values(), ids=MODELS_WITHOUT_PROPOSAL.keys()
+)
+def test_a_model_without_a_proposal_is_reported_without_a_traceback(bare, old, new, said):
     model = bare("fourbar")
     text = model.read_text().replace("</worldbody>", '<site name="fixed" pos="1 2 0"/></worldbody>')
     text = text.replace('timestep="1e-3"', 'timestep="1e-2"')
@@ -263,7 +265,7 @@ def test_what_cannot_be_proposed_is_said_in_a_line(bare, old, new, said):
     assert [file.name for file in model.parent.iterdir()] == ["fourbar.xml"], "a file is left"
 
 
-def test_names_that_are_taken_are_kept(bare):
+def test_existing_files_are_not_overwritten(bare):
     model = bare("fourbar")
     other = model.with_name("mine.xml")
     other.write_text("mine")
@@ -272,12 +274,12 @@ def test_names_that_are_taken_are_kept(bare):
     assert other.read_text() == "mine"
 
 
-def test_a_folder_does_not_go_with_a_model(bare):
+def test_output_is_refused_together_with_from(bare):
     found = CliRunner().invoke(app, ["new", "mine", "--from", str(bare("fourbar")), "-o", "x"])
     assert found.exit_code == 2
     assert "--output does not go with --from" in found.stderr
 
 
 @pytest.mark.parametrize(("value", "up"), [(0.0123, 0.02), (2e-9, 2e-9), (9.5, 10.0), (0.0, 1e-12)])
-def test_a_proposed_number_is_no_less(value, up):
+def test_proposed_numbers_are_rounded_up(value, up):
     assert round_up(value) == up

@@ -28,12 +28,14 @@ METADATA = {
     "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
     "language_info": {"name": "python"},
 }
-QUICK = "fourbar", "hacksaw"  # one with a Grashof class, one with a motion profile
-ANSWER = 0.05  # [s] of CPU time that an answer to a slider may take: users notice longer ones
-PRINTED = json.loads(
+FAST_NOTEBOOKS = "fourbar", "hacksaw"  # one with a Grashof class, one with a motion profile
+SLIDER_SECONDS = (
+    0.05  # [s] of CPU time that an answer to a slider may take: users notice longer ones
+)
+PRINTED_ITERATIONS = json.loads(
     (Path(__file__).parent / "data" / "newton_raphson.json").read_text(encoding="utf-8")
 )["linkages"]
-LOGS = {
+LINKAGES_WITH_LOGS = {
     "fourbar": "four-bar",
     "fivebar": "five-bar",
     "slider_crank": "slider-crank",
@@ -41,12 +43,12 @@ LOGS = {
 }
 
 
-def test_there_is_one_for_each_mechanism() -> None:
-    assert sorted([*LOGS, "hacksaw", "threeprr", "balancer", "rods"]) == NAMES
-    told = (NOTEBOOKS.parent / "docs" / "notebooks.md").read_text(encoding="utf-8")
+def test_there_is_a_notebook_with_a_page_for_each_mechanism() -> None:
+    assert sorted([*LINKAGES_WITH_LOGS, "hacksaw", "threeprr", "balancer", "rods"]) == NAMES
+    listed = (NOTEBOOKS.parent / "docs" / "notebooks.md").read_text(encoding="utf-8")
     pages = (NOTEBOOKS.parent / "mkdocs.yml").read_text(encoding="utf-8")
     for name in NAMES:
-        assert f"(notebooks/{name}.md)" in told
+        assert f"(notebooks/{name}.md)" in listed
         assert f": notebooks/{name}.md\n" in pages
 
 
@@ -68,7 +70,7 @@ def test_a_notebook_is_in_canonical_form(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_notebook_is_short_and_uses_what_is_documented(name: str) -> None:
+def test_a_notebook_is_short_and_imports_documented_names_only(name: str) -> None:
     code = cells(name)
     assert sum(len(text.splitlines()) for text in code.values()) <= 120
     documented = re.findall(
@@ -83,7 +85,7 @@ def test_a_notebook_is_short_and_uses_what_is_documented(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(name: str) -> None:
+def test_sliders_answer_quickly_and_engines_agree_at_other_lengths(name: str) -> None:
     """An answer to a slider takes little CPU time, and the engines agree at the slider's lengths.
 
     The CPU time is the least of three measurements, since other processes use the processor too.
@@ -92,7 +94,7 @@ def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(name: str) ->
     """
     explorer = explored(name)
     assert explorer.wrong == ""
-    assert max(answers(explorer, rounds=3)) <= ANSWER
+    assert max(answers(explorer, rounds=3)) <= SLIDER_SECONDS
     first = explorer.panel.value
     for key, slider in explorer.sliders.items():
         if key != "mode":
@@ -103,10 +105,10 @@ def test_sliders_answer_at_once_and_engines_agree_at_other_lengths(name: str) ->
     explorer.place.value += 5
     assert explorer.panel.value != second
     if name in ("fourbar", "slider_crank", "threeprr", "rods"):  # the others take long, see below
-        assert run_engines(explorer)
+        assert engines_agree(explorer)
 
 
-def run_engines(explorer: Explorer) -> bool:
+def engines_agree(explorer: Explorer) -> bool:
     """Whether both engines agree with the closed form in all channels that they deliver."""
     explorer.run_engines()
     assert explorer.rows, explorer.table.value
@@ -127,10 +129,10 @@ def test_engines_agree_at_random_lengths(name: str) -> None:
                 slider.value = random.uniform(slider.min, slider.max)
         if not explorer.wrong:
             tried += 1
-            assert run_engines(explorer), explorer.parameters
+            assert engines_agree(explorer), explorer.parameters
 
 
-def test_what_engines_find_is_dropped_and_a_wrong_model_shows() -> None:
+def test_a_wrong_model_differs_and_sliders_clear_results_of_engines() -> None:
     """Moving a slider clears the results of the engines, which belong to other lengths.
 
     Before that, a model whose coupler is longer than that of the closed form differs.
@@ -151,7 +153,7 @@ def test_what_engines_find_is_dropped_and_a_wrong_model_shows() -> None:
     assert "division by zero" in explorer.table.value
 
 
-def test_the_panel_says_what_cannot_be_assembled() -> None:
+def test_the_panel_reports_lengths_that_cannot_be_assembled() -> None:
     explorer = explored("fourbar")
     assert "Grashof class: crank-rocker" in explorer.panel.value
     explorer.sliders["crank"].value, explorer.sliders["ground"].value = 1.4, 4.0
@@ -163,7 +165,7 @@ def test_the_panel_says_what_cannot_be_assembled() -> None:
     assert not explorer.rows
 
 
-def test_both_modes_and_the_static_panel() -> None:
+def test_the_mode_slider_mirrors_the_pose_and_the_panel_is_static_html_too() -> None:
     explorer = explored("fourbar")
     up = explorer.known["pin_y"].copy()
     explorer.sliders["mode"].value = -1
@@ -174,7 +176,7 @@ def test_both_modes_and_the_static_panel() -> None:
     assert "crank [m] 1" in bundle["text/html"]
 
 
-def test_links_of_the_panel_close() -> None:
+def test_links_in_the_panel_meet_and_have_their_lengths() -> None:
     """The ends that two links share coincide, and links have the lengths of the sliders."""
     explorer = explored("fourbar")
     explorer.sliders["rocker"].value = 2.3
@@ -186,7 +188,7 @@ def test_links_of_the_panel_close() -> None:
     )
 
 
-def test_without_ipywidgets_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sliders_without_ipywidgets_say_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
     case = load_case(shipped("fourbar.toml"))
     with pytest.raises(ImportError, match=re.escape(MISSING_IPYWIDGETS)):
@@ -206,14 +208,14 @@ def test_without_ipywidgets_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
         ("hacksaw_recorded", {}, "r1", "a recorded curve has nothing to slide"),
     ],
 )
-def test_what_is_no_slider(
+def test_invalid_sliders_and_curves_are_refused(
     name: str, sliders: dict[str, tuple[float, float]], curves: str, wrong: str
 ) -> None:
     with pytest.raises((InputError, ValueError), match=wrong):
         load_case(shipped(f"{name}.toml")).explore(sliders, [curves.split()])
 
 
-def test_a_changed_model_has_all_digits_and_names_what_is_not_there() -> None:
+def test_a_changed_model_has_all_digits_and_refuses_unknown_elements() -> None:
     case = load_case(shipped("fourbar.toml"))
     third = 7.0 / 3.0
     changed = case.with_model({"site coupler_end": {"pos": (third, 0, 0)}}, coupler=third)
@@ -226,7 +228,7 @@ def test_a_changed_model_has_all_digits_and_names_what_is_not_there() -> None:
         case.with_model({"site pin": {"pos": (0, 0, 0)}})
 
 
-def test_what_a_notebook_shows_of_cases_and_comparisons(edit: Callable[..., Path]) -> None:
+def test_cases_and_comparisons_are_shown_as_html(edit: Callable[..., Path]) -> None:
     case = load_case(edit("pendulum.toml", 'title = "', 'title = "a <b> and '))
     assert as_html(case) == case._repr_html_()
     assert "<b>pendulum</b>: a &lt;b&gt; and" in case._repr_html_()
@@ -245,7 +247,7 @@ def test_what_a_notebook_shows_of_cases_and_comparisons(edit: Callable[..., Path
             as_html(other)
 
 
-def test_a_case_that_cannot_be_drawn_is_shown_without() -> None:
+def test_a_case_that_cannot_be_drawn_is_shown_without_a_drawing() -> None:
     case = load_case(shipped("pendulum.toml"))
     failed = case.model_copy(update={"model": "no.xml"})
     assert "<img" not in failed._repr_html_()
@@ -254,7 +256,7 @@ def test_a_case_that_cannot_be_drawn_is_shown_without() -> None:
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
+    "name", [n if n in FAST_NOTEBOOKS else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
 )
 def test_a_notebook_runs(name: str) -> None:
     notebook = executed(name)
@@ -271,14 +273,14 @@ def test_a_notebook_runs(name: str) -> None:
     assert '<img src="data:image/webp;base64,' in html["animation"]
     assert html["engines"].count("✓ agrees") >= 4
     assert "✗" not in html["engines"]
-    if name in LOGS:
+    if name in LINKAGES_WITH_LOGS:
         (log,) = outputs["log"]
         last = re.findall(r"= (-?[\d.]+)", log["text"].splitlines()[-1])
-        there = PRINTED[LOGS[name]]["position"]
-        assert np.array(last, float) == pytest.approx(np.array(there), abs=1e-8)
+        printed_position = PRINTED_ITERATIONS[LINKAGES_WITH_LOGS[name]]["position"]
+        assert np.array(last, float) == pytest.approx(np.array(printed_position), abs=1e-8)
         count = re.search(r"after (\d+) iterations", log["text"])
         assert count
-        assert int(count[1]) == len(PRINTED[LOGS[name]]["steps"])
+        assert int(count[1]) == len(PRINTED_ITERATIONS[LINKAGES_WITH_LOGS[name]]["steps"])
     if name == "hacksaw":
         assert outputs["log"][0]["text"].startswith("5 iterations")  # as in the report
 

@@ -19,31 +19,31 @@ def models(models):
     return with_brief_pendulum(models)
 
 
-def run(*args: object):
+def invoke_command(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])
 
 
-def test_a_folder_that_cannot_be_made_is_said_before_anything_runs(models, tmp_path):
+def test_an_output_folder_that_cannot_be_made_is_reported(models, tmp_path):
     (tmp_path / "pages").write_text("a file")
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    answer = invoke_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 2
     assert "pages: File exists" in answer.output.replace("\n", "")
     assert isinstance(answer.exception, SystemExit)
 
 
-def test_a_full_disk_keeps_the_verdicts(models, tmp_path, monkeypatch):
+def test_outcomes_are_printed_although_the_disk_is_full(models, tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device", "index.html")
 
     monkeypatch.setattr("proofmass.report.pages.write_atomically", full)
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    answer = invoke_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 2
     assert "✓ agrees" in answer.output
     assert "error: index.html: No space left on device" in answer.output
     assert isinstance(answer.exception, SystemExit)
 
 
-def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
+def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
@@ -66,19 +66,19 @@ def test_a_diet_does_not_replace_the_model(models, tmp_path, monkeypatch, spelle
         "another spelling": Path("models/../models/pendulum.xml"),
         "link": link,
     }[spelled]
-    answer = run("diet", model, "-o", output)
+    answer = invoke_command("diet", model, "-o", output)
     assert answer.exit_code == 2
     assert "--output: is the model itself" in answer.output.replace("\n", "")
     assert model.read_bytes() == before
 
 
 def test_a_diet_does_not_replace_another_table(models, tmp_path):
-    answer = run("diet", models / "pendulum.xml", "-o", models / "hacksaw_recorded.xml")
+    answer = invoke_command("diet", models / "pendulum.xml", "-o", models / "hacksaw_recorded.xml")
     assert answer.exit_code == 2
     assert "hacksaw_recorded.csv: not the table of a diet" in answer.output.replace("\n", "")
 
 
-def test_what_is_no_file_is_not_read(tmp_path):
+def test_pipes_folders_and_loops_of_links_are_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     os.symlink(tmp_path / "loop", tmp_path / "loop")
     wrong = {
@@ -92,7 +92,7 @@ def test_what_is_no_file_is_not_read(tmp_path):
             read_bytes(tmp_path / name)
 
 
-def test_a_sidecar_has_utf_8_with_or_without_a_mark(tmp_path):
+def test_a_sidecar_is_utf_8_with_or_without_a_byte_order_mark(tmp_path):
     file = tmp_path / "a.toml"
     file.write_bytes("title = 'α'".encode("utf-8-sig"))
     assert read_text(file) == "title = 'α'"
@@ -115,7 +115,7 @@ def test_recorded_curves_are_read_as_spreadsheets_write_them(tmp_path, encoding,
     assert found.columns["angle"] == pytest.approx([1.5707963267948966, -0.7853981633974483])
 
 
-def test_numbers_with_two_kinds_of_signs_are_not_guessed(tmp_path):
+def test_numbers_with_points_and_commas_are_refused(tmp_path):
     file = tmp_path / "rig.csv"
     file.write_text("t [s];r [m]\n0;1,5\n1;2.5\n")
     with pytest.raises(InputError, match="line 3: numbers with commas and with points"):
@@ -123,7 +123,7 @@ def test_numbers_with_two_kinds_of_signs_are_not_guessed(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["folder", "pipe", "loop", "empty", "bytes"])
-def test_a_sidecar_that_is_none_costs_itself_only(models, kind):
+def test_an_unreadable_sidecar_does_not_affect_other_cases(models, kind):
     for file in models.glob("*.toml"):
         if file.stem != "pendulum":
             file.unlink()
@@ -139,7 +139,7 @@ def test_a_sidecar_that_is_none_costs_itself_only(models, kind):
         "bytes": lambda: bad.write_bytes(b"title = '\xb0'"),
     }
     make[kind]()
-    answer = run("check", models)
+    answer = invoke_command("check", models)
     assert answer.exit_code == 2
     assert answer.output.count("error: ") == 1
     assert "x.toml" in answer.output
@@ -151,29 +151,29 @@ def test_no_log_of_mujoco_is_left_in_the_folder(models, monkeypatch, edit):
     edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="nan -1 0" mass')
     monkeypatch.chdir(models)
     for each in ("check", "report", "trade"):
-        run(each, "pendulum.toml")
+        invoke_command(each, "pendulum.toml")
     assert not (models / "MUJOCO_LOG.TXT").exists()
 
 
 @pytest.mark.parametrize("name", ["a [bold] b.toml", "[x] [bold].toml", "ä:smile:.toml"])
-def test_a_name_is_shown_as_it_is(models, name):
+def test_a_name_with_markup_is_shown_unchanged(models, name):
     for ending in (".toml", ".xml"):
         (models / f"pendulum{ending}").rename((models / name).with_suffix(ending))
-    answer = run("check", models / name)
+    answer = invoke_command("check", models / name)
     assert answer.exit_code == 0
     assert Path(name).stem in answer.output
 
 
 def test_a_case_beyond_its_limits_has_a_page_without_drawings(models, tmp_path, edit):
     edit("pendulum.toml", "n = 101", "n = 1001\ntimeout = 1e-3")
-    answer = run("report", models / "pendulum.toml", "-o", tmp_path / "pages")
+    answer = invoke_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 1
     page = (tmp_path / "pages" / "pendulum.html").read_text()
     assert "its runs reached their limits" in page
     assert "timed out" in page
 
 
-def test_progress_in_a_log_is_a_line_a_case(monkeypatch, capsys):
+def test_progress_in_a_log_has_a_line_for_each_case(monkeypatch, capsys):
     """A log has a line for each case, for each 10 s, and at the end.
 
     A pipe has no cursor that could move back, so a progress bar would fail or fill the log.

@@ -20,15 +20,15 @@ from proofmass.sidecar import format_sidecar, load_case
 from proofmass.solve import plan_run, solve_here
 from tests.shipped import shipped
 
-TIMES = np.linspace(0.0, 2.0, 81)
+ROW_TIMES = np.linspace(0.0, 2.0, 81)
 
 
-def law(
+def make_profile(
     folder: Path, start: float = 0.0, rows: np.ndarray | None = None, **table
 ) -> SampledProfile:
     """The motion profile of a file with columns t, q, w, by default of a sine and its rate."""
     if rows is None:
-        rows = np.column_stack([TIMES, np.sin(3.0 * TIMES), 3.0 * np.cos(3.0 * TIMES)])
+        rows = np.column_stack([ROW_TIMES, np.sin(3.0 * ROW_TIMES), 3.0 * np.cos(3.0 * ROW_TIMES)])
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
     folder = Path(mkdtemp(dir=folder))  # since a change within a tick of a file's time is not seen
     (folder / "motor.csv").write_text("\n".join(["t [s],q [rad],w [rad/s]", *lines]) + "\n")
@@ -39,65 +39,67 @@ def law(
     "table", [{"value": "q"}, {"rate": "w"}, {"rate": "w", "interpolation": "linear"}]
 )
 def test_rate_and_acceleration_are_derivatives_and_the_value_their_integral(tmp_path, table):
-    follow = law(tmp_path, **table)
+    profile = make_profile(tmp_path, **table)
     t, h = np.linspace(0.111, 1.8871, 57), 1e-6  # no row within h of any of them
-    _, rate, acceleration = follow(t)
-    ahead, behind = follow(t + h), follow(t - h)
+    _, rate, acceleration = profile(t)
+    ahead, behind = profile(t + h), profile(t - h)
     assert (ahead[0] - behind[0]) / (2 * h) == pytest.approx(rate, abs=1e-8)
     assert (ahead[1] - behind[1]) / (2 * h) == pytest.approx(acceleration, abs=1e-7)
     nodes, weights = np.polynomial.legendre.leggauss(4)  # exact for pieces of degree 7
-    half = 0.5 * np.diff(TIMES)[:, None]
-    rates = follow((TIMES[:-1, None] + half * (1.0 + nodes)).ravel())[1].reshape(half.size, -1)
-    way = np.cumsum((half * weights * rates).sum(axis=1))
-    first, *ends = follow(TIMES - 1e-16)[0]
-    assert np.array(ends) - first == pytest.approx(way, abs=1e-13)
+    half = 0.5 * np.diff(ROW_TIMES)[:, None]
+    rates = profile((ROW_TIMES[:-1, None] + half * (1.0 + nodes)).ravel())[1].reshape(half.size, -1)
+    travel = np.cumsum((half * weights * rates).sum(axis=1))
+    first, *ends = profile(ROW_TIMES - 1e-16)[0]
+    assert np.array(ends) - first == pytest.approx(travel, abs=1e-13)
 
 
-def test_the_law_goes_through_its_rows(tmp_path):
-    assert law(tmp_path, value="q")(TIMES)[0] == pytest.approx(np.sin(3.0 * TIMES), abs=1e-15)
-    straight = law(tmp_path, rate="w", interpolation="linear", start=0.5)
-    rates = 3.0 * np.cos(3.0 * TIMES)
-    value, rate, acceleration = straight(TIMES)
+def test_a_motion_profile_goes_through_its_rows(tmp_path):
+    assert make_profile(tmp_path, value="q")(ROW_TIMES)[0] == pytest.approx(
+        np.sin(3.0 * ROW_TIMES), abs=1e-15
+    )
+    straight = make_profile(tmp_path, rate="w", interpolation="linear", start=0.5)
+    rates = 3.0 * np.cos(3.0 * ROW_TIMES)
+    value, rate, acceleration = straight(ROW_TIMES)
     assert rate == pytest.approx(rates, abs=1e-14)
-    whole = cumulative_trapezoid(rates, TIMES, initial=0.0)  # exact for straight lines
+    whole = cumulative_trapezoid(rates, ROW_TIMES, initial=0.0)  # exact for straight lines
     assert value == pytest.approx(0.5 + whole, abs=1e-14)
-    assert acceleration[:-1] == pytest.approx(np.diff(rates) / np.diff(TIMES), abs=1e-12)
+    assert acceleration[:-1] == pytest.approx(np.diff(rates) / np.diff(ROW_TIMES), abs=1e-12)
 
 
-def test_a_spline_is_of_fourth_order_and_says_how_near_it_is(tmp_path):
+def test_a_spline_is_of_fourth_order_and_states_its_error(tmp_path):
     """The error of a value falls with fourth order; the stated bound is at most ten times larger.
 
     The rate of a profile that is given as a rate has the same order, which is not tested here.
     """
     between = np.linspace(0.0, 2.0, 4001)
-    off = []
+    errors = []
     for n in (41, 81):
         t = np.linspace(0.0, 2.0, n)
         rows = np.column_stack([t, np.sin(3.0 * t), 3.0 * np.cos(3.0 * t)])
-        follow = law(tmp_path, rows=rows, value="q")
-        off.append(float(np.abs(follow(between)[0] - np.sin(3.0 * between)).max()))
-        told = float(re.search(r"may be off by (\S+) rad", follow.words)[1])
-        assert off[-1] <= told <= 10 * off[-1]
-    assert np.log2(off[0] / off[1]) == pytest.approx(4.0, abs=0.3)
+        profile = make_profile(tmp_path, rows=rows, value="q")
+        errors.append(float(np.abs(profile(between)[0] - np.sin(3.0 * between)).max()))
+        bound = float(re.search(r"may be off by (\S+) rad", profile.words)[1])
+        assert errors[-1] <= bound <= 10 * errors[-1]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
 
 
-def test_the_hacksaw_s_rows_lead_to_its_motor():
+def test_the_rows_of_the_hacksaw_give_the_motion_of_its_motor():
     """With straight lines between 1000 rows the value is within 6.3e-6 rad of the motor's 6 pi.
 
     The acceleration is a step function.
     """
     case = load_case(shipped("hacksaw_sampled.toml"))
-    (follow,) = drive_profiles(case, "dynamics")
-    t = np.linspace(0.0, follow.times[-1], 20_011)
-    value, rate, acceleration = follow(t)
+    (profile,) = drive_profiles(case, "dynamics")
+    t = np.linspace(0.0, profile.times[-1], 20_011)
+    value, rate, acceleration = profile(t)
     wanted = motor(t)
     assert np.abs(value - wanted[0]).max() == pytest.approx(6.3e-6, rel=0.02)
     assert np.abs(rate - wanted[1]).max() < 2e-5
     assert np.abs(acceleration - wanted[2]).max() < 0.0301
-    assert "steps up to 0.03 rad/s^2" in follow.words
+    assert "steps up to 0.03 rad/s^2" in profile.words
 
 
-def test_what_was_asked_is_a_quantity_of_its_own():
+def test_the_prescribed_motion_is_a_quantity_of_its_own():
     case = load_case(shipped("hacksaw_inventor_shaped.toml"))
     x = np.linspace(0.0, 1.0, 5)
     found = prescribed_quantities(case, "dynamics", x)
@@ -110,7 +112,7 @@ def test_what_was_asked_is_a_quantity_of_its_own():
     assert there["r1"] != pytest.approx(evaluate(case, "dynamics", x, prompt).channels["r1"])
 
 
-def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
+def test_the_prescribed_motion_of_a_steady_drive_depends_on_the_run(edit):
     file = edit(
         "fourbar.toml",
         r"\[channels\]",
@@ -134,7 +136,7 @@ def test_a_steady_drive_is_asked_for_something_else_in_each_run(edit):
         assert next(c for c in found if c.channel == "asked").relative_to_range < 1e-6
 
 
-def test_a_drive_that_lags_is_seen_in_its_own_channels_alone(monkeypatch):
+def test_the_lag_of_a_drive_is_the_error_of_its_channel(monkeypatch):
     """The channel of a drive is compared with the prescribed motion, so that a lag is its error.
 
     Channels of the linkage are compared with the reference at the values that the drive had.
@@ -164,7 +166,7 @@ def test_a_sidecar_with_a_profile_is_written_and_read_again(models):
             assert load_case(file) == each
 
 
-BAD = {
+BAD_PROFILES = {
     "no file": ('file = "hacksaw_motor.csv"', 'file = "motor.csv"', ["no such recorded curve"]),
     "no column": ('rate = "w2"', 'rate = "omega2"', ["no column 'omega2'", "w2"]),
     "wrong quantity": ('rate = "w2"', 'rate = "t"', ["'s'", "rad/s is needed"]),
@@ -177,16 +179,16 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_a_bad_profile_is_named(name, edit):
-    old, new, words = BAD[name]
+@pytest.mark.parametrize("name", BAD_PROFILES)
+def test_a_bad_profile_is_reported(name, edit):
+    old, new, words = BAD_PROFILES[name]
     file = edit("hacksaw_sampled.toml", re.escape(old), new)
     (error,) = check([file], jobs=1).errors
     assert all(word in str(error) for word in words), str(error)
     assert "drive" in error.key or error.file.name in ("motor.csv", "hacksaw_motor.csv")
 
 
-ROWS = {
+BAD_ROWS = {
     "falls": (r"\n0\.011661417,[^\n]*", r"\n0.000000001,0.02", ["line 7", "t does not rise"]),
     "not a number": (r"\n0\.011661417,[^\n]*", r"\n0.011661417,nan", ["line 7, w2", "not finite"]),
     "jumps": (
@@ -198,45 +200,47 @@ ROWS = {
 }
 
 
-@pytest.mark.parametrize("name", ROWS)
-def test_bad_rows_of_a_profile_are_named(name, edit, models):
-    old, new, words = ROWS[name]
+@pytest.mark.parametrize("name", BAD_ROWS)
+def test_bad_rows_of_a_profile_are_reported_with_their_place(name, edit, models):
+    old, new, words = BAD_ROWS[name]
     edit("hacksaw_motor.csv", old, new, 1)
     (error,) = check([models / "hacksaw_sampled.toml"], jobs=1).errors
     assert all(word in str(error) for word in words), str(error)
 
 
-def test_a_spline_needs_more_rows_than_a_line(tmp_path):
-    rows = np.column_stack([TIMES, TIMES, 2.0 * TIMES])
+def test_a_spline_needs_four_rows_and_straight_lines_need_two(tmp_path):
+    rows = np.column_stack([ROW_TIMES, ROW_TIMES, 2.0 * ROW_TIMES])
     with pytest.raises(InputError, match="3 rows; a spline needs 4"):
-        law(tmp_path, rows=rows[:3], rate="w")
-    assert law(tmp_path, rows=rows[:4], rate="w").pieces.shape == (5, 3)
-    straight = law(tmp_path, rows=rows[:2], rate="w", interpolation="linear")
-    assert straight(TIMES[1:2])[0] == pytest.approx(TIMES[1:2] ** 2)
+        make_profile(tmp_path, rows=rows[:3], rate="w")
+    assert make_profile(tmp_path, rows=rows[:4], rate="w").pieces.shape == (5, 3)
+    straight = make_profile(tmp_path, rows=rows[:2], rate="w", interpolation="linear")
+    assert straight(ROW_TIMES[1:2])[0] == pytest.approx(ROW_TIMES[1:2] ** 2)
     with pytest.raises(InputError, match="at least two rows are needed"):
-        law(tmp_path, rows=rows[:1], rate="w", interpolation="linear")
+        make_profile(tmp_path, rows=rows[:1], rate="w", interpolation="linear")
 
 
-def test_a_step_of_the_angle_is_no_motion_and_a_wrapped_angle_says_so(tmp_path):
+def test_a_jump_of_the_angle_is_refused_and_a_wrapped_angle_recognized(tmp_path):
     def stepped(by: float) -> np.ndarray:
-        return np.column_stack([TIMES, TIMES + by * (TIMES > 1.01), np.ones(TIMES.size)])
+        return np.column_stack(
+            [ROW_TIMES, ROW_TIMES + by * (ROW_TIMES > 1.01), np.ones(ROW_TIMES.size)]
+        )
 
     with pytest.raises(InputError, match=r"line 43: q jumps .* no drive has the rate"):
-        law(tmp_path, rows=stepped(0.5), value="q")
+        make_profile(tmp_path, rows=stepped(0.5), value="q")
     with pytest.raises(InputError, match="the angle is wrapped; add unwrap = true"):
-        law(tmp_path, rows=stepped(-2 * np.pi), value="q")
-    whole = law(tmp_path, rows=stepped(-2 * np.pi), value={"column": "q", "unwrap": True})
-    assert whole(TIMES)[0] == pytest.approx(TIMES, abs=1e-12)
+        make_profile(tmp_path, rows=stepped(-2 * np.pi), value="q")
+    whole = make_profile(tmp_path, rows=stepped(-2 * np.pi), value={"column": "q", "unwrap": True})
+    assert whole(ROW_TIMES)[0] == pytest.approx(ROW_TIMES, abs=1e-12)
 
 
-def test_a_few_rows_are_the_corners_of_a_motion(tmp_path):
+def test_kinks_of_a_few_rows_are_allowed(tmp_path):
     """Four rows of a trapezoidal rate are written on purpose, so their kinks are not refused."""
     rows = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 5.0], [3.0, 0.0, 5.0], [4.0, 0.0, 0.0]])
-    follow = law(tmp_path, rows=rows, rate="w", interpolation="linear")
-    assert follow(np.array([1.0, 3.0, 4.0]))[0].tolist() == [2.5, 12.5, 15.0]
+    profile = make_profile(tmp_path, rows=rows, rate="w", interpolation="linear")
+    assert profile(np.array([1.0, 3.0, 4.0]))[0].tolist() == [2.5, 12.5, 15.0]
 
 
-def test_a_start_goes_with_a_rate(edit, models):
+def test_a_start_value_is_allowed_with_a_rate_alone(edit, models):
     edit("hacksaw_sampled.toml", 'joint = "crank"', 'joint = "crank"\nfrom = 0.25')
     case = load_case(models / "hacksaw_sampled.toml")
     assert drive_profiles(case, "dynamics")[0](np.zeros(1))[0] == 0.25
@@ -252,7 +256,7 @@ def test_a_start_goes_with_a_rate(edit, models):
         ('value = "w2", interpolation = "linear"', "'linear' goes with rate: a value that is"),
     ],
 )
-def test_a_drive_has_no_rate_that_jumps(edit, models, new, words):
+def test_interpolations_with_a_jumping_rate_are_refused(edit, models, new, words):
     edit("hacksaw_sampled.toml", re.escape('rate = "w2", interpolation = "linear"'), new)
     with pytest.raises(InputError, match=words):
         load_case(models / "hacksaw_sampled.toml")

@@ -50,19 +50,19 @@ PENDULUM, FOURBAR, FIVEBAR, CIRCLE, HACKSAW, RECORDED, SWING, ROD = (
 X = np.array([0.0, 0.25, 1.0])
 
 
-def but(case, **changed):
+def with_tables(case, **changed):
     """The case with some of its tables replaced."""
     return case.model_copy(update=changed)
 
 
-def sampled(case, kind, **table):
+def with_run_table(case, kind, **table):
     """The case with one run alone, some keys of which are replaced."""
-    return but(case, run={kind: case.run[kind].model_copy(update=table)})
+    return with_tables(case, run={kind: case.run[kind].model_copy(update=table)})
 
 
-def driven(*tables, case=FOURBAR):
+def with_drives(*tables, case=FOURBAR):
     """The case with these drives, whose joints have the numbers of the drives as names."""
-    return but(
+    return with_tables(
         case,
         drive=tuple(
             DriveTable(joint=str(k), **{"from": 0.0, **table}) for k, table in enumerate(tables)
@@ -70,14 +70,14 @@ def driven(*tables, case=FOURBAR):
     )
 
 
-def wrong(function, *args, **named):
+def error_of(function, *args, **named):
     """The file, the key and the message of the error that a call raises."""
     with pytest.raises(InputError) as error:
         function(*args, **named)
     return error.value.file, error.value.key, error.value.wrong
 
 
-def closed(monkeypatch, **functions):
+def use_closed_form(monkeypatch, **functions):
     """Replace the reference module of all cases by one with these functions."""
     monkeypatch.setattr(
         reference,
@@ -86,7 +86,7 @@ def closed(monkeypatch, **functions):
     )
 
 
-def made(monkeypatch, **columns) -> Recorded:
+def use_recorded_curve(monkeypatch, **columns) -> Recorded:
     """Replace the reference of all cases by a recorded curve of three rows at `X`.
 
     Each column is given as its unit and its values.
@@ -100,13 +100,13 @@ def made(monkeypatch, **columns) -> Recorded:
     return curve
 
 
-def test_a_reference_is_a_module_by_its_name():
+def test_a_reference_is_the_module_of_its_name():
     assert load_reference(FOURBAR) is fourbar
     assert load_reference(FIVEBAR) is fivebar
 
 
-def test_a_reference_that_is_not_there_is_named_with_the_nearest_and_all_that_are():
-    file, key, words = wrong(load_reference, but(FOURBAR, reference="forbar"))
+def test_an_unknown_reference_is_reported_with_the_nearest_and_all_names():
+    file, key, words = error_of(load_reference, with_tables(FOURBAR, reference="forbar"))
     assert (file, key) == (FOURBAR.file, "reference")
     head, _, names = words.partition("there are: ")
     assert head == "no closed form 'forbar'; did you mean 'fourbar'? "
@@ -116,7 +116,7 @@ def test_a_reference_that_is_not_there_is_named_with_the_nearest_and_all_that_ar
     assert tail == "or name a recorded curve NAME.csv"
 
 
-def test_a_recorded_curve_is_read_once_and_again_when_its_file_has_changed(models):
+def test_a_recorded_curve_is_read_again_only_if_its_file_has_changed(models):
     case = load_case(models / "hacksaw_recorded.toml")
     first = load_reference(case)
     assert load_reference(case) is first
@@ -127,7 +127,7 @@ def test_a_recorded_curve_is_read_once_and_again_when_its_file_has_changed(model
     os.utime(file, ns=(before + 1, before + 1))
     assert load_reference(case).x.size == 3 < first.x.size
     file.unlink()
-    assert wrong(load_reference, case) == (file, "", "no such recorded curve")
+    assert error_of(load_reference, case) == (file, "", "no such recorded curve")
 
 
 def test_a_recorded_curve_is_sampled_where_it_was_recorded():
@@ -137,7 +137,7 @@ def test_a_recorded_curve_is_sampled_where_it_was_recorded():
 
 def test_a_free_motion_is_sampled_from_its_start_to_its_last_time():
     np.testing.assert_allclose(
-        run_samples(sampled(PENDULUM, "dynamics", n=5, until=2.0), "dynamics"),
+        run_samples(with_run_table(PENDULUM, "dynamics", n=5, until=2.0), "dynamics"),
         [0.0, 0.5, 1.0, 1.5, 2.0],
         rtol=0,
         atol=1e-15,
@@ -160,75 +160,85 @@ def test_a_free_motion_is_sampled_from_its_start_to_its_last_time():
         ({"profile": "circle", "until": 6.0}, "sweep", 2.0, (0.0, 1.0, 2.0)),
     ],
 )
-def test_where_a_driven_run_is_sampled(drive, kind, until, expected):
-    case = sampled(driven(drive), kind, n=3, until=until)
+def test_a_driven_run_is_sampled_by_the_drive_or_by_time(drive, kind, until, expected):
+    case = with_run_table(with_drives(drive), kind, n=3, until=until)
     np.testing.assert_allclose(run_samples(case, kind), expected, rtol=0, atol=1e-15)
 
 
-def test_a_rest_is_sampled_along_the_shortest_rod_or_up_to_a_length():
+def test_an_equilibrium_is_sampled_along_the_shortest_rod_or_to_a_length():
     rod = ROD.rod["rod"]
     rods = {
         "long": rod.model_copy(update={"length": 3.0}),
         "short": rod.model_copy(update={"length": 2.0}),
     }
     np.testing.assert_allclose(
-        run_samples(sampled(but(ROD, rod=rods), "equilibrium", n=3), "equilibrium"), [0, 1, 2]
+        run_samples(with_run_table(with_tables(ROD, rod=rods), "equilibrium", n=3), "equilibrium"),
+        [0, 1, 2],
     )
     np.testing.assert_allclose(
-        run_samples(sampled(ROD, "equilibrium", n=3, until=0.5), "equilibrium"), [0, 0.25, 0.5]
+        run_samples(with_run_table(ROD, "equilibrium", n=3, until=0.5), "equilibrium"),
+        [0, 0.25, 0.5],
     )
 
 
-def moved(case, kind, k=0):
+def drive_motion(case, kind, k=0):
     """The values, the rates and the accelerations of drive k at `X`."""
     return [np.broadcast_to(part, X.shape).tolist() for part in drive_profile(case, kind, k)(X)]
 
 
-def test_at_rest_all_drives_stay_where_they_begin():
-    case = driven({"from": 0.5, "to": 2.0, "rate": 3.0}, {"from": -1.0, "to": 4.0})
-    assert moved(case, "equilibrium") == [[0.5] * 3, [0.0] * 3, [0.0] * 3]
-    assert moved(case, "equilibrium", 1) == [[-1.0] * 3, [0.0] * 3, [0.0] * 3]
+def test_all_drives_keep_their_start_values_in_an_equilibrium():
+    case = with_drives({"from": 0.5, "to": 2.0, "rate": 3.0}, {"from": -1.0, "to": 4.0})
+    assert drive_motion(case, "equilibrium") == [[0.5] * 3, [0.0] * 3, [0.0] * 3]
+    assert drive_motion(case, "equilibrium", 1) == [[-1.0] * 3, [0.0] * 3, [0.0] * 3]
 
 
-def test_a_steady_drive_goes_with_time_in_a_duration_and_is_x_itself_in_a_sweep():
-    case = driven({"from": 0.5, "to": 2.0, "rate": 3.0})
-    assert moved(case, "dynamics") == [[0.5, 1.25, 3.5], [3.0] * 3, [0.0] * 3]
-    assert moved(case, "sweep") == [[0.0, 0.25, 1.0], [3.0] * 3, [0.0] * 3]
-    assert drive_profile(driven({"to": 2.0}), "dynamics", 0)(X)[1].tolist() == [1.0] * 3, (
+def test_a_steady_drive_follows_time_in_dynamics_and_is_x_in_a_sweep():
+    case = with_drives({"from": 0.5, "to": 2.0, "rate": 3.0})
+    assert drive_motion(case, "dynamics") == [[0.5, 1.25, 3.5], [3.0] * 3, [0.0] * 3]
+    assert drive_motion(case, "sweep") == [[0.0, 0.25, 1.0], [3.0] * 3, [0.0] * 3]
+    assert drive_profile(with_drives({"to": 2.0}), "dynamics", 0)(X)[1].tolist() == [1.0] * 3, (
         "the default rate is 1"
     )
 
 
-def test_a_follower_keeps_its_share_of_the_leader_s_way():
+def test_a_second_drive_is_proportional_to_the_first():
     """The second drive goes from 1 to 4 while the first goes from -2 to 0: 1.5 times as fast."""
-    case = driven({"from": -2.0, "to": 0.0, "rate": 2.0}, {"from": 1.0, "to": 4.0})
-    assert moved(case, "dynamics", 1) == [[1.0, 1.75, 4.0], [3.0] * 3, [0.0] * 3]
-    assert moved(case, "sweep", 1) == [[4.0, 4.375, 5.5], [3.0] * 3, [0.0] * 3]  # drive 0 is at X
+    case = with_drives({"from": -2.0, "to": 0.0, "rate": 2.0}, {"from": 1.0, "to": 4.0})
+    assert drive_motion(case, "dynamics", 1) == [[1.0, 1.75, 4.0], [3.0] * 3, [0.0] * 3]
+    assert drive_motion(case, "sweep", 1) == [
+        [4.0, 4.375, 5.5],
+        [3.0] * 3,
+        [0.0] * 3,
+    ]  # drive 0 is at X
     both = drive_profiles(case, "dynamics")
     assert [float(one(X)[0][-1]) for one in both] == [0.0, 4.0]
     assert [float(one(X)[0][-1]) for one in drive_profiles(case, "sweep")] == [1.0, 5.5]
     assert drive_profiles(PENDULUM, "dynamics") == ()
 
 
-def test_a_follower_of_a_swing_swings():
-    case = driven({"from": 0.0, "to": 2.0, "period": 2.0}, {"from": 1.0, "to": 0.0})
-    assert np.array(moved(case, "sweep")[0]) == pytest.approx([0.0, 1 - np.sqrt(0.5), 2.0])
-    assert np.array(moved(case, "sweep", 1)[0]) == pytest.approx([1.0, 0.5 + np.sqrt(0.125), 0.0])
+def test_a_second_drive_oscillates_with_the_first():
+    case = with_drives({"from": 0.0, "to": 2.0, "period": 2.0}, {"from": 1.0, "to": 0.0})
+    assert np.array(drive_motion(case, "sweep")[0]) == pytest.approx([0.0, 1 - np.sqrt(0.5), 2.0])
+    assert np.array(drive_motion(case, "sweep", 1)[0]) == pytest.approx(
+        [1.0, 0.5 + np.sqrt(0.125), 0.0]
+    )
 
 
-def test_drives_of_a_recorded_curve_are_its_columns(monkeypatch):
-    made(monkeypatch, a=("rad", 1, 2, 3), b=("rad/s", 4, 5, 6), c=("rad/s^2", 7, 8, 9))
-    found = drive_profile(driven({"profile": ("a", "b", "c")}), "sweep", 0)
+def test_drives_of_a_recorded_curve_follow_its_columns(monkeypatch):
+    use_recorded_curve(
+        monkeypatch, a=("rad", 1, 2, 3), b=("rad/s", 4, 5, 6), c=("rad/s^2", 7, 8, 9)
+    )
+    found = drive_profile(with_drives({"profile": ("a", "b", "c")}), "sweep", 0)
     assert isinstance(found, Samples)
     assert [part.tolist() for part in found(X)] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 
 
-def test_a_column_that_a_drive_lacks_is_named_where_it_is_asked_for(monkeypatch):
-    made(monkeypatch, a=("rad", 1, 2, 3))
-    case = driven({"profile": ("a", "a", "a")}, {"profile": ("a", "a", "aa")}, case=RECORDED)
+def test_a_missing_column_of_a_drive_is_reported_at_its_key(monkeypatch):
+    use_recorded_curve(monkeypatch, a=("rad", 1, 2, 3))
+    case = with_drives({"profile": ("a", "a", "a")}, {"profile": ("a", "a", "aa")}, case=RECORDED)
     words = "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a"
-    assert wrong(drive_profile, case, "sweep", 1) == (RECORDED.file, "drive.1.profile", words)
-    assert wrong(drive_profile, but(case, drive=case.drive[1:]), "sweep", 0) == (
+    assert error_of(drive_profile, case, "sweep", 1) == (RECORDED.file, "drive.1.profile", words)
+    assert error_of(drive_profile, with_tables(case, drive=case.drive[1:]), "sweep", 0) == (
         RECORDED.file,
         "drive.profile",
         words,
@@ -250,76 +260,89 @@ def freely(t, **rates):
     return ramp(t, rate=sum(rates.values()))
 
 
-LAW = {"profile": "ramp", "until": 1.0, "parameters": {"rate": 2.0}}
+RAMP_PROFILE = {"profile": "ramp", "until": 1.0, "parameters": {"rate": 2.0}}
 
 
-def test_a_law_is_a_function_of_the_reference_s_module_with_its_parameters(monkeypatch):
-    closed(monkeypatch, ramp=ramp, fan=fan, freely=freely)
-    assert moved(driven(LAW), "dynamics") == [[0.0, 0.5, 2.0], [2.0] * 3, [0.0] * 3]
-    own = driven(LAW, {"profile": "freely", "parameters": {"one": 1.0, "two": 2.0}})
-    assert moved(own, "sweep")[0] == [0.0, 0.5, 2.0]
-    assert moved(own, "sweep", 1)[0] == [0.0, 0.75, 3.0], "a drive with a profile of its own"
-    shared = driven({**LAW, "profile": "fan"}, {})
-    assert [moved(shared, "sweep", k)[0] for k in (0, 1)] == [[0.0, 0.5, 2.0], [0.0, 1.0, 4.0]]
+def test_a_motion_profile_is_a_function_of_the_module_of_the_reference(monkeypatch):
+    use_closed_form(monkeypatch, ramp=ramp, fan=fan, freely=freely)
+    assert drive_motion(with_drives(RAMP_PROFILE), "dynamics") == [
+        [0.0, 0.5, 2.0],
+        [2.0] * 3,
+        [0.0] * 3,
+    ]
+    own = with_drives(RAMP_PROFILE, {"profile": "freely", "parameters": {"one": 1.0, "two": 2.0}})
+    assert drive_motion(own, "sweep")[0] == [0.0, 0.5, 2.0]
+    assert drive_motion(own, "sweep", 1)[0] == [0.0, 0.75, 3.0], "a drive with a profile of its own"
+    shared = with_drives({**RAMP_PROFILE, "profile": "fan"}, {})
+    assert [drive_motion(shared, "sweep", k)[0] for k in (0, 1)] == [
+        [0.0, 0.5, 2.0],
+        [0.0, 1.0, 4.0],
+    ]
 
 
-def test_a_law_that_the_reference_lacks_is_named_where_it_is_asked_for(monkeypatch):
-    closed(monkeypatch, ramp=ramp)
+def test_a_missing_motion_profile_is_reported_at_its_key(monkeypatch):
+    use_closed_form(monkeypatch, ramp=ramp)
     words = "reference fourbar has no function 'rump'"
-    assert wrong(drive_profile, driven({**LAW, "profile": "rump"}), "sweep", 0) == (
+    assert error_of(
+        drive_profile, with_drives({**RAMP_PROFILE, "profile": "rump"}), "sweep", 0
+    ) == (
         FOURBAR.file,
         "drive.profile",
         words,
     )
-    assert wrong(drive_profile, driven(LAW, {"profile": "rump"}), "sweep", 1) == (
+    assert error_of(drive_profile, with_drives(RAMP_PROFILE, {"profile": "rump"}), "sweep", 1) == (
         FOURBAR.file,
         "drive.1.profile",
         words,
     )
-    assert wrong(drive_profile, driven({**LAW, "profile": "rump"}, {}), "sweep", 1) == (
+    assert error_of(
+        drive_profile, with_drives({**RAMP_PROFILE, "profile": "rump"}, {}), "sweep", 1
+    ) == (
         FOURBAR.file,
         "drive.0.profile",
         words,
     ), "the second drive follows a row of the first drive's profile"
 
 
-def test_a_parameter_that_a_law_lacks_is_named_with_those_it_has(monkeypatch):
-    closed(monkeypatch, ramp=ramp)
+def test_an_unknown_parameter_of_a_motion_profile_is_reported(monkeypatch):
+    use_closed_form(monkeypatch, ramp=ramp)
     words = "ramp() has no such parameter; did you mean 'rate'? known: rate, other"
-    bad = {**LAW, "parameters": {"rte": 2.0}}
-    assert wrong(drive_profile, driven(bad), "sweep", 0) == (
+    bad = {**RAMP_PROFILE, "parameters": {"rte": 2.0}}
+    assert error_of(drive_profile, with_drives(bad), "sweep", 0) == (
         FOURBAR.file,
         "drive.parameters.rte",
         words,
     )
-    assert wrong(drive_profile, driven(LAW, bad | {"until": None}), "sweep", 1) == (
+    assert error_of(
+        drive_profile, with_drives(RAMP_PROFILE, bad | {"until": None}), "sweep", 1
+    ) == (
         FOURBAR.file,
         "drive.1.parameters.rte",
         words,
     )
-    assert wrong(drive_profile, driven({**LAW, "parameters": {"t": 2.0}}), "sweep", 0)[1] == (
-        "drive.parameters.t"
-    ), "the time is not a parameter"
+    assert error_of(
+        drive_profile, with_drives({**RAMP_PROFILE, "parameters": {"t": 2.0}}), "sweep", 0
+    )[1] == ("drive.parameters.t"), "the time is not a parameter"
 
 
-def listening(told, **found):
+def recording_reference(calls, **found):
     """A reference that appends its arguments to a list and returns these quantities."""
 
     def solve(*args, length=1.0, mode=1):
-        told.append((args, length, mode))
+        calls.append((args, length, mode))
         return found
 
     return SimpleNamespace(solve=solve)
 
 
-def test_a_closed_form_is_asked_with_time_or_with_the_drives_as_they_moved():
-    told = []
-    truth = listening(told, a=X)
+def test_a_closed_form_gets_the_time_or_the_motion_of_the_drives():
+    calls = []
+    truth = recording_reference(calls, a=X)
     assert call_reference(FOURBAR, "sweep", truth, X, None, {"length": 2.0}) == {"a": X}
     one, two = np.ones((1, 3)), np.ones((2, 3))
     call_reference(FOURBAR, "sweep", truth, X, (one, 2 * one, 3 * one), {"mode": -1})
     call_reference(FIVEBAR, "sweep", truth, X, (two, 2 * two, 3 * two), {})
-    free, single, double = told
+    free, single, double = calls
     assert free[0][0] is X
     assert free[1:] == (2.0, 1)
     assert single[1:] == (1.0, -1)
@@ -327,30 +350,32 @@ def test_a_closed_form_is_asked_with_time_or_with_the_drives_as_they_moved():
     assert [part.tolist() for part in double[0]] == [[[n] * 3] * 2 for n in (1.0, 2.0, 3.0)]
 
 
-def test_a_reference_that_reads_the_model_gets_it_with_start_and_driven_joints():
+def test_a_reference_that_reads_the_model_gets_model_start_and_joints():
     def solve(time, *, model, start, joints, gravity=9.81):
         return {"given": (model, start, joints, gravity)}
 
-    truth, case = SimpleNamespace(solve=solve), but(FIVEBAR, start="elsewhere")
+    truth, case = SimpleNamespace(solve=solve), with_tables(FIVEBAR, start="elsewhere")
     given = call_reference(case, "sweep", truth, X, None, {"gravity": 1.6})["given"]
     assert given == (compiled_model(FIVEBAR), "elsewhere", ("left", "right"), 1.6)
     for name in ("model", "start", "joints"):  # these come from the case, not from [parameters]
-        assert wrong(call_reference, case, "sweep", truth, X, None, {name: 3.0}) == (
+        assert error_of(call_reference, case, "sweep", truth, X, None, {name: 3.0}) == (
             FIVEBAR.file,
             f"parameters.{name}",
             "reference fivebar has no such parameter; known: gravity",
         )
 
 
-def test_a_parameter_that_a_reference_lacks_is_named_with_those_it_has():
-    truth = listening([])
+def test_an_unknown_parameter_of_a_reference_is_reported():
+    truth = recording_reference([])
     words = "reference fourbar has no such parameter; did you mean 'length'? known: length, mode"
-    assert wrong(call_reference, FOURBAR, "sweep", truth, X, None, {"mode": 1, "lenght": 2.0}) == (
+    assert error_of(
+        call_reference, FOURBAR, "sweep", truth, X, None, {"mode": 1, "lenght": 2.0}
+    ) == (
         FOURBAR.file,
         "parameters.lenght",
         words,
     )
-    assert wrong(
+    assert error_of(
         call_reference,
         FOURBAR,
         "sweep",
@@ -366,7 +391,7 @@ def test_a_parameter_that_a_reference_lacks_is_named_with_those_it_has():
     )
 
 
-def failing(error):
+def failing_reference(error):
     """A reference that raises this error."""
 
     def solve(*_, length=1.0):
@@ -375,9 +400,15 @@ def failing(error):
     return SimpleNamespace(solve=solve)
 
 
-def test_a_model_that_a_reference_does_not_cover_is_at_fault_itself():
-    assert wrong(
-        call_reference, FOURBAR, "sweep", failing(NotCovered("it has a tendon")), X, None, {}
+def test_a_model_that_a_reference_does_not_cover_is_an_error_of_the_model():
+    assert error_of(
+        call_reference,
+        FOURBAR,
+        "sweep",
+        failing_reference(NotCovered("it has a tendon")),
+        X,
+        None,
+        {},
     ) == (
         FOURBAR.model_path,
         "",
@@ -395,50 +426,53 @@ def test_a_model_that_a_reference_does_not_cover_is_at_fault_itself():
         (PENDULUM, {}, "parameters", "model"),
     ],
 )
-def test_what_a_reference_refuses_is_an_error_of_what_it_was_given(
+def test_an_error_of_a_reference_is_reported_at_the_input_at_fault(
     error, case, parameters, key, at_fault
 ):
     """The error is one of the parameters if there are any, otherwise of the drives or the model."""
-    assert wrong(call_reference, case, "sweep", failing(error), X, None, parameters, key) == (
+    assert error_of(
+        call_reference, case, "sweep", failing_reference(error), X, None, parameters, key
+    ) == (
         case.file,
         at_fault,
         "too short",
     )
 
 
-def test_another_error_of_a_reference_is_no_bad_input():
+def test_an_unexpected_error_of_a_reference_is_not_bad_input():
     with pytest.raises(KeyError):
-        call_reference(FOURBAR, "sweep", failing(KeyError("bug")), X, None, {})
+        call_reference(FOURBAR, "sweep", failing_reference(KeyError("bug")), X, None, {})
 
 
-def test_the_quantities_of_a_closed_form_are_those_of_its_parameters(monkeypatch):
-    told = []
-    monkeypatch.setattr(reference, "load_reference", lambda case: listening(told, a=X))
+def test_a_closed_form_is_evaluated_at_the_given_parameters(monkeypatch):
+    calls = []
+    monkeypatch.setattr(reference, "load_reference", lambda case: recording_reference(calls, a=X))
     found = all_quantities(FOURBAR, "sweep", X, None, {"length": 2.0})
     assert {name: found[name] for name in found if "drive." not in name} == {"a": X}
-    assert told[0][1] == 2.0
+    assert calls[0][1] == 2.0
     for key in ("parameters", "compare_with.'x'.parameters"):
         named = {} if key == "parameters" else {"key": key}
         assert (
-            wrong(all_quantities, FOURBAR, "sweep", X, None, {"no": 2.0}, **named)[1] == f"{key}.no"
+            error_of(all_quantities, FOURBAR, "sweep", X, None, {"no": 2.0}, **named)[1]
+            == f"{key}.no"
         )
 
 
-def test_the_quantities_of_a_recorded_curve_are_its_columns_as_far_as_a_run_came(monkeypatch):
+def test_columns_of_a_recorded_curve_end_with_the_samples_of_the_run(monkeypatch):
     motion = dict.fromkeys(("theta2", "omega2", "alpha2"), ("rad", 0.0, 0.0, 0.0))
-    made(monkeypatch, a=("m", 1.0, 2.0, 3.0), b=("s", 4.0, 5.0, 6.0), **motion)
+    use_recorded_curve(monkeypatch, a=("m", 1.0, 2.0, 3.0), b=("s", 4.0, 5.0, 6.0), **motion)
     found = all_quantities(RECORDED, "sweep", X[:2], None, {})
     assert {name: found[name].tolist() for name in ("a", "b")} == {
         "a": [1.0, 2.0],
         "b": [4.0, 5.0],
     }
     words = "the reference is a recorded curve, which has none"
-    assert wrong(all_quantities, RECORDED, "sweep", X, None, {"a": 1.0}) == (
+    assert error_of(all_quantities, RECORDED, "sweep", X, None, {"a": 1.0}) == (
         RECORDED.file,
         "parameters",
         words,
     )
-    assert wrong(
+    assert error_of(
         all_quantities, RECORDED, "sweep", X, None, {"a": 1.0}, "compare_with.'x'.parameters"
     ) == (
         RECORDED.file,
@@ -447,9 +481,9 @@ def test_the_quantities_of_a_recorded_curve_are_its_columns_as_far_as_a_run_came
     )
 
 
-def test_channels_are_quantities_times_their_scale_and_shifted_in_their_unit(monkeypatch):
-    closed(monkeypatch)
-    case = but(
+def test_channels_are_scaled_and_shifted_quantities_in_their_unit(monkeypatch):
+    use_closed_form(monkeypatch)
+    case = with_tables(
         FOURBAR,
         channels={
             "level": Channel(equals=5.0, unit="mm", scale=3.0, shift=2.0),
@@ -467,39 +501,39 @@ def test_channels_are_quantities_times_their_scale_and_shifted_in_their_unit(mon
     }
 
 
-def test_a_quantity_that_a_reference_lacks_is_named_with_those_it_has(monkeypatch):
-    closed(monkeypatch)
-    case = but(FOURBAR, channels={"rate": Channel(equals="crnk", unit="m")})
-    assert wrong(reference_channels, case, X, {"crank": X, "rocker": X}) == (
+def test_an_unknown_quantity_of_a_channel_is_reported(monkeypatch):
+    use_closed_form(monkeypatch)
+    case = with_tables(FOURBAR, channels={"rate": Channel(equals="crnk", unit="m")})
+    assert error_of(reference_channels, case, X, {"crank": X, "rocker": X}) == (
         FOURBAR.file,
         "channels.rate.equals",
         "no quantity 'crnk'; did you mean 'crank'? there are: crank, rocker",
     )
 
 
-def test_a_channel_of_a_recorded_curve_has_its_column_and_its_quantity(monkeypatch):
-    curve = made(monkeypatch, a=("m", 1.0, 2.0, 3.0))
-    case = but(RECORDED, channels={"x": Channel(equals="a", unit="mm")})
+def test_a_channel_of_a_recorded_curve_needs_a_column_of_its_quantity(monkeypatch):
+    curve = use_recorded_curve(monkeypatch, a=("m", 1.0, 2.0, 3.0))
+    case = with_tables(RECORDED, channels={"x": Channel(equals="a", unit="mm")})
     assert reference_channels(case, X, curve.columns)["x"].tolist() == [1.0, 2.0, 3.0]
-    angle = but(RECORDED, channels={"x": Channel(equals="a", unit="deg")})
-    assert wrong(reference_channels, angle, X, curve.columns) == (
+    angle = with_tables(RECORDED, channels={"x": Channel(equals="a", unit="deg")})
+    assert error_of(reference_channels, angle, X, curve.columns) == (
         RECORDED.file,
         "channels.x.equals",
         "column 'a' of hacksaw_recorded.csv is in m (SI), the channel in deg",
     )
-    failed = but(RECORDED, channels={"x": Channel(equals="aa", unit="m")})
-    assert wrong(reference_channels, failed, X, curve.columns) == (
+    failed = with_tables(RECORDED, channels={"x": Channel(equals="aa", unit="m")})
+    assert error_of(reference_channels, failed, X, curve.columns) == (
         RECORDED.file,
         "channels.x.equals",
         "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a",
     )
 
 
-def test_a_column_is_asked_for_with_its_quantity_or_without(monkeypatch):
-    curve = made(monkeypatch, a=("m", 1.0, 2.0, 3.0))
+def test_a_column_is_read_with_or_without_a_unit(monkeypatch):
+    curve = use_recorded_curve(monkeypatch, a=("m", 1.0, 2.0, 3.0))
     for unit in (None, "m", "mm"):
         assert recorded_column(RECORDED, curve, "key", "a", unit) is curve.columns["a"]
-    assert wrong(recorded_column, RECORDED, curve, "key", "a", "rad")[1] == "key"
+    assert error_of(recorded_column, RECORDED, curve, "key", "a", "rad")[1] == "key"
 
 
 def test_a_reference_is_evaluated_at_its_parameters_and_at_changed_ones():
@@ -512,12 +546,12 @@ def test_a_reference_is_evaluated_at_its_parameters_and_at_changed_ones():
     np.testing.assert_allclose(twice.channels["kinetic"], 2 * once.channels["kinetic"], rtol=1e-14)
 
 
-def test_facts_are_of_the_parameters_or_of_those_beside(monkeypatch):
+def test_properties_are_those_of_the_case_or_of_compared_parameters(monkeypatch):
     def tell(*, length, mode=1):
         return {"length": f"{length:g} m"}
 
-    closed(monkeypatch, properties=tell)
-    case = but(
+    use_closed_form(monkeypatch, properties=tell)
+    case = with_tables(
         FOURBAR,
         parameters={"length": 2.0, "mode": -1},
         compare_with={
@@ -528,34 +562,34 @@ def test_facts_are_of_the_parameters_or_of_those_beside(monkeypatch):
     assert properties(case) == {"length": "2 m"}
     assert properties(case, "x") == {"length": "3 m"}
     assert properties(case, "bad") == {}, "errors of the parameters are reported by the runs"
-    closed(monkeypatch)
+    use_closed_form(monkeypatch)
     assert properties(case) == {}
 
 
-def test_parameters_that_cannot_be_have_no_facts(monkeypatch):
+def test_impossible_parameters_have_no_properties(monkeypatch):
     def tell(**_):
         raise ValueError("too short")
 
-    closed(monkeypatch, properties=tell)
+    use_closed_form(monkeypatch, properties=tell)
     assert properties(FOURBAR) == {}
 
 
-def test_modes_are_those_of_the_reference_if_it_has_such_a_choice():
+def test_assembly_modes_are_those_of_the_reference_if_it_has_any():
     assert assembly_modes(FOURBAR) == (1, -1)
     assert assembly_modes(PENDULUM) == ()
     assert assembly_modes(RECORDED) == ()
 
 
-def test_a_model_is_compiled_once_and_again_when_its_file_or_its_rods_have_changed(models):
+def test_a_model_is_compiled_again_only_if_its_file_or_its_rods_change(models):
     case = load_case(models / "pendulum.toml")
     first = compiled_model(case)
-    assert compiled_model(but(case, title="another")) is first
+    assert compiled_model(with_tables(case, title="another")) is first
     before = case.model_path.stat().st_mtime_ns
     case.model_path.write_text(case.model_path.read_text().replace('mass="1"', 'mass="3"'))
     os.utime(case.model_path, ns=(before + 1, before + 1))
     assert compiled_model(case).body("bob").mass == 3 * first.body("bob").mass
     finer = ROD.rod["rod"].model_copy(update={"segments": 7})
-    assert compiled_model(but(ROD, rod={"rod": finer})).nbody < compiled_model(ROD).nbody
+    assert compiled_model(with_tables(ROD, rod={"rod": finer})).nbody < compiled_model(ROD).nbody
 
 
 def test_a_rod_that_cannot_be_built_is_an_error_of_the_sidecar(monkeypatch):
@@ -563,12 +597,12 @@ def test_a_rod_that_cannot_be_built_is_an_error_of_the_sidecar(monkeypatch):
         raise BadRod("beam", "from", "no site 'clmp'")
 
     monkeypatch.setattr(reference, "compile_once", fail)
-    assert wrong(compiled_model, ROD) == (ROD.file, "rod.beam.from", "no site 'clmp'")
+    assert error_of(compiled_model, ROD) == (ROD.file, "rod.beam.from", "no site 'clmp'")
 
 
-def test_a_model_that_cannot_be_compiled_is_named_once(monkeypatch):
+def test_a_compilation_error_names_the_model_once(monkeypatch):
     def fail(*_):
         raise BadModel("fourbar.xml: XML Error: line 3")
 
     monkeypatch.setattr(reference, "compile_once", fail)
-    assert wrong(compiled_model, FOURBAR) == (FOURBAR.model_path, "", "XML Error: line 3")
+    assert error_of(compiled_model, FOURBAR) == (FOURBAR.model_path, "", "XML Error: line 3")

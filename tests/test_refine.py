@@ -17,29 +17,29 @@ from proofmass.sim.protocol import Curves
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES
 
-FILE = "rod_cantilever.toml"
+CANTILEVER_FILE = "rod_cantilever.toml"
 SEGMENTS = 5, 10, 20
 Edit = Callable[..., Path]
 
 
 @pytest.fixture
-def few(edit: Edit) -> Path:
+def short_study(edit: Edit) -> Path:
     """The cantilever in both engines, with few segments.
 
     The limit of its tip is off by the term of h^4, for which 1e-5 m is allowed.
     """
-    edit(FILE, r"segments = \[10, 20, 40, 80\]", f"segments = {list(SEGMENTS)}")
-    edit(FILE, r"between = \[20, 40\]\n", "")
-    return edit(FILE, "richardson = 1e-6", "richardson = 1e-5")
+    edit(CANTILEVER_FILE, r"segments = \[10, 20, 40, 80\]", f"segments = {list(SEGMENTS)}")
+    edit(CANTILEVER_FILE, r"between = \[20, 40\]\n", "")
+    return edit(CANTILEVER_FILE, "richardson = 1e-6", "richardson = 1e-5")
 
 
 @pytest.fixture
-def alone(few: Path, edit: Edit) -> Path:
+def mujoco_study(short_study: Path, edit: Edit) -> Path:
     """The cantilever with few segments in MuJoCo alone."""
-    return edit(FILE, r'"mujoco", "pymunk"', '"mujoco"')
+    return edit(CANTILEVER_FILE, r'"mujoco", "pymunk"', '"mujoco"')
 
 
-def verdicts(file: Path) -> dict[str, list[Comparison]]:
+def refinement_by_outcome(file: Path) -> dict[str, list[Comparison]]:
     """The comparisons of the refinement by outcome, without those of the run itself."""
     found: dict[str, list[Comparison]] = {}
     for task in refinement_runs(load_case(file)):
@@ -48,17 +48,17 @@ def verdicts(file: Path) -> dict[str, list[Comparison]]:
     return found
 
 
-def studied(
-    off: Callable[[int, Array], Array], **asked: object
+def study_synthetic_runs(
+    error: Callable[[int, Array], Array], **keys: object
 ) -> tuple[RefinementStudy, list[Comparison]]:
     """A study of synthetic runs, and its comparisons.
 
-    The curves are those of the reference plus an error, ``off(segments, arc lengths)``.  Keywords
+    The curves are those of the reference plus an error, ``error(segments, arc lengths)``.  Keywords
     replace keys of `[refine]`.
     """
-    case = load_case(shipped(FILE))
+    case = load_case(shipped(CANTILEVER_FILE))
     assert case.refine is not None
-    case = case.model_copy(update={"refine": case.refine.model_copy(update=asked)})
+    case = case.model_copy(update={"refine": case.refine.model_copy(update=keys)})
     found: list[Comparison] = []
     for task in refinement_runs(case):
         if task.solver == "mujoco":
@@ -66,7 +66,7 @@ def studied(
             truth = evaluate(task.case, "equilibrium", s, None).channels
             curves = Curves(
                 s,
-                {name: y + off(task.segments, s) for name, y in truth.items()},
+                {name: y + error(task.segments, s) for name, y in truth.items()},
                 seconds=0.1,
                 steps=1,
             )
@@ -77,15 +77,15 @@ def studied(
     return study, found
 
 
-def power(p: float, size: float = 1.0) -> Callable[[int, Array], Array]:
+def power_law_error(p: float, size: float = 1.0) -> Callable[[int, Array], Array]:
     """An error of order p, proportional to the arc length."""
     return lambda n, s: size * s * float(n) ** -p
 
 
-def test_both_engines_show_the_order_and_the_limit(few):
+def test_both_engines_show_the_order_and_the_limit(short_study):
     """With half a link at the clamp the order is 2, and the error of the limit is of h^4."""
     labels = []
-    result = check([few], progress=lambda label, *_: labels.append(label), detectable=False)
+    result = check([short_study], progress=lambda label, *_: labels.append(label), detectable=False)
     rows = [c for c in result.comparisons if c.run == "refine"]
     assert {(c.solver, c.outcome) for c in rows} == {(name, "agrees") for name in ENGINES}
     assert {c.channel for c in rows} == {
@@ -105,13 +105,13 @@ def test_both_engines_show_the_order_and_the_limit(few):
         assert one.seconds != two.seconds
 
 
-def test_a_naive_clamp_is_of_first_order(alone, edit):
+def test_a_naive_clamp_is_of_first_order(mujoco_study, edit):
     """The naive scheme makes half a cell at the clamp as soft as a whole one.
 
     Its error is of first order, and the extrapolated limit differs.
     """
-    edit(FILE, "segments = 40", 'segments = 40\nscheme = "naive"')
-    found = verdicts(alone)
+    edit(CANTILEVER_FILE, "segments = 40", 'segments = 40\nscheme = "naive"')
+    found = refinement_by_outcome(mujoco_study)
     assert set(found) == {"differs"}
     orders = [c for c in found["differs"] if c.channel.startswith("order")]
     assert len(orders) == 3
@@ -124,18 +124,18 @@ def test_a_naive_clamp_is_of_first_order(alone, edit):
     ("old", "new"),
     [("stiffness = 1.0 +#", "stiffness = 1.02 #"), ("force_y = 10.0", "force_y = 10.5")],
 )
-def test_a_wrong_reference_is_never_reached(old, new, alone, edit):
+def test_a_wrong_reference_differs_in_orders_and_limits(old, new, mujoco_study, edit):
     """The errors level off at the error of the reference."""
-    edit(FILE, old, new)
-    found = verdicts(alone)
+    edit(CANTILEVER_FILE, old, new)
+    found = refinement_by_outcome(mujoco_study)
     assert "agrees" not in found
     assert {c.channel for c in found["differs"]} >= {"order of rod.x", "limit of rod.y"}
 
 
-def test_directions_of_a_circle_show_no_order(edit):
+def test_exact_angles_of_a_circle_show_no_order(edit):
     """The angles are exact, which is reported; the positions are those of a polygon."""
     edit("rod_into_circle.toml", '"mujoco", "pymunk"', '"mujoco"')
-    found = verdicts(
+    found = refinement_by_outcome(
         edit("rod_into_circle.toml", r"segments = \[10, 20, 40\]", "segments = [4, 8]")
     )
     assert [c.channel for c in found["agrees"]] == ["order of rod.x", "order of rod.y"]
@@ -144,14 +144,14 @@ def test_directions_of_a_circle_show_no_order(edit):
     assert "left to rounding" in exact.message
 
 
-def test_each_pair_counts():
+def test_the_order_of_each_pair_of_runs_counts():
     """The order is 2 for the first pairs of runs and 1.8 for the last one, which differs."""
-    assert {c.outcome for c in studied(power(2.0))[1]} == {"agrees"}
+    assert {c.outcome for c in study_synthetic_runs(power_law_error(2.0))[1]} == {"agrees"}
 
     def late(n: int, s: Array) -> Array:
-        return power(2.0)(n, s) * (2**0.2 if n == 80 else 1.0)
+        return power_law_error(2.0)(n, s) * (2**0.2 if n == 80 else 1.0)
 
-    found = [c for c in studied(late)[1] if c.channel.startswith("order")]
+    found = [c for c in study_synthetic_runs(late)[1] if c.channel.startswith("order")]
     assert [(c.outcome, c.at) for c in found] == [("differs", 80)] * 3
     assert found[0].error_max == pytest.approx(0.2, rel=1e-9)  # rounding of the differences
     assert found[0].message == "2 x the allowed error, order 1.8 from 40 to 80 segments"
@@ -160,7 +160,9 @@ def test_each_pair_counts():
 def test_a_higher_order_than_asked_for_differs():
     """An order that is too high differs as well as one that is too low."""
     assert all(
-        c.outcome == "differs" for c in studied(power(3.0))[1] if c.channel.startswith("order")
+        c.outcome == "differs"
+        for c in study_synthetic_runs(power_law_error(3.0))[1]
+        if c.channel.startswith("order")
     )
 
 
@@ -171,19 +173,19 @@ def test_a_nan_differs(bad):
     def off(n: int, s: Array) -> Array:
         return np.where(s == s[-1], np.nan, 0.0) if n == bad else 0 * s
 
-    found = studied(off)[1]
+    found = study_synthetic_runs(off)[1]
     orders = [c for c in found if c.channel.startswith("order")]
     assert [c.outcome for c in orders] == ["differs"] * 3
     assert "not a number" in orders[0].message
     limits = [
         c.outcome
-        for c in studied(off, between=(10, 20) if bad == 10 else (40, 80))[1]
+        for c in study_synthetic_runs(off, between=(10, 20) if bad == 10 else (40, 80))[1]
         if c.channel.startswith("limit")
     ]
     assert limits == ["differs"] * 2
 
 
-def test_errors_at_the_wall_do_not_count():
+def test_errors_at_the_error_floor_do_not_count():
     """Pairs with an error below the error floor, 1e-9 m, do not count.
 
     The errors are of second order, but at least 3e-10 of the arc length, as with rounding, so that
@@ -191,35 +193,42 @@ def test_errors_at_the_wall_do_not_count():
     """
 
     def off(n: int, s: Array) -> Array:
-        return np.maximum(power(2.0, 1e-6)(n, s), 3e-10 * s)
+        return np.maximum(power_law_error(2.0, 1e-6)(n, s), 3e-10 * s)
 
-    found = {c.channel: c for c in studied(off)[1]}["order of rod.x"]
+    found = {c.channel: c for c in study_synthetic_runs(off)[1]}["order of rod.x"]
     assert (found.outcome, found.at) == ("agrees", 20)
     assert found.message.endswith("errors up to 1e-09 m are left to rounding")
-    lower = {c.channel: c for c in studied(off, error_floor=1e-12)[1]}["order of rod.x"]
+    lower = {c.channel: c for c in study_synthetic_runs(off, error_floor=1e-12)[1]}[
+        "order of rod.x"
+    ]
     assert lower.outcome == "differs"
     assert "from 40 to 80" in lower.message
 
 
 @pytest.mark.parametrize(("between", "fine"), [((20, 40), 40), (None, 80)])
-def test_the_limit_lacks_the_next_order(between, fine):
+def test_the_error_of_the_limit_is_of_the_next_order(between, fine):
     """The limit of an error a h^2 + b h^4 is off by -b h1^2 h2^2, with h1 = 2 h2."""
 
     def off(n: int, s: Array) -> Array:
         return s * (0.1 * n**-2.0 + 5.0 * n**-4.0)
 
-    left = 4 * 5.0 * fine**-4.0
+    limit_error = 4 * 5.0 * fine**-4.0
     for share, outcome in ((1.01, "agrees"), (0.99, "differs")):
-        found = {c.channel: c for c in studied(off, between=between, richardson=share * left)[1]}
+        found = {
+            c.channel: c
+            for c in study_synthetic_runs(off, between=between, richardson=share * limit_error)[1]
+        }
         limit = found["limit of rod.x"]
         assert (limit.outcome, limit.at, limit.unit) == (outcome, 1.0, "m")
-        assert limit.error_max == pytest.approx(left, rel=1e-6, abs=0)  # rounding, divided by h^4
+        assert limit.error_max == pytest.approx(
+            limit_error, rel=1e-6, abs=0
+        )  # rounding, divided by h^4
         assert "limit of rod.angle" not in found
 
 
-def test_a_lost_run_loses_the_study():
+def test_a_failed_run_is_the_outcome_of_the_study():
     """The outcome of the study names the number of segments of the failed run and its reason."""
-    study, _ = studied(power(2.0))
+    study, _ = study_synthetic_runs(power_law_error(2.0))
     failed = Comparison(
         "rod_cantilever",
         "mujoco",
@@ -237,7 +246,7 @@ def test_a_lost_run_loses_the_study():
     ]
 
 
-BAD = {
+BAD_TABLES = {
     "falling": (r"segments = \[.*", "segments = [20, 10]", "must rise, from 2 or more"),
     "one link": (r"segments = \[.*", "segments = [1, 10]", "must rise, from 2 or more"),
     "alone": (r"segments = \[.*", "segments = [10]", "at least 2 items"),
@@ -254,16 +263,16 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("old", "new", "words"), BAD.values(), ids=BAD)
-def test_bad_tables_are_named(old, new, words, edit):
+@pytest.mark.parametrize(("old", "new", "words"), BAD_TABLES.values(), ids=BAD_TABLES)
+def test_bad_tables_of_refine_are_reported(old, new, words, edit):
     """The error names the key and what would be right, and nothing is run."""
-    result = check([edit(FILE, old, new, count=1)])
+    result = check([edit(CANTILEVER_FILE, old, new, count=1)])
     assert (result.exit_code, result.comparisons) == (2, [])
     assert "rod_cantilever.toml: refine" in str(result.errors[0])
     assert words in str(result.errors[0])
 
 
-def test_only_rods_are_refined(edit):
+def test_a_case_without_rods_cannot_be_refined(edit):
     """A linkage has no rods, and so no segments."""
     file = edit(
         "fourbar.toml",
@@ -275,12 +284,12 @@ def test_only_rods_are_refined(edit):
 
 
 @pytest.mark.parametrize(("segments", "n"), [((10, 20, 40, 80), 11), ((6, 9), 4)])
-def test_samples_have_their_places_on_the_links(segments, n, edit):
+def test_samples_are_common_to_all_numbers_of_segments(segments, n, edit):
     """The samples are places that the chains of all numbers of segments have in common.
 
     They do not depend on the samples of the run itself.
     """
-    case = load_case(edit(FILE, "n = 41", "n = 41\nuntil = 0.5"))
+    case = load_case(edit(CANTILEVER_FILE, "n = 41", "n = 41\nuntil = 0.5"))
     refine = case.refine.model_copy(update={"segments": segments, "between": None})
     tasks = list(refinement_runs(case.model_copy(update={"refine": refine})))
     assert tuple(t.case.rod["rod"].segments for t in tasks) == segments * 2
@@ -288,18 +297,18 @@ def test_samples_have_their_places_on_the_links(segments, n, edit):
         np.testing.assert_array_equal(run_samples(task.case, "equilibrium"), np.linspace(0, 1, n))
 
 
-def report_of(folder: Path, off: Callable[[int, Array], Array]) -> str:
+def page_of_synthetic_study(folder: Path, error: Callable[[int, Array], Array]) -> str:
     """The page of the case with a synthetic study, without a run of the case itself."""
-    study, found = studied(off)
+    study, found = study_synthetic_runs(error)
     result = Result(cases=[study.case], comparisons=found, refined=study.rows())
     write_report(result, folder)
     return (folder / "rod_cantilever.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("p", [2.0, 1.5])
-def test_the_page_shows_it(p, tmp_path):
+def test_the_page_shows_orders_and_outcomes(p, tmp_path):
     """The page has the figure, the orders and the outcomes; a wrong order is in the headline."""
-    page = report_of(tmp_path, power(p))
+    page = page_of_synthetic_study(tmp_path, power_law_error(p))
     assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()
     table = page[page.index("Refinement: the run with more") :]
     assert table.count(f"<td>{p:g}</td>") >= 9  # three pairs of runs, three channels
@@ -307,16 +316,16 @@ def test_the_page_shows_it(p, tmp_path):
     assert ("MuJoCo differs in its order of convergence" in page) == (p != 2.0)
 
 
-def test_a_nan_is_drawn_beside(tmp_path):
+def test_a_nan_does_not_prevent_the_figure(tmp_path):
     """Errors that are NaN in one run do not prevent the figure of the others."""
-    page = report_of(tmp_path, lambda n, s: s * (np.nan if n == 20 else n**-2.0))
+    page = page_of_synthetic_study(tmp_path, lambda n, s: s * (np.nan if n == 20 else n**-2.0))
     assert "not a number somewhere" in page
     assert (tmp_path / "figures" / "rod_cantilever-refine.svg").is_file()
 
 
-def test_pytest_judges_it_as_well(alone, edit, pytester):
+def test_pytest_fails_a_wrong_order_too(mujoco_study, edit, pytester):
     """An item of pytest fails where a check reports a wrong order."""
-    edit(FILE, "within = 0.1", "within = 1e-3")
-    run = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-n", "0", str(alone))
+    edit(CANTILEVER_FILE, "within = 0.1", "within = 1e-3")
+    run = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-n", "0", str(mujoco_study))
     run.assert_outcomes(failed=1)
     run.stdout.fnmatch_lines(["*refine order of rod.x: differs; *order 1.9* from 5 to 10 segm*"])

@@ -15,8 +15,8 @@ import pytest
 from tests.shipped import shipped
 
 ROOT = Path(__file__).parent.parent
-NAMES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
-SOLVED = """
+THREAD_VARIABLES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
+SOLVE_PROGRAM = """
 import numpy as np
 from proofmass.worker import call_isolated
 rows = np.random.default_rng(0).normal(size=(400, 400))
@@ -25,7 +25,7 @@ answers = [call_isolated(np.linalg.solve, rows, rows[0], timeout=60.0),
 print([answer.tobytes().hex() for answer in answers])
 """
 
-REFERENCE = """
+REFERENCE_MODULE = """
 import numpy as np
 def solve(angle, rate, acceleration):
     rows = np.random.default_rng(0).normal(size=(400, 400))
@@ -41,7 +41,7 @@ run.sweep = { n = 100, solvers = ["mujoco"] }
 channels.rocker = { equals = "solved", unit = "rad" }
 unchecked = true
 """
-GATHERED = """
+GATHER_PROGRAM = """
 import numpy as np
 from proofmass import Curves, load_case
 from proofmass.check import Result
@@ -57,9 +57,13 @@ print([one.channels["rocker"].tobytes().hex() for one in (wanted, run.reference[
 """
 
 
-def printed(threads: int, *command: str, folder: Path = ROOT) -> str:
+def program_output(threads: int, *command: str, folder: Path = ROOT) -> str:
     """Standard output of a command of Python, with this number of threads for BLAS."""
-    environment = {**os.environ, **dict.fromkeys(NAMES, str(threads)), "PYTHONPATH": str(folder)}
+    environment = {
+        **os.environ,
+        **dict.fromkeys(THREAD_VARIABLES, str(threads)),
+        "PYTHONPATH": str(folder),
+    }
     done = subprocess.run(
         [sys.executable, *command],
         cwd=folder,
@@ -72,12 +76,12 @@ def printed(threads: int, *command: str, folder: Path = ROOT) -> str:
     return done.stdout
 
 
-ON_TWO = pytest.mark.skipif(
+NEEDS_TWO_PROCESSORS = pytest.mark.skipif(
     (os.cpu_count() or 1) < 2, reason="BLAS takes one thread on one processor"
 )
 
 
-EVALUATED = """
+EVALUATE_PROGRAM = """
 import sys
 from proofmass import load_case
 from proofmass.compare import run_reference
@@ -98,36 +102,40 @@ print([curve.tobytes().hex() for at in (state, near)
 
 
 @pytest.mark.parametrize("name", [pytest.param("pfr3", marks=pytest.mark.slow), "rfr2_driven"])
-def test_a_reference_is_the_same_to_the_bit_whatever_was_evaluated_before(name):
+def test_a_reference_does_not_depend_on_evaluations_before(name):
     """A search starts from a stored result nearby, but only from one of the same run."""
     sidecar = str(shipped(f"{name}.toml"))
-    first, later = (printed(1, "-c", EVALUATED, sidecar, *more) for more in ((), ("before",)))
+    first, later = (
+        program_output(1, "-c", EVALUATE_PROGRAM, sidecar, *more) for more in ((), ("before",))
+    )
     assert first == later
 
 
-@ON_TWO
+@NEEDS_TWO_PROCESSORS
 def test_workers_solve_equations_to_the_same_bits_with_any_number_of_threads():
     """Workers override the number of threads that the environment asks for."""
-    one, two = (printed(threads, "-c", SOLVED) for threads in (1, 2))
+    one, two = (program_output(threads, "-c", SOLVE_PROGRAM) for threads in (1, 2))
     assert one == two
 
 
-@ON_TWO
+@NEEDS_TWO_PROCESSORS
 @pytest.mark.slow
-def test_reports_and_studies_have_references_to_the_same_bits_with_any_number_of_threads(tmp_path):
+def test_reports_have_the_same_references_with_any_number_of_threads(tmp_path):
     """The reference solves 400 equations; its module is in a folder that is put on the path."""
-    (tmp_path / "solved.py").write_text(REFERENCE)
+    (tmp_path / "solved.py").write_text(REFERENCE_MODULE)
     (tmp_path / "solved.toml").write_text(SIDECAR)
     (tmp_path / "fourbar.xml").write_bytes(shipped("fourbar.xml").read_bytes())
     (tmp_path / "sitecustomize.py").write_text(
         f"import sys; sys.path.append({str(ROOT)!r}); sys.path.append({str(tmp_path)!r}); "
         "from proofmass.analytic import REFERENCES; REFERENCES['solved'] = 'solved'"
     )
-    one, two = (printed(threads, "-c", GATHERED, folder=tmp_path) for threads in (1, 2))
+    one, two = (
+        program_output(threads, "-c", GATHER_PROGRAM, folder=tmp_path) for threads in (1, 2)
+    )
     assert one == two
 
 
-def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side_by_side(tmp_path):
+def test_check_gives_the_same_digits_with_any_number_of_threads_and_jobs(tmp_path):
     """The digits are the same with one thread and one job as with two of each and reversed cases.
 
     One case is rigid.  In the others engines find the equilibrium of chains of rods: those of 50
@@ -151,7 +159,7 @@ def test_check_gives_the_same_digits_with_any_number_of_threads_and_of_runs_side
     found = []
     for threads, jobs, order in ((1, 1, 1), (2, 2, -1)):
         rows = json.loads(
-            printed(
+            program_output(
                 threads, "-m", "proofmass", "check", "--json", "--jobs", str(jobs), *models[::order]
             )
         )["comparisons"]

@@ -17,50 +17,52 @@ from proofmass.sim.protocol import OwnMotion, OwnRun
 TIMES = np.linspace(0.0, 1.0, 101)
 STEPS = [2e-3 / 2**k for k in range(7)]
 SIZE = 2.0  # m
-OFF = 0.05  # error per second of motion with a step of 2 ms [m/s]
+ERROR_RATE = 0.05  # error per second of motion with a step of 2 ms [m/s]
 
 
-def run(off, name="Euler, 2 ms", step=2e-3, seconds=1.0, **changed):
+def make_run(error, name="Euler, 2 ms", step=2e-3, seconds=1.0, **changed):
     """A run of a body that moves along x at 1 m/s, with an error [m] at each time."""
     points = np.zeros((TIMES.size, 1, 3, 3))
-    points[:, 0, :, 0] = (TIMES + off)[:, None]
+    points[:, 0, :, 0] = (TIMES + error)[:, None]
     return OwnRun(name, step, seconds, points, TIMES, 0 * TIMES, 0 * TIMES, **changed)
 
 
-def motion(order=1.0, spread=0.0, **changed):
+def make_motion(order=1.0, spread=0.0, **changed):
     """A motion that is solved in several ways.
 
     Its steps converge with an order, DOP853 has an error of 1e-10 m/s, and a disturbance grows as
     exp(spread t), with `spread` in 1/s.
     """
     runs = tuple(
-        run(OFF * TIMES * (step / 2e-3) ** order, f"Euler, {1e3 * step:.4g} ms", step, 2.0**k)
+        make_run(
+            ERROR_RATE * TIMES * (step / 2e-3) ** order, f"Euler, {1e3 * step:.4g} ms", step, 2.0**k
+        )
         for k, step in enumerate(STEPS)
     )
-    disturbed = run(runs[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * np.exp(spread * TIMES))
-    own = OwnMotion(
+    disturbed = make_run(runs[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * np.exp(spread * TIMES))
+    solved = OwnMotion(
         TIMES,
         SIZE,
         runs,
-        run(1e-10 * TIMES, "DOP853 at 1e-9", 0.0),
-        run(1e-7 * TIMES, "DOP853 at 1e-6", 0.0),
+        make_run(1e-10 * TIMES, "DOP853 at 1e-9", 0.0),
+        make_run(1e-7 * TIMES, "DOP853 at 1e-6", 0.0),
         4,
         disturbed,
-        (run(1e-4 * TIMES, "RK4, 2 ms", seconds=3.0),),
+        (make_run(1e-4 * TIMES, "RK4, 2 ms", seconds=3.0),),
         None,
         1,
     )
-    return replace(own, **changed)
+    return replace(solved, **changed)
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0])
 def test_a_motion_that_converges_is_known_to_its_end(order):
     """The error, the uncertainty, the cheapest better setting and the words of a good motion."""
-    rung = Rung(motion(order))
+    rung = Rung(make_motion(order))
     assert rung.until == 1.0
     assert rung.order == pytest.approx(order, abs=0.01)
-    assert rung.error(rung.motion.runs[0]) == pytest.approx(OFF, rel=1e-6)
-    assert rung.known == pytest.approx(OFF / 2 ** (6 * order), rel=1e-5)
+    assert rung.error(rung.motion.runs[0]) == pytest.approx(ERROR_RATE, rel=1e-6)
+    assert rung.known == pytest.approx(ERROR_RATE / 2 ** (6 * order), rel=1e-5)
     better = rung.better()
     assert (better.name, better.times) == ("RK4, 2 ms", 3.0)
     (cheaper,) = [rung.motion.others[0]]
@@ -70,14 +72,16 @@ def test_a_motion_that_converges_is_known_to_its_end(order):
     assert Rung(few).better().name == "Euler, 1 ms"
     words = rung.words()
     known = "781 µm" if order == 1 else "12 µm"
-    said = f"until 1 s, its end, known to {known} and off by 50 mm as it is (Euler, 2 ms). Steps"
-    assert words.startswith(said)
+    beginning = (
+        f"until 1 s, its end, known to {known} and off by 50 mm as it is (Euler, 2 ms). Steps"
+    )
+    assert words.startswith(beginning)
     assert f"converge with order {order:g}, DOP853 at 1e-9 agrees with the finest and" in words
 
 
-def test_a_clock_that_is_too_coarse_tells_no_cost():
+def test_a_coarse_clock_gives_no_ratio_of_times():
     """Some clocks count in ticks of 16 ms, so that a short motion takes a time of zero."""
-    own = motion()
+    own = make_motion()
     assert " × the time" in Rung(own).words()
     ticks = tuple(replace(one, seconds=0.0) for one in own.runs)
     rung = Rung(replace(own, runs=ticks))
@@ -85,12 +89,12 @@ def test_a_clock_that_is_too_coarse_tells_no_cost():
     assert " × the time" not in rung.words()
 
 
-def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():
+def test_a_chaotic_motion_is_known_until_disturbance_and_steps_diverge():
     """The differences of steps and the disturbance grow as e^(30 t): 1e-9 is 1e-3 after 0.46 s."""
-    own = motion(spread=30.0)
+    own = make_motion(spread=30.0)
     grown = np.exp(30.0 * TIMES)
-    off = [run(1e-9 * SIZE * grown * 2.0**-k, step=step) for k, step in enumerate(STEPS)]
-    disturbed = run(off[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * grown)
+    off = [make_run(1e-9 * SIZE * grown * 2.0**-k, step=step) for k, step in enumerate(STEPS)]
+    disturbed = make_run(off[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * grown)
     rung = Rung(replace(own, runs=tuple(off), disturbed=disturbed))
     last = (
         np.log(AGREEMENT_SHARE / 1e-9 * 2**5) / 30.0
@@ -100,142 +104,148 @@ def test_a_chaotic_motion_is_known_until_its_disturbances_and_steps_part():
     assert rung.growth == pytest.approx(np.exp(30.0), rel=1e-6)
 
 
-def test_a_limit_that_is_wrong_in_silence_is_not_believed():
+def test_a_wrong_solution_of_dop853_is_not_used():
     """DOP853 stops moving at a force jump at 0.5 s with both of its error allowances.
 
     Its two solutions agree with each other, but not with the steps, which are used instead.
     """
     stuck = np.where(TIMES > 0.5, 0.5 - TIMES, 0.0)
-    own = motion(close=run(stuck, "DOP853 at 1e-9"), rough=run(stuck, "DOP853 at 1e-6"))
+    own = make_motion(
+        close=make_run(stuck, "DOP853 at 1e-9"), rough=make_run(stuck, "DOP853 at 1e-6")
+    )
     rung = Rung(own)
     assert rung.until == 1.0
     assert rung.best is own.runs[-1]
-    assert rung.error(own.runs[0]) == pytest.approx(OFF * (1 - 2**-6), rel=1e-6)
-    assert rung.known == pytest.approx(OFF * 2**-6, rel=0.02)
+    assert rung.error(own.runs[0]) == pytest.approx(ERROR_RATE * (1 - 2**-6), rel=1e-6)
+    assert rung.known == pytest.approx(ERROR_RATE * 2**-6, rel=0.02)
     assert "DOP853" not in rung.words()
 
 
-def test_steps_that_do_not_converge_are_ill_posed_unless_something_else_agrees():
+def test_a_motion_is_known_until_its_steps_no_longer_converge():
     """From 0.3 s on each step has a random error of up to 1 cm, although nothing is chaotic."""
     chosen = np.random.default_rng(1)
     late = TIMES > 0.3
-    runs = tuple(run(1e-6 * step + late * chosen.uniform(-1e-2, 1e-2), step=step) for step in STEPS)
-    same = run(runs[4].points[:, 0, 0, 0] - TIMES)
-    rung = Rung(motion(runs=runs, disturbed=same))
+    runs = tuple(
+        make_run(1e-6 * step + late * chosen.uniform(-1e-2, 1e-2), step=step) for step in STEPS
+    )
+    same = make_run(runs[4].points[:, 0, 0, 0] - TIMES)
+    rung = Rung(make_motion(runs=runs, disturbed=same))
     assert rung.until == pytest.approx(0.3)
     assert "finer steps do not converge there, though a disturbance grows" in rung.words()
 
 
-def test_one_of_three_is_not_enough():
+def test_one_of_three_criteria_is_not_enough():
     """A motion is known if two of the criteria `steps`, `close` and `disturbed` are met."""
-    stuck = run(0.1 * TIMES, "DOP853 at 1e-9")
-    far = run(0.2 * TIMES)
-    assert Rung(motion(close=stuck, rough=stuck)).until == 1.0
-    assert Rung(motion(disturbed=far)).until == 1.0
-    rung = Rung(motion(close=stuck, rough=stuck, disturbed=far))
+    stuck = make_run(0.1 * TIMES, "DOP853 at 1e-9")
+    far = make_run(0.2 * TIMES)
+    assert Rung(make_motion(close=stuck, rough=stuck)).until == 1.0
+    assert Rung(make_motion(disturbed=far)).until == 1.0
+    rung = Rung(make_motion(close=stuck, rough=stuck, disturbed=far))
     assert rung.until < 0.03
-    apart = run(0.1 + TIMES, "DOP853 at 1e-9")
-    none = Rung(replace(rung.motion, close=apart, rough=apart, disturbed=run(0.2 + TIMES)))
+    apart = make_run(0.1 + TIMES, "DOP853 at 1e-9")
+    none = Rung(replace(rung.motion, close=apart, rough=apart, disturbed=make_run(0.2 + TIMES)))
     assert not none.consistent
     assert none.words().startswith("no two ways of solving its motion agree at any time: ")
 
 
-def test_a_way_without_steps_that_differs_from_itself_is_not_believed():
+def test_a_solution_of_dop853_that_contradicts_itself_does_not_count():
     """DOP853 agrees with the steps with its narrow error allowance, but not with its wide one.
 
     The disturbed start leads elsewhere too, so that only one criterion is met.
     """
-    own = motion(rough=run(0.1 + TIMES, "DOP853 at 1e-6"), disturbed=run(0.2 + TIMES))
+    own = make_motion(
+        rough=make_run(0.1 + TIMES, "DOP853 at 1e-6"), disturbed=make_run(0.2 + TIMES)
+    )
     assert not Rung(own).consistent
 
 
-def test_steps_that_differ_by_little_and_do_not_converge_are_not_believed():
+def test_small_differences_of_steps_that_do_not_fall_do_not_count():
     """Every other step is 0.4 mm ahead, with a size of 2 m, and DOP853 leads elsewhere."""
-    runs = tuple(run(4e-4 * (-1) ** k + 0 * TIMES, step=step) for k, step in enumerate(STEPS))
-    stuck = run(0.1 + TIMES)
-    rung = Rung(motion(runs=runs, close=stuck, rough=stuck, disturbed=runs[4]))
+    runs = tuple(make_run(4e-4 * (-1) ** k + 0 * TIMES, step=step) for k, step in enumerate(STEPS))
+    stuck = make_run(0.1 + TIMES)
+    rung = Rung(make_motion(runs=runs, close=stuck, rough=stuck, disturbed=runs[4]))
     assert not rung.consistent
     assert "finer steps do not converge there" in rung.words()
 
 
-def test_steps_that_lead_to_another_motion_are_not_believed():
+def test_finer_steps_that_lead_to_another_motion_do_not_count():
     """The runs with the two finest steps do not move, nor does the one with a disturbed start."""
-    own = motion()
-    still = [replace(run(-TIMES), step=step) for step in STEPS[5:]]
-    apart = run(0.1 + TIMES)
-    frozen = replace(own, runs=(*own.runs[:5], *still), compared=6, disturbed=still[-1])
+    own = make_motion()
+    unmoving = [replace(make_run(-TIMES), step=step) for step in STEPS[5:]]
+    apart = make_run(0.1 + TIMES)
+    frozen = replace(own, runs=(*own.runs[:5], *unmoving), compared=6, disturbed=unmoving[-1])
     rung = Rung(replace(frozen, close=apart, rough=apart))
     assert rung.until <= 0.01
     assert "finer steps do not converge there" in rung.words()
 
 
-def test_an_error_that_goes_away_again_is_told():
+def test_an_error_that_vanishes_again_is_reported():
     """The error of a run is the largest one until T, not the one at T."""
-    own = motion()
-    there_and_back = replace(run(OFF * np.sin(np.pi * TIMES)), name="Euler, 2 ms")
+    own = make_motion()
+    there_and_back = replace(make_run(ERROR_RATE * np.sin(np.pi * TIMES)), name="Euler, 2 ms")
     rung = Rung(replace(own, runs=(there_and_back, *own.runs[1:])))
-    assert rung.error(there_and_back) == pytest.approx(OFF, rel=1e-6)
+    assert rung.error(there_and_back) == pytest.approx(ERROR_RATE, rel=1e-6)
 
 
-def test_the_softness_of_contacts_is_told_where_it_matters_more_than_the_step():
-    assert "as stiff move it by 200 mm" in Rung(motion(stiffer=stiff(0.2))).words()
-    assert "as stiff" not in Rung(motion(stiffer=stiff(1e-6))).words()
+def test_softness_of_contacts_is_reported_if_it_exceeds_the_step_error():
+    assert "as stiff move it by 200 mm" in Rung(make_motion(stiffer=stiffer_run(0.2))).words()
+    assert "as stiff" not in Rung(make_motion(stiffer=stiffer_run(1e-6))).words()
 
 
-def stiff(off):
+def stiffer_run(error):
     """A run with stiffer contacts, with an error [m/s] to the run that it is compared with."""
-    return run(motion().runs[4].points[:, 0, 0, 0] - TIMES + off * TIMES, "stiffer")
+    return make_run(make_motion().runs[4].points[:, 0, 0, 0] - TIMES + error * TIMES, "stiffer")
 
 
-def first(one, samples, **changed):
+def cut_run(one, samples, **changed):
     """The run, cut to its first samples."""
     own = {name: getattr(one, name)[:samples] for name in ("points", "energy", "depth", "gap")}
     return replace(one, **own, **changed)
 
 
-def test_what_takes_too_long_is_known_as_far_as_it_was_followed():
-    own = motion()
-    runs = own.runs[0], *(first(one, 31) for one in own.runs[1:4])
+def test_a_motion_that_takes_too_long_is_known_as_far_as_computed():
+    own = make_motion()
+    runs = own.runs[0], *(cut_run(one, 31) for one in own.runs[1:4])
     rung = Rung(replace(own, runs=runs, compared=3))
     assert rung.until == pytest.approx(0.3)
     assert "no more was followed in the time that there is" in rung.words()
 
 
-def test_a_run_that_is_failed_is_no_motion():
-    own = motion()
-    failed = first(own.runs[0], 11, stopped="MuJoCo warning badqacc")
+def test_a_failed_run_is_reported_with_its_reason_and_time():
+    own = make_motion()
+    failed = cut_run(own.runs[0], 11, stopped="MuJoCo warning badqacc")
     assert (
         why_failed(replace(own, runs=(failed, *own.runs[1:])))
         == "MuJoCo warning badqacc, after 0.1 s"
     )
-    late = first(own.runs[0], 11, stopped="its wall time was over", late=True)
+    late = cut_run(own.runs[0], 11, stopped="its wall time was over", late=True)
     assert not why_failed(replace(own, runs=(late, *own.runs[1:])))
     assert not why_failed(own)
-    finest = first(own.runs[-1], 31, stopped="not finite")
+    finest = cut_run(own.runs[-1], 31, stopped="not finite")
     rung = Rung(replace(own, runs=(*own.runs[:-1], replace(finest, name="Euler, 31 us"))))
     assert rung.until == pytest.approx(0.3)
     assert "Euler, 31 us fails: not finite" in rung.words()
 
 
-def test_points_that_move_apart_in_one_body_alone_are_seen():
+def test_a_rotation_of_one_body_alone_is_detected():
     """A body differs by a rotation: one of its three points is elsewhere, but its centre is not."""
-    own = motion()
+    own = make_motion()
     turned = np.array(own.runs[-1].points)
     turned[50:, 0, 2, 1] += 0.1 * SIZE
-    worse = replace(own, close=replace(own.close, points=turned), disturbed=run(0.1 * TIMES))
+    worse = replace(own, close=replace(own.close, points=turned), disturbed=make_run(0.1 * TIMES))
     assert Rung(worse).until < 0.5
 
 
-BALL = """<mujoco><option timestep="0.004"/><worldbody>
+FALLING_BALL = """<mujoco><option timestep="0.004"/><worldbody>
   <body name="ball" pos="0 0 10"><freejoint/><geom size="0.1"/></body>
 </worldbody></mujoco>"""
 WALL = '<geom type="plane" size="1 1 1" pos="0 0 {}"/>'
 
 
-def test_a_ball_that_falls_is_self_consistent_and_off_by_half_a_step(tmp_path):
+def test_a_falling_ball_is_self_consistent_with_the_error_of_euler(tmp_path):
     """Euler's method has an error of g t dt / 2: 20 mm after 1 s with steps of 4 ms."""
     file = tmp_path / "ball.xml"
-    file.write_text(BALL)
+    file.write_text(FALLING_BALL)
     result = check([file])
     (found,) = result.comparisons
     assert found.outcome == Outcome.SELF_CONSISTENT
@@ -245,7 +255,7 @@ def test_a_ball_that_falls_is_self_consistent_and_off_by_half_a_step(tmp_path):
     assert "RK4, 4 ms: 0 m" not in found.message
 
 
-def test_a_model_that_is_failed_says_so(tmp_path):
+def test_a_model_that_diverges_is_reported(tmp_path):
     """The model has a spring that is too stiff for its step."""
     file = tmp_path / "spring.xml"
     file.write_text(
@@ -258,26 +268,26 @@ def test_a_model_that_is_failed_says_so(tmp_path):
     assert "MuJoCo warning" in found.message
 
 
-def stopped_early() -> OwnRun:
+def interrupted_run() -> OwnRun:
     """The run of DOP853, which chooses its steps, ended by its time at the third sample."""
-    way = run(0.0 * TIMES, "DOP853 at 1e-9", 0.0)
+    way = make_run(0.0 * TIMES, "DOP853 at 1e-9", 0.0)
     return replace(way, points=way.points[:3], stopped="out of time", late=True)
 
 
-def test_steps_that_fall_faster_than_their_order_tell_nothing():
+def test_differences_that_fall_faster_than_their_order_do_not_count():
     """Differences that fall with order 2.9 do not show convergence; those of order 1 do.
 
     A trampoline in MuJoCo has such differences: its error is 3 mm, while they indicate 0.2 mm.
     """
-    early = stopped_early()
-    fast, slow = (Rung(motion(order, close=early, rough=early)) for order in (2.9, 1.0))
+    early = interrupted_run()
+    fast, slow = (Rung(make_motion(order, close=early, rough=early)) for order in (2.9, 1.0))
     assert fast.until <= 0.02  # where DOP853 ended
     assert slow.until == 1.0
 
 
-def test_a_motion_that_steps_alone_tell_is_known_to_the_last_difference():
+def test_a_motion_known_by_steps_alone_has_the_error_of_the_last_ones():
     """The error is not extrapolated with the order of 2 that the steps show: it may not last."""
-    early = stopped_early()
-    rung = Rung(motion(2.0, close=early, rough=early))
+    early = interrupted_run()
+    rung = Rung(make_motion(2.0, close=early, rough=early))
     assert rung.order == pytest.approx(2.0, abs=0.01)
     assert rung.known == pytest.approx(float(rung.differences[-1][-1]))

@@ -24,19 +24,21 @@ from proofmass.terminal import (
     three_digits,
     worst_comparison,
 )
-from tests.shipped import MODELS, models_like, shipped
+from tests.shipped import MODELS, shipped, shipped_files
 
 
-def of(
+def make_comparison(
     case: str = "one", solver: str = "mujoco", channel: str = "y", outcome: str = "agrees", **more
 ) -> Comparison:
     """A comparison of one channel in a sweep."""
     return Comparison(case, solver, "sweep", channel, "m", outcome=outcome, **more)
 
 
-NEAR = of(error_max=9e-3, allowed=1e-2, error_rms=1e-3, nrmse=2e-3, seconds=1.234, steps=70, at=0.5)
-FAR = of(channel="x", error_max=1e-3, allowed=1e-2, seconds=1.234, steps=70)
-BEYOND = of(
+NEAR = make_comparison(
+    error_max=9e-3, allowed=1e-2, error_rms=1e-3, nrmse=2e-3, seconds=1.234, steps=70, at=0.5
+)
+FAR = make_comparison(channel="x", error_max=1e-3, allowed=1e-2, seconds=1.234, steps=70)
+BEYOND = make_comparison(
     "two",
     channel="x",
     outcome="differs",
@@ -45,7 +47,7 @@ BEYOND = of(
     at=1234567.0,
     message="2 x the allowed error",
 )
-WORSE = of(
+WORSE = make_comparison(
     "two",
     channel="y",
     outcome="differs",
@@ -54,18 +56,18 @@ WORSE = of(
     at=1234567.0,
     message="3 x the allowed error",
 )
-FAILED = of("two", "pymunk", outcome="diverged", message="the loops are open")
-RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, of("two", channel="z"), FAILED])
+FAILED = make_comparison("two", "pymunk", outcome="diverged", message="the loops are open")
+RESULT = Result(comparisons=[FAR, NEAR, BEYOND, WORSE, make_comparison("two", channel="z"), FAILED])
 
 
-def cells(*args, **how) -> list[list[str]]:
+def table_cells(*args, **how) -> list[list[str]]:
     """The header and the rows of the only summary table, without colours."""
     (table,) = summary_tables(*args, **how)
     columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def printed(*shown: object, width: int) -> list[str]:
+def screen_lines(*shown: object, width: int) -> list[str]:
     """The lines in which objects appear on a screen of some width, without trailing blanks."""
     screen = Console(width=width, highlight=False, markup=False, emoji=False)
     with screen.capture() as caught:
@@ -74,7 +76,7 @@ def printed(*shown: object, width: int) -> list[str]:
     return [line.rstrip() for line in caught.get().splitlines()]
 
 
-HEAD = [
+TABLE_HEADER = [
     "case",
     "run",
     "solver",
@@ -90,8 +92,8 @@ HEAD = [
 
 
 def test_a_solver_has_a_row_with_its_worst_channel():
-    assert cells(RESULT) == [
-        HEAD,
+    assert table_cells(RESULT) == [
+        TABLE_HEADER,
         [
             "one",
             "sweep",
@@ -122,8 +124,8 @@ def test_a_solver_has_a_row_with_its_worst_channel():
     ]
 
 
-def test_each_channel_has_a_row_where_all_are_asked_for():
-    rows = cells(RESULT, every_channel=True)
+def test_each_channel_has_a_row_if_all_are_requested():
+    rows = table_cells(RESULT, every_channel=True)
     assert [row[0] for row in rows[1:]] == ["one", "", "two", "", "", ""]
     assert [row[3:5] for row in rows[1:]] == [
         ["✓ agrees", "x"],
@@ -135,27 +137,27 @@ def test_each_channel_has_a_row_where_all_are_asked_for():
     ]
 
 
-def test_a_share_of_the_allowance_has_two_digits():
+def test_an_error_over_its_tolerance_has_two_digits():
     shares = [
-        terminal.format_ratio(of(error_max=e, allowed=1e-2))
+        terminal.format_ratio(make_comparison(error_max=e, allowed=1e-2))
         for e in (0.0, 1e-7, 1e-3, 2.0, 3e3, nan)
     ]
     assert shares == ["0", "1.0e-05", "0.10", "200.00", "3.0e+05", "–"]
-    assert terminal.format_ratio(of(error_max=1.0, allowed=0.0)) == "–"
+    assert terminal.format_ratio(make_comparison(error_max=1.0, allowed=0.0)) == "–"
 
 
 def test_a_narrow_screen_has_fewer_columns():
     for width, head in (
-        (101, HEAD),
-        (100, HEAD[:9]),
-        (88, HEAD[:9]),
-        (87, [*HEAD[:5], *HEAD[7:9]]),
-        (65, [*HEAD[:5], *HEAD[7:9]]),
-        (64, [*HEAD[:4], *HEAD[7:9]]),
+        (101, TABLE_HEADER),
+        (100, TABLE_HEADER[:9]),
+        (88, TABLE_HEADER[:9]),
+        (87, [*TABLE_HEADER[:5], *TABLE_HEADER[7:9]]),
+        (65, [*TABLE_HEADER[:5], *TABLE_HEADER[7:9]]),
+        (64, [*TABLE_HEADER[:4], *TABLE_HEADER[7:9]]),
     ):
         (table,) = summary_tables(RESULT, width=width)
         assert [c.header for c in table.columns] == head
-        assert max(map(len, printed(table, width=width))) <= width
+        assert max(map(len, screen_lines(table, width=width))) <= width
     assert list(summary_tables(Result())) == []
     (table,) = summary_tables(RESULT)
     assert all(column.no_wrap for column in table.columns)
@@ -163,8 +165,8 @@ def test_a_narrow_screen_has_fewer_columns():
     assert (table.box, table.header_style, table.pad_edge) == (None, "bold", False)
 
 
-LONG = [
-    of(
+LONGEST_NAMES = [
+    make_comparison(
         "balancer_progressive_contact",
         solver,
         "right_coupler_acceleration.z",
@@ -180,7 +182,9 @@ LONG = [
 
 def test_no_word_is_broken_on_80_columns():
     """The longest names of the shipped cases fit, and each line has the error of the engine."""
-    found = printed(*summary_tables(Result(comparisons=[*LONG, NEAR]), width=80), width=80)
+    found = screen_lines(
+        *summary_tables(Result(comparisons=[*LONGEST_NAMES, NEAR]), width=80), width=80
+    )
     assert found == [
         "balancer_progressive_contact",
         "  run    solver          outcome          of range  of allowed",
@@ -189,7 +193,9 @@ def test_no_word_is_broken_on_80_columns():
         "one",
         "  sweep  mujoco          ✓ agrees         1.80e-02        0.90",
     ]
-    assert printed(*summary_tables(Result(comparisons=LONG), True, width=80), width=80) == [
+    assert screen_lines(
+        *summary_tables(Result(comparisons=LONGEST_NAMES), True, width=80), width=80
+    ) == [
         "balancer_progressive_contact sweep mujoco:settled",
         "  channel                       outcome          of range  of allowed",
         "  right_coupler_acceleration.z  ✓ agrees         1.80e-02        0.90",
@@ -204,13 +210,13 @@ def test_lines_on_failures_break_between_words(monkeypatch):
     cli.print_result(RESULT)
     lines = screen.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    said = " ".join(line.strip() for line in lines)
-    assert all(line.plain in said for line in failure_lines(RESULT))
+    text = " ".join(line.strip() for line in lines)
+    assert all(line.plain in text for line in failure_lines(RESULT))
 
 
-def test_all_shipped_cases_are_listed_a_line_each_on_80_columns():
-    cases = [load_case(file) for file in models_like("*.toml")]
-    lines = printed(case_table(cases, [Path("lone/humanoid.xml")], [MODELS], 80), width=80)
+def test_each_shipped_case_is_listed_on_a_line_of_80_columns():
+    cases = [load_case(file) for file in shipped_files("*.toml")]
+    lines = screen_lines(case_table(cases, [Path("lone/humanoid.xml")], [MODELS], 80), width=80)
     assert len(lines) == len(cases) + 2
     assert max(map(len, lines)) <= 80
     for case, line in zip(cases, lines[1:], strict=False):
@@ -223,7 +229,7 @@ def test_all_shipped_cases_are_listed_a_line_each_on_80_columns():
         assert title.endswith("…") == (len(words) < len(case.title.split()))
 
 
-def test_what_failed_has_a_line_and_all_outcomes_are_counted():
+def test_failures_have_a_line_each_and_all_outcomes_are_counted():
     lines = [line.plain for line in failure_lines(RESULT)]
     assert lines == [
         "✗ two sweep mujoco differs: 2 of 3 channels, y by 3 x the allowed error: 3.00e-02 m at "
@@ -244,15 +250,15 @@ def test_what_failed_has_a_line_and_all_outcomes_are_counted():
     assert [line.plain for line in failure_lines(Result())] == ["nothing to check"]
 
 
-def test_what_failed_has_a_link_after_its_lines():
+def test_failures_have_a_link_after_their_lines():
     pendulum, key = load_case(shipped("pendulum.toml")), ("pendulum", "sweep", "mujoco")
     rows = [
-        of("pendulum", "mujoco", "angle", "differs", error_max=1.0),
-        of("pendulum", "pymunk", "angle"),
-        of("loose", "mujoco", "angle", "diverged"),  # a case without a page
+        make_comparison("pendulum", "mujoco", "angle", "differs", error_max=1.0),
+        make_comparison("pendulum", "pymunk", "angle"),
+        make_comparison("loose", "mujoco", "angle", "diverged"),  # a case without a page
     ]
-    told = Diagnosis(*key, remarks=("it went too far",), failed=True)
-    result = Result([pendulum], rows, diagnoses={key: told})
+    diagnosis = Diagnosis(*key, remarks=("it went too far",), failed=True)
+    result = Result([pendulum], rows, diagnoses={key: diagnosis})
     lines = [line.plain for line in failure_lines(result, lambda c: f"there/{c.channel}")]
     assert lines[1:3] == ["  failed: it went too far", "  there/angle"]
     assert sum("there/" in line for line in lines) == 1
@@ -264,7 +270,11 @@ def test_a_case_without_a_check_has_a_line():
     lines = list(
         failure_lines(
             Result(
-                [case], [of("pendulum", outcome="unchecked"), of("pendulum", outcome="unsupported")]
+                [case],
+                [
+                    make_comparison("pendulum", outcome="unchecked"),
+                    make_comparison("pendulum", outcome="unsupported"),
+                ],
             )
         )
     )
@@ -296,24 +306,31 @@ def test_numbers_have_three_digits():
     assert [three_digits(v) for v in (123456.0, nan, inf)] == ["1.23e+05", "–", "–"]
 
 
-def test_the_channel_nearest_its_limit_speaks():
+def test_the_worst_comparison_is_nearest_to_its_tolerance():
     """Comparisons count by error over tolerance, or by `nrmse` if the tolerance is not above 0."""
-    unbounded = [of(channel="a", outcome="unchecked", nrmse=n) for n in (0.2, 0.1, nan)]
+    unbounded = [
+        make_comparison(channel="a", outcome="unchecked", nrmse=n) for n in (0.2, 0.1, nan)
+    ]
     assert worst_comparison(unbounded) is unbounded[0]
     assert worst_comparison(unbounded[::-1]) is unbounded[0]
-    zero = of(error_max=5.0, allowed=0.0, nrmse=0.05, outcome="unchecked")
+    zero = make_comparison(error_max=5.0, allowed=0.0, nrmse=0.05, outcome="unchecked")
     assert worst_comparison([zero, unbounded[1]]) is unbounded[1]
-    wide = of(error_max=3.0, allowed=9.0)
-    assert worst_comparison([wide, of(error_max=1.0, allowed=2.0)]) is not wide
-    tiny = of(error_max=0.0, allowed=0.5)
+    wide = make_comparison(error_max=3.0, allowed=9.0)
+    assert worst_comparison([wide, make_comparison(error_max=1.0, allowed=2.0)]) is not wide
+    tiny = make_comparison(error_max=0.0, allowed=0.5)
     assert worst_comparison([unbounded[2], tiny]) is tiny
 
 
-def test_json_has_null_for_what_is_no_number():
+def test_json_has_null_for_nan_and_infinity():
     notice = {"length": DetectableChange(nan), "width": DetectableChange(0.5, relative=False)}
     error = InputError(Path("a.toml"), "key", "why")
     found = json.loads(
-        as_json(Result(comparisons=[of(detectable=notice, at=inf, seconds=2.0)], errors=[error]))
+        as_json(
+            Result(
+                comparisons=[make_comparison(detectable=notice, at=inf, seconds=2.0)],
+                errors=[error],
+            )
+        )
     )
     assert list(found) == ["comparisons", "diagnoses", "errors", "exit_code"]
     assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
@@ -338,7 +355,7 @@ def test_json_has_null_for_what_is_no_number():
     assert as_json(Result()).splitlines()[1] == ' "comparisons": [],'
 
 
-def test_names_are_printed_as_they_are_and_tables_as_wide_as_they_are(monkeypatch, capsys):
+def test_markup_in_names_is_printed_and_tables_are_not_cut(monkeypatch, capsys):
     shown = make_console()
     assert shown.width == terminal.UNLIMITED_WIDTH
     shown.print("a [bold] b :smile: 1.5")

@@ -28,7 +28,7 @@ from proofmass.wording import format_solver
 from proofmass.worker import close_idle_workers
 from tests.shipped import shipped
 
-MODULE = """
+ENGINE_MODULE = """
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -57,7 +57,7 @@ class Bare(Engine):
 
 TWIN, WRONG, BARE = Twin(), Wrong(), Bare()
 """
-POINTS = """[proofmass.engines]
+ENTRY_POINTS = """[proofmass.engines]
 twin = twin_engine:TWIN
 wrong = twin_engine:WRONG
 bare = twin_engine:BARE
@@ -92,9 +92,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("site")
     info = folder / "twin_engine-1.0.dist-info"
     info.mkdir()
-    (folder / "twin_engine.py").write_text(MODULE)
+    (folder / "twin_engine.py").write_text(ENGINE_MODULE)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: twin-engine\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(POINTS)
+    (info / "entry_points.txt").write_text(ENTRY_POINTS)
 
     def forget() -> None:
         close_idle_workers()  # those that were started with another path
@@ -108,7 +108,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     forget()
 
 
-def written(folder: Path, *solvers: str) -> Path:
+def write_sidecar(folder: Path, *solvers: str) -> Path:
     """Write a sidecar of the shipped pendulum's model for these solvers."""
     file = folder / "twins.toml"
     model = os.path.relpath(shipped("pendulum.xml"), folder)
@@ -116,7 +116,7 @@ def written(folder: Path, *solvers: str) -> Path:
     return file
 
 
-def run(*words: object) -> str:
+def invoke_command(*words: object) -> str:
     """The standard output of a command, which must end with exit code 0."""
     found = CliRunner().invoke(app, [str(word) for word in words])
     assert found.exit_code == 0, found.output
@@ -132,7 +132,7 @@ def test_engines_are_listed_without_being_imported(site: Path) -> None:
 
 def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_path: Path) -> None:
     result = check(
-        [written(tmp_path, "pymunk", "twin", "bare", "wrong", "broken")],
+        [write_sidecar(tmp_path, "pymunk", "twin", "bare", "wrong", "broken")],
         detectable=False,
         causes=False,
     )
@@ -147,13 +147,13 @@ def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_p
     assert "No module named" in message
 
 
-def test_an_unknown_engine_is_answered_with_those_there_are(site: Path, tmp_path: Path) -> None:
-    (error,) = check([written(tmp_path, "twim")], detectable=False, causes=False).errors
+def test_an_unknown_engine_is_reported_with_the_known_ones(site: Path, tmp_path: Path) -> None:
+    (error,) = check([write_sidecar(tmp_path, "twim")], detectable=False, causes=False).errors
     assert error.key == "run.dynamics.solvers"
     assert error.wrong.startswith("no simulator 'twim'; did you mean 'twin'? there are: mujoco, ")
 
 
-def test_what_is_no_engine_is_refused(site: Path) -> None:
+def test_an_entry_point_that_is_no_engine_is_refused(site: Path) -> None:
     with pytest.raises(engines.NoEngine, match=r"twin_engine:Path is no object of a class of"):
         engine_of("foreign")
 
@@ -173,19 +173,19 @@ def test_an_engine_has_its_own_name_look_and_versions(site: Path) -> None:
     assert "adapter" not in package_versions("pymunk")
 
 
-def test_the_report_has_the_twin(site: Path, tmp_path: Path) -> None:
-    run("report", written(tmp_path, "pymunk", "twin"), "-o", tmp_path / "pages")
+def test_the_report_shows_the_twin(site: Path, tmp_path: Path) -> None:
+    invoke_command("report", write_sidecar(tmp_path, "pymunk", "twin"), "-o", tmp_path / "pages")
     page = (tmp_path / "pages" / "twins.html").read_text(encoding="utf-8")
     assert "Twin" in page
     assert "twin-engine" in page  # among the versions
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
+def test_trade_varies_the_step_of_an_engine_without_a_description(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 1.6e3)
-    run("trade", written(tmp_path, "bare"), "-o", tmp_path / "trade", "--jobs", 1)
+    invoke_command("trade", write_sidecar(tmp_path, "bare"), "-o", tmp_path / "trade", "--jobs", 1)
     rows = read_table(tmp_path / "trade" / "trade.csv")
     assert {(row.engine, row.outcome) for row in rows} == {("bare", "ran")}
     verdict = next(
@@ -201,7 +201,7 @@ def test_trade_scans_the_step_of_an_engine_that_says_nothing_of_itself(
 
 @pytest.mark.slow
 def test_trade_knows_the_orders_of_the_twin(site: Path, tmp_path: Path) -> None:
-    run("trade", written(tmp_path, "twin"), "-o", tmp_path / "trade")
+    invoke_command("trade", write_sidecar(tmp_path, "twin"), "-o", tmp_path / "trade")
     found = {
         v.series: v
         for v in read_verdicts(tmp_path / "trade" / "verdicts.json")
@@ -213,9 +213,9 @@ def test_trade_knows_the_orders_of_the_twin(site: Path, tmp_path: Path) -> None:
 
 
 def test_choose_finds_a_setting_of_an_engine_without_programs(site: Path, tmp_path: Path) -> None:
-    text = run(
+    text = invoke_command(
         "choose",
-        written(tmp_path, "bare"),
+        write_sidecar(tmp_path, "bare"),
         "--error",
         1e-2,
         "--store",
@@ -230,9 +230,9 @@ def test_choose_finds_a_setting_of_an_engine_without_programs(site: Path, tmp_pa
 @pytest.mark.slow
 def test_choose_writes_a_program_of_the_twin(site: Path, tmp_path: Path) -> None:
     program = tmp_path / "run.py"
-    run(
+    invoke_command(
         "choose",
-        written(tmp_path, "twin"),
+        write_sidecar(tmp_path, "twin"),
         "--error",
         1e-3,
         "--store",
@@ -245,9 +245,9 @@ def test_choose_writes_a_program_of_the_twin(site: Path, tmp_path: Path) -> None
 
 @pytest.mark.usefixtures("undrawn")
 def test_stress_finds_where_the_twin_breaks(site: Path, tmp_path: Path) -> None:
-    run(
+    invoke_command(
         "stress",
-        written(tmp_path, "twin"),
+        write_sidecar(tmp_path, "twin"),
         "-o",
         tmp_path / "stress",
         "--only",
@@ -275,7 +275,7 @@ def test_stress_has_the_test_problems_of_the_twin(
 
 
 def test_pytest_runs_the_twin(site: Path, tmp_path: Path) -> None:
-    file = written(tmp_path, "twin", "wrong")
+    file = write_sidecar(tmp_path, "twin", "wrong")
     found = subprocess.run(
         [sys.executable, "-m", "pytest", "-p", "no:xdist", "-p", "no:cacheprovider", "-q", file],
         cwd=tmp_path,

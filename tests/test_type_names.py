@@ -6,7 +6,7 @@ from pathlib import Path
 
 import proofmass
 
-TYPE = re.compile(r"[A-Z]\w*[a-z]\w*")
+TYPE_NAME = re.compile(r"[A-Z]\w*[a-z]\w*")
 """The name of a class or a type alias, which a constant does not match."""
 
 
@@ -18,11 +18,13 @@ def type_names(source: str) -> list[str]:
             found.append(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            found += [t.id for t in targets if isinstance(t, ast.Name) and TYPE.fullmatch(t.id)]
+            found += [
+                t.id for t in targets if isinstance(t, ast.Name) and TYPE_NAME.fullmatch(t.id)
+            ]
     return found
 
 
-def test_a_type_has_a_name_of_its_own() -> None:
+def test_no_two_types_have_the_same_name() -> None:
     places: dict[str, list[str]] = {}
     folder = Path(proofmass.__file__).parent
     for file in sorted(folder.rglob("*.py")):

@@ -28,7 +28,7 @@ from proofmass.worker import (
     idle_workers,
 )
 
-LARGE = (
+LARGE_MODEL = (
     '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>'
     '<geom size="1"/></body></replicate></worldbody></mujoco>'
 )
@@ -41,22 +41,22 @@ class Peculiar(Exception):
         super().__init__(f"{one} and {two}")
 
 
-def peculiar() -> None:
+def raise_peculiar() -> None:
     """Raise an exception that cannot be unpickled."""
     raise Peculiar(1, 2)
 
 
-def deep(with_dask: bool) -> None:
+def fail_deeply(with_dask: bool) -> None:
     """Fail in a deep recursion; dask, if imported, makes pickle include tracebacks and contexts."""
     if with_dask:
         importlib.import_module("dask.multiprocessing")
     try:
-        deep(False)
+        fail_deeply(False)
     except RecursionError:
         raise InputError(Path("deep.toml"), "", "nested too deeply") from None
 
 
-def reserve(gib: float) -> int:
+def reserve_memory(gib: float) -> int:
     """Reserve memory [GiB], and return its size in bytes."""
     return np.empty(int(gib * 2**30), np.uint8).size
 
@@ -68,11 +68,11 @@ def speak_and_abort(words: str) -> None:
 
 def test_a_call_has_as_much_memory_as_it_is_given():
     with pytest.raises(OutOfMemory, match=r"needs more than 0\.5 GiB of memory"):
-        call_isolated(reserve, 0.5, timeout=20, memory=0.5)
-    assert call_isolated(reserve, 0.5, timeout=20, memory=1.0) == 2**29
+        call_isolated(reserve_memory, 0.5, timeout=20, memory=0.5)
+    assert call_isolated(reserve_memory, 0.5, timeout=20, memory=1.0) == 2**29
 
 
-def data() -> int:
+def data_size() -> int:
     """The data segment of this process [KiB], as its limit counts it: also pages never used."""
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     return int(status.partition("VmData:")[2].split()[0])
@@ -86,7 +86,7 @@ def leave_holes() -> int:
     libc = ctypes.CDLL(None)
     libc.malloc.restype, libc.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
     libc.free.argtypes = [ctypes.c_void_p]
-    before = data()
+    size_before = data_size()
     for _ in range(2):  # glibc takes blocks from its heap if one of their size was freed before
         large, small = [], []
         for _ in range(20):
@@ -94,11 +94,11 @@ def leave_holes() -> int:
             small.append(libc.malloc(100 << 10))
         for block in large:
             libc.free(block)
-    return data() - before
+    return data_size() - size_before
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the heap is that of glibc")
-def test_blocks_that_are_freed_are_no_data_of_a_worker():
+def test_a_worker_returns_freed_blocks_to_the_system():
     """A worker returns freed blocks to the system; an ordinary process keeps them in its heap.
 
     MuJoCo's arenas, which are reserved and hardly used, once made up 8 GB of a worker.
@@ -118,31 +118,31 @@ def test_limits_may_be_larger_than_any_machine():
     assert call_isolated(abs, -3, timeout=1e300, memory=1e300) == 3
 
 
-def test_a_crash_is_told_in_the_words_of_the_last_call_alone():
+def test_a_crash_is_reported_with_the_output_of_the_last_call_alone():
     call_isolated(os.write, 2, b"words of an earlier call", timeout=20)
     with pytest.raises(Crashed) as crash:
         call_isolated(speak_and_abort, "Aborting: mass must be positive\n\tin body 3", timeout=20)
     assert str(crash.value) == ("killed by signal 6: Aborting: mass must be positive in body 3")
 
 
-def test_an_abort_of_chipmunk_is_told_in_its_own_words():
+def test_an_abort_of_chipmunk_is_reported_with_its_message():
     with pytest.raises(Crashed, match="Chipmunk error: Moment of Inertia must be positive"):
         call_isolated(pymunk.Body, 1.0, -1.0, timeout=20)
 
 
-def test_an_exception_that_cannot_be_sent_is_told():
+def test_an_exception_that_cannot_be_unpickled_is_reported():
     with pytest.raises(Crashed, match="Peculiar: 1 and 2"):
-        call_isolated(peculiar, timeout=20)
+        call_isolated(raise_peculiar, timeout=20)
 
 
-def test_an_exception_is_sent_without_where_it_was_raised():
+def test_an_exception_is_sent_without_its_traceback():
     """With dask, pickle would include the traceback of the deep recursion."""
     pytest.importorskip("dask")
     with pytest.raises(InputError, match="nested too deeply"):
-        call_isolated(deep, True, timeout=20)
+        call_isolated(fail_deeply, True, timeout=20)
 
 
-def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
+def test_a_worker_in_which_mujoco_is_broken_is_replaced(tmp_path):
     """After a model that is too large, MuJoCo 4.0.0 hangs at the next warning in the process."""
     large, warns = tmp_path / "large.xml", tmp_path / "warns.xml"
     large.write_text(
@@ -161,13 +161,13 @@ def test_a_process_in_which_mujoco_is_broken_is_not_called_again(tmp_path):
     assert call_isolated(os.getpid, timeout=20) != process
 
 
-def test_relative_paths_begin_where_the_caller_is(tmp_path, monkeypatch):
+def test_relative_paths_start_from_the_folder_of_the_caller(tmp_path, monkeypatch):
     call_isolated(abs, 1, timeout=20)
     monkeypatch.chdir(tmp_path)
     assert call_isolated(os.getcwd, timeout=20) == str(tmp_path)
 
 
-def test_modules_of_the_folder_are_not_imported(tmp_path, monkeypatch):
+def test_modules_in_the_current_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a module of the user')")
     call = "from proofmass.worker import call_isolated; print(call_isolated(abs, -3, timeout=60))"
     found = subprocess.run(
@@ -183,46 +183,46 @@ def pendulum(edit):
     return edit("pendulum.toml", "n = 1001", "n = 51")
 
 
-def outcomes(result, name):
+def outcomes_of(result, name):
     """The outcomes of a case in a result."""
     return {c.outcome for c in result.comparisons if c.case == name}
 
 
-def test_a_model_that_is_too_large_costs_itself_only(models, edit, keep_solver, pendulum):
-    edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
+def test_a_model_that_is_too_large_does_not_affect_other_cases(models, edit, keep_solver, pendulum):
+    edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE_MODEL)
     keep_solver("fourbar_released.toml", "mujoco")
     edit("fourbar_released.toml", r"(?m)^(solvers = .*)", r"\1\ntimeout = 0.5")
     began = time.monotonic()
     result = check([models / "fourbar_released.toml", pendulum], detectable=False, causes=False)
-    assert outcomes(result, "fourbar_released") == {"timed out"}
-    assert "agrees" in outcomes(result, "pendulum")
+    assert outcomes_of(result, "fourbar_released") == {"timed out"}
+    assert "agrees" in outcomes_of(result, "pendulum")
     assert result.exit_code == 1
     assert time.monotonic() - began < 120  # without a limit it took more than ten minutes
 
 
-def test_a_reference_that_takes_too_long_costs_itself_only(models, edit, pendulum):
+def test_a_reference_that_takes_too_long_does_not_affect_other_cases(models, edit, pendulum):
     edit("rod_pinned.toml", r"(?m)^pin_x = .*", "pin_x = -0.8")
     edit("rod_pinned.toml", r"(?m)^solvers = .*", 'solvers = ["mujoco"]\ntimeout = 2')
     result = check([models / "rod_pinned.toml", pendulum], detectable=False, causes=False)
-    assert outcomes(result, "rod_pinned") == {"timed out"}
+    assert outcomes_of(result, "rod_pinned") == {"timed out"}
     assert any("timeout in [run.equilibrium] allows more" in c.message for c in result.comparisons)
-    assert "agrees" in outcomes(result, "pendulum")
+    assert "agrees" in outcomes_of(result, "pendulum")
 
 
-def test_more_samples_than_memory_cost_themselves_only(models, edit, keep_solver):
+def test_more_samples_than_memory_do_not_affect_other_cases(models, edit, keep_solver):
     keep_solver("pendulum.toml", "mujoco")
     keep_solver("slider_crank.toml", "mujoco")
     edit("pendulum.toml", "n = 1001", "n = 100000000\nmemory = 0.5")
     result = check(
         [models / "pendulum.toml", models / "slider_crank.toml"], detectable=False, causes=False
     )
-    assert outcomes(result, "pendulum") == {"out of memory"}
+    assert outcomes_of(result, "pendulum") == {"out of memory"}
     assert any("memory in [run.dynamics] allows more" in c.message for c in result.comparisons)
-    assert "agrees" in outcomes(result, "slider_crank")
+    assert "agrees" in outcomes_of(result, "slider_crank")
     assert result.exit_code == 1
 
 
-def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
+def test_an_unexpected_exception_is_an_error_of_its_own_case(models, monkeypatch):
     module = importlib.import_module("proofmass.check")
 
     def fail(task, *options):
@@ -235,7 +235,7 @@ def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
     result = check(
         [models / "pendulum.toml", models / "slider_crank.toml"], detectable=False, causes=False
     )
-    assert "agrees" in outcomes(result, "slider_crank")
+    assert "agrees" in outcomes_of(result, "slider_crank")
     assert [str(e.file.name) for e in result.errors] == ["pendulum.toml"] * len(result.errors)
     assert "ZeroDivisionError: by zero" in str(result.errors[0])
     assert result.exit_code == 2
@@ -248,17 +248,15 @@ def test_what_nobody_foresaw_is_an_error_of_its_own_case(models, monkeypatch):
         pytest.param("a" + ".a" * 50_000 + " = 1", id="tables"),
     ],
 )
-def test_a_sidecar_that_is_nested_deeply_is_an_error_of_its_own(
-    models, deep, monkeypatch, pendulum
-):
+def test_a_deeply_nested_sidecar_does_not_affect_other_cases(models, deep, monkeypatch, pendulum):
     monkeypatch.setattr(importlib.import_module("proofmass.check"), "LOADING_SECONDS", 5.0)
     (models / "deep.toml").write_text(deep)
     result = check([models / "deep.toml", pendulum], detectable=False, causes=False)
     assert [e.file.name for e in result.errors] == ["deep.toml"]
-    assert "agrees" in outcomes(result, "pendulum")
+    assert "agrees" in outcomes_of(result, "pendulum")
 
 
-def test_the_worker_that_ran_last_is_asked_first():
+def test_the_worker_that_ran_last_is_called_first():
     """Of two idle workers the one that ran last is called, since it may have stored results."""
     close_idle_workers()
     other = threading.Thread(target=call_isolated, args=(time.sleep, 0.3), kwargs={"timeout": 9})
@@ -269,11 +267,11 @@ def test_the_worker_that_ran_last_is_asked_first():
     assert len({call_isolated(os.getpid, timeout=9) for _ in range(4)}) == 1
 
 
-def test_a_hang_is_killed_while_others_go_on():
+def test_a_call_that_hangs_is_killed_and_the_next_one_is_answered():
     with pytest.raises(TimedOut):
         call_isolated(time.sleep, 60, timeout=0.5)
     with pytest.raises(InputError):
-        call_isolated(misread, timeout=20)
+        call_isolated(raise_input_error, timeout=20)
 
 
 def loads_windows() -> bool:
@@ -284,7 +282,7 @@ def loads_windows() -> bool:
 
 
 @pytest.mark.parametrize(("value", "loads"), [(None, False), ("glfw", True)])
-def test_a_worker_loads_no_windows_unless_it_is_told_to(value, loads, monkeypatch):
+def test_a_worker_loads_no_library_for_windows_unless_requested(value, loads, monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     if value:
         monkeypatch.setenv("MUJOCO_GL", value)
@@ -293,16 +291,16 @@ def test_a_worker_loads_no_windows_unless_it_is_told_to(value, loads, monkeypatc
     close_idle_workers()
 
 
-def misread() -> None:
+def raise_input_error() -> None:
     raise InputError(Path("a"), "b", "c")
 
 
-def compiles(asking: int) -> bool:
+def has_busy_worker(process_id: int) -> bool:
     """Whether a process has a worker that has used more processor time than loading takes.
 
     Without an interrupt it would compile for the two minutes of its time limit.
     """
-    threads = Path(f"/proc/{asking}/task").glob("*/children")
+    threads = Path(f"/proc/{process_id}/task").glob("*/children")
     workers = [worker for file in threads for worker in file.read_text().split()]
     states = [Path(f"/proc/{one}/stat").read_text().rpartition(")")[2].split() for one in workers]
     spent = [int(state[11]) + int(state[12]) for state in states]
@@ -310,20 +308,20 @@ def compiles(asking: int) -> bool:
 
 
 def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
-    edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE)
-    asking = subprocess.Popen(
+    edit("fourbar.xml", r"(?s)<mujoco.*</mujoco>", LARGE_MODEL)
+    process = subprocess.Popen(
         [sys.executable, "-m", "proofmass", "check", models / "fourbar.toml"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-    late = time.monotonic() + 20.0  # the end of waiting where there is no /proc
-    while not compiles(asking.pid) and time.monotonic() < late:
+    deadline = time.monotonic() + 20.0  # the end of waiting where there is no /proc
+    while not has_busy_worker(process.pid) and time.monotonic() < deadline:
         time.sleep(0.1)
-    asking.send_signal(signal.SIGINT)
-    assert asking.wait(60.0) == 130
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60.0) == 130
 
 
-def test_an_interrupt_leaves_no_clock_that_the_process_would_wait_for(monkeypatch):
+def test_an_interrupt_leaves_no_timer_that_the_process_would_wait_for(monkeypatch):
     """After Ctrl-C no timer of a call keeps the process from ending.
 
     Once, Ctrl-C right after the start of the timer delayed the end until the timer ran out.

@@ -30,12 +30,12 @@ from proofmass.studies.trade.verify import verify
 from proofmass.studies.variants import evaluate_reference, with_drive_distance
 from tests.shipped import shipped
 
-LARGE = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
+LARGE_WORLDBODY = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'
 """Part of a model that takes MuJoCo minutes to compile."""
 
 
 @pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def compiled_here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The files that this process compiles during a test.
 
     A test fails if this process evaluates a reference.
@@ -54,7 +54,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(
-    models, edit, keep_solver, here, tmp_path
+    models, edit, keep_solver, compiled_here, tmp_path
 ):
     """The case has a drive and views."""
     edit("balancer_sine.toml", r"n = \d+", "n = 9")
@@ -64,10 +64,12 @@ def test_check_report_and_pytest_items_compile_and_evaluate_in_workers(
     assert page.count("<svg") > 4  # the mechanism, curves, differences, views
     assert " rad " in page
     SolverItem.runtest(SimpleNamespace(case=result.cases[0], name="mujoco"))
-    assert not here
+    assert not compiled_here
 
 
-def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path):
+def test_a_report_of_runs_beyond_their_limits_compiles_nothing_here(
+    models, compiled_here, tmp_path
+):
     """The case, whose runs timed out, has a drive, a view and parameters to compare with."""
     case = load_case(models / "balancer_sine.toml")
     rows = [
@@ -77,21 +79,21 @@ def test_a_report_leaves_alone_what_is_beyond_its_limits(models, here, tmp_path)
     ]
     page = write_report(Result(cases=[case], comparisons=rows), tmp_path)
     assert "timed out" in page.with_name("balancer_sine.html").read_text("utf-8")
-    assert not here
+    assert not compiled_here
 
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar"])
-def test_a_choice_is_verified_in_workers(name, models, edit, here):
+def test_a_chosen_setting_is_verified_in_workers(name, models, edit, compiled_here):
     """The general solver, which gives the start of the shifted free motion, is a reference too."""
     edit(f"{name}.toml", r"(?s)(run.dynamics.*?\nn = )\d+", r"\g<1>5")
     row = StudyRow("trade", name, "dynamics", "mujoco", "", "timestep", 2e-3, {"timestep": 2e-3})
     done = verify(load_case(models / f"{name}.toml"), "dynamics", row, "position", 1e-3)
     assert done.fresh > 0
     assert done.shifted > 0
-    assert not here
+    assert not compiled_here
 
 
-def test_changed_models_are_compiled_and_followed_in_workers(models, here, stressed, tmp_path):
+def test_changed_models_are_compiled_and_run_in_workers(models, compiled_here, stressed, tmp_path):
     fourbar: StressedCase = stressed("fourbar", kind="sweep")
     assert (
         fourbar.find_failure(variants.with_scaled_lengths(fourbar.case, fourbar.models, 2.0))
@@ -101,38 +103,40 @@ def test_changed_models_are_compiled_and_followed_in_workers(models, here, stres
     assert extremes.find_closing_failure(fourbar.case, links, "sweep", tmp_path, 1.01) is None
     assert evaluate_reference(with_drive_distance(fourbar.case, 1.0), "sweep").x.size == 361
     assert list(search_energy_error(stressed("fourbar_released")))
-    names = {Path(file).parent for file in here}
+    names = {Path(file).parent for file in compiled_here}
     assert names == {models}  # the cases' own models, whose numbers are looked up
 
 
-def test_rods_in_other_numbers_of_segments_are_built_in_workers(models, here):
+def test_rods_with_other_numbers_of_segments_are_built_in_workers(models, compiled_here):
     task = StudyRun(load_case(models / "rod_cantilever.toml"), "equilibrium", Setting("mujoco"))
     keys = {
         task_key(StudyRun(task.case, task.run, task.setting.with_parameters(segments=n)))
         for n in (10, 20)
     }
     assert len(keys) == 2
-    assert not here
+    assert not compiled_here
 
 
-def test_a_diet_compiles_its_model_in_a_worker_first(models, edit, here, monkeypatch, tmp_path):
-    edit("watt.xml", "<worldbody>", LARGE)
+def test_a_diet_compiles_its_model_in_a_worker_first(
+    models, edit, compiled_here, monkeypatch, tmp_path
+):
+    edit("watt.xml", "<worldbody>", LARGE_WORLDBODY)
     monkeypatch.setattr(scene, "COMPILE_TIMEOUT", 0.3)
     lone = tmp_path / "lone.xml"
     lone.write_bytes((models / "watt.xml").read_bytes())
     with pytest.raises(InputError, match=r"lone\.xml: cannot be compiled: no answer in 0\.3 s"):
         scene.load_scene(lone, 1.0)
-    assert not here
+    assert not compiled_here
 
 
-def test_a_diet_evaluates_its_references_in_workers(models, edit, here):
+def test_a_diet_evaluates_its_references_in_workers(models, edit, compiled_here):
     edit("pendulum.toml", r"until = 10\.0", "until = 0.1")
     found = scene.load_scene(models / "pendulum.xml", 1.0)
     assert "pendulum dynamics" in {monitored.name for monitored in found.monitored_runs}
 
 
-def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, edit, here):
-    edit("watt.xml", "<worldbody>", LARGE)
+def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, edit, compiled_here):
+    edit("watt.xml", "<worldbody>", LARGE_WORLDBODY)
     edit("watt.toml", r"(?m)^(\[run\.\w+\])$", r"\1\ntimeout = 0.5")
     for study in (
         lambda: load_cases([models / "watt.toml"]),
@@ -140,10 +144,10 @@ def test_studies_refuse_a_model_that_is_beyond_the_limits_of_its_runs(models, ed
     ):
         with pytest.raises(InputError, match=r"its model or its reference: no answer in 0\.5 s"):
             study()
-    assert not here
+    assert not compiled_here
 
 
-def test_models_that_are_no_longer_asked_for_are_forgotten():
+def test_only_the_last_compiled_models_are_kept_in_memory():
     """A search for detectable changes compiles thousands of models of 0.1 MB in one worker."""
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
     for _ in range(MODELS_IN_MEMORY + 8):

@@ -8,7 +8,7 @@ from proofmass.pytest_plugin import COMPARE_ONLY
 from proofmass.sidecar import load_case
 
 
-def verdicts(sidecar: Path) -> list[Comparison]:
+def all_comparisons(sidecar: Path) -> list[Comparison]:
     """Compare all runs of a case with its reference, as the pytest items of its sidecar do."""
     case, found = load_case(sidecar), []
     for kind, run in case.run.items():

@@ -28,23 +28,23 @@ class Visit:
         reduced_motion: str = "no-preference",
         **options: Any,
     ) -> None:
-        asked = repr((id(browser), sorted(options.items())))
-        if asked not in self.tabs or self.tabs[asked].is_closed():
-            self.tabs[asked] = browser.new_context(**options).new_page()
-        self.page = self.tabs[asked]
+        tab_key = repr((id(browser), sorted(options.items())))
+        if tab_key not in self.tabs or self.tabs[tab_key].is_closed():
+            self.tabs[tab_key] = browser.new_context(**options).new_page()
+        self.page = self.tabs[tab_key]
         self.page.set_viewport_size(viewport)
         self.page.emulate_media(
             media="null", color_scheme=color_scheme, reduced_motion=reduced_motion
         )
         self.said: list[str] = []
         self.asked: list[str] = []
-        self.heard: dict[str, Callable[[Any], None]] = {
+        self.listeners: dict[str, Callable[[Any], None]] = {
             "console": lambda message: self.said.append(message.text),
             "pageerror": lambda error: self.said.append(str(error)),
             "request": lambda request: self.asked.append(request.url),
         }
-        for event, hear in self.heard.items():
-            self.page.on(event, hear)
+        for event, listener in self.listeners.items():
+            self.page.on(event, listener)
         self.page.goto(file.as_uri() + address)
         self.page.wait_for_load_state()
 
@@ -52,8 +52,8 @@ class Visit:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for event, hear in self.heard.items():
-            self.page.remove_listener(event, hear)
+        for event, listener in self.listeners.items():
+            self.page.remove_listener(event, listener)
         self.page.mouse.move(0, 0)
         self.page.goto("about:blank")
 

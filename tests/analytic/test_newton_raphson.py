@@ -11,7 +11,7 @@ from proofmass.analytic.newton_raphson import (
 )
 
 
-def test_log_of_a_quadratic_convergence():
+def test_the_log_shows_quadratic_convergence():
     found = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.5])
     assert found.root[0] == pytest.approx(np.sqrt(2.0), rel=1e-15, abs=0)  # rounding
     assert found.iterations == found.residuals.size == found.ranks.size == found.conditions.size
@@ -58,14 +58,14 @@ def test_the_log_has_every_iterate_and_prints_it():
     assert text.endswith("after 5 iterations: root = 1.41421356")
 
 
-def test_a_failed_log_prints_as_well():
+def test_the_log_of_a_failure_is_printed():
     with pytest.raises(SingularJacobian) as failure:
         newton_raphson(lambda x: (x**2 + 1.0, np.diag(2.0 * x)), [0.0])
     assert failure.value.log.iterations == 0
     assert str(failure.value.log) == "after 0 iterations: q1 = 0.00000000"
 
 
-def test_rank_of_a_jacobian_that_loses_it():
+def test_the_rank_falls_at_a_double_root():
     """At a double root of one of two equations the rank falls to one, and convergence is linear."""
     found = newton_raphson(
         lambda x: (np.array([x[0] ** 2, x[1] - 1.0]), np.diag([2.0 * x[0], 1.0])),
@@ -77,7 +77,7 @@ def test_rank_of_a_jacobian_that_loses_it():
     np.testing.assert_allclose(found.steps[2:] / found.steps[1:-1], 0.5, rtol=1e-14)  # rounding
 
 
-def test_convergence_draws_what_the_log_has():
+def test_the_convergence_chart_shows_the_log():
     found = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.5], names=("x",))
     (panel,) = convergence_chart({"root of two": found}, "caption").panels
     lines = {line.label: line for line in panel.lines}

@@ -59,7 +59,7 @@ class Sliders:
         return 0.5 * self.springs @ (self.stretch @ place + self.pulled * drive) ** 2
 
 
-def least(body, path, parts):
+def minimize_along_path(body, path, parts):
     """Positions of the sliders along a path of the drive, by minimization.
 
     In each of the parts of the path the sliders minimize their energy plus the dissipation since
@@ -91,21 +91,21 @@ def least(body, path, parts):
     return np.array(found)
 
 
-PATH = np.array([0.0, 1.0, 2.5, 1.5, -0.5, 0.3, 2.0])
+DRIVE_PATH = np.array([0.0, 1.0, 2.5, 1.5, -0.5, 0.3, 2.0])
 
 
 @pytest.mark.parametrize(
     ("springs", "bounds"),
     [([1.0, 0.0], [0.5]), ([2.0, 1.0, 0.5], [0.7, 0.4]), ([3.0, 2.0, 1.0, 0.4], [0.4, 0.6, 0.3])],
 )
-def test_sliders_go_where_energy_and_dissipation_are_least(springs, bounds):
+def test_sliders_minimize_energy_plus_dissipation(springs, bounds):
     body, found = Sliders(springs, bounds), [np.zeros(len(bounds))]
-    for drive in PATH[1:]:
+    for drive in DRIVE_PATH[1:]:
         follow_stick_slip(body, np.array([drive]))
         found.append(body.place)
     # in a row of sliders the number of parts of a monotone path makes no difference; the accuracy
     # of the minimization is 1e-6
-    np.testing.assert_allclose(found, least(body, PATH, 4), atol=2e-6)
+    np.testing.assert_allclose(found, minimize_along_path(body, DRIVE_PATH, 4), atol=2e-6)
 
 
 def test_one_slider_is_the_play_operator():
@@ -115,7 +115,7 @@ def test_one_slider_is_the_play_operator():
         assert body.place[0] == pytest.approx(place, abs=1e-12)
 
 
-def test_each_part_of_a_way_begins_with_the_margins_of_its_own_state(monkeypatch):
+def test_each_part_of_a_path_begins_with_the_margins_of_its_state(monkeypatch):
     body, parts, go_on = Sliders([3.0, 2.0, 1.0, 0.4], [0.4, 0.6, 0.3]), [], friction.go_to_event
 
     def checked(body, begin, way, done, above):
@@ -124,19 +124,19 @@ def test_each_part_of_a_way_begins_with_the_margins_of_its_own_state(monkeypatch
         return go_on(body, begin, way, done, above)
 
     monkeypatch.setattr(friction, "go_to_event", checked)
-    for drive in PATH[1:]:
+    for drive in DRIVE_PATH[1:]:
         follow_stick_slip(body, np.array([drive]))
     assert sum(part > 0.0 for part in parts) > 3
 
 
-def test_joints_that_hold_each_other_share_it_evenly():
+def test_joints_that_hold_each_other_share_friction_evenly():
     held, bound = np.array([[1.0], [-2.0], [0.5]]), np.array([1.0, 2.0, 4.0])
     friction = share_friction(held, bound, np.array([3.5]))
     np.testing.assert_allclose(held.T @ friction, [3.5], rtol=1e-14)
     np.testing.assert_allclose(np.abs(friction) / bound, 0.5, rtol=1e-14)
 
 
-def test_shares_of_more_joints_than_they_can_hold_are_level():
+def test_redundant_joints_share_friction_with_the_least_maximum():
     generator = np.random.default_rng(19)
     matrix, shares = generator.normal(size=(2, 4)), generator.normal(size=4)
     found = minimize_largest_share(matrix, shares)
@@ -145,16 +145,16 @@ def test_shares_of_more_joints_than_they_can_hold_are_level():
     full = np.abs(found) > (1 - 1e-9) * np.abs(found).max()
     assert full.sum() >= 3
     bound = np.array([1.0, 2.0, 0.5, 3.0])
-    some = share_friction(
+    forces = share_friction(
         matrix.T / bound[:, None], bound, matrix @ shares
     )  # shares of the bounds are the unknowns
-    np.testing.assert_allclose(some / bound, found, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(forces / bound, found, rtol=0, atol=1e-13)
     for other in np.linalg.svd(matrix)[2][2:]:
         for way in (1e-3, -1e-3):
             assert np.abs(found + way * other).max() > np.abs(found).max()
 
 
-def test_what_no_state_describes_ends_the_path():
+def test_a_path_ends_where_no_state_of_stick_and_slip_exists():
     problem = SlipProblem(
         np.array([2.0]), np.eye(1), np.zeros(1), np.eye(1), np.zeros(1), np.array([1.0])
     )

@@ -15,10 +15,12 @@ from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
 HEAD = '<mujoco><compiler autolimits="true" angle="radian"/><option><flag contact="disable"/>'
-BOTH = pytest.mark.parametrize("solve", [planar.solve, spatial.solve], ids=["planar", "spatial"])
+BOTH_SOLVERS = pytest.mark.parametrize(
+    "solve", [planar.solve, spatial.solve], ids=["planar", "spatial"]
+)
 
 
-def falling(ratio: float, more: str = "") -> mujoco.MjModel:
+def falling_mass(ratio: float, more: str = "") -> mujoco.MjModel:
     """A mass on a vertical slide, with a stop 1 m below its start."""
     return mujoco.MjModel.from_xml_string(f"""{HEAD}</option><worldbody><body>
       <joint name="z" type="slide" axis="0 0 1" range="-1 9" solreflimit="0.01 {ratio}" {more}/>
@@ -26,12 +28,12 @@ def falling(ratio: float, more: str = "") -> mujoco.MjModel:
       <sensor><jointpos name="z" joint="z"/><jointvel name="rate" joint="z"/></sensor></mujoco>""")
 
 
-@BOTH
+@BOTH_SOLVERS
 @pytest.mark.parametrize("ratio", [0.0, 0.2, 1.0, 5.0])
 def test_a_mass_bounces_on_a_stop_as_a_ball_on_the_ground(solve, ratio):
     """The closed form sums all bounces; the solvers leave out those lower than 1e-13 m."""
     t = np.linspace(0.0, 1.5, 151)
-    found = solve(t, model=falling(ratio))
+    found = solve(t, model=falling_mass(ratio))
     known = bouncing_ball.solve(t, height=1.0, restitution=restitution(ratio), gravity=9.81)
     assert np.ptp(known["height"]) > 0.99
     assert np.abs(found["z"] + 1.0 - known["height"]).max() < 1e-12
@@ -56,7 +58,7 @@ def two_masses(start: str, more: str = "") -> mujoco.MjModel:
       <keyframe><key name="start" {start}/></keyframe></mujoco>""")
 
 
-@BOTH
+@BOTH_SOLVERS
 @pytest.mark.parametrize("two", [two_masses, two_discs])
 def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve, two):
     """The mass is pressed on its stop until the spring has no force; then both masses are free."""
@@ -73,7 +75,7 @@ def test_a_mass_leaves_its_stop_when_the_spring_pulls(solve, two):
     assert np.abs(found["a"] - first).max() < 1e-12
 
 
-@BOTH
+@BOTH_SOLVERS
 def test_a_mass_that_is_pulled_off_its_stop_leaves_it_at_once(solve):
     """The spring is stretched at the start, so both masses swing about the fixed centre of mass."""
     wide = np.sqrt(200.0 / 0.75)
@@ -84,8 +86,8 @@ def test_a_mass_that_is_pulled_off_its_stop_leaves_it_at_once(solve):
     assert np.abs(found["a"] - 0.75 * (0.3 - apart)).max() < 1e-12
 
 
-@BOTH
-def test_of_two_masses_on_their_stops_the_one_that_is_pulled_leaves(solve):
+@BOTH_SOLVERS
+def test_only_the_pulled_one_of_two_masses_leaves_its_stop(solve):
     """Each mass has its own spring: one is pressed on its stop, the other is pulled off it."""
     body = """<body><joint name="{}" type="slide" axis="1 0 0" range="0 9" stiffness="50"
       springref="{}"/><geom size="0.1" mass="2"/></body>"""
@@ -99,7 +101,7 @@ def test_of_two_masses_on_their_stops_the_one_that_is_pulled_leaves(solve):
     assert np.abs(found["pulled"] - 0.3 * (1.0 - np.cos(5.0 * t))).max() < 1e-12
 
 
-@BOTH
+@BOTH_SOLVERS
 def test_an_impact_on_one_stop_throws_another_mass_off_its_own(solve):
     """Momentum and restitution give the rates of two masses in line after the impact.
 
@@ -121,12 +123,12 @@ def test_an_impact_on_one_stop_throws_another_mass_off_its_own(solve):
     assert np.abs(found["b"][1:] - second).max() < 1e-12
 
 
-@BOTH
-def test_samples_at_events_are_those_behind_them(solve):
+@BOTH_SOLVERS
+def test_samples_at_events_are_those_after_the_events(solve):
     """A rate at an impact is that after it, and a motion may end when a joint leaves its stop."""
     fall = np.sqrt(2.0 / 9.81)
     for times in ([0.0, fall], [0.0, fall, 0.5]):
-        found = solve(times, model=falling(1.0))
+        found = solve(times, model=falling_mass(1.0))
         assert len(found["rate"]) == len(times)
         assert abs(found["z"][1] + 1.0) < 1e-14
         assert np.abs(found["rate"][1]) == pytest.approx(fall * 9.81 * np.exp(-2), rel=1e-6) or (
@@ -139,7 +141,7 @@ def test_samples_at_events_are_those_behind_them(solve):
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.6, 0.9, 0.999])
-def test_a_stop_is_found_wherever_a_step_comes_to_it(share):
+def test_a_stop_is_found_anywhere_in_a_step(share):
     """The joint moves at a constant rate, or along a parabola that turns back beyond the stop."""
     step = Step(2.0, 6.0, lambda t: (np.array([3.0 * t]), np.array([3.0]), np.zeros(1)))
     stop = Stop("x", 0, 0, 3.0 * (2.0 + 4.0 * share), 1.0, 0.5)
@@ -157,26 +159,26 @@ def test_a_stop_is_found_wherever_a_step_comes_to_it(share):
     assert found == pytest.approx([2.0 - 2.0 * share], abs=1e-12)  # rounding over the least rate
 
 
-def test_what_happened_is_told():
+def test_properties_list_the_events_at_stops():
     model = two_masses('qpos="0 -0.3"')
-    told = planar.properties(model=model, start="start", joints=(), motion=np.linspace(0, 0.25, 6))
-    assert told["stops"] == "a rests on a stop; a leaves its stop at t = 0.192382 s"
-    told = planar.properties(
-        model=falling(1.0), start="start", joints=(), motion=np.linspace(0.0, 0.59284, 6)
+    found = planar.properties(model=model, start="start", joints=(), motion=np.linspace(0, 0.25, 6))
+    assert found["stops"] == "a rests on a stop; a leaves its stop at t = 0.192382 s"
+    found = planar.properties(
+        model=falling_mass(1.0), start="start", joints=(), motion=np.linspace(0.0, 0.59284, 6)
     )
-    assert told["stops"] == (
+    assert found["stops"] == (
         "z hits a stop at t = 0.451524, 0.573738, 0.590278, 0.592516, .. s (5 in all)"
     )
     free = two_masses('qpos="0.5 -0.1"')
     pulled = two_masses('qpos="0 0.3"')  # it leaves its stop at the start
     for model in (free, pulled):
-        told = planar.properties(
+        found = planar.properties(
             model=model, start="start", joints=(), motion=np.linspace(0, 0.1, 6)
         )
-        assert told == {}
+        assert found == {}
 
 
-ARM = f"""{HEAD}</option><option integrator="RK4"/><default><geom type="capsule" size="0.02"/>
+ARM_MODEL = f"""{HEAD}</option><option integrator="RK4"/><default><geom type="capsule" size="0.02"/>
   <joint axis="0 -1 0" solreflimit="TAU 1" solimplimit="0.9999 0.9999 0.001"/></default>
   <worldbody><body><joint name="shoulder"/><geom fromto="0 0 0 0.5 0 0" mass="2"/>
     <body pos="0.5 0 0"><joint name="elbow" range="-0.2 0.6"/>
@@ -186,19 +188,19 @@ ARM = f"""{HEAD}</option><option integrator="RK4"/><default><geom type="capsule"
   <sensor><jointpos name="shoulder" joint="shoulder"/><jointpos name="elbow" joint="elbow"/>
     <jointpos name="wrist" joint="wrist"/></sensor>
   <keyframe><key name="start" qpos="0 0.2 1" qvel="-3 2 0"/></keyframe></mujoco>"""
-NAMES = "shoulder", "elbow", "wrist"
-RIGID = mujoco.MjModel.from_xml_string(ARM.replace("TAU", "0.01"))
+JOINT_NAMES = "shoulder", "elbow", "wrist"
+RIGID_ARM = mujoco.MjModel.from_xml_string(ARM_MODEL.replace("TAU", "0.01"))
 TIMES = np.linspace(0.0, 0.36, 19)
 """Times until the elbow has hit both its stops [s]."""
 
 
 @cache
-def between_rigid_stops() -> dict[str, np.ndarray]:
+def motion_between_rigid_stops() -> dict[str, np.ndarray]:
     """The motion of the arm with rigid stops, by the planar reference."""
-    return planar.solve(TIMES, model=RIGID)
+    return planar.solve(TIMES, model=RIGID_ARM)
 
 
-def stepped(model: mujoco.MjModel, samples: int, count: int) -> np.ndarray:
+def step_in_mujoco(model: mujoco.MjModel, samples: int, count: int) -> np.ndarray:
     """Poses of the free motion of a model in MuJoCo, with `count` steps between samples."""
     data, found = mujoco.MjData(model), []
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -208,36 +210,38 @@ def stepped(model: mujoco.MjModel, samples: int, count: int) -> np.ndarray:
     return np.array(found)
 
 
-def test_mujoco_comes_to_the_motion_between_rigid_stops_as_its_limits_get_stiff():
+def test_mujoco_with_stiffer_limits_converges_to_rigid_stops():
     """MuJoCo's error falls with the time constant, for an elbow that hits both its stops."""
-    known, off = between_rigid_stops(), []
-    told = planar.properties(model=RIGID, start="start", joints=(), motion=TIMES)
-    assert told["stops"] == "elbow hits a stop at t = 0.125401, 0.325648 s (2 in all)"
+    known, errors = motion_between_rigid_stops(), []
+    events = planar.properties(model=RIGID_ARM, start="start", joints=(), motion=TIMES)
+    assert events["stops"] == "elbow hits a stop at t = 0.125401, 0.325648 s (2 in all)"
     for tau in (1e-3, 3e-4):
-        model = mujoco.MjModel.from_xml_string(ARM.replace("TAU", str(tau)))
+        model = mujoco.MjModel.from_xml_string(ARM_MODEL.replace("TAU", str(tau)))
         count = round(0.02 * 40 / tau)  # an impact needs about 40 steps per time constant
         model.opt.timestep = 0.02 / count
-        q = stepped(model, TIMES.size, count)
-        off.append(max(np.abs(q[:, k] - known[name]).max() for k, name in enumerate(NAMES)))
-    assert off[0] < 0.03
-    assert off[1] < 0.4 * off[0]  # 0.3 if the error is of first order in tau
+        q = step_in_mujoco(model, TIMES.size, count)
+        errors.append(
+            max(np.abs(q[:, k] - known[name]).max() for k, name in enumerate(JOINT_NAMES))
+        )
+    assert errors[0] < 0.03
+    assert errors[1] < 0.4 * errors[0]  # 0.3 if the error is of first order in tau
 
 
 def test_both_general_solvers_have_the_same_motion_between_stops():
-    one = between_rigid_stops()
-    two = spatial.solve(TIMES, model=RIGID, terms=SmoothTerms(RIGID))
-    assert max(np.abs(one[name] - two[name]).max() for name in NAMES) < 1e-10
+    one = motion_between_rigid_stops()
+    two = spatial.solve(TIMES, model=RIGID_ARM, terms=SmoothTerms(RIGID_ARM))
+    assert max(np.abs(one[name] - two[name]).max() for name in JOINT_NAMES) < 1e-10
 
 
-def test_a_wrong_restitution_is_seen():
+def test_a_wrong_restitution_changes_the_motion():
     """The restitution follows from the damping ratio of the limit, which is halved here."""
-    text = ARM.replace('solreflimit="TAU 1"', 'solreflimit="0.01 0.5"')
+    text = ARM_MODEL.replace('solreflimit="TAU 1"', 'solreflimit="0.01 0.5"')
     soft = planar.solve(TIMES, model=mujoco.MjModel.from_xml_string(text))
-    hard = between_rigid_stops()
-    assert max(np.abs(soft[name] - hard[name]).max() for name in NAMES) > 1e-2
+    hard = motion_between_rigid_stops()
+    assert max(np.abs(soft[name] - hard[name]).max() for name in JOINT_NAMES) > 1e-2
 
 
-@BOTH
+@BOTH_SOLVERS
 def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics(solve):
     """An arm of 2 kg and 0.8 m lies horizontally on its stop: its weight, and the hinge moment."""
     model = mujoco.MjModel.from_xml_string(f"""{HEAD}</option><worldbody><body>
@@ -251,7 +255,7 @@ def test_a_body_at_rest_on_a_stop_has_the_forces_of_statics(solve):
     assert np.abs(found["torque.y"]) == pytest.approx(2 * 9.81 * 0.4, rel=1e-12)
 
 
-def test_a_stop_asks_of_the_pins_what_a_drive_does():
+def test_pin_forces_on_a_stop_are_those_with_a_drive():
     """The crank of a four-bar rests on its stop, or a drive holds it there: equal pin forces."""
     file = str(shipped("fourbar_forces.xml"))
     held = planar.solve([0.0], model=mujoco.MjModel.from_xml_path(file), joints=("crank",))
@@ -259,7 +263,7 @@ def test_a_stop_asks_of_the_pins_what_a_drive_does():
     model.jnt_limited[model.joint("crank").id] = 1
     model.jnt_range[model.joint("crank").id] = 0.0, 3.0
     lying = planar.solve([0.0, 0.5], model=model)
-    forces = [name for s in range(model.nsensor) for name in parts(model, s)]
+    forces = [name for s in range(model.nsensor) for name in planar_force_channels(model, s)]
     assert len(forces) >= 8
     assert max(np.ptp(lying[name]) for name in forces) < 1e-9
     assert max(np.abs(held[name]).max() for name in forces) > 10.0
@@ -267,27 +271,27 @@ def test_a_stop_asks_of_the_pins_what_a_drive_does():
         assert lying[name] == pytest.approx(held[name][0], abs=1e-9), name
 
 
-def parts(model: mujoco.MjModel, s: int) -> list[str]:
+def planar_force_channels(model: mujoco.MjModel, s: int) -> list[str]:
     """The channels x and y of sensor number s, if it measures a force between bodies."""
     of_force = model.sensor_type[s] == mujoco.mjtSensor.mjSENS_FORCE
     return [f"{model.sensor(s).name}.{part}" for part in "xy"] if of_force else []
 
 
-@BOTH
+@BOTH_SOLVERS
 def test_a_start_beyond_a_stop_is_refused(solve):
     with pytest.raises(NotCovered, match=r"joint 'a' starts at -0.1, beyond the end of its range"):
         solve([0.0, 1.0], model=two_masses('qpos="-0.1 0"'))
 
 
-@BOTH
-def test_limits_that_are_no_stops_are_refused(solve):
+@BOTH_SOLVERS
+def test_limits_with_a_margin_or_without_damping_ratio_are_refused(solve):
     with pytest.raises(NotCovered, match="joint 'z' has a margin of its range"):
-        solve([0.0, 1.0], model=falling(1.0, 'margin="0.1"'))
+        solve([0.0, 1.0], model=falling_mass(1.0, 'margin="0.1"'))
     with pytest.raises(NotCovered, match="solreflimit of joint 'z' has no damping ratio"):
-        solve([0.0, 1.0], model=falling(-1.0))
+        solve([0.0, 1.0], model=falling_mass(-1.0))
 
 
-def test_stops_that_hold_the_same_are_refused():
+def test_dependent_stops_are_refused():
     """An equality couples two slides, so the stops of both constrain the same motion."""
     tie = '<equality><joint joint1="a" joint2="b" polycoef="0 -1 0 0 0"/></equality>'
     text = two_masses('qpos="0 0" qvel="0 0"', tie)
@@ -298,7 +302,7 @@ def test_stops_that_hold_the_same_are_refused():
 
 
 @pytest.mark.parametrize("range_", [(0.0, 2.7), (2.1, 10.0)])
-def test_a_drive_leads_no_other_joint_beyond_its_range(range_):
+def test_a_sweep_that_moves_a_joint_beyond_its_range_is_refused(range_):
     """A sweep cannot pass a stop; without a range the rocker swings between 2.00 and 2.82 rad."""
     model = mujoco.MjModel.from_xml_path("models/linkages/fourbar.xml")
     model.jnt_limited[:], model.jnt_range[:] = 1, (-10.0, 10.0)

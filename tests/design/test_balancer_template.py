@@ -16,50 +16,54 @@ from proofmass.sidecar import load_case
 from proofmass.validate import validate_case
 from tests.analytic.balancer.balancer_cases import DESIGNS
 from tests.analytic.balancer.balancer_table import parameters, rows
-from tests.shipped import models_like, shipped
-from tests.verdicts import verdicts
+from tests.shipped import shipped, shipped_files
+from tests.verdicts import all_comparisons
 
-OTHER, FREE, PRELOADED, CONTACT, QUADRATIC, FOUR = (
+ROW_1743, FREE_ANGLE, PRELOADED, CONTACT, QUADRATIC, FOUR_SEGMENTS = (
     parameters(rows()[line]) for line in ("1743", "1766", "1768", "1860", "1753", "1747")
 )
-THIRD = OTHER | {"rest_angle": 0.5, "preload3": 0.2, "low3": 0.0}
-AT_ONCE = OTHER | {"preload3": -0.3, "high3": 0.0}
-NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+THIRD_PRELOAD = ROW_1743 | {"rest_angle": 0.5, "preload3": 0.2, "low3": 0.0}
+NEGATIVE_THIRD_PRELOAD = ROW_1743 | {"preload3": -0.3, "high3": 0.0}
+NUMBER_PATTERN = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_committed_files_are_what_the_template_gives(name, tmp_path):
+def test_shipped_files_are_those_of_the_template(name, tmp_path):
     DESIGNS[name].write(tmp_path, name)
     for ending in (".xml", ".toml"):
         committed = shipped(f"{name}{ending}").read_text()
         written = (tmp_path / name).with_suffix(ending).read_text()
-        assert NUMBER.split(written) == NUMBER.split(committed)
+        assert NUMBER_PATTERN.split(written) == NUMBER_PATTERN.split(committed)
         # sines depend on the processor: rounding of the start pose, of sums of up to four links
-        assert list(map(float, NUMBER.findall(written))) == pytest.approx(
-            list(map(float, NUMBER.findall(committed))), rel=1e-14, abs=1e-15
+        assert list(map(float, NUMBER_PATTERN.findall(written))) == pytest.approx(
+            list(map(float, NUMBER_PATTERN.findall(committed))), rel=1e-14, abs=1e-15
         )
 
 
-def test_every_balancer_in_models_is_of_the_table():
+def test_every_shipped_balancer_is_in_the_table_of_designs():
     """The exception is a sidecar that compares an export with engines, for a model of the table."""
-    own = {file.stem for file in models_like("balancer*.toml") if file.with_suffix(".xml").exists()}
+    own = {
+        file.stem for file in shipped_files("balancer*.toml") if file.with_suffix(".xml").exists()
+    }
     assert own == {*DESIGNS, "balancer4_sam_prescribed"}  # see `test_balancer_posture`
 
 
 @pytest.mark.parametrize("name", DESIGNS)
 def test_the_start_pose_is_closed_and_at_rest(name):
     model, data = at_start(shipped(f"{name}.xml"))
-    gap = data.site("tip").xpos - data.site("pendulum_tip").xpos
+    violation = data.site("tip").xpos - data.site("pendulum_tip").xpos
     # sums of four coordinates below 1 m; arc cosines lose digits where an elbow is nearly straight
-    assert np.abs(gap).max() <= (5e-15 if name == "balancer_extending" else 5e-16)
+    assert np.abs(violation).max() <= (5e-15 if name == "balancer_extending" else 5e-16)
     # springs act against their stops only, and segments have no weight: rounding of 1 N m
     driven = np.array([model.joint(j).name == "extension" for j in range(model.njnt)])
     free = (model.jnt_limited == 0) & ~driven
     assert np.abs((data.qfrc_passive - data.qfrc_bias)[free]).max() <= 1e-15
 
 
-@pytest.mark.parametrize("chain", [FREE, FOUR], ids=["three segments", "four segments"])
-def test_the_tip_alone_weighs(chain, tmp_path):
+@pytest.mark.parametrize(
+    "chain", [FREE_ANGLE, FOUR_SEGMENTS], ids=["three segments", "four segments"]
+)
+def test_only_the_tip_has_weight(chain, tmp_path):
     file = write_case(tmp_path, "heavy", title="", source="", parameters=chain | {"weight": 2.5})
     model, data = at_start(file.with_suffix(".xml"))
     model.jnt_stiffness[:] = 0.0
@@ -72,7 +76,7 @@ def test_the_tip_alone_weighs(chain, tmp_path):
     assert abs(data.sensor("energy").data[0] - 2.5 * np.cos(data.qpos[0])) <= 2e-15
 
 
-def test_springs_are_what_the_parameters_say(tmp_path):
+def test_springs_are_those_of_the_parameters(tmp_path):
     """A preloaded quadratic spring has its preload as moment, and the integral as energy."""
     k, a, preload = 1.1, -0.3, 0.4
     found = write_case(
@@ -80,7 +84,8 @@ def test_springs_are_what_the_parameters_say(tmp_path):
         "springs",
         title="",
         source="",
-        parameters=FREE | {"stiffness2": k, "quadratic2": a, "preload2": preload, "low2": 0.0},
+        parameters=FREE_ANGLE
+        | {"stiffness2": k, "quadratic2": a, "preload2": preload, "low2": 0.0},
     )
     _, data = at_start(found.with_suffix(".xml"))
     assert data.qfrc_passive[2] == pytest.approx(-preload, abs=1e-15)  # rounding
@@ -102,7 +107,7 @@ def at_start(file: Path) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 # A sidecar of one balancer with the model of another one; with its own model it agrees.
-WRONG = {
+WRONG_PARAMETERS = {
     "a length": (PRELOADED, {"length2": PRELOADED["length2"] * (1 + 1e-9)}),
     "the pendulum": (PRELOADED, {"pendulum": 1 + 1e-9}),
     "a missing preload": (PRELOADED, {"preload2": 0.0}),
@@ -115,41 +120,47 @@ WRONG = {
     "a missing stop": (CONTACT, {"high2": np.inf}),
     "a stop elsewhere": (CONTACT, {"high2": CONTACT["high2"] + 1e-9}),
     "the sign of a quadratic spring": (QUADRATIC, {"quadratic3": -QUADRATIC["quadratic3"]}),
-    "a missing weight": (FREE | {"weight": 1.0}, {"weight": 0.0}),
+    "a missing weight": (FREE_ANGLE | {"weight": 1.0}, {"weight": 0.0}),
     "the preload of another joint": (
-        THIRD,
+        THIRD_PRELOAD,
         {"preload3": 0.0, "low3": -np.inf, "preload2": 0.2, "low2": 0.0},
     ),
-    "another preload of spring 3": (THIRD, {"preload3": 0.2 * (1 + 1e-9)}),
-    "a missing preload that holds at no moment": (AT_ONCE, {"preload3": 0.0, "high3": np.inf}),
-    "preloads changed about": (FOUR, {"preload2": FOUR["preload3"], "preload3": FOUR["preload2"]}),
+    "another preload of spring 3": (THIRD_PRELOAD, {"preload3": 0.2 * (1 + 1e-9)}),
+    "a missing preload that holds at no moment": (
+        NEGATIVE_THIRD_PRELOAD,
+        {"preload3": 0.0, "high3": np.inf},
+    ),
+    "preloads changed about": (
+        FOUR_SEGMENTS,
+        {"preload2": FOUR_SEGMENTS["preload3"], "preload3": FOUR_SEGMENTS["preload2"]},
+    ),
 }
-TEXT = {  # changes of a model that no parameter makes
+WRONG_TEXTS = {  # changes of a model that no parameter makes
     "the sign of a stiffness": (PRELOADED, 'stiffness="2.4054"', 'stiffness="-2.4054"'),
     "a preload without its stop": (PRELOADED, ' range="0.0 10.0"', ""),
     "the sign of a preload": (PRELOADED, 'springref="-', 'springref="'),
     "the sense of a hinge": (PRELOADED, 'name="joint2"', 'name="joint2" axis="0 0 1"'),
     "a segment that weighs": (
-        FREE | {"weight": 1.0},
+        FREE_ANGLE | {"weight": 1.0},
         '"0.0 0.0 0" mass="0.001"',
         '"0.1 0.0 0" mass="0.001"',
     ),
 }
-SOLVER = pytest.mark.parametrize(
+EACH_SOLVER = pytest.mark.parametrize(
     "solver", ["mujoco", pytest.param("pymunk", marks=pytest.mark.slow)]
 )
 
 
-def write(folder: Path, chain: dict, solver: str) -> Path:
+def write_short_case(folder: Path, chain: dict, solver: str) -> Path:
     """Write a case of a balancer that states ``mode = 1``, with few samples."""
-    return fewer(
+    return with_fewer_samples(
         write_case(
             folder, "case", title="t", source="s", parameters={"mode": 1} | chain, solvers=[solver]
         )
     )
 
 
-def fewer(file: Path) -> Path:
+def with_fewer_samples(file: Path) -> Path:
     """Keep a twentieth of the samples of a sweep, whose equilibria do not depend on each other."""
     text, hits = re.subn(r"(?m)^n = 181\b", "n = 9", file.read_text())
     assert hits == 1
@@ -157,40 +168,45 @@ def fewer(file: Path) -> Path:
     return file
 
 
-def turned(file: Path) -> bool:
+def differs_or_is_refused(file: Path) -> bool:
     """Whether a channel does not agree, or the model is refused for its start pose."""
     try:
-        return any(c.outcome not in GOOD_OUTCOMES for c in verdicts(file))
+        return any(c.outcome not in GOOD_OUTCOMES for c in all_comparisons(file))
     except InputError:
         return True
 
 
-@SOLVER
-@pytest.mark.parametrize("what", WRONG)
-def test_another_balancer_turns_the_verdict(what, solver, tmp_path):
-    truth, change = WRONG[what]
-    file = write(tmp_path, truth, solver)
+@EACH_SOLVER
+@pytest.mark.parametrize("what", WRONG_PARAMETERS)
+def test_the_model_of_another_balancer_differs(what, solver, tmp_path):
+    chain, change = WRONG_PARAMETERS[what]
+    file = write_short_case(tmp_path, chain, solver)
     validate_case(load_case(file))  # otherwise the difference could be due to bad input
-    shutil.copy(write(tmp_path / "wrong", truth | change, solver).with_suffix(".xml"), tmp_path)
-    assert turned(file)
+    shutil.copy(
+        write_short_case(tmp_path / "wrong", chain | change, solver).with_suffix(".xml"), tmp_path
+    )
+    assert differs_or_is_refused(file)
 
 
-@SOLVER
-@pytest.mark.parametrize("what", TEXT)
-def test_a_wrong_model_turns_the_verdict(what, solver, tmp_path):
-    truth, old, new = TEXT[what]
-    file = write(tmp_path, truth, solver)
+@EACH_SOLVER
+@pytest.mark.parametrize("what", WRONG_TEXTS)
+def test_a_wrong_model_differs(what, solver, tmp_path):
+    chain, old, new = WRONG_TEXTS[what]
+    file = write_short_case(tmp_path, chain, solver)
     validate_case(load_case(file))
     model = file.with_suffix(".xml")
     assert old in model.read_text()
     model.write_text(model.read_text().replace(old, new))
-    assert turned(file)
+    assert differs_or_is_refused(file)
 
 
-def test_the_other_elbow_is_called_by_its_name(tmp_path):
-    file = write(tmp_path, FREE, "mujoco")
+def test_the_other_assembly_mode_is_named(tmp_path):
+    file = write_short_case(tmp_path, FREE_ANGLE, "mujoco")
     shutil.copy(
-        write(tmp_path / "down", FREE | {"mode": -1}, "mujoco").with_suffix(".xml"), tmp_path
+        write_short_case(tmp_path / "down", FREE_ANGLE | {"mode": -1}, "mujoco").with_suffix(
+            ".xml"
+        ),
+        tmp_path,
     )
     assert "assembles the model in mode -1" in str(check([file]).errors[0])
 
@@ -204,9 +220,9 @@ def test_the_other_elbow_is_called_by_its_name(tmp_path):
         ({"length1": -1.0}, "length1 must be positive"),
     ],
 )
-def test_parameters_that_cannot_be_are_refused(change, message, tmp_path):
+def test_impossible_parameters_are_refused(change, message, tmp_path):
     with pytest.raises(ValueError, match=message):
-        write_case(tmp_path, "bad", title="", source="", parameters=FREE | change)
+        write_case(tmp_path, "bad", title="", source="", parameters=FREE_ANGLE | change)
     assert not list(tmp_path.iterdir())
 
 
@@ -222,21 +238,21 @@ def test_a_spring_without_stiffness_is_a_constant_moment(tmp_path):
     _, data = at_start(file.with_suffix(".xml"))
     assert data.qfrc_actuator.tolist() == [0.0, 0.0, -0.369, 0.0]
     assert "energy" not in load_case(file).channels  # a constant moment has no energy channel
-    assert check([fewer(file)], detectable=False, causes=False).exit_code == 0
+    assert check([with_fewer_samples(file)], detectable=False, causes=False).exit_code == 0
 
 
-def test_words_with_quotes_are_kept_and_others_stand_beside(tmp_path):
+def test_quoted_words_and_compared_balancers_are_kept(tmp_path):
     case = load_case(
         write_case(
             tmp_path,
             "words",
             title='A "sine"',
             source="a\\b é",
-            parameters=FREE,
+            parameters=FREE_ANGLE,
             target="sine",
-            beside={"row 1743": OTHER},
+            beside={"row 1743": ROW_1743},
         )
     )
     assert (case.title, case.source) == ('A "sine"', "a\\b é")
-    assert case.compare_with["row 1743"].parameters == OTHER
-    assert case.parameters == FREE | {"target": "sine", "target_moment": 1.0}
+    assert case.compare_with["row 1743"].parameters == ROW_1743
+    assert case.parameters == FREE_ANGLE | {"target": "sine", "target_moment": 1.0}

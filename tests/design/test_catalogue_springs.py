@@ -9,7 +9,7 @@ from proofmass.design.springs import CATALOGUE, read_catalogue, select_springs
 from proofmass.errors import InputError
 
 
-def test_the_springs_of_the_prototype():
+def test_the_springs_of_the_prototype_are_selected():
     found = select_springs([1.498937760758821, 1.0, 4.847839773931474])  # as in listing N.1
     assert found.springs == (("907",), ("903",), ("907", "908"))
     assert found.ratios == pytest.approx((1.5116, 1.0, 4.8371), abs=1e-4)  # to four digits
@@ -39,7 +39,7 @@ def test_no_combination_is_better(seed):
     assert select_springs(wanted, catalogue).error == pytest.approx(error, rel=1e-12, abs=0)
 
 
-def test_four_joints():
+def test_springs_for_four_joints_are_selected():
     found = select_springs([1.0, 2.0, 0.0, 3.0], {"one": 1.0, "two": 2.0})
     assert found.springs[2] == ()
     assert found.ratios == pytest.approx((0.5, 1.0, 0.0, 1.5))
@@ -50,7 +50,7 @@ def test_ratios_need_a_second_spring():
         select_springs([1.0, 0.0, 1.0])
 
 
-def test_a_catalogue_file(tmp_path):
+def test_a_catalogue_file_is_read(tmp_path):
     file = tmp_path / "springs.csv"
     rows = [f"{name},{k}" for name, k in CATALOGUE.items()]
     file.write_text("\n".join(["spring,stiffness [N m/rad]", *rows, ""]))
@@ -71,13 +71,13 @@ def test_a_catalogue_file(tmp_path):
         ("spring,stiffness [N m/rad]\na,1,2", "line 2: 2 cells, the header has 1"),
     ],
 )
-def test_a_file_that_is_no_catalogue(tmp_path, text, said):
+def test_a_wrong_catalogue_file_is_refused(tmp_path, text, said):
     file = tmp_path / "springs.csv"
     file.write_text(text)
     with pytest.raises(InputError, match=said):
         read_catalogue(file)
 
 
-def test_no_catalogue(tmp_path):
+def test_a_missing_catalogue_file_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such file of springs"):
         read_catalogue(tmp_path / "none.csv")

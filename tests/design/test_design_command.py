@@ -25,7 +25,7 @@ def quick(request, monkeypatch):
         monkeypatch.setattr(command, "scale_effort", lambda _, seed: Effort(((8, 2), (4, 2)), seed))
 
 
-def run(*args):
+def run_design(*args):
     return CliRunner().invoke(app, ["balancer", *map(str, args)])
 
 
@@ -35,7 +35,7 @@ def unverified(monkeypatch):
     monkeypatch.setattr(command, "check_design", lambda *_: 0)
 
 
-def one_line(answer, *words):
+def assert_one_line_error(answer, *words):
     assert answer.exit_code == 2, answer.output
     said = answer.output.strip()
     assert said.startswith("error: ")
@@ -45,8 +45,8 @@ def one_line(answer, *words):
 
 
 @pytest.mark.usefixtures("unverified")
-def test_a_design_is_written_with_what_it_is_worth(tmp_path):
-    answer = run("--free-angle", "-o", tmp_path)
+def test_a_design_is_written_with_its_error_and_work_reduction(tmp_path):
+    answer = run_design("--free-angle", "-o", tmp_path)
     assert answer.exit_code == 0, answer.output
     design = json.loads((tmp_path / "design.json").read_text())
     angle = precision_points(90)
@@ -63,8 +63,8 @@ def test_a_design_is_written_with_what_it_is_worth(tmp_path):
 
 
 @pytest.mark.usefixtures("unverified")
-def test_stopped_it_goes_on_from_there(tmp_path, monkeypatch):
-    once = run("-o", tmp_path / "once")
+def test_an_interrupted_search_continues_to_the_same_design(tmp_path, monkeypatch):
+    once = run_design("-o", tmp_path / "once")
     step = SavedSearch.step
 
     def interrupted(self):
@@ -73,30 +73,30 @@ def test_stopped_it_goes_on_from_there(tmp_path, monkeypatch):
         return step(self)
 
     monkeypatch.setattr(SavedSearch, "step", interrupted)
-    stopped = run("-o", tmp_path / "twice")
+    stopped = run_design("-o", tmp_path / "twice")
     assert stopped.exit_code == 130
     assert "to go on, give the same command again" in " ".join(stopped.output.split())
     monkeypatch.setattr(SavedSearch, "step", step)
-    assert run("-o", tmp_path / "twice").output == once.output
+    assert run_design("-o", tmp_path / "twice").output == once.output
     assert (tmp_path / "once" / "design.json").read_text() == (
         tmp_path / "twice" / "design.json"
     ).read_text()
 
 
 @pytest.mark.usefixtures("unverified")
-def test_a_table_of_ones_own(tmp_path):
+def test_the_target_may_be_a_table(tmp_path):
     file = tmp_path / "wanted.csv"
     rows = [f"{a},{float(np.sin(np.radians(a)))!r}" for a in range(91)]
     file.write_text("\n".join(["angle [deg],moment [1]", *rows]))
-    assert run("--table", file, "-o", tmp_path / "own").exit_code == 0
+    assert run_design("--table", file, "-o", tmp_path / "own").exit_code == 0
     assert json.loads((tmp_path / "own" / "design.json").read_text())["target"] == "wanted"
 
 
-def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
+def test_another_balancer_is_compared_with_the_design(tmp_path, monkeypatch):
     monkeypatch.setattr(command, "check", lambda files: Result([load_case(f) for f in files]))
     monkeypatch.setattr(report, "write_report", lambda _, folder: folder / "index.html")
     file = shipped("balancer_sine_free.toml")
-    answer = run("--free-angle", "--beside", file, "-o", tmp_path)
+    answer = run_design("--free-angle", "--beside", file, "-o", tmp_path)
     assert answer.exit_code == 0, answer.output
     theirs, ours = load_case(file), load_case(tmp_path / "balancer_sine.toml")
     assert ours.compare_with[theirs.title].parameters == theirs.parameters
@@ -130,16 +130,16 @@ def test_another_balancer_stands_beside_it(tmp_path, monkeypatch):
         (("--table", "nowhere.csv"), ("nowhere.csv", "no such recorded curve")),
     ],
 )
-def test_bad_input_is_one_line(tmp_path, options, words):
-    one_line(run(*options, "-o", tmp_path / "out"), *words)
+def test_bad_input_gives_a_message_of_one_line(tmp_path, options, words):
+    assert_one_line_error(run_design(*options, "-o", tmp_path / "out"), *words)
 
 
 @pytest.mark.usefixtures("unverified")
-def test_clock_springs_of_a_design(tmp_path):
+def test_clock_springs_have_the_stiffness_of_their_joints(tmp_path):
     """Each spring has the stiffness of its joint; a spring that no strip gives is reported."""
     strips = tmp_path / "strips.csv"
     strips.write_text(",".join(STRIP_HEADER) + "\nthick,20,2,300,4000,206,1400\n")
-    answer = run("--free-angle", "--strips", strips, "--moment", 5, "-o", tmp_path / "out")
+    answer = run_design("--free-angle", "--strips", strips, "--moment", 5, "-o", tmp_path / "out")
     assert answer.exit_code == 0, answer.output
     design = json.loads((tmp_path / "out" / "design.json").read_text())
     moments = solve(precision_points(90), **design["parameters"])
@@ -155,8 +155,8 @@ def test_clock_springs_of_a_design(tmp_path):
             assert f"joint {joint}: {spring['count']} x thick" in answer.output
         else:
             assert f"joint {joint}: no clock spring for" in answer.output or k == 0.0
-    one_line(
-        run("--springs", "nonlinear", "--strips", strips, "-o", tmp_path / "other"),
+    assert_one_line_error(
+        run_design("--springs", "nonlinear", "--strips", strips, "-o", tmp_path / "other"),
         "--strips: clock springs are linear, and --springs is nonlinear",
     )
 
@@ -171,15 +171,15 @@ def test_clock_springs_of_a_design(tmp_path):
         ("angle [deg],moment [N m]\n0,0\n90,1", ("'moment [1]'",)),
     ],
 )
-def test_a_table_that_is_none(tmp_path, text, words):
+def test_a_wrong_table_is_refused(tmp_path, text, words):
     file = tmp_path / "wanted.csv"
     file.write_text(text)
-    one_line(run("--table", file, "-o", tmp_path / "out"), "wanted", *words)
+    assert_one_line_error(run_design("--table", file, "-o", tmp_path / "out"), "wanted", *words)
 
 
 @pytest.mark.slow
-def test_the_engines_agree_with_what_was_found(tmp_path):
-    answer = run(
+def test_the_engines_agree_with_the_design(tmp_path):
+    answer = run_design(
         "--free-angle",
         "--effort",
         "0.1",

@@ -19,36 +19,36 @@ from proofmass.design.search import (
 from proofmass.errors import InputError
 from proofmass.front import nondominated_points
 
-TINY = Effort(((12, 2), (4, 3)))
-REGULAR = Synthesis(Variant("sine"), np.sin)
+TINY_EFFORT = Effort(((12, 2), (4, 3)))
+REGULAR_SINE = Synthesis(Variant("sine"), np.sin)
 
 
-def test_same_seed_same_design():
+def test_the_same_seed_gives_the_same_design():
     once, twice, other = (
-        SavedSearch(REGULAR, Effort(TINY.heats, seed)).run() for seed in (1, 1, 2)
+        SavedSearch(REGULAR_SINE, Effort(TINY_EFFORT.heats, seed)).run() for seed in (1, 1, 2)
     )
     assert np.array_equal(once, twice)
     assert not np.array_equal(once, other)
 
 
 @pytest.mark.parametrize("after", [1, 2, 3])
-def test_an_interrupted_search_gives_what_an_uninterrupted_one_gives(tmp_path, after):
+def test_an_interrupted_search_has_the_result_of_an_uninterrupted_one(tmp_path, after):
     def interrupt(step, steps, value):
         if step == after:
             raise KeyboardInterrupt
 
     file = tmp_path / "search.npz"
     with pytest.raises(KeyboardInterrupt):
-        SavedSearch(REGULAR, TINY, file).run(interrupt)
-    again = SavedSearch(REGULAR, TINY, file)
+        SavedSearch(REGULAR_SINE, TINY_EFFORT, file).run(interrupt)
+    again = SavedSearch(REGULAR_SINE, TINY_EFFORT, file)
     assert again.state.step == after
-    assert np.array_equal(again.run(), SavedSearch(REGULAR, TINY).run())
-    assert SavedSearch(REGULAR, TINY, file).done
+    assert np.array_equal(again.run(), SavedSearch(REGULAR_SINE, TINY_EFFORT).run())
+    assert SavedSearch(REGULAR_SINE, TINY_EFFORT, file).done
 
 
 def test_the_state_of_another_search_is_refused(tmp_path):
     file = tmp_path / "search.npz"
-    SavedSearch(REGULAR, TINY, file).save()
+    SavedSearch(REGULAR_SINE, TINY_EFFORT, file).save()
     others = (
         Synthesis(Variant("sine", preload=(2,)), np.sin),
         Synthesis(Variant("sine"), np.cos),
@@ -56,36 +56,41 @@ def test_the_state_of_another_search_is_refused(tmp_path):
     )
     for other in others:
         with pytest.raises(InputError, match="state of another search"):
-            SavedSearch(other, TINY, file)
+            SavedSearch(other, TINY_EFFORT, file)
     with pytest.raises(InputError, match="state of another search"):
-        SavedSearch(REGULAR, Effort(TINY.heats, 2), file)
+        SavedSearch(REGULAR_SINE, Effort(TINY_EFFORT.heats, 2), file)
     file.write_text("no archive")
     with pytest.raises(InputError, match="not the state of a search"):
-        SavedSearch(REGULAR, TINY, file)
+        SavedSearch(REGULAR_SINE, TINY_EFFORT, file)
 
 
 def test_designs_stay_within_their_bounds_and_do_not_get_worse():
-    search, worst = SavedSearch(REGULAR, TINY), np.inf
+    search, worst = SavedSearch(REGULAR_SINE, TINY_EFFORT), np.inf
     while not search.done:
         search.state = search.step()
         for vector in search.vectors(search.state.places):
-            assert (REGULAR.low <= vector).all()
-            assert (vector <= REGULAR.high).all()
+            assert (REGULAR_SINE.low <= vector).all()
+            assert (vector <= REGULAR_SINE.high).all()
         if search.heat == 1:  # the heat before this one evaluates fewer points
             assert search.state.values.min() <= worst
             worst = search.state.values.min()
-    assert search.state.values.min() == pytest.approx(REGULAR.figures(search.found[:1]).rmse[0])
+    assert search.state.values.min() == pytest.approx(
+        REGULAR_SINE.figures(search.found[:1]).rmse[0]
+    )
 
 
-def test_a_search_from_given_designs_is_no_worse_than_they():
-    first = SavedSearch(REGULAR, TINY)
+def test_a_search_from_given_designs_is_not_worse_than_these():
+    first = SavedSearch(REGULAR_SINE, TINY_EFFORT)
     first.run()
-    again = SavedSearch(REGULAR, Effort(((12, 1), (4, 1)), seed=2), start=first.found)
+    again = SavedSearch(REGULAR_SINE, Effort(((12, 1), (4, 1)), seed=2), start=first.found)
     assert len(again.state.places) == 12  # four are given, the others are random
-    assert REGULAR.figures(again.run()[None]).rmse[0] <= REGULAR.figures(first.found[:1]).rmse[0]
+    assert (
+        REGULAR_SINE.figures(again.run()[None]).rmse[0]
+        <= REGULAR_SINE.figures(first.found[:1]).rmse[0]
+    )
 
 
-def test_a_given_design_that_the_coarse_look_refuses_is_not_failed():
+def test_a_given_design_is_used_though_the_coarse_evaluation_refuses_it():
     class Narrow:
         low, high, fingerprint = np.zeros(2), np.ones(2), "narrow"
 
@@ -95,21 +100,23 @@ def test_a_given_design_that_the_coarse_look_refuses_is_not_failed():
         def coarse(self, vectors):
             return np.where(vectors[:, :1] > 0.9, np.nan, vectors)
 
-    assert SavedSearch(Narrow(), TINY).run() == pytest.approx(
+    assert SavedSearch(Narrow(), TINY_EFFORT).run() == pytest.approx(
         [0.0, 0.0], abs=1e-6
     )  # the minimum in the other region
     given = np.array([[0.95, 0.5]])
-    assert SavedSearch(Narrow(), TINY, start=given).run() == pytest.approx([1.0, 1.0], abs=1e-6)
+    assert SavedSearch(Narrow(), TINY_EFFORT, start=given).run() == pytest.approx(
+        [1.0, 1.0], abs=1e-6
+    )
 
 
 def test_bounds_that_exclude_every_design_are_refused():
     behind = Variant("sine", free_angle=True, narrowed={"rest_angle": (3.0, 3.1)})
     with pytest.raises(ValueError, match="none of 1200 random designs is possible"):
-        SavedSearch(Synthesis(behind, np.sin), TINY)
+        SavedSearch(Synthesis(behind, np.sin), TINY_EFFORT)
 
 
 @pytest.mark.slow
-def test_ten_seconds_beat_row_1766():
+def test_a_search_of_ten_seconds_is_better_than_row_1766():
     task = Synthesis(Variant("sine", free_angle=True), np.sin)
     found = task.figures(SavedSearch(task, Effort(((64, 8), (16, 20)))).run()[None])
     assert found.rmse[0] < 0.0059  # printed for row 1766
@@ -135,7 +142,7 @@ def test_descents_solve_bounded_linear_least_squares():
     assert state[1] == pytest.approx(np.sqrt(2 * truth.cost), rel=1e-6)
 
 
-def test_a_descent_keeps_out_of_what_is_not_possible():
+def test_a_descent_does_not_enter_an_infeasible_region():
     def terms(places):
         return np.where(places[:, :1] < 0.3, np.nan, places)
 
@@ -147,7 +154,7 @@ def test_a_descent_keeps_out_of_what_is_not_possible():
     assert np.array_equal(state[0][1], places[1])  # the start of this descent is infeasible
 
 
-def test_nondominated_by_its_definition():
+def test_nondominated_points_meet_their_definition():
     aims = np.random.default_rng(2).integers(0, 12, (60, 2)).astype(float)
     beaten = [any((other <= own).all() and (other < own).any() for other in aims) for own in aims]
     kept = nondominated_points(aims)
@@ -194,21 +201,21 @@ def test_a_front_is_found_beyond_its_convex_part(monkeypatch):
     assert is_on_hull(found.rmse, found.spread)[inner].sum() == 0
 
 
-def test_points_of_the_lower_hull():
+def test_points_of_the_lower_hull_are_found():
     x, y = np.array([0.0, 1.0, 2.0, 3.0, 4.0]), np.array([4.0, 1.0, 2.0, 0.2, 0.0])
     assert is_on_hull(x, y).tolist() == [True, True, False, True, True]
 
 
 @pytest.mark.slow
 def test_the_front_trades_error_for_spread(tmp_path, monkeypatch):
-    monkeypatch.setattr("proofmass.design.pareto.LIMIT_EFFORT", TINY)
-    best = SavedSearch(REGULAR, TINY).run()
-    found = find_front(REGULAR, best[None], tmp_path, limits=2)
+    monkeypatch.setattr("proofmass.design.pareto.LIMIT_EFFORT", TINY_EFFORT)
+    best = SavedSearch(REGULAR_SINE, TINY_EFFORT).run()
+    found = find_front(REGULAR_SINE, best[None], tmp_path, limits=2)
     assert found.rmse.size >= 2
     assert (np.diff(found.rmse) > 0).all()
     assert (np.diff(found.spread) < 0).all()
-    again = find_front(REGULAR, best[None], tmp_path, limits=2)  # from the saved states
+    again = find_front(REGULAR_SINE, best[None], tmp_path, limits=2)  # from the saved states
     assert np.array_equal(found.vectors, again.vectors)
-    files = write_front(found, list(REGULAR.variant.usual), tmp_path / "pareto")
+    files = write_front(found, list(REGULAR_SINE.variant.usual), tmp_path / "pareto")
     assert all(file.stat().st_size > 0 for file in files)
     assert np.loadtxt(files[0], delimiter=",", skiprows=1).shape == (found.rmse.size, 9)

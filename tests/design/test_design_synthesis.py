@@ -18,7 +18,7 @@ from proofmass.analytic.balancer.synthesis import (
 )
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 
-SINE = Synthesis(Variant("sine", free_angle=True), np.sin)
+FREE_SINE = Synthesis(Variant("sine", free_angle=True), np.sin)
 
 
 def variant_of(row):
@@ -38,13 +38,13 @@ def task_of(row):
     return Synthesis(variant_of(row), TARGETS[row["target"]])
 
 
-def random(variant, count=40, seed=0):
+def random_designs(variant, count=40, seed=0):
     task = Synthesis(variant, TARGETS[variant.target])
     low, high = task.low, task.high
     return task, low + (high - low) * np.random.default_rng(seed).random((count, low.size))
 
 
-def elbow(curves, n):
+def elbow_sine(curves, n):
     return np.sin(curves[f"theta{n}"] - curves[f"theta{n - 1}"])
 
 
@@ -56,7 +56,7 @@ def test_the_thesis_optimised_these_112_variants():
     )
 
 
-def test_its_tables_have_a_dash_for_these_56():
+def test_the_thesis_tables_have_a_dash_for_these_56_variants():
     dashes = [
         (target, block["segments"], springs, block["option"])
         for block in DATA["tables"]["blocks"]
@@ -119,7 +119,7 @@ def test_bounds_are_those_of_the_figure(line):
 
 
 @pytest.mark.parametrize("line", ["1766", "1745", "1753", "1860", "2107", "1744", "1747", "2041"])
-def test_the_thesis_designs_are_worth_what_independent_recomputations_say(line):
+def test_thesis_designs_have_the_errors_of_independent_recomputations(line):
     row = rows()[line]
     task = task_of(row)
     vector = task.variant.vector(parameters(row))
@@ -130,8 +130,8 @@ def test_the_thesis_designs_are_worth_what_independent_recomputations_say(line):
     assert (vector <= task.high + 1e-12).all()
 
 
-def test_row_1766_by_its_printed_parameters():
-    found = SINE.figures(np.array([[1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641]]))
+def test_the_printed_parameters_of_row_1766_have_a_larger_error():
+    found = FREE_SINE.figures(np.array([[1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641]]))
     assert found.rmse[0] == pytest.approx(0.006101, abs=5e-7)  # the thesis prints 0.0059
     assert found.work_reduction[0] == pytest.approx(99.2994, abs=5e-5)  # and 99.33
 
@@ -153,8 +153,8 @@ def test_row_1766_by_its_printed_parameters():
     ],
     ids=lambda v: f"{v.target} {v.segments} {v.springs} {v.option} {v.mode}",
 )
-def test_a_batch_is_worth_what_each_design_alone_is(variant):
-    task, vectors = random(variant)
+def test_a_batch_has_the_values_of_its_single_designs(variant):
+    task, vectors = random_designs(variant)
     found, built = task.figures(vectors), 0
     for k, vector in enumerate(vectors):
         if built == 8:  # eight designs suffice; more would only take time
@@ -165,7 +165,7 @@ def test_a_batch_is_worth_what_each_design_alone_is(variant):
         except ValueError:
             assert np.isnan(found.rmse[k])
             continue
-        if (variant.mode * elbow(alone, variant.segments)).min() < MIN_ELBOW_SINE:
+        if (variant.mode * elbow_sine(alone, variant.segments)).min() < MIN_ELBOW_SINE:
             assert np.isnan(found.rmse[k])
             continue
         wanted, moment = task.target(task.angles), alone["balancing_moment"]
@@ -189,7 +189,7 @@ def test_a_batch_is_worth_what_each_design_alone_is(variant):
         ("1928", "passes with a stretched arm"),
     ],
 )
-def test_what_cannot_be_built_is_worth_nothing(line, why):
+def test_designs_that_cannot_be_built_have_no_value(line, why):
     row = rows()[line]
     task = task_of(row)
     vector = task.variant.vector(parameters(row))
@@ -199,25 +199,25 @@ def test_what_cannot_be_built_is_worth_nothing(line, why):
     assert np.array_equal(task.residuals(both)[1], task.residuals(both[1:])[0], equal_nan=True)
 
 
-def test_lengths_that_do_not_reach_are_worth_nothing():
+def test_lengths_that_do_not_reach_have_no_value():
     folded = np.array([[1.0, 1.0, 1.0, 0.34, 0.34, 0.34, np.pi]])
-    assert np.isnan(SINE.residuals(folded)).all()
+    assert np.isnan(FREE_SINE.residuals(folded)).all()
 
 
-def test_terms_square_to_the_aim():
+def test_squares_of_the_residuals_sum_to_the_objective():
     vector = np.array([[1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641]])
-    figures, angle = SINE.figures(vector), SINE.angles
-    assert (SINE.residuals(vector) ** 2).sum() == pytest.approx(
+    figures, angle = FREE_SINE.figures(vector), FREE_SINE.angles
+    assert (FREE_SINE.residuals(vector) ** 2).sum() == pytest.approx(
         figures.rmse[0] ** 2, rel=1e-12, abs=0
     )
-    work = Synthesis(SINE.variant, np.sin, power=1.0)
+    work = Synthesis(FREE_SINE.variant, np.sin, power=1.0)
     left = (1.0 - figures.work_reduction[0] / 100.0) * np.trapezoid(np.sin(angle), angle)
     mean = (work.residuals(vector) ** 2).sum() * np.pi / 2  # no half weights at the ends
     assert mean == pytest.approx(left, rel=0.05)
-    within = Synthesis(SINE.variant, np.sin, limit=figures.spread[0] + 0.01).residuals(vector)
-    assert np.array_equal(within[0, :-1], SINE.residuals(vector)[0])
+    within = Synthesis(FREE_SINE.variant, np.sin, limit=figures.spread[0] + 0.01).residuals(vector)
+    assert np.array_equal(within[0, :-1], FREE_SINE.residuals(vector)[0])
     assert within[0, -1] == 0.0
-    excess = Synthesis(SINE.variant, np.sin, limit=figures.spread[0] - 0.01).residuals(vector)
+    excess = Synthesis(FREE_SINE.variant, np.sin, limit=figures.spread[0] - 0.01).residuals(vector)
     assert excess[0, -1] == pytest.approx(SPREAD_PENALTY * 0.01, rel=1e-9)
 
 
@@ -253,12 +253,12 @@ def test_terms_square_to_the_aim():
         ),
     ],
 )
-def test_a_variant_that_cannot_be_is_refused(wrong, said):
+def test_impossible_variants_are_refused(wrong, said):
     with pytest.raises(ValueError, match=said):
         Variant("sine", **wrong)
 
 
-def test_a_vector_is_its_parameters():
+def test_vectors_are_converted_to_parameters_and_back():
     for variant in (*thesis_variants(), Variant("sine", 4, "each", preload=(2, 3), contact=True)):
         vector = np.random.default_rng(1).random(len(variant.bounds))
         flat = {k: v[0] for k, v in variant.parameters(vector[None]).items()}
@@ -266,8 +266,8 @@ def test_a_vector_is_its_parameters():
         assert set(flat) >= {f"stiffness{i + 1}" for i in range(variant.segments)}
 
 
-def test_a_vector_that_is_no_number_is_worth_none():
+def test_a_vector_of_nan_has_no_value():
     good = np.array([1.2701, 0.8473, 4.1078, 0.3394, 0.4573, 0.4752, 0.6641])
-    found = SINE.figures(np.array([good, np.full(7, np.nan), good]))
+    found = FREE_SINE.figures(np.array([good, np.full(7, np.nan), good]))
     assert np.isfinite(found.rmse).tolist() == [True, False, True]
-    assert np.isnan(SINE.residuals(np.full((2, 7), np.nan))).all()
+    assert np.isnan(FREE_SINE.residuals(np.full((2, 7), np.nan))).all()

@@ -11,7 +11,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from tests.shipped import shipped, written_out
+from tests.shipped import shipped, without_defaults
 
 TIMEOUT = 6.0
 """Limit of each run of a small case [s]; a run without a fault takes 0.05 s.  The limit includes
@@ -19,7 +19,7 @@ the start of an engine's process, 1.5 s on an idle machine."""
 
 Files = dict[str, bytes]
 
-SHORT = [
+SHORTENING_EDITS = [
     (r"(?m)^n = \d+", "n = 7"),
     (r'"mujoco:default", |, "pymunk:default"', ""),
     (r"(?m)^to = 6\.28\d+", "to = 0.6"),
@@ -29,38 +29,42 @@ SHORT = [
     ),
 ]
 EDITS: dict[str, list] = {
-    "pendulum": [*SHORT, (r"until = 10\.0", "until = 0.3")],
-    "fourbar": SHORT,
+    "pendulum": [*SHORTENING_EDITS, (r"until = 10\.0", "until = 0.3")],
+    "fourbar": SHORTENING_EDITS,
     "fourbar_sweep": [
-        *SHORT,
+        *SHORTENING_EDITS,
         (r"(?s)\[run\.dynamics\].*?\n\n", ""),
         (r'"mujoco", "pymunk"', '"mujoco"'),
         (r"(?s)\[\[tolerance\]\]\nrun = \"dynamics\".*?(\n\n|\Z)", ""),
         (r"(?s)\[\[tolerance\]\]\nrun = \"sweep\"\nsolver = \"pymunk\".*?(\n\n|\Z)", ""),
         (r"(?m)^reference", 'model = "fourbar.xml"\nreference'),
     ],
-    "slider_crank": SHORT,
-    "hacksaw_recorded": SHORT,
-    "balancer_sine": [*SHORT, (r"to = 1\.57\d+", "to = 0.3"), (r"abs = 1e-12", "abs = 1e-10")],
+    "slider_crank": SHORTENING_EDITS,
+    "hacksaw_recorded": SHORTENING_EDITS,
+    "balancer_sine": [
+        *SHORTENING_EDITS,
+        (r"to = 1\.57\d+", "to = 0.3"),
+        (r"abs = 1e-12", "abs = 1e-10"),
+    ],
     "rod_cantilever": [
-        *SHORT,
+        *SHORTENING_EDITS,
         (r"segments = 40\n\n", "segments = 8\n\n"),
         (r"(?s)\[refine\].*?\n\n", ""),
         (r"relative_to_range = \S+", "relative_to_range = 0.02"),
     ],
-    "watt": SHORT,
+    "watt": SHORTENING_EDITS,
 }
-OF = {"fourbar_sweep": "fourbar"}
+SOURCE_CASES = {"fourbar_sweep": "fourbar"}
 """Cases that are made of another one, so that an input that one run refuses is tested in the other
 run."""
-ROWS = {"hacksaw_recorded": slice(300, 308)}
+KEPT_ROWS = {"hacksaw_recorded": slice(300, 308)}
 """Rows of the recorded curve that are kept, in addition to its comments and its header."""
 
 
 @cache
-def small(name: str) -> tuple[tuple[str, bytes], ...]:
+def small_files(name: str) -> tuple[tuple[str, bytes], ...]:
     """The files of a small case, as pairs of name and content."""
-    text = written_out(shipped(f"{OF.get(name, name)}.toml"))
+    text = without_defaults(shipped(f"{SOURCE_CASES.get(name, name)}.toml"))
     for old, new in EDITS[name]:
         text = re.sub(old, new, text)
     text = re.sub(r"(?m)^(\[run\.\w+\])$", rf"\1\ntimeout = {TIMEOUT}", text)
@@ -68,25 +72,25 @@ def small(name: str) -> tuple[tuple[str, bytes], ...]:
     files = {f"{name}.toml": text.encode()}
     xml = model[1] if model else f"{name}.xml"
     files[xml] = shipped(xml).read_bytes()
-    if rows := ROWS.get(name):
+    if rows := KEPT_ROWS.get(name):
         lines = shipped(f"{name}.csv").read_text(encoding="utf-8").splitlines(keepends=True)
         files[f"{name}.csv"] = "".join(lines[:3] + lines[rows]).encode()
     return tuple(files.items())
 
 
-def started(folder: Path) -> None:
+def start_worker(folder: Path) -> None:
     """Check a good case with a long time limit, so that an idle worker waits for the next one."""
     from proofmass.check import check
 
-    slow = {
+    patient = {
         k: v.replace(f"timeout = {TIMEOUT}".encode(), b"timeout = 120")
-        for k, v in small("pendulum")
+        for k, v in small_files("pendulum")
     }
-    write(slow, folder)
+    write_files(patient, folder)
     assert check([folder / "pendulum.toml"], jobs=1, detectable=False, causes=False).exit_code == 0
 
 
-def write(files: Files, folder: Path) -> None:
+def write_files(files: Files, folder: Path) -> None:
     """Write a case's files into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():

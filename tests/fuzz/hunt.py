@@ -15,48 +15,52 @@ from pathlib import Path
 from random import Random
 
 from proofmass.check import LOADING_SECONDS
-from tests.fuzz.cases import EDITS, TIMEOUT, Files, small, write
-from tests.fuzz.judge import MARGIN, ROOT, Judge, Verdict
-from tests.fuzz.mutators import Mutation, drawn, mutated
+from tests.fuzz.cases import EDITS, TIMEOUT, Files, small_files, write_files
+from tests.fuzz.judge import MARGIN_SECONDS, ROOT, Judge, Verdict
+from tests.fuzz.mutators import Mutation, apply_mutations, draw_mutations
 
-COLD = 20.0
+COLD_TIMEOUT = 20.0
 """Limit of a run that includes the start of its engine [s]; with a load of 12 it took 9 s."""
-KEPT = ROOT / "tests" / "data" / "fuzz"
+FINDINGS_FOLDER = ROOT / "tests" / "data" / "fuzz"
 
 
-def numbered(number: int) -> tuple[str, list[Mutation]]:
+def input_by_number(number: int) -> tuple[str, list[Mutation]]:
     """The case of an input and its mutations."""
     rng = Random(number)
     name = rng.choice(list(EDITS))
-    endings = [Path(file).suffix for file in dict(small(name))]
-    return name, drawn(rng, endings)
+    endings = [Path(file).suffix for file in dict(small_files(name))]
+    return name, draw_mutations(rng, endings)
 
 
-def made(name: str, mutations: list[Mutation]) -> Files:
+def input_files(name: str, mutations: list[Mutation]) -> Files:
     """The files of an input."""
-    return mutated(dict(small(name)), mutations)
+    return apply_mutations(dict(small_files(name)), mutations)
 
 
-def shrunk(judge: Judge, name: str, mutations: list[Mutation], signature: str) -> list[Mutation]:
+def shrink_mutations(
+    judge: Judge, name: str, mutations: list[Mutation], signature: str
+) -> list[Mutation]:
     """As few of the mutations as still lead to a finding with this signature."""
     for k in reversed(range(len(mutations))):
         fewer = mutations[:k] + mutations[k + 1 :]
-        if fewer and signature in judge.judge(name, made(name, fewer)).findings:
+        if fewer and signature in judge.judge(name, input_files(name, fewer)).findings:
             mutations = fewer
     return mutations
 
 
-def by_command_line(files: Files, folder: Path) -> Verdict:
+def judge_by_command_line(files: Files, folder: Path) -> Verdict:
     """Judge an input by ``proofmass check FOLDER --json``.
 
     Each command starts its engines, so that runs get more time than in the judge.
     """
     limit = (
-        LOADING_SECONDS + 5 * COLD + MARGIN
+        LOADING_SECONDS + 5 * COLD_TIMEOUT + MARGIN_SECONDS
     )  # at most four runs in a small case, and the check of the case before
-    write(
+    write_files(
         {
-            name: content.replace(f"timeout = {TIMEOUT}".encode(), f"timeout = {COLD}".encode())
+            name: content.replace(
+                f"timeout = {TIMEOUT}".encode(), f"timeout = {COLD_TIMEOUT}".encode()
+            )
             for name, content in files.items()
         },
         folder,
@@ -92,35 +96,35 @@ def by_command_line(files: Files, folder: Path) -> Verdict:
     return answer
 
 
-def keep(folder: Path, signature: str, name: str, files: Files) -> Path:
+def store_finding(folder: Path, signature: str, name: str, files: Files) -> Path:
     """Store an input under its signature, as `open`: the finding is not repaired yet."""
     folder.mkdir(parents=True, exist_ok=True)
     slug = re.sub(r"\W+", "_", signature).strip("_")[:80]
     file = folder / f"{slug}.json"
-    base = dict(small(name))
+    base = dict(small_files(name))
     changed = {k: v.decode("latin-1") for k, v in files.items() if v != base[k]}
     table = {"signature": signature, "open": True, "case": name, "changed": changed}
     file.write_text(json.dumps(table, indent=1) + "\n", encoding="ascii")
     return file
 
 
-def kept(file: Path) -> tuple[str, Files, dict]:
+def read_finding(file: Path) -> tuple[str, Files, dict]:
     """A stored input: its case, its files, and its table with signature and `open`."""
     table = json.loads(file.read_text(encoding="ascii"))
     changed = {k: v.encode("latin-1") for k, v in table["changed"].items()}
-    return table["case"], dict(small(table["case"])) | changed, table
+    return table["case"], dict(small_files(table["case"])) | changed, table
 
 
 def hunt(first: int, last: int, folder: Path) -> Counter[str]:
     """Judge inputs, print new findings and notes, store new findings, and count all of them."""
-    known = {kept(file)[2]["signature"] for file in folder.glob("*.json")}
+    known = {read_finding(file)[2]["signature"] for file in folder.glob("*.json")}
     seen, slow = Counter[str](), list[tuple[float, int]]()
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as scratch:
         judge = Judge(Path(scratch))
         for number in range(first, last):
-            name, mutations = numbered(number)
-            answer = judge.judge(name, made(name, mutations))
+            name, mutations = input_by_number(number)
+            answer = judge.judge(name, input_files(name, mutations))
             slow.append((answer.seconds, number))
             if number % 100 == 99:
                 print(f"{number}: {time.perf_counter() - began:.0f} s", flush=True)
@@ -130,8 +134,8 @@ def hunt(first: int, last: int, folder: Path) -> Counter[str]:
             for signature in answer.findings:
                 if signature not in known:
                     known.add(signature)
-                    fewest = shrunk(judge, name, mutations, signature)
-                    keep(folder, signature, name, made(name, fewest))
+                    fewest = shrink_mutations(judge, name, mutations, signature)
+                    store_finding(folder, signature, name, input_files(name, fewest))
                     print(f"{number} {name}: {signature}, by {fewest}", flush=True)
                     print("    " + answer.detail[-700:].replace("\n", "\n    "), flush=True)
             for note in answer.notes:
@@ -149,4 +153,8 @@ def hunt(first: int, last: int, folder: Path) -> Counter[str]:
 
 
 if __name__ == "__main__":
-    hunt(int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]) if len(sys.argv) > 3 else KEPT)
+    hunt(
+        int(sys.argv[1]),
+        int(sys.argv[2]),
+        Path(sys.argv[3]) if len(sys.argv) > 3 else FINDINGS_FOLDER,
+    )

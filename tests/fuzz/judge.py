@@ -21,19 +21,19 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.fuzz.cases import TIMEOUT, Files, small, started, write
+from tests.fuzz.cases import TIMEOUT, Files, small_files, start_worker, write_files
 
 ROOT = Path(__file__).parent.parent.parent
-MARGIN = 15.0
+MARGIN_SECONDS = 15.0
 """Time beyond the stated limits of all runs [s], for the start of processes on a busy machine."""
-LONGEST = 45.0
+LONGEST_WAIT = 45.0
 """Longest time to wait for stated limits [s]; an input that states longer ones is not judged."""
-LENGTHY = 20_000
+MAX_SIDECAR_BYTES = 20_000
 """Largest size of a sidecar whose limits are read [bytes]: the memory that `tomllib` takes grows
 with the square of the length of a key."""
-MEMORY = 6 << 30
+MEMORY_LIMIT = 6 << 30
 """Address space of a judge, and of each of its engines [bytes]."""
-LIFE = 300
+INPUTS_PER_JUDGE = 300
 """Inputs that a judge takes before it is replaced, since the product keeps compiled models."""
 
 
@@ -61,7 +61,7 @@ class Judge:
 
     def start(self) -> subprocess.Popen:
         """The running process, or a new one."""
-        if self.process is None or self.count % LIFE == 0:
+        if self.process is None or self.count % INPUTS_PER_JUDGE == 0:
             self.close()
             self.words = tempfile.TemporaryFile()  # noqa: SIM115, closed with the process
             self.process = subprocess.Popen(
@@ -94,7 +94,7 @@ class Judge:
         process = self.start()
         place = self.folder / f"{os.getpid()}_{self.count}"
         self.count += 1
-        write(files, place)
+        write_files(files, place)
         limit, stated = time_limit(files, name)
         process.stdin.write((json.dumps([str(place), name, limit, self.causes]) + "\n").encode())
         process.stdin.flush()
@@ -106,7 +106,7 @@ class Judge:
         if line:
             return Verdict(**json.loads(line))
         if not ready:
-            where = stuck(self.said())
+            where = hanging_place(self.said())
             self.close()
             if not stated:
                 return Verdict(notes=["stated limit too long to wait for"], seconds=limit)
@@ -131,16 +131,16 @@ def time_limit(files: Files, name: str) -> tuple[float, bool]:
     """
     total, text = TIMEOUT, files[f"{name}.toml"]
     try:
-        if len(text) > LENGTHY:
+        if len(text) > MAX_SIDECAR_BYTES:
             raise ValueError("too long to parse here, where memory has no limit")
         for run in tomllib.loads(text.decode()).get("run", {}).values():
             total += float(run.get("timeout", 120.0)) * (1 + len(run.get("solvers", [])))
     except (ValueError, AttributeError, TypeError, RecursionError):
         total = 7 * TIMEOUT  # as of an unchanged small case; or the input is no case
-    return min(max(total, TIMEOUT), LONGEST) + MARGIN, total <= LONGEST
+    return min(max(total, TIMEOUT), LONGEST_WAIT) + MARGIN_SECONDS, total <= LONGEST_WAIT
 
 
-def place_of(frames: list[tuple[str, str]]) -> str:
+def innermost_place(frames: list[tuple[str, str]]) -> str:
     """The innermost function of the product in a stack of (file, function), innermost last."""
     for file, function in reversed(frames):
         for part in ("proofmass",):
@@ -149,10 +149,10 @@ def place_of(frames: list[tuple[str, str]]) -> str:
     return frames[-1][1] if frames else "?"
 
 
-def stuck(words: str) -> str:
+def hanging_place(words: str) -> str:
     """Where the main thread or a task hangs, from a dump of all stacks, innermost frame first."""
     found = [
-        place_of(re.findall(r'File "(.*?)", line \d+ in (\S+)', block)[::-1])
+        innermost_place(re.findall(r'File "(.*?)", line \d+ in (\S+)', block)[::-1])
         for block in re.split(r"Thread |Current thread ", words.split("Timeout (")[-1])
     ]
     inner = [f for f in found if ":" in f and "check.py:check" not in f and "isolate" not in f]
@@ -162,11 +162,11 @@ def stuck(words: str) -> str:
 # within the process
 
 
-def examine(folder: Path, name: str, causes: bool) -> Verdict:
+def check_and_judge(folder: Path, name: str, causes: bool) -> Verdict:
     """Check a folder as the command line does, and judge the result."""
     from proofmass.check import check
     from proofmass.terminal import as_json, failure_lines, summary_tables
-    from tests.fuzz.oracle import judge
+    from tests.fuzz.oracle import find_false_agreements
 
     answer = Verdict()
     try:
@@ -177,7 +177,7 @@ def examine(folder: Path, name: str, causes: bool) -> Verdict:
         list(failure_lines(result))
     except Exception as error:
         where = [(f.filename, f.name) for f in traceback.extract_tb(error.__traceback__)]
-        answer.findings.append(f"uncaught {type(error).__name__} in {place_of(where)}")
+        answer.findings.append(f"uncaught {type(error).__name__} in {innermost_place(where)}")
         answer.detail = "".join(traceback.format_exception(error))[-3000:]
         return answer
     for error in result.errors:
@@ -202,7 +202,7 @@ def examine(folder: Path, name: str, causes: bool) -> Verdict:
         was = sum(c.outcome == "unchecked" for c in result.comparisons)
         answer.notes += ["green, some unchecked"] * bool(was)
     try:
-        false, why = judge(folder, name, dict(small(name)), result)
+        false, why = find_false_agreements(folder, name, dict(small_files(name)), result)
     except Exception as error:
         answer.notes.append(f"oracle failed: {type(error).__name__}: {str(error)[:120]}")
         answer.detail = traceback.format_exc()[-3000:]
@@ -219,12 +219,12 @@ def main() -> None:
     import importlib
     import time
 
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     with tempfile.TemporaryDirectory() as folder:
-        started(Path(folder))
+        start_worker(Path(folder))
     importlib.import_module(
         "proofmass.check"
     ).LOADING_SECONDS = TIMEOUT  # proofmass.check is a function
@@ -233,7 +233,7 @@ def main() -> None:
         folder, name, limit, causes = json.loads(line)
         faulthandler.dump_traceback_later(limit)
         began = time.perf_counter()
-        answer = examine(Path(folder), name, causes)
+        answer = check_and_judge(Path(folder), name, causes)
         faulthandler.cancel_dump_traceback_later()
         answer.seconds = time.perf_counter() - began
         answers.write(json.dumps(answer.__dict__) + "\n")

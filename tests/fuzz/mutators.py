@@ -53,7 +53,7 @@ def bytes_of(text: str) -> bytes:
     return text.encode("utf-8", errors="surrogateescape")
 
 
-def number(rng: Random, old: str) -> str:
+def changed_number(rng: Random, old: str) -> str:
     """Another number in place of `old`, or a text that is no number."""
     kind = rng.random()
     if kind < 0.15:
@@ -73,16 +73,16 @@ def number(rng: Random, old: str) -> str:
     return f"{value * (1 + rng.choice([1, -1]) * 10.0 ** -rng.randint(0, 12)):.17g}"
 
 
-def in_line(rng: Random, line: str) -> str:
+def change_number_in_line(rng: Random, line: str) -> str:
     """A line with one of its numbers changed."""
     hits = list(NUMBER.finditer(line))
     if not hits:
         return line
     hit = rng.choice(hits)
-    return line[: hit.start()] + number(rng, hit[0]) + line[hit.end() :]
+    return line[: hit.start()] + changed_number(rng, hit[0]) + line[hit.end() :]
 
 
-def typo(rng: Random, word: str) -> str:
+def word_with_typo(rng: Random, word: str) -> str:
     """A word with a letter swapped, dropped, doubled or in the other case, or a mark added."""
     if not word:
         return "x"
@@ -385,16 +385,16 @@ INSERTS: dict[str, list[str]] = {
         '<contact name="c"/>',
     ],
 }
-BIG = ["0", "1", "-1", "1000", "1000000", "1000000000", "99999999999999999999"]
+COUNTS = ["0", "1", "-1", "1000", "1000000", "1000000000", "99999999999999999999"]
 
 
-def attributes(text: str) -> list[re.Match]:
+def find_attributes(text: str) -> list[re.Match]:
     return list(ATTRIBUTE.finditer(text))
 
 
 def x_number(rng: Random, content: bytes) -> bytes:
     text = text_of(content)
-    hits = [m for m in attributes(text) if NUMBER.fullmatch((m[2].split() or ["x"])[0])]
+    hits = [m for m in find_attributes(text) if NUMBER.fullmatch((m[2].split() or ["x"])[0])]
     if not hits:
         return content
     hit, kind = rng.choice(hits), rng.random()
@@ -407,13 +407,13 @@ def x_number(rng: Random, content: bytes) -> bytes:
         rng.shuffle(parts)
     else:
         k = rng.randrange(len(parts))
-        parts[k] = number(rng, parts[k])
+        parts[k] = changed_number(rng, parts[k])
     return bytes_of(text[: hit.start(2)] + " ".join(parts) + text[hit.end(2) :])
 
 
 def x_attribute(rng: Random, content: bytes) -> bytes:
     text = text_of(content)
-    hits = attributes(text)
+    hits = find_attributes(text)
     if not hits:
         return content
     hit = rng.choice(hits)
@@ -422,9 +422,9 @@ def x_attribute(rng: Random, content: bytes) -> bytes:
     new = rng.choice(
         [
             lambda: "",
-            lambda: f'{typo(rng, hit[1])}="{hit[2]}"',
+            lambda: f'{word_with_typo(rng, hit[1])}="{hit[2]}"',
             lambda: f"{hit[0]} {hit[0]}",
-            lambda: f'{hit[1]}="{typo(rng, hit[2])}"',
+            lambda: f'{hit[1]}="{word_with_typo(rng, hit[2])}"',
             lambda: f'{hit[1]}="{odd_word(rng, same)}"',
             lambda: f'{hit[1]}="{odd_word(rng, names)}"',
             lambda: hit[0].replace('"', "'"),
@@ -438,7 +438,7 @@ def x_attribute(rng: Random, content: bytes) -> bytes:
 def x_names_swapped(rng: Random, content: bytes) -> bytes:
     text = text_of(content)
     key = rng.choice(["name", "joint", "site", "objname", "site1", "site2", "joint", "objname"])
-    hits = [m for m in attributes(text) if m[1] == key]
+    hits = [m for m in find_attributes(text) if m[1] == key]
     if len(hits) < 2:
         return content
     one, two = sorted(rng.sample(hits, 2), key=lambda m: m.start())
@@ -451,19 +451,19 @@ def x_names_swapped(rng: Random, content: bytes) -> bytes:
     )
 
 
-def parsed(content: bytes) -> ElementTree.Element | None:
+def parse_xml(content: bytes) -> ElementTree.Element | None:
     try:
         return ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError, LookupError):
         return None
 
 
-def unparsed(root: ElementTree.Element) -> bytes:
+def format_xml(root: ElementTree.Element) -> bytes:
     return bytes_of(ElementTree.tostring(root, encoding="unicode"))
 
 
 def x_element(rng: Random, content: bytes) -> bytes:
-    root = parsed(content)
+    root = parse_xml(content)
     if root is None:
         return content
     pairs = [(parent, child) for parent in root.iter() for child in parent]
@@ -481,15 +481,15 @@ def x_element(rng: Random, content: bytes) -> bytes:
         k, j = list(parent).index(child), rng.randrange(len(parent))
         parent[k], parent[j] = parent[j], parent[k]
     if kind == "rename":
-        child.tag = rng.choice([typo(rng, child.tag), rng.choice(pairs)[1].tag])
+        child.tag = rng.choice([word_with_typo(rng, child.tag), rng.choice(pairs)[1].tag])
     try:
-        return unparsed(root)
+        return format_xml(root)
     except RecursionError:  # moved into itself
         return content
 
 
 def x_set(rng: Random, content: bytes) -> bytes:
-    root = parsed(content)
+    root = parse_xml(content)
     if root is None:
         return content
     tag = rng.choice([*SETTERS, "joint", "joint", "flag", "flag", "option"])
@@ -503,7 +503,7 @@ def x_set(rng: Random, content: bytes) -> bytes:
             return content
         found = [ElementTree.SubElement(parent, tag)]
     rng.choice(found).set(attribute, rng.choice(values))
-    return unparsed(root)
+    return format_xml(root)
 
 
 def x_insert(rng: Random, content: bytes) -> bytes:
@@ -513,7 +513,7 @@ def x_insert(rng: Random, content: bytes) -> bytes:
     if not places:
         return content
     model = re.search(r'model="(\w+)"', text)
-    snippet = rng.choice(INSERTS[section]).replace("{n}", rng.choice(BIG))
+    snippet = rng.choice(INSERTS[section]).replace("{n}", rng.choice(COUNTS))
     snippet = snippet.replace("{self}", f"{model[1] if model else 'x'}.xml")
     k = places[0]
     return bytes_of(text[:k] + snippet + text[k:])
@@ -629,7 +629,7 @@ def t_number(rng: Random, content: bytes) -> bytes:
     k = rng.choice(places)
     key, _, rest = lines[k].partition("=")
     value, mark, comment = rest.partition("#")
-    lines[k] = f"{key}={in_line(rng, value)}{mark}{comment}"
+    lines[k] = f"{key}={change_number_in_line(rng, value)}{mark}{comment}"
     return bytes_of("\n".join(lines))
 
 
@@ -646,7 +646,11 @@ def t_line(rng: Random, content: bytes) -> bytes:
     elif kind == "double":
         lines.insert(rng.choice(places), lines[k])
     elif kind == "typo":
-        lines[k] = f"{typo(rng, key.rstrip())} ={value}" if value else typo(rng, lines[k])
+        lines[k] = (
+            f"{word_with_typo(rng, key.rstrip())} ={value}"
+            if value
+            else word_with_typo(rng, lines[k])
+        )
     elif value:
         other = lines[rng.choice(places)].partition("=")[2] or " 1"
         lines[k] = f"{key}={rng.choice([' ' + rng.choice(VALUES), other])}"
@@ -659,7 +663,7 @@ def t_word(rng: Random, content: bytes) -> bytes:
     if not hits:
         return content
     hit = rng.choice(hits)
-    new = typo(rng, hit[1]) if rng.random() < 0.4 else odd_word(rng, [m[1] for m in hits])
+    new = word_with_typo(rng, hit[1]) if rng.random() < 0.4 else odd_word(rng, [m[1] for m in hits])
     if rng.random() < 0.8:  # otherwise TOML refuses a backslash
         new = new.replace("\\", "\\\\")
     return bytes_of(text[: hit.start(1)] + new + text[hit.end(1) :])
@@ -679,7 +683,7 @@ def t_table(rng: Random, content: bytes) -> bytes:
     else:
         names = [n.strip('"') for n in re.findall(r'(?m)^("?[\w.]+"?) = \{', text_of(content))]
         block = rng.choice(TABLES).replace("{c}", rng.choice(names or ["x"]))
-        block = block.replace("{s}", rng.choice(SETTINGS)).replace("{n}", rng.choice(BIG))
+        block = block.replace("{s}", rng.choice(SETTINGS)).replace("{n}", rng.choice(COUNTS))
         blocks.append(f"\n{block}\n")
     return bytes_of("".join(blocks))
 
@@ -744,36 +748,36 @@ def t_unit(rng: Random, content: bytes) -> bytes:
 # CSV
 
 
-def cells(content: bytes) -> tuple[list[list[str]], int]:
+def parse_csv(content: bytes) -> tuple[list[list[str]], int]:
     rows = [line.split(",") for line in text_of(content).split("\n")]
     first = next((k for k, row in enumerate(rows) if not row[0].startswith("#")), 0)
     return rows, first
 
 
-def joined(rows: list[list[str]]) -> bytes:
+def format_csv(rows: list[list[str]]) -> bytes:
     return bytes_of("\n".join(",".join(row) for row in rows))
 
 
 def c_cell(rng: Random, content: bytes) -> bytes:
-    rows, first = cells(content)
+    rows, first = parse_csv(content)
     below = [row for row in rows[first + 1 :] if len(row) > 1]
     if not below:
         return content
     row = rng.choice(below)
     k = rng.randrange(len(row))
-    row[k] = number(rng, row[k])
-    return joined(rows)
+    row[k] = changed_number(rng, row[k])
+    return format_csv(rows)
 
 
 def c_header(rng: Random, content: bytes) -> bytes:
-    rows, first = cells(content)
+    rows, first = parse_csv(content)
     row = rows[first]
     k = rng.randrange(len(row))
     name, _, unit = row[k].partition(" [")
     row[k] = rng.choice(
         [
             lambda: name,
-            lambda: typo(rng, row[k]),
+            lambda: word_with_typo(rng, row[k]),
             lambda: row[rng.randrange(len(row))],
             lambda: "",
             lambda: f"{name} [{rng.choice(UNITS)}]",
@@ -789,11 +793,11 @@ def c_header(rng: Random, content: bytes) -> bytes:
             lambda: f"{name}[{unit}",
         ]
     )()
-    return joined(rows)
+    return format_csv(rows)
 
 
 def c_column(rng: Random, content: bytes) -> bytes:
-    rows, first = cells(content)
+    rows, first = parse_csv(content)
     wide = len(rows[first])
     i, j = rng.randrange(wide), rng.randrange(wide)
     kind = rng.choice("drop double swap content".split())
@@ -806,7 +810,7 @@ def c_column(rng: Random, content: bytes) -> bytes:
             row.append(row[i])
         elif kind == "swap" or k:
             row[i], row[j] = row[j], row[i]
-    return joined(rows)
+    return format_csv(rows)
 
 
 def c_separator(rng: Random, content: bytes) -> bytes:
@@ -828,7 +832,7 @@ def c_separator(rng: Random, content: bytes) -> bytes:
 
 def c_constant(rng: Random, content: bytes) -> bytes:
     """Scale a column, make it constant, or shift it."""
-    rows, first = cells(content)
+    rows, first = parse_csv(content)
     k, factor = rng.randrange(len(rows[first])), rng.choice([0.0, 1.0, 2.0, -1.0, 1.001])
     more = rng.choice([0.0, 0.0, 1.0, 6.283185307179586])
     for row in rows[first + 1 :]:
@@ -837,7 +841,7 @@ def c_constant(rng: Random, content: bytes) -> bytes:
                 row[k] = f"{float(row[k]) * factor + more:.17g}"
             except ValueError:
                 continue
-    return joined(rows)
+    return format_csv(rows)
 
 
 COMMON: dict[str, tuple[Mutator, int]] = {
@@ -879,7 +883,7 @@ MUTATORS: dict[str, dict[str, tuple[Mutator, int]]] = {  # with weights
 }
 
 
-def drawn(rng: Random, endings: list[str]) -> list[Mutation]:
+def draw_mutations(rng: Random, endings: list[str]) -> list[Mutation]:
     """Draw one to three mutations of files with these endings."""
     found = []
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
@@ -890,7 +894,7 @@ def drawn(rng: Random, endings: list[str]) -> list[Mutation]:
     return found
 
 
-def mutated(files: dict[str, bytes], mutations: list[Mutation]) -> dict[str, bytes]:
+def apply_mutations(files: dict[str, bytes], mutations: list[Mutation]) -> dict[str, bytes]:
     """The files after all mutations, which are applied one after the other."""
     changed = dict(files)
     for mutation in mutations:

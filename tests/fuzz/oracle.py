@@ -49,9 +49,9 @@ import numpy as np
 
 from proofmass.analytic import REFERENCES
 
-S, OFF = mujoco.mjtSensor, mujoco.mjtDisableBit
+SENSOR, DISABLE = mujoco.mjtSensor, mujoco.mjtDisableBit
 Array = Any
-FORCES = ("actuatorfrc", "jointactuatorfrc", "e_potential")
+FORCE_SENSORS = ("actuatorfrc", "jointactuatorfrc", "e_potential")
 UNITS = {"deg": ("rad", math.pi / 180), "J": ("N m", 1.0)}
 """SI units and factors of a channel's units; other units are SI units."""
 PREFIXES = dict(
@@ -74,27 +74,29 @@ class Unjudged(Exception):
     """The oracle does not cover this input, for the reason given."""
 
 
-def judge(folder: Path, name: str, before: dict[str, bytes], result: Any) -> tuple[list[str], str]:
+def find_false_agreements(
+    folder: Path, name: str, before: dict[str, bytes], result: Any
+) -> tuple[list[str], str]:
     """The false agreements of a result, and the reason if some channels were not judged."""
     new = tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8-sig"))
     old = tomllib.loads(before[f"{name}.toml"].decode())
     agrees = [c for c in result.comparisons if c.outcome == "agrees" and c.case == name]
     if not agrees:
         return [], ""
-    new |= filled(new, next(case for case in result.cases if case.name == name))
-    found = [*parameters(old, new, agrees), *channels(old, new, agrees, result)]
+    new |= runs_and_channels(new, next(case for case in result.cases if case.name == name))
+    found = [*wrong_parameters(old, new, agrees), *wrong_channels(old, new, agrees, result)]
     try:
         found += (
-            rods(folder, name, old, new, before, agrees)
+            wrong_rods(folder, name, old, new, before, agrees)
             if "rod" in new
-            else behaviour(folder, name, new, agrees, result)
+            else wrong_curves(folder, name, new, agrees, result)
         )
     except Unjudged as error:
         return list(dict.fromkeys(found)), str(error)
     return list(dict.fromkeys(found)), ""
 
 
-def filled(new: dict, case: Any) -> dict[str, dict]:
+def runs_and_channels(new: dict, case: Any) -> dict[str, dict]:
     """Runs and channels as in the file, with the keys that it leaves to defaults as in the case.
 
     So a default is judged like a key of the file: a channel that is compared with another quantity
@@ -107,7 +109,7 @@ def filled(new: dict, case: Any) -> dict[str, dict]:
     }
 
 
-def parameters(old: dict, new: dict, agrees: list) -> list[str]:
+def wrong_parameters(old: dict, new: dict, agrees: list) -> list[str]:
     """Parameters that differ by more than the detectable changes of the channels that agree."""
     if old["reference"] != new["reference"] or "parameters" not in old:
         return []
@@ -121,12 +123,12 @@ def parameters(old: dict, new: dict, agrees: list) -> list[str]:
         if key == "mode":
             found.append(f"parameter mode {value} is {now}")
             continue
-        if now is None or abs(now - value) > 3 * least(agrees, key, value):
+        if now is None or abs(now - value) > 3 * smallest_detectable_change(agrees, key, value):
             found.append(f"parameter {key}")
     return found
 
 
-def least(agrees: list, key: str, value: float) -> float:
+def smallest_detectable_change(agrees: list, key: str, value: float) -> float:
     """The smallest detectable change of a parameter over channels, or infinity without any.
 
     A change of unknown size, NaN, does not count.
@@ -149,7 +151,7 @@ def in_si(unit: str) -> tuple[str, float]:
     return (hit[2], PREFIXES[hit[1]]) if hit else UNITS.get(unit, (unit, 1.0))
 
 
-def channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
+def wrong_channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
     """Channels that agree although their quantity, unit, scale or shift is another one."""
     found = []
     for c in agrees:
@@ -162,7 +164,7 @@ def channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
         if (
             was["equals"] != now["equals"]
             and new["reference"] == old["reference"]
-            and not alike(
+            and not has_same_curve(
                 old,
                 result.curves[c.case, c.run, c.solver],
                 was["equals"],
@@ -179,53 +181,57 @@ def channels(old: dict, new: dict, agrees: list, result: Any) -> list[str]:
     return found
 
 
-def alike(old: dict, curves: Any, one: str | float, two: str | float, allowed: float) -> bool:
+def has_same_curve(
+    old: dict, curves: Any, one: str | float, two: str | float, allowed: float
+) -> bool:
     """Whether two quantities of a closed form have the same curve, as those of a slide along x."""
     if "parameters" not in old:
         return False
     solve = importlib.import_module(REFERENCES[old["reference"]]).solve
     state = [curves.x] if curves.drive is None else [part[0] for part in curves.drive]
     known = solve(*state, **old["parameters"])
-    return one in known and two in known and not far(known[one], known[two], allowed)
+    return one in known and two in known and not is_far(known[one], known[two], allowed)
 
 
 # behaviour of bare MuJoCo
 
 
-def behaviour(folder: Path, name: str, new: dict, agrees: list, result: Any) -> list[str]:
+def wrong_curves(folder: Path, name: str, new: dict, agrees: list, result: Any) -> list[str]:
     """Channels whose curves are not those of bare MuJoCo."""
     model = mujoco.MjModel.from_xml_path(str(folder / new.get("model", f"{name}.xml")))
     if (model.jnt_type < int(mujoco.mjtJoint.mjJNT_SLIDE)).any() or model.nq > 12:
         raise Unjudged("joints other than a few hinges and slides")
-    found, bares = [], dict[str, Bare]()  # by runs, for all solvers
-    recorded = table(folder / new["reference"]) if new["reference"].endswith(".csv") else None
+    found, bares = [], dict[str, BareRun]()  # by runs, for all solvers
+    recorded = (
+        recorded_columns(folder / new["reference"]) if new["reference"].endswith(".csv") else None
+    )
     for run, solver in dict.fromkeys((c.run, c.solver) for c in agrees):
         mine = [c for c in agrees if (c.run, c.solver) == (run, solver)]
         curves = result.curves[name, run, solver]
-        x, drives = motion(new, run, recorded)
+        x, drives = samples_and_drives(new, run, recorded)
         if x.shape != curves.x.shape or not np.allclose(x, curves.x, rtol=1e-9, atol=1e-12):
             found.append("x")
             continue
-        bare = bares[run] = bares.get(run) or Bare(model, new, run, x, drives)
+        bare = bares[run] = bares.get(run) or BareRun(model, new, run, x, drives)
         for c in mine:
             factor = in_si(c.unit)[1]
             if recorded is not None:
                 want = recorded[new["channels"][c.channel]["equals"]]
                 shown = new["channels"][c.channel]
                 want = shown.get("scale", 1.0) * want + shown.get("shift", 0.0) * factor
-                if far(curves.channels[c.channel], want, c.allowed * factor):
+                if is_far(curves.channels[c.channel], want, c.allowed * factor):
                     found.append("recorded column")
             want = bare.channel(c.channel)
-            if want is not None and far(
+            if want is not None and is_far(
                 curves.channels[c.channel], want, c.allowed * factor, c.channel.endswith(".angle")
             ):
                 found.append(f"curve of {bare.kind(c.channel)}")
-            if bare.kind(c.channel) in FORCES or not drives:
+            if bare.kind(c.channel) in FORCE_SENSORS or not drives:
                 found += sorted(bare.warnings)
     return found
 
 
-def far(curve: Array, want: Array, allowed: float, angle: bool = False) -> bool:
+def is_far(curve: Array, want: Array, allowed: float, angle: bool = False) -> bool:
     """Whether two curves differ by more than the tolerance and the oracle's own error."""
     error = curve - want
     if angle:
@@ -235,7 +241,7 @@ def far(curve: Array, want: Array, allowed: float, angle: bool = False) -> bool:
     return not bool(np.all(np.abs(error) <= limit))
 
 
-def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
+def samples_and_drives(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
     """The samples of a run, and (joint, value, rate, acceleration) of each drive at them."""
     drives = new.get("drive", [])
     drives = [drives] if isinstance(drives, dict) else drives
@@ -271,7 +277,7 @@ def motion(new: dict, run: str, recorded: dict | None) -> tuple[Array, list]:
     return x, [(drive["joint"], value, np.full(n, rate), np.zeros(n))]
 
 
-def table(file: Path) -> dict[str, Array]:
+def recorded_columns(file: Path) -> dict[str, Array]:
     """The columns of a recorded curve in SI units; the oracle knows few units."""
     data = file.read_bytes()
     text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
@@ -295,7 +301,7 @@ def table(file: Path) -> dict[str, Array]:
     return found
 
 
-class Bare:
+class BareRun:
     """One run in bare MuJoCo."""
 
     def __init__(self, model: Any, new: dict, run: str, x: Array, drives: list):
@@ -305,7 +311,7 @@ class Bare:
         m, d = self.model, self.data
         if m.nkey:
             mujoco.mj_resetDataKeyframe(m, d, model.key(new.get("start", "start")).id)
-        frictionless = bool(m.opt.disableflags & int(OFF.mjDSBL_FRICTIONLOSS))
+        frictionless = bool(m.opt.disableflags & int(DISABLE.mjDSBL_FRICTIONLOSS))
         if not frictionless and m.dof_frictionloss.any():
             self.warnings.add("dry friction")
         self.drives = drives
@@ -346,7 +352,7 @@ class Bare:
         self.rows[k], self.accelerations[k] = d.sensordata, d.qacc
         if d.ncon:
             self.warnings.add("contact")
-        limits = bool(m.opt.disableflags & int(OFF.mjDSBL_LIMIT | OFF.mjDSBL_CONSTRAINT))
+        limits = bool(m.opt.disableflags & int(DISABLE.mjDSBL_LIMIT | DISABLE.mjDSBL_CONSTRAINT))
         outside = (d.qpos < m.jnt_range[:, 0] - 1e-3) | (d.qpos > m.jnt_range[:, 1] + 1e-3)
         if not limits and self.drives and (outside & (m.jnt_limited > 0)).any():
             self.warnings.add("joint range")
@@ -365,11 +371,11 @@ class Bare:
             q, s = self.close(q, s, start + (value[0] - start) * part / strides)
         last = value[0]
         for k in range(x.size):
-            way = max(1, math.ceil(abs(value[k] - last) / 0.2))
-            if way > 2000:
+            substeps = max(1, math.ceil(abs(value[k] - last) / 0.2))
+            if substeps > 2000:
                 raise Unjudged("a long way")
-            for part in range(1, way + 1):
-                q, s = self.close(q, s, last + (value[k] - last) * part / way)
+            for part in range(1, substeps + 1):
+                q, s = self.close(q, s, last + (value[k] - last) * part / substeps)
             last = value[k]
             up, down = (self.close(q, s, value[k] + side * h)[0] for side in (1, -1))
             first, second = (up - down) / (2 * h), (up - 2 * q + down) / h**2
@@ -385,7 +391,7 @@ class Bare:
             self.moments[k] = s[-1]
             self.forces[k] = self.at_rest(q, s)
             if self.moves:
-                self.moments[k] += first @ self.of_motion(q, first * rate[k], acc)
+                self.moments[k] += first @ self.inertial_forces(q, first * rate[k], acc)
             d.qvel[:] = 0
 
     def at_rest(self, q: Array, s: Array) -> Array:
@@ -400,7 +406,7 @@ class Bare:
         mujoco.mj_sensorAcc(m, d)
         return d.sensordata.copy()
 
-    def of_motion(self, q: Array, v: Array, a: Array) -> Array:
+    def inertial_forces(self, q: Array, v: Array, a: Array) -> Array:
         """The forces on the joints in a motion, less those at rest in the same pose."""
         m, d = self.model, self.data
         forces = []
@@ -453,7 +459,7 @@ class Bare:
 
     def kind(self, channel: str) -> str:
         """The type of a channel's sensor, as it is called in MJCF."""
-        kind = S(int(self.model.sensor(channel.partition(".")[0]).type[0]))
+        kind = SENSOR(int(self.model.sensor(channel.partition(".")[0]).type[0]))
         return kind.name[7:].lower()
 
     def channel(self, name: str) -> Array | None:
@@ -461,20 +467,22 @@ class Bare:
         m = self.model
         sensor, _, part = name.partition(".")
         i = m.sensor(sensor).id
-        kind, obj = S(int(m.sensor_type[i])), int(m.sensor_objid[i])
+        kind, obj = SENSOR(int(m.sensor_type[i])), int(m.sensor_objid[i])
         block = self.rows[:, m.sensor_adr[i] : m.sensor_adr[i] + m.sensor_dim[i]]
-        if kind in (S.mjSENS_FORCE, S.mjSENS_TORQUE) and self.drives:
+        if kind in (SENSOR.mjSENS_FORCE, SENSOR.mjSENS_TORQUE) and self.drives:
             if self.moves:
                 return None  # soft loops transmit other forces
             block = self.forces[:, m.sensor_adr[i] : m.sensor_adr[i] + m.sensor_dim[i]]
-        if kind == S.mjSENS_USER:
+        if kind == SENSOR.mjSENS_USER:
             return self.accelerations[:, m.jnt_dofadr[obj]]
-        if kind == S.mjSENS_FRAMELINACC and not m.opt.disableflags & int(OFF.mjDSBL_GRAVITY):
+        if kind == SENSOR.mjSENS_FRAMELINACC and not m.opt.disableflags & int(
+            DISABLE.mjDSBL_GRAVITY
+        ):
             block = block + m.opt.gravity
-        if kind in (S.mjSENS_ACTUATORFRC, S.mjSENS_JOINTACTFRC) and self.drives:
-            joint = int(m.actuator_trnid[obj, 0]) if kind == S.mjSENS_ACTUATORFRC else obj
+        if kind in (SENSOR.mjSENS_ACTUATORFRC, SENSOR.mjSENS_JOINTACTFRC) and self.drives:
+            joint = int(m.actuator_trnid[obj, 0]) if kind == SENSOR.mjSENS_ACTUATORFRC else obj
             if joint in self.joints:
-                gear = m.actuator_gear[obj, 0] if kind == S.mjSENS_ACTUATORFRC else 1.0
+                gear = m.actuator_gear[obj, 0] if kind == SENSOR.mjSENS_ACTUATORFRC else 1.0
                 return self.moments / gear if gear else None
         if part == "angle":
             flat = np.abs(m.jnt_axis[:, :2]).max() < 1e-12 or (m.jnt_type == 2).any()
@@ -490,7 +498,7 @@ class Bare:
 # rods
 
 
-def rods(
+def wrong_rods(
     folder: Path, name: str, old: dict, new: dict, before: dict[str, bytes], agrees: list
 ) -> list[str]:
     """Rods and loads that differ in the numbers from which they are built.
@@ -501,16 +509,18 @@ def rods(
     for rod, was in old["rod"].items():
         now = new["rod"].get(rod, {})
         for key in ("length", "stiffness"):
-            if abs(now.get(key, math.inf) - was[key]) > 3 * least(agrees, key, was[key]):
+            if abs(now.get(key, math.inf) - was[key]) > 3 * smallest_detectable_change(
+                agrees, key, was[key]
+            ):
                 found.append(f"rod {key}")
         for key in ("from", "to", "ends"):
             if was.get(key) != now.get(key) and now.get(key) != ["clamped", "free"]:
                 found.append(f"rod {key}")
     xml = new.get("model", f"{name}.xml")
-    one = loads(
+    one = rod_numbers(
         mujoco.MjSpec.from_string(before[f"{name}.xml"].decode()), old.get("start", "start")
     )
-    two = loads(mujoco.MjSpec.from_file(str(folder / xml)), new.get("start", "start"))
+    two = rod_numbers(mujoco.MjSpec.from_file(str(folder / xml)), new.get("start", "start"))
     share = min(
         (
             change.size
@@ -534,13 +544,13 @@ def rods(
     return found
 
 
-def loads(spec: Any, start: str) -> dict[str, list[float]]:
+def rod_numbers(spec: Any, start: str) -> dict[str, list[float]]:
     """The numbers on which the equilibrium of the small rod depends, as MuJoCo reads them."""
     key = spec.key(start)
     found = {
         "key ctrl": key.ctrl if key else [],
         "option gravity": spec.option.gravity,
-        "flag actuation": [spec.option.disableflags & int(OFF.mjDSBL_ACTUATION)],
+        "flag actuation": [spec.option.disableflags & int(DISABLE.mjDSBL_ACTUATION)],
     }
     for motor in spec.actuators[:1]:
         found["motor gear"] = motor.gear

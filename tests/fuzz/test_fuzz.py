@@ -15,15 +15,23 @@ import pytest
 
 from proofmass.check import Result, check
 from tests.fuzz import oracle
-from tests.fuzz.cases import EDITS, Files, small, started, write
-from tests.fuzz.hunt import KEPT, by_command_line, kept, made, numbered
+from tests.fuzz.cases import EDITS, Files, small_files, start_worker, write_files
+from tests.fuzz.hunt import (
+    FINDINGS_FOLDER,
+    input_by_number,
+    input_files,
+    judge_by_command_line,
+    read_finding,
+)
 from tests.fuzz.judge import Judge, time_limit
-from tests.fuzz.mutators import MUTATORS, Mutation, mutated
+from tests.fuzz.mutators import MUTATORS, Mutation, apply_mutations
 
-QUICK, BLOCK, BLOCKS = 40, 500, 20
+FAST_INPUTS, BLOCK_SIZE, BLOCK_COUNT = 40, 500, 20
 Good = tuple[Path, Files, Result]
-STORED = sorted(KEPT.glob("*.json"))
-OPEN = {table["signature"] for _, _, table in map(kept, STORED) if table["open"]}
+STORED_FILES = sorted(FINDINGS_FOLDER.glob("*.json"))
+OPEN_SIGNATURES = {
+    table["signature"] for _, _, table in map(read_finding, STORED_FILES) if table["open"]
+}
 
 
 @pytest.fixture(scope="module")
@@ -42,18 +50,18 @@ def thorough(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Judge]:
 
 
 @pytest.fixture(scope="module")
-def engine(tmp_path_factory: pytest.TempPathFactory) -> None:
+def idle_worker(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Start an idle worker of this process, since its start would count towards a run's limit."""
-    started(tmp_path_factory.mktemp("start"))
+    start_worker(tmp_path_factory.mktemp("start"))
 
 
-def faults(judge: Judge, first: int, last: int) -> list[str]:
+def new_findings(judge: Judge, first: int, last: int) -> list[str]:
     """Findings whose signature is not open, and failures of the oracle, for inputs by number."""
     found = []
     for number in range(first, last):
-        name, mutations = numbered(number)
-        answer = judge.judge(name, made(name, mutations))
-        wrong = [f for f in answer.findings if f not in OPEN]
+        name, mutations = input_by_number(number)
+        answer = judge.judge(name, input_files(name, mutations))
+        wrong = [f for f in answer.findings if f not in OPEN_SIGNATURES]
         wrong += [n for n in answer.notes if n.startswith("oracle failed")]
         found += [f"input {number}, {name}, {mutations}: {w}\n{answer.detail}" for w in wrong]
     return found
@@ -61,11 +69,11 @@ def faults(judge: Judge, first: int, last: int) -> list[str]:
 
 @pytest.mark.parametrize("name", EDITS)
 def test_a_small_case_agrees_and_the_oracle_covers_it(name, judge):
-    answer = judge.judge(name, dict(small(name)))
+    answer = judge.judge(name, dict(small_files(name)))
     assert (answer.exit_code, answer.findings, answer.notes) == (0, [], [])
 
 
-ANOTHER = [  # changes of files, and the finding of the oracle if the outcome stays good
+CHANGED_FILES = [  # changes of files, and the finding of the oracle if the outcome stays good
     (
         "fourbar",
         b'name="coupler" pos="1 0 0"',
@@ -116,33 +124,33 @@ ANOTHER = [  # changes of files, and the finding of the oracle if the outcome st
 
 
 @pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory, engine: None) -> Callable[[str], Good]:
+def good(tmp_path_factory: pytest.TempPathFactory, idle_worker: None) -> Callable[[str], Good]:
     """``good(name)``: folder, files and result of a small case without a false agreement."""
 
     @cache
     def of(name: str) -> Good:
-        folder, files = tmp_path_factory.mktemp(name), dict(small(name))
-        write(files, folder)
+        folder, files = tmp_path_factory.mktemp(name), dict(small_files(name))
+        write_files(files, folder)
         result = check([folder / f"{name}.toml"], jobs=1)
-        assert oracle.judge(folder, name, files, result) == ([], "")
+        assert oracle.find_false_agreements(folder, name, files, result) == ([], "")
         return folder, files, result
 
     return of
 
 
-@pytest.mark.parametrize(("name", "old", "new", "signature"), ANOTHER)
-def test_the_oracle_sees_what_a_blind_verdict_would_not(name, old, new, signature, good):
+@pytest.mark.parametrize(("name", "old", "new", "signature"), CHANGED_FILES)
+def test_the_oracle_finds_changed_files_behind_a_good_result(name, old, new, signature, good):
     """The good result of the unchanged case is judged with changed files."""
     folder, files, result = good(name)
     changed = {k: v.replace(old, new) for k, v in files.items()}
     assert changed != files
-    write(changed, folder)
-    assert signature in oracle.judge(folder, name, files, result)[0]
+    write_files(changed, folder)
+    assert signature in oracle.find_false_agreements(folder, name, files, result)[0]
 
 
-def test_another_quantity_that_is_the_same_curve_is_no_false_agreement(judge):
+def test_another_quantity_with_the_same_curve_is_no_false_agreement(judge):
     """The acceleration of a slide along x is that of its x coordinate."""
-    files = dict(small("slider_crank"))
+    files = dict(small_files("slider_crank"))
     files["slider_crank.toml"] = files["slider_crank.toml"].replace(
         b'"slide_acceleration",', b'"slider_ax",'
     )
@@ -150,8 +158,8 @@ def test_another_quantity_that_is_the_same_curve_is_no_false_agreement(judge):
     assert (answer.exit_code, answer.findings) == (0, [])
 
 
-def test_the_oracle_reads_a_file_that_is_no_strict_xml(judge):
-    files = dict(small("rod_cantilever"))
+def test_the_oracle_reads_a_file_that_is_not_strict_xml(judge):
+    files = dict(small_files("rod_cantilever"))
     files["rod_cantilever.xml"] = files["rod_cantilever.xml"].replace(b"<key ", b"\xb4<key ")
     answer = judge.judge("rod_cantilever", files)
     assert (answer.exit_code, answer.findings, answer.notes) == (0, [], [])
@@ -159,23 +167,25 @@ def test_the_oracle_reads_a_file_that_is_no_strict_xml(judge):
 
 def test_each_mutator_changes_something_and_is_repeatable():
     for name in EDITS:
-        files = dict(small(name))
+        files = dict(small_files(name))
         for ending in {Path(file).suffix for file in files}:
             for mutator in MUTATORS[ending]:
-                tried = [mutated(files, [Mutation(ending, mutator, seed)]) for seed in range(10)]
+                tried = [
+                    apply_mutations(files, [Mutation(ending, mutator, seed)]) for seed in range(10)
+                ]
                 assert any(t != files for t in tried), (name, mutator)
-                assert tried[3] == mutated(files, [Mutation(ending, mutator, 3)])
+                assert tried[3] == apply_mutations(files, [Mutation(ending, mutator, 3)])
 
 
 @pytest.mark.parametrize(
     "file",
     [  # a hang takes as long as its time limits
         pytest.param(file, id=file.stem, marks=[pytest.mark.slow] * file.stem.startswith("hang"))
-        for file in STORED
+        for file in STORED_FILES
     ],
 )
-def test_a_finding_that_was_kept(file, judge):
-    name, files, table = kept(file)
+def test_a_stored_finding_is_repaired(file, judge):
+    name, files, table = read_finding(file)
     if table["open"]:
         pytest.xfail(f"not repaired yet: {table['signature']}")
     assert judge.judge(name, files).findings == []
@@ -189,23 +199,25 @@ def test_the_oracle_knows_units_with_prefixes_and_blanks(unit, wanted):
     assert oracle.in_si(unit) == wanted
 
 
-def test_a_few_mutated_inputs(judge):
-    assert not faults(judge, 0, QUICK)
+def test_a_few_mutated_inputs_have_no_new_finding(judge):
+    assert not new_findings(judge, 0, FAST_INPUTS)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(BLOCKS))
-def test_ten_thousand_mutated_inputs(block, thorough):
-    assert not faults(thorough, block * BLOCK, (block + 1) * BLOCK)
+@pytest.mark.parametrize("block", range(BLOCK_COUNT))
+def test_ten_thousand_mutated_inputs_have_no_new_finding(block, thorough):
+    assert not new_findings(thorough, block * BLOCK_SIZE, (block + 1) * BLOCK_SIZE)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("block", range(10))
-def test_inputs_through_the_command_line(block, tmp_path):
+def test_mutated_inputs_have_no_new_finding_on_the_command_line(block, tmp_path):
     for number in range(100_000 + 30 * block, 100_000 + 30 * (block + 1)):
-        name, mutations = numbered(number)
-        files = made(name, mutations)
+        name, mutations = input_by_number(number)
+        files = input_files(name, mutations)
         _, stated = time_limit(files, name)
-        answer = by_command_line(files, tmp_path / str(number))
-        wrong = [f for f in answer.findings if f not in OPEN and (stated or "hang" not in f)]
+        answer = judge_by_command_line(files, tmp_path / str(number))
+        wrong = [
+            f for f in answer.findings if f not in OPEN_SIGNATURES and (stated or "hang" not in f)
+        ]
         assert not wrong, f"input {number}, {name}, {mutations}: {wrong}\n{answer.detail}"

@@ -11,7 +11,9 @@ from proofmass.report import case_figures, case_page
 
 
 @pytest.fixture
-def stubbed(models: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, str, str], Path]:
+def write_stub_sidecar(
+    models: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str, str, str, str], Path]:
     """A function that writes a sidecar with a reference of the test's own, and returns its path.
 
     It is called as ``f(name, source, parameters, more)``.  The reference is a module with this name

@@ -18,11 +18,11 @@ from proofmass.report.thumbnail import Thumbnail
 from proofmass.sidecar import load_case
 from tests.shipped import MODELS, shipped
 
-NAMES = ("pendulum", "fourbar", "slider_crank", "rod_cantilever", "hacksaw_recorded")
+CASE_NAMES = ("pendulum", "fourbar", "slider_crank", "rod_cantilever", "hacksaw_recorded")
 MADE = record_start(["proofmass", "report", "models"])
 
 
-def of(
+def comparison_of(
     case: str,
     run: str,
     solver: str,
@@ -50,42 +50,46 @@ def of(
     )
 
 
-def failed(case: str, run: str, solver: str, channel: str, outcome: str) -> Comparison:
+def failed_comparison(case: str, run: str, solver: str, channel: str, outcome: str) -> Comparison:
     """A comparison with an outcome, and without an error."""
     return Comparison(case, solver, run, channel, "m", outcome=outcome, message="why not")
 
 
-ROWS = [
-    of("pendulum", "dynamics", "mujoco", "angle", 9e-7, unit="rad"),
-    of("pendulum", "dynamics", "mujoco", "rate", 1e-8, unit="rad/s"),
-    of("pendulum", "dynamics", "mujoco:default", "angle", 1e-3, None, Outcome.UNCHECKED),
-    of("pendulum", "dynamics", "mujoco:default", "rate", 1e-2, None, Outcome.UNCHECKED, "rad/s"),
-    of("pendulum", "dynamics", "adams", "angle", 1e-9, unit="rad"),
-    failed("pendulum", "dynamics", "adams", "rate", Outcome.UNSUPPORTED),
-    of("fourbar", "sweep", "mujoco", "pin.x", 1e-14),
-    of("fourbar", "sweep", "mujoco", "pin.y", 3e-2, 1e-3, Outcome.DIFFERS, message="30 x"),
-    of("fourbar", "sweep", "mujoco", "rocker", 9e-1, 1e0, unit="rad"),
-    of("fourbar", "dynamics", "pymunk", "pin.x", 1e-8),
-    of("slider_crank", "sweep", "mujoco", "slider", 1e-7),
-    failed("slider_crank", "dynamics", "pymunk", "slider", Outcome.DIVERGED),
-    of("rod_cantilever", "equilibrium", "mujoco", "x", 5e-7),
-    of("rod_cantilever", "refine", "mujoco", "x", 1.0, 1e-1, Outcome.AGREES),
-    of("hacksaw_recorded", "sweep", "mujoco", "r1", 1e-12),
+COMPARISONS = [
+    comparison_of("pendulum", "dynamics", "mujoco", "angle", 9e-7, unit="rad"),
+    comparison_of("pendulum", "dynamics", "mujoco", "rate", 1e-8, unit="rad/s"),
+    comparison_of("pendulum", "dynamics", "mujoco:default", "angle", 1e-3, None, Outcome.UNCHECKED),
+    comparison_of(
+        "pendulum", "dynamics", "mujoco:default", "rate", 1e-2, None, Outcome.UNCHECKED, "rad/s"
+    ),
+    comparison_of("pendulum", "dynamics", "adams", "angle", 1e-9, unit="rad"),
+    failed_comparison("pendulum", "dynamics", "adams", "rate", Outcome.UNSUPPORTED),
+    comparison_of("fourbar", "sweep", "mujoco", "pin.x", 1e-14),
+    comparison_of(
+        "fourbar", "sweep", "mujoco", "pin.y", 3e-2, 1e-3, Outcome.DIFFERS, message="30 x"
+    ),
+    comparison_of("fourbar", "sweep", "mujoco", "rocker", 9e-1, 1e0, unit="rad"),
+    comparison_of("fourbar", "dynamics", "pymunk", "pin.x", 1e-8),
+    comparison_of("slider_crank", "sweep", "mujoco", "slider", 1e-7),
+    failed_comparison("slider_crank", "dynamics", "pymunk", "slider", Outcome.DIVERGED),
+    comparison_of("rod_cantilever", "equilibrium", "mujoco", "x", 5e-7),
+    comparison_of("rod_cantilever", "refine", "mujoco", "x", 1.0, 1e-1, Outcome.AGREES),
+    comparison_of("hacksaw_recorded", "sweep", "mujoco", "r1", 1e-12),
     Comparison("loose", "mujoco", "dynamics", "", "", message="no sidecar; it loads and steps"),
 ]
 
 
 @cache
-def loaded() -> list[Case]:
-    """The cases of `NAMES`; tests share them and must not change them."""
-    return [load_case(shipped(f"{name}.toml")) for name in NAMES]
+def load_cases() -> list[Case]:
+    """The cases of `CASE_NAMES`; tests share them and must not change them."""
+    return [load_case(shipped(f"{name}.toml")) for name in CASE_NAMES]
 
 
-def whole_result() -> Result:
+def result_for_index() -> Result:
     """The result of five cases, a model without a sidecar, and an input with an error."""
     return Result(
-        cases=loaded(),
-        comparisons=list(ROWS),
+        cases=load_cases(),
+        comparisons=list(COMPARISONS),
         errors=[InputError(Path("/home/me/bad.toml"), "drive.joint", "no joint <q>")],
         paths=(MODELS,),
     )
@@ -97,18 +101,18 @@ def last_record(result: Result) -> Record:
     In it one error was smaller, one was larger, and there was a case that is not in `result`.
     """
     rows = [
-        of("pendulum", "dynamics", "mujoco", "angle", 1e-9, unit="rad")
+        comparison_of("pendulum", "dynamics", "mujoco", "angle", 1e-9, unit="rad")
         if (c.case, c.solver, c.channel) == ("pendulum", "mujoco", "angle")
-        else of("hacksaw_recorded", "sweep", "mujoco", "r1", 1e-9)
+        else comparison_of("hacksaw_recorded", "sweep", "mujoco", "r1", 1e-9)
         if c.case == "hacksaw_recorded"
         else c
         for c in result.comparisons
     ]
-    rows.append(of("gone_by_now", "sweep", "mujoco", "x", 1e-9))
+    rows.append(comparison_of("gone_by_now", "sweep", "mujoco", "x", 1e-9))
     return make_record(Result(result.cases, rows, paths=result.paths), MADE)
 
 
-def small() -> Thumbnail:
+def small_thumbnail() -> Thumbnail:
     """The drawing of a bar that turns about a pivot on the ground and has a slide at its end."""
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     end = np.stack([124 + 60 * np.cos(angles), 84 - 60 * np.sin(angles)], axis=1).round()
@@ -126,7 +130,7 @@ def index_text(
         environment(),
         result,
         solver_looks(c.solver for c in result.comparisons),
-        {case.name: small() for case in result.cases},
+        {case.name: small_thumbnail() for case in result.cases},
         now,
         Last(before),
         extend_history(history or History(), now),

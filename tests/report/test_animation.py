@@ -22,19 +22,19 @@ from proofmass.report.data import PlottedRun, plotted_run
 from proofmass.solve import plan_run
 from tests.shipped import shipped
 
-POSES = 13
+POSE_COUNT = 13
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "ground": 3.0}
 
 
-CRANK = np.linspace(0, 2 * np.pi, POSES)
+CRANK_ANGLES = np.linspace(0, 2 * np.pi, POSE_COUNT)
 
 
-def command(*args: object):
+def run_animate(*args: object):
     """The result of ``proofmass animate`` with these arguments."""
     return CliRunner().invoke(app, ["animate", *map(str, args)])
 
 
-def staged(case: Case, magnify: float = 1.0, poses: int = POSES) -> AnimationFigure:
+def animation_figure(case: Case, magnify: float = 1.0, poses: int = POSE_COUNT) -> AnimationFigure:
     """The figure of the animation of a case's first run, in MuJoCo, at `poses` poses."""
     kind, solver = next(iter(case.run)), "mujoco"
     table = case.run[kind].model_copy(update={"solvers": (solver,), "n": poses})
@@ -49,43 +49,47 @@ def staged(case: Case, magnify: float = 1.0, poses: int = POSES) -> AnimationFig
 
 
 @cache
-def fourbar_stage() -> AnimationFigure:
-    return staged(load_case(shipped("fourbar.toml")))
+def fourbar_figure() -> AnimationFigure:
+    return animation_figure(load_case(shipped("fourbar.toml")))
 
 
 @cache
-def playing() -> object:
+def fourbar_animation() -> object:
     return animate(load_case(shipped("fourbar.toml")), solvers=["pymunk"], frames=6, seconds=0.6)
 
 
-def ends(stage: AnimationFigure, body: str) -> np.ndarray:
+def outline_ends(figure: AnimationFigure, body: str) -> np.ndarray:
     """Both ends of a body's first outline, as drawn for the reference (poses, 2, 2) [m]."""
-    drawn = [b.name for b in stage.motion.bodies for _ in b.outlines]
-    return stage.strokes(stage.motion.places)[drawn.index(body)][:, :2]
+    drawn_bodies = [b.name for b in figure.motion.bodies for _ in b.outlines]
+    return figure.strokes(figure.motion.places)[drawn_bodies.index(body)][:, :2]
 
 
 def rocker_angle(rocker: float) -> np.ndarray:
     """The angle of the rocker by the closed form, at the crank angles of the poses [rad]."""
-    found = fourbar.solve(CRANK, 0 * CRANK, 0 * CRANK, rocker=rocker, **LENGTHS)
+    found = fourbar.solve(
+        CRANK_ANGLES, 0 * CRANK_ANGLES, 0 * CRANK_ANGLES, rocker=rocker, **LENGTHS
+    )
     return np.asarray(found["rocker_angle"])
 
 
 def test_bars_are_where_the_closed_form_has_them() -> None:
-    stage = fourbar_stage()
-    wanted = {
-        "crank": (0.0, np.exp(1j * CRANK)),
+    figure = fourbar_figure()
+    expected = {
+        "crank": (0.0, np.exp(1j * CRANK_ANGLES)),
         "rocker": (3.0, 3.0 + 2.5 * np.exp(1j * rocker_angle(2.5))),
     }
-    for body, (start, end) in wanted.items():
-        there = ends(stage, body)
-        far = np.abs(there[:, :, 0] + 1j * there[:, :, 1] - start).argmax(axis=1)
-        there = np.where(far[:, None, None] == 1, there, there[:, ::-1])
-        assert there[:, 0] == pytest.approx(np.tile([start, 0.0], (POSES, 1)), abs=1e-12)
-        assert there[:, 1] == pytest.approx(np.stack([end.real, end.imag], 1), abs=1e-12)
+    for body, (start, end) in expected.items():
+        drawn_ends = outline_ends(figure, body)
+        far = np.abs(drawn_ends[:, :, 0] + 1j * drawn_ends[:, :, 1] - start).argmax(axis=1)
+        drawn_ends = np.where(far[:, None, None] == 1, drawn_ends, drawn_ends[:, ::-1])
+        assert drawn_ends[:, 0] == pytest.approx(np.tile([start, 0.0], (POSE_COUNT, 1)), abs=1e-12)
+        assert drawn_ends[:, 1] == pytest.approx(np.stack([end.real, end.imag], 1), abs=1e-12)
 
 
 @pytest.mark.parametrize("magnify", [1.0, 10.0])
-def test_differences_are_drawn_as_large_as_asked(edit: Callable[..., Path], magnify: float) -> None:
+def test_differences_are_drawn_times_the_magnification(
+    edit: Callable[..., Path], magnify: float
+) -> None:
     """Differences to the reference are drawn times the magnification.
 
     The model has a rocker that is 1 % too long, which changes its angle by up to 8 mrad.  The angle
@@ -93,31 +97,35 @@ def test_differences_are_drawn_as_large_as_asked(edit: Callable[..., Path], magn
     """
     edit("fourbar.xml", 'name="rocker_end" pos="2.5 0 0"', 'name="rocker_end" pos="2.525 0 0"')
     case = load_case(shipped("fourbar.toml"))
-    stage = staged(
+    figure = animation_figure(
         case.model_copy(update={"file": edit("fourbar.toml", "title", "title")}), magnify=magnify
     )
-    truth, found = (stage.places_of(party, np.arange(POSES))[:, 2, 2] for party in ("", "mujoco"))
-    wanted = rocker_angle(2.525) - rocker_angle(2.5)
-    assert np.abs(wanted).max() > 7e-3
-    assert found - truth == pytest.approx(magnify * wanted, abs=1e-6 * magnify)
-    assert truth - truth[0] == pytest.approx(rocker_angle(2.5) - rocker_angle(2.5)[0], abs=1e-9)
+    reference, measured = (
+        figure.places_of(party, np.arange(POSE_COUNT))[:, 2, 2] for party in ("", "mujoco")
+    )
+    expected = rocker_angle(2.525) - rocker_angle(2.5)
+    assert np.abs(expected).max() > 7e-3
+    assert measured - reference == pytest.approx(magnify * expected, abs=1e-6 * magnify)
+    assert reference - reference[0] == pytest.approx(
+        rocker_angle(2.5) - rocker_angle(2.5)[0], abs=1e-9
+    )
 
 
 def test_springs_wind_with_their_joints() -> None:
     """The ends of a spiral turn relative to each other by the deflection of the closed form."""
-    stage = staged(load_case(shipped("balancer_sine.toml")))
-    case = stage.case
+    figure = animation_figure(load_case(shipped("balancer_sine.toml")))
+    case = figure.case
     run = plan_run(case, "sweep", "mujoco")
-    truth = evaluate(case, "sweep", run.x, run.motion(run.x)).channels
-    places = stage.motion.places
-    springs, spots = stage.springs(), stage.spots(places)
-    assert [stage.motion.spots[i].name for i in springs] == ["joint1", "joint2", "joint3"]
+    reference = evaluate(case, "sweep", run.x, run.motion(run.x)).channels
+    places = figure.motion.places
+    springs, spots = figure.springs(), figure.spots(places)
+    assert [figure.motion.spots[i].name for i in springs] == ["joint1", "joint2", "joint3"]
     for number, i in enumerate(springs, 1):
         at = spots[i][:, 0]
-        coils = np.array([stage.coil(i, places[k], at[k]) for k in range(POSES)])
+        coils = np.array([figure.coil(i, places[k], at[k]) for k in range(POSE_COUNT)])
         turned = np.unwrap(np.angle((coils - at[:, None]) @ [1, 1j]), axis=1)
         wound = turned[:, 0] - turned[:, -1]  # turn of the inner end; the model counts clockwise
-        deflection = -truth[f"deflection{number}"]
+        deflection = -reference[f"deflection{number}"]
         assert np.abs(deflection).max() > 0.3
         assert wound - wound[0] == pytest.approx(deflection, abs=1e-9)
 
@@ -129,28 +137,28 @@ def test_rods_bend_and_keep_their_length(edit: Callable[..., Path]) -> None:
     to the clamp, so the line has 7/8 m.
     """
     file = edit("rfr2_load_path.toml", r"segments = \d+", "segments = 4")
-    stage = staged(load_case(file), poses=3)
-    lines = stage.strokes(stage.motion.places)[-2:]
-    straight = []
+    figure = animation_figure(load_case(file), poses=3)
+    lines = figure.strokes(figure.motion.places)[-2:]
+    end_distances = []
     for line in lines:
         steps = np.linalg.norm(np.diff(line, axis=1), axis=2)
         assert steps.sum(axis=1) == pytest.approx(np.full(len(line), 1 - 1 / 8), rel=1e-9)
-        straight.append(np.linalg.norm(line[:, -1] - line[:, 0], axis=1))
-    assert np.ptp(straight, axis=1).min() > 1e-3  # the curvature changes along the motion
+        end_distances.append(np.linalg.norm(line[:, -1] - line[:, 0], axis=1))
+    assert np.ptp(end_distances, axis=1).min() > 1e-3  # the curvature changes along the motion
 
 
 @pytest.mark.parametrize(("ending", "form"), [(".webp", "WEBP"), (".GIF", "GIF")])
-def test_a_file_plays(tmp_path: Path, ending: str, form: str) -> None:
+def test_a_saved_file_has_all_pictures_and_repeats(tmp_path: Path, ending: str, form: str) -> None:
     """A saved file has all pictures and repeats without end.
 
     All six pictures of a turn differ, since the end of the turn, which equals its start, is left
     out.
     """
-    found, file = playing(), tmp_path / f"mine{ending}"
-    found.save(file)
+    animation, file = fourbar_animation(), tmp_path / f"mine{ending}"
+    animation.save(file)
     with Image.open(file) as image:
         assert image.format == form
-        assert image.n_frames == len(found.frames) == 6
+        assert image.n_frames == len(animation.frames) == 6
         assert image.info["loop"] == 0
         pictures = []
         for k in range(image.n_frames):
@@ -159,18 +167,18 @@ def test_a_file_plays(tmp_path: Path, ending: str, form: str) -> None:
             assert image.info["duration"] == 100  # 0.6 s in six pictures
             pictures.append(np.asarray(image.convert("RGB"), int))
         assert all(np.abs(a - b).max() > 100 for a, b in pairwise(pictures))
-        for drawn, there in zip(found.frames, pictures, strict=True):
-            assert np.abs(drawn - there).mean() < 2.0  # of 255: GIF has few colours, WebP losses
+        for drawn, decoded in zip(animation.frames, pictures, strict=True):
+            assert np.abs(drawn - decoded).mean() < 2.0  # of 255: GIF has few colours, WebP losses
 
 
-def test_a_notebook_plays_it() -> None:
-    html = playing()._repr_html_()
+def test_a_notebook_shows_the_animation() -> None:
+    html = fourbar_animation()._repr_html_()
     assert html.startswith('<div><img src="data:image/webp;base64,')
     assert 'alt="fourbar, sweep: reference and pymunk"' in html
     # independent of time and machine
-    assert playing().encoded() == playing().encoded()
-    with Image.open(io.BytesIO(playing().encoded())) as image:
-        assert image.size == playing().frames.shape[2:0:-1]
+    assert fourbar_animation().encoded() == fourbar_animation().encoded()
+    with Image.open(io.BytesIO(fourbar_animation().encoded())) as image:
+        assert image.size == fourbar_animation().frames.shape[2:0:-1]
 
 
 @pytest.mark.parametrize(
@@ -182,19 +190,19 @@ def test_a_notebook_plays_it() -> None:
         ("threeprr.toml", None, False),
     ],
 )
-def test_whether_the_end_is_the_start_again(name: str, last: float | None, closed: bool) -> None:
+def test_closed_motions_are_recognized(name: str, last: float | None, closed: bool) -> None:
     case = load_case(shipped(name))
     if last is not None:
         drive = case.drive[0].model_copy(update={"to": last})
         case = case.model_copy(update={"drive": (drive,)})
     x = run_samples(case, "sweep")
     run = plan_run(case, "sweep", "mujoco")
-    truth = evaluate(case, "sweep", x, run.motion(x))
-    view = PlottedRun(case, "sweep", [], {"mujoco": truth}, {"mujoco": truth})
+    reference = evaluate(case, "sweep", x, run.motion(x))
+    view = PlottedRun(case, "sweep", [], {"mujoco": reference}, {"mujoco": reference})
     assert is_closed(view) == closed
 
 
-def test_what_is_no_animation() -> None:
+def test_invalid_animation_options_are_refused() -> None:
     case = load_case(shipped("fourbar.toml"))
     for options, wrong in (
         ({"frames": 1}, "frames = 1: a motion has 2 to 600 pictures"),
@@ -208,10 +216,10 @@ def test_what_is_no_animation() -> None:
     with pytest.raises(InputError, match=r"run.equilibrium: nothing moves in it"):
         case.animate("equilibrium")
     with pytest.raises(InputError, match=r"mine.png: ends in '.png'; .*known: .gif, .webp"):
-        playing().save("mine.png")
+        fourbar_animation().save("mine.png")
 
 
-def test_another_number_of_samples() -> None:
+def test_the_number_of_samples_can_be_changed() -> None:
     """`samples` sets the number of samples of the run.
 
     Pictures between samples are interpolated, so that with 3 samples the crank is drawn too short
@@ -244,37 +252,39 @@ def test_another_number_of_samples() -> None:
         ((".",), "give the sidecar of one case"),
     ],
 )
-def test_bad_input_is_said_in_a_line(
+def test_bad_input_is_reported_without_a_traceback(
     models: Path, monkeypatch: pytest.MonkeyPatch, args: tuple[str, ...], wrong: str
 ) -> None:
     monkeypatch.chdir(models)
-    answer = command(*args)
+    answer = run_animate(*args)
     assert answer.exit_code == 2
     assert wrong in answer.output
     assert "Traceback" not in answer.output
     assert not list(models.glob("mine*"))
 
 
-def test_a_file_that_cannot_be_written(models: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_cannot_be_written_is_reported(
+    models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(models)
     (models / "mine.gif").mkdir()
-    answer = command("fourbar.toml", "--solver", "mujoco", "--frames", "2", "-o", "mine.gif")
+    answer = run_animate("fourbar.toml", "--solver", "mujoco", "--frames", "2", "-o", "mine.gif")
     assert answer.exit_code == 2
     assert "error: mine.gif: Is a directory" in answer.output
 
 
-def test_a_failed_solver_is_told_and_the_model_drawn(
+def test_a_failed_solver_is_reported_and_the_model_is_drawn(
     edit: Callable[..., Path], tmp_path: Path
 ) -> None:
     file = edit("pendulum.toml", "n = 1001", "n = 1001\ntimeout = 1e-3")
-    answer = command(file, "--solver", "mujoco", "--frames", "3", "-o", tmp_path / "mine.webp")
+    answer = run_animate(file, "--solver", "mujoco", "--frames", "3", "-o", tmp_path / "mine.webp")
     assert answer.exit_code == 1
     assert "mujoco timed out: " in answer.output
     with Image.open(tmp_path / "mine.webp") as image:
         assert image.n_frames == 3
 
 
-def test_a_motion_that_ends_early_is_told(models: Path, tmp_path: Path) -> None:
+def test_a_motion_that_ends_early_is_reported(models: Path, tmp_path: Path) -> None:
     """The planar reference follows the triple rocker's crank only as far as the loop closes."""
     drive = load_case(models / "triple_rocker.toml").drive[0]
     (models / "mine.xml").write_text((models / "triple_rocker.xml").read_text())
@@ -294,7 +304,7 @@ n = 31
 '''
     )
     file = tmp_path / "mine.gif"
-    answer = command(models / "mine.toml", "--solver", "mujoco", "--frames", "3", "-o", file)
+    answer = run_animate(models / "mine.toml", "--solver", "mujoco", "--frames", "3", "-o", file)
     assert answer.exit_code == 1
     assert "the motion ends early: cannot be assembled at" in answer.output
     assert file.exists()

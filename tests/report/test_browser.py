@@ -10,11 +10,11 @@ from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
-from tests.report.whole import failed_result, whole_result, without_figures
+from tests.report.whole import result_from_references, with_failed_dynamics, without_figures
 from tests.shipped import shipped
 from tests.visit import PHONE, Visit
 
-NAMES = [
+CASE_NAMES = [
     "fourbar",
     "rod_cantilever",
     "balancer_sine",
@@ -22,7 +22,7 @@ NAMES = [
     "hacksaw_recorded",
     "pendulum",
 ]
-SLOW = 2000  # [ms] largest load time of a page, on a busy machine; 0.3 s are usual
+MAX_LOAD_TIME = 2000  # [ms] largest load time of a page, on a busy machine; 0.3 s are usual
 
 
 @pytest.fixture(scope="module")
@@ -31,14 +31,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     The static figures, which the scripts do not draw, are left out of most pages to save time.
     """
-    cases = {name: load_case(shipped(f"{name}.toml")) for name in NAMES}
+    cases = {name: load_case(shipped(f"{name}.toml")) for name in CASE_NAMES}
     offs = {"rod_cantilever": 1e-4, "slider_crank": 0.02}
-    parts = [whole_result(case, off=offs.get(n, 1e-13)) for n, case in cases.items()]
+    parts = [result_from_references(case, off=offs.get(n, 1e-13)) for n, case in cases.items()]
     result = Result(cases=list(cases.values()))
     for part in parts:
         result.comparisons.extend(part.comparisons)
         result.curves.update(part.curves)
-    rows = [replace(c, **FAILED) if c.case == "pendulum" else c for c in result.comparisons]
+    rows = [replace(c, **FAILED_FIELDS) if c.case == "pendulum" else c for c in result.comparisons]
     curves = {key: curve for key, curve in result.curves.items() if key[0] != "pendulum"}
     out = tmp_path_factory.mktemp("browser")
     with without_figures("rod_cantilever"):
@@ -46,13 +46,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-FAILED: dict[str, Any] = {
+FAILED_FIELDS: dict[str, Any] = {
     **{name: float("nan") for name in ("error_max", "at", "error_rms", "nrmse", "error_later")},
     "detectable": {},
     "outcome": "diverged",
     "message": "the state is not finite",
 }
-assert set(FAILED) <= set(Comparison.__dataclass_fields__)
+assert set(FAILED_FIELDS) <= set(Comparison.__dataclass_fields__)
 
 
 class CaseVisit(Visit):
@@ -68,13 +68,15 @@ class CaseVisit(Visit):
         return dict(found.bounding_box())
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: Any) -> None:
+@pytest.mark.parametrize("name", CASE_NAMES)
+def test_pages_log_nothing_and_fetch_only_local_files(
+    name: str, folder: Path, browser: Any
+) -> None:
     with CaseVisit(browser, folder / f"{name}.html") as visit:
         assert visit.said == []
         assert all(url.startswith(folder.as_uri()) for url in visit.asked)
         timing = "performance.getEntriesByType('navigation')[0].loadEventEnd"
-        assert visit.run(timing) < SLOW
+        assert visit.run(timing) < MAX_LOAD_TIME
         failed = name == "pendulum"
         assert visit.run("find('#curves').hidden") == failed
         assert visit.page.locator("#above canvas").count() == (0 if failed else 1)
@@ -82,16 +84,16 @@ def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: An
         assert overflow <= 0
 
 
-@pytest.mark.parametrize("name", NAMES[:-1])
+@pytest.mark.parametrize("name", CASE_NAMES[:-1])
 def test_every_channel_of_every_run_can_be_shown(name: str, folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / f"{name}.html") as visit:
-        count = visit.run(EVERY)
+        count = visit.run(SHOW_ALL_CHANNELS)
         assert count >= 4
-        assert visit.run(SAID) is None
+        assert visit.run(FIND_INVALID_TEXT) is None
         assert visit.said == []
 
 
-EVERY = """() => {
+SHOW_ALL_CHANNELS = """() => {
   let count = 0;
   for (const run of runs()) {
     choose(run.kind);
@@ -109,20 +111,20 @@ EVERY = """() => {
   }
   return count;
 }"""
-SAID = "find('main').innerText.match(/NaN|undefined|null|Infinity|object Object/)"
+FIND_INVALID_TEXT = "find('main').innerText.match(/NaN|undefined|null|Infinity|object Object/)"
 
 
-def test_what_is_failed_is_told(folder: Path, browser: Any) -> None:
+def test_a_page_says_which_runs_failed_and_why(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "pendulum.html") as visit:
         text = visit.page.inner_text("main")
         assert "runs diverged" in text
         assert "the state is not finite" in text
 
 
-def test_a_failed_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> None:
+def test_a_failed_run_is_drawn_until_its_failure(browser: Any, tmp_path: Path) -> None:
     case = load_case(shipped("fourbar.toml"))
     with without_figures():
-        write_report(failed_result(case, whole_result(case), "mujoco"), tmp_path)
+        write_report(with_failed_dynamics(case, result_from_references(case), "mujoco"), tmp_path)
     with CaseVisit(browser, tmp_path / "fourbar.html") as visit:
         assert visit.run("[state.run, state.solver]") == ["dynamics", "mujoco"]
         assert "pin.x left the tolerance first" in visit.page.inner_text(".cause").lower()
@@ -130,16 +132,16 @@ def test_a_failed_run_is_drawn_until_its_loss(browser: Any, tmp_path: Path) -> N
         assert chip.is_enabled()
         drawn = "pair.plots[0].data[2].filter((value) => value !== null).length"
         assert visit.run(drawn) == 100
-        said = visit.page.inner_text("#failed")
-        assert "MuJoCo is drawn until 1.7" in said
-        assert visit.run(INK_AT_THE_END)
+        failure_note = visit.page.inner_text("#failed")
+        assert "MuJoCo is drawn until 1.7" in failure_note
+        assert visit.run(HAS_INK_AT_FAILURE)
         chip.click()  # switches the failed curve off, and its mark with it
-        assert not visit.run(INK_AT_THE_END)
-        assert visit.run(SAID) is None
+        assert not visit.run(HAS_INK_AT_FAILURE)
+        assert visit.run(FIND_INVALID_TEXT) is None
         assert visit.said == []
 
 
-INK_AT_THE_END = """() => {
+HAS_INK_AT_FAILURE = """() => {
   const plot = pair.plots[0];
   const across = Math.round(plot.valToPos(current().xs[99], "x", true));
   const { top, height } = plot.bbox;
@@ -164,24 +166,24 @@ def snap_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rods = {"rod": case.rod["rod"].model_copy(update={"segments": 10})}
     runs = {"sweep": case.run["sweep"].model_copy(update={"n": 22})}
     case = case.model_copy(update={"rod": rods, "run": runs, "view": (), "chart": ()})
-    result = whole_result(case, off=1e-4)
+    result = result_from_references(case, off=1e-4)
     key = (case.name, "sweep", "pymunk")
     late = {}
     for name, curve in result.curves[key].channels.items():
         late[name] = curve.copy()
-        late[name][BEYOND] = curve[BEYOND - 1]
+        late[name][SAMPLE_AFTER_SNAP] = curve[SAMPLE_AFTER_SNAP - 1]
     curves = {**result.curves, key: replace(result.curves[key], channels=late)}
     with without_figures():
         write_report(replace(result, curves=curves), out)
     return out / "rod_snap.html"
 
 
-BEYOND = 8  # the first sample after the first snap of the reference
+SAMPLE_AFTER_SNAP = 8  # the first sample after the first snap of the reference
 
 
-def test_a_mechanism_plays_through_its_snaps(snap_page: Path, browser: Any) -> None:
+def test_a_mechanism_is_drawn_on_both_sides_of_its_snaps(snap_page: Path, browser: Any) -> None:
     with CaseVisit(browser, snap_page, "#sweep/mujoco:settled/energy@0") as visit:
-        shapes = visit.run(SHAPES)
+        shapes = visit.run(READ_ROD_SHAPES)
         assert len(shapes) == 22
         for shape in shapes:
             assert shape["pale"]
@@ -190,16 +192,19 @@ def test_a_mechanism_plays_through_its_snaps(snap_page: Path, browser: Any) -> N
             assert "no pose" not in shape["words"]
         sides = ["up" if shape["middle"] < shape["ends"] else "down" for shape in shapes]
         assert sides == 8 * ["up"] + 11 * ["down"] + 3 * ["up"]
-        told = visit.page.inner_text("#ghost")
-        assert "jumps to another equilibrium between 0.6667 s and 0.7619 s and between" in told
-        late = visit.run(SHAPES.replace("mujoco:settled", "pymunk"))
+        reference_note = visit.page.inner_text("#ghost")
+        assert (
+            "jumps to another equilibrium between 0.6667 s and 0.7619 s and between"
+            in reference_note
+        )
+        late = visit.run(READ_ROD_SHAPES.replace("mujoco:settled", "pymunk"))
         # pymunk snaps one sample later
-        assert late[BEYOND]["middle"] < late[BEYOND]["ends"]
-        assert late[BEYOND + 1]["middle"] > late[BEYOND + 1]["ends"]
+        assert late[SAMPLE_AFTER_SNAP]["middle"] < late[SAMPLE_AFTER_SNAP]["ends"]
+        assert late[SAMPLE_AFTER_SNAP + 1]["middle"] > late[SAMPLE_AFTER_SNAP + 1]["ends"]
         assert visit.said == []
 
 
-SHAPES = """() => {
+READ_ROD_SHAPES = """() => {
   state.solver = "mujoco:settled";
   return current().x.map((_, sample) => {
     goTo(sample);
@@ -216,28 +221,30 @@ SHAPES = """() => {
 }"""
 
 
-def test_curves_are_open_where_they_jump(snap_page: Path, browser: Any) -> None:
+def test_curves_are_interrupted_where_they_jump(snap_page: Path, browser: Any) -> None:
     with CaseVisit(browser, snap_page, "#sweep/pymunk/tip.angle@0;on=pymunk") as visit:
         assert visit.run("current().channels['tip.angle'].jumps") == [7, 18]
         assert visit.run("current().solvers.pymunk.jumps['tip.angle']") == [8, 18]
-        said = visit.page.inner_text("#thinned")
-        assert "The reference jumps between 0.6667 s and 0.7619 s and between 1.714 s" in said
-        assert "pymunk jumps between 0.7619 s and 0.8571 s and" in said
-        assert said.split("drawn.")[1] in visit.run("find('#above').getAttribute('aria-label')")
+        jump_note = visit.page.inner_text("#thinned")
+        assert "The reference jumps between 0.6667 s and 0.7619 s and between 1.714 s" in jump_note
+        assert "pymunk jumps between 0.7619 s and 0.8571 s and" in jump_note
+        assert jump_note.split("drawn.")[1] in visit.run(
+            "find('#above').getAttribute('aria-label')"
+        )
         moves = "find('#option-tip\\\\.angle path').getAttribute('d').split('M').length - 1"
         assert visit.run(moves) == 3
         assert visit.said == []
         # Between two samples before the snap there is ink of both curves.  At the snap of the
         # reference, after sample 7, only the dots of its vertical line are half-way, and pymunk,
         # which snaps after sample 8, still has a curve there.
-        assert visit.run(f"({INK_BETWEEN})(5, '--pale')")
-        assert visit.run(f"({INK_BETWEEN})(5, '--s1')")
-        assert not visit.run(f"({INK_BETWEEN})(7, '--pale')")
-        assert visit.run(f"({INK_BETWEEN})(7, '--s1')")
-        assert not visit.run(f"({INK_BETWEEN})(8, '--s1')")
+        assert visit.run(f"({HAS_INK_BETWEEN})(5, '--pale')")
+        assert visit.run(f"({HAS_INK_BETWEEN})(5, '--s1')")
+        assert not visit.run(f"({HAS_INK_BETWEEN})(7, '--pale')")
+        assert visit.run(f"({HAS_INK_BETWEEN})(7, '--s1')")
+        assert not visit.run(f"({HAS_INK_BETWEEN})(8, '--s1')")
 
 
-INK_BETWEEN = """(sample, name) => {
+HAS_INK_BETWEEN = """(sample, name) => {
   const plot = pair.plots[0];
   const [one, two] = [0.2, 0.4].map((share) => {
     const { xs } = current();
@@ -254,7 +261,7 @@ INK_BETWEEN = """(sample, name) => {
 }"""
 
 
-def test_a_page_that_differs_opens_where_it_does(folder: Path, browser: Any) -> None:
+def test_a_page_that_differs_opens_at_a_channel_that_differs(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "slider_crank.html") as visit:
         assert "Differs" in visit.page.inner_text(".badge")
         assert visit.run("state.run") == "sweep"
@@ -282,14 +289,14 @@ def test_the_scrub_bar_moves_plots_and_mechanism(folder: Path, browser: Any) -> 
         assert visit.run("state.sample") == 91
 
 
-def test_no_name_covers_another(folder: Path, browser: Any) -> None:
+def test_no_label_of_the_mechanism_covers_another(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "hacksaw_recorded.html") as visit:
-        covered, hidden = visit.run(COVERED)
+        covered, hidden = visit.run(COUNT_COVERED_LABELS)
         assert covered == 0
         assert hidden > 0  # otherwise no label was near another
 
 
-COVERED = """() => {
+COUNT_COVERED_LABELS = """() => {
   let [covered, hidden] = [0, 0];
   for (let sample = 0; sample < current().x.length; sample += 10) {
     goTo(sample);
@@ -307,7 +314,7 @@ COVERED = """() => {
 }"""
 
 
-def test_a_plot_that_is_pointed_at_moves_the_mechanism(folder: Path, browser: Any) -> None:
+def test_pointing_at_a_plot_moves_the_mechanism(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "fourbar.html", "#dynamics/mujoco/pin.x@0") as visit:
         box = visit.plot("#above")
         visit.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
@@ -401,7 +408,7 @@ def test_differences_are_magnified(folder: Path, browser: Any) -> None:
         assert across[1] - across[0] == pytest.approx(9 * scale * visit.run(run), rel=0.02)
 
 
-def test_a_rod_at_rest_is_its_curves(folder: Path, browser: Any) -> None:
+def test_a_rod_in_equilibrium_is_drawn_from_its_curves(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "rod_cantilever.html") as visit:
         assert visit.run("mechanism().curves.rods.length") == 1
         assert visit.page.locator(".m-dot").count() == 1
@@ -410,7 +417,7 @@ def test_a_rod_at_rest_is_its_curves(folder: Path, browser: Any) -> None:
 
 def test_a_mechanism_in_space_is_drawn_without_differences(browser: Any, tmp_path: Path) -> None:
     with without_figures():
-        write_report(whole_result(load_case(shipped("spherical_fourbar.toml"))), tmp_path)
+        write_report(result_from_references(load_case(shipped("spherical_fourbar.toml"))), tmp_path)
     with CaseVisit(browser, tmp_path / "spherical_fourbar.html") as visit:
         assert visit.page.inner_text("#mechanism-scale") == "to scale, without differences"
         assert "seen along x" in visit.page.inner_text("#ghost")
@@ -434,7 +441,9 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
         pytest.param("pendulum", "light", marks=pytest.mark.slow),
     ],
 )
-def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
+def test_axe_finds_no_accessibility_violation(
+    name: str, scheme: str, folder: Path, browser: Any
+) -> None:
     with CaseVisit(browser, folder / f"{name}.html", color_scheme=scheme) as visit:
         visit.run("findAll('.more > details').forEach((one) => one.setAttribute('open', ''))")
         dark = scheme == "dark"  # only colours differ
@@ -443,7 +452,7 @@ def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -
         assert met > (0 if dark else 15)
 
 
-def test_dark_pages_are_dark_and_their_curves_light(folder: Path, browser: Any) -> None:
+def test_dark_pages_have_a_dark_background(folder: Path, browser: Any) -> None:
     for scheme, dark in (("light", False), ("dark", True)):
         with CaseVisit(browser, folder / "fourbar.html", color_scheme=scheme) as visit:
             paper = visit.run("getComputedStyle(document.body).backgroundColor")
@@ -451,14 +460,14 @@ def test_dark_pages_are_dark_and_their_curves_light(folder: Path, browser: Any) 
             assert (max(levels) < 60) == dark
 
 
-def test_it_prints_with_its_tables(folder: Path, browser: Any) -> None:
+def test_a_page_prints_on_three_sheets_or_more(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "fourbar.html") as visit:
         printed = visit.page.pdf(format="A4", print_background=True)
         assert printed.startswith(b"%PDF")
         assert printed.count(b"/Type /Page\n") + printed.count(b"/Type /Page ") >= 3
 
 
-def test_without_script_there_are_the_tables(folder: Path, browser: Any) -> None:
+def test_tables_are_shown_without_javascript(folder: Path, browser: Any) -> None:
     with CaseVisit(browser, folder / "fourbar.html", java_script_enabled=False) as visit:
         assert visit.page.locator(".sum td a").count() > 5
         visit.page.locator("details.numbers > summary").first.click()

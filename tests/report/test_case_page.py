@@ -51,21 +51,21 @@ from proofmass.report.words import format_closeness
 from proofmass.sidecar import load_case
 from proofmass.sim.motion import Motion, motion
 from proofmass.solve import plan_run
-from tests.report.whole import failed_result, whole_result, without_figures
+from tests.report.whole import result_from_references, with_failed_dynamics, without_figures
 from tests.shipped import shipped
 
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
-SIZE = 700_000  # [bytes] largest size of a page, with its data
+MAX_PAGE_SIZE = 700_000  # [bytes] largest size of a page, with its data
 
 
-def unpacked(text: str, kind: str) -> np.ndarray:
+def decode_numbers(text: str, kind: str) -> np.ndarray:
     """Decode numbers in base64; `kind` is their NumPy type."""
     return np.frombuffer(b64decode(text), kind)
 
 
-def scaled(packed: dict[str, Any]) -> np.ndarray:
+def decode_scaled(packed: dict[str, Any]) -> np.ndarray:
     """Decode numbers that are stored as whole numbers of 16 bits and a scale; -2^15 is NaN."""
-    numbers = unpacked(packed["numbers"], "<i2").reshape(packed["shape"]).astype(float)
+    numbers = decode_numbers(packed["numbers"], "<i2").reshape(packed["shape"]).astype(float)
     return np.where(numbers == -(2**15), np.nan, numbers) * packed["scale"]
 
 
@@ -76,7 +76,7 @@ def fourbar() -> Case:
 
 @pytest.fixture(scope="module")
 def result(fourbar: Case) -> Result:
-    return whole_result(fourbar, detectable=True)
+    return result_from_references(fourbar, detectable=True)
 
 
 @pytest.fixture(scope="module")
@@ -94,46 +94,46 @@ def test_curves_on_the_page_are_those_of_the_run(page: str, result: Result, four
     data = json.loads(DATA.search(page)[1])  # type: ignore[index]
     assert list(data["runs"]) == ["sweep", "dynamics"]
     for kind, run in data["runs"].items():
-        x = unpacked(run["x"], "<f8")
+        x = decode_numbers(run["x"], "<f8")
         assert run["every"] == 1
         for solver in fourbar.run[kind].solvers:
             curves = result.curves[fourbar.name, kind, solver]
             assert np.array_equal(x, curves.x)
-            truth = evaluate(fourbar, kind, curves.x, curves.drive).channels
+            expected = evaluate(fourbar, kind, curves.x, curves.drive).channels
             for name in fourbar.channels_of(kind):
-                reference = unpacked(run["channels"][name]["curve"], "<f8")
-                assert np.array_equal(reference, truth[name])
-                off = unpacked(run["solvers"][solver]["differences"][name], "<f4")
-                exact = curves.channels[name] - truth[name]
-                assert off == pytest.approx(exact, rel=6e-8, abs=0)  # rounding of float32
-                assert np.abs(off).max() > 0
+                reference = decode_numbers(run["channels"][name]["curve"], "<f8")
+                assert np.array_equal(reference, expected[name])
+                difference = decode_numbers(run["solvers"][solver]["differences"][name], "<f4")
+                exact = curves.channels[name] - expected[name]
+                assert difference == pytest.approx(exact, rel=6e-8, abs=0)  # rounding of float32
+                assert np.abs(difference).max() > 0
 
 
-def test_the_largest_difference_stands_where_the_comparison_says(page: str, result: Result) -> None:
+def test_the_largest_difference_is_where_the_comparison_says(page: str, result: Result) -> None:
     data = json.loads(DATA.search(page)[1])  # type: ignore[index]
     for c in result.comparisons:
         run = data["runs"][c.run]
         own = run["solvers"][c.solver]
-        off = np.abs(unpacked(own["differences"][c.channel], "<f4"))
-        at = int(np.abs(unpacked(run["x"], "<f8") - c.at).argmin())
-        assert off[at] == pytest.approx(off.max(), rel=1e-6, abs=0)
-        told = own["comparisons"][c.channel]
-        assert off[at] * run["channels"][c.channel]["factor"] == pytest.approx(
-            told["error"], rel=1e-6, abs=0
+        difference = np.abs(decode_numbers(own["differences"][c.channel], "<f4"))
+        at = int(np.abs(decode_numbers(run["x"], "<f8") - c.at).argmin())
+        assert difference[at] == pytest.approx(difference.max(), rel=1e-6, abs=0)
+        recorded = own["comparisons"][c.channel]
+        assert difference[at] * run["channels"][c.channel]["factor"] == pytest.approx(
+            recorded["error"], rel=1e-6, abs=0
         )
-        assert told["share"] == pytest.approx(c.relative_to_range, rel=1e-3, abs=0)
+        assert recorded["share"] == pytest.approx(c.relative_to_range, rel=1e-3, abs=0)
 
 
 @pytest.mark.parametrize("name", ["fourbar", "rod_cantilever"])
-def test_a_page_is_small(name: str, page: str, tmp_path: Path) -> None:
+def test_a_page_stays_below_its_largest_size(name: str, page: str, tmp_path: Path) -> None:
     if name != "fourbar":
         case = load_case(shipped(f"{name}.toml"))
-        index = write_report(whole_result(case, off=1e-4), tmp_path)
+        index = write_report(result_from_references(case, off=1e-4), tmp_path)
         page = index.with_name(f"{name}.html").read_text(encoding="utf-8")
-    assert 30_000 < len(page.encode()) < SIZE
+    assert 30_000 < len(page.encode()) < MAX_PAGE_SIZE
 
 
-def test_thinned_curves_keep_extremes_and_the_worst(runs: list[PlottedRun]) -> None:
+def test_thinned_curves_keep_extremes_and_largest_errors(runs: list[PlottedRun]) -> None:
     whole = runs_data(runs, 10**9)
     assert [run["every"] for run in whole.values()] == [1, 1]
     room = len(script_json(whole)) // 2
@@ -142,18 +142,18 @@ def test_thinned_curves_keep_extremes_and_the_worst(runs: list[PlottedRun]) -> N
     run, data = runs[0], found["sweep"]
     index = kept_samples(run, data["every"])
     assert (data["samples"], data["drawn"]) == (361, len(index))
-    assert unpacked(data["x"], "<f8").tolist() == run.longest.x[index].tolist()
+    assert decode_numbers(data["x"], "<f8").tolist() == run.longest.x[index].tolist()
     for curve in run.longest.channels.values():
         assert {int(curve.argmin()), int(curve.argmax())} <= set(index.tolist())
     places = run.longest.x[index]
     assert all(np.abs(places - c.at).min() == 0 for c in run.rows)
 
 
-def test_what_must_stay_stays_without_any_room(runs: list[PlottedRun]) -> None:
+def test_ends_and_largest_errors_are_kept_without_any_room(runs: list[PlottedRun]) -> None:
     data = runs_data(runs, 0)["sweep"]
     assert data["every"] == 361
-    assert {0.0, float(runs[0].longest.x[-1])} <= set(unpacked(data["x"], "<f8").tolist())
-    assert all(np.abs(unpacked(data["x"], "<f8") - c.at).min() == 0 for c in runs[0].rows)
+    assert {0.0, float(runs[0].longest.x[-1])} <= set(decode_numbers(data["x"], "<f8").tolist())
+    assert all(np.abs(decode_numbers(data["x"], "<f8") - c.at).min() == 0 for c in runs[0].rows)
 
 
 def test_a_page_that_is_too_large_has_fewer_samples(
@@ -161,9 +161,9 @@ def test_a_page_that_is_too_large_has_fewer_samples(
 ) -> None:
     size = len(page.encode())
     monkeypatch.setattr(case_page, "MAX_PAGE_BYTES", size - 40_000)
-    less = write_report(result, tmp_path).with_name("fourbar.html").read_bytes()
-    assert size - 200_000 < len(less) <= size - 40_000
-    data = json.loads(DATA.search(less.decode())[1])  # type: ignore[index]
+    smaller_page = write_report(result, tmp_path).with_name("fourbar.html").read_bytes()
+    assert size - 200_000 < len(smaller_page) <= size - 40_000
+    data = json.loads(DATA.search(smaller_page.decode())[1])  # type: ignore[index]
     assert {run["every"] for run in data["runs"].values()} == {2}
 
 
@@ -181,14 +181,14 @@ def test_curves_of_a_solver_that_stopped_early_end_there(fourbar: Case, result: 
     own = recorded_data(fourbar, [run])["runs"]["sweep"]["solvers"]["pymunk"]
     assert own["stopped"] == "a limit position"
     assert own["end"] == short.x[-1]
-    assert len(unpacked(own["differences"]["pin.x"], "<f4")) == 100
+    assert len(decode_numbers(own["differences"]["pin.x"], "<f4")) == 100
     moved = find_motions(fourbar, [run])[0]["sweep"]
-    there = np.isfinite(moved.away["pymunk"]).all(axis=(1, 2))
-    assert there.tolist() == (moved.index < 100).tolist()
-    assert np.isnan(scaled(motion_data(moved)["away"]["pymunk"])[~there]).all()
+    drawn = np.isfinite(moved.away["pymunk"]).all(axis=(1, 2))
+    assert drawn.tolist() == (moved.index < 100).tolist()
+    assert np.isnan(decode_scaled(motion_data(moved)["away"]["pymunk"])[~drawn]).all()
 
 
-def test_curves_that_are_no_numbers_somewhere_are_drawn_elsewhere(
+def test_curves_with_nan_are_drawn_where_they_are_finite(
     fourbar: Case, result: Result, tmp_path: Path
 ) -> None:
     whole = result.curves[fourbar.name, "sweep", "mujoco"]
@@ -204,19 +204,21 @@ def test_curves_that_are_no_numbers_somewhere_are_drawn_elsewhere(
     with without_figures():
         page = write_report(found, tmp_path).with_name("fourbar.html").read_text(encoding="utf-8")
     own = json.loads(DATA.search(page)[1])["runs"]["sweep"]["solvers"]["mujoco"]  # type: ignore[index]
-    off = unpacked(own["differences"]["pin.x"], "<f4")
+    off = decode_numbers(own["differences"]["pin.x"], "<f4")
     assert np.isfinite(off).tolist() == [k < 200 for k in range(361)]
     assert own["violation"] is None
     assert re.search(
         r'<a href="#sweep/mujoco/pin\.x@[^"]+"[^>]* class="bad"><b>no number ✗</b>', page
     )
     assert own["comparisons"]["pin.x"]["outcome"] == "differs"
-    away = scaled(json.loads(DATA.search(page)[1])["motions"]["sweep"]["away"]["mujoco"])  # type: ignore[index]
+    away = decode_scaled(json.loads(DATA.search(page)[1])["motions"]["sweep"]["away"]["mujoco"])  # type: ignore[index]
     assert np.isnan(away[-1]).all()
     assert np.isfinite(away[0]).all()
 
 
-def moved_by(case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]) -> Motion:
+def motion_with_differences(
+    case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]
+) -> Motion:
     """The motion of a case's first run, with MuJoCo's differences to the reference made up.
 
     `change` gives the differences, by channel, at the samples of the run [SI].
@@ -224,15 +226,15 @@ def moved_by(case: Case, change: Callable[[np.ndarray], dict[str, np.ndarray]]) 
     kind = next(iter(case.run))
     run = plan_run(case, kind, "mujoco")
     state = run.motion(run.x) if run.drives else None
-    truth = evaluate(case, "sweep", run.x, state).channels
-    off = change(run.x)
-    known = {name: truth[name] for name in off}
-    return motion(case.model_path, run, {"mujoco": (known, off)}, 31)
+    reference = evaluate(case, "sweep", run.x, state).channels
+    differences = change(run.x)
+    known = {name: reference[name] for name in differences}
+    return motion(case.model_path, run, {"mujoco": (known, differences)}, 31)
 
 
-def test_bodies_are_moved_by_what_is_measured(fourbar: Case) -> None:
-    names = [body.name for body in moved_by(fourbar, lambda x: {}).bodies]
-    found = moved_by(
+def test_bodies_are_moved_by_measured_differences(fourbar: Case) -> None:
+    names = [body.name for body in motion_with_differences(fourbar, lambda x: {}).bodies]
+    found = motion_with_differences(
         fourbar, lambda x: {"rocker": 1e-7 * np.cos(x), "coupler.angle": 3e-7 * np.sin(x)}
     )
     x, away = found.picture.x, found.away["mujoco"]
@@ -245,13 +247,15 @@ def test_bodies_are_moved_by_what_is_measured(fourbar: Case) -> None:
     assert set(found.used) == {"rocker", "coupler.angle"}
 
 
-def test_a_free_motion_is_moved_as_well() -> None:
-    found = moved_by(load_case(shipped("pendulum.toml")), lambda x: {"angle": 1e-6 * np.sin(x)})
+def test_bodies_of_a_free_motion_are_moved_by_measured_differences() -> None:
+    found = motion_with_differences(
+        load_case(shipped("pendulum.toml")), lambda x: {"angle": 1e-6 * np.sin(x)}
+    )
     assert found.away["mujoco"][:, 0, 2] == pytest.approx(1e-6 * np.sin(found.picture.x), abs=1e-14)
 
 
 def test_without_positions_there_is_no_reference_to_draw(fourbar: Case) -> None:
-    found = moved_by(fourbar, lambda x: {"holding_moment": np.cos(x)})
+    found = motion_with_differences(fourbar, lambda x: {"holding_moment": np.cos(x)})
     assert (found.used, found.away) == ((), {})
 
 
@@ -260,11 +264,11 @@ def test_a_wrong_length_does_not_fit_the_reference(models: Path) -> None:
     file.write_text(file.read_text().replace(*LONGER))
     case = load_case(models / "fourbar.toml")
     names = ["rocker", "coupler.angle", "pin.x", "pin.y"]
-    found = moved_by(case, lambda x: dict.fromkeys(names, 0 * x))
+    found = motion_with_differences(case, lambda x: dict.fromkeys(names, 0 * x))
     assert 1e-3 < found.unfit < 2e-2  # 0.025 m too long, over a size of 3 m
 
 
-def test_limits_that_are_met_are_told() -> None:
+def test_poses_at_a_joint_limit_are_marked() -> None:
     case = load_case(shipped("balancer_progressive_contact.toml"))
     found = find_motions(case, [])[0]["sweep"]
     (touching,) = found.at_limit.values()
@@ -276,7 +280,7 @@ def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[Plo
     found = find_motions(fourbar, runs)[0]["dynamics"]
     data = motion_data(found)
     size = np.abs(found.places).max(axis=(0, 1))
-    assert np.abs(scaled(data["places"]) - found.places).max(axis=(0, 1)) == pytest.approx(
+    assert np.abs(decode_scaled(data["places"]) - found.places).max(axis=(0, 1)) == pytest.approx(
         0.0, abs=float(size.max()) / 2**16 * 1.01
     )
     assert [body["name"] for body in data["bodies"]] == ["crank", "coupler", "rocker"]
@@ -284,7 +288,7 @@ def test_poses_on_the_page_are_those_of_the_motion(fourbar: Case, runs: list[Plo
     assert set(measured_curves(runs[1])["pymunk"][1]) >= {"pin.x", "rocker"}
 
 
-def test_links_of_a_rod_are_one_line() -> None:
+def test_links_of_a_rod_are_drawn_as_one_line() -> None:
     case = load_case(shipped("rod_snap.toml"))
     rods = {"rod": case.rod["rod"].model_copy(update={"segments": 10})}
     runs = {"sweep": case.run["sweep"].model_copy(update={"n": 22})}
@@ -293,16 +297,16 @@ def test_links_of_a_rod_are_one_line() -> None:
     assert [body["name"] for body in data["bodies"]] == ["motor"]
     (rod, pin) = data["lines"]
     assert rod["name"] == "rod"
-    points = scaled(rod["points"])
+    points = decode_scaled(rod["points"])
     steps = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
     half = 1.0 / 20  # [m] half of the first of 10 links, which have 1 m in all, is clamped
     assert steps == pytest.approx(1.0 - half, abs=1e-4)
-    assert scaled(pin["points"])[:, 0] == pytest.approx(
+    assert decode_scaled(pin["points"])[:, 0] == pytest.approx(
         np.tile([0.8, 0.0], (len(points), 1)), abs=1e-4
     )
 
 
-def test_the_first_table_shows_the_worst_and_says_where(page: str, result: Result) -> None:
+def test_the_first_table_shows_the_largest_error_and_its_place(page: str, result: Result) -> None:
     rows = [
         c
         for c in result.comparisons
@@ -319,9 +323,7 @@ def test_the_first_table_shows_the_worst_and_says_where(page: str, result: Resul
     assert axis_place(10 ** (FIRST_DECADE - 1)) == 0.0
 
 
-def test_of_channels_that_differ_the_worst_by_its_allowance_is_shown(
-    fourbar: Case, result: Result
-) -> None:
+def test_the_first_table_shows_the_channel_that_differs(fourbar: Case, result: Result) -> None:
     rows = [
         replace(c, outcome="differs", allowed=c.error_max / 50, message="x")
         if (c.run, c.solver, c.channel) == ("sweep", "mujoco", "pin.y")
@@ -376,11 +378,11 @@ def test_a_reference_that_was_compared_is_not_evaluated_again(
     }
     monkeypatch.setattr("proofmass.report.data.reference_for", fail)
     run = plotted_run(replace(result, curves=known), fourbar, "sweep")
-    for solver, truth in run.reference.items():
-        assert truth.channels is known[fourbar.name, "sweep", solver].reference
+    for solver, shown in run.reference.items():
+        assert shown.channels is known[fourbar.name, "sweep", solver].reference
 
 
-def coverage_found(case: Case) -> Coverage:
+def example_coverage(case: Case) -> Coverage:
     """A made-up coverage with numbers of every kind: noticed, refused and not noticed."""
     noticed = {"run": "sweep", "solver": "mujoco", "channel": "pin.x"}
     return Coverage(
@@ -391,21 +393,21 @@ def coverage_found(case: Case) -> Coverage:
         (
             Finding("place", "body coupler x", "m", 1.0, 0.1, True, 3e-13, **noticed),
             Finding("range", "rocker", "rad", 1.0, 0.1, True, refused="beyond it", **noticed),
-            *(Finding(kind, "crank", "1", 1.0, 0.1, False) for kind in UNSEEN),
+            *(Finding(kind, "crank", "1", 1.0, 0.1, False) for kind in UNNOTICED_KINDS),
         ),
     )
 
 
-UNSEEN = ("inertia", "damping", "friction", "armature", "site", "direction")
+UNNOTICED_KINDS = ("inertia", "damping", "friction", "armature", "site", "direction")
 
 
-def test_what_no_run_notices_is_told_in_the_words_of_explain(fourbar: Case) -> None:
-    found = coverage_found(fourbar)
+def test_unnoticed_numbers_are_described_in_the_words_of_explain(fourbar: Case) -> None:
+    found = example_coverage(fourbar)
     panel = noticed_panel(fourbar, found)
     lines = list(format_not_noticed(fourbar, found))
     assert [*panel.unnoticed, *panel.more] == lines
     assert lines[0].startswith("inertia of crank: all runs that are checked are at rest")
-    assert len(panel.more) == len(UNSEEN) - 4
+    assert len(panel.more) == len(UNNOTICED_KINDS) - 4
     (parameter,), (number,) = panel.parameters, panel.numbers
     assert (parameter.name, parameter.change, parameter.share) == ("crank", "2e-13 m", "2e-11 %")
     assert number.by == "pin.x, sweep, MuJoCo"
@@ -416,7 +418,7 @@ def test_what_no_run_notices_is_told_in_the_words_of_explain(fourbar: Case) -> N
     )
 
 
-def test_a_page_shows_coverage_that_was_found_and_seeks_none(
+def test_a_page_shows_stored_coverage_and_searches_for_none(
     fourbar: Case, result: Result, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert re.search(r"<code>proofmass explain \S*fourbar\.toml</code> finds the numbers of", page)
@@ -424,7 +426,7 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     assert "Noticed from this change on" not in page
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "found"))
     key = coverage_key(fourbar)
-    StoredFindings(coverage=replace(coverage_found(fourbar), key=key)).write(
+    StoredFindings(coverage=replace(example_coverage(fourbar), key=key)).write(
         coverage_file(fourbar, key, None)
     )
     assert load_noticed_panel(fourbar)
@@ -443,25 +445,28 @@ def test_a_page_shows_coverage_that_was_found_and_seeks_none(
     assert load_noticed_panel(fourbar) is None  # `proofmass explain` reports the damaged file
 
 
-def cause_of(words: str, explains: tuple[str, ...], left: float = 1e-15) -> Explanation:
+def make_explanation(words: str, explains: tuple[str, ...], left: float = 1e-15) -> Explanation:
     """A longer rocker as the cause of the differences of the channels `explains`."""
     changes = {"rocker": (2.5, 2.525)}
     return Explanation("parameter", words, explains, ("pin.y",), left, 3, 1, changes, ("a twin",))
 
 
-def diagnosis_of(run: str, solver: str, *found: Explanation, **more: Any) -> Diagnosis:
+def make_diagnosis(run: str, solver: str, *found: Explanation, **more: Any) -> Diagnosis:
     """A diagnosis of three channels that differ in the four-bar, with these causes."""
-    told = {"differing": ("a", "b", "c"), "tried": ("sign", "unit"), **more}
-    return Diagnosis("fourbar", run, solver, causes=found, **told)
+    fields = {"differing": ("a", "b", "c"), "tried": ("sign", "unit"), **more}
+    return Diagnosis("fourbar", run, solver, causes=found, **fields)
 
 
-def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path: Path) -> None:
-    best, other = cause_of("rocker is longer", ("a", "b")), cause_of("crank is", (), 0.5)
+def test_causes_are_first_on_the_page(fourbar: Case, result: Result, tmp_path: Path) -> None:
+    best, other = (
+        make_explanation("rocker is longer", ("a", "b")),
+        make_explanation("crank is", (), 0.5),
+    )
     found = {
-        ("fourbar", run, "mujoco"): diagnosis_of(run, "mujoco", best, other, remarks=("line 33",))
+        ("fourbar", run, "mujoco"): make_diagnosis(run, "mujoco", best, other, remarks=("line 33",))
         for run in ("sweep", "dynamics")
     }
-    found["fourbar", "sweep", "pymunk"] = diagnosis_of("sweep", "pymunk", remarks=("no less",))
+    found["fourbar", "sweep", "pymunk"] = make_diagnosis("sweep", "pymunk", remarks=("no less",))
     panel, none = cause_panels(fourbar, found)
     assert panel.title == "Cause: rocker is longer"
     assert panel.lines == (
@@ -487,26 +492,28 @@ def test_causes_stand_first_on_the_page(fourbar: Case, result: Result, tmp_path:
     assert "Tried: sign and unit." in text
 
 
-def test_a_search_for_causes_that_failed_is_told(fourbar: Case) -> None:
-    found = {("fourbar", "sweep", "mujoco"): diagnosis_of("sweep", "mujoco", fault="no answer")}
+def test_a_failed_search_for_causes_is_reported(fourbar: Case) -> None:
+    found = {("fourbar", "sweep", "mujoco"): make_diagnosis("sweep", "mujoco", fault="no answer")}
     (panel,) = cause_panels(fourbar, found)
     assert (panel.title, panel.lines) == ("Why it differs was not found out", ("no answer",))
 
 
 @pytest.mark.parametrize("alone", [False, True])
-def test_a_failed_run_is_drawn_until_its_loss(fourbar: Case, result: Result, alone: bool) -> None:
+def test_data_of_a_failed_run_end_at_its_failure(
+    fourbar: Case, result: Result, alone: bool
+) -> None:
     solvers = fourbar.run["dynamics"].solvers if alone else ["mujoco"]
-    run = plotted_run(failed_result(fourbar, result, *solvers), fourbar, "dynamics")
+    run = plotted_run(with_failed_dynamics(fourbar, result, *solvers), fourbar, "dynamics")
     assert set(run.failed) == set(solvers)
     assert (run.whole is not None) == alone  # otherwise another solver reached the end
     data = recorded_data(fourbar, [run])["runs"]["dynamics"]
     exact = result.curves[fourbar.name, "dynamics", "mujoco"]
-    assert np.array_equal(unpacked(data["x"], "<f8"), exact.x)
+    assert np.array_equal(decode_numbers(data["x"], "<f8"), exact.x)
     own = data["solvers"]["mujoco"]
-    assert len(unpacked(own["differences"]["pin.x"], "<f4")) == 100
+    assert len(decode_numbers(own["differences"]["pin.x"], "<f4")) == 100
     assert (own["early"], own["end"]) == (True, exact.x[99])
-    truth = evaluate(fourbar, "sweep", exact.x, exact.drive).channels["pin.x"]
-    assert np.array_equal(unpacked(data["channels"]["pin.x"]["curve"], "<f8"), truth)
+    expected = evaluate(fourbar, "sweep", exact.x, exact.drive).channels["pin.x"]
+    assert np.array_equal(decode_numbers(data["channels"]["pin.x"]["curve"], "<f8"), expected)
     assert set(run.without_failed.curves) == set(fourbar.run["dynamics"].solvers) - set(solvers)
 
 
@@ -516,16 +523,16 @@ def test_a_failed_run_without_a_reference_is_not_drawn(
     def fail(*_: object) -> None:
         raise InputError(fourbar.file, "", "cannot be assembled there")
 
-    failed = failed_result(fourbar, result, *fourbar.run["dynamics"].solvers)
+    failed = with_failed_dynamics(fourbar, result, *fourbar.run["dynamics"].solvers)
     monkeypatch.setattr("proofmass.report.data.reference_for", fail)
     run = plotted_run(failed, fourbar, "dynamics")
     assert (run.curves, run.reference, len(run.failed)) == ({}, {}, 4)
 
 
-def test_what_happened_is_told_once_for_all_runs(
+def test_equal_remarks_on_several_runs_are_shown_once(
     fourbar: Case, result: Result, tmp_path: Path
 ) -> None:
-    found = failed_result(fourbar, result, "mujoco", "pymunk")
+    found = with_failed_dynamics(fourbar, result, "mujoco", "pymunk")
     (panel,) = cause_panels(fourbar, found.diagnoses)
     assert (panel.title, panel.rows) == ("What happened", ())
     assert panel.where == "The same in 2 runs: MuJoCo in dynamics and pymunk in dynamics."
@@ -536,7 +543,7 @@ def test_what_happened_is_told_once_for_all_runs(
     assert re.search(r"MuJoCo is drawn until 1\.7\d* s: diverged", page)
 
 
-def test_colours_can_be_read_on_both_papers() -> None:
+def test_colours_are_legible_on_both_backgrounds() -> None:
     for look in solver_looks(
         ["mujoco", "pymunk", "mujoco:default", "pymunk:default", "x"]
     ).values():
@@ -545,19 +552,19 @@ def test_colours_can_be_read_on_both_papers() -> None:
     assert contrast("#E69F00", "#ffffff") < 3  # this is why colours are changed
 
 
-def test_scripts_and_styles_stand_beside_the_pages(result: Result, tmp_path: Path) -> None:
+def test_scripts_and_styles_are_written_with_the_pages(result: Result, tmp_path: Path) -> None:
     write_report(replace(result, cases=[], comparisons=[], curves={}), tmp_path)
     names = {file.name for file in (tmp_path / "static").iterdir()}
     assert {"uPlot.js", "uPlot.css", "case.js", "case.css", "common.js", "common.css"} <= names
     assert "uPlot" in (tmp_path / "static" / "uPlot.js").read_text(encoding="utf-8")
 
 
-def test_an_undecided_curve_is_no_agreement_in_the_first_table():
+def test_the_first_table_marks_an_undecided_curve_as_a_failure():
     """The cell shows the undecided curve, which has the larger error, and marks it as a failure."""
-    told = {"share": 1e-3, "later": None, "allowed_share": 1e-2, "ratio": 0.1, "at": 0.5}
+    fields = {"share": 1e-3, "later": None, "allowed_share": 1e-2, "ratio": 0.1, "at": 0.5}
     own = {
-        "far": {**told, "outcome": "undecided"},
-        "near": {**told, "share": 1e-4, "outcome": "agrees"},
+        "far": {**fields, "outcome": "undecided"},
+        "near": {**fields, "share": 1e-4, "outcome": "agrees"},
     }
     channels = {name: {"kind": "position"} for name in own}
     run = {"solvers": {"recorded:rig": {"comparisons": own}}, "failed": {}, "channels": channels}

@@ -23,7 +23,7 @@ from proofmass.report.figures import save
 from proofmass.report.style import FIXED_LOOKS, RC
 
 
-def drawn(*panels: Panel, **changed: object):
+def draw_panels(*panels: Panel, **changed: object):
     """The axes of a drawn chart with these panels, without the axes of colour bars."""
     chart = Chart(("x", "m"), ("y", "m"), panels, "Caption.")
     with rc_context(RC):
@@ -32,43 +32,43 @@ def drawn(*panels: Panel, **changed: object):
     return figure.axes[: len(panels)]
 
 
-def bold(ax) -> list:
+def bold_lines(ax) -> list:
     """The solid lines that are wider than 1.5 points."""
     return [line for line in ax.lines if line.get_linestyle() == "-" and line.get_linewidth() > 1.5]
 
 
-def dashed(ax) -> list:
+def dashed_lines(ax) -> list:
     """The dashed lines that are narrower than 1 point."""
     return [
         line for line in ax.lines if line.get_linestyle() == "--" and line.get_linewidth() < 1.0
     ]
 
 
-def words(ax) -> list[str]:
+def legend_texts(ax) -> list[str]:
     """The texts of the figure's legend."""
     return [text.get_text() for text in ax.figure.legends[0].get_texts()]
 
 
-def bump(x0: float = 0.0) -> ChartLine:
+def bump_line(x0: float = 0.0) -> ChartLine:
     """A parabola above x0."""
     x = np.linspace(0.0, 1.0, 11)
     return ChartLine(x, x0 + x * (1 - x), "a bump")
 
 
-def test_stable_is_bold_and_unstable_thin_and_dashed() -> None:
-    (ax,) = drawn(Panel((bump(), bump(1.0), replace(bump(2.0), stable=False))))
-    assert (len(bold(ax)), len(dashed(ax))) == (2, 1)
-    assert dashed(ax)[0].get_ydata().min() == 2.0
-    assert dashed(ax)[0].get_zorder() < bold(ax)[0].get_zorder()
+def test_stable_lines_are_bold_and_unstable_lines_are_thin_and_dashed() -> None:
+    (ax,) = draw_panels(Panel((bump_line(), bump_line(1.0), replace(bump_line(2.0), stable=False))))
+    assert (len(bold_lines(ax)), len(dashed_lines(ax))) == (2, 1)
+    assert dashed_lines(ax)[0].get_ydata().min() == 2.0
+    assert dashed_lines(ax)[0].get_zorder() < bold_lines(ax)[0].get_zorder()
     # the lines share one label, so the legend explains the styles
-    assert words(ax) == ["a bump", "stable", "unstable"]
-    (ax,) = drawn(Panel((bump(), replace(bump(2.0), stable=False, label="else"))))
-    assert words(ax) == ["a bump", "else"]  # the labels distinguish stable from unstable
+    assert legend_texts(ax) == ["a bump", "stable", "unstable"]
+    (ax,) = draw_panels(Panel((bump_line(), replace(bump_line(2.0), stable=False, label="else"))))
+    assert legend_texts(ax) == ["a bump", "else"]  # the labels distinguish stable from unstable
 
 
-def test_nan_breaks_a_line() -> None:
+def test_nan_interrupts_a_line() -> None:
     x = np.array([0.0, 1.0, np.nan, 2.0, np.inf, 3.0])
-    (ax,) = drawn(Panel((ChartLine(x, np.ones(6)),)))
+    (ax,) = draw_panels(Panel((ChartLine(x, np.ones(6)),)))
     path = ax.lines[0].get_path()
     assert np.isnan(path.vertices[[2, 4]]).all()
     strokes = [len(p) for p in path.cleaned(remove_nans=True).to_polygons(closed_only=False)]
@@ -79,21 +79,26 @@ def test_nan_breaks_a_line() -> None:
 def test_long_lines_are_thinned_and_keep_the_ends_of_their_pieces() -> None:
     t = np.linspace(0.0, 1.0, 20_000)
     y = np.where((t > 0.3) & (t < 0.31), np.nan, np.sin(9 * t))
-    few = thin_line(ChartLine(t, y))
+    thinned = thin_line(ChartLine(t, y))
     # the number of points is rounded up for each piece
-    assert MAX_LINE_POINTS <= len(few) <= MAX_LINE_POINTS + 6
-    there, before = np.isfinite(y), np.isfinite(few[:, 1])
-    ends = t[np.flatnonzero(np.diff(there))], few[np.flatnonzero(np.diff(before)), 0]
+    assert MAX_LINE_POINTS <= len(thinned) <= MAX_LINE_POINTS + 6
+    finite, finite_thinned = np.isfinite(y), np.isfinite(thinned[:, 1])
+    ends = t[np.flatnonzero(np.diff(finite))], thinned[np.flatnonzero(np.diff(finite_thinned)), 0]
     assert ends[0][0] == ends[1][0]  # the last point before the gap
-    assert few[-1, 0] == 1.0
+    assert thinned[-1, 0] == 1.0
     # the error of chords of length 1/500, y'' h^2 / 8 = 81 / (8 * 500^2), is 4.1e-5
-    assert np.abs(np.interp(t[there], few[before, 0], few[before, 1]) - y[there]).max() < 5e-5
+    assert (
+        np.abs(
+            np.interp(t[finite], thinned[finite_thinned, 0], thinned[finite_thinned, 1]) - y[finite]
+        ).max()
+        < 5e-5
+    )
     assert len(thin_line(ChartLine(t, y, points=True))) == t.size
 
 
 def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
     at = np.zeros(1)
-    (ax,) = drawn(
+    (ax,) = draw_panels(
         Panel(
             (
                 ChartLine(at, at, "fold", points=True),
@@ -110,14 +115,14 @@ def test_points_are_filled_if_stable_and_hollow_if_not() -> None:
     assert fold.get_marker() != saddle.get_marker()
 
 
-def test_labels_differ_in_colour_and_without_it_and_are_no_solvers() -> None:
-    lines = [replace(bump(), label=f"{k}", stable=k % 2 > 0) for k in range(12)]
+def test_labels_differ_with_and_without_colour_and_from_solvers() -> None:
+    lines = [replace(bump_line(), label=f"{k}", stable=k % 2 > 0) for k in range(12)]
     looks = label_looks(Chart(("x", "m"), ("y", "m"), (Panel(tuple(lines)),), ""))
     assert len({(look.colour, look.dash) for look in looks.values()}) == 12
     # without colour unstable lines differ by five dash patterns, stable ones by six markers
     assert len({looks[f"{k}"].dash for k in range(0, 10, 2)}) == 5
     assert len({line_style(lines[k], looks[f"{k}"])["marker"] for k in range(1, 12, 2)}) == 6
-    (ax,) = drawn(Panel(tuple(lines)))
+    (ax,) = draw_panels(Panel(tuple(lines)))
     marked = [line.get_markevery()[0] for line in ax.lines if line.get_marker() != "None"]
     # lines that follow each other have their markers at different ones of the 11 points
     assert marked == [1, 0, 1, 0, 1, 0]
@@ -127,7 +132,7 @@ def test_labels_differ_in_colour_and_without_it_and_are_no_solvers() -> None:
 
 
 def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
-    (ax,) = drawn(
+    (ax,) = draw_panels(
         Panel((ChartLine(np.array([0.0, np.pi]), np.array([0.0, 2.0])),)),
         x=("turn", "rad"),
         y=("R / R_cr", ""),
@@ -141,9 +146,13 @@ def test_angles_are_in_degrees_and_pure_numbers_without_unit() -> None:
 @pytest.mark.parametrize(
     ("high", "tall"), [(0.7, 0.7), (0.0, MIN_PANEL_RATIO), (50.0, MAX_PANEL_RATIO)]
 )
-def test_alike_has_one_scale_and_no_slivers(high: float, tall: float) -> None:
+def test_panels_with_equal_scales_are_neither_too_flat_nor_too_tall(
+    high: float, tall: float
+) -> None:
     line = ChartLine(np.array([0.0, 1.0]), np.array([0.0, high]))
-    first, second = drawn(Panel((line,)), Panel((bump(),)) if high else Panel(), equal_scales=True)
+    first, second = draw_panels(
+        Panel((line,)), Panel((bump_line(),)) if high else Panel(), equal_scales=True
+    )
     assert first.get_xlim() == second.get_xlim()
     assert first.get_ylim() == second.get_ylim()
     inches = first.get_position().size * first.figure.get_size_inches()
@@ -157,15 +166,17 @@ def test_alike_has_one_scale_and_no_slivers(high: float, tall: float) -> None:
     ("count", "grid"),
     [(1, (1, 1)), (2, (1, 2)), (3, (1, 3)), (4, (2, 2)), (5, (2, 3)), (9, (3, 3)), (12, (3, 4))],
 )
-def test_panels_are_a_grid_named_at_its_edges(count: int, grid: tuple[int, int]) -> None:
-    axes = drawn(*[Panel((bump(),), title=f"{k}") for k in range(count)])
+def test_panels_form_a_grid_with_axis_labels_at_its_edges(
+    count: int, grid: tuple[int, int]
+) -> None:
+    axes = draw_panels(*[Panel((bump_line(),), title=f"{k}") for k in range(count)])
     assert axes[0].get_gridspec().get_geometry() == grid
     assert [ax.get_title(loc="left") for ax in axes] == [f"{k}" for k in range(count)]
     assert sum(bool(ax.get_ylabel()) for ax in axes) == grid[0]
     assert sum(bool(ax.get_xlabel()) for ax in axes) == grid[1]
 
 
-def saddle(unit: str = "1", *, signed: bool = True, times: float = 1.0) -> Field:
+def saddle_field(unit: str = "1", *, signed: bool = True, times: float = 1.0) -> Field:
     """The field x - 2 y, whose zero line is along no grid line; it is NaN where x > 0.8."""
     x, y = np.linspace(-1.0, 1.0, 41), np.linspace(-0.4, 0.4, 31)
     values = times * (x[:, None] - 2 * y)
@@ -173,7 +184,7 @@ def saddle(unit: str = "1", *, signed: bool = True, times: float = 1.0) -> Field
     return Field(x, y, values, "slope", unit, signed)
 
 
-def zero(ax) -> list[np.ndarray]:
+def zero_contours(ax) -> list[np.ndarray]:
     """The points of the bold contours, which are those at zero."""
     return [
         path.vertices
@@ -184,13 +195,13 @@ def zero(ax) -> list[np.ndarray]:
 
 
 def test_a_signed_field_has_a_line_where_it_is_zero() -> None:
-    (ax,) = drawn(Panel(field=saddle()))
-    points = np.concatenate(zero(ax))
+    (ax,) = draw_panels(Panel(field=saddle_field()))
+    points = np.concatenate(zero_contours(ax))
     assert len(points) > 20
     assert np.abs(points[:, 0] - 2 * points[:, 1]).max() < 1e-12  # exact, since the field is linear
     assert np.ptp(points[:, 1]) == pytest.approx(0.8)
     assert points[:, 0].max() < 0.8 + 1e-9
-    assert words(ax) == ["zero of slope"]
+    assert legend_texts(ax) == ["zero of slope"]
     filled = ax.collections[0]
     assert filled.levels[0] == -filled.levels[-1]
     assert filled.cmap.name == "PuOr"
@@ -198,9 +209,9 @@ def test_a_signed_field_has_a_line_where_it_is_zero() -> None:
     assert np.abs(below - above).max() > 0.02  # the colours change at zero
 
 
-def test_colours_are_where_their_values_are_and_part_at_zero() -> None:
-    field = saddle()
-    (ax,) = drawn(Panel(field=replace(field, values=field.values + 0.5)))
+def test_colours_match_the_values_and_change_at_zero() -> None:
+    field = saddle_field()
+    (ax,) = draw_panels(Panel(field=replace(field, values=field.values + 0.5)))
     filled = ax.collections[0]
     assert filled.levels[0] == -filled.levels[-1]  # though the values are not symmetric
     paths = filled.get_paths()
@@ -210,33 +221,37 @@ def test_colours_are_where_their_values_are_and_part_at_zero() -> None:
         assert np.all((low - 1e-9 <= values) & (values <= high + 1e-9))
 
 
-def test_a_field_without_sign_or_without_zero_has_none() -> None:
-    assert not zero(drawn(Panel(field=saddle(signed=False)))[0])
-    above = saddle()
-    assert not zero(drawn(Panel(field=replace(above, values=above.values + 5.0)))[0])
+def test_a_field_without_sign_or_without_zero_has_no_zero_line() -> None:
+    assert not zero_contours(draw_panels(Panel(field=saddle_field(signed=False)))[0])
+    above = saddle_field()
+    assert not zero_contours(draw_panels(Panel(field=replace(above, values=above.values + 5.0)))[0])
 
 
-def test_what_is_nan_stays_white() -> None:
-    (ax,) = drawn(Panel(field=saddle()))
+def test_nan_values_of_a_field_stay_white() -> None:
+    (ax,) = draw_panels(Panel(field=saddle_field()))
     right = max(
         path.vertices[:, 0].max() for path in ax.collections[0].get_paths() if len(path.vertices)
     )
     assert right == pytest.approx(0.8)
     assert ax.get_xlim()[1] == pytest.approx(0.8 + 0.03 * 1.8)  # NaN does not extend the axis
-    hollow = replace(saddle(), values=np.full((41, 31), np.nan))
-    assert not drawn(Panel(field=hollow))[0].collections
+    hollow = replace(saddle_field(), values=np.full((41, 31), np.nan))
+    assert not draw_panels(Panel(field=hollow))[0].collections
 
 
-def test_panels_of_one_label_share_their_colours_and_others_do_not() -> None:
-    other = replace(saddle(times=100.0), label="other")
-    one, two, three = drawn(*[Panel(field=f) for f in (saddle(), saddle(times=3.0), other)])
+def test_fields_of_one_label_share_their_levels_and_others_do_not() -> None:
+    other = replace(saddle_field(times=100.0), label="other")
+    one, two, three = draw_panels(
+        *[Panel(field=f) for f in (saddle_field(), saddle_field(times=3.0), other)]
+    )
     levels = [ax.collections[0].levels for ax in (one, two, three)]
     assert np.array_equal(levels[0], levels[1])
     assert levels[2][-1] > 20 * levels[0][-1]
 
 
-def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -> None:
-    (ax,) = drawn(Panel((ChartLine(np.full(3, np.nan), np.ones(3)), bump()), saddle()))
+def test_an_svg_with_an_empty_line_has_no_empty_groups(tmp_path: Path) -> None:
+    (ax,) = draw_panels(
+        Panel((ChartLine(np.full(3, np.nan), np.ones(3)), bump_line()), saddle_field())
+    )
     ax.scatter([], [])  # empty, as contours between grid points may be
     svg = save(ax.figure, tmp_path / "figure", png=False)
     groups = [e for e in ElementTree.fromstring(svg).iter() if e.tag.endswith("}g")]
@@ -244,73 +259,78 @@ def test_files_are_well_formed_where_nothing_is_left_of_a_line(tmp_path: Path) -
     assert all(len(group) for group in groups)
 
 
-def over_triangles() -> Field:
+def triangle_field() -> Field:
     """The field x - 2 y over four triangles, which form a square that stands on a corner."""
     x, y = np.array([0.0, 1.0, 0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0, 0.0, -1.0])
     fans = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]])
     return Field(x, y, x - 2 * y, "slope", "1", signed=True, triangles=fans)
 
 
-def test_a_field_over_triangles_ends_at_their_outline_and_has_its_zero() -> None:
-    (ax,) = drawn(Panel(field=over_triangles()))
+def test_a_field_over_triangles_ends_at_their_outline_and_has_a_zero_line() -> None:
+    (ax,) = draw_panels(Panel(field=triangle_field()))
     points = np.concatenate([p.vertices for p in ax.collections[0].get_paths() if len(p.vertices)])
     assert np.abs(points).sum(axis=1).max() == pytest.approx(1.0)
-    line = np.concatenate(zero(ax))
+    line = np.concatenate(zero_contours(ax))
     assert np.abs(line[:, 0] - 2 * line[:, 1]).max() < 1e-12
-    assert words(ax) == ["zero of slope"]
-    hollow = replace(over_triangles(), triangles=np.empty((0, 3), int))
-    assert not drawn(Panel(field=hollow))[0].collections
+    assert legend_texts(ax) == ["zero of slope"]
+    hollow = replace(triangle_field(), triangles=np.empty((0, 3), int))
+    assert not draw_panels(Panel(field=hollow))[0].collections
 
 
-def test_places_outside_all_triangles_take_no_room() -> None:
-    field = over_triangles()
+def test_points_outside_all_triangles_do_not_extend_the_axes() -> None:
+    field = triangle_field()
     more = replace(
         field,
         x=np.append(field.x, 9.0),
         y=np.append(field.y, 0.0),
         values=np.append(field.values, np.nan),
     )
-    assert drawn(Panel(field=more))[0].get_xlim()[1] < 1.2
+    assert draw_panels(Panel(field=more))[0].get_xlim()[1] < 1.2
 
 
-def test_a_pole_does_not_bleach_the_rest() -> None:
-    field = saddle()
+def test_a_pole_does_not_stretch_the_colour_scale() -> None:
+    field = saddle_field()
     field.values[20, 15] = 1e9
-    (ax,) = drawn(Panel(field=field))
+    (ax,) = draw_panels(Panel(field=field))
     assert ax.collections[0].levels[-1] < 4.0
     assert ax.collections[0].extend in ("max", "both")
 
 
-def test_a_bar_has_name_and_unit_and_angles_are_in_degrees() -> None:
-    (ax,) = drawn(Panel(field=saddle("rad/m")))
+def test_a_colour_bar_has_name_and_unit_with_angles_in_degrees() -> None:
+    (ax,) = draw_panels(Panel(field=saddle_field("rad/m")))
     bar = ax.child_axes[0]
     assert bar.get_ylabel() == "slope [deg/m]"
     assert bar.get_ylim()[1] > 50.0  # the largest value is 1.6 rad/m, 92 deg/m
 
 
-def square(label: str, x0: float, half: float = 1.0, area: float = 4.0) -> ChartRegion:
+def square_region(label: str, x0: float, half: float = 1.0, area: float = 4.0) -> ChartRegion:
     """A square region with its centre at (x0, 0) and sides of `2 half`."""
     corners = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return ChartRegion((corners + np.array([x0, 0.0]),), label, area)
 
 
 def test_regions_of_one_label_are_alike_and_others_differ_in_colour_and_hatch() -> None:
-    one, other = drawn(
-        Panel(regions=(square("a", 0.0), square("b", 2.0))), Panel(regions=(square("a", 0.0),))
+    one, other = draw_panels(
+        Panel(regions=(square_region("a", 0.0), square_region("b", 2.0))),
+        Panel(regions=(square_region("a", 0.0),)),
     )
     first, second = one.patches
     assert first.get_facecolor() == other.patches[0].get_facecolor()
     assert first.get_facecolor() != second.get_facecolor()
     assert first.get_hatch() != second.get_hatch()
-    assert words(one) == ["a", "b"]
+    assert legend_texts(one) == ["a", "b"]
     low, high = one.get_xlim()
     assert low < -1.0
     assert high > 3.0  # regions extend the axes
 
 
 def test_the_area_is_written_into_a_region_that_has_room() -> None:
-    large, small, hollow = square("a", 0.0), square("a", 1.1, 0.05, 0.01), square("a", 3.0)
-    (ax,) = drawn(
+    large, small, hollow = (
+        square_region("a", 0.0),
+        square_region("a", 1.1, 0.05, 0.01),
+        square_region("a", 3.0),
+    )
+    (ax,) = draw_panels(
         Panel(regions=(large, small, replace(hollow, area=float("nan")))), equal_scales=True
     )
     (text,) = ax.texts
@@ -319,20 +339,20 @@ def test_the_area_is_written_into_a_region_that_has_room() -> None:
 
 
 def test_the_area_of_a_ring_is_not_written_into_its_hole() -> None:
-    ring = square("a", 0.0)
+    ring = square_region("a", 0.0)
     inner = ring.outlines[0][::-1] * 0.5
-    (ax,) = drawn(
+    (ax,) = draw_panels(
         Panel(regions=(replace(ring, outlines=(*ring.outlines, inner)),)), equal_scales=True
     )
     (text,) = ax.texts
     assert np.abs(np.array(text.get_position())).max() > 0.5
 
 
-def test_bars_have_a_pin_at_each_point_and_overlapping_ones_both_show() -> None:
+def test_bars_have_a_pin_at_each_point_and_overlapping_bars_are_visible() -> None:
     x = np.array([0.0, 1.0, np.nan, 2.0, 3.0])
     cranks, couplers = (ChartLine(x, x, label, bars=True) for label in ("cranks", "couplers"))
     ghost = ChartLine(x, x, "other", stable=False, bars=True)
-    (ax,) = drawn(Panel((cranks, couplers, ghost)))
+    (ax,) = draw_panels(Panel((cranks, couplers, ghost)))
     thick, thin, pale = ax.lines
     assert thick.get_linewidth() > thin.get_linewidth() > 1.5 > pale.get_linewidth()
     assert thick.get_zorder() == thin.get_zorder() > pale.get_zorder()
@@ -340,13 +360,13 @@ def test_bars_have_a_pin_at_each_point_and_overlapping_ones_both_show() -> None:
     assert {line.get_marker() for line in ax.lines} == {"o"}
     assert {line.get_markevery() for line in ax.lines} == {None}
     assert len(thick.get_xdata()) == 5
-    assert words(ax) == ["cranks", "couplers", "other"]
+    assert legend_texts(ax) == ["cranks", "couplers", "other"]
 
 
 def test_lines_stand_out_from_a_field() -> None:
-    (ax,) = drawn(Panel((bump(),), saddle()))
+    (ax,) = draw_panels(Panel((bump_line(),), saddle_field()))
     assert ax.lines[0].get_path_effects()
-    assert not drawn(Panel((bump(),)))[0].lines[0].get_path_effects()
+    assert not draw_panels(Panel((bump_line(),)))[0].lines[0].get_path_effects()
 
 
 @pytest.mark.parametrize(
@@ -367,7 +387,7 @@ def test_lines_stand_out_from_a_field() -> None:
         (lambda: Chart(("x", "m"), ("y", "m"), (Panel(),) * 13, ""), "got 13"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused_where_it_is_made(make, words: str) -> None:
+def test_invalid_parts_of_a_chart_are_refused_when_created(make, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         make()
 
@@ -375,11 +395,13 @@ def test_what_cannot_be_drawn_is_refused_where_it_is_made(make, words: str) -> N
 def test_a_logarithmic_axis_spans_decades_and_leaves_zeros_out() -> None:
     count = np.arange(1.0, 6.0)
     sizes = np.array([1.0, 1e-2, 1e-4, 1e-8, 0.0])
-    (ax,) = drawn(Panel((ChartLine(count, sizes, "error"),)), x=("iteration", ""), logarithmic=True)
+    (ax,) = draw_panels(
+        Panel((ChartLine(count, sizes, "error"),)), x=("iteration", ""), logarithmic=True
+    )
     assert ax.get_yscale() == "log"
     low, top = np.log10(ax.get_ylim())
     # eight decades, and 3 % of them at both ends
     assert (low, top) == pytest.approx((-8.24, 0.24), abs=1e-9)
     assert all(tick == round(tick) for tick in ax.get_xticks())  # iterations are whole numbers
-    (ax,) = drawn(Panel((ChartLine(count, sizes, "error"),)))
+    (ax,) = draw_panels(Panel((ChartLine(count, sizes, "error"),)))
     assert ax.get_yscale() == "linear"

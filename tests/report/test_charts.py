@@ -12,10 +12,10 @@ from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
-from tests.report.test_report import case_of, curves_of, result_of
+from tests.report.test_report import case_with_samples, curves_with_error, result_with_errors
 from tests.shipped import shipped
 
-STUB = '''"""A crank that knows two charts."""
+STUB_REFERENCE = '''"""A crank that knows two charts."""
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def broken(*, stiffness: float, weight: float = 1.0) -> Chart:
 '''
 
 
-MORE = """
+CHART_TABLES = """
 [[chart]]
 title = "Energy"
 draw = "energies"
@@ -52,12 +52,12 @@ draw = "broken"
 
 
 @pytest.fixture
-def stub(stubbed) -> Path:
+def stub(write_stub_sidecar) -> Path:
     """A sidecar with two charts, the second of a function that fails."""
-    return stubbed("charted_crank", STUB, "stiffness = 2.0", MORE)
+    return write_stub_sidecar("charted_crank", STUB_REFERENCE, "stiffness = 2.0", CHART_TABLES)
 
 
-def test_a_function_gets_the_parameters_that_it_takes(stub: Path) -> None:
+def test_a_chart_function_gets_the_parameters_that_it_takes(stub: Path) -> None:
     case = load_case(stub)
     (line,) = compute_chart(case, case.chart[0]).lines
     assert line.y[-1] == 2.0 * 12.0**2 / 2  # stiffness of the case, turns of the chart
@@ -67,7 +67,7 @@ def test_a_function_gets_the_parameters_that_it_takes(stub: Path) -> None:
     assert line.y[-1] == 3.0 * 6.0**2 / 2  # stiffness of the chart instead of the case
 
 
-def test_counts_stay_whole_numbers() -> None:
+def test_chart_parameters_keep_their_types() -> None:
     table = ChartTable(title="t", draw="d", parameters={"n": 3, "x": 3.0, "s": "a", "ends": [0, 1]})
     assert [type(value) for value in table.parameters.values()] == [int, float, str, tuple]
 
@@ -89,7 +89,7 @@ def test_counts_stay_whole_numbers() -> None:
         ('title = "Failed"', 'title = ""', ["chart.1.title", "at least 1"]),
     ],
 )
-def test_errors_name_the_key_and_what_there_is(
+def test_errors_of_a_chart_name_the_key_and_the_known_values(
     stub: Path, old: str, new: str, words: list[str]
 ) -> None:
     text = stub.read_text()
@@ -100,16 +100,16 @@ def test_errors_name_the_key_and_what_there_is(
     assert all(word in str(caught.value) for word in ["fourbar.toml", *words]), str(caught.value)
 
 
-def test_check_looks_but_does_not_call(stub: Path) -> None:
+def test_a_check_looks_for_chart_functions_but_does_not_call_them(stub: Path) -> None:
     case = load_case(stub)  # the function of its second chart fails when it is called
-    assert compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+    assert compare(case, "sweep", "mujoco", curves_with_error(case, "sweep", 0.0))
     stub.write_text(stub.read_text().replace('"broken"', '"burst"'))
     case = load_case(stub)
     with pytest.raises(InputError, match=r"chart\.1\.draw"):
-        compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+        compare(case, "sweep", "mujoco", curves_with_error(case, "sweep", 0.0))
 
 
-def test_complaints_of_the_function_are_those_of_the_sidecar(stub: Path) -> None:
+def test_an_error_of_a_chart_function_names_the_key_of_the_sidecar(stub: Path) -> None:
     stub.write_text(stub.read_text().replace("turns = 2", "turns = 10"))
     case = load_case(stub)
     with pytest.raises(InputError, match=r"chart\.0\.parameters: turns must be 9 at most, got 10"):
@@ -125,7 +125,9 @@ def test_a_recorded_curve_has_no_charts() -> None:
 
 def test_a_page_has_the_chart_and_names_the_one_that_failed(stub: Path, tmp_path: Path) -> None:
     case = load_case(stub)
-    page = write_report(result_of(case, sweep=0.0), tmp_path / "r").with_name("fourbar.html")
+    page = write_report(result_with_errors(case, sweep=0.0), tmp_path / "r").with_name(
+        "fourbar.html"
+    )
     text = page.read_text("utf-8")
     assert 'aria-label="fourbar, Energy, energy over angle: Up to 2 &amp; more."' in text
     plain = re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
@@ -140,7 +142,7 @@ def test_a_page_has_the_chart_and_names_the_one_that_failed(stub: Path, tmp_path
     assert not (figures / "fourbar-chart-2.svg").exists()
 
 
-def test_a_wrong_parameter_is_told_on_the_page_without_folders(stub: Path, tmp_path: Path) -> None:
+def test_a_page_reports_a_wrong_chart_parameter_without_folders(stub: Path, tmp_path: Path) -> None:
     stub.write_text(stub.read_text().replace("turns = 2", "turns = 10"))
     case = load_case(stub)
     page = write_report(Result(cases=[case]), tmp_path / "r").with_name("fourbar.html")
@@ -149,12 +151,14 @@ def test_a_wrong_parameter_is_told_on_the_page_without_folders(stub: Path, tmp_p
     )
 
 
-def test_a_case_without_charts_has_no_section(tmp_path: Path) -> None:
-    page = write_report(Result(cases=[case_of("pendulum")]), tmp_path).with_name("pendulum.html")
+def test_a_case_without_charts_has_no_section_for_them(tmp_path: Path) -> None:
+    page = write_report(Result(cases=[case_with_samples("pendulum")]), tmp_path).with_name(
+        "pendulum.html"
+    )
     assert "Charts: " not in page.read_text("utf-8")
 
 
-def test_a_chart_that_a_reference_only_imports_is_none_of_its_own() -> None:
+def test_a_chart_function_that_a_reference_imports_is_not_its_own() -> None:
     table = ChartTable(title="t", draw="course")
     case = load_case(shipped("hacksaw.toml"))
     with pytest.raises(InputError, match="has no chart 'course'; there are: newton_convergence, "):

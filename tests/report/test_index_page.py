@@ -32,21 +32,21 @@ from proofmass.report.thumbnail import (
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from tests.report.index_rows import (
+    CASE_NAMES,
     MADE,
-    NAMES,
+    comparison_of,
     index_text,
     last_record,
     make_record,
-    of,
-    small,
-    whole_result,
+    result_for_index,
+    small_thumbnail,
 )
 from tests.shipped import shipped
 
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    result = whole_result()
+    result = result_for_index()
     return index_text(result, last_record(result))
 
 
@@ -57,21 +57,21 @@ def rows_of(page: str) -> dict[str, str]:
     return dict(zip(found, parts, strict=True))
 
 
-def attribute(row: str, name: str) -> str:
+def data_attribute(row: str, name: str) -> str:
     """The value of an attribute ``data-…`` of a row."""
     return unescape(re.search(rf'data-{name}="([^"]*)"', row)[1])
 
 
-def test_failures_come_first_then_what_is_worse_then_the_smallest_margin(page):
+def test_rows_are_ordered_by_failure_then_change_then_margin(page):
     # slider_crank fails, fourbar differs by 30 times its tolerance, pendulum is worse than before,
     # and the others use 0.5 and 1e-6 of a tolerance
     order = ["slider_crank", "fourbar", "pendulum", "rod_cantilever", "hacksaw_recorded"]
     assert list(rows_of(page)) == order
-    states = [attribute(row, "state") for row in rows_of(page).values()]
+    states = [data_attribute(row, "state") for row in rows_of(page).values()]
     assert states == ["bad", "bad", "good", "good", "good"]
 
 
-def test_the_numbers_above_are_those_of_the_rows(page):
+def test_the_counts_above_the_table_match_its_rows(page):
     numbers = dict(
         re.findall(r'data-outcome="(\w+)" disabled>(.*?)</button>', page.replace("\n", " "))
     )
@@ -87,13 +87,13 @@ def test_the_numbers_above_are_those_of_the_rows(page):
 
 
 def test_without_a_last_report_there_are_no_changes():
-    page = index_text(whole_result())
+    page = index_text(result_for_index())
     assert "no last report to compare with" in page
     assert 'data-sort="change"' not in page
 
 
-def test_a_cell_has_the_worst_error_its_allowance_and_other_settings_hollow():
-    result = whole_result()
+def test_a_cell_shows_worst_error_and_tolerance_and_hollow_other_settings():
+    result = result_for_index()
     cell = index_cell([c for c in result.comparisons if c.case == "pendulum" and "muj" in c.solver])
     assert (cell.error, cell.kind, cell.bad, cell.sort) == ("9e-7", "position", False, 9e-7)
     first, other = cell.lanes
@@ -107,17 +107,17 @@ def test_a_cell_has_the_worst_error_its_allowance_and_other_settings_hollow():
     )
 
 
-def test_a_failure_speaks_for_a_cell_though_another_error_is_larger():
+def test_a_cell_shows_a_channel_that_differs_before_a_larger_error():
     cell = index_cell(
-        [c for c in whole_result().comparisons if (c.case, c.run) == ("fourbar", "sweep")]
+        [c for c in result_for_index().comparisons if (c.case, c.run) == ("fourbar", "sweep")]
     )
     assert (cell.error, cell.bad) == ("0.03", True)
     assert cell.lanes[0].words.startswith("MuJoCo: pin.y 0.03 of the range, 1e-3 allowed")
     assert cell.lanes[0].over
 
 
-def test_a_failed_run_has_a_word_and_no_dot(page):
-    cell = index_cell([c for c in whole_result().comparisons if c.outcome == Outcome.DIVERGED])
+def test_a_cell_of_a_failed_run_has_a_word_and_no_dot(page):
+    cell = index_cell([c for c in result_for_index().comparisons if c.outcome == Outcome.DIVERGED])
     assert (cell.error, cell.bad, cell.sort) == ("diverged", True, math.inf)
     assert (cell.lanes[0].at, cell.lanes[0].words) == (None, "pymunk: diverged")
     row = rows_of(page)["slider_crank"]
@@ -126,15 +126,15 @@ def test_a_failed_run_has_a_word_and_no_dot(page):
     assert '<span class="unseen">diverged</span>' in row
 
 
-def test_the_axis_is_the_same_for_all_cells():
+def test_the_axis_of_cells_is_logarithmic_and_limited():
     assert axis_place(1.0) - axis_place(1e-3) == pytest.approx(
         axis_place(1e-12) - axis_place(1e-15), abs=0.02
     )
     assert [axis_place(v) for v in (0.0, 1e-99, 1e99)] == [0.0, 0.0, 100.0]
 
 
-def test_an_engine_that_is_not_known_in_advance_has_its_column(page):
-    columns = columns_of(whole_result())
+def test_an_unknown_engine_has_its_own_column_and_marker(page):
+    columns = columns_of(result_for_index())
     assert [(c.run, c.engine) for c in columns] == [
         ("quasi-static", "mujoco"),
         ("dynamics", "mujoco"),
@@ -147,49 +147,49 @@ def test_an_engine_that_is_not_known_in_advance_has_its_column(page):
     assert len(set(shapes)) == 3  # so that engines can be distinguished without colour
 
 
-def test_a_curve_counts_as_checked_only_if_there_is_one(page):
-    checked = {name: attribute(row, "gaps") for name, row in rows_of(page).items()}
+def test_only_curves_of_runs_are_counted_as_checked(page):
+    checked = {name: data_attribute(row, "gaps") for name, row in rows_of(page).items()}
     assert checked["pendulum"] == "1"
     assert checked["slider_crank"] == "1"
     assert checked["rod_cantilever"] == "0"  # errors of a refinement are not curves
     assert "3 of 4" in rows_of(page)["pendulum"]
 
 
-def test_settings_that_a_tolerance_judges_count():
-    result = whole_result()
+def test_channels_of_other_settings_with_a_tolerance_are_counted():
+    result = result_for_index()
     case = next(c for c in result.cases if c.name == "pendulum")
     rows = [
-        of("pendulum", "dynamics", "mujoco:fine", "angle", 1e-9),
-        of("pendulum", "dynamics", "mujoco:fine", "rate", 1e-9, None, Outcome.UNCHECKED),
+        comparison_of("pendulum", "dynamics", "mujoco:fine", "angle", 1e-9),
+        comparison_of("pendulum", "dynamics", "mujoco:fine", "rate", 1e-9, None, Outcome.UNCHECKED),
     ]
     whole = Result([case], rows, paths=result.paths)
     row = case_row(case, whole, columns_of(whole), [], None, History(), {})
     assert (row.checked, row.channels) == (1, 2)
 
 
-def test_a_row_names_family_reference_and_what_changed(page):
+def test_a_row_names_its_family_and_its_changes(page):
     rows = rows_of(page)
-    assert attribute(rows["pendulum"], "family") == "linkages/pendulum"
-    assert attribute(rows["hacksaw_recorded"], "family") == "linkages/recorded curves"
+    assert data_attribute(rows["pendulum"], "family") == "linkages/pendulum"
+    assert data_attribute(rows["hacksaw_recorded"], "family") == "linkages/recorded curves"
     assert "1 worse" in rows["pendulum"]
     assert "1 better" in rows["hacksaw_recorded"]
     assert "angle: error 1e-9 of the range before, error 9e-7 of the range now" in rows["pendulum"]
 
 
-def test_families_with_their_lines_are_a_filter(page):
+def test_families_can_be_selected_and_are_described(page):
     (what,) = re.findall(r'value="linkages/pendulum" title="([^"]+)">pendulum \(1\)<', page)
     assert what.startswith("Simple pendulum")
     assert f"<dd>{what}</dd>" in page
     assert '<option value="linkages/">All linkages (4)</option>' in page
 
 
-def test_errors_loose_models_and_studies_have_their_sections(page):
+def test_errors_models_without_sidecar_and_studies_have_sections(page):
     assert "bad.toml: drive.joint: no joint &lt;q&gt;" in page
     assert "/home/me" not in page
     assert "1 input at fault" in page
     assert "no sidecar; it loads and steps" in page
     study = ShownStudy("Cost", "what accuracy costs", "trade/index.html", {})
-    other = index_text(whole_result(), studies=[study])
+    other = index_text(result_for_index(), studies=[study])
     assert '<a href="trade/index.html">Cost</a>: what accuracy costs. 0 parts.' in other
     assert "<h2>Studies</h2>" not in page
 
@@ -200,22 +200,22 @@ def test_an_empty_report_says_so():
     assert "<table" not in page
 
 
-def test_a_bad_row_says_no_more_than_it_has_room_for():
+def test_sentences_of_a_row_that_differs_are_limited():
     assert index_page.shorten_sentences("abc") == list("abc")
     assert index_page.shorten_sentences("abcd") == [*"ab", "And 2 more runs."]
 
 
-def test_a_bad_row_says_what_differs(page):
+def test_a_row_that_differs_names_the_channel_that_differs(page):
     row = rows_of(page)["fourbar"]
     assert "MuJoCo, sweep: 1 of 3 differ, pin.y by 30 x." in row
     assert "remark" not in rows_of(page)["pendulum"]
 
 
 def test_a_trend_is_drawn_of_errors_that_change():
-    result = whole_result()
+    result = result_for_index()
     history = History()
     for share in (1e-9, 1e-8):
-        rows = [of("pendulum", "dynamics", "mujoco", "angle", share, unit="rad")]
+        rows = [comparison_of("pendulum", "dynamics", "mujoco", "angle", share, unit="rad")]
         history = extend_history(history, make_record(Result(comparisons=rows), MADE))
     before = last_record(result)
     rows = rows_of(index_text(result, before, history))
@@ -251,12 +251,12 @@ def test_a_drawing_with_many_points_has_fewer_poses(name):
     case = load_case(shipped(f"{name}.toml"))
     motions, _ = moved(case, [])
     picture = next(iter(motions.values())).picture
-    whole = [outline for link in picture.links for outline in link.outlines]
+    outlines = [outline for link in picture.links for outline in link.outlines]
     moving = reduce_picture(picture)
     assert moving.points.nbytes <= max(MAX_BYTES, 2 * MIN_POSES * moving.points.shape[1])
     assert MIN_POSES <= len(moving.points) < MAX_POSES
     assert max(moving.sizes) <= MAX_OUTLINE_POINTS
-    for outline in whole:
+    for outline in outlines:
         kept = thin_outline(outline)[0]
         for part in (np.min, np.max):
             off = np.abs(part(kept, axis=0) - part(outline[0], axis=0))
@@ -275,10 +275,10 @@ def test_a_rod_that_begins_straight_is_shown_where_it_is_bent():
     assert np.ptp(shown[:, 1]) > DRAWING_HEIGHT / 2
 
 
-def test_the_data_of_a_drawing_are_its_bytes(page):
+def test_the_page_stores_the_points_of_its_drawings(page):
     found = json.loads(re.search(r'(?s)id="poses">(.*?)</script>', page)[1])
-    assert set(found) == set(NAMES)
-    shape = small()
+    assert set(found) == set(CASE_NAMES)
+    shape = small_thumbnail()
     assert found["pendulum"] == shape.data
     raw = np.frombuffer(__import__("base64").b64decode(shape.data["points"]), np.uint8)
     assert np.array_equal(raw.reshape(shape.points.shape), shape.points)
@@ -289,7 +289,7 @@ def test_the_data_of_a_drawing_are_its_bytes(page):
     assert svg.count('class="joint') == 2
 
 
-def shown_curves(case_name: str = "fourbar") -> PlottedRun:
+def example_run(case_name: str = "fourbar") -> PlottedRun:
     """A run of two solvers; the second one stopped early and has a reference of its own."""
     case = load_case(shipped(f"{case_name}.toml"))
     view = PlottedRun(case, "dynamics", [])
@@ -305,7 +305,7 @@ def shown_curves(case_name: str = "fourbar") -> PlottedRun:
 
 
 def test_curves_are_written_in_si_units_with_all_their_digits(tmp_path: Path):
-    view = shown_curves()
+    view = example_run()
     write_curves(tmp_path, view.case, [view])
     head, *lines = (tmp_path / "data" / "fourbar-dynamics.csv").read_text().splitlines()
     columns = head.split(",")
@@ -321,31 +321,31 @@ def test_curves_are_written_in_si_units_with_all_their_digits(tmp_path: Path):
     assert "pin.x pymunk [m]" in run_table(view)
 
 
-def test_links_lead_to_the_files_that_are_there(tmp_path: Path):
-    view = shown_curves()
+def test_links_lead_to_existing_files(tmp_path: Path):
+    view = example_run()
     assert file_links(tmp_path, view.case) == []
     write_curves(tmp_path, view.case, [view])
     found = file_links(tmp_path, view.case)
     assert found[0] == ("dynamics (CSV)", "data/fourbar-dynamics.csv")
     assert all((tmp_path / path).is_file() for _, path in found)
-    page = index_text(whole_result(), files={"fourbar": found}, note="")
+    page = index_text(result_for_index(), files={"fourbar": found}, note="")
     assert '<a href="data/fourbar-dynamics.csv">dynamics (CSV)</a>' in rows_of(page)["fourbar"]
     write_curves(tmp_path, view.case, [])  # a later report without curves
     assert file_links(tmp_path, view.case) == []
 
 
-def test_the_page_says_how_to_get_what_is_not_written(monkeypatch):
+def test_the_page_says_how_to_get_files_that_are_not_written(monkeypatch):
     monkeypatch.setattr(pages, "find_spec", lambda name: None)
     assert "--data" in note_on_files(data=False)
     assert "proofmass[parquet]" in note_on_files(data=True)
     monkeypatch.setattr(pages, "find_spec", lambda name: name)
     assert note_on_files(data=True) == ""
-    assert "a note of that kind" in index_text(whole_result(), note="a note of that kind")
+    assert "a note of that kind" in index_text(result_for_index(), note="a note of that kind")
 
 
 def test_parquet_has_the_numbers_of_the_csv(tmp_path: Path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs proofmass[parquet]")
-    view = shown_curves()
+    view = example_run()
     write_curves(tmp_path, view.case, [view])
     table = parquet.read_table(tmp_path / "data" / "fourbar.parquet")
     assert set(table["run"].to_pylist()) == {"dynamics"}

@@ -13,11 +13,11 @@ from proofmass.report.data import Jumps, plotted_run, reference_jumps, solver_ju
 from proofmass.report.figures import draw_curve, thin_path
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
-from tests.report.whole import whole_result
+from tests.report.whole import result_from_references
 from tests.shipped import shipped
 
-X = np.linspace(0.0, 1.0, 41)
-HERE = 20.3  # number of the sample at which curves jump: between samples 20 and 21
+SAMPLES = np.linspace(0.0, 1.0, 41)
+JUMP_SAMPLE = 20.3  # number of the sample at which curves jump: between samples 20 and 21
 
 
 @pytest.fixture(scope="module")
@@ -25,27 +25,29 @@ def fourbar() -> Case:
     return load_case(shipped("fourbar.toml"))
 
 
-LAWS = {
-    "step": lambda s: np.where(s < HERE, 0.1 * s, 10.0 + 0.1 * s),
-    "steep": lambda s: 0.1 * s + 5.0 * np.tanh((s - HERE) / 0.2),
-    "fold": lambda s: 0.1 * s - 5.0 * np.sqrt(np.maximum(HERE + 0.6 - s, 0.0)) * (s < HERE + 0.6),
-    "turn": lambda s: (0.02 * (s - HERE) + np.pi) % TURN - np.pi + TURN * (s > HERE),
+CURVE_SHAPES = {
+    "step": lambda s: np.where(s < JUMP_SAMPLE, 0.1 * s, 10.0 + 0.1 * s),
+    "steep": lambda s: 0.1 * s + 5.0 * np.tanh((s - JUMP_SAMPLE) / 0.2),
+    "fold": lambda s: (
+        0.1 * s - 5.0 * np.sqrt(np.maximum(JUMP_SAMPLE + 0.6 - s, 0.0)) * (s < JUMP_SAMPLE + 0.6)
+    ),
+    "turn": lambda s: (0.02 * (s - JUMP_SAMPLE) + np.pi) % TURN - np.pi + TURN * (s > JUMP_SAMPLE),
 }
 
 
-def reference(
+def find_reference_jumps(
     monkeypatch: pytest.MonkeyPatch, case: Case, channel: str, law: str, kind: str = "sweep"
 ) -> Jumps:
-    """Find the jumps of a reference with one channel, a curve of `LAWS`.
+    """Find the jumps of a reference with one channel, a curve of `CURVE_SHAPES`.
 
-    The curves of `LAWS` are functions of the sample's number.
+    The curves of `CURVE_SHAPES` are functions of the sample's number.
     """
 
     def curves(x: np.ndarray) -> Curves:
-        return Curves(x, {channel: np.asarray(LAWS[law](x * 40.0))})
+        return Curves(x, {channel: np.asarray(CURVE_SHAPES[law](x * 40.0))})
 
     monkeypatch.setattr(data, "evaluate", lambda case, kind, x, state: curves(x))
-    return reference_jumps(case, kind, curves(X), curves(X))  # type: ignore[arg-type]
+    return reference_jumps(case, kind, curves(SAMPLES), curves(SAMPLES))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -58,24 +60,26 @@ def reference(
         ("turn", "rocker", Jumps((), {"rocker": (20,)})),  # a whole turn leads to the same pose
     ],
 )
-def test_a_jump_stays_one_between_finer_samples(
+def test_only_a_jump_remains_one_step_at_finer_samples(
     law: str, channel: str, found: Jumps, fourbar: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    curve = LAWS[law](np.arange(41.0))
+    curve = CURVE_SHAPES[law](np.arange(41.0))
     assert data.suspected_jumps(curve, float(np.ptp(curve)) or 1.0) == [20]
-    assert reference(monkeypatch, fourbar, channel, law) == found
+    assert find_reference_jumps(monkeypatch, fourbar, channel, law) == found
 
 
-def test_in_a_motion_a_place_jumps_alone(fourbar: Case, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = reference(monkeypatch, fourbar, "pin.x", "step", "dynamics")
+def test_in_dynamics_a_position_jumps_without_other_curves(
+    fourbar: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = find_reference_jumps(monkeypatch, fourbar, "pin.x", "step", "dynamics")
     assert found == Jumps((), {"pin.x": (20,)})
     assert found.of("pin.x") == [20]
     assert found.of("pin.y") == []
 
 
-def test_an_engine_jumps_where_its_reference_does_or_makes_no_such_step(fourbar: Case) -> None:
+def test_a_solver_jumps_with_its_reference_or_where_that_has_no_step(fourbar: Case) -> None:
     def sampled(law: str, later: float = 0.0) -> Curves:
-        return Curves(X, {"pin.x": np.asarray(LAWS[law](np.arange(41.0) - later))})
+        return Curves(SAMPLES, {"pin.x": np.asarray(CURVE_SHAPES[law](np.arange(41.0) - later))})
 
     step, steep = sampled("step"), sampled("steep")
     known = Jumps((20,))
@@ -88,28 +92,28 @@ def test_an_engine_jumps_where_its_reference_does_or_makes_no_such_step(fourbar:
     assert solver_jumps(fourbar, "sweep", smooth, step, known) == Jumps()
 
 
-def test_a_snap_is_found_and_smooth_curves_have_none(fourbar: Case) -> None:
+def test_a_snap_is_found_and_smooth_curves_have_no_jumps(fourbar: Case) -> None:
     snap = load_case(shipped("rod_snap.toml"))
-    run = plotted_run(whole_result(snap, off=1e-4), snap, "sweep")
+    run = plotted_run(result_from_references(snap, off=1e-4), snap, "sweep")
     assert run.jumps == Jumps((15, 36))
     assert run.jumps_of == {"mujoco:settled": Jumps((15, 36)), "pymunk": Jumps((15, 36))}
-    result = whole_result(fourbar)
+    result = result_from_references(fourbar)
     for kind in fourbar.run:
         run = plotted_run(result, fourbar, kind)
         assert not any(one.every() for one in (run.jumps, *run.jumps_of.values()))
 
 
-def test_what_is_zero_to_rounding_has_no_jumps() -> None:
+def test_rounding_errors_of_a_zero_channel_are_no_jumps() -> None:
     """Rounding errors of a channel that is zero are not taken for jumps.
 
     A channel of this balancer is zero, and its rounding errors have 26 steps.
     """
     case = load_case(shipped("balancer_progressive_locked.toml"))
-    run = plotted_run(whole_result(case), case, "sweep")
+    run = plotted_run(result_from_references(case), case, "sweep")
     assert not run.jumps.every()
 
 
-def test_figures_are_open_at_a_jump(tmp_path: Path) -> None:
+def test_figures_interrupt_a_curve_at_a_jump(tmp_path: Path) -> None:
     from matplotlib.figure import Figure
 
     from proofmass.report.style import solver_looks

@@ -21,20 +21,20 @@ from proofmass.report import write_report
 from proofmass.report.record import Made
 from proofmass.sidecar import load_case
 from tests.report import index_rows
-from tests.report.whole import whole_result, without_figures
+from tests.report.whole import result_from_references, without_figures
 from tests.shipped import shipped
 from tests.visit import Visit
 
 STORED = Path(__file__).parent.parent / "data" / "pictures"
-NAMES = ("index", "agrees", "differs")
-SIZE = 150_000  # [bytes] largest size of a stored picture
-BLOCK = 8  # [pixels] side of a block, which contains a letter's stroke with its smoothed edges
+PICTURE_NAMES = ("index", "agrees", "differs")
+MAX_PICTURE_SIZE = 150_000  # [bytes] largest size of a stored picture
+BLOCK_SIZE = 8  # [pixels] side of a block, which contains a letter's stroke with its smoothed edges
 # Two blocks differ if their mean brightness, from 0 to 255, differs by more.  The palette of a
 # stored picture changes coloured blocks by up to 20.
-DIFFERS = 20.0
+BLOCK_TOLERANCE = 20.0
 # Largest share of blocks that may differ: letters at whole pixels change 7e-4 of them, the smallest
 # missing plot changes 5e-3.
-SHARE = 2e-3
+MAX_CHANGED_SHARE = 2e-3
 FONTS = {"Page": "DejaVuSans", "Page bold": "DejaVuSans-Bold", "Page mono": "DejaVuSansMono"}
 MADE = Made(
     date="2026-01-02T03:04:05+00:00",
@@ -55,21 +55,21 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pictures")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(index_rows, "MADE", MADE)
-        result = index_rows.whole_result()
+        result = index_rows.result_for_index()
         index = index_rows.write_index(folder, result, index_rows.last_record(result))
     case = load_case(shipped("fourbar.toml"))
     found = {"index": index}
     for name, off in (("agrees", 2.5e-13), ("differs", 0.02)):
-        result = whole_result(case, off=off)
+        result = result_from_references(case, off=off)
         if name == "differs":
             runs = [(case.name, run, "mujoco") for run in case.run]
-            result = replace(result, diagnoses={key: diagnosis(*key) for key in runs})
+            result = replace(result, diagnoses={key: example_diagnosis(*key) for key in runs})
         with without_figures():
             found[name] = write_report(result, folder / name).with_name("fourbar.html")
     return found
 
 
-def diagnosis(*key: str) -> Diagnosis:
+def example_diagnosis(*key: str) -> Diagnosis:
     """A diagnosis of five channels that differ, with two causes."""
     names = ("pin.x", "pin.y", "rocker", "point.x", "point.y")
     longer = Explanation(
@@ -82,17 +82,17 @@ def diagnosis(*key: str) -> Diagnosis:
     )
 
 
-def shot(browser: Any, page: Path, change: str = "") -> Image.Image:
+def take_picture(browser: Any, page: Path, change: str = "") -> Image.Image:
     """Take a picture of the first screen with Matplotlib's fonts, after the script `change`."""
     with Visit(browser, page, reduced_motion="reduce") as visit:
-        visit.page.add_style_tag(content="".join(map(face, FONTS)) + LETTERS)
-        visit.run(READY)
+        visit.page.add_style_tag(content="".join(map(font_face, FONTS)) + FONT_STYLE)
+        visit.run(WAIT_FOR_FONTS)
         if change:
             visit.run(change)
         return picture(visit.page)
 
 
-def face(name: str) -> str:
+def font_face(name: str) -> str:
     """The rule of a style sheet that defines a font.
 
     The rule contains the whole font, since a page that is a file may not read another folder.
@@ -107,8 +107,8 @@ def face(name: str) -> str:
     )
 
 
-LETTERS = ":root { --sans: 'Page'; --mono: 'Page mono'; }"
-READY = """async () => {
+FONT_STYLE = ":root { --sans: 'Page'; --mono: 'Page mono'; }"
+WAIT_FOR_FONTS = """async () => {
   await Promise.all([...document.fonts].map((font) => font.load()));
   await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
   if (typeof drawAll === "function") drawAll();
@@ -116,36 +116,36 @@ READY = """async () => {
 }"""
 
 
-def blocks(image: Image.Image) -> np.ndarray:
+def block_means(image: Image.Image) -> np.ndarray:
     """The mean brightness of each block of a picture, from 0 to 255."""
     light = np.asarray(image.convert("L"), float)
-    rows, columns = (size // BLOCK for size in light.shape)
-    cut = light[: rows * BLOCK, : columns * BLOCK]
-    return cut.reshape(rows, BLOCK, columns, BLOCK).mean(axis=(1, 3))
+    rows, columns = (size // BLOCK_SIZE for size in light.shape)
+    cut = light[: rows * BLOCK_SIZE, : columns * BLOCK_SIZE]
+    return cut.reshape(rows, BLOCK_SIZE, columns, BLOCK_SIZE).mean(axis=(1, 3))
 
 
-def apart(one: Image.Image, other: Image.Image) -> float:
+def changed_share(one: Image.Image, other: Image.Image) -> float:
     """The share of the blocks that differ between two pictures; 1 if their sizes differ."""
     if one.size != other.size:
         return 1.0
-    return float(np.mean(np.abs(blocks(one) - blocks(other)) > DIFFERS))
+    return float(np.mean(np.abs(block_means(one) - block_means(other)) > BLOCK_TOLERANCE))
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_first_screen_is_as_it_was(
+@pytest.mark.parametrize("name", PICTURE_NAMES)
+def test_a_first_screen_matches_its_stored_picture(
     name: str, pages: dict[str, Path], browser: Any, tmp_path: Path
 ) -> None:
     file = STORED / f"{name}.png"
-    found = shot(browser, pages[name])
-    if file.is_file() and apart(Image.open(file), found) <= SHARE:
-        assert file.stat().st_size <= SIZE
+    found = take_picture(browser, pages[name])
+    if file.is_file() and changed_share(Image.open(file), found) <= MAX_CHANGED_SHARE:
+        assert file.stat().st_size <= MAX_PICTURE_SIZE
         return
     new = tmp_path / file.name
     few_colours(found).save(new, optimize=True)
     pytest.fail(f"not the stored picture: if it is meant to look like {new}, copy that to {file}")
 
 
-MUTATIONS = {
+PAGE_CHANGES = {
     "a missing plot": ("agrees", "find('#gap').replaceChildren()"),
     "a missing drawing": ("agrees", "find('#mechanism').replaceChildren()"),
     "a moved panel": ("agrees", "find('.notes').style.marginTop = '24px'"),
@@ -165,12 +165,12 @@ MUTATIONS = {
         words
         if words in ("a missing plot", "a missing panel", "a missing row")
         else pytest.param(words, marks=pytest.mark.slow)
-        for words in MUTATIONS
+        for words in PAGE_CHANGES
     ],
 )
-def test_a_first_screen_that_was_changed_is_told(
+def test_a_changed_first_screen_does_not_match_its_stored_picture(
     words: str, pages: dict[str, Path], browser: Any
 ) -> None:
-    name, change = MUTATIONS[words]
-    changed = shot(browser, pages[name], change)
-    assert apart(Image.open(STORED / f"{name}.png"), changed) > SHARE
+    name, change = PAGE_CHANGES[words]
+    changed = take_picture(browser, pages[name], change)
+    assert changed_share(Image.open(STORED / f"{name}.png"), changed) > MAX_CHANGED_SHARE

@@ -8,7 +8,7 @@ from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
-SAYS = {  # with the lengths of B. Díaz Lozano 2019; numbers in tests/data
+EXPECTED_PROPERTIES = {  # with the lengths of B. Díaz Lozano 2019; numbers in tests/data
     "fourbar": {
         "Grashof class": "crank-rocker, margin 0.5 m",
         "rocker swings": "47.18°",
@@ -23,22 +23,22 @@ SAYS = {  # with the lengths of B. Díaz Lozano 2019; numbers in tests/data
 }
 
 
-@pytest.mark.parametrize("name", SAYS)
-def test_facts_are_those_of_the_documents(name):
+@pytest.mark.parametrize("name", EXPECTED_PROPERTIES)
+def test_properties_of_linkages_have_the_known_values(name):
     found = properties(load_case(shipped(f"{name}.toml")))
-    assert {key: found[key] for key in SAYS[name]} == SAYS[name]
+    assert {key: found[key] for key in EXPECTED_PROPERTIES[name]} == EXPECTED_PROPERTIES[name]
 
 
-def test_a_reference_without_facts_has_none():
+def test_a_reference_without_properties_returns_none():
     assert properties(load_case(shipped("pendulum.toml"))) == {}
 
 
-def test_parameters_at_fault_have_none(models, edit):
+def test_lengths_that_cannot_close_have_no_properties(models, edit):
     edit("fourbar.toml", r"coupler = 2.0", "coupler = 20.0")
     assert properties(load_case(models / "fourbar.toml")) == {}
 
 
-def test_a_page_shows_them(tmp_path):
+def test_a_page_shows_the_properties(tmp_path):
     index = write_report(Result(cases=[load_case(shipped("fourbar.toml"))]), tmp_path)
     page = index.with_name("fourbar.html").read_text(encoding="utf-8")
     assert "<dt>degrees of freedom</dt><dd>1</dd>" in page

@@ -25,27 +25,27 @@ from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.solve import plan_run
 from tests.report.whole import without_figures
-from tests.shipped import models_like, shipped
+from tests.shipped import shipped, shipped_files
 
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
-EVIL = '<script>alert("x")</script> & crank'
+HTML_TITLE = '<script>alert("x")</script> & crank'
 
 
-def case_of(name: str, n: int = 37, **changed: object) -> Case:
+def case_with_samples(name: str, n: int = 37, **changed: object) -> Case:
     """A shipped case whose runs have `n` samples, with other fields changed."""
     case = load_case(shipped(f"{name}.toml"))
     runs = {k: r.model_copy(update={"n": n}) for k, r in case.run.items()}
     return case.model_copy(update={"run": runs, **changed})
 
 
-def curves_of(case: Case, kind: str, off: float) -> Curves:
+def curves_with_error(case: Case, kind: str, off: float) -> Curves:
     """The curves of a solver whose errors are sines of `off` times each curve's range."""
     run = plan_run(case, kind, "mujoco")
     x, state = run.x, run.motion(run.x) if run.drives else None
-    truth = evaluate(case, kind, x, state)
+    reference = evaluate(case, kind, x, state)
     channels = {
         n: v + off * (np.ptp(v) or 1.0) * np.sin(9 * x)
-        for n, v in truth.channels.items()
+        for n, v in reference.channels.items()
         if case.channels[n].only in (None, kind)
     }
     return Curves(
@@ -59,17 +59,17 @@ def curves_of(case: Case, kind: str, off: float) -> Curves:
     )
 
 
-def result_of(case: Case, **off: float) -> Result:
+def result_with_errors(case: Case, **off: float) -> Result:
     """The result of MuJoCo runs whose errors are the given shares of the range, by kind of run."""
     result = Result(cases=[case])
     for kind, share in off.items():
-        curves = curves_of(case, kind, share)
+        curves = curves_with_error(case, kind, share)
         result.curves[case.name, kind, "mujoco"] = curves
         result.comparisons.extend(compare(case, kind, "mujoco", curves))
     return result
 
 
-def failed(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
+def failed_comparisons(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]:
     """Comparisons of all channels of a run that failed with this outcome."""
     return [
         Comparison(case.name, solver, kind, name, c.unit, outcome=outcome, message="why not")
@@ -80,7 +80,7 @@ def failed(case: Case, kind: str, solver: str, outcome: str) -> list[Comparison]
 
 @pytest.fixture(scope="module")
 def fourbar() -> Case:
-    case = case_of("fourbar")
+    case = case_with_samples("fourbar")
     few = ["coupler.angle", "rocker", "pin.x", "pin.y", "rocker_rate", "holding_moment"]
     return case.model_copy(update={"channels": {n: case.channels[n] for n in few}})
 
@@ -93,16 +93,16 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     input with an error.
     """
     folder = tmp_path_factory.mktemp("report")
-    case = fourbar.model_copy(update={"title": EVIL})
-    result = result_of(case, sweep=0.0, dynamics=1e-3)
-    curves = curves_of(case, "dynamics", 0.0)
+    case = fourbar.model_copy(update={"title": HTML_TITLE})
+    result = result_with_errors(case, sweep=0.0, dynamics=1e-3)
+    curves = curves_with_error(case, "dynamics", 0.0)
     broken = dict(curves.channels, rocker=curves.channels["rocker"] * np.nan)
     del broken["pin.x"]
     curves = replace(curves, channels=broken, missing={"pin.x": "no such sensor here"})
     result.curves[case.name, "dynamics", "mujoco:default"] = curves
     result.comparisons.extend(compare(case, "dynamics", "mujoco:default", curves))
     for kind, outcome in ("dynamics", "diverged"), ("sweep", "timed out"):
-        result.comparisons.extend(failed(case, kind, "pymunk", outcome))
+        result.comparisons.extend(failed_comparisons(case, kind, "pymunk", outcome))
     result.comparisons.append(
         Comparison("loose", "mujoco", "dynamics", "", "", message="no sidecar; it loads and steps")
     )
@@ -110,8 +110,8 @@ def report(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_report(result, folder, figures=True).parent
 
 
-def test_all_agree(fourbar: Case) -> None:
-    result = result_of(fourbar, sweep=0.0, dynamics=0.0)
+def test_the_headline_says_that_all_channels_agree(fourbar: Case) -> None:
+    result = result_with_errors(fourbar, sweep=0.0, dynamics=0.0)
     assert headline(fourbar, result.comparisons, {"mujoco": 0.00097}) == (
         f"The model matches the reference: all {len(fourbar.channels)} channels of the sweep "
         "agree in MuJoCo. "
@@ -119,9 +119,9 @@ def test_all_agree(fourbar: Case) -> None:
     )
 
 
-def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
-    result = result_of(fourbar, sweep=0.0)
-    curves = curves_of(fourbar, "dynamics", 3e-2)
+def test_the_headline_gives_the_errors_of_unchecked_settings(fourbar: Case) -> None:
+    result = result_with_errors(fourbar, sweep=0.0)
+    curves = curves_with_error(fourbar, "dynamics", 3e-2)
     rows = compare(fourbar, "dynamics", "mujoco:default", curves)
     assert (
         "shown unchecked: MuJoCo default (off by 3% of the range in position, 3% in velocity and "
@@ -129,20 +129,22 @@ def test_unchecked_is_told_with_its_distance(fourbar: Case) -> None:
     ) in headline(fourbar, [*result.comparisons, *rows])
 
 
-def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
+def test_the_headline_separates_errors_at_the_start_from_later_ones() -> None:
     """The headline gives the error of each kind of quantity, and separates the start of a run.
 
     The acceleration has an error of 50 % of its range in the first sample, and of 0.2 % later.
     """
-    case = case_of("fourbar")
-    curves = curves_of(case, "dynamics", 0.0)
-    truth = reference_for(case, "sweep", curves).channels
-    off = {"rocker": 1e-4, "rocker_rate": 1e-3, "rocker_acceleration.z": 2e-3}
-    channels = {name: truth[name] + share * np.ptp(truth[name]) for name, share in off.items()}
-    channels["rocker_acceleration.z"][0] += 0.5 * np.ptp(truth["rocker_acceleration.z"])
+    case = case_with_samples("fourbar")
+    curves = curves_with_error(case, "dynamics", 0.0)
+    reference = reference_for(case, "sweep", curves).channels
+    shares = {"rocker": 1e-4, "rocker_rate": 1e-3, "rocker_acceleration.z": 2e-3}
+    channels = {
+        name: reference[name] + share * np.ptp(reference[name]) for name, share in shares.items()
+    }
+    channels["rocker_acceleration.z"][0] += 0.5 * np.ptp(reference["rocker_acceleration.z"])
     rows = compare(case, "dynamics", "mujoco:default", replace(curves, channels=channels))
     (c,) = (c for c in rows if c.channel == "rocker_acceleration.z")
-    span = np.ptp(truth["rocker_acceleration.z"])
+    span = np.ptp(reference["rocker_acceleration.z"])
     assert (c.at, c.error_max) == (0.0, pytest.approx(0.502 * span, rel=1e-9))
     assert c.error_later == pytest.approx(2e-3 * span, rel=1e-9)
     assert (
@@ -151,16 +153,16 @@ def test_a_start_that_jerks_is_told_apart_from_the_rest() -> None:
     ) in headline(case, rows)
 
 
-def test_sweep_differs(fourbar: Case) -> None:
-    text = headline(fourbar, result_of(fourbar, sweep=1e-3, dynamics=0.0).comparisons)
+def test_the_headline_says_that_the_sweep_differs(fourbar: Case) -> None:
+    text = headline(fourbar, result_with_errors(fourbar, sweep=1e-3, dynamics=0.0).comparisons)
     assert text.startswith(
         "The model does not match the reference: MuJoCo differs in the sweep on "
     )
     assert text.endswith("do not look at integrators before this is mended.")
 
 
-def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
-    good = result_of(fourbar, sweep=0.0).comparisons
+def test_the_headline_names_the_only_solver_that_differs(fourbar: Case) -> None:
+    good = result_with_errors(fourbar, sweep=0.0).comparisons
     bad = [
         replace(c, solver="pymunk", outcome="differs", error_max=1.0, message="9 x the allowed")
         for c in good
@@ -171,7 +173,7 @@ def test_sweep_differs_in_one_solver_only(fourbar: Case) -> None:
     )
 
 
-def test_a_channel_that_nothing_is_allowed_of_is_the_worst(fourbar: Case) -> None:
+def test_the_headline_ranks_a_channel_with_tolerance_zero_as_worst(fourbar: Case) -> None:
     rows = [
         Comparison(fourbar.name, "mujoco", "sweep", name, "m", 3.0, allowed=a, outcome="differs")
         for name, a in (("pin.x", 1.0), ("pin.y", 0.0))
@@ -179,27 +181,29 @@ def test_a_channel_that_nothing_is_allowed_of_is_the_worst(fourbar: Case) -> Non
     assert "(worst pin.y: " in headline(fourbar, rows)
 
 
-def test_duration_differs(fourbar: Case) -> None:
-    text = headline(fourbar, result_of(fourbar, sweep=0.0, dynamics=1e-3).comparisons)
+def test_the_headline_says_that_dynamics_differ(fourbar: Case) -> None:
+    text = headline(fourbar, result_with_errors(fourbar, sweep=0.0, dynamics=1e-3).comparisons)
     assert text.startswith(f"The model matches the reference: all {len(fourbar.channels)} channels")
     assert "differs in dynamics on coupler.angle, rocker, pin.x and 3 more" in text
 
 
-def test_diverged(fourbar: Case) -> None:
-    rows = result_of(fourbar, sweep=0.0).comparisons
-    text = headline(fourbar, [*rows, *failed(fourbar, "dynamics", "pymunk:default", "diverged")])
+def test_the_headline_names_a_solver_that_diverged(fourbar: Case) -> None:
+    rows = result_with_errors(fourbar, sweep=0.0).comparisons
+    text = headline(
+        fourbar, [*rows, *failed_comparisons(fourbar, "dynamics", "pymunk:default", "diverged")]
+    )
     assert text.endswith("pymunk default diverged in dynamics.")
 
 
-def test_no_sweep_and_nothing_run() -> None:
-    case = case_of("pendulum")
-    assert headline(case, result_of(case, dynamics=0.0).comparisons).startswith(
+def test_the_headline_says_that_there_is_no_sweep_or_no_run() -> None:
+    case = case_with_samples("pendulum")
+    assert headline(case, result_with_errors(case, dynamics=0.0).comparisons).startswith(
         "No sweep, so model and integrator are judged together: MuJoCo agrees"
     )
     assert headline(case, []).startswith("Not judged")
 
 
-def test_every_channel_and_outcome(report: Path, fourbar: Case) -> None:
+def test_a_page_shows_every_channel_and_outcome(report: Path, fourbar: Case) -> None:
     page = (report / "fourbar.html").read_text(encoding="utf-8")
     for channel in fourbar.channels:
         assert f'">{channel} <span class="unit">' in page
@@ -253,7 +257,7 @@ def test_special_characters_are_escaped(report: Path) -> None:
     assert "no joint &lt;q&gt;" in (report / "index.html").read_text(encoding="utf-8")
 
 
-def test_index_lists_loose_models_and_faults(report: Path) -> None:
+def test_the_index_lists_models_without_sidecar_and_input_errors(report: Path) -> None:
     page = (report / "index.html").read_text(encoding="utf-8")
     assert "1 input at fault" in page
     assert "bad.toml: drive.joint" in page
@@ -266,15 +270,17 @@ def test_index_lists_loose_models_and_faults(report: Path) -> None:
     "name",
     ["mechanism", *(f"{kind}-{what}" for kind in ("sweep", "dynamics") for what in RUN_FIGURES)],
 )
-def test_figures_as_svg_and_png(report: Path, name: str) -> None:
+def test_figures_are_written_as_svg_and_png(report: Path, name: str) -> None:
     stem = report / "figures" / f"fourbar-{name}"
     assert "<svg" in stem.with_suffix(".svg").read_text(encoding="utf-8")
     assert stem.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
-    case = case_of("pendulum")
-    result = Result(cases=[case], comparisons=failed(case, "dynamics", "pymunk", "crashed"))
+def test_reports_without_curves_or_cases_are_written(tmp_path: Path) -> None:
+    case = case_with_samples("pendulum")
+    result = Result(
+        cases=[case], comparisons=failed_comparisons(case, "dynamics", "pymunk", "crashed")
+    )
     page = write_report(result, tmp_path).with_name("pendulum.html").read_text(encoding="utf-8")
     assert "pymunk is not drawn: crashed" in page
     assert page.count("<figure") == 1  # the drawing of the mechanism needs no solver
@@ -283,11 +289,11 @@ def test_all_runs_failed_and_nothing_at_all(tmp_path: Path) -> None:
     assert "No case was found" in write_report(Result(), tmp_path).read_text(encoding="utf-8")
 
 
-def test_constant_reference_and_exact_agreement(tmp_path: Path) -> None:
-    case = case_of(
+def test_a_constant_reference_gives_no_nan_on_the_page(tmp_path: Path) -> None:
+    case = case_with_samples(
         "pendulum", parameters={"length": 1.0, "mass": 1.0, "gravity": 9.81, "amplitude": 0.0}
     )
-    index = write_report(result_of(case, dynamics=0.0), tmp_path)
+    index = write_report(result_with_errors(case, dynamics=0.0), tmp_path)
     page = index.with_name("pendulum.html").read_text(encoding="utf-8")
     assert page.count("<figure") == 1  # the mechanism; the script draws the curves
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
@@ -301,7 +307,7 @@ def test_thinning_keeps_spikes_and_ends() -> None:
     assert (tx[0], tx[-1], ty.max()) == (0.0, 1.0, 7.0)
 
 
-def test_solvers_differ_in_colour_and_without_it() -> None:
+def test_solvers_differ_with_and_without_colour() -> None:
     found = solver_looks(
         ["mujoco", "mujoco:default", "mujoco:fine", "pymunk", "pymunk:default", "adams", "simpack"]
     )
@@ -339,15 +345,15 @@ def test_inline_svg_escapes_its_label() -> None:
     ],
 )
 def test_drawing_has_the_names_of_the_mjcf(name: str, words: list[str], tmp_path: Path) -> None:
-    write_report(Result(cases=[case_of(name)]), tmp_path)
+    write_report(Result(cases=[case_with_samples(name)]), tmp_path)
     svg = (tmp_path / "figures" / f"{name}-mechanism.svg").read_text(encoding="utf-8")
     found = {w for text in re.findall(r">([^<>]+)</t", svg) for w in (text, text.rstrip(","))}
     assert set(words) <= found
 
 
-def test_a_path_is_its_two_channels() -> None:
-    case = case_of("fivebar")
-    view = plotted_run(result_of(case, sweep=0.01), case, "sweep")
+def test_a_path_consists_of_its_two_channels() -> None:
+    case = case_with_samples("fivebar")
+    view = plotted_run(result_with_errors(case, sweep=0.01), case, "sweep")
     shape = mechanism_poses(case, find_motions(case, [view])[0])
     assert shape
     assert path_names(view, shape) == ["tip"]
@@ -360,9 +366,9 @@ def test_a_path_is_its_two_channels() -> None:
     )
 
 
-def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
+def test_a_page_says_where_a_sweep_stopped_early(fourbar: Case, tmp_path: Path) -> None:
     fourbar = fourbar.model_copy(update={"channels": {"rocker": fourbar.channels["rocker"]}})
-    result = result_of(fourbar, sweep=0.0)
+    result = result_with_errors(fourbar, sweep=0.0)
     whole = result.curves[fourbar.name, "sweep", "mujoco"]
     short = replace(
         whole,
@@ -386,27 +392,32 @@ def test_sweep_that_stops_early(fourbar: Case, tmp_path: Path) -> None:
         )
 
 
-def test_own_numbers_as_reference_and_a_law(report: Path, tmp_path: Path) -> None:
-    case = case_of("peaucellier")
+def test_a_page_says_that_the_reference_reads_the_models_own_numbers(
+    report: Path, tmp_path: Path
+) -> None:
+    case = case_with_samples("peaucellier")
     write_report(Result(cases=[case]), tmp_path)
     page = (tmp_path / "peaucellier.html").read_text(encoding="utf-8")
     assert "It checks the engine, not the model" in page
     assert "must = 0.8625 m</span>" in page
-    rows = [replace(c, outcome="agrees") for c in failed(case, "sweep", "mujoco", "diverged")]
+    rows = [
+        replace(c, outcome="agrees")
+        for c in failed_comparisons(case, "sweep", "mujoco", "diverged")
+    ]
     assert headline(case, rows).startswith("The model moves as its own numbers say: all 9 ch")
     assert "not the drawing" not in (report / "fourbar.html").read_text(encoding="utf-8")
 
 
 def test_headline_says_why_channels_are_missing(fourbar: Case) -> None:
-    rows = result_of(fourbar, sweep=0.0).comparisons
+    rows = result_with_errors(fourbar, sweep=0.0).comparisons
     rows[0] = replace(rows[0], outcome="unsupported", message="no inverse dynamics")
     assert f"{len(rows) - 1} of {len(rows)} channels in MuJoCo (no inverse dynamics)." in headline(
         fourbar, rows
     )
 
 
-def test_inputs_of_several_drives() -> None:
-    fivebar, circle = case_of("fivebar"), case_of("fivebar_circle")
+def test_motions_of_several_drives_are_arranged_in_rows() -> None:
+    fivebar, circle = case_with_samples("fivebar"), case_with_samples("fivebar_circle")
     for case, rows in (
         (fivebar, [["left (drive)", "right (drive)"]]),
         (
@@ -417,7 +428,7 @@ def test_inputs_of_several_drives() -> None:
             ],
         ),
     ):
-        view = plotted_run(result_of(case, sweep=0.0), case, "sweep")
+        view = plotted_run(result_with_errors(case, sweep=0.0), case, "sweep")
         assert drive_rows(view, list(drive_curves(view))) == rows
 
 
@@ -426,8 +437,8 @@ def test_inputs_of_several_drives() -> None:
     [((0, 0), [""]), ((0, 1), ["", " rate"]), ((1, 2), ["", " rate", " acceleration"])],
 )
 def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -> None:
-    case = case_of("triple_rocker")
-    view = plotted_run(result_of(case, sweep=0.0), case, "sweep")
+    case = case_with_samples("triple_rocker")
+    view = plotted_run(result_with_errors(case, sweep=0.0), case, "sweep")
     for solver, has in zip(("mujoco", "pymunk"), derivatives, strict=True):
         view.curves[solver] = replace(view.curves["mujoco"], derivatives=has)
     panels = drive_curves(view)
@@ -437,14 +448,14 @@ def test_rates_of_a_drive_are_drawn_of_runs_that_have_them(derivatives, drawn) -
 
 
 def test_equal_tolerances_share_a_name(fourbar: Case) -> None:
-    view = plotted_run(result_of(fourbar, sweep=0.0), fourbar, "sweep")
+    view = plotted_run(result_with_errors(fourbar, sweep=0.0), fourbar, "sweep")
     view.curves["pymunk"] = view.curves["mujoco"]
     view.rows.extend([replace(c, solver="pymunk") for c in view.rows])
     assert list(channel_tolerances(view, "rocker").values()) == [["mujoco", "pymunk"]]
 
 
-@pytest.mark.parametrize("file", models_like(), ids=lambda file: file.stem)
-def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> None:
+@pytest.mark.parametrize("file", shipped_files(), ids=lambda file: file.stem)
+def test_units_of_parameters_match_the_comments_of_the_sidecar(file: Path) -> None:
     """The unit of a parameter, from the docstring of the reference, is that in the sidecar.
 
     The comment in the sidecar was written independently of the docstring.  Only `mode` may have no
@@ -468,9 +479,12 @@ def test_units_of_parameters_are_those_that_the_sidecar_remarks(file: Path) -> N
     ] in ([], ["mode"])
 
 
-def test_the_unit_of_a_parameter_is_told_by_the_docstring() -> None:
+def test_units_of_parameters_are_read_from_the_docstring() -> None:
     units = {
-        case: {p: parameter_unit(case_of(case), p) for p in case_of(case).parameters}
+        case: {
+            p: parameter_unit(case_with_samples(case), p)
+            for p in case_with_samples(case).parameters
+        }
         for case in ("fourbar", "balancer_sine", "pendulum", "rod_cantilever")
     }
     for name, unit in (("crank", "m"), ("crank_mass", "kg"), ("gravity", "m/s^2"), ("mode", "")):

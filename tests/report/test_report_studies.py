@@ -26,29 +26,49 @@ from proofmass.studies.pages import write_study_pages
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.trade.trade import Trade, write_study
 from tests.shipped import with_brief_pendulum
-from tests.studies.trade.trade_rows import study
+from tests.studies.trade.trade_rows import example_study
 
-HEAVY, LEAN = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
-QUARTER, NOTHING = (0.2, 0.25, 0.3), (-0.02, 0.01, 0.03)
-RUN = "pendulum dynamics"
+HEAVY_COST, LEAN_COST = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
+QUARTER_SAVED, NOTHING_SAVED = (0.2, 0.25, 0.3), (-0.02, 0.01, 0.03)
+PENDULUM_RUN = "pendulum dynamics"
 ENTRIES = [
     Entry(
-        "light", "sun", "harmless", {RUN: {"angle": 0.0, "rate.x": 0.0}}, "", (HEAVY, LEAN), QUARTER
+        "light",
+        "sun",
+        "harmless",
+        {PENDULUM_RUN: {"angle": 0.0, "rate.x": 0.0}},
+        "",
+        (HEAVY_COST, LEAN_COST),
+        QUARTER_SAVED,
     ),
     Entry("joint", "pivot", "needed", message='no <sensor>, "angle" needs it'),
-    Entry("body", "bob", "matters", {RUN: {"angle": 7e12}}, "", (HEAVY, LEAN), QUARTER),
+    Entry(
+        "body",
+        "bob",
+        "matters",
+        {PENDULUM_RUN: {"angle": 7e12}},
+        "",
+        (HEAVY_COST, LEAN_COST),
+        QUARTER_SAVED,
+    ),
     Entry("geom", "rod", "diverged", message="MuJoCo warning badqacc"),
     Entry(
-        "drawn geom", "2: rod, bob", "drawn", {RUN: {"angle": 2e-3}}, "", (HEAVY, HEAVY), NOTHING
+        "drawn geom",
+        "2: rod, bob",
+        "drawn",
+        {PENDULUM_RUN: {"angle": 2e-3}},
+        "",
+        (HEAVY_COST, HEAVY_COST),
+        NOTHING_SAVED,
     ),
     Entry(
         WHOLE_KIND,
         "",
         "harmless",
-        {RUN: {"angle": 0.5, "rate.x": 0.25}},
+        {PENDULUM_RUN: {"angle": 0.5, "rate.x": 0.25}},
         "",
-        (HEAVY, LEAN),
-        QUARTER,
+        (HEAVY_COST, LEAN_COST),
+        QUARTER_SAVED,
     ),
 ]
 
@@ -59,7 +79,7 @@ def studies(tmp_path: Path) -> list[Path]:
     folders = [tmp_path / name for name in ("costs", "breaks", "needs")]
     for folder in folders:
         folder.mkdir()
-    rows, verdicts = study()
+    rows, verdicts = example_study()
     write_study(
         Trade(
             [replace(r, case="pendulum") for r in rows],
@@ -90,30 +110,32 @@ def studies(tmp_path: Path) -> list[Path]:
     return folders
 
 
-def test_the_table_of_a_diet_holds_everything(tmp_path: Path) -> None:
+def test_the_table_of_a_diet_study_keeps_all_entries(tmp_path: Path) -> None:
     write_entries(ENTRIES, tmp_path / "pendulum.csv")
     assert read_entries(tmp_path / "pendulum.csv") == ENTRIES
     assert "`moved_over_allowed`" in (tmp_path / "diet.columns.md").read_text()
 
 
-def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
+def test_the_summary_names_what_is_monitored_and_changed_options(tmp_path: Path) -> None:
     option = Entry(
         OPTION_KIND,
         "tolerance 0 to 1e-8",
         "harmless",
-        {RUN: {"angle": 0.5}},
+        {PENDULUM_RUN: {"angle": 0.5}},
         "",
-        (HEAVY, LEAN),
-        QUARTER,
+        (HEAVY_COST, LEAN_COST),
+        QUARTER_SAVED,
     )
-    longer = Entry(OPTION_KIND, "time step 1e-3 to 2e-3 s", "matters", {RUN: {"rate": 4.0}})
+    longer = Entry(
+        OPTION_KIND, "time step 1e-3 to 2e-3 s", "matters", {PENDULUM_RUN: {"rate": 4.0}}
+    )
     monitored = Entry(
         SENTENCE_KIND, "", SENTENCE_KIND, message="Monitored: joint crank, and nothing else."
     )
-    told = [monitored, option, longer, replace(ENTRIES[-1], saved=NOTHING)]
-    write_entries(told, tmp_path / "a.csv")
-    assert read_entries(tmp_path / "a.csv") == told
-    assert list(summary_sentences(told)) == [
+    entries = [monitored, option, longer, replace(ENTRIES[-1], saved=NOTHING_SAVED)]
+    write_entries(entries, tmp_path / "a.csv")
+    assert read_entries(tmp_path / "a.csv") == entries
+    assert list(summary_sentences(entries)) == [
         "Monitored: joint crank, and nothing else.",
         "Nothing can be removed: of 0 features, each tried by itself, 0 change a channel by more "
         "than is allowed, and 0 are needed for the model to run.",
@@ -126,7 +148,7 @@ def test_what_is_watched_and_options_are_said(tmp_path: Path) -> None:
     ]
 
 
-def test_another_table_is_no_diet(tmp_path: Path) -> None:
+def test_another_table_is_refused_as_a_diet_study(tmp_path: Path) -> None:
     (tmp_path / "other.csv").write_text("kind,feature\nlight,sun\n")
     with pytest.raises(InputError, match="not the table of a diet"):
         write_diet(tmp_path, tmp_path)
@@ -134,7 +156,7 @@ def test_another_table_is_no_diet(tmp_path: Path) -> None:
         write_diet(tmp_path / "none", tmp_path)
 
 
-def test_the_page_of_a_diet_says_what_goes_and_what_that_saves(studies: list[Path]) -> None:
+def test_the_page_of_a_diet_study_says_what_can_be_removed_and_saved(studies: list[Path]) -> None:
     text = write_diet(studies[2], studies[2]).first.read_text(encoding="utf-8")
     assert "1 of 5 features can be removed together: light sun." in text
     assert "The largest change is 0.5 of what is allowed, of angle in pendulum dynamics." in text
@@ -145,7 +167,7 @@ def test_the_page_of_a_diet_says_what_goes_and_what_that_saves(studies: list[Pat
     assert "MuJoCo warning badqacc" in text
 
 
-def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
+def test_the_page_of_a_diet_study_says_that_nothing_can_be_removed(tmp_path: Path) -> None:
     write_entries([*ENTRIES[1:4], replace(ENTRIES[-1], moved={})], tmp_path / "lean.csv")
     (tmp_path / "lean.xml").write_text("<mujoco/>")
     text = write_diet(tmp_path, tmp_path).first.read_text(encoding="utf-8")
@@ -157,7 +179,7 @@ def test_nothing_left_to_remove_is_said(tmp_path: Path) -> None:
     assert WHOLE_KIND not in text  # no features were removed together
 
 
-def test_the_figure_shows_changes_and_savings_where_they_are() -> None:
+def test_the_figure_of_a_diet_study_shows_changes_and_savings() -> None:
     runs = [e for e in ENTRIES if e.costs]
     with rc_context(RC):
         change, time, memory = diet_figure(runs).axes
@@ -205,7 +227,7 @@ def test_every_link_of_a_report_with_studies_leads_somewhere(
         assert 'href="../index.html"' in page.read_text(encoding="utf-8")
 
 
-def test_a_report_without_studies_does_not_speak_of_them(models: Path, tmp_path: Path) -> None:
+def test_a_report_without_studies_does_not_mention_them(models: Path, tmp_path: Path) -> None:
     CliRunner().invoke(
         app, ["report", str(with_brief_pendulum(models) / "pendulum.toml"), "-o", str(tmp_path)]
     )
@@ -216,7 +238,7 @@ def test_a_report_without_studies_does_not_speak_of_them(models: Path, tmp_path:
 @pytest.mark.parametrize(
     ("twice", "words"), [(False, "no study is there"), (True, "a second diet study")]
 )
-def test_folders_that_are_wrong_are_said(
+def test_wrong_study_folders_are_refused(
     studies: list[Path], tmp_path: Path, twice: bool, words: str
 ) -> None:
     with pytest.raises(InputError, match=words):

@@ -24,12 +24,12 @@ from proofmass.studies.trade.figure import (
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study
 from proofmass.studies.trade.verdict import Verdict, pareto_front
-from tests.studies.trade.trade_rows import series_rows, study, verdict
+from tests.studies.trade.trade_rows import example_study, series_rows, series_verdicts
 
 NAN = float("nan")
 
 
-def drawn(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
+def draw_diagram(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
     """The work-precision diagram, drawn so that its texts have their sizes."""
     with rc_context(RC):
         figure = trade_figure(rows, verdicts, series_looks(rows))
@@ -37,17 +37,17 @@ def drawn(rows: list[StudyRow], verdicts: list[Verdict]) -> Figure:
     return figure
 
 
-def texts(ax) -> list[str]:
+def annotation_texts(ax) -> list[str]:
     """The texts of the annotations of a panel."""
     return [t.get_text() for t in ax.texts if isinstance(t, Annotation)]
 
 
 @pytest.fixture(scope="module")
 def figure() -> Figure:
-    return drawn(*study())
+    return draw_diagram(*example_study())
 
 
-def test_a_row_of_panels_for_each_kind(figure: Figure) -> None:
+def test_each_kind_of_quantity_has_a_row_of_panels(figure: Figure) -> None:
     assert [ax.get_title("left") for ax in figure.axes] == [
         "position",
         "",
@@ -82,8 +82,10 @@ def test_rods_are_drawn_over_their_segments() -> None:
         )
         for n in (10, 20, 40)
     ]
-    told = [replace(v, case="rod", series="MuJoCo, segments") for v in verdict("", 2.0)[:1]]
-    left, right = drawn(rows, told).axes
+    verdicts = [
+        replace(v, case="rod", series="MuJoCo, segments") for v in series_verdicts("", 2.0)[:1]
+    ]
+    left, right = draw_diagram(rows, verdicts).axes
     assert list(right.lines[0].get_xdata()) == [10, 20, 40]
     assert right.get_xlabel() == "segments"
     foot, _, far = np.array(right.patches[0].get_xy())[:3]
@@ -92,7 +94,7 @@ def test_rods_are_drawn_over_their_segments() -> None:
 
 
 def test_no_two_lines_look_the_same() -> None:
-    looks = series_looks(study()[0])
+    looks = series_looks(example_study()[0])
     assert len({(look.marker, look.dash) for look in looks.values()}) == len(looks) == 12
     for (engine, name), look in looks.items():
         assert look.colour == FIXED_LOOKS[engine + ":default" * ("defaults" in name)].colour
@@ -100,7 +102,7 @@ def test_no_two_lines_look_the_same() -> None:
     assert len(euler) == 1
 
 
-def test_nothing_is_over_the_panels_or_cut_off(figure: Figure) -> None:
+def test_the_legend_covers_no_panel_and_no_text_is_cut_off(figure: Figure) -> None:
     """The legend is above the panels, and all texts are inside the figure."""
     legend = figure.legends[0].get_window_extent()
     whole = figure.bbox
@@ -113,7 +115,7 @@ def test_nothing_is_over_the_panels_or_cut_off(figure: Figure) -> None:
             assert box.x1 <= whole.x1
 
 
-def test_causes_in_the_margin_do_not_touch(figure: Figure) -> None:
+def test_texts_of_causes_do_not_overlap(figure: Figure) -> None:
     for ax in figure.axes[1::2]:
         boxes = sorted(
             (t.get_window_extent() for t in ax.texts if t.get_window_extent().x0 > ax.bbox.x1),
@@ -123,13 +125,13 @@ def test_causes_in_the_margin_do_not_touch(figure: Figure) -> None:
         assert all(one.y1 <= two.y0 for one, two in pairwise(boxes))
 
 
-def test_the_front_is_that_of_all_settings(figure: Figure) -> None:
+def test_the_front_has_the_settings_that_no_other_setting_beats(figure: Figure) -> None:
     """The Pareto front has the settings that no other one beats in both time and error.
 
     All pairs of settings are compared.  The front's line has a corner for each of these settings,
     and their markers are filled.
     """
-    rows = [row for row in study()[0] if row.outcome == "ran"]
+    rows = [row for row in example_study()[0] if row.outcome == "ran"]
     best = pareto_front(rows, "position")
     for row in rows:
         beaten = any(
@@ -149,7 +151,7 @@ def test_the_front_is_that_of_all_settings(figure: Figure) -> None:
     assert filled == len(best)
 
 
-def test_triangles_have_the_expected_slopes(figure: Figure) -> None:
+def test_slope_triangles_have_the_expected_orders(figure: Figure) -> None:
     slopes = []
     for patch in figure.axes[1].patches:
         (x, top), (_, foot), (far, _) = patch.get_path().vertices[:3]
@@ -157,17 +159,19 @@ def test_triangles_have_the_expected_slopes(figure: Figure) -> None:
     assert sorted(slopes) == pytest.approx([1.0, 2.0, 4.0])
 
 
-def test_an_order_that_no_line_shows_has_no_triangle() -> None:
-    figure = drawn(series_rows("flat", order=1.0, scale=1e-6, floor=1e-3), verdict("flat", 4.0))
+def test_an_order_that_no_line_shows_has_no_slope_triangle() -> None:
+    figure = draw_diagram(
+        series_rows("flat", order=1.0, scale=1e-6, floor=1e-3), series_verdicts("flat", 4.0)
+    )
     assert not figure.axes[1].patches
 
 
-def test_floors_are_ticks_with_their_causes(figure: Figure) -> None:
+def test_error_floors_are_ticks_with_their_causes(figure: Figure) -> None:
     ticks = [float(one.get_ydata()[0]) for one in figure.axes[0].lines if one.get_marker() == "_"]
     assert sorted(ticks) == pytest.approx([2e-9, 3e-8, *(2e-4 * (1 + k / 10) for k in range(5))])
-    told = " ".join(texts(figure.axes[1])).replace("\n", " ")
-    assert "softness of the loop (a c e g i)" in told
-    assert "3e-8 cap of solimp (h)" in told
+    causes = " ".join(annotation_texts(figure.axes[1])).replace("\n", " ")
+    assert "softness of the loop (a c e g i)" in causes
+    assert "3e-8 cap of solimp (h)" in causes
 
 
 def test_failures_are_crosses_at_the_upper_edge(figure: Figure) -> None:
@@ -183,15 +187,15 @@ def test_failures_are_crosses_at_the_upper_edge(figure: Figure) -> None:
     assert planned_steps(failed, [failed]) == 0.0
 
 
-def test_nothing_but_failures_can_be_drawn() -> None:
+def test_a_study_with_failed_runs_only_can_be_drawn() -> None:
     rows = [
         replace(row, outcome="crashed", errors={}, seconds=NAN, steps=0)
         for row in series_rows("failed")
     ]
-    assert len(drawn(rows, []).axes) == 2
+    assert len(draw_diagram(rows, []).axes) == 2
 
 
-def test_other_parameters_run_from_coarse_to_fine() -> None:
+def test_other_parameters_are_drawn_from_coarse_to_fine() -> None:
     rows = [
         StudyRow(
             "",
@@ -214,22 +218,22 @@ def test_other_parameters_run_from_coarse_to_fine() -> None:
     assert list(ax.lines[0].get_xdata()) == [0.04, 0.02, 0.01]
 
 
-def test_spread_keeps_apart() -> None:
+def test_spread_texts_keep_their_distances() -> None:
     moved = spread_texts([0.0, 0.0, 0.0, 0.9], [0.1, 0.2, 0.1, 0.1])
     assert np.diff(moved) == pytest.approx([0.15, 0.15, 0.6])
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    rows, verdicts = study()
+    rows, verdicts = example_study()
     other = [replace(row, case="watt") for row in series_rows("Euler")]
-    also = [replace(v, case="watt") for v in verdict("Euler", 1.0)]
+    also = [replace(v, case="watt") for v in series_verdicts("Euler", 1.0)]
     folder = tmp_path_factory.mktemp("study")
     write_study(Trade([*rows, *other], rows[:1], [*verdicts, *also]), folder)
     return write_trade(folder, folder / "page").first
 
 
-def test_pages_and_files(page: Path) -> None:
+def test_pages_and_files_of_a_trade_study_are_written(page: Path) -> None:
     names = {file.name for file in page.parent.iterdir()}
     assert {
         "index.html",
@@ -246,7 +250,7 @@ def test_pages_and_files(page: Path) -> None:
     assert "http" not in page.read_text().replace("http://www.w3.org", "")
 
 
-def test_the_page_says_what_to_do(page: Path) -> None:
+def test_the_page_of_a_case_recommends_settings(page: Path) -> None:
     text = (page.parent / "fourbar-dynamics-trade.html").read_text()
     assert "Position within 1e-5 of its range" in text
     assert "MuJoCo RK4, solref 8 dt, timestep" in text
@@ -257,6 +261,6 @@ def test_the_page_says_what_to_do(page: Path) -> None:
     assert "least of up to 5 in rounds" in text
 
 
-def test_a_folder_without_a_study(tmp_path: Path) -> None:
+def test_a_folder_without_a_trade_study_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="proofmass trade CASE writes it"):
         write_trade(tmp_path, tmp_path)

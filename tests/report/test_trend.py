@@ -24,14 +24,14 @@ from proofmass.report.record import (
 )
 from proofmass.report.trend import Trend, format_growth, trend_of
 from proofmass.sidecar import load_case
-from tests.report.index_rows import of
-from tests.report.whole import whole_result, without_figures
+from tests.report.index_rows import comparison_of
+from tests.report.whole import result_from_references, without_figures
 from tests.shipped import shipped
 from tests.visit import PHONE, Visit
 
 MADE = record_start(["proofmass", "report"])
 # Errors now, as a share of the range; 1e-12 is allowed in a sweep, 1e-6 in dynamics in MuJoCo.
-OFF = 1e-7
+ERROR_SHARE = 1e-7
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def fourbar() -> Case:
     return load_case(shipped("fourbar.toml"))
 
 
-def past(record: Record, k: int, shares: Callable[[Any], float | None]) -> Record:
+def past_record(record: Record, k: int, shares: Callable[[Any], float | None]) -> Record:
     """The record of a report on day `k`, with other errors.
 
     Reports from the third on were made with another version of MuJoCo; the second one was made with
@@ -62,7 +62,7 @@ def history_of(result: Result, *shares: Callable[[Any], float | None]) -> Histor
     """A history with a report for each function in `shares`, which gives its errors."""
     history, now = History(), make_record(result, MADE)
     for k, each in enumerate(shares, 1):
-        history = extend_history(history, past(now, k, each))
+        history = extend_history(history, past_record(now, k, each))
     return history
 
 
@@ -73,28 +73,30 @@ def trend_now(result: Result, *shares: Callable[[Any], float | None]) -> Trend:
     return trend_of(extend_history(history_of(result, *shares), now), case, result.comparisons)
 
 
-def rows(*given: Comparison) -> Result:
+def result_with(*comparisons: Comparison) -> Result:
     """A result of the four-bar with these comparisons."""
-    return Result(cases=[load_case(shipped("fourbar.toml"))], comparisons=list(given))
+    return Result(cases=[load_case(shipped("fourbar.toml"))], comparisons=list(comparisons))
 
 
-ONE = of("fourbar", "dynamics", "mujoco", "pin.x", 1e-8)
-OTHER = of("fourbar", "sweep", "mujoco", "pin.x", 1e-9, 1e-10, "differs")
+AGREEING_ROW = comparison_of("fourbar", "dynamics", "mujoco", "pin.x", 1e-8)
+DIFFERING_ROW = comparison_of("fourbar", "sweep", "mujoco", "pin.x", 1e-9, 1e-10, "differs")
 
 
 def test_a_trend_begins_with_the_second_report() -> None:
-    first = trend_now(rows(ONE))
+    first = trend_now(result_with(AGREEING_ROW))
     assert (first.data, first.rows, first.count) == ({}, [], 1)
-    second = trend_now(rows(ONE), lambda c: 1e-9)
+    second = trend_now(result_with(AGREEING_ROW), lambda c: 1e-9)
     assert [row.channel for row in second.rows] == ["pin.x"]
     assert second.count == 2
     # a new channel has one error only
-    new = trend_now(rows(ONE), lambda c: None)
+    new = trend_now(result_with(AGREEING_ROW), lambda c: None)
     assert (new.rows, new.count) == ([], 2)
 
 
-def test_rows_are_worst_first_and_say_how_errors_went() -> None:
-    found = trend_now(rows(ONE, OTHER), lambda c: 4e-7, lambda c: None, lambda c: 1e-9)
+def test_rows_are_worst_first_and_say_how_errors_changed() -> None:
+    found = trend_now(
+        result_with(AGREEING_ROW, DIFFERING_ROW), lambda c: 4e-7, lambda c: None, lambda c: 1e-9
+    )
     assert [(row.run, row.channel, row.solver) for row in found.rows] == [
         ("sweep", "pin.x", "MuJoCo"),  # 10 times its tolerance
         ("dynamics", "pin.x", "MuJoCo"),  # a hundredth of its tolerance
@@ -121,16 +123,18 @@ def test_rows_are_worst_first_and_say_how_errors_went() -> None:
         (None, 1.0, ""),
     ],
 )
-def test_growth_in_words(last: float | None, now: float, words: str) -> None:
+def test_the_growth_of_an_error_is_formatted_as_a_factor(
+    last: float | None, now: float, words: str
+) -> None:
     assert format_growth(last, now) == words
 
 
-def damaged(folder: Path, change: Callable[[dict[str, Any]], object]) -> History:
+def damaged_history(folder: Path, change: Callable[[dict[str, Any]], object]) -> History:
     """Read the history of a record of three reports after its file was damaged by `change`.
 
     The damage must be reported in one line.
     """
-    result = rows(ONE, OTHER)
+    result = result_with(AGREEING_ROW, DIFFERING_ROW)
     write_record(
         folder,
         make_record(result, MADE),
@@ -148,7 +152,7 @@ def damaged(folder: Path, change: Callable[[dict[str, Any]], object]) -> History
     return last.record.history
 
 
-KEY = "fourbar/dynamics/mujoco/pin.x"
+CHANNEL_KEY = "fourbar/dynamics/mujoco/pin.x"
 
 
 @pytest.mark.parametrize(
@@ -161,10 +165,10 @@ KEY = "fourbar/dynamics/mujoco/pin.x"
             [2e-9, 3e-9],
         ),
         (lambda h: h["reports"].__setitem__(2, 7), "report 3 of 3 (Input", [1e-9, 2e-9]),
-        (lambda h: h["errors"][KEY].append(1.0), "1 row of another length", None),
-        (lambda h: h["errors"].update({KEY: "x"}), "1 row of another length", None),
+        (lambda h: h["errors"][CHANNEL_KEY].append(1.0), "1 row of another length", None),
+        (lambda h: h["errors"].update({CHANNEL_KEY: "x"}), "1 row of another length", None),
         (
-            lambda h: h["errors"].update({KEY: ["1e-9", -1.0, 3e-9]}),
+            lambda h: h["errors"].update({CHANNEL_KEY: ["1e-9", -1.0, 3e-9]}),
             "2 errors that are no number",
             [None, None, 3e-9],
         ),
@@ -172,28 +176,28 @@ KEY = "fourbar/dynamics/mujoco/pin.x"
         (lambda h: "x", "all of it, which is no table", None),
     ],
 )
-def test_damage_of_the_history_costs_the_damaged_part(
+def test_only_the_damaged_part_of_a_history_is_left_out(
     change: Callable[[dict[str, Any]], object],
     words: str,
     left: list[float | None] | None,
     tmp_path: Path,
 ) -> None:
-    def only_text(history: dict[str, Any]) -> object:
+    def replacement(history: dict[str, Any]) -> object:
         found = change(history)
         return found if found == "x" else None
 
-    history = damaged(tmp_path, only_text)
+    history = damaged_history(tmp_path, replacement)
     assert history.damage.startswith(words)
-    assert history.errors.get(KEY) == left
+    assert history.errors.get(CHANNEL_KEY) == left
     if not words.startswith("all"):
         whole = history.errors["fourbar/sweep/mujoco/pin.x"]
         assert len(whole) == len(history.reports) >= 2
         assert None not in whole
 
 
-def test_damage_is_not_written_again(tmp_path: Path) -> None:
-    history = damaged(tmp_path, lambda h: h["errors"][KEY].append(1.0) and None)
-    write_record(tmp_path, make_record(rows(ONE), MADE), history)
+def test_damage_of_a_history_is_not_written_again(tmp_path: Path) -> None:
+    history = damaged_history(tmp_path, lambda h: h["errors"][CHANNEL_KEY].append(1.0) and None)
+    write_record(tmp_path, make_record(result_with(AGREEING_ROW), MADE), history)
     assert read_last(tmp_path).wrong == ""
     assert "damage" not in (tmp_path / "results.json").read_text()
 
@@ -201,7 +205,7 @@ def test_damage_is_not_written_again(tmp_path: Path) -> None:
 # ------------------------------------------------------------------ the page
 
 
-def planted(c: Any, k: int) -> float | None:
+def known_error(c: Any, k: int) -> float | None:
     """The error of a channel in report `k`, from 1 to 4.
 
     The error of one curve grows tenfold from report to report, from 1e-10 on.  The errors of the
@@ -211,16 +215,16 @@ def planted(c: Any, k: int) -> float | None:
         return 10.0 ** (k - 11)
     if c.run == "dynamics" and c.channel == "rocker":
         return [1e-8, 0.0, None, 1e-8][k - 1]
-    return OFF
+    return ERROR_SHARE
 
 
 @pytest.fixture(scope="module")
 def folder(fourbar: Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a report that was written after four others."""
     out = tmp_path_factory.mktemp("trend")
-    result = whole_result(fourbar, off=OFF)
-    laws = [lambda c, k=k: planted(c, k) for k in (1, 2, 3, 4)]
-    write_record(out, make_record(result, MADE), history_of(result, *laws))
+    result = result_from_references(fourbar, off=ERROR_SHARE)
+    errors_by_report = [lambda c, k=k: known_error(c, k) for k in (1, 2, 3, 4)]
+    write_record(out, make_record(result, MADE), history_of(result, *errors_by_report))
     with without_figures():
         write_report(result, out)
     return out
@@ -246,7 +250,7 @@ class TrendVisit(Visit):
         return [float(re.findall(r"[\d.]+", text)[1]) for text in found]
 
 
-def test_planted_errors_stand_where_they_are(folder: Path, browser: Any) -> None:
+def test_known_errors_are_drawn_at_their_heights(folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder) as visit:
         heights = visit.heights("mujoco")
         steps = [a - b for a, b in pairwise(heights)]
@@ -265,7 +269,7 @@ def test_planted_errors_stand_where_they_are(folder: Path, browser: Any) -> None
         assert all(url.startswith(folder.as_uri()) for url in visit.asked)
 
 
-def test_the_worst_is_first_and_beyond_its_allowance_filled(folder: Path, browser: Any) -> None:
+def test_the_worst_channel_is_first_and_has_filled_points(folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder) as visit:
         visit.run("chooseTrend(0)")
         ratios = visit.run("trend.channels.map(worstRatio)")
@@ -277,7 +281,7 @@ def test_the_worst_is_first_and_beyond_its_allowance_filled(folder: Path, browse
         assert "✗" in item.inner_text()
 
 
-def test_zero_and_missing_errors(folder: Path, browser: Any) -> None:
+def test_zero_errors_are_drawn_and_missing_ones_leave_gaps(folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder, "rocker") as visit:
         heights = visit.heights("mujoco")
         assert len(heights) == 4  # one of five reports has no error
@@ -289,19 +293,19 @@ def test_zero_and_missing_errors(folder: Path, browser: Any) -> None:
         ).join(["\n", "\n"])
 
 
-def test_a_pointer_and_keys_tell_reports(folder: Path, browser: Any) -> None:
+def test_pointer_and_keys_select_a_report(folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder) as visit:
-        told = "#trend-told"
-        assert "this report" in visit.page.inner_text(told)
+        report_text = "#trend-told"
+        assert "this report" in visit.page.inner_text(report_text)
         box = visit.page.locator("#trend-plot").bounding_box()
         across = visit.run("trendPlaces.across(1)")
         visit.page.mouse.move(box["x"] + across, box["y"] + 60)
-        words = visit.page.inner_text(told)
+        words = visit.page.inner_text(report_text)
         assert "2026-01-02 08:00 UTC, commit 0000002+" in words
         assert "MuJoCo 1e−9, 1e−3 of what is allowed now" in words
         assert f"proofmass {MADE.versions['proofmass']}, mujoco 1.0" in words
         visit.page.mouse.move(2, 2)
-        assert "this report" in visit.page.inner_text(told)
+        assert "this report" in visit.page.inner_text(report_text)
         visit.page.focus("#trend-plot")
         visit.page.keyboard.press("Home")
         for _ in range(2):
@@ -309,7 +313,7 @@ def test_a_pointer_and_keys_tell_reports(folder: Path, browser: Any) -> None:
         plot = visit.page.locator("#trend-plot")
         assert plot.get_attribute("aria-valuenow") == "3"
         assert plot.get_attribute("aria-valuetext").startswith("2026-01-03 08:00 UTC, commit")
-        assert "before: mujoco 1.0 → 2.0" in visit.page.inner_text(told)
+        assert "before: mujoco 1.0 → 2.0" in visit.page.inner_text(report_text)
         assert "MuJoCo from 1e−10 to 1e−7, at most 1e−7, allowed 1e−6" in plot.get_attribute(
             "aria-label"
         )
@@ -322,7 +326,7 @@ def test_a_pointer_and_keys_tell_reports(folder: Path, browser: Any) -> None:
         assert visit.page.locator("#trend-list [aria-selected=true]").count() == 1
 
 
-def test_each_report_stands_in_a_table(folder: Path, browser: Any) -> None:
+def test_each_report_is_listed_in_a_table(folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder) as visit:
         visit.page.locator("#trend-plot ~ details summary").click()
         lines = visit.run("[...find('#trend-table').tBodies[0].rows].map((row) => row.innerText)")
@@ -335,7 +339,7 @@ def test_each_report_stands_in_a_table(folder: Path, browser: Any) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
-def test_axe_finds_nothing(scheme: str, folder: Path, browser: Any) -> None:
+def test_axe_finds_no_accessibility_violation(scheme: str, folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder, color_scheme=scheme) as visit:
         visit.run("findAll('#trend details').forEach((one) => one.setAttribute('open', ''))")
         wrong, met = visit.axe("#trend")
@@ -343,7 +347,7 @@ def test_axe_finds_nothing(scheme: str, folder: Path, browser: Any) -> None:
         assert met > 10
 
 
-def test_a_phone_shows_it_in_one_column(folder: Path, browser: Any) -> None:
+def test_a_phone_shows_the_trend_in_one_column(folder: Path, browser: Any) -> None:
     with TrendVisit(browser, folder, viewport=PHONE) as visit:
         assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
         sides = visit.run(
@@ -354,11 +358,11 @@ def test_a_phone_shows_it_in_one_column(folder: Path, browser: Any) -> None:
         assert visit.small_text("#trend", "one.offsetParent !== null || one.ownerSVGElement") == []
 
 
-def test_the_page_is_small(folder: Path) -> None:
+def test_a_page_with_a_trend_stays_below_its_largest_size(folder: Path) -> None:
     assert (folder / "fourbar.html").stat().st_size < 700_000
 
 
-def test_the_index_leads_to_it(folder: Path, browser: Any) -> None:
+def test_the_index_links_to_the_trend(folder: Path, browser: Any) -> None:
     with Visit(browser, folder / "index.html", reduced_motion="reduce") as visit:
         link = visit.page.locator("tr[data-name=fourbar] .trend-link")
         assert "of fourbar" in link.inner_text() + link.text_content()
@@ -370,8 +374,10 @@ def test_the_index_leads_to_it(folder: Path, browser: Any) -> None:
         assert visit.said == []
 
 
-def test_one_report_says_when_the_trend_begins(fourbar: Case, browser: Any, tmp_path: Path) -> None:
-    result = whole_result(fourbar, off=OFF)
+def test_a_first_report_says_when_the_trend_begins(
+    fourbar: Case, browser: Any, tmp_path: Path
+) -> None:
+    result = result_from_references(fourbar, off=ERROR_SHARE)
     with without_figures():
         write_report(result, tmp_path)
     with Visit(browser, tmp_path / "fourbar.html", reduced_motion="reduce") as visit:

@@ -26,13 +26,13 @@ from proofmass.report.views import (
     view_figure,
 )
 from proofmass.sidecar import load_case
-from tests.report.test_report import case_of, curves_of, result_of
-from tests.report.whole import whole_result
+from tests.report.test_report import case_with_samples, curves_with_error, result_with_errors
+from tests.report.whole import result_from_references
 from tests.shipped import shipped
 
-OTHER = {"crank": 0.8, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
-LOOP = View(title="Loop", x="rocker", y=("coupler.angle", "holding_moment"))
-STUB = '''"""A crank with a spring in it."""
+OTHER_LENGTHS = {"crank": 0.8, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": 1}
+LOOP_VIEW = View(title="Loop", x="rocker", y=("coupler.angle", "holding_moment"))
+STUB_REFERENCE = '''"""A crank with a spring in it."""
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def properties(*, stiffness, target="sine", weight=0.0):
 '''
 
 
-MORE = """
+VIEW_TABLES = """
 [[view]]
 title = "Moment over angle"
 x = "crank"
@@ -72,49 +72,56 @@ parameters = { stiffness = 4.0, target = "cosine", weight = 2.0 }
 
 
 @pytest.fixture
-def stub(stubbed) -> Path:
+def stub(write_stub_sidecar) -> Path:
     """A sidecar whose reference has a parameter that is a word, marks and properties."""
-    return stubbed("sprung_crank", STUB, 'stiffness = 2.0\ntarget = "sine"', MORE)
+    return write_stub_sidecar(
+        "sprung_crank", STUB_REFERENCE, 'stiffness = 2.0\ntarget = "sine"', VIEW_TABLES
+    )
 
 
-def judged(sidecar: Path) -> list[Comparison]:
+def perfect_comparisons(sidecar: Path) -> list[Comparison]:
     """Comparisons of curves that are exactly those of the reference."""
     case = load_case(sidecar)
-    return compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+    return compare(case, "sweep", "mujoco", curves_with_error(case, "sweep", 0.0))
 
 
-def with_views(*views: View, **beside: dict) -> Case:
+def fourbar_with_views(*views: View, **parameter_sets: dict) -> Case:
     """The four-bar with views, and with other parameter sets to compare with."""
-    table = case_of("fourbar").model_dump(by_alias=True)
-    table |= {"view": views, "compare_with": {k: {"parameters": p} for k, p in beside.items()}}
+    table = case_with_samples("fourbar").model_dump(by_alias=True)
+    table |= {
+        "view": views,
+        "compare_with": {k: {"parameters": p} for k, p in parameter_sets.items()},
+    }
     return Case(**table)
 
 
-def view_of(case: Case, off: float = 0.0, kind: str = "sweep") -> Viewed:
+def apply_first_view(case: Case, off: float = 0.0, kind: str = "sweep") -> Viewed:
     """The first view of a case, applied to curves with errors of `off` times their range."""
-    return apply_view(plotted_run(result_of(case, **{kind: off}), case, kind), case.view[0])
+    return apply_view(
+        plotted_run(result_with_errors(case, **{kind: off}), case, kind), case.view[0]
+    )
 
 
-def test_ways_of_a_swing() -> None:
+def test_a_swing_is_split_into_monotonic_stretches() -> None:
     x = -np.cos(np.linspace(0, 4 * np.pi, 41))
     assert monotonic_stretches(x) == [(slice(10 * k, 10 * k + 11), k % 2 == 0) for k in range(4)]
 
 
-def test_ways_pass_over_a_rest_and_over_rounding() -> None:
+def test_rest_and_rounding_do_not_split_a_stretch() -> None:
     x = np.array([0.0, 1.0, 1.0 + 1e-15, 1.0, 2.0, 2.0])
     assert monotonic_stretches(x) == [(slice(0, 6), True)]
     assert len(monotonic_stretches(np.ones(4))) == 1
 
 
-def test_a_channel_as_x_is_measured_and_its_reference_is_not() -> None:
-    case = with_views(LOOP)
-    view, crank = view_of(case, off=0.01), np.linspace(0, 2 * np.pi, 37)
-    truth = solve(crank, **case.parameters)["rocker_angle"]
-    assert np.array_equal(view.over.reference["mujoco"].x, truth)
+def test_a_channel_as_x_has_values_of_the_solver_and_of_the_reference() -> None:
+    case = fourbar_with_views(LOOP_VIEW)
+    view, crank = apply_first_view(case, off=0.01), np.linspace(0, 2 * np.pi, 37)
+    expected = solve(crank, **case.parameters)["rocker_angle"]
+    assert np.array_equal(view.over.reference["mujoco"].x, expected)
     # the error is a sine of a hundredth of the range
     assert (
         np.abs(
-            view.over.curves["mujoco"].x - truth - 0.01 * np.ptp(truth) * np.sin(9 * crank)
+            view.over.curves["mujoco"].x - expected - 0.01 * np.ptp(expected) * np.sin(9 * crank)
         ).max()
         < 1e-15
     )
@@ -122,47 +129,53 @@ def test_a_channel_as_x_is_measured_and_its_reference_is_not() -> None:
     assert (view.over.x_name, view.over.x_unit) == ("rocker", "deg")
 
 
-def test_a_driven_joint_and_a_quantity_as_x() -> None:
-    by_joint = view_of(with_views(LOOP.model_copy(update={"x": "crank"})))
+def test_a_driven_joint_or_a_quantity_can_be_x() -> None:
+    by_joint = apply_first_view(fourbar_with_views(LOOP_VIEW.model_copy(update={"x": "crank"})))
     assert by_joint.x == pytest.approx(np.arange(0, 361, 10))
     assert by_joint.over.x_name == "crank angle"
-    by_name = view_of(with_views(View(title="t", x="rocker_angle", y="coupler_angle")))
-    assert np.array_equal(by_name.x, view_of(with_views(LOOP)).x)
+    by_name = apply_first_view(
+        fourbar_with_views(View(title="t", x="rocker_angle", y="coupler_angle"))
+    )
+    assert np.array_equal(by_name.x, apply_first_view(fourbar_with_views(LOOP_VIEW)).x)
     assert by_name.own.units == {"rocker_angle": "rad", "coupler_angle": "rad"}
 
 
-def test_a_view_is_of_the_first_run_that_records_it() -> None:
-    case = with_views(LOOP, LOOP.model_copy(update={"y": ("rocker",), "run": "dynamics"}))
-    runs = [plotted_run(result_of(case, sweep=0.0, dynamics=0.0), case, k) for k in case.run]
+def test_a_view_shows_the_first_run_that_records_its_curves() -> None:
+    case = fourbar_with_views(
+        LOOP_VIEW, LOOP_VIEW.model_copy(update={"y": ("rocker",), "run": "dynamics"})
+    )
+    runs = [
+        plotted_run(result_with_errors(case, sweep=0.0, dynamics=0.0), case, k) for k in case.run
+    ]
     assert [v.over.kind for v in apply_views(case, runs)] == ["sweep", "dynamics"]
 
 
-def test_panels_hold_the_curves_and_their_difference() -> None:
-    case = with_views(LOOP, other=OTHER)
-    view = view_of(case, off=0.01)
+def test_panels_show_the_curves_and_their_differences() -> None:
+    case = fourbar_with_views(LOOP_VIEW, other=OTHER_LENGTHS)
+    view = apply_first_view(case, off=0.01)
     with rc_context(RC):
         coupler, below, moment, _ = view_figure(view, solver_looks(["mujoco"])).axes
     reference, out, *_, thin = coupler.lines
     crank = np.linspace(0, 2 * np.pi, 37)
-    truth = solve(crank, **case.parameters)
-    assert np.array_equal(reference.get_xdata(), np.degrees(truth["rocker_angle"]))
-    assert np.array_equal(reference.get_ydata(), np.degrees(truth["coupler_angle"]))
-    beside = solve(crank, **OTHER)
-    assert np.array_equal(thin.get_xdata(), np.degrees(truth["rocker_angle"]))
-    assert np.array_equal(thin.get_ydata(), np.degrees(beside["coupler_angle"]))
+    expected = solve(crank, **case.parameters)
+    assert np.array_equal(reference.get_xdata(), np.degrees(expected["rocker_angle"]))
+    assert np.array_equal(reference.get_ydata(), np.degrees(expected["coupler_angle"]))
+    other_curves = solve(crank, **OTHER_LENGTHS)
+    assert np.array_equal(thin.get_xdata(), np.degrees(expected["rocker_angle"]))
+    assert np.array_equal(thin.get_ydata(), np.degrees(other_curves["coupler_angle"]))
     assert max(line.get_ydata().max() for line in below.lines[:2]) == pytest.approx(
-        0.01 * np.ptp(truth["coupler_angle"]), rel=0.02
+        0.01 * np.ptp(expected["coupler_angle"]), rel=0.02
     )  # the maximum of the sine is between samples
     assert [line.get_markerfacecolor() for line in coupler.lines[1:3]] == ["#0072B2", "white"]
     assert np.all(np.diff(out.get_xdata()) < 0)
     assert moment.get_ylabel() == "[N·m]"
 
 
-def stacked(**parts: np.ndarray) -> Viewed:
+def stacked_view(**parts: np.ndarray) -> Viewed:
     """A stack of these parts over an angle that goes from 0 to 90 degrees and back."""
     values = {"x": 0.25 * np.pi * (1 - np.cos(np.linspace(0, 2 * np.pi, 61))), **parts}
     view = View(title="t", x="x", stack=tuple(parts), unit="J", x_unit="rad")
-    over = view_of(with_views(LOOP)).over
+    over = apply_first_view(fourbar_with_views(LOOP_VIEW)).over
     seen = PlotData(values, {"x": "rad"} | dict.fromkeys(parts, "J"), {})
     return Viewed(
         view,
@@ -172,9 +185,9 @@ def stacked(**parts: np.ndarray) -> Viewed:
     )
 
 
-def test_a_flat_sum_is_said_and_drawn_flat() -> None:
+def test_a_constant_sum_is_described_and_drawn_as_constant() -> None:
     angle = 0.25 * np.pi * (1 - np.cos(np.linspace(0, 2 * np.pi, 61)))
-    view = stacked(spring=2 * (1 - np.cos(angle)), weight=2 * np.cos(angle))
+    view = stacked_view(spring=2 * (1 - np.cos(angle)), weight=2 * np.cos(angle))
     assert format_spread(view).startswith("2 to 2 J, a spread of ")
     with rc_context(RC):
         pile, below = view_figure(view, {}).axes
@@ -185,9 +198,9 @@ def test_a_flat_sum_is_said_and_drawn_flat() -> None:
     assert np.abs(below.lines[0].get_ydata()).max() < 1e-15
 
 
-def test_what_is_below_zero_goes_downwards() -> None:
+def test_negative_parts_of_a_stack_are_drawn_downwards() -> None:
     one, angle = np.ones(61), np.linspace(0, 1, 61)
-    view = stacked(up=2 * one, down=-one, both=angle - 0.5)
+    view = stacked_view(up=2 * one, down=-one, both=angle - 0.5)
     assert format_spread(view) == "0.5 to 1.5 J, a spread of 1 J, 100 % of its mean"
     with rc_context(RC):
         up, down, both = (
@@ -197,9 +210,9 @@ def test_what_is_below_zero_goes_downwards() -> None:
     assert both.min() == pytest.approx(-1.5)  # stacked below the other negative part
 
 
-def test_near_marks_share_their_words() -> None:
-    view = view_of(
-        with_views(
+def test_marks_that_are_near_each_other_share_a_text() -> None:
+    view = apply_first_view(
+        fourbar_with_views(
             View(
                 title="t",
                 x="crank",
@@ -212,10 +225,12 @@ def test_near_marks_share_their_words() -> None:
     assert group_marks(view)[1]["c"] == pytest.approx(np.degrees(2.0))
 
 
-def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Path) -> None:
+def test_word_parameters_marks_and_properties_come_from_the_reference(
+    stub: Path, tmp_path: Path
+) -> None:
     # a parameter that is a word has no relative change
-    assert set(judged(stub)[0].detectable) == {"stiffness"}
-    result = result_of(load_case(stub), sweep=0.0)
+    assert set(perfect_comparisons(stub)[0].detectable) == {"stiffness"}
+    result = result_with_errors(load_case(stub), sweep=0.0)
     page = write_report(result, tmp_path / "r").with_name("fourbar.html").read_text("utf-8")
     text = re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
     assert "<dt>target</dt><dd>sine</dd>" in text
@@ -268,38 +283,38 @@ def test_words_places_and_facts_come_from_the_reference(stub: Path, tmp_path: Pa
         ),
     ],
 )
-def test_errors_name_the_key_and_what_there_is(stub, old, new, words) -> None:
+def test_errors_of_a_view_name_the_key_and_the_known_values(stub, old, new, words) -> None:
     text, hits = re.subn(old, new, stub.read_text(), count=1, flags=re.DOTALL)
     assert hits
     if "run.dynamics" in words[0]:
         text = text.replace('unit = "N m" }', 'unit = "N m", only = "sweep" }')
     stub.write_text(text)
     with pytest.raises(InputError) as caught:
-        judged(stub)
+        perfect_comparisons(stub)
     assert all(word in str(caught.value) for word in ["fourbar.toml", *words]), str(caught.value)
 
 
-def test_lengths_beside_that_cannot_close_are_named() -> None:
-    case = with_views(LOOP, short=OTHER | {"coupler": 0.1})
+def test_compared_lengths_that_cannot_close_are_named() -> None:
+    case = fourbar_with_views(LOOP_VIEW, short=OTHER_LENGTHS | {"coupler": 0.1})
     with pytest.raises(InputError, match=r"compare_with\.'short'\.parameters"):
-        compare(case, "sweep", "mujoco", curves_of(case, "sweep", 0.0))
+        compare(case, "sweep", "mujoco", curves_with_error(case, "sweep", 0.0))
 
 
-def test_a_recorded_curve_has_views_but_no_parameters_beside() -> None:
+def test_a_recorded_curve_has_views_but_no_other_parameter_sets() -> None:
     case = load_case(shipped("hacksaw_recorded.toml"))
     name, unit = next((c.equals, c.unit) for c in case.channels.values())
     view = View(title="t", x=case.drive[0].joint, y=name)
     case = case.model_copy(update={"view": (view,)})
-    found = view_of(case)
+    found = apply_first_view(case)
     assert found.own.units[name] == unit
     table = case.model_dump(by_alias=True) | {"compare_with": {"a": {"parameters": {"crank": 1.0}}}}
     with pytest.raises(InputError, match="a recorded curve, which has none"):
-        view_of(Case(**table))
+        apply_first_view(Case(**table))
 
 
-def test_solvers_that_lack_the_x_are_not_drawn() -> None:
-    case = with_views(LOOP)
-    result = result_of(case, sweep=0.0)
+def test_solvers_without_the_channel_of_x_are_not_drawn() -> None:
+    case = fourbar_with_views(LOOP_VIEW)
+    result = result_with_errors(case, sweep=0.0)
     del result.curves[case.name, "sweep", "mujoco"].channels["rocker"]
     view = apply_view(plotted_run(result, case, "sweep"), case.view[0])
     assert not view.over.curves
@@ -314,14 +329,14 @@ def test_springs_are_drawn_as_spirals(models, edit, tmp_path, stiffness) -> None
     edit("fourbar.xml", '<joint name="rocker"/>', f'<joint name="rocker" stiffness="{stiffness}"/>')
     case = load_case(models / "fourbar.toml")
     assert joints_with_springs(case) == {"rocker"}
-    write_report(result_of(case), tmp_path)
+    write_report(result_with_errors(case), tmp_path)
     drawing = (tmp_path / "figures" / "fourbar-mechanism.svg").read_text(encoding="utf-8")
     assert "spiral: torsion spring" in drawing
 
 
 def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
     case = load_case(shipped("rod_snap.toml"))
-    run = plotted_run(whole_result(case), case, "sweep")
+    run = plotted_run(result_from_references(case), case, "sweep")
     before = apply_views(case, [run])
     assert before
 

@@ -21,15 +21,15 @@ from proofmass.solve import plan_run
 
 
 @contextmanager
-def without_figures(*but: str) -> Iterator[None]:
+def without_figures(*kept: str) -> Iterator[None]:
     """Leave the static figures out of pages that are written in this context.
 
-    Cases with views and the cases named in `but` keep their figures.
+    Cases with views and the cases named in `kept` keep their figures.
     """
     isolated = case_figures.call_isolated
 
     def left_out(function, case, *args, **limits):
-        if function is case_figures.draw_figures and not case.view and case.name not in but:
+        if function is case_figures.draw_figures and not case.view and case.name not in kept:
             return {}
         return isolated(function, case, *args, **limits)
 
@@ -38,7 +38,7 @@ def without_figures(*but: str) -> Iterator[None]:
         yield
 
 
-def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> Result:
+def result_from_references(*cases: Case, off: float = 1e-13, detectable: bool = False) -> Result:
     """A result whose curves differ from their references by waves.
 
     The amplitude of the waves is the share `off` of each curve's range.  Each solver has a wave of
@@ -50,13 +50,13 @@ def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> 
         for kind, run in case.run.items():
             planned = plan_run(case, kind, "mujoco")
             state = planned.motion(planned.x) if planned.drives else None
-            truth = evaluate(case, kind, planned.x, state).channels
+            reference = evaluate(case, kind, planned.x, state).channels
             for number, solver in enumerate(run.solvers):
                 wave = np.cos((3 + number) * np.linspace(0, 2, len(planned.x)) + number)
                 curves = Curves(
                     planned.x,
                     {
-                        name: truth[name] + off * (np.ptp(truth[name]) or 1.0) * wave
+                        name: reference[name] + off * (np.ptp(reference[name]) or 1.0) * wave
                         for name in case.channels_of(kind)
                     },
                     drive=state,
@@ -70,16 +70,16 @@ def whole_result(*cases: Case, off: float = 1e-13, detectable: bool = False) -> 
     return result
 
 
-def failed_result(case: Case, result: Result, *solvers: str, samples: int = 100) -> Result:
+def with_failed_dynamics(case: Case, result: Result, *solvers: str, samples: int = 100) -> Result:
     """The result with failed dynamics of these solvers, whose curves end after `samples` samples.
 
     The other curves stay as they are.
     """
     keys = {(case.name, "dynamics", solver) for solver in solvers}
-    cut = {}
+    failed_curves = {}
     for key in keys:
         whole = result.curves[key]
-        cut[key] = replace(
+        failed_curves[key] = replace(
             whole,
             x=whole.x[:samples],
             channels={name: curve[:samples] for name, curve in whole.channels.items()},
@@ -88,7 +88,7 @@ def failed_result(case: Case, result: Result, *solvers: str, samples: int = 100)
     return replace(
         result,
         curves={key: c for key, c in result.curves.items() if key not in keys},
-        failed=cut,
+        failed=failed_curves,
         comparisons=[
             Comparison(c.case, c.solver, c.run, c.channel, c.unit, outcome="diverged", message="!")
             if (c.case, c.run, c.solver) in keys

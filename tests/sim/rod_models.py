@@ -14,15 +14,15 @@ from tests.shipped import shipped
 
 ENGINES = {"mujoco": with_mujoco.simulate, "pymunk": with_pymunk.simulate}
 FIGURES = json.loads((Path(__file__).parents[1] / "data" / "rod_in_engines.json").read_text())
-PAIR = shipped("rfr2_natural.xml")
-CLAMPS = np.radians([40.0, 60.0])
-STEEL = 210e9 * np.pi * 0.0015**4 / 64  # bending stiffness EI [N m2] of the pair's rods
+PAIR_MODEL = shipped("rfr2_natural.xml")
+CLAMP_ANGLES = np.radians([40.0, 60.0])
+STEEL_STIFFNESS = 210e9 * np.pi * 0.0015**4 / 64  # bending stiffness EI [N m2] of the pair's rods
 MODEL = """<mujoco><compiler angle="radian"/><option gravity="{gravity}"><flag contact="disable"/>
   </option><worldbody><site name="ground"/>{bodies}</worldbody><actuator>{actuators}</actuator>
   <sensor>{sensors}</sensor><keyframe><key name="start" ctrl="{ctrl}"/></keyframe></mujoco>"""
 
 
-def model(
+def write_model(
     folder: Path,
     bodies: str = "",
     actuators: str = "",
@@ -40,13 +40,13 @@ def model(
     return file
 
 
-def pull(site: str, *gear: float) -> str:
+def dead_load(site: str, *gear: float) -> str:
     """The MJCF of a motor that applies a dead load: force and moment in world axes, at a site."""
     row = " ".join(map(str, [*gear, *[0.0] * (6 - len(gear))]))
     return f'<motor name="pull" site="{site}" refsite="ground" gear="{row}"/>'
 
 
-def rest(
+def equilibrium_curves(
     engine: str,
     file: Path,
     rods: tuple[Rod, ...],
@@ -59,22 +59,25 @@ def rest(
     return ENGINES[engine](file, Run("equilibrium", s, channels, drives, rods=rods))
 
 
-def constant(value: float, x: Array) -> tuple[Array, Array, Array]:
+def constant_profile(value: float, x: Array) -> tuple[Array, Array, Array]:
     """A motion profile that keeps a joint at a value."""
     return np.full(x.shape, value), 0 * x, 0 * x
 
 
-def pair(name: str, segments: int, scheme: str = "half") -> tuple[Rod, Rod]:
+def rod_pair(name: str, segments: int, scheme: str = "half") -> tuple[Rod, Rod]:
     """The two rods of the pair, with the turns that lead to one of its equilibria."""
     left, right = np.radians(FIGURES["pair"][name]["turns"])
-    made = 1.0, STEEL, segments
+    dimensions = 1.0, STEEL_STIFFNESS, segments
     return (
-        Rod("left", "clamp1", None, *made, ("clamped", "free"), scheme, turn=left),
-        Rod("right", "clamp2", "left.tip", *made, ("clamped", "pinned"), scheme, turn=right),
+        Rod("left", "clamp1", None, *dimensions, ("clamped", "free"), scheme, turn=left),
+        Rod("right", "clamp2", "left.tip", *dimensions, ("clamped", "pinned"), scheme, turn=right),
     )
 
 
-def held() -> tuple[Drive, Drive]:
+def fixed_motors() -> tuple[Drive, Drive]:
     """The drives that keep the pair's two motors at the angles of the clamps."""
-    one, two = (Drive(f"motor{k}", partial(constant, angle)) for k, angle in enumerate(CLAMPS, 1))
+    one, two = (
+        Drive(f"motor{k}", partial(constant_profile, angle))
+        for k, angle in enumerate(CLAMP_ANGLES, 1)
+    )
     return one, two

@@ -23,9 +23,9 @@ from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.pymunk import loads as pymunk_loads
 from proofmass.solve import call_engine, plan_run, prescribed_run
 from tests.shipped import shipped
-from tests.verdicts import verdicts
+from tests.verdicts import all_comparisons
 
-CHANGING = {
+CASES_WITH_CHANGEABLE_LOADS = {
     "fourbar": "fourbar",
     "slider_crank": "slider_crank",
     "hacksaw": "hacksaw",
@@ -38,7 +38,7 @@ CHANGING = {
 MOTION = {"angle", "rate", "acceleration", "sliders", "inputs", "s", "time", "value"}
 
 
-def may_change(name: str) -> list[str]:
+def changeable_parameters(name: str) -> list[str]:
     """Names of the parameters of a reference that may change along a path."""
     parameters = inspect.signature(importlib.import_module(REFERENCES[name]).solve).parameters
     return [
@@ -48,18 +48,22 @@ def may_change(name: str) -> list[str]:
     ]
 
 
-def test_all_references_whose_loads_change_are_tried_here():
-    assert {name for name in REFERENCES if may_change(name)} == set(CHANGING)
+def test_every_reference_with_changeable_loads_has_a_case_here():
+    assert {name for name in REFERENCES if changeable_parameters(name)} == set(
+        CASES_WITH_CHANGEABLE_LOADS
+    )
 
 
-@pytest.mark.parametrize("name", CHANGING)
-def test_a_load_along_a_path_is_the_load_of_each_place(name):
+@pytest.mark.parametrize("name", CASES_WITH_CHANGEABLE_LOADS)
+def test_curves_under_a_changing_load_are_those_of_each_constant_load(name):
     """A reference is solved at several samples with a load that changes from sample to sample.
 
     At each sample its curves must equal those that it computes with the constant load of the same
     size.
     """
-    case = load_case(shipped(f"{CHANGING[name]}.toml")).model_copy(update={"load": ()})
+    case = load_case(shipped(f"{CASES_WITH_CHANGEABLE_LOADS[name]}.toml")).model_copy(
+        update={"load": ()}
+    )
     solve = importlib.import_module(REFERENCES[name]).solve
     x = run_samples(case, "sweep")[:: max(1, run_samples(case, "sweep").size // 6)][:5]
     state = [
@@ -67,15 +71,15 @@ def test_a_load_along_a_path_is_the_load_of_each_place(name):
         for part in prescribed_run(case, "sweep").motion(x)
     ]
     share = np.linspace(0.2, 1.3, x.size)
-    given = dict(case.parameters)
-    sizes = {key: float(given.get(key) or 0.7) for key in may_change(name)}
-    found = solve(*state, **given | {key: size * share for key, size in sizes.items()})
+    parameters = dict(case.parameters)
+    sizes = {key: float(parameters.get(key) or 0.7) for key in changeable_parameters(name)}
+    found = solve(*state, **parameters | {key: size * share for key, size in sizes.items()})
     for k in range(x.size):
-        alone = solve(*state, **given | {key: size * share[k] for key, size in sizes.items()})
+        alone = solve(*state, **parameters | {key: size * share[k] for key, size in sizes.items()})
         for key, curve in found.items():
             # in references of rods, Newton's method ends at 1e-10 of the unknowns' sizes
             np.testing.assert_allclose(curve[..., k], alone[key][..., k], rtol=1e-7, atol=1e-8)
-    constant = solve(*state, **given | {key: size * share[0] for key, size in sizes.items()})
+    constant = solve(*state, **parameters | {key: size * share[0] for key, size in sizes.items()})
     assert any(not np.allclose(constant[key][..., -1], found[key][..., -1]) for key in found)
 
 
@@ -90,22 +94,26 @@ PLATFORM = load_case(shipped("pfr3.toml"))
         (PLATFORM, rod_platform_driven, ("x", "y", "phi"), ("x_rate", "y_rate", "phi_rate")),
     ],
 )
-def test_rates_under_a_load_that_grows_are_slopes_of_the_path(case, module, places, rates):
+def test_rates_under_a_growing_load_are_derivatives_of_the_path(case, module, places, rates):
     t = np.linspace(0.0, 1.0, 41)
     start = np.array([[drive.start] for drive in case.drive])
-    way = np.array([[(drive.to - drive.start) / 2] for drive in case.drive])
+    half_range = np.array([[(drive.to - drive.start) / 2] for drive in case.drive])
     parameters = dict(case.parameters)
-    loads = {key: parameters.get(key, 0.01) for key in may_change(case.reference)}
+    loads = {key: parameters.get(key, 0.01) for key in changeable_parameters(case.reference)}
     growing = {key: size * t**2 for key, size in loads.items()}
     speed = {key: 2 * size * t for key, size in loads.items()}
-    found = module.solve(start + way * t, way, **parameters | growing, load_rates=speed)
-    silent = module.solve(start + way * t, way, **parameters | growing)
+    found = module.solve(
+        start + half_range * t, half_range, **parameters | growing, load_rates=speed
+    )
+    without_load_rates = module.solve(start + half_range * t, half_range, **parameters | growing)
     for place, rate in zip(places, rates, strict=True):
         slope = CubicSpline(t, found[place])(t, 1)[2:-2]  # the spline's ends are of a lower order
         size = np.abs(slope).max()
         # the error of the spline is proportional to h^4
         np.testing.assert_allclose(found[rate][2:-2], slope, rtol=0, atol=2e-4 * size)
-        assert np.abs(silent[rate][2:-2] - slope).max() > 2e-3 * size  # without the load's rate
+        assert (
+            np.abs(without_load_rates[rate][2:-2] - slope).max() > 2e-3 * size
+        )  # without the load's rate
 
 
 FOUR_BAR = """
@@ -132,7 +140,7 @@ n = 25
 holding_moment = {{ equals = "holding_moment", unit = "N m" }}
 {channels}
 """
-NUMBERS = """crank = 1.0
+FOUR_BAR_PARAMETERS = """crank = 1.0
 coupler = 2.0
 rocker = 2.5
 ground = 3.0
@@ -142,7 +150,7 @@ rocker_mass = 2.5
 gravity = 9.81
 rocker_load = 1.0
 """
-GROWS = 'from = -2.0\nto = 6.0\nscales = "rocker_load"'
+GROWING_LOAD = 'from = -2.0\nto = 6.0\nscales = "rocker_load"'
 
 
 @pytest.fixture
@@ -159,9 +167,11 @@ def four_bar(tmp_path: Path):
     ).replace('<site name="rocker_end"', '<site name="foot"/><site name="rocker_end"')
     (tmp_path / "case.xml").write_text(mjcf)
 
-    def written(reference="fourbar", load=GROWS, motion="to = 6.283185307179586", channels=""):
+    def written(
+        reference="fourbar", load=GROWING_LOAD, motion="to = 6.283185307179586", channels=""
+    ):
         file = tmp_path / "case.toml"
-        numbers = NUMBERS if reference == "fourbar" else ""
+        numbers = FOUR_BAR_PARAMETERS if reference == "fourbar" else ""
         file.write_text(
             FOUR_BAR.format(
                 reference=reference, parameters=numbers, load=load, motion=motion, channels=channels
@@ -173,19 +183,19 @@ def four_bar(tmp_path: Path):
 
 
 @pytest.mark.parametrize("motion", ["to = 6.283185307179586", "to = 3.0\nperiod = 4.0"])
-def test_a_four_bar_whose_rocker_is_loaded_more_and_more(four_bar, motion):
+def test_a_four_bar_under_a_growing_load_agrees(four_bar, motion):
     """Both engines agree with the closed form and with the general solver under a growing load.
 
     The closed form finds the holding moment by virtual work, the general solver by Lagrange
     multipliers.  The part of the holding moment that the load causes must be the control times the
     part that a load of 1 N m causes.
     """
-    closed = verdicts(four_bar(motion=motion))
+    closed = all_comparisons(four_bar(motion=motion))
     assert {c.outcome.value for c in closed} == {"agrees"}
     channels = 'load = { equals = "load", unit = "N m" }\n' + "\n".join(
         f'"at_rocker.{part}" = {{ equals = "at_rocker.{part}", unit = "N" }}' for part in "xy"
     )
-    general = verdicts(four_bar("planar", GROWS.split("scales")[0], motion, channels))
+    general = all_comparisons(four_bar("planar", GROWING_LOAD.split("scales")[0], motion, channels))
     assert {c.outcome.value for c in general} == {"agrees"}
     assert {c.channel for c in general} == {"holding_moment", "load", "at_rocker.x", "at_rocker.y"}
     case = load_case(four_bar(motion=motion))
@@ -203,27 +213,27 @@ def test_a_four_bar_whose_rocker_is_loaded_more_and_more(four_bar, motion):
     np.testing.assert_allclose(asked - empty, control * (unit - plain), rtol=0, atol=1e-12)
 
 
-def test_a_wrong_gear_of_a_changing_load_is_found(four_bar):
+def test_a_wrong_gear_of_a_changing_load_differs(four_bar):
     """Mutation: the motor's moment is 0.1 % larger than the sidecar's parameter says."""
     file = four_bar()
     mjcf = file.with_suffix(".xml")
     mjcf.write_text(
         mjcf.read_text().replace('joint="rocker" gear="1"', 'joint="rocker" gear="1.001"')
     )
-    assert {c.outcome.value for c in verdicts(file)} == {"differs"}
+    assert {c.outcome.value for c in all_comparisons(file)} == {"differs"}
 
 
-def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
+def test_engines_that_ignore_a_changing_load_are_wrong(four_bar, monkeypatch):
     """Mutation: engines leave the control of the load at its value in the key."""
     monkeypatch.setattr(pymunk_loads, "with_controls", lambda links, loads, controls: links)
     set_up = Linkage.__init__
 
-    def idle(self, model, data, joints, loads=()):
+    def set_up_with_wrong_control(self, model, data, joints, loads=()):
         set_up(self, model, data, joints, loads)
         self.data = data
         self.controls = np.array([model.actuator_ctrladr[0]])[: len(loads)]  # that of the drive
 
-    monkeypatch.setattr(Linkage, "__init__", idle)
+    monkeypatch.setattr(Linkage, "__init__", set_up_with_wrong_control)
     case = load_case(four_bar())
     x = run_samples(case, "sweep")
     run = prescribed_run(case, "sweep")
@@ -233,7 +243,7 @@ def test_a_load_that_engines_leave_out_is_found(four_bar, monkeypatch):
         assert np.abs(found - wanted).max() > 1.0
 
 
-def test_a_load_follows_the_rows_of_a_file(four_bar, tmp_path):
+def test_a_load_follows_a_column_of_a_csv_file(four_bar, tmp_path):
     """The control of a load is the column of a CSV file, over the time of an oscillating drive.
 
     The sidecar with this table is also written and read again without a change.
@@ -245,7 +255,7 @@ def test_a_load_follows_the_rows_of_a_file(four_bar, tmp_path):
     (tmp_path / "moments.csv").write_text(f"t [s],M [kN m]\n{rows}\n")
     load = 'profile = { file = "moments.csv", value = "M" }\nscales = ["rocker_load"]'
     file = four_bar(load=load, motion="to = 3.0\nperiod = 4.0")
-    assert {c.outcome.value for c in verdicts(file)} == {"agrees"}
+    assert {c.outcome.value for c in all_comparisons(file)} == {"agrees"}
     case = load_case(file)
     control = prescribed_run(case, "sweep").controls(run_samples(case, "sweep"))[0][0]
     np.testing.assert_allclose(control, 3 * np.sin(run_samples(case, "sweep")), rtol=0, atol=1e-5)
@@ -253,7 +263,7 @@ def test_a_load_follows_the_rows_of_a_file(four_bar, tmp_path):
     assert load_case(tmp_path / "again.toml").load == case.load
 
 
-def test_a_platform_carries_a_load_that_grows(edit):
+def test_a_platform_under_a_growing_load_converges_with_order_2(edit):
     """The load on a platform with three rods on sliders grows from 0.5 to 1.5 times its value.
 
     MuJoCo's errors must fall with the square of the number of links.
@@ -280,7 +290,7 @@ def test_a_platform_carries_a_load_that_grows(edit):
     assert np.abs(plain.channels["force1"] - wanted["force1"]).max() > 10 * errors[20]["force1"]
 
 
-def test_rods_of_the_path_meet_and_carry_the_load_of_their_place():
+def test_rods_under_a_changing_load_meet_at_the_pin():
     """Both rods of a pair end at the pin without moment, under the load of each sample.
 
     They are integrated from their clamps by the Runge-Kutta method, without any closed form.
@@ -356,7 +366,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("old", "new", "words"), BAD.values(), ids=BAD)
-def test_bad_loads_are_named(four_bar, old, new, words):
+def test_bad_loads_are_refused_with_their_key(four_bar, old, new, words):
     file = four_bar()
     text, hits = re.subn(old, new, file.read_text(), count=1)
     assert hits
@@ -379,7 +389,7 @@ def test_bad_loads_are_named(four_bar, old, new, words):
         ('<motor name="load" joint="rocker" group="3"', ["load.actuator", "disabled"]),
     ],
 )
-def test_motors_that_no_load_may_change_are_named(four_bar, motor, words):
+def test_motors_whose_control_may_not_change_are_refused(four_bar, motor, words):
     file = four_bar()
     mjcf = file.with_suffix(".xml")
     text = mjcf.read_text().replace('<motor name="load" joint="rocker"', motor)
@@ -392,12 +402,12 @@ def test_motors_that_no_load_may_change_are_named(four_bar, motor, words):
         assert word in str(result.errors[0])
 
 
-def test_what_engines_do_not_change_is_said(edit, models):
+def test_engines_refuse_friction_and_settling_with_changing_loads(edit, models):
     """Engines refuse a changing load together with dry friction or with ``settled = true``."""
     edit(
         "rfr2_load_path.toml", r"\[run.sweep\]", "[settings.mujoco]\nsettled = true\n\n[run.sweep]"
     )
-    found = verdicts_of(models / "rfr2_load_path.toml", "mujoco")
+    found = refusal_of(models / "rfr2_load_path.toml", "mujoco")
     assert "settled" in found
     text = (models / "rfr2_natural.xml").read_text()
     (models / "rfr2_natural.xml").write_text(
@@ -405,12 +415,12 @@ def test_what_engines_do_not_change_is_said(edit, models):
     )
     edit("rfr2_load_path.toml", r"settled = true", "")
     for engine in ("mujoco", "pymunk"):
-        assert "frictionloss of joint 'motor1'" in verdicts_of(
+        assert "frictionloss of joint 'motor1'" in refusal_of(
             models / "rfr2_load_path.toml", engine
         )
 
 
-def verdicts_of(file: Path, engine: str) -> str:
+def refusal_of(file: Path, engine: str) -> str:
     """The message of the error with which an engine refuses a case; empty if it runs it."""
     case = load_case(file)
     try:

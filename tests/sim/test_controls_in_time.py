@@ -27,12 +27,12 @@ from proofmass.solve import prescribed_run
 from tests.programs import program_curves
 from tests.report.whole import without_figures
 from tests.shipped import shipped
-from tests.verdicts import verdicts
+from tests.verdicts import all_comparisons
 
-AXES = shipped("axes_controlled.toml")
-TIMES, FORCES = (0.0, 0.4, 0.6, 1.0), (1.0, 3.0, 3.0, -2.0)
+CONTROLLED_AXES = shipped("axes_controlled.toml")
+POLYLINE_TIMES, POLYLINE_FORCES = (0.0, 0.4, 0.6, 1.0), (1.0, 3.0, 3.0, -2.0)
 """Times [s] and forces [N] of a polyline whose last force is not its first."""
-T = np.linspace(0.0, 1.0, 6)
+SAMPLE_TIMES = np.linspace(0.0, 1.0, 6)
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Rows:
         return value, np.zeros_like(value), np.zeros_like(value)
 
 
-def pushed(folder: Path, actuator: str, joint: str = "", key: str = "") -> Path:
+def write_pushed_mass(folder: Path, actuator: str, joint: str = "", key: str = "") -> Path:
     """Write a model: a mass of 2 kg on a slide, with a motor of 2 N per unit of its control."""
     file = folder / "slide.xml"
     file.write_text(f"""<mujoco><compiler angle="radian"/><option gravity="0 0 0" timestep="1e-3">
@@ -66,15 +66,21 @@ def pushed(folder: Path, actuator: str, joint: str = "", key: str = "") -> Path:
 
 ON_JOINT = '<motor name="push" joint="x" gear="2"/>'
 ON_SITE = '<motor name="push" site="middle" refsite="ground" gear="2 0 0 0 0 0"/>'
-BOTH = pytest.mark.parametrize("actuator", [ON_JOINT, ON_SITE], ids=["joint", "site"])
+EITHER_ACTUATOR = pytest.mark.parametrize("actuator", [ON_JOINT, ON_SITE], ids=["joint", "site"])
 
 
-def exact(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position and speed of the mass of `pushed`: exact integrals of the polyline."""
+def exact_motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Position and speed of the mass of `write_pushed_mass`: exact integrals of the polyline."""
     x, v, place, speed = 0.1, 0.3, [], []
     for one in t:
         x, v, last = 0.1, 0.3, 0.0
-        for a, b, f, g in zip(TIMES[:-1], TIMES[1:], FORCES[:-1], FORCES[1:], strict=True):
+        for a, b, f, g in zip(
+            POLYLINE_TIMES[:-1],
+            POLYLINE_TIMES[1:],
+            POLYLINE_FORCES[:-1],
+            POLYLINE_FORCES[1:],
+            strict=True,
+        ):
             h, slope = min(one, b) - a, (g - f) / (b - a)  # times 2 N over 2 kg
             if h > 0:
                 x += h * v + f * h**2 / 2 + slope * h**3 / 6
@@ -86,107 +92,115 @@ def exact(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(place), np.array(speed)
 
 
-def polyline(folder: Path):
+def polyline_profile(folder: Path):
     """The sampled profile of the polyline, read from a table."""
-    table = ProfileTable(time=TIMES, value=FORCES, interpolation="linear")
+    table = ProfileTable(time=POLYLINE_TIMES, value=POLYLINE_FORCES, interpolation="linear")
     return make_sampled_profile(folder, table, 0.0, "1")
 
 
-def run(step: float, **settings) -> Run:
+def polyline_run(step: float, **settings) -> Run:
     """A run of 1 s with the polyline as the control of the motor `push`."""
-    loads = (ChangingLoad("push", Rows(TIMES, FORCES)),)
+    loads = (ChangingLoad("push", Rows(POLYLINE_TIMES, POLYLINE_FORCES)),)
     return Run(
         "dynamics",
-        T,
+        SAMPLE_TIMES,
         ("x", "rate", "push", "on_x"),
         settings={"timestep": step, **settings},
         loads=loads,
     )
 
 
-@BOTH
-def test_mujoco_holds_a_control_over_a_step_to_the_second_order(actuator, tmp_path):
+@EITHER_ACTUATOR
+def test_mujoco_takes_a_control_to_the_second_order(actuator, tmp_path):
     """MuJoCo keeps a control constant in each step, at its value in the middle of the step.
 
     With RK4 the speed is exact at the ends of steps.  In a step the speed is a straight line
     instead of a parabola, which moves the position by h^3/12 times the slope of the force.  The
     error of the position is therefore h^2/12 times the change of the force since the start.
     """
-    file, (place, speed) = pushed(tmp_path, actuator), exact(T)
+    file, (place, speed) = write_pushed_mass(tmp_path, actuator), exact_motion(SAMPLE_TIMES)
     for step in (2e-2, 1e-2):
-        found = in_mujoco(file, run(step, integrator="RK4")).channels
-        rose = np.interp(T, TIMES, FORCES) - FORCES[0]
+        found = in_mujoco(file, polyline_run(step, integrator="RK4")).channels
+        rose = np.interp(SAMPLE_TIMES, POLYLINE_TIMES, POLYLINE_FORCES) - POLYLINE_FORCES[0]
         assert np.abs(found["x"] - place - step**2 / 12 * rose).max() < 1e-13
         assert np.abs(found["rate"] - speed).max() < 1e-13
-        assert np.abs(found["push"] - np.interp(T, TIMES, FORCES)).max() < 1e-13
+        assert (
+            np.abs(found["push"] - np.interp(SAMPLE_TIMES, POLYLINE_TIMES, POLYLINE_FORCES)).max()
+            < 1e-13
+        )
 
 
 def test_kinks_between_steps_keep_the_second_order(tmp_path):
-    file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
-    off = []
+    file, place = write_pushed_mass(tmp_path, ON_JOINT), exact_motion(SAMPLE_TIMES)[0]
+    errors = []
     for steps in (7, 14, 28, 56):  # steps between two samples
-        found = in_mujoco(file, run(0.2 / steps - 1e-12, integrator="RK4"))
-        off.append(np.abs(found.channels["x"] - place).max())
-    assert np.log2(off[0] / off[-1]) / 3 == pytest.approx(2.0, abs=0.2)
+        found = in_mujoco(file, polyline_run(0.2 / steps - 1e-12, integrator="RK4"))
+        errors.append(np.abs(found.channels["x"] - place).max())
+    assert np.log2(errors[0] / errors[-1]) / 3 == pytest.approx(2.0, abs=0.2)
 
 
 def test_steps_of_first_order_stay_of_first_order(tmp_path):
-    file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
+    file, place = write_pushed_mass(tmp_path, ON_JOINT), exact_motion(SAMPLE_TIMES)[0]
     for integrator in ("Euler", "implicitfast"):
-        off = [
-            np.abs(in_mujoco(file, run(h, integrator=integrator)).channels["x"] - place).max()
+        errors = [
+            np.abs(
+                in_mujoco(file, polyline_run(h, integrator=integrator)).channels["x"] - place
+            ).max()
             for h in (2e-2, 1e-2)
         ]
-        assert off[0] / off[1] == pytest.approx(2.0, abs=0.1)
+        assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)
 
 
-def test_the_value_at_the_beginning_of_a_step_would_be_of_first_order(tmp_path, monkeypatch):
+def test_controls_of_the_beginning_of_a_step_would_be_of_first_order(tmp_path, monkeypatch):
     """Mutation: a step has the control of its beginning instead of that of its middle."""
-    file, place = pushed(tmp_path, ON_JOINT), exact(T)[0]
-    own = mujoco_dynamics.HeldControls.of
+    file, place = write_pushed_mass(tmp_path, ON_JOINT), exact_motion(SAMPLE_TIMES)[0]
+    original = mujoco_dynamics.HeldControls.of
 
-    def early(model, run, times, count):
+    def controls_of_the_beginning(model, run, times, count):
         half = 0.5 * (times[1] - times[0])
-        return own(model, run, np.append(times[:-1] - half, times[-1] - half), count)
+        return original(model, run, np.append(times[:-1] - half, times[-1] - half), count)
 
-    monkeypatch.setattr(mujoco_dynamics.HeldControls, "of", early)
-    off = [
-        np.abs(in_mujoco(file, run(h, integrator="RK4")).channels["x"] - place).max()
+    monkeypatch.setattr(mujoco_dynamics.HeldControls, "of", controls_of_the_beginning)
+    errors = [
+        np.abs(in_mujoco(file, polyline_run(h, integrator="RK4")).channels["x"] - place).max()
         for h in (2e-2, 1e-2)
     ]
-    assert off[0] / off[1] == pytest.approx(2.0, abs=0.2)
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
 
 
-@BOTH
+@EITHER_ACTUATOR
 def test_pymunk_takes_a_control_to_the_second_order(actuator, tmp_path):
-    file, (place, speed) = pushed(tmp_path, actuator), exact(T)
-    off = []
+    file, (place, speed) = write_pushed_mass(tmp_path, actuator), exact_motion(SAMPLE_TIMES)
+    errors = []
     for step in (2e-2, 1e-2):
-        found = in_pymunk(file, run(step)).channels
-        off.append(np.abs(found["x"] - place).max())
+        found = in_pymunk(file, polyline_run(step)).channels
+        errors.append(np.abs(found["x"] - place).max())
         # the speed at a sample is the mean of those half a step before and behind it
         assert np.abs(found["rate"] - speed).max() < 1e-12
-        assert np.abs(found["push"] - np.interp(T, TIMES, FORCES)).max() < 1e-13
-    assert off[1] < 3e-4
-    assert off[0] / off[1] == pytest.approx(4.0, abs=0.1)
+        assert (
+            np.abs(found["push"] - np.interp(SAMPLE_TIMES, POLYLINE_TIMES, POLYLINE_FORCES)).max()
+            < 1e-13
+        )
+    assert errors[1] < 3e-4
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.1)
 
 
-@BOTH
+@EITHER_ACTUATOR
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_programs_have_the_controls(engine, actuator, tmp_path):
-    file, simulate, writer = pushed(tmp_path, actuator), in_mujoco, mujoco_program
-    given = run(1e-2, integrator="RK4")
+def test_programs_have_the_changing_controls(engine, actuator, tmp_path):
+    file, simulate, writer = write_pushed_mass(tmp_path, actuator), in_mujoco, mujoco_program
+    engine_run = polyline_run(1e-2, integrator="RK4")
     if engine == "pymunk":
-        simulate, writer, given = in_pymunk, pymunk_program, run(1e-2)
-    wanted = simulate(file, given)
-    sampled = polyline(tmp_path)
+        simulate, writer, engine_run = in_pymunk, pymunk_program, polyline_run(1e-2)
+    wanted = simulate(file, engine_run)
+    sampled = polyline_profile(tmp_path)
     assert sampled(np.array([0.2, 0.8]))[0] == pytest.approx([2.0, 0.5], abs=1e-14)
     text = writer.write_program(
         file,
-        replace(given, settings=wanted.settings),
+        replace(engine_run, settings=wanted.settings),
         "",
         "",
-        controls=controls_source([sampled], given.x),
+        controls=controls_source([sampled], engine_run.x),
     )
     assert "np.interp(t, [" in text
     found = program_curves(text, tmp_path)
@@ -194,7 +208,7 @@ def test_programs_have_the_controls(engine, actuator, tmp_path):
         assert np.abs(found[name] - curve).max() < 1e-12, name
 
 
-def test_a_program_of_pymunk_tells_the_moment_of_a_drive_beside_a_load(tmp_path):
+def test_a_pymunk_program_computes_the_holding_moment_under_changing_loads(tmp_path):
     """A program of pymunk computes the holding moment of a four-bar with two changing loads.
 
     The loads are a moment on the rocker and a force on the coupler.
@@ -208,42 +222,53 @@ def test_a_program_of_pymunk_tells_the_moment_of_a_drive_beside_a_load(tmp_path)
     file = tmp_path / "fourbar.xml"
     file.write_text(text, encoding="utf-8")
     swing, t = Swing(0.0, 2.0, 2.0), np.linspace(0.0, 1.0, 21)
-    laws = Rows(TIMES, FORCES), InProportion(swing, 0.0, 3.0, -1.0)
-    loads = ChangingLoad("load", laws[0]), ChangingLoad("wind", laws[1])
+    profiles = Rows(POLYLINE_TIMES, POLYLINE_FORCES), InProportion(swing, 0.0, 3.0, -1.0)
+    loads = ChangingLoad("load", profiles[0]), ChangingLoad("wind", profiles[1])
     names = ("rocker", "holding_moment")
-    given = Run("dynamics", t, names, (Drive("crank", swing),), loads=loads)
-    wanted = in_pymunk(file, replace(given, settings={"timestep": 1e-3}))
+    engine_run = Run("dynamics", t, names, (Drive("crank", swing),), loads=loads)
+    wanted = in_pymunk(file, replace(engine_run, settings={"timestep": 1e-3}))
     sampled = make_sampled_profile(
-        tmp_path, ProfileTable(time=TIMES, value=FORCES, interpolation="linear"), 0.0, "1"
+        tmp_path,
+        ProfileTable(time=POLYLINE_TIMES, value=POLYLINE_FORCES, interpolation="linear"),
+        0.0,
+        "1",
     )
-    source = controls_source([sampled, laws[1]], t)
+    source = controls_source([sampled, profiles[1]], t)
     program = pymunk_program.write_program(
         file,
-        replace(given, settings=wanted.settings),
+        replace(engine_run, settings=wanted.settings),
         motion_source([swing], t),
         "",
         controls=source,
     )
     found = program_curves(program, tmp_path)
-    other = in_mujoco(file, replace(given, settings={"timestep": 1e-3, "integrator": "RK4"}))
-    still = in_pymunk(file, replace(given, loads=(), settings={"timestep": 1e-3}))
+    in_other_engine = in_mujoco(
+        file, replace(engine_run, settings={"timestep": 1e-3, "integrator": "RK4"})
+    )
+    unloaded = in_pymunk(file, replace(engine_run, loads=(), settings={"timestep": 1e-3}))
     for name in names:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-9, name
-        near = 2e-3 * np.ptp(wanted.channels[name])
-        assert np.abs(other.channels[name] - wanted.channels[name]).max() < near, name
-    moments = wanted.channels["holding_moment"], still.channels["holding_moment"]
+        tolerance = 2e-3 * np.ptp(wanted.channels[name])
+        assert np.abs(in_other_engine.channels[name] - wanted.channels[name]).max() < tolerance, (
+            name
+        )
+    moments = wanted.channels["holding_moment"], unloaded.channels["holding_moment"]
     assert np.abs(moments[0] - moments[1]).max() > 1.0
 
 
-STAIR = ProfileTable(time=TIMES, value=FORCES, interpolation="held")
+PIECEWISE_CONSTANT_TABLE = ProfileTable(
+    time=POLYLINE_TIMES, value=POLYLINE_FORCES, interpolation="held"
+)
 
 
-def stepped(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def exact_motion_under_constant_forces(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Position and speed under forces that are constant from row to row: exact integrals."""
     place, speed = [], []
     for one in t:
         x, v = 0.1, 0.3
-        for a, b, force in zip(TIMES, [*TIMES[1:], np.inf], FORCES, strict=True):
+        for a, b, force in zip(
+            POLYLINE_TIMES, [*POLYLINE_TIMES[1:], np.inf], POLYLINE_FORCES, strict=True
+        ):
             h = max(min(one, b) - a, 0.0)
             x, v = x + h * v + force * h**2 / 2, v + force * h
         place.append(x)
@@ -251,72 +276,86 @@ def stepped(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(place), np.array(speed)
 
 
-def held(step: float, **settings) -> Run:
+def piecewise_constant_run(step: float, **settings) -> Run:
     """A run of 1.2 s with a piecewise constant control, beyond its last row at 1 s.
 
     The last row is valid for as long as the one before it.
     """
-    law, t = make_sampled_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 7)
-    assert law.covers(t)
-    assert not law.covers(np.array([0.0, 1.5]))
-    loads = (ChangingLoad("push", law),)
+    profile, t = (
+        make_sampled_profile(Path(), PIECEWISE_CONSTANT_TABLE, 0.0, "1"),
+        np.linspace(0.0, 1.2, 7),
+    )
+    assert profile.covers(t)
+    assert not profile.covers(np.array([0.0, 1.5]))
+    loads = (ChangingLoad("push", profile),)
     names, settings = ("x", "rate", "push"), {"timestep": step, **settings}
     return Run("dynamics", t, names, settings=settings, loads=loads)
 
 
-@BOTH
-def test_a_control_that_is_held_is_a_stair(actuator, tmp_path):
+@EITHER_ACTUATOR
+def test_a_control_is_constant_from_row_to_row(actuator, tmp_path):
     """A control with ``interpolation = "held"`` is piecewise constant in both engines.
 
     MuJoCo's RK4 is exact since steps end at the rows.  In pymunk each jump acts half a step early,
     which is an error of first order.
     """
-    file, given = pushed(tmp_path, actuator), held(2e-2, integrator="RK4")
-    place, speed = stepped(given.x)
-    found = in_mujoco(file, given).channels
+    file, engine_run = (
+        write_pushed_mass(tmp_path, actuator),
+        piecewise_constant_run(2e-2, integrator="RK4"),
+    )
+    place, speed = exact_motion_under_constant_forces(engine_run.x)
+    found = in_mujoco(file, engine_run).channels
     assert np.abs(found["x"] - place).max() < 1e-13
     assert np.abs(found["rate"] - speed).max() < 1e-13
-    assert (found["push"] == given.loads[0].profile(given.x)[0]).all()
-    assert set(found["push"]) == set(FORCES)
-    off = [np.abs(in_pymunk(file, held(h)).channels["x"] - place).max() for h in (2e-2, 1e-2)]
-    assert off[0] < 5e-2
-    assert off[0] / off[1] == pytest.approx(2.0, abs=0.2)
+    assert (found["push"] == engine_run.loads[0].profile(engine_run.x)[0]).all()
+    assert set(found["push"]) == set(POLYLINE_FORCES)
+    errors = [
+        np.abs(in_pymunk(file, piecewise_constant_run(h)).channels["x"] - place).max()
+        for h in (2e-2, 1e-2)
+    ]
+    assert errors[0] < 5e-2
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
 
 
-@BOTH
-def test_references_begin_anew_where_a_control_jumps(actuator, tmp_path):
-    model = mujoco.MjModel.from_xml_path(str(pushed(tmp_path, actuator)))
-    law, t = make_sampled_profile(Path(), STAIR, 0.0, "1"), np.linspace(0.0, 1.2, 25)
-    place, speed = stepped(t)
+@EITHER_ACTUATOR
+def test_references_are_exact_across_jumps_of_a_control(actuator, tmp_path):
+    model = mujoco.MjModel.from_xml_path(str(write_pushed_mass(tmp_path, actuator)))
+    profile, t = (
+        make_sampled_profile(Path(), PIECEWISE_CONSTANT_TABLE, 0.0, "1"),
+        np.linspace(0.0, 1.2, 25),
+    )
+    place, speed = exact_motion_under_constant_forces(t)
     for found in (
-        planar.solve(t, model=model, control_profiles={"push": law}),
-        spatial.solve(t, model=model, control_profiles={"push": law}, terms=SmoothTerms(model)),
+        planar.solve(t, model=model, control_profiles={"push": profile}),
+        spatial.solve(t, model=model, control_profiles={"push": profile}, terms=SmoothTerms(model)),
     ):
         assert np.abs(found["x"] - place).max() < 1e-13
         assert np.abs(found["rate"] - speed).max() < 1e-13
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_programs_hold_a_control(engine, tmp_path):
-    file, simulate, writer = pushed(tmp_path, ON_JOINT), in_mujoco, mujoco_program
-    given = held(1e-2, integrator="RK4")
+def test_programs_have_piecewise_constant_controls(engine, tmp_path):
+    file, simulate, writer = write_pushed_mass(tmp_path, ON_JOINT), in_mujoco, mujoco_program
+    engine_run = piecewise_constant_run(1e-2, integrator="RK4")
     if engine == "pymunk":
-        simulate, writer, given = in_pymunk, pymunk_program, held(1e-2)
-    wanted = simulate(file, given)
-    source = controls_source([make_sampled_profile(Path(), STAIR, 0.0, "1")], given.x)
-    same = replace(given, settings=wanted.settings)
+        simulate, writer, engine_run = in_pymunk, pymunk_program, piecewise_constant_run(1e-2)
+    wanted = simulate(file, engine_run)
+    source = controls_source(
+        [make_sampled_profile(Path(), PIECEWISE_CONSTANT_TABLE, 0.0, "1")], engine_run.x
+    )
+    same = replace(engine_run, settings=wanted.settings)
     found = program_curves(writer.write_program(file, same, "", "", controls=source), tmp_path)
     for name, curve in wanted.channels.items():
         assert np.abs(found[name] - curve).max() < 1e-12, name
 
 
-def test_splines_and_other_laws_are_written_exactly(tmp_path):
+def test_profiles_of_controls_are_written_exactly(tmp_path):
     table = ProfileTable(time=(0.0, 0.5, 1.0, 1.5, 2.0), value=(0.1, 0.15, 0.35, 0.5, 0.5))
     spline = make_sampled_profile(tmp_path, table, 0.0, "1")
     swing = InProportion(Swing(0.0, 2.0, 2.0), 0.0, 0.5, 1.0)
-    t, there = np.linspace(0.0, 2.0, 401), {"np": np}
-    exec(controls_source([spline, swing, Wave()], t[::20]), there)
-    found = there["controls"](t)
+    t, names = np.linspace(0.0, 2.0, 401), {"np": np}
+    exec(controls_source([spline, swing, Wave()], t[::20]), names)
+    found = names["controls"](t)
     assert np.abs(found[0] - spline(t)[0]).max() < 1e-15
     assert np.abs(found[1] - swing(t)[0]).max() < 1e-15
     assert np.abs(found[2] - np.sin(3.0 * t)).max() < 1e-11  # written as a table
@@ -330,25 +369,27 @@ class Wave:
 
 
 def test_the_shipped_case_agrees_in_both_engines():
-    assert {c.outcome.value for c in verdicts(AXES) if c.allowed > 0} == {"agrees"}
+    assert {c.outcome.value for c in all_comparisons(CONTROLLED_AXES) if c.allowed > 0} == {
+        "agrees"
+    }
 
 
-def test_an_engine_that_keeps_the_controls_of_the_key_is_found(monkeypatch):
+def test_engines_that_ignore_changing_controls_are_wrong(monkeypatch):
     """Mutation: engines run without the changing loads."""
-    case = load_case(AXES)
-    given = prescribed_run(case, "dynamics")
-    wanted = evaluate(case, "dynamics", given.x, None).channels
+    case = load_case(CONTROLLED_AXES)
+    changing_run = prescribed_run(case, "dynamics")
+    wanted = evaluate(case, "dynamics", changing_run.x, None).channels
     for simulate in (in_mujoco, in_pymunk):
-        found = simulate(case.model_path, replace(given, loads=())).channels
+        found = simulate(case.model_path, replace(changing_run, loads=())).channels
         for name in ("slide", "wheel", "lift"):
             assert np.abs(found[name] - wanted[name]).max() > 0.05 * np.ptp(wanted[name])
 
 
-def test_the_sidecar_is_written_again_as_it_was(tmp_path):
-    case = load_case(AXES)
+def test_a_sidecar_with_changing_loads_is_written_and_read_again(tmp_path):
+    case = load_case(CONTROLLED_AXES)
     (tmp_path / "again.toml").write_text(format_sidecar(case))
     for name in (case.model, "axes_controlled.csv"):
-        (tmp_path / name).write_bytes((AXES.parent / name).read_bytes())
+        (tmp_path / name).write_bytes((CONTROLLED_AXES.parent / name).read_bytes())
     again = load_case(tmp_path / "again.toml")
     assert again.load == case.load
     for one, two in zip(
@@ -359,7 +400,7 @@ def test_the_sidecar_is_written_again_as_it_was(tmp_path):
         )
 
 
-def test_a_load_goes_with_a_drive_in_time_as_well(tmp_path):
+def test_a_load_that_follows_a_drive_agrees_in_dynamics(tmp_path):
     """A four-bar whose load grows with its drive agrees in dynamics, in both engines.
 
     The references are the closed form, whose parameter the control multiplies, and the general
@@ -412,12 +453,12 @@ rocker = {{ equals = "rocker", unit = "rad" }}
 holding_moment = {{ equals = "holding_moment", unit = "N m" }}
 """.replace('equals = "rocker"', f'equals = "{"rocker_angle" if scales else "rocker"}"')
         )
-        found = verdicts(tmp_path / "case.toml")
+        found = all_comparisons(tmp_path / "case.toml")
         assert {c.outcome.value for c in found} == {"agrees"}, reference
         assert {c.channel for c in found} == {"rocker", "holding_moment"}
 
 
-def test_the_page_of_a_case_names_its_controls(changed, tmp_path):
+def test_the_page_of_a_case_describes_its_controls(changed, tmp_path):
     """The page describes each changing control; the case runs for 0.5 s in MuJoCo."""
     changed(".toml", r"until = 2\.0", "until = 0.5")
     changed(".toml", "n = 201", "n = 51")
@@ -437,7 +478,7 @@ def test_the_page_of_a_case_names_its_controls(changed, tmp_path):
         assert words in page
 
 
-BAD = {
+BAD_LOADS = {
     "falls": ("0.3, 1.2, 2.0", "0.3, 0.2, 2.0", ["load.1.profile", "time does not rise (0.3 then"]),
     "nan": ("0.6, 0.6", "nan, 0.6", ["load.1.profile.value.1", "finite number"]),
     "lengths": ("0.3, 1.2, 2.0", "0.3, 2.0", ["load.1.profile", "3 numbers, and value has 4"]),
@@ -478,7 +519,9 @@ def changed(tmp_path: Path):
     It returns the path of the sidecar.
     """
     for ending in (".toml", ".xml", ".csv"):
-        (tmp_path / f"axes_controlled{ending}").write_bytes(AXES.with_suffix(ending).read_bytes())
+        (tmp_path / f"axes_controlled{ending}").write_bytes(
+            CONTROLLED_AXES.with_suffix(ending).read_bytes()
+        )
 
     def change(ending: str, old: str, new: str) -> Path:
         file = tmp_path / f"axes_controlled{ending}"
@@ -490,8 +533,8 @@ def changed(tmp_path: Path):
     return change
 
 
-@pytest.mark.parametrize(("old", "new", "words"), BAD.values(), ids=BAD)
-def test_bad_tables_are_named(old, new, words, changed):
+@pytest.mark.parametrize(("old", "new", "words"), BAD_LOADS.values(), ids=BAD_LOADS)
+def test_bad_loads_are_refused_with_their_key(old, new, words, changed):
     result = check([changed(".toml", old, new)])
     assert result.exit_code == 2
     for word in words:
@@ -514,7 +557,7 @@ def test_bad_tables_are_named(old, new, words, changed):
         ),
     ],
 )
-def test_actuators_whose_controls_may_not_change_are_named(old, new, words, changed):
+def test_actuators_whose_control_may_not_change_are_refused(old, new, words, changed):
     file = changed(".xml", re.escape(old), new)
     if "group" in new:
         changed(".xml", "<option ", '<option actuatorgroupdisable="3" ')
@@ -524,7 +567,7 @@ def test_actuators_whose_controls_may_not_change_are_named(old, new, words, chan
         assert word in str(result.errors[0])
 
 
-def test_a_driven_joint_and_an_equilibrium_take_no_control(changed):
+def test_loads_on_driven_joints_and_in_equilibria_are_refused(changed):
     drive = '[drive]\njoint = "wheel"\nfrom = 0.3\nto = 0.5\nrate = 0.1\n\n[run.dynamics]'
     changed(".toml", r"\[run.dynamics\]", drive)
     file = changed(".toml", r"until = 2.0.*", "")
@@ -535,21 +578,21 @@ def test_a_driven_joint_and_an_equilibrium_take_no_control(changed):
     assert "nothing changes in an equilibrium" in str(error)
 
 
-def test_what_an_engine_or_a_reference_does_not_change_is_said(changed, tmp_path):
+def test_engines_and_references_refuse_loads_that_they_do_not_cover(changed, tmp_path):
     [error] = check([changed(".toml", '"planar"', '"pendulum"')]).errors
     assert "'pendulum' covers no load that changes" in str(error)
-    file = pushed(
+    file = write_pushed_mass(
         tmp_path,
         '<motor name="push" joint="x" gear="2"/><motor name="pull" joint="x"/>',
         'actuatorfrcrange="-9 9"',
     )
-    both = run(1e-2)
+    both = polyline_run(1e-2)
     both = replace(both, loads=(*both.loads, replace(both.loads[0], actuator="pull")))
     with pytest.raises(Unsupported, match="range of actuator forces of joint 'x', on which actua"):
         in_pymunk(file, both)
 
 
-RANGES = {
+FORCE_RANGES = {
     "its own": ('<motor name="push" joint="x" gear="2" forcerange="-1 2"/>', "", (-1.0, 2.0)),
     "of its joint": (
         '<motor name="push" joint="x" gear="2"/>',
@@ -564,31 +607,36 @@ RANGES = {
 }
 
 
-@pytest.mark.parametrize(("actuator", "joint", "own"), RANGES.values(), ids=RANGES)
-def test_a_range_of_forces_clips_what_a_control_asks(actuator, joint, own, tmp_path):
+@pytest.mark.parametrize(("actuator", "joint", "own"), FORCE_RANGES.values(), ids=FORCE_RANGES)
+def test_a_force_range_clips_the_force_of_a_changing_control(actuator, joint, own, tmp_path):
     """A motor's force is clipped to -1 N to 2 N, in both engines and in the planar reference.
 
     The speed is that of the clipped polyline, whose kinks are at ends of steps.  The sensor of the
     motor shows the force after the motor's own range and before that of the joint.
     """
-    file, sense = pushed(tmp_path, actuator, joint), -1.0 if 'gear="-2"' in actuator else 1.0
+    file, direction = (
+        write_pushed_mass(tmp_path, actuator, joint),
+        -1.0 if 'gear="-2"' in actuator else 1.0,
+    )
     fine = np.linspace(0.0, 1.0, 100001)
-    force = np.clip(np.interp(fine, TIMES, FORCES), -1.0, 2.0)
-    speed = 0.3 + sense * np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1])) * 1e-5)
+    force = np.clip(np.interp(fine, POLYLINE_TIMES, POLYLINE_FORCES), -1.0, 2.0)
+    speed = 0.3 + direction * np.append(0.0, np.cumsum(0.5 * (force[1:] + force[:-1])) * 1e-5)
     found = {
-        "mujoco": in_mujoco(file, run(1e-3, integrator="RK4")).channels,
-        "pymunk": in_pymunk(file, run(1e-3)).channels,
+        "mujoco": in_mujoco(file, polyline_run(1e-3, integrator="RK4")).channels,
+        "pymunk": in_pymunk(file, polyline_run(1e-3)).channels,
     }
     model = mujoco.MjModel.from_xml_path(str(file))
-    found["planar"] = planar.solve(T, model=model, control_profiles={"push": Rows(TIMES, FORCES)})
+    found["planar"] = planar.solve(
+        SAMPLE_TIMES, model=model, control_profiles={"push": Rows(POLYLINE_TIMES, POLYLINE_FORCES)}
+    )
     for solver, curves in found.items():
         assert np.abs(curves["rate"] - speed[::20000]).max() < 2e-6, solver
-        shown = np.clip(np.interp(T, TIMES, FORCES), *own)
+        shown = np.clip(np.interp(SAMPLE_TIMES, POLYLINE_TIMES, POLYLINE_FORCES), *own)
         assert curves["push"] == pytest.approx(shown, abs=1e-9), solver
-        assert curves["on_x"] == pytest.approx(2.0 * sense * force[::20000], abs=1e-9), solver
+        assert curves["on_x"] == pytest.approx(2.0 * direction * force[::20000], abs=1e-9), solver
 
 
-def test_a_range_of_a_joint_is_shared_with_a_motor_whose_control_stays(tmp_path):
+def test_a_joints_force_range_limits_the_sum_of_its_motors(tmp_path):
     """A joint with a range of 3 N has a motor of constant 1.5 N in addition to the changing one.
 
     The range limits the sum of both, so that the changing motor may push with 1.5 N, which is a
@@ -597,49 +645,53 @@ def test_a_range_of_a_joint_is_shared_with_a_motor_whose_control_stays(tmp_path)
 
     def ranged(most: float) -> Path:
         both = ON_JOINT + '<motor name="steady" joint="x" gear="1.5"/>'
-        return pushed(tmp_path, both, f'actuatorfrcrange="-{most} {most}"', 'ctrl="0 1"')
+        return write_pushed_mass(tmp_path, both, f'actuatorfrcrange="-{most} {most}"', 'ctrl="0 1"')
 
-    wanted = in_mujoco(ranged(3.0), run(1e-3, integrator="RK4")).channels
+    wanted = in_mujoco(ranged(3.0), polyline_run(1e-3, integrator="RK4")).channels
     assert np.ptp(wanted["rate"]) > 0.1
-    found = in_pymunk(ranged(3.0), run(1e-3)).channels
+    found = in_pymunk(ranged(3.0), polyline_run(1e-3)).channels
     assert np.abs(found["rate"] - wanted["rate"]).max() < 2e-6
-    found = in_pymunk(ranged(3.1), run(1e-3)).channels
+    found = in_pymunk(ranged(3.1), polyline_run(1e-3)).channels
     assert np.abs(found["rate"] - wanted["rate"]).max() > 1e-3
 
 
-def test_a_program_of_pymunk_has_the_range_of_forces(tmp_path):
-    file, given = pushed(tmp_path, *RANGES["of both"][:2]), run(1e-2)
-    wanted = in_pymunk(file, given)
-    given = replace(given, settings=wanted.settings)
-    source = controls_source([polyline(tmp_path)], T)
+def test_a_pymunk_program_has_the_force_ranges(tmp_path):
+    file, engine_run = write_pushed_mass(tmp_path, *FORCE_RANGES["of both"][:2]), polyline_run(1e-2)
+    wanted = in_pymunk(file, engine_run)
+    engine_run = replace(engine_run, settings=wanted.settings)
+    source = controls_source([polyline_profile(tmp_path)], SAMPLE_TIMES)
     with pytest.raises(Unsupported, match="sensor 'push', which shows a force beyond the"):
-        pymunk_program.write_program(file, given, "", "", controls=source)
-    given = replace(given, channels=("x", "rate", "on_x"))
-    text = pymunk_program.write_program(file, given, "", "", controls=source)
+        pymunk_program.write_program(file, engine_run, "", "", controls=source)
+    engine_run = replace(engine_run, channels=("x", "rate", "on_x"))
+    text = pymunk_program.write_program(file, engine_run, "", "", controls=source)
     assert "np.clip(controls(t)" in text
     found = program_curves(text, tmp_path)
-    for name in given.channels:
+    for name in engine_run.channels:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
 
 
 @pytest.mark.parametrize(("gain", "ends"), [(0.7, "-0.36 1.5"), (-3.0, "-3.6 0.9")])
-def test_a_program_of_pymunk_shows_a_force_up_to_its_own_range(gain, ends, tmp_path):
+def test_a_pymunk_program_clips_the_sensor_of_a_motor_to_its_own_range(gain, ends, tmp_path):
     """This is exact also where the range, divided by the gain and multiplied again, is rounded."""
     actuator = f'<general name="push" joint="x" gear="2" gainprm="{gain}" forcerange="{ends}"/>'
-    file, given = pushed(tmp_path, actuator), run(1e-2)
-    wanted = in_pymunk(file, given)
-    force = gain * np.interp(T, TIMES, FORCES)
+    file, engine_run = write_pushed_mass(tmp_path, actuator), polyline_run(1e-2)
+    wanted = in_pymunk(file, engine_run)
+    force = gain * np.interp(SAMPLE_TIMES, POLYLINE_TIMES, POLYLINE_FORCES)
     shown = np.clip(force, *map(float, ends.split()))
     assert np.abs(shown - force).max() > 0.5
     assert wanted.channels["push"] == pytest.approx(shown, abs=1e-12)
-    given = replace(given, settings=wanted.settings)
+    engine_run = replace(engine_run, settings=wanted.settings)
     text = pymunk_program.write_program(
-        file, given, "", "", controls=controls_source([polyline(tmp_path)], T)
+        file,
+        engine_run,
+        "",
+        "",
+        controls=controls_source([polyline_profile(tmp_path)], SAMPLE_TIMES),
     )
     found = program_curves(text, tmp_path)
-    for name in given.channels:
+    for name in engine_run.channels:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-12, name
 
 
-def test_a_steady_law_is_written_as_a_formula():
-    assert "0.5 + 2.0 * t" in controls_source([Steady(0.5, 2.0, x_is_time=True)], T)
+def test_a_steady_profile_is_written_as_a_formula():
+    assert "0.5 + 2.0 * t" in controls_source([Steady(0.5, 2.0, x_is_time=True)], SAMPLE_TIMES)

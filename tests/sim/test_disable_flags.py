@@ -29,15 +29,15 @@ PLAIN = {
 }
 LOOP = '<connect name="loop" site1="a_end" site2="end"/>'
 STOP = ' limited="true" range=".19 .21"'
-RUB = ' frictionloss="3"'
+FRICTION = ' frictionloss="3"'
 WITH_AND_WITHOUT = {
     "gravity": ({}, {"gravity": "0 0 0"}),
     "spring": ({}, {"joint": ""}),
     "damper": ({"joint": PLAIN["joint"] + ' damping=".5"'}, {}),
     "limit": ({"joint": PLAIN["joint"] + STOP}, {}),
-    "frictionloss": ({"joint": PLAIN["joint"] + RUB}, {}),
+    "frictionloss": ({"joint": PLAIN["joint"] + FRICTION}, {}),
     "equality": ({"loop": LOOP}, {}),
-    "constraint": ({"joint": PLAIN["joint"] + STOP + RUB, "loop": LOOP}, {}),
+    "constraint": ({"joint": PLAIN["joint"] + STOP + FRICTION, "loop": LOOP}, {}),
     "actuation": ({}, {"ctrl": "0"}),
     "clampctrl": ({"load": 'ctrllimited="true" ctrlrange="-.1 .1"'}, {}),
 }
@@ -56,7 +56,7 @@ RUNS = {
 }
 
 
-def written(tmp_path, name, changed, flag=""):
+def write_model(tmp_path, name, changed, flag=""):
     file = tmp_path / f"{name}.xml"
     file.write_text(MODEL.format(**{**PLAIN, **changed}, flag=f'{flag}="disable"' if flag else ""))
     return file
@@ -73,13 +73,13 @@ def written(tmp_path, name, changed, flag=""):
         ("mujoco", "settled"),
     ],
 )
-def test_what_is_disabled_is_as_if_it_were_not_there(engine, kind, flag, tmp_path):
-    there, absent = WITH_AND_WITHOUT[flag]
+def test_disabled_features_are_as_if_absent(engine, kind, flag, tmp_path):
+    present, absent = WITH_AND_WITHOUT[flag]
     one, two = (
         ENGINES[engine](file, RUNS[kind])
         for file in (
-            written(tmp_path, "disabled", there, flag),
-            written(tmp_path, "absent", absent),
+            write_model(tmp_path, "disabled", present, flag),
+            write_model(tmp_path, "absent", absent),
         )
     )
     for name in RUNS[kind].channels:
@@ -89,13 +89,13 @@ def test_what_is_disabled_is_as_if_it_were_not_there(engine, kind, flag, tmp_pat
 
 
 @pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
-def test_the_planar_reference_leaves_out_what_is_disabled(flag, tmp_path):
-    there, absent = WITH_AND_WITHOUT[flag]
+def test_the_planar_reference_leaves_out_disabled_features(flag, tmp_path):
+    present, absent = WITH_AND_WITHOUT[flag]
     one, two = (
         planar.solve(RUNS["dynamics"].x, model=mujoco.MjModel.from_xml_path(str(file)))
         for file in (
-            written(tmp_path, "disabled", there, flag),
-            written(tmp_path, "absent", absent),
+            write_model(tmp_path, "disabled", present, flag),
+            write_model(tmp_path, "absent", absent),
         )
     )
     for name in RUNS["dynamics"].channels:
@@ -109,22 +109,22 @@ def test_the_planar_reference_keeps_a_motor_in_its_ranges(limits, tmp_path):
     one, two = (
         planar.solve(RUNS["dynamics"].x, model=mujoco.MjModel.from_xml_path(str(file)))
         for file in (
-            written(tmp_path, "limited", {"load": limits}),
-            written(tmp_path, "less", {"ctrl": ".1"}),
+            write_model(tmp_path, "limited", {"load": limits}),
+            write_model(tmp_path, "less", {"ctrl": ".1"}),
         )
     )
     # rounding: a force with a range is not part of the joint's own load, so sums have another order
     np.testing.assert_allclose(one["b"], two["b"], rtol=0, atol=1e-13)
 
 
-def test_the_planar_reference_names_an_actuator_that_is_no_motor_on_a_joint(tmp_path):
-    file = written(tmp_path, "servo", {})
+def test_the_planar_reference_refuses_actuators_other_than_motors(tmp_path):
+    file = write_model(tmp_path, "servo", {})
     lagging = '<general name="servo" dyntype="filter" dynprm="1"'
     file.write_text(file.read_text().replace('<motor name="load"', lagging))
     with pytest.raises(ValueError, match="actuator 'servo' is no motor or servo on a joint"):
         planar.solve(RUNS["dynamics"].x, model=mujoco.MjModel.from_xml_path(str(file)))
 
 
-def test_disabled_sensors_are_named(tmp_path):
+def test_models_with_disabled_sensors_are_refused(tmp_path):
     with pytest.raises(Unsupported, match='sensor="disable"'):
-        with_mujoco.simulate(written(tmp_path, "blind", {}, "sensor"), RUNS["dynamics"])
+        with_mujoco.simulate(write_model(tmp_path, "blind", {}, "sensor"), RUNS["dynamics"])

@@ -19,9 +19,9 @@ from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk import model as pymunk_model
 from proofmass.sim.pymunk import space
 from proofmass.solve import call_engine, plan_run
-from tests.shipped import fewer_samples, loaded, models_like
+from tests.shipped import fewer_samples, shipped_case, shipped_files
 
-CASES = {file.stem: loaded(file) for file in models_like()}
+CASES = {file.stem: shipped_case(file) for file in shipped_files()}
 RUNS = [
     (name, kind, solver)
     for name, case in CASES.items()
@@ -29,7 +29,7 @@ RUNS = [
     for solver in run.solvers
     if computes_curves(solver)  # recorded curves are changed in `test_recorded`
 ]
-MUJOCO = (
+MUJOCO_FUNCTIONS = (
     "mj_step",
     "mj_step1",
     "mj_step2",
@@ -43,7 +43,7 @@ MUJOCO = (
     *STATIC_STAGES,
 )
 """All functions of MuJoCo by which `sim` computes with a pose, with time steps and without."""
-FAILED = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
+RUN_ERRORS = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
 
 
 def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[str]:
@@ -52,7 +52,7 @@ def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[
     try:
         curves = call_engine(solver.partition(":")[0], case.model_path, run)
         check_driven(run, curves)
-    except FAILED as error:
+    except RUN_ERRORS as error:
         return {OUTCOME_OF_EXCEPTION.get(type(error), "bad input")}
     monkeypatch.undo()  # the reference may read the model by the engine's own functions
     return {
@@ -60,45 +60,54 @@ def outcomes(case: Case, kind: str, solver: str, monkeypatch, **changed) -> set[
     }
 
 
-def checked(name: str, kind: str, solver: str) -> bool:
+def has_tolerance(name: str, kind: str, solver: str) -> bool:
     """Whether any channel of a run has a tolerance for this solver."""
     case = CASES[name]
     return any(case.tolerance_for(kind, solver, c) for c in case.channels_of(kind))
 
 
-def stopped(monkeypatch, engine: str) -> None:
+def make_idle(monkeypatch, engine: str) -> None:
     """Make an engine idle: its functions leave all data as they are."""
     if engine == "pymunk":
         monkeypatch.setattr(pymunk.Space, "step", lambda space, dt: None)
     else:
-        for name in MUJOCO:
+        for name in MUJOCO_FUNCTIONS:
             monkeypatch.setattr(mujoco, name, lambda *_, **__: None)
 
 
-CHECKED = [run for run in RUNS if checked(*run)]
-LONG = ("rod_snap", "rod_taut", "rod_sheared", "rfr2_circles", "rfr2_rectangles", "rfr3")
+RUNS_WITH_TOLERANCE = [run for run in RUNS if has_tolerance(*run)]
+CASES_WITH_SLOW_REFERENCES = (
+    "rod_snap",
+    "rod_taut",
+    "rod_sheared",
+    "rfr2_circles",
+    "rfr2_rectangles",
+    "rfr3",
+)
 """Cases that represent no others, since their references take seconds."""
 
 
 def first_of_each(runs: list[tuple[str, str, str]]) -> set[tuple[str, str, str]]:
     """The first case of each reference, kind of run and solver, such as the first four-bar."""
     found: dict[tuple[str, str, str], tuple[str, str, str]] = {}
-    for name, kind, solver in sorted(runs, key=lambda run: (run[0] in LONG, run)):
+    for name, kind, solver in sorted(
+        runs, key=lambda run: (run[0] in CASES_WITH_SLOW_REFERENCES, run)
+    ):
         found.setdefault((CASES[name].reference, kind, solver), (name, kind, solver))
-    return {run for run in found.values() if run[0] not in LONG}
+    return {run for run in found.values() if run[0] not in CASES_WITH_SLOW_REFERENCES}
 
 
-QUICK = first_of_each(CHECKED)
+REPRESENTATIVES = first_of_each(RUNS_WITH_TOLERANCE)
 
 
-def nothing_agrees(case: Case, kind: str, solver: str, monkeypatch) -> None:
+def assert_idle_engine_fails(case: Case, kind: str, solver: str, monkeypatch) -> None:
     compiled_model(case)
-    stopped(monkeypatch, solver.partition(":")[0])
+    make_idle(monkeypatch, solver.partition(":")[0])
     found = outcomes(case, kind, solver, monkeypatch)
     assert found & {"differs", "diverged", "crashed", "unsupported", "bad input"}
 
 
-def begun(case: Case, kind: str) -> Case:
+def with_shorter_motion(case: Case, kind: str) -> Case:
     """The case with about the first fifth of its motion, if ``dynamics`` has ``n`` and ``until``.
 
     An engine that does nothing is wrong by then.
@@ -111,18 +120,20 @@ def begun(case: Case, kind: str) -> Case:
     return case.model_copy(update={"run": {kind: run.model_copy(update=brief)}})
 
 
-@pytest.mark.parametrize(("name", "kind", "solver"), sorted(QUICK))
+@pytest.mark.parametrize(("name", "kind", "solver"), sorted(REPRESENTATIVES))
 def test_an_engine_that_does_nothing_never_agrees(name, kind, solver, monkeypatch):
-    nothing_agrees(begun(CASES[name], kind), kind, solver, monkeypatch)
+    assert_idle_engine_fails(with_shorter_motion(CASES[name], kind), kind, solver, monkeypatch)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "kind", "solver"), sorted(set(CHECKED) - QUICK))
-def test_an_engine_that_does_nothing_agrees_in_no_case(name, kind, solver, monkeypatch):
-    nothing_agrees(CASES[name], kind, solver, monkeypatch)
+@pytest.mark.parametrize(
+    ("name", "kind", "solver"), sorted(set(RUNS_WITH_TOLERANCE) - REPRESENTATIVES)
+)
+def test_an_engine_that_does_nothing_never_agrees_in_other_cases(name, kind, solver, monkeypatch):
+    assert_idle_engine_fails(CASES[name], kind, solver, monkeypatch)
 
 
-def springs(name: str) -> bool:
+def has_springs(name: str) -> bool:
     """Whether a case has springs."""
     model = compiled_model(CASES[name])
     return bool(CASES[name].rod or model.jnt_stiffness.any() or model.tendon_stiffness.any())
@@ -137,29 +148,31 @@ to 6 % of their ranges; with hard ones, in "mujoco:hard", springs 1 % stiffer di
 """
 
 
-def stiffer(joint):
+def with_stiffer_spring(joint):
     """A joint of pymunk whose spring and servo are 1 % stiffer."""
     springs = tuple(STIFFER * part for part in joint.stiffness)
     return replace(joint, stiffness=springs, servo=STIFFER * joint.servo)
 
 
-def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
+def stiffen_springs(monkeypatch, name: str, solver: str) -> dict[str, object]:
     """Make all springs of an engine 1 % stiffer; what to change of the run."""
     factor = COARSE.get((name, solver), STIFFER)
-    begin, read = mujoco_model.prepare_model, pymunk_model.read_links
+    prepare_model, read_links = mujoco_model.prepare_model, pymunk_model.read_links
 
     def read_stiffer(*args):
-        links = read(*args)
+        links = read_links(*args)
         own = [replace(spring, stiffness=STIFFER * spring.stiffness) for spring in links.springs]
-        return replace(links, springs=tuple(own), joints=tuple(map(stiffer, links.joints)))
+        return replace(
+            links, springs=tuple(own), joints=tuple(map(with_stiffer_spring, links.joints))
+        )
 
-    def begun(model, run):
+    def prepare_stiffer(model, run):
         model.tendon_stiffness *= factor
         model.jnt_stiffness *= factor
         model.jnt_stiffnesspoly *= factor
-        return begin(model, run)
+        return prepare_model(model, run)
 
-    monkeypatch.setattr(mujoco_model, "prepare_model", begun)
+    monkeypatch.setattr(mujoco_model, "prepare_model", prepare_stiffer)
     monkeypatch.setattr(pymunk_model, "read_links", read_stiffer)
     if not solver.endswith(":flex"):
         return {}
@@ -167,14 +180,20 @@ def stiffened(monkeypatch, name: str, solver: str) -> dict[str, object]:
     return {"rods": tuple(replace(rod, stiffness=STIFFER * rod.stiffness) for rod in rods)}
 
 
-SPRINGS = [run for run in CHECKED if springs(run[0])]
-STIFFENED = ("balancer_sine", "balancer4_sine", "rod_cantilever", "rod_pinned", "rfr2_natural")
-SLOW = {
+RUNS_WITH_SPRINGS = [run for run in RUNS_WITH_TOLERANCE if has_springs(run[0])]
+FAST_CASES_WITH_SPRINGS = (
+    "balancer_sine",
+    "balancer4_sine",
+    "rod_cantilever",
+    "rod_pinned",
+    "rfr2_natural",
+)
+SLOW_RUNS_WITH_SPRINGS = {
     run
-    for run in SPRINGS
-    if run[0] not in STIFFENED
+    for run in RUNS_WITH_SPRINGS
+    if run[0] not in FAST_CASES_WITH_SPRINGS
     and (
-        run not in first_of_each(SPRINGS)
+        run not in first_of_each(RUNS_WITH_SPRINGS)
         or run[0] in ("rfr2_driven", "slider_crank_elastic")
         or run[2] not in ("mujoco", "mujoco:flex")
     )
@@ -182,7 +201,7 @@ SLOW = {
 """Runs that take seconds, with a faster run of the same kind among the others."""
 
 
-def fewer(case: Case, kind: str) -> Case:
+def with_fewer_samples(case: Case, kind: str) -> Case:
     """The case with fewer samples, so that its test is faster.
 
     A balancer's sweep keeps about a tenth of its samples, with those at which the drive turns back.
@@ -199,9 +218,13 @@ def fewer(case: Case, kind: str) -> Case:
     return case.model_copy(update={"run": {kind: run.model_copy(update=update)}})
 
 
-def differs(name: str, kind: str, solver: str, monkeypatch) -> None:
+def assert_stiffer_springs_differ(name: str, kind: str, solver: str, monkeypatch) -> None:
     found = outcomes(
-        fewer(CASES[name], kind), kind, solver, monkeypatch, **stiffened(monkeypatch, name, solver)
+        with_fewer_samples(CASES[name], kind),
+        kind,
+        solver,
+        monkeypatch,
+        **stiffen_springs(monkeypatch, name, solver),
     )
     assert "differs" in found
 
@@ -215,17 +238,21 @@ def test_springs_that_are_stiffer_in_chipmunk_alone_differ(name, kind, monkeypat
     The energy by which proofmass paces the steps to rest has the right stiffness: the engine
     decides where the equilibrium is.
     """
-    made = space._make_springs
-    monkeypatch.setattr(space, "_make_springs", lambda joint, *to: made(stiffer(joint), *to))
-    assert "differs" in outcomes(fewer(CASES[name], kind), kind, "pymunk", monkeypatch)
+    make_springs = space._make_springs
+    monkeypatch.setattr(
+        space, "_make_springs", lambda joint, *to: make_springs(with_stiffer_spring(joint), *to)
+    )
+    assert "differs" in outcomes(with_fewer_samples(CASES[name], kind), kind, "pymunk", monkeypatch)
 
 
-@pytest.mark.parametrize(("name", "kind", "solver"), [r for r in SPRINGS if r not in SLOW])
+@pytest.mark.parametrize(
+    ("name", "kind", "solver"), [r for r in RUNS_WITH_SPRINGS if r not in SLOW_RUNS_WITH_SPRINGS]
+)
 def test_springs_1_percent_stiffer_differ(name, kind, solver, monkeypatch):
-    differs(name, kind, solver, monkeypatch)
+    assert_stiffer_springs_differ(name, kind, solver, monkeypatch)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "kind", "solver"), sorted(SLOW))
+@pytest.mark.parametrize(("name", "kind", "solver"), sorted(SLOW_RUNS_WITH_SPRINGS))
 def test_springs_1_percent_stiffer_differ_in_long_runs(name, kind, solver, monkeypatch):
-    differs(name, kind, solver, monkeypatch)
+    assert_stiffer_springs_differ(name, kind, solver, monkeypatch)

@@ -19,14 +19,14 @@ from proofmass.sim.pymunk.reactions import SampledMotion, solve_forces
 from proofmass.solve import solve as run_case
 from tests.shipped import shipped
 
-BOTH = pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-FORCES = tuple(
+EITHER_ENGINE = pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+FORCE_CHANNELS = tuple(
     f"{name}_force.{part}" for name in ("crank", "coupler", "pin", "rocker") for part in "xy"
 )
-CHANNELS = ("holding_moment", *FORCES)
-FILE = shipped("fourbar_forces.xml")
+CHANNELS = ("holding_moment", *FORCE_CHANNELS)
+FOUR_BAR_FILE = shipped("fourbar_forces.xml")
 G = 9.81
-PINS = sorted(file.stem for file in FILE.parent.glob("*_forces.toml"))
+CASES_WITH_FORCES = sorted(file.stem for file in FOUR_BAR_FILE.parent.glob("*_forces.toml"))
 
 
 def simulate(engine: str, file: Path, run: Run) -> Curves:
@@ -34,26 +34,30 @@ def simulate(engine: str, file: Path, run: Run) -> Curves:
     return engine_of(engine).simulate(file, run)
 
 
-def run_of(kind: str, law, n: int = 61, **settings: object) -> Run:
+def four_bar_run(kind: str, profile, n: int = 61, **settings: object) -> Run:
     """A run of the four-bar whose crank has a motion profile."""
-    return Run(kind, np.linspace(0.0, 6.0, n), CHANNELS, (Drive("crank", law),), settings=settings)
+    return Run(
+        kind, np.linspace(0.0, 6.0, n), CHANNELS, (Drive("crank", profile),), settings=settings
+    )
 
 
-def by_multipliers(curves: Curves, file: Path = FILE, **inertia: bool) -> dict[str, np.ndarray]:
+def general_solver_curves(
+    curves: Curves, file: Path = FOUR_BAR_FILE, **inertia: bool
+) -> dict[str, np.ndarray]:
     """Curves of the general planar solver at the motion that the engine's drive really had."""
     assert curves.drive is not None
     compiled = mujoco.MjModel.from_xml_path(str(file))
     return solve(*curves.drive, model=compiled, joints=("crank",), **inertia)
 
 
-def off(curves: Curves, truth: dict[str, np.ndarray]) -> float:
+def largest_relative_error(curves: Curves, truth: dict[str, np.ndarray]) -> float:
     """The largest error of all channels, each as a share of its range."""
     return max(
         float(np.abs(y - truth[n]).max() / np.ptp(truth[n])) for n, y in curves.channels.items()
     )
 
 
-def written(folder: Path, text: str, option: str = "") -> Path:
+def write_model(folder: Path, text: str, option: str = "") -> Path:
     """Write an MJCF with these elements and gravity along -y, and return its path."""
     file = folder / "model.xml"
     file.write_text(
@@ -63,22 +67,24 @@ def written(folder: Path, text: str, option: str = "") -> Path:
     return file
 
 
-@BOTH
-def test_a_sweep_at_rest_has_the_forces_of_rigid_loops(engine):
-    curves = simulate(engine, FILE, run_of("sweep", Steady(0.0, 6.0, False)))
+@EITHER_ENGINE
+def test_a_sweep_at_rest_has_the_forces_of_the_general_solver(engine):
+    curves = simulate(engine, FOUR_BAR_FILE, four_bar_run("sweep", Steady(0.0, 6.0, False)))
     assert not curves.missing
-    assert off(curves, by_multipliers(curves)) < 1e-13  # rounding of the pose
+    assert (
+        largest_relative_error(curves, general_solver_curves(curves)) < 1e-13
+    )  # rounding of the pose
 
 
-@BOTH
-def test_the_ground_carries_all_weight_at_rest(engine):
+@EITHER_ENGINE
+def test_the_ground_pins_carry_all_weight_at_rest(engine):
     """The forces at both ground pins add up to the weight of 5.5 kg, with no horizontal part.
 
     Their sensors are in the frames of crank and rocker.
     """
-    run = run_of("sweep", Steady(0.0, 6.0, False))
+    run = four_bar_run("sweep", Steady(0.0, 6.0, False))
     run = Run(run.kind, run.x, (*CHANNELS, "rocker"), run.drives)
-    found = simulate(engine, FILE, run).channels
+    found = simulate(engine, FOUR_BAR_FILE, run).channels
     crank, rocker = (
         (found[f"{name}_force.x"] + 1j * found[f"{name}_force.y"]) * np.exp(1j * angle)
         for name, angle in (("crank", run.x), ("rocker", found["rocker"]))
@@ -87,16 +93,18 @@ def test_the_ground_carries_all_weight_at_rest(engine):
 
 
 def test_a_sweep_with_inertia_has_the_forces_of_the_motion():
-    run = run_of("sweep", Swing(0.3, 4.0, 3.0))
+    run = four_bar_run("sweep", Swing(0.3, 4.0, 3.0))
     run = Run(run.kind, run.x, run.channels, run.drives, inertia=True)
-    curves = simulate("mujoco", FILE, run)
-    assert off(curves, by_multipliers(curves, inertia=True)) < 1e-13  # rounding of the pose
-    assert off(curves, by_multipliers(curves)) > 0.1
+    curves = simulate("mujoco", FOUR_BAR_FILE, run)
+    assert (
+        largest_relative_error(curves, general_solver_curves(curves, inertia=True)) < 1e-13
+    )  # rounding of the pose
+    assert largest_relative_error(curves, general_solver_curves(curves)) > 0.1
 
 
 @pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
-@pytest.mark.parametrize("name", PINS)
-def test_mujoco_has_the_forces_of_closed_forms_to_rounding(name, inertia):
+@pytest.mark.parametrize("name", CASES_WITH_FORCES)
+def test_mujoco_forces_equal_closed_forms_to_rounding(name, inertia):
     """The case's sweep is replaced by one of a hundred poses, with inertia and without."""
     case = load_case(shipped(f"{name}.toml"))
     sweep = case.run["sweep"].model_copy(update={"inertia": inertia, "n": 100})
@@ -108,59 +116,64 @@ def test_mujoco_has_the_forces_of_closed_forms_to_rounding(name, inertia):
     assert max(c.relative_to_range for c in found) < 1e-11
 
 
-def test_chipmunk_has_no_forces_of_a_motion_in_a_sweep():
-    run = run_of("sweep", Steady(0.0, 6.0, False), 3)
+def test_pymunk_has_no_forces_in_a_sweep_with_inertia():
+    run = four_bar_run("sweep", Steady(0.0, 6.0, False), 3)
     run = Run(run.kind, run.x, run.channels, run.drives, inertia=True)
-    curves = simulate("pymunk", FILE, run)
+    curves = simulate("pymunk", FOUR_BAR_FILE, run)
     assert curves.missing.keys() == set(CHANNELS)
     assert "those at rest" in curves.missing["pin_force.x"]
 
 
-def test_chipmunk_is_of_second_order_in_the_step():
+def test_pymunk_forces_are_of_second_order_in_the_step():
     errors = []
     for step in (4e-3, 2e-3, 1e-3):
-        curves = simulate("pymunk", FILE, run_of("dynamics", Swing(0.3, 4.0, 3.0), timestep=step))
-        errors.append(off(curves, by_multipliers(curves, inertia=True)))
+        curves = simulate(
+            "pymunk", FOUR_BAR_FILE, four_bar_run("dynamics", Swing(0.3, 4.0, 3.0), timestep=step)
+        )
+        errors.append(largest_relative_error(curves, general_solver_curves(curves, inertia=True)))
     ratios = np.array(errors[:-1]) / errors[1:]
     # terms of the next order, with steps of 2 and 1 ms, change the ratios by up to 5 %
     np.testing.assert_allclose(ratios, 4.0, rtol=0.05)
 
 
-def test_softness_is_the_floor_of_forces_in_mujoco():
+def test_softness_of_loops_is_the_error_floor_of_mujoco_forces():
     """The error floor is proportional to 1 - d, where d is the impedance of ``solimp``."""
     errors = []
     for soft in (1e-3, 1e-4):
-        run = run_of("dynamics", Swing(0.3, 4.0, 3.0), solimp=(1 - soft, 1 - soft, 1e-3))
-        curves = simulate("mujoco", FILE, run)
-        errors.append(off(curves, by_multipliers(curves, inertia=True)))
+        run = four_bar_run("dynamics", Swing(0.3, 4.0, 3.0), solimp=(1 - soft, 1 - soft, 1e-3))
+        curves = simulate("mujoco", FOUR_BAR_FILE, run)
+        errors.append(largest_relative_error(curves, general_solver_curves(curves, inertia=True)))
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.02)  # the floor is linear in 1 - d
 
 
-def test_forces_of_loops_are_as_large_as_the_impulses_that_chipmunk_tells():
+def test_loop_forces_have_the_sizes_of_chipmunks_impulses():
     """Computed forces of pins and drive have the sizes of Chipmunk's impulses over the step.
 
     Chipmunk gives the sizes of impulses only, without directions.
     """
-    run = run_of("sweep", Steady(0.0, 6.0, False), 5)
-    links, settings = model.read_model(FILE, run)
-    held = quasi_static.start_sweep(links, settings)
+    run = four_bar_run("sweep", Steady(0.0, 6.0, False), 5)
+    links, settings = model.read_model(FOUR_BAR_FILE, run)
+    quasi_static_space = quasi_static.start_sweep(links, settings)
     for value in run.x:
-        held.settle(np.array([value]))
-        held.step(values_of(links.drives, held.pose))
-        told = np.array([each.impulse for each in held.space.constraints]) / held.dt
-        found = solve_forces(links, SampledMotion.at_rest(held.pose[None]))[0]
-        own = [*np.hypot(*found[:-1].reshape(-1, 2).T), abs(found[-1])]
+        quasi_static_space.settle(np.array([value]))
+        quasi_static_space.step(values_of(links.drives, quasi_static_space.pose))
+        impulse_forces = (
+            np.array([each.impulse for each in quasi_static_space.space.constraints])
+            / quasi_static_space.dt
+        )
+        found = solve_forces(links, SampledMotion.at_rest(quasi_static_space.pose[None]))[0]
+        computed_forces = [*np.hypot(*found[:-1].reshape(-1, 2).T), abs(found[-1])]
         # 1e-9: Chipmunk's iterations
-        np.testing.assert_allclose(sorted(told), sorted(own), rtol=1e-9)
+        np.testing.assert_allclose(sorted(impulse_forces), sorted(computed_forces), rtol=1e-9)
 
 
-@BOTH
-def test_a_pendulum_pulls_as_its_closed_form_says(engine, tmp_path):
+@EITHER_ENGINE
+def test_the_pin_force_of_a_pendulum_equals_the_closed_form(engine, tmp_path):
     """The pin's force is the closed form's tension along the rod.
 
     The force across the rod and the moment are zero, since all mass is in a point.
     """
-    file = written(
+    file = write_model(
         tmp_path,
         '<worldbody><body name="rod"><joint name="rod"/><inertial pos="1 0 0" mass="2" '
         'diaginertia="1e-9 1e-9 1e-9"/><site name="pin"/></body></worldbody>'
@@ -189,14 +202,14 @@ SPRUNG = """<worldbody><body name="arm">
 <jointpos name="end" joint="end"/></sensor><keyframe><key name="start" qpos="0 0"/></keyframe>"""
 
 
-@BOTH
-def test_a_spring_held_arm_hangs_on_its_elbow_at_rest(engine, tmp_path):
+@EITHER_ENGINE
+def test_the_elbow_of_a_sprung_arm_carries_its_spring_and_weight(engine, tmp_path):
     """At rest, the elbow's moment is that of its spring, and its force the weight of the end body.
 
     The force sensor is in the frame of the end body, whose angle is that of the arm plus the
     spring's.  The holding moment carries both weights.
     """
-    file = written(tmp_path, SPRUNG.format(damping=0, armature=0))
+    file = write_model(tmp_path, SPRUNG.format(damping=0, armature=0))
     channels = ("moment", "twist.z", "bend.z", "hang.x", "hang.y", "end")
     run = Run("sweep", np.linspace(0.0, 1.0, 5), channels, (Drive("arm", Steady(0, 1, False)),))
     curves = simulate(engine, file, run)
@@ -211,28 +224,28 @@ def test_a_spring_held_arm_hangs_on_its_elbow_at_rest(engine, tmp_path):
     np.testing.assert_allclose(found["twist.z"], moment, atol=1e-9, rtol=0)
 
 
-@BOTH
-def test_a_drive_moves_its_own_armature_and_damper(engine, tmp_path):
+@EITHER_ENGINE
+def test_a_holding_moment_includes_armature_and_damping(engine, tmp_path):
     """A drive's moment includes the damping and the armature of its joint.
 
     The torque sensor between arm and ground shows neither.
     """
-    law = Swing(0.0, 1.0, 2.0)
+    profile = Swing(0.0, 1.0, 2.0)
     times = np.linspace(0.0, 2.0, 41)
     found = {}
     for damping, armature in ((0.0, 0.0), (3.0, 0.5)):
         text = SPRUNG.format(damping=damping, armature=armature).replace("30", "0")
-        for gone in ('<joint name="end" stiffness="0"/>', '<jointpos name="end" joint="end"/>'):
-            text = text.replace(gone, "")
-        file = written(
+        for element in ('<joint name="end" stiffness="0"/>', '<jointpos name="end" joint="end"/>'):
+            text = text.replace(element, "")
+        file = write_model(
             tmp_path, text.replace('qpos="0 0"', 'qpos="0"'), 'integrator="RK4" timestep="5e-4"'
         )
-        run = Run("dynamics", times, ("moment", "twist.z"), (Drive("arm", law),))
+        run = Run("dynamics", times, ("moment", "twist.z"), (Drive("arm", profile),))
         found[damping] = simulate(engine, file, run).channels
-    _, rate, acceleration = law(times)
-    own = found[3.0]["moment"] - found[0.0]["moment"]
+    _, rate, acceleration = profile(times)
+    added_moment = found[3.0]["moment"] - found[0.0]["moment"]
     # Chipmunk's damper acts on the velocity of half a step before; the step is 5e-4 s
-    np.testing.assert_allclose(own, 3.0 * rate + 0.5 * acceleration, atol=5e-3)
+    np.testing.assert_allclose(added_moment, 3.0 * rate + 0.5 * acceleration, atol=5e-3)
     np.testing.assert_allclose(found[3.0]["twist.z"], found[0.0]["twist.z"], atol=1e-3)
 
 
@@ -244,10 +257,10 @@ LOADED = """<worldbody><body name="arm"><joint name="arm"/>
 <keyframe><key name="start" qpos="0" ctrl="1"/></keyframe>"""
 
 
-def test_a_load_on_a_site_is_part_of_the_force_in_chipmunk_and_mujoco_says_that_it_is_left_out(
+def test_pymunk_forces_include_loads_on_sites_and_mujoco_omits_them(
     tmp_path,
 ):
-    file = written(tmp_path, LOADED)
+    file = write_model(tmp_path, LOADED)
     drive = (Drive("arm", Steady(0, 1, False)),)
     run = Run("sweep", np.linspace(0.0, 1.0, 5), ("foot.x", "foot.y"), drive)
     found = simulate("pymunk", file, run).channels
@@ -256,18 +269,18 @@ def test_a_load_on_a_site_is_part_of_the_force_in_chipmunk_and_mujoco_says_that_
     assert "'wind'" in simulate("mujoco", file, run).missing["foot.x"]
 
 
-def test_friction_of_a_driven_joint_is_not_part_of_its_moment(tmp_path):
-    text = FILE.read_text().replace(
+def test_a_driven_joint_with_friction_has_no_holding_moment(tmp_path):
+    text = FOUR_BAR_FILE.read_text().replace(
         '<joint name="crank"/>', '<joint name="crank" frictionloss="1"/>'
     )
     file = tmp_path / "model.xml"
     file.write_text(text)
-    curves = simulate("mujoco", file, run_of("dynamics", Steady(0.0, 1.0, True), 7))
+    curves = simulate("mujoco", file, four_bar_run("dynamics", Steady(0.0, 1.0, True), 7))
     assert "friction" in curves.missing["holding_moment"]
-    assert set(curves.channels) == set(FORCES)
+    assert set(curves.channels) == set(FORCE_CHANNELS)
 
 
-def test_a_failed_sample_shifts_forces(monkeypatch):
+def test_accelerations_of_the_sample_before_give_wrong_forces(monkeypatch):
     """Mutation: forces at each sample are computed with the accelerations of the sample before.
 
     Their errors are then more than 100 times as large.
@@ -277,12 +290,14 @@ def test_a_failed_sample_shifts_forces(monkeypatch):
         if shifted:
             central = SampledMotion.__init__
 
-            def late(self, pose, velocity, acceleration, central=central):
+            def with_accelerations_of_sample_before(
+                self, pose, velocity, acceleration, central=central
+            ):
                 central(self, pose, velocity, np.roll(acceleration, 1, axis=0))
 
-            monkeypatch.setattr(SampledMotion, "__init__", late)
-        run = run_of("dynamics", Swing(0.3, 4.0, 3.0), timestep=step)
-        curves = simulate("pymunk", FILE, run)
-        errors.append(off(curves, by_multipliers(curves, inertia=True)))
+            monkeypatch.setattr(SampledMotion, "__init__", with_accelerations_of_sample_before)
+        run = four_bar_run("dynamics", Swing(0.3, 4.0, 3.0), timestep=step)
+        curves = simulate("pymunk", FOUR_BAR_FILE, run)
+        errors.append(largest_relative_error(curves, general_solver_curves(curves, inertia=True)))
     assert errors[1] > 100 * errors[0]
     assert dynamics.SampledMotion is SampledMotion

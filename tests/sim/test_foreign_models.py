@@ -13,15 +13,15 @@ from proofmass.sim.protocol import BadModel, Run
 BALL = '<body name="b" pos="0 0 1">{}<geom size=".1"/></body>'
 HINGE = BALL.format('<joint name="b"/>')
 FREE = BALL.format("<freejoint/>")
-TWO = HINGE + '<body name="c" pos="1 0 1"><joint name="c"/><geom size=".1"/></body>'
-JOINT = '<sensor><jointpos name="b" joint="b"/></sensor>'
-KEYS = '<keyframe><key {} qpos=".3"/><key {} qpos=".6"/></keyframe>'
+TWO_HINGES = HINGE + '<body name="c" pos="1 0 1"><joint name="c"/><geom size=".1"/></body>'
+JOINT_SENSOR = '<sensor><jointpos name="b" joint="b"/></sensor>'
+TWO_KEYS = '<keyframe><key {} qpos=".3"/><key {} qpos=".6"/></keyframe>'
 MODELS = {
-    "keys of other names": (HINGE, KEYS.format('name="squat"', 'name="prone"')),
-    "keys without names": (HINGE, KEYS.format("", "")),
-    "a weld": (TWO, '<equality><weld body1="b" body2="c"/></equality>'),
+    "keys of other names": (HINGE, TWO_KEYS.format('name="squat"', 'name="prone"')),
+    "keys without names": (HINGE, TWO_KEYS.format("", "")),
+    "a weld": (TWO_HINGES, '<equality><weld body1="b" body2="c"/></equality>'),
     "a loop that is open at first": (
-        TWO,
+        TWO_HINGES,
         '<equality><connect body1="b" body2="c" '
         'anchor="0 0 .5"/></equality><keyframe><key qpos="1 0"/>'
         "</keyframe>",
@@ -61,7 +61,7 @@ MODELS = {
 }
 
 
-def written(tmp_path, bodies, more):
+def write_model(tmp_path, bodies, more):
     file = tmp_path / "foreign.xml"
     file.write_text(f"<mujoco><worldbody>{bodies}</worldbody>{more}</mujoco>")
     return file
@@ -76,7 +76,7 @@ def test_a_model_without_a_sidecar_is_self_consistent(name, tmp_path, monkeypatc
     """
     monkeypatch.setattr(own_motion, "MAX_HALVINGS", own_motion.MIN_HALVINGS)
     monkeypatch.setattr(sys.modules[check_model_here.__module__], "OWN_MODEL_SECONDS", 0.3)
-    found = check_model_here(written(tmp_path, *MODELS[name]))
+    found = check_model_here(write_model(tmp_path, *MODELS[name]))
     assert found.outcome == ("unchecked" if name == "no joints" else "self-consistent")
     assert found.steps == 150  # of 2 ms
 
@@ -84,20 +84,20 @@ def test_a_model_without_a_sidecar_is_self_consistent(name, tmp_path, monkeypatc
 @pytest.mark.parametrize(
     ("keys", "first"),
     [
-        (KEYS.format('name="squat"', 'name="prone"'), 0.3),
-        (KEYS.format("", ""), 0.3),
-        (KEYS.format('name="squat"', 'name="start"'), 0.6),
+        (TWO_KEYS.format('name="squat"', 'name="prone"'), 0.3),
+        (TWO_KEYS.format("", ""), 0.3),
+        (TWO_KEYS.format('name="squat"', 'name="start"'), 0.6),
         ("", 0.0),
     ],
 )
-def test_it_starts_from_the_key_start_or_its_first_one_or_none(keys, first, tmp_path):
-    file = written(tmp_path, HINGE, JOINT + keys)
+def test_a_model_starts_from_key_start_or_its_first_key_or_none(keys, first, tmp_path):
+    file = write_model(tmp_path, HINGE, JOINT_SENSOR + keys)
     curves = simulate(file, Run("passive", np.linspace(0, 0.1, 2), ()))
     assert curves.channels["b"][0] == first
 
 
-def test_it_falls_as_the_engine_lets_it(tmp_path):
-    file = written(
+def test_a_free_ball_falls_as_semi_implicit_euler_steps_it(tmp_path):
+    file = write_model(
         tmp_path, FREE, '<sensor><framepos name="p" objtype="body" objname="b"/></sensor>'
     )
     curves = simulate(file, Run("passive", np.linspace(0, 0.1, 2), ()))
@@ -105,13 +105,13 @@ def test_it_falls_as_the_engine_lets_it(tmp_path):
     assert curves.channels["p[2]"][1] == pytest.approx(1 - 9.81 * 0.002**2 * steps.sum(), abs=1e-12)
 
 
-def test_a_case_still_names_the_keys_there_are(tmp_path):
-    file = written(tmp_path, HINGE, JOINT + MODELS["keys of other names"][1])
+def test_a_case_without_the_key_start_lists_the_models_keys(tmp_path):
+    file = write_model(tmp_path, HINGE, JOINT_SENSOR + MODELS["keys of other names"][1])
     with pytest.raises(BadModel, match="no <key> named 'start'; there are: squat, prone"):
         simulate(file, Run("dynamics", np.linspace(0, 0.1, 2), ("b",)))
 
 
-def test_what_the_engine_refuses_is_bad_input_with_its_own_words(tmp_path):
-    result = check([written(tmp_path, '<body><joint type="screw"/></body>', "")])
+def test_a_model_that_mujoco_refuses_is_bad_input_with_its_message(tmp_path):
+    result = check([write_model(tmp_path, '<body><joint type="screw"/></body>', "")])
     assert result.exit_code == 2
     assert "foreign.xml: XML Error: invalid keyword: 'screw'" in str(result.errors[0])

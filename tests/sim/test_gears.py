@@ -17,9 +17,9 @@ from tests.programs import program_curves
 from tests.shipped import shipped
 
 ENGINES = {"mujoco": MUJOCO, "pymunk": PYMUNK}
-FILE = shipped("gear_pair.xml")
-SMALL, LARGE, AXLE = 0.3, 0.5, 0.8  # m
-MASS, ARM, OWN, PINION, G = 5.0, 0.2 + 0.1j, 0.6, 0.09, 9.81
+GEAR_PAIR_FILE = shipped("gear_pair.xml")
+PINION_RADIUS, WHEEL_RADIUS, AXLE_DISTANCE = 0.3, 0.5, 0.8  # m
+WHEEL_MASS, WHEEL_CENTRE, WHEEL_INERTIA, PINION_INERTIA, G = 5.0, 0.2 + 0.1j, 0.6, 0.09, 9.81
 """Mass [kg], centre of mass [m] and moment of inertia [kg m^2] of the wheel; moment of inertia of
 the pinion [kg m^2]; gravity [m/s^2]."""
 CHANNELS = ("wheel", "wheel_tooth.x", "wheel_tooth.y", "wheel_rate", "moment")
@@ -28,75 +28,79 @@ CHANNELS = ("wheel", "wheel_tooth.x", "wheel_tooth.y", "wheel_rate", "moment")
 def closed_form(pinion: np.ndarray) -> dict[str, np.ndarray]:
     """Angle of the wheel, position of its tooth, its rate at 1 rad/s of the pinion, and the
     pinion's holding moment."""
-    ratio = -SMALL / LARGE
+    ratio = -PINION_RADIUS / WHEEL_RADIUS
     wheel = ratio * pinion
-    tooth = AXLE - 0.5 * np.exp(1j * wheel)
+    tooth = AXLE_DISTANCE - 0.5 * np.exp(1j * wheel)
     return {
         "wheel": wheel,
         "wheel_tooth.x": tooth.real,
         "wheel_tooth.y": tooth.imag,
         "wheel_rate": np.full_like(pinion, ratio),
-        "moment": MASS * G * (ARM * np.exp(1j * wheel)).real * ratio,
+        "moment": WHEEL_MASS * G * (WHEEL_CENTRE * np.exp(1j * wheel)).real * ratio,
     }
 
 
-def turning(joint: str = "pinion") -> Drive:
+def turning_drive(joint: str = "pinion") -> Drive:
     return Drive(joint, lambda t: (t, 1 + 0 * t, 0 * t))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_sweep_is_the_closed_form(engine):
-    run = Run("sweep", np.linspace(0, 21, 64), CHANNELS, (turning(),))
-    found, truth = ENGINES[engine].simulate(FILE, run).channels, closed_form(run.x)
+    run = Run("sweep", np.linspace(0, 21, 64), CHANNELS, (turning_drive(),))
+    found, truth = ENGINES[engine].simulate(GEAR_PAIR_FILE, run).channels, closed_form(run.x)
     for name in CHANNELS:
         assert np.abs(found[name] - truth[name]).max() < 1e-12 * max(1.0, np.ptp(truth[name])), name
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_ratio_wrong_in_the_ninth_digit_is_seen(engine, tmp_path):
+def test_a_ratio_wrong_in_the_ninth_decimal_differs(engine, tmp_path):
     """Mutation of the test above: the ratio is -0.600000001 instead of -0.6."""
     file = tmp_path / "wrong.xml"
-    file.write_text(FILE.read_text().replace("0 -0.6 0", "0 -0.600000001 0"))
-    run = Run("sweep", np.linspace(0, 21, 64), CHANNELS, (turning(),))
+    file.write_text(GEAR_PAIR_FILE.read_text().replace("0 -0.6 0", "0 -0.600000001 0"))
+    run = Run("sweep", np.linspace(0, 21, 64), CHANNELS, (turning_drive(),))
     found, truth = ENGINES[engine].simulate(file, run).channels, closed_form(run.x)
     assert np.abs(found["wheel"] - truth["wheel"]).max() > 1e-8
 
 
-def test_the_reference_is_the_closed_form():
-    model, angle = mujoco.MjModel.from_xml_path(str(FILE)), np.linspace(0, 21, 64)
+def test_the_planar_reference_equals_the_closed_form():
+    model, angle = mujoco.MjModel.from_xml_path(str(GEAR_PAIR_FILE)), np.linspace(0, 21, 64)
     found, truth = solve(angle, model=model, joints=("pinion",)), closed_form(angle)
     for name in CHANNELS:
         assert np.abs(found[name] - truth[name]).max() < 1e-13 * max(1.0, np.ptp(truth[name])), name
 
 
-def let_go(start: float, until: float) -> tuple[np.ndarray, np.ndarray]:
+def released_wheel(start: float, until: float) -> tuple[np.ndarray, np.ndarray]:
     """Times and wheel angles of a pair that is released, from the inertia of wheel and pinion."""
-    inertia = OWN + MASS * abs(ARM) ** 2 + PINION * (LARGE / SMALL) ** 2
+    inertia = (
+        WHEEL_INERTIA
+        + WHEEL_MASS * abs(WHEEL_CENTRE) ** 2
+        + PINION_INERTIA * (WHEEL_RADIUS / PINION_RADIUS) ** 2
+    )
 
     def slope(_: float, y: np.ndarray) -> list[float]:
-        return [y[1], -MASS * G * (ARM * np.exp(1j * y[0])).real / inertia]
+        return [y[1], -WHEEL_MASS * G * (WHEEL_CENTRE * np.exp(1j * y[0])).real / inertia]
 
     t = np.linspace(0, until, 41)
     return t, solve_ivp(slope, (0, until), [start, 0.0], "DOP853", t, rtol=1e-13, atol=1e-13).y[0]
 
 
-def test_a_pair_that_is_let_go_swings_with_the_inertia_of_both(tmp_path):
-    t, truth = let_go(0.0, 2.0)
-    found = solve(t, model=mujoco.MjModel.from_xml_path(str(FILE)))["wheel"]
+def test_a_released_pair_swings_with_the_inertia_of_both_wheels(tmp_path):
+    t, truth = released_wheel(0.0, 2.0)
+    found = solve(t, model=mujoco.MjModel.from_xml_path(str(GEAR_PAIR_FILE)))["wheel"]
     assert np.abs(found - truth).max() < 1e-12
     errors = []
     for step in (2e-3, 1e-3):
         settings = {"timestep": step, "iterations": 200, "error_bias": 0.0}
         run = Run("dynamics", t, ("wheel",), settings=settings)
-        errors.append(np.abs(PYMUNK.simulate(FILE, run).channels["wheel"] - truth).max())
+        errors.append(np.abs(PYMUNK.simulate(GEAR_PAIR_FILE, run).channels["wheel"] - truth).max())
     assert errors[1] < 1e-4
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
     run = Run("dynamics", t, ("wheel",), settings={"timestep": 1e-3})
     # 1e-4: softness of MuJoCo's constraints
-    assert np.abs(MUJOCO.simulate(FILE, run).channels["wheel"] - truth).max() < 1e-4
+    assert np.abs(MUJOCO.simulate(GEAR_PAIR_FILE, run).channels["wheel"] - truth).max() < 1e-4
 
 
-TURNED = """<mujoco><compiler angle="radian"/>
+TURNED_PAIR = """<mujoco><compiler angle="radian"/>
   <option gravity="0 -9.81 0" timestep="1e-3"><flag contact="disable"/></option>
   <worldbody><body><joint name="other"/><inertial pos=".1 0 0" mass="1" diaginertia="1 1 1"/></body>
   <body pos="1 0 0" euler="0 0 0.4"><joint name="one" axis="0 0 -1" ref="0.3" stiffness="20"
@@ -112,15 +116,15 @@ TURNED = """<mujoco><compiler angle="radian"/>
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_axes_zeros_and_levels_count(engine, tmp_path):
+def test_a_gear_respects_axes_reference_angles_and_offset(engine, tmp_path):
     """A pair rests between a spring and two weights, while a third hinge is driven.
 
     Its joints have opposite axes and reference angles that are not zero, and the equality has a
     constant term.
     """
     file = tmp_path / "turned.xml"
-    file.write_text(TURNED)
-    run = Run("sweep", np.linspace(0, 1, 5), ("one", "two"), (turning("other"),))
+    file.write_text(TURNED_PAIR)
+    run = Run("sweep", np.linspace(0, 1, 5), ("one", "two"), (turning_drive("other"),))
     found = ENGINES[engine].simulate(file, run).channels
 
     def slope(two: float) -> float:
@@ -137,9 +141,9 @@ def test_axes_zeros_and_levels_count(engine, tmp_path):
     assert np.abs(found["one"] - (0.35 + 1.7 * (two + 0.2))).max() < 1e-12
 
 
-def test_a_program_in_pymunk_alone_has_the_gear(tmp_path):
+def test_a_pymunk_program_has_the_gear(tmp_path):
     file = tmp_path / "turned.xml"
-    file.write_text(TURNED)
+    file.write_text(TURNED_PAIR)
     settings = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
     names = ("one", "two", "rate")
     run = Run("dynamics", np.linspace(0, 0.5, 26), names, settings=settings)
@@ -151,11 +155,11 @@ def test_a_program_in_pymunk_alone_has_the_gear(tmp_path):
         assert np.abs(wanted[name] - truth[name]).max() < 1e-3 * np.ptp(truth[name]), name
 
 
-PAIR = """<mujoco><option><flag contact="disable"/></option><worldbody>
+PAIR_WITH_EQUALITY = """<mujoco><option><flag contact="disable"/></option><worldbody>
   <body><joint name="a" {kind}/><geom size="0.1"/>{inner}</body>
   <body pos="1 0 0"><joint name="b"/><geom size="0.1"/></body></worldbody>
   <equality><joint name="mesh" joint1="{one}" joint2="b" polycoef="{poly}"/></equality></mujoco>"""
-ON_A = '<body pos="1 0 0"><joint name="c"/><geom size="0.1"/></body>'
+BODY_ON_A = '<body pos="1 0 0"><joint name="c"/><geom size="0.1"/></body>'
 
 
 @pytest.mark.parametrize(
@@ -164,11 +168,11 @@ ON_A = '<body pos="1 0 0"><joint name="c"/><geom size="0.1"/></body>'
         ("", "", "a", "0 1 0.1 0 0", "whose polycoef is not linear"),
         ("", "", "a", "0.2 0 0 0 0", "which locks a joint"),
         ('type="slide" axis="1 0 0"', "", "a", "0 1 0 0 0", "not both hinges on the ground"),
-        ("", ON_A, "c", "0 1 0 0 0", "not both hinges on the ground"),
+        ("", BODY_ON_A, "c", "0 1 0 0 0", "not both hinges on the ground"),
     ],
 )
-def test_pymunk_names_couplings_that_are_no_gear(kind, inner, one, poly, words, tmp_path):
+def test_pymunk_refuses_joint_equalities_that_are_no_gears(kind, inner, one, poly, words, tmp_path):
     file: Path = tmp_path / "pair.xml"
-    file.write_text(PAIR.format(kind=kind, inner=inner, one=one, poly=poly))
+    file.write_text(PAIR_WITH_EQUALITY.format(kind=kind, inner=inner, one=one, poly=poly))
     with pytest.raises(Unsupported, match=f"joint equality 'mesh', .*{words}"):
         PYMUNK.simulate(file, Run("dynamics", np.linspace(0, 1, 3), ()))

@@ -11,7 +11,7 @@ from proofmass.mobility import mobility
 from proofmass.sidecar import load_case
 from tests.shipped import shipped
 
-LIMIT = np.arccos((4 + 9 - 4.5**2) / 12)
+LIMIT_ANGLE = np.arccos((4 + 9 - 4.5**2) / 12)
 """Crank angle [rad] at which coupler and rocker are in line, for links of 2, 2, 2.5 and 3 m:
 2.219516."""
 
@@ -35,14 +35,14 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
     result = check([models / "triple_rocker.toml"], detectable=False, causes=False)
     assert result.exit_code == 2
     curves = result.curves["triple_rocker", "sweep", solver]
-    assert curves.x.size == np.searchsorted(np.linspace(-2.0, 2.6, 201), LIMIT)
+    assert curves.x.size == np.searchsorted(np.linspace(-2.0, 2.6, 201), LIMIT_ANGLE)
     kept = [c for c in result.comparisons if c.run == "sweep"]
     assert {c.outcome for c in kept} <= {"agrees", "unsupported"}
     assert "agrees" in {c.outcome for c in kept}
-    said = next(str(e) for e in result.errors if "sweep ends at sample" in str(e))
-    assert f"the {solver} sweep ends at sample {curves.x.size} of 201, which are kept" in said
-    assert "crank = 2.2" in said
-    assert "open by" in said
+    message = next(str(e) for e in result.errors if "sweep ends at sample" in str(e))
+    assert f"the {solver} sweep ends at sample {curves.x.size} of 201, which are kept" in message
+    assert "crank = 2.2" in message
+    assert "open by" in message
 
 
 @pytest.mark.parametrize(
@@ -61,13 +61,13 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
         "change_point": 1,
     }.items(),
 )
-def test_mobility_is_grueblers(name, dof):
+def test_degrees_of_freedom_are_those_of_grueblers_formula(name, dof):
     """Printed degrees of freedom are those of B. Diaz Lozano 2019, lines 1180, 2320, 3023, 3450."""
     assert mobility(load_case(shipped(f"{name}.toml"))) == dof
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])
-def test_over_constrained_loops_are_named(solver, models, edit, keep_solver):
+def test_redundant_constraints_are_refused_by_name(solver, models, edit, keep_solver):
     """A second pin at the place of the first adds only redundant constraints, which are named."""
     edit(
         "fourbar.xml",

@@ -9,7 +9,7 @@ from proofmass.sim.protocol import BadModel
 
 MODEL = """<mujoco>%s<worldbody><body><joint name="j"/><geom name="g" size="1" %s/></body>
 </worldbody></mujoco>"""
-WRONG = {
+INVALID_NUMBERS = {
     "pos='nan 0 0'": "<geom name='g'>: pos='nan 0 0' is not a number",
     'pos="0 -NaN(12) 0"': "<geom name='g'>: pos='0 -NaN(12) 0' is not a number",
     'density="nan"': "<geom name='g'>: density='nan' is not a number",
@@ -36,7 +36,7 @@ def compiled(tmp_path):
         '<custom><text name="nan" data="nan"/></custom>',
     ],
 )
-def test_what_is_legal_to_mujoco_is_read(compiled, before):
+def test_comments_and_texts_that_mujoco_accepts_are_read(compiled, before):
     assert compiled(MODEL % (before, "")).nbody == 2
 
 
@@ -45,7 +45,7 @@ def test_a_byte_order_mark_and_latin_1_in_a_comment_are_read(compiled):
     assert compiled((MODEL % ("<!-- 5° -->", "")).encode("latin-1")).nbody == 2
 
 
-def test_a_name_in_latin_1_is_named(compiled):
+def test_a_name_in_latin_1_is_refused(compiled):
     with pytest.raises(BadModel, match="the byte 0xb0 of a name is not UTF-8"):
         compiled((MODEL % ("", "")).replace('"g"', '"°"').encode("latin-1"))
 
@@ -54,14 +54,12 @@ def test_limits_may_be_infinite(compiled):
     assert compiled((MODEL % ("", "")).replace('"j"', '"j" range="-inf inf"')).njnt == 1
 
 
-@pytest.mark.parametrize("attribute", WRONG)
-def test_a_number_that_is_none_is_named_and_nothing_is_logged(
-    compiled, attribute, tmp_path, monkeypatch
-):
+@pytest.mark.parametrize("attribute", INVALID_NUMBERS)
+def test_invalid_numbers_are_refused_without_a_log_file(compiled, attribute, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(BadModel) as wrong:
         compiled(MODEL % ("<!-- ---- bars ---- -->", attribute))
-    assert str(wrong.value) == f"m.xml: {WRONG[attribute]}"
+    assert str(wrong.value) == f"m.xml: {INVALID_NUMBERS[attribute]}"
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 
 
@@ -71,19 +69,19 @@ def test_a_nan_in_an_included_file_is_found(compiled, tmp_path):
         compiled(MODEL % ('<include file="part.xml"/>', ""))
 
 
-def test_what_is_no_regular_file_is_not_waited_for(tmp_path):
+def test_a_named_pipe_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "m.xml")
     with pytest.raises(BadModel, match="no regular file"):
         compile_model(tmp_path / "m.xml")
 
 
-def test_elements_are_read_whatever_the_comments(tmp_path):
+def test_elements_are_read_despite_comments_with_dashes(tmp_path):
     file = tmp_path / "m.xml"
     file.write_text(MODEL % ("<!-- ---- bars ---- -->", ""))
     assert [geom.get("name") for geom in read_tree(file).iter("geom")] == ["g"]
 
 
-def test_a_file_that_mujoco_takes_and_xml_does_not_is_named(compiled, tmp_path):
+def test_malformed_xml_compiles_but_cannot_be_changed(compiled, tmp_path):
     assert compiled((MODEL % ("°", "")).encode("latin-1")).nbody == 2
     with pytest.raises(BadModel, match=r"m\.xml: to be changed it must be well-formed"):
         read_tree(tmp_path / "m.xml")

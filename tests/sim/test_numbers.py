@@ -18,58 +18,60 @@ from proofmass.sim.elements import (
 )
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.numbers import Sizes, numbers_of
-from tests.shipped import each_case, shipped
+from tests.shipped import shipped, sidecar_parameters
 
 SIZES = Sizes(1.0, 1.0, 1.0)
-DRAWN = ("geom", "bvh", "cam", "light", "stat", "vis")
-CASES = [
+DRAWING_FIELDS = ("geom", "bvh", "cam", "light", "stat", "vis")
+CASE_NAMES = [
     "fourbar",
     "slider_crank_inclined",
     "balancer_sine_free_preload",
     "balancer_sine_nonlinear",
 ]
-CASES += ["pendulum", "hacksaw", "rfr2_natural", "rfr3", "andrews"]
+CASE_NAMES += ["pendulum", "hacksaw", "rfr2_natural", "rfr3", "andrews"]
 
 
 def arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
     """All arrays of real numbers of a compiled model, except those for drawing."""
-    found = {name: getattr(model, name) for name in dir(model) if not name.startswith(DRAWN)}
+    found = {
+        name: getattr(model, name) for name in dir(model) if not name.startswith(DRAWING_FIELDS)
+    }
     found["gravity"] = model.opt.gravity.copy()
     return {k: v for k, v in found.items() if isinstance(v, np.ndarray) and v.dtype.kind == "f"}
 
 
-def differ(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
+def any_number_differs(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
     """Whether any number differs between two models."""
     return any((one[key] != other[key]).any() for key in one)
 
 
-def listed(name: str) -> tuple[Source, list[Number]]:
+def source_and_numbers(name: str) -> tuple[Source, list[Number]]:
     case = load_case(shipped(f"{name}.toml"))
     source = compile_source(case.model_path, case.start, case.rods)
     return source, numbers_of(source, SIZES, [drive.joint for drive in case.drive])
 
 
-@pytest.mark.parametrize("file", each_case())
-def test_a_change_by_nothing_changes_nothing(file, tmp_path):
-    source, there = listed(file.stem)
+@pytest.mark.parametrize("file", sidecar_parameters())
+def test_a_change_by_zero_changes_nothing(file, tmp_path):
+    source, numbers = source_and_numbers(file.stem)
     copy = tmp_path / source.path.name
-    copy.write_text(write_changes(source, [(number, 0.0) for number in there]))
+    copy.write_text(write_changes(source, [(number, 0.0) for number in numbers]))
     again = arrays(compile_model(copy, source.rods))
     for key, values in arrays(source.full).items():
         np.testing.assert_array_equal(again[key], values, err_msg=key)
-    assert len({number.name for number in there}) == len(there)
+    assert len({number.name for number in numbers}) == len(numbers)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_a_change_is_where_it_was_meant_and_nowhere_else(name, tmp_path):
+@pytest.mark.parametrize("name", CASE_NAMES)
+def test_a_change_acts_on_its_number_only(name, tmp_path):
     """One number of each attribute of each tag, in the last element that has it."""
-    source, there = listed(name)
-    alike = {(n.kind, n.place.tag, n.place.attribute, n.place.part): n for n in there}
+    source, numbers = source_and_numbers(name)
+    last_of_each_kind = {(n.kind, n.place.tag, n.place.attribute, n.place.part): n for n in numbers}
     case = load_case(shipped(f"{name}.toml"))
     driven = [drive.joint for drive in case.drive]
     massless = {"gravity"} if source.rods else set()  # with gravity, rods need a mass
     before, full = arrays(source.bare), arrays(source.full)
-    for number in alike.values():
+    for number in last_of_each_kind.values():
         if number.place.tag == "rod" or number.kind in massless:
             continue
         file = tmp_path / source.path.name
@@ -77,17 +79,19 @@ def test_a_change_is_where_it_was_meant_and_nowhere_else(name, tmp_path):
         changed = compile_source(file, source.key, source.rods)
         after = {one.name: one.value for one in numbers_of(changed, SIZES, driven)}
         turned = number.place.attribute in ("turn", "inertia")
-        for one in there:
+        for one in numbers:
             expected = one.value + (1e-3 * number.step if one == number and not turned else 0.0)
             if one.kind == "rest angle" and number.kind == "zero":
                 continue  # a spring without a rest angle of its own is at rest at the joint's zero
             assert after.get(one.name, expected) == pytest.approx(expected, abs=1e-15), one.name
-        assert differ(before, arrays(changed.bare)) or differ(full, arrays(changed.full)), number
+        assert any_number_differs(before, arrays(changed.bare)) or any_number_differs(
+            full, arrays(changed.full)
+        ), number
 
 
-def test_a_turn_and_an_inertia_are_what_they_say(tmp_path):
-    source, there = listed("slider_crank_inclined")
-    by_name = {number.name: number for number in there}
+def test_changed_directions_and_inertias_have_the_stated_values(tmp_path):
+    source, numbers = source_and_numbers("slider_crank_inclined")
+    by_name = {number.name: number for number in numbers}
 
     def changed(name: str, by: float) -> mujoco.MjModel:
         file = tmp_path / "model.xml"
@@ -103,7 +107,7 @@ def test_a_turn_and_an_inertia_are_what_they_say(tmp_path):
     np.testing.assert_allclose(inertia, 1.1 * source.full.body_inertia[1], rtol=1e-15)
 
 
-SPRUNG = """<mujoco><worldbody><site name="wall"/><body name="b"><joint name="j"/>
+TENDONS_WITH_SPRINGS = """<mujoco><worldbody><site name="wall"/><body name="b"><joint name="j"/>
 <geom size=".1"/><site name="tip" pos="1 0 0"/></body></worldbody><tendon>
 <spatial name="slack" stiffness="3" springlength=".2 .5"><site site="wall"/><site site="tip"/>
 </spatial><spatial name="damper" damping="2"><site site="wall"/><site site="tip"/></spatial>
@@ -112,11 +116,11 @@ SPRUNG = """<mujoco><worldbody><site name="wall"/><body name="b"><joint name="j"
 
 def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_path):
     file, other = tmp_path / "sprung.xml", tmp_path / "changed.xml"
-    file.write_text(SPRUNG)
+    file.write_text(TENDONS_WITH_SPRINGS)
     source = compile_source(file, "start")
-    there = {one.name: one for one in numbers_of(source, SIZES)}
-    assert "site of tip x" in there
-    assert "spring length of tendon damper" not in there  # it has no spring
+    numbers = {one.name: one for one in numbers_of(source, SIZES)}
+    assert "site of tip x" in numbers
+    assert "spring length of tendon damper" not in numbers  # it has no spring
     for name, field, index, value in (
         ("stiffness of tendon slack", "tendon_stiffness", 0, 3.0),
         ("damping of tendon damper", "tendon_damping", 1, 2.0),
@@ -124,8 +128,8 @@ def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_p
         ("spring length of tendon slack low", "tendon_lengthspring", (0, 0), 0.2),
         ("spring length of tendon slack high", "tendon_lengthspring", (0, 1), 0.5),
     ):
-        assert there[name].value == value
-        other.write_text(write_changes(source, [(there[name], 0.1)]))
+        assert numbers[name].value == value
+        other.write_text(write_changes(source, [(numbers[name], 0.1)]))
         before, after = arrays(source.full), arrays(compile_model(other))
         changed = [key for key in before if (before[key] != after[key]).any()]
         assert changed == [field], name
@@ -135,20 +139,20 @@ def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_p
 
 
 FIELDS = "jnt_range", "qpos_spring", "qpos0", "dof_damping", "body_mass"
-DEGREES = """<mujoco><compiler autolimits="true"/>
+MODEL_IN_DEGREES = """<mujoco><compiler autolimits="true"/>
 <default><joint damping="0.5"/></default>
 <worldbody><body name="b" euler="0 0 30"><joint name="j" axis="0 0 1" range="-90 45" ref="10"
 springref="20" stiffness="3"/><geom type="capsule" size=".1" fromto="0 0 0 1 0 0"/></body>
 </worldbody></mujoco>"""
 
 
-def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
+def test_numbers_from_degrees_defaults_and_geoms_are_changed(tmp_path):
     file = tmp_path / "degrees.xml"
-    file.write_text(DEGREES)
+    file.write_text(MODEL_IN_DEGREES)
     source = compile_source(file, "start")
-    there = {one.name: one for one in numbers_of(source, SIZES)}
-    assert there["range of j high"].value == pytest.approx(np.pi / 4)
-    assert there["damping of j"].value == 0.5
+    numbers = {one.name: one for one in numbers_of(source, SIZES)}
+    assert numbers["range of j high"].value == pytest.approx(np.pi / 4)
+    assert numbers["damping of j"].value == 0.5
     other = tmp_path / "changed.xml"
     for name, field, index, by in (
         ("range of j high", "jnt_range", (0, 1), 0.1),
@@ -157,7 +161,7 @@ def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
         ("damping of j", "dof_damping", (0,), 0.1),
         ("mass of b", "body_mass", (1,), 0.1),
     ):
-        other.write_text(write_changes(source, [(there[name], by)]))
+        other.write_text(write_changes(source, [(numbers[name], by)]))
         model = compile_model(other)
         for key, values in arrays(source.full).items():
             if key in (
@@ -176,7 +180,7 @@ def test_degrees_defaults_and_bodies_that_weigh_by_their_geoms(tmp_path):
                 )
 
 
-MASSLESS = """<mujoco><worldbody><body name="link" pos="1 0 0"><joint axis="0 0 1"/>
+MASSLESS_BODIES = """<mujoco><worldbody><body name="link" pos="1 0 0"><joint axis="0 0 1"/>
 <inertial pos=".3 0 0" mass="1" diaginertia="1 1 1"/>
 <body name="pin" pos="2 0 0" euler="0 0 30"><site name="at"/></body>
 <body name="said" pos="2 0 0"><inertial pos=".5 0 0" mass="0" diaginertia="0 0 0"/></body>
@@ -186,13 +190,13 @@ MASSLESS = """<mujoco><worldbody><body name="link" pos="1 0 0"><joint axis="0 0 
 def test_a_body_without_mass_gets_it_at_its_own_origin(tmp_path):
     """MuJoCo compiles the position of a massless body in its parent as its centre of mass."""
     file, other = tmp_path / "massless.xml", tmp_path / "changed.xml"
-    file.write_text(MASSLESS)
+    file.write_text(MASSLESS_BODIES)
     source = compile_source(file, "start")
     assert source.full.body_ipos[2, 0] == 2.0
-    there = {one.name: one for one in numbers_of(source, SIZES)}
-    assert there["centre of mass of pin x"].value == 0.0
+    numbers = {one.name: one for one in numbers_of(source, SIZES)}
+    assert numbers["centre of mass of pin x"].value == 0.0
     other.write_text(
-        write_changes(source, [(there["mass of pin"], 0.1), (there["mass of said"], 0.1)])
+        write_changes(source, [(numbers["mass of pin"], 0.1), (numbers["mass of said"], 0.1)])
     )
     changed = compile_model(other)
     np.testing.assert_array_equal(changed.body_ipos[2:, 0], [0.0, 0.5])
@@ -201,8 +205,8 @@ def test_a_body_without_mass_gets_it_at_its_own_origin(tmp_path):
 
 
 def test_numbers_of_rods_are_keys_of_the_sidecar():
-    source, there = listed("rfr2_natural")
-    by_name = {number.name: number for number in there}
+    source, numbers = source_and_numbers("rfr2_natural")
+    by_name = {number.name: number for number in numbers}
     changes = [(by_name["length of left"], 0.1), (by_name["stiffness of a rod of right"], 0.01)]
     found = changed_rods(source.rods, changes)
     assert found["left"] == {"length": pytest.approx(1.1)}
@@ -210,13 +214,13 @@ def test_numbers_of_rods_are_keys_of_the_sidecar():
     assert write_changes(source, changes) == write_changes(source, [])
 
 
-def test_what_is_turned_off_or_across_the_plane_is_no_number(tmp_path):
+def test_disabled_and_out_of_plane_quantities_are_not_listed(tmp_path):
     text = shipped("fourbar.xml").read_text()
     file = tmp_path / "off.xml"
     file.write_text(re.sub("<flag ", '<flag damper="disable" gravity="disable" ', text))
     kinds = {one.kind for one in numbers_of(compile_source(file, "start"), SIZES, ["crank"])}
     assert kinds.isdisjoint({"damping", "gravity", "start value"})
-    assert not any(one.of.endswith(" z") for one in listed("fourbar")[1])
+    assert not any(one.of.endswith(" z") for one in source_and_numbers("fourbar")[1])
 
 
 @pytest.mark.parametrize(
@@ -239,13 +243,13 @@ def test_a_file_that_does_not_state_its_numbers_is_refused(old, new, words, tmp_
         numbers_of(compile_source(file, "start"), SIZES)
 
 
-def test_what_stands_in_a_frame_is_not_changed(tmp_path):
+def test_changes_of_numbers_in_a_frame_are_refused(tmp_path):
     text = shipped("fourbar.xml").read_text()
     file = tmp_path / "framed.xml"
     framed = text.replace('<body name="rocker"', '<frame><body name="rocker"')
     file.write_text(framed.replace("</worldbody>", "</frame></worldbody>"))
     source = compile_source(file, "start")
-    there = {one.name: one for one in numbers_of(source, SIZES)}
+    numbers = {one.name: one for one in numbers_of(source, SIZES)}
     with pytest.raises(NotWritten, match="in a frame"):
-        write_changes(source, [(there["place of rocker x"], 0.1)])
-    write_changes(source, [(there["place of coupler x"], 0.1)])
+        write_changes(source, [(numbers["place of rocker x"], 0.1)])
+    write_changes(source, [(numbers["place of coupler x"], 0.1)])

@@ -20,7 +20,7 @@ from proofmass.sim.protocol import Drive, Run
 from proofmass.solve import plan_run
 from tests.shipped import MODELS, shipped
 
-BARE = """<mujoco>
+MODEL_WITHOUT_GEOMS = """<mujoco>
   <worldbody>
     <body name="arm">
       <joint name="hub" axis="0 1 0"/>
@@ -37,7 +37,7 @@ BARE = """<mujoco>
 </mujoco>"""
 
 
-def test_poses_are_those_of_the_closed_form() -> None:
+def test_drawn_poses_equal_the_closed_form() -> None:
     case = load_case(shipped("fourbar.toml"))
     motions, note = find_motions(case, [])
     shape = mechanism_poses(case, motions)
@@ -56,19 +56,19 @@ def test_poses_are_those_of_the_closed_form() -> None:
     assert [m.name for m in shape.marks if m.ground] == ["crank", "rocker"]
 
 
-def test_a_swing_is_drawn_on_its_way_there() -> None:
+def test_an_oscillating_drive_is_drawn_over_half_a_period() -> None:
     case = load_case(shipped("triple_rocker.toml"))
     shape = mechanism_poses(case, find_motions(case, [])[0])
     assert shape is not None
     assert shape.inputs[0, [0, -1]] == pytest.approx([-2, 2])
-    way = np.diff(shape.inputs[0])
+    spacing = np.diff(shape.inputs[0])
     # evenly spaced over the drive's range, not over time, as far as the computed poses allow: there
     # are 60 for half a cosine, with a largest spacing of pi/120 of the range
-    assert np.abs(way - way.mean()).max() <= np.pi / 120 * way.sum()
+    assert np.abs(spacing - spacing.mean()).max() <= np.pi / 120 * spacing.sum()
 
 
 def test_bodies_without_geoms_are_lines_between_their_joints(tmp_path: Path) -> None:
-    (tmp_path / "bare.xml").write_text(BARE.format(more=""))
+    (tmp_path / "bare.xml").write_text(MODEL_WITHOUT_GEOMS.format(more=""))
     run = Run("dynamics", np.linspace(0, 0.1, 3), ())
     shape = picture(tmp_path / "bare.xml", run, count=3)
     assert shape.axes == ("x", "z")
@@ -78,14 +78,18 @@ def test_bodies_without_geoms_are_lines_between_their_joints(tmp_path: Path) -> 
     ]
 
 
-def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
-    text = BARE.replace('"knee"', '"knee" stiffness="2" springref="20"').format(more="")
+def test_a_sprung_joint_is_drawn_in_equilibrium(tmp_path: Path) -> None:
+    text = MODEL_WITHOUT_GEOMS.replace('"knee"', '"knee" stiffness="2" springref="20"').format(
+        more=""
+    )
     (tmp_path / "bare.xml").write_text(
         text.replace("<worldbody>", '<option gravity="0 0 0"/><worldbody>')
     )
-    law = Steady(0.0, 1.0, x_is_time=False)
+    profile = Steady(0.0, 1.0, x_is_time=False)
     shape = picture(
-        tmp_path / "bare.xml", Run("sweep", np.linspace(0, 1, 3), (), (Drive("hub", law),)), count=5
+        tmp_path / "bare.xml",
+        Run("sweep", np.linspace(0, 1, 3), (), (Drive("hub", profile),)),
+        count=5,
     )
     arm, rod = (np.diff(link.outlines[0], axis=1)[:, 0] for link in shape.links)
     bend = arm[:, 0] * rod[:, 1] - arm[:, 1] * rod[:, 0], (arm * rod).sum(axis=1)
@@ -94,7 +98,7 @@ def test_a_freedom_that_a_spring_holds_is_at_rest(tmp_path: Path) -> None:
     assert np.degrees(np.arctan2(*bend)) == pytest.approx(np.full(5, -20.0), abs=1e-6)
 
 
-def test_rods_bend_as_they_move() -> None:
+def test_moving_rods_are_drawn_bent() -> None:
     """The drawn slider is where the reference has it.
 
     A straight coupler would push it 6e-3 m further.
@@ -108,9 +112,11 @@ def test_rods_bend_as_they_move() -> None:
     assert pin.at[:, 0] == pytest.approx(truth.channels["slider.x"], abs=1e-4)
 
 
-def test_what_leaves_the_plane_is_drawn_from_a_side(tmp_path: Path) -> None:
+def test_a_mechanism_that_leaves_the_plane_is_drawn_from_a_side(tmp_path: Path) -> None:
     (tmp_path / "bare.xml").write_text(
-        BARE.format(more='<body><joint name="askew" axis="1 0 0"/><geom size="1"/></body>')
+        MODEL_WITHOUT_GEOMS.format(
+            more='<body><joint name="askew" axis="1 0 0"/><geom size="1"/></body>'
+        )
     )
     (tmp_path / "bare.toml").write_text(shipped("pendulum.toml").read_text(encoding="utf-8"))
     case = load_case(tmp_path / "bare.toml")
@@ -125,19 +131,19 @@ def test_what_leaves_the_plane_is_drawn_from_a_side(tmp_path: Path) -> None:
     assert '"along":"' in page
 
 
-def test_a_cylinder_is_closed_on_both_sides_that_are_seen() -> None:
+def test_the_outline_of_a_cylinder_has_both_edges() -> None:
     """The outline has a straight line from rim to rim at both edges, in two directions of view."""
     size = np.array([0.3, 0.5, 0.0])
     for view in (np.array([0.0, 1.0, 0.0]), np.array([0.6, -0.8, 0.0])):
         line = solid_outline(mujoco.mjtGeom.mjGEOM_CYLINDER, size, view)
-        ways = np.roll(line, -1, axis=0) - line
-        along = np.isclose(np.abs(ways[:, 2]), 2 * size[1])
+        sides = np.roll(line, -1, axis=0) - line
+        along = np.isclose(np.abs(sides[:, 2]), 2 * size[1])
         assert along.sum() == 2
         across = np.cross(view, [0.0, 0.0, 1.0])
         assert np.sort(line[along] @ across) == pytest.approx([-0.3, 0.3])
 
 
-def test_index_goes_by_folder_and_reference_with_what_is_wrong_first() -> None:
+def test_the_index_is_grouped_by_folder_and_reference_with_failures_first() -> None:
     names = (
         "hacksaw_recorded",
         "rfr3",
@@ -166,12 +172,12 @@ def test_index_goes_by_folder_and_reference_with_what_is_wrong_first() -> None:
     assert [c["name"] for p in found[2]["parts"] for c in p["cards"]] == ["rfr3"]
 
 
-def test_compact_svg_keeps_the_numbers_in_its_words() -> None:
+def test_compact_svg_rounds_coordinates_but_not_texts() -> None:
     text = '<svg viewBox="0 0 9 9"><text x="1.234567">0.7783 J</text></svg>'
     assert compact_svg(text) == '<svg viewBox="0 0 9 9"><text x="1.23">0.7783 J</text></svg>'
 
 
-def test_compact_svg_keeps_its_lines() -> None:
+def test_compact_svg_keeps_lines_to_the_last_digit() -> None:
     rng = np.random.default_rng(1)
     points = rng.uniform(0, 500, (200, 2))
     path_text = "M" + "L".join(f" {x:.6f} {y:.6f} \n" for x, y in points)
@@ -183,7 +189,7 @@ def test_compact_svg_keeps_its_lines() -> None:
     assert np.abs(found - points).max() <= 0.05 + 1e-9
 
 
-def test_a_floor_is_drawn_under_what_moves_and_a_free_body_has_no_guides() -> None:
+def test_a_floor_is_drawn_below_a_free_body_without_guides() -> None:
     """The surface of the slope passes through its position, and it extends beyond the block."""
     run = Run("dynamics", np.linspace(0, 0.5, 6), ())
     shape = picture(shipped("block_slides.xml"), run, count=6)

@@ -21,7 +21,7 @@ from tests.programs import program_curves
 from tests.shipped import shipped
 
 ENGINES = {"mujoco": MUJOCO, "pymunk": PYMUNK}
-EXACT = {"iterations": 2000, "error_bias": 0.0}
+EXACT_SETTINGS = {"iterations": 2000, "error_bias": 0.0}
 CHAIN = """<mujoco><compiler angle="radian"/>
   <option gravity="0 -9.81 0" timestep="1e-3" integrator="RK4"><flag contact="disable"/></option>
   <worldbody><site name="wall" pos="0.5 0.9 0"/>
@@ -39,20 +39,23 @@ CHAIN = """<mujoco><compiler angle="radian"/>
     <tendonpos name="ruler" tendon="ruler"/><e_potential name="potential"/>
     <actuatorfrc name="moment" actuator="m"/><force name="pin" site="foot"/></sensor>
   <keyframe><key name="start" qpos="0.3 0.9" qvel="1 -0.5"/></keyframe></mujoco>"""
-SPRINGS = 'stiffness="60" springlength="0.5"', 'stiffness="35" springlength="0.3"'
-SLACK = 'stiffness="60" springlength="0.45 0.85"', 'stiffness="35" springlength="0.3 0.5"'
-DAMPED = 'stiffness="60" springlength="0.5" damping="1.5"', 'damping="0.8"'
-MOVING = ("a", "b", "w", "length", "pace", "ruler", "potential")
+TWO_SPRINGS = 'stiffness="60" springlength="0.5"', 'stiffness="35" springlength="0.3"'
+TWO_SLACK_SPRINGS = (
+    'stiffness="60" springlength="0.45 0.85"',
+    'stiffness="35" springlength="0.3 0.5"',
+)
+TWO_DAMPED_SPRINGS = 'stiffness="60" springlength="0.5" damping="1.5"', 'damping="0.8"'
+MOTION_CHANNELS = ("a", "b", "w", "length", "pace", "ruler", "potential")
 
 
-def chain(folder: Path, springs: tuple[str, str]) -> Path:
+def write_chain(folder: Path, springs: tuple[str, str]) -> Path:
     """Write a double pendulum with two springs and a tendon without stiffness, `ruler`."""
     file = folder / "chain.xml"
     file.write_text(CHAIN.format(high=springs[0], low=springs[1]))
     return file
 
 
-def reference(file: Path, run: Run, inertia: bool = False) -> dict[str, np.ndarray]:
+def reference_curves(file: Path, run: Run, inertia: bool = False) -> dict[str, np.ndarray]:
     """Curves of the planar reference for a run."""
     model = mujoco.MjModel.from_xml_path(str(file))
     if not run.drives:
@@ -61,88 +64,95 @@ def reference(file: Path, run: Run, inertia: bool = False) -> dict[str, np.ndarr
     return solve(*run.motion(run.x), model=model, joints=joints, inertia=inertia)
 
 
-def samples(until: float) -> np.ndarray:
+def sample_times(until: float) -> np.ndarray:
     """Times of a free motion [s]."""
     return np.linspace(0, until, 51)
 
 
 @cache
-def let_go(text: str, until: float) -> dict[str, np.ndarray]:
+def released_motion(text: str, until: float) -> dict[str, np.ndarray]:
     """The planar reference of a free motion, computed once for both engines and all steps."""
-    return solve(samples(until), model=mujoco.MjModel.from_xml_string(text))
+    return solve(sample_times(until), model=mujoco.MjModel.from_xml_string(text))
 
 
-def errors(engine: str, file: Path, step: float, until: float = 1.0) -> dict[str, float]:
+def relative_errors(engine: str, file: Path, step: float, until: float = 1.0) -> dict[str, float]:
     """The largest error of each channel in a free motion, as a share of its range."""
-    settings = {"timestep": step, **(EXACT if engine == "pymunk" else {})}
-    run = Run("dynamics", samples(until), MOVING, settings=settings)
-    found, truth = ENGINES[engine].simulate(file, run).channels, let_go(file.read_text(), until)
-    return {n: float(np.abs(found[n] - truth[n]).max() / np.ptp(truth[n])) for n in MOVING}
+    settings = {"timestep": step, **(EXACT_SETTINGS if engine == "pymunk" else {})}
+    run = Run("dynamics", sample_times(until), MOTION_CHANNELS, settings=settings)
+    found, truth = (
+        ENGINES[engine].simulate(file, run).channels,
+        released_motion(file.read_text(), until),
+    )
+    return {n: float(np.abs(found[n] - truth[n]).max() / np.ptp(truth[n])) for n in MOTION_CHANNELS}
 
 
-@pytest.mark.parametrize("springs", [SPRINGS, SLACK], ids=["springs", "slack"])
-def test_pymunk_is_of_second_order(springs, tmp_path):
+@pytest.mark.parametrize("springs", [TWO_SPRINGS, TWO_SLACK_SPRINGS], ids=["springs", "slack"])
+def test_point_springs_in_pymunk_are_of_second_order(springs, tmp_path):
     """Errors fall with the square of the time step.
 
     The tip passes the wall at less than 0.1 m, where the rate of the length changes within 0.02 s.
     """
-    file = chain(tmp_path, springs)
-    coarse, fine = (errors("pymunk", file, step) for step in (1e-3, 5e-4))
-    for name in MOVING:
+    file = write_chain(tmp_path, springs)
+    coarse, fine = (relative_errors("pymunk", file, step) for step in (1e-3, 5e-4))
+    for name in MOTION_CHANNELS:
         assert coarse[name] < (2e-3 if name == "pace" else 5e-4)
         assert coarse[name] / fine[name] == pytest.approx(4, rel=0.15)
 
 
 def test_dampers_of_pymunk_are_of_first_order(tmp_path):
-    file = chain(tmp_path, DAMPED)
-    coarse, fine = (errors("pymunk", file, step) for step in (1e-3, 5e-4))
+    file = write_chain(tmp_path, TWO_DAMPED_SPRINGS)
+    coarse, fine = (relative_errors("pymunk", file, step) for step in (1e-3, 5e-4))
     for name in ("a", "b", "length"):
         assert coarse[name] < 3e-3
         assert 1.8 < coarse[name] / fine[name] < 2.5  # 2, and a part of second order
 
 
-def test_mujoco_is_of_fourth_order(tmp_path):
-    file = chain(tmp_path, SPRINGS)
-    coarse, fine = (errors("mujoco", file, step) for step in (1e-3, 5e-4))
-    for name in MOVING:
+def test_point_springs_in_mujoco_are_of_fourth_order(tmp_path):
+    file = write_chain(tmp_path, TWO_SPRINGS)
+    coarse, fine = (relative_errors("mujoco", file, step) for step in (1e-3, 5e-4))
+    for name in MOTION_CHANNELS:
         assert coarse[name] < 1e-7
         assert 9 < coarse[name] / fine[name] < 23  # 16, with terms of other orders at 1 ms
 
 
-@pytest.mark.parametrize(("springs", "allowed"), [(DAMPED, 1e-8), (SLACK, 5e-6)])
+@pytest.mark.parametrize(
+    ("springs", "allowed"), [(TWO_DAMPED_SPRINGS, 1e-8), (TWO_SLACK_SPRINGS, 5e-6)]
+)
 def test_mujoco_has_dampers_and_slack_springs(springs, allowed, tmp_path):
     """Slack springs have a larger tolerance: RK4 is of second order where they begin to pull."""
-    assert max(errors("mujoco", chain(tmp_path, springs), 1e-3).values()) < allowed
+    assert max(relative_errors("mujoco", write_chain(tmp_path, springs), 1e-3).values()) < allowed
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_spring_one_percent_stiffer_is_another_motion(engine, tmp_path):
+def test_a_spring_one_percent_stiffer_exceeds_the_tolerance(engine, tmp_path):
     """Mutation: a stiffness that is wrong by 1 % exceeds the tolerances of the tests above."""
-    run = Run("dynamics", samples(1.0), ("b",), settings={"timestep": 1e-3})
-    stiffer = chain(tmp_path, (SPRINGS[0].replace("60", "60.6"), SPRINGS[1]))
+    run = Run("dynamics", sample_times(1.0), ("b",), settings={"timestep": 1e-3})
+    stiffer = write_chain(tmp_path, (TWO_SPRINGS[0].replace("60", "60.6"), TWO_SPRINGS[1]))
     wrong = ENGINES[engine].simulate(stiffer, run)
-    truth = let_go(chain(tmp_path, SPRINGS).read_text(), 1.0)["b"]
+    truth = released_motion(write_chain(tmp_path, TWO_SPRINGS).read_text(), 1.0)["b"]
     assert np.abs(wrong.channels["b"] - truth).max() > 1e-3 * np.ptp(truth)
 
 
 @pytest.mark.parametrize("driven", [False, True], ids=["free", "driven"])
-@pytest.mark.parametrize("springs", [SLACK, DAMPED], ids=["slack", "damped"])
-def test_a_program_in_pymunk_alone_has_the_springs(springs, driven, tmp_path):
+@pytest.mark.parametrize(
+    "springs", [TWO_SLACK_SPRINGS, TWO_DAMPED_SPRINGS], ids=["slack", "damped"]
+)
+def test_a_pymunk_program_has_the_springs(springs, driven, tmp_path):
     """A pymunk program computes the same motion and the same moment of a drive."""
-    file, law = chain(tmp_path, springs), Steady(0.3, 1.0, True)
+    file, profile = write_chain(tmp_path, springs), Steady(0.3, 1.0, True)
     settings = {"timestep": 1e-3, "iterations": 100, "error_bias": 0.0}
-    drives = (Drive("a", law),) if driven else ()
-    names = (*MOVING, "moment") if driven else MOVING
+    drives = (Drive("a", profile),) if driven else ()
+    names = (*MOTION_CHANNELS, "moment") if driven else MOTION_CHANNELS
     run = Run("dynamics", np.linspace(0, 0.5, 26), names, drives, settings=settings)
     wanted = PYMUNK.simulate(file, run).channels
-    motion = motion_source([law], run.x) if driven else ""
+    motion = motion_source([profile], run.x) if driven else ""
     found = program_curves(write_program(file, run, motion, ""), tmp_path)
     for name in names:  # 1e-9: rounding of rates, which accelerations divide by the step
         share = 1e-9 if name == "moment" else 1e-11
         assert np.abs(found[name] - wanted[name]).max() < share * np.ptp(wanted[name]), name
 
 
-def held_four_bar(folder: Path, stiffness: float = 40.0) -> Path:
+def write_sprung_four_bar(folder: Path, stiffness: float = 40.0) -> Path:
     """Write the model `fourbar_forces` with a spring and damper from coupler to ground."""
     text = shipped("fourbar_forces.xml").read_text()
     site = '<site name="hook" pos="1.5 2.5 0"/>'
@@ -163,32 +173,32 @@ def held_four_bar(folder: Path, stiffness: float = 40.0) -> Path:
     return file
 
 
-TURN = Drive("crank", lambda t: (t, 1 + 0 * t, 0 * t))
+TURNING_CRANK = Drive("crank", lambda t: (t, 1 + 0 * t, 0 * t))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_sweep_has_the_spring_in_its_moment(engine, tmp_path):
+def test_the_holding_moment_of_a_sweep_includes_a_spring(engine, tmp_path):
     """The holding moment equals the planar reference; the damper does nothing at rest.
 
     A spring that is 1 % stiffer changes the moment by more than 1e-3 of its range.
     """
-    file = held_four_bar(tmp_path)
-    run = Run("sweep", np.linspace(0, 6, 25), ("holding_moment",), (TURN,))
+    file = write_sprung_four_bar(tmp_path)
+    run = Run("sweep", np.linspace(0, 6, 25), ("holding_moment",), (TURNING_CRANK,))
     found = ENGINES[engine].simulate(file, run).channels["holding_moment"]
-    truth = reference(file, run)["holding_moment"]
-    without = reference(held_four_bar(tmp_path, 0.0), run)["holding_moment"]
+    truth = reference_curves(file, run)["holding_moment"]
+    without = reference_curves(write_sprung_four_bar(tmp_path, 0.0), run)["holding_moment"]
     assert np.ptp(truth - without) > 10.0  # [N m] the part of the moment that the spring causes
     assert np.abs(found - truth).max() < 1e-11 * np.ptp(truth)
-    wrong = reference(held_four_bar(tmp_path, 40.4), run)["holding_moment"]
+    wrong = reference_curves(write_sprung_four_bar(tmp_path, 40.4), run)["holding_moment"]
     assert np.abs(found - wrong).max() > 1e-3 * np.ptp(truth)
 
 
-def test_forces_of_pins_in_pymunk_know_the_spring(tmp_path):
+def test_pin_forces_in_pymunk_include_a_spring(tmp_path):
     """Pin forces equal the planar reference at rest, and at 1 rad/s with the spring's damper.
 
     MuJoCo's force sensors leave tendons out, so that its channels are missing.
     """
-    file = held_four_bar(tmp_path)
+    file = write_sprung_four_bar(tmp_path)
     model = mujoco.MjModel.from_xml_path(str(file))
     names = [
         f"{model.sensor(s).name}.{part}"
@@ -198,8 +208,11 @@ def test_forces_of_pins_in_pymunk_know_the_spring(tmp_path):
     ]
     assert len(names) > 5
     for kind, allowed in (("sweep", 1e-10), ("dynamics", 1e-4)):
-        run = Run(kind, np.linspace(0, 3, 13), tuple(names), (TURN,))
-        found, truth = PYMUNK.simulate(file, run).channels, reference(file, run, kind == "dynamics")
+        run = Run(kind, np.linspace(0, 3, 13), tuple(names), (TURNING_CRANK,))
+        found, truth = (
+            PYMUNK.simulate(file, run).channels,
+            reference_curves(file, run, kind == "dynamics"),
+        )
         for name in names:
             assert np.abs(found[name] - truth[name]).max() < allowed * np.ptp(truth[name]), name
         assert not MUJOCO.simulate(file, run).channels
@@ -207,13 +220,13 @@ def test_forces_of_pins_in_pymunk_know_the_spring(tmp_path):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("springs", [SPRINGS, SLACK], ids=["springs", "slack"])
-def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tmp_path):
+@pytest.mark.parametrize("springs", [TWO_SPRINGS, TWO_SLACK_SPRINGS], ids=["springs", "slack"])
+def test_a_free_joint_between_springs_rests_at_the_least_energy(engine, springs, tmp_path):
     """The second arm rests between two springs at the angle of the least energy, found by a search.
 
     The moment of the drive is the derivative of that energy.
     """
-    file = chain(tmp_path, springs)
+    file = write_chain(tmp_path, springs)
     file.write_text(file.read_text().replace('qpos="0.3 0.9"', 'qpos="0.3 -2.3"'))
     run = Run(
         "sweep",
@@ -222,7 +235,7 @@ def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tm
         (Drive("a", lambda t: (t, 1 + 0 * t, 0 * t)),),
     )
     found = ENGINES[engine].simulate(file, run)
-    (k_high, *high), (k_low, *low) = numbers(springs)
+    (k_high, *high), (k_low, *low) = spring_numbers(springs)
 
     def total(a: float, b: float) -> float:
         arm = np.exp(1j * a)
@@ -231,8 +244,8 @@ def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tm
         weight = 9.81 * (2 * ((0.3 + 0.1j) * arm).imag + (0.7 * arm + 0.3 * fore).imag)
         return (
             weight
-            + stored(k_high, high, abs(tip - 0.5 - 0.9j))
-            + stored(k_low, low, abs(tip - (0.1 + 0.2j) * arm))
+            + spring_energy(k_high, high, abs(tip - 0.5 - 0.9j))
+            + spring_energy(k_low, low, abs(tip - (0.1 + 0.2j) * arm))
         )
 
     for a, b, moment in zip(run.x, found.channels["b"], found.channels["moment"], strict=True):
@@ -242,7 +255,7 @@ def test_what_a_drive_leaves_rests_where_the_energy_is_least(engine, springs, tm
         assert moment == pytest.approx(slope, abs=1e-6)
 
 
-def numbers(springs: tuple[str, str]) -> list[tuple[float, float, float]]:
+def spring_numbers(springs: tuple[str, str]) -> list[tuple[float, float, float]]:
     """Stiffness, and the two lengths between which they are slack, of two springs."""
     found = []
     for text in springs:
@@ -252,7 +265,7 @@ def numbers(springs: tuple[str, str]) -> list[tuple[float, float, float]]:
     return found
 
 
-def stored(stiffness: float, slack: list[float], length: float) -> float:
+def spring_energy(stiffness: float, slack: list[float], length: float) -> float:
     """Energy of a spring that is slack between two lengths."""
     return 0.5 * stiffness * (length - min(max(length, slack[0]), slack[1])) ** 2
 
@@ -267,37 +280,39 @@ def stored(stiffness: float, slack: list[float], length: float) -> float:
         ('damping="1 2"', "polynomial damping of tendon 'high'"),
     ],
 )
-def test_pymunk_names_what_it_does_not_cover(high, words, tmp_path):
+def test_pymunk_refuses_tendon_features_that_it_does_not_cover(high, words, tmp_path):
     with pytest.raises(Unsupported, match=words):
-        PYMUNK.simulate(chain(tmp_path, (high, "")), Run("dynamics", np.linspace(0, 1, 3), ()))
+        PYMUNK.simulate(
+            write_chain(tmp_path, (high, "")), Run("dynamics", np.linspace(0, 1, 3), ())
+        )
 
 
-def test_pymunk_names_a_spring_that_leaves_the_plane(tmp_path):
-    file = chain(tmp_path, SPRINGS)
+def test_pymunk_refuses_a_spring_that_leaves_the_plane(tmp_path):
+    file = write_chain(tmp_path, TWO_SPRINGS)
     file.write_text(file.read_text().replace('pos="0.5 0.9 0"', 'pos="0.5 0.9 0.1"'))
     with pytest.raises(Unsupported, match="tendon 'high', whose sites differ in height"):
         PYMUNK.simulate(file, Run("dynamics", np.linspace(0, 1, 3), ()))
 
 
-def test_a_picture_and_an_animation_have_the_springs_ends(tmp_path):
+def test_pictures_and_animations_show_the_ends_of_springs(tmp_path):
     """At all drawn poses, the distance of a spring's ends equals the sensor of its length.
 
     In the animation they are at fixed points of their bodies, at the places of the picture.
     """
-    file = chain(tmp_path, SPRINGS)
-    run = Run("dynamics", np.linspace(0, 1, 26), MOVING)
+    file = write_chain(tmp_path, TWO_SPRINGS)
+    run = Run("dynamics", np.linspace(0, 1, 26), MOTION_CHANNELS)
     drawn = picture(file, run, 26)
     assert [coil.name for coil in drawn.coils] == ["high", "low"]  # the ruler is not drawn
     lengths = np.linalg.norm(np.diff(drawn.coils[0].ends, axis=1)[:, 0], axis=1)
-    truth = let_go(file.read_text(), 1.0)["length"][::2]
+    truth = released_motion(file.read_text(), 1.0)["length"][::2]
     assert np.abs(lengths - truth).max() < 1e-6
     moved = motion(file, run, {}, 26)
-    for coil, still in zip(moved.coils, moved.picture.coils, strict=True):
+    for coil, drawn_coil in zip(moved.coils, moved.picture.coils, strict=True):
         for k, (body, at) in enumerate(zip(coil.body, coil.at, strict=True)):
             places = moved.places[:, body] if body >= 0 else np.zeros((26, 3))
             turn = np.exp(1j * places[:, 2]) * complex(*at)
             ends = places[:, :2] + np.column_stack([turn.real, turn.imag])
-            assert np.abs(ends - still.ends[:, k]).max() < 1e-12
+            assert np.abs(ends - drawn_coil.ends[:, k]).max() < 1e-12
     data = motion_data(moved)["coils"]
     assert [(one["name"], one["body"]) for one in data] == [("high", [-1, 1]), ("low", [1, 0])]
 

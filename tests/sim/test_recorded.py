@@ -24,12 +24,14 @@ from proofmass.solve import solve_here, with_computing_solvers
 from proofmass.studies.command import load_cases
 from tests.shipped import shipped
 
-HACKSAW, SOLVER = "hacksaw_inventor_shaped", "recorded:inventor-shaped"
-SAM = "balancer4_sam_shaped"
+HACKSAW_CASE, RECORDED_SOLVER = "hacksaw_inventor_shaped", "recorded:inventor-shaped"
+SAM_CASE = "balancer4_sam_shaped"
 Table = dict[str, list[str]]
 
 
-def judged(case: Case, kind: str = "dynamics", solver: str = SOLVER) -> dict[str, Comparison]:
+def recorded_comparisons(
+    case: Case, kind: str = "dynamics", solver: str = RECORDED_SOLVER
+) -> dict[str, Comparison]:
     """The comparisons of recorded curves, by channel."""
     found = compare(case, kind, solver, solve_here(case, kind, solver), detectable=False)
     return {c.channel: c for c in found}
@@ -42,7 +44,7 @@ def columns_of(file: Path) -> Table:
     return {head: [row[k] for row in rows] for k, head in enumerate(heads)}
 
 
-def write(file: Path, table: Table) -> None:
+def write_table(file: Path, table: Table) -> None:
     """Write cells by header as a CSV file."""
     rows = zip(*table.values(), strict=True)
     file.write_text("\n".join([",".join(table), *(",".join(row) for row in rows)]) + "\n")
@@ -52,11 +54,11 @@ def write(file: Path, table: Table) -> None:
 def spoil(models: Path) -> Callable[..., Case]:
     """``spoil(change, name)`` applies a change to the table of an export and loads its case."""
 
-    def changed(change: Callable[[Table], object], name: str = HACKSAW) -> Case:
+    def changed(change: Callable[[Table], object], name: str = HACKSAW_CASE) -> Case:
         file = models / f"{name}.csv"
         table = columns_of(file)
         change(table)
-        write(file, table)
+        write_table(file, table)
         return load_case(models / f"{name}.toml")
 
     return changed
@@ -65,26 +67,26 @@ def spoil(models: Path) -> Callable[..., Case]:
 @pytest.mark.parametrize("name", FILES)
 def test_the_shipped_files_are_those_that_the_script_makes(name: str) -> None:
     """Numbers may differ by one in the last digit: another machine may round a sine otherwise."""
-    there, again = (MODELS / name).read_text().splitlines(), text_of(name).splitlines()
-    assert [line for line in there if line[0] in "#tTa"] == [
-        line for line in again if line[0] in "#tTa"
+    shipped_lines, made_lines = (MODELS / name).read_text().splitlines(), text_of(name).splitlines()
+    assert [line for line in shipped_lines if line[0] in "#tTa"] == [
+        line for line in made_lines if line[0] in "#tTa"
     ]
-    mine, own = (
+    shipped_numbers, made_numbers = (
         np.array([line.split(",") for line in lines if line[0] not in "#tTa"], float)
-        for lines in (there, again)
+        for lines in (shipped_lines, made_lines)
     )
-    decimals = [len(cell.partition(".")[2]) for cell in there[-1].split(",")]
-    assert (np.abs(mine - own) <= 1.01 * 10.0 ** -np.array(decimals)).all()
+    decimals = [len(cell.partition(".")[2]) for cell in shipped_lines[-1].split(",")]
+    assert (np.abs(shipped_numbers - made_numbers) <= 1.01 * 10.0 ** -np.array(decimals)).all()
 
 
 @pytest.mark.parametrize("name", ["hacksaw_inventor_shaped", "balancer4_sam_shaped"])
-def test_a_made_up_file_says_so_first(name: str) -> None:
+def test_made_up_files_say_so_in_their_first_line(name: str) -> None:
     first = shipped(f"{name}.csv").read_text().splitlines()[0]
     assert re.fullmatch(r"# MADE UP\. Shaped like an export of .*, and not from it\.", first)
 
 
-def test_twelve_curves_of_five_parties_agree() -> None:
-    result = check([shipped(f"{HACKSAW}.toml")], jobs=1, detectable=False)
+def test_recorded_curves_and_both_engines_agree() -> None:
+    result = check([shipped(f"{HACKSAW_CASE}.toml")], jobs=1, detectable=False)
     assert not result.errors
     assert result.exit_code == 0
     outcomes: dict[str, set[str]] = {}
@@ -94,18 +96,18 @@ def test_twelve_curves_of_five_parties_agree() -> None:
         "mujoco": {"agrees"},
         "mujoco:default": {"unchecked"},
         "pymunk": {"agrees"},
-        SOLVER: {"agrees"},
+        RECORDED_SOLVER: {"agrees"},
     }
     assert len(result.comparisons) == 4 * 12
 
 
-def test_the_stated_disturbance_is_what_is_found() -> None:
+def test_the_stated_offset_of_the_crank_is_found() -> None:
     """The zero of the crank is off by 0.02 degrees, as the file states.
 
     The file has no drive of its own, so that the reference is computed from the motion profile.
     """
-    case = load_case(shipped(f"{HACKSAW}.toml"))
-    curves = solve_here(case, "dynamics", SOLVER)
+    case = load_case(shipped(f"{HACKSAW_CASE}.toml"))
+    curves = solve_here(case, "dynamics", RECORDED_SOLVER)
     assert curves.by_profile
     off = np.degrees(curves.channels["theta2"] - curves.drive[0][0])
     assert off == pytest.approx(0.02, abs=1e-4)  # both angles are rounded to 1e-4 degrees
@@ -119,17 +121,17 @@ def negated(name: str) -> Callable[[Table], object]:
     return lambda table: table.update({name: [str(-float(cell)) for cell in table[name]]})
 
 
-def shifted(name: str) -> Callable[[Table], object]:
+def shifted_by_a_row(name: str) -> Callable[[Table], object]:
     """A change of a table: a column that is late by one row."""
     return lambda table: table.update({name: [table[name][0], *table[name][:-1]]})
 
 
-def swapped(one: str, other: str) -> Callable[[Table], object]:
+def with_swapped_columns(one: str, other: str) -> Callable[[Table], object]:
     """A change of a table: two columns of the same unit are exchanged."""
     return lambda table: table.update({one: table[other], other: table[one]})
 
 
-HEADS = {
+HEADERS = {
     "theta2": "Theta2 [deg]",
     "theta2_rate": "w2 [deg/s]",
     "theta2_acceleration": "A2 [deg/s^2]",
@@ -145,21 +147,21 @@ HEADS = {
 }
 
 
-@pytest.mark.parametrize("how", [negated, shifted])
-@pytest.mark.parametrize("channel", HEADS)
-def test_a_wrong_sign_or_a_row_late_turns_that_channel_alone(channel, how, spoil) -> None:
-    found = judged(spoil(how(HEADS[channel])))
+@pytest.mark.parametrize("how", [negated, shifted_by_a_row])
+@pytest.mark.parametrize("channel", HEADERS)
+def test_a_negated_or_shifted_column_differs_alone(channel, how, spoil) -> None:
+    found = recorded_comparisons(spoil(how(HEADERS[channel])))
     assert [c.channel for c in found.values() if c.outcome != "agrees"] == [channel]
     assert found[channel].outcome == "differs"
 
 
 @pytest.mark.parametrize(("one", "other"), [("theta1", "theta3"), ("theta1_rate", "theta2_rate")])
 def test_swapped_columns_differ(one, other, spoil) -> None:
-    found = judged(spoil(swapped(HEADS[one], HEADS[other])))
+    found = recorded_comparisons(spoil(with_swapped_columns(HEADERS[one], HEADERS[other])))
     assert {c.channel for c in found.values() if c.outcome == "differs"} == {one, other}
 
 
-def test_the_sign_map_of_the_sidecar_is_tested(edit) -> None:
+def test_a_wrong_sign_or_shift_in_the_sidecar_does_not_agree(edit) -> None:
     """Only the channel of a wrong entry does not agree.
 
     The wrong entries are R1 without its factor -1, Theta3 without its shift of 180 degrees, and w1
@@ -170,28 +172,30 @@ def test_the_sign_map_of_the_sidecar_is_tested(edit) -> None:
         ('column = "Theta3", shift = 180', 'column = "Theta3"', "theta3"),
         ('theta1_rate = "w1"', 'theta1_rate = { column = "w1", scale = -1 }', "theta1_rate"),
     ):
-        file = edit(f"{HACKSAW}.toml", re.escape(old), new)
-        found = judged(load_case(file))
+        file = edit(f"{HACKSAW_CASE}.toml", re.escape(old), new)
+        found = recorded_comparisons(load_case(file))
         assert [c.channel for c in found.values() if c.outcome != "agrees"] == [channel]
-        edit(f"{HACKSAW}.toml", re.escape(new), old)
+        edit(f"{HACKSAW_CASE}.toml", re.escape(new), old)
 
 
-def test_a_unit_that_the_header_has_wrong_turns_the_verdict(spoil) -> None:
+def test_a_wrong_unit_in_the_header_differs(spoil) -> None:
     def renamed(table: Table) -> None:
         table["Vr1 [mm/s]"] = table.pop("Vr1 [m/s]")
 
-    assert judged(spoil(renamed))["r1_rate"].outcome == "differs"
+    assert recorded_comparisons(spoil(renamed))["r1_rate"].outcome == "differs"
 
 
-def test_a_curve_of_nothing_differs_everywhere(spoil) -> None:
-    def still(table: Table) -> None:
+def test_constant_columns_differ_in_all_channels(spoil) -> None:
+    def with_constant_columns(table: Table) -> None:
         for name in table:
             table[name] = table[name] if "Tiempo" in name else [table[name][0]] * len(table[name])
 
-    assert {c.outcome for c in judged(spoil(still)).values()} == {"differs"}
+    assert {c.outcome for c in recorded_comparisons(spoil(with_constant_columns)).values()} == {
+        "differs"
+    }
 
 
-def test_rows_that_are_too_far_apart_decide_nothing(spoil, monkeypatch) -> None:
+def test_channels_with_coarse_rows_are_undecided(spoil, monkeypatch) -> None:
     """With a row every 64 ms some channels are undecided.
 
     The spline is close to the curve, but its uncertainty is too large.
@@ -201,7 +205,7 @@ def test_rows_that_are_too_far_apart_decide_nothing(spoil, monkeypatch) -> None:
         for name, cells in table.items():
             table[name] = [*cells[:-1:16], cells[-1]]
 
-    found = judged(spoil(thinned))
+    found = recorded_comparisons(spoil(thinned))
     coarse = {c.channel for c in found.values() if c.outcome == "undecided"}
     assert "theta3_acceleration" in coarse
     assert all(c.outcome != "agrees" or c.uncertainty < c.allowed for c in found.values())
@@ -209,33 +213,35 @@ def test_rows_that_are_too_far_apart_decide_nothing(spoil, monkeypatch) -> None:
     assert "agrees" not in {found[name].outcome for name in coarse}
 
 
-def test_a_case_that_is_undecided_is_not_green(spoil, models: Path) -> None:
+def test_an_undecided_case_has_exit_code_1(spoil, models: Path) -> None:
     spoil(lambda table: table.update({k: [*v[:-1:16], v[-1]] for k, v in table.items()}))
-    result = check([models / f"{HACKSAW}.toml"], jobs=1, detectable=False, causes=False)
+    result = check([models / f"{HACKSAW_CASE}.toml"], jobs=1, detectable=False, causes=False)
     assert not result.errors
     assert result.exit_code == 1
 
 
-def test_samples_at_rows_are_taken_as_they_are() -> None:
-    case = load_case(shipped(f"{SAM}.toml"))
+def test_rows_at_the_samples_are_not_interpolated() -> None:
+    case = load_case(shipped(f"{SAM_CASE}.toml"))
     curves = solve_here(case, "sweep", "recorded:sam-shaped")
-    table = read_table(shipped(f"{SAM}.csv"))
+    table = read_table(shipped(f"{SAM_CASE}.csv"))
     assert np.array_equal(curves.channels["energy"], table.values("V"))
     assert curves.uncertainty == {}
     assert "nothing is interpolated" in curves.notes[0]
     assert curves.missing.keys() == {"segment4.angle"}
-    found = judged(case, "sweep", "recorded:sam-shaped")
+    found = recorded_comparisons(case, "sweep", "recorded:sam-shaped")
     assert found["segment4.angle"].outcome == "unsupported"
     assert {c.outcome for c in found.values()} == {"agrees", "unsupported"}
 
 
 @pytest.mark.parametrize("head", ["theta1 [deg]", "theta2 [deg]", "M [N m]", "V [J]"])
-def test_a_wrong_column_of_the_balancer_differs(head, spoil) -> None:
-    found = judged(spoil(shifted(head), SAM), "sweep", "recorded:sam-shaped")
+def test_a_shifted_column_of_the_balancer_differs(head, spoil) -> None:
+    found = recorded_comparisons(
+        spoil(shifted_by_a_row(head), SAM_CASE), "sweep", "recorded:sam-shaped"
+    )
     assert len([c for c in found.values() if c.outcome == "differs"]) == 1
 
 
-SMOOTH = {
+SMOOTH_CURVES = {
     "sine": lambda x, at: np.sin(9.0 * x + at),
     "peak": lambda x, at: np.exp(-(((x - at) / 0.08) ** 2)),
     "fifth power": lambda x, at: (x - at) ** 5,
@@ -244,47 +250,47 @@ SMOOTH = {
 }
 
 
-@pytest.mark.parametrize("name", SMOOTH)
-def test_an_interpolated_curve_is_not_off_by_more_than_is_told(name: str) -> None:
+@pytest.mark.parametrize("name", SMOOTH_CURVES)
+def test_interpolation_errors_are_within_the_stated_uncertainty(name: str) -> None:
     rng = np.random.default_rng(5)
     rows, x = np.linspace(0.0, 1.0, 60), np.linspace(0.0, 1.0, 20_001)
     shares = []
     for at in rng.uniform(0.1, 0.9, 40):
-        found, error = interpolate_recorded(x, rows, SMOOTH[name](rows, at))
-        off = np.abs(found - SMOOTH[name](x, at))
-        assert (off <= error + 1e-14).all()
-        shares.append(off.max() / error.max())
+        found, error = interpolate_recorded(x, rows, SMOOTH_CURVES[name](rows, at))
+        errors = np.abs(found - SMOOTH_CURVES[name](x, at))
+        assert (errors <= error + 1e-14).all()
+        shares.append(errors.max() / error.max())
     assert max(shares) > 0.1  # the stated error is not too large by orders of magnitude
 
 
-def test_a_file_with_its_own_drive_is_held_against_the_reference_there(models, edit, spoil) -> None:
+def test_the_reference_is_computed_at_a_recorded_drive(models, edit, spoil) -> None:
     """The reference is computed at the drive that the file records, whose rows are at the samples.
 
     The wrong zero of the crank then causes no errors of the other angles.
     """
-    edit(f"{HACKSAW}.toml", r"until = 3\.88\d*", "until = 3.884")
-    edit(f"{HACKSAW}.toml", r"n = 1000", "n = 972")
+    edit(f"{HACKSAW_CASE}.toml", r"until = 3\.88\d*", "until = 3.884")
+    edit(f"{HACKSAW_CASE}.toml", r"n = 1000", "n = 972")
     drive = '{ value = "Theta2", rate = "w2", acceleration = "A2" }'
     file = edit(
-        f"{HACKSAW}.toml",
+        f"{HACKSAW_CASE}.toml",
         r'x = "Tiempo"',
         f'x = "Tiempo"\ndrive.crank = {drive}',
     )
-    found = judged(load_case(file))
+    found = recorded_comparisons(load_case(file))
     # theta2 itself is compared with the motion profile
     assert found["theta2"].error_max == pytest.approx(0.02, abs=1e-4)
     assert found["r1"].relative_to_range < 2e-6  # rounding of printed digits, instead of 2e-4
     assert found["theta3"].relative_to_range < 2e-6
 
 
-def test_a_drive_between_the_samples_is_refused(edit, models: Path) -> None:
+def test_a_recorded_drive_between_the_samples_is_refused(edit, models: Path) -> None:
     drive = '{ value = "Theta2", rate = "w2", acceleration = "A2" }'
-    edit(f"{HACKSAW}.toml", r'x = "Tiempo"', f'x = "Tiempo"\ndrive.crank = {drive}')
-    (error,) = check([models / f"{HACKSAW}.toml"], jobs=1, causes=False).errors
+    edit(f"{HACKSAW_CASE}.toml", r'x = "Tiempo"', f'x = "Tiempo"\ndrive.crank = {drive}')
+    (error,) = check([models / f"{HACKSAW_CASE}.toml"], jobs=1, causes=False).errors
     assert "used only if the file has rows at the samples of the run" in error.wrong
 
 
-CELLS = {
+BAD_CELLS = {
     "another unit": ("R1 [m]", "R1 [deg]", ["column 'R1'", "channel r1", "'deg'", "m is needed"]),
     "unknown unit": ("R1 [m]", "R1 [furlog]", ["channels.r1", "unknown unit 'furlog'"]),
     "no unit": ("R1 [m]", "R1", ["channels.r1", "no unit in its header", "unit = "]),
@@ -303,23 +309,23 @@ CELLS = {
 }
 
 
-def refused(models: Path) -> str:
+def refusal_output(models: Path) -> str:
     """Standard error of `proofmass check` on the hacksaw's case, which must have exit code 2."""
-    found = CliRunner().invoke(app, ["check", str(models / f"{HACKSAW}.toml"), "--jobs", "1"])
+    found = CliRunner().invoke(app, ["check", str(models / f"{HACKSAW_CASE}.toml"), "--jobs", "1"])
     assert found.exit_code == 2
     assert "Traceback" not in found.output
     return " ".join(found.stderr.split())
 
 
-@pytest.mark.parametrize("name", CELLS)
-def test_a_bad_file_is_named_with_what_would_be_right(name: str, models: Path) -> None:
-    old, new, words = CELLS[name]
-    file = models / f"{HACKSAW}.csv"
+@pytest.mark.parametrize("name", BAD_CELLS)
+def test_bad_files_are_refused_with_what_would_be_right(name: str, models: Path) -> None:
+    old, new, words = BAD_CELLS[name]
+    file = models / f"{HACKSAW_CASE}.csv"
     text = file.read_text()
     assert text.count(old) >= 1
     file.write_text(text.replace(old, new, 1))
-    said = refused(models)
-    assert all(word in said for word in words), said
+    output = refusal_output(models)
+    assert all(word in output for word in words), output
 
 
 @pytest.mark.parametrize(
@@ -331,13 +337,13 @@ def test_a_bad_file_is_named_with_what_would_be_right(name: str, models: Path) -
         (slice(17, -1), ["times the usual spacing"]),
     ],
 )
-def test_rows_that_are_missing_are_named(rows: slice, words: list[str], models: Path) -> None:
-    file = models / f"{HACKSAW}.csv"
+def test_missing_rows_are_refused(rows: slice, words: list[str], models: Path) -> None:
+    file = models / f"{HACKSAW_CASE}.csv"
     lines = file.read_text().splitlines()
     del lines[rows]
     file.write_text("\n".join(lines) + "\n")
-    said = refused(models)
-    assert all(word in said for word in words), said
+    output = refusal_output(models)
+    assert all(word in output for word in words), output
 
 
 @pytest.mark.parametrize(
@@ -355,17 +361,19 @@ def test_rows_that_are_missing_are_named(rows: slice, words: list[str], models: 
         ('x = "Tiempo"', 'x = "Tiempo"\ntimestep = 1e-3', ["unknown setting 'timestep'"]),
     ],
 )
-def test_a_bad_setting_is_named(old: str, new: str, words: list[str], models: Path) -> None:
-    file = models / f"{HACKSAW}.toml"
+def test_bad_settings_of_recorded_curves_are_refused(
+    old: str, new: str, words: list[str], models: Path
+) -> None:
+    file = models / f"{HACKSAW_CASE}.toml"
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new, 1))
-    said = refused(models)
-    assert all(word in said for word in words), said
+    output = refusal_output(models)
+    assert all(word in output for word in words), output
 
 
-def test_recorded_without_a_table_asks_for_its_file(edit) -> None:
-    file = edit(f"{HACKSAW}.toml", r'"pymunk", "recorded:inventor-shaped"\]', '"recorded"]')
+def test_a_recorded_solver_without_settings_asks_for_its_file(edit) -> None:
+    file = edit(f"{HACKSAW_CASE}.toml", r'"pymunk", "recorded:inventor-shaped"\]', '"recorded"]')
     text = file.read_text()
     file.write_text(
         re.sub(r'(?s)\[settings\."recorded.*?(?=\[channels\])', "", text)
@@ -376,41 +384,46 @@ def test_recorded_without_a_table_asks_for_its_file(edit) -> None:
     assert (error.key, error.wrong) == ("settings.recorded.file", "missing; it is required")
 
 
-def test_a_file_is_named_from_the_sidecar_not_from_the_model(models: Path) -> None:
+def test_the_path_of_a_file_is_relative_to_the_sidecar(models: Path) -> None:
     folder = models / "exports"
     folder.mkdir()
-    (models / f"{HACKSAW}.csv").rename(folder / f"{HACKSAW}.csv")
-    text = (models / f"{HACKSAW}.toml").read_text()
-    (folder / f"{HACKSAW}.toml").write_text(text.replace('"hacksaw.xml"', '"../hacksaw.xml"'))
-    found = judged(load_case(folder / f"{HACKSAW}.toml"))
+    (models / f"{HACKSAW_CASE}.csv").rename(folder / f"{HACKSAW_CASE}.csv")
+    text = (models / f"{HACKSAW_CASE}.toml").read_text()
+    (folder / f"{HACKSAW_CASE}.toml").write_text(text.replace('"hacksaw.xml"', '"../hacksaw.xml"'))
+    found = recorded_comparisons(load_case(folder / f"{HACKSAW_CASE}.toml"))
     assert {c.outcome for c in found.values()} == {"agrees"}
 
 
-def test_a_time_base_of_its_own_is_mapped(spoil, edit, models: Path) -> None:
+def test_another_unit_and_offset_of_time_are_mapped(spoil, edit, models: Path) -> None:
     """The times are milliseconds that begin at 250: the clock ran before the motion began."""
 
-    def late(table: Table) -> None:
+    def with_other_clock(table: Table) -> None:
         times = [f"{1e3 * float(cell) + 250.0:.0f}" for cell in table.pop("Tiempo [s]")]
         table["clock [ms]"] = times
 
-    edit(f"{HACKSAW}.toml", 'x = "Tiempo"', 'x = { column = "clock", shift = -250 }')
-    assert {c.outcome for c in judged(spoil(late)).values()} == {"agrees"}
-    edit(f"{HACKSAW}.toml", "shift = -250", "shift = -250.5")
-    found = judged(load_case(models / f"{HACKSAW}.toml"))
+    edit(f"{HACKSAW_CASE}.toml", 'x = "Tiempo"', 'x = { column = "clock", shift = -250 }')
+    assert {c.outcome for c in recorded_comparisons(spoil(with_other_clock)).values()} == {"agrees"}
+    edit(f"{HACKSAW_CASE}.toml", "shift = -250", "shift = -250.5")
+    found = recorded_comparisons(load_case(models / f"{HACKSAW_CASE}.toml"))
     assert found["theta3_rate"].outcome == "differs"  # 0.5 ms at 1500 deg/s^2
 
 
 def test_wrapped_angles_are_unwrapped(spoil, edit, models: Path) -> None:
     def wrapped(table: Table) -> None:
-        name = HEADS["theta2"]
+        name = HEADERS["theta2"]
         table[name] = [f"{(float(cell) + 180.0) % 360.0 - 180.0:.4f}" for cell in table[name]]
 
-    assert judged(spoil(wrapped))["theta2"].outcome == "differs"
-    edit(f"{HACKSAW}.toml", 'theta2 = "Theta2"', 'theta2 = { column = "Theta2", unwrap = true }')
-    assert judged(load_case(models / f"{HACKSAW}.toml"))["theta2"].outcome == "agrees"
+    assert recorded_comparisons(spoil(wrapped))["theta2"].outcome == "differs"
+    edit(
+        f"{HACKSAW_CASE}.toml", 'theta2 = "Theta2"', 'theta2 = { column = "Theta2", unwrap = true }'
+    )
+    assert (
+        recorded_comparisons(load_case(models / f"{HACKSAW_CASE}.toml"))["theta2"].outcome
+        == "agrees"
+    )
 
 
-def test_a_file_without_a_header_has_numbers_for_names(tmp_path: Path) -> None:
+def test_columns_without_a_header_are_named_by_numbers(tmp_path: Path) -> None:
     file = tmp_path / "plain.txt"
     file.write_text("0.0\t1,5\n0.1\t2,5\n0.2\t3,5\n".replace(".", ","))
     table = read_table(file)
@@ -419,12 +432,12 @@ def test_a_file_without_a_header_has_numbers_for_names(tmp_path: Path) -> None:
 
 
 def test_studies_leave_recorded_curves_out(edit, tmp_path: Path) -> None:
-    case = load_case(shipped(f"{HACKSAW}.toml"))
+    case = load_case(shipped(f"{HACKSAW_CASE}.toml"))
     left, others = with_computing_solvers(case)
     assert left.run["dynamics"].solvers == ("mujoco", "mujoco:default", "pymunk")
-    assert others == (SOLVER,)
+    assert others == (RECORDED_SOLVER,)
     alone = edit(
-        f"{HACKSAW}.toml", r'solvers = \["mujoco".*', 'solvers = ["recorded:inventor-shaped"]'
+        f"{HACKSAW_CASE}.toml", r'solvers = \["mujoco".*', 'solvers = ["recorded:inventor-shaped"]'
     )
     text = alone.read_text().replace("[settings.pymunk]\ntimestep = 5e-4", "")
     head, *tolerances = text.split("[[tolerance]]")
@@ -442,25 +455,27 @@ def test_studies_leave_recorded_curves_out(edit, tmp_path: Path) -> None:
         assert "Traceback" not in found.output
 
 
-def test_a_study_says_what_it_leaves_out(capsys) -> None:
-    (case,) = load_cases([shipped(f"{SAM}.toml")])
+def test_a_study_reports_the_recorded_curves_that_it_leaves_out(capsys) -> None:
+    (case,) = load_cases([shipped(f"{SAM_CASE}.toml")])
     assert case.run["sweep"].solvers == ("mujoco", "pymunk")
-    said = " ".join(capsys.readouterr().err.split())
-    assert f"{SAM}: recorded:sam-shaped is left out" in said
+    output = " ".join(capsys.readouterr().err.split())
+    assert f"{SAM_CASE}: recorded:sam-shaped is left out" in output
 
 
-def test_a_wrong_sign_is_named_as_the_cause(edit, models: Path) -> None:
+def test_a_wrong_sign_of_a_column_is_named_as_the_cause(edit, models: Path) -> None:
     """The diagnosis of a recorded column names its sign as the cause.
 
     It tries no number of the model, since recorded curves do not depend on any.
     """
-    edit(f"{HACKSAW}.toml", re.escape('{ column = "R1", scale = -1 }'), '"R1"')
-    edit(f"{HACKSAW}.toml", r'solvers = \["mujoco", "mujoco:default", "pymunk", ', "solvers = [")
-    text = (models / f"{HACKSAW}.toml").read_text()
+    edit(f"{HACKSAW_CASE}.toml", re.escape('{ column = "R1", scale = -1 }'), '"R1"')
+    edit(
+        f"{HACKSAW_CASE}.toml", r'solvers = \["mujoco", "mujoco:default", "pymunk", ', "solvers = ["
+    )
+    text = (models / f"{HACKSAW_CASE}.toml").read_text()
     text = text.replace("[settings.pymunk]\ntimestep = 5e-4", "")
     head, *tolerances = text.split("[[tolerance]]")
     kept = [t for t in tolerances if "recorded" in t]
-    (models / f"{HACKSAW}.toml").write_text("[[tolerance]]".join([head, *kept]))
-    (found,) = check([models / f"{HACKSAW}.toml"], jobs=1, detectable=False).diagnoses.values()
+    (models / f"{HACKSAW_CASE}.toml").write_text("[[tolerance]]".join([head, *kept]))
+    (found,) = check([models / f"{HACKSAW_CASE}.toml"], jobs=1, detectable=False).diagnoses.values()
     assert found.causes[0].words == "r1 with the opposite sign"
     assert not any("numbers of the model" in words for words in found.tried)

@@ -12,15 +12,22 @@ from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.flex import arc_lengths, cut_into_links
 from proofmass.sim.protocol import BadRod, Rod, Run, Unsupported
 from tests.shipped import shipped
-from tests.sim.rod_models import FIGURES, PAIR, STEEL, held, model, pull
+from tests.sim.rod_models import (
+    FIGURES,
+    PAIR_MODEL,
+    STEEL_STIFFNESS,
+    dead_load,
+    fixed_motors,
+    write_model,
+)
 
-SHAPE = "r.x", "r.y", "r.angle", "r.moment"
-BENT = '<site name="pin" pos="0.8 0.1 0"/>'
-FEET = (
+SHAPE_CHANNELS = "r.x", "r.y", "r.angle", "r.moment"
+PIN_SITE = '<site name="pin" pos="0.8 0.1 0"/>'
+CLAMP_SITES = (
     '<site name="c1" pos="-0.3 0 0" euler="0 0 0.6981317007977318"/>'
     '<site name="c2" pos="0.3 0 0" euler="0 0 1.0471975511965976"/>'
 )
-PIN = '<framepos name="pin" objtype="site" objname="left.tip"/>'
+PIN_SENSOR = '<framepos name="pin" objtype="site" objname="left.tip"/>'
 
 
 def cantilever(n: int, **change) -> Rod:
@@ -28,7 +35,9 @@ def cantilever(n: int, **change) -> Rod:
     return replace(Rod("r", "ground", None, 1.0, 1.0, n, ("clamped", "free")), **change)
 
 
-def rest(file, *rods, channels=SHAPE, samples=2, kind="equilibrium", drives=(), step=None):
+def flex_curves(
+    file, *rods, channels=SHAPE_CHANNELS, samples=2, kind="equilibrium", drives=(), step=None
+):
     """Curves of a run with flexes, at `samples` evenly spaced places along the first rod."""
     s = np.linspace(0.0, rods[0].length, samples)
     settings = {"flex": True} | ({"timestep": step} if step else {})
@@ -42,16 +51,16 @@ def rest(file, *rods, channels=SHAPE, samples=2, kind="equilibrium", drives=(), 
         for row in FIGURES["cantilever"]["rows"]
     ],
 )
-def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
+def test_a_flex_cantilever_converges_with_order_2(row, tmp_path):
     """Errors of the tip with 12, 20 and 28 edges are of order 2.
 
     The limit extrapolated from the last two is the elastica's tip.
     """
     truth = np.array([1.0 - row["u"], row["w"]])
-    file = model(tmp_path, actuators=pull("r.tip", 0, row["alpha"]), ctrl="1")
+    file = write_model(tmp_path, actuators=dead_load("r.tip", 0, row["alpha"]), ctrl="1")
     rods = [cantilever(n) for n in (12, 20, 28)]
-    ends = [rest(file, rod).channels for rod in rods]
-    tips = np.array([[found[c][-1] for c in SHAPE[:2]] for found in ends])
+    ends = [flex_curves(file, rod).channels for rod in rods]
+    tips = np.array([[found[c][-1] for c in SHAPE_CHANNELS[:2]] for found in ends])
     h = np.array([cut_into_links(rod).lengths[-1] for rod in rods])
     errors = np.linalg.norm(tips - truth, axis=1)
     orders = np.log(errors[:-1] / errors[1:]) / np.log(h[:-1] / h[1:])
@@ -61,7 +70,7 @@ def test_orders_and_the_limit_of_a_cantilever(row, tmp_path):
 
 
 @pytest.mark.parametrize("weight", [0.0, 3.0])
-def test_a_flex_has_the_energy_that_it_is_said_to_have(weight, tmp_path):
+def test_a_flex_minimizes_its_documented_energy(weight, tmp_path):
     """The angles of a flex are those of the least energy, which is found without the engine.
 
     The energy is that of bending as the flex has it, of the load and of the weight.
@@ -77,26 +86,28 @@ def test_a_flex_has_the_energy_that_it_is_said_to_have(weight, tmp_path):
         bending = spring / 2 * (4 * np.tan(np.diff(angles) / 2) ** 2).sum()
         return bending - load @ places[:, -1] + 9.81 * share * places[1].sum()
 
-    file = model(
+    file = write_model(
         tmp_path,
-        actuators=pull("r.tip", *load),
+        actuators=dead_load("r.tip", *load),
         ctrl="1",
         gravity="0 -9.81 0" if weight else "0 0 0",
     )
-    own = rest(file, rod, samples=1 + 2 * n + 1).settings["stretch"]
-    s = Run("equilibrium", one.nodes, SHAPE, settings={"flex": True}, rods=(rod,))
+    stretch = flex_curves(file, rod, samples=1 + 2 * n + 1).settings["stretch"]
+    s = Run("equilibrium", one.nodes, SHAPE_CHANNELS, settings={"flex": True}, rods=(rod,))
     angles = simulate(file, s).channels["r.angle"]
     truth = minimize(potential, np.zeros(n), method="BFGS", options={"gtol": 1e-9}).x
     # BFGS with forward differences ends 1e-6 from its minimum; the stretch of the edges changes the
     # angles by its own size
-    np.testing.assert_allclose(angles, np.append(0.0, truth), atol=1e-5 + 10 * own)
+    np.testing.assert_allclose(angles, np.append(0.0, truth), atol=1e-5 + 10 * stretch)
     assert h == pytest.approx(1.0 / (n + 0.5), rel=1e-15, abs=0)
 
 
-def test_its_edges_are_soft(tmp_path):
+def test_the_stretch_of_a_flex_falls_with_the_square_of_the_step(tmp_path):
     """The stretch that the settings of a result state falls with the square of the time step."""
-    file = model(tmp_path, actuators=pull("r.tip", 5.0), ctrl="1")
-    found = [rest(file, cantilever(10), step=step).settings["stretch"] for step in (6e-4, 12e-4)]
+    file = write_model(tmp_path, actuators=dead_load("r.tip", 5.0), ctrl="1")
+    found = [
+        flex_curves(file, cantilever(10), step=step).settings["stretch"] for step in (6e-4, 12e-4)
+    ]
     assert found[1] / found[0] == pytest.approx(4.0, rel=0.1)  # there is a part of first order
     assert found[0] < 1e-5
 
@@ -108,7 +119,7 @@ def test_a_pinned_rod_rests_on_the_side_of_its_arc(turn, tmp_path):
         Rod("r", "ground", "pin", 1.0, 0.16493361431346418, n, ("clamped", "pinned"), turn=turn)
         for n in (10, 20)
     ]
-    found = [rest(model(tmp_path, BENT), rod) for rod in rods]
+    found = [flex_curves(write_model(tmp_path, PIN_SITE), rod) for rod in rods]
     one, two = (cut_into_links(rod).lengths[-1] ** 2 for rod in rods)
     last = np.array([[c.channels["r.moment"][0], c.channels["r.angle"][-1]] for c in found])
     limit = (last[1] * one - last[0] * two) / (one - two)
@@ -127,12 +138,14 @@ def test_all_stable_equilibria_of_a_pair(name, tmp_path):
 
     The clamps are on the ground.
     """
-    file = model(tmp_path, FEET, pull("left.tip", 0.3, -0.1), PIN, "1")
+    file = write_model(tmp_path, CLAMP_SITES, dead_load("left.tip", 0.3, -0.1), PIN_SENSOR, "1")
     turns, pins, squares = np.radians(FIGURES["pair"][name]["turns"]), [], []
     for n in (16, 24):
-        left = Rod("left", "c1", None, 1.0, STEEL, n, ("clamped", "free"), turn=turns[0])
-        right = Rod("right", "c2", "left.tip", 1.0, STEEL, n, ("clamped", "pinned"), turn=turns[1])
-        found = rest(file, left, right, channels=("pin.x", "pin.y"))
+        left = Rod("left", "c1", None, 1.0, STEEL_STIFFNESS, n, ("clamped", "free"), turn=turns[0])
+        right = Rod(
+            "right", "c2", "left.tip", 1.0, STEEL_STIFFNESS, n, ("clamped", "pinned"), turn=turns[1]
+        )
+        found = flex_curves(file, left, right, channels=("pin.x", "pin.y"))
         pins.append([found.channels["pin.x"][0], found.channels["pin.y"][0]])
         squares.append(cut_into_links(left).lengths[-1] ** 2)
         assert found.violation < 3e-6  # soft loops
@@ -144,23 +157,25 @@ def test_all_stable_equilibria_of_a_pair(name, tmp_path):
 
 def test_a_rod_pinned_at_both_ends_is_an_arch(tmp_path):
     """The arch is symmetric and lies on the side of its initial arc."""
-    file = model(tmp_path, '<site name="pin" pos="0.9 0 0"/>')
+    file = write_model(tmp_path, '<site name="pin" pos="0.9 0 0"/>')
     rod = cantilever(10, end="pin", ends=("pinned", "pinned"), turn=-1.5)
-    found = rest(file, rod, samples=11).channels
+    found = flex_curves(file, rod, samples=11).channels
     assert found["r.y"][5] > 0.1
     # 1e-6: constraint violation of the loop; 1e-5: the same, divided by h
     np.testing.assert_allclose(found["r.y"], found["r.y"][::-1], atol=1e-6)
     np.testing.assert_allclose(found["r.angle"], -found["r.angle"][::-1], atol=1e-5)
 
 
-def test_what_a_flex_does_not_tell(tmp_path):
+def test_channels_that_a_flex_lacks_are_missing(tmp_path):
     sensors = (
         '<framexaxis name="axis" objtype="site" objname="r.tip"/>'
         '<framelinvel name="rate" objtype="site" objname="r.tip"/>'
         '<e_potential name="energy"/>'
     )
-    file = model(tmp_path, actuators=pull("r.tip", 0, 1), sensors=sensors, ctrl="1")
-    found = rest(file, cantilever(5), channels=("r.x", "axis.angle", "axis.x", "energy", "rate.x"))
+    file = write_model(tmp_path, actuators=dead_load("r.tip", 0, 1), sensors=sensors, ctrl="1")
+    found = flex_curves(
+        file, cantilever(5), channels=("r.x", "axis.angle", "axis.x", "energy", "rate.x")
+    )
     assert set(found.channels) == {"r.x"}
     assert set(found.missing) == {"axis.angle", "axis.x", "energy", "rate.x"}
     assert "no energy" in found.missing["energy"]
@@ -178,40 +193,42 @@ def test_what_a_flex_does_not_tell(tmp_path):
         ({}, (0, 1, 0, 0, 0, 1), "moment on a point of a flex"),
     ],
 )
-def test_what_a_flex_cannot_be(change, load, words, tmp_path):
+def test_rods_that_a_flex_cannot_represent_are_refused(change, load, words, tmp_path):
     body = (
         '<site name="ground2" pos="0.5 0 0"/><body name="b"><joint name="b"/><geom size="0.1"/>'
         '<site name="moving"/></body>'
     )
-    file = model(tmp_path, body, pull("r.tip", *load), ctrl="1")
+    file = write_model(tmp_path, body, dead_load("r.tip", *load), ctrl="1")
     with pytest.raises(Unsupported, match=words):
-        rest(file, cantilever(5, **change))
+        flex_curves(file, cantilever(5, **change))
 
 
-def test_what_it_is_not_asked_for(tmp_path):
-    file = model(tmp_path, actuators=pull("r.tip", 0, 1), ctrl="1")
+def test_flexes_refuse_dynamics_drives_and_single_links(tmp_path):
+    file = write_model(tmp_path, actuators=dead_load("r.tip", 0, 1), ctrl="1")
     with pytest.raises(Unsupported, match="only in an equilibrium run"):
-        rest(file, cantilever(5), kind="dynamics")
+        flex_curves(file, cantilever(5), kind="dynamics")
     with pytest.raises(Unsupported, match="'motor1' is driven"):
-        rest(PAIR, cantilever(5), drives=held())
+        flex_curves(PAIR_MODEL, cantilever(5), drives=fixed_motors())
     with pytest.raises(BadRod, match="two or more"):
-        rest(file, cantilever(1))
+        flex_curves(file, cantilever(1))
 
 
-def test_dry_friction_is_refused_by_name(tmp_path):
-    file = model(
+def test_rods_with_dry_friction_are_refused_by_name(tmp_path):
+    file = write_model(
         tmp_path,
         '<body name="b"><joint name="b" frictionloss="1"/><geom size="0.1"/></body>',
-        pull("r.tip", 0, 1),
+        dead_load("r.tip", 0, 1),
         ctrl="1",
     )
     with pytest.raises(Unsupported, match="frictionloss of joint 'b' in equilibrium"):
-        rest(file, cantilever(5))
+        flex_curves(file, cantilever(5))
     with pytest.raises(Unsupported, match="frictionloss of joint 'b' in equilibrium"):
-        simulate(file, Run("equilibrium", np.array([0.0, 1.0]), SHAPE, rods=(cantilever(5),)))
+        simulate(
+            file, Run("equilibrium", np.array([0.0, 1.0]), SHAPE_CHANNELS, rods=(cantilever(5),))
+        )
 
 
-def test_stations_stand_half_an_element_beside_the_clamp():
+def test_nodes_of_a_flex_begin_half_an_element_before_the_clamp():
     assert arc_lengths(cut_into_links(cantilever(2))).tolist() == pytest.approx(
         [-0.2, 0.2, 0.6, 1.0]
     )
@@ -219,7 +236,7 @@ def test_stations_stand_half_an_element_beside_the_clamp():
     assert arc_lengths(pinned).tolist() == pytest.approx([0.0, 0.5, 1.0])
 
 
-def test_another_rod_is_found_out():
+def test_a_flex_that_is_stiffer_or_longer_differs():
     """A rod that is stiffer or longer than the case's parameters say changes an outcome."""
     case, outcomes = load_case(shipped("rod_flex.toml")), []
     for change in ({}, {"stiffness": 1.02}, {"length": 1.01}):

@@ -13,22 +13,22 @@ from tests.independent.rods import chain_rod
 from tests.independent.rods.chain import chain, points
 from tests.independent.rods.chain_assembly import settle
 from tests.sim.rod_models import (
-    CLAMPS,
+    CLAMP_ANGLES,
     ENGINES,
     FIGURES,
-    PAIR,
-    STEEL,
-    held,
-    model,
-    pair,
-    pull,
-    rest,
+    PAIR_MODEL,
+    STEEL_STIFFNESS,
+    dead_load,
+    equilibrium_curves,
+    fixed_motors,
+    rod_pair,
+    write_model,
 )
 
-EACH = pytest.mark.parametrize("engine", ENGINES)
-FREE, PINNED = ("clamped", "free"), ("clamped", "pinned")
-PLACES = "r.x", "r.y"
-BENT = '<site name="pin" pos="0.8 0.1 0"/>'  # the pin of Pérez Gámiz 2018, annex II line 1640
+EACH_ENGINE = pytest.mark.parametrize("engine", ENGINES)
+CLAMPED_FREE, CLAMPED_PINNED = ("clamped", "free"), ("clamped", "pinned")
+TIP_CHANNELS = "r.x", "r.y"
+PIN_SITE = '<site name="pin" pos="0.8 0.1 0"/>'  # the pin of Pérez Gámiz 2018, annex II line 1640
 # both engines end where nothing moves by more than 1e-12 of the model; moments have this error
 # times the stiffness
 TIGHT = {"x": 1e-12, "y": 1e-12, "angle": 1e-11, "moment": 1e-10}
@@ -36,25 +36,25 @@ TIGHT = {"x": 1e-12, "y": 1e-12, "angle": 1e-11, "moment": 1e-10}
 
 def cantilever(n: int, scheme: str = "half") -> Rod:
     """A rod with L = 1 m and EI = 1 N m^2, clamped at the ground."""
-    return Rod("r", "ground", None, 1.0, 1.0, n, FREE, scheme)
+    return Rod("r", "ground", None, 1.0, 1.0, n, CLAMPED_FREE, scheme)
 
 
-def tip(engine, folder, alpha, n, scheme="half"):
+def tip_position(engine, folder, alpha, n, scheme="half"):
     """Position of a cantilever's tip under a transverse load."""
-    file = model(folder, actuators=pull("r.tip", 0, alpha), ctrl="1")
-    found = rest(engine, file, (cantilever(n, scheme),), PLACES)
-    return np.array([found.channels[name][-1] for name in PLACES])
+    file = write_model(folder, actuators=dead_load("r.tip", 0, alpha), ctrl="1")
+    found = equilibrium_curves(engine, file, (cantilever(n, scheme),), TIP_CHANNELS)
+    return np.array([found.channels[name][-1] for name in TIP_CHANNELS])
 
 
-@EACH
+@EACH_ENGINE
 @pytest.mark.parametrize("scheme", ["half", "double", "naive"])
 @pytest.mark.parametrize("n", [2, 7, 20])
 def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
     """Vertices, directions and moments of all links equal the chain's own equilibrium."""
     load = np.array([-2.0, 3.0, 0.5])
-    file = model(
+    file = write_model(
         tmp_path,
-        actuators=pull("r.tip", *load[:2], 0, 0, 0, load[2]),
+        actuators=dead_load("r.tip", *load[:2], 0, 0, 0, load[2]),
         ctrl="1",
         sensors='<framepos name="middle" objtype="site" objname="r.middle"/>',
     )
@@ -63,7 +63,9 @@ def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
     truth = chain_rod.free(c, force=load[:2], moment=load[2])
     ends = points(c, np.zeros(3), truth.angle)
     rod = cantilever(n, scheme)
-    found = rest(engine, file, (rod,), names, samples=2 * n + 1).channels  # every h / 2
+    found = equilibrium_curves(
+        engine, file, (rod,), names, samples=2 * n + 1
+    ).channels  # every h / 2
     joints, links = slice(1, None, 2) if scheme == "half" else slice(0, -1, 2), slice(2, None, 2)
     if scheme != "half":
         ends, links = ends[1:], slice(1, None, 2)
@@ -82,15 +84,15 @@ def test_a_cantilever_rests_where_its_chain_does(engine, scheme, n, tmp_path):
         )
 
 
-@EACH
+@EACH_ENGINE
 @pytest.mark.parametrize("row", FIGURES["cantilever"]["rows"], ids=lambda row: str(row["alpha"]))
-def test_orders_and_the_limit_of_a_cantilever(engine, row, tmp_path):
+def test_a_cantilever_of_links_converges_with_order_2(engine, row, tmp_path):
     """Errors of the tip with 10, 20 and 40 links are of order 2.
 
     The limit extrapolated from the last two is the elastica's tip.
     """
     truth = np.array([1.0 - row["u"], row["w"]])
-    tips = np.array([tip(engine, tmp_path, row["alpha"], n) for n in (10, 20, 40)])
+    tips = np.array([tip_position(engine, tmp_path, row["alpha"], n) for n in (10, 20, 40)])
     errors = np.linalg.norm(tips - truth, axis=1)
     orders = np.log2(errors[:-1] / errors[1:])
     np.testing.assert_allclose(orders, 2.0, atol=0.1)  # terms in h^4 with ten links
@@ -99,33 +101,37 @@ def test_orders_and_the_limit_of_a_cantilever(engine, row, tmp_path):
     np.testing.assert_allclose(limit, truth, atol=1e-6)
 
 
-def test_a_chain_that_mujoco_holds_in_sparse_matrices(tmp_path):
+def test_a_chain_with_sparse_matrices_has_the_same_equilibrium(tmp_path):
     """From 60 degrees of freedom on MuJoCo chooses sparse matrices; the equilibrium is the same."""
-    n, file = 70, model(tmp_path, BENT)
-    rod = Rod("r", "ground", "pin", 1.0, 1.0, n, PINNED, turn=2.0)
-    found = rest("mujoco", file, (rod,), ("r.angle",), samples=n + 1).channels["r.angle"]
+    n, file = 70, write_model(tmp_path, PIN_SITE)
+    rod = Rod("r", "ground", "pin", 1.0, 1.0, n, CLAMPED_PINNED, turn=2.0)
+    found = equilibrium_curves("mujoco", file, (rod,), ("r.angle",), samples=n + 1).channels[
+        "r.angle"
+    ]
     truth = chain_rod.pinned(chain(n), (0, 0, 0), (0.8, 0.1), seed=found[1:] + 1e-3)
     np.testing.assert_allclose(found[1:], truth.angle, atol=1e-11, rtol=0)  # as TIGHT
 
 
 def test_a_naive_clamp_is_of_first_order(tmp_path):
     """Negative control: in the naive scheme, half a cell at the clamp is as soft as a whole one."""
-    tips = [tip("mujoco", tmp_path, 2.0, n, "naive") for n in (20, 40, 80)]
+    tips = [tip_position("mujoco", tmp_path, 2.0, n, "naive") for n in (20, 40, 80)]
     row = FIGURES["cantilever"]["rows"][1]
     errors = np.linalg.norm(np.array(tips) - [1.0 - row["u"], row["w"]], axis=1)
     orders = np.log2(errors[:-1] / errors[1:])
     np.testing.assert_allclose(orders, 1.0, atol=0.1)  # terms in h^2
     assert errors[1] > 50 * np.linalg.norm(
-        tip("mujoco", tmp_path, 2.0, 40) - [1.0 - row["u"], row["w"]]
+        tip_position("mujoco", tmp_path, 2.0, 40) - [1.0 - row["u"], row["w"]]
     )
 
 
-@EACH
+@EACH_ENGINE
 @pytest.mark.parametrize("turn", [1.25, -1.04])
 def test_a_pinned_rod_rests_on_the_side_of_its_arc(engine, turn, tmp_path):
     """Both stable shapes between a clamp and a pin equal the chain's equilibria on their sides."""
-    rod = Rod("r", "ground", "pin", 1.0, 0.16493361431346418, 20, PINNED, turn=turn)
-    found = rest(engine, model(tmp_path, BENT), (rod,), (*PLACES, "r.angle"), samples=21).channels
+    rod = Rod("r", "ground", "pin", 1.0, 0.16493361431346418, 20, CLAMPED_PINNED, turn=turn)
+    found = equilibrium_curves(
+        engine, write_model(tmp_path, PIN_SITE), (rod,), (*TIP_CHANNELS, "r.angle"), samples=21
+    ).channels
     c = chain(20, stiffness=rod.stiffness)
     truth = chain_rod.pinned(c, (0, 0, 0), (0.8, 0.1), seed=found["r.angle"][1:] + 1e-3)
     np.testing.assert_allclose(found["r.angle"][1:], truth.angle, atol=1e-11, rtol=0)  # as TIGHT
@@ -134,7 +140,7 @@ def test_a_pinned_rod_rests_on_the_side_of_its_arc(engine, turn, tmp_path):
     assert np.hypot(found["r.x"][-1] - 0.8, found["r.y"][-1] - 0.1) < 1e-14
 
 
-@EACH
+@EACH_ENGINE
 @pytest.mark.parametrize("name", ["S1", "S2", "S3", "S4"])
 def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
     """The equilibria of Pérez Gámiz 2018, Table 7, and the two that it lacks.
@@ -144,14 +150,20 @@ def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
     truth, names = FIGURES["pair"][name], ("pin.x", "pin.y", "moment1", "moment2", "energy")
     shape = tuple(f"{rod}.angle" for rod in ("left", "right"))
     runs = {
-        n: rest(engine, PAIR, pair(name, n), (*names, *shape), held(), n + 1).channels
+        n: equilibrium_curves(
+            engine, PAIR_MODEL, rod_pair(name, n), (*names, *shape), fixed_motors(), n + 1
+        ).channels
         for n in ((20, 40) if engine == "mujoco" else (20,))
     }
-    bodies = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=STEEL)
+    bodies = assembly([[-0.3, 0.0], [0.3, 0.0]], stiffness=STEEL_STIFFNESS)
     seed = [runs[20][angle][1:] + 1e-4 for angle in shape]
-    own = settle(bodies, CLAMPS, seed=seed, segments=20, force=(0.3, -0.1))
-    assert own.curvatures[0] > 0
-    values = [*own.pose, *-own.root_moment, own.energy]  # the motors hold against the rods
+    chain_state = settle(bodies, CLAMP_ANGLES, seed=seed, segments=20, force=(0.3, -0.1))
+    assert chain_state.curvatures[0] > 0
+    values = [
+        *chain_state.pose,
+        *-chain_state.root_moment,
+        chain_state.energy,
+    ]  # the motors hold against the rods
     # as TIGHT, over the softness of the pair
     np.testing.assert_allclose([runs[20][n][0] for n in names], values, atol=1e-11, rtol=0)
     if engine == "mujoco":
@@ -161,14 +173,14 @@ def test_all_stable_equilibria_of_a_pair(engine, name, tmp_path):
 
 
 @pytest.mark.parametrize("kept", ["clamped", "pinned"])
-def test_bodies_that_mujoco_would_fuse_stay_where_rods_stand_on_them(kept, tmp_path):
+def test_static_bodies_that_carry_rods_are_not_fused(kept, tmp_path):
     """The model is the same with ``fusestatic`` false and true.
 
     The rod begins on a body without a joint, which is rotated and displaced; with a clamp, its
     first link is such a body too.
     """
     rod, models = Rod("r", "foot", "pin", 1.0, 1.0, 3, (kept, "pinned"), turn=1.0), []
-    file = model(
+    file = write_model(
         tmp_path,
         '<body name="b" pos="1 2 0" euler="0 0 1"><site name="foot"/></body>'
         '<site name="pin" pos="1.3 2.8 0"/>',
@@ -185,20 +197,20 @@ def test_bodies_that_mujoco_would_fuse_stay_where_rods_stand_on_them(kept, tmp_p
     np.testing.assert_array_equal(one.body_pos, two.body_pos)
 
 
-def test_rods_follow_each_other_into_the_keys(tmp_path):
+def test_keys_have_joint_values_and_arcs_of_rods(tmp_path):
     """In every key the model's own joints keep their values, and rods are arcs between supports."""
     body = (
         '<body name="b"><joint name="{0}"/><geom size="0.1"/><site name="{0}.site" '
         'pos="0.1 0 0"/></body>'
     )
-    file = model(tmp_path, body.format("one") + body.format("two").replace('"b"', '"c"'))
+    file = write_model(tmp_path, body.format("one") + body.format("two").replace('"b"', '"c"'))
     text = file.read_text().replace(
         '<key name="start" ctrl=""/>', '<key name="start" qpos="0.3 0.2"/><key name="b"/>'
     )
     file.write_text(text)
     rods = (
-        Rod("r", "one.site", None, 1.0, 1.0, 4, FREE, turn=1.0),
-        Rod("q", "two.site", "r.tip", 1.5, 1.0, 3, PINNED, "double", turn=2.0),
+        Rod("r", "one.site", None, 1.0, 1.0, 4, CLAMPED_FREE, turn=1.0),
+        Rod("q", "two.site", "r.tip", 1.5, 1.0, 3, CLAMPED_PINNED, "double", turn=2.0),
     )
     found = compile_model(file, rods)
     value = dict(
@@ -212,57 +224,63 @@ def test_rods_follow_each_other_into_the_keys(tmp_path):
     assert found.equality("q").name == "q"
 
 
-@EACH
-def test_a_clamp_at_the_far_end_is_two_pins_and_a_slider(engine, tmp_path):
+@EACH_ENGINE
+def test_an_s_between_clamps_is_two_rods_from_clamp_to_pin(engine, tmp_path):
     """Between two clamps a rod forms an S, each half of which is a rod from a clamp to a pin."""
     whole = Rod("r", "ground", "far", 1.0, 1.0, 20, ("clamped", "clamped"))
-    half = Rod("r", "ground", "pin", 0.5, 1.0, 10, PINNED, turn=0.3)
-    file = model(tmp_path, '<site name="far" pos="0.9 0.4 0"/><site name="pin" pos="0.45 0.2 0"/>')
-    names = (*PLACES, "r.angle", "r.moment")
-    long, short = (
-        rest(engine, file, (rod,), names, samples=rod.segments + 1).channels
+    half = Rod("r", "ground", "pin", 0.5, 1.0, 10, CLAMPED_PINNED, turn=0.3)
+    file = write_model(
+        tmp_path, '<site name="far" pos="0.9 0.4 0"/><site name="pin" pos="0.45 0.2 0"/>'
+    )
+    names = (*TIP_CHANNELS, "r.angle", "r.moment")
+    whole_curves, half_curves = (
+        equilibrium_curves(engine, file, (rod,), names, samples=rod.segments + 1).channels
         for rod in (whole, half)
     )
     for name, atol in zip(names, TIGHT.values(), strict=True):
-        np.testing.assert_allclose(long[name][:10], short[name][:10], atol=atol, rtol=0)
+        np.testing.assert_allclose(
+            whole_curves[name][:10], half_curves[name][:10], atol=atol, rtol=0
+        )
     # point symmetry about the middle
     np.testing.assert_allclose(
-        long["r.angle"], long["r.angle"][::-1], atol=1e-11, rtol=0
+        whole_curves["r.angle"], whole_curves["r.angle"][::-1], atol=1e-11, rtol=0
     )  # as TIGHT
-    assert long["r.angle"][-1] == pytest.approx(0.0, abs=1e-13)
+    assert whole_curves["r.angle"][-1] == pytest.approx(0.0, abs=1e-13)
 
 
-@EACH
-def test_a_rod_pinned_at_both_ends_is_half_of_a_wave(engine, tmp_path):
+@EACH_ENGINE
+def test_half_of_a_rod_pinned_at_both_ends_is_a_cantilever(engine, tmp_path):
     """Half of the rod is a cantilever under an axial force.
 
     P L^2 / EI of the cantilever is a quarter of that of the rod.
     """
     rod = Rod("r", "ground", "far", 1.0, 1.0, 20, ("pinned", "pinned"), turn=-2.0)
-    file = model(tmp_path, '<site name="far" pos="0.5 0 0"/>')
-    found = rest(engine, file, (rod,), (*PLACES, "r.angle", "r.moment"), samples=21).channels
+    file = write_model(tmp_path, '<site name="far" pos="0.5 0 0"/>')
+    found = equilibrium_curves(
+        engine, file, (rod,), (*TIP_CHANNELS, "r.angle", "r.moment"), samples=21
+    ).channels
     height, bend = found["r.y"][10], found["r.moment"][10]
     force = -bend / height  # the only force, along the line of the pins
-    load = model(tmp_path, actuators=pull("r.tip", -force), ctrl="1")
-    half = Rod("r", "ground", None, 0.5, 1.0, 10, FREE, turn=1.0)
-    there = rest(engine, load, (half,), PLACES).channels
+    load = write_model(tmp_path, actuators=dead_load("r.tip", -force), ctrl="1")
+    half = Rod("r", "ground", None, 0.5, 1.0, 10, CLAMPED_FREE, turn=1.0)
+    there = equilibrium_curves(engine, load, (half,), TIP_CHANNELS).channels
     assert force > np.pi**2  # beyond Euler's load
     # a chain's middle link has the moment of its neighbours; 1e-10 is rounding, magnified by the
     # softness of the half
     assert (there["r.x"][-1], there["r.y"][-1]) == pytest.approx((0.25, height), abs=1e-10)
 
 
-@EACH
+@EACH_ENGINE
 @pytest.mark.parametrize(
     ("euler", "force"), [("1.5707963267948966 0 0", (0, 0, 3)), ("0 0 0.7", (0, 3, 0))]
 )
 def test_rods_bend_in_the_plane_of_their_site(engine, euler, force, tmp_path):
     """In another plane, or in another direction in the plane, the shape is the same, rotated."""
     site = f'<site name="clamp" pos="0.1 0.2 0.3" euler="{euler}"/>'
-    file = model(tmp_path, site, pull("r.tip", *force), ctrl="1")
-    rod = Rod("r", "clamp", None, 1.0, 1.0, 10, FREE)
+    file = write_model(tmp_path, site, dead_load("r.tip", *force), ctrl="1")
+    rod = Rod("r", "clamp", None, 1.0, 1.0, 10, CLAMPED_FREE)
     names = "r.x", "r.y", "r.z", "r.angle"
-    found = rest(engine, file, (rod,), names, samples=11).channels
+    found = equilibrium_curves(engine, file, (rod,), names, samples=11).channels
     turn = 0.7 if force[1] else 0.0
     truth = chain_rod.free(chain(10), (0, 0, turn), force=(0, 3))
     x, y = (found["r.x"] - 0.1, found["r.y" if force[1] else "r.z"] - (0.2 if force[1] else 0.3))
@@ -270,21 +288,21 @@ def test_rods_bend_in_the_plane_of_their_site(engine, euler, force, tmp_path):
     np.testing.assert_allclose(found["r.angle"][1:], truth.angle, atol=1e-11, rtol=0)  # as TIGHT
 
 
-@EACH
+@EACH_ENGINE
 def test_a_rod_hangs_under_its_own_weight(engine, tmp_path):
     """Each link has its share of the mass, so that the chain is as under a distributed load."""
-    file = model(tmp_path, gravity="0 -10 0")
-    rod = Rod("r", "ground", None, 1.0, 1.0, 20, FREE, mass=0.3)
-    found = rest(engine, file, (rod,), PLACES).channels
+    file = write_model(tmp_path, gravity="0 -10 0")
+    rod = Rod("r", "ground", None, 1.0, 1.0, 20, CLAMPED_FREE, mass=0.3)
+    found = equilibrium_curves(engine, file, (rod,), TIP_CHANNELS).channels
     truth = chain_rod.free(chain(20), line=(0.0, -3.0)).tip
     np.testing.assert_allclose(
-        [found[n][-1] for n in PLACES], truth, atol=1e-12, rtol=0
+        [found[n][-1] for n in TIP_CHANNELS], truth, atol=1e-12, rtol=0
     )  # as TIGHT
 
 
-def test_a_rest_that_is_not_stable_is_refused(tmp_path):
+def test_an_unstable_equilibrium_is_refused(tmp_path):
     """From a straight start, a rod between two clamps is led to an S, which is unstable here."""
     rod = Rod("r", "ground", "far", 1.0, 1.0, 20, ("clamped", "clamped"))
-    file = model(tmp_path, '<site name="far" pos="0.8 0.2 0"/>')
+    file = write_model(tmp_path, '<site name="far" pos="0.8 0.2 0"/>')
     with pytest.raises(BadModel, match="unstable equilibrium"):
-        rest("mujoco", file, (rod,), PLACES)
+        equilibrium_curves("mujoco", file, (rod,), TIP_CHANNELS)

@@ -13,85 +13,106 @@ from proofmass.compare import compare
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves, Drive, Run
 from proofmass.solve import solve_here
-from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
-from tests.analytic.rods.rod_chain_cases import STABLE, tangent, two_rods
-from tests.independent.rods.chain_assembly import Standing, settle
+from tests.analytic.rods.rod_assembly_cases import DATA, EI, table_7_state
+from tests.analytic.rods.rod_chain_cases import STABLE_ROWS, pair_of_table_7, tangent_angle
+from tests.independent.rods.chain_assembly import AssemblyEquilibria, settle
 from tests.shipped import shipped
-from tests.sim.rod_models import CLAMPS, ENGINES, PAIR, constant, held, rest
-from tests.sim.rod_models import pair as rods
-from tests.verdicts import verdicts
+from tests.sim.rod_models import (
+    CLAMP_ANGLES,
+    ENGINES,
+    PAIR_MODEL,
+    constant_profile,
+    equilibrium_curves,
+    fixed_motors,
+)
+from tests.sim.rod_models import rod_pair as rods
+from tests.verdicts import all_comparisons
 
-EACH = pytest.mark.parametrize("engine", ENGINES)
-SLOW = pytest.mark.slow
-PIN = "pin.x", "pin.y"
-READ = *PIN, "moment1", "moment2", "energy"
+EACH_ENGINE = pytest.mark.parametrize("engine", ENGINES)
+SLOW_TEST = pytest.mark.slow
+PIN_CHANNELS = "pin.x", "pin.y"
+CHANNELS = *PIN_CHANNELS, "moment1", "moment2", "energy"
 PATHS = DATA["trajectories"]
 # motor angles at which the paths of Pérez Gámiz 2018 begin
-BEGIN = np.radians([-32.2157989, 20.9113672])
+START_ANGLES = np.radians([-32.2157989, 20.9113672])
 
 
 @pytest.fixture(scope="module")
 def unloaded(tmp_path_factory) -> Path:
     """The model of the pair without its load."""
     file = tmp_path_factory.mktemp("pair") / "unloaded.xml"
-    file.write_text(PAIR.read_text().replace('ctrl="0 0 1"', 'ctrl="0 0 0"'))
+    file.write_text(PAIR_MODEL.read_text().replace('ctrl="0 0 1"', 'ctrl="0 0 0"'))
     return file
 
 
-def led(engine, file, name, segments, angles) -> Curves:
+def swept_curves(engine, file, name, segments, angles) -> Curves:
     """Curves of a sweep from an equilibrium of Table 7, along lines between motor angles (n, 2)."""
-    way = np.vstack([CLAMPS, angles])
+    motor_angles = np.vstack([CLAMP_ANGLES, angles])
 
-    def law(k):
-        return lambda x: (np.interp(x, np.arange(len(way)), way[:, k]), 0 * x, 0 * x)
+    def profile_of(k):
+        return lambda x: (
+            np.interp(x, np.arange(len(motor_angles)), motor_angles[:, k]),
+            0 * x,
+            0 * x,
+        )
 
-    drives = tuple(Drive(f"motor{k + 1}", law(k)) for k in (0, 1))
-    run = Run("sweep", np.arange(len(way), dtype=float), READ, drives, rods=rods(name, segments))
+    drives = tuple(Drive(f"motor{k + 1}", profile_of(k)) for k in (0, 1))
+    run = Run(
+        "sweep",
+        np.arange(len(motor_angles), dtype=float),
+        CHANNELS,
+        drives,
+        rods=rods(name, segments),
+    )
     return ENGINES[engine](file, run)
 
 
-def read(curves: Curves) -> np.ndarray:
+def channel_values(curves: Curves) -> np.ndarray:
     """Position of the pin, moments and energy (samples, 5)."""
-    return np.stack([curves.channels[name] for name in READ], axis=1)
+    return np.stack([curves.channels[name] for name in CHANNELS], axis=1)
 
 
 @cache
-def centre() -> RodState:
-    """S2 without load, at the motor angles `BEGIN`, which keep the pin at the same place."""
-    s = pair("S2")
+def unloaded_s2() -> RodState:
+    """S2 without load, at the motor angles `START_ANGLES`, which keep the pin at the same place."""
+    s = table_7_state("S2")
     return follow(s, pose=s.pose[None], load=[[0.0, 0.0]]).last
 
 
-def turned(turn: float) -> RodState:
-    """The state of `centre` with motor 1 turned further, or the fold before that angle."""
-    return follow(centre(), inputs=centre().inputs + np.array([[turn, 0.0]])).last
+def turned_state(turn: float) -> RodState:
+    """The state of `unloaded_s2` with motor 1 turned further, or the fold before that angle."""
+    return follow(unloaded_s2(), inputs=unloaded_s2().inputs + np.array([[turn, 0.0]])).last
 
 
-def own(segments: int, near: RodState) -> Standing:
+def chain_equilibrium(segments: int, near: RodState) -> AssemblyEquilibria:
     """The equilibrium of chains near one of rods."""
     angles = near.inputs
     shapes = [
-        tangent(angle, force, moment, EI)
+        tangent_angle(angle, force, moment, EI)
         for angle, force, moment in zip(angles, near.force, near.moment, strict=True)
     ]
-    return settle(two_rods(), angles - CLAMPS, seed=shapes, segments=segments, force=near.load)
+    return settle(
+        pair_of_table_7(), angles - CLAMP_ANGLES, seed=shapes, segments=segments, force=near.load
+    )
 
 
-def stood(found: Standing) -> list[float]:
-    """The values of `read` for chains in equilibrium; the motors balance the rods."""
+def values_of_chain(found: AssemblyEquilibria) -> list[float]:
+    """The values of `channel_values` for chains in equilibrium; the motors balance the rods."""
     return [*found.pose, *-found.root_moment, found.energy]
 
 
-@EACH
-@pytest.mark.parametrize("name", STABLE)
-def test_four_rests_of_ten_links_a_rod(engine, name):
+@EACH_ENGINE
+@pytest.mark.parametrize("name", STABLE_ROWS)
+def test_four_equilibria_with_ten_links_a_rod(engine, name):
     """Poses and energies equal recomputed ones of the same chains; the errors are of order 2.
 
     Chains of twenty links are tested in `test_rods`.
     """
-    found = rest(engine, PAIR, rods(name, 10), READ, held()).channels
-    row = STABLE[name]
-    pin = [found[name][0] for name in PIN]
+    found = equilibrium_curves(
+        engine, PAIR_MODEL, rods(name, 10), CHANNELS, fixed_motors()
+    ).channels
+    row = STABLE_ROWS[name]
+    pin = [found[name][0] for name in PIN_CHANNELS]
     # both tolerances: digits of the recomputed numbers
     np.testing.assert_allclose(pin, row["half"]["10"], rtol=0, atol=5.1e-9)
     assert found["energy"][0] == pytest.approx(row["half_energy"]["10"], rel=1e-7)
@@ -100,45 +121,52 @@ def test_four_rests_of_ten_links_a_rod(engine, name):
     assert np.log2(far / near) == pytest.approx(2.0, abs=0.05)  # the term in h^4
 
 
-@EACH
-def test_a_motion_of_both_motors_is_that_of_the_chains(engine):
+@EACH_ENGINE
+def test_poses_along_a_path_of_both_motors_are_chain_equilibria(engine):
     """Along a line of motor angles, from S1 towards S2, poses equal the chains' equilibria."""
-    way = np.outer([0.2, 0.4, 0.6], [1.0, -1.0])
-    found = read(led(engine, PAIR, "S1", 10, CLAMPS + way))
-    states = follow(pair("S1"), inputs=CLAMPS + way).states
+    offsets = np.outer([0.2, 0.4, 0.6], [1.0, -1.0])
+    found = channel_values(swept_curves(engine, PAIR_MODEL, "S1", 10, CLAMP_ANGLES + offsets))
+    states = follow(table_7_state("S1"), inputs=CLAMP_ANGLES + offsets).states
     for k in range(3):
-        truth = own(10, states[k])
+        truth = chain_equilibrium(10, states[k])
         assert truth.curvatures[0] > 0
         # both engines end within 1e-12 of the equilibrium, magnified by the softness of the pair
-        np.testing.assert_allclose(found[k + 1], stood(truth), rtol=0, atol=1e-11)
+        np.testing.assert_allclose(found[k + 1], values_of_chain(truth), rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("name", ["ring", pytest.param("line", marks=SLOW)])
-def test_motors_lead_the_pin_along_the_documents_paths(name, unloaded):
+@pytest.mark.parametrize("name", ["ring", pytest.param("line", marks=SLOW_TEST)])
+def test_motors_lead_the_pin_along_the_published_paths(name, unloaded):
     """With the motor angles that solve the inverse problem for rods, the pin follows the path.
 
     This holds in the limit of many links.
     """
     rows = PATHS[name]
-    angles = np.vstack([BEGIN, np.radians([row["inputs_deg"] for row in rows])])
-    coarse, fine = (read(led("mujoco", unloaded, "S2", n, angles))[2:, :2] for n in (20, 40))
+    angles = np.vstack([START_ANGLES, np.radians([row["inputs_deg"] for row in rows])])
+    coarse, fine = (
+        channel_values(swept_curves("mujoco", unloaded, "S2", n, angles))[2:, :2] for n in (20, 40)
+    )
     if name == "ring":
         turn = np.radians([row["angle_deg"] for row in rows])
-        way = 0.1 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        path = 0.1 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     else:
-        way = np.outer([row["dx"] for row in rows], [1.0, 0.0])
-    truth = STABLE["S2"]["pose"] + way
+        path = np.outer([row["dx"] for row in rows], [1.0, 0.0])
+    truth = STABLE_ROWS["S2"]["pose"] + path
     assert np.abs(fine - truth).max() > 1e-4  # the chains' error in h^2
     # terms in h^4, which are largest where the ring comes near to a fold
     np.testing.assert_allclose((4 * fine - coarse) / 3, truth, rtol=0, atol=8e-5)
 
 
-def fold(n: int) -> float:
-    """Turn of motor 1 from `BEGIN` at which chains of n links become unstable [rad]."""
+def chain_fold(n: int) -> float:
+    """Turn of motor 1 from `START_ANGLES` at which chains of n links become unstable [rad]."""
     turn, step = -0.3, -0.02
-    here = own(n, turned(turn))
+    here = chain_equilibrium(n, turned_state(turn))
     while step < -1e-7:
-        there = settle(two_rods(), BEGIN - CLAMPS + [turn + step, 0.0], seed=here.angle, segments=n)
+        there = settle(
+            pair_of_table_7(),
+            START_ANGLES - CLAMP_ANGLES + [turn + step, 0.0],
+            seed=here.angle,
+            segments=n,
+        )
         near = np.abs(there.angle - here.angle).max() < 0.3
         if near and there.curvatures[0] > 0:
             here, turn = there, turn + step
@@ -148,28 +176,28 @@ def fold(n: int) -> float:
 
 
 @pytest.mark.slow
-def test_the_fold_of_chains_is_of_second_order():
+def test_the_fold_of_chains_converges_with_order_2():
     """The fold of chains converges to that of rods with order 2.
 
     A continuation finds the fold of rods; a recomputation has it to 5e-6 rad.
     """
-    exact = turned(-0.5).inputs[0] - BEGIN[0]
+    exact = turned_state(-0.5).inputs[0] - START_ANGLES[0]
     assert exact == pytest.approx(PATHS["fold"]["turn"], abs=6e-6)
-    errors = np.array([fold(n) for n in (10, 20, 40)]) - exact
+    errors = np.array([chain_fold(n) for n in (10, 20, 40)]) - exact
     orders = np.log2(errors[:-1] / errors[1:])
     np.testing.assert_allclose(orders, [2.0, 2.0], atol=0.12)  # the term in h^4 with ten links
 
 
-@pytest.mark.parametrize("n", [10, pytest.param(20, marks=SLOW)])
+@pytest.mark.parametrize("n", [10, pytest.param(20, marks=SLOW_TEST)])
 def test_a_sweep_ends_at_the_fold_of_its_chains(n, unloaded):
     """The result states the reason and keeps the samples before the fold."""
-    truth = fold(n)
+    truth = chain_fold(n)
     turns = np.array([0.0, 0.2, 0.3, 0.36, 0.4, 0.5])
-    found = led("mujoco", unloaded, "S2", n, BEGIN - np.outer(turns, [1.0, 0.0]))
+    found = swept_curves("mujoco", unloaded, "S2", n, START_ANGLES - np.outer(turns, [1.0, 0.0]))
     assert "the equilibrium becomes unstable beyond motor1 = " in found.stopped
     assert found.x.size == len(found.channels["pin.x"]) == 5  # Table 7's angles, and four turns
     end = float(found.stopped.split("motor1 = ")[1].split(",")[0])
-    assert end - BEGIN[0] == pytest.approx(truth, abs=1e-6)  # printed with six digits
+    assert end - START_ANGLES[0] == pytest.approx(truth, abs=1e-6)  # printed with six digits
 
 
 def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
@@ -177,23 +205,25 @@ def test_beyond_its_fold_the_pair_snaps_to_another_equilibrium(unloaded):
 
     MuJoCo, started near S4, comes to rest in the same equilibrium.
     """
-    angles = BEGIN - np.outer([0.0, 0.3, 0.4], [1.0, 0.0])
-    found = led("pymunk", unloaded, "S2", 10, angles)
+    angles = START_ANGLES - np.outer([0.0, 0.3, 0.4], [1.0, 0.0])
+    found = swept_curves("pymunk", unloaded, "S2", 10, angles)
     assert not found.stopped
-    pin = read(found)[:, :2]
-    there = solutions(centre().assembly, inputs=angles[-1], modes=2)
+    pin = channel_values(found)[:, :2]
+    there = solutions(unloaded_s2().assembly, inputs=angles[-1], modes=2)
     stable = there.state.pose[there.negative == 0]
-    drives = tuple(Drive(f"motor{k + 1}", partial(constant, angles[-1, k])) for k in (0, 1))
-    placed = rest("mujoco", unloaded, rods("S4", 10), PIN, drives).channels
+    drives = tuple(Drive(f"motor{k + 1}", partial(constant_profile, angles[-1, k])) for k in (0, 1))
+    placed = equilibrium_curves("mujoco", unloaded, rods("S4", 10), PIN_CHANNELS, drives).channels
     assert np.linalg.norm(stable - pin[-1], axis=1).min() < 1e-2  # error in h^2 with ten links
     # equilibrium to 1e-12 of the model, magnified by the softness of the pair
-    np.testing.assert_allclose([placed[name][0] for name in PIN], pin[-1], rtol=0, atol=1e-10)
-    last = turned(-0.4).pose
+    np.testing.assert_allclose(
+        [placed[name][0] for name in PIN_CHANNELS], pin[-1], rtol=0, atol=1e-10
+    )
+    last = turned_state(-0.4).pose
     assert np.hypot(*(pin[-2] - last)) < 0.2 < np.hypot(*(pin[-1] - last))
 
 
 @pytest.mark.parametrize(("name", "seconds"), [("rfr2_circles", 8.0), ("rfr2_rectangles", 12.0)])
-def test_the_pin_begins_the_documents_circles_and_rectangles(name, seconds):
+def test_the_pin_follows_the_published_circles_and_rectangles(name, seconds):
     """The first, third and fifth positions agree in MuJoCo, with the tolerances of the cases."""
     case = load_case(shipped(f"{name}.toml"))
     drives = tuple(drive.model_copy(update={"until": seconds}) for drive in case.drive)
@@ -207,21 +237,21 @@ def test_the_pin_begins_the_documents_circles_and_rectangles(name, seconds):
     ("file", "old", "new"),
     [
         pytest.param(
-            "rfr2_driven.toml", "segments = 16", 'segments = 16\nscheme = "naive"', marks=SLOW
+            "rfr2_driven.toml", "segments = 16", 'segments = 16\nscheme = "naive"', marks=SLOW_TEST
         ),
         pytest.param(
             "rfr2_driven.toml",
             r"length = 1.0\n(stiffness = .*\nsegments)",
             r"length = 1.01\n\1",
-            marks=SLOW,
+            marks=SLOW_TEST,
         ),
         ("rfr2_natural.xml", "gear=.0.3 -0.1", 'gear="0.32 -0.1'),
     ],
 )
-def test_a_wrong_pair_is_found(file, old, new, edit):
+def test_a_wrong_pair_of_rods_differs(file, old, new, edit):
     """Soft clamps, longer rods and another load exceed the tolerance for the number of links."""
     edit("rfr2_driven.toml", r'"mujoco", "pymunk"', '"mujoco"')
     edit("rfr2_driven.toml", "n = 37", "n = 19")
     edit(file, old, new)
-    found = verdicts(edit("rfr2_driven.toml", "title", "title"))
+    found = all_comparisons(edit("rfr2_driven.toml", "title", "title"))
     assert "differs" in {c.outcome for c in found}

@@ -10,11 +10,21 @@ from typer.testing import CliRunner
 from proofmass.check import check
 from proofmass.cli import app
 from proofmass.sim.protocol import BadRod, Drive, Rod, Run, Unsupported
-from tests.sim.rod_models import CLAMPS, ENGINES, FIGURES, PAIR, held, model, pair, pull, rest
-from tests.verdicts import verdicts
+from tests.sim.rod_models import (
+    CLAMP_ANGLES,
+    ENGINES,
+    FIGURES,
+    PAIR_MODEL,
+    dead_load,
+    equilibrium_curves,
+    fixed_motors,
+    rod_pair,
+    write_model,
+)
+from tests.verdicts import all_comparisons
 
-EACH = pytest.mark.parametrize("engine", ENGINES)
-ARM = (
+EACH_ENGINE = pytest.mark.parametrize("engine", ENGINES)
+ARM_BODY = (
     '<body name="arm"><joint name="arm"/><inertial pos="1 0 0" mass="2" '
     'diaginertia="0.1 0.1 0.1"/><site name="end" pos="1 0 0"/></body>'
 )
@@ -24,65 +34,69 @@ ARM = (
 def unloaded(tmp_path: Path) -> Path:
     """The model of the pair without its load."""
     file = tmp_path / "unloaded.xml"
-    file.write_text(PAIR.read_text().replace('ctrl="0 0 1"', 'ctrl="0 0 0"'))
+    file.write_text(PAIR_MODEL.read_text().replace('ctrl="0 0 1"', 'ctrl="0 0 0"'))
     return file
 
 
-def sweep(engine: str, file: Path, segments: int, x: list[float], way: float = 1.0):
+def swept_curves(engine: str, file: Path, segments: int, x: list[float], turn_per_x: float = 1.0):
     """Curves of a sweep from S2 at x = -1 to the beginning of the reference path at x = 0.
 
-    Beyond it motor 1 turns by `way` times x.
+    Beyond it motor 1 turns by `turn_per_x` times x.
     """
     begin = np.radians(FIGURES["pair"]["line"]["motors"])
 
-    def law(k):
+    def profile_of(k):
         def angle(x):
-            there = begin[k] + np.minimum(x, 0.0) * (begin[k] - CLAMPS[k])
-            return there + way * np.maximum(x, 0.0) * (k == 0), 0 * x, 0 * x
+            motor_angle = begin[k] + np.minimum(x, 0.0) * (begin[k] - CLAMP_ANGLES[k])
+            return motor_angle + turn_per_x * np.maximum(x, 0.0) * (k == 0), 0 * x, 0 * x
 
         return angle
 
-    drives = tuple(Drive(f"motor{k + 1}", law(k)) for k in (0, 1))
+    drives = tuple(Drive(f"motor{k + 1}", profile_of(k)) for k in (0, 1))
     run = Run(
         "sweep",
         np.array([-1.0, 0.0, *x]),
         ("pin.x", "pin.y", "moment1"),
         drives,
-        rods=pair("S2", segments),
+        rods=rod_pair("S2", segments),
     )
     return ENGINES[engine](file, run)
 
 
-def test_a_motor_bends_a_pair_of_rods(unloaded):
+def test_a_turning_motor_leads_the_pin_along_the_reference_path(unloaded):
     """In the limit of many links, the pin follows the reference path while motor 1 turns."""
     line = FIGURES["pair"]["line"]
-    coarse, fine = (sweep("mujoco", unloaded, n, line["turn"]).channels for n in (20, 40))
+    coarse, fine = (swept_curves("mujoco", unloaded, n, line["turn"]).channels for n in (20, 40))
     for k, name in enumerate(("pin.x", "pin.y")):
         limit = (4 * fine[name] - coarse[name])[2:] / 3
         # the reference has a precision of 1e-6; terms in h^4 remain
         np.testing.assert_allclose(limit, np.array(line["pin"])[:, k], atol=5e-6)
 
 
-def test_both_engines_turn_the_pair_alike():
+def test_both_engines_have_the_same_poses_of_a_driven_pair():
     """The same chains of ten links a rod have the same poses and moments in both engines."""
-    drives = Drive("motor1", lambda x: (CLAMPS[0] + x, 1 + 0 * x, 0 * x)), held()[1]
+    drives = Drive("motor1", lambda x: (CLAMP_ANGLES[0] + x, 1 + 0 * x, 0 * x)), fixed_motors()[1]
     run = Run(
-        "sweep", np.linspace(0, 0.3, 4), ("pin.x", "pin.y", "moment1"), drives, rods=pair("S4", 10)
+        "sweep",
+        np.linspace(0, 0.3, 4),
+        ("pin.x", "pin.y", "moment1"),
+        drives,
+        rods=rod_pair("S4", 10),
     )
-    one, two = (simulate(PAIR, run).channels for simulate in ENGINES.values())
+    one, two = (simulate(PAIR_MODEL, run).channels for simulate in ENGINES.values())
     for name, curve in one.items():
         np.testing.assert_allclose(two[name], curve, atol=1e-11, rtol=0)  # rest to 1e-12, softness
 
 
 @pytest.mark.slow
-def test_a_sweep_ends_at_the_fold(unloaded):
+def test_a_sweep_ends_at_the_fold_of_the_pair(unloaded):
     """A sweep ends where the equilibrium becomes unstable.
 
     The error of this motor angle falls with the square of the links.
     """
     fold, ends = FIGURES["pair"]["fold"]["turn"], []
     for n in (20, 40):
-        found = sweep("mujoco", unloaded, n, [0.3, 0.5], way=-1.0)
+        found = swept_curves("mujoco", unloaded, n, [0.3, 0.5], turn_per_x=-1.0)
         assert "becomes unstable beyond motor1 = " in found.stopped
         ends.append(float(found.stopped.split("motor1 = ")[1].split(",")[0]))
     begin = np.radians(FIGURES["pair"]["line"]["motors"])[0]
@@ -90,14 +104,14 @@ def test_a_sweep_ends_at_the_fold(unloaded):
     assert (4 * ends[1] - ends[0]) / 3 - begin == pytest.approx(fold, abs=2e-5)
 
 
-@EACH
+@EACH_ENGINE
 def test_a_dead_load_on_a_link_keeps_its_direction(engine, tmp_path):
     """The holding moment of an arm is minus the moment of the force F and minus the moment M."""
     hold = '<motor name="hold" joint="arm"/>'
-    file = model(
+    file = write_model(
         tmp_path,
-        ARM,
-        hold + pull("end", 3, -4, 0, 0, 0, 0.5),
+        ARM_BODY,
+        hold + dead_load("end", 3, -4, 0, 0, 0, 0.5),
         '<actuatorfrc name="hold" actuator="hold"/><actuatorfrc name="pull" actuator="pull"/>',
         ctrl="0 2",
     )
@@ -110,13 +124,13 @@ def test_a_dead_load_on_a_link_keeps_its_direction(engine, tmp_path):
     np.testing.assert_allclose(found["pull"], 2.0)
 
 
-@EACH
-def test_a_loaded_arm_swings(engine, tmp_path):
+@EACH_ENGINE
+def test_a_dead_load_moves_an_arm_as_its_equation(engine, tmp_path):
     """A dead load moves an arm as the integrated equation of motion says."""
-    file = model(
+    file = write_model(
         tmp_path,
-        ARM,
-        pull("end", 3, -4, 0, 0, 0, 0.5),
+        ARM_BODY,
+        dead_load("end", 3, -4, 0, 0, 0, 0.5),
         '<jointpos name="angle" joint="arm"/>',
         ctrl="1",
     )
@@ -133,9 +147,9 @@ def test_a_loaded_arm_swings(engine, tmp_path):
     )
 
 
-def test_loads_out_of_the_plane_are_refused(tmp_path):
+def test_pymunk_refuses_loads_out_of_the_plane(tmp_path):
     """Pymunk refuses a load out of the plane; MuJoCo covers it."""
-    file = model(tmp_path, ARM, pull("end", 0, 0, 1), ctrl="1")
+    file = write_model(tmp_path, ARM_BODY, dead_load("end", 0, 0, 1), ctrl="1")
     run = Run("dynamics", np.linspace(0, 1, 3), ())
     with pytest.raises(Unsupported, match="actuator 'pull' leaves the plane"):
         ENGINES["pymunk"](file, run)
@@ -143,12 +157,14 @@ def test_loads_out_of_the_plane_are_refused(tmp_path):
 
 def test_a_load_on_the_ground_does_nothing(tmp_path):
     """A dead load whose site is on the ground moves no link."""
-    file = model(tmp_path, ARM, pull("ground", 1), '<jointpos name="angle" joint="arm"/>', ctrl="1")
+    file = write_model(
+        tmp_path, ARM_BODY, dead_load("ground", 1), '<jointpos name="angle" joint="arm"/>', ctrl="1"
+    )
     found = ENGINES["pymunk"](file, Run("dynamics", np.linspace(0, 1, 3), ("angle",)))
     assert not found.channels["angle"].any()
 
 
-RODS = {
+BAD_RODS = {
     "stiffness": ({"stiffness": -1.0}, "stiffness", "-1 must be positive"),
     "length": ({"length": 0.0}, "length", "0 must be positive"),
     "segments": ({"segments": 1}, "segments", "two or more"),
@@ -161,8 +177,8 @@ RODS = {
 }
 
 
-@pytest.mark.parametrize(("change", "key", "words"), RODS.values(), ids=RODS)
-def test_bad_rods_are_named(change, key, words, tmp_path):
+@pytest.mark.parametrize(("change", "key", "words"), BAD_RODS.values(), ids=BAD_RODS)
+def test_bad_rods_are_refused_with_their_key(change, key, words, tmp_path):
     """The error names the rod and the key, and states what would be right."""
     good = {
         "name": "r",
@@ -173,15 +189,15 @@ def test_bad_rods_are_named(change, key, words, tmp_path):
         "segments": 5,
         "ends": ("clamped", "pinned"),
     }
-    file = model(tmp_path, '<site name="pin" pos="0.8 0.1 0"/>')
+    file = write_model(tmp_path, '<site name="pin" pos="0.8 0.1 0"/>')
     other = Rod("q", "ground", None, 1.0, 1.0, 5, ("clamped", "free"))
     with pytest.raises(BadRod, match=words) as raised:
-        rest("mujoco", file, (Rod(**good | change), other), ())
+        equilibrium_curves("mujoco", file, (Rod(**good | change), other), ())
     assert raised.value.args[:2] == ("r", key)
     assert str(raised.value).startswith(f"rod 'r': {key}: ")
 
 
-SIDECARS = {
+BAD_SIDECARS = {
     "stiffness": (
         r"stiffness = 0.16\d*\nsegments",
         "stiffness = -1.0\nsegments",
@@ -208,8 +224,8 @@ SIDECARS = {
 }
 
 
-@pytest.mark.parametrize(("old", "new", "words"), SIDECARS.values(), ids=SIDECARS)
-def test_bad_sidecars_are_named(old, new, words, edit):
+@pytest.mark.parametrize(("old", "new", "words"), BAD_SIDECARS.values(), ids=BAD_SIDECARS)
+def test_bad_rods_in_sidecars_are_refused_with_their_key(old, new, words, edit):
     """The only error names file and key, and the exit code is 2."""
     file = edit("rod_pinned.toml", old, new, count=1)
     result = check([file])
@@ -219,7 +235,7 @@ def test_bad_sidecars_are_named(old, new, words, edit):
         assert word in str(result.errors[0])
 
 
-def test_the_command_line_says_it_in_a_line(edit):
+def test_the_command_line_reports_a_bad_rod_without_traceback(edit):
     """The exit code is 2, the key is named, and there is no traceback."""
     file = edit("rod_pinned.toml", "length = 1.0\nstiffness", "length = 0.8\nstiffness", count=2)
     result = CliRunner().invoke(app, ["check", str(file)])
@@ -228,11 +244,13 @@ def test_the_command_line_says_it_in_a_line(edit):
     assert "Traceback" not in result.output
 
 
-def test_gravity_asks_for_a_mass(tmp_path):
+def test_gravity_requires_a_mass_of_rods(tmp_path):
     """A default mass would be a load that the user did not state."""
-    file = model(tmp_path, gravity="0 -9.81 0")
+    file = write_model(tmp_path, gravity="0 -9.81 0")
     with pytest.raises(BadRod, match="mass: missing"):
-        rest("mujoco", file, (Rod("r", "ground", None, 1.0, 1.0, 5, ("clamped", "free")),), ())
+        equilibrium_curves(
+            "mujoco", file, (Rod("r", "ground", None, 1.0, 1.0, 5, ("clamped", "free")),), ()
+        )
 
 
 @pytest.mark.parametrize(
@@ -243,8 +261,8 @@ def test_gravity_asks_for_a_mass(tmp_path):
         ("segments = 40", 'segments = 40\nscheme = "naive"'),
     ],
 )
-def test_a_wrong_rod_is_found(old, new, edit):
+def test_a_wrong_rod_differs_in_both_engines(old, new, edit):
     """A stiffer or longer rod, or one with a soft clamp, differs in both engines."""
     file = edit("rod_cantilever.toml", old, new)
     edit("rod_cantilever.toml", "n = 41", "n = 41\nuntil = 1.0")
-    assert {c.solver for c in verdicts(file) if c.outcome == "differs"} == set(ENGINES)
+    assert {c.solver for c in all_comparisons(file) if c.outcome == "differs"} == set(ENGINES)

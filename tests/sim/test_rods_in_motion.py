@@ -15,7 +15,7 @@ from proofmass.solve import solve_here
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES
 
-CRANK = "slider_crank_elastic"
+ELASTIC_SLIDER_CRANK = "slider_crank_elastic"
 
 
 @pytest.mark.parametrize(
@@ -34,18 +34,33 @@ CRANK = "slider_crank_elastic"
         ("rod_released.xml", "0 -9.81 0", "0 9.81 0"),
         pytest.param("rod_released.xml", "0 -9.81 0", "0 -9.7 0", marks=pytest.mark.slow),
         pytest.param(
-            f"{CRANK}.toml", r"(?s)(\[rod.*stiffness = )0.2", r"\g<1>0.202", marks=pytest.mark.slow
+            f"{ELASTIC_SLIDER_CRANK}.toml",
+            r"(?s)(\[rod.*stiffness = )0.2",
+            r"\g<1>0.202",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
-            f"{CRANK}.toml", r"(?s)(\[rod.*mass = )0.1", r"\g<1>0.101", marks=pytest.mark.slow
+            f"{ELASTIC_SLIDER_CRANK}.toml",
+            r"(?s)(\[rod.*mass = )0.1",
+            r"\g<1>0.101",
+            marks=pytest.mark.slow,
         ),
-        pytest.param(f"{CRANK}.xml", 'mass="0.05"', 'mass="0.0505"', marks=pytest.mark.slow),
-        pytest.param(f"{CRANK}.xml", 'pos="0.25 0 0"', 'pos="0.2501 0 0"', marks=pytest.mark.slow),
-        (f"{CRANK}.toml", "rate = 6.0", "rate = -6.0"),
-        pytest.param(f"{CRANK}.xml", 'qvel="6 0"', 'qvel="0 0"', marks=pytest.mark.slow),
+        pytest.param(
+            f"{ELASTIC_SLIDER_CRANK}.xml", 'mass="0.05"', 'mass="0.0505"', marks=pytest.mark.slow
+        ),
+        pytest.param(
+            f"{ELASTIC_SLIDER_CRANK}.xml",
+            'pos="0.25 0 0"',
+            'pos="0.2501 0 0"',
+            marks=pytest.mark.slow,
+        ),
+        (f"{ELASTIC_SLIDER_CRANK}.toml", "rate = 6.0", "rate = -6.0"),
+        pytest.param(
+            f"{ELASTIC_SLIDER_CRANK}.xml", 'qvel="6 0"', 'qvel="0 0"', marks=pytest.mark.slow
+        ),
     ],
 )
-def test_another_rod_is_noticed(name, old, new, edit):
+def test_wrong_numbers_of_moving_rods_differ(name, old, new, edit):
     """Each mutation changes at least one outcome to "differs".
 
     Stiffness, mass or weight are wrong by 1 %, a rod's length by 0.5 %, a crank's by 0.1 mm.  Other
@@ -65,21 +80,21 @@ def test_another_rod_is_noticed(name, old, new, edit):
     assert "differs" in {c.outcome for c in found}
 
 
-def test_an_elastic_coupler_in_pymunk_is_off_by_the_square_of_its_links():
+def test_an_elastic_coupler_in_pymunk_converges_with_order_2():
     """Errors with 6 and 12 links are compared, over an eighth of a turn of the crank.
 
     Moments and energies are left out, since they begin at zero.
     """
-    case = load_case(shipped(f"{CRANK}.toml"))
+    case = load_case(shipped(f"{ELASTIC_SLIDER_CRANK}.toml"))
     runs = {"dynamics": case.run["dynamics"].model_copy(update={"n": 10})}
     drives = (case.drive[0].model_copy(update={"to": np.pi / 4}),)
-    off = []
+    errors = []
     for segments in (6, 12):
         rods = {"coupler": case.rod["coupler"].model_copy(update={"segments": segments})}
         brief = case.model_copy(update={"rod": rods, "run": runs, "drive": drives})
         found = refined_errors(brief, "dynamics", "pymunk", solve_here(brief, "dynamics", "pymunk"))
-        off.append({c.channel: c.error_max for c in found if c.unit not in ("J", "N m")})
-    orders = {name: np.log2(off[0][name] / off[1][name]) for name in off[0]}
+        errors.append({c.channel: c.error_max for c in found if c.unit not in ("J", "N m")})
+    orders = {name: np.log2(errors[0][name] / errors[1][name]) for name in errors[0]}
     assert len(orders) == 7
     # 0.15 is the tolerance of the order in [refine]
     assert orders == pytest.approx(dict.fromkeys(orders, 2.0), abs=0.15)
@@ -93,7 +108,7 @@ def test_a_motion_that_is_not_resolved_is_an_error_of_its_parameters(edit):
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.0])
-def test_a_coupler_starts_turning_as_a_whole(angle, tmp_path):
+def test_a_coupler_starts_with_the_rate_of_a_rigid_coupler(angle, tmp_path):
     """The first joint of a straight coupler starts with the rate of a rigid coupler.
 
     The rate follows from the rates of the key; the springs start straight and without a rate.
@@ -103,7 +118,7 @@ def test_a_coupler_starts_turning_as_a_whole(angle, tmp_path):
     rate = -6.0 * 0.25 * np.cos(angle) / np.cos(turn)
     slide = -6.0 * 0.25 * np.sin(angle) - rate * np.sin(turn)
     file = tmp_path / "model.xml"
-    text = shipped(f"{CRANK}.xml").read_text()
+    text = shipped(f"{ELASTIC_SLIDER_CRANK}.xml").read_text()
     key = f'qpos="{angle!r} {float(x) - 1.25!r}" qvel="6 {float(slide)!r}"'
     file.write_text(text.replace('qvel="6 0"', key))
     rod = Rod("coupler", "crank_end", "slider_pin", 1.0, 0.2, 8, ("pinned", "pinned"), mass=0.1)
@@ -124,13 +139,13 @@ def test_a_coupler_starts_turning_as_a_whole(angle, tmp_path):
     np.testing.assert_allclose(apart, 0.0, atol=1e-9)
 
 
-def test_a_bent_coupler_starts_with_its_ends_at_the_slider(tmp_path):
+def test_a_bent_coupler_starts_with_rates_that_keep_its_loop_closed(tmp_path):
     """The start rates of a bent coupler do not open its loop.
 
     Its arc is 0.02 m longer than the distance of its supports; it bends with the smallest rates.
     """
     file = tmp_path / "model.xml"
-    text = shipped(f"{CRANK}.xml").read_text()
+    text = shipped(f"{ELASTIC_SLIDER_CRANK}.xml").read_text()
     file.write_text(text.replace('qvel="6 0"', 'qpos="0.7 -0.0922" qvel="6 -1"'))
     rod = Rod(
         "coupler", "crank_end", "slider_pin", 1.0, 0.2, 8, ("pinned", "pinned"), mass=0.1, turn=0.7
@@ -144,9 +159,9 @@ def test_a_bent_coupler_starts_with_its_ends_at_the_slider(tmp_path):
     assert np.abs(data.qvel[2:]).max() > 0.1
 
 
-def test_a_straight_coupler_between_supports_that_stay_is_refused(tmp_path):
+def test_a_straight_coupler_between_fixed_supports_is_refused(tmp_path):
     file = tmp_path / "model.xml"
-    text = shipped(f"{CRANK}.xml").read_text()
+    text = shipped(f"{ELASTIC_SLIDER_CRANK}.xml").read_text()
     joints = '<joint name="crank"/>', '<joint name="slider" type="slide" axis="1 0 0"/>'
     for joint in (*joints, '<motor name="motor" joint="crank"/>', 'qvel="6 0"'):
         text = text.replace(joint, "")
@@ -156,7 +171,7 @@ def test_a_straight_coupler_between_supports_that_stay_is_refused(tmp_path):
         compile_model(file, [rod])
 
 
-HANGING = """<mujoco><compiler angle="radian"/>
+PENDULUM_ON_ARM = """<mujoco><compiler angle="radian"/>
   <option timestep="1e-3" integrator="RK4" gravity="0 -9.81 0"><flag contact="disable"/></option>
   <worldbody><body name="arm"><joint name="arm"/>
     <inertial pos="0.5 0 0" mass="1" diaginertia="1e-3 1e-1 1e-1"/>
@@ -167,10 +182,10 @@ HANGING = """<mujoco><compiler angle="radian"/>
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_drive_that_leaves_a_pendulum(engine, tmp_path):
+def test_a_pendulum_on_a_driven_arm_follows_its_equation(engine, tmp_path):
     """A pendulum on an evenly turning arm follows its equation, from pose and rate of the key."""
     file = tmp_path / "model.xml"
-    file.write_text(HANGING)
+    file.write_text(PENDULUM_ON_ARM)
     t, length, inertia = np.linspace(0.0, 1.0, 11), 0.7, 0.49 + 1e-6
 
     def slopes(time, state):

@@ -16,15 +16,15 @@ from proofmass.sim.mujoco.program import write_rods
 from proofmass.sim.protocol import BadModel, BadRod, Rod, Run
 from proofmass.sim.rods import Chain, chain
 from tests.shipped import shipped
-from tests.verdicts import verdicts
+from tests.verdicts import all_comparisons
 
 LENGTH = 1.2
-STIFF = {"torsion": 0.6, "stiffness_y": 0.9, "stiffness": 1.4}
-NATURAL = (0.9, -0.6, 1.5)
-LOAD = (1.0, -1.5, 2.0)
-WIND = (0.3, 0.5, -0.4)
-PARTS = "x", "y", "z", "normal_x", "normal_y", "normal_z"
-MOMENTS = "twist_moment", "bend_moment_y", "bend_moment"
+STIFFNESSES = {"torsion": 0.6, "stiffness_y": 0.9, "stiffness": 1.4}
+NATURAL_STRAINS = (0.9, -0.6, 1.5)
+TIP_FORCE = (1.0, -1.5, 2.0)
+DISTRIBUTED_LOAD = (0.3, 0.5, -0.4)
+SHAPE_CHANNELS = "x", "y", "z", "normal_x", "normal_y", "normal_z"
+MOMENT_CHANNELS = "twist_moment", "bend_moment_y", "bend_moment"
 MODEL = """<mujoco><option gravity="0 0 0"/><worldbody><site name="clamp"/></worldbody><actuator>
   <motor name="load" site="rod.tip" refsite="clamp" gear="{:g} {:g} {:g} 0 0 0"/></actuator>
   <keyframe><key name="start" ctrl="1"/></keyframe></mujoco>"""
@@ -32,11 +32,11 @@ MODEL = """<mujoco><option gravity="0 0 0"/><worldbody><site name="clamp"/></wor
 
 def rod(segments: int, **others) -> Rod:
     """A rod with three different stiffnesses, naturally twisted and curved about two axes."""
-    named = {**STIFF, "curvature": NATURAL, "load": WIND, **others}
+    named = {**STIFFNESSES, "curvature": NATURAL_STRAINS, "load": DISTRIBUTED_LOAD, **others}
     return Rod("rod", "clamp", None, LENGTH, segments=segments, ends=("clamped", "free"), **named)
 
 
-def rest(tmp_path, one: Rod, force=LOAD, parts=PARTS + MOMENTS):
+def rod_curves(tmp_path, one: Rod, force=TIP_FORCE, parts=SHAPE_CHANNELS + MOMENT_CHANNELS):
     """Curves of a rod in equilibrium, at vertices and middles of its links."""
     file = tmp_path / "rod.xml"
     file.write_text(MODEL.format(*force))
@@ -46,66 +46,66 @@ def rest(tmp_path, one: Rod, force=LOAD, parts=PARTS + MOMENTS):
     )
 
 
-def errors(tmp_path, segments: int, **others) -> dict[str, float]:
+def largest_errors(tmp_path, segments: int, **others) -> dict[str, float]:
     """The largest error of each channel of a rod's shape and moments."""
-    curves = rest(tmp_path, rod(segments, **others))
-    exact = reference(**{k: others[k] for k in ("axial", "shear") if k in others})
-    every = (FINEST - 1) // (curves.x.size - 1)
+    curves = rod_curves(tmp_path, rod(segments, **others))
+    exact = reference_curves(**{k: others[k] for k in ("axial", "shear") if k in others})
+    every = (FINEST_SAMPLES - 1) // (curves.x.size - 1)
     return {
         name: float(np.abs(curves.channels[f"rod.{name}"] - exact[name][::every]).max())
-        for name in PARTS + MOMENTS
+        for name in SHAPE_CHANNELS + MOMENT_CHANNELS
     }
 
 
-FINEST = 33
+FINEST_SAMPLES = 33
 """Number of samples along a rod of sixteen links, among which are those of eight."""
 
 
 @cache
-def reference(**strains: float) -> dict[str, np.ndarray]:
+def reference_curves(**strains: float) -> dict[str, np.ndarray]:
     """Shape and moments of the rod at these samples, by the reference."""
     return solve(
-        np.linspace(0.0, LENGTH, FINEST),
+        np.linspace(0.0, LENGTH, FINEST_SAMPLES),
         length=LENGTH,
-        **STIFF,
+        **STIFFNESSES,
         **strains,
-        **dict(zip(("twist", "curvature_y", "curvature"), NATURAL, strict=True)),
-        **{f"force_{name}": value for name, value in zip("xyz", LOAD, strict=True)},
-        **{f"weight_{name}": value for name, value in zip("xyz", WIND, strict=True)},
+        **dict(zip(("twist", "curvature_y", "curvature"), NATURAL_STRAINS, strict=True)),
+        **{f"force_{name}": value for name, value in zip("xyz", TIP_FORCE, strict=True)},
+        **{f"weight_{name}": value for name, value in zip("xyz", DISTRIBUTED_LOAD, strict=True)},
     )
 
 
 @pytest.mark.parametrize("strains", [{}, {"axial": 40.0, "shear": 25.0}])
 def test_errors_fall_with_the_square_of_the_links(strains, tmp_path):
-    one, two = (errors(tmp_path, n, **strains) for n in (8, 16))
-    for name in PARTS[:3]:
+    one, two = (largest_errors(tmp_path, n, **strains) for n in (8, 16))
+    for name in SHAPE_CHANNELS[:3]:
         # second order; terms of fourth order change the ratio by 14 % with eight links
         assert one[name] / two[name] == pytest.approx(4.0, rel=0.2), name
-    for name in PARTS[3:] + MOMENTS:  # these errors alternate from link to link
+    for name in SHAPE_CHANNELS[3:] + MOMENT_CHANNELS:  # these errors alternate from link to link
         assert 2.8 < one[name] / two[name] < 6.0, name
     assert all(value < 0.05 for value in two.values())
 
 
-def test_turns_in_one_order_all_along_are_of_first_order(tmp_path, monkeypatch):
+def test_hinges_in_the_same_order_in_all_links_are_of_first_order(tmp_path, monkeypatch):
     hinges = Chain.hinges
     monkeypatch.setattr(
         Chain, "hinges", lambda self, link: tuple(sorted(hinges(self, link), key=lambda h: h.axis))
     )
-    one, two = (errors(tmp_path, n) for n in (8, 16))
-    for name in PARTS[:3]:
+    one, two = (largest_errors(tmp_path, n) for n in (8, 16))
+    for name in SHAPE_CHANNELS[:3]:
         assert one[name] / two[name] < 2.6, name
 
 
-def test_moments_bear_what_is_beyond_them(tmp_path):
+def test_moments_balance_the_force_at_the_tip(tmp_path):
     """In each hinge the moment has the size of the tip's force times its lever.
 
     This is the equilibrium of the chain itself, exact to Newton's last step.
     """
     one = rod(9, load=(0.0, 0.0, 0.0))
-    curves = rest(tmp_path, one).channels
+    curves = rod_curves(tmp_path, one).channels
     place = np.stack([curves[f"rod.{name}"] for name in "xyz"], axis=1)
-    levers = np.cross(place[-1] - place, LOAD)
-    found = np.stack([curves[f"rod.{name}"] for name in MOMENTS], axis=1)
+    levers = np.cross(place[-1] - place, TIP_FORCE)
+    found = np.stack([curves[f"rod.{name}"] for name in MOMENT_CHANNELS], axis=1)
     sprung = np.arange(1, 2 * one.segments, 2)  # at h/2, 3h/2, ...
     np.testing.assert_allclose(
         np.linalg.norm(found[sprung], axis=1), np.linalg.norm(levers[sprung], axis=1), rtol=1e-9
@@ -115,11 +115,11 @@ def test_moments_bear_what_is_beyond_them(tmp_path):
 def test_without_loads_a_chain_keeps_its_natural_shape(tmp_path):
     """The natural shape is a helix, without moments; the key starts in it."""
     one = rod(12, load=(0.0, 0.0, 0.0), curvature=(0.9, 0.0, 1.5))
-    curves = rest(tmp_path, one, force=(0.0, 0.0, 0.0)).channels
-    for name in MOMENTS:
+    curves = rod_curves(tmp_path, one, force=(0.0, 0.0, 0.0)).channels
+    for name in MOMENT_CHANNELS:
         np.testing.assert_allclose(curves[f"rod.{name}"], 0.0, atol=1e-12)
     exact = solve(np.linspace(0.0, LENGTH, 25), length=LENGTH, twist=0.9, curvature=1.5)
-    for name in PARTS[:3]:
+    for name in SHAPE_CHANNELS[:3]:
         # links are chords of the helix, which is an error in h^2
         np.testing.assert_allclose(curves[f"rod.{name}"], exact[name], atol=5e-3)
     model = compile_model(tmp_path / "rod.xml", (one,))
@@ -132,17 +132,17 @@ def test_without_loads_a_chain_keeps_its_natural_shape(tmp_path):
     assert sum(about.values()) == pytest.approx(LENGTH * (0.9 + 1.5))
 
 
-def test_either_side_bends_against_its_own_stiffness(tmp_path):
+def test_each_axis_bends_with_its_own_stiffness(tmp_path):
     """Under small loads the deflection is F L^3 / 3EI.
 
     A chain of n = 20 links lacks 1/(4 n^2) of it.
     """
     straight = {"curvature": (0.0, 0.0, 0.0), "load": (0.0, 0.0, 0.0)}
-    for axis, stiffness in ((1, STIFF["stiffness"]), (2, STIFF["stiffness_y"])):
+    for axis, stiffness in ((1, STIFFNESSES["stiffness"]), (2, STIFFNESSES["stiffness_y"])):
         force = 1e-4 * np.eye(3)[axis]
-        curves = rest(tmp_path, rod(20, **straight), force=force, parts=PARTS)
-        way = curves.channels[f"rod.{'xyz'[axis]}"][-1]
-        assert way == pytest.approx(1e-4 * LENGTH**3 / 3.0 / stiffness, rel=2e-3)
+        curves = rod_curves(tmp_path, rod(20, **straight), force=force, parts=SHAPE_CHANNELS)
+        deflection = curves.channels[f"rod.{'xyz'[axis]}"][-1]
+        assert deflection == pytest.approx(1e-4 * LENGTH**3 / 3.0 / stiffness, rel=2e-3)
 
 
 def test_a_wrong_stiffness_about_z_differs(edit):
@@ -153,7 +153,7 @@ def test_a_wrong_stiffness_about_z_differs(edit):
     edit("rod_bend.toml", r"(?s)\[refine\].*?\n\n", "")
     new = "stiffness = 8.75e5\nstiffness_y = 8.333e5"
     file = edit("rod_bend.toml", r"(?s)(\[rod.rod\].*?)stiffness = [^ \n]*", rf"\1{new}")
-    assert "differs" in [c.outcome for c in verdicts(file)]
+    assert "differs" in [c.outcome for c in all_comparisons(file)]
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_a_wrong_number_of_the_rod_differs(old, new, edit):
     edit("rod_coil.toml", "length = 0.1263", "length = 0.06315")
     edit("rod_coil.toml", "segments = 60", "segments = 30")
     file = edit("rod_coil.toml", rf"(?s)(\[rod.rod\].*?){old}", rf"\1{new}")
-    assert "differs" in [c.outcome for c in verdicts(file)]
+    assert "differs" in [c.outcome for c in all_comparisons(file)]
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_a_wrong_number_of_the_rod_differs(old, new, edit):
         ('["mujoco"]', '["pymunk"]', "run.equilibrium.solvers", "rod 'rod', which twists"),
     ],
 )
-def test_bad_input_is_named(old, new, key, words, tmp_path):
+def test_bad_rods_in_space_are_refused_with_their_key(old, new, key, words, tmp_path):
     text = shipped("rod_bend.toml").read_text(encoding="utf-8")
     text = text[: text.index("[refine]")] + text[text.index("[channels]") :]
     assert old in text
@@ -202,26 +202,26 @@ def test_bad_input_is_named(old, new, key, words, tmp_path):
     assert words in str(error)
 
 
-def test_a_rod_in_space_cannot_hold_another(tmp_path):
+def test_a_rod_in_space_cannot_support_another_rod(tmp_path):
     other = Rod("other", "clamp", "rod.tip", 2.0, 1.0, 5, ("clamped", "pinned"))
     file = tmp_path / "rod.xml"
-    file.write_text(MODEL.format(*LOAD))
+    file.write_text(MODEL.format(*TIP_FORCE))
     with pytest.raises(BadRod, match=r"no site 'rod\.tip'"):
         compile_model(file, (rod(5), other))
 
 
-def test_a_program_has_the_rests_of_its_springs(tmp_path):
+def test_a_program_has_the_rest_angles_of_its_springs(tmp_path):
     """The MJCF of a program has the rest angles of the rod's springs."""
     file = tmp_path / "rod.xml"
-    file.write_text(MODEL.format(*LOAD))
+    file.write_text(MODEL.format(*TIP_FORCE))
     root = ElementTree.parse(file).getroot()
     root.remove(root.find("keyframe"))
     write_rods(root, file, (rod(5),))
     model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
     rest = model.qpos_spring[model.joint("rod.2.twist").qposadr[0]]
-    assert rest == pytest.approx(NATURAL[0] * LENGTH / 5)
+    assert rest == pytest.approx(NATURAL_STRAINS[0] * LENGTH / 5)
 
 
-def test_a_part_that_a_rod_in_space_lacks_is_named(tmp_path):
+def test_channels_that_a_rod_in_space_lacks_are_refused(tmp_path):
     with pytest.raises(BadModel, match="normal_x"):
-        rest(tmp_path, rod(4), parts=("moment",))
+        rod_curves(tmp_path, rod(4), parts=("moment",))

@@ -9,29 +9,34 @@ from proofmass.check import check
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
 from proofmass.sim.rods import chain
 from tests.independent.rods import chain_strained
-from tests.sim.rod_models import ENGINES, model, pull, rest
-from tests.verdicts import verdicts
+from tests.sim.rod_models import ENGINES, dead_load, equilibrium_curves, write_model
+from tests.verdicts import all_comparisons
 
-EACH = pytest.mark.parametrize("engine", ENGINES)
-PLACES = "r.x", "r.y"
-ROD = Rod("r", "ground", None, 1.0, 1.0, 6, ("clamped", "free"), turn=0.5)
-FOLLOWER = '<motor name="follower" site="r.tip" gear="-1 4 0 0 0 0.2"/>'
+EACH_ENGINE = pytest.mark.parametrize("engine", ENGINES)
+TIP_CHANNELS = "r.x", "r.y"
+CANTILEVER = Rod("r", "ground", None, 1.0, 1.0, 6, ("clamped", "free"), turn=0.5)
+FOLLOWER_LOAD = '<motor name="follower" site="r.tip" gear="-1 4 0 0 0 0.2"/>'
 
 
-@EACH
+@EACH_ENGINE
 @pytest.mark.parametrize("strain", [None, 30.0])
-def test_a_chain_under_all_loads_at_once(engine, strain, tmp_path):
+def test_a_chain_under_all_loads_equals_the_links_equilibrium(engine, strain, tmp_path):
     """Under weight, wind, dead and follower loads together, the links are in equilibrium."""
-    file = model(
-        tmp_path, actuators=pull("r.tip", 1.0, -0.5) + FOLLOWER, ctrl="1 1", gravity="0 -10 0"
+    file = write_model(
+        tmp_path,
+        actuators=dead_load("r.tip", 1.0, -0.5) + FOLLOWER_LOAD,
+        ctrl="1 1",
+        gravity="0 -10 0",
     )
-    rod = replace(ROD, mass=0.2, load=(0.7, 0.4, 0.0), axial=strain)
+    rod = replace(CANTILEVER, mass=0.2, load=(0.7, 0.4, 0.0), axial=strain)
     one = chain(rod)
     loads = {"line": 0.7 - 1.6j, "follower": -1.0 + 4.0j}
     angles, ends = chain_strained.free(
         one.lengths, one.springs, 1.0 - 0.5j, 0.2, strain or np.inf, np.inf, **loads
     )
-    found = rest(engine, file, (rod,), (*PLACES, "r.angle"), samples=13).channels
+    found = equilibrium_curves(
+        engine, file, (rod,), (*TIP_CHANNELS, "r.angle"), samples=13
+    ).channels
     at = found["r.x"] + 1j * found["r.y"]
     # both engines end where nothing moves by more than 1e-12 of the model
     np.testing.assert_allclose(at[1::2], ends[:-1], rtol=0, atol=1e-11)
@@ -39,33 +44,39 @@ def test_a_chain_under_all_loads_at_once(engine, strain, tmp_path):
     np.testing.assert_allclose(found["r.angle"][2::2], angles[1:], rtol=0, atol=1e-10)
 
 
-@EACH
-def test_wind_does_what_the_same_weight_does(engine, tmp_path):
+@EACH_ENGINE
+def test_a_distributed_load_acts_as_the_same_weight(engine, tmp_path):
     """A load per length has the same effect as gravity on a mass, for a rod with a pinned end."""
-    held = Rod("r", "ground", "far", 1.0, 1.0, 8, ("clamped", "pinned"), mass=0.5, turn=1.0)
+    clamped_pinned = Rod(
+        "r", "ground", "far", 1.0, 1.0, 8, ("clamped", "pinned"), mass=0.5, turn=1.0
+    )
     far = '<site name="far" pos="0.9 0.1 0"/>'
     heavy, windy = (
-        rest(engine, model(tmp_path, far, gravity=gravity), (rod,), PLACES, samples=9).channels
+        equilibrium_curves(
+            engine, write_model(tmp_path, far, gravity=gravity), (rod,), TIP_CHANNELS, samples=9
+        ).channels
         for gravity, rod in (
-            ("6 -10 0", held),
-            ("0 0 0", replace(held, load=(3.0, -5.0, 0.0))),
+            ("6 -10 0", clamped_pinned),
+            ("0 0 0", replace(clamped_pinned, load=(3.0, -5.0, 0.0))),
         )
     )
-    for name in PLACES:
+    for name in TIP_CHANNELS:
         np.testing.assert_allclose(heavy[name], windy[name], rtol=0, atol=1e-11)
 
 
 def test_a_wind_out_of_the_plane_is_refused_by_pymunk(tmp_path):
-    rod = replace(ROD, load=(0.0, 0.0, 1.0))
+    rod = replace(CANTILEVER, load=(0.0, 0.0, 1.0))
     with pytest.raises(Unsupported, match=r"the load of body 'r\.0' leaves the plane of motion"):
-        rest("pymunk", model(tmp_path), (rod,), PLACES)
+        equilibrium_curves("pymunk", write_model(tmp_path), (rod,), TIP_CHANNELS)
 
 
 def test_a_load_in_the_frame_of_another_body_is_refused_by_pymunk(tmp_path):
     body = '<body name="b"><joint name="j"/><geom size="0.1"/><site name="moving"/></body>'
     motor = '<motor name="m" site="r.tip" refsite="moving" gear="0 1 0 0 0 0"/>'
     with pytest.raises(Unsupported, match=r"actuator 'm', which is no motor .* is of the ground"):
-        rest("pymunk", model(tmp_path, body, motor, ctrl="1"), (ROD,), PLACES)
+        equilibrium_curves(
+            "pymunk", write_model(tmp_path, body, motor, ctrl="1"), (CANTILEVER,), TIP_CHANNELS
+        )
 
 
 @pytest.mark.parametrize(
@@ -80,7 +91,7 @@ def test_a_load_in_the_frame_of_another_body_is_refused_by_pymunk(tmp_path):
         ("rod_follower.xml", 'site="rod.tip"', 'site="rod.tip" refsite="clamp"'),
     ],
 )
-def test_another_load_is_noticed(name, old, new, edit):
+def test_a_wrong_load_of_a_rod_differs(name, old, new, edit):
     """A load that is wrong by 1 to 4 % differs in MuJoCo.
 
     A missing load, and a dead load instead of a follower load, differ in pymunk.
@@ -88,7 +99,7 @@ def test_another_load_is_noticed(name, old, new, edit):
     sidecar = edit(name, old, new).with_suffix(".toml")
     solver = "pymunk" if new == "" or "refsite" in new else "mujoco"
     edit(sidecar.name, '"mujoco", "pymunk"', f'"{solver}"')
-    assert "differs" in {c.outcome for c in verdicts(sidecar)}
+    assert "differs" in {c.outcome for c in all_comparisons(sidecar)}
 
 
 @pytest.mark.parametrize(
@@ -100,18 +111,20 @@ def test_another_load_is_noticed(name, old, new, edit):
         ('["a", 0.0, 0.0]', "load.0"),
     ],
 )
-def test_no_such_load_is_an_error_of_its_key(value, words, edit):
+def test_invalid_loads_of_rods_are_refused_with_their_key(value, words, edit):
     file = edit("rod_wind.toml", r"(?m)^load = .*", f"load = {value}")
     (error,) = check([file]).errors
     assert "rod_wind.toml: rod.rod.load" in str(error)
     assert words in str(error)
 
 
-def test_a_motor_that_pushes_a_straight_rod_over_is_not_called_stable(tmp_path):
+def test_a_straight_rod_under_a_large_follower_force_is_unstable(tmp_path):
     """MuJoCo requires a positive definite stiffness.
 
     A follower force of 30 N along the tip leaves none.
     """
-    file = model(tmp_path, actuators=FOLLOWER.replace("-1 4 0 0 0 0.2", "-30 0 0 0 0 0"), ctrl="1")
+    file = write_model(
+        tmp_path, actuators=FOLLOWER_LOAD.replace("-1 4 0 0 0 0.2", "-30 0 0 0 0 0"), ctrl="1"
+    )
     with pytest.raises(BadModel, match="unstable equilibrium"):
-        rest("mujoco", file, (replace(ROD, turn=0.0),), PLACES)
+        equilibrium_curves("mujoco", file, (replace(CANTILEVER, turn=0.0),), TIP_CHANNELS)

@@ -5,24 +5,24 @@ import pytest
 
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadRod, Rod
-from tests.sim.rod_models import ENGINES, model, rest
-from tests.verdicts import verdicts
+from tests.sim.rod_models import ENGINES, equilibrium_curves, write_model
+from tests.verdicts import all_comparisons
 
-FAR = '<site name="far" pos="1 0 0"/>'
-ENDS = [("clamped", "pinned"), ("pinned", "pinned"), ("clamped", "clamped")]
+FAR_SITE = '<site name="far" pos="1 0 0"/>'
+END_PAIRS = [("clamped", "pinned"), ("pinned", "pinned"), ("clamped", "clamped")]
 
 
-@pytest.mark.parametrize("ends", ENDS)
+@pytest.mark.parametrize("ends", END_PAIRS)
 @pytest.mark.parametrize("length", [1.0, 0.9])
-def test_both_engines_sag_alike_and_symmetrically(ends, length, tmp_path):
+def test_taut_rods_sag_equally_in_both_engines(ends, length, tmp_path):
     """Rods under a distributed load have the same shape in both engines.
 
     A taut rod sags less than a straight one, and rods with equal ends are symmetric.
     """
-    file = model(tmp_path, FAR)
+    file = write_model(tmp_path, FAR_SITE)
     rod = Rod("r", "ground", "far", length, 0.1, 8, ends, axial=40.0, load=(0.0, -3.0, 0.0))
     found = {
-        engine: rest(engine, file, (rod,), ("r.x", "r.y"), samples=17).channels
+        engine: equilibrium_curves(engine, file, (rod,), ("r.x", "r.y"), samples=17).channels
         for engine in ENGINES
     }
     for name in ("r.x", "r.y"):
@@ -38,7 +38,7 @@ def test_both_engines_sag_alike_and_symmetrically(ends, length, tmp_path):
 
 def test_links_start_stretched_and_straight(tmp_path):
     rod = Rod("r", "ground", "far", 0.9, 0.1, 4, ("clamped", "pinned"), axial=40.0)
-    found = compile_model(model(tmp_path, FAR), [rod])
+    found = compile_model(write_model(tmp_path, FAR_SITE), [rod])
     values = {found.joint(j).name: v for j, v in enumerate(found.key_qpos[0])}
     stretched = [values[f"r.{k}.x"] for k in range(5)]
     # each link is stretched by a ninth of its length
@@ -52,7 +52,7 @@ def test_a_straight_rod_that_does_not_stretch_is_refused(length, tmp_path):
     rod = Rod("r", "ground", "far", length, 0.1, 8, ("clamped", "pinned"))
     for engine in ENGINES:
         with pytest.raises(BadRod, match=r"length.*must be longer, or stretch: axial = EA \[N\]"):
-            rest(engine, model(tmp_path, FAR), (rod,), ("r.y",))
+            equilibrium_curves(engine, write_model(tmp_path, FAR_SITE), (rod,), ("r.y",))
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_a_straight_rod_that_does_not_stretch_is_refused(length, tmp_path):
         (r"length = 0.98\nstiffness", "length = 0.981\nstiffness"),
     ],
 )
-def test_a_wrong_rod_is_noticed(old, new, edit):
+def test_a_wrong_taut_rod_differs(old, new, edit):
     edit("rod_taut.toml", '"mujoco", "pymunk"', '"mujoco"')
     file = edit("rod_taut.toml", old, new)
-    assert "differs" in {c.outcome for c in verdicts(file)}
+    assert "differs" in {c.outcome for c in all_comparisons(file)}

@@ -13,7 +13,7 @@ from proofmass.sim.protocol import BadSetting
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
 from proofmass.studies.trade.varied import list_series
 
-WRONG = {
+WRONG_SETTINGS = {
     "solref = [0.002, 1, 1]": "solref: give a time constant",
     'solref = "0.002 one"': "solref: '0.002 one' is no list of numbers",
     "solref = [0.002, -1]": "solref: give a time constant",
@@ -33,18 +33,18 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-def test_a_wrong_setting_is_bad_input_once_and_nothing_runs(models, edit, wrong):
+@pytest.mark.parametrize("wrong", WRONG_SETTINGS)
+def test_a_wrong_setting_is_reported_once_and_nothing_runs(models, edit, wrong):
     file = models / "pendulum.toml"
     file.write_text(f"{file.read_text()}\n[settings.mujoco]\n{wrong}\n")
     result = check([file])
     assert result.exit_code == 2
     assert result.comparisons == []
     [error] = map(str, result.errors)
-    assert f"pendulum.toml: settings.mujoco.{WRONG[wrong]}" in error
+    assert f"pendulum.toml: settings.mujoco.{WRONG_SETTINGS[wrong]}" in error
 
 
-def test_pymunk_states_its_own():
+def test_pymunk_checks_its_own_settings():
     pymunk_settings({"timestep": 1e-3, "iterations": 10, "error_bias": 0.0, "defaults": True})
     for wrong in (
         {"error_bias": 2.0},
@@ -56,28 +56,30 @@ def test_pymunk_states_its_own():
             pymunk_settings(wrong)
 
 
-def test_numbers_may_be_spelled_as_in_mjcf():
+def test_settings_may_be_written_as_in_mjcf():
     assert MujocoSettings.read({"solref": "0.002 1"}).solref == (0.002, 1.0)
     mujoco_settings({"solref": [-1000, -10], "solimp": "0.9 0.95", "integrator": "RK4"})
 
 
-FALLING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"{option}>{flag}</option>
+FALLING_BODY = """<mujoco><compiler angle="radian"/><option timestep="2e-3"{option}>{flag}</option>
 <worldbody>{floor}<body name="a" pos="0 0 {height}">
 <joint name="x" type="slide" axis="1 0 0" {rub}/><joint name="z" type="slide" axis="0 0 1"/>
 <joint name="turn" axis="0 1 0"/>
 <geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody>{loop}
 <keyframe><key name="start" qvel="1 0 0"/></keyframe></mujoco>"""
 FLOOR = '<geom type="plane" size="1 1 1"/>'
-LOOP = '<equality><connect body1="a" anchor="0 0 0" solref="2e-3 1"/></equality>'
+SOFT_LOOP = '<equality><connect body1="a" anchor="0 0 0" solref="2e-3 1"/></equality>'
 
 
-def scene(option="", flag="", rub="", floor="", loop="", height="0.5"):
+def compiled_scene(option="", flag="", rub="", floor="", loop="", height="0.5"):
     return mujoco.MjModel.from_xml_string(
-        FALLING.format(option=option, flag=flag, rub=rub, floor=floor, loop=loop, height=height)
+        FALLING_BODY.format(
+            option=option, flag=flag, rub=rub, floor=floor, loop=loop, height=height
+        )
     )
 
 
-def fallen(model):
+def pose_after_300_steps(model):
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_step(model, data, 300)
@@ -87,7 +89,7 @@ def fallen(model):
 @pytest.mark.parametrize(
     ("settings", "option", "flag", "there"),
     [
-        ({"refsafe": False}, "", '<flag refsafe="disable"/>', {"loop": LOOP}),
+        ({"refsafe": False}, "", '<flag refsafe="disable"/>', {"loop": SOFT_LOOP}),
         (
             {"warmstart": False},
             ' solver="CG" iterations="2"',
@@ -103,14 +105,14 @@ def fallen(model):
         ({"noslip_iterations": 3}, ' noslip_iterations="3"', "", {"floor": FLOOR, "height": "0.1"}),
     ],
 )
-def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, there):
+def test_settings_act_as_the_attributes_of_an_mjcf(settings, option, flag, there):
     """A setting gives the same motion as the MJCF's attribute, and another one than without it."""
     plain = ' solver="CG" iterations="2"' if "CG" in option else ""
-    read, own = scene(option, flag, **there), scene(plain, **there)
-    before = fallen(own)
+    read, own = compiled_scene(option, flag, **there), compiled_scene(plain, **there)
+    before = pose_after_300_steps(own)
     configure(own, settings)
-    assert np.array_equal(fallen(own), fallen(read))
-    assert not np.array_equal(fallen(own), before)
+    assert np.array_equal(pose_after_300_steps(own), pose_after_300_steps(read))
+    assert not np.array_equal(pose_after_300_steps(own), before)
     assert all(
         stepping_settings(own)[key] == value
         if not isinstance(value, str)
@@ -121,14 +123,14 @@ def test_settings_are_what_mujoco_reads_from_the_mjcf(settings, option, flag, th
     assert "refsafe" not in stepping_settings(own)
 
 
-def test_what_may_touch_and_what_rubs_is_known():
-    assert not may_touch(scene())
-    assert may_touch(scene(floor=FLOOR))
-    assert not may_touch(scene(floor=FLOOR, flag='<flag contact="disable"/>'))
-    assert not has_dry_friction(scene())
-    assert has_dry_friction(scene(rub='frictionloss="1"'))
+def test_possible_contacts_and_dry_friction_are_recognized():
+    assert not may_touch(compiled_scene())
+    assert may_touch(compiled_scene(floor=FLOOR))
+    assert not may_touch(compiled_scene(floor=FLOOR, flag='<flag contact="disable"/>'))
+    assert not has_dry_friction(compiled_scene())
+    assert has_dry_friction(compiled_scene(rub='frictionloss="1"'))
     assert not has_dry_friction(
-        scene(rub='frictionloss="1"', flag='<flag frictionloss="disable"/>')
+        compiled_scene(rub='frictionloss="1"', flag='<flag frictionloss="disable"/>')
     )
 
 
@@ -136,7 +138,7 @@ def test_what_may_touch_and_what_rubs_is_known():
     ("change", "axes"),
     [("", set()), ("rub", {"noslip_iterations"}), ("touch", {"noslip_iterations", "impratio"})],
 )
-def test_a_study_turns_what_acts(models, edit, change, axes):
+def test_a_study_varies_only_settings_that_act(models, edit, change, axes):
     if change == "rub":
         edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" frictionloss="0.1"/>')
     if change == "touch":
@@ -149,22 +151,22 @@ def test_a_study_turns_what_acts(models, edit, change, axes):
     assert found - {"timestep", "iterations", "error_bias"} == axes
 
 
-def test_a_study_turns_refsafe_and_the_warm_start_where_loops_are(models):
+def test_a_study_of_loops_varies_refsafe_and_warm_start(models):
     found = {
         series.name: series
         for series in list_series(load_case(models / "fourbar.toml"), "dynamics")
     }
-    off = next(line for name, line in found.items() if "refsafe off" in name)
-    step = off.settings[0].parameters["timestep"]
+    without_refsafe = next(line for name, line in found.items() if "refsafe off" in name)
+    step = without_refsafe.settings[0].parameters["timestep"]
     assert all(
         s.parameters["refsafe"] is False and s.parameters["solref"][0] < 2 * step
-        for s in off.settings
+        for s in without_refsafe.settings
     )
     cold = next(line for name, line in found.items() if "without warm start" in name)
     assert all(s.parameters["warmstart"] is False for s in cold.settings)
 
 
-def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
+def test_unknown_parameters_of_a_motion_profile_are_refused(models, edit):
     edit("threeprr_circle.toml", r"(?m)(\[drive.parameters\]\n)centre_x", r"\1center_x")
     edit("fivebar_circle.toml", r"(?m)(\[drive.parameters\]\n)center_x", r"\1centre_x")
     result = check([models / "threeprr_circle.toml", models / "fivebar_circle.toml"])
@@ -178,7 +180,7 @@ def test_a_drive_parameter_that_the_law_does_not_have_is_named(models, edit):
     assert result.comparisons == []
 
 
-def test_a_slip_in_the_sidecar_is_told_once_and_in_the_sidecar(models, edit):
+def test_a_misspelled_joint_is_reported_once_with_the_sidecar(models, edit):
     edit("fourbar.toml", 'joint = "crank"', 'joint = "cranck"')
     [error] = map(str, check([models / "fourbar.toml"]).errors)
     assert error.endswith(

@@ -9,20 +9,20 @@ from proofmass.sim.pymunk import engine as with_pymunk
 from tests.shipped import shipped
 
 HACKSAW = shipped("hacksaw.xml")
-CRANK, COUPLER, OFFSET = 0.075, 0.17, 0.045
-FIRST, STROKE = -0.09, 0.13  # within the slider's limits -0.0837 and -0.2408 m
+CRANK_LENGTH, COUPLER_LENGTH, OFFSET = 0.075, 0.17, 0.045
+FIRST_POSITION, STROKE = -0.09, 0.13  # within the slider's limits -0.0837 and -0.2408 m
 
 
-def there_and_back(t):
+def out_and_back(t):
     """Slider position [m], velocity, acceleration: away from the crank and back in 2 pi."""
     half = STROKE / 2
-    return FIRST - half * (1 - np.cos(t)), -half * np.sin(t), -half * np.cos(t)
+    return FIRST_POSITION - half * (1 - np.cos(t)), -half * np.sin(t), -half * np.cos(t)
 
 
 def crank_angle(x):
     """Crank angle [rad] of a slider position, from the triangle of crank axis and both pins."""
     reach = np.hypot(x, OFFSET)
-    inner = np.arccos((CRANK**2 + reach**2 - COUPLER**2) / (2 * CRANK * reach))
+    inner = np.arccos((CRANK_LENGTH**2 + reach**2 - COUPLER_LENGTH**2) / (2 * CRANK_LENGTH * reach))
     return np.arctan2(OFFSET, x) - inner
 
 
@@ -31,7 +31,7 @@ def run_of(kind: str, dt: float = 1e-3) -> Run:
         kind,
         np.linspace(0, 2 * np.pi, 201),
         ("theta2", "theta2_rate"),
-        (Drive("slider", there_and_back),),
+        (Drive("slider", out_and_back),),
         settings={"timestep": dt},
     )
 
@@ -39,7 +39,7 @@ def run_of(kind: str, dt: float = 1e-3) -> Run:
 @pytest.mark.parametrize("engine", [with_mujoco, with_pymunk])
 def test_sweep_of_a_driven_slide_is_the_inverse_closed_form(engine):
     curves = engine.simulate(HACKSAW, run_of("sweep"))
-    truth = crank_angle(there_and_back(curves.x)[0])
+    truth = crank_angle(out_and_back(curves.x)[0])
     # rounding, times how fast the crank turns near the slider's limit
     np.testing.assert_allclose(curves.channels["theta2"], truth, atol=1e-11, rtol=0)
 
@@ -53,13 +53,13 @@ def test_a_driven_slide_is_second_order_in_pymunk():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.2)  # terms of higher order
 
 
-def test_a_driven_slide_in_mujoco_is_as_good_as_its_soft_loops():
+def test_a_driven_slide_in_mujoco_is_limited_by_soft_loops():
     curves = with_mujoco.simulate(HACKSAW, run_of("dynamics"))
     error = np.abs(curves.channels["theta2"] - crank_angle(curves.drive[0])).max()
     assert error < 1e-5  # constraint violation divided by the lever arm
 
 
-SLIDER = """<mujoco><option gravity="0 -9.81 0" timestep="1e-3"><flag contact="disable"/></option>
+SLIDES = """<mujoco><option gravity="0 -9.81 0" timestep="1e-3"><flag contact="disable"/></option>
   <worldbody><body name="base"><joint name="base" type="slide" axis="1 0 0"/>
   <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><body name="block">
   <joint name="drop" type="slide" axis="0 1 0" range="-0.5 0.2" limited="true"/>
@@ -69,7 +69,7 @@ SLIDER = """<mujoco><option gravity="0 -9.81 0" timestep="1e-3"><flag contact="d
 
 def test_a_slide_falls_freely_to_its_stop_and_rests_there(tmp_path):
     file = tmp_path / "slider.xml"
-    file.write_text(SLIDER)
+    file.write_text(SLIDES)
     curves = with_pymunk.simulate(file, Run("dynamics", np.linspace(0, 2, 201), ("drop",)))
     drop, hit = curves.channels["drop"], np.sqrt(2 * 0.5 / 9.81)
     free = curves.x < hit - 0.01
@@ -79,9 +79,9 @@ def test_a_slide_falls_freely_to_its_stop_and_rests_there(tmp_path):
     assert drop[-1] == pytest.approx(-0.5, abs=1e-3)
 
 
-def test_a_driven_slide_that_rides_on_another_leaves_it_at_rest(tmp_path):
+def test_a_driven_slide_leaves_the_slide_that_carries_it_at_rest(tmp_path):
     file = tmp_path / "slider.xml"
-    file.write_text(SLIDER.replace("</sensor>", '<jointpos name="base" joint="base"/></sensor>'))
+    file.write_text(SLIDES.replace("</sensor>", '<jointpos name="base" joint="base"/></sensor>'))
     run = Run(
         "dynamics",
         np.linspace(0, 1, 11),
@@ -93,7 +93,7 @@ def test_a_driven_slide_that_rides_on_another_leaves_it_at_rest(tmp_path):
     np.testing.assert_allclose(curves.channels["base"], 0, atol=1e-14)
 
 
-def test_a_driven_slide_carries_only_what_acts_along_it(tmp_path):
+def test_a_driven_slide_carries_only_forces_along_it(tmp_path):
     """A block of 2 kg rests on an incline of 30 degrees; its centre of mass is off the guide."""
     file = tmp_path / "incline.xml"
     file.write_text("""<mujoco><option gravity="0 -9.81 0"/><worldbody><body euler="0 0 30">

@@ -10,8 +10,8 @@ from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from tests.shipped import MODELS
 
-STEPS = 0.01, 0.005, 0.0025, 0.002, 0.001
-LINES = (
+TIME_STEPS = 0.01, 0.005, 0.0025, 0.002, 0.001
+SERIES_PARAMETERS = (
     ("mujoco", {"integrator": "Euler"}),
     ("mujoco", {"integrator": "RK4"}),
     ("mujoco", {"integrator": "implicitfast"}),
@@ -34,8 +34,8 @@ def tasks(models: Path = MODELS / "linkages") -> list[StudyRun]:
             "timestep",
             step,
         )
-        for engine, parameters in LINES
-        for step in STEPS
+        for engine, parameters in SERIES_PARAMETERS
+        for step in TIME_STEPS
     ]
 
 

@@ -31,7 +31,7 @@ from proofmass.studies.store import Store
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 
 ROOT = Path(__file__).parents[2]
-FAT = """<mujoco>
+UNREDUCED_MODEL = """<mujoco>
   <option timestep="2e-3"/>
   <worldbody>
     <light pos="0 0 3"/>
@@ -44,39 +44,41 @@ FAT = """<mujoco>
   <sensor><jointpos name="angle" joint="pivot"/></sensor>
   <keyframe><key name="start" qpos="1.5"/></keyframe>
 </mujoco>"""
-ASKED = {
+COMMAND_ARGUMENTS = {
     "trade": "trade case.toml",
     "stress": "stress --only kv",
     "diet": "diet fat.xml --seconds 0.1",
     "choose": "choose case.toml --error 1e-5",
 }
-KILLED = "trade", "stress", "diet"
+KILLED_COMMANDS = "trade", "stress", "diet"
 TABLES = {
     "trade": ("trade.csv", "floors.csv", "verdicts.json"),
     "stress": ("stress.csv",),
     "diet": ("fat.csv", "fat.xml"),
 }
-FOLDERS = {"choose": "trade"}  # folder of the runs, where it is not named like the command
-KEPT = {
+RUN_FOLDERS = {"choose": "trade"}  # folder of the runs, where it is not named like the command
+KEPT_MESSAGES = {
     "trade": "trade keeps the runs",
     "choose": "trade keeps the runs",
     "stress": "stress keeps the runs",
     "diet": "what was tried is kept",
 }
-COSTS = re.compile(r"about \S+ s a run")
+PREDICTED_TIME = re.compile(r"about \S+ s a run")
 """The predicted wall time of finer steps in verdicts: a multiple of a measured wall time."""
-MEASURED = "seconds", "repeats", "shared", "bytes"
+VARYING_COLUMNS = "seconds", "repeats", "shared", "bytes"
 """Beginnings of the names of columns that differ from run to run: wall times, and the bytes that
 an arena uses, which depend on its alignment."""
-ALIVE = 10.0  # s, within which the workers of a killed study end: the longest run takes 2 s
-ANSWERED = 60.0
+WORKER_END_SECONDS = (
+    10.0  # s, within which the workers of a killed study end: the longest run takes 2 s
+)
+INTERRUPT_SECONDS = 60.0
 """Time in which an interrupted command must end [s].  It takes 0.4 s on a free processor, and 15 s
 if ten processes share the processor."""
 
 # Python code that is put before a command.  It makes the command write files in place and slowly,
 # makes runs impossible so that only kept ones can be used, gives each series more time, or makes
 # the store forget its runs.
-IN_PLACE = """
+WRITE_IN_PLACE = """
 import os, time
 def replace(half, file):
     data = open(half, "rb").read()
@@ -87,7 +89,7 @@ def replace(half, file):
         stream.write(data[len(data) // 2:])
 os.replace = replace
 """
-NO_RUNS = {
+FORBID_RUNS = {
     "trade": "from proofmass.studies import run; assert run.measure_task; run.measure_task = None",
     "stress": """
 from proofmass.studies.stress import problems
@@ -100,7 +102,7 @@ ran = DietSearch.judge_changes
 DietSearch.judge_changes = lambda self, *what: None if self.store.folder else ran(self, *what)
 """,
 }  # a diet also tries the model that it has written, without a store: that trial is skipped
-UNHURRIED = {
+LONG_RUNS = {
     "trade": """
 from importlib import import_module
 options = import_module("proofmass.studies.trade.trade").trade.__kwdefaults__
@@ -110,13 +112,13 @@ options["budget"] = 60.0
 }
 """By default a series ends at a run of more than 0.5 s, which depends on the load of the machine.
 In these tests it ends at a run of more than 60 s."""
-FORGETS = (
+FORGET_RUNS = (
     "from proofmass.studies.store import Store; assert Store.load; Store.load = lambda *_: None"
 )
 
 
 @pytest.fixture
-def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]:
+def make_folder(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]:
     """A function that makes a folder with a short case, and a model without a sidecar."""
     edit("pendulum.toml", "until = 10.0 ", "until = 0.5 ")
     edit("pendulum.toml", "n = 1001", "n = 51")
@@ -125,18 +127,20 @@ def place(tmp_path: Path, models: Path, edit: Callable) -> Callable[[str], Path]
         (folder := tmp_path / name).mkdir()
         for kind in ("toml", "xml"):
             (folder / f"case.{kind}").write_bytes((models / f"pendulum.{kind}").read_bytes())
-        (folder / "fat.xml").write_text(FAT)
+        (folder / "fat.xml").write_text(UNREDUCED_MODEL)
         return folder
 
     return make
 
 
-def begin(what: str, folder: Path, before: str = "", more: str = "") -> subprocess.Popen:
+def start_command(
+    command_name: str, folder: Path, before: str = "", more: str = ""
+) -> subprocess.Popen:
     """Start a command as the shell does, in a process group of its own."""
-    code = f"{UNHURRIED.get(what, '')}{before}\nfrom proofmass.__main__ import main; main()"
+    code = f"{LONG_RUNS.get(command_name, '')}{before}\nfrom proofmass.__main__ import main; main()"
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
-        [sys.executable, "-c", code, *ASKED[what].split(), *more.split()],
+        [sys.executable, "-c", code, *COMMAND_ARGUMENTS[command_name].split(), *more.split()],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200"},
         start_new_session=True,
@@ -146,26 +150,26 @@ def begin(what: str, folder: Path, before: str = "", more: str = "") -> subproce
     )
 
 
-def finish(what: str, folder: Path, before: str = "", more: str = "") -> None:
+def run_command(command_name: str, folder: Path, before: str = "", more: str = "") -> None:
     """Run a command to its end; fail if it reports an error."""
-    command = begin(what, folder, before, more)
+    command = start_command(command_name, folder, before, more)
     said = command.communicate()[1]
     assert command.returncode == 0, said
 
 
-def kept(what: str, folder: Path) -> dict[str, int]:
+def kept_records(command_name: str, folder: Path) -> dict[str, int]:
     """Names of the records that a study has kept so far, and when they were written [ns].
 
     Curves are written before their record; curves without a record belong to a run that will be
     made again.
     """
-    there = folder / FOLDERS.get(what, what) / "runs"
+    there = folder / RUN_FOLDERS.get(command_name, command_name) / "runs"
     return {file.name: file.stat().st_mtime_ns for file in there.glob("*.json")}
 
 
-def wholes(what: str, folder: Path) -> None:
+def read_kept_files(command_name: str, folder: Path) -> None:
     """Read all files that a study has kept; an incomplete file raises an exception."""
-    for file in (folder / what / "runs").glob("*"):
+    for file in (folder / command_name / "runs").glob("*"):
         if file.suffix == ".json":
             json.loads(file.read_text(encoding="utf-8"))
         elif file.suffix == ".npz":
@@ -173,23 +177,23 @@ def wholes(what: str, folder: Path) -> None:
                 dict(arrays)
 
 
-def told(what: str, folder: Path) -> list:
+def reproducible_tables(command_name: str, folder: Path) -> list:
     """The tables of a study, without the values that differ from run to run."""
     found = list[object]()
-    for name in TABLES[what]:
-        text = (folder / what / name).read_text(encoding="utf-8")
+    for name in TABLES[command_name]:
+        text = (folder / command_name / name).read_text(encoding="utf-8")
         found.append(
-            COSTS.sub("", text)
+            PREDICTED_TIME.sub("", text)
             if not name.endswith(".csv")
             else [
-                {k: v for k, v in row.items() if not k.startswith(MEASURED)}
+                {k: v for k, v in row.items() if not k.startswith(VARYING_COLUMNS)}
                 for row in csv.DictReader(text.splitlines())
             ]
         )
     return found
 
 
-def ended(group: int, within: float) -> bool:
+def group_has_ended(group: int, within: float) -> bool:
     """Whether all processes of a group have ended within a time [s]."""
     late = time.monotonic() + within
     while time.monotonic() < late:
@@ -201,51 +205,51 @@ def ended(group: int, within: float) -> bool:
     return False
 
 
-def undisturbed(what: str, folder: Path) -> float:
+def time_undisturbed_run(command_name: str, folder: Path) -> float:
     """Wall time of an undisturbed study [s]."""
     start = time.monotonic()
-    finish(what, folder)
+    run_command(command_name, folder)
     return time.monotonic() - start
 
 
-def killed(
-    what: str,
+def kill_command(
+    command_name: str,
     folder: Path,
     moment: float,
     alone: bool,
     before: str = "",
-    how: signal.Signals = signal.SIGKILL,
+    signal_number: signal.Signals = signal.SIGKILL,
 ) -> bool:
     """Start a study and kill it after `moment` seconds; return whether it was still running.
 
     The study is killed `alone`, or together with its workers.  Workers must end, all kept files
     must be complete, and the runs that were kept before must not be made again.
     """
-    there, study = kept(what, folder), begin(what, folder, before)
+    there, study = kept_records(command_name, folder), start_command(command_name, folder, before)
     with contextlib.suppress(subprocess.TimeoutExpired):
         study.wait(moment)
     if late := study.poll() is not None:
         assert study.returncode == 0, study.communicate()[1]
     else:
-        (os.kill if alone else os.killpg)(study.pid, how)
+        (os.kill if alone else os.killpg)(study.pid, signal_number)
     try:
-        study.communicate(timeout=ANSWERED)
+        study.communicate(timeout=INTERRUPT_SECONDS)
     except subprocess.TimeoutExpired:
         os.killpg(study.pid, signal.SIGKILL)
         study.communicate()
         raise
-    assert ended(study.pid, ALIVE), "workers did not end with their study"
-    wholes(what, folder)
-    assert kept(what, folder).items() >= there.items(), "a kept run was made again"
+    assert group_has_ended(study.pid, WORKER_END_SECONDS), "workers did not end with their study"
+    read_kept_files(command_name, folder)
+    assert kept_records(command_name, folder).items() >= there.items(), "a kept run was made again"
     return not late
 
 
-def same_after(
-    what: str,
+def assert_same_tables_after_kills(
+    command_name: str,
     kills: int,
-    place: Callable[[str], Path],
+    make_folder: Callable[[str], Path],
     before: str = "",
-    how: signal.Signals = signal.SIGKILL,
+    signal_number: signal.Signals = signal.SIGKILL,
 ) -> None:
     """Assert that a study that is killed repeatedly gives the tables of an undisturbed study.
 
@@ -253,61 +257,69 @@ def same_after(
     moment, its tables are compared at once, and a new study is started in another folder.  At the
     end the study is run once more with a code that makes runs impossible: all must be kept.
     """
-    whole, dice, fresh = place("whole"), random.Random(6), (place(f"torn {k}") for k in count())
-    length = undisturbed(what, whole)
+    whole, dice, fresh = (
+        make_folder("whole"),
+        random.Random(6),
+        (make_folder(f"torn {k}") for k in count()),
+    )
+    length = time_undisturbed_run(command_name, whole)
     moments = [(k + dice.random()) / kills * length for k in range(kills)]
     dice.shuffle(moments)
     broken = next(fresh)
     for number, moment in enumerate(moments):
-        while not killed(what, broken, moment, bool(number % 2), before, how):
-            assert told(what, broken) == told(what, whole)
+        while not kill_command(
+            command_name, broken, moment, bool(number % 2), before, signal_number
+        ):
+            assert reproducible_tables(command_name, broken) == reproducible_tables(
+                command_name, whole
+            )
             broken, moment = next(fresh), 0.9 * moment
-    finish(what, broken)
-    assert told(what, broken) == told(what, whole)
-    finish(what, broken, NO_RUNS[what])
-    assert told(what, broken) == told(what, whole)
+    run_command(command_name, broken)
+    assert reproducible_tables(command_name, broken) == reproducible_tables(command_name, whole)
+    run_command(command_name, broken, FORBID_RUNS[command_name])
+    assert reproducible_tables(command_name, broken) == reproducible_tables(command_name, whole)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", KILLED)
-def test_a_study_killed_ten_times_gives_the_same_table(what, place):
-    same_after(what, 10, place)
+@pytest.mark.parametrize("what", KILLED_COMMANDS)
+def test_a_study_killed_ten_times_gives_the_same_table(what, make_folder):
+    assert_same_tables_after_kills(what, 10, make_folder)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", KILLED)
-def test_a_study_interrupted_ten_times_gives_the_same_table(what, place):
+@pytest.mark.parametrize("what", KILLED_COMMANDS)
+def test_a_study_interrupted_ten_times_gives_the_same_table(what, make_folder):
     """In particular, a worker that the interrupt ends is not recorded as an engine that crashed."""
-    same_after(what, 10, place, how=signal.SIGINT)
+    assert_same_tables_after_kills(what, 10, make_folder, signal_number=signal.SIGINT)
 
 
 @pytest.mark.slow
-def test_files_written_in_place_would_be_found_out(place):
+def test_files_that_are_written_in_place_are_detected(make_folder):
     with pytest.raises(json.JSONDecodeError):
-        same_after("stress", 10, place, IN_PLACE)
+        assert_same_tables_after_kills("stress", 10, make_folder, WRITE_IN_PLACE)
 
 
 @pytest.mark.slow
-def test_a_store_that_forgets_would_be_found_out(place):
+def test_a_store_that_forgets_its_runs_is_detected(make_folder):
     with pytest.raises(AssertionError, match="made again"):
-        same_after("trade", 10, place, FORGETS)
+        assert_same_tables_after_kills("trade", 10, make_folder, FORGET_RUNS)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", KILLED)
-def test_a_cluster_gives_the_table_that_this_machine_gives(what, place, address):
-    near, far = place("near"), place("far")
-    finish(what, near)
-    finish(what, far, more=f"--dask {address}")
-    assert told(what, far) == told(what, near)
+@pytest.mark.parametrize("what", KILLED_COMMANDS)
+def test_a_cluster_gives_the_table_that_this_machine_gives(what, make_folder, address):
+    near, far = make_folder("near"), make_folder("far")
+    run_command(what, near)
+    run_command(what, far, more=f"--dask {address}")
+    assert reproducible_tables(what, far) == reproducible_tables(what, near)
 
 
-def test_what_code_before_a_command_replaces_is_there():
-    code = "\n".join([*NO_RUNS.values(), *UNHURRIED.values(), FORGETS])
+def test_the_names_that_injected_code_replaces_exist():
+    code = "\n".join([*FORBID_RUNS.values(), *LONG_RUNS.values(), FORGET_RUNS])
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
 
 
-def errors(folder: Path) -> dict[str, dict]:
+def kept_errors(folder: Path) -> dict[str, dict]:
     """Errors of the runs that a folder keeps, by file name.
 
     Runs that timed out, as happens on a busy machine, are left out; other failures are not allowed.
@@ -320,31 +332,33 @@ def errors(folder: Path) -> dict[str, dict]:
 
 
 @pytest.mark.slow
-def test_choose_measures_on_a_cluster_what_it_measures_here(place, address):
+def test_choose_finds_the_same_errors_on_a_cluster_as_on_this_machine(make_folder, address):
     """The choice of settings depends on wall times; the errors of common settings do not."""
-    near, far = place("near"), place("far")
-    finish("choose", far, more=f"--dask {address}")
-    finish("choose", far, NO_RUNS["trade"])
-    finish("choose", near)
-    ours, theirs = errors(near), errors(far)
+    near, far = make_folder("near"), make_folder("far")
+    run_command("choose", far, more=f"--dask {address}")
+    run_command("choose", far, FORBID_RUNS["trade"])
+    run_command("choose", near)
+    ours, theirs = kept_errors(near), kept_errors(far)
     common = ours.keys() & theirs.keys()
     assert len(common) > 3
     assert {key: ours[key] for key in common} == {key: theirs[key] for key in common}
 
 
-@pytest.mark.parametrize("what", ASKED)
-def test_a_cluster_that_is_not_there_is_one_line(what, place, monkeypatch):
+@pytest.mark.parametrize("what", COMMAND_ARGUMENTS)
+def test_an_unreachable_cluster_is_reported_in_one_line(what, make_folder, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.chdir(place("here"))
+    monkeypatch.chdir(make_folder("here"))
     monkeypatch.setattr(runs, "CONNECT_TIMEOUT", "100ms")
-    answer = CliRunner().invoke(app, [*ASKED[what].split(), "--dask", "tcp://127.0.0.1:9"])
+    answer = CliRunner().invoke(
+        app, [*COMMAND_ARGUMENTS[what].split(), "--dask", "tcp://127.0.0.1:9"]
+    )
     assert answer.exit_code == 2
     assert "--dask tcp://127.0.0.1:9: no scheduler answers there" in answer.stderr
     assert answer.stderr.count("\n") == 1
     assert not answer.stdout
 
 
-def test_a_file_that_something_else_cut_short_is_bad_input(tmp_path):
+def test_a_truncated_record_is_bad_input(tmp_path):
     Store(tmp_path).file("key", 0).write_text('{"found": {"err')
     with pytest.raises(InputError, match=r"key\.0\.json: not what a study wrote there; delete it"):
         Store(tmp_path).load("key", 0)
@@ -357,19 +371,19 @@ def test_a_file_that_something_else_cut_short_is_bad_input(tmp_path):
         *(pytest.param(other, marks=pytest.mark.slow) for other in ("stress", "diet", "choose")),
     ],
 )
-def test_an_interrupt_is_one_line_that_says_what_is_kept(what, place):
-    study = begin(what, folder := place("here"))
-    while study.poll() is None and not kept(what, folder):
+def test_an_interrupt_prints_one_line_about_what_is_kept(what, make_folder):
+    study = start_command(what, folder := make_folder("here"))
+    while study.poll() is None and not kept_records(what, folder):
         time.sleep(0.01)
     os.killpg(study.pid, signal.SIGINT)  # as a terminal does
-    shown, said = study.communicate(timeout=ANSWERED)
-    assert said.strip() == f"stopped; {KEPT[what]}; to go on, give the same command again"
+    shown, said = study.communicate(timeout=INTERRUPT_SECONDS)
+    assert said.strip() == f"stopped; {KEPT_MESSAGES[what]}; to go on, give the same command again"
     assert study.returncode == 130
     assert not shown
-    assert ended(study.pid, ALIVE)
+    assert group_has_ended(study.pid, WORKER_END_SECONDS)
 
 
-def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, capsys):
+def test_an_interrupt_while_curves_are_written_is_reported(tmp_path, monkeypatch, capsys):
     begun, held = zipfile.ZipFile.open, ExitStack()
 
     def interrupt(packed, *args, **options):
@@ -385,10 +399,10 @@ def test_an_interrupt_while_curves_are_packed_is_one_too(tmp_path, monkeypatch, 
     assert capsys.readouterr().err.startswith("stopped; runs are kept")
 
 
-def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
+def test_a_model_that_is_not_valid_xml_is_bad_input(tmp_path, capsys):
     """The file has a byte between two elements that XML does not allow and MuJoCo ignores."""
     file = tmp_path / "fat.xml"
-    file.write_bytes(FAT.replace("<worldbody>", "°<worldbody>").encode("latin-1"))
+    file.write_bytes(UNREDUCED_MODEL.replace("<worldbody>", "°<worldbody>").encode("latin-1"))
     with pytest.raises(typer.Exit) as ended, exit_on_error("runs are kept"):
         read_tree(file)
     assert ended.value.exit_code == 2
@@ -403,7 +417,7 @@ def test_a_model_that_cannot_be_changed_is_bad_input(tmp_path, capsys):
         ("choose case.toml --error 1e-5 --of speed", "position, velocity, acceleration, force"),
     ],
 )
-def test_a_kind_of_error_that_there_is_not_is_named(asked, words):
+def test_an_unknown_kind_of_error_is_refused_with_a_hint(asked, words):
     """The command does not run; for a former name the message states the present one."""
     found = CliRunner().invoke(app, asked.split())
     assert found.exit_code == 2

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(  # not imported here, since its import takes as
 )
 
 
-def values(store: Store, workers: Executor | None) -> list[tuple]:
+def results_without_times(store: Store, workers: Executor | None) -> list[tuple]:
     """The results of the tasks that do not depend on wall times."""
     return [
         (one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
@@ -27,18 +27,23 @@ def values(store: Store, workers: Executor | None) -> list[tuple]:
 @pytest.mark.slow
 def test_a_cluster_gives_what_this_machine_gives(tmp_path, address):
     with pool(dask=address) as cluster:
-        far = values(Store(tmp_path / "far"), cluster)
-    assert far == values(Store(tmp_path / "here"), None)
-    assert far == values(Store(tmp_path / "far"), None)  # the cluster stored them here
+        far = results_without_times(Store(tmp_path / "far"), cluster)
+    assert far == results_without_times(Store(tmp_path / "here"), None)
+    assert far == results_without_times(
+        Store(tmp_path / "far"), None
+    )  # the cluster stored them here
 
 
 def test_both_workers_are_used(address):
     with pool(dask=address) as cluster:
-        names = {future.result() for future in [cluster.submit(slowly) for _ in range(8)]}
+        names = {
+            future.result()
+            for future in [cluster.submit(worker_address_after_pause) for _ in range(8)]
+        }
     assert len(names) == 2
 
 
-def slowly() -> str:
+def worker_address_after_pause() -> str:
     """The address of the worker, after a pause in which the other worker takes a call."""
     import time
 

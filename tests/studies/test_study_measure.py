@@ -44,16 +44,18 @@ from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all 
 PENDULUM = load_case(shipped("pendulum.toml"))
 FOURBAR = load_case(shipped("fourbar.toml"))
 EULER = Setting("mujoco", {"integrator": "Euler"})
-LIMITED = pytest.mark.skipif(not measure.available_processors(), reason="runs are not pinned here")
+NEEDS_PINNING = pytest.mark.skipif(
+    not measure.available_processors(), reason="runs are not pinned here"
+)
 
 
-def driven(case: Case, kind: Kind, x: Array) -> DriveState:
+def prescribed_drive_state(case: Case, kind: Kind, x: Array) -> DriveState:
     """The state of a drive that follows its motion profile exactly."""
     value, rate, acceleration = drive_profiles(case, kind)[0](x)
     return tuple(np.array([part * np.ones_like(x)]) for part in (value, rate, acceleration))
 
 
-def seen(step: float, setting: Setting = EULER) -> measure.Measurement:
+def measure_pendulum(step: float, setting: Setting = EULER) -> measure.Measurement:
     """Measure the pendulum in MuJoCo, released from the horizontal, for ten seconds."""
     return observe(
         StudyRun(PENDULUM, "dynamics", setting.with_parameters(timestep=step)), False, None
@@ -71,9 +73,9 @@ def test_errors_are_shares_of_the_range_of_the_reference():
     }
 
 
-def test_of_several_channels_of_a_kind_the_worst_counts():
+def test_the_error_of_a_kind_is_that_of_its_worst_channel():
     x = run_samples(FOURBAR, "dynamics")
-    state = driven(FOURBAR, "dynamics", x)
+    state = prescribed_drive_state(FOURBAR, "dynamics", x)
     exact = evaluate(FOURBAR, "dynamics", x, state).channels
     places = [name for name, c in FOURBAR.channels.items() if c.unit in ("rad", "m")]
     assert len(places) > 2
@@ -84,15 +86,15 @@ def test_of_several_channels_of_a_kind_the_worst_counts():
         assert found["velocity"] == pytest.approx(1e-3, rel=1e-9)
 
 
-def test_errors_are_told_at_the_state_the_drive_really_had():
+def test_errors_are_computed_at_the_actual_state_of_the_drive():
     x = run_samples(FOURBAR, "dynamics")
-    value, rate, acceleration = driven(FOURBAR, "dynamics", x)
+    value, rate, acceleration = prescribed_drive_state(FOURBAR, "dynamics", x)
     late = value - 1e-3, rate, acceleration
     exact = evaluate(FOURBAR, "dynamics", x, late).channels
     assert max(relative_errors(FOURBAR, "dynamics", Curves(x, exact, drive=late)).values()) == 0.0
 
 
-def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(models, monkeypatch):
+def test_a_reference_is_computed_once_for_each_model_and_drive_motion(models, monkeypatch):
     def count(case, kind, curves):
         asked.append(case.parameters)
         return reference_for(case, kind, curves)
@@ -100,7 +102,7 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
     asked: list[dict] = []
     monkeypatch.setattr(measure, "reference_for", count)
     case, x = load_case(models / "fourbar.toml"), run_samples(FOURBAR, "dynamics")
-    state = driven(FOURBAR, "dynamics", x)
+    state = prescribed_drive_state(FOURBAR, "dynamics", x)
     late = state[0] - 1e-3, *state[1:]
     longer = case.model_copy(update={"parameters": {**case.parameters, "crank": 1.01}})
     settled = case.model_copy(update={"settings": {"mujoco": {"timestep": 1.0}}})
@@ -118,9 +120,9 @@ def test_the_same_reference_is_computed_once_and_another_is_not_taken_for_it(mod
     assert len(asked) == 4
 
 
-def test_a_reference_that_is_asked_for_again_and_again_is_kept(monkeypatch):
+def test_a_reference_that_is_used_again_stays_in_the_cache(monkeypatch):
     case, x = FOURBAR, run_samples(FOURBAR, "dynamics")
-    value, rate, acceleration = driven(case, "dynamics", x)
+    value, rate, acceleration = prescribed_drive_state(case, "dynamics", x)
     monkeypatch.setattr(measure, "reference_cache", {})
     asked = cached_reference(case, "dynamics", Curves(x, {}, drive=(value, rate, acceleration)))
     for k in range(2 * MAX_CACHED_REFERENCES):
@@ -131,10 +133,10 @@ def test_a_reference_that_is_asked_for_again_and_again_is_kept(monkeypatch):
         assert len(measure.reference_cache) <= MAX_CACHED_REFERENCES
 
 
-def test_curves_that_are_constant_have_no_share():
+def test_constant_channels_have_no_relative_error():
     case = load_case(shipped("peaucellier.toml"))
     x = run_samples(case, "sweep")
-    state = driven(case, "sweep", x)
+    state = prescribed_drive_state(case, "sweep", x)
     curves = {
         n: y + 1.0
         for n, y in evaluate(case, "dynamics", x, state).channels.items()
@@ -151,10 +153,12 @@ def test_energy_of_a_symplectic_euler_drifts_as_its_modified_hamiltonian_says(st
     # divided by the largest kinetic energy, g.  The relative size of the next order is h omega,
     # with omega = sqrt(g).
     drift = step / 2 * np.sqrt(2 * 9.81) * np.sqrt(2 / 3 / np.sqrt(3))
-    assert seen(step).invariants["energy"] == pytest.approx(drift, rel=step * np.sqrt(9.81))
+    assert measure_pendulum(step).invariants["energy"] == pytest.approx(
+        drift, rel=step * np.sqrt(9.81)
+    )
 
 
-def test_gap_is_told_and_energy_is_none_where_something_drives():
+def test_driven_runs_have_a_constraint_violation_and_no_energy():
     found = observe(
         StudyRun(FOURBAR, "dynamics", Setting("mujoco", {"timestep": 4e-3})), False, None
     )
@@ -162,14 +166,14 @@ def test_gap_is_told_and_energy_is_none_where_something_drives():
     assert 0 < found.invariants["violation"] < 1e-3
 
 
-def test_a_pendulum_that_is_braked_keeps_no_energy(models, edit):
+def test_a_damped_pendulum_has_no_energy_invariant(models, edit):
     edit("pendulum.xml", '<joint name="pivot"/>', '<joint name="pivot" damping="0.1"/>')
     braked = StudyRun(load_case(models / "pendulum.toml"), "dynamics", EULER)
     assert "energy" not in observe(braked, False, None).invariants
 
 
 def test_steps_and_seconds_are_those_of_the_engine():
-    found = seen(0.01)
+    found = measure_pendulum(0.01)
     assert found.steps == 1000
     assert 0 < found.seconds < 60
     again = observe(
@@ -179,7 +183,7 @@ def test_steps_and_seconds_are_those_of_the_engine():
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
+def test_the_time_step_that_was_taken_is_recorded(engine):
     """A whole number of steps leads from sample to sample: 18 in the 17.45 ms of this case."""
     task = StudyRun(FOURBAR, "dynamics", Setting(engine, {"timestep": 1e-3}))
     found = observe(task, False, None)
@@ -192,7 +196,7 @@ def test_the_step_that_was_taken_is_told_beside_the_one_that_was_asked(engine):
 @pytest.mark.parametrize(
     ("timed", "seconds", "made"), [(True, 0.01, 2), (True, 0.03, 1), (False, 0.01, 1)]
 )
-def test_a_short_run_is_made_twice_where_its_time_matters(monkeypatch, timed, seconds, made):
+def test_a_short_run_is_made_twice_if_its_wall_time_matters(monkeypatch, timed, seconds, made):
     """In its first run a process also loads libraries, whose time is not that of the run."""
     step, runs = measure.time_run, []
 
@@ -207,7 +211,7 @@ def test_a_short_run_is_made_twice_where_its_time_matters(monkeypatch, timed, se
     assert len(runs) == made
 
 
-def test_the_load_is_that_of_the_worse_end_of_a_timed_run(monkeypatch):
+def test_the_load_is_the_larger_of_those_before_and_after_a_run(monkeypatch):
     told = iter([3.0, 1.0, 0.5, 7.0])
     monkeypatch.setattr(measure, "load_average", lambda: next(told))
     task = StudyRun(PENDULUM, "dynamics", EULER.with_parameters(timestep=0.01))
@@ -218,7 +222,7 @@ def test_the_load_is_that_of_the_worse_end_of_a_timed_run(monkeypatch):
     assert np.isnan(make_row(task, [measure.Measurement()], is_timed=True).load)
 
 
-def test_a_system_without_a_load_average_has_none(monkeypatch):
+def test_the_load_is_nan_on_a_system_without_a_load_average(monkeypatch):
     def none() -> tuple[float, float, float]:
         raise OSError
 
@@ -235,7 +239,7 @@ def test_a_system_without_a_load_average_has_none(monkeypatch):
         (TimedOut("no answer"), "timed out"),
     ],
 )
-def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
+def test_failed_runs_have_an_outcome_and_raise_no_exception(monkeypatch, error, outcome):
     def fail(*_, **__):
         raise error
 
@@ -254,7 +258,7 @@ def test_failures_are_found_and_not_raised(monkeypatch, error, outcome):
         (TimedOut("why"), "timed out", "timed out"),
     ],
 )
-def test_what_fails_in_a_worker_is_an_outcome(monkeypatch, error, outcome, of_a_task):
+def test_each_exception_in_a_worker_has_an_outcome(monkeypatch, error, outcome, of_a_task):
     """Each exception has an outcome, which `measure_task` replaces in two cases.
 
     A run that was not solved counts as diverged.  A model that cannot start is unsupported if the
@@ -274,7 +278,7 @@ def test_what_fails_in_a_worker_is_an_outcome(monkeypatch, error, outcome, of_a_
             measure.measure_task(StudyRun(PENDULUM, "dynamics", EULER), False, 5.0)
 
 
-def test_what_a_worker_gives_is_returned_as_it_is(monkeypatch):
+def test_the_result_of_a_worker_is_returned_unchanged(monkeypatch):
     asked = []
     monkeypatch.setattr(
         measure, "call_isolated", lambda *args, **limits: asked.append((args, limits)) or "curves"
@@ -283,7 +287,7 @@ def test_what_a_worker_gives_is_returned_as_it_is(monkeypatch):
     assert asked == [((call_engine, "mujoco"), {"timeout": 5.0, "memory": 2.0})]
 
 
-def test_what_the_model_or_a_parameter_is_to_blame_for_is_bad_input(monkeypatch):
+def test_an_unknown_parameter_is_bad_input(monkeypatch):
     wrong = StudyRun(PENDULUM, "dynamics", Setting("mujoco", {"speed": 3}))
     monkeypatch.setattr(measure, "call_isolated", lambda function, *args, **_: function(*args))
     with pytest.raises(InputError, match=r"toml: settings\.mujoco\.speed: unknown setting 'speed'"):
@@ -300,7 +304,7 @@ def test_curves_that_are_not_finite_have_no_errors(monkeypatch):
     assert (found.outcome, found.message, found.errors) == ("not finite", "b at sample 1", {})
 
 
-def test_poses_that_the_mechanism_cannot_have_are_a_failure_of_the_run(monkeypatch):
+def test_unreachable_poses_give_the_outcome_no_reference(monkeypatch):
     case = load_case(shipped("double_rocker.toml"))
     x = run_samples(case, "dynamics")
     away = np.full((1, x.size), np.pi), np.ones((1, x.size)), np.zeros((1, x.size))
@@ -322,7 +326,7 @@ def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
     assert found.message == "rate at sample 101"
 
 
-def test_a_sweep_that_ends_early_is_told(monkeypatch):
+def test_a_run_that_ends_early_has_the_outcome_stopped(monkeypatch):
     x = run_samples(PENDULUM, "dynamics")[:9]
     part = Curves(x, evaluate(PENDULUM, "dynamics", x, None).channels, stopped="a limit")
     monkeypatch.setattr(measure, "call_engine", lambda *_: part)
@@ -330,7 +334,7 @@ def test_a_sweep_that_ends_early_is_told(monkeypatch):
     assert (found.outcome, found.message, found.complete) == ("stopped", "a limit", True)
 
 
-@LIMITED
+@NEEDS_PINNING
 def test_a_processor_is_given_to_one_run_at_a_time(monkeypatch):
     monkeypatch.setattr(measure, "available_processors", lambda: [0, 1])
     with reserve_processor() as one, reserve_processor() as other:
@@ -342,7 +346,7 @@ def test_a_processor_is_given_to_one_run_at_a_time(monkeypatch):
         assert again in (0, 1)
 
 
-@LIMITED
+@NEEDS_PINNING
 def test_a_process_is_pinned_for_a_run_only(monkeypatch):
     def look(*run):
         where.append(os.sched_getaffinity(0))
@@ -358,11 +362,11 @@ def test_a_process_is_pinned_for_a_run_only(monkeypatch):
     assert os.sched_getaffinity(0) == before
 
 
-def test_without_pinning_runs_are_not_said_to_be_pinned(monkeypatch):
+def test_runs_on_a_system_without_pinning_are_not_marked_as_pinned(monkeypatch):
     monkeypatch.setattr(measure, "available_processors", list)
     with reserve_processor() as none:
         assert none is None
-    assert not seen(0.01).pinned
+    assert not measure_pendulum(0.01).pinned
 
 
 @pytest.mark.parametrize(
@@ -372,7 +376,7 @@ def test_without_pinning_runs_are_not_said_to_be_pinned(monkeypatch):
         (InputError(Path("a"), "", "a stop is met"), "no reference", "a stop is met"),
     ],
 )
-def test_a_reference_that_fails_is_tried_once_and_a_time_limit_is_no_verdict(
+def test_a_failed_reference_is_tried_once_and_keeps_its_outcome(
     error, outcome, message, monkeypatch, tmp_path
 ):
     """A reference that took too long gives the outcome "timed out", not "no reference".

@@ -18,16 +18,19 @@ from proofmass.studies.stress.page import write_stress
 from proofmass.studies.trade import page as trade_page
 from proofmass.studies.trade.page import write_trade
 from proofmass.studies.trade.trade import Trade, write_study
-from tests.studies.trade.trade_rows import study
+from tests.studies.trade.trade_rows import example_study
 from tests.visit import PHONE, Visit
 
 TRADE, STRESS, DIET = "trade/fourbar-dynamics-trade.html", "stress/index.html", "diet/index.html"
 PAGES = [TRADE, "trade/index.html", STRESS, DIET]
-ALL, DARK = ["wcag2a", "wcag2aa", "wcag21aa", "wcag22aa", "best-practice"], ["color-contrast"]
-LARGEST = 700_000  # bytes: largest size of a page with its data
+AXE_RULES, COLOUR_RULES = (
+    ["wcag2a", "wcag2aa", "wcag21aa", "wcag22aa", "best-practice"],
+    ["color-contrast"],
+)
+LARGEST_PAGE = 700_000  # bytes: largest size of a page with its data
 
 
-def noisy(row: StudyRow) -> StudyRow:
+def with_noisy_times(row: StudyRow) -> StudyRow:
     """A row whose wall times have a spread of 1.3, measured on a machine with a high load."""
     if not row.repeats:
         return row
@@ -50,8 +53,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("studies")
     for name in ("trade", "stress", "diet"):
         (out / name).mkdir()
-    rows, verdicts = study()
-    write_study(Trade([noisy(row) for row in rows], rows[:1], verdicts), out / "trade")
+    rows, verdicts = example_study()
+    write_study(Trade([with_noisy_times(row) for row in rows], rows[:1], verdicts), out / "trade")
     write_boundaries(
         [
             boundary("time step", "mujoco", 0.02),
@@ -93,8 +96,8 @@ class StudyVisit(Visit):
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_pages_are_silent_and_fetch_nothing(name: str, folder: Path, browser: Any) -> None:
-    assert (folder / name).stat().st_size < LARGEST
+def test_pages_log_no_messages_and_fetch_nothing(name: str, folder: Path, browser: Any) -> None:
+    assert (folder / name).stat().st_size < LARGEST_PAGE
     with StudyVisit(browser, folder / name) as visit:
         assert visit.said == []
         assert all(url.startswith(folder.as_uri()) for url in visit.asked)
@@ -112,17 +115,19 @@ def test_a_phone_needs_no_sideways_scrolling(name: str, folder: Path, browser: A
     ("name", "scheme"),
     [(TRADE, "light"), (TRADE, "dark"), (PAGES[1], "light"), (STRESS, "dark"), (DIET, "light")],
 )
-def test_axe_finds_nothing(name: str, scheme: str, folder: Path, browser: Any) -> None:
+def test_axe_finds_no_accessibility_violation(
+    name: str, scheme: str, folder: Path, browser: Any
+) -> None:
     with StudyVisit(browser, folder / name, color_scheme=scheme) as visit:
         dark = scheme == "dark"  # only colours differ from the light scheme
         if not dark:
             visit.run("findAll('details').forEach((one) => one.setAttribute('open', ''))")
-        wrong, met = visit.axe(options=f"{{runOnly: {DARK if dark else ALL}}}")
+        wrong, met = visit.axe(options=f"{{runOnly: {COLOUR_RULES if dark else AXE_RULES}}}")
         assert wrong == []
         assert met > (0 if dark else 15)
 
 
-def test_a_setting_that_is_pointed_at_is_told(folder: Path, browser: Any) -> None:
+def test_a_setting_under_the_pointer_is_described(folder: Path, browser: Any) -> None:
     with StudyVisit(browser, folder / TRADE) as visit:
         assert visit.page.locator("#tip").is_hidden()
         number = visit.run("kind().front[1]")
@@ -155,7 +160,7 @@ def test_the_keyboard_goes_from_setting_to_setting(folder: Path, browser: Any) -
         assert f"at={visit.run('state.at')}" in visit.address
 
 
-def test_a_click_copies_what_to_paste(folder: Path, browser: Any) -> None:
+def test_a_click_copies_the_snippet(folder: Path, browser: Any) -> None:
     allowed = {"permissions": ["clipboard-read", "clipboard-write"]}
     with StudyVisit(browser, folder / TRADE, **allowed) as visit:
         copied = "navigator.clipboard.readText()"
@@ -167,7 +172,7 @@ def test_a_click_copies_what_to_paste(folder: Path, browser: Any) -> None:
         assert visit.run(copied) == visit.run(f"data.settings[{number}].text")
 
 
-def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
+def test_the_address_keeps_the_state_of_the_page(folder: Path, browser: Any) -> None:
     with StudyVisit(browser, folder / TRADE) as visit:
         every = visit.page.locator("#points [role=option]").count()
         visit.page.click("#chips [data-series='0']")
@@ -193,7 +198,7 @@ def test_the_address_keeps_what_is_shown(folder: Path, browser: Any) -> None:
         assert "zoom" not in visit.address
 
 
-def test_a_busy_machine_is_said_and_ties_are_shown(folder: Path, browser: Any) -> None:
+def test_a_busy_machine_is_reported_and_ties_are_marked(folder: Path, browser: Any) -> None:
     with StudyVisit(browser, folder / TRADE) as visit:
         assert "load average was up to 5.5 on 2 processors" in visit.page.inner_text(".warned")
         assert "do not distinguish the two engines" in visit.page.inner_text(".ask >> nth=0")
@@ -220,7 +225,7 @@ def test_tables_sort_and_rows_are_filtered(folder: Path, browser: Any) -> None:
         assert "1 of 3 rows" in visit.page.inner_text("#filters")
 
 
-def test_without_script_there_are_advice_and_tables(folder: Path, browser: Any) -> None:
+def test_pages_without_javascript_have_advice_and_tables(folder: Path, browser: Any) -> None:
     with StudyVisit(browser, folder / TRADE, java_script_enabled=False) as visit:
         assert visit.page.locator(".ask pre").count() > 10  # settings for all kinds of errors
         assert "needs JavaScript" in visit.page.inner_text("main")

@@ -24,7 +24,7 @@ from proofmass.studies.store import Store
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture of all tests
 
-STUDY = """
+STUDY_SCRIPT = """
 import sys
 from pathlib import Path
 from proofmass.studies.run import pool, run_tasks
@@ -37,10 +37,10 @@ with pool(jobs=2) as workers:
     rows = run_tasks(tasks()[:int(sys.argv[2])], Store(folder), workers, repeats=1)
 write_table(rows, folder / "trade.csv")
 """
-FEW = tasks()[:2]
+TWO_TASKS = tasks()[:2]
 
 
-class Here:
+class ImmediateExecutor:
     """An executor that calls functions at once in this thread, and records the arguments."""
 
     def __init__(self):
@@ -56,7 +56,7 @@ class Here:
         return future
 
 
-def found(seconds: float, **changed: object) -> Measurement:
+def measurement(seconds: float, **changed: object) -> Measurement:
     """A measurement with a wall time [s] and other changed fields."""
     return replace(
         Measurement({"position": 1e-3}, {"violation": 0.0}, seconds, 10, True, 0.5, "x"), **changed
@@ -64,62 +64,68 @@ def found(seconds: float, **changed: object) -> Measurement:
 
 
 @pytest.fixture
-def timed(monkeypatch):
+def replace_runs(monkeypatch):
     """A function that replaces runs by measurements with given wall times [s], in order."""
 
     def take(*seconds):
         left = iter(seconds)
-        monkeypatch.setattr(runs, "measure_task", lambda task, again, timeout: found(next(left)))
+        monkeypatch.setattr(
+            runs, "measure_task", lambda task, again, timeout: measurement(next(left))
+        )
 
     return take
 
 
-def test_only_the_named_tasks_are_repeated_and_the_others_keep_their_first_timing(tmp_path, timed):
-    timed(0.05, 0.09, 0.07, 0.06)
-    rows = run_tasks(FEW, Store(tmp_path), Here(), repeats=2, repeated=[1])
+def test_only_the_named_tasks_are_repeated_and_the_others_keep_their_first_timing(
+    tmp_path, replace_runs
+):
+    replace_runs(0.05, 0.09, 0.07, 0.06)
+    rows = run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=2, repeated=[1])
     assert [row.repeats for row in rows] == [(0.05,), (0.09, 0.07, 0.06)]
 
 
-def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, timed):
-    timed(*[0.05] * 6)
-    workers = Here()
-    run_tasks(FEW, Store(tmp_path), workers, repeats=2, timeout=7.0)
+def test_all_tasks_are_run_once_before_any_is_run_again(tmp_path, replace_runs):
+    replace_runs(*[0.05] * 6)
+    workers = ImmediateExecutor()
+    run_tasks(TWO_TASKS, Store(tmp_path), workers, repeats=2, timeout=7.0)
     assert [(task.value, again) for task, again, _ in workers.calls] == [
         (step, again) for again in (False, True, True) for step in (0.01, 0.005)
     ]
     assert {limit for *_, limit in workers.calls} == {7.0}
 
 
-def test_seconds_are_the_least_of_all_runs(tmp_path, timed):
-    timed(0.06, 0.05, 0.03, 0.04)
-    (one,) = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=3)
+def test_seconds_are_the_least_of_all_runs(tmp_path, replace_runs):
+    replace_runs(0.06, 0.05, 0.03, 0.04)
+    (one,) = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=3)
     assert (one.seconds, one.repeats) == (0.03, (0.06, 0.05, 0.03, 0.04))
 
 
-def test_a_long_run_is_repeated_less_often(tmp_path, timed):
-    timed(0.3, 0.5)
-    (one,) = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=3)
+def test_a_long_run_is_repeated_less_often(tmp_path, replace_runs):
+    replace_runs(0.3, 0.5)
+    (one,) = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=3)
     assert (one.seconds, one.repeats) == (0.3, (0.3, 0.5))
 
 
-def test_a_long_run_is_not_repeated_and_says_so(tmp_path, timed):
-    timed(3.0, 1.9, 1.8)
-    long, short = run_tasks(FEW, Store(tmp_path), Here(), repeats=2, longest_repeated=2.0)
+def test_a_run_longer_than_the_limit_is_not_repeated(tmp_path, replace_runs):
+    replace_runs(3.0, 1.9, 1.8)
+    long, short = run_tasks(
+        TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=2, longest_repeated=2.0
+    )
     assert long.repeats == (3.0,)
     assert short.repeats == (1.9, 1.8)
 
 
-def test_without_repeats_nothing_is_timed(tmp_path, timed):
-    timed(0.1)
-    (one,) = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=0)
+def test_without_repeats_nothing_is_timed(tmp_path, replace_runs):
+    replace_runs(0.1)
+    (one,) = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=0)
     assert (one.seconds, one.repeats) == (0.1, ())
 
 
-def test_equal_runs_are_made_once_and_have_rows_of_their_own(tmp_path, timed):
-    timed(0.1)
-    twin = replace(FEW[0], series="another", varied="integrator", value=NAN)
-    workers = Here()
-    rows = run_tasks([FEW[0], twin], Store(tmp_path), workers, repeats=0)
+def test_equal_runs_are_made_once_and_have_separate_rows(tmp_path, replace_runs):
+    replace_runs(0.1)
+    twin = replace(TWO_TASKS[0], series="another", varied="integrator", value=NAN)
+    workers = ImmediateExecutor()
+    rows = run_tasks([TWO_TASKS[0], twin], Store(tmp_path), workers, repeats=0)
     assert len(workers.calls) == 1
     assert [(one.series, one.varied) for one in rows] == [
         ("mujoco Euler", "timestep"),
@@ -127,12 +133,12 @@ def test_equal_runs_are_made_once_and_have_rows_of_their_own(tmp_path, timed):
     ]
 
 
-def test_what_is_there_is_not_run_again_and_counts_as_done(tmp_path, timed):
-    timed(*[0.1] * 5)
-    first = run_tasks(FEW[:1], Store(tmp_path), Here(), repeats=1)
-    seen, workers = [], Here()
+def test_stored_runs_are_not_repeated_and_count_as_done(tmp_path, replace_runs):
+    replace_runs(*[0.1] * 5)
+    first = run_tasks(TWO_TASKS[:1], Store(tmp_path), ImmediateExecutor(), repeats=1)
+    seen, workers = [], ImmediateExecutor()
     rows = run_tasks(
-        FEW, Store(tmp_path), workers, repeats=1, progress=lambda *told: seen.append(told)
+        TWO_TASKS, Store(tmp_path), workers, repeats=1, progress=lambda *told: seen.append(told)
     )
     assert rows[:1] == first
     assert [(task.value, again) for task, again, _ in workers.calls] == [
@@ -140,12 +146,14 @@ def test_what_is_there_is_not_run_again_and_counts_as_done(tmp_path, timed):
         (0.005, True),
     ]
     assert seen[-1][1:] == (4, 4)
-    assert run_tasks(FEW, Store(tmp_path), Here(), repeats=1) == rows  # none is left to take
+    assert (
+        run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=1) == rows
+    )  # none is left to take
 
 
-def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
+def test_stored_curves_give_the_same_errors(tmp_path):
     store = Store(tmp_path)
-    for one, task in zip(run_tasks(FEW, store, repeats=0), FEW, strict=True):
+    for one, task in zip(run_tasks(TWO_TASKS, store, repeats=0), TWO_TASKS, strict=True):
         kept = store.curves(one.key)
         curves = Curves(
             kept["x"],
@@ -154,7 +162,7 @@ def test_curves_are_kept_beside_and_give_the_errors_again(tmp_path):
         assert relative_errors(task.case, "dynamics", curves) == one.errors
 
 
-def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch):
+def test_the_reference_of_a_free_motion_is_not_timed_with_a_run(tmp_path, monkeypatch):
     """The reference is written once into a file, which later workers read."""
     limits = []
 
@@ -163,9 +171,9 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
         return function(*args)
 
     monkeypatch.setattr(measure, "call_isolated", isolated)
-    plain = [measure.measure_task(task, False, 9.0).errors for task in FEW]
+    plain = [measure.measure_task(task, False, 9.0).errors for task in TWO_TASKS]
     limits.clear()
-    rows = run_tasks(FEW, Store(tmp_path), Here(), repeats=0, timeout=9.0)
+    rows = run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=0, timeout=9.0)
     assert [row.errors for row in rows] == plain
     assert limits == [
         ("write_reference", measure.REFERENCE_TIMEOUT),
@@ -176,28 +184,30 @@ def test_a_reference_of_a_free_motion_is_no_time_of_a_run(tmp_path, monkeypatch)
     monkeypatch.setattr(measure, "reference_cache", {})
     monkeypatch.setattr(measure, "reference_for", None)
     third = tasks()[2]
-    assert run_tasks([third], Store(tmp_path), Here(), repeats=0)[0].outcome == "ran"
+    assert run_tasks([third], Store(tmp_path), ImmediateExecutor(), repeats=0)[0].outcome == "ran"
     assert reference_file(replace(third, setting=Setting("pymunk", {})), Store(tmp_path)) == file
     driven = replace(third, case=load_case(shipped("fourbar.toml")))
     assert reference_file(driven, Store(tmp_path)) is None
 
 
-def test_failures_keep_their_place_and_are_not_timed(tmp_path, monkeypatch):
+def test_failed_runs_keep_their_row_and_are_not_timed(tmp_path, monkeypatch):
     failed = Measurement(outcome="diverged", message="failed at 1 s")
     monkeypatch.setattr(
         runs,
         "measure_task",
-        lambda task, again, timeout: found(0.01) if task.value == 0.005 else failed,
+        lambda task, again, timeout: measurement(0.01) if task.value == 0.005 else failed,
     )
-    bad, good = run_tasks(FEW, Store(tmp_path), Here(), repeats=2)
+    bad, good = run_tasks(TWO_TASKS, Store(tmp_path), ImmediateExecutor(), repeats=2)
     assert (bad.outcome, bad.message) == ("diverged", "failed at 1 s")
     assert (bad.errors, bad.repeats) == ({}, ())
     assert (good.outcome, len(good.repeats)) == ("ran", 3)
 
 
-def test_a_repeat_that_fails_is_a_failure():
+def test_a_failed_repeat_is_the_outcome_of_its_row():
     one = make_row(
-        FEW[0], [found(0.01), found(0.02), Measurement(outcome="crashed", message="signal 6")], True
+        TWO_TASKS[0],
+        [measurement(0.01), measurement(0.02), Measurement(outcome="crashed", message="signal 6")],
+        True,
     )
     assert (one.outcome, one.message, one.repeats) == (
         "crashed",
@@ -206,24 +216,26 @@ def test_a_repeat_that_fails_is_a_failure():
     )
 
 
-def test_an_interrupt_keeps_what_is_done(tmp_path, timed):
+def test_an_interrupt_keeps_finished_runs(tmp_path, replace_runs):
     def stop(label, done, total):
         if done == 3:
             raise KeyboardInterrupt
 
-    timed(*[0.1] * 5)
+    replace_runs(*[0.1] * 5)
     with pytest.raises(KeyboardInterrupt):
-        run_tasks(tasks()[:5], Store(tmp_path), Here(), repeats=0, progress=stop)
+        run_tasks(tasks()[:5], Store(tmp_path), ImmediateExecutor(), repeats=0, progress=stop)
     assert len(list(tmp_path.glob("*.json"))) == 3
 
 
 def test_bad_input_ends_a_study(tmp_path):
-    wrong = replace(FEW[0], setting=FEW[0].setting.with_parameters(integrator="Simpson"))
+    wrong = replace(
+        TWO_TASKS[0], setting=TWO_TASKS[0].setting.with_parameters(integrator="Simpson")
+    )
     with pool(1) as workers, pytest.raises(InputError, match=r"known: euler, .*'Simpson'"):
         run_tasks([wrong], Store(tmp_path), workers)
 
 
-def test_a_cluster_that_is_not_there_is_one_line(monkeypatch):
+def test_an_unreachable_cluster_is_reported_in_one_line(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(runs, "CONNECT_TIMEOUT", "100ms")
     with (
@@ -234,16 +246,16 @@ def test_a_cluster_that_is_not_there_is_one_line(monkeypatch):
     assert "\n" not in str(told.value)
 
 
-def test_without_dask_the_extra_is_named(monkeypatch):
+def test_without_dask_the_message_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ValueError, match=r"pip install proofmass\[dask\]"), pool(dask="tcp://a:1"):
         pass
 
 
-def begin(folder: Path, count: int) -> subprocess.Popen:
+def start_study(folder: Path, count: int) -> subprocess.Popen:
     """Start a study of `count` tasks in a process group of its own."""
     return subprocess.Popen(
-        [sys.executable, "-c", STUDY, str(folder), str(count)],
+        [sys.executable, "-c", STUDY_SCRIPT, str(folder), str(count)],
         cwd=Path(__file__).parents[2],
         start_new_session=True,
         stderr=subprocess.PIPE,
@@ -251,25 +263,27 @@ def begin(folder: Path, count: int) -> subprocess.Popen:
     )
 
 
-def files(folder: Path) -> dict[str, int]:
+def finished_runs(folder: Path) -> dict[str, int]:
     """Names of the records of finished runs, and when they were written [ns]."""
     return {one.name: one.stat().st_mtime_ns for one in folder.glob("*.json")}
 
 
-def killed(folder: Path, count: int, after: int, later: float, how: signal.Signals) -> str:
+def stop_study(
+    folder: Path, count: int, after: int, later: float, signal_number: signal.Signals
+) -> str:
     """Start a study and stop it `later` seconds after `after` more runs are finished.
 
     Returns the standard error of the study.
     """
-    there, study = len(files(folder)), begin(folder, count)
-    while study.poll() is None and len(files(folder)) < there + after:
+    there, study = len(finished_runs(folder)), start_study(folder, count)
+    while study.poll() is None and len(finished_runs(folder)) < there + after:
         time.sleep(1e-3)
     time.sleep(later)
-    os.killpg(study.pid, how)
+    os.killpg(study.pid, signal_number)
     return study.communicate(timeout=60)[1]
 
 
-def untimed(folder: Path) -> list[str]:
+def rows_without_times(folder: Path) -> list[str]:
     """The rows of a study, as text, without wall times and the load of the machine."""
     return [
         repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN, load=NAN))
@@ -277,47 +291,47 @@ def untimed(folder: Path) -> list[str]:
     ]
 
 
-def same_after(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
+def assert_same_table_after_kills(kills: int, count: int, tmp_path: Path, seed: int = 6) -> None:
     """Assert that a study that is killed repeatedly gives the table of an undisturbed study."""
     torn, whole, dice = tmp_path / "torn", tmp_path / "whole", random.Random(seed)
     torn.mkdir()
-    before = files(torn)
+    before = finished_runs(torn)
     for _ in range(kills):
-        killed(
+        stop_study(
             torn,
             count,
             dice.randint(1, 2 * count // (kills + 1)),
             dice.uniform(0, 0.02),
             signal.SIGKILL,
         )
-        now = files(torn)
+        now = finished_runs(torn)
         assert now.items() >= before.items()  # finished runs are not made again
         before = now
         assert not (torn / "trade.csv").exists()
     for folder in (torn, whole):
-        assert begin(folder, count).communicate()[1] == ""
-    assert files(torn).items() >= before.items()
+        assert start_study(folder, count).communicate()[1] == ""
+    assert finished_runs(torn).items() >= before.items()
     curves = {one.stem for one in torn.glob("*.npz") if not one.name.endswith(".reference.npz")}
-    assert curves == {one.split(".")[0] for one in files(torn)}
+    assert curves == {one.split(".")[0] for one in finished_runs(torn)}
     assert len(list(torn.glob("*.reference.npz"))) == 1  # the reference, which all runs share
-    assert files(torn).keys() == files(whole).keys()
-    assert len(files(torn)) == 2 * count
-    assert untimed(torn) == untimed(whole)
+    assert finished_runs(torn).keys() == finished_runs(whole).keys()
+    assert len(finished_runs(torn)) == 2 * count
+    assert rows_without_times(torn) == rows_without_times(whole)
 
 
 @pytest.mark.slow
 def test_a_study_killed_ten_times_gives_the_same_table(tmp_path):
-    same_after(10, 20, tmp_path)
+    assert_same_table_after_kills(10, 20, tmp_path)
 
 
 def test_an_interrupt_from_the_keyboard_stores_no_crash(tmp_path):
-    said = killed(tmp_path, 4, 2, 0.0, signal.SIGINT)  # the signal also reaches the workers
+    said = stop_study(tmp_path, 4, 2, 0.0, signal.SIGINT)  # the signal also reaches the workers
     assert "KeyboardInterrupt" in said
-    assert begin(tmp_path, 4).communicate()[1] == ""
+    assert start_study(tmp_path, 4).communicate()[1] == ""
     assert [one.outcome for one in read_table(tmp_path / "trade.csv")] == ["ran"] * 4
 
 
-def test_runs_side_by_side_are_those_one_after_the_other(tmp_path):
+def test_parallel_and_sequential_runs_have_the_same_results(tmp_path):
     def rows(jobs: int) -> list[StudyRow]:
         with ThreadPoolExecutor(jobs) as workers:
             return run_tasks(tasks(), Store(tmp_path / str(jobs)), workers, repeats=0)

@@ -27,8 +27,10 @@ from tests.shipped import shipped
 from tests.studies.study_tasks import tasks
 
 TASK = tasks()[0]
-FOUND = Measurement({"position": 1e-3}, {"violation": 0.0}, 0.1, 7, True, 0.25, "a processor x 2")
-LATE = Measurement(outcome="timed out", message="no answer in 5 s")
+MEASUREMENT = Measurement(
+    {"position": 1e-3}, {"violation": 0.0}, 0.1, 7, True, 0.25, "a processor x 2"
+)
+TIMED_OUT_MEASUREMENT = Measurement(outcome="timed out", message="no answer in 5 s")
 ROWS = [
     StudyRow(
         "trade",
@@ -63,19 +65,19 @@ ROWS = [
 ]
 
 
-def test_what_was_saved_is_loaded(tmp_path):
+def test_a_saved_measurement_is_loaded(tmp_path):
     kept = Store(tmp_path / "new" / "store")
     assert kept.load("key", 0) is None
-    kept.save("key", 0, TASK, FOUND, 5.0)
-    assert Store(kept.folder).load("key", 0) == FOUND
+    kept.save("key", 0, TASK, MEASUREMENT, 5.0)
+    assert Store(kept.folder).load("key", 0) == MEASUREMENT
     assert kept.load("key", 1) is None
     assert kept.load("other", 0) is None
 
 
-def test_a_run_that_was_given_up_is_made_again_with_more_time_only(tmp_path):
+def test_a_timed_out_run_is_repeated_only_with_a_longer_limit(tmp_path):
     kept = Store(tmp_path)
-    kept.save("key", 0, TASK, LATE, 5.0)
-    assert repr(kept.load("key", 0, timeout=5.0)) == repr(LATE)
+    kept.save("key", 0, TASK, TIMED_OUT_MEASUREMENT, 5.0)
+    assert repr(kept.load("key", 0, timeout=5.0)) == repr(TIMED_OUT_MEASUREMENT)
     assert kept.load("key", 0, timeout=6.0) is None
 
 
@@ -91,14 +93,14 @@ def test_a_run_that_was_given_up_is_made_again_with_more_time_only(tmp_path):
         '{"found": {"colour": 1}, "timeout": 5}',
     ],
 )
-def test_a_record_that_something_else_wrote_is_one_line(tmp_path, record):
+def test_a_record_that_no_study_wrote_is_bad_input(tmp_path, record):
     kept = Store(tmp_path)
     kept.file("key", 0).write_text(record)
     with pytest.raises(InputError, match=r"key\.0\.json: not what a study wrote there; delete it"):
         kept.load("key", 0)
 
 
-def test_curves_that_something_else_wrote_are_one_line(tmp_path):
+def test_curves_that_no_study_wrote_are_bad_input(tmp_path):
     (tmp_path / "key.npz").write_bytes(b"no archive")
     with pytest.raises(InputError, match=r"key\.npz: not what a study wrote there; delete it"):
         Store(tmp_path).curves("key")
@@ -113,7 +115,7 @@ def test_an_interrupted_write_leaves_the_old_file_or_none(tmp_path, monkeypatch,
     write_atomically(file, "old")
     monkeypatch.setattr(os, when, stop)
     with pytest.raises(KeyboardInterrupt):
-        kept.save("key", 0, TASK, FOUND, 5.0)
+        kept.save("key", 0, TASK, MEASUREMENT, 5.0)
     with pytest.raises(KeyboardInterrupt):
         write_atomically(file, "new")
     monkeypatch.undo()
@@ -122,7 +124,7 @@ def test_an_interrupted_write_leaves_the_old_file_or_none(tmp_path, monkeypatch,
     assert file.read_text() == "old"
 
 
-def test_only_old_halves_are_removed(tmp_path):
+def test_only_old_partial_files_are_removed(tmp_path):
     old, young = tmp_path / "a.json.1.part", tmp_path / "b.json.1.part"
     for half in (old, young):
         half.touch()
@@ -131,7 +133,7 @@ def test_only_old_halves_are_removed(tmp_path):
     assert [half.name for half in tmp_path.glob("*.part")] == [young.name]
 
 
-def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
+def test_keys_ignore_the_study_titles_and_settings_of_other_runs():
     case = TASK.case
     run = case.run["dynamics"].model_copy(update={"timeout": 5.0, "solvers": ("pymunk",)})
     same = [
@@ -143,9 +145,7 @@ def test_keys_do_not_depend_on_the_study_on_words_or_on_what_other_runs_need():
     assert {task_key(task) for task in same} == {task_key(TASK)}
 
 
-def test_a_store_finds_each_key_once_and_anew_where_the_model_was_changed(
-    tmp_path, models, edit, monkeypatch
-):
+def test_a_key_is_computed_once_and_again_for_a_changed_model(tmp_path, models, edit, monkeypatch):
     def count(some):
         asked.append(len(some))
         return task_keys(some)
@@ -165,7 +165,7 @@ def test_a_store_finds_each_key_once_and_anew_where_the_model_was_changed(
     assert store.key(own[0]) == task_key(own[0]) != task_key(TASK)
 
 
-def test_keys_tell_apart_what_matters(models, edit, monkeypatch):
+def test_keys_differ_if_anything_that_affects_a_run_differs(models, edit, monkeypatch):
     def key(**changed):
         return task_key(replace(TASK, case=TASK.case.model_copy(update=changed)))
 
@@ -187,12 +187,12 @@ def test_keys_tell_apart_what_matters(models, edit, monkeypatch):
     assert len(set(keys)) == len(keys)
 
 
-def test_the_same_model_in_another_place_has_the_same_key(models, edit):
+def test_a_copied_model_with_another_comment_has_the_same_key(models, edit):
     edit("pendulum.xml", "<!--", "<!-- It swings.")
     assert task_key(tasks(models)[0]) == task_key(TASK)
 
 
-def test_keys_tell_recorded_curves_apart(models):
+def test_keys_differ_for_other_recorded_curves(models):
     def key():
         case = load_case(models / "hacksaw_recorded.toml")
         return task_key(StudyRun(case, next(iter(case.run)), Setting("mujoco")))
@@ -203,7 +203,7 @@ def test_keys_tell_recorded_curves_apart(models):
     assert key() != before
 
 
-def test_keys_tell_the_rows_apart_that_a_drive_follows(models):
+def test_keys_differ_for_other_rows_of_a_sampled_profile(models):
     def key():
         case = load_case(models / "hacksaw_sampled.toml")
         return task_key(StudyRun(case, "dynamics", Setting("mujoco")))
@@ -213,7 +213,7 @@ def test_keys_tell_the_rows_apart_that_a_drive_follows(models):
     assert key() != before
 
 
-def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input():
+def test_keys_depend_on_segments_and_too_few_are_bad_input():
     task = StudyRun(
         load_case(shipped("rod_cantilever.toml")),
         "equilibrium",
@@ -226,7 +226,7 @@ def test_rods_cut_otherwise_have_another_key_and_too_few_segments_are_bad_input(
         task_key(replace(task, setting=task.setting.with_parameters(segments=1)))
 
 
-def test_a_table_gives_back_its_rows_and_describes_all_columns(tmp_path):
+def test_a_table_is_read_back_and_all_its_columns_are_described(tmp_path):
     file = tmp_path / "trade.csv"
     write_table(ROWS, file)
     assert repr(read_table(file)) == repr(ROWS)  # as text, since NaN is not equal to itself
@@ -236,14 +236,14 @@ def test_a_table_gives_back_its_rows_and_describes_all_columns(tmp_path):
         assert column.partition(".")[0] in COLUMN_DESCRIPTIONS
 
 
-def test_what_an_earlier_version_wrote_without_a_load_is_read(tmp_path):
+def test_records_and_tables_without_a_load_are_read(tmp_path):
     store, file = Store(tmp_path), tmp_path / "trade.csv"
-    store.save("key", 0, TASK, replace(FOUND, load=2.5), 5.0)
+    store.save("key", 0, TASK, replace(MEASUREMENT, load=2.5), 5.0)
     record = json.loads((tmp_path / "key.0.json").read_text())
     assert record["found"].pop("load") == 2.5
     (tmp_path / "key.0.json").write_text(json.dumps(record))
     again = Store(tmp_path).load("key", 0)
-    assert repr(again) == repr(replace(FOUND, load=NAN))
+    assert repr(again) == repr(replace(MEASUREMENT, load=NAN))
     write_table([replace(row, load=2.5) for row in ROWS], file)
     cells = list(csv.DictReader(io.StringIO(file.read_text())))
     assert [row["load"] for row in cells] == ["2.5"] * len(ROWS)
@@ -256,7 +256,7 @@ def test_what_an_earlier_version_wrote_without_a_load_is_read(tmp_path):
     assert repr(read_table(file)) == repr([replace(row, load=NAN) for row in ROWS])
 
 
-def test_what_is_no_table_is_bad_input(tmp_path):
+def test_a_missing_or_different_table_is_bad_input(tmp_path):
     file = tmp_path / "trade.csv"
     with pytest.raises(InputError, match=r"trade\.csv: no table there"):
         read_table(file)
@@ -276,8 +276,8 @@ def test_a_table_is_written_as_parquet_where_that_is_possible(tmp_path):
     assert columns["outcome"] == ["ran", "diverged"]
 
 
-def test_records_tell_what_they_are_of(tmp_path):
-    Store(tmp_path).save("key", 2, TASK, FOUND, 5.0)
+def test_records_name_their_case_parameters_and_versions(tmp_path):
+    Store(tmp_path).save("key", 2, TASK, MEASUREMENT, 5.0)
     record = json.loads((tmp_path / "key.2.json").read_text())
     assert record["case"] == "pendulum"
     assert record["parameters"] == TASK.setting.parameters

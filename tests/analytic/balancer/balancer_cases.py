@@ -13,13 +13,13 @@ from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.independent.balancer import prototype
 from tests.shipped import MODELS
 
-OURS = Path(__file__).parents[3] / "docs" / "balancer_designs.json"
-THESIS = (
+OWN_DESIGNS_FILE = Path(__file__).parents[3] / "docs" / "balancer_designs.json"
+THESIS_SOURCE = (
     "S. van Nes, The use of a rigid linkage balancer with torsion springs to realize "
     "nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074, {}; masses of the "
     "segments are ours"
 )
-SETTLED = ("balancer_sine_free_preload", "balancer_progressive_contact", "balancer4_sine")
+SETTLED_CASES = ("balancer_sine_free_preload", "balancer_progressive_contact", "balancer4_sine")
 """Cases with runs of 5e5 steps: a stop is left, a stop is met, two joints move."""
 
 
@@ -37,8 +37,8 @@ class Design:
 
     def write(self, folder: Path, name: str) -> Path:
         """Write model and sidecar; return the path of the sidecar."""
-        solvers = (SOLVERS[0], "mujoco:settled", *SOLVERS[1:]) if name in SETTLED else SOLVERS
-        source = self.place if self.beside else THESIS.format(self.place)
+        solvers = (SOLVERS[0], "mujoco:settled", *SOLVERS[1:]) if name in SETTLED_CASES else SOLVERS
+        source = self.place if self.beside else THESIS_SOURCE.format(self.place)
         return write_case(
             folder,
             name,
@@ -52,7 +52,7 @@ class Design:
         )
 
 
-def row(line: int, title: str, **changed: float) -> Design:
+def thesis_design(line: int, title: str, **changed: float) -> Design:
     """A row of the thesis's tables as a case."""
     found = rows()[str(line)]
     return Design(
@@ -64,10 +64,10 @@ def row(line: int, title: str, **changed: float) -> Design:
     )
 
 
-def designed(line: int, title: str) -> Design:
+def own_design(line: int, title: str) -> Design:
     """A design of ours, compared with the thesis's of the same springs, joints and bounds."""
     theirs = rows()[str(line)]
-    ours = next(d for d in json.loads(OURS.read_text()) if d["line"] == line)
+    ours = next(d for d in json.loads(OWN_DESIGNS_FILE.read_text()) if d["line"] == line)
     chain = {"pendulum": 1.0, **ours["parameters"]}
     return Design(
         title,
@@ -78,12 +78,12 @@ def designed(line: int, title: str) -> Design:
     )
 
 
-def third(target: str, springs: str, option: str, title: str) -> Design:
+def third_preload_design(target: str, springs: str, option: str, title: str) -> Design:
     """A design of ours with a preload of spring 3, compared with ours without a preload."""
     ours, bare = (
         next(
             d["parameters"]
-            for d in json.loads(OURS.read_text())
+            for d in json.loads(OWN_DESIGNS_FILE.read_text())
             if (d["target"], d["variant"], d["option"], d["segments"]) == (target, kind, option, 3)
         )
         for kind in (f"{springs}preload 3", springs.strip() or "regular")
@@ -97,7 +97,7 @@ def third(target: str, springs: str, option: str, title: str) -> Design:
     )
 
 
-SAM = DATA["others"][0]
+SAM_DESIGN = DATA["others"][0]
 EXTENDING = {
     "length1": 0.4998059906957808,
     "length2": 0.49404732892788594,
@@ -108,22 +108,24 @@ EXTENDING = {
     "rest_angle": 1.0225316908942226,
 }
 DESIGNS = {
-    "balancer_sine": row(1743, "Sine by three linear springs"),
-    "balancer_sine_preload": row(1745, "Sine by linear springs, one of them preloaded"),
-    "balancer_sine_nonlinear": row(1753, "Sine by three equal quadratic springs"),
-    "balancer_sine_free": row(1766, "Sine by linear springs, rest angle free"),
-    "balancer_sine_free_preload": row(1768, "Sine by a preload, rest angle free"),
-    "balancer_progressive_locked": row(
+    "balancer_sine": thesis_design(1743, "Sine by three linear springs"),
+    "balancer_sine_preload": thesis_design(1745, "Sine by linear springs, one of them preloaded"),
+    "balancer_sine_nonlinear": thesis_design(1753, "Sine by three equal quadratic springs"),
+    "balancer_sine_free": thesis_design(1766, "Sine by linear springs, rest angle free"),
+    "balancer_sine_free_preload": thesis_design(1768, "Sine by a preload, rest angle free"),
+    "balancer_progressive_locked": thesis_design(
         1839, "A preload that never opens: one spring, a straight line"
     ),
-    "balancer_progressive_contact": row(1860, "Progressive by a stop that is met"),
-    "balancer_laevo": row(2107, "Moment of the Laevo exoskeleton"),
-    "balancer_sine180": row(2178, "Half a turn of a sine in a quarter turn of the pendulum"),
-    "balancer4_sine": row(1747, "Sine by four segments, two preloads"),
+    "balancer_progressive_contact": thesis_design(1860, "Progressive by a stop that is met"),
+    "balancer_laevo": thesis_design(2107, "Moment of the Laevo exoskeleton"),
+    "balancer_sine180": thesis_design(
+        2178, "Half a turn of a sine in a quarter turn of the pendulum"
+    ),
+    "balancer4_sine": thesis_design(1747, "Sine by four segments, two preloads"),
     "balancer4_sam": Design(
         "Four equal segments, checked in SAM by the thesis",
-        f"Table F.1 as in {SAM['source'].split(':')[0]}",
-        SAM["parameters"],
+        f"Table F.1 as in {SAM_DESIGN['source'].split(':')[0]}",
+        SAM_DESIGN["parameters"],
     ),
     "balancer_prototype": Design(
         "The built balancer with its springs as measured, and dry friction",
@@ -134,15 +136,15 @@ DESIGNS = {
         target_moment=prototype.WEIGHT * prototype.PENDULUM,
         changed={"friction2": 0.00263, "friction3": 0.00263, "expected": "van Nes N.2"},
     ),
-    "balancer_designed": designed(1766, "Sine by three linear springs, designed anew"),
-    "balancer_designed_laevo": designed(2107, "Moment of the Laevo exoskeleton, designed anew"),
-    "balancer_third_preload": third(
+    "balancer_designed": own_design(1766, "Sine by three linear springs, designed anew"),
+    "balancer_designed_laevo": own_design(2107, "Moment of the Laevo exoskeleton, designed anew"),
+    "balancer_third_preload": third_preload_design(
         "progressive-degressive",
         "nonlinear ",
         "rest angle",
         "A preload of spring 3 that releases",
     ),
-    "balancer_third_preload_at_once": third(
+    "balancer_third_preload_at_once": third_preload_design(
         "degressive-progressive", "", "standard", "A preload of spring 3 that holds at no moment"
     ),
     "balancer_extending": Design(
@@ -153,14 +155,20 @@ DESIGNS = {
         beside={
             "designed for a pendulum that keeps its length": {
                 "pendulum": 1.0,
-                **next(d["parameters"] for d in json.loads(OURS.read_text()) if d["line"] == 1766),
+                **next(
+                    d["parameters"]
+                    for d in json.loads(OWN_DESIGNS_FILE.read_text())
+                    if d["line"] == 1766
+                ),
                 "extension2": 0.04,
                 "weight": 1.0,
                 "target": "weight",
             }
         },
     ),
-    "balancer_weight": row(1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0),
+    "balancer_weight": thesis_design(
+        1766, "A pendulum of 1 N balanced by three linear springs", weight=1.0
+    ),
 }
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import newton
 
-PATH = np.radians(np.arange(1, 91))  # 1 to 90 degrees: the thesis's precision points
+PATH_ANGLES = np.radians(np.arange(1, 91))  # 1 to 90 degrees: the thesis's precision points
 # Optima of van Nes 2022 by line: r = 1 m and m g r = 1 N m throughout.
 ROWS = {
     1743: {"length": (0.4868, 0.4951, 0.4507), "stiffness": (1.3808, 0.4359, 0.0870)},
@@ -40,7 +40,7 @@ ROWS = {
 }
 
 
-def flat(row):
+def row_parameters(row):
     """Parameters of a row under the names of `proofmass.analytic.balancer.solve`."""
     found = {"pendulum": 1.0, "rest_angle": row.get("rest_angle", 0.0)}
     for name in ("length", "stiffness"):
@@ -50,21 +50,21 @@ def flat(row):
     return found | ({"preload2": row["preload2"], "low2": 0.0} if "preload2" in row else {})
 
 
-def angles(row, theta1, alpha):
+def segment_angles(row, theta1, alpha):
     """Angles of the three segments (3, ...), elbow up: the knee lies left of P1 -> tip."""
     a, b, c = row["length"]
     theta1, alpha = np.broadcast_arrays(theta1, alpha)
     arm, tip = 1j * a * np.exp(-1j * theta1), 1j * np.exp(-1j * alpha)
-    gap = tip - arm
-    along = (abs(gap) ** 2 + b**2 - c**2) / (2.0 * abs(gap))
-    middle = gap / abs(gap) * (along + 1j * np.sqrt(b**2 - along**2))
+    p1_to_tip = tip - arm
+    along = (abs(p1_to_tip) ** 2 + b**2 - c**2) / (2.0 * abs(p1_to_tip))
+    middle = p1_to_tip / abs(p1_to_tip) * (along + 1j * np.sqrt(b**2 - along**2))
     theta2 = theta1 - np.angle(middle / arm)
-    return np.stack([theta1, theta2, theta2 - np.angle((gap - middle) / middle)])
+    return np.stack([theta1, theta2, theta2 - np.angle((p1_to_tip - middle) / middle)])
 
 
 def deflections(row, theta1, alpha):
-    rest = angles(row, row.get("rest_angle", 0.0), 0.0)
-    turned = angles(row, theta1, alpha) - rest.reshape(3, *[1] * np.ndim(alpha))
+    rest = segment_angles(row, row.get("rest_angle", 0.0), 0.0)
+    turned = segment_angles(row, theta1, alpha) - rest.reshape(3, *[1] * np.ndim(alpha))
     return np.diff(turned, axis=0, prepend=0.0)
 
 
@@ -75,14 +75,14 @@ def spring_moments(row, deflection):
         moments[1] += row.get("preload2", 0.0)
         return moments
     a, m0 = row["quadratic"], row.get("preload2", 0.0)
-    wound = np.zeros_like(k)
-    wound[1] = (np.sqrt(k[1] ** 2 + 4.0 * a * m0) - k[1]) / (2.0 * a)
-    return (k + a * (deflection + wound)) * (deflection + wound)
+    preload_winding = np.zeros_like(k)
+    preload_winding[1] = (np.sqrt(k[1] ** 2 + 4.0 * a * m0) - k[1]) / (2.0 * a)
+    return (k + a * (deflection + preload_winding)) * (deflection + preload_winding)
 
 
-def slope(row, theta1, alpha):
+def energy_slope(row, theta1, alpha):
     """dV/dtheta1 [N m] on the constraint; zero at an equilibrium with no stop."""
-    t1, t2, t3 = angles(row, theta1, alpha)
+    t1, t2, t3 = segment_angles(row, theta1, alpha)
     a, b, c = row["length"]
     turn2 = -a * np.sin(t3 - t1) / (b * np.sin(t3 - t2))
     turn3 = a * np.sin(t2 - t1) / (c * np.sin(t3 - t2))
@@ -90,7 +90,7 @@ def slope(row, theta1, alpha):
     return m1 + m2 * (turn2 - 1.0) + m3 * (turn3 - turn2)
 
 
-def equilibrium(row, alphas=PATH):
+def equilibrium(row, alphas=PATH_ANGLES):
     """Angle of segment 1 (n,), followed from rest through rising `alphas`; a preload releases once.
 
     Spring 2 is wound when segment 1 falls back behind the pendulum: joint 2 presses on its stop
@@ -99,11 +99,11 @@ def equilibrium(row, alphas=PATH):
     start, last, rate, found = row.get("rest_angle", 0.0), 0.0, 1.0, []
     theta = start
     for alpha in alphas:
-        if "preload2" in row and slope(row, start + alpha, alpha) < 0.0:
+        if "preload2" in row and energy_slope(row, start + alpha, alpha) < 0.0:
             following = start + alpha
         else:
             following = newton(
-                lambda t, alpha=alpha: slope(row, t, alpha),
+                lambda t, alpha=alpha: energy_slope(row, t, alpha),
                 theta + rate * (alpha - last),
                 tol=1e-14,
             )

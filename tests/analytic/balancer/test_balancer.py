@@ -10,7 +10,7 @@ from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.independent.balancer.series import curve
 
 ANGLES = np.radians(np.arange(0.0, 90.5, 5.0))
-FREE = parameters(rows()["1766"])
+LINE_1766 = parameters(rows()["1766"])
 PRELOADED = parameters(rows()["1745"])
 CONTACT = parameters(rows()["1860"])
 # rows without a regular path: the rest posture is unstable, or a fold comes before 90 degrees
@@ -20,7 +20,7 @@ IRREGULAR = {"1825", "1870", "2188", "2159"}
 SINGULAR = {"1928", "2117", "1800"}
 
 
-def energy_of(parameters: dict[str, float], alpha: float, beta: np.ndarray) -> np.ndarray:
+def spring_energy(parameters: dict[str, float], alpha: float, beta: np.ndarray) -> np.ndarray:
     """Spring energy for angles `beta` of segment 1 from the pendulum, by the cosine rule."""
     p = {"pendulum": 1.0, "rest_angle": 0.0} | parameters
     lengths = np.array([p["length1"], p["length2"], p["length3"]])
@@ -31,14 +31,14 @@ def energy_of(parameters: dict[str, float], alpha: float, beta: np.ndarray) -> n
     return 0.5 * (e**2 @ [p["stiffness1"], p["stiffness2"], p["stiffness3"]])
 
 
-def test_equilibrium_is_a_minimum_of_the_energy() -> None:
+def test_energy_is_stationary_at_each_equilibrium() -> None:
     """The slope of the energy is zero at the equilibria; it uses no equation of the path."""
     h = 1e-4
-    found = solve(ANGLES, **FREE)
+    found = solve(ANGLES, **LINE_1766)
     for alpha, theta in zip(ANGLES[1:], found["theta1"][1:], strict=True):
 
         def slope(beta: float, alpha: float = alpha) -> float:
-            low, high = energy_of(FREE, alpha, np.array([beta - h, beta + h]))
+            low, high = spring_energy(LINE_1766, alpha, np.array([beta - h, beta + h]))
             return float(high - low) / (2 * h)
 
         root = brentq(slope, theta - alpha - 0.05, theta - alpha + 0.05, xtol=1e-13)
@@ -50,13 +50,13 @@ def test_equilibrium_is_a_minimum_of_the_energy() -> None:
 def test_path_lies_on_the_closed_curve(seed: int) -> None:
     """For random springs and lengths the closed form gives alpha from the beta of the path."""
     rng = np.random.default_rng(seed)
-    given = (
+    chain = (
         {f"length{i}": rng.uniform(1 / 3, 0.5) for i in (1, 2, 3)}
         | {f"stiffness{i}": rng.uniform(0.05, 1.5) for i in (1, 2, 3)}
         | {"quadratic2": rng.uniform(0, 0.5), "rest_angle": rng.uniform(0, 0.5)}
     )
-    found = solve(ANGLES, **given)
-    closed = curve(found["theta1"] - ANGLES, **given)
+    found = solve(ANGLES, **chain)
+    closed = curve(found["theta1"] - ANGLES, **chain)
     # rounding over the smallest sine of the elbow
     assert np.abs(closed["alpha"] - ANGLES).max() < 1e-11
     assert np.abs(closed["balancing_moment"] - found["balancing_moment"]).max() < 1e-11
@@ -70,7 +70,7 @@ def test_path_lies_on_the_closed_curve(seed: int) -> None:
         if line not in IRREGULAR | SINGULAR and "moments" in row.get("recomputed", {})
     ),
 )
-def test_recomputed_curves(line: str) -> None:
+def test_curves_are_those_recomputed_independently(line: str) -> None:
     """Two independent recomputations of the thesis's designs agree to the digits kept of them."""
     row = rows()[line]
     step = 10.0 if row["segments"] == 3 else 6.0
@@ -82,7 +82,7 @@ def test_recomputed_curves(line: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "given", [FREE, PRELOADED, CONTACT, parameters(rows()["1747"]), parameters(rows()["2167"])]
+    "given", [LINE_1766, PRELOADED, CONTACT, parameters(rows()["1747"]), parameters(rows()["2167"])]
 )
 def test_moment_is_the_slope_of_the_energy(given: dict[str, float]) -> None:
     """The envelope identity dV*/dalpha = M1, through releases and contacts as well."""
@@ -100,10 +100,10 @@ def test_moment_is_the_slope_of_the_energy(given: dict[str, float]) -> None:
     assert smooth.sum() > 20
 
 
-def test_tip_is_met_and_forces_balance_the_springs() -> None:
+def test_chain_meets_the_tip_and_forces_balance_the_springs() -> None:
     """The loop closes, and the moment of the tip force about every joint is its spring moment."""
-    found = solve(ANGLES, **FREE)
-    lengths = [FREE[f"length{i}"] for i in (1, 2, 3)]
+    found = solve(ANGLES, **LINE_1766)
+    lengths = [LINE_1766[f"length{i}"] for i in (1, 2, 3)]
     x = sum(length * np.sin(found[f"theta{i}"]) for i, length in enumerate(lengths, 1))
     y = sum(length * np.cos(found[f"theta{i}"]) for i, length in enumerate(lengths, 1))
     assert np.abs(x - np.sin(ANGLES)).max() < 1e-14
@@ -134,8 +134,8 @@ def test_release_and_contact_at_their_exact_angles() -> None:
 @pytest.mark.parametrize("line", ["1747", "2041", "2071", "1757", "1998"])
 def test_stops_push_and_never_pull(line: str) -> None:
     """Between its stops a joint carries its spring moment; a stop pushes the joint off itself."""
-    given = parameters(rows()[line])
-    chain = balancer(**given)
+    row = parameters(rows()[line])
+    chain = balancer(**row)
     path = along(chain, follow(chain, np.pi / 2), np.linspace(0, np.pi / 2, 200))
     assert (
         (path.deflection >= chain.low[:, None] - 1e-12)
@@ -153,7 +153,7 @@ def test_stops_push_and_never_pull(line: str) -> None:
     assert (push * -path.side)[path.side != 0].min() > -1e-11
 
 
-def test_a_batch_is_its_members() -> None:
+def test_a_batch_gives_the_moments_of_its_members() -> None:
     """Designs that are followed together do not affect each other, whatever their stops."""
     rng = np.random.default_rng(7)
     size = 40
@@ -174,7 +174,7 @@ def test_a_batch_is_its_members() -> None:
         assert np.abs(together[k, :, 0] - alone["moment1"]).max() < 1e-13
 
 
-def test_the_stride_does_not_matter() -> None:
+def test_equilibria_do_not_depend_on_the_stride() -> None:
     """A fifth of the stride gives the same equilibria: the branch is followed, not guessed."""
     for line in ("2107", "2178", "2157", "2088"):
         chain = balancer(**parameters(rows()[line]))
@@ -182,38 +182,38 @@ def test_the_stride_does_not_matter() -> None:
         assert np.abs(coarse.deflection - fine.deflection).max() < 1e-11
 
 
-def test_mirror_image() -> None:
+def test_mirror_image_has_the_opposite_moment() -> None:
     """The mirrored balancer leans to the other side with the opposite moment."""
-    given = FREE | {"quadratic1": -0.2, "quadratic3": 0.3}
-    mirrored = {k: -v if k.startswith(("quadratic", "rest")) else v for k, v in given.items()}
-    one, two = solve(ANGLES, **given), solve(-ANGLES, mode=-1, **mirrored)
+    chain = LINE_1766 | {"quadratic1": -0.2, "quadratic3": 0.3}
+    mirrored = {k: -v if k.startswith(("quadratic", "rest")) else v for k, v in chain.items()}
+    one, two = solve(ANGLES, **chain), solve(-ANGLES, mode=-1, **mirrored)
     assert np.abs(one["holding_moment"] + two["holding_moment"]).max() < 1e-13
     assert np.abs(one["theta3"] + two["theta3"]).max() < 1e-13
 
 
-def test_up_and_down_and_out_of_order() -> None:
+def test_equilibria_do_not_depend_on_the_order_of_angles() -> None:
     """Without a jump, equilibria do not depend on the order of the requested angles."""
     shuffled = np.random.default_rng(0).permutation(np.linspace(-0.3, 1.5, 50))
-    found = solve(shuffled, **FREE)["holding_moment"]
+    found = solve(shuffled, **LINE_1766)["holding_moment"]
     order = np.argsort(shuffled)
-    again = solve(shuffled[order], **FREE)["holding_moment"]
+    again = solve(shuffled[order], **LINE_1766)["holding_moment"]
     assert np.abs(found[order] - again).max() < 1e-14
 
 
 def test_rates_are_the_slopes_of_the_angles() -> None:
     """Quasi-static rates of four segments against differences of their angles."""
-    given, h = parameters(rows()["1747"]), 1e-4
+    chain, h = parameters(rows()["1747"]), 1e-4
     at = np.radians([20.0, 50.0, 80.0])
-    up, down = solve(at + h, **given), solve(at - h, **given)
-    found = solve(at, 2.0, **given)
+    up, down = solve(at + h, **chain), solve(at - h, **chain)
+    found = solve(at, 2.0, **chain)
     for name in ("theta1", "theta2", "theta4", "deflection3"):
         slope = (up[name] - down[name]) / h  # of 2 h, times the rate 2
         assert np.abs(found[f"{name}_rate"] - slope).max() < 1e-6  # h^2 theta'''
 
 
-def test_weight_and_target() -> None:
+def test_weight_and_target_enter_moment_residual_and_energy() -> None:
     """A weight lowers the holding moment by its own; the total energy is nearly constant."""
-    bare, loaded = solve(ANGLES, **FREE), solve(ANGLES, weight=1.0, target="sine", **FREE)
+    bare, loaded = solve(ANGLES, **LINE_1766), solve(ANGLES, weight=1.0, target="sine", **LINE_1766)
     assert np.abs(loaded["holding_moment"] - bare["holding_moment"] + np.sin(ANGLES)).max() < 1e-15
     assert np.abs(loaded["residual"] - loaded["holding_moment"]).max() < 1e-15
     total = loaded["energy"]
@@ -243,10 +243,10 @@ def test_weight_and_target() -> None:
         ({"quadratic2": 0.3, "stiffness2": -0.5}, "fold, where the chain jumps"),
     ],
 )
-def test_bad_input(wrong: dict[str, float], word: str) -> None:
+def test_bad_input_is_refused(wrong: dict[str, float], word: str) -> None:
     """The error names the wrong parameter or the reason."""
     with pytest.raises((ValueError, TypeError), match=word):
-        solve(ANGLES, **(FREE | wrong))
+        solve(ANGLES, **(LINE_1766 | wrong))
 
 
 def test_irregular_rows_are_refused() -> None:
@@ -256,7 +256,7 @@ def test_irregular_rows_are_refused() -> None:
             solve(ANGLES, **parameters(rows()[line]))
 
 
-def test_impossible_members_of_a_batch() -> None:
+def test_impossible_members_of_a_batch_give_nan() -> None:
     """A member that cannot reach the tip gives NaN and does not affect the others."""
     chain = balancers(
         length1=[0.4, 0.1],
@@ -285,14 +285,14 @@ def test_impossible_members_of_a_batch() -> None:
 @pytest.mark.parametrize(
     "change", [{"length2": 1.001}, {"stiffness3": 1.01}, {"mode": -1}, {"rest_angle": 1.01}]
 )
-def test_a_changed_balancer_is_another(change: dict[str, float]) -> None:
+def test_a_changed_parameter_changes_the_moment(change: dict[str, float]) -> None:
     """A small change of a length, stiffness or rest angle, or of the mode, changes the moment."""
-    changed = FREE | {k: v if k == "mode" else FREE[k] * v for k, v in change.items()}
-    one, two = (solve(ANGLES, **p)["holding_moment"] for p in (FREE, changed))
+    changed = LINE_1766 | {k: v if k == "mode" else LINE_1766[k] * v for k, v in change.items()}
+    one, two = (solve(ANGLES, **p)["holding_moment"] for p in (LINE_1766, changed))
     assert np.abs(one - two).max() > 1e-5
 
 
-def test_four_segments_of_the_listing() -> None:
+def test_four_segment_curves_and_releases_are_those_recomputed() -> None:
     """Listing N.4 and Table D.1: curves, and the angles at which joints 3 and 2 are released."""
     for other in DATA["others"]:
         if other["segments"] != 4 or "moments" not in other["recomputed"]:

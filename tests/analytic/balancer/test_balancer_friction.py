@@ -9,31 +9,41 @@ from scipy.optimize import minimize_scalar
 from proofmass.analytic.balancer import friction as friction_of_balancers
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import EXPECTED, properties
-from tests.analytic.balancer.balancer_chain import PATH, ROWS, angles, deflections, flat
+from tests.analytic.balancer.balancer_chain import (
+    PATH_ANGLES,
+    ROWS,
+    deflections,
+    row_parameters,
+    segment_angles,
+)
 from tests.independent.balancer import prototype
 from tests.independent.balancer.friction import Loop, dissipated, loop
 from tests.independent.balancer.lagrange import potential
 
-ROW = ROWS[1766]
-FOUND = solve(PATH, **flat(ROW))
-TURNS = np.stack([FOUND[f"deflection{i}_rate"] for i in (1, 2, 3)] + [1.0 - FOUND["theta3_rate"]])
-EVEN = np.full(4, 0.005)  # [N m] in each joint and in the tip
+LINE_1766 = ROWS[1766]
+FRICTIONLESS = solve(PATH_ANGLES, **row_parameters(LINE_1766))
+JOINT_RATES = np.stack(
+    [FRICTIONLESS[f"deflection{i}_rate"] for i in (1, 2, 3)] + [1.0 - FRICTIONLESS["theta3_rate"]]
+)
+EQUAL_FRICTION = np.full(4, 0.005)  # [N m] in each joint and in the tip
 
 
-def stepped(friction, path):
+def moments_by_minimisation(friction, path):
     """Moments [N m] between poses of `path` that minimise energy plus dissipation of each step.
 
     This incremental problem of rate-independent friction covers sticking and is not of first order.
     """
 
     def joints(theta1, alpha):
-        turned = angles(ROW, theta1, alpha)
+        turned = segment_angles(LINE_1766, theta1, alpha)
         return np.append(np.diff(turned, prepend=0.0), alpha - turned[2])
 
     def energy(theta1, alpha):
-        return float(potential(alpha, theta1 - ROW["rest_angle"], **flat(ROW)).energy)
+        return float(
+            potential(alpha, theta1 - LINE_1766["rest_angle"], **row_parameters(LINE_1766)).energy
+        )
 
-    theta, moments = ROW["rest_angle"], []
+    theta, moments = LINE_1766["rest_angle"], []
     for last, alpha in pairwise(path):
         here = joints(theta, last)
 
@@ -49,17 +59,17 @@ def stepped(friction, path):
     return np.array(moments)
 
 
-def test_no_friction_no_loop():
-    found = loop(FOUND["holding_moment"], TURNS, np.zeros(4))
+def test_without_friction_the_loop_has_no_area():
+    found = loop(FRICTIONLESS["holding_moment"], JOINT_RATES, np.zeros(4))
     np.testing.assert_array_equal(found.out, found.back)
-    assert dissipated(PATH, found) == 0.0
+    assert dissipated(PATH_ANGLES, found) == 0.0
 
 
-@pytest.mark.parametrize("friction", [EVEN, np.array([0.0, 0.005, 0.005, 0.0])])
+@pytest.mark.parametrize("friction", [EQUAL_FRICTION, np.array([0.0, 0.005, 0.005, 0.0])])
 def test_loop_is_widest_where_the_chain_moves_most(friction):
     """From 60 to 90 degrees, as the measured band of the thesis; |dbeta/dalpha| peaks there too."""
-    found = loop(FOUND["holding_moment"], TURNS, friction)
-    width, inner = found.out - found.back, np.abs(FOUND["theta1_rate"] - 1.0)
+    found = loop(FRICTIONLESS["holding_moment"], JOINT_RATES, friction)
+    width, inner = found.out - found.back, np.abs(FRICTIONLESS["theta1_rate"] - 1.0)
     late = np.arange(1, 91) >= 60  # degrees
     assert width[late].min() > 0.99 * width[~late].max()
     assert width[late].mean() > 1.2 * width[~late].mean()
@@ -67,48 +77,59 @@ def test_loop_is_widest_where_the_chain_moves_most(friction):
     assert late[np.argmax(inner)]
 
 
-def test_how_far_the_chain_moves_against_the_pendulum():
+def test_mean_rates_of_segment_1_are_those_recomputed():
     """Means of |dbeta/dalpha| over ten degrees, recomputed independently to two decimals."""
     tens = np.radians([0.0, 10.0, 50.0, 60.0, 70.0, 80.0, 90.0])
-    beta = solve(tens, **flat(ROW))["theta1"] - tens
+    beta = solve(tens, **row_parameters(LINE_1766))["theta1"] - tens
     mean = -np.diff(beta)[[0, 2, 3, 4, 5]] / np.radians(10.0)
     np.testing.assert_allclose(mean, [0.22, 0.53, 0.70, 0.84, 0.76], rtol=0, atol=5.1e-3)
 
 
 def test_area_is_the_work_of_friction():
-    found = loop(FOUND["holding_moment"], TURNS, EVEN)
-    joints = np.concatenate([deflections(ROW, FOUND["theta1"], PATH), [PATH - FOUND["theta3"]]])
-    way = np.abs(np.diff(joints, axis=1)).sum(axis=1)  # total rotation of each joint
+    found = loop(FRICTIONLESS["holding_moment"], JOINT_RATES, EQUAL_FRICTION)
+    joints = np.concatenate(
+        [
+            deflections(LINE_1766, FRICTIONLESS["theta1"], PATH_ANGLES),
+            [PATH_ANGLES - FRICTIONLESS["theta3"]],
+        ]
+    )
+    rotations = np.abs(np.diff(joints, axis=1)).sum(axis=1)  # total rotation of each joint
     # trapezoids of 1 degree against sums of differences: step^2/12 times the curvature
-    assert dissipated(PATH, found) == pytest.approx(2.0 * EVEN @ way, rel=1e-3)
-    both = loop(FOUND["holding_moment"], TURNS, 2.0 * EVEN)
-    assert dissipated(PATH, both) == pytest.approx(2.0 * dissipated(PATH, found), rel=1e-14, abs=0)
+    assert dissipated(PATH_ANGLES, found) == pytest.approx(
+        2.0 * EQUAL_FRICTION @ rotations, rel=1e-3
+    )
+    both = loop(FRICTIONLESS["holding_moment"], JOINT_RATES, 2.0 * EQUAL_FRICTION)
+    assert dissipated(PATH_ANGLES, both) == pytest.approx(
+        2.0 * dissipated(PATH_ANGLES, found), rel=1e-14, abs=0
+    )
 
 
 def test_loop_is_symmetric_about_the_conservative_curve():
-    found = loop(FOUND["holding_moment"], TURNS, EVEN)
+    found = loop(FRICTIONLESS["holding_moment"], JOINT_RATES, EQUAL_FRICTION)
     np.testing.assert_allclose(
-        (found.out + found.back) / 2, FOUND["holding_moment"], atol=1e-15, rtol=0
+        (found.out + found.back) / 2, FRICTIONLESS["holding_moment"], atol=1e-15, rtol=0
     )
     assert np.all(found.out > found.back)
 
 
-def test_first_order_of_the_least_dissipation():
+def test_loop_is_the_first_order_of_least_dissipation():
     """The error of the loop against small steps with sticking is of second order in friction."""
     path = np.radians(np.concatenate([np.arange(0.0, 80.1, 0.5), np.arange(79.5, 54.9, -0.5)]))
-    way = np.sign(np.diff(path))
+    direction = np.sign(np.diff(path))
     middle = (path[1:] + path[:-1]) / 2.0
-    pose = solve(np.sort(middle), **flat(ROW))
+    pose = solve(np.sort(middle), **row_parameters(LINE_1766))
     order = np.argsort(np.argsort(middle))
     turns = np.stack([pose[f"deflection{i}_rate"] for i in (1, 2, 3)] + [1.0 - pose["theta3_rate"]])
     # sliding: 4 degrees after start and turn, where sticking, by the docstring of `loop`, ends
     # within 2 degrees
-    sliding = ((way > 0) & (middle > np.radians(4))) | ((way < 0) & (middle < np.radians(76)))
+    sliding = ((direction > 0) & (middle > np.radians(4))) | (
+        (direction < 0) & (middle < np.radians(76))
+    )
     errors = []
-    for friction in (2.0 * EVEN, EVEN):
+    for friction in (2.0 * EQUAL_FRICTION, EQUAL_FRICTION):
         branches = loop(pose["holding_moment"], turns, friction)
-        expected = np.where(way > 0, branches.out[order], branches.back[order])
-        errors.append(np.abs(stepped(friction, path) - expected)[sliding].max())
+        expected = np.where(direction > 0, branches.out[order], branches.back[order])
+        errors.append(np.abs(moments_by_minimisation(friction, path) - expected)[sliding].max())
         width = (branches.out - branches.back).min()
     assert errors[1] < 0.02 * width
     assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.5)
@@ -122,40 +143,42 @@ def test_first_order_of_the_least_dissipation():
         ([0.1], "friction must be one moment for each of 4 joints"),
     ],
 )
-def test_bad_friction(friction, message):
+def test_bad_friction_is_refused(friction, message):
     with pytest.raises(ValueError, match=message):
-        loop(FOUND["holding_moment"], TURNS, friction)
+        loop(FRICTIONLESS["holding_moment"], JOINT_RATES, friction)
 
 
-def test_a_batch():
-    moments = np.stack([FOUND["holding_moment"], 2.0 * FOUND["holding_moment"]])
-    found = loop(moments, np.stack([TURNS, 3.0 * TURNS], axis=1), EVEN)
+def test_a_batch_dissipates_in_proportion_to_its_rates():
+    moments = np.stack([FRICTIONLESS["holding_moment"], 2.0 * FRICTIONLESS["holding_moment"]])
+    found = loop(moments, np.stack([JOINT_RATES, 3.0 * JOINT_RATES], axis=1), EQUAL_FRICTION)
     assert isinstance(found, Loop)
-    assert dissipated(PATH, found)[1] == pytest.approx(
-        3.0 * dissipated(PATH, found)[0], rel=1e-14, abs=0
+    assert dissipated(PATH_ANGLES, found)[1] == pytest.approx(
+        3.0 * dissipated(PATH_ANGLES, found)[0], rel=1e-14, abs=0
     )
 
 
-UP = np.radians(np.concatenate([np.arange(0.0, 80.1, 1.0), np.arange(79.0, 29.9, -1.0)]))
+UP_AND_BACK = np.radians(np.concatenate([np.arange(0.0, 80.1, 1.0), np.arange(79.0, 29.9, -1.0)]))
 
 
 @pytest.mark.parametrize("friction", [(0.01, 0.02, 0.0), (0.0, 0.03, 0.05), (0.005, 0.02, 0.02)])
 def test_postures_are_of_least_energy_and_dissipation(friction):
     """The reference agrees with small steps that minimise energy plus dissipation."""
-    own = flat(ROW)
+    own = row_parameters(LINE_1766)
     chain = own | {f"friction{i}": tau for i, tau in enumerate(friction, start=1)}
-    found, tau = solve(UP, np.gradient(UP), **chain), np.array(friction)
+    found, tau = solve(UP_AND_BACK, np.gradient(UP_AND_BACK), **chain), np.array(friction)
 
     def joints(theta1, alpha):
-        return np.diff(angles(ROW, theta1, alpha), prepend=0.0)
+        return np.diff(segment_angles(LINE_1766, theta1, alpha), prepend=0.0)
 
-    theta, parts, worst = ROW["rest_angle"], 4, 0.0
-    for last, alpha, expected in zip(UP[:-1], UP[1:], found["theta1"][1:], strict=True):
+    theta, parts, worst = LINE_1766["rest_angle"], 4, 0.0
+    for last, alpha, expected in zip(
+        UP_AND_BACK[:-1], UP_AND_BACK[1:], found["theta1"][1:], strict=True
+    ):
         for before, now in pairwise(np.linspace(last, alpha, parts + 1)):
             here = joints(theta, before)
 
             def cost(t, now=now, here=here):
-                energy = potential(now, t - ROW["rest_angle"], **own).energy
+                energy = potential(now, t - LINE_1766["rest_angle"], **own).energy
                 return float(energy) + tau @ np.abs(joints(t, now) - here)
 
             theta = minimize_scalar(
@@ -170,26 +193,26 @@ def test_postures_are_of_least_energy_and_dissipation(friction):
 def test_friction_and_springs_take_the_work_of_the_drive():
     """Between samples: work = change of energy + friction times the rotation of each joint."""
     friction = {"friction1": 0.01, "friction2": 0.02, "friction3": 0.03, "pendulum_friction": 0.02}
-    fine = np.radians(np.concatenate([np.arange(0, 80, 0.2), np.arange(80, 20, -0.2)]))
-    found = solve(fine, np.gradient(fine), **flat(ROW), **friction)
-    moment, way = found["holding_moment"], np.diff(fine)
-    work = 0.5 * (moment[1:] + moment[:-1]) * way
+    path = np.radians(np.concatenate([np.arange(0, 80, 0.2), np.arange(80, 20, -0.2)]))
+    found = solve(path, np.gradient(path), **row_parameters(LINE_1766), **friction)
+    moment, steps = found["holding_moment"], np.diff(path)
+    work = 0.5 * (moment[1:] + moment[:-1]) * steps
     lost = sum(
         friction[f"friction{i}"] * np.abs(np.diff(found[f"deflection{i}"])) for i in (1, 2, 3)
     )
-    lost = lost + 0.02 * np.abs(way)
+    lost = lost + 0.02 * np.abs(steps)
     off = np.cumsum(work - np.diff(found["energy"]) - lost)
     smooth = np.abs(np.diff(moment)) < 1e-3  # at the turn the moment of a joint at rest jumps
     assert np.abs(np.diff(off)[smooth[1:]]).max() < 3e-5  # trapezoids at the events
     assert np.abs(off).max() < 3e-3 * np.cumsum(lost)[-1]
 
 
-def test_the_drive_holds_what_balancer_and_bearing_leave_of_the_weight():
+def test_the_drive_carries_balancer_and_bearing_less_the_weight():
     friction = {"friction1": 0.01, "friction2": 0.02, "friction3": 0.03, "pendulum_friction": 0.02}
-    way = UP[::8]
-    rate = np.where(np.arange(way.size) < 10, 1.0, -1.0)
-    found = solve(way, rate, **flat(ROW), **friction, weight=0.7)
-    left = found["balancing_moment"] + 0.02 * rate - 0.7 * np.sin(way)
+    path = UP_AND_BACK[::8]
+    rate = np.where(np.arange(path.size) < 10, 1.0, -1.0)
+    found = solve(path, rate, **row_parameters(LINE_1766), **friction, weight=0.7)
+    left = found["balancing_moment"] + 0.02 * rate - 0.7 * np.sin(path)
     np.testing.assert_allclose(found["holding_moment"], left, rtol=0, atol=1e-15)
     # the ground acts on the chain through joint 1: spring and friction
     own = found["moment1"] + found["friction1"]
@@ -197,14 +220,14 @@ def test_the_drive_holds_what_balancer_and_bearing_leave_of_the_weight():
     assert np.ptp(found["friction1"]) == pytest.approx(0.02)  # it slips both ways
 
 
-def test_every_joint_carries_its_load_by_spring_and_friction_and_rates_are_slopes():
+def test_spring_and_friction_carry_the_load_and_rates_are_slopes():
     friction = {"friction1": 0.1, "friction2": 0.02, "friction3": 0.03}
     step = np.radians(0.25)
-    way = step * np.concatenate([np.arange(0.0, 200.0), np.arange(200.0, 160.0, -1.0)])
-    sense = np.where(np.arange(way.size) < 200, 1.0, -1.0)
-    found = solve(way, sense, **flat(ROW), **friction)
-    stands = np.abs(found["deflection1_rate"]) < 1e-12
-    assert 10 < stands[200:].sum() < 35  # it sticks where the pendulum turns back
+    path = step * np.concatenate([np.arange(0.0, 200.0), np.arange(200.0, 160.0, -1.0)])
+    direction = np.where(np.arange(path.size) < 200, 1.0, -1.0)
+    found = solve(path, direction, **row_parameters(LINE_1766), **friction)
+    at_rest = np.abs(found["deflection1_rate"]) < 1e-12
+    assert 10 < at_rest[200:].sum() < 35  # it sticks where the pendulum turns back
     for i in (1, 2, 3):
         own = found[f"moment{i}"] + found[f"friction{i}"]
         np.testing.assert_allclose(found[f"node{i}_load"], own, rtol=0, atol=1e-12)
@@ -215,49 +238,53 @@ def test_every_joint_carries_its_load_by_spring_and_friction_and_rates_are_slope
         assert (off > 1e-5).sum() <= 5
 
 
-def test_a_bearing_takes_its_moment_times_the_way_of_a_cycle():
+def test_a_bearing_dissipates_its_moment_times_the_angle_of_a_cycle():
     """A cycle is a quarter turn out and back; the numbers are printed with two decimals."""
     chain = prototype.parameters() | {"pendulum_friction": 0.02, "expected": "van Nes N.2"}
-    told = properties(**chain)
-    lost = float(told["lost in a cycle"].removesuffix(" mJ by friction"))
+    words = properties(**chain)
+    lost = float(words["lost in a cycle"].removesuffix(" mJ by friction"))
     assert lost == pytest.approx(1000.0 * 0.02 * np.pi, abs=0.005)
-    way = np.radians(np.linspace(0.0, 90.0, 181))
-    off = solve(way, **prototype.parameters())["moment1"] - prototype.expected_moment(way)
-    left = np.trapezoid(np.abs(off + 0.02) + np.abs(off - 0.02), way)
-    share = left / (2.0 * np.trapezoid(prototype.expected_moment(way), way))
-    reduction = float(told["work reduction of the loop"].removesuffix(" % against van Nes N.2"))
+    path = np.radians(np.linspace(0.0, 90.0, 181))
+    error = solve(path, **prototype.parameters())["moment1"] - prototype.expected_moment(path)
+    left = np.trapezoid(np.abs(error + 0.02) + np.abs(error - 0.02), path)
+    share = left / (2.0 * np.trapezoid(prototype.expected_moment(path), path))
+    reduction = float(words["work reduction of the loop"].removesuffix(" % against van Nes N.2"))
     assert 100.0 - reduction == pytest.approx(100.0 * share, abs=0.005)
 
 
-def test_a_rest_that_lies_off_the_way_there_is_on_another_branch(monkeypatch):
+def test_a_correction_above_its_limit_ends_the_path_as_a_fold(monkeypatch):
     """Newton's method may correct a stride by 0.05 rad; with a limit of 0 the path ends."""
-    assert np.isfinite(solve(UP[:5], **flat(ROW), friction2=0.02)["theta1"]).all()
+    assert np.isfinite(
+        solve(UP_AND_BACK[:5], **row_parameters(LINE_1766), friction2=0.02)["theta1"]
+    ).all()
     monkeypatch.setattr(friction_of_balancers, "MAX_CORRECTION", 0.0)
     with pytest.raises(ValueError, match="the equilibrium ends at a fold"):
-        solve(UP[:5], **flat(ROW), friction2=0.02)
+        solve(UP_AND_BACK[:5], **row_parameters(LINE_1766), friction2=0.02)
 
 
-def test_the_expected_measurement_is_the_polynomial_with_the_loop_of_first_order():
+def test_the_expected_measurement_is_the_polynomial_with_its_loop():
     chain = prototype.parameters() | {"friction2": 2e-3, "friction3": 1e-3}
     rate = np.where(np.arange(90) % 2, 1.0, -1.0)
-    found = solve(PATH, rate, **chain, pendulum_friction=1e-3, expected="van Nes N.2")
-    free = solve(PATH, **prototype.parameters())
+    found = solve(PATH_ANGLES, rate, **chain, pendulum_friction=1e-3, expected="van Nes N.2")
+    free = solve(PATH_ANGLES, **prototype.parameters())
     turns = np.stack([free["deflection2_rate"], free["deflection3_rate"], np.ones(90)])
-    branches = loop(prototype.expected_moment(PATH), turns, [2e-3, 1e-3, 1e-3])
+    branches = loop(prototype.expected_moment(PATH_ANGLES), turns, [2e-3, 1e-3, 1e-3])
     np.testing.assert_allclose(
         found["expected_measurement"],
         np.where(rate > 0, branches.out, branches.back),
         atol=1e-15,
         rtol=0,
     )
-    np.testing.assert_allclose(found["expected_moment"], prototype.expected_moment(PATH), atol=0)
+    np.testing.assert_allclose(
+        found["expected_moment"], prototype.expected_moment(PATH_ANGLES), atol=0
+    )
     np.testing.assert_allclose(
         found["frictionless_moment"], free["holding_moment"], rtol=0, atol=1e-15
     )
-    assert EXPECTED["van Nes N.2"] == prototype.EXPECTED
+    assert EXPECTED["van Nes N.2"] == prototype.EXPECTED_COEFFICIENTS
 
 
-def test_friction_of_the_prototype_lowers_the_work_reduction_to_what_was_measured():
+def test_friction_lowers_the_work_reduction_to_the_measured_value():
     """Friction of joints 2 and 3 alone gives the 93.47 % of listing N.2 for the closed loop."""
     chain = prototype.parameters() | {"friction2": 0.00263, "friction3": 0.00263}
     found = properties(**chain, expected="van Nes N.2")
@@ -275,6 +302,6 @@ def test_friction_of_the_prototype_lowers_the_work_reduction_to_what_was_measure
         ({"expected": "thesis"}, "expected must be one of van Nes N.2, got 'thesis'"),
     ],
 )
-def test_bad_friction_of_the_reference(changed, message):
+def test_bad_friction_of_the_reference_is_refused(changed, message):
     with pytest.raises(ValueError, match=message):
-        solve(UP, **flat(ROW), **changed)
+        solve(UP_AND_BACK, **row_parameters(LINE_1766), **changed)

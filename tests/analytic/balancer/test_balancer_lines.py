@@ -7,24 +7,26 @@ from scipy.optimize import least_squares
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, best_lines, precision_points, rmse, target
 from proofmass.analytic.balancer.synthesis import THESIS_FIGURES
-from tests.analytic.balancer.balancer_chain import ROWS, flat
+from tests.analytic.balancer.balancer_chain import ROWS, row_parameters
 
-POINTS, FEW = precision_points(90), precision_points(15)
+NINETY_POINTS, FIFTEEN_POINTS = precision_points(90), precision_points(15)
 # all targets in its column
-TABULATED = list(dict.fromkeys(name for name, _ in THESIS_FIGURES))
+TABULATED_TARGETS = list(dict.fromkeys(name for name, _ in THESIS_FIGURES))
 
 
-def chain(angle, kinks, slopes):
+def piecewise_linear(angle, kinks, slopes):
     corners = np.concatenate([[0.0], kinks, [np.pi / 2]])
     return np.interp(angle, corners, np.concatenate([[0.0], np.cumsum(slopes * np.diff(corners))]))
 
 
-def fitted(angle, wanted, pieces):
+def best_general_rmse(angle, wanted, pieces):
     """Smallest rmse of a general least-squares fitter from many starts."""
 
     def error(x):
         kinks = np.sort(np.clip(x[: pieces - 1], 1e-6, np.pi / 2 - 1e-6))
-        return chain(angle, kinks + 1e-9 * np.arange(pieces - 1), x[pieces - 1 :]) - wanted
+        return (
+            piecewise_linear(angle, kinks + 1e-9 * np.arange(pieces - 1), x[pieces - 1 :]) - wanted
+        )
 
     random = np.random.default_rng(3)
     starts = np.hstack(
@@ -34,13 +36,13 @@ def fitted(angle, wanted, pieces):
 
 
 @pytest.mark.parametrize("pieces", [1, 2, 3])
-@pytest.mark.parametrize("name", TABULATED)
+@pytest.mark.parametrize("name", TABULATED_TARGETS)
 def test_general_fitter_finds_nothing_better(name, pieces):
-    wanted = target(name, FEW)
-    line = best_lines(FEW, wanted, pieces)
-    own = chain(FEW, line.kinks, line.slopes) - wanted
+    wanted = target(name, FIFTEEN_POINTS)
+    line = best_lines(FIFTEEN_POINTS, wanted, pieces)
+    own = piecewise_linear(FIFTEEN_POINTS, line.kinks, line.slopes) - wanted
     assert np.sqrt(np.mean(own**2)) == pytest.approx(line.rmse, rel=1e-9)  # eps over the rmse
-    general = fitted(FEW, wanted, pieces)
+    general = best_general_rmse(FIFTEEN_POINTS, wanted, pieces)
     # least_squares stops at 1e-8 of its cost; from thirty starts it misses some minima
     assert line.rmse <= general * (1.0 + 1e-8)
     if pieces < 3:
@@ -49,9 +51,11 @@ def test_general_fitter_finds_nothing_better(name, pieces):
 
 def test_slope_of_one_line_is_that_of_the_normal_equation():
     for name in TARGETS:
-        wanted = target(name, POINTS)
-        found = best_lines(POINTS, wanted)
-        assert found.slopes == pytest.approx(POINTS @ wanted / (POINTS @ POINTS), rel=1e-14, abs=0)
+        wanted = target(name, NINETY_POINTS)
+        found = best_lines(NINETY_POINTS, wanted)
+        assert found.slopes == pytest.approx(
+            NINETY_POINTS @ wanted / (NINETY_POINTS @ NINETY_POINTS), rel=1e-14, abs=0
+        )
         assert found.kinks.size == 0
     many = precision_points(20_000)
     # continuous limit 3 (2/pi)^3 int a sin a da = 24/pi^3; the points' rule has an error of 1/n
@@ -59,9 +63,11 @@ def test_slope_of_one_line_is_that_of_the_normal_equation():
 
 
 @pytest.mark.parametrize("kinks", [(0.7,), (0.31, 1.13)])
-def test_a_chain_of_lines_is_found_again(kinks):
+def test_a_piecewise_linear_curve_is_recovered(kinks):
     slopes = np.array([1.5, 0.3, 0.9])[: len(kinks) + 1]
-    found = best_lines(POINTS, chain(POINTS, kinks, slopes), len(kinks) + 1)
+    found = best_lines(
+        NINETY_POINTS, piecewise_linear(NINETY_POINTS, kinks, slopes), len(kinks) + 1
+    )
     # 1e-7 is rounding of the fits; the lattice of kinks ends at 1e-14 rad
     np.testing.assert_allclose(found.kinks, kinks, rtol=0, atol=1e-7)
     np.testing.assert_allclose(found.slopes, slopes, rtol=0, atol=1e-7)
@@ -71,14 +77,14 @@ def test_a_chain_of_lines_is_found_again(kinks):
 @pytest.mark.parametrize(
     ("name", "pieces", "points", "printed"),
     [
-        ("sine", 2, POINTS, 0.01664),
-        ("sine", 3, FEW, 0.007022),
-        ("progressive", 2, POINTS, 0.0176),
-        ("progressive", 3, POINTS, 0.007),
-        ("laevo", 2, POINTS, 0.0437),
+        ("sine", 2, NINETY_POINTS, 0.01664),
+        ("sine", 3, FIFTEEN_POINTS, 0.007022),
+        ("progressive", 2, NINETY_POINTS, 0.0176),
+        ("progressive", 3, NINETY_POINTS, 0.007),
+        ("laevo", 2, NINETY_POINTS, 0.0437),
     ],
 )
-def test_best_theoretical_approximations(name, pieces, points, printed):
+def test_best_theoretical_approximations_are_those_printed(name, pieces, points, printed):
     found = best_lines(points, target(name, points), pieces).rmse
     assert found == pytest.approx(printed, abs=5.1e-5)  # four decimals, as the rest of the column
 
@@ -86,10 +92,10 @@ def test_best_theoretical_approximations(name, pieces, points, printed):
 @pytest.mark.parametrize(
     ("name", "points", "printed"),
     [
-        ("sine", POINTS, 0.0861),
-        ("progressive", POINTS, 0.1016),
-        ("laevo", POINTS, 0.2755),
-        ("laevo", FEW, 0.2790),
+        ("sine", NINETY_POINTS, 0.0861),
+        ("progressive", NINETY_POINTS, 0.1016),
+        ("laevo", NINETY_POINTS, 0.2755),
+        ("laevo", FIFTEEN_POINTS, 0.2790),
     ],
 )
 def test_straight_lines_are_printed_with_zero_among_the_points(name, points, printed):
@@ -105,22 +111,26 @@ def test_misprints_of_the_column():
     """Sine of four segments 0.0913, progressive 0.1016, Laevo in three pieces 0.0207."""
     with_zero = np.sqrt(15.0 / 16.0)
     sine, progressive = (
-        best_lines(FEW, target(name, FEW)).rmse * with_zero for name in ("sine", "progressive")
+        best_lines(FIFTEEN_POINTS, target(name, FIFTEEN_POINTS)).rmse * with_zero
+        for name in ("sine", "progressive")
     )
     assert sine == pytest.approx(0.0909, abs=5.1e-5)
     assert progressive == pytest.approx(0.1036, abs=5.1e-5)  # the print repeats three segments
-    for points, true in ((POINTS, 0.0177), (FEW, 0.0175)):
+    for points, true in ((NINETY_POINTS, 0.0177), (FIFTEEN_POINTS, 0.0175)):
         laevo = best_lines(points, target("laevo", points), 3).rmse
         assert laevo == pytest.approx(true, abs=5.1e-5)
         assert laevo < 0.9 * 0.0207
 
 
-def test_best_is_not_a_bound():
+def test_the_best_line_is_not_a_bound_for_balancers():
     """The optimum of line 1743, with linear springs only, is closer to the sine than the line."""
-    moment = solve(POINTS, **flat(ROWS[1743]))["balancing_moment"]
-    assert rmse(moment, np.sin(POINTS)) < 0.98 * best_lines(POINTS, np.sin(POINTS)).rmse
+    moment = solve(NINETY_POINTS, **row_parameters(ROWS[1743]))["balancing_moment"]
+    assert (
+        rmse(moment, np.sin(NINETY_POINTS))
+        < 0.98 * best_lines(NINETY_POINTS, np.sin(NINETY_POINTS)).rmse
+    )
 
 
-def test_too_few_points():
+def test_too_few_points_are_refused():
     with pytest.raises(ValueError, match="angle must have more than 5 points, got 5"):
         best_lines(precision_points(5), np.ones(5), pieces=3)

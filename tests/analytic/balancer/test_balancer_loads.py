@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.balancer import solve
-from tests.analytic.balancer.balancer_chain import PATH, ROWS, flat
+from tests.analytic.balancer.balancer_chain import PATH_ANGLES, ROWS, row_parameters
 from tests.independent.balancer.laws import leverage
 from tests.independent.balancer.loads import levers, node_loads, pin_force, pivot_force
 
@@ -22,10 +22,12 @@ TABLE = np.array(
         [0.522891, 1.536089, 2.158767, 1.976668, 1.027206],
     ]
 )
-CLOSED = 1e-12  # [rad] rounding of a locked deflection; one degree after the release it is 1e-3
-FREE = pytest.mark.parametrize("line", [1743, 1766, 1789, 1814, 2107])
+LOCKED_DEFLECTION = (
+    1e-12  # [rad] rounding of a locked deflection; one degree after the release it is 1e-3
+)
+EACH_FREE_LINE = pytest.mark.parametrize("line", [1743, 1766, 1789, 1814, 2107])
 # Four segments, elbow up, with a spring in the last joint (line 1744) and two preloads (D.1).
-FOUR = {
+FOUR_SEGMENTS = {
     "pendulum": 1.0,
     "length1": 0.3609,
     "length2": 0.3739,
@@ -36,7 +38,7 @@ FOUR = {
     "stiffness3": 1.1970,
     "stiffness4": 0.1568,
 }
-STAGED = {
+TWO_PRELOADS = {
     "pendulum": 1.0,
     "length1": 0.3252,
     "length2": 0.2926,
@@ -53,7 +55,7 @@ STAGED = {
 }
 
 
-def chain(parameters, angle=PATH):
+def equilibrium_pose(parameters, angle=PATH_ANGLES):
     """Angles, lengths, spring moments (..., n) of a balancer in equilibrium, and all its curves."""
     found = solve(angle, **parameters)
     count = 4 if "length4" in parameters else 3
@@ -64,15 +66,17 @@ def chain(parameters, angle=PATH):
     return theta, np.array([parameters[f"length{i}"] for i in range(1, count + 1)]), moment, found
 
 
-def test_table_of_line_1766():
-    theta, lengths, moment, _ = chain(flat(ROWS[1766]), np.radians([10, 30, 50, 70, 90]))
+def test_angles_moments_and_forces_of_line_1766_are_those_recomputed():
+    theta, lengths, moment, _ = equilibrium_pose(
+        row_parameters(ROWS[1766]), np.radians([10, 30, 50, 70, 90])
+    )
     force = pin_force(theta, lengths, moment)
     # half a unit of the last digit
     np.testing.assert_allclose(np.stack([*theta.T, *moment.T, *force]), TABLE, rtol=0, atol=5.1e-7)
 
 
-def test_pose_of_line_1743_at_50_degrees():
-    theta, lengths, moment, found = chain(flat(ROWS[1743]), np.radians(50.0))
+def test_pose_of_line_1743_at_50_degrees_is_that_recomputed():
+    theta, lengths, moment, found = equilibrium_pose(row_parameters(ROWS[1743]), np.radians(50.0))
     np.testing.assert_allclose(theta, [0.494797, 0.333724, 2.167919], rtol=0, atol=5.1e-7)
     np.testing.assert_allclose(
         pin_force(theta, lengths, moment), [-0.612299, 0.378094], rtol=0, atol=5.1e-7
@@ -81,10 +85,10 @@ def test_pose_of_line_1743_at_50_degrees():
     assert found["energy"] == pytest.approx(0.297768, abs=5.1e-7)
 
 
-@FREE
+@EACH_FREE_LINE
 def test_printed_forms_give_the_same_force(line):
     """Eqs B.3, B.4 and those of the program, which lose digits where segment 1 or 3 is level."""
-    theta, lengths, moment, _ = chain(flat(ROWS[line]))
+    theta, lengths, moment, _ = equilibrium_pose(row_parameters(ROWS[line]))
     (s1, s2, s3), (c1, c2, c3), (l1, l2, l3) = np.sin(theta).T, np.cos(theta).T, lengths
     m1, m2, m3 = moment.T
     across, up = l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
@@ -100,19 +104,24 @@ def test_printed_forms_give_the_same_force(line):
         assert np.all(np.abs(np.array(printed) - force).max(axis=0) <= 1e-13 / level**2)
 
 
-@pytest.mark.parametrize("parameters", [*(flat(ROWS[line]) for line in (1743, 1766, 2107)), FOUR])
+@pytest.mark.parametrize(
+    "parameters", [*(row_parameters(ROWS[line]) for line in (1743, 1766, 2107)), FOUR_SEGMENTS]
+)
 def test_springs_of_free_joints_carry_their_load(parameters):
-    theta, lengths, moment, found = chain(parameters)
+    theta, lengths, moment, found = equilibrium_pose(parameters)
     force = pin_force(theta, lengths, moment)
     # M_1 and M_n are equal by construction, the others only at equilibrium, to its rounding
     np.testing.assert_allclose(node_loads(theta, lengths, *force), moment, rtol=0, atol=1e-13)
     np.testing.assert_allclose(force, [found["force_x"], found["force_y"]], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("parameters", [flat(ROWS[1745]), flat(ROWS[1766]), FOUR, STAGED])
+@pytest.mark.parametrize(
+    "parameters",
+    [row_parameters(ROWS[1745]), row_parameters(ROWS[1766]), FOUR_SEGMENTS, TWO_PRELOADS],
+)
 def test_node_loads_and_forces_along_segments_are_those_of_the_appendices(parameters):
     """Joints are free or on stops; forces are resolved along and across each segment."""
-    theta, lengths, _, found = chain(parameters)
+    theta, lengths, _, found = equilibrium_pose(parameters)
     force = found["force_x"], found["force_y"]
     loads = node_loads(theta, lengths, *force)
     for i in range(theta.shape[-1]):
@@ -122,17 +131,17 @@ def test_node_loads_and_forces_along_segments_are_those_of_the_appendices(parame
         np.testing.assert_allclose(own, [loads[:, i], along, across], rtol=0, atol=1e-14)
 
 
-def test_joints_out_of_equilibrium_do_not():
-    theta, lengths, moment, _ = chain(flat(ROWS[1766]))
+def test_a_wrong_spring_moment_differs_from_the_load_of_its_joint():
+    theta, lengths, moment, _ = equilibrium_pose(row_parameters(ROWS[1766]))
     moment[:, 1] *= 1.001
     loads = node_loads(theta, lengths, *pin_force(theta, lengths, moment))
     np.testing.assert_allclose(loads[:, 1], moment[:, 1] / 1.001, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("parameters", [flat(ROWS[1766]), FOUR])
+@pytest.mark.parametrize("parameters", [row_parameters(ROWS[1766]), FOUR_SEGMENTS])
 def test_each_segment_is_in_equilibrium(parameters):
     """Moments on segment i about its inner pin sum to zero: two springs and the outer pin force."""
-    theta, lengths, moment, _ = chain(parameters)
+    theta, lengths, moment, _ = equilibrium_pose(parameters)
     fx, fy = (force[:, None] for force in pin_force(theta, lengths, moment))
     outer = np.roll(moment, -1, axis=-1)
     outer[:, -1] = 0.0  # no spring in the tip
@@ -140,9 +149,9 @@ def test_each_segment_is_in_equilibrium(parameters):
     np.testing.assert_allclose(turning, 0.0, atol=1e-13)  # rounding at equilibrium
 
 
-@FREE
+@EACH_FREE_LINE
 def test_any_free_joint_gives_the_same_force(line):
-    theta, lengths, moment, _ = chain(flat(ROWS[line]))
+    theta, lengths, moment, _ = equilibrium_pose(row_parameters(ROWS[line]))
     x, y = levers(theta, lengths)
     area = np.abs(x[:, 1] * y[:, 0] - x[:, 0] * y[:, 1])
     last, middle = (np.array(pin_force(theta, lengths, moment, joint)) for joint in (3, 2))
@@ -151,21 +160,27 @@ def test_any_free_joint_gives_the_same_force(line):
 
 def test_pendulum_is_in_equilibrium():
     weight = 0.7
-    theta, lengths, moment, found = chain(flat(ROWS[1766]) | {"weight": weight})
+    theta, lengths, moment, found = equilibrium_pose(
+        row_parameters(ROWS[1766]) | {"weight": weight}
+    )
     force = pin_force(theta, lengths, moment)
     pivot = np.array(pivot_force(*force, weight=weight))
     # eps
-    np.testing.assert_allclose(pivot + force, [0 * PATH, 0 * PATH + weight], atol=1e-15, rtol=0)
-    about_tip = np.sin(PATH) * pivot[1] - np.cos(PATH) * pivot[0] + found["holding_moment"]
+    np.testing.assert_allclose(
+        pivot + force, [0 * PATH_ANGLES, 0 * PATH_ANGLES + weight], atol=1e-15, rtol=0
+    )
+    about_tip = (
+        np.sin(PATH_ANGLES) * pivot[1] - np.cos(PATH_ANGLES) * pivot[0] + found["holding_moment"]
+    )
     np.testing.assert_allclose(about_tip, 0.0, atol=1e-13)
 
 
 @pytest.mark.parametrize("line", [1745, 1768])
 def test_a_locked_joint_carries_less_than_its_preload(line):
     row = ROWS[line]
-    theta, lengths, moment, found = chain(flat(row))
+    theta, lengths, moment, found = equilibrium_pose(row_parameters(row))
     load = node_loads(theta, lengths, *pin_force(theta, lengths, moment))[:, 1]
-    locked = np.abs(found["deflection2"]) < CLOSED
+    locked = np.abs(found["deflection2"]) < LOCKED_DEFLECTION
     assert 20 < locked.sum() < 70
     share = leverage(theta[0], lengths)[1]
     np.testing.assert_allclose(load[locked], share * moment[locked, 0], rtol=1e-13)
@@ -174,12 +189,12 @@ def test_a_locked_joint_carries_less_than_its_preload(line):
     np.testing.assert_allclose(load[~locked], moment[~locked, 1], rtol=0, atol=1e-13)
 
 
-def test_stages_of_two_preloads():
-    theta, lengths, moment, found = chain(STAGED)
+def test_locked_joints_of_two_preloads_carry_less_than_their_preload():
+    theta, lengths, moment, found = equilibrium_pose(TWO_PRELOADS)
     loads = node_loads(theta, lengths, *pin_force(theta, lengths, moment))
     for joint in (2, 3):
-        locked = np.abs(found[f"deflection{joint}"]) < CLOSED
-        assert np.all(loads[locked, joint - 1] < STAGED[f"preload{joint}"])
+        locked = np.abs(found[f"deflection{joint}"]) < LOCKED_DEFLECTION
+        assert np.all(loads[locked, joint - 1] < TWO_PRELOADS[f"preload{joint}"])
         np.testing.assert_allclose(
             loads[~locked, joint - 1], moment[~locked, joint - 1], rtol=0, atol=1e-13
         )
@@ -188,9 +203,9 @@ def test_stages_of_two_preloads():
     )
 
 
-def test_appendix_c_with_the_sign_of_its_last_moment():
+def test_appendix_c_needs_the_opposite_sign_of_its_last_moment():
     """C.1 and C.2 add M_4, the program subtracts it; with M_4 = k_4 e_4 only that is right."""
-    theta, lengths, moment, _ = chain(FOUR)
+    theta, lengths, moment, _ = equilibrium_pose(FOUR_SEGMENTS)
     s, c = np.sin(theta), np.cos(theta)
     up, across = (np.sum(lengths[:3] * part[:, :3], axis=-1) for part in (s, c))
     m1, m4 = moment[:, 0], moment[:, 3]
@@ -208,7 +223,7 @@ def test_appendix_c_with_the_sign_of_its_last_moment():
     assert np.abs(printed - moment)[near, 1:3].max() > 0.05
 
 
-def test_singular_only_where_the_last_segment_points_at_the_pivot():
+def test_force_is_singular_only_if_the_last_segment_points_at_the_pivot():
     upright = pin_force([0.0, -np.pi / 3, np.pi / 3], [0.5] * 3, [1.0, 0.5, 0.2])
     assert np.isfinite(upright).all()
     level = pin_force([np.pi / 2, 0.0, np.pi / 2], [0.5] * 3, [1.0, 0.5, 0.2])
@@ -217,13 +232,13 @@ def test_singular_only_where_the_last_segment_points_at_the_pivot():
 
 
 @pytest.mark.parametrize("joint", [0, 1, 4, -1])
-def test_no_such_joint(joint):
+def test_unknown_joints_are_refused(joint):
     with pytest.raises(ValueError, match=f"joint must be one of 2 to 3, got {joint}"):
         pin_force([0.0, -1.0, 1.0], [0.5] * 3, [1.0, 0.5, 0.2], joint)
 
 
-def test_a_batch_of_balancers():
-    poses = [chain(flat(ROWS[line])) for line in (1743, 1766)]
+def test_a_batch_gives_the_forces_of_its_members():
+    poses = [equilibrium_pose(row_parameters(ROWS[line])) for line in (1743, 1766)]
     theta, lengths, moment = (np.stack(part) for part in list(zip(*poses, strict=True))[:3])
     force = pin_force(theta, lengths[:, None], moment)
     for row, (one_theta, one_length, one_moment, _) in enumerate(poses):

@@ -19,19 +19,23 @@ from tests.analytic.balancer.balancer_table import parameters, rows
 
 ANGLES = np.radians(np.arange(5, 91, 5))
 DRIVE = Drive("pendulum", lambda x: (x, 1 + 0 * x, 0 * x))
-LOST = {  # rows whose path does not reach 90 degrees, and why
+EARLY_ENDS = {  # rows whose path does not reach 90 degrees, and why
     "1825": "rest posture is an unstable equilibrium",
     "1870": "rest posture is an unstable equilibrium",
     "2188": "rest posture is an unstable equilibrium",
     "2159": "at 70.96.* fold",
 }
-REGULAR = [line for line in rows() if line not in LOST]
+REGULAR = [line for line in rows() if line not in EARLY_ENDS]
 # plain, a preload, a stop that is met, four segments
-FEW = ["1766", "1745", "1860", "1747"]
+DEFAULT_LINES = ["1766", "1745", "1860", "1747"]
 EACH = pytest.mark.parametrize(
-    "line", [pytest.param(line, marks=() if line in FEW else pytest.mark.slow) for line in REGULAR]
+    "line",
+    [
+        pytest.param(line, marks=() if line in DEFAULT_LINES else pytest.mark.slow)
+        for line in REGULAR
+    ],
 )
-FLAGS = {
+WARNING_OF_FLAG = {
     "never released": "never leaves its preload",
     "stop never touched": "never touches",
     "unstable at rest": "unstable",
@@ -41,7 +45,7 @@ FLAGS = {
 
 
 @pytest.fixture
-def model(tmp_path):
+def write_model(tmp_path):
     """Writes the MJCF of a row of the tables."""
 
     def write(line: str):
@@ -94,29 +98,29 @@ def statics(model: mujoco.MjModel, alpha: float, deflection: np.ndarray):
 
 
 @EACH
-def test_the_engine_finds_every_analytic_pose_at_rest(line, model):
+def test_every_analytic_pose_is_an_equilibrium_of_mujoco(line, write_model):
     pose = balancer.solve(ANGLES, **parameters(rows()[line]))
     n = rows()[line]["segments"]
     deflections = np.stack([pose[f"deflection{i}"] for i in range(1, n + 1)], axis=-1)
-    compiled = mujoco.MjModel.from_xml_path(str(model(line)))
+    compiled = mujoco.MjModel.from_xml_path(str(write_model(line)))
     compiled.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     constant = rows()[line]["parameters"].get("stiffness2") == 0  # no spring stores its energy
     for k, alpha in enumerate(ANGLES):
-        residual, moment, pushes, gap, energy = statics(compiled, alpha, deflections[k])
+        residual, moment, pushes, violation, energy = statics(compiled, alpha, deflections[k])
         # 1e-12: rounding of the deflections times stiffness, over the sine of a nearly straight arm
         assert residual <= 1e-12
         assert abs(moment - pose["balancing_moment"][k]) <= 1e-12
         assert (pushes >= -1e-12).all()
-        assert gap <= 1e-12  # rounding of four points
+        assert violation <= 1e-12  # rounding of four points
         # rounding of the energy of a preload, which is 100 J where a soft spring is wound 400 rad
         assert constant or abs(energy - pose["energy"][k]) <= 1e-14 * max(1.0, energy)
 
 
 @EACH
-def test_a_sweep_of_the_engine_follows_the_path(line, model):
+def test_a_sweep_of_mujoco_follows_the_path(line, write_model):
     n = rows()[line]["segments"]
     names = (*(f"deflection{i}" for i in range(1, n + 1)), "holding_moment")
-    found = with_mujoco.simulate(model(line), Run("sweep", ANGLES, names, (DRIVE,)))
+    found = with_mujoco.simulate(write_model(line), Run("sweep", ANGLES, names, (DRIVE,)))
     pose = balancer.solve(ANGLES, **parameters(rows()[line]))
     assert found.stopped == ""
     for name in names:
@@ -126,19 +130,19 @@ def test_a_sweep_of_the_engine_follows_the_path(line, model):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", REGULAR)
-def test_a_sweep_of_pymunk_follows_the_path(line, model):
+def test_a_sweep_of_pymunk_follows_the_path(line, write_model):
     n = rows()[line]["segments"]
     names = (*(f"deflection{i}" for i in range(1, n + 1)), "holding_moment")
-    found = with_pymunk.simulate(model(line), Run("sweep", ANGLES, names, (DRIVE,)))
+    found = with_pymunk.simulate(write_model(line), Run("sweep", ANGLES, names, (DRIVE,)))
     pose = balancer.solve(ANGLES, **parameters(rows()[line]))
     for name in names:
         # 1e-9: the last motion is 1e-12 of the mechanism, and a nearly straight arm magnifies it
         assert np.abs(found.channels[name] - pose[name]).max() <= 1e-9
 
 
-@pytest.mark.parametrize("line", LOST)
-def test_what_cannot_be_followed_is_said(line):
-    with pytest.raises(ValueError, match=LOST[line]):
+@pytest.mark.parametrize("line", EARLY_ENDS)
+def test_a_path_that_ends_early_is_reported(line):
+    with pytest.raises(ValueError, match=EARLY_ENDS[line]):
         balancer.solve(ANGLES, **parameters(rows()[line]))
     assert any(
         "unstable" in flag or "fold" in flag for flag in warnings(**parameters(rows()[line]))
@@ -146,62 +150,67 @@ def test_what_cannot_be_followed_is_said(line):
 
 
 @pytest.mark.parametrize("line", ["1825", "1870", "2188"])
-def test_the_engine_as_well_finds_the_rest_posture_unstable(line, model):
+def test_mujoco_also_finds_the_rest_posture_unstable(line, write_model):
     with pytest.raises(BadModel, match="unstable equilibrium"):
         with_mujoco.simulate(
-            model(line), Run("sweep", ANGLES - ANGLES[0], ("deflection1",), (DRIVE,))
+            write_model(line), Run("sweep", ANGLES - ANGLES[0], ("deflection1",), (DRIVE,))
         )
 
 
-def test_the_engine_as_well_stops_at_the_fold(model):
+def test_mujoco_also_stops_at_the_fold(write_model):
     fine = np.radians(np.arange(0.0, 90.0, 0.5))
-    found = with_mujoco.simulate(model("2159"), Run("sweep", fine, ("deflection1",), (DRIVE,)))
+    found = with_mujoco.simulate(
+        write_model("2159"), Run("sweep", fine, ("deflection1",), (DRIVE,))
+    )
     assert "pendulum = 1.2385" in found.stopped  # 70.961 degrees, to the digits it says
     assert found.x[-1] == np.radians(70.5)
 
 
 @pytest.mark.parametrize("line", [line for line, row in rows().items() if "warnings" in row])
-def test_no_flag_passes_silently(line):
+def test_known_flags_of_a_row_are_among_its_warnings(line):
     found = "; ".join(warnings(**parameters(rows()[line])))
     for flag in rows()[line]["warnings"]:
-        if flag in FLAGS and not (line in LOST and "unstable" in found):
-            assert FLAGS[flag] in found
+        if flag in WARNING_OF_FLAG and not (line in EARLY_ENDS and "unstable" in found):
+            assert WARNING_OF_FLAG[flag] in found
 
 
-STOPPED = [line for line in REGULAR if "high2" in parameters(rows()[line])]
+LINES_WITH_STOPS = [line for line in REGULAR if "high2" in parameters(rows()[line])]
 
 
-@pytest.mark.parametrize("line", STOPPED[::3])
-def test_a_stop_is_said_never_to_be_touched_where_the_path_stays_clear_of_it(line):
+@pytest.mark.parametrize("line", LINES_WITH_STOPS[::3])
+def test_a_warning_names_a_stop_that_the_path_never_touches(line):
     chain = parameters(rows()[line])
     pose = balancer.solve(np.radians(np.linspace(0.0, 90.0, 181)), **chain)
     clear = pose["deflection2"].max() < chain["high2"] - 1e-9
     assert ("joint 2 never touches its stop" in "; ".join(warnings(**chain))) == clear
 
 
-PAST = re.compile(r"spring (\d) is past its largest moment from ([\d.]+) deg on")
-WOUND = re.compile(r"spring (\d) is wound by ([\d.]+) rad, more than a quarter turn")
+PAST_PEAK_PATTERN = re.compile(r"spring (\d) is past its largest moment from ([\d.]+) deg on")
+WOUND_PATTERN = re.compile(r"spring (\d) is wound by ([\d.]+) rad, more than a quarter turn")
 
 
 @pytest.mark.parametrize("line", ["2165", "1926", "1800", "1754", "2180"])
-def test_springs_past_their_range_or_their_largest_moment_are_told_and_no_others(line):
+def test_warnings_name_the_springs_past_their_range_or_largest_moment(line):
     """Spring 1 has no stops, so its winding is not limited: in 2165 it exceeds a quarter turn.
 
     Past its largest moment a spring resists less when it is wound further.
     """
     chain, fine = parameters(rows()[line]), np.radians(np.linspace(0.0, 90.0, 721))
-    pose, told = balancer.solve(fine, **chain), "; ".join(warnings(**chain))
-    wound, past = ({int(k): float(x) for k, x in one.findall(told)} for one in (WOUND, PAST))
-    far, less = {}, {}
+    pose, text = balancer.solve(fine, **chain), "; ".join(warnings(**chain))
+    wound, past = (
+        {int(k): float(x) for k, x in one.findall(text)}
+        for one in (WOUND_PATTERN, PAST_PEAK_PATTERN)
+    )
+    expected_wound, expected_past = {}, {}
     for k in range(1, 5 if "length4" in chain else 4):
-        way, moment = np.abs(pose[f"deflection{k}"]), np.abs(pose[f"moment{k}"])
-        if way.max() > np.pi / 2:
-            far[k] = way.max()
-        further = np.diff(way) > 1e-9  # not by rounding on a stop
+        winding, moment = np.abs(pose[f"deflection{k}"]), np.abs(pose[f"moment{k}"])
+        if winding.max() > np.pi / 2:
+            expected_wound[k] = winding.max()
+        further = np.diff(winding) > 1e-9  # not by rounding on a stop
         if (falls := (np.diff(moment) < 0.0) & further).any():
-            less[k] = np.degrees(fine[np.argmax(falls)])
-    assert far or less
-    far.pop(1, None)
-    assert wound == pytest.approx(far, abs=5.1e-3)  # printed with two decimals
+            expected_past[k] = np.degrees(fine[np.argmax(falls)])
+    assert expected_wound or expected_past
+    expected_wound.pop(1, None)
+    assert wound == pytest.approx(expected_wound, abs=5.1e-3)  # printed with two decimals
     # steps of 1/8 and 1/4 degree, one decimal
-    assert past == pytest.approx(less, abs=0.45)
+    assert past == pytest.approx(expected_past, abs=0.45)

@@ -9,11 +9,11 @@ import pytest
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
 from tests.analytic.balancer.balancer_chain import (
-    PATH,
+    PATH_ANGLES,
     ROWS,
     deflections,
     equilibrium,
-    flat,
+    row_parameters,
     spring_moments,
 )
 from tests.independent.balancer import prototype
@@ -21,47 +21,54 @@ from tests.independent.balancer.laws import scaled
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "balancer_prototype.json").read_text())
 TABLE = DATA["table_I"]["prototype"]
-MGR = prototype.WEIGHT * prototype.PENDULUM
-SINE = MGR * np.sin(PATH)
+WEIGHT_MOMENT = prototype.WEIGHT * prototype.PENDULUM
+SINE_MOMENT = WEIGHT_MOMENT * np.sin(PATH_ANGLES)
 
 
-def model(springs, angle=PATH):
+def model_moment(springs, angle=PATH_ANGLES):
     return solve(angle, **prototype.parameters(springs))["balancing_moment"]
 
 
-def test_moments_of_the_model_by_another_solver():
+def test_moments_of_the_model_agree_with_another_solver():
     """The other solver uses circles, a secant and units of m g r; rounding of twenty operations."""
     row = {
         "length": np.array(prototype.LENGTHS) / prototype.PENDULUM,
-        "stiffness": np.array(prototype.stiffnesses()) / MGR,
+        "stiffness": np.array(prototype.stiffnesses()) / WEIGHT_MOMENT,
         "rest_angle": prototype.REST_ANGLE,
     }
-    found = MGR * spring_moments(row, deflections(row, equilibrium(row), PATH))[0]
-    np.testing.assert_allclose(model("measured"), found, rtol=0, atol=1e-15)
+    found = WEIGHT_MOMENT * spring_moments(row, deflections(row, equilibrium(row), PATH_ANGLES))[0]
+    np.testing.assert_allclose(model_moment("measured"), found, rtol=0, atol=1e-15)
 
 
-def test_moments_recomputed_elsewhere():
+def test_moments_agree_with_an_independent_recomputation():
     known = DATA["recomputed"]
     # half a unit of the last of the digits given, here and below
     np.testing.assert_allclose(
-        model("measured", np.radians(known["angle_deg"])), known["moment"], rtol=0, atol=5.1e-7
+        model_moment("measured", np.radians(known["angle_deg"])),
+        known["moment"],
+        rtol=0,
+        atol=5.1e-7,
     )
-    assert rmse(model("measured"), SINE, scale=MGR) == pytest.approx(known["rmse"], abs=5.1e-9)
+    assert rmse(model_moment("measured"), SINE_MOMENT, scale=WEIGHT_MOMENT) == pytest.approx(
+        known["rmse"], abs=5.1e-9
+    )
 
 
 def test_every_mounted_spring_is_the_one_that_table_j2_measured():
-    for part, problem, measured in (spring for axis in prototype.MOUNTED for spring in axis):
+    for part, problem, measured in (
+        spring for axis in prototype.MOUNTED_SPRINGS for spring in axis
+    ):
         mean, deviation = DATA["table_J2"][part][problem]
         assert measured == pytest.approx(mean, abs=5.1e-4)  # three decimals in the table
         # the deviation has two decimals of a per cent
-        assert 100.0 * (measured / prototype.CATALOGUE[part] - 1.0) == pytest.approx(
+        assert 100.0 * (measured / prototype.CATALOGUE_STIFFNESS[part] - 1.0) == pytest.approx(
             deviation, abs=0.006
         )
 
 
-def test_catalogue_to_the_digits_printed():
+def test_catalogue_agrees_with_the_printed_digits():
     for part, printed in DATA["table_J1"]["stiffness"].items():
-        assert prototype.CATALOGUE[part] == pytest.approx(printed, abs=5e-4)
+        assert prototype.CATALOGUE_STIFFNESS[part] == pytest.approx(printed, abs=5e-4)
     k1, k2, k3 = prototype.stiffnesses("catalogue")
     # two decimals; from the rounded catalogue they would be 1.48 and 4.76
     np.testing.assert_allclose(
@@ -69,7 +76,7 @@ def test_catalogue_to_the_digits_printed():
     )
 
 
-def test_measured_springs_miss_the_ratio_of_the_design():
+def test_measured_springs_do_not_have_the_ratios_of_the_design():
     k1, k2, k3 = prototype.stiffnesses("measured")
     np.testing.assert_allclose(
         [k1 / k2, k3 / k2] / np.array(prototype.DESIGN_RATIOS), [1.153, 1.013], rtol=0, atol=6e-4
@@ -83,10 +90,10 @@ def test_table_i_prints_half_of_what_is_mounted():
     half = prototype.parameters() | {f"stiffness{i}": k for i, k in enumerate(printed, 1)}
     top = solve(np.pi / 2, **half)["balancing_moment"]
     # balances half of m g r
-    assert abs(top / MGR - 0.5) < 0.02 < abs(top / MGR - 1.0)
+    assert abs(top / WEIGHT_MOMENT - 0.5) < 0.02 < abs(top / WEIGHT_MOMENT - 1.0)
 
 
-def test_rounded_lengths_of_table_i():
+def test_lengths_round_to_those_of_table_i():
     np.testing.assert_allclose(prototype.LENGTHS, TABLE["length"], rtol=0, atol=5.1e-3)
     rest_angle = prototype.parameters()["rest_angle"]
     assert rest_angle == pytest.approx(TABLE["rest_angle"], abs=5.1e-3)
@@ -94,7 +101,7 @@ def test_rounded_lengths_of_table_i():
 
 def test_design_is_the_optimum_of_line_1766_scaled():
     assert ROWS[1766]["stiffness"] == tuple(DATA["optimum_1766"]["stiffness"])
-    optimum = scaled(flat(ROWS[1766]), length=prototype.PENDULUM, moment=MGR)
+    optimum = scaled(row_parameters(ROWS[1766]), length=prototype.PENDULUM, moment=WEIGHT_MOMENT)
     design = prototype.parameters("design")
     assert optimum.keys() == design.keys()
     for name, value in design.items():
@@ -105,12 +112,14 @@ def test_design_is_the_optimum_of_line_1766_scaled():
 def test_printed_polynomial_has_a_first_coefficient_ten_times_too_large():
     printed = np.array(DATA["polynomial"]["printed"])
     assert np.polyval(printed, 90.0) == pytest.approx(2.41, abs=5e-3)  # 41 times m g r
-    np.testing.assert_allclose(prototype.EXPECTED / printed, [0.1, 1, 1, 1, 1, 1], rtol=1e-15)
+    np.testing.assert_allclose(
+        prototype.EXPECTED_COEFFICIENTS / printed, [0.1, 1, 1, 1, 1, 1], rtol=1e-15
+    )
     # each point of the thesis's model has noise of its grid: k_1 times 1.2e-3 rad, 9e-5 N m
-    assert rmse(prototype.expected_moment(PATH), model("measured")) < 1e-4
-    own = np.polyfit(np.degrees(PATH), model("measured"), 5)
+    assert rmse(prototype.expected_moment(PATH_ANGLES), model_moment("measured")) < 1e-4
+    own = np.polyfit(np.degrees(PATH_ANGLES), model_moment("measured"), 5)
     # a refit of the exact curve
-    np.testing.assert_allclose(prototype.EXPECTED, own, rtol=0.03)
+    np.testing.assert_allclose(prototype.EXPECTED_COEFFICIENTS, own, rtol=0.03)
 
 
 def test_work_reductions_name_their_reference():
@@ -128,7 +137,7 @@ def test_work_reductions_name_their_reference():
 def test_listing_n2_prints_the_work_reduction_with_the_opposite_sign():
     """Line 2331 has (W_bal - W_ref) / W_ref, eq. 34 (W_ref - W_bal) / W_ref: -93.47 for 93.47."""
     angle = precision_points(90)
-    wanted = MGR * np.sin(angle)
+    wanted = WEIGHT_MOMENT * np.sin(angle)
     measured = (2.0 - 0.9347) * wanted, 0.9347 * wanted  # loading and unloading of a loop
     work = sum(np.trapezoid(np.abs(moment - wanted), angle) for moment in measured)
     reference = 2.0 * np.trapezoid(wanted, angle)
@@ -138,9 +147,9 @@ def test_listing_n2_prints_the_work_reduction_with_the_opposite_sign():
         assert work_reduction(moment, wanted, angle) == pytest.approx(-listing, rel=1e-12)
 
 
-def test_bounds_of_the_measurement_against_the_sine():
+def test_bounds_of_the_measured_reduction_against_the_sine():
     angle = precision_points(90)
-    expected, sine = prototype.expected_moment(angle), MGR * np.sin(angle)
+    expected, sine = prototype.expected_moment(angle), WEIGHT_MOMENT * np.sin(angle)
     lost = (1.0 - 0.9347) * np.trapezoid(expected, angle) / np.trapezoid(sine, angle)
     apart = 1.0 - work_reduction(expected, sine, angle) / 100.0
     # the digits in the docstring of `reductions`
@@ -149,6 +158,6 @@ def test_bounds_of_the_measurement_against_the_sine():
     )
 
 
-def test_unknown_springs():
+def test_unknown_springs_are_refused():
     with pytest.raises(ValueError, match="springs must be design, catalogue or measured, got 'n"):
         prototype.parameters("new")

@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.balancer.spring_release import events, properties, solve
 from tests.independent.balancer.laws import release_angle
-from tests.verdicts import verdicts
+from tests.verdicts import all_comparisons
 
 CASES = [
     (connection, *np.random.default_rng(seed).uniform(0.5, 3.0, 3))
@@ -27,10 +27,10 @@ def energy(gap: float, x: float, k1: float, k2: float, preload: float, connectio
 
 @pytest.mark.parametrize(("connection", "k1", "k2", "preload"), CASES)
 def test_the_gap_has_the_least_energy_and_the_force_is_its_slope(connection, k1, k2, preload):
-    given = {"stiffness1": k1, "stiffness2": k2, "preload": preload, "connection": connection}
-    (release,) = events(**given).values()
+    parameters = {"stiffness1": k1, "stiffness2": k2, "preload": preload, "connection": connection}
+    (release,) = events(**parameters).values()
     x = release * np.array([-0.5, 0.0, 0.4, 0.9, 1.1, 1.7, 3.0])
-    found = solve(x, 2.0, **given)
+    found = solve(x, 2.0, **parameters)
     numbers = (k1, k2, preload, connection)
     for k, at in enumerate(x):
         least = minimize_scalar(
@@ -46,7 +46,7 @@ def test_the_gap_has_the_least_energy_and_the_force_is_its_slope(connection, k1,
         )
         assert found["energy"][k] <= least.fun + 1e-13
     h = 1e-6 * release
-    ahead, behind = solve(x + h, **given), solve(x - h, **given)
+    ahead, behind = solve(x + h, **parameters), solve(x - h, **parameters)
     np.testing.assert_allclose(
         found["force"], (ahead["energy"] - behind["energy"]) / (2 * h), rtol=1e-7, atol=1e-8
     )
@@ -59,9 +59,9 @@ def test_the_gap_has_the_least_energy_and_the_force_is_its_slope(connection, k1,
 @pytest.mark.parametrize(("connection", "k1", "k2", "preload"), CASES)
 def test_stiffnesses_are_those_of_equations_1_and_2(connection, k1, k2, preload):
     """In parallel stiffnesses add up, in series reciprocals; they are less beyond the release."""
-    given = {"stiffness1": k1, "stiffness2": k2, "preload": preload, "connection": connection}
-    (release,) = events(**given).values()
-    slope = solve([0.0, 2.0 * release], **given)["slope"]
+    parameters = {"stiffness1": k1, "stiffness2": k2, "preload": preload, "connection": connection}
+    (release,) = events(**parameters).values()
+    slope = solve([0.0, 2.0 * release], **parameters)["slope"]
     wanted = [k2, 1.0 / (1.0 / k1 + 1.0 / k2)] if connection == "series" else [k1 + k2, k2]
     np.testing.assert_allclose(slope, wanted, rtol=1e-14)
     assert slope[1] < slope[0]
@@ -70,7 +70,8 @@ def test_stiffnesses_are_those_of_equations_1_and_2(connection, k1, k2, preload)
         release_angle(preload, 1.0, k2 if connection == "series" else k1)
     )
     assert (
-        properties(**given)["stiffness"] == f"{slope[0]:.6g} N/m before, {slope[1]:.6g} N/m after"
+        properties(**parameters)["stiffness"]
+        == f"{slope[0]:.6g} N/m before, {slope[1]:.6g} N/m after"
     )
 
 
@@ -89,12 +90,12 @@ def test_without_a_preload_the_contact_is_released_at_once():
     ],
 )
 def test_bad_parameters_are_named(change, words):
-    given = {"stiffness1": 1.0, "stiffness2": 1.0, "preload": 1.0, "connection": "series"}
+    parameters = {"stiffness1": 1.0, "stiffness2": 1.0, "preload": 1.0, "connection": "series"}
     with pytest.raises(ValueError, match=words):
-        solve(0.0, **given | change)
+        solve(0.0, **parameters | change)
 
 
-def few(file: Path) -> Path:
+def with_fewer_samples(file: Path) -> Path:
     """Sidecar `file` with 7 instead of 61 samples."""
     text, hits = re.subn("n = 61", "n = 7", file.read_text())
     assert hits
@@ -113,13 +114,13 @@ def few(file: Path) -> Path:
         ("parallel", 'springref="-0.081"', 'springref="-0.0811"'),
     ],
 )
-def test_a_wrong_spring_or_contact_is_found(name, old, new, models):
+def test_a_wrong_spring_or_contact_differs(name, old, new, models):
     """Each preload, a stiffness, or a missing contact differs in both engines."""
-    file = few(models / f"springs_{name}.toml")
-    assert {c.outcome.value for c in verdicts(file)} == {"agrees", "unsupported"}
+    file = with_fewer_samples(models / f"springs_{name}.toml")
+    assert {c.outcome.value for c in all_comparisons(file)} == {"agrees", "unsupported"}
     model = file.with_suffix(".xml")
     assert old in model.read_text()
     model.write_text(model.read_text().replace(old, new))
-    found = verdicts(file)
+    found = all_comparisons(file)
     for solver in ("mujoco", "pymunk"):
         assert "differs" in {c.outcome.value for c in found if c.solver == solver}

@@ -10,7 +10,7 @@ Phase = tuple[Callable, Callable, Callable]
 """Functions of a state: its rates, a value that is zero at the end of the phase, the next phase."""
 
 
-def follow(phase: Phase, state: Sequence[float], times: np.ndarray) -> np.ndarray:
+def solve_phases(phase: Phase, state: Sequence[float], times: np.ndarray) -> np.ndarray:
     """States (n, size) at rising times, by DOP853 from event to event (rtol 1e-13, atol 1e-14).
 
     A phase is ``(rates, ends, after)``.  ``rates(state)`` returns the rates of the state.

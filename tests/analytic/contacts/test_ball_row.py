@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.contacts import ball_row
-from tests.analytic.contacts.events import follow
+from tests.analytic.contacts.events import solve_phases
 
 ROW = {"balls": 5, "radius": 0.02, "gap": 0.01, "speed": 1.0}
 
 
-def states(closed, balls):
+def stack_states(closed, balls):
     names = range(1, balls + 1)
     return np.stack([closed[f"{part}{k}"] for part in "xv" for k in names], axis=-1)
 
 
-def followed(times, *, balls, radius, gap, speed, restitution=1.0):
+def solve_by_events(times, *, balls, radius, gap, speed, restitution=1.0):
     """States of the motion by a solver that stops where two balls meet.
 
     The velocities after an impact are computed in the frame of the pair's centre of mass.
@@ -22,10 +22,10 @@ def followed(times, *, balls, radius, gap, speed, restitution=1.0):
 
     def moving(touched=None):
         def rooms(y):
-            apart = np.diff(y[:balls]) - 2 * radius
+            distances = np.diff(y[:balls]) - 2 * radius
             closing = -np.diff(y[balls:])
             # a pair that has just collided, or separates, has no event ahead: its distance is 1
-            return np.where(closing > 1e-12, apart, 1.0)
+            return np.where(closing > 1e-12, distances, 1.0)
 
         def after(y):
             k = int(np.argmin(rooms(y)))
@@ -43,26 +43,30 @@ def followed(times, *, balls, radius, gap, speed, restitution=1.0):
         )
 
     start = [*((2 * radius + gap) * np.arange(balls)), speed, *([0.0] * (balls - 1))]
-    return follow(moving(), start, times)
+    return solve_phases(moving(), start, times)
 
 
 @pytest.mark.parametrize(
     "change", [{}, {"restitution": 0.9}, {"restitution": 0.5, "balls": 3}, {"balls": 2}]
 )
-def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(change):
+def test_an_event_solver_agrees_and_wrong_parameters_differ(change):
     case, times = ROW | change, np.linspace(0.0, 0.2013, 41)  # no sample is at an impact
-    truth = followed(times, **case)
-    found = states(ball_row.solve(times, **case), case["balls"])
-    assert np.abs(found - truth).max() < 1e-11  # error of the event solver
+    reference = solve_by_events(times, **case)
+    found = stack_states(ball_row.solve(times, **case), case["balls"])
+    assert np.abs(found - reference).max() < 1e-11  # error of the event solver
     for wrong in ("gap", "radius"):
-        other = states(ball_row.solve(times, **{**case, wrong: case[wrong] * 1.01}), case["balls"])
-        assert np.abs(other - truth).max() > 1e-5
+        other = stack_states(
+            ball_row.solve(times, **{**case, wrong: case[wrong] * 1.01}), case["balls"]
+        )
+        assert np.abs(other - reference).max() > 1e-5
     other = {**case, "restitution": case.get("restitution", 1.0) - 1e-3}
-    assert np.abs(states(ball_row.solve(times, **other), case["balls"]) - truth).max() > 1e-5
+    assert (
+        np.abs(stack_states(ball_row.solve(times, **other), case["balls"]) - reference).max() > 1e-5
+    )
 
 
 @pytest.mark.parametrize("restitution", [1.0, 0.9, 0.6])
-def test_momentum_energy_and_order(restitution):
+def test_momentum_and_order_are_kept_and_energy_never_grows(restitution):
     times = np.linspace(0.0, 1.0, 1001)
     at = ball_row.solve(times, **ROW, restitution=restitution)
     x, v = (np.stack([at[f"{part}{k}"] for k in range(1, 6)], axis=-1) for part in "xv")
@@ -100,7 +104,7 @@ def test_touching_balls_are_the_limit_of_small_gaps():
     assert (touching["v5"], touching["v1"]) == (1.0, 0.0)
 
 
-def test_at_an_impact_balls_have_the_speeds_after_it_whatever_samples_follow():
+def test_a_sample_at_an_impact_has_the_speeds_after_it():
     """The sample at an impact has the velocities after it, with and without later samples.
 
     A distance of 1/4 m is covered at 1 m/s in 1/4 s, without rounding errors.
@@ -123,7 +127,7 @@ def test_at_an_impact_balls_have_the_speeds_after_it_whatever_samples_follow():
         {"gap": 0.0, "restitution": 0.5},
     ],
 )
-def test_bad_parameters(wrong):
+def test_invalid_parameters_of_the_creep_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         ball_row.solve(1.0, **{**ROW, **wrong})
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.contacts import bouncing_ball
-from tests.analytic.contacts.events import follow
+from tests.analytic.contacts.events import solve_phases
 
 CASES = {
     "dropped": {"height": 1.0, "restitution": 0.8},
@@ -17,7 +17,7 @@ CASES = {
 GRAVITY = 9.81
 
 
-def followed(times, *, height, restitution, speed=0.0):
+def solve_by_events(times, *, height, restitution, speed=0.0):
     """Heights and velocities by a solver that stops at each impact."""
 
     def flying():
@@ -33,26 +33,28 @@ def followed(times, *, height, restitution, speed=0.0):
     def resting():
         return lambda y: np.zeros(2), lambda y: 1.0, None
 
-    return follow(flying(), [height, speed], times)
+    return solve_phases(flying(), [height, speed], times)
 
 
-def apart(times, closed, **case):
+def largest_difference(times, closed, **case):
     """Largest difference [m, m/s] between a closed form and the event solver."""
     found = np.stack([closed["height"], closed["velocity"]], axis=-1)
-    return np.abs(found - followed(times, **case)).max()
+    return np.abs(found - solve_by_events(times, **case)).max()
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(name):
+def test_an_event_solver_agrees_and_a_wrong_restitution_differs(name):
     case, times = CASES[name], np.linspace(0.0, 1.71, 98)
-    assert apart(times, bouncing_ball.solve(times, **case), **case) < 1e-11  # error of the solver
+    assert (
+        largest_difference(times, bouncing_ball.solve(times, **case), **case) < 1e-11
+    )  # error of the solver
     change = {"elastic": -1e-4, "plastic": 1e-2}.get(name, 1e-4)
     wrong = bouncing_ball.solve(times, **{**case, "restitution": case["restitution"] + change})
-    assert apart(times, wrong, **case) > 1e-5
+    assert largest_difference(times, wrong, **case) > 1e-5
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_impact_leaves_the_square_of_the_restitution(name):
+def test_each_impact_multiplies_energy_by_the_restitution_squared(name):
     """After each impact the energy is that before it times the square of the restitution."""
     case, times = CASES[name], np.linspace(0.0, 1.7, 3401)
     at = bouncing_ball.solve(times, **case)
@@ -77,12 +79,12 @@ def test_bounces_accumulate_and_the_ball_rests():
     late = bouncing_ball.solve([end, 2 * end], **case)
     for name in ("height", "velocity", "acceleration"):
         assert not late[name].any()
-    still = bouncing_ball.solve([0.0, 1.0], height=0.0, restitution=1.0)
+    resting = bouncing_ball.solve([0.0, 1.0], height=0.0, restitution=1.0)
     for name in ("height", "velocity"):
-        assert not still[name].any()
+        assert not resting[name].any()
 
 
-def test_at_an_impact_the_ball_is_behind_it():
+def test_a_sample_at_an_impact_counts_it_and_has_the_velocity_after_it():
     """The sample at an impact counts this impact and has the velocity after it.
 
     The impacts are at 1, 2, 2.5, 2.75 and 2.875 s: sums of powers of two, without rounding errors.
@@ -94,7 +96,7 @@ def test_at_an_impact_the_ball_is_behind_it():
     assert not at["height"].any()
 
 
-def test_impacts_lie_where_their_series_says():
+def test_impacts_are_at_the_sums_of_a_geometric_series():
     """The times of the impacts are the sums of a geometric series, to 1e-13 s."""
     times = np.sqrt(2.0 / GRAVITY) * np.cumsum([1.0, *(2.0 * 0.8 ** np.arange(1, 40))])
     for shift, count in ((-1e-13, np.arange(40)), (1e-13, np.arange(1, 41))):
@@ -105,6 +107,6 @@ def test_impacts_lie_where_their_series_says():
 @pytest.mark.parametrize(
     "wrong", [{"height": -1.0}, {"restitution": 1.1}, {"gravity": 0.0}, {"speed": np.nan}]
 )
-def test_bad_parameters(wrong):
+def test_invalid_parameters_of_the_creep_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         bouncing_ball.solve(0.0, **{**CASES["dropped"], **wrong})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.contacts import rocking_block
-from tests.analytic.contacts.events import follow
+from tests.analytic.contacts.events import solve_phases
 
 CASES = {
     "slender": {"width": 0.1, "height": 0.4, "tilt": 0.15},
@@ -25,7 +25,7 @@ def rate_after(rate, width, height, side):
     return moment / ((x - new) ** 2 + y**2).mean()
 
 
-def followed(times, *, width, height, tilt):
+def solve_by_events(times, *, width, height, tilt):
     """Angles and rates by a solver that stops at each impact."""
 
     def turning(side):
@@ -42,33 +42,33 @@ def followed(times, *, width, height, tilt):
         # 1 while the block moves away from its base, since one long step may cover a half cycle
         return rates, lambda y: side * y[0] if side * y[1] < 0 else 1.0, after
 
-    return follow(turning(np.sign(tilt)), [tilt, 0.0], times)
+    return solve_phases(turning(np.sign(tilt)), [tilt, 0.0], times)
 
 
-def apart(times, closed, **case):
+def largest_difference(times, closed, **case):
     """Largest difference [rad, rad/s] between a closed form and the event solver."""
     found = np.stack([closed["angle"], closed["rate"]], axis=-1)
-    return np.abs(found - followed(times, **case)).max()
+    return np.abs(found - solve_by_events(times, **case)).max()
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_solver_that_stops_at_impacts_agrees_and_finds_wrong_numbers(name, monkeypatch):
+def test_an_event_solver_agrees_and_wrong_parameters_differ(name, monkeypatch):
     case = CASES[name]
     times = np.linspace(0.0, 2.2 * rocking_block.time_to_impact(**case), 91)  # two impacts
     # the second moments of the grid differ from those of the block by a share of 1 / 401^2
-    assert apart(times, rocking_block.solve(times, **case), **case) < 3e-5
+    assert largest_difference(times, rocking_block.solve(times, **case), **case) < 3e-5
     before = times[times < rocking_block.time_to_impact(**case)]
-    assert apart(before, rocking_block.solve(before, **case), **case) < 1e-11
+    assert largest_difference(before, rocking_block.solve(before, **case), **case) < 1e-11
     for wrong in ("width", "tilt"):
         other = rocking_block.solve(times, **{**case, wrong: case[wrong] * 1.001})
-        assert apart(times, other, **case) > 1e-4, wrong
+        assert largest_difference(times, other, **case) > 1e-4, wrong
     own = rocking_block.rate_ratio(width=case["width"], height=case["height"])
     monkeypatch.setattr(rocking_block, "rate_ratio", lambda **_: own - 1e-3)
-    assert apart(times, rocking_block.solve(times, **case), **case) > 1e-4
+    assert largest_difference(times, rocking_block.solve(times, **case), **case) > 1e-4
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_energy_between_impacts_and_the_share_that_they_leave(name):
+def test_energy_is_constant_between_impacts_and_falls_by_the_known_share(name):
     case, times = CASES[name], np.linspace(0.0, 1.5, 1501)
     at = rocking_block.solve(times, **case)
     inertia = (case["width"] ** 2 + case["height"] ** 2) / 3.0
@@ -98,7 +98,7 @@ def test_small_amplitudes_fall_like_a_bouncing_ball():
     assert found == pytest.approx(np.sqrt(2 * small / (squared * np.sin(alpha))), rel=1e-6)
 
 
-def test_it_rests_in_the_end():
+def test_a_block_comes_to_rest():
     late = rocking_block.solve([50.0, 60.0], width=0.1, height=0.4, tilt=0.1)
     for name in ("angle", "rate", "centre_x"):
         assert not late[name].any()
@@ -109,6 +109,6 @@ def test_it_rests_in_the_end():
 @pytest.mark.parametrize(
     "wrong", [{"width": 0.6}, {"tilt": 0.3}, {"tilt": 0.0}, {"height": -1.0}, {"gravity": 0.0}]
 )
-def test_bad_parameters(wrong):
+def test_invalid_parameters_of_the_creep_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         rocking_block.solve(0.0, **{"width": 0.1, "height": 0.4, "tilt": 0.1, **wrong})

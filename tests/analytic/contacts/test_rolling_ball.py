@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.contacts import rolling_ball
-from tests.analytic.contacts.events import follow
+from tests.analytic.contacts.events import solve_phases
 
 CASES = {
     "no spin": {"speed": 2.0},
@@ -15,10 +15,10 @@ CASES = {
     "a hoop": {"speed": 2.0, "inertia_ratio": 1.0},
 }
 BALL = {"radius": 0.1, "friction": 0.3}
-NAMES = ("position", "velocity", "angle", "spin")
+QUANTITIES = ("position", "velocity", "angle", "spin")
 
 
-def followed(times, *, radius, friction, speed, spin=0.0, inertia_ratio=0.4):
+def solve_by_events(times, *, radius, friction, speed, spin=0.0, inertia_ratio=0.4):
     """Positions, velocities, angles and spins by the balances of Newton and Euler, for 1 kg."""
 
     def moving(sense):
@@ -32,28 +32,30 @@ def followed(times, *, radius, friction, speed, spin=0.0, inertia_ratio=0.4):
 
     slip = speed - radius * spin
     start = np.sign(slip) if abs(slip) > 1e-12 else 0
-    return follow(moving(start), [0.0, speed, 0.0, spin], times)
+    return solve_phases(moving(start), [0.0, speed, 0.0, spin], times)
 
 
-def apart(times, closed, **case):
+def largest_difference(times, closed, **case):
     """Largest difference [m, m/s] from the event solver, with angles and spins times the radius."""
-    found = np.stack([closed[name] for name in NAMES], axis=-1)
-    return np.abs((found - followed(times, **case)) * [1, 1, 0.1, 0.1]).max()
+    found = np.stack([closed[name] for name in QUANTITIES], axis=-1)
+    return np.abs((found - solve_by_events(times, **case)) * [1, 1, 0.1, 0.1]).max()
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_solver_of_phases_agrees_and_finds_wrong_numbers(name):
+def test_an_event_solver_agrees_and_wrong_parameters_differ(name):
     case, times = BALL | CASES[name], np.linspace(0.0, 2.0, 101)
-    assert apart(times, rolling_ball.solve(times, **case), **case) < 2e-12  # error of the solver
+    assert (
+        largest_difference(times, rolling_ball.solve(times, **case), **case) < 2e-12
+    )  # error of the solver
     for wrong in ("friction", "speed", "inertia_ratio"):
         if name == "rolls" and wrong != "speed":
             continue  # friction and inertia have no effect without slip
         other = {**case, wrong: case.get(wrong, 0.4) + 1e-4}
-        assert apart(times, rolling_ball.solve(times, **other), **case) > 1e-6, wrong
+        assert largest_difference(times, rolling_ball.solve(times, **other), **case) > 1e-6, wrong
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_moment_about_the_floor_is_kept_and_friction_only_brakes(name):
+def test_angular_momentum_about_the_floor_is_kept_and_energy_never_grows(name):
     case, times = BALL | CASES[name], np.linspace(0.0, 2.0, 201)
     at = rolling_ball.solve(times, **case)
     k, r = case.get("inertia_ratio", 0.4), 0.1
@@ -66,7 +68,7 @@ def test_moment_about_the_floor_is_kept_and_friction_only_brakes(name):
     assert (at["slip"] * at["slip"][0] >= 0).all()
 
 
-def test_five_sevenths_and_limits():
+def test_a_sphere_rolls_at_five_sevenths_of_its_speed_and_limits_hold():
     """A solid sphere rolls at 5/7 of its sliding speed, or stops if its backspin was v/(k r).
 
     Without friction neither speed nor spin changes.
@@ -83,6 +85,6 @@ def test_five_sevenths_and_limits():
 @pytest.mark.parametrize(
     "wrong", [{"radius": 0.0}, {"friction": -1.0}, {"inertia_ratio": 0.0}, {"spin": np.inf}]
 )
-def test_bad_parameters(wrong):
+def test_invalid_parameters_of_the_creep_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         rolling_ball.solve(0.0, **{**BALL, "speed": 1.0, **wrong})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.contacts import sliding_block
-from tests.analytic.contacts.events import follow
+from tests.analytic.contacts.events import solve_phases
 
 CASES = {
     "level": {"friction": 0.5, "speed": 2.0},
@@ -18,7 +18,7 @@ CASES = {
 GRAVITY = 9.81
 
 
-def followed(times, *, friction, angle=0.0, speed=0.0):
+def solve_by_events(times, *, friction, angle=0.0, speed=0.0):
     """Positions and velocities by the balance of forces of each phase."""
 
     def sliding(sense):
@@ -38,25 +38,27 @@ def followed(times, *, friction, angle=0.0, speed=0.0):
 
     sense = np.sign(speed) or -1.0
     first = resting() if not speed and friction >= np.tan(angle) else sliding(sense)
-    return follow(first, [0.0, speed], times)
+    return solve_phases(first, [0.0, speed], times)
 
 
-def apart(times, closed, **case):
+def largest_difference(times, closed, **case):
     """Largest difference [m, m/s] between a closed form and the event solver."""
     found = np.stack([closed["position"], closed["velocity"]], axis=-1)
-    return np.abs(found - followed(times, **case)).max()
+    return np.abs(found - solve_by_events(times, **case)).max()
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_solver_of_phases_agrees_and_finds_a_wrong_coefficient(name):
+def test_an_event_solver_agrees_and_a_wrong_friction_differs(name):
     case, times = CASES[name], np.linspace(0.0, 1.3, 131)
-    assert apart(times, sliding_block.solve(times, **case), **case) < 1e-12  # error of the solver
+    assert (
+        largest_difference(times, sliding_block.solve(times, **case), **case) < 1e-12
+    )  # error of the solver
     wrong = sliding_block.solve(times, **{**case, "friction": case["friction"] + 1e-4})
-    assert apart(times, wrong, **case) > 1e-6
+    assert largest_difference(times, wrong, **case) > 1e-6
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_energy_is_lost_to_friction_alone(name):
+def test_the_change_of_the_energy_is_the_work_of_friction(name):
     """The change of the energy is the work of friction, by the trapezoidal rule.
 
     The rule is exact except in the interval in which the block stops, which is left out.
@@ -87,23 +89,23 @@ def test_textbook_distance_and_limits():
     "wrong",
     [{"friction": -0.1}, {"angle": 1.6}, {"mass": 0.0}, {"speed": np.nan}, {"gravity": -1.0}],
 )
-def test_bad_parameters(wrong):
+def test_invalid_parameters_of_the_creep_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         sliding_block.solve(0.0, **{"friction": 0.5, **wrong})
 
 
 @pytest.mark.parametrize("friction", [0.4, 0.52, 0.57, 0.58, 0.9])
-def test_what_it_does_at_rest_is_told_as_it_is_solved(friction):
+def test_the_described_behaviour_at_rest_is_that_of_the_solution(friction):
     """The slope has 30 degrees: its tangent is 0.577, its sine 0.5."""
     case = {"friction": friction, "angle": np.pi / 6, "speed": 1.0}
-    told = sliding_block.properties(**case)["at rest"]
+    described = sliding_block.properties(**case)["at rest"]
     late = sliding_block.solve(5.0, **case)["acceleration"]
-    assert told.startswith("sticks" if late == 0.0 else "slides down")
+    assert described.startswith("sticks" if late == 0.0 else "slides down")
     if late == 0.0:
-        assert told.endswith(f"{100.0 / np.sqrt(3.0) / friction:.4g} % of the friction")
+        assert described.endswith(f"{100.0 / np.sqrt(3.0) / friction:.4g} % of the friction")
 
 
 @pytest.mark.parametrize("time", [-1.0, np.nan])
-def test_no_time_before_the_start(time):
+def test_times_before_the_start_are_refused(time):
     with pytest.raises(ValueError, match="negative"):
         sliding_block.solve([0.0, time], friction=0.5)

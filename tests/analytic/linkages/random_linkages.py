@@ -20,9 +20,9 @@ from proofmass.analytic.linkages import (
     threeprr,
 )
 
-N = 25
+SAMPLES = 25
 """Samples of a sweep."""
-CLEAR = 0.15
+MIN_SINE = 0.15
 """Least sine of a transmission angle in a sweep: accelerations lose digits by its third power."""
 
 
@@ -48,7 +48,7 @@ def bar(name: str, length: float, at: str = "0 0 0", inside: str = "", mass: flo
     )
 
 
-def compiled(
+def compile_model(
     bodies: str,
     loops: list[tuple[str, str]],
     drives: tuple[str, ...],
@@ -87,7 +87,7 @@ def compiled(
     )
 
 
-def tip(channel: str, quantity: str) -> dict[str, str]:
+def point_channels(channel: str, quantity: str) -> dict[str, str]:
     """Channels of position, velocity and acceleration of a point."""
     return {
         f"{channel}{c}.{x}": f"{quantity}_{o}{x}"
@@ -96,7 +96,7 @@ def tip(channel: str, quantity: str) -> dict[str, str]:
     }
 
 
-def turning(joint: str, quantity: str, rate: str) -> dict[str, str]:
+def joint_channels(joint: str, quantity: str, rate: str) -> dict[str, str]:
     """Channels of value, rate and acceleration of a joint."""
     return {
         joint: quantity,
@@ -105,20 +105,22 @@ def turning(joint: str, quantity: str, rate: str) -> dict[str, str]:
     }
 
 
-def force(*names: str) -> dict[str, str]:
+def force_channels(*names: str) -> dict[str, str]:
     """Channels of the components of the forces of pins and guides."""
     return {f"{name}_force.{x}": f"{name}_force_{x}" for name in names for x in "xy"}
 
 
-def pin(at: str = "0 0 0", name: str = "pin", inside: str = "") -> str:
+def massless_body(at: str = "0 0 0", name: str = "pin", inside: str = "") -> str:
     """Massless body fixed to a link; the link's force on it acts on another body through a loop."""
     return f'<body pos="{at}"><site name="{name}_root"/>{inside}</body>'
 
 
-def feasible(solve: Callable, way: np.ndarray, **parameters: float) -> dict[str, np.ndarray]:
+def solve_or_reject(
+    solve: Callable, drive_path: np.ndarray, **parameters: float
+) -> dict[str, np.ndarray]:
     """Closed form on a fine path of the drives; rejects an example that has no pose somewhere."""
-    fine = np.linspace(0, 1, 401)
-    path = way[0] + fine[:, None] * (way[-1] - way[0])
+    shares = np.linspace(0, 1, 401)
+    path = drive_path[0] + shares[:, None] * (drive_path[-1] - drive_path[0])
     try:
         return solve(path[:, 0] if path.shape[1] == 1 else path.T, **parameters)
     except ValueError:
@@ -130,13 +132,13 @@ lengths = st.floats(0.3, 3.0)
 angles = st.floats(-3.0, 3.0)
 
 
-def straight(*ends: tuple[float, float]) -> np.ndarray:
+def straight_path(*ends: tuple[float, float]) -> np.ndarray:
     """Straight path of the drives, each from its first to its second value."""
-    return np.stack([np.linspace(a, b, N) for a, b in ends], axis=1)
+    return np.stack([np.linspace(a, b, SAMPLES) for a, b in ends], axis=1)
 
 
 @st.composite
-def four_bars(draw: st.DrawFn, clear: float = CLEAR, turn: float = 1.5) -> Linkage:
+def four_bars(draw: st.DrawFn, min_sine: float = MIN_SINE, turn: float = 1.5) -> Linkage:
     p = {k: draw(lengths) for k in ("crank", "coupler", "rocker", "ground")}
     p |= {
         "mode": draw(st.sampled_from(fourbar.MODES)),
@@ -145,11 +147,14 @@ def four_bars(draw: st.DrawFn, clear: float = CLEAR, turn: float = 1.5) -> Linka
         "rocker_mass": 3.0,
     }
     first = draw(angles)
-    way = straight((first, first + turn * draw(st.sampled_from((-1, 1)))))
-    if clear:
-        assume(np.sin(feasible(fourbar.solve, way, **p)["transmission_angle"]).min() > clear)
+    drive_path = straight_path((first, first + turn * draw(st.sampled_from((-1, 1)))))
+    if min_sine:
+        assume(
+            np.sin(solve_or_reject(fourbar.solve, drive_path, **p)["transmission_angle"]).min()
+            > min_sine
+        )
     else:
-        feasible(fourbar.solve, way[:1].repeat(2, axis=0), **p)
+        solve_or_reject(fourbar.solve, drive_path[:1].repeat(2, axis=0), **p)
     start = fourbar.solve(first, **p)
     bodies = bar(
         "crank",
@@ -159,7 +164,7 @@ def four_bars(draw: st.DrawFn, clear: float = CLEAR, turn: float = 1.5) -> Linka
     )
     bodies += bar("rocker", p["rocker"], f"{p['ground']!r} 0 0", mass=3.0)
     key = [first, float(start["coupler_angle"]) - first, float(start["rocker_angle"])]
-    model = compiled(
+    model = compile_model(
         bodies,
         [("coupler_end", "rocker_end")],
         ("crank",),
@@ -171,12 +176,12 @@ def four_bars(draw: st.DrawFn, clear: float = CLEAR, turn: float = 1.5) -> Linka
     return Linkage(
         model,
         ("crank",),
-        way,
+        drive_path,
         lambda *s, **more: fourbar.solve(*s, **p, **more),
         {
-            **tip("pin", "pin"),
-            **turning("rocker", "rocker_angle", "rocker"),
-            **force("crank", "coupler", "rocker"),
+            **point_channels("pin", "pin"),
+            **joint_channels("rocker", "rocker_angle", "rocker"),
+            **force_channels("crank", "coupler", "rocker"),
             "crank_hold": "holding_moment",
         },
     )
@@ -197,8 +202,11 @@ def slider_cranks(draw: st.DrawFn) -> Linkage:
         "slider_load": draw(st.floats(-20, 20)),
     }
     first = draw(angles)
-    way = straight((first, first + 1.5 * draw(st.sampled_from((-1, 1)))))
-    assume(np.sin(feasible(slider_crank.solve, way, **p)["transmission_angle"]).min() > CLEAR)
+    drive_path = straight_path((first, first + 1.5 * draw(st.sampled_from((-1, 1)))))
+    assume(
+        np.sin(solve_or_reject(slider_crank.solve, drive_path, **p)["transmission_angle"]).min()
+        > MIN_SINE
+    )
     start = slider_crank.solve(first, **p)
     u = np.exp(1j * p["guide_angle"])
     ahead, left = (f"{float(z.real)!r} {float(z.imag)!r} 0" for z in (u, 1j * u))
@@ -215,7 +223,7 @@ def slider_cranks(draw: st.DrawFn) -> Linkage:
         f'<site name="guide_root" xyaxes="{ahead} {left}"/></body>'
     )
     key = [first, float(start["coupler_angle"]) - first, float(start["slide"])]
-    model = compiled(
+    model = compile_model(
         bodies,
         [("coupler_end", "slider_pin")],
         ("crank", "slider"),
@@ -228,12 +236,12 @@ def slider_cranks(draw: st.DrawFn) -> Linkage:
     return Linkage(
         model,
         ("crank",),
-        way,
+        drive_path,
         lambda *s, **more: slider_crank.solve(*s, **p, **more),
         {
-            **tip("pin", "slider"),
-            **turning("slider", "slide", "slide"),
-            **force("crank", "coupler", "guide"),
+            **point_channels("pin", "slider"),
+            **joint_channels("slider", "slide", "slide"),
+            **force_channels("crank", "coupler", "guide"),
             "crank_hold": "holding_moment",
         },
     )
@@ -255,9 +263,11 @@ def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
         "slider_inertia": 1.0,
     }
     first, second = draw(angles), draw(angles)
-    way = straight((first, first + 1.2), (second, second + draw(st.floats(-1.5, 1.5))))
-    assume(np.abs(feasible(inverted_slider_crank.solve, way, **p)["slide"]).min() > 0.4)
-    start = inverted_slider_crank.solve(way[0], **p)
+    drive_path = straight_path((first, first + 1.2), (second, second + draw(st.floats(-1.5, 1.5))))
+    assume(
+        np.abs(solve_or_reject(inverted_slider_crank.solve, drive_path, **p)["slide"]).min() > 0.4
+    )
+    start = inverted_slider_crank.solve(drive_path[0], **p)
     rod = bar(
         "rod",
         p["rod"],
@@ -266,13 +276,13 @@ def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
         inside=(
             '<body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>'
             '<inertial pos="0 0 0" mass="0.5" diaginertia="1 1 1"/><site name="guide_root"/>'
-            f"{pin()}</body>"
+            f"{massless_body()}</body>"
         ),
     )
     bodies = bar("crank", p["crank"], mass=1.0, inside=rod)
     bodies += bar("bar", p["bar"], f"{p['ground_x']!r} {p['ground_y']!r} 0", mass=2.0)
     key = [first, float(start["rod_angle"]) - first, float(start["slide"]), second]
-    model = compiled(
+    model = compile_model(
         bodies,
         [("pin_root", "bar_end")],
         ("crank", "bar"),
@@ -285,12 +295,12 @@ def inverted_slider_cranks(draw: st.DrawFn) -> Linkage:
     return Linkage(
         model,
         ("crank", "bar"),
-        way,
+        drive_path,
         lambda *s, **more: inverted_slider_crank.solve(*s, **p, **more),
         {
-            **tip("end", "end"),
-            **turning("slide", "slide", "slide"),
-            **force("crank", "bar", "rod", "guide", "pin"),
+            **point_channels("end", "end"),
+            **joint_channels("slide", "slide", "slide"),
+            **force_channels("crank", "bar", "rod", "guide", "pin"),
             "guide_moment.z": "guide_moment",
             "crank_hold": "holding_moment",
             "bar_hold": "holding_moment_bar",
@@ -310,14 +320,14 @@ def five_bars(draw: st.DrawFn) -> Linkage:
     p |= {f"{k}_mass": m for k, m in zip(names, (1.0, 2.0, 3.0, 4.0), strict=True)}
     p["tip_mass"] = 1.5
     first, second = draw(angles), draw(angles)
-    way = straight((first, first + draw(st.floats(-1.5, 1.5))), (second, second + 1.0))
-    assume(np.abs(feasible(fivebar.solve, way, **p)["assembly"]).min() > CLEAR)
-    start = fivebar.solve(way[0], **p)
+    drive_path = straight_path((first, first + draw(st.floats(-1.5, 1.5))), (second, second + 1.0))
+    assume(np.abs(solve_or_reject(fivebar.solve, drive_path, **p)["assembly"]).min() > MIN_SINE)
+    start = fivebar.solve(drive_path[0], **p)
     pins = (*names, "pin")
     tip_end = f"{p['left_coupler']!r} 0 0"
     payload = (
         f'<body pos="{tip_end}"><inertial pos="0 0 0" mass="1.5" diaginertia="1e-14 1e-14 1e-14"/>'
-        f"</body>{pin(tip_end)}"
+        f"</body>{massless_body(tip_end)}"
     )
     bodies = "".join(
         bar(
@@ -341,7 +351,7 @@ def five_bars(draw: st.DrawFn) -> Linkage:
         second,
         float(start["right_coupler_angle"]) - second,
     ]
-    model = compiled(
+    model = compile_model(
         bodies,
         [("pin_root", "right_coupler_end")],
         ("left_crank", "right_crank"),
@@ -353,11 +363,11 @@ def five_bars(draw: st.DrawFn) -> Linkage:
     return Linkage(
         model,
         ("left_crank", "right_crank"),
-        way,
+        drive_path,
         lambda *s, **more: fivebar.solve(*s, **p, **more),
         {
-            **tip("tip", "tip"),
-            **force(*pins),
+            **point_channels("tip", "tip"),
+            **force_channels(*pins),
             "left_crank_hold": "left_moment",
             "right_crank_hold": "right_moment",
         },
@@ -379,12 +389,12 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
     }
     p["mode"] = draw(st.sampled_from((1, -1)))
     firsts = [draw(st.floats(0.0, 2.0)) for _ in range(3)]
-    way = straight(*((s, s + draw(st.floats(-0.2, 0.2))) for s in firsts))
-    fine = feasible(threeprr.solve, way, **p)
-    assume(np.abs(fine["singularity"]).min() > CLEAR)
+    drive_path = straight_path(*((s, s + draw(st.floats(-0.2, 0.2))) for s in firsts))
+    fine = solve_or_reject(threeprr.solve, drive_path, **p)
+    assume(np.abs(fine["singularity"]).min() > MIN_SINE)
     jumps = [np.abs(np.diff(fine[k])).max() for k in ("x", "y", "psi")]
     assume(max(jumps) < 0.02)  # a mode number means one branch only until another branch passes it
-    start = threeprr.solve(way[0], **p)
+    start = threeprr.solve(drive_path[0], **p)
     angle = [float(start[f"leg_angle_{k}"]) for k in (1, 2, 3)]
     psi, third = float(start["psi"]), side * np.exp(1j * np.pi / 3)
     platform = (
@@ -406,14 +416,14 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
             f"leg{k}",
             leg,
             mass=1.0,
-            inside=pin(f"{leg!r} 0 0", f"pin{k}", platform if k == 1 else ""),
+            inside=massless_body(f"{leg!r} 0 0", f"pin{k}", platform if k == 1 else ""),
         )
         + "</body>"
         for k, (x, y, axis, left) in enumerate(guides, 1)
     )
     pins = ("guide", "leg", "pin")
     key = [firsts[0], angle[0], psi - angle[0], firsts[1], angle[1], firsts[2], angle[2]]
-    model = compiled(
+    model = compile_model(
         bodies,
         [("pin2_root", "P2"), ("pin3_root", "P3")],
         ("s1", "s2", "s3"),
@@ -425,7 +435,7 @@ def parallel_robots(draw: st.DrawFn) -> Linkage:
     return Linkage(
         model,
         ("s1", "s2", "s3"),
-        way,
+        drive_path,
         lambda *s, **more: threeprr.solve(*s, **p, **more),
         {
             "P.x": "x",

@@ -4,26 +4,26 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from test_fourbar import GRID, MODES, TURN, assert_close, check_laws
-from test_grashof import named
+from test_fourbar import GRID, MODES, TURN, assert_close, check_loop_and_derivatives
+from test_grashof import bar_lengths
 
 from proofmass.analytic.linkages import fourbar
 from tests.analytic.linkages.spectral import derivative
 
-OUTER = named([1.0, 2.0, 2.0, 3.0])  # bars in line at pi: crank + ground = coupler + rocker
-INNER = named([1.0, 1.5, 2.5, 2.0])  # bars in line at 0: ground - crank = rocker - coupler
-BUTTERFLY = named([1.0, 2.0, 1.0, 2.0])  # in line at 0 and pi; mode +1 is the parallelogram
+OUTER = bar_lengths([1.0, 2.0, 2.0, 3.0])  # bars in line at pi: crank + ground = coupler + rocker
+INNER = bar_lengths([1.0, 1.5, 2.5, 2.0])  # bars in line at 0: ground - crank = rocker - coupler
+BUTTERFLY = bar_lengths([1.0, 2.0, 1.0, 2.0])  # in line at 0 and pi; mode +1 is the parallelogram
 TWO_TURNS = 2.0 * GRID, np.full(GRID.size, 2.0), np.zeros(GRID.size)  # with samples at 0 and pi
 
 
 @MODES
 @pytest.mark.parametrize("link", [OUTER, INNER], ids=["outer", "inner"])
-def test_two_turns_are_one_smooth_period(link, mode):
-    check_laws(link, mode, TWO_TURNS)
+def test_motion_is_smooth_over_two_turns_through_a_change_point(link, mode):
+    check_loop_and_derivatives(link, mode, TWO_TURNS)
 
 
-def test_butterfly_is_smooth():
-    pose = check_laws(BUTTERFLY, -1, TWO_TURNS)
+def test_butterfly_four_bar_moves_smoothly():
+    pose = check_loop_and_derivatives(BUTTERFLY, -1, TWO_TURNS)
     motion = [curve for name, curve in pose.items() if "_force_" not in name]
     assert not np.isnan(motion).any()
 
@@ -40,19 +40,19 @@ def test_random_linkages_are_smooth_through_their_change_points(three, scale, or
     assume(min(p - q, q - shortest) > 0.05)  # a parallelogram or a kite has constant curves, and
     # `assert_close` divides by the range of a curve
     lengths = np.array([shortest, p, q, p + q - shortest])[order] * scale
-    link = named(lengths.tolist())
+    link = bar_lengths(lengths.tolist())
     assert fourbar.classify(**link) == "change point"
     low, high = fourbar.crank_range(**link)
     assert (low == 0.0) or (high == np.pi)
     # the crank swings through one change point and back
     half = 0.8 * (np.pi - low if high == np.pi else high)
     middle = np.pi if high == np.pi else 0.0
-    law = middle + half * np.sin(GRID), half * np.cos(GRID), -half * np.sin(GRID)
+    profile = middle + half * np.sin(GRID), half * np.cos(GRID), -half * np.sin(GRID)
     reach = np.hypot(
-        link["crank"] * np.cos(law[0]) - link["ground"], link["crank"] * np.sin(law[0])
+        link["crank"] * np.cos(profile[0]) - link["ground"], link["crank"] * np.sin(profile[0])
     )
     assume(reach.min() > 0.2 * scale)  # closer to B the rates are too steep for 512 samples
-    check_laws(link, mode, law)
+    check_loop_and_derivatives(link, mode, profile)
 
 
 def test_rates_at_the_change_point_solve_the_quadratic():
@@ -72,7 +72,7 @@ def test_rates_at_the_change_point_solve_the_quadratic():
 
 
 @MODES
-def test_neighbours_that_stay_in_their_mode(mode):
+def test_beyond_a_change_point_a_linkage_without_one_has_the_other_mode(mode):
     angle = np.linspace(np.pi + 0.5, 3.0 * np.pi - 0.5, 101)
     pose = fourbar.solve(angle, **OUTER, mode=mode)
     shorter = {**OUTER, "ground": 3.0 - 1e-12}  # no change point: nearly in line at pi
@@ -104,22 +104,22 @@ def test_mode_is_the_side_of_the_pin_between_0_and_pi():
             np.testing.assert_array_equal(np.sign(cross), mode * np.sign(wave))
 
 
-def test_parallelogram_and_kite():
+def test_parallelogram_and_kite_have_their_known_motions():
     pose = fourbar.solve(2.0 * GRID, **BUTTERFLY, mode=1)
     # rounding of angles of up to two turns
     np.testing.assert_allclose(pose["rocker_angle"], 2.0 * GRID, rtol=0, atol=1e-14)
     np.testing.assert_allclose(pose["coupler_angle"], 0.0, rtol=0, atol=1e-15)
     np.testing.assert_allclose(pose["rocker_rate"], 1.0, rtol=0, atol=1e-14)
-    folded = fourbar.solve(2.0 * GRID, **named([1.0, 1.0, 2.0, 2.0]), mode=-1)
+    folded = fourbar.solve(2.0 * GRID, **bar_lengths([1.0, 1.0, 2.0, 2.0]), mode=-1)
     assert np.hypot(folded["pin_x"], folded["pin_y"]).max() <= 1e-14  # the pin stays in A; rounding
     assert np.abs(folded["rocker_rate"]).max() <= 1e-14
 
 
 @MODES
-def test_kite_whose_crank_pin_runs_through_the_fixed_pin(mode):
-    link, half_step = named([2.0, 1.0, 1.0, 2.0]), GRID[1] / 2.0
-    law = 0.5 * np.sin(GRID + half_step), 0.5 * np.cos(GRID + half_step), np.zeros(GRID.size)
-    pose = fourbar.solve(*law, **link, mode=mode)
+def test_a_kite_whose_crank_pin_meets_the_fixed_pin_moves_smoothly(mode):
+    link, half_step = bar_lengths([2.0, 1.0, 1.0, 2.0]), GRID[1] / 2.0
+    profile = 0.5 * np.sin(GRID + half_step), 0.5 * np.cos(GRID + half_step), np.zeros(GRID.size)
+    pose = fourbar.solve(*profile, **link, mode=mode)
     slope = derivative(pose["pin_y"])
     assert_close(pose["pin_vy"], slope, 1e-10)  # as in check_laws
     with pytest.raises(ValueError, match="rocker angle undefined"):

@@ -34,7 +34,7 @@ MODES = pytest.mark.parametrize("mode", fivebar.MODES)
 TURN = 2.0 * np.pi
 GRID = np.arange(512) * TURN / 512
 # Periodic crank profiles whose derivatives are not zero, for spectral derivatives of the curves.
-LAW = (
+CRANK_PROFILES = (
     np.stack([GRID + 0.3 * np.sin(GRID), 0.4 - 2.0 * GRID + 0.2 * np.cos(GRID)]),
     np.stack([1.0 + 0.3 * np.cos(GRID), -2.0 - 0.2 * np.sin(GRID)]),
     np.stack([-0.3 * np.sin(GRID), -0.2 * np.cos(GRID)]),
@@ -60,7 +60,7 @@ def always_assembled(draw):
     return {name: scale * length for name, length in lengths.items()}
 
 
-def points(angle, pose, link):
+def pins_and_tip(angle, pose, link):
     """Crank pins (2, n), and the tip (2, n) by each side, as complex numbers, from angles alone."""
     bases = np.array([link["left_x"], link["right_x"]])[:, None]
     arms = np.array([[link[f"{side}_crank"]] for side in SIDES])
@@ -69,9 +69,9 @@ def points(angle, pose, link):
     return pins, pins + np.stack(reach)
 
 
-def check_laws(link, mode):
-    pose = fivebar.solve(*LAW, **link, mode=mode)
-    pins, tips = points(LAW[0], pose, link)
+def check_loop_and_derivatives(link, mode):
+    pose = fivebar.solve(*CRANK_PROFILES, **link, mode=mode)
+    pins, tips = pins_and_tip(CRANK_PROFILES[0], pose, link)
     tip, size = pose["tip_x"] + 1j * pose["tip_y"], sum(map(abs, link.values()))
     assert np.abs(tips - tip).max() <= 1e-14 * size  # rounding: about ten operations
     side = np.imag(np.conj(pins[1] - pins[0]) * (tip - pins[0]))
@@ -91,36 +91,38 @@ def check_laws(link, mode):
 
 
 @MODES
-def test_laws_of_the_regular_linkage(mode):
-    check_laws(REGULAR, mode)
+def test_loop_and_derivatives_of_the_regular_linkage(mode):
+    check_loop_and_derivatives(REGULAR, mode)
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)
 @given(always_assembled(), st.sampled_from(fivebar.MODES))
-def test_laws_of_random_linkages(link, mode):
-    check_laws(link, mode)
+def test_loop_and_derivatives_of_random_linkages(link, mode):
+    check_loop_and_derivatives(link, mode)
 
 
 @MODES
-def test_holding_moments_are_virtual_work(mode):
+def test_holding_moments_do_the_virtual_work(mode):
     """Their power is the rate of the potential energy less the power of the force on the tip."""
     force = {"force_x": 3.0, "force_y": -5.0}
-    pose = fivebar.solve(*LAW, **REGULAR, **MASSES, **force, gravity=3.7, mode=mode)
-    (left, right), (tip, _) = points(LAW[0], pose, REGULAR)
+    pose = fivebar.solve(*CRANK_PROFILES, **REGULAR, **MASSES, **force, gravity=3.7, mode=mode)
+    (left, right), (tip, _) = pins_and_tip(CRANK_PROFILES[0], pose, REGULAR)
     heights = np.imag([left / 2.0, (left + tip) / 2.0, (right + tip) / 2.0, right / 2.0])
     energy = 3.7 * np.array(list(MASSES.values())) @ heights
     gained = derivative(energy) - 3.0 * pose["tip_vx"] + 5.0 * pose["tip_vy"]
-    spent = pose["left_moment"] * LAW[1][0] + pose["right_moment"] * LAW[1][1]
+    spent = pose["left_moment"] * CRANK_PROFILES[1][0] + pose["right_moment"] * CRANK_PROFILES[1][1]
     assert_close(spent, gained, 1e-11)  # spectral rounding of the energy, as above
 
 
 @MODES
 def test_jacobians_carry_rates_forward_and_forces_back(mode):
-    pose = fivebar.solve(*LAW, **REGULAR, force_x=3.0, force_y=-5.0, gravity=0.0, mode=mode)
+    pose = fivebar.solve(
+        *CRANK_PROFILES, **REGULAR, force_x=3.0, force_y=-5.0, gravity=0.0, mode=mode
+    )
     tip = np.stack([pose["tip_x"], pose["tip_y"]])
     places = {name: REGULAR[name] for name in ("left_crank", "right_crank", "left_x", "right_x")}
-    A, B = fivebar.jacobians(LAW[0], tip, **places)
-    velocity = np.linalg.solve(A, (B @ LAW[1].T[..., None]))[..., 0]
+    A, B = fivebar.jacobians(CRANK_PROFILES[0], tip, **places)
+    velocity = np.linalg.solve(A, (B @ CRANK_PROFILES[1].T[..., None]))[..., 0]
     assert_close(velocity.T, np.stack([pose["tip_vx"], pose["tip_vy"]]), 1e-13)  # rounding x cond A
     onto_pins = np.linalg.solve(np.swapaxes(A, -1, -2), np.full((512, 2, 1), [[3.0], [-5.0]]))
     moments = -(np.swapaxes(B, -1, -2) @ onto_pins)[..., 0]
@@ -135,8 +137,8 @@ def test_jacobians_carry_rates_forward_and_forces_back(mode):
 
 @MODES
 def test_mirror_image_in_the_ground_line(mode):
-    angle, rate, acceleration = LAW
-    pose = fivebar.solve(*LAW, **REGULAR, mode=mode)
+    angle, rate, acceleration = CRANK_PROFILES
+    pose = fivebar.solve(*CRANK_PROFILES, **REGULAR, mode=mode)
     image = fivebar.solve(-angle, -rate, -acceleration, **REGULAR, mode=-mode)
     for name in ("tip_x", "tip_vx", "tip_ax", "pin_distance"):
         np.testing.assert_allclose(image[name], pose[name], rtol=0, atol=2e-14)  # rounding
@@ -166,11 +168,11 @@ def test_mirror_image_that_swaps_the_sides(mode):
         name.replace("left", "L").replace("right", "left").replace("L", "right"): mass
         for name, mass in MASSES.items()
     }
-    pose = fivebar.solve(*LAW, **REGULAR, **MASSES, force_x=2.0, mode=mode)
+    pose = fivebar.solve(*CRANK_PROFILES, **REGULAR, **MASSES, force_x=2.0, mode=mode)
     image = fivebar.solve(
-        np.pi - LAW[0][::-1],
-        -LAW[1][::-1],
-        -LAW[2][::-1],
+        np.pi - CRANK_PROFILES[0][::-1],
+        -CRANK_PROFILES[1][::-1],
+        -CRANK_PROFILES[2][::-1],
         **swapped,
         **loads,
         force_x=-2.0,
@@ -188,9 +190,9 @@ def test_mirror_image_that_swaps_the_sides(mode):
         np.testing.assert_allclose(image[other], sign * pose[name], rtol=0, atol=1e-13)
 
 
-def test_a_held_crank_makes_a_fourbar():
+def test_a_five_bar_with_one_crank_at_rest_is_a_four_bar():
     pose = fivebar.solve(np.stack([GRID, np.zeros(512)]), [[1.0], [0.0]], **LINK, mode=-1)
-    held = fourbar.solve(GRID, crank=2.0, coupler=3.5, rocker=4.0, ground=3.0, mode=-1)
+    four_bar = fourbar.solve(GRID, crank=2.0, coupler=3.5, rocker=4.0, ground=3.0, mode=-1)
     for name, other in (
         ("tip_x", "pin_x"),
         ("tip_vy", "pin_vy"),
@@ -199,7 +201,7 @@ def test_a_held_crank_makes_a_fourbar():
         ("right_coupler_rate", "rocker_rate"),
         ("right_coupler_acceleration", "rocker_acceleration"),
     ):
-        assert_close(pose[name], held[other], 1e-13)  # rounding of two formulas
+        assert_close(pose[name], four_bar[other], 1e-13)  # rounding of two formulas
 
 
 def test_angles_follow_the_couplers_through_whole_turns():
@@ -251,13 +253,13 @@ def test_bad_value_is_named(name, value):
         fivebar.solve([0.3, 0.9], **{**LINK, name: value})
 
 
-def test_poses_that_cannot_be_assembled_are_named_with_the_miss():
+def test_poses_that_cannot_be_assembled_are_named_with_their_violation():
     short = {**LINK, "left_coupler": 1.0, "right_coupler": 1.5}
     limit = np.arccos((13.0 - 2.5**2) / 12.0)  # A, left pin and right pin at (3, 0), 2.5 m apart
     angles = np.array([[0.0, limit, limit + 0.02, 3.0], [0.0, 0.0, 0.0, 0.0]])
     fivebar.solve(angles[:, :2], **short)
-    miss = np.sqrt(13.0 - 12.0 * np.cos(limit + 0.02)) - 2.5
-    where = rf"\({limit + 0.02:.9g}, 0\) rad: the circles of the couplers miss by {miss:.6g} m"
+    violation = np.sqrt(13.0 - 12.0 * np.cos(limit + 0.02)) - 2.5
+    where = rf"\({limit + 0.02:.9g}, 0\) rad: the circles of the couplers miss by {violation:.6g} m"
     with pytest.raises(ValueError, match=where):
         fivebar.solve(angles, **short)
     with pytest.raises(ValueError, match=r"miss by 3\.9\d+e-12 m"):

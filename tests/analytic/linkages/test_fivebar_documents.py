@@ -14,7 +14,7 @@ LINK = THESIS["lengths"]
 SYMMETRIC, ASYMMETRIC, REGULAR = (NOTEBOOK[key] for key in ("symmetric", "asymmetric", "regular"))
 
 
-def natural(q, cosine_row, b_row=None):
+def natural_constraints(q, cosine_row, b_row=None):
     """Constraints (8,) of the thesis, their Jacobian, and dJ/dt qp as a function of qp.
 
     q = [x1, y1, x2, y2, x3, y3, theta, beta]; 1 is the left crank pin, 2 the tip, 3 the right crank
@@ -43,7 +43,7 @@ def natural(q, cosine_row, b_row=None):
         slope[row, pin + part], slope[row, angle] = 1.0, (s, -c)[part]
     slope[[6, 7], [6, 7]] = 1.0
 
-    def drift(qp):
+    def jacobian_rate_product(qp):
         b = np.zeros(8)
         for row, (start, end) in enumerate(rows):
             speed = qp[end : end + 2] - (0.0 if start is None else qp[start : start + 2])
@@ -53,26 +53,26 @@ def natural(q, cosine_row, b_row=None):
             b[row] = qp[angle] ** 2 * LINK[name] * (np.cos if level else np.sin)(q[angle])
         return b
 
-    return value, slope, drift
+    return value, slope, jacobian_rate_product
 
 
 def natural_motion(q, rate, acceleration, cosine_row, b_row=None):
-    _, slope, drift = natural(q, cosine_row, b_row)
+    _, slope, jacobian_rate_product = natural_constraints(q, cosine_row, b_row)
     qp = np.linalg.solve(slope, [0, 0, 0, 0, 0, 0, *rate])
-    return qp, np.linalg.solve(slope, [*-drift(qp)[:6], *acceleration])
+    return qp, np.linalg.solve(slope, [*-jacobian_rate_product(qp)[:6], *acceleration])
 
 
-def newton(q, cosine_row=0.5):
+def solve_by_newton(q, cosine_row=0.5):
     """Iterate from `q` as the thesis does, until a step is below 1e-10; solution and step norms."""
     steps = []
     while not steps or (steps[-1] > 1e-10 and len(steps) <= 100):
-        value, slope, _ = natural(q, cosine_row)
+        value, slope, _ = natural_constraints(q, cosine_row)
         step = np.linalg.solve(slope, -value)
         q, steps = q + step, [*steps, float(np.linalg.norm(step))]
     return q, steps
 
 
-def elimination(right, left, link, sigma, printed_0_9=False):
+def tip_by_elimination(right, left, link, sigma, printed_0_9=False):
     """X and y of the tip by the notebook: X3 = f + g Y3, and a quadratic for Y3 (lines 43-123)."""
     l1, l2, l3, l4 = (
         link[name] for name in ("right_crank", "right_coupler", "left_coupler", "left_crank")
@@ -90,11 +90,11 @@ def elimination(right, left, link, sigma, printed_0_9=False):
     return f + g * ((-b if printed_0_9 else b) + root) / (2.0 * a), y
 
 
-def tip(pose):
+def tip_position(pose):
     return np.array([pose["tip_x"], pose["tip_y"]])
 
 
-def quadratic(side, place, link):
+def half_angle_quadratic(side, place, link):
     """Coefficients a, b, c of the notebook's quadratic for tan(angle/2) of a crank (173-233)."""
     crank, coupler = link[f"{side}_crank"], link[f"{side}_coupler"]
     x, y = place[0] - link[f"{side}_x"], place[1]
@@ -105,24 +105,24 @@ def quadratic(side, place, link):
     )
 
 
-def test_position_of_the_thesis():
+def test_position_of_the_thesis_is_met():
     pose = fivebar.solve(THESIS["angle"], **LINK, mode=THESIS["mode"])
     printed = THESIS["position_printed"][2:4]
     # last printed digit
-    np.testing.assert_allclose(tip(pose), printed, rtol=0, atol=5.1e-9)
+    np.testing.assert_allclose(tip_position(pose), printed, rtol=0, atol=5.1e-9)
     other = fivebar.solve(THESIS["angle"], **LINK, mode=-THESIS["mode"])
-    np.testing.assert_allclose(tip(other), THESIS["other_assembly"], rtol=0, atol=1e-11)
-    found, steps = newton(np.array([*THESIS["first_guess"], *THESIS["angle"]]))
+    np.testing.assert_allclose(tip_position(other), THESIS["other_assembly"], rtol=0, atol=1e-11)
+    found, steps = solve_by_newton(np.array([*THESIS["first_guess"], *THESIS["angle"]]))
     assert len(steps) == 12  # as printed from line 6278 on
     # quadratic convergence
-    np.testing.assert_allclose(found[2:4], tip(pose), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found[2:4], tip_position(pose), rtol=0, atol=1e-14)
 
 
 def test_velocity_and_acceleration_of_the_thesis_and_their_misprints():
     """E2: the thesis solves both at the first guess. E8: its driven accelerations are always +1."""
     rate, ones = THESIS["rate"], THESIS["acceleration"]
     state = np.array([*THESIS["position_printed"], *THESIS["angle"]])
-    solved, _ = newton(state)
+    solved, _ = solve_by_newton(state)
     truth = fivebar.solve(THESIS["angle"], rate, ones, **LINK, mode=THESIS["mode"])
     velocity, acceleration = ([truth[f"tip_{part}{axis}"] for axis in "xy"] for part in "va")
     at_rest = fivebar.solve(THESIS["angle"], rate, 0.0, **LINK, mode=THESIS["mode"])
@@ -153,7 +153,9 @@ def test_mixed_thresholds_of_the_thesis_spoil_accelerations():
         base + crank * np.exp(1j * at)
         for base, crank, at in zip((0, 2), (2, 1), angle, strict=True)
     ]
-    q = np.array([pins[0].real, pins[0].imag, *tip(truth), pins[1].real, pins[1].imag, *angle])
+    q = np.array(
+        [pins[0].real, pins[0].imag, *tip_position(truth), pins[1].real, pins[1].imag, *angle]
+    )
     true = [truth["tip_ax"], truth["tip_ay"]]
     _, consistent = natural_motion(q, [1.0, 2.0], [0.0, 0.0], 0.7)
     np.testing.assert_allclose(consistent[2:4], true, rtol=1e-13)  # rounding
@@ -162,7 +164,7 @@ def test_mixed_thresholds_of_the_thesis_spoil_accelerations():
 
 
 @pytest.mark.parametrize("table", DATA["cycles"]["tables"], ids=lambda t: f"x{t['factor']}")
-def test_cycles_of_the_thesis(table):
+def test_cycles_of_the_thesis_are_met(table):
     rows, factor = np.array(table["rows"]).T, table["factor"]
     pose = fivebar.solve([rows[0], factor * rows[0]], [1.0, factor], **LINK)
     for name, column in zip(DATA["cycles"]["columns"][1:], rows[1:], strict=True):
@@ -170,7 +172,7 @@ def test_cycles_of_the_thesis(table):
         np.testing.assert_allclose(pose[name], column, rtol=0, atol=1e-9)
 
 
-def test_reach_of_the_thesis():
+def test_pin_distances_and_unassembled_share_are_those_of_the_thesis():
     turn = np.linspace(0.0, 2.0 * np.pi, 3601)
     apart = fivebar.solve([turn, 2.0 * turn], **LINK)["pin_distance"]
     least, largest = THESIS["cycle_pin_distance"]
@@ -180,14 +182,14 @@ def test_reach_of_the_thesis():
     assert share == pytest.approx(THESIS["unassembled_share"], abs=1e-4)  # counted on a grid
 
 
-def test_hand_case_of_the_notebook():
+def test_symmetric_case_of_the_notebook_is_met():
     link, upright = SYMMETRIC["lengths"], [np.pi / 2, np.pi / 2]
     for mode, expected in ((1, [0.0, 8.0]), (-1, [0.0, 0.0])):
         np.testing.assert_allclose(
-            tip(fivebar.solve(upright, **link, mode=mode)), expected, rtol=0, atol=1e-14
+            tip_position(fivebar.solve(upright, **link, mode=mode)), expected, rtol=0, atol=1e-14
         )  # exact by hand
     for side, known in SYMMETRIC["quadratics_at_0_8"].items():
-        assert quadratic(side, (0.0, 8.0), link) == pytest.approx(
+        assert half_angle_quadratic(side, (0.0, 8.0), link) == pytest.approx(
             [known[key] for key in "abc"], abs=1e-13
         )  # exact by hand
         for mode, key in ((1, "plus_deg"), (-1, "minus_deg")):
@@ -206,10 +208,12 @@ def test_sign_error_in_equation_0_9_of_the_notebook():
     link = ASYMMETRIC["lengths"]
     wrong = ASYMMETRIC["x_by_misprinted_0_9"]
     for mode, key, printed in ((1, "tip_plus", wrong[0]), (-1, "tip_minus", wrong[1])):
-        truth = tip(fivebar.solve([left, right], **link, mode=mode))
+        truth = tip_position(fivebar.solve([left, right], **link, mode=mode))
         np.testing.assert_allclose(truth, ASYMMETRIC[key], rtol=0, atol=5.1e-10)  # 9 decimals
-        np.testing.assert_allclose(elimination(right, left, link, mode), truth, rtol=0, atol=1e-13)
-        x, _ = elimination(right, left, link, mode, printed_0_9=True)
+        np.testing.assert_allclose(
+            tip_by_elimination(right, left, link, mode), truth, rtol=0, atol=1e-13
+        )
+        x, _ = tip_by_elimination(right, left, link, mode, printed_0_9=True)
         assert x == pytest.approx(printed, abs=1.1e-9)
         assert abs(x - truth[0]) > 0.5
 
@@ -223,49 +227,49 @@ def test_elimination_of_the_notebook_over_its_domain():
     keep = (np.abs(level) > 0.2) & (apart < 9.9) & (apart > 0.1)
     right, left, level = right[keep], left[keep], level[keep]
     for sigma in (1, -1):
-        found = np.array(elimination(right, left, link, sigma))
-        poses = [tip(fivebar.solve([left, right], **link, mode=mode)) for mode in (1, -1)]
+        found = np.array(tip_by_elimination(right, left, link, sigma))
+        poses = [tip_position(fivebar.solve([left, right], **link, mode=mode)) for mode in (1, -1)]
         truth = np.where(level * sigma > 0, *poses)
         # rounding, times 1/level^2 of up to 25 and the root's slope of up to 10
         np.testing.assert_allclose(found, truth, rtol=0, atol=1e-11)
 
 
-def test_where_the_notebook_divides_by_zero():
+def test_poses_where_the_notebook_divides_by_zero_are_regular():
     """One crank pin is above the other, or a crank is at half a turn; both poses are regular."""
     link = SYMMETRIC["lengths"]
     right, left = np.pi, np.pi / 3
     for mode in (1, -1):
-        found = tip(fivebar.solve([left, right], **link, mode=mode))
+        found = tip_position(fivebar.solve([left, right], **link, mode=mode))
         exact = [-1.0 + mode * np.sqrt(22.0), np.sqrt(3.0)]
         np.testing.assert_allclose(found, exact, rtol=0, atol=2e-15)  # by hand; rounding
     with np.errstate(all="ignore"):
-        x, y = elimination(right, left, link, 1)
+        x, y = tip_by_elimination(right, left, link, 1)
     assert not (abs(x - exact[0]) < 0.1 and abs(y - exact[1]) < 0.1)
     half_turn = SYMMETRIC["half_turn_root"]
-    assert abs(quadratic("right", half_turn["tip"], link)[0]) == 0.0
+    assert abs(half_angle_quadratic("right", half_turn["tip"], link)[0]) == 0.0
     for mode, expected in zip((1, -1), half_turn["right_deg"], strict=True):
         pose = fivebar.solve_inverse(half_turn["tip"], **link, right_mode=mode)
         assert np.degrees(pose["right"]) % 360.0 == pytest.approx(expected, rel=1e-14, abs=0)
 
 
-def test_arms_up_of_the_notebook_is_no_continuous_branch():
+def test_arms_up_mode_of_the_notebook_is_not_continuous():
     e = np.linspace(-1e-3, 1e-3, 2000)  # none of them is zero
     link = SYMMETRIC["lengths"]
     right, left = np.pi + e, np.pi / 3 + 2.0 * e
-    x, _ = elimination(right, left, link, 1)
+    x, _ = tip_by_elimination(right, left, link, 1)
     swap = SYMMETRIC["swap"]
     for end, key in ((0, "e_minus_001"), (-1, "e_plus_001")):
         truth = fivebar.solve([left[end], right[end]], **link, mode=-1 if end == 0 else 1)
         # 9 decimals
-        np.testing.assert_allclose(tip(truth), swap[key], rtol=0, atol=5.1e-10)
+        np.testing.assert_allclose(tip_position(truth), swap[key], rtol=0, atol=5.1e-10)
         assert x[end] == pytest.approx(swap[key][0], abs=1e-7)  # loses digits like 1/e^2
     assert np.abs(np.diff(x)).max() > 9.0
     pose = fivebar.solve([left, right], **link)
-    assert np.abs(np.diff(tip(pose))).max() < 1e-4
+    assert np.abs(np.diff(tip_position(pose))).max() < 1e-4
 
 
 @pytest.mark.parametrize("row", REGULAR["poses"], ids=lambda r: f"{r['right_left_deg']}{r['mode']}")
-def test_regular_poses(row):
+def test_poses_of_the_regular_linkage_are_those_of_the_notebook(row):
     link = REGULAR["lengths"]
     left_right = [
         np.radians(row["right_left_deg"][::-1]),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from proofmass.analytic.linkages import fivebar
 
-LINK = {
+SYMMETRIC = {
     "left_crank": 4.0,
     "left_coupler": 5.0,
     "right_coupler": 5.0,
@@ -41,7 +41,7 @@ linkages = st.fixed_dictionaries(
 )
 
 
-def assembled(link, angle, mode):
+def pose_or_reject(link, angle, mode):
     """Pose at the crank angles; rejects an example without a pose or near a singular pose."""
     try:
         pose = fivebar.solve(angle, [0.7, -0.4], [0.3, 0.2], **link, mode=mode)
@@ -52,27 +52,27 @@ def assembled(link, angle, mode):
     return pose
 
 
-def tip_of(pose):
+def tip_motion(pose):
     return [[pose[f"tip_{part}{axis}"] for axis in "xy"] for part in ("", "v", "a")]
 
 
-def cranks_of(found):
+def crank_motions(found):
     return [[found[f"{side}{part}"] for side in SIDES] for part in ("", "_rate", "_acceleration")]
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)
 @given(linkages, angles, st.sampled_from(SIGNS))
-def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, mode):
-    pose = assembled(link, angle, mode)
+def test_direct_kinematics_invert_the_inverse_in_all_modes(link, angle, mode):
+    pose = pose_or_reject(link, angle, mode)
     here = tuple(np.sign([pose[f"{side}_working"] for side in SIDES]))
     for modes in itertools.product(SIGNS, repeat=2):
         found = fivebar.solve_inverse(
-            *tip_of(pose), **link, left_mode=modes[0], right_mode=modes[1]
+            *tip_motion(pose), **link, left_mode=modes[0], right_mode=modes[1]
         )
         sines = [found["assembly"], *(pose[f"{side}_working"] for side in SIDES)]
         if np.abs(sines).min() < 0.01:
             continue
-        cranks = cranks_of(found)
+        cranks = crank_motions(found)
         back = fivebar.solve(*cranks, **link, mode=int(np.sign(found["assembly"])))
         # rounding times the longest bar over the shortest, divided by the sines, in the
         # accelerations by their cubes
@@ -83,7 +83,7 @@ def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, 
             / np.abs(sines).min() ** 3
             * max(1.0, *np.abs(cranks[2]), pose["tip_vx"] ** 2, pose["tip_vy"] ** 2)
         )
-        np.testing.assert_allclose(tip_of(back), tip_of(pose), rtol=0, atol=loss)
+        np.testing.assert_allclose(tip_motion(back), tip_motion(pose), rtol=0, atol=loss)
         if modes == here:
             assert np.abs(np.sin((cranks[0] - angle) / 2.0)).max() <= loss
             np.testing.assert_allclose(cranks[1:], [[0.7, -0.4], [0.3, 0.2]], rtol=0, atol=loss)
@@ -92,21 +92,21 @@ def test_there_and_back_over_two_assemblies_and_four_working_modes(link, angle, 
 
 @pytest.mark.parametrize("left_mode", SIGNS)
 @pytest.mark.parametrize("right_mode", SIGNS)
-def test_a_circle_is_run_at_constant_speed(left_mode, right_mode):
+def test_the_tip_follows_a_circle_at_constant_speed(left_mode, right_mode):
     time = np.linspace(0.0, TURN / 0.5, 512, endpoint=False)
-    law = fivebar.circle(
+    profiles = fivebar.circle(
         time,
         center_x=-0.6,
         center_y=5.0,
         radius=1.2,
         rate=0.5,
-        **LINK,
+        **SYMMETRIC,
         left_mode=left_mode,
         right_mode=right_mode,
     )
     wave = 0.5j * np.fft.fftfreq(512, 1.0 / 512)
     wave[256] = 0.0
-    for curve, slope in itertools.pairwise(law):
+    for curve, slope in itertools.pairwise(profiles):
         spectral = np.fft.ifft(wave * np.fft.fft(curve)).real
         assert np.abs(spectral - slope).max() <= 1e-12  # 256 eps times the size of the curves
     late = fivebar.circle(
@@ -115,23 +115,25 @@ def test_a_circle_is_run_at_constant_speed(left_mode, right_mode):
         center_y=5.0,
         radius=1.2,
         rate=0.5,
-        **LINK,
+        **SYMMETRIC,
         left_mode=left_mode,
         right_mode=right_mode,
     )
-    np.testing.assert_allclose(late[0], law[0][:, 300:], rtol=0, atol=2e-15)  # rounding
-    there = fivebar.solve_inverse([-0.6, 5.0], **LINK, left_mode=left_mode, right_mode=right_mode)
-    pose = fivebar.solve(*law, **LINK, mode=int(np.sign(there["assembly"])))
+    np.testing.assert_allclose(late[0], profiles[0][:, 300:], rtol=0, atol=2e-15)  # rounding
+    there = fivebar.solve_inverse(
+        [-0.6, 5.0], **SYMMETRIC, left_mode=left_mode, right_mode=right_mode
+    )
+    pose = fivebar.solve(*profiles, **SYMMETRIC, mode=int(np.sign(there["assembly"])))
     radial = np.hypot(pose["tip_x"] + 0.6, pose["tip_y"] - 5.0)
     np.testing.assert_allclose(radial, 1.2, rtol=1e-13)  # rounding
     np.testing.assert_allclose(np.hypot(pose["tip_vx"], pose["tip_vy"]), 0.6, rtol=1e-12)
     np.testing.assert_allclose(np.hypot(pose["tip_ax"], pose["tip_ay"]), 0.3, rtol=1e-11)
 
 
-def test_inverse_angles_are_continuous_round_a_base():
-    round_about = LINK["left_x"] + 2.0 * np.exp(1j * np.linspace(0.0, 2.0 * TURN, 801))
+def test_inverse_angles_are_continuous_around_a_base():
+    round_about = SYMMETRIC["left_x"] + 2.0 * np.exp(1j * np.linspace(0.0, 2.0 * TURN, 801))
     pose = fivebar.solve_inverse(
-        [round_about.real, round_about.imag], **{**LINK, "right_coupler": 6.5}
+        [round_about.real, round_about.imag], **{**SYMMETRIC, "right_coupler": 6.5}
     )
     assert np.abs(np.diff(pose["left"])).max() < 0.02
     assert pose["left"][-1] - pose["left"][0] == pytest.approx(2.0 * TURN, abs=1e-14)  # rounding
@@ -149,42 +151,42 @@ def test_the_inverse_exists_where_the_margin_is_positive(link, tip):
             fivebar.solve_inverse(tip, **link)
 
 
-def test_an_unreachable_tip_is_named_with_the_miss():
+def test_an_unreachable_tip_is_named_with_its_violation():
     tips = np.array([[0.0, 0.0, 0.0], [8.0, 8.6, 9.0]])
-    miss = np.hypot(3.0, 8.6) - 9.0
+    violation = np.hypot(3.0, 8.6) - 9.0
     with pytest.raises(
         ValueError,
         match=rf"tip out of reach at \(0, 8\.6\) m: the circles of left "
-        rf"crank and coupler miss by {miss:.6g} m",
+        rf"crank and coupler miss by {violation:.6g} m",
     ):
-        fivebar.solve_inverse(tips, **LINK)
+        fivebar.solve_inverse(tips, **SYMMETRIC)
     with pytest.raises(ValueError, match=r"of right crank and coupler miss by 1 m"):
-        fivebar.solve_inverse([3.0, 0.0], **{**LINK, "left_coupler": 4.0})
+        fivebar.solve_inverse([3.0, 0.0], **{**SYMMETRIC, "left_coupler": 4.0})
     with pytest.raises(ValueError, match=r"reach at \(3, 0\) m: .* coincide"):
-        fivebar.solve_inverse([3.0, 0.0], **{**LINK, "right_coupler": 4.0})
+        fivebar.solve_inverse([3.0, 0.0], **{**SYMMETRIC, "right_coupler": 4.0})
     with pytest.raises(ValueError, match=r"^right_mode must be"):
-        fivebar.solve_inverse([0.0, 8.0], **LINK, right_mode=0)
+        fivebar.solve_inverse([0.0, 8.0], **SYMMETRIC, right_mode=0)
     with pytest.raises(ValueError, match=r"^left_crank must be"):
-        fivebar.solve_inverse([0.0, 8.0], **{**LINK, "left_crank": 0.0})
+        fivebar.solve_inverse([0.0, 8.0], **{**SYMMETRIC, "left_crank": 0.0})
 
 
 def test_type_1_singularities_are_the_boundary_of_the_reach():
-    circles = fivebar.boundary(721, **LINK)
+    circles = fivebar.boundary(721, **SYMMETRIC)
     assert circles.shape == (4, 2, 721)
     for (side, folded), circle in zip(
         itertools.product(SIDES, (False, True)), circles, strict=True
     ):
         here = circle[:, ~np.isnan(circle[0])]
         assert here.shape[1] > 0
-        inside = fivebar.margin(here, **LINK)
+        inside = fivebar.margin(here, **SYMMETRIC)
         np.testing.assert_allclose(inside, 0.0, rtol=0, atol=1e-14)  # rounding of 9 m
-        pose = fivebar.solve_inverse(here, **LINK)
-        crank = here - [[LINK[f"{side}_x"]], [0.0]]
+        pose = fivebar.solve_inverse(here, **SYMMETRIC)
+        crank = here - [[SYMMETRIC[f"{side}_x"]], [0.0]]
         turned = 4.0 * np.stack([np.cos(pose[side]), np.sin(pose[side])])
         straight = np.abs(crank[0] * turned[1] - crank[1] * turned[0])
         assert straight.max() <= 1e-6  # sqrt(eps) times 9 m times 4 m: the root of a zero area
         outward = -crank if folded else crank
-        assert np.all(fivebar.margin(here + 1e-6 * outward, **LINK) < 0)
+        assert np.all(fivebar.margin(here + 1e-6 * outward, **SYMMETRIC) < 0)
 
 
 @settings(derandomize=True, max_examples=100, deadline=None)
@@ -214,7 +216,7 @@ def test_type_2_singularities_are_the_border_of_what_can_be_assembled(link, left
             fivebar.solve([left, right - inward], **link, mode=mode)
 
 
-def test_share_of_crank_angles_that_cannot_be_assembled():
+def test_unassembled_share_is_that_of_counting_and_of_known_cases():
     """Against counting, the mirrored linkage (another integral), and known shares."""
     share = fivebar.unassembled_share(**THESIS)
     turn = (np.arange(2003) + 0.5) * TURN / 2003
@@ -248,7 +250,7 @@ def test_share_of_crank_angles_that_cannot_be_assembled():
 
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(lengths, lengths, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
-def test_range_of_the_pin_distance(left_crank, right_crank, left_x, right_x):
+def test_pin_distances_have_the_counted_range(left_crank, right_crank, left_x, right_x):
     least, largest = fivebar.pin_distances(
         left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x
     )
@@ -261,25 +263,25 @@ def test_range_of_the_pin_distance(left_crank, right_crank, left_x, right_x):
     assert least - 1e-14 <= found.min() <= least + 0.05  # grid of 0.016 rad times 3 m
 
 
-def test_a_rectangle_is_run_with_rest_in_its_corners() -> None:
+def test_the_tip_rests_in_the_corners_of_a_rectangle() -> None:
     path = {"corner_x": -0.9, "corner_y": 4.6, "width": 0.8, "height": -0.5, "period": 8.0}
     modes = {"left_mode": 1, "right_mode": -1}
     time = np.linspace(0.0, 16.0, 4001)
-    angle, rate, change = fivebar.rectangle(time, **path, **LINK, **modes)
+    angle, rate, change = fivebar.rectangle(time, **path, **SYMMETRIC, **modes)
     step = time[1]
     # central differences: h^2/6 times the third derivative, below 20; h/2 at kinks of the third
     assert np.abs((angle[:, 2:] - angle[:, :-2]) / (2 * step) - rate[:, 1:-1]).max() < 1e-4
     assert np.abs((rate[:, 2:] - rate[:, :-2]) / (2 * step) - change[:, 1:-1]).max() < 1e-2
     assert np.abs(change).max() > 0.1
     corners = [[-0.9, 4.6], [-0.1, 4.6], [-0.1, 4.1], [-0.9, 4.1]]
-    at = fivebar.rectangle(2.0 * np.arange(8), **path, **LINK, **modes)
-    sign = int(np.sign(fivebar.solve_inverse(corners[0], **LINK, **modes)["assembly"]))
-    pose = fivebar.solve(*at, **LINK, mode=sign)
+    at = fivebar.rectangle(2.0 * np.arange(8), **path, **SYMMETRIC, **modes)
+    sign = int(np.sign(fivebar.solve_inverse(corners[0], **SYMMETRIC, **modes)["assembly"]))
+    pose = fivebar.solve(*at, **SYMMETRIC, mode=sign)
     # rounding divided by the sines of the modes
     assert np.abs(np.transpose([pose["tip_x"], pose["tip_y"]]) - corners * 2).max() < 1e-12
     for name in ("tip_vx", "tip_vy", "tip_ax", "tip_ay"):
         assert np.abs(pose[name]).max() < 1e-11, name
-    pose = fivebar.solve(angle, rate, change, **LINK, mode=sign)
+    pose = fivebar.solve(angle, rate, change, **SYMMETRIC, mode=sign)
     off = np.minimum.reduce(
         [
             *(np.abs(pose["tip_x"] - x) for x in (-0.9, -0.1)),
@@ -291,4 +293,4 @@ def test_a_rectangle_is_run_with_rest_in_its_corners() -> None:
     speed = np.hypot(pose["tip_vx"], pose["tip_vy"])
     assert speed.max() == pytest.approx(2.0 * 0.8 / 2.0)  # a cycloid has twice its mean speed
     with pytest.raises(ValueError, match="period must be positive"):
-        fivebar.rectangle(0.0, **path | {"period": 0.0}, **LINK, **modes)
+        fivebar.rectangle(0.0, **path | {"period": 0.0}, **SYMMETRIC, **modes)

@@ -36,7 +36,9 @@ def random_links(count: int) -> list[fivebar.FivebarLengths]:
 singular_curves = cache(fivebar.type_2)
 
 
-def assembly(link: fivebar.FivebarLengths, tip: np.ndarray, mode: tuple[int, int]) -> np.ndarray:
+def coupler_sine(
+    link: fivebar.FivebarLengths, tip: np.ndarray, mode: tuple[int, int]
+) -> np.ndarray:
     """Sine of the angle between the couplers by the inverse problem; NaN out of reach."""
     found = np.full(tip.shape, np.nan)
     inside = fivebar.margin([tip.real, tip.imag], **asdict(link)) > 0.0
@@ -47,7 +49,7 @@ def assembly(link: fivebar.FivebarLengths, tip: np.ndarray, mode: tuple[int, int
     return found
 
 
-def grid(link: fivebar.FivebarLengths, n: int = 420) -> tuple[np.ndarray, float]:
+def cell_centres(link: fivebar.FivebarLengths, n: int = 420) -> tuple[np.ndarray, float]:
     """Centres of cells that cover all reachable points, and the area of a cell."""
     x, y = (np.linspace(-1.0, 1.0, n + 1) for _ in range(2))
     half = link.size
@@ -58,16 +60,16 @@ def grid(link: fivebar.FivebarLengths, n: int = 420) -> tuple[np.ndarray, float]
 
 
 @EACH
-def test_the_reach_is_what_two_rings_have_in_common(link: fivebar.FivebarLengths) -> None:
+def test_the_reach_is_the_overlap_of_two_rings(link: fivebar.FivebarLengths) -> None:
     area = sum(one.area for one in fivebar.reach(link))
     assert area == pytest.approx(fivebar.reach_area(link), rel=1e-10)  # angles of corners: 1e-11
-    tip, cell = grid(link)
+    tip, cell = cell_centres(link)
     counted = cell * np.sum(fivebar.margin([tip.real, tip.imag], **asdict(link)) > 0.0)
     assert area == pytest.approx(counted, rel=6e-3)  # cells of 1/420 along a border
 
 
 @COUNTS
-def test_random_reaches_and_aspects_add_up(count: int) -> None:
+def test_aspects_of_random_linkages_add_up_to_the_reach(count: int) -> None:
     for link in random_links(count):
         whole = fivebar.reach_area(link)
         assert sum(one.area for one in fivebar.reach(link)) == pytest.approx(whole, rel=1e-9)
@@ -81,11 +83,11 @@ def test_random_reaches_and_aspects_add_up(count: int) -> None:
 
 @EACH
 @pytest.mark.parametrize("mode", WORKING_MODE_PAIRS)
-def test_aspects_are_where_the_inverse_problem_has_their_sign(
+def test_aspects_have_the_sign_of_the_inverse_problem(
     link: fivebar.FivebarLengths, mode: tuple[int, int]
 ) -> None:
-    tip, cell = grid(link)
-    sine = assembly(link, tip, mode)
+    tip, cell = cell_centres(link)
+    sine = coupler_sine(link, tip, mode)
     found = fivebar.aspects(link, mode, singular_curves(link))
     for sign in (1, -1):
         counted = cell * np.sum(sign * sine > 0.0)
@@ -95,10 +97,10 @@ def test_aspects_are_where_the_inverse_problem_has_their_sign(
         )
 
 
-def test_a_wrong_length_moves_areas_beyond_what_counting_allows() -> None:
+def test_a_wrong_length_changes_areas_by_more_than_the_tolerance() -> None:
     link = LINKS["thesis"]
-    tip, cell = grid(link)
-    counted = cell * np.sum(assembly(link, tip, (1, 1)) > 0.0)
+    tip, cell = cell_centres(link)
+    counted = cell * np.sum(coupler_sine(link, tip, (1, 1)) > 0.0)
     for name in ("left_crank", "left_coupler", "right_coupler", "right_crank", "right_x"):
         wrong = replace(link, **{name: 1.03 * asdict(link)[name]})
         area = sum(one.area for one in fivebar.aspects(wrong, (1, 1))[1])
@@ -106,7 +108,9 @@ def test_a_wrong_length_moves_areas_beyond_what_counting_allows() -> None:
 
 
 @EACH
-def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.FivebarLengths) -> None:
+def test_coupler_sine_changes_sign_across_type_2_curves_of_its_mode(
+    link: fivebar.FivebarLengths,
+) -> None:
     pieces = singular_curves(link)
     assert bool(pieces) is (link is not LINKS["regular"])  # its couplers are never in line
     for one in pieces:
@@ -121,28 +125,30 @@ def test_type_2_is_a_zero_with_a_change_of_sign_in_its_mode(link: fivebar.Fiveba
             # at the ends of the angles a right one of arccos near +-1 has half the digits
             assert np.abs(np.abs(pin - x) - crank).max() < 1e-12 * link.size
             assert np.abs(np.abs(arm) - coupler).max() < 1e-12 * link.size
-        way = np.gradient(tip)
+        tangent = np.gradient(tip)
         middle = slice(tip.size // 3, -(tip.size // 3))
-        across = 1e-4 * link.size * 1j * (way / np.abs(way))[middle]
-        long = np.abs(np.diff(tip)).sum()
-        if long < 0.05 * link.size:  # at a border the other sign is narrower than 1e-4
+        across = 1e-4 * link.size * 1j * (tangent / np.abs(tangent))[middle]
+        length = np.abs(np.diff(tip)).sum()
+        if length < 0.05 * link.size:  # at a border the other sign is narrower than 1e-4
             continue
-        left, right = (assembly(link, tip[middle] + step, one.mode) for step in (across, -across))
-        there = np.isfinite(left) & np.isfinite(right)
-        assert there.mean() > 0.8
-        assert (left[there] > 0.0).all()
-        assert (right[there] < 0.0).all()
+        left, right = (
+            coupler_sine(link, tip[middle] + step, one.mode) for step in (across, -across)
+        )
+        reachable = np.isfinite(left) & np.isfinite(right)
+        assert reachable.mean() > 0.8
+        assert (left[reachable] > 0.0).all()
+        assert (right[reachable] < 0.0).all()
 
 
 @COUNTS
-def test_type_2_of_random_linkages_has_the_sine_positive_on_its_left(count: int) -> None:
+def test_coupler_sine_is_positive_left_of_random_type_2_curves(count: int) -> None:
     seen = 0
     for link in random_links(count):
         for one in singular_curves(link):
             k = one.curve.points.size // 2
-            tip, way = one.curve.points[k], one.curve.points[k + 1] - one.curve.points[k - 1]
-            across = 1e-6j * link.size * way / abs(way)
-            sines = assembly(link, np.array([tip + across, tip - across]), one.mode)
+            tip, tangent = one.curve.points[k], one.curve.points[k + 1] - one.curve.points[k - 1]
+            across = 1e-6j * link.size * tangent / abs(tangent)
+            sines = coupler_sine(link, np.array([tip + across, tip - across]), one.mode)
             if np.isfinite(sines).all():  # both within the reach
                 assert sines[0] > 0.0 > sines[1]
                 seen += 1
@@ -150,20 +156,20 @@ def test_type_2_of_random_linkages_has_the_sine_positive_on_its_left(count: int)
 
 
 @EACH
-def test_type_1_is_a_zero_of_the_margin_with_a_change_of_sign(link: fivebar.FivebarLengths) -> None:
+def test_margin_changes_sign_across_type_1_curves(link: fivebar.FivebarLengths) -> None:
     for piece, _ in reach_border(link):
         tip = piece.points
         inside = fivebar.margin([tip.real, tip.imag], **asdict(link))
         assert np.abs(inside).max() < 1e-12 * link.size
-        way = np.gradient(tip)
-        across = 1e-3 * 1j * (way / np.abs(way))
+        tangent = np.gradient(tip)
+        across = 1e-3 * 1j * (tangent / np.abs(tangent))
         middle = slice(tip.size // 4, -(tip.size // 4))
         for step, sign in ((across, 1.0), (-across, -1.0)):
             z = (tip + step)[middle]
             assert (sign * fivebar.margin([z.real, z.imag], **asdict(link)) > 0.0).all()
 
 
-def bars(chart: Chart, label: str, panel: int) -> np.ndarray:
+def bar_lengths(chart: Chart, label: str, panel: int) -> np.ndarray:
     """Lengths of the bars of a label in a panel."""
     (line,) = [one for one in chart.panels[panel].lines if one.label == label]
     z = line.x + 1j * line.y
@@ -182,11 +188,11 @@ def test_eight_poses_of_a_tip_close_their_loops(name: str, x: float, y: float) -
     couplers = [link.left_coupler, link.right_coupler]
     others = set()
     for k in range(4):
-        assert np.abs(bars(chart, "cranks", k) - cranks).max() < 1e-12
-        assert np.abs(bars(chart, "couplers", k) - couplers).max() < 1e-12
-        assert np.abs(bars(chart, "other assembly", k) - couplers).max() < 1e-12
-        (ghost,) = [one for one in chart.panels[k].lines if one.label == "other assembly"]
-        others.add((round(ghost.x[1], 6), round(ghost.y[1], 6)))
+        assert np.abs(bar_lengths(chart, "cranks", k) - cranks).max() < 1e-12
+        assert np.abs(bar_lengths(chart, "couplers", k) - couplers).max() < 1e-12
+        assert np.abs(bar_lengths(chart, "other assembly", k) - couplers).max() < 1e-12
+        (other_couplers,) = [one for one in chart.panels[k].lines if one.label == "other assembly"]
+        others.add((round(other_couplers.x[1], 6), round(other_couplers.y[1], 6)))
     assert len(others) == 4  # each has another position of the tip in the other assembly
     assert len({panel.title for panel in chart.panels}) == 4
 
@@ -221,7 +227,10 @@ def test_singular_poses_have_their_bars_in_line(name: str, kinds: int) -> None:
     assert len(chart.panels) == kinds  # the left side of the thesis' linkage never folds
     for k, panel in enumerate(chart.panels):
         lines = {line.label: line.x + 1j * line.y for line in panel.lines}
-        assert np.abs(bars(chart, "cranks", k) - [link.left_crank, link.right_crank]).max() < 1e-12
+        assert (
+            np.abs(bar_lengths(chart, "cranks", k) - [link.left_crank, link.right_crank]).max()
+            < 1e-12
+        )
         left, tip, right = lines["couplers"]
         triples = {
             "type 1: left": (link.left_x, left, tip),
@@ -233,7 +242,7 @@ def test_singular_poses_have_their_bars_in_line(name: str, kinds: int) -> None:
         assert abs(turned) < 1e-6 * link.size**2  # square root of rounding
 
 
-def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:
+def test_areas_on_the_chart_are_those_of_the_aspects() -> None:
     link = LINKS["symmetric"]
     chart = fivebar.workspace(**asdict(link), path=(0.0, 5.0, 1.0, 5.0, 1.0, 6.0))
     for mode, panel in zip(WORKING_MODE_PAIRS, chart.panels, strict=True):
@@ -246,6 +255,6 @@ def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:
         fivebar.workspace(**asdict(link), path=(0.0, 5.0, 1.0))
     with pytest.raises(ValueError, match="x, y and radius, got 2 numbers"):
         fivebar.workspace(**asdict(link), circle=(0.0, 5.0))
-    round_about = fivebar.workspace(**asdict(link), circle=(0.5, 6.0, 1.5)).panels[0].lines
-    path = next(line for line in round_about if line.label == "path of the tip")
+    circle_lines = fivebar.workspace(**asdict(link), circle=(0.5, 6.0, 1.5)).panels[0].lines
+    path = next(line for line in circle_lines if line.label == "path of the tip")
     assert np.hypot(path.x - 0.5, path.y - 6.0) == pytest.approx(1.5)

@@ -18,7 +18,7 @@ TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", fourbar.MODES)
 GRID = np.arange(512) * TURN / 512
 # A periodic crank profile whose derivatives are not zero, for spectral derivatives of the curves.
-LAW = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
+CRANK_PROFILE = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
 POINT = {"point_along": 0.7, "point_across": -0.4}
 
 
@@ -43,7 +43,7 @@ def assert_close(actual, expected, tolerance):
     assert error <= tolerance, f"error {error:.3g} of the curve"
 
 
-def loop_gap(angle, pose, link):
+def loop_violations(angle, pose, link):
     def vector(length, at):
         return length * np.exp(1j * at)
 
@@ -52,16 +52,16 @@ def loop_gap(angle, pose, link):
     return np.abs(over - under), np.abs(over - pose["pin_x"] - 1j * pose["pin_y"])
 
 
-def check_laws(link, mode, law=LAW):
+def check_loop_and_derivatives(link, mode, profile=CRANK_PROFILE):
     """Check the closed loop, the rigid coupler, and all rates and accelerations as derivatives.
 
     1e-10: rounding times the highest wave number, 256 eps = 6e-14, times the ratio of the ranges of
     a curve and of its derivative, which grows near in-line poses.
     """
-    pose = fourbar.solve(*law, **link, mode=mode, **POINT)
-    for gap in loop_gap(law[0], pose, link):
-        assert gap.max() <= 1e-14 * max(link.values())  # rounding: about ten operations
-    arm = pose["point_x"] + 1j * pose["point_y"] - link["crank"] * np.exp(1j * law[0])
+    pose = fourbar.solve(*profile, **link, mode=mode, **POINT)
+    for violation in loop_violations(profile[0], pose, link):
+        assert violation.max() <= 1e-14 * max(link.values())  # rounding: about ten operations
+    arm = pose["point_x"] + 1j * pose["point_y"] - link["crank"] * np.exp(1j * profile[0])
     turned = arm * np.exp(-1j * pose["coupler_angle"])
     # rounding of coordinates and of an angle of a few turns
     assert np.abs(turned - complex(*POINT.values())).max() <= 1e-14 * (max(link.values()) + 1.0)
@@ -81,21 +81,21 @@ def check_laws(link, mode, law=LAW):
 
 
 @MODES
-def test_laws_of_the_thesis_linkage(mode):
-    check_laws(LINK, mode)
+def test_loop_and_derivatives_of_the_thesis_linkage(mode):
+    check_loop_and_derivatives(LINK, mode)
 
 
 @settings(derandomize=True, max_examples=40, deadline=None)
 @given(crank_rockers(), st.sampled_from(fourbar.MODES))
-def test_laws_of_random_crank_rockers(link, mode):
-    check_laws(link, mode)
+def test_loop_and_derivatives_of_random_crank_rockers(link, mode):
+    check_loop_and_derivatives(link, mode)
 
 
 @settings(derandomize=True, max_examples=25, deadline=None)
 @given(crank_rockers(), st.sampled_from(fourbar.MODES))
-def test_newton_raphson_on_the_raw_loop_equations(link, mode):
-    angle, rate, acceleration = LAW
-    pose = fourbar.solve(*LAW, **link, mode=mode)
+def test_newton_raphson_on_the_raw_loop_equations_agrees(link, mode):
+    angle, rate, acceleration = CRANK_PROFILE
+    pose = fourbar.solve(*CRANK_PROFILE, **link, mode=mode)
     bars = np.stack([pose["coupler_angle"], pose["rocker_angle"]]) + 1e-3  # off the solution
     arms = np.array([[link["coupler"]], [-link["rocker"]]])
 
@@ -120,8 +120,8 @@ def test_newton_raphson_on_the_raw_loop_equations(link, mode):
 
 @MODES
 def test_modes_are_mirror_images(mode):
-    angle, rate, acceleration = LAW
-    pose = fourbar.solve(*LAW, **LINK, mode=mode, point_along=0.7, point_across=-0.4)
+    angle, rate, acceleration = CRANK_PROFILE
+    pose = fourbar.solve(*CRANK_PROFILE, **LINK, mode=mode, point_along=0.7, point_across=-0.4)
     image = fourbar.solve(
         -angle, -rate, -acceleration, **LINK, mode=-mode, point_along=0.7, point_across=0.4
     )
@@ -175,9 +175,9 @@ def test_a_load_on_the_rocker_does_the_work_that_the_crank_puts_in(mode, load):
 
 
 @MODES
-def test_point_at_the_ends_and_between(mode):
+def test_coupler_points_at_ends_and_middle_move_as_the_pins(mode):
     ends = {
-        name: fourbar.solve(*LAW, **LINK, mode=mode, point_along=along)
+        name: fourbar.solve(*CRANK_PROFILE, **LINK, mode=mode, point_along=along)
         for name, along in (("start", 0.0), ("middle", 1.0), ("end", LINK["coupler"]))
     }
     for part in ("x", "y", "vx", "vy", "ax", "ay"):
@@ -185,7 +185,7 @@ def test_point_at_the_ends_and_between(mode):
         # rounding of lengths up to 3 and rates up to 5
         np.testing.assert_allclose(end, ends["end"][f"pin_{part}"], rtol=0, atol=2e-14)
         np.testing.assert_allclose(middle, (start + end) / 2, rtol=0, atol=2e-14)
-    angle, rate, acceleration = LAW
+    angle, rate, acceleration = CRANK_PROFILE
     spin = 1j * rate * np.exp(1j * angle)
     np.testing.assert_allclose(ends["start"]["point_x"], np.cos(angle), rtol=0, atol=1e-15)
     np.testing.assert_allclose(ends["start"]["point_vy"], spin.imag, rtol=0, atol=2e-15)
@@ -214,7 +214,7 @@ def test_accelerations_of_the_thesis(row):
         assert error <= 5.1e-9  # half a unit of the last printed digit
 
 
-def test_cycle_table():
+def test_curves_are_those_of_the_cycle_table():
     table = np.array(DATA["cycle"]["rows"])
     pose = fourbar.solve(table[:, 0], **LINK, mode=-1)
     for name, column in zip(DATA["cycle"]["columns"][1:], table.T[1:], strict=True):
@@ -222,7 +222,7 @@ def test_cycle_table():
 
 
 @pytest.mark.parametrize("name", ["pin_vx", "pin_vy", "pin_ax", "pin_ay"])
-def test_extremes_of_the_plots(name):
+def test_extremes_are_those_of_the_plots(name):
     plots, angle = DATA["plots"], np.linspace(0.0, 2 * 3.1416, 50)
     curve = fourbar.solve(angle, 1.0, plots["acceleration"], **LINK, mode=-1)[name]
     # half a unit of the last of 7 digits
@@ -230,7 +230,7 @@ def test_extremes_of_the_plots(name):
 
 
 @pytest.mark.parametrize("case", DATA["norton"], ids=lambda case: f"mode{case['mode']:+d}")
-def test_norton_example(case):
+def test_norton_example_is_met(case):
     pose = fourbar.solve(
         np.radians(case["angle_deg"]),
         case["rate"],
@@ -281,7 +281,7 @@ def test_other_bad_values_are_named(change, message):
         fourbar.solve(0.0, **LINK, **change)
 
 
-def test_mechanical_advantage_and_its_signs():
+def test_mechanical_advantage_conserves_power():
     pose = fourbar.solve(GRID, 3.0, **LINK, mode=-1)
     sums = pose["mechanical_advantage"] * pose["rocker_rate"]
     np.testing.assert_allclose(sums, 3.0, rtol=1e-14)  # power in is power out; rounding

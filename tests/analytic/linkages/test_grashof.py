@@ -5,34 +5,36 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
-from test_fourbar import DATA, GRID, LAW, LINK, MODES, TURN, check_laws
+from test_fourbar import CRANK_PROFILE, DATA, GRID, LINK, MODES, TURN, check_loop_and_derivatives
 
 from proofmass.analytic.linkages import fourbar
 
 BARS = ("crank", "coupler", "rocker", "ground")
 CLASSES = ("crank-rocker", "rocker-crank", "double crank", "double rocker", "triple rocker")
 TABLE = DATA["grashof"]["rows"]
-STIFF = {"crank": 2.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
+TRIPLE_ROCKER = {"crank": 2.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
 
 
-def named(lengths):
+def bar_lengths(lengths):
     return dict(zip(BARS, lengths, strict=True))
 
 
 @st.composite
 def linkages(draw, kind):
     """Lengths of one class; a margin of at least 0.03 keeps them away from change points."""
-    scale, short, room = draw(st.floats(1e-3, 1e3)), draw(st.floats(0.1, 0.8)), 0.03
+    scale, short, margin = draw(st.floats(1e-3, 1e3)), draw(st.floats(0.1, 0.8)), 0.03
     if kind == "triple rocker":
-        total = draw(st.floats(max(2 * short, 1.0 - short) + room, 1.0 + short - room))
+        total = draw(st.floats(max(2 * short, 1.0 - short) + margin, 1.0 + short - margin))
     else:
-        total = draw(st.floats(1.0 + short + room, 2.0 - room))
-    most = min(2.0 - total, total - 2.0 * short)
-    part = draw(st.floats(0.0, most)) / 2.0
-    others = draw(st.permutations([1.0, total / 2.0 + part, total / 2.0 - part]))
+        total = draw(st.floats(1.0 + short + margin, 2.0 - margin))
+    largest_difference = min(2.0 - total, total - 2.0 * short)
+    half_difference = draw(st.floats(0.0, largest_difference)) / 2.0
+    others = draw(
+        st.permutations([1.0, total / 2.0 + half_difference, total / 2.0 - half_difference])
+    )
     place = {"crank-rocker": 0, "double rocker": 1, "rocker-crank": 2, "double crank": 3}
     others.insert(place.get(kind, draw(st.integers(0, 3))), short)
-    return named([scale * x for x in others])
+    return bar_lengths([scale * x for x in others])
 
 
 def turns_fully(crank, coupler, rocker, ground):
@@ -41,11 +43,11 @@ def turns_fully(crank, coupler, rocker, ground):
     return bool(np.all((distance <= coupler + rocker) & (distance >= abs(coupler - rocker))))
 
 
-def swung(link, share=0.85):
+def crank_profile_in_range(link, share=0.85):
     """Periodic crank profile on GRID within the crank's range; a full turn where possible."""
     low, high = fourbar.crank_range(**link)
     if (low, high) == (0.0, np.pi):
-        return LAW
+        return CRANK_PROFILE
     if low == 0.0:
         low = -high
     elif high == np.pi:
@@ -56,7 +58,7 @@ def swung(link, share=0.85):
 
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: row["class"])
 def test_classes_of_the_thesis_linkage_and_its_inversions(row):
-    link = named(row["lengths"])
+    link = bar_lengths(row["lengths"])
     assert fourbar.classify(**link) == row["class"]
     assert fourbar.grashof_margin(**link) == row["margin"]
     if "high" in row:
@@ -68,7 +70,7 @@ def test_classes_of_the_thesis_linkage_and_its_inversions(row):
 @pytest.mark.parametrize("kind", CLASSES)
 @settings(derandomize=True, max_examples=25, deadline=None)
 @given(data=st.data())
-def test_classes_say_what_turns(kind, data):
+def test_a_class_says_which_bars_turn_fully(kind, data):
     link = data.draw(linkages(kind))
     crank, coupler, rocker, ground = link.values()
     assert fourbar.classify(**link) == kind
@@ -95,13 +97,13 @@ def test_classes_say_what_turns(kind, data):
 @pytest.mark.parametrize("kind", CLASSES)
 @settings(derandomize=True, max_examples=15, deadline=None)
 @given(data=st.data(), mode=st.sampled_from(fourbar.MODES))
-def test_laws_in_every_class(kind, data, mode):
+def test_loop_closes_and_derivatives_agree_in_every_class(kind, data, mode):
     link = data.draw(linkages(kind))
-    law = swung(link)
-    pose = fourbar.solve(*law, **link, mode=mode)
+    profile = crank_profile_in_range(link)
+    pose = fourbar.solve(*profile, **link, mode=mode)
     steep = max(np.abs(pose[f"{bar}_rate"]).max() for bar in ("coupler", "rocker"))
     assume(steep < 6.0)  # next to a pose with bars in line 512 samples do not resolve the curve
-    pose = check_laws(link, mode, law)
+    pose = check_loop_and_derivatives(link, mode, profile)
     low, high = fourbar.transmission_range(**link)
     assert low <= pose["transmission_angle"].min() + 1e-12  # rounding of an angle
     assert high >= pose["transmission_angle"].max() - 1e-12
@@ -133,7 +135,7 @@ def test_dead_centres_are_where_the_rocker_turns_back(kind, data, mode):
     def rocker_rate(x):
         return float(fourbar.solve(x, **link, mode=mode)["rocker_rate"])
 
-    angle, found = swung(link, 1.0 - 1e-9)[0], set()
+    angle, found = crank_profile_in_range(link, 1.0 - 1e-9)[0], set()
     for grid in (angle, -angle):  # -angle: the second interval of a crank that has two
         rate = fourbar.solve(grid, **link, mode=mode)["rocker_rate"]
         for k in np.flatnonzero(np.diff(np.sign(rate))):
@@ -191,7 +193,7 @@ def test_swing_is_the_range_of_the_rocker(link):
 def test_only_a_crank_rocker_has_a_swing_and_a_time_ratio():
     for function in (fourbar.swing_angle, fourbar.time_ratio):
         with pytest.raises(ValueError, match="must make a crank-rocker, these make a triple"):
-            function(**STIFF)
+            function(**TRIPLE_ROCKER)
 
 
 @pytest.mark.parametrize("longest", BARS)
@@ -218,19 +220,19 @@ def test_bad_lengths_are_named():
         fourbar.dead_centres(**LINK, mode=2)
 
 
-def test_unreachable_angle_is_named_with_the_miss():
+def test_an_unreachable_angle_is_named_with_its_violation():
 
     limit = np.arccos((13.0 - 20.25) / 12.0)  # crank, ground and coupler + rocker form a triangle
-    fourbar.solve([-limit, limit], **STIFF)
-    miss = np.sqrt(13.0 - 12.0 * np.cos(limit + 0.02)) - 4.5
-    with pytest.raises(ValueError, match=rf"angle {limit + 0.02:.9g} rad: .* by {miss:.6g} m"):
-        fourbar.solve([0.0, limit, limit + 0.02, 3.0], **STIFF)
+    fourbar.solve([-limit, limit], **TRIPLE_ROCKER)
+    violation = np.sqrt(13.0 - 12.0 * np.cos(limit + 0.02)) - 4.5
+    with pytest.raises(ValueError, match=rf"angle {limit + 0.02:.9g} rad: .* by {violation:.6g} m"):
+        fourbar.solve([0.0, limit, limit + 0.02, 3.0], **TRIPLE_ROCKER)
     with pytest.raises(ValueError, match=r"angle 0 rad: .* miss by 44 m"):
         fourbar.solve([0.0, 1.0], crank=1.0, coupler=2.0, rocker=3.0, ground=50.0)
     with pytest.raises(ValueError, match=r"angle 0 rad: .* miss by 2\.9 m"):  # P too near to B
         fourbar.solve(0.0, crank=2.9, coupler=4.0, rocker=1.0, ground=3.0)
     with pytest.raises(ValueError, match=r"miss by 1\.\d+e-12 m"):
-        fourbar.solve(limit + 1e-12, **STIFF)
+        fourbar.solve(limit + 1e-12, **TRIPLE_ROCKER)
     with pytest.raises(ValueError, match=r"angle nan rad"):
         fourbar.solve([0.0, np.nan], **LINK)
 

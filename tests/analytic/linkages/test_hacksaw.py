@@ -18,8 +18,8 @@ TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", hacksaw.MODES)
 GRID = np.arange(512) * TURN / 512
 # A periodic crank profile whose derivatives are not zero, for spectral derivatives of the curves.
-LAW = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
-DEGREES = ("theta1", "theta3")
+CRANK_PROFILE = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
+ANGLE_NAMES = ("theta1", "theta3")
 
 
 @st.composite
@@ -35,12 +35,12 @@ def full_turn_links(draw):
     return {"crank": scale * crank, "coupler": scale * coupler, "offset": scale * offset}
 
 
-def residuals(law, pose, link):
+def residuals(crank_motion, pose, link):
     """The report's nine loop equations (text lines 300-338, theta3 where it misprints theta2)."""
-    theta2, w2, a2 = law
+    theta2, w2, a2 = crank_motion
     r1, v, a = (pose[f"r1{part}"] for part in ("", "_rate", "_acceleration"))
     (w1, a1), (w3, a3) = (
-        [pose[f"{bar}_{part}"] for part in ("rate", "acceleration")] for bar in DEGREES
+        [pose[f"{bar}_{part}"] for part in ("rate", "acceleration")] for bar in ANGLE_NAMES
     )
     (c1, s1), (c2, s2), (c3, s3) = (
         (np.cos(x), np.sin(x)) for x in (pose["theta1"], theta2, pose["theta3"])
@@ -82,20 +82,20 @@ def residuals(law, pose, link):
 
 
 @MODES
-def test_nine_loop_equations_on_the_motor_sweep(mode):
-    law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
-    pose = hacksaw.solve(*law, **LINK, mode=mode)
-    for order, rows in enumerate(residuals(law, pose, LINK)):
+def test_the_motor_sweep_satisfies_nine_loop_equations(mode):
+    crank_motion = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
+    pose = hacksaw.solve(*crank_motion, **LINK, mode=mode)
+    for order, rows in enumerate(residuals(crank_motion, pose, LINK)):
         # rounding of about ten terms of size length, length w, length w^2 with w = 6.5 rad/s
         assert np.abs(rows).max() <= 1e-14 * LINK["coupler"] * 6.5**order
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)
 @given(full_turn_links(), st.sampled_from(hacksaw.MODES))
-def test_laws_of_random_links(link, mode):
-    pose = hacksaw.solve(*LAW, **link, mode=mode)
+def test_loop_and_derivatives_of_random_links(link, mode):
+    pose = hacksaw.solve(*CRANK_PROFILE, **link, mode=mode)
     size = link["crank"] + link["coupler"]
-    assert np.abs(residuals(LAW, pose, link)[0]).max() <= 1e-14 * size  # rounding
+    assert np.abs(residuals(CRANK_PROFILE, pose, link)[0]).max() <= 1e-14 * size  # rounding
     # 1e-9: rounding times the highest wave number (256 eps = 6e-14), times the ratio of the size
     # of a curve to that of its derivative, up to 1e3 for theta1 at short cranks and small offsets
     for name in ("r1", "theta1", "theta3"):
@@ -106,29 +106,29 @@ def test_laws_of_random_links(link, mode):
         assert_close(derivative(pose[f"{name}_rate"]), pose[f"{name}_acceleration"], 1e-9)
     assert_close(derivative(pose["slider_x"]), pose["slider_velocity"], 1e-9)
     assert_close(derivative(pose["slider_velocity"]), pose["slider_acceleration"], 1e-9)
-    side = pose["slider_x"] - link["crank"] * np.cos(LAW[0])
+    side = pose["slider_x"] - link["crank"] * np.cos(CRANK_PROFILE[0])
     assert np.all(mode * side < 0)
 
 
 @MODES
-def test_newton_raphson_on_the_report_equations(mode):
-    law = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
-    pose = hacksaw.solve(*law, **LINK, mode=mode)
-    guess = {name: pose[name] + 1e-3 for name in ("r1", *DEGREES)}  # off the solution
+def test_newton_raphson_on_the_report_equations_agrees(mode):
+    crank_motion = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000))
+    pose = hacksaw.solve(*crank_motion, **LINK, mode=mode)
+    guess = {name: pose[name] + 1e-3 for name in ("r1", *ANGLE_NAMES)}  # off the solution
     zero = {f"{n}_{p}": 0.0 for n in guess for p in ("rate", "acceleration")}
     for _ in range(6):
         r1, (c1, s1), (c3, s3) = (
             guess["r1"],
-            *((np.cos(guess[n]), np.sin(guess[n])) for n in DEGREES),
+            *((np.cos(guess[n]), np.sin(guess[n])) for n in ANGLE_NAMES),
         )
         r3, none = np.full_like(r1, LINK["coupler"]), np.zeros_like(r1)
         matrix = np.stack([-c1, r1 * s1, -r3 * s3, s1, r1 * c1, -r3 * c3, s1, r1 * c1, none], 1)
         matrix = matrix.reshape(-1, 3, 3)
-        right = residuals(law, guess | zero, LINK)[0].T[..., None]
+        right = residuals(crank_motion, guess | zero, LINK)[0].T[..., None]
         step = np.linalg.solve(matrix, right)[..., 0].T
         guess = {n: guess[n] - s for n, s in zip(guess, step, strict=True)}
     for order, part in ((1, "rate"), (2, "acceleration")):
-        right = residuals(law, guess | zero, LINK)[order].T[..., None]
+        right = residuals(crank_motion, guess | zero, LINK)[order].T[..., None]
         step = np.linalg.solve(matrix, right)[..., 0].T
         zero |= {f"{n}_{part}": -s for n, s in zip(guess, step, strict=True)}
     for name, curve in (guess | zero).items():
@@ -137,15 +137,15 @@ def test_newton_raphson_on_the_report_equations(mode):
 
 @MODES
 def test_modes_are_mirror_images(mode):
-    angle, rate, acceleration = LAW
-    pose = hacksaw.solve(*LAW, **LINK, mode=mode)
+    angle, rate, acceleration = CRANK_PROFILE
+    pose = hacksaw.solve(*CRANK_PROFILE, **LINK, mode=mode)
     # 4e-15 and 4e-14: rounding of pi - angle, through slopes of up to 10 at this offset
     image = hacksaw.solve(np.pi - angle, -rate, -acceleration, **LINK, mode=-mode)
     for name in ("slider_x", "slider_velocity", "slider_acceleration"):
         np.testing.assert_allclose(image[name], -pose[name], rtol=0, atol=4e-15)
     for name in ("r1", "r1_rate", "r1_acceleration"):
         np.testing.assert_allclose(image[name], pose[name], rtol=0, atol=4e-15)
-    for bar in DEGREES:
+    for bar in ANGLE_NAMES:
         shift = np.pi if bar == "theta3" else -np.pi
         np.testing.assert_allclose(image[bar], shift - pose[bar], rtol=0, atol=4e-15)
         for part in ("rate", "acceleration"):
@@ -179,11 +179,11 @@ def test_other_assembly_at_the_start():
 
 
 @pytest.mark.parametrize("row", DATA["points"]["rows"], ids=lambda row: str(row["index"]))
-def test_reference_points(row):
-    law = hacksaw.motor(row["time"])
-    for found, name in zip(law, ("angle", "rate", "acceleration"), strict=True):
+def test_reference_points_are_met(row):
+    crank_motion = hacksaw.motor(row["time"])
+    for found, name in zip(crank_motion, ("angle", "rate", "acceleration"), strict=True):
         assert found == pytest.approx(row[name], rel=1e-14, abs=1e-14)  # rounding of the time
-    pose = hacksaw.solve(*law, **LINK)
+    pose = hacksaw.solve(*crank_motion, **LINK)
     loads = {name for name in pose if name.endswith(("_moment", "_force_x", "_force_y"))}
     assert len(loads) == 9
     assert not any(pose[name] for name in loads)  # no cutting force, and no masses
@@ -193,7 +193,7 @@ def test_reference_points(row):
 
 
 @pytest.fixture(scope="module")
-def dense():
+def dense_sweep():
     """The sweep at 400,001 samples."""
     return hacksaw.solve(
         *hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), 400001)), **LINK
@@ -201,9 +201,9 @@ def dense():
 
 
 @pytest.mark.parametrize("name", [name for name in DATA["extrema"] if name != "source"])
-def test_extrema_of_the_sweep(name, dense):
-    curve = dense[name]
-    if name.startswith(DEGREES):
+def test_extrema_of_the_sweep_are_those_printed(name, dense_sweep):
+    curve = dense_sweep[name]
+    if name.startswith(ANGLE_NAMES):
         curve = np.degrees(curve)
     for sign, expected in zip((-1, 1), DATA["extrema"][name], strict=True):
         middle = np.argmax(sign * curve)
@@ -254,7 +254,7 @@ def test_theta1_is_continuous_where_the_slider_crosses_above_the_axis():
     assert_close(slope, middle, 1e-5)  # central difference: step^2/24 times the third derivative
 
 
-def test_printed_motor_numbers():
+def test_motor_numbers_are_those_printed():
     printed = DATA["motor"]
     total = hacksaw.turn_time(printed["peak"])
     assert total == pytest.approx(printed["turn_time"], abs=5.1e-4)  # last printed digit
@@ -289,7 +289,7 @@ def test_motor_integrates_its_acceleration(peak):
     assert late[0] == pytest.approx(TURN * 1999.0, rel=1e-14)  # rounding; two turns per T
 
 
-def test_bad_motor_values():
+def test_bad_motor_values_are_refused():
     with pytest.raises(ValueError, match="time must not be negative"):
         hacksaw.motor([0.0, -1e-9])
     with pytest.raises(ValueError, match="time must not be negative"):
@@ -309,15 +309,15 @@ def test_bad_value_is_named(name, value):
         hacksaw.solve(0.0, 0.0, 0.0, **{**LINK, name: value})
 
 
-def test_unreachable_angle_is_named_with_the_miss():
+def test_an_unreachable_angle_is_named_with_its_violation():
     short = {"crank": 0.075, "coupler": 0.1, "offset": 0.045}
     limit = np.arcsin((0.045 - 0.1) / 0.075)  # coupler upright
     upright = hacksaw.solve(limit, 1.0, 0.0, **short)
     assert upright["slider_x"] == pytest.approx(0.075 * np.cos(limit), abs=1e-8)  # sqrt(eps) length
-    miss = 0.045 + 0.075 - 0.1
-    with pytest.raises(ValueError, match=rf"angle {-np.pi / 2:.9g} rad: .* by {miss:.6g} m"):
+    violation = 0.045 + 0.075 - 0.1
+    with pytest.raises(ValueError, match=rf"angle {-np.pi / 2:.9g} rad: .* by {violation:.6g} m"):
         hacksaw.solve([0.0, -np.pi / 2, -np.pi / 2], 1.0, 0.0, **short)
-    with pytest.raises(ValueError, match=rf"angle {np.pi / 2:.9g} rad: .* by {miss:.6g} m"):
+    with pytest.raises(ValueError, match=rf"angle {np.pi / 2:.9g} rad: .* by {violation:.6g} m"):
         hacksaw.solve([0.0, np.pi / 2], 1.0, 0.0, **{**short, "offset": -0.045})
     with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):
         hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short)
@@ -335,7 +335,7 @@ def test_shapes_broadcast():
     assert {curve.shape for curve in hacksaw.solve(0.0, 1.0, 0.0, **LINK).values()} == {()}
 
 
-LOADED = {
+MASSES_AND_LOADS = {
     "crank_mass": 0.2,
     "coupler_mass": 0.3,
     "slider_mass": 0.5,
@@ -344,28 +344,37 @@ LOADED = {
 }
 
 
-def moving(mode):
+def motor_motion(mode):
     """Crank profile of the motor, motion and forces from 0.7 to 1.2 s, where the jerk is smooth."""
-    law = hacksaw.motor(np.linspace(0.7, 1.2, 2001))
-    return law, hacksaw.solve(*law, **{**LINK, "mode": mode}, **LOADED, inertia=True)
+    crank_motion = hacksaw.motor(np.linspace(0.7, 1.2, 2001))
+    return crank_motion, hacksaw.solve(
+        *crank_motion, **{**LINK, "mode": mode}, **MASSES_AND_LOADS, inertia=True
+    )
 
 
 @MODES
-def test_work_of_the_motor_is_the_energy_of_the_bodies(mode):
+def test_work_of_the_motor_is_the_change_of_energy(mode):
     """The energies follow from the motion alone, the integral of M dtheta2 by Simpson's rule."""
-    (angle, rate, _), found = moving(mode)
+    (angle, rate, _), found = motor_motion(mode)
     crank, coupler = (LINK[name] for name in ("crank", "coupler"))
     pin = crank * np.exp(1j * angle)
     turn, spin = found["theta3"], found["theta3_rate"]
     middle = pin + 0.5 * coupler * np.exp(1j * turn)
     speed = 1j * pin * rate + 0.5j * coupler * np.exp(1j * turn) * spin
-    kinetic = 0.5 * LOADED["crank_mass"] * crank**2 / 3.0 * rate**2
-    kinetic = kinetic + 0.5 * LOADED["coupler_mass"] * (
+    kinetic = 0.5 * MASSES_AND_LOADS["crank_mass"] * crank**2 / 3.0 * rate**2
+    kinetic = kinetic + 0.5 * MASSES_AND_LOADS["coupler_mass"] * (
         np.abs(speed) ** 2 + coupler**2 / 12.0 * spin**2
     )
-    kinetic = kinetic + 0.5 * LOADED["slider_mass"] * found["slider_velocity"] ** 2
-    height = 0.5 * LOADED["crank_mass"] * pin.imag + LOADED["coupler_mass"] * middle.imag
-    energy = kinetic + LOADED["gravity"] * height - LOADED["cutting_force"] * found["slider_x"]
+    kinetic = kinetic + 0.5 * MASSES_AND_LOADS["slider_mass"] * found["slider_velocity"] ** 2
+    height = (
+        0.5 * MASSES_AND_LOADS["crank_mass"] * pin.imag
+        + MASSES_AND_LOADS["coupler_mass"] * middle.imag
+    )
+    energy = (
+        kinetic
+        + MASSES_AND_LOADS["gravity"] * height
+        - MASSES_AND_LOADS["cutting_force"] * found["slider_x"]
+    )
     time = np.linspace(0.7, 1.2, 2001)
     work = simpson(found["holding_moment"] * rate, x=time)
     assert work == pytest.approx(energy[-1] - energy[0], rel=1e-9)  # step^4
@@ -375,27 +384,32 @@ def test_work_of_the_motor_is_the_energy_of_the_bodies(mode):
 @MODES
 def test_ground_carries_weight_and_inertia_of_all_bodies(mode):
     """Reactions at crank and guide against weights and accelerations of three centres of mass."""
-    (angle, rate, acceleration), found = moving(mode)
+    (angle, rate, acceleration), found = motor_motion(mode)
     crank, coupler = (LINK[name] for name in ("crank", "coupler"))
     turn, spin, bend = (found[f"theta3{part}"] for part in ("", "_rate", "_acceleration"))
     arm = crank * np.exp(1j * angle)
     of_pin = (1j * acceleration - rate**2) * arm
     of_middle = of_pin + (1j * bend - spin**2) * 0.5 * coupler * np.exp(1j * turn)
-    masses = [LOADED[f"{name}_mass"] for name in ("crank", "coupler", "slider")]
+    masses = [MASSES_AND_LOADS[f"{name}_mass"] for name in ("crank", "coupler", "slider")]
     moved = np.array([0.5 * of_pin, of_middle, found["slider_acceleration"] + 0j])
-    needed = np.tensordot(masses, moved + 1j * LOADED["gravity"], 1)
+    needed = np.tensordot(masses, moved + 1j * MASSES_AND_LOADS["gravity"], 1)
     on_crank = (found["crank_force_x"] + 1j * found["crank_force_y"]) * np.exp(1j * angle)
     on_slider = found["guide_force_x"] + 1j * found["guide_force_y"]
     np.testing.assert_allclose(on_crank + on_slider, needed, rtol=0, atol=1e-12)  # rounding
-    np.testing.assert_allclose(found["guide_force_x"], LOADED["cutting_force"], atol=1e-12, rtol=0)
+    np.testing.assert_allclose(
+        found["guide_force_x"], MASSES_AND_LOADS["cutting_force"], atol=1e-12, rtol=0
+    )
 
 
-def test_masses_that_are_not_asked_for_cost_nothing_and_change_no_motion():
-    law = (np.linspace(0.0, 6.0, 7), 1.0, 0.2)
-    bare, loaded = hacksaw.solve(*law, **LINK), hacksaw.solve(*law, **LINK, **LOADED)
+def test_masses_change_moments_but_not_the_motion():
+    crank_motion = (np.linspace(0.0, 6.0, 7), 1.0, 0.2)
+    bare, loaded = (
+        hacksaw.solve(*crank_motion, **LINK),
+        hacksaw.solve(*crank_motion, **LINK, **MASSES_AND_LOADS),
+    )
     for name in ("r1", "theta1_rate", "theta3_acceleration", "slider_x"):
         np.testing.assert_array_equal(bare[name], loaded[name])
     assert not np.allclose(bare["holding_moment"], loaded["holding_moment"])
-    assert "holding_moment" not in hacksaw.solve(*law, **LINK, only={"r1"})
+    assert "holding_moment" not in hacksaw.solve(*crank_motion, **LINK, only={"r1"})
     with pytest.raises(ValueError, match="slider_mass must be zero or positive"):
-        hacksaw.solve(*law, **LINK, slider_mass=-1.0)
+        hacksaw.solve(*crank_motion, **LINK, slider_mass=-1.0)

@@ -13,14 +13,14 @@ FILE = Path(__file__).parents[2] / "data" / "newton_raphson.json"
 DATA = json.loads(FILE.read_text())["hacksaw"]
 LINK = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
 REST = (0.0, 0.0, 0.0)
-POSITION = hacksaw.UNKNOWNS[:3]
+POSITION_NAMES = hacksaw.UNKNOWNS[:3]
 VARIANTS = pytest.mark.parametrize("reduced", [False, True], ids=["plain", "reduced"])
-GRID = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), DATA["sweep"]["points"]))
+SWEEP_MOTION = hacksaw.motor(np.linspace(0.0, 2.0 * hacksaw.turn_time(), DATA["sweep"]["points"]))
 
 
-def printed_equations(x, law):
+def printed_equations(x, crank_motion):
     """The report's nine equations, text lines 300-338, with theta3 where it misprints theta2."""
-    (r1, t1, t3, v, w1, w3, a, dw1, dw3), (t2, w2, dw2) = x, law
+    (r1, t1, t3, v, w1, w3, a, dw1, dw3), (t2, w2, dw2) = x, crank_motion
     r2, r3 = LINK["crank"], LINK["coupler"]
     (c1, s1), (c2, s2), (c3, s3) = ((np.cos(t), np.sin(t)) for t in (t1, t2, t3))
     guide = -r1 * s1 * w1**2 + 2 * v * c1 * w1 + a * s1 + dw1 * r1 * c1
@@ -111,11 +111,13 @@ def test_line_1109_prints_two_wrong_entries_of_row_7():
 
 @pytest.fixture(scope="module")
 def sweeps():
-    return {way: hacksaw.newton_sweep(*GRID, **LINK, simultaneous=way) for way in (True, False)}
+    return {
+        way: hacksaw.newton_sweep(*SWEEP_MOTION, **LINK, simultaneous=way) for way in (True, False)
+    }
 
 
 def test_sweep_with_continuation_follows_the_closed_form(sweeps):
-    truth = hacksaw.solve(*GRID, **LINK)
+    truth = hacksaw.solve(*SWEEP_MOTION, **LINK)
     # simultaneous: rounding, 1e-14 (the report's own bound); sequential: it stops at a step of
     # 1e-6, whose square remains as an error, also of the rates and accelerations
     for way, bound in ((True, DATA["sweep"]["simultaneous_against_analytic"]), (False, 2e-12)):
@@ -127,7 +129,7 @@ def test_sweep_with_continuation_follows_the_closed_form(sweeps):
     assert set(sweeps[False]["iterations"][1:]) <= {2 + 2 + 2, 3 + 2 + 2, 5}
 
 
-def test_simultaneous_against_sequential_as_the_report_compares_them(sweeps):
+def test_simultaneous_and_sequential_forms_differ_as_in_the_report(sweeps):
     together = np.array([[sweeps[way][name] for name in hacksaw.UNKNOWNS] for way in (True, False)])
     difference = np.linalg.norm(together[0] - together[1], axis=0)
     # the report: of the order of 1e-12, and the step of the simultaneous form is usually larger
@@ -181,7 +183,7 @@ def printed_inverses(r1, theta1, theta3):
     return np.array(position), velocity, acceleration
 
 
-def test_printed_inverse_jacobians_of_annex_c():
+def test_printed_inverse_jacobians_of_annex_c_are_right():
     """All three are right, that of C.1 only at roots, where r1 = offset/sin(theta1)."""
     numbers = np.random.default_rng(5)
     for _ in range(20):
@@ -208,7 +210,7 @@ def test_printed_inverse_jacobians_of_annex_c():
         assert np.abs(position @ reduced[:3, :3] - np.eye(3)).max() > 1e-3
 
 
-def test_determinant_tells_where_the_method_fails():
+def test_determinant_of_the_jacobian_has_its_closed_form():
     """|det J| = |r1 r3 cos(theta3)|: zero with coupler upright or slider above the axis."""
     x, _ = hacksaw.newton_pose(REST, DATA["starts"]["code"], **LINK)
     _, jacobian = hacksaw.newton_system(x, REST, *LINK.values())
@@ -220,7 +222,7 @@ def test_determinant_tells_where_the_method_fails():
 
 
 @VARIANTS
-def test_a_block_is_that_of_the_whole_system(reduced):
+def test_a_block_equals_its_part_of_the_whole_system(reduced):
     x, law = np.random.default_rng(7).uniform(0.5, 2.0, 9), (0.4, 1.1, -0.7)
     whole, slopes = hacksaw.newton_system(x, law, *LINK.values(), reduced=reduced)
     for order in range(3):
@@ -240,7 +242,9 @@ def test_charts_show_the_printed_counts_and_a_quadratic_convergence():
         assert panel.title.endswith(f": {count} iterations")
         assert {line.x[-1] for line in (*panel.lines, *values.lines)} == {count}
     roots = {line.label: line.y[-1] for line in course.panels[-1].lines}
-    np.testing.assert_allclose([roots[n] for n in POSITION], DATA["root"], rtol=0, atol=5.1e-7)
+    np.testing.assert_allclose(
+        [roots[n] for n in POSITION_NAMES], DATA["root"], rtol=0, atol=5.1e-7
+    )
     size = {line.label: line.y for line in steps.panels[0].lines}["error: norm of the step"]
     np.testing.assert_allclose(size, [0.131, 9.04e-3, 1.59e-4, 5.08e-8], rtol=3e-3)  # three digits
     order = np.log(size[3] / size[2]) / np.log(size[2] / size[1])
@@ -250,7 +254,7 @@ def test_charts_show_the_printed_counts_and_a_quadratic_convergence():
 
 
 @pytest.mark.parametrize("mode", hacksaw.MODES)
-def test_nine_error_figures_and_step_errors(mode):
+def test_error_figures_are_within_the_bounds_of_the_report(mode):
     """As in the report all errors are below 1e-13, step errors below 1e-6; none is all zeros."""
     errors = hacksaw.newton_errors(**LINK, mode=mode)
     assert [panel.title.split(":")[0] for panel in errors.panels] == list(hacksaw.UNKNOWNS)

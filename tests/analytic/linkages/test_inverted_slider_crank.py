@@ -19,7 +19,7 @@ TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", inverted_slider_crank.MODES)
 GRID = np.arange(512) * TURN / 512
 # Periodic profiles whose derivatives are not zero, for spectral derivatives of the curves.
-LAW = np.array(
+INPUT_PROFILES = np.array(
     [
         [GRID + 0.3 * np.sin(GRID), 2.0 * GRID + 0.2 * np.cos(GRID)],
         [1.0 + 0.3 * np.cos(GRID), 2.0 - 0.2 * np.sin(GRID)],
@@ -43,7 +43,7 @@ def links(draw):
     }
 
 
-def vectors(pose, name):
+def point_motion(pose, name):
     """Position, velocity and acceleration of a point as complex numbers."""
     return [pose[f"{name}_{part}x"] + 1j * pose[f"{name}_{part}y"] for part in ("", "v", "a")]
 
@@ -67,7 +67,7 @@ def constraints(q, link):
     return np.array(phi), np.array(jacobian)
 
 
-def end_of_rod(p1, p3, guess, link):
+def solve_end_of_rod(p1, p3, guess, link):
     """Motion of point 2 by Newton-Raphson, from the motions (3,) of points 1 and 3."""
 
     def row(p2, k):
@@ -99,17 +99,20 @@ def right_side(v):
 
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(links(), st.sampled_from(inverted_slider_crank.MODES))
-def test_laws_of_random_links(link, mode):
-    pose = inverted_slider_crank.solve(*LAW, **link, mode=mode)
+def test_loop_and_derivatives_of_random_links(link, mode):
+    pose = inverted_slider_crank.solve(*INPUT_PROFILES, **link, mode=mode)
     rod = np.exp(1j * pose["rod_angle"])
-    pin, ground = link["crank"] * np.exp(1j * LAW[0, 0]), link["ground_x"] + 1j * link["ground_y"]
-    tip, slider, end = (
-        ground + link["bar"] * np.exp(1j * LAW[0, 1]),
-        *(vectors(pose, name)[0] for name in ("slider", "end")),
+    pin, ground = (
+        link["crank"] * np.exp(1j * INPUT_PROFILES[0, 0]),
+        link["ground_x"] + 1j * link["ground_y"],
     )
-    gaps = [slider - tip, pin + pose["slide"] * rod - slider, pin + link["rod"] * rod - end]
+    tip, slider, end = (
+        ground + link["bar"] * np.exp(1j * INPUT_PROFILES[0, 1]),
+        *(point_motion(pose, name)[0] for name in ("slider", "end")),
+    )
+    violations = [slider - tip, pin + pose["slide"] * rod - slider, pin + link["rod"] * rod - end]
     # rounding: ten operations
-    assert np.abs(gaps).max() <= 1e-14 * (abs(ground) + link["rod"])
+    assert np.abs(violations).max() <= 1e-14 * (abs(ground) + link["rod"])
     assert np.all(mode * pose["slide"] > 0)
     # 1e-9: rounding times the highest wave number, 256 eps = 6e-14, times the ratio of a curve,
     # with its mean, to its derivative: up to 1e4 where the cranks are short against their distance
@@ -118,23 +121,23 @@ def test_laws_of_random_links(link, mode):
         assert_close(derivative(pose[f"{rate}_rate"]), pose[f"{rate}_acceleration"], 1e-9)
     for name in ("end", "slider"):
         for k in (0, 1):
-            place, rate = vectors(pose, name)[k : k + 2]
+            place, rate = point_motion(pose, name)[k : k + 2]
             assert_close(derivative(place.real), rate.real, 1e-9)
             assert_close(derivative(place.imag), rate.imag, 1e-9)
 
 
 @settings(derandomize=True, max_examples=30, deadline=None)
 @given(links(), st.sampled_from(inverted_slider_crank.MODES))
-def test_newton_raphson_in_natural_coordinates(link, mode):
-    law = LAW[:, :, ::64]
-    pose = inverted_slider_crank.solve(*law, **link, mode=mode)
-    arms = np.array([[link["crank"]], [link["bar"]]]) * np.exp(1j * law[0])
+def test_newton_raphson_in_natural_coordinates_agrees(link, mode):
+    profiles = INPUT_PROFILES[:, :, ::64]
+    pose = inverted_slider_crank.solve(*profiles, **link, mode=mode)
+    arms = np.array([[link["crank"]], [link["bar"]]]) * np.exp(1j * profiles[0])
     ground = np.array([[0.0], [link["ground_x"] + 1j * link["ground_y"]]])
-    points = [arms + ground, 1j * law[1] * arms, (1j * law[2] - law[1] ** 2) * arms]
-    end = np.array(vectors(pose, "end"))
-    for k in range(law.shape[2]):
+    points = [arms + ground, 1j * profiles[1] * arms, (1j * profiles[2] - profiles[1] ** 2) * arms]
+    end = np.array(point_motion(pose, "end"))
+    for k in range(profiles.shape[2]):
         first, third = ([x[i, k] for x in points] for i in (0, 1))
-        found = end_of_rod(first, third, end[0, k] + 1e-3 * link["rod"], link)
+        found = solve_end_of_rod(first, third, end[0, k] + 1e-3 * link["rod"], link)
         # 1e-12: eps times the condition of the rows, rod over slide, up to 20, squared by the rates
         bound = 1e-12 * np.abs(end).max(axis=1)
         assert np.all(np.abs(np.array(found) - end[:, k]) <= bound)
@@ -163,9 +166,9 @@ def test_holding_moments_are_the_slopes_of_the_potential_energy(link, mode, at):
 
 
 @MODES
-def test_mirror_image(mode):
-    pose = inverted_slider_crank.solve(*LAW, **LINK, ground_y=0.7, mode=mode)
-    image = inverted_slider_crank.solve(*-LAW, **LINK, ground_y=-0.7, mode=mode)
+def test_mirror_image_has_mirrored_curves(mode):
+    pose = inverted_slider_crank.solve(*INPUT_PROFILES, **LINK, ground_y=0.7, mode=mode)
+    image = inverted_slider_crank.solve(*-INPUT_PROFILES, **LINK, ground_y=-0.7, mode=mode)
     for name, curve in pose.items():
         same = name.startswith(("slide_", "holding")) or name == "slide" or name.endswith("x")
         np.testing.assert_allclose(image[name], curve if same else -curve, rtol=0, atol=0)
@@ -173,14 +176,15 @@ def test_mirror_image(mode):
 
 def test_modes_share_the_line_of_the_rod():
     pose, other = (
-        inverted_slider_crank.solve(*LAW, **LINK, ground_y=2.5, mode=mode) for mode in (1, -1)
+        inverted_slider_crank.solve(*INPUT_PROFILES, **LINK, ground_y=2.5, mode=mode)
+        for mode in (1, -1)
     )
     for name in ("rod_rate", "rod_acceleration", "slider_x", "slider_ay"):
         np.testing.assert_array_equal(pose[name], other[name])
     for name in ("slide", "slide_rate", "slide_acceleration"):
         np.testing.assert_array_equal(pose[name], -other[name])
-    pin = [LINK["crank"] * np.exp(1j * LAW[0, 0])]
-    middle = (np.array(vectors(pose, "end")) + np.array(vectors(other, "end"))) / 2
+    pin = [LINK["crank"] * np.exp(1j * INPUT_PROFILES[0, 0])]
+    middle = (np.array(point_motion(pose, "end")) + np.array(point_motion(other, "end"))) / 2
     assert np.abs(middle[0] - pin[0]).max() <= 2e-15  # rounding
     assert np.all(other["slide_margin"] < 0)
 
@@ -195,8 +199,10 @@ def test_printed_pose_and_velocities_of_the_thesis():
         assert pose[name] == pytest.approx(THESIS[name], abs=1e-15)  # rounding
     for name in ("rod_rate", "slide_rate"):
         assert pose[name] == pytest.approx(THESIS[name], abs=1e-8)  # by differences
-    still = inverted_slider_crank.solve(*INPUTS, 0.0, **LINK)
-    assert still["slide_acceleration"] == pytest.approx(THESIS["slide_acceleration"], abs=1e-8)
+    unaccelerated = inverted_slider_crank.solve(*INPUTS, 0.0, **LINK)
+    assert unaccelerated["slide_acceleration"] == pytest.approx(
+        THESIS["slide_acceleration"], abs=1e-8
+    )
     other = inverted_slider_crank.solve(*INPUTS, **LINK, mode=-1)
     assert [other["end_x"], other["end_y"]] == pytest.approx(THESIS["other_assembly"], abs=1e-11)
 
@@ -213,12 +219,12 @@ def test_accelerations_of_the_thesis(row):
             assert value == pytest.approx(digits, abs=5.1e-9), name  # half a last digit
 
 
-def test_the_two_slips_reproduce_the_printed_accelerations():
+def test_two_errors_reproduce_the_printed_accelerations():
     """A product for a difference, and a row that is not the derivative of the collinearity row."""
     row = THESIS["accelerations"][1]
     q, v = np.array(THESIS["position"]), np.array(THESIS["velocity"])
     x1, y1, x2, y2 = v[:4]
-    slipped = np.array(
+    wrong = np.array(
         [
             2 * x2 * (x2 * x1) + 2 * y2 * (y2 * y1) - 2 * x1 * (x2 - x1) - 2 * y1 * (y2 - y1),
             THESIS["collinearity_right_side_printed_code"],
@@ -227,7 +233,7 @@ def test_the_two_slips_reproduce_the_printed_accelerations():
     jacobian = constraints(q, LINK)[1][:2]
     known = np.array(row["points"])
     known[2:4] = 0.0
-    for right, result in ((slipped, row), (right_side(v), THESIS["accelerations"][2])):
+    for right, result in ((wrong, row), (right_side(v), THESIS["accelerations"][2])):
         found = np.linalg.solve(jacobian[:, 2:4], -right - jacobian @ known)
         np.testing.assert_allclose(found, result["points"][2:4], rtol=0, atol=1e-7)  # 9 digits in
 
@@ -239,7 +245,7 @@ def test_the_two_slips_reproduce_the_printed_accelerations():
         ("held", lambda angle: 0.8 + 0.0 * angle, (1.0, 0.0)),
     ],
 )
-def test_cycle_tables(name, bar, rates):
+def test_curves_are_those_of_the_cycle_tables(name, bar, rates):
     table = np.array(DATA["inverted_cycles"][name]["rows"]).T
     columns = DATA["inverted_cycles"]["columns"][1:]
     angle = np.rint(table[0] / np.pi * 6) * np.pi / 6  # the table has 12 digits of it
@@ -293,7 +299,7 @@ def test_bad_value_is_named(name, value):
         inverted_slider_crank.solve(*INPUTS, **{**LINK, name: value})
 
 
-def test_pin_in_the_slider_is_named():
+def test_a_crank_pin_in_the_slider_is_refused_with_its_angles():
     meet = 2.0 * np.arcsin(0.25)  # where the crank pin is 1 m from B
     bar = np.angle(2.0 * np.exp(1j * meet) - 2.0)
     angles = [[0.1, meet, 0.2, meet], [0.8, bar, 0.8, bar]]

@@ -25,7 +25,7 @@ GUESS = (0.1, 1.0, 1.0, 0.2)  # text line 1262
 PRINTED = {"rtol": 5e-9, "atol": 5.1e-9}  # nine significant digits or eight decimals
 
 
-def reversed_angle(linkage):
+def with_reversed_angle(linkage):
     """Slider-crank whose angle derivative has the wrong sign of its notebook (8356, 8363)."""
 
     def wrong(q, rates):
@@ -62,19 +62,19 @@ def slider_as_printed(one, two, three):
     )
 
 
-def solved(name):
+def solve_example(name):
     linkage, start = scheme.EXAMPLES[name]
     q = scheme.assemble(linkage, start).root
     return linkage, q, scheme.velocities(linkage, q, DATA[name]["velocity"]["inputs"])
 
 
-def mirrored(q, angle):
+def is_mirrored(q, angle):
     """Whether Newton-Raphson found a crank pin of the four-bar that is not at the crank angle."""
     return np.hypot(q[..., 0] - np.cos(angle), q[..., 1] - np.sin(angle)) > 1e-6
 
 
 @EACH
-def test_every_printed_iteration_replays(name):
+def test_every_printed_iteration_is_reproduced(name):
     linkage, start = scheme.EXAMPLES[name]
     np.testing.assert_allclose(start, DATA[name]["start"], rtol=1e-11)  # twelve stored digits
     found, printed = scheme.assemble(linkage, start), np.array(DATA[name]["steps"])
@@ -89,7 +89,7 @@ def test_every_printed_iteration_replays(name):
         )  # eps m
 
 
-def differences(function, q):
+def central_differences(function, q):
     """Central differences: exact for quadratic rows, step^2/6 = 2e-9 off for rows of angles."""
     return np.array([(function(q + e) - function(q - e)) / 2e-4 for e in 1e-4 * np.eye(q.size)]).T
 
@@ -100,16 +100,16 @@ def test_jacobian_and_bias_are_derivatives(name):
     q, rates = np.array(start), np.random.default_rng(1).uniform(-1.0, 1.0, len(start))
     _, jacobian, bias = linkage.evaluate(q, rates)
     rows = len(linkage.rows)
-    slope = differences(lambda x: linkage.evaluate(x, rates)[0][:rows], q)
-    turn = differences(lambda x: linkage.evaluate(x, rates)[1][:rows] @ rates, q)
+    slope = central_differences(lambda x: linkage.evaluate(x, rates)[0][:rows], q)
+    turn = central_differences(lambda x: linkage.evaluate(x, rates)[1][:rows] @ rates, q)
     np.testing.assert_allclose(jacobian[:rows], slope, rtol=0, atol=1e-8)
     np.testing.assert_allclose(bias[:rows], turn @ rates, rtol=0, atol=1e-8)
     np.testing.assert_array_equal(jacobian[rows:], np.eye(q.size)[rows:])
 
 
 @EACH
-def test_true_velocities_and_accelerations(name):
-    linkage, q, v = solved(name)
+def test_velocities_and_accelerations_are_the_true_ones(name):
+    linkage, q, v = solve_example(name)
     wanted = DATA[name]
     a = scheme.accelerations(linkage, q, v, wanted["acceleration"]["inputs"])
     np.testing.assert_allclose(v, wanted["velocity"]["true"], rtol=0, atol=1e-10)  # stored digits
@@ -117,7 +117,7 @@ def test_true_velocities_and_accelerations(name):
 
 
 def test_fourbar_follows_the_closed_form():
-    linkage, q, _ = solved("four-bar")
+    linkage, q, _ = solve_example("four-bar")
     angle = np.linspace(0.0, 2.0 * np.pi, 121)
     found = scheme.sweep(linkage, q, angle, [1.0], [0.3])
     truth = fourbar.solve(angle, 1.0, 0.3, **BAR, mode=-1)
@@ -130,11 +130,11 @@ def test_fourbar_follows_the_closed_form():
 
 
 def test_e1_printed_accelerations_have_the_driven_one_reversed():
-    linkage, q, v = solved("four-bar")
+    linkage, q, v = solve_example("four-bar")
     a, data = scheme.accelerations(linkage, q, v, [-1.0]), DATA["four-bar"]["acceleration"]
     np.testing.assert_allclose(a, data["printed"], **PRINTED)
     assert abs(np.subtract(data["true"], data["printed"])[2:4]).min() > 1.5
-    linkage, q, v = solved("inverted slider-crank")
+    linkage, q, v = solve_example("inverted slider-crank")
     data = DATA["inverted slider-crank"]["acceleration"]
     a = scheme.accelerations(linkage, q, v, [-1.0, -1.0])
     np.testing.assert_allclose(a, data["true_at_minus_one"], rtol=0, atol=1e-10)  # stored digits
@@ -156,9 +156,9 @@ def test_e2_five_bar_rates_are_printed_at_the_unsolved_guess():
 
 
 def test_e3_e4_slider_crank_rates_have_the_wrong_sign_and_a_stale_angle():
-    _, q, true = solved("slider-crank")
+    _, q, true = solve_example("slider-crank")
     data = DATA["slider-crank"]
-    wrong = reversed_angle(scheme.EXAMPLES["slider-crank"][0])
+    wrong = with_reversed_angle(scheme.EXAMPLES["slider-crank"][0])
     assert scheme.assemble(wrong, data["start"]).iterations == 8  # it converges nevertheless
     reversed_ = scheme.velocities(wrong, q, [1.0])
     np.testing.assert_allclose(reversed_[:4], -true[:4], rtol=0, atol=1e-15)  # rounding
@@ -174,7 +174,7 @@ def test_e3_e4_slider_crank_rates_have_the_wrong_sign_and_a_stale_angle():
 
 
 def test_e5_e6_inverted_slider_crank_has_two_wrong_rows_of_bias():
-    linkage, q, v = solved("inverted slider-crank")
+    linkage, q, v = solve_example("inverted slider-crank")
     data = DATA["inverted slider-crank"]["acceleration"]
     wrong = with_bias(with_bias(linkage, 1, rod_as_printed), 3, slider_as_printed)
     a = scheme.accelerations(wrong, q, v, [-1.0, -1.0])
@@ -188,7 +188,7 @@ def test_e5_e6_inverted_slider_crank_has_two_wrong_rows_of_bias():
     np.testing.assert_allclose(off, [0.0434, 0.335], rtol=0.01)  # printed to two or three digits
 
 
-def test_not_assemblable_ends_after_101_iterations():
+def test_lengths_that_cannot_close_end_after_101_iterations():
     """Text line 1060. Without convergence only the count, not the last step, is reproducible."""
     with pytest.raises(NotConverged) as failure:
         scheme.assemble(scheme.fourbar(1.0, 2.0, 3.0, 50.0), (*GUESS, 0.0))
@@ -208,7 +208,7 @@ def test_non_grashof_sweep_fails_at_the_first_frame_past_its_limit():
         scheme.sweep(linkage, start, frames[: closing + 1], [1.0], [0.0])
 
 
-def test_mirror_trap_and_its_remedy():
+def test_one_row_of_an_angle_leaves_mirror_images_and_two_do_not():
     """One row at a time leaves a mirror image of the crank pin; both rows leave the right pin only.
 
     With a threshold the row of x or that of y is used, depending on the crank angle.
@@ -217,9 +217,9 @@ def test_mirror_trap_and_its_remedy():
     for threshold, wrong in ((0.5**0.5, 36), (None, 0)):
         linkage = scheme.fourbar(*BAR.values(), threshold=threshold)
         q = np.array([scheme.assemble(linkage, (*GUESS, angle)).root for angle in angles])
-        assert np.sum(mirrored(q, angles)) == wrong
+        assert np.sum(is_mirrored(q, angles)) == wrong
         left = (3.0 - q[:, 0]) * (q[:, 3] - q[:, 1]) + q[:, 1] * (q[:, 2] - q[:, 0]) > 0.0
-        assert (np.sum(left & ~mirrored(q, angles)), np.sum(left & mirrored(q, angles))) == (
+        assert (np.sum(left & ~is_mirrored(q, angles)), np.sum(left & is_mirrored(q, angles))) == (
             (9, 10) if threshold else (0, 0)
         )  # with both rows all poses are also in one assembly mode
 
@@ -228,15 +228,15 @@ def test_mirror_trap_and_its_remedy():
     ("threshold", "poses", "wrong"),
     [(0.05, 50, 24), (0.05, 100, 0), (0.5**0.5, 20, 0), (0.5**0.5, 50, 0), (0.5**0.5, 200, 0)],
 )
-def test_step_trap_of_a_low_threshold(threshold, poses, wrong):
+def test_long_steps_with_a_low_threshold_stay_on_the_mirror_image(threshold, poses, wrong):
     """Erratum E7: at 0.05 a sweep of 50 poses misses the change of rows, keeps the mirror image."""
     angles = np.linspace(0.0, 2.0 * 3.1416, poses)  # the document's pi, text line 2079
     linkage = scheme.fourbar(*BAR.values(), threshold=threshold)
     q = scheme.sweep(linkage, (*GUESS, 0.0), angles, [1.0], [0.0])[0]
-    assert np.sum(mirrored(q, angles)) == wrong
+    assert np.sum(is_mirrored(q, angles)) == wrong
 
 
-def test_change_point_makes_newton_linear():
+def test_newton_raphson_converges_linearly_at_a_change_point():
     linkage = scheme.fourbar(1.0, 2.0, 2.0, 3.0)
     near = scheme.assemble(linkage, (-np.cos(0.1), np.sin(0.1), 0.0, -1.0, np.pi - 0.1)).root
     found = scheme.assemble(linkage, (*near[:4], np.pi))
@@ -249,12 +249,12 @@ def test_change_point_makes_newton_linear():
 
 def test_degrees_of_freedom_by_rank():
     for name, degrees in zip(NAMES, (1, 2, 1, 2), strict=True):  # text lines 1180-3453
-        linkage, q, v = solved(name)
+        linkage, q, v = solve_example(name)
         jacobian = linkage.evaluate(q, v)[1][: len(linkage.rows)]
         assert q.size - np.linalg.matrix_rank(jacobian) == degrees
 
 
-def coupler_driven():
+def coupler_driven_fourbar():
     """Four-bar whose drive is the angle from crank to coupler; unknowns X1, Y1, X2, Y2, phi."""
     a, b, one, two = (
         scheme.fixed(0, 0, 5),
@@ -273,9 +273,9 @@ def coupler_driven():
     )
 
 
-def test_relative_angle_between_two_links():
+def test_a_drive_between_two_links_follows_the_closed_form():
     """Figure 42: the four-bar driven by its angle at the crank pin moves as in the closed form."""
-    linkage, crank = coupler_driven(), np.linspace(0.4, 2.4, 21)
+    linkage, crank = coupler_driven_fourbar(), np.linspace(0.4, 2.4, 21)
     truth = fourbar.solve(crank, 1.0, 0.3, **BAR)
 
     def angle(order):
@@ -297,9 +297,9 @@ def test_relative_angle_between_two_links():
 
 
 @pytest.mark.parametrize(("row", "mirrored_too"), [(0, True), (1, True), (None, False)])
-def test_one_row_of_a_relative_angle_leaves_another_pose(row, mirrored_too):
+def test_one_row_of_a_relative_angle_has_a_second_root(row, mirrored_too):
     """Figure 42 takes "both, to avoid singularities": either row alone has a second root."""
-    linkage, phi = coupler_driven(), -2.0
+    linkage, phi = coupler_driven_fourbar(), -2.0
     if row is not None:
         linkage = replace(linkage, rows=(*linkage.rows[:3], linkage.rows[3 + row]))
     found = set()
@@ -338,16 +338,16 @@ def block_at_an_angle(angle):
 
 
 @pytest.mark.parametrize("angle", [np.pi / 2, 1.2, 2.0])
-def test_constant_angle_between_block_and_rod(angle):
+def test_a_block_at_a_constant_angle_follows_the_law_of_cosines(angle):
     """Figure 41: the triangle of crank pin, block and pivot has the constant angle at the block."""
     linkage, q = block_at_an_angle(angle), None
     for theta in np.linspace(0.0, 2.0 * np.pi, 25):
         pin = 0.6 * np.exp(1j * theta)
-        far = abs(2.0 - pin)
+        distance_to_pivot = abs(2.0 - pin)
         # law of cosines: far^2 = s^2 + 1 - 2 s cos(pi - angle), s from crank pin to block
-        s = -np.cos(angle) + np.sqrt(far**2 - np.sin(angle) ** 2)
-        at_pin = np.arcsin(np.sin(angle) / far)
-        block = pin + s * (2.0 - pin) / far * np.exp(1j * at_pin)
+        s = -np.cos(angle) + np.sqrt(distance_to_pivot**2 - np.sin(angle) ** 2)
+        at_pin = np.arcsin(np.sin(angle) / distance_to_pivot)
+        block = pin + s * (2.0 - pin) / distance_to_pivot * np.exp(1j * at_pin)
         end = pin + 4.0 * (block - pin) / s
         truth = np.array([pin.real, pin.imag, end.real, end.imag, block.real, block.imag])
         q = scheme.assemble(linkage, [*(truth + 0.02), theta]).root
@@ -367,14 +367,14 @@ def test_constant_angle_between_block_and_rod(angle):
 
 
 @pytest.mark.parametrize(
-    "linkage", [coupler_driven(), block_at_an_angle(1.2)], ids=["relative", "constant"]
+    "linkage", [coupler_driven_fourbar(), block_at_an_angle(1.2)], ids=["relative", "constant"]
 )
-def test_rows_of_angles_are_derived_right_and_leave_one_degree_of_freedom(linkage):
+def test_jacobian_and_bias_of_rows_of_angles_are_derivatives(linkage):
     size, rows = len(linkage.names), len(linkage.rows)
     q, rates = np.random.default_rng(3).uniform(-1.0, 1.0, (2, size))
     _, jacobian, bias = linkage.evaluate(q, rates)
-    slope = differences(lambda x: linkage.evaluate(x, rates)[0][:rows], q)
-    turn = differences(lambda x: linkage.evaluate(x, rates)[1][:rows] @ rates, q)
+    slope = central_differences(lambda x: linkage.evaluate(x, rates)[0][:rows], q)
+    turn = central_differences(lambda x: linkage.evaluate(x, rates)[1][:rows] @ rates, q)
     np.testing.assert_allclose(jacobian[:rows], slope, rtol=0, atol=1e-8)
     np.testing.assert_allclose(bias[:rows], turn @ rates, rtol=0, atol=1e-8)
 
@@ -385,22 +385,22 @@ def test_a_start_of_another_length_names_the_coordinates():
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5])
-def test_drives_of_figures_69_70_92_93(ratio):
+def test_sweeps_of_figures_69_70_92_93_follow_the_closed_forms(ratio):
     """The second angle is 1 or 1.5 times the first: scheme against closed forms, 50 poses each."""
     crank = np.linspace(0.0, 2.0 * 3.1416, 50)
     angles, rates = np.stack([crank, ratio * crank]), np.array([1.0, ratio])
-    given = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0}
-    truth = fivebar.solve(angles, rates[:, None], 0.0, left_x=0.0, right_x=2.0, **given)
+    lengths = {"left_crank": 2.0, "left_coupler": 3.5, "right_coupler": 4.0, "right_crank": 1.0}
+    truth = fivebar.solve(angles, rates[:, None], 0.0, left_x=0.0, right_x=2.0, **lengths)
     start = [2.0, 0.0, truth["tip_x"][0], truth["tip_y"][0], 3.0, 0.0, 0.0, 0.0]
-    linkage = scheme.fivebar(*given.values(), ground=2.0, threshold=None)
+    linkage = scheme.fivebar(*lengths.values(), ground=2.0, threshold=None)
     found = scheme.sweep(linkage, start, angles.T, list(rates), [0.0, 0.0])
     for order, part in enumerate(("", "v", "a")):
         wanted = np.stack([truth[f"tip_{part}x"], truth[f"tip_{part}y"]], axis=1)
         np.testing.assert_allclose(found[order, :, 2:4], wanted, rtol=0, atol=1e-11)  # rounding
-    given = {"crank": 2.0, "rod": 3.0, "bar": 1.0}
-    truth = inverted_slider_crank.solve(angles, rates[:, None], 0.0, ground_x=2.0, **given)
+    lengths = {"crank": 2.0, "rod": 3.0, "bar": 1.0}
+    truth = inverted_slider_crank.solve(angles, rates[:, None], 0.0, ground_x=2.0, **lengths)
     start = [2.0, 0.0, truth["end_x"][0], truth["end_y"][0], 3.0, 0.0, 0.0, 0.0]
-    linkage = scheme.inverted_slider_crank(*given.values(), ground=2.0, threshold=None)
+    linkage = scheme.inverted_slider_crank(*lengths.values(), ground=2.0, threshold=None)
     found = scheme.sweep(linkage, start, angles.T, list(rates), [0.0, 0.0])
     for order, part in enumerate(("", "v", "a")):
         wanted = np.stack([truth[f"end_{part}x"], truth[f"end_{part}y"]], axis=1)

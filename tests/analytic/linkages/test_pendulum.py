@@ -27,7 +27,7 @@ def period(amplitude, **body):
 
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(AMPLITUDES)
-def test_laws(amplitude):
+def test_motion_satisfies_derivatives_energy_and_equation_of_motion(amplitude):
     count = 1024
     time = np.arange(count) * period(amplitude) / count
     swing = pendulum.solve(time, **BODY, amplitude=amplitude)
@@ -53,7 +53,7 @@ def test_laws(amplitude):
 
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(AMPLITUDES)
-def test_symmetries(amplitude):
+def test_swing_is_symmetric(amplitude):
     whole = period(amplitude)
     time = np.linspace(0.0, whole, 33)
     swing = pendulum.solve(time, **BODY, amplitude=amplitude)
@@ -62,12 +62,12 @@ def test_symmetries(amplitude):
     np.testing.assert_array_equal(mirrored["rate"], swing["rate"])
     later = pendulum.solve(time + whole / 2.0, **BODY, amplitude=amplitude)
     # rounding of the time, about eps times two periods, times the rate
-    slack = 4e-16 * 2.0 * whole * np.abs(swing["rate"]).max()
-    np.testing.assert_allclose(later["angle"], -swing["angle"], rtol=0, atol=slack)
+    tolerance = 4e-16 * 2.0 * whole * np.abs(swing["rate"]).max()
+    np.testing.assert_allclose(later["angle"], -swing["angle"], rtol=0, atol=tolerance)
     assert swing["angle"][0] == pytest.approx(amplitude, rel=1e-15, abs=0)
     assert swing["rate"][0] == 0.0
     quarter = pendulum.solve(whole / 4.0, **BODY, amplitude=amplitude)
-    assert abs(quarter["angle"]) <= slack
+    assert abs(quarter["angle"]) <= tolerance
 
 
 @pytest.mark.parametrize("amplitude", [0.01, 1.0, -2.0, 3.0])
@@ -105,7 +105,7 @@ def test_scipy_elliptic_functions_agree(amplitude):
 
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-8])
-def test_close_to_half_a_turn(gap):
+def test_period_and_motion_for_amplitudes_close_to_half_a_turn(gap):
     amplitude = np.pi - gap
     gap = np.pi - amplitude + 1.2246467991473532e-16  # digits of pi lost in its double
     modulus = np.sin(gap / 2)  # complementary modulus; K = log(4/k') + O(k'^2 log k')
@@ -127,7 +127,7 @@ def test_close_to_half_a_turn(gap):
     np.testing.assert_allclose(swing["angle"], path, rtol=0, atol=5.0 * modulus + 1e-13)
 
 
-def test_period_table():
+def test_periods_are_those_of_the_table():
     ratios = {float(k): v for k, v in DATA["period_ratio"].items() if k != "source"}
     small = 2.0 * np.pi * np.sqrt(BODY["length"] / BODY["gravity"])
     for degrees, ratio in ratios.items():
@@ -135,7 +135,7 @@ def test_period_table():
         assert period(np.radians(degrees)) / small == pytest.approx(ratio, rel=5e-15, abs=0)
 
 
-def test_a01_rows():
+def test_rows_of_benchmark_a01_are_met():
     time, x, y = np.array(DATA["a01"]["rows"]).T
     swing = pendulum.solve(time, **A01)
     # rounding of sqrt(gravity) time, 31 eps = 7e-15, times the rate over sqrt(gravity), 1.4
@@ -151,7 +151,7 @@ def test_a01_rows():
     )  # rounding
 
 
-def test_classroom_pendulum():
+def test_classroom_pendulum_has_its_published_numbers():
     case = DATA["easyjava"]
     body = {name: case[name] for name in ("length", "gravity")}
     amplitude = np.radians(case["amplitude_deg"])
@@ -161,7 +161,7 @@ def test_classroom_pendulum():
     assert bottom["rate"] == pytest.approx(case["max_rate"], abs=5.1e-10)  # last digit given
 
 
-def test_zero_amplitude_hangs_still():
+def test_zero_amplitude_stays_at_rest():
     swing = pendulum.solve(np.linspace(0.0, 5.0, 11), **BODY, amplitude=0.0)
     for name, curve in swing.items():
         expected = BODY["mass"] * BODY["gravity"] if name == "tension" else 0.0

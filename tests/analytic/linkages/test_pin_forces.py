@@ -21,7 +21,7 @@ from proofmass.analytic.linkages import (
 GRAVITY = 3.7
 STATES = pytest.mark.parametrize("inertia", [False, True], ids=["at rest", "in motion"])
 GRID = np.linspace(0.0, 2.0 * np.pi, 65)
-LAW = np.array(  # both inputs turn back and forth, no derivative is zero
+DRIVE_PROFILES = np.array(  # both inputs turn back and forth, no derivative is zero
     [
         [0.4 + 0.8 * np.sin(GRID), 1.1 - 0.5 * np.cos(GRID)],
         [2.0 + 0.8 * np.cos(GRID), -3.0 + 0.5 * np.sin(GRID)],
@@ -43,7 +43,7 @@ class Body:
     moment: np.ndarray | float = 0.0  # N m
 
 
-def unbalanced(body: Body) -> float:
+def equilibrium_error(body: Body) -> float:
     """Residual of the equations of force and moment of a body, as a share of their largest term."""
     forces = [force for force, _ in body.pulls]
     levers = [(np.conj(place - body.centre) * force).imag for force, place in body.pulls]
@@ -53,7 +53,7 @@ def unbalanced(body: Body) -> float:
     return max(left, np.abs(sum(twists[:-1]) - twists[-1]).max() / max(np.abs(twists).max(), 1e-9))
 
 
-def bar(mass, ends, accelerations, turning, forces, moment=0.0):
+def bar_body(mass, ends, accelerations, turning, forces, moment=0.0):
     """A uniform bar with a force on each end."""
     first, second = ends
     inertia = mass * np.abs(second - first).max() ** 2 / 12.0
@@ -68,32 +68,34 @@ def bar(mass, ends, accelerations, turning, forces, moment=0.0):
     )
 
 
-def force(pose, name, angle):
+def world_force(pose, name, angle):
     """Force in the axes of the world, from its components in a frame at `angle`."""
     return (pose[f"{name}_x"] + 1j * pose[f"{name}_y"]) * np.exp(1j * angle)
 
 
-def arm(length, k, inertia):
+def driven_arm(length, k, inertia):
     """Vector of the k-th driven arm, and the acceleration of its end, zero without inertia."""
-    angle, rate, change = LAW[:, k]
+    angle, rate, change = DRIVE_PROFILES[:, k]
     vector = length * np.exp(1j * angle)
     return vector, inertia * (1j * change - rate**2) * vector
 
 
 def driven_bar(k, base, length, mass, inertia, forces, moment):
     """The k-th driven arm as a bar about its base."""
-    vector, acceleration = arm(length, k, inertia)
+    vector, acceleration = driven_arm(length, k, inertia)
     rest = np.zeros_like(vector)
     ends = (rest + base, rest + base + vector)
-    return bar(mass, ends, (rest, acceleration), inertia * LAW[2, k], forces, moment)
+    return bar_body(
+        mass, ends, (rest, acceleration), inertia * DRIVE_PROFILES[2, k], forces, moment
+    )
 
 
 def coupler_forces(pose):
     """Force of the crank on the coupler, and of the coupler on the next body."""
-    return (force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin"))
+    return (world_force(pose, f"{k}_force", pose["coupler_angle"]) for k in ("coupler", "pin"))
 
 
-def point(pose, name, inertia):
+def point_motion(pose, name, inertia):
     """Position and acceleration of a point, the latter zero without inertia."""
     place = pose[f"{name}_x"] + 1j * pose[f"{name}_y"]
     return place, inertia * (pose[f"{name}_ax"] + 1j * pose[f"{name}_ay"])
@@ -103,20 +105,20 @@ def fourbar_bodies(mode, inertia):
     link = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0, "mode": mode}
     masses = {"crank_mass": 1.3, "coupler_mass": 2.1, "rocker_mass": 0.8}
     pose = fourbar.solve(
-        *LAW[:, 0], **link, **masses, rocker_load=6.0, gravity=GRAVITY, inertia=inertia
+        *DRIVE_PROFILES[:, 0], **link, **masses, rocker_load=6.0, gravity=GRAVITY, inertia=inertia
     )
-    (p, at_p), (q, at_q) = arm(1.0, 0, inertia), point(pose, "pin", inertia)
+    (p, at_p), (q, at_q) = driven_arm(1.0, 0, inertia), point_motion(pose, "pin", inertia)
     rest = np.zeros_like(p)
-    on_crank = force(pose, "crank_force", LAW[0, 0])
-    on_rocker = force(pose, "rocker_force", pose["rocker_angle"])
+    on_crank = world_force(pose, "crank_force", DRIVE_PROFILES[0, 0])
+    on_rocker = world_force(pose, "rocker_force", pose["rocker_angle"])
     on_coupler, of_pin = coupler_forces(pose)
     turning = {k: inertia * pose[f"{k}_acceleration"] for k in ("coupler", "rocker")}
     return {
         "crank": driven_bar(
             0, 0.0, 1.0, 1.3, inertia, (on_crank, -on_coupler), pose["holding_moment"]
         ),
-        "coupler": bar(2.1, (p, q), (at_p, at_q), turning["coupler"], (on_coupler, -of_pin)),
-        "rocker": bar(
+        "coupler": bar_body(2.1, (p, q), (at_p, at_q), turning["coupler"], (on_coupler, -of_pin)),
+        "rocker": bar_body(
             0.8, (rest + 3.0, q), (rest, at_q), turning["rocker"], (on_rocker, of_pin), 6.0
         ),
     }
@@ -128,7 +130,7 @@ def slider_crank_bodies(mode, inertia):
     masses = {"crank_mass": 1.3, "coupler_mass": 2.1, "slider_mass": 0.7}
     frictions = {"crank_friction": 0.6, "pin_friction": 0.4, "slider_friction": 1.1}
     pose = slider_crank.solve(
-        *LAW[:, 0],
+        *DRIVE_PROFILES[:, 0],
         **link,
         **masses,
         **frictions,
@@ -137,16 +139,16 @@ def slider_crank_bodies(mode, inertia):
         gravity=GRAVITY,
         inertia=inertia,
     )
-    (p, at_p), (s, at_s) = arm(0.6, 0, inertia), point(pose, "slider", inertia)
-    of_guide = force(pose, "guide_force", 0.3)
-    on_crank = force(pose, "crank_force", LAW[0, 0])
+    (p, at_p), (s, at_s) = driven_arm(0.6, 0, inertia), point_motion(pose, "slider", inertia)
+    of_guide = world_force(pose, "guide_force", 0.3)
+    on_crank = world_force(pose, "crank_force", DRIVE_PROFILES[0, 0])
     on_coupler, of_pin = coupler_forces(pose)
     # along the guide there are its friction and the load
     rubs = np.sign(pose["slide_rate"])
     assert set(rubs) == {-1.0, 1.0}
     np.testing.assert_allclose(pose["guide_force_x"], -3.0 - 1.1 * rubs, rtol=0, atol=1e-13)
     # moment of the crank on the coupler
-    on_pin = -0.4 * np.sign(pose["coupler_rate"] - LAW[1, 0])
+    on_pin = -0.4 * np.sign(pose["coupler_rate"] - DRIVE_PROFILES[1, 0])
     turning = inertia * pose["coupler_acceleration"]
     return {
         "crank": driven_bar(
@@ -156,9 +158,9 @@ def slider_crank_bodies(mode, inertia):
             1.3,
             inertia,
             (on_crank, -on_coupler),
-            pose["holding_moment"] - 0.6 * np.sign(LAW[1, 0]) - on_pin,
+            pose["holding_moment"] - 0.6 * np.sign(DRIVE_PROFILES[1, 0]) - on_pin,
         ),
-        "coupler": bar(2.1, (p, s), (at_p, at_s), turning, (on_coupler, -of_pin), on_pin),
+        "coupler": bar_body(2.1, (p, s), (at_p, at_s), turning, (on_coupler, -of_pin), on_pin),
         "slider": Body(0.7, 0.0, s, at_s, 0.0, ((of_guide, s), (of_pin, s))),
     }
 
@@ -167,18 +169,19 @@ def inverted_slider_crank_bodies(mode, inertia):
     link = {"crank": 0.6, "bar": 0.5, "rod": 2.4, "ground_x": 1.9, "ground_y": 0.7, "mode": mode}
     masses = {"crank_mass": 1.3, "bar_mass": 0.8, "rod_mass": 2.1, "slider_mass": 0.7}
     pose = inverted_slider_crank.solve(
-        *LAW, **link, **masses, slider_inertia=0.4, gravity=GRAVITY, inertia=inertia
+        *DRIVE_PROFILES, **link, **masses, slider_inertia=0.4, gravity=GRAVITY, inertia=inertia
     )
     ground = complex(link["ground_x"], link["ground_y"])
-    (p, at_p), (s, at_s) = (arm(link[k], i, inertia) for i, k in enumerate(("crank", "bar")))
+    (p, at_p), (s, at_s) = (driven_arm(link[k], i, inertia) for i, k in enumerate(("crank", "bar")))
     s = s + ground
-    end, at_e = point(pose, "end", inertia)
+    end, at_e = point_motion(pose, "end", inertia)
     turning, rest = inertia * pose["rod_acceleration"], np.zeros_like(p)
     on_crank, on_bar = (
-        force(pose, f"{k}_force", LAW[0, i]) for i, k in enumerate(("crank", "bar"))
+        world_force(pose, f"{k}_force", DRIVE_PROFILES[0, i])
+        for i, k in enumerate(("crank", "bar"))
     )
     on_rod, of_guide, of_pin = (
-        force(pose, f"{k}_force", pose["rod_angle"]) for k in ("rod", "guide", "pin")
+        world_force(pose, f"{k}_force", pose["rod_angle"]) for k in ("rod", "guide", "pin")
     )
     crank = driven_bar(
         0, 0.0, link["crank"], 1.3, inertia, (on_crank, -on_rod), pose["holding_moment"]
@@ -186,7 +189,7 @@ def inverted_slider_crank_bodies(mode, inertia):
     driven = driven_bar(
         1, ground, link["bar"], 0.8, inertia, (on_bar, of_pin), pose["holding_moment_bar"]
     )
-    rod = bar(2.1, (p, end), (at_p, at_e), turning, (on_rod, rest), -pose["guide_moment"])
+    rod = bar_body(2.1, (p, end), (at_p, at_e), turning, (on_rod, rest), -pose["guide_moment"])
     rod = replace(rod, pulls=((on_rod, p), (-of_guide, s)))
     slider = Body(0.7, 0.4, s, at_s, turning, ((of_guide, s), (-of_pin, s)), pose["guide_moment"])
     return {"crank": crank, "bar": driven, "rod": rod, "slider": slider}
@@ -205,7 +208,7 @@ def fivebar_bodies(mode, inertia):
     names = ("left_crank", "left_coupler", "right_coupler", "right_crank", "tip")
     masses = dict(zip(names, (1.3, 2.1, 0.7, 0.4, 0.9), strict=True))
     pose = fivebar.solve(
-        *LAW,
+        *DRIVE_PROFILES,
         **link,
         **{f"{name}_mass": mass for name, mass in masses.items()},
         force_x=3.0,
@@ -213,14 +216,14 @@ def fivebar_bodies(mode, inertia):
         gravity=GRAVITY,
         inertia=inertia,
     )
-    tip, at_tip = point(pose, "tip", inertia)
+    tip, at_tip = point_motion(pose, "tip", inertia)
     rest = np.zeros_like(tip)
-    of_pin, found = force(pose, "pin_force", pose["left_coupler_angle"]), {}
+    of_pin, found = world_force(pose, "pin_force", pose["left_coupler_angle"]), {}
     for k, (side, at_pin) in enumerate((("left", -of_pin), ("right", of_pin))):
         base = rest + link[f"{side}_x"]
-        vector, acceleration = arm(link[f"{side}_crank"], k, inertia)
-        on_crank = force(pose, f"{side}_crank_force", LAW[0, k])
-        on_coupler = force(pose, f"{side}_coupler_force", pose[f"{side}_coupler_angle"])
+        vector, acceleration = driven_arm(link[f"{side}_crank"], k, inertia)
+        on_crank = world_force(pose, f"{side}_crank_force", DRIVE_PROFILES[0, k])
+        on_coupler = world_force(pose, f"{side}_coupler_force", pose[f"{side}_coupler_angle"])
         found[f"{side}_crank"] = driven_bar(
             k,
             link[f"{side}_x"],
@@ -230,7 +233,7 @@ def fivebar_bodies(mode, inertia):
             (on_crank, -on_coupler),
             pose[f"{side}_moment"],
         )
-        found[f"{side}_coupler"] = bar(
+        found[f"{side}_coupler"] = bar_body(
             masses[f"{side}_coupler"],
             (base + vector, tip),
             (acceleration, at_tip),
@@ -246,7 +249,7 @@ def fivebar_bodies(mode, inertia):
 
 def threeprr_bodies(mode, inertia):
     where = {"side": 1.0, "leg": 1.1, "guide2_x": 3.0, "guide3_x": 2.5, "guide3_y": 2.8}
-    law = np.array(
+    profiles = np.array(
         [
             [2.0 + 0.1 * np.sin(GRID), 0.5 - 0.1 * np.cos(GRID), 0.2 + 0.1 * np.sin(2 * GRID)],
             [3.0 + np.cos(GRID), -2.0 + np.sin(GRID), 1.0 - np.cos(GRID)],
@@ -254,7 +257,7 @@ def threeprr_bodies(mode, inertia):
         ]
     )
     pose = threeprr.solve(
-        *law,
+        *profiles,
         **where,
         mode=mode,
         platform_mass=2.0,
@@ -275,14 +278,14 @@ def threeprr_bodies(mode, inertia):
     for k, (arm_k, origin, guide) in enumerate(
         zip(arms, (0.0, 3.0, 2.5 + 2.8j), (1.0, -1.0, -1.0j), strict=True)
     ):
-        slider, at_slider = origin + law[0, k] * guide, inertia * law[2, k] * guide
+        slider, at_slider = origin + profiles[0, k] * guide, inertia * profiles[2, k] * guide
         angle = pose[f"leg_angle_{k + 1}"]
-        of_guide = force(pose, f"guide_force_{k + 1}", np.angle(guide))
-        on_leg, of_leg = (force(pose, f"{n}_force_{k + 1}", angle) for n in ("leg", "pin"))
+        of_guide = world_force(pose, f"guide_force_{k + 1}", np.angle(guide))
+        on_leg, of_leg = (world_force(pose, f"{n}_force_{k + 1}", angle) for n in ("leg", "pin"))
         found[f"slider {k + 1}"] = Body(
             0.5, 0.0, slider, at_slider, 0.0, ((of_guide, slider), (-on_leg, slider))
         )
-        found[f"leg {k + 1}"] = bar(
+        found[f"leg {k + 1}"] = bar_body(
             0.7,
             (slider, p + arm_k),
             (at_slider, at_p + spin * arm_k),
@@ -313,21 +316,21 @@ LINKAGES = {
     "five-bar": (fivebar_bodies, fivebar.MODES),
     "3PRR": (threeprr_bodies, (1, -1)),
 }
-ALL = pytest.mark.parametrize(
+EACH_MODE_OF_EACH_LINKAGE = pytest.mark.parametrize(
     ("linkage", "mode"), [(name, mode) for name, (_, modes) in LINKAGES.items() for mode in modes]
 )
 
 
 @STATES
-@ALL
+@EACH_MODE_OF_EACH_LINKAGE
 def test_every_body_is_in_balance(linkage, mode, inertia):
     """The residual is rounding: at most 40 eps of the largest force or moment on the body."""
     for name, body in LINKAGES[linkage][0](mode, inertia).items():
-        assert unbalanced(body) < 2e-14, name
+        assert equilibrium_error(body) < 2e-14, name
 
 
 @STATES
-@ALL
+@EACH_MODE_OF_EACH_LINKAGE
 def test_the_ground_carries_weight_and_inertia_of_all_bodies(linkage, mode, inertia):
     """Forces between bodies cancel: the sum of all forces is that from outside the linkage."""
     bodies = LINKAGES[linkage][0](mode, inertia).values()
@@ -355,22 +358,22 @@ MUTATIONS = {  # attribute that must not be zero, and the mutation
 def test_every_wrong_number_leaves_its_body_out_of_balance(linkage, how):
     bodies, modes = LINKAGES[linkage]
     needed, wrong = MUTATIONS[how]
-    left = {
-        name: unbalanced(wrong(body))
+    errors = {
+        name: equilibrium_error(wrong(body))
         for name, body in bodies(modes[0], True).items()
         if np.any(getattr(body, needed))
     }
-    assert left
-    assert min(left.values()) > 1e-5, left  # a body in balance leaves 1e-14
+    assert errors
+    assert min(errors.values()) > 1e-5, errors  # a body in balance leaves 1e-14
 
 
-def test_a_swinging_block_has_the_forces_of_an_inverted_slider_crank_with_its_bar_held():
+def test_swinging_block_has_the_forces_of_an_inverted_slider_crank():
     """The pivot carries the force of the bar's tip and the weight of the block."""
-    ground, held = 1.9 + 0.7j, 0.5 * np.exp(0.8j)
-    angle, rate, change = LAW[:, 0]
-    still = np.zeros_like(angle)
+    ground, bar_vector = 1.9 + 0.7j, 0.5 * np.exp(0.8j)
+    angle, rate, change = DRIVE_PROFILES[:, 0]
+    zeros = np.zeros_like(angle)
     shared = {"crank": 0.6, "rod": 2.4, "crank_mass": 1.3, "rod_mass": 2.1, "gravity": GRAVITY}
-    pivot = ground + held
+    pivot = ground + bar_vector
     for inertia in (False, True):
         classic = swinging_block.solve(
             angle,
@@ -384,9 +387,9 @@ def test_a_swinging_block_has_the_forces_of_an_inverted_slider_crank_with_its_ba
             inertia=inertia,
         )
         whole = inverted_slider_crank.solve(
-            [angle, still + 0.8],
-            [rate, still],
-            [change, still],
+            [angle, zeros + 0.8],
+            [rate, zeros],
+            [change, zeros],
             **shared,
             bar=0.5,
             ground_x=ground.real,
@@ -403,15 +406,15 @@ def test_a_swinging_block_has_the_forces_of_an_inverted_slider_crank_with_its_ba
             np.testing.assert_allclose(classic[name], whole[name], rtol=0, atol=1e-13 * size)
 
 
-WHOLE = {
+SOLVERS_WITH_LOADS = {
     "inverted slider-crank": (
         inverted_slider_crank.solve,
-        LAW[0],
+        DRIVE_PROFILES[0],
         {"crank": 0.6, "bar": 0.5, "rod": 2.4, "ground_x": 1.9, "rod_mass": 2.0},
     ),
     "five-bar": (
         fivebar.solve,
-        LAW[0],
+        DRIVE_PROFILES[0],
         {
             "left_crank": 1.2,
             "left_coupler": 2.6,
@@ -437,9 +440,9 @@ WHOLE = {
 }
 
 
-@pytest.mark.parametrize("linkage", WHOLE)
-def test_loads_that_are_not_asked_for_are_left_out_and_change_nothing(linkage):
-    solve, inputs, parameters = WHOLE[linkage]
+@pytest.mark.parametrize("linkage", SOLVERS_WITH_LOADS)
+def test_loads_are_computed_only_on_request_with_the_same_values(linkage):
+    solve, inputs, parameters = SOLVERS_WITH_LOADS[linkage]
     whole = solve(inputs, **parameters)
     loads = {name for name in whole if "_force_" in name or "moment" in name}
     assert solve(inputs, **parameters, only={"pin_distance"}).keys() == whole.keys() - loads

@@ -29,7 +29,7 @@ from proofmass.analytic.linkages import fourbar, slider_crank
         for mode, coupler in ((1, 2.0), (-1, 2.0), (1, 1.0 + 0.3 * np.cos(0.2)))
     ],
 )
-def test_places_alone_are_those_of_the_whole_motion(solve, parameters, places):
+def test_positions_alone_equal_those_of_the_whole_motion(solve, parameters, places):
     """Also through a change point. Only requested quantities are returned."""
     angle = np.linspace(-1.0, 12.0, 400)
     whole = solve(angle, **parameters)

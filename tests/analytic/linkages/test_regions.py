@@ -27,7 +27,7 @@ def test_a_hole_belongs_to_the_smallest_region_around_it() -> None:
 
 
 @pytest.mark.parametrize("turned", range(8))
-def test_regions_that_touch_in_a_corner_are_two(turned: int) -> None:
+def test_regions_that_touch_in_a_corner_are_kept_apart(turned: int) -> None:
     squares = polygon(0, 1, 1 + 1j, 1j) + polygon(1 + 1j, 2 + 1j, 2 + 2j, 1 + 2j)
     found = join_regions(squares[turned:] + squares[:turned], 2.0)
     assert [one.area for one in found] == [1.0, 1.0]
@@ -46,14 +46,14 @@ def test_areas_do_not_depend_on_how_an_outline_is_drawn() -> None:
         assert join_regions(pieces, 3.0)[0].area == pytest.approx(9 * np.pi, rel=1e-14, abs=0)
 
 
-def test_a_half_disc_beside_the_origin() -> None:
+def test_area_of_a_half_disc_away_from_the_origin() -> None:
     half = [arc(2 - 1j, 3.0, 0.3, 0.3 + np.pi)]
     half.append(chord(half[0].points[-1], half[0].points[0]))
     (found,) = join_regions(half, 3.0)
     assert found.area == pytest.approx(4.5 * np.pi, rel=1e-14, abs=0)
 
 
-def test_overlap_is_that_of_points_in_both_discs() -> None:
+def test_overlap_area_is_the_share_of_points_in_both_discs() -> None:
     rng = np.random.default_rng(5)
     for distance, one, other in ((1.3, 1.0, 0.8), (0.5, 2.0, 1.7), (2.9, 1.5, 1.5)):
         z = one * np.sqrt(rng.random(400_000)) * np.exp(2j * np.pi * rng.random(400_000))
@@ -64,7 +64,7 @@ def test_overlap_is_that_of_points_in_both_discs() -> None:
         )
 
 
-def test_points_are_within_an_outline_that_turns_back() -> None:
+def test_points_inside_a_horseshoe_outline_are_recognized() -> None:
     horseshoe = np.array([0, 3, 3 + 3j, 2 + 3j, 2 + 1j, 1 + 1j, 1 + 3j, 3j])
     assert is_inside(np.array([0.5 + 2j, 1.5 + 2j, 2.5 + 2j, 1.5 + 0.5j]), horseshoe).tolist() == [
         True,

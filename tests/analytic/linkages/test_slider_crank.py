@@ -20,7 +20,7 @@ TURN = 2.0 * np.pi
 MODES = pytest.mark.parametrize("mode", slider_crank.MODES)
 GRID = np.arange(512) * TURN / 512
 # A periodic crank profile whose derivatives are not zero, for spectral derivatives of the curves.
-LAW = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
+CRANK_PROFILE = (GRID + 0.3 * np.sin(GRID), 1.0 + 0.3 * np.cos(GRID), -0.3 * np.sin(GRID))
 
 
 @st.composite
@@ -40,7 +40,7 @@ def full_turn_links(draw):
     }
 
 
-def size(link):
+def link_size(link):
     return link["crank"] + link["coupler"] + np.hypot(link["guide_x"], link["guide_y"])
 
 
@@ -73,7 +73,7 @@ def constraints(q, link):
     return np.stack(phi, -1), np.moveaxis(np.array(rows), 2, 0)
 
 
-def solved(matrix, right):
+def solve_linear(matrix, right):
     return np.linalg.solve(matrix, right[..., None])[..., 0]
 
 
@@ -83,10 +83,10 @@ def natural_coordinates(angle, rate, acceleration, link, guess):
     q = np.stack([pin.real, pin.imag, guess.real, guess.imag, angle], -1)
     for _ in range(8):
         phi, jacobian = constraints(q, link)
-        q = q + solved(jacobian, -phi)
+        q = q + solve_linear(jacobian, -phi)
     jacobian = constraints(q, link)[1]
     none = np.zeros_like(angle)
-    v = solved(jacobian, np.stack([none, none, none, none, rate], -1))
+    v = solve_linear(jacobian, np.stack([none, none, none, none, rate], -1))
     turn = np.where(jacobian[:, 3, 0] == 1.0, np.cos(angle), np.sin(angle))
     b = np.stack(
         [
@@ -98,19 +98,19 @@ def natural_coordinates(angle, rate, acceleration, link, guess):
         ],
         -1,
     )
-    return np.stack([q, v, solved(jacobian, -b)])
+    return np.stack([q, v, solve_linear(jacobian, -b)])
 
 
 @settings(derandomize=True, max_examples=60, deadline=None)
 @given(full_turn_links(), st.sampled_from(slider_crank.MODES))
-def test_laws_of_random_links(link, mode):
-    pose = slider_crank.solve(*LAW, **link, mode=mode)
+def test_loop_and_derivatives_of_random_links(link, mode):
+    pose = slider_crank.solve(*CRANK_PROFILE, **link, mode=mode)
     slider = pose["slider_x"] + 1j * pose["slider_y"]
     coupler = link["coupler"] * np.exp(1j * pose["coupler_angle"])
     along = np.exp(1j * link["guide_angle"])
-    closed = link["crank"] * np.exp(1j * LAW[0]) + coupler - slider
+    closed = link["crank"] * np.exp(1j * CRANK_PROFILE[0]) + coupler - slider
     on_guide = link["guide_x"] + 1j * link["guide_y"] + pose["slide"] * along - slider
-    assert np.abs([closed, on_guide]).max() <= 1e-14 * size(link)  # rounding: ten operations
+    assert np.abs([closed, on_guide]).max() <= 1e-14 * link_size(link)  # rounding: ten operations
     assert np.all(mode * (coupler / along).real > 0)
     # 1e-10: rounding times the highest wave number, 256 eps = 6e-14, times the ratio of a curve,
     # with its mean, to its derivative, up to 1e3
@@ -125,23 +125,25 @@ def test_laws_of_random_links(link, mode):
 
 @settings(derandomize=True, max_examples=30, deadline=None)
 @given(full_turn_links(), st.sampled_from(slider_crank.MODES))
-def test_newton_raphson_in_natural_coordinates(link, mode):
-    pose = slider_crank.solve(*LAW, **link, mode=mode)
+def test_newton_raphson_in_natural_coordinates_agrees(link, mode):
+    pose = slider_crank.solve(*CRANK_PROFILE, **link, mode=mode)
     guess = pose["slider_x"] + 1j * pose["slider_y"] + 1e-3 * link["crank"]  # off the solution
     # 1e-12: eps times the Jacobian's condition, up to 1e3 where the coupler leans most
-    for part, q in zip(("", "v", "a"), natural_coordinates(*LAW, link, guess), strict=True):
+    for part, q in zip(
+        ("", "v", "a"), natural_coordinates(*CRANK_PROFILE, link, guess), strict=True
+    ):
         found = pose[f"slider_{part}x"] + 1j * pose[f"slider_{part}y"]
         assert_close(found, q[:, 2] + 1j * q[:, 3], 1e-12)
 
 
 @settings(derandomize=True, max_examples=30, deadline=None)
 @given(full_turn_links(), st.sampled_from(slider_crank.MODES), st.floats(-3.0, 3.0))
-def test_turning_the_drawing_turns_the_motion(link, mode, by):
-    pose = slider_crank.solve(*LAW, **link, mode=mode)
+def test_a_rotated_linkage_has_a_rotated_motion(link, mode, by):
+    pose = slider_crank.solve(*CRANK_PROFILE, **link, mode=mode)
     point = (link["guide_x"] + 1j * link["guide_y"]) * np.exp(1j * by)
     turned = slider_crank.solve(
-        LAW[0] + by,
-        *LAW[1:],
+        CRANK_PROFILE[0] + by,
+        *CRANK_PROFILE[1:],
         **{
             **link,
             "guide_x": point.real,
@@ -152,7 +154,7 @@ def test_turning_the_drawing_turns_the_motion(link, mode, by):
     )
     for part in ("slide", "slide_rate", "slide_acceleration"):
         # 1e-13: rounding of angles of up to 10 rad, through slopes of up to 50
-        bound = 1e-13 * max(np.abs(pose[part]).max(), size(link))
+        bound = 1e-13 * max(np.abs(pose[part]).max(), link_size(link))
         np.testing.assert_allclose(turned[part], pose[part], rtol=0, atol=bound)
     np.testing.assert_allclose(
         turned["transmission_angle"], pose["transmission_angle"], rtol=0, atol=1e-13
@@ -161,8 +163,8 @@ def test_turning_the_drawing_turns_the_motion(link, mode, by):
 
 @MODES
 def test_modes_are_mirror_images_about_the_normal(mode):
-    angle, rate, acceleration = LAW
-    pose = slider_crank.solve(*LAW, **LINK, guide_y=0.4, mode=mode)
+    angle, rate, acceleration = CRANK_PROFILE
+    pose = slider_crank.solve(*CRANK_PROFILE, **LINK, guide_y=0.4, mode=mode)
     image = slider_crank.solve(np.pi - angle, -rate, -acceleration, **LINK, guide_y=0.4, mode=-mode)
     for name in ("slide", "slide_rate", "slide_acceleration"):
         # rounding of pi - angle, through slopes of up to 5
@@ -172,8 +174,8 @@ def test_modes_are_mirror_images_about_the_normal(mode):
 @MODES
 def test_the_hacksaw_is_a_slider_crank(mode):
     link = {"crank": 0.075, "coupler": 0.170}
-    pose = slider_crank.solve(*LAW, **link, guide_y=0.045, mode=mode)
-    saw = hacksaw.solve(*LAW, **link, offset=0.045, mode=-mode)
+    pose = slider_crank.solve(*CRANK_PROFILE, **link, guide_y=0.045, mode=mode)
+    saw = hacksaw.solve(*CRANK_PROFILE, **link, offset=0.045, mode=-mode)
     # eps times slopes of up to 10 near the leaning coupler: the formulas differ
     for name, other in (
         ("slide", "slider_x"),
@@ -186,7 +188,7 @@ def test_the_hacksaw_is_a_slider_crank(mode):
 
 
 def test_a_four_bar_with_a_long_rocker_is_a_slider_crank():
-    angle, rate, acceleration = (x[::8] for x in LAW)
+    angle, rate, acceleration = (x[::8] for x in CRANK_PROFILE)
     pose = slider_crank.solve(angle, rate, acceleration, **LINK)
     errors = []
     for rocker in (1e4, 1e5):  # pivot far below the guide, linkage turned by a quarter
@@ -239,9 +241,9 @@ def test_velocities_of_the_thesis_and_their_misprint():
     )[0]
     jacobian = constraints(q, link)[1][0]
     right = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
-    np.testing.assert_allclose(solved(jacobian, right), table["true"], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(solve_linear(jacobian, right), table["true"], rtol=0, atol=1e-11)
     jacobian[3, 4] = np.cos(0.0)  # wrong sign, and the angle overwritten with zero
-    np.testing.assert_allclose(solved(jacobian, right), table["printed"], rtol=0, atol=5.1e-9)
+    np.testing.assert_allclose(solve_linear(jacobian, right), table["printed"], rtol=0, atol=5.1e-9)
 
 
 @pytest.mark.parametrize("row", THESIS["accelerations"], ids=lambda row: row["status"][:12])
@@ -254,7 +256,7 @@ def test_accelerations_of_the_thesis(row):
         assert error <= 5.1e-9  # half a unit of the last printed digit
 
 
-def test_cycle_table():
+def test_curves_are_those_of_the_cycle_table():
     table = DATA["slider_crank_cycle"]
     columns = np.array(table["rows"]).T
     pose = slider_crank.solve(columns[0], **LINK)
@@ -269,7 +271,7 @@ def test_cycle_table():
         np.testing.assert_allclose(exact[name], values, rtol=0, atol=5e-16)  # rounding of pi
 
 
-def test_inclined_guide():
+def test_motion_on_an_inclined_guide_is_that_of_the_table():
     table = DATA["slider_crank_inclined"]
     (x, y), (x2, y2) = table["guide_through"]
     pose = slider_crank.solve(
@@ -302,14 +304,14 @@ def test_dead_points_are_where_the_slider_reverses(link, mode):
     angles, slides = slider_crank.dead_points(**link, mode=mode)
     pose = slider_crank.solve(angles, **link, mode=mode)
     # rounding of the angles, times the slide's second derivative of up to ten sizes
-    np.testing.assert_allclose(pose["slide_rate"], 0.0, rtol=0, atol=1e-13 * size(link))
-    np.testing.assert_allclose(pose["slide"], slides, rtol=0, atol=1e-13 * size(link))
+    np.testing.assert_allclose(pose["slide_rate"], 0.0, rtol=0, atol=1e-13 * link_size(link))
+    np.testing.assert_allclose(pose["slide"], slides, rtol=0, atol=1e-13 * link_size(link))
     turn = slider_crank.solve(GRID, **link, mode=mode)["slide"]
-    assert turn.min() >= slides.min() - 1e-13 * size(link)
-    assert turn.max() <= slides.max() + 1e-13 * size(link)
+    assert turn.min() >= slides.min() - 1e-13 * link_size(link)
+    assert turn.max() <= slides.max() + 1e-13 * link_size(link)
 
 
-def test_fold_of_equal_crank_and_coupler():
+def test_rate_has_a_limit_at_the_fold_of_equal_crank_and_coupler():
     """Near pi/2 the condition number of the Jacobian grows like 1/eps, but the rate has a limit."""
     table, link = DATA["slider_crank_fold"], {"crank": 1.0, "coupler": 1.0}
     axis = {"guide_x": 0.0, "guide_y": 0.0, "guide_angle": 0.0}

@@ -7,7 +7,7 @@ from proofmass.analytic.linkages import slider_crank
 
 TURN = 2.0 * np.pi
 LINK = {"crank": 1.0, "coupler": 2.0}
-SHORT = {"crank": 1.0, "coupler": 0.6, "guide_y": 0.1}  # the crank cannot turn fully
+SHORT_COUPLER = {"crank": 1.0, "coupler": 0.6, "guide_y": 0.1}  # the crank cannot turn fully
 MASSES = ("crank_mass", "coupler_mass", "slider_mass")
 FRICTIONS = ("crank_friction", "pin_friction", "slider_friction")
 MODES = pytest.mark.parametrize("mode", slider_crank.MODES)
@@ -23,8 +23,8 @@ def assert_derivative(curve, expected, period, tolerance):
 
 def test_dead_points_of_a_swinging_crank():
     """With a coupler shorter than the crank each dead point lies in its own range of the crank."""
-    angles, slides = slider_crank.dead_points(**SHORT)
-    pose = slider_crank.solve(angles, **SHORT)
+    angles, slides = slider_crank.dead_points(**SHORT_COUPLER)
+    pose = slider_crank.solve(angles, **SHORT_COUPLER)
     np.testing.assert_allclose(pose["slide_rate"], 0.0, rtol=0, atol=1e-15)  # rounding
     np.testing.assert_allclose(pose["slide"], slides, rtol=1e-14)
     for link in ({"coupler": 0.95, "guide_y": 0.1}, {"coupler": 1.0}):
@@ -32,7 +32,7 @@ def test_dead_points_of_a_swinging_crank():
             slider_crank.dead_points(crank=1.0, **link)
 
 
-def test_motion_runs_smoothly_through_the_fold():
+def test_motion_is_smooth_through_the_fold():
     """Crank = coupler, in line, is Cardan's straight line: s = 2 r cos(angle), coupler reversed."""
     at = np.linspace(0.0, TURN, 361)
     pose = slider_crank.solve(at, crank=1.0, coupler=1.0)
@@ -42,14 +42,14 @@ def test_motion_runs_smoothly_through_the_fold():
     np.testing.assert_allclose(pose["coupler_angle"], -at, rtol=1e-15)
     assert np.all(pose["coupler_rate"] == -1.0)
     # the slider stays in A
-    still = slider_crank.solve(at, 1.3, -0.4, crank=1.0, coupler=1.0, mode=-1)
+    slider_at_rest = slider_crank.solve(at, 1.3, -0.4, crank=1.0, coupler=1.0, mode=-1)
     for name in ("slide", "slide_rate", "slide_acceleration"):
-        assert np.abs(still[name]).max() <= 2e-15  # rounding
+        assert np.abs(slider_at_rest[name]).max() <= 2e-15  # rounding
 
 
 @MODES
 @pytest.mark.parametrize("offset", [0.3, -0.3])
-def test_offset_change_point_closes_after_two_turns(offset, mode):
+def test_linkage_with_an_offset_change_point_closes_after_two_turns(offset, mode):
     angle = 2 * TURN * (np.arange(1024) + 0.37) / 1024
     along = np.exp(0.7j)
     point = (30.0 + 1j * offset) * along
@@ -88,18 +88,18 @@ def test_bad_value_is_named(name, value):
         slider_crank.solve(0.0, **{**LINK, name: value})
 
 
-def test_unreachable_angle_is_named_with_the_miss():
+def test_an_unreachable_angle_is_named_with_its_violation():
     limit = np.arcsin(0.7)  # coupler perpendicular to the guide
-    assert slider_crank.solve(limit, **SHORT)["slide"] == pytest.approx(
+    assert slider_crank.solve(limit, **SHORT_COUPLER)["slide"] == pytest.approx(
         np.cos(limit), abs=1e-7
     )  # square root of rounding
     with pytest.raises(ValueError, match=r"angle 1\.6 rad: .* by 0\.299574 m"):
-        slider_crank.solve([0.0, 0.5, 1.6, 1.7], **SHORT)
+        slider_crank.solve([0.0, 0.5, 1.6, 1.7], **SHORT_COUPLER)
     with pytest.raises(ValueError, match=rf"angle {-np.pi / 2:.9g} rad: .* by 0\.5 m"):
-        slider_crank.solve([0.0, -np.pi / 2], **SHORT)
+        slider_crank.solve([0.0, -np.pi / 2], **SHORT_COUPLER)
     with pytest.raises(ValueError, match=r"by 7\.\d+e-10 m"):  # 1e-9 cos(limit)
-        slider_crank.solve(limit + 1e-9, **SHORT)
-    turned = {**SHORT, "guide_x": -0.1, "guide_y": 0.0, "guide_angle": np.pi / 2}
+        slider_crank.solve(limit + 1e-9, **SHORT_COUPLER)
+    turned = {**SHORT_COUPLER, "guide_x": -0.1, "guide_y": 0.0, "guide_angle": np.pi / 2}
     with pytest.raises(ValueError, match=rf"angle {np.pi:.9g} rad: .* by 0\.3 m"):
         slider_crank.solve([np.pi / 2, np.pi], **turned)
     with pytest.raises(ValueError, match="angle nan rad"):

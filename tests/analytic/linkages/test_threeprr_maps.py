@@ -7,23 +7,27 @@ import pytest
 
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.linkages import threeprr
-from tests.analytic.linkages.threeprr_tables import SIX, TABLE3, TABLE4, TABLE5, TABLE6
+from tests.analytic.linkages.threeprr_tables import SIX_POSES, TABLE3, TABLE4, TABLE5, TABLE6
 
 THESIS = threeprr.RobotLengths(1.0, 1.0, 3.0, 2.0, 2.0)
-SHORT = threeprr.RobotLengths(0.7, 1.0, 3.0, 1.5, 2.0)
-LONG = threeprr.RobotLengths(2.3, 1.0, 3.0, 1.5, 2.0)
-EACH = pytest.mark.parametrize("robot", [THESIS, SHORT, LONG], ids=["thesis", "short", "long"])
+SHORT_SIDE = threeprr.RobotLengths(0.7, 1.0, 3.0, 1.5, 2.0)
+LONG_SIDE = threeprr.RobotLengths(2.3, 1.0, 3.0, 1.5, 2.0)
+EACH = pytest.mark.parametrize(
+    "robot", [THESIS, SHORT_SIDE, LONG_SIDE], ids=["thesis", "short", "long"]
+)
 ANGLES = pytest.mark.parametrize("psi", [np.pi / 6, -0.4, 2.0, 4.0])
 
 
-def cells(part: threeprr.WorkspaceSlice, n: int = 300) -> tuple[np.ndarray, np.ndarray]:
+def cell_centres(part: threeprr.WorkspaceSlice, n: int = 300) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates of the centres of the cells of a slice."""
     share = (np.arange(n) + 0.5) / n
     x, y = (low + share * (high - low) for low, high in (part.x, part.y))
     return tuple(np.meshgrid(x, y, indexing="ij"))
 
 
-def measure(robot: threeprr.RobotLengths, x: np.ndarray, y: np.ndarray, psi: float, mode: int):
+def singularity_measure(
+    robot: threeprr.RobotLengths, x: np.ndarray, y: np.ndarray, psi: float, mode: int
+):
     """Singularity measure by the inverse problem."""
     pose = np.array([x, y, np.full(np.shape(x), psi)])
     return threeprr.solve_inverse(pose, **asdict(robot), mode=mode)["singularity"]
@@ -58,7 +62,7 @@ def test_the_document_counts_88_nodes_in_the_same_slice() -> None:
 @EACH
 @ANGLES
 @pytest.mark.parametrize("mode", threeprr.WORKING_MODES)
-def test_aspects_are_where_the_inverse_problem_has_their_sign(
+def test_aspects_have_the_sign_of_the_inverse_problem(
     robot: threeprr.RobotLengths, psi: float, mode: int
 ) -> None:
     part = threeprr.WorkspaceSlice(robot, psi)
@@ -66,7 +70,7 @@ def test_aspects_are_where_the_inverse_problem_has_their_sign(
     if part.area == 0.0:
         assert found == {1: [], -1: []}
         return
-    sign = measure(robot, *cells(part), psi, mode)
+    sign = singularity_measure(robot, *cell_centres(part), psi, mode)
     for side in (1, -1):
         area = sum(one.area for one in found[side])
         # a curve across the slice cuts 1/300 of the cells, and their errors average to less
@@ -75,11 +79,13 @@ def test_aspects_are_where_the_inverse_problem_has_their_sign(
     assert total == pytest.approx(part.area, rel=1e-12)
 
 
-def test_a_wrong_length_moves_areas_beyond_what_counting_allows() -> None:
-    part = threeprr.WorkspaceSlice(SHORT, 2.0)
-    counted = np.mean(measure(SHORT, *cells(part), 2.0, 3) > 0.0) * part.area
+def test_a_wrong_length_changes_areas_by_more_than_the_tolerance() -> None:
+    part = threeprr.WorkspaceSlice(SHORT_SIDE, 2.0)
+    counted = (
+        np.mean(singularity_measure(SHORT_SIDE, *cell_centres(part), 2.0, 3) > 0.0) * part.area
+    )
     for name in ("side", "leg"):
-        wrong = replace(SHORT, **{name: 1.03 * asdict(SHORT)[name]})
+        wrong = replace(SHORT_SIDE, **{name: 1.03 * asdict(SHORT_SIDE)[name]})
         found = threeprr.aspects_of_slice(threeprr.WorkspaceSlice(wrong, 2.0), 3)
         assert abs(sum(one.area for one in found[1]) - counted) > 2e-3 * part.area, name
 
@@ -87,7 +93,7 @@ def test_a_wrong_length_moves_areas_beyond_what_counting_allows() -> None:
 @EACH
 @ANGLES
 @pytest.mark.parametrize("mode", threeprr.WORKING_MODES)
-def test_type_2_is_a_zero_with_a_change_of_sign(
+def test_singularity_measure_changes_sign_across_type_2_curves(
     robot: threeprr.RobotLengths, psi: float, mode: int
 ) -> None:
     part = threeprr.WorkspaceSlice(robot, psi)
@@ -97,9 +103,9 @@ def test_type_2_is_a_zero_with_a_change_of_sign(
             tip = np.array([one.points.mean()])
         inside = np.abs(tip.imag - np.mean(part.y)) < 0.5 * np.ptp(part.y) - 1e-9
         tip = tip[inside]
-        assert np.abs(measure(robot, tip.real, tip.imag, psi, mode)).max() < 1e-12
-        way = np.gradient(tip) if tip.size > 1 else np.diff(one.points)
-        across = 1e-6j * way / np.abs(way)
+        assert np.abs(singularity_measure(robot, tip.real, tip.imag, psi, mode)).max() < 1e-12
+        tangent = np.gradient(tip) if tip.size > 1 else np.diff(one.points)
+        across = 1e-6j * tangent / np.abs(tangent)
         middle = slice(tip.size // 4, max(1, tip.size - tip.size // 4))
         for step, sign in ((across, 1.0), (-across, -1.0)):
             z = (tip + step)[middle]
@@ -107,7 +113,7 @@ def test_type_2_is_a_zero_with_a_change_of_sign(
                 (np.abs(z.real - np.mean(part.x)) < robot.leg)
                 & (np.abs(z.imag - np.mean(part.y)) < 0.5 * np.ptp(part.y))
             ]
-            assert (sign * measure(robot, z.real, z.imag, psi, mode) > 0.0).all()
+            assert (sign * singularity_measure(robot, z.real, z.imag, psi, mode) > 0.0).all()
 
 
 def test_legs_as_long_as_the_side_may_have_a_whole_line_of_singular_poses() -> None:
@@ -121,7 +127,7 @@ def test_legs_as_long_as_the_side_may_have_a_whole_line_of_singular_poses() -> N
     }
     assert height == pytest.approx(-np.sin(psi + np.pi / 3), abs=1e-9)
     x = np.linspace(part.x[0] + 1e-6, part.x[1] - 1e-6, 9)
-    level = measure(THESIS, x, np.full(9, -np.sin(psi + np.pi / 3)), psi, mode)
+    level = singularity_measure(THESIS, x, np.full(9, -np.sin(psi + np.pi / 3)), psi, mode)
     assert np.abs(level).max() < 1e-12
     assert len(threeprr.aspects_of_slice(part, mode)[1]) == 3
 
@@ -144,7 +150,7 @@ def test_angles_of_a_place_are_those_at_which_all_legs_reach(
 
 
 @EACH
-def test_the_map_slices_and_closed_form_have_one_volume(robot: threeprr.RobotLengths) -> None:
+def test_map_slices_and_closed_form_give_the_same_volume(robot: threeprr.RobotLengths) -> None:
     psi = (np.arange(2400) + 0.5) * 2.0 * np.pi / 2400
     slices = np.mean([threeprr.WorkspaceSlice(robot, one).area for one in psi.tolist()])
     # error h^2 of the midpoint rule at kinks of |sin|
@@ -159,12 +165,12 @@ def test_the_map_slices_and_closed_form_have_one_volume(robot: threeprr.RobotLen
     assert threeprr.reach_area_of_place(robot) == pytest.approx(counted, rel=4e-3)
 
 
-def test_the_reach_at_some_angle_in_closed_form() -> None:
+def test_reach_area_agrees_with_a_dense_midpoint_rule() -> None:
     """Against a dense midpoint rule, for sides above and below L sqrt(3/4).
 
     From that side on one height alone decides.
     """
-    for robot in (THESIS, SHORT, LONG, threeprr.RobotLengths(0.2, 1.0, 1.0, 0.0, 1.0)):
+    for robot in (THESIS, SHORT_SIDE, LONG_SIDE, threeprr.RobotLengths(0.2, 1.0, 1.0, 0.0, 1.0)):
         n = 200_000
         y = robot.leg * (2.0 * (np.arange(n) + 0.5) / n - 1.0)
         wide = np.nansum(np.diff(threeprr.reach_of_place(y, robot), axis=-1)[..., 0], axis=-1)
@@ -174,7 +180,7 @@ def test_the_reach_at_some_angle_in_closed_form() -> None:
         )
 
 
-def legs_of(chart: Chart, panel: int) -> np.ndarray:
+def leg_and_side_lengths(chart: Chart, panel: int) -> np.ndarray:
     """Lengths of the legs and of the platform's sides in a panel."""
     lines = {line.label: line.x + 1j * line.y for line in chart.panels[panel].lines}
     legs, ring = np.abs(np.diff(lines["legs"])), np.abs(np.diff(lines["platform"]))
@@ -182,7 +188,7 @@ def legs_of(chart: Chart, panel: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("table", [TABLE3, TABLE4], ids=["table 3", "table 4"])
-def test_eight_modes_of_the_legs_are_the_table_of_the_document(table: dict) -> None:
+def test_sliders_of_the_eight_working_modes_are_those_of_the_tables(table: dict) -> None:
     x, y = table["pose"]["x"], table["pose"]["y"]
     psi = np.radians(table["pose"]["psi_deg"])
     chart = threeprr.leg_modes(**table["where"], x=x, y=y, psi=psi)
@@ -190,7 +196,7 @@ def test_eight_modes_of_the_legs_are_the_table_of_the_document(table: dict) -> N
     triples = set()
     for k in range(8):
         sizes = [where["leg"]] * 3 + [where["side"]] * 3
-        assert np.abs(legs_of(chart, k) - sizes).max() < 1e-12
+        assert np.abs(leg_and_side_lengths(chart, k) - sizes).max() < 1e-12
         feet = next(line for line in chart.panels[k].lines if line.label == "sliders")
         triples.add((feet.x[0], where["guide2_x"] - feet.x[1], where["guide3_y"] - feet.y[2]))
         assert np.abs(feet.y[:2]).max() == 0.0
@@ -203,7 +209,9 @@ def test_eight_modes_of_the_legs_are_the_table_of_the_document(table: dict) -> N
 
 
 @pytest.mark.parametrize(
-    ("table", "count"), [(TABLE5, 2), (TABLE6, 2), (SIX, 6)], ids=["table 5", "table 6", "six"]
+    ("table", "count"),
+    [(TABLE5, 2), (TABLE6, 2), (SIX_POSES, 6)],
+    ids=["table 5", "table 6", "six"],
 )
 def test_all_direct_poses_are_those_of_the_document(table: dict, count: int) -> None:
     where = table["where"]
@@ -213,17 +221,17 @@ def test_all_direct_poses_are_those_of_the_document(table: dict, count: int) -> 
     places = []
     for k, panel in enumerate(chart.panels):
         sizes = [where["leg"]] * 3 + [where["side"]] * 3
-        assert np.abs(legs_of(chart, k) - sizes).max() < 1e-12
+        assert np.abs(leg_and_side_lengths(chart, k) - sizes).max() < 1e-12
         (p,) = [line for line in panel.lines if line.label == "P"]
         places.append((p.x[0], p.y[0]))
     for x, y, _ in table["poses"]:
         assert np.abs(np.array(places) - [x, y]).max(axis=1).min() < 6e-5
 
 
-def test_singular_poses_are_singular() -> None:
-    chart = threeprr.singular_poses(**asdict(SHORT), psi=0.4)
+def test_drawn_singular_poses_are_singular() -> None:
+    chart = threeprr.singular_poses(**asdict(SHORT_SIDE), psi=0.4)
     for k, panel in enumerate(chart.panels):
-        assert np.abs(legs_of(chart, k) - [1.0, 1.0, 1.0, 0.7, 0.7, 0.7]).max() < 1e-12
+        assert np.abs(leg_and_side_lengths(chart, k) - [1.0, 1.0, 1.0, 0.7, 0.7, 0.7]).max() < 1e-12
         lines = {line.label: line.x + 1j * line.y for line in panel.lines}
         e = np.diff(lines["legs"])[[0, 3, 6]]
         if panel.title.startswith("type 1"):
@@ -236,7 +244,7 @@ def test_singular_poses_are_singular() -> None:
         assert np.abs(away).max() < 1e-9
 
 
-def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:
+def test_areas_on_the_chart_are_those_of_the_aspects() -> None:
     psi = np.pi / 6
     chart = threeprr.workspace_slice(**asdict(THESIS), psi=psi)
     part = threeprr.WorkspaceSlice(THESIS, psi)
@@ -245,20 +253,20 @@ def test_numbers_on_the_chart_are_those_of_the_aspects() -> None:
         areas = sorted(one.area for some in found.values() for one in some)
         assert sorted(region.area for region in panel.regions) == pytest.approx(areas)
     with pytest.raises(ValueError, match=r"no place is reached at psi = 1\.5708 rad"):
-        threeprr.workspace_slice(**asdict(LONG), psi=np.pi / 2)
+        threeprr.workspace_slice(**asdict(LONG_SIDE), psi=np.pi / 2)
 
 
-def test_the_map_says_where_every_angle_is_reached() -> None:
-    chart = threeprr.workspace(**asdict(SHORT))
+def test_the_map_shows_where_every_angle_is_reached() -> None:
+    chart = threeprr.workspace(**asdict(SHORT_SIDE))
     assert "0.36 m² at every angle" in chart.caption  # (2 (L - a))^2
     (ring,) = [line for line in chart.lines if line.label == "reached at every angle"]
     inner = threeprr.angles_of_place(
-        SHORT.guide3_x + 0.999 * (ring.x - SHORT.guide3_x), 0.999 * ring.y, SHORT
+        SHORT_SIDE.guide3_x + 0.999 * (ring.x - SHORT_SIDE.guide3_x), 0.999 * ring.y, SHORT_SIDE
     )
     outer = threeprr.angles_of_place(
-        SHORT.guide3_x + 1.01 * (ring.x - SHORT.guide3_x), 1.01 * ring.y, SHORT
+        SHORT_SIDE.guide3_x + 1.01 * (ring.x - SHORT_SIDE.guide3_x), 1.01 * ring.y, SHORT_SIDE
     )
     assert inner == pytest.approx(2.0 * np.pi)
     assert (outer < 2.0 * np.pi).all()
     with pytest.raises(ValueError, match=r"nodes must lie within \[5, 401\]"):
-        threeprr.workspace(**asdict(SHORT), nodes=3)
+        threeprr.workspace(**asdict(SHORT_SIDE), nodes=3)

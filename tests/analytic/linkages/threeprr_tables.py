@@ -12,9 +12,9 @@ from proofmass.analytic.linkages import threeprr
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "threeprr.json").read_text())
 TABLE3, TABLE4 = DATA["inverse"]
-TABLE5, TABLE6, SIX = DATA["direct"]
-WHERE, SLIDERS = TABLE5["where"], np.array(TABLE5["sliders"])
-POSE = ("x", "y", "psi")
+TABLE5, TABLE6, SIX_POSES = DATA["direct"]
+LENGTHS, SLIDERS = TABLE5["where"], np.array(TABLE5["sliders"])
+POSE_NAMES = ("x", "y", "psi")
 
 
 def corners(x, y, psi, side):
@@ -23,7 +23,7 @@ def corners(x, y, psi, side):
     return [p, p + side * np.exp(1j * psi), p + side * np.exp(1j * (psi + np.pi / 3))]
 
 
-def ends(sliders, where):
+def slider_points(sliders, where):
     """Points C1, C2, C3 of the sliders, as complex numbers."""
     return [
         sliders[0] + 0j,
@@ -36,23 +36,23 @@ def leg_errors(pose, sliders, where):
     """Distance between the ends of each leg less its length [m], for poses x, y, psi."""
     return [
         np.abs(p - c) - where["leg"]
-        for p, c in zip(corners(*pose, where["side"]), ends(sliders, where), strict=True)
+        for p, c in zip(corners(*pose, where["side"]), slider_points(sliders, where), strict=True)
     ]
 
 
-def all_triples(pose, where):
+def slider_triples(pose, where):
     """Slider positions of the eight working modes of a pose, (8, 3)."""
     found = [threeprr.solve_inverse(pose, **where, mode=m) for m in threeprr.WORKING_MODES]
     return np.array([[f[f"slider_{k}"] for k in (1, 2, 3)] for f in found])
 
 
-def there(found):
+def pose_rows(found):
     """Rows x, y, psi of the poses that exist for one triple, (poses, 3)."""
-    rows = np.transpose([found[name] for name in POSE])
+    rows = np.transpose([found[name] for name in POSE_NAMES])
     return rows[np.isfinite(rows[:, 0])]
 
 
-def nearest(rows, pose):
+def nearest_distance(rows, pose):
     """Smallest distance of rows x, y [m] and psi [rad], without whole turns, from a pose."""
     rows = np.asarray(rows) - np.asarray(pose)
     rows[:, 2] = np.angle(np.exp(1j * rows[:, 2]))

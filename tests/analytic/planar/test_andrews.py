@@ -23,25 +23,25 @@ from tests.shipped import shipped
 
 PRINTED = json.loads((Path(__file__).parents[2] / "data" / "andrews.json").read_text())
 ANGLES, START, END = PRINTED["angles"], PRINTED["start"], PRINTED["end"]
-XML = shipped("andrews.xml").read_text()
+MODEL_TEXT = shipped("andrews.xml").read_text()
 
 
-def model_of(text: str = XML) -> mujoco.MjModel:
+def compile_model(text: str = MODEL_TEXT) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(text)
 
 
 @cache
-def solved(text: str = XML) -> dict[str, np.ndarray]:
-    return solve([0.0, 0.01, 0.02, END["time"]], model=model_of(text))
+def reference_motion(text: str = MODEL_TEXT) -> dict[str, np.ndarray]:
+    return solve([0.0, 0.01, 0.02, END["time"]], model=compile_model(text))
 
 
 @cache
-def equations() -> np.ndarray:
-    """Angles and rates (14, 4) by the source's equations, at the times of `solved`."""
+def source_motion() -> np.ndarray:
+    """Angles and rates (14, 4) by the source's equations, at the times of `reference_motion`."""
     start = np.append(START["angles"], np.zeros(7))
     times = [0.0, 0.01, 0.02, END["time"]]
     return solve_ivp(
-        andrews.slope, (0, END["time"]), start, "DOP853", times, rtol=1e-13, atol=1e-15
+        andrews.state_rate, (0, END["time"]), start, "DOP853", times, rtol=1e-13, atol=1e-15
     ).y
 
 
@@ -51,7 +51,7 @@ def test_the_sources_equations_begin_and_end_as_printed():
     bend, multipliers = andrews.accelerations(start, np.zeros(7))
     np.testing.assert_allclose(bend, START["accelerations"], rtol=1e-12, atol=1e-10)
     np.testing.assert_allclose(multipliers, START["multipliers"], rtol=1e-12, atol=1e-12)
-    angles, rates = np.split(equations()[:, -1], 2)
+    angles, rates = np.split(source_motion()[:, -1], 2)
     np.testing.assert_allclose(angles, END["angles"], rtol=5e-10)
     np.testing.assert_allclose(rates, END["rates"], rtol=1e-7)
     bend, multipliers = andrews.accelerations(angles, rates)
@@ -60,7 +60,7 @@ def test_the_sources_equations_begin_and_end_as_printed():
 
 
 def test_the_reference_ends_as_printed():
-    found = solved()
+    found = reference_motion()
     ends = [found[name][-1] for name in ANGLES]
     np.testing.assert_allclose(ends, END["angles"], rtol=1e-9)
     rates = [found[f"{name}_rate"][-1] for name in ANGLES]
@@ -68,7 +68,7 @@ def test_the_reference_ends_as_printed():
 
 
 def test_the_reference_moves_as_the_sources_equations():
-    found, truth = solved(), equations()
+    found, truth = reference_motion(), source_motion()
     for k, name in enumerate(ANGLES):
         # 2.5 turns at up to 1500 rad/s; both integrators have a tolerance of 1e-13 per step
         assert np.abs(found[name] - truth[k]).max() < 3e-12, name
@@ -80,7 +80,7 @@ def test_the_reference_moves_as_the_sources_equations():
             assert wrong < 1e-10 * np.abs(bend).max(), name
 
 
-def order(mechanism) -> list[int]:
+def joint_order(mechanism) -> list[int]:
     """The indices of the model's joints in the order of the source."""
     names = [joint.name for joint in mechanism.joints]
     return [names.index(name) for name in ANGLES]
@@ -88,15 +88,15 @@ def order(mechanism) -> list[int]:
 
 def test_the_model_has_the_sources_mass_matrix_and_constraints():
     """They agree at random poses, in which the loops are open."""
-    mechanism, _ = read(model_of(), "start")
+    mechanism, _ = read(compile_model(), "start")
     poses = np.random.default_rng(5).uniform(-np.pi, np.pi, (20, 7))
     q = np.empty_like(poses)
-    q[:, order(mechanism)] = poses
+    q[:, joint_order(mechanism)] = poses
     motion = move_bodies(mechanism, q)
     matrices = mass_matrix(mechanism, centre_jacobians(mechanism, motion))
-    gaps = loop_violations(mechanism, motion, q)
-    for p, matrix, gap in zip(poses, matrices, gaps, strict=True):
-        own = matrix[np.ix_(order(mechanism), order(mechanism))]
+    violations = loop_violations(mechanism, motion, q)
+    for p, matrix, gap in zip(poses, matrices, violations, strict=True):
+        own = matrix[np.ix_(joint_order(mechanism), joint_order(mechanism))]
         np.testing.assert_allclose(own, andrews.mass_matrix(p), rtol=1e-13, atol=1e-19)
         np.testing.assert_allclose(gap, andrews.constraints(p), atol=1e-16, rtol=0)
 
@@ -112,9 +112,9 @@ def test_the_model_has_the_sources_mass_matrix_and_constraints():
         ('pos="0.014 0.072 0"', 'pos="0.0140001 0.072 0"'),
     ],
 )
-def test_a_number_wrong_in_its_fifth_digit_is_another_motion(wrong, right):
+def test_an_error_in_the_fifth_digit_changes_the_motion(wrong, right):
     """A mutation: after 0.01 s each error changes an angle by 1000 times the tolerance above."""
-    assert wrong in XML
-    found = solve([0.0, 0.01], model=model_of(XML.replace(wrong, right)))
+    assert wrong in MODEL_TEXT
+    found = solve([0.0, 0.01], model=compile_model(MODEL_TEXT.replace(wrong, right)))
     there = np.array([found[name][-1] for name in ANGLES])
-    assert np.abs(there - equations()[:7, 1]).max() > 3e-9
+    assert np.abs(there - source_motion()[:7, 1]).max() > 3e-9

@@ -11,7 +11,7 @@ from tests.analytic.linkages.random_linkages import FAMILIES, Linkage
 RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
-def agrees(linkage: Linkage, inertia: bool) -> None:
+def assert_agreement(linkage: Linkage, inertia: bool) -> None:
     """Compare the general solver with the closed form, at given rates and accelerations.
 
     Closed forms have moments and forces from balances of bodies and virtual work, and the general
@@ -35,10 +35,10 @@ def agrees(linkage: Linkage, inertia: bool) -> None:
 
 @pytest.mark.parametrize("mechanisms", [8, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_it_agrees_with_the_closed_form(family, mechanisms):
+def test_the_general_solver_agrees_with_the_closed_form(family, mechanisms):
     @settings(RELAXED, max_examples=mechanisms)
     @given(FAMILIES[family], st.booleans())
     def run(linkage, inertia):
-        agrees(linkage, inertia)
+        assert_agreement(linkage, inertia)
 
     run()

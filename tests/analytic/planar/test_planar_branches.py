@@ -22,7 +22,7 @@ from proofmass.analytic.planar import (
 )
 from proofmass.analytic.planar.kinematics import largest_violation, lipschitz, scaled_jacobian
 from proofmass.analytic.planar.mechanism import Mechanism
-from tests.analytic.linkages.random_linkages import bar, compiled, four_bars
+from tests.analytic.linkages.random_linkages import bar, compile_model, four_bars
 
 RELAXED = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
@@ -43,21 +43,21 @@ def four_bar(
     bodies = bar("crank", crank, inside=bar("coupler", coupler, f"{crank} 0 0"))
     bodies += bar("rocker", rocker, f"{ground} 0 0")
     key = [first, float(start["coupler_angle"]) - first, float(start["rocker_angle"]) + off]
-    return compiled(
+    return compile_model(
         bodies, [("coupler_end", "rocker_end")], ("crank",), {"pin": "rocker_end"}, ("rocker",), key
     )
 
 
-def branch(model: mujoco.MjModel, *joints: str) -> Branch:
+def branch_of(model: mujoco.MjModel, *joints: str) -> Branch:
     return Branch(read(model, "start")[0], joints or ("crank",))
 
 
-def test_it_stops_at_the_limit_position():
+def test_a_path_stops_at_the_limit_position():
     """The four-bar 2, 2, 2.5, 3 is stretched at cos(crank) = (2^2 + 3^2 - 4.5^2) / 12."""
     limit = np.arccos((4 + 9 - 4.5**2) / 12)
     for sign in (1, -1):
         inputs = sign * np.linspace(0, 3, 301)[:, None]
-        q, failure = branch(four_bar(2, 2, 2.5, 3)).follow(inputs)
+        q, failure = branch_of(four_bar(2, 2, 2.5, 3)).follow(inputs)
         assert isinstance(failure, SingularHere)
         assert len(q) == np.searchsorted(np.linspace(0, 3, 301), limit)
         stopped = float(str(failure).split("crank = ")[1].split(":")[0])
@@ -71,7 +71,7 @@ def test_it_stops_at_the_limit_position():
     [360, 47, *(pytest.param(samples, marks=pytest.mark.slow) for samples in (359, 1000))],
 )
 @pytest.mark.parametrize("mode", [1, -1])
-def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
+def test_a_change_point_is_passed_on_the_smooth_branch(samples, mode):
     """The four-bar 1, 2, 2, 3 is flat at pi; the closed form passes it with cos(angle / 2)."""
     x = np.linspace(0, 4 * np.pi, samples)  # none of these falls on pi
     truth = fourbar.solve(x, crank=1, coupler=2, rocker=2, ground=3, mode=mode)
@@ -86,12 +86,12 @@ def test_it_passes_a_change_point_on_the_smooth_branch(samples, mode):
         assert np.abs(found[name] - truth[truth_name]).max() < 1e-14 / near**power
 
 
-def test_a_leap_over_a_change_point_that_bends_a_rate_is_none(monkeypatch):
+def test_a_change_point_with_a_kink_of_a_rate_is_not_passed(monkeypatch):
     """If no kink is allowed, not even rounding, the change point counts as a limit position."""
     x = np.linspace(3.0, 3.3, 4)[:, None]
-    assert branch(four_bar(1, 2, 2, 3, first=2.9)).follow(x)[1] is None
+    assert branch_of(four_bar(1, 2, 2, 3, first=2.9)).follow(x)[1] is None
     monkeypatch.setattr(planar.branch, "MAX_KINK", 0.0)
-    q, failure = branch(four_bar(1, 2, 2, 3, first=2.9)).follow(x)
+    q, failure = branch_of(four_bar(1, 2, 2, 3, first=2.9)).follow(x)
     assert len(q) == 2  # at 3.0 and 3.1, before pi
     assert isinstance(failure, SingularHere)
 
@@ -103,13 +103,13 @@ def test_condition_grows_like_the_inverse_distance_from_a_change_point():
     assert solve([np.pi / 2], model=four_bar(1, 2, 2.5, 3), joints=("crank",))["condition"][0] < 10
 
 
-def test_a_start_beside_a_change_point_chooses_no_branch():
+def test_a_start_near_a_change_point_is_refused():
     """Rounding would choose the branch of a parallelogram 1e-6 rad from its flat pose."""
     lengths = {"crank": 1.0, "coupler": 2.0, "rocker": 1.0, "ground": 2.0}
     for first in (1e-6, np.pi - 1e-6):
         with pytest.raises(SingularHere, match="is singular and chooses no branch"):
-            branch(four_bar(**lengths, first=first))
-    assert branch(four_bar(**lengths, first=0.1)).knot.radius > 1e-3
+            branch_of(four_bar(**lengths, first=first))
+    assert branch_of(four_bar(**lengths, first=0.1)).knot.radius > 1e-3
 
 
 def test_a_sample_on_the_change_point_is_singular():
@@ -118,14 +118,14 @@ def test_a_sample_on_the_change_point_is_singular():
 
 
 @pytest.mark.parametrize("mechanisms", [6, pytest.param(12, marks=pytest.mark.slow)])
-def test_success_is_on_the_branch_and_failure_at_a_limit(mechanisms):
+def test_poses_are_on_the_branch_and_failures_at_limit_positions(mechanisms):
     """In a turn that may have limits, found poses are the closed form; it has none beyond them."""
 
     @settings(RELAXED, max_examples=mechanisms)
-    @given(four_bars(clear=0.0, turn=6.0))
+    @given(four_bars(min_sine=0.0, turn=6.0))
     def run(linkage):
         try:
-            follower = branch(linkage.model)
+            follower = branch_of(linkage.model)
         except SingularHere:
             assert np.sin(linkage.solve(linkage.way[0, 0])["transmission_angle"]) < 1e-3
             return
@@ -152,7 +152,7 @@ def test_one_long_stride_keeps_the_branch():
 
 
 @pytest.mark.parametrize("off", [1e-9, 1e-3])
-def test_a_motion_beside_a_solved_one_takes_no_steps(off, monkeypatch):
+def test_a_motion_near_a_solved_one_takes_no_steps(off, monkeypatch):
     """It agrees with the closed form over two turns with a small oscillation, from before 0."""
     x = np.linspace(-1.0, 4 * np.pi, 361)
     beside = x + off * np.sin(7 * x)
@@ -176,11 +176,11 @@ def test_a_motion_has_the_same_bits_whatever_was_solved_before():
     assert all((first[name] == again[name]).all() for name in first)
 
 
-def test_lengths_that_cannot_close():
+def test_lengths_that_cannot_close_are_refused():
     model = four_bar(1, 2, 2.5, 3)
     model.body("rocker").pos[0] = 50.0
     with pytest.raises(CannotAssemble, match=r"loop 'coupler_end' stays open by 44\.5 m at best"):
-        branch(model)
+        branch_of(model)
 
 
 @pytest.mark.parametrize(("joint", "unit"), [("hinge", "rad"), ("slide", "m")])
@@ -210,7 +210,7 @@ def test_a_third_crank_on_a_parallelogram_is_over_constrained():
     end = '<site name="mid" pos="0.5 0 0"/>'
     bodies = bar("crank", 1.0, inside=bar("coupler", 2.0, "1 0 0", inside=end))
     bodies += bar("rocker", 1.0, "2 0 0") + bar("third", 1.0, "0.5 0 0")
-    model = compiled(
+    model = compile_model(
         bodies,
         [("coupler_end", "rocker_end"), ("mid", "third_end")],
         ("crank",),
@@ -219,26 +219,26 @@ def test_a_third_crank_on_a_parallelogram_is_over_constrained():
         [1.0, -1.0, 1.0, 1.0],
     )
     with pytest.raises(Overconstrained, match=r"4 equations, of which only 3 are independent"):
-        branch(model)
+        branch_of(model)
 
 
 @pytest.mark.parametrize(("joints", "free"), [((), 1), (("crank", "rocker"), 1)])
-def test_drives_must_be_as_many_as_freedoms(joints, free):
+def test_drives_must_be_as_many_as_degrees_of_freedom(joints, free):
     with pytest.raises(
         SingularHere, match=rf"has {free} degree\(s\) of freedom, and {len(joints)} driven"
     ):
         Branch(read(four_bar(1, 2, 2.5, 3), "start")[0], joints)
 
 
-def test_a_joint_that_is_not_there():
+def test_an_unknown_joint_is_refused():
     with pytest.raises(ValueError, match="no joint 'krank'; there are: crank, coupler, rocker"):
-        branch(four_bar(1, 2, 2.5, 3), "krank")
+        branch_of(four_bar(1, 2, 2.5, 3), "krank")
 
 
 def test_a_step_to_the_mirrored_pose_is_refused():
     """Only a prediction beyond the proven radius leads there, so that a wrong one is given."""
-    follower = branch(four_bar(1, 2, 2.5, 3))
-    other = branch(four_bar(1, 2, 2.5, 3, mode=-1)).knot
+    follower = branch_of(four_bar(1, 2, 2.5, 3))
+    other = branch_of(four_bar(1, 2, 2.5, 3, mode=-1)).knot
     follower.predict = lambda inputs: np.repeat(other.q[None], len(inputs), axis=0)
     with pytest.raises(Mirrored, match="another assembly mode at crank = 0"):
         follower.step(np.array([0.0]))
@@ -247,29 +247,29 @@ def test_a_step_to_the_mirrored_pose_is_refused():
         follower.close(np.zeros((1, 1)), away)
 
 
-def test_a_guess_of_the_mirrored_branch_is_not_believed(monkeypatch):
+def test_a_guess_of_the_mirrored_branch_is_not_used(monkeypatch):
     """From a crank angle of 2 rad on the guesses are closed poses of the other branch."""
     x = np.linspace(0.0, 2 * np.pi, 91)
     truth = fourbar.solve(x, crank=1, coupler=2, rocker=2.5, ground=3)
     guess = Branch.guess
 
-    def astray(self, way):
+    def wrong_guess(self, way):
         at, q = guess(self, way)
-        _, other = guess(branch(four_bar(1, 2, 2.5, 3, mode=-1)), way)
+        _, other = guess(branch_of(four_bar(1, 2, 2.5, 3, mode=-1)), way)
         return at, np.where(at[:, None] > 2.0, other, q)
 
-    monkeypatch.setattr(Branch, "guess", astray)
-    found, failure = branch(four_bar(1, 2, 2.5, 3)).follow(x[:, None])
+    monkeypatch.setattr(Branch, "guess", wrong_guess)
+    found, failure = branch_of(four_bar(1, 2, 2.5, 3)).follow(x[:, None])
     assert failure is None
     assert np.abs(found[:, 2] - truth["rocker_angle"]).max() < 1e-13
 
 
-def test_poses_that_nobody_guesses_are_found_step_by_step(monkeypatch):
+def test_poses_without_guesses_are_found_step_by_step(monkeypatch):
     """Without knots that are found at once the poses of the path are the same to rounding."""
     x = np.linspace(0.0, 6.0, 61)[:, None]
-    q, _ = branch(four_bar(1, 2, 2.5, 3)).follow(x)
+    q, _ = branch_of(four_bar(1, 2, 2.5, 3)).follow(x)
     monkeypatch.setattr(Branch, "find_knots", Branch.reached)
-    steps, failure = branch(four_bar(1, 2, 2.5, 3)).follow(x)
+    steps, failure = branch_of(four_bar(1, 2, 2.5, 3)).follow(x)
     assert failure is None
     assert np.abs(steps - q).max() < 1e-14
 
@@ -292,12 +292,16 @@ def test_geared_cranks_follow_their_polynomial(ratio, bend):
     )
 
 
-LOOP = '<connect site1="one" site2="two"/>'
-GEAR = '<joint joint1="c" joint2="a" polycoef="0 1 2 0 0"/>'
+LOOP_EQUALITY = '<connect site1="one" site2="two"/>'
+GEAR_EQUALITY = '<joint joint1="c" joint2="a" polycoef="0 1 2 0 0"/>'
 
 
-@pytest.mark.parametrize("equalities", [LOOP, GEAR, LOOP + GEAR], ids=["loop", "gear", "both"])
-def test_rows_change_no_faster_than_their_bound(equalities):
+@pytest.mark.parametrize(
+    "equalities",
+    [LOOP_EQUALITY, GEAR_EQUALITY, LOOP_EQUALITY + GEAR_EQUALITY],
+    ids=["loop", "gear", "both"],
+)
+def test_constraint_rows_change_no_faster_than_their_bound(equalities):
     """The bound proves steps; for a loop through a slide, and a gear of changing ratio."""
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/><worldbody>
       <body><joint name="a"/><geom size="0.1"/><body pos="1 0 0"><joint name="b"/>
@@ -307,7 +311,7 @@ def test_rows_change_no_faster_than_their_bound(equalities):
       <sensor><jointpos name="b" joint="b"/></sensor></mujoco>""")
     m, generator = read(model, "start")[0], np.random.default_rng(4)
     q, steps = np.zeros((1, 4)), generator.normal(0.0, 0.1, (40, 4))
-    if equalities == GEAR:  # only its own joints move
+    if equalities == GEAR_EQUALITY:  # only its own joints move
         steps[:, 1:3] = 0.0
     bound, worst = float(lipschitz(m, q)[0]), 0.0
     for step in steps:
@@ -335,20 +339,20 @@ def test_rows_change_no_faster_than_their_bound(equalities):
         ('<geom size="0.1"/>', "a mechanism without joints"),
     ],
 )
-def test_what_is_no_planar_linkage_is_named(xml, words):
+def test_models_that_are_no_planar_linkages_are_refused(xml, words):
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{xml}</worldbody></mujoco>")
     with pytest.raises(ValueError, match=words):
         read(model, "")
 
 
-def test_dry_friction_of_a_free_motion_is_named():
+def test_dry_friction_in_a_free_motion_is_refused():
     xml = '<body><joint name="a" frictionloss="1"/><geom size="0.1" contype="0"/></body>'
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{xml}</worldbody></mujoco>")
     with pytest.raises(ValueError, match="joint 'a' has friction, which a free motion"):
         solve([0.0, 1.0], model=model)
 
 
-def test_a_mechanism_is_read_from_numbers_alone():
+def test_poses_are_those_of_mujocos_kinematics():
     """The tree has tilted frames, and its joint values are random."""
     model = mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="radian"/><worldbody>
       <body pos="1 2 3" euler="0.3 -0.2 0.5"><body quat="1 1 0 0" pos="0 0 1">

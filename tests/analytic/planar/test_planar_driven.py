@@ -16,57 +16,61 @@ from proofmass.analytic.planar.kinematics import (
 )
 from proofmass.drive import Swing
 from proofmass.reference import evaluate, run_samples
-from tests.shipped import loaded, shipped
+from tests.shipped import shipped, shipped_case
 
-G, FAR, OWN = 9.81, 0.3, 1e-9  # m/s^2, m, kg m^2
-CART, MASSES, LENGTHS = 2.0, (1.0, 0.5), (0.8, 0.5)
-W = 2 * np.pi / 1.5  # rad/s
+GRAVITY, DRIVE_DISTANCE, BOB_INERTIA = 9.81, 0.3, 1e-9  # m/s^2, m, kg m^2
+CART_MASS, BOB_MASSES, ROD_LENGTHS = 2.0, (1.0, 0.5), (0.8, 0.5)
+DRIVE_FREQUENCY = 2 * np.pi / 1.5  # rad/s
 
 
-def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def cart_profile(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The motion profile of the cart: 0.3 m and back in 1.5 s, as a swing."""
     t = np.asarray(t, float)
-    half = FAR / 2
-    return half * (1 - np.cos(W * t)), half * W * np.sin(W * t), half * W**2 * np.cos(W * t)
+    half = DRIVE_DISTANCE / 2
+    return (
+        half * (1 - np.cos(DRIVE_FREQUENCY * t)),
+        half * DRIVE_FREQUENCY * np.sin(DRIVE_FREQUENCY * t),
+        half * DRIVE_FREQUENCY**2 * np.cos(DRIVE_FREQUENCY * t),
+    )
 
 
-def bend(t: float, y: np.ndarray) -> np.ndarray:
+def angle_accelerations(t: float, y: np.ndarray) -> np.ndarray:
     """Accelerations of the absolute angles by Lagrange's equations with the cart's acceleration."""
     a, b, u, v = y
-    (m1, m2), (l1, l2), push = MASSES, LENGTHS, float(law(np.asarray(t))[2])
+    (m1, m2), (l1, l2), push = BOB_MASSES, ROD_LENGTHS, float(cart_profile(np.asarray(t))[2])
     mixed = m2 * l1 * l2 * np.cos(a - b)
-    matrix = np.array([[(m1 + m2) * l1**2 + OWN, mixed], [mixed, m2 * l2**2 + OWN]])
+    matrix = np.array([[(m1 + m2) * l1**2 + BOB_INERTIA, mixed], [mixed, m2 * l2**2 + BOB_INERTIA]])
     turn = m2 * l1 * l2 * np.sin(a - b)
     pull = [
-        -turn * v**2 - (m1 + m2) * l1 * (G * np.sin(a) + push * np.cos(a)),
-        turn * u**2 - m2 * l2 * (G * np.sin(b) + push * np.cos(b)),
+        -turn * v**2 - (m1 + m2) * l1 * (GRAVITY * np.sin(a) + push * np.cos(a)),
+        turn * u**2 - m2 * l2 * (GRAVITY * np.sin(b) + push * np.cos(b)),
     ]
     return np.linalg.solve(matrix, pull)
 
 
-def swung(t: np.ndarray) -> np.ndarray:
-    """Absolute angles and their rates (4, n) by integration of `bend`."""
+def lagrange_motion(t: np.ndarray) -> np.ndarray:
+    """Absolute angles and their rates (4, n) by integration of `angle_accelerations`."""
     start = [0.4, 0.1, 0.0, 0.0]
 
     def slope(t: float, y: np.ndarray) -> np.ndarray:
-        return np.append(y[2:], bend(t, y))
+        return np.append(y[2:], angle_accelerations(t, y))
 
     return solve_ivp(slope, (0, t[-1]), start, "DOP853", t, rtol=1e-13, atol=1e-13).y
 
 
 def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
-    case = loaded(shipped("driven_cart.toml"))
+    case = shipped_case(shipped("driven_cart.toml"))
     t = run_samples(case, "dynamics")
     t = t[: t.size // 4]
-    state = tuple(part[None] for part in law(t))
+    state = tuple(part[None] for part in cart_profile(t))
     found = evaluate(case, "dynamics", t, state).channels
-    truth = swung(t)
+    truth = lagrange_motion(t)
     a, b, u, v = truth
-    du, dv = np.array([bend(*one) for one in zip(t, truth.T, strict=True)]).T
-    tip = law(t)[0] + 0.8 * np.sin(a) + 0.5 * np.sin(b)
+    du, dv = np.array([angle_accelerations(*one) for one in zip(t, truth.T, strict=True)]).T
+    tip = cart_profile(t)[0] + 0.8 * np.sin(a) + 0.5 * np.sin(b)
     # the force on the cart: Newton's law for all three masses along the rail
-    (m1, m2), (l1, l2) = MASSES, LENGTHS
-    force = (CART + m1 + m2) * law(t)[2]
+    (m1, m2), (l1, l2) = BOB_MASSES, ROD_LENGTHS
+    force = (CART_MASS + m1 + m2) * cart_profile(t)[2]
     force = force + (m1 + m2) * l1 * (du * np.cos(a) - u**2 * np.sin(a))
     force = force + m2 * l2 * (dv * np.cos(b) - v**2 * np.sin(b))
     wanted = {
@@ -84,7 +88,7 @@ def test_a_driven_cart_with_a_double_pendulum_obeys_lagrange():
         assert np.abs(found[name] - curve).max() < 1e-10 * max(1.0, np.ptp(curve)), name
 
 
-def test_a_motion_beside_a_drive_is_integrated_once(monkeypatch):
+def test_a_driven_motion_is_integrated_once(monkeypatch):
     """It is that of the motion profile, and not of the drive in an engine's run.
 
     Another profile is integrated by itself.
@@ -103,7 +107,7 @@ def test_a_motion_beside_a_drive_is_integrated_once(monkeypatch):
     assert np.abs(other["upper"] - one["upper"]).max() > 1e-5
 
 
-def test_a_pendulum_on_a_driven_cart_obeys_its_one_equation():
+def test_a_pendulum_on_a_driven_cart_obeys_its_equation_of_motion():
     """theta'' = -(g sin theta + x'' cos theta) / L, where L includes the bob's inertia."""
     text = shipped("driven_cart.xml").read_text()
     inner = text[text.index('<body name="lower"') : text.index("</body>") + len("</body>")]
@@ -111,19 +115,19 @@ def test_a_pendulum_on_a_driven_cart_obeys_its_one_equation():
     for name in ("lower", "lower_rate", "lower_acceleration", "tip"):
         text = "\n".join(line for line in text.splitlines() if f'name="{name}"' not in line)
     model = mujoco.MjModel.from_xml_string(text.replace('qpos="0 0.4 -0.3"', 'qpos="0 0.4"'))
-    t, length = np.linspace(0, 1.5, 31), 0.8 + OWN / 0.8
+    t, length = np.linspace(0, 1.5, 31), 0.8 + BOB_INERTIA / 0.8
 
     def slope(t: float, y: np.ndarray) -> list[float]:
-        push = float(law(np.asarray(t))[2])
-        return [y[1], -(G * np.sin(y[0]) + push * np.cos(y[0])) / length]
+        push = float(cart_profile(np.asarray(t))[2])
+        return [y[1], -(GRAVITY * np.sin(y[0]) + push * np.cos(y[0])) / length]
 
     truth = solve_ivp(slope, (0, 1.5), [0.4, 0.0], "DOP853", t, rtol=1e-13, atol=1e-13).y
-    found = solve(*law(t), model=model, joints=("cart",), in_time=(t, [law]))
+    found = solve(*cart_profile(t), model=model, joints=("cart",), in_time=(t, [cart_profile]))
     assert np.abs(found["upper"] - truth[0]).max() < 1e-11
     assert np.abs(found["upper_rate"] - truth[1]).max() < 1e-10
 
 
-def test_the_drive_of_a_four_bar_with_a_pendulum_does_the_work():
+def test_the_work_of_the_drive_is_the_gain_of_energy():
     """The integral of the crank's moment times its rate, by quadrature, is the gain of energy."""
     text = shipped("fourbar.xml").read_text()
     bob = (
@@ -136,21 +140,21 @@ def test_the_drive_of_a_four_bar_with_a_pendulum_does_the_work():
     more = '<jointpos name="bob" joint="bob"/><e_potential name="v"/><e_kinetic name="t"/>'
     model = mujoco.MjModel.from_xml_string(text.replace("<sensor>", f"<sensor>{more}"))
 
-    def turned(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def crank_profile(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = np.asarray(t, float)
         return 2 * t + 0.3 * np.sin(3 * t), 2 + 0.9 * np.cos(3 * t), -2.7 * np.sin(3 * t)
 
     nodes, shares = leggauss(60)
     t = np.concatenate([[0.0], 0.5 * (nodes + 1), [1.0]])
-    found = solve(*turned(t), model=model, joints=("crank",), in_time=(t, [turned]))
+    found = solve(*crank_profile(t), model=model, joints=("crank",), in_time=(t, [crank_profile]))
     energy = found["v"] + found["t"]
-    power = found["holding_moment"] * turned(t)[1]
+    power = found["holding_moment"] * crank_profile(t)[1]
     assert np.ptp(energy) > 10.0  # J
     assert energy[-1] - energy[0] == pytest.approx(0.5 * shares @ power[1:-1], abs=1e-9)
     assert np.ptp(found["bob"]) > 1.0  # rad: the bob swings
 
 
-def test_rates_that_fit_close_the_loops_and_go_with_the_drives():
+def test_nearest_rates_agree_with_loops_and_drives():
     """They change the given rates as little as possible, and not at all if those fit already."""
     m = read(mujoco.MjModel.from_xml_path(str(shipped("fivebar.xml"))), "start")[0]
     q, drives, given = nearest_pose(m, m.start), np.array([0]), np.linspace(0.5, -0.7, m.start.size)
@@ -167,12 +171,12 @@ def test_rates_that_fit_close_the_loops_and_go_with_the_drives():
     assert np.abs(free @ (found - given)).max() < 1e-14  # no change along the free motion
 
 
-def test_drives_that_determine_all_joints_ask_for_no_times():
+def test_drives_that_determine_all_joints_need_no_profiles():
     """With and without motion profiles the poses follow from the loops at the drives' state."""
     model, t = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml"))), np.linspace(0, 1, 11)
     state = t, 1.0 + 0 * t, 0 * t
     one = solve(*state, model=model, joints=("crank",))
-    two = solve(*state, model=model, joints=("crank",), in_time=(t, [law]))
+    two = solve(*state, model=model, joints=("crank",), in_time=(t, [cart_profile]))
     assert all((one[name] == two[name]).all() for name in one)
 
 

@@ -16,7 +16,7 @@ LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
 MASSES = {"crank_mass": 1.0, "coupler_mass": 2.0, "rocker_mass": 2.5}
 
 
-def hinge(attributes: str, more: str = "", key: str = 'qpos="0.4"') -> mujoco.MjModel:
+def hinged_body(attributes: str, more: str = "", key: str = 'qpos="0.4"') -> mujoco.MjModel:
     """A body of 2 kg m2 on a hinge, without gravity."""
     return mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/>
       <option gravity="0 0 0"/><worldbody><body><joint name="a" {attributes}/>
@@ -25,7 +25,7 @@ def hinge(attributes: str, more: str = "", key: str = 'qpos="0.4"') -> mujoco.Mj
       <keyframe><key name="start" {key}/></keyframe></mujoco>""")
 
 
-def test_pendulum_is_its_closed_form():
+def test_a_pendulum_agrees_with_its_closed_form():
     model = mujoco.MjModel.from_xml_path(str(shipped("pendulum.xml")))
     t = np.linspace(0, 5, 51)
     found = solve(t, model=model)
@@ -52,22 +52,22 @@ def test_parallelograms_pass_their_flat_poses_on_the_motion_of_a_pendulum(n):
     assert np.abs(found["acceleration"] - truth["acceleration"]).max() < 1e-4
 
 
-def test_damped_spring_is_its_closed_form():
+def test_a_damped_spring_agrees_with_its_closed_form():
     t = np.linspace(0, 4, 81)
-    found = solve(t, model=hinge('stiffness="18" springref="0.1" damping="1.6"'))
+    found = solve(t, model=hinged_body('stiffness="18" springref="0.1" damping="1.6"'))
     decay, w = 0.4, np.sqrt(9 - 0.16)  # 2 a'' + 1.6 a' + 18 (a - 0.1) = 0
     truth = 0.1 + 0.3 * np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t))
     assert np.abs(found["a"] - truth).max() < 1e-13
 
 
-def test_constant_motor_is_its_closed_form():
+def test_a_constant_motor_agrees_with_its_closed_form():
     motor = '<actuator><motor joint="a" gear="3"/></actuator>'
     t = np.linspace(0, 2, 21)
-    found = solve(t, model=hinge("", motor, 'qpos="0.4" qvel="-1" ctrl="0.5"'))
+    found = solve(t, model=hinged_body("", motor, 'qpos="0.4" qvel="-1" ctrl="0.5"'))
     assert np.abs(found["a"] - (0.4 - t + 0.5 * (1.5 / 2) * t**2)).max() < 1e-13
 
 
-def test_double_pendulum_is_the_textbook_one():
+def test_a_double_pendulum_obeys_the_textbook_equations():
     """Two point masses on massless rods, absolute angles from -y; Landau and Lifshitz, sect. 5."""
     bob = '<inertial pos="0 {y} 0" mass="{m}" diaginertia="1e-14 1e-14 1e-14"/>'
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/>
@@ -104,15 +104,15 @@ def released():
     return mechanism, free_motion(mechanism, np.linspace(0, 1.2, 25)).arrays()
 
 
-def test_a_four_bar_keeps_its_energy_and_its_loops(released):
+def test_a_four_bar_conserves_its_energy_and_closes_its_loop(released):
     mechanism, (q, v, _) = released
     motion = move_bodies(mechanism, q, v)
     work = kinetic_energy(mechanism, motion, v)
     assert np.ptp(work) > 20.0  # J: the four-bar moves
     assert np.ptp(work + potential_energy(mechanism, motion, q)) < 1e-12 * np.ptp(work)
     pin = mechanism.pins[0]
-    gap = motion.point(pin.one, pin.on_one) - motion.point(pin.two, pin.on_two)
-    assert np.abs(gap).max() < 1e-14
+    violation = motion.point(pin.one, pin.on_one) - motion.point(pin.two, pin.on_two)
+    assert np.abs(violation).max() < 1e-14
 
 
 def test_a_four_bar_obeys_the_equation_of_its_crank_alone(released):
@@ -137,10 +137,10 @@ def test_a_four_bar_obeys_the_equation_of_its_crank_alone(released):
     assert np.abs(left).max() < 1e-9 * np.abs(hold).max()
 
 
-def test_a_structure_does_not_move():
+def test_a_model_without_freedom_is_refused():
     more = '<equality><joint joint1="a" polycoef="0.4 0 0 0 0"/></equality>'
     with pytest.raises(SingularHere, match="no degree of freedom"):
-        solve([0.0, 1.0], model=hinge("", more))
+        solve([0.0, 1.0], model=hinged_body("", more))
 
 
 def test_bodies_that_may_touch_are_refused():

@@ -18,31 +18,31 @@ from proofmass.sim.smooth import SmoothTerms
 from tests.programs import program_curves
 from tests.shipped import shipped
 
-ARM = shipped("arm_servos.xml")
-T = np.linspace(0.0, 0.5, 51)
+ARM_FILE = shipped("arm_servos.xml")
+TIMES = np.linspace(0.0, 0.5, 51)
 
 
 @cache
-def moved() -> dict[str, np.ndarray]:
+def planar_motion() -> dict[str, np.ndarray]:
     """The motion of the arm by the planar reference."""
-    return planar.solve(T, model=mujoco.MjModel.from_xml_path(str(ARM)))
+    return planar.solve(TIMES, model=mujoco.MjModel.from_xml_path(str(ARM_FILE)))
 
 
 def test_the_spatial_solver_has_the_same_motion():
     """It has its own actuator forces, which are compared with MuJoCo's at random states."""
-    model = mujoco.MjModel.from_xml_path(str(ARM))
-    one, two = moved(), spatial.solve(T, model=model, terms=SmoothTerms(model))
+    model = mujoco.MjModel.from_xml_path(str(ARM_FILE))
+    one, two = planar_motion(), spatial.solve(TIMES, model=model, terms=SmoothTerms(model))
     shared = one.keys() & two.keys()
     assert {"shoulder", "elbow", "reach", "tip.x", "tip.z", "kinetic", "potential"} <= shared
     assert max(np.abs(one[name] - two[name]).max() for name in shared) < 1e-11
 
 
-def test_forces_of_servos_are_those_of_their_laws():
+def test_forces_of_servos_follow_controls_positions_and_rates():
     """The moment is compared by differences, the force by sums, over samples 5e-4 s apart.
 
     So the errors are up to 1e-3 N m and 1e-4 m.
     """
-    model, t = mujoco.MjModel.from_xml_path(str(ARM)), np.linspace(0.0, 0.25, 501)
+    model, t = mujoco.MjModel.from_xml_path(str(ARM_FILE)), np.linspace(0.0, 0.25, 501)
     found = planar.solve(t, model=model)
     rate = np.gradient(found["elbow"], t, edge_order=2)
     assert np.abs(found["turning"] - 0.8 * (1.5 - rate))[100:].max() < 1e-3
@@ -53,26 +53,26 @@ def test_forces_of_servos_are_those_of_their_laws():
     assert np.abs(way - (found["reach"] - found["reach"][0])).max() < 1e-4
 
 
-def test_pymunk_comes_to_the_motion_with_first_order():
-    known, off = moved(), []
+def test_pymunk_converges_to_the_motion_in_first_order():
+    known, errors = planar_motion(), []
     for step in (2e-4, 1e-4):
-        run = Run("dynamics", T, ("shoulder", "elbow", "reach"), settings={"timestep": step})
-        found = in_pymunk(ARM, run).channels
-        off.append(max(np.abs(found[name] - known[name]).max() for name in found))
-    assert off[1] < 5e-3
-    assert off[0] / off[1] == pytest.approx(2.0, rel=0.1)
+        run = Run("dynamics", TIMES, ("shoulder", "elbow", "reach"), settings={"timestep": step})
+        found = in_pymunk(ARM_FILE, run).channels
+        errors.append(max(np.abs(found[name] - known[name]).max() for name in found))
+    assert errors[1] < 5e-3
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.1)
 
 
-def test_a_program_of_pymunk_has_the_servos(tmp_path: Path):
-    run = Run("dynamics", T[:21], ("shoulder", "elbow", "reach"), settings={"timestep": 1e-3})
-    wanted = in_pymunk(ARM, run)
-    text = write_program(ARM, Run(**{**vars(run), "settings": wanted.settings}), "", "")
+def test_a_pymunk_program_contains_the_servos(tmp_path: Path):
+    run = Run("dynamics", TIMES[:21], ("shoulder", "elbow", "reach"), settings={"timestep": 1e-3})
+    wanted = in_pymunk(ARM_FILE, run)
+    text = write_program(ARM_FILE, Run(**{**vars(run), "settings": wanted.settings}), "", "")
     found = program_curves(text, tmp_path)
     for name in run.channels:
         assert np.abs(found[name] - wanted.channels[name]).max() < 1e-9, name
 
 
-def four_bar(folder: Path, actuators: str, ctrl: str) -> Path:
+def write_four_bar(folder: Path, actuators: str, ctrl: str) -> Path:
     """Write the four-bar with other actuators."""
     text = shipped("fourbar.xml").read_text(encoding="utf-8")
     text = text.replace('<motor name="motor" joint="crank"/>', actuators)
@@ -83,7 +83,7 @@ def four_bar(folder: Path, actuators: str, ctrl: str) -> Path:
     return file
 
 
-def swept(file: Path, angle: np.ndarray) -> Run:
+def crank_sweep(file: Path, angle: np.ndarray) -> Run:
     """A sweep of the crank."""
     drive = Drive("crank", lambda x: (np.asarray(x), np.ones_like(x), np.zeros_like(x)))
     return Run("sweep", angle, ("rocker", "rocker_rate", "holding_moment"), (drive,))
@@ -91,50 +91,56 @@ def swept(file: Path, angle: np.ndarray) -> Run:
 
 MOTOR = '<motor name="motor" joint="crank"/>'
 SERVO = '<position name="hold" joint="rocker" kp="30" kv="5" gear="2"/>'
-ANGLE = np.linspace(0.0, 6.0, 61)
+CRANK_ANGLES = np.linspace(0.0, 6.0, 61)
 
 
-def test_a_servo_of_the_rocker_asks_of_the_crank_what_virtual_work_has(tmp_path: Path):
+def test_a_servo_on_the_rocker_adds_its_virtual_work_at_the_crank(tmp_path: Path):
     """At rest the moment gear kp (2 - gear rocker) acts with the rocker's rate by the crank."""
-    plain = four_bar(tmp_path, MOTOR, "0")
-    free = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(plain)), joints=("crank",))
-    file = four_bar(tmp_path, MOTOR + SERVO, "0 2")
-    known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
+    plain = write_four_bar(tmp_path, MOTOR, "0")
+    free = planar.solve(
+        CRANK_ANGLES, model=mujoco.MjModel.from_xml_path(str(plain)), joints=("crank",)
+    )
+    file = write_four_bar(tmp_path, MOTOR + SERVO, "0 2")
+    known = planar.solve(
+        CRANK_ANGLES, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",)
+    )
     more = -2.0 * 30.0 * (2.0 - 2.0 * known["rocker"]) * known["rocker_rate"]
     assert np.ptp(more) > 50.0
     assert np.abs(known["holding_moment"] - free["holding_moment"] - more).max() < 1e-11
     for simulate in (in_mujoco, in_pymunk):
-        found = simulate(file, swept(file, ANGLE)).channels
+        found = simulate(file, crank_sweep(file, CRANK_ANGLES)).channels
         assert np.abs(found["holding_moment"] - known["holding_moment"]).max() < 1e-9
 
 
-def test_a_servo_of_the_driven_joint_is_the_drive(tmp_path: Path):
+def test_a_servo_on_the_driven_joint_does_not_act(tmp_path: Path):
     """The servo itself does not act: its sensor has the moment that the drive needs."""
     servo = '<position name="motor" joint="crank" kp="50" kv="3" forcerange="-1 1"/>'
-    file = four_bar(tmp_path, servo, "0")
-    known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
+    file = write_four_bar(tmp_path, servo, "0")
+    known = planar.solve(
+        CRANK_ANGLES, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",)
+    )
     plain = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
-    motor = planar.solve(ANGLE, model=plain, joints=("crank",))["holding_moment"]
+    motor = planar.solve(CRANK_ANGLES, model=plain, joints=("crank",))["holding_moment"]
     assert np.abs(known["holding_moment"] - motor).max() < 1e-12
     for simulate in (in_mujoco, in_pymunk):
-        found = simulate(file, swept(file, ANGLE)).channels
+        found = simulate(file, crank_sweep(file, CRANK_ANGLES)).channels
         assert np.abs(found["holding_moment"] - motor).max() < 1e-9
 
 
 @pytest.mark.parametrize("option", ['actuatorgroupdisable="0"', "flag"])
-def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Path):
+def test_disabled_servos_do_not_act(option: str, tmp_path: Path):
     """In both engines and in the reference the arm falls freely."""
     off = (
         '<option><flag actuation="disable"/></option>'
         if option == "flag"
         else (f"<option {option}/>")
     )
-    text = ARM.read_text(encoding="utf-8").replace("</mujoco>", f"{off}</mujoco>")
+    text = ARM_FILE.read_text(encoding="utf-8").replace("</mujoco>", f"{off}</mujoco>")
     file = tmp_path / "arm.xml"
     file.write_text(text, encoding="utf-8")
-    known = planar.solve(T[:21], model=mujoco.MjModel.from_xml_path(str(file)))
-    assert np.abs(known["elbow"] - moved()["elbow"][:21]).max() > 0.1
-    run = Run("dynamics", T[:21], ("shoulder", "elbow"), settings={"timestep": 1e-4})
+    known = planar.solve(TIMES[:21], model=mujoco.MjModel.from_xml_path(str(file)))
+    assert np.abs(known["elbow"] - planar_motion()["elbow"][:21]).max() > 0.1
+    run = Run("dynamics", TIMES[:21], ("shoulder", "elbow"), settings={"timestep": 1e-4})
     for simulate in (in_mujoco, in_pymunk):
         found = simulate(file, run).channels
         for name, curve in found.items():
@@ -151,62 +157,68 @@ def test_servos_that_the_model_switches_off_do_not_act(option: str, tmp_path: Pa
         ('delay="0.1" nsample="20"', "has a delay", "delay"),
     ],
 )
-def test_what_an_actuator_may_not_have_is_named(kind, more, why, in_chipmunk, tmp_path: Path):
+def test_unsupported_properties_of_actuators_are_refused(
+    kind, more, why, in_chipmunk, tmp_path: Path
+):
     """On a driven joint they are not refused, since the actuator does not act there."""
     own = SERVO if kind == "servo" else '<motor name="hold" joint="rocker"/>'
-    file = four_bar(tmp_path, MOTOR.replace("/>", f" {more}/>") + own, "0 2")
+    file = write_four_bar(tmp_path, MOTOR.replace("/>", f" {more}/>") + own, "0 2")
     model = mujoco.MjModel.from_xml_path(str(file))
-    assert planar.solve(ANGLE, model=model, joints=("crank",))
-    file = four_bar(tmp_path, MOTOR + own.replace("/>", f" {more}/>"), "0 2")
+    assert planar.solve(CRANK_ANGLES, model=model, joints=("crank",))
+    file = write_four_bar(tmp_path, MOTOR + own.replace("/>", f" {more}/>"), "0 2")
     model = mujoco.MjModel.from_xml_path(str(file))
     with pytest.raises(NotCovered, match=f"{kind} 'hold' {why}"):
-        planar.solve(ANGLE, model=model, joints=("crank",))
+        planar.solve(CRANK_ANGLES, model=model, joints=("crank",))
     with pytest.raises(Unsupported, match=f"{in_chipmunk} of actuator 'hold'"):
-        in_pymunk(file, swept(file, ANGLE))
+        in_pymunk(file, crank_sweep(file, CRANK_ANGLES))
 
 
-def test_a_range_of_forces_is_for_the_reference_and_mujoco(tmp_path: Path):
+def test_force_ranges_are_refused_by_pymunk_only(tmp_path: Path):
     """MuJoCo and the reference agree; pymunk refuses a range.  See also `test_controls.py`."""
     more = SERVO.replace("/>", ' forcerange="-140 5"/>')
-    file = four_bar(tmp_path, MOTOR + more, "0 0")
-    known = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",))
-    wide = four_bar(tmp_path, MOTOR + SERVO, "0 0")
-    free = planar.solve(ANGLE, model=mujoco.MjModel.from_xml_path(str(wide)), joints=("crank",))
+    file = write_four_bar(tmp_path, MOTOR + more, "0 0")
+    known = planar.solve(
+        CRANK_ANGLES, model=mujoco.MjModel.from_xml_path(str(file)), joints=("crank",)
+    )
+    wide = write_four_bar(tmp_path, MOTOR + SERVO, "0 0")
+    free = planar.solve(
+        CRANK_ANGLES, model=mujoco.MjModel.from_xml_path(str(wide)), joints=("crank",)
+    )
     assert np.abs(known["holding_moment"] - free["holding_moment"]).max() > 1.0
-    file = four_bar(tmp_path, MOTOR + more, "0 0")
-    found = in_mujoco(file, swept(file, ANGLE)).channels
+    file = write_four_bar(tmp_path, MOTOR + more, "0 0")
+    found = in_mujoco(file, crank_sweep(file, CRANK_ANGLES)).channels
     assert np.abs(found["holding_moment"] - known["holding_moment"]).max() < 1e-9
     with pytest.raises(Unsupported, match="range of forces of actuator 'hold'"):
-        in_pymunk(file, swept(file, ANGLE))
+        in_pymunk(file, crank_sweep(file, CRANK_ANGLES))
 
 
-def test_a_wrong_gain_in_the_engine_turns_the_verdict(tmp_path: Path):
+def test_a_wrong_gain_in_the_engine_exceeds_the_tolerance(tmp_path: Path):
     """An error of a thousandth of the gain exceeds the tolerance of 1e-4 of the range."""
-    known, file = moved(), tmp_path / "arm.xml"
-    file.write_text(ARM.read_text(encoding="utf-8").replace('kp="120"', 'kp="120.12"'))
-    found = in_mujoco(file, Run("dynamics", T, ("shoulder",))).channels
+    known, file = planar_motion(), tmp_path / "arm.xml"
+    file.write_text(ARM_FILE.read_text(encoding="utf-8").replace('kp="120"', 'kp="120.12"'))
+    found = in_mujoco(file, Run("dynamics", TIMES, ("shoulder",))).channels
     assert np.abs(found["shoulder"] - known["shoulder"]).max() > 1e-4 * np.ptp(known["shoulder"])
 
 
-def test_sensors_of_a_driven_joint_with_a_gear_and_an_armature_are_those_of_mujoco(tmp_path: Path):
+def test_sensors_of_a_driven_joint_with_gear_and_armature_match_mujoco(tmp_path: Path):
     """The sensor shows the moment before the gear; armatures have energy and need moments."""
     motor = '<motor name="motor" joint="crank" gear="2.5"/>'
-    text = four_bar(tmp_path, motor, "0").read_text(encoding="utf-8")
+    text = write_four_bar(tmp_path, motor, "0").read_text(encoding="utf-8")
     more = '<jointactuatorfrc name="whole" joint="crank"/><e_kinetic name="kinetic"/></sensor>'
     text = text.replace("</sensor>", more)
     text = text.replace('<joint name="rocker"', '<joint name="rocker" armature="0.7"')
     file = tmp_path / "geared.xml"
     file.write_text(text, encoding="utf-8")
     names = ("holding_moment", "whole", "kinetic")
-    run = replace(swept(file, ANGLE), channels=names, inertia=True)
+    run = replace(crank_sweep(file, CRANK_ANGLES), channels=names, inertia=True)
     found, model = in_mujoco(file, run).channels, mujoco.MjModel.from_xml_path(str(file))
-    known = planar.solve(ANGLE, model=model, joints=("crank",), inertia=True)
+    known = planar.solve(CRANK_ANGLES, model=model, joints=("crank",), inertia=True)
     for name in names:
         # rounding of moments up to 100 N m
         np.testing.assert_allclose(known[name], found[name], rtol=0, atol=1e-11, err_msg=name)
     np.testing.assert_allclose(known["whole"], 2.5 * known["holding_moment"], rtol=1e-14)
     bare = planar.solve(
-        ANGLE,
+        CRANK_ANGLES,
         model=mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml"))),
         joints=("crank",),
         inertia=True,
@@ -215,7 +227,7 @@ def test_sensors_of_a_driven_joint_with_a_gear_and_an_armature_are_those_of_mujo
 
 
 @pytest.mark.parametrize("ranges", [(2.0, 9.0), (9.0, 2.0), (9.0, 9.0)])
-def test_the_narrower_of_two_ranges_of_a_force_holds(ranges: tuple[float, float]):
+def test_the_narrower_of_two_force_ranges_applies(ranges: tuple[float, float]):
     """The motor's range is before the gear, the joint's after it, for a disc of 0.5 kg m^2."""
     motor, joint = ranges
     model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><body>
@@ -232,7 +244,7 @@ def test_the_narrower_of_two_ranges_of_a_force_holds(ranges: tuple[float, float]
         np.testing.assert_allclose(found["a"], moment * t**2, rtol=0, atol=1e-13)
 
 
-def test_a_drive_overcomes_dry_friction_in_the_sense_of_its_motion():
+def test_a_drive_overcomes_dry_friction_in_its_direction():
     """Friction is 0.3 N m in its joint, and 0.2 in a joint that a gear of ratio -2 drives."""
     model = mujoco.MjModel.from_xml_string("""<mujoco><option gravity="0 0 0"/><worldbody>
       <body><joint name="a" frictionloss=".3"/><geom size="0.1"/></body>

@@ -18,11 +18,13 @@ from proofmass.analytic.planar.kinematics import move_bodies
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
-START = '<keyframe><key name="start" {}/></keyframe>'
+START_KEY = '<keyframe><key name="start" {}/></keyframe>'
 SENSORS = '<tendonpos name="length" tendon="spring"/><tendonvel name="rate" tendon="spring"/>'
 
 
-def model_of(bodies: str, spring: str, more: str = "", gravity: str = "0 0 0") -> mujoco.MjModel:
+def model_with_spring(
+    bodies: str, spring: str, more: str = "", gravity: str = "0 0 0"
+) -> mujoco.MjModel:
     """A model with one tendon from the site `one` to the site `two`."""
     return mujoco.MjModel.from_xml_string(f"""<mujoco><compiler angle="radian"/>
       <option gravity="{gravity}"><flag contact="disable"/></option>
@@ -33,19 +35,19 @@ def model_of(bodies: str, spring: str, more: str = "", gravity: str = "0 0 0") -
 
 def mass_on_a_slide(spring: str, start: str, wall: str = "0 0 0") -> mujoco.MjModel:
     """A mass of 2 kg that slides along x, and a spring from it to the wall."""
-    return model_of(
+    return model_with_spring(
         f'<site name="one" pos="{wall}"/><body><joint name="x" type="slide" axis="1 0 0"/>'
         '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><site name="two"/></body>',
         spring,
         f'<sensor><jointpos name="x" joint="x"/><jointvel name="v" joint="x"/>{SENSORS}'
-        f'<e_potential name="potential"/></sensor>{START.format(start)}',
+        f'<e_potential name="potential"/></sensor>{START_KEY.format(start)}',
     )
 
 
 def arm_with_offset(slack: str, damping: float = 0.0) -> mujoco.MjModel:
     """A double pendulum with a slide in a tilted plane; its spring is not parallel to the plane."""
     arm = '<inertial pos="0.3 0.1 0" mass="1" diaginertia="0.1 0.1 0.1"/>'
-    return model_of(
+    return model_with_spring(
         '<body pos="1 2 3" euler="0.3 -0.2 0.5"><site name="one" pos="0.9 0.4 0.35"/>'
         f'<body><joint name="a" damping="0.01"/>{arm}<body pos="0.6 0 0">'
         f'<joint name="s" type="slide" axis="1 0.5 0" stiffness="20"/>{arm}'
@@ -71,7 +73,7 @@ def test_a_mass_on_a_spring_swings_with_the_root_of_stiffness_over_mass():
     assert np.abs(found["potential"] - 9.0 * (truth - 0.7) ** 2).max() < 1e-11
 
 
-def test_a_damped_spring_is_its_closed_form():
+def test_a_damped_spring_agrees_with_its_closed_form():
     model = mass_on_a_slide('stiffness="18" damping="1.6" springlength="0.7"', 'qpos="1.0"')
     t = np.linspace(0, 2, 41)
     decay, w = 0.4, np.sqrt(9 - 0.16)  # 2 x'' + 1.6 x' + 18 (x - 0.7) = 0
@@ -108,7 +110,7 @@ def test_forces_are_the_slope_of_the_energy(slack):
         assert np.abs(found[:, k] + (there - back) / (2 * h)).max() < 1e-8
 
 
-def test_energy_is_kept_and_a_damper_takes_its_share():
+def test_energy_changes_by_the_work_of_the_dampers():
     """Without dampers it is constant; the work of dampers is a Gauss-Legendre quadrature."""
     for damping in (0.0, 3.0):
         mechanism, _ = read(arm_with_offset("0.3", damping), "start")
@@ -153,12 +155,12 @@ def test_a_four_bar_with_a_damped_spring_moves_as_in_the_spatial_reference():
         assert np.abs(found[name] - other[name]).max() < 1e-10, name
 
 
-BALANCED = (
+BALANCED_ARM = (
     '<site name="one" pos="0 0.4 0"/><body><joint name="arm"/>'
     '<inertial pos="0.5 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
     '<site name="two" pos="0.25 0 0"/><site name="foot"/></body>'
 )
-FORCES = (
+FORCE_SENSORS = (
     '<actuator><motor name="m" joint="arm"/></actuator><sensor>'
     '<actuatorfrc name="moment" actuator="m"/><force name="pin" site="foot"/>'
     f'<torque name="twist" site="foot"/>{SENSORS}</sensor>'
@@ -169,7 +171,9 @@ FORCES = (
 def test_an_ideal_spring_balances_a_weight_at_every_angle(wrong, share):
     """With k a b = m g c the moments of weight and of a spring of zero free length cancel."""
     stiffness = wrong * 2 * 9.81 * 0.5 / (0.4 * 0.25)
-    model = model_of(BALANCED, f'stiffness="{stiffness!r}" springlength="0"', FORCES, "0 -9.81 0")
+    model = model_with_spring(
+        BALANCED_ARM, f'stiffness="{stiffness!r}" springlength="0"', FORCE_SENSORS, "0 -9.81 0"
+    )
     angle = np.linspace(-3, 3, 61)
     found = solve(angle, model=model, joints=("arm",))
     np.testing.assert_allclose(found["moment"], -share * 9.81 * np.cos(angle), atol=2e-14, rtol=0)
@@ -181,10 +185,10 @@ def test_an_ideal_spring_balances_a_weight_at_every_angle(wrong, share):
     np.testing.assert_allclose(found["pin.y"], pin.imag, atol=1e-13, rtol=0)
 
 
-def test_a_moving_damper_asks_a_moment_and_loads_the_pin():
+def test_a_moving_damper_needs_a_moment_and_loads_the_pin():
     """A run with inertia at a constant rate needs the moment of the damping force c L'."""
     spring = 'stiffness="0" damping="3" springlength="0"'
-    model = model_of(BALANCED, spring, FORCES)
+    model = model_with_spring(BALANCED_ARM, spring, FORCE_SENSORS)
     angle, rate = np.linspace(-3, 3, 61), 2.0
     found = solve(angle, rate, 0.0, model=model, joints=("arm",), inertia=True)
     apart = 0.4j - 0.25 * np.exp(1j * angle)
@@ -207,12 +211,12 @@ def test_a_moving_damper_asks_a_moment_and_loads_the_pin():
         ('armature="1"', "has armature"),
     ],
 )
-def test_what_a_spring_may_not_have_is_named(spring, words):
+def test_unsupported_properties_of_springs_are_refused(spring, words):
     with pytest.raises(NotCovered, match=f"tendon 'spring' {words}"):
         read(mass_on_a_slide(spring, 'qpos="1"'), "start")
 
 
-def test_a_tendon_over_three_sites_is_named():
+def test_a_tendon_over_three_sites_is_refused():
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><site name="a"/><site name="b" pos="0 1 0"/><body><joint/>'
         '<geom size="0.1"/><site name="c"/></body></worldbody><tendon><spatial name="belt">'
@@ -231,7 +235,7 @@ def test_disabled_springs_and_dampers_do_nothing():
     assert np.abs(solve(t, model=model)["x"] - (1 + 0.5 * t)).max() < 1e-14
 
 
-POLYNOMIAL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody>
+POLYNOMIAL_MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody>
   <site name="wall" pos=".4 .5 0"/><body><joint name="a" stiffness="3 -2 4" springref=".3" {}/>
     <inertial pos=".5 0 0" mass="1" diaginertia=".1 .1 .1"/>
     <body pos="1 0 0"><joint name="b" stiffness="0 0 5" {}/>
@@ -246,10 +250,10 @@ POLYNOMIAL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><
 
 
 @pytest.mark.parametrize("damped", [False, True])
-def test_polynomial_springs_and_dampers_are_those_of_the_spatial_reference(damped):
+def test_polynomial_springs_and_dampers_agree_with_the_spatial_reference(damped):
     """The spatial reference has MuJoCo's terms, and compares them with its own formulation."""
     dampers = ['damping=".1 .2 .3"', 'damping="0 0 .2"', 'damping=".5 1 2"', 'damping=".3 0 1"']
-    text, t = POLYNOMIAL.format(*dampers if damped else [""] * 4), np.linspace(0, 0.4, 9)
+    text, t = POLYNOMIAL_MODEL.format(*dampers if damped else [""] * 4), np.linspace(0, 0.4, 9)
     model = mujoco.MjModel.from_xml_string(text)
     one, two = solve(t, model=model), spatial.solve(t, model=model, terms=SmoothTerms(model))
     for name in ("a", "b", "kinetic", "potential"):
@@ -259,7 +263,7 @@ def test_polynomial_springs_and_dampers_are_those_of_the_spatial_reference(dampe
     assert np.ptp(energy) < 1e-10 if not damped else (np.diff(energy) < 0).all()
 
 
-DIFFERENTIAL = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+DIFFERENTIAL_MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
   <body><joint name="cage"/><inertial pos="0 0 0" mass="1" diaginertia="3 3 3"/></body>
   <body><joint name="left" ref="0.2"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
   <body><joint name="right"/><inertial pos="0 0 0" mass="1" diaginertia="2 2 2"/></body>
@@ -282,7 +286,7 @@ DIFFERENTIAL = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><wo
 
 def test_a_differential_of_fixed_tendons_turns_its_cage_by_the_mean():
     """A rack moves by a polynomial of the cage angle; formulas give both from the drives."""
-    model, x = mujoco.MjModel.from_xml_string(DIFFERENTIAL), np.linspace(0, 2, 21)
+    model, x = mujoco.MjModel.from_xml_string(DIFFERENTIAL_MODEL), np.linspace(0, 2, 21)
     left, right = x + 0.2, 0.5 * x
     found = solve(
         np.stack([left, right]), [[1.0], [0.5]], 0.0, model=model, joints=("left", "right")
@@ -295,17 +299,17 @@ def test_a_differential_of_fixed_tendons_turns_its_cage_by_the_mean():
     np.testing.assert_allclose(found["pace"], 0.75, atol=1e-14, rtol=0)
 
 
-def test_a_differential_that_is_let_go_moves_as_in_the_spatial_reference():
-    model, t = mujoco.MjModel.from_xml_string(DIFFERENTIAL), np.linspace(0, 1.6, 17)
+def test_a_released_differential_moves_as_in_the_spatial_reference():
+    model, t = mujoco.MjModel.from_xml_string(DIFFERENTIAL_MODEL), np.linspace(0, 1.6, 17)
     found, other = solve(t, model=model), spatial.solve(t, model=model)
     for name in ("cage", "left", "right", "rail", "speed", "sum", "pace"):
         assert np.abs(found[name] - other[name]).max() < 1e-11, name
     assert np.ptp(found["rail"]) > 0.05
 
 
-def test_tendon_equalities_of_springs_are_named():
+def test_tendon_equalities_of_springs_are_refused():
     text = '<tendon name="same" tendon1="spring" polycoef="0 1 0 0 0"/>'
-    model = model_of(
+    model = model_with_spring(
         '<site name="one"/><body><joint name="x" type="slide" axis="1 0 0"/><site name="two"/>'
         '<geom size="0.1"/></body>',
         "",

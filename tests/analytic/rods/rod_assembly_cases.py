@@ -12,18 +12,18 @@ from proofmass.analytic.rods.equilibrium import RodState, solve_direct, state
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "rod_assemblies.json").read_text())
 EI = DATA["stiffness"]
-NAMES = ("S1", "S2", "S3", "S4")
+TABLE_7_NAMES = ("S1", "S2", "S3", "S4")
 PAIR = assembly(DATA["rfr2"]["clamp"], stiffness=EI)
 CORNERS = triangle(np.sqrt(3.0))  # where the clamps or guides of three rods are
 
 
-def three(side: float, **more) -> Assembly:
+def three_rod_platform(side: float, **more) -> Assembly:
     """Three rods on an equilateral platform."""
     return assembly(CORNERS, stiffness=EI, arm=triangle(side), **more)
 
 
 @cache
-def pair(name: str) -> RodState:
+def table_7_state(name: str) -> RodState:
     """An equilibrium of the 2RFR of Table 7, solved from the recomputed digits."""
     row, load = DATA["rfr2"]["recomputed"][name], np.array(DATA["rfr2"]["load"])
     first = np.array(row["force1"])
@@ -39,7 +39,7 @@ def pair(name: str) -> RodState:
     )
 
 
-def elliptic(psi, k_rel, clamp, angle):
+def rods_by_elliptic_integrals(psi, k_rel, clamp, angle):
     """Tip [m], force [N] and clamp moment [N m] of rods of 1 m and mode 1, by elliptic integrals.
 
     Pérez Gámiz 2018, eqs 40, 41, 86, 87, 91.  Tips and forces are complex numbers in the frame.

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from proofmass.analytic.rods.assembly import assembly
 
 CASES = json.loads((Path(__file__).parents[2] / "data" / "rod_chain.json").read_text())
-RODS = CASES["2RFR"]
-STABLE = {row["name"]: row for row in RODS["stable"]}
+PAIR_CASE = CASES["2RFR"]
+STABLE_ROWS = {row["name"]: row for row in PAIR_CASE["stable"]}
 
 
 def continuum(angle, force, moment, stiffness, length=1.0):
@@ -26,29 +26,33 @@ def continuum(angle, force, moment, stiffness, length=1.0):
     ).sol
 
 
-def tangent(*rod):
+def tangent_angle(*rod):
     """theta(s) of `continuum`."""
     shape = continuum(*rod)
     return lambda s: shape(s)[0]
 
 
-def two_rods():
+def pair_of_table_7():
     """The mechanism of Table 7."""
-    return assembly(RODS["clamp"], stiffness=RODS["stiffness"], angle=np.radians(RODS["angle_deg"]))
+    return assembly(
+        PAIR_CASE["clamp"],
+        stiffness=PAIR_CASE["stiffness"],
+        angle=np.radians(PAIR_CASE["angle_deg"]),
+    )
 
 
-def two_shapes(row):
+def tangents_of_pair(row):
     """theta(s) of both rods of that mechanism in an equilibrium, a row of the data."""
     first = np.array(row["force1"])
-    forces = first, np.array(RODS["force"]) - first
-    angles = np.radians(RODS["angle_deg"])
+    forces = first, np.array(PAIR_CASE["force"]) - first
+    angles = np.radians(PAIR_CASE["angle_deg"])
     return [
-        tangent(*rod, RODS["stiffness"])
+        tangent_angle(*rod, PAIR_CASE["stiffness"])
         for rod in zip(angles, forces, row["root_moment"], strict=True)
     ]
 
 
-def orders(errors):
+def observed_orders(errors):
     """Observed orders of errors for h that is halved each time."""
     return np.log2(np.abs(errors[:-1]) / np.abs(errors[1:]))
 

@@ -8,8 +8,12 @@ rods have the length 1.
 import numpy as np
 from numpy.polynomial import legendre
 
-STEPS = 12  # steps of Newton's method, from a first error of order e^-K that each step squares
-CLOSED = 1e-11  # [N m, N, m] residual at which the iteration ends: rods with loops far apart have
+MAX_ITERATIONS = (
+    12  # steps of Newton's method, from a first error of order e^-K that each step squares
+)
+RESIDUAL_TOLERANCE = (
+    1e-11  # [N m, N, m] residual at which the iteration ends: rods with loops far apart have
+)
 # a direction with a stiffness of order e^-2K, in which further steps would be random
 
 
@@ -24,7 +28,7 @@ def basis(degree, points):
     return 0.5 * rising, value[:, :degree], 0.5 * weight, 0.5 * (node + 1.0)
 
 
-def start(alpha, q, theta, node):
+def starting_angles(alpha, q, theta, node):
     """Tangent angles along a rod, to start Newton's method from: delta of the chart's pendulum.
 
     A formula gives delta from the tip on, with an error of order e^-K: the first loop is at K from
@@ -51,8 +55,8 @@ def system(x, clamp, theta, arm, stiffness, load, parts):
         load_i, pin = force[i] @ [1.0, 1.0j], arm[i] * np.exp(1j * pose[2])
         across = (np.conj(load_i) * 1j * tangent).real
         residual[own] = stiffness * slope.T @ (weight * (slope @ c[i])) - phi.T @ (weight * across)
-        gap = clamp[i] + weight @ tangent - pose[0] - 1j * pose[1] - pin
-        residual[tied] = -gap.real, -gap.imag
+        violation = clamp[i] + weight @ tangent - pose[0] - 1j * pose[1] - pin
+        residual[tied] = -violation.real, -violation.imag
         residual[at : at + 3] += force[i, 0], force[i, 1], (np.conj(pin) * load_i).imag
         along = (np.conj(load_i) * tangent).real
         matrix[own, own] = (stiffness * slope.T * weight) @ slope + (phi.T * (weight * along)) @ phi
@@ -81,20 +85,23 @@ def solve(found, i, degree):
     parts = basis(degree, int(1.4 * degree))
     side = np.copysign(1.0, -s.moment) * (-1.0) ** (found.modes[i] - 1)
     q = side * np.arccosh(1.0 / found.complement[i])
-    angles = [start(*one, parts[3]) - one[2] for one in zip(found.alpha[i], q, theta, strict=True)]
+    angles = [
+        starting_angles(*one, parts[3]) - one[2]
+        for one in zip(found.alpha[i], q, theta, strict=True)
+    ]
     fit = [np.linalg.lstsq(parts[0], angle, rcond=None)[0] for angle in angles]
     x = np.concatenate([*fit, s.pose, s.force.ravel()])
-    given = clamp, theta, a.arm, a.stiffness[0], s.load, parts
+    problem = clamp, theta, a.arm, a.stiffness[0], s.load, parts
     best = np.inf, x, np.empty(0)
-    for _ in range(STEPS):
-        residual, matrix = system(x, *given)
+    for _ in range(MAX_ITERATIONS):
+        residual, matrix = system(x, *problem)
         size = float(np.abs(residual).max())
         if size < best[0]:
             best = size, x, matrix
-        if size < CLOSED:
+        if size < RESIDUAL_TOLERANCE:
             break
         x = x - np.linalg.solve(matrix, residual)
     size, x, matrix = best
     closed = 2 * a.rods
-    down = int((np.linalg.eigvalsh(matrix) < 0.0).sum()) - closed
-    return x[-closed - 3 : -closed], x[-closed:].reshape(-1, 2), size, down
+    negative = int((np.linalg.eigvalsh(matrix) < 0.0).sum()) - closed
+    return x[-closed - 3 : -closed], x[-closed:].reshape(-1, 2), size, negative

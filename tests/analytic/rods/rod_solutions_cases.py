@@ -14,7 +14,7 @@ EI = DATA["stiffness"]
 CORNERS = triangle(np.sqrt(3.0))  # clamps or guides of three rods
 
 
-def made(name):
+def make_problem(name):
     """The assembly of a case of the data, and its inputs and load as arguments of `solutions`."""
     row = DATA[name]
     if name == "rfr2":
@@ -33,10 +33,10 @@ def made(name):
 
 
 @cache
-def found(name, modes):
+def find_solutions(name, modes):
     """All equilibria of a case of the data with up to this number of modes, computed once."""
-    a, given = made(name)
-    return solutions(a, modes=modes, **given)
+    a, arguments = make_problem(name)
+    return solutions(a, modes=modes, **arguments)
 
 
 def alphas(f):

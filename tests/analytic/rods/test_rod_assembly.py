@@ -17,11 +17,11 @@ from tests.analytic.rods.rod_assembly_cases import (
     CORNERS,
     DATA,
     EI,
-    NAMES,
     PAIR,
-    elliptic,
-    pair,
-    three,
+    TABLE_7_NAMES,
+    rods_by_elliptic_integrals,
+    table_7_state,
+    three_rod_platform,
     xy,
 )
 
@@ -29,9 +29,9 @@ TABLE7, TABLE8 = DATA["rfr2"], DATA["rfr3"]
 MOTORS8 = np.radians(TABLE8["inputs_deg"])
 
 
-def printed7(row, clamp=TABLE7["clamp"]):
+def rods_of_table_7(row, clamp=TABLE7["clamp"]):
     """Tips, forces and clamp moments from the digits of a solution of Table 7."""
-    return elliptic(
+    return rods_by_elliptic_integrals(
         [row["psi1_rad"], row["psi2_rad"]],
         [row["kr1"], row["kr2"]],
         clamp,
@@ -39,12 +39,12 @@ def printed7(row, clamp=TABLE7["clamp"]):
     )
 
 
-def printed8(row, motors=MOTORS8):
+def rods_of_table_8(row, motors=MOTORS8):
     """Tips, forces and clamp moments from the digits of a solution of Table 8."""
-    return elliptic(row["psi"], row["kr"], CORNERS, motors)
+    return rods_by_elliptic_integrals(row["psi"], row["kr"], CORNERS, motors)
 
 
-def phi_of(pins):
+def platform_angle(pins):
     """Angle of the platform's first side."""
     return np.angle(pins[1] - pins[0])
 
@@ -53,7 +53,9 @@ def phi_of(pins):
 def test_exact_derivatives_against_differences(guide):
     """The Jacobian of the closure equations is that of central differences at a random state."""
     rng = np.random.default_rng(1)
-    a = three(0.3, angle=[0.1, 2.2, -1.9], guide=guide, rigid_extension=[0.0, 0.1, 0.2])
+    a = three_rod_platform(
+        0.3, angle=[0.1, 2.2, -1.9], guide=guide, rigid_extension=[0.0, 0.1, 0.2]
+    )
     s = RodState(a, rng.normal(0.0, 0.1, 18))
     jacobian, h = closure(s)[1], 1e-5
     up, down = (closure(RodState(a, s.vector + sign * h * np.eye(18)))[0] for sign in (1, -1))
@@ -62,10 +64,10 @@ def test_exact_derivatives_against_differences(guide):
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_printed_digits_of_table_7_close_and_carry_plus_the_load(which):
+def test_printed_digits_of_table_7_satisfy_closure_and_balance(which):
     """The tips of the printed digits are at one pin and their forces add up to +F."""
     row = TABLE7["printed"][which]
-    tip, force, moment = printed7(row)
+    tip, force, moment = rods_of_table_7(row)
     assert abs(tip[0] - tip[1]) <= 2e-5  # six decimals of psi and k_rel, times 5 m
     assert np.abs(xy(force.sum()) - TABLE7["load"]).max() <= 2e-5  # N; eq. 104 has the wrong sign
     s = state(
@@ -77,29 +79,29 @@ def test_printed_digits_of_table_7_close_and_carry_plus_the_load(which):
         force=xy(force),
     )
     assert np.abs(closure(s)[0]).max() <= 2e-5  # the same errors, by shooting
-    wanted = TABLE7["recomputed"][NAMES[which]]
+    wanted = TABLE7["recomputed"][TABLE_7_NAMES[which]]
     found = solve_direct(s)
     assert np.abs(found.pose - wanted["pose"]).max() <= 1e-9  # the data have ten digits
     assert found.energy.sum() == pytest.approx(wanted["energy"], abs=1e-7)
 
 
-def test_misprinted_motor_2_of_table_7_leaves_a_gap():
+def test_misprinted_motor_2_of_table_7_violates_the_closure():
     """With motor 2 at (0, 0.3) m, as printed in the text, the tips are 0.424 m apart.
 
     The program and the digits of the table have motor 2 at (0.3, 0) m.
     """
     clamp = [TABLE7["clamp"][0], TABLE7["clamp2_misprint"]]
-    tip, *_ = printed7(TABLE7["printed"][0], clamp)
+    tip, *_ = rods_of_table_7(TABLE7["printed"][0], clamp)
     assert abs(tip[0] - tip[1]) == pytest.approx(0.3 * np.sqrt(2), abs=1e-5)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_derivatives_of_table_7(name):
+@pytest.mark.parametrize("name", TABLE_7_NAMES)
+def test_derivatives_of_table_7_are_the_recomputed_ones(name):
     """Jacobians, stiffness and determinants are the recomputed ones of four stable equilibria.
 
     The direct and the inverse Jacobian are inverse matrices, and the stiffness is symmetric.
     """
-    s, row = pair(name), TABLE7["recomputed"][name]
+    s, row = table_7_state(name), TABLE7["recomputed"][name]
     found = derivatives(s)
     for key in ("direct", "inverse", "stiffness", "direct_determinant", "inverse_determinant"):
         # recomputed by central differences of RK4 shooting with 400 steps, which have seven digits
@@ -112,10 +114,10 @@ def test_derivatives_of_table_7(name):
     assert np.linalg.eigvalsh(found.stiffness).min() > 0.0  # all four are stable
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", TABLE_7_NAMES)
 def test_jacobians_are_slopes_of_solutions(name):
     """Central differences of direct and inverse solutions are the Jacobians at the solution."""
-    s, h = pair(name), 5e-5
+    s, h = table_7_state(name), 5e-5
     found = derivatives(s)
     turned = solve_direct(
         s.with_parts(inputs=s.inputs + h * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]]))
@@ -130,12 +132,12 @@ def test_jacobians_are_slopes_of_solutions(name):
     )
 
 
-def test_determinants_of_three_rods():
+def test_the_determinant_of_three_rods_is_the_positive_ratio():
     """det(dP/dq) is the ratio of both determinants, with a plus sign for three rods.
 
     The order of the unknowns in eq. 111 is an odd permutation as well, which makes it positive.
     """
-    for s in rfr3():
+    for s in table_8_states():
         found = derivatives(s)
         assert np.linalg.det(found.direct) == pytest.approx(
             found.inverse_determinant / found.direct_determinant, rel=1e-9, abs=0
@@ -146,13 +148,13 @@ def test_determinants_of_three_rods():
         )
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", TABLE_7_NAMES)
 def test_work_of_the_load_is_stored_in_the_rods(name):
     """U grows by the integral of t F K^-1 F dt as the load t F grows from t = 0.6 to 1.
 
     With the sign of F in eq. 104 the energy would decrease.
     """
-    full = pair(name)
+    full = table_7_state(name)
     load, (nodes, weights) = full.load, np.polynomial.legendre.leggauss(12)
     share = 0.8 + 0.2 * nodes  # from 0.6 to 1 of the load
     states = solve_direct(full.with_parts(load=np.outer([*share, 0.6], load)))
@@ -162,13 +164,13 @@ def test_work_of_the_load_is_stored_in_the_rods(name):
     assert stored == pytest.approx(work, abs=1e-9)  # J; 1e-11 of energies of 1 J
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", TABLE_7_NAMES)
 def test_energy_and_moments_along_the_rods(name):
     """The energy is the integral of m^2/(2 EI); the moment is zero at the pin.
 
     The clamp moment is that of the tip force about the clamp.
     """
-    s = pair(name)
+    s = table_7_state(name)
     nodes, weights = np.polynomial.legendre.leggauss(40)
     x, y, _, m = s.shape(0.5 * (nodes + 1.0))
     assert (m**2 @ weights / (4 * EI)) == pytest.approx(s.energy, abs=1e-9)
@@ -179,7 +181,7 @@ def test_energy_and_moments_along_the_rods(name):
     assert lever == pytest.approx(s.moment, abs=1e-9)
 
 
-def test_symmetric_pair_without_load():
+def test_a_symmetric_pair_without_load_has_its_pin_in_the_middle():
     """A symmetric pair without load has its pin on the y axis, at the recomputed positions."""
     for row in DATA["symmetric"]["recomputed"]:
         first, m = np.array(row["force1"]), row["moment1"]
@@ -199,17 +201,17 @@ def test_symmetric_pair_without_load():
         assert s.moment[0] == pytest.approx(m, abs=1e-6)
 
 
-def rfr3():
+def table_8_states():
     """The two solutions of Table 8, solved from the printed digits."""
     states = []
     for row in TABLE8["printed"]:
-        tip, force, moment = printed8(row)
+        tip, force, moment = rods_of_table_8(row)
         guess = state(
-            three(TABLE8["side"]),
+            three_rod_platform(TABLE8["side"]),
             inputs=MOTORS8,
             load=TABLE8["load"],
             moment=moment,
-            pose=[*xy(tip.mean()), phi_of(tip)],
+            pose=[*xy(tip.mean()), platform_angle(tip)],
             force=xy(force),
         )
         states.append(solve_direct(guess))
@@ -217,13 +219,13 @@ def rfr3():
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_table_8(which):
+def test_printed_digits_of_table_8_lead_to_its_recomputed_solutions(which):
     """The printed digits have the sides of the platform, and lead to the recomputed solutions."""
     row = TABLE8["printed"][which]
-    tip, force, _ = printed8(row)
+    tip, force, _ = rods_of_table_8(row)
     assert np.abs(np.abs(tip - np.roll(tip, 1)) - TABLE8["side"]).max() <= 2e-4  # four decimals
     assert np.abs(xy(force.sum()) - TABLE8["load"][:2]).max() <= 2e-4
-    found, wanted = rfr3()[which], TABLE8["recomputed"][which]
+    found, wanted = table_8_states()[which], TABLE8["recomputed"][which]
     assert np.abs(found.pose[:2] - wanted["pose"]).max() <= 1e-8  # eight decimals
     assert np.degrees(found.pose[2]) == pytest.approx(wanted["phi_deg"], abs=1e-5)
     assert np.abs(found.force - wanted["force"]).max() <= 1e-6
@@ -236,7 +238,7 @@ def test_misprinted_angle_of_table_8_does_not_close():
     The digits of the table need 180 degrees.
     """
     motors = MOTORS8 * [1, 0, 1]
-    tip, *_ = printed8(TABLE8["printed"][0], motors)
+    tip, *_ = rods_of_table_8(TABLE8["printed"][0], motors)
     sides = np.abs(tip - np.roll(tip, 1))
     assert sorted(sides) == pytest.approx([0.20, 1.88, 2.07], abs=5e-3)  # as recomputed
 
@@ -249,7 +251,7 @@ def test_inverse_pose_of_the_program(row):
     """
     turns = np.radians([0.0, 120.0, -120.0])
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
-    a = three(side, angle=turns, guide=turns, rigid_extension=row["rigid_extension"])
+    a = three_rod_platform(side, angle=turns, guide=turns, rigid_extension=row["rigid_extension"])
     guess = state(
         a,
         pose=[0.0, 0.0, np.radians(DATA["pfr3"]["phi_deg"])],
@@ -275,7 +277,7 @@ def test_symmetric_platform_without_load():
     for row in case["recomputed"]:
         found = solve_direct(
             state(
-                three(case["side"], angle=turns, guide=turns),
+                three_rod_platform(case["side"], angle=turns, guide=turns),
                 moment=row["moment"],
                 pose=[0.01, -0.01, np.radians(row["phi_deg"])],
                 force=row["force"],
@@ -292,7 +294,7 @@ def test_a_turned_and_scaled_mechanism_is_the_same():
 
     The forces are four times as large, moments and energies eight times.
     """
-    s, turn = pair("S2"), np.exp(0.7j)
+    s, turn = table_7_state("S2"), np.exp(0.7j)
     clamp = xy(2 * turn * (np.array(TABLE7["clamp"]) @ [1, 1j]))
     a = assembly(clamp, length=2.0, stiffness=16 * EI)
     force = xy(4 * turn * (s.force @ [1, 1j]))
@@ -310,9 +312,9 @@ def test_a_turned_and_scaled_mechanism_is_the_same():
     assert found.energy.sum() == pytest.approx(8 * s.energy.sum(), abs=1e-8)
 
 
-def test_a_batch_is_its_members():
+def test_a_batch_has_the_solutions_of_its_members():
     """A batch of direct problems has the solutions of its members alone."""
-    s = pair("S1")
+    s = table_7_state("S1")
     turns = s.inputs + np.linspace(0.0, 0.1, 5)[:, None] * [1, -1]
     together = solve_direct(s.with_parts(inputs=turns))
     for one, turn in zip(together.vector, turns, strict=True):
@@ -321,9 +323,9 @@ def test_a_batch_is_its_members():
         assert np.abs((one - alone.vector) / residual_and_state_sizes(PAIR)[1]).max() <= 1e-9
 
 
-def test_platforms_that_close_by_distances_only():
+def test_mirrored_platforms_are_recognized():
     """Three of the six roots of the program's residual, which closes distances, are mirrored."""
-    a = three(DATA["pfr3_closures"]["side"])
+    a = three_rod_platform(DATA["pfr3_closures"]["side"])
     for row in DATA["pfr3_closures"]["pins"]:
         assert bool(is_mirrored(a, row["pins"])) == row["mirrored"]
 
@@ -352,13 +354,13 @@ def test_bad_mechanisms(wrong, word):
 
 def test_bad_problems():
     with pytest.raises(ValueError, match=r"out of reach: rod 1 is too short by 0\.3"):
-        solve_inverse(pair("S1").with_parts(pose=[1.0, 0.0]))
+        solve_inverse(table_7_state("S1").with_parts(pose=[1.0, 0.0]))
     with pytest.raises(ValueError, match="no equilibrium is found from the guess at inputs"):
         solve_direct(state(PAIR, inputs=1.0))  # straight rods without load
     with pytest.raises(ValueError, match="as many rods as degrees of freedom"):
         solve_inverse(state(assembly(TABLE7["clamp"], arm=[[0.1, 0.0], [-0.1, 0.0]]), moment=0.1))
     with pytest.raises(ValueError, match=r"load must be finite, \(\.\.\., 2\)"):
-        pair("S1").with_parts(load=[1.0, 0.0, 0.0])
+        table_7_state("S1").with_parts(load=[1.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="force must hold x, y of 2 rods"):
         state(PAIR, force=[1.0, 0.0])
     with pytest.raises(ValueError, match="side must be positive"):

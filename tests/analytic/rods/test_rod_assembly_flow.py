@@ -31,7 +31,7 @@ def test_rod_against_an_adaptive_integrator(seed):
     assert abs(theta[0] - turned) <= 1e-9
 
 
-def test_order_of_the_chain(monkeypatch):
+def test_the_chain_is_of_sixth_order(monkeypatch):
     """The chain is of sixth order; its coefficients have fifteen digits."""
     tips = []
     for count in (300, 24, 48):
@@ -42,7 +42,7 @@ def test_order_of_the_chain(monkeypatch):
     assert sum(HINGE_SHARES) == sum(SEGMENT_SHARES) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_a_free_end_is_held_by_its_moment():
+def test_a_rod_without_force_is_an_arc_of_a_circle():
     """Without a force the rod is an arc of a circle, with the derivatives of the arc."""
     z, theta = integrate_to_tip(0.3, 2.0, 0.0, 1.5, 4.0)
     bend, start = 2.0 / 4.0, np.exp(0.3j)

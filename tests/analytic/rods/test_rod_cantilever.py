@@ -103,7 +103,7 @@ def test_end_moment_bends_into_a_circle():
         {"weight_x": -60.0, "force_y": 0.3},
     ],
 )
-def test_every_branch(load):
+def test_every_branch_is_an_equilibrium_and_their_number_is_odd(load):
     """Each branch is an equilibrium, and the number of branches is odd.
 
     Branches with an even number of negative directions are one more than those with an odd number.
@@ -123,7 +123,7 @@ def test_every_branch(load):
         solve(0.5, **load, branch=count + 1)
 
 
-def test_number_of_columns():
+def test_a_column_has_a_pair_of_bent_shapes_for_each_critical_load():
     """A column beyond (2 j - 1)^2 P_cr has j pairs of bent shapes; pair q has q inflections."""
     waves = np.pi / 2 * np.array([0.9, 1.1, 2.9, 3.1, 5.1])
     for wave, pairs in zip(waves, (0, 1, 1, 2, 3), strict=True):
@@ -150,7 +150,7 @@ def test_branches_are_modes_of_the_elliptic_form():
         assert rods["theta"][hit] == pytest.approx(theta, abs=1e-3)
 
 
-def test_fold_in_the_number_of_branches():
+def test_a_pair_of_branches_begins_at_a_fold():
     """A pair of branches begins at a fold, d theta0/d theta_L = 0.
 
     The second variation has a zero at the fold, so that the compliance next to it is large.
@@ -211,7 +211,7 @@ def test_potential_by_virtual_work(load):
     assert rod["energy"][0] == pytest.approx(energy, rel=1e-11)
 
 
-def test_turning_the_clamp_turns_everything():
+def test_a_rotated_clamp_and_load_rotate_the_shape():
     """If the clamp and all loads are rotated by 2.3 rad, the shape is rotated as well."""
     s, turn = np.linspace(0.0, 1.2, 7), 2.3
     load = {"force": 2.0 - 1.0j, "weight": -0.4 + 0.9j}
@@ -224,11 +224,11 @@ def test_turning_the_clamp_turns_everything():
             for axis, part in (("x", "real"), ("y", "imag"))
         }
 
-    still = solve(s, length=1.2, stiffness=0.7, **parts(load))
+    unrotated = solve(s, length=1.2, stiffness=0.7, **parts(load))
     rod = solve(s, length=1.2, stiffness=0.7, **parts(turned), theta0=turn, x0=0.3, y0=-0.2)
-    place = 0.3 - 0.2j + (still["x"] + 1j * still["y"]) * np.exp(1j * turn)
+    place = 0.3 - 0.2j + (unrotated["x"] + 1j * unrotated["y"]) * np.exp(1j * turn)
     np.testing.assert_allclose(rod["x"] + 1j * rod["y"], place, rtol=0, atol=1e-12)  # rounding
-    np.testing.assert_allclose(rod["theta"], still["theta"] + turn, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rod["theta"], unrotated["theta"] + turn, rtol=0, atol=1e-12)
 
 
 def test_small_loads_are_those_of_the_beam():
@@ -243,7 +243,7 @@ def test_small_loads_are_those_of_the_beam():
         np.testing.assert_allclose(solve(s, **load)["y"], 1e-5 * curve, rtol=0, atol=1e-14)
 
 
-def test_pulled_straight():
+def test_rods_that_are_pulled_have_one_straight_equilibrium():
     """A rod without load, or pulled along its axis, has one equilibrium, the straight one."""
     for load in ({"force_x": 5.0}, {}, {"force_x": 400.0, "force_y": 1e-9}):
         rod = equilibria(**load)
@@ -252,14 +252,14 @@ def test_pulled_straight():
 
 
 @pytest.mark.parametrize("force", [0.5, 1.0, 2.0, 5.0, 6.5])
-def test_pseudo_rigid_body_is_near(force):
-    model, truth = pseudo_rigid(force), solve(1.0, force_y=force)
+def test_the_pseudo_rigid_body_is_within_1_5_percent(force):
+    model, reference = pseudo_rigid(force), solve(1.0, force_y=force)
     assert model["turn"] < np.radians(64.0)
-    error = np.hypot(model["x"] - truth["x"], model["y"] - truth["y"])
+    error = np.hypot(model["x"] - reference["x"], model["y"] - reference["y"])
     assert 1e-3 < error < 0.015  # 1.5 %, as its docstring states
 
 
-def test_roots_close_together():
+def test_roots_close_together_are_found():
     """`roots` finds two roots 2e-5 apart, and none of a function that only comes close to zero."""
     close = 1e-5
     found = roots(lambda x: (x - 0.3) ** 2 - close**2, np.linspace(-1.0, 1.0, 50))

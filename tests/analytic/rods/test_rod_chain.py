@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from tests.analytic.rods.rod_chain_cases import extrapolated
 from tests.independent.rods.chain import (
     SCHEMES,
-    carried,
+    carried_forces,
     chain,
     energy,
     gradient,
@@ -22,56 +22,56 @@ from tests.independent.rods.chain import (
 from tests.independent.rods.chain_matrix import Bordered
 from tests.independent.rods.chain_newton import newton
 from tests.independent.rods.chain_rod import free
-from tests.independent.rods.stability import curvatures, negative
+from tests.independent.rods.stability import count_negative, curvatures
 
-EACH = pytest.mark.parametrize("scheme", SCHEMES)
+EACH_SCHEME = pytest.mark.parametrize("scheme", SCHEMES)
 RNG = np.random.default_rng(5)
-STEP = 1e-30  # complex step of the differentiation; the error is its square
+COMPLEX_STEP = 1e-30  # complex step of the differentiation; the error is its square
 
 
-def loaded(scheme):
+def random_chains(scheme):
     """A batch of random chains: chain, clamps, angles, carried forces and tip moments."""
     c = chain(7, length=[1.3, 0.8], stiffness=[0.7, 1.1], scheme=scheme, rigid_extension=[0.1, 0.0])
-    pull = carried(c, RNG.normal(size=(3, 1, 2)), RNG.normal(size=(3, 2, 2)))
+    pull = carried_forces(c, RNG.normal(size=(3, 1, 2)), RNG.normal(size=(3, 2, 2)))
     return c, RNG.normal(size=(3, 2, 3)), RNG.normal(size=(3, 2, 7)), pull, RNG.normal(size=(3, 2))
 
 
-@EACH
+@EACH_SCHEME
 def test_slopes_by_complex_steps(scheme):
     """Gradient, Hessian and slopes of the tip are derivatives by complex steps."""
-    c, clamp, angle, pull, moment = loaded(scheme)
+    c, clamp, angle, pull, moment = random_chains(scheme)
     slope, curve = gradient(c, clamp, angle, pull, moment), hessian(c, angle, pull)
     for j in range(c.segments):
-        ahead = angle + 1j * STEP * np.eye(c.segments)[j]
-        one = potential(c, clamp, ahead, pull, moment).imag / STEP
-        two = gradient(c, clamp, ahead, pull, moment).imag / STEP
-        tip = points(c, clamp, ahead)[..., -1, :].imag / STEP
+        ahead = angle + 1j * COMPLEX_STEP * np.eye(c.segments)[j]
+        one = potential(c, clamp, ahead, pull, moment).imag / COMPLEX_STEP
+        two = gradient(c, clamp, ahead, pull, moment).imag / COMPLEX_STEP
+        tip = points(c, clamp, ahead)[..., -1, :].imag / COMPLEX_STEP
         np.testing.assert_allclose(one, slope[..., j], rtol=0, atol=1e-13)  # rounding of all sums
         np.testing.assert_allclose(two, curve[..., j], rtol=0, atol=1e-13)
         np.testing.assert_allclose(tip, tip_slopes(c, angle)[..., j], rtol=0, atol=1e-15)
 
 
-@EACH
-def test_dead_loads_do_their_work(scheme):
+@EACH_SCHEME
+def test_the_potential_has_the_work_of_dead_loads(scheme):
     """V = U - F.tip - q.(centroid) L - M theta_n, up to a constant of the clamp's position."""
-    c, clamp, angle, _, moment = loaded(scheme)
+    c, clamp, angle, _, moment = random_chains(scheme)
     force, line = RNG.normal(size=(2, 3, 2, 2))
     at = points(c, clamp, angle)
     middle = 0.5 * (at[..., 1:, :] + at[..., :-1, :])
     weight = (c.length[..., None] * middle).sum(axis=-2)
     work = (force * at[..., -1, :] + line * weight).sum(axis=-1) + moment * angle[..., -1]
-    level = potential(c, clamp, angle, carried(c, force, line), moment)
+    level = potential(c, clamp, angle, carried_forces(c, force, line), moment)
     level -= energy(c, clamp, angle) - work
     again = angle + 1.0  # another shape with the same clamp has the same constant
     at = points(c, clamp, again)
     weight = (c.length[..., None] * 0.5 * (at[..., 1:, :] + at[..., :-1, :])).sum(axis=-2)
     work = (force * at[..., -1, :] + line * weight).sum(axis=-1) + moment * again[..., -1]
-    other = potential(c, clamp, again, carried(c, force, line), moment)
+    other = potential(c, clamp, again, carried_forces(c, force, line), moment)
     np.testing.assert_allclose(other - energy(c, clamp, again) + work, level, rtol=0, atol=1e-13)
 
 
-@EACH
-def test_the_clamp_holds_what_the_first_spring_carries(scheme):
+@EACH_SCHEME
+def test_the_clamp_moment_is_that_of_the_first_spring_and_of_the_loads(scheme):
     """The moment at the clamp is that of the first spring plus that of the force on the stub.
 
     Without a line load it is the moment of the tip's loads about the clamp.
@@ -79,18 +79,20 @@ def test_the_clamp_holds_what_the_first_spring_carries(scheme):
     c = chain(9, scheme=scheme)
     clamp, force, line, moment = np.array([0.2, 0.1, 0.4]), [1.0, -2.0], [0.5, 1.0], 0.3
     found = free(c, clamp, force=force, line=line, moment=moment)
-    pull = carried(c, np.array(force), np.array(line))
+    pull = carried_forces(c, np.array(force), np.array(line))
     stub = c.length[0] * (np.cos(0.4) * pull[0, 1] - np.sin(0.4) * pull[0, 0])
     spring = moments(c, clamp, found.angle)[0] + stub
     assert found.root_moment == pytest.approx(spring, abs=1e-12)  # Newton's rounding
-    alone = root_moment(c, clamp, found.angle, carried(c, np.array(force), np.zeros(2)), moment)
+    alone = root_moment(
+        c, clamp, found.angle, carried_forces(c, np.array(force), np.zeros(2)), moment
+    )
     arm = found.tip - clamp[:2]
     assert alone == pytest.approx(arm[0] * force[1] - arm[1] * force[0] + moment, abs=1e-14)
 
 
-@EACH
+@EACH_SCHEME
 @pytest.mark.parametrize("n", [2, 7, 40])
-def test_an_end_moment_rolls_it_into_a_polygon(scheme, n):
+def test_an_end_moment_bends_a_chain_to_a_closed_polygon(scheme, n):
     """M = 2 pi EI/L bends a chain to a closed polygon with n corners of 2 pi/n.
 
     The middles of the edges ("half") or the corners ("double") lie on a circle that is tangent to
@@ -111,7 +113,7 @@ def test_an_end_moment_rolls_it_into_a_polygon(scheme, n):
         np.testing.assert_allclose(distance, radius, rtol=0, atol=1e-14)
 
 
-def test_half_a_circle_is_second_order():
+def test_the_error_of_half_a_circle_is_of_second_order():
     """Under M = pi EI/L the tip of a rod is at (0, 2/pi) L, with an error of second order in h.
 
     The tip of the chain is a corner of a polygon, at (0, 1/(n tan(pi/2n))) L.
@@ -126,11 +128,11 @@ def test_half_a_circle_is_second_order():
     np.testing.assert_allclose(fine, [0.0, 2.0 / np.pi], rtol=0, atol=1.4e-7)
 
 
-def buckling(c, force, line):
+def critical_factor(c, force, line):
     """Smallest factor of the loads at which the upright chain's Hessian is singular."""
     angle = np.full(c.segments, np.pi / 2)
-    bare = hessian(c, angle, carried(c, np.zeros(2), np.zeros(2)))
-    pull = carried(c, np.array(force), np.array(line))
+    bare = hessian(c, angle, carried_forces(c, np.zeros(2), np.zeros(2)))
+    pull = carried_forces(c, np.array(force), np.array(line))
     return 1.0 / eigh(bare - hessian(c, angle, pull), bare, eigvals_only=True)[-1]
 
 
@@ -138,21 +140,23 @@ def buckling(c, force, line):
 def test_euler_load_of_a_chain(scheme):
     """P = 4 EI/h^2 sin(pi/4n)^2 for both schemes: modes of the difference equation are sines."""
     for n in (2, 5, 40):
-        found = buckling(chain(n, scheme=scheme), (0.0, -1.0), (0.0, 0.0))
+        found = critical_factor(chain(n, scheme=scheme), (0.0, -1.0), (0.0, 0.0))
         assert found == pytest.approx(4.0 * n**2 * np.sin(0.25 * np.pi / n) ** 2, rel=1e-11)
 
 
 def test_naive_clamp_lowers_the_euler_load_by_first_order():
     """The rod is half a cell too long: its load is pi^2/4 (L + h/2)^-2, up to terms of h^2."""
     for n in (20, 40, 80):
-        found = buckling(chain(n, scheme="naive"), (0.0, -1.0), (0.0, 0.0))
+        found = critical_factor(chain(n, scheme="naive"), (0.0, -1.0), (0.0, 0.0))
         assert found == pytest.approx(np.pi**2 / 4 / (1.0 + 0.5 / n) ** 2, rel=1.0 / n**2)
 
 
 @pytest.mark.parametrize("scheme", ["half", "double"])
-def test_greenhill_buckles_under_its_own_weight(scheme):
+def test_a_chain_buckles_at_greenhills_weight(scheme):
     """q L^3/EI = 7.837347438943, which is 9/4 of the square of the first zero of J_-1/3."""
-    coarse, fine = (buckling(chain(n, scheme=scheme), (0.0, 0.0), (0.0, -1.0)) for n in (40, 80))
+    coarse, fine = (
+        critical_factor(chain(n, scheme=scheme), (0.0, 0.0), (0.0, -1.0)) for n in (40, 80)
+    )
     # 1/4 of the h^4 term at n = 40, q^2 h^4, remains: 6e-6
     assert extrapolated(coarse, fine) == pytest.approx(7.837347438943484, abs=6e-6)
 
@@ -166,7 +170,7 @@ def test_clamped_pinned_buckling_by_the_projected_hessian(scheme):
 
     def lowest(load, c):
         angle = np.zeros(c.segments)
-        stiff = hessian(c, angle, carried(c, np.array([-load, 0.0]), np.zeros(2)))
+        stiff = hessian(c, angle, carried_forces(c, np.array([-load, 0.0]), np.zeros(2)))
         across = tip_slopes(c, angle)[1:]
         return curvatures(np.block([[stiff, across.T], [across, np.zeros((1, 1))]]), 1)[0]
 
@@ -178,7 +182,7 @@ def test_clamped_pinned_buckling_by_the_projected_hessian(scheme):
     assert extrapolated(coarse, fine) == pytest.approx(20.19072855642663, abs=4.4e-6)
 
 
-def test_inertia_counts_what_the_projection_counts():
+def test_negative_eigenvalues_follow_haynsworths_formula():
     """The saddle matrix has as many negative eigenvalues as its projection, plus the constraints.
 
     This is Haynsworth's inertia formula.
@@ -187,8 +191,8 @@ def test_inertia_counts_what_the_projection_counts():
     stiff = stiff + np.swapaxes(stiff, -1, -2) + 5.0 * RNG.normal(size=(50, 1, 1)) * np.eye(9)
     border = RNG.normal(size=(50, 1, 9, 3))
     matrix = Bordered(stiff[:, None], border, np.zeros((50, 3, 3))).dense()
-    counts = negative(curvatures(matrix, 3))
-    np.testing.assert_array_equal(negative(np.linalg.eigvalsh(matrix)), counts + 3)
+    counts = count_negative(curvatures(matrix, 3))
+    np.testing.assert_array_equal(count_negative(np.linalg.eigvalsh(matrix)), counts + 3)
     assert set(counts) >= {0, 1, 3, 5, 6}
 
 
@@ -200,7 +204,7 @@ def test_bordered_matrices_are_solved_as_dense_ones():
     np.testing.assert_allclose(matrix.solve(right), found, rtol=0, atol=1e-10)  # conditioning
 
 
-def test_newton_says_which_of_a_batch_are_lost():
+def test_newton_returns_nan_for_members_without_a_zero():
     """Members of a batch without a zero are NaN, and so is one that starts at a zero slope.
 
     x^2 + 1 has no zero, x^2 - 2 has one.

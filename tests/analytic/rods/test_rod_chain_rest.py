@@ -4,34 +4,45 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from tests.analytic.rods.rod_chain_cases import CASES, continuum, extrapolated, orders, tangent
+from tests.analytic.rods.rod_chain_cases import (
+    CASES,
+    continuum,
+    extrapolated,
+    observed_orders,
+    tangent_angle,
+)
 from tests.independent.rods.chain import SCHEMES, chain
 from tests.independent.rods.chain_rod import free, pinned
-from tests.independent.rods.stability import negative
+from tests.independent.rods.stability import count_negative
 
 ROWS = CASES["cantilever"]["rows"]
 ALPHA = np.array([row["alpha"] for row in ROWS])
-TIP = np.array([[1.0 - row["u_over_L"], row["w_over_L"]] for row in ROWS])
-ACROSS = np.stack([np.zeros(4), ALPHA], axis=-1)
-PINNED = CASES["pinned"]
+EXACT_TIPS = np.array([[1.0 - row["u_over_L"], row["w_over_L"]] for row in ROWS])
+FORCES = np.stack([np.zeros(4), ALPHA], axis=-1)
+PINNED_CASE = CASES["pinned"]
 ORDER = {"half": 2, "double": 2, "naive": 1}
-EACH = pytest.mark.parametrize("scheme", SCHEMES)
+EACH_SCHEME = pytest.mark.parametrize("scheme", SCHEMES)
 
 
-def tips(scheme, *segments):
+def cantilever_tips(scheme, *segments):
     """Tips of cantilevers under four forces across them, for each number of segments."""
-    return [free(chain(n, scheme=scheme), force=ACROSS).tip for n in segments]
+    return [free(chain(n, scheme=scheme), force=FORCES).tip for n in segments]
 
 
-@EACH
+@EACH_SCHEME
 def test_cantilever_errors_and_orders(scheme):
     """Errors of the tip are those of the data, and of first ("naive") or second order in h."""
-    errors = np.array([np.linalg.norm(tip - TIP, axis=-1) for tip in tips(scheme, 10, 20, 40, 80)])
+    errors = np.array(
+        [
+            np.linalg.norm(tip - EXACT_TIPS, axis=-1)
+            for tip in cantilever_tips(scheme, 10, 20, 40, 80)
+        ]
+    )
     printed = CASES["cantilever_chain"]["tip error of 40 segments, alpha 1 2 5 10"][scheme]
     np.testing.assert_allclose(errors[2], printed, rtol=0.05)  # two digits
     # next term of the series for alpha = 10: h^2 after h, or h^4 after h^2
     close = {"half": 0.02, "double": 0.02, "naive": 0.04}[scheme]
-    np.testing.assert_allclose(orders(errors), ORDER[scheme], rtol=0, atol=close)
+    np.testing.assert_allclose(observed_orders(errors), ORDER[scheme], rtol=0, atol=close)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +53,7 @@ def test_cantilever_errors_and_orders(scheme):
         ("double", 10, [5e-5, 5e-6, 5e-6, 5e-6, 5e-7]),
     ],
 )
-def test_deflection_errors_known_from_elsewhere(scheme, alpha, digit):
+def test_deflection_errors_are_those_of_an_independent_computation(scheme, alpha, digit):
     """Errors of the deflection are those of an independent computation, to its digits."""
     table = CASES["cantilever_chain"]
     exact = ROWS[int(np.argmin(np.abs(ALPHA - alpha)))]["w_over_L"]
@@ -57,27 +68,27 @@ def test_deflection_errors_known_from_elsewhere(scheme, alpha, digit):
 def test_cantilever_extrapolated_to_the_continuum(scheme):
     """Chains of 20 and 40 segments extrapolate to the tip within 1e-6 L and to the clamp moment."""
     c = [chain(n, scheme=scheme) for n in (20, 40)]
-    found = [free(one, force=ACROSS) for one in c]
-    np.testing.assert_allclose(extrapolated(*(f.tip for f in found)), TIP, rtol=0, atol=1e-6)
+    found = [free(one, force=FORCES) for one in c]
+    np.testing.assert_allclose(extrapolated(*(f.tip for f in found)), EXACT_TIPS, rtol=0, atol=1e-6)
     moment = [row["root_moment_ML_over_EI"] for row in ROWS]
     # alpha times the error of the tip
     np.testing.assert_allclose(extrapolated(*(f.root_moment for f in found)), moment, atol=1e-5)
 
 
 def test_last_segment_of_half_has_the_tip_angle():
-    angle = [free(chain(n), force=ACROSS).angle[:, -1] for n in (20, 40)]
+    angle = [free(chain(n), force=FORCES).angle[:, -1] for n in (20, 40)]
     exact = [row["theta_tip_rad"] for row in ROWS]
     np.testing.assert_allclose(extrapolated(*angle), exact, rtol=0, atol=2e-6)  # h^4 of alpha = 10
 
 
-def test_seed_and_load_steps_meet():
+def test_a_seed_and_load_steps_lead_to_the_same_equilibrium():
     """A load in steps and a seed of the continuous rod lead to the same stable equilibrium."""
     c = chain(20)
     slow = free(c, force=(0.0, 10.0))
     bend = continuum(0.0, (0.0, 10.0), ROWS[-1]["root_moment_ML_over_EI"], 1.0)
     quick = free(c, force=(0.0, 10.0), seed=lambda s: bend(s)[0])
     np.testing.assert_allclose(slow.angle, quick.angle, rtol=0, atol=1e-13)  # rounding
-    assert negative(slow.curvatures) == 0
+    assert count_negative(slow.curvatures) == 0
 
 
 def test_a_strut_stays_straight_and_unstable():
@@ -87,7 +98,7 @@ def test_a_strut_stays_straight_and_unstable():
     """
     found = free(chain(40), force=[[-2.0, 0.0], [-3.0, 0.0], [-23.0, 0.0]])
     np.testing.assert_array_equal(found.angle, 0.0)
-    np.testing.assert_array_equal(negative(found.curvatures), [0, 1, 2])
+    np.testing.assert_array_equal(count_negative(found.curvatures), [0, 1, 2])
 
 
 def test_distributed_load_against_collocation():
@@ -110,8 +121,8 @@ def test_distributed_load_against_collocation():
     assert root == pytest.approx(exact.sol(0.0)[1], abs=3e-6)
 
 
-@EACH
-def test_turned_and_mirrored(scheme):
+@EACH_SCHEME
+def test_turned_and_mirrored_chains_have_turned_and_mirrored_tips(scheme):
     """A chain with rotated clamp and loads is rotated; with mirrored loads it is mirrored."""
     c, turn = chain(12, scheme=scheme), 2.1
     spin = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
@@ -125,43 +136,43 @@ def test_turned_and_mirrored(scheme):
     np.testing.assert_allclose(mirror.tip, plain.tip * [1, -1], rtol=0, atol=1e-14)
 
 
-def shape(row):
+def pinned_tangent_angle(row):
     """theta(s) of the continuous rod in an equilibrium of the data."""
-    return tangent(0.0, row["force"], row["root_moment"], PINNED["stiffness"])
+    return tangent_angle(0.0, row["force"], row["root_moment"], PINNED_CASE["stiffness"])
 
 
-def held(n, row, scheme="half", tip=PINNED["tip"], turn=0.0):
+def settle_pinned(n, row, scheme="half", tip=PINNED_CASE["tip"], turn=0.0):
     """Equilibrium of a chain with a pinned tip, seeded with that rod."""
-    c = chain(n, stiffness=PINNED["stiffness"], scheme=scheme)
-    return pinned(c, (0.0, 0.0, turn), tip, seed=shape(row))
+    c = chain(n, stiffness=PINNED_CASE["stiffness"], scheme=scheme)
+    return pinned(c, (0.0, 0.0, turn), tip, seed=pinned_tangent_angle(row))
 
 
-@EACH
+@EACH_SCHEME
 def test_pinned_chain_of_every_scheme(scheme):
     """Tip force and energy of solution A are those of the data; orders by 20, 40, 80 segments."""
-    row = PINNED["equilibria"][0]
-    for n, printed in PINNED["chain A"][scheme].items():
-        found = held(int(n), row, scheme)
+    row = PINNED_CASE["equilibria"][0]
+    for n, printed in PINNED_CASE["chain A"][scheme].items():
+        found = settle_pinned(int(n), row, scheme)
         np.testing.assert_allclose([*found.force, found.energy], printed, rtol=0, atol=5.1e-6)
     exact = [*row["force"], row["energy"]]
-    found = [held(n, row, scheme) for n in (20, 40, 80)]
+    found = [settle_pinned(n, row, scheme) for n in (20, 40, 80)]
     errors = np.array([[*f.force, f.energy] for f in found]) - exact
     # digits of the continuous rod, 5e-8, over errors of 1e-4; "naive": the h^2 term over h
     close = {"half": 0.03, "double": 0.03, "naive": 0.15}[scheme]
-    np.testing.assert_allclose(orders(errors), ORDER[scheme], rtol=0, atol=close)
+    np.testing.assert_allclose(observed_orders(errors), ORDER[scheme], rtol=0, atol=close)
 
 
-@pytest.mark.parametrize("row", PINNED["equilibria"], ids=lambda row: row["name"])
+@pytest.mark.parametrize("row", PINNED_CASE["equilibria"], ids=lambda row: row["name"])
 def test_four_shapes_of_a_pinned_rod(row):
     """Continuous rods and chains have the four equilibria of the data.
 
     With a pinned tip they have 0, 0, 1 and 3 negative directions.
     """
-    exact = continuum(0.0, row["force"], row["root_moment"], PINNED["stiffness"])(1.0)
+    exact = continuum(0.0, row["force"], row["root_moment"], PINNED_CASE["stiffness"])(1.0)
     # seven digits of force and moment, whose errors grow along the rod's five half waves
-    np.testing.assert_allclose(exact[2:], PINNED["tip"], rtol=0, atol=2e-6)
-    found = {n: held(n, row) for n in (10, 20, 40, 80)}
-    assert {int(negative(f.curvatures)) for f in found.values()} == {row["negative"]}
+    np.testing.assert_allclose(exact[2:], PINNED_CASE["tip"], rtol=0, atol=2e-6)
+    found = {n: settle_pinned(n, row) for n in (10, 20, 40, 80)}
+    assert {int(count_negative(f.curvatures)) for f in found.values()} == {row["negative"]}
     fine = extrapolated(
         np.append(found[40].force, found[40].root_moment),
         np.append(found[80].force, found[80].root_moment),
@@ -170,17 +181,17 @@ def test_four_shapes_of_a_pinned_rod(row):
     np.testing.assert_allclose(fine, [*row["force"], row["root_moment"]], rtol=3e-4)
 
 
-@EACH
+@EACH_SCHEME
 def test_force_and_moment_are_slopes_of_the_energy(scheme):
     """dU = F . dp - m0 dtheta0 along equilibria, by central differences."""
-    row, h = PINNED["equilibria"][1], 1e-5
-    here = held(16, row, scheme)
+    row, h = PINNED_CASE["equilibria"][1], 1e-5
+    here = settle_pinned(16, row, scheme)
     for axis in (0, 1):
-        tip = np.array([PINNED["tip"]] * 2) + h * np.array([[1], [-1]]) * np.eye(2)[axis]
-        more, less = held(16, row, scheme, tip).energy
+        tip = np.array([PINNED_CASE["tip"]] * 2) + h * np.array([[1], [-1]]) * np.eye(2)[axis]
+        more, less = settle_pinned(16, row, scheme, tip).energy
         # h^2 times a third derivative of about 1e3, and rounding over h
         assert (more - less) / (2 * h) == pytest.approx(here.force[axis], abs=1e-6)
-    more, less = (held(16, row, scheme, turn=turn).energy for turn in (h, -h))
+    more, less = (settle_pinned(16, row, scheme, turn=turn).energy for turn in (h, -h))
     assert (more - less) / (2 * h) == pytest.approx(-here.root_moment, abs=1e-6)
 
 
@@ -193,7 +204,7 @@ def test_pinned_under_a_tip_moment_and_a_line_load():
     assert two.root_moment == pytest.approx(one.root_moment, abs=1e-12)
 
 
-def test_straight_seed_of_a_pinned_chain_is_lost():
+def test_newton_fails_from_a_straight_seed_of_a_pinned_chain():
     """Newton's method fails from a straight chain, whose tip cannot move along it."""
     assert np.isnan(pinned(chain(6), (0, 0, 0), (0.8, 0.0), seed=np.zeros(6)).energy)
 

@@ -16,7 +16,7 @@ from proofmass.errors import InputError
 from proofmass.report.charts import chart_figure
 from proofmass.report.style import RC
 from proofmass.sidecar import load_case
-from tests.report.test_chart_figure import bold, dashed
+from tests.report.test_chart_figure import bold_lines, dashed_lines
 from tests.shipped import shipped
 
 NATURAL = shipped("rfr2_natural.toml")
@@ -40,21 +40,21 @@ def figure(equilibria: Chart) -> Figure:
     return drawn
 
 
-def postures(chart: Chart) -> list[ChartLine]:
+def posture_lines(chart: Chart) -> list[ChartLine]:
     """Lines of the chart that are rods, without those that are points."""
     return [line for line in chart.lines if not line.points]
 
 
 def test_four_of_34_are_stable_and_share_a_panel(equilibria: Chart, figure: Figure) -> None:
-    lines = postures(equilibria)
+    lines = posture_lines(equilibria)
     assert len(lines) == 34
     assert sum(line.stable for line in lines) == 4
-    assert [len(bold(ax)) for ax in figure.axes] == [4] + 8 * [0]
-    assert sum(len(dashed(ax)) for ax in figure.axes) == 30
+    assert [len(bold_lines(ax)) for ax in figure.axes] == [4] + 8 * [0]
+    assert sum(len(dashed_lines(ax)) for ax in figure.axes) == 30
     assert equilibria.caption.startswith("34 equilibria whose rods have up to 3 inflections, ")
 
 
-def energies(panel: Panel, stiffness: float) -> np.ndarray:
+def energies_of_curves(panel: Panel, stiffness: float) -> np.ndarray:
     """V of each posture: the energy from the length of its 120 chords, less the work of the load.
 
     A chord is shorter than its arc h of curvature kappa by h (h kappa)^2 / 24, so that all chords
@@ -82,15 +82,19 @@ def test_energies_are_those_of_the_curves(equilibria: Chart, natural: Case) -> N
     """Energies in labels and titles of panels are those of the drawn curves, in rising order."""
     stiffness = float(natural.parameters["stiffness"])
     for panel in equilibria.panels:
-        found = energies(panel, stiffness)
-        said = [
+        found = energies_of_curves(panel, stiffness)
+        printed = [
             float(re.search(r"at (\S+) J", line.label)[1])
             for line in panel.lines
             if line.stable and not line.points
         ]
-        said = said or [float(s) for s in re.search(r": (\S+) to (\S+) J", panel.title).groups()]
+        printed = printed or [
+            float(s) for s in re.search(r": (\S+) to (\S+) J", panel.title).groups()
+        ]
         # next term (h kappa)^2 / 80 with kappa up to 34 /m, 0.4 %, and three digits, 0.5 %
-        np.testing.assert_allclose(found if len(said) == 4 else found[[0, -1]], said, rtol=9e-3)
+        np.testing.assert_allclose(
+            found if len(printed) == 4 else found[[0, -1]], printed, rtol=9e-3
+        )
         assert np.all(np.diff(found) > 0)
 
 
@@ -103,15 +107,19 @@ def test_the_case_is_the_stable_one_of_least_energy(equilibria: Chart, natural: 
     assert "modes 1 and 2" in line.label
 
 
-def test_more_inflections_bring_more_and_keep_the_stable(natural: Case, equilibria: Chart) -> None:
+def test_more_inflections_add_equilibria_and_keep_the_stable_ones(
+    natural: Case, equilibria: Chart
+) -> None:
     """The three equilibria of mode 1 are among those of modes up to 3, with the same labels."""
     few = natural.chart[0].model_copy(update={"parameters": {"modes": 1}})
     less = compute_chart(natural.model_copy(update={"chart": (few,)}), few)
-    assert len(postures(less)) == 3
-    assert {line.label for line in postures(less)} < {line.label for line in postures(equilibria)}
+    assert len(posture_lines(less)) == 3
+    assert {line.label for line in posture_lines(less)} < {
+        line.label for line in posture_lines(equilibria)
+    }
 
 
-def test_panels_hold_few_unless_there_are_too_many() -> None:
+def test_panels_have_few_equilibria_and_their_number_is_limited() -> None:
     """Panels have up to four equilibria of one number of negative directions.
 
     They have more if there would be more than twelve panels.
@@ -132,7 +140,7 @@ def test_nothing_is_cut_off_and_nothing_overlaps(figure: Figure) -> None:
     assert not any(one.overlaps(two) for k, one in enumerate(boxes) for two in boxes[:k])
 
 
-def test_modes_that_are_none_are_the_sidecars_fault(natural: Case) -> None:
+def test_invalid_modes_in_a_sidecar_are_an_input_error(natural: Case) -> None:
     wrong = natural.chart[0].model_copy(update={"parameters": {"modes": 0}})
     with pytest.raises(InputError, match="modes must be 1, 2"):
         compute_chart(natural.model_copy(update={"chart": (wrong,)}), wrong)

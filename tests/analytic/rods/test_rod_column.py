@@ -87,7 +87,7 @@ def test_columns_are_quarter_waves(ends, quarters):
     assert quarters * part["energy"] == pytest.approx(float(bent["energy"]), rel=1e-12, abs=0)
 
 
-def test_work_of_the_load():
+def test_the_load_does_the_work_of_the_energy():
     """dU = -P d(span), by central differences."""
     load, step = 1.5, 1e-5
     ahead, behind = (elastica(load + d, "pinned-pinned") for d in (step, -step))
@@ -95,7 +95,7 @@ def test_work_of_the_load():
     assert ahead["energy"] - behind["energy"] == pytest.approx(float(work), rel=1e-7)  # step^2
 
 
-def test_ends_meet():
+def test_the_ends_of_a_pinned_column_meet_at_a_known_load():
     """The ends of a pinned column meet where 2 E = K, at the recomputed modulus, load and angle."""
     k, ratio = ends_meet()
     assert k == pytest.approx(0.9089085575485415, abs=1e-15)

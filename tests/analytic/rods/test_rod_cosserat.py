@@ -8,7 +8,7 @@ from proofmass.analytic.rods import equilibria, integrate, solve
 from proofmass.analytic.rods.shooting import stability
 from tests.independent.rods.cosserat import Section, shoot
 
-ARC = np.linspace(0.0, 1.2, 7)
+ARC_LENGTHS = np.linspace(0.0, 1.2, 7)
 LOADS = {
     "force": {"force": (-2.0, 5.0), "moment": 0.3},
     "pull": {"force": (9.0, 2.0), "moment": -0.5},
@@ -18,7 +18,7 @@ LOADS = {
 SECTIONS = {"both": (40.0, 20.0), "soft": (12.0, 9.0), "axial": (15.0, 1e4), "shear": (1e4, 15.0)}
 
 
-def named(force=(0.0, 0.0), line=(0.0, 0.0), moment=0.0):
+def load_parameters(force=(0.0, 0.0), line=(0.0, 0.0), moment=0.0):
     """The loads by the names of the parameters of `solve`."""
     return {
         "force_x": force[0],
@@ -39,14 +39,16 @@ def test_shooting_in_the_frame_of_the_sections(load, section):
     The second formulation has other unknowns, another integrator and another search.
     """
     axial, shear = SECTIONS[section]
-    own = shoot(ARC, Section(0.9, axial, shear), **LOADS[load])
+    reference = shoot(ARC_LENGTHS, Section(0.9, axial, shear), **LOADS[load])
     strained = {"axial": axial, "shear": shear}
-    found = solve(ARC, length=1.2, stiffness=0.9, **strained, **named(**LOADS[load]))
-    for name, values in own.items():
+    found = solve(
+        ARC_LENGTHS, length=1.2, stiffness=0.9, **strained, **load_parameters(**LOADS[load])
+    )
+    for name, values in reference.items():
         # errors of both: 1e-13 in a step of DOP853, order 8 in 64 steps of `solve`; m is up to 10
         np.testing.assert_allclose(found[name], values, rtol=1e-10, atol=1e-10)
-    stiff = solve(ARC, length=1.2, stiffness=0.9, **named(**LOADS[load]))
-    assert np.abs(stiff["y"] - own["y"]).max() > 1e-3  # strains have an effect
+    stiff = solve(ARC_LENGTHS, length=1.2, stiffness=0.9, **load_parameters(**LOADS[load]))
+    assert np.abs(stiff["y"] - reference["y"]).max() > 1e-3  # strains have an effect
 
 
 def test_a_pull_along_the_rod_stretches_it():
@@ -76,7 +78,7 @@ def test_small_loads_bend_and_shear_as_timoshenko_says():
 
 
 @pytest.mark.parametrize(("axial", "shear"), [(30.0, np.inf), (np.inf, 9.0), (30.0, 9.0)])
-def test_a_column_buckles_where_its_strains_say(axial, shear):
+def test_a_column_with_strains_buckles_at_its_critical_load(axial, shear):
     """A column with strains becomes unstable at its critical load, within 1e-4 of it.
 
     The load follows from the linear equation about the compressed column,
@@ -124,13 +126,13 @@ def test_potential_by_virtual_work():
     assert -by_strain == pytest.approx(squares, rel=1e-5, abs=1e-7)  # as above
 
 
-def test_slopes_by_differences():
+def test_slopes_agree_with_differences():
     """Derivatives of the tip of a rod with strains are central differences."""
-    given, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
+    parameters, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
     shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "axial": 7.0, "shear": 5.0}
-    exact = integrate(*given[:3], theta0=given[3], slopes=True, **shared).slope[-1]
+    exact = integrate(*parameters[:3], theta0=parameters[3], slopes=True, **shared).slope[-1]
     offsets = step * np.concatenate([np.eye(4), -np.eye(4)])
-    moved = (given + offsets).T
+    moved = (parameters + offsets).T
     ends = integrate(*moved[:3], theta0=moved[3], **shared)
     values = np.array([ends.theta[-1], ends.m[-1], ends.x[-1], ends.y[-1]])
     slope = (values[:, :4] - values[:, 4:]) / (2.0 * step)
@@ -139,13 +141,13 @@ def test_slopes_by_differences():
 
 @pytest.mark.parametrize("name", ["axial", "shear"])
 @pytest.mark.parametrize("value", [0.0, -3.0, np.nan])
-def test_a_stiffness_that_is_none_is_named(name, value):
+def test_an_invalid_stiffness_is_named(name, value):
     for function in (lambda **k: solve(1.0, **k), lambda **k: integrate(0, 0, 0, **k)):
         with pytest.raises(ValueError, match=f"^{name} must be a positive stiffness of a section"):
             function(**{name: value})
 
 
-def test_a_rod_that_is_pressed_to_nothing_is_refused():
+def test_a_rod_compressed_to_zero_length_is_refused():
     with pytest.raises(
         ValueError, match=r"^axial must be more than 5 N: the loads compress the rod"
     ):

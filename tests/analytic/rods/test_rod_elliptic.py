@@ -50,7 +50,7 @@ def amplitudes(size, count=4000):
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6, 1e-9])
-def test_legendre_by_carlson(size):
+def test_legendres_integrals_follow_from_carlsons(size):
     """Legendre's integrals are those by Carlson's, which use duplication instead of means."""
     s, c, d, other = amplitudes(size)
     square = (1.0 - other) * (1.0 + other)
@@ -83,16 +83,16 @@ def test_jacobi_inverts_legendre(size):
 
 
 @pytest.mark.parametrize("k", [0.0, 0.3, -0.9, 1.0 - 1e-12])
-def test_incomplete_slopes_and_quasi_periods(k):
+def test_incomplete_integrals_have_their_slopes_and_periods(k):
     """Incomplete integrals have their integrands as slopes, and grow by 2 K and 2 E over pi."""
     phi = np.linspace(-9.0, 9.0, 61)
     first, second = incomplete_integrals(phi, k)
     step = 1e-3 * np.sqrt(1.0 - k**2) ** 0.5
     ahead, behind = incomplete_integrals(phi + step, k), incomplete_integrals(phi - step, k)
     root = np.sqrt(1.0 - (k * np.sin(phi)) ** 2)
-    calm = root > 0.1  # elsewhere the integrand changes in a step
+    regular = root > 0.1  # elsewhere the integrand changes in a step
     for slope, up, down in ((1.0 / root, ahead[0], behind[0]), (root, ahead[1], behind[1])):
-        error = np.abs((up - down) / (2.0 * step) / slope - 1.0)[calm]
+        error = np.abs((up - down) / (2.0 * step) / slope - 1.0)[regular]
         assert error.max() <= 40.0 * step**2 + 1e-13 / step  # third derivative; rounding
     later = incomplete_integrals(phi + np.pi, k)
     whole = incomplete_integrals(np.pi / 2, k)
@@ -103,7 +103,7 @@ def test_incomplete_slopes_and_quasi_periods(k):
         )
 
 
-def test_unit_table():
+def test_tips_are_those_of_an_independent_table():
     """70 rods are those of the table, whose program is independent.
 
     It computes the arccos of moduli next to 1, so that its angles have errors of 1e-10.
@@ -147,7 +147,7 @@ def test_end_of_the_shape_is_the_tip(psi, k_rel, mode):
 
 @settings(derandomize=True, max_examples=100, deadline=None)
 @given(PSI, K_REL, MODE)
-def test_identities(psi, k_rel, mode):
+def test_rods_satisfy_balance_first_integral_and_energy(psi, k_rel, mode):
     """Random rods satisfy the balance of moments about the tip and the first integral.
 
     Their energy is a quadrature of m^2, and the number of their inflections is that of the mode.
@@ -184,7 +184,7 @@ def test_energy_rises_with_the_work_of_the_load(psi, mode):
 
 @settings(derandomize=True, max_examples=60, deadline=None)
 @given(PSI, K_REL, MODE)
-def test_mirror_and_round_trip(psi, k_rel, mode):
+def test_parameters_of_mirrored_rods_and_of_loads_agree(psi, k_rel, mode):
     """The mirrored rod has 2 pi - psi and -k_rel; the load gives back psi, k_rel and the mode."""
     rod, image = tip(psi, k_rel, mode), tip(2.0 * np.pi - psi, -k_rel, mode)
     for name, sign in (("R", 1), ("x", 1), ("y", -1), ("theta", -1), ("m0", -1), ("energy", 1)):
@@ -203,7 +203,7 @@ def test_mirror_and_round_trip(psi, k_rel, mode):
     assert abs(back[1] - k_rel) <= 1e-14 / bounds(psi)[1]
 
 
-def test_seam_at_zero_moment():
+def test_parameters_jump_at_zero_moment_and_the_shape_does_not():
     """As m0 passes zero, k_rel > 0 with mode q + 1 becomes k_rel < 0 with mode q, for one shape."""
     for psi, sign in ((2.0, 1.0), (5.0, -1.0)):  # sign of the new wave, cos(psi/2)
         near = [tip(psi, sign * d, q) for d, q in ((1e-9, 2), (-1e-9, 1))]
@@ -213,7 +213,7 @@ def test_seam_at_zero_moment():
         assert near[0]["m0"] * near[1]["m0"] < 0.0
 
 
-def test_limits():
+def test_light_and_taut_rods_have_their_limits():
     """Rods under small loads, taut rods and rods pulled along the clamp have their known limits."""
     light = tip(1.0, 1e-9)  # a rod that hardly bends: y = R sin(psi)/3, m0 = R sin(psi)
     assert light["x"] == pytest.approx(1.0, abs=1e-15)
@@ -228,7 +228,7 @@ def test_limits():
     assert np.all(np.abs(along["theta"]) <= 1e-9)
 
 
-def test_shape_finds_its_parameters():
+def test_parameters_are_found_from_a_sampled_shape():
     """`of_shape` finds k_rel of sampled points, with an error of second order in their distance."""
     s = np.linspace(0.0, 2.0, 401)
     rod = shape(2.0, -0.6, 3, s / 2.0, length=2.0, stiffness=0.1)

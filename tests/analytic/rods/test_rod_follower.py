@@ -7,7 +7,7 @@ from scipy.special import ellipj
 from proofmass.analytic.rods import solve
 from tests.independent.rods.cosserat import Section, shoot
 
-ARC = np.linspace(0.0, 1.2, 7)
+ARC_LENGTHS = np.linspace(0.0, 1.2, 7)
 
 
 @pytest.mark.parametrize(("along", "across"), [(0.0, 1.0), (0.0, 8.0), (-2.0, 8.0), (3.0, -5.0)])
@@ -39,20 +39,20 @@ def test_turn_of_the_tip_by_elliptic_functions(along, across):
 )
 def test_shooting_in_the_frame_of_the_sections(load):
     """All curves of `solve` with follower forces are those of a second formulation, to 1e-10."""
-    own = shoot(ARC, Section(0.9, 30.0, 20.0), **load)
+    reference = shoot(ARC_LENGTHS, Section(0.9, 30.0, 20.0), **load)
     named = {
         f"{name}_{axis}": value
         for key, name in (("follower", "follower"), ("force", "force"), ("line", "weight"))
         for axis, value in zip("xy", load.get(key, (0.0, 0.0)), strict=True)
     }
-    given = {"moment": load.get("moment", 0.0), "axial": 30.0, "shear": 20.0, **named}
-    rod = solve(ARC, length=1.2, stiffness=0.9, **given)
-    for name, values in own.items():
+    parameters = {"moment": load.get("moment", 0.0), "axial": 30.0, "shear": 20.0, **named}
+    rod = solve(ARC_LENGTHS, length=1.2, stiffness=0.9, **parameters)
+    for name, values in reference.items():
         # errors of both: 1e-13 in a step of DOP853, order 8 in 64 steps of `solve`
         np.testing.assert_allclose(rod[name], values, rtol=1e-10, atol=1e-10)
 
 
-def test_a_push_along_the_tip_bends_no_rod():
+def test_a_follower_force_along_the_tip_does_not_bend_a_rod():
     """Beck's column flutters at 20.05 EI/L^2, but the straight equilibrium is its only one.
 
     Under a dead load there are three equilibria beyond Euler's pi^2/4, so that the test would fail
@@ -64,17 +64,17 @@ def test_a_push_along_the_tip_bends_no_rod():
     assert abs(solve(1.0, force_x=-15.0)["y"]) > 0.3
 
 
-def test_it_has_no_potential():
+def test_a_follower_force_has_no_potential():
     """The compliance of the tip to two follower forces is not symmetric; to dead forces it is."""
     for name, asymmetric in (("follower", True), ("force", False)):
-        base, step, yields = {f"{name}_x": 1.0, f"{name}_y": 4.0}, 1e-4, []
+        base, step, compliances = {f"{name}_x": 1.0, f"{name}_y": 4.0}, 1e-4, []
         for axis in "xy":
             key = f"{name}_{axis}"
             ends = (solve(1.0, **base | {key: base[key] + s * step}) for s in (1, -1))
             up, down = (complex(end["x"], end["y"]) for end in ends)
-            yields.append((up - down) / (2.0 * step))
+            compliances.append((up - down) / (2.0 * step))
         turn = np.exp(1j * solve(1.0, **base)["theta"]) if asymmetric else 1.0
-        found = np.array([[(move / turn).real, (move / turn).imag] for move in yields])
+        found = np.array([[(move / turn).real, (move / turn).imag] for move in compliances])
         # differences of the second order in the step
         assert (abs(found[0, 1] - found[1, 0]) > 1e-2) == asymmetric
 

@@ -24,9 +24,9 @@ from proofmass.analytic.rods.workspace import (
     mesh_map,
     pose_chart,
 )
-from tests.analytic.rods.rod_assembly_cases import DATA, EI, PAIR, pair
+from tests.analytic.rods.rod_assembly_cases import DATA, EI, PAIR, table_7_state
 
-CASE = {
+PAIR_PARAMETERS = {
     "distance": 0.6,
     "theta1": np.radians(40),
     "theta2": np.radians(60),
@@ -44,16 +44,16 @@ CLAMPS = PAIR.clamp
 
 
 @cache
-def natural():
+def natural_map():
     """Map of the poses that are reached from S4, over 17 by 17 nodes."""
-    return fit_pose_map(pair("S4"), 17)
+    return fit_pose_map(table_7_state("S4"), 17)
 
 
 @cache
-def unloaded():
+def unloaded_state():
     """The equilibrium without load whose pin is that of S2."""
     row = DATA["rfr2"]["recomputed"]["S2"]
-    near = pair("S2")
+    near = table_7_state("S2")
     return solve_direct(
         state(
             PAIR,
@@ -66,22 +66,22 @@ def unloaded():
 
 
 @cache
-def folded():
+def map_at_the_fold():
     """Map of poses about the fold of motor 1."""
-    return map_equilibria(unloaded(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
+    return map_equilibria(unloaded_state(), np.linspace(0.2, 0.6, 9), np.linspace(-0.45, -0.2, 6))
 
 
 @cache
-def filled():
+def rim_and_mesh():
     """The rim of that map, and its mesh."""
-    m, rims = folded(), find_rim(folded())
+    m, rims = map_at_the_fold(), find_rim(map_at_the_fold())
     return rims, mesh_map(m, connected_edges(m)[0], rims[0], find_singularities(m, "direct", rims))
 
 
 @cache
-def folds():
+def direct_singularities():
     """Direct singularities on that map."""
-    return filled()[1].loci
+    return rim_and_mesh()[1].loci
 
 
 def residual(x, inputs, load):
@@ -106,44 +106,44 @@ def test_direct_singularities_by_differences():
 
     There the motors no longer constrain the pin.
     """
-    found = folds()
+    found = direct_singularities()
     assert len(found.vector) > 4
     for s in (found[i] for i in range(0, len(found.vector), 3)):
         values = singular_values(s)
         # bisection to 1e-9 of an edge of 0.05 m; differences: 1e-10 of third derivatives up to 1e3
         assert values[-1] < 1e-6 * values[0]
         assert values[-2] > 1e-4 * values[0]
-    values = singular_values(unloaded())
+    values = singular_values(unloaded_state())
     assert values[-1] > 1e-4 * values[0]
 
 
-def test_motors_end_where_the_sheet_of_poses_is_singular():
+def test_a_fold_of_a_motor_is_a_direct_singularity_of_the_map():
     """The fold at which a path of motor 1 ends is a direct singularity of the map of poses."""
-    start = unloaded()
+    start = unloaded_state()
     fold = follow(start, inputs=start.inputs[None] - [1.0, 0.0]).last
-    gap = np.linalg.norm(folds().pose - fold.pose, axis=1).min()
-    assert gap < 0.05  # an edge, since points are only on lines of the grid
+    distance = np.linalg.norm(direct_singularities().pose - fold.pose, axis=1).min()
+    assert distance < 0.05  # an edge, since points are only on lines of the grid
     assert abs(np.linalg.eigvalsh(derivatives(fold).stiffness)[0]) < 1e-8
 
 
 @pytest.mark.slow
-def test_rim_of_a_sheet_is_an_inverse_singularity():
+def test_the_rim_of_a_map_is_an_inverse_singularity():
     """At the rim of a manifold the inverse determinant is small compared with that at S4."""
-    ends, ways = find_rim(natural())
+    ends, directions = find_rim(natural_map())
     slopes = derivatives(ends)
-    start = derivatives(pair("S4"))
+    start = derivatives(table_7_state("S4"))
     # 1e-4 of an edge from the rim the determinant is of the order of its root, 1e-2
     share = np.abs(slopes.inverse_determinant / start.inverse_determinant)
     assert np.median(share) < 0.05
-    assert len(ends.vector) == len(ways)
+    assert len(ends.vector) == len(directions)
     assert np.all(np.abs(ends.pose[:, 0] + 1j * ends.pose[:, 1] - CLAMPS[:, None]) <= 1.0 + 1e-9)
 
 
 @pytest.mark.slow
 def test_top_of_the_rim_is_the_reach_of_straight_rods():
     """At its top, where the pin pulls, the manifold ends where one rod is straight."""
-    ends, ways = find_rim(natural())
-    top = ends.pose[(ways[:, 1] == 1) & (ends.pose[:, 1] > 0.5)]
+    ends, directions = find_rim(natural_map())
+    top = ends.pose[(directions[:, 1] == 1) & (ends.pose[:, 1] > 0.5)]
     away = np.abs(top @ [1.0, 1.0j] - CLAMPS[:, None]).max(axis=0)
     assert len(top) > 5
     assert np.quantile(np.abs(away - 1.0), 0.8) < 1e-3  # the march ends 1e-4 of an edge inside
@@ -155,9 +155,9 @@ def test_the_aspect_of_a_stable_equilibrium_is_stable():
     Stability follows from Jacobi's field of each rod with its tip pinned and from the stiffness of
     the pin.
     """
-    m = fit_pose_map(pair("S4"), 13)
+    m = fit_pose_map(table_7_state("S4"), 13)
     edges, torn = connected_edges(m)
-    own = aspect_nodes(m, edges, pair("S4"))
+    own = aspect_nodes(m, edges, table_7_state("S4"))
     states = m.states[own]
     turn = states.shape([1.0])[2][..., 0]
     assert 30 < own.sum() < m.reached.sum()
@@ -175,11 +175,14 @@ def test_labels_of_singularities_are_those_of_the_text():
 
     A singularity is direct where K and dq/dP are singular.
     """
-    chart = pose_chart(pair("S4"), natural(), "rad²/m²")
+    chart = pose_chart(table_7_state("S4"), natural_map(), "rad²/m²")
     lines = {line.label: np.stack([line.x, line.y], axis=1) for line in chart.panels[0].lines}
     for label, states in (
-        ("direct singularity", find_singularities(natural(), "direct", find_rim(natural()))),
-        ("inverse singularity", find_rim(natural())[0]),
+        (
+            "direct singularity",
+            find_singularities(natural_map(), "direct", find_rim(natural_map())),
+        ),
+        ("inverse singularity", find_rim(natural_map())[0]),
     ):
         points = lines[label][np.isfinite(lines[label][:, 0])]
         assert len(points) > 20
@@ -189,7 +192,7 @@ def test_labels_of_singularities_are_those_of_the_text():
 
 
 @pytest.mark.slow
-def test_unloaded_sheet_is_its_mirror_image():
+def test_the_unloaded_map_is_its_own_mirror_image():
     """Without load the inverse determinant of a symmetric pair is the same at mirrored poses."""
     row = DATA["symmetric"]["recomputed"][1]
     first, moment = np.array(row["force1"]), row["moment1"]
@@ -213,9 +216,9 @@ def test_unloaded_sheet_is_its_mirror_image():
 
 
 @cache
-def charted():
+def motor_chart():
     """Charts of the case over its motor angles."""
-    return motor_angles(**CASE, span=0.4, nodes=5)
+    return motor_angles(**PAIR_PARAMETERS, span=0.4, nodes=5)
 
 
 def test_maps_do_not_depend_on_the_unit_of_force():
@@ -223,24 +226,27 @@ def test_maps_do_not_depend_on_the_unit_of_force():
 
     With twice the stiffness alone they differ.
     """
-    stiff = CASE | {
-        key: 2 * CASE[key]
+    stiff = PAIR_PARAMETERS | {
+        key: 2 * PAIR_PARAMETERS[key]
         for key in ("force_x", "force_y", "moment1", "moment2", "push_x", "push_y", "stiffness")
     }
-    one, two = charted().panels[0], motor_angles(**stiff, span=0.4, nodes=5).panels[0]
+    one, two = motor_chart().panels[0], motor_angles(**stiff, span=0.4, nodes=5).panels[0]
     assert one.field.values == pytest.approx(two.field.values, rel=1e-6, nan_ok=True)  # Newton
-    light = motor_angles(**CASE | {"stiffness": 2 * EI}, span=0.4, nodes=5).panels[0]
+    light = motor_angles(**PAIR_PARAMETERS | {"stiffness": 2 * EI}, span=0.4, nodes=5).panels[0]
     assert np.nanmax(np.abs(light.field.values / one.field.values - 1.0)) > 0.01
 
 
 @pytest.mark.slow
-def test_area_converges():
+def test_the_area_of_a_map_converges():
     """The area of a map converges with the number of its lines.
 
     The extent of a line is exact; between lines a corner of the rim leaves an error of the square
     of their distance.
     """
-    areas = [map_area(m, *find_rim(m)) for m in (fit_pose_map(pair("S4"), n) for n in (17, 29, 57))]
+    areas = [
+        map_area(m, *find_rim(m))
+        for m in (fit_pose_map(table_7_state("S4"), n) for n in (17, 29, 57))
+    ]
     # each of several corners of the rim takes (1/28)^2 or (1/16)^2 of the window
     assert areas[1] == pytest.approx(areas[2], rel=0.01)
     assert areas[0] == pytest.approx(areas[2], rel=0.03)
@@ -248,19 +254,19 @@ def test_area_converges():
 
 def test_motor_angles_show_the_field_at_the_case():
     """The middle node of the charts has the determinant and the pose of the case, S4."""
-    chart = charted()
+    chart = motor_chart()
     field = chart.panels[0].field
-    here = derivatives(pair("S4")).direct
+    here = derivatives(table_7_state("S4")).direct
     most = np.nanmax(field.values)  # four fifths are not clipped
     middle = 12  # of five by five nodes
     assert field.values[middle] == pytest.approx(min(np.linalg.det(here), most), rel=1e-6)
-    assert field.x[middle] == pytest.approx(CASE["theta1"])
+    assert field.x[middle] == pytest.approx(PAIR_PARAMETERS["theta1"])
     for k, panel in enumerate(chart.panels[1:]):
-        assert panel.field.values[middle] == pytest.approx(pair("S4").pose[k], abs=1e-9)
+        assert panel.field.values[middle] == pytest.approx(table_7_state("S4").pose[k], abs=1e-9)
 
 
 @cache
-def platform():
+def platform_chart():
     turns = {
         f"{name}{k}": turn
         for name in ("theta", "guide")
@@ -275,10 +281,10 @@ def test_platform_without_load_is_stiffest_at_the_centre():
 
     A third of a turn does not change it, so that its gradient is zero there.
     """
-    field = platform().panels[1].field
+    field = platform_chart().panels[1].field
     best = np.nanargmax(field.values)
     assert np.hypot(field.x[best], field.y[best]) < 0.1
-    assert "80.61" in platform().caption  # degrees, as recomputed
+    assert "80.61" in platform_chart().caption  # degrees, as recomputed
 
 
 @pytest.mark.parametrize(
@@ -287,18 +293,18 @@ def test_platform_without_load_is_stiffest_at_the_centre():
 )
 def test_bad_maps(wrong, word):
     with pytest.raises(ValueError, match=word):
-        workspace(**CASE | wrong)
+        workspace(**PAIR_PARAMETERS | wrong)
 
 
 def test_bad_windows():
     with pytest.raises(ValueError, match="span must be"):
-        motor_angles(**CASE, span=0.0)
+        motor_angles(**PAIR_PARAMETERS, span=0.0)
 
 
 @cache
-def small():
+def coarse_map():
     """Map of the poses that are reached from S4 on a coarse grid, its rim and its mesh."""
-    m = fit_pose_map(pair("S4"), 11)
+    m = fit_pose_map(table_7_state("S4"), 11)
     rims = find_rim(m)
     return (
         m,
@@ -307,26 +313,26 @@ def small():
     )
 
 
-def corners_of(mesh, triangles):
+def triangle_corners(mesh, triangles):
     """Positions (t, 3) of the corners of triangles, as x + iy."""
     return (mesh.xy @ [1.0, 1.0j])[triangles]
 
 
-def sizes_of(corners):
+def triangle_areas(corners):
     """Areas (t,) of triangles, positive if counter-clockwise."""
     one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return 0.5 * np.imag(np.conj(one) * other)
 
 
-def test_triangles_fill_the_sheet_to_its_rim():
+def test_triangles_fill_the_map_to_its_rim():
     """Triangles cover the area of the map, more than its whole cells, up to points at the rim."""
-    m, (ends, ways), mesh = small()
-    whole = corners_of(mesh, mesh.triangles(m.reached))
-    covered = np.abs(sizes_of(whole)).sum()
+    m, (ends, directions), mesh = coarse_map()
+    whole = triangle_corners(mesh, mesh.triangles(m.reached))
+    covered = np.abs(triangle_areas(whole)).sum()
     cell = np.mean(np.diff(m.first)) * np.mean(np.diff(m.second))
     full = np.sum(m.reached[:-1, :-1] & m.reached[1:, :-1] & m.reached[1:, 1:] & m.reached[:-1, 1:])
     # cells of tears may be missing; a rim along whole cells would leave far more
-    assert covered == pytest.approx(map_area(m, ends, ways), rel=0.08)
+    assert covered == pytest.approx(map_area(m, ends, directions), rel=0.08)
     assert covered > 1.1 * full * cell
     last = np.unique(mesh.triangles(m.reached))
     beyond = sum(border_directions(m))
@@ -334,15 +340,15 @@ def test_triangles_fill_the_sheet_to_its_rim():
     assert (last >= m.reached.size).sum() > 0.8 * inside.sum() > 10
 
 
-def test_a_tear_is_cut_half_way_from_both_sides():
+def test_triangles_at_a_tear_end_half_way_from_both_sides():
     """Where an edge is removed, as if its ends did not follow from each other, no area is missing.
 
     The triangles end at the middle of that edge, from both sides.
     """
-    m, edges = folded(), connected_edges(folded())[0]
-    (ends, _), mesh = filled()
+    m, edges = map_at_the_fold(), connected_edges(map_at_the_fold())[0]
+    (ends, _), mesh = rim_and_mesh()
     whole = mesh.triangles(m.reached)
-    within = np.isin(edges, np.flatnonzero(eroded(m.reached))).all(axis=1)
+    within = np.isin(edges, np.flatnonzero(inner_nodes(m.reached))).all(axis=1)
     k = int(np.flatnonzero(within)[0])
     cut = mesh_map(m, np.delete(edges, k, axis=0), ends, mesh.loci)
     first, last = m.reached.size + len(mesh.ends.vector), m.reached.size + len(cut.ends.vector)
@@ -354,12 +360,13 @@ def test_a_tear_is_cut_half_way_from_both_sides():
     assert not both.any()
     assert (np.isin(whole, edges[k]).sum(axis=1) == 2).any()
     area_of = [
-        np.abs(sizes_of(corners_of(*one))).sum() for one in ((mesh, whole), (cut, triangles))
+        np.abs(triangle_areas(triangle_corners(*one))).sum()
+        for one in ((mesh, whole), (cut, triangles))
     ]
     assert area_of[1] == pytest.approx(area_of[0], rel=1e-12, abs=0)
 
 
-def eroded(inside):
+def inner_nodes(inside):
     """Nodes all of whose eight neighbours are inside."""
     padded = np.pad(inside, 1)
     rows, columns = inside.shape
@@ -369,16 +376,16 @@ def eroded(inside):
 
 
 @pytest.mark.slow
-def test_no_cell_of_a_sheet_stays_white():
+def test_triangles_leave_no_cell_of_a_map_empty():
     """Triangles cover a map of which two nodes of 245 are next to tears.
 
     Without triangles in cells with tears 10 % of the area would be missing.
     """
-    m = fit_pose_map(pair("S4"), 24)
+    m = fit_pose_map(table_7_state("S4"), 24)
     rims = find_rim(m)
     edges, torn = connected_edges(m)
     mesh = mesh_map(m, edges, rims[0], find_singularities(m, "direct", rims))
-    covered = np.abs(sizes_of(corners_of(mesh, mesh.triangles(m.reached)))).sum()
+    covered = np.abs(triangle_areas(triangle_corners(mesh, mesh.triangles(m.reached)))).sum()
     assert covered == pytest.approx(map_area(m, *rims), rel=0.03)  # chords of the rim
     assert torn.sum() < 10
 
@@ -388,14 +395,14 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
 
     The determinant is zero at direct singularities, and no triangle extends across them.
     """
-    m, (_, mesh) = folded(), filled()
+    m, (_, mesh) = map_at_the_fold(), rim_and_mesh()
     det = np.full(m.reached.shape, np.nan)
     det[m.reached] = np.linalg.det(derivatives(m.states[m.reached]).inverse)
     parts = [
         mesh.triangles(m.reached & (sign * det > 0.0), within=True, beyond=True) for sign in (1, -1)
     ]
-    both = np.abs(sizes_of(corners_of(mesh, np.concatenate(parts)))).sum()
-    whole = np.abs(sizes_of(corners_of(mesh, mesh.triangles(m.reached)))).sum()
+    both = np.abs(triangle_areas(triangle_corners(mesh, np.concatenate(parts)))).sum()
+    whole = np.abs(triangle_areas(triangle_corners(mesh, mesh.triangles(m.reached)))).sum()
     assert both <= whole * (1.0 + 1e-9)
     assert both > 0.9 * whole
     for part, sign in zip(parts, (1, -1), strict=True):
@@ -409,12 +416,12 @@ def test_triangles_of_both_signs_meet_at_the_singularity_and_do_not_overlap():
     assert (field.values[corners[corners >= first]] == 0.0).all()  # loci
     values = field.values[field.triangles]
     assert (values.min(axis=1) * values.max(axis=1) >= 0.0).all()  # no triangle across them
-    assert np.abs(sizes_of(corners_of(mesh, field.triangles))).sum() > 0.9 * whole
+    assert np.abs(triangle_areas(triangle_corners(mesh, field.triangles))).sum() > 0.9 * whole
 
 
-def test_states_at_the_rim_hold_by_an_integrator_of_its_own():
+def test_states_at_the_rim_are_equilibria_by_another_integrator():
     """States at the rim, which charts use as well, are equilibria by another integrator."""
-    (ends, _), _ = filled()
+    (ends, _), _ = rim_and_mesh()
     for i in range(0, len(ends.vector), 5):
         s = ends[i]
         # Runge-Kutta with 41 nodes: errors of 1e-6 for bent rods

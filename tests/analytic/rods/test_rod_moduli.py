@@ -22,7 +22,7 @@ def charts(case: Case) -> list[Chart]:
     return [compute_chart(case, table) for table in case.chart]
 
 
-def end(psi: float, k: float, size: float) -> tuple[float, int]:
+def tip_moment_and_inflections(psi: float, k: float, size: float) -> tuple[float, int]:
     """Moment [EI/L] at the tip and number of inflections before it, by integration.
 
     The equation is theta'' = R sin(theta - psi) from theta = 0, with the slope of the modulus k.
@@ -40,7 +40,7 @@ def end(psi: float, k: float, size: float) -> tuple[float, int]:
     return float(run.y[1, -1]), int(np.sum(np.diff(np.sign(run.y[1, :-1])) != 0.0))
 
 
-def test_loads_of_the_surface_end_in_an_inflection(charts: list[Chart]) -> None:
+def test_rods_under_loads_of_the_chart_end_in_an_inflection(charts: list[Chart]) -> None:
     """Under loads of the charts a rod has no moment at its tip, and inflections of the mode."""
     rng = np.random.default_rng(8)
     for mode, panel in enumerate(charts[1].panels, 1):
@@ -53,11 +53,11 @@ def test_loads_of_the_surface_end_in_an_inflection(charts: list[Chart]) -> None:
                 continue
             least = abs(np.cos(psi / 2.0))
             k = np.sign(k_rel) * (least + (1.0 - least) * abs(k_rel))
-            moment, before = end(psi, k, size)
+            moment, before = tip_moment_and_inflections(psi, k, size)
             # rounding of the load, e^sqrt(R) times at the tip; a wrong load gives 0.1 or more
             assert abs(moment) < 1e-6 * np.sqrt(size), (mode, psi, k_rel)
             assert before == mode - 1
-            assert abs(end(psi, k, 1.02 * size)[0]) > 1e-4
+            assert abs(tip_moment_and_inflections(psi, k, 1.02 * size)[0]) > 1e-4
 
 
 def test_moduli_lie_between_their_bound_and_one(charts: list[Chart]) -> None:
@@ -72,7 +72,7 @@ def test_moduli_lie_between_their_bound_and_one(charts: list[Chart]) -> None:
         assert np.all(np.abs(line.y) < 1.0)
 
 
-def test_all_rods_of_the_load_are_on_its_line(charts: list[Chart], case: Case) -> None:
+def test_all_rods_under_the_load_of_the_case_are_drawn(charts: list[Chart], case: Case) -> None:
     """The chart has the three rods under the direction and size of the case's load, and the case.
 
     By integration each of them has no moment at its tip; two have one half wave, one has two.
@@ -92,13 +92,13 @@ def test_all_rods_of_the_load_are_on_its_line(charts: list[Chart], case: Case) -
     counts = []
     for k_rel in every.x:
         k = np.sign(k_rel) * (least + (1.0 - least) * abs(k_rel))
-        moment, before = end(psi, k, float(size))
+        moment, before = tip_moment_and_inflections(psi, k, float(size))
         assert abs(moment) < 1e-5 * size  # as above
         counts.append(before + 1)
     assert sorted(counts) == [1, 1, 2]
 
 
-def test_complaints() -> None:
+def test_bad_parameters_are_refused() -> None:
     guess = {"pin_x": 0.8, "pin_y": 0.1, "force_x": -20.0, "force_y": -7.0, "moment": -3.7}
     with pytest.raises(ValueError, match=r"nodes must lie within \[5, 401\], got 4"):
         rod_pinned.loads(**guess, nodes=4)

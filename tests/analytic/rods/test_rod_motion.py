@@ -15,7 +15,7 @@ ROD = {"length": 1.0, "stiffness": 0.25, "mass": 0.1, "gravity": 9.81}
 LINKS = {"crank": 0.25, "coupler": 1.0, "stiffness": 0.2, "coupler_mass": 0.1, "slider_mass": 0.05}
 
 
-def roots(function, about) -> np.ndarray:
+def roots_near(function, about) -> np.ndarray:
     """Roots of a function within 0.4 of given numbers."""
     return np.array([brentq(function, a - 0.4, a + 0.4) for a in about])
 
@@ -27,11 +27,11 @@ def test_small_oscillations_are_those_of_beams():
     and pi, 2 pi, ... for a pinned rod with a slider.
     """
     about = np.pi * (np.arange(3) + 0.5)
-    clamped = roots(lambda b: np.cos(b) + 1.0 / np.cosh(b), about)
+    clamped = roots_near(lambda b: np.cos(b) + 1.0 / np.cosh(b), about)
     np.testing.assert_allclose(clamped[:2], [1.8751, 4.6941], atol=1e-4)
     rod = MovingRod(1.0, 1.0, 1.0)
     np.testing.assert_allclose(rod.frequencies(12)[:3], clamped**2, rtol=1e-9)
-    pinned = roots(lambda b: np.tan(b) - np.tanh(b), about[:2] + 0.75 * np.pi)
+    pinned = roots_near(lambda b: np.tan(b) - np.tanh(b), about[:2] + 0.75 * np.pi)
     found = MovingRod(1.0, 1.0, 1.0, clamped=False).frequencies(12)
     assert found[0] < 1e-6  # rotation about the pin
     np.testing.assert_allclose(found[1:3], pinned**2, rtol=1e-9)
@@ -76,7 +76,7 @@ def test_a_large_motion_is_the_limit_of_chains(theta0):
     assert np.abs(limit - tip).max() < 0.05 * errors[2]
 
 
-def test_energy_and_balance():
+def test_energy_is_constant_and_the_first_clamp_moment_is_zero():
     """The energy of a released rod is constant, and the moment at its clamp is zero at first."""
     t = np.linspace(0.0, 0.6, 13)
     found = rod_released.solve(t, **ROD)
@@ -84,7 +84,7 @@ def test_energy_and_balance():
     assert found["moment"][0] == 0.0  # straight: nothing bends it yet
 
 
-def test_an_equilibrium_is_an_equilibrium_of_the_motion():
+def test_a_rod_released_in_equilibrium_stays_at_rest():
     """A rod that begins with the shape of the elastica under its own weight stays at rest.
 
     Its polynomials are fitted to the angles of the elastica.
@@ -99,15 +99,15 @@ def test_an_equilibrium_is_an_equilibrium_of_the_motion():
     table = np.polynomial.legendre.legval(x, rows.T).T
     a = np.linalg.lstsq(table, shape["theta"], rcond=None)[0]
     np.testing.assert_allclose(table @ a, shape["theta"], atol=1e-9, rtol=0)
-    t, still = np.linspace(0.0, 0.5, 6), np.zeros(count)
-    curves = rod.curves(t, *rod.integrate(t, a, still, 2e-3))
+    t, zero_rates = np.linspace(0.0, 0.5, 6), np.zeros(count)
+    curves = rod.curves(t, *rod.integrate(t, a, zero_rates, 2e-3))
     np.testing.assert_allclose(curves["tip_y"], shape["y"][-1], atol=1e-7)
     assert curves["force_y"] == pytest.approx(weight, abs=1e-6)
     moment = weight * np.trapezoid(shape["x"], s)
     assert curves["moment"] == pytest.approx(moment, rel=1e-3)
 
 
-def test_more_polynomials_and_shorter_steps_change_what_is_said():
+def test_changes_by_more_polynomials_and_shorter_steps_are_as_stated():
     """Half the step changes a position by 3e-6, more polynomials by up to `POSITION_TOLERANCE`."""
     t = np.linspace(0.0, 0.8, 9)
     rod = MovingRod(1.0, 0.25, 0.1, gravity=-9.81j)
@@ -120,7 +120,7 @@ def test_more_polynomials_and_shorter_steps_change_what_is_said():
     assert np.abs(places[2] - places[0]).max() < 2e-5
 
 
-def test_a_stiff_coupler_is_a_rigid_one():
+def test_a_stiff_coupler_moves_like_a_rigid_one():
     """With a coupler ten times as stiff the slider's difference from a rigid linkage is 1/100.
 
     This difference is of the order of the square of the deflection.
@@ -170,7 +170,7 @@ def test_an_elastic_coupler_is_the_limit_of_chains():
     assert np.abs(limit - wanted).max() < 0.02 * errors[2]
 
 
-def test_the_drive_does_the_work_of_the_energy():
+def test_the_moment_of_the_drive_is_the_slope_of_the_energy():
     """The integral of the drive's moment over its angle is the increase of the energy.
 
     The tip stays on its guide, and the velocity of the slider is the derivative of its position.
@@ -241,7 +241,7 @@ def test_bad_input_of_an_elastic_coupler(change, rate, words):
         slider_crank_elastic.solve(angle, rate + 0.0 * angle, 0.0 * angle, **(LINKS | change))
 
 
-def test_neighbours_have_as_many_polynomials(monkeypatch):
+def test_a_neighbour_uses_the_same_number_of_polynomials(monkeypatch):
     """A rod with a mass changed by 1e-6 uses the number of polynomials that the rod needed."""
     counts, moved = [], rod_motion.motion_curves
     monkeypatch.setattr(

@@ -5,13 +5,13 @@ import pytest
 
 from proofmass.analytic.rods.equilibrium import derivatives
 from proofmass.analytic.rods.rod_pair_driven import circles, equilibria_at_points, rectangles, solve
-from tests.analytic.rods.rod_assembly_cases import DATA, EI, pair
+from tests.analytic.rods.rod_assembly_cases import DATA, EI, table_7_state
 from tests.analytic.rods.rod_chain_cases import continuum
 
 PATHS, LOAD = DATA["trajectories"], np.array(DATA["rfr2"]["load"])
-WHERE = {"distance": 0.6, "stiffness": EI}
-LOADED = WHERE | {"force_x": LOAD[0], "force_y": LOAD[1]}
-LINE = WHERE | {
+DIMENSIONS = {"distance": 0.6, "stiffness": EI}
+LOADED_PAIR = DIMENSIONS | {"force_x": LOAD[0], "force_y": LOAD[1]}
+START_GUESS = DIMENSIONS | {
     "pin_x": 0.293,
     "pin_y": -0.341,
     "moment1": 0.28,
@@ -19,23 +19,23 @@ LINE = WHERE | {
     "push_x": -0.83,
     "push_y": 0.95,
 }  # the start of the document's trajectories
-BEGIN = np.radians([[-32.2157989], [20.9113672]])
-FIRST = np.array([[1.0], [0.0]])
-ASIDE = np.array([0.1, -0.05])  # rotation [rad] of the motors from the guess
+START_ANGLES = np.radians([[-32.2157989], [20.9113672]])
+FIRST_MOTOR = np.array([[1.0], [0.0]])
+ROTATION = np.array([0.1, -0.05])  # rotation [rad] of the motors from the guess
 
 
-def guess(name):
+def guess_of_table_7(name):
     """Motor angles of an equilibrium of Table 7, and parameters with a guess of three decimals."""
-    s = pair(name)
+    s = table_7_state(name)
     names = "pin_x", "pin_y", "moment1", "moment2", "push_x", "push_y"
     values = np.array([*s.pose, *s.moment, *s.force[0]])
-    return s.inputs, LOADED | dict(zip(names, values.round(3), strict=True))
+    return s.inputs, LOADED_PAIR | dict(zip(names, values.round(3), strict=True))
 
 
-def test_a_motor_turned_by_a_radian():
+def test_pin_and_moments_along_a_motor_line_are_the_recomputed_ones():
     """Pin and holding moments are the recomputed ones along the document's motor line, unloaded."""
     rows = PATHS["motor"]
-    found = solve(BEGIN + FIRST * [0.0, *(row["turn"] for row in rows)], **LINE)
+    found = solve(START_ANGLES + FIRST_MOTOR * [0.0, *(row["turn"] for row in rows)], **START_GUESS)
     for names, key in ((("pin_x", "pin_y"), "pose"), (("hold1", "hold2"), "moment")):
         sign = -1.0 if key == "moment" else 1.0  # motors act against the rods
         values = sign * np.stack([found[name][1:] for name in names], axis=1)
@@ -47,7 +47,7 @@ def test_both_motors_lead_the_pin_round_a_ring():
     """Recomputed motor angles, to 1e-5 degrees, lead the pin round a ring of diameter 0.2 m."""
     rows = PATHS["ring"]
     angles = np.radians([row["inputs_deg"] for row in rows]).T
-    found = solve(np.hstack([BEGIN, angles]), **LINE)
+    found = solve(np.hstack([START_ANGLES, angles]), **START_GUESS)
     turn = np.radians([row["angle_deg"] for row in rows])
     for name, ring in (("pin_x", np.cos(turn)), ("pin_y", np.sin(turn))):
         # 1e-5 degrees times dP/dtheta
@@ -59,8 +59,8 @@ def test_a_fold_ends_the_branch():
     to the fold.
     """
     fold = PATHS["fold"]
-    ways = np.array([4e-4, 1e-4, -1e-4])  # the data have 5e-6 rad
-    found = solve(BEGIN + FIRST * [0.0, *(fold["turn"] + ways)], **LINE)
+    offsets = np.array([4e-4, 1e-4, -1e-4])  # the data have 5e-6 rad
+    found = solve(START_ANGLES + FIRST_MOTOR * [0.0, *(fold["turn"] + offsets)], **START_GUESS)
     assert np.isfinite(found["pin_x"]).tolist() == [True, True, True, False]
     assert all(np.isnan(curve[3]) for curve in found.values())
     soft = found["pin_stiffness"][1:3]
@@ -69,7 +69,7 @@ def test_a_fold_ends_the_branch():
     assert near == pytest.approx(fold["pose"], abs=2e-2)  # root of 1e-4 rad
 
 
-TURNS = {"S1": (1, -1, "S2"), "S4": (0, -1, "S2"), "S3": (-1, 0, "S1")}
+MOTOR_TURNS = {"S1": (1, -1, "S2"), "S4": (0, -1, "S2"), "S3": (-1, 0, "S1")}
 
 
 @pytest.mark.parametrize(
@@ -80,13 +80,13 @@ def test_turns_of_the_motors_join_the_equilibria_of_table_7(name):
 
     The clamps have the same directions again, but the rods are wound in another way.
     """
-    *turns, other = TURNS[name]
-    begin, given = guess(name)
-    found = solve(begin[:, None] + 2 * np.pi * np.outer(turns, np.linspace(0, 1, 7)), **given)
-    goal = pair(other)
+    *turns, other = MOTOR_TURNS[name]
+    begin, parameters = guess_of_table_7(name)
+    found = solve(begin[:, None] + 2 * np.pi * np.outer(turns, np.linspace(0, 1, 7)), **parameters)
+    goal = table_7_state(other)
     ends = [found[key][-1] for key in ("pin_x", "pin_y", "hold1", "hold2", "energy")]
-    truth = [*goal.pose, *-goal.moment, goal.energy.sum()]
-    np.testing.assert_allclose(ends, truth, rtol=0, atol=1e-10)  # Newton, over L and EI/L
+    reference = [*goal.pose, *-goal.moment, goal.energy.sum()]
+    np.testing.assert_allclose(ends, reference, rtol=0, atol=1e-10)  # Newton, over L and EI/L
     assert found["pin_stiffness"].min() > 0.1  # far from any fold
 
 
@@ -96,15 +96,15 @@ def test_the_rods_integrated_from_their_clamps_meet_at_the_pin(name):
 
     Their tangents at the pin and their energy are those of `solve`.
     """
-    begin, given = guess(name)
+    begin, parameters = guess_of_table_7(name)
     found = {
         key: curve[-1]
-        for key, curve in solve(np.stack([begin, begin + ASIDE], axis=1), **given).items()
+        for key, curve in solve(np.stack([begin, begin + ROTATION], axis=1), **parameters).items()
     }
     first, stored = np.array([found["push_x"], found["push_y"]]), 0.0
     s = np.linspace(0.0, 1.0, 2001)
     for k, force in enumerate((first, LOAD - first)):
-        angle = begin[k] + ASIDE[k]
+        angle = begin[k] + ROTATION[k]
         theta, bend, x, y = continuum(angle, force, -found[f"hold{k + 1}"], EI)(s)
         assert theta[-1] == pytest.approx(found[f"tip{k + 1}"], abs=1e-8)  # DOP853 at 1e-11
         assert EI * bend[-1] == pytest.approx(0.0, abs=1e-9)
@@ -114,14 +114,14 @@ def test_the_rods_integrated_from_their_clamps_meet_at_the_pin(name):
     assert stored == pytest.approx(found["energy"], rel=1e-5)  # the trapezoids
 
 
-def spread(h):
+def sample_with_neighbours(h):
     """A sample of the document's line (1) and two at +-h (2, 3), for each of the two motors."""
-    middle = BEGIN + FIRST * 0.4
+    middle = START_ANGLES + FIRST_MOTOR * 0.4
     return [
         solve(
-            np.hstack([BEGIN, middle, middle + way, middle - way]),
+            np.hstack([START_ANGLES, middle, middle + way, middle - way]),
             np.ones((2, 1)),
-            **LINE,
+            **START_GUESS,
             force_x=0.02,
         )
         for way in h * np.eye(2)[..., None]
@@ -131,7 +131,7 @@ def spread(h):
 def test_rates_are_slopes_and_moments_are_work():
     """dP/dt = sum dP/dtheta_i at motor rates of 1 rad/s; d(U - F.P) = hold . dtheta."""
     h = 1e-4
-    first, second = spread(h)
+    first, second = sample_with_neighbours(h)
     for axis in "xy":
         slopes = [
             (one[f"pin_{axis}"][2] - one[f"pin_{axis}"][3]) / (2 * h) for one in (first, second)
@@ -169,18 +169,23 @@ def test_symmetric_motors_keep_the_pin_in_the_middle():
 def test_motors_that_differ_in_the_seventh_digit_have_equilibria_of_their_own():
     """Motor angles that differ by 2e-7 rad share the search for a path, but not the equilibrium."""
     step = 2e-7
-    one, other = (solve(BEGIN + FIRST * turn, FIRST, **LINE) for turn in (0.5, 0.5 + step))
+    one, other = (
+        solve(START_ANGLES + FIRST_MOTOR * turn, FIRST_MOTOR, **START_GUESS)
+        for turn in (0.5, 0.5 + step)
+    )
     slope = (other["pin_x"] - one["pin_x"]) / step
     assert slope == pytest.approx(one["pin_vx"], abs=2e-3)  # twice Newton's 1e-10, over the step
 
 
 @pytest.mark.slow
-def test_the_way_there_does_not_matter():
+def test_equilibria_do_not_depend_on_samples_or_units():
     """The equilibria are the same with more samples, on the way back, and in other units."""
     turn = np.linspace(0.0, 1.0, 3)
-    coarse = solve(BEGIN + FIRST * turn, FIRST, **LINE)
+    coarse = solve(START_ANGLES + FIRST_MOTOR * turn, FIRST_MOTOR, **START_GUESS)
     there = np.linspace(0.0, 1.0, 9)
-    fine = solve(BEGIN + FIRST * np.append(there, there[-2::-1]), FIRST, **LINE)
+    fine = solve(
+        START_ANGLES + FIRST_MOTOR * np.append(there, there[-2::-1]), FIRST_MOTOR, **START_GUESS
+    )
     big = {
         "distance": 1.2,
         "length": 2.0,
@@ -192,7 +197,7 @@ def test_the_way_there_does_not_matter():
         "push_x": -0.83,
         "push_y": 0.95,
     }
-    larger = solve(BEGIN + FIRST * turn, FIRST, **big)
+    larger = solve(START_ANGLES + FIRST_MOTOR * turn, FIRST_MOTOR, **big)
     size = {
         "pin_x": 2,
         "pin_y": 2,
@@ -224,24 +229,24 @@ def test_the_way_there_does_not_matter():
 )
 def test_bad_values_are_named(change, word):
     with pytest.raises(ValueError, match=word):
-        solve(**{"angle": BEGIN + FIRST * [0.0, 0.1]} | LINE | change)
+        solve(**{"angle": START_ANGLES + FIRST_MOTOR * [0.0, 0.1]} | START_GUESS | change)
 
 
-CENTRE = {"theta1": BEGIN[0, 0], "theta2": BEGIN[1, 0]}
-ROUND = {"diameter": 0.2, "number": 5, "divisions": 8}
-SQUARES = {"width": 0.2, "height": 0.2, "number": 4, "divisions": 4}
+CENTRE = {"theta1": START_ANGLES[0, 0], "theta2": START_ANGLES[1, 0]}
+CIRCLES = {"diameter": 0.2, "number": 5, "divisions": 8}
+RECTANGLES = {"width": 0.2, "height": 0.2, "number": 4, "divisions": 4}
 
 
-def led_to(law, time, size):
+def pin_path(profile, time, size):
     """Positions x + iy of the pin from its first one, for motor angles of a motion profile."""
-    found = solve(*law(time, **size, **CENTRE, **LINE), **LINE)
+    found = solve(*profile(time, **size, **CENTRE, **START_GUESS), **START_GUESS)
     place = found["pin_x"] + 1j * found["pin_y"]
     return place - place[0]
 
 
 def stiffness_at(places):
     """States at positions of the pin about the centre, and their least stiffness, fixed motors."""
-    states = equilibria_at_points(tuple(places.tolist()), **CENTRE, **LINE)
+    states = equilibria_at_points(tuple(places.tolist()), **CENTRE, **START_GUESS)
     return states, np.linalg.eigvalsh(derivatives(states).stiffness)[:, 0]
 
 
@@ -253,10 +258,10 @@ def test_five_circles_of_the_document():
     turns = np.exp(0.25j * np.pi * np.arange(8))
     wanted = np.outer(0.02 * np.arange(1.0, 6.0), turns).ravel()
     time = np.array([0, 1, 4, 11, 18, 25, 29, 33, 36, 39])
-    places = led_to(circles, time, ROUND)
+    places = pin_path(circles, time, CIRCLES)
     np.testing.assert_allclose(places[1:], wanted[time[1:] - 1], rtol=0, atol=1e-9)  # of `solve`
     assert stiffness_at(wanted)[1].min() > 0.1
-    angles = circles(np.arange(33.0, 41.0), **ROUND, **CENTRE, **LINE)[0]
+    angles = circles(np.arange(33.0, 41.0), **CIRCLES, **CENTRE, **START_GUESS)[0]
     rows = [row["inputs_deg"] for row in PATHS["ring"]]
     np.testing.assert_allclose(np.degrees(angles.T), rows, rtol=0, atol=1e-4)  # five decimals
 
@@ -270,26 +275,27 @@ def test_four_rectangles_of_the_document_end_beyond_a_fold():
     square = (-1j) ** np.arange(4)[:, None] * (1.0 - 1.0j - 0.5 * np.arange(1, 5))
     wanted = np.outer(0.025 * np.arange(1, 5), square).ravel()
     time = np.array([0, 3, 4, 8, 12, 16, 21, 28, 35, 44, 50, 56, 60])
-    places = led_to(rectangles, time, SQUARES)
+    places = pin_path(rectangles, time, RECTANGLES)
     np.testing.assert_allclose(places[1:], wanted[time[1:] - 1], rtol=0, atol=1e-9)
     states, least = stiffness_at(wanted)
     assert least[:-1].min() > 0.05
     assert least[-1] < -0.1  # motors do not constrain the pin there
-    own = rectangles(np.arange(1.0, 65.0), **SQUARES, **CENTRE, **LINE)[0]
+    own = rectangles(np.arange(1.0, 65.0), **RECTANGLES, **CENTRE, **START_GUESS)[0]
     np.testing.assert_allclose(own.T, states.inputs, rtol=0, atol=1e-9)
     # of two shapes at these angles the motors lead to the stable one
     assert (
-        abs(led_to(rectangles, np.array([0.0, 56.0, 60.0, 64.0]), SQUARES)[-1] - wanted[-1]) > 0.05
+        abs(pin_path(rectangles, np.array([0.0, 56.0, 60.0, 64.0]), RECTANGLES)[-1] - wanted[-1])
+        > 0.05
     )
 
 
 @pytest.mark.parametrize("law", [circles, rectangles])
 def test_a_path_has_the_rates_of_its_angles(law):
     """Rates and accelerations of a motion profile are central differences of its angles."""
-    size = ROUND if law is circles else SQUARES
+    size = CIRCLES if law is circles else RECTANGLES
     t, step = np.array([0.7, 7.3, 22.9]), 1e-4
-    angle, rate, acceleration = law(t, **size, **CENTRE, **LINE)
-    ahead, behind = (law(t + s, **size, **CENTRE, **LINE)[0] for s in (step, -step))
+    angle, rate, acceleration = law(t, **size, **CENTRE, **START_GUESS)
+    ahead, behind = (law(t + s, **size, **CENTRE, **START_GUESS)[0] for s in (step, -step))
     np.testing.assert_allclose(rate, (ahead - behind) / (2 * step), rtol=0, atol=1e-7)
     np.testing.assert_allclose(acceleration, (ahead - 2 * angle + behind) / step**2, atol=1e-5)
 
@@ -303,6 +309,6 @@ def test_a_path_has_the_rates_of_its_angles(law):
         ({"pins": 1.0}, "unexpected keyword argument 'pins'"),
     ],
 )
-def test_a_path_that_cannot_be(change, words):
+def test_an_impossible_path_is_refused(change, words):
     with pytest.raises(ValueError, match=words):
-        circles(0.0, **{**ROUND, **CENTRE, **LINE, **change})
+        circles(0.0, **{**CIRCLES, **CENTRE, **START_GUESS, **change})

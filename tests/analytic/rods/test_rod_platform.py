@@ -13,7 +13,7 @@ from proofmass.analytic.remember import use_memory
 from proofmass.analytic.rods import rod_platform, rod_platform_driven
 from proofmass.analytic.rods.assembly import is_mirrored, triangle
 from proofmass.analytic.rods.rod_platform import PlatformProblem, equilibrium_of_mode
-from tests.analytic.rods.rod_assembly_cases import CORNERS, DATA, EI, three
+from tests.analytic.rods.rod_assembly_cases import CORNERS, DATA, EI, three_rod_platform
 from tests.independent.rods.chain_assembly import settle
 
 ANNEX = json.loads((Path(__file__).parents[2] / "data" / "rod_platform.json").read_text())
@@ -35,13 +35,13 @@ PFR3 = {"side": ANNEX["side"], "force_x": 0.3, "force_y": -0.2, **GUIDED}
 ENDS = np.array([0.0, 1.0])
 
 
-def at(slides, **parameters):
+def solve_at_inputs(slides, **parameters):
     """Quantities at one triple of inputs, as numbers by name."""
     found = rod_platform_driven.solve(np.asarray(slides, float), **parameters)
     return {name: float(value) for name, value in found.items()}
 
 
-def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
+def table_8_state(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
     """An equilibrium of the mechanism of Table 8; mode 1 has the least potential."""
     return equilibrium_of_mode(
         PlatformProblem(TABLE8["side"], 1.0, 1.0, EI, motors, None, (0.0,) * 3, load, 1), mode
@@ -49,7 +49,7 @@ def rfr3(load=(0.0, 0.5, 0.0), mode=1, motors=MOTORS8):
 
 
 @pytest.mark.parametrize(("mode", "row"), [(2, 0), (1, 1)])
-def test_table_8_at_rest(mode, row):
+def test_solutions_of_table_8_are_the_two_lowest_equilibria(mode, row):
     """The two solutions of Table 8 are the two lowest stable equilibria.
 
     Rods lead from the clamps to the pins and have no moment there.
@@ -78,23 +78,25 @@ def test_other_stable_equilibria_have_a_looped_rod():
     Chains that are seeded with their shapes are stable at the same poses.
     """
     for mode in (1, 2, 3, 4, 5):
-        s = rfr3(mode=mode)
+        s = table_8_state(mode=mode)
         tips = s.shape([0.0, 1.0])[2]
         looped = np.abs(tips[:, 1] - tips[:, 0]) > np.radians(300.0)
         assert looped.sum() == (mode > 2)
         shapes = [lambda arc, k=k, s=s: s.shape(np.atleast_1d(arc))[2][k] for k in range(3)]
         # the bend of a loop is 1/13 of the length, so a chain needs 40 links at least
-        own = settle(three(0.2), MOTORS8, seed=shapes, segments=80, force=(0.0, 0.5))
-        assert own.curvatures[0] > 0.0
-        np.testing.assert_allclose(own.pose, s.pose, atol=6e-3)  # h^2 of that bend
+        chains = settle(
+            three_rod_platform(0.2), MOTORS8, seed=shapes, segments=80, force=(0.0, 0.5)
+        )
+        assert chains.curvatures[0] > 0.0
+        np.testing.assert_allclose(chains.pose, s.pose, atol=6e-3)  # h^2 of that bend
     with pytest.raises(ValueError, match=r"mode 6 is not there; .*; 2 at \(0.0165, 0.0206\) m"):
-        rfr3(mode=6)
+        table_8_state(mode=6)
 
 
 @pytest.mark.parametrize("load", [(0.0, 0.5, 0.0), (0.2, 0.1, 0.03)])
-def test_shooting_finds_the_same(load):
+def test_shooting_finds_the_same_equilibria(load):
     """Shooting by DOP853, with twelve unknowns and a guess of two digits, finds the same state."""
-    s = rfr3(load, mode=2)
+    s = table_8_state(load, mode=2)
 
     def residual(z):
         x, y, phi = z[9:]
@@ -135,28 +137,28 @@ def test_the_misprinted_angle_is_another_mechanism():
         assert np.hypot(*(there[:, :2] - row["pose"]).T).min() > 0.05
 
 
-def test_annex_configuration():
+def test_the_mechanism_of_the_annex_has_three_equilibria():
     """The mechanism of the annex has three equilibria, those recomputed, and no fourth one.
 
     They are the roots of the program's residual that are not mirror images.
     """
-    a = three(ANNEX["side"])
+    a = three_rod_platform(ANNEX["side"])
     pins = [row["pins"] for row in DATA["pfr3_closures"]["pins"]]
     assert is_mirrored(a, pins).tolist() == [
         row["mirrored"] for row in DATA["pfr3_closures"]["pins"]
     ]
     for mode, row in enumerate(ANNEX["equilibria"], 1):
-        found = at([ANNEX["slide"]] * 3, **PFR3, mode=mode)
+        found = solve_at_inputs([ANNEX["slide"]] * 3, **PFR3, mode=mode)
         assert [found["x"], found["y"]] == pytest.approx(row["pose"], abs=5.1e-6)  # digits
         assert np.degrees(found["phi"]) == pytest.approx(row["phi_deg"], abs=5.1e-4)
         assert found["energy"] == pytest.approx(row["energy"], abs=5.1e-6)
         arms = triangle(ANNEX["side"]) @ [1.0, 1.0j] * np.exp(1j * found["phi"])
-        own = np.stack([found["x"] + arms.real, found["y"] + arms.imag], axis=-1)
-        near = np.abs(np.array(pins) - own).max(axis=(1, 2))
+        found_pins = np.stack([found["x"] + arms.real, found["y"] + arms.imag], axis=-1)
+        near = np.abs(np.array(pins) - found_pins).max(axis=(1, 2))
         assert near.min() < 2e-6
         assert not DATA["pfr3_closures"]["pins"][near.argmin()]["mirrored"]
     with pytest.raises(ValueError, match="mode 4 is not there"):
-        at([ANNEX["slide"]] * 3, **PFR3, mode=4)
+        solve_at_inputs([ANNEX["slide"]] * 3, **PFR3, mode=4)
 
 
 @pytest.mark.parametrize("row", DATA["pfr3"]["recomputed"], ids=["rigid ends", "none"])
@@ -167,7 +169,9 @@ def test_start_pose_of_the_program(row):
     Each rod's force is across its guide.
     """
     side = np.sqrt(3.0) * DATA["pfr3"]["circumradius"]
-    found = at([row["slide"]] * 3, side=side, **GUIDED, rigid_extension=row["rigid_extension"])
+    found = solve_at_inputs(
+        [row["slide"]] * 3, side=side, **GUIDED, rigid_extension=row["rigid_extension"]
+    )
     assert np.degrees(found["phi"]) == pytest.approx(60.0, abs=5e-5)  # slide: 5e-8 m over 0.3 m
     holds = np.array([found[f"hold{k}"] for k in (1, 2, 3)])
     assert np.abs(holds).max() <= 2e-8  # 5e-8 m times 0.1 N/m
@@ -178,7 +182,7 @@ def test_start_pose_of_the_program(row):
 @pytest.mark.parametrize("row", DATA["pfr3_symmetric"]["recomputed"])
 def test_symmetric_platform_without_load(row):
     """An unloaded symmetric platform has the recomputed angle, energy and forces along guides."""
-    found = at([0.0] * 3, side=0.5, **GUIDED, mode=1 if row["phi_deg"] > 0 else 2)
+    found = solve_at_inputs([0.0] * 3, side=0.5, **GUIDED, mode=1 if row["phi_deg"] > 0 else 2)
     assert np.degrees(found["phi"]) == pytest.approx(row["phi_deg"], abs=1e-5)  # five decimals
     assert found["energy"] == pytest.approx(row["energy"], abs=1e-7)
     assert abs(found["x"]) + abs(found["y"]) <= 1e-12
@@ -188,7 +192,7 @@ def test_symmetric_platform_without_load(row):
     assert [found[f"hold{k}"] for k in (1, 2, 3)] == pytest.approx(-along, abs=1e-6)
 
 
-def test_a_third_of_a_turn():
+def test_rotated_load_and_slides_rotate_the_pose():
     """With load and slides rotated by 120 degrees the pose is rotated and the drives exchanged."""
     path, third = np.linspace([0.1] * 3, [0.2, 0.05, -0.1], 3).T, np.exp(2j * np.pi / 3)
     load = (0.3 - 0.2j) * third
@@ -217,25 +221,27 @@ def test_rates_and_virtual_work(parameters, first, last):
 
     A moment on the platform grows along the path, and the potential changes with it as well.
     """
-    h, way, growth = 1e-4, np.subtract(last, first), np.full(5, 0.03)
+    h, change, growth = 1e-4, np.subtract(last, first), np.full(5, 0.03)
     share = np.array([0.0, 0.3 - h, 0.3, 0.3 + h, 1.0])
-    path = np.asarray(first)[:, None] + way[:, None] * share
+    path = np.asarray(first)[:, None] + change[:, None] * share
     load = {"moment": growth * share, "load_rates": {"moment": growth}}
-    found = rod_platform_driven.solve(path, way[:, None], **parameters | load)
+    found = rod_platform_driven.solve(path, change[:, None], **parameters | load)
     force = [parameters.get("force_x", 0.0), parameters["force_y"], load["moment"]]
     potential = found["energy"] - sum(
         f * found[name] for f, name in zip(force, ("x", "y", "phi"), strict=True)
     )
-    held = sum(found[f"hold{k}"][2] * way[k - 1] for k in (1, 2, 3)) - 0.03 * found["phi"][2]
+    work_rate = (
+        sum(found[f"hold{k}"][2] * change[k - 1] for k in (1, 2, 3)) - 0.03 * found["phi"][2]
+    )
     # h^2 times third derivatives of up to 20, and 1e-11 of the rods over h
     for name in ("x", "y", "phi"):
         slope = (found[name][3] - found[name][1]) / (2 * h)
         assert found[f"{name}_rate"][2] == pytest.approx(slope, abs=5e-7)
-    assert held == pytest.approx((potential[3] - potential[1]) / (2 * h), abs=5e-7)
+    assert work_rate == pytest.approx((potential[3] - potential[1]) / (2 * h), abs=5e-7)
     assert np.ptp(found["phi"]) > 0.05
 
 
-def test_the_end_of_a_path_is_an_equilibrium_of_its_own():
+def test_the_end_of_a_path_is_the_equilibrium_found_there():
     """The last equilibrium of a path is the lowest one that is found at its end alone.
 
     Along the path the slides return to the symmetric platform and the load falls to zero.
@@ -243,7 +249,7 @@ def test_the_end_of_a_path_is_an_equilibrium_of_its_own():
     share = np.linspace(1.0, 0.0, 5)
     load = {"force_x": 0.3 * share, "force_y": -0.2 * share}
     found = rod_platform_driven.solve(np.outer([ANNEX["slide"]] * 3, share), **PFR3 | load)
-    there = at([0.0] * 3, side=ANNEX["side"], **GUIDED)
+    there = solve_at_inputs([0.0] * 3, side=ANNEX["side"], **GUIDED)
     assert np.ptp(found["phi"]) > 0.3
     for name in ("x", "y", "phi", "energy", "hold1", "hold2", "hold3"):
         assert found[name][-1] == pytest.approx(there[name], abs=1e-10)
@@ -298,15 +304,15 @@ def test_neighbours_share_a_search(monkeypatch):
         ({"force_y": np.inf}, "load must be finite"),
     ],
 )
-def test_bad_parameters(wrong, word):
+def test_invalid_parameters_of_the_creep_are_refused(wrong, word):
     with pytest.raises(ValueError, match=word):
         rod_platform.solve(ENDS, **RFR3 | wrong)
 
 
 def test_bad_drives():
     with pytest.raises(ValueError, match="guide1, guide2, guide3 must be given together"):
-        at([0.1] * 3, side=0.5, guide1=0.0)
+        solve_at_inputs([0.1] * 3, side=0.5, guide1=0.0)
     with pytest.raises(ValueError, match=r"inputs must be those of three rods, \(3, ...\), got"):
         rod_platform_driven.solve(np.zeros((2, 5)), side=0.5)
     with pytest.raises(ValueError, match="there are: none"):
-        at([0.1] * 3, **PFR3 | {"force_x": 100.0})
+        solve_at_inputs([0.1] * 3, **PFR3 | {"force_x": 100.0})

@@ -18,21 +18,21 @@ FILE = Path(__file__).parents[2] / "data" / "rod_elliptic.json"
 DATA = json.loads(FILE.read_text())["single_rod"]
 EI, PIN = DATA["stiffness"], DATA["pin"]
 ROD = {name: dict(zip(DATA["columns"], DATA[name], strict=True)) for name in "ABCD"}
-DOCUMENT = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
+DOCUMENT_SETTINGS = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
 
 
-def start(name):
+def recomputed_unknowns(name):
     """Recomputed tip force and clamp moment of rod A, B, C or D."""
     return [ROD[name][key] for key in ("n_x", "n_y", "m0")]
 
 
 @cache
-def solved(n_x, n_y, m0):
+def solve_exact(n_x, n_y, m0):
     """The result of Newton's method with exact Jacobians from a guess, on 61 nodes."""
     return pinned(*PIN, (n_x, n_y, m0), stiffness=EI, nodes=61)
 
 
-def test_section():
+def test_bending_stiffnesses_of_the_documents_rods():
     """EI of the document's round rods is E pi r^4/4, in N m^2; its code names the unit Pa."""
     for diameter, stiffness in ((1.5e-3, 0.05218602640), (2e-3, 0.16493361431)):
         assert 210e9 * np.pi * (diameter / 2) ** 4 / 4 == pytest.approx(stiffness, abs=1e-11)
@@ -42,21 +42,21 @@ def test_section():
 @pytest.mark.parametrize(
     ("scheme", "order", "nodes"), [("rk4", 4, (81, 161)), ("dop853", 8, (17, 33))]
 )
-def test_order(scheme, order, nodes):
+def test_integration_has_the_order_of_its_scheme(scheme, order, nodes):
     """The error of the tip is of fourth order for RK4 and of eighth order for DOP853."""
-    truth = tip(1.3, -0.4, 2)
-    force = truth["R"] * np.array([np.cos(1.3), np.sin(1.3)])
+    reference = tip(1.3, -0.4, 2)
+    force = reference["R"] * np.array([np.cos(1.3), np.sin(1.3)])
     errors = []
     for count in nodes:
-        rod = integrate(*force, truth["m0"], nodes=count, scheme=scheme)
-        errors.append(np.hypot(rod.x[-1] - truth["x"], rod.y[-1] - truth["y"]))
+        rod = integrate(*force, reference["m0"], nodes=count, scheme=scheme)
+        errors.append(np.hypot(rod.x[-1] - reference["x"], rod.y[-1] - reference["y"]))
     seen = np.log2(errors[0] / errors[1])
     assert seen == pytest.approx(order, rel=0.06)  # terms of the next order
 
 
 def test_errors_of_the_document_s_scheme():
     """Under the exact load of A the tip has the recomputed errors of RK4, of fourth order."""
-    exact = pinned(*PIN, start("A"), stiffness=EI, nodes=161).unknowns
+    exact = pinned(*PIN, recomputed_unknowns("A"), stiffness=EI, nodes=161).unknowns
     for count, error in DATA["rk4_tip_error_at_A"].items():
         rod = integrate(*exact, stiffness=EI, nodes=int(count), scheme="rk4")
         found = np.hypot(rod.x[-1] - PIN[0], rod.y[-1] - PIN[1])
@@ -102,13 +102,13 @@ def test_scipy_s_integrator_agrees_under_weight():
 
 
 @pytest.mark.parametrize("scheme", ["rk4", "dop853"])
-def test_slopes_by_differences(scheme):
+def test_slopes_agree_with_differences(scheme):
     """Derivatives of the tip are central differences."""
-    given, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
+    parameters, step = np.array([-1.2, 0.7, 0.5, 0.3]), 1e-4
     shared = {"weight_x": 0.3, "weight_y": -0.6, "length": 1.2, "stiffness": 0.4, "scheme": scheme}
-    exact = integrate(*given[:3], theta0=given[3], slopes=True, **shared).slope[-1]
+    exact = integrate(*parameters[:3], theta0=parameters[3], slopes=True, **shared).slope[-1]
     offsets = step * np.concatenate([np.eye(4), -np.eye(4)])
-    moved = (given + offsets).T
+    moved = (parameters + offsets).T
     ends = integrate(*moved[:3], theta0=moved[3], **shared)
     values = np.array([ends.theta[-1], ends.m[-1], ends.x[-1], ends.y[-1]])
     slope = (values[:, :4] - values[:, 4:]) / (2.0 * step)
@@ -116,16 +116,18 @@ def test_slopes_by_differences(scheme):
 
 
 @pytest.mark.parametrize("name", "ABCD")
-def test_solutions(name):
+def test_newton_finds_the_recomputed_solutions(name):
     """Newton's method from the recomputed digits converges to them, in three steps or fewer.
 
     The closed form has the recomputed parameters and energy and its tip at the pin.
     """
     row = ROD[name]
-    shot = pinned(*PIN, start(name), stiffness=EI, nodes=161)
+    shot = pinned(*PIN, recomputed_unknowns(name), stiffness=EI, nodes=161)
     assert shot.converged
     assert shot.iterations <= 3
-    np.testing.assert_allclose(shot.unknowns, start(name), rtol=0, atol=1e-6)  # data: 5e-8
+    np.testing.assert_allclose(
+        shot.unknowns, recomputed_unknowns(name), rtol=0, atol=1e-6
+    )  # data: 5e-8
     assert np.degrees(shot.rod.theta[-1]) == pytest.approx(row["tip_deg"], abs=2e-5)
     psi, k_rel, mode = of_load(*shot.unknowns, stiffness=EI)
     assert (round(float(psi), 6), float(mode)) == (round(row["psi"], 6), row["mode"])
@@ -142,10 +144,10 @@ def test_stability_with_a_pinned_tip(name):
     row = ROD[name]
     found = stability(row["n_x"], row["n_y"], np.radians(row["tip_deg"]), stiffness=EI)
     assert found.pinned == row["negative"]
-    assert found.pinned == smallest(*start(name))
+    assert found.pinned == count_negative_directions(*recomputed_unknowns(name))
 
 
-def smallest(n_x, n_y, m0, cells=60):
+def count_negative_directions(n_x, n_y, m0, cells=60):
     """Number of negative eigenvalues of the energy's Hessian for motions with a fixed tip."""
     rod = integrate(n_x, n_y, m0, stiffness=EI, nodes=2 * cells + 1)
     theta, h = rod.theta[1::2], 1.0 / cells  # constant angle in each cell
@@ -161,7 +163,7 @@ def smallest(n_x, n_y, m0, cells=60):
 
 def test_compliance_by_differences():
     """The tip's compliance is the inverse of differences of pin forces, and symmetric."""
-    exact = pinned(*PIN, start("B"), stiffness=EI, nodes=161)
+    exact = pinned(*PIN, recomputed_unknowns("B"), stiffness=EI, nodes=161)
     found = stability(*exact.unknowns[:2], exact.rod.theta[-1], stiffness=EI).compliance
     step, stiff = 1e-4, np.empty((2, 2))
     for k, move in enumerate(step * np.eye(2)):
@@ -183,11 +185,18 @@ def test_guess_selects_the_branch(guess, name, way):
     The document's method takes six iterations from its own guess, 0.1.
     """
     by_document = way == "document"
-    shot = pinned(*PIN, guess, stiffness=EI, **DOCUMENT) if by_document else solved(*guess)
+    shot = (
+        pinned(*PIN, guess, stiffness=EI, **DOCUMENT_SETTINGS)
+        if by_document
+        else solve_exact(*guess)
+    )
     assert shot.converged
     # errors of RK4 with 61 nodes, 2e-7 m at A and B, more at C, times stiffnesses of 1 to 20 N/m
     np.testing.assert_allclose(
-        shot.unknowns, start(name), rtol=0, atol={"A": 1e-5, "B": 1e-5, "C": 1e-4}[name]
+        shot.unknowns,
+        recomputed_unknowns(name),
+        rtol=0,
+        atol={"A": 1e-5, "B": 1e-5, "C": 1e-4}[name],
     )
     if guess == [0.1, 0.1, 0.1] and by_document:
         assert shot.iterations == 6
@@ -211,8 +220,10 @@ def test_page_draws_the_document_s_shooting_from_its_guess_to_the_solution(page)
         assert panel.title == name
         exact, document = panel.lines
         assert exact.y[0] == document.y[0] == 0.1
-        assert exact.y[-1] == pytest.approx(start("A")[k], abs=1e-6)  # data: 5e-8
-        assert document.y[-1] == pytest.approx(start("A")[k], abs=1e-5)  # RK4: 2e-7 m of the tip
+        assert exact.y[-1] == pytest.approx(recomputed_unknowns("A")[k], abs=1e-6)  # data: 5e-8
+        assert document.y[-1] == pytest.approx(
+            recomputed_unknowns("A")[k], abs=1e-5
+        )  # RK4: 2e-7 m of the tip
         assert document.x.tolist() == list(range(7))  # six steps, as in an independent run
     titles = [panel.title for panel in page["shooting_convergence"].panels]
     assert titles[1] == "the document's way: 6 iterations"
@@ -220,7 +231,7 @@ def test_page_draws_the_document_s_shooting_from_its_guess_to_the_solution(page)
 
 def test_every_iterate_is_newton_s_step_from_the_one_before(page):
     """Each step is Newton's by central differences, -J^-1 f, or a half, a quarter, .. of it."""
-    log, h = solved(0.1, 0.1, 0.1).log, 1e-5
+    log, h = solve_exact(0.1, 0.1, 0.1).log, 1e-5
 
     def miss(unknowns):
         rod = integrate(*unknowns, stiffness=EI, nodes=61)
@@ -241,9 +252,9 @@ def test_every_iterate_is_newton_s_step_from_the_one_before(page):
     assert halvings[-3:] == pytest.approx([0, 0, 0], abs=1e-5)  # none at the end
 
 
-def left_by_a_step(wrong, distance, direction):
+def error_after_a_step(wrong, distance, direction):
     """Error after one Newton step from next to A, with a Jacobian that is wrong by a share."""
-    root = solved(*start("A")).unknowns
+    root = solve_exact(*recomputed_unknowns("A")).unknowns
     rod = integrate(*(root + distance * direction), stiffness=EI, nodes=61, slopes=True)
     f = np.array([rod.x[-1] - PIN[0], rod.y[-1] - PIN[1], rod.m[-1]])
     jacobian = (1.0 + wrong) * rod.slope[-1][[2, 3, 1], :3]
@@ -261,7 +272,9 @@ def test_shooting_converges_quadratically(seed):
     direction = np.random.default_rng(seed).normal(size=3)
     direction /= np.linalg.norm(direction)
     orders = [
-        np.log2(left_by_a_step(wrong, 4e-3, direction) / left_by_a_step(wrong, 2e-3, direction))
+        np.log2(
+            error_after_a_step(wrong, 4e-3, direction) / error_after_a_step(wrong, 2e-3, direction)
+        )
         for wrong in (0.0, 0.01)
     ]
     assert orders[0] == pytest.approx(2.0, abs=0.05)  # the next term, 4e-3 of it
@@ -273,7 +286,7 @@ def test_last_steps_of_the_page_are_quadratic(page):
 
     In a slower iteration, with steps that are wrong by 1 %, they would be larger than that.
     """
-    log = solved(0.1, 0.1, 0.1).log
+    log = solve_exact(0.1, 0.1, 0.1).log
     errors = np.linalg.norm(log.iterates - log.root, axis=1)[-4:-1]
     assert np.all(errors[1:] < 3.0 * errors[:-1] ** 2)
     assert not np.all(errors[1:] + 0.01 * errors[:-1] < 3.0 * errors[:-1] ** 2)
@@ -282,7 +295,7 @@ def test_last_steps_of_the_page_are_quadratic(page):
     np.testing.assert_allclose(size, log.steps, rtol=1e-4, atol=1e-12)  # the page has 81 nodes
 
 
-def test_guess_next_to_buckling():
+def test_a_guess_next_to_buckling_leads_to_a_fifth_equilibrium():
     """From a guess next to buckling Newton's method with exact slopes finds a fifth equilibrium.
 
     The guess has n_x = -0.4 N, next to pi^2/4 EI = 0.407 N, where the clamped-free rod buckles, so

@@ -24,7 +24,7 @@ from proofmass.analytic.rods.shooting import integrate, stability
 DISTANCES = 0.35, 0.5, 0.8, 0.95
 
 
-def held(angle, distance=0.8, **more):
+def solve_and_shoot(angle, distance=0.8, **more):
     """The quantities of `solve`, and rods that are shot from their clamps with its forces."""
     found = solve(angle, distance=distance, **more)
     rod = integrate(
@@ -46,10 +46,10 @@ def test_shapes_are_rods_from_the_clamp_to_the_pin(distance, side):
     Their middle, the direction of their tip and their energy are those of `solve`.
     """
     fold = events(distance=distance)["snaps to the left"]
-    way = {"left": 1, "right": -1}[side]
-    angle = way * np.linspace(1.4, -fold + 1e-6, 12)
-    found, rod = held(angle, distance, side=side)
-    assert (found["side"] == way).all()
+    sign = {"left": 1, "right": -1}[side]
+    angle = sign * np.linspace(1.4, -fold + 1e-6, 12)
+    found, rod = solve_and_shoot(angle, distance, side=side)
+    assert (found["side"] == sign).all()
     # order 8 with 80 steps; the error grows from the clamp by exp(alpha) if the rod is stretched
     np.testing.assert_allclose(rod.x[-1] + 1j * rod.y[-1], distance, atol=1e-8, rtol=0)
     np.testing.assert_allclose(rod.m[-1], 0.0, atol=1e-7)
@@ -93,7 +93,7 @@ def test_lengths_and_stiffness_only_scale():
 def test_the_fold_is_where_shooting_is_singular(distance):
     """At the fold a* the Jacobian of (x, y, m) at the tip by (n_x, n_y, m0) is singular."""
     fold = events(distance=distance)["snaps to the left"]
-    _, rod = held(np.array([-fold, -fold + 1e-4]), distance)
+    _, rod = solve_and_shoot(np.array([-fold, -fold + 1e-4]), distance)
     at, near = np.linalg.det(np.moveaxis(rod.slope[-1][[2, 3, 1], :3], -1, 0))
     # det is proportional to the root of the angle to the fold: 1e-2 of a radian's at 1e-4 rad
     assert abs(at) < 1e-5 * abs(near)
@@ -108,16 +108,16 @@ def test_the_branch_has_a_shape_at_every_stride(distance):
     of = family(1.0, distance)
     found = rods_of_chart(*np.exp(of.place.T))
     np.testing.assert_allclose(np.abs(found.tip), distance, rtol=1e-13)
-    gap = np.linalg.norm(np.diff(of.place, axis=0), axis=1)
-    beside = np.concatenate([of.folds - 1, of.folds])  # a fold divides a stride
-    np.testing.assert_allclose(np.delete(gap, beside), STRIDE, rtol=1e-2)
-    np.testing.assert_allclose(gap[of.folds - 1] + gap[of.folds], STRIDE, rtol=1e-2)
+    strides = np.linalg.norm(np.diff(of.place, axis=0), axis=1)
+    next_to_folds = np.concatenate([of.folds - 1, of.folds])  # a fold divides a stride
+    np.testing.assert_allclose(np.delete(strides, next_to_folds), STRIDE, rtol=1e-2)
+    np.testing.assert_allclose(strides[of.folds - 1] + strides[of.folds], STRIDE, rtol=1e-2)
     assert abs(of.angle[0]) > np.pi > abs(of.angle[1])
     assert found.waves[-1] > MAX_HALF_WAVES > found.waves[-2]
 
 
 @pytest.mark.parametrize("distance", DISTANCES)
-def test_each_fold_adds_a_direction_to_fall_in(distance):
+def test_each_fold_adds_a_negative_direction(distance):
     """Beyond each fold there is one more negative direction, by Jacobi's field, with pinned tip."""
     of = family(1.0, distance)
     clear = np.abs(np.arange(of.angle.size)[:, None] - of.folds).min(axis=1) > 2
@@ -152,7 +152,7 @@ def test_a_shallow_rod_snaps_where_a_beam_does():
 
 
 @cache
-def every(angle: float, distance: float = 0.8, starts: int = 120):
+def random_equilibria(angle: float, distance: float = 0.8, starts: int = 120):
     """Moments, energies and numbers of negative directions of equilibria, from random starts."""
     random = np.random.default_rng(1)
     m, n = (
@@ -161,17 +161,17 @@ def every(angle: float, distance: float = 0.8, starts: int = 120):
     )
     for _ in range(25):
         z, _ = integrate_to_tip(angle, m, n, 1.0, 1.0)
-        gap = [m + (n.conj() * z[0]).imag, z[0].real - distance, z[0].imag]
+        violation = [m + (n.conj() * z[0]).imag, z[0].real - distance, z[0].imag]
         by = np.add((n.conj() * z[1:]).imag, [np.ones_like(m), z[0].imag, -z[0].real])
         matrix = np.moveaxis(np.stack([by, z[1:].real, z[1:].imag]), -1, 0)
-        step = np.linalg.solve(matrix, np.stack(gap, axis=-1)[..., None])[..., 0]
+        step = np.linalg.solve(matrix, np.stack(violation, axis=-1)[..., None])[..., 0]
         step *= np.minimum(1.0, 5.0 / np.abs(step).max(axis=1))[:, None]
         good = np.abs(n) < 150
         m, n = (
             np.where(good, m - step[:, 0], m),
             np.where(good, n - step[:, 1] - 1j * step[:, 2], n),
         )
-    met = np.abs(gap).max(axis=0) < 1e-9
+    met = np.abs(violation).max(axis=0) < 1e-9
     _, first = np.unique(np.stack([m, n.real, n.imag])[:, met].round(5), axis=1, return_index=True)
     m, n = m[met][first], n[met][first]
     z, theta = integrate_to_tip(angle, m, n, 1.0, 1.0)
@@ -183,14 +183,14 @@ def every(angle: float, distance: float = 0.8, starts: int = 120):
     "degrees",
     [54.338, 80.0, *(pytest.param(degrees, marks=pytest.mark.slow) for degrees in (58.0, 65.0))],
 )
-def test_beyond_the_fold_one_rest_is_left(degrees):
+def test_one_stable_equilibrium_is_left_beyond_the_fold(degrees):
     """Beyond the fold one stable equilibrium has less energy than the fold, by random starts.
 
     It is the one that the rod snaps to.
     """
     fold = events(distance=0.8)["snaps to the left"]
     most = solve(-fold, distance=0.8)["energy"][0]
-    m, energy, negative = every(-np.radians(degrees))
+    m, energy, negative = random_equilibria(-np.radians(degrees))
     stable = (negative == 0) & (energy < most)
     assert stable.sum() == 1
     assert -m[stable] == pytest.approx(
@@ -198,11 +198,11 @@ def test_beyond_the_fold_one_rest_is_left(degrees):
     )  # errors of `integrate_to_tip` and of Newton's method
 
 
-def test_between_the_folds_there_are_two():
+def test_there_are_two_stable_equilibria_between_the_folds():
     """Between the folds random starts find the stable equilibria of both sides, and saddles."""
     most = solve(-events(distance=0.8)["snaps to the left"], distance=0.8)["energy"][0]
     for degrees in (0.0, 30.0, 54.0):
-        m, energy, negative = every(-np.radians(degrees))
+        m, energy, negative = random_equilibria(-np.radians(degrees))
         stable = np.sort(-m[(negative == 0) & (energy < most)])
         sides = [
             solve([-np.radians(degrees)], distance=0.8, side=s)["holding_moment"][0]
@@ -212,7 +212,7 @@ def test_between_the_folds_there_are_two():
     assert (negative == 1).any()
 
 
-def test_the_loop_loses_what_the_motor_puts_in():
+def test_a_cycle_loses_the_work_of_the_motor():
     """In a closed cycle the work of the motor is the integral of its moment.
 
     All of this work is lost in two snaps.
@@ -245,7 +245,7 @@ def test_history_chooses_the_side():
         np.testing.assert_array_equal(right[name], sign * left[name])
 
 
-def test_charts_hold_the_swing():
+def test_charts_have_the_moments_of_the_solution():
     """Stable lines of the charts have the moments of `solve`; the snap leads from one to another.
 
     The drawn shapes have the length 1 and end at the pin.
@@ -256,8 +256,8 @@ def test_charts_hold_the_swing():
         order = np.argsort(line.x)
         angle = np.linspace(-0.9, 0.9, 7)
         drawn = np.interp(angle, line.x[order], line.y[order])
-        truth = [solve([a], distance=0.8, side=side)["holding_moment"][0] for a in angle]
-        np.testing.assert_allclose(drawn, truth, atol=1e-2)  # chords
+        reference = [solve([a], distance=0.8, side=side)["holding_moment"][0] for a in angle]
+        np.testing.assert_allclose(drawn, reference, atol=1e-2)  # chords
     snap = next(line for line in lines if line.points)
     swing = solve(np.add(snap.x, [1e-9, -1e-9]), distance=0.8)
     np.testing.assert_allclose(swing["holding_moment"], snap.y, atol=1e-3)  # root of 1e-9
@@ -278,13 +278,13 @@ def test_charts_hold_the_swing():
         ({"angle": [np.nan]}, "got nan"),
     ],
 )
-def test_bad_input_is_named(change, words):
+def test_bad_rods_in_space_are_refused_with_their_key(change, words):
     with pytest.raises(ValueError, match=words):
         solve(**{"angle": [0.0], "distance": 0.8} | change)
 
 
-def test_facts_tell_the_snap():
+def test_properties_describe_the_snap():
     """The properties have the angle of the snap and the energy that is lost, in SI units."""
-    told = properties(distance=0.8, stiffness=0.05218602640386952)
-    assert told["snaps at"] == "±54.337°"
-    assert told["lost in a snap"].startswith("0.3265 J")
+    described = properties(distance=0.8, stiffness=0.05218602640386952)
+    assert described["snaps at"] == "±54.337°"
+    assert described["lost in a snap"].startswith("0.3265 J")

@@ -11,11 +11,18 @@ from proofmass.analytic.rods.all_equilibria import Solutions, solutions, solve_s
 from proofmass.analytic.rods.assembly import assembly, triangle
 from proofmass.analytic.rods.elastica import rods_of_chart
 from proofmass.analytic.rods.equilibrium import clamps_and_forces, closure, state
-from tests.analytic.rods.rod_solutions_cases import CORNERS, DATA, EI, alphas, found, made
+from tests.analytic.rods.rod_solutions_cases import (
+    CORNERS,
+    DATA,
+    EI,
+    alphas,
+    find_solutions,
+    make_problem,
+)
 from tests.independent.rods.chain_assembly import settle
-from tests.independent.rods.stability import negative
+from tests.independent.rods.stability import count_negative
 
-NEW = [0.663584, -0.190273]  # the 34th equilibrium of the 2RFR; modes (1, 3)
+NEW_POSE = [0.663584, -0.190273]  # the 34th equilibrium of the 2RFR; modes (1, 3)
 
 
 @pytest.fixture
@@ -23,14 +30,14 @@ def random():
     return np.random.default_rng(4)
 
 
-def light(f):
+def with_small_loads(f):
     """Equilibria with loads up to alpha = 20; integration from a clamp has errors of e^alpha."""
     kept = alphas(f).max(axis=1) <= 20.0
     parts = {name: getattr(f, name) for name in ("up_to", "load_bound")}
     return Solutions(*(getattr(f, one.name)[kept] for one in fields(f)[:-2]), **parts)
 
 
-def index(f, row):
+def index_of(f, row):
     """Index of the solution that is a recomputed one."""
     distance = np.abs(f.psi - row["psi"]).max(axis=1) + np.abs(f.k_rel - row["k_rel"]).max(axis=1)
     distance[(f.modes != row["modes"]).any(axis=1)] = np.inf
@@ -49,8 +56,11 @@ def index(f, row):
 )
 def test_every_known_equilibrium_is_found_with_its_energy_and_stability(name, modes):
     """Recomputed equilibria are found, with their poses, potentials and negative directions."""
-    f, known = found(name, modes), [r for r in DATA[name]["recomputed"] if not r.get("mirrored")]
-    which = [index(f, row) for row in known]
+    f, known = (
+        find_solutions(name, modes),
+        [r for r in DATA[name]["recomputed"] if not r.get("mirrored")],
+    )
+    which = [index_of(f, row) for row in known]
     assert len(set(which)) == len(known)
     for i, row in zip(which, known, strict=True):
         np.testing.assert_allclose(f.state.pose[i, :2], row["pose"], rtol=0, atol=1e-7)
@@ -67,18 +77,18 @@ def test_two_rods_have_three_equilibria_of_mode_one_and_four_that_are_stable():
 
     Table 7 prints two of them, and 33 were known.
     """
-    f = found("rfr2", 3)
+    f = find_solutions("rfr2", 3)
     assert len(f) == 34
-    assert np.sum((f.modes == 1).all(axis=1)) == len(found("rfr2", 1)) == 3
+    assert np.sum((f.modes == 1).all(axis=1)) == len(find_solutions("rfr2", 1)) == 3
     stable = f.negative == 0
     assert sorted(map(tuple, f.modes[stable])) == [(1, 1), (1, 1), (1, 1), (1, 2)]
     assert f.modes[0].tolist() == [1, 2]  # the lowest one has not mode 1
 
 
 @pytest.mark.parametrize(("name", "digits"), [("rfr2", 1.5e-6), ("rfr3", 1e-4)])
-def test_printed_solutions_are_among_them(name, digits):
+def test_printed_solutions_are_found(name, digits):
     """Solutions of Tables 7 and 8 of Pérez Gámiz 2018 are found, to three units of their digits."""
-    f = found(name, 1)
+    f = find_solutions(name, 1)
     for row in DATA[name]["printed"]:
         off = np.maximum(np.abs(f.psi - row["psi"]), np.abs(f.k_rel - row["k_rel"])).max(axis=1)
         assert off.min() < 3.0 * digits
@@ -91,7 +101,7 @@ def test_platform_of_table_8_has_three_more_that_are_stable():
     The other ones have rods in loops, with |k_rel| within 1e-5 of 1; those below alpha = 20 are
     under 7 to 9 N.
     """
-    f = found("rfr3", 1)
+    f = find_solutions("rfr3", 1)
     assert np.all(f.negative == 0)
     largest = alphas(f).max(axis=1)
     assert (largest < 20.0).sum() == 5  # for four others see test_rod_solutions_bound.py
@@ -102,14 +112,14 @@ def test_platform_of_table_8_has_three_more_that_are_stable():
 @pytest.mark.slow
 def test_mirrored_platforms_are_other_platforms():
     """Of six roots that close distances three are equilibria of the mirrored platform."""
-    a, given = made("pfr3")
+    a, arguments = make_problem("pfr3")
     mirror = assembly(
         CORNERS, stiffness=EI, arm=triangle(0.5) * [1, -1], guide=np.angle(a.guide), angle=a.angle
     )
-    others = solutions(mirror, **given)
+    others = solutions(mirror, **arguments)
     spurious = [row for row in DATA["pfr3"]["recomputed"] if row["mirrored"]]
-    assert len(found("pfr3", 1)) == len(others) == len(spurious) == 3
-    assert len({index(others, row) for row in spurious}) == 3
+    assert len(find_solutions("pfr3", 1)) == len(others) == len(spurious) == 3
+    assert len({index_of(others, row) for row in spurious}) == 3
 
 
 def test_unloaded_symmetric_platform_keeps_its_symmetry():
@@ -117,7 +127,7 @@ def test_unloaded_symmetric_platform_keeps_its_symmetry():
 
     Two poses at the centre are known.
     """
-    f = found("pfr3_unloaded", 1)
+    f = find_solutions("pfr3_unloaded", 1)
     place = f.state.pose[:, 0] + 1j * f.state.pose[:, 1]
     centred = np.abs(place) < 1e-9
     turns = np.degrees(f.state.pose[centred, 2])
@@ -141,29 +151,29 @@ def test_symmetric_pair_has_mirrored_equilibria():
 
 
 @pytest.mark.parametrize(("name", "modes"), [("rfr2", 3), ("rfr3", 1), ("pfr3", 1)])
-def test_verified_by_shooting(name, modes):
+def test_equilibria_satisfy_the_shooting_equations(name, modes):
     """Equilibria satisfy the equations of another formulation, which integrates from the clamp.
 
     There an error at the clamp grows by up to e^alpha.
     """
-    f = light(found(name, modes))
+    f = with_small_loads(find_solutions(name, modes))
     growth = 1e-12 * np.exp(alphas(f).max(axis=1))
     assert np.all(np.abs(closure(f.state)[0]).max(axis=1) < 1e-12 + growth)
 
 
-def test_verified_by_a_general_integrator():
+def test_equilibria_are_confirmed_by_a_general_integrator():
     """Rods by DOP853 from their clamps end at the pin, without a moment."""
-    f = found("rfr2", 3)
+    f = find_solutions("rfr2", 3)
     for s, alpha in zip((f.state[i] for i in range(len(f))), alphas(f), strict=True):
         theta, clamp, n = clamps_and_forces(s)
         for i in range(2):
-            x, y, _, m = shot(theta[i], s.moment[i], n[i])
+            x, y, _, m = integrate_rod(theta[i], s.moment[i], n[i])
             off = np.hypot(clamp[i].real + x - s.pose[0], clamp[i].imag + y - s.pose[1])
             assert off < 1e-10 + 1e-12 * np.exp(alpha[i])  # rtol with growth as above
             assert abs(m) < 1e-10 + 1e-12 * np.exp(alpha[i])
 
 
-def shot(theta, moment, n):
+def integrate_rod(theta, moment, n):
     """x, y [m], angle [rad] and moment [N m] at the end of a rod, from its clamp."""
 
     def slope(_, z):
@@ -176,14 +186,14 @@ def shot(theta, moment, n):
 
 
 @pytest.mark.parametrize(("name", "modes", "segments"), [("rfr2", 3, 40), ("rfr3", 1, 40)])
-def test_fine_chains_stand_there_and_fall_in_as_many_directions(name, modes, segments):
+def test_chains_have_the_same_equilibria_and_stability(name, modes, segments):
     """Chains have equilibria at the same poses, with as many negative directions."""
-    f, (a, given) = light(found(name, modes)), made(name)
-    load = np.append(given["load"], 0.0)
+    f, (a, arguments) = with_small_loads(find_solutions(name, modes)), make_problem(name)
+    load = np.append(arguments["load"], 0.0)
     middle = (np.arange(segments) + 0.5) / segments
     chains = settle(
         a,
-        given["inputs"],
+        arguments["inputs"],
         seed=f.state.shape(middle)[2],
         segments=segments,
         force=load[:2],
@@ -193,15 +203,15 @@ def test_fine_chains_stand_there_and_fall_in_as_many_directions(name, modes, seg
     # error of second order, (alpha/40)^2: 0.2 for the shortest waves
     near = np.abs(chains.pose - f.state.pose).max(axis=1)
     assert np.all(near < 0.02)
-    assert negative(chains.curvatures).tolist() == f.negative.tolist()
+    assert count_negative(chains.curvatures).tolist() == f.negative.tolist()
 
 
 def test_the_34th_equilibrium_of_two_rods():
     """One equilibrium of two rods is not among those of the data; it has the modes 1 and 3."""
-    f = found("rfr2", 3)
-    new = np.abs(f.state.pose - NEW).max(axis=1).argmin()
-    np.testing.assert_allclose(f.state.pose[new], NEW, rtol=0, atol=1e-6)
-    known = [index(f, row) for row in DATA["rfr2"]["recomputed"]]
+    f = find_solutions("rfr2", 3)
+    new = np.abs(f.state.pose - NEW_POSE).max(axis=1).argmin()
+    np.testing.assert_allclose(f.state.pose[new], NEW_POSE, rtol=0, atol=1e-6)
+    known = [index_of(f, row) for row in DATA["rfr2"]["recomputed"]]
     assert set(range(34)) - set(known) == {int(new)}
     assert f.modes[new].tolist() == [1, 3]
     assert f.negative[new] == 2
@@ -222,15 +232,15 @@ def test_random_starts_find_no_other(name, modes, random):
 
     These starts use no lattice and no mesh.
     """
-    a, given = made(name)
-    s, shape = state(a, **given), (a.rods, 20_000)
+    a, arguments = make_problem(name)
+    s, shape = state(a, **arguments), (a.rods, 20_000)
     alpha = random.uniform(0.1, 20.0, shape)
     chart = np.stack([alpha, random.uniform(-1.0, 1.0, shape) * (alpha + 3.0)], axis=1)
     pose = random.uniform(-1.0, 1.0, (3, shape[1])) * [[1.0], [1.0], [np.pi]]
     arrived, _ = solve_starts(s, chart, pose)
     inside = (rods_of_chart(*np.moveaxis(arrived, 1, 0)).waves < modes) & (arrived[:, 0] <= 20.0)
     force = rods_of_chart(*np.moveaxis(arrived[..., inside.all(axis=0)], 1, 0)).force
-    own = found(name, modes)
+    own = find_solutions(name, modes)
     theta, _, n = clamps_and_forces(own.state[alphas(own).max(axis=1) <= 20.0])
     mine = n * np.exp(-1j * theta) / EI  # for rods of 1 m, in frames of the clamps
     gaps = np.array([np.abs(mine - one).max(axis=1) for one in force.T])
@@ -246,11 +256,11 @@ def test_random_starts_find_no_other(name, modes, random):
 )
 def test_counts_do_not_depend_on_lattice_or_mesh(name, modes, count, monkeypatch):
     """A search with 10,000 poses and one with a mesh of 0.05 L find as many equilibria."""
-    a, given = made(name)
-    assert len(found(name, modes)) == count
-    assert len(solutions(a, modes=modes, poses=10_000, **given)) == count
+    a, arguments = make_problem(name)
+    assert len(find_solutions(name, modes)) == count
+    assert len(solutions(a, modes=modes, poses=10_000, **arguments)) == count
     monkeypatch.setattr(all_equilibria, "MESH_SIZE", 0.05)
-    assert len(solutions(a, modes=modes, **given)) == count
+    assert len(solutions(a, modes=modes, **arguments)) == count
 
 
 def test_load_of_the_wrong_sign_has_other_equilibria():
@@ -258,8 +268,8 @@ def test_load_of_the_wrong_sign_has_other_equilibria():
 
     Table 7 is right, the equation is not.
     """
-    a, given = made("rfr2")
-    wrong = solutions(a, inputs=given["inputs"], load=-np.array(given["load"]))
+    a, arguments = make_problem("rfr2")
+    wrong = solutions(a, inputs=arguments["inputs"], load=-np.array(arguments["load"]))
     for row in DATA["rfr2"]["printed"]:
         assert np.abs(wrong.psi - row["psi"]).max(axis=1).min() > 0.01
 
@@ -277,12 +287,12 @@ def test_load_of_the_wrong_sign_has_other_equilibria():
     ],
 )
 def test_bad_input(change, words):
-    a, given = made("rfr2")
+    a, arguments = make_problem("rfr2")
     with pytest.raises(ValueError, match=words):
-        solutions(a, **given | change)
+        solutions(a, **arguments | change)
 
 
-def test_rods_that_cannot_meet():
+def test_unsupported_mechanisms_are_refused():
     with pytest.raises(ValueError, match="rigid_extension"):
         solutions(assembly([[-0.3, 0.0], [0.3, 0.0]], rigid_extension=0.1))
     sliding = assembly([[0.0, 0.0], [0.5, 0.0]], guide=[np.pi, 0.0])

@@ -13,7 +13,7 @@ from proofmass.analytic.rods.all_equilibria import (
 )
 from proofmass.analytic.rods.elastica import rods_of_chart
 from proofmass.analytic.rods.equilibrium import state
-from tests.analytic.rods.rod_solutions_cases import alphas, found, made
+from tests.analytic.rods.rod_solutions_cases import alphas, find_solutions, make_problem
 
 
 @pytest.fixture
@@ -23,9 +23,11 @@ def random():
 
 def test_loads_are_bounded(random):
     """Loads of known equilibria are below the bound; random rods satisfy its inequality."""
-    a, given = made("rfr2")
+    a, arguments = make_problem("rfr2")
     for modes in (1, 2, 3):
-        assert alphas(found("rfr2", modes)).max() < bound_by_pose(state(a, **given), [modes] * 2)
+        assert alphas(find_solutions("rfr2", modes)).max() < bound_by_pose(
+            state(a, **arguments), [modes] * 2
+        )
     alpha, q = random.uniform(0.1, 25.0, 4000), random.uniform(-1.0, 1.0, 4000) * 28.0
     r = rods_of_chart(alpha, q)
     along = (r.tip * r.force.conj()).real / np.abs(r.force)
@@ -36,7 +38,7 @@ def test_loads_are_bounded(random):
         assert np.all(along[own] >= 1.0 - bending_allowance(alpha[own], mode) / alpha[own] - 1e-6)
 
 
-def charted(random, count):
+def random_rods(random, count):
     """Random rods of the chart, psi and k_rel of the document, and whether these are regular."""
     alpha, q = random.uniform(0.2, 15.0, count), random.uniform(-6.0, 6.0, count)
     r = rods_of_chart(alpha, q)
@@ -49,7 +51,7 @@ def charted(random, count):
 
 def test_chart_agrees_with_the_form_by_inflections(random):
     """Rods of the chart are those of the closed form by psi, k_rel and mode."""
-    _, _, r, psi, k_rel, plain = charted(random, 4000)
+    _, _, r, psi, k_rel, plain = random_rods(random, 4000)
     assert plain.sum() > 500
     form = tip(psi[plain], k_rel[plain], np.floor(r.waves[plain]) + 1)
     # k_rel within 1e-6 of 1 has ten digits left
@@ -61,7 +63,7 @@ def test_chart_agrees_with_the_form_by_inflections(random):
 
 def test_derivatives_of_the_chart(random):
     """Derivatives of tip, load and angle by alpha and q are differences of fourth order."""
-    alpha, q, r, *_ = charted(random, 2000)
+    alpha, q, r, *_ = random_rods(random, 2000)
     h = 1e-3  # errors: h^4 times a fifth derivative, rounding over h
 
     def difference(part, da, dq):
@@ -96,10 +98,10 @@ def test_mesh_covers_all_rods(modes, random):
     mine = np.flatnonzero((r.waves < modes) & (np.abs(r.tip) < 0.98))
     assert mine.size > 300
     around = 0.06 * np.append(0.0, np.exp(2j * np.pi * np.arange(8) / 8))
-    sheet = make_mesh(modes, 20.0, 0.08)
-    which, triangles, share = sheet.rods_at((r.tip[mine, None] + around).ravel())
+    mesh = make_mesh(modes, 20.0, 0.08)
+    which, triangles, share = mesh.rods_at((r.tip[mine, None] + around).ravel())
     which, own = which // around.size, r.force[mine]
-    force = (sheet.force[triangles] * share).sum(axis=1)
+    force = (mesh.force[triangles] * share).sum(axis=1)
     nearest = np.full(mine.size, np.inf)
     np.minimum.at(nearest, which, np.abs(force - own[which]) / (1.0 + np.abs(own[which])))
     assert nearest.max() < 0.6  # [load]: 0.06 L away, between corners 0.08 L apart
@@ -107,8 +109,8 @@ def test_mesh_covers_all_rods(modes, random):
 
 def test_newton_matrix_is_the_derivative(random):
     """Newton's matrix is the central difference of the residuals at random states."""
-    a, given = made("pfr3")
-    s, h = state(a, **given), 1e-6
+    a, arguments = make_problem("pfr3")
+    s, h = state(a, **arguments), 1e-6
     chart = np.stack([random.uniform(1.0, 8.0, (3, 5)), random.uniform(-4.0, 4.0, (3, 5))], axis=1)
     pose = random.uniform(-0.5, 0.5, (3, 5))
     matrix, x = newton_system(s, chart, pose)[1], np.concatenate([chart.reshape(6, 5), pose])
@@ -121,22 +123,22 @@ def test_newton_matrix_is_the_derivative(random):
         np.testing.assert_allclose((up - down) / (2.0 * h), matrix[..., j], rtol=0, atol=1e-8)
 
 
-def test_a_point_is_reached_by_all_triangles_about_it(random):
+def test_all_triangles_around_a_point_are_listed(random):
     """`rods_at` lists all triangles that contain a point, and no others than nearby ones.
 
     The reference goes through all triangles, without bins.
     """
-    sheet = make_mesh(1, 6.0, 0.2)
+    mesh = make_mesh(1, 6.0, 0.2)
     point = random.uniform(-0.9, 0.9, 40) + 1j * random.uniform(-0.9, 0.9, 40)
-    which, triangle, share = sheet.rods_at(point)
-    a, b, c = np.moveaxis(sheet.tip, -1, 0)[..., None]
+    which, triangle, share = mesh.rods_at(point)
+    a, b, c = np.moveaxis(mesh.tip, -1, 0)[..., None]
     size = ((b - a).conj() * (c - a)).imag
     parts = [((v - u).conj() * (point - u)).imag / size for u, v in ((b, c), (c, a), (a, b))]
-    inside, beside = (
+    inside, inside_or_near = (
         set(zip(*np.nonzero((np.stack(parts) > least).all(axis=0)), strict=True))
         for least in (0.0, -TRIANGLE_MARGIN)
     )
     reached = set(zip(triangle, which, strict=True))
-    assert inside < reached <= beside  # bins do not extend beyond sharp corners
+    assert inside < reached <= inside_or_near  # bins do not extend beyond sharp corners
     # thin triangles
     np.testing.assert_allclose(share, np.stack(parts)[:, triangle, which].T, rtol=0, atol=1e-9)

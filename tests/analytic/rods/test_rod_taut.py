@@ -17,9 +17,9 @@ LEANING = {"weight_x": 0.3, "weight_y": -1.0, "shear": 30.0}
 def test_collocation_in_the_frame_of_the_sections():
     """All curves of a taut rod that shears are those of a second formulation, to 1e-8."""
     s = np.linspace(0.0, 0.98, 8)
-    own = collocated(s, Section(0.05, 50.0, 30.0), (1.0, 0.0), (0.3, -1.0))
+    reference = collocated(s, Section(0.05, 50.0, 30.0), (1.0, 0.0), (0.3, -1.0))
     rod = solve(s, **TAUT, **GUESS, **LEANING)
-    for name, values in own.items():
+    for name, values in reference.items():
         # tolerance of the collocation for its residual, summed
         np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-8)
 

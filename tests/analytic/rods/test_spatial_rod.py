@@ -9,30 +9,40 @@ from proofmass.analytic.remember import use_memory
 from proofmass.analytic.rods import solve as planar_solve
 from proofmass.analytic.rods import spatial_rod
 from proofmass.analytic.rods.spatial_rod import solve
-from tests.independent.rods.spatial import Sections, arc, extrapolated, quadratic
+from tests.independent.rods.spatial import Sections, arc, extrapolated_tip, quadratic
 
 XYZ = "xyz"
-BEND = 100.0 * np.pi / 4  # length of the bend of Bathe and Bolourchi, 45 degrees of a radius of 100
-EDGE = 100.0 * np.array([np.sin(np.pi / 4), 1.0 - np.cos(np.pi / 4), 0.0])  # its tip without load
-SECTION = {"axial": 1e7, "shear": 41.6667e5}
-STIFF = 8.333e5
+BEND_LENGTH = (
+    100.0 * np.pi / 4
+)  # length of the bend of Bathe and Bolourchi, 45 degrees of a radius of 100
+UNLOADED_TIP = 100.0 * np.array(
+    [np.sin(np.pi / 4), 1.0 - np.cos(np.pi / 4), 0.0]
+)  # its tip without load
+BEND_SECTION = {"axial": 1e7, "shear": 41.6667e5}
+BEND_STIFFNESS = 8.333e5
 
 
 @cache
-def bend(force: float, **others: float):
+def tip_of_bend(force: float, **others: float):
     """Tip (3,) of the bend of 45 degrees under a force along z."""
     rod = solve(
-        BEND, length=BEND, stiffness=STIFF, torsion=STIFF, curvature=0.01, force_z=force, **others
+        BEND_LENGTH,
+        length=BEND_LENGTH,
+        stiffness=BEND_STIFFNESS,
+        torsion=BEND_STIFFNESS,
+        curvature=0.01,
+        force_z=force,
+        **others,
     )
-    return vector(rod, "")
+    return stack_components(rod, "")
 
 
-def vector(rod, prefix: str):
+def stack_components(rod, prefix: str):
     """Three quantities x, y, z of a solution as one array, on its last axis."""
     return np.stack([rod[prefix + name] for name in XYZ], axis=-1)
 
 
-def named(what: str, values):
+def vector_parameters(what: str, values):
     """Three components by the names of the parameters of `solve`."""
     return {f"{what}_{name}": value for name, value in zip(XYZ, values, strict=True)}
 
@@ -49,7 +59,7 @@ FORCE, MOMENT = (1.5, -2.0, 2.5), (0.4, 0.3, -0.5)
         ((1.2, -0.7, 2.0), (15.0, 9.0)),
     ],
 )
-def test_a_formulation_by_strains_in_which_no_moment_is_integrated(natural, strains):
+def test_a_formulation_by_strains_agrees(natural, strains):
     """The tip is that of a formulation by strains, to 1e-10.
 
     The rod has three different stiffnesses, all loads at its tip, and any natural shape.
@@ -57,7 +67,7 @@ def test_a_formulation_by_strains_in_which_no_moment_is_integrated(natural, stra
     length, stiffnesses = 1.1, (0.6, 0.9, 1.4)
     axial, shear = strains
     line = arc(length, natural)
-    own = extrapolated(line, Sections(stiffnesses, (axial, shear, shear)), FORCE, MOMENT)
+    reference = extrapolated_tip(line, Sections(stiffnesses, (axial, shear, shear)), FORCE, MOMENT)
     rod = solve(
         length,
         length=length,
@@ -65,12 +75,12 @@ def test_a_formulation_by_strains_in_which_no_moment_is_integrated(natural, stra
         axial=axial,
         shear=shear,
         **dict(zip(("twist", "curvature_y", "curvature"), natural, strict=True)),
-        **named("force", FORCE),
-        **named("moment", MOMENT),
+        **vector_parameters("force", FORCE),
+        **vector_parameters("moment", MOMENT),
     )
     # formulation by strains: order 5 after extrapolation, 2e-10 of order 4 in 200 steps times their
     # 0.02 rad; `solve`: order 8, 1e-12
-    np.testing.assert_allclose(vector(rod, ""), own, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(stack_components(rod, ""), reference, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize(("twist", "curvature"), [(1.1, 2.5), (0.4, 3.3), (0.9, 2.9)])
@@ -102,30 +112,30 @@ def test_a_helix_under_a_wrench_along_its_axis_is_another_helix(twist, curvature
         torsion=torsion,
         twist=natural[0],
         curvature=natural[1],
-        **named("force", pull),
-        **named("moment", moment),
+        **vector_parameters("force", pull),
+        **vector_parameters("moment", moment),
     )
-    np.testing.assert_allclose(vector(rod, ""), exact, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(stack_components(rod, ""), exact, rtol=0, atol=1e-12)
     np.testing.assert_allclose(rod["twist_moment"], about_tangent, rtol=0, atol=1e-12)
     np.testing.assert_allclose(rod["bend_moment"], about_binormal, rtol=0, atol=1e-12)
     np.testing.assert_allclose(rod["bend_moment_y"], 0.0, rtol=0, atol=1e-12)
 
 
-def test_the_bend_of_45_degrees_is_where_others_print_it():
+def test_the_bend_of_45_degrees_agrees_with_printed_tips():
     """The tip of the bend agrees with printed values, within the errors of their eight elements.
 
     K.-J. Bathe and S. Bolourchi, Int. J. Numer. Methods Eng. 14 (1979) 961-986, print the
     displacement 23.5, 13.4, 53.4 of elements that shear.  J. C. Simo and L. Vu-Quoc, Comput.
     Methods Appl. Mech. Eng. 58 (1986) 79-116, print the position 15.79, 47.23, 53.37.
     """
-    moved = bend(600.0, **SECTION) - EDGE
+    moved = tip_of_bend(600.0, **BEND_SECTION) - UNLOADED_TIP
     assert np.abs(moved - [-23.5, -13.4, 53.4]).max() < 0.25
-    assert np.abs(bend(600.0, **SECTION) - [47.23, 15.79, 53.37]).max() < 0.15
-    assert np.abs(bend(450.0, **SECTION) - [52.32, 18.62, 48.39]).max() < 0.15
-    assert np.abs(bend(300.0, **SECTION) - [58.84, 22.33, 40.08]).max() < 0.15
+    assert np.abs(tip_of_bend(600.0, **BEND_SECTION) - [47.23, 15.79, 53.37]).max() < 0.15
+    assert np.abs(tip_of_bend(450.0, **BEND_SECTION) - [52.32, 18.62, 48.39]).max() < 0.15
+    assert np.abs(tip_of_bend(300.0, **BEND_SECTION) - [58.84, 22.33, 40.08]).max() < 0.15
 
 
-KYNEMA = [-23.6459716009048, -13.7208006040058, 53.5776450626989]
+KYNEMA_DISPLACEMENT = [-23.6459716009048, -13.7208006040058, 53.5776450626989]
 """Tip displacement with 18 nodes, docs/sphinx/testing/curved.rst of github.com/kynema/kynema, whose
 test has the same numbers for BeamDyn; here in axes in which the bend turns to the left."""
 
@@ -143,14 +153,14 @@ def test_two_programs_agree_to_ten_digits_on_another_line():
     angle = np.arctan(slope)
     c, s = np.cos(angle), np.sin(angle)
     clamp = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    section = Sections((STIFF,) * 3, (1e7, 41.6667e5, 41.6667e5))
+    section = Sections((BEND_STIFFNESS,) * 3, (1e7, 41.6667e5, 41.6667e5))
     load = (0.0, 0.0, 600.0)
-    moved = extrapolated(line, section, load, begin=clamp) - np.append(points[2], 0.0)
+    moved = extrapolated_tip(line, section, load, begin=clamp) - np.append(points[2], 0.0)
     # order 5: 4e-9 of order 4, times the step of 0.005 rad; the programs print fourteen digits
-    np.testing.assert_allclose(moved, KYNEMA, rtol=0, atol=5e-10)
-    on_arc = extrapolated(arc(BEND, (0.0, 0.0, 0.01)), section, load)
-    np.testing.assert_allclose(bend(600.0, **SECTION), on_arc, rtol=0, atol=5e-10)
-    assert np.abs(on_arc - EDGE - KYNEMA).max() > 0.1
+    np.testing.assert_allclose(moved, KYNEMA_DISPLACEMENT, rtol=0, atol=5e-10)
+    on_arc = extrapolated_tip(arc(BEND_LENGTH, (0.0, 0.0, 0.01)), section, load)
+    np.testing.assert_allclose(tip_of_bend(600.0, **BEND_SECTION), on_arc, rtol=0, atol=5e-10)
+    assert np.abs(on_arc - UNLOADED_TIP - KYNEMA_DISPLACEMENT).max() > 0.1
     assert angle == pytest.approx(np.radians(-3.15), abs=1e-4)
 
 
@@ -163,7 +173,7 @@ LOADS = {
 
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("strains", [{}, {"axial": 30.0, "shear": 12.0}])
-def test_in_its_plane_it_is_the_planar_rod(load, strains):
+def test_a_rod_under_loads_in_its_plane_is_the_planar_rod(load, strains):
     """Under loads in its plane a rod is the planar rod.
 
     Torsion and the other bending stiffness have no effect there.
@@ -202,7 +212,7 @@ NATURAL = {"twist": 0.8, "curvature_y": -0.5, "curvature": 1.5}
 STIFFNESSES = {"torsion": 0.6, "stiffness_y": 0.9, "stiffness": 1.4}
 
 
-def test_what_stays_constant_along_a_rod():
+def test_force_and_energy_are_constant_along_a_rod():
     """The force and, for constant stiffnesses, n . v + m . (u + u0)/2 are constant along a rod."""
     s = np.linspace(0.0, 1.0, 21)
     rod = solve(
@@ -211,13 +221,13 @@ def test_what_stays_constant_along_a_rod():
         **NATURAL,
         axial=12.0,
         shear=8.0,
-        **named("force", FORCE),
-        **named("moment", MOMENT),
+        **vector_parameters("force", FORCE),
+        **vector_parameters("moment", MOMENT),
     )
-    n = vector(rod, "force_")
+    n = stack_components(rod, "force_")
     np.testing.assert_allclose(n, np.tile(FORCE, (21, 1)), rtol=1e-15)
     local = np.stack([rod["twist_moment"], rod["bend_moment_y"], rod["bend_moment"]], axis=1)
-    along = np.einsum("ij,ij->i", n, vector(rod, "normal_"))
+    along = np.einsum("ij,ij->i", n, stack_components(rod, "normal_"))
     across = np.einsum("ij,ij->i", n, n) - along**2
     u0 = np.array(list(NATURAL.values()))
     bent = local**2 / np.array(list(STIFFNESSES.values())) / 2 + local * u0
@@ -232,26 +242,41 @@ def test_moments_of_a_rod_with_weight_follow_from_the_part_beyond():
     nodes, weights = np.polynomial.legendre.leggauss(30)
     s = np.array([0.0, *(1.0 + nodes) / 2.0, 1.0])
     weight = (0.5, 1.0, -2.0)
-    rod = solve(s, **STIFFNESSES, **NATURAL, **named("force", FORCE), **named("weight", weight))
-    place = vector(rod, "")
+    rod = solve(
+        s,
+        **STIFFNESSES,
+        **NATURAL,
+        **vector_parameters("force", FORCE),
+        **vector_parameters("weight", weight),
+    )
+    place = stack_components(rod, "")
     arm = weights @ place[1:-1] / 2.0 - place[0]
     root = np.cross(place[-1] - place[0], FORCE) + np.cross(arm, weight)
     clamp = [rod[name][0] for name in ("twist_moment", "bend_moment_y", "bend_moment")]
     np.testing.assert_allclose(clamp, root, rtol=0, atol=1e-11)  # error of the steps
-    np.testing.assert_allclose(vector(rod, "force_")[0], np.add(FORCE, weight), rtol=1e-15)
+    np.testing.assert_allclose(
+        stack_components(rod, "force_")[0], np.add(FORCE, weight), rtol=1e-15
+    )
 
 
-def test_a_round_rod_turns_with_its_loads():
+def test_a_round_rod_rotates_with_its_loads():
     """If the loads of a straight rod with equal bending stiffnesses rotate about it, it rotates."""
     turn = 0.7
     c, s = np.cos(turn), np.sin(turn)
     about = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     loads = [np.array(FORCE), np.array(MOMENT)]
     rod, other = (
-        solve(1.0, torsion=0.7, **named("force", by @ loads[0]), **named("moment", by @ loads[1]))
+        solve(
+            1.0,
+            torsion=0.7,
+            **vector_parameters("force", by @ loads[0]),
+            **vector_parameters("moment", by @ loads[1]),
+        )
         for by in (np.eye(3), about)
     )
-    np.testing.assert_allclose(vector(other, ""), about @ vector(rod, ""), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        stack_components(other, ""), about @ stack_components(rod, ""), rtol=0, atol=1e-11
+    )
 
 
 def test_small_loads_twist_and_bend_as_in_textbooks():
@@ -274,19 +299,19 @@ def test_small_loads_twist_and_bend_as_in_textbooks():
     )
 
 
-LATERAL = 4.01259934  # twice the first root of Bessel's function J of order -1/4
+PRANDTL_FACTOR = 4.01259934  # twice the first root of Bessel's function J of order -1/4
 
 
 @pytest.mark.parametrize(("share", "stands"), [(0.98, True), (1.02, False)])
 @pytest.mark.parametrize("y", [False, True])
-def test_a_deep_cantilever_topples_where_prandtl_says(share, stands, y):
+def test_a_deep_cantilever_buckles_at_prandtls_load(share, stands, y):
     """A deep cantilever is stable below Prandtl's load and refused as buckled above it.
 
     A. G. M. Michell and L. Prandtl 1899: F L^2 = 4.0126 sqrt(EI GJ) for a rod that is stiff in the
     plane of the load.  Here this stiffness is 1e5 times the other one: the rod bends little.
     """
     stiff = {"stiffness": 1e5, "stiffness_y": 1.0} if y else {"stiffness": 1.0, "stiffness_y": 1e5}
-    load = {"force_y" if y else "force_z": share * LATERAL * np.sqrt(0.7)}
+    load = {"force_y" if y else "force_z": share * PRANDTL_FACTOR * np.sqrt(0.7)}
     if stands:
         rod = solve(1.0, torsion=0.7, **stiff, **load)
         assert abs(rod["z" if y else "y"]) < 1e-9
@@ -297,7 +322,7 @@ def test_a_deep_cantilever_topples_where_prandtl_says(share, stands, y):
 
 @pytest.mark.parametrize(("share", "stands"), [(0.98, True), (1.02, False), (2.0, False)])
 @pytest.mark.parametrize("strains", [{}, {"axial": 1e6, "shear": 25.0}])
-def test_a_column_as_stiff_to_all_sides_buckles_where_euler_says(share, stands, strains):
+def test_a_column_of_equal_stiffnesses_buckles_at_eulers_load(share, stands, strains):
     """A column with equal bending stiffnesses is stable below Euler's load and refused above.
 
     It buckles in two planes at once, so that the determinant does not change its sign.  With shear
@@ -313,7 +338,7 @@ def test_a_column_as_stiff_to_all_sides_buckles_where_euler_says(share, stands, 
             solve(1.0, torsion=0.7, **strains, **load)
 
 
-def test_a_column_buckles_under_its_weight_where_greenhill_says():
+def test_a_column_buckles_at_greenhills_weight():
     """The critical weight is w L^3 = 7.8373 EI, A. G. Greenhill 1881."""
     solve(1.0, torsion=0.7, weight_x=-0.98 * 7.8373)
     with pytest.raises(ValueError, match="buckle"):
@@ -364,7 +389,7 @@ def test_a_rod_near_a_known_one_is_not_loaded_from_zero_again(monkeypatch):
         ({"weight_z": np.nan}, "weight_z"),
     ],
 )
-def test_what_is_out_of_its_domain_is_named(wrong, words):
+def test_a_parameter_out_of_its_domain_is_named(wrong, words):
     with pytest.raises(ValueError, match=words):
         solve(0.5, **{"length": 1.0, **wrong})
 

@@ -10,40 +10,47 @@ from proofmass.analytic.spatial.kinematics import rotation_matrices
 from proofmass.compare import compare
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import plan_run, solve
-from tests.shipped import loaded, shipped
+from tests.shipped import shipped, shipped_case
 
 WEIGHT = np.array([0.0, 0.0, -9.81])
 """Gravity [m/s^2]."""
-CLOSED = 2e-12
+CLOSURE_TOLERANCE = 2e-12
 """Tolerance of positions [m] and quaternions [1]: loops are closed to 1e-13 of the size."""
 
 
-def asked(mass: float, moves: tuple[np.ndarray, ...], at: tuple[np.ndarray, ...]) -> np.ndarray:
+def bar_drive_forces(
+    mass: float, displacements: tuple[np.ndarray, ...], accelerations: tuple[np.ndarray, ...]
+) -> np.ndarray:
     """Forces (n, drives) that a uniform slender bar requires of the drives, by virtual work.
 
-    Both `moves` and `at` are given for its two ends, and linear between them.
+    Both `displacements` and `accelerations` are given for its two ends, and linear between them.
     The former are displacements (n, 3, drives) for a unit of each drive, the latter accelerations
     (n, 3).
     """
-    (p, q), (one, two) = (each - WEIGHT for each in at), moves
-    work = 2 * _along(one, p) + _along(one, q) + _along(two, p) + 2 * _along(two, q)
+    (p, q), (one, two) = (each - WEIGHT for each in accelerations), displacements
+    work = (
+        2 * _virtual_work(one, p)
+        + _virtual_work(one, q)
+        + _virtual_work(two, p)
+        + 2 * _virtual_work(two, q)
+    )
     return mass / 6 * work
 
 
-def _along(moves: np.ndarray, force: np.ndarray) -> np.ndarray:
+def _virtual_work(moves: np.ndarray, force: np.ndarray) -> np.ndarray:
     return np.einsum("nid,ni->nd", moves, force)
 
 
-def spectral(curve: np.ndarray) -> np.ndarray:
+def spectral_derivative(curve: np.ndarray) -> np.ndarray:
     """The derivative of a periodic curve whose samples (n, ...) cover a turn of 2 pi."""
     waves = np.fft.rfft(curve, axis=0)
     order = 1j * np.arange(len(waves)).reshape(-1, *[1] * (curve.ndim - 1))
     return np.fft.irfft(order * waves, n=len(curve), axis=0)
 
 
-def driven(name: str, inertia: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def driven_reference(name: str, inertia: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Values, rates and accelerations (3, drives, n) of a case's drives, and reference curves."""
-    case = loaded(shipped(f"{name}.toml"))
+    case = shipped_case(shipped(f"{name}.toml"))
     run = plan_run(case, "sweep", "mujoco")
     state = np.array(run.motion(run.x[::6]))
     model = mujoco.MjModel.from_xml_path(str(case.model_path))
@@ -52,12 +59,12 @@ def driven(name: str, inertia: bool) -> tuple[np.ndarray, dict[str, np.ndarray]]
     return state, spatial.solve(*state, model=model, joints=joints, inertia=inertia, terms=terms)
 
 
-def columns(curves: dict[str, np.ndarray], name: str, parts: str = "xyz") -> np.ndarray:
+def component_columns(curves: dict[str, np.ndarray], name: str, parts: str = "xyz") -> np.ndarray:
     """The components of a vector or a quaternion (n, 3 or 4)."""
     return np.column_stack([curves[f"{name}.{part}"] for part in parts])
 
 
-def turned(name: str, models) -> set[str]:
+def differing_channels(name: str, models) -> set[str]:
     """The channels of a sweep of the copied case with the outcome "differs"."""
     case = load_case(models / f"{name}.toml")
     run = case.run["sweep"].model_copy(update={"n": 21})
@@ -76,7 +83,7 @@ ACROSS = np.stack([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0 * AZIMUTH], axis=-1)
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def hips(place: np.ndarray) -> np.ndarray:
+def hip_angles(place: np.ndarray) -> np.ndarray:
     """Angles (n, 3) of the arms, elbows outside, for positions (n, 3) of the platform."""
     along, across, z = place @ OUT.T + PLATE - BASE, place @ ACROSS.T, place[:, 2:]
     a, b = 2 * ARM * along, -2 * ARM * z
@@ -84,19 +91,19 @@ def hips(place: np.ndarray) -> np.ndarray:
     return np.arctan2(b, a) - np.arccos(c / np.hypot(a, b))
 
 
-def elbows(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def elbow_positions(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions (n, 3 legs, 3) of the elbows, and two derivatives by the angles of their arms."""
     c, s = ARM * np.cos(angle)[..., None], ARM * np.sin(angle)[..., None]
     return (BASE + c) * OUT - s * UP, -s * OUT - c * UP, -c * OUT + s * UP
 
 
-def platform(angle: np.ndarray) -> np.ndarray:
+def platform_position(angle: np.ndarray) -> np.ndarray:
     """The platform's position (n, 3): the lower point at a rod's length from three centres.
 
     The centres are the elbows, moved inwards by the distance of the rod ends from the platform's
     centre.
     """
-    centres = elbows(angle)[0] - PLATE * OUT
+    centres = elbow_positions(angle)[0] - PLATE * OUT
     one, two, three = centres.transpose(1, 0, 2)
 
     def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -111,7 +118,7 @@ def platform(angle: np.ndarray) -> np.ndarray:
     return one + across * x + up * y - height * np.cross(x, y)
 
 
-def circle(turn: np.ndarray) -> np.ndarray:
+def circle_path(turn: np.ndarray) -> np.ndarray:
     """Circle (n, 3) of radius 0.3 m about a centre 1 m below the base, tilted by 20 deg about y."""
     tilt = np.radians(20.0)
     x, z = 0.3 * np.cos(tilt) * np.cos(turn), 0.3 * np.sin(tilt) * np.cos(turn) - 1.0
@@ -123,18 +130,18 @@ TURN = 2 * np.pi * np.arange(128) / 128
 
 def test_inverse_kinematics_of_the_delta_robot_has_the_printed_angles():
     """Examples of R. L. Williams II for these lengths, printed to a tenth of a degree."""
-    found = np.degrees(hips(np.array([[0.0, 0.0, -0.9], [0.3, 0.5, -1.1]])))
+    found = np.degrees(hip_angles(np.array([[0.0, 0.0, -0.9], [0.3, 0.5, -1.1]])))
     np.testing.assert_allclose(found, [[-20.5] * 3, [47.5, -11.6, 21.4]], rtol=0, atol=0.05)
-    place = platform(np.radians([[10.0, 20.0, 30.0]]))
+    place = platform_position(np.radians([[10.0, 20.0, 30.0]]))
     np.testing.assert_allclose(place, [[0.108, -0.180, -1.244]], rtol=0, atol=5e-4)
 
 
 def test_forward_kinematics_of_the_delta_robot_undoes_the_inverse():
-    place = circle(TURN)
-    np.testing.assert_allclose(platform(hips(place)), place, rtol=0, atol=1e-14)
+    place = circle_path(TURN)
+    np.testing.assert_allclose(platform_position(hip_angles(place)), place, rtol=0, atol=1e-14)
 
 
-def delta_moves(
+def delta_displacements(
     angle: np.ndarray, rate: np.ndarray, acceleration: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Displacements (.., 3, 3 drives) of elbows and platform per unit of drive, and accelerations.
@@ -142,8 +149,8 @@ def delta_moves(
     With d from the elbow to the rod end on the platform, d . d is the square of the rod's length,
     so d . d' = 0 and d . d'' + d' . d' = 0 give the platform's velocity and acceleration.
     """
-    place, first, second = elbows(angle)
-    rods = platform(angle)[:, None] + PLATE * OUT - place
+    place, first, second = elbow_positions(angle)
+    rods = platform_position(angle)[:, None] + PLATE * OUT - place
     drives = first[..., None] * np.eye(3)[:, None, :]  # (n, legs, 3, drives)
     moves = np.linalg.solve(rods, np.einsum("nli,nlid->nld", rods, drives))
     elbow = first * acceleration[..., None] + second * (rate**2)[..., None]
@@ -159,47 +166,54 @@ def delta_moves(
 
 def delta_moments(angle: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     """Moments (n, 3) of the drives: arms of 1.2 kg, six rods of 0.15 kg, a platform of 1 kg."""
-    found = delta_moves(angle, rate, acceleration)
-    total = _along(found["moves"], found["acceleration"] - WEIGHT)
+    found = delta_displacements(angle, rate, acceleration)
+    total = _virtual_work(found["moves"], found["acceleration"] - WEIGHT)
     still = np.zeros_like(found["moves"])
     for leg in range(3):
         moves, at = found["elbow_moves"][:, leg], found["elbow"][:, leg]
-        total += asked(1.2, (still, moves), (np.zeros_like(at), at))
-        total += asked(0.3, (moves, found["moves"]), (at, found["acceleration"]))
+        total += bar_drive_forces(1.2, (still, moves), (np.zeros_like(at), at))
+        total += bar_drive_forces(0.3, (moves, found["moves"]), (at, found["acceleration"]))
     return total
 
 
-def test_velocities_and_accelerations_of_the_delta_robot_are_those_of_differences():
-    angle = hips(circle(TURN))
-    rate = spectral(angle)
-    acceleration = spectral(rate)
-    found = delta_moves(angle, rate, acceleration)
+def test_delta_velocities_and_accelerations_are_spectral_derivatives():
+    angle = hip_angles(circle_path(TURN))
+    rate = spectral_derivative(angle)
+    acceleration = spectral_derivative(rate)
+    found = delta_displacements(angle, rate, acceleration)
     velocity = np.einsum("nid,nd->ni", found["moves"], rate)
-    np.testing.assert_allclose(velocity, spectral(circle(TURN)), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(velocity, spectral_derivative(circle_path(TURN)), rtol=0, atol=1e-12)
     np.testing.assert_allclose(
-        found["acceleration"], circle(TURN).mean(0) - circle(TURN), rtol=0, atol=1e-11
+        found["acceleration"], circle_path(TURN).mean(0) - circle_path(TURN), rtol=0, atol=1e-11
     )
 
 
 def test_the_drives_of_the_delta_robot_are_its_inverse_kinematics():
     rows = np.loadtxt(shipped("delta_circle.csv"), delimiter=",", skiprows=3)
     np.testing.assert_allclose(
-        rows[:, 1:], hips(circle(2 * np.pi * rows[:, 0])), rtol=0, atol=1e-13
+        rows[:, 1:], hip_angles(circle_path(2 * np.pi * rows[:, 0])), rtol=0, atol=1e-13
     )
 
 
 @pytest.mark.parametrize("inertia", [False, True])
-def test_the_delta_robot_is_that_of_its_closed_forms(inertia):
-    state, curves = driven("delta", inertia)
+def test_the_reference_of_the_delta_robot_has_its_closed_forms(inertia):
+    state, curves = driven_reference("delta", inertia)
     angle, rate, acceleration = state.transpose(0, 2, 1)
-    np.testing.assert_allclose(columns(curves, "platform"), platform(angle), rtol=0, atol=CLOSED)
-    turn = columns(curves, "turn", "wxyz")
-    np.testing.assert_allclose(turn, np.tile([1.0, 0, 0, 0], (len(turn), 1)), rtol=0, atol=CLOSED)
-    found = delta_moves(angle, rate, acceleration)
-    velocity = np.einsum("nid,nd->ni", found["moves"], rate)
-    np.testing.assert_allclose(columns(curves, "velocity"), velocity, rtol=0, atol=1e-12)
     np.testing.assert_allclose(
-        columns(curves, "acceleration"), found["acceleration"], rtol=0, atol=1e-10
+        component_columns(curves, "platform"),
+        platform_position(angle),
+        rtol=0,
+        atol=CLOSURE_TOLERANCE,
+    )
+    turn = component_columns(curves, "turn", "wxyz")
+    np.testing.assert_allclose(
+        turn, np.tile([1.0, 0, 0, 0], (len(turn), 1)), rtol=0, atol=CLOSURE_TOLERANCE
+    )
+    found = delta_displacements(angle, rate, acceleration)
+    velocity = np.einsum("nid,nd->ni", found["moves"], rate)
+    np.testing.assert_allclose(component_columns(curves, "velocity"), velocity, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        component_columns(curves, "acceleration"), found["acceleration"], rtol=0, atol=1e-10
     )
     still = np.zeros_like(rate)
     moments = (
@@ -223,7 +237,7 @@ def test_the_delta_robot_is_that_of_its_closed_forms(inertia):
 def test_a_wrong_length_leaves_the_circle_or_turns_the_platform(old, new, channels, edit, models):
     """The drives are those of the right lengths, so a robot with a wrong length moves elsewhere."""
     edit("delta.xml", old, new)
-    found = turned("delta", models)
+    found = differing_channels("delta", models)
     if channels is None:
         assert {"turn.x", "turn.y", "turn.z"} <= found
     else:
@@ -233,7 +247,7 @@ def test_a_wrong_length_leaves_the_circle_or_turns_the_platform(old, new, channe
 # The Stewart platform
 
 LEG = np.arange(6)
-BASES, BALLS = (
+BASE_ENDS, PLATFORM_ENDS = (
     radius * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
     for radius, angle in (
         (0.5, np.radians(120.0 * (LEG // 2) - 15.0 * (-1.0) ** LEG)),
@@ -241,11 +255,11 @@ BASES, BALLS = (
     )
 )
 """Ends of the legs on the base and, in its own axes, on the platform [m]."""
-TUBE, SLIDING = 0.35, 0.4
+TUBE_LENGTH, ROD_LENGTH = 0.35, 0.4
 """Length of a tube, from the base, and of a rod, from the platform [m]."""
 
 
-def turns(axis: int, angle: np.ndarray) -> np.ndarray:
+def rotations_about(axis: int, angle: np.ndarray) -> np.ndarray:
     """Rotation matrices (n, 3, 3) about an axis of the world."""
     c, s = np.cos(angle), np.sin(angle)
     found = np.zeros((*np.shape(angle), 3, 3))
@@ -256,34 +270,40 @@ def turns(axis: int, angle: np.ndarray) -> np.ndarray:
     return found
 
 
-def wobble(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def wobble_poses(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) on a tilted circle, and axes (n, 3, 3) rotated about a horizontal axis."""
     tilt = np.radians(30.0)
     x, z = np.cos(tilt) * np.cos(turn), np.sin(tilt) * np.cos(turn)
     place = 0.08 * np.stack([x, np.sin(turn), z], axis=-1) + [0.0, 0.0, 0.6]
-    return place, turns(2, turn) @ turns(1, np.radians(15.0)) @ turns(2, -turn)
+    return place, rotations_about(2, turn) @ rotations_about(1, np.radians(15.0)) @ rotations_about(
+        2, -turn
+    )
 
 
-def legs(turn: np.ndarray) -> np.ndarray:
+def leg_vectors(turn: np.ndarray) -> np.ndarray:
     """The legs (n, 6, 3) from the base to the platform: the inverse kinematics."""
-    place, axes = wobble(turn)
-    return place[:, None] + np.einsum("nij,lj->nli", axes, BALLS) - BASES
+    place, axes = wobble_poses(turn)
+    return place[:, None] + np.einsum("nij,lj->nli", axes, PLATFORM_ENDS) - BASE_ENDS
 
 
-def wobbling(turn: np.ndarray, rate: float) -> dict[str, np.ndarray]:
+def wobble_derivatives(turn: np.ndarray, rate: float) -> dict[str, np.ndarray]:
     """The motion of platform and legs at a constant rate, by spectral derivatives over a turn."""
-    place, axes = wobble(turn)
-    rates = rate * spectral(axes)
+    place, axes = wobble_poses(turn)
+    rates = rate * spectral_derivative(axes)
     skew = rates @ axes.transpose(0, 2, 1)
     spin = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)
-    lengths = np.linalg.norm(legs(turn), axis=-1)
+    lengths = np.linalg.norm(leg_vectors(turn), axis=-1)
     return {
-        "acceleration": rate**2 * spectral(spectral(place)),
+        "acceleration": rate**2 * spectral_derivative(spectral_derivative(place)),
         "axes": axes,
         "spin": spin,
-        "spin_rate": rate * spectral(spin),
+        "spin_rate": rate * spectral_derivative(spin),
         "state": np.array(
-            [lengths, rate * spectral(lengths), rate**2 * spectral(spectral(lengths))]
+            [
+                lengths,
+                rate * spectral_derivative(lengths),
+                rate**2 * spectral_derivative(spectral_derivative(lengths)),
+            ]
         ),
     }
 
@@ -296,7 +316,7 @@ def leg_forces(turn: np.ndarray, rate: float) -> np.ndarray:
     platform has Newton's and Euler's equations about its centre of mass; tubes of 0.6 kg and rods
     of 0.4 kg are slender bars along their legs.
     """
-    motion, ways = wobbling(turn, rate), legs(turn)
+    motion, ways = wobble_derivatives(turn, rate), leg_vectors(turn)
     axes, spin, twist = motion["axes"], motion["spin"], np.eye(3)
 
     def moved(arm: np.ndarray) -> np.ndarray:
@@ -313,50 +333,56 @@ def leg_forces(turn: np.ndarray, rate: float) -> np.ndarray:
     inertia = axes * np.array([0.1, 0.12, 0.2]) @ axes.transpose(0, 2, 1)
     moment = np.einsum("nij,nj->ni", inertia, motion["spin_rate"])
     moment += np.cross(spin, np.einsum("nij,nj->ni", inertia, spin))
-    wrench = 5.0 * _along(moved(centre), accelerated(centre) - WEIGHT)
+    wrench = 5.0 * _virtual_work(moved(centre), accelerated(centre) - WEIGHT)
     wrench[:, 3:] += moment
     rows = []
     for k in LEG:
-        arm = axes @ BALLS[k]
+        arm = axes @ PLATFORM_ENDS[k]
         length = np.linalg.norm(ways[:, k], axis=-1)[:, None]
         way, moves = ways[:, k] / length, moved(arm)
-        row = _along(moves, way)
+        row = _virtual_work(moves, way)
         rows.append(row)
         swing = (moves - way[..., None] * row[:, None]) / length[..., None]  # of the direction
-        bend = rate**2 * spectral(spectral(way))
+        bend = rate**2 * spectral_derivative(spectral_derivative(way))
         still = np.zeros_like(way)
-        wrench += asked(0.6, (0 * moves, TUBE * swing), (still, TUBE * bend))
+        wrench += bar_drive_forces(
+            0.6, (0 * moves, TUBE_LENGTH * swing), (still, TUBE_LENGTH * bend)
+        )
         at = accelerated(arm)
-        wrench += asked(0.4, (moves, moves - SLIDING * swing), (at, at - SLIDING * bend))
+        wrench += bar_drive_forces(
+            0.4, (moves, moves - ROD_LENGTH * swing), (at, at - ROD_LENGTH * bend)
+        )
     return np.linalg.solve(np.stack(rows, axis=-1), wrench[..., None])[..., 0]
 
 
 def test_the_drives_of_the_stewart_platform_are_its_inverse_kinematics():
     rows = np.loadtxt(shipped("stewart_wobble.csv"), delimiter=",", skiprows=3)
-    lengths = np.linalg.norm(legs(2 * np.pi * rows[:, 0]), axis=-1)
+    lengths = np.linalg.norm(leg_vectors(2 * np.pi * rows[:, 0]), axis=-1)
     np.testing.assert_allclose(rows[:, 1:], lengths, rtol=0, atol=1e-13)
 
 
-def test_legs_of_these_lengths_lead_the_stewart_platform_on_its_motion():
+def test_the_drives_lead_the_stewart_platform_along_its_motion():
     """With the case's own drives, whose splines between the rows have an error of 1e-8 m."""
-    state, curves = driven("stewart", True)
+    state, curves = driven_reference("stewart", True)
     turn = 2 * np.pi * np.arange(state.shape[-1]) / (state.shape[-1] - 1)
-    place, axes = wobble(turn)
-    np.testing.assert_allclose(columns(curves, "platform"), place, rtol=0, atol=2e-8)
-    found = rotation_matrices(columns(curves, "turn", "wxyz"))
+    place, axes = wobble_poses(turn)
+    np.testing.assert_allclose(component_columns(curves, "platform"), place, rtol=0, atol=2e-8)
+    found = rotation_matrices(component_columns(curves, "turn", "wxyz"))
     np.testing.assert_allclose(found, axes, rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("rate", [0.0, 2 * np.pi])
-def test_forces_of_the_legs_are_those_of_the_balances(rate):
+def test_leg_forces_obey_the_balances_of_the_bodies(rate):
     """With the exact lengths, rates and accelerations of the legs, at rest and in motion."""
     model = mujoco.MjModel.from_xml_path(str(shipped("stewart.xml")))
     joints = tuple(f"leg_{k + 1}" for k in LEG)
-    state = wobbling(TURN, rate)["state"].transpose(0, 2, 1)
+    state = wobble_derivatives(TURN, rate)["state"].transpose(0, 2, 1)
     terms = SmoothTerms(model)
     curves = spatial.solve(*state, model=model, joints=joints, inertia=True, terms=terms)
-    place = wobble(TURN)[0]
-    np.testing.assert_allclose(columns(curves, "platform"), place, rtol=0, atol=CLOSED)
+    place = wobble_poses(TURN)[0]
+    np.testing.assert_allclose(
+        component_columns(curves, "platform"), place, rtol=0, atol=CLOSURE_TOLERANCE
+    )
     forces = np.column_stack([curves[f"force_{k + 1}"] for k in LEG])
     assert np.ptp(forces) > 10.0
     np.testing.assert_allclose(forces, leg_forces(TURN, rate), rtol=0, atol=1e-8)
@@ -365,7 +391,7 @@ def test_forces_of_the_legs_are_those_of_the_balances(rate):
 @pytest.mark.parametrize(
     "place", ['name="ball_1" pos="0.21213', 'name="tube_3" pos="-0.12940'], ids=["ball", "base"]
 )
-def test_a_wrong_place_of_a_joint_leaves_the_wobble(place, edit, models):
+def test_a_wrong_position_of_a_joint_differs(place, edit, models):
     """One of twelve joints, on the platform or on the base, is displaced by 1e-5 m."""
     edit("stewart.xml", place, f"{place[:-1]}{int(place[-1]) + 1}")
-    assert turned("stewart", models) == {"turn.w", "turn.z", "radius", "from_apex"}
+    assert differing_channels("stewart", models) == {"turn.w", "turn.z", "radius", "from_apex"}

@@ -38,7 +38,7 @@ def with_sensors(file: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
 
 
 @pytest.mark.parametrize(("name", "bodies"), [("delta", 9), ("stewart", 12)])
-def test_closed_robots_at_rest_are_those_of_mujoco_with_rigid_loops(name, bodies, tmp_path):
+def test_reactions_of_closed_robots_at_rest_are_those_of_mujoco(name, bodies, tmp_path):
     """MuJoCo's inverse dynamics, with the rigid loop forces that proofmass applies in sweeps."""
     case = load_case(shipped(f"{name}.toml"))
     file, channels = with_sensors(case.model_path, tmp_path)
@@ -54,7 +54,7 @@ def test_closed_robots_at_rest_are_those_of_mujoco_with_rigid_loops(name, bodies
     assert max(np.abs(known[one] - found[one]).max() for one in channels) < 1e-11
 
 
-def test_a_ball_joint_carries_a_top_and_no_moment():
+def test_a_ball_joint_transmits_a_force_and_no_moment():
     """The force is mass times acceleration less weight, by an acceleration sensor at the centre."""
     spec = mujoco.MjSpec.from_file(str(shipped("heavy_top.xml")))
     model = spec.compile()
@@ -82,7 +82,7 @@ def test_a_ball_joint_carries_a_top_and_no_moment():
     assert np.ptp(found["force.x"]) > 0.1
 
 
-WELDED = """<mujoco><option gravity="1 2 -9.81"><flag contact="disable"/></option><worldbody>
+WELDED_MODEL = """<mujoco><option gravity="1 2 -9.81"><flag contact="disable"/></option><worldbody>
   <site name="wall" pos=".3 .1 .2"/>
   <body name="arm" pos="0 0 1"><joint name="arm" axis="0 1 1"/>
     <inertial pos=".2 .1 0" mass="2" diaginertia=".1 .2 .25"/><site name="root"/>
@@ -107,7 +107,7 @@ WELDED = """<mujoco><option gravity="1 2 -9.81"><flag contact="disable"/></optio
 @pytest.fixture
 def welded() -> mujoco.MjModel:
     """A box with a free joint that a weld constrains to a swinging arm."""
-    model = mujoco.MjModel.from_xml_string(WELDED.format("0 0"))
+    model = mujoco.MjModel.from_xml_string(WELDED_MODEL.format("0 0"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     turn = np.zeros(4)
@@ -122,7 +122,7 @@ def welded() -> mujoco.MjModel:
     return model
 
 
-def test_a_free_joint_holds_nothing_whatever_its_weld_does(welded):
+def test_a_free_joint_transmits_no_force_and_no_moment(welded):
     welded.key_ctrl[0] = [2.0, -1.5]
     found = solve(welded, np.linspace(0, 0.4, 21))
     names = [f"{name}.{part}" for name in ("on box", "twist of box") for part in "xyz"]
@@ -130,7 +130,7 @@ def test_a_free_joint_holds_nothing_whatever_its_weld_does(welded):
     assert np.abs(found["twist of arm.x"]).max() > 1.0
 
 
-def test_the_ground_carries_weights_loads_and_accelerations(welded):
+def test_the_reaction_of_the_ground_obeys_newtons_law(welded):
     """The reaction obeys Newton's law for both bodies, in components along the axes of the arm."""
     welded.key_ctrl[0] = [0.0, -1.5]
     found = solve(welded, np.linspace(0, 0.4, 21))
@@ -145,27 +145,27 @@ def test_the_ground_carries_weights_loads_and_accelerations(welded):
     assert np.abs(along).max() < 1e-10  # no moment about the arm's hinge
 
 
-def test_a_stop_asks_of_a_weld_what_a_drive_does(welded):
+def test_reactions_on_a_stop_are_those_with_a_drive(welded):
     """The arm rests on its stop, or a drive holds it there: both have equal reactions.
 
     At rest the drift of the constraint rows is only rounding, so this test does not distinguish
     formulations of the drift.
     """
     welded.key_qvel[0] = 0.0
-    held = solve(welded, [0.0], joints=("arm",))
-    lying = mujoco.MjModel.from_xml_string(WELDED.format("0 0"))
-    lying.key_qpos[:] = welded.key_qpos
-    lying.key_qvel[:] = lying.jnt_range[0, 1] = 0.0
-    lying.jnt_limited[0], lying.jnt_range[0, 0] = 1, -3.0
-    found = solve(lying, [0.0, 0.02])
+    driven = solve(welded, [0.0], joints=("arm",))
+    resting = mujoco.MjModel.from_xml_string(WELDED_MODEL.format("0 0"))
+    resting.key_qpos[:] = welded.key_qpos
+    resting.key_qvel[:] = resting.jnt_range[0, 1] = 0.0
+    resting.jnt_limited[0], resting.jnt_range[0, 0] = 1, -3.0
+    found = solve(resting, [0.0, 0.02])
     names = [f"{name} {body}" for body in ("box", "arm") for name in ("on", "twist of")]
     names = [f"{name}.{part}" for name in names for part in "xyz"]
     assert max(np.abs(found[name]).max() for name in names) > 5.0
     for name in names:
-        assert found[name] == pytest.approx(held[name][0], abs=1e-12), name
+        assert found[name] == pytest.approx(driven[name][0], abs=1e-12), name
 
 
-def test_what_nothing_determines_is_no_quantity(tmp_path):
+def test_undetermined_reactions_are_no_quantities(tmp_path):
     """Redundant loop constraints and a tendon with a spring leave reactions undetermined."""
     file, channels = with_sensors(shipped("bricard.xml"), tmp_path)
     model = mujoco.MjModel.from_xml_path(str(file))
@@ -176,7 +176,7 @@ def test_what_nothing_determines_is_no_quantity(tmp_path):
         found = solve(model, [0.0], joints=joints)
         assert "rocker" in found
         assert not any("force" in name for name in found)
-    text = WELDED.format("0 0").replace('<weld name="weld" body1="box" body2="arm"', "<!--")
+    text = WELDED_MODEL.format("0 0").replace('<weld name="weld" body1="box" body2="arm"', "<!--")
     tendon = (
         '<tendon><spatial name="t" {}><site site="wall"/><site site="root"/></spatial></tendon>'
     )

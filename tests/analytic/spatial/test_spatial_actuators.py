@@ -13,7 +13,7 @@ from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import Drive, Run
 from proofmass.sim.smooth import SmoothTerms
 
-ROBOT = """<mujoco><compiler angle="radian"/><option timestep="1e-3" integrator="RK4">
+ROBOT_MODEL = """<mujoco><compiler angle="radian"/><option timestep="1e-3" integrator="RK4">
   <flag contact="disable"/></option><worldbody><site name="wall" pos=".5 .5 .5"/>
   <body name="base"><joint name="yaw" axis="0 0 1" damping=".5"/>
     <inertial pos="0 0 .1" mass="2" diaginertia=".02 .02 .02"/>
@@ -38,16 +38,16 @@ RANGES = {"pitch": 'actuatorfrcrange="-8 8"', "elbow": 'actuatorfrcrange="-1 .4"
 FORCES = ("turn", "lift", "pull", "push", "all_pitch", "all_elbow", "all_cable")
 
 
-def robot(folder: Path, limited: bool = True) -> Path:
+def write_robot(folder: Path, limited: bool = True) -> Path:
     """Write a robot with three joints; ranges limit the total actuator force of two of them."""
     file = folder / f"robot{int(limited)}.xml"
-    file.write_text(ROBOT.format(**(RANGES if limited else dict.fromkeys(RANGES, ""))))
+    file.write_text(ROBOT_MODEL.format(**(RANGES if limited else dict.fromkeys(RANGES, ""))))
     return file
 
 
 @pytest.mark.parametrize("limited", [False, True])
 def test_forces_are_those_of_mujoco_at_any_state(tmp_path, limited):
-    model = mujoco.MjModel.from_xml_path(str(robot(tmp_path, limited)))
+    model = mujoco.MjModel.from_xml_path(str(write_robot(tmp_path, limited)))
     tree, source = read_tree(model, "start"), SmoothTerms(model)
     generator, clipped = np.random.default_rng(3), 0
     for _ in range(20):
@@ -61,9 +61,9 @@ def test_forces_are_those_of_mujoco_at_any_state(tmp_path, limited):
 
 
 @pytest.mark.parametrize("limited", [False, True])
-def test_sensors_of_a_motion_are_what_mujoco_comes_to(tmp_path, limited):
+def test_sensors_of_a_motion_are_those_of_mujoco(tmp_path, limited):
     """This holds also where a joint's force reaches its range, at which the motion has a kink."""
-    file, times = robot(tmp_path, limited), np.linspace(0.0, 0.5, 26)
+    file, times = write_robot(tmp_path, limited), np.linspace(0.0, 0.5, 26)
     model = mujoco.MjModel.from_xml_path(str(file))
     known = spatial.solve(times, model=model, terms=SmoothTerms(model))
     assert {*FORCES} <= known.keys()
@@ -77,24 +77,24 @@ def test_sensors_of_a_motion_are_what_mujoco_comes_to(tmp_path, limited):
         assert error < 2e-5 * max(1.0, np.ptp(known[name])), name
 
 
-def test_a_sweep_tells_what_actuators_do_and_drives_in_place_of_their_own(tmp_path):
+def test_in_a_sweep_a_drive_replaces_the_actuator_of_its_joint(tmp_path):
     """A drive provides the moment that other actuators leave.
 
     The actuator of the driven joint itself does not act, so its control has no effect.
     """
-    text = ROBOT.format(**RANGES).replace('kp="60" kv="4"', 'kp="60"')
+    text = ROBOT_MODEL.format(**RANGES).replace('kp="60" kv="4"', 'kp="60"')
     file = tmp_path / "robot.xml"
     file.write_text(text)
     model, x = mujoco.MjModel.from_xml_path(str(file)), np.linspace(0.0, 1.0, 11)
 
-    def law(t: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def profile(t: np.ndarray, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return share * t, np.full_like(t, share), np.zeros_like(t)
 
     shares = {"yaw": 1.0, "pitch": 0.5, "elbow": -0.7}
-    state = [np.array([law(x, share)[k] for share in shares.values()]) for k in range(3)]
+    state = [np.array([profile(x, share)[k] for share in shares.values()]) for k in range(3)]
     known = spatial.solve(*state, model=model, joints=tuple(shares))
     drives = tuple(
-        Drive(name, lambda t, share=share: law(t, share)) for name, share in shares.items()
+        Drive(name, lambda t, share=share: profile(t, share)) for name, share in shares.items()
     )
     found = in_mujoco(file, Run("sweep", x, FORCES, drives)).channels
     for name, values in found.items():

@@ -27,18 +27,18 @@ Curve = Callable[[np.ndarray], np.ndarray]
 GRAVITY = 9.81
 
 
-def compiled(name: str) -> mujoco.MjModel:
+def compile_shipped(name: str) -> mujoco.MjModel:
     """A shipped model."""
     return mujoco.MjModel.from_xml_path(str(shipped(f"{name}.xml")))
 
 
-def found(name: str, times: np.ndarray) -> dict[str, np.ndarray]:
+def reference_motion(name: str, times: np.ndarray) -> dict[str, np.ndarray]:
     """The curves of the spatial reference for the free motion of a shipped model."""
-    model = compiled(name)
+    model = compile_shipped(name)
     return spatial.solve(times, model=model, terms=SmoothTerms(model))
 
 
-def swing(
+def motion_from_rest(
     inertia: Curve, height: Curve, span: tuple[float, float], times: np.ndarray, start: float
 ):
     """The motion s(t) from rest: I s'' + I' s'^2 / 2 + V' = 0, by polynomials on a span of s."""
@@ -53,7 +53,7 @@ def swing(
     return way.y
 
 
-def along_x(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def slider_crank_ends(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Crank end of the slider-crank's rod, its derivative by s, and slider position with slope."""
     zero = np.zeros_like(s)
     ball = np.stack([zero, 0.1 - 0.08 * np.sin(s), 0.12 + 0.08 * np.cos(s)], axis=-1)
@@ -65,7 +65,7 @@ def along_x(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def inertia_of_slider_crank(s: np.ndarray) -> np.ndarray:
     """I(s) [kg m^2]; the universal joint rotates the rod by yaw about z, then by pitch."""
-    ball, moves, slider = along_x(s)
+    ball, moves, slider = slider_crank_ends(s)
     x, slope = slider[..., 0], slider[..., 1]
     way = np.stack([x, 0 * x, 0 * x], axis=-1) - ball  # from the crank to the slider: R(1, 0, 0)
     rate = np.stack([slope, 0 * x, 0 * x], axis=-1) - moves
@@ -79,34 +79,34 @@ def inertia_of_slider_crank(s: np.ndarray) -> np.ndarray:
     return crank + 2.0 * slope**2 + 0.5 * (middle**2).sum(axis=-1) + rod
 
 
-def weight_of_slider_crank(s: np.ndarray) -> np.ndarray:
+def potential_of_slider_crank(s: np.ndarray) -> np.ndarray:
     """V(s) [J] of the slider-crank."""
     return GRAVITY * (0.12 * 0.04 * np.cos(s) + 0.5 * 0.04 * np.cos(s))
 
 
 @pytest.mark.parametrize("end", [0.5, 5.0])
-def test_a_slider_crank_by_a_quadrature(end):
+def test_a_spatial_slider_crank_agrees_with_a_quadrature(end):
     """Time is an integral over the crank angle: t = int sqrt(I / 2 / (E - V)) ds."""
     times = np.linspace(0.0, end, 51)
-    curves = found("slider_crank_spatial", times)
+    curves = reference_motion("slider_crank_spatial", times)
     s = curves["crank"]
     zero = np.zeros(1)
-    energy = 0.5 * inertia_of_slider_crank(zero) * 36.0 + weight_of_slider_crank(zero)
+    energy = 0.5 * inertia_of_slider_crank(zero) * 36.0 + potential_of_slider_crank(zero)
     points, weights = np.polynomial.legendre.leggauss(40)
     pieces = np.concatenate([np.linspace(a, b, 9)[:-1] for a, b in pairwise(s)])
     pieces = np.append(pieces, s[-1])
     middles, halves = 0.5 * (pieces[1:] + pieces[:-1]), 0.5 * np.diff(pieces)
     inner = middles[:, None] + halves[:, None] * points
-    rate = np.sqrt(2 * (energy - weight_of_slider_crank(inner)) / inertia_of_slider_crank(inner))
+    rate = np.sqrt(2 * (energy - potential_of_slider_crank(inner)) / inertia_of_slider_crank(inner))
     taken = np.append(0.0, np.cumsum((1 / rate) @ weights * halves))[::8]
-    here = np.sqrt(2 * (energy - weight_of_slider_crank(s)) / inertia_of_slider_crank(s))
+    here = np.sqrt(2 * (energy - potential_of_slider_crank(s)) / inertia_of_slider_crank(s))
     assert s[-1] > (50.0 if end > 1 else 4.0)
     assert np.abs((taken - times) * here).max() < 1e-9  # error of the crank angle
-    assert np.abs(curves["slider"] - along_x(s)[2][..., 0]).max() < 1e-12
+    assert np.abs(curves["slider"] - slider_crank_ends(s)[2][..., 0]).max() < 1e-12
     assert np.abs(curves["crank_rate"] - here).max() < 1e-8
 
 
-def turn(axis: int, angle: np.ndarray) -> np.ndarray:
+def rotation_about(axis: int, angle: np.ndarray) -> np.ndarray:
     """Rotation matrices about an axis of the world."""
     c, s, zero, one = np.cos(angle), np.sin(angle), 0 * angle, 0 * angle + 1
     rows = {
@@ -117,7 +117,7 @@ def turn(axis: int, angle: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-BARS = (
+BRICARD_BARS = (
     (1, (1, 0, 0)),
     (2, (0, -1, 0)),
     (0, (0, 0, 1)),
@@ -127,43 +127,45 @@ BARS = (
 """For each of Bricard's bars: axis of its rotation relative to the bar before, and direction."""
 
 
-def knees(odd: np.ndarray, even: np.ndarray) -> np.ndarray:
+def bar_ends(odd: np.ndarray, even: np.ndarray) -> np.ndarray:
     """Ends (n, 6, 3) of the bars, whose hinges alternate between two angles."""
     at = np.zeros((*odd.shape, 3), dtype=np.result_type(odd, even))
     axes, places = np.eye(3), [at]
-    for k, (axis, way) in enumerate(BARS):
-        axes = axes @ turn(axis, odd if k % 2 == 0 else even)
+    for k, (axis, way) in enumerate(BRICARD_BARS):
+        axes = axes @ rotation_about(axis, odd if k % 2 == 0 else even)
         places.append(places[-1] + axes @ np.array(way, float))
     return np.stack(places, axis=-2)
 
 
-def bent(s: np.ndarray) -> np.ndarray:
+def bricard_ends(s: np.ndarray) -> np.ndarray:
     """Ends of Bricard's bars for the angle s of its hinges 1, 3 and 5.
 
     The loop is closed if the angle b of hinges 2 and 4 satisfies sin s + sin b + sin s sin b = 0.
     """
-    return knees(s, -np.arcsin(np.sin(s) / (1.0 + np.sin(s))))
+    return bar_ends(s, -np.arcsin(np.sin(s) / (1.0 + np.sin(s))))
 
 
 def inertia_of_bricard(s: np.ndarray) -> np.ndarray:
     """I(s) [kg m^2] of slender bars, from the velocities of their ends."""
-    rates = bent(s + 1e-30j).imag / 1e-30
+    rates = bricard_ends(s + 1e-30j).imag / 1e-30
     one, two = rates[..., :-1, :], rates[..., 1:, :]
     return ((one**2 + one * two + two**2) / 3.0).sum(axis=(-1, -2))
 
 
-def weight_of_bricard(s: np.ndarray) -> np.ndarray:
+def potential_of_bricard(s: np.ndarray) -> np.ndarray:
     """V(s) [J] of Bricard's linkage."""
-    places = bent(s)
+    places = bricard_ends(s)
     return GRAVITY * 0.5 * (places[..., :-1, 1] + places[..., 1:, 1]).sum(axis=-1)
 
 
 @pytest.mark.parametrize("end", [2.0, 10.0])
-def test_bricard_by_one_equation(end):
+def test_bricards_linkage_agrees_with_its_equation_of_motion(end):
     times = np.linspace(0.0, end, 41)
-    curves = found("bricard", times)
-    angle, rate = swing(inertia_of_bricard, weight_of_bricard, (-0.1, 3.3), times, 0.0)
-    places = bent(angle)
+    curves = reference_motion("bricard", times)
+    angle, rate = motion_from_rest(
+        inertia_of_bricard, potential_of_bricard, (-0.1, 3.3), times, 0.0
+    )
+    places = bricard_ends(angle)
     assert np.abs(places[:, 5] - [0, 0, 1]).max() < 1e-14  # the formula of the angles closes it
     assert angle.max() > 2.8
     np.testing.assert_allclose(curves["h1"], angle, rtol=0, atol=1e-9)
@@ -173,7 +175,7 @@ def test_bricard_by_one_equation(end):
     np.testing.assert_allclose(curves["kinetic"], energy, rtol=0, atol=1e-8)
 
 
-def gear(times: np.ndarray) -> np.ndarray:
+def gear_motion(times: np.ndarray) -> np.ndarray:
     """The second angle of the gear of changing ratio, and its rate."""
 
     def inertia(q: np.ndarray) -> np.ndarray:
@@ -182,32 +184,32 @@ def gear(times: np.ndarray) -> np.ndarray:
     def weight(q: np.ndarray) -> np.ndarray:
         return -GRAVITY * (0.5 * np.cos(q + 0.5 * q**2) + np.cos(q))
 
-    return swing(inertia, weight, (-2.5, 1.1), times, 1.0)
+    return motion_from_rest(inertia, weight, (-2.5, 1.1), times, 1.0)
 
 
-def test_a_gear_of_changing_ratio_is_that_of_its_one_equation_of_motion():
+def test_a_gear_of_changing_ratio_agrees_with_its_equation_of_motion():
     times = np.linspace(0.0, 1.0, 41)
-    curves, (angle, rate) = found("changing_gear", times), gear(times)
+    curves, (angle, rate) = reference_motion("changing_gear", times), gear_motion(times)
     np.testing.assert_allclose(curves["second"], angle, rtol=0, atol=1e-10)
     np.testing.assert_allclose(curves["first"], angle + 0.5 * angle**2, rtol=0, atol=1e-10)
     np.testing.assert_allclose(curves["second_rate"], rate, rtol=0, atol=1e-9)
 
 
-def test_no_step_lowers_what_mujoco_leaves_out_of_a_gear_of_changing_ratio():
+def test_mujocos_error_of_a_changing_gear_does_not_fall_with_the_step():
     """Compared with the equation of motion, MuJoCo 4.0.0 has the same error with an eighth step."""
     case = load_case(shipped("changing_gear.toml"))
     errors = []
     for solver in ("mujoco", "mujoco:fine"):
         curves = solve(case, "dynamics", solver)
         assert reference_for(case, "dynamics", curves).channels
-        errors.append(np.abs(curves.channels["second"] - gear(curves.x)[0]).max())
+        errors.append(np.abs(curves.channels["second"] - gear_motion(curves.x)[0]).max())
     assert errors[0] > 1e-4
     assert errors[1] == pytest.approx(errors[0], rel=0.05)
 
 
-def test_a_universal_joint_is_that_of_its_closed_form():
+def test_a_universal_joint_agrees_with_its_closed_form():
     """tan b = tan a / cos 30 deg; the moment follows from the flywheel by virtual work."""
-    model, rate, tilt = compiled("universal_joint"), 10.0, np.pi / 6
+    model, rate, tilt = compile_shipped("universal_joint"), 10.0, np.pi / 6
     turn_of_input = np.linspace(0.0, 2 * np.pi, 37)
     curves = spatial.solve(
         turn_of_input,
@@ -226,37 +228,37 @@ def test_a_universal_joint_is_that_of_its_closed_form():
     rim = np.column_stack([curves[f"rim.{part}"] for part in "xyz"])
     shaft = np.array([np.cos(tilt), np.sin(tilt), 0.0])
     up, side = np.array([0.0, 0.0, 1.0]), np.cross(shaft, [0.0, 0.0, 1.0])
-    truth = 0.4 * shaft + 0.12 * (np.cos(out)[:, None] * up + np.sin(out)[:, None] * side)
-    np.testing.assert_allclose(rim, truth, rtol=0, atol=1e-13)
+    wanted = 0.4 * shaft + 0.12 * (np.cos(out)[:, None] * up + np.sin(out)[:, None] * side)
+    np.testing.assert_allclose(rim, wanted, rtol=0, atol=1e-13)
     change = -(rate**2) * np.sin(tilt) ** 2 * np.sin(2 * turn_of_input) * pace**2 / np.cos(tilt)
     np.testing.assert_allclose(curves["moment"], 0.02 * change * pace, rtol=0, atol=1e-7)
 
 
 def test_a_driven_spatial_slider_crank_keeps_its_geometry():
-    model = compiled("slider_crank_spatial")
+    model = compile_shipped("slider_crank_spatial")
     crank = 2 * np.pi * np.arange(128) / 128
     curves = spatial.solve(
         crank, 3.0, model=model, joints=("crank",), inertia=True, terms=SmoothTerms(model)
     )
-    place = along_x(crank)[2]
+    place = slider_crank_ends(crank)[2]
     np.testing.assert_allclose(curves["slider"], place[:, 0], rtol=0, atol=1e-13)
     np.testing.assert_allclose(curves["slider_speed"], 3.0 * place[:, 1], rtol=0, atol=1e-12)
 
 
 def test_a_drive_beyond_a_limit_position_is_refused():
-    model = compiled("slider_crank_spatial")
+    model = compile_shipped("slider_crank_spatial")
     with pytest.raises(ValueError, match="limit position"):
         spatial.solve([0.2, 0.4], model=model, joints=("slider",), terms=SmoothTerms(model))
 
 
-def test_a_stride_that_leaves_its_tangent_is_another_branch(monkeypatch):
+def test_a_stride_that_departs_from_its_tangent_is_refused(monkeypatch):
     """The limit is half of the stride's length; here it is 0, so that no stride is accepted."""
-    model = compiled("slider_crank_spatial")
-    given = {"model": model, "joints": ("crank",), "terms": SmoothTerms(model)}
-    assert np.isfinite(spatial.solve([0.1], **given)["slider"]).all()
+    model = compile_shipped("slider_crank_spatial")
+    arguments = {"model": model, "joints": ("crank",), "terms": SmoothTerms(model)}
+    assert np.isfinite(spatial.solve([0.1], **arguments)["slider"]).all()
     monkeypatch.setattr(motion, "MAX_TANGENT_CHANGE", 0.0)
     with pytest.raises(ValueError, match="limit position with the drives at 0"):
-        spatial.solve([0.2], **given)
+        spatial.solve([0.2], **arguments)
 
 
 def parallelogram(key: str) -> mujoco.MjModel:
@@ -272,13 +274,13 @@ def parallelogram(key: str) -> mujoco.MjModel:
       <keyframe><key name="start" {key}/></keyframe></mujoco>""")
 
 
-def test_a_loop_that_begins_flat_chooses_no_branch():
+def test_a_start_in_a_flat_pose_is_refused():
     """In the flat pose of a parallelogram its loop has one independent row less than elsewhere."""
     with pytest.raises(ValueError, match="the equalities lose rank: 2 rows hold, 1 at the start"):
         spatial.solve([0.0, 0.1], model=parallelogram('qvel="1 -1 1"'))
 
 
-def test_a_motion_ends_beside_a_pose_where_a_loop_loses_rank():
+def test_a_motion_ends_near_a_pose_where_a_loop_loses_rank():
     """Without weight the cranks turn at a constant rate; every half turn the linkage is flat."""
     turn, rate = 0.5, -2.0
     model = parallelogram(f'qpos="{turn} {-turn} {turn}" qvel="{rate} {-rate} {rate}"')
@@ -303,7 +305,7 @@ def test_the_inverse_of_drives_and_equalities_is_the_pseudo_inverse(rows: int, l
 
 
 @pytest.mark.parametrize("least", [0.0, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6])
-def test_no_matrix_with_a_small_singular_value_has_such_an_inverse(least: float):
+def test_a_nearly_singular_matrix_has_no_regular_pseudo_inverse(least: float):
     """The smallest singular value is 1e-6 of the largest or less; it may consist of rounding."""
     rng = np.random.default_rng(7)
     for columns in range(3, 20):
@@ -313,7 +315,7 @@ def test_no_matrix_with_a_small_singular_value_has_such_an_inverse(least: float)
         assert regular_pseudo_inverse((left * values) @ right.T) is None
 
 
-def test_rows_that_are_nearly_dependent_have_no_such_inverse():
+def test_nearly_dependent_rows_have_no_regular_pseudo_inverse():
     rows = np.eye(6)
     rows[5] = rows[4] + 1e-6 * rows[5]
     assert regular_pseudo_inverse(rows) is None

@@ -22,10 +22,10 @@ from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import ChangingLoad, Drive, Run
 from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import plan_run
-from tests.analytic.planar.test_planar_rests import ANGLES, bar, chain, limbs
+from tests.analytic.planar.test_planar_rests import ANGLES, bar_profile, random_chain, write_limbs
 from tests.shipped import shipped
 
-ARM = """<mujoco><compiler angle="radian"/><option gravity="0.5 0.3 -9.81" integrator="RK4"
+ARM_MODEL = """<mujoco><compiler angle="radian"/><option gravity="0.5 0.3 -9.81" integrator="RK4"
   timestep="5e-4">
   <flag contact="disable" energy="enable"/></option><worldbody><site name="ground" pos="0 .3 1"/>
   <body name="arm" pos="0 0 1"><joint name="arm" axis="0 .2 1"/>
@@ -51,22 +51,24 @@ ARM = """<mujoco><compiler angle="radian"/><option gravity="0.5 0.3 -9.81" integ
   <keyframe><key name="start" qpos="0 1 0 0 0 0 0" ctrl="0 {pull}"/></keyframe></mujoco>"""
 
 
-def arm(folder: Path, hinge: str = "", slide: str = "", pull: float = 1.0) -> Path:
+def write_arm(folder: Path, hinge: str = "", slide: str = "", pull: float = 1.0) -> Path:
     """Write a driven arm with a ball, a hinge and a slide on springs, a cord, a follower load."""
     file = folder / f"arm{len(list(folder.iterdir()))}.xml"
-    file.write_text(ARM.format(hinge=hinge, slide=slide, pull=pull))
+    file.write_text(ARM_MODEL.format(hinge=hinge, slide=slide, pull=pull))
     return file
 
 
-def rests(file: Path, angles: np.ndarray = ANGLES, **more: object) -> dict[str, np.ndarray]:
+def sweep_equilibria(
+    file: Path, angles: np.ndarray = ANGLES, **arguments: object
+) -> dict[str, np.ndarray]:
     """The spatial reference of a sweep of the arm."""
     model = mujoco.MjModel.from_xml_path(str(file))
-    return spatial.solve(angles, model=model, joints=("arm",), **more)
+    return spatial.solve(angles, model=model, joints=("arm",), **arguments)
 
 
-def test_balls_turn_evenly_on_a_way(tmp_path):
+def test_ball_joints_are_moved_as_by_constant_rates(tmp_path):
     """The result is that of constant rates for a unit of time, also beyond half a turn."""
-    tree = read_tree(mujoco.MjModel.from_xml_path(str(arm(tmp_path))), "start")
+    tree = read_tree(mujoco.MjModel.from_xml_path(str(write_arm(tmp_path))), "start")
     ways = np.random.default_rng(0).normal(0.0, 2.0, (8, tree.armature.size))
     begin = advance_pose(tree, tree.start, ways[0])
     moved = TreeAtRest(tree, ("arm",)).moved(np.tile(begin, (8, 1)), ways)
@@ -74,18 +76,18 @@ def test_balls_turn_evenly_on_a_way(tmp_path):
     np.testing.assert_allclose(moved, known, rtol=0, atol=1e-15)  # rounding of values below 8
 
 
-STOPS = ('range="-.9 .28" limited="true"', 'range="-.04 .1" limited="true"')
+STOP_RANGES = ('range="-.9 .28" limited="true"', 'range="-.04 .1" limited="true"')
 
 
 @pytest.mark.parametrize("stops", [False, True])
-def test_mujoco_rests_there(tmp_path, stops):
+def test_equilibria_are_those_of_mujoco(tmp_path, stops):
     """The arm has a ball, a tendon, a load, and stops that joints reach and leave; with rates."""
-    file = arm(tmp_path, *(STOPS if stops else ()))
-    known = rests(file)
+    file = write_arm(tmp_path, *(STOP_RANGES if stops else ()))
+    known = sweep_equilibria(file)
     on = [np.isclose(known[name], end).sum() for name, end in (("hinge", 0.28), ("slide", -0.04))]
     assert [0 < count < ANGLES.size for count in on] == [stops, stops]
     names = tuple(name for name in known if "acceleration" not in name)
-    found = in_mujoco(file, Run("sweep", ANGLES, names, (Drive("arm", bar),)))
+    found = in_mujoco(file, Run("sweep", ANGLES, names, (Drive("arm", bar_profile),)))
     assert not found.stopped
     for name in names:
         error = 1e-10 if name.split(".")[0] in ("hinge_rate", "velocity", "spin") else 1e-11
@@ -94,46 +96,46 @@ def test_mujoco_rests_there(tmp_path, stops):
     assert np.ptp(known["turn.y"]) > 0.1
 
 
-def test_the_drive_does_the_work_of_the_energy(tmp_path):
+def test_the_moment_of_the_drive_is_the_slope_of_the_energy(tmp_path):
     """Without a load the moment of the drive is the slope of the energy of springs and weights."""
-    file, step = arm(tmp_path, pull=0.0), 1e-4
+    file, step = write_arm(tmp_path, pull=0.0), 1e-4
     for angle in (0.5, 2.0, 3.5):
-        found = rests(file, np.array([angle - step, angle, angle + step]))
+        found = sweep_equilibria(file, np.array([angle - step, angle, angle + step]))
         slope = (found["level"][2] - found["level"][0]) / (2 * step)
         assert found["moment"][1] == pytest.approx(slope, abs=1e-6)
     assert abs(slope) > 0.1
 
 
-def test_rates_are_those_of_the_path(tmp_path):
-    step, file = 1e-4, arm(tmp_path)
-    found = rests(file, np.array([1.0 - step, 1.0, 1.0 + step]))
+def test_rates_are_slopes_of_the_path(tmp_path):
+    step, file = 1e-4, write_arm(tmp_path)
+    found = sweep_equilibria(file, np.array([1.0 - step, 1.0, 1.0 + step]))
     for name, rate in (("hinge", "hinge_rate"), ("end.x", "velocity.x"), ("end.z", "velocity.z")):
         slope = (found[name][2] - found[name][0]) / (2 * step)
         assert found[rate][1] == pytest.approx(slope, abs=1e-7)
 
 
-def test_a_load_that_changes_moves_the_rest(tmp_path):
+def test_equilibria_under_a_changing_load_are_those_of_mujoco(tmp_path):
     """Values and rates agree with MuJoCo."""
-    file = arm(tmp_path)
+    file = write_arm(tmp_path)
 
-    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def profile(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return 0.5 * t**2, t, np.ones_like(t)
 
     angles = ANGLES[:13]
-    size, rate, _ = law(angles)
-    known = rests(file, angles, controls={"pull": size}, control_rates={"pull": rate})
+    size, rate, _ = profile(angles)
+    known = sweep_equilibria(file, angles, controls={"pull": size}, control_rates={"pull": rate})
     names = ("hinge", "hinge_rate", "velocity.x", "velocity.z", "moment")
-    load = (ChangingLoad("pull", law),)
-    run = Run("sweep", angles, names, (Drive("arm", bar),), loads=load)
+    load = (ChangingLoad("pull", profile),)
+    run = Run("sweep", angles, names, (Drive("arm", bar_profile),), loads=load)
     found = in_mujoco(file, run).channels
-    assert np.abs(known["hinge_rate"] - rests(file, angles)["hinge_rate"]).max() > 0.02
+    assert np.abs(known["hinge_rate"] - sweep_equilibria(file, angles)["hinge_rate"]).max() > 0.02
     for name in names:
         assert np.abs(found[name] - known[name]).max() < 1e-9
 
 
 @pytest.mark.parametrize("ranges", [(), ('limited="true" range="-1 .1"',)])
-def test_in_a_plane_they_are_those_of_the_planar_reference(tmp_path, ranges):
-    model = mujoco.MjModel.from_xml_path(str(limbs(tmp_path, *ranges)))
+def test_planar_equilibria_are_those_of_the_planar_reference(tmp_path, ranges):
+    model = mujoco.MjModel.from_xml_path(str(write_limbs(tmp_path, *ranges)))
     angles = ANGLES[20::2]  # a joint reaches its stop in between
     one, two = (part.solve(angles, model=model, joints=("bar",)) for part in (planar, spatial))
     on = np.isclose(one["two"], 0.1)
@@ -143,33 +145,38 @@ def test_in_a_plane_they_are_those_of_the_planar_reference(tmp_path, ranges):
         np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-11)
 
 
-def test_rows_that_repeat_what_others_hold_are_no_hindrance():
+def test_redundant_constraint_rows_are_allowed():
     """A `connect` of a planar linkage constrains the plane's normal twice; the load changes."""
     case = load_case(shipped("finger.toml"))
     run, model = plan_run(case, "sweep", "mujoco"), compiled_model(case)
     x = run.x[::4]
     state = tuple(part[0] for part in run.motion(x))
     controls, rates = ({"contact": part[0]} for part in run.controls(x))
-    given = {"model": model, "joints": ("driver",), "controls": controls, "control_rates": rates}
-    one, two = (part.solve(*state, **given) for part in (planar, spatial))
+    arguments = {
+        "model": model,
+        "joints": ("driver",),
+        "controls": controls,
+        "control_rates": rates,
+    }
+    one, two = (part.solve(*state, **arguments) for part in (planar, spatial))
     for name in case.channels:
         np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-11)
 
 
-def test_random_chains_are_those_of_the_planar_reference():
+def test_random_chains_have_the_equilibria_of_the_planar_reference():
     """Chains have slack springs, ranges and loads; both paths end at an unstable equilibrium."""
     x, ended = np.linspace(0.0, 1.5, 7), 0
     for seed in (2, 3, 129):
-        model, told = mujoco.MjModel.from_xml_string(chain(seed)), []
+        model, results = mujoco.MjModel.from_xml_string(random_chain(seed)), []
         for part in (planar, spatial):
             try:
-                told.append(part.solve(x, model=model, joints=("j0",)))
+                results.append(part.solve(x, model=model, joints=("j0",)))
             except Unstable as error:
-                told.append(str(error))
-        one, two = told
+                results.append(str(error))
+        one, two = results
         if isinstance(one, str):
             ended += 1
-            places = [float(re.findall(r"drives at ([\d.]+)", said)[0]) for said in told]
+            places = [float(re.findall(r"drives at ([\d.]+)", said)[0]) for said in results]
             assert places[1] == pytest.approx(places[0], abs=1e-5)  # printed with six digits
             assert re.sub(r"at [\d.]+", "", one) == re.sub(r"at [\d.]+", "", two)
             continue
@@ -219,7 +226,7 @@ def test_the_wrist_yields_about_its_compliance_centre():
         ("tower_crane", r"until = 30\.0", "until = 3.0", "integrated with DOP853"),
     ],
 )
-def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, long, short, how, edit):
+def test_properties_state_the_method_without_solving_again(name, long, short, how, edit):
     """The properties use the path or the motion that was solved for the channels."""
     case = load_case(edit(f"{name}.toml", long, short, 1))
     (kind,) = case.run
@@ -237,10 +244,10 @@ def test_a_page_tells_how_it_is_solved_and_solves_nothing_for_it(name, long, sho
     assert after == kept
 
 
-def test_what_is_not_covered_is_named(tmp_path):
+def test_sweeps_that_are_not_covered_are_refused(tmp_path):
     with pytest.raises(NotCovered, match="a path of equilibria has no inertia"):
-        rests(arm(tmp_path), ANGLES[:2], inertia=True)
-    text = ARM.format(hinge="", slide="", pull=0.0).replace('stiffness="200"', "")
+        sweep_equilibria(write_arm(tmp_path), ANGLES[:2], inertia=True)
+    text = ARM_MODEL.format(hinge="", slide="", pull=0.0).replace('stiffness="200"', "")
     model = mujoco.MjModel.from_xml_string(text.replace('stiffness="12"', ""))
     model.opt.gravity[:] = 0.0
     with pytest.raises(Unstable, match="the start pose leads to no stable equilibrium"):
@@ -260,7 +267,7 @@ CRANE = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"><flag c
   <keyframe><key name="start" qpos="0 1 0 0 0"/></keyframe></mujoco>"""
 
 
-def test_a_load_that_goes_round_with_its_crane_stands_out():
+def test_the_load_of_a_turning_crane_swings_outwards():
     """tan(angle) = rate² (jib + rope sin(angle)) / g, and the drive has no moment."""
     rate, model = 1.3, mujoco.MjModel.from_xml_string(CRANE)
     angle = 0.5
@@ -270,10 +277,12 @@ def test_a_load_that_goes_round_with_its_crane_stands_out():
     model.key_qvel[0, :] = rate, 0.0, 0.0, 0.0  # the rope turns with the jib
     times = np.linspace(0.0, 3.0, 31)
 
-    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def profile(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return rate * t, np.full_like(t, rate), np.zeros_like(t)
 
-    found = spatial.solve(*law(times), model=model, joints=("slew",), in_time=(times, (law,)))
+    found = spatial.solve(
+        *profile(times), model=model, joints=("slew",), in_time=(times, (profile,))
+    )
     away = 2.0 + 1.5 * np.sin(angle)
     np.testing.assert_allclose(found["load.x"], away * np.cos(rate * times), rtol=0, atol=1e-11)
     np.testing.assert_allclose(found["load.z"], -1.5 * np.cos(angle), rtol=0, atol=1e-11)
@@ -325,7 +334,7 @@ def test_the_load_of_the_crane_is_a_point_mass_on_a_rope():
 
 
 @pytest.mark.parametrize("stop", ["", 'range="-.4 .45" limited="true" solreflimit="0.01 1"'])
-def test_beside_drives_in_a_plane_it_is_the_planar_motion(stop):
+def test_a_driven_planar_motion_is_that_of_the_planar_reference(stop):
     """A driven cart with a double pendulum, without and with a stop on which it bounces or rests.
 
     The cart is driven beyond the end of its own range, which does not stop a drive.
@@ -337,45 +346,45 @@ def test_beside_drives_in_a_plane_it_is_the_planar_motion(stop):
     model = mujoco.MjModel.from_xml_string(text.replace(joint, f"{joint} {stop}"))
     case = load_case(shipped("driven_cart.toml"))
     run, times = plan_run(case, "dynamics", "mujoco"), np.linspace(0.0, 1.2, 25)
-    (law,) = (drive.profile for drive in run.drives)
-    state = law(times)
-    given = {
+    (profile,) = (drive.profile for drive in run.drives)
+    state = profile(times)
+    arguments = {
         "model": model,
         "start": case.start,
         "joints": tuple(drive.joint for drive in run.drives),
         "inertia": True,
-        "in_time": (times, (law,)),
+        "in_time": (times, (profile,)),
     }
-    one = planar.solve(*state, **given)
-    two = spatial.solve(*state, **given, terms=SmoothTerms(model))
+    one = planar.solve(*state, **arguments)
+    two = spatial.solve(*state, **arguments, terms=SmoothTerms(model))
     assert len(one.keys() & two.keys()) > 5
     assert state[0].max() > 0.1
     for name in one.keys() & two.keys():
         np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-9, err_msg=name)
 
 
-def test_a_spatial_motion_beside_a_drive_is_what_mujoco_comes_to(tmp_path):
+def test_mujoco_converges_to_a_driven_spatial_motion(tmp_path):
     """Half the step divides the errors by more than four, also that of the drive's moment."""
-    file, times = arm(tmp_path), np.linspace(0.0, 0.3, 7)
+    file, times = write_arm(tmp_path), np.linspace(0.0, 0.3, 7)
     model = mujoco.MjModel.from_xml_path(str(file))
 
-    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def profile(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return 0.5 * np.sin(2 * t), np.cos(2 * t), -2 * np.sin(2 * t)
 
-    given = {"joints": ("arm",), "in_time": (times, (law,)), "inertia": True}
-    known = spatial.solve(*law(times), model=model, terms=SmoothTerms(model), **given)
+    arguments = {"joints": ("arm",), "in_time": (times, (profile,)), "inertia": True}
+    known = spatial.solve(*profile(times), model=model, terms=SmoothTerms(model), **arguments)
     names = ("hinge", "slide", "end.x", "end.z", "turn.y", "spin.z", "moment")
     errors = []
     for step in (1e-3, 5e-4):
         settings = {"timestep": step, "integrator": "RK4"}
-        run = Run("dynamics", times, names, (Drive("arm", law),), settings=settings)
+        run = Run("dynamics", times, names, (Drive("arm", profile),), settings=settings)
         found = in_mujoco(file, run).channels
         errors.append([np.abs(found[name] - known[name]).max() for name in names])
     assert max(errors[1]) < 1e-5
     assert (np.array(errors[1]) < np.array(errors[0]) / 4).all()
 
 
-SIDECAR = """title = "Arm"
+ARM_SIDECAR = """title = "Arm"
 source = "of the tests"
 reference = "spatial"
 drive = { joint = "arm", from = 0.0, to = 1.0, rate = 1.0 }
@@ -389,9 +398,9 @@ hinge_rate = { unit = "rad/s" }
 """
 
 
-def test_a_sidecar_needs_no_more_than_the_drive(tmp_path):
-    arm(tmp_path, pull=0.0).rename(tmp_path / "arm.xml")
-    (tmp_path / "arm.toml").write_text(SIDECAR)
+def test_a_sidecar_needs_only_the_drive(tmp_path):
+    write_arm(tmp_path, pull=0.0).rename(tmp_path / "arm.xml")
+    (tmp_path / "arm.toml").write_text(ARM_SIDECAR)
     case = load_case(tmp_path / "arm.toml")
     shares = [
         case.tolerance_for("sweep", "mujoco", name).relative_to_range

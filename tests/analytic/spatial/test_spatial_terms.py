@@ -23,7 +23,7 @@ from proofmass.sim.smooth import SmoothTerms
 from proofmass.solve import solve
 from tests.shipped import shipped
 
-EVERYTHING = """
+ALL_FEATURES_MODEL = """
 <mujoco><option><flag contact="disable"/></option>
 <worldbody>
   <body pos=".1 .2 .3" euler="50 60 70"><site name="wall" pos=".3 .2 .3" euler="10 20 30"/></body>
@@ -83,7 +83,7 @@ EVERYTHING = """
 <keyframe><key name="start" ctrl=".3 .4 .5 .6 .7"/></keyframe>
 </mujoco>
 """
-SWINGING = """
+SWINGING_MODEL = """
 <mujoco><option><flag contact="disable"/></option>
 <worldbody><body name="a"><joint name="a" type="ball"/>
   <inertial pos="0 .1 -.5" mass="1" diaginertia=".1 .2 .25"/>
@@ -100,7 +100,7 @@ SWINGING = """
 @pytest.fixture(scope="module")
 def everything() -> tuple[mujoco.MjModel, Tree, np.ndarray, np.ndarray]:
     """A model with every feature that is covered, and twenty random states of it."""
-    model, rng = mujoco.MjModel.from_xml_string(EVERYTHING), np.random.default_rng(1)
+    model, rng = mujoco.MjModel.from_xml_string(ALL_FEATURES_MODEL), np.random.default_rng(1)
     tree = read_tree(model, "start")
     v = rng.normal(size=(20, model.nv))
     q = np.array([advance_pose(tree, model.qpos0, rng.normal(size=model.nv)) for _ in v])
@@ -123,9 +123,13 @@ def test_all_terms_are_those_of_mujoco(everything):
 
 
 @pytest.mark.parametrize("part", ["SPRING", "DAMPER", "GRAVITY", "EQUALITY", "ACTUATION"])
-def test_what_a_model_switches_off_is_in_no_term(everything, part):
+def test_disabled_parts_of_a_model_are_in_no_term(everything, part):
     """At one state, with the tolerances of `test_all_terms_are_those_of_mujoco`."""
-    model, q, v = mujoco.MjModel.from_xml_string(EVERYTHING), everything[2][:1], everything[3][:1]
+    model, q, v = (
+        mujoco.MjModel.from_xml_string(ALL_FEATURES_MODEL),
+        everything[2][:1],
+        everything[3][:1],
+    )
     model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}"))
     found, theirs = own_terms(read_tree(model, "start"), q, v), SmoothTerms(model).terms(q[0], v[0])
     for name in TERM_NAMES:
@@ -139,7 +143,7 @@ def test_what_a_model_switches_off_is_in_no_term(everything, part):
 
 def test_sensors_at_a_state_are_those_of_mujoco(everything):
     """Equalities are disabled, since MuJoCo's are soft; accelerations are those of the start."""
-    spec, kind, obj = mujoco.MjSpec.from_string(EVERYTHING), mujoco.mjtSensor, mujoco.mjtObj
+    spec, kind, obj = mujoco.MjSpec.from_string(ALL_FEATURES_MODEL), mujoco.mjtSensor, mujoco.mjtObj
     for one in spec.equalities:
         one.active = False
     for name in (
@@ -187,23 +191,23 @@ def test_a_quaternion_and_its_negative_are_one_pose(everything):
         )
 
 
-def test_rows_of_equalities_are_the_derivatives_of_their_gaps(everything):
+def test_rows_of_equalities_are_the_derivatives_of_their_violations(everything):
     """They agree with central differences of the violation along motions of constant rates."""
     _, tree, q, v = everything
     found, step = own_terms(tree, q, v), 1e-4
 
-    def gaps(time: float) -> np.ndarray:
+    def violations(time: float) -> np.ndarray:
         moved = np.array([advance_pose(tree, *state) for state in zip(q, time * v, strict=True)])
         return own_terms(tree, moved, v).gap
 
-    before, now, after = (gaps(time) for time in (-step, 0.0, step))
+    before, now, after = (violations(time) for time in (-step, 0.0, step))
     rate = np.einsum("nkr,nr->nk", found.jacobian, v)
     np.testing.assert_allclose((after - before) / (2 * step), rate, atol=1e-5, rtol=1e-5)
     bend = (after - 2 * now + before) / step**2
     np.testing.assert_allclose(bend, -found.drift, atol=1e-4, rtol=1e-5)
 
 
-class Changed(SmoothTerms):
+class ChangedTerms(SmoothTerms):
     """MuJoCo's terms, of which some are replaced."""
 
     def __init__(self, model: mujoco.MjModel, **changes):
@@ -216,27 +220,29 @@ class Changed(SmoothTerms):
         return replace(found, **{name: change(self, q, v) for name, change in self.changes.items()})
 
 
-def resting(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+def bias_at_zero_rates(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """The bias force at zero rates."""
     return SmoothTerms(source.model).terms(q, 0 * v).bias
 
 
-def of_mujoco(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+def drift_in_mujoco(source: SmoothTerms, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """The drift in MuJoCo itself, which is 0 for a joint equality."""
     return np.zeros(1)
 
 
-def free(model: mujoco.MjModel, source: TermSource, times: np.ndarray) -> spatial.SolvedMotion:
+def free_motion(
+    model: mujoco.MjModel, source: TermSource, times: np.ndarray
+) -> spatial.SolvedMotion:
     """The free motion of a model with the terms of a source."""
     tree, _ = spatial.tree_and_terms(model, "start", source)
     return spatial.integrate_in_time(tree, source, (), (), times, (), None)
 
 
-def test_the_witness_agrees_with_mujoco():
-    model = mujoco.MjModel.from_xml_string(SWINGING)
+def test_the_second_formulation_agrees_with_mujoco():
+    model = mujoco.MjModel.from_xml_string(SWINGING_MODEL)
     times, source = np.linspace(0.0, 0.2, 5), SmoothTerms(model)
     spatial.solve(times, model=model, terms=source)
-    seen = free(model, source, times).comparison
+    seen = free_motion(model, source, times).comparison
     assert seen.states == 5
     assert seen.difference < 1e-13
 
@@ -244,26 +250,26 @@ def test_the_witness_agrees_with_mujoco():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"bias": resting}, "bias force"),
-        ({"drift": of_mujoco}, "J-dot-v of the equalities"),
+        ({"bias": bias_at_zero_rates}, "bias force"),
+        ({"drift": drift_in_mujoco}, "J-dot-v of the equalities"),
     ],
 )
-def test_the_witness_notices_a_wrong_term(change, words):
-    model = mujoco.MjModel.from_xml_string(SWINGING)
+def test_the_second_formulation_shows_a_wrong_term(change, words):
+    model = mujoco.MjModel.from_xml_string(SWINGING_MODEL)
     with pytest.raises(TermsDiffer, match=f"the {words} of MuJoCo and of proofmass's own"):
-        spatial.solve([0.0, 0.01], model=model, terms=Changed(model, **change))
+        spatial.solve([0.0, 0.01], model=model, terms=ChangedTerms(model, **change))
 
 
-def test_the_witness_believes_no_term_that_is_no_number():
-    model = mujoco.MjModel.from_xml_string(SWINGING)
+def test_terms_with_nan_are_refused():
+    model = mujoco.MjModel.from_xml_string(SWINGING_MODEL)
     tree, state = read_tree(model, "start"), (model.key_qpos.copy(), model.key_qvel.copy())
-    changed = Changed(model, bias=lambda source, q, v: np.nan * v)
+    changed = ChangedTerms(model, bias=lambda source, q, v: np.nan * v)
     with pytest.raises(TermsDiffer, match="bias force"):
         compare_terms(tree, changed, np.zeros(1), *state)
 
 
-def test_the_witness_notices_another_inertia():
-    model = mujoco.MjModel.from_xml_string(SWINGING)
+def test_the_second_formulation_shows_a_wrong_inertia():
+    model = mujoco.MjModel.from_xml_string(SWINGING_MODEL)
     tree = read_tree(model, "start")
     model.body_inertia[1, 0] *= 1 + 1e-10
     state = model.key_qpos.copy(), model.key_qvel.copy()
@@ -272,33 +278,33 @@ def test_the_witness_notices_another_inertia():
 
 
 @pytest.mark.parametrize("sign", [0.0, -1.0])
-def test_the_witness_notices_a_gyroscopic_term_that_is_missing_or_turned(sign, monkeypatch):
-    def turned(tree, motion, inertia):
+def test_a_missing_or_reversed_gyroscopic_term_is_shown(sign, monkeypatch):
+    def changed_forces(tree, motion, inertia):
         still = replace(motion, spin=0 * motion.spin)
         forces, _ = balances(tree, motion, inertia)
         moments = balances(tree, still, inertia)[1]
         return forces, moments + sign * (balances(tree, motion, inertia)[1] - moments)
 
     balances = own.newton_euler_forces
-    monkeypatch.setattr(own, "newton_euler_forces", turned)
-    model = mujoco.MjModel.from_xml_string(SWINGING)
+    monkeypatch.setattr(own, "newton_euler_forces", changed_forces)
+    model = mujoco.MjModel.from_xml_string(SWINGING_MODEL)
     with pytest.raises(TermsDiffer, match="bias force"):
         spatial.solve([0.0, 0.01], model=model, terms=SmoothTerms(model))
 
 
-def test_the_equalities_hold_along_a_motion_and_their_forces_do_no_work():
+def test_equalities_stay_closed_and_their_forces_do_no_work():
     """Constraint forces Jᵀλ = M a + h - Q have no power on the motion."""
-    model = mujoco.MjModel.from_xml_string(SWINGING)
-    held = free(model, SmoothTerms(model), np.linspace(0.0, 0.3, 7)).held
-    found = own_terms(read_tree(model, "start"), held.q, held.v)
+    model = mujoco.MjModel.from_xml_string(SWINGING_MODEL)
+    motion = free_motion(model, SmoothTerms(model), np.linspace(0.0, 0.3, 7)).held
+    found = own_terms(read_tree(model, "start"), motion.q, motion.v)
     assert np.abs(found.gap).max() < 1e-13
-    assert np.abs(np.einsum("nkr,nr->nk", found.jacobian, held.v)).max() < 1e-13
-    force = np.einsum("nij,nj->ni", found.mass, held.a) + found.bias - found.force
+    assert np.abs(np.einsum("nkr,nr->nk", found.jacobian, motion.v)).max() < 1e-13
+    force = np.einsum("nij,nj->ni", found.mass, motion.a) + found.bias - found.force
     assert np.abs(force).max() > 0.1
-    assert np.abs((force * held.v).sum(axis=1)).max() < 1e-12
+    assert np.abs((force * motion.v).sum(axis=1)).max() < 1e-12
 
 
-REFUSED = {
+REFUSED_FEATURES = {
     "joint 'h' has frictionloss": ('name="h"', 'name="h" frictionloss="1"'),
     "joint 'a' has a range (of a ball)": (
         'name="a" type="ball"',
@@ -328,22 +334,22 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("words", REFUSED)
-def test_what_is_not_covered_is_named(words):
-    text = SWINGING.replace(
+@pytest.mark.parametrize("words", REFUSED_FEATURES)
+def test_features_that_are_not_covered_are_refused(words):
+    text = SWINGING_MODEL.replace(
         "<worldbody>",
         '<worldbody><site name="s1"/><site name="s2" pos="0 0 1"/>'
         '<geom name="g" type="sphere" size=".1" pos="0 0 3"/>'
         + ("" if "contacts" not in words else '<geom name="f" type="plane" size="1 1 1"/>'),
     ).replace('<joint name="h"', '<geom size=".1"/><joint name="h"')
-    model = mujoco.MjModel.from_xml_string(text.replace(*REFUSED[words]))
+    model = mujoco.MjModel.from_xml_string(text.replace(*REFUSED_FEATURES[words]))
     with pytest.raises(NotCovered) as refused:
         read_tree(model, "start")
     assert words in str(refused.value)
 
 
-def test_a_start_pose_that_is_open_is_refused_and_named():
-    model = mujoco.MjModel.from_xml_string(SWINGING)
+def test_an_open_start_pose_is_refused():
+    model = mujoco.MjModel.from_xml_string(SWINGING_MODEL)
     model.key_qpos[0, 4] = 0.01
     with pytest.raises(ValueError, match=r"equality 'tie' is open by 0.01 at the start"):
         spatial.solve([0.0, 1.0], model=model)
@@ -353,49 +359,49 @@ def test_a_start_pose_that_is_open_is_refused_and_named():
     ("more", "kept"),
     [("", True), ('stiffness="3"', True), ('damping=".1"', False), ('damping="0 .1 0"', False)],
 )
-def test_energy_is_said_to_be_kept_where_nothing_takes_any(more, kept):
-    text = SWINGING.replace(
+def test_properties_state_energy_only_without_dampers(more, kept):
+    text = SWINGING_MODEL.replace(
         "<equality>",
         f'<tendon><fixed name="t" {more}><joint joint="h" coef="1"/></fixed></tendon><equality>',
     )
     model, times = mujoco.MjModel.from_xml_string(text), np.array([0.0, 0.05, 0.1])
-    given = {"model": model, "start": "start", "terms": SmoothTerms(model), "joints": ()}
-    told = spatial.properties(**given, motion=times)
-    assert ("energy" in told) == kept
+    arguments = {"model": model, "start": "start", "terms": SmoothTerms(model), "joints": ()}
+    found = spatial.properties(**arguments, motion=times)
+    assert ("energy" in found) == kept
 
 
 def test_own_terms_alone_give_the_same_motion():
-    model, times = mujoco.MjModel.from_xml_string(SWINGING), np.array([0.0, 0.02, 0.04])
+    model, times = mujoco.MjModel.from_xml_string(SWINGING_MODEL), np.array([0.0, 0.02, 0.04])
     one, two = (
-        free(model, source, times).held
+        free_motion(model, source, times).held
         for source in (SmoothTerms(model), OwnTerms(read_tree(model, "start")))
     )
     np.testing.assert_allclose(one.q, two.q, rtol=0, atol=1e-13)
     np.testing.assert_allclose(one.a, two.a, rtol=0, atol=1e-11)
 
 
-TOP = ("euler_top.xml", "euler_top.toml")
+TOP_FILES = ("euler_top.xml", "euler_top.toml")
 
 
-def copied(folder: Path, *change: str) -> Path:
+def copy_top(folder: Path, *change: str) -> Path:
     """Copy the sidecar and the model of the free body, with a change of their text."""
-    for name in TOP:
+    for name in TOP_FILES:
         text = shipped(name).read_text(encoding="utf-8")
         (folder / name).write_text(text.replace(*change), encoding="utf-8")
-    return folder / TOP[1]
+    return folder / TOP_FILES[1]
 
 
-def test_what_is_not_covered_is_an_error_of_the_model(tmp_path):
+def test_a_feature_that_is_not_covered_is_an_input_error(tmp_path):
     with pytest.raises(InputError) as refused:
-        load_case(copied(tmp_path, "<option ", '<option density="1.2" '))
-    assert refused.value.file == tmp_path / TOP[0]
+        load_case(copy_top(tmp_path, "<option ", '<option density="1.2" '))
+    assert refused.value.file == tmp_path / TOP_FILES[0]
     assert refused.value.wrong == (
         "the reference 'spatial' does not cover it: it has a fluid (density or viscosity)"
     )
 
 
-def test_pymunk_names_what_leaves_the_plane(tmp_path):
-    case = load_case(copied(tmp_path, '"mujoco:default"', '"pymunk"'))
+def test_pymunk_refuses_a_free_joint(tmp_path):
+    case = load_case(copy_top(tmp_path, '"mujoco:default"', '"pymunk"'))
     with pytest.raises(Unsupported, match="free joint 'body'"):
         solve(case, "dynamics", "pymunk")
 
@@ -414,10 +420,10 @@ def test_quaternions_and_vectors_of_a_mechanism_in_space_are_channels():
     }
 
 
-def test_the_page_says_how_closely_the_second_formulation_agrees():
-    told = properties(load_case(shipped("changing_gear.toml")))
-    assert told["equations of motion"] == "terms of MuJoCo, integrated with DOP853 at 3e-14"
-    second = told["second formulation"]
+def test_properties_state_how_closely_the_second_formulation_agrees():
+    found = properties(load_case(shipped("changing_gear.toml")))
+    assert found["equations of motion"] == "terms of MuJoCo, integrated with DOP853 at 3e-14"
+    second = found["second formulation"]
     assert re.match(r"proofmass's own terms agree at 50 poses, to \de-1[56] of", second)
-    assert told["equalities"] == "closed exactly, 1 independent of 1 rows; open by 0 in the key"
-    assert re.match(r"kept to \de-1\d of the largest kinetic energy", told["energy"])
+    assert found["equalities"] == "closed exactly, 1 independent of 1 rows; open by 0 in the key"
+    assert re.match(r"kept to \de-1\d of the largest kinetic energy", found["energy"])

@@ -17,17 +17,17 @@ ARCS = np.radians([30.0, 60.0, 75.0, 70.0])
 RADIUS, RATE, GRAVITY = 0.2, 10.0, 9.81
 COUPLER_END = 'site name="coupler_end" pos="0.17320508075688773 0 0.1"'
 ROCKER_END = 'site name="rocker_end" pos="0.19318516525781368 0 0.051763809020504148"'
-TURN = 2 * np.pi * np.arange(256) / 256
+CRANK_ANGLES = 2 * np.pi * np.arange(256) / 256
 DOWN = np.array([0.0, -1.0, 0.0])
 
 
-def about_y(angle: float) -> np.ndarray:
+def rotation_about_y(angle: float) -> np.ndarray:
     """Rotation matrix about y (3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-def about_z(angle: np.ndarray) -> np.ndarray:
+def rotations_about_z(angle: np.ndarray) -> np.ndarray:
     """Rotation matrices about z (n, 3, 3)."""
     c, s, zero = np.cos(angle), np.sin(angle), 0 * angle
     rows = (c, -s, zero), (s, c, zero), (zero, zero, zero + 1)
@@ -44,7 +44,7 @@ def on_cone(angle: np.ndarray, arc: float) -> tuple[np.ndarray, np.ndarray, np.n
     )
 
 
-def spherical(theta: np.ndarray, arcs: np.ndarray, mode: int = -1) -> dict[str, np.ndarray]:
+def closed_form(theta: np.ndarray, arcs: np.ndarray, mode: int = -1) -> dict[str, np.ndarray]:
     """Angles of rocker, coupler and transmission for crank angles, and directions of both ends.
 
     The rocker's angle has its two derivatives by the crank angle (3, n).  The ends of crank and
@@ -61,7 +61,7 @@ def spherical(theta: np.ndarray, arcs: np.ndarray, mode: int = -1) -> dict[str, 
     )
     psi = np.unwrap(np.arctan2(b, a) + mode * np.arccos(c / np.hypot(a, b)))
     u = on_cone(theta, crank)
-    w = [one @ about_y(ground).T for one in on_cone(psi, rocker)]
+    w = [one @ rotation_about_y(ground).T for one in on_cone(psi, rocker)]
 
     def dot(one: np.ndarray, two: np.ndarray) -> np.ndarray:
         return (one * two).sum(axis=-1)
@@ -70,7 +70,9 @@ def spherical(theta: np.ndarray, arcs: np.ndarray, mode: int = -1) -> dict[str, 
     second = -(dot(u[2], w[0]) + 2 * dot(u[1], w[1]) * first + dot(u[0], w[2]) * first**2) / dot(
         u[0], w[1]
     )
-    seen = np.einsum("ji,njk,nk->ni", about_y(crank), about_z(theta).transpose(0, 2, 1), w[0])
+    seen = np.einsum(
+        "ji,njk,nk->ni", rotation_about_y(crank), rotations_about_z(theta).transpose(0, 2, 1), w[0]
+    )
     diagonal = dot(u[0], np.array([np.sin(ground), 0.0, np.cos(ground)]))
     inside = (diagonal - np.cos(coupler) * np.cos(rocker)) / (np.sin(coupler) * np.sin(rocker))
     return {
@@ -82,15 +84,15 @@ def spherical(theta: np.ndarray, arcs: np.ndarray, mode: int = -1) -> dict[str, 
     }
 
 
-def spectral(curve: np.ndarray) -> np.ndarray:
-    """The derivative of a periodic curve over `TURN`."""
+def spectral_derivative(curve: np.ndarray) -> np.ndarray:
+    """The derivative of a periodic curve over `CRANK_ANGLES`."""
     waves = np.fft.rfft(curve, axis=0)
     return np.fft.irfft((1j * np.arange(len(waves)) * waves.T).T, n=len(curve), axis=0)
 
 
-def coupler_pace(form: dict[str, np.ndarray]) -> np.ndarray:
+def coupler_rate_ratio(form: dict[str, np.ndarray]) -> np.ndarray:
     """The rate of the coupler's hinge at a unit rate of the crank: one turn back per turn."""
-    return spectral(form["coupler"] + TURN) - 1.0
+    return spectral_derivative(form["coupler"] + CRANK_ANGLES) - 1.0
 
 
 @pytest.fixture(scope="module")
@@ -99,29 +101,31 @@ def model() -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_path(str(shipped("spherical_fourbar.xml")))
 
 
-def found(model: mujoco.MjModel, inertia: bool) -> dict[str, np.ndarray]:
+def reference_over_a_turn(model: mujoco.MjModel, inertia: bool) -> dict[str, np.ndarray]:
     """The curves of the spatial reference over a turn."""
     terms = SmoothTerms(model)
-    return spatial.solve(TURN, RATE, model=model, joints=("crank",), inertia=inertia, terms=terms)
+    return spatial.solve(
+        CRANK_ANGLES, RATE, model=model, joints=("crank",), inertia=inertia, terms=terms
+    )
 
 
-def vector(curves: dict[str, np.ndarray], name: str) -> np.ndarray:
+def vector_components(curves: dict[str, np.ndarray], name: str) -> np.ndarray:
     """The three components of a vector (n, 3)."""
     return np.column_stack([curves[f"{name}.{part}"] for part in "xyz"])
 
 
-def test_the_closed_form_closes_and_its_derivatives_are_those_of_differences():
-    form = spherical(TURN, ARCS)
+def test_the_closed_form_closes_and_has_spectral_derivatives():
+    form = closed_form(CRANK_ANGLES, ARCS)
     apart = (form["crank_end"] * form["rocker_end"]).sum(axis=1)
     np.testing.assert_allclose(apart, np.cos(ARCS[1]), rtol=0, atol=1e-15)
     assert np.ptp(form["rocker"][0]) > 0.8  # a rocker that swings
     for k in (1, 2):
-        slope = spectral(form["rocker"][k - 1])
+        slope = spectral_derivative(form["rocker"][k - 1])
         np.testing.assert_allclose(form["rocker"][k], slope, rtol=0, atol=1e-11)
 
 
-def test_the_transmission_angle_is_that_between_the_planes_of_coupler_and_rocker():
-    form = spherical(TURN, ARCS)
+def test_the_transmission_angle_is_between_coupler_and_rocker_planes():
+    form = closed_form(CRANK_ANGLES, ARCS)
     axis = np.array([np.sin(ARCS[3]), 0.0, np.cos(ARCS[3])])
     planes = [np.cross(form["rocker_end"], other) for other in (form["crank_end"], axis)]
     one, two = (plane / np.linalg.norm(plane, axis=1, keepdims=True) for plane in planes)
@@ -129,19 +133,19 @@ def test_the_transmission_angle_is_that_between_the_planes_of_coupler_and_rocker
     np.testing.assert_allclose(form["transmission"], angle, rtol=0, atol=1e-13)
 
 
-def test_small_arcs_make_the_planar_four_bar_to_second_order():
+def test_small_arcs_approach_the_planar_four_bar_in_second_order():
     """The sine of an arc e is e (1 - e^2 / 6 ..), so half the arcs have a quarter of the error."""
     lengths = np.array([1.0, 2.0, 2.5, 3.0])
     named = dict(zip(("crank", "coupler", "rocker", "ground"), lengths, strict=True))
-    plane = fourbar.solve(TURN, **named)
+    plane = fourbar.solve(CRANK_ANGLES, **named)
     names = ("rocker_angle", "rocker_rate", "rocker_acceleration")
     differences = []
     for size in (2e-3, 1e-3):
-        form = spherical(TURN, size * lengths)
+        form = closed_form(CRANK_ANGLES, size * lengths)
         apart = form["rocker"] - np.array([plane[name] for name in names])
         apart[0] -= 2 * np.pi * np.round(apart[0] / (2 * np.pi))
         differences.append(np.abs(apart).max(axis=1))
-        coupler = form["coupler"] + TURN - plane["coupler_angle"]
+        coupler = form["coupler"] + CRANK_ANGLES - plane["coupler_angle"]
         assert np.abs(coupler - 2 * np.pi * np.round(coupler / (2 * np.pi))).max() < 10 * size**2
         turned = form["transmission"] - plane["transmission_angle"]
         assert np.abs(turned).max() < 10 * size**2
@@ -149,8 +153,8 @@ def test_small_arcs_make_the_planar_four_bar_to_second_order():
     np.testing.assert_allclose(differences[0] / differences[1], 4.0, rtol=1e-2)
 
 
-def test_the_reference_is_the_closed_form(model):
-    form, curves = spherical(TURN, ARCS), found(model, True)
+def test_the_reference_agrees_with_the_closed_form(model):
+    form, curves = closed_form(CRANK_ANGLES, ARCS), reference_over_a_turn(model, True)
     rocker = form["rocker"]
     np.testing.assert_allclose(curves["rocker"], rocker[0], rtol=0, atol=1e-13)
     np.testing.assert_allclose(curves["rocker_rate"], RATE * rocker[1], rtol=0, atol=1e-12)
@@ -159,16 +163,23 @@ def test_the_reference_is_the_closed_form(model):
     )
     np.testing.assert_allclose(curves["coupler"], form["coupler"], rtol=0, atol=1e-13)
     np.testing.assert_allclose(
-        curves["coupler_rate"], RATE * coupler_pace(form), rtol=0, atol=1e-10
+        curves["coupler_rate"], RATE * coupler_rate_ratio(form), rtol=0, atol=1e-10
     )
     np.testing.assert_allclose(
-        vector(curves, "pin"), RADIUS * form["rocker_end"], rtol=0, atol=1e-14
+        vector_components(curves, "pin"), RADIUS * form["rocker_end"], rtol=0, atol=1e-14
     )
-    turn = about_z(TURN) @ about_y(ARCS[0]) @ about_z(form["coupler"])
+    turn = (
+        rotations_about_z(CRANK_ANGLES)
+        @ rotation_about_y(ARCS[0])
+        @ rotations_about_z(form["coupler"])
+    )
     tip = turn @ np.array([0.12, 0.06, 0.15])
-    np.testing.assert_allclose(vector(curves, "tip"), tip, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(vector_components(curves, "tip"), tip, rtol=0, atol=1e-13)
     np.testing.assert_allclose(
-        vector(curves, "tip_acceleration"), RATE**2 * spectral(spectral(tip)), rtol=0, atol=1e-9
+        vector_components(curves, "tip_acceleration"),
+        RATE**2 * spectral_derivative(spectral_derivative(tip)),
+        rtol=0,
+        atol=1e-9,
     )
 
 
@@ -177,20 +188,22 @@ def energies(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
 
     All bodies rotate about the origin: T = w . I w / 2 with the sums of the hinges' rates.
     """
-    form, ground = spherical(TURN, ARCS), about_y(ARCS[3])
-    z, one = np.array([0.0, 0.0, 1.0]), np.ones_like(TURN)
-    pace = coupler_pace(form)
+    form, ground = closed_form(CRANK_ANGLES, ARCS), rotation_about_y(ARCS[3])
+    z, one = np.array([0.0, 0.0, 1.0]), np.ones_like(CRANK_ANGLES)
+    pace = coupler_rate_ratio(form)
     turns = {
-        "crank": about_z(TURN),
-        "coupler": about_z(TURN) @ about_y(ARCS[0]) @ about_z(form["coupler"]),
-        "rocker": ground @ about_z(form["rocker"][0]),
+        "crank": rotations_about_z(CRANK_ANGLES),
+        "coupler": rotations_about_z(CRANK_ANGLES)
+        @ rotation_about_y(ARCS[0])
+        @ rotations_about_z(form["coupler"]),
+        "rocker": ground @ rotations_about_z(form["rocker"][0]),
     }
     spins = {
         "crank": one[:, None] * z,
         "coupler": one[:, None] * z + pace[:, None] * form["crank_end"],
         "rocker": form["rocker"][1][:, None] * (ground @ z),
     }
-    twice, height = 0 * TURN, 0 * TURN
+    twice, height = 0 * CRANK_ANGLES, 0 * CRANK_ANGLES
     for name, turn in turns.items():
         body = model.body(name)
         mass, centre = float(body.mass[0]), turn @ body.ipos
@@ -205,17 +218,19 @@ def energies(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
 def test_the_moment_is_that_of_the_energies(model, inertia):
     """At a constant rate s' it is I' s'^2 / 2 + V', with spectral derivatives of I and V."""
     twice, height = energies(model)
-    moment = spectral(height) + (0.5 * RATE**2 * spectral(twice) if inertia else 0.0)
-    curve = found(model, inertia)["moment"]
+    moment = spectral_derivative(height) + (
+        0.5 * RATE**2 * spectral_derivative(twice) if inertia else 0.0
+    )
+    curve = reference_over_a_turn(model, inertia)["moment"]
     assert np.ptp(curve) > 1.0
     np.testing.assert_allclose(curve, moment, rtol=0, atol=1e-11)
 
 
-LONGER = 1e-9
+ARC_ERROR = 1e-9
 """Error of an arc in a wrong model [rad]: 1000 times the error of a chord in a sweep."""
 
 
-def on_arc(angle: float) -> str:
+def site_on_arc(angle: float) -> str:
     """The position of a site at the end of an arc, as MJCF."""
     return f'pos="{RADIUS * float(np.sin(angle))!r} 0 {RADIUS * float(np.cos(angle))!r}"'
 
@@ -223,10 +238,14 @@ def on_arc(angle: float) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "channel"),
     [
-        (f"0 {ARCS[0]!s} 0", f"0 {ARCS[0] + LONGER!s} 0", "coupler_chord"),
-        (COUPLER_END, f'site name="coupler_end" {on_arc(ARCS[1] + LONGER)}', "coupler_chord"),
-        (ROCKER_END, f'site name="rocker_end" {on_arc(ARCS[2] + LONGER)}', "rocker_chord"),
-        (f"0 {ARCS[3]!s} 0", f"0 {ARCS[3] + LONGER!s} 0", "rocker_chord"),
+        (f"0 {ARCS[0]!s} 0", f"0 {ARCS[0] + ARC_ERROR!s} 0", "coupler_chord"),
+        (
+            COUPLER_END,
+            f'site name="coupler_end" {site_on_arc(ARCS[1] + ARC_ERROR)}',
+            "coupler_chord",
+        ),
+        (ROCKER_END, f'site name="rocker_end" {site_on_arc(ARCS[2] + ARC_ERROR)}', "rocker_chord"),
+        (f"0 {ARCS[3]!s} 0", f"0 {ARCS[3] + ARC_ERROR!s} 0", "rocker_chord"),
     ],
     ids=["crank", "coupler", "rocker", "ground"],
 )

@@ -6,17 +6,17 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.balancer.model import Balancer, close_chain
 from proofmass.analytic.numerics import Array
 from tests.independent.balancer.trial import (
-    centred,
-    curves,
+    check_inputs,
     deflections,
     energies,
-    lowest,
-    opening,
-    prepared,
+    grid_shares,
+    largest_angle,
+    least_energy_index,
+    posture_curves,
     trial_loads,
 )
 
-NAMES = frozenset(
+PARAMETER_NAMES = frozenset(
     "pendulum rest_angle mode preload2 low2 high2 length1 length2 length3 stiffness1 "
     "stiffness2 stiffness3 quadratic1 quadratic2 quadratic3".split()
 )
@@ -83,26 +83,26 @@ def minimise(angles: ArrayLike, *, points: int = 1000, **parameters: float) -> d
     >>> found["balancing_moment"].round(1).tolist()
     [0.5, 0.9, 1.0]
     """
-    device, alpha = prepared(angles, points, parameters, NAMES, "N.3")
+    device, alpha = check_inputs(angles, points, parameters, PARAMETER_NAMES, "N.3")
     first, second, third = device.length[0]
-    sweep = opening(device.pendulum[0], first, second + third) * centred(points)
-    lead = _release(device, alpha, sweep) if "low2" in parameters else sweep[None]
+    sweep = largest_angle(device.pendulum[0], first, second + third) * grid_shares(points)
+    lead = _segment_1_points(device, alpha, sweep) if "low2" in parameters else sweep[None]
     if "high2" in parameters:
-        joint2 = deflections(device, alpha[:, None], _closed(device, lead))[..., 1]
+        joint2 = deflections(device, alpha[:, None], _close_postures(device, lead))[..., 1]
         lead = np.where(joint2 > device.high[0, 1], 0.0, lead)
-    posture = _closed(device, lead)
+    posture = _close_postures(device, lead)
     energy = energies(device, deflections(device, alpha[:, None], posture))
-    rows, best = np.arange(alpha.size), lowest(alpha, energy)
-    return curves(device, alpha, np.broadcast_to(posture, (*energy.shape, 3))[rows, best])
+    rows, best = np.arange(alpha.size), least_energy_index(alpha, energy)
+    return posture_curves(device, alpha, np.broadcast_to(posture, (*energy.shape, 3))[rows, best])
 
 
-def _closed(device: Balancer, lead: Array) -> Array:
+def _close_postures(device: Balancer, lead: Array) -> Array:
     """Angles (..., 3) of the segments in the pendulum's frame, if segment 1 leads it by (...)."""
     mode = np.sign(device.rest[0, 2] - device.rest[0, 1])
     return close_chain(device.pendulum[0], device.length[0], lead[..., None], mode)
 
 
-def _release(device: Balancer, alpha: Array, sweep: Array) -> Array:
+def _segment_1_points(device: Balancer, alpha: Array, sweep: Array) -> Array:
     """Points (n, N) of segment 1: its rest angle until joint 2 is released, then the sweep."""
     load = trial_loads(device, alpha, device.rest[0])[:, 1]
     released = np.logical_or.accumulate(load > device.preload[0, 1])

@@ -5,19 +5,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.balancer.model import Balancer, close_chain
 from proofmass.analytic.numerics import Array
-from tests.independent.balancer.grid import NAMES
+from tests.independent.balancer.grid import PARAMETER_NAMES
 from tests.independent.balancer.trial import (
-    centred,
-    curves,
+    check_inputs,
     deflections,
     energies,
-    lowest,
-    opening,
-    prepared,
+    grid_shares,
+    largest_angle,
+    least_energy_index,
+    posture_curves,
     trial_loads,
 )
 
-NAMES4 = NAMES - {"rest_angle", "mode", "high2"} | {
+PARAMETER_NAMES_4 = PARAMETER_NAMES - {"rest_angle", "mode", "high2"} | {
     "preload3",
     "low3",
     "length4",
@@ -100,15 +100,15 @@ def minimise(
     preloaded = "low2" in parameters
     if preloaded != ("low3" in parameters):
         raise ValueError("low2 and low3 belong together in listing N.4: give both or none")
-    device, alpha = prepared(angles, points, parameters, NAMES4, "N.4")
+    device, alpha = check_inputs(angles, points, parameters, PARAMETER_NAMES_4, "N.4")
     postures = [
         device.rest[0],
-        _outer(device, points),
-        _inner(device, points),
-        _free(device, points),
+        _postures_joint_2_straight(device, points),
+        _postures_joint_3_at_rest(device, points),
+        _postures_both_free(device, points),
     ]
     up = alpha[:, None, None]
-    stage = _stage(device, up, postures) if preloaded else np.full((alpha.size, 1, 1), 3)
+    stage = _stage_by_loads(device, up, postures) if preloaded else np.full((alpha.size, 1, 1), 3)
     energy = np.choose(
         stage,
         [
@@ -116,40 +116,40 @@ def minimise(
             for i, posture in enumerate(postures)
         ],
     )
-    best = lowest(alpha, energy.reshape(alpha.size, -1))
+    best = least_energy_index(alpha, energy.reshape(alpha.size, -1))
     rows = (np.arange(alpha.size), *np.unravel_index(best, energy.shape[1:]))
     stage = np.broadcast_to(stage, energy.shape)
     found = np.choose(
         stage[rows][:, None],
         [np.broadcast_to(posture, (*energy.shape, 4))[rows] for posture in postures],
     )
-    return {**curves(device, alpha, found), "stage": STAGES[stage[rows]]}
+    return {**posture_curves(device, alpha, found), "stage": STAGES[stage[rows]]}
 
 
-def _outer(device: Balancer, points: int) -> Array:
+def _postures_joint_2_straight(device: Balancer, points: int) -> Array:
     """Postures (N, 1, 4) with joint 2 straight."""
     r, (a, b, c, d) = device.pendulum[0], device.length[0]
-    bar = (opening(r, a + b, c + d) * centred(points))[:, None, None]
+    bar = (largest_angle(r, a + b, c + d) * grid_shares(points))[:, None, None]
     return close_chain(r, device.length[0], np.concatenate([bar, bar], -1), 1)
 
 
-def _inner(device: Balancer, points: int) -> Array:
+def _postures_joint_3_at_rest(device: Balancer, points: int) -> Array:
     """Postures (N, 1, 4) with joint 3 bent as at rest: segments 2 and 3 are one bar."""
     r, (a, b, c, d) = device.pendulum[0], device.length[0]
     turn = device.rest[0, 2] - device.rest[0, 1]
     bar = b + c * np.exp(1j * turn)
-    lead = (opening(r, a, abs(bar) + d) * centred(points))[:, None, None]
+    lead = (largest_angle(r, a, abs(bar) + d) * grid_shares(points))[:, None, None]
     three = close_chain(r, np.array([a, abs(bar), d]), lead, 1)
     second = three[..., 1] - np.angle(bar)
     return np.stack([three[..., 0], second, second + turn, three[..., 2]], -1)
 
 
-def _free(device: Balancer, points: int) -> Array:
+def _postures_both_free(device: Balancer, points: int) -> Array:
     """Postures (N, N, 4) over the ranges of segments 1 and 2."""
     r, (a, b, c, d) = device.pendulum[0], device.length[0]
-    lead = (opening(r, a, b + c + d) * centred(points))[:, None]
+    lead = (largest_angle(r, a, b + c + d) * grid_shares(points))[:, None]
     x, y = -a * np.sin(lead), r - a * np.cos(lead)
-    second = np.arctan2(x, y) + opening(np.hypot(x, y), b, c + d) * centred(points)
+    second = np.arctan2(x, y) + largest_angle(np.hypot(x, y), b, c + d) * grid_shares(points)
     first = np.stack(np.broadcast_arrays(lead, second), -1)
     return close_chain(r, device.length[0], first, 1)
 
@@ -161,7 +161,7 @@ def _energy(device: Balancer, alpha: Array, posture: Array, unilateral: bool) ->
     return np.where(beyond, np.nan, energies(device, deflection))
 
 
-def _stage(device: Balancer, alpha: Array, postures: list[Array]) -> NDArray[np.intp]:
+def _stage_by_loads(device: Balancer, alpha: Array, postures: list[Array]) -> NDArray[np.intp]:
     """Index (n, N, N) of the stage that the loads of the trial postures lead to."""
     preload = device.preload[0, 1:3]
     trials = [trial_loads(device, alpha, posture)[..., 1:3] for posture in postures]

@@ -18,9 +18,9 @@ REST_ANGLE = 0.664071011410003  # [rad]
 DESIGN_RATIOS = (1.498937760758821, 4.847839773931474)  # k_1/k_2 and k_3/k_2 of the optimum
 # Flat spiral springs by part number [N m/rad]: Table J.1 prints 0.037, 0.025 and 0.082. These are
 # what the measured values and the deviations of Table J.2 go back to, and give its ratios.
-CATALOGUE = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
+CATALOGUE_STIFFNESS = {"907": 0.037241, "903": 0.024637, "908": 0.081929}
 # Springs of each axis, in pairs wound against each other: part, problem, stiffness [N m/rad].
-MOUNTED = (
+MOUNTED_SPRINGS = (
     (("907", "iv", 0.03732627), ("907", "v", 0.03755394)),
     (("903", "ii", 0.0217042), ("903", "iii", 0.021610197)),
     (
@@ -31,7 +31,7 @@ MOUNTED = (
     ),
 )
 # Degree 5 in degrees, highest first [N m]; the print has 4.4283e-10 for the first.
-EXPECTED = (4.4283e-11, -8.2536e-09, 4.8168e-07, -1.4378e-05, 0.0011225, -0.00029428)
+EXPECTED_COEFFICIENTS = (4.4283e-11, -8.2536e-09, 4.8168e-07, -1.4378e-05, 0.0011225, -0.00029428)
 
 
 class Reduction(NamedTuple):
@@ -62,13 +62,19 @@ def stiffnesses(springs: Springs = "measured") -> tuple[float, float, float]:
     [0.0749, 0.0433, 0.2127]
     """
     if springs == "design":
-        first, (r1, r2) = sum(CATALOGUE[part] for part, _, _ in MOUNTED[0]), DESIGN_RATIOS
+        first, (r1, r2) = (
+            sum(CATALOGUE_STIFFNESS[part] for part, _, _ in MOUNTED_SPRINGS[0]),
+            DESIGN_RATIOS,
+        )
         return first, first / r1, first / r1 * r2
     if springs not in ("catalogue", "measured"):
         raise ValueError(f"springs must be design, catalogue or measured, got {springs!r}")
     one, two, three = (
-        sum(CATALOGUE[part] if springs == "catalogue" else found for part, _, found in axis)
-        for axis in MOUNTED
+        sum(
+            CATALOGUE_STIFFNESS[part] if springs == "catalogue" else found
+            for part, _, found in axis
+        )
+        for axis in MOUNTED_SPRINGS
     )
     return one, two, three
 
@@ -103,7 +109,7 @@ def expected_moment(angle: ArrayLike) -> Array:
     >>> round(float(expected_moment(np.pi / 2)), 4)
     0.0554
     """
-    return np.asarray(np.polyval(EXPECTED, np.degrees(angle)))
+    return np.asarray(np.polyval(EXPECTED_COEFFICIENTS, np.degrees(angle)))
 
 
 def reductions() -> tuple[Reduction, ...]:

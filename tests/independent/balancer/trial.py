@@ -13,10 +13,10 @@ from proofmass.analytic.balancer.model import Balancer, balancer
 from proofmass.analytic.numerics import Array
 from tests.independent.balancer.loads import node_loads, pin_force
 
-TAUT = 1.0 - 1e-14  # a stretched chain whose cosine does not round to more than one
+BELOW_STRETCHED = 1.0 - 1e-14  # a stretched chain whose cosine does not round to more than one
 
 
-def prepared(
+def check_inputs(
     angles: ArrayLike, points: int, parameters: dict[str, float], names: Iterable[str], listing: str
 ) -> tuple[Balancer, Array]:
     """The balancer and the angles (n,); ValueError if a parameter or an angle is wrong."""
@@ -37,24 +37,24 @@ def prepared(
     return device, alpha
 
 
-def centred(points: int) -> Array:
+def grid_shares(points: int) -> Array:
     """2 i/N - 1 for i = 1 ... N: the upper end is a point, the lower one is not.
 
-    >>> centred(4).tolist()
+    >>> grid_shares(4).tolist()
     [-0.5, 0.0, 0.5, 1.0]
     """
     return 2.0 * np.arange(1, points + 1) / points - 1.0
 
 
-def opening(side: ArrayLike, arm: ArrayLike, opposite: ArrayLike) -> Array:
+def largest_angle(side: ArrayLike, arm: ArrayLike, opposite: ArrayLike) -> Array:
     """Largest angle [rad] between two sides of a triangle; pi if the third is longer than both.
 
-    >>> float(opening(1.0, 1.0, 1.0).round(9)), float(opening(1.0, 0.5, 2.0).round(9))
+    >>> float(largest_angle(1.0, 1.0, 1.0).round(9)), float(largest_angle(1.0, 0.5, 2.0).round(9))
     (1.047197551, 3.141592654)
     """
     a, b, c = (np.asarray(x, float) for x in (side, arm, opposite))
     cosine = (a * a + b * b - c * c) / (2.0 * a * b)
-    return np.where(a + b <= c, np.pi, TAUT * np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return np.where(a + b <= c, np.pi, BELOW_STRETCHED * np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def deflections(device: Balancer, alpha: Array, posture: Array) -> Array:
@@ -79,7 +79,7 @@ def trial_loads(device: Balancer, alpha: Array, posture: Array) -> Array:
         return node_loads(posture, device.length[0], *force)
 
 
-def lowest(alpha: Array, energy: Array) -> NDArray[np.intp]:
+def least_energy_index(alpha: Array, energy: Array) -> NDArray[np.intp]:
     """Index (n,) of the smallest energy (n, N) at each angle; NaN marks a point without posture."""
     none = np.isnan(energy).all(axis=-1)
     if none.any():
@@ -87,7 +87,7 @@ def lowest(alpha: Array, energy: Array) -> NDArray[np.intp]:
     return np.nanargmin(energy, axis=-1)
 
 
-def curves(device: Balancer, alpha: Array, posture: Array) -> dict[str, Any]:
+def posture_curves(device: Balancer, alpha: Array, posture: Array) -> dict[str, Any]:
     """Curves that the searches return, of postures (n, segments)."""
     deflection = deflections(device, alpha, posture)
     segments = range(device.segments)

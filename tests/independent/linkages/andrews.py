@@ -87,11 +87,11 @@ def accelerations(p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """p'' and lambda, from the constraints differentiated twice."""
     rows = gradient(p)
     matrix = np.block([[mass_matrix(p), rows.T], [rows, np.zeros((6, 6))]])
-    found = np.linalg.solve(matrix, np.append(force(p, v), -second_along(p, v)))
+    found = np.linalg.solve(matrix, np.append(force(p, v), -second_derivative_along(p, v)))
     return found[:7], found[7:]
 
 
-def second_along(p: np.ndarray, v: np.ndarray) -> np.ndarray:
+def second_derivative_along(p: np.ndarray, v: np.ndarray) -> np.ndarray:
     """d^2 g(p + s v)/ds^2 at s = 0: each sine and cosine times minus the square of its rate."""
     beta, theta, gamma, phi, delta, omega, epsilon = p
     w_beta, w_theta, w_gamma, w_phi, w_delta, w_omega, w_epsilon = v
@@ -110,6 +110,6 @@ def second_along(p: np.ndarray, v: np.ndarray) -> np.ndarray:
     )
 
 
-def slope(_: float, state: np.ndarray) -> np.ndarray:
+def state_rate(_: float, state: np.ndarray) -> np.ndarray:
     """Time derivative of the state (p, p')."""
     return np.append(state[7:], accelerations(state[:7], state[7:])[0])

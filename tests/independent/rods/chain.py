@@ -124,7 +124,7 @@ def normal(angle: Array) -> Array:
     return np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
 
 
-def turned(clamp: Array, angle: Array) -> Array:
+def angles_with_stub(clamp: Array, angle: Array) -> Array:
     """Angles (..., n + 1) of the stub and the segments [rad]; clamp (..., 3) is x0, y0, theta0."""
     start = np.broadcast_to(clamp[..., 2:], (*angle.shape[:-1], 1))
     return np.concatenate([start, angle], axis=-1)
@@ -136,13 +136,13 @@ def points(c: Chain, clamp: Array, angle: Array) -> Array:
     >>> points(chain(2), np.zeros(3), np.array([0.0, np.pi / 2])).round(3).tolist()
     [[0.0, 0.0], [0.25, 0.0], [0.75, 0.0], [0.75, 0.25]]
     """
-    way = np.cumsum(c.length[..., None] * unit(turned(clamp, angle)), axis=-2)
-    return clamp[..., None, :2] + np.concatenate([0 * way[..., :1, :], way], axis=-2)
+    offsets = np.cumsum(c.length[..., None] * unit(angles_with_stub(clamp, angle)), axis=-2)
+    return clamp[..., None, :2] + np.concatenate([0 * offsets[..., :1, :], offsets], axis=-2)
 
 
 def moments(c: Chain, clamp: Array, angle: Array) -> Array:
     """Moments of the springs (..., n) [N m]; with a stub the first differs from the clamp's."""
-    return c.spring * np.diff(turned(clamp, angle), axis=-1)
+    return c.spring * np.diff(angles_with_stub(clamp, angle), axis=-1)
 
 
 def energy(c: Chain, clamp: Array, angle: Array) -> Array:
@@ -150,12 +150,12 @@ def energy(c: Chain, clamp: Array, angle: Array) -> Array:
     return np.asarray(0.5 * (moments(c, clamp, angle) ** 2 / c.spring).sum(axis=-1))
 
 
-def carried(c: Chain, force: Array, line: Array) -> Array:
+def carried_forces(c: Chain, force: Array, line: Array) -> Array:
     """G (..., n + 1, 2) [N], the forces beyond the middles of the segments.
 
     The force (..., 2) [N] is on the tip; the dead load `line` (..., 2) is per length [N/m].
 
-    >>> carried(chain(2), np.array([1.0, 0.0]), np.array([0.0, -4.0]))[:, 1].tolist()
+    >>> carried_forces(chain(2), np.array([1.0, 0.0]), np.array([0.0, -4.0]))[:, 1].tolist()
     [-3.5, -2.0, -0.5]
     """
     beyond = np.cumsum(c.length[..., ::-1], axis=-1)[..., ::-1] - 0.5 * c.length
@@ -179,11 +179,11 @@ def gradient(c: Chain, clamp: Array, angle: Array, pull: Array, moment: Array) -
 
 def hessian(c: Chain, angle: Array, pull: Array) -> Array:
     """d2V/dtheta2 (..., n, n) [N m]."""
-    held = c.length[..., 1:] * (pull[..., 1:, :] * unit(angle)).sum(axis=-1)
+    load_stiffness = c.length[..., 1:] * (pull[..., 1:, :] * unit(angle)).sum(axis=-1)
     after = np.concatenate([c.spring[..., 1:], 0 * c.spring[..., :1]], axis=-1)
     i = np.arange(c.segments)
-    out = np.zeros((*held.shape, i.size), held.dtype)
-    out[..., i, i] = c.spring + after + held
+    out = np.zeros((*load_stiffness.shape, i.size), load_stiffness.dtype)
+    out[..., i, i] = c.spring + after + load_stiffness
     out[..., i[1:], i[:-1]] = out[..., i[:-1], i[1:]] = -c.spring[..., 1:]
     return out
 
@@ -195,6 +195,6 @@ def tip_slopes(c: Chain, angle: Array) -> Array:
 
 def root_moment(c: Chain, clamp: Array, angle: Array, pull: Array, moment: Array) -> Array:
     """Moment of all loads about the clamp (...) [N m], ``sum l_i u_i x G_i + M``."""
-    arm = unit(turned(clamp, angle))
+    arm = unit(angles_with_stub(clamp, angle))
     lever = arm[..., 0] * pull[..., 1] - arm[..., 1] * pull[..., 0]
     return np.asarray((c.length * lever).sum(axis=-1) + moment)

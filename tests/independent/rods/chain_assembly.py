@@ -9,18 +9,33 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.assembly import Assembly
-from tests.independent.rods.chain import Chain, carried, energy, gradient, points, root_moment
-from tests.independent.rods.chain_closure import NONE, chains, clamps, fitted, matrix, parts, system
+from tests.independent.rods.chain import (
+    Chain,
+    carried_forces,
+    energy,
+    gradient,
+    points,
+    root_moment,
+)
+from tests.independent.rods.chain_closure import (
+    NO_LOAD,
+    chains,
+    clamps,
+    fit_pose,
+    matrix,
+    split_unknowns,
+    system,
+)
 from tests.independent.rods.chain_matrix import Bordered
 from tests.independent.rods.chain_newton import newton
-from tests.independent.rods.chain_rod import number, vector
+from tests.independent.rods.chain_rod import check_numbers, check_vector
 from tests.independent.rods.stability import curvatures
 
 Seed = ArrayLike | Sequence[Callable[[Array], Array]]
 
 
 @dataclass(frozen=True)
-class Standing:
+class AssemblyEquilibria:
     """Equilibria of an assembly of k chains with n segments each; NaN where none was found.
 
     Attributes
@@ -81,7 +96,7 @@ def settle(
     force: ArrayLike = (0.0, 0.0),
     moment: ArrayLike = 0.0,
     scheme: str = "half",
-) -> Standing:
+) -> AssemblyEquilibria:
     r"""Equilibrium of an assembly of chains near a seed.
 
     ::
@@ -101,7 +116,7 @@ def settle(
 
     Returns
     -------
-    `Standing`
+    `AssemblyEquilibria`
 
     Raises
     ------
@@ -128,19 +143,19 @@ def settle(
     (np.True_, True)
     """
     c = chains(a, segments, scheme)
-    place, load = clamps(a, vector("inputs", inputs, a.rods)), loads(a, force, moment)
-    angle = sampled(a, c, seed)
+    place, load = clamps(a, check_vector("inputs", inputs, a.rods)), loads(a, force, moment)
+    angle = seed_angles(a, c, seed)
     batch = np.broadcast_shapes(place.shape[:-2], load.shape[:-1], angle.shape[:-2])
-    start = started(a, c, place, load, np.broadcast_to(angle, (*batch, a.rods, segments)))
+    start = starting_unknowns(a, c, place, load, np.broadcast_to(angle, (*batch, a.rods, segments)))
     found = newton(lambda z: system(a, c, place, load, z), start, a.rods * segments)
-    return standing(a, c, place, load, found)
+    return assembly_equilibria(a, c, place, load, found)
 
 
-def started(a: Assembly, c: Chain, place: Array, load: Array, angle: Array) -> Array:
+def starting_unknowns(a: Assembly, c: Chain, place: Array, load: Array, angle: Array) -> Array:
     """Start of Newton's method: given angles, with the best pose and tip forces for them."""
     batch = angle.shape[:-2]
-    pose = fitted(a, points(c, place, angle)[..., -1, :])
-    rods = gradient(c, place, angle, carried(c, NONE, NONE), np.zeros(()))
+    pose = fit_pose(a, points(c, place, angle)[..., -1, :])
+    rods = gradient(c, place, angle, carried_forces(c, NO_LOAD, NO_LOAD), np.zeros(()))
     push = np.concatenate([rods.reshape(*batch, -1), np.broadcast_to(-load, pose.shape)], axis=-1)
     closures = -matrix(a, c, angle, pose, np.zeros((*batch, a.rods, 2))).dense()
     first = push.shape[-1]
@@ -150,7 +165,7 @@ def started(a: Assembly, c: Chain, place: Array, load: Array, angle: Array) -> A
 
 def loads(a: Assembly, force: ArrayLike, moment: ArrayLike) -> Array:
     """The load F and, on a platform, M (..., f)."""
-    push, turn = vector("force", force, 2), number("moment", moment)
+    push, turn = check_vector("force", force, 2), check_numbers("moment", moment)
     if a.dof == 2 and turn.any():
         raise ValueError(f"moment must be 0 on a pin, got {moment!r}")
     batch = np.broadcast_shapes(push.shape[:-1], turn.shape)
@@ -158,22 +173,24 @@ def loads(a: Assembly, force: ArrayLike, moment: ArrayLike) -> Array:
     return np.concatenate(both, axis=-1)[..., : a.dof]
 
 
-def sampled(a: Assembly, c: Chain, seed: Seed) -> Array:
+def seed_angles(a: Assembly, c: Chain, seed: Seed) -> Array:
     """Angles (..., k, n) of a seed."""
     if isinstance(seed, Sequence) and all(callable(shape) for shape in seed):
         seed = [shape(s) for shape, s in zip(seed, c.station, strict=True)]
-    angle = number("seed", np.asarray(seed, float))
+    angle = check_numbers("seed", np.asarray(seed, float))
     if angle.shape[-2:] != (a.rods, c.segments):
         raise ValueError(f"seed must be angles (..., {a.rods}, {c.segments}), got {angle.shape}")
     return angle
 
 
-def standing(a: Assembly, c: Chain, place: Array, load: Array, unknowns: Array) -> Standing:
+def assembly_equilibria(
+    a: Assembly, c: Chain, place: Array, load: Array, unknowns: Array
+) -> AssemblyEquilibria:
     """The equilibria that a vector of unknowns describes."""
-    angle, pose, force = parts(a, c, unknowns)
-    root = root_moment(c, place, angle, carried(c, force, NONE), np.zeros(()))
+    angle, pose, force = split_unknowns(a, c, unknowns)
+    root = root_moment(c, place, angle, carried_forces(c, force, NO_LOAD), np.zeros(()))
     stored = energy(c, place, angle).sum(axis=-1)
-    return Standing(
+    return AssemblyEquilibria(
         pose,
         angle,
         force,

@@ -14,7 +14,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.assembly import Assembly
 from tests.independent.rods.chain import (
     Chain,
-    carried,
+    carried_forces,
     chain,
     gradient,
     hessian,
@@ -23,7 +23,7 @@ from tests.independent.rods.chain import (
 )
 from tests.independent.rods.chain_matrix import Bordered
 
-NONE = np.zeros(2)  # no force, or no line load
+NO_LOAD = np.zeros(2)  # no force, or no line load
 
 
 def clamps(a: Assembly, inputs: Array) -> Array:
@@ -44,12 +44,12 @@ def chains(a: Assembly, segments: int, scheme: str = "half") -> Chain:
     )
 
 
-def fitted(a: Assembly, tip: Array) -> Array:
+def fit_pose(a: Assembly, tip: Array) -> Array:
     """The pose (..., f) whose pins are nearest to tips (..., k, 2), in least squares.
 
     >>> from proofmass.analytic.rods.assembly import assembly
     >>> pin = assembly([[-0.3, 0.0], [0.3, 0.0]])
-    >>> fitted(pin, np.array([[0.0, 0.9], [0.2, 0.9]]))
+    >>> fit_pose(pin, np.array([[0.0, 0.9], [0.2, 0.9]]))
     array([0.1, 0.9])
     """
     place = tip @ np.array([1.0, 1.0j])
@@ -80,11 +80,13 @@ def matrix(a: Assembly, c: Chain, angle: Array, pose: Array, force: Array) -> Bo
         corner[..., 2, f:] = turn.reshape(*batch, 2 * k)
         corner[..., 2, 2] = -0.5 * (force * w).sum(axis=(-1, -2))
     return Bordered(
-        hessian(c, angle, carried(c, force, NONE)), border, corner + np.swapaxes(corner, -1, -2)
+        hessian(c, angle, carried_forces(c, force, NO_LOAD)),
+        border,
+        corner + np.swapaxes(corner, -1, -2),
     )
 
 
-def parts(a: Assembly, c: Chain, unknowns: Array) -> tuple[Array, Array, Array]:
+def split_unknowns(a: Assembly, c: Chain, unknowns: Array) -> tuple[Array, Array, Array]:
     """Angles (..., k, n), pose (..., f) and tip forces (..., k, 2) of a vector of unknowns."""
     end = a.rods * c.segments
     angle, pose, force = np.split(unknowns, [end, end + a.dof], axis=-1)
@@ -96,17 +98,17 @@ def system(
     a: Assembly, c: Chain, place: Array, load: Array, unknowns: Array
 ) -> tuple[Array, Bordered]:
     """Residual (..., N) and Newton's matrix (..., N, N)."""
-    angle, pose, force = parts(a, c, unknowns)
+    angle, pose, force = split_unknowns(a, c, unknowns)
     w, turn = arms(a, pose)
-    rods = gradient(c, place, angle, carried(c, force, NONE), np.zeros(()))
+    rods = gradient(c, place, angle, carried_forces(c, force, NO_LOAD), np.zeros(()))
     balance = [force.sum(axis=-2), (force * turn).sum(axis=(-1, -2))[..., None]]
-    gap = points(c, place, angle)[..., -1, :] - pose[..., None, :2] - w
+    violation = points(c, place, angle)[..., -1, :] - pose[..., None, :2] - w
     batch = unknowns.shape[:-1]
     residual = np.concatenate(
         [
             rods.reshape(*batch, -1),
             np.concatenate(balance, axis=-1)[..., : a.dof] - load,
-            -gap.reshape(*batch, -1),
+            -violation.reshape(*batch, -1),
         ],
         axis=-1,
     )

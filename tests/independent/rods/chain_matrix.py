@@ -39,9 +39,11 @@ class Bordered:
         *batch, k, n, m = self.border.shape
         split = k * n
         upper = right[..., :split].reshape(*batch, k, n, 1)
-        inner = solved(self.block, np.concatenate([self.border, upper], axis=-1))
+        inner = solve_or_nan(self.block, np.concatenate([self.border, upper], axis=-1))
         folded = (np.swapaxes(self.border, -1, -2) @ inner).sum(axis=-3)
-        shared = solved(self.corner - folded[..., :m], right[..., split:, None] - folded[..., m:])
+        shared = solve_or_nan(
+            self.corner - folded[..., :m], right[..., split:, None] - folded[..., m:]
+        )
         outer = inner[..., m:] - inner[..., :m] @ shared[..., None, :, :]
         return np.concatenate([outer.reshape(*batch, split), shared[..., 0]], axis=-1)
 
@@ -57,7 +59,7 @@ class Bordered:
         return out
 
 
-def solved(matrix: Array, right: Array) -> Array:
+def solve_or_nan(matrix: Array, right: Array) -> Array:
     """``matrix^-1 right`` (..., n, m) for each of a batch; NaN where a matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrix, right))

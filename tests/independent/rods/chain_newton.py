@@ -9,11 +9,13 @@ from tests.independent.rods.chain_matrix import Bordered
 
 System = Callable[[Array], tuple[Array, Bordered]]
 
-STILL = 1e-9  # [rad] largest last step of Newton's method; the remaining error is its square
-MOST = 50  # largest number of Newton's iterations
-SMALLEST = 2.0**-12  # share of Newton's step at which the halving ends without success
-NEAR = 0.5  # [rad] rotation of a segment in a load step from which on the branch could change
-LEAST = 2.0**-10  # smallest step of a load, as a share of it
+STEP_TOLERANCE = (
+    1e-9  # [rad] largest last step of Newton's method; the remaining error is its square
+)
+MAX_ITERATIONS = 50  # largest number of Newton's iterations
+MIN_STEP_SHARE = 2.0**-12  # share of Newton's step at which the halving ends without success
+MAX_TURN = 0.5  # [rad] rotation of a segment in a load step from which on the branch could change
+MIN_LOAD_STEP = 2.0**-10  # smallest step of a load, as a share of it
 
 
 def newton(system: System, start: Array, angles: int) -> Array:
@@ -52,42 +54,44 @@ def newton(system: System, start: Array, angles: int) -> Array:
     """
     unknowns = np.array(start, float)
     residual, matrix = system(unknowns)
-    for _ in range(MOST):
+    for _ in range(MAX_ITERATIONS):
         step = matrix.solve(residual)
-        size, part = turn(step, angles), np.ones(step.shape[:-1])
-        still = size < STILL
+        size, share = norm_of_angles(step, angles), np.ones(step.shape[:-1])
+        converged = size < STEP_TOLERANCE
         while True:
-            trial = unknowns - part[..., None] * step
+            trial = unknowns - share[..., None] * step
             residual, after = system(trial)
-            on = still | (turn(matrix.solve(residual), angles) <= (1 - part / 4) * size)
-            if np.all(on | ~(part > SMALLEST) | np.isnan(size)):
+            accepted = converged | (
+                norm_of_angles(matrix.solve(residual), angles) <= (1 - share / 4) * size
+            )
+            if np.all(accepted | ~(share > MIN_STEP_SHARE) | np.isnan(size)):
                 break
-            part = np.where(on, part, part / 2)
-        unknowns, matrix = np.where(on[..., None], trial, np.nan), after
-        if np.all(still | ~on):
+            share = np.where(accepted, share, share / 2)
+        unknowns, matrix = np.where(accepted[..., None], trial, np.nan), after
+        if np.all(converged | ~accepted):
             break
-    unknowns[~still] = np.nan
+    unknowns[~converged] = np.nan
     return unknowns
 
 
-def turn(step: Array, angles: int) -> Array:
+def norm_of_angles(step: Array, angles: int) -> Array:
     """Root of the sum of squares of a step's angles (...) [rad]."""
     return np.asarray(np.linalg.norm(step[..., :angles], axis=-1))
 
 
-def follow(solve: Callable[[float, Array], Array], start: Array, angles: int) -> Array:
+def follow_in_steps(solve: Callable[[float, Array], Array], start: Array, angles: int) -> Array:
     """Apply a load in steps: ``solve(part, seed)`` for shares of the load that rise to 1.
 
     A step is halved if Newton's method fails or a segment turns by more than 0.5 rad, so that the
     equilibria stay on the branch of `start`, the equilibrium without load.  All members of a batch
     take the same steps, and all are NaN if the steps become too small.
     """
-    done, step, unknowns = 0.0, 1.0, start
-    while done < 1.0:
-        trial = solve(min(1.0, done + step), unknowns)
-        if np.all(np.abs(trial - unknowns)[..., :angles] < NEAR):
-            done, step, unknowns = done + step, 2 * step, trial
-        elif step < LEAST:
+    applied, step, unknowns = 0.0, 1.0, start
+    while applied < 1.0:
+        trial = solve(min(1.0, applied + step), unknowns)
+        if np.all(np.abs(trial - unknowns)[..., :angles] < MAX_TURN):
+            applied, step, unknowns = applied + step, 2 * step, trial
+        elif step < MIN_LOAD_STEP:
             return np.full_like(start, np.nan)
         else:
             step /= 2

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.numerics import Array
 from tests.independent.rods.chain import (
     Chain,
-    carried,
+    carried_forces,
     energy,
     gradient,
     hessian,
@@ -25,7 +25,7 @@ from tests.independent.rods.chain import (
     tip_slopes,
 )
 from tests.independent.rods.chain_matrix import Bordered
-from tests.independent.rods.chain_newton import follow, newton
+from tests.independent.rods.chain_newton import follow_in_steps, newton
 from tests.independent.rods.stability import curvatures
 
 Shape = ArrayLike | Callable[[Array], Array]
@@ -33,7 +33,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Rest:
+class ChainEquilibria:
     """Equilibria of a chain; NaN where none was found.
 
     Attributes
@@ -61,15 +61,15 @@ class Rest:
     curvatures: Array
 
 
-def seeded(c: Chain, shape: Shape) -> Array:
+def seed_angles(c: Chain, shape: Shape) -> Array:
     """Angles (..., n) of a shape, from angles or from ``theta(s)`` of the continuous rod."""
-    angle = number("seed", shape(c.station) if callable(shape) else shape)
+    angle = check_numbers("seed", shape(c.station) if callable(shape) else shape)
     if angle.shape[-1:] != (c.segments,):
         raise ValueError(f"seed must be angles (..., {c.segments}), got {angle.shape}")
     return angle
 
 
-def vector(name: str, value: ArrayLike, size: int) -> Array:
+def check_vector(name: str, value: ArrayLike, size: int) -> Array:
     """An array (..., size) of finite numbers, or a ValueError that names it."""
     out = np.asarray(value, float)
     if out.shape[-1:] != (size,) or not np.isfinite(out).all():
@@ -77,7 +77,7 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
     return out
 
 
-def number(name: str, value: ArrayLike) -> Array:
+def check_numbers(name: str, value: ArrayLike) -> Array:
     """An array (...) of finite numbers, or a ValueError that names it."""
     out = np.asarray(value, float)
     if not np.isfinite(out).all():
@@ -93,7 +93,7 @@ def free(
     moment: ArrayLike = 0.0,
     line: ArrayLike = (0.0, 0.0),
     seed: Shape | None = None,
-) -> Rest:
+) -> ChainEquilibria:
     r"""Equilibrium of a clamped chain under dead loads.
 
     Parameters
@@ -107,7 +107,7 @@ def free(
 
     Returns
     -------
-    `Rest`
+    `ChainEquilibria`
 
     Raises
     ------
@@ -128,8 +128,12 @@ def free(
     >>> bool(np.allclose(free(chain(8), moment=2 * np.pi).tip, 0.0))
     True
     """
-    place = vector("clamp", clamp, 3)
-    loads = vector("force", force, 2), vector("line", line, 2), number("moment", moment)
+    place = check_vector("clamp", clamp, 3)
+    loads = (
+        check_vector("force", force, 2),
+        check_vector("line", line, 2),
+        check_numbers("moment", moment),
+    )
     batch = np.broadcast_shapes(
         place.shape[:-1],
         loads[2].shape,
@@ -138,11 +142,11 @@ def free(
     )
 
     def equilibrium(part: float, start: Array) -> Array:
-        pull, end = carried(c, part * loads[0], part * loads[1]), part * loads[2]
+        pull, end = carried_forces(c, part * loads[0], part * loads[1]), part * loads[2]
         return newton(
             lambda angle: (
                 gradient(c, place, angle, pull, end),
-                matrix(c, angle, pull, held=False),
+                matrix(c, angle, pull, is_pinned=False),
             ),
             start,
             c.segments,
@@ -150,11 +154,11 @@ def free(
 
     straight = np.broadcast_to(place[..., 2:], (*batch, c.segments))
     if seed is None:
-        angle = follow(equilibrium, straight, c.segments)
+        angle = follow_in_steps(equilibrium, straight, c.segments)
     else:
-        angle = equilibrium(1.0, np.broadcast_to(seeded(c, seed), straight.shape))
-    pull = carried(c, loads[0], loads[1])
-    return rest(c, place, angle, pull, loads[0], loads[2], held=False)
+        angle = equilibrium(1.0, np.broadcast_to(seed_angles(c, seed), straight.shape))
+    pull = carried_forces(c, loads[0], loads[1])
+    return chain_equilibria(c, place, angle, pull, loads[0], loads[2], is_pinned=False)
 
 
 def pinned(
@@ -165,7 +169,7 @@ def pinned(
     seed: Shape,
     moment: ArrayLike = 0.0,
     line: ArrayLike = (0.0, 0.0),
-) -> Rest:
+) -> ChainEquilibria:
     r"""Equilibrium of a clamped chain whose tip is pinned.
 
     The force on the tip is the multiplier of the tip's position.  It is also the slope of the
@@ -182,7 +186,7 @@ def pinned(
 
     Returns
     -------
-    `Rest`, with the curvatures for a pinned tip
+    `ChainEquilibria`, with the curvatures for a pinned tip
 
     Raises
     ------
@@ -201,52 +205,65 @@ def pinned(
     >>> half_wave.tip.round(12), bool((half_wave.curvatures > 0).all())
     (array([0.8, 0.1]), True)
     """
-    place, held, dead = vector("clamp", clamp, 3), vector("tip", tip, 2), vector("line", line, 2)
-    end, start, n = number("moment", moment), seeded(c, seed), c.segments
+    place, pin, dead = (
+        check_vector("clamp", clamp, 3),
+        check_vector("tip", tip, 2),
+        check_vector("line", line, 2),
+    )
+    end, start, n = check_numbers("moment", moment), seed_angles(c, seed), c.segments
     batch = np.broadcast_shapes(
         place.shape[:-1],
-        held.shape[:-1],
+        pin.shape[:-1],
         dead.shape[:-1],
         end.shape,
         start.shape[:-1],
         c.spring.shape[:-1],
     )
     reach = c.length.sum(axis=-1)
-    if not np.all(np.linalg.norm(held - place[..., :2], axis=-1) < reach):
+    if not np.all(np.linalg.norm(pin - place[..., :2], axis=-1) < reach):
         raise ValueError(f"tip must be nearer to the clamp than the chain's {reach} m, got {tip!r}")
 
     def system(unknowns: Array) -> tuple[Array, Bordered]:
         angle, force = unknowns[..., :n], unknowns[..., n:]
-        pull = carried(c, force, dead)
-        gap = points(c, place, angle)[..., -1, :] - held
-        residual = np.concatenate([gradient(c, place, angle, pull, end), -gap], axis=-1)
-        return residual, matrix(c, angle, pull, held=True)
+        pull = carried_forces(c, force, dead)
+        violation = points(c, place, angle)[..., -1, :] - pin
+        residual = np.concatenate([gradient(c, place, angle, pull, end), -violation], axis=-1)
+        return residual, matrix(c, angle, pull, is_pinned=True)
 
     start = np.broadcast_to(start, (*batch, n))
-    push = gradient(c, place, start, carried(c, np.zeros(2), dead), end)
+    push = gradient(c, place, start, carried_forces(c, np.zeros(2), dead), end)
     guess = np.linalg.pinv(np.swapaxes(tip_slopes(c, start), -1, -2)) @ push[..., None]
     found = newton(system, np.concatenate([start, guess[..., 0]], axis=-1), n)
     angle, force = found[..., :n], found[..., n:]
-    return rest(c, place, angle, carried(c, force, dead), force, end, held=True)
+    return chain_equilibria(
+        c, place, angle, carried_forces(c, force, dead), force, end, is_pinned=True
+    )
 
 
-def matrix(c: Chain, angle: Array, pull: Array, *, held: bool) -> Bordered:
-    """Newton's matrix of one chain, with its tip pinned (`held`) or free."""
-    slopes = np.swapaxes(tip_slopes(c, angle), -1, -2)[..., None, :, : 2 if held else 0]
+def matrix(c: Chain, angle: Array, pull: Array, *, is_pinned: bool) -> Bordered:
+    """Newton's matrix of one chain, with its tip pinned (`is_pinned`) or free."""
+    slopes = np.swapaxes(tip_slopes(c, angle), -1, -2)[..., None, :, : 2 if is_pinned else 0]
     corner = np.zeros((*angle.shape[:-1], *2 * slopes.shape[-1:]))
     return Bordered(hessian(c, angle, pull)[..., None, :, :], -slopes, corner)
 
 
-def rest(
-    c: Chain, clamp: Array, angle: Array, pull: Array, force: Array, moment: Array, *, held: bool
-) -> Rest:
+def chain_equilibria(
+    c: Chain,
+    clamp: Array,
+    angle: Array,
+    pull: Array,
+    force: Array,
+    moment: Array,
+    *,
+    is_pinned: bool,
+) -> ChainEquilibria:
     """The equilibria that angles of segments and loads describe."""
     tip = points(c, clamp, angle)[..., -1, :]
-    return Rest(
+    return ChainEquilibria(
         angle,
         tip,
         np.broadcast_to(force, tip.shape),
         root_moment(c, clamp, angle, pull, moment),
         energy(c, clamp, angle),
-        curvatures(matrix(c, angle, pull, held=held).dense(), 2 if held else 0),
+        curvatures(matrix(c, angle, pull, is_pinned=is_pinned).dense(), 2 if is_pinned else 0),
     )

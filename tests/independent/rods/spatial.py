@@ -51,7 +51,7 @@ def quadratic(points: np.ndarray, at: np.ndarray) -> Line:
     return of
 
 
-def rotated(
+def integrate_sections(
     line: Line,
     sections: Sections,
     strain: np.ndarray,
@@ -108,7 +108,7 @@ def tip(
     def gaps(unknown: np.ndarray, share: float) -> np.ndarray:
         strain = unknown.reshape(-1, points, 3)
         pull = share * np.array(force)
-        places, turns = rotated(line, sections, strain, gauss, pull, begin, steps)
+        places, turns = integrate_sections(line, sections, strain, gauss, pull, begin, steps)
         t = np.linspace(0.0, 1.0, steps + 1)
         near = np.clip(np.searchsorted(t, gauss) - 4, 0, steps - 7)
         found = np.empty_like(strain)
@@ -132,10 +132,10 @@ def tip(
             if np.abs(move).max() < 1e-12 * np.abs(strain).max():
                 break
     last = strain.reshape(1, points, 3)
-    return rotated(line, sections, last, gauss, np.array(force), begin, steps)[0][-1, 0]
+    return integrate_sections(line, sections, last, gauss, np.array(force), begin, steps)[0][-1, 0]
 
 
-def extrapolated(*args, **named) -> np.ndarray:
+def extrapolated_tip(*args, **named) -> np.ndarray:
     """Position of the tip from 100 and 200 steps, extrapolated to remove the error of order 4."""
     one, two = (tip(*args, **named, steps=steps) for steps in (STEPS // 2, STEPS))
     return two + (two - one) / 15.0

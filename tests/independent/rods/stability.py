@@ -49,10 +49,10 @@ def curvatures(matrix: Array, constraints: int) -> Array:
     return out
 
 
-def negative(eigenvalues: Array) -> NDArray[np.int64]:
+def count_negative(eigenvalues: Array) -> NDArray[np.int64]:
     """Number (...) of negative eigenvalues (..., n): 0 where the equilibrium is stable.
 
-    >>> int(negative(np.array([-1.0, 2.0])))
+    >>> int(count_negative(np.array([-1.0, 2.0])))
     1
     """
     return np.asarray((eigenvalues < 0).sum(axis=-1))

@@ -12,7 +12,7 @@ from tests.programs import program_curves
 from tests.shipped import shipped
 
 
-def test_curves_and_programs_have_the_same_signs(tmp_path):
+def test_curves_and_programs_have_the_same_signs_of_quaternions(tmp_path):
     model = tmp_path / "euler_top.xml"
     text = shipped("euler_top.xml").read_text()
     model.write_text(text.replace('qpos="0 0 0 1 0 0 0"', 'qpos="0 0 0 -1 0 0 0"'))

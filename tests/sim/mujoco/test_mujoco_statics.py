@@ -15,7 +15,7 @@ from proofmass.sim.protocol import BadModel, Curves, Drive, Run, Unsupported
 from proofmass.solve import solve_here
 
 G = 10.0
-RATE = Drive("a", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
+DRIVE_OF_A = Drive("a", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
 MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 {gravity} 0">
   <flag contact="disable" energy="enable"/></option><worldbody>{bodies}</worldbody>
   <equality>{equality}</equality><actuator><motor name="hold" joint="a"/>{motors}</actuator>
@@ -23,14 +23,14 @@ MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 {gravity} 0">
   <keyframe><key name="start" {key}/></keyframe></mujoco>"""
 
 
-def joints(*names: str) -> str:
+def joint_sensors(*names: str) -> str:
     """The MJCF of sensors of joints' values and rates."""
     return "".join(
         f'<jointpos name="{n}" joint="{n}"/><jointvel name="{n}_rate" joint="{n}"/>' for n in names
     )
 
 
-def body(
+def body_on_joint(
     name: str,
     inside: str = "",
     at: str = "0 0 0",
@@ -70,29 +70,31 @@ def sweep(tmp_path: Path):
                 motors=motors,
                 key=key,
                 gravity=gravity,
-                sensors=joints(*sensors.split()) + more,
+                sensors=joint_sensors(*sensors.split()) + more,
             )
         )
-        return simulate(file, Run("sweep", np.asarray(x), channels, (RATE,), settings=settings))
+        return simulate(
+            file, Run("sweep", np.asarray(x), channels, (DRIVE_OF_A,), settings=settings)
+        )
 
     return run
 
 
-def chain(n: int, stiffness: float, length: float, mass: float, end: str = "") -> str:
+def chain_of_links(n: int, stiffness: float, length: float, mass: float, end: str = "") -> str:
     """The MJCF of links a, b1, b2 ... in a row along x, each with its mass at its far end."""
     inside = end
     for k in range(n - 1, 0, -1):
-        inside = body(
+        inside = body_on_joint(
             f"b{k}", inside, f"{length} 0 0", str(mass), f"{length} 0 0", stiffness=str(stiffness)
         )
-    return body("a", inside, mass=str(mass), centre=f"{length} 0 0")
+    return body_on_joint("a", inside, mass=str(mass), centre=f"{length} 0 0")
 
 
 @pytest.mark.parametrize(
     ("n", "stiffness", "length", "mass"),
     [(2, 30.0, 1.0, 1.0), (3, 40.0, 0.7, 1.0), (10, 20.0, 0.1, 0.2), (30, 60.0, 1 / 30, 0.05)],
 )
-def test_a_chain_of_sprung_links_under_its_weight(n, stiffness, length, mass, sweep):
+def test_a_sprung_chain_under_its_weight_is_in_equilibrium(n, stiffness, length, mass, sweep):
     """The angles solve dV/dq = 0 of the energy V, as solved by scipy; the first link is driven."""
 
     def slope(q):
@@ -101,7 +103,9 @@ def test_a_chain_of_sprung_links_under_its_weight(n, stiffness, length, mass, sw
 
     names = ["a", *(f"b{k}" for k in range(1, n))]
     x = np.linspace(0.0, 1.0, 6)
-    curves = sweep(x, ("hold", *names), chain(n, stiffness, length, mass), sensors=" ".join(names))
+    curves = sweep(
+        x, ("hold", *names), chain_of_links(n, stiffness, length, mass), sensors=" ".join(names)
+    )
     for k, first in enumerate(x):
         found = np.array([curves.channels[name][k] for name in names])
         rest = root(lambda q, first=first: slope(np.array([first, *q]))[1:], found[1:], tol=1e-14).x
@@ -112,7 +116,7 @@ def test_a_chain_of_sprung_links_under_its_weight(n, stiffness, length, mass, sw
         assert curves.channels["hold"][k] == pytest.approx(slope(truth)[0], abs=1e-12)
 
 
-def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
+def test_a_pinned_chain_of_ten_links_is_in_equilibrium(sweep):
     """Ten links with springs between them lead from (0, 0) to (0.8, 0); the first is driven.
 
     The reference is scipy's solution of the balance of moments and of the loop, with the pin's
@@ -139,7 +143,7 @@ def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
         x,
         ("hold", *names),
         f'<site name="pin" pos="{span} 0 0"/>'
-        + chain(n, stiffness, length, 0.1, '<site name="end" pos="0.1 0 0"/>'),
+        + chain_of_links(n, stiffness, length, 0.1, '<site name="end" pos="0.1 0 0"/>'),
         '<connect site1="end" site2="pin"/>',
         sensors=" ".join(names),
         gravity=0,
@@ -158,13 +162,13 @@ def test_a_pinned_chain_of_ten_is_the_least_energy_of_its_closed_loop(sweep):
         assert curves.channels["hold"][k] == pytest.approx(moments(first, truth)[0][0], abs=1e-12)
 
 
-def test_rates_follow_the_path_of_rests(sweep):
+def test_rates_are_derivatives_along_the_equilibrium_path(sweep):
     """An inverted pendulum on a spring has k (t - a) = w sin t and dt/da = k / (k - w cos t)."""
     k, w = 15.0, 10.0
     curves = sweep(
         np.linspace(0.0, 2.0, 21),
         ("hold", "b", "b_rate", "a_rate"),
-        body("a", body("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"),
+        body_on_joint("a", body_on_joint("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"),
         sensors="a b",
     )
     t = curves.x + curves.channels["b"]
@@ -188,7 +192,8 @@ def test_a_motor_and_a_progressive_spring_hold_a_weight_on_a_slide(sweep):
     curves = sweep(
         [0.0, 1.0, 2.0],
         ("hold", "b"),
-        body("a") + body("b", centre="0 0 0", type="slide", axis="0 1 0", stiffness="5 7"),
+        body_on_joint("a")
+        + body_on_joint("b", centre="0 0 0", type="slide", axis="0 1 0", stiffness="5 7"),
         sensors="b",
         motors='<motor joint="b"/><motor joint="b" gear="2"/>',
         key='ctrl="9 3 4"',
@@ -197,12 +202,13 @@ def test_a_motor_and_a_progressive_spring_hold_a_weight_on_a_slide(sweep):
     np.testing.assert_allclose(curves.channels["hold"], G * np.cos(curves.x), atol=1e-13, rtol=0)
 
 
-def test_joint_equalities_share_what_the_freedom_carries(sweep):
+def test_joint_equalities_transmit_weights_to_the_free_joint(sweep):
     """With c = 0.5 b + 0.1 b^2, b minimizes V = w sin(a + b) + w sin(c) + k (b - 0.3)^2 / 2."""
     curves = sweep(
         np.linspace(0.0, 1.0, 5),
         ("hold", "b", "c"),
-        body("a", body("b", stiffness="25", springref="0.3"), centre="0 0 0") + body("c"),
+        body_on_joint("a", body_on_joint("b", stiffness="25", springref="0.3"), centre="0 0 0")
+        + body_on_joint("c"),
         '<joint joint1="c" joint2="b" polycoef="0 0.5 0.1 0 0"/>',
         sensors="b c",
     )
@@ -213,7 +219,12 @@ def test_joint_equalities_share_what_the_freedom_carries(sweep):
 
 
 PRELOAD = 6.0
-PRESSED = {"stiffness": "20", "springref": str(PRELOAD / 20), "range": "-2 0", "margin": "0.1"}
+PRELOADED_ON_STOP = {
+    "stiffness": "20",
+    "springref": str(PRELOAD / 20),
+    "range": "-2 0",
+    "margin": "0.1",
+}
 """A spring that presses a joint on its stop with 6 N m; with this margin a soft limit would act
 0.1 rad before the stop."""
 
@@ -225,7 +236,7 @@ def test_a_preloaded_joint_leaves_its_stop_where_the_weight_exceeds_the_preload(
     curves = sweep(
         x,
         ("hold", "b"),
-        body("a", body("b", **PRESSED), centre="0 0 0"),
+        body_on_joint("a", body_on_joint("b", **PRELOADED_ON_STOP), centre="0 0 0"),
         sensors="b",
         key=f'qpos="{x[0]} 0"',
     )
@@ -244,8 +255,8 @@ def test_several_stops_switch_at_once_on_both_sides(sweep):
     """Springs of 4 N m/rad connect three free wheels with ranges of their own to the driven one."""
     x = np.linspace(-1.5, 1.5, 31)
     ranges = {"b": (-1.0, 0.5), "c": (-1.0, 0.5), "d": (0.0, 2.0)}
-    wheels = body("a") + "".join(
-        body(n, centre="0 0 0", range=f"{low} {high}") for n, (low, high) in ranges.items()
+    wheels = body_on_joint("a") + "".join(
+        body_on_joint(n, centre="0 0 0", range=f"{low} {high}") for n, (low, high) in ranges.items()
     )
     springs = "".join(
         f'<fixed stiffness="4" springlength="0"><joint joint="a" coef="1"/>'
@@ -266,7 +277,7 @@ def test_several_stops_switch_at_once_on_both_sides(sweep):
     np.testing.assert_allclose(curves.channels["hold"], moment, atol=1e-14, rtol=0)  # rounding
 
 
-def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
+def test_a_sweep_ends_at_a_fold_of_the_equilibrium_path(sweep):
     """The path k (t - a) = w sin t has a fold at cos t = k / w, where the pendulum would snap."""
     k, first = 5.0, -2.5
     fold = -np.arccos(k / G)
@@ -275,7 +286,7 @@ def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
     curves = sweep(
         np.linspace(begin, 2.0, 41),
         ("hold", "b"),
-        body("a", body("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"),
+        body_on_joint("a", body_on_joint("b", centre="0 1 0", stiffness=str(k)), centre="0 0 0"),
         sensors="b",
         key=f'qpos="{begin} {first - begin}"',
     )
@@ -285,28 +296,31 @@ def test_a_sweep_ends_where_a_stable_rest_folds(sweep):
     np.testing.assert_allclose(k * (t - curves.x), G * np.sin(t), atol=1e-13, rtol=0)
 
 
-LIFT = body(
-    "b", body("a", type="slide", axis="0 1 0", centre="0 0 0"), centre="0 0 0", stiffness="7"
+MASS_ON_UPRIGHT_ROD = body_on_joint(
+    "b",
+    body_on_joint("a", type="slide", axis="0 1 0", centre="0 0 0"),
+    centre="0 0 0",
+    stiffness="7",
 )
 """A mass that the drive lifts along a rod, which is upright on a torsion spring."""
 
 
-def test_a_sweep_ends_where_a_symmetric_rest_loses_its_hold(sweep):
+def test_a_sweep_ends_where_a_symmetric_equilibrium_becomes_unstable(sweep):
     """The upright rod is stable until the mass is at k / (m g) = 0.7 m, where the path branches."""
     x = np.linspace(0.1, 1.0, 20)
-    curves = sweep(x, ("hold", "b"), LIFT, sensors="b", key='qpos="0 0.1"')
+    curves = sweep(x, ("hold", "b"), MASS_ON_UPRIGHT_ROD, sensors="b", key='qpos="0 0.1"')
     assert curves.stopped == "the equilibrium becomes unstable beyond a = 0.7"
     np.testing.assert_array_equal(curves.x, x[x < 0.7])
     np.testing.assert_allclose(curves.channels["b"], 0, atol=1e-9)
     np.testing.assert_allclose(curves.channels["hold"], G, atol=1e-13, rtol=0)
 
 
-def test_a_hair_beside_symmetry_the_path_goes_on(sweep):
+def test_with_a_small_asymmetry_the_equilibrium_path_continues(sweep):
     """With a moment of 1e-6 N m the rod leans over gradually: k b = m g s sin b + 1e-6."""
     curves = sweep(
         np.linspace(0.1, 1.0, 19),
         ("b",),
-        LIFT,
+        MASS_ON_UPRIGHT_ROD,
         sensors="b",
         key='qpos="0 0.1" ctrl="0 1e-6"',
         motors='<motor joint="b"/>',
@@ -321,8 +335,8 @@ def test_a_sweep_ends_where_stops_block_the_drive(sweep):
     """Two sprung slides in series reach up to 0.5 m each, so that nothing moves beyond a = 1 m."""
     slide = {"type": "slide", "axis": "1 0 0", "centre": "0 0 0"}
     soft = slide | {"stiffness": "3", "range": "-1 0.5"}
-    bodies = body("a", '<site name="s"/>', **slide) + body(
-        "b", body("c", '<site name="t"/>', **soft), **soft
+    bodies = body_on_joint("a", '<site name="s"/>', **slide) + body_on_joint(
+        "b", body_on_joint("c", '<site name="t"/>', **soft), **soft
     )
     curves = sweep(
         np.linspace(0, 1.4, 30),
@@ -337,16 +351,16 @@ def test_a_sweep_ends_where_stops_block_the_drive(sweep):
     np.testing.assert_allclose(curves.channels["hold"], 1.5 * curves.x, atol=1e-14, rtol=0)
 
 
-def test_a_sweep_ends_where_an_arm_is_stretched(sweep):
+def test_a_sweep_ends_where_an_arm_is_fully_stretched(sweep):
     """The end of three sprung links of 1 m is drawn away until they are in line, at 3 m."""
     first = np.array([-0.9, 1.0, 0.0])
     first[2] = np.arcsin(np.sin(0.9) - np.sin(0.1)) - 0.1  # its end lies on the x axis
     x = np.linspace(np.cos(np.cumsum(first)).sum(), 3.2, 40)
-    arm = body(
+    arm = body_on_joint(
         "b",
-        body(
+        body_on_joint(
             "c",
-            body("d", '<site name="t" pos="1 0 0"/>', "1 0 0", stiffness="2"),
+            body_on_joint("d", '<site name="t" pos="1 0 0"/>', "1 0 0", stiffness="2"),
             "1 0 0",
             stiffness="3",
         ),
@@ -356,7 +370,7 @@ def test_a_sweep_ends_where_an_arm_is_stretched(sweep):
     curves = sweep(
         x,
         ("b", "c", "d"),
-        arm + body("a", '<site name="s"/>', type="slide", axis="1 0 0"),
+        arm + body_on_joint("a", '<site name="s"/>', type="slide", axis="1 0 0"),
         '<connect site1="s" site2="t"/>',
         sensors="b c d",
         gravity=0,
@@ -366,8 +380,8 @@ def test_a_sweep_ends_where_an_arm_is_stretched(sweep):
     np.testing.assert_array_equal(curves.x, x[x < 3])
 
 
-def test_a_start_pose_off_its_rest_settles(sweep):
-    bodies = body("a", body("b", centre="0 -1 0", range="-3 3"), centre="0 0 0")
+def test_a_start_pose_out_of_equilibrium_is_corrected(sweep):
+    bodies = body_on_joint("a", body_on_joint("b", centre="0 -1 0", range="-3 3"), centre="0 0 0")
     curves = sweep([0.0, 0.5], ("b",), bodies, sensors="b", key='qpos="0 0.4"')
     np.testing.assert_allclose(curves.channels["b"], [0.0, -0.5], atol=1e-14, rtol=0)  # it hangs
 
@@ -376,39 +390,39 @@ def test_a_start_pose_off_its_rest_settles(sweep):
     ("bodies", "options", "error", "said"),
     [
         (
-            body("a", body("b", centre="0 1 0", stiffness="9"), centre="0 0 0"),
+            body_on_joint("a", body_on_joint("b", centre="0 1 0", stiffness="9"), centre="0 0 0"),
             {},
             BadModel,
             "the start pose is an unstable equilibrium when a = 0",
         ),
         (
-            body("a") + body("b"),
+            body_on_joint("a") + body_on_joint("b"),
             {"gravity": 0},
             Unsupported,
             "1 degree(s) of freedom left when a = 0 is held, and nothing brings them to rest",
         ),
         (
-            body("a") + body("b"),
+            body_on_joint("a") + body_on_joint("b"),
             {},
             Unsupported,
             "1 degree(s) of freedom left when a = 0 is held, and the start pose is not near rest: "
             "joint 'b' moves by more than 0.5 (rad, or extents)",
         ),
         (
-            body("a") + body("b", type="slide"),
+            body_on_joint("a") + body_on_joint("b", type="slide"),
             {"gravity": 0, "motors": '<motor joint="b"/>', "key": 'ctrl="0 1"'},
             Unsupported,
             "not near rest",
         ),
     ],
 )
-def test_what_does_not_rest_is_named(bodies, options, error, said, sweep):
+def test_starts_without_stable_equilibrium_are_refused(bodies, options, error, said, sweep):
     with pytest.raises(error) as caught:
         sweep([0.0, 0.1, 0.2], ("hold",), bodies, **options)
     assert said in str(caught.value)
 
 
-ROPE = (
+TENDON_WITH_FRICTION = (
     "</worldbody><tendon><fixed name='rope' frictionloss='2'><joint joint='a' coef='1'"
     "/></fixed></tendon><worldbody>"
 )
@@ -417,13 +431,17 @@ ROPE = (
 @pytest.mark.parametrize(
     ("bodies", "named", "settled"),
     [
-        (body("a", frictionloss="50"), "joint 'a'", True),
-        (body("a") + body("b", frictionloss="1", stiffness="9"), "joint 'b'", True),
-        (body("a") + ROPE, "tendon 'rope'", False),
-        (body("a") + ROPE, "tendon 'rope'", True),
+        (body_on_joint("a", frictionloss="50"), "joint 'a'", True),
+        (
+            body_on_joint("a") + body_on_joint("b", frictionloss="1", stiffness="9"),
+            "joint 'b'",
+            True,
+        ),
+        (body_on_joint("a") + TENDON_WITH_FRICTION, "tendon 'rope'", False),
+        (body_on_joint("a") + TENDON_WITH_FRICTION, "tendon 'rope'", True),
     ],
 )
-def test_dry_friction_is_refused_by_name_where_it_is_not_determined(bodies, named, settled, sweep):
+def test_friction_is_refused_by_name_where_it_is_not_determined(bodies, named, settled, sweep):
     with pytest.raises(Unsupported, match=f"frictionloss of {named} in a sweep"):
         sweep([0.0, 0.1], ("hold",), bodies, settled=settled)
 
@@ -433,7 +451,7 @@ def test_a_sweep_stops_where_a_joint_that_the_drive_moves_leaves_its_range(sweep
     curves = sweep(
         [0.0, 0.1, 0.2, 0.3, 0.4],
         ("hold", "b"),
-        body("a") + body("b", range="-1 .4"),
+        body_on_joint("a") + body_on_joint("b", range="-1 .4"),
         follower,
         sensors="b",
     )
@@ -453,14 +471,14 @@ def test_an_equilibrium_has_no_rates(models):
 
 
 @pytest.mark.parametrize("stage", ['needstage="acc"', 'needstage="pos"'])
-def test_a_path_of_rests_has_no_accelerations(stage, sweep):
+def test_an_equilibrium_path_has_no_accelerations(stage, sweep):
     user = f'<user name="u" objtype="joint" objname="b" datatype="real" {stage} dim="1"/>'
-    bodies = body("a", body("b", centre="0 -1 0"), centre="0 0 0")
+    bodies = body_on_joint("a", body_on_joint("b", centre="0 -1 0"), centre="0 0 0")
     curves = sweep([0.0, 0.1], ("hold", "u", "b_rate"), bodies, sensors="b", more=user)
     assert set(curves.channels) == {"hold", "b_rate"}
     assert "no accelerations" in curves.missing["u"]
     assert curves.derivatives == 1
-    assert sweep([0.0, 0.1], ("hold",), body("a")).derivatives == 2
+    assert sweep([0.0, 0.1], ("hold",), body_on_joint("a")).derivatives == 2
 
 
 def test_contacts_are_refused_where_the_drive_determines_the_pose(edit):

@@ -17,27 +17,27 @@ from proofmass.sim.mujoco.own_motion import (
 from proofmass.sim.protocol import BadModel, Run
 from tests.shipped import shipped
 
-SPIN = """<mujoco><option gravity="0 0 0"/><worldbody><body name="b" pos="0 0 1"><freejoint/>
+FREE_ROTOR = """<mujoco><option gravity="0 0 0"/><worldbody><body name="b" pos="0 0 1"><freejoint/>
   <inertial pos="0 0 0" mass="1" diaginertia="1 2 3"/><geom size="0.1"/></body></worldbody>
   <keyframe><key qpos="0 0 1 1 0 0 0" qvel="0.1 0 0 0.01 2 0.01"/></keyframe></mujoco>"""
 PENDULUM = """<mujoco><option timestep="0.01"/><worldbody><body name="b"><joint name="j"
   axis="0 1 0"/><inertial pos="0 0 -1" mass="1" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody>
   <keyframe><key qpos="1"/></keyframe></mujoco>"""
-MIXED = """<mujoco><worldbody>
+MODEL_WITH_ALL_JOINTS = """<mujoco><worldbody>
   <body name="a"><joint name="s" type="slide" axis="1 0 0"/><joint name="h"/><geom size=".1"/>
     <body name="c" pos="1 0 0"><joint name="b" type="ball"/><geom size=".1" pos=".1 0 0"/></body>
   </body><body name="f" pos="0 0 2"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 
 
-def solved(tmp_path, text, **asked):
+def solved_motion(tmp_path, text, **asked):
     file = tmp_path / "model.xml"
     file.write_text(text)
     return solve_own_motion(file, **{"until": 1.0, "samples": 51, "seconds": 30.0, **asked})
 
 
-def test_rates_of_coordinates_are_those_of_the_engine():
+def test_rates_of_coordinates_equal_those_of_the_engine():
     """Rates of coordinates equal central differences of `mj_integratePos`."""
-    model = mujoco.MjModel.from_xml_string(MIXED)
+    model = mujoco.MjModel.from_xml_string(MODEL_WITH_ALL_JOINTS)
     chosen = np.random.default_rng(3)
     pose, speed = model.qpos0.copy(), chosen.normal(size=model.nv)
     mujoco.mj_integratePos(model, pose, chosen.normal(size=model.nv), 1.0)
@@ -51,9 +51,9 @@ def test_rates_of_coordinates_are_those_of_the_engine():
     )  # error of central differences
 
 
-def test_a_spinning_body_is_that_of_eulers_equations(tmp_path):
+def test_a_spinning_body_follows_eulers_equations(tmp_path):
     """Euler's equations are written with a rotation matrix and integrated by another method."""
-    motion = solved(tmp_path, SPIN)
+    motion = solved_motion(tmp_path, FREE_ROTOR)
     inertia = np.array([1.0, 2.0, 3.0])
 
     def slope(_, state):
@@ -74,8 +74,8 @@ def test_a_spinning_body_is_that_of_eulers_equations(tmp_path):
     assert len(motion.runs) == 7
 
 
-def test_a_pendulum_is_its_equation_and_steps_are_halved(tmp_path):
-    motion = solved(tmp_path, PENDULUM)
+def test_a_pendulum_follows_its_equation_with_halved_steps(tmp_path):
+    motion = solved_motion(tmp_path, PENDULUM)
     options = {"method": "Radau", "rtol": 1e-11, "atol": 1e-12, "t_eval": motion.times}
     true = solve_ivp(
         lambda _, y: [y[1], -9.81 * np.sin(y[0])], (0.0, motion.times[-1]), [1.0, 0.0], **options
@@ -100,41 +100,41 @@ DOUBLE = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 
   </worldbody><keyframe><key qpos="1 2"/></keyframe></mujoco>"""
 
 
-def test_the_energy_of_a_double_pendulum_stays(tmp_path):
+def test_the_energy_of_a_double_pendulum_is_constant(tmp_path):
     """The energy is computed with the mass matrix of the pose.
 
     That of RK4's last stage would cause errors of 2e-5 J.
     """
-    motion = solved(tmp_path, DOUBLE)
+    motion = solved_motion(tmp_path, DOUBLE)
     (rk4,) = motion.others
     for one in (motion.close, rk4):
         assert np.ptp(one.energy) < 1e-6  # of 20 J
 
 
 def test_samples_are_whole_steps_apart_and_the_step_is_the_models_own(tmp_path):
-    motion = solved(tmp_path, PENDULUM.replace("0.01", "0.003"), samples=101)
+    motion = solved_motion(tmp_path, PENDULUM.replace("0.01", "0.003"), samples=101)
     assert motion.runs[0].step == 0.003
     assert np.allclose(np.diff(motion.times), 0.009)
     assert motion.times[-1] == pytest.approx(0.999)
-    slow = solved(tmp_path, PENDULUM.replace("0.01", "0.2"))
+    slow = solved_motion(tmp_path, PENDULUM.replace("0.01", "0.2"))
     assert np.allclose(np.diff(slow.times), 0.2)
 
 
-def test_a_time_that_is_short_ends_runs_and_none_of_them_is_dropped(tmp_path):
-    motion = solved(tmp_path, PENDULUM.replace("0.01", "1e-5"), seconds=0.5)
+def test_a_short_computing_time_ends_runs_without_dropping_any(tmp_path):
+    motion = solved_motion(tmp_path, PENDULUM.replace("0.01", "1e-5"), seconds=0.5)
     assert len(motion.runs) == 4
     sizes = [len(one.points) for one in motion.runs]
     assert min(sizes[1:]) < motion.times.size
     assert all(one.late for one in motion.runs if len(one.points) < min(sizes[0], sizes[1]))
 
 
-def test_finer_steps_let_nothing_sleep():
+def test_runs_with_finer_steps_disable_sleeping():
     """MuJoCo puts a body to sleep after a number of steps in which it is slow.
 
     A run with finer steps would therefore put a body to sleep that starts slowly.
     """
     model = mujoco.MjModel.from_xml_string(
-        MIXED.replace("<mujoco>", '<mujoco><option><flag sleep="enable"/></option>')
+        MODEL_WITH_ALL_JOINTS.replace("<mujoco>", '<mujoco><option><flag sleep="enable"/></option>')
     )
     asleep = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     assert copy_with_changes(model, model.opt.timestep).opt.enableflags & asleep
@@ -142,8 +142,8 @@ def test_finer_steps_let_nothing_sleep():
     assert model.opt.enableflags & asleep
 
 
-def test_stiffer_is_stiffer():
-    model = mujoco.MjModel.from_xml_string(MIXED)
+def test_a_stiffer_copy_has_stiffer_contacts():
+    model = mujoco.MjModel.from_xml_string(MODEL_WITH_ALL_JOINTS)
     model.geom_solref[1] = -100.0, -2.0
     changed = copy_with_changes(model, 1e-3, stiffer=4.0)
     assert changed.geom_solref[0].tolist() == [0.005, 1.0]
@@ -152,9 +152,9 @@ def test_stiffer_is_stiffer():
     assert (model.opt.timestep, changed.opt.timestep) == (0.002, 1e-3)
 
 
-def test_a_model_that_does_not_compile_is_bad(tmp_path):
+def test_a_model_that_does_not_compile_is_refused(tmp_path):
     with pytest.raises(BadModel):
-        solved(tmp_path, "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>")
+        solved_motion(tmp_path, "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>")
 
 
 BALL = """<mujoco><option timestep="{}"/><worldbody><geom type="plane" size="1 1 1"/>
@@ -162,9 +162,11 @@ BALL = """<mujoco><option timestep="{}"/><worldbody><geom type="plane" size="1 1
 </mujoco>"""
 
 
-def test_what_has_no_steps_does_not_depend_on_the_step(tmp_path):
+def test_the_solution_without_steps_does_not_depend_on_the_step(tmp_path):
     """MuJoCo makes time constants of contacts at least two steps long, here of 10 ms and 1 ms."""
-    one, two = (solved(tmp_path, BALL.format(step), until=0.2, samples=11) for step in (0.01, 1e-3))
+    one, two = (
+        solved_motion(tmp_path, BALL.format(step), until=0.2, samples=11) for step in (0.01, 1e-3)
+    )
     assert np.abs(one.close.points - two.close.points).max() < 1e-7
     assert np.abs(one.runs[0].points - two.runs[0].points).max() > 1e-4
 

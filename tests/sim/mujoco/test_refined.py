@@ -21,19 +21,19 @@ from proofmass.sim.protocol import Run
 from proofmass.solve import prescribed_run, solve
 from tests.shipped import shipped
 
-BOX = shipped("tumbling_box.toml")
+BOX_SIDECAR = shipped("tumbling_box.toml")
 
 
-def refined(name, **run):
+def with_refined_reference(name, **run):
     """A shipped case with the reference "refined" instead of its own."""
     case = load_case(shipped(f"{name}.toml"))
     kept = case.run["dynamics"].model_copy(update=run)
     return case.model_copy(update={"reference": "refined", "run": {"dynamics": kept}})
 
 
-def tumbling(**changed):
+def brief_tumbling_box(**changed):
     """The box's case with three quarters of its motion, in which its corners hit the floor."""
-    case = load_case(BOX)
+    case = load_case(BOX_SIDECAR)
     kept = case.run["dynamics"].model_copy(update={"n": 61, "until": 0.3})
     return case.model_copy(update={"run": {"dynamics": kept}, **changed})
 
@@ -80,9 +80,9 @@ def test_a_run_shows_the_kinetic_energy_of_its_samples(models, edit, integrator)
 
 @pytest.mark.usefixtures("fewer_steps")
 @pytest.mark.parametrize(("name", "until"), [("heavy_top", 0.5), ("euler_top", 2.0)])
-def test_a_motion_without_contacts_is_that_of_the_spatial_reference(name, until):
+def test_a_motion_without_contacts_equals_the_spatial_reference(name, until):
     """The spatial reference integrates the same equations with a tolerance of 3e-14."""
-    case = refined(name, until=until, n=41)
+    case = with_refined_reference(name, until=until, n=41)
     x = run_samples(case, "dynamics")
     found = evaluate(case, "dynamics", x, None).channels
     other = case.model_copy(update={"reference": "spatial"})
@@ -92,9 +92,9 @@ def test_a_motion_without_contacts_is_that_of_the_spatial_reference(name, until)
 
 
 @pytest.mark.usefixtures("fewer_steps")
-def test_steps_that_are_six_times_as_long_are_noticed():
-    case = tumbling()
-    slow = tumbling(settings={"mujoco": {"timestep": 6e-3}})
+def test_steps_that_are_six_times_as_long_differ():
+    case = brief_tumbling_box()
+    slow = brief_tumbling_box(settings={"mujoco": {"timestep": 6e-3}})
     for one in (case, slow):
         curves = solve(one, "dynamics", "mujoco")
         found = compare(one, "dynamics", "mujoco", curves, detectable=False)
@@ -106,7 +106,7 @@ def test_errors_fall_with_the_step():
     """Errors are of first order and scatter with the time of an impact within its step."""
     worst = []
     for step in (1e-3, 2e-5):
-        one = tumbling(settings={"mujoco": {"timestep": step}})
+        one = brief_tumbling_box(settings={"mujoco": {"timestep": step}})
         curves = solve(one, "dynamics", "mujoco")
         found = compare(one, "dynamics", "mujoco", curves, detectable=False)
         worst.append(max(c.error_max for c in found if c.unit == "m"))
@@ -114,14 +114,14 @@ def test_errors_fall_with_the_step():
 
 
 @pytest.mark.usefixtures("fewer_steps")
-def test_the_page_says_why_the_motion_is_known():
+def test_the_page_states_until_when_a_motion_is_known():
     """The page states the equations, and until when the motion is known and how exactly.
 
     This test is before the next one, which clears the stored motion of the box.
     """
-    told = reference.properties(tumbling())
-    assert "with soft contacts" in told["equations of motion"]
-    assert told["self-consistent"].startswith("until 0.3 s, its end, known to ")
+    described = reference.properties(brief_tumbling_box())
+    assert "with soft contacts" in described["equations of motion"]
+    assert described["self-consistent"].startswith("until 0.3 s, its end, known to ")
 
 
 def test_a_motion_that_is_not_known_to_its_end_is_refused(monkeypatch):
@@ -144,13 +144,13 @@ def test_a_sweep_and_rods_are_refused():
 
 
 @pytest.mark.usefixtures("fewer_steps")
-def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
+def test_a_motion_with_a_drive_equals_the_planar_reference():
     """The drive of the planar reference is exact.
 
     The reference "refined" has a flywheel of 1e9 times the inertia and a tolerance of 1e-9, whose
     errors are within 1e-7.
     """
-    case = refined("driven_cart", n=41, until=1.0)
+    case = with_refined_reference("driven_cart", n=41, until=1.0)
     run = prescribed_run(case, "dynamics")
     found = evaluate(case, "dynamics", run.x, run.motion(run.x)).channels
     other = case.model_copy(update={"reference": "planar"})
@@ -161,9 +161,9 @@ def test_a_motion_beside_a_drive_is_that_of_the_planar_reference():
 
 
 @pytest.mark.usefixtures("fewer_steps")
-def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
+def test_fine_steps_with_soft_loops_converge_to_the_reference():
     """Runs with finer steps converge to the reference with soft loops, and not to the rigid one."""
-    case = refined("fourbar", n=31)
+    case = with_refined_reference("fourbar", n=31)
     leader = case.drive[0].model_copy(update={"to": 1.5, "rate": 5.0})
     names = ("rocker", "holding_moment")
     kept = {name: case.channels[name].model_copy(update={"equals": name}) for name in names}
@@ -173,19 +173,19 @@ def test_soft_loops_beside_a_drive_are_what_fine_steps_come_to():
     true = evaluate(case, "dynamics", run.x, run.motion(run.x)).channels
     rigid = case.model_copy(update={"reference": "planar"})
     rigid = evaluate(rigid, "dynamics", run.x, run.motion(run.x)).channels
-    off, far = [], []
+    errors, errors_of_rigid = [], []
     for step in (5e-4, 2.5e-4):
-        given = {"timestep": step, "integrator": "RK4"}
-        found = in_mujoco(case.model_path, replace(run, settings=given)).channels
-        off.append(max(np.abs(found[name] - true[name]).max() for name in names))
-        far.append(max(np.abs(found[name] - rigid[name]).max() for name in names))
-    assert off[0] / off[1] > 3.5
-    assert off[1] < 0.1 * far[1]
+        settings = {"timestep": step, "integrator": "RK4"}
+        found = in_mujoco(case.model_path, replace(run, settings=settings)).channels
+        errors.append(max(np.abs(found[name] - true[name]).max() for name in names))
+        errors_of_rigid.append(max(np.abs(found[name] - rigid[name]).max() for name in names))
+    assert errors[0] / errors[1] > 3.5
+    assert errors[1] < 0.1 * errors_of_rigid[1]
 
 
 @pytest.mark.usefixtures("fewer_steps")
-def test_controls_that_change_are_those_of_the_planar_reference():
-    case = refined("axes_controlled", n=11, until=0.5)
+def test_a_motion_with_changing_controls_equals_the_planar_reference():
+    case = with_refined_reference("axes_controlled", n=11, until=0.5)
     x = run_samples(case, "dynamics")
     found = evaluate(case, "dynamics", x, None).channels
     true = evaluate(case.model_copy(update={"reference": "planar"}), "dynamics", x, None).channels

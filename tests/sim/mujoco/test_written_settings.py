@@ -28,8 +28,12 @@ from proofmass.studies.trade.program import snippet
 from tests.programs import program_curves
 from tests.shipped import shipped
 
-OURS = {"settled", "flex", "defaults"}  # settings of proofmass, without an attribute in MJCF
-SAID = sorted(MujocoSettings.model_fields.keys() - OURS)
+PROOFMASS_SETTINGS = {
+    "settled",
+    "flex",
+    "defaults",
+}  # settings of proofmass, without an attribute in MJCF
+WRITTEN_SETTINGS = sorted(MujocoSettings.model_fields.keys() - PROOFMASS_SETTINGS)
 SCENE = """<mujoco>
 <option><flag contact="disable" warmstart="enable"/></option><option gravity="0 0 -9"/>
 <default><equality solref="0.03 1.5"/></default>
@@ -39,15 +43,15 @@ SCENE = """<mujoco>
 <equality><connect name="pin" body1="a" anchor="0 0 0"/></equality></mujoco>"""
 
 
-def own(key: str) -> ParameterValue:
+def mujoco_default(key: str) -> ParameterValue:
     """MuJoCo's default of a setting."""
     value: ParameterValue = MujocoSettings.model_fields[key].default
     return value
 
 
-def others(key: str) -> list[ParameterValue]:
+def other_values(key: str) -> list[ParameterValue]:
     """Values of a setting other than MuJoCo's default: all words, or one number or boolean."""
-    value = own(key)
+    value = mujoco_default(key)
     if isinstance(value, str):
         return [word for word in option_values(key) if word != value.lower()]
     if isinstance(value, bool):
@@ -57,10 +61,10 @@ def others(key: str) -> list[ParameterValue]:
     return [0.7 * value] if isinstance(value, float) else [tuple(0.9 * each for each in value)]
 
 
-EACH = [(key, value) for key in SAID for value in others(key)]
+SETTINGS_AND_VALUES = [(key, value) for key in WRITTEN_SETTINGS for value in other_values(key)]
 
 
-def read(model: mujoco.MjModel) -> dict[str, object]:
+def model_options(model: mujoco.MjModel) -> dict[str, object]:
     """All options of a compiled model, and the softness of its equalities and limits."""
     fields = [name for name in dir(model.opt) if not name.startswith("_")]
     found = {name: np.asarray(getattr(model.opt, name)).tolist() for name in fields}
@@ -73,25 +77,25 @@ def read(model: mujoco.MjModel) -> dict[str, object]:
     return {**found, **{name: rows.tolist() for name, rows in soft.items()}}
 
 
-def asked(settings: dict) -> Run:
+def run_with_settings(settings: dict) -> Run:
     return Run("dynamics", np.linspace(0.0, 0.1, 2), (), settings=settings)
 
 
-def in_program(file: Path, settings: dict) -> mujoco.MjModel:
+def model_of_program(file: Path, settings: dict) -> mujoco.MjModel:
     """The compiled model of a program."""
     names: dict = {"__name__": "run"}
-    exec(write_program(file, asked(settings), "", ""), names)
+    exec(write_program(file, run_with_settings(settings), "", ""), names)
     return mujoco.MjModel.from_xml_string(names["MODEL"])
 
 
-def in_run(file: Path, settings: dict) -> mujoco.MjModel:
+def model_of_run(file: Path, settings: dict) -> mujoco.MjModel:
     """The compiled model that a run of the engine steps."""
-    model, _ = load(file, asked(settings))
-    model.opt.timestep = asked(settings).steps(model.opt.timestep)[1]
+    model, _ = load(file, run_with_settings(settings))
+    model.opt.timestep = run_with_settings(settings).steps(model.opt.timestep)[1]
     return model
 
 
-def in_snippet(file: Path, settings: dict) -> mujoco.MjModel:
+def model_of_snippet(file: Path, settings: dict) -> mujoco.MjModel:
     """The compiled model of a file into which a snippet is inserted."""
     return mujoco.MjModel.from_xml_string(
         insert_snippet(file, snippet(Setting("mujoco", settings), 1, file))
@@ -105,21 +109,21 @@ def scene(tmp_path: Path) -> Path:
     return file
 
 
-def test_every_setting_is_written_or_is_the_product_s_own() -> None:
-    assert SETTING_PLACES.keys() | OURS == MujocoSettings.model_fields.keys()
+def test_every_setting_is_written_or_one_of_proofmass() -> None:
+    assert SETTING_PLACES.keys() | PROOFMASS_SETTINGS == MujocoSettings.model_fields.keys()
 
 
-def test_the_settings_of_mujoco_are_what_it_has_by_itself() -> None:
-    silent = mujoco.MjModel.from_xml_string(
+def test_default_settings_are_those_of_mujoco() -> None:
+    default_model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body name="a"><joint/><geom size="1"/></body></worldbody><equality>'
         '<connect body1="a" anchor="0 0 0"/></equality></mujoco>'
     )
-    before = read(silent)
-    configure(silent, {key: own(key) for key in SAID})
-    assert read(silent) == before
+    before = model_options(default_model)
+    configure(default_model, {key: mujoco_default(key) for key in WRITTEN_SETTINGS})
+    assert model_options(default_model) == before
 
 
-@pytest.mark.parametrize(("key", "value"), EACH)
+@pytest.mark.parametrize(("key", "value"), SETTINGS_AND_VALUES)
 def test_a_setting_is_written_as_it_is_applied(
     key: str, value: ParameterValue, scene: Path
 ) -> None:
@@ -128,31 +132,37 @@ def test_a_setting_is_written_as_it_is_applied(
     This holds also if a setting returns to its default in a file that states another value: MuJoCo
     merges option elements, and flags one by one.
     """
-    told = in_run(scene, {key: value})
-    assert read(told) != read(in_run(scene, {}))
-    assert read(in_program(scene, {key: value})) == read(told)
+    run_model = model_of_run(scene, {key: value})
+    assert model_options(run_model) != model_options(model_of_run(scene, {}))
+    assert model_options(model_of_program(scene, {key: value})) == model_options(run_model)
     applied = compile_model(scene)
     configure(applied, {key: value})
-    assert read(in_snippet(scene, {key: value})) == read(applied)
+    assert model_options(model_of_snippet(scene, {key: value})) == model_options(applied)
     scene.write_text(insert_snippet(scene, snippet(Setting("mujoco", {key: value}), 1, scene)))
-    assert read(compile_model(scene)) == read(applied)
-    assert read(in_program(scene, {})) == read(in_run(scene, {})) == read(told)
-    back = in_run(scene, {key: own(key)})
-    assert read(back) != read(told)
-    assert read(in_program(scene, {key: own(key)})) == read(back)
-    configure(applied, {key: own(key)})
-    assert read(in_snippet(scene, {key: own(key)})) == read(applied)
+    assert model_options(compile_model(scene)) == model_options(applied)
+    assert (
+        model_options(model_of_program(scene, {}))
+        == model_options(model_of_run(scene, {}))
+        == model_options(run_model)
+    )
+    back = model_of_run(scene, {key: mujoco_default(key)})
+    assert model_options(back) != model_options(run_model)
+    assert model_options(model_of_program(scene, {key: mujoco_default(key)})) == model_options(back)
+    configure(applied, {key: mujoco_default(key)})
+    assert model_options(model_of_snippet(scene, {key: mujoco_default(key)})) == model_options(
+        applied
+    )
 
 
-def test_a_snippet_leaves_to_the_sidecar_what_mujoco_has_no_word_for(scene: Path) -> None:
-    every: dict[str, ParameterValue] = {key: others(key)[0] for key in SAID}
+def test_a_snippet_refers_settings_of_proofmass_to_the_sidecar(scene: Path) -> None:
+    every: dict[str, ParameterValue] = {key: other_values(key)[0] for key in WRITTEN_SETTINGS}
     assert "sidecar" not in snippet(Setting("mujoco", every), 1, scene)
     assert "settings of the sidecar: settled = True" in snippet(
         Setting("mujoco", {**every, "settled": True}), 1, scene
     )
 
 
-SLIDING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"/><worldbody>
+SLIDING_BODY = """<mujoco><compiler angle="radian"/><option timestep="2e-3"/><worldbody>
 <geom type="plane" size="9 9 1"/><body name="a" pos="0 0 .1">
 <joint name="x" type="slide" axis="1 0 0" frictionloss=".5"/>
 <joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="0 1 0"/>
@@ -165,13 +175,13 @@ SLIDING = """<mujoco><compiler angle="radian"/><option timestep="2e-3"/><worldbo
     "settings",
     [{"cone": "elliptic"}, {"cone": "elliptic", "impratio": 10.0}, {"noslip_iterations": 3}],
 )
-def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Path) -> None:
+def test_a_program_with_contacts_equals_the_engines_run(settings: dict, tmp_path: Path) -> None:
     """A program and a run of the engine are equal bit by bit.
 
     Warm start is off, since reading a sample changes the start of the next step's solver.
     """
     file = tmp_path / "sliding.xml"
-    file.write_text(SLIDING)
+    file.write_text(SLIDING_BODY)
 
     def run(settings: dict) -> Run:
         return Run(
@@ -197,7 +207,7 @@ def test_a_program_slides_as_the_product_s_own_run(settings: dict, tmp_path: Pat
         ({"solver": "CG", "iterations": 2}, {"solver": "CG", "iterations": 2, "warmstart": True}),
     ],
 )
-def test_a_program_closes_its_loop_as_the_product_s_own_run(
+def test_a_program_with_a_loop_equals_the_engines_run(
     changed: dict, unchanged: dict, tmp_path: Path
 ) -> None:
     """A program and a run of the engine are equal bit by bit.
@@ -230,13 +240,13 @@ def test_limits_take_the_time_constant_of_loops_and_keep_their_damping_ratio(sce
 
     A ``solref`` of stiffness and damping states neither a time constant nor a damping ratio.
     """
-    told = in_run(scene, {"solref": (0.002, 1.0), "solimp": (0.99, 0.999)})
-    assert told.jnt_solref[1].tolist() == [0.002, 0.7]
-    assert told.jnt_solimp[1].tolist() == [0.99, 0.999, 0.001, 0.5, 2.0]
-    assert told.jnt_solref[0].tolist() == [0.02, 1.0]  # it has no range
-    assert in_run(scene, {"solref": (-100.0, -10.0)}).jnt_solref[1].tolist() == [0.04, 0.7]
+    run_model = model_of_run(scene, {"solref": (0.002, 1.0), "solimp": (0.99, 0.999)})
+    assert run_model.jnt_solref[1].tolist() == [0.002, 0.7]
+    assert run_model.jnt_solimp[1].tolist() == [0.99, 0.999, 0.001, 0.5, 2.0]
+    assert run_model.jnt_solref[0].tolist() == [0.02, 1.0]  # it has no range
+    assert model_of_run(scene, {"solref": (-100.0, -10.0)}).jnt_solref[1].tolist() == [0.04, 0.7]
     scene.write_text(SCENE.replace("0.04 0.7", "-500 -20"))
-    stiff = in_run(scene, {"solref": (0.002, 1.0)})
+    stiff = model_of_run(scene, {"solref": (0.002, 1.0)})
     assert stiff.jnt_solref[1].tolist() == [-500.0, -20.0]
 
 

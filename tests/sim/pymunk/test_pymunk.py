@@ -15,18 +15,18 @@ from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.space import empty_buffer
 from tests.shipped import shipped
 
-LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
-BAR = '<inertial pos=".5 0 0" mass="1" diaginertia=".01 .1 .1"/>'
-ARM = f'<body name="arm"><joint name="arm"/>{BAR}</body>'
-OFF = '<flag contact="disable"/>'
+FOUR_BAR_LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
+BAR_INERTIA = '<inertial pos=".5 0 0" mass="1" diaginertia=".01 .1 .1"/>'
+ARM_BODY = f'<body name="arm"><joint name="arm"/>{BAR_INERTIA}</body>'
+NO_CONTACTS = '<flag contact="disable"/>'
 
 
-def turning(rate: float = 1.0) -> Drive:
+def turning_crank(rate: float = 1.0) -> Drive:
     return Drive("crank", lambda t: (rate * t, rate + 0 * t, 0 * t))
 
 
-def mjcf(
-    tmp_path: Path, bodies: str, more: str = "", gravity: str = "0 -9.81 0", flag: str = OFF
+def write_model(
+    tmp_path: Path, bodies: str, more: str = "", gravity: str = "0 -9.81 0", flag: str = NO_CONTACTS
 ) -> Path:
     file = tmp_path / "inline.xml"
     file.write_text(
@@ -36,7 +36,7 @@ def mjcf(
     return file
 
 
-def fall(file: Path, **run) -> None:
+def simulate_briefly(file: Path, **run) -> None:
     simulate(file, Run("dynamics", np.linspace(0, 0.1, 11), (), **run))
 
 
@@ -57,69 +57,84 @@ def plane_of(file: Path):
         ('type="slide" axis="0 0 1"', (1, 0, 0), (0, 0, 1), (0, -1, 0)),
     ],
 )
-def test_plane(tmp_path, joint, e1, e2, normal):
-    plane = plane_of(mjcf(tmp_path, f"<body><joint {joint}/>{BAR}</body>"))
+def test_the_plane_of_a_model_is_found(tmp_path, joint, e1, e2, normal):
+    plane = plane_of(write_model(tmp_path, f"<body><joint {joint}/>{BAR_INERTIA}</body>"))
     if normal == (0, -1, 0) and "slide" in joint:  # either sign of a slide's normal is right
         e2, normal = np.sign(plane.e2[2]) * np.array(e2), np.sign(plane.e2[2]) * np.array(normal)
     for got, wanted in ((plane.e1, e1), (plane.e2, e2), (plane.normal, normal)):
         np.testing.assert_allclose(got, wanted, atol=1e-15, rtol=0)  # rounding of a cross product
 
 
-HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></body>'
+TWO_HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></body>'
 
 
 @pytest.mark.parametrize(
     ("bodies", "more", "options", "named"),
     [
-        (f'<body><joint name="ball" type="ball"/>{BAR}</body>', "", {}, "ball joint 'ball'"),
-        (f'<body><freejoint name="fly"/>{BAR}</body>', "", {}, "free joint 'fly'"),
         (
-            HINGES.format(BAR, '<joint name="askew" axis="1 0 0"/>'),
+            f'<body><joint name="ball" type="ball"/>{BAR_INERTIA}</body>',
+            "",
+            {},
+            "ball joint 'ball'",
+        ),
+        (f'<body><freejoint name="fly"/>{BAR_INERTIA}</body>', "", {}, "free joint 'fly'"),
+        (
+            TWO_HINGES.format(BAR_INERTIA, '<joint name="askew" axis="1 0 0"/>'),
             "",
             {},
             "'askew' leaves the plane",
         ),
-        (HINGES.format(BAR, '<joint name="up" type="slide" axis="0 0 1"/>'), "", {}, "joint 'up'"),
         (
-            HINGES.format(BAR, '<joint name="s" type="slide"/><joint name="h"/>'),
+            TWO_HINGES.format(BAR_INERTIA, '<joint name="up" type="slide" axis="0 0 1"/>'),
+            "",
+            {},
+            "joint 'up'",
+        ),
+        (
+            TWO_HINGES.format(BAR_INERTIA, '<joint name="s" type="slide"/><joint name="h"/>'),
             "",
             {"gravity": "0 0 0"},
             "2 joints on body 'b'",
         ),
         (
-            ARM,
+            ARM_BODY,
             '<tendon><fixed name="rope"><joint joint="arm" coef="1"/></fixed></tendon>',
             {},
             "tendon 'rope'",
         ),
-        (ARM, "", {"gravity": "0 0 -9.81"}, "gravity"),
+        (ARM_BODY, "", {"gravity": "0 0 -9.81"}, "gravity"),
         (
-            ARM.replace('"arm"/>', '"arm" frictionloss=".1"/>'),
+            ARM_BODY.replace('"arm"/>', '"arm" frictionloss=".1"/>'),
             "",
             {},
             "frictionloss of joint 'arm'",
         ),
-        (ARM.replace('"arm"/>', '"arm" damping="1 2"/>'), "", {}, "polynomial damping of .*'arm'"),
         (
-            ARM,
+            ARM_BODY.replace('"arm"/>', '"arm" damping="1 2"/>'),
+            "",
+            {},
+            "polynomial damping of .*'arm'",
+        ),
+        (
+            ARM_BODY,
             '<equality><joint name="lock" joint1="arm"/></equality>',
             {},
             "joint equality 'lock'",
         ),
         (
-            ARM,
+            ARM_BODY,
             '<actuator><position name="servo" joint="arm" forcerange="0 1"/></actuator>',
             {},
             "actuator 'servo'",
         ),
         (
-            ARM,
+            ARM_BODY,
             '<actuator><general name="lag" joint="arm" dyntype="filter" dynprm="1"/></actuator>',
             {},
             "actuator 'lag'",
         ),
         (
-            ARM.replace("<body", '<geom name="floor" size=".1" pos="0 -2 0"/><body').replace(
+            ARM_BODY.replace("<body", '<geom name="floor" size=".1" pos="0 -2 0"/><body').replace(
                 "</body>", '<geom name="tip" type="ellipsoid" size=".1 .1 .1" pos="0 -1 0"/></body>'
             ),
             "",
@@ -128,18 +143,18 @@ HINGES = '<body name="a"><joint name="one"/>{0}<body name="b">{1}{0}</body></bod
         ),
     ],
 )
-def test_refused_by_name(tmp_path, bodies, more, options, named):
+def test_features_that_pymunk_lacks_are_refused_by_name(tmp_path, bodies, more, options, named):
     with pytest.raises(Unsupported, match=named):
-        fall(mjcf(tmp_path, bodies, more, **options))
+        simulate_briefly(write_model(tmp_path, bodies, more, **options))
 
 
 def test_geoms_on_one_body_do_not_count_as_contact(tmp_path):
-    bodies = ARM.replace("</body>", '<geom size=".1"/><geom size=".2"/></body>')
+    bodies = ARM_BODY.replace("</body>", '<geom size=".1"/><geom size=".2"/></body>')
     run = Run("dynamics", np.linspace(0, 0.1, 11), ())
-    assert simulate(mjcf(tmp_path, bodies, flag=""), run).steps == 51
+    assert simulate(write_model(tmp_path, bodies, flag=""), run).steps == 51
 
 
-def test_bad_names():
+def test_unknown_names_are_refused_with_the_known_ones():
     model, x = shipped("pendulum.xml"), np.linspace(0, 0.1, 11)
     with pytest.raises(BadModel, match=r"'speed'.*angle, rate"):
         simulate(model, Run("dynamics", x, ("speed",)))
@@ -149,22 +164,28 @@ def test_bad_names():
         simulate(model, Run("dynamics", x, (), (Drive("wheel", lambda t: (t, t, t)),)))
 
 
-def test_open_start_pose(edit):
+def test_an_open_start_pose_is_refused(edit):
     file = edit("fourbar.xml", 'qpos="0  1.35', 'qpos="0  0.35')
     with pytest.raises(BadModel, match=r"start pose of key 'start' .* loop 'pin' is open by"):
-        simulate(file, Run("sweep", np.linspace(0, 1, 5), (), (turning(),)))
+        simulate(file, Run("sweep", np.linspace(0, 1, 5), (), (turning_crank(),)))
 
 
-FOURBAR = shipped("fourbar.xml")
-ROCKER = ("rocker", "rocker_rate", "rocker_acceleration.z", "coupler.angle", "pin.y")
+FOUR_BAR_FILE = shipped("fourbar.xml")
+FOUR_BAR_CHANNELS = ("rocker", "rocker_rate", "rocker_acceleration.z", "coupler.angle", "pin.y")
 
 
-def fourbar_errors(dt: float, model: Path = FOURBAR, kind: str = "dynamics"):
-    run = Run(kind, np.linspace(0, 2 * np.pi, 201), ROCKER, (turning(),), settings={"timestep": dt})
+def fourbar_errors(dt: float, model: Path = FOUR_BAR_FILE, kind: str = "dynamics"):
+    run = Run(
+        kind,
+        np.linspace(0, 2 * np.pi, 201),
+        FOUR_BAR_CHANNELS,
+        (turning_crank(),),
+        settings={"timestep": dt},
+    )
     curves = simulate(model, run)
-    truth = fourbar.solve(*(d[0] for d in curves.drive), **LENGTHS)
+    truth = fourbar.solve(*(d[0] for d in curves.drive), **FOUR_BAR_LENGTHS)
     pairs = zip(
-        ROCKER,
+        FOUR_BAR_CHANNELS,
         ("rocker_angle", "rocker_rate", "rocker_acceleration", "coupler_angle", "pin_y"),
         strict=True,
     )
@@ -175,7 +196,7 @@ def fourbar_errors(dt: float, model: Path = FOURBAR, kind: str = "dynamics"):
     ]
 
 
-def test_second_order():
+def test_a_four_bar_is_of_second_order():
     coarse, fine = np.array(fourbar_errors(2e-3)), np.array(fourbar_errors(1e-3))
     # 4 in theory; both steps are rounded to fit the samples, which changes the ratio by up to 20 %
     assert np.all((coarse / fine > 3.3) & (coarse / fine < 4.8)), coarse / fine
@@ -183,34 +204,39 @@ def test_second_order():
     assert fine[0] < 1e-6
 
 
-def test_sweep_is_exact():
+def test_a_sweep_of_a_four_bar_is_exact():
     angle, rate, coupler, pin = fourbar_errors(1e-3, kind="sweep")
     # Newton's method with the engine is exact to rounding, which was measured as 4e-15
     assert max(angle, coupler, pin) < 1e-12
     assert rate < 1e-11  # rounding, magnified by the linkage's transmission: 2e-14 measured
 
 
-def test_holding_moment_and_missing_accelerations():
-    run = Run("sweep", np.linspace(0, 2 * np.pi, 37), ("holding_moment", ROCKER[2]), (turning(),))
-    curves = simulate(FOURBAR, run)
+def test_a_sweep_has_holding_moments_and_no_accelerations():
+    run = Run(
+        "sweep",
+        np.linspace(0, 2 * np.pi, 37),
+        ("holding_moment", FOUR_BAR_CHANNELS[2]),
+        (turning_crank(),),
+    )
+    curves = simulate(FOUR_BAR_FILE, run)
     truth = fourbar.solve(
-        curves.drive[0][0], **LENGTHS, crank_mass=1.0, coupler_mass=2.0, rocker_mass=2.5
+        curves.drive[0][0], **FOUR_BAR_LENGTHS, crank_mass=1.0, coupler_mass=2.0, rocker_mass=2.5
     )["holding_moment"]
     # rounding of impulses: 1e-13 N m measured on 20 N m
     np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10, rtol=0)
-    assert "no accelerations in a sweep" in curves.missing[ROCKER[2]]
+    assert "no accelerations in a sweep" in curves.missing[FOUR_BAR_CHANNELS[2]]
     assert curves.derivatives == 1
 
 
-def test_wrong_length_is_caught(edit):
+def test_a_wrong_length_exceeds_the_tolerance(edit):
     file = edit("fourbar.xml", '"coupler_end" pos="2 0 0"', '"coupler_end" pos="2.001 0 0"')
     # 1 mm in 2 m moves the rocker by 5e-4 rad; the tolerance above is 1e-6
     assert fourbar_errors(2e-3, file)[0] > 1e-4
 
 
-def turned_model(tmp_path: Path) -> Path:
+def write_rotated_model(tmp_path: Path) -> Path:
     """Write the four-bar rotated by 90 degrees about x, into the x-z plane, with axes along -y."""
-    text = FOURBAR.read_text()
+    text = FOUR_BAR_FILE.read_text()
     text = text.replace('gravity="0 -9.81 0"', 'gravity="0 0 -9.81"')
     text = text.replace("<joint name=", '<joint axis="0 -1 0" name=')
     text = re.sub(r'diaginertia="(\S+) (\S+) (\S+)"', r'diaginertia="\1 \3 \2"', text)
@@ -220,11 +246,13 @@ def turned_model(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["sweep", "dynamics"])
-def test_another_plane_gives_the_same(tmp_path, kind):
+def test_a_model_in_another_plane_has_the_same_motion(tmp_path, kind):
     channels = ("rocker", "rocker_rate", "coupler.angle", "pin.x")
-    run = Run(kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), (turning(),))
-    there = Run(kind, run.x, (*channels, "pin.z", "coupler_rate.y"), (turning(),))
-    flat, upright = simulate(FOURBAR, run), simulate(turned_model(tmp_path), there)
+    run = Run(
+        kind, np.linspace(0, 3, 61), (*channels, "pin.y", "coupler_rate.z"), (turning_crank(),)
+    )
+    there = Run(kind, run.x, (*channels, "pin.z", "coupler_rate.y"), (turning_crank(),))
+    flat, upright = simulate(FOUR_BAR_FILE, run), simulate(write_rotated_model(tmp_path), there)
     pairs = [
         *((c, c, 1) for c in channels),
         ("pin.y", "pin.z", 1),
@@ -237,14 +265,14 @@ def test_another_plane_gives_the_same(tmp_path, kind):
         )
 
 
-def test_spring_angle(tmp_path):
+def test_a_sprung_arm_rests_between_spring_and_weight(tmp_path):
     """A sprung arm is in equilibrium: k (q - q_ref) = -m g r cos(crank + q).
 
     The crank's moment carries both weights.
     """
     k, ref, weight = 50.0, 0.3, 0.5 * 9.81 * 0.4
     arm = (
-        f'<body name="crank"><joint name="crank"/>{BAR}<body pos="1 0 0">'
+        f'<body name="crank"><joint name="crank"/>{BAR_INERTIA}<body pos="1 0 0">'
         f'<joint name="arm" stiffness="{k}" springref="{ref}"/>'
         '<inertial pos=".4 0 0" mass=".5" diaginertia=".01 .02 .02"/></body></body>'
     )
@@ -254,7 +282,7 @@ def test_spring_angle(tmp_path):
     )
     x = np.array([0.0, 0.2])
     run = Run("sweep", x, ("arm", "moment"), (Drive("crank", lambda t: (t, 0 * t, 0 * t)),))
-    got = simulate(mjcf(tmp_path, arm, sensor), run).channels
+    got = simulate(write_model(tmp_path, arm, sensor), run).channels
     q = np.array(got["arm"])
     # rest is called at moves of 1e-12 a step; slow sinking multiplies that by some ten steps
     np.testing.assert_allclose(k * (q - ref), -weight * np.cos(x + q), atol=1e-8, rtol=0)
@@ -262,29 +290,29 @@ def test_spring_angle(tmp_path):
     np.testing.assert_allclose(got["moment"], carried, atol=1e-8, rtol=0)
 
 
-def test_sliding_spring_oscillates(tmp_path):
+def test_a_mass_on_a_sprung_slide_oscillates(tmp_path):
     body = (
         '<body><joint name="s" type="slide" axis="1 0 0" stiffness="40" springref=".1"/>'
         '<inertial pos=".2 .3 0" mass=".4" diaginertia=".1 .1 .1"/></body>'
     )
     sensor = '<sensor><jointpos name="s" joint="s"/></sensor>'
     run = Run("dynamics", np.linspace(0, 2, 201), ("s",), settings={"timestep": 1e-3})
-    got = simulate(mjcf(tmp_path, body, sensor), run)
+    got = simulate(write_model(tmp_path, body, sensor), run)
     # leapfrog's phase lag is (w dt)^2 / 24, times 20 rad: 8e-5 of 0.1 m
     np.testing.assert_allclose(got.channels["s"], 0.1 - 0.1 * np.cos(10 * got.x), atol=2e-5)
 
 
-def test_hinge_rests_on_its_stop(tmp_path):
-    arm = ARM.replace('"arm"/>', '"arm" range="-.2 1"/>')
+def test_a_hinge_rests_on_its_stop(tmp_path):
+    arm = ARM_BODY.replace('"arm"/>', '"arm" range="-.2 1"/>')
     sensor = '<sensor><jointpos name="arm" joint="arm"/></sensor>'
     run = Run("dynamics", np.linspace(0, 2, 21), ("arm",))
-    got = simulate(mjcf(tmp_path, arm, sensor), run).channels["arm"]
+    got = simulate(write_model(tmp_path, arm, sensor), run).channels["arm"]
     # the joint enters the stop by up to its motion in a step, 3e-3 rad, and leaves it slowly
     assert np.abs(got[5:] + 0.2).max() < 4e-3
     assert abs(got[-1] + 0.2) < 1e-4
 
 
-def pendulum(dt: float):
+def pendulum_errors(dt: float):
     channels = ("angle", "rate", "acceleration", "kinetic", "potential")
     run = Run("dynamics", np.linspace(0, 4, 201), channels, settings={"timestep": dt})
     got = simulate(shipped("pendulum.xml"), run).channels
@@ -300,8 +328,8 @@ def pendulum(dt: float):
     return np.array([np.abs(e).max() for e in errors])
 
 
-def test_pendulum():
-    coarse, fine = pendulum(2e-3), pendulum(1e-3)
+def test_a_pendulum_is_of_second_order():
+    coarse, fine = pendulum_errors(2e-3), pendulum_errors(1e-3)
     # second order: 4 in theory, also for the energy
     assert np.all((coarse / fine > 3.7) & (coarse / fine < 4.3)), coarse / fine
     # at 1 ms the rod is longer by (rate dt)^2 / 2, which gives 3e-5 rad and 1e-4 J
@@ -325,20 +353,28 @@ def test_runs_of_one_thread_share_a_buffer_and_no_states():
 
 def test_too_few_iterations_diverge():
     run = Run(
-        "dynamics", np.linspace(0, 7, 71), ("rocker",), (turning(),), settings={"iterations": 3}
+        "dynamics",
+        np.linspace(0, 7, 71),
+        ("rocker",),
+        (turning_crank(),),
+        settings={"iterations": 3},
     )
     with pytest.raises(Diverged, match="failed at time"):
-        simulate(FOURBAR, run)
+        simulate(FOUR_BAR_FILE, run)
 
 
-def test_defaults_are_softer_and_recorded():
+def test_default_settings_are_softer_and_recorded():
     run = Run(
-        "dynamics", np.linspace(0, 6, 61), ("rocker",), (turning(),), settings={"defaults": True}
+        "dynamics",
+        np.linspace(0, 6, 61),
+        ("rocker",),
+        (turning_crank(),),
+        settings={"defaults": True},
     )
-    curves = simulate(FOURBAR, run)
+    curves = simulate(FOUR_BAR_FILE, run)
     assert curves.settings["iterations"] == 10
     assert curves.settings["error_bias"] == (1 - 0.1) ** 60
-    gap = simulate(FOURBAR, Run("dynamics", run.x, (), (turning(),))).violation
+    violation = simulate(FOUR_BAR_FILE, Run("dynamics", run.x, (), (turning_crank(),))).violation
     assert (
-        curves.violation > 10 * gap
+        curves.violation > 10 * violation
     )  # violation with Chipmunk's soft correction, dt / (1 - bias), compared with dt^2

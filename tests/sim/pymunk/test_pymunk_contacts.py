@@ -15,20 +15,20 @@ from proofmass.sim.pymunk.program import write_program
 from tests.programs import program_curves
 from tests.shipped import shipped
 
-FREE = (
+JOINTS = (
     '<joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>'
     '<joint name="turn" axis="0 1 0"/>'
 )
-BALL = f'<body name="ball" pos="0 0 .1">{FREE}<geom name="ball" size=".1" mass="1" {{0}}/></body>'
+BALL = f'<body name="ball" pos="0 0 .1">{JOINTS}<geom name="ball" size=".1" mass="1" {{0}}/></body>'
 FLOOR = '<geom name="floor" type="plane" size="2 2 1" {0}/>'
-PLASTIC = 'solref=".01 1000"'
+PLASTIC_CONTACT = 'solref=".01 1000"'
 SENSORS = "".join(
     f'<jointpos name="{j}" joint="{j}"/><jointvel name="{j}_rate" joint="{j}"/>'
     for j in ("x", "z", "turn")
 )
 
 
-def written(tmp_path, bodies, velocity="0 0 0", more="", options="", pose="0 0 0"):
+def write_model(tmp_path, bodies, velocity="0 0 0", more="", options="", pose="0 0 0"):
     file = tmp_path / "contacts.xml"
     file.write_text(
         f'<mujoco><compiler angle="radian"/><option timestep="1e-3" {options}/>'
@@ -38,7 +38,7 @@ def written(tmp_path, bodies, velocity="0 0 0", more="", options="", pose="0 0 0
     return file
 
 
-def moved(file, until=1.0, samples=101, **settings):
+def simulated_channels(file, until=1.0, samples=101, **settings):
     names = [f"{j}{part}" for j in ("x", "z", "turn") for part in ("", "_rate")]
     run = Run("dynamics", np.linspace(0.0, until, samples), tuple(names), settings=settings)
     return simulate(file, run).channels
@@ -48,7 +48,7 @@ def moved(file, until=1.0, samples=101, **settings):
 
 
 @pytest.mark.parametrize("z", [0.01, 0.1, 0.5, 0.999, 1.0, 1.001, 2.0, 10.0])
-def test_restitution_is_that_of_a_damped_spring_that_can_only_push(z):
+def test_restitution_is_that_of_a_damped_spring_that_only_pushes(z):
     def let_go(t, y):
         return y[0] + 2.0 * z * y[1] if t > 0 else -1.0
 
@@ -68,7 +68,7 @@ def test_restitution_is_that_of_a_damped_spring_that_can_only_push(z):
         assert restitution(z) > np.exp(-np.pi * z / np.sqrt(1.0 - z * z)) * 1.001
 
 
-def bare_bounce(z, stiffness, mass=1.0):
+def restitution_in_mujoco(z, stiffness, mass=1.0):
     """Restitution in bare MuJoCo: ratio of speeds after and before an impact of 10,000 steps."""
     step = np.pi / np.sqrt(stiffness) / 10000
     model = mujoco.MjModel.from_xml_string(f"""<mujoco>
@@ -86,9 +86,11 @@ def bare_bounce(z, stiffness, mass=1.0):
 @pytest.mark.parametrize("z", [0.07, 0.4, 1.0])
 def test_restitution_is_the_limit_of_mujocos_contact(z):
     """The difference to MuJoCo falls with the stiffness: its impedance grows with the depth."""
-    off = [abs(bare_bounce(z, stiffness) - restitution(z)) for stiffness in (1e4, 1e6, 1e8)]
-    assert off[2] < 5e-4  # first order, with steps of 1e-4 of the contact's duration
-    assert off[2] < off[0]
+    errors = [
+        abs(restitution_in_mujoco(z, stiffness) - restitution(z)) for stiffness in (1e4, 1e6, 1e8)
+    ]
+    assert errors[2] < 5e-4  # first order, with steps of 1e-4 of the contact's duration
+    assert errors[2] < errors[0]
 
 
 # ---- bodies that are free in the plane -----------------------------------------------------------
@@ -98,7 +100,7 @@ def test_a_free_body_flies_and_turns(tmp_path):
     body = BALL.replace("{0}", 'pos=".03 0 .01"').replace(
         'axis="0 1 0"', 'axis="0 1 0" pos=".2 0 .1"'
     )
-    flying = moved(written(tmp_path, body, "1 2 3", pose=".1 .2 .3"), until=0.5)
+    flying = simulated_channels(write_model(tmp_path, body, "1 2 3", pose=".1 .2 .3"), until=0.5)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "contacts.xml"))
     model.opt.timestep, model.opt.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_RK4
     data = mujoco.MjData(model)
@@ -113,28 +115,29 @@ def test_a_free_body_flies_and_turns(tmp_path):
 @pytest.mark.parametrize(
     ("joints", "named"),
     [
-        (FREE.replace('name="turn"', 'name="turn" damping="1"'), "damping of joint 'turn'"),
-        (FREE.replace('name="x"', 'name="x" stiffness="1"'), "a spring of joint 'x'"),
-        (FREE.replace('name="z"', 'name="z" range="-1 1"'), "a range of joint 'z'"),
-        (FREE.replace('name="z"', 'name="z" armature="1"'), "armature of joint 'z'"),
-        (FREE.replace('axis="0 0 1"', 'axis="1 0 1"'), "slides are not at right angles"),
+        (JOINTS.replace('name="turn"', 'name="turn" damping="1"'), "damping of joint 'turn'"),
+        (JOINTS.replace('name="x"', 'name="x" stiffness="1"'), "a spring of joint 'x'"),
+        (JOINTS.replace('name="z"', 'name="z" range="-1 1"'), "a range of joint 'z'"),
+        (JOINTS.replace('name="z"', 'name="z" armature="1"'), "armature of joint 'z'"),
+        (JOINTS.replace('axis="0 0 1"', 'axis="1 0 1"'), "slides are not at right angles"),
         (
-            FREE[FREE.index('<joint name="turn"') :] + FREE[: FREE.index('<joint name="turn"')],
+            JOINTS[JOINTS.index('<joint name="turn"') :]
+            + JOINTS[: JOINTS.index('<joint name="turn"')],
             "3 joints on body 'ball'",
         ),
-        (FREE[: FREE.index('<joint name="turn"')], "2 joints on body 'ball'"),
+        (JOINTS[: JOINTS.index('<joint name="turn"')], "2 joints on body 'ball'"),
     ],
 )
-def test_what_a_free_body_may_not_have_is_named(tmp_path, joints, named):
-    body = BALL.replace(FREE, joints)
+def test_features_that_a_free_body_may_not_have_are_refused(tmp_path, joints, named):
+    body = BALL.replace(JOINTS, joints)
     file = tmp_path / "free.xml"
     file.write_text(f"<mujoco><worldbody>{body.format('')}</worldbody></mujoco>")
     with pytest.raises(Unsupported, match=named):
         simulate(file, Run("dynamics", np.linspace(0.0, 0.1, 3), ()))
 
 
-def test_a_free_body_has_no_sweep(tmp_path):
-    file = written(tmp_path, BALL.format(""))
+def test_a_free_body_in_an_equilibrium_run_is_refused(tmp_path):
+    file = write_model(tmp_path, BALL.format(""))
     with pytest.raises(Unsupported, match="free in the plane, in equilibrium"):
         simulate(file, Run("equilibrium", np.zeros(1), ()))
 
@@ -144,16 +147,16 @@ def test_a_free_body_has_no_sweep(tmp_path):
 
 def test_a_block_slides_and_stops(tmp_path):
     block = BALL.format('type="box"').replace('size=".1"', 'size=".2 .1 .1"')
-    file = written(
+    file = write_model(
         tmp_path,
-        FLOOR.format(PLASTIC + ' friction=".4 0 0"') + block.format(""),
+        FLOOR.format(PLASTIC_CONTACT + ' friction=".4 0 0"') + block.format(""),
         "2 0 0",
         options='integrator="Euler"',
     )
     file.write_text(
         file.read_text().replace('mass="1"', 'mass="1" friction=".4 0 0" solref=".01 1000"')
     )
-    found = moved(file)
+    found = simulated_channels(file)
     truth = sliding_block.solve(np.linspace(0, 1, 101), friction=0.4, speed=2.0)
     assert np.abs(found["x"] - truth["position"]).max() < 2e-3  # v dt at the beginning of contact
     assert found["x_rate"][-1] == 0.0 or abs(found["x_rate"][-1]) < 1e-12  # it sticks
@@ -167,14 +170,16 @@ def test_a_ball_slides_until_it_rolls(tmp_path, geom):
         "cylinder": (".1 .2", 'euler="1.5707963267948966 0 0"', 0.5),
         "capsule": (".1 .2", 'euler="1.5707963267948966 0 0"', None),
     }[geom]
-    ball = BALL.format(f'type="{geom}" {turn} friction=".3 0 0" {PLASTIC}').replace(
+    ball = BALL.format(f'type="{geom}" {turn} friction=".3 0 0" {PLASTIC_CONTACT}').replace(
         'size=".1"', f'size="{size}"'
     )
-    file = written(tmp_path, FLOOR.format(f'friction=".2 0 0" {PLASTIC}') + ball, "2 0 -20")
+    file = write_model(
+        tmp_path, FLOOR.format(f'friction=".2 0 0" {PLASTIC_CONTACT}') + ball, "2 0 -20"
+    )
     model = mujoco.MjModel.from_xml_path(str(file))
     ratio = ratio or float(model.body_inertia[1].max() / 0.01)
     ratio = float(read_links(model, "start", ()).moment[0] / 0.01)
-    found = moved(file)
+    found = simulated_channels(file)
     truth = rolling_ball.solve(
         np.linspace(0, 1, 101), radius=0.1, friction=0.3, speed=2.0, spin=-20.0, inertia_ratio=ratio
     )
@@ -186,8 +191,8 @@ def test_a_ball_slides_until_it_rolls(tmp_path, geom):
 @pytest.mark.parametrize("z", [0.02, 0.1])
 def test_a_ball_bounces_with_the_restitution_of_its_contact(tmp_path, z):
     law = f'solref="{-1e5} {-2 * z * 1e5**0.5}" priority="1"'
-    found = moved(
-        written(tmp_path, FLOOR.format(law) + BALL.format(""), pose="0 .5 0"),
+    found = simulated_channels(
+        write_model(tmp_path, FLOOR.format(law) + BALL.format(""), pose="0 .5 0"),
         until=0.9,
         timestep=1e-4,
     )
@@ -200,7 +205,7 @@ def test_a_ball_bounces_with_the_restitution_of_its_contact(tmp_path, z):
 
 # ---- which geoms touch, and how ------------------------------------------------------------------
 
-TWO = (
+TWO_SPHERES = (
     '<body name="a" pos="0 0 .1"><joint name="x" type="slide" axis="1 0 0"/>'
     '<geom name="a" size=".1" mass="1" {0}/></body>'
     '<body name="b" pos=".3 0 .1"><joint name="z" type="slide" axis="1 0 0"/>'
@@ -208,8 +213,8 @@ TWO = (
 )
 
 
-def law_of(tmp_path, one="", two="", more=""):
-    bodies = TWO.replace('<joint name="turn"/>', "").format(one, two)
+def contact_law(tmp_path, one="", two="", more=""):
+    bodies = TWO_SPHERES.replace('<joint name="turn"/>', "").format(one, two)
     file = tmp_path / "two.xml"
     file.write_text(
         f'<mujoco><option gravity="0 0 0"/><worldbody>{bodies}</worldbody>{more}</mujoco>'
@@ -218,7 +223,7 @@ def law_of(tmp_path, one="", two="", more=""):
     return links.contacts.laws.get((0, 1))
 
 
-def bare_law(tmp_path):
+def contact_law_of_mujoco(tmp_path):
     """Friction and restitution of the contact that MuJoCo finds where the two spheres overlap."""
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "two.xml"))
     data = mujoco.MjData(model)
@@ -264,15 +269,15 @@ def bare_law(tmp_path):
         ),
     ],
 )
-def test_masks_friction_and_softness_are_combined_as_mujoco_does(tmp_path, one, two, more):
-    law, bare = law_of(tmp_path, one, two, more), bare_law(tmp_path)
+def test_masks_friction_and_softness_are_combined_as_in_mujoco(tmp_path, one, two, more):
+    law, bare = contact_law(tmp_path, one, two, more), contact_law_of_mujoco(tmp_path)
     if bare is None:
         assert law is None
     else:
         assert (law.friction, law.restitution) == pytest.approx(bare, rel=1e-12, abs=0)
 
 
-def test_pairs_are_those_that_mujoco_finds(tmp_path):
+def test_pairs_of_geoms_are_those_that_mujoco_finds(tmp_path):
     """In a chain of links on a floor, pairs with parents and of two static geoms are left out."""
     geom = '<geom size=".3"/>'
     body = f'<body pos=".1 0 0"><joint axis="0 1 0"/>{geom}{{0}}</body>'
@@ -304,8 +309,8 @@ def test_pairs_are_those_that_mujoco_finds(tmp_path):
         ("", "", '<option><flag override="enable"/></option>', "override"),
     ],
 )
-def test_what_has_no_counterpart_in_the_plane_is_named(tmp_path, one, two, more, named):
-    bodies = TWO.format(one, two).replace('<joint name="turn"/>', "")
+def test_contacts_without_counterpart_in_the_plane_are_refused(tmp_path, one, two, more, named):
+    bodies = TWO_SPHERES.format(one, two).replace('<joint name="turn"/>', "")
     for geom, own in (("a", one), ("b", two)):
         if "size" in own:
             bodies = bodies.replace(f'name="{geom}" size=".1"', f'name="{geom}"')
@@ -320,25 +325,25 @@ def test_what_has_no_counterpart_in_the_plane_is_named(tmp_path, one, two, more,
 
 
 def test_bodies_that_pass_each_other_do_not_touch(tmp_path):
-    assert law_of(tmp_path, 'pos="0 0 .3"') is None
+    assert contact_law(tmp_path, 'pos="0 0 .3"') is None
 
 
 def test_settings_of_contacts_act(tmp_path):
     """They determine how deep a ball at rest is in the floor, and how fast it comes out of it."""
-    law = f'friction="0 0 0" {PLASTIC}'
-    file = written(tmp_path, FLOOR.format(law) + BALL.format(law), pose="0 -.01 0")
-    own = moved(file)["z"]
-    slow = moved(file, collision_bias=0.5)["z"]
-    deep = moved(file, collision_slop=5e-3)["z"]
-    assert -1e-4 < own[-1] <= 0.0
-    assert slow[10] < own[10] - 1e-4
+    law = f'friction="0 0 0" {PLASTIC_CONTACT}'
+    file = write_model(tmp_path, FLOOR.format(law) + BALL.format(law), pose="0 -.01 0")
+    default = simulated_channels(file)["z"]
+    slow = simulated_channels(file, collision_bias=0.5)["z"]
+    deep = simulated_channels(file, collision_slop=5e-3)["z"]
+    assert -1e-4 < default[-1] <= 0.0
+    assert slow[10] < default[10] - 1e-4
     assert deep[-1] == pytest.approx(-5e-3, abs=1e-4)
     run = Run("dynamics", np.linspace(0, 0.1, 3), ())
     assert {"collision_slop", "collision_bias"} <= set(simulate(file, run).settings)
 
 
-def test_forces_beside_contacts_are_not_told(tmp_path):
-    file = written(
+def test_forces_are_missing_in_models_with_contacts(tmp_path):
+    file = write_model(
         tmp_path,
         FLOOR.format("") + BALL.format("") + '<body><joint name="arm" axis="0 1 0"/>'
         '<inertial pos="0 0 1" mass="1" diaginertia="1 1 1"/></body>',
@@ -356,7 +361,7 @@ def test_forces_beside_contacts_are_not_told(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["block_slides", "ball_rolls", "balls_in_row"])
-def test_a_program_of_its_own_has_the_same_contacts(name, tmp_path):
+def test_a_pymunk_program_has_the_same_contacts(name, tmp_path):
     file = shipped(f"{name}.xml")
     channels = {"balls_in_row": ("x1.x", "x5.x")}.get(name, ("position", "velocity"))
     settings = {"iterations": 100, "error_bias": 0.0, "timestep": 1e-3}

@@ -22,7 +22,7 @@ from proofmass.sim.pymunk.space import build_space, set_states
 from proofmass.solve import plan_run
 from tests.shipped import shipped
 
-HEAD = (
+MODEL_HEAD = (
     '<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"><flag contact="disable"/>'
     "</option>"
 )
@@ -37,7 +37,7 @@ def bar(length: float, mass: float) -> str:
     )
 
 
-FIVEBAR = f"""{HEAD}<worldbody>
+FIVE_BAR_MODEL = f"""{MODEL_HEAD}<worldbody>
   <body><joint name="left"/>{bar(1, 1)}
     <body pos="1 0 0"><joint name="rod"/>{bar(2, 2)}<site name="a" pos="2 0 0"/></body></body>
   <body pos="2 0 0"><joint name="right"/>{bar(1, 1)}
@@ -49,10 +49,10 @@ FIVEBAR = f"""{HEAD}<worldbody>
     <framelinacc name="rush" objtype="site" objname="a"/>
     <actuatorfrc name="l" actuator="l"/><actuatorfrc name="r" actuator="r"/></sensor>
   <keyframe><key name="start" qpos="1.5708 -.5236 1.5708 .5236"/></keyframe></mujoco>"""
-TIP = ("tip.x", "tip.y", "speed.x", "speed.y", "rush.x", "rush.y")
+TIP_CHANNELS = ("tip.x", "tip.y", "speed.x", "speed.y", "rush.x", "rush.y")
 
 
-def swing(joint: str, start: float, rate: float, far: float, w: float) -> Drive:
+def oscillating_drive(joint: str, start: float, rate: float, far: float, w: float) -> Drive:
     """A drive with a steady motion plus an oscillation."""
     return Drive(
         joint,
@@ -64,14 +64,17 @@ def swing(joint: str, start: float, rate: float, far: float, w: float) -> Drive:
     )
 
 
-def hold(joint: str, value: float) -> Drive:
+def fixed_drive(joint: str, value: float) -> Drive:
     return Drive(joint, lambda t: (value + 0 * t, 0 * t, 0 * t))
 
 
-BOTH = (swing("left", np.pi / 2, 0.5, 0.1, 2), swing("right", np.pi / 2, -0.3, 0.2, 3))
+FIVE_BAR_DRIVES = (
+    oscillating_drive("left", np.pi / 2, 0.5, 0.1, 2),
+    oscillating_drive("right", np.pi / 2, -0.3, 0.2, 3),
+)
 
 
-def five_tip(angle):
+def five_bar_tip(angle):
     """Tip of the five-bar: the upper intersection of circles of 2 m about the crank ends.
 
     Angles of the cranks are (2, n).
@@ -83,30 +86,34 @@ def five_tip(angle):
     return ends.mean(1) + rise * np.stack([-apart[1], apart[0]])
 
 
-def five_weight(angle):
+def five_bar_energy(angle):
     """Potential energy of cranks of 1 kg and of rods of 2 kg between crank ends and tip."""
     pins = np.sin(angle)
-    return G * (0.5 * pins.sum(0) + 2 * (0.5 * pins.sum(0) + five_tip(angle)[1]))
+    return G * (0.5 * pins.sum(0) + 2 * (0.5 * pins.sum(0) + five_bar_tip(angle)[1]))
 
 
-def along(function, place, rate):
+def derivative_along(function, place, rate):
     return np.imag(function(place + 1e-30j * rate)) / 1e-30
 
 
-def five_truth(place, rate, acceleration):
+def five_bar_reference(place, rate, acceleration):
     """Position, velocity and acceleration of the tip (6, n) at a state of the drives."""
     h = 1e-4  # error h^2 of the central difference: 1e-8
     late, early = (
-        along(
-            five_tip, place + s * h * rate + 0.5 * h**2 * acceleration, rate + s * h * acceleration
+        derivative_along(
+            five_bar_tip,
+            place + s * h * rate + 0.5 * h**2 * acceleration,
+            rate + s * h * acceleration,
         )
         for s in (1, -1)
     )
-    return np.concatenate([five_tip(place), along(five_tip, place, rate), (late - early) / (2 * h)])
+    return np.concatenate(
+        [five_bar_tip(place), derivative_along(five_bar_tip, place, rate), (late - early) / (2 * h)]
+    )
 
 
 @pytest.fixture
-def write(tmp_path):
+def write_model(tmp_path):
     def to_file(text: str) -> Path:
         file = tmp_path / "inline.xml"
         file.write_text(text)
@@ -115,59 +122,70 @@ def write(tmp_path):
     return to_file
 
 
-def test_sweep_of_a_five_bar_with_both_forces(write):
-    run = Run("sweep", np.linspace(0, 2, 41), (*TIP[:4], "l", "r"), BOTH)
-    got = simulate(write(FIVEBAR), run)
-    truth = five_truth(*got.drive)
-    for k, name in enumerate(TIP[:4]):
+def test_a_sweep_of_a_five_bar_has_both_holding_moments(write_model):
+    run = Run("sweep", np.linspace(0, 2, 41), (*TIP_CHANNELS[:4], "l", "r"), FIVE_BAR_DRIVES)
+    got = simulate(write_model(FIVE_BAR_MODEL), run)
+    truth = five_bar_reference(*got.drive)
+    for k, name in enumerate(TIP_CHANNELS[:4]):
         np.testing.assert_allclose(got.channels[name], truth[k], atol=1e-12, rtol=0)  # rounding
     units = np.eye(2)[:, :, None] * np.ones(41)
-    left, right = (along(five_weight, got.drive[0], unit) for unit in units)
+    left, right = (derivative_along(five_bar_energy, got.drive[0], unit) for unit in units)
     # rounding of impulses: 3e-13 N m measured on 25 N m
     np.testing.assert_allclose(got.channels["l"], left, atol=1e-11, rtol=0)
     np.testing.assert_allclose(got.channels["r"], right / -2, atol=1e-11, rtol=0)
 
 
-def five_errors(file: Path, dt: float):
-    run = Run("dynamics", np.linspace(0, 2, 101), TIP, BOTH, settings={"timestep": dt})
+def five_bar_errors(file: Path, dt: float):
+    run = Run(
+        "dynamics", np.linspace(0, 2, 101), TIP_CHANNELS, FIVE_BAR_DRIVES, settings={"timestep": dt}
+    )
     got = simulate(file, run)
-    law = np.array([drive.profile(run.x)[0] for drive in BOTH])
-    np.testing.assert_allclose(got.drive[0], law, atol=1e-14, rtol=0)  # met to rounding, both
-    truth = five_truth(*got.drive)
-    return np.array([np.abs(got.channels[n] - truth[k]).max() for k, n in enumerate(TIP)])
+    prescribed = np.array([drive.profile(run.x)[0] for drive in FIVE_BAR_DRIVES])
+    np.testing.assert_allclose(
+        got.drive[0], prescribed, atol=1e-14, rtol=0
+    )  # met to rounding, both
+    truth = five_bar_reference(*got.drive)
+    return np.array([np.abs(got.channels[n] - truth[k]).max() for k, n in enumerate(TIP_CHANNELS)])
 
 
-def test_a_five_bar_is_second_order(write):
-    file = write(FIVEBAR)
-    coarse, fine = five_errors(file, 2e-3), five_errors(file, 1e-3)
+def test_a_five_bar_is_of_second_order(write_model):
+    file = write_model(FIVE_BAR_MODEL)
+    coarse, fine = five_bar_errors(file, 2e-3), five_bar_errors(file, 1e-3)
     assert np.all(np.log2(coarse / fine) > 1.9), coarse / fine
     # constraint violation that the first-order correction leaves: (rate dt)^2
     assert fine[:2].max() < 1e-6
 
 
-def test_a_drive_about_the_opposite_axis_turns_the_other_way(write):
-    turned = FIVEBAR.replace('name="right"/>', 'name="right" axis="0 0 -1"/>')
+def test_a_drive_about_the_opposite_axis_turns_the_other_way(write_model):
+    turned = FIVE_BAR_MODEL.replace('name="right"/>', 'name="right" axis="0 0 -1"/>')
     turned = turned.replace("1.5708 .5236", "-1.5708 .5236")
-    back = swing("right", -np.pi / 2, 0.3, -0.2, 3)
+    opposite_drive = oscillating_drive("right", -np.pi / 2, 0.3, -0.2, 3)
     for kind in ("dynamics", "sweep"):
-        run = Run(kind, np.linspace(0, 1, 21), TIP[:4], BOTH)
-        there = simulate(write(FIVEBAR), run).channels
-        same = simulate(write(turned), replace(run, drives=(BOTH[0], back))).channels
-        for name in TIP[:4]:
+        run = Run(kind, np.linspace(0, 1, 21), TIP_CHANNELS[:4], FIVE_BAR_DRIVES)
+        there = simulate(write_model(FIVE_BAR_MODEL), run).channels
+        same = simulate(
+            write_model(turned), replace(run, drives=(FIVE_BAR_DRIVES[0], opposite_drive))
+        ).channels
+        for name in TIP_CHANNELS[:4]:
             np.testing.assert_allclose(same[name], there[name], atol=1e-12, rtol=0)
 
 
-def test_a_drive_may_hold_still(write):
-    run = Run("dynamics", np.linspace(0, 1, 51), TIP[:4], (BOTH[0], hold("right", 1.5)))
-    got = simulate(write(FIVEBAR), run)
+def test_a_drive_may_stand_still(write_model):
+    run = Run(
+        "dynamics",
+        np.linspace(0, 1, 51),
+        TIP_CHANNELS[:4],
+        (FIVE_BAR_DRIVES[0], fixed_drive("right", 1.5)),
+    )
+    got = simulate(write_model(FIVE_BAR_MODEL), run)
     np.testing.assert_allclose(got.drive[0][1], 1.5, atol=1e-14, rtol=0)
     np.testing.assert_allclose(got.drive[1][1], 0.0, atol=1e-11)  # rounding over a step
-    truth = five_truth(*got.drive)
-    for k, name in enumerate(TIP[:4]):
+    truth = five_bar_reference(*got.drive)
+    for k, name in enumerate(TIP_CHANNELS[:4]):
         np.testing.assert_allclose(got.channels[name], truth[k], atol=1e-5)  # dt^2, with 2 ms
 
 
-CYLINDER = f"""{HEAD}<worldbody>
+CYLINDER_MODEL = f"""{MODEL_HEAD}<worldbody>
   <body><joint name="barrel"/>{bar(1, 2)}
     <body><joint name="stroke" type="slide" axis="1 0 0"/><site name="eye"/>
       <inertial pos="0 0 0" mass=".5" diaginertia=".01 .01 .01"/></body></body>
@@ -180,55 +198,55 @@ CYLINDER = f"""{HEAD}<worldbody>
   <keyframe><key name="start" qpos=".98279 1.80278 1.5708"/></keyframe></mujoco>"""
 
 
-def boom(length):
+def boom_angle(length):
     """Angle of the boom by the law of cosines, with a base of 1 m and a boom of 1.5 m."""
     return np.pi - np.arccos((1 + 1.5**2 - length**2) / 3)
 
 
-def cylinder_weight(length):
+def cylinder_energy(length):
     """Potential energy: the eye is at a height of 1.5 sin(boom).
 
     The barrel's centre of mass is 0.5 m along the cylinder.
     """
-    eye = 1.5 * np.sin(boom(length))
+    eye = 1.5 * np.sin(boom_angle(length))
     return G * (3 * eye / 2 + 0.5 * eye + 2 * 0.5 * eye / length)
 
 
-def test_a_driven_slide_between_moving_links_and_its_force(write):
+def test_a_driven_slide_between_moving_links_has_its_force(write_model):
     run = Run(
         "sweep",
         np.linspace(0, 1, 21),
         ("boom", "boom_rate", "force"),
-        (swing("stroke", 1.8, 0.3, 0.1, 5),),
+        (oscillating_drive("stroke", 1.8, 0.3, 0.1, 5),),
     )
-    got = simulate(write(CYLINDER), run)
+    got = simulate(write_model(CYLINDER_MODEL), run)
     place, rate, _ = (part[0] for part in got.drive)
     # rounding times the boom's transmission and the solver's
-    np.testing.assert_allclose(got.channels["boom"], boom(place), atol=1e-11, rtol=0)
+    np.testing.assert_allclose(got.channels["boom"], boom_angle(place), atol=1e-11, rtol=0)
     np.testing.assert_allclose(
-        got.channels["boom_rate"], along(boom, place, rate), atol=1e-10, rtol=0
+        got.channels["boom_rate"], derivative_along(boom_angle, place, rate), atol=1e-10, rtol=0
     )
     np.testing.assert_allclose(
-        got.channels["force"], along(cylinder_weight, place, 1), atol=1e-9, rtol=0
+        got.channels["force"], derivative_along(cylinder_energy, place, 1), atol=1e-9, rtol=0
     )
 
 
-def test_a_driven_slide_between_moving_links_is_second_order(write):
-    file, errors = write(CYLINDER), []
+def test_a_driven_slide_between_moving_links_is_of_second_order(write_model):
+    file, errors = write_model(CYLINDER_MODEL), []
     for dt in (2e-3, 1e-3):
         run = Run(
             "dynamics",
             np.linspace(0, 1, 51),
             ("boom", "boom_rate"),
-            (swing("stroke", 1.8, 0.3, 0.1, 5),),
+            (oscillating_drive("stroke", 1.8, 0.3, 0.1, 5),),
             settings={"timestep": dt},
         )
         got = simulate(file, run)
         place, rate, _ = (part[0] for part in got.drive)
         errors.append(
             [
-                np.abs(got.channels["boom"] - boom(place)).max(),
-                np.abs(got.channels["boom_rate"] - along(boom, place, rate)).max(),
+                np.abs(got.channels["boom"] - boom_angle(place)).max(),
+                np.abs(got.channels["boom_rate"] - derivative_along(boom_angle, place, rate)).max(),
                 np.abs(place - run.drives[0].profile(run.x)[0]).max(),
             ]
         )
@@ -236,17 +254,21 @@ def test_a_driven_slide_between_moving_links_is_second_order(write):
     assert max(errors[1]) < 1e-5  # (rate of the slide's rotation dt)^2, and constraint violation
 
 
-ARM = f"""{HEAD}<worldbody><body><joint name="shoulder"/>{bar(1, 3)}
+ARM_MODEL = f"""{MODEL_HEAD}<worldbody><body><joint name="shoulder"/>{bar(1, 3)}
   <body pos="1 0 0"><joint name="elbow"/>{bar(0.8, 2)}
   <body pos=".8 0 0"><joint name="wrist"/>{bar(0.3, 1)}</body></body></body></worldbody>
   <sensor><jointactuatorfrc name="m1" joint="shoulder"/><jointactuatorfrc name="m2" joint="elbow"/>
   <jointactuatorfrc name="m3" joint="wrist"/></sensor></mujoco>"""
-ARM_DRIVES = (swing("shoulder", 0, 1, 0.3, 2), swing("elbow", 0, -1, 0.2, 3), hold("wrist", 0.3))
+ARM_DRIVES = (
+    oscillating_drive("shoulder", 0, 1, 0.3, 2),
+    oscillating_drive("elbow", 0, -1, 0.2, 3),
+    fixed_drive("wrist", 0.3),
+)
 
 
-def test_drives_that_share_links_are_met_to_rounding_and_carry_their_own_moments(write):
+def test_drives_that_share_links_are_exact_with_their_own_moments(write_model):
     run = Run("sweep", np.linspace(0, 3, 31), ("m1", "m2", "m3"), ARM_DRIVES)
-    got = simulate(write(ARM), run)
+    got = simulate(write_model(ARM_MODEL), run)
     sums = np.cos(np.cumsum(got.drive[0], axis=0))
     wrist = G * 0.15 * sums[2]
     elbow = G * (2 * 0.4 + 0.8) * sums[1] + wrist
@@ -255,26 +277,28 @@ def test_drives_that_share_links_are_met_to_rounding_and_carry_their_own_moments
         np.testing.assert_allclose(
             got.channels[name], moment, atol=1e-10, rtol=0
         )  # rounding of impulses
-    moved = simulate(write(ARM), Run("dynamics", run.x, (), ARM_DRIVES))
-    law = np.array([drive.profile(run.x)[0] for drive in ARM_DRIVES])
+    moved = simulate(write_model(ARM_MODEL), Run("dynamics", run.x, (), ARM_DRIVES))
+    prescribed = np.array([drive.profile(run.x)[0] for drive in ARM_DRIVES])
     # only the last is met exactly in a step; what the others lack by the end of the iterations,
     # 1.2e-9 rad here, is made up for in the next
-    np.testing.assert_allclose(moved.drive[0], law, atol=2e-9, rtol=0)
+    np.testing.assert_allclose(moved.drive[0], prescribed, atol=2e-9, rtol=0)
 
 
-SHORT = FIVEBAR.replace(
+MODEL_WITH_SHORT_CRANK = FIVE_BAR_MODEL.replace(
     f'<joint name="right"/>{bar(1, 1)}\n    <body pos="1 0 0">',
     f'<joint name="right"/>{bar(0.2, 0.1)}<body pos=".2 0 0">',
 ).replace('qpos="1.5708 -.5236 1.5708 .5236"', 'qpos="1.570796 -0.949182 1.570796 0.188169"')
-BENDING = SHORT.replace(
+MODEL_WITH_BENDING_ROD = MODEL_WITH_SHORT_CRANK.replace(
     f'{bar(2, 2)}<site name="a" pos="2 0 0"/></body></body>',
     f'{bar(1, 1)}<body pos="1 0 0"><joint stiffness="40"/>{bar(1, 1)}<site name="a" pos="1 0 0"/>'
     "</body></body></body>",
 ).replace('qpos="1.570796 -0.949182', 'qpos="1.570796 -0.949182 0')
 
 
-@pytest.mark.parametrize("model", [SHORT, BENDING], ids=["rigid", "a rod bends"])
-def test_each_of_two_drives_does_the_work_that_the_energy_gains(model, write):
+@pytest.mark.parametrize(
+    "model", [MODEL_WITH_SHORT_CRANK, MODEL_WITH_BENDING_ROD], ids=["rigid", "a rod bends"]
+)
+def test_moments_of_two_drives_are_derivatives_of_the_energy(model, write_model):
     """Moments of two drives are derivatives of the energy, with signs that Chipmunk does not give.
 
     Each of them vanishes on the path while the other does not.  Where a rod bends, a joint of the
@@ -290,7 +314,7 @@ def test_each_of_two_drives_does_the_work_that_the_energy_gains(model, write):
     )
     text = model.replace("<sensor>", '<sensor><e_potential name="energy"/>')
     run = Run("sweep", np.arange(len(place)) + 0.0, ("energy", "l", "r"), drives)
-    got = simulate(write(text), run).channels
+    got = simulate(write_model(text), run).channels
     energy = got["energy"].reshape(-1, 5)
     gained = (energy[:, 1::2] - energy[:, 2::2]) / (2 * h)
     done = np.column_stack([got["l"][::5], -2 * got["r"][::5]])  # the gear of the right motor
@@ -299,7 +323,7 @@ def test_each_of_two_drives_does_the_work_that_the_energy_gains(model, write):
 
 
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw_forces", "threeprr_forces", "fivebar_forces"])
-def test_nothing_at_rest_depends_on_inertia(name, monkeypatch):
+def test_curves_of_sweeps_do_not_depend_on_inertia(name, monkeypatch):
     """Poses, rates, moments and forces of a sweep are the same with the masses of the model.
 
     With the replaced inertia fewer iterations are needed, as the factor by which an iteration
@@ -313,14 +337,14 @@ def test_nothing_at_rest_depends_on_inertia(name, monkeypatch):
         monkeypatch.setattr(quasi_static, "replace_inertia", masses)
         found.append(simulate(case.model_path, run).channels)
         links, settings = read_model(case.model_path, run)
-        held = quasi_static.start_sweep(links, settings)
-        shares.append(contraction_factor(held.links, held.pose))
+        quasi_static_space = quasi_static.start_sweep(links, settings)
+        shares.append(contraction_factor(quasi_static_space.links, quasi_static_space.pose))
     for channel, curve in found[0].items():
         np.testing.assert_allclose(curve, found[1][channel], rtol=1e-9, atol=1e-9)  # iterations
     assert np.log(shares[0]) < 2.5 * np.log(shares[1])
 
 
-def test_a_sweep_takes_no_more_iterations_with_a_coupler_of_a_gram(tmp_path):
+def test_a_coupler_of_a_gram_needs_no_more_iterations_in_a_sweep(tmp_path):
     """The crank has 1000 kg and the coupler 1 g.
 
     The number of iterations is that of the shipped masses, and the moment balances the weights.
@@ -346,15 +370,22 @@ def test_a_sweep_takes_no_more_iterations_with_a_coupler_of_a_gram(tmp_path):
     np.testing.assert_allclose(got.channels["rocker"], even.channels["rocker"], atol=1e-12, rtol=0)
 
 
-ROCKER = Drive("rocker", lambda x: (x, 1 + 0 * x, 0 * x))
-LIMIT = np.pi - np.arccos((3**2 + 2.5**2 - (2 - 1) ** 2) / (2 * 3 * 2.5))  # folded onto the crank
+ROCKER_DRIVE = Drive("rocker", lambda x: (x, 1 + 0 * x, 0 * x))
+LIMIT_ANGLE = np.pi - np.arccos(
+    (3**2 + 2.5**2 - (2 - 1) ** 2) / (2 * 3 * 2.5)
+)  # folded onto the crank
 
 
-def test_a_sweep_stops_at_a_limit_position_and_keeps_what_it_has():
-    run = Run("sweep", np.linspace(2.25, LIMIT + 0.3, 101), ("rocker", "rocker_rate"), (ROCKER,))
+def test_a_sweep_stops_at_a_limit_position_and_keeps_its_samples():
+    run = Run(
+        "sweep",
+        np.linspace(2.25, LIMIT_ANGLE + 0.3, 101),
+        ("rocker", "rocker_rate"),
+        (ROCKER_DRIVE,),
+    )
     got = simulate(shipped("fourbar.xml"), run)
     done = got.x.size
-    assert got.x[-1] < LIMIT < run.x[done]
+    assert got.x[-1] < LIMIT_ANGLE < run.x[done]
     assert got.stopped.startswith(
         f"stopped at rocker = {got.x[-1]:.6g}: the loops cannot be "
         f"closed at rocker = {run.x[done]:.6g}, open by"
@@ -364,20 +395,20 @@ def test_a_sweep_stops_at_a_limit_position_and_keeps_what_it_has():
     np.testing.assert_allclose(got.channels["rocker_rate"], 1, atol=1e-9, rtol=0)
 
 
-def test_the_gap_beyond_a_limit_is_the_least_one(write):
+def test_the_violation_beyond_a_limit_position_is_the_least_one(write_model):
     """A cylinder of 2.52 m between points at most 2.5 m apart leaves a violation of 0.02 m."""
-    drives = (swing("stroke", 2.4, 1, 0, 0),)
+    drives = (oscillating_drive("stroke", 2.4, 1, 0, 0),)
     run = Run("sweep", np.array([0, 0.04, 0.12]), ("boom",), drives)
-    assert simulate(write(CYLINDER), run).stopped.endswith(" = 2.52, open by 0.02 m")
+    assert simulate(write_model(CYLINDER_MODEL), run).stopped.endswith(" = 2.52, open by 0.02 m")
 
 
 def test_a_sweep_that_cannot_begin_is_a_bad_model():
-    run = Run("sweep", LIMIT + np.array([-0.01, 0.02, 0.03]), (), (ROCKER,))
+    run = Run("sweep", LIMIT_ANGLE + np.array([-0.01, 0.02, 0.03]), (), (ROCKER_DRIVE,))
     with pytest.raises(BadModel, match=r"cannot be closed at rocker = .*, open by"):
         simulate(shipped("fourbar.xml"), run)
 
 
-def test_contraction_is_what_the_engine_does():
+def test_the_contraction_factor_is_that_of_the_engine():
     """From 60 to 120 iterations, errors of a step fall by the factor to the 60th power."""
     model = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
     links, speeds = read_links(model, "start", ()), {}
@@ -395,22 +426,22 @@ def test_contraction_is_what_the_engine_does():
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_a_drive_that_begins_at_speed_carries_along_what_hangs_on_it(engine):
+def test_a_pendulum_on_a_moving_cart_starts_with_the_carts_speed(engine):
     """The pendulum's joints start with the angles and rates of the key, relative to the cart.
 
     The pendulum therefore starts with the velocity of the cart.
     """
 
-    def law(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def profile(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = np.asarray(t, float)
         return 0.05 + 0.5 * t + 0.1 * t**2, 0.5 + 0.2 * t, 0.2 + 0.0 * t
 
     file, t = shipped("driven_cart.xml"), np.linspace(0.0, 0.5, 51)
     names = ("upper", "lower", "upper_rate")
-    run = Run("dynamics", t, names, (Drive("cart", law),), settings={"timestep": 5e-4})
+    run = Run("dynamics", t, names, (Drive("cart", profile),), settings={"timestep": 5e-4})
     found = engine_of(engine).simulate(file, run).channels
     model = mujoco.MjModel.from_xml_path(str(file))
-    wanted = planar.solve(*law(t), model=model, joints=("cart",), in_time=(t, [law]))
+    wanted = planar.solve(*profile(t), model=model, joints=("cart",), in_time=(t, [profile]))
     # the error is of second order in the step; the start speed of the cart has an effect of 0.1
     for name in names:
         assert np.abs(found[name] - wanted[name]).max() < 1e-4 * np.ptp(wanted[name])

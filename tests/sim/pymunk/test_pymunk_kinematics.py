@@ -21,7 +21,7 @@ from proofmass.sim.pymunk.links import Links
 from proofmass.sim.pymunk.model import read_links
 from tests.shipped import shipped
 
-NAMES = [
+CASE_NAMES = [
     "hacksaw_cutting",
     "inverted_slider_crank",
     "threeprr",
@@ -38,8 +38,8 @@ def links_of(name: str) -> Links:
     return read_links(model, case.start, tuple(model.joint(d.joint).id for d in case.drive))
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_slope_is_that_of_the_energy(name):
+@pytest.mark.parametrize("name", CASE_NAMES)
+def test_the_energy_gradient_is_the_derivative_of_the_energy(name):
     """The cases have hinges, slides, loops, springs, stops, weights, motors and dead loads.
 
     Poses are random and do not satisfy the constraints.
@@ -51,20 +51,22 @@ def test_the_slope_is_that_of_the_energy(name):
     pull = random.normal(size=constraint_values(links, pose).shape[-1] + len(stops))
 
     def energy(p):
-        held = np.concatenate([constraint_values(links, p), values_of(stops, p)], axis=-1)
-        return potential(links, p) - held @ pull
+        constrained_values = np.concatenate(
+            [constraint_values(links, p), values_of(stops, p)], axis=-1
+        )
+        return potential(links, p) - constrained_values @ pull
 
     found = energy_gradient(links, pose, pull, stops)
-    for one, there in zip(pose, found, strict=True):
+    for one, gradient in zip(pose, found, strict=True):
         truth = jacobian(energy, one)
         # rounding of sums
         np.testing.assert_allclose(
-            there[:-1].ravel(), truth, atol=1e-13 * np.abs(truth).max(), rtol=0
+            gradient[:-1].ravel(), truth, atol=1e-13 * np.abs(truth).max(), rtol=0
         )
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_joints_together_are_what_each_is_alone(name):
+@pytest.mark.parametrize("name", CASE_NAMES)
+def test_values_of_all_joints_equal_those_of_each_joint(name):
     links = links_of(name)
     pose = links.pose + 0.3 * np.random.default_rng(2).normal(size=(3, *links.pose.shape))
     alone = np.stack([joint_value(joint, pose) for joint in links.joints], axis=-1)
@@ -77,9 +79,9 @@ def test_joints_together_are_what_each_is_alone(name):
         np.testing.assert_allclose(found, wanted, rtol=1e-14, atol=1e-14 * (1 + abs(joint.load)))
 
 
-@pytest.mark.parametrize("name", ["fourbar", *NAMES])
+@pytest.mark.parametrize("name", ["fourbar", *CASE_NAMES])
 @pytest.mark.parametrize("doubled", [False, True])
-def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled, monkeypatch):
+def test_free_directions_by_qr_or_svd_span_the_free_motions(name, doubled, monkeypatch):
     """Free directions satisfy the constraints and are orthonormal, with masses as weights.
 
     Linearly dependent rows do not change their number; QR then leaves them to an SVD.
@@ -88,13 +90,13 @@ def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled
     pose = links.pose + 0.01 * np.random.default_rng(3).normal(size=links.pose.shape)
     pose[-1] = 0.0  # the ground
     rows = jacobian(lambda p: constraint_values(links, p), pose)
-    given = np.vstack([rows, rows[:1] + rows[-1:]]) if doubled else rows
+    given_rows = np.vstack([rows, rows[:1] + rows[-1:]]) if doubled else rows
     called = []
     svd = np.linalg.svd
     monkeypatch.setattr(
         kinematics.np.linalg, "svd", lambda *a, **k: called.append(1) or svd(*a, **k)
     )
-    moves = free_directions(links, given)
+    moves = free_directions(links, given_rows)
     assert bool(called) == doubled
     rank = np.linalg.matrix_rank(rows * links.sizes, tol=1e-9)
     assert rank == len(rows)
@@ -102,12 +104,12 @@ def test_free_motions_and_pulls_by_qr_are_those_of_singular_values(name, doubled
     flat = moves[:, :-1].reshape(len(moves), rows.shape[1])
     weights = links.inertia[:-1].ravel()
     np.testing.assert_allclose(flat * weights @ flat.T, np.eye(len(flat)), atol=1e-12, rtol=0)
-    off = np.abs(flat @ rows.T)  # parts of a row times parts of a move, summed up
-    assert (off <= 1e-13 * (np.abs(flat) @ np.abs(rows).T).max(initial=1.0)).all()
+    violations = np.abs(flat @ rows.T)  # parts of a row times parts of a move, summed up
+    assert (violations <= 1e-13 * (np.abs(flat) @ np.abs(rows).T).max(initial=1.0)).all()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_pulls_hold_what_springs_and_weights_ask_for(name):
+@pytest.mark.parametrize("name", CASE_NAMES)
+def test_constraint_forces_balance_springs_and_weights(name):
     """With the constraint forces, the gradient of the energy has a part along free motions only."""
     links = links_of(name)
     modes = find_modes(links, links.pose, ())

@@ -8,7 +8,7 @@ from proofmass.sim.protocol import Drive, Run
 from proofmass.sim.pymunk import engine as with_pymunk
 
 CRANK, ROD = 1.0, 2.5
-TURN = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
+TURNING_CRANK = Drive("crank", lambda x: (x, 1 + 0 * x, 0 * x))
 
 
 def bar(length: float, mass: float) -> str:
@@ -19,15 +19,15 @@ def bar(length: float, mass: float) -> str:
     )
 
 
-def model(bodies: str, more: str, qpos: str, ctrl: str) -> str:
+def model_text(bodies: str, more: str, qpos: str, ctrl: str) -> str:
     return f"""<mujoco><compiler angle="radian"/>
       <option gravity="0 0 0" integrator="RK4" timestep="1e-3"><flag contact="disable"/></option>
       <worldbody>{bodies}</worldbody>{more}
       <keyframe><key name="start" qpos="{qpos}" ctrl="{ctrl}"/></keyframe></mujoco>"""
 
 
-def slider_crank(ctrl: str, motors: str) -> str:
-    return model(
+def slider_crank_text(ctrl: str, motors: str) -> str:
+    return model_text(
         f"""<body><joint name="crank"/>{bar(CRANK, 1)}<site name="a" pos="{CRANK} 0 0"/>
       </body><body><joint name="slider" type="slide" axis="1 0 0"/>
         <inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>
@@ -50,7 +50,7 @@ def slider_place(x):
     return CRANK * np.cos(x) + ROD * np.cos(rod_angle(x))
 
 
-def slope(function, x):
+def derivative(function, x):
     return np.imag(function(x + 1e-30j)) / 1e-30
 
 
@@ -70,34 +70,36 @@ def slope(function, x):
         ),
     ],
 )
-def test_the_crank_holds_a_force_on_the_slider(motor, ctrl, force, tmp_path):
+def test_the_crank_balances_a_force_on_the_slider(motor, ctrl, force, tmp_path):
     """The holding moment is M = -F dx/dtheta; the control of the crank's motor has no effect."""
     file = tmp_path / "load.xml"
-    file.write_text(slider_crank(ctrl, motor))
-    run = Run("sweep", np.linspace(0.5, 6.5, 41), ("hold", "load"), (TURN,))
+    file.write_text(slider_crank_text(ctrl, motor))
+    run = Run("sweep", np.linspace(0.5, 6.5, 41), ("hold", "load"), (TURNING_CRANK,))
     got = with_pymunk.simulate(file, run).channels
     # rounding of impulses
-    np.testing.assert_allclose(got["hold"], -force * slope(slider_place, run.x), atol=1e-10, rtol=0)
+    np.testing.assert_allclose(
+        got["hold"], -force * derivative(slider_place, run.x), atol=1e-10, rtol=0
+    )
     np.testing.assert_array_equal(got["load"], force / (2 if "gear" in motor else 1))
 
 
-def test_the_crank_holds_a_moment_between_slider_and_rod(tmp_path):
+def test_the_crank_balances_a_moment_between_slider_and_rod(tmp_path):
     """A moment m on the hinge between two moving links gives the moment M = -m dphi/dtheta."""
     file = tmp_path / "load.xml"
-    file.write_text(slider_crank("0 4", '<motor name="load" joint="rod"/>'))
-    run = Run("sweep", np.linspace(0.5, 6.5, 41), ("hold",), (TURN,))
+    file.write_text(slider_crank_text("0 4", '<motor name="load" joint="rod"/>'))
+    run = Run("sweep", np.linspace(0.5, 6.5, 41), ("hold",), (TURNING_CRANK,))
     got = with_pymunk.simulate(file, run).channels["hold"]
-    np.testing.assert_allclose(got, -4 * slope(rod_angle, run.x), atol=1e-10, rtol=0)
+    np.testing.assert_allclose(got, -4 * derivative(rod_angle, run.x), atol=1e-10, rtol=0)
 
 
-def test_the_boom_holds_a_force_in_the_cylinder(tmp_path):
+def test_the_boom_balances_a_force_in_the_cylinder(tmp_path):
     """A force F on the slide between two moving links gives the moment M = -F ds/dtheta.
 
     Centres of mass of both links are off the axis of the slide.
     """
     file = tmp_path / "load.xml"
     file.write_text(
-        model(
+        model_text(
             f"""<body><joint/>
         <inertial pos=".4 .2 0" mass="2" diaginertia=".1 .2 .2"/>
         <body><joint name="stroke" type="slide" axis="1 0 0"/><site name="eye"/>
@@ -111,18 +113,18 @@ def test_the_boom_holds_a_force_in_the_cylinder(tmp_path):
             "50",
         )
     )
-    run = Run("sweep", np.linspace(1.5708, 2.5, 21), ("hold",), (TURN,))
+    run = Run("sweep", np.linspace(1.5708, 2.5, 21), ("hold",), (TURNING_CRANK,))
     got = with_pymunk.simulate(file, run).channels["hold"]
-    stroke = slope(lambda x: np.sqrt(1 + 1.5**2 + 3 * np.cos(x)), run.x)
+    stroke = derivative(lambda x: np.sqrt(1 + 1.5**2 + 3 * np.cos(x)), run.x)
     np.testing.assert_allclose(
         got, -50 * stroke, atol=1e-9, rtol=0
     )  # rounding times the transmission
 
 
-def test_a_pushed_block_and_a_turned_wheel_gain_speed_evenly(tmp_path):
+def test_a_pushed_block_and_a_turned_wheel_accelerate_evenly(tmp_path):
     file = tmp_path / "load.xml"
     file.write_text(
-        model(
+        model_text(
             """<body><joint name="s" type="slide" axis="1 0 0"/>
         <inertial pos="0 .3 0" mass="2" diaginertia=".1 .1 .1"/></body>
       <body><joint name="h" axis="0 0 -1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 .5"/>
@@ -139,11 +141,11 @@ def test_a_pushed_block_and_a_turned_wheel_gain_speed_evenly(tmp_path):
     np.testing.assert_allclose(got["h"], -4 * run.x**2 / 2, atol=1e-12, rtol=0)
 
 
-def test_loads_between_free_links_move_them_as_in_mujoco(tmp_path):
+def test_loads_between_free_links_act_as_in_mujoco(tmp_path):
     """A moment acts between two arms, and a force drives a block along the second arm."""
     file = tmp_path / "load.xml"
     file.write_text(
-        model(
+        model_text(
             f"""<body><joint name="a"/>{bar(1, 2)}
       <body pos="1 0 0"><joint name="b"/>{bar(0.8, 1)}
       <body pos=".2 .1 0"><joint name="c" type="slide" axis="1 0 0"/>

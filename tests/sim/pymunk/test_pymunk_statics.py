@@ -12,19 +12,19 @@ from proofmass.sim.pymunk.links import LinkJoint
 from proofmass.sim.pymunk.quasi_static import lagrange_weights, ratio_of_ways, rests_on_way
 from tests.shipped import shipped
 
-FLAT = '<option gravity="0 0 0"><flag contact="disable"/></option>'
-HEAVY = '<option gravity="0 -9.81 0"><flag contact="disable"/></option>'
-MOMENT = '<jointactuatorfrc name="moment" joint="crank"/>'
+NO_GRAVITY = '<option gravity="0 0 0"><flag contact="disable"/></option>'
+WITH_GRAVITY = '<option gravity="0 -9.81 0"><flag contact="disable"/></option>'
+MOMENT_SENSOR = '<jointactuatorfrc name="moment" joint="crank"/>'
 
 
-def swept(folder: Path, text: str, x, channels, joint: str, law=lambda x: x):
+def swept_curves(folder: Path, text: str, x, channels, joint: str, profile=lambda x: x):
     file = folder / "model.xml"
     file.write_text(f'<mujoco><compiler angle="radian"/>{text}</mujoco>')
-    drive = Drive(joint, lambda x: (law(x), 0 * x, 0 * x))
+    drive = Drive(joint, lambda x: (profile(x), 0 * x, 0 * x))
     return simulate(file, Run("sweep", np.asarray(x), channels, (drive,)))
 
 
-def arm(joint: str, gravity: str = HEAVY) -> str:
+def arm_model(joint: str, gravity: str = WITH_GRAVITY) -> str:
     """The MJCF of an arm of 2 kg and 0.8 m on the pin of a crank of 1 m.
 
     The crank's centre of mass is on its axis.
@@ -34,12 +34,12 @@ def arm(joint: str, gravity: str = HEAVY) -> str:
         f'diaginertia="1 1 1"/><body pos="1 0 0"><joint name="arm" {joint}/>'
         '<inertial pos=".4 0 0" mass="2" diaginertia=".01 .2 .2"/></body></body></worldbody>'
         '<sensor><jointpos name="arm" joint="arm"/><e_potential name="energy"/>'
-        f"{MOMENT}</sensor>"
+        f"{MOMENT_SENSOR}</sensor>"
     )
 
 
 @pytest.mark.parametrize("joint", ["crank", "coupler", "rocker"])
-def test_a_damper_does_nothing_at_rest(joint, tmp_path):
+def test_a_damper_changes_no_curve_of_a_sweep(joint, tmp_path):
     """A damper changes no curve of a sweep.
 
     In the space of a sweep it would hinder the solver, with moments of ten times their range.
@@ -62,16 +62,16 @@ def test_a_damper_does_nothing_at_rest(joint, tmp_path):
 @pytest.mark.parametrize(
     "stiffness", [(9.0, -4.0, 0.0), (25.0, 5.0, 0.0), (3.0, 0.0, 8.0), (6.0, -7.0, 3.0)]
 )
-def test_polynomial_spring_against_weight(stiffness, tmp_path):
+def test_a_polynomial_spring_balances_a_weight(stiffness, tmp_path):
     """The arm rests where k e + a e^2 + b e^3 = -m g s cos(crank + arm).
 
     e is the arm's angle minus the rest angle of the spring.
     """
     k, a, b = stiffness
     x, ref = np.linspace(0.3, 1.2, 7), 0.2
-    got = swept(
+    got = swept_curves(
         tmp_path,
-        arm(f'stiffness="{k} {a} {b}" springref="{ref}"'),
+        arm_model(f'stiffness="{k} {a} {b}" springref="{ref}"'),
         x,
         ("arm", "moment", "energy"),
         "crank",
@@ -84,43 +84,43 @@ def test_polynomial_spring_against_weight(stiffness, tmp_path):
     np.testing.assert_allclose(
         got["arm"], ref + e, atol=1e-11, rtol=0
     )  # rest: moves below 1e-12 a step
-    held = 2 * 9.81 * (np.cos(x) + 0.4 * np.cos(x + ref + e))
+    wanted_moment = 2 * 9.81 * (np.cos(x) + 0.4 * np.cos(x + ref + e))
     np.testing.assert_allclose(
-        got["moment"], held, atol=1e-9, rtol=0
+        got["moment"], wanted_moment, atol=1e-9, rtol=0
     )  # that times stiffness over step^2
     height = np.sin(x) + 0.4 * np.sin(x + ref + e)
     energy = k * e**2 / 2 + a * e**3 / 3 + b * e**4 / 4 + 2 * 9.81 * height
     np.testing.assert_allclose(got["energy"], energy, atol=1e-9, rtol=0)
 
 
-def test_polynomial_spring_of_a_slide(tmp_path):
+def test_a_polynomial_spring_of_a_slide_balances_a_block(tmp_path):
     """A block hangs in a guide that the crank tilts, with 40 e - 30 e^2 = m g sin(crank)."""
     text = (
-        f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
+        f'{WITH_GRAVITY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
         'diaginertia="1 1 1"/><body><joint name="block" type="slide" axis="-1 0 0" '
         'stiffness="40 -30"/><inertial pos="-.3 .1 0" mass=".8" diaginertia=".1 .1 .1"/>'
-        f'</body></body></worldbody><sensor><jointpos name="block" joint="block"/>{MOMENT}'
+        f'</body></body></worldbody><sensor><jointpos name="block" joint="block"/>{MOMENT_SENSOR}'
         "</sensor>"
     )
     x = np.linspace(0.1, 1.3, 7)
-    curves = swept(tmp_path, text, x, ("block", "moment"), "crank")
+    curves = swept_curves(tmp_path, text, x, ("block", "moment"), "crank")
     got = curves.channels
     assert curves.derivatives == 0
     e = (20 - np.sqrt(400 - 30 * 0.8 * 9.81 * np.sin(x))) / 30
     np.testing.assert_allclose(
         got["block"], e, atol=1e-11, rtol=0
     )  # rest: moves below 1e-12 a step
-    held = -0.8 * 9.81 * ((0.3 + e) * np.cos(x) + 0.1 * np.sin(x))
-    np.testing.assert_allclose(got["moment"], held, atol=1e-9, rtol=0)
+    wanted_moment = -0.8 * 9.81 * ((0.3 + e) * np.cos(x) + 0.1 * np.sin(x))
+    np.testing.assert_allclose(got["moment"], wanted_moment, atol=1e-9, rtol=0)
 
 
 @pytest.mark.parametrize("law", [lambda x: x, lambda x: 1.5 - x])
-def test_preloaded_hinge_leaves_its_stop(law, tmp_path):
+def test_a_preloaded_hinge_leaves_its_stop(law, tmp_path):
     """A hinge rests on its stop until the moment of the weight is larger than the preload k 0.6."""
     x, k = np.linspace(0.0, 1.5, 31), 8.0
-    got = swept(
+    got = swept_curves(
         tmp_path,
-        arm(f'stiffness="{k}" springref="0.6" range="-2 0"'),
+        arm_model(f'stiffness="{k}" springref="0.6" range="-2 0"'),
         x,
         ("arm", "moment"),
         "crank",
@@ -139,11 +139,11 @@ def test_preloaded_hinge_leaves_its_stop(law, tmp_path):
     assert 5 < (angle == 0).sum() < 25
     # a joint is left within 1e-12 rad of its stop
     np.testing.assert_allclose(got["arm"], angle, atol=1e-11, rtol=0)
-    held = 2 * 9.81 * (np.cos(law(x)) + 0.4 * np.cos(law(x) + angle))
-    np.testing.assert_allclose(got["moment"], held, atol=1e-9, rtol=0)
+    wanted_moment = 2 * 9.81 * (np.cos(law(x)) + 0.4 * np.cos(law(x) + angle))
+    np.testing.assert_allclose(got["moment"], wanted_moment, atol=1e-9, rtol=0)
 
 
-def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
+def test_a_joint_with_a_polynomial_spring_keeps_its_energy(tmp_path):
     """A joint released at 0.8 rad turns back where the energy of the spring is the same."""
     body = (
         '<worldbody><body><joint name="arm" stiffness="5 2 -1"/><inertial pos="0 0 0" mass="1" '
@@ -152,7 +152,7 @@ def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
         'qpos=".8"/></keyframe>'
     )
     file = tmp_path / "model.xml"
-    file.write_text(f"<mujoco>{FLAT}{body}</mujoco>")
+    file.write_text(f"<mujoco>{NO_GRAVITY}{body}</mujoco>")
     got = [
         simulate(
             file,
@@ -168,7 +168,7 @@ def test_polynomial_spring_in_motion_keeps_its_energy(tmp_path):
     assert abs(got[1]["arm"].min() - turn) < 2e-4
 
 
-def rest_posture(lengths, angles):
+def start_angles(lengths, angles):
     """Angles of segments from the upright, clockwise; the last two reach (0, 1), elbow up."""
     tip = 1j - sum(
         length * 1j * np.exp(-1j * angle) for length, angle in zip(lengths, angles, strict=False)
@@ -180,14 +180,14 @@ def rest_posture(lengths, angles):
     return [*angles, float(first), float(second)]
 
 
-def balancer(lengths, springs, angles=(0.0,), stops=("", "", "", "")) -> str:
+def balancer_model(lengths, springs, angles=(0.0,), stops=("", "", "", "")) -> str:
     """The MJCF of a balancer in its start pose: a chain of uniform segments of 1 kg/m.
 
     The chain leads from O to the tip of a pendulum of 1 m.
     """
     bodies, place = "", "0 0 0"
     for k, (length, spring, angle, stop) in enumerate(
-        zip(lengths, springs, rest_posture(lengths, angles), stops, strict=False), 1
+        zip(lengths, springs, start_angles(lengths, angles), stops, strict=False), 1
     ):
         x, y, turn = length * np.sin(angle), length * np.cos(angle), length**3 / 12
         bodies += (
@@ -202,7 +202,7 @@ def balancer(lengths, springs, angles=(0.0,), stops=("", "", "", "")) -> str:
         for k in range(len(lengths))
     )
     return (
-        f'{FLAT}<worldbody>{bodies}{"</body>" * len(lengths)}<body><joint name="pendulum" '
+        f'{NO_GRAVITY}<worldbody>{bodies}{"</body>" * len(lengths)}<body><joint name="pendulum" '
         'axis="0 0 -1"/><inertial pos="0 .5 0" mass="1" diaginertia=".1 .1 .1"/>'
         '<site name="tip" pos="0 1 0"/></body></worldbody><equality>'
         f'<connect name="pin" site1="end{len(lengths)}" site2="tip"/></equality>'
@@ -212,7 +212,7 @@ def balancer(lengths, springs, angles=(0.0,), stops=("", "", "", "")) -> str:
     )
 
 
-def preloaded(moment: float, stiffness: float) -> str:
+def preloaded_stop(moment: float, stiffness: float) -> str:
     return f'springref="{-moment / stiffness!r}" range="0 4"'
 
 
@@ -223,33 +223,33 @@ def preloaded(moment: float, stiffness: float) -> str:
 # to six digits, those of the last to five.
 BALANCERS = {
     "plain": (
-        balancer((0.3394, 0.4573, 0.4752), (1.2701, 0.8473, 4.1078), (0.6641,)),
+        balancer_model((0.3394, 0.4573, 0.4752), (1.2701, 0.8473, 4.1078), (0.6641,)),
         (0.172048, 0.337469, 0.494344, 0.639681, 0.768529, 0.872421, 0.939433, 0.974829, 1.027206),
     ),
     "released": (
-        balancer(
+        balancer_model(
             (0.4764, 0.4975, 0.4986),
             (0.9341, 0.1211, 0.0927),
-            stops=("", preloaded(0.3983, 0.1211), ""),
+            stops=("", preloaded_stop(0.3983, 0.1211), ""),
         ),
         (0.163031, 0.326062, 0.489094, 0.652125, 0.786675, 0.860044, 0.924901, 0.980266, 1.028843),
     ),
     "nonlinear": (
-        balancer((0.3334, 0.4987, 0.482), ("1.5601 -0.6047",) * 3),
+        balancer_model((0.3334, 0.4987, 0.482), ("1.5601 -0.6047",) * 3),
         (0.182371, 0.351288, 0.505149, 0.642404, 0.761397, 0.860177, 0.936272, 0.986410, 1.006150),
     ),
     "contact": (
-        balancer(
+        balancer_model(
             (0.4029, 0.4568, 0.4343), (0.8971, 0.089, 0.3411), stops=("", 'range="-4 0.8693"', "")
         ),
         (0.037889, 0.084999, 0.142124, 0.209025, 0.353097, 0.509670, 0.666243, 0.822817, 0.979390),
     ),
     "four": (
-        balancer(
+        balancer_model(
             (0.3252, 0.2926, 0.357, 0.3558),
             (0.9512, 0.2082, 0.1392, 0.0614),
             (0.0, 0.0),
-            ("", preloaded(0.6055, 0.2082), preloaded(0.2502, 0.1392), ""),
+            ("", preloaded_stop(0.6055, 0.2082), preloaded_stop(0.2502, 0.1392), ""),
         ),
         (
             0.09961,
@@ -272,35 +272,35 @@ BALANCERS = {
 }
 
 
-def balanced(folder: Path, name: str, degrees, law=lambda x: x):
+def balancer_curves(folder: Path, name: str, degrees, profile=lambda x: x):
     deflections = [f"deflection{k}" for k in range(1, 5 if name == "four" else 4)]
-    return swept(
+    return swept_curves(
         folder,
         BALANCERS[name][0],
         np.radians(degrees),
         ("hold", "energy", *deflections),
         "pendulum",
-        law,
+        profile,
     )
 
 
 @pytest.mark.parametrize("name", BALANCERS)
-def test_balancers_hold_the_moments_of_their_equilibria(name, tmp_path):
+def test_balancers_have_the_moments_of_their_equilibria(name, tmp_path):
     moments = BALANCERS[name][1]
-    got = balanced(tmp_path, name, np.linspace(0, 90, len(moments) + 1)).channels["hold"]
+    got = balancer_curves(tmp_path, name, np.linspace(0, 90, len(moments) + 1)).channels["hold"]
     # half a unit of the last digit
     np.testing.assert_allclose(got[1:], moments, atol=5.01e-6 if name == "four" else 5.01e-7)
 
 
 @pytest.mark.parametrize("name", BALANCERS)
-def test_the_drive_holds_what_spring_1_takes_and_the_energy_gains(name, tmp_path):
+def test_the_moment_is_that_of_spring_1_and_the_derivative_of_the_energy(name, tmp_path):
     """The holding moment is M = M1 = dV/dalpha.
 
     A rotation of all links about O changes spring 1 only, and an equilibrium minimizes V.
     """
     h = 0.02
     x = np.add.outer(np.arange(1.0, 90.0, 8.0), (-h, 0.0, h)).ravel()
-    got = balanced(tmp_path, name, x).channels
+    got = balancer_curves(tmp_path, name, x).channels
     k, a = (
         (1.5601, -0.6047)
         if name == "nonlinear"
@@ -316,10 +316,12 @@ def test_the_drive_holds_what_spring_1_takes_and_the_energy_gains(name, tmp_path
     np.testing.assert_allclose(got["hold"][1::3], slope, atol=1e-6)
 
 
-def test_a_preload_is_released_at_its_moment(tmp_path):
+def test_a_preload_is_released_at_the_angle_of_the_closed_form(tmp_path):
     """Up to preload / (k1 (1 - l1/r)), 46.6595 degrees, the chain turns as a whole."""
     release = np.degrees(0.3983 / 0.9341 / (1 - 0.4764))
-    got = balanced(tmp_path, "released", (0, 20, 40, release - 0.01, release + 0.01)).channels
+    got = balancer_curves(
+        tmp_path, "released", (0, 20, 40, release - 0.01, release + 0.01)
+    ).channels
     np.testing.assert_allclose(got["deflection2"][:4], 0, atol=1e-11)  # ends within 1e-12 rad
     assert got["deflection2"][4] > 1e-5
     np.testing.assert_allclose(
@@ -329,7 +331,7 @@ def test_a_preload_is_released_at_its_moment(tmp_path):
 
 def test_a_joint_meets_its_upper_stop(tmp_path):
     """From 41.4841 degrees on joint 2 is on its stop, and the moment rises with k1 only."""
-    got = balanced(tmp_path, "contact", (41.47, 41.50, 50, 60, 70, 80, 90)).channels
+    got = balancer_curves(tmp_path, "contact", (41.47, 41.50, 50, 60, 70, 80, 90)).channels
     assert got["deflection2"][0] < 0.8693 - 1e-4
     np.testing.assert_allclose(
         got["deflection2"][1:], 0.8693, atol=1e-11, rtol=0
@@ -339,21 +341,21 @@ def test_a_joint_meets_its_upper_stop(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["released", "contact", "four"])
-def test_down_again_is_as_up(name, tmp_path):
+def test_a_sweep_has_the_same_curves_upwards_and_downwards(name, tmp_path):
     """Without friction, stops are met and left at the same angles upwards and downwards."""
     top = np.pi / 2
-    got = balanced(tmp_path, name, np.linspace(0, 180, 41), lambda x: top - np.abs(x - top))
+    got = balancer_curves(tmp_path, name, np.linspace(0, 180, 41), lambda x: top - np.abs(x - top))
     for curve in got.channels.values():
         np.testing.assert_allclose(curve, curve[::-1], atol=1e-11, rtol=0)  # rest: 1e-12 rad
 
 
-def test_a_sweep_may_begin_anywhere(tmp_path):
+def test_a_sweep_may_begin_far_from_the_start_key(tmp_path):
     """The undriven joints follow the drive from the start key to the first sample."""
-    got = balanced(tmp_path, "four", (90, 96)).channels["hold"]
+    got = balancer_curves(tmp_path, "four", (90, 96)).channels["hold"]
     assert abs(got[0] - 1.01564) < 5.01e-6  # half a unit of the last digit
 
 
-def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
+def test_a_wrong_energy_changes_no_moment(monkeypatch, tmp_path):
     """With a wrong energy the moments are the same: it only paces the steps, which become more."""
     energy = LinkJoint.spring_energy
     monkeypatch.setattr(
@@ -362,11 +364,11 @@ def test_rest_is_where_chipmunk_finds_it(monkeypatch, tmp_path):
         lambda self, value: energy(self, value) * (1.01 if self.name == "deflection2" else 1.0),
     )
     moments = BALANCERS["plain"][1]
-    got = balanced(tmp_path, "plain", np.linspace(0, 90, 10)).channels["hold"]
+    got = balancer_curves(tmp_path, "plain", np.linspace(0, 90, 10)).channels["hold"]
     np.testing.assert_allclose(got[1:], moments, atol=5.01e-7)  # half a unit of the last digit
 
 
-def chain(links: int, stiffness: float) -> str:
+def chain_model(links: int, stiffness: float) -> str:
     """The MJCF of uniform links with equal springs on a crank; together they have 1 m and 1 kg."""
     size = 1 / links
     link = (
@@ -376,9 +378,9 @@ def chain(links: int, stiffness: float) -> str:
     bodies = "".join(f'<body pos="{size if k else 1} 0 0">{link.format(k)}' for k in range(links))
     sensors = "".join(f'<jointpos name="j{k}" joint="j{k}"/>' for k in range(links))
     return (
-        f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
+        f'{WITH_GRAVITY}<worldbody><body><joint name="crank"/><inertial pos="0 0 0" mass="1" '
         f'diaginertia="1 1 1"/>{bodies}{"</body>" * links}</body></worldbody>'
-        f"<sensor>{sensors}{MOMENT}</sensor>"
+        f"<sensor>{sensors}{MOMENT_SENSOR}</sensor>"
     )
 
 
@@ -386,7 +388,9 @@ def chain(links: int, stiffness: float) -> str:
 def test_a_hanging_chain_is_in_equilibrium(links, stiffness, tmp_path):
     """In every joint the spring balances the weight of all links beyond it."""
     x, names = np.array([0.0, 0.1, 0.2]), [f"j{k}" for k in range(links)]
-    got = swept(tmp_path, chain(links, stiffness), x, (*names, "moment"), "crank").channels
+    got = swept_curves(
+        tmp_path, chain_model(links, stiffness), x, (*names, "moment"), "crank"
+    ).channels
     bend = np.array([got[name] for name in names])
     ends = np.cumsum(np.cos(x + np.cumsum(bend, axis=0)), axis=0) / links
     start = np.vstack([np.zeros_like(x), ends[:-1]])
@@ -396,11 +400,11 @@ def test_a_hanging_chain_is_in_equilibrium(links, stiffness, tmp_path):
         np.testing.assert_allclose(
             stiffness * bend[k], -carried, atol=1e-9, rtol=0
         )  # k, 1e-12 rad a step
-    held = weight * (np.cos(x) + middle).sum(axis=0)
-    np.testing.assert_allclose(got["moment"], held, atol=1e-9, rtol=0)
+    wanted_moment = weight * (np.cos(x) + middle).sum(axis=0)
+    np.testing.assert_allclose(got["moment"], wanted_moment, atol=1e-9, rtol=0)
 
 
-def test_a_stop_in_the_way_ends_the_sweep(edit):
+def test_a_sweep_ends_where_an_undriven_joint_meets_its_stop(edit):
     """The rocker turns from 2.246 rad to its stop at 2.4 rad.
 
     The crank's angle there follows from the law of cosines in both triangles.
@@ -414,17 +418,19 @@ def test_a_stop_in_the_way_ends_the_sweep(edit):
     assert "joint 'rocker' is on its stop before crank = " in got.stopped
 
 
-def test_stops_on_both_sides_lock_a_balancer(tmp_path):
+def test_a_sweep_ends_where_stops_lock_a_balancer(tmp_path):
     """With joints 1 and 2 on their stops the pendulum cannot turn further."""
-    text = balancer(
+    text = balancer_model(
         (0.45, 0.5, 0.4), (1.0, 1.0, 1.0), stops=('range="-1 0.6"', 'range="-1 0.3"', "")
     )
-    got = swept(tmp_path, text, np.linspace(0, 1.5, 31), ("deflection1", "deflection2"), "pendulum")
+    got = swept_curves(
+        tmp_path, text, np.linspace(0, 1.5, 31), ("deflection1", "deflection2"), "pendulum"
+    )
     assert 3 < len(got.x) < 31
     assert "joint 'deflection1', 'deflection2' is on its stop before pendulum = " in got.stopped
 
 
-def test_a_rest_is_guessed_by_a_polynomial_through_the_ones_before_it():
+def test_an_equilibrium_is_guessed_by_a_polynomial_of_earlier_ones():
     """The polynomial is of third degree through four equilibria.
 
     Equilibria before a change of the drives' direction are left out.
@@ -448,7 +454,7 @@ def test_a_rest_is_guessed_by_a_polynomial_through_the_ones_before_it():
     assert ratio_of_ways([], []) == 0.0
 
 
-def test_moments_have_their_sign_beside_where_they_vanish(tmp_path):
+def test_moments_have_the_right_sign_next_to_their_zero(tmp_path):
     """The moment of a driven bar has the right sign just before and just behind its top.
 
     Chipmunk gives only the size of a moment.  Within 1e-7 rad of the top the moment is less than
@@ -456,14 +462,14 @@ def test_moments_have_their_sign_beside_where_they_vanish(tmp_path):
     """
     x = np.pi / 2 + np.array([-1.0, -1e-3, -1e-9, 1e-9, 1e-3, 1.0])
     bar = (
-        f'{HEAVY}<worldbody><body><joint name="crank"/><inertial pos=".4 0 0" mass="2" '
-        f'diaginertia=".01 .2 .2"/></body></worldbody><sensor>{MOMENT}</sensor>'
+        f'{WITH_GRAVITY}<worldbody><body><joint name="crank"/><inertial pos=".4 0 0" mass="2" '
+        f'diaginertia=".01 .2 .2"/></body></worldbody><sensor>{MOMENT_SENSOR}</sensor>'
     )
-    got = swept(tmp_path, bar, x, ("moment",), "crank").channels["moment"]
+    got = swept_curves(tmp_path, bar, x, ("moment",), "crank").channels["moment"]
     np.testing.assert_allclose(got, 2 * 9.81 * 0.4 * np.cos(x), rtol=1e-6, atol=1e-13)
 
 
-def test_rates_leave_the_rest_of_the_next_pose_alone():
+def test_moments_are_the_same_with_and_without_rates():
     """Moments are the same with and without rates.
 
     The impulses by which rates are found are no guess for those of the next equilibrium.

@@ -15,7 +15,7 @@ from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.engine import simulate
 
 # lines 2119 and 2169 of the thesis's text, whose preloads are never released
-LOCKED = {
+LOCKED_BALANCERS = {
     "three": {
         "length1": 0.4056,
         "length2": 0.3925,
@@ -40,7 +40,7 @@ LOCKED = {
     },
 }
 # random lengths and springs with which joint 3 comes to its stop in steps of 1e-12 rad
-SHORT = {
+BALANCER_WITH_SHORT_STEPS = {
     "length1": 0.35671057,
     "length2": 0.3456592,
     "length3": 0.44842218,
@@ -57,7 +57,7 @@ SHORT = {
 }
 # random lengths and springs of a chain that is straight to 0.02 rad: a repetition of the
 # iterations leaves much of an error
-STRAIGHT = {
+NEARLY_STRAIGHT_BALANCER = {
     "length1": 0.23149409,
     "length2": 0.28570825,
     "length3": 0.20806789,
@@ -73,7 +73,7 @@ STRAIGHT = {
 }
 
 
-def light(folder: Path, parameters, degrees, channels):
+def light_balancer_curves(folder: Path, parameters, degrees, channels):
     """Curves of a sweep of a balancer with segments of 1 to 4 g and a pendulum of 1 kg."""
     file = write_case(folder, "light", title="", source="", parameters=parameters)
     drive = Drive("pendulum", lambda x: (x, 0 * x, 0 * x))
@@ -82,26 +82,32 @@ def light(folder: Path, parameters, degrees, channels):
     ).channels
 
 
-@pytest.mark.parametrize("name", LOCKED)
-def test_a_preload_presses_a_joint_on_its_stop_for_good(name, tmp_path):
+@pytest.mark.parametrize("name", LOCKED_BALANCERS)
+def test_a_large_preload_keeps_a_joint_on_its_stop(name, tmp_path):
     """Joint 2 stays on its stop, and the chain turns as a whole: M = k1 alpha + A1 alpha^2."""
     degrees = np.array([5.0, 10.0])
-    got = light(tmp_path, LOCKED[name], degrees, ("deflection2", "holding_moment"))
-    k, a, alpha = LOCKED[name]["stiffness1"], LOCKED[name]["quadratic1"], np.radians(degrees)
+    got = light_balancer_curves(
+        tmp_path, LOCKED_BALANCERS[name], degrees, ("deflection2", "holding_moment")
+    )
+    k, a, alpha = (
+        LOCKED_BALANCERS[name]["stiffness1"],
+        LOCKED_BALANCERS[name]["quadratic1"],
+        np.radians(degrees),
+    )
     np.testing.assert_allclose(got["deflection2"], 0, atol=1e-11)  # left within 1e-12 rad
     # 1e-12 of the mechanism a step; a chain straight but for 0.02 rad magnifies it
     np.testing.assert_allclose(got["holding_moment"], alpha * (k + a * alpha), atol=1e-9, rtol=0)
 
 
-def test_a_step_that_is_not_solved_is_an_error(tmp_path, monkeypatch):
+def test_a_step_without_solution_after_all_iterations_is_an_error(tmp_path, monkeypatch):
     """Tens of thousands of iterations are needed where a joint comes to its stop."""
     monkeypatch.setattr(quasi_static, "MAX_ITERATIONS", 2000)
     with pytest.raises(NotSolved, match="a step is not solved after 2000 iterations"):
-        light(tmp_path, LOCKED["four"], [5.0], ("holding_moment",))
+        light_balancer_curves(tmp_path, LOCKED_BALANCERS["four"], [5.0], ("holding_moment",))
 
 
 @pytest.mark.parametrize("doubt", [6, 8])
-def test_a_short_step_to_a_stop_is_no_rest(doubt, tmp_path, monkeypatch):
+def test_a_short_step_next_to_a_stop_is_no_equilibrium(doubt, tmp_path, monkeypatch):
     """A short step next to a stop is not taken as an equilibrium.
 
     The holding moment is not read in such a step either, since rounding of 1e-16 m divided by the
@@ -110,20 +116,27 @@ def test_a_short_step_to_a_stop_is_no_rest(doubt, tmp_path, monkeypatch):
     monkeypatch.setattr(
         quasi_static, "STEPS_BEFORE_CHECK", doubt
     )  # the steps begin anew often and close to the stop
-    got = light(tmp_path, SHORT, np.arange(5.0, 95.0, 5.0), ("deflection1", "holding_moment"))
+    got = light_balancer_curves(
+        tmp_path,
+        BALANCER_WITH_SHORT_STEPS,
+        np.arange(5.0, 95.0, 5.0),
+        ("deflection1", "holding_moment"),
+    )
     # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
     np.testing.assert_allclose(
         got["holding_moment"], 4.3498 * got["deflection1"], atol=1e-10, rtol=0
     )
 
 
-def test_a_slow_solver_is_waited_for(tmp_path):
+def test_a_slowly_converging_solver_is_repeated(tmp_path):
     """The iterations are repeated until a step is solved.
 
     A repetition changes less than the remaining error; if it were taken as solved, the moves would
     oscillate without end.
     """
-    got = light(tmp_path, STRAIGHT, [10.0, 20.0], ("deflection1", "holding_moment"))
+    got = light_balancer_curves(
+        tmp_path, NEARLY_STRAIGHT_BALANCER, [10.0, 20.0], ("deflection1", "holding_moment")
+    )
     # rest, to 1e-12 rad; the moment of spring 1 is all that holds the chain about O
     np.testing.assert_allclose(
         got["holding_moment"], 0.1752 * got["deflection1"], atol=1e-10, rtol=0

@@ -15,14 +15,14 @@ import sys
 import mujoco
 import numpy as np
 
-FINER = 16
+STEP_DIVISOR = 16
 
 
-def follow(file, times, joints, bodies, finer=1):
+def simulate(file, times, joints, bodies, step_divisor=1):
     """Values of joints and coordinates of bodies at some times, in one column each."""
     model = mujoco.MjModel.from_xml_path(file)
-    if finer > 1:
-        model.opt.timestep /= finer
+    if step_divisor > 1:
+        model.opt.timestep /= step_divisor
         model.opt.solver, model.opt.tolerance = mujoco.mjtSolver.mjSOL_NEWTON, 1e-15
         model.opt.iterations = 200
     data = mujoco.MjData(model)
@@ -45,12 +45,12 @@ def follow(file, times, joints, bodies, finer=1):
 
 
 def main():
-    given = json.loads(sys.argv[1])
-    joints, bodies = given.get("joints", []), given.get("bodies", [])
-    samples = given.get("samples", 26)
-    times = np.linspace(0, given["seconds"], samples)
-    one, two = (follow(f, times, joints, bodies) for f in given["files"])
-    fine = follow(given["files"][0], times, joints, bodies, FINER)
+    parameters = json.loads(sys.argv[1])
+    joints, bodies = parameters.get("joints", []), parameters.get("bodies", [])
+    samples = parameters.get("samples", 26)
+    times = np.linspace(0, parameters["seconds"], samples)
+    one, two = (simulate(f, times, joints, bodies) for f in parameters["files"])
+    fine = simulate(parameters["files"][0], times, joints, bodies, STEP_DIVISOR)
     names = [*joints, *(f"{b}.{x}" for b in bodies for x in "xyz")]
     print(
         json.dumps(

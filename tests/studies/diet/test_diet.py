@@ -28,7 +28,7 @@ from proofmass.studies.diet.scene import DietScene, load_scene, monitor_run
 from proofmass.studies.diet.trial import most_iterations
 from tests.shipped import shipped
 
-CORE = """
+CORE_MODEL = """
 <mujoco model="core">
   <option timestep="0.002" integrator="implicitfast" {option}/>
   <asset>{asset}</asset>
@@ -59,8 +59,8 @@ CORE = """
   <keyframe><key name="start" qpos="0 3 0.1 1 0 0 0 0 0 0 {idle}"/>{key}</keyframe>
 </mujoco>
 """
-NOTHING = dict.fromkeys(("option", "asset", "world", "loop", "actuator", "idle", "key"), "")
-LEAN = {**NOTHING, "mask": 'contype="0" conaffinity="0"'}
+NO_EXTRAS = dict.fromkeys(("option", "asset", "world", "loop", "actuator", "idle", "key"), "")
+CORE_PARTS = {**NO_EXTRAS, "mask": 'contype="0" conaffinity="0"'}
 BALLAST = {
     "option": 'tolerance="0" iterations="200"',
     "asset": '<mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
@@ -76,11 +76,11 @@ BALLAST = {
     "key": '<key name="other"/>',
     "mask": "",
 }
-IDLE = (
+IDLE_BODY = (
     '<body name="idle" pos="0 -50 0" gravcomp="1"><joint name="idle" armature="1e6"/>'
     '<geom name="idle" size=".1" mass="1"/></body></worldbody>'
 )
-LISTS = (
+ELEMENT_LISTS = (
     "joints",
     "bodies",
     "geoms",
@@ -97,49 +97,54 @@ LISTS = (
 )
 
 
-def model(folder: Path, **parts: str) -> Path:
+def write_core_model(folder: Path, **parts: str) -> Path:
     """Write a model of a ball on a table and of a closed loop of two bars that fall."""
     file = folder / "scene.xml"
-    file.write_text(CORE.format(**{**LEAN, **parts}))
+    file.write_text(CORE_MODEL.format(**{**CORE_PARTS, **parts}))
     return file
 
 
-def padded(folder: Path) -> Path:
+def write_padded_model(folder: Path) -> Path:
     """Write the same model with ballast: features that it does not need."""
-    file = model(folder, **{**BALLAST, "idle": "0"})
-    file.write_text(file.read_text().replace("</worldbody>", IDLE))
+    file = write_core_model(folder, **{**BALLAST, "idle": "0"})
+    file.write_text(file.read_text().replace("</worldbody>", IDLE_BODY))
     return file
 
 
-def searched(file: Path, seconds: float = 0.3, **how: bool) -> tuple[DietScene, Diet]:
+def search_without_timing(
+    file: Path, seconds: float = 0.3, **options: bool
+) -> tuple[DietScene, Diet]:
     """The scene of a model and the result of a diet without timings."""
     scene = load_scene(file, seconds)
-    return scene, DietSearch(scene, rounds=0, **how).run()
+    return scene, DietSearch(scene, rounds=0, **options).run()
 
 
-def names(spec: mujoco.MjSpec) -> dict[str, set[str]]:
+def element_names(spec: mujoco.MjSpec) -> dict[str, set[str]]:
     """The names of the elements of a model, in a set for each list."""
-    return {kind: {element.name for element in getattr(spec, kind)} for kind in LISTS}
+    return {kind: {element.name for element in getattr(spec, kind)} for kind in ELEMENT_LISTS}
 
 
 @pytest.fixture(scope="module")
 def stripped(tmp_path_factory) -> tuple[DietScene, Diet]:
-    return searched(padded(tmp_path_factory.mktemp("diet")), blind=True)
+    return search_without_timing(write_padded_model(tmp_path_factory.mktemp("diet")), blind=True)
 
 
-def test_ballast_goes_and_the_core_stays(stripped, tmp_path):
-    spec, core = stripped[1].reduced.spec, names(mujoco.MjSpec.from_file(str(model(tmp_path))))
+def test_ballast_is_removed_and_the_core_is_kept(stripped, tmp_path):
+    spec, core = (
+        stripped[1].reduced.spec,
+        element_names(mujoco.MjSpec.from_file(str(write_core_model(tmp_path)))),
+    )
     core["geoms"] -= {"arm", "brace"}  # only drawn, so a blind diet removes them
-    assert names(spec) == core
+    assert element_names(spec) == core
     assert spec.option.tolerance == 1e-8
     assert {(g.name, g.contype) for g in spec.geoms} == {("ball", 1), ("table", 1)}
 
 
-def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
+def test_the_reduced_model_moves_as_the_core_does(stripped, tmp_path):
     # the diet does not know the core, so the motion of the core is an independent reference
     reduced, core = (
         stripped[1].reduced.compiled(),
-        mujoco.MjModel.from_xml_path(str(model(tmp_path))),
+        mujoco.MjModel.from_xml_path(str(write_core_model(tmp_path))),
     )
     poses = []
     for m in (reduced, core):
@@ -161,26 +166,26 @@ def test_what_is_left_moves_as_the_core_does(stripped, tmp_path):
         ("body", "brace"),
     ],
 )
-def test_what_matters_is_kept(stripped, kind, name):
+def test_features_that_matter_are_kept(stripped, kind, name):
     entry = next(e for e in stripped[1].entries if (e.kind, e.name) == (kind, name))
     assert entry.outcome == "matters"
     assert entry.worst[2] > 1
 
 
-def test_nothing_is_left_to_remove(stripped, tmp_path):
+def test_a_second_diet_removes_nothing(stripped, tmp_path):
     file = tmp_path / "reduced.xml"
     write_model(stripped[1].reduced, file)
-    _, again = searched(file, blind=True)
+    _, again = search_without_timing(file, blind=True)
     assert not [e for e in again.entries if e.outcome == "harmless"]
 
 
-def test_geoms_that_are_only_drawn_stay_where_somebody_looks(tmp_path):
-    _, found = searched(model(tmp_path))
+def test_geoms_that_are_only_drawn_are_kept_without_blind(tmp_path):
+    _, found = search_without_timing(write_core_model(tmp_path))
     assert {e.name for e in found.entries if e.outcome == "drawn"} == {"2: arm, brace"}
-    assert names(found.reduced.spec)["geoms"] == {"table", "ball", "arm", "brace"}
+    assert element_names(found.reduced.spec)["geoms"] == {"table", "ball", "arm", "brace"}
 
 
-def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance():
+def test_a_channel_may_change_by_a_tenth_of_tolerance_minus_error():
     case = load_case(shipped("fourbar.toml"))
     run = plan_run(case, "dynamics", "mujoco")
     monitored = monitor_run(case, run, "mujoco", read_model(case.model_path))
@@ -195,32 +200,32 @@ def test_a_channel_may_move_by_a_tenth_of_what_its_error_leaves_of_its_tolerance
         )
 
 
-def test_a_diet_that_allows_too_much_is_noticed(tmp_path, monkeypatch):
+def test_a_diet_that_allows_too_much_removes_the_pin_of_the_loop(tmp_path, monkeypatch):
     # a mutation: with a loose tolerance the diet removes the pin of the loop
     monkeypatch.setattr("proofmass.studies.diet.scene.ROUNDING_SHARE", 1e6)
-    _, found = searched(model(tmp_path))
-    assert "pin" not in names(found.reduced.spec)["equalities"]
+    _, found = search_without_timing(write_core_model(tmp_path))
+    assert "pin" not in element_names(found.reduced.spec)["equalities"]
 
 
-def test_a_diet_that_ignores_channels_is_noticed(tmp_path):
-    file = model(tmp_path)
+def test_a_diet_without_the_sensor_of_the_ball_removes_the_ball(tmp_path):
+    file = write_core_model(tmp_path)
     file.write_text(re.sub(r"<framepos.*?/>", "", file.read_text()))
-    _, found = searched(file)
-    assert "ball" not in names(found.reduced.spec)["bodies"]
-    assert "pin" in names(found.reduced.spec)["equalities"]
+    _, found = search_without_timing(file)
+    assert "ball" not in element_names(found.reduced.spec)["bodies"]
+    assert "pin" in element_names(found.reduced.spec)["equalities"]
 
 
-def test_without_sensors_everything_that_moves_is_watched(tmp_path):
-    file = padded(tmp_path)
+def test_without_sensors_everything_that_moves_is_monitored(tmp_path):
+    file = write_padded_model(tmp_path)
     file.write_text(re.sub(r"<sensor>.*</sensor>", "", file.read_text(), flags=re.DOTALL))
-    _, found = searched(file, blind=True)
-    assert names(found.reduced.spec)["joints"] == {"ball", "arm", "slide", "brace"}
+    _, found = search_without_timing(file, blind=True)
+    assert element_names(found.reduced.spec)["joints"] == {"ball", "arm", "slide", "brace"}
     written = tmp_path / "reduced.xml"
     write_model(found.reduced, written)
     assert mujoco.MjModel.from_xml_path(str(written)).nsensor == 0
 
 
-FLYING = """
+FLYING_DISC = """
 <mujoco>
   <option gravity="0 0 0" {wind}/>
   <worldbody><body name="disc" pos="1 2 3" euler="0 0 30">
@@ -232,10 +237,10 @@ FLYING = """
 
 
 @pytest.mark.parametrize(("speed", "planar"), [("1 2 0", True), ("1 2 0.1", False)])
-def test_a_free_joint_becomes_planar_where_the_motion_is(tmp_path, speed, planar):
+def test_a_free_joint_becomes_planar_if_the_motion_is_planar(tmp_path, speed, planar):
     file = tmp_path / "disc.xml"
-    file.write_text(FLYING.format(speed=speed, wind=""))
-    scene, found = searched(file, 1.0)
+    file.write_text(FLYING_DISC.format(speed=speed, wind=""))
+    scene, found = search_without_timing(file, 1.0)
     reduced = found.reduced.compiled()
     assert reduced.nv == (3 if planar else 6)
     data = mujoco.MjData(reduced)
@@ -272,7 +277,7 @@ def test_a_model_is_written_with_all_its_digits(tmp_path, name):
         assert np.array_equal(getattr(before, field), getattr(after, field)), field
 
 
-def test_the_digits_are_put_back():
+def test_the_number_of_digits_is_restored_after_writing():
     spec = mujoco.MjSpec.from_string('<mujoco><option timestep="0.00123456789"/></mujoco>')
     spec.compile()
     with write_all_digits():
@@ -280,7 +285,7 @@ def test_the_digits_are_put_back():
     assert "0.00123457" in spec.to_xml()
 
 
-def test_sidecars_say_what_a_model_is_for(models, edit):
+def test_keys_and_sensors_that_sidecars_use_are_kept(models, edit):
     # two cases of one model: both keys are kept; a sensor that no channel reads is removed
     edit("pendulum.toml", r"kinetic = .*\n", "")
     edit("pendulum.toml", r"until = 10\.0", "until = 1.0")
@@ -291,20 +296,23 @@ def test_sidecars_say_what_a_model_is_for(models, edit):
         .replace("\n[", '\nmodel = "pendulum.xml"\nstart = "other"\n[', 1)
     )
     edit("pendulum.xml", r"<keyframe>", '<keyframe><key name="other" qpos="1"/><key name="third"/>')
-    scene, found = searched(models / "pendulum.xml")
+    scene, found = search_without_timing(models / "pendulum.xml")
     assert {w.name for w in scene.monitored_runs} == {"pendulum dynamics", "other dynamics"}
-    left = names(found.reduced.spec)
+    left = element_names(found.reduced.spec)
     assert left["keys"] == {"start", "other"}
     assert "kinetic" not in left["sensors"]
     assert "potential" in left["sensors"]
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
+def test_command_writes_the_reduced_model_and_repeats_no_trials(tmp_path, monkeypatch):
     # no timing is checked, so no processor is reserved and the rounds may be short
     monkeypatch.setattr("proofmass.studies.diet.trial.reserve_processor", nullcontext)
     monkeypatch.setattr("proofmass.studies.diet.trial.MIN_ROUNDS_SECONDS", 0.0)
-    file, reduced = model(tmp_path, world='<light name="sun"/>'), tmp_path / "out" / "reduced.xml"
+    file, reduced = (
+        write_core_model(tmp_path, world='<light name="sun"/>'),
+        tmp_path / "out" / "reduced.xml",
+    )
     for _ in range(2):
         answer = CliRunner().invoke(
             app, ["diet", str(file), "-o", str(reduced), "--seconds", "0.1"]
@@ -323,17 +331,17 @@ def test_command_writes_the_reduced_model_and_goes_on_where_it_stopped(tmp_path,
     assert int(light[0]["bytes_before"]) > int(light[0]["bytes_after"])
 
 
-def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
+def test_a_material_is_removed_from_defaults_too(tmp_path):
     file = tmp_path / "disc.xml"
     file.write_text(
-        FLYING.format(speed="1 2 0", wind="").replace(
+        FLYING_DISC.format(speed="1 2 0", wind="").replace(
             "<worldbody>",
             """
         <asset><material name="steel" rgba=".5 .5 .5 1"/></asset>
         <default><geom material="steel"/></default><worldbody>""",
         )
     )
-    _, found = searched(file)
+    _, found = search_without_timing(file)
     write_model(found.reduced, tmp_path / "reduced.xml")
     reduced = mujoco.MjModel.from_xml_path(str(tmp_path / "reduced.xml"))
     assert reduced.nmat == 0
@@ -344,7 +352,7 @@ def test_a_material_that_is_usual_goes_from_the_default_as_well(tmp_path):
     "usual",
     ["", '<tendon material="red"/>', '<default class="rope"><tendon material="red"/></default>'],
 )
-def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
+def test_a_material_is_kept_only_if_a_tendon_has_it(usual, tmp_path):
     """A material is removed from geoms, and kept if a tendon has it, itself or by a default."""
     file, own = tmp_path / "rope.xml", 'class="rope"' if "class" in usual else ""
     file.write_text(f"""<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="steel"/>
@@ -366,9 +374,9 @@ def test_a_model_with_a_tendon_and_materials(usual, tmp_path):
 
 
 @pytest.mark.parametrize(("loops", "iterations"), [(False, 0), (True, 1)])
-def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations):
+def test_counted_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations):
     # soft equalities alone have a quadratic cost, whose minimum is Newton's first step
-    text = model(tmp_path).read_text()
+    text = write_core_model(tmp_path).read_text()
     text = text.replace("<freejoint", "<!-- <freejoint").replace(
         'name="ball"/>\n      <geom', 'name="ball"/> -->\n      <geom'
     )
@@ -379,7 +387,7 @@ def test_iterations_are_those_that_the_solver_needs(tmp_path, loops, iterations)
     assert most_iterations(scene.edited.compiled(), monitored.brief, 1e-8) == iterations
 
 
-WRONG = {
+BAD_MODELS = {
     "missing": (None, "no such model"),
     "not XML": ("<mujoco><worldbody></mujoco>", "XML"),
     "does not compile": ('<mujoco><sensor><jointpos joint="none"/></sensor></mujoco>', "'none'"),
@@ -391,9 +399,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-def test_bad_input_is_one_line(tmp_path, wrong):
-    text, word = WRONG[wrong]
+@pytest.mark.parametrize("wrong", BAD_MODELS)
+def test_bad_input_gives_a_message_of_one_line(tmp_path, wrong):
+    text, word = BAD_MODELS[wrong]
     file = tmp_path / "scene.xml"
     if text:
         file.write_text(text)

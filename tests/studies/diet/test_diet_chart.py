@@ -27,8 +27,8 @@ from proofmass.studies.diet.trial import Cost
 from tests.visit import PHONE, Visit
 
 COSTS = (Cost(1e-4, 20_480), Cost(4.9e-5, 10_240))
-MOVED = {"run": {"angle": 0.5}}
-LIGHT = Entry("light", "sun", "harmless", MOVED, "", COSTS, (0.4, 0.5, 0.6))
+CHANGES = {"run": {"angle": 0.5}}
+LIGHT = Entry("light", "sun", "harmless", CHANGES, "", COSTS, (0.4, 0.5, 0.6))
 CONTACT = replace(
     LIGHT, kind="contact", name="all", saved=(0.7, 0.8, 0.9), moved={"run": {"angle": 0.0}},
     edit='<option><flag contact="disable"/></option>',
@@ -41,13 +41,13 @@ SOLVER = replace(
     LIGHT, kind=OPTION_KIND, name="solver Newton to CG", outcome=NO_GAIN, saved=(-0.1, 0.0, 0.1),
     edit='<option solver="CG"/>',
 )  # fmt: skip
-GEOM = replace(LIGHT, kind="drawn geom", name="cover", outcome="drawn")
+DRAWN_COVER = replace(LIGHT, kind="drawn geom", name="cover", outcome="drawn")
 NEEDED = Entry("joint", "pivot", "needed", message="a sensor names it")
-ALL = replace(CONTACT, kind=WHOLE_KIND, name="", edit="")
-ENTRIES = [STEP, LIGHT, CONTACT, SOLVER, GEOM, NEEDED, ALL]
+ALL_CHANGES = replace(CONTACT, kind=WHOLE_KIND, name="", edit="")
+ENTRIES = [STEP, LIGHT, CONTACT, SOLVER, DRAWN_COVER, NEEDED, ALL_CHANGES]
 
 
-def test_an_edit_in_a_sentence() -> None:
+def test_a_sentence_describes_an_entry() -> None:
     assert describe_entry(LIGHT) == (
         "Harmless: it is removed or changed. A step takes 100 µs with it, 50 µs without (40 µs to "
         "60 µs with 99 %). Memory: 20 KB with it, 10 without. The largest change is 0.5 of what is "
@@ -59,7 +59,7 @@ def test_an_edit_in_a_sentence() -> None:
     assert describe_entry(CONTACT).endswith("No channel changes.")
 
 
-def test_the_interval_of_a_saving_is_one_of_time_and_never_below_zero() -> None:
+def test_intervals_of_step_times_are_above_zero() -> None:
     assert step_times(LIGHT) == pytest.approx([5e-5, 4e-5, 6e-5])
     assert step_times(replace(LIGHT, saved=(0.5, 0.9, 1.2)))[1] == pytest.approx(
         MIN_COST_SHARE * 1e-4, rel=1e-6, abs=0
@@ -72,7 +72,7 @@ def test_outcomes_differ_in_their_markers() -> None:
     assert len({outcome_marker(outcome) for outcome in outcomes}) == len(outcomes)
 
 
-def test_a_table_keeps_its_edits(tmp_path: Path) -> None:
+def test_entries_are_read_as_they_were_written(tmp_path: Path) -> None:
     write_entries(ENTRIES, tmp_path / "model.csv")
     assert read_entries(tmp_path / "model.csv") == ENTRIES
 
@@ -82,32 +82,32 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of two models, without its printable figures."""
     out = tmp_path_factory.mktemp("chart")
     write_entries(ENTRIES, out / "arm.csv")
-    write_entries([LIGHT, replace(ALL, outcome="harmless")], out / "bob.csv")
+    write_entries([LIGHT, replace(ALL_CHANGES, outcome="harmless")], out / "bob.csv")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(diet_page, save.__name__, lambda figure, file: "")
         write_diet(out, out)
     return out / "index.html"
 
 
-LABELS = "findAll('#rows .row-label').map((one) => one.textContent)"
+LABELS_SCRIPT = "findAll('#rows .row-label').map((one) => one.textContent)"
 
 
-def row_of(label: str) -> str:
+def row_script(label: str) -> str:
     """A JavaScript expression that finds the row of the chart with a label."""
     return f"findAll('#rows .row').find((one) => find('.row-label', one).textContent === '{label}')"
 
 
-def places(visit: Visit, label: str, part: str, *names: str) -> list[float]:
+def axis_positions(visit: Visit, label: str, part: str, *names: str) -> list[float]:
     """Attributes of a part of a row that are positions on the axis [%]."""
     found = visit.run(
-        f"{list(names)!r}.map((name) => find('{part}', {row_of(label)}).getAttribute(name))"
+        f"{list(names)!r}.map((name) => find('{part}', {row_script(label)}).getAttribute(name))"
     )
     return [float(text.removesuffix("%")) for text in found]
 
 
-def test_edits_are_sorted_by_what_they_save(page: Path, browser: Any) -> None:
+def test_entries_are_sorted_by_their_savings(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
-        assert visit.run(LABELS) == [
+        assert visit.run(LABELS_SCRIPT) == [
             WHOLE_KIND,
             "contact all",  # harmless, with the largest saving
             "light sun",
@@ -124,14 +124,14 @@ def test_edits_are_sorted_by_what_they_save(page: Path, browser: Any) -> None:
         assert all(url.startswith(page.parent.as_uri()) for url in visit.asked)
 
 
-def test_costs_and_intervals_stand_at_their_places(page: Path, browser: Any) -> None:
+def test_costs_and_intervals_are_at_their_values_on_the_axis(page: Path, browser: Any) -> None:
     """The axis is logarithmic; a step takes 100 µs with the light, 50 µs (40 to 60) without."""
     with Visit(browser, page) as visit:
-        (before,) = places(visit, "light sun", ".theory", "x1")
-        (after,) = places(visit, "light sun", ".strip svg", "x")
+        (before,) = axis_positions(visit, "light sun", ".theory", "x1")
+        (after,) = axis_positions(visit, "light sun", ".strip svg", "x")
         octave = before - after
-        assert places(visit, "light sun", ".bar", "x1", "x2") == [before, after]
-        low, high = places(visit, "light sun", ".spread", "x1", "x2")
+        assert axis_positions(visit, "light sun", ".bar", "x1", "x2") == [before, after]
+        low, high = axis_positions(visit, "light sun", ".spread", "x1", "x2")
         assert after - low == pytest.approx(0.32193 * octave, abs=0.02)  # log2(50 / 40)
         assert high - after == pytest.approx(0.26303 * octave, abs=0.02)  # log2(60 / 50)
         hollow = visit.run("findAll('#rows .dot').map((one) => one.classList.contains('hollow'))")
@@ -156,7 +156,7 @@ def test_a_click_copies_an_edit_or_leads_to_the_row(page: Path, browser: Any) ->
         assert visit.run("navigator.clipboard.readText()") == CONTACT.edit
 
 
-def test_the_keyboard_copies_as_well(page: Path, browser: Any) -> None:
+def test_the_enter_key_copies_an_edit(page: Path, browser: Any) -> None:
     allowed = {"permissions": ["clipboard-read", "clipboard-write"]}
     with Visit(browser, page, **allowed) as visit:
         for _ in range(30):
@@ -170,23 +170,23 @@ def test_the_keyboard_copies_as_well(page: Path, browser: Any) -> None:
         assert visit.run("document.activeElement.className") == "row-list"
 
 
-def test_model_and_filters_are_kept(page: Path, browser: Any) -> None:
+def test_model_and_filters_are_kept_in_the_address(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         visit.page.select_option("#subject", "bob-diet")
-        assert visit.run(LABELS) == [WHOLE_KIND, "light sun"]
+        assert visit.run(LABELS_SCRIPT) == [WHOLE_KIND, "light sun"]
         visit.page.select_option("#subject", "")
-        assert len(visit.run(LABELS)) == 8
+        assert len(visit.run(LABELS_SCRIPT)) == 8
         visit.page.click("#filters [data-group='harmless']")
-        assert len(visit.run(LABELS)) == 3
+        assert len(visit.run(LABELS_SCRIPT)) == 3
         address = visit.address
     with Visit(browser, page, address) as visit:
-        assert len(visit.run(LABELS)) == 3
+        assert len(visit.run(LABELS_SCRIPT)) == 3
     with Visit(browser, page, "#bob-diet") as visit:
-        assert len(visit.run(LABELS)) == 2
+        assert len(visit.run(LABELS_SCRIPT)) == 2
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(scheme: str, page: Path, browser: Any) -> None:
+def test_axe_finds_no_accessibility_violation(scheme: str, page: Path, browser: Any) -> None:
     with Visit(browser, page, color_scheme=scheme) as visit:
         visit.page.locator("#rows .row").nth(1).hover()
         wrong, met = visit.axe("#chart")
@@ -194,7 +194,7 @@ def test_axe_finds_nothing(scheme: str, page: Path, browser: Any) -> None:
         assert met > 10
 
 
-def test_a_phone_has_one_column(page: Path, browser: Any) -> None:
+def test_rows_have_one_column_on_a_phone(page: Path, browser: Any) -> None:
     with Visit(browser, page, viewport=PHONE) as visit:
         assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
         row = visit.page.locator("#rows .row").first
@@ -204,7 +204,7 @@ def test_a_phone_has_one_column(page: Path, browser: Any) -> None:
 
 
 def test_a_diet_without_times_has_no_chart(browser: Any, tmp_path: Path) -> None:
-    write_entries([NEEDED, replace(ALL, costs=(), saved=())], tmp_path / "arm.csv")
+    write_entries([NEEDED, replace(ALL_CHANGES, costs=(), saved=())], tmp_path / "arm.csv")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(diet_page, save.__name__, lambda figure, file: "")
         write_diet(tmp_path, tmp_path)

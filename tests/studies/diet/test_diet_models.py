@@ -14,9 +14,9 @@ from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.edits import set_option, write_model
 from proofmass.studies.diet.options import change_integrator, lengthen_step, loosen_tolerance
 from proofmass.studies.diet.scene import load_scene
-from tests.shipped import models_like, shipped
+from tests.shipped import shipped, shipped_files
 
-OWN = models_like("*.xml")
+SHIPPED_MODELS = shipped_files("*.xml")
 KEPT = {
     # the mechanism of the reference: a preloaded spring leaves its joint limit at once
     "balancer_third_preload_at_once": ["limit joint3"],
@@ -32,7 +32,7 @@ KEPT = {
 """What a model keeps although no run of its sidecars needs it."""
 
 
-def gone(file: Path) -> list[str]:
+def removed_features(file: Path) -> list[str]:
     """The titles of the features that a diet removes from a model."""
     found = DietSearch(load_scene(file, 1.0), rounds=0, tune=False).run()
     return [e.title for e in found.entries if e.outcome == "harmless"]
@@ -42,20 +42,20 @@ def gone(file: Path) -> list[str]:
     "file",
     [
         shipped("pendulum.xml"),
-        *(pytest.param(f, marks=pytest.mark.slow) for f in OWN if f.stem != "pendulum"),
+        *(pytest.param(f, marks=pytest.mark.slow) for f in SHIPPED_MODELS if f.stem != "pendulum"),
     ],
     ids=lambda file: file.stem,
 )
-def test_own_models_have_nothing_left_to_remove(file):
-    assert gone(file) == KEPT.get(file.stem, [])
+def test_shipped_models_have_nothing_to_remove(file):
+    assert removed_features(file) == KEPT.get(file.stem, [])
 
 
-def test_a_light_in_an_own_model_is_found(models, edit):
+def test_a_light_added_to_a_shipped_model_is_removed(models, edit):
     edit("pendulum.xml", "<worldbody>", '<worldbody><light name="sun"/>')
-    assert gone(models / "pendulum.xml") == ["light sun"]
+    assert removed_features(models / "pendulum.xml") == ["light sun"]
 
 
-def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
+def test_a_longer_step_is_compared_with_the_reference(models, edit, tmp_path):
     """The error is that against the closed form, and not against the model's own fine solution."""
     edit("pendulum.toml", r"until = 10\.0", "until = 1.0")
     edit("pendulum.toml", r"n = 1001", "n = 26")
@@ -70,8 +70,10 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
     run = plan_run(case, "dynamics", "mujoco")
     for c in compare(case, "dynamics", "mujoco", call_engine("mujoco", file, run)):
         before = scene.monitored_runs[0].before.channels[c.channel]
-        truth = reference_for(case, "dynamics", scene.monitored_runs[0].before).channels[c.channel]
-        error = float(np.abs(before - truth).max())
+        reference = reference_for(case, "dynamics", scene.monitored_runs[0].before).channels[
+            c.channel
+        ]
+        error = float(np.abs(before - reference).max())
         assert c.outcome == "agrees"
         # an error may grow by a tenth of the difference between tolerance and error, or by rounding
         # (1e-12 of the channel's size) if that is more, as with the tolerance of 1e-10 of the range
@@ -82,7 +84,7 @@ def test_a_longer_step_is_held_against_the_reference(models, edit, tmp_path):
     assert any(e.name.startswith("time step") for e in refused)
 
 
-def test_what_a_sidecar_sets_itself_is_not_tried(models, edit):
+def test_options_that_a_sidecar_sets_are_not_tried(models, edit):
     with (models / "pendulum.toml").open("a") as sidecar:
         sidecar.write('\n[settings.mujoco]\ntimestep = 1e-3\nintegrator = "RK4"\n')
     scene = load_scene(models / "pendulum.xml", 1.0)
@@ -93,7 +95,7 @@ def test_what_a_sidecar_sets_itself_is_not_tried(models, edit):
     )
 
 
-def test_every_setting_of_a_case_is_watched(models, edit):
+def test_every_setting_of_a_case_is_monitored(models, edit):
     edit("pendulum.toml", r'solvers = \["mujoco", ', 'solvers = ["mujoco", "mujoco:fine", ')
     with (models / "pendulum.toml").open("a") as sidecar:
         sidecar.write('\n[settings."mujoco:fine"]\ntimestep = 5e-4\n')

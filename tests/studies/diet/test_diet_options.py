@@ -13,68 +13,74 @@ from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.edits import EditedModel, set_option
 from proofmass.studies.diet.scene import DietScene, load_scene
 from proofmass.studies.diet.trial import Cost, CostComparison
-from tests.studies.diet.test_diet import model
+from tests.studies.diet.test_diet import write_core_model
 
-FALLING = """<mujoco><option timestep="{step}" integrator="{integrator}" {more}/><worldbody>
+PENDULUM_MODEL = """<mujoco><option timestep="{step}" integrator="{integrator}" {more}/><worldbody>
   <body name="bob" pos="0 0 1"><joint name="bob" axis="0 1 0"/>
   <geom type="capsule" size=".02" fromto="0 0 0 .4 0 0" contype="0" conaffinity="0"/></body>
   </worldbody></mujoco>"""
 
 
-def falling(folder: Path, step: float = 1e-3, integrator: str = "RK4", more: str = "") -> Path:
+def write_pendulum(
+    folder: Path, step: float = 1e-3, integrator: str = "RK4", more: str = ""
+) -> Path:
     """Write a model of a pendulum that falls from its horizontal pose."""
     file = folder / "falling.xml"
-    file.write_text(FALLING.format(step=step, integrator=integrator, more=more))
+    file.write_text(PENDULUM_MODEL.format(step=step, integrator=integrator, more=more))
     return file
 
 
-def set_to(edited: EditedModel, **values: float) -> EditedModel:
+def with_options(edited: EditedModel, **values: float) -> EditedModel:
     """An edited model with other values of some options."""
     for name, value in values.items():
         edited = edited.without(partial(set_option, name=name, value=value))
     return edited
 
 
-def names(rungs: options.OptionMaker, edited: EditedModel, scene: DietScene) -> list[str]:
+def option_names(
+    make_options: options.OptionMaker, edited: EditedModel, scene: DietScene
+) -> list[str]:
     """The names of the values of an option that are tried."""
-    return [rung.name for rung in rungs(edited, scene)]
+    return [rung.name for rung in make_options(edited, scene)]
 
 
 def test_the_cheapest_value_is_tried_first(tmp_path):
-    scene = load_scene(falling(tmp_path, more='tolerance="1e-14" iterations="200"'), 1.0)
+    scene = load_scene(write_pendulum(tmp_path, more='tolerance="1e-14" iterations="200"'), 1.0)
     own = scene.edited
-    assert names(options.loosen_tolerance, own, scene) == [
+    assert option_names(options.loosen_tolerance, own, scene) == [
         "tolerance 1e-14 to 1e-8",
         "tolerance 1e-14 to 1e-10",
         "tolerance 1e-14 to 1e-12",
     ]
-    assert names(options.limit_iterations, own, scene) == ["iterations 200 to 100"]
-    assert names(options.limit_line_search, own, scene) == []
-    assert names(options.limit_line_search, set_to(own, ls_iterations=60), scene) == [
+    assert option_names(options.limit_iterations, own, scene) == ["iterations 200 to 100"]
+    assert option_names(options.limit_line_search, own, scene) == []
+    assert option_names(options.limit_line_search, with_options(own, ls_iterations=60), scene) == [
         "ls_iterations 60 to 50"
     ]
-    assert names(options.change_integrator, own, scene) == [
+    assert option_names(options.change_integrator, own, scene) == [
         "integrator RK4 to Euler",
         "integrator RK4 to implicitfast",
     ]
-    euler = set_to(own, integrator=int(mujoco.mjtIntegrator.mjINT_EULER))
-    assert names(options.change_integrator, euler, scene) == []
-    assert names(options.change_solver, own, scene) == []  # the model has no constraints
-    assert names(options.change_cone, own, scene) == []
-    assert names(options.change_cone, set_to(own, cone=1), scene) == ["cone elliptic to pyramidal"]
-    assert names(options.change_jacobian, own, scene) == ["jacobian auto to sparse"]
+    euler = with_options(own, integrator=int(mujoco.mjtIntegrator.mjINT_EULER))
+    assert option_names(options.change_integrator, euler, scene) == []
+    assert option_names(options.change_solver, own, scene) == []  # the model has no constraints
+    assert option_names(options.change_cone, own, scene) == []
+    assert option_names(options.change_cone, with_options(own, cone=1), scene) == [
+        "cone elliptic to pyramidal"
+    ]
+    assert option_names(options.change_jacobian, own, scene) == ["jacobian auto to sparse"]
     assert (options.evaluations_per_second(own), options.evaluations_per_second(euler)) == (
         4000.0,
         1000.0,
     )
-    loops = load_scene(model(tmp_path), 0.1)
-    assert names(options.change_solver, loops.edited, loops) == [
+    loops = load_scene(write_core_model(tmp_path), 0.1)
+    assert option_names(options.change_solver, loops.edited, loops) == [
         "solver Newton to CG",
         "solver Newton to PGS",
     ]
 
 
-def pasted(file: Path, edit: str) -> mujoco.MjModel:
+def model_with_pasted_options(file: Path, edit: str) -> mujoco.MjModel:
     """The compiled model of a file whose options are replaced by those of an edit in MJCF."""
     tree = ElementTree.fromstring(file.read_text())
     own, new = tree.find("option"), ElementTree.fromstring(edit)
@@ -87,11 +93,11 @@ def pasted(file: Path, edit: str) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(tree, encoding="unicode"))
 
 
-def test_what_is_pasted_is_what_was_tried(tmp_path):
+def test_the_mjcf_of_an_edit_sets_the_options_that_were_tried(tmp_path):
     """The MJCF of each edit sets the same options as its function `cut`."""
     more = 'tolerance="1e-14" iterations="200" ls_iterations="60" cone="elliptic"'
     more += ' noslip_iterations="3"><flag energy="enable" fwdinv="enable"/></option'
-    file = falling(tmp_path, more=more)
+    file = write_pendulum(tmp_path, more=more)
     file.write_text(file.read_text().replace("</option/>", "</option>"))
     text = file.read_text().replace('contype="0" conaffinity="0"', "")
     file.write_text(text.replace("</worldbody>", '<geom size="1" pos="9 9 9"/></worldbody>'))
@@ -111,35 +117,38 @@ def test_what_is_pasted_is_what_was_tried(tmp_path):
         "<option><flag energy",
     }
     for one in tried:
-        cut, own = scene.edited.without(one.cut).compiled().opt, pasted(file, one.edit).opt
-        for name in NUMBERS:
+        cut, own = (
+            scene.edited.without(one.cut).compiled().opt,
+            model_with_pasted_options(file, one.edit).opt,
+        )
+        for name in OPTION_FIELDS:
             assert getattr(cut, name) == getattr(own, name), (one.edit, name)
-    loops = load_scene(model(tmp_path), 0.1)
+    loops = load_scene(write_core_model(tmp_path), 0.1)
     assert [one.edit for one in options.change_solver(loops.edited, loops)] == [
         '<option solver="CG"/>',
         '<option solver="PGS"/>',
     ]
 
 
-NUMBERS = (
+OPTION_FIELDS = (
     *("timestep", "tolerance", "iterations", "ls_iterations", "noslip_iterations"),
     *("integrator", "cone", "jacobian", "solver", "disableflags", "enableflags"),
 )
 
 
-def test_steps_fit_between_samples(tmp_path):
-    scene = load_scene(falling(tmp_path, step=1e-3), 5.0)
+def test_longer_steps_fit_between_samples(tmp_path):
+    scene = load_scene(write_pendulum(tmp_path, step=1e-3), 5.0)
     width = float(scene.monitored_runs[0].bound.run.x[1])
     assert width == pytest.approx(0.04)  # 40 steps between 126 samples
     found = [rung.cut.keywords["value"] for rung in options.lengthen_step(scene.edited, scene)]
     assert found == pytest.approx([0.04, 0.02, 0.04 / 3, 0.008, 0.004, 0.002])
-    longest = set_to(scene.edited, timestep=0.04)
+    longest = with_options(scene.edited, timestep=0.04)
     assert options.lengthen_step(longest, scene) == []
 
 
-def test_the_way_with_less_work_is_taken(tmp_path):
+def test_the_order_of_options_with_less_work_is_taken(tmp_path):
     """A small allowed error gives RK4 with a longer step, a large one another integrator."""
-    file = falling(tmp_path, step=1e-3)
+    file = write_pendulum(tmp_path, step=1e-3)
     for error, integrator in ((1e-6, "RK4"), (0.05, "EULER")):
         scene = load_scene(file, 1.0, (), error)
         found = DietSearch(scene, rounds=0).run()
@@ -158,14 +167,14 @@ def test_the_way_with_less_work_is_taken(tmp_path):
     ("saved", "outcome"),
     [((0.1, 0.2, 0.3), "harmless"), ((-0.1, 0.2, 0.3), "no gain"), ((-0.3, -0.2, -0.1), "no gain")],
 )
-def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, saved, outcome):
+def test_measured_time_decides_on_the_jacobian(tmp_path, monkeypatch, saved, outcome):
     """Another storage of the Jacobian changes no result, and is taken only if it saves time."""
     monkeypatch.setattr(
         diet,
         "compare_costs_isolated",
         lambda models, run, rounds, limit: CostComparison((Cost(2.0, 3), Cost(1.0, 2)), saved),
     )
-    scene = load_scene(falling(tmp_path), 0.2)
+    scene = load_scene(write_pendulum(tmp_path), 0.2)
     now, entries = DietSearch(scene, rounds=9).optioned(scene.edited)
     entry = entries[-1]
     assert (entry.name, entry.outcome) == ("jacobian auto to sparse", outcome)
@@ -174,7 +183,7 @@ def test_the_clock_decides_on_what_cannot_be_counted(tmp_path, monkeypatch, save
     assert (now.spec.option.jacobian == sparse) == (outcome == "harmless")
 
 
-def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_path):
+def test_without_a_fine_solution_the_time_step_is_kept(tmp_path):
     """A bouncing ball differs from its fine solution long before the run ends."""
     file = tmp_path / "ball.xml"
     file.write_text("""<mujoco><option timestep="0.004" tolerance="1e-14"/><worldbody>
@@ -188,9 +197,9 @@ def test_where_there_is_no_fine_solution_nothing_is_changed_but_by_rounding(tmp_
     assert found.reduced.compiled().opt.tolerance == 1e-8
 
 
-def test_a_bound_that_allows_anything_is_noticed(tmp_path):
+def test_a_bound_that_allows_anything_gives_the_longest_step(tmp_path):
     """A mutation: with a loose bound the time step is as long as the sample interval."""
-    scene = load_scene(falling(tmp_path), 1.0)
+    scene = load_scene(write_pendulum(tmp_path), 1.0)
     monitored = scene.monitored_runs[0]
     loose = replace(
         monitored,
@@ -202,7 +211,7 @@ def test_a_bound_that_allows_anything_is_noticed(tmp_path):
     assert found.opt.timestep > strict
 
 
-def test_nothing_is_tried_twice_where_nothing_goes(tmp_path, monkeypatch):
+def test_an_empty_set_of_features_is_not_tried(tmp_path, monkeypatch):
     """Several features are removed together in the first round, and in the last trial of all.
 
     The second round, in which no feature is harmless, tries no removal of an empty set.
@@ -215,7 +224,7 @@ def test_nothing_is_tried_twice_where_nothing_goes(tmp_path, monkeypatch):
         return tried(self, now, feature, tuned)
 
     monkeypatch.setattr(DietSearch, "tried", noted)
-    DietSearch(load_scene(falling(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
+    DietSearch(load_scene(write_pendulum(tmp_path), 0.1), rounds=0, tune=False, blind=True).run()
     whole = [k for k, (kind, _) in enumerate(asked) if kind == "all of these"]
     assert whole[-1] == len(asked) - 1
     assert len(whole) == 2  # the harmless features of the first round, and all changes at the end

@@ -25,25 +25,31 @@ from proofmass.studies.diet.scene import (
 )
 from proofmass.worker import OutOfMemory, TimedOut
 from tests.shipped import shipped
-from tests.studies.diet.test_diet_options import falling
-from tests.studies.test_study_verdicts import fails, watch_of
+from tests.studies.diet.test_diet_options import write_pendulum
+from tests.studies.test_study_verdicts import monitored_run_of, raising
 
 PENDULUM = load_case(shipped("pendulum.toml"))
 
 
-def watched_with(
-    curves: Curves, truth: dict[str, np.ndarray], monkeypatch, case=PENDULUM, solver: str = "mujoco"
+def monitor_pendulum(
+    curves: Curves,
+    reference: dict[str, np.ndarray],
+    monkeypatch,
+    case=PENDULUM,
+    solver: str = "mujoco",
 ):
     """A monitored run of the pendulum with given curves and given curves of its reference."""
     monkeypatch.setattr(scene, "run_original", lambda file, model, run: curves)
     monkeypatch.setattr(scene, "call_bounded", lambda case, kind, function, *told: function(*told))
-    monkeypatch.setattr(scene, "reference_for", lambda case, kind, curves: Curves(curves.x, truth))
+    monkeypatch.setattr(
+        scene, "reference_for", lambda case, kind, curves: Curves(curves.x, reference)
+    )
     return monitor_run(
         case, plan_run(case, "dynamics", solver), solver, read_model(case.model_path)
     )
 
 
-def allowing(channel: dict[str, object], **tolerance: object):
+def pendulum_with_tolerance(channel: dict[str, object], **tolerance: object):
     """The case of the pendulum with one changed channel, its angle, and one tolerance of it."""
     angle = PENDULUM.channels["angle"].model_copy(update=channel)
     return PENDULUM.model_copy(
@@ -73,13 +79,11 @@ def allowing(channel: dict[str, object], **tolerance: object):
         ({}, {"relative_to_range": 0.2}, [2.0, 2.0, 2.0], 0.2),
     ],
 )
-def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
-    channel, tolerance, truth, most, monkeypatch
-):
+def test_the_tolerance_is_that_of_the_comparison(channel, tolerance, truth, most, monkeypatch):
     """It is in the channel's own unit, and relative to its scale if the reference is constant."""
     curves = Curves(np.linspace(0.0, 1.0, 3), {"angle": np.array(truth) + 0.01})
-    case = allowing(channel, **tolerance)
-    monitored = watched_with(curves, {"angle": np.array(truth)}, monkeypatch, case)
+    case = pendulum_with_tolerance(channel, **tolerance)
+    monitored = monitor_pendulum(curves, {"angle": np.array(truth)}, monkeypatch, case)
     left = 0.1 * (most - 0.01)
     assert monitored.allowed["angle"] == pytest.approx(np.full(3, left), rel=1e-12, abs=0)
     assert monitored.bound.allowed["angle"] == pytest.approx(0.01 + left, rel=1e-12, abs=0)
@@ -87,7 +91,7 @@ def test_a_tolerance_is_the_one_that_a_comparison_holds_the_channel_to(
     assert compared.allowed * case.channels["angle"].factor == pytest.approx(most, rel=1e-12, abs=0)
 
 
-def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
+def test_a_bound_is_the_error_plus_a_tenth_of_tolerance_minus_error(monkeypatch):
     """The allowed error is the error plus a tenth of the difference between tolerance and error.
 
     An error beyond its tolerance may only grow by a thousandth of rounding, which is 1e-9 of the
@@ -96,25 +100,30 @@ def test_a_bound_is_an_error_and_a_share_of_what_it_leaves(monkeypatch):
     x, truth = np.linspace(0.0, 1.0, 3), np.array([0.0, 1.0, 2.0])
     curves = Curves(x, {"angle": truth + 0.01})
     for most, larger in ((0.11, 0.01), (0.005, 1e-3 * 1e-9 * 2.01)):
-        monitored = watched_with(curves, {"angle": truth}, monkeypatch, allowing({}, abs=most))
+        monitored = monitor_pendulum(
+            curves, {"angle": truth}, monkeypatch, pendulum_with_tolerance({}, abs=most)
+        )
         assert monitored.bound.allowed["angle"] - 0.01 == pytest.approx(larger, rel=1e-3, abs=0)
     run = monitored.run
-    assert (monitored.bound.run, monitored.bound.case) == (run, allowing({}, abs=most))
+    assert (monitored.bound.run, monitored.bound.case) == (
+        run,
+        pendulum_with_tolerance({}, abs=most),
+    )
     # no tolerance for MuJoCo: 1.1 times the error is allowed, or rounding
-    free = allowing({}, abs=0.11, solver=("pymunk",))
-    monitored = watched_with(curves, {"angle": truth}, monkeypatch, free)
+    free = pendulum_with_tolerance({}, abs=0.11, solver=("pymunk",))
+    monitored = monitor_pendulum(curves, {"angle": truth}, monkeypatch, free)
     assert monitored.bound.allowed["angle"] == pytest.approx(0.011, rel=1e-12, abs=0)
-    monitored = watched_with(curves, {"angle": truth + 0.01}, monkeypatch, free)
+    monitored = monitor_pendulum(curves, {"angle": truth + 0.01}, monkeypatch, free)
     assert monitored.bound.allowed["angle"] == pytest.approx(2.01e-9, rel=1e-12, abs=0)
     # a tolerance of the sweep does not apply to this run of dynamics
     for kind, most in (("sweep", 0.011), ("dynamics", 0.02)):
-        monitored = watched_with(
-            curves, {"angle": truth}, monkeypatch, allowing({}, abs=0.11, run=kind)
+        monitored = monitor_pendulum(
+            curves, {"angle": truth}, monkeypatch, pendulum_with_tolerance({}, abs=0.11, run=kind)
         )
         assert monitored.bound.allowed["angle"] == pytest.approx(most, rel=1e-12, abs=0)
 
 
-def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeypatch):
+def test_a_run_has_its_own_rods_and_limits(monkeypatch):
     case = load_case(shipped("rod_cantilever.toml"))
     run, asked = plan_run(case, "equilibrium", "mujoco"), []
     curves = Curves(run.x, {name: np.ones(run.x.size) for name in case.channels_of("equilibrium")})
@@ -131,7 +140,7 @@ def test_a_run_is_done_with_its_own_rods_and_evaluated_in_its_own_limits(monkeyp
     ]
 
 
-def test_errors_are_told_over_what_they_may_be():
+def test_errors_are_given_relative_to_the_allowed_ones():
     x = np.arange(3.0)
     curves = Curves(
         x,
@@ -149,7 +158,7 @@ def test_errors_are_told_over_what_they_may_be():
     assert bound.errors(curves) == {"a": 2.0, "b": 1.5}
 
 
-def test_errors_of_a_case_are_those_from_its_reference_at_the_state_of_the_drives(monkeypatch):
+def test_errors_of_a_case_use_its_reference_at_the_drives_state(monkeypatch):
     """The reference is evaluated again for the curves, in a worker with the limits of the run."""
     x, asked = np.arange(3.0), []
     curves = Curves(x, {"a": np.array([0.0, 1.0, 1.0])})
@@ -164,7 +173,7 @@ def test_errors_of_a_case_are_those_from_its_reference_at_the_state_of_the_drive
     assert asked == [(PENDULUM, "dynamics", scene.reference_for, PENDULUM, "dynamics", curves)]
 
 
-def test_of_a_potential_energy_the_change_counts():
+def test_only_the_change_of_a_potential_energy_counts():
     """A potential energy is known up to a constant: adding a constant is no change."""
     x, energy = np.arange(3.0), np.array([0.0, 1.0, 3.0])
     before = Curves(x, {"energy": energy, "other": energy})
@@ -194,7 +203,7 @@ SENSORS = [
 ]
 
 
-def draft_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (), sensors=SENSORS):
+def edited_model_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (), sensors=SENSORS):
     """A stand-in for an edited model with four sensors, one of which the study may have added."""
     spec = SimpleNamespace(
         joints=[SimpleNamespace(name="crank")],
@@ -207,10 +216,15 @@ def draft_of(monitored: tuple[str, ...] = (), probes: tuple[str, ...] = (), sens
     )
 
 
-def test_what_is_watched_is_read_by_the_sensors_of_its_name_and_those_on_it():
-    assert scene.sensors_at(draft_of(), ("tip", "rate")) == {"tip", "rate", "place", "probe of tip"}
-    assert scene.monitored_sensors(draft_of()) is None
-    own = draft_of(("tip", "angle"), ("probe of tip",))
+def test_an_element_is_monitored_by_sensors_with_its_name_or_at_it():
+    assert scene.sensors_at(edited_model_of(), ("tip", "rate")) == {
+        "tip",
+        "rate",
+        "place",
+        "probe of tip",
+    }
+    assert scene.monitored_sensors(edited_model_of()) is None
+    own = edited_model_of(("tip", "angle"), ("probe of tip",))
     assert scene.monitored_sensors(own) == {"angle", "probe of tip"}
     curves = Curves(
         np.zeros(1),
@@ -220,11 +234,11 @@ def test_what_is_watched_is_read_by_the_sensors_of_its_name_and_those_on_it():
     left = scene.select_monitored(own, curves)
     assert (list(left.channels), left.steps) == (["angle", "probe of tip[0]"], 7)
     assert left.channels["probe of tip[0]"] == 1.0
-    assert scene.select_monitored(draft_of(), curves) is curves
+    assert scene.select_monitored(edited_model_of(), curves) is curves
 
 
-def test_a_run_of_which_some_sensors_are_watched_has_their_channels_alone():
-    monitored = watch_of(
+def test_a_run_keeps_only_the_channels_of_monitored_sensors():
+    monitored = monitored_run_of(
         {"pin.x": 1.0, "pin.y": 2.0, "point.x": 3.0, "pin": 4.0},
         {"pin.x": [1.0], "pin.y": [2.0], "point.x": [3.0], "pin": [4.0]},
     )
@@ -250,48 +264,54 @@ def test_a_run_of_which_some_sensors_are_watched_has_their_channels_alone():
     assert scene.keep_channels(monitored, {"pin"}).bound is None
 
 
-ONE = watch_of({"y": 1.0}, {"y": [0.0]})
+ONE_CHANNEL_RUN = monitored_run_of({"y": 1.0}, {"y": [0.0]})
 
 
 @pytest.mark.parametrize(
     ("edited", "words"),
     [
         (
-            draft_of(("crank", "angle", "probe of tip"), ("probe of tip",)),
+            edited_model_of(("crank", "angle", "probe of tip"), ("probe of tip",)),
             "Monitored: joint crank and sensor angle, and nothing else.",
         ),
         (
-            draft_of((), ("probe of tip",)),
+            edited_model_of((), ("probe of tip",)),
             "Monitored, since no sidecar and no --watch says what matters: all sensors of the "
             "model, angle, place and rate.",
         ),
         (
-            draft_of((), ("probe of tip",), SENSORS[2:3]),
+            edited_model_of((), ("probe of tip",), SENSORS[2:3]),
             "Monitored, since no sidecar, no sensor and no --watch says what matters: everything "
             "that moves.",
         ),
     ],
 )
-def test_it_is_said_what_is_watched_and_why(edited, words, monkeypatch):
+def test_a_sentence_states_what_is_monitored_and_why(edited, words, monkeypatch):
     """Sensors that the study adds are not named.
 
     There is no sentence on independent groups if there is only one or if finding them fails.
     """
-    for answer in (lambda *_, **__: [["a"]], fails(TimedOut("late")), fails(ValueError("other"))):
+    for answer in (
+        lambda *_, **__: [["a"]],
+        raising(TimedOut("late")),
+        raising(ValueError("other")),
+    ):
         monkeypatch.setattr(scene, "call_isolated", answer)
-        assert list(scene.describe_monitored(edited, ONE)) == [words]
+        assert list(scene.describe_monitored(edited, ONE_CHANNEL_RUN)) == [words]
 
 
-def test_it_is_said_how_potential_energies_are_read(monkeypatch):
-    monkeypatch.setattr(scene, "call_isolated", fails(TimedOut("late")))
-    _, level = scene.describe_monitored(draft_of(), replace(ONE, level=frozenset({"b", "a"})))
+def test_a_sentence_states_how_potential_energies_are_compared(monkeypatch):
+    monkeypatch.setattr(scene, "call_isolated", raising(TimedOut("late")))
+    _, level = scene.describe_monitored(
+        edited_model_of(), replace(ONE_CHANNEL_RUN, level=frozenset({"b", "a"}))
+    )
     assert level == (
         "a and b: a potential energy is known up to a constant, so only its change "
         "counts; what does not move adds nothing to it."
     )
 
 
-def test_groups_that_do_not_act_on_each_other_are_named_where_all_are_watched(monkeypatch):
+def test_independent_groups_are_named_if_everything_is_monitored(monkeypatch):
     """If the caller has named what is monitored, there is no sentence on groups."""
     asked = []
 
@@ -300,18 +320,18 @@ def test_groups_that_do_not_act_on_each_other_are_named_where_all_are_watched(mo
         return [["a", "b"], ["c"]]
 
     monkeypatch.setattr(scene, "call_isolated", answer)
-    _, groups = scene.describe_monitored(draft_of(), ONE)
-    assert asked == [("groups", "model", ONE.run, 600.0)]
+    _, groups = scene.describe_monitored(edited_model_of(), ONE_CHANNEL_RUN)
+    assert asked == [("groups", "model", ONE_CHANNEL_RUN.run, 600.0)]
     assert groups == (
         "2 groups of bodies move without acting on each other in this run, through no contact, "
         "equality, tendon or actuator: a, b; c. All of what is monitored of them is kept. --watch "
         "NAME, with a joint, body, site or sensor of the group that matters, leaves the others "
         "out."
     )
-    assert len(list(scene.describe_monitored(draft_of(("tip",)), ONE))) == 1
+    assert len(list(scene.describe_monitored(edited_model_of(("tip",)), ONE_CHANNEL_RUN))) == 1
 
 
-def test_a_sidecar_speaks_of_the_model_that_it_names_or_the_one_of_its_own_name(tmp_path):
+def test_a_sidecar_is_about_the_model_it_names_or_that_of_its_own_name(tmp_path):
     file = tmp_path / "crank.toml"
     for text, model in (
         ('model = "other.xml"', "other.xml"),
@@ -349,12 +369,12 @@ def test_sidecars_are_read_strictly_each_within_a_minute(tmp_path, monkeypatch):
     assert list(scene.load_sidecars(tmp_path / "c.xml")) == [("c.toml", True)]
 
 
-def test_a_model_that_no_sidecar_speaks_of_is_compiled_in_a_worker_first(tmp_path, monkeypatch):
+def test_compiling_in_a_worker_is_limited_to_two_minutes(tmp_path, monkeypatch):
     """A model that takes too long or too much memory is bad input.
 
     A model that MuJoCo refuses is only reported as not compiling; reading it gives the reason.
     """
-    file, asked = falling(tmp_path), []
+    file, asked = write_pendulum(tmp_path), []
     monkeypatch.setattr(
         scene,
         "call_isolated",
@@ -362,7 +382,7 @@ def test_a_model_that_no_sidecar_speaks_of_is_compiled_in_a_worker_first(tmp_pat
     )
     scene.compile_in_worker(file)
     assert asked == [(scene.can_compile, (file,), 120.0)]
-    monkeypatch.setattr(scene, "call_isolated", fails(TimedOut("no answer")))
+    monkeypatch.setattr(scene, "call_isolated", raising(TimedOut("no answer")))
     with pytest.raises(InputError) as error:
         scene.compile_in_worker(file)
     assert (error.value.file, error.value.key, error.value.wrong) == (

@@ -20,26 +20,26 @@ from proofmass.studies.diet.scene import Bound, DietScene, MonitoredRun
 from proofmass.studies.diet.table import Entry
 from proofmass.studies.diet.trial import Cost, CostComparison
 from tests.studies.test_study_verdicts import (
-    Asked,
-    Cuts,
-    Given,
-    Outcomes,
-    case_of,
-    cost_of,
+    ModelWithProbe,
+    NamesOfRemoved,
+    RecordingStore,
+    SearchByNames,
+    answering_in_turn,
+    diet_scene,
     feature,
-    scene_with,
-    watch_of,
+    load_shipped_case,
+    monitored_run_of,
 )
 
-POINT = "<mujoco><worldbody><geom size='{}'/></worldbody></mujoco>"
+SPHERE_MODEL = "<mujoco><worldbody><geom size='{}'/></worldbody></mujoco>"
 
 
-def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources(
-    tmp_path, monkeypatch
-):
+def test_results_are_kept_for_equal_models_runs_engines_and_sources(tmp_path, monkeypatch):
     """A result is made again if something that it depends on has changed, and only then."""
     folder = tmp_path / "a" / "b"
-    one, two, twin = (mujoco.MjModel.from_xml_string(POINT.format(size)) for size in (1, 2, 1))
+    one, two, twin = (
+        mujoco.MjModel.from_xml_string(SPHERE_MODEL.format(size)) for size in (1, 2, 1)
+    )
     made: list[int] = []
 
     def once(models, runs, there: Path | None = folder):
@@ -64,12 +64,12 @@ def test_what_came_of_models_is_kept_for_the_same_models_runs_engine_and_sources
     assert len(list(tmp_path.rglob("*.json"))) == 6
 
 
-def stepping(**how) -> MonitoredRun:
+def stepped_run(**changes) -> MonitoredRun:
     """A monitored run with time steps."""
-    return replace(watch_of({"y": 0.5}, {"y": [0.0] * 9}), **how)
+    return replace(monitored_run_of({"y": 0.5}, {"y": [0.0] * 9}), **changes)
 
 
-class Options(DietSearch):
+class OptionTrials(DietSearch):
     """A search whose edited models are lists of cuts: one with a "bad" cut matters.
 
     What it is asked to time is kept in its store.
@@ -88,11 +88,13 @@ class Options(DietSearch):
         return replace(entry, saved=self.saving.get(entry.name, ()))
 
 
-def options(rounds: int = 0) -> Options:
-    return Options(scene_with(stepping()), rounds=rounds, store=Asked(), workers="workers")
+def option_search(rounds: int = 0) -> OptionTrials:
+    return OptionTrials(
+        diet_scene(stepped_run()), rounds=rounds, store=RecordingStore(), workers="workers"
+    )
 
 
-def making(*names: str, asked: list | None = None):
+def option_maker(*names: str, asked: list | None = None):
     """A maker of options with these names for any edited model; `asked` collects the models."""
 
     def make(now, scene) -> list[Feature]:
@@ -104,11 +106,15 @@ def making(*names: str, asked: list | None = None):
     return make
 
 
-def test_the_first_value_that_holds_is_taken_and_the_last_that_does_not_is_told():
-    own, asked = options(), []
+def test_the_first_harmless_value_is_taken_or_the_last_one_is_listed():
+    own, asked = option_search(), []
     now, found = own.changed(
-        Cuts(["old"]),
-        (making("bad 1", "one", "other"), making("bad 2", "bad 3", asked=asked), making()),
+        NamesOfRemoved(["old"]),
+        (
+            option_maker("bad 1", "one", "other"),
+            option_maker("bad 2", "bad 3", asked=asked),
+            option_maker(),
+        ),
     )
     assert now == ["old", "one"]
     assert asked == [["old", "one"]]  # the next maker starts from the result of the one before
@@ -120,7 +126,7 @@ def test_the_first_value_that_holds_is_taken_and_the_last_that_does_not_is_told(
     assert len(own.store.keys) == 4  # "other" is not tried
 
 
-def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
+def test_steps_are_lengthened_until_none_is_harmless(monkeypatch):
     """After a step of factor 4 is found harmless, longer steps are tried, here factor 8.
 
     Another maker of options is called only once after it has found a harmless value.
@@ -130,23 +136,25 @@ def test_steps_are_lengthened_as_long_as_one_holds(monkeypatch):
         return [feature(name) for name in (["4", "2"] if "4" not in now else ["bad 8"])]
 
     monkeypatch.setattr(diet, "lengthen_step", steps)
-    now, found = options().changed(Cuts(), (steps,))
+    now, found = option_search().changed(NamesOfRemoved(), (steps,))
     assert now == ["4"]
     assert [e.name for *_, e in found] == ["4", "bad 8"]
     once = [lambda now, scene: steps(now, scene)]
-    assert [e.name for *_, e in options().changed(Cuts(), tuple(once))[1]] == ["4"]
+    assert [e.name for *_, e in option_search().changed(NamesOfRemoved(), tuple(once))[1]] == ["4"]
 
 
-def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
+def test_the_order_with_less_work_is_taken(monkeypatch):
     """Both orders start from the result of the counted options.
 
     Each value that is taken is timed against the model before it.
     """
-    monkeypatch.setattr(diet, "COUNTED_OPTIONS", (making("counted"),))
+    monkeypatch.setattr(diet, "COUNTED_OPTIONS", (option_maker("counted"),))
     monkeypatch.setattr(
-        diet, "OPTION_ORDERS", ((making("first"), making("bad")), (making("second"),))
+        diet,
+        "OPTION_ORDERS",
+        ((option_maker("first"), option_maker("bad")), (option_maker("second"),)),
     )
-    monkeypatch.setattr(diet, "TIMED_OPTIONS", (making("clocked"),))
+    monkeypatch.setattr(diet, "TIMED_OPTIONS", (option_maker("clocked"),))
     monkeypatch.setattr(
         diet, "evaluations_per_second", lambda edited: {"first": 2.0}.get(edited[-1], 1.0)
     )
@@ -158,8 +166,8 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
 
     monkeypatch.setattr(diet, "change_integrator", integrators)
     for order in ("second", "first"):
-        own = options()
-        now, entries = own.optioned(Cuts(["old"]))
+        own = option_search()
+        now, entries = own.optioned(NamesOfRemoved(["old"]))
         assert now == ["old", "counted", order]
         assert seen.pop() == (["old", "counted"], own.scene)
         told = ["counted", order] + ["bad"] * (order == "first")
@@ -179,7 +187,7 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch):
         ((0.1, 0.5, 0.6), "harmless"),
     ],
 )
-def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome, monkeypatch):
+def test_a_timed_option_is_taken_if_its_whole_interval_is_a_saving(saved, outcome, monkeypatch):
     """It is taken if the lower end of the interval of the saved time is above 0.
 
     The next maker of options starts from the model with the value that was taken.
@@ -189,16 +197,16 @@ def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome,
         monkeypatch.setattr(diet, name, ((),) * (name == "OPTION_ORDERS"))
     monkeypatch.setattr(diet, "change_integrator", lambda now, scene: [])
     monkeypatch.setattr(
-        diet, "TIMED_OPTIONS", (making("bad", "one", "two"), making("x", asked=asked))
+        diet, "TIMED_OPTIONS", (option_maker("bad", "one", "two"), option_maker("x", asked=asked))
     )
     monkeypatch.setattr(diet, "evaluations_per_second", lambda edited: 1.0)
-    own = options(rounds=3)
+    own = option_search(rounds=3)
     monkeypatch.setattr(
-        Options,
+        OptionTrials,
         "saving",
         {"one": saved, "bad": (0.1, 0.2, 0.3), "two": (0.1, 0.2, 0.3), "x": (-0.1, 0.0, 0.1)},
     )
-    now, entries = own.optioned(Cuts(["old"]))
+    now, entries = own.optioned(NamesOfRemoved(["old"]))
     taken = "one" if outcome == "harmless" else "two"
     names = ["bad", "one", "x"] if taken == "one" else ["bad", "one", "two", "x"]
     assert now == ["old", taken]
@@ -217,28 +225,30 @@ def test_what_cannot_be_counted_is_taken_if_it_surely_saves_time(saved, outcome,
     ]
 
 
-def test_options_are_held_against_what_is_true_and_kept_with_it(monkeypatch):
+def test_results_of_options_are_stored_with_their_references(monkeypatch):
     """The key of a stored result of an option contains the references of the runs."""
     bound = Bound(Run("dynamics", np.zeros(2), ()), {"y": 0.1}, {"y": np.zeros(2)})
-    free, held = stepping(name="free"), stepping(name="held", bound=bound)
+    free, held = stepped_run(name="free"), stepped_run(name="held", bound=bound)
     for tuned, more in ((True, [None, reference_key(held)]), (False, [])):
-        own = (Options if tuned else Outcomes)(scene_with(free, held), rounds=0, store=Asked())
-        _, found = own.tried(Cuts(), feature("new"), tuned)
+        own = (OptionTrials if tuned else SearchByNames)(
+            diet_scene(free, held), rounds=0, store=RecordingStore()
+        )
+        _, found = own.tried(NamesOfRemoved(), feature("new"), tuned)
         assert found.message == ("held" if tuned else "said")
         ((_, runs),) = own.store.keys
         assert runs == [(w.name, w.run, w.allowed, w.before.channels) for w in (free, held)] + more
 
 
-def test_a_key_of_what_is_true_is_the_same_for_the_same():
+def test_equal_references_have_equal_keys():
     """The key is pickled, so the order of the parameters in a sidecar must make no difference."""
     run, truth = Run("dynamics", np.zeros(2), ()), {"y": np.zeros(2)}
-    assert reference_key(stepping()) is None
-    free = stepping(bound=Bound(run, {"y": 0.1}, truth))
+    assert reference_key(stepped_run()) is None
+    free = stepped_run(bound=Bound(run, {"y": 0.1}, truth))
     assert reference_key(free) == (run, {"y": 0.1}, truth, None)
-    case = case_of("pendulum").model_copy(
+    case = load_shipped_case("pendulum").model_copy(
         update={"reference": "one", "parameters": {"b": 1.0, "a": 2.0, "c": "word"}}
     )
-    held = stepping(bound=Bound(run, {"y": 0.1}, case=case))
+    held = stepped_run(bound=Bound(run, {"y": 0.1}, case=case))
     assert reference_key(held) == (
         run,
         {"y": 0.1},
@@ -247,13 +257,13 @@ def test_a_key_of_what_is_true_is_the_same_for_the_same():
     )
 
 
-class Named(Given):
+class NamedSensorModel(ModelWithProbe):
     """An edited model in which one sensor is monitored by its name."""
 
     monitored = ("probe",)
 
 
-def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monkeypatch):
+def test_options_are_judged_by_errors_and_may_take_three_times_as_long(monkeypatch):
     """A run with a reference is judged by errors, one without by changes, as for a feature.
 
     A run is given up after three times the wall time of the original (20 s), or after 30 s.
@@ -261,21 +271,26 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
     bound = Bound(
         Run("dynamics", np.zeros(1), (), settings={"own": 1}), {"y": 0.25}, {"y": np.array([3.0])}
     )
-    one = replace(watch_of({"y": 0.5}, {"y": [1.0]}), name="held", bound=bound)
+    one = replace(monitored_run_of({"y": 0.5}, {"y": [1.0]}), name="held", bound=bound)
     one = replace(one, before=replace(one.before, seconds=20.0))
-    two = replace(watch_of({"y": 0.5, "probe": 0.5}, {"y": [1.0], "probe": [1.0]}), name="moved")
-    for edited, shown, outcome in ((Given(), 0.0, "harmless"), (Named(), np.inf, "matters")):
+    two = replace(
+        monitored_run_of({"y": 0.5, "probe": 0.5}, {"y": [1.0], "probe": [1.0]}), name="moved"
+    )
+    for edited, shown, outcome in (
+        (ModelWithProbe(), 0.0, "harmless"),
+        (NamedSensorModel(), np.inf, "matters"),
+    ):
         calls: list = []
         monkeypatch.setattr(
             measure,
             "call_isolated",
-            cost_of(
+            answering_in_turn(
                 calls,
                 Curves(np.zeros(1), {"y": np.array([2.875])}),
                 Curves(np.zeros(1), {"y": np.array([1.25])}),
             ),
         )
-        found = DietSearch(scene_with(one, two)).judge_errors(["first", "second"], edited)
+        found = DietSearch(diet_scene(one, two)).judge_errors(["first", "second"], edited)
         assert found == (outcome, {"held": {"y": 0.5}, "moved": {"y": 0.5, "probe": shown}}, "")
         assert calls == [
             ("attempt", "first", replace(bound.run, rods=("cut",)), 60.0),
@@ -283,15 +298,17 @@ def test_options_may_take_three_times_as_long_and_are_held_by_their_errors(monke
         ]
 
 
-def test_a_probe_that_is_watched_by_name_is_missed(monkeypatch):
+def test_a_probe_that_is_monitored_by_name_may_not_be_missing(monkeypatch):
     """A missing probe that the study has added counts as constant, and it was constant before."""
-    monitored = replace(watch_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
-    for edited, outcome in ((Given(), "harmless"), (Named(), "matters")):
-        monkeypatch.setattr(measure, "call_isolated", cost_of([], Curves(np.zeros(1), {})))
-        assert DietSearch(scene_with(monitored)).judge_changes(["model"], edited)[0] == outcome
+    monitored = replace(monitored_run_of({"probe": 0.5}, {"probe": [1.0]}), name="a")
+    for edited, outcome in ((ModelWithProbe(), "harmless"), (NamedSensorModel(), "matters")):
+        monkeypatch.setattr(
+            measure, "call_isolated", answering_in_turn([], Curves(np.zeros(1), {}))
+        )
+        assert DietSearch(diet_scene(monitored)).judge_changes(["model"], edited)[0] == outcome
 
 
-def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
+def test_options_are_timed_in_the_run_of_their_reference(monkeypatch):
     """They are timed in 2000 steps of it, features in 2000 steps of the run of the scene."""
     x = np.arange(9001.0)
     bound = Bound(Run("dynamics", x[::2], ()), {})
@@ -311,16 +328,20 @@ def test_options_are_timed_in_the_run_that_they_are_held_in(monkeypatch):
         (monitored, False, (1.0, 2000)),
         (replace(monitored, bound=None), True, (1.0, 2000)),
     ):
-        DietSearch(scene_with(one), rounds=3, store=Asked()).timed(Cuts(), Cuts(), entry, tuned)
+        DietSearch(diet_scene(one), rounds=3, store=RecordingStore()).timed(
+            NamesOfRemoved(), NamesOfRemoved(), entry, tuned
+        )
         assert asked.pop() == wanted
-    DietSearch(scene_with(monitored), rounds=3, store=Asked()).timed(Cuts(), Cuts(), entry)
+    DietSearch(diet_scene(monitored), rounds=3, store=RecordingStore()).timed(
+        NamesOfRemoved(), NamesOfRemoved(), entry
+    )
     assert asked == [(1.0, 2000)]
 
 
-class Tuning(Outcomes):
+class TunedSearch(SearchByNames):
     """A search that changes the options to those of `lean`, and lists its calls in its store."""
 
-    lean: ClassVar = Cuts(["lean"])
+    lean: ClassVar = NamesOfRemoved(["lean"])
 
     def optioned(self, reduced):
         self.store.asked.append(("optioned", reduced))
@@ -335,21 +356,21 @@ class Tuning(Outcomes):
         return entry
 
 
-def tuning(monkeypatch, kind: str = "dynamics", **how):
+def run_tuned_search(monkeypatch, kind: str = "dynamics", **options):
     monkeypatch.setattr(
         diet,
         "list_features",
         lambda reduced, scene: iter([feature("a")] if "a" not in reduced else []),
     )
-    run = replace(stepping().run, kind=kind)
-    scene = replace(scene_with(stepping(run=run), edited=Cuts()), said=("one", "two"))
-    own = Tuning(scene, rounds=0, store=Asked(), workers="workers", **how)
+    run = replace(stepped_run().run, kind=kind)
+    scene = replace(diet_scene(stepped_run(run=run), edited=NamesOfRemoved()), said=("one", "two"))
+    own = TunedSearch(scene, rounds=0, store=RecordingStore(), workers="workers", **options)
     return own, own.run()
 
 
-def test_options_are_made_cheaper_when_all_features_have_gone(monkeypatch):
+def test_options_are_changed_after_features_are_removed(monkeypatch):
     """The final model has other options, so it is compared with references, and timed likewise."""
-    own, found = tuning(monkeypatch)
+    own, found = run_tuned_search(monkeypatch)
     assert ("optioned", ["a"]) in own.store.asked
     assert found.tuned is True
     assert found.reduced == ["lean"]
@@ -360,11 +381,11 @@ def test_options_are_made_cheaper_when_all_features_have_gone(monkeypatch):
     assert found.table == (*said, *found.entries, found.whole)
 
 
-def test_options_stay_where_nothing_goes_by_steps_or_nobody_wants_them_changed(monkeypatch):
-    monkeypatch.setattr(Tuning, "lean", None)
-    assert tuning(monkeypatch)[1].tuned is False  # no option could be made cheaper
+def test_options_are_kept_without_time_steps_or_without_tuning(monkeypatch):
+    monkeypatch.setattr(TunedSearch, "lean", None)
+    assert run_tuned_search(monkeypatch)[1].tuned is False  # no option could be made cheaper
     for kind, tune in (("dynamics", False), ("equilibrium", True), ("sweep", True)):
-        own, found = tuning(monkeypatch, kind, tune=tune)
+        own, found = run_tuned_search(monkeypatch, kind, tune=tune)
         assert found.tuned is False
         assert found.reduced == ["a"]
         assert [e.name for e in found.entries] == ["a"]

@@ -16,7 +16,7 @@ from proofmass.studies.diet.trial import compare_costs, median_interval, saved_s
 PENDULUM = """<mujoco><option timestep="0.001"/><worldbody><body><joint name="hinge" axis="0 1 0"/>
   <geom size=".1" pos="0.3 0 0" contype="0" conaffinity="0"/></body>{more}</worldbody>
   <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
-CROWD = "".join(
+TWENTY_BODIES = "".join(
     f'<body pos="{k} 9 0"><joint axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>'
     for k in range(20)
 )
@@ -45,19 +45,19 @@ def test_an_interval_is_the_narrowest_that_the_sign_test_allows(n):
     assert missed(k) <= 0.01 < missed(k + 1)
 
 
-def test_few_values_bound_nothing():
+def test_fewer_than_eight_values_have_an_infinite_interval():
     assert median_interval(range(7)) == (-inf, 3.0, inf)
     assert median_interval(range(8)) == (0, 3.5, 7)
 
 
-def test_ten_null_features_in_ten_trials():
+def test_features_without_effect_show_no_saving():
     """Ten features without effect: the interval contains 0 for at least nine of them."""
     rng = np.random.default_rng(7)
     found = [saved_share(noisy_ratios(rng, 0.0)) for _ in range(10)]
     assert sum(low <= 0 <= high for low, _, high in found) >= 9
 
 
-def test_the_interval_holds_the_effect_as_often_as_it_says():
+def test_the_interval_contains_the_effect_as_often_as_it_states():
     # the level of 99 % gives 99.26 % for 15 pairs by the sign test; the share that 1000 trials find
     # may be 3 sigma less
     rng = np.random.default_rng(8)
@@ -67,14 +67,14 @@ def test_the_interval_holds_the_effect_as_often_as_it_says():
         assert holds >= 0.9926 - 3 * np.sqrt(0.0074 * 0.9926 / 1000)
 
 
-def test_an_effect_of_two_fifths_is_seen_through_the_noise():
+def test_a_saving_of_two_fifths_is_found_in_noise():
     rng = np.random.default_rng(9)
     found = [saved_share(noisy_ratios(rng, 0.4)) for _ in range(10)]
     assert sum(low > 0 for low, _, _ in found) >= 9
     assert np.median([middle for _, middle, _ in found]) == pytest.approx(0.4, abs=0.03)
 
 
-def test_a_narrower_interval_would_take_noise_for_a_change():
+def test_a_narrower_interval_often_misses_the_effect():
     """A mutation: an interval of level 50 % misses the median in up to half of all trials."""
     rng = np.random.default_rng(7)
     missed = 0
@@ -84,7 +84,7 @@ def test_a_narrower_interval_would_take_noise_for_a_change():
     assert missed > 20
 
 
-def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
+def test_pairs_are_ordered_at_random_and_compared_by_their_ratios(monkeypatch):
     """The ratios show that a model costs twice as much, and not that the machine gets slower."""
     asked = []
 
@@ -110,7 +110,7 @@ def test_pairs_are_drawn_by_lot_and_compared_pair_by_pair(monkeypatch):
     assert order == [lot.sample((0, 1), 2)[0] == 0 for _ in pairs]
 
 
-def compiled(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
+def compile_pendulum(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
     """The compiled model of a pendulum with more bodies in its scene, and its run."""
     file = folder / "pendulum.xml"
     file.write_text(PENDULUM.format(more=more))
@@ -118,23 +118,23 @@ def compiled(folder: Path, more: str) -> tuple[mujoco.MjModel, object]:
     return scene.edited.compiled(), scene.longest.run
 
 
-def test_the_time_of_a_run_is_that_of_the_processor(tmp_path):
-    model, run = compiled(tmp_path, "")
+def test_a_run_has_a_plausible_time_and_its_number_of_steps(tmp_path):
+    model, run = compile_pendulum(tmp_path, "")
     seconds, curves, _ = time_run(model, run)
     assert 0 < seconds < 10
     assert curves.steps == 1000
 
 
 @pytest.mark.slow
-def test_a_null_feature_and_one_of_known_cost_on_this_machine(tmp_path):
+def test_no_saving_and_a_known_saving_are_measured_on_this_machine(tmp_path):
     """Two equal models show no saving in at least nine of ten trials.
 
     The removal of twenty bodies shows a saving in each of three trials.
     """
-    lean, run = compiled(tmp_path, "")
+    lean, run = compile_pendulum(tmp_path, "")
     same = [compare_costs((lean, lean), run, TIMING_ROUNDS, 0.2).saved for _ in range(10)]
     assert sum(low <= 0 <= high for low, _, high in same) >= 9
-    fat, _ = compiled(tmp_path, CROWD)
+    fat, _ = compile_pendulum(tmp_path, TWENTY_BODIES)
     costs = [min(time_run(model, run)[0] for _ in range(5)) for model in (lean, fat)]
     for _ in range(3):
         low, middle, _ = compare_costs((fat, lean), run, TIMING_ROUNDS, 0.2).saved

@@ -16,9 +16,9 @@ from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.diet.trial import independent_groups
 from proofmass.worker import TimedOut
-from tests.studies.diet.test_diet_bare import bare, written
+from tests.studies.diet.test_diet_bare import compare_in_bare_mujoco, write_edited_model
 
-FAR = """<mujoco><option timestep="0.002"/>
+TWO_CRANKS = """<mujoco><option timestep="0.002"/>
 <worldbody>
   <geom name="floor" type="plane" size="99 99 .1" pos="0 0 -5"/>
   <body name="crank" pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
@@ -36,22 +36,22 @@ ENERGIES = '<e_potential name="potential"/><e_kinetic name="kinetic"/>'
 TIE = '<equality><joint name="tie" joint1="hinge" joint2="far"/></equality>'
 
 
-def far(folder: Path, sensors: str = "", tie: str = "") -> Path:
+def write_two_cranks(folder: Path, sensors: str = "", tie: str = "") -> Path:
     """Write a model of a crank, another crank 50 m away, and a rock that does not move."""
     file = folder / "far.xml"
-    file.write_text(FAR.format(sensors=sensors, tie=tie))
+    file.write_text(TWO_CRANKS.format(sensors=sensors, tie=tie))
     return file
 
 
-def left(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
+def kept_bodies_and_sentences(file: Path, **more: object) -> tuple[set[str], tuple[str, ...]]:
     """The bodies that a diet keeps, and its sentences on what was monitored."""
     scene = load_scene(file, 0.3, **more)  # type: ignore[arg-type]
     found = DietSearch(scene, rounds=0, tune=False).run()
     return {b.name for b in found.reduced.spec.bodies} - {"world"}, scene.said
 
 
-def test_all_that_moves_is_kept_and_what_does_not_act_on_it_is_named(tmp_path):
-    bodies, said = left(far(tmp_path))
+def test_moving_bodies_are_kept_and_independent_groups_are_named(tmp_path):
+    bodies, said = kept_bodies_and_sentences(write_two_cranks(tmp_path))
     assert bodies == {"crank", "far"}  # the rock has mass, but neither moves nor touches anything
     assert said[0].startswith("Monitored, since no sidecar, no sensor and no --watch says")
     assert "2 groups of bodies move without acting on each other" in said[1]
@@ -60,7 +60,7 @@ def test_all_that_moves_is_kept_and_what_does_not_act_on_it_is_named(tmp_path):
 
 
 def test_a_body_that_does_not_move_is_not_kept_for_its_potential_energy(tmp_path):
-    bodies, said = left(far(tmp_path, ENERGIES))
+    bodies, said = kept_bodies_and_sentences(write_two_cranks(tmp_path, ENERGIES))
     assert bodies == {"crank", "far"}
     assert "all sensors of the model, potential and kinetic" in said[0]
     assert "known up to a constant" in said[1]
@@ -68,58 +68,68 @@ def test_a_body_that_does_not_move_is_not_kept_for_its_potential_energy(tmp_path
     before = scenes.with_changes_since_start
     scenes.with_changes_since_start = lambda curves, names: curves
     try:
-        assert "rock" in left(far(tmp_path, ENERGIES))[0]
+        assert "rock" in kept_bodies_and_sentences(write_two_cranks(tmp_path, ENERGIES))[0]
     finally:
         scenes.with_changes_since_start = before
 
 
 @pytest.mark.parametrize("name", ["hinge", "crank", "tip", "angle"])
-def test_what_is_named_is_all_that_decides(tmp_path, name):
+def test_only_the_named_element_is_monitored(tmp_path, name):
     """It is a joint, a body, a site or a sensor; the sensors of energies are not monitored then."""
-    file = far(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
+    file = write_two_cranks(tmp_path, ENERGIES + '<jointpos name="angle" joint="hinge"/>')
     scene = load_scene(file, 0.3, (name,))
     found = DietSearch(scene, rounds=0, tune=False).run()
     assert {b.name for b in found.reduced.spec.bodies} == {"world", "crank"}
     assert scene.said[0].startswith("Monitored: ")
     assert name in scene.said[0]
-    reduced = written(found.reduced, tmp_path)
-    shown = bare_angle(file, reduced)
+    reduced = write_edited_model(found.reduced, tmp_path)
+    shown = bare_hinge_difference(file, reduced)
     assert shown <= 1e-12
     sensors = mujoco.MjSpec.from_file(str(reduced)).sensors
     assert [s.name for s in sensors] == (["angle"] if name == "angle" else [])
 
 
-def bare_angle(one: Path, two: Path) -> float:
+def bare_hinge_difference(one: Path, two: Path) -> float:
     """The largest difference of the hinge between two files in bare MuJoCo [rad]."""
-    shown = bare(one, two, 0.3, joints=["hinge"])["hinge"]
+    shown = compare_in_bare_mujoco(one, two, 0.3, joints=["hinge"])["hinge"]
     assert shown["range"] > 0.1
     return shown["moved"]
 
 
-def test_what_acts_on_what_is_named_stays(tmp_path):
+def test_bodies_that_act_on_the_named_one_are_kept(tmp_path):
     """A mutation of the scene: an equality ties the crank that is 50 m away to the other one."""
-    file = far(tmp_path, tie=TIE)
-    bodies, _ = left(file, monitored=("crank",))
+    file = write_two_cranks(tmp_path, tie=TIE)
+    bodies, _ = kept_bodies_and_sentences(file, monitored=("crank",))
     assert bodies == {"crank", "far"}
-    assert len(left(file)[1]) == 2  # there is one group, so no sentence on groups
+    assert (
+        len(kept_bodies_and_sentences(file)[1]) == 2
+    )  # there is one group, so no sentence on groups
 
 
-def test_a_name_that_is_not_there(tmp_path):
+def test_unknown_names_to_monitor_are_refused(tmp_path):
     with pytest.raises(
         InputError,
         match=r"far\.xml: --watch: no joint, body, site or sensor is "
         r"called 'crnk'; did you mean 'crank'\? there are: hinge, far, crank, rock",
     ):
-        load_scene(far(tmp_path), 0.3, ("crnk",))
+        load_scene(write_two_cranks(tmp_path), 0.3, ("crnk",))
     answer = CliRunner().invoke(
-        app, ["diet", str(far(tmp_path)), "--watch", "crnk", "-o", str(tmp_path / "reduced.xml")]
+        app,
+        [
+            "diet",
+            str(write_two_cranks(tmp_path)),
+            "--watch",
+            "crnk",
+            "-o",
+            str(tmp_path / "reduced.xml"),
+        ],
     )
     assert answer.exit_code == 2
     assert "did you mean 'crank'?" in answer.output.replace("\n", " ")
     assert "Traceback" not in answer.output
 
 
-def test_channels_of_a_sidecar_can_be_watched(models, edit):
+def test_channels_of_a_sidecar_can_be_monitored(models, edit):
     edit("pendulum.toml", r"until = 10\.0", "until = 0.5")
     edit("pendulum.toml", r"n = 1001", "n = 26")
     file = models / "pendulum.xml"
@@ -135,17 +145,17 @@ def test_channels_of_a_sidecar_can_be_watched(models, edit):
 
 
 @pytest.mark.parametrize("error", ["nan", "inf"])
-def test_an_error_is_a_number(tmp_path, error):
+def test_an_error_that_is_not_finite_is_refused(tmp_path, error):
     with pytest.raises(InputError, match=rf"--error: {error} is no share of a range"):
-        load_scene(far(tmp_path), 0.3, (), float(error))
+        load_scene(write_two_cranks(tmp_path), 0.3, (), float(error))
 
 
-def test_a_neighbour_that_hangs_costs_itself_only(tmp_path, monkeypatch):
+def test_a_sidecar_that_hangs_is_left_out(tmp_path, monkeypatch):
     """Each TOML file is read in a worker: a pipe, or a file that takes too long, is left out.
 
     A file with the name of the model is used all the same.
     """
-    file = far(tmp_path)
+    file = write_two_cranks(tmp_path)
     os.mkfifo(tmp_path / "pipe.toml")
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
     (tmp_path / "other.toml").write_text('model = "other.xml"')
@@ -186,7 +196,7 @@ TIES = {
 
 @pytest.mark.parametrize("jacobian", ["dense", "sparse"])
 @pytest.mark.parametrize("tie", TIES)
-def test_groups_are_what_nothing_joins(tie, jacobian):
+def test_independent_groups_are_bodies_that_nothing_joins(tie, jacobian):
     """A ball on another ball acts on it; a ball on the floor only acts on a fixed body."""
     text = TREES.format(tie=tie, jacobian=jacobian)
     run = Run("passive", np.linspace(0, 0.2, 11), ())
@@ -195,7 +205,7 @@ def test_groups_are_what_nothing_joins(tie, jacobian):
 
 
 @pytest.mark.parametrize("tie", TIES)
-def test_what_is_joined_feels_a_push_on_the_other(tie):
+def test_a_push_moves_only_bodies_of_its_own_group(tie):
     """The groups are checked by a push in bare MuJoCo: it does not move bodies of other groups."""
     found = []
     for push in (0.0, 1.0):

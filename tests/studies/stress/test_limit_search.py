@@ -28,21 +28,21 @@ from proofmass.studies.stress.stress import format_limit
 from tests.shipped import shipped
 
 PENDULUM = load_case(shipped("pendulum.toml"))  # 10 s in 1001 samples, in steps of 1 ms
-OTHER = PENDULUM.model_copy(update={"title": "changed"})
+CHANGED_PENDULUM = PENDULUM.model_copy(update={"title": "changed"})
 
 
 @pytest.fixture
-def own(tmp_path) -> StressedCase:
+def stressed_pendulum(tmp_path) -> StressedCase:
     return StressedCase(
         PENDULUM, "dynamics", Setting("mujoco", {"integrator": "RK4"}), Store(tmp_path)
     )
 
 
 @pytest.fixture
-def ran(monkeypatch):
-    """``ran(found)``: all runs give this result; it returns the list of their arguments."""
+def patch_runs(monkeypatch):
+    """``patch_runs(found)``: all runs give this result; it returns the list of their arguments."""
 
-    def given(found: Measurement) -> list[tuple]:
+    def patch(found: Measurement) -> list[tuple]:
         asked: list[tuple] = []
         monkeypatch.setattr(
             StressedCase,
@@ -51,27 +51,31 @@ def ran(monkeypatch):
         )
         return asked
 
-    return given
+    return patch
 
 
-def test_a_trial_tells_why_it_is_failed_and_in_which_steps(own, ran):
-    asked = ran(Measurement({"position": 0.5}, step=0.25))
-    assert own.try_case(OTHER, timestep=0.5) == TrialResult(
+def test_a_trial_gives_its_failure_and_its_time_step(stressed_pendulum, patch_runs):
+    asked = patch_runs(Measurement({"position": 0.5}, step=0.25))
+    assert stressed_pendulum.try_case(CHANGED_PENDULUM, timestep=0.5) == TrialResult(
         Failure("position off by 0.5 of its range", BoundaryKind.INACCURATE, silent=True), 0.25
     )
-    assert asked == [(OTHER, {"timestep": 0.5})]
-    ran(Measurement({"position": 0.01}, step=0.25))
-    assert own.try_case(OTHER) == TrialResult(None, 0.25)
+    assert asked == [(CHANGED_PENDULUM, {"timestep": 0.5})]
+    patch_runs(Measurement({"position": 0.01}, step=0.25))
+    assert stressed_pendulum.try_case(CHANGED_PENDULUM) == TrialResult(None, 0.25)
 
 
 @pytest.mark.parametrize(
     ("parameters", "step"),
     [({}, 1e-3), ({"timestep": 3e-3}, 3e-3), ({"timestep": 3e-3, "iterations": 7}, 3e-3)],
 )
-def test_a_run_in_steps_takes_just_those_that_are_asked_for(parameters, step, own, ran):
+def test_a_run_takes_exactly_the_steps_that_are_asked_for(
+    parameters, step, stressed_pendulum, patch_runs
+):
     """Its samples are whole steps apart; without a parameter the step is that of the model."""
-    asked = ran(Measurement(step=step * (1 + 1e-10)))
-    assert own.try_in_steps(OTHER, 2.0, **parameters) == TrialResult(None, step * (1 + 1e-10))
+    asked = patch_runs(Measurement(step=step * (1 + 1e-10)))
+    assert stressed_pendulum.try_in_steps(CHANGED_PENDULUM, 2.0, **parameters) == TrialResult(
+        None, step * (1 + 1e-10)
+    )
     ((case, given),) = asked
     assert given == parameters
     assert case.title == "changed"
@@ -81,20 +85,20 @@ def test_a_run_in_steps_takes_just_those_that_are_asked_for(parameters, step, ow
     assert run.until == pytest.approx(2.0, abs=2 * step)
 
 
-def test_another_step_than_asked_for_is_an_error_of_the_program(own, ran):
+def test_a_step_other_than_the_one_asked_for_raises(stressed_pendulum, patch_runs):
     """Otherwise the limit would be given for a wrong time step.  A failed run has no step."""
     for step in (1.001e-3, 1e-3 * (1 + 1e-8), 2e-3, 5e-4):
-        ran(Measurement(step=step))
+        patch_runs(Measurement(step=step))
         with pytest.raises(RuntimeError) as error:
-            own.try_in_steps(PENDULUM, 1.0)
+            stressed_pendulum.try_in_steps(PENDULUM, 1.0)
         assert str(error.value) == (
             f"pendulum, mujoco: took steps of {step!r} s where 0.001 s were asked for"
         )
-    ran(Measurement(outcome="stopped", step=nan))
-    assert own.try_in_steps(PENDULUM, 1.0).failure.limit == BoundaryKind.UNSTABLE
+    patch_runs(Measurement(outcome="stopped", step=nan))
+    assert stressed_pendulum.try_in_steps(PENDULUM, 1.0).failure.limit == BoundaryKind.UNSTABLE
 
 
-def test_a_boundary_is_searched_in_each_scheme_of_an_engine_that_has_several(own, monkeypatch):
+def test_each_scheme_of_an_engine_has_a_search_of_its_own(stressed_pendulum, monkeypatch):
     """With one scheme the setting of the case is searched; with two, each scheme is searched."""
     schemes = [SimpleNamespace(name=name, settings={"integrator": name}) for name in "ab"]
 
@@ -105,11 +109,11 @@ def test_a_boundary_is_searched_in_each_scheme_of_an_engine_that_has_several(own
         monkeypatch.setattr(
             limit_search, "engine_of", lambda name, n=n: SimpleNamespace(schemes=schemes[:n])
         )
-        found = list(own.search_schemes("step", "s", 1.0, inf, trial, schemes[:n]))
+        found = list(stressed_pendulum.search_schemes("step", "s", 1.0, inf, trial, schemes[:n]))
         assert [one.setting for one in found] == words
 
 
-def test_a_model_that_an_engine_refuses_is_the_changed_one(own, monkeypatch):
+def test_a_refused_model_is_that_of_the_changed_case(stressed_pendulum, monkeypatch):
     """It is tried whether the model of the changed case, whose run failed, compiles."""
     asked = []
 
@@ -118,8 +122,8 @@ def test_a_model_that_an_engine_refuses_is_the_changed_one(own, monkeypatch):
 
     monkeypatch.setattr(limit_search, "measure_or_read", failing)
     monkeypatch.setattr(limit_search, "can_compile", lambda case: asked.append(case))
-    assert own.run(OTHER) == Measurement(outcome="refused", message="why")
-    assert asked == [OTHER]
+    assert stressed_pendulum.run(CHANGED_PENDULUM) == Measurement(outcome="refused", message="why")
+    assert asked == [CHANGED_PENDULUM]
 
 
 def test_a_model_is_compiled_in_a_worker_within_a_minute(monkeypatch):
@@ -130,29 +134,31 @@ def test_a_model_is_compiled_in_a_worker_within_a_minute(monkeypatch):
         return "whether"
 
     monkeypatch.setattr(limit_search, "call_isolated", answer)
-    assert limit_search.can_compile(OTHER) == "whether"
-    assert calls == [(compiles, (OTHER.model_path,), 60.0)]
+    assert limit_search.can_compile(CHANGED_PENDULUM) == "whether"
+    assert calls == [(compiles, (CHANGED_PENDULUM.model_path,), 60.0)]
 
 
-def test_what_is_not_in_the_store_is_run(own, monkeypatch):
-    task, asked = StudyRun(PENDULUM, "dynamics", own.setting), []
+def test_a_run_is_made_once_and_then_read_from_the_store(stressed_pendulum, monkeypatch):
+    task, asked = StudyRun(PENDULUM, "dynamics", stressed_pendulum.setting), []
     monkeypatch.setattr(limit_search, "task_key", lambda task: "key")
     monkeypatch.setattr(
         limit_search, "measure_untimed", lambda *told: asked.append(told) or Measurement(steps=3)
     )
     for _ in range(2):
-        assert limit_search.measure_or_read(task, own.store, 5.0) == Measurement(steps=3)
+        assert limit_search.measure_or_read(task, stressed_pendulum.store, 5.0) == Measurement(
+            steps=3
+        )
     assert asked == [(task, 5.0)]
     assert (
-        limit_search.measure_or_read(replace(task, study="x"), own.store).steps == 3
+        limit_search.measure_or_read(replace(task, study="x"), stressed_pendulum.store).steps == 3
     )  # another study has the same key here
 
 
-GONE = Failure("gone", BoundaryKind.UNSTABLE)
-LATE = Failure("late", BoundaryKind.OURS)
+ENGINE_FAILURE = Failure("gone", BoundaryKind.UNSTABLE)
+PROOFMASS_FAILURE = Failure("late", BoundaryKind.OURS)
 
 
-def search(test, start: float, reach: float) -> LimitSearch:
+def search_by_test(test, start: float, reach: float) -> LimitSearch:
     """A search whose values hold or fail as a function says."""
     return LimitSearch("", "", "", "step", "s", start, reach, lambda x: TrialResult(test(x)))
 
@@ -174,16 +180,16 @@ def search(test, start: float, reach: float) -> LimitSearch:
 def test_of_several_boundaries_the_first_and_the_last_are_found(fails, first, last, up):
     def test(x: float) -> Failure | None:
         x = x if up else 1.0 / x
-        return GONE if any(low <= x < high for low, high in fails) else None
+        return ENGINE_FAILURE if any(low <= x < high for low, high in fails) else None
 
-    own = search(test, *((1.0, 16.0) if up else (1.0, 1 / 16.0)))
+    own = search_by_test(test, *((1.0, 16.0) if up else (1.0, 1 / 16.0)))
     found = own.find()
     breaks, again = (found.breaks, found.again) if up else (1 / found.breaks, 1 / found.again)
     assert found.several
     assert first <= breaks < 1.05 * first
     assert last / 1.05 < again <= last
     assert test(found.holds) is None
-    assert test(found.breaks) == GONE
+    assert test(found.breaks) == ENGINE_FAILURE
     assert test(found.again) is None
     assert 1.019 < max(found.breaks / found.holds, found.holds / found.breaks) < 1.021
     words = format_limit(found).split()  # the printed values are those that were tried
@@ -193,72 +199,76 @@ def test_of_several_boundaries_the_first_and_the_last_are_found(fails, first, la
 
 @pytest.mark.parametrize("within", [0.01, 1e-6, 0.5])
 @pytest.mark.parametrize("edge", [2.345678, 9.9999, 10.0])
-def test_one_boundary_stays_as_it_was_bisected(edge, within):
-    found = search(lambda x: GONE if x >= edge else None, 1.0, 64.0).find(within)
+def test_a_single_boundary_is_that_of_the_bisection(edge, within):
+    found = search_by_test(lambda x: ENGINE_FAILURE if x >= edge else None, 1.0, 64.0).find(within)
     assert found.holds < edge <= found.breaks <= (1.0 + within) * found.holds
     assert not found.several
     assert found.format_measured() == format_limit(found).removesuffix(" s")
 
 
-def test_what_is_not_known_beside_a_boundary_makes_no_second():
+def test_unknown_values_near_a_boundary_make_no_second_boundary():
     """Values at which proofmass gives up, before or beyond the boundary, are no engine failures."""
 
     def test(x: float) -> Failure | None:
-        return LATE if 1.7 < x < 1.95 or x > 2.2 else GONE if x >= 2.0 else None
+        return (
+            PROOFMASS_FAILURE if 1.7 < x < 1.95 or x > 2.2 else ENGINE_FAILURE if x >= 2.0 else None
+        )
 
-    assert not search(test, 1.0, 16.0).find().several
+    assert not search_by_test(test, 1.0, 16.0).find().several
 
 
-def test_values_beside_a_boundary_have_four_digits_and_stay_between_the_ends():
+def test_values_near_a_boundary_have_four_digits_within_the_range():
     seen = []
 
     def test(x: float) -> Failure | None:
         seen.append(x)
-        return GONE if x >= 2.0 else None
+        return ENGINE_FAILURE if x >= 2.0 else None
 
-    find_first_and_last(test, 1.5, 2.4, 1.9876543, 2.0012345, GONE)
+    find_first_and_last(test, 1.5, 2.4, 1.9876543, 2.0012345, ENGINE_FAILURE)
     assert all(x == round_to_printed(x) for x in seen)
     assert (min(seen), max(seen)) == (1.5, 2.4)
 
 
-def test_a_first_boundary_within_the_last_digit_is_told_as_a_value_that_fails():
+def test_a_boundary_within_the_last_digit_is_a_failing_value():
     """1.776 holds and 1.7764 fails, but both are printed as 1.776, so 1.777 is given."""
 
     def test(x: float) -> Failure | None:
-        return GONE if 1.77634 <= x < 1.8 or x >= 2.5 else None
+        return ENGINE_FAILURE if 1.77634 <= x < 1.8 or x >= 2.5 else None
 
-    holds, breaks, _, again = find_first_and_last(test, 1.7, 9.0, 1.7763, 1.7764, GONE)
+    holds, breaks, _, again = find_first_and_last(test, 1.7, 9.0, 1.7763, 1.7764, ENGINE_FAILURE)
     assert breaks == 1.777
     assert again == round_to_printed(again)
-    assert (test(holds), test(breaks), test(again)) == (None, GONE, None)
+    assert (test(holds), test(breaks), test(again)) == (None, ENGINE_FAILURE, None)
 
 
-def test_the_limit_as_it_is_printed_is_looked_beside():
+def test_values_are_tried_near_the_limit_as_it_is_printed():
     """1.985 holds, 2 fails, 1.99 is printed: 2 % before 1.99 a value fails, 2 % before 2 none."""
 
     def test(x: float) -> Failure | None:
-        return GONE if 1.949 <= x < 1.953 or x >= 2.0 else None
+        return ENGINE_FAILURE if 1.949 <= x < 1.953 or x >= 2.0 else None
 
-    holds, breaks, _, again = find_first_and_last(test, 1.0, 9.0, 1.985, 2.0, GONE)
+    holds, breaks, _, again = find_first_and_last(test, 1.0, 9.0, 1.985, 2.0, ENGINE_FAILURE)
     assert breaks == 1.951
     assert again == 1.985
     assert test(holds) is None
 
 
-def test_what_only_more_digits_tell_is_printed_with_them():
+def test_a_limit_is_printed_with_more_digits_if_needed():
     """1.77634 fails, but both neighbours of it with four digits hold."""
 
     def test(x: float) -> Failure | None:
-        return GONE if 1.7763 < x < 1.7764 or x >= 2.5 else None
+        return ENGINE_FAILURE if 1.7763 < x < 1.7764 or x >= 2.5 else None
 
-    holds, breaks, failure, again = find_first_and_last(test, 1.7, 9.0, 1.7763, 1.77634, GONE)
+    holds, breaks, failure, again = find_first_and_last(
+        test, 1.7, 9.0, 1.7763, 1.77634, ENGINE_FAILURE
+    )
     found = Boundary("", "", "", "step", "s", 1.7, 9.0, holds, breaks, failure="gone", again=again)
-    assert failure == GONE
+    assert failure == ENGINE_FAILURE
     assert format_limit(found).startswith("1.77634 to ")
     assert "fails at 1.77634 s" in describe_boundary(found)
 
 
-def test_the_last_value_that_was_tried_is_printed_as_where_nothing_fails():
+def test_the_end_of_the_range_is_printed_with_three_digits():
     """The end of the range is 1e12 times 6.5797, whose digits have no meaning, so three suffice."""
     found = Boundary("", "", "", "k", "1", 6.5797, 6.579736e12, 1.3e10, 1.341e10, again=6.579736e12)
     assert format_limit(found) == "1.341e10 to 6.58e12"

@@ -50,7 +50,7 @@ def test_a_boundary_is_between_its_sides(start, reach, edge):
     assert failure == ("gone", "unstable", True)
 
 
-def test_what_never_holds_and_what_always_does():
+def test_a_search_may_fail_at_its_start_or_hold_to_its_end():
     never = LimitSearch(
         "", "", "", "", "", 1.0, 9.0, lambda x: TrialResult(Failure("no", BoundaryKind.UNSTABLE))
     ).find()
@@ -68,23 +68,23 @@ def test_what_never_holds_and_what_always_does():
     )
 
 
-def test_a_reset_is_heard(stressed):
+def test_a_reset_by_mujoco_is_found_by_its_warning(stressed):
     """MuJoCo resets a diverged state and goes on, so only its warning shows the failure."""
     case = stressed("pendulum").case
     failure = stressed("pendulum", integrator="Euler").find_failure(
         case, timestep=1e-3, tolerance=0.0
     )
     assert failure is None
-    held = stressed("fourbar", integrator="RK4")
-    run = held.case.run["dynamics"].model_copy(update={"n": 3})
-    far = held.case.model_copy(update={"run": {"dynamics": run}})
-    failure = held.find_failure(far, timestep=3.0)
+    base = stressed("fourbar", integrator="RK4")
+    run = base.case.run["dynamics"].model_copy(update={"n": 3})
+    far = base.case.model_copy(update={"run": {"dynamics": run}})
+    failure = base.find_failure(far, timestep=3.0)
     assert failure
     assert "MuJoCo warning" in failure.message
     assert not failure.silent
 
 
-def test_an_open_loop_is_seen_though_all_is_finite(stressed):
+def test_an_open_loop_is_a_failure_though_all_values_are_finite(stressed):
     """A constraint impedance of 0.5 leaves half of the acceleration by gravity of the open loop."""
     failure = stressed("fourbar").find_failure(
         stressed("fourbar").case, solref=(50.0, 1.0), solimp=(0.5, 0.5)
@@ -94,7 +94,7 @@ def test_an_open_loop_is_seen_though_all_is_finite(stressed):
     assert failure.silent
 
 
-def test_a_run_that_is_finite_and_wrong_is_failed(stressed):
+def test_a_finite_run_with_a_large_error_is_a_failure(stressed):
     """The step is 0.5 s for a pendulum with a period of about 2 s, which has no loop to open."""
     pendulum = stressed("pendulum", integrator="Euler")
     run = pendulum.case.run["dynamics"].model_copy(update={"n": 21})
@@ -122,23 +122,23 @@ def test_scaled_mechanisms_have_scaled_curves(stressed, name, kind, engine, fact
     The cases have hinges and a slide, a free motion, whose reference reads the scaled model itself,
     and springs.
     """
-    held = stressed(name, engine, kind)
-    run = held.case.run[kind]
+    base = stressed(name, engine, kind)
+    run = base.case.run[kind]
     brief = {"n": 11, "until": run.until and run.until / 4}
-    few = held.case.model_copy(update={"run": {kind: run.model_copy(update=brief)}})
-    assert try_size(replace(held, case=few), 0.0, factor).failure is None
+    few = base.case.model_copy(update={"run": {kind: run.model_copy(update=brief)}})
+    assert try_size(replace(base, case=few), 0.0, factor).failure is None
 
 
-def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
+def test_a_centre_within_a_micrometre_of_its_hinge_loses_its_weight_moment(stressed):
     """Below 2e-6 of the size MuJoCo moves the crank's centre, 0.5 m from its hinge, to the hinge.
 
     The crank's weight then has no moment.  The error of the holding moment is less than a tenth of
     its range, and is found by comparison with the run at the original size.
     """
-    held = stressed("fourbar", "mujoco", "sweep")
-    few = held.case.run["sweep"].model_copy(update={"n": 11})
-    held = replace(held, case=held.case.model_copy(update={"run": {"sweep": few}}))
-    smaller = next(s for s in search_size(held) if s.reach < 1)
+    base = stressed("fourbar", "mujoco", "sweep")
+    few = base.case.run["sweep"].model_copy(update={"n": 11})
+    base = replace(base, case=base.case.model_copy(update={"run": {"sweep": few}}))
+    smaller = next(s for s in search_size(base) if s.reach < 1)
     assert smaller.theory == pytest.approx(2e-6)
     assert smaller.trial(2.1e-6).failure is None
     failure = smaller.trial(1.9e-6).failure
@@ -148,10 +148,10 @@ def test_places_within_a_micrometre_of_their_body_are_its_origin(stressed):
     assert failure.silent
 
 
-def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stressed):
+def test_a_size_that_mujoco_cannot_compile_is_no_limit_of_pymunk(stressed):
     """MuJoCo reads the model for both engines, so pymunk is not run at that size."""
-    held = stressed("pendulum", "pymunk")
-    smaller = next(s for s in search_size(held) if s.reach < 1)
+    base = stressed("pendulum", "pymunk")
+    smaller = next(s for s in search_size(base) if s.reach < 1)
     assert np.isnan(smaller.theory)
     found = smaller.find()
     assert (found.limit, found.found, found.silent) == (BoundaryKind.OURS, False, False)
@@ -160,22 +160,22 @@ def test_what_mujoco_does_not_compile_is_no_boundary_of_chipmunk(stressed):
     assert "MuJoCo, which reads the model for pymunk" in found.failure
 
 
-def test_a_scale_that_forgets_something_is_noticed(stressed):
+def test_a_scaling_that_leaves_something_out_fails(stressed):
     """With scaled lengths and the original gravity the pendulum has another period.
 
     With scaled lengths and the original channels the pin of the slider-crank, but no angle of the
     pendulum, has an error.
     """
-    held = stressed("pendulum")
-    larger = variants.with_scaled_lengths(held.case, held.models, 4.0)
-    assert held.find_failure(larger) is None
+    base = stressed("pendulum")
+    larger = variants.with_scaled_lengths(base.case, base.models, 4.0)
+    assert base.find_failure(larger) is None
     forgotten = variants.with_model(
         larger,
-        held.models,
+        base.models,
         lambda root: variants.set_gravity(root, compile_model(larger.model_path), 0.25),
     )
-    assert held.find_failure(forgotten)
-    assert held.find_failure(larger.model_copy(update={"channels": held.case.channels})) is None
+    assert base.find_failure(forgotten)
+    assert base.find_failure(larger.model_copy(update={"channels": base.case.channels})) is None
     crank = stressed("slider_crank")
     larger = variants.with_scaled_lengths(crank.case, crank.models, 4.0)
     assert crank.find_failure(larger.model_copy(update={"channels": crank.case.channels}))
@@ -183,15 +183,15 @@ def test_a_scale_that_forgets_something_is_noticed(stressed):
 
 @pytest.mark.parametrize(("engine", "factor"), [("mujoco", 1e6), ("pymunk", 1e-6)])
 def test_stronger_springs_need_proportional_moments(stressed, engine, factor):
-    held = stressed("balancer_sine", engine, "sweep")
-    few = held.case.model_copy(
-        update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 10})}}
+    base = stressed("balancer_sine", engine, "sweep")
+    few = base.case.model_copy(
+        update={"run": {"sweep": base.case.run["sweep"].model_copy(update={"n": 10})}}
     )
-    assert held.find_failure(variants.with_scaled_stiffness(few, held.models, factor)) is None
-    wrong = variants.with_scaled_stiffness(few, held.models, factor).model_copy(
+    assert base.find_failure(variants.with_scaled_stiffness(few, base.models, factor)) is None
+    wrong = variants.with_scaled_stiffness(few, base.models, factor).model_copy(
         update={"channels": few.channels}
     )
-    assert held.find_failure(wrong).message.startswith("force or torque off by")
+    assert base.find_failure(wrong).message.startswith("force or torque off by")
 
 
 def test_the_least_inertia_bounds_the_size(stressed):
@@ -220,48 +220,48 @@ def test_the_least_inertia_bounds_the_size(stressed):
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_limit_positions_come_from_the_reference(stressed, engine):
     """The four-bar 2, 2, 2.5, 3 starts at -2 rad; its limit is arccos((4 + 9 - 4.5^2) / 12)."""
-    held = stressed("triple_rocker", engine)
-    case = held.case.model_copy(
-        update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
+    base = stressed("triple_rocker", engine)
+    case = base.case.model_copy(
+        update={"run": {"sweep": base.case.run["sweep"].model_copy(update={"n": 41})}}
     )
-    way = next(search_limit_position(replace(held, case=case)))
-    assert way.parameter == "drive's way"
-    assert way.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
-    assert way.trial(0.99 * way.theory).failure is None
-    assert way.trial(1.01 * way.theory).failure
+    limit_search = next(search_limit_position(replace(base, case=case)))
+    assert limit_search.parameter == "drive's way"
+    assert limit_search.theory == pytest.approx(2.0 + np.arccos(-7.25 / 12), rel=1e-5)
+    assert limit_search.trial(0.99 * limit_search.theory).failure is None
+    assert limit_search.trial(1.01 * limit_search.theory).failure
 
 
 @pytest.mark.slow
-def test_a_model_with_another_limit_position_is_noticed(stressed):
+def test_a_wrong_length_moves_the_limit_position(stressed):
     """A rocker that is 2 % longer lets the crank turn 1 % further.
 
     The errors of angles and moments are too large before that limit position.
     """
-    held = stressed("triple_rocker")
+    base = stressed("triple_rocker")
 
     def change(root):
         next(s for s in root.iter("site") if s.get("name") == "rocker_end").set("pos", "2.55 0 0")
 
-    case = held.case.model_copy(
-        update={"run": {"sweep": held.case.run["sweep"].model_copy(update={"n": 41})}}
+    case = base.case.model_copy(
+        update={"run": {"sweep": base.case.run["sweep"].model_copy(update={"n": 41})}}
     )
-    wrong = variants.with_model(case, held.models, change)
-    search = next(s for s in list_extremes(wrong, held.store)[0] if s.parameter == "drive's way")
+    wrong = variants.with_model(case, base.models, change)
+    search = next(s for s in list_extremes(wrong, base.store)[0] if s.parameter == "drive's way")
     found = search.find()
     assert found.ratio < 0.99
     assert "off by" in found.failure
 
 
-def test_boundaries_that_begin_alike_do_not_meet(stressed):
+def test_threads_that_change_a_model_alike_share_one_file(stressed):
     """Eight threads write the same changed model at once, and no file of a thread disappears."""
-    held = stressed("fourbar")
+    base = stressed("fourbar")
     for factor in np.linspace(2.0, 3.0, 20).tolist():
-        change = partial(variants.with_scaled_last_mass, held.case, held.models)
+        change = partial(variants.with_scaled_last_mass, base.case, base.models)
         with ThreadPoolExecutor(8) as threads:
             assert len({case.model for case in threads.map(change, [factor] * 8)}) == 1
 
 
-def test_a_long_run_turns_on_or_goes_to_and_fro(stressed):
+def test_a_longer_run_turns_further_or_moves_back_and_forth(stressed):
     turned = with_longer_run(stressed("fourbar").case, 3.0, 2 * np.pi)
     assert turned.drive[0].to == pytest.approx(6 * np.pi)
     assert turned.drive[0].rate == 1.0
@@ -272,21 +272,21 @@ def test_a_long_run_turns_on_or_goes_to_and_fro(stressed):
     assert slid.run["dynamics"].until == 3.0
 
 
-def test_a_case_is_run_as_its_first_solver_is_set(stressed, monkeypatch):
+def test_the_first_solver_of_an_engine_gives_the_setting(stressed, monkeypatch):
     """For the rod that snaps it is mujoco:settled, which falls where the plain sweep ends."""
-    held, stands = stressed("rod_snap", kind="sweep"), []
+    base, stands = stressed("rod_snap", kind="sweep"), []
     monkeypatch.setattr(
         "proofmass.studies.stress.extremes.SEARCHES", (lambda one: stands.append(one) or (),)
     )
-    list_extremes(held.case, held.store)
+    list_extremes(base.case, base.store)
     assert [one.setting for one in stands] == [
         Setting("mujoco", {"settled": True}),
         Setting("pymunk", {}),
     ]
 
 
-def test_a_reference_that_is_late_is_not_the_engines_fault(stressed, monkeypatch):
-    held, words = stressed("pendulum"), "no answer in 60 s"
+def test_a_slow_reference_is_not_a_failure_of_the_engine(stressed, monkeypatch):
+    base, words = stressed("pendulum"), "no answer in 60 s"
 
     def late(function, *arguments, **_):
         if function is observe:
@@ -294,14 +294,14 @@ def test_a_reference_that_is_late_is_not_the_engines_fault(stressed, monkeypatch
         return function(*arguments)
 
     monkeypatch.setattr("proofmass.studies.measure.call_isolated", late)
-    failure = held.find_failure(held.case)
+    failure = base.find_failure(base.case)
     assert failure.message == f"no reference: {words}; the engine has its run"
 
     def never(function, *arguments, **_):
         raise TimedOut(words)
 
     monkeypatch.setattr("proofmass.studies.measure.call_isolated", never)
-    failure = held.find_failure(held.case, timestep=2e-3)
+    failure = base.find_failure(base.case, timestep=2e-3)
     assert failure.message == f"timed out: {words}"
 
 
@@ -327,7 +327,7 @@ def test_trials_are_made_once(tmp_path):
     assert len(tried) == 2 * count
 
 
-def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
+def test_the_table_is_complete_and_the_page_is_made_from_it(tmp_path):
     rows = [
         Boundary(
             'spring, "soft"',
@@ -431,7 +431,7 @@ def test_the_table_holds_everything_and_the_page_needs_no_more(tmp_path):
         (["--only", "colour"], "--only colour: no such parameter"),
     ],
 )
-def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, words):
+def test_bad_input_gives_a_message_of_one_line(tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fourbar.txt").write_text("")
     arguments = ["fourbar.txt" if a == "fourbar.xml" else a for a in arguments]
@@ -443,7 +443,7 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, words):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_command_finds_writes_and_goes_on(tmp_path, monkeypatch):
+def test_command_writes_its_limits_and_can_be_repeated(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for _ in range(2):
         result = CliRunner().invoke(app, ["stress", "--only", "crank", "-o", "out"])

@@ -27,17 +27,17 @@ from proofmass.studies.stress.problems import list_problems
 from proofmass.studies.trade.program import bare_command
 from proofmass.studies.variants import with_longer_run, with_whole_steps
 
-BARE = Path(__file__).parent / "bare"
-AGREE = 0.02
+SCRIPT_FOLDER = Path(__file__).parent / "bare"
+AGREEMENT = 0.02
 PROBLEMS = {f"{p.what}, {p.setting}, {p.parameter}": p for p in list_problems()}
 
 
 @cache
-def bare(engine: str, name: str) -> float:
+def limit_of_bare_engine(engine: str, name: str) -> float:
     """A limit that a script measures, in another folder and without packages of this one."""
     with TemporaryDirectory() as folder:
         answer = subprocess.run(
-            bare_command(BARE / f"with_{engine}.py", name),
+            bare_command(SCRIPT_FOLDER / f"with_{engine}.py", name),
             cwd=folder,
             capture_output=True,
             text=True,
@@ -46,10 +46,10 @@ def bare(engine: str, name: str) -> float:
     return float(json.loads(answer.stdout)[name])
 
 
-def agrees(search: LimitSearch, limit: float) -> None:
-    """Fail if the boundary of a search is not within `AGREE` of a limit of the bare engine."""
-    assert search.trial(limit * (1 - AGREE)).failure is None
-    failure = search.trial(limit * (1 + AGREE)).failure
+def assert_boundary_is_near(search: LimitSearch, limit: float) -> None:
+    """Fail if the boundary of a search is not within `AGREEMENT` of a limit of the bare engine."""
+    assert search.trial(limit * (1 - AGREEMENT)).failure is None
+    failure = search.trial(limit * (1 + AGREEMENT)).failure
     assert failure
     assert failure.limit in (BoundaryKind.UNSTABLE, BoundaryKind.INACCURATE)
 
@@ -57,7 +57,7 @@ def agrees(search: LimitSearch, limit: float) -> None:
 def test_the_scripts_import_their_engine_and_numpy_alone():
     plain = {"cmath", "functools", "json", "math", "numpy", "pathlib", "sys"}
     for engine in ("mujoco", "pymunk"):
-        tree = ast.parse((BARE / f"with_{engine}.py").read_text(encoding="utf-8"))
+        tree = ast.parse((SCRIPT_FOLDER / f"with_{engine}.py").read_text(encoding="utf-8"))
         names = {
             name.name
             for node in ast.walk(tree)
@@ -89,17 +89,17 @@ def test_the_scripts_import_their_engine_and_numpy_alone():
         ),
     ],
 )
-def test_time_steps_of_mujoco(stressed, case, integrator):
+def test_time_step_limits_of_mujoco_are_confirmed_without_proofmass(stressed, case, integrator):
     search = next(s for s in extremes.search_time_step(stressed(case)) if s.setting == integrator)
-    agrees(search, bare("mujoco", f"{case}, {integrator}"))
+    assert_boundary_is_near(search, limit_of_bare_engine("mujoco", f"{case}, {integrator}"))
 
 
 @pytest.mark.parametrize(
     "case", ["pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)]
 )
-def test_time_steps_of_chipmunk(stressed, case):
+def test_time_step_limits_of_pymunk_are_confirmed_without_proofmass(stressed, case):
     (search,) = extremes.search_time_step(stressed(case, "pymunk"))
-    agrees(search, bare("pymunk", f"{case}, step"))
+    assert_boundary_is_near(search, limit_of_bare_engine("pymunk", f"{case}, step"))
 
 
 def test_a_point_mass_of_chipmunk_takes_a_shorter_step():
@@ -107,38 +107,43 @@ def test_a_point_mass_of_chipmunk_takes_a_shorter_step():
 
     See docs/stress.md.
     """
-    built, plain = (bare("pymunk", f"pendulum{words}, step") for words in ("", " as a point mass"))
+    built, plain = (
+        limit_of_bare_engine("pymunk", f"pendulum{words}, step")
+        for words in ("", " as a point mass")
+    )
     assert plain < 0.9 * built
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_gravity_of_a_pendulum(stressed, engine):
+def test_gravity_limits_of_a_pendulum_are_confirmed_without_proofmass(stressed, engine):
     (search,) = extremes.search_gravity(stressed("pendulum", engine))
-    agrees(search, bare(engine, "pendulum, gravity"))
+    assert_boundary_is_near(search, limit_of_bare_engine(engine, "pendulum, gravity"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_springs_in_a_pendulum(stressed, engine):
+def test_spring_limits_of_a_pendulum_are_confirmed_without_proofmass(stressed, engine):
     (search,) = extremes.search_stiffness(stressed("pendulum", engine))
-    agrees(search, bare(engine, "pendulum, spring"))
+    assert_boundary_is_near(search, limit_of_bare_engine(engine, "pendulum, spring"))
 
 
-def test_speed_of_a_driven_four_bar(stressed):
+def test_the_speed_limit_of_a_four_bar_is_confirmed_without_proofmass(stressed):
     (search,) = extremes.search_drive_speed(stressed("fourbar"))
-    agrees(search, bare("mujoco", "fourbar, drive speed"))
+    assert_boundary_is_near(search, limit_of_bare_engine("mujoco", "fourbar, drive speed"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicit"])
-def test_energy_of_a_free_four_bar(stressed, integrator):
+def test_energy_limits_of_a_four_bar_are_confirmed_without_proofmass(stressed, integrator):
     found = extremes.search_energy_error(stressed("fourbar_released"))
     search = next(s for s in found if s.setting == integrator)
-    agrees(search, bare("mujoco", f"fourbar_released, energy, {integrator}"))
+    assert_boundary_is_near(
+        search, limit_of_bare_engine("mujoco", f"fourbar_released, energy, {integrator}")
+    )
 
 
-SMALL = {
+SMALL_PROBLEMS = {
     "spring, ζ = 0, Euler": "spring on a hinge, ζ = 0, Euler, dt ω",
     "spring, ζ = 0.3, Euler": "spring on a hinge, ζ = 0.3, Euler, dt ω",
     "spring, ζ = 1, Euler": "spring on a hinge, ζ = 1, Euler, dt ω",
@@ -162,7 +167,7 @@ SMALL = {
 }
 
 
-QUICK = (
+QUICK_PROBLEMS = (
     "spring, ζ = 0.3, Euler",
     "hung pendulum, Euler",
     "velocity servo, Euler",
@@ -172,18 +177,21 @@ QUICK = (
 
 @pytest.mark.parametrize(
     "name",
-    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SMALL],
+    [
+        name if name in QUICK_PROBLEMS else pytest.param(name, marks=pytest.mark.slow)
+        for name in SMALL_PROBLEMS
+    ],
 )
-def test_small_models_have_the_limits_of_theory_in_the_engines_themselves(name):
-    search = PROBLEMS[SMALL[name]]
-    limit = bare(search.engine, name)
-    assert limit == pytest.approx(search.theory, rel=AGREE)
-    agrees(search, limit)
+def test_bare_engines_have_the_limits_of_theory_in_small_models(name):
+    search = PROBLEMS[SMALL_PROBLEMS[name]]
+    limit = limit_of_bare_engine(search.engine, name)
+    assert limit == pytest.approx(search.theory, rel=AGREEMENT)
+    assert_boundary_is_near(search, limit)
 
 
-def test_chipmunk_holds_a_damped_spring_everywhere():
+def test_a_damped_spring_has_no_limit_in_pymunk():
     assert (
-        bare("pymunk", "spring, ζ = 0.3")
+        limit_of_bare_engine("pymunk", "spring, ζ = 0.3")
         == np.inf
         == PROBLEMS["spring on a hinge, ζ = 0.3, pymunk, dt ω"].theory
     )
@@ -214,23 +222,23 @@ def test_samples_are_whole_steps_apart(stressed, name, step):
 
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar", "threeprr"])
-def test_a_long_run_has_the_steps_that_are_told(stressed, name):
+def test_a_long_run_has_the_number_of_steps_that_is_stated(stressed, name):
     """The number of steps is that of the duration, up to the steps between two samples."""
-    held = stressed(name)
+    base = stressed(name)
     case = with_whole_steps(
-        with_longer_run(held.case, 7.3, held.seconds), 7.3 * held.seconds, held.step
+        with_longer_run(base.case, 7.3, base.seconds), 7.3 * base.seconds, base.step
     )
-    per, taken = Run("dynamics", run_samples(case, "dynamics"), ()).steps(held.step)
-    assert taken == pytest.approx(held.step, rel=1e-12, abs=0)
+    per, taken = Run("dynamics", run_samples(case, "dynamics"), ()).steps(base.step)
+    assert taken == pytest.approx(base.step, rel=1e-12, abs=0)
     steps = per * (case.run["dynamics"].n - 1)
-    assert steps == pytest.approx(7.3 * held.seconds / held.step, abs=per)
+    assert steps == pytest.approx(7.3 * base.seconds / base.step, abs=per)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
 def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch):
     """With samples 1 % too far apart `Run.steps` takes two steps between them instead of one."""
-    held = stressed("pendulum", engine)
-    assert held.try_in_steps(held.case, 1.0, timestep=0.0137).step == pytest.approx(
+    base = stressed("pendulum", engine)
+    assert base.try_in_steps(base.case, 1.0, timestep=0.0137).step == pytest.approx(
         0.0137, rel=1e-12, abs=0
     )
     whole = with_whole_steps
@@ -239,19 +247,19 @@ def test_a_step_that_was_not_asked_for_is_an_error(stressed, engine, monkeypatch
         lambda case, seconds, step: whole(case, seconds, 1.01 * step),
     )
     with pytest.raises(RuntimeError, match=r"took steps of 0.0069\d* s where 0.0137 s were asked"):
-        held.try_in_steps(held.case, 1.0, timestep=0.0137)
+        base.try_in_steps(base.case, 1.0, timestep=0.0137)
 
 
-def test_a_run_that_is_failed_has_no_step_to_tell(stressed, monkeypatch):
-    held = stressed("pendulum")
+def test_a_failed_run_has_no_time_step(stressed, monkeypatch):
+    base = stressed("pendulum")
     monkeypatch.setattr(
         "proofmass.studies.stress.limit_search.measure_or_read",
         lambda *_: Measurement(outcome="diverged"),
     )
-    assert np.isnan(held.try_in_steps(held.case, 1.0, timestep=0.01).step)
+    assert np.isnan(base.try_in_steps(base.case, 1.0, timestep=0.01).step)
 
 
-def test_a_recorded_curve_has_its_own_samples(stressed):
+def test_the_time_step_of_a_recorded_curve_is_not_varied(stressed):
     _, skipped = extremes.list_extremes(
         stressed("hacksaw_recorded").case, stressed("hacksaw_recorded").store
     )

@@ -23,7 +23,7 @@ STEP = Boundary(
     law="a law",
 )
 FAILED = replace(STEP, setting="RK4", limit=BoundaryKind.UNSTABLE, silent=False, failure="gone")
-HOLDS = replace(
+WITHOUT_LIMIT = replace(
     STEP, setting="implicit", holds=1.0, breaks=nan, limit=BoundaryKind.HOLDS, failure="",
     silent=False, theory=inf,
 )  # fmt: skip
@@ -32,14 +32,22 @@ LIGHTER = Boundary(
     limit=BoundaryKind.REFUSED,
     failure="no <mass>",
 )
-OURS = replace(
+UNKNOWN_BEYOND = replace(
     LIGHTER, engine="mujoco", breaks=1e-5, limit=BoundaryKind.OURS, failure="ours: too slow"
 )
-NEVER = replace(
+FAILS_AT_START = replace(
     LIGHTER, parameter="gravity", holds=nan, breaks=nan, limit=BoundaryKind.UNSTABLE, failure="no"
 )
-OTHER = replace(STEP, what="pendulum", theory=nan, law="")
-ALL = [STEP, FAILED, HOLDS, LIGHTER, OURS, NEVER, OTHER]
+PENDULUM_STEP = replace(STEP, what="pendulum", theory=nan, law="")
+ALL_BOUNDARIES = [
+    STEP,
+    FAILED,
+    WITHOUT_LIMIT,
+    LIGHTER,
+    UNKNOWN_BEYOND,
+    FAILS_AT_START,
+    PENDULUM_STEP,
+]
 
 
 @pytest.mark.parametrize(
@@ -51,15 +59,15 @@ ALL = [STEP, FAILED, HOLDS, LIGHTER, OURS, NEVER, OTHER]
             " Theory: 0.2 s, of which it is 0.5025 (a law).",
         ),
         (
-            HOLDS,
+            WITHOUT_LIMIT,
             "Holds up to 1 s, the last value that was tried. Theory: no limit (a law).",
         ),
         (LIGHTER, "Holds down to × 1e-4 and fails at × 9.9e-5: refused: no <mass>."),
-        (OURS, "Held down to × 1e-4; not known beyond: too slow."),
-        (NEVER, "Does not hold at × 1, the first value: unstable: no."),
+        (UNKNOWN_BEYOND, "Held down to × 1e-4; not known beyond: too slow."),
+        (FAILS_AT_START, "Does not hold at × 1, the first value: unstable: no."),
     ],
 )
-def test_a_limit_in_a_sentence(one: Boundary, words: str) -> None:
+def test_a_sentence_describes_a_limit(one: Boundary, words: str) -> None:
     assert describe_boundary(one) == words
 
 
@@ -73,28 +81,28 @@ def test_kinds_differ_in_shape_and_in_colour() -> None:
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of two cases, without its printable figures."""
     out = tmp_path_factory.mktemp("chart")
-    write_boundaries(ALL, out / "stress.csv")
+    write_boundaries(ALL_BOUNDARIES, out / "stress.csv")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stress_page, save.__name__, lambda figure, file: "")
         write_stress(out, out)
     return out / "index.html"
 
 
-ROWS = "findAll('#rows [role=option]').map((row) => row.getAttribute('aria-label'))"
+ROWS_SCRIPT = "findAll('#rows [role=option]').map((row) => row.getAttribute('aria-label'))"
 
 
-def test_a_panel_has_a_parameter_and_an_axis(page: Path, browser: Any) -> None:
+def test_each_parameter_has_a_panel(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         titles = visit.run("findAll('#rows [role=group]').map((one) => one.ariaLabel)")
         assert titles == ["time step [s]", "last body lighter", "gravity"]
-        rows = visit.run(ROWS)
+        rows = visit.run(ROWS_SCRIPT)
         assert len(rows) == 6  # the rows of the first case
         assert rows[0].startswith("MuJoCo, Euler, time step [s]. Holds up to 0.1 s")
         assert visit.said == []
         assert all(url.startswith(page.parent.as_uri()) for url in visit.asked)
 
 
-def test_limits_stand_at_their_places(page: Path, browser: Any) -> None:
+def test_limits_are_at_their_values_on_the_axis(page: Path, browser: Any) -> None:
     """The axis is logarithmic, with the start at 1 ms, the limit at 0.1005 s, theory at 0.2 s."""
 
     def places(k: int, part: str, *names: str) -> list[float]:
@@ -122,7 +130,7 @@ def test_limits_stand_at_their_places(page: Path, browser: Any) -> None:
             assert visit.page.locator(f"#row-fourbar-stress-{k} {none}").count() == 0
 
 
-def test_kinds_are_told_by_shape_and_silence_by_a_hollow_one(page: Path, browser: Any) -> None:
+def test_kinds_have_shapes_and_silent_failures_are_hollow(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         marks = visit.run("findAll('#rows .dot').map((one) => one.getAttribute('d'))")
         names = ["o", "D", ">", "s", "X", "D"]
@@ -136,7 +144,7 @@ def test_kinds_are_told_by_shape_and_silence_by_a_hollow_one(page: Path, browser
             assert look.words in legend
 
 
-def test_pointing_tells_the_sentence_and_a_click_leads_to_the_row(page: Path, browser: Any) -> None:
+def test_hovering_shows_the_sentence_and_a_click_leads_to_the_row(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         tip = visit.page.locator("#rows .tip")
         assert tip.is_hidden()
@@ -173,27 +181,27 @@ def test_the_keyboard_goes_from_limit_to_limit(page: Path, browser: Any) -> None
         assert visit.page.get_attribute("tr.led-to", "id") == "fourbar-stress-5"
 
 
-def test_case_and_parameter_are_chosen_and_kept(page: Path, browser: Any) -> None:
+def test_case_and_parameter_are_kept_in_the_address(page: Path, browser: Any) -> None:
     with Visit(browser, page) as visit:
         visit.page.select_option("#subject", "")
-        assert len(visit.run(ROWS)) == 7
+        assert len(visit.run(ROWS_SCRIPT)) == 7
         visit.page.select_option("#panel", "time step [s]")
-        rows = visit.run(ROWS)
+        rows = visit.run(ROWS_SCRIPT)
         assert [row.split(",")[0] for row in rows] == 3 * ["fourbar: MuJoCo"] + ["pendulum: MuJoCo"]
         visit.page.click("#filters [data-group='unstable']")
-        assert len(visit.run(ROWS)) == 3  # the same as in the table
+        assert len(visit.run(ROWS_SCRIPT)) == 3  # the same as in the table
         address = visit.address
         assert "case=all" in address
         assert "off=unstable" in address
     with Visit(browser, page, address) as visit:
-        assert len(visit.run(ROWS)) == 3
+        assert len(visit.run(ROWS_SCRIPT)) == 3
         assert visit.run("find('#panel').value") == "time step [s]"
     with Visit(browser, page, "#pendulum-stress") as visit:  # the address of the report's links
-        assert [row.split(",")[0] for row in visit.run(ROWS)] == ["MuJoCo"]
+        assert [row.split(",")[0] for row in visit.run(ROWS_SCRIPT)] == ["MuJoCo"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(scheme: str, page: Path, browser: Any) -> None:
+def test_axe_finds_no_accessibility_violation(scheme: str, page: Path, browser: Any) -> None:
     with Visit(browser, page, color_scheme=scheme) as visit:
         visit.page.locator("#row-fourbar-stress-1").hover()
         wrong, met = visit.axe("#chart")
@@ -201,7 +209,7 @@ def test_axe_finds_nothing(scheme: str, page: Path, browser: Any) -> None:
         assert met > 10
 
 
-def test_a_phone_has_one_column(page: Path, browser: Any) -> None:
+def test_rows_have_one_column_on_a_phone(page: Path, browser: Any) -> None:
     with Visit(browser, page, viewport=PHONE) as visit:
         assert visit.run("document.documentElement.scrollWidth - innerWidth") <= 0
         row = "#row-fourbar-stress-0"
@@ -213,26 +221,28 @@ def test_a_phone_has_one_column(page: Path, browser: Any) -> None:
         assert visit.small_text("#chart") == []
 
 
-def test_it_is_readable_in_black_and_white(page: Path, browser: Any) -> None:
+def test_markers_have_contrast_in_black_and_white(page: Path, browser: Any) -> None:
     """By lightness alone, markers have a contrast of at least 3 to their background."""
     for scheme in ("light", "dark"):
         with Visit(browser, page, color_scheme=scheme) as visit:
-            paper = lightness(visit.run("getComputedStyle(find('#chart')).backgroundColor"))
+            paper = relative_luminance(
+                visit.run("getComputedStyle(find('#chart')).backgroundColor")
+            )
             for colour in visit.run(
                 "findAll('#rows .dot').map((one) => getComputedStyle(one).stroke)"
             ):
-                high, low = sorted([paper, lightness(colour)], reverse=True)
+                high, low = sorted([paper, relative_luminance(colour)], reverse=True)
                 assert (high + 0.05) / (low + 0.05) >= 3.0
 
 
-def lightness(colour: str) -> float:
+def relative_luminance(colour: str) -> float:
     """Relative luminance of ``rgb(…)``, as WCAG defines it."""
     parts = [int(part) / 255 for part in colour[4:-1].split(",")]
     linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
     return sum(w * p for w, p in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
-def test_without_script_there_are_the_tables(page: Path, browser: Any) -> None:
+def test_without_javascript_the_tables_are_shown(page: Path, browser: Any) -> None:
     with Visit(browser, page, java_script_enabled=False) as visit:
         assert visit.page.locator("#chart").is_hidden()
         assert "The chart needs JavaScript" in visit.page.inner_text("main")

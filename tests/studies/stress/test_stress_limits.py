@@ -34,7 +34,7 @@ PAGE = """
 """
 
 
-def test_limits_of_runs_in_time_are_read_and_no_others():
+def test_only_limits_of_runs_with_time_steps_are_read():
     one, several = printed_limits(PAGE)
     assert one.again != one.again
     assert (several.value, several.again) == (0.25, 0.3)
@@ -69,7 +69,7 @@ def test_several_boundaries_that_are_wrong_are_found(factors, result, tmp_path):
 
 
 @pytest.mark.parametrize(("again", "result"), [(16.0, CONFIRMED), (15.0, "holds beyond it")])
-def test_beyond_the_last_value_that_stress_tries_nothing_must_fail(again, result):
+def test_no_value_beyond_the_range_of_stress_has_to_fail(again, result):
     """Values from 3.9 to 4.3 fail, and no others."""
 
     def trial(x: float) -> TrialResult:
@@ -80,7 +80,7 @@ def test_beyond_the_last_value_that_stress_tries_nothing_must_fail(again, result
     assert try_sides(limit, search).result == result
 
 
-def test_the_rows_are_of_the_limits_that_are_printed_now():
+def test_the_rows_in_docs_are_those_of_the_printed_limits():
     """Limits of the energy, and of a drive until a rod snaps, have no program and no row."""
     stress, limits = (
         (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("stress.md", "limits.md")
@@ -107,7 +107,7 @@ def test_a_row_of_another_limit_is_not_kept():
     assert not is_confirmed(one, {one.key: [*cells[:-1], "holds beyond it"]})
 
 
-def test_new_rows_of_a_case_take_the_place_of_its_own_and_of_no_other():
+def test_new_rows_replace_only_the_rows_of_their_case():
     (row,) = (line for line in PAGE.splitlines() if line.startswith("| time step | 1e-3"))
     steps = Boundary(
         "pendulum", "mujoco", "Euler", "time step", "s", 1e-3, 1.0, 0.196, 0.2, again=0.25,

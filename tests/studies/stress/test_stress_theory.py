@@ -14,7 +14,7 @@ from proofmass.studies.stress.limit_search import LimitSearch
 from proofmass.studies.stress.problems import list_problems, step_model, wheel_model
 
 PROBLEMS = {f"{p.what}, {p.setting}, {p.parameter}": p for p in list_problems()}
-QUICK = [
+QUICK_PROBLEMS = [
     "spring on a hinge, ζ = 0.3, Euler, dt ω",
     "spring on a hinge, ζ = 1, implicitfast, dt ω",
     "spring on a hinge, ζ = 0, RK4, dt ω",
@@ -28,7 +28,7 @@ QUICK = [
 ]
 
 
-def near(found: Boundary) -> bool:
+def is_near_theory(found: Boundary) -> bool:
     """Whether a boundary is within 2 % of theory, of which bisection takes up to 0.5 %.
 
     The rest is due to the number of steps: an oscillation that grows slowly fails only a little
@@ -39,19 +39,19 @@ def near(found: Boundary) -> bool:
     return abs(found.ratio - 1.0) <= 0.02
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", QUICK_PROBLEMS)
 def test_boundaries_are_where_theory_says(name):
-    assert near(PROBLEMS[name].find())
+    assert is_near_theory(PROBLEMS[name].find())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in PROBLEMS if n not in QUICK])
+@pytest.mark.parametrize("name", [n for n in PROBLEMS if n not in QUICK_PROBLEMS])
 def test_all_other_boundaries_are_where_theory_says(name):
-    assert near(PROBLEMS[name].find())
+    assert is_near_theory(PROBLEMS[name].find())
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.25])
-def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
+def test_a_wrong_stiffness_gives_another_limit(factor):
     """The limit is proportional to stiffness^-1/2, so a factor of 0.8 changes it by 12 %."""
     text = wheel_model(factor)
     found = LimitSearch(
@@ -66,7 +66,7 @@ def test_a_spring_that_is_not_the_one_of_the_theory_is_noticed(factor):
         theory=2.0,
     ).find()
     assert found.ratio == pytest.approx(factor**-0.5, rel=0.01)
-    assert not near(found)
+    assert not is_near_theory(found)
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.05, 0.3, 1.0, 3.0])
@@ -94,7 +94,7 @@ def test_chipmunk_has_no_limit_beyond_a_damping_of_a_quarter():
 @pytest.mark.parametrize("zeta", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("z", [0.5, 2.5])
 @pytest.mark.parametrize("integrator", [one.name for one in SCHEMES])
-def test_maps_are_those_of_mujoco(integrator, z, zeta):
+def test_step_matrices_are_those_of_mujoco(integrator, z, zeta):
     model = mujoco.MjModel.from_xml_string(wheel_model(1.0, 2 * zeta))
     model.opt.timestep = z
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
@@ -111,7 +111,7 @@ def test_maps_are_those_of_mujoco(integrator, z, zeta):
 
 @pytest.mark.parametrize("zeta", [0.0, 0.1, 0.3])
 @pytest.mark.parametrize("z", [0.5, 2.5])
-def test_map_is_that_of_chipmunk(z, zeta):
+def test_the_step_matrix_is_that_of_chipmunk(z, zeta):
     columns = []
     for place, rate in ((1.0, 0.0), (0.0, 1.0 / z)):
         space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)

@@ -4,7 +4,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.sim.protocol import Curves, Run, drive_columns
 
 
-def driven(run: Run, curves: Curves) -> dict[str, Array]:
+def drive_curves(run: Run, curves: Curves) -> dict[str, Array]:
     """Value, rate and acceleration of each drive in a run, by the column names of a program."""
     if curves.drive is None:
         return {}

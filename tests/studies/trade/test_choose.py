@@ -53,7 +53,7 @@ from proofmass.studies.trade.verify import (
 )
 from proofmass.worker import TimedOut
 from tests.shipped import shipped
-from tests.studies.trade.trade_rows import series_rows, study, verdict
+from tests.studies.trade.trade_rows import example_study, series_rows, series_verdicts
 
 
 @pytest.fixture
@@ -61,20 +61,24 @@ def fourbar() -> Case:
     return load_case(shipped("fourbar.toml"))
 
 
-def holds(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
+def confirm_measured_error(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
     """A check whose two runs have the measured error again."""
     return Check(row.errors[of], row.errors[of], "", Setting(row.engine, row.parameters))
 
 
-def chosen(case: Case, rows: list[StudyRow], wanted: float, *kind: str, **asked: object):
+def choose_in_dynamics(
+    case: Case, rows: list[StudyRow], wanted: float, *kind: str, **asked: object
+):
     """The choice for dynamics, by default with checks that confirm the measured errors."""
-    return choose(case, "dynamics", rows, wanted, *kind, **{"verify": holds, **asked})
+    return choose(
+        case, "dynamics", rows, wanted, *kind, **{"verify": confirm_measured_error, **asked}
+    )
 
 
-def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
+def test_the_cheapest_good_enough_setting_is_chosen(fourbar: Case) -> None:
     """With error 100 h^2 and margin 2 the largest step with 2 * 100 h^2 <= 1e-4 is 0.5 ms."""
     rows = [*series_rows("slow", cost=1e-4), *series_rows("quick"), *series_rows("poor", order=1.0)]
-    found = chosen(fourbar, rows, 1e-4)
+    found = choose_in_dynamics(fourbar, rows, 1e-4)
     assert (found.row.series, found.row.value) == ("quick", 0.0005)
     assert ERROR_MARGIN * found.row.errors["position"] <= 1e-4 < ERROR_MARGIN * 100 * 0.001**2
 
@@ -90,39 +94,39 @@ def test_the_cheapest_that_is_good_enough(fourbar: Case) -> None:
         {"seconds": nan},
     ],
 )
-def test_what_is_not_good_enough_is_not_chosen(fourbar: Case, changed: dict) -> None:
+def test_a_setting_that_is_not_good_enough_is_not_chosen(fourbar: Case, changed: dict) -> None:
     rows = [replace(row, **changed) if row.value == 0.0005 else row for row in series_rows("quick")]
-    assert chosen(fourbar, rows, 1e-4).row.value == 0.00025
+    assert choose_in_dynamics(fourbar, rows, 1e-4).row.value == 0.00025
 
 
 @pytest.mark.parametrize("errors", [(2e-4, 1e-6), (1e-6, 2e-4), (nan, 1e-6), (1e-6, nan)])
-def test_a_setting_that_does_not_hold_is_passed_over(fourbar: Case, errors: tuple) -> None:
+def test_a_setting_that_fails_its_check_is_passed_over(fourbar: Case, errors: tuple) -> None:
     def lucky(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
-        check = holds(case, kind, row, of, wanted)
+        check = confirm_measured_error(case, kind, row, of, wanted)
         return replace(check, fresh=errors[0], shifted=errors[1]) if row.value == 0.0005 else check
 
-    found = chosen(fourbar, series_rows("quick"), 1e-4, verify=lucky)
+    found = choose_in_dynamics(fourbar, series_rows("quick"), 1e-4, verify=lucky)
     assert found.row.value == 0.00025
     assert len(found.refused) == 1
     assert found.refused[0].startswith("quick, timestep 0.5 ms")
 
 
-def test_only_the_engine_and_the_kind_asked_for(fourbar: Case) -> None:
-    rows, verdicts = study()
+def test_only_the_given_engine_and_kind_of_error_count(fourbar: Case) -> None:
+    rows, verdicts = example_study()
     both = {
-        e: chosen(fourbar, rows, 1e-6, engine=e, verdicts=verdicts).row.engine
+        e: choose_in_dynamics(fourbar, rows, 1e-6, engine=e, verdicts=verdicts).row.engine
         for e in ("mujoco", "pymunk")
     }
     assert both == {"mujoco": "mujoco", "pymunk": "pymunk"}
     steps = [
-        chosen(fourbar, series_rows("quick"), 1e-3, of).row.value
+        choose_in_dynamics(fourbar, series_rows("quick"), 1e-3, of).row.value
         for of in ("position", "velocity", "acceleration")
     ]
     # errors are 1, 10 and 100 times as large; the steps of a series go down by factors of two
     assert steps == [0.002, 0.0005, 0.000125]
 
 
-def test_beside_the_defaults(fourbar: Case) -> None:
+def test_the_choice_is_compared_with_the_defaults(fourbar: Case) -> None:
     """Defaults with error 0.05 h are good enough at 1 ms, the tuned series, 100 h^2, at 0.5 ms.
 
     The margin is 2, so errors up to 5e-5 are good enough.  A step of the tuned series takes a tenth
@@ -132,15 +136,17 @@ def test_beside_the_defaults(fourbar: Case) -> None:
     tuned = series_rows("tuned", cost=1e-6)
     assert all(map(is_default, plain))
     assert not any(map(is_default, tuned))
-    found = chosen(fourbar, [*plain, *tuned], 1e-4)
+    found = choose_in_dynamics(fourbar, [*plain, *tuned], 1e-4)
     assert found.row.series == "tuned"
     assert found.ratio == pytest.approx(5.0, rel=0.01)
-    alone = chosen(fourbar, plain, 1e-4)
+    alone = choose_in_dynamics(fourbar, plain, 1e-4)
     assert (alone.ratio, alone.beside) == (1.0, "these are the engine's defaults, refined")
 
 
 @pytest.mark.parametrize(("order", "scale"), [(1.0, 0.1), (2.0, 1600.0)])
-def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scale: float) -> None:
+def test_the_cost_of_coarse_defaults_is_extrapolated_by_their_order(
+    fourbar: Case, order: float, scale: float
+) -> None:
     """The finest defaults have error 6.25e-6 at 1/16 ms, and 1e-6 with margin 2 needs 5e-7.
 
     So the error must fall by 12.5: 12.5 times as many steps of first order, the root of that of
@@ -149,50 +155,56 @@ def test_defaults_that_were_not_refined_enough(fourbar: Case, order: float, scal
     plain = series_rows("plain", order=order, scale=scale, defaults=True)
     assert plain[-1].errors["position"] == pytest.approx(6.25e-6)
     tuned = series_rows("tuned", cost=1e-6)
-    found = chosen(fourbar, [*plain, *tuned], 1e-6)
+    found = choose_in_dynamics(fourbar, [*plain, *tuned], 1e-6)
     cost = 12.5 ** (1 / order) * plain[-1].seconds
     assert found.ratio == pytest.approx(cost / found.row.seconds)
-    assert np.isnan(chosen(fourbar, [plain[-1], *tuned], 1e-6).ratio)  # one row shows no order
+    assert np.isnan(
+        choose_in_dynamics(fourbar, [plain[-1], *tuned], 1e-6).ratio
+    )  # one row shows no order
     risen = [replace(plain[-2], errors={"position": 1e-6}), plain[-1]]
-    assert np.isnan(chosen(fourbar, [plain[-1], *risen, *tuned], 1e-6).ratio)
+    assert np.isnan(choose_in_dynamics(fourbar, [plain[-1], *risen, *tuned], 1e-6).ratio)
 
 
-def test_a_floor_of_another_line_is_none_of_the_defaults(fourbar: Case) -> None:
+def test_the_floor_of_another_series_is_no_floor_of_the_defaults(fourbar: Case) -> None:
     """The error of the finest defaults equals the floor of another series, but still falls."""
     plain = series_rows("plain", order=1.0, scale=0.1, defaults=True)
     level = plain[-1].errors["position"]
-    others = verdict("other", 2.0, level, "iterations")
-    found = chosen(fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=others)
+    others = series_verdicts("other", 2.0, level, "iterations")
+    found = choose_in_dynamics(
+        fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=others
+    )
     assert "never" not in found.beside
     assert found.ratio > 1
-    own = verdict("plain", 1.0, level, "iterations")
+    own = series_verdicts("plain", 1.0, level, "iterations")
     assert (
         "never get there"
-        in chosen(fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=own).beside
+        in choose_in_dynamics(
+            fourbar, [*plain, *series_rows("tuned", cost=1e-6)], 1e-6, verdicts=own
+        ).beside
     )
 
 
-def test_defaults_that_do_not_hold_are_no_price(fourbar: Case) -> None:
+def test_defaults_that_fail_their_check_are_not_compared_with(fourbar: Case) -> None:
     """The defaults at 1 ms fail their check, so those at 0.5 ms or 0.25 ms are compared with."""
     plain = series_rows("plain", order=1.0, scale=0.05, defaults=True, cost=1e-6)
     tuned = series_rows("tuned", cost=1.5e-6)
 
     def lucky(case: Case, kind: str, row: StudyRow, of: str, wanted: float) -> Check:
-        check = holds(case, kind, row, of, wanted)
+        check = confirm_measured_error(case, kind, row, of, wanted)
         return replace(check, shifted=1.0) if (row.series, row.value) == ("plain", 0.001) else check
 
-    found = chosen(fourbar, [*plain, *tuned], 1e-4, verify=lucky)
+    found = choose_in_dynamics(fourbar, [*plain, *tuned], 1e-4, verify=lucky)
     assert (found.row.series, found.row.value, found.ratio) == ("plain", 0.0005, 1.0)
     dear = [replace(row, seconds=5 * row.seconds) if row.value == 0.0005 else row for row in plain]
-    found = chosen(fourbar, [*dear, *tuned], 1e-4, verify=lucky)
+    found = choose_in_dynamics(fourbar, [*dear, *tuned], 1e-4, verify=lucky)
     assert found.row.series == "tuned"
     assert found.ratio == pytest.approx(dear[6].seconds / found.row.seconds)
 
 
-def test_a_floor_is_named(fourbar: Case) -> None:
-    rows, verdicts = study()
+def test_the_error_floor_or_the_needed_step_is_named(fourbar: Case) -> None:
+    rows, verdicts = example_study()
     mine = [row for row in rows if row.engine == "mujoco"]
-    found = chosen(fourbar, mine, 1e-4, verdicts=verdicts)
+    found = choose_in_dynamics(fourbar, mine, 1e-4, verdicts=verdicts)
     assert "defaults never get there: the error floor is 2e-4, softness of the loop" in found.beside
     assert found.ratio == inf
     with pytest.raises(
@@ -200,29 +212,31 @@ def test_a_floor_is_named(fourbar: Case) -> None:
         match=r"the best, MuJoCo RK4, solref 8 dt.* the error floor is "
         r"3e-8, cap of solimp; halving solref divides the error by 4.0",
     ):
-        chosen(fourbar, mine, 1e-9, verdicts=verdicts)
+        choose_in_dynamics(fourbar, mine, 1e-9, verdicts=verdicts)
     # error 100 h^2 in 6.28e-5 / h seconds: 0.8 * 5e-10 needs h = 2e-6 s and 31 s
     needs = "quick would need a step of about 2e-6 s and about 31 s a run, if its order 2 holds; "
     with pytest.raises(NoGoodSetting, match=needs + "proofmass choose measures finer steps"):
-        chosen(fourbar, series_rows("quick"), 1e-9)
+        choose_in_dynamics(fourbar, series_rows("quick"), 1e-9)
     with pytest.raises(NoGoodSetting, match=needs + "--longest is 30 s$"):
-        chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=30.0))
+        choose_in_dynamics(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=30.0))
     with pytest.raises(
         NoGoodSetting, match=needs + "--longest is 33 s$"
     ):  # expected wall times have errors of a tenth
-        chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=33.0))
+        choose_in_dynamics(fourbar, series_rows("quick"), 1e-9, limits=Limits(longest=33.0))
     with pytest.raises(NoGoodSetting, match=needs + "of --budget 60 s, 50 s are spent$"):
-        chosen(fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True))
+        choose_in_dynamics(
+            fourbar, series_rows("quick"), 1e-9, limits=Limits(40.0, 60.0, 50.0, 1, short=True)
+        )
     failed = [replace(row, outcome="diverged", message="open by 1 m", errors={}) for row in mine]
     with pytest.raises(
         NoGoodSetting,
         match=r"^no setting ran, of \d+: \d+ diverged; the first, "
         r"[^;]*: diverged: open by 1 m$",
     ):
-        chosen(fourbar, failed, 1e-3)
+        choose_in_dynamics(fourbar, failed, 1e-3)
 
 
-def test_many_reasons_are_two(fourbar: Case) -> None:
+def test_many_failures_are_summarized_in_two_sentences(fourbar: Case) -> None:
     """Each setting fails with another message, such as the time at which it failed.
 
     Only the counts of outcomes and the message of the first setting are stated.
@@ -234,7 +248,7 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
         )
     ]
     with pytest.raises(NoGoodSetting) as why:
-        chosen(fourbar, failed, 1e-3)
+        choose_in_dynamics(fourbar, failed, 1e-3)
     first, second = str(why.value).split("; ")
     assert first == f"no setting ran, of {len(failed)}: " + ", ".join(
         f"{n} {word}"
@@ -243,13 +257,13 @@ def test_many_reasons_are_two(fourbar: Case) -> None:
     assert second == "the first, quick, timestep 16 ms: diverged: failed at 0 s"
     other = [replace(row, errors={"velocity": 1.0}) for row in series_rows("quick")]
     with pytest.raises(NoGoodSetting, match="ran without position errors"):
-        chosen(fourbar, other, 1e-3)
+        choose_in_dynamics(fourbar, other, 1e-3)
     with pytest.raises(NoGoodSetting, match="no setting was measured"):
-        chosen(fourbar, [], 1e-3)
+        choose_in_dynamics(fourbar, [], 1e-3)
 
 
 @pytest.mark.parametrize("name", ["fourbar", "hacksaw", "pendulum", "slider_crank_inclined"])
-def test_what_the_model_sets_is_among_what_is_tried(name: str) -> None:
+def test_the_own_settings_of_a_model_are_tried(name: str) -> None:
     """Each solver of the run except defaults, with the settings with which `check` runs it."""
     case = load_case(shipped(f"{name}.toml"))
     step = compiled_model(case).opt.timestep
@@ -303,7 +317,7 @@ def test_the_own_settings_of_a_stiff_model_are_chosen(stiff: Path) -> None:
     assert found.exit_code == 0, found.output
 
 
-PARAMETERS = [
+SNIPPET_PARAMETERS = [
     {
         "timestep": 1e-3 / 3,
         "integrator": "EULER",
@@ -320,7 +334,7 @@ PARAMETERS = [
 ]
 
 
-@pytest.mark.parametrize("parameters", PARAMETERS)
+@pytest.mark.parametrize("parameters", SNIPPET_PARAMETERS)
 @pytest.mark.parametrize(
     "own",
     [
@@ -330,7 +344,9 @@ PARAMETERS = [
         ' class="soft" solref="0.5 2" solimp="0.8 0.9 0.002 0.4 3"',
     ],
 )
-def test_a_pasted_snippet_is_the_setting(parameters: dict, own: str, tmp_path: Path) -> None:
+def test_a_pasted_snippet_gives_the_options_of_the_setting(
+    parameters: dict, own: str, tmp_path: Path
+) -> None:
     """The compiled options are, to the last bit, those that `configure` writes."""
     file = tmp_path / "fourbar.xml"
     text = shipped("fourbar.xml").read_text().replace('<connect name="pin"', "<connect" + own)
@@ -354,7 +370,7 @@ def test_a_pasted_snippet_is_the_setting(parameters: dict, own: str, tmp_path: P
     assert ("in itself" in lines) == bool(own and wins and softens)
 
 
-def test_lines_for_pymunk_step_a_space() -> None:
+def test_the_snippet_for_pymunk_steps_a_space() -> None:
     space = pymunk.Space()
     body = pymunk.Body(1.0, 1.0)
     pin = pymunk.PivotJoint(body, space.static_body, (0.0, 0.0))
@@ -371,14 +387,14 @@ def test_lines_for_pymunk_step_a_space() -> None:
     assert loose.position.x == pytest.approx(9 * 0.25)  # the number of steps that was asked for
 
 
-def test_segments_are_the_sidecars() -> None:
+def test_the_snippet_says_that_segments_belong_in_the_sidecar() -> None:
     for engine in ("mujoco", "pymunk"):
         text = snippet(Setting(engine, {"segments": 40}), 1)
         assert "every rod of the sidecar: segments = 40" in text
         assert text.startswith(("#", "<!--"))
 
 
-def test_a_free_motion_starts_later_on_the_same_motion() -> None:
+def test_a_shifted_start_of_a_free_motion_is_on_the_same_motion() -> None:
     """The start of a shifted run is the state of the closed form at that time."""
     case = load_case(shipped("pendulum.toml"))
     angle, rate = state_at(case, 0.3)
@@ -391,7 +407,7 @@ def test_a_free_motion_starts_later_on_the_same_motion() -> None:
 @pytest.mark.parametrize(
     "name", ["fourbar", "pendulum", pytest.param("fourbar_released", marks=pytest.mark.slow)]
 )
-def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
+def test_a_shifted_run_is_as_accurate_at_other_samples(name: str) -> None:
     case = load_case(shipped(f"{name}.toml"))
     case = case.model_copy(
         update={
@@ -423,7 +439,7 @@ def test_a_shifted_run_is_as_good_and_elsewhere(name: str) -> None:
     assert check.used.parameters["timestep"] == whole.settings["timestep"]
 
 
-def test_no_other_start_is_said() -> None:
+def test_a_missing_shifted_start_is_explained() -> None:
     case = load_case(shipped("hacksaw_recorded.toml"))
     with pytest.raises(Unsupported, match="recorded curve"):
         run_shifted(case, "dynamics", Setting("mujoco"))
@@ -433,7 +449,7 @@ def test_no_other_start_is_said() -> None:
 
 @pytest.mark.parametrize("name", ["rod_released", "slider_crank_elastic"])
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
-def test_rods_in_motion_have_no_other_start(name: str, engine: str) -> None:
+def test_rods_in_dynamics_have_no_shifted_start(name: str, engine: str) -> None:
     """A key can start rods only in arcs, not in the shapes that they have later in the motion.
 
     The elastic coupler, started straight at another angle of the crank, had an error of 4.3e-2;
@@ -443,7 +459,7 @@ def test_rods_in_motion_have_no_other_start(name: str, engine: str) -> None:
         run_shifted(load_case(shipped(f"{name}.toml")), "dynamics", Setting(engine))
 
 
-def test_rods_that_a_drive_sweeps_have_another_start() -> None:
+def test_rods_in_a_sweep_have_a_shifted_start() -> None:
     """In a sweep rods are in equilibrium at every sample, independent of earlier samples."""
     case = load_case(shipped("rfr2_driven.toml"))
     table = case.run["sweep"].model_copy(update={"n": 3})
@@ -452,7 +468,7 @@ def test_rods_that_a_drive_sweeps_have_another_start() -> None:
     assert all(np.isfinite(part).all() for part in curves.channels.values())
 
 
-def test_a_setting_of_rods_holds_without_another_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_setting_of_rods_holds_without_a_shifted_start(monkeypatch: pytest.MonkeyPatch) -> None:
     case = load_case(shipped("rod_released.toml"))
     here = Check(1e-3, np.nan, "", Setting("pymunk", {"timestep": 1e-3}))
     monkeypatch.setattr("proofmass.studies.trade.verify.run_as_program", lambda *_: here)
@@ -480,16 +496,18 @@ def test_a_failed_run_does_not_hold(fourbar: Case) -> None:
     assert not check.holds(1e9)
 
 
-def test_printed_with_its_evidence(fourbar: Case) -> None:
+def test_the_printed_choice_can_be_pasted(fourbar: Case) -> None:
     """The text can be pasted as a whole: comments, then MJCF elements or Python lines."""
     rows = series_rows("tuned", integrator="RK4")
-    text = format_snippet(chosen(fourbar, rows, 1e-4), fourbar)
+    text = format_snippet(choose_in_dynamics(fourbar, rows, 1e-4), fourbar)
     assert "position within 1e-4 of its range" in text
     merged = mujoco.MjModel.from_xml_string(insert_snippet(shipped("fourbar.xml"), text))
     assert merged.opt.timestep == 0.0005
     parameters = {"timestep": 0.01, "iterations": 10, "error_bias": 0.0}
     rows = [replace(row, engine="pymunk", parameters=parameters) for row in rows]
-    exec(format_snippet(chosen(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()})
+    exec(
+        format_snippet(choose_in_dynamics(fourbar, rows, 1e-4), fourbar), {"space": pymunk.Space()}
+    )
 
 
 @pytest.mark.parametrize(
@@ -518,7 +536,9 @@ def test_printed_with_its_evidence(fourbar: Case) -> None:
         (". --error 1e-5", "the sidecar of one case"),
     ],
 )
-def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models: Path) -> None:
+def test_bad_input_gives_a_message_of_one_line(
+    asked: str, right: str, tmp_path: Path, models: Path
+) -> None:
     words = asked.split()
     found = CliRunner().invoke(
         app, ["choose", str(models / words[0]), *words[1:], "--store", str(tmp_path)]
@@ -529,7 +549,7 @@ def test_bad_input_is_one_line(asked: str, right: str, tmp_path: Path, models: P
     assert not found.stdout
 
 
-def test_a_drive_names_its_engine(fourbar: Case) -> None:
+def test_the_kind_of_drive_selects_the_engine(fourbar: Case) -> None:
     """This holds if only one of the case's engines has this kind of drive."""
     assert find_solver(fourbar, "dynamics", "gear", "") == "pymunk"
     assert find_solver(fourbar, "dynamics", "servo", "") == "mujoco"
@@ -537,7 +557,7 @@ def test_a_drive_names_its_engine(fourbar: Case) -> None:
     assert find_solver(fourbar, "dynamics", "", "") == ""
 
 
-def test_fewer_iterations_come_first() -> None:
+def test_of_settings_with_the_same_step_fewer_iterations_come_first() -> None:
     """Of two settings with the same step the one with fewer iterations is first.
 
     This holds even if its wall time is a little longer.  A setting with a larger step that takes
@@ -558,7 +578,7 @@ def test_fewer_iterations_come_first() -> None:
 
 
 @pytest.mark.slow
-def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
+def test_the_command_chooses_rk4_for_the_pendulum(edit, tmp_path: Path) -> None:
     """RK4, whose error falls with h^4, is the cheapest by far; no setting reaches 1e-17.
 
     Rounding is larger than that.
@@ -578,7 +598,7 @@ def test_the_pendulum_from_end_to_end(edit, tmp_path: Path) -> None:
     assert not found.stdout
 
 
-def at(
+def study_row(
     line: str = "",
     error: float = 1e-5,
     value: float = 1e-3,
@@ -607,7 +627,9 @@ def at(
     )
 
 
-def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "position") -> Verdict:
+def floor_verdict(
+    line: str, floor: float, engine: str = "mujoco", kind: str = "position"
+) -> Verdict:
     """A verdict that a series has an error floor by softness."""
     return Verdict(
         "fourbar",
@@ -624,45 +646,45 @@ def floor_of(line: str, floor: float, engine: str = "mujoco", kind: str = "posit
 @pytest.mark.parametrize(
     ("floors", "found"),
     [
-        ([floor_of("own", 2.0)], 0),  # the floor of its own series may be higher by any ratio
-        ([floor_of("own", 1.2)], None),  # the floor is below 2 / 1.5
-        ([floor_of("other", 2.8)], 0),
-        ([floor_of("other", 3.2)], None),
-        ([floor_of("other", 1.4)], 0),
-        ([floor_of("other", 1.2)], None),
-        ([floor_of("own", nan)], None),
-        ([floor_of("own", 2.0, "pymunk")], None),
-        ([floor_of("own", 2.0, kind="velocity")], None),
-        ([floor_of("other", 2.0), floor_of("own", 9.0)], 1),
-        ([floor_of("other", 2.8), floor_of("another", 1.8)], 1),
-        ([floor_of("other", 1.4), floor_of("another", 2.2)], 1),
+        ([floor_verdict("own", 2.0)], 0),  # the floor of its own series may be higher by any ratio
+        ([floor_verdict("own", 1.2)], None),  # the floor is below 2 / 1.5
+        ([floor_verdict("other", 2.8)], 0),
+        ([floor_verdict("other", 3.2)], None),
+        ([floor_verdict("other", 1.4)], 0),
+        ([floor_verdict("other", 1.2)], None),
+        ([floor_verdict("own", nan)], None),
+        ([floor_verdict("own", 2.0, "pymunk")], None),
+        ([floor_verdict("own", 2.0, kind="velocity")], None),
+        ([floor_verdict("other", 2.0), floor_verdict("own", 9.0)], 1),
+        ([floor_verdict("other", 2.8), floor_verdict("another", 1.8)], 1),
+        ([floor_verdict("other", 1.4), floor_verdict("another", 2.2)], 1),
     ],
 )
-def test_the_floor_that_a_setting_is_at(floors: list[Verdict], found: int | None) -> None:
-    assert find_floor(at("own", 2.0), "position", iter(floors)) == (
+def test_the_floor_at_which_a_setting_is_is_found(floors: list[Verdict], found: int | None) -> None:
+    assert find_floor(study_row("own", 2.0), "position", iter(floors)) == (
         None if found is None else floors[found]
     )
 
 
-def test_settings_that_are_enough_have_a_margin_of_two() -> None:
+def test_good_settings_have_a_margin_of_two() -> None:
     rows = [
-        at("dear", 5e-5, seconds=2.0),
-        at("cheap", 5e-5),
-        at("off", 5.1e-5),
-        at("untimed", seconds=0.0),
-        at("failed", outcome="stopped"),
+        study_row("dear", 5e-5, seconds=2.0),
+        study_row("cheap", 5e-5),
+        study_row("off", 5.1e-5),
+        study_row("untimed", seconds=0.0),
+        study_row("failed", outcome="stopped"),
     ]
     assert [row.series for row in good_settings(rows, "position", 1e-4)] == ["cheap", "dear"]
     assert good_settings(rows, "velocity", 1e-4) == []
 
 
-def test_why_none_is_enough() -> None:
+def test_a_missing_choice_is_explained_by_the_best_setting() -> None:
     """The message names the best setting, and its error floor with the evidence."""
     rows = [
-        at("poor", 1e-3),
-        at("fine", 1.23e-5, 1e-4),
-        at("none", nan),
-        at("failed", 0.0, outcome="stopped"),
+        study_row("poor", 1e-3),
+        study_row("fine", 1.23e-5, 1e-4),
+        study_row("none", nan),
+        study_row("failed", 0.0, outcome="stopped"),
     ]
     short = (
         "no measured setting has position within 1.3e-6 of its range with a margin of 2; the "
@@ -670,16 +692,16 @@ def test_why_none_is_enough() -> None:
     )
     none = "no convergence series still falls at its finest step, so none promises to get there"
     assert explain_no_choice(rows, "position", 1.27e-6, []) == (short, none)
-    assert explain_no_choice(rows, "position", 1.27e-6, [floor_of("fine", 1.16e-5)]) == (
+    assert explain_no_choice(rows, "position", 1.27e-6, [floor_verdict("fine", 1.16e-5)]) == (
         f"{short}: the error floor is 1.2e-5, softness",
         "halving it divides the error by 4",
         none,
     )
     assert explain_no_choice([], "position", 1.0, []) == ("no setting was measured",)
     failed = [
-        at("one", nan),
-        at("two", outcome="diverged", message="why"),
-        at("three", outcome="diverged"),
+        study_row("one", nan),
+        study_row("two", outcome="diverged", message="why"),
+        study_row("three", outcome="diverged"),
     ]
     assert (
         explain_no_choice(failed[1:], "velocity", 1.0, [])[1]
@@ -691,36 +713,38 @@ def test_why_none_is_enough() -> None:
     )
 
 
-def test_the_drives_own_error_is_what_keeps_a_setting_from_being_enough() -> None:
+def test_a_missing_choice_is_explained_by_the_error_of_the_drives() -> None:
     """The best setting is the one nearest to the prescribed motion, without a floor.
 
     The other one is nearer to the motion that its drives really had, and at an error floor there.
     """
-    closest = replace(at("lagging", 2e-8), asked={"position": 9e-7})
-    plain = replace(at("softer", 4e-7, 2e-3), asked={"position": 8e-7})
-    short, *_ = explain_no_choice([closest, plain], "position", 1e-6, [floor_of("lagging", 2e-8)])
+    closest = replace(study_row("lagging", 2e-8), asked={"position": 9e-7})
+    plain = replace(study_row("softer", 4e-7, 2e-3), asked={"position": 8e-7})
+    short, *_ = explain_no_choice(
+        [closest, plain], "position", 1e-6, [floor_verdict("lagging", 2e-8)]
+    )
     assert short == (
         "no measured setting has position within 1e-6 of its range with a margin of 2; the best, "
         "softer, timestep 2 ms, is 8e-7 off, and 4e-7 off the motion that its drives really had"
     )
 
 
-def test_what_the_defaults_would_cost() -> None:
+def test_the_cost_of_the_defaults_is_compared() -> None:
     """The chosen setting takes 0.5 s; the defaults are refined to half of 1e-4, the margin.
 
     The result is the sentence, and the ratio of the wall times.
     """
-    tuned = at("tuned", seconds=0.5)
+    tuned = study_row("tuned", seconds=0.5)
 
     def of(*rows: StudyRow, floors: tuple[Verdict, ...] = ()) -> tuple[str, float]:
         return compare_with_defaults([tuned, *rows], tuned, "position", 1e-4, floors)
 
     def plain(error: float, value: float, seconds: float = 2.0, **more) -> StudyRow:
-        return at("plain", error, value, seconds, defaults=True, **more)
+        return study_row("plain", error, value, seconds, defaults=True, **more)
 
     nothing = "the defaults were not measured, or did not run"
     for row in (
-        at(),
+        study_row(),
         plain(1e-5, 1e-3, engine="pymunk"),
         plain(nan, 1e-3),
         plain(1e-5, 1e-3, outcome="stopped"),
@@ -747,14 +771,16 @@ def test_what_the_defaults_would_cost() -> None:
     assert of(fine) == (short, pytest.approx(nan, nan_ok=True))
     flat = plain(3.2e-3 * 2**0.49, 2e-3)  # an order below one half
     assert of(flat, fine) == (short, pytest.approx(nan, nan_ok=True))
-    assert of(coarse, fine, floors=(floor_of("plain", 3.2e-3), floor_of("other", 3.2e-3))) == (
+    assert of(
+        coarse, fine, floors=(floor_verdict("plain", 3.2e-3), floor_verdict("other", 3.2e-3))
+    ) == (
         "the engine's defaults never get there: the error floor is 3.2e-3, softness",
         inf,
     )
-    assert of(coarse, fine, floors=(floor_of("other", 3.2e-3),))[1] == pytest.approx(32.0)
+    assert of(coarse, fine, floors=(floor_verdict("other", 3.2e-3),))[1] == pytest.approx(32.0)
     near, nearer = plain(5.6e-5 * 4, 2e-3), plain(5.6e-5, 1e-3)  # 5e-5 is needed
     for floor, never in ((5.1e-5, True), (4.9e-5, False)):
-        said = of(near, nearer, floors=(floor_of("plain", floor),))[0]
+        said = of(near, nearer, floors=(floor_verdict("plain", floor),))[0]
         assert ("never get there" in said) is never
     assert compare_with_defaults([fine], fine, "position", 1e-4, ()) == (
         "these are the engine's defaults, refined",
@@ -763,14 +789,14 @@ def test_what_the_defaults_would_cost() -> None:
 
 
 def test_only_the_step_may_differ_from_the_defaults() -> None:
-    assert is_default(at(defaults=True))
-    assert is_default(at(defaults=True, integrator="Euler"))
-    assert not is_default(at(defaults=True, integrator="RK4"))
-    assert not is_default(at(defaults=True, iterations=3))
-    assert not is_default(at())
+    assert is_default(study_row(defaults=True))
+    assert is_default(study_row(defaults=True, integrator="Euler"))
+    assert not is_default(study_row(defaults=True, integrator="RK4"))
+    assert not is_default(study_row(defaults=True, iterations=3))
+    assert not is_default(study_row())
 
 
-def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
+def test_an_equilibrium_is_verified_with_its_snippet(fourbar: Case, monkeypatch) -> None:
     """A run without time has no program; the check has the errors of both runs."""
     used = Setting("mujoco", {"segments": 20})
     found = {rerun_setting: (1.0, used), shifted_error: 2.0}
@@ -779,8 +805,8 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
         "call_limited",
         lambda case, kind, function, *told, least=0.0: found[function],
     )
-    assert verify(fourbar, "equilibrium", at(), "velocity", 3.0) == Check(1.0, 2.0, "", used)
-    poor = verify(fourbar, "equilibrium", at(), "velocity", 0.5)
+    assert verify(fourbar, "equilibrium", study_row(), "velocity", 3.0) == Check(1.0, 2.0, "", used)
+    poor = verify(fourbar, "equilibrium", study_row(), "velocity", 0.5)
     assert (poor.fresh, poor.again) == (1.0, False)
     assert poor.words == "run again with the lines below 1 off"
 
@@ -795,7 +821,7 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     monkeypatch.setattr(
         verify_module, "call_limited", fails(Unsupported("an equilibrium has one start"))
     )
-    check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
+    check = verify(fourbar, "equilibrium", study_row(), "velocity", 1.0)
     assert (check.fresh, check.note, check.used) == (1.0, "an equilibrium has one start", used)
     assert np.isnan(check.shifted)
     assert check.holds(1.0)
@@ -803,14 +829,14 @@ def test_a_rest_is_run_as_it_is_pasted(fourbar: Case, monkeypatch) -> None:
     assert Check(1.0, 2.0, "", used).holds(2.0)
     for why in (Diverged("diverged at 3 s"), TimedOut("no answer in 60 s")):
         monkeypatch.setattr(verify_module, "call_limited", fails(why))
-        check = verify(fourbar, "equilibrium", at(), "velocity", 1.0)
+        check = verify(fourbar, "equilibrium", study_row(), "velocity", 1.0)
         assert (check.fresh, check.note, check.failed) == (1.0, "", str(why))
         assert check.words.endswith(f"from a shifted start: {why}")
         assert not check.holds(9.0)
 
 
-def test_a_choice_is_told_with_all_that_was_measured(fourbar: Case) -> None:
-    rows = [at("lucky", 1.23e-5, 2e-3, 0.25), at("tuned", 2.34e-5, 1e-3, 0.512)]
+def test_a_choice_is_described_with_all_its_measurements(fourbar: Case) -> None:
+    rows = [study_row("lucky", 1.23e-5, 2e-3, 0.25), study_row("tuned", 2.34e-5, 1e-3, 0.512)]
     asked = []
 
     def check(case, kind, row, of, wanted):

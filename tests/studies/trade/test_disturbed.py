@@ -35,16 +35,16 @@ from tests.shipped import shipped
 
 ROOT = Path(__file__).parents[3]
 TIMES = np.linspace(0.0, 20.0, 401)
-G, HALF, MOMENT = 9.81, 0.5, 1.0 / 12.0
+GRAVITY, HALF_LENGTH, MOMENT_OF_INERTIA = 9.81, 0.5, 1.0 / 12.0
 RK4 = Setting("mujoco", {"timestep": 1e-3, "integrator": "RK4"})
 
 
 @pytest.fixture(scope="module")
-def double() -> Case:
+def double_pendulum() -> Case:
     return load_case(ROOT / "tests" / "data" / "double_pendulum.toml")
 
 
-def short(case: Case, until: float) -> Case:
+def shortened_case(case: Case, until: float) -> Case:
     """The case with its dynamics ended earlier, and with the same distance of samples."""
     table = case.run["dynamics"]
     n = round((table.n - 1) * until / table.until) + 1
@@ -53,15 +53,19 @@ def short(case: Case, until: float) -> Case:
     )
 
 
-def slope(_: float, y: np.ndarray) -> list[float]:
+def double_pendulum_rates(_: float, y: np.ndarray) -> list[float]:
     """Rates of the state of a double pendulum, by Lagrange's equations.
 
     It has two uniform bars of 1 m and 1 kg; the angles are absolute, from straight down.
     """
     a, b, u, v = y
-    across, upper, lower = HALF * cos(a - b), MOMENT + HALF**2 + 1.0, MOMENT + HALF**2
-    first = -HALF * v * v * sin(a - b) - 1.5 * G * sin(a)
-    second = HALF * u * u * sin(a - b) - HALF * G * sin(b)
+    across, upper, lower = (
+        HALF_LENGTH * cos(a - b),
+        MOMENT_OF_INERTIA + HALF_LENGTH**2 + 1.0,
+        MOMENT_OF_INERTIA + HALF_LENGTH**2,
+    )
+    first = -HALF_LENGTH * v * v * sin(a - b) - 1.5 * GRAVITY * sin(a)
+    second = HALF_LENGTH * u * u * sin(a - b) - HALF_LENGTH * GRAVITY * sin(b)
     whole = upper * lower - across**2
     return [
         u,
@@ -71,11 +75,11 @@ def slope(_: float, y: np.ndarray) -> list[float]:
     ]
 
 
-def by_hand(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:
+def integrated_by_scipy(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:
     """Angles of the joints and position of the tip (n, 4), from a start displaced by two angles."""
     x = TIMES[until + 1e-9 >= TIMES]
     y = solve_ivp(
-        slope,
+        double_pendulum_rates,
         (0.0, until),
         [2.0 + upper, 3.0 + upper + lower, 0.0, 0.0],
         "DOP853",
@@ -88,41 +92,41 @@ def by_hand(until: float, upper: float = 0.0, lower: float = 0.0) -> np.ndarray:
     ).T
 
 
-def away_by_hand(until: float) -> np.ndarray:
+def expected_distances(until: float) -> np.ndarray:
     """Largest distance of the disturbed motion from the plain one (n,), over the ranges."""
-    plain, other = by_hand(until), by_hand(until, DISTURBANCE, -DISTURBANCE)
+    plain, other = integrated_by_scipy(until), integrated_by_scipy(until, DISTURBANCE, -DISTURBANCE)
     return (np.abs(other - plain) / np.ptp(plain, axis=0)).max(axis=1)
 
 
-def test_a_disturbance_grows_as_the_equations_of_motion_have_it(double, tmp_path):
+def test_a_disturbance_grows_by_the_equations_of_motion(double_pendulum, tmp_path):
     """The reference is integrated by scipy, without an engine and without code of this package."""
-    case = short(double, 10.0)
+    case = shortened_case(double_pendulum, 10.0)
     found = stored_distances(
         StudyRun(case, "dynamics", RK4), with_disturbed_start(case, tmp_path), Store(tmp_path), 60.0
     )
-    away = away_by_hand(10.0)
+    away = expected_distances(10.0)
     # RK4 at 1 ms has an error of 1e-5 at the end, which displaces the growth by as much
     assert found["position"] == pytest.approx(away, rel=0.01, abs=1e-11)
     assert away.max() > 1e3 * DISTURBANCE
 
 
-def test_a_chaotic_motion_is_told_with_its_rate_and_horizon(double, tmp_path):
-    motion = disturb_motion(double, "dynamics", Store(tmp_path), 60.0)
+def test_a_chaotic_motion_has_a_rate_and_a_horizon(double_pendulum, tmp_path):
+    motion = disturb_motion(double_pendulum, "dynamics", Store(tmp_path), 60.0)
     assert motion.words.startswith("chaotic: a start disturbed by 1e-9 moves it ")
     assert "errors are judged up to there" in motion.words
-    away = np.maximum.accumulate(away_by_hand(20.0))
+    away = np.maximum.accumulate(expected_distances(20.0))
     assert motion.horizon == TIMES[np.argmax(away > 1e-4) - 1]
     linear = np.flatnonzero(away <= 1e-2)[-1] + 2
     rate = np.polyfit(TIMES[linear // 5 : linear], np.log(away[linear // 5 : linear]), 1)[0]
     assert motion.rate == pytest.approx(rate, rel=0.2)  # RK4 has an error of 5e-3 at the end
-    cut = end_at_horizon(double, "dynamics", motion)
+    cut = end_at_horizon(double_pendulum, "dynamics", motion)
     assert run_samples(cut, "dynamics")[-1] == pytest.approx(motion.horizon, abs=0.051)
     assert np.allclose(np.diff(run_samples(cut, "dynamics")), 0.05)
     assert cut.run["dynamics"].n % 2 == 1
 
 
 @pytest.mark.parametrize("name", ["pendulum", "fourbar_released"])
-def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
+def test_a_regular_motion_has_no_horizon(name, tmp_path):
     """The phases of a disturbed pendulum and a plain one part in proportion to time, no faster."""
     case = load_case(shipped(f"{name}.toml"))
     motion = disturb_motion(case, "dynamics", Store(tmp_path), 60.0)
@@ -132,14 +136,14 @@ def test_a_regular_motion_is_judged_as_a_whole(name, tmp_path):
     assert "chaotic" not in motion.words
 
 
-def test_a_driven_motion_has_no_free_start(tmp_path):
+def test_a_driven_motion_is_not_disturbed(tmp_path):
     case = load_case(shipped("fourbar.toml"))
     assert disturb_motion(case, "dynamics", Store(tmp_path), 60.0) is None
     assert end_at_horizon(case, "dynamics", None) is case
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
-def test_a_rate_is_that_of_the_exponential_and_the_horizon_where_it_passes(rate):
+def test_rate_and_horizon_are_those_of_an_exponential_growth(rate):
     x = np.linspace(0.0, 20.0, 2001)
     motion = classify_motion(x, np.minimum(1e-9 * np.exp(rate * x), 1.0))
     assert motion.rate == pytest.approx(rate, rel=0.02)
@@ -152,7 +156,7 @@ def test_a_rate_is_that_of_the_exponential_and_the_horizon_where_it_passes(rate)
 
 
 @pytest.mark.parametrize("power", [0, 1, 2, 3])
-def test_what_grows_with_a_power_of_time_is_not_chaotic(power):
+def test_growth_with_a_power_of_time_is_not_chaotic(power):
     x = np.linspace(0.0, 20.0, 2001)
     motion = classify_motion(x, 1e-9 * (1.0 + 100.0 * (x / 5.0) ** power))
     assert np.isnan(motion.rate)
@@ -160,17 +164,21 @@ def test_what_grows_with_a_power_of_time_is_not_chaotic(power):
     assert motion.words.startswith("sensitive" if motion.growth >= 100 else "")
 
 
-def test_a_horizon_leaves_something_to_judge():
+def test_a_horizon_leaves_a_minimum_of_samples():
     x = np.linspace(0.0, 20.0, 401)
     assert classify_motion(x, np.where(x > 0.04, 1.0, 1e-9)).horizon == x[MIN_SAMPLES - 1]
     assert np.isnan(DisturbedMotion(1.0, np.nan, np.nan, 20.0).horizon)
     assert DisturbedMotion(99.0, np.nan, np.nan, 20.0).words == ""
 
 
-def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_path):
+def test_a_disturbance_changes_the_start_and_roundings_the_last_digits(double_pendulum, tmp_path):
     own, nudged, other = map(
         compiled_model,
-        (double, with_disturbed_start(double, tmp_path), with_roundings(double, tmp_path)),
+        (
+            double_pendulum,
+            with_disturbed_start(double_pendulum, tmp_path),
+            with_roundings(double_pendulum, tmp_path),
+        ),
     )
     assert nudged.key_qpos[0] - own.key_qpos[0] == pytest.approx(
         [DISTURBANCE, -DISTURBANCE], rel=1e-6, abs=0
@@ -180,13 +188,13 @@ def test_only_the_start_is_nudged_and_only_last_digits_are_rounded(double, tmp_p
     assert 0 < np.abs(other.key_qpos[0] - own.key_qpos[0]).max() < 1e-15
 
 
-def test_roundings_move_a_run_by_no_more_than_their_growth(double, tmp_path):
+def test_roundings_change_a_run_by_no_more_than_their_growth(double_pendulum, tmp_path):
     """The change is at most a rounding of 1e-15 in each of 5000 steps, times a growth of 1e3.
 
     It is not the error of RK4.  Rounding is the cause of an error if the change by rounding is more
     than `ROUNDING_SHARE` of that error.
     """
-    case = short(double, 5.0)
+    case = shortened_case(double_pendulum, 5.0)
     away = measure_rounding(StudyRun(case, "dynamics", RK4), Store(tmp_path), 60.0)["position"]
     assert 1e-16 < away < 5000 * 1e-15 * 1e3
     row = StudyRow(
@@ -198,7 +206,7 @@ def test_roundings_move_a_run_by_no_more_than_their_growth(double, tmp_path):
     assert trade.judge_rounding(row, "position", {})[0] == "unknown"
 
 
-def bare(until: float, integrator: int, step: float) -> np.ndarray:
+def angles_of_mujoco(until: float, integrator: int, step: float) -> np.ndarray:
     """Angles (n, 2) of the double pendulum in MuJoCo, without code of this package."""
     model = mujoco.MjModel.from_xml_path(str(ROOT / "tests" / "data" / "double_pendulum.xml"))
     model.opt.integrator, model.opt.timestep = integrator, step
@@ -212,7 +220,7 @@ def bare(until: float, integrator: int, step: float) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
+def test_a_double_pendulum_has_no_error_floor(double_pendulum, tmp_path, monkeypatch):
     """The error of Euler is half of the range: that is no error floor, and no cause is stated.
 
     The errors of the study are compared with those of MuJoCo without code of this package.
@@ -226,23 +234,27 @@ def test_a_double_pendulum_is_at_no_floor(double, tmp_path, monkeypatch):
             if series.name in ("MuJoCo Euler", "MuJoCo RK4")
         ],
     )
-    case = short(double, 5.0)
+    case = shortened_case(double_pendulum, 5.0)
     study = trade.trade([case], Store(tmp_path), repeats=0)
     told = {v.series: v for v in study.verdicts if v.kind == "position"}
     assert all(np.isnan(v.floor) and not v.cause for v in study.verdicts)
     assert told["MuJoCo Euler"].reached.startswith("not yet asymptotic: ")
     assert told["MuJoCo Euler"].reached.endswith("no order is seen")
     assert told["MuJoCo RK4"].reached.startswith("order 4")
-    plain = by_hand(5.0)[:, :2]
+    plain = integrated_by_scipy(5.0)[:, :2]
     for name, integrator in (("MuJoCo Euler", 0), ("MuJoCo RK4", 1)):
         row = next(row for row in study.rows if row.series == name and row.value < 1e-3)
-        angles = np.abs(bare(5.0, integrator, row.value) - plain) / np.ptp(plain, axis=0)
+        angles = np.abs(angles_of_mujoco(5.0, integrator, row.value) - plain) / np.ptp(
+            plain, axis=0
+        )
         assert angles.max() <= 1.01 * row.errors["position"]  # the study also compares the tip
         assert angles.max() >= 0.2 * row.errors["position"]
 
 
 @pytest.mark.slow
-def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_path, monkeypatch):
+def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(
+    double_pendulum, tmp_path, monkeypatch
+):
     monkeypatch.setattr(
         trade,
         "list_series",
@@ -250,7 +262,7 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_pat
             series for series in list_series(case, kind) if series.name == "MuJoCo RK4"
         ],
     )
-    study = trade.trade([double], Store(tmp_path), repeats=0)
+    study = trade.trade([double_pendulum], Store(tmp_path), repeats=0)
     (case,) = study.cases
     assert all(v.motion.startswith("chaotic") and v.horizon < 15.0 for v in study.verdicts)
     assert case.run["dynamics"].until == pytest.approx(study.verdicts[0].horizon, abs=0.051)
@@ -258,7 +270,7 @@ def test_errors_of_a_chaotic_motion_are_judged_up_to_its_horizon(double, tmp_pat
     assert fine < coarse / 8.0 < 0.01  # of fourth order there, and not as large as the range
 
 
-def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
+def test_a_rod_is_disturbed_in_its_arc(tmp_path: Path) -> None:
     """The rod has no joint in the file, so its arc is turned further by the disturbance.
 
     The rod is an arc of 1 m, so its tip moves by half of the disturbance.
@@ -275,7 +287,7 @@ def test_a_rod_in_motion_is_disturbed_in_its_arc(tmp_path: Path) -> None:
     assert not motion.rate > 0
 
 
-def test_joints_beside_rods_are_disturbed_in_the_file(tmp_path: Path) -> None:
+def test_joints_of_a_model_with_rods_are_disturbed_in_the_file(tmp_path: Path) -> None:
     case = load_case(shipped("rfr3.toml"))
     other = with_disturbed_start(case, tmp_path)
     own = own_joint_mask(case)
@@ -287,7 +299,7 @@ def test_joints_beside_rods_are_disturbed_in_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["rod_taut", "slider_crank_elastic"])
-def test_what_cannot_be_disturbed_has_no_disturbed_motion(name: str, tmp_path: Path) -> None:
+def test_a_model_that_cannot_be_disturbed_has_no_disturbed_start(name: str, tmp_path: Path) -> None:
     """Two cases have no disturbed start.
 
     One has no joints except those of a rod between fixed sites.  The other has a straight rod
@@ -303,7 +315,7 @@ def test_roundings_reach_the_masses_of_rods(tmp_path: Path) -> None:
     assert 0 < other.rods[0].mass / case.rods[0].mass - 1 < 1e-14
 
 
-def test_rates_are_nudged_where_a_joint_starts_on_its_stop(tmp_path: Path) -> None:
+def test_rates_are_disturbed_if_a_joint_starts_at_its_joint_limit(tmp_path: Path) -> None:
     """A disturbed value would be off the joint limit, which changes the first step by a jump.
 
     That jump is no chaos, so the rates are disturbed instead.

@@ -19,33 +19,38 @@ from proofmass.studies.trade.verdict import pareto_front
 MACHINE = "Processor x 2"
 
 
-def timed(error: float, *seconds: float, **more: object) -> StudyRow:
+def timed_row(error: float, *seconds: float, **more: object) -> StudyRow:
     """A setting with an error and repeated wall times."""
     row = StudyRow("trade", "", "", "mujoco", "", "timestep", 1.0, machine=MACHINE)
     return replace(row, errors={"position": error}, seconds=min(seconds), repeats=seconds, **more)
 
 
 def test_an_interval_goes_from_the_least_to_the_greatest_wall_time() -> None:
-    assert wall_time_interval(timed(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
+    assert wall_time_interval(timed_row(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
     # a single wall time may be too long by the usual spread, but not too short
-    assert wall_time_interval(timed(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
+    assert wall_time_interval(timed_row(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
 
 
-def test_the_usual_spread_is_that_of_the_middle_setting() -> None:
-    rows = [timed(1.0, 1.0, 1.1), timed(1.0, 1.0, 1.3), timed(1.0, 1.0, 9.0), timed(1.0, 4.0)]
+def test_the_usual_spread_is_that_of_the_median_setting() -> None:
+    rows = [
+        timed_row(1.0, 1.0, 1.1),
+        timed_row(1.0, 1.0, 1.3),
+        timed_row(1.0, 1.0, 9.0),
+        timed_row(1.0, 4.0),
+    ]
     assert usual_spread(rows) == pytest.approx(1.3)
-    assert usual_spread([timed(1.0, 4.0)]) == 1.0
+    assert usual_spread([timed_row(1.0, 4.0)]) == 1.0
 
 
 def test_settings_whose_intervals_overlap_are_tied() -> None:
-    best, near, far = timed(1.0, 1.0, 2.0), timed(1.0, 1.9, 3.0), timed(1.0, 2.1, 3.0)
+    best, near, far = timed_row(1.0, 1.0, 2.0), timed_row(1.0, 1.9, 3.0), timed_row(1.0, 2.1, 3.0)
     assert tied_settings([best, near, far], best, 1.0) == [near]
     assert tied_settings([best, near, far], near, 1.0) == [best, far]
 
 
-def test_a_setting_that_noise_may_have_put_behind_is_not_off_the_front() -> None:
-    cheap, tied = timed(1e-3, 1.0, 1.5), timed(2e-3, 1.2, 1.6)
-    worse, close = timed(2e-3, 1.6, 1.7), timed(1e-4, 9.0, 9.5)
+def test_the_possible_front_includes_settings_tied_with_the_front() -> None:
+    cheap, tied = timed_row(1e-3, 1.0, 1.5), timed_row(2e-3, 1.2, 1.6)
+    worse, close = timed_row(2e-3, 1.6, 1.7), timed_row(1e-4, 9.0, 9.5)
     rows = [cheap, tied, worse, close]
     assert pareto_front(rows, "position") == [cheap, close]
     assert possible_front(rows, "position", 1.0) == [cheap, tied, close]
@@ -55,7 +60,7 @@ def test_a_setting_that_noise_may_have_put_behind_is_not_off_the_front() -> None
 
 
 def test_the_front_lies_in_its_band() -> None:
-    rows = [timed(1e-3, 1.0, 3.0), timed(2e-3, 1.2, 1.6), timed(1e-4, 9.0, 9.5)]
+    rows = [timed_row(1e-3, 1.0, 3.0), timed_row(2e-3, 1.2, 1.6), timed_row(1e-4, 9.0, 9.5)]
     assert front_band(rows, "position", 1.0) == [
         (1e-4, 9.0, 9.5),
         (1e-3, 1.0, 3.0),
@@ -63,7 +68,7 @@ def test_the_front_lies_in_its_band() -> None:
     ]
 
 
-QUIET = [timed(1.0, 1.0, 1.1, load=2.2, shared=0.01) for _ in range(10)]
+ROWS_OF_QUIET_MACHINE = [timed_row(1.0, 1.0, 1.1, load=2.2, shared=0.01) for _ in range(10)]
 
 
 @pytest.mark.parametrize(
@@ -74,15 +79,23 @@ QUIET = [timed(1.0, 1.0, 1.1, load=2.2, shared=0.01) for _ in range(10)]
         ({"repeats": (1.0, 2.0)}, "differ by a factor of 2 (median of all settings)"),
     ],
 )
-def test_a_busy_machine_is_said(changed: dict[str, object], words: str) -> None:
-    assert explain_busy_machine(QUIET) == []
-    (said,) = explain_busy_machine([replace(row, **changed) for row in QUIET])
+def test_a_busy_machine_is_reported(changed: dict[str, object], words: str) -> None:
+    assert explain_busy_machine(ROWS_OF_QUIET_MACHINE) == []
+    (said,) = explain_busy_machine([replace(row, **changed) for row in ROWS_OF_QUIET_MACHINE])
     assert words in said
 
 
 def test_a_single_disturbed_setting_does_not_make_a_machine_busy() -> None:
-    assert explain_busy_machine([*QUIET, replace(QUIET[0], load=9.0, shared=0.5)]) == []
+    assert (
+        explain_busy_machine(
+            [*ROWS_OF_QUIET_MACHINE, replace(ROWS_OF_QUIET_MACHINE[0], load=9.0, shared=0.5)]
+        )
+        == []
+    )
 
 
-def test_tables_without_a_load_say_nothing_of_it() -> None:
-    assert explain_busy_machine([replace(row, load=float("nan")) for row in QUIET]) == []
+def test_rows_without_a_load_report_no_busy_machine() -> None:
+    assert (
+        explain_busy_machine([replace(row, load=float("nan")) for row in ROWS_OF_QUIET_MACHINE])
+        == []
+    )

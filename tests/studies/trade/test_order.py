@@ -16,22 +16,22 @@ from proofmass.studies.store import Store
 from proofmass.studies.trade.orders import expected_orders
 from proofmass.studies.trade.series import convergence_order
 from proofmass.studies.trade.varied import list_series
-from tests.shipped import loaded, models_like, shipped
+from tests.shipped import shipped, shipped_case, shipped_files
 
 # A second-order error e = a h^2 shows order 2 when the step is halved; higher terms and a
 # first-order remainder of a tenth reduce the order by at most 0.2.
-ORDER = 1.8
+LEAST_ORDER = 1.8
 # Error, as a share of the range, below which accelerations stop improving: the rounding of
 # positions over the step squared, 1e-15 m / (0.25 ms)^2 = 2e-8 m/s^2, times the condition number of
 # the loop.  More iterations do not lower it.  With the steps of the models all errors are above it.
-WALL = 2e-7
+ROUNDING_ERROR = 2e-7
 # After 3000 iterations a step that ends near the folded pose leaves a constraint violation.  Rates
 # do not show it, but differences of rates do: accelerations have order 1.5 from 12 to 2 ms, and no
 # order below.
-SINGULAR = "change_point", "acceleration"
+SINGULAR_CASE_AND_KIND = "change_point", "acceleration"
 CASES = {
     case.name: case
-    for case in map(loaded, models_like())
+    for case in map(shipped_case, shipped_files())
     if "dynamics" in case.run
     and "pymunk" in case.run["dynamics"].solvers
     and not case.reference.endswith(".csv")
@@ -43,7 +43,7 @@ CASES = {
 # is of first order where the profile bends
 
 
-def errors(case, folder, change=lambda setting: setting):
+def errors_at_two_steps(case, folder, change=lambda setting: setting):
     """Steps and errors, by kind, of two successive settings of the series without bias.
 
     The first step is less than twice that of the model; `change` modifies both settings.
@@ -72,22 +72,24 @@ def errors(case, folder, change=lambda setting: setting):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_pymunk_is_second_order(name, tmp_path):
-    for kind, points in errors(CASES[name], tmp_path).items():
-        if (name, kind) == SINGULAR:
+    for kind, points in errors_at_two_steps(CASES[name], tmp_path).items():
+        if (name, kind) == SINGULAR_CASE_AND_KIND:
             continue
         seen = convergence_order(*points)
-        assert seen >= ORDER or points[0][1] <= WALL, f"{kind}: order {seen:.2f}, errors {points}"
+        assert seen >= LEAST_ORDER or points[0][1] <= ROUNDING_ERROR, (
+            f"{kind}: order {seen:.2f}, errors {points}"
+        )
 
 
-def test_pymunk_with_its_bias_is_not(tmp_path):
+def test_pymunk_with_its_default_bias_is_not_second_order(tmp_path):
     def biased(setting):
         return replace(setting, parameters={**setting.parameters, "error_bias": 0.9**60})
 
-    found = errors(CASES["slider_crank"], tmp_path, biased)
-    assert convergence_order(*found["position"]) < ORDER
+    found = errors_at_two_steps(CASES["slider_crank"], tmp_path, biased)
+    assert convergence_order(*found["position"]) < LEAST_ORDER
 
 
-def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
+def test_bias_damps_a_free_motion_by_the_square_of_its_time_constant():
     """Energy oscillates with the constraint violation, h T, and falls by h T^2 t.
 
     h is the time step and T the time constant of the bias: the violation is late by T.
@@ -108,7 +110,7 @@ def test_a_bias_brakes_what_is_let_go_by_the_square_of_its_time_constant():
     np.testing.assert_allclose(np.log2(coarse / fine), [1, 1], atol=0.1)
 
 
-def test_that_order_is_expected_of_what_is_let_go_alone():
+def test_second_order_of_the_bias_is_expected_of_free_motions_only():
     for name, orders in (
         ("pendulum", (1.0, 2.0)),
         ("fourbar_released", (1.0, 2.0)),
@@ -121,7 +123,7 @@ def test_that_order_is_expected_of_what_is_let_go_alone():
 
 
 @pytest.mark.parametrize(("name", "orders"), [("arm_servos", (1.0, 2.0)), ("pendulum", (2.0,))])
-def test_what_goes_with_rates_is_of_first_order_in_pymunk(name, orders):
+def test_forces_that_depend_on_rates_are_of_first_order_in_pymunk(name, orders):
     """Chipmunk computes damping forces from the rate before the step.
 
     This concerns dampers, and servos with a gain on the rate.

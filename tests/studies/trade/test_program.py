@@ -38,11 +38,11 @@ from proofmass.studies.trade.program import (
     run_stored_program,
 )
 from proofmass.studies.trade.verify import model_text_at
-from tests.programs import program_curves, run_alone
+from tests.programs import program_curves, run_standalone
 from tests.shipped import shipped
-from tests.studies.trade.driven import driven
+from tests.studies.trade.driven import drive_curves
 
-COARSE = {
+COARSE_PARAMETERS = {
     "timestep": 4e-3,
     "integrator": "RK4",
     "solref": (0.032, 1.0),
@@ -50,14 +50,14 @@ COARSE = {
 }
 
 
-def short(name: str, n: int = 21, until: float | None = None) -> Case:
+def load_short_case(name: str, n: int = 21, until: float | None = None) -> Case:
     """A case with a few samples of its dynamics."""
     case = load_case(shipped(f"{name}.toml"))
     table = case.run["dynamics"].model_copy(update={"n": n, **({"until": until} if until else {})})
     return case.model_copy(update={"run": {"dynamics": table}})
 
 
-def imports(text: str) -> set[str]:
+def imported_modules(text: str) -> set[str]:
     """Modules that a program imports."""
     nodes = list(ast.walk(ast.parse(text)))
     names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
@@ -67,33 +67,33 @@ def imports(text: str) -> set[str]:
 @pytest.mark.parametrize(
     "name", ["fourbar", "pendulum", "fourbar_released", "hacksaw", "slider_crank"]
 )
-def test_a_program_gives_what_the_harness_gives(name: str, tmp_path: Path) -> None:
+def test_a_program_gives_the_curves_of_the_engine(name: str, tmp_path: Path) -> None:
     """The program makes the same steps from the same state as the engine's adapter.
 
     Forward passes at the samples give the constraint solver other start values.  Its results differ
     within its tolerance, 1e-10 to 1e-8 of the forces, and stiff loops turn these differences into
     accelerations: hence 1e-6 of the range.
     """
-    case, setting = short(name), Setting("mujoco", COARSE)
+    case, setting = load_short_case(name), Setting("mujoco", COARSE_PARAMETERS)
     text = program_text_here(case, setting, IMPOSED[0], 'A head\nwith """ and \\ in it.')
-    assert imports(text) == {"csv", "sys", "time", "mujoco", "numpy"}
+    assert imported_modules(text) == {"csv", "sys", "time", "mujoco", "numpy"}
     assert "proofmass" not in text
     found = program_curves(text, tmp_path)
     case, run = setting.apply_to(case, "dynamics")
     wanted = call_engine("mujoco", case.model_path, run)
-    curves = wanted.channels | driven(run, wanted)
+    curves = wanted.channels | drive_curves(run, wanted)
     assert list(found) == ["t", *curves]
     assert found["t"] == pytest.approx(wanted.x, abs=1e-12)
     for channel, curve in curves.items():
         assert found[channel] == pytest.approx(curve, abs=1e-6 * max(1e-3, np.ptp(curve))), channel
 
 
-def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
+def test_the_program_of_a_pendulum_agrees_with_elliptic_functions(tmp_path: Path) -> None:
     """The reference is computed here with Jacobi's elliptic functions.
 
     RK4 at 10 ms has an error of 1e-7 of the range.
     """
-    case = short("pendulum", 101, 2.0)
+    case = load_short_case("pendulum", 101, 2.0)
     found = program_curves(
         program_text_here(
             case, Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"}), IMPOSED[0], ""
@@ -112,16 +112,24 @@ def test_the_program_of_a_pendulum_is_right(tmp_path: Path) -> None:
     ("drive", "position"),
     [(Imposed("flywheel"), 1e-5), (Imposed("servo", 2.0), 3e-5), (Imposed("equality", 0.5), 3e-5)],
 )
-def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_path: Path) -> None:
+def test_the_program_of_a_fourbar_agrees_with_its_geometry(
+    drive: Imposed, position: float, tmp_path: Path
+) -> None:
     """The reference is the intersection of the two circles of the joints, computed here.
 
     The crank turns at 1 rad/s, with implicitfast at 1 ms.  A servo of gain 2 lets the crank lag by
     its load over kp, 1e-5 rad.  The moment of each drive is compared at the motion that the drive
     really had, so that only the softness of the loop contributes to its error.
     """
-    case = short("fourbar", 91)
+    case = load_short_case("fourbar", 91)
     setting = Setting(
-        "mujoco", {**COARSE, "timestep": 1e-3, "integrator": "implicitfast", "solref": (4e-3, 1.0)}
+        "mujoco",
+        {
+            **COARSE_PARAMETERS,
+            "timestep": 1e-3,
+            "integrator": "implicitfast",
+            "solref": (4e-3, 1.0),
+        },
     )
     text = program_text_here(case, setting, drive, "")
     assert 1e-6 < run_program(case, setting, text, 30.0).driven["force"] < 2e-5
@@ -139,16 +147,16 @@ def test_the_program_of_a_fourbar_is_right(drive: Imposed, position: float, tmp_
     assert 0 < off < position
 
 
-def test_a_servo_of_too_high_a_gain_is_failed() -> None:
+def test_a_servo_with_too_high_a_gain_fails() -> None:
     """RK4 is explicit in the servo's damping, so kv h / I = 2 gain above 2.8 is unstable."""
-    case, setting = short("fourbar"), Setting("mujoco", COARSE)
+    case, setting = load_short_case("fourbar"), Setting("mujoco", COARSE_PARAMETERS)
     text = program_text_here(case, setting, Imposed("servo", 2.0), "")
     ran = run_program(case, setting, text, 30.0)
     assert not ran.errors
     assert "mjWARN_BADQ" in ran.failure
 
 
-def swinging(x, far):
+def sine_cubed_profile(x, far):
     """A motion profile that a program writes as a table: value, rate and acceleration."""
     return (
         far * np.sin(x) ** 3,
@@ -157,17 +165,20 @@ def swinging(x, far):
     )
 
 
-LEADER = Swing(0.3, 1.7, 2.5)
-LAWS = {
+LEADING_SWING = Swing(0.3, 1.7, 2.5)
+PROFILES = {
     "steady": [Steady(0.5, -2.0, x_is_time=True)],
-    "swing": [LEADER],
-    "in proportion": [LEADER, InProportion(LEADER, 0.3, -0.5, 2.0)],
-    "table": [FunctionProfile(partial(swinging, far=0.7)), Steady(0.5, -2.0, x_is_time=True)],
+    "swing": [LEADING_SWING],
+    "in proportion": [LEADING_SWING, InProportion(LEADING_SWING, 0.3, -0.5, 2.0)],
+    "table": [
+        FunctionProfile(partial(sine_cubed_profile, far=0.7)),
+        Steady(0.5, -2.0, x_is_time=True),
+    ],
 }
 
 
-@pytest.mark.parametrize("laws", LAWS.values(), ids=LAWS)
-def test_a_written_motion_is_the_law(laws: list) -> None:
+@pytest.mark.parametrize("laws", PROFILES.values(), ids=PROFILES)
+def test_a_written_motion_is_the_motion_profile(laws: list) -> None:
     """The written motion agrees with the motion profile up to rounding if it is a formula.
 
     A table is exact at its times.  Between them its values are within `TABLE_TOLERANCE`; its rates
@@ -185,17 +196,17 @@ def test_a_written_motion_is_the_law(laws: list) -> None:
     assert names["motion"](np.array([0.7]))[0].shape == (len(laws), 1)
 
 
-def test_a_free_motion_has_no_law() -> None:
+def test_a_free_motion_has_no_motion_source() -> None:
     assert motion_source([], np.linspace(0.0, 1.0, 3)) == ""
 
 
-def test_a_law_that_is_written_wrongly_is_noticed() -> None:
+def test_a_wrong_motion_profile_in_a_program_has_a_large_error() -> None:
     """In the wrong program the crank turns 0.1 % too fast, and starts with that rate.
 
     Its error against the prescribed motion is large; its error at the motion that its drive really
     had is small.
     """
-    case, setting = short("fourbar", 41), Setting("mujoco", COARSE)
+    case, setting = load_short_case("fourbar", 41), Setting("mujoco", COARSE_PARAMETERS)
     text = program_text_here(case, setting, IMPOSED[0], "")
     good = run_program(case, setting, text, 30.0)
     assert 0 < good.errors["position"] < 1e-5
@@ -216,7 +227,7 @@ def test_a_law_that_is_written_wrongly_is_noticed() -> None:
     ("broken", "said"), [("import csv", "nothing = 1 /"), ("def main", "def other")]
 )
 def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
-    case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
+    case, setting = load_short_case("pendulum"), Setting("mujoco", {"timestep": 0.01})
     text = program_text_here(case, setting, IMPOSED[0], "").replace(broken, said, 1)
     ran = run_program(case, setting, text, 30.0)
     assert not ran.errors
@@ -229,23 +240,23 @@ def test_no_program_can_import_proofmass(tmp_path: Path) -> None:
     with pytest.raises(NoCurves, match="import of proofmass halted"):
         run_bare_program(text, Run("dynamics", np.linspace(0, 1, 3), ()), 60.0)
     (tmp_path / "run.py").write_text(text)
-    done = run_alone(tmp_path / "run.py")
+    done = run_standalone(tmp_path / "run.py")
     assert done.returncode == 1
     assert "import of proofmass halted" in done.stderr
 
 
 def test_a_program_that_does_not_end_is_ended() -> None:
-    case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
+    case, setting = load_short_case("pendulum"), Setting("mujoco", {"timestep": 0.01})
     text = program_text_here(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
     assert run_program(case, setting, text, 0.5) == ProgramRun(failure="no end after 0.5 s")
 
 
-def test_what_a_program_gave_is_kept(tmp_path: Path) -> None:
+def test_the_result_of_a_program_is_stored(tmp_path: Path) -> None:
     """A second run of the same setting reads the stored result, with the same wall time.
 
     Another setting has a result of its own.
     """
-    case, store = short("pendulum"), Store(tmp_path)
+    case, store = load_short_case("pendulum"), Store(tmp_path)
     setting = Setting("mujoco", {"timestep": 0.01, "integrator": "RK4"})
     first = run_stored_program(case, setting, IMPOSED[0], store, 30.0)
     assert run_stored_program(case, setting, IMPOSED[0], store, 30.0) == first
@@ -267,7 +278,7 @@ def test_samples_at_other_times_are_refused(tmp_path: Path) -> None:
     assert found.channels["angle"].tolist() == [1.0, 2.0, 3.0]
 
 
-def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
+def test_included_files_of_a_model_are_expanded(tmp_path: Path) -> None:
     """Nested includes are replaced by their content, and paths of meshes become absolute."""
     (tmp_path / "part.xml").write_text(
         '<mujocoinclude><include file="inner.xml"/><body name="a"><joint name="a"/>'
@@ -289,18 +300,20 @@ def test_a_model_of_several_files_is_one_program(tmp_path: Path) -> None:
     assert root.find("keyframe") is None
 
 
-def test_what_no_program_can_be_written_for_is_named() -> None:
-    case = short("fourbar")
-    _, run = Setting("mujoco", COARSE).apply_to(case, "dynamics")
+def test_an_unknown_kind_of_drive_is_refused() -> None:
+    case = load_short_case("fourbar")
+    _, run = Setting("mujoco", COARSE_PARAMETERS).apply_to(case, "dynamics")
     with pytest.raises(ValueError, match="known: flywheel, servo, equality"):
         write_program(case.model_path, run, "def motion(t): pass", "", Imposed("rope"))
 
 
-PID = (
+PID_PLUGIN = (
     '<extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="4"/>'
     "</instance></plugin></extension>"
 )
-HELD = '<general name="hand" joint="crank" dyntype="integrator" gainprm="5" biastype="none"/>'
+INTEGRATING_ACTUATOR = (
+    '<general name="hand" joint="crank" dyntype="integrator" gainprm="5" biastype="none"/>'
+)
 
 
 @pytest.mark.parametrize(
@@ -309,13 +322,13 @@ HELD = '<general name="hand" joint="crank" dyntype="integrator" gainprm="5" bias
         ('<position name="hand" joint="crank" kp="100"/>', "", True),
         ('<velocity name="hand" joint="crank" kv="100"/>', "", True),
         ('<plugin name="hand" joint="crank" plugin="mujoco.pid" instance="pid"/>', "", True),
-        (HELD, ' act="3"', True),
-        (HELD, "", False),
+        (INTEGRATING_ACTUATOR, ' act="3"', True),
+        (INTEGRATING_ACTUATOR, "", False),
         ('<motor name="hand" joint="crank" damping="1"/>', ' ctrl="0 5"', False),
         ('<position name="hand" joint="rocker" kp="100"/>', "", False),
     ],
 )
-def test_a_servo_beside_another_of_the_model_is_refused(
+def test_a_servo_on_a_joint_with_another_actuator_is_refused(
     hand: str, key: str, refused: bool, edit
 ) -> None:
     """Another actuator on the joint acts against the servo.
@@ -329,8 +342,10 @@ def test_a_servo_beside_another_of_the_model_is_refused(
         f'<motor name="motor" joint="crank"/>{hand}',
     )
     edit("fourbar.xml", '<key name="start"', f'<key name="start"{key}')
-    model = edit("fourbar.xml", "<worldbody>", (PID if "pid" in hand else "") + "<worldbody>")
-    _, run = Setting("mujoco", COARSE).apply_to(short("fourbar"), "dynamics")
+    model = edit(
+        "fourbar.xml", "<worldbody>", (PID_PLUGIN if "pid" in hand else "") + "<worldbody>"
+    )
+    _, run = Setting("mujoco", COARSE_PARAMETERS).apply_to(load_short_case("fourbar"), "dynamics")
     call_engine("mujoco", model, run)
     for drive in (Imposed("flywheel"), Imposed("equality", 0.25)):
         assert "MODEL" in write_program(model, run, "", "", drive)
@@ -380,34 +395,34 @@ def test_free_motions_have_one_program() -> None:
 
 
 def test_a_program_is_written_in_a_worker() -> None:
-    case, setting = short("pendulum"), Setting("mujoco", {"timestep": 0.01})
+    case, setting = load_short_case("pendulum"), Setting("mujoco", {"timestep": 0.01})
     assert program_text(case, setting, IMPOSED[0], "a head") == program_text_here(
         case, setting, IMPOSED[0], "a head"
     )
 
 
-def test_the_program_of_a_released_fourbar_is_right(tmp_path: Path) -> None:
+def test_the_program_of_a_released_fourbar_agrees_with_its_equation(tmp_path: Path) -> None:
     """The reference is one equation of motion of the crank's angle a, integrated here.
 
     It follows from the kinetic energy T = J(a) a'^2 / 2, with J from central differences of the
     closed pose, and needs no constraint solver.
     """
-    case = short("fourbar_released", 21, 0.4)
+    case = load_short_case("fourbar_released", 21, 0.4)
     found = program_curves(
         program_text_here(
             case,
-            Setting("mujoco", {**COARSE, "timestep": 1e-3, "solref": (8e-3, 1.0)}),
+            Setting("mujoco", {**COARSE_PARAMETERS, "timestep": 1e-3, "solref": (8e-3, 1.0)}),
             IMPOSED[0],
             "",
         ),
         tmp_path,
     )
-    truth = released(found["t"], 0.0)
+    truth = released_rocker_angles(found["t"], 0.0)
     assert np.ptp(truth) > 0.1
     assert found["rocker"] == pytest.approx(truth, abs=1e-5 * np.ptp(truth))
 
 
-def released(t: np.ndarray, start: float) -> np.ndarray:
+def released_rocker_angles(t: np.ndarray, start: float) -> np.ndarray:
     """Angles of the rocker of a released four-bar [rad], at times t [s], from a crank angle.
 
     The links of 1 m, 2 m, 2.5 m and the ground of 3 m are uniform bars of 1 kg/m.
@@ -443,7 +458,7 @@ def released(t: np.ndarray, start: float) -> np.ndarray:
     return np.array([pose(a)[8] for a in cranks])
 
 
-ODD = """
+ODD_MODEL = """
 <mujoco model='an "odd" é'>
   <compiler meshdir="shapes"/>
   <option timestep="1.234e-3" integrator="RK4" gravity="0 -9.81 0">
@@ -484,7 +499,7 @@ ODD = """
     <key name="start" qpos="0 1.3502630658740633 2.2459278597319283" ctrl="0 4 0.5" act="3"/>
   </keyframe>
 </mujoco>"""
-ROCKER = """
+ROCKER_FILE = """
 <mujocoinclude>
   <body name="rocker" pos="3 0 0">
     <joint name="rocker"/>
@@ -494,7 +509,7 @@ ROCKER = """
 </mujocoinclude>"""
 
 
-def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
+def write_odd_model(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
     """Write a model with classes, a mesh, an include, and names to be quoted; its path and a run.
 
     Its loads have an activation.  The crank turns at `rate` [rad/s]; with 0 the motion is free.
@@ -506,8 +521,8 @@ def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
         for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
     ]
     (folder / "shapes" / "m.stl").write_bytes(bytes(80) + b"\4\0\0\0" + b"".join(faces))
-    (folder / "rocker.xml").write_text(ROCKER)
-    (folder / "odd.xml").write_text(ODD.replace("GRAVITY", gravity), encoding="utf-8")
+    (folder / "rocker.xml").write_text(ROCKER_FILE)
+    (folder / "odd.xml").write_text(ODD_MODEL.replace("GRAVITY", gravity), encoding="utf-8")
     drives = (Drive("cr'an\"k é", Steady(0.0, rate, x_is_time=True)),) if rate else ()
     return folder / "odd.xml", Run(
         "dynamics", np.linspace(0.0, 0.5, 21), ('ro"ck\\, é', "acc.y"), drives=drives
@@ -515,11 +530,11 @@ def odd(folder: Path, gravity: str = "", rate: float = 1.0) -> tuple[Path, Run]:
 
 
 @pytest.mark.parametrize(("gravity", "rate"), [("", 1.0), (' gravity="disable"', 1.0), ("", 0.0)])
-def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
+def test_the_program_of_an_odd_model_gives_the_curves_of_the_engine(
     gravity: str, rate: float, tmp_path: Path
 ) -> None:
     """All curves are equal bit by bit, and the program needs none of the model's files."""
-    model, run = odd(tmp_path, gravity, rate)
+    model, run = write_odd_model(tmp_path, gravity, rate)
     motion = motion_source([each.profile for each in run.drives], run.x)
     text = write_program(model, run, motion, 'Of "odd" names\\', IMPOSED[0])
     wanted = call_engine("mujoco", model, run)
@@ -527,18 +542,20 @@ def test_the_program_of_an_odd_model_gives_what_the_harness_gives(
         file.unlink()
     assert str(tmp_path) not in text
     found = program_curves(text, tmp_path)
-    for name, curve in (wanted.channels | driven(run, wanted)).items():
+    for name, curve in (wanted.channels | drive_curves(run, wanted)).items():
         assert found[name].tolist() == curve.tolist()
     assert list(read_curves(tmp_path / "curves.csv", run).channels) == list(run.channels)
 
 
 @pytest.mark.parametrize("drive", [Imposed("servo", 0.5), Imposed("equality", 0.25)])
-def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_path: Path) -> None:
+def test_default_classes_of_a_model_do_not_affect_its_drives(
+    drive: Imposed, tmp_path: Path
+) -> None:
     """The default classes have a gear and a range of actuators, and inactive equalities.
 
     Each of them would leave the crank 0.1 rad behind or more.
     """
-    model, run = odd(tmp_path)
+    model, run = write_odd_model(tmp_path)
     motion = motion_source([each.profile for each in run.drives], run.x)
     found = program_curves(write_program(model, run, motion, "", drive), tmp_path)
     wanted = call_engine("mujoco", model, run).channels['ro"ck\\, é']
@@ -547,22 +564,22 @@ def test_default_classes_of_a_model_do_not_reach_its_drives(drive: Imposed, tmp_
 
 
 def test_long_lines_of_a_model_are_broken(tmp_path: Path) -> None:
-    model, run = odd(tmp_path)
+    model, run = write_odd_model(tmp_path)
     text = write_program(model, replace(run, drives=()), "", "")
     assert max(map(len, text.splitlines())) <= 100
 
 
-def test_large_files_of_a_model_are_named_by_their_place(
+def test_large_files_of_a_model_are_named_by_their_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    model, run = odd(tmp_path, rate=0.0)
+    model, run = write_odd_model(tmp_path, rate=0.0)
     monkeypatch.setattr("proofmass.sim.mujoco.program.MAX_EMBEDDED_BYTES", 100)
     text = write_program(model, run, "", "")
     assert str(tmp_path / "shapes" / "m.stl") in text
     assert program_curves(text, tmp_path)["t"].size == run.x.size
 
 
-def test_another_start_of_a_motion_in_space_is_not_known():
+def test_a_shifted_start_of_a_motion_in_space_is_refused():
     case = load_case(shipped("tumbling_box.toml"))
     with pytest.raises(Unsupported, match="moves in space"):
         model_text_at(case, 0.1)

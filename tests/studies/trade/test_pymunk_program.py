@@ -34,16 +34,16 @@ from proofmass.sim.protocol import (
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from proofmass.units import FORCE_UNITS
-from tests.programs import run_alone
-from tests.shipped import loaded, models_like, shipped
-from tests.studies.trade.driven import driven
+from tests.programs import run_standalone
+from tests.shipped import shipped, shipped_case, shipped_files
+from tests.studies.trade.driven import drive_curves
 
-ALL = sorted(
+PYMUNK_CASES = sorted(
     file.stem
-    for file in models_like()
-    if "pymunk" in getattr(loaded(file).run.get("dynamics"), "solvers", ())
+    for file in shipped_files()
+    if "pymunk" in getattr(shipped_case(file).run.get("dynamics"), "solvers", ())
 )
-QUICK = (
+QUICK_CASES = (
     "pendulum",
     "fourbar_released",
     "fourbar",
@@ -53,14 +53,17 @@ QUICK = (
     "double_rocker",
     "inverted_slider_crank_held",
 )
-MODULES = {"csv", "math", "sys", "time", "numpy", "pymunk"}
+ALLOWED_MODULES = {"csv", "math", "sys", "time", "numpy", "pymunk"}
 SAMPLES = 21
-NONE: dict[str, float] = {}
-EXACT = {"iterations": 1000, "error_bias": 0.0}  # for chains without loops: exact up to rounding
+NO_ROUNDING: dict[str, float] = {}
+EXACT_SETTINGS = {
+    "iterations": 1000,
+    "error_bias": 0.0,
+}  # for chains without loops: exact up to rounding
 
 
 @dataclass(frozen=True)
-class Ran:
+class ProgramOutput:
     """A program's text, its samples and curves, and the number of steps that it printed."""
 
     text: str
@@ -69,16 +72,16 @@ class Ran:
     steps: int
 
 
-def started(folder: Path, text: str) -> CompletedProcess[str]:
+def run_in_new_folder(folder: Path, text: str) -> CompletedProcess[str]:
     """Run a program in a new folder."""
     folder.mkdir()
     (folder / "run.py").write_text(text, encoding="utf-8")
-    return run_alone(folder / "run.py")
+    return run_standalone(folder / "run.py")
 
 
-def ran(folder: Path, text: str) -> Ran:
+def run_and_read(folder: Path, text: str) -> ProgramOutput:
     """Run a program in a new folder to its end, and read its curves."""
-    done = started(folder, text)
+    done = run_in_new_folder(folder, text)
     assert (done.returncode, done.stderr) == (0, "")
     with (folder / "curves.csv").open(newline="", encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)
@@ -87,11 +90,14 @@ def ran(folder: Path, text: str) -> Ran:
     assert told is not None
     assert float(told[2]) > 0
     assert head[0] == "t"
-    return Ran(text, x, dict(zip(head[1:], columns, strict=True)), int(told[1]))
+    return ProgramOutput(text, x, dict(zip(head[1:], columns, strict=True)), int(told[1]))
 
 
 def assert_alike(
-    got: dict[str, Array], wanted: dict[str, Array], share: float, rounding: dict[str, float] = NONE
+    got: dict[str, Array],
+    wanted: dict[str, Array],
+    share: float,
+    rounding: dict[str, float] = NO_ROUNDING,
 ) -> None:
     """Assert that curves have the same names in the same order, and nearly the same values.
 
@@ -105,7 +111,7 @@ def assert_alike(
         np.testing.assert_allclose(got[name], curve, atol=atol, rtol=0, err_msg=name)
 
 
-def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
+def rounding_by_channel(case: Case, run: Run, dt: float) -> dict[str, float]:
     """Differences of channels by rounding of points and of tables of motion profiles [their units].
 
     1e-14 m or rad is six roundings of a point 8 m away (2^-49 m).  A rate divides it by dt, an
@@ -128,7 +134,7 @@ def roundings(case: Case, run: Run, dt: float) -> dict[str, float]:
     return {name: 1e-14 / dt**k for name, k in order.items()} | forces
 
 
-def motion_of(run: Run) -> str:
+def motion_source_of(run: Run) -> str:
     """Source code of the motion of a run's drives."""
     return motion_source([drive.profile for drive in run.drives], run.x)
 
@@ -150,39 +156,47 @@ def run_of(case: Case, samples: int = SAMPLES) -> Run:
     )
 
 
-def both(case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]) -> tuple[Ran, Curves]:
+def run_program_and_engine(
+    case: Case, run: Run, folder: Path, drive: Imposed = IMPOSED[0]
+) -> tuple[ProgramOutput, Curves]:
     """The output of the program of a run, with the settings that the run used, and its curves."""
     wanted = simulate(case.model_path, run)
     run = replace(run, settings=wanted.settings)
-    motion = motion_of(run)
+    motion = motion_source_of(run)
     text = write_program(case.model_path, run, motion, case.title, drive)
     shown = {  # of forces and moments a program has those of drives, not those between bodies
         name: curve
         for name, curve in wanted.channels.items()
         if not (case.channels[name].si_unit in FORCE_UNITS and "." in name)
     }
-    return ran(folder / "bare", text), replace(wanted, channels=shown | driven(run, wanted))
+    return run_and_read(folder / "bare", text), replace(
+        wanted, channels=shown | drive_curves(run, wanted)
+    )
 
 
 @pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ALL]
+    "name",
+    [
+        name if name in QUICK_CASES else pytest.param(name, marks=pytest.mark.slow)
+        for name in PYMUNK_CASES
+    ],
 )
-def test_a_program_does_what_simulate_does(name, tmp_path):
+def test_a_program_gives_the_curves_of_simulate(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     run = run_of(case)
-    got, wanted = both(case, run, tmp_path)
+    got, wanted = run_program_and_engine(case, run, tmp_path)
     np.testing.assert_allclose(got.x, wanted.x, rtol=1e-15)  # rounding, since the samples are cut
     assert got.steps == wanted.steps
     # 1e-9: rounding of motion profiles, and the cosines of numpy and math
     dt = float(str(wanted.settings["timestep"]))
-    assert_alike(got.curves, wanted.channels, 1e-9, roundings(case, run, dt))
+    assert_alike(got.curves, wanted.channels, 1e-9, rounding_by_channel(case, run, dt))
 
 
 @pytest.mark.parametrize("name", ["fourbar", "inverted_slider_crank"])
-def test_motors_do_what_gears_do(name, tmp_path):
+def test_motors_give_the_curves_of_gears(name, tmp_path):
     case = load_case(shipped(f"{name}.toml"))
     run = run_of(case)
-    got, wanted = both(case, run, tmp_path, Imposed("motor"))
+    got, wanted = run_program_and_engine(case, run, tmp_path, Imposed("motor"))
     assert "SimpleMotor" in got.text
     assert "GearJoint" not in got.text.partition("drives = [")[2]
     still = {
@@ -195,7 +209,7 @@ def test_motors_do_what_gears_do(name, tmp_path):
     # accelerations divide this rounding by dt^2 = 1e-6 s^2, and have ranges of 0.02; the rates of
     # drives are constant, so that their differences are rounding
     dt = float(str(wanted.settings["timestep"]))
-    assert_alike(got.curves, wanted.channels, 1e-5, roundings(case, run, dt))
+    assert_alike(got.curves, wanted.channels, 1e-5, rounding_by_channel(case, run, dt))
 
 
 def test_a_motor_does_not_drift(tmp_path):
@@ -203,7 +217,7 @@ def test_a_motor_does_not_drift(tmp_path):
     file = tmp_path / "wheel.xml"
     inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/></body>'
     file.write_text(
-        planar(
+        planar_mjcf(
             f'<body><joint axis="0 0 1"/>{inertial}'  # the wheel's axis is opposite
             f'<body name="wheel"><joint name="wheel" axis="0 0 -1"/>{inertial}',
             '<jointpos name="value" joint="wheel"/>'
@@ -219,7 +233,7 @@ def test_a_motor_does_not_drift(tmp_path):
     )
     motion = "def motion(t):\n    return 4 + 20 * np.pi * t[None], 0 * t[None], 0 * t[None]"
     text = write_program(file, run, motion, "", Imposed("motor"))
-    got, truth = ran(tmp_path / "bare", text).curves, 4 + 20 * np.pi * run.x
+    got, truth = run_and_read(tmp_path / "bare", text).curves, 4 + 20 * np.pi * run.x
     # rounding is 1e-13 rad at 600 rad, and is corrected in the next step
     np.testing.assert_allclose(got["value"], truth, atol=1e-11, rtol=0)
     np.testing.assert_allclose(
@@ -229,10 +243,10 @@ def test_a_motor_does_not_drift(tmp_path):
     # 0.06 rad before the motor acts.
     late, hits = re.subn(r" \+ TIMESTEP \* \(b\.angular_velocity - .*\)", "", text)
     assert hits == 1
-    assert abs(ran(tmp_path / "late", late).curves["value"] - truth).max() > 0.01
+    assert abs(run_and_read(tmp_path / "late", late).curves["value"] - truth).max() > 0.01
 
 
-def planar(
+def planar_mjcf(
     bodies: str,
     sensors: str = "",
     more: str = "",
@@ -258,7 +272,7 @@ def planar(
 # springs of all kinds, a damper, joint limits, constant loads on hinges and a slide, two loads on
 # one site, an armature, a body on the ground, names that are no Python variables, and two names
 # that the program itself uses.
-RICH = planar(
+RICH_MODEL = planar_mjcf(
     '<body name="time"><joint name="lift &#34;1&#34;" type="slide" axis="0.6 0 0.8" '
     ' stiffness="40 3 2" springref="0.1" limited="true" range="-0.2 0.21"/>'
     ' <inertial pos="0 0 0" mass="1.5" diaginertia=".1 .1 .1"/>'
@@ -316,35 +330,39 @@ CHANNELS = (
         for name in ("tip", "tip_v", "tip_a", "pointer", "turning", "spin")
     ),
 )
-WHEEL = Drive("wheel", Swing(0.2, 1.0, 0.7))
+WHEEL_DRIVE = Drive("wheel", Swing(0.2, 1.0, 0.7))
 
 
-@pytest.mark.parametrize("drives", [(), (WHEEL,)])
-def test_springs_limits_loads_and_all_channels(drives, tmp_path):
+@pytest.mark.parametrize("drives", [(), (WHEEL_DRIVE,)])
+def test_a_program_has_springs_limits_loads_and_all_channels(drives, tmp_path):
     file, on_joint = tmp_path / "rich.xml", '<jointactuatorfrc name="moment" joint="arm"/>'
-    assert on_joint in RICH  # forces of loads on sites are included in this sensor
-    file.write_text(RICH.replace(on_joint, '<actuatorfrc name="moment" actuator="twist"/>'))
+    assert on_joint in RICH_MODEL  # forces of loads on sites are included in this sensor
+    file.write_text(RICH_MODEL.replace(on_joint, '<actuatorfrc name="moment" actuator="twist"/>'))
     run = Run(
-        "dynamics", np.linspace(0, 0.5, 51), CHANNELS, drives, settings={"timestep": 2e-3, **EXACT}
+        "dynamics",
+        np.linspace(0, 0.5, 51),
+        CHANNELS,
+        drives,
+        settings={"timestep": 2e-3, **EXACT_SETTINGS},
     )
     wanted = simulate(file, run)
     assert set(wanted.channels) == set(CHANNELS)
-    text = write_program(file, run, motion_of(run), "")
-    got = ran(tmp_path / "bare", text)
+    text = write_program(file, run, motion_source_of(run), "")
+    got = run_and_read(tmp_path / "bare", text)
     # The program's linear springs are Chipmunk's own.  Their ends are 100 extents away and have
     # 1e-14 m of rounding, which an acceleration divides by dt^2.
-    assert_alike(got.curves, wanted.channels | driven(run, wanted), 1e-7)
+    assert_alike(got.curves, wanted.channels | drive_curves(run, wanted), 1e-7)
     # The mutation: joint limits are reached, so that without them the motion differs.
     free, hits = re.subn(r"space\.add\(pymunk\.(RotaryLimit|Slide)Joint\([^#]*?\)\)\n", "", text)
     assert hits == 2
-    gone = ran(tmp_path / "free", free).curves['lift, "m"']
+    gone = run_and_read(tmp_path / "free", free).curves['lift, "m"']
     assert abs(gone - got.curves['lift, "m"']).max() > 0.01
 
 
-SWUNG = Drive("arm", Swing(0.4, 0.3, 0.9))
+ARM_DRIVE = Drive("arm", Swing(0.4, 0.3, 0.9))
 
 
-def test_what_drives_must_do_is_in_a_program(tmp_path):
+def test_a_program_computes_the_moments_of_drives(tmp_path):
     """The program computes the moments of two drives.
 
     One hinge has a spring, a damper and a load on its body; the other one has only a spring.
@@ -352,7 +370,7 @@ def test_what_drives_must_do_is_in_a_program(tmp_path):
     file = tmp_path / "rich.xml"
     sensor = '<jointactuatorfrc name="wheel" joint="wheel"/><jointactuatorfrc name="moment"'
     file.write_text(
-        RICH.replace('limited="true"', 'limited="false"').replace(
+        RICH_MODEL.replace('limited="true"', 'limited="false"').replace(
             '<jointactuatorfrc name="moment"', sensor
         )
     )
@@ -360,13 +378,15 @@ def test_what_drives_must_do_is_in_a_program(tmp_path):
         "dynamics",
         np.linspace(0, 0.5, 51),
         ("arm", "moment", "wheel"),
-        (SWUNG, WHEEL),
-        settings={"timestep": 2e-3, **EXACT},
+        (ARM_DRIVE, WHEEL_DRIVE),
+        settings={"timestep": 2e-3, **EXACT_SETTINGS},
     )
     wanted = simulate(file, run)
-    text = write_program(file, run, motion_of(run), "")
-    got = ran(tmp_path / "bare", text).curves
-    assert_alike(got, wanted.channels | driven(run, wanted), 1e-7)  # tolerance as in the test above
+    text = write_program(file, run, motion_source_of(run), "")
+    got = run_and_read(tmp_path / "bare", text).curves
+    assert_alike(
+        got, wanted.channels | drive_curves(run, wanted), 1e-7
+    )  # tolerance as in the test above
     # The mutations: without a load, a spring, a damper, or the inertia, a moment differs.
     for k, (pattern, instead, name) in enumerate(
         [
@@ -379,11 +399,13 @@ def test_what_drives_must_do_is_in_a_program(tmp_path):
     ):
         wrong, hits = re.subn(pattern, instead, text)
         assert hits == 1
-        off = ran(tmp_path / f"wrong {k}", wrong).curves[name] - got[name]
+        off = run_and_read(tmp_path / f"wrong {k}", wrong).curves[name] - got[name]
         assert abs(off).max() > 1e-3 * np.ptp(got[name]), pattern
     limited = tmp_path / "limited.xml"
-    limited.write_text(RICH)
-    text = write_program(limited, replace(run, channels=("moment", "arm")), motion_of(run), "")
+    limited.write_text(RICH_MODEL)
+    text = write_program(
+        limited, replace(run, channels=("moment", "arm")), motion_source_of(run), ""
+    )
     assert '"moment":' not in text  # a joint limit may act, whose force the program does not know
 
 
@@ -402,7 +424,7 @@ def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
             "",
             "",
         )
-        errors.append(abs(ran(tmp_path / f"{dt}", text).curves["angle"] - truth).max())
+        errors.append(abs(run_and_read(tmp_path / f"{dt}", text).curves["angle"] - truth).max())
     # The period is off by (w dt)^2 / 24, a phase of 1e-5 rad after 10 s; a wide swing has more.
     assert errors[1] < 1e-4
     # Terms of third order take away 10 % at 4 ms, 5 % at 2 ms, 2.5 % at 1 ms.
@@ -410,7 +432,7 @@ def test_a_pendulum_falls_as_its_elliptic_function(tmp_path):
 
 
 ARM, BLOCK = 0.8, 1.5  # kg
-LOADED = planar(
+LOADED_MODEL = planar_mjcf(
     f'<body><joint name="arm" axis="0 -1 0" stiffness="6 2 3" springref="0.3"/><inertial '
     f' pos="0.4 0 0.1" mass="{ARM}" diaginertia=".01 .05 .05"/>'
     '<site name="tip" pos="1 0 0"/></body>'
@@ -426,7 +448,7 @@ LOADED = planar(
 )
 
 
-def loaded(_, state):
+def shipped_case(_, state):
     """Rates of the state of arm and block, computed in three dimensions.
 
     The state is the arm's angle, the block's displacement, and their rates.
@@ -451,14 +473,16 @@ def loaded(_, state):
 def test_springs_and_loads_are_those_of_an_independent_integration(tmp_path):
     """The error against an integration by DOP853 is of second order."""
     file = tmp_path / "loaded.xml"
-    file.write_text(LOADED)
+    file.write_text(LOADED_MODEL)
     run, errors = Run("dynamics", np.linspace(0, 2, 41), ("arm", "block")), []
     truth = solve_ivp(
-        loaded, (0, 2), [0.2, 0.1, 0.5, -0.3], "DOP853", run.x, rtol=1e-12, atol=1e-12
+        shipped_case, (0, 2), [0.2, 0.1, 0.5, -0.3], "DOP853", run.x, rtol=1e-12, atol=1e-12
     ).y[:2]
     for dt in (4e-3, 2e-3):
-        text = write_program(file, replace(run, settings={"timestep": dt, **EXACT}), "", "")
-        curves = ran(tmp_path / f"{dt}", text).curves
+        text = write_program(
+            file, replace(run, settings={"timestep": dt, **EXACT_SETTINGS}), "", ""
+        )
+        curves = run_and_read(tmp_path / f"{dt}", text).curves
         errors.append(abs(np.array([curves["arm"], curves["block"]]) - truth).max(axis=1))
     assert (errors[1] < 1e-4).all()  # (w dt)^2 / 24 of a phase of 10 rad, w about 5 rad/s
     np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.15)  # terms of third order
@@ -483,7 +507,7 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     assert text.count(place) == 1
     errors = []
     for k, program in enumerate((text, text.replace(place, plain + place))):
-        got = ran(tmp_path / str(k), program).curves
+        got = run_and_read(tmp_path / str(k), program).curves
         errors.append(
             max(
                 abs(got[n] - truth[n]).max() / np.ptp(truth[n])
@@ -495,35 +519,41 @@ def test_a_start_from_the_plain_pose_is_a_hundred_times_worse(tmp_path):
     assert errors[1] > 100 * errors[0]
 
 
-def test_a_failed_run_says_so_as_simulate_does(tmp_path):
+def test_a_failed_program_prints_the_message_of_simulate(tmp_path):
     """The case is a five-bar near a singular pose, with too few iterations."""
     case = load_case(shipped("fivebar.toml"))
     run = replace(run_of(case), settings={"timestep": 2e-3, "iterations": 50, "error_bias": 0.0})
     with pytest.raises(Diverged) as failed:
         simulate(case.model_path, run)
-    done = started(tmp_path / "bare", write_program(case.model_path, run, motion_of(run), ""))
+    done = run_in_new_folder(
+        tmp_path / "bare", write_program(case.model_path, run, motion_source_of(run), "")
+    )
     assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{failed.value}\n")
     assert not (tmp_path / "bare" / "curves.csv").exists()
 
 
 def test_a_value_that_is_not_finite_is_an_error(tmp_path):
     case = load_case(shipped("pendulum.toml"))
-    run = replace(run_of(case, 3), settings={"timestep": 2e-3, **EXACT})
+    run = replace(run_of(case, 3), settings={"timestep": 2e-3, **EXACT_SETTINGS})
     text = write_program(case.model_path, run, "", "")
     wrong, hits = re.subn(r"return 0\.5 \* \(early", "return np.nan * (early", text)
     assert hits == 1
-    done = started(tmp_path / "bare", wrong)
+    done = run_in_new_folder(tmp_path / "bare", wrong)
     assert (done.returncode, done.stderr) == (1, "rate is not finite at time 0 s\n")
 
 
-HEAD = 'Line one, "quoted" and \\N{DASH} \\.\n\n"""import os"""\0\x1b é \u2028 ends in a quote"'
+UNUSUAL_HEADER = (
+    'Line one, "quoted" and \\N{DASH} \\.\n\n"""import os"""\0\x1b é \u2028 ends in a quote"'
+)
 
 
-@pytest.mark.parametrize(("head", "doc"), [("", None), (HEAD, HEAD), ("\\", "\\")])
+@pytest.mark.parametrize(
+    ("head", "doc"), [("", None), (UNUSUAL_HEADER, UNUSUAL_HEADER), ("\\", "\\")]
+)
 def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
     case = load_case(shipped("slider_crank.toml"))
-    run = replace(run_of(case, 3), settings={"timestep": 5e-3, **EXACT})
-    text = write_program(case.model_path, run, motion_of(run), head)
+    run = replace(run_of(case, 3), settings={"timestep": 5e-3, **EXACT_SETTINGS})
+    text = write_program(case.model_path, run, motion_source_of(run), head)
     tree = ast.parse(text)
     told = ast.get_docstring(tree, clean=False)
     assert (told and told.removesuffix("\n")) == doc
@@ -534,11 +564,11 @@ def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
         for alias in node.names
     }
     imported |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert imported <= MODULES
+    assert imported <= ALLOWED_MODULES
     for word in ("proofmass", "sim.", "analytic", "spring"):
         assert word not in text
-    assert max(map(len, text.replace(HEAD, "").splitlines())) < 200
-    ran(tmp_path / "bare", text)
+    assert max(map(len, text.replace(UNUSUAL_HEADER, "").splitlines())) < 200
+    run_and_read(tmp_path / "bare", text)
 
 
 @pytest.mark.parametrize(
@@ -550,8 +580,8 @@ def test_a_program_stands_alone_with_any_docstring(head, doc, tmp_path):
         ({}, Imposed("belt"), ValueError, "'belt'; known: gear, motor"),
     ],
 )
-def test_what_cannot_be_written_is_named(change, drive, error, named):
+def test_a_program_that_cannot_be_written_is_refused(change, drive, error, named):
     case = load_case(shipped("threeprr.toml"))
-    run = replace(run_of(case), **{"settings": {"timestep": 1e-3, **EXACT}, **change})
+    run = replace(run_of(case), **{"settings": {"timestep": 1e-3, **EXACT_SETTINGS}, **change})
     with pytest.raises(error, match=named):
         write_program(case.model_path, run, "", "", drive)

@@ -32,7 +32,7 @@ from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import Check, try_other_drives
 from tests.shipped import shipped
 
-SAMPLE = 3.14159265358979 / 180
+SAMPLE_DISTANCE = 3.14159265358979 / 180
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def fourbar() -> Case:
     return load_case(shipped("fourbar.toml"))
 
 
-class World:
+class FormulaFamilies:
     """Replaces the families and runs of a search by formulas, and records the runs in `asked`.
 
     Each family has a name, and a tuple: order, scale and floor of the error, wall time of a step
@@ -56,7 +56,11 @@ class World:
             "list_families",
             lambda case, engine: [
                 SettingFamily(
-                    "mujoco", name, partial_setting(name), SAMPLE, one[4] if len(one) > 4 else False
+                    "mujoco",
+                    name,
+                    setting_of_family(name),
+                    SAMPLE_DISTANCE,
+                    one[4] if len(one) > 4 else False,
                 )
                 for name, one in families.items()
             ],
@@ -104,20 +108,20 @@ class World:
         costs = [inf]
         for order, scale, floor, cost, *_ in self.families.values():
             costs += [
-                cost * round(6.28 * n / SAMPLE)
+                cost * round(6.28 * n / SAMPLE_DISTANCE)
                 for n in range(1, 4001)
-                if order and scale * (SAMPLE / n) ** order + floor <= needed
+                if order and scale * (SAMPLE_DISTANCE / n) ** order + floor <= needed
             ][:1]
         return min(costs)
 
 
-def partial_setting(name: str) -> Callable[[float], Setting]:
+def setting_of_family(name: str) -> Callable[[float], Setting]:
     """The function that gives the setting of a family for a time step."""
     return lambda step: Setting("mujoco", {"timestep": step, "integrator": name})
 
 
 @pytest.mark.parametrize("needed", [1e-2, 1e-4, 1e-6, 1e-7])
-def test_the_cheapest_is_found_within_a_tenth(
+def test_the_cheapest_setting_is_found_within_a_quarter(
     needed: float, fourbar: Case, monkeypatch, tmp_path
 ) -> None:
     """The cheapest good enough run that is found takes at most 1.25 times the least wall time.
@@ -126,7 +130,7 @@ def test_the_cheapest_is_found_within_a_tenth(
     is aimed at, a step is 0.8 (first order) to 0.8^(1/4) (fourth order) of the largest good one.
     The family of first order is the cheapest for large errors.
     """
-    world = World(
+    world = FormulaFamilies(
         monkeypatch,
         first=(1.0, 0.5, 0.0, 1e-6),
         fourth=(4.0, 100.0, 0.0, 5e-6),
@@ -142,13 +146,13 @@ def test_the_cheapest_is_found_within_a_tenth(
     assert len(chosen.repeats) == TIMING_REPEATS  # it is timed again in rounds
     steps = [(series, value) for series, value, repeats in world.asked if not repeats]
     assert len(steps) == len(set(steps))
-    numbers = np.array([SAMPLE / value for _, value in steps])
+    numbers = np.array([SAMPLE_DISTANCE / value for _, value in steps])
     assert numbers == pytest.approx(np.round(numbers), rel=1e-12)
 
 
-def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path) -> None:
+def test_families_that_cannot_be_cheaper_are_given_up(fourbar: Case, monkeypatch, tmp_path) -> None:
     """An expensive family ends with its first step, a failing one after `MAX_BAD_STEPS` steps."""
-    world = World(
+    world = FormulaFamilies(
         monkeypatch, good=(4.0, 1.0, 0.0, 1e-6), dear=(4.0, 1e3, 0.0, 1e-3), failed=(0, 0, 0, 0)
     )
     search(fourbar, "position", 1e-6, Store(tmp_path))
@@ -161,12 +165,14 @@ def test_what_cannot_be_cheaper_is_not_run(fourbar: Case, monkeypatch, tmp_path)
     assert counts["good"] >= 1
 
 
-def test_what_another_family_outdoes_is_left(fourbar: Case, monkeypatch, tmp_path) -> None:
+def test_families_that_are_worse_than_another_are_given_up(
+    fourbar: Case, monkeypatch, tmp_path
+) -> None:
     """After three steps a family ends whose errors are larger and fall no faster, or are all large.
 
     A family whose errors are larger but fall faster is followed as far as the wall time allows.
     """
-    world = World(
+    world = FormulaFamilies(
         monkeypatch,
         ahead=(2.0, 1.0, 0.0, 1e-6),
         behind=(2.0, 200.0, 0.0, 1e-6),
@@ -186,21 +192,19 @@ def test_what_another_family_outdoes_is_left(fourbar: Case, monkeypatch, tmp_pat
     assert least["late"] < least["ahead"]
 
 
-def test_a_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
-    world = World(monkeypatch, floor=(2.0, 50.0, 1e-4, 1e-6))
+def test_an_error_floor_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
+    world = FormulaFamilies(monkeypatch, floor=(2.0, 50.0, 1e-4, 1e-6))
     rows = search(fourbar, "position", 1e-6, Store(tmp_path))
     assert len(world.asked) < module.MAX_RUNS_OF_FAMILY
     assert min(row.errors["position"] for row in rows) < 2e-4
 
 
-def test_an_error_that_stays_ends_a_family_of_another_motion(
-    fourbar: Case, monkeypatch, tmp_path
-) -> None:
+def test_a_constant_large_error_ends_a_family(fourbar: Case, monkeypatch, tmp_path) -> None:
     """This also holds for defaults, which are not given up for a better family.
 
     A family whose error falls by 4 % from step to step goes on.
     """
-    world = World(
+    world = FormulaFamilies(
         monkeypatch, other=(1e-9, 0.6, 0.0, 1e-6, True), late=(0.03, 0.6, 0.0, 1e-6, True)
     )
     search(fourbar, "position", 1e-6, Store(tmp_path))
@@ -212,7 +216,7 @@ def test_an_error_that_stays_ends_a_family_of_another_motion(
     assert counts["late"] > module.MAX_BAD_STEPS
 
 
-def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
+def test_steps_between_a_good_and_a_bad_one_need_three_runs_at_most() -> None:
     """The order of the errors shows how near the good step is to the best one: three runs suffice.
 
     Bisection to 5 % would take nine runs.
@@ -228,7 +232,7 @@ def test_steps_between_a_good_one_and_a_bad_one_come_close_soon() -> None:
     assert row_at(fine).errors["position"] <= needed < row_at(coarse).errors["position"]
 
 
-def test_where_the_order_says_that_little_is_left_no_step_between_is_tried() -> None:
+def test_no_step_between_is_tried_if_the_order_predicts_little_gain() -> None:
     """No step between is tried if the good step is long and near the predicted best step.
 
     Short runs are tried in any case.  A good step with an error well below the needed one leaves
@@ -251,12 +255,12 @@ def row_at(step: float) -> StudyRow:
     return StudyRow("", "", "", "", "", "timestep", step, errors=error, seconds=1e-6 / step)
 
 
-def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch, tmp_path) -> None:
+def test_defaults_are_followed_further_for_comparison(fourbar: Case, monkeypatch, tmp_path) -> None:
     """Defaults are followed up to `DEFAULTS_COST_RATIO` times the cheapest wall time.
 
     Another family with the same errors ends earlier.
     """
-    world = World(
+    world = FormulaFamilies(
         monkeypatch,
         good=(4.0, 1.0, 0.0, 1e-6),
         plain=(1.0, 0.01, 0.0, 1e-6, True),
@@ -270,15 +274,15 @@ def test_defaults_are_followed_to_compare_with(fourbar: Case, monkeypatch, tmp_p
     assert finest["plain"] < finest["other"]
 
 
-def test_no_run_is_longer_than_is_allowed(fourbar: Case, monkeypatch, tmp_path) -> None:
-    world = World(monkeypatch, slow=(1.0, 1.0, 0.0, 1e-3))
+def test_no_run_is_longer_than_allowed(fourbar: Case, monkeypatch, tmp_path) -> None:
+    world = FormulaFamilies(monkeypatch, slow=(1.0, 1.0, 0.0, 1e-3))
     search(fourbar, "position", 1e-6, Store(tmp_path), limits=Limits(longest=10.0))
     assert all(1e-3 * 6.28 / value <= 10.0 for _, value, _ in world.asked)
 
 
 def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
     """The limits report that the budget left settings out."""
-    world = World(monkeypatch, good=(1.0, 1.0, 0.0, 1e-6))
+    world = FormulaFamilies(monkeypatch, good=(1.0, 1.0, 0.0, 1e-6))
     limits = Limits(budget=1e-9)
     search(fourbar, "position", 1e-6, Store(tmp_path), limits=limits)
     assert limits.short
@@ -291,7 +295,7 @@ def test_a_budget_ends_the_search(fourbar: Case, monkeypatch, tmp_path) -> None:
     assert "left" not in limits.words
 
 
-def test_a_budget_is_of_the_runs_and_no_run_begins_that_would_exceed_it(
+def test_no_run_is_started_that_would_exceed_the_budget(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
     """With a budget of 0.6 s only one of two families that need 0.4 s each is followed to the end.
@@ -299,12 +303,12 @@ def test_a_budget_is_of_the_runs_and_no_run_begins_that_would_exceed_it(
     A family of first order with 1e-4 s a step needs a run of 25 s or more for an error of 1e-5, and
     coarser runs before.  A budget of 10 s is too small for it, one of 60 s is enough.
     """
-    world = World(monkeypatch, one=(1.0, 0.5, 0.0, 1e-6), two=(1.0, 0.51, 0.0, 1e-6))
+    world = FormulaFamilies(monkeypatch, one=(1.0, 0.5, 0.0, 1e-6), two=(1.0, 0.51, 0.0, 1e-6))
     limits = Limits(budget=0.6)
     search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
     assert limits.short
     assert 0.3 < limits.spent <= 0.6
-    world = World(monkeypatch, slow=(1.0, 0.5, 0.0, 1e-4))
+    world = FormulaFamilies(monkeypatch, slow=(1.0, 0.5, 0.0, 1e-4))
     limits = Limits(longest=60.0, budget=10.0)
     rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
     assert limits.short
@@ -318,16 +322,18 @@ def test_a_budget_is_of_the_runs_and_no_run_begins_that_would_exceed_it(
     assert len(world.asked) < module.MAX_RUNS_OF_FAMILY * 2
 
 
-def test_runs_that_are_given_up_are_of_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
+def test_timed_out_runs_count_towards_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
     """A timed-out run counts with the longest wall time of a run."""
-    World(monkeypatch, slow=(1.0, 0.5, 0.0, 1e2), slower=(1.0, 0.6, 0.0, 2e2))
+    FormulaFamilies(monkeypatch, slow=(1.0, 0.5, 0.0, 1e2), slower=(1.0, 0.6, 0.0, 2e2))
     limits = Limits(longest=30.0, budget=20.0)
     rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
     assert {row.outcome for row in rows} == {"timed out"}
     assert limits.spent == 30.0 * len(rows)
 
 
-def test_a_family_with_the_errors_of_another_ends(fourbar: Case, monkeypatch, tmp_path) -> None:
+def test_a_family_with_the_same_errors_as_an_earlier_one_ends(
+    fourbar: Case, monkeypatch, tmp_path
+) -> None:
     """A family ends after its first step if an earlier one has the same errors and wall times.
 
     It goes on if it is much cheaper, if the earlier family is the defaults, which are not refined
@@ -341,18 +347,18 @@ def test_a_family_with_the_errors_of_another_ends(fourbar: Case, monkeypatch, tm
         (1e-6, 1e-6, False),
     ):
         one = (2.0, 50.0, 0.0, dear, plain)
-        world = World(monkeypatch, one=one, same=(2.0, 50.0, 0.0, cost))
+        world = FormulaFamilies(monkeypatch, one=one, same=(2.0, 50.0, 0.0, cost))
         search(fourbar, "position", 1e-4, Store(tmp_path))
         steps = {(series, value) for series, value, _ in world.asked}
         counts[cost, plain] = sum(series == "same" for series, _ in steps)
-        assert any(series == "one" and value < SAMPLE / 2 for series, value in steps)
+        assert any(series == "one" and value < SAMPLE_DISTANCE / 2 for series, value in steps)
     assert counts[1e-3, False] == 1
     assert counts[5e-4, False] > 1
     assert counts[1e-3, True] > 1
     assert counts[1e-6, False] > 1
 
 
-def test_families_that_come_to_one_setting_are_one_from_there(
+def test_families_that_reach_the_same_setting_are_followed_once(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
     """From an eighth of a sample on both families have the same settings.
@@ -360,13 +366,13 @@ def test_families_that_come_to_one_setting_are_one_from_there(
     Their coarse steps give other errors, and so would predict other fine steps.  The second family
     ends after its first fine step.
     """
-    world = World(monkeypatch, one=(2.0, 50.0, 0.0, 1e-6), other=(1.9, 40.0, 0.0, 1e-6))
-    limit = Setting("mujoco", {"timestep": SAMPLE / 8, "integrator": "limit"})
+    world = FormulaFamilies(monkeypatch, one=(2.0, 50.0, 0.0, 1e-6), other=(1.9, 40.0, 0.0, 1e-6))
+    limit = Setting("mujoco", {"timestep": SAMPLE_DISTANCE / 8, "integrator": "limit"})
 
     def at(name: str) -> Callable[[float], Setting]:
         return lambda step: (
-            partial_setting(name)(step)
-            if step > SAMPLE / 8
+            setting_of_family(name)(step)
+            if step > SAMPLE_DISTANCE / 8
             else limit.with_parameters(timestep=step)
         )
 
@@ -374,22 +380,26 @@ def test_families_that_come_to_one_setting_are_one_from_there(
         module,
         "list_families",
         lambda case, engine: [
-            SettingFamily("mujoco", name, at(name), SAMPLE) for name in ("one", "other")
+            SettingFamily("mujoco", name, at(name), SAMPLE_DISTANCE) for name in ("one", "other")
         ],
     )
     search(fourbar, "position", 1e-6, Store(tmp_path))
-    fine = [series for series, value, repeats in world.asked if value < SAMPLE / 8 and not repeats]
+    fine = [
+        series
+        for series, value, repeats in world.asked
+        if value < SAMPLE_DISTANCE / 8 and not repeats
+    ]
     assert fine.count("one") >= 2
     assert fine.count("other") == 1
 
 
-def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
+def test_settings_with_yielding_drives_are_tried_with_finer_steps(fourbar: Case) -> None:
     """The error of such a drive goes with the square of the step: 1/100 of it needs a step of 1/10.
 
     `solref` keeps its ratio to the step.  Settings with an error that is too large, small enough,
     or NaN are left out; of the others the cheapest `MAX_DRIVE_REFINEMENTS` are refined.
     """
-    parameters = {"timestep": SAMPLE, "solref": (4 * SAMPLE, 1.0)}
+    parameters = {"timestep": SAMPLE_DISTANCE, "solref": (4 * SAMPLE_DISTANCE, 1.0)}
     row = StudyRow(
         "choose",
         "fourbar",
@@ -397,20 +407,20 @@ def test_finer_steps_for_a_drive_that_yields(fourbar: Case) -> None:
         "mujoco",
         "RK4",
         "timestep",
-        SAMPLE,
+        SAMPLE_DISTANCE,
         parameters,
         {"position": 1e-8},
         seconds=1.0,
     )
     (task,) = refine_for_drives(fourbar, [(row, 1e-2)], 1e-4)
-    assert SAMPLE / 14 < task.value <= SAMPLE * (0.8 * 1e-2) ** 0.5
+    assert SAMPLE_DISTANCE / 14 < task.value <= SAMPLE_DISTANCE * (0.8 * 1e-2) ** 0.5
     assert task.setting.parameters["solref"] == pytest.approx((4 * task.value, 1.0))
     assert not refine_for_drives(fourbar, [(row, 0.2), (row, 1e-5), (row, nan)], 1e-4)
     many = [(replace(row, seconds=float(k)), 1e-2) for k in (5, 1, 4, 2, 3)]
     assert len(refine_for_drives(fourbar, many, 1e-4)) == module.MAX_DRIVE_REFINEMENTS
 
 
-def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -> None:
+def test_the_best_gain_of_each_other_kind_of_drive_is_reported(fourbar: Case, monkeypatch) -> None:
     """The report has the error of the program with that gain, or the reason why it failed."""
     given = {
         Imposed("servo", 2.0): ProgramRun(failure="failed"),
@@ -441,7 +451,7 @@ def test_of_each_other_drive_the_best_gain_is_told(fourbar: Case, monkeypatch) -
 
 @pytest.mark.parametrize("step", [1e-2, 1e-4])
 @pytest.mark.parametrize("share", [0.003, 0.03])
-def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
+def test_a_step_corrects_the_given_share_of_a_constraint_violation(share, step):
     """Chipmunk makes one step of a free body whose pin has a constraint violation of 0.1 m."""
     space, body = pymunk.Space(), pymunk.Body(1.0, 1.0)
     body.position = 1.0, 0.0
@@ -454,7 +464,7 @@ def test_a_share_of_a_gap_is_closed_in_a_step(share, step):
     )  # 1 / step roundings
 
 
-def test_few_iterations_come_with_a_bias(fourbar):
+def test_families_with_few_iterations_have_a_bias_per_step(fourbar):
     """A step of such a family corrects the same share of a violation, whatever its length."""
     found = [
         one
@@ -467,13 +477,13 @@ def test_few_iterations_come_with_a_bias(fourbar):
         assert bias**step == pytest.approx(0.99, rel=1e-12, abs=0)
 
 
-def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_path) -> None:
+def test_of_long_runs_only_the_cheapest_is_made(fourbar: Case, monkeypatch, tmp_path) -> None:
     """Of three similar families only the cheapest is run with the step that is good enough.
 
     That run takes seconds.  Without the order by cost the other two would be run with such a step
     as well.
     """
-    world = World(
+    world = FormulaFamilies(
         monkeypatch,
         cheap=(1.0, 1.0, 0.0, 1e-4),
         dear=(1.0, 1.01, 0.0, 2e-4),
@@ -488,7 +498,7 @@ def test_of_long_runs_the_cheapest_come_first(fourbar: Case, monkeypatch, tmp_pa
     assert longest["dearer"] < longest["cheap"]
 
 
-def test_a_step_that_would_take_too_long_is_tried_only_while_its_order_is_not_known(
+def test_a_step_that_takes_too_long_is_not_tried_once_the_order_is_known(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
     """An error of first order needs a run of 250 s, and a run may take 30 s.
@@ -496,11 +506,11 @@ def test_a_step_that_would_take_too_long_is_tried_only_while_its_order_is_not_kn
     Three steps show the order, and none of the runs takes a second.  With an error of second order
     the needed step is found.
     """
-    world = World(monkeypatch, first=(1.0, 0.5, 0.0, 1e-4))
+    world = FormulaFamilies(monkeypatch, first=(1.0, 0.5, 0.0, 1e-4))
     rows = search(fourbar, "position", 1e-6, Store(tmp_path))
     assert 3 <= len(rows) <= 5
     assert max(row.seconds for row in rows) < 1.0
-    world = World(monkeypatch, second=(2.0, 0.5, 0.0, 1e-4))
+    world = FormulaFamilies(monkeypatch, second=(2.0, 0.5, 0.0, 1e-4))
     rows = search(fourbar, "position", 1e-6, Store(tmp_path))
     assert min(row.errors["position"] for row in rows) <= 1e-6
     assert min(row.seconds for row in rows if row.errors["position"] <= 1e-6) <= 1.25 * world.best(
@@ -526,7 +536,7 @@ def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path)
     assert all("elbow" in row.message and row.steps == 0 for row in rows)
 
 
-def test_of_the_defaults_the_cheapest_good_step_is_compared_with_or_the_closest() -> None:
+def test_the_cheapest_good_or_the_most_accurate_default_is_compared() -> None:
     def row(error: float, seconds: float) -> StudyRow:
         return StudyRow(
             "", "", "", "", "", "", 1.0, errors={"position": error}, seconds=seconds, outcome="ran"

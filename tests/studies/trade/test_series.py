@@ -35,7 +35,7 @@ from tests.shipped import shipped
 CASE = load_case(shipped("fourbar.toml"))
 
 
-def steps(
+def series_of_steps(
     engine: str = "mujoco", name: str = "plain", per: float = 0.0, **parameters
 ) -> ConvergenceSeries:
     """A series of four time steps; `solref` is `per` steps if that is given."""
@@ -57,14 +57,14 @@ def steps(
     )
 
 
-def refined(*errors: float) -> list[tuple[float, float]]:
+def points_of_halved_sizes(*errors: float) -> list[tuple[float, float]]:
     """Points with these errors, at sizes each of which is half of the previous one."""
     return [(2.0**-k, error) for k, error in enumerate(errors)]
 
 
-def falling(*slopes: float) -> list[tuple[float, float]]:
+def points_of_orders(*slopes: float) -> list[tuple[float, float]]:
     """Points whose errors fall from 1e-2 with these orders, one for each refinement."""
-    return refined(*(1e-2 * 2.0 ** -sum(slopes[:k]) for k in range(len(slopes) + 1)))
+    return points_of_halved_sizes(*(1e-2 * 2.0 ** -sum(slopes[:k]) for k in range(len(slopes) + 1)))
 
 
 def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
@@ -86,7 +86,7 @@ def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
                 outcome=Outcome.DIVERGED if failed else Outcome.RAN,
             )
         )
-    return MeasuredSeries(steps(), rows)
+    return MeasuredSeries(series_of_steps(), rows)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def measured_series(**kinds: tuple[float, ...]) -> MeasuredSeries:
         ((1e-3, 2e-3, 1.9e-3), False),
     ],
 )  # the last case: worse, then nearly unchanged, so neither twice
-def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, settled):
+def test_an_error_is_settled_if_two_refinements_do_not_reduce_it(errors, settled):
     assert measured_series(velocity=errors).settled("velocity") is settled
 
 
@@ -110,7 +110,7 @@ def test_an_error_is_settled_that_two_refinements_left_or_made_worse(errors, set
     ("places", "settled"),
     [((0.05, 0.02, 0.005), True), ((0.05, 0.02, 0.01), False), ((0.002, 0.005, 0.02), False)],
 )
-def test_rates_that_stay_far_off_are_settled_where_the_last_places_are_right(places, settled):
+def test_large_errors_of_rates_are_settled_if_positions_are_accurate(places, settled):
     """A jolt at the start may cause large errors of rates for any step."""
     assert measured_series(velocity=(0.5, 0.5, 0.5), position=places).settled("velocity") is settled
 
@@ -130,8 +130,8 @@ def test_rates_that_stay_far_off_are_settled_where_the_last_places_are_right(pla
         ((9.0, 1e-3, 2e-3, 4e-3), True),
     ],
 )
-def test_an_error_rises_that_two_refinements_made_worse(errors, rises):
-    assert is_rising(refined(*errors)) is rises
+def test_an_error_rises_if_two_refinements_make_it_worse(errors, rises):
+    assert is_rising(points_of_halved_sizes(*errors)) is rises
 
 
 def test_a_hundredth_of_the_range_is_no_floor():
@@ -139,12 +139,12 @@ def test_a_hundredth_of_the_range_is_no_floor():
 
     At 1 % the next term of an error, which goes with its square, is 1 % of the error.
     """
-    assert find_flat_point(refined(0.0098, 0.01)) is None
-    assert find_flat_point(refined(0.01, 0.0098)) is None
-    assert find_flat_point(refined(0.0099, 0.0098)) == 0
+    assert find_flat_point(points_of_halved_sizes(0.0098, 0.01)) is None
+    assert find_flat_point(points_of_halved_sizes(0.01, 0.0098)) is None
+    assert find_flat_point(points_of_halved_sizes(0.0099, 0.0098)) == 0
     assert not is_floor([0.01, 0.01, 0.01])
     assert not is_floor([0.0102, 0.0099, 0.0098]), "the first error is not asymptotic"
-    assert find_least_error(refined(0.01, 0.02, 0.04)) is None
+    assert find_least_error(points_of_halved_sizes(0.01, 0.02, 0.04)) is None
     assert find_flat_point([]) is None
 
 
@@ -164,10 +164,10 @@ def test_no_error_at_all_is_no_error_floor():
     ],
 )
 def test_the_least_error_may_be_a_floor_if_two_finer_ones_or_more_are_worse(errors, place):
-    assert find_least_error(refined(*errors)) == place
+    assert find_least_error(points_of_halved_sizes(*errors)) == place
 
 
-def test_an_end_that_falls_with_the_order_one_half_still_falls():
+def test_an_error_of_order_one_half_still_falls():
     """Half of the error at a quarter of the step is order 0.5, which is not below the limit 0.5."""
     points = [(1.0, 1e-3), (0.25, 0.5e-3)]
     assert convergence_order(*points) == 0.5
@@ -177,31 +177,34 @@ def test_an_end_that_falls_with_the_order_one_half_still_falls():
 @pytest.mark.parametrize(
     ("points", "seen"),
     [
-        (falling(2.0, 2.0), 2.0),
-        (falling(2.0, 2.1), 2.05),  # the observed order, not that of the last refinement alone
-        (falling(2.0, 2.0, 1.0), 1.0),  # the last refinement shows another order
-        (falling(2.0, 2.0, 1.75), 1.75),  # off by more than a tenth
-        (falling(1.0, 1.0, 0.85), 0.85),  # off by more than a tenth of first order
-        (falling(2.0), 2.0),  # the only refinement
-        (falling(0.03), nan),
-        (falling(2.0, 0.03), nan),  # the last refinement does not reduce the error
-        (refined(1e-2, 2.5e-3, inf), nan),  # a finer run failed
-        (refined(0.2, 0.05), nan),
-        (refined(0.8, 0.2), nan),  # starts from the error of another motion
-        (refined(1e-3), nan),
+        (points_of_orders(2.0, 2.0), 2.0),
+        (
+            points_of_orders(2.0, 2.1),
+            2.05,
+        ),  # the observed order, not that of the last refinement alone
+        (points_of_orders(2.0, 2.0, 1.0), 1.0),  # the last refinement shows another order
+        (points_of_orders(2.0, 2.0, 1.75), 1.75),  # off by more than a tenth
+        (points_of_orders(1.0, 1.0, 0.85), 0.85),  # off by more than a tenth of first order
+        (points_of_orders(2.0), 2.0),  # the only refinement
+        (points_of_orders(0.03), nan),
+        (points_of_orders(2.0, 0.03), nan),  # the last refinement does not reduce the error
+        (points_of_halved_sizes(1e-2, 2.5e-3, inf), nan),  # a finer run failed
+        (points_of_halved_sizes(0.2, 0.05), nan),
+        (points_of_halved_sizes(0.8, 0.2), nan),  # starts from the error of another motion
+        (points_of_halved_sizes(1e-3), nan),
         ([], nan),
     ],
 )
-def test_the_order_with_which_a_line_ends(points, seen):
+def test_the_final_order_of_a_series_is_found(points, seen):
     assert final_order(points) == pytest.approx(seen, nan_ok=True)
 
 
-def test_of_several_finer_steps_that_are_worse_that_of_the_largest_factor_is_told():
-    points = refined(1e-2, 2e-2, 1e-4, 1e-3)
+def test_of_several_worse_finer_steps_the_worst_is_found():
+    points = points_of_halved_sizes(1e-2, 2e-2, 1e-4, 1e-3)
     assert find_worse_pair(points) == (points[2], points[3])
 
 
-def row(
+def study_row(
     value: float,
     outcome: str = Outcome.RAN,
     name: str = "plain",
@@ -225,12 +228,18 @@ def row(
     )
 
 
-def test_a_line_s_ends_are_its_finest_step_and_the_next_that_is_clearly_coarser():
+def test_final_pairs_have_the_finest_and_a_clearly_coarser_step():
     """Both must have run; the outcomes of other steps do not matter.
 
     Two steps that differ by a tenth only show no order.
     """
-    rows = [row(8.0), row(4.0, "diverged"), row(2.0), row(1.1, "diverged"), row(1.0)]
+    rows = [
+        study_row(8.0),
+        study_row(4.0, "diverged"),
+        study_row(2.0),
+        study_row(1.1, "diverged"),
+        study_row(1.0),
+    ]
     assert list(final_pairs(rows[::-1])) == [(rows[2], rows[4])]
     other = [replace(each, series="other") for each in rows]
     abroad = [replace(each, engine="pymunk") for each in rows]
@@ -238,13 +247,16 @@ def test_a_line_s_ends_are_its_finest_step_and_the_next_that_is_clearly_coarser(
     assert len(found) == 3
     assert all((part[2], part[4]) in found for part in (rows, other, abroad))
     assert list(final_pairs(replace(each, varied="iterations") for each in rows)) == []
-    assert list(final_pairs([row(2.0, "diverged"), row(1.0)])) == []
-    assert list(final_pairs([row(2.0), row(1.0, "diverged")])) == []
-    assert list(final_pairs([row(1.3), row(1.0)])) == []
+    assert list(final_pairs([study_row(2.0, "diverged"), study_row(1.0)])) == []
+    assert list(final_pairs([study_row(2.0), study_row(1.0, "diverged")])) == []
+    assert list(final_pairs([study_row(1.3), study_row(1.0)])) == []
 
 
-def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
-    rows = [row(2.0, velocity=4e-3, position=4e-3), row(1.0, velocity=1e-3, position=1e-3)]
+def test_a_floor_of_one_kind_of_error_leaves_predictions_of_another():
+    rows = [
+        study_row(2.0, velocity=4e-3, position=4e-3),
+        study_row(1.0, velocity=1e-3, position=1e-3),
+    ]
     at = Verdict("fourbar", "dynamics", "mujoco", "plain", "position", floor=1e-3)
     assert predict_steps(rows, [at], "position", 1e-5) == []
     assert len(predict_steps(rows, [at], "velocity", 1e-5)) == 1
@@ -265,24 +277,27 @@ def test_a_floor_in_another_kind_of_error_leaves_the_promise_of_this_one():
         ({"velocity": 1.1e-3}, {"velocity": 1e-3}, 1e-5),
     ],
 )  # the error of the last case hardly falls
-def test_what_shows_no_order_or_is_good_enough_promises_nothing(coarse, fine, needed):
-    assert predict_steps([row(2.0, **coarse), row(1.0, **fine)], [], "velocity", needed) == []
+def test_no_step_is_predicted_without_an_order_or_if_good_enough(coarse, fine, needed):
+    assert (
+        predict_steps([study_row(2.0, **coarse), study_row(1.0, **fine)], [], "velocity", needed)
+        == []
+    )
 
 
-def test_the_price_of_a_promise_is_that_of_its_steps():
+def test_a_predicted_wall_time_is_proportional_to_the_steps():
     """From an error of 1e-3 to 0.8 of 1e-5 the step is shorter by the root of 125.
 
     The errors are of second order, and the wall time is longer by the same factor.
     """
     (found,) = predict_steps(
-        [row(2.0, velocity=4e-3), row(1.0, velocity=1e-3)], [], "velocity", 1e-5
+        [study_row(2.0, velocity=4e-3), study_row(1.0, velocity=1e-3)], [], "velocity", 1e-5
     )
     assert found.falls == pytest.approx(2.0)
     assert found.step == pytest.approx(125**-0.5)
     assert found.seconds == pytest.approx(125**0.5)
 
 
-def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
+def test_a_setting_at_another_step_keeps_the_ratio_of_solref_to_step():
     parameters = {"integrator": "RK4", "solref": (8e-3, 1.0)}
     coarse = StudyRow("trade", "", "dynamics", "mujoco", "", "timestep", 1e-3, parameters)
     found = setting_at_step(coarse, 2.5e-4)
@@ -313,18 +328,18 @@ def test_a_setting_with_another_step_keeps_how_many_steps_its_loops_take():
         ({"a": 3.0, "b": 2.0}, {"a": 1.0, "b": 2.0}, False),
     ],
 )
-def test_settings_are_the_same_that_differ_by_rounding_only(one, other, alike):
+def test_settings_that_differ_by_rounding_only_are_the_same(one, other, alike):
     assert are_same_parameters(one, other) is alike
     assert are_same_parameters(other, one) is alike
 
 
-def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
+def test_a_setting_belongs_to_the_first_series_with_its_parameters():
     own = [
-        steps("pymunk"),
+        series_of_steps("pymunk"),
         ConvergenceSeries("mujoco", "alone", "timestep", (Setting("mujoco", {"timestep": 1e-3}),)),
-        steps(name="RK4", integrator="RK4"),
-        steps(name="Euler"),
-        steps(name="again"),
+        series_of_steps(name="RK4", integrator="RK4"),
+        series_of_steps(name="Euler"),
+        series_of_steps(name="again"),
     ]
 
     def at(engine: str = "mujoco", **parameters) -> tuple[str, str, float]:
@@ -348,15 +363,15 @@ def test_a_setting_is_on_the_first_line_whose_other_parameters_are_its_own():
     )
 
 
-def test_a_setting_of_a_line_whose_loops_go_with_the_step_has_theirs():
-    hard = steps(name="hard", per=8.0)
+def test_a_setting_of_a_scaled_series_has_its_ratio_of_solref_to_step():
+    hard = series_of_steps(name="hard", per=8.0)
     on = Setting("mujoco", {"timestep": 1e-3, "solref": (8e-3, 1.0)})
     assert find_series(on, [hard]) == ("hard", "timestep", 1e-3)
     off = on.with_parameters(solref=(0.8, 1.0))  # that of the series' first setting
     assert find_series(off, [hard]) == ("MuJoCo, solref (0.8, 1.0)", "timestep", 1e-3)
 
 
-def test_a_setting_is_placed_by_the_parameter_that_its_line_varies():
+def test_a_setting_is_placed_by_the_varied_parameter_of_its_series():
     """The value of a parameter with several numbers is its first number."""
     softer = ConvergenceSeries(
         "mujoco",
@@ -367,44 +382,49 @@ def test_a_setting_is_placed_by_the_parameter_that_its_line_varies():
         ),
     )
     on = Setting("mujoco", {"timestep": 1e-3, "solref": (0.003, 1.0)})
-    assert find_series(on, [steps(), softer]) == ("softer", "solref", 0.003)
+    assert find_series(on, [series_of_steps(), softer]) == ("softer", "solref", 0.003)
     of_two = replace(softer, settings=softer.settings[:2])
-    assert find_series(on, [steps(), of_two]) == ("softer", "solref", 0.003)
+    assert find_series(on, [series_of_steps(), of_two]) == ("softer", "solref", 0.003)
 
 
 @pytest.fixture
 def store(tmp_path, monkeypatch) -> Store:
     """A store whose keys are readable, with two series for the four-bar's dynamics."""
-    monkeypatch.setattr(series, "task_key", key)
+    monkeypatch.setattr(series, "task_key", readable_key)
     monkeypatch.setattr(
         series,
         "list_series",
         lambda case, kind: {
-            ("fourbar", "dynamics"): [steps("pymunk"), steps(name="RK4", integrator="RK4")]
+            ("fourbar", "dynamics"): [
+                series_of_steps("pymunk"),
+                series_of_steps(name="RK4", integrator="RK4"),
+            ]
         }[case.name, kind],
     )
     return Store(tmp_path)
 
 
-def key(task: StudyRun) -> str:
+def readable_key(task: StudyRun) -> str:
     """A key of a task that is readable."""
     return f"{task.case.name} {task.run} {task.setting}".replace("/", " ")
 
 
-def save(store: Store, setting: Setting, case=CASE, run="dynamics", **found) -> str:
+def save_run(store: Store, setting: Setting, case=CASE, run="dynamics", **found) -> str:
     """Save a measurement of a setting; return its key."""
     task = StudyRun(case, run, setting)
-    store.save(key(task), 0, task, Measurement({"velocity": 1e-3}, seconds=2.0, **found), 5.0)
-    return key(task)
+    store.save(
+        readable_key(task), 0, task, Measurement({"velocity": 1e-3}, seconds=2.0, **found), 5.0
+    )
+    return readable_key(task)
 
 
-FINE = Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4", "solref": (0.02, 1.0)})
+FINE_SETTING = Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4", "solref": (0.02, 1.0)})
 
 
-def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
+def test_stored_settings_are_rows_of_the_study_choose(store):
     """The rows have the results of the runs of any study, and the names of their series."""
-    own = save(store, Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4"}))
-    other = save(store, FINE)
+    own = save_run(store, Setting("mujoco", {"timestep": 3e-4, "integrator": "RK4"}))
+    other = save_run(store, FINE_SETTING)
     found = {row.key: row for row in list_cached_settings(CASE, "dynamics", [], store)}
     assert set(found) == {own, other}
     assert found[own] == StudyRow(
@@ -423,20 +443,27 @@ def test_settings_that_a_store_knows_are_rows_of_those_who_choose(store):
         shared=found[own].shared,
         step=found[own].step,
     )
-    assert found[other].parameters == FINE.parameters, "the tuple, which the file has as a list"
+    assert found[other].parameters == FINE_SETTING.parameters, (
+        "the tuple, which the file has as a list"
+    )
     assert found[other].series == "MuJoCo, integrator RK4, solref (0.02, 1.0)"
 
 
-def test_repeats_that_a_store_knows_are_timings(store):
-    task = StudyRun(CASE, "dynamics", FINE)
+def test_stored_repeats_are_timings(store):
+    task = StudyRun(CASE, "dynamics", FINE_SETTING)
     for repeat, seconds in enumerate((0.09, 0.04, 0.03)):
-        store.save(key(task), repeat, task, Measurement({"velocity": 1e-3}, seconds=seconds), 5.0)
+        store.save(
+            readable_key(task), repeat, task, Measurement({"velocity": 1e-3}, seconds=seconds), 5.0
+        )
     (row,) = list_cached_settings(CASE, "dynamics", [], store)
     assert (row.seconds, row.repeats) == (0.03, (0.09, 0.04, 0.03))
 
 
-def test_what_a_store_knows_beside_is_told_once_and_of_the_engine_that_is_asked_for(store):
-    mujoco, pymunk = save(store, FINE), save(store, Setting("pymunk", {"timestep": 1e-3}))
+def test_stored_settings_are_listed_once_and_for_the_given_engine(store):
+    mujoco, pymunk = (
+        save_run(store, FINE_SETTING),
+        save_run(store, Setting("pymunk", {"timestep": 1e-3})),
+    )
     first, second = sorted(
         list_cached_settings(CASE, "dynamics", [], store), key=lambda row: row.engine
     )
@@ -450,16 +477,16 @@ def test_what_a_store_knows_beside_is_told_once_and_of_the_engine_that_is_asked_
     ]
 
 
-def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypatch):
+def test_stored_runs_of_other_cases_or_versions_are_left_out(store, monkeypatch):
     other = CASE.model_copy(update={"file": CASE.file.with_name("other.toml")})
-    save(store, FINE, case=other)
-    save(store, FINE, run="sweep")
-    save(store, FINE.with_parameters(integrator="Euler"), outcome=Outcome.DIVERGED)
-    save(store, Setting("pymunk", {"timestep": 1e-3}))
-    no_parameters = save(store, FINE.with_parameters(timestep=1e-4))
+    save_run(store, FINE_SETTING, case=other)
+    save_run(store, FINE_SETTING, run="sweep")
+    save_run(store, FINE_SETTING.with_parameters(integrator="Euler"), outcome=Outcome.DIVERGED)
+    save_run(store, Setting("pymunk", {"timestep": 1e-3}))
+    no_parameters = save_run(store, FINE_SETTING.with_parameters(timestep=1e-4))
     file = store.file(no_parameters, 0)
     file.write_text(file.read_text().replace('"parameters": {', '"parameters": 3, "were": {'))
-    good = save(store, FINE)
+    good = save_run(store, FINE_SETTING)
     now = series.package_versions
     monkeypatch.setattr(
         series,
@@ -471,8 +498,8 @@ def test_what_is_not_of_this_case_or_these_versions_is_not_known(store, monkeypa
     assert list(list_cached_settings(CASE, "dynamics", [], store)) == []
 
 
-def test_an_engine_without_a_line_of_the_case_is_not_asked(store, monkeypatch):
+def test_stored_runs_of_an_engine_without_a_series_are_left_out(store, monkeypatch):
     """An engine may exist in another installation only."""
-    save(store, FINE)
-    monkeypatch.setattr(series, "list_series", lambda case, kind: [steps("pymunk")])
+    save_run(store, FINE_SETTING)
+    monkeypatch.setattr(series, "list_series", lambda case, kind: [series_of_steps("pymunk")])
     assert list(list_cached_settings(CASE, "dynamics", [], store)) == []

@@ -38,7 +38,7 @@ from proofmass.studies.trade.words import format_end, format_reached, format_wor
 from tests.shipped import shipped
 
 
-def falling(order, scale=1.0, floor=0.0, count=8):
+def power_law_points(order, scale=1.0, floor=0.0, count=8):
     """Points of halved sizes whose errors are scale * size^order + floor."""
     sizes = 0.1 / 2 ** np.arange(count)
     return [(float(h), float(scale * h**order + floor)) for h in sizes]
@@ -46,20 +46,20 @@ def falling(order, scale=1.0, floor=0.0, count=8):
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_the_order_of_a_power_law_is_its_power(order):
-    assert observed_order(falling(order)) == pytest.approx(order, abs=1e-9)
+    assert observed_order(power_law_points(order)) == pytest.approx(order, abs=1e-9)
 
 
-def test_an_error_slows_where_it_stops_falling_and_bends_no_order():
-    points = falling(2.0, floor=1e-5)
+def test_an_error_floor_does_not_change_the_observed_order():
+    points = power_law_points(2.0, floor=1e-5)
     assert 1.0e-5 < points[find_slowdown(points)][1] < 2e-5
     assert slowdown_error(points) == points[-1][1]
     assert observed_order(points) == pytest.approx(2.0, abs=0.15)  # with a tenth of floor: 1.87
 
 
-def test_without_a_floor_there_is_none():
-    assert find_slowdown(falling(1.0)) is None
-    assert find_flat_point(falling(1.0)) is None
-    assert np.isnan(slowdown_error(falling(1.0)))
+def test_an_error_that_keeps_falling_has_no_floor():
+    assert find_slowdown(power_law_points(1.0)) is None
+    assert find_flat_point(power_law_points(1.0)) is None
+    assert np.isnan(slowdown_error(power_law_points(1.0)))
 
 
 def test_a_plateau_that_an_error_leaves_is_no_floor():
@@ -80,7 +80,7 @@ def test_rounding_that_grows_may_be_a_floor_at_the_least_error():
 
 
 @pytest.mark.parametrize(("share", "shown"), [(0.05, True), (0.2, False), (1.0, False)])
-def test_a_floor_is_what_two_halvings_leave(share, shown):
+def test_a_floor_is_an_error_that_two_halvings_leave_unchanged(share, shown):
     """If a share s of an error still falls with first order, it changes by s / 2, then by less."""
     assert is_floor([1e-3 * (1 - share + share / by) for by in (1, 2, 4)]) is shown
 
@@ -101,7 +101,7 @@ def test_a_finer_step_that_is_worse_is_found():
     assert find_worse_pair(chain) == (chain[2], chain[3])
     assert find_worse_pair([(2e-3, 0.3), (1e-3, 0.9)]) is None
     assert find_worse_pair([(2e-3, 1e-3), (1e-3, 1.4e-3)]) is None
-    assert find_worse_pair(falling(1.0)) is None
+    assert find_worse_pair(power_law_points(1.0)) is None
 
 
 @pytest.mark.slow
@@ -149,7 +149,7 @@ def measured_series(errors, seconds=0.1, outcomes=()):
     return MeasuredSeries(series, rows)
 
 
-def test_a_line_ends_where_nothing_falls_at_its_budget_and_after_a_run_without_end():
+def test_a_series_ends_if_errors_settle_at_its_budget_or_at_a_timeout():
     assert not measured_series([]).done(1.0)
     assert not measured_series([1e-2, 2e-3, 1e-3]).done(1.0)
     assert measured_series([1e-2, 1e-3, 1e-3, 1e-3]).done(1.0)
@@ -161,7 +161,7 @@ def test_a_line_ends_where_nothing_falls_at_its_budget_and_after_a_run_without_e
     assert measured_series([0.01 / 4**k for k in range(8)]).done(1.0), "there are no more settings"
 
 
-def test_runs_that_are_failed_at_finer_steps_end_a_line():
+def test_failed_runs_at_finer_steps_end_a_series():
     failed = measured_series([1e-2, 1e-3, 1e-4], outcomes=["diverged", "not finite"])
     points = failed.points("velocity")
     assert [error for _, error in points] == [1e-2, 1e-3, 1e-4, np.inf, np.inf]
@@ -171,7 +171,7 @@ def test_runs_that_are_failed_at_finer_steps_end_a_line():
     assert np.isnan(observed_order(points))
 
 
-def test_runs_that_are_failed_or_far_off_at_coarse_steps_are_none():
+def test_failed_or_far_off_runs_at_coarse_steps_are_no_points():
     coarse = measured_series([0.5, 3.0, 1e-2, 1e-3, 1e-4])
     coarse.rows[1] = replace(coarse.rows[1], outcome="diverged", errors={})
     assert [error for _, error in coarse.points("velocity")] == [1e-2, 1e-3, 1e-4]
@@ -182,7 +182,7 @@ def test_runs_that_are_failed_or_far_off_at_coarse_steps_are_none():
     assert slowdown_error(risen.points("velocity")) == 1e-3
 
 
-def placed(errors, seconds=0.5, **kinds):
+def series_with_errors(errors, seconds=0.5, **kinds):
     """A series whose rows have their steps, with position `errors`, and other kinds by name."""
     measured = measured_series([])
     measured.rows = [
@@ -236,34 +236,32 @@ def placed(errors, seconds=0.5, **kinds):
         ((1e-4,), 2.0, ""),
     ],
 )
-def test_how_far_a_line_came_is_told_without_a_number_where_no_order_is_seen(
-    errors, expected, words
-):
-    assert format_reached(placed(errors), "position", expected, "why", "") == words
+def test_a_needed_step_is_stated_only_if_an_order_is_seen(errors, expected, words):
+    assert format_reached(series_with_errors(errors), "position", expected, "why", "") == words
 
 
-def test_what_stays_above_a_hundredth_is_no_floor_though_the_motion_is_right():
-    measured = placed([1e-3] * 3, acceleration=[0.13] * 3)
+def test_a_constant_error_above_a_hundredth_is_not_called_a_floor():
+    measured = series_with_errors([1e-3] * 3, acceleration=[0.13] * 3)
     assert format_reached(measured, "acceleration", 1.0, "", "it ends") == (
         "stays at 0.13 at timestep 25 ms; an error floor is claimed below 0.01 only; it ends"
     )
-    far = placed([0.5] * 3, acceleration=[0.13] * 3)
+    far = series_with_errors([0.5] * 3, acceleration=[0.13] * 3)
     assert format_reached(far, "acceleration", 1.0, "", "").startswith("not yet asymptotic")
 
 
-def test_a_finer_step_that_is_worse_is_told_with_both():
-    measured = placed([0.9, 1.9e-2, 6.8e-2, 4e-4])
+def test_a_worse_finer_step_is_described_with_both_errors():
+    measured = series_with_errors([0.9, 1.9e-2, 6.8e-2, 4e-4])
     assert format_worsened(measured, "position") == (
         "finer is worse: 0.019 at timestep 50 ms, 0.068 at timestep 25 ms"
     )
-    assert format_worsened(placed([0.5, 0.9, 1e-3]), "position") == ""
+    assert format_worsened(series_with_errors([0.5, 0.9, 1e-3]), "position") == ""
 
 
-def test_what_ended_a_line_is_told():
-    assert format_end(placed([1e-3, 1e-4], seconds=2.1), 2.0) == (
+def test_the_reason_why_a_series_ended_is_stated():
+    assert format_end(series_with_errors([1e-3, 1e-4], seconds=2.1), 2.0) == (
         "the series ends there, at a run of more than 2 s"
     )
-    assert format_end(placed([1e-3, 1e-4]), 2.0) == ""
+    assert format_end(series_with_errors([1e-3, 1e-4]), 2.0) == ""
     assert (
         format_end(measured_series([1e-2], outcomes=["timed out"]), 2.0)
         == "timestep 0 ms: timed out"
@@ -274,11 +272,13 @@ def test_a_slope_that_changes_is_no_order():
     slopes = 0.5 * np.arange(8)
     errors = 0.05 / 2 ** np.cumsum(slopes)
     assert np.isnan(observed_order(list(zip(0.1 / 2 ** np.arange(8), errors, strict=True))))
-    assert np.isnan(observed_order(falling(2.0, count=2))), "one refinement shows no constant order"
+    assert np.isnan(observed_order(power_law_points(2.0, count=2))), (
+        "one refinement shows no constant order"
+    )
 
 
 @pytest.mark.parametrize("name", ["fourbar", "pendulum", "rod_cantilever", "rfr2_driven"])
-def test_lines_go_from_coarse_to_fine_and_differ_in_one_parameter(name):
+def test_series_go_from_coarse_to_fine_and_differ_in_one_parameter(name):
     case = load_case(shipped(f"{name}.toml"))
     found = list_series(
         case, next(k for k in ("dynamics", "equilibrium", "sweep") if k in case.run)
@@ -292,14 +292,14 @@ def test_lines_go_from_coarse_to_fine_and_differ_in_one_parameter(name):
             assert "solref" not in changed - {series.varied} or series.scaled
 
 
-def test_every_integrator_of_mujoco_has_a_line():
+def test_every_integrator_of_mujoco_is_listed():
     import mujoco
 
     there = {name.removeprefix("mjINT_").lower() for name in mujoco.mjtIntegrator.__members__}
     assert {name.lower() for name in INTEGRATORS} == there
 
 
-def test_steps_are_halves_of_each_other_and_within_the_work():
+def test_steps_are_halved_up_to_the_limit_of_force_evaluations():
     case = load_case(shipped("change_point.toml"))
     steps = describe_dynamics(case).timesteps(4)
     numbers = steps[0] / np.array(steps)
@@ -307,11 +307,11 @@ def test_steps_are_halves_of_each_other_and_within_the_work():
     assert numbers[-1] * 362 * 4 <= varied.MAX_FORCE_EVALUATIONS < 2.1 * numbers[-1] * 362 * 4
 
 
-def test_a_rigid_sweep_has_nothing_to_turn():
+def test_a_rigid_sweep_has_no_convergence_series():
     assert list_series(load_case(shipped("fourbar.toml")), "sweep") == []
 
 
-def test_sizes_of_solimp_and_bias_go_to_zero_as_they_get_harder():
+def test_sizes_of_solimp_and_bias_fall_with_stiffness():
     assert setting_size("mujoco", "solimp", (0.999, 0.9999, 0.001)) == pytest.approx(1e-3)
     assert setting_size("pymunk", "error_bias", np.exp(-1 / 0.25)) == pytest.approx(0.25)
 
@@ -330,7 +330,7 @@ ORDERS = {
 }
 
 
-FRONT = {1, 3}  # numbers of the settings that count as near the front
+NEAR_FRONT = {1, 3}  # numbers of the settings that count as near the front
 
 
 @pytest.fixture(scope="module")
@@ -349,7 +349,7 @@ def pendulum(tmp_path_factory):
                 if series.name in ORDERS
             ],
         )
-        patch.setattr(trade, "find_near_front", lambda rows: [*FRONT])
+        patch.setattr(trade, "find_near_front", lambda rows: [*NEAR_FRONT])
         folder = tmp_path_factory.mktemp("pendulum")
         study = trade.trade([PENDULUM], Store(folder / "runs"), repeats=2)
         trade.write_study(study, folder)
@@ -359,8 +359,8 @@ def pendulum(tmp_path_factory):
 def test_defaults_and_settings_near_the_front_are_timed_again_and_no_others(pendulum):
     rows = pendulum[0].rows
     again = {k for k, row in enumerate(rows) if len(row.repeats) > 1}
-    assert again == FRONT.union(k for k, row in enumerate(rows) if is_default(row))
-    assert again > FRONT
+    assert again == NEAR_FRONT.union(k for k, row in enumerate(rows) if is_default(row))
+    assert again > NEAR_FRONT
 
 
 @pytest.mark.parametrize("name", ORDERS)
@@ -373,7 +373,7 @@ def test_the_pendulum_shows_the_orders_of_the_integrators(pendulum, name):
 
 
 @pytest.mark.parametrize("name", ORDERS)
-def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
+def test_all_samples_of_the_pendulum_show_the_orders_as_well(pendulum, name):
     rows = [row for row in pendulum[0].rows if row.series == name]
     for kind, order in zip(("position", "velocity"), ORDERS[name], strict=True):
         told = next(v for v in pendulum[0].verdicts if (v.series, v.kind) == (name, kind))
@@ -382,7 +382,7 @@ def test_all_places_of_the_pendulum_show_them_as_well(pendulum, name):
         )
 
 
-def test_an_order_that_the_reference_spoils_says_so(tmp_path, edit, monkeypatch):
+def test_an_order_that_is_limited_by_the_reference_has_a_remark(tmp_path, edit, monkeypatch):
     """The closed form has a point mass, and this model a moment of inertia of 1e-12 kg m^2.
 
     The difference is a phase of 1e-11 after 10 s.
@@ -420,7 +420,7 @@ def test_verdicts_of_another_version_are_bad_input(tmp_path, text):
         trade.read_verdicts(tmp_path / "verdicts.json")
 
 
-def test_a_wrong_integrator_is_off(pendulum):
+def test_a_wrong_integrator_has_an_unexpected_order(pendulum):
     """The order of Euler's errors is unexpected if they are taken for those of RK4."""
     case = load_case(shipped("pendulum.toml"))
     fourth = next(series for series in list_series(case, "dynamics") if series.name == "MuJoCo RK4")
@@ -452,27 +452,27 @@ def test_a_run_that_a_case_lacks_is_bad_input():
         trade.kind_to_study(load_case(shipped("pendulum.toml")), "equilibrium")
 
 
-def command(*args):
+def run_trade(*args):
     """The result of the command `trade` with these arguments."""
     return CliRunner().invoke(app, ["trade", *map(str, args)])
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, monkeypatch):
+def test_the_command_prints_a_table_and_reuses_stored_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 3e3)
     monkeypatch.setattr(
         trade,
         "list_series",
         lambda case, kind: [series for series in list_series(case, kind) if series.name in ORDERS],
     )
-    first = command(shipped("pendulum.toml"), "-o", tmp_path, "--error", "velocity")
+    first = run_trade(shipped("pendulum.toml"), "-o", tmp_path, "--error", "velocity")
     assert first.exit_code == 0, first.output
     assert "MuJoCo RK4" in first.output
     assert "s for 1e-06" in first.output
     assert "a run is given up after 30 s (--longest)" in first.output
     files = {file: file.stat().st_mtime_ns for file in (tmp_path / "runs").glob("*.json")}
     before = (tmp_path / "trade.csv").read_text()
-    assert command(shipped("pendulum.toml"), "-o", tmp_path).exit_code == 0
+    assert run_trade(shipped("pendulum.toml"), "-o", tmp_path).exit_code == 0
     assert files == {f: f.stat().st_mtime_ns for f in (tmp_path / "runs").glob("*.json")}
     assert (tmp_path / "trade.csv").read_text() == before
 
@@ -489,26 +489,26 @@ def test_the_command_prints_a_table_and_goes_on_from_what_is_there(tmp_path, mon
         ),
     ],
 )
-def test_bad_input_is_one_line(args, words, tmp_path):
-    answer = command(*args, "-o", tmp_path)
+def test_bad_input_gives_a_message_of_one_line(args, words, tmp_path):
+    answer = run_trade(*args, "-o", tmp_path)
     assert answer.exit_code == 2
     assert words in answer.output
     assert "Traceback" not in answer.output
 
 
-def test_a_model_without_a_sidecar_is_bad_input_and_among_others_passed_over(tmp_path, models):
+def test_a_model_without_a_sidecar_is_refused_or_skipped_in_a_folder(tmp_path, models):
     for file in models.iterdir():
         if file.stem not in ("pendulum", "fourbar"):
             file.unlink()
     (models / "pendulum.toml").unlink()
     words = "pendulum.xml: no sidecar says what is right, which a study needs; `proofmass new"
-    alone = command(models / "pendulum.xml", "-o", tmp_path / "trade")
+    alone = run_trade(models / "pendulum.xml", "-o", tmp_path / "trade")
     assert (alone.exit_code, words in alone.output) == (2, True)
-    among = command(models, "--run", "sweep", "-o", tmp_path / "trade")
+    among = run_trade(models, "--run", "sweep", "-o", tmp_path / "trade")
     assert (among.exit_code, words in among.output) == (0, True)
 
 
-def test_what_has_nothing_to_trade_is_said(tmp_path):
-    answer = command(shipped("fourbar.toml"), "--run", "sweep", "-o", tmp_path)
+def test_a_run_without_convergence_series_is_reported(tmp_path):
+    answer = run_trade(shipped("fourbar.toml"), "--run", "sweep", "-o", tmp_path)
     assert answer.exit_code == 0
     assert "no convergence series in its sweep" in answer.output

@@ -19,8 +19,8 @@ from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
 
 MODEL = shipped("fourbar.xml")
-G, END, N = 9.81, 10.0, 1001
-NAMES = ("MuJoCo Euler, default softness", "pymunk, defaults")
+GRAVITY, END_TIME, SAMPLE_COUNT = 9.81, 10.0, 1001
+SERIES_NAMES = ("MuJoCo Euler, default softness", "pymunk, defaults")
 
 
 def pose(a: float) -> tuple[np.ndarray, np.ndarray, float, float]:
@@ -37,7 +37,7 @@ def pose(a: float) -> tuple[np.ndarray, np.ndarray, float, float]:
     return p, q, float(np.arctan2(*(q - p)[::-1])), float(np.arctan2(*(q - ground)[::-1]))
 
 
-def inertia(a: float) -> float:
+def crank_inertia(a: float) -> float:
     """Moment of inertia of all bars, reduced to the crank [kg m^2]."""
     _, _, c, r = pose(a)
     matrix = np.array([[-2 * np.sin(c), 2.5 * np.sin(r)], [2 * np.cos(c), -2.5 * np.cos(r)]])
@@ -46,29 +46,33 @@ def inertia(a: float) -> float:
     return 1 / 3 + 2 * (v @ v) + 2 / 3 * c_rate**2 + 2.5**3 / 3 * r_rate**2
 
 
-def height(a: float) -> float:
+def potential_energy(a: float) -> float:
     """Potential energy of all bars [J]."""
     _, _, c, r = pose(a)
-    return G * (0.5 * np.sin(a) + 2 * (np.sin(a) + np.sin(c)) + 2.5 * 1.25 * np.sin(r))
+    return GRAVITY * (0.5 * np.sin(a) + 2 * (np.sin(a) + np.sin(c)) + 2.5 * 1.25 * np.sin(r))
 
 
-def slope(f, a: float, h: float = 1e-3) -> float:
+def derivative(f, a: float, h: float = 1e-3) -> float:
     """Derivative by a five-point difference, whose error is h^4 / 30 of the fifth derivative."""
     return (f(a - 2 * h) - 8 * f(a - h) + 8 * f(a + h) - f(a + 2 * h)) / (12 * h)
 
 
 @pytest.fixture(scope="module")
-def truth() -> np.ndarray:
+def reference() -> np.ndarray:
     """Angle of the rocker and position of its moving pin (n, 3), integrated by scipy."""
     found = solve_ivp(
         lambda _, y: [
             y[1],
-            -(0.5 * slope(inertia, y[0]) * y[1] ** 2 + slope(height, y[0])) / inertia(y[0]),
+            -(
+                0.5 * derivative(crank_inertia, y[0]) * y[1] ** 2
+                + derivative(potential_energy, y[0])
+            )
+            / crank_inertia(y[0]),
         ],
-        (0.0, END),
+        (0.0, END_TIME),
         [0.0, 0.0],
         "DOP853",
-        np.linspace(0.0, END, N),
+        np.linspace(0.0, END_TIME, SAMPLE_COUNT),
         rtol=1e-10,
         atol=1e-11,
     ).y[0]
@@ -76,30 +80,33 @@ def truth() -> np.ndarray:
     return np.column_stack([np.unwrap([each[3] for each in poses]), [each[1] for each in poses]])
 
 
-def error(found: np.ndarray, truth: np.ndarray) -> float:
+def largest_error(found: np.ndarray, reference: np.ndarray) -> float:
     """Largest error, as a share of the ranges."""
-    return float((np.abs(found - truth) / np.ptp(truth, axis=0)).max())
+    return float((np.abs(found - reference) / np.ptp(reference, axis=0)).max())
 
 
-def in_mujoco(per: int) -> np.ndarray:
+def curves_of_mujoco(per: int) -> np.ndarray:
     """The curves of MuJoCo with its defaults, with `per` steps per sample."""
     model = mujoco.MjModel.from_xml_path(str(MODEL))
-    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, END / (N - 1) / per
+    model.opt.integrator, model.opt.timestep = (
+        mujoco.mjtIntegrator.mjINT_EULER,
+        END_TIME / (SAMPLE_COUNT - 1) / per,
+    )
     model.eq_solref[:], model.eq_solimp[:] = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     found = []
-    for _ in range(N):
+    for _ in range(SAMPLE_COUNT):
         mujoco.mj_kinematics(model, data)
         found.append((data.qpos[2], *data.site("rocker_end").xpos[:2]))
         mujoco.mj_step(model, data, per)
     return np.array(found)
 
 
-def in_chipmunk(per: int) -> np.ndarray:
+def curves_of_chipmunk(per: int) -> np.ndarray:
     """The curves of Chipmunk with its defaults, with `per` steps per sample."""
     space = pymunk.Space()
-    space.gravity = (0.0, -G)
+    space.gravity = (0.0, -GRAVITY)
     p, q, c, r = pose(0.0)
     ground = np.array([3.0, 0.0])
 
@@ -122,10 +129,10 @@ def in_chipmunk(per: int) -> np.ndarray:
     ):
         space.add(pymunk.PivotJoint(one, two, (float(at[0]), float(at[1]))))
     found = []
-    for _ in range(N):
+    for _ in range(SAMPLE_COUNT):
         found.append((rocker.angle, *coupler.local_to_world((1, 0))))
         for _ in range(per):
-            space.step(END / (N - 1) / per)
+            space.step(END_TIME / (SAMPLE_COUNT - 1) / per)
     return np.array(found)
 
 
@@ -133,7 +140,7 @@ def in_chipmunk(per: int) -> np.ndarray:
 def study(tmp_path_factory) -> trade.Trade:
     """The trade study of two series of the released four-bar."""
     case: Case = load_case(MODEL.parent / "fourbar_released.toml")
-    table = case.run["dynamics"].model_copy(update={"until": END, "n": N})
+    table = case.run["dynamics"].model_copy(update={"until": END_TIME, "n": SAMPLE_COUNT})
     case = case.model_copy(update={"run": {"dynamics": table}})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(varied, "MAX_FORCE_EVALUATIONS", 3.2e4)
@@ -141,13 +148,13 @@ def study(tmp_path_factory) -> trade.Trade:
             trade,
             "list_series",
             lambda case, kind: [
-                series for series in list_series(case, kind) if series.name in NAMES
+                series for series in list_series(case, kind) if series.name in SERIES_NAMES
             ],
         )
         return trade.trade([case], Store(tmp_path_factory.mktemp("free")), repeats=0)
 
 
-def errors(study: trade.Trade, name: str) -> dict[int, float]:
+def position_errors(study: trade.Trade, name: str) -> dict[int, float]:
     """Errors of positions in a series, by the number of steps per sample."""
     return {
         round(0.01 / row.value): row.errors["position"] for row in study.rows if row.series == name
@@ -155,7 +162,7 @@ def errors(study: trade.Trade, name: str) -> dict[int, float]:
 
 
 @pytest.mark.slow
-def test_chipmunk_is_at_no_floor_with_its_defaults(study, truth):
+def test_chipmunk_with_its_defaults_has_no_error_floor(study, reference):
     """The error is of first order; the finest step of the study has a third of the range.
 
     With finer steps Chipmunk itself gets below 5 %.
@@ -164,22 +171,22 @@ def test_chipmunk_is_at_no_floor_with_its_defaults(study, truth):
     assert np.isnan(told.floor)
     assert told.reached.startswith("not yet asymptotic: ")
     assert "would need" not in told.reached
-    fine = [error(in_chipmunk(per), truth) for per in (50, 200)]
+    fine = [largest_error(curves_of_chipmunk(per), reference) for per in (50, 200)]
     assert np.log(fine[0] / fine[1]) / np.log(4) == pytest.approx(1.0, abs=0.1)
-    assert fine[1] < 0.05 < 0.3 < min(errors(study, "pymunk, defaults").values())
+    assert fine[1] < 0.05 < 0.3 < min(position_errors(study, "pymunk, defaults").values())
 
 
 @pytest.mark.slow
-def test_a_finer_step_that_is_worse_in_bare_mujoco_is_told(study, truth):
+def test_a_finer_step_that_is_worse_in_bare_mujoco_is_reported(study, reference):
     """The errors of time step and softness happen to cancel at 1.4 ms."""
     name = "MuJoCo Euler, default softness"
-    own = {per: error(in_mujoco(per), truth) for per in (1, 3, 7, 15)}
+    own = {per: largest_error(curves_of_mujoco(per), reference) for per in (1, 3, 7, 15)}
     coarse, fine = find_worse_pair([(1 / per, each) for per, each in own.items()])
     assert (round(1 / coarse[0]), round(1 / fine[0])) == (7, 15)
     told = next(v for v in study.verdicts if (v.series, v.kind) == (name, "position"))
     assert told.worse.startswith("finer is worse: ")
     assert "at timestep 1.43 ms, " in told.worse
     assert told.worse.endswith(" at timestep 0.667 ms")
-    for per, each in errors(study, name).items():
+    for per, each in position_errors(study, name).items():
         if per in own:  # the study compares the coupler's angle too, with as large an error
             assert own[per] <= 1.01 * each < 3 * own[per]

@@ -16,11 +16,11 @@ from proofmass.studies.trade.figure import series_looks
 from proofmass.studies.trade.page import list_advice, page_data, text_to_paste, write_trade
 from proofmass.studies.trade.trade import Trade, write_study
 from proofmass.studies.trade.verdict import pareto_front
-from tests.studies.trade.trade_rows import series_rows, study
+from tests.studies.trade.trade_rows import example_study, series_rows
 
 
-def test_what_is_reached_is_pasted_and_what_is_not_says_why() -> None:
-    rows, verdicts = study()
+def test_advice_has_a_snippet_or_a_reason_why_there_is_none() -> None:
+    rows, verdicts = example_study()
     asked = list_advice(rows, verdicts, "acceleration", 1.0)
     assert [one.wanted for one in asked] == ["1e-3", "1e-5", "1e-7"]
     # acceleration errors are 100 times as large: RK4 has a floor of 3e-6, pymunk without bias 2e-7
@@ -32,19 +32,19 @@ def test_what_is_reached_is_pasted_and_what_is_not_says_why() -> None:
     ]
     best = next(use for use in asked[1].engines if use.engine == "MuJoCo")
     assert '<option timestep="0.001" integrator="RK4"/>' in best.text
-    assert best.error == number_of(rows[best.place], "acceleration")
+    assert best.error == format_error(rows[best.place], "acceleration")
     short = next(use for use in asked[2].engines if use.engine == "MuJoCo")
     assert "the error floor is 3e-6, cap of solimp" in short.more[0]
     (falls,) = list_advice(series_rows("falls")[:3], [], "acceleration", 1.0)[2].engines
     assert "falls would need a step of about" in falls.more[0]
 
 
-def number_of(row: StudyRow, kind: str) -> str:
+def format_error(row: StudyRow, kind: str) -> str:
     """An error to two digits."""
     return f"{row.errors[kind]:.1e}".replace("e-0", "e-")
 
 
-def test_ties_are_told_and_only_among_what_is_close_enough() -> None:
+def test_ties_are_named_among_good_enough_settings_only() -> None:
     near = [replace(row, repeats=(row.seconds, 1.5 * row.seconds)) for row in series_rows("near")]
     slow = [
         replace(row, series="slow", repeats=(1.2 * row.seconds,) * 5, seconds=1.2 * row.seconds)
@@ -58,27 +58,27 @@ def test_ties_are_told_and_only_among_what_is_close_enough() -> None:
     assert one.engines[0].tied == ""
 
 
-def test_engines_that_the_clock_does_not_tell_apart_are_tied() -> None:
+def test_engines_with_overlapping_wall_times_are_tied() -> None:
     rows = [*series_rows("a"), *series_rows("b", "pymunk", cost=1.2e-5)]
     assert not list_advice(rows, [], "position", 1.0)[0].tied
     rows = [replace(row, repeats=(row.seconds, 1.5 * row.seconds)) for row in rows]
     assert list_advice(rows, [], "position", 1.0)[0].tied
 
 
-def test_the_step_that_was_taken_is_pasted() -> None:
+def test_the_snippet_has_the_time_step_that_was_taken() -> None:
     row = StudyRow("", "", "", "mujoco", "", "timestep", 0.01, {"timestep": 0.01}, step=0.008)
     assert text_to_paste(row) == '<option timestep="0.008"/>'
     assert "timestep = 0.008" in text_to_paste(replace(row, engine="unheard of"))
 
 
-def test_defaults_of_pymunk_are_pasted_with_their_numbers() -> None:
+def test_the_snippet_of_pymunk_defaults_has_their_numbers() -> None:
     parameters = {"timestep": 0.01, "defaults": True}
     row = StudyRow("", "", "", "pymunk", "", "timestep", 0.01, parameters, steps=100)
     assert "space.iterations = 10\n" in text_to_paste(row)
 
 
 def test_the_data_of_the_diagram_are_those_of_the_table() -> None:
-    rows, verdicts = study()
+    rows, verdicts = example_study()
     looks = series_looks(rows)
     data = page_data(rows, verdicts, looks, page_tones(k.colour for k in looks.values()), 1.0)
     json.dumps(data, allow_nan=False)
@@ -103,11 +103,11 @@ def test_the_data_of_the_diagram_are_those_of_the_table() -> None:
         )
 
 
-def test_the_page_holds_its_data_and_says_when_a_machine_was_busy(
+def test_the_page_contains_its_data_and_reports_a_busy_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trade_page, save.__name__, lambda figure, file: "")
-    rows, verdicts = study()
+    rows, verdicts = example_study()
     pages = []
     for load in (1.0, 6.0):
         shaken = [replace(row, load=load, machine="Processor x 2") for row in rows]

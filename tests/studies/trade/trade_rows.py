@@ -47,7 +47,7 @@ def series_rows(
     return rows
 
 
-def verdict(
+def series_verdicts(
     name: str, expected: float, floor: float = float("nan"), cause: str = "", engine: str = "mujoco"
 ) -> list[Verdict]:
     """Verdicts of a series for all kinds of errors.
@@ -72,7 +72,7 @@ def verdict(
     ]
 
 
-def study() -> tuple[list[StudyRow], list[Verdict]]:
+def example_study() -> tuple[list[StudyRow], list[Verdict]]:
     """Rows and verdicts of twelve series; in one of them the coarsest setting diverges."""
     rows, verdicts = [], []
     for k, name in enumerate(("Euler", "implicit", "implicitfast", "RK4", "discrete")):
@@ -88,7 +88,7 @@ def study() -> tuple[list[StudyRow], list[Verdict]]:
             integrator=name,
             defaults=True,
         )
-        verdicts += verdict(f"MuJoCo {name}, defaults", order, soft, "softness of the loop")
+        verdicts += series_verdicts(f"MuJoCo {name}, defaults", order, soft, "softness of the loop")
         own = series_rows(
             f"MuJoCo {name}, solref 8 dt", "mujoco", order, 1.5 * scale, 3e-8, cost, integrator=name
         )
@@ -102,12 +102,12 @@ def study() -> tuple[list[StudyRow], list[Verdict]]:
                 repeats=(),
                 message="the loops are open by 0.3 m",
             )
-            verdicts += verdict(f"MuJoCo {name}, solref 8 dt", order, 3e-8, "cap of solimp")
+            verdicts += series_verdicts(f"MuJoCo {name}, solref 8 dt", order, 3e-8, "cap of solimp")
         else:
-            verdicts += verdict(f"MuJoCo {name}, solref 8 dt", order)
+            verdicts += series_verdicts(f"MuJoCo {name}, solref 8 dt", order)
         rows += own
     rows += series_rows("pymunk, no bias", "pymunk", 2.0, 1.0, 2e-9, 4e-5)
-    verdicts += verdict("pymunk, no bias", 2.0, 2e-9, "rounding", "pymunk")
+    verdicts += series_verdicts("pymunk, no bias", 2.0, 2e-9, "rounding", "pymunk")
     rows += series_rows("pymunk, defaults", "pymunk", 1.0, 0.1, 0.0, 2e-5, defaults=True)
-    verdicts += verdict("pymunk, defaults", 1.0, engine="pymunk")
+    verdicts += series_verdicts("pymunk, defaults", 1.0, engine="pymunk")
     return rows, verdicts

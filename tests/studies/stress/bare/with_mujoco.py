@@ -21,8 +21,8 @@ import mujoco
 import numpy as np
 
 MODELS = Path(__file__).parents[4] / "models" / "linkages"
-WITHIN = 2e-3  # relative width at which a bisection ends
-FAILED = 0.1
+LIMIT_TOLERANCE = 2e-3  # relative width at which a bisection ends
+LARGEST_ERROR = 0.1
 GRAVITY = 9.81
 WARNINGS = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -31,7 +31,7 @@ WARNINGS = (
 )
 
 
-def limit(failed, low, high):
+def find_limit(failed, low, high):
     """The first value that fails: in strides of a quarter from `low` on, then by bisection."""
     stride = 1.25 if high > low else 0.8
     assert not failed(low)
@@ -39,25 +39,25 @@ def limit(failed, low, high):
         low *= stride
         assert (low < high) is (stride > 1), "not failed at all"
     high = low * stride
-    while max(high / low, low / high) > 1 + WITHIN:
+    while max(high / low, low / high) > 1 + LIMIT_TOLERANCE:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if failed(middle) else (middle, high)
     return math.sqrt(low * high)
 
 
-def warned(data):
+def has_warned(data):
     """Whether MuJoCo has warned of a state that is not finite or too large, and has reset it."""
     return any(data.warning[w].number for w in WARNINGS)
 
 
-def off(found, wanted):
+def relative_error(found, reference):
     """Largest error of some curves (n, curves), as a share of the range of the reference curve."""
     if not np.isfinite(found).all():
         return math.inf
-    return float((np.abs(found - wanted).max(axis=0) / np.ptp(wanted, axis=0)).max())
+    return float((np.abs(found - reference).max(axis=0) / np.ptp(reference, axis=0)).max())
 
 
-def stepped(model, steps, read, start=lambda model, data: None):
+def run_steps(model, steps, read, start=lambda model, data: None):
     """The rows of `read` for the state before the first step and after each; None if it fails."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -65,14 +65,14 @@ def stepped(model, steps, read, start=lambda model, data: None):
     rows = [read(data)]
     for _ in range(steps):
         mujoco.mj_step(model, data)
-        if warned(data):
+        if has_warned(data):
             return None
         rows.append(read(data))
     assert math.isclose(data.time, steps * model.opt.timestep, rel_tol=1e-9)  # the steps taken
     return np.array(rows)
 
 
-def ahead(y, step, rate):
+def advance(y, step, rate):
     """A state after a step with a constant rate."""
     return [p + step * q for p, q in zip(y, rate, strict=True)]
 
@@ -82,9 +82,9 @@ def integrate(slope, y, step, count):
     rows = [y]
     for _ in range(count):
         a = slope(y)
-        b = slope(ahead(y, 0.5 * step, a))
-        c = slope(ahead(y, 0.5 * step, b))
-        d = slope(ahead(y, step, c))
+        b = slope(advance(y, 0.5 * step, a))
+        c = slope(advance(y, 0.5 * step, b))
+        d = slope(advance(y, step, c))
         y = [
             p + step / 6 * (q + 2 * r + 2 * s + t)
             for p, q, r, s, t in zip(y, a, b, c, d, strict=True)
@@ -96,7 +96,7 @@ def integrate(slope, y, step, count):
 # -- a pendulum that is released from its horizontal pose
 
 
-def swing(x, speed):
+def pendulum_angle(x, speed):
     """Angle of a pendulum at times x, by Jacobi's elliptic functions.
 
     sin(angle / 2) = -k cd(w t, k) with k = sin(pi / 4); cd by descending Landen steps.
@@ -113,7 +113,7 @@ def swing(x, speed):
     return -2 * np.arcsin(math.sqrt(0.5) * s)
 
 
-def pendulum(integrator=None, step=1e-3, gravity=1.0, seconds=10.0):
+def pendulum_error(integrator=None, step=1e-3, gravity=1.0, seconds=10.0):
     """The largest error of the pendulum's angle, as a share of its range."""
     model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
     model.opt.timestep = step
@@ -121,21 +121,21 @@ def pendulum(integrator=None, step=1e-3, gravity=1.0, seconds=10.0):
     if integrator:
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     steps = round(seconds / step)
-    found = stepped(model, steps, lambda data: data.qpos.copy())
+    found = run_steps(model, steps, lambda data: data.qpos.copy())
     if found is None:
         return math.inf
     x = step * np.arange(steps + 1)
-    return off(found, swing(x, math.sqrt(GRAVITY * gravity))[:, None])
+    return relative_error(found, pendulum_angle(x, math.sqrt(GRAVITY * gravity))[:, None])
 
 
 def pendulum_step(integrator):
     """Largest time step [s] of a run of ten seconds."""
-    return limit(lambda h: pendulum(integrator, h) > FAILED, 0.02, 2.0)
+    return find_limit(lambda h: pendulum_error(integrator, h) > LARGEST_ERROR, 0.02, 2.0)
 
 
 def pendulum_gravity():
     """Largest factor on gravity, with steps of 1 ms and RK4."""
-    return limit(lambda g: pendulum(gravity=g) > FAILED, 100.0, 1e5)
+    return find_limit(lambda g: pendulum_error(gravity=g) > LARGEST_ERROR, 100.0, 1e5)
 
 
 def pendulum_spring(seconds=0.1, step=1e-3):
@@ -144,40 +144,42 @@ def pendulum_spring(seconds=0.1, step=1e-3):
     def failed(stiffness):
         model = mujoco.MjModel.from_xml_path(str(MODELS / "pendulum.xml"))
         model.jnt_stiffness[0] = stiffness
-        found = stepped(model, round(seconds / step), lambda data: data.qpos.copy())
+        found = run_steps(model, round(seconds / step), lambda data: data.qpos.copy())
         if found is None:
             return True
-        each = 40  # steps of the reference in one step that is tried
-        true = integrate(
+        fine_steps = 40  # steps of the reference in one step that is tried
+        reference = integrate(
             lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
             [-math.pi / 2, 0.0],
-            step / each,
-            each * round(seconds / step),
+            step / fine_steps,
+            fine_steps * round(seconds / step),
         )
-        return off(found, true[::each, :1]) > FAILED
+        return relative_error(found, reference[::fine_steps, :1]) > LARGEST_ERROR
 
-    return limit(failed, 1e5, 1e7)
+    return find_limit(failed, 1e5, 1e7)
 
 
 # -- a four-bar: crank 1, coupler 2, rocker 2.5, ground 3 m; 1 kg/m
 
 
-BARS = 1.0, 2.0, 2.5, 3.0
+BAR_LENGTHS = 1.0, 2.0, 2.5, 3.0
 
 
-def closed(crank):
+def coupler_and_rocker(crank):
     """Angles of coupler and rocker in the open assembly mode."""
-    a, b, c, ground = BARS
+    a, b, c, ground = BAR_LENGTHS
     pin = cmath.rect(a, crank)
-    gap = ground - pin
-    angle = cmath.phase(gap) + math.acos((b**2 + abs(gap) ** 2 - c**2) / (2 * b * abs(gap)))
+    diagonal = ground - pin
+    angle = cmath.phase(diagonal) + math.acos(
+        (b**2 + abs(diagonal) ** 2 - c**2) / (2 * b * abs(diagonal))
+    )
     return angle, cmath.phase(pin + cmath.rect(b, angle) - ground)
 
 
 def energies(crank):
     """Generalized inertia about the crank [kg m2] and potential energy [J] of a pose."""
-    a, b, c, _ = BARS
-    beta, gamma = closed(crank)
+    a, b, c, _ = BAR_LENGTHS
+    beta, gamma = coupler_and_rocker(crank)
     # a i e^(ia) + b i e^(ib) b' = c i e^(ic) c'
     beta_rate = a * math.sin(crank - gamma) / (b * math.sin(gamma - beta))
     gamma_rate = a * math.sin(crank - beta) / (c * math.sin(gamma - beta))
@@ -199,32 +201,32 @@ def slope(y):
     return rate, -(0.5 * (more - less) * rate**2 + up - down) / (2 * h) / energies(crank)[0]
 
 
-FINE = 2.5e-4  # [s]
+FINE_STEP = 2.5e-4  # [s]
 
 
 @cache
-def released():
+def released_crank():
     """Angle and speed of the crank, released at rest, at times FINE apart."""
-    return integrate(slope, [0.0, 0.0], FINE, round(2.3 / FINE))
+    return integrate(slope, [0.0, 0.0], FINE_STEP, round(2.3 / FINE_STEP))
 
 
-def places(crank):
+def fourbar_positions(crank):
     """Angle of the rocker, direction of the coupler, and coordinates of the pin."""
-    pairs = np.array([closed(angle) for angle in crank])
+    pairs = np.array([coupler_and_rocker(angle) for angle in crank])
     coupler, rocker = np.unwrap(pairs, axis=0).T
     return np.column_stack([rocker, coupler, 3 + 2.5 * np.cos(rocker), 2.5 * np.sin(rocker)])
 
 
-def between(x):
+def crank_at(x):
     """Angle of the released crank at some times, by cubic interpolation."""
-    place, rate = released().T
-    k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
-    s = x / FINE - k
+    place, rate = released_crank().T
+    k = np.minimum((np.asarray(x) / FINE_STEP).astype(int), len(place) - 2)
+    s = x / FINE_STEP - k
     return (
         place[k] * (1 + 2 * s) * (1 - s) ** 2
-        + FINE * rate[k] * s * (1 - s) ** 2
+        + FINE_STEP * rate[k] * s * (1 - s) ** 2
         + place[k + 1] * s**2 * (3 - 2 * s)
-        + FINE * rate[k + 1] * s**2 * (s - 1)
+        + FINE_STEP * rate[k + 1] * s**2 * (s - 1)
     )
 
 
@@ -237,7 +239,7 @@ def fourbar(step, integrator=None):
     return model
 
 
-def looked(data):
+def read_fourbar(data):
     """The four positions that are compared, the constraint violation, and the crank angle."""
     crank, coupler, rocker = data.qpos
     pin = cmath.rect(1.0, crank) + cmath.rect(2.0, crank + coupler)
@@ -245,10 +247,12 @@ def looked(data):
     return rocker, crank + coupler, end.real, end.imag, abs(pin - end), crank
 
 
-def apart(model, rows):
+def fails_without_reference(model, rows):
     """Whether a run fails by itself, without a comparison with the reference."""
     return (
-        rows is None or not np.isfinite(rows).all() or rows[:, 4].max() > FAILED * model.stat.extent
+        rows is None
+        or not np.isfinite(rows).all()
+        or rows[:, 4].max() > LARGEST_ERROR * model.stat.extent
     )
 
 
@@ -257,39 +261,45 @@ def fourbar_step(integrator, seconds=2.0):
 
     def failed(step):
         model, steps = fourbar(step, integrator), round(seconds / step)
-        rows = stepped(model, steps, looked)
-        if apart(model, rows):
+        rows = run_steps(model, steps, read_fourbar)
+        if fails_without_reference(model, rows):
             return True
-        return off(rows[:, :4], places(between(step * np.arange(steps + 1)))) > FAILED
+        return (
+            relative_error(rows[:, :4], fourbar_positions(crank_at(step * np.arange(steps + 1))))
+            > LARGEST_ERROR
+        )
 
-    return limit(failed, 2e-3, 1.0)
+    return find_limit(failed, 2e-3, 1.0)
 
 
-def driven(step, integrator=None, times=1.0):
-    """Whether one turn of the crank at `times` rad/s fails, with a flywheel of 1e12 kg m2."""
+def driven_crank_fails(step, integrator=None, speed=1.0):
+    """Whether one turn of the crank at `speed` rad/s fails, with a flywheel of 1e12 kg m2."""
     model = fourbar(step, integrator)
     model.dof_armature[0] = 1e12
 
     def start(model, data):
         h = 1e-6
-        (b, c), (beta, gamma) = closed(-h), closed(h)
+        (b, c), (beta, gamma) = coupler_and_rocker(-h), coupler_and_rocker(h)
         rates = np.array([1.0, (beta - b) / (2 * h) - 1.0, (gamma - c) / (2 * h)])
         place = data.qpos.copy()
         mujoco.mj_setConst(model, data)  # the loop's stiffness depends on the inertias
-        data.qpos[:], data.qvel[:] = place, times * rates
+        data.qpos[:], data.qvel[:] = place, speed * rates
 
-    rows = stepped(model, round(2 * math.pi / times / step), looked, start)
-    return apart(model, rows) or off(rows[:, :4], places(rows[:, 5])) > FAILED
+    rows = run_steps(model, round(2 * math.pi / speed / step), read_fourbar, start)
+    return (
+        fails_without_reference(model, rows)
+        or relative_error(rows[:, :4], fourbar_positions(rows[:, 5])) > LARGEST_ERROR
+    )
 
 
 def fourbar_speed():
     """Largest speed of one turn of the crank [rad/s], with steps of 1 ms and RK4."""
-    return limit(lambda times: driven(1e-3, times=times), 20.0, 5e3)
+    return find_limit(lambda times: driven_crank_fails(1e-3, speed=times), 20.0, 5e3)
 
 
 def driven_step(integrator):
     """Largest time step [s] of one turn at 1 rad/s."""
-    return limit(lambda step: driven(step, integrator), 0.01, 3.0)
+    return find_limit(lambda step: driven_crank_fails(step, integrator), 0.01, 3.0)
 
 
 def fourbar_energy(integrator, most=100_000, share=0.01):
@@ -336,7 +346,7 @@ def grows(model, step, integrator, what="qpos", steps=3000, bound=1.0):
     largest = 0.0
     for k in range(steps):
         mujoco.mj_step(model, data)
-        if warned(data) or not abs(value := float(getattr(data, what)[0])) < 1e6:
+        if has_warned(data) or not abs(value := float(getattr(data, what)[0])) < 1e6:
             return True
         largest = max(largest, abs(value)) if k > 0.75 * steps else 0.0
     return largest > bound
@@ -344,7 +354,7 @@ def grows(model, step, integrator, what="qpos", steps=3000, bound=1.0):
 
 def spring_step(integrator, zeta, flag=""):
     """Largest dt omega of a spring."""
-    return limit(
+    return find_limit(
         lambda z: grows(oscillator(stiffness=1.0, damping=2 * zeta, flag=flag), z, integrator),
         0.3,
         50.0,
@@ -361,7 +371,7 @@ def hung_gravity(integrator):
   <keyframe><key qpos="1e-6"/></keyframe></mujoco>""")
         return grows(model, 1.0, integrator, bound=1e-3)
 
-    return limit(failed, 0.5, 50.0)
+    return find_limit(failed, 0.5, 50.0)
 
 
 def servo_gain(integrator):
@@ -370,7 +380,7 @@ def servo_gain(integrator):
         '<actuator><velocity joint="joint" kv="1"/></actuator>'
         '<keyframe><key qpos="0" qvel="0.001"/></keyframe>'
     )
-    return limit(lambda z: grows(oscillator(rest), z, integrator, "qvel"), 0.3, 50.0)
+    return find_limit(lambda z: grows(oscillator(rest), z, integrator, "qvel"), 0.3, 50.0)
 
 
 def loop_softness(integrator):
@@ -387,7 +397,7 @@ def loop_softness(integrator):
         model.eq_solref[0] = 1 / ratio, 1.0
         return grows(model, 1.0, integrator)
 
-    return limit(failed, 0.3, 50.0)
+    return find_limit(failed, 0.3, 50.0)
 
 
 def flat_cylinder(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
@@ -419,7 +429,7 @@ def flat_cylinder(radius=0.041, half=0.002, gap=2.1e-5, ways=3000):
                 return True
         return False
 
-    return limit(touches, 0.1, 100.0)
+    return find_limit(touches, 0.1, 100.0)
 
 
 LIMITS = {

@@ -17,13 +17,13 @@ from functools import cache, partial
 import numpy as np
 import pymunk
 
-WITHIN = 2e-3  # relative width at which a bisection ends
-FAILED = 0.1
+LIMIT_TOLERANCE = 2e-3  # relative width at which a bisection ends
+LARGEST_ERROR = 0.1
 GRAVITY = 9.81
 ITERATIONS = 3000
 
 
-def limit(failed, low, high):
+def find_limit(failed, low, high):
     """The first value that fails: in strides of a quarter from `low` on, then by bisection."""
     stride = 1.25 if high > low else 0.8
     assert not failed(low)
@@ -31,20 +31,20 @@ def limit(failed, low, high):
         low *= stride
         assert (low < high) is (stride > 1), "not failed at all"
     high = low * stride
-    while max(high / low, low / high) > 1 + WITHIN:
+    while max(high / low, low / high) > 1 + LIMIT_TOLERANCE:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if failed(middle) else (middle, high)
     return math.sqrt(low * high)
 
 
-def off(found, wanted):
+def relative_error(found, reference):
     """Largest error of some curves (n, curves), as a share of the range of the reference curve."""
     if not np.isfinite(found).all():
         return math.inf
-    return float((np.abs(found - wanted).max(axis=0) / np.ptp(wanted, axis=0)).max())
+    return float((np.abs(found - reference).max(axis=0) / np.ptp(reference, axis=0)).max())
 
 
-def ahead(y, step, rate):
+def advance(y, step, rate):
     """A state after a step with a constant rate."""
     return [p + step * q for p, q in zip(y, rate, strict=True)]
 
@@ -54,9 +54,9 @@ def integrate(slope, y, step, count):
     rows = [y]
     for _ in range(count):
         a = slope(y)
-        b = slope(ahead(y, 0.5 * step, a))
-        c = slope(ahead(y, 0.5 * step, b))
-        d = slope(ahead(y, step, c))
+        b = slope(advance(y, 0.5 * step, a))
+        c = slope(advance(y, 0.5 * step, b))
+        d = slope(advance(y, step, c))
         y = [
             p + step / 6 * (q + 2 * r + 2 * s + t)
             for p, q, r, s, t in zip(y, a, b, c, d, strict=True)
@@ -73,14 +73,14 @@ def space_of(gravity, iterations=ITERATIONS):
     return space
 
 
-def pinned(space, one, other, at):
+def add_pin(space, one, other, at):
     """Add a pin between two bodies at a point of the world where both are now."""
     pin = pymunk.PivotJoint(one, other, at)
     pin.error_bias = 0.0
     space.add(pin)
 
 
-def led(body, before, after, step):
+def start_one_step_early(body, before, after, step):
     """Set a body to its pose one step before the start, with the velocity to the start pose.
 
     Both poses are a position (complex) and an angle.
@@ -94,7 +94,7 @@ def led(body, before, after, step):
 # -- a pendulum: a point mass on a rod of 1 m, released from its horizontal pose
 
 
-def swing(x, speed):
+def pendulum_angle(x, speed):
     """Angle of a pendulum at times x, by Jacobi's elliptic functions.
 
     sin(angle / 2) = -k cd(w t, k) with k = sin(pi / 4); cd by descending Landen steps.
@@ -111,8 +111,8 @@ def swing(x, speed):
     return -2 * np.arcsin(math.sqrt(0.5) * s)
 
 
-POINT = 1.0, 1.0, 1e-14
-SWUNG = 2.0, 0.5, 0.5
+POINT_MASS = 1.0, 1.0, 1e-14
+EQUIVALENT_BODY = 2.0, 0.5, 0.5
 """Mass, distance of its centre from the pin, and moment of inertia about its centre: of a point
 mass, and of a body with the same motion, since its moment of inertia about the pin and its mass
 times distance are the same.  Chipmunk's errors differ, since the centre of a body moves along a
@@ -120,12 +120,12 @@ straight line in a step, and is nearer to the pin here.  proofmass builds the se
 on the ground that is nearly a point mass."""
 
 
-def hung(angle, distance=1.0):
+def hanging_pose(angle, distance=1.0):
     """Position of the centre (complex) and rotation of a body that hangs at an angle."""
     return cmath.rect(distance, angle - math.pi / 2), angle
 
 
-def pendulum(step, steps, gravity, before, stiffness=0.0, built=SWUNG):
+def pendulum_angles(step, steps, gravity, before, stiffness=0.0, built=EQUIVALENT_BODY):
     """Angles after each step, from the angle `before` one step before the start.
 
     A pin alone is solved in one iteration, a pin and a spring are not.
@@ -134,12 +134,12 @@ def pendulum(step, steps, gravity, before, stiffness=0.0, built=SWUNG):
     mass, distance, moment = built
     body = pymunk.Body(mass, moment)
     space.add(body)
-    start = hung(-math.pi / 2, distance)
+    start = hanging_pose(-math.pi / 2, distance)
     body.position, body.angle = (start[0].real, start[0].imag), start[1]
-    pinned(space, space.static_body, body, (0.0, 0.0))
+    add_pin(space, space.static_body, body, (0.0, 0.0))
     if stiffness:
         space.add(pymunk.DampedRotarySpring(space.static_body, body, 0.0, stiffness, 0.0))
-    led(body, hung(before, distance), start, step)
+    start_one_step_early(body, hanging_pose(before, distance), start, step)
     rows = []
     for _ in range(steps + 1):
         space.step(step)
@@ -148,61 +148,66 @@ def pendulum(step, steps, gravity, before, stiffness=0.0, built=SWUNG):
     return np.array(rows)[:, None]
 
 
-def pendulum_failed(step, gravity=1.0, seconds=10.0, built=SWUNG):
+def pendulum_failed(step, gravity=1.0, seconds=10.0, built=EQUIVALENT_BODY):
     """Whether the error of the pendulum's angle is more than a tenth of its range."""
     steps, speed = round(seconds / step), math.sqrt(GRAVITY * gravity)
-    wanted = swing(step * np.arange(-1, steps + 1), speed)
-    found = pendulum(step, steps, GRAVITY * gravity, float(wanted[0]), built=built)
-    return off(found, wanted[1:, None]) > FAILED
+    wanted = pendulum_angle(step * np.arange(-1, steps + 1), speed)
+    found = pendulum_angles(step, steps, GRAVITY * gravity, float(wanted[0]), built=built)
+    return relative_error(found, wanted[1:, None]) > LARGEST_ERROR
 
 
-def pendulum_step(built=SWUNG):
+def pendulum_step(built=EQUIVALENT_BODY):
     """Largest time step [s]."""
-    return limit(lambda step: pendulum_failed(step, built=built), 0.01, 1.0)
+    return find_limit(lambda step: pendulum_failed(step, built=built), 0.01, 1.0)
 
 
 def pendulum_gravity():
     """Largest factor on gravity, with steps of 1 ms."""
-    return limit(lambda gravity: pendulum_failed(1e-3, gravity), 20.0, 1e4)
+    return find_limit(lambda gravity: pendulum_failed(1e-3, gravity), 20.0, 1e4)
 
 
 def pendulum_spring(seconds=0.1, step=1e-3):
     """Stiffest spring in the pivot [N m/rad], in a run of 0.1 s with steps of 1 ms."""
 
     def failed(stiffness):
-        steps, each = round(seconds / step), 40  # steps of the reference in one step that is tried
-        true = integrate(
+        steps, fine_steps = (
+            round(seconds / step),
+            40,
+        )  # steps of the reference in one step that is tried
+        reference = integrate(
             lambda y: (y[1], -GRAVITY * math.sin(y[0]) - stiffness * y[0]),
             [-math.pi / 2, 0.0],
-            step / each,
-            each * steps,
-        )[::each, 0]
+            step / fine_steps,
+            fine_steps * steps,
+        )[::fine_steps, 0]
         # released at rest: the angle is an even function of time
-        found = pendulum(step, steps, GRAVITY, float(true[1]), stiffness)
-        return off(found, true[:, None]) > FAILED
+        found = pendulum_angles(step, steps, GRAVITY, float(reference[1]), stiffness)
+        return relative_error(found, reference[:, None]) > LARGEST_ERROR
 
-    return limit(failed, 1e4, 1e6)
+    return find_limit(failed, 1e4, 1e6)
 
 
 # -- a four-bar: crank 1, coupler 2, rocker 2.5, ground 3 m; 1 kg/m
 
 
-BARS = 1.0, 2.0, 2.5, 3.0
+BAR_LENGTHS = 1.0, 2.0, 2.5, 3.0
 
 
-def closed(crank):
+def coupler_and_rocker(crank):
     """Angles of coupler and rocker in the open assembly mode."""
-    a, b, c, ground = BARS
+    a, b, c, ground = BAR_LENGTHS
     pin = cmath.rect(a, crank)
-    gap = ground - pin
-    angle = cmath.phase(gap) + math.acos((b**2 + abs(gap) ** 2 - c**2) / (2 * b * abs(gap)))
+    diagonal = ground - pin
+    angle = cmath.phase(diagonal) + math.acos(
+        (b**2 + abs(diagonal) ** 2 - c**2) / (2 * b * abs(diagonal))
+    )
     return angle, cmath.phase(pin + cmath.rect(b, angle) - ground)
 
 
 def energies(crank):
     """Generalized inertia about the crank [kg m2] and potential energy [J] of a pose."""
-    a, b, c, _ = BARS
-    beta, gamma = closed(crank)
+    a, b, c, _ = BAR_LENGTHS
+    beta, gamma = coupler_and_rocker(crank)
     # a i e^(ia) + b i e^(ib) b' = c i e^(ic) c'
     beta_rate = a * math.sin(crank - gamma) / (b * math.sin(gamma - beta))
     gamma_rate = a * math.sin(crank - beta) / (c * math.sin(gamma - beta))
@@ -224,31 +229,31 @@ def slope(y):
     return rate, -(0.5 * (more - less) * rate**2 + up - down) / (2 * h) / energies(crank)[0]
 
 
-FINE = 2.5e-4  # [s]
+FINE_STEP = 2.5e-4  # [s]
 
 
 @cache
-def released():
+def released_crank():
     """Angle and speed of the crank, released at rest, at times FINE apart."""
-    return integrate(slope, [0.0, 0.0], FINE, round(2.3 / FINE))
+    return integrate(slope, [0.0, 0.0], FINE_STEP, round(2.3 / FINE_STEP))
 
 
-def between(x):
+def crank_at(x):
     """Angle of the released crank at some times, by cubic interpolation."""
-    place, rate = released().T
-    k = np.minimum((np.asarray(x) / FINE).astype(int), len(place) - 2)
-    s = x / FINE - k
+    place, rate = released_crank().T
+    k = np.minimum((np.asarray(x) / FINE_STEP).astype(int), len(place) - 2)
+    s = x / FINE_STEP - k
     return (
         place[k] * (1 + 2 * s) * (1 - s) ** 2
-        + FINE * rate[k] * s * (1 - s) ** 2
+        + FINE_STEP * rate[k] * s * (1 - s) ** 2
         + place[k + 1] * s**2 * (3 - 2 * s)
-        + FINE * rate[k + 1] * s**2 * (s - 1)
+        + FINE_STEP * rate[k + 1] * s**2 * (s - 1)
     )
 
 
-def middles(crank):
+def centre_poses(crank):
     """Positions of the centres (complex) and angles of crank, coupler and rocker."""
-    beta, gamma = closed(crank)
+    beta, gamma = coupler_and_rocker(crank)
     return (
         (cmath.rect(0.5, crank), crank),
         (cmath.rect(1.0, crank) + cmath.rect(1.0, beta), beta),
@@ -261,11 +266,11 @@ def fourbar_step(seconds=2.0):
 
     def failed(step):
         steps, space = round(seconds / step), space_of(GRAVITY)
-        bodies = [pymunk.Body(m, m**3 / 12) for m in BARS[:3]]  # 1 kg/m
+        bodies = [pymunk.Body(m, m**3 / 12) for m in BAR_LENGTHS[:3]]  # 1 kg/m
         space.add(*bodies)
         crank, coupler, rocker = bodies
         # the angle of the crank is an even function of time
-        start, before = middles(0.0), middles(float(between(np.array([step]))[0]))
+        start, before = centre_poses(0.0), centre_poses(float(crank_at(np.array([step]))[0]))
         for body, (place, angle) in zip(bodies, start, strict=True):
             body.position, body.angle = (place.real, place.imag), angle
         pin = cmath.rect(2.5, start[2][1]) + 3.0
@@ -275,9 +280,9 @@ def fourbar_step(seconds=2.0):
             (space.static_body, rocker, 3 + 0j),
             (coupler, rocker, pin),
         ):
-            pinned(space, one, other, (at.real, at.imag))
+            add_pin(space, one, other, (at.real, at.imag))
         for body, here, there in zip(bodies, before, start, strict=True):
-            led(body, here, there, step)
+            start_one_step_early(body, here, there, step)
         rows = []
         for _ in range(steps + 1):
             space.step(step)
@@ -285,14 +290,14 @@ def fourbar_step(seconds=2.0):
             gap = abs(end - coupler.local_to_world((1.0, 0.0)))
             rows.append((rocker.angle, coupler.angle, end.x, end.y, gap))
         rows = np.array(rows)
-        if not np.isfinite(rows).all() or rows[:, 4].max() > FAILED * 3.0:
+        if not np.isfinite(rows).all() or rows[:, 4].max() > LARGEST_ERROR * 3.0:
             return True
-        pairs = np.array([closed(a) for a in between(step * np.arange(steps + 1))])
+        pairs = np.array([coupler_and_rocker(a) for a in crank_at(step * np.arange(steps + 1))])
         beta, gamma = np.unwrap(pairs, axis=0).T
         wanted = np.column_stack([gamma, beta, 3 + 2.5 * np.cos(gamma), 2.5 * np.sin(gamma)])
-        return off(rows[:, :4], wanted) > FAILED
+        return relative_error(rows[:, :4], wanted) > LARGEST_ERROR
 
-    return limit(failed, 4e-3, 1.0)
+    return find_limit(failed, 4e-3, 1.0)
 
 
 # -- springs that are displaced by a thousandth at the start
@@ -322,7 +327,7 @@ def spring_step(zeta, high=50.0):
 
     if zeta > 0.25:
         return math.inf if not any(map(failed, np.geomspace(0.3, high, 12).tolist())) else math.nan
-    return limit(failed, 0.3, high)
+    return find_limit(failed, 0.3, high)
 
 
 def row_step(masses=5):
@@ -339,7 +344,7 @@ def row_step(masses=5):
         # the bound is well below 1 m, at which springs turn over
         return grows(space, last, z, steps=1000, bound=0.1)
 
-    return limit(failed, 0.1, 10.0)
+    return find_limit(failed, 0.1, 10.0)
 
 
 def hung_gravity():
@@ -347,19 +352,19 @@ def hung_gravity():
 
     def failed(gravity):
         space, body = space_of(gravity), pymunk.Body(1.0, 1e-12)
-        place, body.angle = hung(1e-6)
+        place, body.angle = hanging_pose(1e-6)
         body.position = place.real, place.imag
         space.add(body)
-        pinned(space, space.static_body, body, (0.0, 0.0))
+        add_pin(space, space.static_body, body, (0.0, 0.0))
         return grows(space, body, 1.0, bound=1e-3)
 
-    return limit(failed, 0.5, 50.0)
+    return find_limit(failed, 0.5, 50.0)
 
 
 LIMITS = {
     "pendulum, step": pendulum_step,
     "pendulum, gravity": pendulum_gravity,
-    "pendulum as a point mass, step": partial(pendulum_step, POINT),
+    "pendulum as a point mass, step": partial(pendulum_step, POINT_MASS),
     "pendulum, spring": pendulum_spring,
     "fourbar_released, step": fourbar_step,
     "spring, ζ = 0": partial(spring_step, 0.0),
