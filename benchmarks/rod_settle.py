@@ -54,7 +54,7 @@ class Scene:
     ----------
     found : Solutions
         Equilibria of the rods, the lowest energy first.
-    standing : Standing (equilibria,)
+    standing : AssemblyEquilibria (equilibria,)
         Equilibria of the chains near them; NaN where there is none.
     """
 
