@@ -159,16 +159,20 @@ def test_a_block_slides_and_stops(tmp_path):
     found = simulated_channels(file)
     truth = sliding_block.solve(np.linspace(0, 1, 101), friction=0.4, speed=2.0)
     assert np.abs(found["x"] - truth["position"]).max() < 2e-3  # v dt at the beginning of contact
-    assert found["x_rate"][-1] == 0.0 or abs(found["x_rate"][-1]) < 1e-12  # it sticks
+    assert abs(found["x_rate"][-1]) < 1e-12  # it sticks, to rounding
     assert np.abs(found["turn"]).max() < 1e-3
 
 
 @pytest.mark.parametrize("geom", ["sphere", "cylinder", "capsule"])
 def test_a_ball_slides_until_it_rolls(tmp_path, geom):
+    """The moments of inertia over m r^2 are those of textbooks.
+
+    A capsule of radius r with a cylinder of length 4 r has 3/4 of its mass in the cylinder.
+    """
     size, turn, ratio = {
-        "sphere": (".1", "", 0.4),
-        "cylinder": (".1 .2", 'euler="1.5707963267948966 0 0"', 0.5),
-        "capsule": (".1 .2", 'euler="1.5707963267948966 0 0"', None),
+        "sphere": (".1", "", 2 / 5),
+        "cylinder": (".1 .2", 'euler="1.5707963267948966 0 0"', 1 / 2),
+        "capsule": (".1 .2", 'euler="1.5707963267948966 0 0"', 3 / 4 * 1 / 2 + 1 / 4 * 2 / 5),
     }[geom]
     ball = BALL.format(f'type="{geom}" {turn} friction=".3 0 0" {PLASTIC_CONTACT}').replace(
         'size=".1"', f'size="{size}"'
@@ -176,9 +180,6 @@ def test_a_ball_slides_until_it_rolls(tmp_path, geom):
     file = write_model(
         tmp_path, FLOOR.format(f'friction=".2 0 0" {PLASTIC_CONTACT}') + ball, "2 0 -20"
     )
-    model = mujoco.MjModel.from_xml_path(str(file))
-    ratio = ratio or float(model.body_inertia[1].max() / 0.01)
-    ratio = float(read_links(model, "start", ()).moment[0] / 0.01)
     found = simulated_channels(file)
     truth = rolling_ball.solve(
         np.linspace(0, 1, 101), radius=0.1, friction=0.3, speed=2.0, spin=-20.0, inertia_ratio=ratio
