@@ -1,12 +1,14 @@
 """Tests of a model's own motion, solved in several ways, against independent equations."""
 
 import re
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.own_motion import (
     CoordinateRates,
@@ -120,12 +122,27 @@ def test_samples_are_whole_steps_apart_and_the_step_is_the_models_own(tmp_path):
     assert np.allclose(np.diff(slow.times), 0.2)
 
 
-def test_a_short_computing_time_ends_runs_without_dropping_any(tmp_path):
-    motion = solved_motion(tmp_path, PENDULUM.replace("0.01", "1e-5"), seconds=0.5)
-    assert len(motion.runs) == 4
-    sizes = [len(one.points) for one in motion.runs]
-    assert min(sizes[1:]) < motion.times.size
-    assert all(one.late for one in motion.runs if len(one.points) < min(sizes[0], sizes[1]))
+def test_a_short_computing_time_ends_runs_without_dropping_any(tmp_path, monkeypatch):
+    """The clock of this test counts steps: one of 10 ms takes 1 ms, one of 10 ms / m takes m ms.
+
+    The first run takes 100 ms.  If a step took as long with every size, 14 samples with halved
+    steps would fit into the 400 ms for each run: 51 * 400 / (2 + 4 + 8) / 100.  From one sample to
+    the next the runs take 2, 8, 32 and 128 ms, so that the last two are late after 12 and 3
+    intervals of the 13.
+    """
+    now, mj_step = [0.0], mujoco.mj_step
+
+    def timed_step(model, data, count=1):
+        mj_step(model, data, count)
+        now[0] += 1e-3 * count * round(0.01 / model.opt.timestep)
+
+    monkeypatch.setattr(mujoco, "mj_step", timed_step)
+    monkeypatch.setattr(own_motion, "time", SimpleNamespace(process_time=lambda: now[0]))
+    motion = solved_motion(tmp_path, PENDULUM, seconds=1.0)
+    assert [one.step for one in motion.runs] == [0.01, 0.005, 0.0025, 0.00125]
+    assert [len(one.points) for one in motion.runs] == [51, 14, 13, 4]
+    assert [one.late for one in motion.runs] == [False, False, True, True]
+    assert [bool(one.stopped) for one in motion.runs] == [False, False, True, True]
 
 
 def test_runs_with_finer_steps_disable_sleeping():
