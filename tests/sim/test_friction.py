@@ -206,7 +206,15 @@ def test_four_segments_with_friction_in_all_joints_agree(engine, tmp_path):
         update={"run": {"sweep": case.run["sweep"].model_copy(update={"n": 13})}}
     )
     found = compare(case, "sweep", engine, solve_here(case, "sweep", engine), detectable=False)
-    assert {one.outcome for one in found} <= {"agrees", "unsupported"}
+    assert_all_but_rates_in_pymunk_agree(found, engine)
+
+
+def assert_all_but_rates_in_pymunk_agree(found, engine):
+    """All channels agree, but a sweep at rest in pymunk has no rates."""
+    assert len(found) > 20
+    for one in found:
+        no_rate = engine == "pymunk" and one.channel.endswith("_rate")
+        assert one.outcome == ("unsupported" if no_rate else "agrees"), one.channel
 
 
 def test_the_prototype_with_friction_agrees_in_pymunk():
@@ -215,8 +223,7 @@ def test_the_prototype_with_friction_agrees_in_pymunk():
     case = PROTOTYPE_CASE.model_copy(update={"run": {"sweep": sweep}})
     curves = solve_here(case, "sweep", "pymunk")
     found = compare(case, "sweep", "pymunk", curves, detectable=False)
-    assert {one.outcome for one in found} <= {"agrees", "unsupported"}
-    assert "agrees" in {one.outcome for one in found}
+    assert_all_but_rates_in_pymunk_agree(found, "pymunk")
 
 
 def with_one_period(case):
