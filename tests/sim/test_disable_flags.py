@@ -6,7 +6,7 @@ import pytest
 
 from proofmass.analytic import planar
 from proofmass.sim.mujoco import engine as with_mujoco
-from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Drive, Run, Unsupported
 from proofmass.sim.pymunk import engine as with_pymunk
 
 MODEL = """<mujoco><compiler angle="radian"/>
@@ -62,17 +62,24 @@ def write_model(tmp_path, name, changed, flag=""):
     return file
 
 
-@pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
-@pytest.mark.parametrize(
-    ("engine", "kind"),
+EACH_RUN_AND_FLAG = pytest.mark.parametrize(
+    ("engine", "kind", "flag"),
     [
-        ("mujoco", "dynamics"),
-        ("pymunk", "dynamics"),
-        ("mujoco", "sweep"),
-        ("pymunk", "sweep"),
-        ("mujoco", "settled"),
+        (engine, kind, flag)
+        for engine, kind in (
+            ("mujoco", "dynamics"),
+            ("pymunk", "dynamics"),
+            ("mujoco", "sweep"),
+            ("pymunk", "sweep"),
+            ("mujoco", "settled"),
+        )
+        for flag in WITH_AND_WITHOUT
+        if flag != "damper" or kind == "dynamics"  # at rest a damper has no force
     ],
 )
+
+
+@EACH_RUN_AND_FLAG
 def test_disabled_features_are_as_if_absent(engine, kind, flag, tmp_path):
     present, absent = WITH_AND_WITHOUT[flag]
     one, two = (
@@ -86,6 +93,49 @@ def test_disabled_features_are_as_if_absent(engine, kind, flag, tmp_path):
         np.testing.assert_allclose(
             one.channels[name], two.channels[name], rtol=0, atol=1e-12, err_msg=name
         )  # rounding: sums have another order
+
+
+@EACH_RUN_AND_FLAG
+def test_features_that_are_not_disabled_have_an_effect(engine, kind, flag, tmp_path):
+    """Negative control: without the flag a curve changes by over 1e-3, or the model is refused.
+
+    The loop of this model is open in the start pose, and of all runs only MuJoCo's dynamics can
+    have so much friction.
+    """
+    present, absent = WITH_AND_WITHOUT[flag]
+    file = write_model(tmp_path, "present", present)
+    if flag in ("equality", "constraint"):
+        with pytest.raises(BadModel, match="loop 'loop' is open"):
+            ENGINES[engine](file, RUNS[kind])
+        return
+    if flag == "frictionloss" and (engine, kind) != ("mujoco", "dynamics"):
+        with pytest.raises((BadModel, Unsupported), match=r"friction(loss)? of joint 'b'"):
+            ENGINES[engine](file, RUNS[kind])
+        return
+    one, two = (
+        ENGINES[engine](file, RUNS[kind]).channels
+        for file in (file, write_model(tmp_path, "absent", absent))
+    )
+    assert max(np.abs(one[name] - two[name]).max() for name in RUNS[kind].channels) > 1e-3
+
+
+@pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
+def test_features_that_are_not_disabled_have_an_effect_in_the_planar_reference(flag, tmp_path):
+    """Negative control: as in the engines; the planar reference refuses friction in dynamics."""
+    present, absent = WITH_AND_WITHOUT[flag]
+    model = mujoco.MjModel.from_xml_path(str(write_model(tmp_path, "present", present)))
+    refusals = {
+        "equality": "loop 'loop' stays open",
+        "constraint": "joint 'b' has friction",
+        "frictionloss": "joint 'b' has friction",
+    }
+    if flag in refusals:
+        with pytest.raises(ValueError, match=refusals[flag]):
+            planar.solve(RUNS["dynamics"].x, model=model)
+        return
+    without = mujoco.MjModel.from_xml_path(str(write_model(tmp_path, "absent", absent)))
+    one, two = (planar.solve(RUNS["dynamics"].x, model=m) for m in (model, without))
+    assert max(np.abs(one[name] - two[name]).max() for name in RUNS["dynamics"].channels) > 1e-3
 
 
 @pytest.mark.parametrize("flag", WITH_AND_WITHOUT)
