@@ -390,7 +390,7 @@ def test_the_shipped_case_agrees_in_both_engines():
     }
 
 
-def test_engines_that_ignore_changing_controls_are_wrong(monkeypatch):
+def test_engines_that_ignore_changing_controls_are_wrong():
     """Mutation: engines run without the changing loads."""
     case = load_case(CONTROLLED_AXES)
     changing_run = prescribed_run(case, "dynamics")

@@ -84,7 +84,7 @@ def released_wheel(start: float, until: float) -> tuple[np.ndarray, np.ndarray]:
     return t, solve_ivp(slope, (0, until), [start, 0.0], "DOP853", t, rtol=1e-13, atol=1e-13).y[0]
 
 
-def test_a_released_pair_swings_with_the_inertia_of_both_wheels(tmp_path):
+def test_a_released_pair_swings_with_the_inertia_of_both_wheels():
     t, truth = released_wheel(0.0, 2.0)
     found = solve(t, model=mujoco.MjModel.from_xml_path(str(GEAR_PAIR_FILE)))["wheel"]
     assert np.abs(found - truth).max() < 1e-12

@@ -138,7 +138,6 @@ def test_a_spring_between_two_points_has_stiffness_damping_and_two_lengths(tmp_p
         np.testing.assert_allclose(after[field], expected, atol=1e-15, rtol=0)
 
 
-FIELDS = "jnt_range", "qpos_spring", "qpos0", "dof_damping", "body_mass"
 MODEL_IN_DEGREES = """<mujoco><compiler autolimits="true"/>
 <default><joint damping="0.5"/></default>
 <worldbody><body name="b" euler="0 0 30"><joint name="j" axis="0 0 1" range="-90 45" ref="10"

@@ -34,7 +34,7 @@ WRONG_SETTINGS = {
 
 
 @pytest.mark.parametrize("wrong", WRONG_SETTINGS)
-def test_a_wrong_setting_is_reported_once_and_nothing_runs(models, edit, wrong):
+def test_a_wrong_setting_is_reported_once_and_nothing_runs(models, wrong):
     file = models / "pendulum.toml"
     file.write_text(f"{file.read_text()}\n[settings.mujoco]\n{wrong}\n")
     result = check([file])

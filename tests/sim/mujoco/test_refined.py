@@ -66,7 +66,7 @@ def test_the_sensor_of_kinetic_energy_is_an_evaluation_late_if_the_flag_energy_i
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "RK4"])
-def test_a_run_shows_the_kinetic_energy_of_its_samples(models, edit, integrator):
+def test_a_run_shows_the_kinetic_energy_of_its_samples(edit, integrator):
     """Of the rates that it shows at the same samples, also if the model sets the flag energy."""
     x, found = np.linspace(0.0, 0.2, 11), {}
     for flag in ("", ' energy="enable"'):

@@ -84,7 +84,8 @@ def test_values_of_all_joints_equal_those_of_each_joint(name):
 def test_free_directions_by_qr_or_svd_span_the_free_motions(name, doubled, monkeypatch):
     """Free directions satisfy the constraints and are orthonormal, with masses as weights.
 
-    Linearly dependent rows do not change their number; QR then leaves them to an SVD.
+    Linearly dependent rows do not change their number; QR then leaves them to an SVD.  The forces
+    of the constraints that balance a load best are those of the pseudoinverse.
     """
     links = links_of(name)
     pose = links.pose + 0.01 * np.random.default_rng(3).normal(size=links.pose.shape)
@@ -106,6 +107,12 @@ def test_free_directions_by_qr_or_svd_span_the_free_motions(name, doubled, monke
     np.testing.assert_allclose(flat * weights @ flat.T, np.eye(len(flat)), atol=1e-12, rtol=0)
     violations = np.abs(flat @ rows.T)  # parts of a row times parts of a move, summed up
     assert (violations <= 1e-13 * (np.abs(flat) @ np.abs(rows).T).max(initial=1.0)).all()
+    load = np.random.default_rng(4).normal(size=len(weights))
+    forces = kinematics._split_by_rows(links, given_rows, load)[1]
+    inverse = np.linalg.pinv((given_rows / weights**0.5).T, rcond=1e-9)
+    wanted = inverse @ (load / weights**0.5)
+    # rounding, times the condition of the rows
+    np.testing.assert_allclose(forces, wanted, atol=1e-9 * np.abs(wanted).max(), rtol=0)
 
 
 @pytest.mark.parametrize("name", CASE_NAMES)
