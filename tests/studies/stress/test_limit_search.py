@@ -139,8 +139,8 @@ def test_a_model_is_compiled_in_a_worker_within_a_minute(monkeypatch):
 
 
 def test_a_run_is_made_once_and_then_read_from_the_store(stressed_pendulum, monkeypatch):
+    """It is read for another study too, and made again for another setting."""
     task, asked = StudyRun(PENDULUM, "dynamics", stressed_pendulum.setting), []
-    monkeypatch.setattr(limit_search, "task_key", lambda task: "key")
     monkeypatch.setattr(
         limit_search, "measure_untimed", lambda *told: asked.append(told) or Measurement(steps=3)
     )
@@ -149,9 +149,12 @@ def test_a_run_is_made_once_and_then_read_from_the_store(stressed_pendulum, monk
             steps=3
         )
     assert asked == [(task, 5.0)]
-    assert (
-        limit_search.measure_or_read(replace(task, study="x"), stressed_pendulum.store).steps == 3
-    )  # another study has the same key here
+    again = replace(task, study="another study")
+    assert limit_search.measure_or_read(again, stressed_pendulum.store).steps == 3
+    assert len(asked) == 1
+    other = replace(task, setting=task.setting.with_parameters(integrator="Euler"))
+    assert limit_search.measure_or_read(other, stressed_pendulum.store, 5.0).steps == 3
+    assert asked[1:] == [(other, 5.0)]
 
 
 ENGINE_FAILURE = Failure("gone", BoundaryKind.UNSTABLE)
