@@ -85,11 +85,22 @@ def test_an_interrupted_search_continues_to_the_same_design(tmp_path, monkeypatc
 
 @pytest.mark.usefixtures("unverified")
 def test_the_target_may_be_a_table(tmp_path):
-    file = tmp_path / "wanted.csv"
-    rows = [f"{a},{float(np.sin(np.radians(a)))!r}" for a in range(91)]
+    """The moments rise with the square of the angle, unlike those of the default target, the sine.
+
+    The design is much nearer to the table than to the sine, and its error is that of the table.
+    """
+    file, degrees = tmp_path / "wanted.csv", np.arange(91)
+    wanted = (degrees / 90.0) ** 2
+    rows = [f"{a},{m!r}" for a, m in zip(degrees.tolist(), wanted.tolist(), strict=True)]
     file.write_text("\n".join(["angle [deg],moment [1]", *rows]))
     assert run_design("--table", file, "-o", tmp_path / "own").exit_code == 0
-    assert json.loads((tmp_path / "own" / "design.json").read_text())["target"] == "wanted"
+    design = json.loads((tmp_path / "own" / "design.json").read_text())
+    assert design["target"] == "wanted"
+    moment = solve(precision_points(90), **design["parameters"])["balancing_moment"]
+    away = np.sqrt(np.mean((moment - wanted[1:]) ** 2))  # the points are whole degrees
+    assert design["rmse"] == pytest.approx(away, abs=1e-12)
+    from_sine = np.sqrt(np.mean((moment - np.sin(np.radians(degrees[1:]))) ** 2))
+    assert away < 0.1 * from_sine
 
 
 def test_another_balancer_is_compared_with_the_design(tmp_path, monkeypatch):
