@@ -323,12 +323,22 @@ def test_no_run_is_started_that_would_exceed_the_budget(
 
 
 def test_timed_out_runs_count_towards_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """A timed-out run counts with the longest wall time of a run."""
-    FormulaFamilies(monkeypatch, slow=(1.0, 0.5, 0.0, 1e2), slower=(1.0, 0.6, 0.0, 2e2))
-    limits = Limits(longest=30.0, budget=20.0)
-    rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
-    assert {row.outcome for row in rows} == {"timed out"}
-    assert limits.spent == 30.0 * len(rows)
+    """A timed-out run counts with the longest wall time of a run, 30 s.
+
+    The other family, of first order with 1e-5 s a step, needs a run of 2.5 s or more for an error
+    of 1e-5 after coarser ones: 32 s are too few for both families, and 60 s are enough.
+    """
+    for budget, short in ((32.0, True), (60.0, False)):
+        FormulaFamilies(monkeypatch, slow=(1.0, 0.5, 0.0, 1e2), one=(1.0, 0.5, 0.0, 1e-5))
+        limits = Limits(longest=30.0, budget=budget)
+        rows = search(fourbar, "position", 1e-5, Store(tmp_path), limits=limits)
+        (slow,) = [row for row in rows if row.series == "slow"]
+        assert slow.outcome == "timed out"
+        rest = [row for row in rows if row.series == "one"]
+        assert {row.outcome for row in rest} == {"ran"}
+        assert limits.spent == pytest.approx(30.0 + sum(row.seconds for row in rest))
+        assert limits.short == short
+        assert (min(row.errors["position"] for row in rest) > 1e-5) == short
 
 
 def test_a_family_with_the_same_errors_as_an_earlier_one_ends(
