@@ -444,9 +444,15 @@ def test_bad_input_gives_a_message_of_one_line(tmp_path, monkeypatch, arguments,
 
 @pytest.mark.usefixtures("undrawn")
 def test_command_writes_its_limits_and_can_be_repeated(tmp_path, monkeypatch):
+    """The second time each trial is read from the file of the first time, and none is made."""
     monkeypatch.chdir(tmp_path)
+    files = []
     for _ in range(2):
         result = CliRunner().invoke(app, ["stress", "--only", "crank", "-o", "out"])
+        runs = (tmp_path / "out" / "runs").rglob("*.json")
+        files.append({file: file.stat().st_mtime_ns for file in runs})
         assert result.exit_code == 0, result.output
         assert "law" in (tmp_path / "out" / "stress.columns.md").read_text(encoding="utf-8")
     assert [round(b.ratio, 1) for b in read_boundaries(tmp_path / "out" / "stress.csv")] == [1, 1]
+    assert len(files[0]) > 2  # a bisection has more trials
+    assert files[1] == files[0]
