@@ -318,9 +318,8 @@ def test_command_writes_the_reduced_model_and_repeats_no_trials(tmp_path, monkey
             app, ["diet", str(file), "-o", str(reduced), "--seconds", "0.1"]
         )
         assert answer.exit_code == 0, answer.output
-        monkeypatch.setattr(
-            DietSearch, "judge_changes", None
-        )  # the second time no feature is judged again
+        for judge in ("judge_changes", "judge_errors"):  # the second time nothing is judged again
+            monkeypatch.setattr(DietSearch, judge, None)
         monkeypatch.setattr("proofmass.studies.diet.diet.write_result", lambda *_: None)
     assert "sun" not in reduced.read_text()
     assert not list(reduced.parent.glob("*.part*"))
