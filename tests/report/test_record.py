@@ -1,6 +1,8 @@
 """The record that a report keeps for the next one, and the changes since the last report."""
 
 import json
+import platform
+import socket
 import subprocess
 from dataclasses import replace
 from math import inf, nan
@@ -92,6 +94,14 @@ def test_the_command_of_a_record_has_no_folders(monkeypatch):
     assert made.versions["mujoco"]
     assert made.processors >= 1
     assert made.load_start is None or made.load_start >= 0
+
+
+def test_a_record_has_no_host_name(monkeypatch):
+    monkeypatch.setattr(platform, "node", lambda: "secret-host")
+    monkeypatch.setattr(socket, "gethostname", lambda: "secret-host")
+    made = record_start(["proofmass", "report"])
+    assert "secret-host" not in made.model_dump_json()
+    assert made.machine == f"{platform.system()} {platform.machine()}"
 
 
 def test_the_recorded_commit_is_that_of_the_inputs_repository(tmp_path):
@@ -277,6 +287,23 @@ def test_a_missing_baseline_is_reported_before_anything_runs(monkeypatch, tmp_pa
     assert "results.json: no such file; proofmass report writes it" in answer.output.replace(
         "\n", ""
     )
+
+
+def test_a_damaged_baseline_is_reported_and_left_as_it_is(monkeypatch, tmp_path):
+    """The report is written, without changes since the baseline or since its own last report."""
+    monkeypatch.setattr(
+        cli, "check_with_progress", lambda *_: Result(comparisons=[comparison_of("x", 1e-6)])
+    )
+    run_command("report", "-o", tmp_path / "a")
+    (tmp_path / "b").mkdir()
+    damaged = tmp_path / "b" / "results.json"
+    damaged.write_text("{")
+    answer = run_command("report", "-o", tmp_path / "a", "--baseline", tmp_path / "b")
+    assert answer.exit_code == 0
+    assert f"{damaged}isdamaged:" in "".join(answer.output.split())
+    assert "nothing changed" not in answer.output
+    assert damaged.read_text() == "{"
+    assert read_last(tmp_path / "a").record.exit_code == 0
 
 
 def test_a_damaged_last_record_is_reported_once_and_replaced(monkeypatch, tmp_path):
