@@ -589,6 +589,7 @@ DEFAULT_PARAMETERS = {
             "hacksaw",
             "threeprr",
             "pendulum",
+            "arm_servos",
         ],
     },
     "tests/test_diagnosis.py": {

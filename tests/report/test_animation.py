@@ -149,7 +149,7 @@ def test_rods_bend_and_keep_their_length(edit: Callable[..., Path]) -> None:
 
 @pytest.mark.parametrize(
     ("ending", "form", "away"),
-    # of 255: GIF has 256 colours, of which the drawing has hardly more; WebP blurs its lines
+    # of 255: a GIF keeps the main colours of the drawing, and WebP blurs its lines
     [(".webp", "WEBP", 1.5), (".GIF", "GIF", 0.3)],
 )
 def test_a_saved_file_has_all_pictures_and_repeats(
