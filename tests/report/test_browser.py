@@ -452,12 +452,25 @@ def test_axe_finds_no_accessibility_violation(
         assert met > (0 if dark else 15)
 
 
-def test_dark_pages_have_a_dark_background(folder: Path, browser: Any) -> None:
+def luminance(colour: str) -> float:
+    """The relative luminance of a colour #rrggbb, as WCAG 2.2 defines it."""
+    levels = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in levels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_dark_pages_have_a_dark_background_and_light_curves(folder: Path, browser: Any) -> None:
     for scheme, dark in (("light", False), ("dark", True)):
         with CaseVisit(browser, folder / "fourbar.html", color_scheme=scheme) as visit:
             paper = visit.run("getComputedStyle(document.body).backgroundColor")
             levels = [int(part) for part in paper[4:-1].split(",")]
             assert (max(levels) < 60) == dark
+            colours = visit.run("Object.values(data.solvers).map((s) => variable(`--${s.css}`))")
+            assert colours
+            inks = [luminance(colour) + 0.05 for colour in colours]
+            card = luminance(visit.run("variable('--card')")) + 0.05
+            # WCAG 2.2, 1.4.11: lines have a contrast of 3 or more
+            assert all((ink / card if dark else card / ink) >= 3 for ink in inks)
 
 
 def test_a_page_prints_on_three_sheets_or_more(folder: Path, browser: Any) -> None:
