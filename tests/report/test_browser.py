@@ -469,8 +469,8 @@ def test_dark_pages_have_a_dark_background_and_light_curves(folder: Path, browse
             assert colours
             inks = [luminance(colour) + 0.05 for colour in colours]
             card = luminance(visit.run("variable('--card')")) + 0.05
-            # WCAG 2.2, 1.4.11: lines have a contrast of 3 or more
-            assert all((ink / card if dark else card / ink) >= 3 for ink in inks)
+            # WCAG 2.2, 1.4.3: names of the engines have these colours too, so 4.5 and not 3
+            assert all((ink / card if dark else card / ink) >= 4.5 for ink in inks)
 
 
 def test_a_page_prints_on_three_sheets_or_more(folder: Path, browser: Any) -> None:
