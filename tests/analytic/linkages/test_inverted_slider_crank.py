@@ -97,6 +97,17 @@ def right_side(v):
     )
 
 
+def check_derivative(curve, expected):
+    """Check that `expected` is the spectral derivative of a curve with 512 samples.
+
+    Rounding of a sample, some 100 eps, times the highest wave number, 256, is 6e-12 of the largest
+    value of the curve; rates are divided by the slide, which may be short: twice as
+    much.  Its ratio to that of `expected` is large for short cranks.
+    """
+    ratio = np.abs(curve).max() / np.abs(expected).max()
+    assert_close(derivative(curve), expected, 1.2e-11 * max(ratio, 1.0))
+
+
 @settings(derandomize=True, max_examples=50, deadline=None)
 @given(links(), st.sampled_from(inverted_slider_crank.MODES))
 def test_loop_and_derivatives_of_random_links(link, mode):
@@ -114,16 +125,14 @@ def test_loop_and_derivatives_of_random_links(link, mode):
     # rounding: ten operations
     assert np.abs(violations).max() <= 1e-14 * (abs(ground) + link["rod"])
     assert np.all(mode * pose["slide"] > 0)
-    # 1e-9: rounding times the highest wave number, 256 eps = 6e-14, times the ratio of a curve,
-    # with its mean, to its derivative: up to 1e4 where the cranks are short against their distance
     for name, rate in (("slide", "slide"), ("rod_angle", "rod")):
-        assert_close(derivative(pose[name]), pose[f"{rate}_rate"], 1e-9)
-        assert_close(derivative(pose[f"{rate}_rate"]), pose[f"{rate}_acceleration"], 1e-9)
+        check_derivative(pose[name], pose[f"{rate}_rate"])
+        check_derivative(pose[f"{rate}_rate"], pose[f"{rate}_acceleration"])
     for name in ("end", "slider"):
         for k in (0, 1):
             place, rate = point_motion(pose, name)[k : k + 2]
-            assert_close(derivative(place.real), rate.real, 1e-9)
-            assert_close(derivative(place.imag), rate.imag, 1e-9)
+            check_derivative(place.real, rate.real)
+            check_derivative(place.imag, rate.imag)
 
 
 @settings(derandomize=True, max_examples=30, deadline=None)
