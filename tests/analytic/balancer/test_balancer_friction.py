@@ -284,11 +284,28 @@ def test_the_expected_measurement_is_the_polynomial_with_its_loop():
     assert EXPECTED["van Nes N.2"] == prototype.EXPECTED_COEFFICIENTS
 
 
-def test_friction_lowers_the_work_reduction_to_the_measured_value():
-    """Friction of joints 2 and 3 alone gives the 93.47 % of listing N.2 for the closed loop."""
-    chain = prototype.parameters() | {"friction2": 0.00263, "friction3": 0.00263}
-    found = properties(**chain, expected="van Nes N.2")
-    assert found["work reduction of the loop"] == "93.47 % against van Nes N.2"
+def test_friction_lowers_the_work_reduction_as_its_first_order_does():
+    """Friction of joints 2 and 3 lowers the work reduction of the closed loop as `loop` does.
+
+    0.00263 N m was chosen such that the reduction is the measured 93.47 % of listing N.2: that it
+    is 93.47 % confirms nothing.  Independent are the loop, whose friction work per angle follows
+    from virtual work, to first order, and the measured value, which friction of this size meets.
+    """
+    tau = 0.00263
+    chain = prototype.parameters() | {"friction2": tau, "friction3": tau}
+    words = properties(**chain, expected="van Nes N.2")
+    reduction = float(words["work reduction of the loop"].removesuffix(" % against van Nes N.2"))
+    lost = float(words["lost in a cycle"].removesuffix(" mJ by friction"))
+    path = np.radians(np.linspace(0.0, 90.0, 181))
+    free, wanted = solve(path, **prototype.parameters()), prototype.expected_moment(path)
+    turns = np.stack([free["deflection2_rate"], free["deflection3_rate"]])
+    branches = loop(free["holding_moment"], turns, [tau, tau])
+    left = np.trapezoid(np.abs(branches.out - wanted) + np.abs(branches.back - wanted), path)
+    first_order = 100.0 * (1.0 - left / (2.0 * np.trapezoid(wanted, path)))
+    # joints that stick after each turn make the true loop smaller by some degrees of 90 at each end
+    assert 0.9 < lost / (1000.0 * dissipated(path, branches)) < 1.0
+    assert reduction == pytest.approx(first_order, abs=0.1 * (99.76 - 93.47))  # the same share
+    assert reduction == 93.47
 
 
 @pytest.mark.parametrize(
