@@ -33,7 +33,11 @@ def solve_exact(n_x, n_y, m0):
 
 
 def test_bending_stiffnesses_of_the_documents_rods():
-    """EI of the document's round rods is E pi r^4/4, in N m^2; its code names the unit Pa."""
+    """EI of the document's round rods is E pi r^4/4, in N m^2; its code names the unit Pa.
+
+    This recomputes numbers of the document and of the data with which other tests run the product;
+    no code of the product takes part.
+    """
     for diameter, stiffness in ((1.5e-3, 0.05218602640), (2e-3, 0.16493361431)):
         assert 210e9 * np.pi * (diameter / 2) ** 4 / 4 == pytest.approx(stiffness, abs=1e-11)
     assert pytest.approx(EI, rel=1e-15, abs=0) == 210e9 * np.pi * 1e-12 / 4
