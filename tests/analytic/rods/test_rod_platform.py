@@ -256,7 +256,10 @@ def test_the_end_of_a_path_is_the_equilibrium_found_there():
 
 
 def test_a_path_ends_at_its_fold():
-    """As slider 1 is drawn out, the path ends at a fold; all further samples are NaN."""
+    """As slider 1 is drawn out, the path ends; all further samples are NaN.
+
+    That the rates grow without bound there, as at a fold, is not checked.
+    """
     path = np.linspace([0.1, 0.1, 0.1], [1.5, 0.1, 0.1], 31).T
     found = rod_platform_driven.solve(path, **PFR3)
     there = np.isfinite(found["x"])
