@@ -73,6 +73,10 @@ def test_the_pin_s_force_keeps_the_rod_in_balance():
 def test_bad_values_are_named(given, message):
     with pytest.raises(ValueError, match=message):
         solve(0.5, **TAUT | GUESS | given)
+
+
+def test_a_straight_rod_stretches_to_its_pin():
+    """The pin's force is that of a rod with axial stiffness, EA (1/L - 1), and has no moment."""
     assert pinned(1.0, 0.0, (1.0, 0.0, 0.0), length=0.98, axial=50.0).converged
 
 
