@@ -1,6 +1,5 @@
 """Branches of the general planar solver: limit positions, change points, and refused models."""
 
-import contextlib
 from dataclasses import replace
 
 import mujoco
@@ -137,8 +136,13 @@ def test_poses_are_on_the_branch_and_failures_at_limit_positions(mechanisms):
         assert (wrong < np.maximum(loose, 1e-12)).all()
         if failure is not None:
             gap = np.linspace(x[len(q) - 1] if len(q) else x[0], x[len(q)], 10_001)
-            with contextlib.suppress(ValueError):
-                assert np.sin(linkage.solve(gap)["transmission_angle"]).min() < 1e-4
+            try:
+                sine = np.sin(linkage.solve(gap)["transmission_angle"])
+            except ValueError as error:
+                if "loop cannot close" not in str(error):  # the limit is within the gap
+                    raise
+            else:
+                assert sine.min() < 1e-4
 
     run()
 
