@@ -180,7 +180,8 @@ def test_random_chains_have_the_equilibria_of_the_planar_reference():
             assert places[1] == pytest.approx(places[0], abs=1e-5)  # printed with six digits
             assert re.sub(r"at [\d.]+", "", one) == re.sub(r"at [\d.]+", "", two)
             continue
-        for name in one.keys() & two.keys():
+        assert one.keys() == two.keys()
+        for name in one:
             np.testing.assert_allclose(two[name], one[name], rtol=0, atol=1e-9)
     assert 0 < ended < 3
 
