@@ -77,7 +77,10 @@ def test_bad_values_are_named(given, message):
 
 def test_a_straight_rod_stretches_to_its_pin():
     """The pin's force is that of a rod with axial stiffness, EA (1/L - 1), and has no moment."""
-    assert pinned(1.0, 0.0, (1.0, 0.0, 0.0), length=0.98, axial=50.0).converged
+    rod = pinned(1.0, 0.0, (1.0, 0.0, 0.0), length=0.98, axial=50.0)
+    assert rod.converged
+    # Newton's tolerance of 1e-12 of the length, times EA
+    np.testing.assert_allclose(rod.unknowns, [50.0 * (1.0 / 0.98 - 1.0), 0.0, 0.0], atol=1e-9)
 
 
 def test_neighbours_share_a_search(monkeypatch):
