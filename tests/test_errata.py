@@ -18,6 +18,7 @@ from proofmass.analytic.linkages import fourbar, hacksaw
 from proofmass.analytic.linkages import natural_coordinates as scheme
 from proofmass.analytic.newton_raphson import NotConverged
 from tests.analytic.balancer.balancer_table import DATA
+from tests.shipped import shipped, shipped_case
 
 ROOT = Path(__file__).parent.parent
 HACKSAW_LENGTHS = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
@@ -109,8 +110,14 @@ def test_equal_angles_at_unequal_rates_are_no_motion():
 
 
 def test_pi_of_3_1416_makes_a_turn_too_long():
-    """Lines 2079 and 2261 use pi = 3.1416, which makes a turn too long by 1.47e-5 rad."""
-    assert 2.0 * 3.1416 - 2.0 * np.pi == pytest.approx(1.47e-5, rel=1e-3)  # three digits
+    """Lines 2079 and 2261 use pi = 3.1416, which makes a turn too long by 1.47e-5 rad.
+
+    The crank of the shipped four-bar makes a whole turn: it ends where it began.
+    """
+    (drive,) = shipped_case(shipped("fourbar.toml")).drive
+    turn = drive.to - drive.start
+    assert np.exp(1j * turn) == pytest.approx(1.0, abs=1e-15)  # rounding of 2 pi
+    assert 2.0 * 3.1416 - turn == pytest.approx(1.47e-5, rel=1e-3)  # three digits
 
 
 def test_a_ground_length_with_its_sign_hides_a_non_grashof_linkage():
