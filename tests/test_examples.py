@@ -139,7 +139,10 @@ def test_balancer_prints_the_error_of_the_thesis(tmp_path: Path) -> None:
     text = output_in_process("balancer", tmp_path)
     errors = matched_numbers(r"m g r sin N m g r", text)
     assert [error for (error,) in errors] == pytest.approx([0.0835] * 2, abs=2e-4)
-    for work, energy in matched_numbers(r"work N J, energy of the springs N J", text):
+    found = matched_numbers(r"work N J, energy of the springs N J", text)
+    assert len(found) == 2
+    for work, energy in found:
+        assert abs(energy) > 0.1
         assert work == pytest.approx(energy, abs=1.1e-3)  # three decimals, trapezoidal rule
 
 
