@@ -11,6 +11,7 @@ import pytest
 
 from proofmass.case import Case
 from proofmass.compare import compare
+from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.solve import solve
 from tests.shipped import fewer_samples, shipped, shipped_case
@@ -537,5 +538,5 @@ def test_a_wrong_load_on_the_slider_changes_the_holding_moment_alone(
 def test_a_start_pose_in_the_other_assembly_mode_is_refused(models, edit):
     edit("fourbar_crossed.toml", 'start = "crossed"', 'start = "start"')
     case = load_case(models / "fourbar_crossed.toml")
-    with pytest.raises(Exception, match=r"assembles the model in mode \+1"):
+    with pytest.raises(InputError, match=r"assembles the model in mode \+1"):
         compare(case, "sweep", "mujoco", solve(case, "sweep", "mujoco"))
