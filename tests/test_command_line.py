@@ -214,3 +214,5 @@ def test_help_joins_the_lines_of_a_paragraph_and_keeps_units():
     text = CliRunner().invoke(app, ["choose", "--help"], env={"COLUMNS": "80"}).output
     assert "run as a program of its own, without proofmass, and from a shifted start, and" in text
     assert "Wall time of all runs" in " ".join(text.replace("│", " ").split())
+    text = CliRunner().invoke(app, ["animate", "--help"], env={"COLUMNS": "80"}).output
+    assert "Playing time [s]." in text
