@@ -1,6 +1,7 @@
 """Outcomes are printed even if no file can be written; files are whole; inputs are not replaced."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,12 @@ def invoke_command(*args: object):
     return CliRunner().invoke(app, [str(a) for a in args])
 
 
-def test_an_output_folder_that_cannot_be_made_is_reported(models, tmp_path):
+def test_an_output_folder_that_cannot_be_made_is_reported_before_anything_runs(
+    models, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        sys.modules["proofmass.check"], "run_tasks", lambda *_: pytest.fail("a run was started")
+    )
     (tmp_path / "pages").write_text("a file")
     answer = invoke_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 2
@@ -148,10 +154,13 @@ def test_an_unreadable_sidecar_does_not_affect_other_cases(models, kind):
 
 
 def test_no_log_of_mujoco_is_left_in_the_folder(models, monkeypatch, edit):
-    edit("pendulum.xml", 'pos="0 -1 0" mass', 'pos="nan -1 0" mass')
+    """MuJoCo warns of a spring that is too stiff, and would write its warnings to a log."""
+    edit("pendulum.xml", '<joint name="pivot"', r'\g<0> stiffness="1e9"')
     monkeypatch.chdir(models)
-    for each in ("check", "report", "trade"):
-        invoke_command(each, "pendulum.toml")
+    for each, exit_code in (("check", 1), ("report", 1), ("trade", 0)):
+        answer = invoke_command(each, "pendulum.toml")
+        assert answer.exit_code == exit_code
+        assert "MuJoCo warning badqacc" in answer.output
     assert not (models / "MUJOCO_LOG.TXT").exists()
 
 
