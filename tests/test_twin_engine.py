@@ -123,11 +123,20 @@ def invoke_command(*words: object) -> str:
     return found.stdout
 
 
-def test_engines_are_listed_without_being_imported(site: Path) -> None:
+def test_engines_are_listed_without_being_imported(
+    site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The default engines are asked whether they compute; engines of others are not imported."""
+    entry_point = type(engines.engine_entry_points()["mujoco"])
+    load, loaded = entry_point.load, []
+    monkeypatch.setattr(entry_point, "load", lambda own: loaded.append(own.name) or load(own))
+    engines.engine_of.cache_clear()
     others = ["bare", "broken", "foreign", "twin", "wrong"]
     assert engine_names() == ["mujoco", "pymunk", "recorded", *others]
     assert engines.own_engines() == ("mujoco", "pymunk", "recorded")  # these keep their colours
+    assert not loaded
     assert engines.default_engines() == ("mujoco", "pymunk")
+    assert loaded == ["mujoco", "pymunk", "recorded"]
 
 
 def test_check_agrees_with_the_twin_and_not_with_the_wrong_one(site: Path, tmp_path: Path) -> None:
