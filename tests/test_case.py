@@ -213,7 +213,10 @@ def test_a_leading_drive_without_a_valid_motion_is_refused(keys, wrong):
     ],
 )
 def test_a_leading_drive_may_have_a_rate_a_period_or_a_profile(keys):
-    """A drive to a smaller value has a negative rate; a recorded profile needs no ``until``."""
+    """A drive to a smaller value has a negative rate; a recorded profile needs no ``until``.
+
+    The check raises no error.
+    """
     drive(**keys).check_leader()
 
 
