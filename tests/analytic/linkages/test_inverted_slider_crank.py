@@ -32,7 +32,7 @@ INPUT_PROFILES = np.array(
 def links(draw):
     """Lengths with which the crank pin never comes near the slider."""
     scale, direction = draw(st.floats(1e-3, 1e3)), draw(st.floats(-np.pi, np.pi))
-    reach, share = draw(st.floats(0.2, 0.85)), draw(st.floats(0.1, 0.9))
+    reach, share = draw(st.floats(0.2, 0.8)), draw(st.floats(0.1, 0.9))
     ground = scale * np.exp(1j * direction)
     return {
         "crank": scale * reach * share,
@@ -102,11 +102,12 @@ def check_derivative(curve, expected):
 
     Rounding of a sample, 20 eps, times the highest wave number, 256, is 1.1e-12 of the largest
     value of the curve.  Accelerations are divided twice by the slide, whose own rounding is
-    relative to the ground; the slide is at least 0.15 of it, and 1.1e-12 / 0.15^3 is 3.4e-10.  The
-    curve's ratio to `expected` is large for short cranks.
+    relative to the ground; the slide is at least 0.2 of it, and 1.1e-12 / 0.2^3 is 1.4e-10.  Twice
+    that is allowed; none of 36 random seeds needed more.  The curve's ratio to `expected` is large
+    for short cranks.
     """
     ratio = np.abs(curve).max() / np.abs(expected).max()
-    assert_close(derivative(curve), expected, 3.4e-10 * max(ratio, 1.0))
+    assert_close(derivative(curve), expected, 3e-10 * max(ratio, 1.0))
 
 
 @settings(derandomize=True, max_examples=50, deadline=None)
