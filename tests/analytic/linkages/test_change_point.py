@@ -14,16 +14,19 @@ OUTER = bar_lengths([1.0, 2.0, 2.0, 3.0])  # bars in line at pi: crank + ground 
 INNER = bar_lengths([1.0, 1.5, 2.5, 2.0])  # bars in line at 0: ground - crank = rocker - coupler
 BUTTERFLY = bar_lengths([1.0, 2.0, 1.0, 2.0])  # in line at 0 and pi; mode +1 is the parallelogram
 TWO_TURNS = 2.0 * GRID, np.full(GRID.size, 2.0), np.zeros(GRID.size)  # with samples at 0 and pi
+LEAST_SINE = 0.2
+"""Sine by whose square rounding is divided: the bars pass through a line, where the rates solve a
+quadratic instead of a division by the sine of the transmission angle."""
 
 
 @MODES
 @pytest.mark.parametrize("link", [OUTER, INNER], ids=["outer", "inner"])
 def test_motion_is_smooth_over_two_turns_through_a_change_point(link, mode):
-    check_loop_and_derivatives(link, mode, TWO_TURNS)
+    check_loop_and_derivatives(link, mode, TWO_TURNS, LEAST_SINE)
 
 
 def test_butterfly_four_bar_moves_smoothly():
-    pose = check_loop_and_derivatives(BUTTERFLY, -1, TWO_TURNS)
+    pose = check_loop_and_derivatives(BUTTERFLY, -1, TWO_TURNS, LEAST_SINE)
     motion = [curve for name, curve in pose.items() if "_force_" not in name]
     assert not np.isnan(motion).any()
 
@@ -52,7 +55,7 @@ def test_random_linkages_are_smooth_through_their_change_points(three, scale, or
         link["crank"] * np.cos(profile[0]) - link["ground"], link["crank"] * np.sin(profile[0])
     )
     assume(reach.min() > 0.2 * scale)  # closer to B the rates are too steep for 512 samples
-    check_loop_and_derivatives(link, mode, profile)
+    check_loop_and_derivatives(link, mode, profile, LEAST_SINE)
 
 
 def test_rates_at_the_change_point_solve_the_quadratic():
@@ -121,7 +124,7 @@ def test_a_kite_whose_crank_pin_meets_the_fixed_pin_moves_smoothly(mode):
     profile = 0.5 * np.sin(GRID + half_step), 0.5 * np.cos(GRID + half_step), np.zeros(GRID.size)
     pose = fourbar.solve(*profile, **link, mode=mode)
     slope = derivative(pose["pin_y"])
-    assert_close(pose["pin_vy"], slope, 1e-10)  # as in check_laws
+    assert_close(pose["pin_vy"], slope, 1e-10)  # as in check_loop_and_derivatives
     with pytest.raises(ValueError, match="rocker angle undefined"):
         fourbar.solve(0.0, **link, mode=mode)
 

@@ -65,8 +65,11 @@ def loop_violations(angle, pose, link):
     return np.abs(over - under), np.abs(over - pose["pin_x"] - 1j * pose["pin_y"])
 
 
-def check_loop_and_derivatives(link, mode, profile=CRANK_PROFILE):
-    """Check the closed loop, the rigid coupler, and all rates and accelerations as derivatives."""
+def check_loop_and_derivatives(link, mode, profile=CRANK_PROFILE, least_sine=None):
+    """Check the closed loop, the rigid coupler, and all rates and accelerations as derivatives.
+
+    `least_sine` is that of the transmission angle if none is given.
+    """
     pose = fourbar.solve(*profile, **link, mode=mode, **POINT)
     for violation in loop_violations(profile[0], pose, link):
         assert violation.max() <= 1e-14 * max(link.values())  # rounding: about ten operations
@@ -74,7 +77,7 @@ def check_loop_and_derivatives(link, mode, profile=CRANK_PROFILE):
     turned = arm * np.exp(-1j * pose["coupler_angle"])
     # rounding of coordinates and of an angle of a few turns
     assert np.abs(turned - complex(*POINT.values())).max() <= 1e-14 * (max(link.values()) + 1.0)
-    least_sine = np.sin(pose["transmission_angle"]).min()
+    least_sine = least_sine or np.abs(np.sin(pose["transmission_angle"])).min()
     for bar in ("coupler", "rocker"):
         along = np.exp(1j * pose[f"{bar}_angle"])
         check_derivative(along, 1j * pose[f"{bar}_rate"] * along, least_sine)
