@@ -234,6 +234,15 @@ def test_a_program_that_fails_says_why(broken: str, said: str) -> None:
     assert "Error" in ran.failure
 
 
+def test_a_program_leaves_out_the_flag_energy(models: Path, edit) -> None:
+    """With it MuJoCo's kinetic energy is an evaluation late; runs are made without it."""
+    edit("pendulum.xml", "<flag ", '<flag energy="enable" ')
+    case, setting = load_case(models / "pendulum.toml"), Setting("mujoco", COARSE_PARAMETERS)
+    text = program_text_here(case, setting, IMPOSED[0], "")
+    assert '<flag contact="disable"' in text
+    assert "energy=" not in text
+
+
 def test_no_program_can_import_proofmass(tmp_path: Path) -> None:
     """Neither where `choose` runs it nor where these tests do, although it is installed."""
     text = "import mujoco, pymunk\nimport proofmass\n"
