@@ -323,10 +323,32 @@ def read_last(folder: Path) -> Last:
     if not file.exists():
         return Last()
     try:
-        found = parse_record(read_text(file))
-        damage = found.history.damage
-        wrong = f"the history in {file} is damaged; left out: {damage}" if damage else ""
-        return Last(found, wrong, file)
+        found = read_record(file)
+    except InputError as error:
+        wrong = f"the record {file} {error.wrong}; changes since the last report are not shown"
+        return Last(wrong=wrong, file=file)
+    damage = found.history.damage
+    wrong = f"the history in {file} is damaged; left out: {damage}" if damage else ""
+    return Last(found, wrong, file)
+
+
+def require_record(folder: Path) -> None:
+    """Raise InputError if the folder that a report is compared with has no record to read."""
+    if not (folder / RECORD_NAME).exists():
+        raise InputError(folder / RECORD_NAME, "", "no such file; proofmass report writes it")
+    read_record(folder / RECORD_NAME)
+
+
+def read_record(file: Path) -> Record:
+    """Read the record in a file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is damaged.
+    """
+    try:
+        return parse_record(read_text(file))
     except InputError as error:
         wrong = f"cannot be read: {error.wrong}"
     except ValidationError as error:
@@ -334,14 +356,7 @@ def read_last(folder: Path) -> Last:
         wrong = f"is damaged: {'.'.join(map(str, first['loc']))}: {first['msg']}"
     except (ValueError, RecursionError) as error:
         wrong = f"is damaged: {error}"
-    wrong = f"the record {file} {wrong}; changes since the last report are not shown"
-    return Last(wrong=wrong, file=file)
-
-
-def require_record(folder: Path) -> None:
-    """Raise InputError if the folder that a report is to be compared with has no record."""
-    if not (folder / RECORD_NAME).exists():
-        raise InputError(folder / RECORD_NAME, "", "no such file; proofmass report writes it")
+    raise InputError(file, "", wrong)
 
 
 def parse_record(text: str) -> Record:

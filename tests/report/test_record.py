@@ -289,21 +289,15 @@ def test_a_missing_baseline_is_reported_before_anything_runs(monkeypatch, tmp_pa
     )
 
 
-def test_a_damaged_baseline_is_reported_and_left_as_it_is(monkeypatch, tmp_path):
-    """The report is written, without changes since the baseline or since its own last report."""
-    monkeypatch.setattr(
-        cli, "check_with_progress", lambda *_: Result(comparisons=[comparison_of("x", 1e-6)])
-    )
-    run_command("report", "-o", tmp_path / "a")
+def test_a_damaged_baseline_is_reported_before_anything_runs(monkeypatch, tmp_path):
+    monkeypatch.setattr(cli, "check_with_progress", lambda *_: pytest.fail("it ran"))
     (tmp_path / "b").mkdir()
     damaged = tmp_path / "b" / "results.json"
     damaged.write_text("{")
     answer = run_command("report", "-o", tmp_path / "a", "--baseline", tmp_path / "b")
-    assert answer.exit_code == 0
-    assert f"{damaged}isdamaged:" in "".join(answer.output.split())
-    assert "nothing changed" not in answer.output
+    assert answer.exit_code == 2
+    assert f"{damaged}:isdamaged:" in "".join(answer.output.split())
     assert damaged.read_text() == "{"
-    assert read_last(tmp_path / "a").record.exit_code == 0
 
 
 def test_a_damaged_last_record_is_reported_once_and_replaced(monkeypatch, tmp_path):
