@@ -186,15 +186,13 @@ def report_command(
     from proofmass.report import write_report  # matplotlib is slow to load
     from proofmass.report.changes import find_changes, format_changes
     from proofmass.report.overview import link
-    from proofmass.report.record import make_record, read_last, record_start, require_record
+    from proofmass.report.record import make_record, read_baseline, read_last, record_start
     from proofmass.studies.pages import write_study_pages
 
     with exit_on_error(f"{output} is not complete"), error_console.status("drawing studies"):
         output.mkdir(parents=True, exist_ok=True)
         studies = write_study_pages(study or [], output)
-        if baseline is not None:
-            require_record(baseline)
-    last = read_last(output if baseline is None else baseline)
+        last = read_last(output) if baseline is None else read_baseline(baseline)
     made = record_start(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
     result = check_with_progress(paths, jobs)
     # printed before any file is written, so that a full disk does not lose the results

@@ -16,11 +16,11 @@ from subprocess import PIPE, CompletedProcess
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.studies.trade.program import BLOCK_PROOFMASS
 
 FORKING_PROGRAM = """
 import json, os, runpy, sys
 import mujoco, numpy, pymunk
-sys.modules["proofmass"] = None  # a program that imports it fails
 
 for line in sys.stdin:
     folder, sys.argv, streams = json.loads(line)
@@ -39,7 +39,7 @@ STREAM_FILES = (os.devnull, "stdout.txt", "stderr.txt")
 @cache
 def forking_interpreter() -> subprocess.Popen[str]:
     """The interpreter that forks for each program; it ends when this process ends."""
-    command = [sys.executable, "-I", "-c", FORKING_PROGRAM]
+    command = [sys.executable, "-I", "-c", f"{BLOCK_PROOFMASS}\n{FORKING_PROGRAM}"]
     return subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True)
 
 

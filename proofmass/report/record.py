@@ -323,32 +323,28 @@ def read_last(folder: Path) -> Last:
     if not file.exists():
         return Last()
     try:
-        found = read_record(file)
+        return read_baseline(folder)
     except InputError as error:
         wrong = f"the record {file} {error.wrong}; changes since the last report are not shown"
         return Last(wrong=wrong, file=file)
-    damage = found.history.damage
-    wrong = f"the history in {file} is damaged; left out: {damage}" if damage else ""
-    return Last(found, wrong, file)
 
 
-def require_record(folder: Path) -> None:
-    """Raise InputError if the folder that a report is compared with has no record to read."""
-    if not (folder / RECORD_NAME).exists():
-        raise InputError(folder / RECORD_NAME, "", "no such file; proofmass report writes it")
-    read_record(folder / RECORD_NAME)
-
-
-def read_record(file: Path) -> Record:
-    """Read the record in a file.
+def read_baseline(folder: Path) -> Last:
+    """Read the record of the report in a folder, with which another report is compared.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is damaged.
+        There is no record, or it cannot be read or is damaged.
     """
+    file = folder / RECORD_NAME
+    if not file.exists():
+        raise InputError(file, "", "no such file; proofmass report writes it")
     try:
-        return parse_record(read_text(file))
+        found = parse_record(read_text(file))
+        damage = found.history.damage
+        wrong = f"the history in {file} is damaged; left out: {damage}" if damage else ""
+        return Last(found, wrong, file)
     except InputError as error:
         wrong = f"cannot be read: {error.wrong}"
     except ValidationError as error:

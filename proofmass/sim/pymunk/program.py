@@ -738,13 +738,16 @@ class Writer:
         )
         return format_sum([(1.0, text)], joint.value)
 
-    def _springs(self) -> Iterator[tuple[str, float, tuple[float, ...], float, float]]:
+    def _springs(
+        self, servos: bool
+    ) -> Iterator[tuple[str, float, tuple[float, ...], float, float]]:
         """Value, rest, stiffness, damping and load of each joint and each spring between points.
 
-        The stiffness of a joint includes that of its servos.
+        With `servos` the stiffness of a joint includes that of its servos, which store no energy.
         """
         for joint in self.links.joints:
-            yield self._value(joint), joint.rest, joint.acting, joint.damping, joint.load
+            stiffness = joint.acting if servos else joint.stiffness
+            yield self._value(joint), joint.rest, stiffness, joint.damping, joint.load
         for spring in self.links.springs:
             beyond = self._beyond(self._length(spring), spring)
             yield beyond, 0.0, (spring.stiffness, 0.0, 0.0), spring.damping, 0.0
@@ -758,7 +761,7 @@ class Writer:
                 "damping": literal(damping),
                 "load": literal(load),
             }
-            for value, rest, stiffness, damping, load in self._springs()
+            for value, rest, stiffness, damping, load in self._springs(servos=True)
             if any(stiffness) or damping or load
         ]
         pulls = [
@@ -858,14 +861,9 @@ class Writer:
         masses = [(mass, place) for mass, place in body_masses(self.links) if mass]
         up = float(plane.normal @ model.opt.gravity)
         heavy = bool(self.links.gravity.any())
-        own = [(self._value(j), j.rest, j.stiffness) for j in self.links.joints]  # no servos
-        own += [
-            (self._beyond(self._length(s), s), 0.0, (s.stiffness, 0.0, 0.0))
-            for s in self.links.springs
-        ]
         springs = [
             f"{wrap_lines(minus(value, rest), 29, 8)}, {', '.join(map(literal, stiffness))}"
-            for value, rest, stiffness in own
+            for value, rest, stiffness, _, _ in self._springs(servos=False)
             if any(stiffness)
         ]
         return {
