@@ -53,16 +53,24 @@ def restitution(damping_ratio: float) -> float:
     float
         e [1].
 
+    Raises
+    ------
+    ValueError
+        A damping ratio that is negative.
+
     Examples
     --------
     >>> [round(restitution(z), 6) for z in (0.0, 0.1, 1.0, 10.0)]
     [1.0, 0.744079, 0.135335, 0.002438]
     """
     z = damping_ratio
-    if abs(z - 1.0) < 1e-6:  # the limit z = 1: nearer to it the quotient loses its digits
+    if z < 0.0:
+        raise ValueError(f"damping_ratio must not be negative [1], got {z}")
+    if z == 1.0:
         return float(np.exp(-2.0))
     angle = np.arccos(z) if z < 1.0 else np.arccosh(z)
-    return float(np.exp(-2.0 * z * angle / np.sqrt(abs(1.0 - z * z))))
+    # |1 - z| |1 + z|, not |1 - z^2|, which is a difference of nearly equal numbers for z near 1
+    return float(np.exp(-2.0 * z * angle / (np.sqrt(abs(1.0 - z)) * np.sqrt(1.0 + z))))
 
 
 def damping_ratio(solref: ArrayLike) -> float:

@@ -56,10 +56,10 @@ def solve(
 
     Notes
     -----
-    Accuracy: rounding; the relative error of the time of an impact is 1e-16. The number of impacts
-    is computed by a logarithm and corrected by one where rounding makes it wrong. The ball counts
-    as resting once 1e-15 of the time from t0 to t_end is left, and its number of bounces does not
-    grow any more. Source: textbook mechanics.
+    Accuracy: rounding; the relative error of the time of an impact is below 1e-15. The number of
+    impacts is computed by a logarithm and corrected by one where rounding makes it wrong. The ball
+    counts as resting once 1e-15 of the time from t0 to t_end is left, and its number of bounces
+    does not grow any more. Source: textbook mechanics.
 
     Examples
     --------
@@ -82,8 +82,8 @@ def solve(
         elif e == 1.0:
             count = np.floor(elapsed / flight)
         else:
-            share_left = 1.0 - elapsed * (1.0 - e) / (flight * e)
-            count = np.floor(np.log(np.maximum(share_left, 1e-300)) / np.log(e))
+            share_gone = np.minimum(elapsed * (1.0 - e) / (flight * e), 1.0 - 1e-16)
+            count = np.floor(np.log1p(-share_gone) / np.log(e))
         count = np.clip(np.nan_to_num(count), 0.0, max_flights)
         for _ in range(2):  # corrects the rounding of the logarithm
             count = count + (elapsed >= _time_of_flights(count + 1.0, e, flight)) * (
@@ -112,7 +112,10 @@ def solve(
 
 def _time_of_flights(count: Array, e: float, flight: float) -> Array:
     """Time [s] from the first impact to the impact after `count` more flights."""
-    return flight * (count if e == 1.0 else e * (1.0 - e**count) / (1.0 - e))
+    if e in (0.0, 1.0):
+        return flight * e * count
+    # e (1 - e^n) / (1 - e), without the difference of nearly equal numbers for e near 1
+    return flight * e * np.asarray(-np.expm1(count * np.log(e))) / (1.0 - e)
 
 
 def _first_impact(

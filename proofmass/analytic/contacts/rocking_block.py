@@ -61,13 +61,14 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter out of its domain, or a negative time.
+        A parameter out of its domain, a negative time, or more than `MAX_IMPACTS` impacts.
 
     Notes
     -----
-    Accuracy: 1e-12 of the largest angle and rate between impacts; 1e-13 of the whole time for times
-    of impacts. A block whose amplitude is less than 1e-9 of alpha rests. The floor is rigid and
-    rough enough for the corner not to slip; an impact hits the new corner alone. Source: G. W.
+    Accuracy: 1e-12 of the largest angle and rate between impacts for alpha above 1e-3, and less for
+    a more slender block, in inverse proportion to alpha or faster; 1e-13 of the whole time for
+    times of impacts. A block whose amplitude is less than 1e-9 of alpha rests. The floor is rigid
+    and rough enough for the corner not to slip; an impact hits the new corner alone. Source: G. W.
     Housner, The behavior of inverted pendulum structures during earthquakes, Bull. Seism. Soc. Am.
     53 (1963) 403-417.
 

@@ -1,5 +1,7 @@
 """The bouncing ball against an event solver, the energy after impacts, and limits."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,20 @@ def test_impacts_are_at_the_sums_of_a_geometric_series():
     times = np.sqrt(2.0 / GRAVITY) * np.cumsum([1.0, *(2.0 * 0.8 ** np.arange(1, 40))])
     for shift, count in ((-1e-13, np.arange(40)), (1e-13, np.arange(1, 41))):
         at = bouncing_ball.solve(times + shift, **CASES["dropped"])
+        assert at["bounces"].tolist() == count.tolist()
+
+
+@pytest.mark.parametrize("loss", [1e-3, 1e-8, 1e-12])
+def test_times_of_impacts_have_all_digits_for_a_restitution_near_one(loss):
+    """Impacts are at exact sums of fractions, to the relative error of 1e-15 that is stated.
+
+    The first impact is after 1 s and the flights are e, e^2, .. times 2 s.
+    """
+    e = 1.0 - loss
+    times = 1 + 2 * np.cumsum([Fraction(e) ** n for n in range(1, 13)])
+    for shift, count in ((-1e-15, np.arange(1, 13)), (1e-15, np.arange(2, 14))):
+        near = np.array([float(t * (1 + Fraction(shift))) for t in times])
+        at = bouncing_ball.solve(near, height=1.0, restitution=e, gravity=2.0)
         assert at["bounces"].tolist() == count.tolist()
 
 
