@@ -129,10 +129,14 @@ def properties(
     """
     stop = stop_time(friction=friction, angle=angle, speed=speed, gravity=gravity)
     distance = abs(0.5 * speed * stop) if speed else 0.0
-    share = np.tan(angle) / friction if friction else np.inf
-    sticks = f"sticks: tan(angle) is {100 * share:.4g} % of the friction"
-    slides = "slides down: tan(angle) exceeds the friction"
+    slope = np.tan(angle)
+    if slope > friction:
+        at_rest = "slides down: tan(angle) exceeds the friction"
+    elif friction > 0.0:
+        at_rest = f"sticks: tan(angle) is {100.0 * slope / friction:.4g} % of the friction"
+    else:
+        at_rest = "stays at rest: the ground is level"
     return {
         "stops": f"after {stop:.5g} s and {distance:.5g} m" if np.isfinite(stop) else "never",
-        "at rest": sticks if share <= 1.0 else slides,
+        "at rest": at_rest,
     }

@@ -82,8 +82,8 @@ def solve(
     Parameters
     ----------
     angle, rate, acceleration : angles of crank and bar [rad], first [rad/s] and second [rad/s^2]
-        time derivatives, (2, n) or (2,): the first axis is crank, bar. A scalar rate or
-        acceleration holds for both, one of shape (2,) for all samples of the sweep.
+        time derivatives, (2, ...): the first axis is crank, bar, the last one after it the sweep. A
+        scalar rate or acceleration holds for both, one of shape (2,) for all samples.
     crank, bar, rod : lengths [m]; with bar = 0 the slider turns about B
     ground_x, ground_y : fixed pivot B of the bar [m]
     mode : +1 the rod points from the crank pin to the slider, s > 0; -1 away from it, s < 0, and
@@ -97,7 +97,7 @@ def solve(
 
     Returns
     -------
-    dict of (n,) or () arrays: slide [m] from P to S along the rod, slide_rate, slide_acceleration;
+    dict of (...) arrays: slide [m] from P to S along the rod, slide_rate, slide_acceleration;
     rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax,
     end_ay of E; slider_x, slider_y and the same of S; slide_margin [m], the slider's distance from
     the nearer end of the rod, negative where it has left the rod (see `off_rod_intervals`);
@@ -143,6 +143,7 @@ def solve(
     check_one_of(MODES, mode=mode)
     if bar < 0.0:
         raise ValueError(f"bar must be zero or positive [m], got {bar}")
+    check_finite(rate=rate, acceleration=acceleration)
     inputs = _broadcast_inputs(angle, rate, acceleration)
     (a1, a2), (w1, w2), (dw1, dw2) = (x.reshape(2, -1) for x in inputs)
     pin, tip = _arm(crank, a1, w1, dw1), _arm(bar, a2, w2, dw2)
@@ -152,7 +153,8 @@ def solve(
     u = mode * _rod_direction(separation[0], rounding_of_sum(crank, bar, abs(ground)), a1, a2)
     s, (slip, slip2) = mode * np.abs(separation[0]), (d / u for d in separation[1:])
     v, w = slip.real, slip.imag / s
-    rod_angle, dw = unwrap_angles(np.angle(u)), (slip2.imag - 2.0 * v * w) / s
+    angles = np.atleast_1d(np.angle(u).reshape(inputs[0].shape[1:]))
+    rod_angle, dw = unwrap_angles(angles).ravel(), (slip2.imag - 2.0 * v * w) / s
     end = [a + b for a, b in zip(pin, _arm(rod, rod_angle, w, dw), strict=True)]
     loads: dict[str, Array] = {}
     if is_requested(only, *LOAD_ENDINGS, "_moment_bar"):

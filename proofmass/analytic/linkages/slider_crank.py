@@ -156,7 +156,7 @@ def solve(
     check_positive(crank=crank, coupler=coupler)
     check_not_negative(**masses)
     check_not_negative("N m or N", **frictions)
-    check_finite(slider_load=slider_load, gravity=gravity)
+    check_finite(rate=rate, acceleration=acceleration, slider_load=slider_load, gravity=gravity)
     check_one_of(MODES, mode=mode)
     start, offset = _guide_position(guide_x, guide_y, guide_angle)
     rounding = rounding_of_sum(crank, coupler, start, offset)

@@ -47,7 +47,7 @@ def solve(
     Parameters
     ----------
     angle, rate, acceleration : crank angle [rad], its first [rad/s] and second [rad/s^2] time
-        derivative, (n,) or scalars, broadcast together
+        derivative, (...) broadcast together; the last axis is the sweep
     crank, rod : lengths [m]
     pivot_x, pivot_y : the block's pivot S [m]
     mode : +1 the rod points from the crank pin to the block, -1 away from it
@@ -61,7 +61,7 @@ def solve(
 
     Returns
     -------
-    dict of (n,) or () arrays: slide [m], slide_rate, slide_acceleration, slide_margin [m];
+    dict of (...) arrays: slide [m], slide_rate, slide_acceleration, slide_margin [m];
     rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax, end_ay;
     holding_moment [N m]; forces [N], crank_force_x, crank_force_y of the ground on the crank,
     rod_force_.. of the crank on the rod, guide_force_.. of the rod on the block, with guide_moment

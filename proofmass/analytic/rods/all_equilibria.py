@@ -65,7 +65,12 @@ from scipy.special import ellipe, ellipkm1
 
 from proofmass.analytic.numerics import TURN, Array, Complex, Index
 from proofmass.analytic.rods.assembly import Assembly
-from proofmass.analytic.rods.elastica import ElasticaRods, relative, rods_of_chart
+from proofmass.analytic.rods.elastica import (
+    ElasticaRods,
+    bounds,
+    relative_in_range,
+    rods_of_chart,
+)
 from proofmass.analytic.rods.equilibrium import RodState, clamps_and_forces, state
 
 POSE_BOUND_MAX_ALPHA = 200.0  # alpha up to which `bound_by_pose` looks for a bound
@@ -1051,7 +1056,7 @@ def describe_solutions(
         states[order],
         (np.floor(found.waves).astype(int) + 1).T[order],
         psi.T[order],
-        relative(psi, k).T[order],
+        relative_in_range(*bounds(psi), k).T[order],
         potential[order],
         count_negative(s, chart, pose)[order],
         chart[:, 0].T[order],

@@ -339,21 +339,51 @@ def from_inflection(
 def modulus(psi: ArrayLike, k_rel: ArrayLike) -> tuple[Array, Array]:
     """The modulus k and its complement sqrt(1 - k^2), to rounding (Pérez Gámiz 2018, eq. 91).
 
+    ValueError for psi outside (0, 2 pi) or k_rel outside [-1, 1].
+
     >>> [round(float(x), 6) for x in modulus(np.pi / 2, -0.5)]
     [-0.853553, 0.521005]
     """
-    _, other, k = _moduli(*bounds(psi), np.asarray(k_rel, float))
+    given = np.asarray(k_rel, float)
+    if not np.all(np.abs(given) <= 1.0):
+        raise ValueError(f"k_rel must lie within [-1, 1], got {given[~(np.abs(given) <= 1.0)][0]}")
+    _check_direction(psi)
+    _, other, k = _moduli(*bounds(psi), given)
     return k, other
 
 
 def relative(psi: ArrayLike, k: ArrayLike) -> Array:
     """The relative modulus k_rel of k, |k| >= |cos(psi/2)| (Pérez Gámiz 2018, eq. 47).
 
+    ValueError for psi outside (0, 2 pi), or for |k| further than 1e-14 outside [|cos(psi/2)|, 1].
+
     >>> round(float(relative(np.pi / 2, 0.85)), 6)
     0.487868
     """
+    _check_direction(psi)
     least, room = bounds(psi)
+    above = np.abs(k) - least
+    rounding = 1e-14  # of k and of cos(psi/2), which lose a few eps each where they are computed
+    is_valid = (above >= -rounding) & (np.abs(k) <= 1.0 + rounding)
+    if not np.all(is_valid):
+        first, bound = (
+            np.broadcast_to(value, is_valid.shape)[~is_valid][0] for value in (k, least)
+        )
+        raise ValueError(f"|k| must lie within [|cos(psi/2)|, 1] = [{bound}, 1], got k = {first}")
+    return relative_in_range(least, room, k)
+
+
+def relative_in_range(least: Array, room: Array, k: ArrayLike) -> Array:
+    """The relative modulus of k, from k_min and 1 - k_min as `bounds` returns them, unchecked."""
     return np.copysign((np.abs(k) - least) / room, k)
+
+
+def _check_direction(psi: ArrayLike) -> None:
+    """ValueError for a direction of the load [rad] outside (0, 2 pi)."""
+    angle = np.asarray(psi, float)
+    is_valid = (angle > 0.0) & (angle < TURN)
+    if not np.all(is_valid):
+        raise ValueError(f"psi must be within (0, 2 pi) [rad], got {angle[~is_valid][0]}")
 
 
 def _moduli(least: Array, room: Array, k_rel: Array) -> tuple[Array, Array, Array]:

@@ -109,3 +109,9 @@ def test_the_described_behaviour_at_rest_is_that_of_the_solution(friction):
 def test_times_before_the_start_are_refused(time):
     with pytest.raises(ValueError, match="negative"):
         sliding_block.solve([0.0, time], friction=0.5)
+
+
+def test_a_block_on_level_ground_does_not_slide_down_even_without_friction():
+    """On a slope without friction it slides, on the level it does not."""
+    assert sliding_block.properties(friction=0.0, speed=1.0)["at rest"].startswith("stays")
+    assert sliding_block.properties(friction=0.0, angle=0.1)["at rest"].startswith("slides down")

@@ -70,3 +70,20 @@ def test_bad_values_are_refused_and_shapes_broadcast():
     assert {c.shape for c in swinging_block.solve(0.1, np.ones(4), **SWINGING_BLOCK).values()} == {
         (4,)
     }
+
+
+def test_angles_of_several_sweeps_are_each_unwrapped_along_the_last_axis():
+    """Each row is as it is alone; the rod turns with the crank, and the second row runs back."""
+    turns = np.array([np.linspace(0.0, 12.0, 60), np.linspace(12.0, 0.0, 60)])
+    lengths = {"crank": 3.0, "rod": 9.0, "pivot_x": 1.0}
+    together = swinging_block.solve(turns, **lengths)["rod_angle"]
+    for row, sweep in zip(together, turns, strict=True):
+        np.testing.assert_array_equal(row, swinging_block.solve(sweep, **lengths)["rod_angle"])
+    assert np.ptp(together[0]) > TURN
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("name", ["rate", "acceleration"])
+def test_a_rate_or_acceleration_that_is_not_finite_is_refused(name, value):
+    with pytest.raises(ValueError, match=f"{name} must be finite"):
+        swinging_block.solve([0.1, 0.2], **{name: [1.0, value]}, **SWINGING_BLOCK)

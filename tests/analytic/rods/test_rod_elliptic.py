@@ -273,3 +273,22 @@ def test_bad_inverse_and_modulus():
         incomplete_integrals(1.0, 1.0)
     with pytest.raises(ValueError, match=r"^complement must"):
         jacobi_functions(1.0, 0.0)
+
+
+@pytest.mark.parametrize("k", [0.5, -0.5, 1.1, np.nan])
+def test_a_modulus_that_no_rod_has_has_no_relative_modulus(k):
+    """At psi = pi/2 a rod's |k| is from 0.707 to 1; 0.5 had the relative modulus 0.707."""
+    with pytest.raises(ValueError, match="must lie within"):
+        relative(0.5 * np.pi, [0.8, k])
+
+
+@pytest.mark.parametrize("psi", [0.0, -1.0, 10.0, np.nan])
+def test_moduli_are_refused_for_a_direction_out_of_a_turn(psi):
+    for function in (modulus, relative):
+        with pytest.raises(ValueError, match="psi must be within"):
+            function(psi, 0.9)
+
+
+def test_a_relative_modulus_beyond_one_is_refused():
+    with pytest.raises(ValueError, match="k_rel must lie within"):
+        modulus(1.0, [0.5, -1.5])
