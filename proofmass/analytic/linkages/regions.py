@@ -89,6 +89,8 @@ def chord(first: complex, last: complex) -> CurvePiece:
 def overlap_area(distance: float, one: float, other: float) -> float:
     """Area [m^2] of the intersection of two discs, by the distance of their centres and radii [m].
 
+    The error is a few roundings of the square of the larger radius.
+
     >>> bool(abs(overlap_area(1.0, 1.0, 1.0) - 2.0 * np.pi / 3.0 + np.sqrt(3.0) / 2.0) < 1e-15)
     True
     >>> overlap_area(3.0, 1.0, 2.0), overlap_area(0.5, 1.0, 2.0) == np.pi
@@ -98,12 +100,14 @@ def overlap_area(distance: float, one: float, other: float) -> float:
         return 0.0
     if distance <= abs(one - other):
         return float(np.pi * min(one, other) ** 2)
+    total, difference = one + other, one - other
+    outer, inner = (total - distance) * (total + distance), (distance - difference)
+    kite = np.sqrt(outer * inner * (distance + difference))
     wedges = 0.0
-    for near, far in ((one, other), (other, one)):
-        half = np.arccos((distance**2 + near**2 - far**2) / (2.0 * distance * near))
-        wedges += near**2 * half
-    heron = (one + other) ** 2 - distance**2, distance**2 - (one - other) ** 2
-    return float(wedges - 0.5 * np.sqrt(heron[0] * heron[1]))
+    for near, excess in ((one, difference * total), (other, -difference * total)):
+        # not arccos, nor a difference of squares, which lose digits at small distances
+        wedges += near**2 * np.arctan2(kite, distance**2 + excess)
+    return float(wedges - 0.5 * kite)
 
 
 def is_inside(points: Complex, outline: Complex) -> NDArray[np.bool_]:

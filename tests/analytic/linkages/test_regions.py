@@ -72,3 +72,21 @@ def test_points_inside_a_horseshoe_outline_are_recognized() -> None:
         True,
         True,
     ]
+
+
+@pytest.mark.parametrize("distance", [1e-12, 1e-8, 1e-4, 0.1, 1.0])
+def test_overlap_of_equal_discs_that_nearly_coincide(distance: float) -> None:
+    """Unit discs have pi - 2 asin(d/2) - d (1 - d^2/4)^(1/2) in common."""
+    missing = 2.0 * np.arcsin(distance / 2.0) + distance * np.sqrt(1.0 - distance**2 / 4.0)
+    # rounding of numbers up to pi
+    assert overlap_area(distance, 1.0, 1.0) == pytest.approx(np.pi - missing, rel=0, abs=2e-15)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-6, 1e-10])
+def test_overlap_of_equal_discs_that_nearly_touch(gap: float) -> None:
+    """Unit discs at 2 cos(t) have 2 t - sin(2 t) in common, a series in t."""
+    distance = 2.0 - gap
+    t = 2.0 * np.arcsin(np.sqrt((2.0 - distance) / 4.0))
+    area = (2.0 * t) ** 3 / 6.0 * (1.0 - (2.0 * t) ** 2 / 20.0 + (2.0 * t) ** 4 / 840.0)
+    # rounding of the wedges, whose half angle is t
+    assert overlap_area(distance, 1.0, 1.0) == pytest.approx(area, rel=0, abs=2e-16 * t + 1e-17)
