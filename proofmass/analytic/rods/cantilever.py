@@ -242,9 +242,13 @@ def solve(
         shear,
         complex(follower_x, follower_y),
     )
+    check_finite(x0=x0, y0=y0)
     arc = np.asarray(s, float)
     if not np.all((arc >= 0.0) & (arc <= length)):
         raise ValueError(f"s must lie within [0, {length}] [m]")
+    if not float(branch).is_integer():
+        raise ValueError(f"branch must be a whole number, got {branch}")
+    branch = int(branch)
     found = _equilibrium_tips(load)
     if not 1 <= branch <= found["tip"].size:
         raise ValueError(f"branch must be from 1 to {found['tip'].size}, got {branch}")

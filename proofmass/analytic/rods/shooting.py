@@ -55,7 +55,7 @@ def integrate(
     stiffness: float = 1.0,
     axial: float = np.inf,
     shear: float = np.inf,
-    nodes: int | Array = 41,
+    nodes: ArrayLike = 41,
     scheme: str = "dop853",
     slopes: bool = False,
 ) -> ShotRods:
@@ -86,7 +86,8 @@ def integrate(
     Raises
     ------
     ValueError
-        Fewer than two nodes, an unknown scheme, a length or stiffness that is not positive.
+        Fewer than two nodes, or nodes that do not rise from 0 to L; an unknown scheme; a length or
+        stiffness that is not positive.
 
     Notes
     -----
@@ -107,9 +108,7 @@ def integrate(
     check_section_stiffnesses(axial, shear)
     if scheme not in SCHEMES:
         raise ValueError(f"scheme must be one of {', '.join(SCHEMES)}, got {scheme!r}")
-    s = np.linspace(0.0, length, nodes) if isinstance(nodes, int) else nodes
-    if s.size < 2:
-        raise ValueError(f"nodes must be 2 or more, got {s.size}")
+    s = _node_places(nodes, length)
     fx, fy, m, turn = np.broadcast_arrays(*(np.asarray(v, float) for v in (n_x, n_y, m0, theta0)))
     width = 5 if slopes else 1
     state = np.zeros((4, width, *fx.shape))
@@ -132,6 +131,24 @@ def integrate(
     return ShotRods(s, theta, moment, x, y, path[:, :, 1:])
 
 
+def _node_places(nodes: ArrayLike, length: float) -> Array:
+    """Arc lengths [m] of nodes that are given by their number or by these arc lengths."""
+    given = np.asarray(nodes, float)
+    if given.ndim == 0:
+        if not (given >= 2 and given == np.rint(given)):
+            raise ValueError(f"nodes must be a whole number of 2 or more, got {given}")
+        return np.linspace(0.0, length, int(given))
+    if given.ndim != 1 or given.size < 2:
+        raise ValueError(f"nodes must be 2 or more, in one row, got an array {given.shape}")
+    rounding = 4.0 * np.finfo(float).eps * length
+    ends_fit = given[0] == 0.0 and abs(given[-1] - length) <= rounding
+    if not (ends_fit and np.all(np.diff(given) > 0.0)):
+        raise ValueError(
+            f"nodes must rise from 0 to the length {length} [m], got {given[0]} to {given[-1]}"
+        )
+    return given
+
+
 def from_tip(
     n_x: ArrayLike,
     n_y: ArrayLike,
@@ -144,7 +161,7 @@ def from_tip(
     stiffness: float = 1.0,
     axial: float = np.inf,
     shear: float = np.inf,
-    nodes: int | Array = 41,
+    nodes: ArrayLike = 41,
     scheme: str = "dop853",
     slopes: bool = False,
 ) -> ShotRods:

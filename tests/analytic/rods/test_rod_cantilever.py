@@ -282,3 +282,13 @@ def test_bad_value_is_named(change):
     (name,) = change
     with pytest.raises(ValueError, match=f"^{name} must"):
         solve(**{"s": 0.5, "force_y": 1.0} | change)
+
+
+def test_a_clamp_that_is_not_finite_and_half_a_branch_are_refused():
+    for name in ("x0", "y0"):
+        with pytest.raises(ValueError, match=f"{name} must be finite"):
+            solve(1.0, force_y=1.0, **{name: np.nan})
+    for branch in (1.5, np.nan, np.inf):
+        with pytest.raises(ValueError, match="branch must be a whole number"):
+            solve(1.0, force_x=-3.0, branch=branch)
+    assert solve(1.0, force_x=-3.0, branch=2.0) == solve(1.0, force_x=-3.0, branch=2)

@@ -328,3 +328,25 @@ def test_bad_values_are_named():
             integrate(1.0, 0.0, 0.0, **change)
     with pytest.raises(ValueError, match=r"^length must reach the pin, 1.11803 m away, got 1"):
         pinned(1.0, 0.5, (0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize(
+    "nodes", [[1.0, 0.5, 0.0], [0.5, 1.0], [0.0, 0.5], [0.0, 0.5, 0.5, 1.0], [0.0, np.nan, 1.0]]
+)
+def test_nodes_that_do_not_rise_from_the_clamp_to_the_tip_are_refused(nodes):
+    """Nodes that begin elsewhere had the clamp there."""
+    with pytest.raises(ValueError, match="nodes must rise from 0 to the length"):
+        integrate(0.0, 0.0, 1.0, nodes=np.array(nodes))
+
+
+@pytest.mark.parametrize("nodes", [1, 2.5, np.nan, -3, [0.0], [[0.0, 1.0]]])
+def test_nodes_that_are_not_two_or_more_in_a_row_are_refused(nodes):
+    with pytest.raises(ValueError, match="nodes must be"):
+        integrate(0.0, 0.0, 1.0, nodes=nodes)
+
+
+@pytest.mark.parametrize("nodes", [[0.0, 0.25, 0.5, 0.75, 1.0], np.int64(5)])
+def test_nodes_may_be_a_list_or_an_integer_of_numpy(nodes):
+    np.testing.assert_array_equal(
+        integrate(0.0, 0.0, 1.0, nodes=nodes).y, integrate(0.0, 0.0, 1.0, nodes=5).y
+    )
