@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, check_finite
 
 
 def check_restitution(restitution: float) -> None:
@@ -18,7 +18,7 @@ def check_restitution(restitution: float) -> None:
 
 
 def check_times(time: ArrayLike) -> Array:
-    """Times [s] as an array, or a ValueError if one is before the start of the motion.
+    """Times [s] as an array, or a ValueError if one is before the start or not finite.
 
     >>> check_times([0.0, -1.0])
     Traceback (most recent call last):
@@ -29,6 +29,7 @@ def check_times(time: ArrayLike) -> Array:
         raise ValueError(
             f"time must not be negative [s]: an impact cannot be followed backwards, got {t.min()}"
         )
+    check_finite(time=t)
     return t
 
 

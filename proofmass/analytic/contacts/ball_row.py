@@ -40,7 +40,7 @@ def solve(
 
     Parameters
     ----------
-    time : [s], (...), not negative
+    time : [s], (...), not negative and finite
     balls : number of balls [1], 2 or more
     radius : radius of each ball [m]
     gap : distance between the surfaces of neighbours at time 0 [m]; 0 for elastic balls only

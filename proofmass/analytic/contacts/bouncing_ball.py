@@ -38,7 +38,7 @@ def solve(
 
     Parameters
     ----------
-    time : [s], (...), not negative
+    time : [s], (...), not negative and finite
     height : of the lowest point over the floor at time 0 [m], not negative
     restitution : e, speed after an impact over that before it [1], 0 <= e <= 1
     speed : upwards at time 0 [m/s], of either sign

@@ -47,7 +47,7 @@ def solve(
 
     Parameters
     ----------
-    time : [s], (...), not negative
+    time : [s], (...), not negative and finite
     width, height : dimensions of the block [m]; r must be positive: width < 2^(1/2) height
     tilt : angle theta at time 0, at rest [rad], 0 < |tilt| < alpha
     gravity : [m/s^2]

@@ -38,7 +38,7 @@ def solve(
 
     Parameters
     ----------
-    time : [s], (...), not negative
+    time : [s], (...), not negative and finite
     radius : [m]
     friction : the coefficient mu [1]
     speed : speed of the centre at time 0, along x [m/s], of either sign

@@ -40,7 +40,7 @@ def solve(
 
     Parameters
     ----------
-    time : [s], (...), not negative
+    time : [s], (...), not negative and finite
     friction : the coefficient mu [1]
     angle : inclination of the slope [rad], 0 <= angle < pi/2
     speed : speed at time 0, up the slope [m/s], of either sign
