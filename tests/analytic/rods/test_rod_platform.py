@@ -256,17 +256,36 @@ def test_the_end_of_a_path_is_the_equilibrium_found_there():
 
 
 def test_a_path_ends_at_its_fold():
-    """As slider 1 is drawn out, the path ends; all further samples are NaN.
+    """As slider 1 is drawn out, the path ends where the slide is largest over the platform's angle.
 
-    That the rates grow without bound there, as at a fold, is not checked.
+    Next to the fold the slide is a smooth function of the angle, and its polynomial through the
+    last samples has its top between the last sample and the first one beyond, which is NaN.  The
+    rate of the angle is the inverse of its slope, so it grows without bound.
     """
-    path = np.linspace([0.1, 0.1, 0.1], [1.5, 0.1, 0.1], 31).T
-    found = rod_platform_driven.solve(path, **PFR3)
-    there = np.isfinite(found["x"])
-    assert there[0]
-    assert not there[-1]
-    assert there.tolist() == sorted(there, reverse=True)
-    assert np.isnan(found["hold2"][~there]).all()
+    start, ahead, rates = 0.1, 1.5, np.array([[1.0], [0.0], [0.0]])
+    for samples in (31, 17, 41):  # each path is of the gap in which the one before ended
+        slide = np.append(np.linspace(0.1, start, 5)[:-1], np.linspace(start, ahead, samples))
+        path = np.stack([slide, np.full(slide.size, 0.1), np.full(slide.size, 0.1)])
+        found = rod_platform_driven.solve(path, rates, **PFR3)
+        there = np.isfinite(found["x"])
+        count = int(there.sum())
+        assert there.tolist() == [True] * count + [False] * (slide.size - count)
+        assert 4 < count < slide.size
+        for name, curve in found.items():
+            np.testing.assert_array_equal(np.isfinite(curve), there, err_msg=name)
+        start, ahead = slide[count - 1], slide[count]
+    last = slice(count - 8, count)
+    fit = np.polynomial.Polynomial.fit(found["phi"][last], slide[last], 4)
+    tops = fit.deriv().roots()
+    top = tops[np.abs(tops - found["phi"][count - 1]).argmin()]
+    assert fit.deriv(2)(top.real) < 0.0
+    assert top.imag == 0.0
+    assert start <= fit(top.real) <= ahead
+    # the next power of the polynomial changes the slope at the ends of its samples most
+    np.testing.assert_allclose(
+        found["phi_rate"][last][2:] * fit.deriv()(found["phi"][last][2:]), 1.0, rtol=1e-3
+    )
+    assert abs(found["phi_rate"][count - 1]) > 50.0  # about 1 at the beginning of the path
 
 
 def test_neighbours_share_a_search(monkeypatch):

@@ -16,10 +16,12 @@ from scipy.integrate import solve_ivp
 
 
 class ChainMotion(NamedTuple):
-    """Motion of a chain released at rest: positions x + iy (n,) of the tip, and energy (n,)."""
+    """Motion of a chain released at rest: positions x + iy (n,) of the tip, and energies (n,)."""
 
     tip: np.ndarray
-    energy: np.ndarray
+    kinetic: np.ndarray
+    strain: np.ndarray
+    weight: np.ndarray
 
 
 def released_chain(
@@ -34,7 +36,7 @@ def released_chain(
     own = masses * lengths**2 / 12
     pull = masses @ add  # moments of the weight, over g cos(t_k)
     spring = stiffness / h * (2.0 * np.eye(n + 1) - np.eye(n + 1, k=1) - np.eye(n + 1, k=-1))
-    spring[-1, -1] /= 2.0
+    spring[[0, -1], [0, -1]] /= 2.0
 
     def slopes(_, state):
         angle, rate = np.full(n + 1, theta0), np.zeros(n + 1)
@@ -50,12 +52,12 @@ def released_chain(
     angle = np.vstack([np.full(t.size, theta0), found.y[:n]])
     rate = np.vstack([np.zeros(t.size), found.y[n:]])
     moved = add @ (1j * np.exp(1j * angle) * rate)
-    energy = (
-        0.5 * (masses @ np.abs(moved) ** 2 + own @ rate**2)
-        + 0.5 * np.einsum("it,ij,jt->t", angle, spring, angle)
-        + gravity * pull @ np.sin(angle)
+    return ChainMotion(
+        lengths @ np.exp(1j * angle),
+        0.5 * (masses @ np.abs(moved) ** 2 + own @ rate**2),
+        0.5 * np.einsum("it,ij,jt->t", angle, spring, angle),
+        gravity * pull @ np.sin(angle),
     )
-    return ChainMotion(lengths @ np.exp(1j * angle), energy)
 
 
 def driven_chain(
