@@ -246,7 +246,19 @@ def test_charts_show_the_printed_counts_and_a_quadratic_convergence():
         [roots[n] for n in POSITION_NAMES], DATA["root"], rtol=0, atol=5.1e-7
     )
     size = {line.label: line.y for line in steps.panels[0].lines}["error: norm of the step"]
-    np.testing.assert_allclose(size, [0.131, 9.04e-3, 1.59e-4, 5.08e-8], rtol=3e-3)  # three digits
+    x, norms = np.array(DATA["starts"]["code"], float), []
+
+    def position(x):  # the report's equations with r1 = offset/sin(theta1), lines 1296, 1304
+        sine = LINK["offset"] / np.sin(x[1])
+        whole, loop = (printed_equations(q, REST)[:3] for q in (x, np.array([sine, *x[1:]])))
+        return np.array([whole[0], loop[1], loop[2]])
+
+    for _ in size:
+        step = np.linalg.solve(complex_step(position, x)[:, :3], position(x))
+        x[:3] -= step
+        norms.append(np.linalg.norm(step))
+    # rounding of the positions, 1e-16 m, times the inverse slopes
+    np.testing.assert_allclose(size, norms, rtol=1e-9, atol=1e-14)
     order = np.log(size[3] / size[2]) / np.log(size[2] / size[1])
     assert order == pytest.approx(2.0, abs=0.02)  # the next term, a step of 1e-4
     with pytest.raises(ValueError, match="guess must be 9 numbers, got 3"):

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
-from scipy.special import ellipk
+from scipy.optimize import brentq
+from scipy.special import ellipk, jv
 
 from proofmass.analytic.rods import equilibria, pseudo_rigid, self_buckling, solve, tip
 from proofmass.analytic.rods.cantilever import MIN_SHOOTING_STEPS, roots
@@ -173,7 +174,9 @@ def test_a_pair_of_branches_begins_at_a_fold():
 def test_column_under_its_own_weight():
     """The straight column is unstable above Greenhill's weight, and bent shapes begin there."""
     critical = self_buckling(length=1.5, stiffness=0.2)
-    assert critical * 1.5**3 / 0.2 == pytest.approx(7.837347438943484, rel=1e-14, abs=0)
+    zero = brentq(lambda x: jv(-1.0 / 3.0, x), 1.5, 2.5, xtol=1e-15)
+    # rounding of Bessel's function over its slope
+    assert critical * 1.5**3 / 0.2 == pytest.approx(9.0 / 4.0 * zero**2, rel=1e-14, abs=0)
     for share, unstable in ((1.0 - 1e-6, 0), (1.0 + 1e-6, 1)):
         found = stability(0.0, 0.0, 0.0, weight_x=-share * critical, length=1.5, stiffness=0.2)
         assert found.free == unstable

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
+from scipy.special import jv
 
 from tests.analytic.rods.rod_chain_cases import extrapolated
 from tests.independent.rods.chain import (
@@ -158,7 +159,8 @@ def test_a_chain_buckles_at_greenhills_weight(scheme):
         critical_factor(chain(n, scheme=scheme), (0.0, 0.0), (0.0, -1.0)) for n in (40, 80)
     )
     # 1/4 of the h^4 term at n = 40, q^2 h^4, remains: 6e-6
-    assert extrapolated(coarse, fine) == pytest.approx(7.837347438943484, abs=6e-6)
+    zero = brentq(lambda x: jv(-1.0 / 3.0, x), 1.5, 2.5, xtol=1e-14)
+    assert extrapolated(coarse, fine) == pytest.approx(9.0 / 4.0 * zero**2, abs=6e-6)
 
 
 @pytest.mark.parametrize("scheme", ["half", "double"])
@@ -179,7 +181,8 @@ def test_clamped_pinned_buckling_by_the_projected_hessian(scheme):
     )
     # 1/4 of the h^4 term of 4/h^2 sin(mu h/2)^2 at n = 40 remains, mu^6/360 with mu^2 = 20.19:
     # 2.2e-6; as much again for the ends
-    assert extrapolated(coarse, fine) == pytest.approx(20.19072855642663, abs=4.4e-6)
+    root = brentq(lambda x: np.sin(x) - x * np.cos(x), 4.0, 4.7, xtol=1e-14)
+    assert extrapolated(coarse, fine) == pytest.approx(root**2, abs=4.4e-6)
 
 
 def test_negative_eigenvalues_follow_haynsworths_formula():

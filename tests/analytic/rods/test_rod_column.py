@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from proofmass.analytic.rods import critical, elastica, ends_meet, shape, tip
@@ -96,14 +97,15 @@ def test_the_load_does_the_work_of_the_energy():
 
 
 def test_the_ends_of_a_pinned_column_meet_at_a_known_load():
-    """The ends of a pinned column meet where 2 E = K, at the recomputed modulus, load and angle."""
+    """The ends of a pinned column meet where 2 E = K, at P/P_cr = (2 K/pi)^2 and angle 2 asin k."""
     k, ratio = ends_meet()
-    assert k == pytest.approx(0.9089085575485415, abs=1e-15)
-    assert ratio == pytest.approx(2.183379046189498, rel=1e-14, abs=0)
+    modulus = brentq(lambda k: 2.0 * ellipe(k * k) - ellipk(k * k), 0.8, 0.99, xtol=1e-15)
+    assert k == pytest.approx(modulus, abs=2e-15)  # rounding of E and K over their slopes
+    assert ratio == pytest.approx((2.0 * ellipk(modulus**2) / np.pi) ** 2, rel=2e-14, abs=0)
     assert 2.0 * ellipe(k * k) - ellipk(k * k) == pytest.approx(0.0, abs=1e-14)
     assert elastica(ratio, "pinned-pinned")["span"] == pytest.approx(0.0, abs=1e-14)
     angle = np.degrees(elastica(ratio, "pinned-pinned")["angle"])
-    assert angle == pytest.approx(130.7099107078999, abs=1e-10)
+    assert angle == pytest.approx(np.degrees(2.0 * np.arcsin(modulus)), abs=1e-10)
     half = shape(np.pi, k, 1, np.linspace(0.0, 1.0, 3))  # from its middle to one end
     assert half["x"][-1] == pytest.approx(0.0, abs=1e-15)
 

@@ -237,6 +237,62 @@ def test_force_and_energy_are_constant_along_a_rod():
     assert np.ptp(along) > 0.1
 
 
+def test_a_moment_alone_is_constant_along_a_rod():
+    """Without forces the moment keeps its size and direction, and only its parts change."""
+    s = np.linspace(0.0, 1.0, 21)
+    rod = solve(s, **STIFFNESSES, **NATURAL, **vector_parameters("moment", MOMENT))
+    local = np.stack([rod["twist_moment"], rod["bend_moment_y"], rod["bend_moment"]], axis=1)
+    # error of the steps: 1e-12 of the tip's position
+    np.testing.assert_allclose(local[0], MOMENT, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        np.linalg.norm(local, axis=1), np.linalg.norm(MOMENT), rtol=0, atol=1e-11
+    )
+    along = stack_components(rod, "normal_") @ MOMENT
+    np.testing.assert_allclose(rod["twist_moment"], along, rtol=0, atol=1e-11)
+    assert (np.ptp(local, axis=0) > 0.1).all()
+
+
+def test_a_moment_rotates_a_rod_of_equal_stiffnesses_about_itself():
+    """With EI = GJ the sections rotate about M by |M|/EI per length; the rod is a helix about M."""
+    s, stiffness = np.linspace(0.0, 1.2, 7), 0.8
+    rod = solve(
+        s, length=1.2, stiffness=stiffness, torsion=stiffness, **vector_parameters("moment", MOMENT)
+    )
+    rate = np.linalg.norm(MOMENT) / stiffness
+    axis, ahead = np.array(MOMENT) / np.linalg.norm(MOMENT), np.array([1.0, 0.0, 0.0])
+    along, turned = axis * axis[0], rate * s[:, None]
+    exact = s[:, None] * along + np.sin(turned) / rate * (ahead - along)
+    exact += (1.0 - np.cos(turned)) / rate * np.cross(axis, ahead)
+    np.testing.assert_allclose(stack_components(rod, ""), exact, rtol=0, atol=1e-12)
+    for name, part in zip(("twist_moment", "bend_moment_y", "bend_moment"), MOMENT, strict=True):
+        np.testing.assert_allclose(rod[name], part, rtol=0, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("length", "curvature", "force"),
+    [(1.0, 0.0, 20.0), (1.0, 0.0, 60.0), (2.0, 5.0, 1.2)],
+)
+def test_twice_the_steps_move_the_tip_by_the_tolerance_only(length, curvature, force):
+    """Twice the steps of a result move its tip by less than 1e-12 L, half of them by more.
+
+    A result has twice as many steps as the first number that suffices.  A quarter of the steps
+    does not suffice: the tip moves by more than 1e-12 L if they are doubled.
+    """
+    stiffnesses, strains, none = (1.0, 1.0, 1.0), (np.inf, np.inf), (0.0, 0.0, 0.0)
+    given = length, stiffnesses, strains, (0.0, 0.0, curvature), (0.0, 0.0, force), none, none
+    load = spatial_rod.spatial_load(*given)
+    moment, steps = spatial_rod.find_clamp_moment(load, given)
+    quarter, half, whole, twice = (
+        spatial_rod.solve_from_guess(load, 1.0, moment, n)[1]
+        for n in (steps // 4, steps // 2, steps, 2 * steps)
+    )
+    limit = 1e-12 * length
+    # two tips with a rounding error of the steps each
+    assert np.abs(twice - whole).max() < limit
+    assert np.abs(whole - half).max() < 1.1 * limit
+    assert np.abs(half - quarter).max() > limit
+
+
 def test_moments_of_a_rod_with_weight_follow_from_the_part_beyond():
     """The clamp moment is M + (p(L) - p(0)) x F + int (p - p(0)) x w ds, by Gauss's quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(30)
