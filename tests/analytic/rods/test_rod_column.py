@@ -99,9 +99,15 @@ def test_the_load_does_the_work_of_the_energy():
 def test_the_ends_of_a_pinned_column_meet_at_a_known_load():
     """The ends of a pinned column meet where 2 E = K, at P/P_cr = (2 K/pi)^2 and angle 2 asin k."""
     k, ratio = ends_meet()
-    modulus = brentq(lambda k: 2.0 * ellipe(k * k) - ellipk(k * k), 0.8, 0.99, xtol=1e-15)
-    assert k == pytest.approx(modulus, abs=2e-15)  # rounding of E and K over their slopes
-    assert ratio == pytest.approx((2.0 * ellipk(modulus**2) / np.pi) ** 2, rel=2e-14, abs=0)
+    phi = np.pi / 200 * np.arange(200)  # the mean of a periodic function, exact to rounding
+
+    def mean(k, power):  # of cos(theta)^power over the arc, with sin(theta/2) = k sin(phi)
+        square = (k * np.sin(phi)) ** 2
+        return np.mean((1.0 - 2.0 * square) ** power / np.sqrt(1.0 - square))
+
+    modulus = brentq(mean, 0.8, 0.99, args=(1,), xtol=1e-15)
+    assert k == pytest.approx(modulus, abs=1e-14)  # rounding of 200 terms over the slope
+    assert ratio == pytest.approx(mean(modulus, 0) ** 2, rel=1e-13, abs=0)
     assert 2.0 * ellipe(k * k) - ellipk(k * k) == pytest.approx(0.0, abs=1e-14)
     assert elastica(ratio, "pinned-pinned")["span"] == pytest.approx(0.0, abs=1e-14)
     angle = np.degrees(elastica(ratio, "pinned-pinned")["angle"])
