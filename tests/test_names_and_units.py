@@ -24,7 +24,14 @@ from proofmass.report.figures import draw_overlay
 from proofmass.report.style import solver_looks
 from proofmass.sidecar import load_case
 from proofmass.solve import plan_run, solve
-from proofmass.units import same_quantity, si_unit, unit_powers
+from proofmass.units import (
+    SI_POWERS,
+    parse_unit,
+    same_quantity,
+    si_unit,
+    unit_powers,
+    unit_registry,
+)
 from proofmass.validate import validate_case
 from tests.report.test_report import curves_with_error, result_with_errors
 from tests.shipped import MODELS, shipped, shipped_case, shipped_files, sidecar_parameters
@@ -290,6 +297,15 @@ def test_units_are_converted_to_si_by_their_definitions(unit):
 def test_unknown_units_are_refused(unit):
     with pytest.raises(ValueError, match="unknown unit"):
         si_unit(unit)
+
+
+@pytest.mark.parametrize("unit", SI_POWERS)
+def test_the_powers_of_an_si_unit_are_those_of_its_definition(unit):
+    """The table, which avoids the import of pint, has the powers that pint finds."""
+    base = dict(unit_registry().get_base_units(parse_unit(unit))[1]._units)
+    words = ("meter", "kilogram", "second", "radian")
+    assert SI_POWERS[unit] == tuple(base.pop(word, 0) for word in words)
+    assert not base
 
 
 def test_an_angle_is_not_dimensionless():
