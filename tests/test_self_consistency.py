@@ -297,3 +297,25 @@ def test_a_motion_known_by_steps_alone_has_the_error_of_the_last_ones():
     rung = Rung(make_motion(2.0, close=early, rough=early))
     assert rung.order == pytest.approx(2.0, abs=0.01)
     assert rung.known == pytest.approx(float(rung.differences[-1][-1]))
+
+
+def test_a_run_that_ends_before_the_others_has_no_error_and_no_softness():
+    """It is as exact as the best one until it ends, and is not recommended."""
+    short = make_run(1e-10 * TIMES, "RK4, 2 ms")
+    short = replace(short, points=short.points[:5])
+    rung = Rung(make_motion(others=(short,), stiffer=short))
+    assert rung.whole_run
+    assert rung.error(short) == np.inf
+    assert np.isnan(rung.softness)
+    assert rung.better().name != short.name
+
+
+def test_the_solution_that_others_are_compared_with_is_not_recommended():
+    """DOP853 leads elsewhere, so that the finest step is the best and has no error."""
+    apart = make_run(0.1 + TIMES)
+    own = make_motion(order=2.0)
+    rung = Rung(replace(own, close=apart, rough=apart, others=(), runs=own.runs[-4:], compared=3))
+    assert rung.best is rung.fine
+    slow = replace(rung.fine, seconds=1e-3)  # the cheapest by far
+    runs = (*rung.motion.runs[:-1], slow)
+    assert Rung(replace(rung.motion, runs=runs)).better().name != slow.name
