@@ -300,6 +300,8 @@ def struck_rigidly(step: float, gap: float) -> list[float]:
     for k, body in enumerate(tree.findall(".//body")):
         body.set("pos", f"{k * (0.04 + gap)!r} 0 0.02")
     speeds = tuple(f"v{k}" for k in range(1, 6))
+    for name, joint in zip(speeds, tree.findall(".//joint[@name]"), strict=True):
+        ElementTree.SubElement(tree.find("sensor"), "jointvel", name=name, joint=joint.get("name"))
     with TemporaryDirectory() as folder:
         moved = Path(folder) / "row.xml"
         tree.write(moved)
