@@ -29,6 +29,13 @@ ROUNDING_ERROR = 2e-7
 # do not show it, but differences of rates do: accelerations have order 1.5 from 12 to 2 ms, and no
 # order below.
 SINGULAR_CASE_AND_KIND = "change_point", "acceleration"
+# Passes flat poses, in which its loops resist a shear of the parallelograms in second order only:
+# the impulses of a step near them move the rates by an amount that depends on where the step ends.
+FLAT_CASE = "parallelogram_chain"
+# At rest in the corners of the rectangle the third derivative of the motors' angles jumps.  With
+# the number of iterations that is chosen without a setting, accelerations and forces have an error
+# of first order there; with 1000 it is gone, and 4000 give the same errors.
+ENOUGH_ITERATIONS = {"fivebar_rectangle": 1000}
 CASES = {
     case.name: case
     for case in map(shipped_case, shipped_files())
@@ -38,6 +45,8 @@ CASES = {
     and not any(str(c.equals).startswith("drive.") for c in case.channels.values())
     and not may_touch(compiled_model(case))
     and not is_damped(compiled_model(case))
+    and not case.rod  # the length of its links decides on the error
+    and case.name != FLAT_CASE
     and not compiled_model(case).jnt_limited.any()  # Chipmunk's joint limits do not rebound
 }  # cases that are left out have an error of their own, or a drive as a channel, whose acceleration
 # is of first order where the profile bends
@@ -72,7 +81,11 @@ def errors_at_two_steps(case, folder, change=lambda setting: setting):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_pymunk_is_second_order(name, tmp_path):
-    for kind, points in errors_at_two_steps(CASES[name], tmp_path).items():
+    def with_enough_iterations(setting):
+        enough = {"iterations": ENOUGH_ITERATIONS[name]} if name in ENOUGH_ITERATIONS else {}
+        return replace(setting, parameters={**setting.parameters, **enough})
+
+    for kind, points in errors_at_two_steps(CASES[name], tmp_path, with_enough_iterations).items():
         if (name, kind) == SINGULAR_CASE_AND_KIND:
             continue
         seen = convergence_order(*points)
