@@ -321,6 +321,7 @@ class BareRun:
         for a in range(m.nu):
             if m.actuator_trntype[a] <= 1 and m.actuator_trnid[a, 0] in self.joints:
                 d.ctrl[a] = 0
+                m.actuator_biasprm[a] = 0  # the drive takes the place of a servo too
         self.rows = np.empty((x.size, m.nsensordata))
         self.accelerations = np.empty((x.size, m.nv))
         self.moments = np.empty(x.size)

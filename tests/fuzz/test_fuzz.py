@@ -158,6 +158,16 @@ def test_another_quantity_with_the_same_curve_is_no_false_agreement(judge):
     assert (answer.exit_code, answer.findings) == (0, [])
 
 
+def test_a_servo_on_a_driven_joint_does_not_act(judge):
+    """The drive takes its place, so that the moment of the drive stays as it is."""
+    files = dict(small_files("slider_crank"))
+    files["slider_crank.xml"] = files["slider_crank.xml"].replace(
+        b"<actuator>", b'<actuator><position joint="crank" kp="10"/>'
+    )
+    answer = judge.judge("slider_crank", files)
+    assert (answer.exit_code, answer.findings, answer.notes) == (0, [], [])
+
+
 def test_the_oracle_reads_a_file_that_is_not_strict_xml(judge):
     files = dict(small_files("rod_cantilever"))
     files["rod_cantilever.xml"] = files["rod_cantilever.xml"].replace(b"<key ", b"\xb4<key ")
