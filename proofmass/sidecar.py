@@ -426,14 +426,21 @@ def load_case(file: Path | str) -> Case:
 
 
 def format_key(place: Sequence[str | int], given: Mapping[str, object]) -> str:
-    """The key of a place in a sidecar, as in an error; a single table has no number.
+    """The key of a place in a sidecar, as in an error.
+
+    A single table has no number; nor has the only one of a list of drives or of loads, which has
+    none in `Case.drive_key` and `Case.load_key` either.
 
     >>> format_key(["drive", 0, "to"], {"drive": {"to": "far"}})
     'drive.to'
     >>> format_key(["drive", 0, "to"], {"drive": [{"to": "far"}]})
+    'drive.to'
+    >>> format_key(["drive", 0, "to"], {"drive": [{"to": "far"}, {"to": 1.0}]})
     'drive.0.to'
     """
-    is_single = bool(place) and isinstance(given.get(str(place[0])), dict)
+    table = given.get(str(place[0])) if place else None
+    is_only = place[:1] in (["drive"], ["load"]) and isinstance(table, list) and len(table) == 1
+    is_single = isinstance(table, dict) or is_only
     numbered = len(place) > 1 and isinstance(place[1], int)
     parts = [*place[:1], *place[2:]] if is_single and numbered else place
     return ".".join(map(str, parts))

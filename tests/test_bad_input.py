@@ -423,6 +423,18 @@ def test_a_drive_beyond_its_joint_limits_is_refused_before_any_run(wrong, models
             assert all(word in str(caught.value) for word in words), caught.value
 
 
+@pytest.mark.parametrize("header", ["[drive]", "[[drive]]"])
+def test_the_key_of_an_only_drive_has_no_number_in_any_error(header, models, edit):
+    """A table and a list of one table have the same keys, on reading and on validation."""
+    edit("triple_rocker.toml", r"\[+drive\]+", header)
+    edit("triple_rocker.toml", r'joint = "crank"', 'joint = "crnak"')
+    (unknown,) = error_messages(models, "triple_rocker.toml")
+    assert "triple_rocker.toml: drive.joint: " in unknown
+    edit("triple_rocker.toml", r"period = .*", 'period = "slow"')
+    (wrong,) = error_messages(models, "triple_rocker.toml")
+    assert "triple_rocker.toml: drive.period: " in wrong
+
+
 def test_a_drive_beyond_its_joint_limits_is_one_error_for_all_solvers(models, edit):
     edit("fourbar.xml", '<joint name="crank"', '<joint name="crank" range="-0.01 0.01"')
     found = error_messages(models, "fourbar.xml")

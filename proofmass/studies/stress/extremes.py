@@ -419,9 +419,8 @@ def search_drive_speed(stressed: StressedCase) -> Iterator[LimitSearch]:
         stressed.kind == "dynamics" and stressed.case.drive,
         "drive speed: there is no drive, or the run has no time steps",
     )
-    leader = stressed.case.drive[0]
     require(
-        leader.to is not None and not stressed.case.recorded,
+        all(drive.to is not None for drive in stressed.case.drive) and not stressed.case.recorded,
         "drive speed: it is that of a motion profile or of a recorded curve",
     )
     yield stressed.search(
@@ -434,7 +433,10 @@ def search_drive_speed(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 
 def try_drive_speed(stressed: StressedCase, factor: float) -> TrialResult:
-    """Run with the first drive faster by a factor, for a duration shorter by the same factor."""
+    """Run with all drives faster by a factor, for a duration shorter by the same factor.
+
+    The first drive has the factor, and the others move in proportion to its progress.
+    """
     case, leader = stressed.case, stressed.case.drive[0]
     faster = (
         {"period": leader.period / factor} if leader.period else {"rate": leader.speed * factor}

@@ -7,9 +7,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from proofmass.cli import app
+from proofmass.reference import drive_profiles
 from proofmass.sim.mjcf import compile_model
 from proofmass.studies import variants
 from proofmass.studies.measure import observe
@@ -26,11 +28,13 @@ from proofmass.studies.stress.boundary import (
 )
 from proofmass.studies.stress.extremes import (
     list_extremes,
+    search_drive_speed,
     search_limit_position,
     search_size,
+    try_drive_speed,
     try_size,
 )
-from proofmass.studies.stress.limit_search import LimitSearch, bisect
+from proofmass.studies.stress.limit_search import LimitSearch, NotApplicable, StressedCase, bisect
 from proofmass.studies.stress.page import stress_figure, write_stress
 from proofmass.studies.stress.stress import cache_trials, find_boundaries
 from proofmass.studies.variants import with_longer_run
@@ -66,6 +70,39 @@ def test_a_search_may_fail_at_its_start_or_hold_to_its_end():
         LimitSearch("", "", "", "", "", 1.0, 0.1, lambda x: TrialResult(), theory=0.0).find().ratio
         == 1.0
     )
+
+
+@pytest.mark.parametrize("name", ["fivebar", "threeprr"])
+def test_the_drive_speed_is_that_of_all_drives(stressed, name, monkeypatch):
+    """A motion that is played three times as fast has three times the rate at each third of x.
+
+    The tolerance is a few roundings of the values that `InProportion` multiplies.
+    """
+    tried = []
+    monkeypatch.setattr(
+        StressedCase, "try_in_steps", lambda self, case, seconds: tried.append((case, seconds))
+    )
+    base = stressed(name)
+    try_drive_speed(base, 3.0)
+    ((case, seconds),) = tried
+    assert seconds == base.seconds / 3.0
+    x = np.linspace(0.0, base.seconds, 7)
+    pairs = zip(
+        drive_profiles(base.case, "dynamics"), drive_profiles(case, "dynamics"), strict=True
+    )
+    for slow, fast in pairs:
+        for k, (one, other) in enumerate(zip(slow(x), fast(x / 3.0), strict=True)):
+            assert_allclose(other, 3.0**k * np.asarray(one), rtol=1e-14, atol=1e-14)
+
+
+def test_no_drive_speed_is_searched_if_one_drive_has_its_own_profile(stressed):
+    """A profile over time would stay at its speed while the first drive became faster."""
+    base = stressed("fivebar")
+    first, second = base.case.drive
+    follower = second.model_copy(update={"to": None, "profile": "circle"})
+    mixed = base.case.model_copy(update={"drive": (first, follower)})
+    with pytest.raises(NotApplicable, match="motion profile"):
+        list(search_drive_speed(replace(base, case=mixed)))
 
 
 def test_a_reset_by_mujoco_is_found_by_its_warning(stressed):
