@@ -51,6 +51,7 @@ from proofmass.coverage_search import (
 from proofmass.errors import InputError
 from proofmass.explain import format_coverage, format_not_noticed, name_numbers, reason_not_noticed
 from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.reference import compiled_model
 from proofmass.sidecar import load_case
 from proofmass.sim.elements import Number, Place
 from proofmass.sim.numbers import NUMBER_KINDS
@@ -63,6 +64,9 @@ from tests.shipped import shipped, shipped_files
 QUICK_CASES = ("fourbar", "pendulum", "rod_cantilever")
 CANTILEVER = shipped("rod_cantilever.toml")
 SAMPLE_SIZE = 12
+# A ball that touches a floor leaves it by any gap.  Below this share of the tried change, rounding
+# decides which gap a run notices: that of a length ten times as long is 1e-15, and several add up.
+ROUNDING_SHARE = 1e-14
 FAILURES = (InputError, BadModel, *OUTCOME_OF_EXCEPTION)
 JOINT_ATTRIBUTES = {
     "damping": "damping",
@@ -96,7 +100,7 @@ def change_attribute(
 def with_changed_file(case: Case, one: Finding, change: float, folder: Path) -> Case:
     """The case with one number changed in the file of its model, or in a rod of the sidecar.
 
-    The angles of the model must be in radians, and its elements must have names.
+    Directions of the model must be in radians, and its elements must have names.
     """
     folder.mkdir(parents=True)
     tree = ElementTree.parse(case.model_path)
@@ -111,6 +115,11 @@ def with_changed_file(case: Case, one: Finding, change: float, folder: Path) -> 
     key = root.find(f".//key[@name='{case.start}']")
     zero = (0.0, 0.0, 0.0)
     match one.kind:
+        case "load of a rod" | "natural curvature of a rod":
+            rod, name = words[0], one.kind.split()[-4]
+            parts = list(getattr(rods[rod], name))
+            parts[axis] += change
+            rods[rod] = rods[rod].model_copy(update={name: tuple(parts)})
         case kind if kind == "length" or kind.endswith(" of a rod"):
             name = kind.split()[0]
             value = getattr(rods[one.of], name) + change
@@ -157,7 +166,11 @@ def with_changed_file(case: Case, one: Finding, change: float, folder: Path) -> 
             )
             change_attribute(element("connect", loop), name, own, int(part) - 1, change)
         case kind:
-            change_attribute(element("joint"), JOINT_ATTRIBUTES[kind], [0.0], 0, change)
+            joint = element("joint")
+            turns = kind in ("zero", "rest angle") and joint.get("type", "hinge") == "hinge"
+            if turns and root.find("compiler[@angle='radian']") is None:
+                change = math.degrees(change)
+            change_attribute(joint, JOINT_ATTRIBUTES[kind], [0.0], 0, change)
     tree.write(folder / case.model)
     for file in case.model_path.parent.glob("*.csv"):  # recorded curves and profiles
         copyfile(file, folder / file.name)
@@ -198,7 +211,7 @@ def check_finding(case: Case, one: Finding, folder: Path) -> None:
     If the change that was tried is not noticed, no channel differs and no run fails.  If it is
     refused, the run of the finding fails with it, and none of its channels differs with the next
     smaller change of the search.  Otherwise the run of the finding notices twice the
-    smallest noticed change, and no run notices half of it.
+    smallest noticed change, and no run notices half of it unless that is rounding.
     """
     if not one.noticed:
         for side in (1, -1) if one.value else (1,):
@@ -220,8 +233,9 @@ def check_finding(case: Case, one: Finding, folder: Path) -> None:
     else:
         found = noticing_runs(case, one, 2 * one.change, folder / "twice")
         assert (one.run, one.solver) in found, (one.name, "is not noticed at twice the change")
-        found = noticing_runs(case, one, 0.5 * one.change, folder / "half")
-        assert not found, (one.name, "is noticed at half the change")
+        if abs(one.change) > ROUNDING_SHARE * one.tried:
+            found = noticing_runs(case, one, 0.5 * one.change, folder / "half")
+            assert not found, (one.name, "is noticed at half the change")
 
 
 def quick_case(name: str) -> Case:
@@ -296,8 +310,9 @@ def test_every_finding_agrees_with_runs_of_a_changed_model(name, tmp_path):
 def is_in_file(case: Case, one: Finding) -> bool:
     """Whether `with_changed_file` can change this number in the file of the model."""
     text = case.model_path.read_text()
-    if one.kind == "direction":
-        return not re.search('xyaxes|euler|freejoint|quat|axis="0 -?1 0"', text)  # about z
+    if one.kind == "direction":  # about z, if that is the normal of the plane of motion
+        across = compiled_model(case).opt.gravity[2] == 0
+        return across and not re.search('xyaxes|euler|freejoint|quat|axis="0 -?1 0"', text)
     # a body without <inertial> has the mass, inertia and centre of mass of its geoms
     if one.kind in ("mass", "inertia", "centre of mass"):
         name = one.of.split(" ")[0]
