@@ -145,7 +145,8 @@ class Finding:
         The channel that notices it; for a number that is not noticed the channel that the change
         moves most, if that was tried.
     refused : str
-        Why the run fails with the change, if no channel notices a smaller one.
+        Why the run fails with the change, if no channel of this run notices a smaller one; whether
+        another run notices one is not known.
     moved : float
         For a number that is not noticed the change of the error of that channel, as a share of its
         tolerance, by the change that was tried [1]; NaN if no channel is left to compare.

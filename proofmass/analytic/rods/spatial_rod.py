@@ -222,7 +222,8 @@ def find_clamp_moment(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, 
     """The moment at the clamp (3,) [N m] after all loads have grown from zero, and the steps.
 
     ValueError if the number of steps is too small at its largest, or if the equilibrium is
-    unstable.
+    unstable.  Beyond forces of about 80 EI/L^2 this may be another equilibrium than the one that
+    grows from zero loads, since the moments of both at the clamp are nearly the same.
     """
     turns = load.length * float(np.linalg.norm(load.natural)) / TURN
     steps = STEPS_PER_TURN * (1 + int(turns))
@@ -234,7 +235,10 @@ def find_clamp_moment(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, 
         near = solve_from_guess(load, 1.0, found, steps)
         if near and np.abs(near[1] - tip).max() <= TIP_TOLERANCE * load.length:
             if negative_directions(load, near[0], steps):
-                raise ValueError("the rod buckles before its loads have grown to the whole")
+                raise ValueError(
+                    "the equilibrium that is found under the whole loads is unstable: the rod "
+                    "buckles while they grow, or they are too large for the search"
+                )
             return near[0], steps
     if not near:
         raise ValueError(
