@@ -401,8 +401,8 @@ def bounds(psi: ArrayLike) -> tuple[Array, Array]:
 
 def check_domain(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, Array]:
     """The arguments of `tip`, or a ValueError that names the first one out of its domain."""
+    _check_direction(psi)
     checks = (
-        ("psi", psi, (psi > 0.0) & (psi < TURN), "within (0, 2 pi) [rad]"),
         ("k_rel", k_rel, (np.abs(k_rel) < 1.0) & (k_rel != 0.0), "within (-1, 0) or (0, 1)"),
         ("mode", mode, (mode >= 1) & (mode == np.rint(mode)), "a whole number from 1"),
     )

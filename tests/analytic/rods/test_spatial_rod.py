@@ -273,10 +273,10 @@ def test_a_moment_rotates_a_rod_of_equal_stiffnesses_about_itself():
     [(1.0, 0.0, 20.0), (1.0, 0.0, 60.0), (2.0, 5.0, 1.2)],
 )
 def test_twice_the_steps_move_the_tip_by_the_tolerance_only(length, curvature, force):
-    """Twice the steps of a result move its tip by less than 1e-12 L, half of them by more.
+    """The steps of a result, and half of them, may be doubled; a quarter of them may not.
 
-    A result has twice as many steps as the first number that suffices.  A quarter of the steps
-    does not suffice: the tip moves by more than 1e-12 L if they are doubled.
+    The tip moves by less than 1e-12 L if a number of steps that suffices is doubled, and by more if
+    a quarter of the steps of the result is doubled.
     """
     stiffnesses, strains, none = (1.0, 1.0, 1.0), (np.inf, np.inf), (0.0, 0.0, 0.0)
     given = length, stiffnesses, strains, (0.0, 0.0, curvature), (0.0, 0.0, force), none, none
