@@ -311,7 +311,7 @@ def search(
             case, family, found, error_kind, needed, limits.longest_expected, cost_ratio
         )
     ]:
-        tasks = select_affordable(select_cheap(tasks), limits.budget - limits.spent)
+        tasks = select_affordable(select_cheap(tasks), found, limits.budget - limits.spent)
         limits.short = not tasks
         if limits.short:
             break
@@ -589,12 +589,21 @@ def select_cheap(
 
 
 def select_affordable(
-    tasks: list[tuple[SettingFamily, StudyRun]], left: float
+    tasks: list[tuple[SettingFamily, StudyRun]], every: Sequence[SettingFamily], left: float
 ) -> list[tuple[SettingFamily, StudyRun]]:
-    """Of the next runs those that together are expected to take no more than is left [s]."""
+    """Of the next runs those that together are expected to take no more than is left [s].
+
+    A family that has not run is expected to take as long as the slowest family of its engine.  If
+    no family of an engine has run, those with the longest step are made, and the others wait.
+    """
     found = []
+    longest_steps: dict[str, float] = {}
     for family, task in tasks:
-        if (cost := family.cost(task.value)) <= left:
+        longest_steps[family.engine] = max(longest_steps.get(family.engine, 0.0), task.value)
+    for family, task in tasks:
+        slowest = max(one.cost(task.value) for one in every if one.engine == family.engine)
+        cost = family.cost(task.value) or slowest
+        if cost <= left and (cost or isclose(task.value, longest_steps[family.engine])):
             found.append((family, task))
             left -= cost
     return found

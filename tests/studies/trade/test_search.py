@@ -25,6 +25,7 @@ from proofmass.studies.trade.search import (
     list_families,
     refine_for_drives,
     search,
+    select_affordable,
     select_for_comparison,
     step_between,
 )
@@ -322,6 +323,33 @@ def test_no_run_is_started_that_would_exceed_the_budget(
     assert len(world.asked) < module.MAX_RUNS_OF_FAMILY * 2
 
 
+def test_a_first_run_is_predicted_by_the_other_families_of_its_engine(fourbar: Case) -> None:
+    """A coarse run of 0.1 s predicts 100 s for the first run of a family with 1/1000 of its step.
+
+    Before any family of the engine has run, the families with the longest step start, and the fine
+    one waits; another engine's run predicts nothing.
+    """
+
+    def family(engine: str, step: float) -> SettingFamily:
+        return SettingFamily(engine, f"{engine} {step}", setting_of_family("any"), 1.0, first=step)
+
+    coarse, equal, fine = (family("mujoco", step) for step in (1.0, 1.0, 1e-3))
+    every = [fine, coarse, equal, family("pymunk", 0.1)]
+
+    def started(left: float) -> list[SettingFamily]:
+        tasks = [
+            (one, StudyRun(fourbar, "dynamics", one.at(step), value=step))
+            for one in every
+            if not one.rows and (step := one.next("position", 1e-6, inf))
+        ]
+        return [one for one, _ in select_affordable(tasks, every, left)]
+
+    assert started(20.0) == [coarse, equal, every[3]]
+    coarse.rows.append(replace(row_at(1.0), seconds=0.1))
+    assert started(20.0) == [equal, every[3]]
+    assert started(101.0) == [fine, equal, every[3]]
+
+
 def test_timed_out_runs_count_towards_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
     """A timed-out run counts with the longest wall time of a run, 30 s.
 
@@ -531,7 +559,8 @@ def test_a_step_that_takes_too_long_is_not_tried_once_the_order_is_known(
 def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path) -> None:
     """The elbow's joint limit has a margin, for which there is no reference.
 
-    The reference is tried once, and no setting is run.
+    All settings with the longest step are tried; the setting of the model, with a shorter one, is
+    not, and no engine runs.
     """
     models = Path(__file__).parents[3] / "examples" / "chosen" / "models"
     text = (models / "double_pendulum.xml").read_text(encoding="utf-8")
@@ -541,7 +570,10 @@ def test_a_free_motion_without_a_reference_is_given_up_after_one_round(tmp_path)
     copyfile(models / "double_pendulum.toml", tmp_path / "double_pendulum.toml")
     case = load_case(tmp_path / "double_pendulum.toml")
     rows = search(case, "position", 1e-3, Store(tmp_path), engine="pymunk")
-    assert len(rows) == len(list(list_families(case, "pymunk")))
+    own, *others = list_families(case, "pymunk")
+    assert own.first is not None
+    assert own.first < own.sample
+    assert [row.series for row in rows] == [family.name for family in others]
     assert {row.outcome for row in rows} == {"no reference"}
     assert all("elbow" in row.message and row.steps == 0 for row in rows)
 
