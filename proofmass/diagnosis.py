@@ -49,9 +49,9 @@ from proofmass.reference import (
     reference_reads_model,
 )
 from proofmass.sim.contents import highest_frequency
-from proofmass.sim.protocol import BadModel, Curves, ParameterValues
+from proofmass.sim.protocol import STEP_CAUSE, BadModel, Curves, ParameterValues, Perturbation
 from proofmass.sim.stability import stability_limit
-from proofmass.solve import call_engine, plan_run, settings_of, solve_here
+from proofmass.solve import call_engine, describe_dynamics, plan_run, settings_of, solve_here
 from proofmass.strict import Kind
 from proofmass.wording import format_list, format_unit, number
 
@@ -121,7 +121,8 @@ class Explanation:
     ----------
     kind : str
         parameter, pair of parameters, assembly mode, factor, offset, quantity, shift, number of the
-        model, or finer: a shorter time step or shorter segments.
+        model, or finer: a shorter time step, shorter segments, or another setting with which the
+        engine should have a smaller error.
     words : str
         Description of the change, with numbers and units.
     explains, breaks : tuple of str
@@ -320,6 +321,23 @@ class Residuals:
             return most <= AGREEMENT_FACTOR
         return most <= max(min(AGREEMENT_FACTOR, MAX_REMAINING_SHARE * was), AGREEMENT_SHARE * was)
 
+    def with_changed_case(self, changed: Mapping[str, Any]) -> ChannelCurves:
+        """The differences of the run of a changed case, with other settings or rods.
+
+        Raises
+        ------
+        One of `RUN_EXCEPTIONS`
+        """
+        case = self.case.model_copy(update=changed)
+        curves = solve_here(case, self.run, self.solver)
+        found = Residuals(self.case, self.run, self.solver, curves).before
+        return {name: y for name, y in found.items() if name in self.allowed}
+
+    @property
+    def can_run_again(self) -> bool:
+        """Whether an engine computed the curves in a time so short that it may run again."""
+        return self.curves.seconds <= MAX_REPEATED_SECONDS and computes_curves(self.solver)
+
     def time_for_another(self, deadline: float) -> bool:
         """Whether the reference can be evaluated at other parameters before a deadline."""
         return time.process_time() + self.seconds < deadline
@@ -471,8 +489,9 @@ def find_causes(
         if thorough and computes_curves(solver):
             best = max((c.score for c in found if c.free <= 1), default=0)
             found += model_causes(residuals, best)
-        shorter = [*finer_causes(residuals, run, solver)]
+        shorter = [*finer_causes(residuals)]
         found += [cause for cause, _ in shorter if cause]
+        found += setting_causes(residuals)
         remarks = [words for _, words in shorter if words]
     causes = best_causes(found)
     remarks += locate_values(case, causes[0]) if causes else []
@@ -503,6 +522,7 @@ def describe_tried(residuals: Residuals, thorough: bool) -> tuple[str, ...]:
         and residuals.curves.seconds <= MAX_REPEATED_SECONDS * residuals.stride
     ):
         words.append(f"numbers of the model in {MODEL_FIT_SECONDS:g} s of processor time")
+    words += [one.change for one in setting_changes(residuals)]
     return tuple(words)
 
 
@@ -691,22 +711,49 @@ def mode_causes(residuals: Residuals) -> Iterator[Explanation]:
             yield residuals.judged("assembly mode", f"mode = {mode:+d} instead of {own:+g}", after)
 
 
-def finer_causes(
-    residuals: Residuals, run: Kind, solver: str
-) -> Iterator[tuple[Explanation | None, str]]:
+def finer_causes(residuals: Residuals) -> Iterator[tuple[Explanation | None, str]]:
     """A cause or a remark on half the time step, and one on twice as many segments of rods.
 
     The run is made again for each, if it was short.
     """
-    case = residuals.case
-    if residuals.curves.seconds > MAX_REPEATED_SECONDS or not computes_curves(solver):
+    case, run, solver = residuals.case, residuals.run, residuals.solver
+    if not residuals.can_run_again:
         return
     if step := time_step_of(run, residuals.curves):
         words = f"a time step of {number(step / 2)} s instead of {number(step)} s"
-        yield run_finer(residuals, run, solver, words, with_half_step(case, run, solver, step))
+        yield run_finer(residuals, words, with_half_step(case, run, solver, step))
     if case.rod:
         rods = {n: r.model_copy(update={"segments": 2 * r.segments}) for n, r in case.rod.items()}
-        yield run_finer(residuals, run, solver, "twice as many segments", {"rod": rods})
+        yield run_finer(residuals, "twice as many segments", {"rod": rods})
+
+
+def setting_causes(residuals: Residuals) -> Iterator[Explanation]:
+    """Causes in an engine's settings other than its time step, such as soft constraints.
+
+    The engine names them; a short run is made again with each one reduced.
+    """
+    case, solver = residuals.case, residuals.solver
+    for one in setting_changes(residuals):
+        changed = {"settings": {**case.settings, solver: one.parameters}}
+        try:
+            after = residuals.with_changed_case(changed)
+        except RUN_EXCEPTIONS:
+            continue
+        if falling := falling_channels(residuals, after):
+            left = remaining_share(residuals.before, after, falling)
+            words = f"{one.cause}: {one.change}"
+            yield Explanation("finer", words, falling, (), left, len(residuals.differing))
+
+
+def setting_changes(residuals: Residuals) -> list[Perturbation]:
+    """Changes of an engine's settings, other than the time step, that should reduce its error."""
+    case, run, solver = residuals.case, residuals.run, residuals.solver
+    if run != "dynamics" or not residuals.can_run_again:
+        return []
+    engine = engine_of(solver.partition(":")[0])
+    own = engine.settings.read(settings_of(case, run, solver)).model_dump(exclude_unset=True)
+    every = engine.perturbations(own, describe_dynamics(case), scaled=False)
+    return [one for one in every if one.better and one.cause != STEP_CAUSE]
 
 
 def time_step_of(run: Kind, curves: Curves) -> float:
@@ -724,24 +771,17 @@ def with_half_step(case: Case, run: Kind, solver: str, step: float) -> dict[str,
 
 
 def run_finer(
-    residuals: Residuals, run: Kind, solver: str, words: str, changed: dict[str, Any]
+    residuals: Residuals, words: str, changed: dict[str, Any]
 ) -> tuple[Explanation | None, str]:
     """Make a run with shorter steps or segments; give a cause if errors fall, or a remark."""
     try:
-        curves = solve_here(residuals.case.model_copy(update=changed), run, solver)
-        finer_residuals = Residuals(residuals.case, run, solver, curves)
+        after = residuals.with_changed_case(changed)
     except RUN_EXCEPTIONS as error:
         return None, f"with {words} the run fails: {error}"
-    after = {n: y for n, y in finer_residuals.before.items() if n in residuals.allowed}
     share = remaining_share(residuals.before, after, residuals.differing)
     if share > WORSE_RATIO:
         return None, f"{words} makes the error {number(share)} times as large"
-    falling = tuple(
-        n
-        for n in residuals.differing
-        if n in after
-        and np.abs(after[n]).max() <= FALLING_SHARE * np.abs(residuals.before[n]).max()
-    )
+    falling = falling_channels(residuals, after)
     if not falling:
         return None, f"{words} leaves the error as it is"
     left_of = remaining_share(residuals.before, after, falling)
@@ -749,6 +789,16 @@ def run_finer(
         return None, f"{words} leaves {number(left_of)} of the error, less than any order explains"
     text = f"{words} (error of order {number(-np.log2(left_of), 2)})"
     return Explanation("finer", text, falling, (), left_of, len(residuals.differing)), ""
+
+
+def falling_channels(residuals: Residuals, after: ChannelCurves) -> tuple[str, ...]:
+    """The channels that differ and whose largest difference falls to `FALLING_SHARE` of it."""
+    return tuple(
+        n
+        for n in residuals.differing
+        if n in after
+        and np.abs(after[n]).max() <= FALLING_SHARE * np.abs(residuals.before[n]).max()
+    )
 
 
 def locate_values(case: Case, cause: Explanation) -> list[str]:

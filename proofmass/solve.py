@@ -31,6 +31,7 @@ from proofmass.sim.protocol import (
     Diverged,
     Drive,
     Run,
+    Studied,
     Unsupported,
 )
 from proofmass.strict import Kind
@@ -42,6 +43,9 @@ LARGEST_RATE = 1e150  # [rad/s or m/s] of a motion profile: squares of larger ra
 TURNING_ROUNDING = 1e-9
 """Share of a drive's range by which it may leave the interval between two samples."""
 LARGEST_CONTROL = 1e150  # [its unit] of a control: squares of larger forces are not finite
+MAX_FORCE_EVALUATIONS = 3e4
+"""Largest number of force evaluations in a run of a series; series so end at the same step on any
+machine."""
 CHECKS_PER_SAMPLE = 20  # intervals into which the time between two samples is divided for checks
 
 
@@ -127,6 +131,31 @@ def plan_run(case: Case, kind: Kind, solver: str) -> Run:
     """
     settings = settings_of(case, kind, solver)
     return replace(prescribed_run(case, kind), settings=settings)
+
+
+def describe_dynamics(case: Case) -> Studied:
+    """The description of a case's dynamics run from which an engine lists settings to try."""
+    driven = bool(case.drive)
+    return Studied(
+        compiled_model(case),
+        run_samples(case, "dynamics"),
+        MAX_FORCE_EVALUATIONS,
+        driven,
+        driven and not case.recorded,
+        lambda: starts_with_jolt(case),
+        bool(case.load),
+    )
+
+
+def starts_with_jolt(case: Case) -> bool:
+    """Whether a dynamics run starts under gravity or with moving drives."""
+    start = run_samples(case, "dynamics")[:1]
+    moving = any(
+        abs(part).max() > 0
+        for profile in drive_profiles(case, "dynamics")
+        for part in profile(start)[1:]
+    )
+    return moving or bool(compiled_model(case).opt.gravity.any())
 
 
 def prescribed_run(case: Case, kind: Kind) -> Run:

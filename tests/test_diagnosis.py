@@ -186,6 +186,38 @@ def test_a_time_step_that_is_too_long_is_the_cause(tmp_path, unhurried, monkeypa
     assert best.words.startswith("a time step of 5e-3 s instead of 0.01 s (error of order 4)")
 
 
+def test_soft_constraints_are_the_cause_where_no_step_helps(tmp_path, monkeypatch):
+    """MuJoCo leaves J-dot-v of the changing gear to its spring, whose error is (time constant)^2.
+
+    Half of `solref` leaves a quarter of the error, to 5 %, since the time constant is finite.
+    """
+    monkeypatch.setattr("proofmass.diagnosis.MAX_REPEATED_SECONDS", 60.0)
+    sidecar = copy_edited_case(tmp_path, "changing_gear")
+    text = sidecar.read_text(encoding="utf-8")
+    strict = text.replace("abs = 5e-4", "abs = 1e-6").replace("abs = 1e-2", "abs = 1e-5")
+    sidecar.write_text(strict, encoding="utf-8")
+    case = load_case(sidecar)
+    curves = solve(case, "dynamics", "mujoco")
+    found = find_causes(case, "dynamics", "mujoco", curves, thorough=False)
+    best = found.causes[0]
+    assert best.words == "softness of the loops: halving solref"
+    assert set(best.explains) == set(found.differing) == set(curves.channels) - {"tip.x"}
+    assert best.left == pytest.approx(0.25, rel=0.05)
+    assert "a time step of 1.25e-4 s instead of 2.5e-4 s leaves the error as it is" in found.remarks
+    assert "halving solref" in found.tried
+
+
+def test_too_few_iterations_are_the_cause(monkeypatch):
+    """With 30 iterations in place of the number that it chooses, pymunk leaves loops open."""
+    monkeypatch.setattr("proofmass.diagnosis.MAX_REPEATED_SECONDS", 60.0)
+    case = load_case(shipped("fourbar.toml"))
+    case = case.model_copy(update={"settings": {**case.settings, "pymunk": {"iterations": 30}}})
+    curves = solve(case, "dynamics", "pymunk")
+    best = find_causes(case, "dynamics", "pymunk", curves, thorough=False).causes[0]
+    assert best.words == "the solver's iterations: 120 iterations"
+    assert best.left < 0.05  # a step half as long leaves 0.29
+
+
 def test_a_remark_says_that_a_shorter_step_does_not_reduce_the_error(
     tmp_path, unhurried, monkeypatch
 ):

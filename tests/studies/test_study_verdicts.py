@@ -22,7 +22,7 @@ from proofmass.sim.protocol import (
     Run,
     Unsupported,
 )
-from proofmass.solve import plan_run
+from proofmass.solve import plan_run, starts_with_jolt
 from proofmass.studies import measure
 from proofmass.studies.diet import diet, scene
 from proofmass.studies.diet.diet import DietStore
@@ -69,7 +69,7 @@ from proofmass.studies.trade.series import (
     points_before_slowdown,
     slowdown_error,
 )
-from proofmass.studies.trade.varied import ConvergenceSeries, starts_with_jolt
+from proofmass.studies.trade.varied import ConvergenceSeries
 from proofmass.studies.trade.verdict import pareto_front
 from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped

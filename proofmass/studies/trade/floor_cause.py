@@ -16,9 +16,10 @@ from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import STEP_CAUSE, Perturbation
+from proofmass.solve import describe_dynamics
 from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Setting, StudyRow
-from proofmass.studies.trade.varied import ConvergenceSeries, describe_dynamics, with_step
+from proofmass.studies.trade.varied import ConvergenceSeries, with_step
 from proofmass.studies.variants import (
     PLANAR_REFERENCE,
     has_independent_motion,

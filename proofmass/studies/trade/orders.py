@@ -6,8 +6,9 @@ and as n^-1 with the naive springs.
 
 from proofmass.case import Case
 from proofmass.engines import engine_of
+from proofmass.solve import describe_dynamics
 from proofmass.strict import Kind
-from proofmass.studies.trade.varied import ConvergenceSeries, describe_dynamics
+from proofmass.studies.trade.varied import ConvergenceSeries
 
 DERIVATIVE_OF_KIND = {"position": 0, "energy": 1, "velocity": 1, "acceleration": 2, "force": 2}
 ORDER_TOLERANCE = 0.2

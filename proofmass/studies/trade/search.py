@@ -22,7 +22,7 @@ from proofmass.errors import InputError
 from proofmass.outcome import Outcome
 from proofmass.reference import run_samples
 from proofmass.sim.protocol import Curves, Recipe, first_number, whole_steps
-from proofmass.solve import prescribed_run
+from proofmass.solve import describe_dynamics, prescribed_run
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
@@ -42,7 +42,7 @@ from proofmass.studies.trade.series import (
     convergence_order,
     setting_at_step,
 )
-from proofmass.studies.trade.varied import describe_dynamics, own_settings_series
+from proofmass.studies.trade.varied import own_settings_series
 
 TIMING_REPEATS = 2  # repeats, for wall times, of each setting that may be the cheapest
 CLOSE_STEP_RATIO = 1.25

@@ -27,6 +27,7 @@ from proofmass.files import write_atomically
 from proofmass.outcome import Outcome
 from proofmass.reference import compiled_model
 from proofmass.sim.protocol import Perturbation, first_number
+from proofmass.solve import MAX_FORCE_EVALUATIONS
 from proofmass.strict import Kind
 from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.measure import StudyRun
@@ -59,7 +60,7 @@ from proofmass.studies.trade.series import (
     observed_order,
     points_before_slowdown,
 )
-from proofmass.studies.trade.varied import MAX_FORCE_EVALUATIONS, ConvergenceSeries, list_series
+from proofmass.studies.trade.varied import ConvergenceSeries, list_series
 from proofmass.studies.trade.verdict import Verdict, comparable_settings
 from proofmass.studies.trade.words import (
     format_end,

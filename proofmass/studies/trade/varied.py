@@ -11,14 +11,12 @@ from itertools import takewhile
 
 from proofmass.case import Case
 from proofmass.engines import NoEngine, engine_of
-from proofmass.reference import compiled_model, drive_profiles, run_samples
-from proofmass.sim.protocol import Engine, ParameterValue, Scan, Studied, scan_over
+from proofmass.reference import compiled_model
+from proofmass.sim.protocol import Engine, ParameterValue, Scan, scan_over
+from proofmass.solve import describe_dynamics
 from proofmass.strict import Kind
 from proofmass.studies.record import Setting
 from proofmass.wording import format_solver
-
-MAX_FORCE_EVALUATIONS = 3e4
-"""Largest number of force evaluations in a run; series so end at the same step on any machine."""
 
 
 def setting_size(engine: str, varied: str, value: ParameterValue) -> float:
@@ -103,31 +101,6 @@ def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
             for scan in engine_of(name).scans(description)
         ),
     ]
-
-
-def describe_dynamics(case: Case) -> Studied:
-    """The description of a case's dynamics run from which an engine lists its settings."""
-    driven = bool(case.drive)
-    return Studied(
-        compiled_model(case),
-        run_samples(case, "dynamics"),
-        MAX_FORCE_EVALUATIONS,
-        driven,
-        driven and not case.recorded,
-        lambda: starts_with_jolt(case),
-        bool(case.load),
-    )
-
-
-def starts_with_jolt(case: Case) -> bool:
-    """Whether a dynamics run starts under gravity or with moving drives."""
-    start = run_samples(case, "dynamics")[:1]
-    moving = any(
-        abs(part).max() > 0
-        for profile in drive_profiles(case, "dynamics")
-        for part in profile(start)[1:]
-    )
-    return moving or bool(compiled_model(case).opt.gravity.any())
 
 
 def own_settings_series(case: Case, kind: Kind) -> Iterator[ConvergenceSeries]:

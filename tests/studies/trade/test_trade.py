@@ -1,6 +1,7 @@
 """Trade studies: convergence series, expected orders, error floors, failed runs, the command."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ from benchmarks.accuracy_places import orders_of_places
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
+from proofmass.solve import MAX_FORCE_EVALUATIONS, describe_dynamics
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow, read_table
 from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
-from proofmass.studies.trade import trade, varied
+from proofmass.studies.trade import trade
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.orders import ORDER_TOLERANCE, expected_orders, is_unexpected
 from proofmass.studies.trade.series import (
@@ -29,7 +31,6 @@ from proofmass.studies.trade.series import (
 )
 from proofmass.studies.trade.varied import (
     ConvergenceSeries,
-    describe_dynamics,
     list_series,
     setting_size,
 )
@@ -309,7 +310,7 @@ def test_steps_are_halved_up_to_the_limit_of_force_evaluations():
     steps = describe_dynamics(case).timesteps(4)
     numbers = steps[0] / np.array(steps)
     assert np.array_equal(numbers, 2.0 ** np.arange(len(steps)))
-    assert numbers[-1] * 362 * 4 <= varied.MAX_FORCE_EVALUATIONS < 2.1 * numbers[-1] * 362 * 4
+    assert numbers[-1] * 362 * 4 <= MAX_FORCE_EVALUATIONS < 2.1 * numbers[-1] * 362 * 4
 
 
 def test_a_rigid_sweep_has_no_convergence_series():
@@ -401,7 +402,9 @@ def test_an_order_that_is_limited_by_the_reference_has_a_remark(tmp_path, edit, 
             series for series in list_series(case, kind) if series.name == "MuJoCo RK4"
         ],
     )
-    monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 6e4)  # down to steps where it matters
+    monkeypatch.setattr(
+        "proofmass.solve.MAX_FORCE_EVALUATIONS", 6e4
+    )  # down to steps where it matters
     study = trade.trade(
         [load_case(tmp_path / "models" / "pendulum.toml")], Store(tmp_path / "runs"), repeats=0
     )
@@ -465,7 +468,7 @@ def run_trade(*args):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_command_prints_a_table_and_reuses_stored_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(varied, "MAX_FORCE_EVALUATIONS", 3e3)
+    monkeypatch.setattr(import_module("proofmass.solve"), "MAX_FORCE_EVALUATIONS", 3e3)
     monkeypatch.setattr(
         trade,
         "list_series",

@@ -4,6 +4,8 @@ The comparison uses no code of this package: scipy integrates the equation of mo
 and MuJoCo and Chipmunk are called here.
 """
 
+from importlib import import_module
+
 import mujoco
 import numpy as np
 import pymunk
@@ -13,7 +15,7 @@ from scipy.integrate import solve_ivp
 from proofmass.case import Case
 from proofmass.sidecar import load_case
 from proofmass.studies.store import Store
-from proofmass.studies.trade import trade, varied
+from proofmass.studies.trade import trade
 from proofmass.studies.trade.series import find_worse_pair
 from proofmass.studies.trade.varied import list_series
 from tests.shipped import shipped
@@ -143,7 +145,7 @@ def study(tmp_path_factory) -> trade.Trade:
     table = case.run["dynamics"].model_copy(update={"until": END_TIME, "n": SAMPLE_COUNT})
     case = case.model_copy(update={"run": {"dynamics": table}})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(varied, "MAX_FORCE_EVALUATIONS", 3.2e4)
+        patch.setattr(import_module("proofmass.solve"), "MAX_FORCE_EVALUATIONS", 3.2e4)
         patch.setattr(
             trade,
             "list_series",
