@@ -227,6 +227,26 @@ def test_rules_of_accessibility_are_kept(browser, index, scheme, width):
 
 
 @pytest.fixture(scope="module")
+def two_engine_index(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An index with all runs in MuJoCo and in pymunk."""
+    result = result_for_index()
+    own = [c for c in result.comparisons if c.solver == "mujoco"]
+    result.comparisons[:] = [replace(c, solver=s) for s in ("mujoco", "pymunk") for c in own]
+    return write_index(tmp_path_factory.mktemp("two"), result, last_record(result))
+
+
+@pytest.mark.parametrize("width", [1100, 1250, 1251])
+def test_columns_of_two_engines_fit_on_the_screen(browser, two_engine_index, width):
+    """From 1100 points on the table has no scroll bar of its own, so that its head can stay."""
+    with Visit(browser, two_engine_index, viewport={"width": width, "height": 900}) as visit:
+        assert visit.page.locator("thead th[data-of]").count() == 4
+        assert visit.run("document.documentElement.scrollWidth") <= width
+        card = "document.querySelector('.table').getBoundingClientRect().right"
+        table = "document.querySelector('#cases').getBoundingClientRect().right"
+        assert visit.run(f"{table} - {card}") <= 1.0  # the border of the card is 1 point wide
+
+
+@pytest.fixture(scope="module")
 def wide_index(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An index with all runs in MuJoCo, in pymunk and in a third engine, and a recorded curve."""
     result = result_for_index()

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -84,6 +85,22 @@ def test_the_counts_above_the_table_match_its_rows(page):
     # pendulum is worse, hacksaw_recorded is better, and a case is missing
     assert words["changed"][0] == "3"
     assert "Not in this one: gone_by_now." in page
+
+
+def test_cases_that_their_sidecars_leave_unchecked_are_counted():
+    result = result_for_index()
+    assert "not checked</button>" in index_text(result)  # the curves
+    assert "cases agree</button>" in index_text(result)
+    open_case = "rod_cantilever"
+    result = replace(
+        result,
+        cases=[c.model_copy(update={"unchecked": c.name == open_case}) for c in result.cases],
+        comparisons=[
+            replace(c, outcome=Outcome.UNCHECKED) if c.case == open_case else c
+            for c in result.comparisons
+        ],
+    )
+    assert "cases agree, 1 not checked</button>" in index_text(result)
 
 
 def test_without_a_last_report_there_are_no_changes():
