@@ -25,8 +25,17 @@ class SingularHere(CannotMove):
     """The loops' Jacobian loses rank: a limit position, a change point, or a free joint."""
 
 
+LARGEST = 1e40
+"""Largest size of a number [SI] that closed forms take, and inverse of the smallest positive one.
+
+Products of six lengths, as of the squared sides of a triangle, then have a floating-point number.
+"""
+
+
 def check_positive(unit: str = "m", /, **values: float) -> None:
     """Raise a ValueError that names the first value that is not positive and finite, and its unit.
+
+    A positive number further from 1 than `LARGEST` or its inverse is refused as well.
 
     >>> check_positive(crank=1.0, coupler=-2.0)
     Traceback (most recent call last):
@@ -37,8 +46,12 @@ def check_positive(unit: str = "m", /, **values: float) -> None:
     """
     kind = "a positive finite length" if unit == "m" else "positive and finite"
     for name, value in values.items():
-        if not 0.0 < value < np.inf:
+        if np.ndim(value) or not 0.0 < value < np.inf:
             raise ValueError(f"{name} must be {kind} [{unit}], got {value}")
+        if not 1.0 / LARGEST <= value <= LARGEST:
+            raise ValueError(
+                f"{name} must be from {1.0 / LARGEST:g} to {LARGEST:g} [{unit}], got {value}"
+            )
 
 
 def check_not_negative(unit: str = "kg", /, **values: float) -> None:
@@ -49,22 +62,114 @@ def check_not_negative(unit: str = "kg", /, **values: float) -> None:
     ValueError: friction must be zero or positive [N m], got -0.1
     """
     for name, value in values.items():
-        if not 0.0 <= value < np.inf:
+        if np.ndim(value) or not 0.0 <= value < np.inf:
             raise ValueError(f"{name} must be zero or positive [{unit}], got {value}")
+        check_finite(**{name: value})
+
+
+def check_number(**values: float) -> None:
+    """Raise a ValueError that names the first value that is not one finite number.
+
+    >>> check_number(guide_x=0.0, guide_y=[1.0, 2.0])
+    Traceback (most recent call last):
+    ValueError: guide_y must be one number, got [1.0, 2.0]
+    """
+    for name, value in values.items():
+        if np.ndim(value):
+            raise ValueError(f"{name} must be one number, got {value}")
+        check_finite(**{name: value})
 
 
 def check_finite(**values: ArrayLike) -> None:
-    """Raise a ValueError that names the first value with an entry that is not finite."""
+    """Raise a ValueError that names the first value with an entry that is not finite.
+
+    An entry larger than `LARGEST` is refused as well.
+
+    >>> check_finite(rate=[1.0, float("nan")])
+    Traceback (most recent call last):
+    ValueError: rate must be finite, got nan
+    """
     for name, value in values.items():
-        if not np.all(np.isfinite(np.asarray(value, float))):
-            raise ValueError(f"{name} must be finite, got {value!s}")
+        size = np.abs(np.asarray(value, float))
+        if not size.max(initial=0.0) <= LARGEST:
+            first = np.asarray(value, float)[~(size <= LARGEST)][0]
+            limit = f" and at most {LARGEST:g} in size" if np.isfinite(first) else ""
+            raise ValueError(f"{name} must be finite{limit}, got {first}")
 
 
 def check_one_of(modes: tuple[int, ...], **mode: float) -> None:
     """Raise a ValueError for an assembly mode that is not one of `modes`."""
     for name, value in mode.items():
-        if value not in modes:
+        if np.ndim(value) or value not in modes:
             raise ValueError(f"{name} must be one of {modes}, got {value}")
+
+
+def broadcast_motion(rows: int = 0, /, **motion: ArrayLike) -> list[Array]:
+    """Arrays of one shape from a motion and its time derivatives, or a ValueError that names one.
+
+    Parameters
+    ----------
+    rows : int
+        Number of inputs of the mechanism, which is the length of the first axis; 0 for a single
+        input without such an axis.
+    **motion
+        Finite values and time derivatives [SI]. With rows, axes are aligned from the left, so that
+        a derivative of shape (rows,) holds for all samples; without rows, as in NumPy.
+
+    Raises
+    ------
+    ValueError
+        An entry that is not finite, a first value of another number of rows, or shapes that do not
+        fit together.
+
+    Examples
+    --------
+    >>> [one.shape for one in broadcast_motion(2, angle=np.zeros((2, 5)), rate=[1.0, 2.0])]
+    [(2, 5), (2, 5)]
+    >>> broadcast_motion(2, angle=[0.0, 1.0, 2.0])
+    Traceback (most recent call last):
+    ValueError: angle must have 2 rows on its first axis, got an array of shape (3,)
+    """
+    check_finite(**motion)
+    arrays = {name: np.asarray(value, float) for name, value in motion.items()}
+    if rows:
+        name, first = next(iter(arrays.items()))
+        if first.shape[:1] != (rows,):
+            raise ValueError(
+                f"{name} must have {rows} rows on its first axis, got an array of shape "
+                f"{first.shape}"
+            )
+        axes = max(one.ndim for one in arrays.values())
+        arrays = {
+            name: one.reshape(one.shape + (1,) * (axes - one.ndim)) for name, one in arrays.items()
+        }
+    try:
+        return list(np.broadcast_arrays(*arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {np.shape(one)}" for name, one in motion.items())
+        raise ValueError(f"shapes must fit together, got {shapes}") from None
+
+
+def broadcast_loads(shape: tuple[int, ...], /, **loads: ArrayLike) -> list[Array]:
+    """Arrays of a given shape from finite loads [SI], or a ValueError that names one.
+
+    >>> broadcast_loads((2,), load_x=3.0)
+    [array([3., 3.])]
+    >>> broadcast_loads((2,), load_x=[1.0, 2.0, 3.0])
+    Traceback (most recent call last):
+    ValueError: load_x must be a number or have the shape (2,) of the motion, got (3,)
+    """
+    check_finite(**loads)
+    found = []
+    for name, load in loads.items():
+        try:
+            found.append(np.broadcast_to(np.asarray(load, float), shape))
+        except ValueError:
+            raise ValueError(
+                f"{name} must be a number or have the shape {shape} of the motion, got "
+                f"{np.shape(load)}"
+            ) from None
+    return found
 
 
 def rounding_of_sum(*lengths: float) -> float:

@@ -13,7 +13,7 @@ def check_restitution(restitution: float) -> None:
     Traceback (most recent call last):
     ValueError: restitution must lie from 0 to 1 [1], got 1.5
     """
-    if not 0.0 <= restitution <= 1.0:
+    if np.ndim(restitution) or not 0.0 <= restitution <= 1.0:
         raise ValueError(f"restitution must lie from 0 to 1 [1], got {restitution}")
 
 
@@ -24,12 +24,12 @@ def check_times(time: ArrayLike) -> Array:
     Traceback (most recent call last):
     ValueError: time must not be negative [s]: an impact cannot be followed backwards, got -1.0
     """
+    check_finite(time=time)
     t = np.asarray(time, float)
     if not np.all(t >= 0.0):
         raise ValueError(
             f"time must not be negative [s]: an impact cannot be followed backwards, got {t.min()}"
         )
-    check_finite(time=t)
     return t
 
 
@@ -57,7 +57,7 @@ def restitution(damping_ratio: float) -> float:
     Raises
     ------
     ValueError
-        A damping ratio that is negative.
+        A damping ratio that is negative or not finite.
 
     Examples
     --------
@@ -65,8 +65,8 @@ def restitution(damping_ratio: float) -> float:
     [1.0, 0.744079, 0.135335, 0.002438]
     """
     z = damping_ratio
-    if z < 0.0:
-        raise ValueError(f"damping_ratio must not be negative [1], got {z}")
+    if np.ndim(z) or not 0.0 <= z < np.inf:
+        raise ValueError(f"damping_ratio must be zero or positive [1], got {z}")
     if z == 1.0:
         return float(np.exp(-2.0))
     angle = np.arccos(z) if z < 1.0 else np.arccosh(z)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_restitution, check_times
-from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
+from proofmass.analytic.numerics import Array, check_not_negative, check_number, check_positive
 
 
 def solve(
@@ -123,7 +123,7 @@ def _first_impact(
 ) -> tuple[float, float]:
     """Time [s] and speed [m/s] of the first impact."""
     check_not_negative("m", height=height)
-    check_finite(speed=speed)
+    check_number(speed=speed)
     check_positive("m/s^2", gravity=gravity)
     check_restitution(restitution)
     impact_speed = float(np.sqrt(speed**2 + 2.0 * gravity * height))

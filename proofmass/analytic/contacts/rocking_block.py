@@ -6,7 +6,7 @@ from scipy.special import elliprf
 
 from proofmass.analytic.contacts import check_times
 from proofmass.analytic.linkages import pendulum
-from proofmass.analytic.numerics import Array, check_positive
+from proofmass.analytic.numerics import Array, check_number, check_positive
 
 MIN_AMPLITUDE_SHARE = 1e-9
 """Smallest amplitude, as a share of the block's angle alpha; below it the block rests."""
@@ -115,10 +115,11 @@ def solve(
 
 def _check_block(width: float, height: float, tilt: float, gravity: float) -> tuple[float, float]:
     """Angle alpha of the block [rad] and p^2 [1/s^2], after a check of the inputs."""
-    check_positive(width=width, height=height)
     check_positive("m/s^2", gravity=gravity)
+    check_number(tilt=tilt)
+    ratio = rate_ratio(width=width, height=height)
     alpha = float(np.arctan2(width, height))
-    if rate_ratio(width=width, height=height) <= 0.0:
+    if ratio <= 0.0:
         raise ValueError(
             f"width must be less than {np.sqrt(2.0) * height:.6g} m, 2^(1/2) heights: a wider "
             f"block does not rock on; got {width}"
@@ -137,6 +138,7 @@ def rate_ratio(*, width: float, height: float) -> float:
     >>> round(rate_ratio(width=0.1, height=0.4), 6)
     0.911765
     """
+    check_positive(width=width, height=height)
     return 1.0 - 1.5 * width**2 / (width**2 + height**2)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_times
-from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
+from proofmass.analytic.numerics import Array, check_not_negative, check_number, check_positive
 
 SPHERE_INERTIA_RATIO = 0.4
 """Moment of inertia of a solid sphere divided by m r^2 [1]; a solid disc has 0.5, a hoop 1."""
@@ -98,7 +98,7 @@ def _sliding_phase(
     check_positive("1", inertia_ratio=ratio)
     check_not_negative("1", friction=friction)
     check_not_negative("m/s^2", gravity=gravity)
-    check_finite(speed=speed, spin=spin)
+    check_number(speed=speed, spin=spin)
     slip, deceleration = speed - radius * spin, friction * gravity
     rolling_speed = (speed + ratio * radius * spin) / (1.0 + ratio)
     if slip == 0.0:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_times
-from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
+from proofmass.analytic.numerics import Array, check_not_negative, check_number, check_positive
 
 
 def solve(
@@ -90,7 +90,7 @@ def _phases(
     """Accelerations [m/s^2] before and after the block stops, and the time when it stops [s]."""
     check_not_negative("1", friction=friction)
     check_not_negative("m/s^2", gravity=gravity)
-    check_finite(speed=speed)
+    check_number(speed=speed, angle=angle)
     if not 0.0 <= angle < 0.5 * np.pi:
         raise ValueError(f"angle must lie from 0 to less than pi/2 [rad], got {angle}")
     weight_acceleration, friction_deceleration = (

@@ -23,8 +23,10 @@ from proofmass.analytic.numerics import (
     TURN,
     Array,
     Complex,
-    check_finite,
+    broadcast_loads,
+    broadcast_motion,
     check_not_negative,
+    check_number,
     check_one_of,
     check_positive,
     components_in_frame,
@@ -130,9 +132,9 @@ def solve(
     Raises
     ------
     ValueError
-        A length not positive, a mass negative, a point or load not finite, a mode unknown, or a
-        pose that cannot be assembled: the message gives the first such angle and the distance
-        between the circles.
+        A length not positive, a mass negative, a value not finite, a mode unknown, or a pose that
+        cannot be assembled: the message gives the first such angle and the distance between the
+        circles.
 
     Notes
     -----
@@ -154,10 +156,10 @@ def solve(
     check_positive(**lengths)
     check_one_of(MODES, mode=mode)
     check_not_negative(**masses)
-    check_finite(point_along=point_along, point_across=point_across, rocker_load=rocker_load)
-    on_rocker = np.asarray(rocker_load, float)
-    inputs = np.broadcast_arrays(*(np.asarray(x, float) for x in (angle, rate, acceleration)))
+    check_number(point_along=point_along, point_across=point_across, gravity=gravity)
+    inputs = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
     theta, w, dw = (np.atleast_1d(x) for x in inputs)
+    (on_rocker,) = broadcast_loads(theta.shape, rocker_load=rocker_load)
     px, py = crank * np.cos(theta), crank * np.sin(theta)
     along, across = point_along / coupler, point_across / coupler
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # in line: as documented
@@ -187,12 +189,12 @@ def solve(
                 * (crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx)
                 - on_rocker * b1
             )
-            bars = px + 1j * py, ax + 1j * ay, bx + 1j * by
+            bars = _complex(px, py), _complex(ax, ay), _complex(bx, by)
             rest = np.zeros_like(bars[0])
             accelerations = 3 * ((rest, rest),)
             if inertia:
-                at_p = (1j * dw - w**2) * bars[0]
-                at_q = (1j * b_motion[1] - b_motion[0] ** 2) * bars[2]
+                at_p = _complex(-(w**2), dw) * bars[0]
+                at_q = _complex(-(b_motion[0] ** 2), b_motion[1]) * bars[2]
                 accelerations = (rest, at_p), (at_p, at_q), (rest, at_q)
                 p1, q1 = 1j * bars[0], 1j * b1 * bars[2]
                 unit_velocities = (rest, p1), (p1, q1), (rest, q1)
@@ -219,6 +221,11 @@ def solve(
             "mechanical_advantage": 1.0 / b1,
         }
     return {name: curve.reshape(inputs[0].shape) for name, curve in curves.items()}
+
+
+def _complex(x: Array, y: Array) -> Complex:
+    """Vectors x + iy as complex numbers."""
+    return np.asarray(x + 1j * y, complex)
 
 
 def _pin_forces(

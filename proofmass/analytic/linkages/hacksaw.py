@@ -22,7 +22,17 @@ from proofmass.analytic.newton_raphson import (
     course_chart,
     newton_raphson,
 )
-from proofmass.analytic.numerics import Array, Complex, check_finite, check_not_negative
+from proofmass.analytic.numerics import (
+    Array,
+    Complex,
+    broadcast_loads,
+    broadcast_motion,
+    check_finite,
+    check_not_negative,
+    check_number,
+    check_one_of,
+    check_positive,
+)
 
 __all__ = [
     "MODES",
@@ -143,9 +153,12 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("r1", "theta1", "theta3")]
     [-0.099672, -0.468422, 2.873694]
     """
-    check_finite(cutting_force=cutting_force, gravity=gravity)
+    check_number(offset=offset, gravity=gravity)
+    check_positive(crank=crank, coupler=coupler)
+    check_one_of(MODES, mode=mode)
     check_not_negative(crank_mass=crank_mass, coupler_mass=coupler_mass, slider_mass=slider_mass)
-    theta, w, dw = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
+    theta, w, dw = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
+    broadcast_loads(theta.shape, cutting_force=cutting_force)
     px, py, q = _close_loop(theta, crank, coupler, offset, mode)
     e, x, square = offset - py, px + q, (px + q) ** 2 + offset**2
     with np.errstate(divide="ignore", invalid="ignore"):  # upright: inf or nan, as documented
@@ -195,15 +208,6 @@ def _close_loop(
     theta: Array, crank: float, coupler: float, offset: float, mode: int
 ) -> tuple[Array, Array, Array]:
     """Crank pin and horizontal part q of the coupler, or a ValueError if it misses the guide."""
-    for name, value, lower_limit in (
-        ("crank", crank, 0.0),
-        ("coupler", coupler, 0.0),
-        ("offset", offset, -np.inf),
-    ):
-        if not lower_limit < value < np.inf:
-            raise ValueError(f"{name} must be finite and above {lower_limit} [m], got {value}")
-    if mode not in MODES:
-        raise ValueError(f"mode must be one of {MODES}, got {mode}")
     px, py = crank * np.cos(theta), crank * np.sin(theta)
     rise, distance = offset - py, np.abs(offset - py) - coupler
     rounding = 1e-15 * (crank + coupler + abs(offset))  # rounding error of the distance
@@ -223,8 +227,7 @@ def turn_time(peak: float = 5.0) -> float:
     >>> round(turn_time(), 3)
     1.942
     """
-    if not 0.0 < peak < np.inf:
-        raise ValueError(f"peak must be a positive finite acceleration [rad/s^2], got {peak}")
+    check_positive("rad/s^2", peak=peak)
     return float(np.sqrt(6.0 * np.pi / peak))
 
 
@@ -239,15 +242,17 @@ def motor(time: ArrayLike, *, peak: float = 5.0) -> tuple[Array, Array, Array]:
                  0  T/3  2T/3  T
 
     `time` [s] (...), not negative; returns the crank angle [rad], rate [rad/s] and acceleration
-    [rad/s^2], each (...). The final rate is 2 peak T/3. ValueError for a negative or NaN time.
-    Source: power hacksaw report, Universidad Nacional de Colombia, text lines 206-253. Difference:
-    line 222 prints a final rate of 6.45 rad/s; 2 peak T/3 is 6.472 rad/s, its 62 turns/min.
+    [rad/s^2], each (...). The final rate is 2 peak T/3. ValueError for a time that is negative or
+    not finite. Source: power hacksaw report, Universidad Nacional de Colombia, text lines 206-253.
+    Difference: line 222 prints a final rate of 6.45 rad/s; 2 peak T/3 is 6.472 rad/s, its 62
+    turns/min.
     >>> [round(float(value), 3) for value in motor(turn_time())]
     [6.283, 6.472, 0.0]
     """
     t, total = np.asarray(time, float), turn_time(peak)
+    check_finite(time=t)
     if not np.all(t >= 0.0):
-        raise ValueError("time must not be negative [s]")
+        raise ValueError(f"time must not be negative [s], got {t.min()}")
     third, cruise = total / 3.0, np.maximum(t - total, 0.0)
     rise, hold, fall = (np.clip(t - k * third, 0.0, third) for k in range(3))  # time in each third
     jerk = peak / third

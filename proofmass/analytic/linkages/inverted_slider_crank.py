@@ -17,8 +17,9 @@ from proofmass.analytic.linkages.bars import (
 )
 from proofmass.analytic.numerics import (
     Array,
-    check_finite,
+    broadcast_motion,
     check_not_negative,
+    check_number,
     check_one_of,
     check_positive,
     components_in_frame,
@@ -139,12 +140,10 @@ def solve(
     }
     check_positive(crank=crank, rod=rod)
     check_not_negative(**masses, slider_inertia=slider_inertia)
-    check_finite(bar=bar, ground_x=ground_x, ground_y=ground_y, gravity=gravity)
+    check_not_negative("m", bar=bar)
+    check_number(ground_x=ground_x, ground_y=ground_y, gravity=gravity)
     check_one_of(MODES, mode=mode)
-    if bar < 0.0:
-        raise ValueError(f"bar must be zero or positive [m], got {bar}")
-    check_finite(rate=rate, acceleration=acceleration)
-    inputs = _broadcast_inputs(angle, rate, acceleration)
+    inputs = broadcast_motion(2, angle=angle, rate=rate, acceleration=acceleration)
     (a1, a2), (w1, w2), (dw1, dw2) = (x.reshape(2, -1) for x in inputs)
     pin, tip = _arm(crank, a1, w1, dw1), _arm(bar, a2, w2, dw2)
     ground = complex(ground_x, ground_y)
@@ -269,21 +268,12 @@ def off_rod_intervals(x: ArrayLike, slide_margin: ArrayLike) -> Array:
     >>> off_rod_intervals(angle, pose["slide_margin"]).round(6)
     array([[1.855399, 4.427786]])
     """
-    x, margin = np.asarray(x, float), np.asarray(slide_margin, float)
+    x, margin = broadcast_motion(x=x, slide_margin=slide_margin)
     is_off = margin < 0.0
     last = np.flatnonzero(is_off[1:] != is_off[:-1])
     share = margin[last] / (margin[last] - margin[last + 1])
     ends = x[last] + share * (x[last + 1] - x[last])
     return np.concatenate([x[:1][is_off[:1]], ends, x[-1:][is_off[-1:]]]).reshape(-1, 2)
-
-
-def _broadcast_inputs(*given: ArrayLike) -> tuple[Array, ...]:
-    """Angles, rates and accelerations, broadcast to one shape (2, ...) from their first axis on."""
-    arrays = [np.asarray(value, float) for value in given]
-    if arrays[0].shape[:1] != (2,):
-        raise ValueError(f"angle must hold two inputs, crank and bar, got shape {arrays[0].shape}")
-    axes = max(array.ndim for array in arrays)
-    return np.broadcast_arrays(*(a.reshape(a.shape + (1,) * (axes - a.ndim)) for a in arrays))
 
 
 def _arm(

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ellipkm1
 
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, check_finite, check_number, check_positive
 
 
 def solve(
@@ -41,7 +41,8 @@ def solve(
     Raises
     ------
     ValueError
-        A length, mass or gravity not positive, or an amplitude of half a turn or more.
+        A length, mass or gravity not positive, a time not finite, or an amplitude of half a turn or
+        more.
 
     Notes
     -----
@@ -57,8 +58,8 @@ def solve(
     (-0.391048791551, -0.920369948785)
     """
     w = _frequency(length, gravity, amplitude)
-    if not 0.0 < mass < np.inf:
-        raise ValueError(f"mass must be positive and finite [kg], got {mass}")
+    check_positive("kg", mass=mass)
+    check_finite(time=time)
     k, k_prime = np.sin(0.5 * amplitude), np.cos(0.5 * amplitude)
     sn, cn, dn = _jacobi(w * np.asarray(time, float), k, k_prime)
     half_sine = k * cn / dn
@@ -82,15 +83,15 @@ def period(*, length: float, gravity: float, amplitude: float) -> float:
     >>> round(period(length=0.5, gravity=9.81, amplitude=np.pi / 2), 9)
     1.674317098
     """
-    quarter = ellipkm1(np.cos(0.5 * amplitude) ** 2) / _frequency(length, gravity, amplitude)
-    return float(4.0 * quarter)
+    w = _frequency(length, gravity, amplitude)
+    return float(4.0 * ellipkm1(np.cos(0.5 * amplitude) ** 2) / w)
 
 
 def _frequency(length: float, gravity: float, amplitude: float) -> float:
     """Angular frequency of small swings [rad/s], after a check of the inputs."""
-    for name, value, unit in (("length", length, "m"), ("gravity", gravity, "m/s^2")):
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")
+    check_positive(length=length)
+    check_positive("m/s^2", gravity=gravity)
+    check_number(amplitude=amplitude)
     if not abs(amplitude) < np.pi:
         raise ValueError(f"amplitude must lie within half a turn [rad], got {amplitude}")
     return float(np.sqrt(gravity / length))

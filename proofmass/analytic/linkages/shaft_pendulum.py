@@ -3,7 +3,14 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, check_not_negative, motion_senses
+from proofmass.analytic.numerics import (
+    Array,
+    broadcast_motion,
+    check_not_negative,
+    check_number,
+    check_positive,
+    motion_senses,
+)
 
 
 def solve(
@@ -76,7 +83,7 @@ def solve(
     """
     limit = slip_angle(length=length, mass=mass, friction=friction, gravity=gravity)
     check_not_negative("N m", bearing_friction=bearing_friction)
-    shaft, shaft_rate = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+    shaft, shaft_rate, _ = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
     if shaft.ndim != 1:
         raise ValueError(f"angle must be one row of angles in their order, got {shaft.shape}")
     swing, slips = apply_play(shaft, limit)
@@ -127,9 +134,10 @@ def slip_angle(*, length: float, mass: float, friction: float, gravity: float = 
     >>> round(slip_angle(length=0.2, mass=0.5, friction=0.3), 6)
     0.310789
     """
-    for name, value in {"length": length, "mass": mass, "gravity": gravity}.items():
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"{name} must be positive and finite, got {value}")
+    check_positive(length=length)
+    check_positive("kg", mass=mass)
+    check_positive("m/s^2", gravity=gravity)
+    check_number(friction=friction)
     weight = mass * gravity * length
     if not 0.0 < friction < weight:
         raise ValueError(

@@ -17,8 +17,10 @@ from proofmass.analytic.linkages.bars import (
 from proofmass.analytic.numerics import (
     Array,
     Complex,
-    check_finite,
+    broadcast_loads,
+    broadcast_motion,
     check_not_negative,
+    check_number,
     check_one_of,
     check_positive,
     components_in_frame,
@@ -156,12 +158,13 @@ def solve(
     check_positive(crank=crank, coupler=coupler)
     check_not_negative(**masses)
     check_not_negative("N m or N", **frictions)
-    check_finite(rate=rate, acceleration=acceleration, slider_load=slider_load, gravity=gravity)
+    check_number(gravity=gravity)
     check_one_of(MODES, mode=mode)
     start, offset = _guide_position(guide_x, guide_y, guide_angle)
     rounding = rounding_of_sum(crank, coupler, start, offset)
-    inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
+    inputs = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
     theta, w, dw = (np.atleast_1d(v) for v in inputs)
+    (on_slider,) = broadcast_loads(theta.shape, slider_load=slider_load)
     cos, sin = np.cos(guide_angle), np.sin(guide_angle)
     crank_along, crank_across = (
         crank * np.cos(theta - guide_angle),
@@ -192,7 +195,7 @@ def solve(
                 value * motion_senses(rate, float(np.abs(w).max(initial=0.0)))
                 for value, rate in zip(frictions.values(), (w, (k1 - 1.0) * w, v), strict=True)
             )
-            slider_force = np.asarray(slider_load, float) - of_slider
+            slider_force = on_slider - of_slider
             lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
             lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
             moment = gravity * lift - slider_force * s1 + of_crank + of_pin * (k1 - 1.0)
@@ -340,7 +343,7 @@ def properties(
 
 def _guide_position(x: float, y: float, angle: float) -> tuple[float, float]:
     """Position of G along the guide from the foot of A; offset of the guide to the left of A."""
-    check_finite(guide_x=x, guide_y=y, guide_angle=angle)
+    check_number(guide_x=x, guide_y=y, guide_angle=angle)
     return (
         float(x * np.cos(angle) + y * np.sin(angle)),
         float(y * np.cos(angle) - x * np.sin(angle)),

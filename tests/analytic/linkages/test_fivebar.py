@@ -229,7 +229,7 @@ def test_shapes_broadcast():
     for name, curve in pose.items():  # rounding: exp of one number and of several differ
         np.testing.assert_allclose(curve, column[name], rtol=1e-14)
     assert fivebar.solve(np.empty((2, 0)), **LINK)["tip_x"].shape == (0,)
-    with pytest.raises(ValueError, match=r"two rows on the first axis, got shape \(3, 2\)"):
+    with pytest.raises(ValueError, match=r"angle must have 2 rows on its first axis, .* \(3, 2\)"):
         fivebar.solve(np.zeros((3, 2)), **LINK)
 
 
@@ -266,8 +266,6 @@ def test_poses_that_cannot_be_assembled_are_named_with_their_violation():
         fivebar.solve([limit + 2e-12, 0.0], **short)
     with pytest.raises(ValueError, match=r"angles \(0, 0\) rad: .* miss by 1 m"):  # one in other
         fivebar.solve([0.0, 0.0], **{**short, "right_coupler": 3.0})
-    with pytest.raises(ValueError, match=r"angles \(0, nan\) rad"):
-        fivebar.solve([0.0, np.nan], **LINK)
     coaxial = {
         "left_crank": 1.0,
         "left_coupler": 2.0,

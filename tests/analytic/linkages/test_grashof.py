@@ -233,8 +233,6 @@ def test_an_unreachable_angle_is_named_with_its_violation():
         fourbar.solve(0.0, crank=2.9, coupler=4.0, rocker=1.0, ground=3.0)
     with pytest.raises(ValueError, match=r"miss by 1\.\d+e-12 m"):
         fourbar.solve(limit + 1e-12, **TRIPLE_ROCKER)
-    with pytest.raises(ValueError, match=r"angle nan rad"):
-        fourbar.solve([0.0, np.nan], **LINK)
 
 
 @pytest.mark.parametrize("angle", [-1.0, 1.0])

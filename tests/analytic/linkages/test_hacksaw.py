@@ -292,8 +292,6 @@ def test_motor_integrates_its_acceleration(peak):
 def test_bad_motor_values_are_refused():
     with pytest.raises(ValueError, match="time must not be negative"):
         hacksaw.motor([0.0, -1e-9])
-    with pytest.raises(ValueError, match="time must not be negative"):
-        hacksaw.motor(np.nan)
     for peak in (0.0, -5.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="peak must be"):
             hacksaw.motor(1.0, peak=peak)
@@ -325,8 +323,6 @@ def test_an_unreachable_angle_is_named_with_its_violation():
         hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short, only={"r1"})
     for length in np.linspace(0.1, 0.119, 200):  # coupler upright: some miss the guide by rounding
         hacksaw.solve(np.arcsin((0.045 - length) / 0.075), 0.0, 0.0, **{**short, "coupler": length})
-    with pytest.raises(ValueError, match="angle nan rad"):
-        hacksaw.solve(np.nan, 1.0, 0.0, **LINK)
 
 
 def test_shapes_broadcast():

@@ -316,8 +316,6 @@ def test_a_crank_pin_in_the_slider_is_refused_with_its_angles():
     angles = [[0.1, meet, 0.2, meet], [0.8, bar, 0.8, bar]]
     with pytest.raises(ValueError, match=rf"angle {meet:.9g} rad and bar angle {bar:.9g} rad"):
         inverted_slider_crank.solve(angles, **LINK)
-    with pytest.raises(ValueError, match="crank angle nan rad"):
-        inverted_slider_crank.solve([[0.1, np.nan], [0.8, 0.8]], **LINK)
 
 
 def test_shapes():
@@ -326,5 +324,5 @@ def test_shapes():
     assert {curve.shape for curve in one.values()} == {()}
     assert {curve.shape for curve in many.values()} == {(5,)}
     assert all(np.all(many[name] == curve) for name, curve in one.items())
-    with pytest.raises(ValueError, match=r"two inputs, crank and bar, got shape \(3,\)"):
+    with pytest.raises(ValueError, match=r"angle must have 2 rows on its first axis, .* \(3,\)"):
         inverted_slider_crank.solve([0.1, 0.2, 0.3], **LINK)

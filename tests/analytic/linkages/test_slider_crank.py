@@ -325,10 +325,3 @@ def test_rate_has_a_limit_at_the_fold_of_equal_crank_and_coupler():
         pose = slider_crank.solve(angle, **link)
         limit = table["rate_at_the_fold"]
         assert pose["slide_rate"] == pytest.approx(limit * np.cos(eps), rel=1e-13, abs=0)  # exact
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize("name", ["rate", "acceleration"])
-def test_a_rate_or_acceleration_that_is_not_finite_is_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name} must be finite"):
-        slider_crank.solve([0.1, 0.2], **{name: [1.0, value]}, crank=1.0, coupler=3.0)

@@ -203,11 +203,9 @@ def test_bad_value_is_named(name, value):
 def test_other_bad_values_are_named():
     with pytest.raises(ValueError, match="leg_mass must be"):
         threeprr.solve(SLIDERS, **LENGTHS, leg_mass=-1.0)
-    with pytest.raises(ValueError, match="sliders must be finite"):
-        threeprr.solve([2.0, np.nan, 0.2], **LENGTHS)
     with pytest.raises(ValueError, match="period must be"):
         threeprr.circle(0.0, **{**CIRCLE, "period": 0.0}, **LENGTHS)
-    with pytest.raises(ValueError, match="three inputs"):
+    with pytest.raises(ValueError, match="sliders must have 3 rows"):
         threeprr.solve([2.0, 0.5], **LENGTHS)
 
 

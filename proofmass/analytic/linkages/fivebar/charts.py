@@ -24,7 +24,7 @@ from proofmass.analytic.linkages.fivebar.maps import (
     type_2,
 )
 from proofmass.analytic.linkages.regions import chart_regions
-from proofmass.analytic.numerics import Array, Complex
+from proofmass.analytic.numerics import Array, Complex, check_finite
 
 TYPE_1_LABELS = {side: f"type 1: {side} crank and coupler in line" for side in ("left", "right")}
 TYPE_2_LABELS = {
@@ -113,6 +113,7 @@ def workspace(
 
 def path_of_tip(path: tuple[float, ...], circle: tuple[float, ...]) -> tuple[ChartLine, ...]:
     """Line of a closed path with given corners, or of a circle; no line if both are empty."""
+    check_finite(path=path, circle=circle)
     if len(path) % 2:
         raise ValueError(f"path must be pairs x, y, got {len(path)} numbers")
     if len(circle) not in (0, 3):

@@ -34,8 +34,11 @@ from proofmass.analytic.linkages.bars import (
 from proofmass.analytic.numerics import (
     Array,
     Complex,
+    broadcast_loads,
+    broadcast_motion,
     check_finite,
     check_not_negative,
+    check_number,
     check_one_of,
     check_positive,
     components_in_frame,
@@ -97,8 +100,9 @@ def solve_inverse(
     Raises
     ------
     ValueError
-        A length not positive, a mode unknown, or a tip out of reach: the message gives the first
-        such tip, the side, and the distance between the circles of its crank and coupler.
+        A length not positive, a value not finite, a mode unknown, or a tip out of reach: the
+        message gives the first such tip, the side, and the distance between the circles of its
+        crank and coupler.
 
     Notes
     -----
@@ -124,7 +128,7 @@ def solve_inverse(
         left_mode=left_mode,
         right_mode=right_mode,
     )
-    motion = broadcast_inputs(tip, velocity, acceleration)
+    motion = broadcast_motion(2, tip=tip, velocity=velocity, acceleration=acceleration)
     left, a = _solve_side("left", motion, left_x, left_crank, left_coupler, left_mode)
     right, b = _solve_side("right", motion, right_x, right_crank, right_coupler, right_mode)
     curves = left | right | {"assembly": cross(a, b) / (left_coupler * right_coupler)}
@@ -182,7 +186,7 @@ def jacobians(
     [[-2.0, -2.0], [-1.5, 1.5]]
     """
     check_parameters(left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
-    theta, place = broadcast_inputs(angle, tip)
+    theta, place = broadcast_motion(2, angle=angle, tip=tip)
     p, q = left_crank * np.exp(1j * theta[0]), right_crank * np.exp(1j * theta[1])
     end = place[0] + 1j * place[1]
     a, b, zero = end - left_x - p, end - right_x - q, np.zeros(end.shape)
@@ -227,20 +231,11 @@ def check_parameters(**values: float) -> None:
         if name.endswith("mode"):
             check_one_of(WORKING_MODES, **{name: value})
         elif name.endswith("_x"):
-            check_finite(**{name: value})
+            check_number(**{name: value})
         elif name.endswith("_mass"):
             check_not_negative(**{name: value})
         else:
             check_positive(**{name: value})
-
-
-def broadcast_inputs(*values: ArrayLike) -> list[Array]:
-    """Arrays with the shape (2, ...) of the first one; a (2,) array holds for all samples."""
-    first, *others = (np.asarray(value, float) for value in values)
-    if first.shape[:1] != (2,):
-        raise ValueError(f"inputs must have two rows on the first axis, got shape {first.shape}")
-    padded = (x.reshape(x.shape + (1,) * (first.ndim - x.ndim)) if x.ndim else x for x in others)
-    return [first, *(np.broadcast_to(x, first.shape) for x in padded)]
 
 
 def margin(
@@ -272,7 +267,7 @@ def margin(
         left_x=left_x,
         right_x=right_x,
     )
-    ((x, y),) = broadcast_inputs(tip)
+    ((x, y),) = broadcast_motion(2, tip=tip)
     left, right = np.hypot(x - left_x, y), np.hypot(x - right_x, y)
     return np.asarray(
         np.minimum.reduce(
@@ -358,6 +353,7 @@ def in_line(
         left_x=left_x,
         right_x=right_x,
     )
+    check_finite(left=left)
     s = left_x - right_x + left_crank * np.exp(1j * np.asarray(left, float))
     rows = []
     for distance in (left_coupler + right_coupler, abs(left_coupler - right_coupler)):
@@ -529,8 +525,9 @@ def solve(
     Raises
     ------
     ValueError
-        A length not positive, a mass negative, a mode unknown, or poses that cannot be assembled:
-        the message gives the angles of the first one and the distance between the circles.
+        A length not positive, a mass negative, a value not finite, a mode unknown, or poses that
+        cannot be assembled: the message gives the angles of the first one and the distance between
+        the circles.
 
     Notes
     -----
@@ -566,7 +563,9 @@ def solve(
         right_crank_mass=right_crank_mass,
         tip_mass=tip_mass,
     )
-    theta, w, dw = broadcast_inputs(angle, rate, acceleration)
+    check_number(gravity=gravity)
+    theta, w, dw = broadcast_motion(2, angle=angle, rate=rate, acceleration=acceleration)
+    across, up = broadcast_loads(theta.shape[1:], force_x=force_x, force_y=force_y)
     directions = np.exp(1j * theta)  # vectors are complex numbers, J is 1j
     p, q = left_crank * directions[0], right_crank * directions[1]
     d = right_x + q - left_x - p
@@ -596,9 +595,7 @@ def solve(
         if is_requested(only, *LOAD_ENDINGS):
             lift = 1j * gravity
             at_l, at_t, at_r = (inertia * each + lift for each in (dvp, dv, dvq))
-            carried = tip_mass * at_t - (
-                np.asarray(force_x, float) + 1j * np.asarray(force_y, float)
-            )
+            carried = tip_mass * at_t - (across + 1j * up)
             left = left_crank_mass, left_coupler_mass
             right = right_crank_mass, right_coupler_mass
             by_left, by_right = -1j * b * left_lever / area, 1j * a * right_lever / area
@@ -693,6 +690,8 @@ def circle(
     >>> [round(float(value), 6) for value in angle]
     [1.570796, 1.570796]
     """
+    check_number(center_x=center_x, center_y=center_y, radius=radius, rate=rate)
+    check_finite(time=time)
     spin = radius * np.exp(1j * rate * np.asarray(time, float))
     tip, v, dv = center_x + 1j * center_y + spin, 1j * rate * spin, -(rate**2) * spin
     return follow_tip(np.asarray(tip), np.asarray(v), np.asarray(dv), **linkage)
@@ -728,8 +727,9 @@ def rectangle(
     >>> bool(np.abs(rate).max() < 1e-12), angle[:, 0].round(6).tolist()
     (True, [1.570796, 1.570796])
     """
-    if not 0.0 < period < np.inf:
-        raise ValueError(f"period must be positive and finite [s], got {period}")
+    check_positive("s", period=period)
+    check_number(corner_x=corner_x, corner_y=corner_y, width=width, height=height)
+    check_finite(time=time)
     quarters = 4.0 * np.asarray(time, float) / period
     number = np.floor(quarters)
     phase = 2.0 * np.pi * (quarters - number)

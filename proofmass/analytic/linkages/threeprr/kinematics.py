@@ -5,6 +5,7 @@ The module also has the workspace on a grid, and all poses of the platform for g
 
 from collections.abc import Collection
 from itertools import product
+from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +14,11 @@ from proofmass.analytic.linkages.bars import drive_moment, is_requested, pin_loa
 from proofmass.analytic.numerics import (
     Array,
     Complex,
+    broadcast_loads,
+    broadcast_motion,
     check_finite,
     check_not_negative,
+    check_number,
     check_one_of,
     check_positive,
     components_in_frame,
@@ -81,7 +85,7 @@ def solve_inverse(
     Raises
     ------
     ValueError
-        A length not positive (guide: not finite), a mode unknown, or a pose out of reach: the
+        A length not positive, a value not finite, a mode unknown, or a pose out of reach: the
         message gives the first such pose, the leg, and by how much it is too short.
 
     Notes
@@ -98,12 +102,12 @@ def solve_inverse(
     >>> [round(float(sliders[f"slider_{k}"]), 5) for k in (1, 2, 3)]
     [1.51652, 2.31652, 1.65049]
     """
-    check_parameters(side, leg, guide2_x, guide3_x, guide3_y, mode, WORKING_MODES)
+    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
     shape, (point, velocity, point_acceleration), (psi, w, dw) = _motion(pose, rate, acceleration)
     arm = side * UNIT_CORNERS * np.exp(1j * psi)
     # real part along the guide, imaginary part across it
     d = (point + arm - guide_origins(guide2_x, guide3_x, guide3_y)) / GUIDE_DIRECTIONS
-    signs, along = np.array(SIGNS[int(mode) - 1])[:, None], _leg_along_guide(d, leg, pose)
+    signs, along = np.array(signs_of_mode(mode))[:, None], _leg_along_guide(d, leg, pose)
     e = (signs * along + 1j * d.imag) * GUIDE_DIRECTIONS
     lean = dot(e, GUIDE_DIRECTIONS)
     v = velocity + 1j * w * arm
@@ -162,33 +166,31 @@ def check_parameters(
     guide2_x: float,
     guide3_x: float,
     guide3_y: float,
-    mode: int = 1,
-    modes: tuple[int, ...] = WORKING_MODES,
 ) -> None:
     """Raise a ValueError that names the first parameter out of its domain."""
     check_positive(side=side, leg=leg)
-    check_finite(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
-    check_one_of(modes, mode=mode)
+    check_number(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
 
 
-def broadcast_inputs(
-    value: ArrayLike, *derivatives: ArrayLike
-) -> tuple[tuple[int, ...], list[Array]]:
+def signs_of_mode(mode: int) -> tuple[int, int, int]:
+    """Signs of e . g of the three legs in a working mode of 1 to 8, or a ValueError."""
+    check_one_of(WORKING_MODES, mode=mode)
+    one, two, three = SIGNS[int(mode) - 1]
+    return one, two, three
+
+
+def flatten_motion(**motion: ArrayLike) -> tuple[tuple[int, ...], list[Array]]:
     """Shape (...), and arrays (3, n) of a value (3, ...) and of derivatives broadcast to it."""
-    first = np.asarray(value, float)
-    if first.ndim == 0 or first.shape[0] != 3:
-        raise ValueError(f"three inputs are needed, (3, ...), got an array {first.shape}")
-    rest = [np.asarray(x, float) for x in derivatives]
-    rest = [x.reshape(x.shape + (1,) * (first.ndim - x.ndim)) for x in rest]
-    arrays = np.broadcast_arrays(first, *rest)
-    return arrays[0].shape[1:], [x.reshape(3, -1) for x in arrays]
+    arrays = broadcast_motion(3, **motion)
+    shape = arrays[0].shape[1:]
+    return shape, [one.reshape(3, prod(shape)) for one in arrays]
 
 
 def _motion(
     pose: ArrayLike, rate: ArrayLike, acceleration: ArrayLike
 ) -> tuple[tuple[int, ...], list[Complex], list[Array]]:
     """Shape (...); P with its derivatives; psi with its derivatives."""
-    shape, arrays = broadcast_inputs(pose, rate, acceleration)
+    shape, arrays = flatten_motion(pose=pose, rate=rate, acceleration=acceleration)
     return shape, [x + 1j * y for x, y, _ in arrays], [psi for *_, psi in arrays]
 
 
@@ -282,9 +284,7 @@ def poses(
     array([-0.250967,  0.125104,       nan,       nan,       nan,       nan])
     """
     check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
-    shape, (s,) = broadcast_inputs(sliders)
-    if not np.isfinite(s).all():
-        raise ValueError("sliders must be finite [m]")
+    shape, (s,) = flatten_motion(sliders=sliders)
     c = guide_origins(guide2_x, guide3_x, guide3_y) + s * GUIDE_DIRECTIONS
     a, b = c[1] - c[0], c[2] - c[0]
     _check_not_free(
@@ -490,7 +490,7 @@ def solve(
         appears, vanishes or passes it in psi (parallel legs), or one of them crosses psi = pi.
     platform_mass, leg_mass, slider_mass : masses of the uniform platform, of each uniform leg, of
         each slider [kg]
-    load_x, load_y, load_moment : load on the platform at P [N], [N m], constants or (n,)
+    load_x, load_y, load_moment : load on the platform at P [N], [N m], constants or (...)
     gravity : along -y [m/s^2]
     inertia : whether forces include those of the accelerations
     only : names of all requested quantities; None requests all. Forces, which take longer than the
@@ -535,9 +535,13 @@ def solve(
         "guide3_x": guide3_x,
         "guide3_y": guide3_y,
     }
-    check_parameters(**lengths, mode=mode, modes=MODES)
+    check_parameters(**lengths)
+    check_one_of(MODES, mode=mode)
     check_not_negative(platform_mass=platform_mass, leg_mass=leg_mass, slider_mass=slider_mass)
-    shape, (s, ds, dds) = broadcast_inputs(sliders, rate, acceleration)
+    check_number(gravity=gravity)
+    shape, (s, ds, dds) = flatten_motion(sliders=sliders, rate=rate, acceleration=acceleration)
+    loads_at_p = broadcast_loads(shape, load_x=load_x, load_y=load_y, load_moment=load_moment)
+    across, up, turning = (load.ravel() for load in loads_at_p)
     point, psi, singularity = _choose_pose(s, mode, lengths)
     e, arm = leg_vectors(
         guide_origins(guide2_x, guide3_x, guide3_y) + s * GUIDE_DIRECTIONS, point, psi, side
@@ -559,9 +563,6 @@ def solve(
             )  # of the legs
             force = platform_mass * (inertia * (a + spin * middle) + lift)
             moment = cross(middle, force) + inertia * platform_mass * side**2 / 12.0 * dw
-            across, up, turning = (
-                np.asarray(part, float) for part in (load_x, load_y, load_moment)
-            )
             force, moment = force - (across + 1j * up), moment - turning
             holding_force = slider_mass * dot(ends[0], GUIDE_DIRECTIONS)
             for k in range(3):  # virtual work for a unit rate of slider k
@@ -696,8 +697,10 @@ def circle(
            [-0.011688,  0.188312],
            [ 0.106135,  0.22265 ]])
     """
-    if not 0.0 < period < np.inf:
-        raise ValueError(f"period must be positive and finite [s], got {period}")
+    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
+    check_positive("s", period=period)
+    check_number(centre_x=centre_x, centre_y=centre_y, radius=radius, psi=psi, swing=swing)
+    check_finite(time=time)
     w = 2.0 * np.pi / period
     turn = np.exp(1j * w * np.asarray(time, float))
     swung = swing * turn

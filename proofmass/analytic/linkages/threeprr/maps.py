@@ -14,12 +14,19 @@ from proofmass.analytic.linkages.regions import (
     join_regions,
 )
 from proofmass.analytic.linkages.threeprr.kinematics import (
-    SIGNS,
     UNIT_CORNERS,
     check_parameters,
     cross,
+    signs_of_mode,
 )
-from proofmass.analytic.numerics import TURN, Array, Complex
+from proofmass.analytic.numerics import (
+    TURN,
+    Array,
+    Complex,
+    broadcast_motion,
+    check_finite,
+    check_number,
+)
 
 CURVE_SAMPLES = 721
 """Number of samples of a singular curve, which may leave the slice once between two of them."""
@@ -80,6 +87,9 @@ class WorkspaceSlice:
     robot: RobotLengths
     psi: float
 
+    def __post_init__(self) -> None:
+        check_number(psi=self.psi)
+
     @property
     def arms(self) -> Complex:
         """Vectors from P to the three corners, (3,) [m]."""
@@ -104,7 +114,7 @@ class WorkspaceSlice:
 
     def level(self, y: Array, mode: int) -> Complex:
         """Vector w (...) [m^3] at heights y [m]: leg^3 side singularity is w x e3."""
-        first, second, _ = SIGNS[mode - 1]
+        first, second, _ = signs_of_mode(mode)
         arms, leg = self.arms, self.robot.leg
         other = y + arms[1].imag
         e1 = first * np.sqrt(np.maximum(leg**2 - y**2, 0.0)) + 1j * y
@@ -115,7 +125,7 @@ class WorkspaceSlice:
         """Vector e3 of leg 3 (...) [m] for P at x [m]."""
         across = x + self.arms[2].real - self.robot.guide3_x
         along = np.sqrt(np.maximum(self.robot.leg**2 - across**2, 0.0))
-        return np.asarray(across - 1j * SIGNS[mode - 1][2] * along)
+        return np.asarray(across - 1j * signs_of_mode(mode)[2] * along)
 
     def singularity(self, x: Array, y: Array, mode: int) -> Array:
         """Singularity measure of `solve_inverse` (...) at points (...) [m]; zero is type 2."""
@@ -146,7 +156,7 @@ def type_2_of_slice(part: WorkspaceSlice, mode: int) -> list[CurvePiece]:
     low, high = part.y
     if high <= low:
         return []
-    leg, side = part.robot.leg, SIGNS[mode - 1][2]
+    leg, side = part.robot.leg, signs_of_mode(mode)[2]
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     center = part.robot.guide3_x - part.arms[2].real
 
@@ -261,7 +271,7 @@ def angles_of_place(x: ArrayLike, y: ArrayLike, robot: RobotLengths) -> Array:
     >>> angles_of_place([1.5, 9.0], [0.2, 0.2], RobotLengths(0.5, 1.0, 3.0, 1.5, 2.0)).round(6)
     array([6.283185, 0.      ])
     """
-    px, py = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    px, py = broadcast_motion(x=x, y=y)
     leg, side, tilt = robot.leg, robot.side, np.pi / 3.0
     with np.errstate(invalid="ignore"):  # arcsin or arccos without a value
         rise = np.arcsin((np.array([-leg, leg]) - py[..., None]) / side)
@@ -277,16 +287,17 @@ def angles_of_place(x: ArrayLike, y: ArrayLike, robot: RobotLengths) -> Array:
 
 
 def reach_of_place(y: ArrayLike, robot: RobotLengths) -> Array:
-    """Intervals of x [m] that P reaches at some angle, at heights y (n,): two of them, (n, 2, 2).
+    """Two intervals of x [m] that P reaches at some angle, (..., 2, 2), at heights y [m] (...).
 
     At a given height psi lies in one of two arcs, about 0 and about half a turn.  For each arc, x
     has the range of guide3_x - side cos(psi + 60 deg), extended by the length of a leg on both
     sides.  Intervals that overlap are joined, and the second one is then NaN; both are NaN where no
     point is reached.
     """
+    check_finite(y=y)
     height, leg, side = np.asarray(y, float), robot.leg, robot.side
     low, high = (np.arcsin(np.clip((end - height) / side, -1.0, 1.0)) for end in (-leg, leg))
-    found = np.empty((height.size, 2, 2))
+    found = np.empty((*height.shape, 2, 2))
     for k, (first, last, peak) in enumerate(
         ((low, high, -np.pi / 3.0), (np.pi - high, np.pi - low, 2.0 * np.pi / 3.0))
     ):
@@ -294,9 +305,9 @@ def reach_of_place(y: ArrayLike, robot: RobotLengths) -> Array:
         within = (first <= peak) & (peak <= last)
         most = np.where(within & (peak < 0.0), 1.0, ends.max(axis=0))
         least = np.where(within & (peak > 0.0), -1.0, ends.min(axis=0))
-        found[:, k] = np.stack([-side * most - leg, -side * least + leg], axis=1)
-    overlap = found[:, :, 0].max(axis=1) <= found[:, :, 1].min(axis=1)
-    whole = np.stack([found[:, :, 0].min(axis=1), found[:, :, 1].max(axis=1)], axis=1)
+        found[..., k, :] = np.stack([-side * most - leg, -side * least + leg], axis=-1)
+    overlap = found[..., 0].max(axis=-1) <= found[..., 1].min(axis=-1)
+    whole = np.stack([found[..., 0].min(axis=-1), found[..., 1].max(axis=-1)], axis=-1)
     found[overlap, 0], found[overlap, 1] = whole[overlap], np.nan
     found[(np.abs(height) > leg) | (height - leg > side) | (height + leg < -side)] = np.nan
     return found + robot.guide3_x
