@@ -23,12 +23,12 @@ from proofmass.analytic.newton_raphson import (
     newton_raphson,
 )
 from proofmass.analytic.numerics import (
+    TURN,
     Array,
     Complex,
     broadcast_loads,
     broadcast_motion,
     check_finite,
-    check_not_negative,
     check_number,
     check_one_of,
     check_positive,
@@ -94,17 +94,14 @@ def solve(
                          `P                          O-S polar length r1, angle theta1
                      crank O
 
-    The loop r1 = r2 + r3 with S on the guide gives, with e = offset - r2 sin(theta2) and
-    q = r3 cos(theta3) = -mode sqrt((r3 + e)(r3 - e))::
+    It is a slider-crank with a level guide, see `slider_crank.solve`: theta3 is the angle of the
+    coupler, and x the slide. The polar length and its angle follow from x and the offset h::
 
-        sin(theta3) = e/r3             theta3' = -theta2' r2 cos(theta2)/q
-        theta3'' = (r2 sin(theta2) theta2'^2 + e theta3'^2 - theta2'' r2 cos(theta2))/q
-        x = r2 cos(theta2) + q         x' = -r2 sin(theta2) theta2' - e theta3'
-        x'' = -r2 (cos(theta2) theta2'^2 + sin(theta2) theta2'') - q theta3'^2 - e theta3''
-        r1 = -hypot(x, offset)         theta1 = atan2(-offset, -x)
+        r1 = -hypot(x, h)              theta1 = atan2(-h, -x)
+        r1' = x x'/r1                  r1'' = (x x'' + (h x'/r1)^2)/r1
+        theta1' = -h x'/r1^2           theta1'' = h (2 x x'^2/r1^2 - x'')/r1^2
 
-    Moment and forces are those of a slider-crank, see `slider_crank.solve`. At rest, virtual work
-    gives the moment of the weights, less cutting_force dx/dtheta2.
+    At rest, virtual work gives the moment of the weights, less cutting_force dx/dtheta2.
 
     r1 is negative by the report's convention, so that theta1 points away from the slider: with the
     slider on the left theta1 lies in (-pi/2, 0). r1' and r1'' are not the velocity x' and the
@@ -115,9 +112,10 @@ def solve(
     angle, rate, acceleration : crank angle theta2 [rad], its first [rad/s] and second [rad/s^2]
         time derivative, (...) broadcast together
     crank, coupler : lengths r2, r3 between pins [m]
-    offset : height of the guide above the crank axis [m], of either sign
-    mode : +1 slider left of the crank pin, theta3 = pi - asin(e/r3) (the report's); -1 right of
-        it, theta3 = asin(e/r3)
+    offset : height h of the guide above the crank axis [m], of either sign
+    mode : +1 slider left of the crank pin, theta3 = pi - asin((h - r2 sin(theta2))/r3) (the
+        report's); -1 right of it, theta3 = asin(..). With a change point, coupler = crank +
+        |offset|: where theta2 = 0, as in `slider_crank.solve`
     cutting_force : force on the slider along +x [N], a constant or (...)
     crank_mass, coupler_mass, slider_mass : uniform bars and slider [kg]
     gravity : along -y [m/s^2]
@@ -140,10 +138,12 @@ def solve(
 
     Notes
     -----
-    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler is vertical
-    (|e| = r3), those of r1 and theta1 also where the slider meets the axis. theta1 is continuous
-    through x = 0, where the report's acot(x/offset) jumps by pi and r1 changes sign. Source: power
-    hacksaw report, Universidad Nacional de Colombia, text lines 300-338 (loop), 530-543 (solution).
+    Loop residual below 1e-14 of the lengths. Rates are not finite where the coupler is vertical,
+    except at a change point, and those of r1 and theta1 where the slider meets the axis. theta3
+    starts in [0, 2 pi) for mode +1 and in [-pi, pi] for mode -1, and is unwrapped. theta1 is
+    continuous through x = 0, where the report's acot(x/offset) jumps by pi and r1 changes sign.
+    Source: power hacksaw report, Universidad Nacional de Colombia, text lines 300-338 (loop),
+    530-543 (solution).
     Misprints: lines 300 and 302 print the coupler terms with theta2 for theta3; lines 533-534
     print the formula of theta3' for r1 and that of theta1 for theta3'.
 
@@ -153,71 +153,49 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("r1", "theta1", "theta3")]
     [-0.099672, -0.468422, 2.873694]
     """
-    check_number(offset=offset, gravity=gravity)
-    check_positive(crank=crank, coupler=coupler)
+    check_number(offset=offset)
     check_one_of(MODES, mode=mode)
-    check_not_negative(crank_mass=crank_mass, coupler_mass=coupler_mass, slider_mass=slider_mass)
-    theta, w, dw = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
-    broadcast_loads(theta.shape, cutting_force=cutting_force)
-    px, py, q = _close_loop(theta, crank, coupler, offset, mode)
-    e, x, square = offset - py, px + q, (px + q) ** 2 + offset**2
-    with np.errstate(divide="ignore", invalid="ignore"):  # upright: inf or nan, as documented
-        w3 = -w * px / q
-        dw3 = (py * w**2 + e * w3**2 - dw * px) / q
-        v = -py * w - e * w3
-        a = -px * w**2 - py * dw - q * w3**2 - e * dw3
+    shape = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)[0].shape
+    broadcast_loads(shape, cutting_force=cutting_force)
+    motion = slider_crank.solve(
+        angle,
+        rate,
+        acceleration,
+        crank=crank,
+        coupler=coupler,
+        guide_y=offset,
+        mode=-mode,  # there +1 is ahead of the crank pin along the guide
+        crank_mass=crank_mass,
+        coupler_mass=coupler_mass,
+        slider_mass=slider_mass,
+        slider_load=cutting_force,
+        gravity=gravity,
+        inertia=inertia,
+        only=None if only is None else {"slide_rate", *only},  # rates, not positions alone
+    )
+    x, v, a = (motion[f"slide{part}"] for part in ("", "_rate", "_acceleration"))
+    theta3 = np.atleast_1d(motion["coupler_angle"])
+    if mode > 0:
+        theta3 = theta3 + TURN * (theta3[..., :1] < 0.0)
+    square = x**2 + offset**2
+    with np.errstate(divide="ignore", invalid="ignore"):  # on the axis, upright: as documented
         r1 = -np.sqrt(square)
         curves = {
             "r1": r1,
-            "theta1": np.arctan2(-offset, -x),
             "r1_rate": x * v / r1,
             "r1_acceleration": (x * a + (v * offset) ** 2 / square) / r1,
+            "theta1": np.arctan2(-offset, -x),
             "theta1_rate": -offset * v / square,
             "theta1_acceleration": offset * (2.0 * x * v**2 / square - a) / square,
-            "theta3": np.arctan2(e, np.abs(q)) if mode < 0 else np.pi - np.arctan2(e, np.abs(q)),
-            "theta3_rate": w3,
-            "theta3_acceleration": dw3,
+            "theta3": theta3.reshape(shape),
+            "theta3_rate": motion["coupler_rate"],
+            "theta3_acceleration": motion["coupler_acceleration"],
             "slider_x": x,
             "slider_velocity": v,
             "slider_acceleration": a,
         }
-    if is_requested(only, *LOAD_ENDINGS):
-        loads = slider_crank.solve(
-            theta,
-            w,
-            dw,
-            crank=crank,
-            coupler=coupler,
-            guide_y=offset,
-            mode=-mode,  # there +1 is ahead of the crank pin along the guide
-            crank_mass=crank_mass,
-            coupler_mass=coupler_mass,
-            slider_mass=slider_mass,
-            slider_load=cutting_force,
-            gravity=gravity,
-            inertia=inertia,
-            only=only,
-        )
-        curves |= {
-            name: curve for name, curve in loads.items() if is_requested({name}, *LOAD_ENDINGS)
-        }
-    return {name: np.asarray(curve) for name, curve in curves.items()}
-
-
-def _close_loop(
-    theta: Array, crank: float, coupler: float, offset: float, mode: int
-) -> tuple[Array, Array, Array]:
-    """Crank pin and horizontal part q of the coupler, or a ValueError if it misses the guide."""
-    px, py = crank * np.cos(theta), crank * np.sin(theta)
-    rise, distance = offset - py, np.abs(offset - py) - coupler
-    rounding = 1e-15 * (crank + coupler + abs(offset))  # rounding error of the distance
-    if not distance.max(initial=0.0) <= rounding:
-        bad = np.unravel_index(np.argmin(distance <= rounding), distance.shape)
-        raise ValueError(
-            f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
-            f"the guide by {distance[bad]:.6g} m"
-        )
-    return px, py, -mode * np.sqrt(np.maximum((coupler + rise) * (coupler - rise), 0.0))
+    loads = {name: curve for name, curve in motion.items() if is_requested({name}, *LOAD_ENDINGS)}
+    return {name: np.asarray(curve) for name, curve in (curves | loads).items()}
 
 
 def turn_time(peak: float = 5.0) -> float:

@@ -319,7 +319,7 @@ def test_an_unreachable_angle_is_named_with_its_violation():
         hacksaw.solve([0.0, np.pi / 2], 1.0, 0.0, **{**short, "offset": -0.045})
     with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):
         hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short)
-    with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):  # no slider-crank is solved
+    with pytest.raises(ValueError, match=r"by 5\.\d+e-11 m"):
         hacksaw.solve(limit - 1e-9, 1.0, 0.0, **short, only={"r1"})
     for length in np.linspace(0.1, 0.119, 200):  # coupler upright: some miss the guide by rounding
         hacksaw.solve(np.arcsin((0.045 - length) / 0.075), 0.0, 0.0, **{**short, "coupler": length})
@@ -395,6 +395,31 @@ def test_ground_carries_weight_and_inertia_of_all_bodies(mode):
     np.testing.assert_allclose(
         found["guide_force_x"], MASSES_AND_LOADS["cutting_force"], atol=1e-12, rtol=0
     )
+
+
+@MODES
+@pytest.mark.parametrize("offset", [0.045, -0.045])
+def test_motion_and_moment_are_smooth_through_a_change_point(offset, mode):
+    """The coupler is upright once in a turn, without a reversal, so that the cycle is two turns."""
+    link = {**LINK, "coupler": LINK["crank"] + abs(offset), "offset": offset}
+    two_turns = 2.0 * GRID, np.full(GRID.size, 2.0), np.zeros(GRID.size)
+    found = hacksaw.solve(*two_turns, **link, mode=mode, **MASSES_AND_LOADS)
+    for order, rows in enumerate(residuals(two_turns, found, link)):
+        # rounding, times the ratio of 4 of a rate of the coupler to that of the crank
+        assert np.abs(rows).max() <= 1e-15 * 4.0**order
+    names = ("r1", "theta1", "theta3", "slider_x")
+    rates = ("r1_rate", "theta1_rate", "theta3_rate", "slider_velocity")
+    seconds = (*(f"{name}_acceleration" for name in names[:3]), "slider_acceleration")
+    for value, rate, second in zip(names, rates, seconds, strict=True):
+        assert_close(derivative(found[value]), found[rate], 1e-9)  # as for random links
+        assert_close(derivative(found[rate]), found[second], 1e-9)
+    mass, gravity = (
+        MASSES_AND_LOADS["crank_mass"] + MASSES_AND_LOADS["coupler_mass"],
+        MASSES_AND_LOADS["gravity"],
+    )
+    potential = 0.5 * mass * gravity * link["crank"] * np.sin(2.0 * GRID)
+    potential -= MASSES_AND_LOADS["cutting_force"] * found["slider_x"]
+    assert_close(derivative(potential), 2.0 * found["holding_moment"], 1e-9)
 
 
 def test_masses_change_moments_but_not_the_motion():

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from proofmass.analytic.linkages import fourbar, hacksaw, slider_crank
+from proofmass.analytic.linkages import fourbar, slider_crank
 from tests.analytic.linkages.spectral import assert_close, derivative
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "slider_cranks.json").read_text())
@@ -169,22 +169,6 @@ def test_modes_are_mirror_images_about_the_normal(mode):
     for name in ("slide", "slide_rate", "slide_acceleration"):
         # rounding of pi - angle, through slopes of up to 5
         np.testing.assert_allclose(image[name], -pose[name], rtol=0, atol=1e-14)
-
-
-@MODES
-def test_the_hacksaw_is_a_slider_crank(mode):
-    link = {"crank": 0.075, "coupler": 0.170}
-    pose = slider_crank.solve(*CRANK_PROFILE, **link, guide_y=0.045, mode=mode)
-    saw = hacksaw.solve(*CRANK_PROFILE, **link, offset=0.045, mode=-mode)
-    # eps times slopes of up to 10 near the leaning coupler: the formulas differ
-    for name, other in (
-        ("slide", "slider_x"),
-        ("slide_rate", "slider_velocity"),
-        ("slide_acceleration", "slider_acceleration"),
-        ("coupler_rate", "theta3_rate"),
-        ("coupler_acceleration", "theta3_acceleration"),
-    ):
-        np.testing.assert_allclose(pose[name], saw[other], rtol=0, atol=5e-15)
 
 
 def test_a_four_bar_with_a_long_rocker_is_a_slider_crank():
