@@ -6,6 +6,7 @@ and range of the transmission angle.
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -262,12 +263,14 @@ def assembly_margins(
     """
     rounding = rounding_of_sum(crank, coupler, rocker, ground)
 
-    def difference(x: float, y: float) -> float:
-        return 0.0 if abs(x - y) <= rounding else (x - y) * (x + y)
+    def product(*factors: tuple[float, ...]) -> float:
+        # sums rounded once: the bars may nearly be in line
+        one, other = map(fsum, factors)
+        return 0.0 if min(abs(one), abs(other)) <= rounding else one * other
 
     return (
-        difference(coupler + rocker, crank + ground),
-        difference(abs(crank - ground), abs(coupler - rocker)),
+        product((coupler, rocker, -crank, -ground), (coupler, rocker, crank, ground)),
+        product((crank, -ground, coupler, -rocker), (crank, -ground, -coupler, rocker)),
     )
 
 

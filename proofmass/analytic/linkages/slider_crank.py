@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -365,7 +366,8 @@ def _close_loop(
     """
     half = np.pi / 4.0 - (theta - guide_angle) / 2.0
     swings = np.sqrt(2.0 * crank) * np.sin(half), np.sqrt(2.0 * crank) * np.cos(half)
-    margins = coupler + offset - crank, coupler - offset - crank
+    # sums rounded once: the coupler may nearly be perpendicular to the guide
+    margins = fsum((coupler, offset, -crank)), fsum((coupler, -offset, -crank))
     squares = [m + x * x for m, x in zip(margins, swings, strict=True)]
     if not all(-square.min(initial=0.0) <= rounding for square in squares):
         distance = -np.minimum(*squares)

@@ -1,5 +1,7 @@
 """Motion of the four-bar through change points: all bars are in line, both assembly modes meet."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -135,3 +137,18 @@ def test_dead_centres_leave_out_the_change_point():
     pose = fourbar.solve(turns[0], **OUTER)
     assert pose["rocker_rate"] == pytest.approx(0.0, abs=1e-15)  # rounding
     assert pose["rocker_angle"] == pytest.approx(ends[0], abs=1e-15)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-7, 1e-12])
+@pytest.mark.parametrize("link", [OUTER, INNER], ids=["outer", "inner"])
+def test_margins_have_all_digits_next_to_a_change_point(link, gap):
+    """Sums of lengths that were rounded before their difference left 2e-3 of the pin's height."""
+    near = {**link, "rocker": link["rocker"] + (gap if link is OUTER else -gap)}
+    crank, coupler, rocker, ground = map(Fraction, near.values())
+    exact = (
+        (coupler + rocker) ** 2 - (crank + ground) ** 2,
+        (crank - ground) ** 2 - (coupler - rocker) ** 2,
+    )
+    found = fourbar.assembly_margins(**near)
+    # rounding of two sums and of a product
+    np.testing.assert_allclose(found, [float(one) for one in exact], rtol=4e-16)

@@ -1,5 +1,7 @@
 """Slider-crank closed form at its limits: dead points, change points, poses that do not close."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,15 @@ def test_shapes_broadcast():
     pose = slider_crank.solve(np.zeros((3, 1)), np.ones(4), **LINK)
     assert {curve.shape for curve in pose.values()} == {(3, 4)}
     assert {curve.shape for curve in slider_crank.solve(0.0, **LINK).values()} == {()}
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-7, 1e-11])
+@pytest.mark.parametrize("offset", [0.3, -0.3])
+def test_the_slide_has_all_digits_where_the_coupler_is_nearly_upright(offset, gap):
+    """Exact by Pythagoras: the axis is 1 + |offset| from the pin's foot on the guide."""
+    coupler = 1.0 + abs(offset) + gap
+    angle = -np.copysign(np.pi / 2, offset)
+    pose = slider_crank.solve(angle, crank=1.0, coupler=coupler, guide_y=offset)
+    exact = float(Fraction(coupler) ** 2 - (1 + abs(Fraction(offset))) ** 2) ** 0.5
+    # 6e-17 is the cosine of the rounded right angle; 4e-16 the rounding of sums and roots
+    assert pose["slide"] == pytest.approx(exact, rel=4e-16, abs=1e-16)
