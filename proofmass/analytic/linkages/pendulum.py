@@ -98,18 +98,26 @@ def _frequency(length: float, gravity: float, amplitude: float) -> float:
 
 
 def _jacobi(u: Array, k: float, k_prime: float) -> tuple[Array, Array, Array]:
-    """Jacobi sn, cn, dn of modulus k, with `k_prime` sqrt(1 - k^2), by the AGM (DLMF 22.20(ii))."""
+    """Jacobi sn, cn, dn of modulus k, with `k_prime` sqrt(1 - k^2), by the AGM.
+
+    Gauss's transformation (DLMF 22.7(i)) leads from a modulus to a smaller one. 1 - k1 sn^2 is
+    computed as (1 - k1) + k1 cn^2, without a difference of nearly equal numbers for k1 near 1.
+    """
     a, b, c = 1.0, k_prime, k
-    ratios = []
+    moduli = []  # smaller ones, k1 and 1 - k1
     while abs(c) > np.finfo(float).eps * a:
-        a, b, c = 0.5 * (a + b), np.sqrt(a * b), 0.25 * c * c / (0.5 * (a + b))
-        ratios.append(c / a)
+        mean = 0.5 * (a + b)
+        a, b, c, rest = mean, np.sqrt(a * b), 0.25 * c * c / mean, b / mean
+        moduli.append((c / a, rest))
     quarter = 0.5 * np.pi / a
     count = np.rint(u / quarter)
-    phase = np.ldexp(a * (u - count * quarter), len(ratios))
-    for ratio in reversed(ratios):
-        phase = 0.5 * (phase + np.arcsin(ratio * np.sin(phase)))
-    sn, cn = np.sin(phase), np.cos(phase)
+    phase = a * (u - count * quarter)
+    sn, cn, dn = np.sin(phase), np.cos(phase), np.ones_like(phase)
+    for k1, rest in reversed(moduli):
+        whole = 1.0 + k1 * sn * sn
+        sn, cn, dn = (1.0 + k1) * sn / whole, cn * dn / whole, (rest + k1 * cn * cn) / whole
+    size = np.hypot(sn, cn)
+    sn, cn = sn / size, cn / size  # 1 but for rounding, which the energy would show
     dn = np.hypot(k_prime, k * cn)
     odd, sign = count % 2 == 1, 1.0 - 2.0 * (count // 2 % 2)
     # Shift by quarter periods (DLMF 22.4(iii)): cn and dn near their zero keep their digits.

@@ -104,7 +104,7 @@ def test_scipy_elliptic_functions_agree(amplitude):
     assert period(amplitude) == pytest.approx(4 * ellipk(k * k) / frequency, rel=1e-13, abs=0)
 
 
-@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
 def test_period_and_motion_for_amplitudes_close_to_half_a_turn(gap):
     amplitude = np.pi - gap
     gap = np.pi - amplitude + 1.2246467991473532e-16  # digits of pi lost in its double
