@@ -194,6 +194,7 @@ CALLS = [
 NO_NUMBERS = {
     "assembly_margins",
     "apply_play",
+    "jacobi_functions",
     "aspects",
     "aspects_of_slice",
     "reach",

@@ -98,6 +98,20 @@ def test_small_amplitudes_fall_like_a_bouncing_ball():
     assert found == pytest.approx(np.sqrt(2 * small / (squared * np.sin(alpha))), rel=1e-6)
 
 
+@pytest.mark.parametrize("alpha", [0.5, 1e-3, 1e-6])
+def test_angles_of_small_amplitudes_have_all_digits(alpha):
+    """Against the power series in time of the angle y = alpha - theta, y'' = p^2 sin(y)."""
+    width, height, tilt = np.tan(alpha), 1.0, 1e-7 * alpha
+    squared = 1.5 * GRAVITY / np.hypot(width, height)
+    end = rocking_block.time_to_impact(width=width, height=height, tilt=tilt)
+    time = np.linspace(0.0, 0.999 * end, 50)
+    found = rocking_block.solve(time, width=width, height=height, tilt=tilt)
+    square, start = squared * time**2, np.arctan(width) - tilt
+    turned = np.sin(start) * (square / 2.0 + np.cos(start) * square**2 / 24.0)
+    # the next term is about the square of tilt/alpha; rounding of the time of impact
+    np.testing.assert_allclose(found["angle"], tilt - turned, rtol=0, atol=2e-14 * tilt)
+
+
 def test_a_block_comes_to_rest():
     late = rocking_block.solve([50.0, 60.0], width=0.1, height=0.4, tilt=0.1)
     for name in ("angle", "rate", "centre_x"):
