@@ -6,8 +6,10 @@ sweep, which is the last axis. Other modules of this package compute further pro
 mechanism: Grashof's classes, workspaces, all poses of a platform.
 
 Closed forms consist of formulas only, so that their error is rounding, and need only numpy and
-scipy. `planar` solves any planar linkage of an MJCF by iteration and integration; `spatial`
-integrates any mechanism in space whose equalities are exact.
+scipy. Those of linkages and contacts refuse numbers that are not finite or larger than
+`numerics.LARGEST` with a ValueError that names them. `planar` solves any planar linkage of an MJCF
+by iteration and integration; `spatial` integrates any mechanism in space whose equalities are
+exact.
 """
 
 REFERENCES = {

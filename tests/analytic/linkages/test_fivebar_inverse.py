@@ -246,6 +246,8 @@ def test_unassembled_share_is_that_of_counting_and_of_known_cases():
     assert fivebar.unassembled_share(**always) == pytest.approx(0.0, abs=1e-14)
     never = {**always, "left_coupler": 9.0}
     assert fivebar.unassembled_share(**never) == 1.0
+    equal = dict.fromkeys(THESIS, 1.0)  # coaxial cranks, with 0/0 where the clipping would begin
+    assert fivebar.unassembled_share(**equal) == pytest.approx(0.0, abs=1e-14)
 
 
 @settings(derandomize=True, max_examples=50, deadline=None)

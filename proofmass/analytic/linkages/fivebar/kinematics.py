@@ -413,7 +413,7 @@ def unassembled_share(
         (left_coupler + right_coupler, abs(left_coupler - right_coupler)),
     )
     kink_distances = np.array([right_crank + sign * x for x in limits for sign in (1, -1)])
-    with np.errstate(divide="ignore"):  # ground = 0: S is constant
+    with np.errstate(divide="ignore", invalid="ignore"):  # ground = 0: S is constant
         cosines = (ground**2 + left_crank**2 - kink_distances**2) / (2.0 * ground * left_crank)
     knots = np.array([0.0, *np.sort(np.arccos(cosines[np.abs(cosines) < 1.0])), np.pi])
     nodes, weights = np.polynomial.legendre.leggauss(64)
@@ -421,8 +421,14 @@ def unassembled_share(
     half = 0.5 * np.diff(knots)[:, None]
     angle = knots[:-1, None] + half * (1.0 - np.cos(u))
     s = np.abs(ground - left_crank * np.exp(1j * angle))
+    far, near = s + right_crank, np.abs(s - right_crank)
+    # not arccos, which has half of the digits where a circle is touched at all left angles
     over, under = (
-        np.arccos(np.clip((s**2 + right_crank**2 - x**2) / (2.0 * s * right_crank), -1.0, 1.0))
+        2.0
+        * np.arctan2(
+            np.sqrt(np.maximum((x - near) * (x + near), 0.0)),
+            np.sqrt(np.maximum((far - x) * (far + x), 0.0)),
+        )
         for x in limits
     )
     assembled = np.sum((over - under) / np.pi * half * np.sin(u) * weights) / 2.0
