@@ -281,6 +281,8 @@ def newton_sweep(
     NotConverged
         A ValueError: there is no root after 50 iterations. The message gives the first such angle.
         The cause may be a loop that cannot be closed, a length of zero or a poor guess.
+    ValueError
+        A value not finite.
 
     Notes
     -----
@@ -295,9 +297,10 @@ def newton_sweep(
     >>> [round(float(r1), 6) for r1 in sweep["r1"]]
     [-0.099672, -0.100635]
     """
-    crank_motions = np.stack(np.broadcast_arrays(angle, rate, acceleration), -1, dtype=float)
+    check_number(crank=crank, coupler=coupler, offset=offset)
+    crank_motions = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
     x, rows = np.asarray(guess, float), []
-    for crank_motion in crank_motions:
+    for crank_motion in np.stack(crank_motions, axis=-1):
         try:
             x, logs = newton_pose(
                 crank_motion,
@@ -314,7 +317,8 @@ def newton_sweep(
             raise type(error)(f"at angle {crank_motion[0]:.9g} rad: {error}", error.log) from None
         last = max(float(np.linalg.norm(np.diff(log.iterates[-2:], axis=0))) for log in logs)
         rows.append([*x, sum(log.iterations for log in logs), last])
-    return dict(zip((*UNKNOWNS, "iterations", "last_step"), np.array(rows).T, strict=True))
+    names = *UNKNOWNS, "iterations", "last_step"
+    return dict(zip(names, np.reshape(rows, (-1, len(names))).T, strict=True))
 
 
 def newton_pose(

@@ -183,7 +183,7 @@ def sweep(
         q = assemble(linkage, q).root
         v = velocities(linkage, q, rates)
         poses.append((q, v, accelerations(linkage, q, v, input_accelerations)))
-    return np.swapaxes(poses, 0, 1)
+    return np.swapaxes(np.reshape(poses, (-1, 3, q.size)), 0, 1)
 
 
 def moving(k: int, size: int) -> AffinePoint:

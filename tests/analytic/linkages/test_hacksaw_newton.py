@@ -155,6 +155,18 @@ def test_four_branches_at_the_start():
     assert len(found) == 4
 
 
+@pytest.mark.parametrize("name", ["angle", "rate", "acceleration", "crank", "offset"])
+def test_a_sweep_refuses_a_number_that_is_not_finite(name):
+    arguments = {"angle": [0.0, 0.1], "rate": 0.0, "acceleration": 0.0, **LINK}
+    with pytest.raises(ValueError, match=f"^{name} must be finite"):
+        hacksaw.newton_sweep(**{**arguments, name: np.nan})
+
+
+def test_a_sweep_without_poses_has_no_rows():
+    sweep = hacksaw.newton_sweep([], 0.0, 0.0, **LINK)
+    assert {curve.shape for curve in sweep.values()} == {(0,)}
+
+
 def test_a_loop_that_cannot_close_names_its_angle():
     limit = np.arcsin((0.045 - 0.1) / 0.075)  # beyond it the coupler does not reach the guide
     law = np.linspace(0.0, 2.0 * limit, 20)

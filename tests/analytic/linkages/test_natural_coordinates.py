@@ -379,6 +379,11 @@ def test_jacobian_and_bias_of_rows_of_angles_are_derivatives(linkage):
     np.testing.assert_allclose(bias[:rows], turn @ rates, rtol=0, atol=1e-8)
 
 
+def test_a_sweep_without_poses_has_no_rows():
+    found = scheme.sweep(scheme.fourbar(**BAR), (*GUESS, 0.0), [], [1.0], [0.0])
+    assert found.shape == (3, 0, 5)
+
+
 def test_a_start_of_another_length_names_the_coordinates():
     with pytest.raises(ValueError, match=r"start must be X1, Y1, X2, Y2, theta, got .* \(4,\)"):
         scheme.assemble(scheme.EXAMPLES["four-bar"][0], (0.1, 1.0, 1.0, 0.2))
