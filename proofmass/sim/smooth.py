@@ -50,6 +50,10 @@ class SmoothTerms:
             mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key(start).id)
         self.ctrl = self.data.ctrl.copy()
         self.order, self.ties = self.rows()
+        self.equality_of_row = np.repeat(
+            equalities := np.flatnonzero(self.model.eq_active0),
+            [ROWS_PER_EQUALITY[EQ(int(self.model.eq_type[e]))] for e in equalities],
+        )
         self.ties_with_drift = [tie for tie in self.ties if self.has_drift(tie[0])]
         self.rows_without_drift = [row for e, row in self.ties if not self.has_drift(e)]
 
@@ -78,11 +82,25 @@ class SmoothTerms:
         """Violation and Jacobian of equalities at a pose (poses,): (rows,), (rows, rates) [SI]."""
         self.data.qpos[:] = q
         mujoco.mj_fwdPosition(self.model, self.data)
-        return self.data.efc_pos[self.order], self.jacobian()
+        return self.all_rows(self.data.efc_pos)[self.order], self.jacobian()
 
     def jacobian(self) -> Array:
         """Jacobian of the equalities at the present pose (rows, rates) [SI]."""
-        return np.asarray(self.data.efc_J.reshape(self.data.nefc, self.model.nv)[self.order])
+        count, rates = self.data.nefc, self.model.nv
+        found = self.data.efc_J[: count * rates].reshape(count, rates)
+        return self.all_rows(found)[self.order]
+
+    def all_rows(self, values: Array) -> Array:
+        """Values of all rows in MuJoCo's order, from those of the rows that MuJoCo has.
+
+        MuJoCo leaves out an equality whose Jacobian is zero: its rows are zero.
+        """
+        count = self.data.nefc  # arrays keep the rows of the pose before if there are none
+        if count == self.order.size:
+            return values
+        found = np.zeros((self.order.size, *values.shape[1:]))
+        found[np.isin(self.equality_of_row, self.data.efc_id[:count])] = values[:count]
+        return found
 
     def acceleration(self, q: Array, v: Array, ctrl: Array | None = None) -> Array:
         """Accelerations (rates,) of a tree without equalities [SI]."""
@@ -98,7 +116,7 @@ class SmoothTerms:
         mujoco.mj_fullM(model, data, mass)
         # MuJoCo's reference acceleration is the sum of damping, stiffness and -J-dot-v
         damping, gain = data.efc_KBIP[:, 1], data.efc_KBIP[:, 0] * data.efc_KBIP[:, 2]
-        drift = data.efc_aref + damping * data.efc_vel + gain * data.efc_pos
+        drift = self.all_rows(data.efc_aref + damping * data.efc_vel + gain * data.efc_pos)
         drift[self.rows_without_drift] = 0.0
         for e, row in self.ties_with_drift:
             drift[row] = self.tie_drift(e, v)
@@ -106,7 +124,7 @@ class SmoothTerms:
             mass,
             data.qfrc_bias.copy(),
             data.qfrc_passive + data.qfrc_actuator,
-            data.efc_pos[self.order],
+            self.all_rows(data.efc_pos)[self.order],
             self.jacobian(),
             drift[self.order],
         )

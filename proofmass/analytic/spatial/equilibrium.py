@@ -55,16 +55,6 @@ class TreeAtRest:
         )
 
     @cached_property
-    def row_sizes(self) -> Array:
-        """Units of the violations of the equalities (rows,) [rad or m]."""
-        tree = self.tree
-        ties = [
-            tree.size if tie.tendons else float(self.sizes[tree.joints[tie.one].rate])
-            for tie in tree.ties
-        ]
-        return np.array([tree.size] * (tree.rows - len(ties)) + ties)
-
-    @cached_property
     def closed(self) -> tuple[Array, float]:
         """The start pose (poses,) with closed equalities, and their largest violation before."""
         q, _, gap = ConstrainedTree(self.tree, OwnTerms(self.tree)).start()
@@ -113,8 +103,8 @@ class TreeAtRest:
         The third array has the violations of the equalities (n, rows) [rad, or sizes].
         """
         found = own_terms(self.tree, q, np.zeros((len(q), self.sizes.size)), ctrl)
-        rows = found.jacobian / self.row_sizes[:, None]
-        return found.force - found.bias, rows, found.gap / self.row_sizes
+        sizes = self.tree.row_sizes
+        return found.force - found.bias, found.jacobian / sizes[:, None], found.gap / sizes
 
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""

@@ -42,6 +42,10 @@ JOINT_SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
 IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion of no rotation."""
 
+ROW_ROUNDING = 1e-12
+"""Size of a row of the equalities' Jacobian, in units of violations and rates, up to which the row
+is rounding."""
+
 
 @dataclass(frozen=True)
 class TreeJoint:
@@ -268,6 +272,24 @@ class Tree:
     def sizes(self) -> Array:
         """Units of the rates (rates,): 1 rad, or the size of the model [m]."""
         return np.where(self.turns > 0, 1.0, self.size)
+
+    @cached_property
+    def row_sizes(self) -> Array:
+        """Units of the violations of the equalities (rows,) [rad or m]."""
+        ties = [
+            self.size if tie.tendons else float(self.sizes[self.joints[tie.one].rate])
+            for tie in self.ties
+        ]
+        return np.array([self.size] * (self.rows - len(ties)) + ties)
+
+    def without_rounding(self, jacobian: Array) -> Array:
+        """Jacobian (..., rows, rates) of the equalities, in which rows that are rounding are zero.
+
+        Rows of a loop that no joint can open, such as a second hinge on the axis of the first, are
+        differences of equal numbers.
+        """
+        largest = np.abs(jacobian * self.sizes).max(axis=-1, initial=0.0)
+        return np.asarray(jacobian * (largest > ROW_ROUNDING * self.row_sizes)[..., None])
 
     def places(self, joints: tuple[str, ...]) -> tuple[Index, Index]:
         """Find the indices (drives,) of driven joints in a pose and in the rates, by their names.

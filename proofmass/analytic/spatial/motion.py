@@ -113,14 +113,15 @@ class ConstrainedTree:
         """All terms at a time, for a pose with its rates; drives and stops add a row each."""
         t = min(t, self.last)
         found = self.source.terms(q, v, self.ctrl(t))
+        jacobian = self.tree.without_rounding(found.jacobian)
         if not self.joint_rows.size:
-            return found
+            return replace(found, jacobian=jacobian)
         value, _, acceleration = self.drives.profile(t)
         gaps = [q[stop.pose] - stop.value for stop in self.stops]
         return replace(
             found,
             gap=np.concatenate([found.gap, q[self.drives.poses] - value, gaps]),
-            jacobian=np.concatenate([found.jacobian, self.joint_rows]),
+            jacobian=np.concatenate([jacobian, self.joint_rows]),
             drift=np.concatenate([found.drift, acceleration, np.zeros(len(gaps))]),
         )
 
@@ -230,9 +231,8 @@ def count_dof(tree: Tree, source: TermSource) -> int:
         The equalities of the start pose are open.
     """
     q, _, _ = ConstrainedTree(tree, source).start()
-    return tree.armature.size - int(
-        np.linalg.matrix_rank(source.equalities(q)[1] * tree.sizes, rtol=RANK_TOLERANCE)
-    )
+    rows = tree.without_rounding(source.equalities(q)[1]) * tree.sizes
+    return tree.armature.size - int(np.linalg.matrix_rank(rows, rtol=RANK_TOLERANCE))
 
 
 def integrate_motion(

@@ -129,7 +129,7 @@ def own_terms(tree: Tree, q: Array, v: Array, ctrl: Array | None = None) -> Term
     force = spring_forces(tree, lengths, q, v) + actuators_on_joints(
         tree, motion, lengths, q, v, ctrl
     )
-    return Terms(mass, bias, force, gaps, rows, drifts)
+    return Terms(mass, bias, force, gaps, tree.without_rounding(rows), drifts)
 
 
 def centre_rows(tree: Tree, motion: TreeMotion) -> tuple[Array, Array]:
