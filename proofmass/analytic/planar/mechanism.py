@@ -859,8 +859,21 @@ def rotation_matrix(quaternion: Array) -> Array:
 
 
 def sensor_place(model: Any, s: int) -> tuple[int, Array, Array]:
-    """Body of the object that sensor number s is on; its position and quaternion in that body."""
+    """Body of the object that sensor number s is on; its position and quaternion in that body.
+
+    Raises
+    ------
+    NotCovered
+        The object is a camera that moves relative to its body.
+    """
     kind, i = mujoco.mjtObj(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
+    if kind == mujoco.mjtObj.mjOBJ_CAMERA and (
+        model.cam_mode[i] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+    ):
+        raise NotCovered(
+            f"sensor {model.sensor(s).name!r} is on camera {model.camera(i).name!r}, which is not "
+            "fixed to its body: its mode must be fixed"
+        )
     body, position, quaternion = {
         mujoco.mjtObj.mjOBJ_SITE: lambda: (
             model.site_bodyid[i],
@@ -871,6 +884,11 @@ def sensor_place(model: Any, s: int) -> tuple[int, Array, Array]:
             model.geom_bodyid[i],
             model.geom_pos[i],
             model.geom_quat[i],
+        ),
+        mujoco.mjtObj.mjOBJ_CAMERA: lambda: (
+            model.cam_bodyid[i],
+            model.cam_pos[i],
+            model.cam_quat[i],
         ),
         mujoco.mjtObj.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
         mujoco.mjtObj.mjOBJ_XBODY: lambda: (i, np.zeros(3), np.array([1.0, 0, 0, 0])),

@@ -177,6 +177,28 @@ def test_sensors_at_a_state_are_those_of_mujoco(everything):
             np.testing.assert_allclose(parts, sign * theirs, rtol=0, atol=bound, err_msg=name)
 
 
+def test_a_sensor_on_a_camera_is_one_on_a_site_in_its_place():
+    """A camera that turns towards a target has no fixed place in its body, and is refused."""
+    place = 'pos=".1 .2 .3" euler="10 20 30"'
+    text = SWINGING_MODEL.replace(
+        '<body name="b"', f'<site name="s" {place}/><camera name="c" {place}/><body name="b"'
+    )
+    kinds = "framepos", "framequat", "framelinvel", "frameangvel", "framelinacc"
+    sensors = "".join(
+        f'<{kind} name="{kind}_{one}" objtype="{what}" objname="{one}"/>'
+        for kind in kinds
+        for what, one in (("site", "s"), ("camera", "c"))
+    )
+    text = text.replace("<keyframe>", f"<sensor>{sensors}</sensor><keyframe>")
+    found = spatial.solve([0.0, 0.01], model=mujoco.MjModel.from_xml_string(text))
+    assert len(found) == 2 * (4 * 3 + 4)
+    for name in (name for name in found if "_s." in name):
+        np.testing.assert_array_equal(found[name.replace("_s.", "_c.")], found[name], err_msg=name)
+    moving = text.replace('<camera name="c"', '<camera name="c" mode="targetbody" target="b"')
+    with pytest.raises(NotCovered, match=r"sensor 'framepos_c' is on camera 'c'.* must be fixed"):
+        spatial.solve([0.0, 0.01], model=mujoco.MjModel.from_xml_string(moving))
+
+
 def test_a_quaternion_and_its_negative_are_one_pose(everything):
     """The same holds for the spring of a ball, whose moment acts along the shorter rotation."""
     _, tree, q, v = everything
