@@ -241,6 +241,9 @@ def unwrap_quaternions(quaternion: Array) -> Array:
     return np.asarray(quaternion * signs[:, None])
 
 
+ROW_ROUNDING = 1e-12
+"""Size of a row of the equalities' Jacobian, in units of violations and rates, up to which the row
+is rounding."""
 REST_RATE_SHARE = 1e-9  # share of the fastest drive: a slower joint is at rest, but for rounding
 
 

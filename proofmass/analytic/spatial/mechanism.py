@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
-from proofmass.analytic.numerics import Array, Index, NotCovered
+from proofmass.analytic.numerics import ROW_ROUNDING, Array, Index, NotCovered
 from proofmass.analytic.planar.mechanism import (
     acts_on_joint,
     enabled_actuators,
@@ -41,10 +41,6 @@ JOINT_SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
 """How many numbers a joint has in a pose and in the rates, by its kind."""
 IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion of no rotation."""
-
-ROW_ROUNDING = 1e-12
-"""Size of a row of the equalities' Jacobian, in units of violations and rates, up to which the row
-is rounding."""
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def compare_terms(
         **{name: np.array([getattr(one, name) for one in term_list]) for name in TERM_NAMES}
     )
     worst = TermComparison(len(numbers), 0.0, "mass")
-    for name, scale in term_scales(proofmass_terms, v[numbers]).items():
+    for name, scale in term_scales(tree, proofmass_terms, v[numbers]).items():
         difference = np.abs(getattr(proofmass_terms, name) - getattr(source_terms, name)).reshape(
             len(numbers), -1
         )
@@ -106,18 +106,22 @@ def compare_terms(
     return worst
 
 
-def term_scales(terms: Terms, v: Array) -> dict[str, float]:
+def term_scales(tree: Tree, terms: Terms, v: Array) -> dict[str, float]:
     """Find the scale of each kind of term in a motion, by which differences are divided.
 
-    It is the largest value of the kind; for violations, in m and rad, it is 1.  The scale of drifts
-    is at least that of accelerations, of the order of forces over masses, since the drifts of
-    bodies at rest are rounding.
+    It is the largest value of the kind; for violations, in m and rad, it is 1.  The scale of forces
+    is at least that of weights and gyroscopic moments, which may cancel but for rounding, as in a
+    wheel on a vertical axis.  The scale of drifts is at least that of accelerations, of the order
+    of forces over masses, since the drifts of bodies at rest are rounding.
     """
 
     def largest(*parts: Array) -> float:
         return max((float(np.abs(part).max(initial=0.0)) for part in parts), default=0.0) or 1.0
 
-    forces, mass = largest(terms.bias, terms.force), largest(terms.mass)
+    moving = tree.masses[0][tree.moved.any(axis=1)].sum()
+    weight = moving * np.linalg.norm(tree.gravity) * tree.size / tree.sizes
+    gyroscopic = tree.turns * v**2 * np.diagonal(terms.mass, axis1=1, axis2=2)
+    forces, mass = largest(terms.bias, terms.force, weight, gyroscopic), largest(terms.mass)
     rows = largest(terms.jacobian)
     acceleration_scale = rows * max(float((v**2).max(initial=0.0)), forces / mass)
     return {

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import REST_RATE_SHARE, Array
+from proofmass.analytic.numerics import REST_RATE_SHARE, ROW_ROUNDING, Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.protocol import BadModel, Unsupported
@@ -181,7 +181,10 @@ class Linkage:
                 getattr(mujoco, part)(self.model, self.data)
         data, count = self.data, self.data.ne  # the rows of equalities come first
         if not mujoco.mj_isSparse(self.model):
-            rows = data.efc_J.reshape(data.nefc, self.model.nv)
+            size = (
+                data.nefc * self.model.nv
+            )  # without rows the array keeps those of the pose before
+            rows = data.efc_J[:size].reshape(data.nefc, self.model.nv)
         else:
             rows = np.zeros((data.nefc, self.model.nv))
             mujoco.mju_sparse2dense(
@@ -433,13 +436,14 @@ class Linkage:
         self.data.qpos[self.adr] = values
         for _ in range(50):
             residual, jacobian = self.rows()
-            rows = np.vstack([jacobian, self.units])
+            rows = np.vstack([self.without_rounding(jacobian), self.units])
             open_by = np.append(residual, np.zeros(self.dofs.size))
             move = -np.linalg.lstsq(rows, open_by, rcond=1e-10)[0]
             mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
             if np.abs(move).max(initial=0.0) < RELEASE_TOLERANCE:
                 break
         jacobian = self.closed(values)[0] if values.size else self.rows()[1]
+        jacobian = self.without_rounding(jacobian)
         rows, rates = np.vstack([jacobian, self.units]), self.data.qvel
         needed = np.append(np.zeros(len(jacobian)), wanted)
         rates += np.linalg.lstsq(rows, needed - rows @ rates, rcond=1e-10)[0]
@@ -466,6 +470,12 @@ class Linkage:
         if not len(rows):  # numpy up to 2.4.0 refuses the rank of an empty matrix
             return int(self.model.nv)
         return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=1e-10))
+
+    def without_rounding(self, jacobian: Array) -> Array:
+        """The rows of the loops (rows, nv), zero where they are only rounding."""
+        shares = self.shares[: len(jacobian)]
+        largest = np.abs(jacobian * shares).max(axis=1, initial=0.0)
+        return np.asarray(jacobian * (largest > ROW_ROUNDING)[:, None])
 
     def scaled(self, jacobian: Array) -> Array:
         """Rows of the loops and, below them, of the drives (..., rows + drives, nv), in extents."""
