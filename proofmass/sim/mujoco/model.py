@@ -48,12 +48,15 @@ def load(path: Path, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
 def prepare_model(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Apply the run's settings to a compiled model, in place, and put it into the start pose.
 
-    The flag ``energy`` is cleared.  It changes nothing but the sensor ``e_kinetic``, which with it
-    shows the kinetic energy of the pass before (MuJoCo 4.0.0).
+    Sensors show their quantities as they are: without a cutoff, a delay or an interval.  The flag
+    ``energy`` is cleared too.  It changes nothing but the sensor ``e_kinetic``, which with it shows
+    the kinetic energy of the pass before (MuJoCo 4.0.0).
     """
     driven = [find_id(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
     leave_out_disabled(model)
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    for limits in (model.sensor_cutoff, model.sensor_delay, model.sensor_interval):
+        limits[:] = 0.0
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, start_key(model, run))

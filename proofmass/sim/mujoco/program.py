@@ -49,6 +49,8 @@ frequency gain / step and critical damping; or by an equality that constrains th
 target, with the time constant step / gain."""
 DISABLING_FLAGS = {"servo": ("actuation",), "equality": ("equality", "constraint")}
 """Flags of a model that disable a drive of this kind."""
+CLEARED_ATTRIBUTES = {"option/flag": ("energy",), "sensor/*": ("cutoff", "delay", "interval")}
+"""Attributes that programs leave out, by the path of their elements."""
 EXTRA_STATE = "act", "mocap_pos", "mocap_quat", "xfrc_applied"
 """Arrays of the initial state that a program sets in addition to positions, rates and controls: the
 others that a key may set, and the dead loads of rods."""
@@ -288,10 +290,13 @@ def break_line(line: str) -> list[str]:
 def apply_settings(root: Element, model: mujoco.MjModel, step: float) -> None:
     """Write the options and the softness of a compiled model into its elements.
 
-    The flag ``energy`` is left out, since `prepare_model` clears it.
+    What `prepare_model` clears is left out: the flag ``energy``, and what changes the quantities
+    that sensors show.
     """
-    for flags in root.iterfind("option/flag"):
-        flags.attrib.pop("energy", None)
+    for path, names in CLEARED_ATTRIBUTES.items():
+        for element in root.iterfind(path):
+            for name in names:
+                element.attrib.pop(name, None)
     written = {
         key
         for path in ("option", "option/flag")

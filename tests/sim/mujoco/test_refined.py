@@ -78,6 +78,18 @@ def test_a_run_shows_the_kinetic_energy_of_its_samples(edit, integrator):
     np.testing.assert_array_equal(with_flag, plain)
 
 
+@pytest.mark.parametrize(
+    "instrument", ['cutoff="1e-3"', 'nsample="9" delay="0.05"', 'nsample="9" interval="0.05"']
+)
+def test_a_sensor_shows_the_quantity_itself(edit, instrument):
+    """Without the cutoff, the delay or the interval of an instrument that would measure it."""
+    run = Run("dynamics", np.linspace(0.0, 0.5, 26), ("angle",))
+    plain = in_mujoco(shipped("pendulum.xml"), run).channels["angle"]
+    file = edit("pendulum.xml", '<jointpos name="angle"', rf"\g<0> {instrument}")
+    np.testing.assert_array_equal(in_mujoco(file, run).channels["angle"], plain)
+    assert np.ptp(plain) > 0.1
+
+
 @pytest.mark.usefixtures("fewer_steps")
 @pytest.mark.parametrize(("name", "until"), [("heavy_top", 0.5), ("euler_top", 2.0)])
 def test_a_motion_without_contacts_equals_the_spatial_reference(name, until):

@@ -243,6 +243,17 @@ def test_a_program_leaves_out_the_flag_energy(models: Path, edit) -> None:
     assert "energy=" not in text
 
 
+def test_a_program_shows_the_quantity_of_a_sensor_itself(models: Path, edit) -> None:
+    """As runs do; see the attributes of MuJoCo's sensors."""
+    instrument = 'nsample="9" delay="0.05" interval="0.02 0" cutoff="1"'
+    edit("pendulum.xml", '<jointpos name="angle"', rf"\g<0> {instrument}")
+    case, setting = load_case(models / "pendulum.toml"), Setting("mujoco", COARSE_PARAMETERS)
+    text = program_text_here(case, setting, IMPOSED[0], "")
+    assert '<jointpos name="angle"' in text
+    for name in ("delay", "interval", "cutoff"):
+        assert f"{name}=" not in text
+
+
 def test_no_program_can_import_proofmass(tmp_path: Path) -> None:
     """Neither where `choose` runs it nor where these tests do, although it is installed."""
     text = "import mujoco, pymunk\nimport proofmass\n"
