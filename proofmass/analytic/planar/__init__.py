@@ -34,6 +34,7 @@ from proofmass.analytic.numerics import (
     Index,
     NotCovered,
     SingularHere,
+    check_finite,
     motion_senses,
 )
 from proofmass.analytic.planar.branch import STEP_SHARE, Branch, Knots
@@ -202,7 +203,8 @@ def solve(
     Unstable
         A path of equilibria ends on the way, where the mechanism would fall to another equilibrium.
     ValueError
-        The model is not a planar linkage; the message says why.
+        The model is not a planar linkage, or the samples are not finite, have the wrong shape or
+        are times that fall; the message says why.
 
     Notes
     -----
@@ -221,6 +223,11 @@ def solve(
     mechanism, reader = _read_cached(model, start)
     refuse_actuators(model, joints)
     refuse_shared_ranges(model, {**(controls or {}), **(control_profiles or {})})
+    check_finite(value=value, rate=rate, acceleration=acceleration)
+    if joints and (shape := np.atleast_2d(np.asarray(value, float)).shape)[:-1] != (len(joints),):
+        raise ValueError(
+            f"value must have shape (n,) or (drives, n) with {len(joints)} drive(s), got {shape}"
+        )
     own, stop_forces = dict[str, Array](), np.zeros(1)
     has_dof = not joints or has_free_dof(mechanism, joints)
     is_free = has_dof and (not joints or in_time is not None)
@@ -415,10 +422,13 @@ def _find_motion(
 ) -> MotionWithStops:
     """Integrate a motion with degrees of freedom that no drive determines, between stops."""
     stops = tuple(reader.stops(mechanism, joints))
+    times = np.atleast_1d(np.asarray(value, float))
     if (not joints or in_time is None) and controls is None:
-        return _integrate_free(mechanism, tuple(np.asarray(value, float).tolist()), stops)
+        if times.ndim != 1:
+            raise ValueError(f"the times of a free motion must have shape (n,), got {times.shape}")
+        return _integrate_free(mechanism, tuple(times.tolist()), stops)
     if not joints or in_time is None:
-        joints, in_time = (), (np.asarray(value, float), ())
+        joints, in_time = (), (times, ())
     return _integrate_in_time(mechanism, joints, *in_time, stops, controls)
 
 
@@ -733,7 +743,8 @@ class LinkageAtRest:
         """
         m, motion = self.m, move_bodies(self.m, q)
         force = applied_forces(m, motion, centre_jacobians(m, motion), q, 0.0, ctrl)
-        return force, loop_jacobian(m, motion, q) / m.size, loop_violations(m, motion, q) / m.size
+        rows = loop_jacobian(m, motion, q) / m.loop_units[:, None]
+        return force, rows, loop_violations(m, motion, q) / m.loop_units
 
     def values(self, q: Array) -> Array:
         """Values of the drives (n, drives) [rad or m]."""

@@ -355,7 +355,7 @@ class Branch:
         m, d = self.m, self.d
         matrix = scaled_jacobian(m, q)
         square = matrix[..., d.following]
-        least = np.linalg.svd(square, compute_uv=False).min(axis=-1, initial=1.0)
+        least = np.linalg.svd(square, compute_uv=False).min(axis=-1, initial=np.inf)
         if not (least > 1e-14).all():
             raise SingularHere(f"singular at {self.format_drives(q[np.argmin(least), d.driven])}")
         tangent = np.zeros((*q.shape, d.driven.size))

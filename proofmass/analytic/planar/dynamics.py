@@ -72,7 +72,7 @@ if TYPE_CHECKING:
 INTEGRATION_TOLERANCE = 3e-14
 """Relative and absolute tolerance of a step, in `Mechanism.scale`."""
 NEWTON_ROUNDING = 1e-15
-"""Constraint violation, in sizes of the mechanism, below which Newton's next step would be
+"""Constraint violation, in `Mechanism.loop_units`, below which Newton's next step would be
 rounding."""
 MAX_STRETCH = 1.5
 """Norm of the derivative of q by z above which a new tangent plane is taken; it is 1 at the
@@ -117,7 +117,7 @@ class TangentChart:
             motion = move_bodies(m, q[None])
             errors = np.concatenate(
                 [
-                    loop_violations(m, motion, q[None])[0] / m.size,
+                    loop_violations(m, motion, q[None])[0] / m.loop_units,
                     (q[self.drives.rates] - wanted) / self.units,
                     self.normal @ ((q - self.q) / m.scale) - z,
                 ]
@@ -134,8 +134,9 @@ class TangentChart:
 
     def matrix(self, q: Array, motion: BodyMotion) -> Array:
         """Jacobian of loops, drives and coordinates by the joints (joints, joints)."""
-        loops = loop_jacobian(self.m, motion, q[None])[0]
-        return np.concatenate([loops * self.m.scale / self.m.size, self.driven, self.normal])
+        m = self.m
+        loops = loop_jacobian(m, motion, q[None])[0] * m.scale / m.loop_units[:, None]
+        return np.concatenate([loops, self.driven, self.normal])
 
     def motion(self, y: Array, t: float) -> tuple[Array, Array, Array, Array]:
         """Find pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż) at a time."""
@@ -146,7 +147,7 @@ class TangentChart:
         into, v = self.into, self.into @ y[half:] + by_drives @ (rate / self.units)
         without_accelerations = move_bodies(m, q[None], v[None], np.zeros((1, v.size)))
         gamma = -inverse[:, : m.rows] @ (
-            loop_bias(m, without_accelerations, q[None], v[None])[0] / m.size
+            loop_bias(m, without_accelerations, q[None], v[None])[0] / m.loop_units
         )
         gamma = gamma + by_drives @ (acceleration / self.units)
         centre = centre_jacobians(m, without_accelerations)
@@ -198,7 +199,11 @@ def free_motion(
         appear, and is not smooth behind it.
     NotCovered
         The start is beyond a stop.
+    ValueError
+        There is no time, or the times fall.
     """
+    if not times.size or (np.diff(times) < 0.0).any():
+        raise ValueError(f"a motion needs one or more times that do not fall, got {times}")
     value, rate, _ = drives.profile(float(times[0]))
     q = nearest_pose(m, m.start, drives.rates, value)
     if count_dof(m, q) <= drives.rates.size:

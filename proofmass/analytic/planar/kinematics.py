@@ -5,7 +5,8 @@ displacement of a body is the product of its parent's and of its joints' in thei
 accelerations follow by differentiating that product once and twice.
 
 Newton's method closes the loops of one pose, or of many at once.  Joint values have the units
-`Mechanism.scale` and the loops the unit `Mechanism.size`, so that one tolerance serves for both.
+`Mechanism.scale` and the loops the units `Mechanism.loop_units`, so that one tolerance serves for
+both.
 """
 
 from dataclasses import dataclass
@@ -136,12 +137,14 @@ def loop_bias(m: Mechanism, motion: BodyMotion, q: Array, v: Array) -> Array:
 def largest_violation(m: Mechanism, q: Array) -> tuple[float, str]:
     """Largest constraint violation of one pose [m, or rad of a coupling], and a text with its loop.
 
-    The text names the loop, and has the violation with its unit.
+    It is the largest in `Mechanism.loop_units`.  The text names the loop, and has the violation
+    with its unit.
     """
     r = loop_violations(m, move_bodies(m, q[None]), q[None])[0]
-    pins = np.hypot(r[0 : 2 * len(m.pins) : 2], r[1 : 2 * len(m.pins) : 2])
-    violations = np.append(pins, np.abs(r[2 * len(m.pins) :]))
-    worst = int(np.argmax(violations))
+    last = 2 * len(m.pins)
+    violations = np.append(np.hypot(r[0:last:2], r[1:last:2]), np.abs(r[last:]))
+    units = np.append(m.loop_units[0:last:2], m.loop_units[last:])
+    worst = int(np.argmax(violations / units))
     violation, unit = float(violations[worst]), "m"
     if worst >= len(m.pins):
         coupling = m.couplings[worst - len(m.pins)]
@@ -166,9 +169,9 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
             both = np.outer(hinge, hinge) * reach[..., np.maximum.outer(order, order)]
             mixed = hinge[:, None] & ~hinge & (order[:, None] < order)
             total += np.linalg.norm(both + mixed + mixed.T, 2, axis=(1, 2)) if chain else 0.0
-    for c in m.couplings:
+    for c, unit in zip(m.couplings, m.loop_units[2 * len(m.pins) :], strict=True):
         curved = float(np.abs(np.polynomial.Polynomial(c.polynomial).deriv(2).coef).sum())
-        total += curved * float(sum(share**2 for _, share in c.two))
+        total += curved * float(sum((share * m.scale[j]) ** 2 for j, share in c.two)) / unit
     return total
 
 
@@ -202,7 +205,7 @@ def _stack_rows(pins: Complex, couplings: list[Array], n: int) -> Array:
 RANK_TOLERANCE = 1e-9
 """Singular values below this share of the largest count as zero."""
 CLOSING_TOLERANCE = 1e-12
-"""Constraint violation, in sizes of the mechanism, below which a loop is closed up to rounding."""
+"""Constraint violation, in `Mechanism.loop_units`, below which a loop is closed up to rounding."""
 BLOCK_SIZE = 4096
 """Number of poses solved at once: their arrays stay in the processor's cache."""
 
@@ -226,8 +229,14 @@ class Drives:
 
 
 def scaled_jacobian(m: Mechanism, q: Array) -> Array:
-    """Jacobian of the loops in units `Mechanism.size` and `Mechanism.scale` (n, rows, joints)."""
-    return loop_jacobian(m, move_bodies(m, q), q) * m.scale / m.size
+    """Jacobian of the loops in `Mechanism.loop_units` and `Mechanism.scale` (n, rows, joints)."""
+    return loop_jacobian(m, move_bodies(m, q), q) * m.scale / m.loop_units[:, None]
+
+
+def scaled_violations(m: Mechanism, q: Array) -> Array:
+    """Largest constraint violation of each pose (n,), in `Mechanism.loop_units`."""
+    found = loop_violations(m, move_bodies(m, q), q) / m.loop_units
+    return np.asarray(np.abs(found).max(axis=-1, initial=0.0))
 
 
 def close_loops(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
@@ -253,7 +262,7 @@ def close_loops(m: Mechanism, q: Array, d: Drives, steps: int = 12) -> Array:
 
 
 def iterate_newton(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
-    """Apply Newton's method to poses (n, joints) in place; return violations (n,), in sizes."""
+    """Apply Newton's method to poses (n, joints) in place; return `scaled_violations`."""
     for _ in range(steps):
         motion = move_bodies(m, q)
         matrix = (loop_jacobian(m, motion, q) * m.scale)[..., d.following]
@@ -264,9 +273,7 @@ def iterate_newton(m: Mechanism, q: Array, d: Drives, steps: int) -> Array:
         q[:, d.following] -= step * m.scale[d.following]
         if not np.abs(step).max(initial=0.0) > 1e-8:
             break
-    return np.asarray(
-        np.abs(loop_violations(m, move_bodies(m, q), q)).max(axis=-1, initial=0.0) / m.size
-    )
+    return scaled_violations(m, q)
 
 
 NO_JOINTS, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
@@ -290,7 +297,7 @@ def nearest_pose(
         q = q - step
         if not np.abs(step).max(initial=0.0) > 1e-14:
             break
-    if m.rows and not largest_violation(m, q)[0] < CLOSING_TOLERANCE * m.size:
+    if not scaled_violations(m, q[None])[0] < CLOSING_TOLERANCE:
         from scipy.optimize import least_squares  # slow to load
 
         best = least_squares(

@@ -256,6 +256,13 @@ class Mechanism:
         return np.where(self.hinges, 1.0, self.size)
 
     @cached_property
+    def loop_units(self) -> Array:
+        """Units of the loop equations (rows,): the size [m], or 1 rad of a coupling of hinges."""
+        pins = np.full(2 * len(self.pins), self.size)
+        firsts = [(*c.one, *c.two)[0][0] for c in self.couplings]
+        return np.concatenate([pins, self.scale[np.array(firsts, np.intp)]])
+
+    @cached_property
     def frames(self) -> "Frames":
         """The part of the kinematics that is the same in all poses."""
         return Frames.of(self)

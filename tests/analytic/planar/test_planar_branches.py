@@ -204,6 +204,75 @@ def test_the_violation_of_a_coupling_has_the_unit_of_its_joint(joint, unit):
     assert words == f"loop 'gear' stays open by 0.25 {unit}"
 
 
+def geared_four_bar(size: float) -> mujoco.MjModel:
+    """A four-bar of a size [m] in gravity, whose rocker turns a wheel by a parabola."""
+
+    def body(name: str, place: float, end: float, inside: str = "") -> str:
+        moments = " ".join([str(size**2)] * 3)
+        return f"""<body name="{name}" pos="{place * size} 0 0"><joint name="{name}" axis="0 0 1"/>
+          <inertial pos="{end * size / 2} 0 0" mass="1" diaginertia="{moments}"/>
+          <site name="{name}" pos="{end * size} 0 0"/>{inside}</body>"""
+
+    start = fourbar.solve(1.0, crank=1, coupler=2, rocker=2.5, ground=3)
+    rocker = float(start["rocker_angle"])
+    key = [1.0, float(start["coupler_angle"]) - 1.0, rocker, gear_angle(rocker)]
+    return mujoco.MjModel.from_xml_string(f"""<mujoco><compiler boundmass="0" boundinertia="0"/>
+      <option gravity="0 -10 0"><flag contact="disable"/></option><worldbody>
+      {body("crank", 0, 1, body("coupler", 1, 2))}{body("rocker", 3, 2.5)}{body("wheel", 0, 0)}
+      </worldbody><equality><connect site1="coupler" site2="rocker"/>
+      <joint name="gear" joint1="wheel" joint2="rocker" polycoef="0.1 -1.7 0.3 0 0"/></equality>
+      <sensor><jointpos name="rocker" joint="rocker"/>
+      <jointpos name="wheel" joint="wheel"/></sensor>
+      <keyframe><key name="start" qpos="{" ".join(map(repr, key))}"/></keyframe></mujoco>""")
+
+
+def gear_angle(rocker):
+    return 0.1 - 1.7 * rocker + 0.3 * rocker**2
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_the_size_of_a_linkage_does_not_limit_the_angles_of_its_gears(size):
+    """The equation of a gear is in radians, whatever the size is."""
+    x = np.linspace(1.0, 8.0, 8)
+    truth = fourbar.solve(x, crank=1, coupler=2, rocker=2.5, ground=3)["rocker_angle"]
+    found = solve(x, model=geared_four_bar(size), joints=("crank",))
+    # rounding of angles of about 2 rad and of the gear's sum, times a condition of 5
+    assert np.abs(found["rocker"] - truth).max() < 1e-14
+    assert np.abs(found["wheel"] - gear_angle(truth)).max() < 3e-14
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e6])
+def test_a_free_motion_scales_with_the_size_of_a_geared_linkage(size):
+    """At n times the size a motion in gravity takes sqrt(n) times as long."""
+    t = np.array([0.0, 0.3])
+    truth = solve(t, model=geared_four_bar(1.0))
+    found = solve(t * np.sqrt(size), model=geared_four_bar(size))
+    assert np.ptp(truth["wheel"]) > 1e-3
+    for name in ("rocker", "wheel"):  # the steps differ; 3e-14 in each, times their growth
+        assert np.abs(found[name] - truth[name]).max() < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("joints", "value", "message"),
+    [
+        (("crank",), [1.0, np.nan], r"value must be finite, got \[1.0, nan\]"),
+        (("crank",), np.inf, "value must be finite, got inf"),
+        (("crank",), np.ones((2, 3)), r"shape \(n,\) .* with 1 drive\(s\), got \(2, 3\)"),
+        ((), [0.0, np.inf], r"value must be finite, got \[0.0, inf\]"),
+        ((), [0.2, 0.1], r"times that do not fall, got \[0.2 0.1\]"),
+        ((), [], r"one or more times that do not fall, got \[\]"),
+        ((), np.ones((1, 3)), r"must have shape \(n,\), got \(1, 3\)"),
+    ],
+)
+def test_samples_that_are_no_motion_are_refused(joints, value, message):
+    with pytest.raises(ValueError, match=message):
+        solve(value, model=four_bar(1, 2, 2.5, 3), joints=joints)
+
+
+def test_a_single_time_gives_the_start_pose():
+    assert solve(0.0, model=geared_four_bar(1.0))["wheel"].shape == (1,)
+
+
 def test_a_rough_start_pose_is_closed():
     found = solve([0.0], model=four_bar(1, 2, 2.5, 3, off=0.05), joints=("crank",))
     assert found["pin.x"][0] == pytest.approx(23 / 16, abs=1e-14)
