@@ -220,10 +220,12 @@ def solve(
     >>> [round(float(motion[name][0]), 8) for name in ("pin.x", "pin.y", "rocker_rate")]
     [1.4375, 1.95156187, -0.5]
     """
+    check_finite(value=value, rate=rate, acceleration=acceleration)
+    for curves in (controls or {}, control_rates or {}):
+        check_finite(**curves)
     mechanism, reader = _read_cached(model, start)
     refuse_actuators(model, joints)
     refuse_shared_ranges(model, {**(controls or {}), **(control_profiles or {})})
-    check_finite(value=value, rate=rate, acceleration=acceleration)
     if joints and (shape := np.atleast_2d(np.asarray(value, float)).shape)[:-1] != (len(joints),):
         raise ValueError(
             f"value must have shape (n,) or (drives, n) with {len(joints)} drive(s), got {shape}"

@@ -269,6 +269,17 @@ def test_samples_that_are_no_motion_are_refused(joints, value, message):
         solve(value, model=four_bar(1, 2, 2.5, 3), joints=joints)
 
 
+@pytest.mark.parametrize("key", ["controls", "control_rates"])
+def test_controls_that_are_not_finite_are_refused(key):
+    with pytest.raises(ValueError, match=r"motor must be finite, got \[0.0, nan\]"):
+        solve(
+            [1.0, 2.0],
+            model=geared_four_bar(1.0),
+            joints=("crank",),
+            **{key: {"motor": [0.0, np.nan]}},
+        )
+
+
 def test_a_single_time_gives_the_start_pose():
     assert solve(0.0, model=geared_four_bar(1.0))["wheel"].shape == (1,)
 
