@@ -128,12 +128,17 @@ class Rung:
         """The criterion `steps` at each sample: whether finer steps converge."""
         if len(self.differences) < 3:
             return np.zeros(self.count, bool)
+        return self.differences_fall & (self.differences[-1] <= AGREEMENT_SHARE * self.sizes)
+
+    @property
+    def differences_fall(self) -> Bools:
+        """Whether the last three differences of steps fall as they should, at each sample."""
         first, second, last = self.differences[-3:]
         rounding = ROUNDING_SHARE * self.sizes
         falls = (first >= MIN_FALL**2 * last) & (first <= 2 ** (2 * MAX_ORDER) * last)
         falls |= last <= rounding
         jumps = second > np.maximum(MAX_JUMP * first, rounding)
-        return (last <= AGREEMENT_SHARE * self.sizes) & falls & ~jumps
+        return np.asarray(falls & ~jumps)
 
     @cached_property
     def close_agrees(self) -> Bools:
@@ -266,27 +271,24 @@ class Rung:
             if failed:
                 return f"{failed[0].name} fails: {failed[0].stopped}"
             return "no more was followed in the time that there is"
-        k = min(self.last + 1, self.disturbed_distance.size - 1)
-        growth = self.growth_at(k)
-        if growth > CHAOTIC_GROWTH or self.growth > CHAOTIC_GROWTH:
+        if self.growth > CHAOTIC_GROWTH:
+            end = float(self.motion.times[self.disturbed_distance.size - 1])
             return (
                 f"a disturbance of {number(self.motion.disturbance, 1)} has grown "
-                f"{number(self.growth, 2)} times at {number(self.end, 3)} s"
+                f"{number(self.growth, 2)} times at {number(end, 3)} s"
             )
         if len(self.differences) < 3:
             return f"{len(self.motion.runs)} steps alone were tried"
-        first, second, last = (float(one[self.last + 1]) for one in self.differences[-3:])
-        if first < MIN_FALL**2 * last or second > MAX_JUMP * first:
+        k = self.last + 1
+        if self.steps_converge[k]:  # the other two ways ended before
+            return "no more was followed in the time that there is"
+        if not self.differences_fall[k]:
+            growth = self.growth_at(min(k, self.disturbed_distance.size - 1))
             return (
                 "finer steps do not converge there, though a disturbance grows "
                 f"{number(growth, 2)} times only: a force jumps, or contacts chatter"
             )
         return f"the two finest steps, of {format_step(self.fine)}, differ by more"
-
-    @property
-    def end(self) -> float:
-        """Time of the last sample that all runs have [s]."""
-        return float(self.motion.times[self.count - 1])
 
     def words(self) -> str:
         """A summary of a few sentences."""

@@ -10,7 +10,13 @@ from proofmass.analytic.numerics import Array
 from proofmass.check import Result, check, run_task
 from proofmass.compare import Comparison
 from proofmass.reference import evaluate, run_samples
-from proofmass.refinement import RefinementStudy, refined_errors, refinement_runs
+from proofmass.refinement import (
+    RefinedRow,
+    RefinementStudy,
+    judge_order,
+    refined_errors,
+    refinement_runs,
+)
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Curves
@@ -49,16 +55,21 @@ def refinement_by_outcome(file: Path) -> dict[str, list[Comparison]]:
 
 
 def study_synthetic_runs(
-    error: Callable[[int, Array], Array], **keys: object
+    error: Callable[[int, Array], Array], unit: str = "m", **keys: object
 ) -> tuple[RefinementStudy, list[Comparison]]:
     """A study of synthetic runs, and its comparisons.
 
-    The curves are those of the reference plus an error, ``error(segments, arc lengths)``.  Keywords
-    replace keys of `[refine]`.
+    The curves are those of the reference plus an error, ``error(segments, arc lengths)``.  `unit`
+    is that of the positions; keywords replace keys of `[refine]`.
     """
     case = load_case(shipped(CANTILEVER_FILE))
     assert case.refine is not None
-    case = case.model_copy(update={"refine": case.refine.model_copy(update=keys)})
+    channels = {
+        name: one.model_copy(update={"unit": unit} if one.unit == "m" else {})
+        for name, one in case.channels.items()
+    }
+    refine = case.refine.model_copy(update=keys)
+    case = case.model_copy(update={"refine": refine, "channels": channels})
     found: list[Comparison] = []
     for task in refinement_runs(case):
         if task.solver == "mujoco":
@@ -145,7 +156,10 @@ def test_exact_angles_of_a_circle_show_no_order(edit):
 
 def test_the_order_of_each_pair_of_runs_counts():
     """The order is 2 for the first pairs of runs and 1.8 for the last one, which differs."""
-    assert {c.outcome for c in study_synthetic_runs(power_law_error(2.0))[1]} == {"agrees"}
+    found = study_synthetic_runs(power_law_error(2.0))[1]
+    assert {c.outcome for c in found} == {"agrees"}
+    assert not any("left to rounding" in c.message for c in found)
+    assert {(round(c.seconds, 9), c.steps) for c in found} == {(0.4, 4)}  # of four runs together
 
     def late(n: int, s: Array) -> Array:
         return power_law_error(2.0)(n, s) * (2**0.2 if n == 80 else 1.0)
@@ -204,9 +218,26 @@ def test_errors_at_the_error_floor_do_not_count():
     assert "from 40 to 80" in lower.message
 
 
-@pytest.mark.parametrize(("between", "fine"), [((20, 40), 40), (None, 80)])
-def test_the_error_of_the_limit_is_of_the_next_order(between, fine):
-    """The limit of an error a h^2 + b h^4 is off by -b h1^2 h2^2, with h1 = 2 h2."""
+def test_an_error_as_large_as_the_error_floor_shows_no_order():
+    refine = load_case(shipped(CANTILEVER_FILE)).refine
+    assert refine is not None
+    rows = [
+        RefinedRow("", "", n, "rod.x", "m", error, 0.0, 1.0, 0.0, 0)
+        for n, error in ((10, 3e-9), (20, refine.error_floor))
+    ]
+    found = judge_order(refine, rows, {"case": "", "solver": "", "run": "refine"})
+    assert (found.outcome, found.message.partition(":")[0]) == ("unchecked", "no order shows")
+
+
+@pytest.mark.parametrize(
+    ("between", "fine", "unit", "factor"),
+    [((20, 40), 40, "m", 1.0), (None, 80, "m", 1.0), (None, 80, "mm", 1e-3)],
+)
+def test_the_error_of_the_limit_is_of_the_next_order(between, fine, unit, factor):
+    """The limit of an error a h^2 + b h^4 is off by -b h1^2 h2^2, with h1 = 2 h2.
+
+    The allowed error of the limit is given in m, whatever the unit of the channel.
+    """
 
     def off(n: int, s: Array) -> Array:
         return s * (0.1 * n**-2.0 + 5.0 * n**-4.0)
@@ -215,12 +246,14 @@ def test_the_error_of_the_limit_is_of_the_next_order(between, fine):
     for share, outcome in ((1.01, "agrees"), (0.99, "differs")):
         found = {
             c.channel: c
-            for c in study_synthetic_runs(off, between=between, richardson=share * limit_error)[1]
+            for c in study_synthetic_runs(
+                off, unit, between=between, richardson=share * limit_error
+            )[1]
         }
         limit = found["limit of rod.x"]
-        assert (limit.outcome, limit.at, limit.unit) == (outcome, 1.0, "m")
+        assert (limit.outcome, limit.at, limit.unit) == (outcome, 1.0, unit)
         assert limit.error_max == pytest.approx(
-            limit_error, rel=1e-6, abs=0
+            limit_error / factor, rel=1e-6, abs=0
         )  # rounding, divided by h^4
         assert "limit of rod.angle" not in found
 

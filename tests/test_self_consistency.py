@@ -191,6 +191,8 @@ def test_an_error_that_vanishes_again_is_reported():
 def test_softness_of_contacts_is_reported_if_it_exceeds_the_step_error():
     assert "as stiff move it by 200 mm" in Rung(make_motion(stiffer=stiffer_run(0.2))).words()
     assert "as stiff" not in Rung(make_motion(stiffer=stiffer_run(1e-6))).words()
+    # above the uncertainty of 0.8 mm, and below the error of 50 mm
+    assert "as stiff" not in Rung(make_motion(stiffer=stiffer_run(1e-2))).words()
 
 
 def stiffer_run(error):
@@ -222,6 +224,8 @@ def test_a_failed_run_is_reported_with_its_reason_and_time():
     late = cut_run(own.runs[0], 11, stopped="its wall time was over", late=True)
     assert not why_failed(replace(own, runs=(late, *own.runs[1:])))
     assert not why_failed(own)
+    never = cut_run(own.runs[0], 1, stopped="its wall time was over", late=True)
+    assert why_failed(replace(own, runs=(never,))) == "its wall time was over, after 0 s"
     finest = cut_run(own.runs[-1], 31, stopped="not finite")
     rung = Rung(replace(own, runs=(*own.runs[:-1], replace(finest, name="Euler, 31 us"))))
     assert rung.until == pytest.approx(0.3)
@@ -281,14 +285,17 @@ def interrupted_run() -> OwnRun:
 
 
 def test_differences_that_fall_faster_than_their_order_do_not_count():
-    """Differences that fall with order 2.9 do not show convergence; those of order 1 do.
+    """Differences that fall with order 2.3 do not show convergence; those of order 1 do.
 
-    A trampoline in MuJoCo has such differences: its error is 3 mm, while they indicate 0.2 mm.
+    A trampoline in MuJoCo has differences of order 2.9: its error is 3 mm, while they indicate
+    0.2 mm.  Differences that fall with order 0.5 show no convergence either.
     """
     early = interrupted_run()
-    fast, slow = (Rung(make_motion(order, close=early, rough=early)) for order in (2.9, 1.0))
-    assert fast.until <= 0.02  # where DOP853 ended
-    assert slow.until == 1.0
+    for order in (0.5, 2.3, 2.9):
+        rung = Rung(make_motion(order, close=early, rough=early))
+        assert rung.until <= 0.02  # where DOP853 ended
+        assert "finer steps do not converge there" in rung.words()
+    assert Rung(make_motion(1.0, close=early, rough=early)).until == 1.0
 
 
 def test_a_motion_known_by_steps_alone_has_the_error_of_the_last_ones():
@@ -319,3 +326,119 @@ def test_the_solution_that_others_are_compared_with_is_not_recommended():
     slow = replace(rung.fine, seconds=1e-3)  # the cheapest by far
     runs = (*rung.motion.runs[:-1], slow)
     assert Rung(replace(rung.motion, runs=runs)).better().name != slow.name
+
+
+def rounded_motion(share, **changed):
+    """A motion whose steps differ by shares of its size that neither fall nor converge."""
+    off = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 6.0, 9.0])  # differences of 1, 5 and 3
+    runs = tuple(
+        make_run(share * SIZE * error * TIMES, step=step)
+        for step, error in zip(STEPS, off, strict=True)
+    )
+    same = make_run(runs[4].points[:, 0, 0, 0] - TIMES)
+    return make_motion(runs=runs, disturbed=same, **changed)
+
+
+def test_differences_that_are_only_rounding_need_not_fall():
+    """Differences up to `ROUNDING_SHARE` of the size are rounding, larger ones are not.
+
+    They grow in time: the second one is 5e-9 of the size after 1 s, and above 1e-9 from 0.2 s on.
+    The uncertainty is the rest of a series whose terms fall by `MIN_FALL`, the least that counts.
+    """
+    apart = make_run(0.1 + TIMES, "DOP853 at 1e-9")
+    rung = Rung(rounded_motion(1e-10, close=apart, rough=apart))
+    assert rung.until == 1.0
+    assert np.isnan(rung.order)
+    assert rung.known == pytest.approx(3e-10 * SIZE / 0.6, rel=1e-5)  # rounding of 1 m: 2e-16 m
+    larger = Rung(rounded_motion(1e-9, close=apart, rough=apart))
+    assert larger.until == pytest.approx(0.2, abs=0.011)  # a sample
+
+
+def test_the_solution_of_dop853_is_right_until_it_differs_from_the_steps():
+    """DOP853 stops moving at 0.5 s, so that at 0.51 s it is 10 mm off, where 2 mm are allowed."""
+    stuck = make_run(np.where(TIMES > 0.505, 0.5 - TIMES, 0.0), "DOP853 at 1e-9")
+    rung = Rung(make_motion(close=stuck, rough=stuck))
+    assert rung.until == 1.0
+    assert rung.close_agrees_until == pytest.approx(0.5)
+    assert not rung.is_sure
+    sure = Rung(make_motion())
+    assert sure.close_agrees_until == 1.0
+    assert sure.is_sure
+
+
+def test_a_solution_of_dop853_that_differs_at_the_end_alone_is_not_the_best():
+    off = make_run(np.where(TIMES == 1.0, 0.1, 0.0), "DOP853 at 1e-9")
+    rung = Rung(make_motion(close=off, rough=off))
+    assert rung.until == 1.0
+    assert rung.best is rung.fine
+
+
+def test_the_size_of_a_model_of_points_is_the_distance_that_it_moves():
+    """A difference of 0.5 % of the way is 5 mm after 1 s, and too large from the start on."""
+    off = tuple(make_run(5e-3 * k % 2 * TIMES, step=step) for k, step in enumerate(STEPS))
+    apart = make_run(0.1 + TIMES)
+    own = make_motion(runs=off, close=apart, rough=apart, disturbed=off[4])
+    assert not Rung(replace(own, extent=0.0)).consistent
+
+
+def test_an_order_of_zero_at_the_end_leaves_an_uncertainty():
+    """The error of DOP853 is too large at first only: the way grows to 1 m, with a size of 0.1 m.
+
+    The steps converge until 0.5 s.  From then on their differences are 0.2 mm each, so that DOP853
+    and the disturbed start alone agree.  The uncertainty is that of the least order that counts.
+    """
+    late = TIMES > 0.505
+    runs = tuple(
+        make_run(np.where(late, 2e-4 * k, 1e-4 * 2.0**-k * TIMES), step=step)
+        for k, step in enumerate(STEPS)
+    )
+    close = make_run(runs[-1].points[:, 0, 0, 0] - TIMES + 2e-4, "DOP853 at 1e-9")
+    disturbed = make_run(runs[4].points[:, 0, 0, 0] - TIMES)
+    rung = Rung(make_motion(runs=runs, close=close, rough=close, disturbed=disturbed, extent=0.1))
+    assert rung.until == 1.0
+    assert rung.best is rung.fine
+    assert not rung.steps_converge[-1]
+    assert rung.known == pytest.approx(2e-4 / 0.6)
+
+
+def test_a_model_without_joints_is_not_self_consistent():
+    rung = Rung(make_motion(dof=0))
+    assert not rung.consistent
+    assert rung.words() == "nothing moves: the model has no joints"
+
+
+def test_a_disturbance_that_grows_after_the_known_time_is_its_reason():
+    """At 0.51 s, after T, it is as it was; at 0.8 s it has grown 1e7 times, and its run ends."""
+    grown = make_motion().runs[4].points[:, 0, 0, 0] - TIMES + 1e-9 * SIZE * 10.0 ** (9 * TIMES)
+    apart = np.where(TIMES > 0.505, 0.01 + TIMES, 0.0)
+    off = [make_run(apart * (k % 2), step=step) for k, step in enumerate(STEPS)]
+    close = make_run(apart * 2)
+    for samples in (TIMES.size, 81):
+        disturbed = cut_run(make_run(np.where(TIMES > 0.6, grown, 0.0)), samples)
+        rung = Rung(make_motion(runs=tuple(off), close=close, rough=close, disturbed=disturbed))
+        assert rung.until == pytest.approx(0.5)
+        end = f"at {TIMES[samples - 1]:g} s"
+        assert f"a disturbance of 1e-9 has grown .. times {end}" == re.sub(
+            r"grown \S+ times", "grown .. times", rung.why()
+        )
+
+
+def test_a_motion_whose_other_ways_end_early_is_not_said_to_differ():
+    """The steps converge to the end, and the two other ways ended at their third sample."""
+    early = interrupted_run()
+    disturbed = cut_run(make_motion().disturbed, 3)
+    rung = Rung(make_motion(close=early, rough=early, disturbed=disturbed))
+    assert rung.until == pytest.approx(0.02)
+    assert "no more was followed in the time that there is" in rung.words()
+
+
+def test_energies_at_the_end_are_compared_with_their_swing():
+    """The energy of the finest run rises by 2 J and ends 0.1 J above that of the run before it."""
+    own = make_motion()
+    runs = *own.runs[:-1], replace(own.runs[-1], energy=2.0 * TIMES)
+    other = replace(runs[-2], energy=1.9 * TIMES, gap=1e-3 * TIMES)
+    rung = Rung(replace(own, runs=(*runs[:-2], other, runs[-1])))
+    assert rung.describe_end() == (
+        "energies at the end differ by 5 % of their swing, largest constraint violations are "
+        "1e-3 and 0 m or rad"
+    )
