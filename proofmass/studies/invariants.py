@@ -5,6 +5,7 @@ import numpy as np
 
 from proofmass.case import Case
 from proofmass.reference import compiled_model
+from proofmass.sim.contents import has_dry_friction
 from proofmass.sim.protocol import Curves
 
 SensorType = mujoco.mjtSensor
@@ -41,9 +42,17 @@ def invariants(case: Case, curves: Curves) -> dict[str, float]:
 
 
 def conserves_energy(case: Case) -> bool:
-    """Whether energy is conserved: no drive, actuator, damping or friction acts in the model."""
+    """Whether energy is conserved: no drive, actuator, damping or friction acts in the model.
+
+    Damping is that of joints and tendons, and that of a fluid around the bodies.
+    """
     model = compiled_model(case)
-    return not (case.drive or model.nu or model.dof_damping.any() or model.dof_frictionloss.any())
+    damping = (
+        *(model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly),
+        *(model.opt.density, model.opt.viscosity),
+    )
+    is_damped = any(np.any(one) for one in damping)
+    return not (case.drive or model.nu or is_damped or has_dry_friction(model))
 
 
 def energy_sensors(case: Case) -> list[str]:
