@@ -140,7 +140,7 @@ class ModelSummary:
         The key with the start pose; empty if the model has none.
     dof : int
         The number of degrees of freedom.
-    reaches : tuple of Reach
+    reaches : tuple of JointRange
         The ranges of all joints that can be driven, the best first.
     sensors : tuple of str
         Names of the model's sensors.

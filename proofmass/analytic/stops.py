@@ -227,7 +227,7 @@ def integrate_with_stops(
 
     Parameters
     ----------
-    system : Stopped
+    system : SystemWithStops
     times : ndarray (n,)
         Times of the samples, rising [s].
     q, v : ndarray (poses,), (rates,)

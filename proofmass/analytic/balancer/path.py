@@ -266,7 +266,7 @@ class BalancerPaths:
 
     Attributes
     ----------
-    pieces : Pieces
+    pieces : Strides
         Strides of the paths.
     switches : list of (design, joint, alpha, side)
         Joint number `joint` (from 1) of that design meets its lower (-1) or upper (+1) stop at

@@ -69,7 +69,7 @@ class ConstrainedMotion:
         Number of independent rows of the equalities.
     evaluations : int
         Number of evaluations of the equations of motion.
-    stopped : StoppedMotion
+    stopped : MotionWithStops
         Events and forces at stops.
     """
 

@@ -254,13 +254,13 @@ class Links:
     joints : tuple of LinkJoint
     driven : tuple of int
         Ids of the joints with a prescribed motion, in the run's order.
-    loops : tuple of Hold
+    loops : tuple of LinkConstraint
         Constraints that close the loops.
     gears : tuple of LinkGear
         Gears between hinges of the ground.
     springs : tuple of LinkSpring
         Springs between points of links; also tendons that only measure a length.
-    pulls : tuple of Pull
+    pulls : tuple of LinkLoad
         Forces and moments on links.
     gravity : ndarray (2,)
         Acceleration of gravity in the plane [m/s^2].

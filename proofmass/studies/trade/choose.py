@@ -118,7 +118,7 @@ def choose(
 
     Raises
     ------
-    Cannot
+    NoGoodSetting
         No measured setting is good enough.
     """
     rows = [row for row in rows if row.engine in (engine or row.engine)]
