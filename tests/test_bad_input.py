@@ -442,6 +442,22 @@ def test_a_drive_beyond_its_joint_limits_is_one_error_for_all_solvers(models, ed
     assert "wider range" in found[0]
 
 
+def test_a_drive_may_pass_its_joint_limit_by_rounding_alone(models, edit):
+    """The crank turns to 2 pi; its range ends 1e-9 rad before that, or is 2 pi with 13 digits."""
+    for end, refused in (("6.283185306", True), ("6.2831853071796", False)):
+        edit(
+            "fourbar.xml",
+            '<joint name="crank"( range="[^"]*")?',
+            f'<joint name="crank" range="0 {end}"',
+        )
+        case = load_case(models / "fourbar.toml")
+        if refused:
+            with pytest.raises(InputError, match="beyond its range"):
+                plan_run(case, "sweep", "mujoco")
+        else:
+            assert plan_run(case, "sweep", "mujoco").kind == "sweep"
+
+
 def test_a_profile_beyond_its_joint_limits_between_samples_is_refused(models, edit):
     edit("triple_rocker.xml", '<joint name="crank"', '<joint name="crank" range="-2 1.9"')
     edit("triple_rocker.toml", r"n = \d+", "n = 4")  # samples at -2, 1, 1 and -2 rad

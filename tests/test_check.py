@@ -37,13 +37,14 @@ from proofmass.check import (
 from proofmass.cli import app
 from proofmass.compare import Comparison, attach_reference, compare
 from proofmass.errors import InputError
+from proofmass.outcome import FAILED_OUTCOMES
 from proofmass.reference import evaluate
 from proofmass.refinement import FinerRun, refined_errors
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
-from proofmass.sim.protocol import BadModel, Curves, Unsupported
+from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Unsupported
 from proofmass.studies.command import load_cases
-from proofmass.worker import Crashed
+from proofmass.worker import Crashed, OutOfMemory, TimedOut
 from tests.shipped import MODELS
 
 CHECK_MODULE = sys.modules[check.__module__]  # `proofmass.check` is the function
@@ -557,3 +558,10 @@ def test_curves_have_the_reference_that_they_were_compared_with(models, keep_sol
             assert curves.reference[c.channel] == pytest.approx(truth[c.channel], abs=1e-9)
         other = Curves(curves.x, curves.channels, drive=tuple(part.copy() for part in curves.drive))
         assert attach_reference(case, kind, other) is other  # these curves were not compared
+
+
+def test_each_exception_of_a_run_has_an_outcome_of_a_failure():
+    """All but that a run is not supported: then no run was made."""
+    failures = {kind: one for kind, one in OUTCOME_OF_EXCEPTION.items() if kind is not Unsupported}
+    assert set(failures.values()) == set(FAILED_OUTCOMES)
+    assert {Diverged, NotSolved, Crashed, TimedOut, OutOfMemory} == set(failures)

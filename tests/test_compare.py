@@ -52,10 +52,32 @@ def test_error_measures_of_a_known_difference():
     assert c.nrmse == pytest.approx(2.5e-12, rel=1e-4, abs=0)
     assert c.relative_to_range == pytest.approx(5e-12, rel=1e-4, abs=0)
     assert c.allowed == pytest.approx(4e-10, rel=1e-4, abs=0)
+    assert c.allowed_of_range == pytest.approx(1e-10, rel=1e-4, abs=0)  # 4e-10 of a range of 4
     assert c.message.startswith("RK4 at 1 ms")  # the reason of the tolerance
 
 
 PENDULUM = load_case(shipped("pendulum.toml"))
+
+
+@pytest.mark.parametrize(
+    ("error", "unsure", "outcome"),
+    [
+        (0.25, 0.25, "agrees"),  # 0.5 at most
+        (0.25, 0.26, "undecided"),
+        (0.75, 0.25, "undecided"),  # 0.5 at least
+        (0.76, 0.25, "differs"),
+    ],
+)
+def test_an_uncertain_error_is_undecided_if_it_may_agree_and_may_differ(error, unsure, outcome):
+    """An error of 0.5 is allowed: one that is as large still agrees."""
+    half = Tolerance(run="dynamics", solver="mujoco", channels="angle", abs=0.5, why="half")
+    case = PENDULUM.model_copy(update={"tolerance": (half,)})
+    x, truth = np.linspace(0, 1, 5), np.array([0.0, 1, 2, 3, 4])
+    off = truth + error * (x == 0.5)
+    curves = Curves(x, {"angle": off}, uncertainty={"angle": np.where(x == 0.5, unsure, 0.0)})
+    assert compare_channel(case, "dynamics", "mujoco", "angle", curves, truth, {}).outcome == (
+        outcome
+    )
 
 
 def with_changed_channel(case, channel: str, **changed):

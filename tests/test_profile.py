@@ -65,6 +65,19 @@ def test_a_motion_profile_goes_through_its_rows(tmp_path):
     whole = cumulative_trapezoid(rates, ROW_TIMES, initial=0.0)  # exact for straight lines
     assert value == pytest.approx(0.5 + whole, abs=1e-14)
     assert acceleration[:-1] == pytest.approx(np.diff(rates) / np.diff(ROW_TIMES), abs=1e-12)
+    curved = make_profile(tmp_path, rate="w", start=0.5)  # within 1e-6, the error of the spline
+    assert curved(ROW_TIMES)[0] == pytest.approx(0.5 + np.sin(3.0 * ROW_TIMES), abs=1e-6)
+
+
+def test_samples_beyond_the_rows_by_rounding_alone_are_covered(tmp_path):
+    """The rows are 25 ms apart, so that 1e-9 of this is 2.5e-11 s."""
+    profile = make_profile(tmp_path, value="q")
+    for first, last, covered in (
+        (-2e-11, 2.0 + 2e-11, True),
+        (-3e-11, 2.0, False),
+        (0.0, 2.0 + 3e-11, False),
+    ):
+        assert profile.covers(np.array([first, last])) == covered
 
 
 def test_a_spline_is_of_fourth_order_and_states_its_error(tmp_path):
@@ -244,6 +257,8 @@ def test_a_jump_of_the_angle_is_refused_and_a_wrapped_angle_recognized(tmp_path)
 
     with pytest.raises(InputError, match=r"line 43: q jumps .* no drive has the rate"):
         make_profile(tmp_path, rows=stepped(0.5), value="q")
+    with pytest.raises(InputError, match="no drive has the rate"):  # 0.8 turns are not whole
+        make_profile(tmp_path, rows=stepped(5.0), value="q")
     with pytest.raises(InputError, match="the angle is wrapped; add unwrap = true"):
         make_profile(tmp_path, rows=stepped(-2 * np.pi), value="q")
     whole = make_profile(tmp_path, rows=stepped(-2 * np.pi), value={"column": "q", "unwrap": True})

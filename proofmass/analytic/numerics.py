@@ -266,7 +266,7 @@ def motion_senses(rate: Array, fastest: float) -> Array:
 
     Examples
     --------
-    >>> motion_senses(np.array([0.0, 1.0, 1e-17, -2.0, 0.0]), 2.0).tolist()
+    >>> motion_senses(np.array([0.0, 1.0, -1e-17, -2.0, 0.0]), 2.0).tolist()
     [0.0, 1.0, 1.0, -1.0, -1.0]
     """
     is_moving = np.abs(rate) > REST_RATE_SHARE * fastest

@@ -19,7 +19,13 @@ from proofmass.studies import measure
 from proofmass.studies import run as runs
 from proofmass.studies.measure import Measurement, relative_errors
 from proofmass.studies.record import NAN, Setting, StudyRow, read_table
-from proofmass.studies.run import make_row, pool, reference_file, run_tasks
+from proofmass.studies.run import (
+    has_shared_reference,
+    make_row,
+    pool,
+    reference_file,
+    run_tasks,
+)
 from proofmass.studies.store import Store
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture of all tests
@@ -339,3 +345,17 @@ def test_parallel_and_sequential_runs_have_the_same_results(tmp_path):
     one, two = ([(r.errors, r.invariants, r.steps, r.outcome) for r in rows(n)] for n in (1, 2))
     assert one == two
     assert all(errors for errors, *_ in one)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "shared"),
+    [
+        ("pendulum.toml", "dynamics", True),
+        ("fourbar.toml", "dynamics", False),
+        ("fourbar.toml", "sweep", False),
+        ("rod_released.toml", "dynamics", False),
+    ],
+)
+def test_settings_share_the_reference_of_a_free_motion_without_rods(name, kind, shared):
+    """A setting may change the segments of rods, and with them the places of sensors."""
+    assert has_shared_reference(load_case(shipped(name)), kind) == shared

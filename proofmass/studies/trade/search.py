@@ -207,7 +207,7 @@ def step_between(coarse: StudyRow, fine: StudyRow, error_kind: str, needed: floa
 def is_stuck(rows: Sequence[StudyRow], error_kind: str) -> bool:
     """Whether the errors of the last steps hardly change, so that finer steps will not help."""
     last = [row_error(row, error_kind) for row in rows[-MAX_BAD_STEPS:]]
-    return len(last) == MAX_BAD_STEPS and max(last) - min(last) <= STUCK_CHANGE * min(last) < inf
+    return len(last) == MAX_BAD_STEPS and max(last) - min(last) <= STUCK_CHANGE * min(last)
 
 
 def row_error(row: StudyRow, error_kind: str) -> float:

@@ -155,6 +155,13 @@ def test_rate_and_horizon_are_those_of_an_exponential_growth(rate):
     )
 
 
+def test_the_first_fifth_of_the_growth_is_not_fitted():
+    """At first a disturbance turns into the direction that grows, and may even become smaller."""
+    x = np.linspace(0.0, 20.0, 2001)
+    distance = np.where(x < 2.0, 1e-12, 1e-9 * np.exp(x))  # 1e-2 is passed at x = 16.1
+    assert classify_motion(x, distance).rate == pytest.approx(1.0, rel=1e-6)
+
+
 @pytest.mark.parametrize("power", [0, 1, 2, 3])
 def test_growth_with_a_power_of_time_is_not_chaotic(power):
     x = np.linspace(0.0, 20.0, 2001)

@@ -59,6 +59,13 @@ def test_the_possible_front_includes_settings_tied_with_the_front() -> None:
     )
 
 
+def test_the_possible_front_of_exact_wall_times_is_the_front() -> None:
+    times_and_errors = ((1.0, 1e-2), (2.0, 1e-2), (2.0, 1e-3), (3.0, 5e-3), (4.0, 1e-4))
+    rows = [timed_row(error, seconds) for seconds, error in times_and_errors]
+    assert possible_front(rows, "position", 1.0) == pareto_front(rows, "position")
+    assert pareto_front(rows, "position") == [rows[0], rows[2], rows[4]]
+
+
 def test_the_front_lies_in_its_band() -> None:
     rows = [timed_row(1e-3, 1.0, 3.0), timed_row(2e-3, 1.2, 1.6), timed_row(1e-4, 9.0, 9.5)]
     assert front_band(rows, "position", 1.0) == [

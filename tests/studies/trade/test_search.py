@@ -250,6 +250,14 @@ def test_no_step_between_is_tried_if_the_order_predicts_little_gain() -> None:
     assert step_between(far, better, "position", 1e-4) is not None
 
 
+@pytest.mark.parametrize(("error", "needed", "step"), [(1e-9, 4e-2, 4.0), (4e-6, 5.1e-6, 2.0)])
+def test_a_step_between_keeps_a_third_of_the_distance_from_both(error, needed, step) -> None:
+    """Between 8 and 1, whose distance is three halvings, it is at most 4 and at least 2."""
+    coarse = StudyRow("", "", "", "", "", "timestep", 8.0, errors={"position": 5e-2}, seconds=0.01)
+    fine = replace(coarse, value=1.0, errors={"position": error})
+    assert step_between(coarse, fine, "position", needed) == pytest.approx(step)
+
+
 def row_at(step: float) -> StudyRow:
     """A run whose error is proportional to step^0.33, and is 5e-7 at a step of 7.9e-7 s."""
     error = {"position": 4e-7 * (step / 4e-7) ** 0.33}
