@@ -5,12 +5,14 @@ and `disturbed`, see `proofmass.self_consistency`.
 """
 
 import re
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from proofmass.check import check
+from proofmass.check import check, check_model_here
 from proofmass.outcome import Outcome
 from proofmass.self_consistency import AGREEMENT_SHARE, Rung, why_failed
 from proofmass.sim.protocol import OwnMotion, OwnRun
@@ -123,16 +125,19 @@ def test_a_wrong_solution_of_dop853_is_not_used():
 
 
 def test_a_motion_is_known_until_its_steps_no_longer_converge():
-    """From 0.3 s on each step has a random error of up to 1 cm, although nothing is chaotic."""
+    """From 0.3 s on each step has a random error of up to 1 cm, although nothing is chaotic.
+
+    The disturbance grows 500 times only.
+    """
     chosen = np.random.default_rng(1)
     late = TIMES > 0.3
     runs = tuple(
         make_run(1e-6 * step + late * chosen.uniform(-1e-2, 1e-2), step=step) for step in STEPS
     )
-    same = make_run(runs[4].points[:, 0, 0, 0] - TIMES)
-    rung = Rung(make_motion(runs=runs, disturbed=same))
+    near = make_run(runs[4].points[:, 0, 0, 0] - TIMES + 500 * 1e-9 * SIZE * late)
+    rung = Rung(make_motion(runs=runs, disturbed=near))
     assert rung.until == pytest.approx(0.3)
-    assert "finer steps do not converge there, though a disturbance grows" in rung.words()
+    assert "do not converge there, though a disturbance grows 500 times only" in rung.words()
 
 
 def test_one_of_three_criteria_is_not_enough():
@@ -375,10 +380,11 @@ def test_a_solution_of_dop853_that_differs_at_the_end_alone_is_not_the_best():
 
 def test_the_size_of_a_model_of_points_is_the_distance_that_it_moves():
     """A difference of 0.5 % of the way is 5 mm after 1 s, and too large from the start on."""
-    off = tuple(make_run(5e-3 * k % 2 * TIMES, step=step) for k, step in enumerate(STEPS))
+    off = tuple(make_run(5e-3 * 2.0 ** (6 - k) * TIMES, step=step) for k, step in enumerate(STEPS))
     apart = make_run(0.1 + TIMES)
     own = make_motion(runs=off, close=apart, rough=apart, disturbed=off[4])
     assert not Rung(replace(own, extent=0.0)).consistent
+    assert Rung(replace(own, extent=1.0)).until == pytest.approx(0.2, abs=0.011)  # a sample
 
 
 def test_an_order_of_zero_at_the_end_leaves_an_uncertainty():
@@ -442,3 +448,18 @@ def test_energies_at_the_end_are_compared_with_their_swing():
         "energies at the end differ by 5 % of their swing, largest constraint violations are "
         "1e-3 and 0 m or rad"
     )
+
+
+def test_the_check_of_a_model_has_the_cost_and_the_violation_of_its_own_run(monkeypatch, tmp_path):
+    """A loop opens by up to 1 mm; 51 of 101 samples of 10 ms are 250 steps of 2 ms."""
+    own = make_motion()
+    first = cut_run(replace(own.runs[0], gap=2e-3 * TIMES), 51)
+    late = replace(first, stopped="its wall time was over", late=True)
+    motion = replace(own, runs=(late, *own.runs[1:]))
+    engine = SimpleNamespace(own_motion=lambda *_: motion)
+    monkeypatch.setattr(sys.modules[check_model_here.__module__], "engine_of", lambda _: engine)
+    found = check_model_here(tmp_path / "arm.xml")
+    assert (found.case, found.outcome, found.steps) == ("arm", Outcome.SELF_CONSISTENT, 250)
+    assert (found.violation, found.at) == (pytest.approx(1e-3), pytest.approx(0.5))
+    assert found.error_max == pytest.approx(ERROR_RATE * 0.5, rel=1e-6)
+    assert found.uncertainty == pytest.approx(ERROR_RATE * 0.5 / 2**6, rel=1e-5)

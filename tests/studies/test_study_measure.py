@@ -3,6 +3,7 @@
 import os
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,18 +23,20 @@ from proofmass.sim.protocol import (
     NotSolved,
     Unsupported,
 )
-from proofmass.solve import call_engine
+from proofmass.solve import call_engine, plan_run
 from proofmass.strict import Kind
 from proofmass.studies import measure
 from proofmass.studies.measure import (
     MAX_CACHED_REFERENCES,
     StudyRun,
     cached_reference,
+    drives_moved,
     first_not_finite,
     observe,
     pin_process,
     relative_errors,
     reserve_processor,
+    time_run,
 )
 from proofmass.studies.record import Setting
 from proofmass.studies.run import make_row
@@ -397,3 +400,28 @@ def test_a_failed_reference_is_tried_once_and_keeps_its_outcome(
         found = measure.measure_task(task, False, 30.0)
         assert (found.outcome, found.message) == (outcome, message)
     assert asked == ["write_reference"]
+
+
+@pytest.mark.parametrize(
+    ("processor", "share"),
+    [(1.5, 0.25), (2.0, 0.0), (2.1, 0.0)],  # the last one by clocks of different resolution
+)
+def test_the_share_of_others_is_the_wall_time_without_the_processor_time(
+    processor, share, monkeypatch
+):
+    wall, own = iter([10.0, 12.0]), iter([5.0, 5.0 + processor])
+    clocks = SimpleNamespace(perf_counter=lambda: next(wall), process_time=lambda: next(own))
+    monkeypatch.setattr(measure, "time", clocks)
+    monkeypatch.setattr(measure, "call_engine", lambda *_: Curves(np.zeros(1), {}))
+    run = plan_run(PENDULUM, "dynamics", "mujoco")
+    assert time_run("mujoco", PENDULUM.model_path, run)[1] == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    ("case", "kind", "moved"),
+    [(FOURBAR, "dynamics", True), (FOURBAR, "sweep", False), (PENDULUM, "dynamics", False)],
+)
+def test_drives_can_be_off_their_profiles_in_time_alone(case, kind, moved):
+    run = plan_run(case, kind, "mujoco")
+    curves = Curves(run.x, {}, drive=run.motion(run.x) if run.drives else None)
+    assert drives_moved(run, curves) == moved
