@@ -12,6 +12,7 @@ from proofmass.analytic import planar, spatial
 from proofmass.case import ProfileTable
 from proofmass.check import check
 from proofmass.drive import InProportion, Steady, Swing, motion_source
+from proofmass.errors import InputError
 from proofmass.profile import controls_source, make_sampled_profile
 from proofmass.reference import evaluate, load_profiles, run_samples
 from proofmass.report import write_report
@@ -23,7 +24,7 @@ from proofmass.sim.protocol import ChangingLoad, Drive, Run, Unsupported
 from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import prescribed_run
+from proofmass.solve import plan_run, prescribed_run
 from tests.programs import program_curves
 from tests.report.whole import without_figures
 from tests.shipped import shipped
@@ -711,3 +712,13 @@ def test_a_pymunk_program_clips_the_sensor_of_a_motor_to_its_own_range(gain, end
 
 def test_a_steady_profile_is_written_as_a_formula():
     assert "0.5 + 2.0 * t" in controls_source([Steady(0.5, 2.0, x_is_time=True)], SAMPLE_TIMES)
+
+
+def test_a_row_between_the_places_that_are_checked_must_lie_within_the_range(changed):
+    """The places are 0.5 ms apart; the control passes its range for 0.1 ms at the row 1.2002 s."""
+    changed(".xml", 'joint="wheel"/>', 'joint="wheel" ctrlrange="-1 0.8"/>')
+    assert plan_run(load_case(changed(".toml", "title", "title")), "dynamics", "mujoco")
+    rows = "time = [0.0, 0.3, 1.2001, 1.2002, 1.2003, 2.0], value = [0.0, 0.6, 0.6, 0.9, 0.6, -0.2]"
+    file = changed(".toml", r"time = \[0.0, 0.3.*?\], value = \[.*?\]", rows)
+    with pytest.raises(InputError, match=r"'wind' is 0.9 at x = 1.2002; it must lie within -1 to"):
+        plan_run(load_case(file), "dynamics", "mujoco")
