@@ -59,7 +59,8 @@ def solve(
     Raises
     ------
     ValueError
-        A stiffness is not positive, the preload is negative, or the connection is unknown.
+        A stiffness is not positive, the preload is negative, the connection is unknown, or a place
+        or rate is not finite.
 
     Notes
     -----
@@ -79,7 +80,7 @@ def solve(
     """
     k1, k2 = check_parameters(stiffness1, stiffness2, preload, connection)
     x, v = np.broadcast_arrays(*(np.asarray(each, float) for each in (place, rate)))
-    check_finite(place=x)
+    check_finite(place=x, rate=v)
     series = connection == "series"
     excess = k2 * x - preload if series else k1 * x - preload
     gap_share = k2 / (k1 + k2) if series else 1.0  # derivative of the gap by the handle's way

@@ -86,13 +86,17 @@ def test_without_a_preload_the_contact_is_released_at_once():
         ({"stiffness1": 0.0}, "stiffness1 must be positive and finite"),
         ({"stiffness2": np.inf}, "stiffness2 must be positive and finite"),
         ({"preload": -1.0}, r"preload must be zero or positive \[N\]"),
+        ({"preload": np.nan}, r"preload must be zero or positive \[N\]"),
         ({"connection": "crossed"}, "connection must be one of series, parallel, got 'crossed'"),
+        ({"place": np.nan}, "place must be finite"),
+        ({"rate": np.nan}, "rate must be finite"),
+        ({"rate": -np.inf}, "rate must be finite"),
     ],
 )
 def test_bad_parameters_are_named(change, words):
     parameters = {"stiffness1": 1.0, "stiffness2": 1.0, "preload": 1.0, "connection": "series"}
     with pytest.raises(ValueError, match=words):
-        solve(0.0, **parameters | change)
+        solve(**{"place": 0.0} | parameters | change)
 
 
 def with_fewer_samples(file: Path) -> Path:
