@@ -7,6 +7,7 @@ from proofmass.analytic.balancer.friction import follow_with_friction
 from proofmass.analytic.balancer.measures import events, properties, target_for
 from proofmass.analytic.balancer.measures import expected as expected_of
 from proofmass.analytic.balancer.model import (
+    NUMBERED_DEFAULTS,
     NUMBERED_PARAMETERS,
     OTHER_DEFAULTS,
     Balancer,
@@ -21,6 +22,7 @@ from proofmass.analytic.balancer.path import (
 )
 from proofmass.analytic.numerics import (
     Array,
+    check_finite,
     check_not_negative,
     components_in_frame,
     cross,
@@ -175,9 +177,10 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter is out of its domain; lengths cannot reach the tip; the rest posture is
-        unstable; the path ends at a fold before `angle`, where the chain would jump; friction is
-        combined with stops, or no joint can slip against the friction.
+        A parameter is out of its domain, not finite, or of a missing segment 4; lengths cannot
+        reach the tip; the rest posture is unstable; the path ends at a fold before `angle`, where
+        the chain would jump; friction is combined with stops, or no joint can slip against the
+        friction.
 
     Notes
     -----
@@ -201,8 +204,13 @@ def solve(
         k: v
         for k, v in locals().items()
         if (k in OTHER_DEFAULTS or k.rstrip("1234") in NUMBERED_PARAMETERS)
-        and not (length4 is None and k.endswith("4"))
+        and not (
+            length4 is None
+            and k.endswith("4")
+            and v in (None, NUMBERED_DEFAULTS.get(k.rstrip("4"), 0.0))
+        )
     }
+    check_finite(angle=angle, rate=rate, target_moment=target_moment)
     frictions = {
         "friction1": friction1,
         "friction2": friction2,
@@ -282,11 +290,12 @@ def check_friction(frictions: dict[str, float], joints: int) -> None:
 def follow_both_sides(chain: Balancer, alpha: Array) -> Path:
     """Find the path at angles of both signs; ValueError if it ends before them."""
     parts = []
-    for side in (alpha < 0, alpha >= 0):
+    behind = alpha < 0 if (alpha > 0).any() else alpha <= 0
+    for side in (behind, ~behind):
         if side.any():
             last = alpha[side][np.abs(alpha[side]).argmax()]
             paths = follow(chain, float(last + np.copysign(PATH_MARGIN, last)))
-            if paths.why[0] and np.abs(paths.reach[0]) < np.abs(last):
+            if paths.why[0] and np.abs(paths.reach[0]) <= np.abs(last):
                 raise ValueError(
                     f"{paths.why[0]}; angles up to {np.degrees(last):g} deg are asked for"
                 )

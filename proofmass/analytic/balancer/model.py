@@ -334,6 +334,11 @@ def check_parameters(table: dict[str, Array], single: dict[str, Array]) -> None:
         ("low", low > 0, "must not be above 0, the rest posture [rad]"),
         ("high", high < 0, "must not be below 0, the rest posture [rad]"),
         ("high", ~(low < high), "must be above low [rad]"),
+        (
+            "rest_angle2",
+            (parameters["rest_angle2"] != 0) & (low.shape[1] == 3),
+            "is of a balancer of four segments, and there is no length4 [rad]",
+        ),
         ("preload", (preload > 0) & (low != 0), "needs a stop that holds it at rest, low = 0"),
         ("preload", (preload < 0) & (high != 0), "needs a stop that holds it at rest, high = 0"),
     ]

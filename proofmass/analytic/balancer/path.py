@@ -42,6 +42,9 @@ MIN_STRIDE = 1e-7
 """Stride that is not halved any more [rad]: the path has come to a fold."""
 MAX_CORRECTION = 0.03
 """Largest correction by Newton's method [rad]: a larger one could be another branch."""
+MAX_BACKWARD_ERROR = 0.1
+"""Largest error [rad] of the tangent at the end of a stride where the stride begins: with a larger
+one, next to a fold, the interpolation of the stride is no start for Newton's method."""
 SWITCH_TOLERANCE = 1e-12
 """Tolerance of the margin at which a stop switches [rad, N m]."""
 UNREACHABLE = "the segments cannot reach the tip, or a spring not carry or release its preload"
@@ -232,6 +235,34 @@ def switching_margins(b: Balancer, p: Point) -> Array:
     return np.where(p.side == 0, way, -p.side * push)
 
 
+def margin_rates(b: Balancer, p: Point, along: Array) -> Array:
+    """Derivatives (B, s) of `switching_margins` by alpha, from those of the unknowns."""
+    j, n = list(b.stopped), b.segments
+    turning = np.diff(along[:, :n], axis=-1, prepend=0.0)[:, j]
+    held = p.side != 0
+    return np.where(held, -p.side * along[:, n + 2 :], -nearest_stops(b, p) * turning)
+
+
+def hides_switch(b: Balancer, here: Point, there: Point, out: Array, into: Array) -> Indices:
+    """Whether a joint may have switched twice within strides (B,), so that they are too long.
+
+    The margin of such a joint is below zero at the end although it does not fall all the way, or it
+    is below zero in between: the cubic through its values and slopes at both ends has a minimum
+    there.
+    """
+    width = (there.alpha - here.alpha)[:, None]
+    first, last = switching_margins(b, here), switching_margins(b, there)
+    begins, ends = margin_rates(b, here, out) * width, margin_rates(b, there, into) * width
+    beyond = last < -SWITCH_TOLERANCE
+    turns_back = beyond & (np.maximum(begins, ends) > SWITCH_TOLERANCE)
+    dips = ~beyond & (begins < 0.0) & (ends > 0.0)
+    square, cube = 3.0 * (last - first) - 2.0 * begins - ends, begins + ends - 2.0 * (last - first)
+    with np.errstate(all="ignore"):  # where the margin does not dip, or no equilibrium was found
+        at = -begins / (square + np.sqrt(square**2 - 3.0 * cube * begins))
+        least = first + at * (begins + at * (square + at * cube))
+    return np.asarray((turns_back | dips & (least < -SWITCH_TOLERANCE)).any(axis=-1))
+
+
 def nearest_stops(b: Balancer, p: Point) -> Array:
     """The nearer stop of each joint with stops (B, s): -1 the lower one, +1 the upper one."""
     j = list(b.stopped)
@@ -287,7 +318,8 @@ def follow(b: Balancer, to: float, stride: float = MAX_STRIDE) -> BalancerPaths:
     """Follow the equilibria of a batch from rest to a pendulum angle.
 
     Each path has strides of its own along its tangent, corrected by Newton's method.  A stride is
-    halved if the correction is large, or if the equilibrium is unstable or not found.  A path whose
+    halved if the correction is large, if the equilibrium is unstable or not found, if the tangent
+    at its end does not lead back, or if a joint may have switched twice in it.  A path whose
     strides vanish has come to a fold, where the chain would jump.
 
     Parameters
@@ -327,7 +359,13 @@ class PathFollower:
         alpha_step = self.sense * np.minimum(self.stride[k], np.abs(self.to - here.alpha))
         there, moved = find_equilibria(b, here.ahead(alpha_step, out))
         into, stable = tangent(b, there)
-        accepted = stable & (moved < MAX_CORRECTION)
+        backward = there.ahead(here.alpha - there.alpha, into).unknowns - here.unknowns
+        accepted = (
+            stable
+            & (moved < MAX_CORRECTION)
+            & (np.abs(backward[:, : b.segments]).max(axis=-1) < MAX_BACKWARD_ERROR)
+            & ~hides_switch(b, here, there, out, into)
+        )
         self.shorten(k[~accepted])
         switches_stop = accepted & (switching_margins(b, there) < -SWITCH_TOLERANCE).any(axis=-1)
         free = accepted & ~switches_stop
@@ -416,10 +454,7 @@ def find_first_switch(b: Balancer, here: Point, there: Point) -> tuple[Point, In
         margin = switching_margins(b, p)[row, joint]
         if (np.abs(margin) < SWITCH_TOLERANCE / 10).all():
             break
-        eps = 1e-6
-        slope = (
-            switching_margins(b, p.ahead(np.full(len(b), eps), along))[row, joint] - margin
-        ) / eps
+        slope = margin_rates(b, p, along)[row, joint]
         move = np.where(slope != 0, -margin / np.where(slope != 0, slope, 1.0), 0.0)
         low, high = np.minimum(here.alpha, there.alpha), np.maximum(here.alpha, there.alpha)
         p = p.ahead(np.clip(p.alpha + move, low, high) - p.alpha, along)

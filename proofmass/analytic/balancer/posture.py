@@ -1,12 +1,19 @@
 """A balancer whose postures are prescribed: loads, moments and energy, without an equilibrium."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer import quantities
-from proofmass.analytic.balancer.model import balancer, close_chain
+from proofmass.analytic.balancer.model import (
+    balancer,
+    check_preload,
+    close_chain,
+    preload_spring,
+)
 from proofmass.analytic.balancer.path import Path
-from proofmass.analytic.numerics import Array, cross
+from proofmass.analytic.numerics import Array, check_finite, cross
 
 MODES = (1, -1)
 """Elbow up, and elbow down."""
@@ -99,14 +106,18 @@ def solve(
     given = {
         k: v
         for k, v in locals().items()
-        if k not in ("angle", "rate", "acceleration") and not (length4 is None and k.endswith("4"))
+        if k not in ("angle", "rate", "acceleration")
+        and not (length4 is None and k.endswith("4") and not v)
     }
-    stops = {  # `balancer` requires a stop with a preload; it is not used here
-        f"{'low' if moment > 0 else 'high'}{i}": 0.0
-        for i, moment in ((2, preload2), (3, preload3), (4, preload4))
-        if moment
-    }
-    chain = balancer(**given, **stops)
+    check_finite(angle=angle)
+    joints = range(2, 4 if length4 is None else 5)
+    preload = {f"preload{i}": given.pop(f"preload{i}") for i in joints}
+    check_finite(**preload)
+    chain = balancer(**given)  # without preloads, which would need stops
+    wound = np.array([[0.0, *preload.values()]])
+    stiffness, _, stored = preload_spring(chain.stiffness, chain.quadratic, wound)
+    chain = replace(chain, preload=wound, stiffness=stiffness, stored=stored)
+    check_preload(chain)
     inputs, n = np.asarray(angle, float), chain.segments
     if inputs.shape[:1] != (n - 1,):
         raise ValueError(
