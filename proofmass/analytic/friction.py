@@ -68,6 +68,8 @@ class SlipSolution:
         Friction R of each joint that equilibrium requires [N m or N].
     rate : ndarray (joints,)
         Rates of the joints by the way of the drives [SI].
+    fastest : float
+        Largest of these rates and of those of the free motions [SI].
     growth : float
         Fastest growth of the friction of stuck joints that have reached their bounds, over the
         largest that is possible [1].
@@ -77,6 +79,7 @@ class SlipSolution:
 
     friction: Array
     rate: Array
+    fastest: float
     growth: float
     residual: float
 
@@ -84,6 +87,8 @@ class SlipSolution:
 @dataclass(frozen=True)
 class SlipProblem:
     """An equilibrium in coordinates of its free motions, without the forces of friction.
+
+    The free motions are unit vectors.
 
     Attributes
     ----------
@@ -145,26 +150,27 @@ class SlipProblem:
             largest_growth = min(
                 float(increase[share[stuck] >= 1.0 - YIELD_SHARE].max()) / FRICTION_GROWTH_STEP, 1.0
             )
+        # a joint at its dead point has no effect: there rounding is compared with the bounds
+        size = max(size, float(self.bound.max(initial=0.0)))
         residual = np.abs(self.force + self.turn.T @ friction).max(initial=0.0) / size
-        return SlipSolution(
-            friction, self.lead + self.turn @ motion, largest_growth, float(residual)
-        )
+        rate = self.lead + self.turn @ motion
+        fastest_motion = float(np.abs(np.concatenate([rate, motion])).max(initial=0.0))
+        return SlipSolution(friction, rate, fastest_motion, largest_growth, float(residual))
 
     def margins(self, senses: Array) -> Array:
         """Distance of each joint from the two ends of its state (2, joints), negative beyond them.
 
         A stuck joint's state ends at its two bounds, and the distances are shares of the bound.  A
         slipping joint's state ends where the joint stops; the distance is its rate as a share of
-        the fastest joint's.
+        that of the fastest joint or free motion.
         """
         found = self.solve_state(senses)
         return np.full((2, senses.size), -1.0) if found is None else self._margins_of(senses, found)
 
     def _margins_of(self, senses: Array, found: SlipSolution) -> Array:
         """`margins` of a state whose friction and motion are found."""
-        fastest = float(np.abs(found.rate).max(initial=0.0)) or 1.0
         share = found.friction / self.bound
-        slip = senses * found.rate / fastest
+        slip = senses * found.rate / (found.fastest or 1.0)
         return np.where(senses == 0, [1.0 - share, 1.0 + share], [slip, slip])
 
     def state_violation(self, senses: Array) -> float:
@@ -193,7 +199,8 @@ class SlipProblem:
             No state meets its conditions.
         """
         options = [np.array(one) for one in product((0.0, 1.0, -1.0), repeat=senses.size)]
-        at_dead_point = np.abs(self.turn).max(axis=1) < DEAD_POINT_SHARE * np.abs(self.turn).max()
+        moves = np.abs(self.turn).max(axis=1)
+        at_dead_point = moves < DEAD_POINT_SHARE * max(moves.max(), 1.0)
         options = [
             one
             for one in options

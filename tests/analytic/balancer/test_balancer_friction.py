@@ -322,3 +322,24 @@ def test_friction_lowers_the_work_reduction_as_its_first_order_does():
 def test_bad_friction_of_the_reference_is_refused(changed, message):
     with pytest.raises(ValueError, match=message):
         solve(UP_AND_BACK, **row_parameters(LINE_1766), **changed)
+
+
+def test_a_single_joint_with_friction_turns_back_at_its_dead_point():
+    """Joint 3 turns back where segment 1 crosses the pendulum, and its friction changes its sign.
+
+    Its moment on the chain vanishes there, so that the chain is in equilibrium on both sides.
+    """
+    tau = 0.0756
+    chain = {"length1": 0.4318, "length2": 0.4897, "length3": 0.4143, "rest_angle": 0.3826}
+    chain |= {"stiffness1": 1.7541, "stiffness2": 0.669, "stiffness3": 1.0127}
+    alpha = np.linspace(0.0, 1.2, 121)
+    found = solve(alpha, **chain, friction3=tau)
+    before = found["theta1"] > alpha
+    slips = np.abs(found["friction3"]) > 0.999 * tau
+    assert (before[0], before[-1]) == (True, False)
+    assert (np.sign(found["friction3"]) == np.where(before, 1.0, -1.0))[slips].all()
+    assert slips.sum() > 60
+    for i, friction in enumerate((0.0, 0.0, found["friction3"]), 1):
+        # rounding, over the sine of the chain's flattest angle
+        carried = found[f"moment{i}"] + friction
+        assert np.abs(found[f"node{i}_load"] - carried).max() < 1e-12
