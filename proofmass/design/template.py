@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from proofmass.analytic.balancer import Balancer
+from proofmass.analytic.balancer import Balancer, solve
 from proofmass.analytic.balancer.measures import chain_of
 from proofmass.analytic.balancer.model import preload_spring
 from proofmass.engines import default_engines
@@ -21,8 +22,12 @@ SEGMENT_LINE_MASS = 1e-3
 """Mass of the last segment over the pendulum's length [kg/m]; it has no effect in statics."""
 SINGULAR_START = 0.017453292519943295
 """Start of the drive if the rest pose is singular [rad]: one degree."""
+POSE_ROUNDING = 1e-14
+"""Rounding of a pose with a pendulum of 1 m [m]; forces of nearly straight chains magnify it."""
 MISSING_STOP = 10.0
 """Second stop of a joint with only one, beyond all deflections [rad]: MJCF needs two."""
+FORCE_TOLERANCE = 1e-12  # of forces, as a share of the target moment over 1 m
+SLOPE_STEP = 1e-7  # relative change of a length for a slope, which needs no more than one digit
 SOLVERS = default_engines()
 
 
@@ -164,6 +169,10 @@ def write_case(
     drawn += ["frictionless_moment"] * friction
     drawn += ["expected_measurement"] * ("expected" in parameters)
     chain = make_segments(design, parameters)
+    first = SINGULAR_START if (design.loose * design.preload[:, -1]).any() else 0.0
+    extends = bool(design.extension1.any() or design.extension2.any())
+    weighs = bool(design.weight.any())
+    rounding = 0.0 if extends or weighs else POSE_ROUNDING * force_slope(parameters, first)
     words = {
         "name": name,
         "title": title,
@@ -179,9 +188,10 @@ def write_case(
         "pendulum": float(design.pendulum[0]),
         "mass": float(design.weight[0]) / GRAVITY,
         "gravity": GRAVITY,
-        "extends": bool(design.extension1.any() or design.extension2.any()),
+        "extends": extends,
         "energy": not any(s.load for s in chain),
-        "first": SINGULAR_START if (design.loose * design.preload[:, -1]).any() else 0.0,
+        "first": first,
+        "steep_forces": float(f"{rounding:.1e}") * (rounding > FORCE_TOLERANCE * target_moment),
     }
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -189,6 +199,24 @@ def write_case(
         text = template_environment().get_template(f"balancer.{ending}.jinja").render(words)
         write_atomically(folder / f"{name}.{ending}", text)
     return folder / f"{name}.toml"
+
+
+def force_slope(parameters: Mapping[str, float], first: float) -> float:
+    """The largest change of a node's force with the length of the first segment [N/m].
+
+    `parameters` are those of `proofmass.analytic.balancer.solve`; the pendulum turns from `first`
+    to a right angle.  The slope is 0 if the path ends before, as the reference will say.
+    """
+    angle = np.linspace(first, np.pi / 2, 91)
+    given: dict[str, Any] = dict(parameters)
+    change = SLOPE_STEP * given["length1"]
+    try:
+        one = solve(angle, **given)
+        other = solve(angle, **{**given, "length1": given["length1"] + change})
+    except ValueError:
+        return 0.0
+    forces = [name for name in one if "_force_" in name]
+    return max(float(np.abs(other[name] - one[name]).max()) for name in forces) / change
 
 
 def make_segments(design: Balancer, parameters: Mapping[str, float]) -> list[Segment]:

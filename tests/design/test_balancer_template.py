@@ -106,6 +106,43 @@ def at_start(file: Path) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, data
 
 
+NEARLY_STRAIGHT = {
+    **{f"stiffness{k}": 2.0128 for k in (1, 2, 3, 4)},
+    **{f"quadratic{k}": -0.9464 for k in (1, 2, 3, 4)},
+    **dict.fromkeys(("length1", "length4"), 0.25),
+    **dict.fromkeys(("length2", "length3"), 0.2505),
+    "preload2": 0.6541,
+    "low2": 0.0,
+    "preload3": 1.0,
+    "low3": 0.0,
+}
+"""A chain whose segments are 0.1 % longer in sum than the pendulum at rest."""
+
+
+def test_forces_of_a_nearly_straight_chain_have_the_rounding_of_its_pose(tmp_path):
+    """Their slope is some 1e4 N/m, so that a rounding of 1e-15 m is more than 1e-12 N.
+
+    An error of 1e-13 m in one of the segments of the model is still found.
+    """
+    file = write_case(tmp_path, "steep", title="", source="", parameters=NEARLY_STRAIGHT)
+    allowed = {t.abs for t in load_case(file).tolerance if t.unit == ("N",)}
+    assert len(allowed) == 1
+    assert 1e-11 < allowed.pop() < 1e-9
+    assert {c.outcome for c in check([file], detectable=False, causes=False).comparisons} <= {
+        *GOOD_OUTCOMES
+    }
+    model = file.with_suffix(".xml")
+    text = model.read_text(encoding="utf-8")
+    wrong = text.replace('pos="0.0 0.2505 0"', 'pos="0.0 0.2505000000001 0"')
+    assert wrong != text
+    model.write_text(wrong, encoding="utf-8")
+    assert {c.outcome for c in check([file], detectable=False, causes=False).comparisons} & {
+        "differs"
+    }
+    plain = write_case(tmp_path, "plain", title="", source="", parameters=FOUR_SEGMENTS)
+    assert "nearly straight" not in plain.read_text(encoding="utf-8")
+
+
 # A sidecar of one balancer with the model of another one; with its own model it agrees.
 WRONG_PARAMETERS = {
     "a length": (PRELOADED, {"length2": PRELOADED["length2"] * (1 + 1e-9)}),
