@@ -128,17 +128,18 @@ def test_forces_of_a_nearly_straight_chain_have_the_rounding_of_its_pose(tmp_pat
     allowed = {t.abs for t in load_case(file).tolerance if t.unit == ("N",)}
     assert len(allowed) == 1
     assert 1e-11 < allowed.pop() < 1e-9
-    assert {c.outcome for c in check([file], detectable=False, causes=False).comparisons} <= {
-        *GOOD_OUTCOMES
-    }
+    with_fewer_samples(file)
+
+    def outcomes() -> set[str]:
+        return {c.outcome for c in check([file], detectable=False, causes=False).comparisons}
+
+    assert outcomes() <= {*GOOD_OUTCOMES}
     model = file.with_suffix(".xml")
     text = model.read_text(encoding="utf-8")
     wrong = text.replace('pos="0.0 0.2505 0"', 'pos="0.0 0.2505000000001 0"')
     assert wrong != text
     model.write_text(wrong, encoding="utf-8")
-    assert {c.outcome for c in check([file], detectable=False, causes=False).comparisons} & {
-        "differs"
-    }
+    assert "differs" in outcomes()
     plain = write_case(tmp_path, "plain", title="", source="", parameters=FOUR_SEGMENTS)
     assert "nearly straight" not in plain.read_text(encoding="utf-8")
 
