@@ -12,7 +12,7 @@ from proofmass.compare import reference_for
 from proofmass.errors import InputError, suggest_names
 from proofmass.plot_data import check_views
 from proofmass.reference import compiled_model
-from proofmass.sim.contents import channel_unit, joints, key_names, sensor_names
+from proofmass.sim.contents import channel_unit, has_normal_axis, joints, key_names, sensor_names
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan_run, settings_of
 from proofmass.units import same_quantity
@@ -74,10 +74,11 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
     Raises
     ------
     InputError
-        The model has no such sensor, or the sensor no such part.
+        The model has no such sensor, the sensor no such part, or its x axis no angle.
     """
+    sensor, _, part = name.partition(".")
     try:
-        return channel_unit(model, name, case.rods)
+        unit = channel_unit(model, name, case.rods)
     except KeyError as error:
         there = [*sensor_names(model), *case.rod]
         raise InputError(
@@ -87,6 +88,19 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
         ) from None
     except BadModel as error:
         raise InputError(case.file, f"channels.{name}", str(error)) from None
+    names = sensor_names(model)
+    if (
+        part == "angle"
+        and sensor in names
+        and has_normal_axis(model, case.start, names.index(sensor))
+    ):
+        raise InputError(
+            case.file,
+            f"channels.{name}",
+            "the x axis is normal to the plane of motion and has no angle in it; "
+            "measure a site whose x axis lies in the plane",
+        )
+    return unit
 
 
 def first_samples(case: Case, run: Run) -> Curves:

@@ -316,6 +316,37 @@ def test_an_angle_is_not_dimensionless():
     assert unit_powers("deg") == (0, 0, 0, 1)
 
 
+LEVER_ACROSS_X = """<mujoco><worldbody>
+<body name="lever"><joint name="pin" axis="1 0 0"/><geom size=".1" pos="0 .5 0" mass="1"/>
+<site name="end" pos="0 .5 0" {turn}/></body></worldbody>
+<sensor><jointpos name="pin" joint="pin"/>
+<framexaxis name="camber" objtype="site" objname="end"/></sensor></mujoco>"""
+
+
+def lever_across_x(folder: Path, turn: str, channels: str) -> Path:
+    """The sidecar of a lever that moves in the plane of y and z."""
+    (folder / "lever.xml").write_text(LEVER_ACROSS_X.format(turn=turn))
+    sidecar = folder / "lever.toml"
+    sidecar.write_text(
+        'title = "t"\nsource = "s"\nreference = "planar"\n'
+        '[drive]\njoint = "pin"\nfrom = 0.0\nto = 1.0\nrate = 1.0\n' + channels
+    )
+    return sidecar
+
+
+def test_an_axis_that_is_normal_to_the_plane_has_no_angle(tmp_path):
+    """Its components in the plane are rounding, and so would be their arctangent."""
+    with pytest.raises(InputError, match="x axis is normal to the plane of motion"):
+        validate_case(load_case(lever_across_x(tmp_path, "", '[channels]\n"camber.angle" = {}\n')))
+    case = load_case(lever_across_x(tmp_path, "", ""))
+    assert (list(case.channels), case.unmatched) == (["pin"], ("camber",))
+
+
+def test_an_axis_in_the_plane_has_an_angle(tmp_path):
+    case = load_case(lever_across_x(tmp_path, 'zaxis="1 0 0"', ""))
+    assert list(case.channels) == ["pin", "camber.angle"]
+
+
 def test_shipped_models_are_valid_xml():
     """MuJoCo accepts "--" in a comment, which XML does not allow."""
     for file in shipped_files("*.xml"):

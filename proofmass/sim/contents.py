@@ -98,15 +98,16 @@ def bodies_rotating_in_space(model: mujoco.MjModel) -> list[str]:
 def channel_names(model: mujoco.MjModel, key: str) -> dict[str, list[str]]:
     """The channels of each sensor that describe a motion in the plane of a planar mechanism.
 
-    For an x axis this is its angle; for a linear vector its components in the plane, if two axes of
-    the world span that plane; for an angular vector the component normal to it.  For a quaternion,
-    and for all vectors of a mechanism that leaves every plane, these are all components.
+    For an x axis this is its angle, unless it is normal to the plane; for a linear vector its
+    components in the plane, if two axes of the world span that plane; for an angular vector the
+    component normal to it.  For a quaternion, and for all vectors of a mechanism that leaves every
+    plane, these are all components.
     """
     found, across = {}, normal_axis(model, key)
     for s, name in enumerate(sensor_names(model)):
         kind = S(int(model.sensor_type[s]))
         if kind == S.mjSENS_FRAMEXAXIS and across is not None:
-            found[name] = [f"{name}.angle"]
+            found[name] = [] if has_normal_axis(model, key, s) else [f"{name}.angle"]
         elif model.sensor_dim[s] == 3:
             parts = {"linear": "xyz".replace(across or "-", ""), "angular": across or "xyz"}
             turns = SENSOR_UNITS.get(kind, "").startswith("rad") or kind == S.mjSENS_TORQUE
@@ -129,15 +130,34 @@ def normal_axis(model: mujoco.MjModel, key: str) -> str | None:
 
     The result is empty if the plane is inclined, None if the mechanism leaves every plane.
     """
-    data = mujoco.MjData(model)
-    if key in key_names(model):
-        mujoco.mj_resetDataKeyframe(model, data, key_names(model).index(key))
-    mujoco.mj_kinematics(model, data)
+    data = pose_of_key(model, key)
     try:
         normal = np.abs(find_plane(model, data).normal) if model.njnt else np.zeros(3)
     except Unsupported:
         return None
     return "xyz"[int(normal.argmax())] if normal.max() > 1 - PARALLEL_TOLERANCE else ""
+
+
+def has_normal_axis(model: mujoco.MjModel, key: str, s: int) -> bool:
+    """Whether the x axis of sensor number s is normal to the plane of motion: it has no angle."""
+    data = pose_of_key(model, key)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_sensorPos(model, data)
+    first = int(model.sensor_adr[s])
+    try:
+        flat = find_plane(model, data).flat(data.sensordata[first : first + 3])
+    except Unsupported:
+        return False
+    return float(np.linalg.norm(flat)) < PARALLEL_TOLERANCE
+
+
+def pose_of_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:
+    """The kinematics of the pose of a key, or of the initial pose if there is no such key."""
+    data = mujoco.MjData(model)
+    if key in key_names(model):
+        mujoco.mj_resetDataKeyframe(model, data, key_names(model).index(key))
+    mujoco.mj_kinematics(model, data)
+    return data
 
 
 def measures_actuator(model: mujoco.MjModel, sensor: str) -> bool:
@@ -212,10 +232,7 @@ def joint_sensor_unit(model: mujoco.MjModel, s: int, kind: mujoco.mjtSensor) -> 
 @lru_cache(CACHE_SIZE)
 def size(model: mujoco.MjModel, key: str) -> float:
     """Largest distance between joints, sites and centres of mass in the pose of a key [m]."""
-    data = mujoco.MjData(model)
-    if key in key_names(model):
-        mujoco.mj_resetDataKeyframe(model, data, key_names(model).index(key))
-    mujoco.mj_kinematics(model, data)
+    data = pose_of_key(model, key)
     points = np.vstack([data.xanchor, data.site_xpos, data.xipos[1:]])
     return float(np.linalg.norm(points[:, None] - points, axis=-1).max()) if len(points) else 0.0
 
