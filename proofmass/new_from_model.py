@@ -25,7 +25,7 @@ import numpy as np
 from mujoco import MjModel
 
 from proofmass.analytic import spatial
-from proofmass.analytic.planar import Branch, Mechanism, read, solve
+from proofmass.analytic.planar import Branch, Mechanism, read, refuse_friction, solve
 from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 from proofmass.analytic.planar.mechanism import (
     PlanarJoint,
@@ -191,17 +191,20 @@ def inspect_model(path: Path) -> ModelSummary:
     BadModel
         The model does not compile.
     InputError
-        Its motion is not known for any time.
+        Its motion is not known for any time, or none of its keys has a name.
     """
     model = compile_model(path)
     names = key_names(model)
-    start = "start" if "start" in names else next(iter(names), "")
+    start = "start" if "start" in names else next(filter(None, names), "")
+    if names and not start:
+        raise InputError(path, "", 'its key has no name; write <key name="start" …/>')
     try:
         mechanism, _ = read(model, start)
         pose = nearest_pose(mechanism, mechanism.start)
         dof = count_dof(mechanism, pose)
         if dof > 1:
             refuse_contacts(model)
+            refuse_friction(mechanism)
             refuse_actuators(model, ())
     except ValueError as error:
         return inspect_in_space(path, model, start, str(error))
@@ -442,7 +445,8 @@ def describe_model(look: ModelSummary) -> str:
         why = f"{look.why[0].upper()}{look.why[1:]}. " if look.why else ""
         known = ", as far as its motion is known" if look.until < FREE_MOTION_SECONDS else ""
         return (
-            f"{why}It has {look.dof} degrees of freedom and is let go for {look.until:g} s{known}."
+            f"{why}It has {look.dof} degree{'s' * (look.dof > 1)} of freedom and is let go "
+            f"for {look.until:g} s{known}."
         )
     drive_range = look.reaches[0]
     turns = "turns once" if drive_range.turns else f"goes {DRIVEN_SHARE:.0%} of its way to a limit"

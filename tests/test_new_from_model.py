@@ -205,6 +205,13 @@ FALLING_BOX = """<mujoco><option timestep="5e-3"/><default><geom solref=".05 1"/
 </worldbody></mujoco>"""
 
 
+CART_WITH_FRICTION = """<mujoco><option><flag contact="disable"/></option><worldbody>
+<body name="cart"><joint name="slide" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/>
+<body name="pole" euler="0 30 0"><joint name="hinge" axis="0 1 0" frictionloss="0.02"/>
+<geom size=".05" pos="0 0 .5" mass=".2"/></body></body></worldbody>
+<sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+
+
 def test_a_model_with_contacts_is_compared_with_its_own_equations(tmp_path):
     """The reference is the model's own motion with refined steps, until it is no longer known.
 
@@ -229,6 +236,30 @@ def test_a_model_without_names_is_refused(tmp_path):
     with pytest.raises(InputError, match="no joint, site or loose body of it has a name"):
         write_proposal("spun", model)
     assert [file.name for file in tmp_path.iterdir()] == ["top.xml"]
+
+
+def test_a_model_whose_key_has_no_name_is_refused(bare):
+    model = bare("fourbar")
+    model.write_text(re.sub(r"<key name=\S+", "<key", model.read_text()))
+    found = CliRunner().invoke(app, ["new", "mine", "--from", str(model)])
+    assert found.exit_code == 2
+    assert "its key has no name" in found.stderr
+    assert [file.name for file in model.parent.iterdir()] == ["fourbar.xml"]
+
+
+def test_a_model_whose_first_key_has_no_name_starts_from_the_next(bare):
+    model = bare("fourbar")
+    model.write_text(model.read_text().replace('<key name="start"', "<key"))
+    assert inspect_model(model).start == "crossed"
+
+
+def test_a_free_mechanism_with_friction_is_compared_with_its_own_equations(tmp_path):
+    """Neither general solver covers dry friction of a free motion; its own equations do."""
+    model = tmp_path / "cart.xml"
+    model.write_text(CART_WITH_FRICTION)
+    look = inspect_model(model)
+    assert (look.reference, look.dof) == ("refined", 2)
+    assert "joint 'hinge' has friction" in look.why
 
 
 def test_a_model_that_takes_too_long_to_inspect_is_reported(tmp_path, monkeypatch):

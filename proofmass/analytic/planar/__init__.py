@@ -258,9 +258,7 @@ def solve(
         refuse_limits(mechanism, q)
     else:
         refuse_contacts(model)
-        if mechanism.frictions.any():
-            name = mechanism.joints[int(np.argmax(mechanism.frictions > 0))].name
-            raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
+        refuse_friction(mechanism)
         d = Drives.of(mechanism, joints)
         profiles = ControlsInTime.of(model, mechanism.ctrl, control_profiles)
         free_states = _find_motion(reader, mechanism, joints, value, in_time, profiles)
@@ -285,6 +283,13 @@ def solve(
         ctrl,
     )
     return {name: np.broadcast_to(curve, (len(q),)) for name, curve in found.items()}
+
+
+def refuse_friction(m: Mechanism) -> None:
+    """Raise NotCovered if a joint has dry friction, which a free motion does not cover."""
+    if m.frictions.any():
+        name = m.joints[int(np.argmax(m.frictions > 0))].name
+        raise NotCovered(f"joint {name!r} has friction, which a free motion does not cover")
 
 
 def refuse_limits(m: Mechanism, q: Array) -> None:
