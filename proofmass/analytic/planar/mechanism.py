@@ -1075,10 +1075,27 @@ def refuse_tendons(model: Any) -> None:
 
 def refuse_contacts(model: Any) -> None:
     """Raise NotCovered if bodies of the model may touch: contacts are not covered."""
-    touchable = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) > 0]
     if not is_disabled(model, DISABLE_FLAG.mjDSBL_CONTACT, DISABLE_FLAG.mjDSBL_CONSTRAINT) and (
-        np.unique(touchable).size > 1 or model.npair
+        touching_bodies(model).any() or model.npair
     ):
         raise NotCovered(
             'contacts are not covered by a free motion: give <option> a <flag contact="disable"/>'
         )
+
+
+def touching_bodies(model: Any) -> Array:
+    """The bodies (n, 2) of all pairs of geoms between which MuJoCo looks for contacts.
+
+    Left out are the pairs that it filters out: by ``contype`` and ``conaffinity``, of one rigid
+    group, of a group and its parent other than the ground, and of ``<exclude>``.
+    """
+    rigid = model.body_weldid
+    parent = rigid[model.body_parentid[rigid]]
+    matches = model.geom_contype[:, None] & model.geom_conaffinity != 0
+    pairs = model.geom_bodyid[np.argwhere(np.triu(matches | matches.T, 1))]
+    first, second = np.sort(pairs, axis=1).T
+    one, two = rigid[first], rigid[second]
+    filtered = (one == two) | np.isin((first << 16) + second, model.exclude_signature)
+    if not is_disabled(model, DISABLE_FLAG.mjDSBL_FILTERPARENT):
+        filtered |= (one > 0) & (two > 0) & ((one == parent[two]) | (two == parent[one]))
+    return np.stack([first, second], axis=1)[~filtered]

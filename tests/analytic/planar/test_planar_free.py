@@ -10,6 +10,7 @@ from proofmass.analytic.planar import SingularHere, read, solve
 from proofmass.analytic.planar.dynamics import free_motion
 from proofmass.analytic.planar.forces import kinetic_energy, potential_energy
 from proofmass.analytic.planar.kinematics import move_bodies
+from proofmass.analytic.planar.mechanism import touching_bodies
 from tests.shipped import shipped
 
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}
@@ -149,3 +150,38 @@ def test_bodies_that_may_touch_are_refused():
       <joint name="a"/>{geoms}</body></worldbody></mujoco>""")
     with pytest.raises(ValueError, match="contacts are not covered by a free motion"):
         solve([0.0, 1.0], model=model)
+
+
+PILE = """<mujoco><option>{flag}</option><worldbody><geom size="1"/>
+<body name="a"><joint axis="0 1 0"/><geom size="1"/><geom size="1" contype="0"/>
+<body name="b"><joint axis="0 1 0"/><geom size="1" contype="2" conaffinity="3"/>
+<body name="welded"><geom size="1"/>
+<body name="c"><joint axis="0 1 0"/><geom size="1"/></body></body></body></body>
+<body name="d"><joint axis="0 1 0"/><geom size="1" conaffinity="0"/></body>
+</worldbody><contact>{exclude}</contact></mujoco>"""
+
+
+@pytest.mark.parametrize("flag", ["", '<flag filterparent="disable"/>'])
+@pytest.mark.parametrize("exclude", ["", '<exclude body1="d" body2="a"/>'])
+def test_the_bodies_that_may_touch_are_those_that_mujoco_does_not_filter_out(flag, exclude):
+    """All geoms are equal balls at one place, so that MuJoCo has a contact for each pair."""
+    model = mujoco.MjModel.from_xml_string(PILE.format(flag=flag, exclude=exclude))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    touching = {tuple(sorted(model.geom_bodyid[list(one.geom)])) for one in data.contact}
+    assert touching
+    assert {tuple(pair) for pair in touching_bodies(model)} == touching
+
+
+def test_a_chain_whose_neighbours_alone_could_touch_is_solved():
+    """MuJoCo has no contacts between a body and its parent, so that geoms need no flags."""
+    link = '<joint name="{0}" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -1" size=".1"/>'
+    chain = f"""<mujoco><worldbody><body>{link.format("a")}<body pos="0 0 -1">{link.format("b")}
+      </body></body></worldbody><sensor><jointpos name="b" joint="b"/></sensor>
+      <keyframe><key name="start" qpos="1 0"/></keyframe></mujoco>"""
+    off = chain.replace("<worldbody>", '<option><flag contact="disable"/></option><worldbody>')
+    own, without = (
+        solve([0.0, 0.5], model=mujoco.MjModel.from_xml_string(text))["b"] for text in (chain, off)
+    )
+    assert np.array_equal(own, without)
+    assert abs(own[1]) > 0.1  # it moves
