@@ -67,7 +67,7 @@ from proofmass.analytic.numerics import TURN, Array, Complex, Index
 from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.elastica import (
     ElasticaRods,
-    bounds,
+    bounds_in_range,
     relative_in_range,
     rods_of_chart,
 )
@@ -1056,7 +1056,7 @@ def describe_solutions(
         states[order],
         (np.floor(found.waves).astype(int) + 1).T[order],
         psi.T[order],
-        relative_in_range(*bounds(psi), k).T[order],
+        relative_in_range(*bounds_in_range(psi), k).T[order],
         potential[order],
         count_negative(s, chart, pose)[order],
         chart[:, 0].T[order],

@@ -465,6 +465,11 @@ def pseudo_rigid(
     -------
     dict of (...) arrays: x, y [m] of the tip, turn = Theta [rad].
 
+    Raises
+    ------
+    ValueError
+        A force that is not finite, or a parameter that is not positive.
+
     Notes
     -----
     This is an approximation: up to Theta = 64 deg the tip is within 1.5 % of the length from the
@@ -479,6 +484,7 @@ def pseudo_rigid(
     """
     check_positive(length=length, radius=radius, coefficient=coefficient)
     check_stiffness(stiffness)
+    check_finite(force=force)
     load_ratio = np.asarray(force, float) * length**2 / (coefficient * stiffness)
     turn = np.arctan(load_ratio)
     for _ in range(50):  # Newton's method on a monotone function, from between the root and pi/2

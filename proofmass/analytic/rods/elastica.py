@@ -253,7 +253,7 @@ def tip(
 def _unit_rods(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, ...]:
     """R, x, y, theta, m0, energy and k of rods (n,) with L = EI = 1."""
     c, s = np.cos(0.5 * psi), np.sin(0.5 * psi)
-    least, room = bounds(psi)
+    least, room = bounds_in_range(psi)
     above, complement, k = _moduli(least, room, k_rel)
     sine, cosine = c / k, np.sqrt(above * (np.abs(k) + least)) / np.abs(k)
     apex = cosine / s, complement * sine / s, complement / s
@@ -297,7 +297,7 @@ def shape(
     p, r, q, f = np.broadcast_arrays(*check_domain(*given), np.asarray(fraction, float))
     if not np.all((f >= 0.0) & (f <= 1.0)):
         raise ValueError("fraction must lie within [0, 1]")
-    least, room = bounds(p)
+    least, room = bounds_in_range(p)
     _, complement, k = _moduli(least, room, r)
     load = tip(p, r, q, length=length, stiffness=stiffness)["R"]
     unit = np.sqrt(stiffness / load)
@@ -347,7 +347,6 @@ def modulus(psi: ArrayLike, k_rel: ArrayLike) -> tuple[Array, Array]:
     given = np.asarray(k_rel, float)
     if not np.all(np.abs(given) <= 1.0):
         raise ValueError(f"k_rel must lie within [-1, 1], got {given[~(np.abs(given) <= 1.0)][0]}")
-    _check_direction(psi)
     _, other, k = _moduli(*bounds(psi), given)
     return k, other
 
@@ -360,7 +359,6 @@ def relative(psi: ArrayLike, k: ArrayLike) -> Array:
     >>> round(float(relative(np.pi / 2, 0.85)), 6)
     0.487868
     """
-    _check_direction(psi)
     least, room = bounds(psi)
     above = np.abs(k) - least
     rounding = 1e-14  # of k and of cos(psi/2), which lose a few eps each where they are computed
@@ -394,8 +392,19 @@ def _moduli(least: Array, room: Array, k_rel: Array) -> tuple[Array, Array, Arra
 
 
 def bounds(psi: ArrayLike) -> tuple[Array, Array]:
-    """k_min = |cos(psi/2)|, and 1 - k_min computed without cancellation, for 0 < psi < 2 pi."""
-    angle = np.asarray(psi, float)
+    """k_min = |cos(psi/2)|, and 1 - k_min computed without cancellation.
+
+    ValueError for psi outside (0, 2 pi).
+
+    >>> [round(float(x), 6) for x in bounds(np.pi / 2)]
+    [0.707107, 0.292893]
+    """
+    _check_direction(psi)
+    return bounds_in_range(np.asarray(psi, float))
+
+
+def bounds_in_range(angle: Array) -> tuple[Array, Array]:
+    """The `bounds` of directions [rad] in [0, 2 pi], unchecked."""
     return (np.abs(np.cos(0.5 * angle)), 2.0 * np.sin(0.25 * np.minimum(angle, TURN - angle)) ** 2)
 
 
@@ -477,7 +486,7 @@ def of_load(
     check_stiffness(stiffness)
     fx, fy, m, turn = np.broadcast_arrays(*(np.asarray(v, float) for v in (n_x, n_y, m0, theta0)))
     size, psi = np.hypot(fx, fy), (np.arctan2(fy, fx) - turn) % TURN
-    least, room = bounds(psi)
+    least, room = bounds_in_range(psi)
     excess = m * m / (4.0 * size * stiffness)
     k = np.sqrt(least**2 + excess)
     with np.errstate(divide="ignore", invalid="ignore"):  # psi = 0: no inflection

@@ -17,7 +17,7 @@ from proofmass.analytic.newton_raphson import NewtonLog, System
 from proofmass.analytic.numerics import TURN, Array, check_finite
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.elastica import (
-    bounds,
+    bounds_in_range,
     check_section_stiffnesses,
     modulus,
     of_load,
@@ -120,6 +120,9 @@ def pinned(
     ([-3.230877, -1.163408, -0.607639], True)
     """
     check_section_stiffnesses(axial, shear)
+    check_finite(x=x, y=y, guess=guess)
+    if np.shape(guess) != (3,):
+        raise ValueError(f"guess must be n_x, n_y and m0, (3,), got an array {np.shape(guess)}")
     if np.isinf(axial) and np.isinf(shear) and not np.hypot(x, y) <= length:
         raise ValueError(f"length must reach the pin, {np.hypot(x, y):.6g} m away, got {length}")
     shoot = partial(
@@ -480,7 +483,7 @@ def moduli(
     [2, 2]
     """
     psi = np.linspace(0.0, TURN, 361)
-    least = bounds(psi)[0]
+    least = bounds_in_range(psi)[0]
     own = find_load_parameters(pin_x, pin_y, (force_x, force_y, moment), theta0, length, stiffness)
     label = "there is a rod"
     inner = psi[1:-1]

@@ -290,6 +290,12 @@ def test_bad_value_is_named(change):
         solve(**{"s": 0.5, "force_y": 1.0} | change)
 
 
+@pytest.mark.parametrize("force", [np.nan, [1.0, np.inf]])
+def test_a_pseudo_rigid_body_under_a_load_that_is_not_finite_is_refused(force):
+    with pytest.raises(ValueError, match=r"^force must be finite"):
+        pseudo_rigid(force)
+
+
 def test_a_clamp_that_is_not_finite_and_half_a_branch_are_refused():
     for name in ("x0", "y0"):
         with pytest.raises(ValueError, match=f"{name} must be finite"):

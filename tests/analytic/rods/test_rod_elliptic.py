@@ -287,6 +287,8 @@ def test_moduli_are_refused_for_a_direction_out_of_a_turn(psi):
     for function in (modulus, relative):
         with pytest.raises(ValueError, match="psi must be within"):
             function(psi, 0.9)
+    with pytest.raises(ValueError, match="psi must be within"):
+        bounds([1.0, psi])
 
 
 def test_a_relative_modulus_beyond_one_is_refused():

@@ -328,6 +328,12 @@ def test_bad_values_are_named():
             integrate(1.0, 0.0, 0.0, **change)
     with pytest.raises(ValueError, match=r"^length must reach the pin, 1.11803 m away, got 1"):
         pinned(1.0, 0.5, (0.1, 0.1, 0.1))
+    with pytest.raises(ValueError, match=r"^guess must be n_x, n_y and m0, .* array \(2,\)"):
+        pinned(0.5, 0.0, (1.0, 1.0))
+    with pytest.raises(ValueError, match=r"^guess must be finite"):
+        pinned(0.5, 0.0, (1.0, 1.0, np.nan))
+    with pytest.raises(ValueError, match=r"^x must be finite"):
+        pinned(np.nan, 0.0, (1.0, 1.0, 1.0), axial=10.0)
 
 
 @pytest.mark.parametrize(
