@@ -685,6 +685,9 @@ class Derivatives:
         dP/dq at constant load [m/rad, 1; 1, rad/m].
     inverse : ndarray (..., k, p)
         dq/dP at constant load [SI]; NaN unless k = p.
+    compliance : ndarray (..., p, p)
+        Derivative of the pose by the load at constant inputs [m/N, 1/N, 1/(N m)], the inverse of
+        the stiffness.  It is also finite with a straight rod, which does not yield along itself.
     stiffness : ndarray (..., p, p)
         Derivative of the wrench that the rods need, d(sum n, sum r x n)/dP at constant inputs
         [N/m, N, N m].  It is symmetric, and positive definite where the platform is stable and
@@ -705,6 +708,7 @@ class Derivatives:
 
     direct: Array
     inverse: Array
+    compliance: Array
     stiffness: Array
     direct_determinant: Array
     rod_determinants: Array
@@ -731,7 +735,10 @@ def derivatives(s: RodState) -> Derivatives:
     a, (_, jacobian) = s.assembly, closure(s)
     rods, pose, inputs = (columns(a, name) for name in ("rods", "pose", "inputs"))
     free, k, p = columns(a, "rods", "pose"), a.rods, a.dof
-    pose_by_inputs = implicit_derivatives(jacobian, free, inputs)[..., 3 * k :, :]
+    given = np.concatenate([inputs, columns(a, "load")])
+    pose_by_inputs, compliance = np.split(
+        implicit_derivatives(jacobian, free, given)[..., 3 * k :, :], [k], axis=-1
+    )
     inputs_by_pose, inverse = (
         np.full((*pose_by_inputs.shape[:-2], k, p), np.nan),
         np.nan * pose_by_inputs[..., 0, 0],
@@ -748,7 +755,13 @@ def derivatives(s: RodState) -> Derivatives:
         [determinant(own[..., 3 * i : 3 * i + 3, 3 * i : 3 * i + 3]) for i in range(k)], -1
     )
     return Derivatives(
-        pose_by_inputs, inputs_by_pose, stiffness, determinant(jacobian[..., free]), own, inverse
+        pose_by_inputs,
+        inputs_by_pose,
+        compliance,
+        stiffness,
+        determinant(jacobian[..., free]),
+        own,
+        inverse,
     )
 
 

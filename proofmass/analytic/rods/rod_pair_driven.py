@@ -351,7 +351,7 @@ def describe_equilibria(s: RodState, rate: Array, growth: Array) -> dict[str, Ar
     """Quantities (n,) of equilibria for rates (2, n) of the motors and (n, 2) of the loads."""
     slopes = derivatives(s)
     velocity = np.einsum("npk,kn->pn", slopes.direct, rate)
-    velocity += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0].T
+    velocity += np.einsum("npk,nk->pn", slopes.compliance, growth)
     tips = s.shape([1.0])[2][..., 0]
     return {
         "pin_x": s.pose[:, 0],

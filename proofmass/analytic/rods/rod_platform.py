@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.numerics import Array, check_positive
 from proofmass.analytic.remember import reuse_nearby
@@ -15,6 +15,7 @@ from proofmass.analytic.rods.equilibrium import RodState, derivatives, solve_dir
 MODES = tuple(range(1, 10))
 MAX_ALPHA = 20.0  # alpha = L sqrt(R/EI); errors of larger loads, e^alpha, forbid continuation
 MAX_EXTENSION_STEP = 0.02  # growth of rigid ends from one equilibrium to the next, over the length
+COMPLIANCE_ROUNDING = 1e-9  # of the platform's compliance, over its largest eigenvalue
 ThreeNumbers = tuple[float, float, float]
 
 
@@ -191,13 +192,25 @@ def format_modes(found: RodState) -> str:
 def grow_rigid_ends(found: RodState, rigid_extension: float) -> RodState:
     """The equilibrium after its rigid ends have grown from zero; ValueError if it is not stable."""
     steps = int(np.ceil(rigid_extension / (MAX_EXTENSION_STEP * found.assembly.length[0])))
-    sign = np.sign(derivatives(found).direct_determinant)
     for rigid in np.linspace(0.0, rigid_extension, steps + 1)[1:]:
         robot = replace(found.assembly, rigid_extension=np.full(3, rigid))
         found = solve_direct(RodState(robot, found.vector))
-        if sign * derivatives(found).direct_determinant < 0.0:
+        if not platform_is_stable(found):
             raise ValueError(
                 f"rigid_extension must be less than {rigid:.3g} m, where this "
                 f"equilibrium becomes unstable, got {rigid_extension}"
             )
     return found
+
+
+def platform_is_stable(s: RodState) -> NDArray[np.bool_]:
+    """Whether no eigenvalue of the platform's compliance is negative (...).
+
+    A path from a stable equilibrium reaches no rod that is unstable with its pin fixed before a
+    platform that is not stable.  A straight rod has an eigenvalue of zero.
+    """
+    length = s.assembly.scale[0]
+    size = np.array([length, length, 1.0])
+    eigenvalues = np.linalg.eigvalsh(derivatives(s).compliance / np.outer(size, size))
+    largest = np.abs(eigenvalues).max(axis=-1)
+    return np.asarray(eigenvalues[..., 0] >= -COMPLIANCE_ROUNDING * largest)

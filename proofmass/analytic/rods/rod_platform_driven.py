@@ -20,6 +20,7 @@ from proofmass.analytic.rods.rod_platform import (
     PlatformProblem,
     ThreeNumbers,
     equilibrium_of_mode,
+    platform_is_stable,
 )
 from proofmass.analytic.rods.workspace import fit_pose_map, pose_chart
 
@@ -252,11 +253,17 @@ def find_branch(
     mode: int,
     rigid_extension: float,
 ) -> RodState:
-    """Equilibria (n,) along a path of inputs and loads; NaN from the first unstable one on."""
+    """Equilibria (n,) along a path of inputs and loads; NaN from the first unstable one on.
+
+    At a symmetric platform two eigenvalues of the stiffness change their sign together, which the
+    determinant does not show.
+    """
     inputs, load = np.hsplit(np.array(path), 2)
     followed = follow(equilibrium_of_mode(problem, mode, rigid_extension), inputs=inputs, load=load)
     vector = followed.states.vector
     vector[np.arange(len(path)) > followed.crossed.min(initial=np.inf) - 1.0] = np.nan
+    reached = RodState(followed.states.assembly, vector[np.isfinite(vector[:, 0])])
+    vector[np.argmin(np.append(platform_is_stable(reached), False)) :] = np.nan
     return RodState(followed.states.assembly, vector)
 
 
@@ -264,7 +271,7 @@ def describe_equilibria(found: RodState, rate: Array, growth: Array) -> Array:
     """`QUANTITIES` (10, n) of equilibria (n,), for rates (n, 3) of their inputs and loads."""
     guide, slopes = found.assembly.guide, derivatives(found)
     pose_rates = (slopes.direct @ rate[..., None])[..., 0]
-    pose_rates += np.linalg.solve(slopes.stiffness, growth[..., None])[..., 0]
+    pose_rates += (slopes.compliance @ growth[..., None])[..., 0]
     drive_loads = found.moment
     if guide is not None:
         drive_loads = (found.force @ np.array([1.0, -1.0j]) * guide).real

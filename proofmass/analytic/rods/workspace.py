@@ -578,7 +578,7 @@ def determinant_field(mesh: MapMesh, nodes: Array, ends: Array, name: str, unit:
 def least_stiffness(states: RodState, in_aspect: NDArray[np.bool_]) -> Array:
     """Least stiffness [N/m] (...) to a force on a platform that may rotate; NaN off `in_aspect`."""
     values = np.full(in_aspect.shape, np.nan)
-    compliance = np.linalg.inv(derivatives(states[in_aspect]).stiffness)[:, :2, :2]
+    compliance = derivatives(states[in_aspect]).compliance[:, :2, :2]
     values[in_aspect] = 1.0 / np.linalg.eigvalsh(compliance)[:, -1]
     return values
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
+from proofmass.analytic.numerics import TURN
 from proofmass.analytic.remember import use_memory
 from proofmass.analytic.rods import rod_platform, rod_platform_driven
 from proofmass.analytic.rods.assembly import is_mirrored, triangle
@@ -286,6 +287,83 @@ def test_a_path_ends_at_its_fold():
         found["phi_rate"][last][2:] * fit.deriv()(found["phi"][last][2:]), 1.0, rtol=1e-3
     )
     assert abs(found["phi_rate"][count - 1]) > 50.0  # about 1 at the beginning of the path
+
+
+THIRDS = np.array([0.0, TURN / 3.0, -TURN / 3.0])
+INWARDS = np.pi / 6.0 + THIRDS
+NO_INPUTS, NO_LOAD = (0.0,) * 3, (0.0,) * 3
+SYMMETRIC = {
+    # rod 3 is on the axis of symmetry and pushed along it by a growing load
+    "mirrored": (
+        PlatformProblem(
+            0.2, 1.1, 1.0, 1.0, (1.1, np.pi - 1.1, -np.pi / 2.0), None, NO_INPUTS, NO_LOAD, 1
+        ),
+        np.zeros((4, 3)),
+        np.outer([10.0, 20.0, 25.0, 60.0], [0.0, 1.0, 0.0]),
+    ),
+    # three rods are pushed inwards along their guides
+    "three-fold": (
+        PlatformProblem(
+            0.3, 1.0, 1.0, 1.0, tuple(INWARDS + 0.8), tuple(INWARDS), NO_INPUTS, NO_LOAD, 1
+        ),
+        np.outer([0.2, 0.55, 0.65, 0.75], np.ones(3)),
+        np.zeros((4, 3)),
+    ),
+}
+
+
+@pytest.mark.parametrize(("problem", "inputs", "load"), SYMMETRIC.values(), ids=SYMMETRIC)
+def test_a_path_of_a_symmetric_platform_ends_where_it_becomes_unstable(problem, inputs, load):
+    """A path that does not fold is NaN from the first sample on at which chains are unstable.
+
+    A mirrored platform becomes unstable in one direction, a three-fold one in two at once.
+    """
+    angles = {f"theta{k}": angle for k, angle in enumerate(problem.theta, 1)}
+    angles |= {f"guide{k}": angle for k, angle in enumerate(problem.guide or (), 1)}
+    loads = dict(zip(("force_x", "force_y", "moment"), load.T, strict=True))
+    found = rod_platform_driven.solve(
+        inputs.T, side=problem.side, radius=problem.radius, **angles, **loads
+    )
+    assert np.isfinite(found["x"]).tolist() == [True, True, False, False]
+    first = problem._replace(inputs=tuple(inputs[0]), load=tuple(load[0]))
+    seed, stable = equilibrium_of_mode(first, 1).shape((np.arange(20) + 0.5) / 20)[2], []
+    for sample in range(3):
+        before = max(sample - 1, 0)
+        for share in np.linspace(0.0, 1.0, 6):
+            chains = settle(
+                first.assembly,
+                inputs[before] + share * (inputs[sample] - inputs[before]),
+                seed=seed,
+                force=(load[before] + share * (load[sample] - load[before]))[:2],
+            )
+            seed = chains.angle
+        stable.append(bool(chains.curvatures[0] > 0.0))
+        if stable[-1]:
+            # h^2 of chains of 20 links, by which they differ from rods
+            assert chains.pose[:2] == pytest.approx(
+                [found["x"][sample], found["y"][sample]], abs=5e-3
+            )
+    assert stable == [True, True, False]
+
+
+def test_rates_of_a_platform_with_a_straight_rod():
+    """Rates under a growing moment are differences of poses, also where rod 3 is straight."""
+    problem, h = SYMMETRIC["mirrored"][0], 1e-4
+    found = rod_platform_driven.solve(
+        np.zeros((3, 3)),
+        0.0,
+        side=problem.side,
+        radius=problem.radius,
+        **{f"theta{k}": angle for k, angle in enumerate(problem.theta, 1)},
+        force_y=10.0,
+        moment=np.array([0.0, -h, h]),
+        load_rates={"moment": np.ones(3)},
+    )
+    for name, size in {"x": 7e-3, "y": 0.0, "phi": 0.6}.items():
+        slope = (found[name][2] - found[name][1]) / (2 * h)
+        # the error of the poses, 1e-11, over h
+        assert found[f"{name}_rate"][0] == pytest.approx(slope, abs=1e-6)
+        assert abs(slope) == pytest.approx(size, rel=0.1, abs=1e-6)
 
 
 def test_neighbours_share_a_search(monkeypatch):
