@@ -255,10 +255,10 @@ def test_a_free_motion_scales_with_the_size_of_a_geared_linkage(size):
 @pytest.mark.parametrize(
     ("joints", "value", "message"),
     [
-        (("crank",), [1.0, np.nan], r"value must be finite, got \[1.0, nan\]"),
+        (("crank",), [1.0, np.nan], r"value must be finite, got nan"),
         (("crank",), np.inf, "value must be finite, got inf"),
         (("crank",), np.ones((2, 3)), r"shape \(n,\) .* with 1 drive\(s\), got \(2, 3\)"),
-        ((), [0.0, np.inf], r"value must be finite, got \[0.0, inf\]"),
+        ((), [0.0, np.inf], r"value must be finite, got inf"),
         ((), [0.2, 0.1], r"times that do not fall, got \[0.2 0.1\]"),
         ((), [], r"one or more times that do not fall, got \[\]"),
         ((), np.ones((1, 3)), r"must have shape \(n,\), got \(1, 3\)"),
@@ -271,7 +271,7 @@ def test_samples_that_are_no_motion_are_refused(joints, value, message):
 
 @pytest.mark.parametrize("key", ["controls", "control_rates"])
 def test_controls_that_are_not_finite_are_refused(key):
-    with pytest.raises(ValueError, match=r"motor must be finite, got \[0.0, nan\]"):
+    with pytest.raises(ValueError, match=r"motor must be finite, got nan"):
         solve(
             [1.0, 2.0],
             model=geared_four_bar(1.0),
