@@ -408,6 +408,33 @@ def test_a_rod_under_a_large_load_is_the_planar_rod():
         np.testing.assert_allclose(rod[name], values, rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [80.0, 150.0])
+def test_a_rod_under_a_load_with_several_equilibria_is_the_planar_rod(force):
+    """A rod under a force of many EI/L^2 is the planar rod, whose tip is in closed form.
+
+    A step of the loads leads to another equilibrium, half a length away, which is unstable.
+    """
+    rod, planar = solve(1.0, force_z=force), planar_solve(1.0, force_y=force)
+    # rounding errors grow by e^12 from the clamp to the tip at 150 EI/L^2
+    assert [rod["x"], rod["z"]] == pytest.approx([planar["x"], planar["y"]], rel=0, abs=1e-11)
+
+
+def test_the_share_of_the_loads_at_which_a_rod_buckles_is_named():
+    """A column under twice Euler's load has its last stable equilibrium at half of its loads."""
+    with pytest.raises(
+        ValueError, match=r"no stable .* beyond 0\.(499|5|501) of its loads, .*buckle"
+    ):
+        solve(1.0, force_x=-(np.pi**2) / 2)
+
+
+def test_an_unstable_equilibrium_is_refused_after_the_second_search(monkeypatch):
+    """An equilibrium that only the whole loads show to be unstable is refused."""
+    monkeypatch.setattr(spatial_rod, "negative_directions", lambda *given: len(given) == 3)
+    with pytest.raises(ValueError, match=r"no stable equilibrium .* under its whole loads"):
+        solve(1.0, force_z=1.0)
+
+
 def test_a_rod_near_a_known_one_is_not_loaded_from_zero_again(monkeypatch):
     """A rod with a load changed by 1e-6 starts from its neighbour, and from zero if that fails."""
     coil = {"length": 2.0, "curvature": 5.0, "twist": 0.3, "torsion": 0.7, "axial": 80.0}
