@@ -153,7 +153,7 @@ def solve(
     of order 8 and so many steps that twice as many move the tip by 1e-12 L at most.  An equilibrium
     is stable if the energy of `STABILITY_LINKS` parts of the rod has no negative direction; close
     to buckling this is not exact.  Under a force across the clamp's normal the tip is that of the
-    elastica within 1e-13 L up to 100 EI/L^2, and 2e-11 L at 200 EI/L^2, where the search takes half
+    elastica within 5e-13 L up to 100 EI/L^2, and 2e-11 L at 200 EI/L^2, where the search takes half
     a minute; a force of 250 EI/L^2 is refused.
     Source: Pérez Gámiz 2018, eq. 1-23, which prints no numbers for them; in its axes the rod lies
     along z, and its eq. 22, of a rod without shear, has a shear stiffness (docs/errata.md).
