@@ -20,7 +20,7 @@ alone whose single fits give the same value of p.
 import inspect
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
@@ -475,6 +475,7 @@ def find_causes(
     begin = time.perf_counter()
     residuals = Residuals(case, run, solver, curves)
     found, remarks = list[Explanation](), list[str]()
+    settings = setting_changes(residuals)
     if residuals.differing:
         found += [
             *factor_causes(residuals),
@@ -491,7 +492,7 @@ def find_causes(
             found += model_causes(residuals, best)
         shorter = [*finer_causes(residuals)]
         found += [cause for cause, _ in shorter if cause]
-        found += setting_causes(residuals)
+        found += setting_causes(residuals, settings)
         remarks = [words for _, words in shorter if words]
     causes = best_causes(found)
     remarks += locate_values(case, causes[0]) if causes else []
@@ -502,13 +503,15 @@ def find_causes(
         residuals.differing,
         len(residuals.allowed),
         causes,
-        describe_tried(residuals, thorough),
+        describe_tried(residuals, thorough, settings),
         tuple(remarks),
         time.perf_counter() - begin,
     )
 
 
-def describe_tried(residuals: Residuals, thorough: bool) -> tuple[str, ...]:
+def describe_tried(
+    residuals: Residuals, thorough: bool, settings: Iterable[Perturbation]
+) -> tuple[str, ...]:
     """Descriptions of the changes that are tried with a case."""
     words = ["sign, unit, factor and offset of each channel", "shifts along x"]
     words += ["other quantities of the reference"]
@@ -522,7 +525,7 @@ def describe_tried(residuals: Residuals, thorough: bool) -> tuple[str, ...]:
         and residuals.curves.seconds <= MAX_REPEATED_SECONDS * residuals.stride
     ):
         words.append(f"numbers of the model in {MODEL_FIT_SECONDS:g} s of processor time")
-    words += [one.change for one in setting_changes(residuals)]
+    words += [one.change for one in settings]
     return tuple(words)
 
 
@@ -727,13 +730,13 @@ def finer_causes(residuals: Residuals) -> Iterator[tuple[Explanation | None, str
         yield run_finer(residuals, "twice as many segments", {"rod": rods})
 
 
-def setting_causes(residuals: Residuals) -> Iterator[Explanation]:
+def setting_causes(residuals: Residuals, settings: Iterable[Perturbation]) -> Iterator[Explanation]:
     """Causes in an engine's settings other than its time step, such as soft constraints.
 
-    The engine names them; a short run is made again with each one reduced.
+    The run is made again with each of the settings.
     """
     case, solver = residuals.case, residuals.solver
-    for one in setting_changes(residuals):
+    for one in settings:
         changed = {"settings": {**case.settings, solver: one.parameters}}
         try:
             after = residuals.with_changed_case(changed)

@@ -244,6 +244,22 @@ def unwrap_quaternions(quaternion: Array) -> Array:
 ROW_ROUNDING = 1e-12
 """Size of a row of the equalities' Jacobian, in units of violations and rates, up to which the row
 is rounding."""
+
+
+def without_rounding(jacobian: Array, units: Array) -> Array:
+    """Jacobian (..., rows, rates) of equalities, in which rows that are rounding are zero.
+
+    Rows of a loop that no joint can open, such as a second hinge on the axis of the first, are
+    differences of equal numbers.  `units` (rows, rates) are those of the rates over those of the
+    violations.
+
+    >>> without_rounding(np.array([[1e-17, 0.0], [0.5, 1e-17]]), np.ones((2, 2))).tolist()
+    [[0.0, 0.0], [0.5, 1e-17]]
+    """
+    largest = np.abs(jacobian * units).max(axis=-1, initial=0.0)
+    return np.asarray(jacobian * (largest > ROW_ROUNDING)[..., None])
+
+
 REST_RATE_SHARE = 1e-9  # share of the fastest drive: a slower joint is at rest, but for rounding
 
 

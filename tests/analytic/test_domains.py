@@ -15,6 +15,13 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.chart import Chart
+from proofmass.analytic.contacts import (
+    ball_row,
+    bouncing_ball,
+    rocking_block,
+    rolling_ball,
+    sliding_block,
+)
 from proofmass.analytic.linkages import (
     fivebar,
     fourbar,
@@ -72,16 +79,6 @@ TIP = {"tip": [-0.5, 2.5], "velocity": [1.0, 2.0], "acceleration": [0.5, 1.0]}
 PATH = {"center_x": -0.5, "center_y": 2.5, "radius": 0.1, "rate": 1.0}
 CORNERS = {"corner_x": -0.5, "corner_y": 2.5, "width": 0.1, "height": 0.2, "period": 2.0}
 CIRCLE = {"centre_x": 2.0, "centre_y": 1.2, "radius": 0.1, "period": 2.0}
-ball_row, bouncing_ball, rocking_block, rolling_ball, sliding_block = (
-    importlib.import_module(f"proofmass.analytic.contacts.{name}")
-    for name in (
-        "ball_row",
-        "bouncing_ball",
-        "rocking_block",
-        "rolling_ball",
-        "sliding_block",
-    )
-)
 CALLS = [
     Call(fourbar.solve, {**MOTION, **FOUR, "rocker_load": 3.0}),
     *(

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
-from proofmass.analytic.numerics import ROW_ROUNDING, Array, Index, NotCovered
+from proofmass.analytic.numerics import Array, Index, NotCovered, without_rounding
 from proofmass.analytic.planar.mechanism import (
     acts_on_joint,
     enabled_actuators,
@@ -279,13 +279,13 @@ class Tree:
         return np.array([self.size] * (self.rows - len(ties)) + ties)
 
     def without_rounding(self, jacobian: Array) -> Array:
-        """Jacobian (..., rows, rates) of the equalities, in which rows that are rounding are zero.
+        """Jacobian (..., rows, rates) of the equalities, zero in rows that are only rounding."""
+        return without_rounding(jacobian, self.row_units)
 
-        Rows of a loop that no joint can open, such as a second hinge on the axis of the first, are
-        differences of equal numbers.
-        """
-        largest = np.abs(jacobian * self.sizes).max(axis=-1, initial=0.0)
-        return np.asarray(jacobian * (largest > ROW_ROUNDING * self.row_sizes)[..., None])
+    @cached_property
+    def row_units(self) -> Array:
+        """Units of the rates over those of the violations (rows, rates)."""
+        return np.asarray(self.sizes / self.row_sizes[:, None])
 
     def places(self, joints: tuple[str, ...]) -> tuple[Index, Index]:
         """Find the indices (drives,) of driven joints in a pose and in the rates, by their names.

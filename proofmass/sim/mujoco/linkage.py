@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import REST_RATE_SHARE, ROW_ROUNDING, Array
+from proofmass.analytic.numerics import REST_RATE_SHARE, Array, without_rounding
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.protocol import BadModel, Unsupported
@@ -181,9 +181,8 @@ class Linkage:
                 getattr(mujoco, part)(self.model, self.data)
         data, count = self.data, self.data.ne  # the rows of equalities come first
         if not mujoco.mj_isSparse(self.model):
-            size = (
-                data.nefc * self.model.nv
-            )  # without rows the array keeps those of the pose before
+            # without rows the array keeps those of the pose before
+            size = data.nefc * self.model.nv
             rows = data.efc_J[:size].reshape(data.nefc, self.model.nv)
         else:
             rows = np.zeros((data.nefc, self.model.nv))
@@ -473,9 +472,7 @@ class Linkage:
 
     def without_rounding(self, jacobian: Array) -> Array:
         """The rows of the loops (rows, nv), zero where they are only rounding."""
-        shares = self.shares[: len(jacobian)]
-        largest = np.abs(jacobian * shares).max(axis=1, initial=0.0)
-        return np.asarray(jacobian * (largest > ROW_ROUNDING)[:, None])
+        return without_rounding(jacobian, self.shares[: len(jacobian)])
 
     def scaled(self, jacobian: Array) -> Array:
         """Rows of the loops and, below them, of the drives (..., rows + drives, nv), in extents."""
