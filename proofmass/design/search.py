@@ -3,7 +3,8 @@
 Descents begin at points that are spread over the cube and follow the Levenberg-Marquardt method;
 the best of them are refined.  A descent can move along the faces of the cube, but not along the
 boundary of an infeasible region inside the cube: it stops there, and only another descent can find
-the designs beyond.
+the designs beyond.  There the last digit of a parameter may decide what a design does, so the
+search moves its designs off such boundaries at the end.
 
 A search is a sequence of steps, each of which computes a new state from the last state alone.  A
 search that continues from a saved state therefore gives the same result as an uninterrupted one.
@@ -12,13 +13,14 @@ search that continues from a saved state therefore gives the same result as an u
 import os
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Protocol
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
@@ -131,6 +133,43 @@ def linearize(places: Array, terms: CostTerms) -> tuple[Array, Array]:
     found = terms(np.concatenate([places[:, None], displaced], axis=1).reshape(-1, d))
     found = found.reshape(count, d + 1, -1)
     return found[:, 0], np.nan_to_num((found[:, 1:] - found[:, :1]) / nudge[..., None])
+
+
+EDGE_DISTANCE = 1e-6
+"""Distance [1] within which a design that changes one coordinate must be nearly as good."""
+MAX_SLOPE = 1e3
+"""Largest rise of the square root of the sum of squares over a distance [1] that is no jump."""
+RETREAT = 10.0  # largest change of a coordinate off an edge, as a multiple of `EDGE_DISTANCE`
+RETREATS = 16  # random moves that are tried: nearly half of them lead away from an edge
+
+
+def is_at_edge(places: Array, values: Array, terms: CostTerms) -> NDArray[np.bool_]:
+    """Whether a change of one coordinate by `EDGE_DISTANCE` makes designs (B, d) fail or jump."""
+    count, d = places.shape
+    moves = EDGE_DISTANCE * np.concatenate([np.eye(d), -np.eye(d)])
+    around = np.clip(places[:, None] + moves, 0.0, 1.0)
+    found = residual_norms(terms, around.reshape(-1, d)).reshape(count, -1)
+    worst = found.max(axis=-1, initial=-np.inf)
+    return ~np.isfinite(values) | (worst > values + MAX_SLOPE * EDGE_DISTANCE)
+
+
+def leave_edges(places: Array, values: Array, terms: CostTerms, seed: int) -> tuple[Array, Array]:
+    """Move designs (B, d) that are at an edge off it; their values are inf if that is not possible.
+
+    At an edge a design is just feasible, or just on a branch of its equilibria: built with the
+    least deviation it would behave otherwise, and it may do so on a machine that rounds otherwise.
+    """
+    places, values = places.copy(), values.copy()
+    moves = np.random.default_rng(seed).uniform(-1.0, 1.0, (RETREATS, places.shape[1]))
+    for k in np.flatnonzero(is_at_edge(places, values, terms)):
+        tried = np.clip(places[k] + RETREAT * EDGE_DISTANCE * moves, 0.0, 1.0)
+        found = residual_norms(terms, tried)
+        found[is_at_edge(tried, found, terms)] = np.inf
+        best = found.argmin()
+        values[k] = found[best]
+        if np.isfinite(found[best]):
+            places[k] = tried[best]
+    return places, values
 
 
 SAVE_INTERVAL = 3.0  # [s] interval between writes of the state
@@ -265,7 +304,7 @@ class SavedSearch:
         return bool((self.state.damping > MAX_DAMPING).all())
 
     def run(self, progress: SearchProgress = lambda *_: None) -> Array:
-        """Search to the end and return the best design (d,).
+        """Search to the end and return the best design (d,), which is at no edge.
 
         An interrupted search saves its state.  `progress` is called as ``progress(step, steps, best
         value)`` after each step.
@@ -276,6 +315,13 @@ class SavedSearch:
                 progress(self.state.step, self.effort.steps, float(self.state.values.min()))
                 if time.monotonic() - self.saved > SAVE_INTERVAL:
                     self.save()
+            places, values = leave_edges(
+                self.state.places,
+                self.state.values,
+                self.terms(len(self.ends) - 1),
+                self.effort.seed,
+            )
+            self.state = replace(self.state, places=places, values=values)
         finally:
             self.save()
         return self.found[0]

@@ -9,9 +9,11 @@ from scipy.optimize import lsq_linear
 from proofmass.analytic.balancer.synthesis import DesignMeasures, Synthesis, Variant
 from proofmass.design.pareto import find_front, is_on_hull, write_front
 from proofmass.design.search import (
+    EDGE_DISTANCE,
     MAX_DAMPING,
     Effort,
     SavedSearch,
+    leave_edges,
     residual_norms,
     scatter_places,
     step_descents,
@@ -29,6 +31,47 @@ def test_the_same_seed_gives_the_same_design():
     )
     assert np.array_equal(once, twice)
     assert not np.array_equal(once, other)
+
+
+@dataclass(frozen=True)
+class CutOff:
+    """The square of the distance from 0, with other values where x + y < 0.5."""
+
+    beyond: float  # added to all terms there
+    low = np.zeros(2)
+    high = np.ones(2)
+    fingerprint = "cut off"
+
+    def residuals(self, vectors):
+        return vectors + np.where(vectors.sum(axis=-1) < 0.5, self.beyond, 0.0)[:, None]
+
+    coarse = residuals
+
+
+@pytest.mark.parametrize("beyond", [np.nan, 1.0], ids=["infeasible", "a jump"])
+def test_a_design_keeps_a_distance_from_an_edge_that_it_would_lie_on(beyond):
+    search = SavedSearch(CutOff(beyond), Effort(((64, 20), (16, 60))))
+    x, y = search.run()
+    # Changes of both coordinates by EDGE_DISTANCE do not lead over the edge, where x + y = 0.5.
+    assert x + y > 0.5 + EDGE_DISTANCE
+    # The move off the edge is at most 10 EDGE_DISTANCE in each coordinate.
+    assert x + y < 0.5 + 30 * EDGE_DISTANCE
+    assert search.state.values.min() == pytest.approx(np.hypot(x, y), abs=1e-12)
+
+
+def test_a_design_between_two_edges_is_put_after_all_others():
+    class Slit(CutOff):
+        def residuals(self, vectors):
+            x = vectors[:, :1]
+            return np.where(
+                np.abs(x - 0.3) < 0.1 * EDGE_DISTANCE, 0.0, np.where(x > 0.5, 1.0, np.nan)
+            )
+
+    places, values = leave_edges(
+        np.array([[0.3, 0.5], [0.7, 0.5]]), np.array([0.0, 1.0]), Slit(0.0).residuals, 1
+    )
+    assert values.tolist() == [np.inf, 1.0]
+    assert places.tolist() == [[0.3, 0.5], [0.7, 0.5]]
 
 
 @pytest.mark.parametrize("after", [1, 2, 3])
