@@ -213,6 +213,11 @@ class DriveTable(Strict):
         """Whether the drive has constant speed, so that a sweep can be sampled by its value."""
         return self.to is not None and self.period is None
 
+    @property
+    def way(self) -> float:
+        """Distance from `start` to `to`, with its sign [rad or m]; 0 for a profile."""
+        return 0.0 if self.to is None else self.to - self.start
+
     def check_leader(self) -> None:
         """Raise ValueError unless this table fully defines the motion of its joint."""
         if (self.to is None) == (self.profile is None):
@@ -226,7 +231,7 @@ class DriveTable(Strict):
         followed = isinstance(self.profile, ProfileTable) and self.profile.given[0]
         if followed == "value" and self.start:
             raise ValueError("from goes with the rate of a profile; its value has a start")
-        if self.steady and not (float(self.to or 0) - self.start) * self.speed > 0:
+        if self.steady and not self.way * self.speed > 0:
             raise ValueError("rate must be non-zero and lead from 'from' to 'to'")
 
     def check_follower(self) -> None:
@@ -287,6 +292,11 @@ class RunTable(Strict):
     timeout: float = Field(120.0, gt=0)
     memory: float = Field(DEFAULT_MEMORY, gt=0)
     inertia: bool = False
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """Names of the engines of its solvers, each once."""
+        return tuple(dict.fromkeys(solver.partition(":")[0] for solver in self.solvers))
 
 
 class Channel(Strict):
@@ -492,24 +502,8 @@ class RodTable(Strict):
 
     def built(self, name: str) -> Rod:
         """The rod that a simulator is asked to build."""
-        return Rod(
-            name,
-            self.start,
-            self.to,
-            self.length,
-            self.stiffness,
-            self.segments,
-            self.ends,
-            self.scheme,
-            self.mass,
-            self.turn,
-            self.axial,
-            self.shear,
-            self.load,
-            self.torsion,
-            self.stiffness_y,
-            self.curvature,
-        )
+        values = dict(self)
+        return Rod(name, end=values.pop("to"), **values)
 
 
 class Refine(Strict):
@@ -614,10 +608,14 @@ class Case(Strict):
         files = [profile.file for profile in profiles if isinstance(profile, ProfileTable)]
         return tuple(self.file.parent / file for file in files if file is not None)
 
+    def error(self, key: str, wrong: str) -> InputError:
+        """Return the error that says what is wrong at a key of the sidecar."""
+        return InputError(self.file, key, wrong)
+
     def require_model(self) -> None:
         """Raise InputError if the MJCF file does not exist."""
         if not self.model_path.is_file():
-            raise InputError(self.file, "model", f"no file {self.model!r} beside the sidecar")
+            raise self.error("model", f"no file {self.model!r} beside the sidecar")
 
     @property
     def rods(self) -> tuple[Rod, ...]:
@@ -929,6 +927,20 @@ class Case(Strict):
         from proofmass import as_html
 
         return as_html(self)
+
+    def with_run(self, kind: Kind, **changes: Any) -> "Case":
+        """Return the case with other values of keys of one run."""
+        return self.model_copy(
+            update={"run": {**self.run, kind: self.run[kind].model_copy(update=changes)}}
+        )
+
+    def with_segments(self, numbers: Mapping[str, int]) -> "Case":
+        """Return the case with other numbers of segments of its rods, by name."""
+        rods = {
+            name: rod.model_copy(update={"segments": numbers[name]})
+            for name, rod in self.rod.items()
+        }
+        return self.model_copy(update={"rod": rods})
 
     def has_inertia(self, kind: str) -> bool:
         """Whether moments and forces of a run include inertia."""

@@ -122,7 +122,7 @@ def run_baseline(case: Case, kind: Kind, solver: str) -> Baseline:
     mobility(case)
     curves = solve_here(case, kind, solver)
     if curves.stopped:
-        raise InputError(case.file, "drive", f"the {solver} {kind} ends early: {curves.stopped}")
+        raise case.error("drive", f"the {solver} {kind} ends early: {curves.stopped}")
     comparisons = compare(case, kind, solver, curves)
     reference = run_reference(case, kind, curves).as_driven(curves.drive)
     errors, allowed, shares = ChannelErrors(), dict[str, float](), dict[str, float]()
@@ -181,8 +181,7 @@ def with_fewer_samples(case: Case, kind: Kind, stride: int) -> Case:
     run = case.run[kind]
     if stride == 1 or run.n is None:
         return case
-    fewer = run.model_copy(update={"n": (run.n - 1) // stride + 1})
-    return case.model_copy(update={"run": {**case.run, kind: fewer}})
+    return case.with_run(kind, n=(run.n - 1) // stride + 1)
 
 
 def with_changed_model(case: Case, changes: Changes, folder: Path) -> Case:

@@ -6,7 +6,6 @@ from functools import partial
 
 from proofmass.analytic.chart import Chart
 from proofmass.case import Case, ChartTable
-from proofmass.errors import InputError
 from proofmass.recorded import Recorded
 from proofmass.reference import load_reference
 
@@ -34,7 +33,7 @@ def compute_chart(case: Case, table: ChartTable) -> Chart:
     try:
         return function()
     except (TypeError, ValueError) as error:
-        raise InputError(case.file, key_path(case, table, "parameters"), str(error)) from None
+        raise case.error(key_path(case, table, "parameters"), str(error)) from None
 
 
 def check_charts(case: Case) -> None:
@@ -56,8 +55,7 @@ def bind_chart(case: Case, table: ChartTable) -> Callable[[], Chart]:
     """
     there = chart_functions(case)
     if table.draw not in there:
-        raise InputError(
-            case.file,
+        raise case.error(
             key_path(case, table, "draw"),
             f"{case.reference} has no chart "
             f"{table.draw!r}; there are: {', '.join(there) or 'none'}",
@@ -66,16 +64,14 @@ def bind_chart(case: Case, table: ChartTable) -> Callable[[], Chart]:
     takes = {name: p for name, p in signature.parameters.items() if p.kind in KEYWORD_KINDS}
     for name in table.parameters:
         if name not in takes:
-            raise InputError(
-                case.file,
+            raise case.error(
                 key_path(case, table, f"parameters.{name}"),
                 f"{table.draw}() has no such parameter; known: {', '.join(takes)}",
             )
     given = {n: v for n, v in {**case.parameters, **table.parameters}.items() if n in takes}
     lacking = [n for n, p in takes.items() if p.default is p.empty and n not in given]
     if lacking:
-        raise InputError(
-            case.file,
+        raise case.error(
             key_path(case, table, "parameters"),
             f"{table.draw}() also needs {', '.join(lacking)}",
         )

@@ -247,8 +247,7 @@ def run_solver(
             memory=limits.memory,
         )
     except Unsupported as error:
-        raise InputError(
-            case.file,
+        raise case.error(
             f"run.{kind}.solvers",
             f"{solver} cannot run {case.model}: {error}; leave it out",
         ) from None
@@ -286,8 +285,7 @@ def early_end_error(
     """The error of a sweep that ended early, such as at a limit position; its curves are kept."""
     if curves is None or not curves.stopped:
         return None
-    return InputError(
-        case.file,
+    return case.error(
         "drive",
         f"the {solver} {kind} ends at sample {curves.x.size} of "
         f"{run_samples(case, kind).size}, which are kept: {curves.stopped}",
@@ -486,7 +484,7 @@ def collect_outcomes(
                 result.errors.append(error)
                 continue
             except tuple(OUTCOME_OF_EXCEPTION) as error:
-                result.errors.append(InputError(task.case.file, "refine", str(error)))
+                result.errors.append(task.case.error("refine", str(error)))
                 continue
             result.refined.extend(rows)
         elif curves is not None and not isinstance(task, Path):

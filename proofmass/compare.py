@@ -614,8 +614,7 @@ def check_assembly_mode(case: Case, run: Kind, curves: Curves, reference: Curves
         except InputError:  # a mode that does not exist at these poses
             continue
         if start_difference(case, curves, other) < 0.01:
-            raise InputError(
-                case.file,
+            raise case.error(
                 "start",
                 f"key {case.start!r} assembles the model in mode "
                 f"{mode:+d}, parameters.mode says "

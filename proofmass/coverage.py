@@ -128,8 +128,7 @@ def find_coverage(
     file = coverage_file(case, key, folder)
     case, recorded = with_computing_solvers(case)
     if not case.run:
-        raise InputError(
-            case.file,
+        raise case.error(
             "run",
             f"{', '.join(recorded)}: no number of the model acts on curves that are recorded; a "
             "run needs an engine that computes",
@@ -188,7 +187,7 @@ def coverage_key(case: Case) -> str:
     case.require_model()
     model = str(case.model_path)
     files = {Path(file) for file in (model, *mujoco.mju_getXMLDependencies(model))}
-    engines = {solver.partition(":")[0] for run in case.run.values() for solver in run.solvers}
+    engines = {engine for run in case.run.values() for engine in run.engines}
     parts = {
         "format": FORMAT_VERSION,
         "sidecar": case.model_dump(mode="json", exclude={"file", "title", "source", "view"}),

@@ -321,14 +321,13 @@ class Residuals:
             return most <= AGREEMENT_FACTOR
         return most <= max(min(AGREEMENT_FACTOR, MAX_REMAINING_SHARE * was), AGREEMENT_SHARE * was)
 
-    def with_changed_case(self, changed: Mapping[str, Any]) -> ChannelCurves:
+    def with_changed_case(self, case: Case) -> ChannelCurves:
         """The differences of the run of a changed case, with other settings or rods.
 
         Raises
         ------
         One of `RUN_EXCEPTIONS`
         """
-        case = self.case.model_copy(update=changed)
         curves = solve_here(case, self.run, self.solver)
         found = Residuals(self.case, self.run, self.solver, curves).before
         return {name: y for name, y in found.items() if name in self.allowed}
@@ -398,7 +397,7 @@ class ModelResiduals(Residuals):
                 other = with_changed_model(self.case, changes, Path(folder))
                 asked = plan_run(other, self.run, self.solver)
                 asked = replace(asked, x=asked.x[:: self.stride])
-                curves = call_engine(self.solver.partition(":")[0], other.model_path, asked)
+                curves = call_engine(self.solver, other.model_path, asked)
         except RUN_EXCEPTIONS:
             return {}
         if curves.x.size != asked.x.size or not self.allowed.keys() <= curves.channels.keys():
@@ -726,8 +725,8 @@ def finer_causes(residuals: Residuals) -> Iterator[tuple[Explanation | None, str
         words = f"a time step of {number(step / 2)} s instead of {number(step)} s"
         yield run_finer(residuals, words, with_half_step(case, run, solver, step))
     if case.rod:
-        rods = {n: r.model_copy(update={"segments": 2 * r.segments}) for n, r in case.rod.items()}
-        yield run_finer(residuals, "twice as many segments", {"rod": rods})
+        finer = case.with_segments({name: 2 * rod.segments for name, rod in case.rod.items()})
+        yield run_finer(residuals, "twice as many segments", finer)
 
 
 def setting_causes(residuals: Residuals, settings: Iterable[Perturbation]) -> Iterator[Explanation]:
@@ -737,9 +736,8 @@ def setting_causes(residuals: Residuals, settings: Iterable[Perturbation]) -> It
     """
     case, solver = residuals.case, residuals.solver
     for one in settings:
-        changed = {"settings": {**case.settings, solver: one.parameters}}
         try:
-            after = residuals.with_changed_case(changed)
+            after = residuals.with_changed_case(with_settings(case, solver, one.parameters))
         except RUN_EXCEPTIONS:
             continue
         if falling := falling_channels(residuals, after):
@@ -753,7 +751,7 @@ def setting_changes(residuals: Residuals) -> list[Perturbation]:
     case, run, solver = residuals.case, residuals.run, residuals.solver
     if run != "dynamics" or not residuals.can_run_again:
         return []
-    engine = engine_of(solver.partition(":")[0])
+    engine = engine_of(solver)
     own = engine.settings.read(settings_of(case, run, solver)).model_dump(exclude_unset=True)
     every = engine.perturbations(own, describe_dynamics(case), scaled=False)
     return [one for one in every if one.better and one.cause != STEP_CAUSE]
@@ -765,17 +763,19 @@ def time_step_of(run: Kind, curves: Curves) -> float:
     return step if run == "dynamics" and isinstance(step, float) else 0.0
 
 
-def with_half_step(case: Case, run: Kind, solver: str, step: float) -> dict[str, Any]:
+def with_half_step(case: Case, run: Kind, solver: str, step: float) -> Case:
     """The settings of a case with half the time step for a solver."""
-    engine = engine_of(solver.partition(":")[0])
+    engine = engine_of(solver)
     parameters = engine.at_step(cast(ParameterValues, settings_of(case, run, solver)), step / 2)
-    own = {**case.settings.get(solver, {}), **parameters}
-    return {"settings": {**case.settings, solver: own}}
+    return with_settings(case, solver, {**case.settings.get(solver, {}), **parameters})
 
 
-def run_finer(
-    residuals: Residuals, words: str, changed: dict[str, Any]
-) -> tuple[Explanation | None, str]:
+def with_settings(case: Case, solver: str, settings: Mapping[str, Any]) -> Case:
+    """Return the case with other settings of a solver."""
+    return case.model_copy(update={"settings": {**case.settings, solver: settings}})
+
+
+def run_finer(residuals: Residuals, words: str, changed: Case) -> tuple[Explanation | None, str]:
     """Make a run with shorter steps or segments; give a cause if errors fall, or a remark."""
     try:
         after = residuals.with_changed_case(changed)
@@ -1101,7 +1101,7 @@ def describe_stability(case: Case, run: Kind, solver: str, curves: Curves) -> It
     if not (step := time_step_of(run, curves)):
         return
     model = compiled_model(case)
-    engine = engine_of(solver.partition(":")[0])
+    engine = engine_of(solver)
     scheme = engine.scheme_of(cast(ParameterValues, settings_of(case, run, solver)), model)
     fastest = highest_frequency(model, case.start)
     if scheme is None or not fastest:
@@ -1125,7 +1125,7 @@ def describe_shorter_steps(case: Case, run: Kind, solver: str, curves: Curves) -
         changed = with_half_step(case, run, solver, shortest)
         shortest /= 2
         try:
-            solve_here(case.model_copy(update=changed), run, solver)
+            solve_here(changed, run, solver)
         except RUN_EXCEPTIONS:
             continue
         words = f"{number(shortest)} s instead of {number(step)} s"

@@ -6,7 +6,7 @@ import mujoco
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
-from proofmass.errors import InputError, suggest_names
+from proofmass.errors import suggest_names
 from proofmass.recorded import Recorded
 from proofmass.reference import (
     DRIVE_PREFIX,
@@ -82,8 +82,7 @@ def plot_data(
     for key, names in names_by_key(view).items():
         for name in names:
             if name not in known_curves:
-                raise InputError(
-                    case.file,
+                raise case.error(
                     key_path(case, view, key),
                     f"nothing is called {name!r}; "
                     f"{suggest_names(name, known_curves, 'channels, driven joints, quantities')}",
@@ -133,8 +132,7 @@ def unit_of_name(case: Case, view: View, key: str, name: str) -> str:
     if stated is None and key == "dashed":
         return unit_of_name(case, view, "y", view.y[0])
     if stated is None:
-        raise InputError(
-            case.file,
+        raise case.error(
             key_path(case, view, given),
             f"missing: no channel equals {name!r}"
             f', so its unit must be given, such as {given} = "N m"',
@@ -155,15 +153,13 @@ def view_marks(case: Case, view: View) -> dict[str, float]:
             for name in getattr(reference, "__all__", dir(reference))
             if returns_places(reference, name)
         ]
-        raise InputError(
-            case.file,
+        raise case.error(
             key,
             f"reference {case.reference} has no function {view.marks!r}; "
             f"{suggest_names(view.marks, there)}",
         )
     if case.leader is None or view.x != case.leader.joint:
-        raise InputError(
-            case.file,
+        raise case.error(
             key,
             f"{view.marks}() tells places of the first drive, so x "
             f"must be that joint, not {view.x!r}",
@@ -171,7 +167,7 @@ def view_marks(case: Case, view: View) -> dict[str, float]:
     try:
         return {word: float(x) for word, x in function(**case.parameters).items()}
     except (TypeError, ValueError) as error:
-        raise InputError(case.file, key, str(error)) from None
+        raise case.error(key, str(error)) from None
 
 
 def returns_places(reference: object, name: str) -> bool:
@@ -189,8 +185,7 @@ def check_views(case: Case, run: str, curves: Curves) -> None:
             units = {found.units[n] for n in (*view.y, *view.stack, *view.dashed)}
             if len(units) > 1 and (view.stack or view.dashed):
                 key = "stack" if view.stack else "dashed"
-                raise InputError(
-                    case.file,
+                raise case.error(
                     key_path(case, view, key),
                     f"one axis, but units {', '.join(sorted(units))}",
                 )

@@ -101,8 +101,7 @@ def load_reference(case: Case) -> ModuleType | Recorded:
         return read_recorded_once(file, file.stat().st_mtime_ns if file.is_file() else None)
     if case.reference in REFERENCES:
         return importlib.import_module(REFERENCES[case.reference])
-    raise InputError(
-        case.file,
+    raise case.error(
         "reference",
         f"no closed form {case.reference!r}; "
         f"{suggest_names(case.reference, sorted(REFERENCES))}; or name a recorded curve "
@@ -173,8 +172,7 @@ def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
         k_of_teller = case.drive.index(teller)
         function = getattr(reference, str(teller.profile), None)
         if function is None:
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.drive_key(k_of_teller, "profile"),
                 f"reference {case.reference} has no function {teller.profile!r}",
             )
@@ -182,15 +180,14 @@ def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
         names = [p.name for p in takes]
         for name in teller.parameters:
             if name not in names and not any(p.kind is p.VAR_KEYWORD for p in takes):
-                raise InputError(
-                    case.file,
+                raise case.error(
                     case.drive_key(k_of_teller, f"parameters.{name}"),
                     f"{teller.profile}() has no such parameter; "
                     f"{suggest_names(name, names, 'known')}",
                 )
         return FunctionProfile(function, dict(teller.parameters), k if shared else None)
     if k:
-        ratio = (drive.to - drive.start) / (float(leader.to or 0.0) - leader.start)
+        ratio = drive.way / leader.way
         return InProportion(drive_profile(case, kind, 0), leader.start, ratio, drive.start)
     if drive.period:
         return Swing(drive.start, drive.to, drive.period)
@@ -224,7 +221,7 @@ def load_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
         try:
             return make_sampled_profile(case.file.parent, load.profile, 0.0, *CONTROL_UNITS)
         except ValueError as error:
-            raise InputError(case.file, case.load_key(k, "profile"), str(error)) from None
+            raise case.error(case.load_key(k, "profile"), str(error)) from None
     way, leader = float(load.to or 0.0) - load.start, case.drive[0]
     if leader.to is not None:
         ratio = way / (leader.to - leader.start)
@@ -245,7 +242,7 @@ def read_profile(case: Case, k: int, read: Callable[..., Any], *args: object) ->
     try:
         return read(*args)
     except ValueError as error:
-        raise InputError(case.file, case.drive_key(k, "profile"), str(error)) from None
+        raise case.error(case.drive_key(k, "profile"), str(error)) from None
 
 
 def evaluate(
@@ -330,7 +327,7 @@ def reference_quantities(
     if not isinstance(reference, Recorded):
         return call_reference(case, kind, reference, x, state, parameters, key, only)
     if parameters:
-        raise InputError(case.file, key, "the reference is a recorded curve, which has none")
+        raise case.error(key, "the reference is a recorded curve, which has none")
     return {name: values[: np.size(x)] for name, values in reference.columns.items()}
 
 
@@ -360,8 +357,7 @@ def reference_channels(case: Case, x: Array, known: dict[str, Array]) -> dict[st
                 case, reference, f"channels.{name}.equals", channel.equals, channel.unit
             )
         elif channel.equals not in known:
-            raise InputError(
-                case.file,
+            raise case.error(
                 f"channels.{name}.equals",
                 f"no quantity {channel.equals!r}; {suggest_names(channel.equals, known)}",
             )
@@ -425,8 +421,7 @@ def call_reference(
     there = [k for k in known if k not in own]
     for name in parameters:
         if name not in there:
-            raise InputError(
-                case.file,
+            raise case.error(
                 f"{key}.{name}",
                 f"reference {case.reference} has no "
                 f"such parameter; {suggest_names(name, there, 'known')}",
@@ -449,7 +444,7 @@ def call_reference(
         ) from None
     except (TypeError, ValueError) as error:
         key = key if parameters else "drive" if case.drive else "model"
-        raise InputError(case.file, key, str(error)) from None
+        raise case.error(key, str(error)) from None
 
 
 def scale_parameters(
@@ -468,14 +463,12 @@ def scale_parameters(
     for k, (load, profile) in enumerate(zip(case.load, load_profiles(case, kind), strict=True)):
         reads = "controls" in takes or "closely" in takes
         if not may and not reads:
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.load_key(k),
                 f"the reference {case.reference!r} covers no load that changes",
             )
         if not load.scales and not reads:
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.load_key(k, "scales"),
                 f"missing: which parameters of {case.reference} the load multiplies; "
                 f"{suggest_names('', may, 'those of this case that may change')}",
@@ -483,8 +476,7 @@ def scale_parameters(
         control, rate, _ = np.broadcast_arrays(*profile(np.asarray(x, float)))
         for name in load.scales:
             if name not in may:
-                raise InputError(
-                    case.file,
+                raise case.error(
                     case.load_key(k, "scales"),
                     f"{name!r} is no parameter of this case that {case.reference} lets change "
                     f"along a path; {suggest_names(name, may, 'those that may')}",
@@ -587,7 +579,7 @@ def compiled_model(case: Case) -> MjModel:
         return compile_once(case.model_path, case.model_path.stat().st_mtime_ns, case.rods)
     except BadRod as error:
         rod, key, why = error.args
-        raise InputError(case.file, f"rod.{rod}.{key}", why) from None
+        raise case.error(f"rod.{rod}.{key}", why) from None
     except BadModel as error:
         raise model_error(case.model_path, error) from None
 
@@ -605,14 +597,12 @@ def recorded_column(
 ) -> Array:
     """A column of the recorded curve; its unit is checked if `unit` is given."""
     if name not in reference.columns:
-        raise InputError(
-            case.file,
+        raise case.error(
             key,
             f"no column {name!r} in {case.reference}; {suggest_names(name, reference.columns)}",
         )
     if unit is not None and not same_quantity(reference.units[name], unit):
-        raise InputError(
-            case.file,
+        raise case.error(
             key,
             f"column {name!r} of {case.reference} is in "
             f"{reference.units[name]} (SI), the channel in {unit}",

@@ -117,10 +117,8 @@ def refinement_runs(case: Case) -> Iterator[FinerRun]:
         for solver in filter(computes_curves, run.solvers):
             study = RefinementStudy(case, refine, solver)
             for n in refine.segments:
-                rods = {
-                    name: rod.model_copy(update={"segments": n}) for name, rod in case.rod.items()
-                }
-                finer = case.model_copy(update={"rod": rods, "run": {refine.run: run}})
+                finer = case.with_segments(dict.fromkeys(case.rod, n))
+                finer = finer.model_copy(update={"run": {refine.run: run}})
                 yield FinerRun(finer, refine.run, solver, n, study)
 
 

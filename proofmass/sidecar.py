@@ -258,8 +258,7 @@ def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Toler
     for engine, level in levels.items():
         for part in level.model_fields_set:
             if (engine, part) not in used:
-                raise InputError(
-                    case.file,
+                raise case.error(
                     f"accuracy.{engine}.{part}",
                     "it is used by no run: it "
                     "goes with a drive, a closed form or the planar reference, no "

@@ -62,8 +62,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
     """
     engine, _, variant = solver.partition(":")
     if engine not in engine_names():
-        raise InputError(
-            case.file,
+        raise case.error(
             f"run.{kind}.solvers",
             f"no simulator {engine!r}; {suggest_names(engine, engine_names())}",
         )
@@ -71,9 +70,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
     if variant == "default":
         settings["defaults"] = True
     elif variant and not settings:
-        raise InputError(
-            case.file, f"run.{kind}.solvers", f'{solver!r} needs a table [settings."{solver}"]'
-        )
+        raise case.error(f"run.{kind}.solvers", f'{solver!r} needs a table [settings."{solver}"]')
     table = f'settings."{solver}"' if variant else f"settings.{solver}"
     try:
         of = engine_of(engine)
@@ -83,11 +80,11 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
         of.check_settings(settings)
     except NoEngine as error:
         if settings:
-            raise InputError(case.file, f"run.{kind}.solvers", str(error)) from None
+            raise case.error(f"run.{kind}.solvers", str(error)) from None
         return settings  # the run reports why the engine cannot be loaded
     except BadSetting as error:
         key, why = error.args
-        raise InputError(case.file, f"{table}.{key}", why) from None
+        raise case.error(f"{table}.{key}", why) from None
     for mark, what, there in (
         (BY_CHANNEL, "channel", [*case.channels]),
         (BY_JOINT, "driven joint", [drive.joint for drive in case.drive]),
@@ -95,8 +92,7 @@ def settings_of(case: Case, kind: Kind, solver: str) -> dict[str, Any]:
         for key in of.settings.marked(mark):
             for name in settings.get(key, ()):
                 if name not in there:
-                    raise InputError(
-                        case.file,
+                    raise case.error(
                         f"{table}.{key}.{name}",
                         f"no {what} {name!r}; {suggest_names(name, there)}",
                     )
@@ -183,8 +179,8 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
     except (InputError, MemoryError):
         raise
     except Exception as error:  # a function that the sidecar names may raise anything
-        raise InputError(
-            case.file, "drive.parameters", f"the profile of a drive cannot be evaluated: {error}"
+        raise case.error(
+            "drive.parameters", f"the profile of a drive cannot be evaluated: {error}"
         ) from None
     return run
 
@@ -213,8 +209,7 @@ def check_drives(case: Case, run: Run) -> None:
         values, unit = motion[0], units[drive.joint]
         if isinstance(drive.profile, SampledProfile) and not drive.profile.covers(run.x):
             first, last = drive.profile.times[[0, -1]]
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.drive_key(k, "profile"),
                 f"{drive.profile.file} goes from {first:.6g} to {last:.6g} s, the run from "
                 f"{run.x[0]:.6g} to {run.x[-1]:.6g} s; nothing is extrapolated: give more rows, or "
@@ -222,8 +217,7 @@ def check_drives(case: Case, run: Run) -> None:
             )
         largest = [float(np.abs(part).max()) for part in motion]
         if not (np.isfinite(largest).all() and largest[1] < LARGEST_RATE):
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.drive_key(k),
                 f"joint {drive.joint!r} is driven to "
                 f"{largest[0]:.6g} {unit} at up to {largest[1]:.6g} {unit}/s and "
@@ -233,8 +227,7 @@ def check_drives(case: Case, run: Run) -> None:
         low, high = model.joint(drive.joint).range
         beyond = np.maximum(low - values, values - high)
         if model.jnt_limited[model.joint(drive.joint).id] and beyond.max() > LIMIT_ROUNDING:
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.drive_key(k),
                 f"joint {drive.joint!r} is driven to "
                 f"{values[beyond.argmax()]:.6g} {unit}, beyond its range in "
@@ -264,8 +257,7 @@ def check_loads(case: Case, run: Run) -> None:
     names = [model.actuator(a).name for a in range(model.nactuator)]
     for k, (load, control) in enumerate(zip(run.loads, controls, strict=True)):
         if load.actuator not in names:
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.load_key(k, "actuator"),
                 f"{case.model} has no actuator {load.actuator!r}; "
                 f"{suggest_names(load.actuator, names)}",
@@ -273,16 +265,14 @@ def check_loads(case: Case, run: Run) -> None:
         a = names.index(load.actuator)
         joint = joint_of(model, a)
         if joint >= 0 and model.joint(joint).name in [drive.joint for drive in run.drives]:
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.load_key(k, "actuator"),
                 f"{load.actuator!r} acts on joint {model.joint(joint).name!r}, which is driven",
             )
         if why := fits(model, a):
-            raise InputError(case.file, case.load_key(k, "actuator"), f"{load.actuator!r} {why}")
+            raise case.error(case.load_key(k, "actuator"), f"{load.actuator!r} {why}")
         if isinstance(load.profile, SampledProfile) and not load.profile.covers(run.x):
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.load_key(k, "profile"),
                 f"{load.profile.file} goes from {load.profile.times[0]:.6g} to "
                 f"{load.profile.times[-1]:.6g} s, the run from {run.x[0]:.6g} to {run.x[-1]:.6g} "
@@ -295,8 +285,7 @@ def check_loads(case: Case, run: Run) -> None:
         )
         beyond = ~((control >= low) & (control <= high))
         if beyond.any():
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.load_key(k),
                 f"the control of {load.actuator!r} is {control[beyond.argmax()]:.6g} at x = "
                 f"{x[beyond.argmax()]:.6g}; it must lie within {low:.6g} to {high:.6g}",
@@ -324,8 +313,7 @@ def check_turning_points(case: Case, run: Run) -> None:
         )
         if past.max() > TURNING_ROUNDING * float(np.ptp(motion)):
             first = int(past.argmax())
-            raise InputError(
-                case.file,
+            raise case.error(
                 f"run.{run.kind}.n" if not case.recorded else case.drive_key(k),
                 f"joint {run.drives[k].joint!r} turns back between samples {first} and "
                 f"{first + 1}, at {run.x[first]:.6g} to {run.x[first + 1]:.6g}; with dry friction "
@@ -373,7 +361,7 @@ def solve_here(case: Case, kind: Kind, solver: str) -> Curves:
     """Do what `solve` does, in this process."""
     run = plan_run(case, kind, solver)
     try:
-        curves = call_engine(solver.partition(":")[0], case.model_path, run)
+        curves = call_engine(solver, case.model_path, run)
     except BadModel as error:
         raise model_error(case.model_path, error) from None
     notes = [

@@ -9,7 +9,7 @@ from mujoco import MjModel
 from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.compare import reference_for
-from proofmass.errors import InputError, suggest_names
+from proofmass.errors import suggest_names
 from proofmass.plot_data import check_views
 from proofmass.reference import compiled_model
 from proofmass.sim.contents import channel_unit, has_normal_axis, joints, key_names, sensor_names
@@ -43,16 +43,14 @@ def validate_case(case: Case) -> None:
 def check_model(case: Case, model: MjModel) -> None:
     """Check the names and units in the sidecar against the compiled model."""
     if model.nkey and case.start not in key_names(model):
-        raise InputError(
-            case.file,
+        raise case.error(
             "start",
             f"{case.model} has no key {case.start!r}; "
             f"{suggest_names(case.start, key_names(model))}",
         )
     for k, drive in enumerate(case.drive):
         if drive.joint not in joints(model):
-            raise InputError(
-                case.file,
+            raise case.error(
                 case.drive_key(k, "joint"),
                 f"{case.model} has no joint {drive.joint!r}; "
                 f"{suggest_names(drive.joint, joints(model))}",
@@ -60,8 +58,7 @@ def check_model(case: Case, model: MjModel) -> None:
     for name, channel in case.channels.items():
         delivered = delivered_unit(case, model, name)
         if delivered is not None and not same_quantity(channel.unit, delivered):
-            raise InputError(
-                case.file,
+            raise case.error(
                 f"channels.{name}.unit",
                 f"{channel.unit!r} measures "
                 f"another quantity than the sensor, which delivers {delivered}",
@@ -81,21 +78,19 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
         unit = channel_unit(model, name, case.rods)
     except KeyError as error:
         there = [*sensor_names(model), *case.rod]
-        raise InputError(
-            case.file,
+        raise case.error(
             f"channels.{name}",
             f"{case.model} has no sensor {error.args[0]!r}; {suggest_names(error.args[0], there)}",
         ) from None
     except BadModel as error:
-        raise InputError(case.file, f"channels.{name}", str(error)) from None
+        raise case.error(f"channels.{name}", str(error)) from None
     names = sensor_names(model)
     if (
         part == "angle"
         and sensor in names
         and has_normal_axis(model, case.start, names.index(sensor))
     ):
-        raise InputError(
-            case.file,
+        raise case.error(
             f"channels.{name}",
             "the x axis is normal to the plane of motion and has no angle in it; "
             "measure a site whose x axis lies in the plane",

@@ -121,8 +121,7 @@ def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
     cases = [load_case(file) for file in files]
     for case in cases:
         if case.reference != "balancer":
-            raise InputError(
-                case.file,
+            raise case.error(
                 "reference",
                 f"{case.reference!r} is no balancer; --beside takes cases of reference 'balancer'",
             )

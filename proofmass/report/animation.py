@@ -234,7 +234,7 @@ def with_samples(case: Case, kind: Kind, samples: int) -> RunTable:
         Fewer than two samples.
     """
     if case.recorded:
-        raise InputError(case.file, f"run.{kind}.n", "is given by the recorded curve")
+        raise case.error(f"run.{kind}.n", "is given by the recorded curve")
     if samples < 2:
         raise ValueError(f"samples = {samples}: a motion has 2 at least")
     return case.run[kind].model_copy(update={"n": samples})
@@ -296,13 +296,11 @@ def choose_run(case: Case, run: Kind | None = None) -> Kind:
     """
     moving = [kind for kind in case.run if kind != "equilibrium"]
     if run is None and not moving:
-        raise InputError(
-            case.file, "run", "nothing moves: it has run.equilibrium alone; give it a sweep"
-        )
+        raise case.error("run", "nothing moves: it has run.equilibrium alone; give it a sweep")
     if run == "equilibrium":
-        raise InputError(case.file, "run.equilibrium", "nothing moves in it; take another run")
+        raise case.error("run.equilibrium", "nothing moves in it; take another run")
     if run is not None and run not in moving:
-        raise InputError(case.file, f"run.{run}", f"no such run; {suggest_names(run, moving)}")
+        raise case.error(f"run.{run}", f"no such run; {suggest_names(run, moving)}")
     return run or moving[0]
 
 
@@ -322,9 +320,7 @@ def draw_frames(
             case.model_path, "", "it leaves every plane: the page of a report plays it from a side"
         )
     if not is_moving(moved.picture):
-        raise InputError(
-            case.file, f"run.{kind}", moved.picture.stopped or "nothing moves in this run"
-        )
+        raise case.error(f"run.{kind}", moved.picture.stopped or "nothing moves in this run")
     with rc_context(RC):
         stage = AnimationFigure(
             case,

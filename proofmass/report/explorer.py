@@ -161,7 +161,7 @@ class Explorer:
         there = [*self.case.channels, *self.known]
         for name in (name for names in self.curves for name in names):
             if name not in there:
-                raise InputError(self.case.file, f"channels.{name}", suggest_names(name, there))
+                raise self.case.error(f"channels.{name}", suggest_names(name, there))
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -380,13 +380,11 @@ def require_sliders(
 ) -> None:
     """Raise InputError or ValueError for sliders or curves that do not fit a case."""
     if case.recorded:
-        raise InputError(case.file, "reference", "a recorded curve has nothing to slide")
+        raise case.error("reference", "a recorded curve has nothing to slide")
     numbers = [k for k, v in case.parameters.items() if k != "mode" and not isinstance(v, str)]
     for name, (low, high) in sliders.items():
         if name not in numbers:
-            raise InputError(
-                case.file, f"parameters.{name}", f"no slider: {suggest_names(name, numbers)}"
-            )
+            raise case.error(f"parameters.{name}", f"no slider: {suggest_names(name, numbers)}")
         if not low < high or not low <= float(case.parameters[name]) <= high:
             raise ValueError(
                 f"slider {name}: the bounds {low:g}, {high:g} must rise, with the case's "
@@ -395,7 +393,7 @@ def require_sliders(
     for names in curves:
         if not names or names[0] not in case.channels:
             name = names[0] if names else ""
-            raise InputError(case.file, f"channels.{name}", suggest_names(name, case.channels))
+            raise case.error(f"channels.{name}", suggest_names(name, case.channels))
 
 
 def svg_line(points: Array, colour: str, width: float, dash: str = "", opacity: float = 1.0) -> str:

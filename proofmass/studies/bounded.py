@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 from proofmass.case import Case
-from proofmass.errors import InputError
 from proofmass.strict import Kind
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
@@ -26,4 +25,4 @@ def call_bounded(case: Case, kind: Kind, function: Callable, *args: Any) -> Any:
     try:
         return call_limited(case, kind, function, *args)
     except (TimedOut, OutOfMemory, Crashed) as error:
-        raise InputError(case.file, f"run.{kind}", f"its model or its reference: {error}") from None
+        raise case.error(f"run.{kind}", f"its model or its reference: {error}") from None

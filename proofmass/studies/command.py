@@ -53,8 +53,7 @@ def without_recorded_solvers(case: Case) -> Case:
     """
     computing, others = with_computing_solvers(case)
     if others and not computing.run:
-        raise InputError(
-            case.file,
+        raise case.error(
             "run",
             f"{', '.join(others)}: curves that are recorded have no settings to study; a study "
             "needs an engine that computes",

@@ -48,14 +48,7 @@ class Setting:
         """The case with this setting, its rods with that many segments, and the run to ask for."""
         parameters: dict[str, Any] = dict(self.parameters)
         if segments := parameters.pop("segments", None):
-            case = case.model_copy(
-                update={
-                    "rod": {
-                        name: rod.model_copy(update={"segments": segments})
-                        for name, rod in case.rod.items()
-                    }
-                }
-            )
+            case = case.with_segments(dict.fromkeys(case.rod, segments))
         case = case.model_copy(update={"settings": {self.engine: parameters}})
         return case, plan_run(case, kind, self.engine)
 

@@ -282,13 +282,12 @@ MIN_INTERVALS = 2  # least number of samples after the first one
 
 def with_drive_distance(case: Case, distance: float) -> Case:
     """The case with its first drive moving `distance` at constant speed, others in proportion."""
-    leader = case.drive[0]
-    old_distance = float(leader.to or 0.0) - leader.start
+    old_distance = case.drive[0].way
     factor = distance / abs(old_distance)
     first, *others = (
         drive
         if drive.to is None
-        else drive.model_copy(update={"to": drive.start + (drive.to - drive.start) * factor})
+        else drive.model_copy(update={"to": drive.start + drive.way * factor})
         for drive in case.drive
     )
     steady = first.model_copy(update={"period": None, "rate": float(np.sign(old_distance))})
@@ -329,7 +328,7 @@ def with_whole_steps(case: Case, seconds: float, step: float) -> Case:
         MIN_INTERVALS,
         round(samples) if can_be_extended(case) else int(samples + STEP_COUNT_ROUNDING),
     )
-    case = case.model_copy(update={"run": {"dynamics": run.model_copy(update={"n": samples + 1})}})
+    case = case.with_run("dynamics", n=samples + 1)
     return with_duration(case, samples * steps_per_sample * step)
 
 
@@ -340,8 +339,7 @@ def with_duration(case: Case, seconds: float) -> Case:
         extended, *others = with_drive_distance(case, abs(leader.speed) * seconds).drive
         extended = extended.model_copy(update={"rate": leader.rate})
         return case.model_copy(update={"drive": (extended, *others)})
-    run = case.run["dynamics"].model_copy(update={"until": seconds})
-    return case.model_copy(update={"run": {"dynamics": run}})
+    return case.with_run("dynamics", until=seconds)
 
 
 def can_be_extended(case: Case) -> bool:
@@ -351,7 +349,7 @@ def can_be_extended(case: Case) -> bool:
     if not case.drive or case.drive[0].period:
         return True
     leader = case.drive[0]
-    return leader.steady and makes_whole_turns(case, abs(float(leader.to or 0.0) - leader.start))
+    return leader.steady and makes_whole_turns(case, abs(leader.way))
 
 
 def with_longer_run(case: Case, factor: float, seconds: float) -> Case:
@@ -361,8 +359,7 @@ def with_longer_run(case: Case, factor: float, seconds: float) -> Case:
     extended.
     """
     if case.drive and not can_be_extended(case):
-        leader = case.drive[0]
-        case = with_drive_swing(case, abs(float(leader.to or 0.0) - leader.start), 2.0 * seconds)
+        case = with_drive_swing(case, abs(case.drive[0].way), 2.0 * seconds)
     return with_duration(case, seconds * factor)
 
 

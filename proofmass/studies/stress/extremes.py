@@ -146,10 +146,7 @@ def try_step_count(
     """Run a number of steps, and compare the energy error with `MAX_ENERGY_ERROR`."""
     steps_per_sample = int(np.ceil(steps / MAX_ENERGY_SAMPLES))
     count = round(steps / steps_per_sample)
-    run = case.run["dynamics"].model_copy(
-        update={"n": count + 1, "until": count * steps_per_sample * stressed.step}
-    )
-    own = case.model_copy(update={"run": {"dynamics": run}})
+    own = case.with_run("dynamics", n=count + 1, until=count * steps_per_sample * stressed.step)
     task = StudyRun(
         own, "dynamics", stressed.setting.with_parameters(**parameters), "stress", timed=False
     )
@@ -343,8 +340,7 @@ def last_hinge(case: Case) -> tuple[str, float]:
 
 def with_short_run(case: Case, seconds: float, step: float) -> Case:
     """The case with a dynamics run of a shorter duration, which is sampled after every step."""
-    run = case.run["dynamics"].model_copy(update={"n": round(seconds / step) + 1})
-    return with_whole_steps(case.model_copy(update={"run": {"dynamics": run}}), seconds, step)
+    return with_whole_steps(case.with_run("dynamics", n=round(seconds / step) + 1), seconds, step)
 
 
 def try_spring(stressed: StressedCase, case: Case, joint: str, stiffness: float) -> TrialResult:
@@ -442,12 +438,8 @@ def try_drive_speed(stressed: StressedCase, factor: float) -> TrialResult:
         {"period": leader.period / factor} if leader.period else {"rate": leader.speed * factor}
     )
     case = case.model_copy(update={"drive": (leader.model_copy(update=faster), *case.drive[1:])})
-    run = case.run["dynamics"]
-    case = case.model_copy(
-        update={
-            "run": {"dynamics": run.model_copy(update={"until": run.until and run.until / factor})}
-        }
-    )
+    until = case.run["dynamics"].until
+    case = case.with_run("dynamics", until=until and until / factor)
     return stressed.try_in_steps(case, stressed.seconds / factor)
 
 
@@ -692,7 +684,7 @@ def search_limit_position(stressed: StressedCase) -> Iterator[LimitSearch]:
         and has_hinged_leader(case),
         "limit position: there is no single crank to drive further",
     )
-    own_distance = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
+    own_distance = abs(case.drive[0].way)
     swept = replace(stressed, kind="sweep", setting=Setting(stressed.setting.engine))
     reach = max(MAX_CRANK_TURNS * 2 * np.pi, 2 * own_distance)
     limit = boundary_value(
@@ -804,7 +796,7 @@ def search_rod_snap(stressed: StressedCase) -> Iterator[LimitSearch]:
         case.rod and "sweep" in case.run and len(case.drive) == 1 and has_independent_motion(case),
         "fold: no rod that a single drive bends",
     )
-    own_distance = abs(float(case.drive[0].to or 0.0) - case.drive[0].start)
+    own_distance = abs(case.drive[0].way)
     fold = boundary_value(
         *bisect(
             partial(find_return_failure, case), own_distance / 16, own_distance, LIMIT_TOLERANCE
@@ -834,8 +826,8 @@ def search_rod_snap(stressed: StressedCase) -> Iterator[LimitSearch]:
 
 def with_return_sweep(case: Case, distance: float) -> Case:
     """The case with a sweep to a distance and back, sampled at the same drive values both ways."""
-    run = case.run["sweep"].model_copy(update={"n": SWEEP_SAMPLES, "until": None})
-    return with_drive_swing(case, distance, 1.0).model_copy(update={"run": {"sweep": run}})
+    swung = with_drive_swing(case, distance, 1.0)
+    return swung.with_run("sweep", n=SWEEP_SAMPLES, until=None)
 
 
 def try_snap(stressed: StressedCase, distance: float) -> TrialResult:

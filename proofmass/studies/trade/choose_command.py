@@ -139,7 +139,7 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
             )
         require_solver(case, "dynamics", solver)
         require_writable(case, "dynamics", output)
-        solver = solver or case.run["dynamics"].solvers[0].partition(":")[0]
+        solver = solver or case.run["dynamics"].engines[0]
         with error_console.status("running programs"):
             model, *tried = find_slow_setting(
                 case, solver, wanted, require_seconds("--longest", longest)
@@ -258,10 +258,9 @@ def find_solver(case: Case, kind: Kind, drive: str, solver: str) -> str:
         raise ValueError(
             f"--drive {drive}: in the {kind} of {case.name} no drive moves in time; leave it out"
         )
-    names = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
     ways = {
         name: dict.fromkeys(one.kind for one in drive_ways(case, name))
-        for name in ([solver] if solver else names)
+        for name in ([solver] if solver else case.run[kind].engines)
     }
     if fitting := [name for name, kinds in ways.items() if drive in kinds]:
         return fitting[0] if len(fitting) == 1 else solver
@@ -271,8 +270,11 @@ def find_solver(case: Case, kind: Kind, drive: str, solver: str) -> str:
 
 def search_cost_ratio(case: Case, drive: str) -> float:
     """The cost ratio with which `search` follows families, larger for drives that yield."""
-    names = dict.fromkeys(name.partition(":")[0] for name in case.run["dynamics"].solvers)
-    yields = any(one.kind == drive and one.gain for name in names for one in drive_ways(case, name))
+    yields = any(
+        one.kind == drive and one.gain
+        for name in case.run["dynamics"].engines
+        for one in drive_ways(case, name)
+    )
     return YIELDING_COST_RATIO if yields else COST_RATIO
 
 
@@ -290,7 +292,7 @@ def require_error(error: float) -> None:
 
 def require_solver(case: Case, kind: Kind, solver: str) -> None:
     """Raise ValueError if an engine is named in which the case does not run."""
-    known = dict.fromkeys(name.partition(":")[0] for name in case.run[kind].solvers)
+    known = case.run[kind].engines
     if solver and solver not in known:
         raise ValueError(f"--solver {solver}: {case.name} runs in {', '.join(known)}")
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.engines import engine_of
-from proofmass.errors import InputError
 from proofmass.reference import compiled_model, evaluate, run_samples
 from proofmass.sim.contents import size
 from proofmass.studies.bounded import call_limited
@@ -92,8 +91,7 @@ def find_resting_channels(case: Case) -> list[str]:
     places = [name for name, c in case.channels_of("dynamics").items() if c.si_unit == "m"]
     found = [name for name in places if np.ptp(reference[name][final]) <= largest_motion]
     if not found:
-        raise InputError(
-            case.file,
+        raise case.error(
             "channels",
             f"no place is at rest in the last tenth of the run, from {x[final][0]:g} s on, so "
             "that no creep can be measured; give a run that ends at rest, and a channel of a place",

@@ -164,8 +164,7 @@ def end_at_horizon(case: Case, kind: Kind, motion: DisturbedMotion | None) -> Ca
     samples = round(motion.horizon / table.until * (table.n - 1))
     samples += samples % 2  # even, so that every other sample includes the last one
     until = samples * table.until / (table.n - 1)
-    cut = table.model_copy(update={"n": samples + 1, "until": until})
-    return case.model_copy(update={"run": {**case.run, kind: cut}})
+    return case.with_run(kind, n=samples + 1, until=until)
 
 
 def measure_rounding(task: StudyRun, store: Store, timeout: float) -> dict[str, float]:

@@ -115,7 +115,6 @@ def halve_segments(case: Case, setting: Setting) -> Iterator[PerturbedCase]:
     half = {name: max(MIN_SEGMENTS, n // 2) for name, n in numbers.items()}
     if half == numbers:
         return
-    rods = {name: rod.model_copy(update={"segments": half[name]}) for name, rod in case.rod.items()}
     other_parameters = {
         name: value for name, value in setting.parameters.items() if name != "segments"
     }
@@ -123,7 +122,7 @@ def halve_segments(case: Case, setting: Setting) -> Iterator[PerturbedCase]:
         "half as many segments" if all(n % 2 == 0 for n in numbers.values()) else "fewer segments"
     )
     yield (
-        case.model_copy(update={"rod": rods}),
+        case.with_segments(half),
         Perturbation("segments", words, other_parameters, better=False),
     )
 
@@ -157,20 +156,14 @@ def perturb_samples(case: Case, run: Kind, setting: Setting) -> Iterator[Perturb
         if table.n - 1 != segments:
             words = "samples at the ends of links"
             yield (
-                with_samples(case, run, segments + 1),
+                case.with_run(run, n=segments + 1),
                 Perturbation("sampling", words, setting.parameters),
             )
     elif run == "dynamics" and table.n % 2:
         yield (
-            with_samples(case, run, table.n // 2 + 1),
+            case.with_run(run, n=table.n // 2 + 1),
             Perturbation("sampling", "every other sample", setting.parameters, better=None),
         )
-
-
-def with_samples(case: Case, run: Kind, n: int) -> Case:
-    """The case with another number of samples."""
-    table = case.run[run].model_copy(update={"n": n})
-    return case.model_copy(update={"run": {**case.run, run: table}})
 
 
 def find_cause(

@@ -228,7 +228,6 @@ def list_families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
     """The families to search in dynamics, of one engine or of all engines of the case."""
     times = run_samples(case, "dynamics")
     sample = float(times[1] - times[0])
-    engines = dict.fromkeys(solver.partition(":")[0] for solver in case.run["dynamics"].solvers)
     description = describe_dynamics(case)
     for series in own_settings_series(case, "dynamics"):
         if series.engine in (engine or series.engine):
@@ -240,7 +239,7 @@ def list_families(case: Case, engine: str = "") -> Iterator[SettingFamily]:
                 sample,
                 first=min(first_number(setting.parameters["timestep"]), sample),
             )
-    for name in engines:
+    for name in case.run["dynamics"].engines:
         if name in (engine or name):
             for recipe in engine_of(name).recipes(description):
                 yield SettingFamily(
@@ -383,7 +382,7 @@ def select_for_comparison(
 
 def cached_reference_seconds(case: Case, store: Store) -> float:
     """`reference_seconds` of a case, measured once for a store; 0 if a file keeps the reference."""
-    task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].solvers[0].partition(":")[0]))
+    task = StudyRun(case, "dynamics", Setting(case.run["dynamics"].engines[0]))
     if reference_file(task, store):
         return 0.0
     file = store.folder / f"{task_key(task)}.reference.json"

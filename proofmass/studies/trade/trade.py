@@ -305,9 +305,7 @@ def kind_to_study(case: Case, kind: Kind | None) -> Kind:
     for name in wanted:
         if name in case.run:
             return name
-    raise InputError(
-        case.file, f"run.{kind}", f"there is no such run; there are: {', '.join(case.run)}"
-    )
+    raise case.error(f"run.{kind}", f"there is no such run; there are: {', '.join(case.run)}")
 
 
 def find_leaders(all_series: Sequence[CaseSeries], finer: HalvedRows) -> Leaders:

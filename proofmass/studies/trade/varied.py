@@ -85,7 +85,7 @@ def list_series(case: Case, kind: Kind) -> list[ConvergenceSeries]:
     InputError
         The model has an error.
     """
-    engines = dict.fromkeys(solver.partition(":")[0] for solver in case.run[kind].solvers)
+    engines = case.run[kind].engines
     if kind != "dynamics":
         return [
             series_of_scan(name, scan)
