@@ -120,7 +120,7 @@ def export_result(file: Path, form: str, result: "Result") -> None:
 def check_command(
     paths: Paths = None,
     json: Annotated[
-        bool, typer.Option("--json", help="Print JSON: comparisons, error_console and exit code.")
+        bool, typer.Option("--json", help="Print JSON: comparisons, errors and exit code.")
     ] = False,
     jobs: Jobs = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show every channel.")] = False,
@@ -523,7 +523,7 @@ def trade_command(
     error: Annotated[
         Errors,
         typer.Option(
-            help="Which error_console the table shows; the files have all.",
+            help="Kind of error that the table shows; the files have all.",
             parser=parse_error_kind,
             metavar=ERROR_METAVAR,
         ),

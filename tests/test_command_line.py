@@ -209,6 +209,14 @@ def test_pytest_items_of_a_case_without_checks_fail(models, edit, pytester):
     result.stdout.fnmatch_lines(["*nothing of this case was checked*unchecked = true*"])
 
 
+@pytest.mark.parametrize("name", ["check", "trade"])
+def test_help_names_no_variable_of_the_program(name: str):
+    """A renaming in the sources had reached the texts: ``error_console`` stood for errors."""
+    text = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"}).output
+    assert "Options" in text
+    assert "_" not in text
+
+
 def test_help_joins_the_lines_of_a_paragraph_and_keeps_units():
     """In 80 columns.  Rich would read a unit such as `[s]` as a tag."""
     text = CliRunner().invoke(app, ["choose", "--help"], env={"COLUMNS": "80"}).output
