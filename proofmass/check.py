@@ -13,6 +13,7 @@ from proofmass.compare import Comparison, attach_reference, compare
 from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error
+from proofmass.grouping import group_by
 from proofmass.mobility import mobility
 from proofmass.outcome import (
     FAILED_OUTCOMES,
@@ -161,9 +162,7 @@ def unique_names(files: Iterable[Path]) -> dict[Path, str]:
     dict_values(['a/arm', 'b/arm', 'leg'])
     """
     places = {file: Path(os.path.abspath(file)).with_suffix("").parts for file in files}
-    same_stem: dict[str, list[Path]] = {}
-    for file in places:
-        same_stem.setdefault(file.stem, []).append(file)
+    same_stem = group_by(places, lambda file: file.stem)
     found = {}
     for file, own in places.items():
         others = [

@@ -30,6 +30,7 @@ from proofmass.engines import NoEngine, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text, write_atomically
 from proofmass.fingerprint import digest, digest_recorded_files, digest_sources, package_versions
+from proofmass.grouping import group_by
 from proofmass.reference import reference_reads_model
 from proofmass.sim.numbers import NUMBER_KINDS
 from proofmass.solve import with_computing_solvers
@@ -88,11 +89,7 @@ class Coverage:
     @property
     def unnoticed(self) -> dict[str, list[Finding]]:
         """The findings on numbers that no run notices, by their kinds."""
-        found: dict[str, list[Finding]] = {}
-        for one in self.numbers:
-            if not one.noticed:
-                found.setdefault(one.kind, []).append(one)
-        return found
+        return group_by((one for one in self.numbers if not one.noticed), lambda one: one.kind)
 
 
 def find_coverage(

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -45,15 +44,15 @@ from proofmass.report.mechanism import (
     INK,
     MARGIN,
     PATH_COLOUR,
+    PATH_STYLE,
     SPRING_COLOUR,
-    Scale,
     Tracks,
-    draw_clamp,
-    draw_guide,
+    draw_ground,
     draw_joint,
-    draw_support,
+    draw_supports,
     format_pose,
     scale_for,
+    set_plane,
     spiral,
     zigzag,
 )
@@ -416,16 +415,15 @@ class AnimationFigure:
                 high / size[1],
             )
         )
-        self.axes.set(
-            xlim=(self.scale.low[0], self.scale.high[0]),
-            ylim=(self.scale.low[1], self.scale.high[1]),
-            xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
-            ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]",
-        )
+        set_plane(self.axes, picture, self.scale)
         self.words = self.axes.text(
             0.0, 1.0 + 4.0 / high, "", transform=self.axes.transAxes, fontsize=8.5, weight="bold"
         )
-        draw_fixed_parts(self.axes, picture, paths, self.scale)
+        draw_ground(self.axes, picture)
+        for path in paths.values():
+            self.axes.plot(*path.T, **PATH_STYLE, zorder=3)
+        still = (mark for mark in picture.marks if mark.ground or mark.kind == "clamp")
+        draw_supports(self.axes, still, 0, self.scale)
         style = solver_looks(solvers)
         present = [solver for solver in solvers if solver in moved.away]
         self.first = present[0] if present else ""
@@ -582,20 +580,3 @@ class AnimationFigure:
         spot = self.motion.spots[number]
         inner, outer = (places[b, 2] if b >= 0 else 0.0 for b in (spot.body, spot.parent))
         return np.asarray(at + spiral(inner, outer) / self.scale.points)
-
-
-def draw_fixed_parts(ax: Axes, picture: Picture, paths: Tracks, scale: Scale) -> None:
-    """Draw the ground, supports, guides and clamps on it, and the paths of measured points."""
-    for outline in picture.ground.outlines:
-        ax.fill(
-            *outline[0].T, facecolor="#d5d9de", edgecolor=GROUND_COLOUR, linewidth=1.0, zorder=1
-        )
-    for path in paths.values():
-        ax.plot(*path.T, color=PATH_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
-    for mark in picture.marks:
-        if mark.kind == "clamp" and mark.guide is not None:
-            draw_clamp(ax, mark.guide[0], scale, 1.0)
-        elif mark.guide is not None and mark.ground:
-            draw_guide(ax, mark.guide[0], True, scale, 1.0)
-        elif mark.ground and mark.kind != "slide":
-            draw_support(ax, mark.at[0], scale, 1.0)

@@ -30,6 +30,7 @@ from proofmass.explain import (
     format_refusals,
     table_cells,
 )
+from proofmass.grouping import group_by
 from proofmass.mobility import mobility
 from proofmass.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
 from proofmass.reference import ComparedCurves, properties
@@ -564,24 +565,12 @@ def cause_panels(
     failed = [found for found in own if found.failed]
     differing = [found for found in own if not found.failed]
     return [
-        *(failed_panel(some) for some in group_by(failed, lambda d: tuple(d.lines))),
-        *(cause_panel(some) for some in group_by(differing, lambda d: (d.lines[0],))),
+        *(
+            CausePanel("What happened", lines, format_runs(some))
+            for lines, some in group_by(failed, lambda d: tuple(d.lines)).items()
+        ),
+        *(cause_panel(some) for some in group_by(differing, lambda d: d.lines[0]).values()),
     ]
-
-
-def group_by(
-    found: Iterable[Diagnosis], key: Callable[[Diagnosis], tuple[str, ...]]
-) -> list[list[Diagnosis]]:
-    """Group diagnoses by a key, in the order in which the keys first occur."""
-    groups: dict[tuple[str, ...], list[Diagnosis]] = {}
-    for one in found:
-        groups.setdefault(key(one), []).append(one)
-    return list(groups.values())
-
-
-def failed_panel(found: list[Diagnosis]) -> CausePanel:
-    """Return the panel of runs that failed for the same reason."""
-    return CausePanel("What happened", tuple(found[0].lines), format_runs(found))
 
 
 def cause_panel(found: list[Diagnosis]) -> CausePanel:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from proofmass.grouping import group_by
 from proofmass.outcome import GOOD_OUTCOMES, Outcome
 from proofmass.report.record import ChannelRecord, Record
 from proofmass.wording import number
@@ -113,10 +114,7 @@ def format_changes(last: Record, found: Sequence[Change]) -> str:
     start = f"since the last report ({last.made.day}): "
     if not found:
         return start + "nothing changed"
-    groups: dict[tuple[str, str, str, bool], list[Change]] = {}
-    for change in found:
-        alike = (change.case, change.run, change.solver, change.growth > 1)
-        groups.setdefault(alike, []).append(change)
+    groups = group_by(found, lambda one: (one.case, one.run, one.solver, one.growth > 1))
     words = [format_group(group) for group in groups.values()]
     more = f"; and {len(words) - MAX_NAMED_CHANGES} more" if len(words) > MAX_NAMED_CHANGES else ""
     count = f"{len(found)} change{'s' * (len(found) > 1)}"

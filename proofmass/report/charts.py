@@ -57,10 +57,7 @@ def label_looks(chart: Chart) -> dict[str, Look]:
 def draw_line(ax: Axes, line: ChartLine, look: Look, scale: Array, *, cased: bool = False) -> None:
     """Draw a line, reduced if it is long, or its points; `cased` adds white edges on a field."""
     x, y = thin_line(line).T * scale[:, None]
-    if line.points:
-        ax.plot(x, y, **line_style(line, look))
-        return
-    if line.bars:
+    if line.points or line.bars:
         ax.plot(x, y, **line_style(line, look))
         return
     step = max(len(x) // 5, 1)  # between markers, which are staggered between labels

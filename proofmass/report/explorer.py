@@ -16,6 +16,7 @@ from proofmass.case import Case
 from proofmass.compare import Comparison, compare
 from proofmass.engines import engine_names
 from proofmass.errors import InputError, suggest_names
+from proofmass.grouping import group_by
 from proofmass.reference import (
     assembly_modes,
     parameter_unit,
@@ -417,7 +418,5 @@ def svg_line(points: Array, colour: str, width: float, dash: str = "", opacity: 
 
 def worst_comparisons(rows: Sequence[Comparison]) -> list[Comparison]:
     """Return for each solver and outcome the comparison with the largest share of its tolerance."""
-    groups: dict[tuple[str, str], list[Comparison]] = {}
-    for row in rows:
-        groups.setdefault((row.solver, row.outcome), []).append(row)
+    groups = group_by(rows, lambda row: (row.solver, row.outcome))
     return [max(group, key=lambda row: row.share_of_allowed) for group in groups.values()]

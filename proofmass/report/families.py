@@ -1,13 +1,14 @@
 """The groups of the index: cases by their folder and their reference, failures first."""
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from proofmass.case import Case
 from proofmass.check import family_of
 from proofmass.errors import InputError
+from proofmass.grouping import group_by
 from proofmass.recorded import Recorded
 from proofmass.reference import load_reference
 
@@ -30,21 +31,12 @@ def group_cards(cases: Iterable[Case], cards: Iterable[Card], paths: Iterable[Pa
     """
     pairs, paths = list(zip(cases, cards, strict=True)), list(paths)
     found = []
-    for name, own in group_by(pairs, lambda case: family_of(case.file, paths)).items():
-        parts = [reference_part(*one) for one in group_by(own, reference_name).items()]
+    for name, own in group_by(pairs, lambda pair: family_of(pair[0].file, paths)).items():
+        by_reference = group_by(own, lambda pair: reference_name(pair[0]))
+        parts = [reference_part(*one) for one in by_reference.items()]
         parts.sort(key=lambda p: (p["state"] != "bad", p["name"] == RECORDED_PART, p["name"]))
         found.append({"name": name, "parts": parts, "state": worst_state(parts)})
     return sorted(found, key=lambda f: (f["state"] != "bad", f["name"]))
-
-
-def group_by(
-    pairs: list[tuple[Case, Card]], key: Callable[[Case], str]
-) -> dict[str, list[tuple[Case, Card]]]:
-    """Group cases and their cards by a key of the case."""
-    found: dict[str, list[tuple[Case, Card]]] = {}
-    for case, card in pairs:
-        found.setdefault(key(case), []).append((case, card))
-    return found
 
 
 def reference_part(name: str, pairs: list[tuple[Case, Card]]) -> Card:

@@ -47,9 +47,7 @@ def draw_curve(
         ax.plot(
             part_x,
             part,
-            color=look.colour,
-            linestyle=look.dash,
-            marker=look.marker,
+            **look.line,
             markevery=(min(look.number * every // 6 + every // 4, len(part) - 1), every),
             markerfacecolor="white" if rises else look.colour,
             markeredgewidth=0.8,
@@ -310,18 +308,7 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
 
 def solver_handles(solvers: Iterable[str], style: Mapping[str, Look]) -> list[Line2D]:
     """Return the legend's entries of solvers."""
-    return [
-        Line2D(
-            [],
-            [],
-            label=s,
-            color=style[s].colour,
-            linestyle=style[s].dash,
-            marker=style[s].marker,
-            markerfacecolor="white",
-        )
-        for s in solvers
-    ]
+    return [Line2D([], [], label=s, **style[s].line, markerfacecolor="white") for s in solvers]
 
 
 def draw_legend_above(figure: Figure, handles: Sequence[Line2D], height: float) -> None:

@@ -19,7 +19,7 @@ from proofmass.reference import compiled_model
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.figures import draw_legend, thin_path
 from proofmass.report.style import REFERENCE_STYLE, Look
-from proofmass.sim.picture import Picture
+from proofmass.sim.picture import Mark, Picture
 from proofmass.sim.protocol import Curves
 from proofmass.wording import number
 
@@ -167,6 +167,7 @@ INK, GROUND_COLOUR, LINK_COLOUR, PATH_COLOUR, SPRING_COLOUR = (
     "#7b4ba0",
     "#00755e",
 )
+PATH_STYLE: dict[str, Any] = {"color": PATH_COLOUR, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 DRAWING_WIDTH, DRAWING_HEIGHT = 430.0, 300.0  # [pt] room for the drawing itself
 MARGIN = 46.0  # [pt] left and below it, for the axes' names
 LABEL_COLOURS = {"joint": INK, "link": LINK_COLOUR, "path": PATH_COLOUR}
@@ -236,15 +237,10 @@ def mechanism_figure(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     ax = figure.add_axes(
         (MARGIN / size[0], (size[1] - high - 6) / size[1], wide / size[0], high / size[1])
     )
-    ax.set(
-        xlim=(scale.low[0], scale.high[0]),
-        ylim=(scale.low[1], scale.high[1]),
-        xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
-        ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]",
-    )
+    set_plane(ax, picture, scale)
     main = clearest_pose(picture)
     for path in tracks.values():
-        ax.plot(*path.T, color=PATH_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
+        ax.plot(*path.T, **PATH_STYLE, zorder=3)
     draw_poses(ax, picture, main, scale)
     coils = [
         mark.at[main] + spiral() / scale.points
@@ -260,13 +256,23 @@ def mechanism_figure(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     return figure
 
 
+def set_plane(ax: Axes, picture: Picture, scale: Scale) -> None:
+    """Set the limits and the labels of axes in which a mechanism is drawn."""
+    ax.set(
+        xlim=(scale.low[0], scale.high[0]),
+        ylim=(scale.low[1], scale.high[1]),
+        xlabel=f"{picture.axes[0] or 'in the plane, across'} [m]",
+        ylabel=f"{picture.axes[1] or 'in the plane, up'} [m]",
+    )
+
+
 def small_figure(picture: Picture, tracks: Tracks) -> Figure:
     """Draw the mechanism as a thumbnail, without axes and names."""
     scale = scale_for(picture, tracks, 130.0, 96.0, 8.0)
     wide, high = (scale.high - scale.low) * scale.points
     figure = Figure(figsize=(wide / 72, high / 72))
     ax = figure.add_axes((0, 0, 1, 1))
-    ax.set(xlim=(scale.low[0], scale.high[0]), ylim=(scale.low[1], scale.high[1]))
+    set_plane(ax, picture, scale)
     ax.axis("off")
     for path in tracks.values():
         ax.plot(*path.T, color=PATH_COLOUR, linewidth=0.8, zorder=3)
@@ -282,10 +288,7 @@ def pose_grey(picture: Picture, k: int) -> str:
 
 def draw_poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float = 1.0) -> None:
     """Draw the bodies at all poses, and joints, guides and supports at the pose `main`."""
-    for outline in picture.ground.outlines:
-        ax.fill(
-            *outline[0].T, facecolor="#d5d9de", edgecolor=GROUND_COLOUR, linewidth=1.0, zorder=1
-        )
+    draw_ground(ax, picture)
     for k in sorted(range(len(picture.x)), key=lambda k: (k == main, k)):
         named = k == main
         colour, width = (INK, 2.2 * size) if named else (pose_grey(picture, k), 1.3 * size)
@@ -299,17 +302,32 @@ def draw_poses(ax: Axes, picture: Picture, main: int, scale: Scale, size: float 
             )
             if len(outline) > 2:
                 ax.fill(*outline.T, color=colour, alpha=0.12, linewidth=0, zorder=3.5)
-    for mark in picture.marks:
-        if mark.kind == "clamp" and mark.guide is not None:
-            draw_clamp(ax, mark.guide[main], scale, size)
-        elif mark.guide is not None:
-            draw_guide(ax, mark.guide[main], mark.ground, scale, size)
-        elif mark.ground:
-            draw_support(ax, mark.at[main], scale, size)
+    draw_supports(ax, picture.marks, main, scale, size)
     order = {"slide": 0, "pin": 1, "ball": 2, "hinge": 2}
     joints = [m for m in picture.marks if m.kind in order]
     for mark in sorted(joints, key=lambda m: (m.driven, order[m.kind])):
         draw_joint(ax, mark.kind, mark.driven, mark.at[main], size)
+
+
+def draw_ground(ax: Axes, picture: Picture) -> None:
+    """Draw the outlines of what does not move."""
+    for outline in picture.ground.outlines:
+        ax.fill(
+            *outline[0].T, facecolor="#d5d9de", edgecolor=GROUND_COLOUR, linewidth=1.0, zorder=1
+        )
+
+
+def draw_supports(
+    ax: Axes, marks: Iterable[Mark], pose: int, scale: Scale, size: float = 1.0
+) -> None:
+    """Draw clamps, guides, and supports of pivots on the ground at a pose."""
+    for mark in marks:
+        if mark.kind == "clamp" and mark.guide is not None:
+            draw_clamp(ax, mark.guide[pose], scale, size)
+        elif mark.guide is not None:
+            draw_guide(ax, mark.guide[pose], mark.ground, scale, size)
+        elif mark.ground:
+            draw_support(ax, mark.at[pose], scale, size)
 
 
 def spiral(inner: float = 0.0, outer: float = 0.0) -> Array:
@@ -532,12 +550,7 @@ def draw_key(
         rows.append(Line2D([], [], linestyle="", marker="o", color=INK, label="filled: driven"))
     rows += [Line2D([], [], color=SPRING_COLOUR, linewidth=1.0, label=word) for word in springs]
     rows.append(Line2D([], [], color=GROUND_COLOUR, linewidth=1.2, label="hatched: ground"))
-    rows += [
-        Line2D(
-            [], [], color=PATH_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), label=f"path of {name}"
-        )
-        for name in tracks
-    ]
+    rows += [Line2D([], [], **PATH_STYLE, label=f"path of {name}") for name in tracks]
     words = [(row[0] if isinstance(row, tuple) else row).get_label() for row in rows]
     figure.legend(
         rows,
@@ -636,9 +649,7 @@ def draw_path(
         look, step = style[solver], max(len(found) // 9, 1)
         ax.plot(
             *found.T,
-            color=look.colour,
-            linestyle=look.dash,
-            marker=look.marker,
+            **look.line,
             markevery=(min(look.number * step // 6, len(found) - 1), step),
             markerfacecolor="white",
             markeredgewidth=0.8,

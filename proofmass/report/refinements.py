@@ -91,9 +91,7 @@ def draw_errors(
     ax.plot(
         [row.segments for row in rows],
         drawn,
-        color=look.colour,
-        linestyle=look.dash,
-        marker=look.marker,
+        **look.line,
         markerfacecolor="white",
         markersize=marker_size,
         zorder=layer,

@@ -24,6 +24,11 @@ class Look:
     marker: str
     number: int = 0
 
+    @property
+    def line(self) -> dict[str, Any]:
+        """Keyword arguments of matplotlib for a line with this look."""
+        return {"color": self.colour, "linestyle": self.dash, "marker": self.marker}
+
 
 SOLID: Dash = (0, ())
 FIRST_LOOK = Look("#0072B2", SOLID, "o", 0)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from proofmass.case import Case
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
+from proofmass.grouping import group_by
 from proofmass.outcome import (
     CHECKED_OUTCOMES,
     FAILED_OUTCOMES,
@@ -80,11 +81,7 @@ SYMBOLS: dict[str, str] = {
 
 def group_by_solver(comparisons: Iterable[Comparison], *runs: str) -> dict[str, list[Comparison]]:
     """Group the comparisons of one or several runs by their solver."""
-    found: dict[str, list[Comparison]] = {}
-    for c in comparisons:
-        if c.run in runs:
-            found.setdefault(c.solver, []).append(c)
-    return found
+    return group_by((c for c in comparisons if c.run in runs), lambda c: c.solver)
 
 
 def reads_own_model(case: Case) -> bool:

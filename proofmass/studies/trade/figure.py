@@ -18,6 +18,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from proofmass.engines import NoEngine, engine_of
+from proofmass.grouping import group_by
 from proofmass.outcome import Outcome
 from proofmass.report.figures import set_decades
 from proofmass.report.refinements import draw_triangle
@@ -126,15 +127,12 @@ def draw_triangles(
     ax: Axes, rows: Sequence[StudyRow], kind: str, verdicts: Iterable[Verdict]
 ) -> None:
     """Draw a triangle for each expected order, below the part of a series of nearest slope."""
-    orders: dict[float, list[SeriesName]] = {}
-    for verdict in verdicts:
-        if verdict.expected > 0:
-            orders.setdefault(verdict.expected, []).append(series_name(verdict))
+    orders = group_by((v for v in verdicts if v.expected > 0), lambda v: v.expected)
     taken: list[float] = []
-    for order, names in sorted(orders.items(), reverse=True):  # steep parts are few
+    for order in sorted(orders, reverse=True):  # steep parts are few
         pairs = [
             pair
-            for series in names
+            for series in map(series_name, orders[order])
             for pair in pairwise(r for r in rows if series_name(r) == series)
             if 0 < step_count(pair[0]) < step_count(pair[1])
             and step_count(pair[0]) not in taken
@@ -444,9 +442,7 @@ def draw_series(
     ax.plot(
         x,
         y,
-        color=look.colour,
-        linestyle=look.dash,
-        marker=look.marker,
+        **look.line,
         markerfacecolor="white",
         markersize=4,
         markeredgewidth=0.8,
@@ -482,9 +478,7 @@ def draw_legend(figure: Figure, looks: Mapping[SeriesName, Look], marks: bool) -
             [],
             [],
             label=f"{series_letter(look)}  {series}",
-            color=look.colour,
-            linestyle=look.dash,
-            marker=look.marker,
+            **look.line,
             markerfacecolor="white",
             markersize=4,
         )

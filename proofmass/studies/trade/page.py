@@ -18,6 +18,7 @@ from matplotlib import rc_context
 from proofmass.engines import NoEngine, engine_of
 from proofmass.errors import InputError
 from proofmass.front import nondominated_points
+from proofmass.grouping import group_by
 from proofmass.outcome import Outcome
 from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import save
@@ -668,22 +669,16 @@ def limit_records(
     verdicts: Iterable[Verdict], kind: str, letters: dict[tuple[str, str], str]
 ) -> Iterator[dict[str, str]]:
     """Causes that limit a kind of error, with levels, series, and the evidence of one series."""
-    groups = dict[str, list[Verdict]]()
-    for verdict in verdicts:
-        if (
-            verdict.kind == kind
-            and verdict.floor > 0
-            and (verdict.engine, verdict.series) in letters
-        ):
-            groups.setdefault(verdict.cause, []).append(verdict)
+    shown = (v for v in verdicts if v.kind == kind and v.floor > 0 and series_name(v) in letters)
+    groups = group_by(shown, lambda v: v.cause)
     for cause, own in sorted(groups.items(), key=lambda group: -max(v.floor for v in group[1])):
         own = sorted(own, key=lambda v: v.floor)
         low, high = number(own[0].floor, 2), number(own[-1].floor, 2)
-        names = ", ".join(sorted(letters[v.engine, v.series] for v in own))
+        names = ", ".join(sorted(letters[series_name(v)] for v in own))
         yield {
             "cause": cause,
             "level": low if low == high else f"{low} to {high}",
             "series": f"series {names}",
             "evidence": own[-1].evidence,
-            "of": letters[own[-1].engine, own[-1].series],
+            "of": letters[series_name(own[-1])],
         }

@@ -24,6 +24,7 @@ from pathlib import Path
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.files import write_atomically
+from proofmass.grouping import group_by
 from proofmass.outcome import Outcome
 from proofmass.reference import compiled_model
 from proofmass.sim.protocol import Perturbation, first_number
@@ -280,9 +281,7 @@ def find_near_front(rows: Sequence[StudyRow]) -> list[int]:
     [0, 1, 3, 4]
     """
     numbers = {id(row): k for k, row in enumerate(rows)}
-    groups: dict[tuple[str, str], list[StudyRow]] = {}
-    for row in rows:
-        groups.setdefault((row.case, row.engine), []).append(row)
+    groups = group_by(rows, lambda row: (row.case, row.engine))
     found = set[int]()
     for group, kind in product(groups.values(), KIND_UNITS):
         shortest = inf
