@@ -1,7 +1,7 @@
 """Compare curves with the reference: one `Comparison` for each channel of each solver."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -213,26 +213,12 @@ def compare(
     check_assembly_mode(case, run, curves, reference)
     check_views(case, run, ComparedCurves.of(curves, reference))
     check_charts(case)
+    changes: dict[str, dict[str, DetectableChange]] = {}
     if detectable:
         evaluated.find_properties()
-    changes = (
-        {}
-        if not detectable
-        else detectable_changes(
-            evaluated,
-            {
-                name: allowed
-                for name in case.channels_of(run)
-                if name in curves.channels
-                and (
-                    allowed := allowed_error(
-                        case, run, solver, name, curves, reference.channels[name]
-                    )
-                )
-                is not None
-            },
+        changes = detectable_changes(
+            evaluated, allowed_errors(case, run, solver, curves, reference.channels)
         )
-    )
     return Comparisons(
         compare_channel(
             case, run, solver, name, curves, reference.channels[name], changes.get(name, {})
@@ -290,10 +276,8 @@ def compare_channel(
     if np.isfinite(error).all() and allowed > 0:
         least, most = float((error - unsure).max()), float((error + unsure).max())
         if least <= allowed < most:
-            outcome, message = (
-                Outcome.UNDECIDED,
-                explain_undecided(found["uncertainty"], allowed, unit),
-            )
+            outcome = Outcome.UNDECIDED
+            message = explain_undecided(found["uncertainty"], allowed, unit)
     return Comparison(**place, **found, outcome=outcome, message=message)
 
 
@@ -305,6 +289,18 @@ def allowed_error(
         return None
     factor = case.channels[name].factor
     return tolerance.allowed(scale_of(case, run, name, curves, reference) / factor) * factor
+
+
+def allowed_errors(
+    case: Case, run: Kind, solver: str, curves: Curves, reference: Mapping[str, Array]
+) -> dict[str, float]:
+    """Return the largest allowed error of each channel that a tolerance covers [its SI unit]."""
+    return {
+        name: allowed
+        for name in case.channels_of(run)
+        if name in curves.channels
+        and (allowed := allowed_error(case, run, solver, name, curves, reference[name])) is not None
+    }
 
 
 def end_of_start(curves: Curves) -> float:
@@ -447,19 +443,13 @@ class RunReference:
     """
 
     def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
-        self.case, self.run, self.x, self.parameters = (
-            case,
-            run,
-            curves.x,
-            changeable_parameters(case),
-        )
+        self.case, self.run, self.x = case, run, curves.x
+        self.parameters = changeable_parameters(case)
         self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
-        drives = (
-            ()
-            if curves.drive is None
-            else [Drive("", profile) for profile in drive_profiles(case, run)]
-        )
-        self.state = Run(run, curves.x, (), tuple(drives)).motion(curves.x) if drives else None
+        self.state: DriveState | None = None
+        if curves.drive is not None and case.drive:
+            drives = tuple(Drive("", profile) for profile in drive_profiles(case, run))
+            self.state = Run(run, self.x, (), drives).motion(self.x)
         self.memory: Memory = {}
         self.known: dict[tuple[str, float], dict[str, Array]] = {}
         self.asked: tuple[DriveState | None, Curves] | None = None
@@ -588,10 +578,8 @@ def parameter_slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
         return {}
     found = {}
     for name, (slope, bend) in parts.items():
-        size, smooth = (
-            float(np.abs(slope).max()),
-            bool(np.abs(bend).max() <= SMOOTH_CURVATURE * np.abs(slope).max()),
-        )
+        size = float(np.abs(slope).max())
+        smooth = bool(np.abs(bend).max() <= SMOOTH_CURVATURE * size)
         found[name] = (size, True) if smooth else (largest_difference([*up, *down], name), False)
     return found
 

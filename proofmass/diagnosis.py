@@ -33,7 +33,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import Memory, use_memory
 from proofmass.case import Case
 from proofmass.changed import numbers_of_case, with_changed_model
-from proofmass.compare import allowed_error, changeable_parameters
+from proofmass.compare import allowed_errors, changeable_parameters
 from proofmass.engines import computes_curves, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text
@@ -269,10 +269,8 @@ class Residuals:
         self.seconds = time.process_time() - begin
         self.allowed = {
             name: allowed
-            for name in case.channels_of(run)
-            if name in curves.channels
-            and np.isfinite(curves.channels[name]).all()
-            and (allowed := allowed_error(case, run, solver, name, curves, reference[name]))
+            for name, allowed in allowed_errors(case, run, solver, curves, reference).items()
+            if allowed and np.isfinite(curves.channels[name]).all()
         }
         self.curve = self.scaled(curves.channels)
         self.reference = self.scaled(reference)
@@ -320,6 +318,10 @@ class Residuals:
         if name not in self.differing:
             return most <= AGREEMENT_FACTOR
         return most <= max(min(AGREEMENT_FACTOR, MAX_REMAINING_SHARE * was), AGREEMENT_SHARE * was)
+
+    def agreeing(self, after: ChannelCurves) -> ChannelCurves:
+        """The differences of the channels that agree, of those that are given."""
+        return {name: y for name, y in after.items() if self.agrees(name, y)}
 
     def with_changed_case(self, case: Case) -> ChannelCurves:
         """The differences of the run of a changed case, with other settings or rods.
@@ -481,8 +483,6 @@ def find_causes(
             *offset_causes(residuals),
             *quantity_causes(residuals),
             *shift_causes(residuals),
-        ]
-        found += [
             *mode_causes(residuals),
             *parameter_causes(residuals, time.process_time() + FIT_SECONDS),
         ]
@@ -581,18 +581,13 @@ def factor_causes(residuals: Residuals) -> Iterator[Explanation]:
     units = {name: residuals.case.channels[name].si_unit for name in residuals.differing}
     moving = [name for name in residuals.differing if np.ptp(residuals.reference[name]) > 0]
     for words, (factor, unit_words) in KNOWN_FACTORS.items():
-        right = {
-            name: left
+        divided = {
+            name: residuals.curve[name] / factor - residuals.reference[name]
             for name in moving
-            if (
-                not unit_words
-                or units[name].partition("/")[0].partition(" ")[0] in unit_words.split()
-            )
-            and residuals.agrees(
-                name, left := residuals.curve[name] / factor - residuals.reference[name]
-            )
+            if not unit_words
+            or units[name].partition("/")[0].partition(" ")[0] in unit_words.split()
         }
-        if right:
+        if right := residuals.agreeing(divided):
             yield residuals.judged("factor", f"{format_list(right)} {words}", right)
     for name in moving:
         square = float(residuals.reference[name] @ residuals.reference[name])
@@ -601,13 +596,9 @@ def factor_causes(residuals: Residuals) -> Iterator[Explanation]:
         )
         if not factor or any(abs(factor / known - 1) < 1e-3 for known, _ in KNOWN_FACTORS.values()):
             continue
-        right = {
-            other: left
-            for other in moving
-            if residuals.agrees(
-                other, left := residuals.curve[other] / factor - residuals.reference[other]
-            )
-        }
+        right = residuals.agreeing(
+            {n: residuals.curve[n] / factor - residuals.reference[n] for n in moving}
+        )
         if next(iter(right), "") == name:  # otherwise an earlier channel gave the same factor
             yield residuals.judged("factor", f"{format_list(right)} times {factor:.6g}", right, 2)
 
@@ -617,24 +608,17 @@ def offset_causes(residuals: Residuals) -> Iterator[Explanation]:
     for name in residuals.differing:
         unit, allowed = residuals.case.channels[name].si_unit, residuals.allowed[name]
         offset = float(np.mean(residuals.before[name])) * allowed
-        turn = next(
-            (
-                w
-                for w, t in ANGLE_OFFSETS.items()
-                if unit == "rad" and abs(abs(offset) / t - 1) < 1e-3
-            ),
-            "",
-        )
+        known = ANGLE_OFFSETS if unit == "rad" else {}
+        turn = next((w for w, t in known.items() if abs(abs(offset) / t - 1) < 1e-3), "")
         if turn:
             offset = float(np.copysign(ANGLE_OFFSETS[turn], offset))
-        right = {
-            other: left
-            for other in residuals.differing
-            if residuals.case.channels[other].si_unit == unit
-            and residuals.agrees(
-                other, left := residuals.before[other] - offset / residuals.allowed[other]
-            )
-        }
+        right = residuals.agreeing(
+            {
+                other: residuals.before[other] - offset / residuals.allowed[other]
+                for other in residuals.differing
+                if residuals.case.channels[other].si_unit == unit
+            }
+        )
         if next(iter(right), "") == name:
             words = turn or f"{offset:.6g} {format_unit(unit)}"
             way = "" if not turn else " ahead" if offset > 0 else " behind"
@@ -670,13 +654,9 @@ def shift_causes(residuals: Residuals) -> Iterator[Explanation]:
             ("late", slice(count, None), slice(None, -count)),
             ("early", slice(None, -count), slice(count, None)),
         ):
-            right = {
-                name: left
-                for name in moving
-                if residuals.agrees(
-                    name, left := residuals.curve[name][mine] - residuals.reference[name][own]
-                )
-            }
+            right = residuals.agreeing(
+                {n: residuals.curve[n][mine] - residuals.reference[n][own] for n in moving}
+            )
             if right:
                 yield residuals.judged("shift", f"{format_list(right)} {words} {direction}", right)
     if len(residuals.curves.x) < 8 or not moving:
@@ -692,8 +672,7 @@ def shift_causes(residuals: Residuals) -> Iterator[Explanation]:
             return
         shift += step
         after = {name: residuals.curve[name] - splines[name](x - shift) for name in moving}
-    right = {name: after[name] for name in moving if residuals.agrees(name, after[name])}
-    if right:
+    if right := residuals.agreeing(after):
         direction = "late" if shift > 0 else "early"
         yield residuals.judged(
             "shift", f"{format_list(right)} {direction} by {abs(shift):.4g} in x", right, 2
@@ -1057,8 +1036,9 @@ def describe_failure(case: Case, run: Kind, solver: str, curves: Curves) -> Diag
         The reference cannot be evaluated.
     """
     begin = time.perf_counter()
-    words = [*describe_first_error(case, run, solver, curves), *describe_violation(curves)]
-    words += [
+    words = [
+        *describe_first_error(case, run, solver, curves),
+        *describe_violation(curves),
         *describe_stability(case, run, solver, curves),
         *describe_shorter_steps(case, run, solver, curves),
     ]

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import mujoco
-
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
 from proofmass.errors import suggest_names
@@ -16,6 +14,7 @@ from proofmass.reference import (
     load_reference,
     reference_channels,
 )
+from proofmass.sim.contents import joints
 from proofmass.sim.protocol import Curves
 
 
@@ -116,13 +115,10 @@ def unit_of_name(case: Case, view: View, key: str, name: str) -> str:
     if name in case.channels:
         return case.channels[name].unit
     if name in [d.joint for d in case.drive]:
-        slides = compiled_model(case).joint(name).type == mujoco.mjtJoint.mjJNT_SLIDE
-        return "m" if slides else "rad"
+        return str(joints(compiled_model(case))[name])
     if name.startswith(DRIVE_PREFIX):
         joint, _, part = name.removeprefix(DRIVE_PREFIX).partition(".")
-        own = (
-            "m" if compiled_model(case).joint(joint).type == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
-        )
+        own = str(joints(compiled_model(case))[joint])
         return own + {"rate": "/s", "acceleration": "/s^2"}.get(part, "")
     if isinstance(reference, Recorded):
         return reference.units[name]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from proofmass.analytic.controls import break_times
+from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.drive import check_driven
 from proofmass.engines import NoEngine, computes_curves, engine_names, engine_of
@@ -197,24 +198,13 @@ def check_drives(case: Case, run: Run) -> None:
     if run.kind == "sweep" and has_dry_friction(model):
         check_turning_points(case, run)
     if run.kind == "dynamics":
-        x = np.interp(
-            np.arange(CHECKS_PER_SAMPLE * (x.size - 1) + 1) / CHECKS_PER_SAMPLE,
-            np.arange(x.size),
-            x,
-        )
+        x = divide_intervals(x)
     units = joints(model)
     for k, (drive, *motion) in enumerate(zip(run.drives, *run.motion(x), strict=True)):
         if drive.joint not in units:  # the engines report it, and list the joints
             continue
         values, unit = motion[0], units[drive.joint]
-        if isinstance(drive.profile, SampledProfile) and not drive.profile.covers(run.x):
-            first, last = drive.profile.times[[0, -1]]
-            raise case.error(
-                case.drive_key(k, "profile"),
-                f"{drive.profile.file} goes from {first:.6g} to {last:.6g} s, the run from "
-                f"{run.x[0]:.6g} to {run.x[-1]:.6g} s; nothing is extrapolated: give more rows, or "
-                "an until within them",
-            )
+        check_covered(case, case.drive_key(k, "profile"), drive.profile, run.x)
         largest = [float(np.abs(part).max()) for part in motion]
         if not (np.isfinite(largest).all() and largest[1] < LARGEST_RATE):
             raise case.error(
@@ -246,11 +236,7 @@ def check_loads(case: Case, run: Run) -> None:
     model, x, fits = compiled_model(case), run.x, why_not_motor
     if run.kind == "dynamics":
         fits = why_not_linear_in_control
-        x = np.interp(
-            np.arange(CHECKS_PER_SAMPLE * (x.size - 1) + 1) / CHECKS_PER_SAMPLE,
-            np.arange(x.size),
-            x,
-        )
+        x = divide_intervals(x)
         rows = np.array(break_times(load.profile for load in run.loads))
         x = np.union1d(x, rows[(rows >= x[0]) & (rows <= x[-1])])
     controls = run.controls(x)[0]
@@ -271,13 +257,7 @@ def check_loads(case: Case, run: Run) -> None:
             )
         if why := fits(model, a):
             raise case.error(case.load_key(k, "actuator"), f"{load.actuator!r} {why}")
-        if isinstance(load.profile, SampledProfile) and not load.profile.covers(run.x):
-            raise case.error(
-                case.load_key(k, "profile"),
-                f"{load.profile.file} goes from {load.profile.times[0]:.6g} to "
-                f"{load.profile.times[-1]:.6g} s, the run from {run.x[0]:.6g} to {run.x[-1]:.6g} "
-                "s; nothing is extrapolated: give more rows, or an until within them",
-            )
+        check_covered(case, case.load_key(k, "profile"), load.profile, run.x)
         low, high = (
             model.actuator_ctrlrange[a]
             if model.actuator_ctrllimited[a]
@@ -292,18 +272,30 @@ def check_loads(case: Case, run: Run) -> None:
             )
 
 
+def divide_intervals(x: Array) -> Array:
+    """Return samples with `CHECKS_PER_SAMPLE` intervals from each to the next."""
+    places = np.arange(CHECKS_PER_SAMPLE * (x.size - 1) + 1) / CHECKS_PER_SAMPLE
+    return np.interp(places, np.arange(x.size), x)
+
+
+def check_covered(case: Case, key: str, profile: object, x: Array) -> None:
+    """Raise InputError if the rows of a sampled profile do not cover the samples of a run."""
+    if isinstance(profile, SampledProfile) and not profile.covers(x):
+        first, last = profile.times[[0, -1]]
+        raise case.error(
+            key,
+            f"{profile.file} goes from {first:.6g} to {last:.6g} s, the run from {x[0]:.6g} to "
+            f"{x[-1]:.6g} s; nothing is extrapolated: give more rows, or an until within them",
+        )
+
+
 def check_turning_points(case: Case, run: Run) -> None:
     """Raise `InputError` if a drive turns back between two samples of a sweep with dry friction.
 
     With dry friction the poses at rest depend on where a drive turns back, which a sweep from
     sample to sample would miss.
     """
-    between = np.interp(
-        np.arange(CHECKS_PER_SAMPLE * (run.x.size - 1) + 1) / CHECKS_PER_SAMPLE,
-        np.arange(run.x.size),
-        run.x,
-    )
-    for k, motion in enumerate(run.motion(between)[0]):
+    for k, motion in enumerate(run.motion(divide_intervals(run.x))[0]):
         ends = np.stack(
             [motion[:-1:CHECKS_PER_SAMPLE], motion[CHECKS_PER_SAMPLE::CHECKS_PER_SAMPLE]]
         )
