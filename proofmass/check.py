@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import cast
 
 from proofmass.case import Case
-from proofmass.compare import Comparison, attach_reference, compare
+from proofmass.compare import Comparison, attach_reference, compare, failed_comparisons
 from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error
@@ -251,15 +251,12 @@ def run_solver(
             f"{solver} cannot run {case.model}: {error}; leave it out",
         ) from None
     except tuple(OUTCOME_OF_EXCEPTION) as error:
-        outcome, message = OUTCOME_OF_EXCEPTION[type(error)], str(error)
+        advice = ""
         if isinstance(error, (TimedOut, OutOfMemory)):
             key = "timeout" if isinstance(error, TimedOut) else "memory"
-            message += f"; {key} in [run.{kind}] allows more"
+            advice = f"; {key} in [run.{kind}] allows more"
         curves = error.curves if isinstance(error, Diverged) else None
-    return [
-        Comparison(case.name, solver, kind, name, channel.unit, outcome=outcome, message=message)
-        for name, channel in case.channels_of(kind).items()
-    ], curves
+        return failed_comparisons(case, kind, solver, error, advice), curves
 
 
 def run_and_compare(
@@ -298,10 +295,9 @@ def check_bare_model(model: Path) -> list[Comparison]:
     except BadModel as error:
         raise model_error(model, error) from None
     except tuple(OUTCOME_OF_EXCEPTION) as error:
-        outcome, message = OUTCOME_OF_EXCEPTION[type(error)], str(error)
-    return [
-        Comparison(model.stem, NATIVE_ENGINE, "dynamics", "", "", outcome=outcome, message=message)
-    ]
+        outcome = OUTCOME_OF_EXCEPTION[type(error)]
+        one = Comparison(model.stem, NATIVE_ENGINE, "dynamics", "", "")
+        return [replace(one, outcome=outcome, message=str(error))]
 
 
 def check_model_here(model: Path) -> Comparison:

@@ -15,7 +15,7 @@ from proofmass.case import Case
 from proofmass.chart import check_charts
 from proofmass.drive import DriveState
 from proofmass.errors import InputError
-from proofmass.outcome import GOOD_OUTCOMES, Outcome
+from proofmass.outcome import GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.plot_data import check_views
 from proofmass.recorded import Recorded
 from proofmass.reference import (
@@ -225,6 +225,17 @@ def compare(
         )
         for name in case.channels_of(run)
     )
+
+
+def failed_comparisons(
+    case: Case, run: Kind, solver: str, error: Exception, advice: str = ""
+) -> list[Comparison]:
+    """Return a comparison for each channel of a run that failed with an error."""
+    outcome, message = OUTCOME_OF_EXCEPTION[type(error)], f"{error}{advice}"
+    return [
+        Comparison(case.name, solver, run, name, channel.unit, outcome=outcome, message=message)
+        for name, channel in case.channels_of(run).items()
+    ]
 
 
 def compare_channel(

@@ -37,7 +37,7 @@ from proofmass.changed import (
     run_with_changes,
     sample_stride,
 )
-from proofmass.compare import Comparison, changeable_parameters
+from proofmass.compare import changeable_parameters, failed_comparisons
 from proofmass.outcome import FAILED_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.sim.elements import NotWritten, Number
 from proofmass.sim.numbers import CHANGE_SHARE
@@ -272,24 +272,13 @@ class Search:
 
     def base(self, kind: Kind, solver: str) -> Baseline | None:
         """The unchanged run of a solver; None if none of its channels has a tolerance."""
-        case, channels = self.case, self.case.channels_of(kind)
-        if not any(case.tolerance_for(kind, solver, name) for name in channels):
+        case = self.case
+        if not any(case.tolerance_for(kind, solver, name) for name in case.channels_of(kind)):
             return None
         try:
             found: Baseline = self.call(kind, run_baseline, kind, solver)
         except tuple(OUTCOME_OF_EXCEPTION) as error:
-            failed = [
-                Comparison(
-                    case.name,
-                    solver,
-                    kind,
-                    name,
-                    c.unit,
-                    outcome=OUTCOME_OF_EXCEPTION[type(error)],
-                    message=str(error),
-                )
-                for name, c in channels.items()
-            ]
+            failed = failed_comparisons(case, kind, solver, error)
             return Baseline(kind, solver, {}, {}, {}, failed)
         return found
 
@@ -317,10 +306,8 @@ class Search:
         stride = 1 if whole else self.strides[run.kind]
         asked = run.kind, run_with_changes, run.kind, run.solver, list(changes), same_kind, stride
         why = ""
-        for time_factor in (
-            1.0,
-            RETRY_TIME_FACTOR,
-        ):  # the limit of time is that of the unchanged run
+        # the limit of time is that of the unchanged run
+        for time_factor in (1.0, RETRY_TIME_FACTOR):
             try:
                 found: Trial = self.call(*asked, time_factor=time_factor)
             except TimedOut as error:
@@ -442,9 +429,8 @@ class Search:
             following = math.copysign(min(2 * abs(estimate), number.step), estimate)
             if trial.ratio <= 1:
                 largest_unnoticed = max(largest_unnoticed, abs(change))
-            if (
-                least and largest_unnoticed
-            ):  # the rates are wrong, since the error is quadratic, for example
+            if least and largest_unnoticed:
+                # the rates are wrong, since the error is quadratic, for example
                 following = math.copysign(math.sqrt(largest_unnoticed * abs(least[0])), least[0])
             change = following
         if least is None:

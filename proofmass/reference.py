@@ -111,19 +111,19 @@ def load_reference(case: Case) -> ModuleType | Recorded:
 
 def reference_reads_model(case: Case) -> bool:
     """Whether the reference reads its numbers from the MJCF, whose errors it then shares."""
-    reference = load_reference(case)
-    return (
-        not isinstance(reference, Recorded)
-        and "model" in inspect.signature(reference.solve).parameters
-    )
+    return reference_takes(case, "model")
 
 
 def reference_knows_inertia(case: Case) -> bool:
     """Whether the reference can include inertia in moments and forces."""
+    return reference_takes(case, "inertia")
+
+
+def reference_takes(case: Case, argument: str) -> bool:
+    """Whether the reference is a function with an argument of that name."""
     reference = load_reference(case)
-    return (
-        not isinstance(reference, Recorded)
-        and "inertia" in inspect.signature(reference.solve).parameters
+    return not isinstance(reference, Recorded) and (
+        argument in inspect.signature(reference.solve).parameters
     )
 
 
@@ -212,6 +212,12 @@ def control_profiles(case: Case, kind: Kind) -> dict[str, DriveProfile]:
     """The profiles of `load_profiles`, by the names of the actuators."""
     names = (load.actuator for load in case.load)
     return dict(zip(names, load_profiles(case, kind), strict=True))
+
+
+def control_values(case: Case, kind: Kind, x: Array, derivative: int) -> dict[str, Array]:
+    """Return a derivative of the controls of the actuators with loads, by actuator."""
+    at = np.asarray(x, float)
+    return {name: one(at)[derivative] for name, one in control_profiles(case, kind).items()}
 
 
 def load_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
@@ -402,14 +408,8 @@ def call_reference(
         "only": lambda: only,
         "terms": lambda: smooth_terms(compiled_model(case), case.start),
         "closely": lambda: partial(solve_closely, case, kind),
-        "controls": lambda: {
-            name: profile(np.asarray(x, float))[0]
-            for name, profile in control_profiles(case, kind).items()
-        },
-        "control_rates": lambda: {
-            name: profile(np.asarray(x, float))[1]
-            for name, profile in control_profiles(case, kind).items()
-        },
+        "controls": lambda: control_values(case, kind, x, 0),
+        "control_rates": lambda: control_values(case, kind, x, 1),
         "control_profiles": lambda: control_profiles(case, kind) if kind == "dynamics" else {},
         "load_rates": dict,
         "in_time": lambda: (
@@ -541,15 +541,12 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
         return {}
     parameters = case.parameters if beside is None else case.compare_with[beside].parameters
     own, asked = dict[str, Any](), inspect.signature(tell).parameters
+    kind = next(iter(case.run))
+    x = run_samples(case, kind)
     if "evidence" in asked:
-        own = {
-            "evidence": solve_closely_with_evidence(case, run_samples(case, next(iter(case.run))))[
-                1
-            ]
-        }
+        own = {"evidence": solve_closely_with_evidence(case, x)[1]}
     if "motion" in asked:  # of the model itself
-        model, kind = compiled_model(case), next(iter(case.run))
-        x = run_samples(case, kind)
+        model = compiled_model(case)
         drives = [np.broadcast_arrays(*one(x)) for one in drive_profiles(case, kind)]
         own = {
             "model": model,
@@ -562,9 +559,8 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
         if "control_profiles" in asked and kind == "dynamics":
             own["control_profiles"] = control_profiles(case, kind)
         elif "controls" in asked:
-            found = {name: one(x) for name, one in control_profiles(case, kind).items()}
-            own["controls"] = {name: one[0] for name, one in found.items()}
-            own["control_rates"] = {name: one[1] for name, one in found.items()}
+            own["controls"] = control_values(case, kind, x, 0)
+            own["control_rates"] = control_values(case, kind, x, 1)
     if "terms" in asked:
         own["terms"] = smooth_terms(own["model"], case.start)
     try:
