@@ -135,11 +135,7 @@ def cached_reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]
     of a free linkage takes longer than most runs that are compared with it.
     """
     key = reference_key(case, kind, curves)
-    found = (
-        reference_cache.pop(key)
-        if key in reference_cache
-        else reference_for(case, kind, curves).channels
-    )
+    found = reference_cache.pop(key, None) or reference_for(case, kind, curves).channels
     cache_reference(key, found)
     return found
 
@@ -388,13 +384,12 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
     cost = replace(cost, curves={"x": curves.x, **channels})
     if bad_sample := first_not_finite(curves.channels):
         return replace(cost, outcome=Outcome.NOT_FINITE, message=bad_sample)
+    asked = dict[str, float]()
     try:
         errors = relative_errors(case, kind, curves)
-        asked = (
-            relative_errors(case, kind, with_prescribed_drives(run, curves))
-            if drives_moved(run, curves)
-            else {}
-        )
+        if run.kind == "dynamics" and run.drives and curves.drive is not None:
+            prescribed = replace(curves, drive=run.motion(curves.x))
+            asked = relative_errors(case, kind, prescribed)
     except InputError as error:  # the mechanism cannot have such a pose
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
     if bad_sample := first_not_finite(cached_reference(case, kind, curves)):

@@ -8,7 +8,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from importlib.util import find_spec
 from pathlib import Path
@@ -219,18 +219,32 @@ def read_table(file: Path) -> list[StudyRow]:
     InputError
         The file is not there, or lacks a column that every row needs.
     """
+    required = ("study", "case", "run", "engine", "series", "varied", "value")
+    return [parse_row(cells) for cells in read_cells(file, required)]
+
+
+def read_cells(
+    file: Path, columns: Iterable[str], table: str = "the table of a study"
+) -> list[dict[str, str]]:
+    """Read the rows of a CSV file that a study wrote, with their cells by column.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or it lacks one of the columns.
+    """
     try:
         with file.open(encoding="utf-8", newline="") as stream:
             reader = csv.DictReader(stream)
-            for name in ("study", "case", "run", "engine", "series", "varied", "value"):
+            for name in columns:
                 if name not in (reader.fieldnames or ()):
                     raise InputError(
                         file,
                         "",
-                        f"not the table of a study: no column {name!r}; if an earlier version "
-                        "wrote it, run the study again",
+                        f"not {table}: no column {name!r}; if an earlier version wrote it, run "
+                        "the study again",
                     )
-            return [parse_row(cells) for cells in reader]
+            return list(reader)
     except OSError as error:
         raise InputError(file, "", f"no table there: {error.strerror}") from None
 
@@ -248,10 +262,15 @@ def format_table(rows: Sequence[StudyRow]) -> str:
     ordered_columns = sorted(
         columns, key=lambda name: list(COLUMN_DESCRIPTIONS).index(name.partition(".")[0])
     )
+    return format_cells(cells, ordered_columns)
+
+
+def format_cells(rows: Iterable[Mapping[str, Any]], columns: Collection[str]) -> str:
+    """Format rows as CSV with a header; a cell that a row lacks is empty."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, ordered_columns, restval="", lineterminator="\n")
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
     writer.writeheader()
-    writer.writerows(cells)
+    writer.writerows(rows)
     return text.getvalue()
 
 
@@ -302,10 +321,8 @@ def parse_row(cells: dict[str, str]) -> StudyRow:
             }
             values[name] = {key: parse_cell(cell) for key, cell in own.items()}
         elif name in cells:
-            is_text = kind is str
-            values[name] = (
-                cells[name] if is_text else parse_cell(cells[name]) if cells[name] else NAN
-            )
+            cell = cells[name]
+            values[name] = cell if kind is str else parse_cell(cell) if cell else NAN
     return StudyRow(**values)
 
 

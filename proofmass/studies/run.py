@@ -13,7 +13,7 @@ A run that is in the store is not made again, even if another study asked for it
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from math import ceil, isnan
 from pathlib import Path
@@ -112,33 +112,22 @@ def run_tasks(
     InputError
         A model or a parameter cannot be used at all.
     """
-    if workers is None:
-        with pool() as local:
-            return run_tasks(
-                tasks,
-                store,
-                local,
-                repeats=repeats,
-                repeated=repeated,
-                longest_repeated=longest_repeated,
-                timeout=timeout,
-                progress=progress,
-            )
     tasks = with_references(tasks, store)
     keys = store.find_keys(tasks)
-    rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, workers, timeout, progress)
     again = set(keys) if repeated is None else {keys[k] for k in repeated}
-    rounds.make_runs([(key, 0) for key in rounds.tasks], later=repeats * len(again))
-    timed = {
-        key: repeats_needed(one.seconds, repeats)
-        for key in rounds.tasks
-        if key in again
-        and (one := rounds.found[key, 0]).complete
-        and one.seconds <= longest_repeated
-    }
-    rounds.make_runs(
-        [(key, n) for n in range(1, repeats + 1) for key, most in timed.items() if n <= most]
-    )
+    with nullcontext(workers) if workers else pool() as executor:
+        rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, executor, timeout, progress)
+        rounds.make_runs([(key, 0) for key in rounds.tasks], later=repeats * len(again))
+        timed = {
+            key: repeats_needed(one.seconds, repeats)
+            for key in rounds.tasks
+            if key in again
+            and (one := rounds.found[key, 0]).complete
+            and one.seconds <= longest_repeated
+        }
+        rounds.make_runs(
+            [(key, n) for n in range(1, repeats + 1) for key, most in timed.items() if n <= most]
+        )
     found = [
         [rounds.found[key, n] for n in range(repeats + 1) if (key, n) in rounds.found]
         for key in keys
@@ -239,10 +228,8 @@ def make_row(task: StudyRun, found: list[Measurement], is_timed: bool, key: str 
     failed = next((k for k, one in enumerate(repeats) if not one.complete), None)
     outcome, message = first.outcome, first.message
     if failed is not None:
-        outcome, message = (
-            repeats[failed].outcome,
-            f"repeat {failed + 1}: {repeats[failed].message}",
-        )
+        outcome = repeats[failed].outcome
+        message = f"repeat {failed + 1}: {repeats[failed].message}"
     timed_runs = [one for one in repeats if one.complete]
     if is_timed and first.complete:
         timed_runs.insert(0, first)

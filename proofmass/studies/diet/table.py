@@ -1,17 +1,14 @@
 """The table of a diet, with a row for each channel of each feature, and sentences on it."""
 
-import csv
-import io
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 
-from proofmass.errors import InputError
 from proofmass.files import write_atomically
 from proofmass.studies.diet.trial import Cost, TimeRange
-from proofmass.studies.record import write_columns
+from proofmass.studies.record import format_cells, read_cells, write_columns
 from proofmass.wording import number
 
 ChannelChanges = dict[str, dict[str, float]]
@@ -125,9 +122,7 @@ class Entry:
 
 def write_entries(entries: Iterable[Entry], file: Path) -> None:
     """Write entries to a CSV file, and the description of its columns to ``diet.columns.md``."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMN_DESCRIPTIONS)
+    rows = []
     for entry in entries:
         costs = [
             *(c.seconds for c in entry.costs),
@@ -140,18 +135,17 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
             for name, share in shares.items()
         ]
         for row in moved or [("", "", "")]:
-            writer.writerow(
-                (
-                    entry.kind,
-                    entry.name,
-                    entry.outcome,
-                    *row,
-                    *(costs if entry.costs else EMPTY_COSTS),
-                    entry.message,
-                    entry.edit,
-                )
+            cells = (
+                entry.kind,
+                entry.name,
+                entry.outcome,
+                *row,
+                *(costs if entry.costs else EMPTY_COSTS),
+                entry.message,
+                entry.edit,
             )
-    write_atomically(file, text.getvalue())
+            rows.append(dict(zip(COLUMN_DESCRIPTIONS, cells, strict=True)))
+    write_atomically(file, format_cells(rows, COLUMN_DESCRIPTIONS))
     write_columns(
         file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMN_DESCRIPTIONS
     )
@@ -170,15 +164,7 @@ def read_entries(file: Path) -> list[Entry]:
     InputError
         The file is not the table of a diet.
     """
-    with file.open(encoding="utf-8", newline="") as stream:
-        reader = csv.DictReader(stream)
-        if reader.fieldnames != list(COLUMN_DESCRIPTIONS):
-            raise InputError(
-                file,
-                "",
-                f"not the table of a diet: its columns are not {', '.join(COLUMN_DESCRIPTIONS)}",
-            )
-        rows = list(reader)
+    rows = read_cells(file, COLUMN_DESCRIPTIONS, "the table of a diet")
     whose = itemgetter("kind", "feature", "outcome", "message")
     return [entry_of_rows(list(own)) for _, own in groupby(rows, whose)]
 

@@ -4,8 +4,6 @@ A value of a parameter holds if the run with it does not fail.  The boundaries o
 stored in a table with one row for each of them.
 """
 
-import csv
-import io
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
@@ -14,9 +12,8 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from proofmass.errors import InputError
 from proofmass.files import write_atomically
-from proofmass.studies.record import write_columns
+from proofmass.studies.record import format_cells, read_cells, write_columns
 from proofmass.wording import number
 
 PRINTED_DIGITS = 4
@@ -259,13 +256,9 @@ COLUMN_DESCRIPTIONS = {
 
 def write_boundaries(boundaries: Iterable[Boundary], file: Path) -> None:
     """Write a CSV file with a row for each boundary, and its columns to ``NAME.columns.md``."""
-    text = io.StringIO()
-    rows = csv.DictWriter(text, COLUMN_DESCRIPTIONS, lineterminator="\n")
-    rows.writeheader()
-    for one in boundaries:
-        cells = {**asdict(one), "measured": one.measured, "ratio": one.ratio}
-        rows.writerow({key: "" if value != value else value for key, value in cells.items()})
-    write_atomically(file, text.getvalue())
+    rows = [{**asdict(one), "measured": one.measured, "ratio": one.ratio} for one in boundaries]
+    cells = ({key: "" if value != value else value for key, value in row.items()} for row in rows)
+    write_atomically(file, format_cells(cells, COLUMN_DESCRIPTIONS))
     write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMN_DESCRIPTIONS)
 
 
@@ -278,20 +271,11 @@ def read_boundaries(file: Path) -> list[Boundary]:
         A column is missing, as in the table of an earlier version.
     """
     kinds = get_type_hints(Boundary)
-    with file.open(encoding="utf-8", newline="") as stream:
-        reader = csv.DictReader(stream)
-        for one in fields(Boundary):
-            if one.name not in (reader.fieldnames or ()):
-                raise InputError(
-                    file,
-                    "",
-                    f"no column {one.name!r}: not the table that this version writes; run "
-                    "proofmass stress again",
-                )
-        return [
-            Boundary(**{f.name: parse_cell(cells[f.name], kinds[f.name]) for f in fields(Boundary)})
-            for cells in reader
-        ]
+    names = [field.name for field in fields(Boundary)]
+    return [
+        Boundary(**{name: parse_cell(cells[name], kinds[name]) for name in names})
+        for cells in read_cells(file, names)
+    ]
 
 
 def parse_cell(cell: str, kind: type) -> Any:

@@ -16,6 +16,7 @@ of them only.
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from itertools import product
 from math import inf, isclose, isnan, nan
@@ -206,66 +207,59 @@ def trade(
     InputError
         A case has no such run, or its model has an error.
     """
-    if workers is None:
-        with pool() as local:
-            return trade(
-                cases,
+    with nullcontext(workers) if workers else pool() as executor:
+        cases = list(cases)
+        kinds = [kind_to_study(case, kind) for case in cases]
+        motions = disturb_motions(cases, kinds, store, executor, longest)
+        cases = [end_at_horizon(*each) for each in zip(cases, kinds, motions, strict=True)]
+        all_series = [
+            CaseSeries(case, which, MeasuredSeries(series), motion)
+            for case, which, motion in zip(cases, kinds, motions, strict=True)
+            for series in list_series(case, which)
+        ]
+        while batch := [one for one in all_series if not one.measured.done(budget)]:
+            rows = run_tasks(
+                [one.task(len(one.measured.rows)) for one in batch],
                 store,
-                local,
-                kind,
-                budget=budget,
-                longest=longest,
-                repeats=repeats,
+                executor,
+                repeats=0,
+                timeout=longest,
                 progress=progress,
             )
-    cases = list(cases)
-    kinds = [kind_to_study(case, kind) for case in cases]
-    motions = disturb_motions(cases, kinds, store, workers, longest)
-    cases = [end_at_horizon(*each) for each in zip(cases, kinds, motions, strict=True)]
-    all_series = [
-        CaseSeries(case, which, MeasuredSeries(series), motion)
-        for case, which, motion in zip(cases, kinds, motions, strict=True)
-        for series in list_series(case, which)
-    ]
-    while batch := [one for one in all_series if not one.measured.done(budget)]:
+            for one, row in zip(batch, rows, strict=True):
+                one.measured.rows.append(row)
+        rows = [row for one in all_series for row in one.measured.rows]
         rows = run_tasks(
-            [one.task(len(one.measured.rows)) for one in batch],
+            [one.task(k) for one in all_series for k in range(len(one.measured.rows))],
             store,
-            workers,
-            repeats=0,
+            executor,
+            repeats=repeats,
+            repeated={k for k, row in enumerate(rows) if is_default(row)}.union(
+                find_near_front(rows)
+            ),
+            longest_repeated=budget,
             timeout=longest,
             progress=progress,
         )
-        for one, row in zip(batch, rows, strict=True):
-            one.measured.rows.append(row)
-    rows = [row for one in all_series for row in one.measured.rows]
-    rows = run_tasks(
-        [one.task(k) for one in all_series for k in range(len(one.measured.rows))],
-        store,
-        workers,
-        repeats=repeats,
-        repeated={k for k, row in enumerate(rows) if is_default(row)}.union(find_near_front(rows)),
-        longest_repeated=budget,
-        timeout=longest,
-        progress=progress,
-    )
-    finer = halve_steps(all_series, store, workers, longest, progress)
-    leaders = find_leaders(all_series, finer)
-    perturbed = perturb_causes(all_series, leaders, store, workers, longest, progress)
-    disturbed = measure_roundings(all_series, leaders, finer, perturbed, store, workers, longest)
-    return Trade(
-        rows,
-        [
-            *(row for found in finer.values() for row in found if row.study == "floor"),
-            *(row for found in perturbed.values() for _, row in found),
-        ],
-        [
-            judge_series(all_series, error, n, leaders, finer, perturbed, disturbed, budget)
-            for n, one in enumerate(all_series)
-            for error in one.measured.kinds
-        ],
-        cases,
-    )
+        finer = halve_steps(all_series, store, executor, longest, progress)
+        leaders = find_leaders(all_series, finer)
+        perturbed = perturb_causes(all_series, leaders, store, executor, longest, progress)
+        disturbed = measure_roundings(
+            all_series, leaders, finer, perturbed, store, executor, longest
+        )
+        return Trade(
+            rows,
+            [
+                *(row for found in finer.values() for row in found if row.study == "floor"),
+                *(row for found in perturbed.values() for _, row in found),
+            ],
+            [
+                judge_series(all_series, error, n, leaders, finer, perturbed, disturbed, budget)
+                for n, one in enumerate(all_series)
+                for error in one.measured.kinds
+            ],
+            cases,
+        )
 
 
 def find_near_front(rows: Sequence[StudyRow]) -> list[int]:
