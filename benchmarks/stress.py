@@ -27,7 +27,7 @@ from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch
 from proofmass.studies.stress.page import THEORY_TOLERANCE, stress_figure
 from proofmass.studies.stress.problems import list_problems
-from proofmass.studies.stress.stress import cache_trials, find_boundaries, format_limit
+from proofmass.studies.stress.stress import cache_trials, find_boundaries
 from proofmass.wording import number
 
 CASES = (
@@ -263,8 +263,9 @@ def theory_section(known: Sequence[Boundary]) -> Iterator[str]:
     yield "|---|---|---|---|---|---|---|---|"
     for one in known:
         yield (
-            f"| {one.what} | {one.setting} | {one.parameter} | {format_limit(one)} | {one.limit} | "
-            f"{number(one.theory, 4)} | {number(one.ratio, 4)} | {one.law.replace('|', '¦')} |"
+            f"| {one.what} | {one.setting} | {one.parameter} | {one.describe(one.unit)} | "
+            f"{one.limit} | {number(one.theory, 4)} | {number(one.ratio, 4)} | "
+            f"{one.law.replace('|', '¦')} |"
         )
 
 
@@ -282,7 +283,7 @@ def row_of(one: Boundary) -> str:
     theory = number(one.theory) if one.theory == one.theory else ""
     return (
         f"| {one.parameter} | {number(one.start)} | {one.engine}, {one.setting} | "
-        f"{format_limit(one)} | {theory} | {one.ending.replace('|', '¦')} |"
+        f"{one.describe(one.unit)} | {theory} | {one.ending.replace('|', '¦')} |"
     )
 
 

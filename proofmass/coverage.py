@@ -12,17 +12,16 @@ one.
 """
 
 import json
-import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
 import mujoco
+from pydantic import TypeAdapter
 
 from proofmass.case import Case
 from proofmass.coverage_search import CheckedRun, Finding, Search
@@ -34,7 +33,6 @@ from proofmass.grouping import group_by
 from proofmass.reference import reference_reads_model
 from proofmass.sim.numbers import NUMBER_KINDS
 from proofmass.solve import with_computing_solvers
-from proofmass.terminal import replace_nonfinite
 from proofmass.worker import interrupt_workers
 
 FORMAT_VERSION = 1
@@ -215,25 +213,20 @@ def engine_versions(engine: str) -> dict[str, str]:
 class StoredFindings:
     """The content of a file of findings: groups by their labels, or the complete coverage."""
 
+    format: int
+    seconds: float = 0.0
     groups: dict[str, list[Finding]] = field(default_factory=dict)
     coverage: Coverage | None = None
-    seconds: float = 0.0
 
     def write(self, file: Path) -> None:
         """Write the file."""
         file.parent.mkdir(parents=True, exist_ok=True)
-        table = {
-            "format": FORMAT_VERSION,
-            "seconds": self.seconds,
-            "groups": {}
-            if self.coverage
-            else {
-                label: [replace_nonfinite(asdict(one)) for one in found]
-                for label, found in self.groups.items()
-            },
-            "coverage": replace_nonfinite(asdict(self.coverage)) if self.coverage else None,
-        }
-        write_atomically(file, json.dumps(table, allow_nan=False))
+        kept = replace(self, groups={}) if self.coverage else self
+        write_atomically(file, STORED_FORMAT.dump_json(kept))
+
+
+STORED_FORMAT = TypeAdapter(StoredFindings)
+"""JSON of stored findings, in which numbers that are not finite are null."""
 
 
 def read_stored(file: Path) -> StoredFindings:
@@ -245,38 +238,10 @@ def read_stored(file: Path) -> StoredFindings:
         The file was not written by proofmass, or changed since.
     """
     if not file.is_file():
-        return StoredFindings()
+        return StoredFindings(FORMAT_VERSION)
     try:
-        table = json.loads(read_text(file))
-        groups = {
-            label: list(map(parse_finding, found)) for label, found in table["groups"].items()
-        }
-        whole = table["coverage"]
-        return StoredFindings(
-            groups, parse_coverage(whole) if whole else None, float(table["seconds"])
-        )
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return STORED_FORMAT.validate_json(read_text(file))
+    except ValueError:
         raise InputError(
             file, "", "not a file that proofmass explain wrote; delete it, and it is made again"
         ) from None
-
-
-def parse_finding(table: dict[str, Any]) -> Finding:
-    """A finding from its JSON object."""
-    values: dict[str, Any] = {k: math.nan if v is None else v for k, v in table.items()}
-    return Finding(**values)
-
-
-def parse_coverage(table: dict[str, Any]) -> Coverage:
-    """A coverage from its JSON object, as `dataclasses.asdict` makes it."""
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
-    values["runs"] = tuple(map(parse_checked_run, table["runs"]))
-    for key in ("parameters", "numbers"):
-        values[key] = tuple(map(parse_finding, table[key]))
-    return Coverage(**values)
-
-
-def parse_checked_run(table: dict[str, Any]) -> CheckedRun:
-    """A checked run from its JSON object."""
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
-    return CheckedRun(**values)

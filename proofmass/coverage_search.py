@@ -25,7 +25,9 @@ import random
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BeforeValidator
 
 from proofmass.case import Case
 from proofmass.changed import (
@@ -90,6 +92,8 @@ MATERIAL_KINDS = (
 """Kinds of material properties of mechanisms, which a case should notice."""
 COMPLETE_LABEL = "all together"
 """Label of the complete findings, after the last step of the search."""
+StoredFloat = Annotated[float, BeforeValidator(lambda x: math.nan if x is None else x)]
+"""A number that may be NaN, which is null in JSON."""
 Item = TypeVar("Item")
 MapFunction = Callable[..., Iterable[Any]]
 """The function `map`, or the `map` of a pool."""
@@ -120,8 +124,8 @@ class CheckedRun:
     checked: int
     channels: int
     channel: str = ""
-    error: float = 0.0
-    allowed: float = 0.0
+    error: StoredFloat = 0.0
+    allowed: StoredFloat = 0.0
     why: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
 
@@ -158,12 +162,12 @@ class Finding:
     value: float
     tried: float
     noticed: bool
-    change: float = math.nan
+    change: StoredFloat = math.nan
     run: str = ""
     solver: str = ""
     channel: str = ""
     refused: str = ""
-    moved: float = math.nan
+    moved: StoredFloat = math.nan
 
     @property
     def name(self) -> str:

@@ -460,26 +460,18 @@ def representative(group: Sequence[Comparison]) -> Comparison:
 def error_mark(c: Comparison) -> ErrorMark:
     """Return the mark of a solver, by the comparison that represents it."""
     share, judged = c.relative_to_range, math.isfinite(c.allowed)
-    name = format_solver(c.solver)
-    if not math.isfinite(share):
-        return ErrorMark(
-            c.solver,
-            is_variant(c.solver),
-            c.outcome not in GOOD_OUTCOMES,
-            None,
-            None,
-            f"{name}: {c.outcome}",
-        )
-    allowed = c.allowed_of_range if judged and c.error_max else None
-    words = f"{name}: {c.channel} {number(share, 2)} of the range"
-    words += f", {number(allowed, 2)} allowed" if allowed else ", no tolerance" * (not judged)
+    known, allowed, words = math.isfinite(share), None, str(c.outcome)
+    if known:
+        allowed = c.allowed_of_range if judged and c.error_max else None
+        words = f"{c.channel} {number(share, 2)} of the range"
+        words += f", {number(allowed, 2)} allowed" if allowed else ", no tolerance" * (not judged)
     return ErrorMark(
         c.solver,
         is_variant(c.solver),
         c.outcome not in GOOD_OUTCOMES,
-        axis_place(share),
+        axis_place(share) if known else None,
         None if allowed is None else axis_place(allowed),
-        words,
+        f"{format_solver(c.solver)}: {words}",
     )
 
 
@@ -497,27 +489,17 @@ def trend_line(history: History, rows: Sequence[Comparison]) -> Markup:
     low, high = min(known), max(known)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     step = 56 / (len(powers) - 1)
-    points = list(trend_points(powers, step, middle, half))
+    points = [
+        f"{2 + k * step:.1f},{9 - 7 * (power - middle) / half:.1f}"
+        for k, power in enumerate(powers)
+        if power is not None
+    ]
+    first, *_, last = (value for value in values if value)
     where = f"{c.run} {format_solver(c.solver)}, {c.channel}"
     return Markup(
         '<svg class="trend" viewBox="0 0 60 18" role="img" aria-label="{}"><polyline '
         'points="{}"/></svg>'
     ).format(
-        f"{where}: {len(known)} reports, {number(nonzero_values(values)[0], 2)} to "
-        f"{number(nonzero_values(values)[-1], 2)} of the range",
+        f"{where}: {len(known)} reports, {number(first, 2)} to {number(last, 2)} of the range",
         " ".join(points),
     )
-
-
-def nonzero_values(values: Iterable[float | None]) -> list[float]:
-    """Return the values that are neither None nor zero."""
-    return [value for value in values if value]
-
-
-def trend_points(
-    powers: Iterable[float | None], step: float, middle: float, half: float
-) -> Iterator[str]:
-    """Yield the points of a trend's line: powers of ten, centred at `middle`, scaled by `half`."""
-    for k, power in enumerate(powers):
-        if power is not None:
-            yield f"{2 + k * step:.1f},{9 - 7 * (power - middle) / half:.1f}"

@@ -200,10 +200,11 @@ def run_table(view: PlottedRun) -> Table:
     unit = "m" if view.x_unit == "m" else "s" if view.x_unit == "s" else "rad"
     table: Table = {f"{view.x_name} [{unit}]": view.grid}
     for name, symbol, each in run_columns(view):
-        parts = each if len({part.tobytes() for part in each.values()}) > 1 else shared_column(each)
-        for solver, values in parts.items():
-            words = f"{name} {solver}".strip()
-            table[f"{words} [{symbol}]"] = pad_curve(values, view.grid.size)
+        differ = len({part.tobytes() for part in each.values()}) > 1
+        for solver, values in list(each.items())[: None if differ else 1]:
+            words = f"{name} {solver}" if differ and solver else name
+            missing = np.full(view.grid.size - len(values), np.nan)
+            table[f"{words} [{symbol}]"] = np.concatenate([values, missing])
     return table
 
 
@@ -235,16 +236,6 @@ def run_columns(view: PlottedRun) -> Iterator[tuple[str, str, dict[str, Array]]]
             else:
                 for solver, values in found.items():
                     yield f"{name} {solver}", symbol, {"": values}
-
-
-def shared_column(each: dict[str, Array]) -> dict[str, Array]:
-    """Return one of several equal columns, without a solver's name."""
-    return {"": next(iter(each.values()))}
-
-
-def pad_curve(values: Array, length: int) -> Array:
-    """Return a curve with NaN after its end, up to a length."""
-    return np.concatenate([values, np.full(length - len(values), np.nan)])
 
 
 def as_csv(table: Table) -> str:

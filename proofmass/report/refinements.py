@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from proofmass.case import Refine
-from proofmass.compare import Comparison
 from proofmass.refinement import RefinedRow, extrapolated_error, observed_order
 from proofmass.report.data import PlottedRun
 from proofmass.report.figures import (
@@ -235,7 +234,8 @@ def table(view: PlottedRun, refine: Refine) -> dict[str, list[RefinementLine]]:
             own = [
                 (c.channel.split()[0], SYMBOLS.get(c.outcome, "?"), c.outcome, c.message)
                 for c in view.verdicts
-                if c.solver == solver and is_on_channel(c, channel)
+                if c.solver == solver
+                and c.channel in ("order", f"order of {channel}", f"limit of {channel}")
             ]
             found.setdefault(channel, []).append(
                 RefinementLine(
@@ -248,11 +248,6 @@ def table(view: PlottedRun, refine: Refine) -> dict[str, list[RefinementLine]]:
                 )
             )
     return found
-
-
-def is_on_channel(verdict: Comparison, channel: str) -> bool:
-    """Whether a verdict is on a channel, or on a solver as a whole."""
-    return verdict.channel in ("order", f"order of {channel}", f"limit of {channel}")
 
 
 def format_pairs(

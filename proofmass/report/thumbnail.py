@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from proofmass.analytic.numerics import Array
 from proofmass.report.mechanism import clearest_pose
-from proofmass.sim.picture import Mark, Picture
+from proofmass.sim.picture import Picture
 
 MAX_POSES = 30
 MAX_BYTES, MIN_POSES = 2400, 12
@@ -124,7 +124,7 @@ def reduce_picture(whole: Picture) -> Thumbnail:
     return Thumbnail(
         sizes=[o.shape[1] for o in outlines],
         points=steps(np.concatenate(moving, axis=1)),
-        joints=[(m.kind, m.driven, has_foot(m)) for m in shown],
+        joints=[(m.kind, m.driven, m.ground and m.kind != "slide") for m in shown],
         still=[steps(o[0]) for o in few.ground.outlines],
         guides=[steps(guide[0]) for guide in guides],
         shown=clearest_pose(few),
@@ -134,8 +134,3 @@ def reduce_picture(whole: Picture) -> Thumbnail:
 def thin_outline(outline: Array) -> Array:
     """Reduce an outline (poses, points, 2) to at most `MAX_OUTLINE_POINTS` points, evenly."""
     return outline[:, :: -(-outline.shape[1] // MAX_OUTLINE_POINTS)]
-
-
-def has_foot(mark: Mark) -> bool:
-    """Whether a joint is drawn with a foot on the ground; a slide has its guide instead."""
-    return mark.ground and mark.kind != "slide"

@@ -387,7 +387,7 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
     asked = dict[str, float]()
     try:
         errors = relative_errors(case, kind, curves)
-        if run.kind == "dynamics" and run.drives and curves.drive is not None:
+        if drives_moved(run, curves):
             prescribed = replace(curves, drive=run.motion(curves.x))
             asked = relative_errors(case, kind, prescribed)
     except InputError as error:  # the mechanism cannot have such a pose
@@ -407,11 +407,6 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
 def drives_moved(run: Run, curves: Curves) -> bool:
     """Whether drives moved in time, so that their motion may differ from the prescribed one."""
     return run.kind == "dynamics" and bool(run.drives) and curves.drive is not None
-
-
-def with_prescribed_drives(run: Run, curves: Curves) -> Curves:
-    """Curves of a run, with the prescribed motion of its drives in place of the measured one."""
-    return replace(curves, drive=run.motion(curves.x))
 
 
 def time_run(engine: str, model: Path, run: Run) -> tuple[Curves, float]:

@@ -431,7 +431,7 @@ def test_a_page_shows_stored_coverage_and_searches_for_none(
     assert "Noticed from this change on" not in page
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "found"))
     key = coverage_key(fourbar)
-    StoredFindings(coverage=replace(example_coverage(fourbar), key=key)).write(
+    StoredFindings(1, coverage=replace(example_coverage(fourbar), key=key)).write(
         coverage_file(fourbar, key, None)
     )
     assert load_noticed_panel(fourbar)

@@ -182,6 +182,26 @@ class Boundary(VariedRange):
             return f"{format_exactly(self.breaks)} to {self.last}"
         return number(self.measured, digits)
 
+    def describe(self, unit: str, digits: int = 3) -> str:
+        """Format the boundary with its unit as a table shows it.
+
+        >>> Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02).describe("s")
+        '2.01 s'
+        >>> Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0).describe("s")
+        'none to 10 s'
+        >>> ours = BoundaryKind.OURS
+        >>> Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=ours).describe("s")
+        'not known beyond 2 s'
+        """
+        unit = "" if self.unit == "1" else f" {unit}"
+        if self.found:
+            return f"{self.format_measured(digits)}{unit}"
+        if self.holds != self.holds:
+            return "not known" if self.unknown else "nowhere"
+        if self.unknown:
+            return f"not known beyond {number(self.holds)}{unit}"
+        return f"none to {number(self.reach)}{unit}"
+
     @property
     def unknown(self) -> bool:
         """Whether nothing is known beyond `holds`, since proofmass itself gave up there."""

@@ -351,14 +351,8 @@ def with_unit(one: Boundary, value: str) -> str:
 
 
 def format_boundary(one: Boundary) -> str:
-    """A boundary as text, with its unit."""
-    unit = "" if one.unit == "1" else f" {format_unit(one.unit)}"
-    if one.found:
-        return f"{one.format_measured(4)}{unit}"
-    if one.unknown:
-        known = one.holds == one.holds
-        return f"not known beyond {number(one.holds)}{unit}" if known else "not known"
-    return f"none to {number(one.reach)}{unit}" if one.holds == one.holds else "nowhere"
+    """The boundary with its unit, as the page shows it."""
+    return one.describe(format_unit(one.unit), 4)
 
 
 def describe_boundary(one: Boundary) -> str:

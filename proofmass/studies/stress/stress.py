@@ -100,33 +100,12 @@ def result_table(found: list[Boundary]) -> Table:
             one.engine,
             one.setting,
             one.parameter,
-            format_limit(one),
+            one.describe(one.unit),
             number(one.theory) if known else "",
             number(one.ratio) if known else "",
             one.ending,
         )
     return table
-
-
-def format_limit(one: Boundary) -> str:
-    """A boundary as text, with its unit.
-
-    >>> format_limit(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.02))
-    '2.01 s'
-    >>> format_limit(Boundary("", "", "", "step", "s", 0.1, 10.0, 10.0))
-    'none to 10 s'
-    >>> ours = BoundaryKind.OURS
-    >>> format_limit(Boundary("", "", "", "step", "s", 0.1, 10.0, 2.0, 2.2, limit=ours))
-    'not known beyond 2 s'
-    """
-    unit = "" if one.unit == "1" else f" {one.unit}"
-    if one.found:
-        return f"{one.format_measured()}{unit}"
-    if one.holds != one.holds:
-        return "not known" if one.unknown else "nowhere"
-    if one.unknown:
-        return f"not known beyond {number(one.holds)}{unit}"
-    return f"none to {number(one.reach)}{unit}"
 
 
 @dataclass(frozen=True)

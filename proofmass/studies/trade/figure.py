@@ -6,6 +6,7 @@ crosses for failed settings, triangles for expected orders, and error floors wit
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
+from operator import attrgetter
 from string import ascii_lowercase
 from textwrap import fill
 from typing import Any
@@ -300,8 +301,8 @@ def other_parameters_figure(rows: Sequence[StudyRow], looks: Mapping[SeriesName,
                 own = [row for row in shown if series_name(row) == series]
                 x = [axis_value(row) for row in own]
                 draw_series(ax, x, own, kind, looks[series])
-                ends[series] = x[-1], min(own[-1].errors[kind], LARGEST_DRAWN_ERROR)
-            scale_axes(ax, [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in shown])
+                ends[series] = x[-1], drawn_error(own[-1], kind)
+            scale_axes(ax, shown, kind)
             label = axis_label(next(row for row in rows if row.varied == parameter))
             if label:
                 ax.invert_xaxis()
@@ -364,6 +365,11 @@ def has_drawable_error(row: StudyRow, kind: str) -> bool:
     return row.outcome == Outcome.RAN and 0 < row.errors.get(kind, np.nan) < np.inf
 
 
+def drawn_error(row: StudyRow, kind: str) -> float:
+    """The error at which a run is drawn; larger ones are at the upper edge."""
+    return min(row.errors[kind], LARGEST_DRAWN_ERROR)
+
+
 def series_looks(rows: Iterable[StudyRow]) -> dict[SeriesName, Look]:
     """A look for each series: colour by engine, marker by integrator, dashes for equal markers."""
     looks: dict[SeriesName, Look] = {}
@@ -399,28 +405,24 @@ def draw_panels(
     left.set_title(kind)
     left.set_ylabel(ERROR_LABEL)
     draw_front(left, best, kind)
-    for ax, cost in ((left, wall_time), (right, step_count)):
+    for ax, cost in ((left, attrgetter("seconds")), (right, step_count)):
         ends = {}
         for series in dict.fromkeys(map(series_name, shown)):
             own = [row for row in shown if series_name(row) == series and cost(row) > 0]
             if own:
                 x = [cost(row) for row in own]
                 draw_series(ax, x, own, kind, looks[series], best)
-                ends[series] = x[-1], min(own[-1].errors[kind], LARGEST_DRAWN_ERROR)
-        scale_axes(ax, [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in shown])
+                ends[series] = x[-1], drawn_error(own[-1], kind)
+        scale_axes(ax, shown, kind)
         draw_failures(ax, rows, ax is left, looks)
         draw_letters(ax, ends, looks)
         draw_floors(ax, ends, looks, verdicts, with_causes=ax is right)
     draw_triangles(right, shown, kind, verdicts)
 
 
-def wall_time(row: StudyRow) -> float:
-    """Wall time of a run [s]."""
-    return row.seconds
-
-
-def scale_axes(ax: Axes, errors: Sequence[float]) -> None:
+def scale_axes(ax: Axes, rows: Sequence[StudyRow], kind: str) -> None:
     """Make both axes logarithmic, with room for letters and crosses."""
+    errors = [drawn_error(row, kind) for row in rows]
     ax.set_xscale("log")
     set_decades(ax, min(errors, default=1e-3) / 8, max(errors, default=1.0) * 8)
     ax.xaxis.set_major_locator(LogLocator(numticks=8))
@@ -437,7 +439,7 @@ def draw_series(
     best: Sequence[StudyRow] = (),
 ) -> None:
     """Draw one series from coarse to fine; markers of settings on the front are filled."""
-    y = [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in rows]
+    y = [drawn_error(row, kind) for row in rows]
     layer = 3 + look.number / 20
     ax.plot(
         x,
@@ -465,7 +467,7 @@ def draw_front(ax: Axes, best: Sequence[StudyRow], kind: str) -> None:
     if best:
         ax.step(
             [row.seconds for row in best],
-            [min(row.errors[kind], LARGEST_DRAWN_ERROR) for row in best],
+            [drawn_error(row, kind) for row in best],
             where="post",
             **FRONT_STYLE,
         )

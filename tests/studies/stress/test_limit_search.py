@@ -24,7 +24,6 @@ from proofmass.studies.stress.limit_search import (
     round_to_printed,
 )
 from proofmass.studies.stress.page import describe_boundary
-from proofmass.studies.stress.stress import format_limit
 from tests.shipped import shipped
 
 PENDULUM = load_case(shipped("pendulum.toml"))  # 10 s in 1001 samples, in steps of 1 ms
@@ -195,7 +194,7 @@ def test_of_several_boundaries_the_first_and_the_last_are_found(fails, first, la
     assert test(found.breaks) == ENGINE_FAILURE
     assert test(found.again) is None
     assert 1.019 < max(found.breaks / found.holds, found.holds / found.breaks) < 1.021
-    words = format_limit(found).split()  # the printed values are those that were tried
+    words = found.describe(found.unit).split()  # the printed values are those that were tried
     assert (float(words[0]), float(words[2])) == (found.breaks, found.again)
     assert "some values hold and others do not, up to" in describe_boundary(found)
 
@@ -206,7 +205,7 @@ def test_a_single_boundary_is_that_of_the_bisection(edge, within):
     found = search_by_test(lambda x: ENGINE_FAILURE if x >= edge else None, 1.0, 64.0).find(within)
     assert found.holds < edge <= found.breaks <= (1.0 + within) * found.holds
     assert not found.several
-    assert found.format_measured() == format_limit(found).removesuffix(" s")
+    assert found.format_measured() == found.describe(found.unit).removesuffix(" s")
 
 
 def test_unknown_values_near_a_boundary_make_no_second_boundary():
@@ -267,11 +266,11 @@ def test_a_limit_is_printed_with_more_digits_if_needed():
     )
     found = Boundary("", "", "", "step", "s", 1.7, 9.0, holds, breaks, failure="gone", again=again)
     assert failure == ENGINE_FAILURE
-    assert format_limit(found).startswith("1.77634 to ")
+    assert found.describe(found.unit).startswith("1.77634 to ")
     assert "fails at 1.77634 s" in describe_boundary(found)
 
 
 def test_the_end_of_the_range_is_printed_with_three_digits():
     """The end of the range is 1e12 times 6.5797, whose digits have no meaning, so three suffice."""
     found = Boundary("", "", "", "k", "1", 6.5797, 6.579736e12, 1.3e10, 1.341e10, again=6.579736e12)
-    assert format_limit(found) == "1.341e10 to 6.58e12"
+    assert found.describe(found.unit) == "1.341e10 to 6.58e12"
