@@ -410,38 +410,30 @@ def case_table(
     `bare_models` are models without a sidecar.  Where not all columns fit the width
     [characters], the table has only the case, its runs, and the first words of its title.
     """
-    full = [
-        {
-            "folder": family_of(case.file, paths),
-            "case": case.name,
-            "model": case.model,
-            "reference": case.reference,
-            "runs": "; ".join(f"{k}: {', '.join(run.solvers)}" for k, run in case.run.items()),
-            "channels": str(len(case.channels)),
-            "title": case.title,
-        }
+    columns = ["folder", "case", "model", "reference", "runs", "channels", "title"]
+    cells = [
+        (
+            family_of(case.file, paths),
+            case.name,
+            case.model,
+            case.reference,
+            "; ".join(f"{kind}: {', '.join(run.solvers)}" for kind, run in case.run.items()),
+            str(len(case.channels)),
+            case.title,
+        )
         for case in cases
     ]
-    full += [
-        {
-            "folder": family_of(model, paths),
-            "case": model.stem,
-            "model": model.name,
-            "reference": "–",
-            "runs": f"own motion: {NATIVE_ENGINE}",
-            "channels": "",
-            "title": "",
-        }
+    own_motion = f"own motion: {NATIVE_ENGINE}"
+    cells += [
+        (family_of(model, paths), model.stem, model.name, "–", own_motion, "", "")
         for model in bare_models
     ]
-    rows: list[Cells] = [{**row} for row in full]
-    brief: list[Cells] = [
-        {**row, "runs": ", ".join(part.partition(":")[0] for part in row["runs"].split("; "))}
-        for row in full
-    ]
-    columns = ["folder", "case", "model", "reference", "runs", "channels", "title"]
+    rows: list[Cells] = [dict(zip(columns, each, strict=True)) for each in cells]
     if not fits_width(rows, columns, width):
-        rows, columns = brief, ["folder", "case", "reference", "runs", "channels", "title"]
+        columns.remove("model")
+        for row in rows:
+            parts = str(row["runs"]).split("; ")
+            row["runs"] = ", ".join(part.partition(":")[0] for part in parts)
     if not fits_width(rows, columns, width):
         columns = ["case", "runs", "title"]
         room = width - sum(column_widths(rows, columns[:2])) - 2 * COLUMN_GAP

@@ -13,7 +13,7 @@ import os
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -439,25 +439,23 @@ def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str
 
     Channels whose reference is constant have no range and are left out.
     """
-    reference = cached_reference(case, kind, curves)
-    channels = {n: c for n, c in case.channels_of(kind).items() if n in curves.channels}
-    largest_range = dict[str, float]()
-    for name, channel in channels.items():
-        largest_range[channel.si_unit] = max(
-            curve_range(reference[name]), largest_range.get(channel.si_unit, 0.0)
-        )
-    for name, channel in channels.items():
-        kind_of_error = next(
-            (k for k, units in KIND_UNITS.items() if channel.si_unit in units), None
-        )
-        if (
-            kind_of_error
-            and curve_range(reference[name]) > CONSTANT_RANGE * largest_range[channel.si_unit]
-        ):
-            yield (
-                kind_of_error,
-                np.abs(curves.channels[name] - reference[name]) / curve_range(reference[name]),
-            )
+    return channel_distances(case, kind, cached_reference(case, kind, curves), curves.channels)
+
+
+def channel_distances(
+    case: Case, kind: Kind, one: Mapping[str, Array], two: Mapping[str, Array]
+) -> Iterator[tuple[str, Array]]:
+    """For each channel its kind, and the distances of its curves as shares of the range of `one`.
+
+    Channels that are constant in `one`, but for rounding, have no range and are left out.
+    """
+    units = {n: c.si_unit for n, c in case.channels_of(kind).items() if n in one and n in two}
+    ranges = {name: curve_range(one[name]) for name in units}
+    for name, unit in units.items():
+        what = next((kind for kind, known in KIND_UNITS.items() if unit in known), None)
+        widest = max(ranges[other] for other in units if units[other] == unit)
+        if what and ranges[name] > CONSTANT_RANGE * widest:
+            yield what, np.abs(two[name] - one[name]) / ranges[name]
 
 
 def curve_range(values: Array) -> float:

@@ -19,6 +19,7 @@ from random import Random
 
 import mujoco
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from proofmass.analytic.numerics import Array
 from proofmass.outcome import Outcome
@@ -250,9 +251,8 @@ def independent_groups(model: mujoco.MjModel, run: Run) -> list[list[str]]:
         rows = (np.abs(constraint_jacobian(model, data)) @ of_dof > 0).astype(int)
         joined |= rows.T @ rows > 0
     roots = [model.body(int(b)).name for b in model.tree_bodyadr]
-    return [
-        [roots[k] for k in np.flatnonzero(row)] for row in distinct_rows(transitive_closure(joined))
-    ]
+    number, group = connected_components(joined)
+    return [[roots[k] for k in np.flatnonzero(group == one)] for one in range(number)]
 
 
 def constraint_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
@@ -318,23 +318,3 @@ def join_trees(joined: np.ndarray, trees: np.ndarray) -> None:
     """Mark, in place, that these trees act on each other; -1 is the world."""
     own = np.unique(trees[trees >= 0])
     joined[np.ix_(own, own)] = True
-
-
-def transitive_closure(joined: np.ndarray) -> np.ndarray:
-    """The transitive closure of a symmetric relation.
-
-    >>> import numpy as np
-    >>> chain = np.eye(4, dtype=bool); chain[0, 1] = chain[1, 0] = chain[1, 2] = chain[2, 1] = True
-    >>> transitive_closure(chain)[0].tolist()
-    [True, True, True, False]
-    """
-    while True:
-        more = joined.astype(int) @ joined > 0
-        if (more == joined).all():
-            return joined
-        joined = more
-
-
-def distinct_rows(rows: np.ndarray) -> list[np.ndarray]:
-    """The distinct rows, in the order in which they occur first."""
-    return [row for k, row in enumerate(rows) if not (rows[:k] == row).all(axis=1).any()]

@@ -28,10 +28,9 @@ from proofmass.sim.protocol import Curves
 from proofmass.sim.rods import chain, joint_names
 from proofmass.strict import Kind
 from proofmass.studies.measure import (
-    CONSTANT_RANGE,
     Measurement,
     StudyRun,
-    curve_range,
+    channel_distances,
     measure,
     simulate_task,
 )
@@ -291,28 +290,16 @@ def stored_distances(task: StudyRun, other: Case, store: Store, timeout: float) 
         one, two = (measure(simulate_task, each, timeout=timeout) for each in (task, twin))
         if isinstance(one, Measurement) or isinstance(two, Measurement):
             return {}
-        return {what: values.tolist() for what, values in channel_distances(task, one, two).items()}
+        return {what: values.tolist() for what, values in largest_distances(task, one, two).items()}
 
     return {what: np.array(values) for what, values in read_or_make(file, made).items()}
 
 
-def channel_distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
+def largest_distances(task: StudyRun, one: Curves, two: Curves) -> dict[str, Array]:
     """Largest distance (n,) of two runs at each sample, by kind of channel; and x."""
     found = {"x": one.x}
-    channels = {
-        n: c
-        for n, c in task.case.channels_of(task.run).items()
-        if n in one.channels and n in two.channels
-    }
-    for what, units in KIND_UNITS.items():
-        own = [name for name, channel in channels.items() if channel.si_unit in units]
-        for unit in units:
-            of_unit = [name for name in own if channels[name].si_unit == unit]
-            widest = max((curve_range(one.channels[name]) for name in of_unit), default=0.0)
-            for name in of_unit:
-                if (width := curve_range(one.channels[name])) > CONSTANT_RANGE * widest:
-                    distance = np.abs(two.channels[name] - one.channels[name]) / width
-                    found[what] = np.maximum(found.get(what, 0.0), distance)
+    for what, distance in channel_distances(task.case, task.run, one.channels, two.channels):
+        found[what] = np.maximum(found.get(what, 0.0), distance)
     return found
 
 
