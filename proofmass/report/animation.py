@@ -41,7 +41,6 @@ from proofmass.report.case_figures import (
 from proofmass.report.data import PlottedRun, plotted_run
 from proofmass.report.mechanism import (
     GROUND_COLOUR,
-    INK,
     MARGIN,
     PATH_COLOUR,
     PATH_STYLE,
@@ -56,7 +55,7 @@ from proofmass.report.mechanism import (
     spiral,
     zigzag,
 )
-from proofmass.report.style import RC, REFERENCE_STYLE, solver_looks
+from proofmass.report.style import INK, RC, REFERENCE_STYLE, solver_looks
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
 from proofmass.strict import Kind

@@ -20,8 +20,8 @@ from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field
 from proofmass.analytic.numerics import Array
 from proofmass.report.data import displayed_unit
 from proofmass.report.figures import TEXT_BACKGROUND, thin_path
-from proofmass.report.style import MUTED_COLOURS, SOLID, Dash, Look
-from proofmass.report.views import INK, WHITE_EDGES
+from proofmass.report.style import INK, MUTED_COLOURS, SOLID, Dash, Look
+from proofmass.report.views import WHITE_EDGES
 from proofmass.wording import format_unit, number
 
 DASHES: list[Dash] = [

@@ -27,7 +27,7 @@ from proofmass.reference import (
 from proofmass.report.data import displayed_unit, run_parameter
 from proofmass.report.mechanism import PATH_COLOUR, format_pose
 from proofmass.report.reprs import as_html
-from proofmass.report.style import MUTED_COLOURS
+from proofmass.report.style import INK, MUTED_COLOURS
 from proofmass.sim.protocol import Curves
 from proofmass.solve import prescribed_run, solve
 from proofmass.strict import Kind
@@ -283,7 +283,7 @@ class Explorer:
                 ends = corners if isinstance(line, list) else corners[[k]]
                 parts += [
                     f'<circle cx="{end.real:.1f}" cy="{end.imag:.1f}" r="4" fill="#fff" '
-                    f'stroke="#1b1f24" stroke-width="1.5"/>'
+                    f'stroke="{INK}" stroke-width="1.5"/>'
                     for end in paper(ends)
                     if np.isfinite(end)
                 ]
@@ -363,7 +363,7 @@ class Explorer:
             )
             place += 7 * len(channel) + 14
         at = paper(self.x[[self.place.value]], low)[0].real
-        parts.append(f'<path d="M{at:.1f} {above}V{below}" stroke="#1b1f24"/>')
+        parts.append(f'<path d="M{at:.1f} {above}V{below}" stroke="{INK}"/>')
         return "".join([*parts, *words])
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +25,7 @@ from proofmass.report.data import (
     split_at_jumps,
     thin_curve,
 )
-from proofmass.report.style import REFERENCE_STYLE, Look
+from proofmass.report.style import LABEL_COLOUR, REFERENCE_STYLE, WRONG_COLOUR, Look
 from proofmass.report.svg import compact_svg
 from proofmass.wording import format_unit, number
 
@@ -102,7 +103,7 @@ def scale_panel(ax: Axes, reference: Array, lines: Mapping[str, Array]) -> None:
             ha="right",
             va="top",
             fontsize=6.5,
-            color="#8a1c1c",
+            color=WRONG_COLOUR,
             zorder=9,
             bbox=TEXT_BACKGROUND,
         )
@@ -230,7 +231,7 @@ def draw_tolerances(ax: Axes, allowed: dict[float, list[str]], style: Mapping[st
     low, high = np.log(ax.get_ylim())
     taken: list[tuple[float, bool]] = []
     for level in sorted(allowed, reverse=True):
-        colour = style[allowed[level][0]].colour if len(allowed[level]) == 1 else "#333333"
+        colour = style[allowed[level][0]].colour if len(allowed[level]) == 1 else LABEL_COLOUR
         ax.axhline(level, color=colour, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
         height = (np.log(level) - low) / (high - low)
         free = [
@@ -306,6 +307,20 @@ def run_figure(view: PlottedRun, style: Mapping[str, Look], what: str) -> Figure
     return figure
 
 
+def label_row(ax: Axes, text: str, y: float, gap: float = 4.0, **style: Any) -> None:
+    """Write the name of a row of bars to the left of the axes, `gap` points away."""
+    ax.annotate(
+        text,
+        (0, y),
+        xycoords=("axes fraction", "data"),
+        xytext=(-gap, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        **style,
+    )
+
+
 def solver_handles(solvers: Iterable[str], style: Mapping[str, Look]) -> list[Line2D]:
     """Return the legend's entries of solvers."""
     return [Line2D([], [], label=s, **style[s].line, markerfacecolor="white") for s in solvers]
@@ -331,7 +346,7 @@ def draw_legend(
     draw_legend_above(figure, [*handles, *solver_handles(view.curves, style)], height)
     if view.failed:
         note = "not drawn: " + ", ".join(f"{s} ({c.outcome})" for s, c in view.failed.items())
-        figure.text(0.02, 1 - 0.34 / height, note, fontsize=7, color="#8a1c1c", va="top")
+        figure.text(0.02, 1 - 0.34 / height, note, fontsize=7, color=WRONG_COLOUR, va="top")
 
 
 def curve_thumbnail(view: PlottedRun, style: Mapping[str, Look]) -> Figure:

@@ -18,7 +18,7 @@ from proofmass.case import Case
 from proofmass.reference import compiled_model
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.figures import draw_legend, thin_path
-from proofmass.report.style import REFERENCE_STYLE, Look
+from proofmass.report.style import INK, REFERENCE_STYLE, Look
 from proofmass.sim.picture import Mark, Picture
 from proofmass.sim.protocol import Curves
 from proofmass.wording import number
@@ -160,13 +160,7 @@ def distance_from_line(points: Array) -> Array:
     return found
 
 
-INK, GROUND_COLOUR, LINK_COLOUR, PATH_COLOUR, SPRING_COLOUR = (
-    "#1b1f24",
-    "#8a929c",
-    "#0b57a4",
-    "#7b4ba0",
-    "#00755e",
-)
+GROUND_COLOUR, LINK_COLOUR, PATH_COLOUR, SPRING_COLOUR = "#8a929c", "#0b57a4", "#7b4ba0", "#00755e"
 PATH_STYLE: dict[str, Any] = {"color": PATH_COLOUR, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 DRAWING_WIDTH, DRAWING_HEIGHT = 430.0, 300.0  # [pt] room for the drawing itself
 MARGIN = 46.0  # [pt] left and below it, for the axes' names

@@ -20,12 +20,11 @@ from proofmass.report.figures import (
     set_decades,
     solver_handles,
 )
-from proofmass.report.style import Look
+from proofmass.report.style import LABEL_COLOUR, Look
 from proofmass.report.words import SYMBOLS
 from proofmass.units import si_unit
 from proofmass.wording import format_unit, number
 
-INK = "#333333"
 # [inch] a panel with its labels, and the legend above
 PANEL_WIDTH, PANEL_HEIGHT, LEGEND_HEIGHT = 2.6, 2.2, 0.42
 TRIANGLE_SHARE = 0.35  # of the error: top of the triangle that shows the order
@@ -127,7 +126,7 @@ def draw_order(ax: Axes, rows: list[RefinedRow], refine: Refine) -> None:
         textcoords="offset points",
         ha="center",
         va="top",
-        color=INK,
+        color=LABEL_COLOUR,
     )
 
 
@@ -155,7 +154,7 @@ def draw_triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float
         [sizes[0], sizes[0], sizes[1]],
         [top, foot, foot],
         facecolor="#eeeeee",
-        edgecolor=INK,
+        edgecolor=LABEL_COLOUR,
         linewidth=0.8,
         zorder=2,
     )
@@ -167,7 +166,7 @@ def draw_triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float
         textcoords="offset points",
         ha="right",
         va="center",
-        color=INK,
+        color=LABEL_COLOUR,
     )
     return foot
 
@@ -175,7 +174,7 @@ def draw_triangle(ax: Axes, sizes: tuple[float, float], top: float, order: float
 def draw_levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
     """Draw dashed lines at the allowed limit, and at the error floor of rounding."""
     for words, level in bounds.items():
-        ax.axhline(level, color=INK, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
+        ax.axhline(level, color=LABEL_COLOUR, linewidth=0.9, linestyle=(0, (7, 3)), zorder=2)
         ax.annotate(
             f"{words} ≤ {number(level)} {unit}",
             (0.01, level),
@@ -183,7 +182,7 @@ def draw_levels(ax: Axes, bounds: dict[str, float], unit: str) -> None:
             fontsize=6.5,
             xycoords=("axes fraction", "data"),
             textcoords="offset points",
-            color=INK,
+            color=LABEL_COLOUR,
             bbox=TEXT_BACKGROUND,
         )
 
@@ -198,7 +197,7 @@ def draw_legend(
         [],
         [],
         label=f"limit from {coarse} and {fine}",
-        color=INK,
+        color=LABEL_COLOUR,
         marker="D",
         linestyle="",
         markerfacecolor="none",

@@ -60,6 +60,8 @@ SPARE_LOOKS = [
         strict=True,
     )
 ]
+INK, LABEL_COLOUR, WRONG_COLOUR = "#1b1f24", "#333333", "#8a1c1c"
+"""Colours of lines and letters, of less important ones, and of words on what is wrong."""
 # for charts, from Tol's muted scheme
 MUTED_COLOURS = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")
 REFERENCE_STYLE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}

@@ -28,7 +28,7 @@ from proofmass.report.figures import (
     draw_panel,
     solver_handles,
 )
-from proofmass.report.style import REFERENCE_STYLE, SOLID, Look
+from proofmass.report.style import INK, REFERENCE_STYLE, SOLID, Look
 from proofmass.wording import format_list, format_unit, number
 
 
@@ -158,7 +158,6 @@ def view_caption(view: Viewed) -> str:
     return "; ".join(words) + "."
 
 
-INK = "#1b1f24"
 DASHED_STYLES: list[dict[str, Any]] = [
     {"color": colour, "linewidth": 1.3, "linestyle": (0, dash), "zorder": 2.8}
     for colour, dash in (

@@ -16,11 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from proofmass.errors import InputError
-from proofmass.report.figures import save
+from proofmass.report.figures import label_row, save
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, log_place
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
-from proofmass.report.style import FIRST_LOOK, RC
+from proofmass.report.style import FIRST_LOOK, LABEL_COLOUR, RC
 from proofmass.report.svg_markers import MARKER_PATHS, page_tones
 from proofmass.studies.diet.table import (
     CONFIDENCE,
@@ -47,13 +47,11 @@ OUTCOME_LOOKS = {
     "harmless": ("o", FIRST_LOOK.colour),
     "drawn": ("o", "white"),
     NO_GAIN: ("o", "white"),
-    "matters": ("X", "#333333"),
+    "matters": ("X", LABEL_COLOUR),
 }
 """Marker and filling by outcome."""
 CHART_SCRIPTS = ("axes.js", "rows.js", "savings.js")
 """Scripts of the chart."""
-MUTED_COLOUR = "#333333"
-"""Colour of features that stay."""
 CHANGE_TICKS = ((SMALLEST_CHANGE, "0"), (1.0, "allowed"), (LARGEST_CHANGE, "more"))
 """Ticks and their labels on the axis of changes over the allowed ones."""
 ZERO_PLACE = 20.0
@@ -74,7 +72,7 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> StudyP
         raise InputError(folder, "", "no MODEL.csv there; proofmass diet MODEL.xml writes it")
     models = (f.with_suffix(".xml") for f in files)
     prepare_folder(output, (*files, *models, folder / "diet.columns.md"), CHART_SCRIPTS)
-    colours = page_tones([FIRST_LOOK.colour, MUTED_COLOUR])
+    colours = page_tones([FIRST_LOOK.colour, LABEL_COLOUR])
     css = {colour: tone.css for colour, tone in colours.items()}
     entries = [read_entries(file) for file in files]
     parts = [
@@ -106,7 +104,7 @@ def write_diet(folder: Path | str, output: Path | str, home: str = "") -> StudyP
 
 def colour_of(outcome: str) -> str:
     """The colour of an outcome; that of features that stay is muted."""
-    return MUTED_COLOUR if outcome == "matters" else FIRST_LOOK.colour
+    return LABEL_COLOUR if outcome == "matters" else FIRST_LOOK.colour
 
 
 def section_data(
@@ -197,7 +195,7 @@ def saved_strip(
     ]
     strip = Strip(
         f"saves {number(share, 2)} of the most that one feature saves",
-        css[FIRST_LOOK.colour if entry.outcome == "harmless" else MUTED_COLOUR],
+        css[FIRST_LOOK.colour if entry.outcome == "harmless" else LABEL_COLOUR],
         [ZERO_PLACE, 100.0],
         bar=(ZERO_PLACE, ends[0]),
     )
@@ -350,7 +348,7 @@ def diet_figure(entries: Sequence[Entry]) -> Figure:
     for y, entry in zip(places, entries, strict=True):
         draw_label(axes[0], entry, y)
         draw_change(axes[0], entry, y)
-    axes[0].axvline(1.0, color="#333333", linewidth=0.8)
+    axes[0].axvline(1.0, color=LABEL_COLOUR, linewidth=0.8)
     axes[0].set_xscale("log")
     axes[0].set_xlim(SMALLEST_CHANGE / 3, LARGEST_CHANGE * 3)
     axes[0].set_xticks([SMALLEST_CHANGE, 1e-5, 1, 1e5, LARGEST_CHANGE])
@@ -362,7 +360,7 @@ def diet_figure(entries: Sequence[Entry]) -> Figure:
     for y, entry in zip(places, entries, strict=True):
         if entry.saved:
             low, _, high = entry.saved
-            axes[1].plot([100 * low, 100 * high], [y, y], color="#333333", linewidth=0.9)
+            axes[1].plot([100 * low, 100 * high], [y, y], color=LABEL_COLOUR, linewidth=0.9)
     axes[1].set_xlim(left=max(axes[1].get_xlim()[0], MIN_SAVING))
     axes[1].set_xlabel("time of a step saved [%]")
     draw_bars(axes[2], entries, places, lambda entry: entry.saved_memory)
@@ -377,17 +375,8 @@ def draw_label(ax: Axes, entry: Entry, y: float) -> None:
     """Write the name of a feature to the left of the columns."""
     words = entry.title
     shortened = words if len(words) <= MAX_LABEL_LETTERS else f"{words[: MAX_LABEL_LETTERS - 1]}…"
-    ax.annotate(
-        shortened,
-        (0, y),
-        xycoords=("axes fraction", "data"),
-        xytext=(-5, 0),
-        fontsize=6.8,
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        fontweight="bold" if entry.kind == WHOLE_KIND else "normal",
-    )
+    weight = "bold" if entry.kind == WHOLE_KIND else "normal"
+    label_row(ax, shortened, y, 5.0, fontsize=6.8, fontweight=weight)
 
 
 def draw_change(ax: Axes, entry: Entry, y: float) -> None:
@@ -403,7 +392,7 @@ def draw_change(ax: Axes, entry: Entry, y: float) -> None:
         markersize=5,
         markerfacecolor=filling,
         zorder=3,
-        markeredgecolor=FIRST_LOOK.colour if marker == "o" else "#333333",
+        markeredgecolor=FIRST_LOOK.colour if marker == "o" else LABEL_COLOUR,
     )
 
 
@@ -422,5 +411,5 @@ def draw_bars(
                 color=FIRST_LOOK.colour if goes else "white",
                 edgecolor=FIRST_LOOK.colour if entry.outcome != "matters" else "#999999",
             )
-    ax.axvline(0.0, color="#333333", linewidth=0.6)
+    ax.axvline(0.0, color=LABEL_COLOUR, linewidth=0.6)
     ax.set_axisbelow(True)

@@ -22,11 +22,11 @@ from matplotlib.patches import Patch
 
 from proofmass.errors import InputError
 from proofmass.report.case_data import finite_or_none
-from proofmass.report.figures import save
+from proofmass.report.figures import label_row, save
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, log_place
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
-from proofmass.report.style import RC, Look, engine_hatches, solver_looks
+from proofmass.report.style import LABEL_COLOUR, RC, Look, engine_hatches, solver_looks
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.studies.stress.boundary import (
     Boundary,
@@ -398,7 +398,6 @@ def describe_theory(one: Boundary) -> str:
     return f" Theory: {with_unit(one, number(one.theory, 4))}{of}{law}."
 
 
-TEXT_COLOUR = "#333333"
 ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (0.17, 7.2, 0.75)
 """Height of a row, width of the figure, and upper and lower margin [inch]."""
 COLOUR_SHARE = 0.35  # share of an engine's colour in its bars; the rest is white
@@ -428,27 +427,13 @@ def stress_figure(found: Sequence[Boundary]) -> Figure:
     y, styles = float(rows), engine_styles(found)
     for parameter, ours in groups:
         unit = "" if ours[0].unit in ("1", "times") or not known else f" [{ours[0].unit}]"
-        axes[0].annotate(
-            parameter + unit,
-            (0, y - 0.15),
-            xycoords=("axes fraction", "data"),
-            xytext=(-4, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontweight="bold",
-        )
+        label_row(axes[0], parameter + unit, y - 0.15, fontweight="bold")
         for one in ours:
             y -= 1
             draw_bar(axes[0], one, y, known, styles[one.engine])
             if known and one.ratio == one.ratio:
-                axes[1].plot(
-                    one.ratio,
-                    y,
-                    color=styles[one.engine][0].colour,
-                    markersize=4,
-                    marker=styles[one.engine][0].marker,
-                )
+                look = styles[one.engine][0]
+                axes[1].plot(one.ratio, y, color=look.colour, marker=look.marker, markersize=4)
         y -= 1
     format_axes(axes, found, rows, known)
     figure.subplots_adjust(
@@ -468,16 +453,7 @@ def engine_styles(found: Sequence[Boundary]) -> dict[str, Style]:
 def draw_bar(ax: Axes, one: Boundary, y: float, known: bool, style: Style) -> None:
     """Draw a boundary: a bar from its first value to its last, and a marker at its end."""
     label = f"{one.what}, {one.setting}" if known else f"{format_solver(one.engine)}, {one.setting}"
-    ax.annotate(
-        label,
-        (0, y),
-        xycoords=("axes fraction", "data"),
-        xytext=(-4, 0),
-        fontsize=6.5,
-        textcoords="offset points",
-        ha="right",
-        va="center",
-    )
+    label_row(ax, label, y, fontsize=6.5)
     low, high = bar_ends(one, known)
     colour = style[0].colour
     if one.holds != one.holds:
@@ -556,7 +532,7 @@ def format_axes(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, know
     axes[0].set_xlim(min(bar_ends(one, known)[0] for one in found) * 0.9, right * room)
     if known:
         axes[1].axvspan(1 - THEORY_TOLERANCE, 1 + THEORY_TOLERANCE, color="#eeeeee", zorder=0)
-        axes[1].axvline(1.0, color=TEXT_COLOUR, linewidth=0.8)
+        axes[1].axvline(1.0, color=LABEL_COLOUR, linewidth=0.8)
         axes[1].set_xlim(1 - 1.6 * THEORY_TOLERANCE, 1 + 1.6 * THEORY_TOLERANCE)
         axes[1].set_xlabel("measured / theory")
 
@@ -567,7 +543,7 @@ def draw_legend(figure: Figure, found: Sequence[Boundary], height: float) -> Non
         Patch(label=format_solver(e), **bar_fill(style))
         for e, style in engine_styles(found).items()
     ]
-    plain: dict[str, Any] = {"color": TEXT_COLOUR, "linestyle": "", "markersize": 4.5}
+    plain: dict[str, Any] = {"color": LABEL_COLOUR, "linestyle": "", "markersize": 4.5}
     handles += [
         Line2D([], [], marker="o", label="failed, and said so", **plain),
         Line2D([], [], marker="o", markerfacecolor="white", label="failed in silence", **plain),

@@ -23,13 +23,13 @@ from proofmass.grouping import group_by
 from proofmass.outcome import Outcome
 from proofmass.report.figures import set_decades
 from proofmass.report.refinements import draw_triangle
-from proofmass.report.style import FIXED_LOOKS, SOLID, Dash, Look
+from proofmass.report.style import FIXED_LOOKS, LABEL_COLOUR, SOLID, Dash, Look
 from proofmass.studies.record import KIND_UNITS, StudyRow
 from proofmass.studies.trade.varied import setting_size
 from proofmass.studies.trade.verdict import Verdict, pareto_front
 from proofmass.wording import number
 
-TEXT_COLOUR, LINE_COLOUR = "#333333", "#888888"
+LINE_COLOUR = "#888888"
 SHARED_LETTER_DISTANCE = 9.0
 """Distance of ends of series up to which their letters share one place [pt]."""
 SAME_FLOOR_RATIO = 3.0
@@ -213,7 +213,7 @@ def write_margin(
             fontsize=6.5,
             textcoords="axes fraction",
             va="center",
-            color=TEXT_COLOUR,
+            color=LABEL_COLOUR,
             arrowprops={
                 "arrowstyle": "-",
                 "linewidth": 0.6,
@@ -496,7 +496,7 @@ def draw_legend(figure: Figure, looks: Mapping[SeriesName, Look], marks: bool) -
                 color=FRONT_STYLE["color"],
             ),
             Line2D(
-                [], [], label="failed: see the table", color="#333333", marker="x", linestyle=""
+                [], [], label="failed: see the table", color=LABEL_COLOUR, marker="x", linestyle=""
             ),
         ]
     figure.legend(

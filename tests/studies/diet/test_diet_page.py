@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from proofmass.report.style import FIRST_LOOK
+from proofmass.report.style import FIRST_LOOK, LABEL_COLOUR
 from proofmass.studies.diet.page import (
-    MUTED_COLOUR,
     ZERO_PLACE,
     change_strip,
     saved_strip,
@@ -19,7 +18,7 @@ COSTS = Cost(2e-5, 30_720), Cost(1.5e-5, 20_480)
 HARMLESS_ENTRY = Entry(
     "light", "sun", "harmless", {"run": {"angle": 1e-3}}, "", COSTS, (0.2, 0.25, 0.3)
 )
-COLOUR_NAMES = {FIRST_LOOK.colour: "blue", MUTED_COLOUR: "grey"}
+COLOUR_NAMES = {FIRST_LOOK.colour: "blue", LABEL_COLOUR: "grey"}
 
 
 def test_summary_rows_have_the_total_savings() -> None:
