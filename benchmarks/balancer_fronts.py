@@ -21,13 +21,14 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from benchmarks import ROOT, command, folders
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, energy_spread, precision_points, rmse
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.analytic.numerics import Array
-from proofmass.design.pareto import LIMIT_EFFORT, SPREAD_LIMITS, find_front, is_on_hull
+from proofmass.design.pareto import LIMIT_EFFORT, SPREAD_LIMITS, find_front
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.front import nondominated_points
 from proofmass.report.style import RC
@@ -71,6 +72,28 @@ where more points could be found.
 ![Fronts of f1 and f2, and the thesis's balancers of least f1](balancer_fronts.png)
 
 """
+
+
+def is_on_hull(rmse: Array, spread: Array) -> NDArray[np.bool_]:
+    """Which points (B,) of a front are corners of its lower convex hull.
+
+    These are the points that a weighted sum of both objectives can find.  The errors must rise.
+
+    >>> is_on_hull(np.array([0.0, 1.0, 2.0]), np.array([1.0, 0.9, 0.0]))
+    array([ True, False,  True])
+    """
+    corners: list[int] = []
+    for k in range(rmse.size):
+        while len(corners) > 1:
+            (i, j) = corners[-2:]
+            turn = (rmse[j] - rmse[i]) * (spread[k] - spread[i]) - (spread[j] - spread[i]) * (
+                rmse[k] - rmse[i]
+            )
+            if turn > 0:
+                break
+            corners.pop()
+        corners.append(k)
+    return np.isin(np.arange(rmse.size), corners)
 
 
 def search_front(name: str, states: Path | None, quick: bool) -> Record:

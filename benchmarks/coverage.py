@@ -13,10 +13,23 @@ from collections.abc import Iterable, Sequence
 from benchmarks import ROOT, command
 from proofmass.case import Case
 from proofmass.coverage import Coverage, find_coverage
-from proofmass.coverage_search import MATERIAL_KINDS, Finding
+from proofmass.coverage_search import Finding
 from proofmass.explain import name_numbers, reason_not_noticed
 from proofmass.studies.command import load_cases
 
+MATERIAL_KINDS = (
+    "mass",
+    "mass of a rod",
+    "inertia",
+    "stiffness",
+    "stiffness of a rod",
+    "axial stiffness of a rod",
+    "shear stiffness of a rod",
+    "torsion stiffness of a rod",
+    "stiffness of a rod about y",
+    "friction",
+)
+"""Kinds of material properties of mechanisms, which a case should notice."""
 BEGIN = "<!-- python -m benchmarks.coverage writes from here to the next mark -->"
 END = "<!-- to here -->"
 HEAD = """

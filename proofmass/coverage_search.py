@@ -77,19 +77,6 @@ GROUPED_KINDS = {
 """Kinds that are often not noticed; they are tried in groups first, the others one by one."""
 POSITIVE_KINDS = {"damping", "armature", "friction", "stiffness"}
 """Kinds whose numbers are not made negative."""
-MATERIAL_KINDS = (
-    "mass",
-    "mass of a rod",
-    "inertia",
-    "stiffness",
-    "stiffness of a rod",
-    "axial stiffness of a rod",
-    "shear stiffness of a rod",
-    "torsion stiffness of a rod",
-    "stiffness of a rod about y",
-    "friction",
-)
-"""Kinds of material properties of mechanisms, which a case should notice."""
 COMPLETE_LABEL = "all together"
 """Label of the complete findings, after the last step of the search."""
 StoredFloat = Annotated[float, BeforeValidator(lambda x: math.nan if x is None else x)]

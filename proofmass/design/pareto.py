@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from proofmass.analytic.balancer.synthesis import Synthesis
 from proofmass.analytic.numerics import Array
@@ -101,28 +100,6 @@ def find_front(
     return Front(
         vectors[kept], figures.rmse[kept], figures.spread[kept], figures.work_reduction[kept]
     )
-
-
-def is_on_hull(rmse: Array, spread: Array) -> NDArray[np.bool_]:
-    """Which points (B,) of a front are corners of its lower convex hull.
-
-    These are the points that a weighted sum of both objectives can find.  The errors must rise.
-
-    >>> is_on_hull(np.array([0.0, 1.0, 2.0]), np.array([1.0, 0.9, 0.0]))
-    array([ True, False,  True])
-    """
-    corners: list[int] = []
-    for k in range(rmse.size):
-        while len(corners) > 1:
-            (i, j) = corners[-2:]
-            turn = (rmse[j] - rmse[i]) * (spread[k] - spread[i]) - (spread[j] - spread[i]) * (
-                rmse[k] - rmse[i]
-            )
-            if turn > 0:
-                break
-            corners.pop()
-        corners.append(k)
-    return np.isin(np.arange(rmse.size), corners)
 
 
 def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:

@@ -331,15 +331,10 @@ def draw_frames(
         return stage.frames(share), moved.picture.stopped
 
 
-def picture_points(picture: Picture) -> Array:
-    """Return all points of a picture, of links and joints (poses, points, 2) [m]."""
-    lines = [outline for link in picture.links for outline in link.outlines]
-    return np.concatenate([*lines, *(mark.at[:, None] for mark in picture.marks)], axis=1)
-
-
 def is_moving(picture: Picture) -> bool:
     """Whether any point of a picture moves between its poses."""
-    points = picture_points(picture)
+    lines = [outline for link in picture.links for outline in link.outlines]
+    points = np.concatenate([*lines, *(mark.at[:, None] for mark in picture.marks)], axis=1)
     return bool(np.ptp(points, axis=0).max() > MIN_MOTION * np.ptp(points, axis=(0, 1)).max())
 
 

@@ -1,6 +1,6 @@
 """All figures of a case, drawn in another process, so that several cases are drawn in parallel."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -214,7 +214,9 @@ def draw_figures(
                 curve_thumbnail(runs[0], style), folder / f"{slug}-thumbnail", png=False
             )
         for run in runs if papers else ():
-            for what in figure_names(run, shape):
+            for what in RUN_FIGURES:
+                if what == "paths" and not path_names(run, shape):
+                    continue
                 name = f"{run.kind}-{what}"
                 figure = (
                     path_figure(run, shape, style)
@@ -230,11 +232,6 @@ def draw_figures(
             stem = folder / f"{slug}-view-{k}"
             found[f"view-{k}"] = save(view_figure(view, style), stem, papers)
     return found
-
-
-def figure_names(view: PlottedRun, shape: Picture | None) -> Iterator[str]:
-    """Return the names of the figures of a run; paths are left out where there are none."""
-    return (what for what in RUN_FIGURES if what != "paths" or path_names(view, shape))
 
 
 def measured_paths(views: list[PlottedRun], shape: Picture) -> dict[str, Array]:

@@ -115,17 +115,13 @@ def format_changes(last: Record, found: Sequence[Change]) -> str:
     if not found:
         return start + "nothing changed"
     groups = group_by(found, lambda one: (one.case, one.run, one.solver, one.growth > 1))
-    words = [format_group(group) for group in groups.values()]
+    words = []
+    for first, *others in groups.values():
+        also = f" (and {len(others)} more channel{'s' * (len(others) > 1)})" if others else ""
+        words.append(f"{first.sentence}{also}")
     more = f"; and {len(words) - MAX_NAMED_CHANGES} more" if len(words) > MAX_NAMED_CHANGES else ""
     count = f"{len(found)} change{'s' * (len(found) > 1)}"
     return f"{start}{count}: {'; '.join(words[:MAX_NAMED_CHANGES])}{more}"
-
-
-def format_group(group: Sequence[Change]) -> str:
-    """Format changes of the channels of a run: the worst, and the number of the others."""
-    others = len(group) - 1
-    more = f" (and {others} more channel{'s' * (others > 1)})" if others else ""
-    return f"{group[0].sentence}{more}"
 
 
 def changes_of_case(found: Iterable[Change], case: str) -> list[Change]:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from benchmarks.balancer_fronts import is_on_hull
 from proofmass.analytic.balancer.synthesis import DesignMeasures, Synthesis, Variant
-from proofmass.design.pareto import find_front, is_on_hull, write_front
+from proofmass.design.pareto import find_front, write_front
 from proofmass.design.search import (
     EDGE_DISTANCE,
     MAX_DAMPING,

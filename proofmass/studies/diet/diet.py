@@ -489,11 +489,13 @@ class DietSearch:
         """
         shares: ChannelChanges = {}
         for monitored, model in zip(self.scene.monitored_runs, models, strict=True):
+            run = run_of(monitored)
+            run = replace(run, rods=edited.segmented(run.rods))
             curves = self.call_in_worker(
                 measure,
                 attempt,
                 model,
-                with_rods_of(run_of(monitored), edited),
+                run,
                 timeout=max(MIN_TIMEOUT, slower * monitored.before.seconds),
             )
             if isinstance(curves, Measurement):
@@ -542,11 +544,6 @@ def combine_features(wanted: list[Feature]) -> Feature:
             feature.cut(edited)
 
     return Feature(WHOLE_KIND, "", cut)
-
-
-def with_rods_of(run: Run, edited: EditedModel) -> Run:
-    """A run with its rods in as many segments as they have in an edited model."""
-    return replace(run, rods=edited.segmented(run.rods))
 
 
 def reference_key(monitored: MonitoredRun) -> object:

@@ -316,7 +316,7 @@ def search_stiffness(stressed: StressedCase) -> Iterator[LimitSearch]:
         "N m/rad",
         softest,
         STIFFNESS_RATIO * softest,
-        partial(try_spring, stressed, case, joint),
+        lambda stiffness: stressed.try_case(with_spring(case, stressed.models, joint, stiffness)),
         theory=limit,
         law="" if limit != limit else "powers of the step's matrix",
     )
@@ -341,11 +341,6 @@ def last_hinge(case: Case) -> tuple[str, float]:
 def with_short_run(case: Case, seconds: float, step: float) -> Case:
     """The case with a dynamics run of a shorter duration, which is sampled after every step."""
     return with_whole_steps(case.with_run("dynamics", n=round(seconds / step) + 1), seconds, step)
-
-
-def try_spring(stressed: StressedCase, case: Case, joint: str, stiffness: float) -> TrialResult:
-    """Run the case with a spring in a joint."""
-    return stressed.try_case(with_spring(case, stressed.models, joint, stiffness))
 
 
 def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
@@ -397,16 +392,11 @@ def search_time_step(stressed: StressedCase) -> Iterator[LimitSearch]:
         "s",
         stressed.step,
         stressed.seconds / MIN_STEPS,
-        partial(try_time_step, stressed),
+        lambda parameters, step: stressed.try_in_steps(
+            stressed.case, stressed.seconds, timestep=step, **parameters
+        ),
         stressed.engine.schemes,
     )
-
-
-def try_time_step(
-    stressed: StressedCase, parameters: dict[str, ParameterValue], step: float
-) -> TrialResult:
-    """Run with a time step [s]; samples are not closer than the step."""
-    return stressed.try_in_steps(stressed.case, stressed.seconds, timestep=step, **parameters)
 
 
 def search_drive_speed(stressed: StressedCase) -> Iterator[LimitSearch]:

@@ -594,12 +594,12 @@ def judge_rounding(row: StudyRow, kind: str, moved_by: Mapping[str, float]) -> t
     )
 
 
-def describe_limits(longest: float, budget: float = SERIES_BUDGET) -> str:
+def describe_limits(longest: float) -> str:
     """A sentence on the limits of a study: where series end, and when runs are given up."""
     return (
         f"Limits: a convergence series ends at {number(MAX_FORCE_EVALUATIONS)} evaluations of "
-        f"forces, after a run of more than {number(budget)} s, or where its errors no longer fall; "
-        f"a run is given up after {number(longest)} s (--longest)."
+        f"forces, after a run of more than {number(SERIES_BUDGET)} s, or where its errors no "
+        f"longer fall; a run is given up after {number(longest)} s (--longest)."
     )
 
 
