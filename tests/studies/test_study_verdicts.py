@@ -58,7 +58,6 @@ from proofmass.studies.trade.floor_cause import (
     format_factor,
     improvement,
     list_perturbations,
-    with_samples,
 )
 from proofmass.studies.trade.orders import expected_orders, is_unexpected, nearest_order
 from proofmass.studies.trade.series import (
@@ -254,7 +253,7 @@ def test_the_reference_is_perturbed_if_there_is_a_second_one(tmp_path):
 def test_samples_are_thinned_or_moved_to_the_ends_of_links(tmp_path):
     def of(name: str, run: str = "dynamics", n: int | None = None, segments: int = 40):
         case = load_shipped_case(name)
-        case = with_samples(case, run, n) if n else case
+        case = case.with_run(run, n=n) if n else case
         setting = Setting("mujoco", {"segments": segments, "timestep": 1e-3})
         found = [
             (own, p)
