@@ -359,39 +359,19 @@ def refinement_entry(view: PlottedRun, drawings: Drawings) -> dict[str, Any] | N
     }
 
 
-@dataclass(frozen=True)
-class PageLook:
-    """How a page shows a solver: CSS class, names, marker, dashes, colours on light and dark."""
-
-    css: str
-    label: str
-    title: str
-    variant: str
-    is_variant: bool
-    marker: str
-    dash: list[float]
-    light: str
-    dark: str
-
-
-def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, PageLook]:
-    """Return the looks of the solvers of a case, from its dict of `case_data`."""
+def looks_of(data: Mapping[str, Any], style: Mapping[str, Look]) -> dict[str, dict[str, Any]]:
+    """Return the solvers of a case, from its dict of `case_data`, with their looks on its page."""
     found = {}
     for k, (name, one) in enumerate(data["solvers"].items()):
         engine, _, variant = name.partition(":")
-        said = {"default": "its defaults", "": "as in the model"}.get(variant, variant)
-        colour = style[name].colour
-        found[name] = PageLook(
-            f"s{k}",
-            one["label"],
-            format_solver(engine),
-            said,
-            one["variant"],
-            one["marker"],
-            one["dash"],
-            make_legible(colour, BACKGROUNDS["light"]),
-            make_legible(colour, BACKGROUNDS["dark"]),
-        )
+        found[name] = {
+            **one,
+            "css": f"s{k}",
+            "title": format_solver(engine),
+            "setting": {"default": "its defaults", "": "as in the model"}.get(variant, variant),
+            "light": make_legible(style[name].colour, BACKGROUNDS["light"]),
+            "dark": make_legible(style[name].colour, BACKGROUNDS["dark"]),
+        }
     return found
 
 
