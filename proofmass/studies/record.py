@@ -224,7 +224,7 @@ def read_table(file: Path) -> list[StudyRow]:
 
 
 def read_cells(
-    file: Path, columns: Iterable[str], table: str = "the table of a study"
+    file: Path, columns: Iterable[str], what: str = "a study", again: str = "the study"
 ) -> list[dict[str, str]]:
     """Read the rows of a CSV file that a study wrote, with their cells by column.
 
@@ -241,8 +241,8 @@ def read_cells(
                     raise InputError(
                         file,
                         "",
-                        f"not {table}: no column {name!r}; if an earlier version wrote it, run "
-                        "the study again",
+                        f"not the table of {what}: no column {name!r}; if an earlier version "
+                        f"wrote it, run {again} again",
                     )
             return list(reader)
     except OSError as error:

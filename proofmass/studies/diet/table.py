@@ -164,7 +164,7 @@ def read_entries(file: Path) -> list[Entry]:
     InputError
         The file is not the table of a diet.
     """
-    rows = read_cells(file, COLUMN_DESCRIPTIONS, "the table of a diet")
+    rows = read_cells(file, COLUMN_DESCRIPTIONS, "a diet", "proofmass diet")
     whose = itemgetter("kind", "feature", "outcome", "message")
     return [entry_of_rows(list(own)) for _, own in groupby(rows, whose)]
 

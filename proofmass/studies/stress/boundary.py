@@ -294,7 +294,7 @@ def read_boundaries(file: Path) -> list[Boundary]:
     names = [field.name for field in fields(Boundary)]
     return [
         Boundary(**{name: parse_cell(cells[name], kinds[name]) for name in names})
-        for cells in read_cells(file, names)
+        for cells in read_cells(file, names, again="proofmass stress")
     ]
 
 

@@ -650,19 +650,10 @@ def text_to_paste(row: StudyRow) -> str:
 
 def format_as_sidecar(engine: str, parameters: dict[str, ParameterValue]) -> str:
     """Settings as a TOML table of a sidecar."""
-    lines = [
-        f"{name} = {format_toml(value)}" for name, value in parameters.items() if name != "segments"
+    lines = [  # numbers, texts, truth values and lists are the same in JSON and TOML
+        f"{name} = {json.dumps(value)}" for name, value in parameters.items() if name != "segments"
     ]
     return "\n".join(["# in the sidecar", f"[settings.{engine}]", *lines])
-
-
-def format_toml(value: ParameterValue) -> str:
-    """A value in TOML.
-
-    >>> format_toml(True), format_toml((0.02, 1.0)), format_toml("RK4")
-    ('true', '[0.02, 1.0]', '"RK4"')
-    """
-    return json.dumps(value)
 
 
 def limit_records(
