@@ -111,9 +111,8 @@ def loop_jacobian(m: Mechanism, motion: BodyMotion, q: Array) -> Array:
     matrix = np.empty((n, m.rows, joints))
     pins = 2 * len(m.pins)
     if pins:
-        one, on_one, two, on_two = m.ends
-        apart = jacobian(m, motion, one, motion.points(one, on_one))
-        apart -= jacobian(m, motion, two, motion.points(two, on_two))
+        ends = jacobian(m, motion, m.ends[0], motion.points(*m.ends))
+        apart = ends[:, : len(m.pins)] - ends[:, len(m.pins) :]
         matrix[:, 0:pins:2], matrix[:, 1:pins:2] = apart.real, apart.imag
     for k, c in enumerate(m.couplings, pins):
         slope = np.polynomial.Polynomial(c.polynomial).deriv()(weighted_sum(c.two, q - m.zeros))
@@ -177,8 +176,8 @@ def lipschitz(m: Mechanism, q: Array) -> Array:
 
 def _pin_offsets(m: Mechanism, motion: BodyMotion, order: int) -> Complex:
     """Vector from the second end of each pin to its first (pins, n), or a time derivative."""
-    one, on_one, two, on_two = m.ends
-    return motion.points(one, on_one, order) - motion.points(two, on_two, order)
+    ends = motion.points(*m.ends, order)
+    return np.asarray(ends[: len(m.pins)] - ends[len(m.pins) :])
 
 
 def _coupling_violation(m: Mechanism, q: Array, k: int) -> Array:

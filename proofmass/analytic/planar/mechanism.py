@@ -268,14 +268,11 @@ class Mechanism:
         return Frames.of(self)
 
     @cached_property
-    def ends(self) -> tuple[Index, Complex, Index, Complex]:
-        """Bodies (pins,) and points (pins, 1) of the first ends of all pins, then of the second."""
-        one, two = (np.array([getattr(p, k) for p in self.pins], np.intp) for k in ("one", "two"))
-        on_one, on_two = (
-            np.array([getattr(p, k) for p in self.pins], complex).reshape(-1, 1)
-            for k in ("on_one", "on_two")
-        )
-        return one, on_one, two, on_two
+    def ends(self) -> tuple[Index, Complex]:
+        """Bodies (2 pins,) and points (2 pins, 1): the first ends of all pins, then the second."""
+        bodies = [getattr(p, k) for k in ("one", "two") for p in self.pins]
+        points = [getattr(p, k) for k in ("on_one", "on_two") for p in self.pins]
+        return np.array(bodies, np.intp), np.array(points, complex).reshape(-1, 1)
 
     @cached_property
     def loaded_points(self) -> tuple[Index, Complex]:
