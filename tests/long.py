@@ -458,6 +458,8 @@ DEFAULT_PARAMETERS = {
     },
     "tests/analytic/planar/test_planar_rests.py": {
         "test_a_snap_ends_a_path_for_any_samples": ["572"],
+        # 8, 108, 14, 166: with stops, with a snap, ending at a sample, with a slack spring
+        "test_random_chains_have_the_equilibria_of_mujoco": ["8]", "14]", "166"],
     },
     "tests/analytic/planar/test_planar_springs.py": {
         "test_polynomial_springs_and_dampers_agree_with_the_spatial_reference": ["True"],
@@ -472,6 +474,8 @@ DEFAULT_PARAMETERS = {
             "strains0-force",
             "strains1-weight",
         ],
+        "test_twice_the_steps_move_the_tip_by_the_tolerance_only": ["20.0", "5.0-1.2"],
+        "test_a_column_of_equal_stiffnesses_buckles_at_eulers_load": ["0.98-True", "1.02-False"],
     },
     "tests/sim/test_rods_in_space.py": {
         "test_a_wrong_number_of_the_rod_differs": ["torsion = 0.0083"],

@@ -187,7 +187,7 @@ def test_statements_on_parameters_hold_for_changed_parameters(name):
     ("name", "reason"),
     [
         ("hacksaw_recorded", "a recorded curve has no parameters"),
-        ("andrews", "the reference reads the numbers of the model"),
+        ("peaucellier", "the reference reads the numbers of the model"),
         ("balls_touching", "no channel has a tolerance"),
     ],
 )
