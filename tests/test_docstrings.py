@@ -12,6 +12,7 @@ generates the pages of the documentation, reads the sections:
 - ``Returns`` of a function that returns a float or an array has a unit too.
 """
 
+import gc
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -30,7 +31,11 @@ OTHER_UNITS = ("its unit", "SI", "1", "px", "pt", "L", "EI/L", "GiB", "%")
 
 def load_package() -> griffe.Module:
     """The package as griffe reads it, without an import."""
-    package = griffe.load("proofmass", search_paths=[PACKAGE.parent], allow_inspection=False)
+    gc.disable()  # to search the many objects of the package for garbage takes half of the time
+    try:
+        package = griffe.load("proofmass", search_paths=[PACKAGE.parent], allow_inspection=False)
+    finally:
+        gc.enable()
     assert isinstance(package, griffe.Module)
     return package
 
