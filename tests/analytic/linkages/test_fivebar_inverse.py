@@ -8,6 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from proofmass.analytic.linkages import fivebar
+from proofmass.analytic.linkages.fivebar.maps import FivebarLengths, reach_border
+from tests.independent.linkages.reach import fivebar_margin
 
 SYMMETRIC = {
     "left_crank": 4.0,
@@ -142,7 +144,7 @@ def test_inverse_angles_are_continuous_around_a_base():
 @settings(derandomize=True, max_examples=100, deadline=None)
 @given(linkages, st.tuples(st.floats(-6.0, 6.0), st.floats(-6.0, 6.0)))
 def test_the_inverse_exists_where_the_margin_is_positive(link, tip):
-    inside = fivebar.margin(tip, **link)
+    inside = fivebar_margin(tip, **link)
     assume(abs(inside) > 1e-9)
     if inside > 0:
         assert np.isfinite(fivebar.solve_inverse(tip, **link)["left"])
@@ -170,50 +172,21 @@ def test_an_unreachable_tip_is_named_with_its_violation():
         fivebar.solve_inverse([0.0, 8.0], **{**SYMMETRIC, "left_crank": 0.0})
 
 
-def test_type_1_singularities_are_the_boundary_of_the_reach():
-    circles = fivebar.boundary(721, **SYMMETRIC)
-    assert circles.shape == (4, 2, 721)
-    for (side, folded), circle in zip(
-        itertools.product(SIDES, (False, True)), circles, strict=True
-    ):
-        here = circle[:, ~np.isnan(circle[0])]
-        assert here.shape[1] > 0
-        inside = fivebar.margin(here, **SYMMETRIC)
+@pytest.mark.parametrize("side", SIDES)
+def test_type_1_singularities_are_the_border_of_the_reach(side):
+    border = [
+        piece.points for piece, name in reach_border(FivebarLengths(**SYMMETRIC)) if name == side
+    ]
+    assert border
+    for z in border:
+        here = np.array([z.real, z.imag])
+        inside = fivebar_margin(here, **SYMMETRIC)
         np.testing.assert_allclose(inside, 0.0, rtol=0, atol=1e-14)  # rounding of 9 m
         pose = fivebar.solve_inverse(here, **SYMMETRIC)
         crank = here - [[SYMMETRIC[f"{side}_x"]], [0.0]]
         turned = 4.0 * np.stack([np.cos(pose[side]), np.sin(pose[side])])
         straight = np.abs(crank[0] * turned[1] - crank[1] * turned[0])
         assert straight.max() <= 1e-6  # sqrt(eps) times 9 m times 4 m: the root of a zero area
-        outward = -crank if folded else crank
-        assert np.all(fivebar.margin(here + 1e-6 * outward, **SYMMETRIC) < 0)
-
-
-@settings(derandomize=True, max_examples=100, deadline=None)
-@given(linkages, st.floats(-3.1, 3.1), st.sampled_from(SIGNS))
-def test_type_2_singularities_are_the_border_of_what_can_be_assembled(link, left, mode):
-    far, near = (
-        link["left_coupler"] + link["right_coupler"],
-        abs(link["left_coupler"] - link["right_coupler"]),
-    )
-    reach = abs(link["left_x"] - link["right_x"]) + link["left_crank"] + link["right_crank"]
-    for row, right in enumerate(fivebar.in_line(left, **link)):
-        if np.isnan(right):
-            continue
-        pins = [
-            link[f"{side}_x"] + link[f"{side}_crank"] * np.exp(1j * angle)
-            for side, angle in (("left", left), ("right", right))
-        ]
-        apart = far if row < 2 else near
-        # arccos near its ends loses half of the digits
-        assert abs(pins[1] - pins[0]) == pytest.approx(apart, abs=3e-8 * reach)
-        slope = abs(np.imag(np.conj(pins[1] - pins[0]) * (pins[1] - link["right_x"])))
-        assume(slope > 1e-2 and near > 1e-2)
-        inward = 1e-6 * (1 if row in (0, 3) else -1)  # stretched: pins closer; folded: pins apart
-        pose = fivebar.solve([left, right + inward], **link, mode=mode)
-        assert abs(pose["assembly"]) < 0.5
-        with pytest.raises(ValueError, match="circles of the couplers miss"):
-            fivebar.solve([left, right - inward], **link, mode=mode)
 
 
 def test_unassembled_share_is_that_of_counting_and_of_known_cases():
@@ -248,21 +221,6 @@ def test_unassembled_share_is_that_of_counting_and_of_known_cases():
     assert fivebar.unassembled_share(**never) == 1.0
     equal = dict.fromkeys(THESIS, 1.0)  # coaxial cranks, with 0/0 where the clipping would begin
     assert fivebar.unassembled_share(**equal) == pytest.approx(0.0, abs=1e-14)
-
-
-@settings(derandomize=True, max_examples=50, deadline=None)
-@given(lengths, lengths, st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
-def test_pin_distances_have_the_counted_range(left_crank, right_crank, left_x, right_x):
-    least, largest = fivebar.pin_distances(
-        left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x
-    )
-    turn = np.linspace(0.0, TURN, 401)
-    pins = [
-        x + crank * np.exp(1j * turn) for x, crank in ((left_x, left_crank), (right_x, right_crank))
-    ]
-    found = np.abs(pins[1] - pins[0][:, None])
-    assert largest == pytest.approx(found.max(), rel=1e-14, abs=0)  # at whole and half turns
-    assert least - 1e-14 <= found.min() <= least + 0.05  # grid of 0.016 rad times 3 m
 
 
 def test_the_tip_rests_in_the_corners_of_a_rectangle() -> None:

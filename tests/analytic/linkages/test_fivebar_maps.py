@@ -9,6 +9,8 @@ import pytest
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.linkages import fivebar
 from proofmass.analytic.linkages.fivebar.maps import WORKING_MODE_PAIRS, reach_border
+from proofmass.analytic.linkages.regions import PlaneRegion, join_regions
+from tests.independent.linkages.reach import fivebar_margin
 
 LINKS = {
     "thesis": fivebar.FivebarLengths(2.0, 3.5, 4.0, 1.0, 0.0, 2.0),
@@ -41,12 +43,17 @@ def coupler_sine(
 ) -> np.ndarray:
     """Sine of the angle between the couplers by the inverse problem; NaN out of reach."""
     found = np.full(tip.shape, np.nan)
-    inside = fivebar.margin([tip.real, tip.imag], **asdict(link)) > 0.0
+    inside = fivebar_margin([tip.real, tip.imag], **asdict(link)) > 0.0
     where = tip[inside]
     found[inside] = fivebar.solve_inverse(
         [where.real, where.imag], **asdict(link), left_mode=mode[0], right_mode=mode[1]
     )["assembly"]
     return found
+
+
+def reach(link: fivebar.FivebarLengths) -> list[PlaneRegion]:
+    """Regions within the border of the reach."""
+    return join_regions((piece for piece, _ in reach_border(link)), link.size)
 
 
 def cell_centres(link: fivebar.FivebarLengths, n: int = 420) -> tuple[np.ndarray, float]:
@@ -61,10 +68,10 @@ def cell_centres(link: fivebar.FivebarLengths, n: int = 420) -> tuple[np.ndarray
 
 @EACH
 def test_the_reach_is_the_overlap_of_two_rings(link: fivebar.FivebarLengths) -> None:
-    area = sum(one.area for one in fivebar.reach(link))
+    area = sum(one.area for one in reach(link))
     assert area == pytest.approx(fivebar.reach_area(link), rel=1e-10)  # angles of corners: 1e-11
     tip, cell = cell_centres(link)
-    counted = cell * np.sum(fivebar.margin([tip.real, tip.imag], **asdict(link)) > 0.0)
+    counted = cell * np.sum(fivebar_margin([tip.real, tip.imag], **asdict(link)) > 0.0)
     assert area == pytest.approx(counted, rel=6e-3)  # cells of 1/420 along a border
 
 
@@ -72,7 +79,7 @@ def test_the_reach_is_the_overlap_of_two_rings(link: fivebar.FivebarLengths) -> 
 def test_aspects_of_random_linkages_add_up_to_the_reach(count: int) -> None:
     for link in random_links(count):
         whole = fivebar.reach_area(link)
-        assert sum(one.area for one in fivebar.reach(link)) == pytest.approx(whole, rel=1e-9)
+        assert sum(one.area for one in reach(link)) == pytest.approx(whole, rel=1e-9)
         singular = singular_curves(link)
         for mode in WORKING_MODE_PAIRS:
             found = fivebar.aspects(link, mode, singular)
@@ -159,14 +166,14 @@ def test_coupler_sine_is_positive_left_of_random_type_2_curves(count: int) -> No
 def test_margin_changes_sign_across_type_1_curves(link: fivebar.FivebarLengths) -> None:
     for piece, _ in reach_border(link):
         tip = piece.points
-        inside = fivebar.margin([tip.real, tip.imag], **asdict(link))
+        inside = fivebar_margin([tip.real, tip.imag], **asdict(link))
         assert np.abs(inside).max() < 1e-12 * link.size
         tangent = np.gradient(tip)
         across = 1e-3 * 1j * (tangent / np.abs(tangent))
         middle = slice(tip.size // 4, -(tip.size // 4))
         for step, sign in ((across, 1.0), (-across, -1.0)):
             z = (tip + step)[middle]
-            assert (sign * fivebar.margin([z.real, z.imag], **asdict(link)) > 0.0).all()
+            assert (sign * fivebar_margin([z.real, z.imag], **asdict(link)) > 0.0).all()
 
 
 def bar_lengths(chart: Chart, label: str, panel: int) -> np.ndarray:

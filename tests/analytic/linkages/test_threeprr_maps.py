@@ -8,6 +8,7 @@ import pytest
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.linkages import threeprr
 from tests.analytic.linkages.threeprr_tables import SIX_POSES, TABLE3, TABLE4, TABLE5, TABLE6
+from tests.independent.linkages.reach import is_threeprr_pose
 
 THESIS = threeprr.RobotLengths(1.0, 1.0, 3.0, 2.0, 2.0)
 SHORT_SIDE = threeprr.RobotLengths(0.7, 1.0, 3.0, 1.5, 2.0)
@@ -42,7 +43,7 @@ def test_a_slice_is_where_all_legs_reach(robot: threeprr.RobotLengths, psi: floa
     x = robot.guide3_x + 2.0 * (robot.side + robot.leg) * (share - 0.5)
     y = 2.0 * robot.leg * (share - 0.5)
     grid = np.array([*np.meshgrid(x, y), np.full((n, n), psi)])
-    counted = threeprr.reachable(grid, **asdict(robot)).mean() * (
+    counted = is_threeprr_pose(grid, **asdict(robot)).mean() * (
         4.0 * robot.leg * (robot.side + robot.leg)
     )
     # cells along the edges, which are shorter than 2 L; a cell is 1/600 of the box
@@ -146,7 +147,7 @@ def test_angles_of_a_place_are_those_at_which_all_legs_reach(
     y = rng.uniform(-1.1, 1.1, 60) * robot.leg
     psi = (np.arange(3600) + 0.5) * 2.0 * np.pi / 3600
     grid = np.array(np.broadcast_arrays(x[:, None], y[:, None], psi))
-    counted = threeprr.reachable(grid, **asdict(robot)).mean(axis=1) * 2.0 * np.pi
+    counted = is_threeprr_pose(grid, **asdict(robot)).mean(axis=1) * 2.0 * np.pi
     angles = threeprr.angles_of_place(x, y, robot)
     assert np.abs(angles - counted).max() < 8 * 2.0 * np.pi / 3600  # at most eight ends of arcs
     assert np.ptp(counted) > 1.0

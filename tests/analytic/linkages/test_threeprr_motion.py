@@ -21,6 +21,7 @@ from tests.analytic.linkages.threeprr_tables import (
     slider_points,
     slider_triples,
 )
+from tests.independent.linkages.reach import is_threeprr_pose
 
 TURN = 2.0 * np.pi
 GRID = np.arange(256) / 256
@@ -152,12 +153,12 @@ def test_workspace_has_the_counts_of_the_document():
     line = np.linspace(*grid["range"], grid["nodes"])
     psi = np.arange(0.0, 2.0 + 1e-9, grid["psi_step_over_pi"]) * np.pi
     nodes = np.array(np.meshgrid(psi, line, line, indexing="ij"))[[1, 2, 0]]
-    reached = threeprr.reachable(nodes, **grid["where"])
+    reached = is_threeprr_pose(nodes, **grid["where"])
     assert reached.sum(axis=(1, 2)).tolist() == grid["counts"]
     assert reached.sum() == 1185
     cut = grid["slice"]
     nodes = np.array(np.meshgrid(line, line, np.radians(cut["psi_deg"]), indexing="ij"))
-    x, y, _ = nodes[:, threeprr.reachable(nodes, **grid["where"])]
+    x, y, _ = nodes[:, is_threeprr_pose(nodes, **grid["where"])]
     assert x.size == cut["count"]
     for found, printed in ((x, cut["x"]), (y, cut["y"])):  # nodes, multiples of 0.18 m
         np.testing.assert_allclose([found.min(), found.max()], printed, atol=1e-12, rtol=0)
@@ -166,7 +167,7 @@ def test_workspace_has_the_counts_of_the_document():
 def test_the_inverse_problem_is_solved_for_reachable_poses_only():
     rng = np.random.default_rng(3)
     nodes = rng.uniform(-3.0, 4.0, (3, 300))
-    reached = threeprr.reachable(nodes, **LENGTHS)
+    reached = is_threeprr_pose(nodes, **LENGTHS)
     assert 0 < reached.sum() < 300
     threeprr.solve_inverse(nodes[:, reached], **LENGTHS)
     for node in nodes[:, ~reached].T:

@@ -142,7 +142,7 @@ def type_2(link: FivebarLengths) -> list[SingularPiece]:
         L----------R-----T  folded,    |L - R| = |c - r|      T = L + (R - L) c/(c - r)
 
     With the couplers in line the linkage is a four-bar, and T moves on its coupler curve.  At a
-    left angle alpha the right angle is one of two, as in `in_line`.  On an interval of alpha where
+    left angle alpha the right angle is one of two.  On an interval of alpha where
     they exist, the parameter u with alpha = middle - half cos(u) removes the square roots at its
     ends.  A piece ends where a crank and its coupler are in line, too: there the tip is on the
     border of the reach, and the working mode changes.  Couplers of equal length can be folded with
@@ -318,11 +318,6 @@ def circle_crossings(
         return []
     angle = float(np.arccos((g**2 + radius**2 - other_radius**2) / (2.0 * g * radius)))
     return [angle, TURN - angle]
-
-
-def reach(link: FivebarLengths) -> list[PlaneRegion]:
-    """Connected regions that the tip can reach, the largest first."""
-    return join_regions((piece for piece, _ in reach_border(link)), link.size)
 
 
 def aspects(

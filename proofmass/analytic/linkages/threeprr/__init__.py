@@ -14,7 +14,6 @@ from proofmass.analytic.linkages.threeprr.kinematics import (
     WORKING_MODES,
     circle,
     poses,
-    reachable,
     solve,
     solve_inverse,
 )
@@ -43,7 +42,6 @@ __all__ = [
     "poses",
     "reach_area_of_place",
     "reach_of_place",
-    "reachable",
     "singular_poses",
     "slice_area",
     "solve",

@@ -1,6 +1,6 @@
 """Rigid 3PRR planar parallel robot: motion of the platform from its three sliders, and the inverse.
 
-The module also has the workspace on a grid, and all poses of the platform for given sliders.
+The module also has all poses of the platform for given sliders.
 """
 
 from collections.abc import Collection
@@ -124,30 +124,6 @@ def solve_inverse(
     }.items():
         curves |= {name.format(k + 1): row for k, row in enumerate(rows)}
     return {name: curve.reshape(shape) for name, curve in curves.items()}
-
-
-def reachable(
-    pose: ArrayLike,
-    *,
-    side: float,
-    leg: float,
-    guide2_x: float,
-    guide3_x: float,
-    guide3_y: float,
-) -> NDArray[np.bool_]:
-    """Whether all legs reach their guides, for a grid of poses: the workspace.
-
-    `pose` holds x, y [m] of P and psi [rad], (3, ...); lengths as in `solve`; returns (...). All
-    three radicands leg^2 - (d x g)^2 must not be negative (eqs 62-64 of the source of `solve`).
-    >>> where = dict(side=1.0, leg=1.0, guide2_x=3.0, guide3_x=1.5, guide3_y=2.0)
-    >>> reachable(np.transpose([(0.6, 0.4, 0.0), (0.6, 1.4, 0.0)]), **where)
-    array([ True, False])
-    """
-    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
-    shape, (point, *_), (psi, *_) = _motion(pose, 0.0, 0.0)
-    corner = point + side * UNIT_CORNERS * np.exp(1j * psi)
-    across = ((corner - guide_origins(guide2_x, guide3_x, guide3_y)) / GUIDE_DIRECTIONS).imag
-    return np.all(np.abs(across) <= leg, axis=0).reshape(shape)
 
 
 def guide_origins(guide2_x: float, guide3_x: float, guide3_y: float) -> Complex:
