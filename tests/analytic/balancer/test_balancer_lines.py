@@ -5,9 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from proofmass.analytic.balancer import solve
-from proofmass.analytic.balancer.measures import TARGETS, best_lines, precision_points, rmse, target
+from proofmass.analytic.balancer.measures import TARGETS, precision_points, rmse, target
 from proofmass.analytic.balancer.synthesis import THESIS_FIGURES
 from tests.analytic.balancer.balancer_chain import ROWS, row_parameters
+from tests.independent.balancer.lines import best_lines
 
 NINETY_POINTS, FIFTEEN_POINTS = precision_points(90), precision_points(15)
 # all targets in its column

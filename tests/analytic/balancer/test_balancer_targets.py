@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from proofmass.analytic.balancer import measures, solve
 from proofmass.analytic.balancer.measures import TARGETS, target, target_from_table
 from tests.analytic.balancer.balancer_chain import PATH_ANGLES, ROWS, row_parameters
+from tests.independent.balancer.lines import best_lines
 
 EACH_TARGET = pytest.mark.parametrize("name", TARGETS)
 QUARTER_TURN = np.linspace(0.0, np.pi / 2, 91)
@@ -263,9 +264,7 @@ def test_measures_take_a_batch():
         lambda m: measures.work_reduction(m, sine, PATH_ANGLES),
     ):
         np.testing.assert_allclose(measure(moments), [measure(m) for m in moments], rtol=1e-14)
-    batch = measures.best_lines(PATH_ANGLES, moments, pieces=2)
+    batch = best_lines(PATH_ANGLES, moments, pieces=2)
     for row, moment in enumerate(moments):
-        for many, one in zip(
-            batch, measures.best_lines(PATH_ANGLES, moment, pieces=2), strict=True
-        ):
+        for many, one in zip(batch, best_lines(PATH_ANGLES, moment, pieces=2), strict=True):
             np.testing.assert_allclose(many[row], one, rtol=1e-12)
