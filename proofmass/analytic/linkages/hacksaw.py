@@ -374,9 +374,10 @@ def newton_pose(
     for order in range(3):
         part = slice(3 * order, 3 * order + 3)
 
-        def block(q: Array, order: int = order, part: slice = part) -> tuple[Array, Array]:
+        def block(q: Array, part: slice = part) -> tuple[Array, Array]:
             x[part] = q
-            return newton_block(x[: part.stop], crank_motion, *lengths, order, reduced=reduced)
+            residual, jacobian = newton_system(x, crank_motion, *lengths, reduced=reduced)
+            return residual[part], jacobian[part, part]
 
         logs.append(
             newton_raphson(
@@ -438,61 +439,6 @@ def newton_system(
     cos(theta1). Difference: the rows of rates have the order guide, x, y, as those of position and
     acceleration have.
     """
-    along, z1, z3, residual = _loop_equations(unknowns, crank_motion, crank, coupler, offset)
-    blocks = [_position_jacobian(along[k], z1[k], z3[k]) for k in range(3)]
-    jacobian = np.block([[comb(k, j) * blocks[max(k - j, 0)] for j in range(3)] for k in range(3)])
-    if reduced:
-        residual[0], jacobian[:3, :3] = _reduce_position(
-            residual[0], jacobian[:3, :3], unknowns, offset
-        )
-    return residual.ravel(), jacobian
-
-
-def newton_block(
-    unknowns: Array,
-    crank_motion: ArrayLike,
-    crank: float,
-    coupler: float,
-    offset: float,
-    order: int,
-    *,
-    reduced: bool = False,
-) -> tuple[Array, Array]:
-    """The three equations of positions, rates or accelerations, and their Jacobian (3, 3).
-
-    Parameters
-    ----------
-    unknowns : ndarray (3 order + 3,)
-        Unknowns of this order and of the lower orders [SI].
-    crank_motion : array_like (3,)
-        Crank angle, rate and acceleration [SI].
-    crank, coupler, offset : float
-        Lengths [m].
-    order : int
-        Number of time derivatives: 0, 1 or 2.
-    reduced : bool
-        See `newton_system`.
-
-    Returns
-    -------
-    residual : ndarray (3,)
-        [SI]
-    jacobian : ndarray (3, 3)
-        [SI]
-    """
-    along, z1, z3, residual = _loop_equations(
-        np.append(unknowns, np.zeros(9 - unknowns.size)), crank_motion, crank, coupler, offset
-    )
-    slope = _position_jacobian(along[0], z1[0], z3[0])
-    if reduced and not order:
-        return _reduce_position(residual[0], slope, unknowns, offset)
-    return residual[order], slope
-
-
-def _loop_equations(
-    unknowns: Array, crank_motion: ArrayLike, crank: float, coupler: float, offset: float
-) -> tuple[Complex, Complex, Complex, Array]:
-    """Direction of r1, vectors of r1 and coupler, with two derivatives each; residual F (3, 3)."""
     r1, theta1, theta3 = (unknowns[i::3] for i in range(3))  # values and their two derivatives
     along, z2, z3 = (
         _rotation_derivatives(theta1),
@@ -503,29 +449,22 @@ def _loop_equations(
     violation = z2 + z3 - z1
     residual = np.stack([z1.imag, violation.real, -violation.imag], 1)
     residual[0, 0] -= offset
-    return along, z1, z3, residual
-
-
-def _reduce_position(
-    residual: Array, jacobian: Array, unknowns: Array, offset: float
-) -> tuple[Array, Array]:
-    """Residual and Jacobian of position with r1 = offset/sin(theta1) in the rows of the loop."""
-    r1, c, s = unknowns[0], np.cos(unknowns[1]), np.sin(unknowns[1])
-    changed = np.array(jacobian)
-    changed[1:, :2] = [[0.0, offset / s**2], [0.0, 0.0]]
-    return residual + np.array([0.0, (r1 - offset / s) * c, offset - r1 * s]), changed
+    guide, loop = np.array([[along, 1j * z1, 0.0 * z1], [-along, -1j * z1, 1j * z3]])
+    slopes = np.stack([guide.imag, loop.real, -loop.imag])  # rows, unknowns, time derivatives
+    jacobian = np.block(
+        [[comb(k, j) * slopes[..., max(k - j, 0)] for j in range(3)] for k in range(3)]
+    )
+    if reduced:
+        c, s = np.cos(theta1[0]), np.sin(theta1[0])
+        residual[0, 1:] += (r1[0] - offset / s) * c, offset - r1[0] * s
+        jacobian[1:3, :2] = [[0.0, offset / s**2], [0.0, 0.0]]
+    return residual.ravel(), jacobian
 
 
 def _rotation_derivatives(motion: ArrayLike) -> Complex:
     """exp(i angle) and its first two time derivatives, from angle, rate and acceleration."""
     angle, rate, acceleration = np.asarray(motion)
     return np.exp(1j * angle) * np.array([1.0, 1j * rate, 1j * acceleration - rate**2])
-
-
-def _position_jacobian(along: complex, z1: complex, z3: complex) -> Array:
-    """Derivatives of the rows guide, loop x and loop y by r1, theta1 and theta3."""
-    derivatives = np.array([[along, 1j * z1, 0.0], [-along, -1j * z1, 1j * z3]])
-    return np.stack([derivatives[0].imag, derivatives[1].real, -derivatives[1].imag])
 
 
 def newton_course(
