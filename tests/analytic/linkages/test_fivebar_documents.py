@@ -178,7 +178,7 @@ def test_pin_distances_and_unassembled_share_are_those_of_the_thesis():
     least, largest = THESIS["cycle_pin_distance"]
     assert apart.min() == pytest.approx(least, abs=5.1e-9 + 3e-6)  # digits, grid
     assert apart.max() == pytest.approx(largest, abs=1e-15)  # at half a turn, exact
-    share = fivebar.unassembled_share(**LINK)
+    share = fivebar.unassembled_share(fivebar.FivebarLengths(**LINK))
     assert share == pytest.approx(THESIS["unassembled_share"], abs=1e-4)  # counted on a grid
 
 

@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from proofmass.analytic.linkages import fivebar
-from proofmass.analytic.linkages.fivebar.maps import FivebarLengths, reach_border
+from proofmass.analytic.linkages.fivebar import FivebarLengths, unassembled_share
+from proofmass.analytic.linkages.fivebar.maps import reach_border
 from tests.independent.linkages.reach import fivebar_margin
 
 SYMMETRIC = {
@@ -191,7 +192,7 @@ def test_type_1_singularities_are_the_border_of_the_reach(side):
 
 def test_unassembled_share_is_that_of_counting_and_of_known_cases():
     """Against counting, the mirrored linkage (another integral), and known shares."""
-    share = fivebar.unassembled_share(**THESIS)
+    share = unassembled_share(FivebarLengths(**THESIS))
     turn = (np.arange(2003) + 0.5) * TURN / 2003
     pins = 2.0 * np.exp(1j * turn[:, None]), 2.0 + np.exp(1j * turn)
     counted = np.mean(np.abs(pins[1] - pins[0]) < 0.5)
@@ -204,10 +205,10 @@ def test_unassembled_share_is_that_of_counting_and_of_known_cases():
         "left_x": 0.0,
         "right_x": 2.0,
     }
-    assert share == pytest.approx(fivebar.unassembled_share(**mirrored), abs=1e-13)
+    assert share == pytest.approx(unassembled_share(FivebarLengths(**mirrored)), abs=1e-13)
     coaxial = {**THESIS, "right_x": 0.0, "left_crank": 1.0}  # too near: 2 sin(half angle) < 1/2
     known = 2.0 * np.arcsin(0.25) / np.pi
-    assert fivebar.unassembled_share(**coaxial) == pytest.approx(known, abs=1e-14)
+    assert unassembled_share(FivebarLengths(**coaxial)) == pytest.approx(known, abs=1e-14)
     always = {
         "left_crank": 1.2,
         "left_coupler": 2.6,
@@ -216,11 +217,11 @@ def test_unassembled_share_is_that_of_counting_and_of_known_cases():
         "left_x": -1.25,
         "right_x": 1.25,
     }
-    assert fivebar.unassembled_share(**always) == pytest.approx(0.0, abs=1e-14)
+    assert unassembled_share(FivebarLengths(**always)) == pytest.approx(0.0, abs=1e-14)
     never = {**always, "left_coupler": 9.0}
-    assert fivebar.unassembled_share(**never) == 1.0
+    assert unassembled_share(FivebarLengths(**never)) == 1.0
     equal = dict.fromkeys(THESIS, 1.0)  # coaxial cranks, with 0/0 where the clipping would begin
-    assert fivebar.unassembled_share(**equal) == pytest.approx(0.0, abs=1e-14)
+    assert unassembled_share(FivebarLengths(**equal)) == pytest.approx(0.0, abs=1e-14)
 
 
 def test_the_tip_rests_in_the_corners_of_a_rectangle() -> None:

@@ -9,6 +9,7 @@ from proofmass.analytic.linkages.fivebar.charts import (
 from proofmass.analytic.linkages.fivebar.kinematics import (
     MODES,
     WORKING_MODES,
+    FivebarLengths,
     circle,
     jacobians,
     properties,
@@ -18,7 +19,6 @@ from proofmass.analytic.linkages.fivebar.kinematics import (
     unassembled_share,
 )
 from proofmass.analytic.linkages.fivebar.maps import (
-    FivebarLengths,
     aspects,
     reach_area,
     type_2,

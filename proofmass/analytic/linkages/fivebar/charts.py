@@ -190,15 +190,8 @@ def poses_of_tip(
         angle = np.array([found["left"], found["right"]])
         assembly = 1 if found["assembly"] > 0.0 else -1
         tips = [solve(angle, **lengths, mode=m) for m in (assembly, -assembly)]
-        pins = np.array([link.left_x, link.right_x]) + np.array(
-            [link.left_crank, link.right_crank]
-        ) * np.exp(1j * angle)
-        yield (
-            mode,
-            assembly,
-            angle,
-            np.array([*pins, *(complex(t["tip_x"], t["tip_y"]) for t in tips)]),
-        )
+        points = *link.crank_pins(*angle), *(complex(t["tip_x"], t["tip_y"]) for t in tips)
+        yield mode, assembly, angle, np.array(points)
 
 
 def working_modes(
@@ -299,7 +292,7 @@ def crank_angles(
         )
         for assembly in (1, -1)
     )
-    share = unassembled_share(**asdict(link))
+    share = unassembled_share(link)
     words = (
         "All pairs of angles can be assembled."
         if share < 1e-12
@@ -425,16 +418,7 @@ def type_1_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:
             seen[f"{TYPE_1_LABELS[side]}, {how}"] = tip
     for title, tip in seen.items():
         found = solve_inverse([tip.real, tip.imag], **asdict(link), left_mode=1, right_mode=-1)
-        yield (
-            title,
-            np.array(
-                [
-                    link.left_x + link.left_crank * np.exp(1j * found["left"]),
-                    link.right_x + link.right_crank * np.exp(1j * found["right"]),
-                    tip,
-                ]
-            ),
-        )
+        yield title, np.array([*link.crank_pins(found["left"], found["right"]), tip])
 
 
 def type_2_poses(link: FivebarLengths) -> Iterable[tuple[str, Complex]]:

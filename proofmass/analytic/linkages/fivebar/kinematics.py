@@ -9,15 +9,16 @@ r"""Planar five-bar linkage with both cranks driven: motion, holding moments, in
    l \       / m          g      distance A-B
       A     B
 
-Functions have the parameters of `solve`: left_crank l, left_coupler c, right_coupler r, right_crank
-m, left_x and right_x, all in [m]. A length that is not positive, or a left_x or right_x that is not
-finite, raises a ValueError. Sources: the workspace as the intersection of two annuli is textbook
-knowledge, and so are the two types of singularity (C. Gosselin and J. Angeles, IEEE Trans. Robotics
-and Automation 6, 1990); neither B. Díaz Lozano, TFG, Universidad de Almería 2019, nor the five-bar
-notebook treats them.
+The lengths are those of `solve` and `FivebarLengths`: left_crank l, left_coupler c, right_coupler
+r, right_crank m, left_x and right_x, all in [m]. A length that is not positive, or a left_x or
+right_x that is not finite, raises a ValueError. Sources: the workspace as the intersection of two
+annuli is textbook knowledge, and so are the two types of singularity (C. Gosselin and J. Angeles,
+IEEE Trans. Robotics and Automation 6, 1990); neither B. Díaz Lozano, TFG, Universidad de Almería
+2019, nor the five-bar notebook treats them.
 """
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,74 @@ from proofmass.analytic.numerics import (
 )
 
 WORKING_MODES = (1, -1)
+
+
+@dataclass(frozen=True)
+class FivebarLengths:
+    """Lengths on which the reach of a five-bar linkage depends.
+
+    Attributes
+    ----------
+    left_crank, left_coupler, right_coupler, right_crank : float
+        Lengths between pins [m].
+    left_x, right_x : float
+        Places of the fixed pins on the x axis [m].
+    """
+
+    left_crank: float
+    left_coupler: float
+    right_coupler: float
+    right_crank: float
+    left_x: float
+    right_x: float
+
+    def __post_init__(self) -> None:
+        check_positive(
+            left_crank=self.left_crank,
+            left_coupler=self.left_coupler,
+            right_coupler=self.right_coupler,
+            right_crank=self.right_crank,
+        )
+        check_number(left_x=self.left_x, right_x=self.right_x)
+
+    @property
+    def base(self) -> float:
+        """Distance from the left to the right fixed pin along x, of either sign [m]."""
+        return self.right_x - self.left_x
+
+    @property
+    def size(self) -> float:
+        """Sum of all lengths [m]."""
+        return (
+            abs(self.base)
+            + self.left_crank
+            + self.left_coupler
+            + self.right_coupler
+            + self.right_crank
+        )
+
+    @property
+    def circles(self) -> tuple[tuple[float, float, int, str], ...]:
+        """Circles that bound the reach: centre, radius [m], +1 outer or -1 inner, side.
+
+        A circle of radius zero, of a crank as long as its coupler, is left out.
+        """
+        found = []
+        for side, x, crank, coupler in (
+            ("left", self.left_x, self.left_crank, self.left_coupler),
+            ("right", self.right_x, self.right_crank, self.right_coupler),
+        ):
+            found.append((x, crank + coupler, 1, side))
+            if crank != coupler:
+                found.append((x, abs(crank - coupler), -1, side))
+        return tuple(found)
+
+    def crank_pins(self, left: Array, right: Array) -> tuple[Complex, Complex]:
+        """Positions x + iy of both crank pins at crank angles [rad] [m]."""
+        return (
+            np.asarray(self.left_x + self.left_crank * np.exp(1j * left)),
+            np.asarray(self.right_x + self.right_crank * np.exp(1j * right)),
+        )
 
 
 def solve_inverse(
@@ -118,16 +187,9 @@ def solve_inverse(
     >>> [round(float(np.degrees(pose[side])), 6) for side in ("left", "right")]
     [90.0, 131.11209]
     """
-    check_parameters(
-        left_crank=left_crank,
-        left_coupler=left_coupler,
-        right_coupler=right_coupler,
-        right_crank=right_crank,
-        left_x=left_x,
-        right_x=right_x,
-        left_mode=left_mode,
-        right_mode=right_mode,
-    )
+    # refuses lengths out of their domains
+    FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
+    check_one_of(WORKING_MODES, left_mode=left_mode, right_mode=right_mode)
     motion = broadcast_motion(2, tip=tip, velocity=velocity, acceleration=acceleration)
     left, a = _solve_side("left", motion, left_x, left_crank, left_coupler, left_mode)
     right, b = _solve_side("right", motion, right_x, right_crank, right_coupler, right_mode)
@@ -185,7 +247,8 @@ def jacobians(
     >>> np.linalg.solve(A, B).round(12).tolist()
     [[-2.0, -2.0], [-1.5, 1.5]]
     """
-    check_parameters(left_crank=left_crank, right_crank=right_crank, left_x=left_x, right_x=right_x)
+    check_positive(left_crank=left_crank, right_crank=right_crank)
+    check_number(left_x=left_x, right_x=right_x)
     theta, place = broadcast_motion(2, angle=angle, tip=tip)
     p, q = left_crank * np.exp(1j * theta[0]), right_crank * np.exp(1j * theta[1])
     end = place[0] + 1j * place[1]
@@ -225,28 +288,7 @@ def twice_area(
     return np.asarray(0.5 * np.sqrt(np.maximum(heron, 0.0)))
 
 
-def check_parameters(**values: float) -> None:
-    """Raise a ValueError for a parameter out of its domain, which depends on its name's ending."""
-    for name, value in values.items():
-        if name.endswith("mode"):
-            check_one_of(WORKING_MODES, **{name: value})
-        elif name.endswith("_x"):
-            check_number(**{name: value})
-        elif name.endswith("_mass"):
-            check_not_negative(**{name: value})
-        else:
-            check_positive(**{name: value})
-
-
-def unassembled_share(
-    *,
-    left_crank: float,
-    left_coupler: float,
-    right_coupler: float,
-    right_crank: float,
-    left_x: float,
-    right_x: float,
-) -> float:
+def unassembled_share(link: FivebarLengths) -> float:
     """Share [1] of all pairs of crank angles at which the linkage cannot be assembled.
 
     At a given left angle, with S = |L - B|, the share of right angles with |L - R| < x is
@@ -254,22 +296,11 @@ def unassembled_share(
     left angle is computed by Gauss quadrature between the angles at which the clipping begins; the
     error is below 1e-12.
 
-    >>> round(unassembled_share(left_crank=2.0, left_coupler=3.5, right_coupler=4.0,
-    ...                         right_crank=1.0, left_x=0.0, right_x=2.0), 8)
+    >>> round(unassembled_share(FivebarLengths(2.0, 3.5, 4.0, 1.0, 0.0, 2.0)), 8)
     0.02126519
     """
-    check_parameters(
-        left_crank=left_crank,
-        left_coupler=left_coupler,
-        right_coupler=right_coupler,
-        right_crank=right_crank,
-        left_x=left_x,
-        right_x=right_x,
-    )
-    ground, limits = (
-        abs(right_x - left_x),
-        (left_coupler + right_coupler, abs(left_coupler - right_coupler)),
-    )
+    left_crank, right_crank, ground = link.left_crank, link.right_crank, abs(link.base)
+    limits = link.left_coupler + link.right_coupler, abs(link.left_coupler - link.right_coupler)
     kink_distances = np.array([right_crank + sign * x for x in limits for sign in (1, -1)])
     with np.errstate(divide="ignore", invalid="ignore"):  # ground = 0: S is constant
         cosines = (ground**2 + left_crank**2 - kink_distances**2) / (2.0 * ground * left_crank)
@@ -413,14 +444,9 @@ def solve(
     >>> [round(float(pose[name]), 8) for name in ("tip_x", "tip_y", "tip_vx", "tip_vy")]
     [-0.9068351, 2.66749129, 0.52591296, 0.98486894]
     """
-    check_parameters(
-        left_crank=left_crank,
-        left_coupler=left_coupler,
-        right_coupler=right_coupler,
-        right_crank=right_crank,
-        left_x=left_x,
-        right_x=right_x,
-        mode=mode,
+    link = FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
+    check_one_of(MODES, mode=mode)
+    check_not_negative(
         left_crank_mass=left_crank_mass,
         left_coupler_mass=left_coupler_mass,
         right_coupler_mass=right_coupler_mass,
@@ -433,7 +459,7 @@ def solve(
     directions = np.exp(1j * theta)  # vectors are complex numbers, J is 1j
     p, q = left_crank * directions[0], right_crank * directions[1]
     d = right_x + q - left_x - p
-    size = abs(right_x - left_x) + left_crank + right_crank
+    size = abs(link.base) + left_crank + right_crank
     area = mode * twice_area(
         np.abs(d),
         left_coupler,
@@ -634,12 +660,7 @@ def properties(
 ) -> dict[str, str]:
     """Share of crank angles at which the linkage cannot be assembled, in words for a report."""
     share = unassembled_share(
-        left_crank=left_crank,
-        left_coupler=left_coupler,
-        right_coupler=right_coupler,
-        right_crank=right_crank,
-        left_x=left_x,
-        right_x=right_x,
+        FivebarLengths(left_crank, left_coupler, right_coupler, right_crank, left_x, right_x)
     )
     return {
         "crank angles": "any two can be assembled"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.linkages.fivebar.kinematics import (
-    check_parameters,
+    FivebarLengths,
     cross,
     dot,
     solve_inverse,
@@ -30,61 +30,6 @@ QUADRATURE_PARTS, QUADRATURE_NODES = 8, 24
 """Gauss quadrature along a piece of a curve: number of parts, and of nodes in each part."""
 BISECTIONS = 60
 """Number of bisections of an interval in which the mode changes: to the last bit."""
-
-
-@dataclass(frozen=True)
-class FivebarLengths:
-    """Lengths on which the reach of a five-bar linkage depends.
-
-    Attributes
-    ----------
-    left_crank, left_coupler, right_coupler, right_crank : float
-        Lengths between pins [m].
-    left_x, right_x : float
-        Places of the fixed pins on the x axis [m].
-    """
-
-    left_crank: float
-    left_coupler: float
-    right_coupler: float
-    right_crank: float
-    left_x: float
-    right_x: float
-
-    def __post_init__(self) -> None:
-        check_parameters(**asdict(self))
-
-    @property
-    def base(self) -> float:
-        """Distance from the left to the right fixed pin along x, of either sign [m]."""
-        return self.right_x - self.left_x
-
-    @property
-    def size(self) -> float:
-        """Sum of all lengths [m]."""
-        return (
-            abs(self.base)
-            + self.left_crank
-            + self.left_coupler
-            + self.right_coupler
-            + self.right_crank
-        )
-
-    @property
-    def circles(self) -> tuple[tuple[float, float, int, str], ...]:
-        """Circles that bound the reach: centre, radius [m], +1 outer or -1 inner, side.
-
-        A circle of radius zero, of a crank as long as its coupler, is left out.
-        """
-        found = []
-        for side, x, crank, coupler in (
-            ("left", self.left_x, self.left_crank, self.left_coupler),
-            ("right", self.right_x, self.right_crank, self.right_coupler),
-        ):
-            found.append((x, crank + coupler, 1, side))
-            if crank != coupler:
-                found.append((x, abs(crank - coupler), -1, side))
-        return tuple(found)
 
 
 def reach_area(link: FivebarLengths) -> float:
