@@ -187,6 +187,21 @@ def cross(a: Complex | complex, b: Complex | complex) -> Array:
     return np.asarray(a.real * b.imag - a.imag * b.real)
 
 
+def smooth_root(margin: float, wave: Array) -> Array:
+    """Root of margin + wave^2; for a margin of zero the wave itself, which has either sign.
+
+    A sum that rounding makes negative counts as zero.
+    """
+    return wave if margin == 0.0 else np.sqrt(np.maximum(margin + wave * wave, 0.0))
+
+
+def root_derivatives(margin: float, wave: Array, root: Array) -> tuple[Array, Array]:
+    """First two derivatives of `smooth_root` by the wave: wave/root and margin/root^3."""
+    if margin == 0.0:
+        return np.ones_like(wave), np.zeros_like(wave)
+    return wave / root, margin / (root * root * root)
+
+
 def normal_of_slides(slides: Array, parallel: float) -> Array:
     """Unit vector normal to the directions of slides (n, 3), which are unit vectors.
 

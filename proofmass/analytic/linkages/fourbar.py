@@ -4,8 +4,7 @@ Further functions give what follows from the lengths alone: Grashof class, crank
 and range of the transmission angle.
 """
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
 from math import fsum
 
 import numpy as np
@@ -31,10 +30,14 @@ from proofmass.analytic.numerics import (
     check_one_of,
     check_positive,
     components_in_frame,
+    root_derivatives,
     rounding_of_sum,
+    smooth_root,
     unwrap_angles,
 )
 
+Pair = tuple[Array, Array]
+"""Components of a vector, or two derivatives."""
 WithDerivatives = tuple[Array, Array, Array]
 """A value and its first two derivatives by the crank angle."""
 MODES = (1, -1)
@@ -164,8 +167,9 @@ def solve(
     px, py = crank * np.cos(theta), crank * np.sin(theta)
     along, across = point_along / coupler, point_across / coupler
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # in line: as documented
-        closed = _close_loop(theta, ground - px, -py, **lengths, mode=mode)
-        (ax, ay), (bx, by), cross = closed.coupler, closed.rocker, closed.cross
+        (ax, ay), (bx, by), cross, dot, turns = _close_loop(
+            theta, ground - px, -py, **lengths, mode=mode
+        )
         places = select_positions(
             only,
             {
@@ -175,12 +179,12 @@ def solve(
                 "pin_y": lambda: by,
                 "point_x": lambda: px + (along * ax - across * ay),
                 "point_y": lambda: py + (along * ay + across * ax),
-                "transmission_angle": lambda: np.arctan2(np.abs(cross), closed.dot),
+                "transmission_angle": lambda: np.arctan2(np.abs(cross), dot),
             },
         )
         if places is not None:
             return {name: curve.reshape(inputs[0].shape) for name, curve in places.items()}
-        (a1, a2), (b1, b2) = closed.turns()
+        (a1, a2), (b1, b2) = turns()
         a_motion, b_motion = (a1 * w, a1 * dw + a2 * w**2), (b1 * w, b1 * dw + b2 * w**2)
         loads: dict[str, Array] = {}
         if is_requested(only, *LOAD_ENDINGS):
@@ -217,7 +221,7 @@ def solve(
                 (px, py, w, dw),
                 (along * ax - across * ay, along * ay + across * ax, *a_motion),
             ),
-            "transmission_angle": np.arctan2(np.abs(cross), closed.dot),
+            "transmission_angle": np.arctan2(np.abs(cross), dot),
             **loads,
             "mechanical_advantage": 1.0 / b1,
         }
@@ -274,69 +278,6 @@ def assembly_margins(
     )
 
 
-@dataclass(frozen=True)
-class _ClosedLoop:
-    """A closed loop: vectors of coupler and rocker, and terms for their derivatives.
-
-    Attributes
-    ----------
-    lengths : tuple of float
-        Of crank, coupler, rocker and ground [m].
-    half : float
-        mode/2 [1].
-    waves : tuple of ndarray
-        u = k cos(angle/2) and v = k sin(angle/2), k^2 = 4 crank ground [m].
-    roots : tuple of ndarray
-        p and q of C = mode/2 p q: the roots of the margins plus u^2 and v^2 [m].
-    margins : tuple of float
-        See `assembly_margins` [m^2].
-    square : ndarray
-        D [m^2].
-    along : tuple of ndarray
-        x and y of a = (x d + C J d)/D and b = (y d + C J d)/D [m^2].
-    cross : ndarray
-        C [m^2].
-    coupler, rocker : tuple of ndarray
-        Components of a and of b [m].
-    """
-
-    lengths: tuple[float, float, float, float]
-    half: float
-    waves: tuple[Array, Array]
-    roots: tuple[Array, Array]
-    margins: tuple[float, float]
-    square: Array
-    along: tuple[Array, Array]
-    cross: Array
-    coupler: tuple[Array, Array]
-    rocker: tuple[Array, Array]
-
-    @property
-    def dot(self) -> Array:
-        """Scalar product a . b [m^2]."""
-        _, coupler, rocker, _ = self.lengths
-        return 0.5 * (coupler**2 + rocker**2 - self.square)
-
-    def turns(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """First two derivatives of the coupler's and of the rocker's angle by the crank angle."""
-        crank, coupler, rocker, ground = self.lengths
-        (u, v), (p, q), half = self.waves, self.roots, self.half
-        p1, p2 = _root_derivatives(self.margins[0], u, -0.5 * v, p)
-        q1, q2 = _root_derivatives(self.margins[1], v, 0.5 * u, q)
-        crosses = (
-            self.cross,
-            half * (p1 * q + p * q1),
-            half * (p2 * q + 2.0 * p1 * q1 + p * q2),
-        )
-        square = self.square, u * v, 0.5 * (u * u - v * v)
-        turn = 0.5 * (self.square + (crank - ground) * (crank + ground))
-        (x, y), s1, s2 = self.along, 0.5 * square[1], 0.5 * square[2]
-        return (
-            _angle_derivatives(coupler, (x, s1, s2), crosses, square, turn),
-            _angle_derivatives(rocker, (y, -s1, -s2), crosses, square, turn),
-        )
-
-
 def _close_loop(
     theta: Array,
     dx: Array,
@@ -347,44 +288,45 @@ def _close_loop(
     rocker: float,
     ground: float,
     mode: int,
-) -> _ClosedLoop:
-    """The closed loop for the vector d = (dx, dy) from the crank pin to the rocker's fixed pin."""
+) -> tuple[Pair, Pair, Array, Array, Callable[[], tuple[Pair, Pair]]]:
+    """Components of coupler and rocker for the vector d = (dx, dy) from P to B; C; and a . b.
+
+    The last result is a function that gives the first two derivatives of the angles of coupler and
+    rocker by the crank angle.
+    """
     k = 2.0 * np.sqrt(crank * ground)
     u, v = k * np.cos(0.5 * theta), k * np.sin(0.5 * theta)
     square = (crank - ground) ** 2 + v * v
     rounding = rounding_of_sum(crank, coupler, rocker, ground)
     _check_reach(theta, square, coupler, rocker, rounding)
     outer, inner = assembly_margins(crank, coupler, rocker, ground)
-    p, q = _root(outer, u), _root(inner, v)
+    p, q = smooth_root(outer, u), smooth_root(inner, v)
     half = 0.5 * mode
     cross = half * p * q
     shift = 0.5 * (coupler - rocker) * (coupler + rocker)
     x, y = shift + 0.5 * square, shift - 0.5 * square
-    return _ClosedLoop(
-        (crank, coupler, rocker, ground),
-        half,
-        (u, v),
-        (p, q),
-        (outer, inner),
-        square,
-        (x, y),
-        cross,
+
+    def turns() -> tuple[Pair, Pair]:
+        (by_u, by_u2), (by_v, by_v2) = root_derivatives(outer, u, p), root_derivatives(inner, v, q)
+        # u' = -v/2, v' = u/2
+        p1, p2 = -0.5 * v * by_u, 0.25 * (v * v * by_u2 - u * by_u)
+        q1, q2 = 0.5 * u * by_v, 0.25 * (u * u * by_v2 - v * by_v)
+        crosses = cross, half * (p1 * q + p * q1), half * (p2 * q + 2.0 * p1 * q1 + p * q2)
+        squares = square, u * v, 0.5 * (u * u - v * v)
+        turn = 0.5 * (square + (crank - ground) * (crank + ground))
+        s1, s2 = 0.5 * squares[1], 0.5 * squares[2]
+        return (
+            _angle_derivatives(coupler, (x, s1, s2), crosses, squares, turn),
+            _angle_derivatives(rocker, (y, -s1, -s2), crosses, squares, turn),
+        )
+
+    return (
         ((x * dx - cross * dy) / square, (x * dy + cross * dx) / square),
         ((y * dx - cross * dy) / square, (y * dy + cross * dx) / square),
+        cross,
+        0.5 * (coupler**2 + rocker**2 - square),
+        turns,
     )
-
-
-def _root(margin: float, wave: Array) -> Array:
-    """sqrt(margin + wave^2); for a margin of zero the wave itself, which has either sign."""
-    return wave if margin == 0.0 else np.sqrt(np.maximum(margin + wave * wave, 0.0))
-
-
-def _root_derivatives(margin: float, wave: Array, slope: Array, root: Array) -> tuple[Array, Array]:
-    """First two derivatives of a root (`_root`) whose wave has wave' = slope, wave'' = -wave/4."""
-    if margin == 0.0:
-        return slope, -0.25 * wave
-    first = wave * slope / root
-    return first, (slope * slope - 0.25 * wave * wave - first * first) / root
 
 
 def _angle_derivatives(

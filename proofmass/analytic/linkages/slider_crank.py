@@ -1,7 +1,6 @@
 """Slider-crank on a straight guide of any inclination: motion, moment and forces, dead points."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from math import fsum
 
 import numpy as np
@@ -27,7 +26,9 @@ from proofmass.analytic.numerics import (
     components_in_frame,
     dot,
     motion_senses,
+    root_derivatives,
     rounding_of_sum,
+    smooth_root,
     unwrap_angles,
 )
 
@@ -187,7 +188,7 @@ def solve(
         )
         if places is not None:
             return {name: curve.reshape(inputs[0].shape) for name, curve in places.items()}
-        k1, k2 = _coupler_derivatives(*roots, mode)
+        k1, k2 = _coupler_derivatives(roots, mode)
         s1, s2 = h * k1 - crank_across, h * k2 - q * k1**2 - crank_along
         v, a = s1 * w, s1 * dw + s2 * w**2
         loads: dict[str, Array] = {}
@@ -359,10 +360,11 @@ def _close_loop(
     offset: float,
     mode: int,
     rounding: float,
-) -> tuple[Array, "tuple[_Root, _Root]"]:
+) -> tuple[Array, list[tuple[float, Array, Array]]]:
     """The component q of the coupler along the guide; ValueError if the coupler misses the guide.
 
-    q is mode times the product of the roots of c - h and c + h.
+    q is mode times the product of the roots of c - h and c + h. Each root is returned behind its
+    margin and its wave, see `smooth_root`.
     """
     half = np.pi / 4.0 - (theta - guide_angle) / 2.0
     swings = np.sqrt(2.0 * crank) * np.sin(half), np.sqrt(2.0 * crank) * np.cos(half)
@@ -376,41 +378,18 @@ def _close_loop(
             f"loop cannot close at angle {theta[bad]:.9g} rad: the coupler misses "
             f"the guide by {distance[bad]:.6g} m"
         )
-    one, two = (
-        _Root.of(margin if abs(margin) > rounding else 0.0, swing, square)
-        for margin, swing, square in zip(margins, swings, squares, strict=True)
-    )
-    return mode * one.root * two.root, (one, two)
+    roots = [
+        (margin, swing, smooth_root(margin, swing))
+        for margin, swing in zip(
+            (m if abs(m) > rounding else 0.0 for m in margins), swings, strict=True
+        )
+    ]
+    return mode * roots[0][2] * roots[1][2], roots
 
 
-def _coupler_derivatives(one: "_Root", two: "_Root", mode: int) -> tuple[Array, Array]:
+def _coupler_derivatives(roots: list[tuple[float, Array, Array]], mode: int) -> tuple[Array, Array]:
     """First two derivatives k1, k2 of the coupler angle by the crank angle."""
-    bend = 0.5 * (two.swing * two.slope * one.bend - one.swing * one.slope * two.bend)
-    return -mode * one.slope * two.slope, mode * bend
-
-
-@dataclass(frozen=True)
-class _Root:
-    """Root R of margin + swing^2; with a change point the margin is zero and R is the swing."""
-
-    margin: float
-    swing: Array
-    root: Array
-
-    @classmethod
-    def of(cls, margin: float, swing: Array, square: Array) -> "_Root":
-        """Root of a square, margin + swing^2, which is negative by rounding at most."""
-        root = swing if margin == 0.0 else np.sqrt(np.maximum(square, 0.0))
-        return cls(margin, swing, root)
-
-    @property
-    def slope(self) -> Array:
-        """swing/R."""
-        return np.ones_like(self.swing) if self.margin == 0.0 else self.swing / self.root
-
-    @property
-    def bend(self) -> Array:
-        """margin/R^3."""
-        if self.margin == 0.0:
-            return np.zeros_like(self.swing)
-        return self.margin / self.root**3
+    (_, one, _), (_, two, _) = roots
+    (slope1, bend1), (slope2, bend2) = (root_derivatives(*each) for each in roots)
+    bend = 0.5 * (two * slope2 * bend1 - one * slope1 * bend2)
+    return -mode * slope1 * slope2, mode * bend
