@@ -7,7 +7,6 @@ import pytest
 from proofmass.check import check
 from proofmass.sidecar import load_case
 from proofmass.sim.contents import has_dry_friction, may_touch
-from proofmass.sim.mujoco.engine import check_settings as mujoco_settings
 from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepping_settings
 from proofmass.sim.protocol import BadSetting
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
@@ -58,7 +57,7 @@ def test_pymunk_checks_its_own_settings():
 
 def test_settings_may_be_written_as_in_mjcf():
     assert MujocoSettings.read({"solref": "0.002 1"}).solref == (0.002, 1.0)
-    mujoco_settings({"solref": [-1000, -10], "solimp": "0.9 0.95", "integrator": "RK4"})
+    MujocoSettings.read({"solref": [-1000, -10], "solimp": "0.9 0.95", "integrator": "RK4"})
 
 
 FALLING_BODY = """<mujoco><compiler angle="radian"/><option timestep="2e-3"{option}>{flag}</option>

@@ -14,8 +14,7 @@ from proofmass.sim.mujoco import tried_settings
 from proofmass.sim.mujoco.dynamics import dynamics, run_passive
 from proofmass.sim.mujoco.model import load, loop_violations
 from proofmass.sim.mujoco.own_motion import solve_closely, solve_own_motion
-from proofmass.sim.mujoco.program import IMPOSED as IMPOSED
-from proofmass.sim.mujoco.program import write_program as write_program
+from proofmass.sim.mujoco.program import IMPOSED, write_program
 from proofmass.sim.mujoco.quasi_static import equilibrium, sweep
 from proofmass.sim.mujoco.settings import (
     ACCURACY,
@@ -36,26 +35,15 @@ from proofmass.sim.protocol import (
     Drive,
     Engine,
     Imposed,
-    LimitProblem,
     OwnMotion,
     ParameterValue,
     ParameterValues,
-    Perturbation,
-    Recipe,
     Run,
-    Scan,
-    Scheme,
-    Studied,
     sidecar_instructions,
 )
 
 # [extents] a start pose with loops open by more is refused as not assembled
 MAX_START_VIOLATION = 0.05
-
-
-def check_settings(settings: Mapping[str, object]) -> None:
-    """Raise `proofmass.sim.protocol.BadSetting` if MuJoCo does not accept the settings."""
-    MujocoSettings.read(settings)
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -229,10 +217,14 @@ class Mujoco(Engine):
     labels = tried_settings.LABELS
     sizes = tried_settings.SIZES
     accuracy = ACCURACY
-
-    def simulate(self, model: Path, run: Run) -> Curves:
-        """See `simulate`."""
-        return simulate(model, run)
+    simulate = staticmethod(simulate)
+    at_step = staticmethod(tried_settings.at_step)
+    scans = staticmethod(tried_settings.scans)
+    orders = staticmethod(tried_settings.orders)
+    perturbations = staticmethod(tried_settings.perturbations)
+    recipes = staticmethod(tried_settings.recipes)
+    scheme_of = staticmethod(tried_settings.scheme_of)
+    limit_problems = staticmethod(tried_settings.limit_problems)
 
     def own_motion(
         self,
@@ -252,28 +244,6 @@ class Mujoco(Engine):
         """See `proofmass.sim.mujoco.own_motion.solve_closely`."""
         with translate_fatal_errors():
             return solve_closely(model, run)
-
-    def at_step(self, parameters: ParameterValues, step: float) -> dict[str, ParameterValue]:
-        """See `proofmass.sim.mujoco.tried_settings.at_step`."""
-        return tried_settings.at_step(parameters, step)
-
-    def scans(self, about: Studied) -> Iterator[Scan]:
-        """See `proofmass.sim.mujoco.tried_settings.scans`."""
-        return tried_settings.scans(self.title, about)
-
-    def orders(self, scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
-        """See `proofmass.sim.mujoco.tried_settings.orders`."""
-        return tried_settings.orders(scan, derivative, about)
-
-    def perturbations(
-        self, parameters: ParameterValues, about: Studied, scaled: bool
-    ) -> Iterator[Perturbation]:
-        """See `proofmass.sim.mujoco.tried_settings.perturbations`."""
-        return tried_settings.perturbations(parameters, about, scaled)
-
-    def recipes(self, about: Studied) -> Iterator[Recipe]:
-        """See `proofmass.sim.mujoco.tried_settings.recipes`."""
-        return tried_settings.recipes(self.title, about)
 
     def snippet(self, parameters: ParameterValues, steps: int, model: Path | None = None) -> str:
         """Settings as MJCF; see `snippet`."""
@@ -305,14 +275,6 @@ class Mujoco(Engine):
     ) -> str:
         """See `proofmass.sim.mujoco.program.write_program`."""
         return write_program(model, run, motion, head, drive, controls)
-
-    def scheme_of(self, parameters: ParameterValues, model: mujoco.MjModel) -> Scheme:
-        """The scheme of the integrator; see `proofmass.sim.mujoco.tried_settings.scheme_of`."""
-        return tried_settings.scheme_of(parameters, model)
-
-    def limit_problems(self) -> Iterator[LimitProblem]:
-        """See `proofmass.sim.mujoco.tried_settings.limit_problems`."""
-        return tried_settings.limit_problems()
 
 
 ENGINE = Mujoco()

@@ -96,7 +96,7 @@ def at_step(parameters: ParameterValues, step: float) -> dict[str, ParameterValu
     return scaled
 
 
-def scans(title: str, about: Studied) -> Iterator[Scan]:
+def scans(about: Studied) -> Iterator[Scan]:
     """Scans over the step, for each integrator and softness, and over settings of constraints."""
     model, own = about.model, about.own_step
     loops = has_soft_constraints(about)
@@ -111,10 +111,10 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
             for h in about.timesteps(STAGES.get(integrator, 1))
         )
         held = f", solref {soft} steps" if soft else ", default softness"
-        return Scan(f"{title} {integrator}{held * loops}", "timestep", parameters)
+        return Scan(f"MuJoCo {integrator}{held * loops}", "timestep", parameters)
 
     yield from (over(integrator, None) for integrator in INTEGRATORS)
-    prefix = f"{title} RK4 at {1e3 * own:g} ms"
+    prefix = f"MuJoCo RK4 at {1e3 * own:g} ms"
     plain: dict[str, ParameterValue] = {"timestep": own, "integrator": "RK4"}
     if may_touch(model):
         for cone in ("pyramidal", "elliptic"):
@@ -144,7 +144,7 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
         base, f"{prefix}, solimp", "solimp", [(d, d, 0.001) for d in (0.9, 0.99, 0.999, 0.9999)]
     )
     step = about.quartered_step(STAGES["RK4"])
-    prefix = f"{title} RK4 at {1e3 * step:.3g} ms"
+    prefix = f"MuJoCo RK4 at {1e3 * step:.3g} ms"
     base = {**plain, "timestep": step, **hardest_loops(STEPS_OF_SOLREF * step)}
     for solver, counts in (
         ("Newton", (1, 2, 4)),
@@ -165,14 +165,14 @@ def scans(title: str, about: Studied) -> Iterator[Scan]:
     )
 
 
-def orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
-    """Orders of convergence that errors of derivative j may show in a scan."""
+def orders(scan: Scan, derivative: int, about: Studied) -> tuple[float, ...]:
+    """Orders of convergence that errors of a derivative may show in a scan."""
     first = scan.settings[0]
     if scan.varied == "solimp":
         return (1.0,)
     if scan.varied == "solref":  # below two steps the spring itself is not resolved
-        return () if first.get("refsafe") is False else softness_orders(about, j)
-    return step_orders(scan, j, about) if scan.varied == "timestep" else ()
+        return () if first.get("refsafe") is False else softness_orders(about, derivative)
+    return step_orders(scan, derivative, about) if scan.varied == "timestep" else ()
 
 
 def step_orders(scan: Scan, j: int, about: Studied) -> tuple[float, ...]:
@@ -260,7 +260,7 @@ def perturbations(
     )
 
 
-def recipes(title: str, about: Studied) -> Iterator[Recipe]:
+def recipes(about: Studied) -> Iterator[Recipe]:
     """Recipes for each integrator, with default softness and with time constants in steps."""
     loops = has_soft_constraints(about)
 
@@ -276,13 +276,13 @@ def recipes(title: str, about: Studied) -> Iterator[Recipe]:
 
     for integrator in INTEGRATORS:
         yield Recipe(
-            f"{title} {integrator}{', default softness' * loops}",
+            f"MuJoCo {integrator}{', default softness' * loops}",
             by_itself(integrator),
             integrator == ENGINE_DEFAULTS["integrator"],
         )
         if loops:
             for soft in (2, 4, 8, *((32, 128) if may_rebound(about) else ())):
-                yield Recipe(f"{title} {integrator}, solref {soft} steps", held(integrator, soft))
+                yield Recipe(f"MuJoCo {integrator}, solref {soft} steps", held(integrator, soft))
 
 
 def euler_map(z: float, zeta: float) -> Array:

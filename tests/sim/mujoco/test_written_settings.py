@@ -255,12 +255,8 @@ def test_impacts_on_limits_are_tried_with_more_steps(limited: str, softest: int)
     """An impact lasts about a time constant, and its error depends on the steps in this time."""
     model = mujoco.MjModel.from_xml_string(SCENE.replace('limited="true"', f'limited="{limited}"'))
     about = Studied(model, np.linspace(0.0, 1.0, 11), 1e4, False, False, lambda: False)
-    tried = [
-        first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", about)
-    ]
+    tried = [first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes(about)]
     assert max(tried) == softest
     driven = replace(about, driven=True)
-    tried = [
-        first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes("MuJoCo", driven)
-    ]
+    tried = [first_number(one.parameters(1.0).get("solref", 0.0)) for one in recipes(driven)]
     assert max(tried) == 8
