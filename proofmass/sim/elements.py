@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.sim.contents import key_names, pose_of_key
 from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_tree
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
@@ -136,28 +137,17 @@ class Source:
     @cached_property
     def normal(self) -> Array | None:
         """The normal of the plane of motion in the world; None if there is none."""
+        if not self.full.njnt:
+            return None
         try:
-            return (
-                find_plane(self.full, self.data_at_start(self.full)).normal
-                if self.full.njnt
-                else None
-            )
+            return find_plane(self.full, pose_of_key(self.full, self.key)).normal
         except Unsupported:
             return None
 
     @cached_property
     def data(self) -> mujoco.MjData:
         """The data of the model without rods, in the start pose."""
-        return self.data_at_start(self.bare)
-
-    def data_at_start(self, model: mujoco.MjModel) -> mujoco.MjData:
-        """The data of a model in the start pose."""
-        data = mujoco.MjData(model)
-        names = [model.key(k).name for k in range(model.nkey)]
-        if self.key in names:
-            mujoco.mj_resetDataKeyframe(model, data, names.index(self.key))
-        mujoco.mj_kinematics(model, data)
-        return data
+        return pose_of_key(self.bare, self.key)
 
     def parts(self, frame: Array) -> list[int]:
         """The axes of a frame (3, 3) that are not normal to the plane of motion."""
@@ -172,7 +162,7 @@ class Source:
     @cached_property
     def start(self) -> int:
         """Number of the start key; -1 if there is none."""
-        names = [self.full.key(k).name for k in range(self.full.nkey)]
+        names = key_names(self.full)
         return names.index(self.key) if self.key in names else -1
 
 

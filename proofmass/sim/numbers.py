@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import SCALAR_JOINT_UNITS, joint_of, straight_tendon
 from proofmass.sim.elements import COMPILED_FIELDS, DOF_FIELDS, ModelElements, Number, Place, Source
 from proofmass.sim.mjcf import DISABLE_BITS, DISABLED_FIELDS
@@ -138,6 +139,15 @@ def make_number(
     )
 
 
+def make_components(
+    kind: str, of: str, values: Array, axes: Iterable[int], place: Place, natural: float
+) -> Iterator[Number]:
+    """Numbers of the components of a vector along some axes; see `make_number`."""
+    for k in axes:
+        name = f"{of} {'xyz'[k]}".lstrip()
+        yield make_number(kind, name, float(values[k]), replace(place, part=k), natural)
+
+
 def element_name(model: mujoco.MjModel, what: str, index: int) -> str:
     """The name of an element, or its number if it has no name."""
     return getattr(model, what)(index).name or f"number {index + 1}"
@@ -153,11 +163,9 @@ def numbers_of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
     model = source.bare
     for b in range(1, model.nbody):
         name, parent = element_name(model, "body", b), int(model.body_parentid[b])
-        for k in source.parts(source.frame(parent)):
-            value = float(model.body_pos[b, k])
-            yield make_number(
-                "place", f"{name} {'xyz'[k]}", value, Place("body", b, "pos", k), sizes.length
-            )
+        axes = source.parts(source.frame(parent))
+        place = Place("body", b, "pos")
+        yield from make_components("place", name, model.body_pos[b], axes, place, sizes.length)
         yield make_number("direction", f"body {name}", 0.0, Place("body", b, "turn"), 1.0)
     for b in moving_bodies(model):
         name = element_name(model, "body", b)
@@ -165,15 +173,9 @@ def numbers_of_bodies(source: Source, sizes: Sizes) -> Iterator[Number]:
             "mass", name, float(model.body_mass[b]), Place("inertial", b, "mass"), sizes.mass
         )
         yield make_number("inertia", name, 1.0, Place("inertial", b, "inertia"), 1.0)
-        for k in source.parts(source.frame(b)):
-            value = float(model.body_ipos[b, k]) if model.body_mass[b] else 0.0
-            yield make_number(
-                "centre of mass",
-                f"{name} {'xyz'[k]}",
-                value,
-                Place("inertial", b, "pos", k),
-                sizes.length,
-            )
+        centre = model.body_ipos[b] if model.body_mass[b] else np.zeros(3)
+        axes, place = source.parts(source.frame(b)), Place("inertial", b, "pos")
+        yield from make_components("centre of mass", name, centre, axes, place, sizes.length)
 
 
 def is_enabled(model: mujoco.MjModel, field: str) -> bool:
@@ -193,14 +195,9 @@ def numbers_of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
         hinge, name, body = unit == "rad", element_name(model, "joint", j), int(model.jnt_bodyid[j])
         own, dof, adr = 1.0 if hinge else sizes.length, model.jnt_dofadr[j], model.jnt_qposadr[j]
         if hinge:
-            for k in source.parts(source.frame(body)):
-                yield make_number(
-                    "anchor",
-                    f"joint {name} {'xyz'[k]}",
-                    float(model.jnt_pos[j, k]),
-                    Place("joint", j, "pos", k),
-                    sizes.length,
-                )
+            at, axes = model.jnt_pos[j], source.parts(source.frame(body))
+            place = Place("joint", j, "pos")
+            yield from make_components("anchor", f"joint {name}", at, axes, place, sizes.length)
         else:
             yield make_number("direction", f"joint {name}", 0.0, Place("joint", j, "turn"), 1.0)
         yield make_number(
@@ -305,11 +302,8 @@ def numbers_of_sites(source: Source, sizes: Sizes) -> Iterator[Number]:
     model = source.bare
     for s, directed in sorted(used_sites(source).items()):
         name = element_name(model, "site", s)
-        for k in source.parts(source.frame(int(model.site_bodyid[s]))):
-            value = float(model.site_pos[s, k])
-            yield make_number(
-                "site", f"{name} {'xyz'[k]}", value, Place("site", s, "pos", k), sizes.length
-            )
+        axes, place = source.parts(source.frame(int(model.site_bodyid[s]))), Place("site", s, "pos")
+        yield from make_components("site", name, model.site_pos[s], axes, place, sizes.length)
         if directed:
             yield make_number("direction", f"site {name}", 0.0, Place("site", s, "turn"), 1.0)
 
@@ -320,10 +314,8 @@ def numbers_of_gravity(source: Source, sizes: Sizes) -> Iterator[Number]:
     if source.full.opt.disableflags & int(DISABLE_BITS.mjDSBL_GRAVITY):
         return
     natural = float(np.linalg.norm(gravity)) or sizes.length * sizes.time**-2
-    for k in source.parts(np.eye(3)):
-        yield make_number(
-            "gravity", "xyz"[k], float(gravity[k]), Place("option", 0, "gravity", k), natural
-        )
+    axes = source.parts(np.eye(3))
+    yield from make_components("gravity", "", gravity, axes, Place("option", 0, "gravity"), natural)
 
 
 def numbers_of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
@@ -335,14 +327,9 @@ def numbers_of_equalities(source: Source, sizes: Sizes) -> Iterator[Number]:
             continue
         name, kind = element_name(model, "equality", e), model.eq_type[e]
         if kind == mujoco.mjtEq.mjEQ_CONNECT and model.eq_objtype[e] == OBJ.mjOBJ_BODY:
-            for k in source.parts(source.frame(int(model.eq_obj1id[e]))):
-                yield make_number(
-                    "anchor",
-                    f"loop {name} {'xyz'[k]}",
-                    float(model.eq_data[e, k]),
-                    Place("equality", e, "anchor", k),
-                    sizes.length,
-                )
+            at, axes = model.eq_data[e], source.parts(source.frame(int(model.eq_obj1id[e])))
+            place = Place("equality", e, "anchor")
+            yield from make_components("anchor", f"loop {name}", at, axes, place, sizes.length)
         if kind == mujoco.mjtEq.mjEQ_JOINT:
             for k in range(5):
                 value = float(model.eq_data[e, k])
