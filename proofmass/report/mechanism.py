@@ -218,7 +218,7 @@ def mechanism_figure(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     case : Case
         Names the drives.
     picture : Picture
-        From `proofmass.sim.picture.picture`.
+        Of a `proofmass.sim.motion.Motion`.
     tracks : mapping of str to ndarray (n, 2)
         Paths of measured points [m], by name.
     """

@@ -201,8 +201,10 @@ def motion(
 
     Raises
     ------
-    Unsupported, BadModel
-        See `proofmass.sim.picture.picture`.
+    Unsupported
+        The model has no joint.
+    BadModel
+        The model does not compile.
     """
     compiled, data = load(model, run)
     scene = MovingScene(compiled, data.qpos, run)

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -28,7 +27,6 @@ from proofmass.sim.contents import (
 from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.equilibrium import RestingLinkage, UnstableRest, linkage_of
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import load
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported, whole_steps
 from proofmass.sim.rods import chain, joint_names
@@ -416,26 +414,6 @@ def distance_to_outline(point: Array, outline: Array) -> float:
 MAX_SECONDS = 5.0  # largest wall time [s] for stepping a motion
 # share of a stride to which a drawing locates the end of a path of equilibria
 DRAWN_STRIDE_SHARE = 1e-3
-
-
-def picture(model: Path, run: Run, count: int = 121) -> Picture:
-    """The mechanism at `count` poses, evenly over the run, as far as these can be found.
-
-    Raises
-    ------
-    Unsupported
-        The model has no joint.
-    BadModel
-        The model does not compile.
-    """
-    compiled, data = load(model, run)
-    scene = PictureScene(compiled, data.qpos)
-    x = run.x[:1] if run.kind == "equilibrium" else np.linspace(run.x[0], run.x[-1], count)
-    rows, _, stopped = follow_run(compiled, data, replace(run, x=x))
-    drawn = scene.draw({name: np.array([row[name] for row in rows]) for name in rows[0]}, run)
-    return replace(
-        drawn, x=x[: len(rows)], inputs=run.motion(x)[0][:, : len(rows)], stopped=stopped
-    )
 
 
 def follow_run(

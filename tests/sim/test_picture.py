@@ -15,7 +15,8 @@ from proofmass.report.case_figures import find_motions, mechanism_poses
 from proofmass.report.families import group_cards
 from proofmass.report.svg import compact_svg
 from proofmass.sidecar import load_case
-from proofmass.sim.picture import picture, solid_outline
+from proofmass.sim.motion import motion
+from proofmass.sim.picture import solid_outline
 from proofmass.sim.protocol import Drive, Run
 from proofmass.solve import plan_run
 from tests.shipped import MODELS, shipped
@@ -70,7 +71,7 @@ def test_an_oscillating_drive_is_drawn_over_half_a_period() -> None:
 def test_bodies_without_geoms_are_lines_between_their_joints(tmp_path: Path) -> None:
     (tmp_path / "bare.xml").write_text(MODEL_WITHOUT_GEOMS.format(more=""))
     run = Run("dynamics", np.linspace(0, 0.1, 3), ())
-    shape = picture(tmp_path / "bare.xml", run, count=3)
+    shape = motion(tmp_path / "bare.xml", run, {}).picture
     assert shape.axes == ("x", "z")
     assert [np.ptp(link.outlines[0][0], axis=0) for link in shape.links] == [
         pytest.approx([2.0, 0.0]),
@@ -86,11 +87,8 @@ def test_a_sprung_joint_is_drawn_in_equilibrium(tmp_path: Path) -> None:
         text.replace("<worldbody>", '<option gravity="0 0 0"/><worldbody>')
     )
     profile = Steady(0.0, 1.0, x_is_time=False)
-    shape = picture(
-        tmp_path / "bare.xml",
-        Run("sweep", np.linspace(0, 1, 3), (), (Drive("hub", profile),)),
-        count=5,
-    )
+    run = Run("sweep", np.linspace(0, 1, 5), (), (Drive("hub", profile),))
+    shape = motion(tmp_path / "bare.xml", run, {}).picture
     arm, rod = (np.diff(link.outlines[0], axis=1)[:, 0] for link in shape.links)
     bend = arm[:, 0] * rod[:, 1] - arm[:, 1] * rod[:, 0], (arm * rod).sum(axis=1)
     assert (shape.stopped, len(shape.x)) == ("", 5)
@@ -104,7 +102,7 @@ def test_moving_rods_are_drawn_bent() -> None:
     A straight coupler would push it 6e-3 m further.
     """
     case = load_case(shipped("slider_crank_elastic.toml"))
-    drawn = picture(case.model_path, plan_run(case, "dynamics", "mujoco"), 13)
+    drawn = motion(case.model_path, plan_run(case, "dynamics", "mujoco"), {}, 13).picture
     assert not drawn.stopped
     rate = 6.0 * np.ones((1, 13))
     truth = evaluate(case, "dynamics", drawn.x, (drawn.inputs, rate, 0.0 * rate))
@@ -192,7 +190,7 @@ def test_compact_svg_keeps_lines_to_the_last_digit() -> None:
 def test_a_floor_is_drawn_below_a_free_body_without_guides() -> None:
     """The surface of the slope passes through its position, and it extends beyond the block."""
     run = Run("dynamics", np.linspace(0, 0.5, 6), ())
-    shape = picture(shipped("block_slides.xml"), run, count=6)
+    shape = motion(shipped("block_slides.xml"), run, {}).picture
     (floor,) = shape.ground.outlines
     assert shape.marks == ()
     up = np.array([-np.sin(0.5), np.cos(0.5)])

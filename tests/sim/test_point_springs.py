@@ -13,7 +13,6 @@ from proofmass.drive import Steady, motion_source
 from proofmass.report.case_data import motion_data
 from proofmass.sim.motion import motion
 from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
-from proofmass.sim.picture import picture
 from proofmass.sim.protocol import Drive, Run, Unsupported
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.program import write_program
@@ -301,7 +300,7 @@ def test_pictures_and_animations_show_the_ends_of_springs(tmp_path):
     """
     file = write_chain(tmp_path, TWO_SPRINGS)
     run = Run("dynamics", np.linspace(0, 1, 26), MOTION_CHANNELS)
-    drawn = picture(file, run, 26)
+    drawn = motion(file, run, {}).picture
     assert [coil.name for coil in drawn.coils] == ["high", "low"]  # the ruler is not drawn
     lengths = np.linalg.norm(np.diff(drawn.coils[0].ends, axis=1)[:, 0], axis=1)
     truth = released_motion(file.read_text(), 1.0)["length"][::2]
