@@ -185,7 +185,7 @@ def newton_raphson(
         try:
             if not np.isfinite(jacobian).all():
                 raise np.linalg.LinAlgError
-            step = _newton_step(jacobian, -residual)
+            step = solve_linear(jacobian, -residual)
         except np.linalg.LinAlgError:
             raise SingularJacobian(
                 f"singular Jacobian at iteration {len(values) + 1}", log()
@@ -201,8 +201,8 @@ def newton_raphson(
     raise NotConverged(f"no root in {len(values)} iterations: the last step is {size:.3g}", log())
 
 
-def _newton_step(jacobian: Array, right: Array) -> Array:
-    """Solve J dq = `right`; of a Jacobian that is not square in the sense of least squares."""
+def solve_linear(jacobian: Array, right: Array) -> Array:
+    """Solution x of J x = right, by least squares where J is not square."""
     square = jacobian.shape[0] == jacobian.shape[1]
     step = np.linalg.solve(jacobian, right) if square else np.linalg.lstsq(jacobian, right)[0]
     return np.asarray(step, float)

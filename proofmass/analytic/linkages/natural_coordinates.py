@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.newton_raphson import NewtonLog, newton_raphson
+from proofmass.analytic.newton_raphson import NewtonLog, newton_raphson, solve_linear
 from proofmass.analytic.numerics import Array
 
 ConstraintRow = Callable[[Array, Array], tuple[float, Array, float]]
@@ -140,13 +140,6 @@ def accelerations(
     return solve_linear(jacobian, np.r_[-bias[: len(linkage.rows)], inputs])
 
 
-def solve_linear(jacobian: Array, right: Array) -> Array:
-    """Solution x of J x = right, by least squares where there are more rows than unknowns."""
-    if jacobian.shape[0] == jacobian.shape[1]:
-        return np.asarray(np.linalg.solve(jacobian, right))
-    return np.asarray(np.linalg.lstsq(jacobian, right)[0])
-
-
 def sweep(
     linkage: NaturalLinkage,
     start: ArrayLike,
@@ -198,13 +191,8 @@ def fixed(x: float, y: float, size: int) -> AffinePoint:
 
 def distance(start: AffinePoint, end: AffinePoint, length: float) -> ConstraintRow:
     """Row of a rigid bar with a length [m]: |end - start|^2 = length^2 (figure 39)."""
-    matrix, shift = end[0] - start[0], end[1] - start[1]
-
-    def row(q: Array, rates: Array) -> tuple[float, Array, float]:
-        along, speed = matrix @ q + shift, matrix @ rates
-        return float(along @ along) - length**2, 2.0 * along @ matrix, float(2.0 * speed @ speed)
-
-    return row
+    bar = vector_between(start, end)
+    return product_row(bar, bar, SCALAR_PRODUCT, length**2)
 
 
 def product_row(u: AffinePoint, w: AffinePoint, matrix: Array, value: float) -> ConstraintRow:
@@ -284,20 +272,21 @@ def relative_angle(
     """
     u, w = vector_between(corner, reference), vector_between(corner, turned_to)
     scale = lengths[0] * lengths[1]
+    along, across = (product_row(u, w, each, 0.0) for each in (SCALAR_PRODUCT, VECTOR_PRODUCT))
+    return component_row(along, scale, 0, angle), component_row(across, scale, 1, angle)
 
-    def component_row(matrix: Array, axis: int) -> ConstraintRow:
-        base_row = product_row(u, w, matrix, 0.0)
 
-        def row(q: Array, rates: Array) -> tuple[float, Array, float]:
-            value, gradient, bias = base_row(q, rates)
-            c, s = scale * np.cos(q[angle]), scale * np.sin(q[angle])
-            gradient[angle] += (s, -c)[axis]
-            reach = (c, s)[axis]
-            return value - reach, gradient, bias + reach * rates[angle] ** 2
+def component_row(row: ConstraintRow, scale: float, axis: int, angle: int) -> ConstraintRow:
+    """Row less `scale` times the cosine (axis 0) or sine (axis 1) of coordinate number `angle`."""
 
-        return row
+    def component(q: Array, rates: Array) -> tuple[float, Array, float]:
+        value, gradient, bias = row(q, rates)
+        c, s = scale * np.cos(q[angle]), scale * np.sin(q[angle])
+        gradient[angle] += (s, -c)[axis]
+        reach = (c, s)[axis]
+        return value - reach, gradient, bias + reach * rates[angle] ** 2
 
-    return component_row(SCALAR_PRODUCT, 0), component_row(VECTOR_PRODUCT, 1)
+    return component
 
 
 def ground_angle(
@@ -327,17 +316,15 @@ def ground_angle(
     -------
     tuple of rows
     """
-    matrix, shift = pin[0] - base[0], pin[1] - base[1]
+    matrix, shift = vector_between(base, pin)
 
-    def component(axis: int, q: Array, rates: Array) -> tuple[float, Array, float]:
-        c, s = length * np.cos(q[angle]), length * np.sin(q[angle])
-        gradient, reach = matrix[axis].copy(), (c, s)[axis]
-        gradient[angle] += (s, -c)[axis]
-        return matrix[axis] @ q + shift[axis] - reach, gradient, reach * rates[angle] ** 2
+    def coordinate_row(axis: int) -> ConstraintRow:
+        return lambda q, _: (matrix[axis] @ q + shift[axis], matrix[axis].copy(), 0.0)
 
+    along, across = (component_row(coordinate_row(k), length, k, angle) for k in (0, 1))
     if threshold is None:
-        return tuple(lambda q, rates, axis=axis: component(axis, q, rates) for axis in (0, 1))
-    return (lambda q, rates: component(int(abs(np.cos(q[angle])) >= threshold), q, rates),)
+        return along, across
+    return (lambda q, v: (across if abs(np.cos(q[angle])) >= threshold else along)(q, v),)
 
 
 def fourbar(
