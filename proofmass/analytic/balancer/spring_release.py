@@ -6,7 +6,7 @@ After the release the stiffness is smaller.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, check_finite, check_not_negative
+from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
 
 CONNECTIONS = "series", "parallel"
 
@@ -78,7 +78,8 @@ def solve(
     >>> pushed["force"].round(9).tolist(), pushed["slope"].tolist()
     ([3.0, 13.0], [300.0, 100.0])
     """
-    k1, k2 = check_parameters(stiffness1, stiffness2, preload, connection)
+    check_parameters(stiffness1, stiffness2, preload, connection)
+    k1, k2 = stiffness1, stiffness2
     x, v = np.broadcast_arrays(*(np.asarray(each, float) for each in (place, rate)))
     check_finite(place=x, rate=v)
     series = connection == "series"
@@ -106,17 +107,12 @@ def solve(
     }
 
 
-def check_parameters(
-    stiffness1: float, stiffness2: float, preload: float, connection: str
-) -> tuple[float, float]:
-    """Check that the parameters are in their domains, and return both stiffnesses."""
-    for name, stiffness in (("stiffness1", stiffness1), ("stiffness2", stiffness2)):
-        if not 0.0 < stiffness < np.inf:
-            raise ValueError(f"{name} must be positive and finite [N/m], got {stiffness}")
+def check_parameters(stiffness1: float, stiffness2: float, preload: float, connection: str) -> None:
+    """Raise a ValueError for the first parameter out of its domain."""
+    check_positive("N/m", stiffness1=stiffness1, stiffness2=stiffness2)
     check_not_negative("N", preload=preload)
     if connection not in CONNECTIONS:
         raise ValueError(f"connection must be one of {', '.join(CONNECTIONS)}, got {connection!r}")
-    return stiffness1, stiffness2
 
 
 def slopes(k1: float, k2: float, connection: str) -> tuple[float, float]:
@@ -130,8 +126,8 @@ def events(
     stiffness1: float, stiffness2: float, preload: float, connection: str
 ) -> dict[str, float]:
     """Place of the handle where the contact releases, P/k2 in series, P/k1 in parallel [m]."""
-    k1, k2 = check_parameters(stiffness1, stiffness2, preload, connection)
-    return {"release": preload / (k2 if connection == "series" else k1)}
+    check_parameters(stiffness1, stiffness2, preload, connection)
+    return {"release": preload / (stiffness2 if connection == "series" else stiffness1)}
 
 
 def properties(

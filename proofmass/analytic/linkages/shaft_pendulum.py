@@ -147,23 +147,22 @@ def slip_angle(*, length: float, mass: float, friction: float, gravity: float = 
     return float(np.arcsin(friction / weight))
 
 
-def events(*, length: float, mass: float, friction: float, **others: float) -> dict[str, float]:
+def events(
+    *, length: float, mass: float, friction: float, gravity: float = 9.81, **_: float
+) -> dict[str, float]:
     """Angle of the shaft [rad] at which the pendulum slips for the first time, as an event."""
-    limit = slip_angle(
-        length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)
-    )
-    return {"first slip": limit}
+    return {"first slip": slip_angle(length=length, mass=mass, friction=friction, gravity=gravity)}
 
 
-def properties(*, length: float, mass: float, friction: float, **others: float) -> dict[str, str]:
+def properties(
+    *, length: float, mass: float, friction: float, gravity: float = 9.81, **_: float
+) -> dict[str, str]:
     """Angle at which the pendulum slips, and its loss per cycle, in words for a report.
 
     >>> properties(length=0.2, mass=0.5, friction=0.3)["slips at"]
     '17.81° from straight down'
     """
-    limit = slip_angle(
-        length=length, mass=mass, friction=friction, gravity=others.get("gravity", 9.81)
-    )
+    limit = slip_angle(length=length, mass=mass, friction=friction, gravity=gravity)
     return {
         "slips at": f"{np.degrees(limit):.2f}° from straight down",
         "lost in a cycle": f"2 friction (way - {np.degrees(2 * limit):.2f}°) between the pendulum "
