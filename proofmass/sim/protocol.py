@@ -301,21 +301,12 @@ class Run:
 
     def controls(self, x: Array) -> tuple[Array, Array]:
         """Controls of all loads that change and their rates at x, each (loads, n)."""
-        rows = [np.broadcast_arrays(*load.profile(x))[:2] for load in self.loads]
-        value, rate = (
-            np.array(part, float).reshape(len(rows), x.size)
-            for part in (zip(*rows, strict=True) if rows else [()] * 2)
-        )
+        value, rate, _ = evaluate_profiles(self.loads, x)
         return value, rate
 
     def motion(self, x: Array) -> tuple[Array, Array, Array]:
         """Values, rates and accelerations of all drives at x, each (drives, n)."""
-        rows = [np.broadcast_arrays(*drive.profile(x)) for drive in self.drives]
-        value, rate, acceleration = (
-            np.array(part, float).reshape(len(rows), x.size)
-            for part in (zip(*rows, strict=True) if rows else [()] * 3)
-        )
-        return value, rate, acceleration
+        return evaluate_profiles(self.drives, x)
 
     def steps(self, timestep: float) -> tuple[int, float]:
         """Number of steps from sample to sample, and the step [s] <= `timestep` that fits it.
@@ -338,6 +329,18 @@ class Run:
             )
         count = whole_steps(width, float(timestep))
         return count, width / count
+
+
+def evaluate_profiles(
+    parts: Sequence[Drive | ChangingLoad], x: Array
+) -> tuple[Array, Array, Array]:
+    """Values, rates and accelerations of all profiles at x, each (parts, n)."""
+    rows = [np.broadcast_arrays(*one.profile(x)) for one in parts]
+    value, rate, acceleration = (
+        np.array(part, float).reshape(len(rows), x.size)
+        for part in (zip(*rows, strict=True) if rows else [()] * 3)
+    )
+    return value, rate, acceleration
 
 
 def whole_steps(width: float, longest: float) -> int:

@@ -382,16 +382,12 @@ class RestingLinkage(Linkage):
         path ends, without the overshoot due to inertia, which may lead to another equilibrium if
         there are several.
         """
-        values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
-        tangent = self.rest(values, np.inf, descend=True)
-        if self.balance.least() <= MIN_STIFFNESS_RATIO:
-            raise UnstableRest(UNSTABLE_MESSAGE)
-        return tangent
+        return self.follow(values, np.inf, descend=True)
 
-    def follow(self, values: Array) -> Array:
-        """Go to the stable equilibrium next to the present pose; returns its tangent."""
+    def follow(self, values: Array, far: float = MAX_STRIDE, descend: bool = False) -> Array:
+        """Go to a stable equilibrium no further than `far`; returns its tangent; see `rest`."""
         values, self.data.ctrl[self.controls] = np.split(values, [self.dofs.size])
-        tangent = self.rest(values, MAX_STRIDE)
+        tangent = self.rest(values, far, descend)
         if self.balance.least() <= MIN_STIFFNESS_RATIO:
             raise UnstableRest(UNSTABLE_MESSAGE)
         return tangent
