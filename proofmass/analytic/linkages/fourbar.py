@@ -188,26 +188,18 @@ def solve(
         a_motion, b_motion = (a1 * w, a1 * dw + a2 * w**2), (b1 * w, b1 * dw + b2 * w**2)
         loads: dict[str, Array] = {}
         if is_requested(only, *LOAD_ENDINGS):
-            moment = (
-                0.5
-                * gravity
-                * (crank_mass * px + coupler_mass * (2.0 * px + a1 * ax) + rocker_mass * b1 * bx)
-                - on_rocker * b1
-            )
             bars = _complex(px, py), _complex(ax, ay), _complex(bx, by)
-            rest = np.zeros_like(bars[0])
-            accelerations = 3 * ((rest, rest),)
+            at_p = at_q = lift = np.full_like(bars[0], 1j * gravity)
             if inertia:
-                at_p = _complex(-(w**2), dw) * bars[0]
-                at_q = _complex(-(b_motion[0] ** 2), b_motion[1]) * bars[2]
-                accelerations = (rest, at_p), (at_p, at_q), (rest, at_q)
-                p1, q1 = 1j * bars[0], 1j * b1 * bars[2]
-                unit_velocities = (rest, p1), (p1, q1), (rest, q1)
-                for each in zip(masses.values(), accelerations, unit_velocities, strict=True):
-                    moment = moment + drive_moment(*each)
-            loads = {"holding_moment": moment}
+                at_p = lift + _complex(-(w**2), dw) * bars[0]
+                at_q = lift + _complex(-(b_motion[0] ** 2), b_motion[1]) * bars[2]
+            p1, q1 = 1j * bars[0], 1j * b1 * bars[2]
+            accelerations = (lift, at_p), (at_p, at_q), (lift, at_q)
+            velocities: tuple[Ends, ...] = (0j, p1), (p1, q1), (0j, q1)
+            moments = map(drive_moment, masses.values(), accelerations, velocities)
+            loads = {"holding_moment": np.asarray(sum(moments) - on_rocker * b1)}
             if is_requested(only, *FORCE_ENDINGS):
-                loads |= _pin_forces(bars, accelerations, cross, masses, on_rocker, gravity)
+                loads |= _pin_forces(bars, accelerations, cross, masses, on_rocker)
         curves = {
             "coupler_angle": unwrap_angles(np.arctan2(ay, ax)),
             "coupler_rate": a_motion[0],
@@ -239,15 +231,13 @@ def _pin_forces(
     area: Array,
     masses: dict[str, float],
     rocker_load: Array,
-    gravity: float,
 ) -> dict[str, Array]:
-    """Pin forces of bars A-P, P-Q, B-Q with given accelerations of their ends; `area` is C."""
+    """Pin forces of bars A-P, P-Q, B-Q; `area` is C.
+
+    `accelerations` are those of the ends of the bars less that of gravity.
+    """
     crank, coupler, rocker = bars
-    lift = 1j * gravity
-    (f0, _), (f1, m1), (f2, m2) = (
-        pin_load(mass, bar, (one + lift, two + lift))
-        for mass, bar, (one, two) in zip(masses.values(), bars, accelerations, strict=True)
-    )
+    (f0, _), (f1, m1), (f2, m2) = map(pin_load, masses.values(), bars, accelerations)
     at_q = (m1 * rocker + (m2 - rocker_load) * coupler) / area  # on the coupler
     return {
         **components_in_frame("crank_force", f0 + f1 - at_q, crank),

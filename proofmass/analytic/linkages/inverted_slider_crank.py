@@ -6,7 +6,7 @@
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages.bars import (
     FORCE_ENDINGS,
@@ -17,6 +17,7 @@ from proofmass.analytic.linkages.bars import (
 )
 from proofmass.analytic.numerics import (
     Array,
+    Complex,
     broadcast_motion,
     check_not_negative,
     check_number,
@@ -28,7 +29,6 @@ from proofmass.analytic.numerics import (
     unwrap_angles,
 )
 
-ComplexPoints = NDArray[np.complex128]
 MODES = (1, -1)
 
 
@@ -158,22 +158,28 @@ def solve(
     loads: dict[str, Array] = {}
     if is_requested(only, *LOAD_ENDINGS, "_moment_bar"):
         rod_rates = (-1j * pin[0] / u).imag / s, (1j * tip[0] / u).imag / s
-        moments = _inertia_moments(pin[::2], tip[::2], rod * u, end[2], rod_rates, **masses)
-        swing = 0.5 * rod_mass * rod * u.real / s  # rod_mass dy/d(rod angle) of its middle, over s
+        lift = 1j * gravity
+        at_p, at_s, at_e = (inertia * point[2] + lift for point in (pin, slider, end))
+        slider_moment = inertia * slider_inertia * dw
+        p1, s1 = 1j * pin[0], 1j * tip[0]
+        by_crank, by_bar = (1j * turn * rod * u for turn in rod_rates)
         loads = {
-            "holding_moment": inertia * (moments[0] + slider_inertia * dw * rod_rates[0])
-            + gravity * ((0.5 * crank_mass + rod_mass) * pin[0].real - swing * (pin[0] / u).real),
-            "holding_moment_bar": inertia * (moments[1] + slider_inertia * dw * rod_rates[1])
-            + gravity * ((0.5 * bar_mass + slider_mass) * tip[0].real + swing * (tip[0] / u).real),
+            "holding_moment": drive_moment(crank_mass, (lift, at_p), (0j, p1))
+            + drive_moment(rod_mass, (at_p, at_e), (p1, p1 + by_crank))
+            + slider_moment * rod_rates[0],
+            "holding_moment_bar": drive_moment(bar_mass, (lift, at_s), (0j, s1))
+            + drive_moment(rod_mass, (at_p, at_e), (0j, by_bar))
+            + slider_mass * dot(at_s, s1)
+            + slider_moment * rod_rates[1],
         }
         if is_requested(only, *FORCE_ENDINGS, "guide_moment"):
             loads |= _forces(
                 (np.exp(1j * a1), np.exp(1j * a2), u),
                 (crank, bar, rod),
                 s,
-                [inertia * point[2] + 1j * gravity for point in (pin, slider, end)],
-                inertia * slider_inertia * dw,
-                1j * gravity,
+                (at_p, at_s, at_e),
+                slider_moment,
+                lift,
                 **masses,
             )
     curves = {
@@ -192,38 +198,11 @@ def solve(
     return {name: curve.reshape(inputs[0].shape[1:]) for name, curve in curves.items()}
 
 
-def _inertia_moments(
-    pin: tuple[ComplexPoints, ...],
-    tip: tuple[ComplexPoints, ...],
-    rod: ComplexPoints,
-    at_end: ComplexPoints,
-    rod_rates: tuple[Array, Array],
-    *,
-    crank_mass: float,
-    bar_mass: float,
-    rod_mass: float,
-    slider_mass: float,
-) -> tuple[Array, Array]:
-    """Moments of the drives of crank and bar due to the inertia of the bars and the slider's mass.
-
-    `pin` and `tip` are the vectors of crank and bar with the accelerations of their ends, `rod` is
-    the vector of the rod and `at_end` the acceleration of its end; `rod_rates` has the rates of the
-    rod for unit rates of crank and bar.
-    """
-    (p, at_p), (s, at_s), rest = pin, tip, np.zeros_like(rod)
-    by_crank, by_bar = (1j * turn * rod for turn in rod_rates)
-    of_crank = drive_moment(crank_mass, (rest, at_p), (rest, 1j * p))
-    of_crank = of_crank + drive_moment(rod_mass, (at_p, at_end), (1j * p, 1j * p + by_crank))
-    of_bar = drive_moment(bar_mass, (rest, at_s), (rest, 1j * s))
-    of_bar = of_bar + drive_moment(rod_mass, (at_p, at_end), (rest, by_bar))
-    return of_crank, of_bar + slider_mass * dot(at_s, 1j * s)
-
-
 def _forces(
-    directions: tuple[ComplexPoints, ComplexPoints, ComplexPoints],
+    directions: tuple[Complex, Complex, Complex],
     lengths: tuple[float, float, float],
     slide: Array,
-    accelerations: list[ComplexPoints],
+    accelerations: tuple[Complex, Complex, Complex],
     slider_moment: Array,
     lift: complex,
     *,
@@ -256,17 +235,13 @@ def _forces(
     }
 
 
-def _arm(
-    length: float, angle: Array, rate: Array, acceleration: Array
-) -> tuple[ComplexPoints, ...]:
+def _arm(length: float, angle: Array, rate: Array, acceleration: Array) -> tuple[Complex, ...]:
     """Complex vector of a turning arm, velocity and acceleration of its end."""
     arm = length * np.exp(1j * angle)
     return arm, 1j * rate * arm, (1j * acceleration - rate**2) * arm
 
 
-def _rod_direction(
-    separation: ComplexPoints, rounding: float, a1: Array, a2: Array
-) -> ComplexPoints:
+def _rod_direction(separation: Complex, rounding: float, a1: Array, a2: Array) -> Complex:
     """Unit vectors along the rod, from its ends' separation D; ValueError where D vanishes."""
     distance = np.abs(separation)
     if not distance.min(initial=np.inf) > rounding:

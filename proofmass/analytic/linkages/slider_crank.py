@@ -198,26 +198,26 @@ def solve(
                 for value, rate in zip(frictions.values(), (w, (k1 - 1.0) * w, v), strict=True)
             )
             slider_force = on_slider - of_slider
-            lift = (0.5 * crank_mass + coupler_mass) * crank * np.cos(theta)
-            lift = lift + 0.5 * coupler_mass * k1 * ax + slider_mass * sin * s1
-            moment = gravity * lift - slider_force * s1 + of_crank + of_pin * (k1 - 1.0)
             guide = complex(cos, sin)
             bars = (
                 np.asarray(crank * np.exp(1j * theta), complex),
                 np.asarray(ax + 1j * ay, complex),
             )
-            rest = np.zeros_like(bars[0])
-            at_p = at_s = rest
+            at_p = at_s = lift = np.full_like(bars[0], 1j * gravity)
             if inertia:
-                at_p, at_s = (1j * dw - w**2) * bars[0], np.asarray(guide * a)
-                p1, slider_velocity = 1j * bars[0], np.asarray(guide * s1)
-                moment = moment + drive_moment(crank_mass, (rest, at_p), (rest, p1))
-                moment = moment + drive_moment(coupler_mass, (at_p, at_s), (p1, slider_velocity))
-                moment = moment + slider_mass * a * s1
-            loads = {"holding_moment": moment}
+                at_p, at_s = lift + (1j * dw - w**2) * bars[0], lift + guide * a
+            p1, slider_velocity = 1j * bars[0], np.asarray(guide * s1)
+            loads = {
+                "holding_moment": drive_moment(crank_mass, (lift, at_p), (0j, p1))
+                + drive_moment(coupler_mass, (at_p, at_s), (p1, slider_velocity))
+                + slider_mass * dot(at_s, slider_velocity)
+                - slider_force * s1
+                + of_crank
+                + of_pin * (k1 - 1.0)
+            }
             if is_requested(only, *FORCE_ENDINGS):
                 loads |= _forces(
-                    bars, (rest, at_p, at_s), q, guide, (slider_force, of_pin), gravity, **masses
+                    bars, (lift, at_p, at_s), q, guide, (slider_force, of_pin), **masses
                 )
         curves = {
             "slide": s,
@@ -244,19 +244,19 @@ def _forces(
     q: Array,
     guide: complex,
     loads: tuple[Array, Array],
-    gravity: float,
     *,
     crank_mass: float,
     coupler_mass: float,
     slider_mass: float,
 ) -> dict[str, Array]:
-    """Forces of pins and guide, from the accelerations of A, P, S; `guide` is its direction.
+    """Forces of pins and guide; `guide` is its direction.
 
-    `loads` are the force on the slider along the guide, and the moment of friction of the pin P,
-    against the rotation of the coupler relative to the crank.
+    `accelerations` are those of A, P and S less that of gravity. `loads` are the force on the
+    slider along the guide, and the moment of friction of the pin P, against the rotation of the
+    coupler relative to the crank.
     """
     crank, coupler = bars
-    at_a, at_p, at_s = (each + 1j * gravity for each in accelerations)
+    at_a, at_p, at_s = accelerations
     f0, _ = pin_load(crank_mass, crank, (at_a, at_p))
     f1, m1 = pin_load(coupler_mass, coupler, (at_p, at_s))
     m1 = m1 + loads[1]
