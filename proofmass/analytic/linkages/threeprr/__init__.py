@@ -12,13 +12,13 @@ from proofmass.analytic.linkages.threeprr.kinematics import (
     MODES,
     SIGNS,
     WORKING_MODES,
+    RobotLengths,
     circle,
     poses,
     solve,
     solve_inverse,
 )
 from proofmass.analytic.linkages.threeprr.maps import (
-    RobotLengths,
     WorkspaceSlice,
     angles_of_place,
     aspects_of_slice,

@@ -15,7 +15,6 @@ from proofmass.analytic.linkages.threeprr.kinematics import (
     SIGNS,
     UNIT_CORNERS,
     WORKING_MODES,
-    guide_origins,
     leg_vectors,
     poses,
     solve_inverse,
@@ -471,8 +470,7 @@ def slider_positions(robot: RobotLengths, place: complex, psi: float, mode: int)
 
 def slider_points(robot: RobotLengths, sliders: Array) -> Complex:
     """Points x + iy (3,) of the sliders in the plane [m]."""
-    starts = guide_origins(robot.guide2_x, robot.guide3_x, robot.guide3_y)
-    return np.asarray((starts + sliders[:, None] * GUIDE_DIRECTIONS)[:, 0])
+    return np.asarray((robot.guide_origins + sliders[:, None] * GUIDE_DIRECTIONS)[:, 0])
 
 
 def intersection_lines(

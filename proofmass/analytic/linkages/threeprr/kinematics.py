@@ -4,6 +4,7 @@ The module also has all poses of the platform for given sliders.
 """
 
 from collections.abc import Collection
+from dataclasses import asdict, dataclass
 from itertools import product
 from math import prod
 
@@ -33,6 +34,39 @@ WORKING_MODES = tuple(range(1, len(SIGNS) + 1))
 GUIDE_DIRECTIONS = np.array([[1.0], [-1.0], [-1.0j]])
 # Vectors from P to the corners of the platform at psi = 0, for a side of 1
 UNIT_CORNERS = np.array([[0.0], [1.0], [np.exp(1j * np.pi / 3)]])
+
+
+@dataclass(frozen=True)
+class RobotLengths:
+    """Lengths of a 3PRR robot.
+
+    Attributes
+    ----------
+    side, leg : float
+        Side of the platform; length of each leg [m].
+    guide2_x, guide3_x, guide3_y : float
+        Starting points of guides 2 and 3 [m].
+    """
+
+    side: float
+    leg: float
+    guide2_x: float
+    guide3_x: float
+    guide3_y: float
+
+    def __post_init__(self) -> None:
+        check_positive(side=self.side, leg=self.leg)
+        check_number(guide2_x=self.guide2_x, guide3_x=self.guide3_x, guide3_y=self.guide3_y)
+
+    @property
+    def size(self) -> float:
+        """Size of the robot: sum of all lengths [m]."""
+        return self.side + self.leg + abs(self.guide2_x) + abs(self.guide3_x) + abs(self.guide3_y)
+
+    @property
+    def guide_origins(self) -> Complex:
+        """Starting points x + iy of the guides, (3, 1) [m]."""
+        return np.array([[0.0], [self.guide2_x], [self.guide3_x + 1j * self.guide3_y]])
 
 
 def solve_inverse(
@@ -102,11 +136,11 @@ def solve_inverse(
     >>> [round(float(sliders[f"slider_{k}"]), 5) for k in (1, 2, 3)]
     [1.51652, 2.31652, 1.65049]
     """
-    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
+    robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     shape, (point, velocity, point_acceleration), (psi, w, dw) = _motion(pose, rate, acceleration)
     arm = side * UNIT_CORNERS * np.exp(1j * psi)
     # real part along the guide, imaginary part across it
-    d = (point + arm - guide_origins(guide2_x, guide3_x, guide3_y)) / GUIDE_DIRECTIONS
+    d = (point + arm - robot.guide_origins) / GUIDE_DIRECTIONS
     signs, along = np.array(signs_of_mode(mode))[:, None], _leg_along_guide(d, leg, pose)
     e = (signs * along + 1j * d.imag) * GUIDE_DIRECTIONS
     lean = dot(e, GUIDE_DIRECTIONS)
@@ -126,26 +160,9 @@ def solve_inverse(
     return {name: curve.reshape(shape) for name, curve in curves.items()}
 
 
-def guide_origins(guide2_x: float, guide3_x: float, guide3_y: float) -> Complex:
-    """Starting points x + iy of the guides, (3, 1) [m]."""
-    return np.array([[0.0], [guide2_x], [guide3_x + 1j * guide3_y]])
-
-
 def determinant(e: Complex, moment: Array) -> Array:
     """Determinant (n,) of the three rows (e_x, e_y, moment), from arrays (3, n)."""
     return np.sum(moment * cross(np.roll(e, -1, 0), np.roll(e, -2, 0)), axis=0)
-
-
-def check_parameters(
-    side: float,
-    leg: float,
-    guide2_x: float,
-    guide3_x: float,
-    guide3_y: float,
-) -> None:
-    """Raise a ValueError that names the first parameter out of its domain."""
-    check_positive(side=side, leg=leg)
-    check_number(guide2_x=guide2_x, guide3_x=guide3_x, guide3_y=guide3_y)
 
 
 def signs_of_mode(mode: int) -> tuple[int, int, int]:
@@ -259,9 +276,9 @@ def poses(
     >>> poses([2.0, 0.5, 0.2], **where)["psi"].round(6)
     array([-0.250967,  0.125104,       nan,       nan,       nan,       nan])
     """
-    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
+    robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     shape, (s,) = flatten_motion(sliders=sliders)
-    c = guide_origins(guide2_x, guide3_x, guide3_y) + s * GUIDE_DIRECTIONS
+    c = robot.guide_origins + s * GUIDE_DIRECTIONS
     a, b = c[1] - c[0], c[2] - c[0]
     _check_not_free(
         np.maximum(np.abs(np.abs(a) - side), np.abs(b - UNIT_CORNERS[2] * a))
@@ -296,20 +313,12 @@ def inverse_jacobian(e: Complex, arm: Complex) -> tuple[Complex, Array]:
     return 1j * (m1 * e2 - m2 * e1) / total, cross(e1, e2) / total
 
 
-def missing_leg_length(
-    sliders: ArrayLike,
-    *,
-    side: float,
-    leg: float,
-    guide2_x: float,
-    guide3_x: float,
-    guide3_y: float,
-) -> float:
+def missing_leg_length(sliders: ArrayLike, robot: RobotLengths) -> float:
     """Length [m] by which the legs are too short for given sliders; negative if too long."""
-    c = guide_origins(guide2_x, guide3_x, guide3_y) + np.reshape(sliders, (3, 1)) * GUIDE_DIRECTIONS
-    s, area = _triangle_sides(c, side, np.exp(1j * np.linspace(-np.pi, np.pi, 3600)))
+    c = robot.guide_origins + np.reshape(sliders, (3, 1)) * GUIDE_DIRECTIONS
+    s, area = _triangle_sides(c, robot.side, np.exp(1j * np.linspace(-np.pi, np.pi, 3600)))
     with np.errstate(divide="ignore", invalid="ignore"):  # points in line: no circle
-        short = np.sqrt(s.prod(axis=0)) / (2.0 * np.abs(area)) - leg
+        short = np.sqrt(s.prod(axis=0)) / (2.0 * np.abs(area)) - robot.leg
     return float(short[np.nanargmin(np.abs(short))])
 
 
@@ -504,24 +513,15 @@ def solve(
     >>> [round(float(pose[name]), 6) for name in ("x", "y", "psi")]
     [2.21711, 0.976147, -0.250967]
     """
-    lengths = {
-        "side": side,
-        "leg": leg,
-        "guide2_x": guide2_x,
-        "guide3_x": guide3_x,
-        "guide3_y": guide3_y,
-    }
-    check_parameters(**lengths)
+    robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     check_one_of(MODES, mode=mode)
     check_not_negative(platform_mass=platform_mass, leg_mass=leg_mass, slider_mass=slider_mass)
     check_number(gravity=gravity)
     shape, (s, ds, dds) = flatten_motion(sliders=sliders, rate=rate, acceleration=acceleration)
     loads_at_p = broadcast_loads(shape, load_x=load_x, load_y=load_y, load_moment=load_moment)
     across, up, turning = (load.ravel() for load in loads_at_p)
-    point, psi, singularity = _choose_pose(s, mode, lengths)
-    e, arm = leg_vectors(
-        guide_origins(guide2_x, guide3_x, guide3_y) + s * GUIDE_DIRECTIONS, point, psi, side
-    )
+    point, psi, singularity = _choose_pose(s, mode, robot)
+    e, arm = leg_vectors(robot.guide_origins + s * GUIDE_DIRECTIONS, point, psi, side)
     slide = dot(e, GUIDE_DIRECTIONS)
     with np.errstate(divide="ignore", invalid="ignore"):  # singular: inf or nan, as documented
         move, turn = inverse_jacobian(e, arm)
@@ -605,9 +605,9 @@ def _pin_forces(
     return found
 
 
-def _choose_pose(s: Array, mode: int, lengths: dict[str, float]) -> tuple[Complex, Array, Array]:
+def _choose_pose(s: Array, mode: int, robot: RobotLengths) -> tuple[Complex, Array, Array]:
     """P, psi and singularity of a mode, or a ValueError where the mode does not exist."""
-    found = poses(s, **lengths)
+    found = poses(s, **asdict(robot))
     hits = {m: _has_mode(found["singularity"], m) for m in MODES}
     exists = hits[mode].any(axis=0)
     if not exists.all():
@@ -618,7 +618,7 @@ def _choose_pose(s: Array, mode: int, lengths: dict[str, float]) -> tuple[Comple
             if hit[:, n].any()
         ]
         triple = ", ".join(f"{x:.9g}" for x in s[:, n])
-        short = missing_leg_length(s[:, n], **lengths) if not others else 0.0
+        short = missing_leg_length(s[:, n], robot) if not others else 0.0
         why = (
             f"there are: {', '.join(others)}"
             if others
@@ -673,7 +673,7 @@ def circle(
            [-0.011688,  0.188312],
            [ 0.106135,  0.22265 ]])
     """
-    check_parameters(side, leg, guide2_x, guide3_x, guide3_y)
+    robot = RobotLengths(side, leg, guide2_x, guide3_x, guide3_y)
     check_positive("s", period=period)
     check_number(centre_x=centre_x, centre_y=centre_y, radius=radius, psi=psi, swing=swing)
     check_finite(time=time)
@@ -693,15 +693,7 @@ def circle(
         centre[2] - (1j * angle[2] - angle[1] ** 2) * arm,
     )
     motion = (np.array([p.real, p.imag, a]) for p, a in zip(point, angle, strict=True))
-    found = solve_inverse(
-        *motion,
-        side=side,
-        leg=leg,
-        guide2_x=guide2_x,
-        guide3_x=guide3_x,
-        guide3_y=guide3_y,
-        mode=leg_mode,
-    )
+    found = solve_inverse(*motion, **asdict(robot), mode=leg_mode)
     value, rate, acceleration = (
         np.array([found[f"slider_{k}{part}"] for k in (1, 2, 3)])
         for part in ("", "_rate", "_acceleration")

@@ -1,7 +1,7 @@
 """Workspace of a 3PRR robot: slices at one angle, their aspects, and all angles at one point."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +15,7 @@ from proofmass.analytic.linkages.regions import (
 )
 from proofmass.analytic.linkages.threeprr.kinematics import (
     UNIT_CORNERS,
-    check_parameters,
+    RobotLengths,
     cross,
     signs_of_mode,
 )
@@ -41,33 +41,6 @@ END_OFFSET = 1e-7
 """Distance of a curve's parameter from its ends, at which w may be zero, without direction."""
 INWARD_SHARE = 1e-6
 """Share of the way from an edge to the middle of a slice: at special angles, edges are singular."""
-
-
-@dataclass(frozen=True)
-class RobotLengths:
-    """Lengths on which the workspace of a 3PRR robot depends.
-
-    Attributes
-    ----------
-    side, leg : float
-        Side of the platform; length of each leg [m].
-    guide2_x, guide3_x, guide3_y : float
-        Starting points of guides 2 and 3 [m].
-    """
-
-    side: float
-    leg: float
-    guide2_x: float
-    guide3_x: float
-    guide3_y: float
-
-    def __post_init__(self) -> None:
-        check_parameters(**asdict(self))
-
-    @property
-    def size(self) -> float:
-        """Size of the robot: sum of all lengths [m]."""
-        return self.side + self.leg + abs(self.guide2_x) + abs(self.guide3_x) + abs(self.guide3_y)
 
 
 @dataclass(frozen=True)
