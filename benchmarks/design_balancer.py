@@ -41,11 +41,12 @@ from benchmarks.design_table import (
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, precision_points, rmse, work_reduction
 from proofmass.analytic.balancer.synthesis import (
+    THESIS_FIGURES,
     THESIS_POINTS,
     Synthesis,
     Variant,
-    third_preload_variants,
-    variants_without_balancer,
+    thesis_variants,
+    variants_of,
 )
 from proofmass.analytic.numerics import Array
 from proofmass.design.command import scale_effort
@@ -70,6 +71,23 @@ ATTEMPTS: tuple[Attempt, ...] = (
 SIGNS: tuple[dict[str, tuple[float, float]], ...] = ({}, {"preload3": (-1.0, 0.0)})
 """Narrower bounds of a preload of spring 3 where both signs can release it."""
 SHORT_EFFORT = Effort(((96, 10), (32, 60)))
+
+
+def variants_without_balancer() -> list[Variant]:
+    """The 56 variants that have a cell in tables M.1 to M.5 of van Nes 2022, but no balancer."""
+    targets, options = (list(dict.fromkeys(words)) for words in zip(*THESIS_FIGURES, strict=True))
+    return [
+        variant
+        for target in targets
+        for option in options
+        if (target, option) not in THESIS_FIGURES
+        for variant in variants_of(target, option)
+    ]
+
+
+def third_preload_variants() -> list[Variant]:
+    """The 40 variants whose row "3 Seg.: prestress spring 3" in the figures has only a dash."""
+    return [replace(v, preload=(3,)) for v in thesis_variants() if v.segments == 3 and v.preload]
 
 
 def variant_of(row: Row) -> Variant:

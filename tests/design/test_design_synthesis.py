@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from benchmarks.design_balancer import third_preload_variants, variants_without_balancer
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, energy_spread, rmse, work_reduction
 from proofmass.analytic.balancer.synthesis import (
@@ -13,8 +14,6 @@ from proofmass.analytic.balancer.synthesis import (
     Synthesis,
     Variant,
     thesis_variants,
-    third_preload_variants,
-    variants_without_balancer,
 )
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 

@@ -4,7 +4,7 @@ The bounds of the parameters are those of the designs of van Nes 2022.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -230,31 +230,6 @@ def thesis_variants() -> list[Variant]:
     112
     """
     return [variant for target, option in THESIS_FIGURES for variant in variants_of(target, option)]
-
-
-def variants_without_balancer() -> list[Variant]:
-    """The 56 variants that have a cell in its tables M.1 to M.5, but no balancer.
-
-    >>> len(variants_without_balancer())
-    56
-    """
-    targets, options = (list(dict.fromkeys(words)) for words in zip(*THESIS_FIGURES, strict=True))
-    return [
-        variant
-        for target in targets
-        for option in options
-        if (target, option) not in THESIS_FIGURES
-        for variant in variants_of(target, option)
-    ]
-
-
-def third_preload_variants() -> list[Variant]:
-    """The 40 variants with a row "3 Seg.: prestress spring 3" in its figures, filled with a dash.
-
-    >>> len(third_preload_variants())
-    40
-    """
-    return [replace(v, preload=(3,)) for v in thesis_variants() if v.segments == 3 and v.preload]
 
 
 def variants_of(target: str, option: str) -> list[Variant]:
