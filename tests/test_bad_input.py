@@ -145,6 +145,12 @@ MODEL_FAULTS = {
         'qpos="0  2.3502630',
         ["fourbar.xml", "'start'", "'pin'", "open by"],
     ),
+    "start pose in degrees": (
+        "fourbar.xml",
+        r'qpos="0  1.3502630',
+        'qpos="0  77.3502630',
+        ["fourbar.xml", "open by", "qpos of a key is in rad", "'coupler' is 77.3"],
+    ),
     "not planar": (
         "fourbar.xml",
         r'<joint name="rocker"/>',

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
+from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import Array, Index, NotCovered, without_rounding
 from proofmass.analytic.planar.mechanism import (
     acts_on_joint,
@@ -468,7 +469,7 @@ def read_loop(model: Any, e: int) -> PointLoop:
         places = tuple(model.site_pos[side] for side in sides)
         turns = [model.site_quat[side] for side in sides]
     return PointLoop(
-        model.equality(e).name,
+        equality_name(model, e),
         one,
         np.array(places[0]),
         two,
@@ -481,7 +482,7 @@ def read_loop(model: Any, e: int) -> PointLoop:
 def read_tie(model: Any, e: int) -> Tie:
     """Read equality number e, of joints or tendons."""
     return Tie(
-        model.equality(e).name,
+        equality_name(model, e),
         model.eq_type[e] == EQUALITY_TYPE.mjEQ_TENDON,
         int(model.eq_obj1id[e]),
         int(model.eq_obj2id[e]),
@@ -531,7 +532,7 @@ def refuse_uncovered(model: Any) -> None:
             EQUALITY_TYPE.mjEQ_TENDON,
         ):
             raise NotCovered(
-                f"equality {model.equality(e).name!r} is neither connect, weld, joint nor tendon"
+                f"equality {equality_name(model, e)!r} is neither connect, weld, joint nor tendon"
             )
     for b in np.flatnonzero(model.body_gravcomp):
         raise NotCovered(f"body {model.body(b).name!r} has gravcomp")

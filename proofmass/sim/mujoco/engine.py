@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
+from proofmass.analytic.names import equality_name, radian_hint
 from proofmass.sim.mjcf import compile_model, read_tree, refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
 from proofmass.sim.mujoco import tried_settings
@@ -105,10 +106,10 @@ def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> Non
     violations = loop_violations(model, data)
     if violations.size and not violations.max() <= MAX_START_VIOLATION * model.stat.extent:
         loops = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT]
-        name = model.equality(loops[int(violations.argmax())]).name
+        name = equality_name(model, loops[int(violations.argmax())])
         raise BadModel(
             f"start pose of key {key!r} is not assembled: loop {name!r} is open by "
-            f"{violations.max():.3g} m"
+            f"{violations.max():.3g} m{radian_hint(model, key)}"
         )
 
 

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import REST_RATE_SHARE, Array, without_rounding
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
 from proofmass.sim.mujoco.model import loop_violations
@@ -115,7 +116,7 @@ class Linkage:
         for i in range(model.neq):
             kind = EQ(model.eq_type[i])
             if joints and kind not in (EQ.mjEQ_CONNECT, EQ.mjEQ_JOINT):
-                word = f"{kind.name[5:].lower()} {model.equality(i).name!r}"
+                word = f"{kind.name[5:].lower()} {equality_name(model, i)!r}"
                 raise Unsupported(
                     f"equality <{word}> with driven joints; connect and joint are covered"
                 )
@@ -155,7 +156,9 @@ class Linkage:
             EQ.mjEQ_TENDON: [extent],
         }
         if kind not in rows:
-            raise Unsupported(f"equality <{kind.name[5:].lower()} {self.model.equality(i).name!r}>")
+            raise Unsupported(
+                f"equality <{kind.name[5:].lower()} {equality_name(self.model, i)!r}>"
+            )
         return rows[kind]
 
     def rubs(self, velocity: Array, fastest: float) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from proofmass.analytic.names import equality_name, radian_hint
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import (
     active_connects,
@@ -285,7 +286,7 @@ def _uncovered_equalities(model: mujoco.MjModel) -> Iterator[str]:
         if not model.eq_active0[e] or model.eq_type[e] == EQ.mjEQ_CONNECT:
             continue
         kind = EQ(int(model.eq_type[e])).name[5:].lower()
-        name = f"{kind} equality '{model.equality(e).name}'"
+        name = f"{kind} equality '{equality_name(model, e)}'"
         if model.eq_type[e] != EQ.mjEQ_JOINT:
             yield name
         elif model.eq_obj2id[e] < 0 or not model.eq_data[e, 1]:
@@ -434,7 +435,7 @@ def read_links(
     )
     loops = _read_loops(model, data, plane, of_body, centre)
     extent = _find_extent(joints, loops, centre, model)
-    _check_closed(loops, centre, extent, key)
+    _check_closed(loops, centre, extent, model, key)
     return Links(
         model,
         data,
@@ -675,7 +676,7 @@ def _read_loops(
         a, b = of_body[bodies]
         flat = plane.flat(points)
         loops.append(
-            LinkConstraint(model.equality(e).name, a, b, flat[0] - centre[a], flat[1] - centre[b])
+            LinkConstraint(equality_name(model, e), a, b, flat[0] - centre[a], flat[1] - centre[b])
         )
     return tuple(loops)
 
@@ -688,7 +689,7 @@ def _read_gears(model: mujoco.MjModel, joints: tuple[LinkJoint, ...]) -> Iterato
         level, slope = model.eq_data[e, :2].tolist()
         lacks = one.value - zeros[0] - level - slope * (two.value - zeros[1])
         yield LinkGear(
-            model.equality(e).name,
+            equality_name(model, e),
             one.constraint.b,
             two.constraint.b,
             slope * one.sign * two.sign,
@@ -715,7 +716,11 @@ def _find_extent(
 
 
 def _check_closed(
-    loops: tuple[LinkConstraint, ...], centre: Array, extent: float, key: str
+    loops: tuple[LinkConstraint, ...],
+    centre: Array,
+    extent: float,
+    model: mujoco.MjModel,
+    key: str,
 ) -> None:
     """Raise `BadModel` if a loop is open by more than `MAX_START_VIOLATION` in the start pose."""
     for h in loops:
@@ -723,5 +728,5 @@ def _check_closed(
         if violation > MAX_START_VIOLATION * extent:
             raise BadModel(
                 f"start pose of key '{key}' is not assembled: "
-                f"loop '{h.name}' is open by {violation:.2g} m"
+                f"loop '{h.name}' is open by {violation:.2g} m{radian_hint(model, key)}"
             )
