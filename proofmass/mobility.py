@@ -4,6 +4,7 @@ from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from proofmass.analytic import IN_SPACE
 from proofmass.case import Case
 from proofmass.errors import InputError
 from proofmass.reference import compiled_model
@@ -18,19 +19,22 @@ def mobility(case: Case) -> int | None:
     Returns
     -------
     int or None
-        None for a model that is no planar linkage, and for a start pose that does not close, which
-        the engines report.
+        None for a model that is no planar linkage, for a start pose that does not close, which the
+        engines report, and for redundant loops with a reference that covers them.
 
     Raises
     ------
     InputError
-        The loops are over-constrained, so that forces in them are not determined.
+        The loops are over-constrained, so that forces in them are not determined, and the reference
+        does not cover such loops.
     """
     from proofmass.analytic.planar import Overconstrained  # scipy is slow to load
 
     try:
         return model_dof(compiled_model(case), case.start)
     except Overconstrained as error:
+        if case.reference in IN_SPACE:  # the motion is the same, whatever the forces
+            return None
         raise InputError(case.model_path, "", str(error)) from None
     except ValueError:
         return None

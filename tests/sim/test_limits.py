@@ -78,3 +78,43 @@ def test_redundant_constraints_are_refused_by_name(solver, models, edit, keep_so
     result = check([models / "fourbar.toml"], detectable=False, causes=False)
     assert result.exit_code == 2
     assert any("over-constrained" in str(e) and "'again'" in str(e) for e in result.errors)
+
+
+REDUNDANT_FOURBAR = """title = "Four-bar with a second pin"
+source = "bars of 1, 2, 2.5 and 3 m"
+reference = "spatial"
+model = "fourbar.xml"
+[drive]
+joint = "crank"
+to = 3.141592653589793
+[run.sweep]
+n = 3
+solvers = ["mujoco", "pymunk"]
+[channels]
+rocker = {}
+"""
+
+
+def test_the_spatial_reference_covers_redundant_loops_in_a_plane(models, edit):
+    """With the crank at 0 and pi the crank pin is 2 and 4 m from the rocker's pivot.
+
+    The rocker's angle then follows from the law of cosines, with a coupler of 2 m and a rocker of
+    2.5 m; engines and reference differ from it by rounding.
+    """
+    edit(
+        "fourbar.xml",
+        r'(<connect name="pin" .*/>)',
+        r'\1\n    <connect site1="coupler_end" site2="rocker_end"/>',
+    )
+    sidecar = models / "redundant.toml"
+    sidecar.write_text(REDUNDANT_FOURBAR)
+    result = check([sidecar], detectable=False, causes=False)
+    assert result.exit_code == 0
+    apart = np.array([2.0, 4.0])
+    angle = np.pi - np.arccos((2.5**2 + apart**2 - 2.0**2) / (2 * 2.5 * apart))
+    for solver in ("mujoco", "pymunk"):
+        found = result.curves["redundant", "sweep", solver].channels["rocker"]
+        np.testing.assert_allclose(found[[0, -1]], angle, rtol=1e-12)
+    edit("redundant.toml", "spatial", "planar")
+    (error,) = check([sidecar], detectable=False, causes=False).errors
+    assert "'pin', 'coupler_end to rocker_end' give 4 equations" in str(error)
