@@ -57,6 +57,8 @@ MAX_ORDER = 2.1
 """Largest order that counts as convergence.  MuJoCo's steps are of first order, or of second from
 rest; errors that fall faster show that the coarser steps led to another motion.  RK4 is of fourth
 order without contacts; in that case `close` and `disturbed` decide."""
+OPEN_SHARE = 1e-3
+"""Largest opening of a loop in the start pose, as a share of the size, that is rounding."""
 ROUNDING_SHARE = 1e-9
 """Share of the size below which a difference need not fall any more."""
 CHAOTIC_GROWTH = 1e3
@@ -307,6 +309,11 @@ class Rung:
             f"until {number(self.until)} s{end}, known to {format_length(known)} and {off} "
             f"as it is ({own.name})."
         )
+        if (opened := float(own.gap[0])) > OPEN_SHARE * self.motion.extent:
+            yield (
+                f"Its loops are open by {number(opened, 2)} m or rad at the start: they close by a "
+                "jerk, unless the start pose is mended."
+            )
         evidence = format_list(self.evidence())
         yield f"{evidence[0].upper()}{evidence[1:]}."
         if error > known and (way := self.better()):

@@ -82,6 +82,16 @@ def test_a_motion_that_converges_is_known_to_its_end(order):
     assert f"converge with order {order:g}, DOP853 at 1e-9 agrees with the finest and" in words
 
 
+def test_loops_that_are_open_at_the_start_are_reported():
+    """A key in degrees leaves loops open, which then close by a jerk that can be solved closely."""
+    motion = make_motion()
+    own = motion.runs[0]
+    opened = replace(motion, runs=(replace(own, gap=0 * TIMES + 0.9), *motion.runs[1:]))
+    assert "Its loops are open by 0.9 m or rad at the start" in Rung(opened).words()
+    closed = replace(motion, runs=(replace(own, gap=0 * TIMES + 1e-5), *motion.runs[1:]))
+    assert "open" not in Rung(closed).words()
+
+
 def test_a_coarse_clock_gives_no_ratio_of_times():
     """Some clocks count in ticks of 16 ms, so that a short motion takes a time of zero."""
     own = make_motion()
