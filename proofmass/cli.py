@@ -4,6 +4,7 @@ Each command imports its modules when it is called, so that help and errors of o
 without delay.
 """
 
+import shlex
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -319,7 +320,8 @@ def new_command(
         print(file)
     for line in messages:
         error_console.print(line)
-    error_console.print(f"next: proofmass check {next(f for f in files if f.suffix == '.toml')}")
+    sidecar = next(file for file in files if file.suffix == ".toml")
+    error_console.print(f"next: proofmass check {shlex.quote(str(sidecar))}")
 
 
 @app.command("schema")

@@ -25,6 +25,7 @@ import numpy as np
 from mujoco import MjModel
 
 from proofmass.analytic import spatial
+from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar import Branch, Mechanism, read, refuse_friction, solve
 from proofmass.analytic.planar.kinematics import count_dof, nearest_pose
 from proofmass.analytic.planar.mechanism import (
@@ -47,8 +48,11 @@ from proofmass.sim.contents import (
     joint_of,
     joints,
     key_names,
+    mechanism_dof,
+    moves_by_itself,
     place_sensors,
     sensor_names,
+    sensors_of_drive,
 )
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
 from proofmass.sim.protocol import BadModel, NotSolved, Unsupported
@@ -75,6 +79,15 @@ REFERENCE_COMMENTS = {
     "refined": "the model's own equations, solved closely: it judges the time stepping alone",
 }
 COMPARE_ERRORS_ONLY = partial(compare, detectable=False)
+NOTHING_MOVES = (
+    "nothing moves: it starts at rest, and no force acts on its joints; give its key rates (qvel) "
+    "or controls (ctrl), or write a sidecar with a [[drive]] for each degree of freedom"
+)
+MAX_TOLERANCE_SHARE = 0.5
+"""Largest tolerance that is proposed, as a share of a curve's range: the error of a curve that
+stays in the middle of the range."""
+START_MARGIN = 1e-9
+"""Largest distance of a start pose from a joint's range that is rounding, in turns or sizes."""
 STEP_DIVISORS = 2, 4  # divisors of the model's step, if the error with that is too large
 KNOWN_SHARE = 0.9
 """Share of the time until which a motion is known, since other samples may give less."""
@@ -140,17 +153,20 @@ class ModelSummary:
         The key with the start pose; empty if the model has none.
     dof : int
         The number of degrees of freedom.
-    reaches : tuple of JointRange
-        The ranges of all joints that can be driven, the best first.
+    drive : JointRange or None
+        The range of the best joint to drive; None if none can be driven, and in a free motion.
     sensors : tuple of str
         Names of the model's sensors.
     placed : bool
-        Whether a sensor with a name measures a position or an orientation.
+        Whether a sensor with a name measures a position or an orientation other than that of the
+        drive, at which the reference is evaluated, so that nothing is checked by it.
     joints, sites, bodies : tuple of str
         Names of elements that can be measured: hinges and slides, sites, and bodies on ball joints
         and free joints.
     timestep : float
         The model's time step [s].
+    moves : bool
+        Whether it moves from its start pose without a drive.
     reference : str
         The reference of the motion.
     until : float
@@ -161,13 +177,14 @@ class ModelSummary:
 
     start: str
     dof: int
-    reaches: tuple[JointRange, ...]
+    drive: JointRange | None
     sensors: tuple[str, ...]
     placed: bool
     joints: tuple[str, ...]
     sites: tuple[str, ...]
     bodies: tuple[str, ...]
     timestep: float
+    moves: bool
     reference: str = "planar"
     until: float = FREE_MOTION_SECONDS
     why: str = ""
@@ -175,12 +192,7 @@ class ModelSummary:
     @property
     def is_determined(self) -> bool:
         """Whether a drive determines the motion, so that the engines' own tolerances apply."""
-        return self.reference == "planar" and self.dof == 1
-
-    @property
-    def driven(self) -> bool:
-        """Whether one joint is driven, and the others follow it, or springs determine them."""
-        return self.is_determined or bool(self.reaches)
+        return self.drive is not None and self.dof == 1
 
 
 def inspect_model(path: Path) -> ModelSummary:
@@ -191,7 +203,8 @@ def inspect_model(path: Path) -> ModelSummary:
     BadModel
         The model does not compile.
     InputError
-        Its motion is not known for any time, or none of its keys has a name.
+        Its motion is not known for any time, no joint can be driven, or none of its keys has a
+        name.
     """
     model = compile_model(path)
     names = key_names(model)
@@ -202,18 +215,36 @@ def inspect_model(path: Path) -> ModelSummary:
         mechanism, _ = read(model, start)
         pose = nearest_pose(mechanism, mechanism.start)
         dof = count_dof(mechanism, pose)
-        if dof > 1:
+    except ValueError as error:
+        return inspect_in_space(path, model, start, mechanism_dof(model, start), str(error))
+    lone = mechanism.joints[0].name if len(mechanism.joints) == 1 else ""
+    is_free = dof > 1 or (
+        lone and set(sensors_of_drive(model, lone)) >= {*filter(None, sensor_names(model))}
+    )
+    try:
+        if is_free:
             refuse_contacts(model)
             refuse_friction(mechanism)
             refuse_actuators(model, ())
     except ValueError as error:
-        return inspect_in_space(path, model, start, str(error))
+        return inspect_in_space(path, model, start, dof, str(error))
+    if is_free and dof == 1:
+        return summarize_model(model, start, dof)
+    if dof == 1:
+        refuse_start_out_of_range(path, mechanism, pose)
     motors = {joint_of(model, a) for a in range(model.nactuator)}
-    reaches = []
     has_equilibria = dof > 1 and len(motors - {-1}) == 1 and has_springs(mechanism)
-    for j, joint in enumerate(mechanism.joints):
+    best: JointRange | None = None
+
+    def highest_rank(j: int) -> tuple[bool, bool, bool, float]:
+        return j in motors, mechanism.joints[j].hinge, is_grounded(model, j), 1.0
+
+    for j in sorted(range(len(mechanism.joints)), key=highest_rank, reverse=True):
+        joint = mechanism.joints[j]
         if not joint.name or (dof > 1 and not (has_equilibria and j in motors)):
             continue
+        if best and best.rank >= highest_rank(j):
+            break
         start_value, unit = float(pose[j]), TURN if joint.hinge else mechanism.size
         low, high = joint.range
         try:
@@ -229,14 +260,40 @@ def inspect_model(path: Path) -> ModelSummary:
         share = max(start_value - below, above - start_value) / unit
         if share > MIN_DRIVEN_SHARE:
             turns = joint.hinge and above - start_value > TURN * (1 - 1e-9)
-            grounded = bool(model.body_parentid[model.jnt_bodyid[j]] == 0)
-            reaches.append(
-                JointRange(
-                    joint.name, start_value, below, above, share, turns, j in motors, grounded
-                )
+            found = JointRange(
+                joint.name,
+                start_value,
+                below,
+                above,
+                share,
+                turns,
+                j in motors,
+                is_grounded(model, j),
             )
-    reaches.sort(key=lambda one: one.rank, reverse=True)
-    return summarize_model(model, start, dof, tuple(reaches))
+            best = max(best or found, found, key=lambda one: one.rank)
+    if dof == 1 and not best:
+        raise InputError(path, "", "no joint with a name can be driven from the start pose")
+    return summarize_model(model, start, dof, best)
+
+
+def refuse_start_out_of_range(path: Path, mechanism: Mechanism, pose: Array) -> None:
+    """Raise an `InputError` if a joint starts beyond its range, where no drive can begin."""
+    for joint, value in zip(mechanism.joints, pose.tolist(), strict=True):
+        low, high = joint.range
+        unit = "rad" if joint.hinge else "m"
+        margin = START_MARGIN * (TURN if joint.hinge else mechanism.size)
+        if not low - margin <= value <= high + margin:
+            raise InputError(
+                path,
+                "",
+                f"joint {joint.name!r} starts at {value:.6g} {unit}, beyond its range, "
+                f"{low:.6g} to {high:.6g} {unit}; change its key or its range",
+            )
+
+
+def is_grounded(model: MjModel, j: int) -> bool:
+    """Whether the body of a joint is joined to the ground."""
+    return bool(model.body_parentid[model.jnt_bodyid[j]] == 0)
 
 
 def has_springs(mechanism: Mechanism) -> bool:
@@ -260,23 +317,25 @@ def equilibrium_end(model: MjModel, start: str, joint: str, at: float, end: floa
 
 
 def summarize_model(
-    model: MjModel, start: str, dof: int, reaches: tuple[JointRange, ...] = ()
+    model: MjModel, start: str, dof: int, drive: JointRange | None = None
 ) -> ModelSummary:
     """The properties of a model, with the names of its elements."""
+    of_drive = sensors_of_drive(model, drive.joint) if drive else []
     return ModelSummary(
         start,
         dof,
-        reaches,
+        drive,
         tuple(filter(None, sensor_names(model))),
-        any(place_sensors(model)),
+        any(set(place_sensors(model)) - set(of_drive)),
         tuple(name for name, unit in joints(model).items() if name and unit),
         tuple(filter(None, (model.site(s).name for s in range(model.nsite)))),
         tuple(filter(None, bodies_rotating_in_space(model))),
         float(model.opt.timestep),
+        moves_by_itself(model, start),
     )
 
 
-def inspect_in_space(path: Path, model: MjModel, start: str, planar: str) -> ModelSummary:
+def inspect_in_space(path: Path, model: MjModel, start: str, dof: int, planar: str) -> ModelSummary:
     """Find the properties and a reference of a model that is no planar linkage.
 
     `planar` says why it is none.
@@ -286,8 +345,8 @@ def inspect_in_space(path: Path, model: MjModel, start: str, planar: str) -> Mod
     InputError
         The model's own run fails, or its motion is not known for any time.
     """
-    look = summarize_model(model, start, int(model.nv))
-    if not model.nv:
+    look = summarize_model(model, start, dof)
+    if not model.nv or not look.moves:
         return look
     why = f"the general planar solver does not cover it: {planar}"
     times = np.linspace(0.0, FREE_MOTION_SECONDS, OWN_MODEL_SAMPLES)
@@ -341,18 +400,18 @@ class Proposal:
             yield f'model = "{self.model}"'
         if self.look.start not in ("", "start"):
             yield f'start = "{self.look.start}"'
-        if self.look.driven:
-            begin, end = self.look.reaches[0].way
+        if drive := self.look.drive:
+            begin, end = drive.way
             yield ""
             yield "[drive]"
-            yield f'joint = "{self.look.reaches[0].joint}"'
+            yield f'joint = "{drive.joint}"'
             yield f"from = {begin!r}"
             yield f"to = {end!r}"
             yield f"rate = {1.0 if end > begin else -1.0}"
         for kind, solvers in self.runs.items():
             yield ""
             yield f"[run.{kind}]"
-            if not self.look.driven:
+            if not self.look.drive:
                 yield f"until = {self.look.until}"
             yield f"solvers = {solvers!r}".replace("'", '"')
         for solver, step in self.steps.items():
@@ -385,9 +444,10 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
     ------
     InputError
         A file exists already; the model does not compile, has no joint that can be driven, no
-        degree of freedom, or no named element that could be measured; or its motion is not known
-        for any time.
+        degree of freedom, or no named element that could be measured; nothing moves; or its motion
+        is not known for any time.
     """
+    original = model
     sidecar, model_copy = (model.with_name(f"{name}{ending}") for ending in (".toml", ".xml"))
     if sidecar.exists():
         raise InputError(sidecar, "", "it is there already; give another name")
@@ -397,10 +457,10 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         raise InputError(model, "", str(error).removeprefix(f"{model.name}: ")) from None
     except (TimedOut, OutOfMemory, Crashed) as error:
         raise InputError(model, "", f"its motion could not be looked at: {error}") from None
-    if look.driven and not look.reaches:
-        raise InputError(model, "", "no joint with a name can be driven from the start pose")
     if look.dof == 0:
         raise InputError(model, "", "it has no degree of freedom: nothing moves")
+    if not look.drive and not look.moves:
+        raise InputError(model, "", NOTHING_MOVES)
     written = [sidecar]
     new_sensors = [] if look.placed else missing_sensors(look)
     if not new_sensors and not look.sensors:
@@ -416,14 +476,16 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
         try:
             messages = propose_sidecar(name, model, look, sidecar)
         except InputError:
-            if not look.driven or look.is_determined:
+            if not look.drive or look.is_determined or not look.moves:
                 raise
             messages = propose_sidecar(
-                name, model, replace(look, reaches=()), sidecar
+                name, model, replace(look, drive=None), sidecar
             )  # no equilibria
-    except BaseException:
+    except BaseException as error:
         for file in written:
             file.unlink(missing_ok=True)
+        if isinstance(error, InputError) and error.file in written:  # it is there no more
+            raise InputError(original, error.key, error.wrong) from None
         raise
     return written, messages
 
@@ -431,7 +493,7 @@ def write_proposal(name: str, model: Path) -> tuple[list[Path], list[str]]:
 def propose_sidecar(name: str, model: Path, look: ModelSummary, sidecar: Path) -> list[str]:
     """Write the sidecar for a model, and return the messages."""
     kinds: list[Kind] = ["dynamics"]
-    if look.driven:
+    if look.drive:
         kinds = ["sweep", "dynamics"] if look.is_determined else ["sweep"]
     proposal = Proposal(name, model.name, look, {kind: list(default_engines()) for kind in kinds})
     proposal.messages.append(describe_model(look))
@@ -441,21 +503,20 @@ def propose_sidecar(name: str, model: Path, look: ModelSummary, sidecar: Path) -
 
 def describe_model(look: ModelSummary) -> str:
     """A sentence on the degrees of freedom of a model, and the run that is proposed."""
-    if not look.driven:
+    if not look.drive:
         why = f"{look.why[0].upper()}{look.why[1:]}. " if look.why else ""
         known = ", as far as its motion is known" if look.until < FREE_MOTION_SECONDS else ""
         return (
             f"{why}It has {look.dof} degree{'s' * (look.dof > 1)} of freedom and is let go "
             f"for {look.until:g} s{known}."
         )
-    drive_range = look.reaches[0]
-    turns = "turns once" if drive_range.turns else f"goes {DRIVEN_SHARE:.0%} of its way to a limit"
+    turns = "turns once" if look.drive.turns else f"goes {DRIVEN_SHARE:.0%} of its way to a limit"
     if not look.is_determined:
         return (
-            f"It has {look.dof} degrees of freedom; joint {drive_range.joint!r} is driven, as its "
+            f"It has {look.dof} degrees of freedom; joint {look.drive.joint!r} is driven, as its "
             f"actuator does, and {turns}. Springs hold the others at rest."
         )
-    return f"It has one degree of freedom; joint {drive_range.joint!r} drives it and {turns}."
+    return f"It has one degree of freedom; joint {look.drive.joint!r} drives it and {turns}."
 
 
 def missing_sensors(look: ModelSummary) -> list[str]:
@@ -506,6 +567,8 @@ def measure_runs(proposal: Proposal, sidecar: Path) -> None:
             proposal.messages.append(f"{kind}, {solver}: {describe_error(found)}")
             if not proposal.look.is_determined:
                 proposal.tolerances += measured_tolerance(kind, solver, found)
+                if off := far_off(found):
+                    proposal.messages.append(describe_unchecked(kind, solver, off))
     write_atomically(sidecar, proposal.text())
 
 
@@ -540,30 +603,74 @@ def describe_error(found: list[Comparison]) -> str:
     )
 
 
+def describe_unchecked(kind: Kind, solver: str, off: list[Comparison]) -> str:
+    """A sentence on the channels of a run whose errors are too large for a tolerance."""
+    errors = (f"{c.channel} by {c.error_max / curve_scale(c):.2g}" for c in off)
+    return (
+        f"{kind}, {solver}: off by so much that {TOLERANCE_FACTOR:g} times the error would let a "
+        f"curve pass that does not move; not checked: {', '.join(errors)} of its range"
+    )
+
+
 def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iterator[str]:
     """Lines of the sidecar with a tolerance for each unit of a run, from its errors."""
-    errors: dict[str, float] = {}
-    rounding_tolerance: dict[str, float] = {}
-    for c in found:
-        if isfinite(c.error_max):
-            scale = c.error_rms / c.nrmse if c.nrmse > 0 else 0.0
-            errors[c.unit] = max(c.error_max, errors.get(c.unit, 0.0))
-            rounding_tolerance[c.unit] = max(
-                MIN_TOLERANCE_SHARE * scale, rounding_tolerance.get(c.unit, 0.0)
+    checked = [c for c in found if isfinite(c.error_max) and c not in far_off(found)]
+    for unit in dict.fromkeys(c.unit for c in checked):
+        left = [c for c in checked if c.unit == unit]
+        rounding = unit_rounding(left)[unit]
+        while left:
+            error = max(c.error_max for c in left)
+            allowed = round_up(max(TOLERANCE_FACTOR * error, rounding))
+            group = [
+                c
+                for c in left
+                if c.error_max in (error, 0.0)
+                or c.error_max <= rounding
+                or allowed <= MAX_TOLERANCE_SHARE * curve_scale(c)
+            ]
+            left = [c for c in left if c not in group]
+            yield ""
+            yield "[[tolerance]]"
+            yield f'run = "{kind}"'
+            yield f'solver = "{solver}"'
+            yield f'unit = "{unit}"'
+            if len(group) < sum(c.unit == unit for c in found):
+                yield f"channels = {[c.channel for c in group]!r}".replace("'", '"')
+            yield f"abs = {allowed!r}"
+            measured = f"{error:.2g} {format_unit(unit)}".rstrip()
+            at_least = f"; at least {MIN_TOLERANCE_SHARE:g} of the range, for rounding"
+            yield (
+                f'why = "proposed: {TOLERANCE_FACTOR:g} times what was measured, {measured}'
+                f'{at_least if rounding > TOLERANCE_FACTOR * error else ""}"'
             )
-    for unit, error in errors.items():
-        yield ""
-        yield "[[tolerance]]"
-        yield f'run = "{kind}"'
-        yield f'solver = "{solver}"'
-        yield f'unit = "{unit}"'
-        yield f"abs = {round_up(max(TOLERANCE_FACTOR * error, rounding_tolerance[unit]))!r}"
-        measured = f"{error:.2g} {format_unit(unit)}".rstrip()
-        rounding = f"; at least {MIN_TOLERANCE_SHARE:g} of the range, for rounding"
-        yield (
-            f'why = "proposed: {TOLERANCE_FACTOR:g} times what was measured, {measured}'
-            f'{rounding if rounding_tolerance[unit] > TOLERANCE_FACTOR * error else ""}"'
-        )
+
+
+def far_off(found: list[Comparison]) -> list[Comparison]:
+    """The channels of a run for which a tolerance would pass a curve that does not move at all."""
+    rounding = unit_rounding(found)
+    return [
+        c
+        for c in found
+        if isfinite(c.error_max)
+        and c.error_max > rounding[c.unit]
+        and round_up(TOLERANCE_FACTOR * c.error_max) > MAX_TOLERANCE_SHARE * curve_scale(c)
+    ]
+
+
+def unit_rounding(found: list[Comparison]) -> dict[str, float]:
+    """The least tolerance for each unit: rounding of the largest range of its curves [the unit].
+
+    The range of a curve without an error is not known, and counts as 1.
+    """
+    least = dict.fromkeys((c.unit for c in found), 0.0)
+    for c in found:
+        least[c.unit] = max(least[c.unit], MIN_TOLERANCE_SHARE * (curve_scale(c) or 1.0))
+    return least
+
+
+def curve_scale(c: Comparison) -> float:
+    """The range of a reference curve, or its size if it is constant; 0 if the error is 0."""
+    return c.error_rms / c.nrmse if c.nrmse > 0 else 0.0
 
 
 def format_unit(unit: str) -> str:

@@ -12,9 +12,17 @@ from proofmass.check import check
 from proofmass.cli import app
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.new_from_model import inspect_model, measured_tolerance, round_up, write_proposal
+from proofmass.new_from_model import (
+    describe_unchecked,
+    inspect_model,
+    measured_tolerance,
+    round_up,
+    write_proposal,
+)
 from proofmass.outcome import Outcome
 from proofmass.sidecar import load_case
+from proofmass.sim.contents import mechanism_dof
+from proofmass.sim.mjcf import compile_model
 from tests.shipped import shipped
 
 check_in_same_worker = partial(check, jobs=1, detectable=False, causes=False)
@@ -74,7 +82,7 @@ def test_a_model_with_sensors_is_not_copied(bare):
 def test_a_proposed_drive_stays_clear_of_its_limit_position(bare):
     """The crank of the double rocker swings by less than a turn, between two limit positions."""
     look = inspect_model(bare("double_rocker", keep=True))
-    best = look.reaches[0]
+    best = look.drive
     assert not best.turns
     begin, end = best.way
     assert abs(end - begin) < max(best.high - best.start, best.start - best.low)
@@ -115,7 +123,7 @@ def test_a_joint_with_an_actuator_is_swept_if_springs_hold_the_others(bare):
     text = model.read_text()
     assert 'stiffness="0.02"' in text
     model.write_text(text.replace('stiffness="0.02"', ""))
-    assert not inspect_model(model).driven
+    assert inspect_model(model).drive is None
 
 
 @pytest.mark.usefixtures("few")
@@ -199,6 +207,124 @@ def test_a_proposed_tolerance_is_at_least_rounding_of_the_range():
     assert ["at least 1e-12 of the range" in line for line in reasons] == [True, False]
 
 
+def compared(channel: str, error: float, scale: float) -> Comparison:
+    """A comparison in m whose largest error is `error`, of a curve with the range `scale`."""
+    return Comparison(
+        "", "", "", channel, "m", error_max=error, error_rms=error, nrmse=error / scale
+    )
+
+
+def test_a_proposed_tolerance_passes_no_curve_that_does_not_move():
+    """A curve that stays in the middle of its range is off by half of the range.
+
+    The tip, off by 0.6 of its range, gets no tolerance.  The knob moves by less than the tolerance
+    of the arm, and gets one of its own.
+    """
+    tip, arm, knob = (
+        compared("tip", 0.6, 1.0),
+        compared("arm", 0.1, 2.0),
+        compared("knob", 1e-3, 0.1),
+    )
+    lines = list(measured_tolerance("dynamics", "pymunk", [tip, arm, knob]))
+    assert [line for line in lines if line.startswith(("channels", "abs"))] == [
+        'channels = ["arm"]',
+        "abs = 0.3",
+        'channels = ["knob"]',
+        "abs = 0.003",
+    ]
+    assert "tip by 0.6 of its range" in describe_unchecked("dynamics", "pymunk", [tip])
+
+
+PENDULUM = """<mujoco><option gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody>
+<body><joint name="hinge" axis="0 1 0"/><geom size=".02" pos=".4 0 0"/></body>
+</worldbody><sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+
+
+def test_a_hinge_with_its_own_sensor_alone_is_let_go(tmp_path):
+    """Driven, the hinge would be compared with its own motion, and agree whatever the engine does.
+
+    A sensor of its moment shows something of a driven hinge as well.
+    """
+    model = tmp_path / "pendulum.xml"
+    model.write_text(PENDULUM)
+    look = inspect_model(model)
+    assert (look.drive, look.dof, look.moves) == (None, 1, True)
+    model.write_text(
+        PENDULUM.replace(
+            "<sensor>", '<actuator><motor name="m" joint="hinge"/></actuator><sensor>'
+        ).replace("</sensor>", '<actuatorfrc name="moment" actuator="m"/></sensor>')
+    )
+    assert inspect_model(model).drive.joint == "hinge"
+
+
+def test_a_sensor_of_the_drive_alone_is_completed_by_others(bare):
+    """The crank's own angle is that of the drive: it measures no place of the linkage."""
+    model = bare("slider_crank")
+    text = model.read_text()
+    sensor = '<sensor><jointpos name="angle" joint="crank"/></sensor></mujoco>'
+    model.write_text(text.replace("</mujoco>", sensor))
+    look = inspect_model(model)
+    assert look.drive.joint == "crank"
+    assert not look.placed
+
+
+def test_a_model_at_rest_without_forces_is_refused(tmp_path):
+    model = tmp_path / "pendulum.xml"
+    model.write_text(PENDULUM.replace("-9.81", "0"))
+    with pytest.raises(InputError, match="nothing moves: it starts at rest, and no force acts"):
+        write_proposal("rest", model)
+    assert [file.name for file in tmp_path.iterdir()] == ["pendulum.xml"]
+
+
+def test_a_joint_that_starts_beyond_its_range_is_named_with_the_model(bare):
+    model = bare("fourbar", keep=True)
+    model.write_text(
+        model.read_text().replace('<joint name="rocker"', '<joint range="2.5 3" name="rocker"')
+    )
+    with pytest.raises(
+        InputError, match=r"joint 'rocker' starts at .* rad, beyond its range"
+    ) as found:
+        write_proposal("mine", model)
+    assert found.value.file == model
+
+
+def test_an_error_in_a_proposal_names_the_given_model(bare, monkeypatch):
+    """The sidecar is deleted again, so that its name would lead nowhere."""
+
+    def fail(name, model, look, sidecar):
+        raise InputError(sidecar, "drive", "wrong")
+
+    monkeypatch.setattr(new_from_model, "propose_sidecar", fail)
+    model = bare("fourbar", keep=True)
+    with pytest.raises(InputError) as found:
+        write_proposal("mine", model)
+    assert str(found.value) == f"{model}: drive: wrong"
+
+
+def test_joints_that_can_be_no_better_than_the_best_are_not_driven(bare, monkeypatch):
+    """Steps shrink towards limit positions: to walk there takes seconds for a toggle press."""
+    driven = []
+
+    def counted(mechanism, names):
+        driven.extend(names)
+        return new_from_model_branch(mechanism, names)
+
+    new_from_model_branch = new_from_model.Branch
+    monkeypatch.setattr(new_from_model, "Branch", counted)
+    assert inspect_model(bare("fourbar", keep=True)).drive.joint == "crank"
+    assert set(driven) == {"crank"}
+
+
+def test_degrees_of_freedom_of_a_mechanism_with_loops_leave_out_what_the_loops_hold(bare):
+    """A five-bar whose geoms may touch has four joints and two loop equations."""
+    model = bare("fivebar")
+    text = model.read_text()
+    assert '<flag contact="disable"/>' in text
+    model.write_text(text.replace('<flag contact="disable"/>', ""))
+    compiled = compile_model(model)
+    assert (compiled.nv, mechanism_dof(compiled, "start")) == (4, 2)
+
+
 FALLING_BOX = """<mujoco><option timestep="5e-3"/><default><geom solref=".05 1"/></default>
 <worldbody><geom type="plane" size="1 1 .1"/>
 <body name="box" pos="0 0 .3" euler="20 10 0"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
@@ -215,7 +341,8 @@ CART_WITH_FRICTION = """<mujoco><option><flag contact="disable"/></option><world
 def test_a_model_with_contacts_is_compared_with_its_own_equations(tmp_path):
     """The reference is the model's own motion with refined steps, until it is no longer known.
 
-    The proposed case can be checked like any other.
+    The proposed case can be checked like any other.  With a step of 5 ms some rates are too
+    far off after the impact to be checked.
     """
     model = tmp_path / "box.xml"
     model.write_text(FALLING_BOX)
@@ -226,7 +353,9 @@ def test_a_model_with_contacts_is_compared_with_its_own_equations(tmp_path):
     assert "judges the time stepping alone" in sidecar.read_text()
     assert 0.1 < case.run["dynamics"].until <= 1.0
     assert "in space" in messages[0]
-    assert {c.outcome for c in found.comparisons} == {Outcome.AGREES}
+    assert found.exit_code == 0
+    unchecked = {c.channel for c in found.comparisons if c.outcome != Outcome.AGREES}
+    assert unchecked < {c.channel for c in found.comparisons if c.unit == "rad/s"}
     assert max(c.error_max for c in found.comparisons) > 0  # a step of 5 ms has an error
 
 

@@ -1,6 +1,7 @@
 """Contents of a compiled MJCF: names, units of channels, anchors of loops, size and mass."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from functools import lru_cache
 
 import mujoco
@@ -11,6 +12,11 @@ from proofmass.sim.plane import PARALLEL_TOLERANCE, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
 from proofmass.sim.rods import format_rod_parts, rod_parts
 
+RANK_TOLERANCE = 1e-4
+"""Least part of an equality, as a share of its size, that is independent of the others: a start
+pose whose loops are closed to five digits makes redundant ones seem independent by less."""
+ZERO_FORCE_SHARE = 1e-12
+"""Largest moment that counts as none, as a share of the weight at an arm of the model's extent."""
 CACHE_SIZE = 64  # number of models whose size and mass are cached
 S, OBJ = mujoco.mjtSensor, mujoco.mjtObj
 SENSOR_UNITS = {
@@ -84,6 +90,50 @@ def place_sensors(model: mujoco.MjModel) -> list[str]:
         for name, kind in zip(every, model.sensor_type, strict=True)
         if S(kind) in PLACE_SENSORS
     ]
+
+
+def sensors_of_drive(model: mujoco.MjModel, joint: str) -> list[str]:
+    """The names of the sensors whose curves are the motion of a joint: its position and its rate.
+
+    A reference is evaluated at the actual motion of a driven joint, so that such a curve has no
+    error.
+    """
+    number = model.joint(joint).id
+    return [
+        model.sensor(s).name
+        for s in np.flatnonzero(model.sensor_objid == number)
+        if S(int(model.sensor_type[s])) in (S.mjSENS_JOINTPOS, S.mjSENS_JOINTVEL)
+    ]
+
+
+def mechanism_dof(model: mujoco.MjModel, key: str) -> int:
+    """Degrees of freedom in the pose of a key: those of the joints less independent equalities."""
+    model = copy(model)
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    data = pose_of_key(model, key)
+    mujoco.mj_fwdPosition(model, data)
+    rows = data.efc_J.reshape(-1, model.nv)[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
+    slides = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
+    rows = rows * np.where(slides, model.stat.extent, 1.0)
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
+    rank = np.linalg.matrix_rank(rows, rtol=RANK_TOLERANCE) if rows.size else 0
+    return model.nv - int(rank)
+
+
+def moves_by_itself(model: mujoco.MjModel, key: str) -> bool:
+    """Whether a model moves from the pose of a key, by its rates or by a force on its joints.
+
+    Loops that the pose leaves open by its rounding do not count as forces.
+    """
+    data = pose_of_key(model, key)
+    mujoco.mj_forward(model, data)
+    weight = float(np.linalg.norm(model.opt.gravity)) * mass(model) * model.stat.extent
+    forces = np.abs(data.qfrc_smooth) > ZERO_FORCE_SHARE * weight
+    touches = data.efc_type > int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON)
+    return bool(
+        forces.any() or data.qvel.any() or data.act_dot.any() or data.efc_force[touches].any()
+    )
 
 
 def bodies_rotating_in_space(model: mujoco.MjModel) -> list[str]:
