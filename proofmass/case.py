@@ -564,6 +564,8 @@ class Case(Strict):
     name of its file.
     """
 
+    fields_without_key = frozenset({"file", "unmatched", "called"})
+
     file: Path
     title: str
     source: str

@@ -55,6 +55,8 @@ def find_sidecar(path: Path) -> Path:
     """
     from proofmass.check import find_inputs
 
+    if not path.exists():
+        raise InputError(path, "", "no such file; give a sidecar, NAME.toml, or its model")
     (file,) = find_inputs([path]) if path.is_file() else [path]
     if file.suffix != ".toml":
         raise single_case_error(path)

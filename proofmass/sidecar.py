@@ -32,7 +32,7 @@ DEFAULT_SAMPLES = 361
 """Default number of samples of a sweep or dynamics: one turn in steps of a degree."""
 ALL_OTHERS = "*"
 """The key of ``[channels]`` that stands for all sensors that are not listed."""
-FIELDS_WITHOUT_KEY = {"file", "unmatched", "called"}
+FIELDS_WITHOUT_KEY = set(Case.fields_without_key)
 """Fields of a `Case` that are no keys of its sidecar."""
 TABLES_OF_CHANNELS = (
     "channels",

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from proofmass.check import check, load_validated
 from proofmass.cli import app
+from proofmass.command import find_sidecar
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.solve import plan_run, solve, solve_here
@@ -597,3 +598,17 @@ def test_a_model_that_the_planar_reference_does_not_cover_is_bad_input(models, e
     [error] = check([models / "watt.toml"]).errors
     assert error.file == models / "watt.xml"
     assert error.wrong == ("the reference 'planar' does not cover it: tendon 'rope' has armature")
+
+
+def test_an_unknown_key_lists_keys_of_sidecars_alone(models, edit):
+    """A sidecar with one of the fields that only a loaded case has is refused as well."""
+    with pytest.raises(InputError, match="unknown key 'titel'; did you mean 'title'") as found:
+        load_case(edit("fourbar.toml", "(?m)^title", "titel"))
+    known = found.value.wrong.partition("known: ")[2].split(", ")
+    assert {"title", "drive", "unchecked"} <= set(known)
+    assert not {"file", "unmatched", "called"} & set(known)
+
+
+def test_a_file_that_does_not_exist_is_said_not_to_exist(tmp_path):
+    with pytest.raises(InputError, match=r"arm\.xml: no such file; give a sidecar, NAME\.toml"):
+        find_sidecar(tmp_path / "arm.xml")
