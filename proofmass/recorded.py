@@ -398,7 +398,8 @@ def interpolate_recorded(x: Array, rows: Array, curve: Array) -> tuple[Array, Ar
     through all rows has 1/16 of the first; twice that is stated.  Elsewhere the curve has a bend,
     where the spline through all rows may have a larger error: up to 1.6 times the first, if the
     bend lies between the rows that were left out.  There twice the first is stated.  Both are
-    doubled in the four rows at each end, where no row is left out.
+    doubled in the four rows at each end, where no row is left out.  An interval that is longer than
+    the mean of those around it has an error that is larger by the fourth power of their ratio.
 
     Parameters
     ----------
@@ -438,12 +439,14 @@ def nearest_rows(x: Array, rows: Array) -> Array:
 def interval_errors(rows: Array, curve: Array) -> Array:
     """Estimate the error of the spline through all rows between each row and the next, (m - 1,)."""
     double, fourfold = (
-        sliding_maximum(left_out_errors(rows, curve, every), NEIGHBOUR_ROWS) for every in (2, 4)
+        with_neighbours(left_out_errors(rows, curve, every)).max(axis=1) for every in (2, 4)
     )
     errors = double * np.where(double <= CUBIC_ERROR_RATIO * fourfold, SMOOTH_FACTOR, BEND_FACTOR)
     errors[:NEIGHBOUR_ROWS] *= END_FACTOR
     errors[-NEIGHBOUR_ROWS:] *= END_FACTOR
-    return np.maximum(errors[:-1], errors[1:])
+    spacing = np.diff(rows)
+    longer = np.maximum(spacing / with_neighbours(spacing).mean(axis=1), 1.0)
+    return np.maximum(errors[:-1], errors[1:]) * longer**4
 
 
 def left_out_errors(rows: Array, curve: Array, every: int) -> Array:
@@ -463,7 +466,11 @@ def left_out_errors(rows: Array, curve: Array, every: int) -> Array:
     return errors
 
 
-def sliding_maximum(errors: Array, reach: int) -> Array:
-    """Return for each value the largest of it and of its `reach` neighbours on each side."""
-    padded = np.pad(errors, reach)
-    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+def with_neighbours(values: Array) -> Array:
+    """Return each value with its `NEIGHBOUR_ROWS` neighbours on each side; the ends are repeated.
+
+    >>> with_neighbours(np.array([1.0, 2.0]))[0].tolist()
+    [1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0]
+    """
+    padded = np.pad(values, NEIGHBOUR_ROWS, "edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOUR_ROWS + 1)

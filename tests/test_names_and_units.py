@@ -275,6 +275,8 @@ SI_UNITS_BY_DEFINITION = {
     "lbf": ("N", POUND_FORCE),
     "N mm": ("N m", 1e-3),
     "deg/s^2": ("rad/s^2", TURN / 360.0),
+    "°": ("rad", TURN / 360.0),
+    "°/s": ("rad/s", TURN / 360.0),
     "rev/min": ("rad/s", TURN / 60.0),
     "mm/s": ("m/s", 1e-3),
     "kg mm^2": ("kg m^2", 1e-6),
