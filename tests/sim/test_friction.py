@@ -19,7 +19,8 @@ from proofmass.drive import Swing
 from proofmass.errors import InputError
 from proofmass.reference import compiled_model
 from proofmass.sidecar import load_case
-from proofmass.sim.protocol import BadModel, Drive, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Drive, NotSolved, Run, Unsupported
+from proofmass.sim.pymunk.space import SlideFriction
 from proofmass.solve import call_engine, plan_run, solve_here
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.shipped import shipped, shipped_case, shipped_files
@@ -305,6 +306,84 @@ def test_friction_of_the_driven_joint_changes_only_its_force(engine, edit, model
     for name, curve in smooth.items():
         added = 2.0 if name == "force" else 0.0
         np.testing.assert_allclose(rough[name], curve + added, atol=1e-11, rtol=0)
+
+
+TWO_SLIDES_AND_A_HINGE = """<mujoco><compiler angle="radian"/><option gravity="0 0 -10">
+<flag contact="disable"/></option><worldbody>
+<body><joint name="a" type="slide" axis="0 0 1" frictionloss="2"/>{0}</body>
+<body><joint name="b" type="slide" axis="0 0 1" frictionloss="3"/>{0}</body>
+<body><joint name="c" axis="0 -1 0" frictionloss="4"/>{0}</body></worldbody><sensor>
+<jointactuatorfrc name="F" joint="a"/><jointactuatorfrc name="G" joint="b"/>
+<jointactuatorfrc name="M" joint="c"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_drive_without_motion_so_far_has_no_friction(engine, tmp_path):
+    """Slide a goes up, down and up from the first sample on; slide b and hinge c move from x = 3.
+
+    Each drive carries its weight, 10 N or the moment 10 N m cos c, and then friction as well.
+    """
+    file = tmp_path / "three.xml"
+    file.write_text(
+        TWO_SLIDES_AND_A_HINGE.format('<inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>')
+    )
+    ways = (0.0, 1.0, 0.0, 1.0, 2.0), (0.0, 0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0, 0.5)
+    drives = tuple(Drive(name, PiecewiseLinear(way)) for name, way in zip("abc", ways, strict=True))
+    run = Run("sweep", np.array([0.5, 1.5, 2.5, 3.5]), ("F", "G", "M"), drives)
+    found = call_engine(engine, file, run).channels
+    # rounding of impulses
+    np.testing.assert_allclose(found["F"], [12.0, 8.0, 12.0, 12.0], atol=1e-9, rtol=0)
+    np.testing.assert_allclose(found["G"], [10.0, 10.0, 10.0, 13.0], atol=1e-9, rtol=0)
+    np.testing.assert_allclose(
+        found["M"], [10.0, 10.0, 10.0, 10 * np.cos(0.25) + 4], atol=1e-9, rtol=0
+    )
+
+
+BLOCK_ON_A_SPRING = """<mujoco><option gravity="0 0 0"><flag contact="disable"/></option><worldbody>
+<body><joint name="hand" type="slide" axis="1 0 0"/>{0}<site name="hand"/></body>
+<body pos="-1 0 0"><joint name="block" type="slide" axis="1 0 0" frictionloss="0.3"/>{0}
+<site name="block"/></body></worldbody>
+<tendon><spatial stiffness="2" springlength="1"><site site="hand"/><site site="block"/></spatial>
+</tendon><sensor><jointpos name="block" joint="block"/><jointactuatorfrc name="F" joint="hand"/>
+</sensor></mujoco>"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_block_on_a_spring_sticks_until_the_spring_exceeds_its_friction(engine, tmp_path):
+    """A hand pulls a block by a spring of 2 N/m to 1 m and back, against friction of 0.3 N.
+
+    The block lags 0.15 m behind the hand once it slips, and sticks for 0.3 m after the hand turns.
+    """
+    file = tmp_path / "block.xml"
+    file.write_text(
+        BLOCK_ON_A_SPRING.format('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')
+    )
+    drive = Drive("hand", PiecewiseLinear((0.0, 1.0, 0.0)))
+    run = Run("sweep", np.linspace(0.0, 2.0, 21), ("block", "F"), (drive,))
+    found = call_engine(engine, file, run).channels
+    hand = 1.0 - np.abs(run.x - 1.0)
+    block = np.where(run.x < 1, np.maximum(hand - 0.15, 0.0), np.minimum(hand + 0.15, 0.85))
+    np.testing.assert_allclose(found["block"], block, atol=1e-9, rtol=0)  # rest, to 1e-12 m
+    np.testing.assert_allclose(found["F"], 2 * (hand - block), atol=1e-9, rtol=0)
+
+
+def test_a_motor_too_weak_to_let_a_joint_stick_is_an_error(monkeypatch, tmp_path):
+    """With half the friction the engine's motor cannot hold the block until it should slip."""
+    file = tmp_path / "block.xml"
+    file.write_text(
+        BLOCK_ON_A_SPRING.format('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')
+    )
+    stick = SlideFriction.stick
+
+    def stick_half(motor: SlideFriction, value: float) -> None:
+        stick(motor, value)
+        motor.max_force /= 2
+
+    monkeypatch.setattr(SlideFriction, "stick", stick_half)
+    drive = Drive("hand", PiecewiseLinear((0.0, 0.1)))
+    run = Run("sweep", np.array([0.0, 1.0]), ("block",), (drive,))
+    with pytest.raises(NotSolved, match="joints 'block' should stick, but slip by"):
+        call_engine("pymunk", file, run)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

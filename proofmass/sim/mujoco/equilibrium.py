@@ -609,6 +609,7 @@ class RubbingLinkage(RestingLinkage):
     def rubs(self, velocity: Array, fastest: float) -> None:
         """Set the friction: of driven joints against their motion, of others by stick and slip."""
         super().rubs(velocity, fastest)
+        self.rub[self.rubbing] = 0.0
         if not self.is_at_start:
             found = self.problem(self.way).solve_state(self.senses)
             assert found is not None
