@@ -98,6 +98,24 @@ def test_point_springs_in_pymunk_are_of_second_order(springs, tmp_path):
         assert coarse[name] / fine[name] == pytest.approx(4, rel=0.15)
 
 
+@pytest.mark.parametrize("sites", ["", "arm"])
+def test_a_spring_between_two_points_of_one_body_moves_nothing(sites, tmp_path):
+    """Pymunk refuses a constraint of a body with itself, such as the ground, so none is made."""
+    file, points = tmp_path / "a.xml", '<site name="p"/><site name="q" pos=".7 -.1 0"/>'
+    spring = '<tendon><spatial stiffness="1000"><site site="p"/><site site="q"/></spatial></tendon>'
+    curves = []
+    for tendon in ("", spring):
+        file.write_text(
+            f"""<mujoco><option gravity="0 -9.81 0"/><worldbody>{"" if sites else points}
+            <body><joint name="j"/><inertial pos=".5 0 0" mass="1" diaginertia=".1 .1 .1"/>
+            {points if sites else ""}</body></worldbody>{tendon}
+            <sensor><jointpos name="j" joint="j"/></sensor></mujoco>"""
+        )
+        run = Run("dynamics", np.linspace(0, 0.1, 3), ("j",))
+        curves.append(ENGINES["pymunk"].simulate(file, run).channels["j"])
+    np.testing.assert_array_equal(*curves)
+
+
 def test_dampers_of_pymunk_are_of_first_order(tmp_path):
     file = write_chain(tmp_path, TWO_DAMPED_SPRINGS)
     coarse, fine = (relative_errors("pymunk", file, step) for step in (1e-3, 5e-4))

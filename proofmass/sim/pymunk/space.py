@@ -265,7 +265,7 @@ def _make_linear_spring(
     joint: LinkJoint, links: Links, bodies: list[pymunk.Body], stiffness: float, damping: float
 ) -> pymunk.DampedRotarySpring | pymunk.DampedSpring:
     """A linear spring and damper between two links, slack at the rest value of the joint."""
-    constraint, slack = joint.constraint, joint.rest - joint.value if stiffness else 0.0
+    constraint, slack = joint.constraint, joint.rest - joint.value
     a, b = bodies[constraint.a], bodies[constraint.b]
     if constraint.axis is None:
         # Chipmunk's angle is that of a relative to b, and its torque acts on b.

@@ -1,6 +1,7 @@
 """Tests of models rebuilt in pymunk: plane, refusals, exact sweeps, second order in time."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -212,13 +213,12 @@ def test_a_sweep_of_a_four_bar_is_exact():
 
 
 def test_a_sweep_has_holding_moments_and_no_accelerations():
+    faster = Drive("crank", lambda x: (x, np.sqrt(1 + x), 0.5 + 0 * x))
     run = Run(
-        "sweep",
-        np.linspace(0, 2 * np.pi, 37),
-        ("holding_moment", FOUR_BAR_CHANNELS[2]),
-        (turning_crank(),),
+        "sweep", np.linspace(0, 2 * np.pi, 37), ("holding_moment", FOUR_BAR_CHANNELS[2]), (faster,)
     )
     curves = simulate(FOUR_BAR_FILE, run)
+    np.testing.assert_allclose(np.array(curves.drive), run.motion(run.x), atol=1e-12)  # rest
     truth = fourbar.solve(
         curves.drive[0][0], **FOUR_BAR_LENGTHS, crank_mass=1.0, coupler_mass=2.0, rocker_mass=2.5
     )["holding_moment"]
@@ -226,6 +226,8 @@ def test_a_sweep_has_holding_moments_and_no_accelerations():
     np.testing.assert_allclose(curves.channels["holding_moment"], truth, atol=1e-10, rtol=0)
     assert "no accelerations in a sweep" in curves.missing[FOUR_BAR_CHANNELS[2]]
     assert curves.derivatives == 1
+    with_inertia = simulate(FOUR_BAR_FILE, replace(run, x=run.x[:2], inertia=True))
+    assert "those at rest" in with_inertia.missing["holding_moment"]
 
 
 def test_a_wrong_length_exceeds_the_tolerance(edit):
@@ -310,6 +312,43 @@ def test_a_hinge_rests_on_its_stop(tmp_path):
     # the joint enters the stop by up to its motion in a step, 3e-3 rad, and leaves it slowly
     assert np.abs(got[5:] + 0.2).max() < 4e-3
     assert abs(got[-1] + 0.2) < 1e-4
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_hinge_does_not_bounce_on_its_stop(sign, tmp_path):
+    """An arm falls by 0.2 rad onto its stop, about an axis in either direction.
+
+    It then leaves the stop with the rate that corrects its depth there: 0.9 of the depth is left
+    after 1/60 s, by Chipmunk's own bias.
+    """
+    limits = "-.2 1" if sign > 0 else "-1 .2"
+    arm = ARM_BODY.replace('"arm"/>', f'"arm" axis="0 0 {sign}" range="{limits}"/>')
+    other = f"<body><joint/>{BAR_INERTIA}</body>"  # its axis is the normal of the plane
+    sensors = '<sensor><jointpos name="a" joint="arm"/><jointvel name="rate" joint="arm"/></sensor>'
+    run = Run("dynamics", np.linspace(0, 0.4, 401), ("a", "rate"), settings={"timestep": 1e-3})
+    got = simulate(write_model(tmp_path, other + arm, sensors), run).channels
+    depth, rate = -0.2 - sign * got["a"], sign * got["rate"]
+    impact = int(np.argmin(rate))
+    # from the energy; the last sample before the impact is up to a step before it, 0.6 % of the way
+    assert rate[impact] == pytest.approx(-np.sqrt(2 * 9.81 * 0.5 * np.sin(0.2) / 0.35), rel=0.01)
+    assert 0 < rate[impact:].max() < 1.01 * 60 * np.log(1 / 0.9) * depth.max()
+
+
+@pytest.mark.parametrize("kind", ["hinge", "slide"])
+def test_a_damper_alone_slows_a_joint_exponentially(kind, tmp_path):
+    """A mass or moment of inertia of 0.5 has a rate of exp(-d t / 0.5) under a damper d = 0.4."""
+    body = (
+        f'<body><joint name="j" type="{kind}" damping=".4"/>'
+        '<inertial pos="0 0 0" mass=".5" diaginertia=".5 .5 .5"/></body>'
+    )
+    more = (
+        '<sensor><jointvel name="rate" joint="j"/></sensor>'
+        '<keyframe><key name="start" qpos="0" qvel="1"/></keyframe>'
+    )
+    run = Run("dynamics", np.linspace(0, 1, 11), ("rate",), settings={"timestep": 1e-3})
+    file = write_model(tmp_path, body, more, gravity="0 0 0")
+    got = simulate(file, replace(run, start="start")).channels["rate"]
+    np.testing.assert_allclose(got, np.exp(-0.8 * run.x), rtol=1e-3)  # first order: d dt / m
 
 
 def pendulum_errors(dt: float):

@@ -329,6 +329,20 @@ def test_bodies_that_pass_each_other_do_not_touch(tmp_path):
     assert contact_law(tmp_path, 'pos="0 0 .3"') is None
 
 
+def test_a_ball_passes_another_that_its_mask_leaves_out(tmp_path):
+    """Both balls may touch the floor, and not each other; without weight the first moves evenly."""
+    masks = 'contype="2" conaffinity="4"'
+    bodies = (
+        FLOOR.format('pos="0 0 -1" contype="4" conaffinity="2"')
+        + BALL.format(masks)
+        + f'<body pos=".5 0 .1"><joint type="slide" axis="0 0 1"/><geom size=".1" {masks}/></body>'
+    )
+    file = write_model(tmp_path, bodies, "1 0 0 0", options='gravity="0 0 0"', pose="0 0 0 0")
+    found = simulated_channels(file)
+    np.testing.assert_allclose(found["x"], np.linspace(0.0, 1.0, 101), atol=1e-12, rtol=0)
+    np.testing.assert_allclose(found["turn"], 0.0, atol=1e-12)
+
+
 def test_settings_of_contacts_act(tmp_path):
     """They determine how deep a ball at rest is in the floor, and how fast it comes out of it."""
     law = f'friction="0 0 0" {PLASTIC_CONTACT}'

@@ -13,7 +13,7 @@ import pytest
 from proofmass import load_case
 from proofmass.analytic import planar
 from proofmass.engines import engine_of
-from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.sim.protocol import BadModel, Diverged, Drive, Run
 from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.dynamics import contraction_factor
 from proofmass.sim.pymunk.engine import simulate
@@ -406,6 +406,17 @@ def test_a_sweep_that_cannot_begin_is_a_bad_model():
     run = Run("sweep", LIMIT_ANGLE + np.array([-0.01, 0.02, 0.03]), (), (ROCKER_DRIVE,))
     with pytest.raises(BadModel, match=r"cannot be closed at rocker = .*, open by"):
         simulate(shipped("fourbar.xml"), run)
+
+
+def test_velocities_that_are_not_finite_are_a_failure_of_the_engine(monkeypatch):
+    """It is no failure of the iterations of proofmass, which is a `NotSolved`."""
+    monkeypatch.setattr(
+        quasi_static.RestingBodies, "step", lambda self, pose, dt: np.full_like(pose, np.nan)
+    )
+    run = Run("sweep", np.linspace(0, 1, 3), (), (Drive("crank", lambda x: (x, 1.0, 0.0)),))
+    with pytest.raises(Diverged) as error:
+        simulate(shipped("fourbar.xml"), run)
+    assert error.type is Diverged
 
 
 def test_the_contraction_factor_is_that_of_the_engine():

@@ -460,7 +460,7 @@ def test_moments_have_the_right_sign_next_to_their_zero(tmp_path):
     Chipmunk gives only the size of a moment.  Within 1e-7 rad of the top the moment is less than
     `FORCE_REDUCTION` of the largest, so that the drive's force is reduced to zero to find its sign.
     """
-    x = np.pi / 2 + np.array([-1.0, -1e-3, -1e-9, 1e-9, 1e-3, 1.0])
+    x = np.pi / 2 + np.array([-1.0, -1e-3, -1e-9, -1e-12, 1e-12, 1e-9, 1e-3, 1.0])
     bar = (
         f'{WITH_GRAVITY}<worldbody><body><joint name="crank"/><inertial pos=".4 0 0" mass="2" '
         f'diaginertia=".01 .2 .2"/></body></worldbody><sensor>{MOMENT_SENSOR}</sensor>'

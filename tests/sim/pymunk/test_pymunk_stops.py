@@ -106,6 +106,16 @@ def test_a_step_without_solution_after_all_iterations_is_an_error(tmp_path, monk
         light_balancer_curves(tmp_path, LOCKED_BALANCERS["four"], [5.0], ("holding_moment",))
 
 
+def test_a_joint_on_its_stop_is_no_error_of_the_model_if_the_loops_are_closed(
+    tmp_path, monkeypatch
+):
+    """Here no number of short steps counts as rest."""
+    monkeypatch.setattr(quasi_static, "STEPS_AT_REST", 1000)
+    monkeypatch.setattr(quasi_static, "MAX_STEPS", {True: 40})
+    with pytest.raises(NotSolved, match="not at rest after 40 steps, loops open by 0 m"):
+        light_balancer_curves(tmp_path, LOCKED_BALANCERS["four"], [5.0], ("holding_moment",))
+
+
 @pytest.mark.parametrize("doubt", [6, 8])
 def test_a_short_step_next_to_a_stop_is_no_equilibrium(doubt, tmp_path, monkeypatch):
     """A short step next to a stop is not taken as an equilibrium.
