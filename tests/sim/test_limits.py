@@ -3,12 +3,17 @@
 Both are reported, and the samples before a limit position are kept.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from proofmass.check import check
+from proofmass.drive import Steady
 from proofmass.mobility import mobility
 from proofmass.sidecar import load_case
+from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.solve import call_engine
 from tests.shipped import shipped
 
 LIMIT_ANGLE = np.arccos((4 + 9 - 4.5**2) / 12)
@@ -43,6 +48,18 @@ def test_a_sweep_across_a_limit_position_stops_there(solver, reference, models, 
     assert f"the {solver} sweep ends at sample {curves.x.size} of 201, which are kept" in message
     assert "crank = 2.2" in message
     assert "open by" in message
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pymunk"])
+def test_a_sweep_that_ends_early_keeps_two_samples_or_is_an_error(engine):
+    """One sample is no curve."""
+    drive = Drive("crank", Steady(-2.0, 1.0, x_is_time=False))
+    run = Run("sweep", np.array([-2.0, LIMIT_ANGLE - 0.01, LIMIT_ANGLE + 0.01]), (), (drive,))
+    curves = call_engine(engine, shipped("triple_rocker.xml"), run)
+    assert curves.x.tolist() == run.x[:2].tolist()
+    assert "open by" in curves.stopped
+    with pytest.raises(BadModel, match="open by"):
+        call_engine(engine, shipped("triple_rocker.xml"), replace(run, x=run.x[[0, 2]]))
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.dynamics import check_run
 from proofmass.sim.mujoco.engine import simulate
-from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Curves, Diverged, Drive, Run, Unsupported
 from proofmass.solve import plan_run
 from tests.shipped import shipped
 
@@ -281,6 +284,22 @@ def test_a_run_that_mujoco_resets_has_diverged(tmp_path):
     settings = {"timestep": 0.01, "integrator": "RK4"}
     with pytest.raises(Diverged, match="badq"):
         simulate(file, Run("dynamics", np.linspace(0, 1, 11), ("a",), settings=settings))
+
+
+def test_a_loop_that_comes_open_ends_a_run_where_it_does():
+    """A loop is open at a tenth of the size of the model."""
+    model = mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml")))
+    size, times = model.stat.extent, np.arange(4.0)
+    record = SimpleNamespace(rows={"qpos": np.zeros((4, model.nq))})
+
+    def run(*gaps: float) -> None:
+        curves = Curves(times, {"a": times}, violations=size * np.array(gaps))
+        check_run(model, mujoco.MjData(model), record, curves, [])
+
+    run(0.0, 0.099, 0.099, 0.099)
+    with pytest.raises(Diverged, match=f"open by {0.101 * size:.3g} m at t = 2 s") as error:
+        run(0.0, 0.099, 0.101, 0.3)
+    assert error.value.curves.x.tolist() == [0.0, 1.0]
 
 
 def test_start_pose_far_from_assembled_is_refused(models, edit):

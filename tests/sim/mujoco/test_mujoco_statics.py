@@ -11,7 +11,7 @@ from scipy.optimize import brentq, root
 
 from proofmass.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
-from proofmass.sim.protocol import BadModel, Curves, Drive, Run, Unsupported
+from proofmass.sim.protocol import BadModel, ChangingLoad, Curves, Drive, Run, Unsupported
 from proofmass.solve import solve_here
 
 G = 10.0
@@ -457,6 +457,45 @@ def test_a_sweep_stops_where_a_joint_that_the_drive_moves_leaves_its_range(sweep
     )
     assert curves.x.tolist() == [0.0, 0.1, 0.2]  # b is at the end of its range at 0.2
     assert curves.stopped == "joint 'b' is beyond its range at a = 0.3"
+
+
+def test_an_equilibrium_beyond_a_range_is_an_error(tmp_path):
+    """The drive's first value moves a joint beyond its range, which the drive alone determines."""
+    file = tmp_path / "model.xml"
+    file.write_text(
+        MODEL.format(
+            bodies=body_on_joint("a") + body_on_joint("b", range="-1 .4"),
+            equality='<joint joint1="b" joint2="a" polycoef="0 2 0 0 0"/>',
+            motors="",
+            key="",
+            gravity=-G,
+            sensors="",
+        )
+    )
+    run = Run("equilibrium", np.array([0.3, 0.4]), ("hold",), (DRIVE_OF_A,))
+    with pytest.raises(BadModel, match="joint 'b' is beyond its range"):
+        simulate(file, run)
+
+
+def test_the_rate_of_a_free_joint_is_that_of_its_changing_load(tmp_path):
+    """A spring of 5 N m/rad under a moment that grows by 2 N m/s turns by 0.4 rad/s."""
+    file = tmp_path / "model.xml"
+    file.write_text(
+        MODEL.format(
+            bodies=body_on_joint("a", centre="0 0 0")
+            + body_on_joint("b", centre="0 0 0", stiffness="5"),
+            equality="",
+            motors='<motor name="push" joint="b"/>',
+            key="",
+            gravity=0,
+            sensors=joint_sensors("b"),
+        )
+    )
+    load = ChangingLoad("push", lambda x: (1 + 2 * x, 2 + 0 * x, 0 * x))
+    run = Run("sweep", np.linspace(0, 1, 5), ("b", "b_rate"), (DRIVE_OF_A,), loads=(load,))
+    found = simulate(file, run).channels
+    np.testing.assert_allclose(found["b"], 0.2 + 0.4 * run.x, rtol=1e-12)
+    np.testing.assert_allclose(found["b_rate"], 0.4, rtol=1e-12)
 
 
 def test_an_equilibrium_has_no_rates(models):
