@@ -14,7 +14,7 @@ from proofmass.case import ProfileTable
 from proofmass.check import check
 from proofmass.compare import compare
 from proofmass.errors import InputError
-from proofmass.profile import SampledProfile, make_sampled_profile
+from proofmass.profile import SampledProfile, find_jump, make_sampled_profile
 from proofmass.recorded import RecordedColumn
 from proofmass.reference import all_quantities, drive_profiles, evaluate, prescribed_quantities
 from proofmass.sidecar import format_sidecar, load_case
@@ -263,6 +263,15 @@ def test_a_jump_of_the_angle_is_refused_and_a_wrapped_angle_recognized(tmp_path)
         make_profile(tmp_path, rows=stepped(-2 * np.pi), value="q")
     whole = make_profile(tmp_path, rows=stepped(-2 * np.pi), value={"column": "q", "unwrap": True})
     assert whole(ROW_TIMES)[0] == pytest.approx(ROW_TIMES, abs=1e-12)
+
+
+def test_a_step_of_a_millionth_of_the_range_is_no_jump():
+    """Before it the curve is constant, so that any step is much steeper than what is around it."""
+    rest_and_rise = np.maximum(ROW_TIMES - 1.5, 0.0) ** 3
+    after = np.arange(ROW_TIMES.size) > 20
+    for share, row in ((0.9e-6, None), (1.1e-6, 20)):
+        step = share * np.ptp(rest_and_rise) * after
+        assert find_jump(ROW_TIMES, rest_and_rise + step) == row
 
 
 def test_kinks_of_a_few_rows_are_allowed(tmp_path):

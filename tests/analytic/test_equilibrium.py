@@ -32,6 +32,14 @@ class SpringBetweenSlides:
         return q[:, :1]
 
 
+@pytest.mark.parametrize(("pull", "kept"), [(1e-13, True), (1e-11, False)])
+def test_a_stop_is_left_if_it_pulls_by_more_than_rounding(pull, kept):
+    """The largest force is 1 N; the stop is at the upper end, so that its own push is negative."""
+    solver, (stop,) = EquilibriumSolver(SpringBetweenSlides()), SpringBetweenSlides.stops
+    found = solver.switched(np.array([0.0, 0.5]), np.array([1.0, pull]), (stop,))
+    assert (found == (stop,)) == kept
+
+
 def test_rates_and_forces_of_stops_are_those_of_a_spring_by_hand():
     """The free slide is at a + F / k, with a = t and F = 2 t, until it meets its stop at 0.5 m.
 

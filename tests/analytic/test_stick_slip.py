@@ -91,6 +91,15 @@ def minimize_along_path(body, path, parts):
     return np.array(found)
 
 
+def test_a_joint_that_sticks_at_its_dead_point_may_go_on_sticking():
+    """No free motion turns the first joint; the second one comes to rest under a force of 0.5 N."""
+    problem = SlipProblem(
+        np.array([0.5]), np.eye(1), np.zeros(1), np.array([[0.0], [1.0]]), np.zeros(2), np.ones(2)
+    )
+    assert problem.choose(np.array([0.0, -1.0]), may_stay=False).tolist() == [0.0, 0.0]
+    assert problem.choose(np.array([1.0, -1.0]), may_stay=False)[0] != 0.0
+
+
 DRIVE_PATH = np.array([0.0, 1.0, 2.5, 1.5, -0.5, 0.3, 2.0])
 
 

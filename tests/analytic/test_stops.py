@@ -10,7 +10,13 @@ from proofmass.analytic import planar, spatial
 from proofmass.analytic.contacts import bouncing_ball, restitution
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import Overconstrained
-from proofmass.analytic.stops import Step, Stop, impact_times
+from proofmass.analytic.stops import (
+    MIN_REBOUND_HEIGHT,
+    Step,
+    Stop,
+    find_flat_rebounds,
+    impact_times,
+)
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
@@ -56,6 +62,16 @@ def two_masses(start: str, more: str = "") -> mujoco.MjModel:
           <geom size="0.1" mass="3"/></body></body></worldbody>{more}
       <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/></sensor>
       <keyframe><key name="start" {start}/></keyframe></mujoco>""")
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_rebound_is_left_out_below_the_least_height(side):
+    """A rebound of rate v, in sizes, has the height v^2 / (2 g) before it comes back."""
+    stop, g = Stop("s", 0, 0, 0.0, side, 0.5, size=0.2), 9.81
+    state = np.zeros(1), np.zeros(1), np.array([side * g * stop.size])  # toward the stop
+    for height, low in ((0.99 * MIN_REBOUND_HEIGHT, [1]), (1.01 * MIN_REBOUND_HEIGHT, [])):
+        rate = -side * np.sqrt(2 * g * height) * stop.size
+        assert find_flat_rebounds([stop, stop, stop], state, [0.0, rate, -side]) == low
 
 
 @BOTH_SOLVERS

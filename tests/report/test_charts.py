@@ -12,6 +12,7 @@ from proofmass.compare import compare
 from proofmass.errors import InputError
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
+from proofmass.validate import validate_case
 from tests.report.test_report import case_with_samples, curves_with_error, result_with_errors
 from tests.shipped import shipped
 
@@ -98,6 +99,13 @@ def test_errors_of_a_chart_name_the_key_and_the_known_values(
     with pytest.raises(InputError) as caught:
         check_charts(load_case(stub))
     assert all(word in str(caught.value) for word in ["fourbar.toml", *words]), str(caught.value)
+
+
+def test_a_wrong_chart_is_found_before_anything_runs(stub: Path) -> None:
+    validate_case(load_case(stub))
+    stub.write_text(stub.read_text().replace('draw = "broken"', 'draw = "solve"', 1))
+    with pytest.raises(InputError, match=r"chart\.1\.draw: .* has no chart 'solve'"):
+        validate_case(load_case(stub))
 
 
 def test_a_check_looks_for_chart_functions_but_does_not_call_them(stub: Path) -> None:

@@ -447,6 +447,18 @@ def test_a_jolt_is_a_start_in_motion_or_under_gravity():
     assert not starts_with_jolt(load_shipped_case("hacksaw"))  # at rest, without gravity
 
 
+@pytest.mark.parametrize(
+    ("motion", "jolt"),
+    [((2.0, 0.0, 0.0), False), ((0.0, -1.0, 0.0), True), ((0.0, 0.0, -1.0), True)],
+)
+def test_a_drive_starts_with_a_jolt_if_it_has_a_rate_or_an_acceleration(motion, jolt, monkeypatch):
+    """One of two drives is sufficient; this case has no gravity."""
+    moving, resting = (lambda x: tuple(part + 0 * x for part in motion)), lambda x: 3 * (0 * x,)
+    own = starts_with_jolt.__globals__  # `proofmass.solve` is a function
+    monkeypatch.setitem(own, "drive_profiles", lambda *_: (resting, moving))
+    assert starts_with_jolt(load_shipped_case("hacksaw")) == jolt
+
+
 def test_an_order_is_unexpected_if_it_is_off_by_more_than_0_2():
     assert [is_unexpected(2.0 + by, 2.0) for by in (-0.21, -0.19, 0.19, 0.21, nan)] == [
         True,
