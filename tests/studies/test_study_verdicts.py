@@ -718,11 +718,12 @@ def study_row(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> St
     )
 
 
-def test_failed_settings_are_points_with_an_infinite_error():
+@pytest.mark.parametrize("failed", ["diverged", "not finite", "crashed", "no reference"])
+def test_failed_settings_are_points_with_an_infinite_error(failed):
     measured = measured_series(
         study_row(velocity=0.05),
         study_row("stopped", velocity=0.04),
-        study_row("not finite"),
+        study_row(failed),
         study_row(velocity=0.0),
     )
     assert measured.points("velocity") == [(0.1, 0.05), (0.025, inf)]

@@ -19,6 +19,7 @@ from proofmass.studies.record import NAN, StudyRow, format_kind
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.series import (
     MIN_FALLING_ORDER,
+    MIN_STEP_RATIO,
     Limits,
     convergence_order,
     predict_steps,
@@ -294,7 +295,7 @@ def compare_with_defaults(
         f"the engine's defaults are {format_error(row, error_kind)} at best, {format_cost(row)}"
     )
     coarser = min(
-        (one for one in default_rows if one.value > row.value),
+        (one for one in default_rows if one.value > MIN_STEP_RATIO * row.value),
         key=lambda one: one.value,
         default=None,
     )

@@ -767,6 +767,8 @@ def test_the_cost_of_the_defaults_is_compared() -> None:
     order = np.log2(1.3e-2 / 3.2e-3)  # order 2.02: 7.8 times as many steps
     assert ratio == pytest.approx(64 ** (1 / order) * 4.0)
     assert text.endswith("of order 2 they would take 16 s, 31 times as long")
+    # two steps that are close show no order: a phase of 10 % would make 2 of it 3
+    assert of(plain(3.2e-3 * 1.1**3, 1.1e-3), coarse, fine)[1] == pytest.approx(8 * 2.0 / 0.5)
     short = "the engine's defaults are 3.2e-3 off at best, 2 s at timestep 1 ms"
     assert of(fine) == (short, pytest.approx(nan, nan_ok=True))
     flat = plain(3.2e-3 * 2**0.49, 2e-3)  # an order below one half

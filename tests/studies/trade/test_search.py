@@ -217,6 +217,58 @@ def test_a_constant_large_error_ends_a_family(fourbar: Case, monkeypatch, tmp_pa
     assert counts["late"] > module.MAX_BAD_STEPS
 
 
+@pytest.mark.parametrize(
+    ("errors", "needed", "limit", "step"),
+    [
+        ({1: 0.5}, 1e-6, inf, 1 / 4),  # another motion: a quarter
+        ({1: 0.05}, 1e-6, inf, 1 / 2),  # no order yet: a half
+        ({1: 0.5, 1 / 4: 0.05}, 1e-6, inf, 1 / 8),  # another motion shows no order
+        ({1: 1e-2, 1 / 2: 9e-3}, 1e-6, inf, 1 / 4),  # the error hardly falls: once more
+        ({1: 1e-2, 1 / 2: 9e-3, 1 / 4: 8.5e-3}, 1e-6, inf, None),  # it is a floor
+        ({1: 1e-2, 1 / 2: 3e-3, 1 / 4: 2.9e-3}, 1e-6, inf, 1 / 8),  # it falls over two refinements
+        ({1: 4e-3, 1 / 2: 1e-3}, 1e-4, inf, 1 / 8),  # by the order: (0.8 / 10)^(1/2) / 2 = 1 / 7.1
+        ({1: 4e-3, 1 / 2: 1e-3}, 6.4e-4 / 0.8, inf, 1 / 3),  # 0.8 of what is needed: 1 / 2.5
+        ({1: 4e-3, 1 / 2: 1e-3}, 1e-9, inf, 1 / 60),  # a thirtieth at most
+        ({1: 4e-3, 1 / 2: 1e-3}, 1e-6, 0.05, 1 / 8),  # too long: a quarter shows whether it holds
+        ({1: 16e-3, 1 / 2: 4e-3, 1 / 4: 1e-3}, 1e-6, 0.05, None),  # the order is known to hold
+        ({1: 8e-3, 1 / 2: 4e-3, 1 / 4: 1e-3}, 1e-6, 0.05, 1 / 16),  # 1, then 2
+        ({1: 1e-4}, 1e-4, inf, None),  # the first step is good enough
+    ],
+)
+def test_the_next_step_follows_from_the_last_errors(errors, needed, limit, step) -> None:
+    """A step of h seconds takes 1 ms / h; there is a whole number of steps in the sample of 1 s."""
+    family = SettingFamily("mujoco", "one", setting_of_family("one"), 1.0)
+    family.rows = [row_with(h, error) for h, error in errors.items()]
+    found = family.next("position", needed, limit)
+    assert found == (step if step is None else pytest.approx(step, rel=1e-12))
+
+
+def test_families_without_a_next_step() -> None:
+    """They are good enough defaults, twelve runs, and an engine without an answer or the feature.
+
+    A failed run with a coarse step is followed by finer steps.
+    """
+
+    def next_step(rows: list[StudyRow], plain: bool = False) -> float | None:
+        family = SettingFamily("mujoco", "one", setting_of_family("one"), 1.0, plain, rows=rows)
+        return family.next("position", 1e-4, inf)
+
+    good, coarse = row_with(1 / 10, 1e-5), row_with(1, 1e-2)
+    assert next_step([coarse, good]) is not None
+    assert next_step([coarse, good], plain=True) is None
+    many = [row_with(2.0**-k, 0.9 - 0.05 * k) for k in range(module.MAX_RUNS_OF_FAMILY)]
+    assert next_step(many[1:]) is not None
+    assert next_step(many) is None
+    for outcome, step in (("diverged", 1 / 4), ("timed out", None), ("unsupported", None)):
+        assert next_step([replace(coarse, outcome=outcome, errors={})]) == step
+
+
+def row_with(step: float, error: float) -> StudyRow:
+    """A run with an error, whose wall time is 1 ms over the step."""
+    errors = {"position": error}
+    return StudyRow("", "", "", "", "", "timestep", step, errors=errors, seconds=1e-3 / step)
+
+
 def test_steps_between_a_good_and_a_bad_one_need_three_runs_at_most() -> None:
     """The order of the errors shows how near the good step is to the best one: three runs suffice.
 
