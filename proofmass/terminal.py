@@ -356,7 +356,7 @@ def diagnosis_lines(
 def format_largest(judged: list[Comparison]) -> str:
     """Format the largest error of all comparisons, and the error nearest to its limit."""
     largest = max(judged, key=lambda c: finite_or(c.relative_to_range, -1.0))
-    limit = max(judged, key=lambda c: c.error_max / c.allowed if c.allowed > 0 else -1.0)
+    limit = max(judged, key=lambda c: c.share_of_allowed)
     return (
         f"largest error {three_digits(largest.relative_to_range)} of the range "
         f"({format_comparison(largest)}); nearest to its limit {format_ratio(limit)} of what is "

@@ -250,6 +250,20 @@ def test_failures_have_a_line_each_and_all_outcomes_are_counted():
     assert [line.plain for line in failure_lines(Result())] == ["nothing to check"]
 
 
+@pytest.mark.parametrize("turn", [1, -1])
+def test_the_curve_nearest_to_its_limit_may_be_undecided_or_not_finite(turn):
+    """The order of the comparisons makes no difference; no other curve counts."""
+    undecided = make_comparison(channel="z", outcome="undecided", error_max=9.5e-3, allowed=1e-2)
+    unchecked = make_comparison(channel="u", outcome="unchecked", error_max=9.0)
+    not_finite = make_comparison(channel="n", outcome="differs", error_max=nan, allowed=1e-2)
+    for more, word in ((undecided, "0.95"), (not_finite, "–")):
+        shown = Result(comparisons=[NEAR, more, unchecked, FAR][::turn])
+        (line,) = (one.plain for one in failure_lines(shown) if "nearest" in one.plain)
+        assert line.endswith(
+            f"nearest to its limit {word} of what is allowed (one sweep mujoco {more.channel})"
+        )
+
+
 def test_failures_have_a_link_after_their_lines():
     pendulum, key = load_case(shipped("pendulum.toml")), ("pendulum", "sweep", "mujoco")
     rows = [
