@@ -22,8 +22,12 @@ from proofmass.studies.trade.program import ProgramRun
 from proofmass.studies.trade.search import (
     TIMING_REPEATS,
     SettingFamily,
+    is_outdone,
     list_families,
+    next_runs,
     refine_for_drives,
+    repeats_another,
+    row_error,
     search,
     select_affordable,
     select_for_comparison,
@@ -145,6 +149,7 @@ def test_the_cheapest_setting_is_found_within_a_quarter(
         (row for row in rows if row.errors["position"] <= needed), key=lambda row: row.seconds
     )
     assert len(chosen.repeats) == TIMING_REPEATS  # it is timed again in rounds
+    assert all(row.errors["position"] <= needed for row in rows if row.repeats)
     steps = [(series, value) for series, value, repeats in world.asked if not repeats]
     assert len(steps) == len(set(steps))
     numbers = np.array([SAMPLE_DISTANCE / value for _, value in steps])
@@ -263,6 +268,44 @@ def test_families_without_a_next_step() -> None:
         assert next_step([replace(coarse, outcome=outcome, errors={})]) == step
 
 
+def family_with(engine: str = "mujoco", plain: bool = False, **errors: float) -> SettingFamily:
+    """A family whose settings have steps of 1, 1/4, 1/16 ... s, with these errors in turn."""
+    family = SettingFamily(engine, engine, setting_of_family(engine), 1.0, plain)
+    family.rows = [row_with(4.0**-k, error) for k, error in enumerate(errors.values())]
+    return family
+
+
+def test_a_family_whose_errors_are_all_large_is_outdone_by_one_with_half_of_that() -> None:
+    """The other one has two runs, takes no longer, and is of the same engine."""
+    far = family_with(a=0.9, b=0.9, c=0.9)
+    for other, expected in (
+        (family_with(a=0.9, b=0.049), True),
+        (family_with(a=0.9, b=0.051), False),
+        (family_with(a=0.049), False),
+        (family_with("pymunk", a=0.9, b=0.049), False),
+        (family_with(a=0.9, b=0.9, c=0.9, d=0.049), False),
+    ):
+        assert is_outdone(far, [far, other], "position") == expected
+    assert not is_outdone(family_with(a=0.9, b=0.9), [family_with(a=0.9, b=1e-3)], "position")
+
+
+@pytest.mark.parametrize(("step", "expected"), [(1 / 4, True), (1 / 8, False)])
+def test_only_the_same_error_with_the_same_step_repeats_another_family(step, expected) -> None:
+    other, family = family_with(), family_with()
+    other.rows, family.rows = ([replace(row_with(h, 1e-3), seconds=10.0)] for h in (step, 1 / 4))
+    assert repeats_another(family, [other, family], "position") == expected
+
+
+def test_defaults_are_followed_whatever_another_engine_costs(fourbar: Case) -> None:
+    """Its cheapest good setting takes 1 ms; the next run of the other engine should take 2 s."""
+    cheap = family_with("mujoco", a=1e-5)
+    for plain in (True, False):
+        family = family_with("pymunk", plain, a=0.05)
+        family.rows = [replace(family.rows[0], seconds=1.0)]
+        asked = list(next_runs(fourbar, family, [cheap, family], "position", 1e-4, inf, 2.0))
+        assert bool(asked) == plain
+
+
 def row_with(step: float, error: float) -> StudyRow:
     """A run with an error, whose wall time is 1 ms over the step."""
     errors = {"position": error}
@@ -302,12 +345,27 @@ def test_no_step_between_is_tried_if_the_order_predicts_little_gain() -> None:
     assert step_between(far, better, "position", 1e-4) is not None
 
 
-@pytest.mark.parametrize(("error", "needed", "step"), [(1e-9, 4e-2, 4.0), (4e-6, 5.1e-6, 2.0)])
+@pytest.mark.parametrize(
+    ("error", "needed", "step"), [(1e-9, 4e-2, 4.0), (4e-6, 5.1e-6, 2.0), (0.0, 4e-2, 2.0)]
+)
 def test_a_step_between_keeps_a_third_of_the_distance_from_both(error, needed, step) -> None:
     """Between 8 and 1, whose distance is three halvings, it is at most 4 and at least 2."""
     coarse = StudyRow("", "", "", "", "", "timestep", 8.0, errors={"position": 5e-2}, seconds=0.01)
     fine = replace(coarse, value=1.0, errors={"position": error})
     assert step_between(coarse, fine, "position", needed) == pytest.approx(step)
+
+
+def test_a_step_between_is_the_middle_where_the_errors_show_no_order() -> None:
+    assert step_between(row_with(8, 0.2), row_with(2, 1e-3), "position", 0.1) == 4.0
+    assert step_between(row_with(8, 1e-3), row_with(2, 0.98e-3), "position", 0.99e-3) == 4.0
+
+
+def test_only_a_run_to_the_end_has_a_finite_error() -> None:
+    row = row_with(1, 1e-3)
+    assert row_error(row, "position") == 1e-3
+    assert row_error(row, "velocity") == inf
+    assert row_error(replace(row, outcome="stopped"), "position") == inf
+    assert row_error(row_with(1, nan), "position") == inf
 
 
 def row_at(step: float) -> StudyRow:
@@ -516,6 +574,10 @@ def test_settings_with_yielding_drives_are_tried_with_finer_steps(fourbar: Case)
     assert not refine_for_drives(fourbar, [(row, 0.2), (row, 1e-5), (row, nan)], 1e-4)
     many = [(replace(row, seconds=float(k)), 1e-2) for k in (5, 1, 4, 2, 3)]
     assert len(refine_for_drives(fourbar, many, 1e-4)) == module.MAX_DRIVE_REFINEMENTS
+    # a run of 1 s needs a thirtieth of its step, one of 2 s almost half, which is cheaper
+    slow = replace(row, seconds=2.0, series="slow")
+    first, _ = refine_for_drives(fourbar, [(row, 9e-2), (slow, 3e-4)], 1e-4)
+    assert first.series == "slow"
 
 
 def test_the_best_gain_of_each_other_kind_of_drive_is_reported(fourbar: Case, monkeypatch) -> None:
@@ -560,6 +622,12 @@ def test_a_step_corrects_the_given_share_of_a_constraint_violation(share, step):
     assert -body.velocity.x * step / 0.1 == pytest.approx(
         share, rel=1e-11, abs=0
     )  # 1 / step roundings
+
+
+def test_the_settings_of_a_model_begin_with_a_step_that_fits_its_samples(fourbar):
+    for step, first in ((1.0, SAMPLE_DISTANCE), (1e-3, 1e-3)):
+        case = fourbar.model_copy(update={"settings": {"mujoco": {"timestep": step}}})
+        assert next(list_families(case, "mujoco")).first == pytest.approx(first, rel=1e-12)
 
 
 def test_families_with_few_iterations_have_a_bias_per_step(fourbar):
