@@ -12,7 +12,7 @@ import pytest
 from proofmass import reference
 from proofmass.analytic.linkages import fivebar, fourbar
 from proofmass.analytic.numerics import NotCovered
-from proofmass.case import Beside, Channel, DriveTable
+from proofmass.case import Beside, Channel, DriveTable, LoadTable
 from proofmass.drive import Samples
 from proofmass.errors import InputError
 from proofmass.recorded import Recorded
@@ -24,6 +24,7 @@ from proofmass.reference import (
     drive_profile,
     drive_profiles,
     evaluate,
+    load_profiles,
     load_reference,
     properties,
     recorded_column,
@@ -58,6 +59,18 @@ def with_tables(case, **changed):
 def with_run_table(case, kind, **table):
     """The case with one run alone, some keys of which are replaced."""
     return with_tables(case, run={kind: case.run[kind].model_copy(update=table)})
+
+
+def test_a_load_changes_uniformly_from_the_first_time_to_the_last(monkeypatch):
+    """The drive follows a profile, so that the load cannot go in proportion to its way."""
+    load = LoadTable(actuator="push", **{"from": 2.0}, to=5.0)
+    drive = FOURBAR.drive[0].model_copy(update={"to": None})
+    times = np.array([1.0, 2.0, 3.0])
+    monkeypatch.setattr(reference, "run_samples", lambda *_: times)
+    (profile,) = load_profiles(with_tables(FOURBAR, load=(load,), drive=(drive,)), "dynamics")
+    value, rate, acceleration = profile(times)
+    assert value.tolist() == [2.0, 3.5, 5.0]
+    assert (set(rate), set(acceleration)) == ({1.5}, {0.0})
 
 
 def with_drives(*tables, case=FOURBAR):
