@@ -636,11 +636,15 @@ class Case(Strict):
 
     def drive_key(self, k: int, *keys: str) -> str:
         """The key of the sidecar for drive number k, or for a key of that drive."""
-        return ".".join(["drive", *[str(k)] * (len(self.drive) > 1), *keys])
+        return self.table_key("drive", k, *keys)
 
     def load_key(self, k: int, *keys: str) -> str:
         """The key of the sidecar for load number k, or for a key of that load."""
-        return ".".join(["load", *[str(k)] * (len(self.load) > 1), *keys])
+        return self.table_key("load", k, *keys)
+
+    def table_key(self, name: str, k: int, *keys: str) -> str:
+        """The key for table number k of a list, which has no number if it is the only one."""
+        return ".".join([name, *[str(k)] * (len(getattr(self, name)) > 1), *keys])
 
     @field_validator("run", mode="before")
     @classmethod

@@ -93,4 +93,4 @@ def chart_functions(case: Case) -> dict[str, Callable[..., Chart]]:
 
 def key_path(case: Case, table: ChartTable, key: str) -> str:
     """Return the path of a chart's key in the sidecar, for messages."""
-    return f"chart.{case.chart.index(table)}.{key}"
+    return case.table_key("chart", case.chart.index(table), key)

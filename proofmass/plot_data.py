@@ -14,7 +14,7 @@ from proofmass.reference import (
     load_reference,
     reference_channels,
 )
-from proofmass.sim.contents import joints
+from proofmass.sim.contents import NO_ANGLE, has_no_angle, joints
 from proofmass.sim.protocol import Curves
 
 
@@ -86,6 +86,8 @@ def plot_data(
                     f"nothing is called {name!r}; "
                     f"{suggest_names(name, known_curves, 'channels, driven joints, quantities')}",
                 )
+            if has_no_angle(compiled_model(case), case.start, name):
+                raise case.error(key_path(case, view, key), f"{name!r}: {NO_ANGLE}")
             values[name], units[name] = known_curves[name], unit_of_name(case, view, key, name)
     return PlotData(values, units, view_marks(case, view))
 
@@ -102,7 +104,7 @@ def names_by_key(view: View) -> dict[str, tuple[str, ...]]:
 
 def key_path(case: Case, view: View, key: str) -> str:
     """Return the path of a view's key in the sidecar, for messages."""
-    return f"view.{case.view.index(view)}.{key}"
+    return case.table_key("view", case.view.index(view), key)
 
 
 def unit_of_name(case: Case, view: View, key: str, name: str) -> str:

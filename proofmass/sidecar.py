@@ -424,11 +424,15 @@ def load_case(file: Path | str) -> Case:
     return case.model_copy(update={"tolerance": (*case.tolerance, *added)})
 
 
+UNNUMBERED = "drive", "load", "view", "chart"
+"""Lists of tables whose only table has no number in the key of an error."""
+
+
 def format_key(place: Sequence[str | int], given: Mapping[str, object]) -> str:
     """The key of a place in a sidecar, as in an error.
 
-    A single table has no number; nor has the only one of a list of drives or of loads, which has
-    none in `Case.drive_key` and `Case.load_key` either.
+    A single table has no number; nor has the only one of a list of drives, loads, views or charts,
+    which has none in `Case.table_key` either.
 
     >>> format_key(["drive", 0, "to"], {"drive": {"to": "far"}})
     'drive.to'
@@ -438,7 +442,7 @@ def format_key(place: Sequence[str | int], given: Mapping[str, object]) -> str:
     'drive.0.to'
     """
     table = given.get(str(place[0])) if place else None
-    is_only = place[:1] in (["drive"], ["load"]) and isinstance(table, list) and len(table) == 1
+    is_only = isinstance(table, list) and len(table) == 1 and place[0] in UNNUMBERED
     is_single = isinstance(table, dict) or is_only
     numbered = len(place) > 1 and isinstance(place[1], int)
     parts = [*place[:1], *place[2:]] if is_single and numbered else place

@@ -12,7 +12,14 @@ from proofmass.compare import reference_for
 from proofmass.errors import suggest_names
 from proofmass.plot_data import check_views
 from proofmass.reference import compiled_model
-from proofmass.sim.contents import channel_unit, has_normal_axis, joints, key_names, sensor_names
+from proofmass.sim.contents import (
+    NO_ANGLE,
+    channel_unit,
+    has_no_angle,
+    joints,
+    key_names,
+    sensor_names,
+)
 from proofmass.sim.protocol import BadModel, Curves, Run
 from proofmass.solve import plan_run, settings_of
 from proofmass.units import same_quantity
@@ -73,7 +80,6 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
     InputError
         The model has no such sensor, the sensor no such part, or its x axis no angle.
     """
-    sensor, _, part = name.partition(".")
     try:
         unit = channel_unit(model, name, case.rods)
     except KeyError as error:
@@ -84,17 +90,8 @@ def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
         ) from None
     except BadModel as error:
         raise case.error(f"channels.{name}", str(error)) from None
-    names = sensor_names(model)
-    if (
-        part == "angle"
-        and sensor in names
-        and has_normal_axis(model, case.start, names.index(sensor))
-    ):
-        raise case.error(
-            f"channels.{name}",
-            "the x axis is normal to the plane of motion and has no angle in it; "
-            "measure a site whose x axis lies in the plane",
-        )
+    if has_no_angle(model, case.start, name):
+        raise case.error(f"channels.{name}", NO_ANGLE)
     return unit
 
 

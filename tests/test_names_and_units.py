@@ -344,6 +344,13 @@ def test_an_axis_that_is_normal_to_the_plane_has_no_angle(tmp_path):
     assert (list(case.channels), case.unmatched) == (["pin"], ("camber",))
 
 
+def test_a_view_of_an_axis_that_is_normal_to_the_plane_is_refused(tmp_path):
+    """The planar reference has the arctangent of rounding as a quantity of that name."""
+    view = '[[view]]\ntitle = "v"\nx = "pin"\ny = "camber.angle"\nunit = "rad"\n'
+    with pytest.raises(InputError, match=r"view\.y: 'camber\.angle': the x axis is normal to"):
+        validate_case(load_case(lever_across_x(tmp_path, "", view)))
+
+
 def test_an_axis_in_the_plane_has_an_angle(tmp_path):
     case = load_case(lever_across_x(tmp_path, 'zaxis="1 0 0"', ""))
     assert list(case.channels) == ["pin", "camber.angle"]

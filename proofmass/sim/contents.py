@@ -63,6 +63,10 @@ PLACE_SENSORS = (
     S.mjSENS_TENDONPOS,
     S.mjSENS_SUBTREECOM,
 )
+NO_ANGLE = (
+    "the x axis is normal to the plane of motion and has no angle in it; "
+    "measure a site whose x axis lies in the plane"
+)
 SCALAR_JOINT_UNITS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
 
@@ -199,6 +203,18 @@ def has_normal_axis(model: mujoco.MjModel, key: str, s: int) -> bool:
     except Unsupported:
         return False
     return float(np.linalg.norm(flat)) < PARALLEL_TOLERANCE
+
+
+def has_no_angle(model: mujoco.MjModel, key: str, channel: str) -> bool:
+    """Whether a name is that of the angle of an x axis that is normal to the plane of motion."""
+    sensor, _, part = channel.partition(".")
+    names = sensor_names(model)
+    return (
+        part == "angle"
+        and sensor in names
+        and S(int(model.sensor_type[names.index(sensor)])) == S.mjSENS_FRAMEXAXIS
+        and has_normal_axis(model, key, names.index(sensor))
+    )
 
 
 def pose_of_key(model: mujoco.MjModel, key: str) -> mujoco.MjData:

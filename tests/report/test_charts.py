@@ -108,6 +108,19 @@ def test_a_wrong_chart_is_found_before_anything_runs(stub: Path) -> None:
         validate_case(load_case(stub))
 
 
+@pytest.mark.parametrize("heading", ["[[chart]]", "[chart]"])
+def test_the_only_chart_of_a_sidecar_has_no_number_in_errors(stub: Path, heading: str) -> None:
+    only = stub.read_text().rpartition("[[chart]]")[0].replace("[[chart]]", heading)
+    stub.write_text(only.replace("turns = 2", "turn = 2"))
+    with pytest.raises(InputError) as caught:
+        check_charts(load_case(stub))
+    assert caught.value.key == "chart.parameters.turn"
+    stub.write_text(only.replace("turns = 2", "turns = {}"))
+    with pytest.raises(InputError) as caught:
+        load_case(stub)
+    assert caught.value.key.startswith("chart.parameters.turns")
+
+
 def test_a_check_looks_for_chart_functions_but_does_not_call_them(stub: Path) -> None:
     case = load_case(stub)  # the function of its second chart fails when it is called
     assert compare(case, "sweep", "mujoco", curves_with_error(case, "sweep", 0.0))

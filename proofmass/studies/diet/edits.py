@@ -26,6 +26,7 @@ import numpy as np
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError, model_error, suggest_names
 from proofmass.files import write_atomically
+from proofmass.sidecar import load_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
@@ -191,6 +192,8 @@ def read_model(
         There is no such file, it does not compile, or it has no element of a name that is to be
         monitored.
     """
+    if file.suffix == ".toml" and file.is_file():
+        raise InputError(file, "", f"is a sidecar; give its model, {load_case(file).model_path}")
     if not file.is_file() or file.suffix != ".xml":
         raise InputError(file, "", "no such model; give an MJCF file, NAME.xml")
     try:

@@ -9,6 +9,7 @@ from proofmass.errors import InputError
 from proofmass.sidecar import load_case
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.scene import load_scene
+from tests.shipped import shipped
 from tests.studies.diet.test_diet_options import write_pendulum
 from tests.studies.test_study_verdicts import monitored_run_of, raising
 
@@ -114,6 +115,13 @@ def test_sidecars_of_a_missing_model_are_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(scene, "compile_in_worker", lambda file: None)
     with pytest.raises(InputError, match="no such model"):
         load_scene(tmp_path / "none.xml", 1.0)
+
+
+def test_a_sidecar_is_refused_with_the_name_of_its_model():
+    sidecar = shipped("fourbar_crossed.toml")
+    with pytest.raises(InputError, match="is a sidecar; give its model") as found:
+        load_scene(sidecar, 1.0)
+    assert str(found.value).endswith(str(sidecar.with_name("fourbar.xml")))
 
 
 def keep_only_sidecar(models: Path, name: str) -> Path:
