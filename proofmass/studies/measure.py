@@ -390,10 +390,8 @@ def compare_run(case: Case, run: Run, curves: Curves, cost: Measurement) -> Meas
         if drives_moved(run, curves):
             prescribed = replace(curves, drive=run.motion(curves.x))
             asked = relative_errors(case, kind, prescribed)
-    except InputError as error:  # the mechanism cannot have such a pose
+    except InputError as error:  # such as a pose that the mechanism cannot have
         return replace(cost, outcome=Outcome.NO_REFERENCE, message=error.wrong)
-    if bad_sample := first_not_finite(cached_reference(case, kind, curves)):
-        return replace(cost, outcome=Outcome.NO_REFERENCE, message=bad_sample)
     return replace(
         cost,
         errors=errors,
@@ -438,8 +436,16 @@ def channel_errors(case: Case, kind: Kind, curves: Curves) -> Iterator[tuple[str
     """For each channel its kind, and its errors (n,) as shares of the reference's range [1].
 
     Channels whose reference is constant have no range and are left out.
+
+    Raises
+    ------
+    InputError
+        The mechanism cannot have a pose of the drives, or the reference is not finite.
     """
-    return channel_distances(case, kind, cached_reference(case, kind, curves), curves.channels)
+    reference = cached_reference(case, kind, curves)
+    if bad_sample := first_not_finite(reference):
+        raise case.error("reference", f"not finite: {bad_sample}")
+    return channel_distances(case, kind, reference, curves.channels)
 
 
 def channel_distances(

@@ -149,6 +149,45 @@ def test_constant_channels_have_no_relative_error():
     assert relative_errors(case, "sweep", Curves(x, curves, drive=state)) == {}
 
 
+@pytest.mark.parametrize("place", [0, -1])
+def test_a_reference_curve_that_is_constant_but_for_rounding_has_no_error(place, monkeypatch):
+    """This holds wherever the channel stands among those with the same unit."""
+    run = plan_run(FOURBAR, "dynamics", "mujoco")
+    state = run.motion(run.x)
+    exact = evaluate(FOURBAR, "dynamics", run.x, state).channels
+    angles = [name for name, c in FOURBAR.channels.items() if c.si_unit == "rad"]
+    assert len(angles) > 1
+    rounded = exact | {angles[place]: 1.0 + 1e-15 * np.cos(run.x)}
+    monkeypatch.setattr(measure, "cached_reference", lambda *_: rounded)
+    curves = rounded | {angles[place]: np.full(run.x.size, 2.0)}
+    found = relative_errors(FOURBAR, "dynamics", Curves(run.x, curves, drive=state))
+    assert "position" in found
+    assert max(found.values()) == 0.0
+
+
+def test_references_of_other_runs_samples_and_drive_motions_have_other_keys():
+    x = np.linspace(0.0, 1.0, 3)
+    motion = np.zeros((1, 3)), np.ones((1, 3)), np.zeros((1, 3))
+    moved = [tuple(part + (k == j) for j, part in enumerate(motion)) for k in range(3)]
+    keys = [
+        measure.reference_key(FOURBAR, kind, Curves(places, {}, drive=drive))
+        for kind in ("sweep", "dynamics")
+        for places in (x, 2 * x)
+        for drive in (None, motion, *moved)
+    ]
+    assert len(set(keys)) == len(keys) == 20
+
+
+def test_a_reference_is_written_for_the_numbers_of_segments_of_the_setting(monkeypatch, tmp_path):
+    """A reference that reads the model changes with them."""
+    asked = []
+    monkeypatch.setattr(measure, "call_isolated", lambda *args, **_: asked.append(args))
+    case = load_case(shipped("rod_released.toml"))
+    task = StudyRun(case, "dynamics", Setting("mujoco", {"segments": 7}))
+    measure.write_missing_reference(task, tmp_path / "a.npz")
+    assert [rod.segments for rod in asked[0][1].rod.values()] == [7]
+
+
 @pytest.mark.parametrize("step", [0.01, 0.0025])
 def test_energy_of_a_symplectic_euler_drifts_as_its_modified_hamiltonian_says(step):
     # The modified Hamiltonian H - h/2 p V'(q) is constant to second order.  So the error of H is
@@ -326,7 +365,26 @@ def test_a_reference_that_is_not_finite_gives_no_errors(monkeypatch):
     )
     found = observe(StudyRun(PENDULUM, "dynamics", EULER), False, None)
     assert (found.outcome, found.errors) == ("no reference", {})
-    assert found.message == "rate at sample 101"
+    assert found.message == "not finite: rate at sample 101"
+
+
+def test_a_reference_that_is_not_finite_at_the_prescribed_motion_gives_no_errors(monkeypatch):
+    """The drive is late, and one channel of the reference is not finite where it is not late."""
+    run = plan_run(FOURBAR, "dynamics", "mujoco")
+    value, rate, acceleration = run.motion(run.x)
+    late = value - 1e-3, rate, acceleration
+    exact = evaluate(FOURBAR, "dynamics", run.x, late).channels
+    name = next(n for n, c in FOURBAR.channels.items() if c.unit == "rad")
+
+    def reference(case: Case, kind: Kind, curves: Curves) -> dict[str, Array]:
+        is_late = np.array_equal(curves.drive[0], late[0])
+        return exact if is_late else exact | {name: np.full(run.x.size, np.nan)}
+
+    monkeypatch.setattr(measure, "call_engine", lambda *_: Curves(run.x, exact, drive=late))
+    monkeypatch.setattr(measure, "cached_reference", reference)
+    found = observe(StudyRun(FOURBAR, "dynamics", EULER), False, None)
+    assert (found.outcome, found.errors, found.asked) == ("no reference", {}, {})
+    assert found.message == f"not finite: {name} at sample 0"
 
 
 def test_a_run_that_ends_early_has_the_outcome_stopped(monkeypatch):
