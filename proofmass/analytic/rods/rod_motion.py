@@ -36,7 +36,7 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from proofmass.analytic.numerics import Array, Complex, check_positive
+from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.remember import reuse_nearby
 
 POLYNOMIAL_COUNTS = 10, 16, 22
@@ -488,11 +488,3 @@ def find_resolved_motion(
         f"from {POLYNOMIAL_COUNTS[-2]} to {POLYNOMIAL_COUNTS[-1]} polynomials; take a stiffer "
         "rod, or end sooner"
     )
-
-
-def check_rod(length: float, stiffness: float, mass: float) -> None:
-    """ValueError for a length, a stiffness or a mass of a rod that is not positive and finite."""
-    check_positive(length=length)
-    for name, value, unit in (("stiffness", stiffness, "N m^2"), ("mass", mass, "kg")):
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"{name} must be positive and finite [{unit}], got {value}")

@@ -9,8 +9,8 @@ r"""Straight clamped rod released under its own weight: a motion of any amplitud
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, check_finite
-from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, check_rod, resolved_motion
+from proofmass.analytic.numerics import Array, check_number, check_positive
+from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, resolved_motion
 
 
 def solve(
@@ -52,10 +52,10 @@ def solve(
 
     Notes
     -----
-    Positions are accurate to 2e-5 of the length or better, energy to 1e-8 of its change.  The
+    Positions are accurate to 2e-5 of the length or better, energy to 2e-8 of its change.  The
     weight acts on the straight rod at once and excites all modes; those above the sixth lose their
-    phase.  Over their ranges, velocities are accurate to 2e-3, angles and the moment to 3e-4 and
-    3e-3, and rates and forces to 3e-2.  Sections have no rotary inertia of their own, which is also
+    phase.  Over their ranges, velocities are accurate to 5e-3, angles and the moment to 5e-4 and
+    3e-3, and rates and forces to 6e-2.  Sections have no rotary inertia of their own, which is also
     the limit of a chain of slender links.  The equations are in
     `proofmass.analytic.rods.rod_motion`.
 
@@ -67,8 +67,10 @@ def solve(
     >>> print(f"{at['tip_y'][1] / (1e-2 * 0.1 / 8.0):.1f}")
     -2.0
     """
-    check_rod(length, stiffness, mass)
-    check_finite(gravity=gravity, theta0=theta0)
+    check_positive(length=length)
+    check_positive("N m^2", stiffness=stiffness)
+    check_positive("kg", mass=mass)
+    check_number(gravity=gravity, theta0=theta0)
     t = np.asarray(time, float)
     if not (t >= 0.0).all():
         raise ValueError(f"time must not be negative: the rod is let go at 0, got {t.min():g} s")

@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike
 from proofmass.analytic.numerics import (
     Array,
     Complex,
-    check_finite,
+    broadcast_motion,
     check_not_negative,
+    check_number,
     check_positive,
 )
-from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, check_rod, resolved_motion
+from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, resolved_motion
 
 RATE_TOLERANCE = 1e-6  # largest change of a rate that counts as constant, over the rate
 RATE_DIGITS, TIME_SHARE = 10, 1e-9
@@ -83,7 +84,8 @@ def solve(
     ------
     ValueError
         A length, stiffness or mass out of its range, a coupler that is not longer than the crank, a
-        rate that is zero or changes, or a motion that the polynomials do not resolve.
+        rate that is zero or changes, angles that go against it, or a motion that the polynomials do
+        not resolve.
 
     Notes
     -----
@@ -101,13 +103,17 @@ def solve(
     >>> round(float(at["slider"][-1]), 4)
     0.8
     """
-    check_rod(coupler, stiffness, coupler_mass)
-    check_positive(crank=crank)
+    check_positive(coupler=coupler, crank=crank)
+    check_positive("N m^2", stiffness=stiffness)
+    check_positive("kg", coupler_mass=coupler_mass)
     check_not_negative(slider_mass=slider_mass, crank_mass=crank_mass)
-    check_finite(gravity=gravity)
+    check_number(gravity=gravity)
     if crank >= coupler:
         raise ValueError(f"coupler must be longer than the crank, {crank:g} m, got {coupler:g} m")
-    phi, speeds = (np.atleast_1d(np.asarray(part, float)) for part in (angle, rate))
+    motion = broadcast_motion(angle=angle, rate=rate, acceleration=acceleration)
+    phi, speeds, _ = (np.atleast_1d(part) for part in motion)
+    if phi.ndim != 1 or not phi.size:
+        raise ValueError(f"angle must be one row of angles (n,), got an array {np.shape(angle)}")
     speed = float(np.median(speeds))
     if not np.abs(speeds - speed).max() <= RATE_TOLERANCE * abs(speed) or not speed:
         raise ValueError(
@@ -117,6 +123,12 @@ def solve(
     t = (phi - phi[0]) / speed
     if unit := TIME_SHARE * round_digits(float(t[-1])):
         t = unit * np.round(t / unit)
+    if (back := np.diff(t) < 0.0).any():
+        before = int(np.argmax(back))
+        raise ValueError(
+            f"angle must follow the rate of {speed:g} rad/s in the order of time, got "
+            f"{phi[before + 1]:g} rad after {phi[before]:g} rad"
+        )
     links = crank, coupler, stiffness, coupler_mass, slider_mass, gravity
     found = resolved_motion(start_straight, (*links, first, speed), tuple(t.tolist()))
     end = crank * np.exp(1j * (first + speed * t))

@@ -57,6 +57,26 @@ def test_a_small_fall_is_that_of_a_beam():
     np.testing.assert_allclose(found["tip_y"] / fall, wanted / fall, atol=1e-5)
 
 
+def test_velocity_moment_and_force_of_a_small_fall_are_those_of_a_beam():
+    """Velocity of the tip, moment and force of the clamp are those of a beam with 300 modes."""
+    beta = np.pi * (np.arange(300) + 0.5)
+    beta[:5] = [1.87510406871, 4.69409113297, 7.85475743824, 10.9955407349, 14.1371683910]
+    share = np.ones(beta.size)
+    share[:5] = (np.cosh(beta[:5]) + np.cos(beta[:5])) / (np.sinh(beta[:5]) + np.sin(beta[:5]))
+    t, fall = np.linspace(0.0, 0.9, 61), 1e-5
+    phase = np.outer(beta**2, t)
+    bent = -2.0 * share / beta**5 * (1.0 - np.cos(phase)).T
+    moving = -2.0 * share / beta**3 * np.sin(phase).T
+    found = rod_released.solve(t, length=1.0, stiffness=1.0, mass=1.0, gravity=fall)
+    # shares of the notes of `rod_released`: modes above the sixth lose their phase
+    for name, exact, error in (
+        ("tip_vy", moving @ (2.0 * (-1.0) ** np.arange(beta.size)), 5e-3),
+        ("moment", bent @ (-2.0 * beta**2), 3e-3),
+        ("force_y", bent @ (-2.0 * share * beta**3), 6e-2),
+    ):
+        np.testing.assert_allclose(found[name] / fall, exact, rtol=0, atol=error * np.ptp(exact))
+
+
 @pytest.mark.parametrize("theta0", [0.0, pytest.param(2.2, marks=pytest.mark.slow)])
 def test_a_large_motion_is_the_limit_of_chains(theta0):
     """A released rod moves like chains of 5, 10 and 20 links, extrapolated in 1/n^2.
@@ -232,6 +252,9 @@ def test_drives_that_differ_by_rounding_have_one_motion(monkeypatch):
         ({"stiffness": -1.0}, r"stiffness must be positive and finite \[N m\^2\], got -1"),
         ({"mass": np.inf}, "mass must be positive"),
         ({"gravity": np.nan}, "gravity must be finite"),
+        ({"stiffness": [1.0, 2.0]}, "stiffness must be positive"),
+        ({"mass": 1e300}, r"mass must be from 1e-40 to 1e\+40 \[kg\]"),
+        ({"theta0": [0.0, 1.0]}, "theta0 must be one number"),
         ({"time": [-1.0, 0.0]}, "time must not be negative"),
         ({"stiffness": 1e12}, "too stiff to be followed so long"),
     ],
@@ -248,12 +271,32 @@ def test_bad_input_of_a_released_rod(change, words):
         ({}, 0.0, "rate must be constant and not zero"),
         ({}, [1.0, 1.1, 1.0], "rate must be constant and not zero"),
         ({"slider_mass": -1.0}, 1.0, "slider_mass"),
+        ({"coupler": np.nan}, 1.0, "^coupler must be"),
+        ({"coupler_mass": 0.0}, 1.0, "^coupler_mass must be"),
+        ({"gravity": [0.0, 1.0]}, 1.0, "gravity must be one number"),
+        ({}, -1.0, "angle must follow the rate of -1 rad/s .* got 0.5 rad after 0 rad"),
     ],
 )
 def test_bad_input_of_an_elastic_coupler(change, rate, words):
     angle = np.linspace(0.0, 1.0, 3)
     with pytest.raises(ValueError, match=words):
         slider_crank_elastic.solve(angle, rate + 0.0 * angle, 0.0 * angle, **(LINKS | change))
+
+
+@pytest.mark.parametrize(
+    ("angle", "words"),
+    [
+        ([0.0, 1.0, 0.9999], "angle must follow the rate of 6 rad/s .* got 0.9999 rad after 1 rad"),
+        ([], r"angle must be one row of angles \(n,\), got an array \(0,\)"),
+        ([[0.0, 0.1], [0.2, 0.3]], r"got an array \(2, 2\)"),
+        ([0.0, np.nan], "angle must be finite"),
+    ],
+)
+def test_angles_that_are_not_in_the_order_of_time_are_refused(angle, words):
+    """A motion in time has no earlier poses after later ones: it had the later one's for them."""
+    angle = np.array(angle)
+    with pytest.raises(ValueError, match=words):
+        slider_crank_elastic.solve(angle, 6.0 + 0.0 * angle, 0.0 * angle, **LINKS)
 
 
 def test_a_neighbour_uses_the_same_number_of_polynomials(monkeypatch):
