@@ -14,6 +14,7 @@ from scipy.integrate import romb
 
 from proofmass.analytic.numerics import TURN, Array, Complex, check_finite, check_positive
 from proofmass.analytic.rods.elastica import (
+    arc_lengths,
     check_section_stiffnesses,
     check_stiffness,
     from_inflection,
@@ -243,9 +244,7 @@ def solve(
         complex(follower_x, follower_y),
     )
     check_finite(x0=x0, y0=y0)
-    arc = np.asarray(s, float)
-    if not np.all((arc >= 0.0) & (arc <= length)):
-        raise ValueError(f"s must lie within [0, {length}] [m]")
+    arc = arc_lengths(s, length)
     if not float(branch).is_integer():
         raise ValueError(f"branch must be a whole number, got {branch}")
     branch = int(branch)

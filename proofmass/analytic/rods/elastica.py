@@ -423,15 +423,28 @@ def check_domain(psi: Array, k_rel: Array, mode: Array) -> tuple[Array, Array, A
 
 def check_stiffness(stiffness: float) -> None:
     """ValueError for a bending stiffness that is not positive and finite."""
-    if not 0.0 < stiffness < np.inf:
-        raise ValueError(f"stiffness must be a positive finite EI [N m^2], got {stiffness}")
+    check_positive("N m^2", stiffness=stiffness)
 
 
 def check_section_stiffnesses(axial: float, shear: float) -> None:
     """ValueError for an EA or a GA that is not positive; an infinite one excludes that strain."""
     for name, value in (("axial", axial), ("shear", shear)):
-        if not value > 0.0:
+        if np.ndim(value) or not value > 0.0:
             raise ValueError(f"{name} must be a positive stiffness of a section [N], got {value}")
+
+
+def arc_lengths(s: ArrayLike, length: float) -> Array:
+    """Arc lengths (...) [m] as an array; ValueError for one that is not on a rod of this length.
+
+    >>> arc_lengths([0.0, 1.5], 1.0)
+    Traceback (most recent call last):
+    ValueError: s must lie within [0, 1.0] [m], got 1.5
+    """
+    arc = np.asarray(s, float)
+    is_valid = (arc >= 0.0) & (arc <= length)
+    if not np.all(is_valid):
+        raise ValueError(f"s must lie within [0, {length}] [m], got {arc[~is_valid].flat[0]}")
+    return arc
 
 
 INFLECTION_TOLERANCE = 1e-6  # from a moment-free tip to an inflection, over a half wave

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.chart import MAX_PANELS, Chart, ChartLine, Panel, line_through
-from proofmass.analytic.numerics import Array, check_positive
+from proofmass.analytic.numerics import Array, check_not_negative, check_number, check_positive
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
+from proofmass.analytic.rods.elastica import arc_lengths, check_stiffness
 from proofmass.analytic.rods.equilibrium import RodState, derivatives, solve_direct, state
 from proofmass.analytic.rods.workspace import (
     check_nodes,
@@ -34,6 +35,9 @@ __all__ = ["equilibria", "motor_angles", "solve", "workspace"]
 
 def make_pair(distance: float, length: float = 1.0, stiffness: float = 1.0) -> Assembly:
     """Two rods with clamps at (-d/2, 0) and (d/2, 0) [m], of length L [m] and EI [N m^2] each."""
+    check_not_negative("m", distance=distance)
+    check_positive(length=length)
+    check_stiffness(stiffness)
     return assembly([[-distance / 2, 0.0], [distance / 2, 0.0]], length=length, stiffness=stiffness)
 
 
@@ -436,7 +440,8 @@ def solve(
     Raises
     ------
     ValueError
-        Clamps out of reach, or a guess from which Newton's method finds no equilibrium.
+        A parameter out of its domain, clamps out of reach, or a guess from which Newton's method
+        finds no equilibrium.
 
     Notes
     -----
@@ -453,9 +458,12 @@ def solve(
     >>> [round(float(both[name][-1]), 5) for name in ("x1", "y1", "x2", "y2")]
     [0.18884, 0.86287, 0.18884, 0.86287]
     """
-    arc = np.asarray(s, float)
+    a, arc = make_pair(distance, length, stiffness), arc_lengths(s, length)
+    check_number(theta1=theta1, theta2=theta2, force_x=force_x, force_y=force_y)
+    check_number(pin_x=pin_x, pin_y=pin_y, moment1=moment1, moment2=moment2)
+    check_number(push_x=push_x, push_y=push_y)
     found = find_equilibrium(
-        make_pair(distance, length, stiffness),
+        a,
         [theta1, theta2],
         [force_x, force_y],
         [pin_x, pin_y],

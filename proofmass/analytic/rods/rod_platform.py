@@ -10,6 +10,7 @@ from proofmass.analytic.numerics import Array, check_positive
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
+from proofmass.analytic.rods.elastica import arc_lengths
 from proofmass.analytic.rods.equilibrium import RodState, derivatives, solve_direct
 
 MODES = tuple(range(1, 10))
@@ -96,7 +97,6 @@ def solve(
     >>> [round(float(three[name][0]), 6) for name in ("x", "y", "phi", "hold2")]
     [0.006759, 0.011078, -1.394088, 0.075531]
     """
-    arc = np.asarray(s, float)
     found = equilibrium_of_mode(
         PlatformProblem(
             side,
@@ -112,7 +112,7 @@ def solve(
         mode,
         rigid_extension,
     )
-    known: dict[str, Array] = {}
+    arc, known = arc_lengths(s, length), dict[str, Array]()
     for name, rods in zip("xytm", found.shape(arc.ravel() / length), strict=True):
         known |= {f"{name}{k}": rod.reshape(arc.shape) for k, rod in enumerate(rods, 1)}
     ends = dict(zip(("x", "y", "phi"), found.pose, strict=True))

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import TURN, Array, check_finite, check_positive
 from proofmass.analytic.remember import reuse_nearby
-from proofmass.analytic.rods.elastica import check_section_stiffnesses
+from proofmass.analytic.rods.elastica import arc_lengths, check_section_stiffnesses
 from proofmass.analytic.rods.shooting import runge_kutta
 
 SpatialNumbers = tuple[
@@ -177,9 +177,7 @@ def solve(
         (weight_x, weight_y, weight_z),
     )
     load = spatial_load(*given)
-    arc = np.asarray(s, float)
-    if not np.all((arc >= 0.0) & (arc <= length)):
-        raise ValueError(f"s must lie within [0, {length}] [m]")
+    arc = arc_lengths(s, length)
     place, frame, moment = sample_shape(load, arc.ravel(), *find_clamp_moment(load, given))
     force = load.force + load.weight * (length - arc.ravel())[:, None]
     local = np.einsum("kij,ki->kj", frame, moment)

@@ -409,6 +409,11 @@ def test_invalid_parameters_of_the_creep_are_refused(wrong, word):
         rod_platform.solve(ENDS, **RFR3 | wrong)
 
 
+def test_arc_lengths_beyond_the_rods_are_refused():
+    with pytest.raises(ValueError, match=r"s must lie within \[0, .*\] \[m\], got 5.0"):
+        rod_platform.solve(5.0, **RFR3)
+
+
 def test_bad_drives():
     with pytest.raises(ValueError, match="guide1, guide2, guide3 must be given together"):
         solve_at_inputs([0.1] * 3, side=0.5, guide1=0.0)
