@@ -14,20 +14,27 @@ from numpy.typing import ArrayLike
 from proofmass.analytic import newton_raphson
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
 from proofmass.analytic.newton_raphson import NewtonLog, System
-from proofmass.analytic.numerics import TURN, Array, check_finite
+from proofmass.analytic.numerics import TURN, Array, check_finite, check_number, check_positive
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.elastica import (
+    arc_lengths,
     bounds_in_range,
     check_section_stiffnesses,
+    check_stiffness,
     modulus,
     of_load,
     tip,
 )
-from proofmass.analytic.rods.equilibrium import integrate_to_tip
+from proofmass.analytic.rods.equilibrium import integrate_to_tip, solve_linear
 from proofmass.analytic.rods.shooting import ShotRods, integrate
 
 NAMES = ("n_x", "n_y", "m_0")
 """Names of the unknowns of shooting."""
+NODES, NODES_PER_RADIAN = 81, 4.0
+"""Number of nodes of a rod, and least number for each unit of L sqrt(R/EI) of one with more load.
+
+The error of the eighth order is then that of rounding.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,7 @@ class ShootingResult:
     rod : ShotRods
         The rod of the last iterate.
     residual : float
-        Largest of the errors of its tip in x and y [m] and the moment at its tip [N m].
+        Largest of the errors of its tip in x and y over L, and the moment at its tip over EI/L [1].
     converged : bool
         Whether the residual is within the tolerance.
     log : NewtonLog
@@ -75,7 +82,7 @@ def pinned(
     weight_y: float = 0.0,
     axial: float = np.inf,
     shear: float = np.inf,
-    nodes: int = 81,
+    nodes: int = NODES,
     scheme: str = "dop853",
     exact: bool = True,
     tolerance: float = 1e-12,
@@ -86,8 +93,8 @@ def pinned(
 
         f(n_x, n_y, m0) = [x(L) - x, y(L) - y, m(L)] = 0
 
-    by Newton's method.  A step is halved as long as it would increase the largest |f|.  The guess
-    determines which of the many equilibria is found.
+    by Newton's method.  A step is halved as long as it would increase the largest |f| [m, N m].
+    The guess determines which of the many equilibria is found.
 
     Parameters
     ----------
@@ -98,13 +105,13 @@ def pinned(
     nodes, scheme : of `integrate`
     exact : whether the Jacobian is that of the variational equations; otherwise it is computed by
         forward differences as in the source
-    tolerance : largest |f| of a root [m, N m]
+    tolerance : largest |f| of a root, over L and EI/L [1]
 
     Raises
     ------
     ValueError
-        A pin farther away than the length of a rod that does not stretch, or a parameter out of its
-        domain.
+        A pin as far away as the length of a rod that does not stretch, or farther; or a parameter
+        out of its domain.
 
     Notes
     -----
@@ -119,12 +126,17 @@ def pinned(
     >>> found.unknowns.round(6).tolist(), found.converged
     ([-3.230877, -1.163408, -0.607639], True)
     """
+    check_positive(length=length)
+    check_stiffness(stiffness)
     check_section_stiffnesses(axial, shear)
-    check_finite(x=x, y=y, guess=guess)
+    check_number(x=x, y=y, theta0=theta0)
+    check_finite(guess=guess)
     if np.shape(guess) != (3,):
         raise ValueError(f"guess must be n_x, n_y and m0, (3,), got an array {np.shape(guess)}")
-    if np.isinf(axial) and np.isinf(shear) and not np.hypot(x, y) <= length:
-        raise ValueError(f"length must reach the pin, {np.hypot(x, y):.6g} m away, got {length}")
+    if np.isinf(axial) and np.isinf(shear) and not np.hypot(x, y) < length:
+        raise ValueError(
+            f"length must reach beyond the pin, {np.hypot(x, y):.6g} m away, got {length}"
+        )
     shoot = partial(
         integrate,
         theta0=theta0,
@@ -150,8 +162,12 @@ def pinned(
     def system(unknowns: Array) -> tuple[Array, Array]:
         return miss(unknowns), shot(*unknowns.tolist()).slope[-1][[2, 3, 1], :3]
 
-    log, size = newton(miss, system if exact else forward_differences(miss), guess, tolerance)
-    return ShootingResult(shot(*log.root.tolist()), size, size <= tolerance, log)
+    force, moment = stiffness / length**2, stiffness / length
+    sizes, units = np.array([length, length, moment]), np.array([force, force, moment])
+    jacobians = system if exact else forward_differences(miss)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a guess that leads nowhere
+        log, size = newton(miss, jacobians, guess, tolerance, sizes, units)
+        return ShootingResult(shot(*log.root.tolist()), size, size <= tolerance, log)
 
 
 def forward_differences(miss: Callable[[Array], Array], step: float = 1e-10) -> System:
@@ -169,29 +185,40 @@ def newton(
     system: System,
     guess: ArrayLike,
     tolerance: float,
+    sizes: Array | float = 1.0,
+    units: Array | float = 1.0,
     max_iterations: int = 200,
 ) -> tuple[NewtonLog, float]:
-    """The source's iteration: its log, and the largest residual at the last iterate."""
+    """The source's iteration: its log, and the largest residual over its size at the last iterate.
+
+    The iteration ends at a residual within the tolerance or without change, both over the `sizes`,
+    and at a singular Jacobian.  Steps over their `units` below 1e-3 of it are not halved.
+    """
     iterates = [np.array(guess, float)]
     values, jacobians = list[Array](), list[Array]()
     f, jacobian = system(iterates[0])
-    size = float(np.abs(f).max())
-    while len(values) < max_iterations and size > tolerance and np.isfinite(size):
+    error = float(np.abs(f / sizes).max())
+    while len(values) < max_iterations and error > tolerance and np.isfinite(error):
         x = iterates[-1]
-        step = np.linalg.solve(jacobian, f)
-        new_size = float(np.abs(miss(x - step)).max())
-        while not new_size <= size and np.abs(step).max() > 1e-3 * tolerance:
+        step = solve_linear(jacobian[None], f[None])[0]
+        if not np.isfinite(step).all():
+            break
+        new = miss(x - step)
+        while not np.abs(new).max() <= np.abs(f).max() and (
+            np.abs(step / units).max() > 1e-3 * tolerance
+        ):
             step = 0.5 * step
-            new_size = float(np.abs(miss(x - step)).max())
+            new = miss(x - step)
         iterates.append(x - step)
         values.append(f)
         jacobians.append(jacobian)
-        is_unchanged, size = abs(new_size - size) <= tolerance, new_size
+        new_error = float(np.abs(new / sizes).max())
+        is_unchanged, error = abs(new_error - error) <= tolerance, new_error
         if is_unchanged:
             break
         f, jacobian = system(iterates[-1])
     kept = np.reshape(values, (-1, f.size)), np.reshape(jacobians, (-1, *jacobian.shape))
-    return NewtonLog(np.array(iterates), *kept, NAMES), size
+    return NewtonLog(np.array(iterates), *kept, NAMES), error
 
 
 def solve(
@@ -241,7 +268,8 @@ def solve(
     Raises
     ------
     ValueError
-        A pin out of reach, or a guess from which Newton's method finds no equilibrium.
+        A parameter out of its domain, a pin out of reach, or a guess from which Newton's method
+        finds no equilibrium.
 
     Notes
     -----
@@ -254,8 +282,12 @@ def solve(
     >>> [round(float(tip[name]), 6) for name in ("x", "y", "theta")]
     [0.8, 0.1, 1.254165]
     """
-    arc = np.asarray(s, float)
-    check_finite(weight_x=weight_x, weight_y=weight_y)
+    check_number(pin_x=pin_x, pin_y=pin_y, force_x=force_x, force_y=force_y, moment=moment)
+    check_number(theta0=theta0, weight_x=weight_x, weight_y=weight_y)
+    check_positive(length=length)
+    check_stiffness(stiffness)
+    check_section_stiffnesses(axial, shear)
+    arc = arc_lengths(s, length)
     arguments: dict[str, Any] = {
         "weight_x": weight_x,
         "weight_y": weight_y,
@@ -266,12 +298,9 @@ def solve(
         "theta0": theta0,
     }
     near = find_unknowns(pin_x, pin_y, (force_x, force_y, moment), tuple(arguments.items()))
-    found = pinned(pin_x, pin_y, near, **arguments)
-    if not found.converged:
-        raise ValueError(
-            f"force_x, force_y, moment = {force_x:g}, {force_y:g}, {moment:g} lead to "
-            f"no equilibrium; give a nearer guess"
-        )
+    load = abs(complex(*near[:2])) + abs(complex(weight_x, weight_y)) * length
+    count = max(NODES, 1 + int(np.ceil(NODES_PER_RADIAN * length * np.sqrt(load / stiffness))))
+    found = equilibrium_from(pin_x, pin_y, near, **arguments, nodes=count)
     n = complex(*found.unknowns[:2])
     if weight_x or weight_y or np.isfinite(axial) or np.isfinite(shear):
         nodes = np.unique(np.append(found.rod.s, arc))
@@ -303,7 +332,18 @@ def find_unknowns(
     `reuse_nearby` gives the same result for problems that differ by less than 1e-5, and Newton's
     method continues from it for each of them.  Sensitivities need many such problems.
     """
-    return tuple(pinned(pin_x, pin_y, guess, **dict(arguments)).unknowns.tolist())
+    return tuple(equilibrium_from(pin_x, pin_y, guess, **dict(arguments)).unknowns.tolist())
+
+
+def equilibrium_from(x: float, y: float, guess: ArrayLike, **arguments: Any) -> ShootingResult:
+    """The converged result of `pinned`; ValueError if Newton's method does not converge."""
+    found = pinned(x, y, guess, **arguments)
+    if not found.converged:
+        given = ", ".join(f"{value:g}" for value in np.asarray(guess, float))
+        raise ValueError(
+            f"force_x, force_y, moment = {given} lead to no equilibrium; give a nearer guess"
+        )
+    return found
 
 
 SOURCE_ARGUMENTS: dict[str, Any] = {"nodes": 61, "scheme": "rk4", "exact": False, "tolerance": 1e-7}
@@ -680,9 +720,7 @@ def find_load_parameters(
     x: float, y: float, guess: ArrayLike, theta0: float, length: float, stiffness: float
 ) -> tuple[float, float, float]:
     """psi [rad], k_rel [1] and number of inflections of the rod that is found from a guess."""
-    found = pinned(x, y, guess, theta0=theta0, length=length, stiffness=stiffness)
-    if not found.converged:
-        raise ValueError("force_x, force_y, moment lead to no equilibrium; give a nearer guess")
+    found = equilibrium_from(x, y, guess, theta0=theta0, length=length, stiffness=stiffness)
     psi, k_rel, mode = of_load(*found.unknowns, theta0=theta0, length=length, stiffness=stiffness)
     return float(psi), float(k_rel), float(mode)
 

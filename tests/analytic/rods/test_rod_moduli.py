@@ -104,5 +104,5 @@ def test_bad_parameters_are_refused() -> None:
     guess = {"pin_x": 0.8, "pin_y": 0.1, "force_x": -20.0, "force_y": -7.0, "moment": -3.7}
     with pytest.raises(ValueError, match=r"nodes must lie within \[5, 401\], got 4"):
         rod_pinned.loads(**guess, nodes=4)
-    with pytest.raises(ValueError, match="length must reach the pin"):
+    with pytest.raises(ValueError, match="length must reach beyond the pin"):
         rod_pinned.moduli(**guess | {"pin_x": 1.8})

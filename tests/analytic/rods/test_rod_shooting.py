@@ -326,7 +326,9 @@ def test_bad_values_are_named():
     ):
         with pytest.raises(ValueError, match=f"^{message} must"):
             integrate(1.0, 0.0, 0.0, **change)
-    with pytest.raises(ValueError, match=r"^length must reach the pin, 1.11803 m away, got 1"):
+    with pytest.raises(
+        ValueError, match=r"^length must reach beyond the pin, 1.11803 m away, got 1"
+    ):
         pinned(1.0, 0.5, (0.1, 0.1, 0.1))
     with pytest.raises(ValueError, match=r"^guess must be n_x, n_y and m0, .* array \(2,\)"):
         pinned(0.5, 0.0, (1.0, 1.0))
@@ -334,6 +336,81 @@ def test_bad_values_are_named():
         pinned(0.5, 0.0, (1.0, 1.0, np.nan))
     with pytest.raises(ValueError, match=r"^x must be finite"):
         pinned(np.nan, 0.0, (1.0, 1.0, 1.0), axial=10.0)
+
+
+PINNED = {"pin_x": 0.8, "pin_y": 0.1, "force_x": -20.0, "force_y": -7.0, "moment": -3.7}
+S = np.array([0.0, 0.5, 1.0])
+
+
+@pytest.mark.parametrize("length", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("stiffness", [1e-12, 1e6])
+def test_a_pinned_rod_of_any_size_has_the_shape_of_the_unit_rod(length, stiffness):
+    """Places scale with L, moments with EI/L and forces with EI/L^2, in closed and shot rods."""
+    moment, force = stiffness / length, stiffness / length**2
+    units = {"pin_x": length, "pin_y": length, "moment": moment, "force_x": force, "force_y": force}
+    scaled = {name: value * units[name] for name, value in PINNED.items()}
+    for weight in (0.0, -5.0):
+        one = rod_pinned.solve(S, **PINNED, weight_y=weight)
+        other = rod_pinned.solve(
+            S * length,
+            **scaled,
+            length=length,
+            stiffness=stiffness,
+            weight_y=weight * force / length,
+        )
+        for name, unit in (("x", length), ("y", length), ("theta", 1.0), ("m", moment)):
+            # Newton's tolerance, and rounding of the units
+            np.testing.assert_allclose(other[name] / unit, one[name], rtol=0, atol=1e-11)
+
+
+def test_a_pinned_rod_of_many_half_waves_is_scipy_s():
+    """A rod under 3000 EI/L^2 that scipy integrates from its tip is found from its own force."""
+    load = 3000.0
+
+    def rate(t, z):  # from the tip, whose tangent has 2.5 rad to the force
+        return [-z[1], -load * np.sin(z[0]), -np.cos(z[0]), -np.sin(z[0])]
+
+    start = [2.5, 0.0, 0.0, 0.0]
+    run = solve_ivp(
+        rate, (0.0, 1.0), start, "DOP853", rtol=1e-13, atol=1e-14, t_eval=[0.0, 0.5, 1.0]
+    )
+    turn = np.exp(-1j * run.y[0, -1])
+    place = (run.y[2] + 1j * run.y[3] - complex(*run.y[2:, -1])) * turn
+    found = rod_pinned.solve(
+        [1.0, 0.5],
+        pin_x=place[0].real,
+        pin_y=place[0].imag,
+        force_x=load * turn.real,
+        force_y=load * turn.imag,
+        moment=run.y[1, -1],
+    )
+    # `integrate_to_tip` has an error of 5e-11; with 81 nodes it was 2e-8, and 3e-4 in the moment
+    np.testing.assert_allclose(found["x"] + 1j * found["y"], place[:2], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(-found["hold"], run.y[1, -1], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"s": 2.0}, r"s must lie within \[0, 1.0\] \[m\], got 2.0"),
+        ({"s": np.nan}, "s must lie within .* got nan"),
+        ({"theta0": np.nan}, "theta0 must be finite"),
+        ({"pin_x": [0.8, 0.7]}, "pin_x must be one number"),
+        ({"length": [1.0, 2.0]}, "length must be"),
+        ({"stiffness": [1.0, 2.0]}, "stiffness must be"),
+        ({"axial": [1.0, 2.0]}, "axial must be"),
+        ({"pin_x": 1.0, "pin_y": 0.0}, "length must reach beyond the pin, 1 m away, got 1"),
+        ({"force_x": 0.0, "force_y": 0.0, "moment": 0.0}, "= 0, 0, 0 lead to no equilibrium"),
+        ({"force_x": 1e39}, "lead to no equilibrium; give a nearer guess"),
+    ],
+)
+def test_bad_values_of_a_pinned_rod_are_named(change, words):
+    """Bad values are named; a straight rod is refused, whose force no equation determines.
+
+    Guesses with a singular Jacobian or an overflow lead to no equilibrium.
+    """
+    with pytest.raises(ValueError, match=words):
+        rod_pinned.solve(**{"s": 0.5} | PINNED | change)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_the_pin_s_force_keeps_the_rod_in_balance():
     [
         ({"axial": 0.0}, "^axial must be a positive stiffness"),
         ({"shear": np.nan}, "^shear must be a positive stiffness"),
-        ({"axial": np.inf}, "^length must reach the pin"),
+        ({"axial": np.inf}, "^length must reach beyond the pin"),
         ({"weight_y": np.nan}, "^weight_y must be finite"),
     ],
 )
