@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
-from proofmass.analytic.numerics import Array
+from proofmass.analytic.numerics import Array, check_number, check_positive
 from proofmass.analytic.rods.column import complete_integrals, critical
 from proofmass.analytic.rods.elastica import check_stiffness, rods_of_chart, tip
 from proofmass.analytic.rods.rod_snap import sample_shapes
@@ -58,6 +58,7 @@ def buckling(*, length: float = 1.0, stiffness: float = 1.0) -> Chart:
     ...     "straight", "mode 1", "mode 2", "mode 3"}
     True
     """
+    check_positive(length=length)
     check_stiffness(stiffness)
     free = [*straight_column_lines([critical() * (2 * j - 1) ** 2 for j in (1, 2, 3)])]
     pinned = [*straight_column_lines([z**2 for z in pinned_waves()])]
@@ -91,14 +92,16 @@ def imperfect(*, length: float = 1.0, stiffness: float = 1.0, share: float = 0.0
     Raises
     ------
     ValueError
-        A share that is not within (0, 1).
+        A length or stiffness that is not positive, or a share that is not within (0, 1).
 
     Examples
     --------
     >>> [line.label for line in imperfect(share=0.1).lines][-1]
     'with 0.1 across'
     """
+    check_positive(length=length)
     check_stiffness(stiffness)
+    check_number(share=share)
     if not 0.0 < share < 1.0:
         raise ValueError(f"share must be within (0, 1), got {share}")
     found = [

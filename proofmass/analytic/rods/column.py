@@ -48,7 +48,7 @@ def elastica(
 
     Parameters
     ----------
-    load : P/P_cr [1], 1 or more (...)
+    load : P/P_cr [1], at least 1 and less than 1e4 (...)
     ends : "clamped-free", "pinned-pinned" or "clamped-clamped"
     length, stiffness : L [m], EI [N m^2]
 
@@ -61,12 +61,13 @@ def elastica(
     Raises
     ------
     ValueError
-        A load below the critical one, where the column is straight; clamped-pinned ends, whose load
-        has a component across the line (`proofmass.analytic.rods.tip` with mode 2).
+        A load below the critical one, where the column is straight, or of 1e4 times that or more;
+        clamped-pinned ends, whose load has a component across the line
+        (`proofmass.analytic.rods.tip` with mode 2).
 
     Notes
     -----
-    The solution is exact; next to P_cr, k has half as many digits as P/P_cr - 1.  The ends of a
+    The solution is exact; next to P_cr, k has as many digits as P/P_cr - 1.  The ends of a
     pinned column meet at 2 E = K (`ends_meet`).  For clamped-free ends it is the rod of
     `proofmass.analytic.rods.tip` with psi = pi.
     Source: A. E. H. Love, Mathematical Theory of Elasticity, 4th ed., sec. 263.
@@ -81,7 +82,7 @@ def elastica(
         raise ValueError(f"ends must be one of {', '.join(QUARTER_WAVES)}, got {ends!r}")
     ratio = np.asarray(load, float)
     if not np.all((ratio >= 1.0) & (ratio < 1e4)):
-        raise ValueError("load must be from 1 to 1e4 critical loads")
+        raise ValueError("load must be at least 1 and less than 1e4 critical loads")
     scale = critical(ends, length=length, stiffness=stiffness)
     k, complement = _modulus_of_quarter(0.5 * np.pi * np.sqrt(ratio))
     quarter, second = complete_integrals(complement)

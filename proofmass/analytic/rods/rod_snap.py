@@ -354,7 +354,8 @@ def solve(
     Raises
     ------
     ValueError
-        A pin that is too near or too far, an angle beyond +-pi, an unknown side.
+        A pin that is too near or too far, an angle beyond +-pi, angles that are not one row, an
+        unknown side.
 
     Notes
     -----
@@ -373,9 +374,12 @@ def solve(
     >>> swing["mid_y"].round(6).tolist()
     [0.249259, 0.240182, -0.249259, -0.240182]
     """
+    check_positive(length=length, distance=distance)
     snap_rods, a = family(length, distance), np.atleast_1d(np.asarray(angle, float))
     check_stiffness(stiffness)
-    if side not in SIDES:
+    if a.ndim != 1 or not a.size:
+        raise ValueError(f"angle must be one row of angles (n,), got an array {np.shape(angle)}")
+    if side not in tuple(SIDES):
         raise ValueError(f"side must be one of {', '.join(SIDES)}, got {side!r}")
     if not np.all(np.abs(a) <= np.pi):
         raise ValueError(f"angle must be within +-pi [rad], got {a[~(np.abs(a) <= np.pi)][0]}")
@@ -433,6 +437,7 @@ def properties(
     >>> properties(distance=0.8)["lost in a snap"]
     '6.257 J of 8.341 J'
     """
+    check_stiffness(stiffness)
     snap_rods, unit = family(length, distance), stiffness / length
     ends = rods_of_chart(*snap_rods.at(snap_rods.fold * np.array([-1.0, 1.0])))
     before, after = unit * np.abs(ends.moment)

@@ -179,5 +179,10 @@ def test_a_wrong_column_differs(old, new, edit):
 def test_bad_rods_in_space_are_refused_with_their_key():
     with pytest.raises(ValueError, match=r"share must be within \(0, 1\), got 0"):
         imperfect(share=0.0)
+    with pytest.raises(ValueError, match="share must be one number"):
+        imperfect(share=[0.1, 0.2])
     with pytest.raises(ValueError, match="stiffness"):
         buckling(stiffness=-1.0)
+    for chart in (buckling, imperfect):
+        with pytest.raises(ValueError, match="length must be a positive finite length"):
+            chart(length=-1.0)

@@ -130,7 +130,10 @@ def test_just_beyond_the_critical_load():
     [
         (lambda: critical("free-free"), "ends must be one of clamped-free"),
         (lambda: elastica(1.2, "clamped-pinned"), "ends must be one of"),
-        (lambda: elastica(0.9), "load must be from 1"),
+        (lambda: elastica(0.9), "load must be at least 1"),
+        (lambda: elastica(1e4), "less than 1e4 critical loads"),
+        (lambda: elastica(1.2, stiffness=[1.0, 2.0]), "stiffness must be positive"),
+        (lambda: critical(length=1e-30, stiffness=1e300), "stiffness must be from 1e-40 to"),
         (lambda: critical(length=-1.0), "length must"),
         (lambda: critical(stiffness=0.0), "stiffness"),
     ],

@@ -276,6 +276,9 @@ def test_charts_have_the_moments_of_the_solution():
         ({"side": "up"}, "left, right, got 'up'"),
         ({"angle": [0.0, 4.0]}, r"angle must be within \+-pi \[rad\], got 4"),
         ({"angle": [np.nan]}, "got nan"),
+        ({"angle": []}, r"angle must be one row of angles \(n,\), got an array \(0,\)"),
+        ({"angle": [[0.5]]}, r"got an array \(1, 1\)"),
+        ({"distance": [0.8, 0.9]}, "distance must be a positive finite length"),
     ],
 )
 def test_bad_rods_in_space_are_refused_with_their_key(change, words):
@@ -288,3 +291,5 @@ def test_properties_describe_the_snap():
     described = properties(distance=0.8, stiffness=0.05218602640386952)
     assert described["snaps at"] == "±54.337°"
     assert described["lost in a snap"].startswith("0.3265 J")
+    with pytest.raises(ValueError, match="stiffness must be positive"):
+        properties(distance=0.8, stiffness=np.nan)
