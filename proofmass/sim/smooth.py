@@ -115,7 +115,8 @@ class SmoothTerms:
         mass = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, mass)
         # MuJoCo's reference acceleration is the sum of damping, stiffness and -J-dot-v
-        damping, gain = data.efc_KBIP[:, 1], data.efc_KBIP[:, 0] * data.efc_KBIP[:, 2]
+        stiffness, damping, impedance, _ = data.efc_KBIP.T
+        gain = stiffness * impedance
         drift = self.all_rows(data.efc_aref + damping * data.efc_vel + gain * data.efc_pos)
         drift[self.rows_without_drift] = 0.0
         for e, row in self.ties_with_drift:

@@ -96,6 +96,7 @@ class ConstrainedTree:
         self.tree, self.source, self.stops, self.controls = tree, source, stops, controls
         self.drives, self.evaluations, self.rank = drives, 0, 0
         self.last = np.inf  # end of the smooth piece of the profiles that is integrated [s]
+        self.solved_state: tuple[float, bytes, bytes] | None = None
         self.joint_rows = np.vstack(
             [np.eye(tree.armature.size)[drives.rates], unit_rows(stops, tree.armature.size)]
         )
@@ -132,13 +133,24 @@ class ConstrainedTree:
 
     def acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Accelerations (rates,) at a time, for a pose with its rates [SI]."""
-        self.evaluations += 1
         if not self.rows:
+            self.evaluations += 1
             return self.source.acceleration(q, v, self.ctrl(min(t, self.last)))
-        terms = self.terms(t, q, v)
-        root, closing = self.factors(terms)
+        terms, root, closing = self.solve(t, q, v)
         free = root.T @ (root @ (terms.force - terms.bias))
         return np.asarray(free + closing @ (terms.drift - terms.jacobian @ free))
+
+    def solve(self, t: float, q: Array, v: Array) -> tuple[Terms, Array, Array]:
+        """The terms at a time, for a pose with its rates, and their `factors`.
+
+        They are kept for the next call, since a step ends with the state that is closed next.
+        """
+        state = min(t, self.last), q.tobytes(), v.tobytes()
+        if state != self.solved_state:
+            self.evaluations += 1
+            terms = self.terms(t, q, v)
+            self.solved, self.solved_state = (terms, *self.factors(terms)), state
+        return self.solved
 
     def factors(self, terms: Terms) -> tuple[Array, Array]:
         """L⁻¹ of the mass matrix L Lᵀ, and the matrix that closes the rows by the least change.
@@ -146,10 +158,15 @@ class ConstrainedTree:
         Raises
         ------
         SingularHere
-            The rows have another rank than at the start.
+            The rows have another rank than at the start, or the mass matrix is not positive.
         """
-        root = np.linalg.inv(np.linalg.cholesky(terms.mass))
-        left, values, right = np.linalg.svd(root @ terms.jacobian.T, full_matrices=False)
+        from scipy.linalg.lapack import dgesdd, dpotrf, dtrtri  # slow to load
+
+        lower, failed = dpotrf(terms.mass, lower=1)
+        if failed:
+            raise SingularHere("the mass matrix is not positive definite")
+        root, _ = dtrtri(lower, lower=1)
+        left, values, right, _ = dgesdd(root @ terms.jacobian.T, full_matrices=0)
         rank = int((values > RANK_TOLERANCE * values[0]).sum())
         self.rank = self.rank or rank
         if rank != self.rank:
@@ -172,19 +189,16 @@ class ConstrainedTree:
         if not self.rows:
             return advance_pose(self.tree, q, np.zeros_like(v)), v
         for _ in range(MAX_NEWTON_STEPS):
-            terms = self.terms(t, q, v)
-            inverse = self.closing_matrix(terms, by_rates)
+            if by_rates:
+                terms = self.terms(t, q, v)
+                inverse = np.linalg.pinv(terms.jacobian, rcond=RANK_TOLERANCE)
+            else:
+                terms, _, inverse = self.solve(t, q, v)
             gap = np.abs(terms.gap).max()
             if gap < CLOSING_TOLERANCE * max(1.0, self.tree.extent):
                 return q, v - inverse @ (terms.jacobian @ v - self.row_rates(t))
             q = advance_pose(self.tree, q, -inverse @ terms.gap)
         raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
-
-    def closing_matrix(self, terms: Terms, by_rates: bool) -> Array:
-        """Matrix that closes the rows by the least change (rates, rows)."""
-        if by_rates:
-            return np.asarray(np.linalg.pinv(terms.jacobian, rcond=RANK_TOLERANCE))
-        return self.factors(terms)[1]
 
     def slope(self, t: float, y: Array) -> Array:
         """Time derivative of the state y = (q, v)."""
@@ -315,13 +329,9 @@ class FreeTree:
                     short = short + 1 if solver.step_size < SHORT_STEP_SHARE * longest else 0
                     if short == MAX_SHORT_STEPS:
                         raise SingularHere("steps become too short, as where equalities lose rank")
+                    q, v = holder.close(solver.t, solver.y[:size], solver.y[size:])
                     yield Step(step_start, solver.t, states_in_step(holder, solver, size))
-                    if solver.status == "running":
-                        y = holder.close(solver.t, solver.y[:size], solver.y[size:])
-                        solver.y = np.concatenate(y)
-                        solver.f = holder.slope(solver.t, solver.y)
-                    elif stop < end:
-                        q, v = holder.close(solver.t, solver.y[:size], solver.y[size:])
+                    solver.y = np.concatenate([q, v])
                 except (SingularHere, CannotAssemble) as error:
                     raise type(error)(f"the motion ends at t = {solver.t:.6g} s: {error}") from None
 

@@ -375,3 +375,18 @@ def test_forces_that_cancel_are_compared_with_weights_and_gyroscopic_moments():
     found = spatial.solve(times, model=model, terms=SmoothTerms(model))["angle"]
     # nothing turns the door, whose rate of 1 rad/s stays; 3e-14 in each of a few steps
     np.testing.assert_allclose(found, 0.3 + times, atol=1e-12)
+
+
+def test_the_state_at_the_end_of_a_step_is_evaluated_once(monkeypatch):
+    """The terms of the last stage of a step serve to close the loops, too."""
+    model, states, terms = compile_shipped("slider_crank_spatial"), [], SmoothTerms.terms
+
+    def record(self, q, v, ctrl=None):
+        states.append((q.tobytes(), v.tobytes()))
+        return terms(self, q, v, ctrl)
+
+    tree, source = spatial.tree_and_terms(model, "start", SmoothTerms(model))
+    monkeypatch.setattr(SmoothTerms, "terms", record)
+    motion.integrate_motion(tree, source, np.array([0.0, 0.05]))
+    assert len(states) > 100
+    assert len(states) - len(set(states)) <= 1  # the start is closed before anything is known
