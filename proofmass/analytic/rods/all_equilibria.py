@@ -457,12 +457,13 @@ def make_mesh(modes: int, max_alpha: float, size: float) -> Mesh:
         grid[:-1, 1:].ravel(),
         grid[1:, 1:].ravel(),
     )
-    corner = np.concatenate([np.stack([a, b, c], -1), np.stack([d, c, b], -1)])
-    half = np.stack([alpha.ravel()[corner], q.ravel()[corner]], axis=-1)
-    chart = np.concatenate([half, half * [1.0, -1.0]])
-    found = rods_of_chart(chart[..., 0], chart[..., 1])
-    e1, e2 = (found.tip[:, k] - found.tip[:, 0] for k in (1, 2))
-    f1, f2 = (found.force[:, k] - found.force[:, 0] for k in (1, 2))
+    half = np.concatenate([np.stack([a, b, c], -1), np.stack([d, c, b], -1)])
+    corner = np.concatenate([half, half + grid.size])
+    chart = np.stack([np.tile(alpha.ravel(), 2), np.append(q, -q)], axis=-1)
+    found = rods_of_chart(chart[:, 0], chart[:, 1])
+    tip, force = found.tip[corner], found.force[corner]
+    e1, e2 = (tip[:, k] - tip[:, 0] for k in (1, 2))
+    f1, f2 = (force[:, k] - force[:, 0] for k in (1, 2))
     area = (e1.conj() * e2).imag
     keep = np.abs(area) > MIN_TRIANGLE_AREA
     e1, e2, f1, f2 = (edge[keep] for edge in (e1, e2, f1, f2))
@@ -470,8 +471,8 @@ def make_mesh(modes: int, max_alpha: float, size: float) -> Mesh:
     into = np.stack([-1j * e2 / area, 1j * e1 / area], axis=-1)
     along = (f1 * e2.conj() - f2 * e1.conj()) / (-2j * area)
     across = (f2 * e1 - f1 * e2) / (-2j * area)
-    tip = found.tip[keep]
-    return Mesh(tip, found.force[keep], chart[keep], into, along, across, *bin_triangles(tip))
+    tip, force, corner = tip[keep], force[keep], corner[keep]
+    return Mesh(tip, force, chart[corner], into, along, across, *bin_triangles(tip))
 
 
 def mesh_corners(modes: int, max_alpha: float, size: float) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from proofmass.analytic.rods import tip
+from proofmass.analytic.rods import all_equilibria, tip
 from proofmass.analytic.rods.all_equilibria import (
     TRIANGLE_MARGIN,
     bending_allowance,
@@ -105,6 +105,22 @@ def test_mesh_covers_all_rods(modes, random):
     nearest = np.full(mine.size, np.inf)
     np.minimum.at(nearest, which, np.abs(force - own[which]) / (1.0 + np.abs(own[which])))
     assert nearest.max() < 0.6  # [load]: 0.06 L away, between corners 0.08 L apart
+
+
+def test_a_corner_of_the_mesh_is_computed_once_for_all_its_triangles(monkeypatch):
+    """The rods that are computed for a mesh differ, except for those that are their own images."""
+    computed = []
+    monkeypatch.setattr(
+        all_equilibria,
+        "rods_of_chart",
+        lambda alpha, q: computed.append((alpha, q)) or rods_of_chart(alpha, q),
+    )
+    mesh = make_mesh.__wrapped__(1, 3.0, 0.3)
+    alpha, q = computed[-1]  # after the searches for the places of the corners
+    assert alpha.size == len({*zip(alpha.tolist(), q.tolist(), strict=True)}) + (q == 0.0).sum() / 2
+    found = rods_of_chart(mesh.chart[..., 0], mesh.chart[..., 1])
+    np.testing.assert_array_equal(mesh.tip, found.tip)
+    np.testing.assert_array_equal(mesh.force, found.force)
 
 
 def test_newton_matrix_is_the_derivative(random):
