@@ -6,6 +6,7 @@ spring.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -313,7 +314,7 @@ def equilibria(
         axial,
         shear,
     )
-    found = _equilibrium_tips(load)
+    found = dict(_equilibrium_tips(load))
     place = found.pop("place") * np.exp(1j * theta0)
     state = stability(load.force.real, load.force.imag, found["theta"], moment, **load.keywords)
     del found["tip"], found["least"]
@@ -364,6 +365,7 @@ def _checked_load(
     )
 
 
+@lru_cache(maxsize=64)
 def _equilibrium_tips(load: Load) -> dict[str, Array]:
     """The tips of all equilibria in the clamp's frame, by rising potential energy."""
     tip = roots(lambda v: _clamp_angle(load, v), _search_grid(load))

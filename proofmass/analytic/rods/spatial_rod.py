@@ -21,7 +21,7 @@ length.
 """
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -219,16 +219,25 @@ def spatial_load(
 
 
 def find_clamp_moment(load: SpatialLoad, given: SpatialNumbers) -> tuple[Array, int]:
-    """The moment at the clamp (3,) [N m] after all loads have grown from zero, and the steps.
+    """The moment at the clamp (3,) [N m] after all loads have grown from zero, and the steps."""
+    turns = load.length * float(np.linalg.norm(load.natural)) / TURN
+    steps = STEPS_PER_TURN * (1 + int(turns))
+    return resolve_clamp_moment(given, cached_clamp_moment(given, steps), steps)
+
+
+@lru_cache(maxsize=64)
+def resolve_clamp_moment(
+    given: SpatialNumbers, guess: tuple[float, ...], steps: int
+) -> tuple[Array, int]:
+    """The moment at the clamp (3,) [N m] that a guess leads to, and the steps that resolve the rod.
 
     From about 80 EI/L^2 on several equilibria have nearly the same moment at the clamp, and a step
     of the loads may lead to another one.  It is unstable, and then the loads grow once more, by
     steps to stable equilibria only.  ValueError if there is none, or if the number of steps is too
     small at its largest.
     """
-    turns = load.length * float(np.linalg.norm(load.natural)) / TURN
-    steps = STEPS_PER_TURN * (1 + int(turns))
-    near = solve_from_guess(load, 1.0, np.array(cached_clamp_moment(given, steps)), steps)
+    load = spatial_load(*given)
+    near = solve_from_guess(load, 1.0, np.array(guess), steps)
     near = near or solve_from_guess(load, 1.0, continue_from_zero(load, steps), steps)
     found, enough = resolve_rod(load, near, steps)
     if negative_directions(load, found, enough):

@@ -10,7 +10,14 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
-from proofmass.analytic.rods import equilibria, pseudo_rigid, self_buckling, solve, tip
+from proofmass.analytic.rods import (
+    cantilever,
+    equilibria,
+    pseudo_rigid,
+    self_buckling,
+    solve,
+    tip,
+)
 from proofmass.analytic.rods.cantilever import MIN_SHOOTING_STEPS, roots
 from proofmass.analytic.rods.shooting import stability
 
@@ -304,3 +311,14 @@ def test_a_clamp_that_is_not_finite_and_half_a_branch_are_refused():
         with pytest.raises(ValueError, match="branch must be a whole number"):
             solve(1.0, force_x=-3.0, branch=branch)
     assert solve(1.0, force_x=-3.0, branch=2.0) == solve(1.0, force_x=-3.0, branch=2)
+
+
+def test_a_rod_at_other_samples_is_not_searched_again(monkeypatch):
+    """Runs with other samples of a rod share its equilibria, which callers do not change."""
+    loads = {"force_x": -9.0, "force_y": 0.37, "weight_y": 0.11}
+    before = equilibria(**loads)
+    monkeypatch.setattr(cantilever, "roots", None)
+    for name, values in equilibria(**loads).items():
+        np.testing.assert_array_equal(values, before[name])
+    # rounding: other samples are other steps of order 8
+    assert solve(ENDS, **loads)["x"][1] == pytest.approx(before["x"][0], abs=1e-12)

@@ -486,3 +486,11 @@ def test_a_rod_without_a_solution_is_not_called_too_sharply_bent():
 def test_a_place_beyond_the_rod_is_refused():
     with pytest.raises(ValueError, match="s must lie within"):
         solve([0.5, 1.5])
+
+
+def test_a_rod_at_other_samples_is_not_solved_again(monkeypatch):
+    """Runs with other samples of a rod share the moment at its clamp."""
+    loads = {"force_z": 0.37, "moment_x": 0.11}
+    tip = solve(1.0, **loads)
+    monkeypatch.setattr(spatial_rod, "solve_from_guess", None)
+    assert solve([0.5, 1.0], **loads)["z"][1] == pytest.approx(float(tip["z"]), abs=1e-12)
