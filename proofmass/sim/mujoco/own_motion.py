@@ -505,8 +505,6 @@ def integrate_states(
     turn, last = CoordinateRates(model), np.inf
 
     def slope(t: float, state: Array) -> Array:
-        if time.process_time() > until:
-            raise OutOfTime("its processor time was over")
         set_state(model, data, t, state)
         inputs.apply(data, min(t, last))
         mujoco.mj_forward(model, data)
@@ -522,6 +520,8 @@ def integrate_states(
         last = before
         solver = DOP853(slope, start, state, end, rtol=tolerance, atol=tolerance)
         while solver.status == "running":
+            if time.process_time() > until:
+                raise OutOfTime("its processor time was over")
             words = solver.step()
             if solver.status == "failed":
                 raise FloatingPointError(str(words))
