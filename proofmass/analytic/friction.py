@@ -184,7 +184,8 @@ class SlipProblem:
     def choose(self, senses: Array, may_stay: bool) -> Array:
         """Choose the next state: of all whose conditions are met the one with most stuck joints.
 
-        A joint does not begin to stick at its dead point, where its friction has no effect.
+        Of several such states it is the one that changes fewest joints.  A joint does not begin to
+        stick at its dead point, see `sticks_at_dead_point`.
 
         Parameters
         ----------
@@ -199,23 +200,20 @@ class SlipProblem:
             No state meets its conditions.
         """
         options = [np.array(one) for one in product((0.0, 1.0, -1.0), repeat=senses.size)]
-        moves = np.abs(self.turn).max(axis=1)
-        at_dead_point = moves < DEAD_POINT_SHARE * max(moves.max(), 1.0)
-        options = [
-            one
-            for one in options
-            if may_stay
-            or not (
-                np.array_equal(one, senses) or (at_dead_point & (senses != 0) & (one == 0)).any()
-            )
-        ]
+        if not may_stay:
+            options = [
+                one
+                for one in options
+                if not (np.array_equal(one, senses) or self.sticks_at_dead_point(senses, one))
+            ]
         violations = np.array([self.state_violation(one) for one in options])
         slipping_joints = np.array([np.abs(one).sum() for one in options])
+        changed_share = np.array([(one != senses).mean() for one in options])
         best = int(
             np.argmin(
                 np.where(
                     violations < MAX_STATE_VIOLATION,
-                    slipping_joints,
+                    slipping_joints + 0.5 * changed_share,
                     slipping_joints.size + violations,
                 )
             )
@@ -223,6 +221,24 @@ class SlipProblem:
         if not violations[best] < MAX_STATE_VIOLATION:
             raise PathEnds("no combination of sticking and slipping joints goes on from here")
         return options[best]
+
+    def sticks_at_dead_point(self, senses: Array, later: Array) -> bool:
+        """Whether a joint that slips would begin to stick at its dead point.
+
+        There it does not move with the free motions that are left by the joints that stay stuck.
+        Its friction has no effect on these motions, and it passes the turning point of its own
+        motion without a stop.
+
+        Parameters
+        ----------
+        senses, later : ndarray (joints,)
+            The present and a later state: senses of slipping joints, 0 of stuck ones [1].
+        """
+        stuck_rows = self.turn[(senses == 0) & (later == 0)]
+        held = np.linalg.pinv(stuck_rows, rcond=RANK_TOLERANCE) @ stuck_rows
+        moves = np.abs(self.turn - self.turn @ held).max(axis=1)
+        at_dead_point = moves < DEAD_POINT_SHARE * max(np.abs(self.turn).max(), 1.0)
+        return bool((at_dead_point & (senses != 0) & (later == 0)).any())
 
 
 def share_friction(stuck_rows: Array, bound: Array, needed: Array) -> Array:

@@ -163,6 +163,18 @@ def test_redundant_joints_share_friction_with_the_least_maximum():
             assert np.abs(found + way * other).max() > np.abs(found).max()
 
 
+def test_a_joint_turns_back_where_only_a_stuck_joint_could_move_it():
+    """At its dead point beside a stuck joint, a joint goes on with its friction reversed.
+
+    Both joints move with the first free motion alone, and the second free motion goes on.
+    """
+    turn = np.array([[1.0, 0.0], [1.0, -1e-10]])
+    problem = SlipProblem(
+        np.array([0.2, 0.0]), np.eye(2), np.array([0.0, -1.0]), turn, np.zeros(2), np.array([3, 1])
+    )
+    assert problem.choose(np.array([0.0, 1.0]), False).tolist() == [0.0, -1.0]
+
+
 def test_a_path_ends_where_no_state_of_stick_and_slip_exists():
     problem = SlipProblem(
         np.array([2.0]), np.eye(1), np.zeros(1), np.eye(1), np.zeros(1), np.array([1.0])

@@ -21,6 +21,11 @@ from proofmass.analytic.numerics import Array
 
 MAX_STRIDE = 0.05
 """Longest move of the pendulum in one stride [rad]."""
+MAX_WAY = 0.01
+"""Longest way between two places where the state of the joints is examined [rad]: a joint that
+begins and ends to slip, or to stick, within it is not noticed."""
+MIN_STRIDE = 1e-4
+"""Stride that is not halved any more [rad]: the path has come to a fold."""
 MAX_CORRECTION = 0.05
 """Largest correction by Newton's method [rad]: a larger one could be another branch."""
 STEP_TOLERANCE = 1e-10
@@ -91,10 +96,25 @@ class ChainWithFriction:
         self.alpha, self.psi, self.pull = kept
 
     def go(self, values: Array) -> None:
-        """Follow the equilibrium to another angle in the present state of the joints."""
-        count = int(np.ceil(abs(float(values[0]) - self.alpha) / MAX_STRIDE)) or 1
-        for alpha in np.linspace(self.alpha, float(values[0]), count + 1)[1:]:
-            self.stride(float(alpha))
+        """Follow the equilibrium to another angle in the present state of the joints.
+
+        A stride that fails is halved.
+        """
+        to, longest = float(values[0]), MAX_STRIDE
+        while True:
+            kept, way = self.kept(), to - self.alpha
+            count = int(np.ceil(abs(way) / longest)) or 1
+            try:
+                self.stride(self.alpha + way / count if count > 1 else to)
+            except PathEnds:
+                longest = 0.5 * abs(way) / count
+                if longest < MIN_STRIDE:
+                    raise
+                self.back(kept)
+                continue
+            if count == 1:
+                return
+            longest = min(1.5 * longest, MAX_STRIDE)
 
     def stride(self, alpha: float) -> None:
         """Find the equilibrium at an angle by Newton's method, from the end of the tangent."""
@@ -174,12 +194,18 @@ class ChainWithFriction:
         )
 
     def enter(self, senses: Array) -> None:
-        """Let joints stick where they are, or slip, from now on."""
+        """Let joints stick where they are, or slip, from now on.
+
+        The force at the tip, and the stiffness with it, are those of the new friction.
+        """
         self.senses, self.is_at_start = senses, False
         self.stuck = self.rubbing[senses == 0]
-        self.fixed = self.slopes().deflection[self.stuck]
+        deflection, moment, _, _, loop = self.slopes()
+        self.fixed = deflection[self.stuck]
         self.friction = np.zeros(self.psi.size)
         self.friction[self.rubbing] = senses * self.bound
+        rows, load = np.vstack([loop, self.turns[self.stuck]]), moment + self.friction
+        self.pull = self.solve_linear(rows.T, -self.turns.T @ load)[:2]
 
     def rub(self, way: Array) -> Array:
         """Friction of all joints (n,) while the pendulum moves along a way [N m]."""
@@ -234,8 +260,9 @@ def follow_with_friction(b: Balancer, friction: Array, alpha: Array) -> tuple[Pa
     has_slipped = False
     for angle in alpha:
         way = np.sign(angle - chain.at()) if angle != chain.alpha else way
-        if rows:
-            follow_stick_slip(chain, np.array([angle]))
+        count = int(np.ceil(abs(angle - chain.alpha) / MAX_WAY)) if rows else 0
+        for place in np.linspace(chain.alpha, angle, count + 1)[1:]:
+            follow_stick_slip(chain, np.array([place]))
         has_slipped |= bool(chain.senses[chain.rubbing > 0].any()) and not chain.is_at_start
         joint_friction = chain.rub(way)
         deflection, moment, _, _, loop = chain.slopes()
