@@ -92,9 +92,10 @@ class TangentChart:
         self.m, self.q, self.at, self.drives, self.controls = m, q, q, drives, controls
         self.last = np.inf  # end of the smooth piece of the profiles that is integrated [s]
         self.held, self.units = m.rows + drives.rates.size, m.scale[drives.rates]
-        self.driven = np.eye(len(m.joints))[drives.rates]
-        rows = np.concatenate([scaled_jacobian(m, q[None])[0], self.driven])
+        driven = np.eye(len(m.joints))[drives.rates]
+        rows = np.concatenate([scaled_jacobian(m, q[None])[0], driven])
         self.normal = np.linalg.svd(rows)[2][self.held :]
+        self.coordinates = np.concatenate([driven, self.normal])
         self.into: Array = self.normal.T * m.scale[:, None]
         self.z = np.zeros(len(self.normal))
 
@@ -113,13 +114,13 @@ class TangentChart:
             return self.q + self.into @ z, self.into
         m, q, last = self.m, self.at + self.into @ (z - self.z), np.inf
         q[self.drives.rates] = wanted = self.drives.profile(t)[0]
+        wanted = np.concatenate([(wanted - self.q[self.drives.rates]) / self.units, z])
         while True:
             motion = move_bodies(m, q[None])
             errors = np.concatenate(
                 [
                     loop_violations(m, motion, q[None])[0] / m.loop_units,
-                    (q[self.drives.rates] - wanted) / self.units,
-                    self.normal @ ((q - self.q) / m.scale) - z,
+                    self.coordinates @ ((q - self.q) / m.scale) - wanted,
                 ]
             )
             size = np.abs(errors).max()
@@ -136,7 +137,7 @@ class TangentChart:
         """Jacobian of loops, drives and coordinates by the joints (joints, joints)."""
         m = self.m
         loops = loop_jacobian(m, motion, q[None])[0] * m.scale / m.loop_units[:, None]
-        return np.concatenate([loops, self.driven, self.normal])
+        return np.concatenate([loops, self.coordinates])
 
     def motion(self, y: Array, t: float) -> tuple[Array, Array, Array, Array]:
         """Find pose, rates, accelerations (joints,) and z̈ of a state y = (z, ż) at a time."""
@@ -304,11 +305,13 @@ class FreeMechanism:
                 solver.step_size < SHORT_STEP_SHARE * longest
                 and regularity(chart.m, chart.at) < SINGULAR_REGULARITY
             )
+            left = short or chart.stretch > MAX_STRETCH  # the step's end was evaluated last
             if short:
                 solver = step_over_singularity(chart, solver.t, solver.y, longest, end)
             yield Step(start, solver.t, states_in_step(chart, cache(solver.dense_output)))
-            q, v, _, _ = chart.motion(solver.y, solver.t)
-            if (short or chart.stretch > MAX_STRETCH) and solver.t < end:
+            if left or solver.t == end:
+                q, v, _, _ = chart.motion(solver.y, solver.t)
+            if left and solver.t < end:
                 last, chart = chart.last, self.chart(held, q)
                 chart.last = last
                 step = min(solver.h_abs, longest, end - solver.t)

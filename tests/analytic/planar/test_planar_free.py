@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic.linkages import fourbar, pendulum
 from proofmass.analytic.planar import SingularHere, read, solve
-from proofmass.analytic.planar.dynamics import free_motion
+from proofmass.analytic.planar.dynamics import TangentChart, free_motion
 from proofmass.analytic.planar.forces import kinetic_energy, potential_energy
 from proofmass.analytic.planar.kinematics import move_bodies
 from proofmass.analytic.planar.mechanism import touching_bodies
@@ -185,3 +185,20 @@ def test_a_chain_whose_neighbours_alone_could_touch_is_solved():
     )
     assert np.array_equal(own, without)
     assert abs(own[1]) > 0.1  # it moves
+
+
+def test_the_state_at_the_end_of_a_step_is_evaluated_once(monkeypatch):
+    """The last stage of a step serves as its end, unless a new tangent plane begins there."""
+    states, charts, motion = [], set(), TangentChart.motion
+
+    def record(self, y, t):
+        states.append((t, y.tobytes()))
+        charts.add(self)
+        return motion(self, y, t)
+
+    monkeypatch.setattr(TangentChart, "motion", record)
+    mechanism, _ = read(mujoco.MjModel.from_xml_path(str(shipped("fourbar.xml"))), "start")
+    free_motion(mechanism, np.array([0.0, 1.0]))
+    assert len(states) > 300
+    # a state is evaluated twice at the end of each chart, and at the ends of the motion
+    assert len(states) - len(set(states)) <= len(charts) + 3
