@@ -127,7 +127,8 @@ def solve(
 
     With dry friction the order of the angles matters: from an equilibrium without friction at the
     first angle on, joints stick, or slip with their friction against the motion
-    (`proofmass.analytic.balancer.friction`). To first order in the friction, with the rates de_i of
+    (`proofmass.analytic.balancer.friction`); a joint that begins and ends to slip within 0.01 rad
+    of the pendulum is not noticed. To first order in the friction, with the rates de_i of
     the frictionless path, the moment differs by +-(friction1 |de1/dalpha| + friction2 ...), with
     the sense of the motion: the width of the hysteresis loop is the friction's work per angle.
 
@@ -177,10 +178,10 @@ def solve(
     Raises
     ------
     ValueError
-        A parameter is out of its domain, not finite, or of a missing segment 4; lengths cannot
-        reach the tip; the rest posture is unstable; the path ends at a fold before `angle`, where
-        the chain would jump; friction is combined with stops, or no joint can slip against the
-        friction.
+        A parameter is out of its domain, not finite, or of a missing segment 4; there is no angle;
+        lengths cannot reach the tip; the rest posture is unstable; the path ends at a fold before
+        `angle`, where the chain would jump; friction is combined with stops, or no joint can slip
+        against the friction.
 
     Notes
     -----
@@ -224,6 +225,8 @@ def solve(
         angle = np.asarray(angle)[0]
         rate = np.asarray(rate)[0] if np.ndim(rate) == 2 else rate
     alpha, w = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
+    if not alpha.size:
+        raise ValueError(f"angle must hold one angle or more [rad], got {alpha.shape}")
     if not (chain.reach(alpha.ravel()) > 0).all():
         raise ValueError("extension1, extension2: the pendulum must keep a positive length")
     free = found = follow_both_sides(chain, alpha.ravel())

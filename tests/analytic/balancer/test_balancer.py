@@ -249,6 +249,11 @@ def test_bad_input_is_refused(wrong: dict[str, float], word: str) -> None:
         solve(ANGLES, **(LINE_1766 | wrong))
 
 
+def test_no_angles_are_refused() -> None:
+    with pytest.raises(ValueError, match="angle must hold one angle or more"):
+        solve([], **LINE_1766)
+
+
 def test_irregular_rows_are_refused() -> None:
     """Unstable rest postures and folds give an error, not a curve."""
     for line in sorted(IRREGULAR):
