@@ -139,8 +139,9 @@ EDGE_DISTANCE = 1e-6
 """Distance [1] within which a design that changes one coordinate must be nearly as good."""
 MAX_SLOPE = 1e3
 """Largest rise of the square root of the sum of squares over a distance [1] that is no jump."""
-RETREAT = 10.0  # largest change of a coordinate off an edge, as a multiple of `EDGE_DISTANCE`
-RETREATS = 16  # random moves that are tried: nearly half of them lead away from an edge
+RETREATS = EDGE_DISTANCE * np.geomspace(2.0, 1e3, 32)
+"""Largest changes of coordinates in the random moves off an edge that are tried [1].  Nearly half
+of all directions lead away from an edge, few from a place where several edges meet."""
 
 
 def is_at_edge(places: Array, values: Array, terms: CostTerms) -> NDArray[np.bool_]:
@@ -160,9 +161,10 @@ def leave_edges(places: Array, values: Array, terms: CostTerms, seed: int) -> tu
     least deviation it would behave otherwise, and it may do so on a machine that rounds otherwise.
     """
     places, values = places.copy(), values.copy()
-    moves = np.random.default_rng(seed).uniform(-1.0, 1.0, (RETREATS, places.shape[1]))
+    directions = np.random.default_rng(seed).uniform(-1.0, 1.0, (RETREATS.size, places.shape[1]))
+    moves = RETREATS[:, None] * directions
     for k in np.flatnonzero(is_at_edge(places, values, terms)):
-        tried = np.clip(places[k] + RETREAT * EDGE_DISTANCE * moves, 0.0, 1.0)
+        tried = np.clip(places[k] + moves, 0.0, 1.0)
         found = residual_norms(terms, tried)
         found[is_at_edge(tried, found, terms)] = np.inf
         best = found.argmin()
