@@ -120,6 +120,12 @@ CALLS = [
         for function in (shaft_pendulum.slip_angle, shaft_pendulum.events)
     ),
     Call(shaft_pendulum.properties, SHAFT, shapes="none"),
+    Call(
+        inverted_slider_crank.off_rod_intervals,
+        {"x": [0.0, 1.0, 2.0], "slide_margin": [1.0, -1.0, 2.0]},
+        shapes="none",
+    ),
+    Call(swinging_block.extremes, {"crank": 1.0, "pivot_x": 2.0}, shapes="none"),
     Call(fivebar.solve, {**TWO_MOTIONS, **FIVE, "force_x": 2.0, "force_y": -1.0}, rows=2),
     Call(fivebar.solve_inverse, {**TIP, **FIVE}, rows=2),
     Call(
@@ -165,6 +171,7 @@ CALLS = [
     Call(rocking_block.rate_ratio, {"width": 0.1, "height": 0.4}, shapes="none"),
     Call(rocking_block.time_to_impact, BLOCK, shapes="none"),
     Call(rocking_block.properties, BLOCK, shapes="none"),
+    Call(rolling_ball.roll_time, BALL, shapes="none"),
     Call(rolling_ball.solve, {"time": 0.5, **BALL}),
     Call(rolling_ball.properties, BALL, shapes="none"),
     Call(sliding_block.solve, {"time": 0.5, **SLOPE}),

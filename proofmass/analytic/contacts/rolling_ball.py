@@ -112,6 +112,23 @@ def _sliding_phase(
     )
 
 
+def roll_time(
+    *,
+    radius: float,
+    friction: float,
+    speed: float,
+    spin: float = 0.0,
+    inertia_ratio: float = SPHERE_INERTIA_RATIO,
+    gravity: float = 9.81,
+) -> float:
+    """Time at which the ball begins to roll [s], infinite without friction.
+
+    >>> round(roll_time(radius=0.1, friction=0.3, speed=7.0, gravity=10.0), 12)
+    0.666666666667
+    """
+    return _sliding_phase(radius, friction, speed, spin, inertia_ratio, gravity)[0]
+
+
 def properties(
     *,
     radius: float,

@@ -101,7 +101,7 @@ def solve(
     dict of (...) arrays: slide [m] from P to S along the rod, slide_rate, slide_acceleration;
     rod_angle [rad], rod_rate, rod_acceleration; end_x, end_y [m], end_vx, end_vy, end_ax,
     end_ay of E; slider_x, slider_y and the same of S; slide_margin [m], the slider's distance from
-    the nearer end of the rod, negative where it has left the rod;
+    the nearer end of the rod, negative where it has left the rod (see `off_rod_intervals`);
     holding_moment of the crank and holding_moment_bar [N m]; forces of pins [N] in the frame of a
     bar, _x along it and _y to the left: crank_force_x, crank_force_y of the ground on the crank,
     bar_force_.. of the ground on the bar, rod_force_.. of the crank on the rod, and, in the rod's
@@ -233,6 +233,26 @@ def _forces(
         "guide_moment": slider_moment,
         **components_in_frame("pin_force", on_bar, directions[2]),
     }
+
+
+def off_rod_intervals(x: ArrayLike, slide_margin: ArrayLike) -> Array:
+    r"""Intervals of x, (k, 2), in which the slider has left the rod.
+
+    `x` (n,) rises; `slide_margin` (n,) is the curve of `solve`. The ends of an interval, zeros of
+    the margin, are interpolated linearly, with an error of step^2/8 times the ratio of the margin's
+    second derivative to its first; an interval shorter than a step can be missed.
+
+    >>> angle = np.linspace(0.0, 2.0 * np.pi, 100001)
+    >>> pose = solve([angle, 2.0 * angle], crank=2.0, bar=1.0, rod=3.0, ground_x=2.0)
+    >>> off_rod_intervals(angle, pose["slide_margin"]).round(6)
+    array([[1.855399, 4.427786]])
+    """
+    x, margin = broadcast_motion(x=x, slide_margin=slide_margin)
+    is_off = margin < 0.0
+    last = np.flatnonzero(is_off[1:] != is_off[:-1])
+    share = margin[last] / (margin[last] - margin[last + 1])
+    ends = x[last] + share * (x[last + 1] - x[last])
+    return np.concatenate([x[:1][is_off[:1]], ends, x[-1:][is_off[-1:]]]).reshape(-1, 2)
 
 
 def _arm(length: float, angle: Array, rate: Array, acceleration: Array) -> tuple[Complex, ...]:

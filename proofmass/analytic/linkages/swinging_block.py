@@ -11,6 +11,7 @@ from proofmass.analytic.numerics import (
     broadcast_motion,
     check_not_negative,
     check_number,
+    check_positive,
 )
 
 MODES = inverted_slider_crank.MODES
@@ -114,3 +115,34 @@ def solve(
         for name, curve in pose.items()
         if not name.startswith(("slider", "bar_force")) and name != "holding_moment_bar"
     }
+
+
+def extremes(*, crank: float, pivot_x: float, pivot_y: float = 0.0) -> tuple[Array, Array]:
+    r"""Crank angles and rod angles [rad], each (2,), at which the rod of mode +1 reverses.
+
+    The rod is perpendicular to the crank there. With D = |A-S|, direction d of A-S, r = crank::
+
+        crank = d +- acos(r/D),   rod = d -+ asin(r/D)
+
+    From the first angle to the second the crank passes the side of the pivot, which is the quick
+    stroke; the time ratio of the two strokes at constant speed is pi/acos(r/D) - 1. ValueError for
+    a crank that is not positive, and where the rod turns fully, r >= D. Source: the right-angled
+    triangle A-P-S.
+
+    >>> (fast, slow), rods = extremes(crank=1.0, pivot_x=2.0)
+    >>> np.degrees([fast, slow, *rods]).round(6)
+    array([-60.,  60.,  30., -30.])
+    """
+    check_positive(crank=crank)
+    check_number(pivot_x=pivot_x, pivot_y=pivot_y)
+    distance, direction = np.hypot(pivot_x, pivot_y), np.arctan2(pivot_y, pivot_x)
+    if not crank < distance:
+        raise ValueError(
+            f"crank must be shorter than the {distance:.6g} m to the pivot for the rod to rock, "
+            f"got {crank}"
+        )
+    side = np.array([-1.0, 1.0])
+    return (
+        direction + side * np.arccos(crank / distance),
+        direction - side * np.arcsin(crank / distance),
+    )

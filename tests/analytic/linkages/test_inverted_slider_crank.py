@@ -277,13 +277,21 @@ def test_slider_leaves_the_rod():
         table["slide_range"], abs=5.1e-9
     )  # last digit
     leave = np.arccos((3.0 - np.sqrt(17.0)) / 4.0)
-    at_ends = inverted_slider_crank.solve(
-        [[leave, TURN - leave], [2.0 * leave, 2.0 * (TURN - leave)]], [1.0, 2.0], **LINK
+    intervals = inverted_slider_crank.off_rod_intervals(angle, pose["slide_margin"])
+    # 1e-9: step^2/8 = 5e-10 times the ratio of second to first derivative, below 1
+    np.testing.assert_allclose(intervals, [[leave, TURN - leave]], rtol=0, atol=1e-9)
+    assert np.ptp(intervals) / TURN == pytest.approx(table["share"], abs=5.1e-5)  # last digit
+    part = slice(40000, 60001)  # begins and ends off the rod
+    np.testing.assert_array_equal(
+        inverted_slider_crank.off_rod_intervals(angle[part], pose["slide_margin"][part]),
+        [[angle[40000], angle[60000]]],
     )
-    np.testing.assert_allclose(at_ends["slide_margin"], 0.0, rtol=0, atol=1e-14)  # rounding
-    is_off = pose["slide_margin"] < 0.0
-    np.testing.assert_array_equal(is_off, (angle > leave) & (angle < TURN - leave))
-    assert 1.0 - leave / np.pi == pytest.approx(table["share"], abs=5.1e-5)  # last digit
+    safe = inverted_slider_crank.off_rod_intervals(angle[:20000], pose["slide_margin"][:20000])
+    assert safe.shape == (0, 2)
+    touches = inverted_slider_crank.off_rod_intervals(
+        [0.0, 1.0, 2.0], [0.5, 0.0, 0.5]
+    )  # touches the end of the rod
+    assert touches.shape == (0, 2)
 
 
 @pytest.mark.parametrize(

@@ -29,10 +29,8 @@ def test_motion_is_that_of_an_inverted_slider_crank_with_its_bar_at_rest(mode):
 def test_rocking_angles_and_time_ratio_of_the_rod():
     table = DATA["held_bar"]
     geometry = {name: SWINGING_BLOCK[name] for name in ("crank", "pivot_x", "pivot_y")}
-    line = np.arctan2(geometry["pivot_y"], geometry["pivot_x"])
-    share = geometry["crank"] / np.hypot(geometry["pivot_x"], geometry["pivot_y"])
-    side = np.array([-1.0, 1.0])  # the rod is perpendicular to the crank
-    crank, rod = line + side * np.arccos(share), line - side * np.arcsin(share)
+    crank, rod = swinging_block.extremes(**geometry)
+    line = np.arctan2(SWINGING_BLOCK["pivot_y"], SWINGING_BLOCK["pivot_x"])
     assert np.degrees(rod - line) == pytest.approx(
         [table["rocks_deg"], -table["rocks_deg"]], abs=5.1e-7
     )  # last digit
@@ -45,6 +43,9 @@ def test_rocking_angles_and_time_ratio_of_the_rod():
     assert (TURN - fast) / fast == pytest.approx(table["time_ratio"], abs=5.1e-7)  # last digit
     upright = swinging_block.solve(np.pi / 2, **SWINGING_BLOCK)["slide"]
     assert upright == pytest.approx(table["slide_at_90_deg"], abs=5.1e-7)
+    for crank, wrong in ((3.0, "shorter than the"), (0.0, "a positive finite length")):
+        with pytest.raises(ValueError, match=f"crank must be {wrong}"):
+            swinging_block.extremes(**{**geometry, "crank": crank})
 
 
 @pytest.mark.parametrize("crank", [0.4, 1.7])
