@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
+from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import (
     Array,
     CannotMove,
@@ -270,8 +271,8 @@ class Mechanism:
     @cached_property
     def ends(self) -> tuple[Index, Complex]:
         """Bodies (2 pins,) and points (2 pins, 1): the first ends of all pins, then the second."""
-        bodies = [p.one for p in self.pins] + [p.two for p in self.pins]
-        points = [p.on_one for p in self.pins] + [p.on_two for p in self.pins]
+        bodies = [getattr(p, k) for k in ("one", "two") for p in self.pins]
+        points = [getattr(p, k) for k in ("on_one", "on_two") for p in self.pins]
         return np.array(bodies, np.intp), np.array(points, complex).reshape(-1, 1)
 
     @cached_property
@@ -681,7 +682,7 @@ class Reader:
             places = model.site_pos[one], model.site_pos[two]
             one, two = model.site_bodyid[one], model.site_bodyid[two]
         return Pin(
-            model.equality(e).name,
+            equality_name(model, e),
             int(one),
             self.point(one, places[0]),
             int(two),
@@ -739,7 +740,7 @@ class Reader:
             return self.fixed(number) if tendons else ((number, 1.0),)
 
         return Coupling(
-            model.equality(e).name,
+            equality_name(model, e),
             joints(int(model.eq_obj1id[e])),
             joints(int(model.eq_obj2id[e])),
             tuple(float(c) for c in model.eq_data[e, :5]),
@@ -968,7 +969,7 @@ def refuse_uncovered(model: Any) -> None:
             continue
         if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
             raise NotCovered(
-                f"equality {model.equality(e).name!r} is neither connect nor joint, nor of fixed "
+                f"equality {equality_name(model, e)!r} is neither connect nor joint, nor of fixed "
                 "tendons"
             )
     for a in range(model.nactuator):
