@@ -625,7 +625,7 @@ class Case(Strict):
         return tuple(table.built(name) for name, table in self.rod.items())
 
     @property
-    def laws(self) -> tuple[str, ...]:
+    def constant_channels(self) -> tuple[str, ...]:
         """The channels that must equal a number, independently of the reference."""
         return tuple(n for n, c in self.channels.items() if not isinstance(c.equals, str))
 

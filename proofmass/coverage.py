@@ -59,7 +59,7 @@ class Coverage:
         Channels that differ without a change, as ``run solver channel``; they are not used.
     reads_model : bool
         Whether the reference reads the model's own numbers.
-    laws : tuple of str
+    constant_channels : tuple of str
         Channels that must equal a number.
     left_out : str
         Why no number of the model was tried; empty if numbers were tried.
@@ -74,7 +74,7 @@ class Coverage:
     numbers: tuple[Finding, ...]
     differing: tuple[str, ...] = ()
     reads_model: bool = False
-    laws: tuple[str, ...] = ()
+    constant_channels: tuple[str, ...] = ()
     left_out: str = ""
     seconds: float = 0.0
 
@@ -151,7 +151,7 @@ def find_coverage(
         tuple(sorted(found, key=lambda one: list(NUMBER_KINDS).index(one.kind))),
         tuple(search.differing()),
         reference_reads_model(case),
-        case.laws,
+        case.constant_channels,
         search.left_out,
         monotonic() - begin,
     )

@@ -380,8 +380,10 @@ class ModelResiduals(Residuals):
     def __init__(self, case: Case, run: Kind, solver: str, curves: Curves) -> None:
         super().__init__(case, run, solver, curves)
         if reference_reads_model(case):
-            self.allowed = {n: most for n, most in self.allowed.items() if n in case.laws}
-            self.differing = tuple(n for n in self.differing if n in case.laws)
+            self.allowed = {
+                n: most for n, most in self.allowed.items() if n in case.constant_channels
+            }
+            self.differing = tuple(n for n in self.differing if n in case.constant_channels)
         for known in (self.curve, self.reference, self.before):
             kept = {name: known[name][:: self.stride] for name in self.allowed}
             known.clear()

@@ -394,8 +394,8 @@ def describe_unmatched(case: Case) -> str:
 
 def describe_own_numbers(case: Case) -> str:
     """Format the line on a case whose reference reads the model itself."""
-    laws = ", ".join(case.laws)
-    but = f"; only {laws}, which must equal a number, can show it" if laws else ""
+    constant = ", ".join(case.constant_channels)
+    but = f"; only {constant}, which must equal a number, can show it" if constant else ""
     return (
         f"the reference {case.reference} reads the numbers of {case.model}: a wrong one is wrong "
         f"in the engines and in the reference{but}"

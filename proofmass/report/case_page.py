@@ -163,7 +163,7 @@ def render_page(
         own_numbers=reads_own_model(case),
         dof=tell(mobility, None),
         knowledge=properties_of(case, result, all_reached_limits(runs)),
-        laws=any(tables.format_law(case, name) for name in case.channels),
+        has_constants=bool(case.constant_channels),
         reasons=tables.tolerance_rows(case),
         unnoticed=tables.unnoticed_parameters(case, rows) if compared else [],
         not_known=tables.unknown_parameters(case, rows) if compared else [],

@@ -224,29 +224,37 @@ def mechanism_figure(case: Case, picture: Picture, tracks: Tracks) -> Figure:
     """
     scale = scale_for(picture, tracks, DRAWING_WIDTH, DRAWING_HEIGHT, 34.0)
     wide, high = (scale.high - scale.low) * scale.points
-    lines = len(picture.x) * ((len(case.drive) + 2) // 2) + 8 + len(tracks)
-    full = max(high, 12.5 * lines)
-    size = np.array([MARGIN + wide + 210, MARGIN + full])
-    figure = Figure(figsize=tuple(size / 72))
-    ax = figure.add_axes(
-        (MARGIN / size[0], (size[1] - high - 6) / size[1], wide / size[0], high / size[1])
-    )
-    set_plane(ax, picture, scale)
     main = clearest_pose(picture)
-    for path in tracks.values():
-        ax.plot(*path.T, **PATH_STYLE, zorder=3)
-    draw_poses(ax, picture, main, scale)
     coils = [
         mark.at[main] + spiral() / scale.points
         for mark in picture.marks
         if mark.kind == "hinge" and mark.name in joints_with_springs(case)
     ]
     springs = [zigzag(coil.ends[main], scale.points) for coil in picture.coils]
+    signs = [word for word, there in zip(SPRING_WORDS, (coils, springs), strict=True) if there]
+    labels, handles = zip(*legend_rows(case, picture, main, tracks, signs), strict=True)
+    full = max(high, LEGEND_PAD + sum(map(legend_height, labels)))
+    size = np.array([MARGIN + wide + 210, MARGIN + full])
+    figure = Figure(figsize=tuple(size / 72))
+    ax = figure.add_axes(
+        (MARGIN / size[0], (size[1] - high - 6) / size[1], wide / size[0], high / size[1])
+    )
+    set_plane(ax, picture, scale)
+    for path in tracks.values():
+        ax.plot(*path.T, **PATH_STYLE, zorder=3)
+    draw_poses(ax, picture, main, scale)
     for coil in (*coils, *springs):
         ax.plot(*coil.T, color=SPRING_COLOUR, linewidth=1.0, zorder=7)
     draw_names(ax, picture, main, tracks, [*coils, *springs], scale)
-    signs = [word for word, there in zip(SPRING_WORDS, (coils, springs), strict=True) if there]
-    draw_key(figure, case, picture, main, tracks, signs, (MARGIN + wide + 12) / size[0])
+    figure.legend(
+        handles,
+        labels,
+        loc="upper left",
+        bbox_to_anchor=((MARGIN + wide + 12) / size[0], 1.0),
+        fontsize=LEGEND_FONT,
+        handlelength=2.2,
+        labelspacing=LEGEND_GAP,
+    )
     return figure
 
 
@@ -502,59 +510,53 @@ def points_in_sight(
     return np.concatenate(points), np.concatenate(weights)
 
 
-def draw_key(
-    figure: Figure,
-    case: Case,
-    picture: Picture,
-    main: int,
-    tracks: Tracks,
-    springs: Iterable[str],
-    left: float,
-) -> None:
-    """Draw the legend: the poses with the values of their drives, and the signs."""
+LEGEND_FONT, LEGEND_GAP = 7.5, 0.45
+"""Size of the legend's font [pt], and gap between its rows as a share of it."""
+LEGEND_PAD = 8.0  # [pt] space above and below the rows
+LINE_HEIGHT = 1.25  # of a line of text, as a share of the size of the font
+
+
+def legend_height(label: str) -> float:
+    """Height of a row of the legend [pt]."""
+    return LEGEND_FONT * (LINE_HEIGHT * (label.count("\n") + 1) + LEGEND_GAP)
+
+
+def legend_rows(
+    case: Case, picture: Picture, main: int, tracks: Tracks, springs: Iterable[str]
+) -> list[tuple[str, Any]]:
+    """Labels of the legend with what they explain: poses with their drives' values, and signs."""
     count = len(picture.x)
-    rows: list[Any] = [
-        Line2D(
-            [],
-            [],
-            color=INK if k == main else pose_grey(picture, k),
-            linewidth=2.2 if k == main else 1.3,
-            label=format_pose(case, float(picture.x[k]), picture.inputs[:, k])
+    rows: list[tuple[str, Any]] = [
+        (
+            format_pose(case, float(picture.x[k]), picture.inputs[:, k])
             + " (named)" * (k == main and count > 1),
+            Line2D(
+                [],
+                [],
+                color=INK if k == main else pose_grey(picture, k),
+                linewidth=2.2 if k == main else 1.3,
+            ),
         )
         for k in range(count)
     ]
-    kinds = [k for k in JOINT_WORDS if any(m.kind == k for m in picture.marks)]
-    signs = [
-        Line2D(
-            [],
-            [],
-            linestyle="",
-            marker=JOINT_MARKERS[k],
-            color=INK,
-            markerfacecolor="white",
-            markersize=5.5,
-            label=JOINT_WORDS[k],
-        )
-        for k in kinds
-    ]
     dot = Line2D([], [], linestyle="", marker="o", color=INK, markersize=1.6)
-    rows += [(line, dot) if k == "pin" else line for k, line in zip(kinds, signs, strict=True)]
-    if any(m.driven for m in picture.marks):
-        rows.append(Line2D([], [], linestyle="", marker="o", color=INK, label="filled: driven"))
-    rows += [Line2D([], [], color=SPRING_COLOUR, linewidth=1.0, label=word) for word in springs]
-    rows.append(Line2D([], [], color=GROUND_COLOUR, linewidth=1.2, label="hatched: ground"))
-    rows += [Line2D([], [], **PATH_STYLE, label=f"path of {name}") for name in tracks]
-    words = [(row[0] if isinstance(row, tuple) else row).get_label() for row in rows]
-    figure.legend(
-        rows,
-        words,
-        loc="upper left",
-        bbox_to_anchor=(left, 1.0),
-        fontsize=7.5,
-        handlelength=2.2,
-        labelspacing=0.45,
-    )
+    for kind in JOINT_WORDS:
+        if any(mark.kind == kind for mark in picture.marks):
+            sign = Line2D(
+                [],
+                [],
+                linestyle="",
+                marker=JOINT_MARKERS[kind],
+                color=INK,
+                markerfacecolor="white",
+                markersize=5.5,
+            )
+            rows.append((JOINT_WORDS[kind], (sign, dot) if kind == "pin" else sign))
+    if any(mark.driven for mark in picture.marks):
+        rows.append(("filled: driven", Line2D([], [], linestyle="", marker="o", color=INK)))
+    rows += [(word, Line2D([], [], color=SPRING_COLOUR, linewidth=1.0)) for word in springs]
+    rows.append(("hatched: ground", Line2D([], [], color=GROUND_COLOUR, linewidth=1.2)))
+    return rows + [(f"path of {name}", Line2D([], [], **PATH_STYLE)) for name in tracks]
 
 
 def format_pose(case: Case, x: float, inputs: Array) -> str:

@@ -34,12 +34,12 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Group:
-    """The rows of one channel; its law is the number that it must equal, empty for a quantity."""
+    """The rows of one channel; its constant is the number that it must equal, if any."""
 
     channel: str
     unit: str
     rows: tuple[TableRow, ...]
-    law: str = ""
+    constant: str = ""
 
 
 def format_place(view: PlottedRun, x: float) -> str:
@@ -79,18 +79,19 @@ def comparison_groups(view: PlottedRun) -> list[Group]:
                 channel,
                 format_unit(view.case.channels[channel].unit),
                 tuple(rows),
-                format_law(view.case, channel),
+                format_constant(view.case, channel),
             )
         )
     return groups
 
 
-def format_law(case: Case, channel: str) -> str:
+def format_constant(case: Case, channel: str) -> str:
     """Format the constant that a channel must equal, with its unit; empty for a quantity."""
     c = case.channels[channel]
     if isinstance(c.equals, str):
         return ""
-    return f"= {number(c.scale * c.equals + c.shift, 6)} {format_unit(c.unit)}"
+    unit = "" if c.unit == "1" else f" {format_unit(c.unit)}"
+    return f"= {number(c.scale * c.equals + c.shift, 6)}{unit}"
 
 
 def format_detectable_changes(c: Comparison) -> tuple[str, tuple[tuple[str, str], ...]]:
