@@ -268,14 +268,6 @@ def test_a_sensor_of_the_drive_alone_is_completed_by_others(bare):
     assert not look.placed
 
 
-def test_a_model_at_rest_without_forces_is_refused(tmp_path):
-    model = tmp_path / "pendulum.xml"
-    model.write_text(PENDULUM.replace("-9.81", "0"))
-    with pytest.raises(InputError, match="nothing moves: it starts at rest, and no force acts"):
-        write_proposal("rest", model)
-    assert [file.name for file in tmp_path.iterdir()] == ["pendulum.xml"]
-
-
 def test_a_joint_that_starts_beyond_its_range_is_named_with_the_model(bare):
     model = bare("fourbar", keep=True)
     model.write_text(
@@ -359,12 +351,26 @@ def test_a_model_with_contacts_is_compared_with_its_own_equations(tmp_path):
     assert max(c.error_max for c in found.comparisons) > 0  # a step of 5 ms has an error
 
 
-def test_a_model_without_names_is_refused(tmp_path):
-    model = tmp_path / "top.xml"
-    model.write_text(SPINNING_BOX.replace(' name="top"', ""))
-    with pytest.raises(InputError, match="no joint, site or loose body of it has a name"):
-        write_proposal("spun", model)
-    assert [file.name for file in tmp_path.iterdir()] == ["top.xml"]
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            SPINNING_BOX.replace(' name="top"', ""),
+            "no joint, site or loose body of it has a name",
+        ),
+        (
+            PENDULUM.replace("-9.81", "0"),
+            "nothing moves: it starts at rest, and no force acts",
+        ),
+    ],
+    ids=["without names", "at rest without forces"],
+)
+def test_a_model_without_anything_to_compare_is_refused(tmp_path, text, words):
+    model = tmp_path / "model.xml"
+    model.write_text(text)
+    with pytest.raises(InputError, match=words):
+        write_proposal("mine", model)
+    assert [file.name for file in tmp_path.iterdir()] == ["model.xml"]
 
 
 def test_a_model_whose_key_has_no_name_is_refused(bare):

@@ -306,7 +306,7 @@ class SavedSearch:
         return bool((self.state.damping > MAX_DAMPING).all())
 
     def run(self, progress: SearchProgress = lambda *_: None) -> Array:
-        """Search to the end and return the best design (d,), which is at no edge.
+        """Search to the end, move designs off edges where possible, and return the best one (d,).
 
         An interrupted search saves its state.  `progress` is called as ``progress(step, steps, best
         value)`` after each step.
