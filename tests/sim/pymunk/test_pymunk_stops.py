@@ -4,6 +4,7 @@ Source: S. van Nes, The use of a rigid linkage balancer with torsion springs to 
 moment-angle characteristics, MSc thesis TU Delft 2022.074 (van Nes 2022).
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -112,8 +113,10 @@ def test_a_joint_on_its_stop_is_no_error_of_the_model_if_the_loops_are_closed(
     """Here no number of short steps counts as rest."""
     monkeypatch.setattr(quasi_static, "STEPS_AT_REST", 1000)
     monkeypatch.setattr(quasi_static, "MAX_STEPS", {True: 40})
-    with pytest.raises(NotSolved, match="not at rest after 40 steps, loops open by 0 m"):
+    with pytest.raises(NotSolved, match="not at rest after 40 steps") as caught:
         light_balancer_curves(tmp_path, LOCKED_BALANCERS["four"], [5.0], ("holding_moment",))
+    (gap,) = re.findall(r"open by (\S+) m", str(caught.value))
+    assert float(gap) < 1e-15  # rounding of a mechanism of 1 m, which differs between processors
 
 
 @pytest.mark.parametrize("doubt", [6, 8])
