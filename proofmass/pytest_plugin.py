@@ -1,120 +1,53 @@
-"""pytest items from sidecars: one for each solver of a case.
+"""pytest's hooks: which files are sidecars, and so become items of `proofmass.pytest_items`.
 
-``pytest models/linkages/fourbar.toml`` runs a case, and with ``::pymunk`` appended one solver.
-An item fails where ``proofmass check`` would fail: it runs the same code with the same tolerances.
+A repository has many files that end in ``.toml``.  One is a sidecar if it was named on the command
+line, if it lies below a folder of the option ``proofmass_paths``, or if it can be read as TOML,
+names a reference, and its model is an MJCF.  All others are left alone.  Nothing but this module is
+loaded until there is a sidecar.
 """
 
-from collections.abc import Iterator
-from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import pytest
 
-from proofmass.case import Case
-from proofmass.check import (
-    diagnose_run,
-    early_end_error,
-    load_validated,
-    read_isolated,
-    run_solver,
-    run_task,
-)
-from proofmass.compare import UNCHECKED_CASE, Comparison, compare
-from proofmass.diagnosis import Diagnosis
-from proofmass.errors import InputError
-from proofmass.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
-from proofmass.refinement import refinement_runs
+from proofmass.inputs import SIDECAR_ENDING, is_sidecar
 
-COMPARE_ONLY = partial(compare, detectable=False)
-load_once = cache(load_validated)
-"""Load and validate a case once, before its first item runs."""
+if TYPE_CHECKING:
+    from proofmass.pytest_items import SidecarFile
+
+PATHS_OPTION = "proofmass_paths"
 
 
-def is_sidecar(path: Path) -> bool:
-    """Whether a file is TOML beside an MJCF file of the same name, or TOML with a reference."""
-    return path.suffix == ".toml" and (
-        path.with_suffix(".xml").is_file() or "\nreference" in path.read_text(errors="replace")
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that names folders of sidecars."""
+    parser.addini(
+        PATHS_OPTION,
+        "files and folders in which each .toml is a sidecar, and a faulty one is an error",
+        type="paths",
+        default=[],
     )
 
 
-def pytest_collect_file(file_path: Path, parent: Any) -> "SidecarFile | None":
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> "SidecarFile | None":
     """Collect a file if it is a sidecar."""
-    return SidecarFile.from_parent(parent, path=file_path) if is_sidecar(file_path) else None
+    if file_path.suffix != SIDECAR_ENDING:
+        return None
+    named = is_named(file_path, parent.config)
+    if not (named or is_below(file_path, parent.config) or is_sidecar(file_path)):
+        return None
+    from proofmass.pytest_items import SidecarFile
+
+    found: SidecarFile = SidecarFile.from_parent(parent, path=file_path, named=named)
+    return found
 
 
-class SidecarFile(pytest.File):
-    """A sidecar as a pytest file; its items are its solvers."""
-
-    def collect(self) -> Iterator["SolverItem"]:
-        """One item for each solver, over all the runs that use it."""
-        case = read_isolated(self.path)
-        solvers = dict.fromkeys(s for run in case.run.values() for s in run.solvers)
-        for solver in solvers:
-            yield SolverItem.from_parent(self, name=solver, case=case)
-
-    def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
-        """Show bad input as its message, without a traceback."""
-        return plain_message(excinfo) or super().repr_failure(excinfo)
+def is_named(path: Path, config: pytest.Config) -> bool:
+    """Whether a file was given to pytest by its name."""
+    given = (config.invocation_params.dir / arg.partition("::")[0] for arg in config.args)
+    return any(one.suffix == SIDECAR_ENDING and one.resolve() == path.resolve() for one in given)
 
 
-class SolverItem(pytest.Item):
-    """All runs of one solver of one case."""
-
-    def __init__(self, *, case: Case, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
-        self.case = case
-
-    def runtest(self) -> None:
-        """Run the solver and compare its curves.
-
-        The item is skipped where nothing of this solver is checked.  It fails where nothing of the
-        whole case is checked and the sidecar does not say so.
-        """
-        load_once(self.case.file)
-        comparisons, causes = list[Comparison](), list[Diagnosis]()
-        for kind, run in self.case.run.items():
-            if self.name in run.solvers:
-                found, curves = run_solver(self.case, kind, self.name, COMPARE_ONLY)
-                if error := early_end_error(self.case, kind, self.name, curves):
-                    raise error
-                comparisons += found
-                failed = found[0].outcome in FAILED_OUTCOMES
-                if curves and (failed or any(c.outcome == Outcome.DIFFERS for c in found)):
-                    causes.append(
-                        diagnose_run(self.case, kind, self.name, curves, failed, not causes)
-                    )
-        for task in refinement_runs(self.case):
-            if task.solver == self.name:
-                comparisons += task.study.add(task.segments, run_task(task))[1]
-        wrong = [c for c in comparisons if c.outcome not in GOOD_OUTCOMES]
-        if wrong:
-            lines = [
-                f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} "
-                f"{c.unit} at {c.at:.6g}, allowed {c.allowed:.3g}"
-                for c in wrong
-            ]
-            lines += [f"{found.run} {found.text}" for found in causes]
-            raise Disagreement("\n".join(lines))
-        if not (self.case.tolerance or self.case.refine or self.case.unchecked):
-            raise Disagreement(UNCHECKED_CASE)
-        if not any(c.outcome == Outcome.AGREES for c in comparisons):
-            pytest.skip("shown, not checked: no tolerance")
-
-    def repr_failure(self, excinfo: Any, style: Any = None) -> Any:
-        """Show a disagreement as its message, without a traceback."""
-        return plain_message(excinfo) or super().repr_failure(excinfo)
-
-    def reportinfo(self) -> tuple[Path, int | None, str]:
-        """Return the file and the name of the item for pytest's reports."""
-        return self.path, None, f"{self.case.name}::{self.name}"
-
-
-class Disagreement(Exception):
-    """A run whose outcome is not good, or a case without any tolerance that does not say so."""
-
-
-def plain_message(excinfo: Any) -> str | None:
-    """Return the message of an error that needs no traceback; None for other errors."""
-    known = (InputError, Disagreement, *OUTCOME_OF_EXCEPTION)
-    return str(excinfo.value) if isinstance(excinfo.value, known) else None
+def is_below(path: Path, config: pytest.Config) -> bool:
+    """Whether a file is one of ``proofmass_paths`` or below one of them."""
+    return any(path.is_relative_to(one) for one in config.getini(PATHS_OPTION))

@@ -20,7 +20,7 @@ import pytest
 
 from proofmass.coverage import FOLDER_VARIABLE
 from proofmass.files import write_atomically
-from proofmass.pytest_plugin import SolverItem
+from proofmass.pytest_items import SolverItem
 from proofmass.sidecar import load_case
 from proofmass.studies import measure
 from proofmass.studies.record import Setting

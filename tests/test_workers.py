@@ -14,7 +14,7 @@ from proofmass.check import Result, check
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.mobility import MODELS_IN_MEMORY, model_dof
-from proofmass.pytest_plugin import SolverItem
+from proofmass.pytest_items import SolverItem
 from proofmass.report import write_report
 from proofmass.sidecar import load_case
 from proofmass.studies import variants

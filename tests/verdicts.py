@@ -4,7 +4,7 @@ from pathlib import Path
 
 from proofmass.check import early_end_error, run_solver
 from proofmass.compare import Comparison
-from proofmass.pytest_plugin import COMPARE_ONLY
+from proofmass.pytest_items import COMPARE_ONLY
 from proofmass.sidecar import load_case
 
 
