@@ -280,9 +280,9 @@ class RunTable(Strict):
     """``[run.sweep]``, ``[run.dynamics]`` or ``[run.equilibrium]``: samples and solvers.
 
     `until` is the last time [s], or in equilibrium the last arc length [m], by default that of the
-    shortest rod.  `timeout` [s] and `memory` [GiB] are the limits of the run, its model and its
-    reference.  With `inertia`, moments and forces of a sweep include those of the rates and
-    accelerations of its drives; without, they are those at rest.
+    shortest rod.  `timeout` [s of processor time] and `memory` [GiB] are the limits of the run, its
+    model and its reference.  With `inertia`, moments and forces of a sweep include those of the
+    rates and accelerations of its drives; without, they are those at rest.
     `proofmass.sidecar.fill_defaults` fills in the samples and solvers that a sidecar leaves out.
     """
 

@@ -12,7 +12,7 @@ class Outcome(StrEnum):
     """An outcome: its value is the word that is shown, and `sentence` explains the word.
 
     >>> Outcome.TIMED_OUT, Outcome.TIMED_OUT.sentence
-    ('timed out', 'the engine gave no answer in the time that the run has')
+    ('timed out', 'the engine gave no answer in the processor time that the run has')
     """
 
     sentence: str
@@ -42,7 +42,7 @@ class Outcome(StrEnum):
     UNSUPPORTED = "unsupported", "the engine does not deliver the channel in this run"
     DIVERGED = "diverged", "the engine lost the motion, or found no pose"
     CRASHED = "crashed", "the process of the run died, or the engine raised an error"
-    TIMED_OUT = "timed out", "the engine gave no answer in the time that the run has"
+    TIMED_OUT = "timed out", "the engine gave no answer in the processor time that the run has"
     OUT_OF_MEMORY = "out of memory", "the run asked for more memory than it may have"
     RAN = "ran", "the run of a study came to its end"
     STOPPED = "stopped", "the run of a study ended early, at a limit position for one"

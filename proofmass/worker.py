@@ -1,6 +1,8 @@
-"""Workers: processes in which runs are made, with limits of time and memory.
+"""Workers: processes in which runs are made, with limits of processor time and memory.
 
-A run that aborts, hangs or exhausts the memory ends its own worker and nothing else.  The same
+A run that aborts, hangs or exhausts the memory ends its own worker and nothing else.  The limit of
+time is on the processor time of the call, so that other processes do not change the answer; a call
+that waits without using the processor is ended as well, see `IdleWatch`.  The same
 holds for all other work that depends on a file of the user: commands read sidecars, compile models
 and evaluate references in workers, within the limits that the sidecar states.  There is one
 exception: a command compiles a model in its own process after a worker has compiled the same model
@@ -23,6 +25,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from queue import Empty, LifoQueue
 from typing import IO, Any, cast
 
@@ -55,7 +58,16 @@ to the system when they are freed.  Otherwise it keeps MuJoCo's arenas of 14 MB 
 fragments: after ten minutes of runs a worker that used 0.4 GB held 6.5 GB, which `limit_memory`
 counts."""
 
-GRACE_SECONDS = 5.0  # [s] after its time limit a worker ends itself, if its caller is gone
+IDLE_SHARE = 0.01
+"""Share of a processor below which a call is idle.  A call that computes has less only where 100
+processes share a processor."""
+IDLE_PERIODS = 2
+"""Idle periods after which a call is ended: one alone may be a process that Ctrl-Z had stopped."""
+MIN_PERIOD, MAX_PERIOD = 3.0, 60.0  # [s]
+"""Shortest and longest period: a busy system gives each process a share of the processor much
+sooner, and nobody should wait for longer than needed."""
+BLIND_PERIODS = 20
+"""The same number for systems that do not show the processor time of a process to others."""
 DEFAULT_MEMORY = 8.0
 """Memory [GiB] that a call may use by default; a worker with both engines loaded uses 0.2."""
 GIB = 2**30
@@ -71,7 +83,7 @@ class Crashed(Exception):
 
 
 class TimedOut(Exception):
-    """The process did not answer in time and was killed."""
+    """The call reached its limit of processor time, or waited for ever, and was killed."""
 
 
 class OutOfMemory(Exception):
@@ -108,18 +120,11 @@ class Worker:
 
     def call(self, function: Callable, args: tuple, timeout: float, memory: float) -> Any:
         """Send a call and wait for its answer: (True, result) or (False, exception)."""
-        late = threading.Event()
         self.errors.seek(0)  # the process shares the file position, and writes from there as well
         self.errors.truncate()
-
-        def give_up() -> None:
-            late.set()
-            self.process.kill()
-
-        timer = threading.Timer(min(timeout, threading.TIMEOUT_MAX), give_up)
-        timer.daemon = True  # since Ctrl-C may come before the timer is cancelled
+        watch = IdleWatch(self.process, timeout)
         try:
-            timer.start()
+            watch.start()
             to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
             to.write(pickle.dumps((function, args, timeout, memory, os.getcwd())))
             to.flush()
@@ -127,8 +132,10 @@ class Worker:
             return good, value
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
             self.process.wait()
-            if late.is_set():
-                raise TimedOut(f"no answer in {timeout:g} s") from None
+            if watch.found:
+                raise TimedOut(watch.found) from None
+            if self.process.returncode in TIMER_CODES:
+                raise TimedOut(f"no answer in {timeout:g} s of processor time") from None
             if (
                 interrupted.is_set() or self.process.returncode == -signal.SIGINT
             ):  # a terminal's Ctrl-C
@@ -140,7 +147,7 @@ class Worker:
                 else Crashed(words)
             ) from None
         finally:
-            timer.cancel()
+            watch.ended.set()
 
     def describe_end(self) -> str:
         """How the process ended, and the beginning of what it wrote to standard error."""
@@ -156,6 +163,59 @@ class Worker:
         self.process.kill()
         self.process.communicate()
         self.errors.close()
+
+
+TIMER_CODES = {-getattr(signal, name) for name in ("SIGPROF", "SIGALRM") if hasattr(signal, name)}
+"""Exit codes of a process that its own timers ended, see `set_timers`."""
+
+
+class IdleWatch(threading.Thread):
+    """A thread that ends the process of a call which waits without using the processor.
+
+    It looks at the processor time of the process at the end of each period.  Where processes have
+    no limit of processor time, on Windows, it ends the process after that limit of wall time.
+
+    Attributes
+    ----------
+    found : str
+        Why the process was ended; empty if it was not.
+    ended : Event
+        Set by the caller when the call has ended.
+    """
+
+    def __init__(self, process: subprocess.Popen, limit: float) -> None:
+        super().__init__(daemon=True)  # since Ctrl-C may come before the end is set
+        self.process, self.found, self.ended = process, "", threading.Event()
+        if not hasattr(signal, "setitimer"):
+            self.period, self.patience = min(limit, threading.TIMEOUT_MAX), 1
+        elif processor_seconds(process.pid) is None:
+            self.period, self.patience = min(limit, threading.TIMEOUT_MAX), BLIND_PERIODS
+        else:
+            self.period, self.patience = min(max(limit, MIN_PERIOD), MAX_PERIOD), IDLE_PERIODS
+
+    def run(self) -> None:
+        """Look at the process after each period until the call has ended."""
+        used, idle, periods = processor_seconds(self.process.pid), 0, 0
+        while not self.ended.wait(self.period):
+            before, used = used or 0.0, processor_seconds(self.process.pid)
+            is_idle = used is None or used - before < IDLE_SHARE * self.period
+            idle, periods = idle + 1 if is_idle else 0, periods + 1
+            if idle >= self.patience:
+                self.found = f"no answer in {periods * self.period:g} s of wall time"
+                if used is not None:
+                    self.found += f", the last {idle * self.period:g} s without use of a processor"
+                self.process.kill()
+                return
+
+
+def processor_seconds(process_id: int) -> float | None:
+    """Processor time of another process [s]; None where the system does not show it."""
+    try:
+        state = Path(f"/proc/{process_id}/stat").read_text(errors="replace").rpartition(")")[2]
+    except OSError:
+        return None
+    user, system = state.split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 idle_workers: LifoQueue[Worker] = LifoQueue()
@@ -198,7 +258,7 @@ def call_isolated(
     *args
         Arguments of the function.
     timeout : float
-        Time until the process is killed [s].
+        Processor time of the call after which the process is killed [s].
     memory : float
         Memory for data that the process may use [GiB]; not limited on Windows and macOS.
 
@@ -266,10 +326,10 @@ def main() -> None:
             function, args, timeout, memory, folder = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        set_alarm(timeout + GRACE_SECONDS)
+        set_timers(timeout)
         os.chdir(folder)  # so that relative paths of the call are found
         answer = answer_call(function, args, memory)
-        set_alarm(0.0)
+        set_timers(0.0)
         answers.write(answer)
         answers.flush()
 
@@ -318,7 +378,12 @@ def limit_memory(memory: float) -> None:
         )
 
 
-def set_alarm(seconds: float) -> None:
-    """Make this process end itself after a time [s], in case its caller is gone; 0 cancels this."""
+def set_timers(seconds: float) -> None:
+    """Make this process end itself after a processor time [s]; 0 cancels this.
+
+    It also ends after the longest wall time that so much can take, in case its caller is gone.
+    """
     if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST_ALARM))
+        longest = max(seconds, MIN_PERIOD) / IDLE_SHARE if seconds else 0.0
+        signal.setitimer(signal.ITIMER_PROF, min(seconds, LONGEST_ALARM))
+        signal.setitimer(signal.ITIMER_REAL, min(longest, LONGEST_ALARM))

@@ -401,7 +401,7 @@ def test_a_model_that_takes_too_long_to_inspect_is_reported(tmp_path, monkeypatc
     model = tmp_path / "box.xml"
     model.write_text(FALLING_BOX)
     monkeypatch.setattr(new_from_model, "INSPECTION_SECONDS", 0.05)
-    with pytest.raises(InputError, match=r"could not be looked at: no answer in 0\.05 s"):
+    with pytest.raises(InputError, match=r"could not be looked at: no answer in 0\.05 s of"):
         write_proposal("fallen", model)
     assert [file.name for file in tmp_path.iterdir()] == ["box.xml"]
 

@@ -15,6 +15,7 @@ import numpy as np
 import pymunk
 import pytest
 
+from proofmass import worker
 from proofmass.check import check
 from proofmass.errors import InputError
 from proofmass.sim.mjcf import compile_model
@@ -267,9 +268,67 @@ def test_the_worker_that_ran_last_is_called_first():
     assert len({call_isolated(os.getpid, timeout=9) for _ in range(4)}) == 1
 
 
-def test_a_call_that_hangs_is_killed_and_the_next_one_is_answered():
+@pytest.fixture
+def short_periods(monkeypatch):
+    """An idle call is ended after 0.2 s instead of 6."""
+    monkeypatch.setattr(worker, "MIN_PERIOD", 0.1)
+
+
+def compute_for_ever() -> None:
+    """Compute without an end."""
+    while True:
+        pass
+
+
+def test_a_call_that_computes_for_ever_is_told_from_a_crash():
+    with pytest.raises(TimedOut, match=r"^no answer in 0\.2 s of processor time$"):
+        call_isolated(compute_for_ever, timeout=0.2)
+    with pytest.raises(Crashed, match="killed by signal 6"):
+        call_isolated(os.abort, timeout=0.2)
+
+
+def test_time_without_the_processor_does_not_count():
+    """On a busy machine a call waits for the processor for longer than its limit."""
+    call_isolated(abs, -3, timeout=20)
+    assert call_isolated(time.sleep, 0.3, timeout=0.1) is None
+
+
+@pytest.mark.parametrize("timeout", [0.01, 0.1])
+def test_the_limit_is_that_of_one_call_not_of_all_calls_of_a_worker(timeout):
+    close_idle_workers()
     with pytest.raises(TimedOut):
-        call_isolated(time.sleep, 60, timeout=0.5)
+        call_isolated(compute, 2 * timeout, timeout=timeout)
+    process = call_isolated(os.getpid, timeout=20)
+    for _ in range(3):
+        call_isolated(compute, 0.6 * timeout, timeout=timeout)
+    assert call_isolated(os.getpid, timeout=20) == process
+
+
+def compute(seconds: float) -> None:
+    """Compute for a processor time [s]."""
+    began = time.process_time()
+    while time.process_time() - began < seconds:
+        pass
+
+
+def test_one_idle_period_does_not_end_a_call(short_periods, monkeypatch):
+    """A call that Ctrl-Z stopped for a while has one idle period, at whose end it goes on."""
+    used = iter([0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+    monkeypatch.setattr(worker, "processor_seconds", lambda _: next(used))
+    with pytest.raises(TimedOut, match=r"^no answer in 0\.\d s of wall time, the last 0\.2 s"):
+        call_isolated(time.sleep, 60, timeout=0.05)
+    assert not list(used)
+
+
+def test_a_waiting_call_ends_where_the_system_shows_no_processor_time(monkeypatch):
+    monkeypatch.setattr(worker, "processor_seconds", lambda _: None)
+    with pytest.raises(TimedOut, match=r"^no answer in 0\.2 s of wall time$"):
+        call_isolated(time.sleep, 60, timeout=0.01)
+
+
+def test_a_call_that_hangs_is_killed_and_the_next_one_is_answered(short_periods):
+    with pytest.raises(TimedOut, match=r"the last 0\.2 s without use of a processor"):
+        call_isolated(time.sleep, 60, timeout=0.01)
     with pytest.raises(InputError):
         call_isolated(raise_input_error, timeout=20)
 
@@ -321,22 +380,23 @@ def test_ctrl_c_ends_a_check_whose_runs_would_go_on(models, edit):
     assert process.wait(60.0) == 130
 
 
-def test_an_interrupt_leaves_no_timer_that_the_process_would_wait_for(monkeypatch):
-    """After Ctrl-C no timer of a call keeps the process from ending.
+def test_an_interrupt_leaves_no_watch_that_the_process_would_wait_for(monkeypatch):
+    """After Ctrl-C no watch of a call keeps the process from ending.
 
-    Once, Ctrl-C right after the start of the timer delayed the end until the timer ran out.
+    Once, Ctrl-C right after the start of a timer delayed the end until the timer ran out.
     """
-    begin = threading.Timer.start
+    begin = threading.Thread.start
 
-    def interrupted(timer):
-        begin(timer)
-        raise KeyboardInterrupt
+    def interrupted(thread):
+        begin(thread)
+        if isinstance(thread, worker.IdleWatch):
+            watches.append(thread)
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(threading.Timer, "start", interrupted)
+    watches = list[worker.IdleWatch]()
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
     with pytest.raises(KeyboardInterrupt):
         call_isolated(abs, -1, timeout=600.0)
-    clocks = [t for t in threading.enumerate() if isinstance(t, threading.Timer)]
-    kept = [clock for clock in clocks if not clock.daemon and not clock.finished.is_set()]
-    for clock in kept:
-        clock.cancel()
-    assert not kept
+    assert len(watches) == 1
+    assert watches[0].daemon
+    assert watches[0].ended.is_set()
