@@ -14,6 +14,7 @@ from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error
 from proofmass.grouping import group_by
+from proofmass.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others
 from proofmass.mobility import mobility
 from proofmass.outcome import (
     FAILED_OUTCOMES,
@@ -51,6 +52,7 @@ class Result:
     have their reference with them, see `proofmass.reference.ComparedCurves`.  `failed` has the
     curves of failed runs, up to the failure.  Only runs that differ or failed have a diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
+    `of_others` are files of these folders that are neither sidecars nor models, see `find_inputs`.
     """
 
     cases: list[Case] = field(default_factory=list)
@@ -61,6 +63,7 @@ class Result:
     diagnoses: dict[tuple[str, str, str], Diagnosis] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
+    of_others: list[Path] = field(default_factory=list)
 
     def _repr_html_(self) -> str:
         from proofmass import as_html
@@ -83,10 +86,12 @@ class Result:
         return [case for case in self.cases if case.name in ran - checked and not case.unchecked]
 
 
-def find_inputs(paths: Iterable[Path]) -> Iterator[Path]:
+def find_inputs(paths: Iterable[Path], of_others: list[Path] | None = None) -> Iterator[Path]:
     """Find sidecars, and models without a sidecar, in given files and below given folders.
 
-    They are found folder by folder.  Hidden folders and links to folders are not searched.
+    They are found folder by folder.  Hidden folders and links to folders are not searched.  Files
+    of folders that are neither sidecars nor models, see `proofmass.inputs.is_of_others`, are added
+    to `of_others`; a file that is given by its name is an input in any case.
 
     Raises
     ------
@@ -98,7 +103,7 @@ def find_inputs(paths: Iterable[Path]) -> Iterator[Path]:
         if not path.exists():
             raise InputError(path, "", "no such file or folder")
         if path.is_dir():
-            yield from find_in_folder(path)
+            yield from find_in_folder(path, [] if of_others is None else of_others)
         elif path.suffix == ".xml" and path.with_suffix(".toml").exists():
             yield path.with_suffix(".toml")
         elif path.suffix in (".toml", ".xml"):
@@ -107,8 +112,8 @@ def find_inputs(paths: Iterable[Path]) -> Iterator[Path]:
             raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
 
 
-def find_in_folder(folder: Path) -> Iterator[Path]:
-    """Find what `find_inputs` yields of one folder."""
+def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
+    """Find what `find_inputs` yields of one folder, and add to `of_others`."""
     unreadable: list[OSError] = []
     nothing = True
     for place, folders, files in os.walk(folder, onerror=unreadable.append):
@@ -118,11 +123,15 @@ def find_in_folder(folder: Path) -> Iterator[Path]:
             for name in folders
             if not name.startswith(".") and not name.endswith((".toml", ".xml"))
         )
-        found = [file for file in there if file.suffix == ".toml"]
+        candidates = [file for file in there if file.suffix in (SIDECAR_ENDING, MODEL_ENDING)]
+        by_owner = group_by(candidates, is_of_others)
+        of_others += by_owner.get(True, [])
+        ours = by_owner.get(False, [])
+        found = [file for file in ours if file.suffix == SIDECAR_ENDING]
         found += [
             file
-            for file in there
-            if file.suffix == ".xml" and not file.with_suffix(".toml").exists()
+            for file in ours
+            if file.suffix == MODEL_ENDING and not file.with_suffix(SIDECAR_ENDING).exists()
         ]
         nothing = nothing and not found
         yield from found
@@ -367,7 +376,7 @@ def check(
     jobs = jobs or os.cpu_count() or 1
     with interrupt_workers(), ThreadPoolExecutor(jobs) as pool:
         try:
-            tasks = plan_tasks(collect_inputs(given, result.errors), result, pool)
+            tasks = plan_tasks(collect_inputs(given, result.errors, result.of_others), result, pool)
             outcomes = run_tasks(tasks, result, pool, jobs, progress, detectable)
             collect_outcomes(tasks, outcomes, result)
             if causes:
@@ -539,7 +548,9 @@ def diagnose_run(
         )
 
 
-def collect_inputs(paths: Iterable[Path | str], errors: list[InputError]) -> list[Path]:
+def collect_inputs(
+    paths: Iterable[Path | str], errors: list[InputError], of_others: list[Path] | None = None
+) -> list[Path]:
     """Apply `find_inputs` to one path at a time, so that one wrong path does not hide the others.
 
     A file that is found by two paths is listed once.
@@ -547,7 +558,7 @@ def collect_inputs(paths: Iterable[Path | str], errors: list[InputError]) -> lis
     found: dict[str, Path] = {}
     for path in paths:
         try:
-            for file in find_inputs([Path(path)]):
+            for file in find_inputs([Path(path)], of_others):
                 found.setdefault(os.path.abspath(file), file)
         except InputError as error:
             errors.append(error)

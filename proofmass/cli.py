@@ -80,6 +80,7 @@ def check_with_progress(
     with progress_bar() as advance:
         result = check(paths or [Path("models")], jobs, advance, detectable=detectable)
     print_errors(result.errors)
+    print_files_of_others(result.of_others)
     return result
 
 
@@ -87,6 +88,19 @@ def print_errors(found: list[InputError]) -> None:
     """Print each error of the input as a line on standard error."""
     for error in found:
         error_console.print(Text.assemble(("error: ", "bold red"), str(error)))
+
+
+NAMED_FILES = 3  # files that are named in a message; of more, their number is given
+
+
+def print_files_of_others(files: list[Path]) -> None:
+    """Say on standard error which files of folders were left alone, if any were."""
+    if files:
+        more = f" and {len(files) - NAMED_FILES} more" if len(files) > NAMED_FILES else ""
+        named = ", ".join(map(str, files[:NAMED_FILES]))
+        error_console.print(
+            Text(f"left alone, neither a sidecar nor a model: {named}{more}"), soft_wrap=True
+        )
 
 
 def print_result(

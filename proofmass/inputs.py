@@ -1,6 +1,6 @@
 """Which files of a folder are sidecars and models, among all others that a repository has.
 
-Only the standard library is loaded: the pytest plugin asks for each file that ends in ``.toml``.
+It loads no package: the pytest plugin asks for each file that ends in ``.toml``.
 """
 
 import re
@@ -8,6 +8,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from proofmass.errors import InputError
+from proofmass.files import read_bytes
+
+REFERENCE = b"reference"  # the key that each sidecar has
 SIDECAR_ENDING, MODEL_ENDING = ".toml", ".xml"
 ROOT_ELEMENT = re.compile(rb"<([A-Za-z_][\w.-]*)")
 """The first tag of an XML file that is neither its declaration nor a comment."""
@@ -22,12 +26,31 @@ def is_sidecar(path: Path) -> bool:
     return is_model(path.parent / str(table.get("model", path.with_suffix(MODEL_ENDING).name)))
 
 
+def is_of_others(path: Path) -> bool:
+    """Whether a file that ends in ``.toml`` or ``.xml`` is certainly neither sidecar nor model.
+
+    A sidecar may be faulty, and is then an error.  So a TOML file is of others only if no MJCF of
+    the same name is beside it, and if it has no key ``reference``, or is no TOML and does not have
+    the word.  A file that cannot be read is not of others.
+    """
+    try:
+        content = read_bytes(path)
+    except InputError:
+        return False
+    if path.suffix == MODEL_ENDING:
+        return not is_model(path)
+    if is_model(path.with_suffix(MODEL_ENDING)):
+        return False
+    table = read_toml(path)
+    return REFERENCE not in content if table is None else "reference" not in table
+
+
 def read_toml(path: Path) -> dict[str, Any] | None:
     """The content of a TOML file that has the word reference; None if it cannot be read."""
     try:
-        content = path.read_bytes()
-        return tomllib.loads(content.decode("utf-8-sig")) if b"reference" in content else {}
-    except (OSError, ValueError, RecursionError):
+        content = read_bytes(path)
+        return tomllib.loads(content.decode("utf-8-sig")) if REFERENCE in content else {}
+    except (InputError, ValueError, RecursionError):
         return None
 
 
@@ -37,8 +60,8 @@ def is_model(path: Path) -> bool:
     A fragment that other models include, ``<mujocoinclude>``, is no model.
     """
     try:
-        content = path.read_bytes() if path.suffix == MODEL_ENDING else b""
-    except (OSError, ValueError):
+        content = read_bytes(path) if path.suffix == MODEL_ENDING else b""
+    except InputError:
         return False
     root = ROOT_ELEMENT.search(COMMENT.sub(b"", content))
     return root is not None and root[1] == b"mujoco"

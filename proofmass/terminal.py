@@ -67,6 +67,7 @@ def as_json(result: Result) -> str:
                 "errors": [
                     {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors
                 ],
+                "of_others": [str(file) for file in result.of_others],
                 "exit_code": result.exit_code,
             }
         ),

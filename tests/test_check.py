@@ -3,7 +3,9 @@
 Functions that would run in a worker process are called in this process.
 """
 
+import json
 import os
+import shutil
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -96,6 +98,60 @@ def key_and_message(call, *args):
     return error.value.key, error.value.wrong
 
 
+OF_OURS = {".toml": "reference = 'planar'\n", ".xml": "<mujoco/>"}
+"""Beginnings of a sidecar and of a model."""
+OF_OTHERS = {
+    "pyproject.toml": "[project]\nname = 'x'\n",
+    "empty.toml": "",
+    "template.toml": "{{ name }}",
+    "docs.toml": "[docs]\nreference = 'manual'\n",
+    "pom.xml": "<?xml version='1.0'?><!-- <mujoco> --><project/>",
+    "fragment.xml": "<mujocoinclude><option/></mujocoinclude>",
+    "robot.xml": "<robot/>",
+    "empty.xml": "",
+}
+FAULTY = {
+    "typo.toml": "refrence = 'planar'\n",  # beside a model of its name
+    "typo.xml": "<mujoco/>",
+    "torn.toml": "reference = 'planar'\n[drive\n",
+    "number.toml": "reference = 1\n",
+    "torn.xml": "<mujoco><worldbody>",
+}
+
+
+def test_files_of_others_are_left_alone_in_folders_and_told(tmp_path):
+    for name, text in {**OF_OTHERS, **FAULTY}.items():
+        (tmp_path / name).write_text(text)
+    result = check([tmp_path])
+    assert {file.name for file in result.of_others} == OF_OTHERS.keys()
+    faulty = FAULTY.keys() - {"typo.xml", "torn.xml"}  # their sidecars are at fault
+    assert {error.file.name for error in result.errors} == faulty
+    assert result.exit_code == 2
+    (error,) = check([tmp_path / "pyproject.toml"]).errors  # an input in any case by its name
+    assert error.file.name == "pyproject.toml"
+
+
+def test_a_folder_of_others_alone_is_an_error(tmp_path):
+    (tmp_path / "pyproject.toml").write_text(OF_OTHERS["pyproject.toml"])
+    answer = CliRunner().invoke(app, ["check", str(tmp_path)])
+    assert answer.exit_code == 2
+    assert "no sidecar (.toml) and no model (.xml) in this folder" in answer.output
+
+
+def test_files_left_alone_are_told_in_one_line_and_in_json(short, tmp_path):
+    folder = tmp_path / "repository"
+    folder.mkdir()
+    for file in (short, short.with_suffix(".xml")):
+        shutil.copy(file, folder)
+    for name in OF_OTHERS:
+        (folder / name).write_text(OF_OTHERS[name])
+    answer = CliRunner().invoke(app, ["check", str(folder), "--json"])
+    assert answer.exit_code == 0
+    assert "left alone, neither a sidecar nor a model: " in answer.stderr
+    assert f" and {len(OF_OTHERS) - 3} more" in answer.stderr
+    assert {Path(file).name for file in json.loads(answer.stdout)["of_others"]} == OF_OTHERS.keys()
+
+
 def test_sidecars_and_models_are_found_below_a_path(models, tmp_path):
     (models / "pendulum.toml").unlink()
     empty = tmp_path / "empty"
@@ -103,7 +159,7 @@ def test_sidecars_and_models_are_found_below_a_path(models, tmp_path):
     (models / "notes.txt").write_text("")
     for name in ("alone.toml", "alone.xml"):
         (tmp_path / name).mkdir()
-        (tmp_path / name / name).write_text("")
+        (tmp_path / name / name).write_text(OF_OURS[Path(name).suffix])
         assert list(find_inputs([tmp_path / name])) == [tmp_path / name / name]
     names = [path.name for path in find_inputs([models])]
     toml = sorted(path.name for path in models.glob("*.toml"))
@@ -166,7 +222,7 @@ def test_a_folder_is_searched_with_all_folders_below_it(tmp_path):
     """
     for name in ("b.toml", "a/c.xml", "a/x/d.toml", "a/x/d.xml", ".git/e.toml"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text("")
+        (tmp_path / name).write_text(OF_OURS[Path(name).suffix])
     (tmp_path / "a" / "round").symlink_to(tmp_path)
     (tmp_path / "a" / "loop.toml").symlink_to(tmp_path / "a" / "loop.toml")
     os.mkfifo(tmp_path / "a" / "x" / "pipe.toml")
@@ -471,7 +527,7 @@ def test_an_unexpected_exception_is_an_error_of_the_file(short, workers, monkeyp
 
 
 def test_a_folder_that_cannot_be_read_is_an_error(monkeypatch, tmp_path):
-    def closed(paths):
+    def closed(*_):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(CHECK_MODULE, "find_inputs", closed)

@@ -68,7 +68,7 @@ def test_files_of_somebody_else_do_not_touch_a_run(pytester):
 
 
 def test_the_plugin_loads_nothing_where_there_is_no_sidecar(pytester):
-    """Of proofmass only the package itself and its plugin: no engine, no NumPy of its own."""
+    """Of proofmass only what tells files apart: no engine, no NumPy of its own."""
     (pytester.path / "config.toml").write_text('reference = "manual"\n')
     pytester.makepyfile(test_foreign=FOREIGN_TEST)
     pytester.makeconftest(
@@ -81,7 +81,9 @@ def test_the_plugin_loads_nothing_where_there_is_no_sidecar(pytester):
     )
     result = pytester.runpytest_subprocess("-s", "-n", "0", "-p", "no:hypothesispytest")
     result.assert_outcomes(passed=1)
-    result.stdout.fnmatch_lines(["LOADED proofmass proofmass.inputs proofmass.pytest_plugin"])
+    result.stdout.fnmatch_lines(
+        ["LOADED proofmass proofmass.errors proofmass.files proofmass.inputs *plugin"]
+    )
 
 
 def test_a_faulty_sidecar_costs_itself_only(pytester):
