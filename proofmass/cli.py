@@ -147,15 +147,30 @@ def check_command(
         Path | None,
         typer.Option("--sarif", help="SARIF 2.1.0 to write, one result per fault.", metavar="FILE"),
     ] = None,
+    leave_others: Annotated[
+        bool,
+        typer.Option(
+            "--leave-others",
+            help="Leave given files alone that are neither sidecars nor models, as in folders.",
+        ),
+    ] = False,
 ) -> None:
     """Run every case and compare it with its reference.
 
     Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
     checked; 2: bad input, or a file that cannot be written.
     """
+    from proofmass.check import Result
+    from proofmass.inputs import is_of_others
     from proofmass.terminal import as_json
 
-    result = check_with_progress(paths, jobs, detectable=json)
+    left = [path for path in paths or [] if leave_others and is_of_others(path)]
+    print_files_of_others(left)
+    if left and left == paths:
+        result = Result(of_others=left)
+    else:
+        ours = None if paths is None else [path for path in paths if path not in left]
+        result = check_with_progress(ours, jobs, detectable=json)
     if json:
         print(as_json(result))
     else:
