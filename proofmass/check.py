@@ -36,8 +36,9 @@ from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated, inte
 
 CheckTask = tuple[Case, Kind, str] | FinerRun | Path
 LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
-OWN_MODEL_TIMEOUT = 240.0
-"""Time limit of a model without a sidecar [s]: other processes may use the processor."""
+OWN_MODEL_TIMEOUT = 900.0
+"""Limit of the processor time of a model without a sidecar [s].  The solutions of its motion end by
+counts that take about `PROCESSOR_SECONDS`; on a slow machine they take up to 20 times as long."""
 OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES = 1.0, 101
 """Length of the motion of a model without a sidecar [s], and the number of times at which two ways
 of solving it are compared."""

@@ -44,7 +44,8 @@ from proofmass.wording import format_list, number
 
 Bools = NDArray[np.bool_]
 PROCESSOR_SECONDS = 36.0
-"""Processor time of all solutions of a model's motion together [s]."""
+"""Processor time of all solutions of a model's motion together [s].  It is counted from their steps
+and evaluations, so that a verdict is the same on a slow or a busy machine."""
 AGREEMENT_SHARE = 1e-3
 """Share of the size up to which two solutions agree: a pixel in a picture of 1000 pixels."""
 MIN_FALL = 1.6
@@ -70,9 +71,9 @@ no setting reaches the first."""
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another setting, its error until T [m], and its time over that of the model's own setting.
+    """Another setting, its error until T [m], and its cost over that of the model's own setting.
 
-    `times` is NaN if the clock is too coarse for the own setting.
+    `times` is NaN if the cost of the own setting is not known.
     """
 
     name: str
@@ -241,7 +242,7 @@ class Rung:
         """All settings that were tried, the model's own first."""
         own = self.motion.runs[0]
         for run in (*self.motion.runs, *self.motion.others):
-            times = run.seconds / own.seconds if own.seconds else nan
+            times = run.cost / own.cost if own.cost else nan
             yield Alternative(run.name, self.error(run), times)
 
     def better(self) -> Alternative | None:
@@ -272,7 +273,7 @@ class Rung:
             failed = [run for run in self.motion.runs if run.stopped and not run.late]
             if failed:
                 return f"{failed[0].name} fails: {failed[0].stopped}"
-            return "no more was followed in the time that there is"
+            return self.why_no_more()
         if self.growth > CHAOTIC_GROWTH:
             end = float(self.motion.times[self.disturbed_distance.size - 1])
             return (
@@ -283,7 +284,7 @@ class Rung:
             return f"{len(self.motion.runs)} steps alone were tried"
         k = self.last + 1
         if self.steps_converge[k]:  # the other two ways ended before
-            return "no more was followed in the time that there is"
+            return self.why_no_more()
         if not self.differences_fall[k]:
             growth = self.growth_at(min(k, self.disturbed_distance.size - 1))
             return (
@@ -291,6 +292,12 @@ class Rung:
                 f"{number(growth, 2)} times only: a force jumps, or contacts chatter"
             )
         return f"the two finest steps, of {format_step(self.fine)}, differ by more"
+
+    def why_no_more(self) -> str:
+        """Why all ways to solve the motion end at T, although none failed."""
+        ways = (*self.motion.runs, self.motion.close, self.motion.rough, self.motion.disturbed)
+        late = next((f": {way.name}: {way.stopped}" for way in ways if way.late), "")
+        return f"no more was followed in the time that there is{late}"
 
     def words(self) -> str:
         """A summary of a few sentences."""

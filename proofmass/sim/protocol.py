@@ -12,7 +12,7 @@ An engine has no access to references and tolerances.  It imports nothing of the
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count, takewhile
-from math import ceil
+from math import ceil, isnan, nan
 from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
@@ -449,6 +449,9 @@ class OwnRun:
         contact [m], and the largest constraint violation of a loop [m or rad].
     stopped, late : str, bool
         Why the run ended early, and whether its processor time was over.
+    work : float
+        Processor time that the run's steps and evaluations count, the same on every machine [s];
+        NaN if the engine does not count it.
     """
 
     name: str
@@ -460,6 +463,12 @@ class OwnRun:
     gap: Array
     stopped: str = ""
     late: bool = False
+    work: float = nan
+
+    @property
+    def cost(self) -> float:
+        """The counted processor time, or the measured one if none is counted [s]."""
+        return self.seconds if isnan(self.work) else self.work
 
 
 @dataclass(frozen=True)
@@ -791,7 +800,7 @@ class Engine:
         """Solve the motion of a model by itself in several ways, from its key `start` or its first.
 
         The motion lasts about `until` [s], with about `samples` samples, and is solved in about
-        `seconds` of processor time.  `drives` and `loads` prescribe parts of it, if given.
+        `seconds` of counted processor time.  `drives` and `loads` prescribe parts of it, if given.
 
         Raises
         ------

@@ -46,14 +46,19 @@ from proofmass.sim.mujoco.sensors import (
 )
 from proofmass.sim.mujoco.settings import mjcf_text
 from proofmass.sim.mujoco.settling import failure_warning
+from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol import ChangingLoad, Curves, Drive, NotSolved, OwnMotion, OwnRun, Run
 
 MAX_HALVINGS, MIN_HALVINGS = 6, 3
 """Largest and smallest number of halvings of the step."""
-RETIMING_SECONDS = 1.0
-"""A first run that takes less processor time [s] is timed again."""
-MAX_SECONDS = 300.0
-"""Largest processor time of a motion without steps that serves as a reference [s]."""
+MAX_WORK = 300.0
+"""Largest counted processor time of a motion without steps that serves as a reference [s]."""
+SLOWNESS = 20.0
+"""Ratio of the processor time to the counted one beyond which a way to solve a motion is ended: the
+machine is far slower than that of `proofmass.sim.mujoco.work`, or steps cost far more than
+counted."""
+PYTHON_SECONDS = 4e-5
+"""Counted processor time that DOP853 needs for each evaluation besides that of MuJoCo [s]."""
 NARROW_TOLERANCE, WIDE_TOLERANCE = 1e-9, 1e-6
 """Narrow and wide error tolerance of DOP853, relative and in SI units."""
 DISTURBANCE = 1e-9
@@ -63,11 +68,45 @@ STIFFENING_FACTOR = 4.0
 MAX_BODIES_OF_THREE_POINTS = 60
 """Largest number of bodies of which three points each are recorded; of more, one point each."""
 TIME_SHARES = {"steps": 0.4, "close": 0.25, "rough": 0.1, "disturbed": 0.1, "others": 0.15}
-"""Shares of the processor time for the ways to solve a motion."""
+"""Shares of the counted processor time for the ways to solve a motion."""
 
 
 class OutOfTime(Exception):
     """The processor time for one way to solve a motion is over."""
+
+
+class Budget:
+    """The processor time of one way to solve a motion, counted as in `proofmass.sim.mujoco.work`.
+
+    Parameters
+    ----------
+    limit : float
+        Largest counted processor time [s]; the real one may be `SLOWNESS` times as long.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self.limit, self.work, self.began = limit, 0.0, time.process_time()
+
+    @property
+    def seconds(self) -> float:
+        """The processor time since the beginning [s]."""
+        return time.process_time() - self.began
+
+    def spend(self, work: float) -> None:
+        """Count work [s].
+
+        Raises
+        ------
+        OutOfTime
+            A limit is reached.
+        """
+        self.work += work
+        if self.work > self.limit:
+            raise OutOfTime(f"its steps reached {self.limit:.3g} s of counted processor time")
+        if (used := self.seconds) > SLOWNESS * self.limit:
+            raise OutOfTime(
+                f"it used {used:.3g} s of processor time for steps that count {self.work:.3g} s"
+            )
 
 
 @dataclass
@@ -103,18 +142,21 @@ class MotionRecord:
         self.depth.append(max(0.0, -float(data.contact.dist.min(initial=0.0))))
         self.gap.append(float(np.abs(loops).max(initial=0.0)))
 
-    def run(self, name: str, step: float, began: float, stopped: Exception | None = None) -> OwnRun:
+    def run(
+        self, name: str, step: float, budget: Budget, stopped: Exception | None = None
+    ) -> OwnRun:
         """The record as an `OwnRun`; `stopped` is the exception that ended it early."""
         return OwnRun(
             name,
             step,
-            time.process_time() - began,
+            budget.seconds,
             np.array(self.rows),
             np.array(self.energy),
             np.array(self.depth),
             np.array(self.gap),
             str(stopped or ""),
             isinstance(stopped, OutOfTime),
+            budget.work,
         )
 
 
@@ -208,7 +250,8 @@ def solve_own_motion(
     until, samples : float, int
         Duration of the motion [s], and approximate number of samples, which are whole steps apart.
     seconds : float
-        Approximate processor time for all ways together [s].
+        Approximate processor time for all ways together [s], counted by
+        `proofmass.sim.mujoco.work`.
     start : str
         Key from which the motion starts; the first key if there is none of that name.
     drives, loads : tuple
@@ -244,8 +287,6 @@ def solve_own_motion(
 
     limit = {way: share * seconds for way, share in TIME_SHARES.items()}
     runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
-    if runs[0].seconds < RETIMING_SECONDS:  # the first run in a process takes longer
-        runs = [stepped(format_integrator(own, step), 1, limit["steps"], times.size)]
     halvings, n = affordable_halvings(runs[0], limit["steps"])
     for k in range(1, halvings + 1):
         runs.append(stepped(format_integrator(own, step / 2**k), 2**k, limit["steps"], n))
@@ -255,7 +296,7 @@ def solve_own_motion(
         )
         for way, allowed in (("close", NARROW_TOLERANCE), ("rough", WIDE_TOLERANCE))
     )
-    k = max((k for k, one in enumerate(runs) if one.seconds < limit["disturbed"]), default=0)
+    k = max((k for k, one in enumerate(runs) if one.work < limit["disturbed"]), default=0)
     other = stepped("disturbed", 2**k, limit["disturbed"], n, DISTURBANCE)
     ways = list[OwnRun]()
     if own != mujoco.mjtIntegrator.mjINT_RK4:
@@ -279,22 +320,20 @@ def solve_own_motion(
 
 
 def affordable_halvings(own: OwnRun, limit: float) -> tuple[int, int]:
-    """Number of halvings of the step that fit into a processor time [s], and number of samples.
+    """Number of halvings of the step that fit into a counted time [s], and number of samples.
 
     If not even `MIN_HALVINGS` halvings of the whole run fit, fewer samples are computed.
 
     >>> none = np.zeros((101, 1, 1, 3))
-    >>> run = OwnRun("Euler, 2 ms", 2e-3, 0.1, none, *3 * (np.zeros(101),))
+    >>> run = OwnRun("Euler, 2 ms", 2e-3, 0.1, none, *3 * (np.zeros(101),), work=0.1)
     >>> affordable_halvings(run, 10.0), affordable_halvings(run, 4.0), affordable_halvings(run, 0.5)
     ((5, 101), (4, 101), (3, 36))
     """
     samples = len(own.points)
     for halvings in range(MAX_HALVINGS, MIN_HALVINGS - 1, -1):
-        if own.seconds * (2 ** (halvings + 1) - 2) <= limit:
+        if own.work * (2 ** (halvings + 1) - 2) <= limit:
             return halvings, samples
-    return MIN_HALVINGS, max(
-        2, int(samples * limit / (own.seconds * (2 ** (MIN_HALVINGS + 1) - 2)))
-    )
+    return MIN_HALVINGS, max(2, int(samples * limit / (own.work * (2 ** (MIN_HALVINGS + 1) - 2))))
 
 
 def format_integrator(integrator: mujoco.mjtIntegrator, step: float) -> str:
@@ -377,8 +416,8 @@ def solve_by_steps(
     name: str,
     limit: float,
 ) -> OwnRun:
-    """Step through all samples, `count` steps apart, for at most `limit` of processor time [s]."""
-    began, step = time.process_time(), float(model.opt.timestep)
+    """Step through all samples, `count` steps apart, for at most `limit` of counted time [s]."""
+    budget, work, step = Budget(limit), StepWork(model), float(model.opt.timestep)
     stopped: Exception | None = None
     stride = max(1, min(count, 100))
     with collected_warnings():
@@ -393,15 +432,14 @@ def solve_by_steps(
                         record.inputs.step(model, data, min(left, stride))
                     else:
                         mujoco.mj_step(model, data, min(left, stride))
+                    budget.spend(min(left, stride) * work.step(data))
                     left -= min(left, stride)
-                    if time.process_time() - began > limit:
-                        raise OutOfTime(f"{limit:.3g} s of processor time were over")
                 if words := failure_warning(data):
                     raise FloatingPointError(words)
                 record.sample(model, data)
         except (OutOfTime, FloatingPointError) as error:
             stopped = error
-    return record.run(name, step, began, stopped)
+    return record.run(name, step, budget, stopped)
 
 
 def solve_without_steps(
@@ -412,22 +450,22 @@ def solve_without_steps(
     tolerance: float,
     limit: float,
 ) -> OwnRun:
-    """Integrate the accelerations of ``mj_forward`` by DOP853, in a processor time `limit` [s]."""
+    """Integrate the accelerations of ``mj_forward`` by DOP853, in a counted time `limit` [s]."""
     model, data, inputs = copy.copy(model), copy.copy(data), record.inputs
     make_step_independent(model, inputs)
-    began = time.process_time()
+    budget = Budget(limit)
     stopped: Exception | None = None
     with collected_warnings(), np.errstate(all="ignore"):  # values that are not finite are reported
         mujoco.mj_forward(model, data)
         try:
-            for t, state in integrate_states(model, data, times, tolerance, began + limit, inputs):
+            for t, state in integrate_states(model, data, times, tolerance, budget, inputs):
                 set_state(model, data, t, state)
                 inputs.apply(data, t)
                 mujoco.mj_forward(model, data)
                 record.sample(model, data)
         except (OutOfTime, FloatingPointError) as error:
             stopped = error
-    return record.run(f"DOP853 at {tolerance:.0e}".replace("e-0", "e-"), 0.0, began, stopped)
+    return record.run(f"DOP853 at {tolerance:.0e}".replace("e-0", "e-"), 0.0, budget, stopped)
 
 
 def disable_sleep(model: mujoco.MjModel) -> None:
@@ -471,12 +509,11 @@ def solve_closely(path: Path, run: Run) -> Curves:
         linkage.release()
     inputs = InputsInTime.begin_run(model, run, linkage if run.drives else None)
     make_step_independent(model, inputs)
-    began = time.process_time()
+    budget = Budget(MAX_WORK)
     with collected_warnings(), np.errstate(all="ignore"):
         try:
-            late = began + MAX_SECONDS
             for k, (t, state) in enumerate(
-                integrate_states(model, data, run.x, NARROW_TOLERANCE, late, inputs)
+                integrate_states(model, data, run.x, NARROW_TOLERANCE, budget, inputs)
             ):
                 set_state(model, data, t, state)
                 inputs.apply(data, t)
@@ -488,7 +525,7 @@ def solve_closely(path: Path, run: Run) -> Curves:
     if "qfrc_inverse" in record.rows:
         moments = moments_of_drives(record.rows, linkage.dofs, *own)
         curves |= drive_moment_curves(model, linkage, record, moments)
-    return Curves(run.x, curves, missing, seconds=time.process_time() - began)
+    return Curves(run.x, curves, missing, seconds=budget.seconds)
 
 
 def integrate_states(
@@ -496,13 +533,13 @@ def integrate_states(
     data: mujoco.MjData,
     times: Array,
     tolerance: float,
-    until: float,
+    budget: Budget,
     inputs: InputsInTime,
 ) -> Iterator[tuple[float, Array]]:
     """Time and state (poses, rates, activations) at each sample; DOP853 restarts at each break."""
     from scipy.integrate import DOP853  # slow to load
 
-    turn, last = CoordinateRates(model), np.inf
+    turn, last, work = CoordinateRates(model), np.inf, StepWork(model)
 
     def slope(t: float, state: Array) -> Array:
         set_state(model, data, t, state)
@@ -518,11 +555,11 @@ def integrate_states(
     k = 1
     for start, end, before in smooth_pieces(float(times[0]), float(times[-1]), inputs.breaks):
         last = before
-        solver = DOP853(slope, start, state, end, rtol=tolerance, atol=tolerance)
+        solver, evaluations = DOP853(slope, start, state, end, rtol=tolerance, atol=tolerance), 0
         while solver.status == "running":
-            if time.process_time() > until:
-                raise OutOfTime("its processor time was over")
             words = solver.step()
+            budget.spend((solver.nfev - evaluations) * (work.evaluation(data) + PYTHON_SECONDS))
+            evaluations = solver.nfev
             if solver.status == "failed":
                 raise FloatingPointError(str(words))
             if k < times.size and times[k] <= solver.t:

@@ -1,6 +1,7 @@
 """Tests of a model's own motion, solved in several ways, against independent equations."""
 
 import re
+import time
 from types import SimpleNamespace
 
 import mujoco
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from proofmass.self_consistency import why_failed
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.own_motion import (
@@ -16,6 +18,7 @@ from proofmass.sim.mujoco.own_motion import (
     solve_closely,
     solve_own_motion,
 )
+from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol import BadModel, Run
 from tests.shipped import shipped
 
@@ -123,26 +126,71 @@ def test_samples_are_whole_steps_apart_and_the_step_is_the_models_own(tmp_path):
 
 
 def test_a_short_computing_time_ends_runs_without_dropping_any(tmp_path, monkeypatch):
-    """The clock of this test counts steps: one of 10 ms takes 1 ms, one of 10 ms / m takes m ms.
+    """A step of 10 ms counts 1 ms of processor time in this test, one of 10 ms / m counts m ms.
 
     The first run takes 100 ms.  If a step took as long with every size, 14 samples with halved
     steps would fit into the 400 ms for each run: 51 * 400 / (2 + 4 + 8) / 100.  From one sample to
     the next the runs take 2, 8, 32 and 128 ms, so that the last two are late after 12 and 3
     intervals of the 13.
     """
-    now, mj_step = [0.0], mujoco.mj_step
-
-    def timed_step(model, data, count=1):
-        mj_step(model, data, count)
-        now[0] += 1e-3 * count * round(0.01 / model.opt.timestep)
-
-    monkeypatch.setattr(mujoco, "mj_step", timed_step)
-    monkeypatch.setattr(own_motion, "time", SimpleNamespace(process_time=lambda: now[0]))
+    monkeypatch.setattr(
+        own_motion,
+        "StepWork",
+        lambda model: SimpleNamespace(
+            step=lambda _: 1e-3 * round(0.01 / model.opt.timestep), evaluation=lambda _: 1e-3
+        ),
+    )
     motion = solved_motion(tmp_path, PENDULUM, seconds=1.0)
     assert [one.step for one in motion.runs] == [0.01, 0.005, 0.0025, 0.00125]
     assert [len(one.points) for one in motion.runs] == [51, 14, 13, 4]
     assert [one.late for one in motion.runs] == [False, False, True, True]
     assert [bool(one.stopped) for one in motion.runs] == [False, False, True, True]
+    assert motion.runs[2].stopped == "its steps reached 0.4 s of counted processor time"
+
+
+@pytest.mark.parametrize("speed", [0.1, 10.0])
+def test_a_motion_is_solved_alike_on_slow_and_on_fast_machines(speed, tmp_path, monkeypatch):
+    """The processor time decides nothing: 10 ms are enough for a part of the runs alone."""
+    slow = solved_motion(tmp_path, DOUBLE, seconds=0.01)
+    real = time.process_time
+    monkeypatch.setattr(time, "process_time", lambda: speed * real())
+    fast = solved_motion(tmp_path, DOUBLE, seconds=0.01)
+    assert len(slow.runs[1].points) < len(slow.times)  # the time ends the finer runs
+    for one, other in zip((*slow.runs, slow.close), (*fast.runs, fast.close), strict=True):
+        assert (one.name, one.work, one.stopped) == (other.name, other.work, other.stopped)
+        assert np.array_equal(one.points, other.points)
+
+
+def test_steps_that_cost_far_more_than_counted_are_ended_and_reported(tmp_path, monkeypatch):
+    monkeypatch.setattr(own_motion, "SLOWNESS", 0.0)
+    motion = solved_motion(tmp_path, PENDULUM)
+    assert motion.runs[0].late
+    assert re.fullmatch(
+        r"it used \S+ s of processor time for steps that count \S+ s", motion.runs[0].stopped
+    )
+    assert motion.runs[0].stopped in why_failed(motion)
+
+
+def test_work_grows_with_all_that_costs_time():
+    """RK4 evaluates the forces four times; bodies, constraints and implicit damping add to it."""
+    text = (
+        "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='1 0 0'/>{}</body>"
+        "</worldbody><equality>{}</equality></mujoco>"
+    )
+    body = "<body pos='1 0 0'><joint axis='0 1 0'/><geom size='.1' pos='1 0 0'/></body>"
+    loop = "<connect body1='world' body2='{}' anchor='1 0 0'/>"
+
+    def work(integrator="EULER", body="", loop=""):
+        model = mujoco.MjModel.from_xml_string(text.format(body, loop))
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data)
+        return StepWork(model).step(data)
+
+    held = loop.format("named")
+    named = body.replace("<body ", "<body name='named' ")
+    assert work("RK4") == pytest.approx(4 * work())
+    assert work() < work("IMPLICIT") < work(body=named) < work(body=named, loop=held)
 
 
 def test_runs_with_finer_steps_disable_sleeping():
