@@ -36,7 +36,7 @@ from pydantic import (
 )
 
 from proofmass.errors import InputError, model_error, suggest_names
-from proofmass.recorded import RecordedColumn
+from proofmass.recorded import RecordedColumn, RecordingTable
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.strict import Kind, Strict
 from proofmass.units import si_unit
@@ -573,6 +573,7 @@ class Case(Strict):
     start: str = "start"
     reference: str
     parameters: dict[str, float | str] = Field({})
+    recording: RecordingTable | None = None
     drive: Annotated[tuple[DriveTable, ...], one_or_more(DriveTable)] = ()
     load: Annotated[tuple[LoadTable, ...], one_or_more(LoadTable)] = ()
     rod: dict[str, RodTable] = Field({})
@@ -604,10 +605,16 @@ class Case(Strict):
         return self.reference.endswith(".csv")
 
     @property
+    def sampled_profiles(self) -> tuple[tuple[str, ProfileTable], ...]:
+        """The profiles of drives and loads that are given by rows, with their keys."""
+        drives = [(self.drive_key(k, "profile"), one.profile) for k, one in enumerate(self.drive)]
+        loads = [(self.load_key(k, "profile"), one.profile) for k, one in enumerate(self.load)]
+        return tuple((key, one) for key, one in (*drives, *loads) if isinstance(one, ProfileTable))
+
+    @property
     def profile_files(self) -> tuple[Path, ...]:
         """The files of the profiles of drives and loads."""
-        profiles = [one.profile for one in self.drive] + [one.profile for one in self.load]
-        files = [profile.file for profile in profiles if isinstance(profile, ProfileTable)]
+        files = [profile.file for _, profile in self.sampled_profiles]
         return tuple(self.file.parent / file for file in files if file is not None)
 
     def error(self, key: str, wrong: str) -> InputError:
@@ -696,12 +703,6 @@ class Case(Strict):
                     f"{self.load_key(k, 'to')}: from and to follow the first drive, and there is "
                     f"none; give a profile over time"
                 )
-            if load.profile and self.leader and self.leader.steady and "sweep" in self.run:
-                raise ValueError(
-                    f"{self.load_key(k, 'profile')}: it is over time, and a sweep with a constant "
-                    f"rate goes by the first drive's value; give from and to, or the drive a "
-                    f"period or a profile"
-                )
         if self.load and "equilibrium" in self.run:
             raise ValueError(
                 "run.equilibrium: nothing changes in an equilibrium, and so no load; leave out "
@@ -720,6 +721,11 @@ class Case(Strict):
             raise ValueError(
                 f"reference: no such recorded curve: there is no file "
                 f"{self.reference!r} beside the sidecar"
+            )
+        if self.recording and not self.recorded:
+            raise ValueError(
+                "recording says how a recorded reference is read, and the reference is "
+                f"{self.reference!r}; leave it out"
             )
         for kind, run in self.run.items():
             if (run.n is None) != self.recorded:

@@ -6,7 +6,7 @@ from functools import partial
 
 from proofmass.analytic.chart import Chart
 from proofmass.case import Case, ChartTable
-from proofmass.recorded import Recorded
+from proofmass.recording import Recorded
 from proofmass.reference import load_reference
 
 KEYWORD_KINDS = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)

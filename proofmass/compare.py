@@ -17,7 +17,7 @@ from proofmass.drive import DriveState
 from proofmass.errors import InputError
 from proofmass.outcome import GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.plot_data import check_views
-from proofmass.recorded import Recorded
+from proofmass.recording import Recorded
 from proofmass.reference import (
     ComparedCurves,
     assembly_modes,
@@ -101,8 +101,8 @@ class Comparison:
         constraints of a simulator are often not in equilibrium in the start pose; NaN in other
         runs.
     uncertainty : float
-        Largest possible error of the curve for a reason other than the solver, such as the
-        interpolation of recorded rows [its unit]; 0 where there is none.
+        Largest possible error of the curve or of its reference for a reason other than the solver,
+        such as the interpolation of recorded rows [its unit]; 0 where there is none.
     """
 
     case: str
@@ -221,7 +221,14 @@ def compare(
         )
     return Comparisons(
         compare_channel(
-            case, run, solver, name, curves, reference.channels[name], changes.get(name, {})
+            case,
+            run,
+            solver,
+            name,
+            curves,
+            reference.channels[name],
+            changes.get(name, {}),
+            reference.uncertainty.get(name, 0.0),
         )
         for name in case.channels_of(run)
     )
@@ -246,8 +253,12 @@ def compare_channel(
     curves: Curves,
     reference: Array,
     detectable: dict[str, DetectableChange],
+    reference_error: Array | float = 0.0,
 ) -> Comparison:
-    """Compare one channel: the curves are in SI units, the comparison in the channel's unit."""
+    """Compare one channel: the curves are in SI units, the comparison in the channel's unit.
+
+    `reference_error` is the error that the reference may have at each sample [SI].
+    """
     tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
     factor = case.channels[name].factor
     scale = scale_of(case, run, name, curves, reference) / factor
@@ -269,7 +280,7 @@ def compare_channel(
         )
     error = np.abs(curves.channels[name] - reference) / factor
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
-    unsure = curves.uncertainty.get(name, np.zeros_like(error)) / factor
+    unsure = (curves.uncertainty.get(name, np.zeros_like(error)) + reference_error) / factor
     rms = float(np.sqrt(np.mean(error**2)))
     found: dict[str, Any] = {
         "error_max": float(error[worst]),

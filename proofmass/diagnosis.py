@@ -38,7 +38,7 @@ from proofmass.engines import computes_curves, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text
 from proofmass.outcome import OUTCOME_OF_EXCEPTION
-from proofmass.recorded import Recorded
+from proofmass.recording import Recorded
 from proofmass.reference import (
     all_quantities,
     assembly_modes,

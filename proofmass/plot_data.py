@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case, View
 from proofmass.errors import suggest_names
-from proofmass.recorded import Recorded
+from proofmass.recording import Recorded
 from proofmass.reference import (
     DRIVE_PREFIX,
     ComparedCurves,
@@ -123,7 +123,7 @@ def unit_of_name(case: Case, view: View, key: str, name: str) -> str:
         own = str(joints(compiled_model(case))[joint])
         return own + {"rate": "/s", "acceleration": "/s^2"}.get(part, "")
     if isinstance(reference, Recorded):
-        return reference.units[name]
+        return reference.unit(name)
     stated = next(
         (c.unit for c in case.channels.values() if c.equals == name), getattr(view, given)
     )

@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
@@ -25,16 +24,16 @@ from proofmass.drive import DriveState, format_numbers, profile_formula, quintic
 from proofmass.errors import InputError
 from proofmass.recorded import (
     MIN_ROWS,
-    ROW_TOLERANCE,
     RecordedColumn,
-    RecordedTable,
     interval_errors,
     read_table,
 )
+from proofmass.recording import Recording, RunAxis, covers
 
 PROFILES_IN_MEMORY = 16  # profiles in memory
 MIN_SPLINE_ROWS = 4  # smallest number of rows of a spline; any table has at least two rows
 JUMP_STEEPNESS = 10.0  # times the neighbouring slopes: a steeper change from row to row is a jump
+RUN_IN_TIME = RunAxis("run", "s")
 SMALLEST_JUMP = 1e-6  # of the range: a smaller change is no jump
 
 
@@ -52,19 +51,24 @@ class SampledProfile:
         Name of the file of the rows, or words for a table in the sidecar.
     words : str
         How the polynomial was made of the rows, and how accurate it is between them.
+    start, rate : float
+        The x of the run at 0 s, and the rate of x: 0 and 1 where x is time; in a sweep with a drive
+        of constant rate the value of that drive and its rate [SI].
     """
 
     times: Array
     pieces: Array
     file: str
     words: str
+    start: float = 0.0
+    rate: float = 1.0
 
     def __call__(self, x: Array) -> DriveState:
-        """Value, rate and acceleration of the joint at samples x of a run.
+        """Value, rate and acceleration in time at samples x of a run.
 
         At a row where one of them jumps, it is that of the piece that begins there.
         """
-        t = np.asarray(x, float)
+        t = self.time(x)
         k = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, self.times.size - 2)
         s, powers = t - self.times[k], np.arange(self.pieces.shape[0] - 1, -1, -1)
         found = list[Array]()
@@ -77,6 +81,10 @@ class SampledProfile:
             found.append(value)
             factors = factors * (powers - order)
         return found[0], found[1], found[2]
+
+    def time(self, x: Array) -> Array:
+        """The times (n,) of samples x (n,) of a run [s]."""
+        return (np.asarray(x, float) - self.start) / self.rate
 
     def scalar(self) -> Callable[[float], float]:
         """The value only, as a function of one time [s].
@@ -105,13 +113,18 @@ class SampledProfile:
         return self.times
 
     def covers(self, x: Array) -> bool:
-        """Whether samples lie within the rows."""
-        near = ROW_TOLERANCE * float(np.median(np.diff(self.times)))
-        return bool(x[0] >= self.times[0] - near and x[-1] <= self.times[-1] + near)
+        """Whether samples lie within the rows, but for rounded digits."""
+        return covers(self.times, self.time(x))
 
 
 def make_sampled_profile(
-    folder: Path, profile: ProfileTable, start: float, unit: str, *others: str
+    folder: Path,
+    profile: ProfileTable,
+    start: float,
+    unit: str,
+    *others: str,
+    axis: RunAxis = RUN_IN_TIME,
+    origin: float | None = None,
 ) -> SampledProfile:
     """Make the profile of a drive, or of the control of a load, from rows.
 
@@ -124,6 +137,10 @@ def make_sampled_profile(
         First value of a drive whose rate is given [rad or m].
     unit, *others : str
         SI unit of the joint's value, rad or m; for a control all units that it may have.
+    axis : RunAxis
+        The run in time.
+    origin : float, optional
+        See `proofmass.recording.Recording.place` [s].
 
     Raises
     ------
@@ -136,7 +153,7 @@ def make_sampled_profile(
         return profile_of_table(profile, start, unit)
     file = folder / profile.file
     changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return profile_of_file(file, changed, profile, start, unit, *others)
+    return profile_of_file(file, changed, profile, start, (unit, *others), axis, origin)
 
 
 def profile_of_table(profile: ProfileTable, start: float, unit: str) -> SampledProfile:
@@ -173,34 +190,34 @@ def piece_times(times: Array, profile: ProfileTable) -> Array:
     return np.append(times, 2 * times[-1] - times[-2])
 
 
-def last_time(folder: Path, profile: ProfileTable) -> float:
-    """The last time of rows that a drive follows [s]; it raises as `make_sampled_profile` does."""
-    if profile.file is None:
-        return float(cast(tuple[float, ...], profile.time)[-1])
-    table = read_table(folder / profile.file)
-    return float(table.rising(time_column(table, profile))[-1])
+def profile_clock(file: Path, profile: ProfileTable) -> Recording:
+    """The column that says when the drive or the load is at each row of a file.
 
-
-def time_column(table: RecordedTable, profile: ProfileTable) -> RecordedColumn:
-    """The column of times; ValueError if it does not measure times."""
-    clock = profile.time or RecordedColumn(column=next(iter(table.units)))
-    assert isinstance(clock, RecordedColumn)
-    table.require(clock, "s")
-    return clock
+    It raises as `make_sampled_profile` does.
+    """
+    assert not isinstance(profile.time, tuple)  # lists go without a file
+    return Recording(read_table(file), profile.time)
 
 
 @lru_cache(PROFILES_IN_MEMORY)
 def profile_of_file(
-    file: Path, changed: int, profile: ProfileTable, start: float, unit: str, *others: str
+    file: Path,
+    changed: int,
+    profile: ProfileTable,
+    start: float,
+    units: tuple[str, ...],
+    axis: RunAxis,
+    origin: float | None,
 ) -> SampledProfile:
     """Do what `make_sampled_profile` does, for a file last changed at `changed`; a cache."""
     table = read_table(file)
     kind, column = profile.given
     assert isinstance(column, RecordedColumn)
+    unit = units[0]
     si = unit if kind == "value" else f"{unit}/s"
-    clock = time_column(table, profile)
-    table.require(column, si, *others)
-    times, values = table.rising(clock), table.curve(column)
+    placed = profile_clock(file, profile).place(axis, origin)
+    table.require(column, si, *units[1:])
+    times, values = placed.x, table.curve(column)
     if profile.interpolation == "spline" and times.size < MIN_SPLINE_ROWS:
         raise InputError(file, "", f"{times.size} rows; a spline needs {MIN_SPLINE_ROWS}")
     steep = kind == "value" and profile.interpolation != "spline"  # a control, which may jump
@@ -209,27 +226,18 @@ def profile_of_file(
             file,
             table.line(k + 1),
             f"{column.column} jumps from {values[k]:.6g} to {values[k + 1]:.6g} {si} in "
-            f"{times[k + 1] - times[k]:.3g} s: "
-            f"{advise_on_jump(kind, unit, values[k + 1] - values[k])}",
+            f"{times[k + 1] - times[k]:.3g} s: no drive has the "
+            f"{'rate' if kind == 'value' else 'acceleration'} that this asks for; record the way "
+            "from one to the other in several rows",
         )
     pieces, words = make_pieces(times, values, profile, start, si)
     return SampledProfile(
         piece_times(times, profile),
         pieces,
         file.name,
-        f"{kind} of {file.name}, {times.size} rows, {words}",
-    )
-
-
-def advise_on_jump(kind: str, unit: str, step: float) -> str:
-    """Say what would be right instead of a jump."""
-    turns = step / (2 * np.pi)
-    if kind == "value" and unit == "rad" and abs(turns) > 0.5 and abs(turns - round(turns)) < 0.1:
-        return "the angle is wrapped; add unwrap = true to its column"
-    what = "rate" if kind == "value" else "acceleration"
-    return (
-        f"no drive has the {what} that this asks for; record the way from one to the other in "
-        "several rows"
+        "; ".join(
+            filter(None, (f"{kind} of {file.name}, {times.size} rows, {words}", placed.words))
+        ),
     )
 
 

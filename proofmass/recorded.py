@@ -1,8 +1,9 @@
 """Recorded curves: a CSV file from a test rig or another program.
 
-A file is a reference, one of the parties that are compared with a reference, or the motion of a
-drive.  Every column's header is a name with its unit in brackets: ``t [s], theta2 [deg], r1 [mm]``.
-Values are converted to SI units and radians.  The first column of a reference is x and rises.
+A file is a reference, one of the parties that are compared with a reference, or the rows that a
+drive or a load follows.  Every column's header is a name with its unit in brackets:
+``t [s], theta2 [deg], r1 [mm]``, or a `RecordedColumn` states the unit.  Values are converted to SI
+units and radians.  `proofmass.recording` finds the x of a run that each row belongs to.
 
 The file is in UTF-8, with or without a byte order mark, in UTF-16 with one, or else in
 Windows-1252, as spreadsheets write it.  Cells are separated by commas, or by semicolons or tabs if
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError, suggest_names
@@ -30,22 +31,18 @@ from proofmass.units import same_quantity, si_unit
 
 FILES_IN_MEMORY = 16  # files that are kept in memory after they were read
 ROW_TOLERANCE = 1e-9  # of the median spacing of rows: a place no farther from a row is at the row
+WRAP_TOLERANCE = 0.1
+"""Share of a turn by which a step across whole turns may differ from the steps beside it."""
+ITS_COLUMN = "unwrap = true to its column"
 MIN_ROWS = 16  # least number of rows: a spline through every fourth then has at least four points
 NEIGHBOUR_ROWS = 4  # rows to each side whose errors decide how the error falls with the spacing
 CUBIC_ERROR_RATIO = 0.1
 """Largest ratio of the errors at 2 and 4 times the spacing where the error is a cubic's."""
+LARGEST_GAP = 10.0
+"""Spacing of two rows over the usual spacing beyond which rows count as missing, by default."""
 SMOOTH_FACTOR, BEND_FACTOR, END_FACTOR = 2 / 16, 2.0, 2.0
 """Factors on the error at twice the spacing: on smooth stretches, at bends, and at both ends in
 addition; see `interpolate_recorded`."""
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """Columns of a CSV file in SI units; x first."""
-
-    x: Array
-    columns: dict[str, Array]
-    units: dict[str, str]
 
 
 class RecordedColumn(Strict):
@@ -73,6 +70,29 @@ class RecordedColumn(Strict):
         if unit is not None:
             si_unit(unit)
         return unit
+
+
+class RecordingTable(Strict):
+    """``[recording]``: how the file of a recorded reference is read.
+
+    `x` is the first column if it is left out.  `columns` are read as their tables say; every other
+    column of the file has the unit of its header.  `gap` is the largest spacing of rows between
+    which the reference may be interpolated, in multiples of the usual spacing.
+    """
+
+    x: RecordedColumn | None = None
+    columns: dict[str, RecordedColumn] = Field({})
+    gap: float = Field(LARGEST_GAP, gt=1)
+
+    @field_validator("columns", mode="before")
+    @classmethod
+    def _own_names(cls, columns: Any) -> Any:
+        if not isinstance(columns, dict):
+            return columns
+        return {
+            name: {"column": name, **one} if isinstance(one, dict) else one
+            for name, one in columns.items()
+        }
 
 
 @dataclass(frozen=True)
@@ -124,13 +144,14 @@ class RecordedTable:
         own = self.units[wanted.column]
         try:
             known = bool(own) and bool(si_unit(own))
-        except ValueError:
+        except ValueError as error:
             known = False
             if wanted.unit is None:
-                raise
+                raise ValueError(f"column {wanted.column!r} of {self.file.name}: {error}") from None
         if wanted.unit is None and not known:
             raise ValueError(
-                f"column {wanted.column!r} of {self.file.name} has no unit in its header; give it: "
+                f"column {wanted.column!r} of {self.file.name} has no unit in its header; write it "
+                f"as '{wanted.column} [unit]', or give it: "
                 f'{{ column = "{wanted.column}", unit = ".." }}'
             )
         if known and wanted.unit is not None and si_unit(wanted.unit) != si_unit(own):
@@ -159,49 +180,86 @@ class RecordedTable:
         if wanted.unwrap and not same_quantity(unit, "rad"):
             raise ValueError(f"unwrap goes with an angle; {wanted.column!r} is in {unit!r}")
 
-    def curve(self, wanted: RecordedColumn) -> Array:
-        """Return the curve that a column stands for [SI]."""
-        unit, values = self.unit_of(wanted), self.values(wanted.column)
-        _, factor = si_unit(unit)
-        if wanted.unwrap:
-            values = np.unwrap(values, period=2 * np.pi / factor)
-        return np.asarray((wanted.scale * values + wanted.shift) * factor)
+    def curve(self, wanted: RecordedColumn, where: str = ITS_COLUMN) -> Array:
+        """Return the curve that a column stands for [SI].
 
-    def rising(self, wanted: RecordedColumn) -> Array:
-        """Return the curve of a column that must rise from row to row [SI].
+        `where` says in a message how a wrapped angle can be unwrapped.
 
         Raises
         ------
         InputError
-            The curve does not rise; the message names the line.
+            A cell is no finite number; an angle is wrapped, and its column does not `unwrap`.
         """
-        x = self.curve(wanted)
-        fall = np.flatnonzero(np.diff(x) <= 0)
-        if fall.size:
+        unit, values = self.unit_of(wanted), self.values(wanted.column)
+        quantity, factor = si_unit(unit)
+        turn = 2 * np.pi / factor
+        if wanted.unwrap:
+            values = np.unwrap(values, period=turn)
+        elif quantity == "rad" and (k := find_wrap(values, turn)) is not None:
             raise InputError(
                 self.file,
-                self.line(int(fall[0]) + 1),
-                f"{wanted.column} does not rise "
-                f"({x[fall[0]]:.6g} then {x[fall[0] + 1]:.6g}); give the rows in their order, each "
-                f"{wanted.column} once",
+                self.line(k + 1),
+                f"{wanted.column} jumps from {values[k]:.6g} to {values[k + 1]:.6g} {unit}: the "
+                f"angle is wrapped; add {where}",
+            )
+        return np.asarray((wanted.scale * values + wanted.shift) * factor)
+
+    def monotonic(
+        self, wanted: RecordedColumn, may_fall: bool = False, where: str = ITS_COLUMN
+    ) -> Array:
+        """Return the curve of a column that must rise from row to row, or may fall instead [SI].
+
+        `where` is that of `curve`.
+
+        Raises
+        ------
+        InputError
+            The curve does not rise, or turns back; the message names the line.
+        """
+        x = self.curve(wanted, where)
+        falls = may_fall and np.median(np.diff(x)) < 0
+        wrong = np.flatnonzero(np.diff(x) >= 0 if falls else np.diff(x) <= 0)
+        if wrong.size:
+            raise InputError(
+                self.file,
+                self.line(int(wrong[0]) + 1),
+                f"{wanted.column} does not {'fall' if falls else 'rise'} "
+                f"({x[wrong[0]]:.10g} then {x[wrong[0] + 1]:.10g}); give the rows in their order, "
+                f"each {wanted.column} once",
             )
         return x
 
 
-def read_recorded(file: Path) -> Recorded:
-    """Read a recorded curve, all of whose columns have units.
+def find_wrap(values: Array, turn: float) -> int | None:
+    """Find the row after which an angle goes on a whole turn away.
 
-    Raises
-    ------
-    InputError
-        No such file, a header without a unit, a cell that is no finite number, an x that does
-        not rise; the message names the row and the column.
+    Such a step is longer than half a turn; without the turn it is like a step before or after it.
+    An angle that turns by more than half a turn from each row to the next is not
+    wrapped.
+
+    Parameters
+    ----------
+    values : ndarray (m,)
+        The angle [its unit].
+    turn : float
+        A whole turn [its unit].
+
+    Examples
+    --------
+    >>> angle = np.arange(0.0, 900.0, 70.0)
+    >>> find_wrap(angle, 360.0), find_wrap(angle % 360, 360.0), find_wrap(3 * angle, 360.0)
+    (None, 5, None)
     """
-    table = read_table(file)
-    si = {name: header_unit(file, name, unit) for name, unit in table.units.items()}
-    columns = {name: table.values(name) * factor for name, (_, factor) in si.items()}
-    x = table.rising(RecordedColumn(column=next(iter(si))))
-    return Recorded(x, columns, {name: unit for name, (unit, _) in si.items()})
+    steps = np.diff(values)
+    long = np.abs(np.round(steps / turn)) == 1
+    if steps.size < 2 or not long.any():
+        return None
+    left = steps - turn * np.round(steps / turn)
+    change, change_left = (np.pad(np.abs(np.diff(one)), 1, "edge") for one in (steps, left))
+    smoother = change_left[:-1] + change_left[1:] < change[:-1] + change[1:]
+    alike = np.minimum(change_left[:-1], change_left[1:]) < WRAP_TOLERANCE * turn
+    found = np.flatnonzero(long & smoother & alike)
+    return int(found[0]) if found.size else None
 
 
 def read_table(file: Path) -> RecordedTable:
@@ -317,16 +375,6 @@ def split_header(cell: str) -> tuple[str, str]:
     if not rest.endswith("]"):
         return cell.strip(), ""
     return name.strip(), rest[:-1].strip()
-
-
-def header_unit(file: Path, name: str, unit: str) -> tuple[str, float]:
-    """Return the SI unit of a column, and the factor from the column's unit to it."""
-    if not unit:
-        raise InputError(file, f"column {name!r}", "no unit; write it as 'name [unit]'")
-    try:
-        return si_unit(unit)
-    except ValueError as error:
-        raise InputError(file, f"column {name!r}", str(error)) from None
 
 
 def cell_number(file: Path, line: int, cell: str, name: str) -> float:

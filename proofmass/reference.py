@@ -4,8 +4,8 @@ import importlib
 import inspect
 import pickle
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import chain
 from pathlib import Path
@@ -23,8 +23,17 @@ from proofmass.case import Case, ProfileTable
 from proofmass.drive import DriveState, FunctionProfile, InProportion, Samples, Steady, Swing
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error, suggest_names
-from proofmass.profile import SampledProfile, last_time, make_sampled_profile
-from proofmass.recorded import Recorded, read_recorded
+from proofmass.profile import SampledProfile, make_sampled_profile, profile_clock
+from proofmass.recorded import RecordingTable, read_table
+from proofmass.recording import (
+    LOST_ROW,
+    SAME_PLACE,
+    PlacedRows,
+    Recorded,
+    Recording,
+    RunAxis,
+    SteadyDrive,
+)
 from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sim.contents import channel_names, joints
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
@@ -47,11 +56,18 @@ DRIVE_PREFIX, DRIVE_PARTS = "drive.", ("", ".rate", ".acceleration")
 """Names of the prescribed motion of drives: ``drive.crank``, ``drive.crank.rate``, ..."""
 CONTROL_UNITS = "1", "N", "N m", "m", "rad", "m/s", "rad/s"
 """SI units that the control of a motor or of a servo may have."""
+END_SHARE = 0.01
+"""Share of a record by which its last row may miss the stated end of a run, if rows are few."""
 MODELS_IN_MEMORY = 64
 """Number of compiled models and read curves in memory; a study tries many numbers of rod links."""
 compile_once = lru_cache(MODELS_IN_MEMORY)(lambda file, changed, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
-read_recorded_once = lru_cache(MODELS_IN_MEMORY)(lambda file, changed: read_recorded(file))
+read_recorded_once = lru_cache(MODELS_IN_MEMORY)(
+    lambda file, changed, settings: Recorded(
+        read_table(file), RecordingTable.model_validate_json(settings)
+    )
+)
+place_once = lru_cache(MODELS_IN_MEMORY)(Recording.place)
 
 
 @dataclass(frozen=True)
@@ -98,7 +114,12 @@ def load_reference(case: Case) -> ModuleType | Recorded:
     """Load the reference's module of `analytic/`, or read the recorded curve."""
     if case.recorded:
         file = case.file.parent / case.reference
-        return read_recorded_once(file, file.stat().st_mtime_ns if file.is_file() else None)
+        changed = file.stat().st_mtime_ns if file.is_file() else None
+        settings = (case.recording or RecordingTable.model_validate({})).model_dump_json()
+        try:
+            return read_recorded_once(file, changed, settings)
+        except ValueError as error:
+            raise case.error("recording", str(error)) from None
     if case.reference in REFERENCES:
         return importlib.import_module(REFERENCES[case.reference])
     raise case.error(
@@ -129,21 +150,169 @@ def reference_takes(case: Case, argument: str) -> bool:
 
 def run_samples(case: Case, kind: Kind) -> Array:
     """The samples x (n,) of a run: times [s], drive values, or arc lengths [m] in equilibrium."""
-    reference, run, leader = load_reference(case), case.run[kind], case.leader
-    if isinstance(reference, Recorded):
-        return reference.x
+    run, leader = case.run[kind], case.leader
+    if case.recorded:
+        return reference_rows(case, kind).samples(kind)
     n = run.n or 0
     if kind == "equilibrium":
         return np.linspace(0.0, run.until or min(rod.length for rod in case.rods), n)
     if leader is None or not leader.steady:
         end = run.until or (leader.until or leader.period if leader else None)
         if end is None and leader and isinstance(leader.profile, ProfileTable):
-            end = read_profile(case, 0, last_time, case.file.parent, leader.profile)
+            end = float(sampled_drive_profile(case, kind, 0).times[-1])
         return np.linspace(0.0, end or 0.0, n)
     first, last = leader.start, float(leader.to or 0.0)
     if kind == "sweep":
         return np.linspace(first, last, n)
     return np.linspace(0.0, (last - first) / leader.speed, n)
+
+
+def steady_drive(case: Case) -> SteadyDrive | None:
+    """The first drive, if it has a constant rate."""
+    leader = case.leader
+    if leader is None or not leader.steady:
+        return None
+    unit = joints(compiled_model(case)).get(leader.joint) or "rad"
+    return SteadyDrive(unit, leader.start, leader.speed)
+
+
+def time_axis(case: Case, kind: Kind) -> RunAxis:
+    """A run in time, also where the x of the run is the value of a drive."""
+    leader, steady = case.leader, steady_drive(case)
+    duration = case.run[kind].until or (leader.until if leader else None)
+    if leader and steady:
+        duration = leader.way / steady.rate
+    return RunAxis(kind, "s", steady, duration)
+
+
+def run_axis(case: Case, kind: Kind) -> RunAxis:
+    """The x of a run."""
+    if kind == "equilibrium":
+        return RunAxis(kind, "m")
+    axis = time_axis(case, kind)
+    if kind == "sweep" and axis.steady:
+        return replace(axis, unit=axis.steady.unit)
+    return axis
+
+
+def shared_origin(case: Case, kind: Kind) -> float | None:
+    """The time at which a run begins on the clock of the files that drives and loads follow [s].
+
+    All files of a case that are over time have one clock: that of the first of these files.  None
+    if no drive and no load follows a file over time.
+    """
+    for key, profile in case.sampled_profiles:
+        if profile.file is not None:
+            file = case.file.parent / profile.file
+            clock = read_profile(case, key, profile_clock, file, profile)
+            if clock.unit == "s":
+                return float(clock.clock_origin(time_axis(case, kind)))
+    return None
+
+
+def reference_rows(case: Case, kind: Kind) -> PlacedRows:
+    """The rows of a recorded reference on the x of a run.
+
+    In a sweep whose first drive has columns of the reference any x serves, since each row has the
+    state of the drives.
+    """
+    reference = load_reference(case)
+    assert isinstance(reference, Recorded)
+    axis = run_axis(case, kind)
+    if kind == "sweep" and case.leader and isinstance(case.leader.profile, tuple):
+        axis = replace(axis, unit=reference.recording.unit)
+    placed: PlacedRows = place_once(reference.recording, axis, shared_origin(case, kind))
+    return placed
+
+
+def check_reference_rows(case: Case, kind: Kind, x: Array) -> None:
+    """Raise InputError if the rows of a recorded reference contradict a run of the sidecar.
+
+    Parameters
+    ----------
+    case, kind
+        The run.
+    x : ndarray (n,)
+        Its samples [s, rad or m].
+    """
+    reference, placed = load_reference(case), reference_rows(case, kind)
+    assert isinstance(reference, Recorded)
+    for end in stated_ends(case, kind):
+        end.check(case, placed)
+    if not placed.have(x):
+        placed.require(x, kind)
+        reference.recording.check_gaps(reference.gap)
+
+
+def stated_ends(case: Case, kind: Kind) -> Iterator["StatedEnd"]:
+    """The ends of a run that the sidecar states."""
+    leader, table, steady = case.leader, case.run[kind], steady_drive(case)
+    if kind == "equilibrium":
+        steady = None
+    if leader and steady:
+        law = steady if kind == "dynamics" else None
+        yield StatedEnd(0, case.drive_key(0, "from"), leader.start, steady.unit, LOST_ROW, law)
+        yield StatedEnd(
+            -1, case.drive_key(0, "to"), leader.start + leader.way, steady.unit, law=law
+        )
+        return
+    unit = "m" if kind == "equilibrium" else "s"
+    by_rows = leader and isinstance(leader.profile, tuple)
+    if not (by_rows or case.sampled_profiles or kind == "equilibrium"):
+        yield StatedEnd(0, f"run.{kind}", 0.0, unit, LOST_ROW if leader else SAME_PLACE)
+    if table.until is not None:
+        yield StatedEnd(-1, f"run.{kind}.until", table.until, unit)
+    elif leader and leader.until is not None:
+        yield StatedEnd(-1, case.drive_key(0, "until"), leader.until, unit)
+
+
+@dataclass(frozen=True)
+class StatedEnd:
+    """An end of a run as the sidecar states it.
+
+    Attributes
+    ----------
+    row : {0, -1}
+        Number of the row of a recorded reference that belongs to it.
+    key : str
+        The key that states it.
+    place : float
+        The time, the drive's value, or the arc length there [SI].
+    unit : str
+        Its unit.
+    allowed : float
+        Largest distance of the row, in multiples of the usual spacing of rows [1].
+    law : SteadyDrive, optional
+        The drive whose value the place is, if the x of the run is time.
+    """
+
+    row: int
+    key: str
+    place: float
+    unit: str
+    allowed: float = SAME_PLACE
+    law: SteadyDrive | None = None
+
+    def check(self, case: Case, placed: PlacedRows) -> None:
+        """Raise InputError if the row is somewhere else."""
+        places = self.law.value(placed.x) if self.law else placed.x
+        near = self.allowed * float(np.median(np.abs(np.diff(places))))
+        if self.row:
+            near = min(near, END_SHARE * float(np.ptp(places)))
+        at, recording = float(places[self.row]), placed.recording
+        if abs(at - self.place) <= near:
+            return
+        name, table = recording.column.column, recording.table
+        cell = table.rows[self.row][1][list(table.units).index(name)].strip()
+        which, verb = ("last", "end") if self.row else ("first", "begin")
+        raise case.error(
+            self.key,
+            f"the run {verb}s at {self.place:.6g} {self.unit}, and the {which} row of "
+            f"{table.file.name}, {table.line(self.row)}, is at {name} = {cell} "
+            f"{table.unit_of(recording.column)}, which is {at:.6g} {self.unit} of the run; change "
+            f"the sidecar, or the rows, or shift the column: [recording] "
+            f'x = {{ column = "{name}", shift = .. }}',
+        )
 
 
 def drive_profiles(case: Case, kind: Kind) -> tuple[DriveProfile, ...]:
@@ -157,12 +326,12 @@ def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
     if kind == "equilibrium":
         return Steady(drive.start, 0.0, x_is_time=True)
     if isinstance(drive.profile, ProfileTable):
-        return sampled_drive_profile(case, k)
+        return sampled_drive_profile(case, kind, k)
     if drive.profile is not None or drive.to is None:
         if isinstance(reference, Recorded):
             key = case.drive_key(k, "profile")
             return Samples(
-                reference.x,
+                reference_rows(case, kind).x,
                 *(recorded_column(case, reference, key, c) for c in drive.profile or ()),
             )
         shared = drive.profile is None or (
@@ -194,13 +363,33 @@ def drive_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
     return Steady(drive.start, drive.speed, x_is_time=kind == "dynamics")
 
 
-def sampled_drive_profile(case: Case, k: int) -> SampledProfile:
+def sampled_drive_profile(case: Case, kind: Kind, k: int) -> SampledProfile:
     """The motion profile of drive number k, which follows the rows of a file."""
     drive = case.drive[k]
+    assert isinstance(drive.profile, ProfileTable)
     unit = joints(compiled_model(case)).get(drive.joint) or "rad"
-    return read_profile(
-        case, k, make_sampled_profile, case.file.parent, drive.profile, drive.start, unit
+    return sampled_profile(
+        case, kind, case.drive_key(k, "profile"), drive.profile, drive.start, unit
     )
+
+
+def sampled_profile(
+    case: Case, kind: Kind, key: str, profile: ProfileTable, start: float, *units: str
+) -> SampledProfile:
+    """The profile at a key of the sidecar that follows rows, over the x of a run.
+
+    `start` and `units` are those of `make_sampled_profile`.
+    """
+    axis, origin = time_axis(case, kind), shared_origin(case, kind)
+    found: SampledProfile = read_profile(
+        case,
+        key,
+        partial(make_sampled_profile, axis=axis, origin=origin),
+        *(case.file.parent, profile, start, *units),
+    )
+    if kind == "sweep" and axis.steady:
+        return replace(found, start=axis.steady.start, rate=axis.steady.rate)
+    return found
 
 
 def load_profiles(case: Case, kind: Kind) -> tuple[DriveProfile, ...]:
@@ -224,10 +413,9 @@ def load_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
     """The profile of the control of load number k."""
     load = case.load[k]
     if load.profile is not None:
-        try:
-            return make_sampled_profile(case.file.parent, load.profile, 0.0, *CONTROL_UNITS)
-        except ValueError as error:
-            raise case.error(case.load_key(k, "profile"), str(error)) from None
+        return sampled_profile(
+            case, kind, case.load_key(k, "profile"), load.profile, 0.0, *CONTROL_UNITS
+        )
     way, leader = float(load.to or 0.0) - load.start, case.drive[0]
     if leader.to is not None:
         ratio = way / (leader.to - leader.start)
@@ -237,8 +425,8 @@ def load_profile(case: Case, kind: Kind, k: int) -> DriveProfile:
     return Steady(load.start - rate * first, rate, x_is_time=True)
 
 
-def read_profile(case: Case, k: int, read: Callable[..., Any], *args: object) -> Any:
-    """Call a function that reads a profile; its ValueError becomes bad input of the drive.
+def read_profile(case: Case, key: str, read: Callable[..., Any], *args: object) -> Any:
+    """Call a function that reads a profile; its ValueError becomes bad input at a key.
 
     Raises
     ------
@@ -248,7 +436,7 @@ def read_profile(case: Case, k: int, read: Callable[..., Any], *args: object) ->
     try:
         return read(*args)
     except ValueError as error:
-        raise case.error(case.drive_key(k, "profile"), str(error)) from None
+        raise case.error(key, str(error)) from None
 
 
 def evaluate(
@@ -287,7 +475,9 @@ def evaluate(
     if not names <= known.keys():  # an error; its message suggests one of all names
         known = all_quantities(case, kind, x, state, parameters)
     shown = {name: known[name] for name in more if name in known}
-    return ReferenceCurves(x, reference_channels(case, x, known), shown=shown)
+    channels = reference_channels(case, x, known)
+    unsure = interpolation_errors(case, kind, x) if case.recorded else {}
+    return ReferenceCurves(x, channels, shown=shown, uncertainty=unsure)
 
 
 def names_in_views(case: Case, kind: Kind) -> frozenset[str]:
@@ -334,7 +524,48 @@ def reference_quantities(
         return call_reference(case, kind, reference, x, state, parameters, key, only)
     if parameters:
         raise case.error(key, "the reference is a recorded curve, which has none")
-    return {name: values[: np.size(x)] for name, values in reference.columns.items()}
+    placed, known = reference_rows(case, kind), dict[str, Array]()
+    for name in reference.columns if only is None else only & reference.columns.keys():
+        try:
+            known[name] = placed.at(np.asarray(x, float), reference.curve(name))[0]
+        except (InputError, ValueError):  # such as texts in a column that no channel equals
+            if only is not None:
+                recorded_column(case, reference, "reference", name)
+    return known
+
+
+def interpolation_errors(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
+    """The errors that channels of a recorded reference may have between its rows [SI].
+
+    Channels are left out if all samples x (n,) are at rows.
+    """
+    reference, placed = load_reference(case), reference_rows(case, kind)
+    assert isinstance(reference, Recorded)
+    if placed.have(x):
+        return {}
+    return {
+        name: abs(channel.scale) * placed.at(x, reference.curve(channel.equals))[1]
+        for name, channel in case.channels_of(kind).items()
+        if isinstance(channel.equals, str) and channel.equals in reference.columns
+    }
+
+
+def describe_rows(case: Case, kind: Kind) -> str:
+    """A sentence on the x of a recorded reference and its interpolation; empty without either."""
+    reference, placed, x = load_reference(case), reference_rows(case, kind), run_samples(case, kind)
+    assert isinstance(reference, Recorded)
+    words, errors = [placed.words] if placed.words else [], interpolation_errors(case, kind, x)
+    if errors:
+        share = max(
+            float(error.max()) / (float(np.ptp(abs(c.scale) * reference.curve(c.equals))) or 1.0)
+            for name, error in errors.items()
+            if isinstance((c := case.channels[name]).equals, str)
+        )
+        words.append(
+            f"its {placed.x.size} rows are at uneven times; it is interpolated at even times by a "
+            f"cubic spline, which may be off by {share:.2g} of the range"
+        )
+    return "; ".join(words)
 
 
 def prescribed_quantities(case: Case, kind: Kind, x: Array) -> dict[str, Array]:
@@ -597,13 +828,16 @@ def recorded_column(
             key,
             f"no column {name!r} in {case.reference}; {suggest_names(name, reference.columns)}",
         )
-    if unit is not None and not same_quantity(reference.units[name], unit):
+    try:
+        own = reference.unit(name)
+    except ValueError as error:
+        raise case.error(key, str(error)) from None
+    if unit is not None and not same_quantity(own, unit):
         raise case.error(
             key,
-            f"column {name!r} of {case.reference} is in "
-            f"{reference.units[name]} (SI), the channel in {unit}",
+            f"column {name!r} of {case.reference} is in {own} (SI), the channel in {unit}",
         )
-    return reference.columns[name]
+    return reference.curve(name)
 
 
 def assembly_modes(case: Case) -> tuple[int, ...]:

@@ -17,8 +17,13 @@ from proofmass.case import Case
 from proofmass.sidecar import FIELDS_WITHOUT_KEY, Levels
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-DEFAULTED_KEYS = {"Channel": ("equals", "unit"), "RunTable": ("solvers",)}
-"""Keys that a case must have, but a sidecar may leave to `proofmass.sidecar.fill_defaults`."""
+DEFAULTED_KEYS = {
+    "Channel": ("equals", "unit"),
+    "RunTable": ("solvers",),
+    "RecordedColumn": ("column",),
+}
+"""Keys that a case must have, but a sidecar may leave out: `proofmass.sidecar.fill_defaults` finds
+them, or the name of a column in ``[recording]``."""
 REQUIRED_KEYS = ["title", "source", "reference"]
 JsonObject = dict[str, Any]
 

@@ -20,7 +20,14 @@ from proofmass.errors import InputError, suggest_names
 from proofmass.files import read_text
 from proofmass.mobility import leaves_dof
 from proofmass.recorded import RecordedColumn
-from proofmass.reference import all_quantities, compiled_model, reference_knows_inertia
+from proofmass.recording import Recorded
+from proofmass.reference import (
+    all_quantities,
+    compiled_model,
+    load_reference,
+    prescribed_quantities,
+    reference_knows_inertia,
+)
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.protocol import AccuracyLimit
 from proofmass.solve import prescribed_run
@@ -182,6 +189,8 @@ def quantity_names(case: Case) -> list[str]:
     """The names of the reference's quantities."""
     kind = next(iter(case.run))
     few = first_samples(case, prescribed_run(case, kind))
+    if isinstance(reference := load_reference(case), Recorded):
+        return [*reference.columns, *prescribed_quantities(case, kind, few.x)]
     return list(all_quantities(case, kind, few.x, few.drive, case.parameters))
 
 

@@ -13,7 +13,14 @@ from proofmass.drive import check_driven
 from proofmass.engines import NoEngine, computes_curves, engine_names, engine_of
 from proofmass.errors import InputError, model_error, suggest_names
 from proofmass.profile import SampledProfile
-from proofmass.reference import compiled_model, drive_profiles, load_profiles, run_samples
+from proofmass.reference import (
+    check_reference_rows,
+    compiled_model,
+    describe_rows,
+    drive_profiles,
+    load_profiles,
+    run_samples,
+)
 from proofmass.sim.contents import (
     has_dry_friction,
     joint_of,
@@ -174,6 +181,8 @@ def prescribed_run(case: Case, kind: Kind) -> Run:
         for one, profile in zip(case.load, load_profiles(case, kind), strict=True)
     )
     run = Run(kind, x, channels, drives, case.start, {}, case.rods, inertia, loads)
+    if case.recorded:
+        check_reference_rows(case, kind, x)
     try:
         check_drives(case, run)
         check_loads(case, run)
@@ -364,6 +373,8 @@ def solve_here(case: Case, kind: Kind, solver: str) -> Curves:
         )
         if isinstance(profile, SampledProfile)
     ]
+    if case.recorded and (words := describe_rows(case, kind)):
+        notes.append(f"reference {case.reference}: {words}")
     if notes:
         curves = replace(curves, notes=(*curves.notes, *notes))
     if run.drives and curves.drive is None and kind != "equilibrium":

@@ -374,7 +374,7 @@ EXTREME_NUMBERS = {
 }
 CURVE_FAULTS = {
     "x falls": (r"\n0\.0077[^,]*", "\n0.0001", ["line", "t does not rise"]),
-    "no unit": (r"r1 \[m\]", "r1", ["column 'r1'", "name [unit]"]),
+    "no unit": (r"r1 \[m\]", "r1", ["column 'r1'", "r1 [unit]"]),
     "unknown unit": (r"r1 \[m\]", "r1 [furlog]", ["column 'r1'", "unknown unit 'furlog'"]),
     "no number": (r"\n0,0,", "\n0,zero,", ["line 4, theta2", "'zero'"]),
     "not finite": (r"\n0,0,", "\n0,nan,", ["line 4, theta2", "not finite"]),

@@ -25,7 +25,7 @@ from proofmass.compare import (
 )
 from proofmass.drive import Samples, Steady
 from proofmass.errors import InputError
-from proofmass.recorded import read_recorded
+from proofmass.recorded import RecordedColumn, read_table
 from proofmass.reference import compiled_model, evaluate, run_samples
 from proofmass.sidecar import load_case
 from proofmass.sim.contents import size
@@ -315,16 +315,17 @@ def test_units_are_converted_to_si(unit, si, factor):
 
 def test_a_curve_in_millimetres_and_degrees_is_the_curve_in_si(models, edit):
     file = models / "hacksaw_recorded.csv"
-    plain = read_recorded(file)
+    plain = read_table(file)
     rows = [line for line in file.read_text().splitlines() if not line.startswith("#")]
     table = np.array([row.split(",") for row in rows[1:]], float)
     table[:, 4] *= 1e3
     table[:, 5] *= 180 / np.pi
     head = rows[0].replace("r1 [m]", "r1 [mm]").replace("theta1 [rad]", "theta1 [deg]")
     np.savetxt(file, table, fmt="%.17g", delimiter=",", header=head, comments="")
-    other = read_recorded(file)
+    other = read_table(file)
     for name in ("r1", "theta1"):
-        np.testing.assert_allclose(other.columns[name], plain.columns[name], rtol=4e-16)
+        column = RecordedColumn(column=name)
+        np.testing.assert_allclose(other.curve(column), plain.curve(column), rtol=4e-16)
 
 
 def test_closed_form_is_the_recorded_hacksaw_curve():

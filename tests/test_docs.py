@@ -83,6 +83,7 @@ def tables_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
 
 
 HEADINGS = {
+    "recording": "`[recording]`",
     "drive": "`[drive]`",
     "load": "`[load]`",
     "rod": "`[rod.NAME]`",

@@ -12,7 +12,7 @@ from proofmass import command
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.files import read_bytes, read_text, write_atomically
-from proofmass.recorded import read_recorded
+from proofmass.recorded import RecordedColumn, read_table
 from tests.shipped import with_brief_pendulum
 
 
@@ -117,16 +117,16 @@ def test_recorded_curves_are_read_as_spreadsheets_write_them(tmp_path, encoding,
     text = "\r\n".join(mark.join(row) for row in rows)
     file = tmp_path / "rig.csv"
     file.write_bytes(text.replace(".", comma).encode(encoding))
-    found = read_recorded(file)
-    assert found.x.tolist() == [0.5, 1.5]
-    assert found.columns["angle"] == pytest.approx([1.5707963267948966, -0.7853981633974483])
+    time, angle = (RecordedColumn(column=name) for name in ("t", "angle"))
+    assert read_table(file).monotonic(time).tolist() == [0.5, 1.5]
+    assert read_table(file).curve(angle) == pytest.approx([1.5707963267948966, -0.7853981633974483])
 
 
 def test_numbers_with_points_and_commas_are_refused(tmp_path):
     file = tmp_path / "rig.csv"
     file.write_text("t [s];r [m]\n0;1,5\n1;2.5\n")
     with pytest.raises(InputError, match="line 3: numbers with commas and with points"):
-        read_recorded(file)
+        read_table(file)
 
 
 @pytest.mark.parametrize("kind", ["folder", "pipe", "loop", "empty", "bytes"])

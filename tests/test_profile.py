@@ -70,12 +70,12 @@ def test_a_motion_profile_goes_through_its_rows(tmp_path):
 
 
 def test_samples_beyond_the_rows_by_rounding_alone_are_covered(tmp_path):
-    """The rows are 25 ms apart, so that 1e-9 of this is 2.5e-11 s."""
+    """The rows are 25 ms apart, so that a thousandth of this is 25 us."""
     profile = make_profile(tmp_path, value="q")
     for first, last, covered in (
-        (-2e-11, 2.0 + 2e-11, True),
-        (-3e-11, 2.0, False),
-        (0.0, 2.0 + 3e-11, False),
+        (-2e-5, 2.0 + 2e-5, True),
+        (-3e-5, 2.0, False),
+        (0.0, 2.0 + 3e-5, False),
     ):
         assert profile.covers(np.array([first, last])) == covered
 

@@ -4,6 +4,7 @@ Most modules of references are stubs that are made here; a few are shipped ones.
 """
 
 import os
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +16,8 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.case import Beside, Channel, DriveTable, LoadTable
 from proofmass.drive import Samples
 from proofmass.errors import InputError
-from proofmass.recorded import Recorded
+from proofmass.recorded import RecordedTable, RecordingTable
+from proofmass.recording import Recorded
 from proofmass.reference import (
     all_quantities,
     assembly_modes,
@@ -104,10 +106,11 @@ def use_recorded_curve(monkeypatch, **columns) -> Recorded:
 
     Each column is given as its unit and its values.
     """
+    units = {"t": "s"} | {name: unit for name, (unit, *_) in columns.items()}
+    cells = zip(X, *(values for _, *values in columns.values()), strict=True)
+    rows = tuple((k, [repr(float(cell)) for cell in row]) for k, row in enumerate(cells, 2))
     curve = Recorded(
-        X,
-        {name: np.array(values) for name, (_, *values) in columns.items()},
-        {name: unit for name, (unit, *_) in columns.items()},
+        RecordedTable(Path(RECORDED.reference), units, rows), RecordingTable.model_validate({})
     )
     monkeypatch.setattr(reference, "load_reference", lambda case: curve)
     return curve
@@ -138,14 +141,15 @@ def test_a_recorded_curve_is_read_again_only_if_its_file_has_changed(models):
     head, *rows = [line for line in file.read_text().splitlines() if not line.startswith("#")]
     file.write_text("\n".join([head, *rows[:3]]))
     os.utime(file, ns=(before + 1, before + 1))
-    assert load_reference(case).x.size == 3 < first.x.size
+    assert len(load_reference(case).table.rows) == 3 < len(first.table.rows)
     file.unlink()
     assert error_of(load_reference, case) == (file, "", "no such recorded curve")
 
 
 def test_a_recorded_curve_is_sampled_where_it_was_recorded():
     for kind in RECORDED.run:
-        assert run_samples(RECORDED, kind) is load_reference(RECORDED).x
+        times = load_reference(RECORDED).table.values("t")
+        np.testing.assert_array_equal(run_samples(RECORDED, kind), times)
 
 
 def test_a_free_motion_is_sampled_from_its_start_to_its_last_time():
@@ -241,7 +245,8 @@ def test_drives_of_a_recorded_curve_follow_its_columns(monkeypatch):
     use_recorded_curve(
         monkeypatch, a=("rad", 1, 2, 3), b=("rad/s", 4, 5, 6), c=("rad/s^2", 7, 8, 9)
     )
-    found = drive_profile(with_drives({"profile": ("a", "b", "c")}), "sweep", 0)
+    case = with_drives({"profile": ("a", "b", "c")}, case=RECORDED)
+    found = drive_profile(case, "sweep", 0)
     assert isinstance(found, Samples)
     assert [part.tolist() for part in found(X)] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 
@@ -249,7 +254,7 @@ def test_drives_of_a_recorded_curve_follow_its_columns(monkeypatch):
 def test_a_missing_column_of_a_drive_is_reported_at_its_key(monkeypatch):
     use_recorded_curve(monkeypatch, a=("rad", 1, 2, 3))
     case = with_drives({"profile": ("a", "a", "a")}, {"profile": ("a", "a", "aa")}, case=RECORDED)
-    words = "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a"
+    words = "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: t, a"
     assert error_of(drive_profile, case, "sweep", 1) == (RECORDED.file, "drive.1.profile", words)
     assert error_of(drive_profile, with_tables(case, drive=case.drive[1:]), "sweep", 0) == (
         RECORDED.file,
@@ -526,26 +531,27 @@ def test_an_unknown_quantity_of_a_channel_is_reported(monkeypatch):
 
 def test_a_channel_of_a_recorded_curve_needs_a_column_of_its_quantity(monkeypatch):
     curve = use_recorded_curve(monkeypatch, a=("m", 1.0, 2.0, 3.0))
+    known = {"a": curve.curve("a")}
     case = with_tables(RECORDED, channels={"x": Channel(equals="a", unit="mm")})
-    assert reference_channels(case, X, curve.columns)["x"].tolist() == [1.0, 2.0, 3.0]
+    assert reference_channels(case, X, known)["x"].tolist() == [1.0, 2.0, 3.0]
     angle = with_tables(RECORDED, channels={"x": Channel(equals="a", unit="deg")})
-    assert error_of(reference_channels, angle, X, curve.columns) == (
+    assert error_of(reference_channels, angle, X, known) == (
         RECORDED.file,
         "channels.x.equals",
         "column 'a' of hacksaw_recorded.csv is in m (SI), the channel in deg",
     )
     failed = with_tables(RECORDED, channels={"x": Channel(equals="aa", unit="m")})
-    assert error_of(reference_channels, failed, X, curve.columns) == (
+    assert error_of(reference_channels, failed, X, known) == (
         RECORDED.file,
         "channels.x.equals",
-        "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: a",
+        "no column 'aa' in hacksaw_recorded.csv; did you mean 'a'? there are: t, a",
     )
 
 
 def test_a_column_is_read_with_or_without_a_unit(monkeypatch):
     curve = use_recorded_curve(monkeypatch, a=("m", 1.0, 2.0, 3.0))
     for unit in (None, "m", "mm"):
-        assert recorded_column(RECORDED, curve, "key", "a", unit) is curve.columns["a"]
+        assert recorded_column(RECORDED, curve, "key", "a", unit) is curve.curve("a")
     assert error_of(recorded_column, RECORDED, curve, "key", "a", "rad")[1] == "key"
 
 

@@ -18,8 +18,9 @@ from proofmass.design.springs import CATALOGUE, describe_design, read_catalogue,
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
 from proofmass.files import write_atomically
-from proofmass.recorded import read_recorded
+from proofmass.recorded import RecordedColumn, read_table
 from proofmass.sidecar import load_case
+from proofmass.units import si_unit
 
 
 def design_balancer(
@@ -96,14 +97,19 @@ def read_target(file: Path) -> Target:
 
     Its angles must rise from at most 1 degree to at least 90 degrees.
     """
-    data = read_recorded(file)
-    if [*data.units.values()] != ["rad", "1"]:
+    table = read_table(file)
+    columns = [RecordedColumn(column=name) for name in table.units]
+    try:
+        units = [si_unit(table.unit_of(column))[0] for column in columns]
+    except ValueError as error:
+        raise InputError(file, "line 1", str(error)) from None
+    if units != ["rad", "1"]:
         raise InputError(
             file,
             "line 1",
             "the columns must be 'angle [deg]' and 'moment [1]', the wanted moment over m g r",
         )
-    angle, moment = data.columns.values()
+    angle, moment = table.monotonic(columns[0]), table.curve(columns[1])
     if angle[0] > np.pi / 180 or angle[-1] < np.pi / 2 * (1 - 1e-12):
         raise InputError(
             file,

@@ -9,7 +9,7 @@ from proofmass.case import Case
 from proofmass.check import family_of
 from proofmass.errors import InputError
 from proofmass.grouping import group_by
-from proofmass.recorded import Recorded
+from proofmass.recording import Recorded
 from proofmass.reference import load_reference
 
 STATES_WORST_FIRST = ("bad", "open", "good")

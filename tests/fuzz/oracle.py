@@ -249,7 +249,9 @@ def samples_and_drives(new: dict, run: str, recorded: dict | None) -> tuple[Arra
         raise Unjudged("several drives")
     table = new["run"][run]
     if recorded is not None:
-        x = next(iter(recorded.values()))
+        x = run_times(next(iter(recorded.values())))
+        if run == "dynamics" and np.ptp(np.diff(x)) > 1e-9 * np.diff(x).mean():
+            raise Unjudged("uneven times, between which the reference is interpolated")
         return x, [(d["joint"], *(recorded[c] for c in d["profile"])) for d in drives]
     n = int(table["n"])
     if not drives:
@@ -275,6 +277,13 @@ def samples_and_drives(new: dict, run: str, recorded: dict | None) -> tuple[Arra
     x = np.linspace(a, b, n) if run == "sweep" else np.linspace(0, (b - a) / rate, n)
     value = x if run == "sweep" else a + rate * x
     return x, [(drive["joint"], value, np.full(n, rate), np.zeros(n))]
+
+
+def run_times(clock: Array) -> Array:
+    """Times since the run began, which is at 0 of the clock, or at the first row without a 0."""
+    row = float(np.median(np.diff(clock)))
+    lost_or_zero = -0.5 * row <= clock[0] <= 1.5 * row or clock[0] < 0 <= clock[-1] - 0.5 * row
+    return clock if lost_or_zero else clock - clock[0]
 
 
 def recorded_columns(file: Path) -> dict[str, Array]:

@@ -15,15 +15,9 @@ from pydantic import Field
 
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
-from proofmass.recorded import (
-    MIN_ROWS,
-    ROW_TOLERANCE,
-    RecordedColumn,
-    interpolate_recorded,
-    nearest_rows,
-    read_table,
-)
-from proofmass.sim.contents import channel_unit
+from proofmass.recorded import LARGEST_GAP, RecordedColumn, read_table
+from proofmass.recording import PlacedRows, Recording, RunAxis, SteadyDrive
+from proofmass.sim.contents import channel_unit, joints
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import (
     BY_CHANNEL,
@@ -39,9 +33,6 @@ from proofmass.sim.protocol import (
     Unsupported,
 )
 from proofmass.strict import Strict
-
-X_UNITS = {"dynamics": ("s",), "equilibrium": ("m",)}
-"""Units of the x of a run; that of a sweep is time, or the value of a drive."""
 
 
 class RecordedDrive(Strict):
@@ -62,10 +53,10 @@ class RecordedSettings(EngineSettings):
     x: RecordedColumn | None = None
     channels: Annotated[dict[str, RecordedColumn], BY_CHANNEL] = Field(min_length=1)
     drive: Annotated[dict[str, RecordedDrive], BY_JOINT] = Field({})
-    gap: StrictNumber = Field(10.0, gt=1)
+    gap: StrictNumber = Field(LARGEST_GAP, gt=1)
 
 
-class Recording:
+class Export:
     """A recorded file, read by its settings.
 
     Raises
@@ -73,38 +64,26 @@ class Recording:
     BadSetting
         A column does not exist, or its unit is not stated.
     InputError
-        A cell is no finite number, x does not rise, or there is a gap between rows.
+        A cell is no finite number, x turns back, or there is a gap between rows.
     """
 
     def __init__(self, settings: RecordedSettings) -> None:
         self.settings, self.table = settings, read_table(Path(settings.file))
-        self.x = settings.x or RecordedColumn(column=next(iter(self.table.units)))
-        columns = {"x": self.x}
-        columns |= {f"channels.{name}": one for name, one in settings.channels.items()}
+        columns = {f"channels.{name}": one for name, one in settings.channels.items()}
         for joint, drive in settings.drive.items():
             columns |= {f"drive.{joint}.{key}": getattr(drive, key) for key in DRIVE_PARTS}
-        for key, column in columns.items():
+        for key, column in {"x": settings.x, **columns}.items():
             try:
-                self.table.require(column)
+                if column is not None:
+                    self.table.require(column)
             except ValueError as error:
                 raise BadSetting(key, str(error)) from None
-        self.rows = self.table.rising(self.x)
+        try:
+            self.recording = Recording(self.table, settings.x)
+        except ValueError as error:
+            raise BadSetting("x", str(error)) from None
+        self.recording.check_gaps(settings.gap)
         self.curves = {key: self.table.curve(column) for key, column in columns.items()}
-        self.spacing = float(np.median(np.diff(self.rows)))
-        self.check_spacing()
-
-    def check_spacing(self) -> None:
-        """Raise InputError if the spacing of rows is larger somewhere than the setting allows."""
-        ratios = np.diff(self.rows) / self.spacing
-        k = int(np.argmax(ratios))
-        if ratios[k] > self.settings.gap:
-            raise InputError(
-                self.table.file,
-                self.table.line(k + 1),
-                f"{self.x.column} goes from {self.rows[k]:.6g} to {self.rows[k + 1]:.6g}, "
-                f"{ratios[k]:.3g} times the usual spacing of rows, {self.spacing:.4g} (SI): record "
-                f"what is missing, or allow it by gap = {np.ceil(ratios[k]):.0f} in the settings",
-            )
 
     def require(self, key: str, column: RecordedColumn, subject: str, *quantities: str) -> None:
         """Raise InputError unless a column measures one of these quantities, given by SI units."""
@@ -112,36 +91,6 @@ class Recording:
             self.table.require(column, *quantities)
         except ValueError as error:
             raise InputError(self.table.file, key, f"{subject}: {error}") from None
-
-    def has_rows_at_samples(self, run: Run) -> bool:
-        """Whether the file has a row at every sample of a run.
-
-        Raises
-        ------
-        InputError
-            The rows do not cover the range of the run, or are too few to interpolate.
-        """
-        first, last = self.rows[0], self.rows[-1]
-        tolerance = ROW_TOLERANCE * self.spacing
-        if run.x[0] < first - tolerance or run.x[-1] > last + tolerance:
-            raise InputError(
-                self.table.file,
-                f"column {self.x.column!r}",
-                f"it goes from {first:.6g} to {last:.6g} (SI), the {run.kind} from {run.x[0]:.6g} "
-                f"to {run.x[-1]:.6g}; nothing is extrapolated: record the rest, or give the run "
-                "other samples",
-            )
-        distances = np.abs(run.x - self.rows[nearest_rows(run.x, self.rows)])
-        if (distances <= tolerance).all():
-            return True
-        if self.rows.size < MIN_ROWS:
-            raise InputError(
-                self.table.file,
-                "",
-                f"{self.rows.size} rows are too few to interpolate; record {MIN_ROWS} or more, or "
-                "rows at the samples of the run",
-            )
-        return False
 
 
 DRIVE_PARTS = ("value", "rate", "acceleration")
@@ -176,11 +125,9 @@ def simulate(model: Path, run: Run) -> Curves:
         raise Unsupported("a model without a sidecar, which names no recorded file")
     begin = time.perf_counter()
     compiled = compile_model(model, run.rods)
-    recording = Recording(RecordedSettings.read(run.settings))
-    table, columns = recording.table, recording.settings.channels
-    recording.require(
-        f"column {recording.x.column!r}", recording.x, f"x of the {run.kind}", *x_units(run)
-    )
+    export = Export(RecordedSettings.read(run.settings))
+    table, columns = export.table, export.settings.channels
+    rows = export.recording.place(run_axis(run, joints(compiled)))
     for name in (name for name in run.channels if name in columns):
         try:
             unit = channel_unit(compiled, name, run.rods)
@@ -188,16 +135,14 @@ def simulate(model: Path, run: Run) -> Curves:
             raise BadModel(f"no sensor {error.args[0]!r}") from None
         if unit is not None:
             key = f"column {columns[name].column!r}"
-            recording.require(key, columns[name], f"channel {name}", unit)
-    exact = recording.has_rows_at_samples(run)
+            export.require(key, columns[name], f"channel {name}", unit)
+    rows.require(run.x, run.kind)
+    exact = rows.have(run.x)
     channels, uncertainty = dict[str, Array](), dict[str, Array]()
-    nearest = nearest_rows(run.x, recording.rows)
     for name in (name for name in run.channels if name in columns):
-        curve = recording.curves[f"channels.{name}"]
-        if exact:
-            channels[name] = curve[nearest]
-        else:
-            channels[name], uncertainty[name] = interpolate_recorded(run.x, recording.rows, curve)
+        channels[name], unsure = rows.at(run.x, export.curves[f"channels.{name}"])
+        if not exact:
+            uncertainty[name] = unsure
     return Curves(
         run.x,
         channels,
@@ -206,24 +151,37 @@ def simulate(model: Path, run: Run) -> Curves:
             for name in run.channels
             if name not in columns
         },
-        drive=recorded_drive(recording, run, exact),
+        drive=recorded_drive(export, rows, run, exact),
         seconds=time.perf_counter() - begin,
-        settings={"x": recording.x.column},
+        settings={"x": export.recording.column.column},
         uncertainty=uncertainty,
-        notes=(describe_source(recording, uncertainty),),
+        notes=(describe_source(export, rows, uncertainty),),
     )
 
 
-def x_units(run: Run) -> tuple[str, ...]:
-    """SI units that the x of a run may have."""
-    if run.kind in X_UNITS:
-        return X_UNITS[run.kind]
-    by_value = bool(run.drives) and np.array_equal(run.motion(run.x)[0][0], run.x)
-    return ("rad", "m") if by_value else ("s",)
+def run_axis(run: Run, units: Mapping[str, str | None]) -> RunAxis:
+    """The x of a run; `units` are the SI units of the joints by name."""
+    if run.kind == "equilibrium":
+        return RunAxis(run.kind, "m")
+    first, width = float(run.x[0]), float(run.x[-1] - run.x[0])
+    if not run.drives:
+        return RunAxis(run.kind, "s", None, width, first)
+    value, rate, acceleration = (part[0] for part in run.motion(run.x))
+    by_value = run.kind == "sweep" and np.array_equal(value, run.x)
+    unit = units.get(run.drives[0].joint) or "rad"
+    constant = float(rate[0])
+    if not constant or np.ptp(rate) > 0 or acceleration.any():
+        return RunAxis(run.kind, unit if by_value else "s", None, width, first)
+    if not by_value:
+        steady = SteadyDrive(unit, float(value[0]) - constant * first, constant)
+        return RunAxis(run.kind, "s", steady, width, first)
+    start = float(getattr(run.drives[0].profile, "start", first))
+    steady = SteadyDrive(unit, start, constant)
+    return RunAxis(run.kind, unit, steady, width / constant, (first - start) / constant)
 
 
 def recorded_drive(
-    recording: Recording, run: Run, exact: bool
+    export: Export, rows: PlacedRows, run: Run, exact: bool
 ) -> tuple[Array, Array, Array] | None:
     """The recorded state of the drives; None if the settings name no columns for it.
 
@@ -234,7 +192,7 @@ def recorded_drive(
         samples of the run.  In the latter case the reference would have the unknown error of an
         interpolated state.
     """
-    columns = recording.settings.drive
+    columns = export.settings.drive
     if not columns or not run.drives:
         return None
     missing = [drive.joint for drive in run.drives if drive.joint not in columns]
@@ -248,22 +206,25 @@ def recorded_drive(
         )
     )
     if missing or not exact:
-        raise InputError(recording.table.file, "", wrong)
-    nearest = nearest_rows(run.x, recording.rows)
+        raise InputError(export.table.file, "", wrong)
     value, rate, acceleration = (
-        np.array([recording.curves[f"drive.{drive.joint}.{key}"][nearest] for drive in run.drives])
+        np.array(
+            [rows.at(run.x, export.curves[f"drive.{drive.joint}.{key}"])[0] for drive in run.drives]
+        )
         for key in DRIVE_PARTS
     )
     return value, rate, acceleration
 
 
-def describe_source(recording: Recording, uncertainty: Mapping[str, Array]) -> str:
+def describe_source(export: Export, rows: PlacedRows, uncertainty: Mapping[str, Array]) -> str:
     """A sentence on the source of the curves and the error of their interpolation."""
-    head = f"recorded in {recording.table.file.name}, {len(recording.table.rows)} rows"
+    head = f"recorded in {export.table.file.name}, {rows.x.size} rows"
+    if rows.words:
+        head += f" ({rows.words})"
     if not uncertainty:
         return f"{head}, at the samples of the run; nothing is interpolated"
     shares = {
-        name: float(error.max()) / (float(np.ptp(recording.curves[f"channels.{name}"])) or 1.0)
+        name: float(error.max()) / (float(np.ptp(export.curves[f"channels.{name}"])) or 1.0)
         for name, error in uncertainty.items()
     }
     worst = max(shares, key=shares.__getitem__)
@@ -286,8 +247,8 @@ class RecordedCurves(Engine):
         return simulate(model, run)
 
     def check_settings(self, settings: Mapping[str, object]) -> None:
-        """Check the settings and the file that they name; see `Recording`."""
-        Recording(RecordedSettings.read(settings))
+        """Check the settings and the file that they name; see `Export`."""
+        Export(RecordedSettings.read(settings))
 
 
 ENGINE = RecordedCurves()
