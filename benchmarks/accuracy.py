@@ -24,12 +24,12 @@ from benchmarks.accuracy_far import far
 from benchmarks.accuracy_series import causes, orders
 from proofmass.case import Case
 from proofmass.outcome import Outcome
+from proofmass.pool import pool
 from proofmass.reference import run_samples
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.studies.command import load_cases
 from proofmass.studies.record import StudyRow
-from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice, NoGoodSetting, choose
 from proofmass.studies.trade.search import search

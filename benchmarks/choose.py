@@ -17,10 +17,10 @@ from benchmarks import ROOT, command, folders
 from benchmarks.rivals import Duel, duel
 from examples.chosen import truths
 from proofmass.case import Case
+from proofmass.pool import pool
 from proofmass.sidecar import load_case
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import Setting
-from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice
 from proofmass.studies.trade.choose_command import (

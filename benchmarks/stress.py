@@ -17,10 +17,10 @@ from textwrap import fill
 from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
+from proofmass.pool import pool
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.sidecar import load_case
-from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.stress.extremes import list_extremes

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from proofmass.outcome import (
     UNCHECKED_OUTCOMES,
     Outcome,
 )
+from proofmass.pool import ClusterError, pool, size_of
 from proofmass.reference import run_samples
 from proofmass.refinement import FinerRun, RefinedRow, RunResult, refined_errors, refinement_runs
 from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
@@ -32,7 +33,7 @@ from proofmass.sim.protocol import BadModel, Curves, Diverged, Unsupported
 from proofmass.solve import solve_here
 from proofmass.strict import Kind
 from proofmass.validate import validate_case
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated, interrupt_workers
+from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
 CheckTask = tuple[Case, Kind, str] | FinerRun | Path
 LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
@@ -351,6 +352,7 @@ def check(
     progress: Callable[[str, int, int], None] = lambda *_: None,
     causes: bool = True,
     detectable: bool = True,
+    dask: str | None = None,
 ) -> Result:
     """Run every case below `paths` and compare it with its reference.
 
@@ -359,13 +361,17 @@ def check(
     paths : iterable of path
         Sidecars, models, folders.
     jobs : int, optional
-        Number of parallel runs; the number of processors if not given.
+        Number of parallel runs; the number of processors, or of threads of the cluster, if not
+        given.
     progress : callable, optional
         Called as ``progress(label, done, total)`` after each run.
     causes : bool
         Whether to search for changes that would explain why a run differs.
     detectable : bool
         Whether to find `Comparison.detectable` as well, see `compare`.
+    dask : str, optional
+        Address of the scheduler of a Dask cluster on which the runs are made, see
+        `proofmass.pool.pool`; they are made on this machine if not given.
 
     Returns
     -------
@@ -373,18 +379,17 @@ def check(
         Errors of the input are collected in `Result.errors`; the other cases still run.
     """
     given = tuple(map(Path, paths))
+    if dask is not None:
+        given = tuple(path.absolute() for path in given)  # workers run in other folders
     result = Result(paths=given)
-    jobs = jobs or os.cpu_count() or 1
-    with interrupt_workers(), ThreadPoolExecutor(jobs) as pool:
-        try:
-            tasks = plan_tasks(collect_inputs(given, result.errors, result.of_others), result, pool)
-            outcomes = run_tasks(tasks, result, pool, jobs, progress, detectable)
-            collect_outcomes(tasks, outcomes, result)
-            if causes:
-                diagnose_runs(result, pool, progress)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    with pool(jobs, dask) as executor:
+        tasks = plan_tasks(collect_inputs(given, result.errors, result.of_others), result, executor)
+        outcomes = run_tasks(
+            tasks, result, executor, jobs or size_of(executor), progress, detectable
+        )
+        collect_outcomes(tasks, outcomes, result)
+        if causes:
+            diagnose_runs(result, executor, progress)
     return result
 
 
@@ -441,6 +446,8 @@ def run_tasks(
             except InputError as error:
                 if str(error) not in map(str, result.errors):
                     result.errors.append(error)
+            except ClusterError:
+                raise
             except Exception as error:  # so that the other tasks keep their results
                 result.errors.append(
                     InputError(

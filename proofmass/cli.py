@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 from rich.text import Text
 
-from proofmass.command import Dask, Jobs, error_console, exit_on_error, find_sidecar, progress_bar
+from proofmass.command import (
+    BAD_INPUT,
+    Dask,
+    Jobs,
+    error_console,
+    exit_on_error,
+    find_sidecar,
+    progress_bar,
+)
 from proofmass.errors import InputError, suggest_names
 from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 
@@ -69,16 +77,22 @@ ERROR_METAVAR = f"<{'|'.join(Errors)}>"
 
 
 def check_with_progress(
-    paths: list[Path] | None, jobs: int | None, detectable: bool = True
+    paths: list[Path] | None, jobs: int | None, detectable: bool = True, dask: str | None = None
 ) -> "Result":
     """Check cases with a progress bar, and print errors of the input; both on standard error.
 
     `detectable` is true where detectable changes are needed; printed tables do not show them.
     """
     from proofmass.check import check
+    from proofmass.pool import ClusterError
 
-    with progress_bar() as advance:
-        result = check(paths or [Path("models")], jobs, advance, detectable=detectable)
+    try:
+        with progress_bar() as advance:
+            found = paths or [Path("models")]
+            result = check(found, jobs, advance, detectable=detectable, dask=dask)
+    except ClusterError as error:
+        error_console.print(f"error: {error}", style="bold red")
+        raise typer.Exit(BAD_INPUT) from None
     print_errors(result.errors)
     print_files_of_others(result.of_others)
     return result
@@ -138,6 +152,7 @@ def check_command(
         bool, typer.Option("--json", help="Print JSON: comparisons, errors and exit code.")
     ] = False,
     jobs: Jobs = None,
+    dask: Dask = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show every channel.")] = False,
     junit: Annotated[
         Path | None,
@@ -170,7 +185,7 @@ def check_command(
         result = Result(of_others=left)
     else:
         ours = None if paths is None else [path for path in paths if path not in left]
-        result = check_with_progress(ours, jobs, detectable=json)
+        result = check_with_progress(ours, jobs, detectable=json, dask=dask)
     if json:
         print(as_json(result))
     else:
@@ -188,6 +203,7 @@ def report_command(
         "reports"
     ),
     jobs: Jobs = None,
+    dask: Dask = None,
     study: Annotated[
         list[Path] | None,
         typer.Option(
@@ -224,7 +240,7 @@ def report_command(
         studies = write_study_pages(study or [], output)
         last = read_last(output) if baseline is None else read_baseline(baseline)
     made = record_start(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
-    result = check_with_progress(paths, jobs)
+    result = check_with_progress(paths, jobs, dask=dask)
     # printed before any file is written, so that a full disk does not lose the results
     print_result(result, link=partial(link, output))
     record = make_record(result, made)

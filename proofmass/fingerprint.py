@@ -1,10 +1,9 @@
 """Digests of what a stored result depends on: files, compiled models, versions and sources."""
 
 import hashlib
-import importlib.metadata
-import sys
 from collections.abc import Iterable
 from functools import cache
+from importlib.metadata import distribution, version
 from pathlib import Path
 
 import mujoco
@@ -14,6 +13,7 @@ import proofmass
 from proofmass import analytic, sim
 from proofmass.case import Case
 from proofmass.engines import computes_curves, engine_of, foreign_distribution
+from proofmass.installation import digest_engines
 from proofmass.reference import compiled_model
 from proofmass.sim.protocol import FILE_MARK
 
@@ -53,21 +53,13 @@ def digest_recorded_files(case: Case) -> str:
 
 @cache
 def package_versions(engine: str) -> dict[str, str]:
-    """Versions of the packages that compute a result, and a digest of an adapter from elsewhere."""
+    """Versions of the packages that compute a result, and a digest of an engine from elsewhere."""
     brought = foreign_distribution(engine)
     names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
-    code = (
-        {}
-        if not brought
-        else {
-            "adapter": digest(
-                Path(str(sys.modules[type(engine_of(engine)).__module__].__file__)).read_bytes()
-            )
-        }
-    )
+    code = {"adapter": digest_engines(distribution(brought))} if brought else {}
     return {
         "proofmass": proofmass.__version__,
-        **{name: importlib.metadata.version(name) for name in names},
+        **{name: version(name) for name in names},
         **code,
     }
 

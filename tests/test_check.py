@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from proofmass import pool
 from proofmass.check import (
     LOADING_SECONDS,
     OUTCOME_OF_EXCEPTION,
@@ -349,12 +350,12 @@ def test_parallel_runs_are_as_many_as_jobs_or_processors(jobs, threads, monkeypa
     monkeypatch.setattr(os, "cpu_count", lambda: 5)
     asked = []
 
-    class Pool(CHECK_MODULE.ThreadPoolExecutor):
+    class Pool(pool.ThreadPoolExecutor):
         def __init__(self, most):
             asked.append(most)
             super().__init__(most)
 
-    monkeypatch.setattr(CHECK_MODULE, "ThreadPoolExecutor", Pool)
+    monkeypatch.setattr(pool, "ThreadPoolExecutor", Pool)
     check([tmp_path / "none"], jobs=jobs)
     assert asked == [threads]
 
@@ -546,7 +547,7 @@ def test_an_interrupt_cancels_waiting_runs(short, monkeypatch):
     ended = []
     monkeypatch.setattr(CHECK_MODULE, "run_tasks", interrupt)
     monkeypatch.setattr(
-        CHECK_MODULE.ThreadPoolExecutor,
+        pool.ThreadPoolExecutor,
         "shutdown",
         lambda self, wait=True, *, cancel_futures=False: ended.append((wait, cancel_futures)),
     )

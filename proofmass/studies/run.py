@@ -10,59 +10,27 @@
 A run that is in the store is not made again, even if another study asked for it.
 """
 
-import os
-from collections.abc import Callable, Collection, Iterable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import Executor, as_completed
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from math import ceil, isnan
 from pathlib import Path
 
 from proofmass.case import Case
+from proofmass.pool import pool
 from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, measure_task
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
-from proofmass.worker import interrupt_workers
 
 Progress = Callable[[str, int, int], None]
 RunKey = tuple[str, int]  # key of a task and number of the repeat; 0 is the first run, with errors
-CONNECT_TIMEOUT = "10s"  # for the connection to a Dask scheduler
 REPEATS_SECONDS = 0.3
 """Wall time that all repeats of a long run take together [s]: a short disturbance, such as an
 interrupt or another process, is a small share of it."""
 LONG_RUN_SECONDS = 0.1
 """Wall time [s] from which a run is long compared with a short disturbance."""
-
-
-@contextmanager
-def pool(jobs: int | None = None, dask: str | None = None) -> Iterator[Executor]:
-    """An executor for runs: `jobs` threads on this machine, one for each processor if not given.
-
-    With `dask`, the address of a scheduler, runs go to a Dask cluster, whose workers need proofmass
-    and the files of the models at the same paths.
-
-    Raises
-    ------
-    ValueError
-        Dask is not installed, or no scheduler answers at the address.
-    """
-    if dask is None:
-        with interrupt_workers(), ThreadPoolExecutor(jobs or os.cpu_count()) as threads:
-            yield threads
-        return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ValueError("--dask needs dask: pip install proofmass[dask]") from None
-    try:
-        client = Client(dask, timeout=CONNECT_TIMEOUT)
-    except (OSError, ValueError) as error:
-        raise ValueError(
-            f"--dask {dask}: no scheduler answers there, such as tcp://host:8786: {error}"
-        ) from None
-    with client, client.get_executor(pure=False) as cluster:
-        yield cluster
 
 
 def run_tasks(
@@ -89,7 +57,7 @@ def run_tasks(
     store : Store
         Where every finished run is saved at once.
     workers : Executor, optional
-        From `pool`; threads of this machine if not given.
+        From `proofmass.pool.pool`; threads of this machine if not given.
     repeats : int
         Largest number of repeats of a task; with 0 the rows have no timings.
     repeated : collection of int, optional

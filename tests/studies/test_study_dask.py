@@ -7,7 +7,8 @@ from importlib.util import find_spec
 import pytest
 
 from proofmass.errors import InputError
-from proofmass.studies.run import pool, run_tasks
+from proofmass.pool import pool
+from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
 from tests.studies.study_tasks import tasks
 

@@ -24,6 +24,7 @@ from rich.table import Table
 from proofmass.command import error_console, exit_on_error
 from proofmass.errors import InputError
 from proofmass.fingerprint import bytes_of_model
+from proofmass.pool import pool
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol import Curves, Run
 from proofmass.studies.diet.edits import EditedModel, read_model, write_model
@@ -68,7 +69,6 @@ from proofmass.studies.diet.trial import (
     failed_outcome,
 )
 from proofmass.studies.measure import Measurement, measure
-from proofmass.studies.run import pool
 from proofmass.studies.store import digest, digest_of_sources, package_versions, read_or_make
 from proofmass.terminal import make_console
 from proofmass.wording import number
@@ -183,7 +183,10 @@ def run_diet(
         if (table := file.with_suffix(".csv")).exists():
             read_entries(table)  # fails if the file is not the table of a diet: it is not replaced
         scene = load_scene(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
-        with pool(jobs, dask) as workers, error_console.status("starting") as status:
+        with (
+            pool(jobs, dask) as workers,
+            error_console.status("starting") as status,
+        ):
             found = DietSearch(
                 scene,
                 blind,

@@ -19,8 +19,9 @@ from pathlib import Path
 from rich.table import Table
 
 from proofmass.command import error_console, exit_on_error, progress_bar
+from proofmass.pool import pool
 from proofmass.studies.command import load_cases
-from proofmass.studies.run import Progress, pool
+from proofmass.studies.run import Progress
 from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_or_make
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import (
@@ -64,7 +65,10 @@ def search_cases(
     searches = [one for one in searches if only in one.parameter]
     if not searches:
         raise ValueError(f"--only {only}: no such parameter")
-    with pool(jobs, dask) as workers, progress_bar(len(searches), max_letters=40) as advance:
+    with (
+        pool(jobs, dask) as workers,
+        progress_bar(len(searches), max_letters=40) as advance,
+    ):
         return find_boundaries(searches, workers, advance)
 
 

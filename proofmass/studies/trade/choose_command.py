@@ -14,10 +14,11 @@ from proofmass.command import error_console, exit_on_error, progress_bar, single
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.files import write_atomically
+from proofmass.pool import pool
 from proofmass.strict import Kind
 from proofmass.studies.command import load_cases, require_seconds
 from proofmass.studies.record import StudyRow
-from proofmass.studies.run import pool, run_tasks
+from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store, package_versions
 from proofmass.studies.trade.choose import (
     ERROR_MARGIN,
@@ -71,7 +72,10 @@ def run_choose(
             raise typer.Exit(1)
         runs, verdicts, sensitivity = Store(store / "runs"), list[Verdict](), ""
         if kind == "dynamics":
-            with pool(jobs, dask) as workers, progress_bar(max_letters=40) as advance:
+            with (
+                pool(jobs, dask) as workers,
+                progress_bar(max_letters=40) as advance,
+            ):
                 (motion,) = disturb_motions([case], [kind], runs, workers, longest)
                 case = end_at_horizon(case, kind, motion)  # up to the horizon of a chaotic motion
                 sensitivity = motion.words if motion else ""

@@ -27,6 +27,7 @@ from proofmass.errors import InputError
 from proofmass.files import write_atomically
 from proofmass.grouping import group_by
 from proofmass.outcome import Outcome
+from proofmass.pool import pool
 from proofmass.reference import compiled_model
 from proofmass.sim.protocol import Perturbation, first_number
 from proofmass.solve import MAX_FORCE_EVALUATIONS
@@ -34,7 +35,7 @@ from proofmass.strict import Kind
 from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, write_table
-from proofmass.studies.run import LONG_RUN_SECONDS, Progress, pool, run_tasks
+from proofmass.studies.run import LONG_RUN_SECONDS, Progress, run_tasks
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import is_default
 from proofmass.studies.trade.disturbed import (

@@ -9,10 +9,10 @@ from rich.table import Table
 from proofmass.case import Case
 from proofmass.command import error_console, exit_on_error, progress_bar
 from proofmass.outcome import Outcome
+from proofmass.pool import pool
 from proofmass.strict import Kind
 from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.command import load_cases, require_seconds
-from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.trade.orders import is_unexpected
 from proofmass.studies.trade.trade import (

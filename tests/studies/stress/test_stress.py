@@ -11,12 +11,12 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from proofmass.cli import app
+from proofmass.pool import pool
 from proofmass.reference import drive_profiles
 from proofmass.sim.mjcf import compile_model
 from proofmass.studies import variants
 from proofmass.studies.measure import observe
 from proofmass.studies.record import Setting
-from proofmass.studies.run import pool
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import (
     Boundary,
