@@ -12,7 +12,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.equilibrium import clamps_and_forces
-from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.analytic.start import start_pose
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.protocol import Diverged, Rod
@@ -20,6 +20,8 @@ from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.quasi_static import rod_shape
 from proofmass.sim.pymunk.space import build_space
 from proofmass.sim.rods import Chain, chain, compile_with_rods
+from proofmass.sim.smooth import SmoothTerms
+from proofmass.sim.start import StartOfModel
 from tests.independent.rods.chain_assembly import AssemblyEquilibria, settle
 
 MODEL = """<mujoco><compiler angle="radian"/>
@@ -157,7 +159,7 @@ class Scene:
         """The joint values with the least change that close the loops; None if they stay open."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = qpos
-        Linkage(self.model, data, ()).release()
+        data.qpos[:] = start_pose(StartOfModel(SmoothTerms(self.model), qpos), np.zeros(0))
         mujoco.mj_kinematics(self.model, data)
         return data.qpos.copy() if loop_violations(self.model, data).max() < 1e-9 else None
 

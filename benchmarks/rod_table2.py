@@ -44,6 +44,12 @@ of its 3PFR program (code lines 8812-8945); the table does not say whether they 
 fourth heading repeats the second, tolL = 0.5 and tolM = 1. Here it is read as tolL = 1 and
 tolM = 0.5, which completes the scheme.
 
+The tolerance of the moment is not that of the program, which compares the moment with 0.2 tolM
+(code line 9138), while the text and the table do not mention a factor. With the factor fewer nodes
+are starts: for n = 7, tolL = 0.5 and tolM = 1 there are 191 instead of 311, and for n = 7, tolL = 1
+and tolM = 1 there are 624 instead of 1,124. Both lead to the same number of solutions, 2 and 3
+mirrored ones.
+
 The document closes a platform by its three sides, so that mirrored platforms count as solutions.
 Here Newton's method runs twice from each start: with the platform as it is, which has {true}
 equilibria of modes 1 with alpha to 20 (`docs/rod_solutions.md`), and with a mirrored one, which

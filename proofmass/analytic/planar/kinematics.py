@@ -9,17 +9,26 @@ Newton's method closes the loops of one pose, or of many at once.  Joint values 
 both.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from math import comb
 from typing import Any
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, CannotAssemble, Complex, Index, SingularHere
+from proofmass.analytic.numerics import (
+    Array,
+    CannotAssemble,
+    Complex,
+    Index,
+    SingularHere,
+    without_rounding,
+)
 from proofmass.analytic.planar.mechanism import (
     Mechanism,
     Overconstrained,
 )
+from proofmass.analytic.start import start_pose, start_rates
 
 
 @dataclass(frozen=True)
@@ -279,33 +288,53 @@ NO_JOINTS, NO_VALUES = np.zeros(0, np.intp), np.zeros(0)
 """Defaults of joints with given values, and of these values."""
 
 
+@dataclass(frozen=True)
+class StartOfLinkage:
+    """Loops and driven joints of a linkage, for `proofmass.analytic.start`."""
+
+    m: Mechanism
+    key: Array
+    joints: Index
+
+    @property
+    def sizes(self) -> Array:
+        """Units of the joints (joints,): 1 rad, or the size of the mechanism [m]."""
+        return self.m.scale
+
+    def prescribed(self, q: Array) -> tuple[Array, Array]:
+        """Violations of the loops, then values of the drives, and their Jacobian."""
+        motion, units = move_bodies(self.m, q[None]), np.eye(len(q))[self.joints]
+        rows = loop_jacobian(self.m, motion, q[None])[0]
+        rows = without_rounding(rows, self.m.scale / self.m.loop_units[:, None])
+        found = np.concatenate([loop_violations(self.m, motion, q[None])[0], q[self.joints]])
+        return found, np.concatenate([rows, units])
+
+    def moved(self, q: Array, move: Array) -> Array:
+        """The pose that a move leads to."""
+        return q + move
+
+    def way(self, q: Array) -> Array:
+        """The move from the key to a pose."""
+        return q - self.key
+
+
 def nearest_pose(
     m: Mechanism, q: Array, joints: Index = NO_JOINTS, values: Array = NO_VALUES
 ) -> Array:
-    """Close the loops of one pose (joints,) with the least change of its joints [rad, m].
+    """Find the closed pose (joints,) nearest to a pose q; see `proofmass.analytic.start`.
 
     The joints with numbers `joints` get the given `values`.
     """
-    q, units = q.copy(), np.eye(len(q))[joints]
-    q[joints] = values
-    for _ in range(50):
-        motion = move_bodies(m, q[None])
-        violations = np.concatenate([loop_violations(m, motion, q[None])[0], q[joints] - values])
-        rows = np.concatenate([loop_jacobian(m, motion, q[None])[0], units])
-        step = np.linalg.lstsq(rows, violations, rcond=RANK_TOLERANCE)[0]
-        q = q - step
-        if not np.abs(step).max(initial=0.0) > 1e-14:
-            break
-    if not scaled_violations(m, q[None])[0] < CLOSING_TOLERANCE:
-        from scipy.optimize import least_squares  # slow to load
+    with suppress(CannotAssemble):
+        found = start_pose(StartOfLinkage(m, q, joints), values)
+        if scaled_violations(m, found[None])[0] < CLOSING_TOLERANCE:
+            return found
+    from scipy.optimize import least_squares  # slow to load
 
-        best = least_squares(
-            lambda q: loop_violations(m, move_bodies(m, q[None]), q[None])[0], m.start
-        )
-        raise CannotAssemble(
-            f"cannot be assembled from the start pose: {largest_violation(m, best.x)[1]} at best"
-        )
-    return q
+    best = least_squares(lambda q: loop_violations(m, move_bodies(m, q[None]), q[None])[0], m.start)
+    raise CannotAssemble(
+        f"cannot be assembled from the start pose: {largest_violation(m, best.x)[1]} at best"
+    )
 
 
 def nearest_rates(
@@ -315,10 +344,8 @@ def nearest_rates(
 
     The joints with numbers `joints` get given rates.
     """
-    matrix = loop_jacobian(m, move_bodies(m, q[None]), q[None])[0]
-    rows = np.concatenate([matrix, np.eye(len(q))[joints]])
-    wanted = np.concatenate([np.zeros(len(matrix)), rates])
-    return np.asarray(v - np.linalg.lstsq(rows, rows @ v - wanted, rcond=RANK_TOLERANCE)[0])
+    _, rows = StartOfLinkage(m, q, joints).prescribed(q)
+    return start_rates(rows, v, np.concatenate([np.zeros(m.rows), rates]))
 
 
 def count_dof(m: Mechanism, q: Array) -> int:

@@ -4,7 +4,7 @@ All arrays have the poses along their first axis. Vectors are in the axes of the
 """
 
 from dataclasses import dataclass, replace
-from math import cos, sin, sqrt
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
@@ -225,6 +225,21 @@ def advance_pose(tree: Tree, q: Array, step: Array) -> Array:
         quaternion = quaternion_product_parts(q[pose_index : pose_index + 4].tolist(), half)
         length = sqrt(sum(part * part for part in quaternion))
         found[pose_index : pose_index + 4] = [part / length for part in quaternion]
+    return found
+
+
+def pose_difference(tree: Tree, one: Array, other: Array) -> Array:
+    """The step (rates,) that leads from a pose (poses,) to another; inverse of `advance_pose`."""
+    found = np.empty(tree.armature.size)
+    places, rates = tree.scalars
+    found[rates] = other[places] - one[places]
+    for pose_index, rate_index in tree.quaternions:
+        back = one[pose_index : pose_index + 4] * (1.0, -1.0, -1.0, -1.0)
+        turn = quaternion_product_parts(back.tolist(), other[pose_index : pose_index + 4].tolist())
+        w, *axis = turn if turn[0] >= 0.0 else [-part for part in turn]
+        length = sqrt(sum(part * part for part in axis))
+        angle = 2.0 * atan2(length, w)
+        found[rate_index : rate_index + 3] = np.array(axis) * (angle / length if length else 2.0)
     return found
 
 

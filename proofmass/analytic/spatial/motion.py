@@ -11,7 +11,7 @@ scaled to length 1.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,10 +22,11 @@ from proofmass.analytic.controls import (
     Prescribed,
     smooth_pieces,
 )
-from proofmass.analytic.numerics import Array, CannotAssemble, SingularHere
-from proofmass.analytic.spatial.kinematics import advance_pose, pose_rate
+from proofmass.analytic.numerics import Array, CannotAssemble, Index, SingularHere
+from proofmass.analytic.spatial.kinematics import advance_pose, pose_difference, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import Terms, TermSource
+from proofmass.analytic.start import MAX_KEY_VIOLATION, start_pose, start_rates
 from proofmass.analytic.stops import (
     Balance,
     MotionWithStops,
@@ -45,8 +46,6 @@ RANK_TOLERANCE = 1e-8
 """Singular values of the equalities below this share of the largest count as zero."""
 CLOSING_TOLERANCE = 1e-13
 """Largest violation of closed equalities, as a share of the extent (at least of 1 m or rad)."""
-MAX_START_VIOLATION = 1e-3
-"""Largest violation of a start pose, as a share of the extent (at least of 1 m or rad)."""
 MAX_NEWTON_STEPS = 20
 """Largest number of Newton steps to close the equalities."""
 SHORT_STEP_SHARE, MAX_SHORT_STEPS = 1e-8, 10
@@ -176,10 +175,10 @@ class ConstrainedTree:
         closing = (left[:, :rank] / values[:rank]) @ right[:rank]
         return np.asarray(root), np.asarray(root.T @ closing)
 
-    def close(self, t: float, q: Array, v: Array, by_rates: bool = False) -> tuple[Array, Array]:
+    def close(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Find the nearest closed pose at a time, and the nearest rates that keep it closed.
 
-        Distances are in the metric of the mass matrix, or if `by_rates` in that of the rates.
+        Distances are in the metric of the mass matrix.
 
         Raises
         ------
@@ -189,11 +188,7 @@ class ConstrainedTree:
         if not self.rows:
             return advance_pose(self.tree, q, np.zeros_like(v)), v
         for _ in range(MAX_NEWTON_STEPS):
-            if by_rates:
-                terms = self.terms(t, q, v)
-                inverse = np.linalg.pinv(terms.jacobian, rcond=RANK_TOLERANCE)
-            else:
-                terms, _, inverse = self.solve(t, q, v)
+            terms, _, inverse = self.solve(t, q, v)
             gap = np.abs(terms.gap).max()
             if gap < CLOSING_TOLERANCE * max(1.0, self.tree.extent):
                 return q, v - inverse @ (terms.jacobian @ v - self.row_rates(t))
@@ -214,20 +209,67 @@ class ConstrainedTree:
         Raises
         ------
         CannotAssemble
-            This violation is more than `MAX_START_VIOLATION`.
+            This violation is more than `MAX_KEY_VIOLATION`.
         """
         tree = self.tree
         violation = 0.0
         if tree.rows:
             violations = np.abs(self.source.terms(tree.start, tree.start_rate).gap)
             violation = float(violations.max())
-            if violation > MAX_START_VIOLATION * max(1.0, tree.extent):
+            shares = violations / tree.row_sizes
+            if not shares.max() <= MAX_KEY_VIOLATION:
+                worst = int(shares.argmax())
                 raise CannotAssemble(
-                    f"the equality {name_of_row(tree, int(violations.argmax()))!r} is open by "
-                    f"{violation:.3g} at the start"
+                    f"the equality {name_of_row(tree, worst)!r} is open by "
+                    f"{violations[worst]:.3g} at the start"
                 )
-        q, v = self.close(t, tree.start, tree.start_rate, by_rates=True)
+        value, rate, _ = self.drives.profile(t)
+        begin = StartOfTree(tree, self.source, self.drives.poses, self.drives.rates)
+        q = start_pose(begin, value)
+        found, rows = begin.prescribed(q)
+        gap = np.abs(found[: tree.rows]).max(initial=0.0)
+        if not gap < CLOSING_TOLERANCE * max(1.0, tree.extent):
+            raise CannotAssemble(f"the equalities stay open by {gap:.3g}")
+        v = start_rates(rows, tree.start_rate, np.concatenate([np.zeros(tree.rows), rate]))
         return q, v, violation
+
+
+@dataclass(frozen=True)
+class StartOfTree:
+    """Equalities and driven joints of a tree, for `proofmass.analytic.start`.
+
+    `poses` and `rates` are the indices of the driven joints in a pose and in the rates.
+    """
+
+    tree: Tree
+    source: TermSource
+    poses: Index
+    rates: Index
+
+    @cached_property
+    def key(self) -> Array:
+        """The pose of the key, with quaternions of length one."""
+        return advance_pose(self.tree, self.tree.start, np.zeros(self.tree.armature.size))
+
+    @property
+    def sizes(self) -> Array:
+        """Units of the rates (rates,): 1 rad, or the size of the model [m]."""
+        return self.tree.sizes
+
+    def prescribed(self, q: Array) -> tuple[Array, Array]:
+        """Violations of the equalities, then values of the drives, and their Jacobian."""
+        gaps, rows = self.source.equalities(q)
+        units = np.eye(self.tree.armature.size)[self.rates]
+        rows = self.tree.without_rounding(rows)
+        return np.concatenate([gaps, q[self.poses]]), np.concatenate([rows, units])
+
+    def moved(self, q: Array, move: Array) -> Array:
+        """The pose that a move leads to."""
+        return advance_pose(self.tree, q, move)
+
+    def way(self, q: Array) -> Array:
+        """The move from the key to a pose."""
+        return pose_difference(self.tree, self.key, q)
 
 
 def name_of_row(tree: Tree, row: int) -> str:

@@ -37,6 +37,7 @@ from proofmass.sim.mujoco.sensors import (
 from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.protocol import Curves, Diverged, Run
+from proofmass.sim.start import start_state
 
 WARNING_TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # the time in a warning of MuJoCo
 # inertia of a flywheel, in multiples of the drive's load inertia in the start pose
@@ -46,8 +47,8 @@ FLYWHEEL_RATIO = 1e9
 def initialize_dynamics(linkage: Linkage, run: Run, times: Array) -> tuple[Array, Array]:
     """Close the loops at the drives' first values, set the rates of all joints, add the flywheels.
 
-    Without drives, or where drives leave degrees of freedom, the loops are closed with the least
-    change of the start pose, and the rates are those nearest to the rates of the key.
+    Without drives, or where drives leave degrees of freedom, the start is that of
+    `proofmass.sim.start`.
 
     Returns
     -------
@@ -58,11 +59,11 @@ def initialize_dynamics(linkage: Linkage, run: Run, times: Array) -> tuple[Array
     """
     model, data = linkage.model, linkage.data
     if not run.drives:
-        linkage.release()
+        linkage.release(*start_state(model, run))
         return np.zeros((times.size - 1, 0)), np.zeros((times.size, 0))
     value, rate, acceleration = (part.T for part in run.motion(times))
     if linkage.leaves_dof():  # such as the joints within rods, which start at the key's values
-        tangent = linkage.release(value[0], rate[0])
+        tangent = linkage.release(*start_state(model, run))
     else:
         tangent = linkage.move(value[0])
         data.qvel[:] = tangent @ rate[0]

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import mujoco
 
 from proofmass.analytic.names import equality_name, radian_hint
+from proofmass.analytic.start import MAX_KEY_VIOLATION
 from proofmass.sim.mjcf import compile_model, read_tree, refusal
 from proofmass.sim.mujoco import flex as mujoco_flex
 from proofmass.sim.mujoco import tried_settings
@@ -42,9 +43,6 @@ from proofmass.sim.protocol import (
     Run,
     sidecar_instructions,
 )
-
-# [extents] a start pose with loops open by more is refused as not assembled
-MAX_START_VIOLATION = 0.05
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -104,7 +102,7 @@ def check_assembled(model: mujoco.MjModel, data: mujoco.MjData, key: str) -> Non
     """Refuse a start pose whose loops are open by more than the rounding of the key explains."""
     mujoco.mj_kinematics(model, data)
     violations = loop_violations(model, data)
-    if violations.size and not violations.max() <= MAX_START_VIOLATION * model.stat.extent:
+    if violations.size and not violations.max() <= MAX_KEY_VIOLATION * model.stat.extent:
         loops = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT]
         name = equality_name(model, loops[int(violations.argmax())])
         raise BadModel(

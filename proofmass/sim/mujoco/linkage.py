@@ -37,8 +37,6 @@ STATIC_STAGES = (
     "mj_transmission",
 )
 """Parts of ``mj_fwdPosition``: all but those of inertia."""
-# [m or rad] size of the last Newton step of `release`; poses round by about 1e-15
-RELEASE_TOLERANCE = 1e-13
 # [rad or m] rounding of a pose; a joint further beyond its range has left it
 LIMIT_TOLERANCE = 1e-12
 # [extents or rad] size of a Newton step after which an error of its square remains
@@ -417,13 +415,13 @@ class Linkage:
             self.data.qpos[:] = pose
         return bool(free)
 
-    def release(self, values: Array = NO_VALUES, wanted: Array = NO_VALUES) -> Array:
-        """Close the loops with the least change of the joints, and make the rates satisfy them.
+    def release(self, pose: Array, rates: Array) -> Array:
+        """Take a start with degrees of freedom, of `proofmass.sim.start`; returns a tangent.
 
         Parameters
         ----------
-        values, wanted : ndarray (drives,)
-            Values [rad or m] and rates [rad/s or m/s] of the driven joints; empty without drives.
+        pose, rates : ndarray (nq,), (nv,)
+            Pose and rates of all joints [SI].
 
         Returns
         -------
@@ -433,22 +431,11 @@ class Linkage:
         Raises
         ------
         BadModel
-            The loops cannot be closed with the drives at these values.
+            The loops are open, with driven joints.
         """
-        self.data.qpos[self.adr] = values
-        for _ in range(50):
-            residual, jacobian = self.rows()
-            rows = np.vstack([self.without_rounding(jacobian), self.units])
-            open_by = np.append(residual, np.zeros(self.dofs.size))
-            move = -np.linalg.lstsq(rows, open_by, rcond=1e-10)[0]
-            mujoco.mj_integratePos(self.model, self.data.qpos, move, 1.0)
-            if np.abs(move).max(initial=0.0) < RELEASE_TOLERANCE:
-                break
-        jacobian = self.closed(values)[0] if values.size else self.rows()[1]
-        jacobian = self.without_rounding(jacobian)
-        rows, rates = np.vstack([jacobian, self.units]), self.data.qvel
-        needed = np.append(np.zeros(len(jacobian)), wanted)
-        rates += np.linalg.lstsq(rows, needed - rows @ rates, rcond=1e-10)[0]
+        self.data.qpos[:], self.data.qvel[:] = pose, rates
+        jacobian = self.closed(pose[self.adr])[0] if self.joints else self.rows()[1]
+        rows = np.vstack([self.without_rounding(jacobian), self.units])
         return np.linalg.pinv(rows, rcond=1e-10)[:, len(jacobian) :]
 
     def check_limits(self) -> None:

@@ -48,6 +48,7 @@ from proofmass.sim.mujoco.settings import mjcf_text
 from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol import ChangingLoad, Curves, Drive, NotSolved, OwnMotion, OwnRun, Run
+from proofmass.sim.start import start_state
 
 MAX_HALVINGS, MIN_HALVINGS = 6, 3
 """Largest and smallest number of halvings of the step."""
@@ -506,7 +507,7 @@ def solve_closely(path: Path, run: Run) -> Curves:
         record.record_forces()
     own = model.dof_armature[linkage.dofs].copy(), model.dof_damping[linkage.dofs].copy()
     if not run.drives:
-        linkage.release()
+        linkage.release(*start_state(model, run))
     inputs = InputsInTime.begin_run(model, run, linkage if run.drives else None)
     make_step_independent(model, inputs)
     budget = Budget(MAX_WORK)

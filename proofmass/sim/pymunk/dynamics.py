@@ -24,7 +24,6 @@ from proofmass.sim.pymunk.kinematics import (
     jacobian,
     joint_values,
     move_sizes,
-    place_chain,
     potential,
     residual,
     scale_rows,
@@ -107,7 +106,8 @@ def start_motion(
 ) -> tuple[Array, Array]:
     """Velocity and acceleration (links + 1, 3) of a closed pose under loads, springs and drives.
 
-    Joints without a drive start with the rates of the keyframe, as far as the loops allow.
+    The rates of the joints are those of `links`; what they lack of the drives' rates is added by
+    the least change.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def start_motion(
 
     rows = jacobian(prescribed, pose)
     closed = np.zeros(len(rows) - len(rate))
-    velocity = _start_velocity(links, pose, rate)  # exact to rounding, except near a singular pose
+    velocity = _velocity_of_joints(links, pose)
     lacking = np.append(closed, rate) - rows @ velocity
     velocity = velocity + _solve_constrained(links, rows, np.zeros(len(velocity)), lacking)
     full = _append_ground(velocity)
@@ -138,22 +138,14 @@ def start_motion(
     return full, _append_ground(_solve_constrained(links, rows, force, needed))
 
 
-def _start_velocity(links: Links, pose: Array, rate: Array) -> Array:
-    """Velocity (3 links,) of a closed pose that satisfies loops and drives.
-
-    The rates of the joints differ from those of the keyframe as little as possible, in the least
-    squares sense.
-    """
-    open_rows = jacobian(lambda p: residual(links, p), pose)
-    tree = links.joint_rows
-    chain = np.vstack([open_rows[:tree], jacobian(lambda p: joint_values(links, p), pose)])
-    by_joints = np.linalg.lstsq(chain * links.sizes, np.eye(len(chain))[:, tree:], rcond=1e-14)[0]
-    by_joints *= links.sizes[:, None]
-    wanted = np.array([joint.rate for joint in links.joints])
-    fixed = np.vstack([open_rows[tree:] @ by_joints, np.eye(wanted.size)[list(links.driven)]])
-    asked = np.append(np.zeros(len(fixed) - rate.size), rate)
-    change = np.linalg.lstsq(fixed, asked - fixed @ wanted, rcond=1e-9)[0]
-    return np.asarray(by_joints @ (wanted + change))
+def _velocity_of_joints(links: Links, pose: Array) -> Array:
+    """Velocity (3 links,) of a closed pose, from the rates of all joints at the start."""
+    tree = jacobian(lambda p: residual(links, p), pose)[: links.joint_rows]
+    chain = np.vstack([tree, jacobian(lambda p: joint_values(links, p), pose)])
+    rates = np.array([joint.rate for joint in links.joints])
+    wanted = np.append(np.zeros(len(tree)), rates)
+    found = np.linalg.lstsq(chain * links.sizes, wanted, rcond=1e-14)[0]
+    return np.asarray(found * links.sizes)
 
 
 def _solve_constrained(links: Links, rows: Array, force: Array, needed: Array) -> Array:
@@ -273,9 +265,7 @@ def start_state(
             part[:, k] = curve
     value, rate, acc = profiles
     value = _extend_values(value, acc, dt)
-    chain = bool(links.driven) and not links.loops and not links.gears
-    begin = place_chain(links, value[1]) if chain else links.pose
-    pose = close_loops(links, begin, value[1])
+    pose = close_loops(links, links.pose, value[1])
     motion = start_motion(links, pose, rate[0], acc[0])
     pose, velocity = step_back(links, pose, motion, dt, value[:2])
     return pose, velocity, value[2:]

@@ -274,28 +274,6 @@ def close_loops(links: Links, pose: Array, drives: Array, remainder: Array | flo
     return pose
 
 
-def place_chain(links: Links, drives: Array) -> Array:
-    """The start pose (links + 1, 3) of links without loops, with driven joints at other values.
-
-    All other joints keep their values, so that all links beyond a driven joint move with it.
-    """
-    pose, ways = links.pose.copy(), np.zeros(len(links.joints))
-    ways[list(links.driven)] = drives - drive_values(links, links.pose)
-    for joint, way in zip(links.joints, ways.tolist(), strict=True):
-        constraint = joint.constraint
-        if not joint.holds:
-            continue
-        place, angle = pose[constraint.a, :2], pose[constraint.a, 2]
-        on_a = constraint.on_a
-        if constraint.axis is None:
-            pose[constraint.b, 2] = angle + joint.sign * way
-        else:
-            pose[constraint.b, 2], on_a = angle, on_a + way * constraint.axis
-        anchor = place + rotate(angle, on_a)
-        pose[constraint.b, :2] = anchor - rotate(pose[constraint.b, 2], constraint.on_b)
-    return pose
-
-
 def _close_by_newton(links: Links, pose: Array, drives: Array, remainder: Array | float) -> Array:
     """Newton's method of `close_loops`, for one stage of the drives."""
     best, best_size = pose, np.inf

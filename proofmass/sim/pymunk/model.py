@@ -14,6 +14,7 @@ import numpy as np
 
 from proofmass.analytic.names import equality_name, radian_hint
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.start import MAX_KEY_VIOLATION
 from proofmass.sim.contents import (
     active_connects,
     actuators_on,
@@ -39,6 +40,7 @@ from proofmass.sim.pymunk.read import Sensor, read_channel
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
 from proofmass.sim.rods import dead_loads, rod_channels
+from proofmass.sim.start import start_state
 
 MAX_INERTIA = 1e300  # [kg, kg m^2] largest mass and moment of a link; results of them stay finite
 
@@ -52,7 +54,11 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
         See `proofmass.sim.pymunk.engine.simulate`.
     """
     compiled = _compile(model, run)
-    links = read_links(compiled, run.start, _driven_joints(compiled, run), run.rods)
+    driven = _driven_joints(compiled, run)
+    links = read_links(compiled, run.start, driven, run.rods)
+    if run.kind == "dynamics":
+        state = start_state(compiled, run)
+        links = read_links(compiled, run.start, driven, run.rods, state)
     only = f", in {run.kind}; it is covered in dynamics"
     for j in links.rubbing:
         friction = f"frictionloss of joint '{links.joints[j].name}'"
@@ -386,14 +392,19 @@ def _uncovered_others(model: mujoco.MjModel) -> Iterator[str]:
     )
 
 
-MAX_START_VIOLATION = 0.05
-"""Largest constraint violation of a loop in the start pose, as a share of the extent."""
+COINCIDENT_SHARE = 1e-6
+"""Distance, as a share of the model's size, below which points count as one: their distance is
+rounding, or an offset that is no measure of the mechanism."""
 
 
 def read_links(
-    model: mujoco.MjModel, key: str, driven: tuple[int, ...], rods: Sequence[Rod] = ()
+    model: mujoco.MjModel,
+    key: str,
+    driven: tuple[int, ...],
+    rods: Sequence[Rod] = (),
+    state: tuple[Array, Array] | None = None,
 ) -> Links:
-    """Read the links of a compiled planar model in the pose of a keyframe.
+    """Read the links of a compiled planar model in the pose of a keyframe, or in a given state.
 
     Parameters
     ----------
@@ -404,6 +415,8 @@ def read_links(
         Ids of the joints with a prescribed motion.
     rods : sequence of Rod
         The rods that the model has been completed with, for their loads.
+    state : tuple of ndarray (nq,), (nv,), optional
+        Pose and rates [SI] in place of the keyframe's.
 
     Returns
     -------
@@ -418,6 +431,10 @@ def read_links(
     """
     refuse_uncovered(model, driven)
     data = _data_at_key(model, key)
+    if state:
+        data.qpos[:], data.qvel[:] = state
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdActuation(model, data)
     plane = find_plane(model, data)
     refuse_gravity(model, plane)
     roots = np.flatnonzero((model.body_weldid == np.arange(model.nbody)) & (model.body_jntnum > 0))
@@ -708,11 +725,13 @@ def _find_extent(
     If these coincide too, it is MuJoCo's extent of the model.
     """
     points = np.array([centre[h.a] + h.on_a for h in (*(j.constraint for j in joints), *loops)])
-    for cloud in (points, np.vstack([points, centre])):
-        size = np.linalg.norm(cloud[:, None] - cloud[None], axis=-1).max()
-        if size > 0:
-            return float(size)
-    return float(model.stat.extent)
+    among_anchors, among_all = (
+        float(np.linalg.norm(cloud[:, None] - cloud[None], axis=-1).max())
+        for cloud in (points, np.vstack([points, centre]))
+    )
+    if not among_all > COINCIDENT_SHARE * model.stat.extent:
+        return float(model.stat.extent)
+    return among_anchors if among_anchors > COINCIDENT_SHARE * among_all else among_all
 
 
 def _check_closed(
@@ -722,10 +741,10 @@ def _check_closed(
     model: mujoco.MjModel,
     key: str,
 ) -> None:
-    """Raise `BadModel` if a loop is open by more than `MAX_START_VIOLATION` in the start pose."""
+    """Raise `BadModel` if a loop is open by more than `MAX_KEY_VIOLATION` in the start pose."""
     for h in loops:
         violation = np.linalg.norm(centre[h.a] + h.on_a - centre[h.b] - h.on_b)
-        if violation > MAX_START_VIOLATION * extent:
+        if violation > MAX_KEY_VIOLATION * extent:
             raise BadModel(
                 f"start pose of key '{key}' is not assembled: "
                 f"loop '{h.name}' is open by {violation:.2g} m{radian_hint(model, key)}"

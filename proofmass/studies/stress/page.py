@@ -527,9 +527,10 @@ def format_axes(axes: Sequence[Axes], found: Sequence[Boundary], rows: int, know
     axes[0].set_xlabel(
         "value of the parameter" if known else "factor, up or down, on the case's own value"
     )
-    right = max(bar_ends(one, known)[1] for one in found if one.holds == one.holds)
+    left = min(bar_ends(one, known)[0] for one in found)
+    holding = (bar_ends(one, known)[1] for one in found if one.holds == one.holds)
     room = 1.3 if known else 60.0  # factor on the axis for text at the ends of bars
-    axes[0].set_xlim(min(bar_ends(one, known)[0] for one in found) * 0.9, right * room)
+    axes[0].set_xlim(left * 0.9, max(holding, default=left) * room)
     if known:
         axes[1].axvspan(1 - THEORY_TOLERANCE, 1 + THEORY_TOLERANCE, color="#eeeeee", zorder=0)
         axes[1].axvline(1.0, color=LABEL_COLOUR, linewidth=0.8)

@@ -460,6 +460,19 @@ def test_the_table_is_complete_and_the_page_is_made_from_it(tmp_path):
     assert (tmp_path / "figures" / "fourbar-stress.png").stat().st_size > 5000
 
 
+@pytest.mark.parametrize("theory", [np.nan, 2.0])
+def test_a_page_of_rows_that_all_fail_from_the_start(tmp_path, theory: float):
+    """The figure has no bar, but its scales are those of the first values."""
+    failing = Boundary("arm", "pymunk", "as in the model", "size", "times", 2.0, 9.0, theory=theory)
+    write_boundaries([failing], tmp_path / "stress.csv")
+    page = write_stress(tmp_path, tmp_path).first.read_text(encoding="utf-8")
+    assert "arm" in page
+    axes = stress_figure([failing]).axes[0]
+    assert [text.get_text() for text in axes.texts].count("failed from the start") == 1
+    left, right = axes.get_xlim()
+    assert 0 < left < right
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
