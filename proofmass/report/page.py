@@ -3,7 +3,6 @@
 import os
 import platform
 import re
-import subprocess
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
@@ -20,6 +19,7 @@ from proofmass.check import Result
 from proofmass.engines import NoEngine, engine_names, engine_of, foreign_distribution
 from proofmass.errors import InputError
 from proofmass.files import write_atomically
+from proofmass.report.commit import commit_of
 from proofmass.report.words import SYMBOLS
 from proofmass.wording import number
 
@@ -100,31 +100,11 @@ def case_facts(folder: Path) -> list[tuple[str, str]]:
     """Return `report_facts`, the commit of the folder of a model, and the command."""
     given = [word if not Path(word).is_absolute() else Path(word).name for word in sys.argv[1:]]
     command = ("command", " ".join([Path(sys.argv[0]).stem, *given]))
-    commit, edited = cached_commit(folder)
-    of_model = ("commit of the model", commit[:7] + "+" * edited)
+    commit = commit_of(folder)
+    of_model = ("commit of the model", commit[:7])
     return [*report_facts(), *[of_model] * bool(commit), command]
 
 
-def commit_of(place: Path) -> tuple[str, bool]:
-    """Return the commit of the working tree of a path, and whether files differ from it."""
-    folder = place if place.is_dir() else place.parent
-    try:
-        commit = run_git(folder, "rev-parse", "--verify", "HEAD")
-        return commit, bool(run_git(folder, "status", "--porcelain", "--untracked-files=no"))
-    except (OSError, subprocess.SubprocessError):
-        return "", False
-
-
-def run_git(folder: Path, *words: str) -> str:
-    """Run git in a folder and return its output."""
-    found = subprocess.run(
-        ["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
-    )
-    return found.stdout.strip()
-
-
-cached_commit = cache(commit_of)
-"""`commit_of` from memory: many cases lie in one folder."""
 UPLOT_FILES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/static/uPlot.min.css"}
 """Files of ``uplot-python``, which draws the curves of a page, by their names in ``static``."""
 

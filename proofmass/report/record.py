@@ -20,8 +20,9 @@ from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.files import read_text, write_atomically
+from proofmass.report.commit import commit_of
 from proofmass.report.families import reference_name
-from proofmass.report.page import commit_of, read_versions
+from proofmass.report.page import read_versions
 from proofmass.terminal import COMPARISON_KEYS, replace_nonfinite
 
 FORMAT_VERSION = 1
@@ -46,9 +47,8 @@ class Made(Part):
     command : str
         The command with its arguments.
     commit : str
-        Commit of the working tree of the inputs; empty if they lie in none.
-    edited : bool
-        Whether that tree has changes since the commit.
+        Commit of the working tree of the inputs; empty if they lie in none.  The inputs may differ
+        from it, see `proofmass.report.commit`.
     versions : dict of str to str
         Versions of packages.
     machine, processors : str, int
@@ -60,7 +60,6 @@ class Made(Part):
     date: str
     command: str = ""
     commit: str = ""
-    edited: bool = False
     versions: dict[str, str] = {}
     machine: str = ""
     processors: int = 0
@@ -122,7 +121,6 @@ class Past(Part):
 
     date: str
     commit: str = ""
-    edited: bool = False
     versions: dict[str, str] = {}
 
     @field_validator("date")
@@ -267,13 +265,11 @@ def record_start(command: Sequence[str] = (), inputs: Path | None = None) -> Mad
     inputs : Path, optional
         A file or folder of the working tree whose commit is recorded; the current one by default.
     """
-    commit, edited = commit_of(inputs or Path())
     words = [Path(word).name if Path(word).is_absolute() else word for word in command]
     return Made(
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         command=" ".join(words),
-        commit=commit,
-        edited=edited,
+        commit=commit_of(inputs or Path()),
         versions=dict(read_versions()),
         machine=f"{platform.system()} {platform.machine()}",
         processors=os.cpu_count() or 0,
@@ -398,7 +394,7 @@ def format_line(value: Any) -> str:
 def extend_history(history: History, record: Record) -> History:
     """Return a history with a further report, reduced to the last `KEPT_REPORTS` reports."""
     made = record.made
-    past = Past(date=made.date, commit=made.commit, edited=made.edited, versions=made.versions)
+    past = Past(date=made.date, commit=made.commit, versions=made.versions)
     reports = [*history.reports, past][-KEPT_REPORTS:]
     missing = [None] * len(history.reports)
     now = {c.key: round_error(c.share_of_range) for c in record.comparisons if c.channel}

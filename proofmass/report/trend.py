@@ -94,7 +94,7 @@ def trend_of(history: History, case: Case, rows: Iterable[Comparison]) -> Trend:
         "reports": [
             {
                 "day": past.day,
-                "commit": past.commit[:7] + "+" * (past.edited and bool(past.commit)),
+                "commit": past.commit[:7],
                 "made": makes.index(tuple(past.versions.items())),
             }
             for past in history.reports

@@ -3,7 +3,6 @@
 import json
 import platform
 import socket
-import subprocess
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
@@ -102,27 +101,6 @@ def test_a_record_has_no_host_name(monkeypatch):
     made = record_start(["proofmass", "report"])
     assert "secret-host" not in made.model_dump_json()
     assert made.machine == f"{platform.system()} {platform.machine()}"
-
-
-def test_the_recorded_commit_is_that_of_the_inputs_repository(tmp_path):
-    assert record.commit_of(tmp_path) == ("", False)
-    tree = tmp_path / "tree"
-    tree.mkdir()
-
-    def git(*words: str) -> str:
-        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
-        command = ["git", "-C", str(tree), *who, *words]
-        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
-
-    git("init", "-q")
-    (tree / "a.toml").write_text("")
-    git("add", "a.toml")
-    git("commit", "-q", "-m", "one")
-    assert record.commit_of(tree / "a.toml") == (git("rev-parse", "HEAD"), False)
-    (tree / "b.toml").write_text("")  # not tracked by git
-    assert record.commit_of(tree) == (git("rev-parse", "HEAD"), False)
-    (tree / "a.toml").write_text("x = 1")
-    assert record.commit_of(tree) == (git("rev-parse", "HEAD"), True)
 
 
 @pytest.mark.parametrize(

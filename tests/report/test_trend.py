@@ -42,15 +42,13 @@ def fourbar() -> Case:
 def past_record(record: Record, k: int, shares: Callable[[Any], float | None]) -> Record:
     """The record of a report on day `k`, with other errors.
 
-    Reports from the third on were made with another version of MuJoCo; the second one was made with
-    changes that are not committed.
+    Reports from the third on were made with another version of MuJoCo.
     """
     versions = {**MADE.versions, "mujoco": "1.0" if k < 3 else "2.0"}
     made = MADE.model_copy(
         update={
             "date": f"2026-01-{k:02d}T08:00:00+00:00",
             "commit": f"{k:07d}aaaa",
-            "edited": k == 2,
             "versions": versions,
         }
     )
@@ -106,7 +104,7 @@ def test_rows_are_worst_first_and_say_how_errors_changed() -> None:
     assert (row.allowed, row.growth) == ("1e-6", "× 10")
     assert found.rows[0].growth == ""
     reports = found.data["reports"]
-    assert [one["commit"] for one in reports[:3]] == ["0000001", "0000002+", "0000003"]
+    assert [one["commit"] for one in reports[:3]] == ["0000001", "0000002", "0000003"]
     assert [one["made"] for one in reports] == [0, 0, 1, 2]
     assert found.data["versions"][1]["mujoco"] == "2.0"
 
@@ -301,7 +299,7 @@ def test_pointer_and_keys_select_a_report(folder: Path, browser: Any) -> None:
         across = visit.run("trendPlaces.across(1)")
         visit.page.mouse.move(box["x"] + across, box["y"] + 60)
         words = visit.page.inner_text(report_text)
-        assert "2026-01-02 08:00 UTC, commit 0000002+" in words
+        assert "2026-01-02 08:00 UTC, commit 0000002" in words
         assert "MuJoCo 1e−9, 1e−3 of what is allowed now" in words
         assert f"proofmass {MADE.versions['proofmass']}, mujoco 1.0" in words
         visit.page.mouse.move(2, 2)
