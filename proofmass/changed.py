@@ -188,8 +188,6 @@ def with_changed_model(case: Case, changes: Changes, folder: Path) -> Case:
     """The case with a changed model, which is written to a folder; its samples stay the same."""
     file = folder / case.model_path.name
     file.write_text(write_changes(model_source(case), changes), encoding="utf-8")
-    if case.recorded:
-        (folder / case.reference).write_bytes((case.file.parent / case.reference).read_bytes())
     rods = {
         name: table.model_copy(update=changed_rods(case.rods, changes).get(name, {}))
         for name, table in case.rod.items()
@@ -201,6 +199,8 @@ def with_changed_model(case: Case, changes: Changes, folder: Path) -> Case:
         for kind, run in case.run.items()
     }
     changed = {"file": folder / case.file.name, "model": file.name, "rod": rods, "run": runs}
+    if case.recorded:  # as an absolute path, since it may be in another folder
+        changed["reference"] = str((case.file.parent / case.reference).absolute())
     moves = {
         "drive": tuple(with_absolute_path(case, drive) for drive in case.drive),
         "load": tuple(with_absolute_path(case, load) for load in case.load),

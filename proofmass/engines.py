@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, distributions
 from typing import TYPE_CHECKING
 
 from proofmass.errors import suggest_names
@@ -25,13 +26,16 @@ def engine_entry_points() -> dict[str, EntryPoint]:
     """Entry points by the names of their engines; no engine is imported.
 
     If two distributions provide an engine of the same name, that of this distribution is taken, or
-    else the first in the order of their names.
+    else the first in the order of their names.  The current folder, from which a Python session
+    imports, may be a stranger's and is not searched.
     """
     there: dict[str, EntryPoint] = {}
-    for entry in sorted(
-        entry_points(group=ENTRY_POINT_GROUP),
-        key=lambda e: (distribution_of(e) != OWN_DISTRIBUTION, e.name),
-    ):
+    found = [
+        entry
+        for each in distributions(path=[folder for folder in sys.path if folder])
+        for entry in each.entry_points.select(group=ENTRY_POINT_GROUP)
+    ]
+    for entry in sorted(found, key=lambda e: (distribution_of(e) != OWN_DISTRIBUTION, e.name)):
         there.setdefault(entry.name, entry)
     return there
 

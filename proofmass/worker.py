@@ -26,7 +26,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from queue import Empty, LifoQueue
+from queue import Empty, LifoQueue, SimpleQueue
 from typing import IO, Any, cast
 
 try:
@@ -68,6 +68,7 @@ MIN_PERIOD, MAX_PERIOD = 3.0, 60.0  # [s]
 sooner, and nobody should wait for longer than needed."""
 BLIND_PERIODS = 20
 """The same number for systems that do not show the processor time of a process to others."""
+SIZE_BYTES = 8  # bytes before a call, which are its size
 DEFAULT_MEMORY = 8.0
 """Memory [GiB] that a call may use by default; a worker with both engines loaded uses 0.2."""
 GIB = 2**30
@@ -96,7 +97,6 @@ class Worker:
     def __init__(self) -> None:
         self.usable = True
         self.errors = tempfile.TemporaryFile()  # noqa: SIM115, closed with the worker
-        path = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self.process = subprocess.Popen(
             [
                 sys.executable,
@@ -104,18 +104,13 @@ class Worker:
                 "-W",
                 "ignore",
                 "-c",
+                f"import sys; sys.path[:] = {import_path()}; "
                 "from proofmass.worker import main; main()",
             ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self.errors,
-            env={
-                **NO_RENDERER,
-                **RETURN_FREED_MEMORY,
-                **os.environ,
-                **SINGLE_THREAD,
-                "PYTHONPATH": path,
-            },
+            env={**NO_RENDERER, **RETURN_FREED_MEMORY, **os.environ, **SINGLE_THREAD},
         )
 
     def call(self, function: Callable, args: tuple, timeout: float, memory: float) -> Any:
@@ -126,7 +121,8 @@ class Worker:
         try:
             watch.start()
             to, back = cast(IO[bytes], self.process.stdin), cast(IO[bytes], self.process.stdout)
-            to.write(pickle.dumps((function, args, timeout, memory, os.getcwd())))
+            call = pickle.dumps((function, args, timeout, memory, os.getcwd()))
+            to.write(len(call).to_bytes(SIZE_BYTES) + call)
             to.flush()
             good, value, self.usable = pickle.load(back)
             return good, value
@@ -216,6 +212,16 @@ def processor_seconds(process_id: int) -> float | None:
         return None
     user, system = state.split()[11:13]
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def import_path() -> list[str]:
+    """The folders from which a worker imports: those of this process, but the current folder.
+
+    The current folder may be a stranger's.  The folders are no environment variable, since Python
+    would run a ``sitecustomize.py`` in one of them when the worker starts.
+    """
+    own = str(Path(__file__).parents[1])
+    return [*(folder for folder in sys.path if folder), own]
 
 
 idle_workers: LifoQueue[Worker] = LifoQueue()
@@ -321,17 +327,33 @@ def main() -> None:
     """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
+    calls: SimpleQueue[bytes] = SimpleQueue()
+    threading.Thread(target=receive_calls, args=(calls,), daemon=True).start()
     while True:
-        try:
-            function, args, timeout, memory, folder = pickle.load(sys.stdin.buffer)
-        except EOFError:
-            return
+        function, args, timeout, memory, folder = pickle.loads(calls.get())
         set_timers(timeout)
         os.chdir(folder)  # so that relative paths of the call are found
         answer = answer_call(function, args, memory)
         set_timers(0.0)
         answers.write(answer)
         answers.flush()
+
+
+def receive_calls(calls: "SimpleQueue[bytes]") -> None:
+    """Read calls from standard input; when it closes, the caller is gone, and this process ends.
+
+    This is a thread, so that the process ends in the middle of a call as well.
+    """
+    try:
+        with open(0, "rb", buffering=0) as stream:  # a buffer would be locked when Python ends
+            while len(size := stream.read(SIZE_BYTES)) == SIZE_BYTES:
+                call = bytearray(int.from_bytes(size))
+                rest = memoryview(call)
+                while rest and (count := stream.readinto(rest)):
+                    rest = rest[count:]
+                calls.put(bytes(call))
+    finally:
+        os._exit(0)
 
 
 def answer_call(function: Callable, args: tuple, memory: float) -> bytes:

@@ -28,6 +28,7 @@ from proofmass.worker import (
     close_idle_workers,
     idle_workers,
 )
+from tests.shipped import shipped
 
 LARGE_MODEL = (
     '<mujoco><worldbody><replicate count="1000000" offset="1 0 0"><body><joint/>'
@@ -400,3 +401,71 @@ def test_an_interrupt_leaves_no_watch_that_the_process_would_wait_for(monkeypatc
     assert len(watches) == 1
     assert watches[0].daemon
     assert watches[0].ended.is_set()
+
+
+@pytest.mark.parametrize(
+    "start", [["-m", "proofmass"], ["-c", "from proofmass.cli import app; app()"]]
+)
+def test_no_module_in_a_strangers_folder_is_run(start, tmp_path):
+    """Python itself would import them: as start-up module, as library, and as an engine.
+
+    In a session of Python the first import of a library is the user's own, from the current folder.
+    """
+    ran = tmp_path / "ran"
+    strange = tmp_path / "strange"
+    strange.mkdir()
+    for file in (shipped("pendulum.toml"), shipped("pendulum.xml")):
+        (strange / file.name).write_bytes(file.read_bytes())
+    names = ["sitecustomize", "usercustomize", "evil", *["mujoco", "pint"] * (start[0] == "-m")]
+    for name in names:
+        (strange / f"{name}.py").write_text(f"open({str(ran)!r}, 'a').write({name!r})")
+    info = strange / "evil-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evil\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[proofmass.engines]\nevil = evil:Engine\n")
+    found = subprocess.run(
+        [sys.executable, *start, "check", "pendulum.toml", "-j", "1"],
+        cwd=strange,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert found.returncode == 0, found.stderr
+    assert not ran.exists(), ran.read_text()
+
+
+CALLER = """
+import runpy, threading
+from proofmass.worker import busy_workers, call_isolated
+call_isolated(abs, -3, timeout=60)  # so that the worker of the next call is there
+endless = "x = 0\\nwhile True: x += 1"
+call = {"target": call_isolated, "args": (exec, endless), "kwargs": {"timeout": 600}}
+threading.Thread(**call).start()
+while not busy_workers:
+    pass
+print(*(worker.process.pid for worker in busy_workers), flush=True)
+"""
+
+
+def runs(process: int) -> bool:
+    """Whether a process is there and has not ended."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state not in "ZX"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system has no /proc")
+def test_no_worker_survives_a_caller_that_is_killed():
+    command = [sys.executable, "-c", CALLER]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as caller:
+        assert caller.stdout
+        busy = int(caller.stdout.readline())
+        assert runs(busy)
+        caller.kill()
+    for _ in range(600):
+        if not runs(busy):
+            return
+        time.sleep(0.1)
+    raise AssertionError("the worker still runs a minute after its caller was killed")

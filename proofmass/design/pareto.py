@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
+from proofmass.report.style import RC  # isort: skip
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -14,7 +16,6 @@ from proofmass.analytic.balancer.synthesis import Synthesis
 from proofmass.analytic.numerics import Array
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.front import nondominated_points
-from proofmass.report.style import RC
 
 SPREAD_LIMITS = 12  # number of limits of the spread
 LIMIT_EFFORT = Effort(((64, 8), (16, 30)))  # effort of the search for each limit

@@ -8,6 +8,12 @@ page of a case, `index_page` the table of all cases; styles and scripts are in `
 stores what the next report is compared with, and `changes` compares two reports.
 """
 
+from contextlib import chdir
+from pathlib import Path
+
+with chdir(Path(__file__).parent):  # a matplotlibrc of the current folder may be a stranger's:
+    import matplotlib  # noqa: F401, it can make matplotlib start LaTeX and evaluate expressions
+
 from proofmass.report.pages import write_report
 from proofmass.report.words import headline
 

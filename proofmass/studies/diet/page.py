@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from proofmass.report.style import FIRST_LOOK, LABEL_COLOUR, RC  # isort: skip
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -20,7 +22,6 @@ from proofmass.report.figures import label_row, save
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, log_place
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
-from proofmass.report.style import FIRST_LOOK, LABEL_COLOUR, RC
 from proofmass.report.svg_markers import MARKER_PATHS, page_tones
 from proofmass.studies.diet.table import (
     CONFIDENCE,

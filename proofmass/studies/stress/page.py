@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from proofmass.report.style import LABEL_COLOUR, RC, Look, engine_hatches, solver_looks  # isort: skip
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -26,7 +28,6 @@ from proofmass.report.figures import label_row, save
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, log_place
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
-from proofmass.report.style import LABEL_COLOUR, RC, Look, engine_hatches, solver_looks
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.studies.stress.boundary import (
     Boundary,

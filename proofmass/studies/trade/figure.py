@@ -12,6 +12,8 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+
+from proofmass.report.style import FIXED_LOOKS, LABEL_COLOUR, SOLID, Dash, Look  # isort: skip
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -23,7 +25,6 @@ from proofmass.grouping import group_by
 from proofmass.outcome import Outcome
 from proofmass.report.figures import set_decades
 from proofmass.report.refinements import draw_triangle
-from proofmass.report.style import FIXED_LOOKS, LABEL_COLOUR, SOLID, Dash, Look
 from proofmass.studies.record import KIND_UNITS, StudyRow
 from proofmass.studies.trade.varied import setting_size
 from proofmass.studies.trade.verdict import Verdict, pareto_front

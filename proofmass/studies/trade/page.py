@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from proofmass.report.style import FIXED_LOOKS, RC, Look  # isort: skip
 from matplotlib import rc_context
 
 from proofmass.engines import NoEngine, engine_of
@@ -24,7 +26,6 @@ from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import save
 from proofmass.report.page import slug
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
-from proofmass.report.style import FIXED_LOOKS, RC, Look
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.sim.protocol import ParameterValue
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, read_table
