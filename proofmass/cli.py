@@ -6,7 +6,7 @@ without delay.
 
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ from rich.text import Text
 from proofmass.command import (
     BAD_INPUT,
     Dask,
+    Force,
     Jobs,
     error_console,
     exit_on_error,
@@ -93,9 +94,18 @@ def check_with_progress(
     except ClusterError as error:
         error_console.print(f"error: {error}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
+    protect_inputs(result.cases, result.paths)
     print_errors(result.errors)
     print_files_of_others(result.of_others)
     return result
+
+
+def protect_inputs(cases: Iterable["Case"], paths: Iterable[Path] = ()) -> None:
+    """Let no output of this command replace a file of its cases, or a given file."""
+    from proofmass.files import protect
+    from proofmass.fingerprint import input_files
+
+    protect([*paths, *(file for case in cases for file in input_files(case))])
 
 
 def print_errors(found: list[InputError]) -> None:
@@ -137,12 +147,12 @@ def print_result(
 
 def export_result(file: Path, form: str, result: "Result") -> None:
     """Write a result to a file in a format that other tools read: ``junit`` or ``sarif``."""
-    from proofmass.files import write_atomically
+    from proofmass.files import write_output
     from proofmass.junit import as_junit
     from proofmass.sarif import as_sarif
 
     with exit_on_error(f"{file} is not written"):
-        write_atomically(file, as_junit(result) if form == "junit" else as_sarif(result))
+        write_output(file, as_junit(result) if form == "junit" else as_sarif(result))
 
 
 @app.command("check")
@@ -169,6 +179,7 @@ def check_command(
             help="Leave given files alone that are neither sidecars nor models, as in folders.",
         ),
     ] = False,
+    force: Force = False,
 ) -> None:
     """Run every case and compare it with its reference.
 
@@ -176,9 +187,14 @@ def check_command(
     checked; 2: bad input, or a file that cannot be written.
     """
     from proofmass.check import Result
+    from proofmass.files import protect, require_replaceable
     from proofmass.inputs import is_of_others
     from proofmass.terminal import as_json
 
+    with exit_on_error("nothing is written"):
+        protect(paths or [])
+        for given in filter(None, (junit, sarif)):
+            require_replaceable(given)
     left = [path for path in paths or [] if leave_others and is_of_others(path)]
     print_files_of_others(left)
     if left and left == paths:
@@ -224,11 +240,13 @@ def report_command(
     data: Annotated[
         bool, typer.Option("--data", help="Write the curves as CSV, and as Parquet with pyarrow.")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Check every case and write HTML pages with its curves and its mechanism in motion.
 
     Prints what changed since the last report.  Exit codes as for check.
     """
+    from proofmass.files import make_folder, require_replaceable
     from proofmass.report import write_report  # matplotlib is slow to load
     from proofmass.report.changes import find_changes, format_changes
     from proofmass.report.overview import link
@@ -236,7 +254,8 @@ def report_command(
     from proofmass.studies.pages import write_study_pages
 
     with exit_on_error(f"{output} is not complete"), error_console.status("drawing studies"):
-        output.mkdir(parents=True, exist_ok=True)
+        make_folder(output)
+        require_replaceable(output / "index.html")
         studies = write_study_pages(study or [], output)
         last = read_last(output) if baseline is None else read_baseline(baseline)
     made = record_start(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
@@ -302,6 +321,7 @@ def animate_command(
             show_default="those of the sidecar",
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write an animation of the mechanism: the reference is pale, the engines are lines.
 
@@ -313,6 +333,7 @@ def animate_command(
 
     with exit_on_error("nothing is kept"):
         case = load_validated(find_sidecar(path))
+        protect_inputs([case])
         file = output or Path(f"{case.name}.webp")
         require_writable(file)
         with error_console.status("running and drawing"):
@@ -374,16 +395,17 @@ def schema_command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="File to write.", metavar="FILE")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Print the JSON Schema of a sidecar, by which editors complete and check its keys."""
-    from proofmass.files import write_atomically
+    from proofmass.files import write_output
     from proofmass.schema import as_json_text
 
     if output is None:
         print(as_json_text(), end="")
         return
     with exit_on_error(f"{output} is not written"):
-        write_atomically(output, as_json_text())
+        write_output(output, as_json_text())
 
 
 @app.command("list")
@@ -519,6 +541,7 @@ def balancer_command(
             "it, such as models/balancers/balancer_sine.toml; can be given several times."
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Find the balancer that meets a moment-angle characteristic best.
 
@@ -575,6 +598,7 @@ def trade_command(
             metavar=ERROR_METAVAR,
         ),
     ] = Errors.position,
+    force: Force = False,
 ) -> None:
     """Measure what accuracy costs: convergence series of settings, orders, error floors, costs.
 
@@ -637,6 +661,7 @@ def diet_command(
     ] = False,
     jobs: Jobs = None,
     dask: Dask = None,
+    force: Force = False,
 ) -> None:
     """Find what a scene does not need, and write the model without it.
 
@@ -702,6 +727,7 @@ def choose_command(
     budget: Annotated[
         float, typer.Option(help="Wall time of all runs of the search together.", metavar="SECONDS")
     ] = DEFAULT_SEARCH_BUDGET,
+    force: Force = False,
 ) -> None:
     """Find the cheapest setting whose error is no larger than the given one.
 
@@ -755,6 +781,7 @@ def stress_command(
     jobs: Jobs = None,
     dask: Dask = None,
     only: Annotated[str, typer.Option(help="Only parameters whose names contain this text.")] = "",
+    force: Force = False,
 ) -> None:
     """Increase or decrease each parameter until a run fails, and bisect the boundary to 1 %.
 

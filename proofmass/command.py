@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from proofmass.errors import InputError
+from proofmass.files import output_permissions
 
 error_console = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 SECONDS_BETWEEN_LINES = 10.0  # [s] after which progress without a terminal prints a line again
@@ -19,6 +20,22 @@ BAD_INPUT, INTERRUPTED = 2, 130  # exit codes; the second is a shell's own for C
 Jobs = Annotated[
     int | None,
     typer.Option("--jobs", "-j", min=1, help="Runs in parallel.", show_default="processors"),
+]
+
+
+def allow_replacing(context: typer.Context, force: bool) -> bool:
+    """Let the outputs of a command replace files of others while the command runs, if forced."""
+    context.with_resource(output_permissions(force))
+    return force
+
+
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force",
+        callback=allow_replacing,
+        help="Replace files that proofmass did not write; an input is never replaced.",
+    ),
 ]
 Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://host:8786.")]
 

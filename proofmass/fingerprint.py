@@ -15,6 +15,7 @@ from proofmass.case import Case
 from proofmass.engines import computes_curves, engine_of, foreign_distribution
 from proofmass.installation import digest_engines
 from proofmass.reference import compiled_model
+from proofmass.sim.mjcf import files_of_model
 from proofmass.sim.protocol import FILE_MARK
 
 
@@ -40,15 +41,23 @@ def bytes_of_model(model: mujoco.MjModel) -> bytes:
 
 
 def digest_recorded_files(case: Case) -> str:
-    """Digest the recorded files of the reference, of motion profiles and of engines."""
+    """Digest the recorded files of a case."""
+    return digest(b"".join(map(Path.read_bytes, files))) if (files := recorded_files(case)) else ""
+
+
+def input_files(case: Case) -> list[Path]:
+    """All files that a case is read from."""
+    return [case.file, *files_of_model(case.model_path), *recorded_files(case)]
+
+
+def recorded_files(case: Case) -> list[Path]:
+    """The recorded files of the reference, of motion profiles and of engines."""
     files = [case.file.parent / case.reference] if case.recorded else []
     files += case.profile_files
     for solver, settings in case.settings.items():
         names = engine_of(solver).settings.marked(FILE_MARK) if not computes_curves(solver) else []
         files += [case.file.parent / str(settings[name]) for name in names if name in settings]
-    if not files:
-        return ""
-    return digest(b"".join(file.read_bytes() for file in files))
+    return files
 
 
 @cache

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED_CASE, Comparison
 from proofmass.errors import InputError
+from proofmass.files import OUTPUT_MARK
 from proofmass.outcome import UNCHECKED_OUTCOMES, Outcome
 from proofmass.wording import number
 
@@ -36,6 +37,7 @@ def as_junit(result: Result) -> bytes:
     for suite in [*root]:
         set_counts(suite)
     set_totals(root)
+    root.insert(0, ElementTree.Comment(f" {OUTPUT_MARK} "))
     ElementTree.indent(root)
     found: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return found + b"\n"

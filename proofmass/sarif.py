@@ -12,7 +12,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED_CASE, Comparison
 from proofmass.errors import InputError
-from proofmass.files import read_text
+from proofmass.files import OUTPUT_MARK, read_text
 from proofmass.junit import failure_message
 from proofmass.outcome import GOOD_OUTCOMES, Outcome
 
@@ -43,6 +43,7 @@ def as_sarif(result: Result) -> str:
         {
             "$schema": SARIF_SCHEMA,
             "version": "2.1.0",
+            "properties": {"comment": OUTPUT_MARK},
             "runs": [
                 {
                     "tool": {

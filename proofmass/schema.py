@@ -14,6 +14,7 @@ import json
 from typing import Any
 
 from proofmass.case import Case
+from proofmass.files import OUTPUT_MARK
 from proofmass.sidecar import FIELDS_WITHOUT_KEY, Levels
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -48,6 +49,7 @@ def sidecar_schema() -> JsonObject:
     keys = {k: v for k, v in case["properties"].items() if k not in FIELDS_WITHOUT_KEY}
     return {
         "$schema": DIALECT,
+        "$comment": OUTPUT_MARK,
         "title": "Sidecar of a proofmass case",
         "description": "What a model in MJCF is compared with, in which runs, and how closely.",
         "type": "object",

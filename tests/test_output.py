@@ -42,7 +42,7 @@ def test_outcomes_are_printed_although_the_disk_is_full(models, tmp_path, monkey
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device", "index.html")
 
-    monkeypatch.setattr("proofmass.report.pages.write_atomically", full)
+    monkeypatch.setattr("proofmass.report.pages.write_output", full)
     answer = invoke_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
     assert answer.exit_code == 2
     assert "✓ agrees" in answer.output
@@ -75,14 +75,17 @@ def test_a_diet_does_not_replace_the_model(models, tmp_path, monkeypatch, spelle
     }[spelled]
     answer = invoke_command("diet", model, "-o", output)
     assert answer.exit_code == 2
-    assert "--output: is the model itself" in answer.output.replace("\n", "")
+    assert "an input, which no output replaces" in answer.output.replace("\n", "")
     assert model.read_bytes() == before
 
 
 def test_a_diet_does_not_replace_another_table(models, tmp_path):
     answer = invoke_command("diet", models / "pendulum.xml", "-o", models / "hacksaw_recorded.xml")
     assert answer.exit_code == 2
-    assert "hacksaw_recorded.csv: not the table of a diet" in answer.output.replace("\n", "")
+    assert (
+        "hacksaw_recorded.csv: it is there already, and proofmass did not write it"
+        in answer.output.replace("\n", "")
+    )
 
 
 def test_pipes_folders_and_loops_of_links_are_not_read(tmp_path):

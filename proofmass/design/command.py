@@ -17,7 +17,7 @@ from proofmass.design.search import Effort, SavedSearch
 from proofmass.design.springs import CATALOGUE, describe_design, read_catalogue, read_strips
 from proofmass.design.template import write_case
 from proofmass.errors import InputError
-from proofmass.files import write_atomically
+from proofmass.files import make_folder, protect, write_output
 from proofmass.recorded import RecordedColumn, read_table
 from proofmass.sidecar import load_case
 from proofmass.units import si_unit
@@ -72,11 +72,12 @@ def design_balancer(
             parse_bounds(bound or []),
         )
         task = Synthesis(variant, wanted, power=power)
-        output.mkdir(parents=True, exist_ok=True)
+        protect(filter(None, (table, catalogue, strips, *(beside or []))))
+        make_folder(output)
         found = search_designs(task, scale_effort(effort, seed), output / "search.npz")
         record = {"seed": seed, **describe_design(task, found, stock, sections, moment)}
         print_design(record)
-        write_atomically(output / "design.json", json.dumps(record, indent=1))
+        write_output(output / "design.json", json.dumps(record, indent=1))
         if pareto:
             write_pareto_front(task, found, output)
         raise typer.Exit(check_design(record, others, output))

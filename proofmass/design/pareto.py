@@ -4,6 +4,7 @@ import csv
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO, StringIO
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 from proofmass.analytic.balancer.synthesis import Synthesis
 from proofmass.analytic.numerics import Array
 from proofmass.design.search import Effort, SavedSearch
+from proofmass.files import write_output
 from proofmass.front import nondominated_points
 
 SPREAD_LIMITS = 12  # number of limits of the spread
@@ -107,11 +109,12 @@ def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:
     """Write the front to CSV, JSON, SVG and PNG files, and return their paths."""
     header = ["rmse", "spread", "work_reduction", *names]
     rows = np.column_stack([found.rmse, found.spread, found.work_reduction, found.vectors]).tolist()
-    with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as stream:
-        csv.writer(stream).writerows([header, *rows])
-    stem.with_suffix(".json").write_text(
+    table = StringIO(newline="")
+    csv.writer(table).writerows([header, *rows])
+    write_output(stem.with_suffix(".csv"), table.getvalue())
+    write_output(
+        stem.with_suffix(".json"),
         json.dumps([dict(zip(header, row, strict=True)) for row in rows], indent=1),
-        encoding="utf-8",
     )
     with rc_context(RC):
         figure = Figure((4.5, 3.2), layout="constrained")
@@ -124,5 +127,7 @@ def write_front(found: Front, names: Sequence[str], stem: Path) -> list[Path]:
             title="Pareto front",
         )
         for ending in ("svg", "png"):
-            figure.savefig(stem.with_suffix(f".{ending}"), dpi=150)
+            drawn = BytesIO()
+            figure.savefig(drawn, format=ending, dpi=150)
+            write_output(stem.with_suffix(f".{ending}"), drawn.getvalue())
     return [stem.with_suffix(ending) for ending in (".csv", ".json", ".svg", ".png")]

@@ -10,10 +10,10 @@ A search is a sequence of steps, each of which computes a new state from the las
 search that continues from a saved state therefore gives the same result as an uninterrupted one.
 """
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from io import BytesIO
 from itertools import accumulate
 from pathlib import Path
 from typing import Protocol
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError
+from proofmass.files import write_output
 
 FACE_SHARES = (0.1, 0.05)
 """Shares of random coordinates that are on their lower, on their upper bound."""
@@ -378,13 +379,12 @@ class SavedSearch:
         return np.clip(low + places * (high - low), low, high)
 
     def save(self) -> None:
-        """Write the state to a second file, which then replaces the old one."""
+        """Write the state into its file, if it has one."""
         self.saved = time.monotonic()
         if self.file:
-            partial = self.file.with_suffix(".part")
-            with partial.open("wb") as stream:
-                np.savez(stream, key=self.key, **asdict(self.state))
-            os.replace(partial, self.file)
+            packed = BytesIO()
+            np.savez(packed, key=self.key, **asdict(self.state))
+            write_output(self.file, packed.getvalue())
 
     def load(self) -> SearchState:
         """Read the state from the file."""

@@ -15,7 +15,7 @@ from proofmass.analytic.balancer import Balancer, solve
 from proofmass.analytic.balancer.measures import chain_of
 from proofmass.analytic.balancer.model import preload_spring
 from proofmass.engines import default_engines
-from proofmass.files import write_atomically
+from proofmass.files import write_output
 
 GRAVITY = 9.81  # [m/s^2] to compute the mass at the tip from its weight; statics needs no mass
 SEGMENT_LINE_MASS = 1e-3
@@ -197,7 +197,7 @@ def write_case(
     folder.mkdir(parents=True, exist_ok=True)
     for ending in ("xml", "toml"):
         text = template_environment().get_template(f"balancer.{ending}.jinja").render(words)
-        write_atomically(folder / f"{name}.{ending}", text)
+        write_output(folder / f"{name}.{ending}", text)
     return folder / f"{name}.toml"
 
 

@@ -28,7 +28,7 @@ from proofmass.check import CheckTask, Result, collect_outcomes, run_solver
 from proofmass.compare import compare
 from proofmass.engines import computes_curves
 from proofmass.errors import InputError, suggest_names
-from proofmass.files import write_atomically
+from proofmass.files import OUTPUT_MARK, require_replaceable, write_output
 from proofmass.outcome import FAILED_OUTCOMES
 from proofmass.report.case_data import rod_vertices
 from proofmass.report.case_figures import (
@@ -112,19 +112,22 @@ class Animation:
             The file cannot be written.
         """
         file = Path(file)
-        write_atomically(file, self.encoded(file_format(file)))
+        write_output(file, self.encoded(file_format(file)))
 
     def encoded(self, form: str = "WEBP") -> bytes:
         """Encode the animation as the content of a file; `form` is GIF or WEBP."""
         images = [Image.fromarray(frame) for frame in self.frames]
+        how: dict[str, Any]
         pause = 1000 * self.seconds / len(images)
         if form == "GIF":  # its unit of time is 10 ms
             middle = images[len(images) // 2]
             palette = middle.quantize(GIF_COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=2)
             images = [i.quantize(palette=palette, dither=Image.Dither.NONE) for i in images]
             how = {"duration": max(round(pause / 10) * 10, 20), "optimize": False}
+            how |= {"comment": OUTPUT_MARK}
         else:
             how = {"duration": max(round(pause), 1), "quality": WEBP_QUALITY, "method": 4}
+            how |= {"xmp": OUTPUT_MARK.encode()}
         stream = io.BytesIO()
         images[0].save(stream, form, save_all=True, append_images=images[1:], loop=0, **how)
         return stream.getvalue()
@@ -280,6 +283,7 @@ def file_format(file: Path) -> str:
 def require_writable(file: Path) -> None:
     """Raise InputError if a file ends in neither .gif nor .webp, or its folder does not exist."""
     file_format(file)
+    require_replaceable(file)
     if not file.parent.is_dir():
         raise InputError(file, "", f"there is no folder {str(file.parent)!r} to write it to")
 

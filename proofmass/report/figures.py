@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLo
 from PIL import Image
 
 from proofmass.analytic.numerics import Array
-from proofmass.files import write_atomically
+from proofmass.files import write_output
 from proofmass.report.data import (
     PlottedRun,
     channel_rows,
@@ -364,7 +364,7 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
     text = compact_svg(
         file.getvalue().decode().replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
     )
-    write_atomically(stem.with_suffix(".svg"), text)
+    write_output(stem.with_suffix(".svg"), text)
     if png:
         figure.dpi, canvas = DPI, FigureCanvasAgg(figure)
         canvas.draw()
@@ -372,5 +372,5 @@ def save(figure: Figure, stem: Path, png: bool = True) -> str:
         few = pixels.quantize(128, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         file = BytesIO()
         few.save(file, format="png", dpi=(DPI, DPI))
-        write_atomically(stem.with_suffix(".png"), file.getvalue())
+        write_output(stem.with_suffix(".png"), file.getvalue())
     return text

@@ -18,7 +18,7 @@ from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.engines import NoEngine, engine_names, engine_of, foreign_distribution
 from proofmass.errors import InputError
-from proofmass.files import write_atomically
+from proofmass.files import OUTPUT_MARK, make_folder, write_output
 from proofmass.report.commit import commit_of
 from proofmass.report.words import SYMBOLS
 from proofmass.wording import number
@@ -36,6 +36,7 @@ def environment() -> Environment:
     )
     env.filters["number"] = number
     env.globals["symbols"] = SYMBOLS
+    env.globals["generator"] = OUTPUT_MARK
     return env
 
 
@@ -111,7 +112,7 @@ UPLOT_FILES = {"uPlot.js": "uplot/static/uPlot.iife.js", "uPlot.css": "uplot/sta
 
 def write_static(folder: Path, names: Iterable[str]) -> None:
     """Write style sheets and scripts of all pages into the folder ``static`` beside them."""
-    (folder / "static").mkdir(parents=True, exist_ok=True)
+    place = make_folder(folder / "static")
     for name in names:
         if name in UPLOT_FILES:  # located by metadata: an import of the package would load IPython
             text = Path(
@@ -119,4 +120,4 @@ def write_static(folder: Path, names: Iterable[str]) -> None:
             ).read_bytes()
         else:
             text = (files("proofmass.report") / "static" / name).read_bytes()
-        write_atomically(folder / "static" / name, text)
+        write_output(place / name, text)

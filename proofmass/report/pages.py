@@ -21,7 +21,14 @@ from markupsafe import Markup
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.check import Result
-from proofmass.files import write_atomically
+from proofmass.files import (
+    make_folder,
+    output_permissions,
+    protect,
+    remove_output,
+    write_output,
+)
+from proofmass.fingerprint import input_files
 from proofmass.report.case_figures import Drawings, draw_case
 from proofmass.report.case_page import gather_runs, render_case
 from proofmass.report.data import PlottedRun, drive_units
@@ -56,6 +63,7 @@ DERIVATIVE_UNITS = "", "/s", "/s^2"
 Table = dict[str, Array]
 
 
+@output_permissions()
 def write_report(
     result: Result,
     folder: Path | str,
@@ -93,7 +101,8 @@ def write_report(
         The file ``index.html``.
     """
     folder = Path(folder)
-    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    protect(file for case in result.cases for file in input_files(case))
+    drawn = make_folder(make_folder(folder) / "figures")
     write_static(folder, STATIC)
     style, env = solver_looks(c.solver for c in result.comparisons), environment()
     record = record or make_record(result)
@@ -111,7 +120,7 @@ def write_report(
                 g.runs,
                 g.views,
                 style,
-                folder / "figures",
+                drawn,
                 slug(case.name),
                 figures,
             )
@@ -122,11 +131,11 @@ def write_report(
             if data:
                 write_curves(folder, case, gathered[k].runs)
             page = render_case(env, case, result, gathered[k], drawings, style, studies, history)
-            write_atomically(folder / f"{slug(case.name)}.html", page)
+            write_output(folder / f"{slug(case.name)}.html", page)
             pictures[case.name] = drawings.moving or static_picture(case.name, drawings)
             progress(case.name, k + 1, len(result.cases))
     index = folder / "index.html"
-    write_atomically(
+    write_output(
         index,
         render_index(
             env,
@@ -156,15 +165,14 @@ def write_curves(folder: Path, case: Case, runs: list[PlottedRun]) -> None:
 
     Older files of the case are removed, since they would look like files of this report.
     """
-    place = folder / DATA_FOLDER
-    place.mkdir(parents=True, exist_ok=True)
+    place = make_folder(folder / DATA_FOLDER)
     for old in existing_files(place, case):
-        old.unlink()
+        remove_output(old)
     tables: dict[str, Table] = {view.kind: run_table(view) for view in runs if view.curves}
     for kind, table in tables.items():
-        write_atomically(place / f"{slug(case.name)}-{kind}.csv", as_csv(table))
+        write_output(place / f"{slug(case.name)}-{kind}.csv", as_csv(table))
     if tables and has_parquet():
-        write_atomically(place / f"{slug(case.name)}.parquet", as_parquet(tables))
+        write_output(place / f"{slug(case.name)}.parquet", as_parquet(tables))
 
 
 def note_on_files(data: bool) -> str:

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
-from proofmass.files import read_text, write_atomically
+from proofmass.files import read_text, write_output
 from proofmass.report.commit import commit_of
 from proofmass.report.families import reference_name
 from proofmass.report.page import read_versions
@@ -366,7 +366,7 @@ def parse_record(text: str) -> Record:
 def write_record(folder: Path, record: Record, history: History) -> None:
     """Write a record with the history up to it, one line for each channel."""
     whole = record.model_copy(update={"history": history})
-    write_atomically(folder / RECORD_NAME, format_lines(whole.model_dump(mode="json")))
+    write_output(folder / RECORD_NAME, format_lines(whole.model_dump(mode="json")))
 
 
 def format_lines(table: dict[str, Any]) -> str:

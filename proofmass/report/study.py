@@ -1,13 +1,12 @@
 """Pages of studies: how they are written, and how the report links to them."""
 
-import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from proofmass.case import Case
-from proofmass.files import write_atomically
+from proofmass.files import make_folder, read_bytes, write_output
 from proofmass.report.case_data import script_json
 from proofmass.report.page import environment, report_facts, write_static
 
@@ -28,12 +27,12 @@ def prepare_folder(output: Path, tables: Iterable[Path], scripts: Iterable[str] 
 
     Style sheets and scripts are written as well: those of all studies, and `scripts` of this one.
     """
-    (output / "figures").mkdir(parents=True, exist_ok=True)
+    make_folder(make_folder(output) / "figures")
     write_static(output, (*STATIC, *scripts))
     there = [table for table in tables if table.is_file()]
     for table in there:
         if table.parent.resolve() != output.resolve():
-            shutil.copyfile(table, output / table.name)
+            write_output(output / table.name, read_bytes(table))
     return [table.name for table in there]
 
 
@@ -92,5 +91,5 @@ class PageWriter:
                 **shown,
             )
         )
-        write_atomically(self.output / file, text)
+        write_output(self.output / file, text)
         return self.output / file

@@ -5,6 +5,7 @@ writes no MUJOCO_LOG.TXT into the user's folder: within `collected_warnings` the
 otherwise they go to standard error.
 """
 
+import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +19,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from proofmass.files import read_bytes
 from proofmass.sim.protocol import BROKEN_ENGINES, BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
@@ -50,6 +52,10 @@ DISABLED_FIELDS = {
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 ELEMENT = re.compile(r"<(\w+)((?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/?>")
 ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+FILE_ATTRIBUTE = re.compile(rb"\bfile\w*\s*=\s*([\"'])([^\"'\0]+)\1")
+FOLDER_ATTRIBUTE = re.compile(rb"\b(?:asset|mesh|texture)dir\s*=\s*([\"'])([^\"'\0]+)\1")
+MODEL_ENDINGS = (".xml", ".mjcf", ".urdf")
+"""Endings of files that may name other files; meshes and pictures are not searched for names."""
 NOT_FINITE = {
     "NaN": re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE),
     "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE),
@@ -130,6 +136,26 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
         ) from None
     leave_out_disabled(model)
     return model
+
+
+def files_of_model(path: Path) -> list[Path]:
+    """The file of a model, and the files that it or a file of it names: includes, meshes, others.
+
+    A name is looked for in the folder of the model and in all folders that the model names, so that
+    the list may have files that the compiler does not read.
+    """
+    found, waiting, folders = list[Path](), [path.absolute()], [path.absolute().parent]
+    while waiting:
+        file = waiting.pop()
+        if file in found or not file.is_file():
+            continue
+        found.append(file)
+        text = read_bytes(file) if file.suffix in MODEL_ENDINGS else b""
+        places = [os.fsdecode(words[1]) for words in FOLDER_ATTRIBUTE.findall(text)]
+        folders += [folder / place for folder in (file.parent, folders[0]) for place in places]
+        names = [os.fsdecode(words[1]) for words in FILE_ATTRIBUTE.findall(text)]
+        waiting += [folder / name for folder in (file.parent, *folders) for name in names]
+    return found
 
 
 def compiles(path: Path) -> bool:

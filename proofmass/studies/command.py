@@ -10,6 +10,8 @@ from proofmass.case import Case
 from proofmass.check import collect_inputs, load_validated, rename_case, unique_names
 from proofmass.command import error_console
 from proofmass.errors import InputError
+from proofmass.files import protect
+from proofmass.fingerprint import input_files
 from proofmass.solve import with_computing_solvers
 
 
@@ -24,6 +26,7 @@ def load_cases(paths: list[Path]) -> list[Case]:
     sidecars = [file.absolute() for file in files if file.suffix == ".toml"]
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # each is checked in a worker
         cases = list(threads.map(partial(load_validated, strict=True), sidecars))
+    protect(file for case in cases for file in input_files(case))
     names = unique_names(sidecars)
     cases = [rename_case(case, names[file]) for file, case in zip(sidecars, cases, strict=True)]
     without_sidecar = [

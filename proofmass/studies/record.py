@@ -17,7 +17,7 @@ from typing import Any, get_type_hints
 from proofmass import units
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.files import write_atomically
+from proofmass.files import write_output
 from proofmass.outcome import Outcome
 from proofmass.sim.protocol import ParameterValue, Run
 from proofmass.solve import plan_run
@@ -192,7 +192,7 @@ COLUMN_DESCRIPTIONS = {
 def write_table(rows: Iterable[StudyRow], file: Path) -> None:
     """Write ``NAME.csv``, ``NAME.columns.md`` and, where pyarrow is there, ``NAME.parquet``."""
     rows = list(rows)
-    write_atomically(file, format_table(rows))
+    write_output(file, format_table(rows))
     write_columns(
         file.with_suffix(".columns.md"),
         file.name,
@@ -206,9 +206,9 @@ def write_table(rows: Iterable[StudyRow], file: Path) -> None:
         from pyarrow import csv as arrow
         from pyarrow import parquet
 
-        partial = file.with_suffix(".parquet.part")
-        parquet.write_table(arrow.read_csv(file), partial)
-        partial.replace(file.with_suffix(".parquet"))
+        packed = io.BytesIO()
+        parquet.write_table(arrow.read_csv(file), packed)
+        write_output(file.with_suffix(".parquet"), packed.getvalue())
 
 
 def read_table(file: Path) -> list[StudyRow]:
@@ -329,7 +329,7 @@ def parse_row(cells: dict[str, str]) -> StudyRow:
 def write_columns(file: Path, table: str, row: str, columns: dict[str, str]) -> None:
     """Write a Markdown file that describes the rows and columns of a table."""
     lines = [f"| `{column}` | {what} |" for column, what in columns.items()]
-    write_atomically(
+    write_output(
         file,
         "\n".join(
             [

@@ -22,7 +22,7 @@ from proofmass import drive, reference
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.files import PARTIAL_ENDING, read_text, write_atomically
+from proofmass.files import PARTIAL_ENDING, make_folder, read_text, write_atomically
 from proofmass.fingerprint import (
     bytes_of_case_model,
     digest,
@@ -57,7 +57,8 @@ class Store:
 
     def __init__(self, folder: Path | str):
         self.folder = Path(folder).absolute()
-        self.folder.mkdir(parents=True, exist_ok=True)
+        for part in (self.folder.parent, self.folder):
+            make_folder(part)
         self.keys: dict[TaskKey, tuple[Case, str]] = {}
         self.known: dict[tuple[str, int], Measurement] = {}  # read or written by this process
         for half in self.folder.glob(

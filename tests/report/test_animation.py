@@ -278,7 +278,7 @@ def test_a_file_that_cannot_be_written_is_reported(
     (models / "mine.gif").mkdir()
     answer = run_animate("fourbar.toml", "--solver", "mujoco", "--frames", "2", "-o", "mine.gif")
     assert answer.exit_code == 2
-    assert "error: mine.gif: Is a directory" in answer.output
+    assert "error: mine.gif: a folder; give the name of a file" in answer.output
 
 
 def test_a_failed_solver_is_reported_and_the_model_is_drawn(

@@ -14,6 +14,7 @@ from proofmass import cli
 from proofmass.check import Result
 from proofmass.compare import Comparison, DetectableChange
 from proofmass.errors import InputError
+from proofmass.files import write_output
 from proofmass.outcome import Outcome
 from proofmass.report import record, write_report
 from proofmass.report.changes import Change, find_changes, format_changes
@@ -115,7 +116,7 @@ def test_a_record_has_no_host_name(monkeypatch):
 )
 def test_a_damaged_record_is_reported_and_the_report_is_written(tmp_path, text, words):
     file = tmp_path / "results.json"
-    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    write_output(file, text)
     wrong = read_last(tmp_path).wrong
     assert wrong.startswith(f"the record {file} {words}")
     assert wrong.endswith("; changes since the last report are not shown")
@@ -282,7 +283,7 @@ def test_a_damaged_last_record_is_reported_once_and_replaced(monkeypatch, tmp_pa
     monkeypatch.setattr(
         cli, "check_with_progress", lambda *_: Result(comparisons=[comparison_of("x", 1e-6)])
     )
-    (tmp_path / "results.json").write_text("{")
+    write_output(tmp_path / "results.json", "{")
     answer = run_command("report", "-o", tmp_path)
     assert answer.exit_code == 0
     assert answer.output.count("changes since the last report are not shown") == 1

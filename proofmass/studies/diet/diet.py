@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, TypeVar
 
 import mujoco
@@ -23,11 +24,19 @@ from rich.table import Table
 
 from proofmass.command import error_console, exit_on_error
 from proofmass.errors import InputError
+from proofmass.files import (
+    OUTPUT_MARK,
+    PARTIAL_ENDING,
+    make_folder,
+    protect,
+    require_replaceable,
+    write_output,
+)
 from proofmass.fingerprint import bytes_of_model
 from proofmass.pool import pool
-from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.mjcf import NATIVE_ENGINE, files_of_model
 from proofmass.sim.protocol import Curves, Run
-from proofmass.studies.diet.edits import EditedModel, read_model, write_model
+from proofmass.studies.diet.edits import EditedModel, model_text, read_model, write_model
 from proofmass.studies.diet.options import (
     COUNTED_OPTIONS,
     DRAWN_GEOM,
@@ -56,7 +65,6 @@ from proofmass.studies.diet.table import (
     ChannelChanges,
     Entry,
     format_saving,
-    read_entries,
     sort_entries,
     summary_sentences,
     write_entries,
@@ -108,7 +116,8 @@ class DietStore:
     def __init__(self, folder: Path | None = None):
         self.folder = folder
         if folder:
-            folder.mkdir(parents=True, exist_ok=True)
+            for part in (folder.parent, folder):
+                make_folder(part)
 
     def once(self, models: list[mujoco.MjModel], runs: Any, make: Callable[[], Any]) -> Any:
         """Read the result of models in runs, or make and keep it; it consists of JSON values.
@@ -178,10 +187,11 @@ def run_diet(
 
     file = output or Path("diet") / model.name
     with exit_on_error("what was tried is kept"):
-        if file.exists() and model.exists() and file.samefile(model):
-            raise InputError(file, "--output", "is the model itself; give another file")
-        if (table := file.with_suffix(".csv")).exists():
-            read_entries(table)  # fails if the file is not the table of a diet: it is not replaced
+        if file.suffix != ".xml":
+            raise InputError(file, "", "give the name of a model, such as reduced.xml")
+        protect([*files_of_model(model), *model.absolute().parent.glob("*.toml")])
+        for place in (file, file.with_suffix(".csv")):
+            require_replaceable(place)  # before the trials, which take minutes
         scene = load_scene(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
         with (
             pool(jobs, dask) as workers,
@@ -211,8 +221,8 @@ def write_result(scene: DietScene, found: Diet, file: Path) -> None:
     InputError
         The written model does not give the same results, since digits were lost.
     """
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f"{file.stem}.part.xml")
+    make_folder(file.parent)
+    partial = file.with_name(f".{token_hex(8)}{PARTIAL_ENDING}.xml")
     try:
         write_model(found.reduced, partial, with_additions=True)
         written = read_model(partial, found.reduced.rods)
@@ -229,10 +239,9 @@ def write_result(scene: DietScene, found: Diet, file: Path) -> None:
                 "",
                 f"cannot be written with all its digits: its reduced model {message or outcome}",
             )
-        write_model(found.reduced, partial)
-        partial.replace(file)
     finally:
         partial.unlink(missing_ok=True)
+    write_output(file, f"<!-- {OUTPUT_MARK} -->\n{model_text(found.reduced, file.parent)}")
     write_entries(found.table, file.with_suffix(".csv"))
 
 

@@ -453,21 +453,26 @@ NUMBER_PATTERN = re.compile(r"-?\d[\d.]*(?:e[-+]?\d+)?")
 
 
 def write_model(edited: EditedModel, file: Path, with_additions: bool = False) -> None:
-    """Write a model, with paths of its meshes and textures relative to the new file.
+    """Write a model; see `model_text`."""
+    write_atomically(file, model_text(edited, file.parent, with_additions))
 
-    A model that is written `with_additions` keeps the sensors and names that were added to it.
+
+def model_text(edited: EditedModel, folder: Path, with_additions: bool = False) -> str:
+    """The MJCF of a model, with paths of its meshes and textures relative to a folder.
+
+    A text `with_additions` has the sensors and names that were added to the model.
     """
     spec = edited.again().spec
     keys = {key.name: (list(key.qpos), list(key.qvel)) for key in spec.keys}
     if not with_additions:
         remove_additions(edited, spec)
     compile_with_rods(spec, edited.rods) if edited.rods else spec.compile()
-    for folder in ("meshdir", "texturedir") if spec.meshes or spec.textures else ():
-        place = os.path.relpath(edited.file.parent / getattr(spec, folder), file.parent)
-        setattr(spec, folder, place)
+    for kind in ("meshdir", "texturedir") if spec.meshes or spec.textures else ():
+        place = os.path.relpath(edited.file.parent / getattr(spec, kind), folder)
+        setattr(spec, kind, place)
     with write_all_digits():
         text = shorten(spec.to_xml())
-    write_atomically(file, without_rods(text, edited.rods, keys) if edited.rods else text)
+    return without_rods(text, edited.rods, keys) if edited.rods else text
 
 
 def remove_additions(edited: EditedModel, spec: mujoco.MjSpec) -> None:

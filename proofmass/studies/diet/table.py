@@ -6,7 +6,7 @@ from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 
-from proofmass.files import write_atomically
+from proofmass.files import write_output
 from proofmass.studies.diet.trial import Cost, TimeRange
 from proofmass.studies.record import format_cells, read_cells, write_columns
 from proofmass.wording import number
@@ -145,7 +145,7 @@ def write_entries(entries: Iterable[Entry], file: Path) -> None:
                 entry.edit,
             )
             rows.append(dict(zip(COLUMN_DESCRIPTIONS, cells, strict=True)))
-    write_atomically(file, format_cells(rows, COLUMN_DESCRIPTIONS))
+    write_output(file, format_cells(rows, COLUMN_DESCRIPTIONS))
     write_columns(
         file.with_name("diet.columns.md"), "a diet", "channel of a feature", COLUMN_DESCRIPTIONS
     )

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from proofmass.files import write_atomically
+from proofmass.files import write_output
 from proofmass.studies.record import format_cells, read_cells, write_columns
 from proofmass.wording import number
 
@@ -278,7 +278,7 @@ def write_boundaries(boundaries: Iterable[Boundary], file: Path) -> None:
     """Write a CSV file with a row for each boundary, and its columns to ``NAME.columns.md``."""
     rows = [{**asdict(one), "measured": one.measured, "ratio": one.ratio} for one in boundaries]
     cells = ({key: "" if value != value else value for key, value in row.items()} for row in rows)
-    write_atomically(file, format_cells(cells, COLUMN_DESCRIPTIONS))
+    write_output(file, format_cells(cells, COLUMN_DESCRIPTIONS))
     write_columns(file.with_suffix(".columns.md"), file.name, "boundary", COLUMN_DESCRIPTIONS)
 
 

@@ -13,11 +13,12 @@ from proofmass.check import collect_inputs
 from proofmass.command import error_console, exit_on_error, progress_bar, single_case_error
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
-from proofmass.files import write_atomically
+from proofmass.files import OUTPUT_MARK, require_replaceable, write_output
 from proofmass.pool import pool
+from proofmass.sim.protocol import Imposed
 from proofmass.strict import Kind
 from proofmass.studies.command import load_cases, require_seconds
-from proofmass.studies.record import StudyRow
+from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store, package_versions
 from proofmass.studies.trade.choose import (
@@ -115,9 +116,9 @@ def run_choose(
         if found.ran is None:
             raise InputError(path, "", f"no program can be written: {found.reason}")
         drive_of = found.drive or drive_ways(case, choice.row.engine)[0]
-        write_atomically(
+        write_output(
             output,
-            program_text(case, found.used, drive_of, program_docstring(choice, case, output.name)),
+            own_program(case, found.used, drive_of, program_docstring(choice, case, output.name)),
         )
         print(output)
         error_console.print("\n".join(describe_choice(choice, case)), markup=False)
@@ -164,11 +165,16 @@ def run_creep(path: Path, wanted: float, solver: str, output: Path | None, longe
             return
         text = "\n".join(fill(line, 92) for line in lines)
         docstring = f"{text}\n\nMade by proofmass choose with {format_packages(solver)}."
-        write_atomically(
-            output, program_text(case, best.setting, drive_ways(case, solver)[0], docstring)
+        write_output(
+            output, own_program(case, best.setting, drive_ways(case, solver)[0], docstring)
         )
         print(output)
         error_console.print(text, markup=False, highlight=False)
+
+
+def own_program(case: Case, setting: Setting, drive: Imposed, docstring: str) -> str:
+    """The text of a program, with the mark by which a later call knows that it may replace it."""
+    return f"# {OUTPUT_MARK}\n{program_text(case, setting, drive, docstring)}"
 
 
 def format_setting(case: Case, one: Creep) -> str:
@@ -246,6 +252,7 @@ def require_writable(case: Case, kind: Kind, output: Path | None) -> None:
         raise ValueError(f"-o {output}: a folder; give the name of a Python program in it")
     if not output.parent.is_dir():
         raise ValueError(f"-o {output}: there is no folder {output.parent}")
+    require_replaceable(output)  # before the runs, which take minutes
 
 
 def find_solver(case: Case, kind: Kind, drive: str, solver: str) -> str:

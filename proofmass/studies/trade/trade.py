@@ -24,7 +24,7 @@ from pathlib import Path
 
 from proofmass.case import Case
 from proofmass.errors import InputError
-from proofmass.files import write_atomically
+from proofmass.files import write_output
 from proofmass.grouping import group_by
 from proofmass.outcome import Outcome
 from proofmass.pool import pool
@@ -625,7 +625,7 @@ def write_study(study: Trade, folder: Path) -> None:
         {k: v for k, v in asdict(one).items() if not (isinstance(v, float) and isnan(v))}
         for one in study.verdicts
     ]
-    write_atomically(folder / "verdicts.json", json.dumps(records, indent=1, allow_nan=False))
+    write_output(folder / "verdicts.json", json.dumps(records, indent=1, allow_nan=False))
 
 
 def read_verdicts(file: Path) -> list[Verdict]:
