@@ -22,7 +22,7 @@ from proofmass.coverage import FOLDER_VARIABLE
 from proofmass.files import write_atomically
 from proofmass.pytest_items import SolverItem
 from proofmass.sidecar import load_case
-from proofmass.studies import measure
+from proofmass.studies import locks
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
@@ -61,7 +61,7 @@ def processors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     share = (os.cpu_count() or 1) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "cpu_count", lambda: max(1, share))
-        patch.setattr(measure, "lock_path", lambda name: folder / name)
+        patch.setattr(locks, "lock_folder", lambda: folder)
         yield
 
 

@@ -7,11 +7,9 @@ motion is also kept in a file: its integration takes longer than most runs, and 
 time of the run that happens to be the first.
 """
 
-import getpass
 import io
 import os
 import platform
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -34,58 +32,54 @@ from proofmass.sim.protocol import BadModel, Curves, NotSolved, Run
 from proofmass.solve import call_engine
 from proofmass.strict import Kind
 from proofmass.studies.invariants import invariants
+from proofmass.studies.locks import HAS_LOCKS, announce_waiting, holder, try_lock, wait_for_lock
 from proofmass.studies.record import KIND_UNITS, NAN, Setting
 from proofmass.worker import DEFAULT_MEMORY, call_isolated
-
-try:
-    import fcntl
-except ImportError:  # Windows, where runs are not pinned
-    fcntl = None  # type: ignore[assignment]
 
 LOCK_POLL_SECONDS = 0.005  # s between two looks for a free processor
 
 
 def available_processors() -> list[int]:
     """Numbers of the processors that runs may be pinned to; empty where the system cannot pin."""
-    return sorted(os.sched_getaffinity(0)) if fcntl and hasattr(os, "sched_getaffinity") else []
+    return sorted(os.sched_getaffinity(0)) if HAS_LOCKS and hasattr(os, "sched_getaffinity") else []
 
 
 @contextmanager
 def reserve_processor() -> Iterator[int | None]:
     """Reserve a processor, after waiting for a free one; None where the system cannot pin.
 
-    A reservation is a lock on a file: other processes respect it, and it ends with the process that
-    has it.  Waiting processes form a queue, so that a study that asks without a pause does not get
-    all processors.
+    A reservation is a lock, see `proofmass.studies.locks`: other processes of the user respect it,
+    and it ends with the process that has it.  Waiting processes form a queue, so that a study that
+    asks without a pause does not get all processors.
     """
     if not available_processors():
         yield None
         return
-    with ExitStack() as locks:
-        with lock_path("queue").open("w") as queue:
-            fcntl.flock(queue, fcntl.LOCK_EX)
-            core = lock_free_processor(locks)
+    with ExitStack() as reserved:
+        with announce_waiting(describe_reservations), wait_for_lock("queue"):
+            core = lock_free_processor(reserved)
         yield core
 
 
-def lock_free_processor(locks: ExitStack) -> int:
-    """Wait for a free processor and lock it until `locks` is closed; return its number."""
+def lock_free_processor(reserved: ExitStack) -> int:
+    """Wait for a free processor and lock it until `reserved` is closed; return its number."""
     while True:
         for core in available_processors():
-            file = lock_path(f"core-{core}").open("w")
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                file.close()
-            else:
-                locks.enter_context(file)
+            if file := try_lock(f"core-{core}"):
+                reserved.enter_context(file)
                 return core
         time.sleep(LOCK_POLL_SECONDS)
 
 
-def lock_path(name: str) -> Path:
-    """Path of a lock file of the current user."""
-    return Path(tempfile.gettempdir()) / f"proofmass-{getpass.getuser()}-{name}.lock"
+def describe_reservations() -> str:
+    """Tell which other processes have reserved processors; empty if none is known to have."""
+    others = sorted({*filter(None, (holder(f"core-{core}") for core in available_processors()))})
+    if not others:
+        return ""
+    return (
+        f"waiting for a processor: runs that are timed in process{'es' * (len(others) > 1)} "
+        f"{', '.join(map(str, others))} have reserved all that are left"
+    )
 
 
 @contextmanager
