@@ -244,7 +244,9 @@ def run_command(*args: object):
 
 def test_a_report_is_compared_with_the_last_one_or_with_a_baseline(monkeypatch, tmp_path):
     found = [comparison_of("x", 1e-6), comparison_of("x", 1e-6, "two")]
-    monkeypatch.setattr(cli, "check_with_progress", lambda *_: Result(comparisons=list(found)))
+    monkeypatch.setattr(
+        cli, "check_with_progress", lambda *_, **__: Result(comparisons=list(found))
+    )
     first = run_command("report", "-o", tmp_path / "a")
     assert first.exit_code == 0, first.output
     assert "since the last report" not in first.output
@@ -260,7 +262,7 @@ def test_a_report_is_compared_with_the_last_one_or_with_a_baseline(monkeypatch, 
 
 
 def test_a_missing_baseline_is_reported_before_anything_runs(monkeypatch, tmp_path):
-    monkeypatch.setattr(cli, "check_with_progress", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr(cli, "check_with_progress", lambda *_, **__: pytest.fail("it ran"))
     answer = run_command("report", "-o", tmp_path / "a", "--baseline", tmp_path / "b")
     assert answer.exit_code == 2
     assert "results.json: no such file; proofmass report writes it" in answer.output.replace(
@@ -269,7 +271,7 @@ def test_a_missing_baseline_is_reported_before_anything_runs(monkeypatch, tmp_pa
 
 
 def test_a_damaged_baseline_is_reported_before_anything_runs(monkeypatch, tmp_path):
-    monkeypatch.setattr(cli, "check_with_progress", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr(cli, "check_with_progress", lambda *_, **__: pytest.fail("it ran"))
     (tmp_path / "b").mkdir()
     damaged = tmp_path / "b" / "results.json"
     damaged.write_text("{")
@@ -281,7 +283,7 @@ def test_a_damaged_baseline_is_reported_before_anything_runs(monkeypatch, tmp_pa
 
 def test_a_damaged_last_record_is_reported_once_and_replaced(monkeypatch, tmp_path):
     monkeypatch.setattr(
-        cli, "check_with_progress", lambda *_: Result(comparisons=[comparison_of("x", 1e-6)])
+        cli, "check_with_progress", lambda *_, **__: Result(comparisons=[comparison_of("x", 1e-6)])
     )
     write_output(tmp_path / "results.json", "{")
     answer = run_command("report", "-o", tmp_path)
