@@ -5,15 +5,20 @@ load.  Every rule is tested with all three.  The file has the angle of the rocke
 over time or over the angle of its crank.  The truth is the law of cosines, written anew here.
 """
 
+import re
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ellipj, ellipk
 
 from proofmass.check import check
 from proofmass.errors import InputError
+from proofmass.recorded import RecordedColumn, RecordedTable, find_wrap
+from proofmass.recording import Recording, RunAxis, SteadyDrive
 from proofmass.reference import evaluate
 from proofmass.sidecar import load_case
 from proofmass.solve import call_engine, plan_run, prescribed_run, solve_here
@@ -465,3 +470,277 @@ def test_the_error_between_uneven_rows_counts_in_the_tolerance(write) -> None:
     (c,) = check([file], jobs=1, detectable=False, causes=False).comparisons
     assert c.error_max < c.uncertainty  # the stated error is a bound
     assert c.uncertainty > c.allowed
+
+
+FREE = """
+title = "Recorded pendulum"
+source = "a test"
+model = "pendulum.xml"
+reference = "rig.csv"
+{recording}
+
+[run.dynamics]
+solvers = ["mujoco", "recorded:rig"]
+{run}
+
+[settings."recorded:rig"]
+file = "rig.csv"
+{x}
+channels.angle = "angle"
+
+[channels]
+angle = {{ equals = "angle", unit = "rad" }}
+
+[[tolerance]]
+relative_to_range = 1e-6
+why = "a test"
+"""
+
+
+def pendulum_angle(time: np.ndarray) -> np.ndarray:
+    """Angle of a pendulum of 1 m that is let go at rest a quarter of a turn from straight down."""
+    modulus = np.sin(np.pi / 4)
+    phase = ellipk(modulus**2) + np.sqrt(9.81) * time
+    return -2 * np.arcsin(modulus * ellipj(phase, modulus**2)[0])
+
+
+@pytest.fixture
+def write_free(tmp_path: Path) -> Callable[..., Path]:
+    """``write_free(text, x, run)`` writes a recorded free motion, of which x is read as `x` says.
+
+    The file is the reference and one of the parties.
+    """
+    shutil.copy(shipped("pendulum.xml"), tmp_path)
+
+    def written(text: str, x: str = "", run: str = "") -> Path:
+        (tmp_path / "rig.csv").write_text(text)
+        file = tmp_path / "case.toml"
+        recording = f"[recording]\n{x}" if x else ""
+        file.write_text(FREE.format(recording=recording, x=x, run=run))
+        return file
+
+    return written
+
+
+@pytest.mark.parametrize("clock", [0.0, 3.25, -9.0, 1.7e9])
+@pytest.mark.parametrize("times", [EVEN, UNEVEN], ids=["even", "uneven"])
+def test_a_free_motion_begins_at_the_first_row_of_any_clock(clock, times, write_free) -> None:
+    text = table({"t [s]": times + clock, "angle [rad]": pendulum_angle(times)}, ".17g")
+    file = write_free(text, run="until = 2.0")
+    if clock == 1.7e9:  # the digits of the clock are 2.4e-7 s, in which the pendulum turns by 1e-6
+        file.write_text(file.read_text().replace("1e-6", "1e-5"))
+    assert outcomes(file) == {"dynamics mujoco": {"agrees"}, "dynamics recorded:rig": {"agrees"}}
+
+
+@pytest.mark.parametrize(
+    ("first", "words"), [(0.005, "is at t = 0.005 s"), (-0.5, "is at t = -0.5 s")]
+)
+def test_a_free_motion_that_does_not_begin_at_a_row_of_its_own_is_refused(
+    first, words, write_free
+) -> None:
+    """The pose of the key is that of the first row, which may lie before the motion or after."""
+    times = EVEN + first
+    text = table({"t [s]": times, "angle [rad]": pendulum_angle(times)})
+    with pytest.raises(InputError) as caught:
+        validate_case(load_case(write_free(text)))
+    assert caught.value.key == "run.dynamics"
+    assert "the run begins at 0 s" in caught.value.wrong
+    assert words in caught.value.wrong
+    moved = table({"t [s]": times, "angle [rad]": pendulum_angle(EVEN)})
+    validate_case(load_case(write_free(moved, f'x = {{ column = "t", shift = {-first} }}')))
+
+
+@pytest.mark.parametrize(("until", "fits"), [(2.0, True), (2.001, True), (2.5, False)])
+def test_a_last_time_that_contradicts_the_rows_is_named(until, fits, write_free) -> None:
+    text = table({"t [s]": EVEN, "angle [rad]": pendulum_angle(EVEN)})
+    file = write_free(text, run=f"until = {until}")
+    if fits:
+        validate_case(load_case(file))
+        return
+    with pytest.raises(InputError, match=r"run ends at 2\.5 s, and the last row .* t = 2 s") as one:
+        validate_case(load_case(file))
+    assert one.value.key == "run.dynamics.until"
+
+
+def test_a_gap_of_a_reference_is_refused_unless_the_sidecar_allows_it(write_free) -> None:
+    times = np.delete(EVEN, slice(100, 140))
+    text = table({"t [s]": times, "angle [rad]": pendulum_angle(times)})
+    with pytest.raises(InputError, match=r"line 102: t goes from 0\.495 to 0\.7 s, 41 times"):
+        validate_case(load_case(write_free(text)))
+    file = write_free(text, x="gap = 42")
+    assert outcomes(file)["dynamics mujoco"] == {"undecided"}
+
+
+def test_a_few_uneven_rows_are_not_interpolated(write_free) -> None:
+    times = np.append(EVEN[::50], 2.01)
+    text = table({"t [s]": times, "angle [rad]": pendulum_angle(times)})
+    with pytest.raises(InputError, match="10 rows are too few to interpolate"):
+        validate_case(load_case(write_free(text)))
+
+
+def test_columns_of_a_reference_may_lack_a_header(write_free) -> None:
+    rows = table({"t": 1e3 * EVEN, "angle": np.degrees(-pendulum_angle(EVEN))})
+    text = rows.partition("\n")[2]
+    file = write_free(
+        text,
+        'x = { column = "1", unit = "ms" }\n'
+        'columns.angle = { column = "2", unit = "deg", scale = -1 }',
+    )
+    text = re.sub(r"(?s)\[settings.*?\[channels", "[channels", file.read_text())
+    file.write_text(text.replace(', "recorded:rig"', ""))
+    assert outcomes(file) == {"dynamics mujoco": {"agrees"}}
+
+
+RECORDING_FAULTS = {
+    "no such x": ('x = "time"', "no column 'time' in rig.csv"),
+    "another unit of x": ('x = { column = "t", unit = "ms" }', "says 's'"),
+    "no such column": ('columns.angle = "angel"', "no column 'angel' in rig.csv"),
+    "an unknown key": ('y = "t"', "unknown key 'y'"),
+    "an unknown key of a column": ("columns.angle = { unwarp = true }", "unknown key 'unwarp'"),
+    "unwrap of a length": ('columns.r = { column = "t", unwrap = true }', "goes with an angle"),
+    "a small gap": ("gap = 1", "greater than 1"),
+}
+
+
+@pytest.mark.parametrize("name", RECORDING_FAULTS)
+def test_faults_of_the_table_recording_are_named(name, write_free) -> None:
+    recording, words = RECORDING_FAULTS[name]
+    text = table({"t [s]": EVEN, "angle [rad]": pendulum_angle(EVEN)})
+    file = write_free(text)
+    file.write_text(
+        file.read_text().replace(
+            'reference = "rig.csv"', f'reference = "rig.csv"\n[recording]\n{recording}'
+        )
+    )
+    with pytest.raises(InputError) as caught:
+        validate_case(load_case(file))
+    assert caught.value.key.startswith("recording")
+    assert words in caught.value.wrong
+
+
+def test_only_a_recorded_reference_has_a_table_recording(models) -> None:
+    file = models / "pendulum.toml"
+    file.write_text(file.read_text().replace("[run.dynamics]", "[recording]\n[run.dynamics]"))
+    with pytest.raises(InputError, match="the reference is 'pendulum'; leave it out"):
+        load_case(file)
+
+
+CLOCKS = {
+    "one clock": (0.0, 3.25, 3.25, ""),
+    "both late": (3.25, 3.25, 0.0, ""),
+    "only the motor late": (3.25, 0.0, None, "nothing is extrapolated"),
+    "the rig before the motor": (0.0, -1.0, None, "nothing is extrapolated"),
+}
+
+
+@pytest.mark.parametrize("kind", ["sweep", "dynamics"])
+@pytest.mark.parametrize("name", CLOCKS)
+def test_the_files_of_a_case_have_one_clock(name, kind, write, tmp_path) -> None:
+    """The motor's file is 10 s long, the rig's 2 s; the crank swings as the motor's file says."""
+    motor_first, rig_first, begins, words = CLOCKS[name]
+    motor, rig = np.linspace(0.0, 10.0, 2001) + motor_first, EVEN + rig_first
+
+    def crank(time: np.ndarray) -> np.ndarray:
+        return 1.0 - np.cos(1.5 * time)
+
+    angle = {"t [s]": motor, "crank [rad]": crank(motor)}
+    (tmp_path / "motor.csv").write_text(table(angle))
+    drive = Motion('profile = { file = "motor.csv", value = "crank" }', crank, 2.0)
+    file = write("reference", kind, drive, rocker_table({"t [s]": rig}, crank(rig)))
+    if words:
+        assert words in refusal_of("reference", kind, file)
+        return
+    x, curve = curve_of("reference", kind, file)
+    assert x[0] == pytest.approx(begins)
+    np.testing.assert_allclose(curve, rocker_angle(crank(rig)), rtol=0, atol=SPLINE_ERROR)
+    led = prescribed_run(load_case(file), kind).motion(x)[0][0]
+    np.testing.assert_allclose(led, crank(rig), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("rate", [1.0, -0.5])
+@pytest.mark.parametrize("head", ["t [s]", "left [deg]"])
+@pytest.mark.parametrize("kind", ["sweep", "dynamics"])
+def test_a_second_drive_follows_rows_beside_a_first_one_of_constant_rate(
+    kind, head, rate, tmp_path
+) -> None:
+    """The right crank of a five-bar is led by rows over time, or over the angle of the left one."""
+    times = np.linspace(0.0, 2.0, 201)
+    left = 0.25 + rate * times
+    x = times if head == "t [s]" else np.degrees(left)
+    (tmp_path / "right.csv").write_text(table({head: x, "q [rad]": np.sin(times)}))
+    shutil.copy(shipped("fivebar.xml"), tmp_path)
+    text = re.sub(
+        r"(?s)\[\[drive\]\].*?\[run\]",
+        f'[[drive]]\njoint = "left"\nfrom = 0.25\nto = {float(left[-1])!r}\nrate = {rate}\n'
+        '[[drive]]\njoint = "right"\nprofile = { file = "right.csv", value = "q" }\n[run]',
+        shipped("fivebar.toml").read_text(),
+    ).replace("dynamics = {}", "dynamics = { n = 91 }")
+    (tmp_path / "fivebar.toml").write_text(text)
+    run = prescribed_run(load_case(tmp_path / "fivebar.toml"), kind)
+    value, speed, _ = run.motion(run.x)
+    time = (value[0] - 0.25) / rate
+    assert time[0] == 0.0
+    assert time[-1] == pytest.approx(2.0)
+    np.testing.assert_allclose(value[1], np.sin(time), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(speed[1], np.cos(time), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["sweep", "dynamics"])
+def test_a_party_agrees_with_a_reference_whose_first_row_is_lost(kind, write, tmp_path) -> None:
+    """The party's file has all rows, and its clock 0 is at `from`, not at the reference's row."""
+    crank = TWO_TURNS.crank(EVEN)
+    file = write("reference", kind, TWO_TURNS, rocker_table({"t [s]": EVEN[1:]}, crank[1:]))
+    (tmp_path / "own.csv").write_text(rocker_table({"t [s]": EVEN}, crank))
+    text = file.read_text().replace('["mujoco"]', '["recorded:own"]')
+    settings = '[settings."recorded:own"]\nfile = "own.csv"\nchannels.rocker = "rocker"\n'
+    file.write_text(text.replace("[channels]", f"{settings}\n[channels]"))
+    assert outcomes(file) == {f"{kind} recorded:own": {"agrees"}}
+
+
+def test_a_slide_moves_in_proportion_to_time() -> None:
+    """A slide goes from 20 mm at -4 mm/s; lengths and times are those of this line."""
+    rows = tuple((k, [repr(2.0 - 0.4 * k), repr(k / 10)]) for k in range(20))
+    recorded = RecordedTable(Path("rig.csv"), {"s": "cm", "t": "s"}, rows)
+    drive = SteadyDrive("m", 0.02, -0.04)
+    length, time = (
+        Recording(recorded, RecordedColumn(column=name)).place(RunAxis("dynamics", "s", drive)).x
+        for name in ("s", "t")
+    )
+    np.testing.assert_allclose(length, time, rtol=0, atol=1e-15)
+    length, time = (
+        Recording(recorded, RecordedColumn(column=name)).place(RunAxis("sweep", "m", drive)).x
+        for name in ("s", "t")
+    )
+    np.testing.assert_allclose(length, 0.02 - 0.004 * np.arange(20), rtol=0, atol=1e-16)
+    np.testing.assert_allclose(length, time, rtol=0, atol=1e-16)
+
+
+WRAPS = {
+    "steady": (np.arange(0.0, 1000.0, 3.0), 119),
+    "coarse": (np.arange(0.0, 1000.0, 100.0), 3),
+    "falling": (np.arange(-1.0, -1000.0, -7.0), 51),
+    "about 0": (10 * np.sin(np.arange(0.0, 20.0, 0.1)), 31),
+    "growing": (np.arange(0.0, 30.0) ** 2, 18),
+    "last row": (np.arange(350.0, 361.0, 1.0), 9),
+    "first row": (np.arange(359.0, 390.0, 1.0), 0),
+}
+"""Angles [deg], and the row before the first at which they have another number of whole turns."""
+
+
+@pytest.mark.parametrize("name", WRAPS)
+def test_a_wrap_is_found_at_its_row_and_nothing_else_is_one(name) -> None:
+    angle, row = WRAPS[name]
+    assert find_wrap(angle, 360.0) is None
+    assert find_wrap(angle % 360.0, 360.0) == row
+    assert find_wrap(np.radians(angle % 360.0), TURN) == row
+    assert find_wrap(angle % 360.0, 500.0) is None
+
+
+def test_jumps_of_other_sizes_are_no_wraps() -> None:
+    steps = np.where(np.arange(50) == 25, 1.0, 0.0).cumsum()
+    slow = np.arange(50.0)
+    for jump in (170.0, 290.0, 430.0, 720.0):
+        assert find_wrap(slow + jump * steps, 360.0) is None
+    for jump in (330.0, 360.0, 390.0, -360.0):
+        assert find_wrap(slow + jump * steps, 360.0) == 24
+    assert find_wrap(np.array([0.0, 360.0]), 360.0) is None  # two rows tell nothing of the speed
