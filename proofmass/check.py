@@ -2,11 +2,11 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import Any, NamedTuple, Protocol, cast
 
 from proofmass.case import Case
 from proofmass.compare import Comparison, attach_reference, compare, failed_comparisons
@@ -50,9 +50,11 @@ CAUSES_SECONDS = 60.0  # [s], the time limit of the search for the causes of one
 class Result:
     """All results of a check: comparisons, their curves, diagnoses, and errors of the input.
 
-    Curves and diagnoses are stored by the names of case, run and solver.  Curves that were compared
-    have their reference with them, see `proofmass.reference.ComparedCurves`.  `failed` has the
-    curves of failed runs, up to the failure.  Only runs that differ or failed have a diagnosis.
+    Curves, diagnoses and notes are stored by the names of case, run and solver.  Curves that were
+    compared have their reference with them, see `proofmass.reference.ComparedCurves`; they are not
+    kept where a `CaseConsumer` took them.  `failed` has the curves of failed runs, up to the
+    failure; `notes` has the remarks on the others.  Only runs that differ or failed have a
+    diagnosis.
     `paths` are the files and folders that were given; `family_of` names a case's folder by them.
     `of_others` are files of these folders that are neither sidecars nor models, see `find_inputs`.
     """
@@ -63,6 +65,7 @@ class Result:
     refined: list[RefinedRow] = field(default_factory=list)
     failed: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
     diagnoses: dict[tuple[str, str, str], Diagnosis] = field(default_factory=dict)
+    notes: dict[tuple[str, str, str], tuple[str, ...]] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     paths: tuple[Path, ...] = ()
     of_others: list[Path] = field(default_factory=list)
@@ -346,6 +349,16 @@ def check_model_here(model: Path) -> Comparison:
     )
 
 
+class CaseConsumer(Protocol):
+    """What takes the results of cases one by one, so that their curves need not be kept."""
+
+    def begin(self, result: Result) -> None:
+        """Take the cases and the errors of the input, before the first run."""
+
+    def take(self, part: Result) -> None:
+        """Take the result of one case, whose runs have all ended; called from several threads."""
+
+
 def check(
     paths: Iterable[Path | str] = ("models",),
     jobs: int | None = None,
@@ -353,6 +366,7 @@ def check(
     causes: bool = True,
     detectable: bool = True,
     dask: str | None = None,
+    consumer: CaseConsumer | None = None,
 ) -> Result:
     """Run every case below `paths` and compare it with its reference.
 
@@ -372,6 +386,9 @@ def check(
     dask : str, optional
         Address of the scheduler of a Dask cluster on which the runs are made, see
         `proofmass.pool.pool`; they are made on this machine if not given.
+    consumer : CaseConsumer, optional
+        Takes the result of each case when its last run has ended.  The curves of a case are then
+        not kept, so that the memory does not depend on the number of cases.
 
     Returns
     -------
@@ -382,113 +399,193 @@ def check(
     if dask is not None:
         given = tuple(path.absolute() for path in given)  # workers run in other folders
     result = Result(paths=given)
-    with pool(jobs, dask) as executor:
-        tasks = plan_tasks(collect_inputs(given, result.errors, result.of_others), result, executor)
-        outcomes = run_tasks(
-            tasks, result, executor, jobs or size_of(executor), progress, detectable
-        )
-        collect_outcomes(tasks, outcomes, result)
-        if causes:
-            diagnose_runs(result, executor, progress)
+    with pool(jobs, dask) as executor, ThreadPoolExecutor(os.cpu_count()) as threads:
+        inputs = collect_inputs(given, result.errors, result.of_others)
+        parts = plan_parts(inputs, result, executor)
+        if consumer is not None:
+            consumer.begin(result)
+        follow = partial(stages_of, causes=causes, detectable=detectable, consumer=consumer)
+        run_parts(parts, executor, threads, jobs or size_of(executor), progress, follow)
+    for part in parts:
+        add_part(result, part.result)
     return result
 
 
-def plan_tasks(paths: list[Path], result: Result, pool: Executor) -> list[CheckTask]:
-    """Read the sidecars and list the tasks; cases and errors are added to the result."""
-    tasks: list[CheckTask] = []
+class CheckStep(NamedTuple):
+    """A call, and what the main thread does with its future when it has ended.
+
+    The steps that progress is counted by have a label.  A step that is not `here`, in this process,
+    may be made on another machine.
+    """
+
+    label: str
+    call: Callable[[], Any]
+    keep: Callable[[Future[Any]], Any] = Future.result
+    here: bool = False
+
+
+@dataclass
+class FileWork:
+    """The work on one file: the tasks that it asks for, and the part of the result that they give.
+
+    `name` is the name of the file in the result.
+    """
+
+    file: Path
+    name: str
+    tasks: list[CheckTask]
+    result: Result
+
+
+def plan_parts(paths: list[Path], result: Result, pool: Executor) -> list[FileWork]:
+    """Read the sidecars and plan the work on each file; cases and errors go to the result."""
+    parts: list[FileWork] = []
     names = unique_names(paths)
     read = {path: pool.submit(load_validated, path) for path in paths if path.suffix != ".xml"}
     for path in paths:
+        own = FileWork(path, names[path], [], Result(paths=result.paths))
         try:
             if path not in read:
-                tasks.append(path)
-                continue
-            case = rename_case(read[path].result(), names[path])
-            tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
-            tasks += refinement_runs(case)
-            result.cases.append(case)
+                own.tasks.append(path)
+            else:
+                case = rename_case(read[path].result(), names[path])
+                own.tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
+                own.tasks += refinement_runs(case)
+                own.result.cases.append(case)
+                result.cases.append(case)
+            parts.append(own)
         except InputError as error:
             result.errors.append(error)
-    return tasks
+    return parts
 
 
-def run_tasks(
-    tasks: list[CheckTask],
-    result: Result,
-    pool: Executor,
+def run_parts(
+    parts: list[FileWork],
+    executor: Executor,
+    threads: Executor,
     jobs: int,
     progress: Callable[[str, int, int], None],
-    detectable: bool,
-) -> dict[int, RunResult]:
-    """Run the tasks, and give their results by number; tasks with bad input add errors instead.
+    follow: Callable[[FileWork], Iterator[list[CheckStep]]],
+) -> None:
+    """Do the work on all files; `follow` gives the steps of a file, stage by stage.
 
-    A free worker continues with a task of its last case, since it has the compiled model of that
-    case in memory, and its reference at changed parameters.
+    CheckSteps that are made in this process use the `threads`.  A stage begins when all steps of the
+    stage before it have ended.  A free thread continues with a step of its last file: its worker
+    has the compiled model in memory, and the reference at changed parameters.
     """
-    outcomes = dict[int, RunResult]()
-    waiting: dict[Path, list[int]] = {}
-    for k, task in enumerate(tasks):
-        waiting.setdefault(task_file(task), []).append(k)
-    running, last = dict[Future[RunResult], int](), list[Path]()
+    stages = {part.file: follow(part) for part in parts}
+    waiting = {file: steps for file in stages if (steps := next_steps(stages[file]))}
+    left = {file: len(steps) for file, steps in waiting.items()}
+    total, done = sum(bool(step.label) for steps in waiting.values() for step in steps), 0
+    running, last = dict[Future[Any], tuple[Path, CheckStep]](), list[Path]()
     while waiting or running:
         while waiting and len(running) < jobs:
-            k = take_task(
-                waiting,
-                last.pop() if last else None,
-                {task_file(tasks[other]) for other in running.values()},
-            )
-            running[pool.submit(run_task, tasks[k], detectable)] = k
+            busy = {file for file, _ in running.values()}
+            file, step = take_step(waiting, last.pop() if last else None, busy)
+            running[(threads if step.here else executor).submit(step.call)] = file, step
         for future in wait(running, return_when=FIRST_COMPLETED).done:
-            k = running.pop(future)
-            last.append(task_file(tasks[k]))
-            try:
-                outcomes[k] = future.result()
-            except InputError as error:
-                if str(error) not in map(str, result.errors):
-                    result.errors.append(error)
-            except ClusterError:
-                raise
-            except Exception as error:  # so that the other tasks keep their results
-                result.errors.append(
-                    InputError(
-                        task_file(tasks[k]),
-                        "",
-                        f"{task_label(tasks[k])} failed: {type(error).__name__}: {error}",
-                    )
-                )
-            count = len(tasks) - len(running) - sum(map(len, waiting.values()))
-            progress(task_label(tasks[k]), count, len(tasks))
-    return outcomes
+            file, step = running.pop(future)
+            last.append(file)
+            step.keep(future)
+            left[file] -= 1
+            if not left[file] and (steps := next_steps(stages[file])):
+                waiting[file], left[file] = steps, len(steps)
+                total += sum(bool(step.label) for step in steps)
+            if step.label:
+                done += 1
+                progress(step.label, done, total)
 
 
-def take_task(waiting: dict[Path, list[int]], preferred: Path | None, busy: set[Path]) -> int:
-    """Take a task of the file `preferred`, or of a file that no worker is busy with, or of any
+def next_steps(stages: Iterator[list[CheckStep]]) -> list[CheckStep]:
+    """Return the steps of the next stage that has any; none after the last stage."""
+    return next(filter(None, stages), [])
+
+
+def take_step(
+    waiting: dict[Path, list[CheckStep]], preferred: Path | None, busy: set[Path]
+) -> tuple[Path, CheckStep]:
+    """Take a step of the file `preferred`, or of a file that no thread is busy with, or of any
     file.
 
-    >>> waiting = {Path("a"): [0, 1], Path("b"): [2]}
-    >>> take_task(waiting, None, set()), take_task(waiting, None, {Path("a")})
-    (0, 2)
-    >>> take_task(waiting, Path("b"), {Path("a")}), waiting
-    (1, {})
+    >>> first, second, third = (CheckStep(label, int) for label in "abc")
+    >>> waiting = {Path("1"): [first, second], Path("2"): [third]}
+    >>> [take_step(waiting, *how)[1].label for how in ((None, set()), (None, {Path("1")}))]
+    ['a', 'c']
+    >>> take_step(waiting, Path("2"), {Path("1")})[1].label, waiting
+    ('b', {})
     """
     free = [file for file in waiting if file not in busy]
     file = preferred if preferred in waiting else (free or list(waiting))[0]
-    k = waiting[file].pop(0)
+    step = waiting[file].pop(0)
     if not waiting[file]:
         del waiting[file]
-    return k
+    return file, step
+
+
+def stages_of(
+    part: FileWork, causes: bool, detectable: bool, consumer: CaseConsumer | None
+) -> Iterator[list[CheckStep]]:
+    """Yield the steps of a file: its runs, their judgement, the causes, and what a consumer does.
+
+    A run with bad input adds an error to the part's result instead of its outcome.
+    """
+    result, outcomes = part.result, dict[int, RunResult]()
+
+    def keep_outcome(k: int, future: Future[RunResult]) -> None:
+        found = outcome_or_error(part.tasks[k], future)
+        if not isinstance(found, InputError):
+            outcomes[k] = found
+        elif str(found) not in map(str, result.errors):
+            result.errors.append(found)
+
+    yield [
+        CheckStep(task_label(task), partial(run_task, task, detectable), partial(keep_outcome, k))
+        for k, task in enumerate(part.tasks)
+    ]
+    yield [CheckStep("", partial(collect_outcomes, part.tasks, outcomes, result), here=True)]
+    outcomes.clear()
+    part.tasks.clear()  # the study of a refinement holds the curves of all its runs
+    if not result.cases:
+        result.comparisons[:] = [replace(c, case=part.name) for c in result.comparisons]
+    if causes:
+        yield list(diagnosis_steps(result))
+    if consumer is not None:
+        if result.cases:
+            yield [CheckStep("", partial(consumer.take, result), here=True)]
+        part.result = replace(result, curves={}, failed={})
+
+
+def add_part(result: Result, part: Result) -> None:
+    """Add the result of one file to that of all; an error that is there already is not repeated."""
+    result.comparisons.extend(part.comparisons)
+    result.curves.update(part.curves)
+    result.notes.update(part.notes)
+    result.refined.extend(part.refined)
+    result.failed.update(part.failed)
+    result.diagnoses.update(part.diagnoses)
+    known = set(map(str, result.errors))
+    result.errors.extend(error for error in part.errors if str(error) not in known)
+
+
+def outcome_or_error(task: CheckTask, future: Future[RunResult]) -> RunResult | InputError:
+    """Return the outcome of a run; an error becomes that of its input, so that others go on."""
+    try:
+        return future.result()
+    except InputError as error:
+        return error
+    except ClusterError:
+        raise
+    except Exception as error:
+        words = f"{task_label(task)} failed: {type(error).__name__}: {error}"
+        return InputError(task_file(task), "", words)
 
 
 def collect_outcomes(
     tasks: list[CheckTask], outcomes: dict[int, RunResult], result: Result
 ) -> None:
     """Add the outcomes of the tasks to the result, in the order of the tasks."""
-    models = [task for task in tasks if isinstance(task, Path)]
-    names = unique_names([*models, *(case.file for case in result.cases)])
     for k in sorted(outcomes):
         task, (comparisons, curves) = tasks[k], outcomes[k]
-        if isinstance(task, Path):
-            comparisons = [replace(c, case=names[task]) for c in comparisons]
         if isinstance(task, FinerRun):
             try:
                 rows, comparisons = task.study.add(task.segments, outcomes[k])
@@ -502,39 +599,42 @@ def collect_outcomes(
         elif curves is not None and not isinstance(task, Path):
             kept = result.failed if comparisons[0].outcome in FAILED_OUTCOMES else result.curves
             kept[task[0].name, task[1], task[2]] = curves
+            if kept is result.curves:
+                result.notes[task[0].name, task[1], task[2]] = curves.notes
         result.comparisons.extend(comparisons)
         if not isinstance(task, Path) and (early := early_end_error(*task[:3], curves)):
             result.errors.append(early)
 
 
-def diagnose_runs(
-    result: Result, pool: Executor, progress: Callable[[str, int, int], None] = lambda *_: None
-) -> None:
-    """Search for the causes of all runs that differ or failed, and add them to the result.
+def diagnosis_steps(result: Result) -> Iterator[CheckStep]:
+    """Yield steps that find the causes of the runs of one case that differ or failed.
 
-    The search is most thorough for the first run of a case; its others likely have the same cause.
+    The search is most thorough for the first run; the others likely have the same cause.
     """
-    cases = {case.name: case for case in result.cases}
     differing = dict.fromkeys(
         (c.case, c.run, c.solver) for c in result.comparisons if c.outcome == Outcome.DIFFERS
     )
     runs = {key: result.curves[key] for key in differing if key in result.curves} | result.failed
-    first = {name: (name, run, solver) for name, run, solver in reversed(runs)}
-    futures = [
-        pool.submit(
-            diagnose_run,
-            cases[name],
-            cast(Kind, run),
-            solver,
-            curves,
-            (name, run, solver) in result.failed,
-            first[name] == (name, run, solver),
+    for k, (key, curves) in enumerate(runs.items()):
+        _, run, solver = key
+        yield CheckStep(
+            f"{' '.join(key)}: causes",
+            partial(
+                diagnose_run,
+                result.cases[0],
+                cast(Kind, run),
+                solver,
+                curves,
+                key in result.failed,
+                not k,
+            ),
+            partial(keep_diagnosis, result, key),
         )
-        for (name, run, solver), curves in runs.items()
-    ]
-    for k, (key, future) in enumerate(zip(runs, futures, strict=True)):
-        result.diagnoses[key] = future.result()
-        progress(f"{' '.join(key)}: causes", k + 1, len(runs))
+
+
+def keep_diagnosis(result: Result, key: tuple[str, str, str], future: Future[Diagnosis]) -> None:
+    """Add a diagnosis to the result."""
+    result.diagnoses[key] = future.result()
 
 
 def diagnose_run(

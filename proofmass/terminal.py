@@ -368,8 +368,8 @@ def format_largest(judged: list[Comparison]) -> str:
 def note_lines(result: Result) -> Iterator[str]:
     """Yield the notes on curves; a note on several solvers of a case is given once."""
     runs_by_note: dict[tuple[str, str], list[str]] = {}
-    for (name, run, solver), curves in result.curves.items():
-        for note in curves.notes:
+    for (name, run, solver), notes in result.notes.items():
+        for note in notes:
             runs_by_note.setdefault((name, note), []).append(f"{run} {solver}")
     for (name, note), runs in runs_by_note.items():
         yield f"{name} {runs[0]}: {note}" if len(runs) == 1 else f"{name}: {note}"

@@ -545,7 +545,7 @@ def test_an_interrupt_cancels_waiting_runs(short, monkeypatch):
         raise KeyboardInterrupt
 
     ended = []
-    monkeypatch.setattr(CHECK_MODULE, "run_tasks", interrupt)
+    monkeypatch.setattr(CHECK_MODULE, "run_parts", interrupt)
     monkeypatch.setattr(
         pool.ThreadPoolExecutor,
         "shutdown",

@@ -29,7 +29,7 @@ def test_an_output_folder_that_cannot_be_made_is_reported_before_anything_runs(
     models, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(
-        sys.modules["proofmass.check"], "run_tasks", lambda *_: pytest.fail("a run was started")
+        sys.modules["proofmass.check"], "run_parts", lambda *_: pytest.fail("a run was started")
     )
     (tmp_path / "pages").write_text("a file")
     answer = invoke_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
