@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, NoReturn, cast
 
 import typer
 from rich.text import Text
 
 from proofmass.command import (
     BAD_INPUT,
+    INTERRUPTED,
     Dask,
     Force,
     Jobs,
@@ -30,8 +31,9 @@ from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 
 if TYPE_CHECKING:
     from proofmass.case import Case
-    from proofmass.check import Result
+    from proofmass.check import CaseConsumer, Result
     from proofmass.compare import Comparison
+    from proofmass.report.pages import ReportWriter
     from proofmass.strict import Kind
 
 app = typer.Typer(
@@ -78,11 +80,16 @@ ERROR_METAVAR = f"<{'|'.join(Errors)}>"
 
 
 def check_with_progress(
-    paths: list[Path] | None, jobs: int | None, detectable: bool = True, dask: str | None = None
+    paths: list[Path] | None,
+    jobs: int | None,
+    detectable: bool = True,
+    dask: str | None = None,
+    consumer: "CaseConsumer | None" = None,
 ) -> "Result":
     """Check cases with a progress bar, and print errors of the input; both on standard error.
 
-    `detectable` is true where detectable changes are needed; printed tables do not show them.
+    `detectable` is true where detectable changes are needed; printed tables do not show them.  A
+    consumer takes the cases one by one.
     """
     from proofmass.check import check
     from proofmass.pool import ClusterError
@@ -90,7 +97,9 @@ def check_with_progress(
     try:
         with progress_bar() as advance:
             found = paths or [Path("models")]
-            result = check(found, jobs, advance, detectable=detectable, dask=dask)
+            result = check(
+                found, jobs, advance, detectable=detectable, dask=dask, consumer=consumer
+            )
     except ClusterError as error:
         error_console.print(f"error: {error}", style="bold red")
         raise typer.Exit(BAD_INPUT) from None
@@ -247,9 +256,9 @@ def report_command(
     Prints what changed since the last report.  Exit codes as for check.
     """
     from proofmass.files import make_folder, require_replaceable
-    from proofmass.report import write_report  # matplotlib is slow to load
     from proofmass.report.changes import find_changes, format_changes
     from proofmass.report.overview import link
+    from proofmass.report.pages import ReportWriter  # matplotlib is slow to load
     from proofmass.report.record import make_record, read_baseline, read_last, record_start
     from proofmass.studies.pages import write_study_pages
 
@@ -259,8 +268,11 @@ def report_command(
         studies = write_study_pages(study or [], output)
         last = read_last(output) if baseline is None else read_baseline(baseline)
     made = record_start(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
-    result = check_with_progress(paths, jobs, dask=dask)
-    # printed before any file is written, so that a full disk does not lose the results
+    writer = ReportWriter(output, made, last, studies, figures, data)
+    try:
+        result = check_with_progress(paths, jobs, dask=dask, consumer=writer)
+    except KeyboardInterrupt:
+        stop_report(writer)
     print_result(result, link=partial(link, output))
     record = make_record(result, made)
     if last.wrong:
@@ -268,17 +280,24 @@ def report_command(
     if last.record is not None:
         print(format_changes(last.record, find_changes(last.record, record)))
     with exit_on_error(f"{output} is not complete"), error_console.status("drawing"):
-        index = write_report(
-            result,
-            output,
-            studies=studies,
-            record=record,
-            last=last,
-            data=data,
-            figures=figures,
-        )
+        index = writer.finish(result, record)
     print(index)
     raise typer.Exit(result.exit_code)
+
+
+def stop_report(writer: "ReportWriter") -> NoReturn:
+    """Write the index of an interrupted report, say what is in it, and exit."""
+    with exit_on_error(f"{writer.folder} is not complete"):
+        writer.write_unfinished()
+    count = len(writer.taken)
+    pages = f"the page{'s' * (count > 1)} of {count} case{'s' * (count > 1)}"
+    error_console.print(
+        f"stopped; {writer.folder} has {pages}, and its index names the cases that are missing; "
+        "the same command makes the whole report"
+        if count
+        else "stopped before the first case had ended"
+    )
+    raise typer.Exit(INTERRUPTED)
 
 
 @app.command("animate")

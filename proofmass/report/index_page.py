@@ -1,12 +1,19 @@
 """The index: a table with a row for each case, failures first.
 
 A cell shows the largest errors of a case in an engine, on an axis that is the same in all cells.
+
+The page has the first rows as HTML, and of all rows the facts by which its script filters and
+sorts them.  The other rows are in files of `ROWS_PER_FILE` rows, which the script loads; it keeps
+elements only of the rows near the screen.
 """
 
+import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment
 from markupsafe import Markup
@@ -14,6 +21,8 @@ from markupsafe import Markup
 from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import Comparison
+from proofmass.files import OUTPUT_MARK, make_folder, remove_output, write_output
+from proofmass.grouping import group_by
 from proofmass.outcome import (
     CHECKED_OUTCOMES,
     FAILED_OUTCOMES,
@@ -42,6 +51,12 @@ MAX_SENTENCES = 2
 """Number of sentences on failed runs that a row shows before it only counts them."""
 
 
+ROWS_FOLDER, ROWS_PER_FILE = "rows", 40
+"""Folder of the files of rows, and the number of rows of a file and of those on the page itself."""
+MAX_NAMED_CASES = 10
+"""Number of cases that are gone or missing, and of errors of inputs, that are visible at once."""
+FAILED_SORT_VALUE = 1e308
+"""Key of the order for a cell without a number whose run failed: more than any error."""
 NO_MARKUP = Markup()
 MIN_TREND_REPORTS = 3
 """Least number of reports for the trend of a row."""
@@ -141,7 +156,7 @@ class CaseRow:
     seconds : float
         Wall time of all runs of the case [s].
     search : str
-        The text that the search field searches, in small letters.
+        What the search field searches apart from name and title, in small letters.
     changes : list of Change
         Changes of the case since the last report.
     worse : int
@@ -199,6 +214,14 @@ class CaseRow:
         return ", ".join(f"{n} {word}" for word, n in counts.items() if n)
 
 
+@dataclass(frozen=True)
+class IndexFiles:
+    """The index: its page, and the files of the rows after the first `ROWS_PER_FILE`."""
+
+    page: str
+    row_files: list[str]
+
+
 def render_index(
     env: Environment,
     result: Result,
@@ -210,7 +233,8 @@ def render_index(
     studies: Sequence[ShownStudy] = (),
     files: Mapping[str, list[tuple[str, str]]] | None = None,
     note: str = "",
-) -> str:
+    missing: Sequence[str] = (),
+) -> IndexFiles:
     """Render the index.
 
     Parameters
@@ -233,12 +257,25 @@ def render_index(
         Label and link of each file with curves, by the name of the case.
     note : str
         Why there are no files with curves; empty if they are written.
+    missing : sequence of str
+        Cases without results, where the report is not finished.
     """
     found = find_changes(last.record, record) if last.record else []
+    found = [c for c in found if c.case not in set(missing)]
+    changed = group_by(found, lambda change: change.case)
+    comparisons = group_by(result.comparisons, lambda c: c.case)
     columns = columns_of(result)
     shapes = engine_looks(columns, style)
     rows = [
-        case_row(case, result, columns, found, pictures.get(case.name), history, files or {})
+        case_row(
+            case,
+            replace(result, comparisons=comparisons.get(case.name, [])),
+            columns,
+            changed.get(case.name, []),
+            pictures.get(case.name),
+            history,
+            files or {},
+        )
         for case in result.cases
     ]
     rows.sort(key=lambda row: row.order)
@@ -249,10 +286,22 @@ def render_index(
         result.paths,
     )
     gone = [c for c in found if not c.run and not c.now]
-    return env.get_template("index.html").render(
+    shown = {
+        "columns": columns,
+        "engines": shapes,
+        "compared": bool(last.record),
+        "trended": len(history.reports) >= MIN_REPORTS,
+    }
+    page = env.get_template("index.html").render(
+        **shown,
         rows=rows,
-        columns=columns,
-        engines=shapes,
+        count=len(rows),
+        first_rows=rows[:ROWS_PER_FILE],
+        other_rows=rows[ROWS_PER_FILE:],
+        facts=row_facts(rows, columns),
+        poses={row.name: poses_of(pictures.get(row.name)) for row in rows[:ROWS_PER_FILE]},
+        most=MAX_NAMED_CASES,
+        missing=missing,
         groups=grouped,
         decades=[(axis_place(10.0**d), d) for d in AXIS_DECADES],
         states=Counter(row.state for row in rows),
@@ -263,16 +312,92 @@ def render_index(
         last=last,
         record=record,
         seconds=sum(row.seconds for row in rows),
-        poses={
-            name: shape.data for name, shape in pictures.items() if isinstance(shape, Thumbnail)
-        },
         about=report_facts(),
         studies=studies,
-        trended=len(history.reports) >= MIN_REPORTS,
         errors=[error_message(e) for e in result.errors],
         loose=[c for c in result.comparisons if not c.channel],
         note=note,
     )
+    parts = (rows[k : k + ROWS_PER_FILE] for k in range(ROWS_PER_FILE, len(rows), ROWS_PER_FILE))
+    write = env.get_template("index_row.html").render
+    return IndexFiles(
+        page,
+        [
+            rows_script(
+                k,
+                [write(**shown, row=row) for row in part],
+                [poses_of(pictures.get(row.name)) for row in part],
+            )
+            for k, part in enumerate(parts, 1)
+        ],
+    )
+
+
+def poses_of(picture: Thumbnail | Markup | None) -> dict[str, object] | None:
+    """Return the data of a moving drawing; None for another one."""
+    return picture.data if isinstance(picture, Thumbnail) else None
+
+
+def rows_script(number: int, rows: list[str], poses: list[dict[str, object] | None]) -> str:
+    """Return the script of a file of rows: a call with their HTML and the poses of their drawings.
+
+    A page that was opened from disk may load a script, but may not read another kind of file.
+    """
+    text = json.dumps([number, rows, poses], ensure_ascii=False, separators=(",", ":"))
+    return f"// {OUTPUT_MARK}\ntakeRows(...{text});\n"
+
+
+def row_facts(rows: Sequence[CaseRow], columns: Sequence[IndexColumn]) -> dict[str, Any]:
+    """Return the facts by which the script filters and sorts the rows, as lists over the rows.
+
+    Words that many rows share are numbers of entries in `shared`.
+    """
+    shared = dict[str, int]()
+
+    def entry(text: str) -> int:
+        return shared.setdefault(text, len(shared))
+
+    facts: dict[str, Any] = {
+        "name": [row.name for row in rows],
+        "page": [row.page for row in rows],
+        "title": [entry(row.title) for row in rows],
+        "symbol": [entry(row.symbol) for row in rows],
+        "word": [entry(row.word) for row in rows],
+        "state": [entry(row.state) for row in rows],
+        "family": [entry(f"{row.family}/{row.reference}") for row in rows],
+        "search": [entry(row.search) for row in rows],
+        "engines": [entry(" ".join(row.engines)) for row in rows],
+        "failing": [entry(" ".join(row.bad_engines)) for row in rows],
+        "checked": [row.checked for row in rows],
+        "channels": [row.channels for row in rows],
+        "seconds": [float(f"{row.seconds:.3g}") for row in rows],
+        "changes": [len(row.changes) for row in rows],
+        "worse": [row.worse for row in rows],
+        "values": {column.key: [sort_value(row, column) for row in rows] for column in columns},
+    }
+    return {"per_file": ROWS_PER_FILE, "shared": list(shared), "rows": facts}
+
+
+def sort_value(row: CaseRow, column: IndexColumn) -> float | None:
+    """Return the key of the order of a row by a column; None where the row has no such cell."""
+    cell = row.cells.get(column.key)
+    return None if cell is None else float(f"{min(cell.sort, FAILED_SORT_VALUE):.4g}")
+
+
+def write_index_files(folder: Path, files: IndexFiles) -> Path:
+    """Write an index and its files of rows, and remove those of a longer index before it."""
+    place = folder / ROWS_FOLDER
+    names = {f"{k}.js" for k in range(1, len(files.row_files) + 1)}
+    if names:
+        make_folder(place)
+    for k, text in enumerate(files.row_files, 1):
+        write_output(place / f"{k}.js", text)
+    index = folder / "index.html"
+    write_output(index, files.page)
+    for old in place.glob("*.js"):
+        if old.stem.isdecimal() and old.name not in names:
+            remove_output(old)
+    return index
 
 
 def columns_of(result: Result) -> list[IndexColumn]:
@@ -348,7 +473,7 @@ def case_row(
         checked=sum(c.outcome in CHECKED_OUTCOMES for c in curves),
         channels=len(curves),
         seconds=total_seconds(rows),
-        search=" ".join([case.name, case.title, family, reference, *case.channels]).lower(),
+        search=" ".join([family, reference, *case.channels]).lower(),
         changes=own,
         worse=sum(change.growth > 1 for change in own),
         picture=picture.svg(case.name) if isinstance(picture, Thumbnail) else picture or NO_MARKUP,

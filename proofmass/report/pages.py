@@ -9,18 +9,21 @@ written once, without a solver's name.
 
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from markupsafe import Markup
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
-from proofmass.check import Result
+from proofmass.check import Result, add_part
 from proofmass.files import (
     make_folder,
     output_permissions,
@@ -29,23 +32,27 @@ from proofmass.files import (
     write_output,
 )
 from proofmass.fingerprint import input_files
+from proofmass.grouping import group_by
 from proofmass.report.case_figures import Drawings, draw_case
 from proofmass.report.case_page import gather_runs, render_case
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.index_page import STATIC as INDEX_STATIC
-from proofmass.report.index_page import render_index
+from proofmass.report.index_page import render_index, write_index_files
 from proofmass.report.page import environment, slug, write_static
 from proofmass.report.record import (
     History,
     Last,
+    Made,
     Record,
     extend_history,
+    extend_with_case,
     make_record,
     read_last,
+    record_start,
     write_record,
 )
 from proofmass.report.study import ShownStudy
-from proofmass.report.style import solver_looks
+from proofmass.report.style import Look, solver_looks
 from proofmass.report.svg import inline_svg
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.sim.protocol import drive_columns
@@ -67,7 +74,6 @@ Table = dict[str, Array]
 def write_report(
     result: Result,
     folder: Path | str,
-    progress: Callable[[str, int, int], None] = lambda *_: None,
     studies: Sequence[ShownStudy] = (),
     figures: bool = False,
     record: Record | None = None,
@@ -79,11 +85,9 @@ def write_report(
     Parameters
     ----------
     result : Result
-        From `proofmass.check.check`.
+        From `proofmass.check.check`, with all curves.
     folder : path
         Folder of the report; it is made if needed, and pages of the same name are replaced.
-    progress : callable, optional
-        Called as ``progress(label, done, total)`` after each case.
     studies : sequence of ShownStudy
         Studies that the pages link to; see `proofmass.studies.pages.write_study_pages`.
     figures : bool
@@ -100,58 +104,185 @@ def write_report(
     Path
         The file ``index.html``.
     """
-    folder = Path(folder)
-    protect(file for case in result.cases for file in input_files(case))
-    drawn = make_folder(make_folder(folder) / "figures")
-    write_static(folder, STATIC)
-    style, env = solver_looks(c.solver for c in result.comparisons), environment()
-    record = record or make_record(result)
-    own = read_last(folder)
-    last = last or own
-    before = own.record or last.record
-    history = extend_history(before.history if before else History(), record)
-    pictures = dict[str, Thumbnail | Markup | None]()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        gathered = list(pool.map(partial(gather_runs, result), result.cases))
-        futures = [
-            pool.submit(
-                draw_case,
-                case,
-                g.runs,
-                g.views,
-                style,
-                drawn,
-                slug(case.name),
-                figures,
-            )
-            for case, g in zip(result.cases, gathered, strict=True)
-        ]
-        for k, case in enumerate(result.cases):
-            drawings = futures[k].result()
-            if data:
-                write_curves(folder, case, gathered[k].runs)
-            page = render_case(env, case, result, gathered[k], drawings, style, studies, history)
-            write_output(folder / f"{slug(case.name)}.html", page)
-            pictures[case.name] = drawings.moving or static_picture(case.name, drawings)
-            progress(case.name, k + 1, len(result.cases))
-    index = folder / "index.html"
-    write_output(
-        index,
-        render_index(
-            env,
+    made = record.made if record else record_start(inputs=next(iter(result.paths), None))
+    return ReportWriter(Path(folder), made, last, studies, figures, data).finish(result, record)
+
+
+@dataclass
+class ReportWriter:
+    """A report that is written while its cases are checked, a page when a case has ended.
+
+    It is the `proofmass.check.CaseConsumer` of `check`, so that no more than the curves of the
+    cases that are running are in memory.  The index is written after the first, the second, the
+    fourth case and so on, and at the end: it names the cases that are missing, in case that the
+    process is killed.  An error, such as a full disk, ends the writing and is raised by `finish`,
+    so that results are printed before.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the report.
+    made : Made
+        When and where the report was begun.
+    last : Last or None
+        The report that this one is compared with; None for the one in the folder.
+    studies, figures, data
+        See `write_report`.
+    """
+
+    folder: Path
+    made: Made
+    last: Last | None = None
+    studies: Sequence[ShownStudy] = ()
+    figures: bool = False
+    data: bool = False
+
+    def __post_init__(self) -> None:
+        own = read_last(self.folder)
+        self.compared_with = self.last or own
+        before = own.record or self.compared_with.record
+        self.before = before.history if before else History()
+        self.begun: Result | None = None
+        self.taken = dict[str, Result]()
+        self.pictures = dict[str, Thumbnail | Markup | None]()
+        self.error: Exception | None = None
+        self.lock = Lock()
+
+    def begin(self, result: Result) -> None:
+        """Take the cases and the errors of the input, and write styles and scripts."""
+        self.begun = replace(result, errors=list(result.errors))
+        with self.keep_error():
+            protect(file for case in result.cases for file in input_files(case))
+            make_folder(make_folder(self.folder) / "figures")
+            write_static(self.folder, STATIC)
+
+    @cached_property
+    def looks(self) -> dict[str, Look]:
+        """The look of each solver, the same on all pages."""
+        begun = self.begun or Result()
+        asked = (s for case in begun.cases for run in case.run.values() for s in run.solvers)
+        return solver_looks([*asked, *(c.solver for c in begun.comparisons)])
+
+    @contextmanager
+    def keep_error(self) -> Iterator[None]:
+        """Keep the first error for `finish`."""
+        try:
+            yield
+        except Exception as error:
+            self.error = self.error or error
+
+    def take(self, part: Result) -> None:
+        """Write the page of a case, and sometimes the index; nothing after an error."""
+        if self.error is None and self.begun is not None:
+            with self.keep_error():
+                known = self.begun.errors
+                self.write_page(replace(part, errors=[*known, *part.errors]))
+                self.count(part)
+
+    def write_page(self, part: Result) -> None:
+        """Write the page of a case with its figures."""
+        (case,) = part.cases
+        gathered = gather_runs(part, case)
+        stem = slug(case.name)
+        drawings = draw_case(
+            case,
+            gathered.runs,
+            gathered.views,
+            self.looks,
+            self.folder / "figures",
+            stem,
+            self.figures,
+        )
+        if self.data:
+            write_curves(self.folder, case, gathered.runs)
+        history = extend_with_case(self.before, make_record(part, self.made))
+        page = render_case(
+            environment(), case, part, gathered, drawings, self.looks, self.studies, history
+        )
+        write_output(self.folder / f"{stem}.html", page)
+        self.pictures[case.name] = drawings.moving or static_picture(case.name, drawings)
+
+    def count(self, part: Result) -> None:
+        """Count a case whose page is written, and write the index at powers of two."""
+        with self.lock:
+            self.taken[part.cases[0].name] = replace(part, curves={}, failed={})
+            count = len(self.taken)
+            if count & (count - 1) == 0 and count < len(self.begun.cases if self.begun else ()):
+                self.write_unfinished()
+
+    def write_unfinished(self) -> None:
+        """Write the index of the cases that have ended, which names the others.
+
+        Without any case nothing is written, so that the last report stays as it is.  Its
+        `results.json` stays in any case: the next report is compared with a whole one.
+        """
+        if self.begun is None or not self.taken:
+            return
+        cases = [case for case in self.begun.cases if case.name in self.taken]
+        found = replace(self.begun, cases=cases, comparisons=[], errors=list(self.begun.errors))
+        for case in cases:
+            add_part(found, self.taken[case.name])
+        missing = [case.name for case in self.begun.cases if case.name not in self.taken]
+        self.write_index(found, make_record(found, self.made), missing)
+
+    def finish(self, result: Result, record: Record | None = None) -> Path:
+        """Write the pages of cases that were not taken yet, the index and the record.
+
+        Raises
+        ------
+        OSError
+            A file cannot be written; also one of those before.
+        """
+        if self.begun is None:
+            self.begin(result)
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            rest = (one for one in split_result(result) if one.cases[0].name not in self.taken)
+            list(pool.map(self.take, rest))
+        if self.error is not None:
+            raise self.error
+        record = record or make_record(result, self.made)
+        index = self.write_index(result, record)
+        write_record(self.folder, record, extend_history(self.before, record))
+        return index
+
+    def write_index(self, result: Result, record: Record, missing: Sequence[str] = ()) -> Path:
+        """Write the index with the files of its rows; `missing` are cases without results."""
+        files = {case.name: file_links(self.folder, case) for case in result.cases}
+        pages = render_index(
+            environment(),
             result,
-            style,
-            pictures,
+            self.looks,
+            self.pictures,
             record,
-            last,
-            history,
-            studies,
-            {case.name: file_links(folder, case) for case in result.cases} if data else {},
-            note_on_files(data),
-        ),
+            self.compared_with,
+            extend_history(self.before, record),
+            self.studies,
+            files if self.data else {},
+            note_on_files(self.data),
+            missing,
+        )
+        return write_index_files(self.folder, pages)
+
+
+def split_result(result: Result) -> Iterator[Result]:
+    """Yield the result of each case."""
+    rows = group_by(result.comparisons, lambda c: c.case)
+    refined = group_by(result.refined, lambda row: row.case)
+    curves, failed, diagnoses = (
+        group_by(table, lambda key: key[0])
+        for table in (result.curves, result.failed, result.diagnoses)
     )
-    write_record(folder, record, history)
-    return index
+    for case in result.cases:
+        name = case.name
+        yield Result(
+            cases=[case],
+            comparisons=rows.get(name, []),
+            curves={key: result.curves[key] for key in curves.get(name, ())},
+            refined=refined.get(name, []),
+            failed={key: result.failed[key] for key in failed.get(name, ())},
+            diagnoses={key: result.diagnoses[key] for key in diagnoses.get(name, ())},
+            paths=result.paths,
+        )
 
 
 def static_picture(name: str, drawings: Drawings) -> Markup:

@@ -406,6 +406,12 @@ def extend_history(history: History, record: Record) -> History:
     return History(reports=reports, errors=errors, damage=history.damage)
 
 
+def extend_with_case(history: History, record: Record) -> History:
+    """Return `extend_history` of the channels of a record alone, such as those of one case."""
+    own = {c.key: history.errors[c.key] for c in record.comparisons if c.key in history.errors}
+    return extend_history(history.model_copy(update={"errors": own}), record)
+
+
 def round_error(value: float | None) -> float | None:
     """Return a number to three digits; None for None.
 

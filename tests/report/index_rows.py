@@ -10,7 +10,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
-from proofmass.report.index_page import STATIC, render_index
+from proofmass.report.index_page import STATIC, IndexFiles, render_index, write_index_files
 from proofmass.report.page import environment, write_static
 from proofmass.report.record import History, Last, Record, extend_history, make_record, record_start
 from proofmass.report.style import solver_looks
@@ -121,10 +121,15 @@ def small_thumbnail() -> Thumbnail:
     return Thumbnail([2], points, [("hinge", False, True), ("slide", True, False)], [], [], 3)
 
 
-def index_text(
+def index_text(result: Result, *how, **more) -> str:
+    """The HTML of the index of a result, see `index_files`."""
+    return index_files(result, *how, **more).page
+
+
+def index_files(
     result: Result, before: Record | None = None, history: History | None = None, **more
-) -> str:
-    """The HTML of the index of a result; `before` is the record of the last report."""
+) -> IndexFiles:
+    """The index of a result; `before` is the record of the last report."""
     now = make_record(result, MADE)
     return render_index(
         environment(),
@@ -143,9 +148,8 @@ def write_index(folder: Path, result: Result, before: Record | None = None) -> P
 
     Return the file of the index.
     """
+    folder.mkdir(exist_ok=True)
     write_static(folder, STATIC)
     for case in result.cases:
         (folder / f"{case.name}.html").write_text(f"<!doctype html><title>{case.name}</title>")
-    index = folder / "index.html"
-    index.write_text(index_text(result, before), encoding="utf-8")
-    return index
+    return write_index_files(folder, index_files(result, before))
