@@ -228,7 +228,8 @@ def test_pages_fetch_nothing_and_name_no_folder(report: Path) -> None:
         assert not re.search(r"@import|url\(\s*['\"]?http", page)
         scripts = re.findall(r"<script[^>]*>", page)
         own = re.compile(
-            r'<script (src="static/\w+\.js"( defer)?|type="application/json" id="(data|facts|poses)")>'
+            r'<script (src="static/\w+\.js"( defer)?'
+            r'|type="application/json" id="(data|facts|poses)")>'
         )
         assert all(own.fullmatch(script) for script in scripts)
         assert "/home/" not in page
