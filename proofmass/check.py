@@ -469,7 +469,7 @@ def run_parts(
 ) -> None:
     """Do the work on all files; `follow` gives the steps of a file, stage by stage.
 
-    CheckSteps that are made in this process use the `threads`.  A stage begins when all steps of the
+    Steps that are made in this process use the `threads`.  A stage begins when all steps of the
     stage before it have ended.  A free thread continues with a step of its last file: its worker
     has the compiled model in memory, and the reference at changed parameters.
     """
