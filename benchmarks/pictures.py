@@ -9,6 +9,7 @@ one case and writes nothing.
 """
 
 import io
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -39,12 +40,18 @@ def chromium() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
-        browser = play.chromium.launch(
-            executable_path=CHROMIUM,
-            args=["--no-sandbox", "--disable-gpu", "--font-render-hinting=none"],
-        )
+        browser = launch(play.chromium)
         yield browser
         browser.close()
+
+
+def launch(kind: Any, **environment: str) -> Any:
+    """Start the browser, of a type of playwright's browsers, with variables of the environment."""
+    return kind.launch(
+        executable_path=CHROMIUM,
+        args=["--no-sandbox", "--disable-gpu", "--font-render-hinting=none"],
+        env=os.environ | environment,
+    )
 
 
 def open_page(browser: Any, page: Path) -> Any:

@@ -6,23 +6,29 @@ paths of measured points, to scale, are made here as well.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
+from matplotlib.textpath import TextToPath
 
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.reference import compiled_model
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.figures import draw_legend, thin_path
-from proofmass.report.style import INK, REFERENCE_STYLE, Look
+from proofmass.report.style import FONT_FAMILY, INK, REFERENCE_STYLE, Look
 from proofmass.sim.picture import Mark, Picture
 from proofmass.sim.protocol import Curves
 from proofmass.wording import number
 
+LABEL_PAD = 0.6
+"""Space of a label between its text and the edge of its white ground [pt]."""
+LINE_HEIGHT = 1.25  # of a line of text, as a share of the size of the font
 LABEL_DIRECTIONS = np.exp(1j * np.pi * np.array([0.25, 0.75, -0.25, -0.75, 0, 1, 0.5, -0.5]))
 LABEL_SIDES = np.stack([LABEL_DIRECTIONS.real, LABEL_DIRECTIONS.imag], axis=1)
 
@@ -38,14 +44,31 @@ class Label:
 
     @property
     def half(self) -> Array:
-        """Half of the text's width and height, estimated with the mean width of a letter."""
+        """Half of the width and height of the text in the font of figures, with `LABEL_PAD`."""
         lines = self.text.split("\n")
-        return 0.5 * self.size * np.array([0.62 * max(map(len, lines)) + 0.3, 1.2 * len(lines)])
+        wide = max(line_width(line, self.size) for line in lines)
+        high = LINE_HEIGHT * self.size * len(lines)
+        return 0.5 * np.array([wide, high]) + LABEL_PAD
 
     def centres(self) -> Array:
         """Return places for the middle of the text (k, 2) around each spot, near ones first."""
         rings = [self.spots[:, None] + LABEL_SIDES * (self.half + gap) for gap in (5.0, 11.0, 19.0)]
         return np.concatenate([ring.reshape(-1, 2) for ring in rings])
+
+
+@cache
+def line_width(line: str, size: float) -> float:
+    """Return the width of a line of text in the font of figures [pt].
+
+    The font is DejaVu Sans, which comes with matplotlib.  Where it is missing, a browser draws the
+    figure in Verdana, which is as wide, or in another font, which is narrower.
+
+    >>> line_width("ii", 8.0) < line_width("mm", 8.0)
+    True
+    """
+    font = FontProperties(family=FONT_FAMILY, size=size)
+    wide, _, _ = TextToPath().get_text_width_height_descent(line, font, ismath=False)
+    return float(wide)
 
 
 def place_labels(labels: Iterable[Label], points: Array, weights: Array, box: Array) -> list[Array]:
@@ -456,9 +479,9 @@ def draw_names(
             fontsize=label.size,
             color=LABEL_COLOURS[label.kind],
             zorder=12,
-            linespacing=1.05,
+            linespacing=1.2,
             style="italic" if label.kind == "link" else "normal",
-            bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6},
+            bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": LABEL_PAD},
         )
 
 
@@ -513,7 +536,6 @@ def points_in_sight(
 LEGEND_FONT, LEGEND_GAP = 7.5, 0.45
 """Size of the legend's font [pt], and gap between its rows as a share of it."""
 LEGEND_PAD = 8.0  # [pt] space above and below the rows
-LINE_HEIGHT = 1.25  # of a line of text, as a share of the size of the font
 
 
 def legend_height(label: str) -> float:

@@ -66,8 +66,10 @@ INK, LABEL_COLOUR, WRONG_COLOUR = "#1b1f24", "#333333", "#8a1c1c"
 MUTED_COLOURS = ("#332288", "#CC6677", "#117733", "#AA4499", "#999933", "#44AA99")
 REFERENCE_STYLE: dict[str, Any] = {"color": "#c4c4c4", "linewidth": 4.5, "solid_capstyle": "round"}
 
+FONT_FAMILY = "DejaVu Sans"
+"""Font of figures, which comes with matplotlib; in SVG `figures.save` adds others."""
 RC: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib; `figures.save` adds others
+    "font.family": FONT_FAMILY,
     "font.size": 8,
     "axes.titlesize": 8.5,
     "axes.titleweight": "bold",

@@ -1,14 +1,22 @@
 """The pages of cases in a browser: what they show, and that they fetch only their own files."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib import get_data_path, rc_context
+from matplotlib.font_manager import findSystemFonts
 
+from benchmarks.pictures import launch
 from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.report import write_report
+from proofmass.report.case_figures import find_motions, mechanism_poses
+from proofmass.report.figures import save
+from proofmass.report.mechanism import mechanism_figure
+from proofmass.report.style import RC
 from proofmass.sidecar import load_case
 from tests.report.whole import result_from_references, with_failed_dynamics, without_figures
 from tests.shipped import shipped
@@ -289,11 +297,97 @@ def test_the_scrub_bar_moves_plots_and_mechanism(folder: Path, browser: Any) -> 
         assert visit.run("state.sample") == 91
 
 
-def test_no_label_of_the_mechanism_covers_another(folder: Path, browser: Any) -> None:
-    with CaseVisit(browser, folder / "hacksaw_recorded.html") as visit:
+@pytest.fixture(params=["DejaVu Sans", "Liberation Sans", "Noto Sans"])
+def one_font(
+    request: pytest.FixtureRequest, browser: Any, tmp_path: Path
+) -> Iterator[tuple[str, Any]]:
+    """A family of fonts, and a browser that has no other; skipped if the system does not have it.
+
+    DejaVu Sans comes with matplotlib.
+    """
+    family = request.param
+    own = Path(get_data_path()) / "fonts" / "ttf"
+    everywhere = [*own.glob("*.ttf"), *map(Path, findSystemFonts())]
+    files = [file for file in everywhere if file.stem == f"{family.replace(' ', '')}-Regular"]
+    files += [file for file in own.glob("DejaVuSans.ttf") if family == "DejaVu Sans"]
+    if not files:
+        pytest.skip(f"{family} is not installed")
+    (tmp_path / "fonts").mkdir()
+    (tmp_path / "fonts" / files[0].name).symlink_to(files[0])
+    config = tmp_path / "fonts.conf"
+    config.write_text(
+        f"<fontconfig><dir>{tmp_path / 'fonts'}</dir>"
+        f"<cachedir>{tmp_path / 'cache'}</cachedir></fontconfig>"
+    )
+    alone = launch(browser.browser_type, FONTCONFIG_FILE=str(config))
+    yield family, alone
+    alone.close()
+
+
+def fonts_of(visit: Visit, selector: str) -> set[str]:
+    """The families of fonts that the browser draws an element with."""
+    session = visit.page.context.new_cdp_session(visit.page)
+    for domain in ("DOM", "CSS"):
+        session.send(f"{domain}.enable")
+    root = session.send("DOM.getDocument")["root"]["nodeId"]
+    node = session.send("DOM.querySelector", {"nodeId": root, "selector": selector})["nodeId"]
+    found = session.send("CSS.getPlatformFontsForNode", {"nodeId": node})["fonts"]
+    return {one["familyName"] for one in found}
+
+
+def test_no_label_of_the_mechanism_covers_another(folder: Path, one_font: tuple[str, Any]) -> None:
+    """The heights of lines differ by a fifth between these fonts; their widths, too."""
+    family, alone = one_font
+    with CaseVisit(alone, folder / "hacksaw_recorded.html") as visit:
+        assert fonts_of(visit, ".m-names text") == {family}
         covered, hidden = visit.run(COUNT_COVERED_LABELS)
         assert covered == 0
         assert hidden > 0  # otherwise no label was near another
+
+
+@pytest.fixture(scope="module")
+def figure_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page with the figure of a mechanism whose names have little room, and nothing else."""
+    case = load_case(shipped("hacksaw_recorded.toml"))
+    motions, _ = find_motions(case, [])
+    shape = mechanism_poses(case, motions)
+    place = tmp_path_factory.mktemp("figure")
+    with rc_context(RC):
+        svg = save(mechanism_figure(case, shape, {}), place / "figure", png=False)
+    page = place / "figure.html"
+    page.write_text(f"<!doctype html><meta charset='utf-8'>{svg}", encoding="utf-8")
+    return page
+
+
+def test_no_name_in_the_figure_of_the_mechanism_covers_another(
+    figure_page: Path, one_font: tuple[str, Any]
+) -> None:
+    """The figure is placed with DejaVu Sans; a browser without it has narrower letters."""
+    family, alone = one_font
+    with Visit(alone, figure_page) as visit:
+        assert fonts_of(visit, "text") == {family}
+        count, covered = visit.run(COUNT_COVERED_NAMES)
+        assert count > 20
+        assert covered == []
+
+
+COUNT_COVERED_NAMES = """() => {
+  const texts = [...document.querySelectorAll("text")].filter((one) => !one.getScreenCTM().b);
+  const boxes = texts.map((one) => {
+    const { left, right } = one.getBoundingClientRect();
+    const { d, f } = one.getScreenCTM();
+    const base = f + d * one.getStartPositionOfChar(0).y;
+    const size = d * parseFloat(getComputedStyle(one).fontSize);
+    return { left, right, top: base - 0.76 * size, bottom: base + 0.24 * size }; // its ink
+  });
+  const covered = [];
+  boxes.forEach((one, k) => boxes.slice(0, k).forEach((other, j) => {
+    const across = Math.min(one.right, other.right) - Math.max(one.left, other.left);
+    const down = Math.min(one.bottom, other.bottom) - Math.max(one.top, other.top);
+    if (across > 0 && down > 0) covered.push([texts[k].textContent, texts[j].textContent]);
+  }));
+  return [texts.length, covered];
+}"""
 
 
 COUNT_COVERED_LABELS = """() => {
@@ -307,7 +401,7 @@ COUNT_COVERED_LABELS = """() => {
     boxes.forEach((one, k) => boxes.slice(0, k).forEach((other) => {
       const across = Math.min(one.x + one.width, other.x + other.width) - Math.max(one.x, other.x);
       const down = Math.min(one.y + one.height, other.y + other.height) - Math.max(one.y, other.y);
-      covered += across > 0 && down > 3;  // lines of text leave as much above and below
+      covered += across > 0.1 && down > 0.1;  // places are rounded to tenths
     }));
   }
   return [covered, hidden];

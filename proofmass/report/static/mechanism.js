@@ -58,6 +58,11 @@ function hull(numbers) {
   return [...half(points), ...half([...points].reverse())];
 }
 
+function overlap(one, other) {
+  const across = one.first < other.last && other.first < one.last;
+  return across && one.top < other.bottom && other.top < one.bottom;
+}
+
 class Mechanism {
   constructor(svg, motion, curves) {
     this.svg = svg;
@@ -369,30 +374,32 @@ class Mechanism {
     return there;
   }
 
-  // Draw the names beside bodies and loops; a name that would cover another is left out.
+  // Draw the names beside bodies and loops; a name that would cover another is left out.  Their
+  // sizes are those of the font that the browser draws them with, measured all at once, since a
+  // measurement after a change lays out the page again.
   drawNames(pose, solver, factor) {
+    const sizes = this.names.map(({ text }) => text.getBBox());
     const shown = [];
-    for (const { text, body, middle, spot } of this.names) {
-      const letters = text.textContent.length;
-      const wide = Math.max(text.getComputedTextLength(), 8 * letters); // on a phone letters are larger
+    for (const [k, { text, body, middle, spot }] of this.names.entries()) {
+      const { width, height } = sizes[k];
+      const rise = Number(text.getAttribute("y")) - sizes[k].y; // of the box above the base line
       const place = this.placeOf(body, pose, solver, factor) ?? [NaN, NaN, NaN];
       const [[across, up]] = [...this.moved(middle, place)];
       if (!Number.isFinite(across + up)) {
         continue;
       }
-      const left = this.across(across) > WIDTH - wide - 20;
+      const left = this.across(across) > WIDTH - width - 20;
       const x = this.across(across) + (left ? -10 : 10);
       const y = this.down(up) + (spot ? -8 : 18);
-      const [first, last] = left ? [x - wide, x] : [x, x + wide];
-      const covered = shown.some(
-        (one) => first < one.last && one.first < last && Math.abs(y - one.y) < (2 * wide) / letters,
-      );
+      const [first, top] = [left ? x - width : x, y - rise];
+      const box = { first, last: first + width, top, bottom: top + height };
+      const covered = shown.some((one) => overlap(one, box));
       text.style.visibility = covered ? "hidden" : "";
       text.setAttribute("text-anchor", left ? "end" : "start");
       text.setAttribute("x", x.toFixed(1));
       text.setAttribute("y", y.toFixed(1));
       if (!covered) {
-        shown.push({ first, last, y });
+        shown.push(box);
       }
     }
   }
