@@ -39,7 +39,18 @@ FORMAT_VERSION = 1
 """Version of the format of the files of findings."""
 FOLDER_VARIABLE = "PROOFMASS_CACHE"
 """Environment variable with the folder of findings; ``~/.cache/proofmass`` if it is not set."""
-SOURCE_MODULES = "changed", "compare", "coverage", "coverage_search", "drive", "reference", "solve"
+SOURCE_MODULES = (
+    "changed",
+    "compare",
+    "coverage",
+    "coverage_search",
+    "drive",
+    "profile",
+    "recorded",
+    "recording",
+    "reference",
+    "solve",
+)
 """Modules of the core whose sources a finding depends on."""
 
 

@@ -15,7 +15,7 @@ from proofmass.check import load_validated
 from proofmass.command import error_console, exit_on_error, find_sidecar, progress_bar
 from proofmass.coverage import Coverage, find_coverage
 from proofmass.coverage_search import Finding, is_decreased
-from proofmass.reference import compiled_model, properties
+from proofmass.reference import compiled_model, describe_rows, properties
 from proofmass.sim.numbers import CHANGE_SHARE
 from proofmass.solve import with_computing_solvers
 from proofmass.terminal import (
@@ -183,7 +183,8 @@ def format_checks(found: Coverage) -> Iterator[str]:
 def format_reference_coverage(case: Case, found: Coverage) -> str:
     """A sentence on what the reference reads from the model, and the effect of a wrong number."""
     if case.recorded:
-        return f"the recorded curve {case.reference}; nothing of the model"
+        words = dict.fromkeys(filter(None, (describe_rows(case, kind) for kind in case.run)))
+        return "; ".join((f"the recorded curve {case.reference}", *words, "nothing of the model"))
     if found.reads_model:
         return describe_own_numbers(case)
     return (

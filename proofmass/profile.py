@@ -196,7 +196,13 @@ def profile_clock(file: Path, profile: ProfileTable) -> Recording:
     It raises as `make_sampled_profile` does.
     """
     assert not isinstance(profile.time, tuple)  # lists go without a file
-    return Recording(read_table(file), profile.time)
+    return clock_of_file(file, file.stat().st_mtime_ns if file.is_file() else 0, profile.time)
+
+
+@lru_cache(PROFILES_IN_MEMORY)
+def clock_of_file(file: Path, changed: int, column: RecordedColumn | None) -> Recording:
+    """The column of times of a file last changed at `changed`; a cache."""
+    return Recording(read_table(file), column)
 
 
 @lru_cache(PROFILES_IN_MEMORY)

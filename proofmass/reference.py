@@ -305,12 +305,13 @@ class StatedEnd:
         name, table = recording.column.column, recording.table
         cell = table.rows[self.row][1][list(table.units).index(name)].strip()
         which, verb = ("last", "end") if self.row else ("first", "begin")
+        found, here = f"{cell} {table.unit_of(recording.column)}", f"{at:.6g} {self.unit}"
         raise case.error(
             self.key,
             f"the run {verb}s at {self.place:.6g} {self.unit}, and the {which} row of "
-            f"{table.file.name}, {table.line(self.row)}, is at {name} = {cell} "
-            f"{table.unit_of(recording.column)}, which is {at:.6g} {self.unit} of the run; change "
-            f"the sidecar, or the rows, or shift the column: [recording] "
+            f"{table.file.name}, {table.line(self.row)}, is at {name} = {found}"
+            + (f", which is {here} of the run" if here != found else "")
+            + "; change the sidecar or the rows, or shift the column: [recording] "
             f'x = {{ column = "{name}", shift = .. }}',
         )
 

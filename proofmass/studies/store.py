@@ -18,7 +18,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from proofmass import drive, reference
+from proofmass import drive, profile, recorded, recording, reference
 from proofmass.analytic.numerics import Array
 from proofmass.case import Case
 from proofmass.errors import InputError
@@ -37,13 +37,15 @@ from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
 
-KEY_FIELDS = {"start", "reference", "parameters", "drive", "rod"}  # of a sidecar, part of every key
+KEY_FIELDS = {"start", "reference", "parameters", "recording", "drive", "load", "rod"}
+"""Tables and keys of a sidecar that are part of every key."""
 TaskKey = tuple[int, int, str]
 """Identity of a task in a process: id of the case, time of change of its model, run and setting."""
 KEYS_PER_CALL = 32  # settings for whose keys one call of a worker compiles the models
 TIMED_OUT = Outcome.TIMED_OUT
 PARTIAL_FILE_SECONDS = 3600.0  # [s] since its last change, after which a partial file is deleted
-RESULT_MODULES = measure, invariants, reference, drive  # modules on whose code a result depends
+RESULT_MODULES = measure, invariants, reference, drive, profile, recorded, recording
+"""Modules of the core on whose code a result depends."""
 
 
 class Store:
@@ -235,7 +237,7 @@ def task_keys(tasks: Sequence[StudyRun]) -> list[str]:
         "reference": digest_recorded_files(case),
         "sidecar": case.model_dump(mode="json", include=KEY_FIELDS),
         "channels": {n: c.model_dump() for n, c in case.channels_of(kind).items()},
-        "run": (kind, table.n, table.until),
+        "run": (kind, table.n, table.until, table.inertia),
         "sources": digest_of_sources(),
     }
     found = call_bounded(case, kind, compile_settings, case, kind, [task.setting for task in tasks])

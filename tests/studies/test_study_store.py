@@ -213,6 +213,34 @@ def test_keys_differ_for_other_rows_of_a_sampled_profile(models):
     assert key() != before
 
 
+def test_keys_differ_for_other_readings_of_a_recorded_curve(models):
+    def key(recording):
+        file.write_text(f"{text}\n[recording]\n{recording}\n")
+        return task_key(StudyRun(load_case(file), "dynamics", Setting("mujoco")))
+
+    file = models / "hacksaw_recorded.toml"
+    text = file.read_text()
+    keys = [key(""), key('x = { column = "t", shift = 1.0 }'), key("columns.r1 = { scale = 2.0 }")]
+    assert len(set(keys)) == len(keys)
+
+
+def test_keys_differ_for_other_loads():
+    def key(*loads):
+        return task_key(
+            StudyRun(case.model_copy(update={"load": loads}), "dynamics", Setting("mujoco"))
+        )
+
+    case = load_case(shipped("axes_controlled.toml"))
+    push, wind, lift = case.load
+    stairs = push.profile.model_copy(update={"interpolation": "held"})
+    keys = [
+        key(push, wind, lift),
+        key(push, wind),
+        key(push.model_copy(update={"profile": stairs}), wind, lift),
+    ]
+    assert len(set(keys)) == len(keys)
+
+
 def test_keys_depend_on_segments_and_too_few_are_bad_input():
     task = StudyRun(
         load_case(shipped("rod_cantilever.toml")),
