@@ -7,13 +7,15 @@ left to defaults.
 """
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, ValidationError
 
 from proofmass.analytic import IN_SPACE
+from proofmass.analytic.numerics import LARGEST
 from proofmass.case import Case, ProfileTable, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest_names
@@ -417,6 +419,8 @@ def load_case(file: Path | str) -> Case:
         if own := FIELDS_WITHOUT_KEY & given.keys():
             raise InputError(file, min(own), "unknown key: no sidecar has it")
         levels = Levels(accuracy=given.pop("accuracy", {})).accuracy
+        for place, wrong in find_extremes(given):
+            raise InputError(file, format_key(place, given), wrong)
         table = {"model": file.stem + ".xml", **given}
         case = Case(**{**fill_defaults(table, file), "file": file})
         added = default_tolerances(case, levels)
@@ -424,6 +428,10 @@ def load_case(file: Path | str) -> Case:
         first = error.errors()[0]
         key = format_key([part for part in first["loc"] if part not in LOCATION_TYPES], given)
         wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
+        if first["type"] == "int_parsing_size":
+            wrong = f"{first['input']!r} is too large a number"
+        elif isinstance(first["input"], (int, float)) and first["msg"].startswith("Input "):
+            wrong += f", not {first['input']!r}"
         raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
     except RecursionError:
         raise InputError(file, "", "its tables or arrays are nested too deeply") from None
@@ -431,6 +439,33 @@ def load_case(file: Path | str) -> Case:
         raise InputError(file, "", f"not TOML: {error}") from None
     case.require_model()
     return case.model_copy(update={"tolerance": (*case.tolerance, *added)})
+
+
+LIMITS_OF_RUNS = "timeout", "memory"
+"""Keys whose numbers may be of any size, since no run computes with them."""
+
+
+def find_extremes(
+    table: object, place: tuple[str | int, ...] = ()
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Places of the numbers of a sidecar that no reference computes with, and what is wrong.
+
+    They are larger than `LARGEST`, or smaller than its inverse.  Numbers in lists may be as small
+    as they are, since a column may fall to zero.
+    """
+    if isinstance(table, dict):
+        for key, value in table.items():
+            if key not in LIMITS_OF_RUNS:
+                yield from find_extremes(value, (*place, key))
+    elif isinstance(table, list):
+        for k, value in enumerate(table):
+            if not isinstance(value, float) or abs(value) > LARGEST:
+                yield from find_extremes(value, (*place, k))
+    elif isinstance(table, (int, float)) and LARGEST < abs(table) < inf:
+        number = f"{table:g}" if isinstance(table, float) else f"{str(table)[:9]}..."
+        yield place, f"{number} is too large; numbers may be up to {LARGEST:g}"
+    elif isinstance(table, float) and 0.0 < abs(table) < 1.0 / LARGEST:
+        yield place, f"{table:g} is too small; numbers other than 0 begin at {1.0 / LARGEST:g}"
 
 
 UNNUMBERED = "drive", "load", "view", "chart"

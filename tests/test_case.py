@@ -29,7 +29,7 @@ why = "one more"
             "n = 1001",
             "n = 1",
             "run.dynamics.n",
-            "Input should be greater than or equal to 2",
+            "Input should be greater than or equal to 2, not 1",
         ),
         ("pendulum", "title = ", "title = = ", "", "not TOML: .*"),
         (

@@ -48,7 +48,7 @@ def test_json_holds_the_errors_and_the_exit_code_as_well(models, edit):
         {
             "file": str(models / "fourbar.toml"),
             "key": "parameters.crank",
-            "wrong": "Input should be a finite number",
+            "wrong": "Input should be a finite number, not nan",
         }
     ]
 

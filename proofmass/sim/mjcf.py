@@ -8,7 +8,7 @@ otherwise they go to standard error.
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import local
@@ -19,6 +19,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from proofmass.analytic.numerics import LARGEST
 from proofmass.files import read_bytes
 from proofmass.sim.protocol import BROKEN_ENGINES, BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
@@ -56,13 +57,12 @@ FILE_ATTRIBUTE = re.compile(rb"\bfile\w*\s*=\s*([\"'])([^\"'\0]+)\1")
 FOLDER_ATTRIBUTE = re.compile(rb"\b(?:asset|mesh|texture)dir\s*=\s*([\"'])([^\"'\0]+)\1")
 MODEL_ENDINGS = (".xml", ".mjcf", ".urdf")
 """Endings of files that may name other files; meshes and pictures are not searched for names."""
-NOT_FINITE = {
-    "NaN": re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE),
-    "infinite": re.compile(r"[+-]?inf(inity)?", re.IGNORECASE),
-}
-# prefixes of fields whose numbers every run uses
-NUMBER_PREFIXES = ("body_", "dof_", "eq_", "jnt_", "key_", "qpos", "site_")
-INFINITE_SUFFIXES = ("range", "margin")  # suffixes of fields that may be infinite, for no limit
+NAN = re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE)
+# prefixes of fields whose numbers runs use
+NUMBER_PREFIXES = (
+    *("actuator_", "body_", "dof_", "eq_", "geom_", "jnt_", "key_", "qpos", "site_", "tendon_"),
+)
+UNLIMITED_SUFFIXES = ("range", "margin")  # suffixes of fields that may be infinite, for no limit
 
 _thread = local()
 
@@ -125,8 +125,12 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     refuse_nan(path, warnings)
     if not model.opt.timestep > 0:
         raise BadModel(f"{path.name}: <option>: timestep {model.opt.timestep:g} is not positive")
-    if array := infinite_field(model):
-        raise BadModel(f"{path.name}: {locate_number(path, 'infinite') or array} is not finite")
+    if (oversized := oversized_number(model)) is not None:
+        if where := locate_number(path, is_infinite):
+            raise BadModel(f"{path.name}: {where} is not finite")
+        field, value = oversized
+        where = locate_number(path, is_oversized) or f"{field} has the number {value:g}, which"
+        raise BadModel(f"{path.name}: {where} is too large; numbers may be up to {LARGEST:g}")
     try:
         model.names.decode()
     except UnicodeDecodeError as error:
@@ -249,28 +253,50 @@ def leave_out_disabled(model: mujoco.MjModel) -> None:
 def refuse_nan(path: Path, warnings: Sequence[str]) -> None:
     """Raise `BadModel` if MuJoCo warned of a NaN."""
     if any("NaN" in message for message in warnings):
-        where = locate_number(path, "NaN") or "a number in it, or in a file that it includes,"
+        where = locate_number(path, is_nan) or "a number in it, or in a file that it includes,"
         raise BadModel(f"{path.name}: {where} is not a number")
 
 
-def infinite_field(model: mujoco.MjModel) -> str:
-    """Name of the first field that runs use and that has an infinite number; empty if none has."""
-    if not np.isfinite([model.opt.timestep, *model.opt.gravity]).all():
-        return "option"
+def oversized_number(model: mujoco.MjModel) -> tuple[str, float] | None:
+    """The first field that runs use with a number that is not finite, or larger than `LARGEST`.
+
+    Its name and the number are returned; None if there is no such field.
+    """
     names = (
         name
         for name in dir(model)
-        if name.startswith(NUMBER_PREFIXES) and not name.endswith(INFINITE_SUFFIXES)
+        if name.startswith(NUMBER_PREFIXES) and not name.endswith(UNLIMITED_SUFFIXES)
     )
-    for name in names:
-        values = getattr(model, name)
-        if values.dtype.kind == "f" and np.isinf(values).any():
-            return name
-    return ""
+    numbers = {"option": np.array([model.opt.timestep, *model.opt.gravity])}
+    fields = {name: getattr(model, name) for name in names}
+    numbers |= {name: values for name, values in fields.items() if values.dtype == np.float64}
+    for name, values in numbers.items():
+        wrong = values[~(np.abs(values) <= LARGEST)]
+        if wrong.size:
+            return name, float(wrong[0])
+    return None
 
 
-def locate_number(path: Path, what: str) -> str:
-    """The first attribute of a file with a number of kind `what`, "NaN" or "infinite".
+def is_nan(word: str) -> bool:
+    """Whether a word of an attribute is no number for MuJoCo."""
+    return NAN.fullmatch(word) is not None
+
+
+def is_infinite(word: str) -> bool:
+    """Whether a word of an attribute stands for infinity."""
+    return word.lower().lstrip("+-") in ("inf", "infinity")
+
+
+def is_oversized(word: str) -> bool:
+    """Whether a word of an attribute is a number that is larger than `LARGEST`."""
+    try:
+        return abs(float(word)) > LARGEST
+    except ValueError:
+        return False
+
+
+def locate_number(path: Path, is_wrong: Callable[[str], bool]) -> str:
+    """The first attribute of a file with a number that a predicate finds wrong.
 
     It is given as ``<geom name='rod'>: pos='nan 0 0'``, or empty if there is none, as when an
     included file has it.  The file is read by patterns, since MuJoCo accepts files that a strict
@@ -280,7 +306,7 @@ def locate_number(path: Path, what: str) -> str:
     for tag, attributes in ELEMENT.findall(text):
         found = {key: one or other for key, one, other in ATTRIBUTE.findall(attributes)}
         for key, value in found.items():
-            if key not in ("name", "class") and any(map(NOT_FINITE[what].fullmatch, value.split())):
+            if key not in ("name", "class") and any(map(is_wrong, value.split())):
                 named = f" name={found['name']!r}" if "name" in found else ""
                 return f"<{tag}{named}>: {key}={value!r}"
     return ""

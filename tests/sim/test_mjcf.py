@@ -15,6 +15,8 @@ INVALID_NUMBERS = {
     'density="nan"': "<geom name='g'>: density='nan' is not a number",
     'mass="inf"': "<geom name='g'>: mass='inf' is not finite",
     'pos="0 0 -Infinity"': "<geom name='g'>: pos='0 0 -Infinity' is not finite",
+    'pos="0 1e308 0"': "<geom name='g'>: pos='0 1e308 0' is too large; numbers may be up to 1e+40",
+    'mass="1e41"': "<geom name='g'>: mass='1e41' is too large; numbers may be up to 1e+40",
 }
 
 
@@ -61,6 +63,13 @@ def test_invalid_numbers_are_refused_without_a_log_file(compiled, attribute, tmp
         compiled(MODEL % ("<!-- ---- bars ---- -->", attribute))
     assert str(wrong.value) == f"m.xml: {INVALID_NUMBERS[attribute]}"
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
+def test_a_number_that_grows_too_large_when_compiled_is_refused(compiled):
+    """The moment of inertia is 0.4 times the mass times the radius squared."""
+    text = (MODEL % ("", 'mass="1e38"')).replace('size="1"', 'size="100"')
+    with pytest.raises(BadModel, match=r"body_inertia has the number 4e\+41, which is too large"):
+        compiled(text)
 
 
 def test_a_nan_in_an_included_file_is_found(compiled, tmp_path):
