@@ -207,7 +207,7 @@ class IdleWatch(threading.Thread):
 def processor_seconds(process_id: int) -> float | None:
     """Processor time of another process [s]; None where the system does not show it."""
     try:
-        state = Path(f"/proc/{process_id}/stat").read_text(errors="replace").rpartition(")")[2]
+        state = Path(f"/proc/{process_id}/stat").read_text("utf-8", "replace").rpartition(")")[2]
     except OSError:
         return None
     user, system = state.split()[11:13]

@@ -101,7 +101,7 @@ def describe_machine() -> str:
     """Name of this machine's processor, and how many it has, such as ``NAME x 2``."""
     name = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
-    for line in info.read_text().splitlines() if info.exists() else ():
+    for line in info.read_text("utf-8", "replace").splitlines() if info.exists() else ():
         if line.startswith("model name"):
             name = line.partition(":")[2].strip()
     return f"{name} x {os.cpu_count()}"
