@@ -321,8 +321,14 @@ class PlacedRows:
             return self.x
         return np.linspace(self.x[0], self.x[-1], self.x.size)
 
+    def begin_with(self, x: Array) -> bool:
+        """Whether samples are the first rows, as those of a run with this reference are."""
+        return np.array_equal(self.x[: x.size], x)
+
     def have(self, x: Array) -> bool:
         """Whether there is a row at each sample."""
+        if self.begin_with(x):
+            return True
         rows = self.x[self.rising]
         distances = np.abs(x - rows[nearest_rows(x, rows)])
         return bool((distances <= ROW_TOLERANCE * self.spacing).all())
@@ -343,6 +349,8 @@ class PlacedRows:
             The row's own value and no error where a row is at the sample, otherwise those of
             `proofmass.recorded.interpolate_recorded` [SI].
         """
+        if self.begin_with(x):
+            return curve[: x.size], np.zeros(x.size)
         rows, values = self.x[self.rising], curve[self.rising]
         if self.have(x):
             return values[nearest_rows(x, rows)], np.zeros(x.size)

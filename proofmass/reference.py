@@ -115,7 +115,7 @@ def load_reference(case: Case) -> ModuleType | Recorded:
     if case.recorded:
         file = case.file.parent / case.reference
         changed = file.stat().st_mtime_ns if file.is_file() else None
-        settings = (case.recording or RecordingTable.model_validate({})).model_dump_json()
+        settings = case.recording.model_dump_json() if case.recording else "{}"
         try:
             return read_recorded_once(file, changed, settings)
         except ValueError as error:

@@ -657,6 +657,25 @@ def test_the_files_of_a_case_have_one_clock(name, kind, write, tmp_path) -> None
     np.testing.assert_allclose(led, crank(rig), rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize("clock", [3.25, 0.0, 100.0])
+@pytest.mark.parametrize("kind", ["sweep", "dynamics"])
+def test_the_clock_of_a_party_is_its_own(clock, kind, write, tmp_path) -> None:
+    """The run begins at 3.25 s of the motor's clock, whatever the party's clock says then."""
+    motor, rig = np.linspace(0.0, 10.0, 2001), EVEN + 3.25
+
+    def crank(time: np.ndarray) -> np.ndarray:
+        return 1.0 - np.cos(1.5 * time)
+
+    (tmp_path / "motor.csv").write_text(table({"t [s]": motor, "crank [rad]": crank(motor)}))
+    drive = Motion('profile = { file = "motor.csv", value = "crank" }', crank, 2.0)
+    file = write("reference", kind, drive, rocker_table({"t [s]": rig}, crank(rig)))
+    (tmp_path / "own.csv").write_text(rocker_table({"t [s]": EVEN + clock}, crank(rig)))
+    text = file.read_text().replace('["mujoco"]', '["recorded:own"]')
+    settings = '[settings."recorded:own"]\nfile = "own.csv"\nchannels.rocker = "rocker"\n'
+    file.write_text(text.replace("[channels]", f"{settings}\n[channels]"))
+    assert outcomes(file) == {f"{kind} recorded:own": {"agrees"}}
+
+
 @pytest.mark.parametrize("rate", [1.0, -0.5])
 @pytest.mark.parametrize("head", ["t [s]", "left [deg]"])
 @pytest.mark.parametrize("kind", ["sweep", "dynamics"])
