@@ -27,6 +27,7 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
@@ -38,7 +39,7 @@ from pydantic import (
 from proofmass.errors import InputError, model_error, suggest_names
 from proofmass.recorded import RecordedColumn, RecordingTable
 from proofmass.sim.protocol import BadModel, Rod
-from proofmass.strict import Kind, Strict
+from proofmass.strict import Kind, Strict, StrictNumber, Switch, WholeNumber
 from proofmass.units import si_unit
 from proofmass.worker import DEFAULT_MEMORY
 
@@ -71,7 +72,7 @@ def one_or_more(kind: Any) -> BeforeValidator:
 Names = Annotated[tuple[str, ...], one_or_more(str)]
 
 
-Rows = Annotated[tuple[float, ...], Field(min_length=2)]
+Rows = Annotated[tuple[StrictNumber, ...], Field(min_length=2)]
 """Numbers in a sidecar instead of a column of a file [SI]."""
 
 
@@ -170,13 +171,13 @@ class DriveTable(Strict):
     """
 
     joint: str
-    start: float = Field(0.0, alias="from")
-    to: float | None = None
-    rate: float | None = None
-    period: float | None = Field(None, gt=0)
+    start: StrictNumber = Field(0.0, alias="from")
+    to: StrictNumber | None = None
+    rate: StrictNumber | None = None
+    period: StrictNumber | None = Field(None, gt=0)
     profile: Profile | None = None
-    until: float | None = Field(None, gt=0)
-    parameters: dict[str, float] = Field({})
+    until: StrictNumber | None = Field(None, gt=0)
+    parameters: dict[str, StrictNumber] = Field({})
 
     @field_validator("profile", mode="before")
     @classmethod
@@ -256,8 +257,8 @@ class LoadTable(Strict):
     """
 
     actuator: str
-    start: float = Field(0.0, alias="from")
-    to: float | None = None
+    start: StrictNumber = Field(0.0, alias="from")
+    to: StrictNumber | None = None
     profile: ProfileTable | None = None
     scales: Names = ()
 
@@ -286,12 +287,12 @@ class RunTable(Strict):
     `proofmass.sidecar.fill_defaults` fills in the samples and solvers that a sidecar leaves out.
     """
 
-    n: int | None = Field(None, ge=2, le=MOST_SAMPLES)
-    until: float | None = Field(None, gt=0)
+    n: WholeNumber | None = Field(None, ge=2, le=MOST_SAMPLES)
+    until: StrictNumber | None = Field(None, gt=0)
     solvers: tuple[str, ...] = Field(min_length=1)
-    timeout: float = Field(120.0, gt=0)
-    memory: float = Field(DEFAULT_MEMORY, gt=0)
-    inertia: bool = False
+    timeout: StrictNumber = Field(120.0, gt=0)
+    memory: StrictNumber = Field(DEFAULT_MEMORY, gt=0)
+    inertia: Switch = False
 
     @property
     def engines(self) -> tuple[str, ...]:
@@ -307,10 +308,10 @@ class Channel(Strict):
     `shift`, and `equals` if it is a number, are in that unit; `scale` has no unit.
     """
 
-    equals: str | float
+    equals: str | StrictNumber
     unit: str
-    scale: float = 1.0
-    shift: float = 0.0
+    scale: StrictNumber = 1.0
+    shift: StrictNumber = 0.0
     only: Kind | None = None
 
     @field_validator("unit")
@@ -329,6 +330,25 @@ class Channel(Strict):
         return si_unit(self.unit)[1]
 
 
+MAX_TOLERANCE_SHARE = 0.5
+"""Largest tolerance, as a share of a curve's range: the error of a curve that stays in the middle
+of the range."""
+
+
+def refuse_loose_share(share: float) -> float:
+    """The share itself; ValueError if a curve that does not move would pass."""
+    if share > MAX_TOLERANCE_SHARE:
+        raise ValueError(
+            f"{share:g} of the range lets a curve pass that does not move; allow at most "
+            f"{MAX_TOLERANCE_SHARE:g}"
+        )
+    return share
+
+
+RangeShare = Annotated[StrictNumber, Field(gt=0), AfterValidator(refuse_loose_share)]
+"""A tolerance as a share of the range of a curve."""
+
+
 class Tolerance(Strict):
     """``[[tolerance]]``: a number, where it holds, and the reason for it.
 
@@ -341,8 +361,8 @@ class Tolerance(Strict):
     solver: Names = ("*",)
     unit: Names = ("*",)
     channels: Names = ("*",)
-    abs: float | None = Field(None, gt=0)
-    relative_to_range: float | None = Field(None, gt=0)
+    abs: StrictNumber | None = Field(None, gt=0)
+    relative_to_range: RangeShare | None = None
     why: str
 
     @model_validator(mode="after")
@@ -386,7 +406,7 @@ class View(Strict):
     y: Names = ()
     stack: Names = ()
     dashed: Names = ()
-    marks: str | dict[str, float] = Field({})
+    marks: str | dict[str, StrictNumber] = Field({})
     unit: str | None = None
     x_unit: str | None = None
     run: Kind | None = None
@@ -414,18 +434,18 @@ class ChartTable(Strict):
 
     title: str = Field(min_length=1)
     draw: str
-    parameters: dict[str, int | float | str | tuple[float, ...]] = Field({})
+    parameters: dict[str, StrictNumber | WholeNumber | str | tuple[StrictNumber, ...]] = Field({})
 
 
 class Beside(Strict):
     """``[compare_with.NAME]``: another set of parameters, drawn as a thin line in every view."""
 
-    parameters: dict[str, float | str]
+    parameters: dict[str, StrictNumber | str]
 
 
 MOST_SEGMENTS = 10**5
 """Largest number of segments of a rod: an engine's square matrix of that size takes 80 GB."""
-Segments = Annotated[int, Field(le=MOST_SEGMENTS)]
+Segments = Annotated[WholeNumber, Field(le=MOST_SEGMENTS)]
 
 
 class RodTable(Strict):
@@ -447,22 +467,22 @@ class RodTable(Strict):
 
     start: str = Field(alias="from")
     to: str | None = None
-    length: float = Field(gt=0)
-    stiffness: float = Field(gt=0)
+    length: StrictNumber = Field(gt=0)
+    stiffness: StrictNumber = Field(gt=0)
     segments: Segments = Field(20, ge=2)
     ends: tuple[Literal["clamped", "pinned"], Literal["clamped", "pinned", "free"]] = (
         "clamped",
         "pinned",
     )
     scheme: Literal["half", "double", "naive"] = "half"
-    mass: float | None = Field(None, gt=0)
-    turn: float = 0.0
-    axial: float | None = Field(None, gt=0)
-    shear: float | None = Field(None, gt=0)
-    load: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    torsion: float | None = Field(None, gt=0)
-    stiffness_y: float | None = Field(None, gt=0)
-    curvature: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mass: StrictNumber | None = Field(None, gt=0)
+    turn: StrictNumber = 0.0
+    axial: StrictNumber | None = Field(None, gt=0)
+    shear: StrictNumber | None = Field(None, gt=0)
+    load: tuple[StrictNumber, StrictNumber, StrictNumber] = (0.0, 0.0, 0.0)
+    torsion: StrictNumber | None = Field(None, gt=0)
+    stiffness_y: StrictNumber | None = Field(None, gt=0)
+    curvature: tuple[StrictNumber, StrictNumber, StrictNumber] = (0.0, 0.0, 0.0)
 
     @model_validator(mode="before")
     @classmethod
@@ -521,11 +541,11 @@ class Refine(Strict):
     segments: tuple[Segments, ...] = Field(min_length=2)
     run: Kind = "equilibrium"
     channels: Names = ("*",)
-    order: float = Field(gt=0)
-    within: float = Field(gt=0)
-    error_floor: float = Field(1e-9, gt=0)
-    richardson: float | None = Field(None, gt=0)
-    between: tuple[int, int] | None = None
+    order: StrictNumber = Field(gt=0)
+    within: StrictNumber = Field(gt=0)
+    error_floor: StrictNumber = Field(1e-9, gt=0)
+    richardson: StrictNumber | None = Field(None, gt=0)
+    between: tuple[WholeNumber, WholeNumber] | None = None
     why: str
 
     @model_validator(mode="after")
@@ -572,7 +592,7 @@ class Case(Strict):
     model: str
     start: str = "start"
     reference: str
-    parameters: dict[str, float | str] = Field({})
+    parameters: dict[str, StrictNumber | str] = Field({})
     recording: RecordingTable | None = None
     drive: Annotated[tuple[DriveTable, ...], one_or_more(DriveTable)] = ()
     load: Annotated[tuple[LoadTable, ...], one_or_more(LoadTable)] = ()
@@ -585,7 +605,7 @@ class Case(Strict):
     chart: Annotated[tuple[ChartTable, ...], one_or_more(ChartTable)] = ()
     compare_with: dict[str, Beside] = Field({})
     refine: Refine | None = None
-    unchecked: bool = False
+    unchecked: Switch = False
     unmatched: tuple[str, ...] = ()
     called: str = ""
 

@@ -337,6 +337,8 @@ def check_model_here(model: Path) -> Comparison:
     if failed := why_failed(motion):
         return replace(found, outcome=Outcome.DIVERGED, message=failed)
     rung = Rung(motion)
+    if rung.at_rest:
+        return replace(found, outcome=Outcome.NOTHING_MOVED, message=rung.words())
     if not rung.consistent:
         return replace(found, outcome=Outcome.UNCHECKED, message=rung.words())
     return replace(

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, cast
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import Memory, use_memory
-from proofmass.case import Case
+from proofmass.case import MAX_TOLERANCE_SHARE, Case, Tolerance
 from proofmass.chart import check_charts
 from proofmass.drive import DriveState
 from proofmass.errors import InputError
@@ -28,16 +28,24 @@ from proofmass.reference import (
     properties,
     reference_identity,
 )
-from proofmass.sim.contents import joints, mass, size
-from proofmass.sim.protocol import Curves, Drive, Run
+from proofmass.sim.contents import joints, mass, sensors_of_drive, size
+from proofmass.sim.protocol import Curves, Drive, Run, fitting_samples
 from proofmass.strict import Kind
-from proofmass.units import si_unit, unit_powers
+from proofmass.units import MOTION_UNITS, POSITION_UNITS, si_unit, unit_powers
 
 NAN = float("nan")
 UNCHECKED_CASE = (
     "nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
     "a solver delivers, or say unchecked = true"
 )
+PROFILE_TIMES = 101
+"""Number of times at which the rates of drives are looked up between samples that are at rest."""
+REST_SHARE = 1e-3
+"""Share of a drive's mean rate up to which it counts as at rest at all samples: they are at its
+turning points.  Rounding, and what an engine's drive is off by, are smaller."""
+MIN_DRIVEN_DISTANCE = 1e-6
+"""Distance of a drive from its first value up to which it stays there [rad or m]: what an engine's
+drive is off by at a turning point."""
 START_SHARE = 0.1  # share of a dynamics run after which errors of the start pose have decayed
 CONSTANT_RANGE = 1e-3
 """Range over size of a curve below which it counts as constant; drives cause as much variation."""
@@ -206,20 +214,21 @@ def compare(
     ------
     InputError
         The model is assembled in another mode than the sidecar says; a view or a chart cannot
-        be drawn.
+        be drawn; a tolerance lets a curve pass that does not move.
     """
     evaluated = run_reference(case, run, curves)
     reference = evaluated.as_driven(curves.drive)
     check_assembly_mode(case, run, curves, reference)
     check_views(case, run, ComparedCurves.of(curves, reference))
     check_charts(case)
+    check_tolerances(case, run, solver, curves, reference.channels)
     changes: dict[str, dict[str, DetectableChange]] = {}
     if detectable:
         evaluated.find_properties()
         changes = detectable_changes(
             evaluated, allowed_errors(case, run, solver, curves, reference.channels)
         )
-    return Comparisons(
+    found = [
         compare_channel(
             case,
             run,
@@ -231,7 +240,8 @@ def compare(
             reference.uncertainty.get(name, 0.0),
         )
         for name in case.channels_of(run)
-    )
+    ]
+    return Comparisons(judge_run(case, run, curves, reference.channels, found))
 
 
 def failed_comparisons(
@@ -247,7 +257,7 @@ def failed_comparisons(
 
 def compare_channel(
     case: Case,
-    run: str,
+    run: Kind,
     solver: str,
     name: str,
     curves: Curves,
@@ -303,8 +313,139 @@ def compare_channel(
     return Comparison(**place, **found, outcome=outcome, message=message)
 
 
+def check_tolerances(
+    case: Case, run: Kind, solver: str, curves: Curves, reference: Mapping[str, Array]
+) -> None:
+    """Raise InputError if a tolerance lets a curve pass that does not move, see `passes_unmoved`.
+
+    A curve that is zero up to rounding has no scale of its own and is left out: the rounding is
+    that of the largest curve with its unit, or by the mechanism's size, and a tolerance may cover
+    larger curves as well.
+    """
+    largest: dict[str, float] = {}
+    for name, channel in case.channels_of(run).items():
+        size = float(np.abs(reference[name]).max())
+        largest[channel.si_unit] = max(largest.get(channel.si_unit, 0.0), size)
+    for name, channel in case.channels_of(run).items():
+        if (tolerance := case.tolerance_for(run, solver, name)) is None:
+            continue
+        scale = scale_of(case, run, name, curves, reference[name])
+        moved = np.ptp(reference[name])
+        if channel.si_unit not in POSITION_UNITS:
+            moved = np.abs(reference[name]).max()
+        allowed = tolerance.allowed(scale / channel.factor)
+        zero = moved <= ZERO_SHARE * max(scale, largest[channel.si_unit])
+        if not zero and passes_unmoved(allowed, scale / channel.factor):
+            raise loose_tolerance(case, name, tolerance, allowed, scale / channel.factor)
+
+
+def loose_tolerance(
+    case: Case, name: str, tolerance: Tolerance, allowed: float, scale: float
+) -> InputError:
+    """The error of a tolerance that lets a curve of this scale pass that does not move."""
+    unit = "" if case.channels[name].unit == "1" else f" {case.channels[name].unit}"
+    return case.error(
+        f"tolerance.{case.tolerance.index(tolerance)}",
+        f"it allows {allowed:.3g}{unit} for channel {name!r}, whose reference has a scale of "
+        f"{scale:.3g}{unit}: a curve that does not move would pass; allow at most "
+        f"{MAX_TOLERANCE_SHARE * scale:.3g}{unit} there, with a tolerance of its own if need be",
+    )
+
+
+def passes_unmoved(allowed: float, scale: float) -> bool:
+    """Whether a tolerance lets a curve pass that stays in the middle of the reference's range.
+
+    A tolerance that lets the mirrored curve pass does so too.
+
+    >>> passes_unmoved(0.6, 1.0), passes_unmoved(0.4, 1.0)
+    (True, False)
+    """
+    return allowed > MAX_TOLERANCE_SHARE * scale
+
+
+def judge_run(
+    case: Case, run: Kind, curves: Curves, reference: Mapping[str, Array], found: list[Comparison]
+) -> list[Comparison]:
+    """Give channels within their tolerance another outcome if the run tells nothing of the model.
+
+    It tells nothing if its time step was another one than the model or the settings ask for, or if
+    nothing moved, see `shows_motion`.  An equilibrium need not move: its curves go along a rod.
+    """
+    if curves.has_other_step:
+        outcome, message = Outcome.OTHER_STEP, explain_step(case, run, curves)
+    elif run != "equilibrium" and not any(
+        shows_motion(case, c, curves, reference[c.channel]) for c in found
+    ):
+        outcome, message = Outcome.NOTHING_MOVED, explain_rest(case, run, curves)
+    else:
+        return found
+    good = Outcome.AGREES, Outcome.UNDECIDED
+    return [replace(c, outcome=outcome, message=message) if c.outcome in good else c for c in found]
+
+
+def shows_motion(case: Case, c: Comparison, curves: Curves, reference: Array) -> bool:
+    """Whether a checked channel shows that something moved.
+
+    Its reference leaves its start by more than the tolerance, or is a rate that is not zero, or it
+    is a force or another quantity of the motion of the drive that is not zero.  Position and rate
+    of a driven joint show nothing: the reference is evaluated at the drive's actual motion.
+    """
+    model, channel = compiled_model(case), case.channels[c.channel]
+    driven = [drive.joint for drive in case.drive if drive.joint in joints(model)]
+    if c.channel.partition(".")[0] in (
+        n for joint in driven for n in sensors_of_drive(model, joint)
+    ):
+        return False
+    allowed = c.allowed * channel.factor
+    if np.abs(reference - reference[0]).max() > allowed:
+        return True
+    if not np.abs(reference).max() > allowed or channel.si_unit in POSITION_UNITS:
+        return False
+    return channel.si_unit in MOTION_UNITS["velocity"] or moves_drive(curves)
+
+
+def moves_drive(curves: Curves) -> bool:
+    """Whether a drive leaves its first value from sample to sample."""
+    if curves.drive is None:
+        return False
+    value = curves.drive[0]
+    return bool(np.abs(value - value[:, :1]).max(initial=0.0) > MIN_DRIVEN_DISTANCE)
+
+
+def explain_rest(case: Case, run: Kind, curves: Curves) -> str:
+    """Explain that nothing moved, and how to make something move."""
+    moved = "nothing moves"
+    if moves_drive(curves):
+        moved = "nothing but the drive moves"
+        remedy = "check channels that move, or let the joint go, with a control (ctrl) in the key"
+    elif case.drive:
+        remedy = f"give run.{run}.n more samples: the drive is where it began at each of them"
+    else:
+        remedy = "give a key with rates (qvel) or controls (ctrl), or a longer until"
+    return (
+        f"{moved}: no checked channel leaves its start by more than its tolerance, so that nothing "
+        f"is tested; {remedy}"
+    )
+
+
+def explain_step(case: Case, run: Kind, curves: Curves) -> str:
+    """Explain that the time step of a run was another one than the model or its settings ask for.
+
+    Rows of a recorded curve cannot be chosen, so that only the step can be.
+    """
+    made, asked = (f"{1e3 * step:.4g} ms" for step in (curves.made_step, curves.asked_step))
+    duration, samples = float(curves.x[-1] - curves.x[0]), curves.x.size
+    fitting = fitting_samples(duration, curves.asked_step, samples)
+    fits = "" if case.recorded else f"run.{run}.n = {fitting}, or "
+    return (
+        f"steps of {made} instead of the {asked} of the model or its settings, since samples are "
+        f"{1e3 * duration / (samples - 1):.4g} ms apart, so that nothing is known of the latter; "
+        f"give {fits}timestep = {curves.made_step:.17g} in the settings of the solver"
+    )
+
+
 def allowed_error(
-    case: Case, run: str, solver: str, name: str, curves: Curves, reference: Array
+    case: Case, run: Kind, solver: str, name: str, curves: Curves, reference: Array
 ) -> float | None:
     """The largest error that a channel's tolerance allows [SI]; None if there is no tolerance."""
     if (tolerance := case.tolerance_for(run, solver, name)) is None:
@@ -330,7 +471,7 @@ def end_of_start(curves: Curves) -> float:
     return float(curves.x[0] + START_SHARE * (curves.x[-1] - curves.x[0]))
 
 
-def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) -> float:
+def scale_of(case: Case, run: Kind, name: str, curves: Curves, reference: Array) -> float:
     """The scale of a reference curve that ``relative_to_range`` refers to [SI].
 
     The scale is the range of the curve.  If the range is less than a thousandth of the curve's
@@ -342,12 +483,13 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) 
     - of any other curve that is zero throughout, the product of powers of the mechanism's length
       L, its mass M and a time T that has the unit: L / T of a velocity, M L^2 / T^2 of a moment.
 
-    T is 1 over the largest rate of a drive (L over the largest speed of a slide), or the duration
-    of a free motion.
+    T is 1 over the largest rate of a drive at the samples (L over the largest speed of a slide), or
+    the duration of a free motion.  If all samples are at turning points of the drives, T is that of
+    the rates between them.
     """
     unit, span = case.channels[name].si_unit, float(np.ptp(reference))
     model = compiled_model(case)
-    extent = size(model, case.start)
+    extent = size(model, case.start) or float(model.stat.extent)  # of a single body: its geoms
     own = 1.0
     for base, power in zip(
         (extent, mass(model), time_scale(case, run, curves, extent)),
@@ -361,18 +503,23 @@ def scale_of(case: Case, run: str, name: str, curves: Curves, reference: Array) 
     return span if span >= CONSTANT_RANGE * magnitude else magnitude
 
 
-def time_scale(case: Case, run: str, curves: Curves, extent: float) -> float:
+def time_scale(case: Case, run: Kind, curves: Curves, extent: float) -> float:
     """The time T of `scale_of` [s]; 0 if neither drives nor the run define one."""
     if not case.drive:
         return float(np.ptp(curves.x)) if run == "dynamics" else 0.0
     if curves.drive is None or not extent:
         return 0.0
     units = joints(compiled_model(case))
-    rates = [
-        float(np.abs(rate).max()) / (extent if units[drive.joint] == "m" else 1.0)
-        for drive, rate in zip(case.drive, curves.drive[1], strict=True)
-    ]
-    return 1.0 / max(rates) if max(rates) else 0.0
+    sizes = np.array([extent if units[drive.joint] == "m" else 1.0 for drive in case.drive])
+    values, rates, _ = curves.drive
+    rate = float((np.abs(rates).max(axis=1) / sizes).max())
+    way, duration = float((np.ptp(values, axis=1) / sizes).max()), float(np.ptp(curves.x))
+    x_is_time = run == "dynamics" or not case.drive[0].steady
+    if x_is_time and (way <= MIN_DRIVEN_DISTANCE or rate * duration < REST_SHARE * way):
+        between = np.linspace(curves.x[0], curves.x[-1], PROFILE_TIMES)
+        found = [np.abs(p(between)[1]).max() for p in drive_profiles(case, run)]
+        rate = max(rate, float((np.array(found) / sizes).max()))
+    return 1.0 / rate if rate else 0.0
 
 
 def judge_error(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:

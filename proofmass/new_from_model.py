@@ -36,13 +36,14 @@ from proofmass.analytic.planar.mechanism import (
     refuse_contacts,
 )
 from proofmass.check import OWN_MODEL_SAMPLES, read_isolated, run_solver
-from proofmass.compare import Comparison, compare
+from proofmass.compare import Comparison, compare, passes_unmoved
 from proofmass.engines import default_engines, engine_of
 from proofmass.errors import InputError
 from proofmass.files import read_text, write_atomically
 from proofmass.outcome import Outcome
 from proofmass.reference import smooth_terms
 from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
+from proofmass.sidecar import DEFAULT_SAMPLES
 from proofmass.sim.contents import (
     bodies_rotating_in_space,
     joint_of,
@@ -55,7 +56,7 @@ from proofmass.sim.contents import (
     sensors_of_drive,
 )
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
-from proofmass.sim.protocol import BadModel, NotSolved, Unsupported
+from proofmass.sim.protocol import BadModel, NotSolved, Unsupported, fitting_samples
 from proofmass.strict import Kind
 from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
@@ -83,9 +84,10 @@ NOTHING_MOVES = (
     "nothing moves: it starts at rest, and no force acts on its joints; give its key rates (qvel) "
     "or controls (ctrl), or write a sidecar with a [[drive]] for each degree of freedom"
 )
-MAX_TOLERANCE_SHARE = 0.5
-"""Largest tolerance that is proposed, as a share of a curve's range: the error of a curve that
-stays in the middle of the range."""
+FAR_OFF_TOLERANCE = 0.08
+"""Tolerance, as a share of the range, for a channel that is off so far that a curve that does not
+move would pass with `TOLERANCE_FACTOR` times its error: less than any such error, which is at least
+0.5 / (2 * 3) of the range, as `round_up` doubles a number at most.  So the channel differs."""
 START_MARGIN = 1e-9
 """Largest distance of a start pose from a joint's range that is rounding, in turns or sizes."""
 STEP_DIVISORS = 2, 4  # divisors of the model's step, if the error with that is too large
@@ -188,6 +190,11 @@ class ModelSummary:
     reference: str = "planar"
     until: float = FREE_MOTION_SECONDS
     why: str = ""
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of a free motion that whole steps of the model lead to."""
+        return fitting_samples(self.until, self.timestep, DEFAULT_SAMPLES)
 
     @property
     def is_determined(self) -> bool:
@@ -413,6 +420,7 @@ class Proposal:
             yield f"[run.{kind}]"
             if not self.look.drive:
                 yield f"until = {self.look.until}"
+                yield f"n = {self.look.samples}  # whole time steps of the model lead to each"
             yield f"solvers = {solvers!r}".replace("'", '"')
         for solver, step in self.steps.items():
             yield ""
@@ -568,8 +576,19 @@ def measure_runs(proposal: Proposal, sidecar: Path) -> None:
             if not proposal.look.is_determined:
                 proposal.tolerances += measured_tolerance(kind, solver, found)
                 if off := far_off(found):
-                    proposal.messages.append(describe_unchecked(kind, solver, off))
+                    proposal.messages.append(describe_far_off(kind, solver, off))
     write_atomically(sidecar, proposal.text())
+    if proposal.look.drive and not proposal.look.is_determined:
+        refuse_rest(proposal, sidecar)
+
+
+def refuse_rest(proposal: Proposal, sidecar: Path) -> None:
+    """Raise an `InputError` if nothing but the drive moves in a sweep."""
+    solver = proposal.runs["sweep"][0]
+    found, _ = run_solver(read_isolated(sidecar), "sweep", solver, COMPARE_ERRORS_ONLY)
+    for c in found:
+        if c.outcome == Outcome.NOTHING_MOVED:
+            raise InputError(sidecar.with_name(proposal.model), "", c.message)
 
 
 def run_until_close(proposal: Proposal, sidecar: Path, kind: Kind, solver: str) -> list[Comparison]:
@@ -603,12 +622,12 @@ def describe_error(found: list[Comparison]) -> str:
     )
 
 
-def describe_unchecked(kind: Kind, solver: str, off: list[Comparison]) -> str:
+def describe_far_off(kind: Kind, solver: str, off: list[Comparison]) -> str:
     """A sentence on the channels of a run whose errors are too large for a tolerance."""
     errors = (f"{c.channel} by {c.error_max / curve_scale(c):.2g}" for c in off)
     return (
         f"{kind}, {solver}: off by so much that {TOLERANCE_FACTOR:g} times the error would let a "
-        f"curve pass that does not move; not checked: {', '.join(errors)} of its range"
+        f"curve pass that does not move, so that they differ: {', '.join(errors)} of its range"
     )
 
 
@@ -621,21 +640,16 @@ def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iter
         while left:
             error = max(c.error_max for c in left)
             allowed = round_up(max(TOLERANCE_FACTOR * error, rounding))
+            is_rounding = allowed <= round_up(rounding)
             group = [
                 c
                 for c in left
-                if c.error_max in (error, 0.0)
-                or c.error_max <= rounding
-                or allowed <= MAX_TOLERANCE_SHARE * curve_scale(c)
+                if c.error_max == error
+                or (is_rounding and c.error_max <= rounding)
+                or not passes_unmoved(allowed, curve_scale(c))
             ]
             left = [c for c in left if c not in group]
-            yield ""
-            yield "[[tolerance]]"
-            yield f'run = "{kind}"'
-            yield f'solver = "{solver}"'
-            yield f'unit = "{unit}"'
-            if len(group) < sum(c.unit == unit for c in found):
-                yield f"channels = {[c.channel for c in group]!r}".replace("'", '"')
+            yield from tolerance_head(kind, solver, unit, group, found)
             yield f"abs = {allowed!r}"
             measured = f"{error:.2g} {format_unit(unit)}".rstrip()
             at_least = f"; at least {MIN_TOLERANCE_SHARE:g} of the range, for rounding"
@@ -644,16 +658,40 @@ def measured_tolerance(kind: Kind, solver: str, found: list[Comparison]) -> Iter
                 f'{at_least if rounding > TOLERANCE_FACTOR * error else ""}"'
             )
 
+    off = far_off(found)
+    for unit in dict.fromkeys(c.unit for c in off):
+        group = [c for c in off if c.unit == unit]
+        least = min(c.error_max / curve_scale(c) for c in group)
+        yield from tolerance_head(kind, solver, unit, group, found)
+        yield f"relative_to_range = {FAR_OFF_TOLERANCE!r}"
+        yield (
+            f'why = "proposed: less than what was measured, {least:.2g} of the range or more, '
+            f'which is too much for a tolerance"'
+        )
+
+
+def tolerance_head(
+    kind: Kind, solver: str, unit: str, group: list[Comparison], found: list[Comparison]
+) -> Iterator[str]:
+    """The first lines of a tolerance: where it holds; all channels of a unit are not listed."""
+    yield ""
+    yield "[[tolerance]]"
+    yield f'run = "{kind}"'
+    yield f'solver = "{solver}"'
+    yield f'unit = "{unit}"'
+    if len(group) < sum(c.unit == unit for c in found):
+        yield f"channels = {[c.channel for c in group]!r}".replace("'", '"')
+
 
 def far_off(found: list[Comparison]) -> list[Comparison]:
-    """The channels of a run for which a tolerance would pass a curve that does not move at all."""
+    """The channels of a run for which a tolerance would let a curve pass that does not move."""
     rounding = unit_rounding(found)
     return [
         c
         for c in found
         if isfinite(c.error_max)
         and c.error_max > rounding[c.unit]
-        and round_up(TOLERANCE_FACTOR * c.error_max) > MAX_TOLERANCE_SHARE * curve_scale(c)
+        and passes_unmoved(round_up(TOLERANCE_FACTOR * c.error_max), curve_scale(c))
     ]
 
 

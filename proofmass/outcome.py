@@ -34,6 +34,14 @@ class Outcome(StrEnum):
         "undecided",
         "the curve is not known closely enough to tell whether it is within the tolerance",
     )
+    NOTHING_MOVED = (
+        "nothing moved",
+        "no checked channel leaves its start by more than its tolerance, so that nothing is tested",
+    )
+    OTHER_STEP = (
+        "other step",
+        "the time step was not that of the model or its settings, so that theirs is not tested",
+    )
     UNCHECKED = "unchecked", "no tolerance covers the channel of this solver"
     SELF_CONSISTENT = (
         "self-consistent",
@@ -52,7 +60,9 @@ class Outcome(StrEnum):
     NO_START = "no start", "the model cannot be put into its start pose"
 
 
-CHECKED_OUTCOMES = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED)
+EMPTY_OUTCOMES = (Outcome.NOTHING_MOVED, Outcome.OTHER_STEP)
+"""Outcomes of channels within their tolerance, in a run that tells nothing of the model."""
+CHECKED_OUTCOMES = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED, *EMPTY_OUTCOMES)
 """Outcomes of channels that were compared with a tolerance."""
 UNCHECKED_OUTCOMES = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
 """Outcomes of channels and models for which no tolerance decides between right and wrong."""

@@ -26,7 +26,7 @@ from pydantic import Field, field_validator, model_validator
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError, suggest_names
 from proofmass.files import read_bytes
-from proofmass.strict import Strict
+from proofmass.strict import Strict, StrictNumber, Switch
 from proofmass.units import same_quantity, si_unit
 
 FILES_IN_MEMORY = 16  # files that are kept in memory after they were read
@@ -55,9 +55,9 @@ class RecordedColumn(Strict):
 
     column: str
     unit: str | None = None
-    scale: float = 1.0
-    shift: float = 0.0
-    unwrap: bool = False
+    scale: StrictNumber = 1.0
+    shift: StrictNumber = 0.0
+    unwrap: Switch = False
 
     @model_validator(mode="before")
     @classmethod
@@ -82,7 +82,7 @@ class RecordingTable(Strict):
 
     x: RecordedColumn | None = None
     columns: dict[str, RecordedColumn] = Field({})
-    gap: float = Field(LARGEST_GAP, gt=1)
+    gap: StrictNumber = Field(LARGEST_GAP, gt=1)
 
     @field_validator("columns", mode="before")
     @classmethod

@@ -33,7 +33,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import inf, isnan, log2, nan
+from math import inf, isfinite, isnan, log2, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,6 +191,21 @@ class Rung:
         """Whether something moves, and its motion is self-consistent until some time."""
         return self.last > 0 and self.motion.dof > 0
 
+    @property
+    def moved(self) -> float:
+        """The longest distance of a point from its start until T [m]."""
+        points = self.fine.points[: self.last + 1]
+        return float(largest_until(points - points[:1])[-1])
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves until T by more than rounding, and than its motion is known."""
+        if not self.motion.dof:
+            return True
+        rounding = ROUNDING_SHARE * self.motion.extent
+        known = self.known if isfinite(self.known) else 0.0
+        return self.consistent and self.moved <= max(rounding, known)
+
     @cached_property
     def best(self) -> OwnRun:
         """The solution that others are compared with: `close` if the finest steps agree with it."""
@@ -303,6 +318,12 @@ class Rung:
         """A summary of a few sentences."""
         if not self.motion.dof:
             return "nothing moves: the model has no joints"
+        if self.at_rest:
+            return (
+                f"nothing moves until {number(self.until)} s: no body leaves its start by more "
+                f"than {format_length(self.moved)}, so that nothing is tested; give a key with "
+                "rates (qvel) or controls (ctrl), or another start pose"
+            )
         if not self.consistent:
             return f"no two ways of solving its motion agree at any time: {self.why()}"
         return " ".join(self.sentences())

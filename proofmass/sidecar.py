@@ -8,15 +8,17 @@ left to defaults.
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from math import inf
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import Field, ValidationError
 
 from proofmass.analytic import IN_SPACE
 from proofmass.analytic.numerics import LARGEST
-from proofmass.case import Case, ProfileTable, Tolerance
+from proofmass.case import Case, ProfileTable, RangeShare, Tolerance
 from proofmass.engines import NoEngine, default_engines, engine_names, engine_of
 from proofmass.errors import InputError, suggest_names
 from proofmass.files import read_text
@@ -29,16 +31,24 @@ from proofmass.reference import (
     load_reference,
     prescribed_quantities,
     reference_knows_inertia,
+    run_samples,
 )
 from proofmass.sim.contents import channel_names, measures_actuator
-from proofmass.sim.protocol import AccuracyLimit
+from proofmass.sim.protocol import (
+    MIN_STEP_SHARE,
+    STEP_ROUNDING,
+    AccuracyLimit,
+    Run,
+    fitting_samples,
+)
 from proofmass.solve import prescribed_run
 from proofmass.strict import Kind, Strict
-from proofmass.units import FORCE_UNITS, MOTION_UNITS, si_unit
+from proofmass.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_unit
 from proofmass.validate import delivered_unit, first_samples
 
 DEFAULT_SAMPLES = 361
-"""Default number of samples of a sweep or dynamics: one turn in steps of a degree."""
+"""Default number of samples of a sweep or dynamics: one turn in steps of a degree; that of dynamics
+is changed where whole steps do not lead from sample to sample, see `fit_default_samples`."""
 ALL_OTHERS = "*"
 """The key of ``[channels]`` that stands for all sensors that are not listed."""
 FIELDS_WITHOUT_KEY = set(Case.fields_without_key)
@@ -63,12 +73,12 @@ class Accuracy(Strict):
     `force` includes moments.
     """
 
-    sweep: float | None = Field(None, gt=0)
-    rest: float | None = Field(None, gt=0)
-    position: float | None = Field(None, gt=0)
-    velocity: float | None = Field(None, gt=0)
-    acceleration: float | None = Field(None, gt=0)
-    force: float | None = Field(None, gt=0)
+    sweep: RangeShare | None = None
+    rest: RangeShare | None = None
+    position: RangeShare | None = None
+    velocity: RangeShare | None = None
+    acceleration: RangeShare | None = None
+    force: RangeShare | None = None
 
 
 class Levels(Strict):
@@ -228,10 +238,6 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
     if not part and unit == "rad":
         names.append(f"{name}_angle")
     return next((each for each in names if each in known), None)
-
-
-POSITION_UNITS = (*MOTION_UNITS["position"], "1")
-"""SI units of positions, angles and orientations (quaternions, directions of axes)."""
 
 
 def default_tolerances(case: Case, levels: Mapping[str, Accuracy]) -> list[Tolerance]:
@@ -423,16 +429,13 @@ def load_case(file: Path | str) -> Case:
             raise InputError(file, format_key(place, given), wrong)
         table = {"model": file.stem + ".xml", **given}
         case = Case(**{**fill_defaults(table, file), "file": file})
+        if not gives_samples(given):
+            case = fit_default_samples(case)
         added = default_tolerances(case, levels)
     except ValidationError as error:
         first = error.errors()[0]
         key = format_key([part for part in first["loc"] if part not in LOCATION_TYPES], given)
-        wrong = "missing; it is required" if first["type"] == "missing" else first["msg"]
-        if first["type"] == "int_parsing_size":
-            wrong = f"{first['input']!r} is too large a number"
-        elif isinstance(first["input"], (int, float)) and first["msg"].startswith("Input "):
-            wrong += f", not {first['input']!r}"
-        raise InputError(file, key, wrong.removeprefix("Value error, ")) from None
+        raise InputError(file, key, describe_invalid(first)) from None
     except RecursionError:
         raise InputError(file, "", "its tables or arrays are nested too deeply") from None
     except (ValueError, OverflowError) as error:
@@ -466,6 +469,71 @@ def find_extremes(
         yield place, f"{number} is too large; numbers may be up to {LARGEST:g}"
     elif isinstance(table, float) and 0.0 < abs(table) < 1.0 / LARGEST:
         yield place, f"{table:g} is too small; numbers other than 0 begin at {1.0 / LARGEST:g}"
+
+
+def gives_samples(table: TomlTable) -> bool:
+    """Whether a sidecar's table gives the number of samples of its run in time."""
+    runs = table.get("run", {})
+    return isinstance(runs, dict) and "n" in runs.get("dynamics", {})
+
+
+def fit_default_samples(case: Case) -> Case:
+    """The case with a number of samples of dynamics that whole steps of the model lead to.
+
+    The default number is kept in a driven run whose step is hardly shorter than the model's, so
+    that its samples are at round values of the drive.  The step is that of the first solver.
+    """
+    if "dynamics" not in case.run or case.recorded or not case.model_path.is_file():
+        return case
+    try:
+        x = run_samples(case, "dynamics")
+        step = case.settings.get(case.run["dynamics"].solvers[0], {}).get(
+            "timestep", float(compiled_model(case).opt.timestep)
+        )
+        share = Run("dynamics", x, ()).steps(step)[1] / step
+    except Exception:  # the model, the drive or the step is at fault, which the runs report
+        return case
+    if share >= (MIN_STEP_SHARE if case.drive else 1.0 - STEP_ROUNDING):
+        return case
+    return case.with_run("dynamics", n=fitting_samples(float(np.ptp(x)), step, x.size))
+
+
+WRONG_TYPES = {
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "bool_type": "must be true or false",
+}
+"""What a value must be, by pydantic's types of errors."""
+
+
+def describe_invalid(error: Mapping[str, Any]) -> str:
+    """What is wrong with a value of a sidecar, from an error of pydantic.
+
+    >>> describe_invalid({"type": "float_type", "msg": "", "input": True})
+    'must be a number, not true'
+    >>> describe_invalid({"type": "float_type", "msg": "", "input": "1.0"})
+    'must be a number, not the text "1.0"; leave out the quotation marks'
+    """
+    if error["type"] == "missing":
+        return "missing; it is required"
+    wrong, given = WRONG_TYPES.get(error["type"]), error["input"]
+    if wrong and isinstance(given, bool | int | float):
+        return f"{wrong}, not {str(given).lower()}"
+    if wrong and isinstance(given, str):
+        hint = "; leave out the quotation marks" if is_number(given) else ""
+        return f'{wrong}, not the text "{given}"{hint}'
+    text = str(error["msg"])
+    if isinstance(given, int | float) and text.startswith("Input "):
+        text += f", not {given!r}"
+    return text.removeprefix("Value error, ")
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number."""
+    with suppress(ValueError):
+        float(text)
+        return True
+    return False
 
 
 UNNUMBERED = "drive", "load", "view", "chart"

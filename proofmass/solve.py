@@ -32,6 +32,7 @@ from proofmass.sim.protocol import (
     BY_CHANNEL,
     BY_JOINT,
     FILE_MARK,
+    STEP_ROUNDING,
     BadModel,
     BadSetting,
     ChangingLoad,
@@ -375,12 +376,22 @@ def solve_here(case: Case, kind: Kind, solver: str) -> Curves:
     ]
     if case.recorded and (words := describe_rows(case, kind)):
         notes.append(f"reference {case.reference}: {words}")
+    if not run.drives and curves.made_step < (1.0 - STEP_ROUNDING) * curves.asked_step:
+        notes.append(format_other_step(curves))
     if notes:
         curves = replace(curves, notes=(*curves.notes, *notes))
     if run.drives and curves.drive is None and kind != "equilibrium":
         return replace(curves, drive=run.motion(curves.x), by_profile=True)
     check_driven(run, curves)
     return curves
+
+
+def format_other_step(curves: Curves) -> str:
+    """A phrase on the time step of a run that is shorter than the one that was asked for."""
+    return (
+        f"steps of {1e3 * curves.made_step:.4g} ms instead of {1e3 * curves.asked_step:.4g} ms, so "
+        "that whole steps lead from sample to sample"
+    )
 
 
 def call_engine(engine: str, model: Path, run: Run) -> Curves:

@@ -1,12 +1,18 @@
-"""The base class of all tables of a sidecar, and the kinds of runs."""
+"""The base class of all tables of a sidecar, the types of numbers in it, and the kinds of runs."""
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from proofmass.errors import suggest_names
 
 Kind = Literal["sweep", "dynamics", "equilibrium"]
+
+StrictNumber = Annotated[float, Field(strict=True)]
+"""A number, whole or not; pydantic would otherwise take ``true`` for 1 and the text "1.0" for 1."""
+WholeNumber = Annotated[int, Field(strict=True)]
+Count = Annotated[WholeNumber, Field(ge=1, lt=2**31)]
+Switch = Annotated[bool, Field(strict=True)]
 
 
 class Strict(BaseModel):

@@ -317,7 +317,7 @@ def failure_lines(
             yield Text(f"· {case.name}: {describe_unmatched(case)}", style="dim")
         if reference_reads_model(case):
             yield Text(f"· {case.name}: {describe_own_numbers(case)}", style="dim")
-    judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES]
+    judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES and c.channel]
     if judged:
         yield Text(format_largest(judged))
     counts = {

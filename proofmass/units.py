@@ -38,6 +38,8 @@ MOTION_UNITS = {
     "acceleration": ("rad/s^2", "m/s^2"),
 }
 """SI units of the kinds of motion."""
+POSITION_UNITS = (*MOTION_UNITS["position"], "1")
+"""SI units of positions, angles and orientations (quaternions, directions of axes)."""
 FORCE_UNITS = ("N", "N m")
 """SI units of forces and moments."""
 KEPT_SPELLINGS = ("m", "rad", "s", "kg", "N", "J", "W", "Pa", "Hz")

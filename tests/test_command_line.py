@@ -89,11 +89,12 @@ def test_a_folder_with_nothing_in_it_is_bad_input(tmp_path):
         assert "no sidecar (.toml) and no model (.xml) in this folder" in answer.output
 
 
-def test_a_model_in_which_nothing_moves_is_unchecked(tmp_path):
+def test_a_model_in_which_nothing_moves_is_not_green(tmp_path):
     (tmp_path / "still.xml").write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
     answer = run_command("check", tmp_path, "--json")
-    assert answer.exit_code == 0
-    assert [row["outcome"] for row in json.loads(answer.stdout)["comparisons"]] == ["unchecked"]
+    assert answer.exit_code == 1
+    rows = json.loads(answer.stdout)["comparisons"]
+    assert [row["outcome"] for row in rows] == ["nothing moved"]
 
 
 def test_report_prints_a_link_to_each_row_that_differs(models, edit, keep_solver, tmp_path):

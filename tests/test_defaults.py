@@ -233,7 +233,7 @@ def test_a_page_lists_sensors_without_a_quantity(tmp_path, monkeypatch):
         ),
         (
             "accuracy.mujoco = { sweep = 1e-9 }",
-            '[[tolerance]]\nrelative_to_range = 1.0\nwhy = "w"',
+            '[[tolerance]]\nrelative_to_range = 0.5\nwhy = "w"',
             "accuracy.mujoco.sweep: it is used by no run",
         ),
         ("", '[channels]\n"*" = { unit = "m" }', 'channels."*": it stands for all sensors'),

@@ -23,7 +23,7 @@ from proofmass.compare import (
     small_detectable,
 )
 from proofmass.errors import InputError
-from proofmass.recorded import Recorded
+from proofmass.recording import Recorded
 from proofmass.reference import evaluate, load_reference, run_samples
 from proofmass.report.tables import (
     format_detectable_changes,

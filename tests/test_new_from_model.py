@@ -13,7 +13,7 @@ from proofmass.cli import app
 from proofmass.compare import Comparison
 from proofmass.errors import InputError
 from proofmass.new_from_model import (
-    describe_unchecked,
+    describe_far_off,
     inspect_model,
     measured_tolerance,
     round_up,
@@ -217,8 +217,8 @@ def compared(channel: str, error: float, scale: float) -> Comparison:
 def test_a_proposed_tolerance_passes_no_curve_that_does_not_move():
     """A curve that stays in the middle of its range is off by half of the range.
 
-    The tip, off by 0.6 of its range, gets no tolerance.  The knob moves by less than the tolerance
-    of the arm, and gets one of its own.
+    The tip, off by 0.6 of its range, gets a tolerance that it exceeds, so that it differs.  The
+    knob moves by less than the tolerance of the arm, and gets one of its own.
     """
     tip, arm, knob = (
         compared("tip", 0.6, 1.0),
@@ -226,13 +226,27 @@ def test_a_proposed_tolerance_passes_no_curve_that_does_not_move():
         compared("knob", 1e-3, 0.1),
     )
     lines = list(measured_tolerance("dynamics", "pymunk", [tip, arm, knob]))
-    assert [line for line in lines if line.startswith(("channels", "abs"))] == [
+    assert [line for line in lines if line.startswith(("channels", "abs", "relative"))] == [
         'channels = ["arm"]',
         "abs = 0.3",
         'channels = ["knob"]',
         "abs = 0.003",
+        'channels = ["tip"]',
+        "relative_to_range = 0.08",
     ]
-    assert "tip by 0.6 of its range" in describe_unchecked("dynamics", "pymunk", [tip])
+    assert "tip by 0.6 of its range" in describe_far_off("dynamics", "pymunk", [tip])
+
+
+def test_a_channel_without_an_error_gets_no_tolerance_that_it_would_pass_unmoved():
+    """The range of a curve without an error is not known, so that only rounding is allowed."""
+    exact = Comparison("", "", "", "exact", "m", error_max=0.0, error_rms=0.0, nrmse=0.0)
+    lines = list(measured_tolerance("sweep", "mujoco", [compared("arm", 0.1, 2.0), exact]))
+    assert [line for line in lines if line.startswith(("channels", "abs"))] == [
+        'channels = ["arm"]',
+        "abs = 0.3",
+        'channels = ["exact"]',
+        "abs = 2e-12",
+    ]
 
 
 PENDULUM = """<mujoco><option gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody>
@@ -333,8 +347,8 @@ CART_WITH_FRICTION = """<mujoco><option><flag contact="disable"/></option><world
 def test_a_model_with_contacts_is_compared_with_its_own_equations(tmp_path):
     """The reference is the model's own motion with refined steps, until it is no longer known.
 
-    The proposed case can be checked like any other.  With a step of 5 ms some rates are too
-    far off after the impact to be checked.
+    The proposed case can be checked like any other.  With a step of 5 ms some rates are so far
+    off after the impact that they differ.
     """
     model = tmp_path / "box.xml"
     model.write_text(FALLING_BOX)
@@ -345,9 +359,10 @@ def test_a_model_with_contacts_is_compared_with_its_own_equations(tmp_path):
     assert "judges the time stepping alone" in sidecar.read_text()
     assert 0.1 < case.run["dynamics"].until <= 1.0
     assert "in space" in messages[0]
-    assert found.exit_code == 0
-    unchecked = {c.channel for c in found.comparisons if c.outcome != Outcome.AGREES}
-    assert unchecked < {c.channel for c in found.comparisons if c.unit == "rad/s"}
+    assert found.exit_code == 1
+    differing = {c.channel for c in found.comparisons if c.outcome == Outcome.DIFFERS}
+    assert {c.outcome for c in found.comparisons} == {Outcome.AGREES, Outcome.DIFFERS}
+    assert differing < {c.channel for c in found.comparisons if c.unit == "rad/s"}
     assert max(c.error_max for c in found.comparisons) > 0  # a step of 5 ms has an error
 
 

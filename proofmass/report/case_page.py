@@ -32,7 +32,7 @@ from proofmass.explain import (
 )
 from proofmass.grouping import group_by
 from proofmass.mobility import mobility
-from proofmass.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
+from proofmass.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, FAILED_OUTCOMES, Outcome
 from proofmass.reference import ComparedCurves, properties
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import (
@@ -386,6 +386,11 @@ def format_badge(case: Case, rows: list[Comparison], state: str, faults: list[st
         words.append(f"Differs: {differs} of {len(judged)} checked curves")
     if coarse:
         words.append(f"Undecided: {coarse} of {len(judged)} checked curves")
+    words += [
+        f"{outcome.capitalize()}: {count} of {len(judged)} checked curves"
+        for outcome in EMPTY_OUTCOMES
+        if (count := sum(c.outcome == outcome for c in rows))
+    ]
     if failed:
         solvers = {(c.run, c.solver) for c in rows if c.outcome in FAILED_OUTCOMES}
         words.append(
@@ -427,7 +432,7 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
     outcomes = {c.outcome for c in rows}
     if faults or not rows:
         return ["Mend the input: the message above names the file and the key."]
-    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *FAILED_OUTCOMES}:
+    if not outcomes & {Outcome.DIFFERS, Outcome.UNDECIDED, *EMPTY_OUTCOMES, *FAILED_OUTCOMES}:
         if state == "bad":
             return ["Give the case a [[tolerance]] that covers a channel, or say unchecked = true."]
         if Outcome.AGREES not in outcomes:
@@ -436,7 +441,11 @@ def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) ->
             "Nothing: every checked curve is inside its allowance.",
             *compare_defaults(rows),
         ]
-    words = []
+    words = list(
+        dict.fromkeys(
+            f"{c.message[:1].upper()}{c.message[1:]}." for c in rows if c.outcome in EMPTY_OUTCOMES
+        )
+    )
     if Outcome.UNDECIDED in outcomes:
         words.append(
             "Record more rows of a curve that is undecided, or rows at the samples of the run: "

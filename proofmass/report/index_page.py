@@ -25,6 +25,7 @@ from proofmass.files import OUTPUT_MARK, make_folder, remove_output, write_outpu
 from proofmass.grouping import group_by
 from proofmass.outcome import (
     CHECKED_OUTCOMES,
+    EMPTY_OUTCOMES,
     FAILED_OUTCOMES,
     GOOD_OUTCOMES,
     UNCHECKED_OUTCOMES,
@@ -517,6 +518,7 @@ def worst_outcome(state: str, rows: Sequence[Comparison], faults: Sequence[str])
         Outcome.DIFFERS,
         Outcome.UNDECIDED,
         *FAILED_OUTCOMES,
+        *EMPTY_OUTCOMES,
         *((Outcome.AGREES,) if state == "good" else ()),
     )
     there = {c.outcome for c in rows}

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import quote
 
 from proofmass.compare import Comparison
-from proofmass.outcome import CHECKED_OUTCOMES, Outcome
+from proofmass.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, Outcome
 from proofmass.report.page import slug
 from proofmass.report.words import RUNS
 from proofmass.wording import number
@@ -136,7 +136,7 @@ def error_cell(
         return ErrorCell(solver, "no number", f"in {broken[0]}", True, link, f"{broken[0]}: show")
     if not known:
         return ErrorCell(solver, "", "not available")
-    wrong = (Outcome.DIFFERS, Outcome.UNDECIDED)
+    wrong = (Outcome.DIFFERS, Outcome.UNDECIDED, *EMPTY_OUTCOMES)
     bad = {name: c for name, c in known.items() if c["outcome"] in wrong}
     bad = {name: c for name, c in bad.items() if c["outcome"] == Outcome.DIFFERS} or bad
     judged = {name: c for name, c in known.items() if c["outcome"] in CHECKED_OUTCOMES}
@@ -146,8 +146,8 @@ def error_cell(
         some = judged or known
         name = max(some, key=lambda n: some[n]["share"])
     c = known[name]
-    if c["outcome"] == Outcome.UNDECIDED:
-        note = str(Outcome.UNDECIDED)
+    if c["outcome"] in (Outcome.UNDECIDED, *EMPTY_OUTCOMES):
+        note = c["outcome"]
     elif name in judged:
         note = f"allowed {number(c['allowed_share'], 2)}"
     elif c["later"] is not None and c["share"] > 2 * c["later"]:

@@ -10,6 +10,7 @@ from proofmass.errors import InputError
 from proofmass.grouping import group_by
 from proofmass.outcome import (
     CHECKED_OUTCOMES,
+    EMPTY_OUTCOMES,
     FAILED_OUTCOMES,
     GOOD_OUTCOMES,
     UNCHECKED_OUTCOMES,
@@ -72,6 +73,7 @@ SYMBOLS: dict[str, str] = {
     Outcome.AGREES: "✓",
     Outcome.DIFFERS: "✗",
     Outcome.UNDECIDED: "?",
+    **dict.fromkeys(EMPTY_OUTCOMES, "✗"),
     Outcome.UNCHECKED: "○",
     Outcome.SELF_CONSISTENT: "≈",
     Outcome.UNSUPPORTED: "–",
@@ -147,7 +149,7 @@ def headline(
     parts = [
         describe_solver(s, rows, f" in the {within}")
         for s, rows in sweep.items()
-        if any(c.outcome in FAILED_OUTCOMES for c in rows)
+        if any(c.outcome in (*FAILED_OUTCOMES, *EMPTY_OUTCOMES) for c in rows)
     ]
     refined = group_by_solver(own, "refine")
     if sure := [format_solver(s) for s, rows in refined.items() if all_agree(rows)]:
@@ -179,6 +181,7 @@ def all_agree(rows: list[Comparison]) -> bool:
     return Outcome.AGREES in outcomes and not outcomes & {
         Outcome.DIFFERS,
         Outcome.UNDECIDED,
+        *EMPTY_OUTCOMES,
         *FAILED_OUTCOMES,
     }
 
@@ -227,6 +230,9 @@ def describe_solver(solver: str, rows: list[Comparison], where: str) -> str:
             f"{name} is undecided{where} on {format_list(c.channel for c in coarse)} "
             "(known too coarsely to tell)"
         )
+    there = {c.outcome for c in rows}
+    if empty := next((one for one in EMPTY_OUTCOMES if one in there), None):
+        return f"{name} tells nothing{where} ({empty}: {empty.sentence})"
     agreed = sum(c.outcome == Outcome.AGREES for c in rows)
     return f"{name} agrees{where}" + (
         "" if agreed == len(rows) else f" on {agreed} of {len(rows)} channels"

@@ -18,10 +18,13 @@ from textwrap import indent
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from proofmass.analytic.controls import MotionProfile
 from proofmass.analytic.numerics import Array
+from proofmass.strict import Count as Count
+from proofmass.strict import StrictNumber as StrictNumber
+from proofmass.strict import Switch as Switch
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -29,6 +32,12 @@ if TYPE_CHECKING:
 BROKEN_ENGINES = set[str]()
 """Engines that cannot be called in this process any more, so that another has to be started."""
 
+STEP_ROUNDING = 1e-9
+"""Deviation from a whole number of steps that is rounding of the times [steps]."""
+MIN_STEP_SHARE = 0.9
+"""Least share of the time step of a model or of its settings that a run may step with, where its
+samples are no whole number of steps apart: an error of second order is then smaller by a fifth at
+most, and the least step at which a motion is unstable is exceeded by a tenth at most."""
 MAX_STEPS = 1e12  # steps from sample to sample; at 1 us a step, of the smallest models, 12 days
 
 
@@ -92,9 +101,6 @@ def _parse_numbers(value: Any) -> Any:
         raise ValueError(f"{value!r} is no list of numbers") from None
 
 
-StrictNumber = Annotated[float, Field(strict=True)]
-Count = Annotated[int, Field(strict=True, ge=1, lt=2**31)]
-Switch = Annotated[bool, Field(strict=True)]
 StrictNumbers = Annotated[tuple[StrictNumber, ...], BeforeValidator(_parse_numbers)]
 FILE_MARK, BY_CHANNEL, BY_JOINT = "file", "by channel", "by joint"
 """Marks of settings: names of files; tables by channel; tables by joint."""
@@ -331,6 +337,22 @@ class Run:
         return count, width / count
 
 
+def fitting_samples(duration: float, timestep: float, samples: int) -> int:
+    """A number of samples, not less than `samples` if steps allow it, that whole steps lead to.
+
+    The steps are as long as `timestep` if they fit into the duration, and otherwise hardly shorter.
+
+    >>> fitting_samples(1.0, 0.02, 361), fitting_samples(1.0, 0.002, 361)
+    (51, 501)
+    >>> fitting_samples(1.0, 0.0002, 361), fitting_samples(6.283, 0.001, 361)
+    (501, 371)
+    """
+    steps = whole_steps(duration, timestep)
+    most = max(1, steps // (samples - 1))
+    per_sample = next((k for k in range(most, most // 2, -1) if steps % k == 0), most)
+    return ceil(steps / per_sample) + 1
+
+
 def evaluate_profiles(
     parts: Sequence[Drive | ChangingLoad], x: Array
 ) -> tuple[Array, Array, Array]:
@@ -349,7 +371,7 @@ def whole_steps(width: float, longest: float) -> int:
     >>> whole_steps(1.0, 0.3), whole_steps(1.0, 0.1), whole_steps(1.0, 2.0)
     (4, 10, 1)
     """
-    return max(1, ceil(width / longest - 1e-9))
+    return max(1, ceil(width / longest - STEP_ROUNDING))
 
 
 def drive_columns(joint: str) -> tuple[str, str, str]:
@@ -400,6 +422,9 @@ class Curves:
         Whether `drive` is that of the motion profiles, since the run has no record of its drives.
     notes : tuple of str
         Remarks on the curves, a sentence each.
+    asked_step : float
+        Time step that the model or its settings ask for [s]; the step that was made is
+        ``settings["timestep"]``.  NaN in runs without time steps.
     """
 
     x: Array
@@ -416,6 +441,18 @@ class Curves:
     uncertainty: dict[str, Array] = field(default_factory=dict)
     by_profile: bool = False
     notes: tuple[str, ...] = ()
+    asked_step: float = float("nan")
+
+    @property
+    def made_step(self) -> float:
+        """The time step that was made [s]; NaN in runs without time steps."""
+        made = self.settings.get("timestep")
+        return made if isinstance(made, float) else float("nan")
+
+    @property
+    def has_other_step(self) -> bool:
+        """Whether the time step was another one than the model or its settings ask for."""
+        return self.made_step < MIN_STEP_SHARE * self.asked_step
 
     def first(self, count: int) -> "Curves":
         """The curves at the first `count` samples."""

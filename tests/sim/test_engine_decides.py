@@ -145,13 +145,17 @@ def assert_idle_engine_fails(name: str, case: Case, kind: str, solver: str, monk
         assert moving == CURVES_OF_CONTROLS.get((name, solver), set())
 
 
+NEEDS_WHOLE_MOTION = {"tumbling_box"}
+"""Cases with a curve of so small a range in a fifth of its motion that its tolerance is refused."""
+
+
 def with_shorter_motion(case: Case, kind: str) -> Case:
     """The case with about the first fifth of its motion, if ``dynamics`` has ``n`` and ``until``.
 
     An engine that does nothing is wrong by then.
     """
     run = case.run[kind]
-    if kind != "dynamics" or not (run.n and run.until):
+    if kind != "dynamics" or not (run.n and run.until) or case.name in NEEDS_WHOLE_MOTION:
         return case
     parts = next(k for k in (5, 4, 3, 2, 1) if (run.n - 1) % k == 0)
     brief = {"n": (run.n - 1) // parts + 1, "until": run.until / parts}

@@ -51,7 +51,9 @@ const runs = () => Object.values(data.runs).filter((run) => run.whole);
 const current = () => data.runs[state.run];
 const comparison = (solver, channel = state.channel) =>
   current().solvers[solver]?.comparisons[channel];
-const judged = (c) => c && ["agrees", "differs", "undecided"].includes(c.outcome);
+// Outcomes of curves within their allowance, in a run that tells nothing of the model.
+const EMPTY = ["nothing moved", "other step"];
+const judged = (c) => c && ["agrees", "differs", "undecided", ...EMPTY].includes(c.outcome);
 // Whether a solver failed and has no curves.
 const gone = (run, name) => Boolean(run.failed[name]) && !run.solvers[name]?.differences;
 const solversOf = (run) => Object.keys(run.solvers).filter((name) => run.solvers[name].differences);
@@ -433,8 +435,8 @@ function reasons() {
     const ratio = c.ratio === null ? "" : worded(c.ratio);
     text += c.outcome === "differs"
       ? `, <b class="bad">${ratio ? `${ratio} × the allowance` : escaped(c.message)}</b>.`
-      : c.outcome === "undecided"
-      ? `, <b class="bad">undecided</b>: ${escaped(c.message)}.`
+      : c.outcome === "undecided" || EMPTY.includes(c.outcome)
+      ? `, <b class="bad">${escaped(c.outcome)}</b>: ${escaped(c.message)}.`
       : `, ${ratio || "within"} of the allowance.`;
     const why = c.why ? ` <span class="soft">Why this much is allowed: ${escaped(c.why)}.</span>` : "";
     return `<p>${head} ${text}${why}${stopped}</p>`;
@@ -473,10 +475,12 @@ function drawList() {
     const channel = run.channels[name];
     const outcomes = Object.values(run.solvers).map((one) => one.comparisons[name]?.outcome);
     const coarse = outcomes.includes("undecided") && !outcomes.includes("differs");
-    const bad = ratio > 1 || coarse;
+    const empty = EMPTY.find((outcome) => outcomes.includes(outcome));
+    const bad = ratio > 1 || coarse || Boolean(empty);
     const known = ratio >= 0;
     const sign = coarse ? "?" : known ? (bad ? "✗" : "✓") : "○";
-    const words = coarse ? "undecided" : known ? (bad ? "differs" : "agrees") : "not judged";
+    const wrong = (ratio <= 1 && empty) || "differs";
+    const words = coarse ? "undecided" : known ? (bad ? wrong : "agrees") : "not judged";
     return (
       `<div class="item" role="option" id="option-${escaped(name)}" data-channel="${escaped(name)}"` +
       ` aria-selected="${name === state.channel}">` +

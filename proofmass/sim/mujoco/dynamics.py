@@ -96,7 +96,8 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     Diverged
         The engine reset itself, a value is not finite, or a loop opened.
     """
-    count, step = run.steps(model.opt.timestep)
+    asked = float(model.opt.timestep)
+    count, step = run.steps(asked)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
@@ -131,6 +132,7 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         steps=times.size - 1,
         settings=stepping_settings(model),
         violations=violations,
+        asked_step=asked,
     )
     check_run(model, data, record, curves, warnings)
     return curves

@@ -351,7 +351,8 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
     It is repeated with the number that its poses need, if that is larger.
     """
     began, links = time.perf_counter(), links_at_start(links, run)
-    steps_per_sample, dt = run.steps(settings["timestep"])
+    asked = settings["timestep"]
+    steps_per_sample, dt = run.steps(asked)
     used = {**settings, "timestep": dt, "iterations": settings["iterations"] or DEFAULT_ITERATIONS}
     states = simulate_states(links, run, steps_per_sample, used)
     if (
@@ -382,6 +383,7 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
         steps,
         used,
         violations=violations,
+        asked_step=asked,
     )
     if failed.any():
         k = int(np.argmax(failed))

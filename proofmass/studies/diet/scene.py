@@ -419,7 +419,7 @@ def monitor_run(case: Case, run: Run, solver: str, edited: EditedModel) -> Monit
     reference = call_bounded(case, kind, reference_for, case, kind, before).channels
     allowed, largest = dict[str, Array](), dict[str, float]()
     for name, curve in before.channels.items():
-        tolerance = allowed_error(case, run.kind, solver, name, before, reference[name])
+        tolerance = allowed_error(case, kind, solver, name, before, reference[name])
         error = float(np.abs(curve - reference[name]).max())
         allowed_change, rounding = (
             CHANGE_SHARE * ((tolerance or 0.0) - error),
