@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from proofmass.report.index_page import ROWS_PER_FILE, write_index_files
+from proofmass.report.index_page import ROWS_PER_FILE, STATIC, write_index_files
+from proofmass.report.page import write_static
 from tests.report.index_rows import index_files, last_record, write_index
 from tests.report.many_rows import result_of_many
 from tests.visit import PHONE, Visit
@@ -205,6 +206,24 @@ def test_rules_of_accessibility_are_kept_between_gaps(browser: Any, index: Path)
         wrong, met = visit.axe()
         assert wrong == []
         assert met > 15  # axe has applied its rules
+
+
+@pytest.mark.parametrize("size", [PHONE, {"width": 1280, "height": 800}])
+def test_names_of_many_missing_cases_are_folded_within_their_note(
+    browser: Any, tmp_path: Path, size: dict[str, int]
+) -> None:
+    """A paragraph may not have a fold in it: the browser would end it before the fold."""
+    missing = [f"missing_{k}" for k in range(500)]
+    write_static(tmp_path, STATIC)
+    index = write_index_files(tmp_path, index_files(result_of_many(3), missing=missing))
+    with Visit(browser, index, viewport=size) as visit:
+        note = visit.page.locator(".warning")
+        assert note.locator("details").count() == 1
+        folded = note.bounding_box()["height"]
+        note.locator("summary").click()
+        assert "missing_499" in note.inner_text()
+        assert note.bounding_box()["height"] > 2 * folded
+        assert visit.run("document.documentElement.scrollWidth") <= size["width"]
 
 
 def test_files_of_a_longer_index_before_are_removed(tmp_path: Path) -> None:
