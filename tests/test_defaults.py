@@ -12,7 +12,14 @@ from proofmass.check import Result
 from proofmass.cli import app
 from proofmass.errors import InputError
 from proofmass.report import case_figures, case_page, pages, write_report
-from proofmass.sidecar import fill_runs, format_sidecar, load_case, match_quantity
+from proofmass.sidecar import (
+    accuracy_units,
+    default_tolerances,
+    fill_runs,
+    format_sidecar,
+    load_case,
+    match_quantity,
+)
 from proofmass.sim.mujoco.settings import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.settings import ACCURACY as PYMUNK
 from proofmass.terminal import failure_lines
@@ -283,6 +290,71 @@ def test_a_channel_has_the_quantity_of_its_name(channel, unit, quantity):
         "crank_angle",
     ]
     assert match_quantity(channel, unit, known) == quantity
+
+
+def test_free_motions_rods_recorded_and_unchecked_cases_get_no_tolerance(tmp_path):
+    """The engine is not the only cause of their errors, or they ask for none."""
+    case = write_short_case(tmp_path).model_copy(update={"tolerance": ()})
+    assert {t.solver for t in default_tolerances(case, {})} == {("mujoco",), ("pymunk",)}
+    rods = shipped_case(shipped("rod_cantilever.toml")).rod
+    for changed in (
+        {"rod": rods},
+        {"unchecked": True},
+        {"reference": "rig.csv"},
+        {"drive": ()},
+    ):
+        assert not default_tolerances(case.model_copy(update=changed), {}), changed
+
+
+def test_an_equilibrium_and_a_run_without_channels_get_no_tolerance(tmp_path):
+    case = write_short_case(tmp_path)
+    assert accuracy_units(case, "dynamics", MUJOCO) != {}
+    assert accuracy_units(case, "equilibrium", MUJOCO) == {}
+    only = {name: one.model_copy(update={"only": "sweep"}) for name, one in case.channels.items()}
+    still = case.model_copy(update={"channels": only})
+    assert accuracy_units(still, "dynamics", MUJOCO) == {}
+    assert accuracy_units(still, "sweep", MUJOCO) == {"sweep": ("*",)}
+
+
+def test_a_tolerance_of_its_own_replaces_those_of_its_run_and_engine_alone(tmp_path):
+    own = '[[tolerance]]\nrun = "sweep"\nsolver = "pymunk"\nabs = 1e-3\nwhy = "own"'
+    case = write_short_case(tmp_path, tables=own)
+    hits = [(t.run, *t.solver) for t in case.tolerance if t.why != "own"]
+    assert ("sweep", "pymunk") not in hits
+    assert {("sweep", "mujoco"), ("dynamics", "mujoco"), ("dynamics", "pymunk")} <= set(hits)
+
+
+BOTH, TIMED = ["mujoco", "pymunk"], ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]
+FULL_RUNS = {
+    "sweep": {"n": 361, "solvers": BOTH},
+    "dynamics": {"n": 361, "solvers": TIMED},
+    "equilibrium": {"solvers": BOTH},
+}
+"""The runs as docs/sidecar.md states them."""
+
+
+@pytest.mark.parametrize("kind", FULL_RUNS)
+def test_each_kind_of_run_gets_its_samples_and_solvers(kind):
+    table = {"reference": "planar", "run": {kind: {}}}
+    assert fill_runs(table) == {**table, "run": {kind: FULL_RUNS[kind]}}
+    given = {kind: {"n": 7, "solvers": ["pymunk"]}}
+    assert fill_runs({**table, "run": given})["run"] == given
+
+
+def test_a_drive_alone_gets_a_sweep_and_dynamics():
+    table = {"reference": "planar", "drive": {"joint": "crank"}}
+    runs = {kind: FULL_RUNS[kind] for kind in ("sweep", "dynamics")}
+    assert fill_runs(table) == {**table, "run": runs}
+    recorded = fill_runs({**table, "reference": "rig.csv"})["run"]  # the rows are the samples
+    assert recorded == {kind: {"solvers": run["solvers"]} for kind, run in runs.items()}
+
+
+@pytest.mark.parametrize("more", [{}, {"run": 3}, {"run": [{}]}])
+def test_runs_that_cannot_be_filled_in_are_left_to_the_case(more):
+    table = {"reference": "planar", **more}
+    assert fill_runs(table) == table
+    odd = {"reference": "planar", "run": {"sweep": 3, "slow": {}}}
+    assert fill_runs(odd)["run"] == {"sweep": 3, "slow": {}}
 
 
 def test_a_motion_in_space_has_the_engines_that_can_run_it():

@@ -2,14 +2,16 @@
 
 import mujoco
 import numpy as np
+import pymunk
 import pytest
 
 from proofmass.check import check
 from proofmass.sidecar import load_case
 from proofmass.sim.contents import has_dry_friction, may_touch
 from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepping_settings
-from proofmass.sim.protocol import BadSetting
+from proofmass.sim.protocol import BadSetting, Run
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
+from proofmass.sim.pymunk.settings import PymunkSettings, settings_of_run
 from proofmass.studies.trade.varied import list_series
 
 WRONG_SETTINGS = {
@@ -53,6 +55,64 @@ def test_pymunk_checks_its_own_settings():
     ):
         with pytest.raises(BadSetting, match=next(iter(wrong))):
             pymunk_settings(wrong)
+
+
+def pymunk_run(**settings: object) -> Run:
+    """A run whose only content are settings."""
+    return Run("dynamics", np.array([0.0, 1.0]), (), settings=settings)
+
+
+SINGLE_PRECISION = 4e-6
+"""Chipmunk computes 0.9**60 in single precision: 60 times its rounding."""
+
+
+def test_default_settings_of_pymunk_are_those_of_chipmunk():
+    space = pymunk.Space()
+    pin = pymunk.PinJoint(space.static_body, pymunk.Body(1.0, 1.0))
+    own = {
+        "iterations": space.iterations,
+        "error_bias": pin.error_bias,
+        "collision_slop": space.collision_slop,
+        "collision_bias": space.collision_bias,
+    }
+    fields = PymunkSettings.model_fields
+    assert {key: fields[key].default for key in own} == pytest.approx(own, rel=SINGLE_PRECISION)
+    model = compiled_scene()
+    found = settings_of_run(pymunk_run(defaults=True), model, touching=True)
+    assert found == pytest.approx({"timestep": 2e-3, **own}, rel=SINGLE_PRECISION)
+
+
+@pytest.mark.parametrize("touching", [False, True])
+def test_settings_of_pymunk_that_are_not_given_are_those_of_the_documentation(touching):
+    """The step is the model's; contacts have settings only where there are contacts."""
+    contacts = {"collision_slop": 1e-6, "collision_bias": 0.9**60} if touching else {}
+    found = settings_of_run(pymunk_run(), compiled_scene(), touching)
+    assert found.pop("iterations") is None  # as many as the poses need
+    assert found == pytest.approx({"timestep": 2e-3, "error_bias": 0.0, **contacts}, rel=1e-15)
+    given = {"timestep": 1e-4, "iterations": 7, "error_bias": 0.5, "collision_slop": 0.2}
+    found = settings_of_run(pymunk_run(**given, defaults=True), compiled_scene(), touching)
+    assert {key: found[key] for key in given} == given
+
+
+@pytest.mark.parametrize(
+    ("allowed", "refused"),
+    [
+        ({"solref": [1e-9]}, {"solref": [0.0]}),
+        ({"solref": (0.02, 1e-9)}, {"solref": (0.02, 0.0)}),
+        ({"solref": (-1.0, 0.0)}, {"solref": (-1.0, 1e-9)}),
+        ({"solref": (0.0, 0.0)}, {"solref": [-1.0]}),
+        ({"solimp": [1.0]}, {"solimp": [1.001]}),
+        ({"solimp": (0.0, 1.0, 0.0, 0.0, 1.0)}, {"solimp": (0.0, 1.0, 0.0, 0.0, 0.999)}),
+        ({"solimp": (0.9, 0.9, 9e9, 1.0, 9e9)}, {"solimp": (0.9, 0.9, 0.1, 1.001, 2.0)}),
+        ({"solimp": (0.9, 0.0)}, {"solimp": (0.9, -0.001)}),
+        ({"tolerance": 0.0}, {"tolerance": -1e-12}),
+        ({"noslip_iterations": 2**31 - 1}, {"noslip_iterations": 2**31}),
+    ],
+)
+def test_the_edges_of_the_ranges_of_settings(allowed, refused):
+    MujocoSettings.read(allowed)
+    with pytest.raises(BadSetting, match=next(iter(refused))):
+        MujocoSettings.read(refused)
 
 
 def test_settings_may_be_written_as_in_mjcf():
