@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pymunk
@@ -319,6 +320,43 @@ def test_one_idle_period_does_not_end_a_call(short_periods, monkeypatch):
     with pytest.raises(TimedOut, match=r"^no answer in 0\.\d s of wall time, the last 0\.2 s"):
         call_isolated(time.sleep, 60, timeout=0.05)
     assert not list(used)
+
+
+@pytest.mark.parametrize(("limit", "period"), [(0.01, 3.0), (20.0, 20.0), (120.0, 60.0)])
+def test_a_watch_looks_twice_before_it_ends_a_call(limit, period, monkeypatch):
+    """After 6 s at least, and after two minutes at most; later where it cannot look."""
+    process = SimpleNamespace(pid=os.getpid())
+    monkeypatch.setattr(worker, "processor_seconds", lambda _: 0.0)
+    watch = worker.IdleWatch(process, limit)
+    assert (watch.period, watch.patience) == (period, 2)
+    monkeypatch.setattr(worker, "processor_seconds", lambda _: None)
+    blind = worker.IdleWatch(process, limit)
+    assert (blind.period, blind.patience) == (limit, 20)
+
+
+@pytest.mark.parametrize(("share", "periods"), [(0.009, 2), (0.011, 4)])
+def test_a_call_with_less_than_a_hundredth_of_a_processor_is_idle(
+    share, periods, short_periods, monkeypatch
+):
+    """With two periods of more than that, then none, it is ended after four."""
+    used = iter([0.0, share, 2 * share, 3 * share, *[3 * share] * 2])
+    scaled = (0.1 * seconds for seconds in used)  # of a period of 0.1 s
+    monkeypatch.setattr(worker, "processor_seconds", lambda _: next(scaled))
+    words = rf"^no answer in {0.1 * periods:g} s of wall time"
+    with pytest.raises(TimedOut, match=words):
+        call_isolated(time.sleep, 60, timeout=0.05)
+
+
+def remaining_time() -> tuple[float, float]:
+    """Processor time and wall time after which the timers of this process end it [s]."""
+    return signal.getitimer(signal.ITIMER_PROF)[0], signal.getitimer(signal.ITIMER_REAL)[0]
+
+
+@pytest.mark.parametrize(("timeout", "longest"), [(20.0, 2000.0), (1.0, 300.0)])
+def test_a_worker_ends_itself_after_a_hundred_times_its_limit(timeout, longest):
+    processor, wall = call_isolated(remaining_time, timeout=timeout)
+    assert 0.5 * timeout < processor <= timeout + 0.01  # the timer counts in ticks of 4 ms
+    assert 0.5 * longest < wall <= longest
 
 
 def test_a_waiting_call_ends_where_the_system_shows_no_processor_time(monkeypatch):
