@@ -37,6 +37,7 @@ from pydantic import (
 )
 
 from proofmass.errors import InputError, model_error, suggest_names
+from proofmass.files import readable
 from proofmass.recorded import RecordedColumn, RecordingTable
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.strict import Kind, Strict, StrictNumber, Switch, WholeNumber
@@ -612,7 +613,7 @@ class Case(Strict):
     @property
     def name(self) -> str:
         """The sidecar's file name without its ending, unless `called` replaces it."""
-        return self.called or self.file.stem
+        return self.called or readable(self.file.stem)
 
     @property
     def model_path(self) -> Path:

@@ -31,6 +31,7 @@ from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.reference import compiled_model, evaluate, reference_reads_model, run_samples
 from proofmass.sim.contents import mass, size
 from proofmass.sim.elements import Number, Source, changed_rods, compile_source, write_changes
+from proofmass.sim.mjcf import model_key
 from proofmass.sim.numbers import Sizes, numbers_of
 from proofmass.sim.protocol import BadModel, Curves
 from proofmass.solve import prescribed_run, solve_here
@@ -152,13 +153,14 @@ def prescribed_motion(case: Case, kind: Kind) -> Curves:
     return Curves(run.x, {}, drive=run.motion(run.x) if moved else None)
 
 
-cached_source = lru_cache(8)(compile_source)
+cached_source = lru_cache(8)(lambda content, *given: compile_source(*given))
+"""`compile_source` from memory, for a model with these digests of its files."""
 
 
 def model_source(case: Case) -> Source:
     """The compiled model of a case, with the MJCF file that it comes from."""
     try:
-        return cached_source(case.model_path, case.start, case.rods)
+        return cached_source(model_key(case.model_path), case.model_path, case.start, case.rods)
     except BadModel as error:
         raise InputError(case.model_path, "", str(error)) from None
 

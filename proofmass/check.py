@@ -13,6 +13,7 @@ from proofmass.compare import Comparison, attach_reference, compare, failed_comp
 from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error
+from proofmass.files import readable
 from proofmass.grouping import group_by
 from proofmass.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others
 from proofmass.mobility import mobility
@@ -159,7 +160,7 @@ def family_of(file: Path, paths: Iterable[Path]) -> str:
     folder = file.parent
     given = [path for path in paths if folder.is_relative_to(path)]
     nearest = max(given, key=lambda path: len(path.parts), default=folder)
-    return (
+    return readable(
         folder.relative_to(nearest).as_posix()
         if folder != nearest
         else Path(os.path.abspath(folder)).name
@@ -187,7 +188,7 @@ def unique_names(files: Iterable[Path]) -> dict[Path, str]:
         length = 1
         while any(other[-length:] == own[-length:] for other in others):
             length += 1
-        found[file] = "/".join(own[-length:])
+        found[file] = readable("/".join(own[-length:]))
     return found
 
 
@@ -362,7 +363,7 @@ class CaseConsumer(Protocol):
 
 
 def check(
-    paths: Iterable[Path | str] = ("models",),
+    paths: Iterable[Path | str] | Path | str = ("models",),
     jobs: int | None = None,
     progress: Callable[[str, int, int], None] = lambda *_: None,
     causes: bool = True,
@@ -374,7 +375,7 @@ def check(
 
     Parameters
     ----------
-    paths : iterable of path
+    paths : path or iterable of path
         Sidecars, models, folders.
     jobs : int, optional
         Number of parallel runs; the number of processors, or of threads of the cluster, if not
@@ -397,7 +398,7 @@ def check(
     Result
         Errors of the input are collected in `Result.errors`; the other cases still run.
     """
-    given = tuple(map(Path, paths))
+    given = tuple(map(Path, [paths] if isinstance(paths, Path | str) else paths))
     if dask is not None:
         given = tuple(path.absolute() for path in given)  # workers run in other folders
     result = Result(paths=given)

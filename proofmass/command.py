@@ -83,7 +83,7 @@ def find_sidecar(path: Path) -> Path:
 def error_text(error: BaseException) -> str:
     """Return the text of an error, of an error of the system with the file first."""
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename or 'a file'}: {error.strerror}"
+        return f"{error.filename or 'standard output'}: {error.strerror}"
     return str(error)
 
 

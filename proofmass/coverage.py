@@ -20,7 +20,6 @@ from functools import cache
 from pathlib import Path
 from time import monotonic
 
-import mujoco
 from pydantic import TypeAdapter
 
 from proofmass.case import Case
@@ -31,10 +30,12 @@ from proofmass.files import read_text, write_atomically
 from proofmass.fingerprint import digest, digest_recorded_files, digest_sources, package_versions
 from proofmass.grouping import group_by
 from proofmass.reference import reference_reads_model
+from proofmass.sim.mjcf import files_of_model
 from proofmass.sim.numbers import NUMBER_KINDS
 from proofmass.solve import with_computing_solvers
 from proofmass.worker import interrupt_workers
 
+KEPT_LETTERS = 40  # of the name of a case; with a key they fit into the 255 bytes of a file's name
 FORMAT_VERSION = 1
 """Version of the format of the files of findings."""
 FOLDER_VARIABLE = "PROOFMASS_CACHE"
@@ -185,14 +186,15 @@ def cache_folder() -> Path:
 
 def coverage_file(case: Case, key: str, folder: Path | None) -> Path:
     """The file of a case's findings."""
-    return (folder or cache_folder()) / "coverage" / f"{case.name}-{key[:16]}.json"
+    return (
+        (folder or cache_folder()) / "coverage" / f"{case.file.stem[:KEPT_LETTERS]}-{key[:16]}.json"
+    )
 
 
 def coverage_key(case: Case) -> str:
     """SHA-256 of all that findings depend on: sidecar, model, reference, versions and sources."""
     case.require_model()
-    model = str(case.model_path)
-    files = {Path(file) for file in (model, *mujoco.mju_getXMLDependencies(model))}
+    files = set(files_of_model(case.model_path))
     engines = {engine for run in case.run.values() for engine in run.engines}
     parts = {
         "format": FORMAT_VERSION,

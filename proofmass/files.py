@@ -6,10 +6,12 @@ command writes replaces only files that proofmass wrote, and never an input, see
 
 import os
 import stat
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from secrets import token_hex
 from threading import Lock
@@ -63,6 +65,34 @@ def read_text(file: Path) -> str:
         ) from None
 
 
+SETTLED_SECONDS = 10.0
+"""Age of the last change [s] from which on a file that looks unchanged is unchanged: clocks of file
+systems tick every few milliseconds, on FAT every two seconds."""
+known_contents: dict[tuple[str, ...], str] = {}
+
+
+def content_key(file: Path) -> str:
+    """Return the digest of a file's content, by which caches know it; empty if it is no file.
+
+    The file is read again only if its state changed, or changed so lately that its time of change
+    would be the same after another change.
+    """
+    try:
+        found = file.stat()
+        if not stat.S_ISREG(found.st_mode):
+            return ""
+        numbers = found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+        state = (str(file), *map(str, numbers))
+        if state in known_contents:
+            return known_contents[state]
+        digest = sha256(file.read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        return ""
+    if time.time() - max(found.st_mtime, found.st_ctime) > SETTLED_SECONDS:
+        known_contents[state] = digest
+    return digest
+
+
 def write_atomically(file: Path, content: str | bytes) -> None:
     """Write a file as a whole or not at all, at whatever moment the process ends.
 
@@ -85,6 +115,15 @@ def write_atomically(file: Path, content: str | bytes) -> None:
 def encode_text(text: str) -> bytes:
     """Encode a text in UTF-8; bytes that are not UTF-8, as in names of files, become escapes."""
     return text.encode(errors="backslashreplace")
+
+
+def readable(name: str) -> str:
+    r"""Return the name of a file as text that can be encoded: bytes that are not UTF-8 as escapes.
+
+    >>> print(readable("caf\udce9"))
+    caf\udce9
+    """
+    return encode_text(name).decode()
 
 
 OUTPUT_MARK = "written by proofmass, which may replace this file"

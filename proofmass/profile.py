@@ -22,6 +22,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.case import ProfileTable
 from proofmass.drive import DriveState, format_numbers, profile_formula, quintic_spline, table_times
 from proofmass.errors import InputError
+from proofmass.files import content_key
 from proofmass.recorded import (
     MIN_ROWS,
     RecordedColumn,
@@ -152,8 +153,7 @@ def make_sampled_profile(
     if profile.file is None:
         return profile_of_table(profile, start, unit)
     file = folder / profile.file
-    changed = file.stat().st_mtime_ns if file.is_file() else 0
-    return profile_of_file(file, changed, profile, start, (unit, *others), axis, origin)
+    return profile_of_file(file, content_key(file), profile, start, (unit, *others), axis, origin)
 
 
 def profile_of_table(profile: ProfileTable, start: float, unit: str) -> SampledProfile:
@@ -196,26 +196,26 @@ def profile_clock(file: Path, profile: ProfileTable) -> Recording:
     It raises as `make_sampled_profile` does.
     """
     assert not isinstance(profile.time, tuple)  # lists go without a file
-    return clock_of_file(file, file.stat().st_mtime_ns if file.is_file() else 0, profile.time)
+    return clock_of_file(file, content_key(file), profile.time)
 
 
 @lru_cache(PROFILES_IN_MEMORY)
-def clock_of_file(file: Path, changed: int, column: RecordedColumn | None) -> Recording:
-    """The column of times of a file last changed at `changed`; a cache."""
+def clock_of_file(file: Path, content: str, column: RecordedColumn | None) -> Recording:
+    """The column of times of a file with the digest `content`; a cache."""
     return Recording(read_table(file), column)
 
 
 @lru_cache(PROFILES_IN_MEMORY)
 def profile_of_file(
     file: Path,
-    changed: int,
+    content: str,
     profile: ProfileTable,
     start: float,
     units: tuple[str, ...],
     axis: RunAxis,
     origin: float | None,
 ) -> SampledProfile:
-    """Do what `make_sampled_profile` does, for a file last changed at `changed`; a cache."""
+    """Do what `make_sampled_profile` does, for a file with the digest `content`; a cache."""
     table = read_table(file)
     kind, column = profile.given
     assert isinstance(column, RecordedColumn)

@@ -25,7 +25,7 @@ from pydantic import Field, field_validator, model_validator
 
 from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError, suggest_names
-from proofmass.files import read_bytes
+from proofmass.files import content_key, read_bytes
 from proofmass.strict import Strict, StrictNumber, Switch
 from proofmass.units import same_quantity, si_unit
 
@@ -271,17 +271,17 @@ def read_table(file: Path) -> RecordedTable:
         No such file, no CSV, rows of another length than the header, two columns of one name.
     """
     try:
-        changed = file.stat().st_mtime_ns
+        file.stat()
     except FileNotFoundError:
         raise InputError(file, "", "no such recorded curve") from None
     except (OSError, ValueError) as error:  # such as a zero byte in its name
         raise InputError(file, "", f"cannot be read: {error}") from None
-    return read_table_once(file, changed)
+    return read_table_once(file, content_key(file))
 
 
 @lru_cache(FILES_IN_MEMORY)
-def read_table_once(file: Path, changed: int) -> RecordedTable:
-    """Read a CSV file; `changed` is the time of its last change, which the cache distinguishes."""
+def read_table_once(file: Path, content: str) -> RecordedTable:
+    """Read a CSV file; `content` is its digest, by which the cache knows it."""
     text = decode_csv(read_bytes(file))
     mark = find_separator(text)
     try:

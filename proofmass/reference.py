@@ -23,6 +23,7 @@ from proofmass.case import Case, ProfileTable
 from proofmass.drive import DriveState, FunctionProfile, InProportion, Samples, Steady, Swing
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error, suggest_names
+from proofmass.files import content_key
 from proofmass.profile import SampledProfile, make_sampled_profile, profile_clock
 from proofmass.recorded import RecordingTable, read_table
 from proofmass.recording import (
@@ -36,7 +37,7 @@ from proofmass.recording import (
 )
 from proofmass.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.sim.contents import channel_names, joints
-from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
+from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model, model_key
 from proofmass.sim.protocol import (
     BadModel,
     BadRod,
@@ -60,10 +61,10 @@ END_SHARE = 0.01
 """Share of a record by which its last row may miss the stated end of a run, if rows are few."""
 MODELS_IN_MEMORY = 64
 """Number of compiled models and read curves in memory; a study tries many numbers of rod links."""
-compile_once = lru_cache(MODELS_IN_MEMORY)(lambda file, changed, rods: compile_model(file, rods))
+compile_once = lru_cache(MODELS_IN_MEMORY)(lambda file, content, rods: compile_model(file, rods))
 smooth_terms = lru_cache(8)(SmoothTerms)
 read_recorded_once = lru_cache(MODELS_IN_MEMORY)(
-    lambda file, changed, settings: Recorded(
+    lambda file, content, settings: Recorded(
         read_table(file), RecordingTable.model_validate_json(settings)
     )
 )
@@ -114,10 +115,9 @@ def load_reference(case: Case) -> ModuleType | Recorded:
     """Load the reference's module of `analytic/`, or read the recorded curve."""
     if case.recorded:
         file = case.file.parent / case.reference
-        changed = file.stat().st_mtime_ns if file.is_file() else None
         settings = case.recording.model_dump_json() if case.recording else "{}"
         try:
-            return read_recorded_once(file, changed, settings)
+            return read_recorded_once(file, content_key(file), settings)
         except ValueError as error:
             raise case.error("recording", str(error)) from None
     if case.reference in REFERENCES:
@@ -741,12 +741,12 @@ def solve_closely_with_evidence(case: Case, x: Array) -> tuple[dict[str, Array],
     drives = tuple(Drive(drive.joint, profile) for drive, profile in led)
     loads = tuple(ChangingLoad(*one) for one in control_profiles(case, "dynamics").items())
     inputs = pickle.dumps((drives, loads))
-    return solve_closely_once(file, file.stat().st_mtime_ns, case.start, x.tobytes(), inputs)
+    return solve_closely_once(file, model_key(file), case.start, x.tobytes(), inputs)
 
 
 @lru_cache(8)
 def solve_closely_once(
-    file: Path, changed: int, start: str, x: bytes, inputs: bytes
+    file: Path, content: tuple[str, ...], start: str, x: bytes, inputs: bytes
 ) -> tuple[dict[str, Array], str]:
     """Do what `solve_closely_with_evidence` does; a cache by times, drives and loads as bytes."""
     engine, times = engine_of(NATIVE_ENGINE), np.frombuffer(x)
@@ -758,7 +758,7 @@ def solve_closely_once(
     rung = Rung(motion)
     if not rung.is_sure:
         raise NotCovered(f"its motion is not known until {times[-1]:.3g} s: {rung.words()}")
-    names = channel_names(compile_once(file, changed, ()), start).values()
+    names = channel_names(compile_once(file, content, ()), start).values()
     run = Run("dynamics", times, tuple(chain(*names)), drives, start, loads=loads)
     try:
         return engine.solve_closely(file, run).channels, rung.words()
@@ -804,7 +804,7 @@ def properties(case: Case, beside: str | None = None) -> dict[str, str]:
 def compiled_model(case: Case) -> MjModel:
     """The case's compiled MJCF; it is compiled once for all runs."""
     try:
-        return compile_once(case.model_path, case.model_path.stat().st_mtime_ns, case.rods)
+        return compile_once(case.model_path, model_key(case.model_path), case.rods)
     except BadRod as error:
         rod, key, why = error.args
         raise case.error(f"rod.{rod}.{key}", why) from None
@@ -814,10 +814,9 @@ def compiled_model(case: Case) -> MjModel:
 
 def reference_identity(case: Case) -> tuple[str | int, ...]:
     """A key that differs for cases with different reference curves: their tables and files."""
-    asked = case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump_json()
-    files = [case.model_path, *case.profile_files]
-    files += [case.file.parent / case.reference] if case.recorded else []
-    return asked, *(file.stat().st_mtime_ns for file in files)
+    asked = repr(case.model_copy(update={"settings": {}, "tolerance": ()}).model_dump())
+    files = [case.file.parent / case.reference] if case.recorded else []
+    return asked, *model_key(case.model_path), *map(content_key, [*case.profile_files, *files])
 
 
 def recorded_column(

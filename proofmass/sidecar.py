@@ -40,11 +40,12 @@ from proofmass.sim.protocol import (
     AccuracyLimit,
     Run,
     fitting_samples,
+    split_channel,
 )
 from proofmass.solve import prescribed_run
 from proofmass.strict import Kind, Strict
 from proofmass.units import FORCE_UNITS, MOTION_UNITS, POSITION_UNITS, si_unit
-from proofmass.validate import delivered_unit, first_samples
+from proofmass.validate import check_names, delivered_unit, first_samples
 
 DEFAULT_SAMPLES = 361
 """Default number of samples of a sweep or dynamics: one turn in steps of a degree; that of dynamics
@@ -154,7 +155,8 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
         }
     )
     bare.require_model()
-    model, known = compiled_model(bare), quantity_names(bare)
+    check_names(bare, model := compiled_model(bare))
+    known = quantity_names(bare)
     found: TomlTable = {}
     for name, channel in listed.items():
         if name == ALL_OTHERS:
@@ -173,7 +175,7 @@ def fill_channels(table: TomlTable, file: Path) -> TomlTable:
         found[name] = {**channel, "equals": equals, "unit": unit}
     unmatched = list[str]()
     sensors = channel_names(model, bare.start) if others is not None else {}
-    named = {name.partition(".")[0] for name in found}
+    named = {split_channel(name, sensors)[0] for name in found}
     for sensor in (one for one in sensors if one not in named):
         at_rest = measures_actuator(model, sensor) and not reference_knows_inertia(bare)
         only = {"only": "sweep"} if at_rest else {}
@@ -226,10 +228,10 @@ def match_quantity(channel: str, unit: str | None, known: list[str]) -> str | No
     >>> match_quantity("rocker", "rad", ["rocker_rate", "rocker_angle"])
     'rocker_angle'
     """
-    name, _, part = channel.partition(".")
+    name, part = channel.rpartition(".")[::2] if "." in channel else (channel, "")
     names = [channel]
     if part:
-        names.append(f"{name}_{part}")
+        names.append(channel.replace(".", "_"))
     for long, short in ("_velocity", "_v"), ("_acceleration", "_a"):
         if part and name.endswith(long):
             names.append(f"{name.removesuffix(long)}{short}{part}")

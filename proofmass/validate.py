@@ -49,6 +49,19 @@ def validate_case(case: Case) -> None:
 
 def check_model(case: Case, model: MjModel) -> None:
     """Check the names and units in the sidecar against the compiled model."""
+    check_names(case, model)
+    for name, channel in case.channels.items():
+        delivered = delivered_unit(case, model, name)
+        if delivered is not None and not same_quantity(channel.unit, delivered):
+            raise case.error(
+                f"channels.{name}.unit",
+                f"{channel.unit!r} measures "
+                f"another quantity than the sensor, which delivers {delivered}",
+            )
+
+
+def check_names(case: Case, model: MjModel) -> None:
+    """Check the start key and the driven joints of the sidecar against the compiled model."""
     if model.nkey and case.start not in key_names(model):
         raise case.error(
             "start",
@@ -61,14 +74,6 @@ def check_model(case: Case, model: MjModel) -> None:
                 case.drive_key(k, "joint"),
                 f"{case.model} has no joint {drive.joint!r}; "
                 f"{suggest_names(drive.joint, joints(model))}",
-            )
-    for name, channel in case.channels.items():
-        delivered = delivered_unit(case, model, name)
-        if delivered is not None and not same_quantity(channel.unit, delivered):
-            raise case.error(
-                f"channels.{name}.unit",
-                f"{channel.unit!r} measures "
-                f"another quantity than the sensor, which delivers {delivered}",
             )
 
 

@@ -150,7 +150,7 @@ class Worker:
         self.errors.seek(0)
         text = self.errors.read().decode(errors="replace")
         code = self.process.returncode
-        died = f"{KILLED_BY_SIGNAL} {-code}" if code < 0 else f"exit code {code}"
+        died = f"{KILLED_BY_SIGNAL} {name_signal(-code)}" if code < 0 else f"exit code {code}"
         words = " ".join(text.split())
         return died + (f": {words[:KEPT_CHARACTERS]}" if words else "")
 
@@ -159,6 +159,18 @@ class Worker:
         self.process.kill()
         self.process.communicate()
         self.errors.close()
+
+
+def name_signal(number: int) -> str:
+    """The number of a signal with its name.
+
+    >>> name_signal(11), name_signal(1000)
+    ('11 (SIGSEGV)', '1000')
+    """
+    try:
+        return f"{number} ({signal.Signals(number).name})"
+    except ValueError:
+        return str(number)
 
 
 TIMER_CODES = {-getattr(signal, name) for name in ("SIGPROF", "SIGALRM") if hasattr(signal, name)}

@@ -125,7 +125,9 @@ def test_a_crash_is_reported_with_the_output_of_the_last_call_alone():
     call_isolated(os.write, 2, b"words of an earlier call", timeout=20)
     with pytest.raises(Crashed) as crash:
         call_isolated(speak_and_abort, "Aborting: mass must be positive\n\tin body 3", timeout=20)
-    assert str(crash.value) == ("killed by signal 6: Aborting: mass must be positive in body 3")
+    assert str(crash.value) == (
+        "killed by signal 6 (SIGABRT): Aborting: mass must be positive in body 3"
+    )
 
 
 def test_an_abort_of_chipmunk_is_reported_with_its_message():

@@ -30,6 +30,7 @@ from proofmass.explain import (
     format_refusals,
     table_cells,
 )
+from proofmass.files import encode_text
 from proofmass.grouping import group_by
 from proofmass.mobility import mobility
 from proofmass.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, FAILED_OUTCOMES, Outcome
@@ -94,7 +95,7 @@ def render_case(
     """
     parts = env, case, result, drawings, style, studies, history
     page = render_page(*parts, gathered)
-    if (excess := len(page.encode()) - MAX_PAGE_BYTES) > 0:
+    if (excess := len(encode_text(page)) - MAX_PAGE_BYTES) > 0:
         runs = gathered.recorded["runs"]
         fewer = runs_data(gathered.runs, max(len(script_json(runs)) - excess, 0))
         page = render_page(*parts, replace(gathered, recorded={**gathered.recorded, "runs": fewer}))

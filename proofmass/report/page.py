@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, distribution, version
 from importlib.resources import files
 from pathlib import Path
@@ -40,17 +41,31 @@ def environment() -> Environment:
     return env
 
 
+SLUG_DIGEST = 16  # hexadecimal digits of a digest in a `slug`, by which no two names meet
+LONGEST_SLUG = 120
+"""Characters of a `slug`: file systems allow names of 255, to which figures add their own words."""
+
+
 def slug(name: str) -> str:
     """Return a name that is valid in file systems and links, and different for different names.
 
+    The end of a long name is replaced by the digest of the name.
+
     >>> slug("left/arm"), slug("left_arm"), slug("four bär.2")
     ('left,arm', 'left_arm', 'four~20b~c3~a4r~2e2')
+    >>> len(slug("long" * 1000))
+    120
     """
-    return re.sub(
-        r"[^A-Za-z0-9_-]",
-        lambda found: "," if found[0] == "/" else "".join(f"~{b:02x}" for b in found[0].encode()),
-        name,
-    )
+    data = name.encode(errors="backslashreplace")
+    found = re.sub(
+        rb"[^A-Za-z0-9_-]",
+        lambda one: b"," if one[0] == b"/" else b"~%02x" % one[0][0],
+        data,
+    ).decode()
+    if len(found) <= LONGEST_SLUG:
+        return found
+    end = f"~~{sha256(data).hexdigest()[:SLUG_DIGEST]}"
+    return found[: LONGEST_SLUG - len(end)] + end
 
 
 def error_message(error: InputError) -> str:

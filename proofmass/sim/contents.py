@@ -9,7 +9,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.plane import PARALLEL_TOLERANCE, find_plane
-from proofmass.sim.protocol import BadModel, Rod, Unsupported
+from proofmass.sim.protocol import BadModel, Rod, Unsupported, split_channel
 from proofmass.sim.rods import format_rod_parts, rod_parts
 
 RANK_TOLERANCE = 1e-4
@@ -207,8 +207,8 @@ def has_normal_axis(model: mujoco.MjModel, key: str, s: int) -> bool:
 
 def has_no_angle(model: mujoco.MjModel, key: str, channel: str) -> bool:
     """Whether a name is that of the angle of an x axis that is normal to the plane of motion."""
-    sensor, _, part = channel.partition(".")
     names = sensor_names(model)
+    sensor, part = split_channel(channel, names)
     return (
         part == "angle"
         and sensor in names
@@ -247,7 +247,7 @@ def channel_unit(model: mujoco.MjModel, channel: str, rods: Sequence[Rod] = ()) 
     KeyError
         There is no such sensor and no such rod.
     """
-    name, _, part = channel.partition(".")
+    name, part = split_channel(channel, [*sensor_names(model), *(rod.name for rod in rods)])
     for rod in rods:
         if rod.name == name:
             if part not in rod_parts(rod):

@@ -19,7 +19,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import key_names, pose_of_key
-from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_tree
+from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_spec, read_tree
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
 from proofmass.sim.rods import compile_without_rods
@@ -171,7 +171,7 @@ def compile_source(path: Path, key: str, rods: tuple[Rod, ...] = ()) -> Source:
     full = compile_model(path, rods)
     if not rods:
         return Source(path, full, full, key)
-    bare = compile_without_rods(mujoco.MjSpec.from_file(str(path)))
+    bare = compile_without_rods(read_spec(path))
     leave_out_disabled(bare)
     return Source(path, full, bare, key, rods)
 

@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from threading import local
 from typing import Any
@@ -20,7 +21,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import LARGEST
-from proofmass.files import read_bytes
+from proofmass.files import content_key, read_bytes
 from proofmass.sim.protocol import BROKEN_ENGINES, BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
@@ -55,6 +56,8 @@ ELEMENT = re.compile(r"<(\w+)((?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*/
 ATTRIBUTE = re.compile(r"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 FILE_ATTRIBUTE = re.compile(rb"\bfile\w*\s*=\s*([\"'])([^\"'\0]+)\1")
 FOLDER_ATTRIBUTE = re.compile(rb"\b(?:asset|mesh|texture)dir\s*=\s*([\"'])([^\"'\0]+)\1")
+ATTACHED_FILE = re.compile(rb"<(?:model|include)\b[^>]*?\bfile\s*=\s*([\"'])([^\"'\0]+)\1")
+MODELS_IN_MEMORY = 64  # files of models whose names of other files are in memory
 MODEL_ENDINGS = (".xml", ".mjcf", ".urdf")
 """Endings of files that may name other files; meshes and pictures are not searched for names."""
 NAN = re.compile(r"[+-]?nan(\(\w*\))?", re.IGNORECASE)
@@ -106,11 +109,12 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     if not path.is_file():
         raise BadModel(f"{path.name}: no such file, or no regular file")
     with collected_warnings() as warnings:
+        refuse_self_attachment(path)
         try:
             if rods:
-                model = compile_with_rods(mujoco.MjSpec.from_file(str(path)), rods)
+                model = compile_with_rods(read_spec(path), rods)
             else:
-                model = mujoco.MjModel.from_xml_path(str(path))
+                model = mujoco.MjModel.from_xml_path(os.fsencode(path))
         except (ValueError, mujoco.FatalError) as error:
             refuse_nan(path, warnings)
             raise refusal(error, f"{path.name}: ") from None
@@ -142,6 +146,36 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     return model
 
 
+def read_spec(path: Path) -> mujoco.MjSpec:
+    """Read a model that is not compiled yet; its path may have bytes that are not UTF-8."""
+    return mujoco.MjSpec.from_file(os.fsencode(path))
+
+
+def refuse_self_attachment(path: Path) -> None:
+    """Raise `BadModel` if a model attaches itself, by which MuJoCo 4.0.0 overflows its stack."""
+    trail, done = [Path(os.path.abspath(path))], set[Path]()
+
+    def visit(file: Path) -> None:
+        done.add(file)
+        text = COMMENT.sub(b"", read_bytes(file))
+        for _, name in ATTACHED_FILE.findall(text):
+            places = [folder / os.fsdecode(name) for folder in (file.parent, trail[0].parent)]
+            attached = next((Path(os.path.abspath(p)) for p in places if p.is_file()), None)
+            if attached and any(map(attached.samefile, trail)):
+                chain = [one.name for one in (*trail, attached)]
+                raise BadModel(
+                    f"{path.name}: <model file={os.fsdecode(name)!r}> attaches a model to itself: "
+                    f"{' > '.join(chain)}"
+                )
+            if attached and attached not in done:
+                trail.append(attached)
+                visit(attached)
+                trail.pop()
+
+    if any(tag in read_bytes(path) for tag in (b"<model", b"<include")):
+        visit(trail[0])
+
+
 def files_of_model(path: Path) -> list[Path]:
     """The file of a model, and the files that it or a file of it names: includes, meshes, others.
 
@@ -154,18 +188,32 @@ def files_of_model(path: Path) -> list[Path]:
         if file in found or not file.is_file():
             continue
         found.append(file)
-        text = read_bytes(file) if file.suffix in MODEL_ENDINGS else b""
-        places = [os.fsdecode(words[1]) for words in FOLDER_ATTRIBUTE.findall(text)]
-        folders += [folder / place for folder in (file.parent, folders[0]) for place in places]
-        names = [os.fsdecode(words[1]) for words in FILE_ATTRIBUTE.findall(text)]
-        waiting += [folder / name for folder in (file.parent, *folders) for name in names]
+        if file.suffix in MODEL_ENDINGS:
+            places, names = named_in(file, content_key(file))
+            folders += [folder / place for folder in (file.parent, folders[0]) for place in places]
+            waiting += [folder / name for folder in (file.parent, *folders) for name in names]
     return found
+
+
+@lru_cache(MODELS_IN_MEMORY)
+def named_in(file: Path, content: str) -> tuple[list[str], list[str]]:
+    """The folders and the files that a model with the digest `content` names."""
+    text = read_bytes(file)
+    return tuple(  # type: ignore[return-value]
+        [os.fsdecode(words[1]) for words in pattern.findall(text)]
+        for pattern in (FOLDER_ATTRIBUTE, FILE_ATTRIBUTE)
+    )
+
+
+def model_key(path: Path) -> tuple[str, ...]:
+    """The digests of a model's file and of the files that it names, by which caches know it."""
+    return tuple(map(content_key, files_of_model(path)))
 
 
 def compiles(path: Path) -> bool:
     """Whether MuJoCo itself compiles a file, even if `compile_model` refuses it."""
     try:
-        mujoco.MjModel.from_xml_path(str(path))
+        mujoco.MjModel.from_xml_path(os.fsencode(path))
     except (ValueError, mujoco.FatalError):
         return False
     return True

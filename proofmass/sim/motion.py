@@ -35,7 +35,7 @@ from proofmass.sim.contents import (
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.picture import Picture, PictureScene, follow_run, springs_between_sites
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol import Run, split_channel
 from proofmass.sim.rods import chain, joint_names
 
 # weight of a loop's constraint violation relative to measured values; squared 1e-6
@@ -494,7 +494,7 @@ class MovingScene(PictureScene):
     def gauge(self, channel: str) -> Gauge | None:
         """The gauge of a channel that is a position or an angle; None for any other channel."""
         model = self.model
-        name, _, part = channel.partition(".")
+        name, part = split_channel(channel, sensor_names(model))
         if name not in sensor_names(model):
             return None
         s = sensor_names(model).index(name)

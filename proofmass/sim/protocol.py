@@ -9,7 +9,7 @@ An engine has no access to references and tolerances.  It imports nothing of the
 `files`, `recorded`, `strict` and `units` are below it and may be imported.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count, takewhile
 from math import ceil, isnan, nan
@@ -372,6 +372,22 @@ def whole_steps(width: float, longest: float) -> int:
     (4, 10, 1)
     """
     return max(1, ceil(width / longest - STEP_ROUNDING))
+
+
+def split_channel(channel: str, names: Collection[str]) -> tuple[str, str]:
+    """Split a channel into a sensor or rod of one of `names`, which may have dots, and its part.
+
+    >>> split_channel("tip.x", ["tip"]), split_channel("tip.pos.x", ["tip", "tip.pos"])
+    (('tip', 'x'), ('tip.pos', 'x'))
+    >>> split_channel("tip.x", ["tip", "tip.x"])
+    ('tip.x', '')
+    """
+    if channel in names:
+        return channel, ""
+    name, _, part = channel.rpartition(".")
+    if name not in names:
+        name, _, part = channel.partition(".")
+    return name, part
 
 
 def drive_columns(joint: str) -> tuple[str, str, str]:

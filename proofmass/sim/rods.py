@@ -55,7 +55,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.protocol import BadModel, BadRod, Rod, Run
+from proofmass.sim.protocol import BadModel, BadRod, Rod, Run, split_channel
 
 SCHEMES = "half", "double", "naive"
 
@@ -436,7 +436,7 @@ def rod_channels(run: Run) -> dict[str, tuple[Rod, str]]:
     """
     rods, found = {rod.name: rod for rod in run.rods}, {}
     for channel in run.channels:
-        name, _, part = channel.partition(".")
+        name, part = split_channel(channel, rods)
         if name in rods:
             if part not in rod_parts(rods[name]):
                 there = format_rod_parts(rods[name])

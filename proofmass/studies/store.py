@@ -31,6 +31,7 @@ from proofmass.fingerprint import (
     package_versions,
 )
 from proofmass.outcome import Outcome
+from proofmass.sim.mjcf import model_key
 from proofmass.strict import Kind
 from proofmass.studies import invariants, measure
 from proofmass.studies.bounded import call_bounded
@@ -39,8 +40,8 @@ from proofmass.studies.record import Setting
 
 KEY_FIELDS = {"start", "reference", "parameters", "recording", "drive", "load", "rod"}
 """Tables and keys of a sidecar that are part of every key."""
-TaskKey = tuple[int, int, str]
-"""Identity of a task in a process: id of the case, time of change of its model, run and setting."""
+TaskKey = tuple[int, tuple[str, ...], str]
+"""Identity of a task in a process: id of the case, content of its model, run and setting."""
 KEYS_PER_CALL = 32  # settings for whose keys one call of a worker compiles the models
 TIMED_OUT = Outcome.TIMED_OUT
 PARTIAL_FILE_SECONDS = 3600.0  # [s] since its last change, after which a partial file is deleted
@@ -273,8 +274,7 @@ def compile_settings(
 
 def task_identity(task: StudyRun) -> TaskKey:
     """Identity of a task within this process; see `TaskKey`."""
-    changed_at = task.case.model_path.stat().st_mtime_ns
-    return id(task.case), changed_at, f"{task.run} {task.setting}"
+    return id(task.case), model_key(task.case.model_path), f"{task.run} {task.setting}"
 
 
 @cache

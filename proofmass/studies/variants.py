@@ -94,9 +94,15 @@ def with_every_other_row(case: Case, folder: Path) -> Case:
     return case.model_copy(update={"reference": str(write_variant_file(folder, file, text))})
 
 
+KEPT_LETTERS = 40  # of the name of a file; with their digest they fit into the 255 bytes of a name
+
+
 def write_variant_file(folder: Path, original: Path, text: str) -> Path:
     """Write a text into a folder; the file is named after `original` and the digest of the text."""
-    file = folder.absolute() / f"{original.stem}-{digest(text.encode())[:16]}{original.suffix}"
+    file = (
+        folder.absolute()
+        / f"{original.stem[:KEPT_LETTERS]}-{digest(text.encode())[:16]}{original.suffix}"
+    )
     folder.mkdir(parents=True, exist_ok=True)
     if not file.exists():
         write_atomically(file, text)

@@ -295,8 +295,13 @@ class Tree:
         ------
         NotCovered
             One of the joints is neither a hinge nor a slide.
+        ValueError
+            There is no joint of one of the names.
         """
-        found = [next(joint for joint in self.joints if joint.name == name) for name in joints]
+        named = {joint.name: joint for joint in self.joints}
+        if missing := [name for name in joints if name not in named]:
+            raise ValueError(f"no joint {missing[0]!r}; there are: {', '.join(named) or 'none'}")
+        found = [named[name] for name in joints]
         for joint in found:
             if joint.kind not in ("hinge", "slide"):
                 raise NotCovered(f"the driven joint {joint.name!r} is a {joint.kind} joint")

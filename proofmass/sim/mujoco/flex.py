@@ -28,7 +28,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
-from proofmass.sim.mjcf import leave_out_disabled
+from proofmass.sim.mjcf import leave_out_disabled, read_spec
 from proofmass.sim.mujoco.model import Recorder, load, refuse_dry_friction
 from proofmass.sim.mujoco.sensors import withhold_stage
 from proofmass.sim.mujoco.settings import configure, stepping_settings
@@ -247,7 +247,7 @@ def assemble_model(
     path: Path, run: Run, chains: list[Chain]
 ) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """The model with its flexes, in the start pose."""
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = read_spec(path)
     bare = compile_without_rods(spec)
     check_sites(bare, run.rods)
     key = spec.key(run.start)

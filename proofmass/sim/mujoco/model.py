@@ -12,12 +12,13 @@ from proofmass.sim.contents import (
     format_parts,
     joint_of,
     pose_of,
+    sensor_names,
     sensor_parts,
 )
 from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import BadModel, Run, Unsupported
+from proofmass.sim.protocol import BadModel, Run, Unsupported, split_channel
 from proofmass.sim.rods import dead_loads
 
 S = mujoco.mjtSensor
@@ -163,7 +164,7 @@ class Recorder:
         self.data, self.inverse = data, np.empty(0)
 
     def _resolve(self, channel: str) -> tuple[int, str]:
-        name, _, part = channel.partition(".")
+        name, part = split_channel(channel, sensor_names(self.model))
         index = find_id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", name)
         angle = ("angle",) if self.model.sensor_dim[index] == 3 else ()
         if part not in (*sensor_parts(self.model, index), *angle):

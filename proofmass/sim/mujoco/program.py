@@ -20,7 +20,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.sim.contents import control_indices, joint_of
-from proofmass.sim.mjcf import collected_warnings, read_tree
+from proofmass.sim.mjcf import collected_warnings, read_spec, read_tree
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, is_acceleration, load
@@ -539,7 +539,7 @@ def write_rods(root: Element, path: Path, rods: Sequence[Rod]) -> None:
         A rod is on a site that is no element of the file, or has too many links; or the elements do
         not compile to exactly the numbers of the model.
     """
-    spec = mujoco.MjSpec.from_file(str(path))
+    spec = read_spec(path)
     loops = len(spec.equalities)
     with collected_warnings():  # its warnings were reported when the model was loaded
         exact = compile_with_rods(spec, rods)

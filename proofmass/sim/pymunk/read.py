@@ -12,10 +12,11 @@ from proofmass.sim.contents import (
     gear_of_force,
     is_linear_in_joint,
     joint_of,
+    sensor_names,
     sensor_parts,
 )
 from proofmass.sim.plane import MotionPlane
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol import BadModel, split_channel
 from proofmass.sim.pymunk.kinematics import derivative_along, joint_value, rotate, spring_length
 from proofmass.sim.pymunk.links import LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.reactions import (
@@ -203,8 +204,8 @@ def read_channel(links: Links, name: str) -> Sensor | str:
         There is no such sensor, or no such component of it.
     """
     model = links.model
-    sensor, _, part = name.partition(".")
-    names = [model.sensor(i).name for i in range(model.nsensor)]
+    names = sensor_names(model)
+    sensor, part = split_channel(name, names)
     if sensor not in names:
         raise BadModel(
             f"no sensor '{sensor}' for channel '{name}'; the model has {', '.join(names) or 'none'}"

@@ -27,7 +27,7 @@ from proofmass.analytic.numerics import Array
 from proofmass.errors import InputError, model_error, suggest_names
 from proofmass.files import write_atomically
 from proofmass.sidecar import load_case
-from proofmass.sim.mjcf import compile_model
+from proofmass.sim.mjcf import compile_model, read_spec
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
@@ -115,7 +115,7 @@ class EditedModel:
         self.file, self.rods, self.share = file, rods, 1
         self.source, self.monitored = (file, rods, probing), monitored
         self.alone = Lock()  # MuJoCo crashes if two threads compile the same spec
-        self.spec = mujoco.MjSpec.from_file(str(file))
+        self.spec = read_spec(file)
         self.given = {
             (kind, name) for kind in NAMED_LISTS for name in name_unnamed(self.spec, kind)
         }

@@ -28,7 +28,7 @@ from proofmass.errors import InputError, suggest_names
 from proofmass.files import read_text
 from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
-from proofmass.sim.protocol import BadModel, Curves, Run
+from proofmass.sim.protocol import BadModel, Curves, Run, split_channel
 from proofmass.solve import plan_run
 from proofmass.strict import Kind
 from proofmass.studies.bounded import call_bounded
@@ -246,7 +246,8 @@ def load_scene(
         monitor_run(case, plan_run(case, kind, solver), solver, edited)
         for case, kind, solver in runs
     ]
-    sensors = {name.partition(".")[0] for case in cases for name in case.channels}
+    named = [sensor.name for sensor in edited.spec.sensors]
+    sensors = {split_channel(name, named)[0] for case in cases for name in case.channels}
     words = "Monitored: the channels of the sidecars, in their runs."
     if monitored:
         read_by = sensors_at(edited, monitored)
@@ -295,7 +296,7 @@ def monitored_sensors(edited: EditedModel) -> set[str] | None:
 
 def channels_of_sensors(monitored: MonitoredRun, sensors: set[str]) -> list[str]:
     """The channels of a run that these sensors measure."""
-    return [name for name in monitored.allowed if name.partition(".")[0] in sensors]
+    return [name for name in monitored.allowed if split_channel(name, sensors)[0] in sensors]
 
 
 def keep_channels(monitored: MonitoredRun, sensors: set[str]) -> MonitoredRun:

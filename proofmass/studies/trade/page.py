@@ -120,7 +120,7 @@ def write_run_page(
 ) -> dict[str, Any]:
     """Write the page of one run of a case; return the data that the index shows of it."""
     case, run = page_key(rows[0])
-    stem = f"{slug(case)}-{run}-trade"
+    stem = f"{slug(case)}-{slug(run)}-trade"
     looks, spread, present_kinds = series_looks(rows), usual_spread(rows), error_kinds(rows)
     colours = page_tones(look.colour for look in looks.values())
     engines = {engine: colours[engine_colour(engine, looks)].css for engine, _ in looks}

@@ -18,7 +18,7 @@ from proofmass.case import Case
 from proofmass.engines import engine_of
 from proofmass.outcome import OUTCOME_OF_EXCEPTION
 from proofmass.reference import compiled_model, control_profiles, evaluate
-from proofmass.sim.mjcf import read_tree
+from proofmass.sim.mjcf import read_spec, read_tree
 from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
 from proofmass.solve import call_engine
 from proofmass.strict import Kind
@@ -415,7 +415,7 @@ def model_text_at(case: Case, time: float) -> str:
 
 def state_at(case: Case, time: float) -> tuple[Array, Array]:
     """Positions and rates of all joints of a free planar motion at a time [s]."""
-    spec = mujoco.MjSpec.from_file(str(case.model_path))
+    spec = read_spec(case.model_path)
     kinds = {
         "jointpos": mujoco.mjtSensor.mjSENS_JOINTPOS,
         "jointvel": mujoco.mjtSensor.mjSENS_JOINTVEL,
