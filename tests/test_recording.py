@@ -394,18 +394,19 @@ def test_rows_longer_than_the_run_are_used_but_for_a_reference(kind, user, write
     np.testing.assert_allclose(curve, known, rtol=0, atol=SPLINE_ERROR)
 
 
+@pytest.mark.parametrize("times", [EVEN, UNEVEN], ids=["even", "uneven"])
 @pytest.mark.parametrize("user", USERS)
 @pytest.mark.parametrize("kind", ["sweep", "dynamics"])
-def test_a_lost_first_row_moves_no_other_row(kind, user, write) -> None:
+def test_a_lost_first_row_moves_no_other_row(kind, user, times, write) -> None:
     """A reference has the other rows where they were; nothing is extrapolated for the others."""
-    crank = TWO_TURNS.crank(EVEN)
-    text = rocker_table({"t [s]": EVEN[1:]}, crank[1:])
+    crank = TWO_TURNS.crank(times)
+    text = rocker_table({"t [s]": times[1:]}, crank[1:])
     file = write(user, kind, TWO_TURNS, text)
     if user != "reference":
         assert "nothing is extrapolated" in refusal_of(user, kind, file)
         return
     x, curve = curve_of(user, kind, file)
-    assert x[0] == pytest.approx(crank[1] if kind == "sweep" else EVEN[1])
+    assert x[0] == pytest.approx(crank[1] if kind == "sweep" else times[1])
     known = rocker_angle(x if kind == "sweep" else TWO_TURNS.crank(x))
     np.testing.assert_allclose(curve, known, rtol=0, atol=SPLINE_ERROR)
 
