@@ -16,6 +16,7 @@ from proofmass.sidecar import (
     accuracy_units,
     default_tolerances,
     fill_runs,
+    find_extremes,
     format_sidecar,
     load_case,
     match_quantity,
@@ -322,6 +323,25 @@ def test_a_tolerance_of_its_own_replaces_those_of_its_run_and_engine_alone(tmp_p
     hits = [(t.run, *t.solver) for t in case.tolerance if t.why != "own"]
     assert ("sweep", "pymunk") not in hits
     assert {("sweep", "mujoco"), ("dynamics", "mujoco"), ("dynamics", "pymunk")} <= set(hits)
+
+
+@pytest.mark.parametrize(
+    ("table", "found"),
+    [
+        ({"a": 1e40, "b": -1e40, "c": 1e-40, "d": 0.0, "e": 10**40, "f": True}, []),
+        ({"a": float("inf"), "b": float("nan")}, []),  # which are refused with other words
+        ({"run": {"timeout": 1e300, "memory": 1e300}, "why": "1e300"}, []),
+        ({"a": [0.0, 1e-300, [1e-300]]}, []),
+        ({"a": {"b": -2e40}}, [(("a", "b"), "-2e+40 is too large; numbers may be up to 1e+40")]),
+        (
+            {"a": [1.0, 10**50]},
+            [(("a", 1), "100000000... is too large; numbers may be up to 1e+40")],
+        ),
+        ({"a": -9e-41}, [(("a",), "-9e-41 is too small; numbers other than 0 begin at 1e-40")]),
+    ],
+)
+def test_numbers_near_the_limits_of_floats_are_found(table, found):
+    assert list(find_extremes(table)) == found
 
 
 BOTH, TIMED = ["mujoco", "pymunk"], ["mujoco", "mujoco:default", "pymunk", "pymunk:default"]
