@@ -10,7 +10,13 @@ from typing import Any, NamedTuple, Protocol, cast
 
 from proofmass.case import Case
 from proofmass.compare import Comparison, attach_reference, compare, failed_comparisons
-from proofmass.diagnosis import Diagnosis, describe_failure, find_causes
+from proofmass.diagnosis import (
+    Diagnosis,
+    Explanation,
+    confirm_cause,
+    describe_failure,
+    find_causes,
+)
 from proofmass.engines import engine_of
 from proofmass.errors import InputError, model_error
 from proofmass.files import readable
@@ -44,7 +50,9 @@ counts that take about `PROCESSOR_SECONDS`; on a slow machine they take up to 20
 OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES = 1.0, 101
 """Length of the motion of a model without a sidecar [s], and the number of times at which two ways
 of solving it are compared."""
-CAUSES_SECONDS = 60.0  # [s], the time limit of the search for the causes of one run's differences
+CAUSES_SECONDS = 600.0
+"""Processor time after which the search for the causes of one run's differences is ended [s].  It
+ends by counts, after 3 min with the slowest shipped reference; this only ends what hangs."""
 
 
 @dataclass(frozen=True)
@@ -409,8 +417,10 @@ def check(
             consumer.begin(result)
         follow = partial(stages_of, causes=causes, detectable=detectable, consumer=consumer)
         run_parts(parts, executor, threads, jobs or size_of(executor), progress, follow)
-    for part in parts:
-        add_part(result, part.result)
+        for part in parts:
+            add_part(result, part.result)
+        if causes:
+            share_causes(result, executor)
     return result
 
 
@@ -638,6 +648,45 @@ def diagnosis_steps(result: Result) -> Iterator[CheckStep]:
 def keep_diagnosis(result: Result, key: tuple[str, str, str], future: Future[Diagnosis]) -> None:
     """Add a diagnosis to the result."""
     result.diagnoses[key] = future.result()
+
+
+def share_causes(result: Result, executor: Executor) -> None:
+    """Try the causes that were found in a model in the other runs of the same model that differ.
+
+    So a wrong number is one cause in all cases that read its file, also where the reference reads
+    the number as well.
+    """
+    cases = {case.name: case for case in result.cases}
+    found = [d.best for d in result.diagnoses.values() if d.best and d.best.complete]
+    causes = {cause.key: cause for cause in found if cause.edits and cause.fault}
+    futures = [
+        (key, executor.submit(confirm_run, cases[key[0]], cast(Kind, key[1]), key[2], cause))
+        for key, diagnosis in result.diagnoses.items()
+        for cause in causes.values()
+        if not (diagnosis.failed or diagnosis.fault)
+        and is_about(cause, cases[diagnosis.case])
+        and cause.key not in [each.key for each in diagnosis.causes[:1]]
+    ]
+    for key, future in futures:
+        if cause := future.result():
+            old = result.diagnoses[key]
+            result.diagnoses[key] = replace(old, causes=(cause, *old.causes))
+
+
+def is_about(cause: Explanation, case: Case) -> bool:
+    """Whether a cause is in the model of a case."""
+    model = os.path.realpath(case.model_path)
+    return any(os.path.realpath(fault.file) == model for fault in cause.faults)
+
+
+def confirm_run(case: Case, run: Kind, solver: str, cause: Explanation) -> Explanation | None:
+    """Do what `confirm_cause` does, in a worker; None if that fails."""
+    limits = {"timeout": CAUSES_SECONDS, "memory": case.run[run].memory}
+    try:
+        found = call_isolated(confirm_cause, case, run, solver, cause, **limits)
+        return cast(Explanation | None, found)
+    except Exception:  # the run keeps the causes that it has
+        return None
 
 
 def diagnose_run(

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED_CASE, Comparison
+from proofmass.diagnosis import shared_causes
 from proofmass.errors import InputError
 from proofmass.files import OUTPUT_MARK
 from proofmass.outcome import UNCHECKED_OUTCOMES, Outcome
@@ -21,15 +22,22 @@ def as_junit(result: Result) -> bytes:
     """The XML file of a result.
 
     A channel that is not checked is a skipped test, one that differs or failed is a failure, and an
-    input with an error is a suite of its own with an error.  The time of a run is divided evenly
-    among its channels, so that the sums are those of the runs.
+    input with an error is a suite of its own with an error.  A failure begins with the cause of its
+    run, if one was found.  The time of a run is divided evenly among its channels, so that the sums
+    are those of the runs.
     """
     root = ElementTree.Element("testsuites", name="proofmass")
     shared = Counter((c.case, c.run, c.solver) for c in result.comparisons)
+    causes = {
+        (d.case, d.run, d.solver): cause.text
+        for cause in shared_causes(result.diagnoses.values())
+        for d in cause.diagnoses
+    }
     for case, rows in groupby(result.comparisons, lambda c: c.case):
         suite = ElementTree.SubElement(root, "testsuite", name=replace_invalid(case))
         for c in rows:
-            add_test(suite, c, shared[c.case, c.run, c.solver])
+            run = c.case, c.run, c.solver
+            add_test(suite, c, shared[run], causes.get(run, ""))
         if case in [each.name for each in result.unchecked]:
             add_unchecked(suite, case)
     for error in result.errors:
@@ -52,8 +60,8 @@ def replace_invalid(text: str) -> str:
     return INVALID_CHARACTERS.sub("?", text)
 
 
-def add_test(suite: ElementTree.Element, c: Comparison, channels: int) -> None:
-    """Add the test of a channel of a solver in a run."""
+def add_test(suite: ElementTree.Element, c: Comparison, channels: int, cause: str = "") -> None:
+    """Add the test of a channel of a solver in a run, with the cause of the run if it is known."""
     test = ElementTree.SubElement(
         suite,
         "testcase",
@@ -64,7 +72,7 @@ def add_test(suite: ElementTree.Element, c: Comparison, channels: int) -> None:
     if c.outcome in UNCHECKED_OUTCOMES:
         ElementTree.SubElement(test, "skipped", message=replace_invalid(skip_message(c)))
     elif c.outcome != Outcome.AGREES:
-        message = replace_invalid(failure_message(c))
+        message = replace_invalid("\n".join(filter(None, [cause, failure_message(c)])))
         ElementTree.SubElement(test, "failure", type=str(c.outcome), message=message).text = message
 
 

@@ -21,7 +21,7 @@ from proofmass.check import (
     run_task,
 )
 from proofmass.compare import UNCHECKED_CASE, Comparison, compare
-from proofmass.diagnosis import Diagnosis
+from proofmass.diagnosis import Diagnosis, shared_causes
 from proofmass.errors import InputError
 from proofmass.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.refinement import refinement_runs
@@ -91,13 +91,7 @@ class SolverItem(pytest.Item):
                 comparisons += task.study.add(task.segments, run_task(task))[1]
         wrong = [c for c in comparisons if c.outcome not in GOOD_OUTCOMES]
         if wrong:
-            lines = [
-                f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} "
-                f"{c.unit} at {c.at:.6g}, allowed {c.allowed:.3g}"
-                for c in wrong
-            ]
-            lines += [f"{found.run} {found.text}" for found in causes]
-            raise Disagreement("\n".join(lines))
+            raise Disagreement("\n".join([*cause_lines(causes), *map(curve_line, wrong)]))
         if not (self.case.tolerance or self.case.refine or self.case.unchecked):
             raise Disagreement(UNCHECKED_CASE)
         if not any(c.outcome == Outcome.AGREES for c in comparisons):
@@ -110,6 +104,25 @@ class SolverItem(pytest.Item):
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return the file and the name of the item for pytest's reports."""
         return self.path, None, f"{self.case.name}::{self.name}"
+
+
+def cause_lines(found: list[Diagnosis]) -> Iterator[str]:
+    """Lines on why runs differ or failed; a cause that they share is told once."""
+    for cause in shared_causes(found):
+        first = cause.diagnoses[0]
+        yield cause.text
+        yield from (f"    {line}" for line in (*first.details, *first.remarks))
+    for one in found:
+        if not one.found:
+            yield f"{one.run} {one.text}"
+
+
+def curve_line(c: Comparison) -> str:
+    """A line on a curve that differs, or a run that failed."""
+    return (
+        f"{c.run} {c.channel}: {c.outcome}; {c.message}; error {c.error_max:.3g} "
+        f"{c.unit} at {c.at:.6g}, allowed {c.allowed:.3g}"
+    )
 
 
 class FaultyItem(pytest.Item):

@@ -1,9 +1,9 @@
 """The failures of a check as SARIF 2.1.0, which code hosts show at the lines of the files."""
 
 import json
+import math
 import re
-from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,27 +11,42 @@ import proofmass
 from proofmass.case import Case
 from proofmass.check import Result
 from proofmass.compare import UNCHECKED_CASE, Comparison
+from proofmass.diagnosis import SharedCause, shared_causes
 from proofmass.errors import InputError
-from proofmass.files import OUTPUT_MARK, read_text
+from proofmass.files import OUTPUT_MARK
+from proofmass.grouping import group_by
 from proofmass.junit import failure_message
+from proofmass.lines import LineIndex, key_parts
 from proofmass.outcome import GOOD_OUTCOMES, Outcome
 
 SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 BAD_INPUT = "bad-input"
 NOTHING_CHECKED = "nothing-checked"
 BAD_OUTCOMES = [outcome for outcome in Outcome if outcome not in GOOD_OUTCOMES]
-TABLE_PATTERN = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
-KEY_PATTERN = re.compile(r"^\s*((?:[\w-]+|\"[^\"]*\")(?:\s*\.\s*(?:[\w-]+|\"[^\"]*\"))*)\s*=")
 
 
 def as_sarif(result: Result) -> str:
-    """The SARIF file of a result: its failures, inputs with errors, and cases without a check."""
+    """The SARIF file of a result.
+
+    It has one result for each cause, at the line of the wrong value, for each run without a known
+    cause, for each input with an error, and for each case without a check.
+    """
     cases = {case.name: case for case in result.cases}
     lines = LineIndex()
+    causes = shared_causes(result.diagnoses.values())
+    explained = {(d.case, d.run, d.solver) for cause in causes for d in cause.diagnoses}
+    failures = [c for c in result.comparisons if c.outcome not in GOOD_OUTCOMES]
+    rows = group_by(failures, lambda c: (c.case, c.run, c.solver))
     found = [
-        channel_result(c, cases.get(c.case), lines)
-        for c in result.comparisons
-        if c.outcome not in GOOD_OUTCOMES
+        cause_result(
+            cause, [c for d in cause.diagnoses for c in rows[d.case, d.run, d.solver]], cases, lines
+        )
+        for cause in causes
+    ]
+    found += [
+        run_result(some, cases.get(run[0]), lines)
+        for run, some in rows.items()
+        if run not in explained
     ]
     found += [case_result(case, lines) for case in result.unchecked]
     found += [error_result(error, lines) for error in result.errors]
@@ -90,26 +105,64 @@ def rules_of(used: Iterable[str]) -> list[dict[str, Any]]:
     ]
 
 
-def channel_result(c: Comparison, case: Case | None, lines: "LineIndex") -> dict[str, Any]:
-    """The SARIF result of a channel that differs or failed, at its line in sidecar or model."""
-    places = []
-    if case is not None:
-        file, line = case.file, lines.line_of_key(case.file, ["channels", c.channel], exactly=True)
-        if line is None and (sensor := lines.line_of_name(case.model_path, c.channel)):
-            file, line = case.model_path, sensor
-        places = [location(file, line)]
-    where = " ".join([c.case, c.run, c.solver, c.channel]).strip()
-    return sarif_result(rule_id(c.outcome), f"{where} {failure_message(c)}", places, where)
+def cause_result(
+    cause: SharedCause,
+    rows: Sequence[Comparison],
+    cases: Mapping[str, Case],
+    lines: LineIndex,
+) -> dict[str, Any]:
+    """The SARIF result of a cause, at the line of the wrong value, for all runs that it explains.
+
+    A cause without a place is at the worst of its curves.
+    """
+    worst = max(rows, key=lambda c: finite_or_zero(c.share_of_allowed))
+    faults = cause.best.faults
+    places = [location(fault.file, fault.line) for fault in faults]
+    texts = [cause.text, *(f"{f.place} would be: {f.instead}" for f in faults if f.instead)]
+    texts += [f"{where_of(worst)} {failure_message(worst)}"]
+    name = " ".join(" ".join(map(str, (f.file.name, f.name, *f.values))) for f in faults)
+    places = places or [channel_location(worst, cases.get(worst.case), lines)]
+    name = name or f"{worst.case} {cause.best.words}"
+    return sarif_result(rule_id(worst.outcome), "\n".join(texts), places, name)
 
 
-def case_result(case: Case, lines: "LineIndex") -> dict[str, Any]:
+def finite_or_zero(value: float) -> float:
+    """A number, or 0 if it is not finite."""
+    return value if math.isfinite(value) else 0.0
+
+
+def run_result(rows: Sequence[Comparison], case: Case | None, lines: LineIndex) -> dict[str, Any]:
+    """The SARIF result of a run that differs or failed, at the worst of its curves."""
+    worst = max(rows, key=lambda c: finite_or_zero(c.share_of_allowed))
+    places = [] if case is None else [channel_location(worst, case, lines)]
+    more = f" ({len(rows)} curves)" if len(rows) > 1 else ""
+    text = f"{where_of(worst)} {failure_message(worst)}{more}"
+    return sarif_result(rule_id(worst.outcome), text, places, where_of(rows[0]))
+
+
+def where_of(c: Comparison) -> str:
+    """The case, the run, the solver and the channel of a comparison."""
+    return " ".join([c.case, c.run, c.solver, c.channel]).strip()
+
+
+def channel_location(c: Comparison, case: Case | None, lines: LineIndex) -> dict[str, Any]:
+    """The line of a channel in the sidecar, or of its sensor in the model."""
+    if case is None:
+        return {}
+    file, line = case.file, lines.line_of_key(case.file, ["channels", c.channel], exactly=True)
+    if line is None and (sensor := lines.line_of_name(case.model_path, c.channel)):
+        file, line = case.model_path, sensor
+    return location(file, line)
+
+
+def case_result(case: Case, lines: LineIndex) -> dict[str, Any]:
     """The SARIF result of a case of which nothing was checked."""
     return sarif_result(
         NOTHING_CHECKED, f"{case.name}: {UNCHECKED_CASE}", [location(case.file)], case.name
     )
 
 
-def error_result(error: InputError, lines: "LineIndex") -> dict[str, Any]:
+def error_result(error: InputError, lines: LineIndex) -> dict[str, Any]:
     """The SARIF result of an input with an error, at the line of its key."""
     sidecar = error.file.suffix == ".toml"
     line = lines.line_of_key(error.file, key_parts(error.key)) if sidecar else None
@@ -152,59 +205,3 @@ def quote_path(relative: Path) -> str:
     """
     root = Path.cwd().anchor
     return (Path(root) / relative).as_uri().removeprefix(Path(root).as_uri())
-
-
-class LineIndex:
-    """The lines of keys and names in files; each file is read once."""
-
-    def __init__(self) -> None:
-        self.texts: dict[Path, list[str]] = {}
-
-    def text(self, file: Path) -> list[str]:
-        """The lines of a file; empty if it cannot be read."""
-        if file not in self.texts:
-            try:
-                self.texts[file] = read_text(file).splitlines()
-            except InputError:
-                self.texts[file] = []
-        return self.texts[file]
-
-    def line_of_key(self, file: Path, wanted: list[str], exactly: bool = False) -> int | None:
-        """The line of a key in a sidecar, or of the nearest table that contains it.
-
-        With `exactly` only the line of the key itself is given.
-        """
-        best, deepest = None, 0
-        table, counts = list[str](), Counter[str]()
-        for number, line in enumerate(self.text(file), 1):
-            if head := TABLE_PATTERN.match(line):
-                here = table = key_parts(head[2])
-                if head[1] == "[[":  # a list of tables, whose numbers are parts of the key
-                    here = table = [*table, str(counts[head[2]])]
-                    counts[head[2]] += 1
-            elif given := KEY_PATTERN.match(line):
-                here = [*table, *key_parts(given[1])]
-            else:
-                continue
-            if here == wanted[: len(here)] and len(here) > deepest:
-                best, deepest = number, len(here)
-        return best if deepest == len(wanted) or not exactly else None
-
-    def line_of_name(self, file: Path, channel: str) -> int | None:
-        """The line of a model that names the sensor of a channel, with or without its axis."""
-        names = (channel, channel.rpartition(".")[0])
-        for name in filter(None, names):
-            pattern = re.compile(rf"\bname\s*=\s*([\"']){re.escape(name)}\1")
-            for number, line in enumerate(self.text(file), 1):
-                if pattern.search(line):
-                    return number
-        return None
-
-
-def key_parts(key: str) -> list[str]:
-    """The parts of a dotted key; a quoted text is one part.
-
-    >>> key_parts('settings."mujoco:fine".timestep'), key_parts("tolerance.0.why")
-    (['settings', 'mujoco:fine', 'timestep'], ['tolerance', '0', 'why'])
-    """
-    return [quoted or bare for quoted, bare in re.findall(r'"([^"]*)"|([\w:-]+)', key)]

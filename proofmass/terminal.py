@@ -17,7 +17,7 @@ from rich.text import Text
 from proofmass.case import Case
 from proofmass.check import Result, family_of
 from proofmass.compare import UNCHECKED_CASE, Comparison
-from proofmass.diagnosis import Diagnosis
+from proofmass.diagnosis import Diagnosis, Explanation, Fault, SharedCause, shared_causes
 from proofmass.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
 from proofmass.reference import reference_reads_model
 from proofmass.sim.mjcf import NATIVE_ENGINE
@@ -63,7 +63,8 @@ def as_json(result: Result) -> str:
         replace_nonfinite(
             {
                 "comparisons": rows,
-                "diagnoses": [asdict(found) for found in result.diagnoses.values()],
+                "causes": [cause_data(cause) for cause in shared_causes(result.diagnoses.values())],
+                "diagnoses": [diagnosis_data(found) for found in result.diagnoses.values()],
                 "errors": [
                     {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors
                 ],
@@ -74,6 +75,37 @@ def as_json(result: Result) -> str:
         indent=1,
         allow_nan=False,
     )
+
+
+def cause_data(cause: SharedCause) -> dict[str, Any]:
+    """A cause as data: its sentence, its faults, what it explains, and its runs."""
+    return {
+        "sentence": cause.sentence,
+        "head": cause.head,
+        "complete": cause.complete,
+        "faults": [fault_data(fault) for fault in cause.best.faults],
+        "explains": sum(len(one.explains) for one in cause.explanations),
+        "differing": sum(one.differing for one in cause.explanations),
+        "runs": [{"case": d.case, "run": d.run, "solver": d.solver} for d in cause.diagnoses],
+    }
+
+
+def diagnosis_data(found: Diagnosis) -> dict[str, Any]:
+    """A diagnosis as data, with the sentence of each cause."""
+    data = {key: value for key, value in vars(found).items() if key != "causes"}
+    return data | {"causes": [explanation_data(cause) for cause in found.causes]}
+
+
+def explanation_data(cause: Explanation) -> dict[str, Any]:
+    """A cause of one run as data."""
+    data = {key: value for key, value in vars(cause).items() if key != "edits"}
+    faults = [fault_data(fault) for fault in cause.faults]
+    return data | {"sentence": cause.sentence, "complete": cause.complete, "faults": faults}
+
+
+def fault_data(fault: Fault) -> dict[str, Any]:
+    """A fault as data."""
+    return vars(fault) | {"file": str(fault.file)}
 
 
 def replace_nonfinite(value: Any) -> Any:
@@ -281,7 +313,7 @@ def failure_lines(
     sensors for which no quantity was found; references that read the model themselves; the largest
     error; and the number of comparisons with each outcome.
     """
-    printed, pages = set[tuple[str, str]](), {case.name for case in result.cases}
+    pages, causes = {case.name for case in result.cases}, shared_causes(result.diagnoses.values())
     for (case, run, solver), rows in groupby(
         result.comparisons, lambda c: (c.case, c.run, c.solver)
     ):
@@ -302,7 +334,7 @@ def failure_lines(
         yield Text.assemble((f"{FAILURE_SIGN[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
         if found := result.diagnoses.get((case, run, solver)):
             elsewhere = [d for d in result.diagnoses.values() if d.case == case and d.found]
-            yield from diagnosis_lines(found, printed, elsewhere)
+            yield from diagnosis_lines(found, causes, elsewhere)
         if link and case in pages:
             yield Text(f"  {link(c)}", style="dim")
     for case in result.unchecked:
@@ -334,22 +366,26 @@ def failure_lines(
 
 
 def diagnosis_lines(
-    found: Diagnosis, printed: set[tuple[str, str]], elsewhere: Sequence[Diagnosis] = ()
+    found: Diagnosis, causes: Sequence[SharedCause] = (), elsewhere: Sequence[Diagnosis] = ()
 ) -> Iterator[Text]:
     """Yield the lines of a diagnosis.
 
-    Of a cause that was printed for another run of the case, only what it explains is repeated;
-    `printed` holds the causes that were printed.  Where no cause was found, the line names
-    the runs of the case in which one was found, those of `elsewhere`.
+    A cause that several runs share is told once, at the first of them, with what it explains in
+    all; `causes` are the shared causes.  Where no cause was found, the line names the runs of
+    the case in which one was found, those of `elsewhere`.
     """
-    first, *more = found.lines
-    if elsewhere and not (found.found or found.failed or found.fault):
+    shared = next((one for one in causes if found in one.diagnoses), None)
+    head, (first, *more) = found.head, found.lines
+    if shared and found is not shared.diagnoses[0]:
+        fault = shared.best.fault
+        run = " ".join([(one := shared.diagnoses[0]).case, one.run, one.solver])
+        first, more = f"the same, {fault.place}" if fault else f"the same as in {run}", []
+    elif shared:
+        head, first = shared.head, shared.sentence
+    elif elsewhere and not (found.found or found.failed or found.fault):
         runs = ", ".join(f"{other.run} {other.solver}" for other in elsewhere)
         first, more = f"not found in this run; see {runs}", []
-    if found.causes and (found.case, first) in printed:
-        more = more[:1]
-    printed.add((found.case, first))
-    yield Text.assemble(("  failed: " if found.failed else "  cause: ", "bold"), first)
+    yield Text.assemble((f"  {head}: ", "bold"), first)
     for line in more:
         yield Text(f"         {line}")
 

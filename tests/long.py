@@ -255,8 +255,8 @@ FASTER_TESTS = {
     "tests/test_diagnosis.py::test_a_failed_pytest_item_states_the_cause": (
         "tests/test_command_line.py::test_an_item_fails_where_check_would_and_says_why"
     ),
-    "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_a_parameter_of_the_reference[balancer_sine": (
-        "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_a_parameter_of_the_reference[slider_crank"
+    "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[balancer_sine": (
+        "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[slider_crank"
     ),
     "tests/test_notebooks.py::test_a_notebook_runs[hacksaw": (
         "tests/test_notebooks.py::test_a_notebook_runs[fourbar"

@@ -9,6 +9,7 @@ from urllib.request import url2pathname
 from xml.etree import ElementTree
 
 import pytest
+from jsonschema import Draft4Validator
 from typer.testing import CliRunner
 
 from proofmass import cli
@@ -122,8 +123,19 @@ REQUIRED_KEYS = {  # keys that SARIF 2.1.0 requires, sections 3.13 to 3.28
 RESULT_LEVELS = {"none", "note", "warning", "error"}
 
 
+SARIF_SCHEMA = json.loads((Path(__file__).parent / "data" / "sarif-2.1.0.json").read_text())
+"""The schema of the standard; its first key says where it comes from."""
+
+
+def test_the_schema_refuses_what_sarif_does_not_know():
+    log = json.loads(as_sarif(Result()))
+    log["runs"][0]["tool"]["driver"]["colour"] = "red"
+    assert not Draft4Validator(SARIF_SCHEMA).is_valid(log)
+
+
 def require_sarif(log: dict) -> dict:
-    """Check a SARIF log by the rules of the format, and return its only run."""
+    """Check a SARIF log by the schema and the rules of the format, and return its only run."""
+    Draft4Validator(SARIF_SCHEMA).validate(log)
     assert log.keys() >= REQUIRED_KEYS["log"]
     assert log["version"] == "2.1.0"
     (run,) = log["runs"]
@@ -237,8 +249,17 @@ def test_check_writes_junit_and_sarif_files(models, edit, tmp_path):
     # five channels of four solvers; the two solvers with default settings are not checked
     assert (root.get("tests"), root.get("failures"), root.get("skipped")) == ("20", "10", "10")
     found = require_sarif(json.loads(sarif.read_text()))["results"]
-    assert {each["ruleId"] for each in found} == {"differs"}
-    assert len(found) == 10
+    (fault,) = found  # ten curves of two engines have one cause
+    assert fault["ruleId"] == "differs"
+    place = fault["locations"][0]["physicalLocation"]
+    assert place["artifactLocation"]["uri"].endswith("pendulum.toml")
+    line = (models / "pendulum.toml").read_text().splitlines()[place["region"]["startLine"] - 1]
+    assert line.startswith("length = 1.001")
+    sentence = "length is 1.001 m; with 1 m all 10 curves of 2 runs agree"
+    assert sentence in fault["message"]["text"].splitlines()[0]
+    for failure in root.iter("failure"):
+        assert failure.text.splitlines()[0].endswith(sentence)
+        assert "differs" in failure.text.splitlines()[1]
 
 
 @pytest.mark.parametrize("option", ["--junit", "--sarif"])

@@ -346,7 +346,14 @@ def test_json_has_null_for_nan_and_infinity():
             )
         )
     )
-    assert list(found) == ["comparisons", "diagnoses", "errors", "of_others", "exit_code"]
+    assert list(found) == [
+        "comparisons",
+        "causes",
+        "diagnoses",
+        "errors",
+        "of_others",
+        "exit_code",
+    ]
     assert found["errors"] == [{"file": "a.toml", "key": "key", "wrong": "why"}]
     assert found["exit_code"] == 2
     (row,) = found["comparisons"]

@@ -20,7 +20,7 @@ from proofmass.check import Result
 from proofmass.compare import Comparison
 from proofmass.coverage import Coverage, stored_coverage
 from proofmass.coverage_search import Finding
-from proofmass.diagnosis import Diagnosis, Explanation
+from proofmass.diagnosis import Diagnosis, Explanation, SharedCause, shared_causes
 from proofmass.errors import InputError
 from proofmass.explain import (
     TRIED_SENTENCE,
@@ -137,7 +137,7 @@ def render_page(
         marks=axis_labels(),
         causes=cause_panels(case, result.diagnoses),
         open_lines=list_unchecked(case, runs),
-        advice=advice(case, rows, faults, state),
+        advice=advice(case, rows, faults, state, own_causes(case, result.diagnoses)),
         command=f"proofmass check {file}",
         explain=f"proofmass explain {file}",
         noticed=tell(load_noticed_panel, None),
@@ -428,8 +428,36 @@ def format_line(line: str) -> str:
     return f"{format_solver(solver)}{comma}{rest}"
 
 
-def advice(case: Case, rows: list[Comparison], faults: list[str], state: str) -> list[str]:
-    """List what there is to do, in sentences."""
+def advice(
+    case: Case,
+    rows: list[Comparison],
+    faults: list[str],
+    state: str,
+    causes: Sequence[SharedCause] = (),
+) -> list[str]:
+    """List what there is to do, in sentences.
+
+    What differs is mended by its causes; only runs without a known cause get general advice.
+    """
+    explained = {(d.case, d.run, d.solver) for cause in causes for d in cause.diagnoses}
+    remedies = [words for cause in causes for words in cause.remedies]
+    rows = [
+        c
+        for c in rows
+        if c.outcome != Outcome.DIFFERS or (c.case, c.run, c.solver) not in explained
+    ]
+    if remedies:
+        return [*remedies, *(general_advice(case, rows, faults, state) if is_bad(rows) else [])]
+    return general_advice(case, rows, faults, state)
+
+
+def is_bad(rows: list[Comparison]) -> bool:
+    """Whether a curve differs or is undecided, or a run failed."""
+    return bool({c.outcome for c in rows} & {Outcome.DIFFERS, Outcome.UNDECIDED, *FAILED_OUTCOMES})
+
+
+def general_advice(case: Case, rows: list[Comparison], faults: list[str], state: str) -> list[str]:
+    """List what there is to do where no cause is known."""
     outcomes = {c.outcome for c in rows}
     if faults or not rows:
         return ["Mend the input: the message above names the file and the key."]
@@ -553,41 +581,56 @@ def cause_panels(
     """
     own = [found for (name, *_), found in diagnoses.items() if name == case.name]
     failed = [found for found in own if found.failed]
-    differing = [found for found in own if not found.failed]
+    unknown = [found for found in own if not found.failed and not found.found]
     return [
         *(
             CausePanel("What happened", lines, format_runs(some))
             for lines, some in group_by(failed, lambda d: tuple(d.lines)).items()
         ),
-        *(cause_panel(some) for some in group_by(differing, lambda d: d.lines[0]).values()),
+        *map(cause_panel, own_causes(case, diagnoses)),
+        *(unknown_panel(some) for some in group_by(unknown, lambda d: d.lines[0]).values()),
     ]
 
 
-def cause_panel(found: list[Diagnosis]) -> CausePanel:
-    """Return the panel of runs with the same first cause; its rows are those of the first run."""
-    first = found[0]
+def own_causes(
+    case: Case, diagnoses: Mapping[tuple[str, str, str], Diagnosis]
+) -> list[SharedCause]:
+    """Return the causes of a case, with what they explain in all cases that share them."""
+    return [one for one in shared_causes(diagnoses.values()) if case.name in one.cases]
+
+
+def unknown_panel(found: list[Diagnosis]) -> CausePanel:
+    """Return the panel of runs whose cause was not found."""
+    first, where = found[0], format_runs(found)
     if first.fault:
-        return CausePanel("Why it differs was not found out", (first.fault,), format_runs(found))
-    tried = format_list(first.tried)
-    rows = tuple(cause_row(first, cause) for cause in first.causes[:MAX_CAUSES])
+        return CausePanel("Why it differs was not found out", (first.fault,), where)
+    lines = (*first.limits, *first.remarks)
+    title = "Cause: none of those that were tried"
+    return CausePanel(title, lines, where, cause_rows(first), format_list(first.tried))
+
+
+def cause_panel(cause: SharedCause) -> CausePanel:
+    """Return the panel of runs with the same first cause; its rows are those of the first run."""
+    first = cause.diagnoses[0]
+    # the next best cause is in the rows
+    details = (line for line in first.details if not line.startswith("next best: "))
+    lines = (*details, *first.remarks)
+    title = f"{cause.text[0].upper()}{cause.text[1:]}"
+    where = format_runs([*cause.diagnoses])
+    return CausePanel(title, lines, where, cause_rows(first), format_list(first.tried))
+
+
+def cause_rows(found: Diagnosis) -> tuple[CauseRow, ...]:
+    """Return the rows of the causes of a run, and of no change."""
+    rows = tuple(cause_row(found, cause) for cause in found.causes[:MAX_CAUSES])
     unchanged = CauseRow("nothing changed", "", "", "1", axis_place(1.0))
-    if not rows or first.causes[0].score <= 0:
-        title = "Cause: none of those that were tried"
-        return CausePanel(
-            title, first.remarks, format_runs(found), (*rows, unchanged) if rows else (), tried
-        )
-    best = first.causes[0]
-    words = [f"as good: {format_list(best.same)}"] * bool(best.same)
-    # the first line is the title already, and the next best cause is in the rows
-    effect, *rest = (line for line in first.lines[1:] if not line.startswith("next best: "))
-    lines = (effect, *(line for line in rest if line not in words), *words)
-    return CausePanel(f"Cause: {best.words}", lines, format_runs(found), (*rows, unchanged), tried)
+    return (*rows, unchanged) if rows else ()
 
 
 def cause_row(diagnosis: Diagnosis, cause: Explanation) -> CauseRow:
     """Return a row of the table of causes."""
     wrong = f", {len(cause.breaks)} wrong" if cause.breaks else ""
-    changes = (f"{n} {number(a, 6)} → {number(b, 6)}" for n, (a, b) in cause.changes.items())
+    changes = (fault.change for fault in cause.faults)
     return CauseRow(
         ", ".join(changes) or cause.words,
         str(cause.fitted),

@@ -7,7 +7,7 @@ not used, since it rounds to six digits and does not accept a model whose rods a
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.lines import WrittenValue, attribute_value
 from proofmass.sim.contents import key_names, pose_of_key
 from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_spec, read_tree
 from proofmass.sim.plane import find_plane
@@ -35,6 +36,7 @@ COMPILED_FIELDS = {
     ("body", "pos"): "body_pos",
     ("site", "pos"): "site_pos",
     ("joint", "pos"): "jnt_pos",
+    ("joint", "axis"): "jnt_axis",
     ("joint", "range"): "jnt_range",
     ("joint", "solreflimit"): "jnt_solref",
     ("joint", "solimplimit"): "jnt_solimp",
@@ -350,13 +352,47 @@ def add_to_attribute(
     values = np.array(compiled_values(source, element, place), float)
     for part, change in changes.items():
         values[part] += change
-    if place.tag == "joint" and place.attribute in ("ref", "springref", "range"):
-        hinge = source.bare.jnt_type[place.index] == mujoco.mjtJoint.mjJNT_HINGE
-        if hinge and tree.compiler.get("angle", "degree") == "degree":
-            values = np.degrees(values)
+    if in_degrees(source, tree, place):
+        values = np.degrees(values)
     if place.tag == "joint" and place.attribute == "range" and "limited" not in element.attrib:
         element.set("limited", "true")
     element.set(place.attribute, attribute_text(values))
+
+
+def in_degrees(source: Source, tree: ModelElements, place: Place) -> bool:
+    """Whether the file states a number in degrees that the compiled model has in radians."""
+    return (
+        place.tag == "joint"
+        and place.attribute in ("ref", "springref", "range")
+        and source.bare.jnt_type[place.index] == mujoco.mjtJoint.mjJNT_HINGE
+        and tree.compiler.get("angle", "degree") == "degree"
+    )
+
+
+def degrees_of(source: Source, place: Place) -> bool:
+    """Whether the file states a number in degrees, see `in_degrees`."""
+    return in_degrees(source, ModelElements(source), place)
+
+
+def written_number(source: Source, place: Place) -> WrittenValue | None:
+    """A number as the file states it; the line of its element alone if the number is a default.
+
+    None if the element itself is not written, or belongs to a rod.
+    """
+    if place.tag == "rod":
+        return None
+    tree = ModelElements(source)
+    written = [id(element) for element in tree.root.iter()]
+    try:
+        element = tree.element(place)
+    except NotWritten:
+        return None
+    if id(element) not in written:  # an <inertial> that the body's geoms stand for
+        if place.tag != "inertial":
+            return None
+        element = tree.element(replace(place, tag="body"))
+    count = written.index(id(element))
+    return attribute_value(source.path, count, place.attribute, place.part)
 
 
 def compiled_values(source: Source, element: Element, place: Place) -> Any:

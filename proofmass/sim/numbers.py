@@ -105,6 +105,7 @@ NUMBER_KINDS = {
     "anchor": "m",
     "site": "m",
     "direction": "rad",
+    "axis": "1",
     "zero": "rad",
     "coupling": "1",
     "start value": "rad",
@@ -230,6 +231,18 @@ def numbers_of_joints(source: Source, sizes: Sizes) -> Iterator[Number]:
                     Place("joint", j, attribute),
                     getattr(model, COMPILED_FIELDS["joint", attribute])[j],
                 )
+
+
+def joint_axes(source: Source) -> list[list[Number]]:
+    """The components of the axis of each hinge and slide that are not 0."""
+    model, found = source.bare, list[list[Number]]()
+    for j in range(model.njnt):
+        if mujoco.mjtJoint(int(model.jnt_type[j])) not in SCALAR_JOINT_UNITS:
+            continue
+        name, place = f"joint {element_name(model, 'joint', j)}", Place("joint", j, "axis")
+        parts = [k for k in range(3) if model.jnt_axis[j, k]]
+        found.append([*make_components("axis", name, model.jnt_axis[j], parts, place, 1.0)])
+    return found
 
 
 def numbers_of_springs(

@@ -14,7 +14,7 @@ from proofmass.analytic.controls import NO_INDICES
 from proofmass.analytic.numerics import Array, CannotAssemble, Index, without_rounding
 from proofmass.analytic.start import start_pose, start_rates
 from proofmass.sim.protocol import BadModel, Run
-from proofmass.sim.smooth import EQ, SmoothTerms
+from proofmass.sim.smooth import EQ, LOOP_EQUALITIES, ROWS_PER_EQUALITY, SmoothTerms
 
 
 @dataclass(frozen=True)
@@ -111,3 +111,24 @@ def start_state(model: mujoco.MjModel, run: Run) -> tuple[Array, Array]:
         raise BadModel(f"{error}{where and f', with {where}'}") from None
     found, rows = begin.prescribed(q)
     return q, start_rates(rows, speed, np.append(np.zeros(len(found) - len(rate)), rate))
+
+
+def loop_opening(model: mujoco.MjModel, key: str) -> float:
+    """The largest distance of two points that a loop joins, in the pose of a key [m]."""
+    return opening_at(SmoothTerms(model, key), key_pose(model, key)) if model.neq else 0.0
+
+
+def key_pose(model: mujoco.MjModel, key: str) -> Array:
+    """The pose of a key (nq,), or the initial pose of a model without keys."""
+    return np.array(model.key_qpos[model.key(key).id] if model.nkey else model.qpos0)
+
+
+def opening_at(terms: SmoothTerms, pose: Array) -> float:
+    """The largest opening of a loop in a pose [m]."""
+    gaps, first, largest = terms.equalities(pose)[0], 0, 0.0
+    for e in np.flatnonzero(terms.model.eq_active0):
+        kind = EQ(int(terms.model.eq_type[e]))
+        if kind in LOOP_EQUALITIES:  # whose rows come first, three of them a distance
+            largest = max(largest, float(np.linalg.norm(gaps[first : first + 3])))
+            first += ROWS_PER_EQUALITY[kind]
+    return largest

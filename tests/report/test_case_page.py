@@ -473,13 +473,12 @@ def test_causes_are_first_on_the_page(fourbar: Case, result: Result, tmp_path: P
     }
     found["fourbar", "sweep", "pymunk"] = make_diagnosis("sweep", "pymunk", remarks=("no less",))
     panel, none = cause_panels(fourbar, found)
-    assert panel.title == "Cause: rocker is longer"
-    assert panel.lines == (
-        "puts 2 of 3 channels right, 1e-15 of the error left; not c",
-        "line 33",
-        "as good: a twin",
+    assert panel.title == (
+        "Most likely (33 % explained): rocker is longer; with that changed 4 of 6 curves of 2 runs "
+        "agree, but 2 that agreed would differ"
     )
-    assert [row.words for row in panel.rows] == ["rocker 2.5 → 2.525"] * 2 + ["nothing changed"]
+    assert panel.lines == ("1e-15 of the error left; not c", "as good: a twin", "line 33")
+    assert [row.words for row in panel.rows] == ["rocker is longer", "crank is", "nothing changed"]
     assert panel.rows[0].explains == "2 of 3, 1 wrong"
     places = [row.place for row in panel.rows]
     assert places == sorted(places)  # each leaves less error than no change does
@@ -493,7 +492,7 @@ def test_causes_are_first_on_the_page(fourbar: Case, result: Result, tmp_path: P
     with without_figures():
         page = write_report(replace(result, diagnoses=found), tmp_path).with_name("fourbar.html")
     text = page.read_text(encoding="utf-8")
-    assert text.index("Cause: rocker is longer") < text.index("Not checked")
+    assert text.index("Most likely (33 % explained): rocker is longer") < text.index("Not checked")
     assert "Tried: sign and unit." in text
 
 
