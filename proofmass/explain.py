@@ -102,7 +102,10 @@ def format_coverage(case: Case, found: Coverage) -> Iterator[str | Table]:
             f"{format_solver(solver)}: recorded curves; no number of the model acts on them", "  "
         )
     if found.differing:
-        yield from wrap_lines(f"differ already, and are not used: {', '.join(found.differing)}")
+        yield from wrap_lines(
+            f"differ already, and are not used: {', '.join(found.differing)}; "
+            f"`proofmass check {case.file.name}` names the cause"
+        )
     yield ""
     yield "What the reference reads"
     yield from wrap_lines(format_reference_coverage(case, found), "  ")

@@ -73,8 +73,7 @@ def factor_causes(residuals: Residuals) -> Iterator[Explanation]:
         divided = {
             name: residuals.curve[name] / factor - residuals.reference[name]
             for name in moving
-            if not unit_words
-            or units[name].partition("/")[0].partition(" ")[0] in unit_words.split()
+            if has_unit(units[name], unit_words)
         }
         if right := residuals.agreeing(divided):
             faults = channel_faults(
@@ -86,9 +85,8 @@ def factor_causes(residuals: Residuals) -> Iterator[Explanation]:
         factor = (
             float(residuals.curve[name] @ residuals.reference[name]) / square if square else 0.0
         )
-        if not factor or any(
-            abs(factor / known - 1) < SAME_SHARE for known, _ in KNOWN_FACTORS.values()
-        ):
+        known = [f for f, unit_words in KNOWN_FACTORS.values() if has_unit(units[name], unit_words)]
+        if not factor or any(abs(factor / one - 1) < SAME_SHARE for one in known):
             continue
         right = residuals.agreeing(
             {n: residuals.curve[n] / factor - residuals.reference[n] for n in moving}
@@ -97,6 +95,15 @@ def factor_causes(residuals: Residuals) -> Iterator[Explanation]:
             words = f"{format_list(right)} times {factor:.6g}"
             faults = channel_faults(residuals, [*right], "scale", factor)
             yield residuals.judged("factor", words, right, 2, faults=faults)
+
+
+def has_unit(unit: str, words: str) -> bool:
+    """Whether the first word of a unit is one of some words; all units are, if there are none.
+
+    >>> has_unit("m/s", "m kg"), has_unit("rad", "m kg"), has_unit("rad", "")
+    (True, False, True)
+    """
+    return not words or unit.partition("/")[0].partition(" ")[0] in words.split()
 
 
 def offset_causes(residuals: Residuals) -> Iterator[Explanation]:

@@ -23,9 +23,10 @@ from proofmass.coverage import (
     coverage_key,
 )
 from proofmass.coverage_search import CheckedRun, Finding
-from proofmass.diagnosis import Diagnosis, Explanation
+from proofmass.diagnosis import Diagnosis, Explanation, Fault, shared_causes
 from proofmass.errors import InputError
 from proofmass.explain import format_not_noticed
+from proofmass.outcome import Outcome
 from proofmass.reference import ComparedCurves, evaluate
 from proofmass.report import case_page, write_report
 from proofmass.report.case_data import (
@@ -494,6 +495,35 @@ def test_causes_are_first_on_the_page(fourbar: Case, result: Result, tmp_path: P
     text = page.read_text(encoding="utf-8")
     assert text.index("Most likely (33 % explained): rocker is longer") < text.index("Not checked")
     assert "Tried: sign and unit." in text
+
+
+def test_what_to_do_is_the_remedy_of_the_cause(fourbar: Case, result: Result) -> None:
+    """The general advice is for runs without a known cause only."""
+    rows = [
+        replace(c, outcome=Outcome.DIFFERS)
+        for c in result.comparisons
+        if c.case == fourbar.name and c.solver == "mujoco" and c.outcome == Outcome.AGREES
+    ]
+    line = '<site name="rocker_end" pos="2.5 0 0"/>'
+    fault = Fault(fourbar.model_path, 33, "rocker_end x", "m", 2.525, 2.5, instead=line)
+    cause = Explanation("number of the model", "w", ("a",), (), 0.0, 1, faults=(fault,))
+    found = {
+        ("fourbar", run, "mujoco"): Diagnosis("fourbar", run, "mujoco", ("a",), causes=(cause,))
+        for run in ("sweep", "dynamics")
+    }
+    remedy = f"In fourbar.xml, line 33, change rocker_end x from 2.525 m to 2.5 m: {line}"
+    causes = shared_causes(found.values())
+    assert advice(fourbar, rows, [], "bad", causes) == [remedy]
+    first = shared_causes([found["fourbar", "sweep", "mujoco"]])
+    told = advice(fourbar, rows, [], "bad", first)
+    assert told[0] == remedy
+    assert any("Halve the time step" in words for words in told[1:])
+    (panel,) = cause_panels(fourbar, found)
+    assert panel.title == (
+        "Cause: fourbar.xml, line 33: rocker_end x is 2.525 m; "
+        "with 2.5 m both curves of 2 runs agree"
+    )
+    assert panel.lines[0] == f"fourbar.xml, line 33 would be: {line}"
 
 
 def test_a_failed_search_for_causes_is_reported(fourbar: Case) -> None:

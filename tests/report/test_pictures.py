@@ -16,7 +16,7 @@ from matplotlib import get_data_path
 from PIL import Image
 
 from benchmarks.pictures import few_colours, picture
-from proofmass.diagnosis import Diagnosis, Explanation
+from proofmass.diagnosis import Diagnosis, Explanation, Fault
 from proofmass.report import write_report
 from proofmass.report.record import Made
 from proofmass.sidecar import load_case
@@ -72,14 +72,16 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def example_diagnosis(*key: str) -> Diagnosis:
     """A diagnosis of five channels that differ, with two causes."""
     names = ("pin.x", "pin.y", "rocker", "point.x", "point.y")
+    fault = Fault(
+        Path("fourbar.xml"), 33, "rocker_end x", "m", 2.525, 2.5,
+        instead='<site name="rocker_end" pos="2.5 0 0"/>',
+    )  # fmt: skip
     longer = Explanation(
-        "parameter", "rocker = 2.525 m instead of 2.5 m (+1 %)", names[:4], (), 1e-13, 5, 1,
-        {"rocker": (2.5, 2.525)},
+        "number of the model", fault.change, names, (), 1e-13, 5, 1, {"rocker": (2.5, 2.525)},
+        faults=(fault,),
     )  # fmt: skip
     late = Explanation("shift", "pin.x late by 0.01 in x", names[:1], (), 0.1, 5, 2)
-    return Diagnosis(
-        *key, names, 5, (longer, late), ("sign", "unit"), ("2.525 stands in fourbar.xml, line 33",)
-    )
+    return Diagnosis(*key, names, 5, (longer, late), ("sign", "unit"))
 
 
 def take_picture(browser: Any, page: Path, change: str = "") -> Image.Image:
