@@ -708,12 +708,15 @@ def test_a_second_drive_follows_rows_beside_a_first_one_of_constant_rate(
     np.testing.assert_allclose(speed[1], np.cos(time), rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("lost", [0, 1])
 @pytest.mark.parametrize("kind", ["sweep", "dynamics"])
-def test_a_party_agrees_with_a_reference_whose_first_row_is_lost(kind, write, tmp_path) -> None:
-    """The party's file has all rows, and its clock 0 is at `from`, not at the reference's row."""
+def test_a_party_agrees_with_a_reference_whose_first_row_is_lost(
+    kind, lost, write, tmp_path
+) -> None:
+    """The 0 of the party's clock is at `from`, also if the party lacks that row as well."""
     crank = TWO_TURNS.crank(EVEN)
     file = write("reference", kind, TWO_TURNS, rocker_table({"t [s]": EVEN[1:]}, crank[1:]))
-    (tmp_path / "own.csv").write_text(rocker_table({"t [s]": EVEN}, crank))
+    (tmp_path / "own.csv").write_text(rocker_table({"t [s]": EVEN[lost:]}, crank[lost:]))
     text = file.read_text().replace('["mujoco"]', '["recorded:own"]')
     settings = '[settings."recorded:own"]\nfile = "own.csv"\nchannels.rocker = "rocker"\n'
     file.write_text(text.replace("[channels]", f"{settings}\n[channels]"))
@@ -767,3 +770,33 @@ def test_jumps_of_other_sizes_are_no_wraps() -> None:
     for jump in (330.0, 360.0, 390.0, -360.0):
         assert find_wrap(slow + jump * steps, 360.0) == 24
     assert find_wrap(np.array([0.0, 360.0]), 360.0) is None  # two rows tell nothing of the speed
+
+
+@pytest.mark.parametrize("kind", ["sweep", "dynamics"])
+def test_a_wrapped_drive_of_a_reference_is_unwrapped_where_the_sidecar_says_so(kind, write) -> None:
+    """The crank, its rate and its acceleration are columns of the reference."""
+    crank = TWO_TURNS.crank(EVEN)
+    columns = {"t [s]": EVEN, "crank [deg]": np.degrees(crank) % 360}
+    rates = {"w [rad/s]": np.full(401, TURN), "a [rad/s^2]": np.zeros(401)}
+    text = table({**columns, **rates, "rocker [deg]": np.degrees(rocker_angle(crank))})
+    drive = Motion('profile = ["crank", "w", "a"]', TWO_TURNS.crank, 2.0)
+    file = write("reference", kind, drive, text)
+    message = refusal_of("reference", kind, file)
+    assert "line 202: crank jumps from 358.2 to 0 deg" in message
+    assert "[recording] columns.crank = { unwrap = true }" in message
+    given = 'reference = "rig.csv"\nrecording.columns.crank = { unwrap = true }'
+    file.write_text(file.read_text().replace('reference = "rig.csv"', given))
+    led = prescribed_run(load_case(file), kind).motion(EVEN)[0][0]
+    np.testing.assert_allclose(led, crank, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["sweep", "dynamics"])
+def test_a_load_has_the_clock_of_the_drives_file(kind, write, tmp_path) -> None:
+    """The motor's file begins at 3.25 s, the load's at 0 s; at 3.25 s of both the run begins."""
+    motor, rows = np.linspace(3.25, 5.25, 401), np.linspace(0.0, 10.0, 2001)
+    (tmp_path / "motor.csv").write_text(table({"t [s]": motor, "q [rad]": 0.1 * motor}))
+    drive = Motion('profile = { file = "motor.csv", value = "q" }', np.sin, 2.0, steady=False)
+    file = write("profile", kind, drive, table({"t [s]": rows, "rocker [rad]": np.sin(rows)}))
+    x, control = curve_of("profile", kind, file)
+    assert (x[0], x[-1]) == pytest.approx((0.0, 2.0))
+    np.testing.assert_allclose(control, np.sin(x + 3.25), rtol=0, atol=1e-9)
