@@ -28,7 +28,7 @@ from proofmass.report.index_page import (
 from proofmass.report.overview import error_cell, overview_table
 from proofmass.report.record import History, Record, extend_history
 from proofmass.report.style import solver_looks
-from proofmass.report.trend import trend_of, trend_order
+from proofmass.report.trend import format_growth, trend_of, trend_order
 from tests.report.index_rows import (
     MADE,
     comparison_of,
@@ -345,6 +345,11 @@ def test_a_row_of_a_trend_has_the_last_error_that_is_known_and_the_largest():
     (row,) = trend_of(history, CASES["pendulum"], [angle(2e-8)]).rows
     assert (row.first, row.before, row.now, row.largest) == ("1e-9", "8e-8", "2e-8", "8e-8")
     assert row.growth == "÷ 4"
+
+
+def test_a_factor_of_two_is_no_growth():
+    assert [format_growth(1e-6, now) for now in (2e-6, 5e-7)] == ["", ""]
+    assert [format_growth(1e-6, now) for now in (2.1e-6, 4e-7)] == ["× 2.1", "÷ 2.5"]
 
 
 def changes_between(before: list, now: list) -> list[Change]:
