@@ -93,7 +93,8 @@ A cause is a hypothesis: the change makes the reference agree with the curves.
 fault is the first cause that is named for {first} of them, and it is among the first three causes
 for {three}. For {side} the first sentence also has the wrong value at the side where it was
 planted; a parameter of 4 kg in place of 2 kg does not show by itself whether the sidecar or the
-model is wrong. A search takes {mean} s on average, and {slowest} s at most. The column *differing*
+model is wrong. A search takes {mean} s on average, and {slowest} s at most; they depend on the
+load of the machine, which had two processors and twenty busy processes. The column *differing*
 has the channels that differ, *place* the position of the planted fault among the named causes, and
 *left* the share of the differences that the first cause leaves.
 
