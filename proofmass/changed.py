@@ -76,9 +76,9 @@ class Baseline:
         return self.kind, self.solver
 
     @property
-    def seconds(self) -> float:
-        """Wall time of the engine [s]; 0 if it is not known."""
-        return next((c.seconds for c in self.comparisons if math.isfinite(c.seconds)), 0.0)
+    def steps(self) -> int:
+        """Steps of the engine; 0 if they are not known."""
+        return next((c.steps for c in self.comparisons), 0)
 
 
 @dataclass(frozen=True)

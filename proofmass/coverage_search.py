@@ -287,9 +287,9 @@ class Search:
         return bool(outcomes & {Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY})
 
     def runs(self) -> list[Baseline]:
-        """The runs with checked channels: runs at rest first, then by wall time."""
+        """The runs with checked channels: runs at rest first, then by steps."""
         checked_runs = [one for one in self.before if one.errors]
-        return sorted(checked_runs, key=lambda one: (one.kind == "dynamics", one.seconds))
+        return sorted(checked_runs, key=lambda one: (one.kind == "dynamics", one.steps))
 
     def trial(self, run: Baseline, changes: Changes, whole: bool = False) -> Trial:
         """A run with changed numbers; a run that ends with its worker gives a failed trial."""

@@ -217,13 +217,17 @@ class IdleWatch(threading.Thread):
 
 
 def processor_seconds(process_id: int) -> float | None:
-    """Processor time of another process [s]; None where the system does not show it."""
+    """Processor time of a process and its children [s]; None where the system does not show it."""
+    process = Path(f"/proc/{process_id}")
     try:
-        state = Path(f"/proc/{process_id}/stat").read_text("utf-8", "replace").rpartition(")")[2]
+        state = (process / "stat").read_text("utf-8", "replace").rpartition(")")[2].split()
+        children = [
+            one for file in process.glob("task/*/children") for one in file.read_text("utf-8").split()
+        ]
     except OSError:
         return None
-    user, system = state.split()[11:13]
-    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+    own = sum(map(int, state[11:15])) / os.sysconf("SC_CLK_TCK")  # of ended children as well
+    return own + sum(processor_seconds(int(child)) or 0.0 for child in children)
 
 
 def import_path() -> list[str]:

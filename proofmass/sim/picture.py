@@ -6,7 +6,6 @@ The poses are those of the engine.  A body is drawn as its geoms, and also as li
 joints and loops if its geoms do not reach these.
 """
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
@@ -27,6 +26,7 @@ from proofmass.sim.contents import (
 from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.equilibrium import RestingLinkage, UnstableRest, linkage_of
 from proofmass.sim.mujoco.linkage import Linkage
+from proofmass.sim.mujoco.work import PYTHON_STEP, StepWork
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported, whole_steps
 from proofmass.sim.rods import chain, joint_names
@@ -411,7 +411,7 @@ def distance_to_outline(point: Array, outline: Array) -> float:
     return float(np.linalg.norm(to - share[:, None] * along, axis=1).min())
 
 
-MAX_SECONDS = 5.0  # largest wall time [s] for stepping a motion
+MAX_WORK = 5.0  # largest counted processor time [s] for stepping a motion
 # share of a stride to which a drawing locates the end of a path of equilibria
 DRAWN_STRIDE_SHARE = 1e-3
 
@@ -469,11 +469,11 @@ def drive_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterato
     if not linkage.leaves_dof():
         yield from sweep_poses(model, data, run)
         return
-    deadline, begin = time.monotonic() + MAX_SECONDS, float(run.x[0])
+    work, begin = StepWork(model), float(run.x[0])
     model.opt.timestep = step = common_step(run.x, model.opt.timestep)
     shown = np.bincount(np.rint((run.x - begin) / step).astype(int))  # number of samples per step
     times = begin + step * np.arange(len(shown), dtype=float)
-    change = control_setter(model, data, run)
+    change, spent = control_setter(model, data, run), 0.0
     for k, torque in enumerate((*initialize_dynamics(linkage, run, times)[0], None)):
         for _ in range(shown[k]):
             mujoco.mj_kinematics(model, data)
@@ -482,7 +482,8 @@ def drive_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterato
             data.qfrc_applied[linkage.dofs] = torque
             change(times[k] + 0.5 * step)
             mujoco.mj_step(model, data)
-        if time.monotonic() >= deadline or not np.isfinite(data.qpos).all():
+        spent += work.step(data) + PYTHON_STEP
+        if spent >= MAX_WORK or not np.isfinite(data.qpos).all():
             raise Unsupported("the motion was not followed to its end")
 
 
@@ -501,13 +502,14 @@ def common_step(x: Array, longest: float) -> float:
 
 def step_poses(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Iterator[bool]:
     """Step a free motion of the model from sample to sample."""
-    deadline, data.time = time.monotonic() + MAX_SECONDS, run.x[0]
+    work, spent, data.time = StepWork(model), 0.0, run.x[0]
     change, half = control_setter(model, data, run), 0.5 * model.opt.timestep
     for moment in run.x:
-        while data.time < moment - half and time.monotonic() < deadline:
+        while data.time < moment - half and spent < MAX_WORK:
             change(data.time + half)
             mujoco.mj_step(model, data)
-        if time.monotonic() >= deadline or not np.isfinite(data.qpos).all():
+            spent += work.step(data) + PYTHON_STEP
+        if spent >= MAX_WORK or not np.isfinite(data.qpos).all():
             raise Unsupported("the free motion was not followed to its end")
         mujoco.mj_kinematics(model, data)
         yield False

@@ -418,7 +418,7 @@ class Curves:
     violation : float
         Largest constraint violation: distance between two points that a loop joins [m].
     seconds : float
-        Wall time of the run without loading the model [s].
+        Processor time of the run without loading the model [s].
     steps : int
         Engine steps (dynamics) or pose solutions (sweep).
     settings : dict
@@ -441,6 +441,11 @@ class Curves:
     asked_step : float
         Time step that the model or its settings ask for [s]; the step that was made is
         ``settings["timestep"]``.  NaN in runs without time steps.
+    work : float
+        Processor time that the steps of the run count [s]: their number times a time that the
+        engine computes from the sizes of the model and the settings.  It is the same on every
+        machine, so that it decides which of two settings is cheaper; NaN if the engine does not
+        count it.
     """
 
     x: Array
@@ -458,6 +463,7 @@ class Curves:
     by_profile: bool = False
     notes: tuple[str, ...] = ()
     asked_step: float = float("nan")
+    work: float = nan
 
     @property
     def made_step(self) -> float:
@@ -469,6 +475,11 @@ class Curves:
     def has_other_step(self) -> bool:
         """Whether the time step was another one than the model or its settings ask for."""
         return self.made_step < MIN_STEP_SHARE * self.asked_step
+
+    @property
+    def cost(self) -> float:
+        """The counted processor time, or the measured one if none is counted [s]."""
+        return self.seconds if isnan(self.work) else self.work
 
     def first(self, count: int) -> "Curves":
         """The curves at the first `count` samples."""

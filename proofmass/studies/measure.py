@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
+from math import isnan
 from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar, cast
@@ -162,10 +163,12 @@ def read_reference(case: Case, kind: Kind, file: Path) -> None:
             cache_reference(key, dict(arrays))
 
 
-REFERENCE_TIMEOUT = 600.0  # s, wall time after which the reference of a free motion is given up
+REFERENCE_TIMEOUT = (
+    600.0  # s, processor time after which the reference of a free motion is given up
+)
 reference_locks: dict[Path, Lock] = {}
 SHORT_RUN_SECONDS = 0.02
-"""Wall time [s] below which a run is made twice and timed the second time: a process needs some
+"""Counted time [s] below which a run is made twice and timed the second time: a process needs some
 milliseconds more for the first run."""
 CONSTANT_RANGE = 1e-9
 """Largest share of the largest range of a unit's curves at which a curve is only rounding."""
@@ -194,7 +197,7 @@ class StudyRun:
     key : str
         Key of the run in the store, if it is known; see `proofmass.studies.store.task_key`.
     timed : bool
-        Whether the wall time matters: a short run is then made twice, and the second one timed.
+        Whether the time matters: a short run is then made twice, and the second one timed.
     """
 
     case: Case
@@ -232,11 +235,17 @@ class Measurement:
     curves: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
     step: float = NAN
     load: float = NAN
+    work: float = NAN
 
     @property
     def complete(self) -> bool:
-        """Whether the run came to an end, so that its wall time counts."""
+        """Whether the run came to an end, so that its time counts."""
         return self.outcome in (Outcome.RAN, Outcome.STOPPED)
+
+    @property
+    def cost(self) -> float:
+        """The counted processor time, or the measured one if none is counted [s]."""
+        return self.seconds if isnan(self.work) else self.work
 
 
 failed_references: dict[Path, Measurement] = {}
@@ -262,7 +271,7 @@ def measure(
     *args
         Arguments of the function.
     timeout, memory : float
-        Wall time and memory at which the process is ended [s, GiB].
+        Processor time and memory at which the process is ended [s, GiB].
 
     Returns
     -------
@@ -285,7 +294,7 @@ def measure_task(task: StudyRun, is_repeat: bool, timeout: float) -> Measurement
     is_repeat : bool
         Whether this is a repeat, which is timed and not compared with the reference.
     timeout : float
-        Wall time after which the run is given up [s].
+        Processor time after which the run is given up [s].
 
     Raises
     ------
@@ -344,7 +353,7 @@ def observe(task: StudyRun, is_repeat: bool, core: int | None) -> Measurement:
             read_reference(case, task.run, task.reference)
         before = load_average()
         curves, shared = time_run(task.setting.engine, case.model_path, run)
-        if task.timed and curves.seconds < SHORT_RUN_SECONDS:
+        if task.timed and curves.cost < SHORT_RUN_SECONDS:
             curves, shared = time_run(task.setting.engine, case.model_path, run)
         cost = Measurement(
             {},
@@ -356,6 +365,7 @@ def observe(task: StudyRun, is_repeat: bool, core: int | None) -> Measurement:
             describe_machine(),
             step=step_taken(task.run, curves),
             load=max(before, load_average()),
+            work=curves.work,
         )
         return cost if is_repeat else compare_run(case, run, curves, cost)
 

@@ -30,7 +30,7 @@ STUDY_KINDS = (
         "trade",
         "trade.csv",
         "What accuracy costs",
-        "errors against wall time, orders, error floors and their causes",
+        "errors against processor time, orders, error floors and their causes",
         write_trade,
     ),
     StudyKind(

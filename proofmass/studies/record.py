@@ -92,9 +92,9 @@ class StudyRow:
         energy: largest change of energy over the largest kinetic energy [1], where nothing drives
         or brakes the motion; stretch of rods [1].
     seconds, steps : float, int
-        Shortest wall time of all runs of the setting [s]; number of time steps.
+        Shortest processor time of all runs of the setting [s]; number of time steps.
     repeats : tuple of float
-        Wall times of all runs that were timed [s].
+        Processor times of all runs that were timed [s].
     pinned : bool
         Whether its process was pinned to a processor that no other run of a study used meanwhile.
     shared : float
@@ -118,6 +118,8 @@ class StudyRow:
         Load average of the machine, the number of processes that wanted a processor [1] in the last
         minute: the largest of those at the start and end of the timed runs.  NaN where the system
         has none, and in tables of earlier versions.
+    work : float
+        Processor time that the steps of the run count [s], see `proofmass.sim.protocol.Curves`.
     """
 
     study: str
@@ -142,6 +144,12 @@ class StudyRow:
     asked: dict[str, float] = field(default_factory=dict)
     step: float = NAN
     load: float = NAN
+    work: float = NAN
+
+    @property
+    def cost(self) -> float:
+        """What decides which setting is cheaper [s]: the counted time, else the measured one."""
+        return self.seconds if math.isnan(self.work) else self.work
 
     def reached(self, kind: str) -> float:
         """Error of a kind against the prescribed motion, `asked` if there is any; NaN if none."""
@@ -171,16 +179,19 @@ COLUMN_DESCRIPTIONS = {
     "invariant": "violation: largest distance of points that a loop should hold together [m]; "
     "energy: largest change over the largest kinetic energy, of free motions without "
     "friction [1]; stretch: of rods [1]",
-    "seconds": "shortest wall time of all runs of the setting, without loading the model [s]",
+    "seconds": "shortest processor time of all runs of the setting, without loading the model [s]",
     "steps": "time steps of dynamics, solved poses otherwise",
     "step": "time step that the engine took in dynamics [s]: the one of `parameter.timestep`, or "
     "the next shorter one of which whole ones lead from sample to sample",
-    "repeats": "all wall times [s], as a JSON array: of settings near the front those of several "
-    "rounds, of the others that of one run; a short run is made twice, and timed the second time",
+    "repeats": "all processor times [s], as a JSON array: of settings near the front those of "
+    "several rounds, of the others that of one run; a short run is made twice, and timed the "
+    "second time",
     "pinned": "whether the process kept to one processor, and no other run of a study to the same",
     "shared": "share of the time of the run in `seconds` that its processor gave to others [1]",
     "load": "largest load average of the last minute when a timed run began or ended, over all "
     "processors of the machine; empty where the system has none [processes]",
+    "work": "processor time that the steps count, the same on every machine [s]; it decides which "
+    "setting is cheaper",
     "machine": "its processor, and how many it has",
     "outcome": "ran, stopped (a sweep that ended early), diverged, not finite, no reference (at a "
     "pose that the run came to), crashed, timed out, out of memory, unsupported",

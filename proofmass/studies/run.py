@@ -3,7 +3,7 @@
     store = Store(folder)
     with pool(jobs=2) as workers:                        # or pool(dask="tcp://...")
         rows = run(tasks, store, workers, repeats=0)     # errors and invariants; one run each
-        rows = run(tasks, store, workers)                # the same, and wall times of 5 more rounds
+        rows = run(tasks, store, workers)                # the same, and times of 5 more rounds
     write_table(rows, folder / "trade.csv")
     store.curves(rows[0].key)                            # x, channel.angle, ...
 
@@ -27,10 +27,10 @@ from proofmass.studies.store import Store
 Progress = Callable[[str, int, int], None]
 RunKey = tuple[str, int]  # key of a task and number of the repeat; 0 is the first run, with errors
 REPEATS_SECONDS = 0.3
-"""Wall time that all repeats of a long run take together [s]: a short disturbance, such as an
+"""Time that all repeats of a long run take together [s]: a short disturbance, such as an
 interrupt or another process, is a small share of it."""
 LONG_RUN_SECONDS = 0.1
-"""Wall time [s] from which a run is long compared with a short disturbance."""
+"""Counted time [s] from which a run is long compared with a short disturbance."""
 
 
 def run_tasks(
@@ -44,11 +44,11 @@ def run_tasks(
     timeout: float | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[StudyRow]:
-    """Run each task once, then up to `repeats` times more for its wall time alone.
+    """Run each task once, then up to `repeats` times more for its processor time alone.
 
     Repeats are made in rounds: all tasks once, then all of them again.  A run longer than
     `LONG_RUN_SECONDS` is repeated less often: once, or until all its runs together took
-    `REPEATS_SECONDS`.  The wall time of the first run counts as well.
+    `REPEATS_SECONDS`.  The time of the first run counts as well.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def run_tasks(
         Numbers of the tasks that are repeated, all if not given; the other tasks have one timing,
         that of the first run.
     longest_repeated : float
-        A task whose first run took longer than this [s] is not repeated and has one timing.
+        A task whose first run counts more than this [s] is not repeated and has one timing.
     timeout : float, optional
-        Wall time after which a run is given up [s]; that of the sidecar if not given.
+        Processor time after which a run is given up [s]; that of the sidecar if not given.
     progress : callable
         Called as ``progress(label, done, total)`` after each run.
 
@@ -87,11 +87,11 @@ def run_tasks(
         rounds = Rounds(dict(zip(keys, tasks, strict=True)), store, executor, timeout, progress)
         rounds.make_runs([(key, 0) for key in rounds.tasks], later=repeats * len(again))
         timed = {
-            key: repeats_needed(one.seconds, repeats)
+            key: repeats_needed(one.cost, repeats)
             for key in rounds.tasks
             if key in again
             and (one := rounds.found[key, 0]).complete
-            and one.seconds <= longest_repeated
+            and one.cost <= longest_repeated
         }
         rounds.make_runs(
             [(key, n) for n in range(1, repeats + 1) for key, most in timed.items() if n <= most]
@@ -107,7 +107,7 @@ def run_tasks(
 
 
 def repeats_needed(seconds: float, repeats: int) -> int:
-    """Number of repeats of a run that took `seconds`: less than `repeats` for long runs.
+    """Number of repeats of a run that counts `seconds`: less than `repeats` for long runs.
 
     >>> [repeats_needed(seconds, 5) for seconds in (0.01, 0.2, 1.5)]
     [5, 1, 1]
@@ -182,7 +182,7 @@ class Rounds:
                 future.cancel()
 
     def limit(self, key: str) -> float:
-        """Wall time after which a run of a task is given up [s]."""
+        """Processor time after which a run of a task is given up [s]."""
         task = self.tasks[key]
         return self.timeout or task.case.run[task.run].timeout
 
@@ -226,4 +226,5 @@ def make_row(task: StudyRun, found: list[Measurement], is_timed: bool, key: str 
         first.asked,
         first.step,
         max((one.load for one in timed_runs if not isnan(one.load)), default=NAN),
+        first.work,
     )

@@ -56,7 +56,7 @@ def test_each_kind_of_quantity_has_a_row_of_panels(figure: Figure) -> None:
         "acceleration",
         "",
     ]
-    assert figure.axes[-2].get_xlabel() == "wall time of the run [s]"
+    assert figure.axes[-2].get_xlabel() == "processor time of the run [s]"
     assert all("share of the range" in ax.get_ylabel() for ax in figure.axes[::2])
     assert (
         {ax.get_xscale() for ax in figure.axes}
@@ -90,7 +90,7 @@ def test_rods_are_drawn_over_their_segments() -> None:
     assert right.get_xlabel() == "segments"
     foot, _, far = np.array(right.patches[0].get_xy())[:3]
     assert far[0] / foot[0] == 2.0
-    assert left.get_xlabel() == "wall time of the run [s]"
+    assert left.get_xlabel() == "processor time of the run [s]"
 
 
 def test_no_two_lines_look_the_same() -> None:
@@ -178,7 +178,7 @@ def test_failures_are_crosses_at_the_upper_edge(figure: Figure) -> None:
     """A failed run is a cross over the number of steps that it should have made.
 
     The run diverged and has no steps; its motion takes 6.28 s and its time step is 16 ms.  Its wall
-    time is not known, so that it is not drawn over the wall time.
+    time is not known, so that it is not drawn over the processor time.
     """
     left, right = ([one for one in ax.lines if one.get_marker() == "x"] for ax in figure.axes[:2])
     assert not left

@@ -64,10 +64,11 @@ KEPT_MESSAGES = {
     "diet": "what was tried is kept",
 }
 PREDICTED_TIME = re.compile(r"about \S+ s a run")
-"""The predicted wall time of finer steps in verdicts: a multiple of a measured wall time."""
+"""The predicted processor time of finer steps in verdicts: a multiple of a measured processor
+time."""
 VARYING_COLUMNS = "seconds", "repeats", "shared", "bytes"
-"""Beginnings of the names of columns that differ from run to run: wall times, and the bytes that
-an arena uses, which depend on its alignment."""
+"""Beginnings of the names of columns that differ from run to run: processor times, and the bytes
+that an arena uses, which depend on its alignment."""
 WORKER_END_SECONDS = (
     10.0  # s, within which the workers of a killed study end: the longest run takes 2 s
 )
@@ -206,7 +207,7 @@ def group_has_ended(group: int, within: float) -> bool:
 
 
 def time_undisturbed_run(command_name: str, folder: Path) -> float:
-    """Wall time of an undisturbed study [s]."""
+    """Processor time of an undisturbed study [s]."""
     start = time.monotonic()
     run_command(command_name, folder)
     return time.monotonic() - start
@@ -333,7 +334,7 @@ def kept_errors(folder: Path) -> dict[str, dict]:
 
 @pytest.mark.slow
 def test_choose_finds_the_same_errors_on_a_cluster_as_on_this_machine(make_folder, address):
-    """The choice of settings depends on wall times; the errors of common settings do not."""
+    """The choice of settings depends on processor times; the errors of common settings do not."""
     near, far = make_folder("near"), make_folder("far")
     run_command("choose", far, more=f"--dask {address}")
     run_command("choose", far, FORBID_RUNS["trade"])

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(  # not imported here, since its import takes as
 
 
 def results_without_times(store: Store, workers: Executor | None) -> list[tuple]:
-    """The results of the tasks that do not depend on wall times."""
+    """The results of the tasks that do not depend on processor times."""
     return [
         (one.errors, one.invariants, one.steps, one.outcome, len(one.repeats))
         for one in run_tasks(tasks(), store, workers, repeats=1)

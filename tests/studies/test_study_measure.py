@@ -1,4 +1,4 @@
-"""Results of one run of a study: relative errors, invariants, failures, and wall times."""
+"""Results of one run of a study: relative errors, invariants, failures, and processor times."""
 
 import os
 from dataclasses import replace
@@ -238,13 +238,13 @@ def test_the_time_step_that_was_taken_is_recorded(engine):
 @pytest.mark.parametrize(
     ("timed", "seconds", "made"), [(True, 0.01, 2), (True, 0.03, 1), (False, 0.01, 1)]
 )
-def test_a_short_run_is_made_twice_if_its_wall_time_matters(monkeypatch, timed, seconds, made):
+def test_a_short_run_is_made_twice_if_its_time_matters(monkeypatch, timed, seconds, made):
     """In its first run a process also loads libraries, whose time is not that of the run."""
     step, runs = measure.time_run, []
 
     def clocked(*run):
         curves, shared = step(*run)
-        runs.append(replace(curves, seconds=seconds / (1 + len(runs))))
+        runs.append(replace(curves, work=seconds, seconds=seconds / (1 + len(runs))))
         return runs[-1], shared
 
     monkeypatch.setattr(measure, "time_run", clocked)

@@ -31,7 +31,7 @@ LARGEST_PAGE = 700_000  # bytes: largest size of a page with its data
 
 
 def with_noisy_times(row: StudyRow) -> StudyRow:
-    """A row whose wall times have a spread of 1.3, measured on a machine with a high load."""
+    """A row whose processor times have a spread of 1.3, measured on a machine with a high load."""
     if not row.repeats:
         return row
     times = (row.seconds, 1.1 * row.seconds, 1.3 * row.seconds)

@@ -64,7 +64,7 @@ class ImmediateExecutor:
 
 
 def measurement(seconds: float, **changed: object) -> Measurement:
-    """A measurement with a wall time [s] and other changed fields."""
+    """A measurement with a processor time [s] and other changed fields."""
     return replace(
         Measurement({"position": 1e-3}, {"violation": 0.0}, seconds, 10, True, 0.5, "x"), **changed
     )
@@ -72,7 +72,7 @@ def measurement(seconds: float, **changed: object) -> Measurement:
 
 @pytest.fixture
 def replace_runs(monkeypatch):
-    """A function that replaces runs by measurements with given wall times [s], in order."""
+    """A function that replaces runs by measurements with given processor times [s], in order."""
 
     def take(*seconds):
         left = iter(seconds)
@@ -291,7 +291,7 @@ def stop_study(
 
 
 def rows_without_times(folder: Path) -> list[str]:
-    """The rows of a study, as text, without wall times and the load of the machine."""
+    """The rows of a study, as text, without processor times and the load of the machine."""
     return [
         repr(replace(one, seconds=NAN, repeats=(NAN,) * len(one.repeats), shared=NAN, load=NAN))
         for one in read_table(folder / "trade.csv")

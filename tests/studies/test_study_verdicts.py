@@ -702,7 +702,7 @@ def measured_series(*rows: StudyRow) -> MeasuredSeries:
 
 
 def study_row(outcome: str = "ran", seconds: float = 0.1, **errors: float) -> StudyRow:
-    """A row with an outcome, a wall time [s], and errors by kind."""
+    """A row with an outcome, a processor time [s], and errors by kind."""
     return StudyRow(
         "trade",
         "",
@@ -1403,8 +1403,8 @@ def test_costs_of_a_step_are_compared_with_and_without_a_feature(monkeypatch):
     assert own.timed(now, edited, entry("needed")) == entry("needed")
     assert replace(own, rounds=0).timed(now, edited, entry("drawn")) == entry("drawn")
     models = ("model", "old", "rod"), ("model", "old", "new", "rod")
-    # The run is cut to two samples, the least number.  The limit of wall time is 20 times that of
-    # the original run, for each of the 3 rounds.
+    # The run is cut to two samples, the least number.  The limit of processor time is 20 times
+    # that of the original run, for each of the 3 rounds.
     assert asked == [(models, 2, ("rod", "cut"), 3, 3 * 20 * 40.0)] * 3
     kept_as, (run, rounds) = own.store.keys[0]
     assert (tuple(kept_as), run.x.size, rounds) == (models, 2, 3)

@@ -36,6 +36,7 @@ from proofmass.sim.mujoco.sensors import (
 )
 from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.mujoco.settling import failure_warning
+from proofmass.sim.mujoco.work import PYTHON_STEP, StepWork
 from proofmass.sim.protocol import Curves, Diverged, Run
 from proofmass.sim.start import start_state
 
@@ -109,12 +110,12 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if drive_sensors(model, linkage, record):
         record.record_forces()
     data.time = run.x[0]
-    began = time.perf_counter()
+    began = time.process_time()
     torque = torque.reshape(run.x.size - 1, count, dofs.size)
     controls = HeldControls.of(model, run, times, count)
     with collected_warnings() as warnings:
         step_through(model, data, record, torque, instant[::count], dofs, controls)
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     state, channels, rows = None, record.curves(), record.rows
     if run.drives:
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
@@ -133,6 +134,7 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         settings=stepping_settings(model),
         violations=violations,
         asked_step=asked,
+        work=(times.size - 1) * (StepWork(model).step(data) + PYTHON_STEP * bool(run.drives)),
     )
     check_run(model, data, record, curves, warnings)
     return curves
@@ -297,7 +299,7 @@ def run_passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         The engine reset itself, or a sensor is not finite.
     """
     count, model.opt.timestep = run.steps(model.opt.timestep)
-    rows, began = np.empty((run.x.size, model.nsensordata)), time.perf_counter()
+    rows, began = np.empty((run.x.size, model.nsensordata)), time.process_time()
     for row in rows[:-1]:
         mujoco.mj_step(model, data)
         row[:] = data.sensordata  # of the state in which the step began
@@ -305,7 +307,7 @@ def run_passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
             mujoco.mj_step(model, data, count - 1)
     mujoco.mj_forward(model, data)
     rows[-1] = data.sensordata
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     check_finite(data, rows, run.x)
     return Curves(
         run.x,
@@ -313,6 +315,7 @@ def run_passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         seconds=seconds,
         steps=count * (run.x.size - 1),
         settings=stepping_settings(model),
+        work=count * (run.x.size - 1) * StepWork(model).step(data),
     )
 
 

@@ -26,6 +26,7 @@ from proofmass.sim.mujoco.sensors import (
     withhold_stage,
 )
 from proofmass.sim.mujoco.settling import settled_sweep
+from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
 from proofmass.sim.rods import Chain, RodPose, rod_channels, rod_curves
@@ -75,7 +76,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     drives = len(run.drives)
     moments, stopped, solved = np.empty((run.x.size, drives)), "", run.x.size
     force_indices = interaction_indices(record)
-    began = time.perf_counter()
+    began = time.process_time()
     fastest, path = float(np.abs(state[1]).max()), linkage.path(inputs[0])
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in inputs), strict=True)):
         try:
@@ -105,7 +106,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         record.sample(k)
     if isinstance(linkage, RubbingLinkage) and not stopped:
         linkage.check_slipped()
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     record.cut(solved)
     channels = record.curves()
     channels |= drive_moment_curves(model, linkage, record, moments[:solved])
@@ -120,6 +121,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         steps=solved,
         stopped=stopped,
         derivatives=1 if isinstance(linkage, RestingLinkage) else 2,
+        work=solved * StepWork(model).pose(),
     )
 
 
@@ -139,7 +141,7 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     Unsupported
         The degrees of freedom have no equilibrium, or an equality is of a kind that is not covered.
     """
-    began = time.perf_counter()
+    began = time.process_time()
     linkage = linkage_of(model, data, run)
     tangent = linkage.move(run.motion(run.x[:1])[0][:, 0])
     linkage.check_limits()
@@ -158,8 +160,9 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         curves,
         missing,
         violation=float(record.violations().max()),
-        seconds=time.perf_counter() - began,
+        seconds=time.process_time() - began,
         steps=1,
+        work=StepWork(model).pose(),
     )
 
 

@@ -26,6 +26,7 @@ from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_dry_friction
 from proofmass.sim.mujoco.sensors import drive_moment_curves, withhold_interactions, withhold_stage
 from proofmass.sim.mujoco.settings import stepping_settings
+from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.protocol import Curves, Diverged, NotSolved, Run
 
 W = mujoco.mjtWarning
@@ -120,12 +121,12 @@ def settled_sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curve
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record) | withhold_stage(record, VELOCITY_STAGE, NO_RATE)
     value, rate, acceleration = run.motion(run.x)
-    moments, steps, began = np.empty(value.T.shape), 0, time.perf_counter()
+    moments, steps, began = np.empty(value.T.shape), 0, time.process_time()
     for k, values in enumerate(value.T):
         steps += move_drives(linkage, values) + settle_at(linkage, values)
         moments[k] = holding_moments(linkage)
         record.sample(k)
-    seconds = time.perf_counter() - began
+    seconds = time.process_time() - began
     channels = record.curves() | drive_moment_curves(model, linkage, record, moments)
     return Curves(
         run.x,
@@ -137,6 +138,7 @@ def settled_sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curve
         steps,
         stepping_settings(model),
         derivatives=0,
+        work=steps * StepWork(model).step(data),
     )
 
 

@@ -22,6 +22,10 @@ EVALUATION = {
     "element of a flex": 3.5e-7,
 }
 """Processor time of one evaluation of the forces, by what it has [s]."""
+PYTHON_STEP = 2e-6
+"""Processor time of a call of MuJoCo from Python for one step, with the inputs of that step [s]."""
+POSE_EVALUATIONS = 30
+"""Evaluations of the forces that cost as much as the solution of a pose, with its iterations."""
 IMPLICIT_PRODUCT = 5.3e-10
 """Processor time of a product of the factorization that the integrator ``implicit`` adds [s]."""
 
@@ -62,6 +66,10 @@ class StepWork:
             + EVALUATION["row of a constraint"] * data.nefc
             + EVALUATION["product of an iteration"] * data.nJ * max(1, iterations)
         )
+
+    def pose(self) -> float:
+        """Processor time of the solution of a pose [s]."""
+        return POSE_EVALUATIONS * (self.fixed + PYTHON_STEP)
 
     def step(self, data: mujoco.MjData) -> float:
         """Processor time of a step like the last one [s]."""

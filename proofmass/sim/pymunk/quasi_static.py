@@ -39,7 +39,7 @@ from proofmass.analytic.friction import (
 )
 from proofmass.analytic.numerics import REST_RATE_SHARE, Array
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
-from proofmass.sim.pymunk.dynamics import iterations_needed
+from proofmass.sim.pymunk.dynamics import iterations_needed, step_seconds
 from proofmass.sim.pymunk.kinematics import (
     Modes,
     close_loops,
@@ -952,6 +952,8 @@ def _choose_step(links: Links, pose: Array) -> float:
 
 NO_ACCELERATION = "Chipmunk has no inverse dynamics: no accelerations in a sweep"
 NO_INERTIA = "Chipmunk has no inverse dynamics: moments and forces of a sweep are those at rest"
+POSE_STEPS = 30
+"""Steps that count as the solution of a pose."""
 NO_RATE = "Chipmunk gives no quasi-static rates where the drives leave degrees of freedom"
 
 
@@ -962,7 +964,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     """
     if not run.drives:
         raise Unsupported("a sweep without a driven joint")
-    began = time.perf_counter()
+    began = time.process_time()
     profiles = np.array(
         [[curve * np.ones(len(run.x)) for curve in drive.profile(run.x)] for drive in run.drives]
     )  # drives, (value, rate, acceleration), samples
@@ -1000,11 +1002,12 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         missing,
         state,
         float(constraint_violations(links, pose).max()),
-        time.perf_counter() - began,
+        time.process_time() - began,
         n,
         {"iterations": sweep_state.most, "error_bias": settings["error_bias"]},
         stopped,
         derivatives=0 if sweep_state.free else 1,
+        work=n * POSE_STEPS * step_seconds(links, len(run.drives), sweep_state.most),
     )
 
 
@@ -1080,7 +1083,7 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
 
     The shapes of rods are given at the arc lengths ``run.x``; sensors are constant along ``run.x``.
     """
-    began, start = time.perf_counter(), run.motion(run.x[:1])[0][:, 0]
+    began, start = time.process_time(), run.motion(run.x[:1])[0][:, 0]
     sweep_state = start_sweep(links, settings)
     sweep_state.settle(start)
     pose = sweep_state.pose
@@ -1103,9 +1106,10 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
         curves,
         missing,
         violation=float(constraint_violations(links, pose).max()),
-        seconds=time.perf_counter() - began,
+        seconds=time.process_time() - began,
         steps=1,
         settings={"iterations": sweep_state.most, "error_bias": settings["error_bias"]},
+        work=POSE_STEPS * step_seconds(links, len(run.drives), sweep_state.most),
     )
 
 

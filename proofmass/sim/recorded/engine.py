@@ -123,7 +123,7 @@ def simulate(model: Path, run: Run) -> Curves:
     """
     if run.kind == "passive":
         raise Unsupported("a model without a sidecar, which names no recorded file")
-    begin = time.perf_counter()
+    begin = time.process_time()
     compiled = compile_model(model, run.rods)
     export = Export(RecordedSettings.read(run.settings))
     table, columns = export.table, export.settings.channels
@@ -152,7 +152,7 @@ def simulate(model: Path, run: Run) -> Curves:
             if name not in columns
         },
         drive=recorded_drive(export, rows, run, exact),
-        seconds=time.perf_counter() - begin,
+        seconds=time.process_time() - begin,
         settings={"x": export.recording.column.column},
         uncertainty=uncertainty,
         notes=(describe_source(export, rows, uncertainty),),

@@ -90,8 +90,11 @@ OUTCOME_LABELS = {
 """Outcomes of models that run, as the terminal shows them."""
 
 
-MAX_SLOWDOWN = 20.0  # times the wall time of the original model, after which a run is given up
+MAX_SLOWDOWN = 20.0  # times the counted time of the original model, after which a run is given up
 MAX_OPTION_SLOWDOWN = 3.0  # the same for an option, which has to be cheaper
+MIN_GAIN = 0.05
+"""Least share of the time that an option must save for certain: processes that share the caches of
+the processor change smaller shares."""
 MIN_TIMEOUT = 30.0  # s: no run is given up before
 TIMING_ROUNDS = 15
 """Number of pairs of timed runs; the interval of their median is from the 3rd to the 13th value."""
@@ -363,7 +366,7 @@ class DietSearch:
             for rung in make(current, self.scene):
                 edited, entry = self.tried(current, rung, True)
                 entry = self.timed(current, edited, entry, True)
-                if entry.outcome == "harmless" and not (entry.saved and entry.saved[0] > 0):
+                if entry.outcome == "harmless" and not (entry.saved and entry.saved[0] > MIN_GAIN):
                     entry = replace(entry, outcome=NO_GAIN)
                 entries.append(entry)
                 if entry.outcome == "harmless":
@@ -497,7 +500,8 @@ class DietSearch:
     ) -> tuple[str, ChannelChanges, str]:
         """Outcome, shares of what is allowed, and message of compiled models in the scene's runs.
 
-        A run is given up after `slower` times the wall time of the original model.
+        A run is given up after a processor time of `slower` times the counted one of the original
+        model.
         """
         shares: ChannelChanges = {}
         for monitored, model in zip(self.scene.monitored_runs, models, strict=True):
@@ -508,7 +512,7 @@ class DietSearch:
                 attempt,
                 model,
                 run,
-                timeout=max(MIN_TIMEOUT, slower * monitored.before.seconds),
+                timeout=max(MIN_TIMEOUT, slower * monitored.before.cost),
             )
             if isinstance(curves, Measurement):
                 return failed_outcome(curves), shares, curves.message
@@ -528,7 +532,7 @@ class DietSearch:
         )
         run = replace(run, rods=edited.segmented(monitored.run.rods))
         models = [d.compiled(monitored.run.rods) for d in (current, edited)]
-        limit = self.rounds * MAX_SLOWDOWN * max(MIN_TIMEOUT, monitored.before.seconds)
+        limit = self.rounds * MAX_SLOWDOWN * max(MIN_TIMEOUT, monitored.before.cost)
         found = self.store.once(
             models,
             (run, self.rounds),

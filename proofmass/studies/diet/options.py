@@ -254,7 +254,7 @@ DEFAULT_ITERATIONS = {"iterations": 100, "ls_iterations": 50}  # MuJoCo's defaul
 TRIED_TOLERANCES = (1e-8, 1e-10, 1e-12, 1e-15, 1e-20, 1e-24)
 """Tolerances that are tried, if they are larger."""
 STEP_FACTORS = (64, 32, 16, 8, 4, 2)  # factors on the time step that are tried
-COUNTING_TIMEOUT = 60.0  # s, wall time of a run whose iterations are counted
+COUNTING_TIMEOUT = 60.0  # s, processor time of a run whose iterations are counted
 INTEGRATOR, SOLVER, JACOBIAN = mujoco.mjtIntegrator, mujoco.mjtSolver, mujoco.mjtJacobian
 ELLIPTIC, PYRAMIDAL = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtCone.mjCONE_PYRAMIDAL
 EVALUATIONS_PER_STEP = {INTEGRATOR.mjINT_RK4: 4}
@@ -298,7 +298,7 @@ def loosen_tolerance(edited: EditedModel, scene: DietScene) -> list[Feature]:
     monitored_runs, option = runs_with_model_option(scene, "tolerance"), edited.spec.option
     if not monitored_runs:
         return []
-    monitored = max(monitored_runs, key=lambda w: w.before.seconds)
+    monitored = max(monitored_runs, key=lambda w: w.before.cost)
     used = count_iterations(edited, monitored, option.tolerance)
     found = [
         option_feature("tolerance", f"tolerance {number(option.tolerance)} to {number(t)}", t)

@@ -52,12 +52,12 @@ MIN_SAMPLES = 10  # samples before chaos that a run must have
 FREE_MOTION_SAMPLES = 501
 CHANGE_SHARE = 0.1
 """Share of the difference between tolerance and error by which a channel may change."""
-RUN_TIMEOUT = 600.0  # s, wall time of a run of the original model
-COMPILE_TIMEOUT = 120.0  # s, wall time of compiling, as a run has that states no limit
+RUN_TIMEOUT = 600.0  # s, processor time of a run of the original model
+COMPILE_TIMEOUT = 120.0  # s, processor time of compiling, as a run has that states no limit
 COUNTED_STEPS = 500  # steps whose iterations are counted, at most
 TIMED_STEPS = 2000  # steps that are timed, at most
 BRIEF_SECONDS = 0.05
-"""Wall time of a run that is timed or counted [s]; it has fewer steps if they are slow."""
+"""Counted time of a run that is timed or counted [s]; it has fewer steps if they are slow."""
 STEP_DIVISORS = (4, 8)
 """Divisors of the time step in fine solutions; the last one is the reference."""
 FINE_SETTINGS = {"solver": "Newton", "tolerance": 1e-14, "iterations": 100}
@@ -139,21 +139,19 @@ class MonitoredRun:
 
     @property
     def brief(self) -> Run:
-        """The first samples: `COUNTED_STEPS` steps or `BRIEF_SECONDS` of wall time, 2 at least."""
+        """The first samples: `COUNTED_STEPS` steps or `BRIEF_SECONDS` of counted time."""
         return self.shortened(self.run)
 
     def shortened(self, run: Run, most_steps: int = COUNTED_STEPS) -> Run:
-        """The first samples of a run, with `most_steps` steps or `BRIEF_SECONDS` of wall time.
+        """The first samples of a run, with `most_steps` steps or `BRIEF_SECONDS` of counted time.
 
         There are at least two.  The run is this one, or that of its bound.
         """
         length = float(np.ptp(self.before.x)) or 1.0
         samples = max(1, round((run.x.size - 1) * length / (float(np.ptp(run.x)) or length)))
         stride = max(1, self.before.steps // samples)
-        if self.before.seconds > 0 and self.before.steps:
-            most_steps = min(
-                most_steps, int(BRIEF_SECONDS * self.before.steps / self.before.seconds)
-            )
+        if self.before.cost > 0 and self.before.steps:
+            most_steps = min(most_steps, int(BRIEF_SECONDS * self.before.steps / self.before.cost))
         return replace(run, x=run.x[: max(2, most_steps // stride)])
 
 
@@ -183,8 +181,8 @@ class DietScene:
 
     @property
     def longest(self) -> MonitoredRun:
-        """The run with the longest wall time, of those with time steps if there are any."""
-        return max(self.monitored_runs, key=lambda w: (has_time_steps(w.run), w.before.seconds))
+        """The run with the largest counted time, of those with time steps if there are any."""
+        return max(self.monitored_runs, key=lambda w: (has_time_steps(w.run), w.before.cost))
 
 
 def load_scene(

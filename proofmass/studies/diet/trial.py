@@ -31,7 +31,8 @@ from proofmass.worker import Crashed, call_isolated
 
 FREE_MOTION = "passive"  # the kind of run of a free motion, which is no run of a sidecar
 STEPPED_KINDS = ("dynamics", FREE_MOTION)  # kinds of runs with time steps
-MIN_ROUNDS_SECONDS = 0.5  # s, least wall time of all rounds
+MIN_ROUNDS_SECONDS = 0.5  # s, least counted time of all rounds
+MAX_ROUNDS = 250  # pairs of runs at most, since very short runs take longer than counted
 INTERVAL_LEVEL = 0.99  # probability with which an interval contains its median
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5
 """Whether the clock of processor time resolves runs of milliseconds; on Windows it does not."""
@@ -130,17 +131,18 @@ def compare_costs(
     The first model of each pair is chosen at random, so that a periodic disturbance of the machine
     does not affect one model more often; a disturbance longer than a pair affects both.  The times
     are those of the processor, not wall times, so that other processes have as little effect as
-    possible.  There are at least `rounds` pairs, and more if they take less than `span` [s].
+    possible.  There are at least `rounds` pairs, and more if they count less than `span` [s].
     """
     times: list[list[float]] = [[], []]
     sizes, steps, random = [0, 0], 0, Random(0)
-    round_number, began = 0, time.perf_counter()
+    round_number, counted = 0, 0.0
     with pin_process(core):
-        while round_number <= rounds or time.perf_counter() - began < span:
+        while round_number <= rounds or (counted < span and round_number <= MAX_ROUNDS):
             for k in random.sample((0, 1), 2):
                 seconds, curves, data = time_run(models[k], run)
                 sizes[k] = int(mujoco.mj_sizeModel(models[k]) + data.nbuffer + data.maxuse_arena)
                 steps = curves.steps if k == 0 else steps
+                counted += curves.cost
                 if round_number:
                     times[k].append(seconds)
             round_number += 1
@@ -153,9 +155,10 @@ def compare_costs(
 def time_run(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
     """Processor time of a run without the preparation of its model [s], curves, and end state."""
     model, data = prepare_model(copy.copy(model), run)
-    began = time.thread_time()
+    clock = time.thread_time if FINE_CLOCK else time.perf_counter
+    began = clock()
     curves = run_compiled(model, data, run)
-    return time.thread_time() - began if FINE_CLOCK else curves.seconds, curves, data
+    return clock() - began, curves, data
 
 
 def saved_share(ratios: Sequence[float]) -> TimeRange:

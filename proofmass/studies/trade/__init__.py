@@ -1,1 +1,1 @@
-"""Studies of errors against wall time, of orders and error floors; choice of a setting."""
+"""Studies of errors against processor time, of orders and error floors; choice of a setting."""

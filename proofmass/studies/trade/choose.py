@@ -19,6 +19,7 @@ from proofmass.studies.record import NAN, StudyRow, format_kind
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.series import (
     MIN_FALLING_ORDER,
+    MIN_ORDER_POINTS,
     MIN_STEP_RATIO,
     Limits,
     convergence_order,
@@ -60,8 +61,8 @@ class Choice:
     beside : str
         A sentence on what the engine's defaults would cost for the same error.
     ratio : float
-        Wall time of the defaults over that of the setting [1].  If no measured step of the defaults
-        is good enough, it is extrapolated by their order; NaN if that is not possible, and
+        Counted time of the defaults over that of the setting [1].  If no measured step of the
+        defaults is good enough, it is extrapolated by their order; NaN if that is not possible, and
         infinity if their error floor is above the error.
     refused : tuple of str
         Cheaper settings whose second run was not good enough, a sentence for each.
@@ -115,7 +116,7 @@ def choose(
         Function that runs a setting again, as a program and from a shifted start; the errors of
         both runs must be no larger than `wanted`.
     limits : Limits, optional
-        Wall time that the search for finer steps may take and did take, for the message.
+        Counted time that the search for finer steps may take and did take, for the message.
 
     Raises
     ------
@@ -149,26 +150,26 @@ def good_settings(rows: Iterable[StudyRow], error_kind: str, wanted: float) -> l
     """Settings that meet an error with margin, cheapest first.
 
     Settings that differ only in the number of iterations are sorted by that number, since fewer
-    iterations never cost more; differences of their wall times are noise.
+    iterations never cost more.
     """
     good = [
         row
         for row in rows
         if row.outcome == Outcome.RAN
-        and row.seconds > 0
+        and row.cost > 0
         and ERROR_MARGIN * row.reached(error_kind) <= wanted
     ]
     least_times = dict[str, float]()
     for row in good:
         least_times[key_without_iterations(row)] = min(
-            row.seconds, least_times.get(key_without_iterations(row), inf)
+            row.cost, least_times.get(key_without_iterations(row), inf)
         )
     return sorted(
         good,
         key=lambda row: (
             least_times[key_without_iterations(row)],
             float(str(row.parameters.get("iterations", 0))),
-            row.seconds,
+            row.cost,
         ),
     )
 
@@ -222,6 +223,12 @@ def format_needed_refinement(
     may, or than what is left of the budget.
     """
     predictions = predict_steps(rows, verdicts, error_kind, wanted / ERROR_MARGIN)
+    if not predictions and limits and limits.short:
+        return (
+            f"--budget {number(limits.budget)} s ended the search before the errors of a series "
+            f"showed an order in {MIN_ORDER_POINTS} steps; {number(limits.spent, 2)} s were spent, "
+            "and the next run would take more than the rest"
+        )
     if not predictions:
         return "no convergence series still falls at its finest step, so none promises to get there"
     first = predictions[0]
@@ -280,7 +287,7 @@ def compare_with_defaults(
     if is_default(chosen):
         return "these are the engine's defaults, refined", 1.0
     if good := good_settings(default_rows, error_kind, wanted):
-        ratio = good[0].seconds / chosen.seconds
+        ratio = good[0].cost / chosen.cost
         return (
             f"{number(ratio, 2)} times cheaper than the engine's defaults refined to the same "
             f"error, {format_cost(good[0])}"
@@ -301,7 +308,7 @@ def compare_with_defaults(
     )
     falls = (
         convergence_order(*((one.value, one.reached(error_kind)) for one in (coarser, row)))
-        if coarser
+        if coarser and len(default_rows) >= MIN_ORDER_POINTS
         else NAN
     )
     if not falls > MIN_FALLING_ORDER:
@@ -309,10 +316,10 @@ def compare_with_defaults(
     step_factor = (ERROR_MARGIN * row.reached(error_kind) / wanted) ** (
         1 / falls
     )  # times as many steps
-    ratio = step_factor * row.seconds / chosen.seconds
+    ratio = step_factor * row.cost / chosen.cost
     return (
         f"{shortfall}; of order {number(falls, 2)} they would take "
-        f"{number(step_factor * row.seconds, 2)} s, {number(ratio, 2)} times as long"
+        f"{number(step_factor * row.cost, 2)} s, {number(ratio, 2)} times as long"
     ), ratio
 
 

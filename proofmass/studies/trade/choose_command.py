@@ -35,6 +35,7 @@ from proofmass.studies.trade.disturbed import disturb_motions, end_at_horizon
 from proofmass.studies.trade.program import drive_ways, program_text
 from proofmass.studies.trade.search import (
     COST_RATIO,
+    GIVEN_UP_RATIO,
     YIELDING_COST_RATIO,
     refine_for_drives,
     search,
@@ -77,7 +78,7 @@ def run_choose(
                 pool(jobs, dask) as workers,
                 progress_bar(max_letters=40) as advance,
             ):
-                (motion,) = disturb_motions([case], [kind], runs, workers, longest)
+                (motion,) = disturb_motions([case], [kind], runs, workers, GIVEN_UP_RATIO * longest)
                 case = end_at_horizon(case, kind, motion)  # up to the horizon of a chaotic motion
                 sensitivity = motion.words if motion else ""
                 rows = search(
@@ -98,7 +99,9 @@ def run_choose(
             study = measure_cases([case], store, jobs, dask, kind, longest)
             rows, verdicts = study.rows, study.verdicts
         require_error_kind(rows, error_kind)
-        check = partial(verify, store=runs, longest=longest, drive=drive, compare=True)
+        check = partial(
+            verify, store=runs, longest=GIVEN_UP_RATIO * longest, drive=drive, compare=True
+        )
         try:
             choice = choose_with_drive(
                 case, kind, rows, error, error_kind, solver, verdicts, check, runs, limits
@@ -216,7 +219,7 @@ def choose_with_drive(
                     raise
             refused = [row for row, _ in tried]
             rows = [row for row in rows if row not in refused]
-            rows += run_tasks(tasks, store, timeout=limits.longest)
+            rows += run_tasks(tasks, store, timeout=GIVEN_UP_RATIO * limits.longest)
             tried.clear()
     raise AssertionError("the last round returns or raises")
 

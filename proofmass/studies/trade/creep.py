@@ -48,7 +48,7 @@ class Creep:
     channel : str
         Name of that channel.
     seconds, steps
-        Cost of the run: wall time [s], and steps.
+        Cost of the run: processor time [s], and steps.
     failure : str
         Reason why there is no rate.
     """
@@ -141,7 +141,7 @@ def find_slow_setting(case: Case, solver: str, wanted: float, longest: float) ->
     wanted : float
         Largest rate that is slow enough [m/s].
     longest : float
-        Wall time after which a program is ended [s].
+        Processor time after which a program is ended [s].
     """
     names = call_limited(case, "dynamics", find_resting_channels, case)
     engine = engine_of(solver)

@@ -122,7 +122,7 @@ def disturb_motion(case: Case, kind: Kind, store: Store, timeout: float) -> Dist
     store : Store
         Store for the results and the changed model.
     timeout : float
-        Wall time after which a run is given up [s].
+        Processor time after which a run is given up [s].
     """
     if kind != "dynamics" or case.drive:
         return None

@@ -1,6 +1,6 @@
 """Draw the work-precision diagram of a trade study as a figure for papers.
 
-It shows errors over wall time and over steps on logarithmic axes, with letters for the series,
+It shows errors over processor time and over steps on logarithmic axes, with letters for the series,
 crosses for failed settings, triangles for expected orders, and error floors with their causes.
 """
 
@@ -281,7 +281,7 @@ def trade_figure(
     for pair, kind in zip(axes, kinds, strict=True):
         draw_panels(pair, rows, kind, looks, [v for v in verdicts if v.kind == kind])
     draw_legend(figure, looks, marks=True)
-    axes[-1][0].set_xlabel("wall time of the run [s]")
+    axes[-1][0].set_xlabel("processor time of the run [s]")
     axes[-1][1].set_xlabel("segments" if main_parameter(rows) == "segments" else "time steps")
     return figure
 
@@ -399,7 +399,7 @@ def draw_panels(
     looks: Mapping[SeriesName, Look],
     verdicts: Sequence[Verdict],
 ) -> None:
-    """Draw one kind of error over wall time, and over steps or segments."""
+    """Draw one kind of error over processor time, and over steps or segments."""
     left, right = pair
     shown = [row for row in rows if has_drawable_error(row, kind)]
     best = pareto_front(rows, kind)

@@ -1,8 +1,8 @@
-"""Noise of wall times: intervals of repeated timings, ties, and whether a machine was busy.
+"""Noise of processor times: intervals of repeated timings, ties, and whether a machine was busy.
 
 Repeated timings of a setting differ, most of all on a machine that has other work.  The interval of
-a setting goes from its shortest to its longest wall time.  Settings whose intervals overlap are
-tied: the study cannot say which of them is cheaper.
+a setting goes from its shortest to its longest processor time.  Settings whose intervals overlap
+are tied: the study cannot say which of them is cheaper.
 """
 
 import re
@@ -19,14 +19,14 @@ BUSY_LOAD = 1.25
 DISTURBED_SHARE = 0.05
 """Share of a run's time that its processor gave to others, above which the run was disturbed."""
 BUSY_SPREAD = 1.5
-"""Longest over shortest wall time of the median setting, above which the machine was busy; settings
-next to each other in a series differ by a factor of two."""
+"""Longest over shortest processor time of the median setting, above which the machine was busy;
+settings next to each other in a series differ by a factor of two."""
 BUSY_SHARE = 0.1
 """Share of the settings that must be disturbed for the machine to be called busy."""
 
 
 class Interval(NamedTuple):
-    """Shortest, stated and longest wall time of a setting [s]."""
+    """Shortest, stated and longest processor time of a setting [s]."""
 
     low: float
     stated: float
@@ -42,13 +42,15 @@ class Interval(NamedTuple):
 
 
 def usual_spread(rows: Iterable[StudyRow]) -> float:
-    """Longest over shortest wall time, median of all settings that were repeated; 1 without any."""
+    """Longest over shortest processor time, median of all settings that were repeated; 1 without
+    any."""
     found = [max(row.repeats) / min(row.repeats) for row in rows if len(row.repeats) > 1]
     return median(found) if found else 1.0
 
 
-def wall_time_interval(row: StudyRow, spread: float) -> Interval:
-    """Interval of a setting's wall times; a single one may be too long by the factor `spread`."""
+def time_interval(row: StudyRow, spread: float) -> Interval:
+    """Interval of a setting's processor times; a single one may be too long by the factor
+    `spread`."""
     if len(row.repeats) > 1:
         return Interval(min(row.repeats), row.seconds, max(row.repeats))
     return Interval(row.seconds / spread, row.seconds, row.seconds)
@@ -56,22 +58,22 @@ def wall_time_interval(row: StudyRow, spread: float) -> Interval:
 
 def tied_settings(rows: Iterable[StudyRow], chosen: StudyRow, spread: float) -> list[StudyRow]:
     """Settings other than the chosen one that are tied with it."""
-    own = wall_time_interval(chosen, spread)
+    own = time_interval(chosen, spread)
     return [
         row
         for row in rows
-        if row is not chosen and row.seconds > 0 and own.overlaps(wall_time_interval(row, spread))
+        if row is not chosen and row.seconds > 0 and own.overlaps(time_interval(row, spread))
     ]
 
 
 def possible_front(rows: Iterable[StudyRow], kind: str, spread: float) -> list[StudyRow]:
     """Settings that may be on the front: no setting with an error as small is faster for certain.
 
-    One setting is faster than another for certain if its longest wall time is below the other's
-    shortest.  If each setting has one exact time, these settings are the front.
+    One setting is faster than another for certain if its longest processor time is below the
+    other's shortest.  If each setting has one exact time, these settings are the front.
     """
     timed = [
-        (row, row.errors[kind], wall_time_interval(row, spread))
+        (row, row.errors[kind], time_interval(row, spread))
         for row in comparable_settings(rows, kind)
     ]
     return [
@@ -93,8 +95,7 @@ def front_band(
     the least upper end.
     """
     timed = sorted(
-        (row.errors[kind], *wall_time_interval(row, spread))
-        for row in comparable_settings(rows, kind)
+        (row.errors[kind], *time_interval(row, spread)) for row in comparable_settings(rows, kind)
     )
     found = list[tuple[float, float, float]]()
     low = high = float("inf")
@@ -119,7 +120,8 @@ def count_processors(machine: str) -> int:
 
 
 def explain_busy_machine(rows: Sequence[StudyRow]) -> list[str]:
-    """Sentences on why the wall times of a study are uncertain; none if the machine was idle."""
+    """Sentences on why the processor times of a study are uncertain; none if the machine was
+    idle."""
     timed = [row for row in rows if row.repeats]
     words = []
     loaded = [
@@ -141,7 +143,7 @@ def explain_busy_machine(rows: Sequence[StudyRow]) -> list[str]:
         )
     if (spread := usual_spread(timed)) > BUSY_SPREAD:
         words.append(
-            "Repeated wall times of the same setting differ by a factor of "
+            "Repeated processor times of the same setting differ by a factor of "
             f"{number(spread, 2)} (median of all settings)."
         )
     return words

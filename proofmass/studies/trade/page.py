@@ -54,8 +54,8 @@ from proofmass.studies.trade.noise import (
     front_band,
     possible_front,
     tied_settings,
+    time_interval,
     usual_spread,
-    wall_time_interval,
 )
 from proofmass.studies.trade.orders import is_unexpected
 from proofmass.studies.trade.program import snippet
@@ -190,7 +190,7 @@ def index_rows(
     """Rows of the index, one for each engine.
 
     For each of `ADVISED_ERRORS`, of the first kind of error, a row has the setting to use, its
-    wall time [s], and how many times as long the engine's defaults take.
+    processor time [s], and how many times as long the engine's defaults take.
     """
     kind = next(iter(error_kinds(rows)), "")
     for engine in dict.fromkeys(row.engine for row in rows):
@@ -295,7 +295,7 @@ def reached_records(
 
 
 def describe_timing(rows: Sequence[StudyRow]) -> str:
-    """Describe how the wall times were measured."""
+    """Describe how the processor times were measured."""
     ran = [row for row in rows if row.repeats]
     machines = ", ".join(dict.fromkeys(row.machine for row in ran if row.machine))
     pinned = sum(row.pinned for row in ran)
@@ -305,7 +305,7 @@ def describe_timing(rows: Sequence[StudyRow]) -> str:
     single_runs = sum(len(row.repeats) == 1 for row in ran)
     most = max((len(row.repeats) for row in ran), default=0)
     return (
-        f"{len(rows)} settings, {len(rows) - len(ran)} without times. Wall times: least of up "
+        f"{len(rows)} settings, {len(rows) - len(ran)} without times. Processor times: least of up "
         f"to {most} in rounds over the settings near the front, {single_runs} of a single run; "
         f"{pinned} of {len(ran)} with a processor of their own, which gave others at most "
         f"{number(100 * most_shared, 2)} % of its time{load}. {machines}"
@@ -340,7 +340,7 @@ def page_data(
     tones : mapping of str to Tone
         Tones of the colours of these looks, for light and dark pages.
     spread : float
-        Usual ratio of the longest to the shortest wall time of a setting [1], from
+        Usual ratio of the longest to the shortest processor time of a setting [1], from
         `noise.usual_spread`.
     """
     names = list(looks)
@@ -391,7 +391,7 @@ def setting_data(
 ) -> dict[str, Any]:
     """Data of the marker of one setting."""
     steps = step_count(row) or planned_steps(row, rows)
-    low, stated, high = wall_time_interval(row, spread)
+    low, stated, high = time_interval(row, spread)
     return {
         "series": series,
         "words": format_setting(row),
@@ -403,7 +403,7 @@ def setting_data(
             if isfinite(row.errors.get(kind, NAN))
         },
         "seconds": [finite_or_none(low), finite_or_none(stated), finite_or_none(high)],
-        "time": format_wall_time(row, spread) if row.seconds > 0 else "",
+        "time": format_interval(row, spread) if row.seconds > 0 else "",
         "repeats": len(row.repeats),
         "work": finite_or_none(steps) or None,
         "step": f"{number(1e3 * row.step)} ms" if row.step > 0 else "",
@@ -423,8 +423,8 @@ def kind_data(
 ) -> dict[str, Any]:
     """Fronts and error floors of a kind of error, with numbers in place of settings and series.
 
-    "front" is the front of the shortest wall times; "tied" are further settings that may be on it,
-    since their times are uncertain; "band" is the band in which the front lies; "fewest" is the
+    "front" is the front of the shortest processor times; "tied" are further settings that may be on
+    it, since their times are uncertain; "band" is the band in which the front lies; "fewest" is the
     front over steps.
     """
     shown = [row for row in rows if has_drawable_error(row, kind)]
@@ -473,7 +473,7 @@ class Advice:
     reached : bool
         Whether the error is as small as is asked for, with margin.
     setting, error, cost, steps : str
-        The setting, its error, its wall time and its number of steps, in words.
+        The setting, its error, its processor time and its number of steps, in words.
     more : tuple of str
         Sentences that compare its cost with the defaults, or say what limits its error.
     tied : str
@@ -522,9 +522,7 @@ def list_advice(
             else:
                 advice[engine] = advise_best(rows, own, kind, wanted, verdicts)
         order = sorted(advice, key=lambda name: cheapest[name].seconds if name in cheapest else inf)
-        first = [
-            wall_time_interval(cheapest[name], spread) for name in order[:2] if name in cheapest
-        ]
+        first = [time_interval(cheapest[name], spread) for name in order[:2] if name in cheapest]
         found.append(
             AdvisedError(
                 number(wanted),
@@ -557,7 +555,7 @@ def advise_setting(
         True,
         format_setting_briefly(row),
         number(row.reached(kind), 2),
-        format_wall_time(row, spread),
+        format_interval(row, spread),
         f"{row.steps} steps" if row.steps else "",
         (compare_with_defaults(own, row, kind, wanted, verdicts)[0],),
         words,
@@ -604,14 +602,14 @@ def row_number(rows: Sequence[StudyRow], row: StudyRow) -> int:
     return next(k for k, one in enumerate(rows) if one is row)
 
 
-def format_wall_time(row: StudyRow, spread: float) -> str:
-    """Wall time of a setting with its interval, in words.
+def format_interval(row: StudyRow, spread: float) -> str:
+    """Processor time of a setting with its interval, in words.
 
     >>> row = StudyRow("", "", "", "", "", "", 1.0, seconds=0.01, repeats=(0.01, 0.02))
-    >>> format_wall_time(row, 1.0)
+    >>> format_interval(row, 1.0)
     '10 ms (10 to 20)'
     """
-    low, middle, high = wall_time_interval(row, spread)
+    low, middle, high = time_interval(row, spread)
     unit, factor = next(((u, f) for u, f in TIME_UNITS if middle * f >= 1), TIME_UNITS[-1])
     words = f"{number(middle * factor, 2)} {unit}"
     if not high > low:

@@ -8,6 +8,7 @@ its curves are compared with the reference at the prescribed motion.
 import csv
 import json
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -29,6 +30,7 @@ from proofmass.studies.measure import pin_process, relative_errors, reserve_proc
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_json
 from proofmass.wording import number
+from proofmass.worker import TIMER_CODES
 
 
 def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:
@@ -65,7 +67,7 @@ class ProgramRun:
         Largest error of each kind of channel, as a share of the reference's range [1], with the
         reference at the prescribed motion.
     seconds, steps : float, int
-        Wall time of the program's loop [s], and number of time steps.
+        Processor time of the program's loop [s], and number of time steps.
     failure : str
         Why there are no errors: the last line that the program wrote, or what is wrong with it.
     driven : dict of str to float
@@ -169,19 +171,34 @@ BLOCK_PROOFMASS = "import sys; sys.modules['proofmass'] = None"
 RUN_FILE = "import runpy; del sys.argv[0]; runpy.run_path(sys.argv[0], run_name='__main__')"
 
 
-def bare_command(file: Path | str, *arguments: str) -> list[str]:
+LIMIT_PROCESSOR = "import signal; signal.setitimer(signal.ITIMER_PROF, {:g})"
+"""Statement after which the interpreter is ended by a signal after a processor time [s]."""
+MAX_WAITING_RATIO = 100.0
+"""Ratio of the processor time of a program to its limit of processor time after which it is
+ended."""
+
+
+def bare_command(
+    file: Path | str, *arguments: str, processor_seconds: float | None = None
+) -> list[str]:
     """The command that runs a program in an interpreter that cannot import proofmass.
+
+    `processor_seconds` limits its processor time [s], where the system can.
 
     >>> bare_command("run.py", "curves.csv")[4:]
     ['run.py', 'curves.csv']
     """
-    return [sys.executable, "-I", "-c", f"{BLOCK_PROOFMASS}; {RUN_FILE}", str(file), *arguments]
+    before = BLOCK_PROOFMASS
+    if processor_seconds and hasattr(signal, "setitimer"):
+        before += f"; {LIMIT_PROCESSOR.format(processor_seconds)}"
+    return [sys.executable, "-I", "-c", f"{before}; {RUN_FILE}", str(file), *arguments]
 
 
 def run_bare_program(
     text: str, run: Run, timeout: float, core: int | None = None
 ) -> tuple[Curves, float, int]:
-    """Run a program in a bare interpreter: its curves, wall time of its loop [s], number of steps.
+    """Run a program in a bare interpreter: its curves, processor time of its loop [s], number of
+    steps.
 
     The interpreter cannot import proofmass.
 
@@ -196,15 +213,19 @@ def run_bare_program(
         try:
             with pin_process(core):
                 process = subprocess.run(
-                    bare_command(file.name),
+                    bare_command(file.name, processor_seconds=timeout),
                     cwd=folder,
                     text=True,
                     capture_output=True,
-                    timeout=timeout,
+                    timeout=MAX_WAITING_RATIO * timeout,
                     check=False,
                 )
         except subprocess.TimeoutExpired:
-            raise NoCurves(f"{TIMED_OUT_PREFIX} {timeout:g} s") from None
+            raise NoCurves(
+                f"{TIMED_OUT_PREFIX} {MAX_WAITING_RATIO * timeout:g} s of processor time"
+            ) from None
+        if process.returncode in TIMER_CODES:
+            raise NoCurves(f"{TIMED_OUT_PREFIX} {timeout:g} s of processor time")
         if process.returncode or not (printed := STEPS_LINE.search(process.stdout)):
             raise NoCurves(
                 (process.stderr.strip().splitlines() or ["it ended without a message"])[-1]

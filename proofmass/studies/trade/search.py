@@ -6,6 +6,9 @@ sample, or with the step of the model if its settings are the model's own.  The 
 that should be good enough by the order of the last errors.  A family is followed as long as that
 step should not cost much more than the cheapest setting that is good enough already (`COST_RATIO`).
 The cheapest settings are then timed again in rounds.
+
+What a run costs is counted from its steps (`StudyRow.cost`), so that the search is the same on
+every machine; measured times are information.
 """
 
 import time
@@ -44,15 +47,15 @@ from proofmass.studies.trade.series import (
 )
 from proofmass.studies.trade.varied import own_settings_series
 
-TIMING_REPEATS = 2  # repeats, for wall times, of each setting that may be the cheapest
+TIMING_REPEATS = 2  # repeats, for their times, of each setting that may be the cheapest
 CLOSE_STEP_RATIO = 1.25
 """Ratio of a step to a good enough one below which no step between them is tried."""
 MAX_STEP_RATIO = 30.0  # largest ratio of a step to the next one
 COST_RATIO = 2.0
-"""Ratio to the wall time of the cheapest setting up to which settings are followed, and timed again
-in rounds: single runs do not tell smaller ratios apart."""
+"""Ratio to the cost of the cheapest setting up to which settings are followed, and timed again in
+rounds: counted costs do not tell smaller ratios apart."""
 LONG_RUN_COST_RATIO = 1.3
-"""The same ratio for long runs (`LONG_RUN_SECONDS`), whose single wall times are more certain."""
+"""The same ratio for long runs (`LONG_RUN_SECONDS`), of which fewer are affordable."""
 PARALLEL_RUN_SECONDS = 0.5
 """Expected time [s] from which only the cheapest run is made, and others if it is not enough."""
 YIELDING_COST_RATIO = 40.0
@@ -76,6 +79,9 @@ SAME_ORDER_TOLERANCE = 0.2  # difference of two orders up to which they count as
 MAX_DRIVE_REFINEMENTS = 3
 """Settings that are refined together because their drives are not accurate enough."""
 MAX_RUNS_OF_FAMILY = 12  # largest number of runs of a family
+GIVEN_UP_RATIO = 3.0
+"""Ratio of the processor time of a run to the largest counted one at which it is given up: a busy
+machine doubles the processor time of a run, whose caches others empty."""
 REFERENCE_TIME_FACTOR = 5.0
 """Factor on the time of the reference that a run gets in addition: each worker evaluates the
 reference once, while others run."""
@@ -129,10 +135,10 @@ class SettingFamily:
         return step if self.cost(step) <= limit else None
 
     def cost(self, step: float) -> float:
-        """Expected wall time of a run with a step [s], from that of the finest step that ran."""
-        ran = [row for row in self.rows if isfinite(row.seconds)]
+        """Expected cost of a run with a step [s], from that of the finest step that ran."""
+        ran = [row for row in self.rows if isfinite(row.cost)]
         finest = min(ran, key=lambda row: row.value, default=None)
-        return finest.seconds * finest.value / step if finest else 0.0
+        return finest.cost * finest.value / step if finest else 0.0
 
     def step_by_order(
         self, rows: list[StudyRow], error_kind: str, needed: float, limit: float
@@ -198,7 +204,7 @@ def step_between(coarse: StudyRow, fine: StudyRow, error_kind: str, needed: floa
     has_little_gain = AIMED_ERROR_SHARE * needed < row_error(
         fine, error_kind
     ) * CLOSE_STEP_RATIO ** min(falls, 1.0)
-    if has_little_gain and fine.seconds > LONG_RUN_SECONDS:
+    if has_little_gain and fine.cost > LONG_RUN_SECONDS:
         return None
     margin = (coarse.value / fine.value) ** MIN_LOG_DISTANCE
     return min(max(wanted, fine.value * margin), coarse.value / margin)
@@ -285,13 +291,13 @@ def search(
     engine : str, optional
         The only engine to search.
     limits : Limits, optional
-        Wall time that each run, without its reference, and all runs together may take; the search
-        updates how much they took.
+        Counted time that each run, without its reference, and all runs together may take; the
+        search updates how much they took.
     cost_ratio : float
-        A family is followed while the expected wall time of its next run is below this multiple of
-        that of the cheapest setting that is good enough so far [1].
+        A family is followed while the expected cost of its next run is below this multiple of that
+        of the cheapest setting that is good enough so far [1].
     repeats : int
-        Number of repeats, for wall times, of each of the cheapest settings.
+        Number of repeats, for their times, of each of the cheapest settings.
     progress : callable
         Called as ``progress(label, done, total)`` after each run.
 
@@ -302,7 +308,9 @@ def search(
     """
     found, limits = list(list_families(case, engine)), limits or Limits()
     longest = limits.longest
-    timeout = longest + REFERENCE_TIME_FACTOR * cached_reference_seconds(case, store)
+    timeout = GIVEN_UP_RATIO * longest + REFERENCE_TIME_FACTOR * cached_reference_seconds(
+        case, store
+    )
     while tasks := [
         task
         for family in found
@@ -326,7 +334,7 @@ def search(
         for (family, _), row in zip(tasks, rows, strict=True):
             family.rows.append(row)
             failed = longest if row.outcome == Outcome.TIMED_OUT else 0.0
-            limits.spent += row.seconds if isfinite(row.seconds) else failed
+            limits.spent += row.cost if isfinite(row.cost) else failed
         if has_shared_reference(case, "dynamics") and any(
             row.outcome == Outcome.NO_REFERENCE for row in rows
         ):
@@ -337,7 +345,7 @@ def search(
     timed = [
         row
         for row in rows
-        if row_error(row, error_kind) <= needed and row.seconds <= retiming_ratio * cheap
+        if row_error(row, error_kind) <= needed and row.cost <= retiming_ratio * cheap
     ]
     for engine in dict.fromkeys(family.engine for family in found):
         default_rows = [
@@ -376,7 +384,7 @@ def select_for_comparison(
     """Of rows with an engine's defaults the cheapest good enough one, or else the most accurate."""
     good = [row for row in default_rows if row_error(row, error_kind) <= needed]
     if good:
-        return min(good, key=lambda row: row.seconds)
+        return min(good, key=lambda row: row.cost)
     return min(default_rows, key=lambda row: row_error(row, error_kind))
 
 
@@ -392,16 +400,16 @@ def cached_reference_seconds(case: Case, store: Store) -> float:
 
 
 def reference_seconds(case: Case) -> float:
-    """Wall time to evaluate the reference of dynamics [s]; called in a worker."""
+    """Processor time to evaluate the reference of dynamics [s]; called in a worker."""
     asked = prescribed_run(case, "dynamics")
-    began = time.perf_counter()
+    began = time.process_time()
     with suppress(InputError):  # the runs will report the error
         cached_reference(
             case,
             "dynamics",
             Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None),
         )
-    return time.perf_counter() - began
+    return time.process_time() - began
 
 
 def refine_for_drives(
@@ -421,7 +429,7 @@ def refine_for_drives(
     Returns
     -------
     list of StudyRun
-        Runs of the settings with the shortest expected wall times, at most `MAX_DRIVE_REFINEMENTS`.
+        Runs of the settings with the least expected costs, at most `MAX_DRIVE_REFINEMENTS`.
         The step follows from the error, since a drive of a given gain yields in proportion to the
         square of the step.
     """
@@ -436,7 +444,7 @@ def refine_for_drives(
             step = whole_step(sample, finer)
             asked.append(
                 (
-                    row.seconds * row.value / step,
+                    row.cost * row.value / step,
                     StudyRun(
                         case,
                         "dynamics",
@@ -511,8 +519,7 @@ def is_outdone(family: SettingFamily, every: Iterable[SettingFamily], error_kind
         if other is family or other.engine != family.engine or len(rows) < 2:
             continue
         is_better = any(
-            row_error(row, error_kind) <= largest_error and row.seconds <= finest.seconds
-            for row in rows
+            row_error(row, error_kind) <= largest_error and row.cost <= finest.cost for row in rows
         )
         if is_better and (
             failed or order_between(rows[-2], rows[-1], error_kind) > falls - SAME_ORDER_TOLERANCE
@@ -524,14 +531,14 @@ def is_outdone(family: SettingFamily, every: Iterable[SettingFamily], error_kind
 def repeats_another(family: SettingFamily, every: Iterable[SettingFamily], error_kind: str) -> bool:
     """Whether an earlier family has the same error with the finest step of this one, for no more.
 
-    This is decided only for runs that are long enough for a single wall time to be reliable.
+    This is decided only for long runs.
     Families with the engine's defaults do not count, since they are not refined once a step is good
     enough.
     """
     last = min(family.rows, key=lambda row: row.value, default=None)
     return (
         last is not None
-        and last.seconds > LONG_RUN_SECONDS
+        and last.cost > LONG_RUN_SECONDS
         and row_error(last, error_kind) < OTHER_MOTION_ERROR
         and any(
             isclose(row.value, last.value)
@@ -540,7 +547,7 @@ def repeats_another(family: SettingFamily, every: Iterable[SettingFamily], error
                 row_error(last, error_kind),
                 rel_tol=SAME_ERROR_TOLERANCE,
             )
-            and row.seconds <= LONG_RUN_COST_RATIO * last.seconds
+            and row.cost <= LONG_RUN_COST_RATIO * last.cost
             for other in earlier_families(family, every)
             if not other.plain
             for row in other.rows
@@ -609,8 +616,8 @@ def select_affordable(
 
 
 def least_cost(rows: Iterable[StudyRow], error_kind: str, needed: float) -> float:
-    """Wall time of the cheapest row that is good enough [s]; infinite if none is."""
+    """Cost of the cheapest row that is good enough [s]; infinite if none is."""
     return min(
-        (row.seconds for row in rows if row_error(row, error_kind) <= needed and row.seconds > 0),
+        (row.cost for row in rows if row_error(row, error_kind) <= needed and row.cost > 0),
         default=inf,
     )

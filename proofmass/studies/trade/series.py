@@ -29,6 +29,7 @@ from proofmass.wording import format_solver, number
 
 MIN_FALLING_ORDER = 0.5
 """Order, over two refinements, below which an error counts as no longer falling."""
+MIN_ORDER_POINTS = 3  # least number of settings from whose errors an order is computed
 OTHER_MOTION_ERROR = 0.1
 """Share of the range above which an error is that of another motion and shows no order."""
 ASYMPTOTIC_ERROR = 0.01
@@ -72,7 +73,7 @@ class MeasuredSeries:
         if not self.rows:
             return False
         last = self.rows[-1]
-        if last.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED) or last.seconds > budget:
+        if last.outcome in (Outcome.TIMED_OUT, Outcome.UNSUPPORTED) or last.cost > budget:
             return True
         return bool(self.kinds) and all(self.settled(kind) for kind in self.kinds)
 
@@ -281,15 +282,21 @@ def final_order(points: Points) -> float:
     """The order with which errors fall at the end of a series, to predict those of finer settings.
 
     It is the observed order if the last refinement shows it as well, else the order of the last
-    refinement alone.  NaN if the errors do not fall, or are not below `OTHER_MOTION_ERROR`.
+    refinement alone.  NaN if there are fewer than three errors, if they do not fall, or if they are
+    not below `OTHER_MOTION_ERROR`.
 
     >>> round(final_order([(0.4, 4e-2), (0.2, 1e-2), (0.1, 2.6e-3)]), 2)
     1.97
     >>> final_order([(0.4, 0.8), (0.2, 0.7)])
     nan
     """
-    ends = [p for p in points if isfinite(p[1])][-2:]
-    if len(ends) < 2 or ends != list(points[-2:]) or not ends[0][1] < OTHER_MOTION_ERROR:
+    finite = [p for p in points if isfinite(p[1])]
+    ends = finite[-2:]
+    if (
+        len(finite) < MIN_ORDER_POINTS
+        or ends != list(points[-2:])
+        or not ends[0][1] < OTHER_MOTION_ERROR
+    ):
         return NAN
     last = convergence_order(*ends)
     observed = observed_order(points)
@@ -321,21 +328,21 @@ MIN_STEP_RATIO = 1.4  # least ratio of two steps for an order to be computed fro
 
 
 EXPECTED_TIME_SHARE = 0.9
-"""Largest expected wall time of a run, as a share of the longest one allowed: expectations have
-errors of a tenth, and a run that is given up has no result."""
+"""Largest expected cost of a run, as a share of the largest one allowed: expectations have errors
+of a tenth."""
 
 
 @dataclass
 class Limits:
-    """Wall times that a search may take, and that it took so far.
+    """Counted processor times that a search may take, and that it took so far.
 
     Attributes
     ----------
     longest, budget : float
-        Longest wall time of a run, and of all runs of the search together [s].
+        Largest counted time of a run, and of all runs of the search together [s].
     spent : float
-        Wall time of the runs of the search [s].  Runs that are taken from the store count as well,
-        so that a repeated search ends at the same place.
+        Counted time of the runs of the search [s].  Runs that are taken from the store count as
+        well, so that a repeated search ends at the same place.
     settings : int
         Number of settings that were measured.
     known : int
@@ -353,7 +360,7 @@ class Limits:
 
     @property
     def longest_expected(self) -> float:
-        """Largest expected wall time of a run that is tried [s]: it should end within `longest`."""
+        """Largest expected cost of a run that is tried [s]: it should end within `longest`."""
         return EXPECTED_TIME_SHARE * self.longest
 
     @property
@@ -374,7 +381,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Prediction for a series: step that should be good enough [s], its wall time [s], order."""
+    """Prediction for a series: step that should be good enough [s], its cost [s], order."""
 
     row: StudyRow
     step: float
@@ -397,12 +404,12 @@ def predict_steps(
             step = fine.value * (AIMED_ERROR_SHARE * needed / fine.reached(error_kind)) ** (
                 1 / falling_order
             )
-            found.append(Prediction(fine, step, fine.seconds * fine.value / step, falling_order))
+            found.append(Prediction(fine, step, fine.cost * fine.value / step, falling_order))
     return sorted(found, key=lambda each: each.seconds)
 
 
 def final_pairs(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]:
-    """For each series a clearly coarser step and the finest one, if both ran."""
+    """For each series a clearly coarser step and the finest one, if these and another one ran."""
     stepped = sorted(
         (row for row in rows if row.varied == "timestep"),
         key=lambda row: (row.engine, row.series, -row.value),
@@ -410,7 +417,12 @@ def final_pairs(rows: Iterable[StudyRow]) -> Iterator[tuple[StudyRow, StudyRow]]
     for _, group in groupby(stepped, lambda row: (row.engine, row.series)):
         series = list(group)
         before = [row for row in series if row.value > MIN_STEP_RATIO * series[-1].value]
-        if before and [before[-1].outcome, series[-1].outcome] == ["ran", "ran"]:
+        ran = [row for row in series if row.outcome == Outcome.RAN]
+        if (
+            before
+            and len(ran) >= MIN_ORDER_POINTS
+            and [before[-1].outcome, series[-1].outcome] == ["ran", "ran"]
+        ):
             yield before[-1], series[-1]
 
 

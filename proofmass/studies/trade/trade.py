@@ -6,11 +6,11 @@
 Free motions are disturbed first: errors of chaotic ones are judged up to the horizon of the
 trajectory. Then every convergence series is refined until its errors fall no further; each setting
 runs once for its errors. The settings that may be on the Pareto front, and the engine's defaults,
-with which they are compared, are run again in rounds for their wall times. Where a series may be at
-an error floor, its step is halved twice. Where the halvings leave the error, and where a series
-shows another order than theory expects, each possible cause is changed separately. Series of a case
-and engine that are at floors with the same errors are at one floor: causes are changed in the first
-of them only.
+with which they are compared, are run again in rounds for their processor times. Where a series may
+be at an error floor, its step is halved twice. Where the halvings leave the error, and where a
+series shows another order than theory expects, each possible cause is changed separately. Series of
+a case and engine that are at floors with the same errors are at one floor: causes are changed in
+the first of them only.
 """
 
 import json
@@ -74,10 +74,10 @@ from proofmass.studies.trade.words import (
 from proofmass.wording import number
 
 SERIES_BUDGET = 0.5
-"""Wall time of a run [s] after which its series ends; only slow engines reach it."""
-FRONT_REPEATS = 2  # repeats, for wall times, of each setting that may be on the Pareto front
+"""Counted time of a run [s] after which its series ends; only slow engines reach it."""
+FRONT_REPEATS = 2  # repeats, for their times, of each setting that may be on the Pareto front
 FRONT_COST_RATIO = 1.5
-"""Ratio of the wall time of short runs to the cheapest; single runs cannot rank smaller ratios."""
+"""Ratio of the cost of short runs to the cheapest; counted costs cannot rank smaller ratios."""
 SAME_FLOOR_TOLERANCE = 0.01
 """Relative difference of errors of two settings of a case and engine that are at one floor."""
 SeriesPlace = tuple[int, int]  # numbers of a series, and of a setting in it
@@ -182,7 +182,7 @@ def trade(
     repeats: int = FRONT_REPEATS,
     progress: Progress = lambda *_: None,
 ) -> Trade:
-    """Measure errors and wall times of all convergence series of cases, and judge the series.
+    """Measure errors and processor times of all convergence series of cases, and judge the series.
 
     Parameters
     ----------
@@ -195,11 +195,11 @@ def trade(
         Which run of the cases; if not given, the first of dynamics, equilibrium and sweep that a
         case has.
     budget : float
-        Wall time of a run after which its series ends [s].
+        Processor time of a run after which its series ends [s].
     longest : float
-        Wall time after which a run is given up [s].
+        Processor time after which a run is given up [s].
     repeats : int
-        Number of repeats, for wall times, of each setting that may be on the Pareto front.
+        Number of repeats, for processor times, of each setting that may be on the Pareto front.
     progress : callable
         Called as ``progress(label, done, total)``; the total grows with the series.
 
@@ -266,7 +266,7 @@ def trade(
 def find_near_front(rows: Sequence[StudyRow]) -> list[int]:
     """Numbers of the settings that may be on the Pareto front of their case and engine.
 
-    A setting is one of them if for some kind of error no setting that is as accurate was faster by
+    A setting is one of them if for some kind of error no setting that is as accurate is cheaper by
     more than the factor `FRONT_COST_RATIO`, or `LONG_RUN_COST_RATIO` for runs longer than
     `LONG_RUN_SECONDS`.
 
@@ -281,12 +281,12 @@ def find_near_front(rows: Sequence[StudyRow]) -> list[int]:
     for group, kind in product(groups.values(), KIND_UNITS):
         shortest = inf
         for row in sorted(
-            comparable_settings(group, kind), key=lambda row: (row.errors[kind], row.seconds)
+            comparable_settings(group, kind), key=lambda row: (row.errors[kind], row.cost)
         ):
-            shortest = min(shortest, row.seconds)
+            shortest = min(shortest, row.cost)
             if (
-                row.seconds
-                <= (FRONT_COST_RATIO if row.seconds < LONG_RUN_SECONDS else LONG_RUN_COST_RATIO)
+                row.cost
+                <= (FRONT_COST_RATIO if row.cost < LONG_RUN_SECONDS else LONG_RUN_COST_RATIO)
                 * shortest
             ):
                 found.add(numbers[id(row)])
@@ -509,7 +509,7 @@ def judge_series(
         For each setting how far roundings move the result, by kind of error, as a share of the
         range [1].
     budget : float
-        Wall time of a run after which its series ends [s].
+        Processor time of a run after which its series ends [s].
     """
     one = all_series[n]
     rows, unexpected = one.measured.rows, one.unexpected_order_setting(kind)
@@ -605,7 +605,8 @@ def describe_limits(longest: float) -> str:
 
 
 def least_cost(rows: Iterable[StudyRow], kind: str, error: float) -> float:
-    """Wall time of the cheapest row with an error of at most `error` [s]; NaN if there is none."""
+    """Processor time of the cheapest row with an error of at most `error` [s]; NaN if there is
+    none."""
     return min(
         (
             row.seconds

@@ -28,7 +28,7 @@ from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_varied
 from proofmass.terminal import make_console, three_digits
 
-TABLE_ERRORS = (1e-4, 1e-6)  # errors for which the table has the wall time
+TABLE_ERRORS = (1e-4, 1e-6)  # errors for which the table has the processor time
 LIMIT_COLUMN = "cause of the error floor, or how far the series came"
 
 

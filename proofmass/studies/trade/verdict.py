@@ -58,7 +58,8 @@ class Verdict:
 
 
 def pareto_front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
-    """The Pareto front: settings that no other beats in both wall time and error; cheapest first.
+    """The Pareto front: settings that no other beats in both processor time and error; cheapest
+    first.
 
     >>> rows = [StudyRow("", "", "", "", "", "", v, errors={"velocity": e}, seconds=s)
     ...         for v, e, s in ((1, 0.1, 1.0), (2, 0.2, 2.0), (3, 0.01, 3.0))]
@@ -71,7 +72,8 @@ def pareto_front(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
 
 
 def comparable_settings(rows: Iterable[StudyRow], kind: str) -> list[StudyRow]:
-    """Settings that can be on a front: they ran, and have an error of that kind and a wall time."""
+    """Settings that can be on a front: they ran, and have an error of that kind and a processor
+    time."""
     return [
         row
         for row in rows

@@ -149,7 +149,7 @@ def verify(
     store : Store, optional
         Store for the results.
     longest : float
-        Wall time after which a program is ended [s].
+        Processor time after which a program is ended [s].
     drive : str, optional
         How the program moves its drives, in the engine's words; the ideal way if not given.
     compare : bool

@@ -75,7 +75,7 @@ def is_error_of_drives(row: StudyRow, error_kind: str) -> bool:
 
 
 def format_cost(row: StudyRow) -> str:
-    """Describe the wall time of a setting, and the value of its varied parameter."""
+    """Describe the processor time of a setting, and the value of its varied parameter."""
     return f"{number(row.seconds, 2)} s at {format_varied(row)}"
 
 
@@ -85,7 +85,8 @@ def format_floor(verdict: Verdict) -> str:
 
 
 def format_needed_step(error: float, wanted: float, order: float, row: StudyRow) -> str:
-    """Describe the step that a wanted error needs, and the wall time of a run, if an order holds.
+    """Describe the step that a wanted error needs, and the processor time of a run, if an order
+    holds.
 
     >>> row = StudyRow("", "", "", "", "", "timestep", 1e-3, seconds=0.5)
     >>> format_needed_step(4e-4, 1e-4, 2.0, row)
@@ -94,7 +95,7 @@ def format_needed_step(error: float, wanted: float, order: float, row: StudyRow)
     factor = (error / wanted) ** (1 / order)
     return (
         f"{number(wanted, 2)} would need a step of about {number(row.value / factor, 2)} s and "
-        f"about {number(row.seconds * factor, 2)} s a run"
+        f"about {number(row.cost * factor, 2)} s a run"
     )
 
 
@@ -138,7 +139,7 @@ def format_reached(
             f"{not_asymptotic}order {number(order, 2)} down to {place}"
             + ", of the last refinement alone" * is_last_alone
         ]
-        if error > STATED_ERROR and row.varied == "timestep" and row.seconds > 0:
+        if error > STATED_ERROR and row.varied == "timestep" and row.cost > 0:
             words.append(
                 format_needed_step(error, STATED_ERROR, order, row) + ", if that order holds"
             )
@@ -150,7 +151,7 @@ def format_end(measured: MeasuredSeries, budget: float) -> str:
     last = measured.rows[-1]
     if last.outcome != Outcome.RAN:
         return f"{format_varied(last)}: {last.outcome}"
-    if last.seconds > budget:
+    if last.cost > budget:
         return f"the series ends there, at a run of more than {number(budget)} s"
     return ""
 

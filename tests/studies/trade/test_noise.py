@@ -1,4 +1,4 @@
-"""Noise of wall times: intervals, tied settings, the possible front, and busy machines."""
+"""Noise of processor times: intervals, tied settings, the possible front, and busy machines."""
 
 from dataclasses import replace
 
@@ -11,8 +11,8 @@ from proofmass.studies.trade.noise import (
     front_band,
     possible_front,
     tied_settings,
+    time_interval,
     usual_spread,
-    wall_time_interval,
 )
 from proofmass.studies.trade.verdict import pareto_front
 
@@ -20,15 +20,15 @@ MACHINE = "Processor x 2"
 
 
 def timed_row(error: float, *seconds: float, **more: object) -> StudyRow:
-    """A setting with an error and repeated wall times."""
+    """A setting with an error and repeated processor times."""
     row = StudyRow("trade", "", "", "mujoco", "", "timestep", 1.0, machine=MACHINE)
     return replace(row, errors={"position": error}, seconds=min(seconds), repeats=seconds, **more)
 
 
 def test_an_interval_goes_from_the_least_to_the_greatest_wall_time() -> None:
-    assert wall_time_interval(timed_row(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
-    # a single wall time may be too long by the usual spread, but not too short
-    assert wall_time_interval(timed_row(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
+    assert time_interval(timed_row(1.0, 3.0, 2.0, 5.0), 9.0) == Interval(2.0, 2.0, 5.0)
+    # a single processor time may be too long by the usual spread, but not too short
+    assert time_interval(timed_row(1.0, 3.0), 1.5) == Interval(2.0, 3.0, 3.0)
 
 
 def test_the_usual_spread_is_that_of_the_median_setting() -> None:

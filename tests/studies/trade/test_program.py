@@ -268,11 +268,13 @@ def test_no_program_can_import_proofmass(tmp_path: Path) -> None:
 def test_a_program_that_does_not_end_is_ended() -> None:
     case, setting = load_short_case("pendulum"), Setting("mujoco", {"timestep": 0.01})
     text = program_text_here(case, setting, IMPOSED[0], "") + "\nwhile True:\n    pass\n"
-    assert run_program(case, setting, text, 0.5) == ProgramRun(failure="no end after 0.5 s")
+    assert run_program(case, setting, text, 0.5) == ProgramRun(
+        failure="no end after 0.5 s of processor time"
+    )
 
 
 def test_the_result_of_a_program_is_stored(tmp_path: Path) -> None:
-    """A second run of the same setting reads the stored result, with the same wall time.
+    """A second run of the same setting reads the stored result, with the same processor time.
 
     Another setting has a result of its own.
     """

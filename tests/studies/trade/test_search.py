@@ -1,4 +1,5 @@
-"""The search for the cheapest setting, with families whose errors and wall times are formulas."""
+"""The search for the cheapest setting, with families whose errors and processor times are
+formulas."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -48,8 +49,8 @@ def fourbar() -> Case:
 class FormulaFamilies:
     """Replaces the families and runs of a search by formulas, and records the runs in `asked`.
 
-    Each family has a name, and a tuple: order, scale and floor of the error, wall time of a step
-    [s], and optionally whether it is the engine's defaults (`plain`).  The error is
+    Each family has a name, and a tuple: order, scale and floor of the error, processor time of a
+    step [s], and optionally whether it is the engine's defaults (`plain`).  The error is
     scale * step^order + floor; with order 0 all runs diverge.
     """
 
@@ -109,7 +110,8 @@ class FormulaFamilies:
         return rows
 
     def best(self, needed: float) -> float:
-        """The least wall time [s] of a good enough run with whole numbers of steps per sample."""
+        """The least processor time [s] of a good enough run with whole numbers of steps per
+        sample."""
         costs = [inf]
         for order, scale, floor, cost, *_ in self.families.values():
             costs += [
@@ -129,7 +131,7 @@ def setting_of_family(name: str) -> Callable[[float], Setting]:
 def test_the_cheapest_setting_is_found_within_a_quarter(
     needed: float, fourbar: Case, monkeypatch, tmp_path
 ) -> None:
-    """The cheapest good enough run that is found takes at most 1.25 times the least wall time.
+    """The cheapest good enough run that is found takes at most 1.25 times the least processor time.
 
     Steps between a good and a bad one are tried until their ratio is 1.25; since 0.8 of the error
     is aimed at, a step is 0.8 (first order) to 0.8^(1/4) (fourth order) of the largest good one.
@@ -176,7 +178,8 @@ def test_families_that_are_worse_than_another_are_given_up(
 ) -> None:
     """After three steps a family ends whose errors are larger and fall no faster, or are all large.
 
-    A family whose errors are larger but fall faster is followed as far as the wall time allows.
+    A family whose errors are larger but fall faster is followed as far as the processor time
+    allows.
     """
     world = FormulaFamilies(
         monkeypatch,
@@ -307,7 +310,7 @@ def test_defaults_are_followed_whatever_another_engine_costs(fourbar: Case) -> N
 
 
 def row_with(step: float, error: float) -> StudyRow:
-    """A run with an error, whose wall time is 1 ms over the step."""
+    """A run with an error, whose processor time is 1 ms over the step."""
     errors = {"position": error}
     return StudyRow("", "", "", "", "", "timestep", step, errors=errors, seconds=1e-3 / step)
 
@@ -375,7 +378,7 @@ def row_at(step: float) -> StudyRow:
 
 
 def test_defaults_are_followed_further_for_comparison(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """Defaults are followed up to `DEFAULTS_COST_RATIO` times the cheapest wall time.
+    """Defaults are followed up to `DEFAULTS_COST_RATIO` times the cheapest processor time.
 
     Another family with the same errors ends earlier.
     """
@@ -469,7 +472,7 @@ def test_a_first_run_is_predicted_by_the_other_families_of_its_engine(fourbar: C
 
 
 def test_timed_out_runs_count_towards_the_budget(fourbar: Case, monkeypatch, tmp_path) -> None:
-    """A timed-out run counts with the longest wall time of a run, 30 s.
+    """A timed-out run counts with the longest processor time of a run, 30 s.
 
     The other family, of first order with 1e-5 s a step, needs a run of 2.5 s or more for an error
     of 1e-5 after coarser ones: 32 s are too few for both families, and 60 s are enough.
@@ -490,10 +493,10 @@ def test_timed_out_runs_count_towards_the_budget(fourbar: Case, monkeypatch, tmp
 def test_a_family_with_the_same_errors_as_an_earlier_one_ends(
     fourbar: Case, monkeypatch, tmp_path
 ) -> None:
-    """A family ends after its first step if an earlier one has the same errors and wall times.
+    """A family ends after its first step if an earlier one has the same errors and processor times.
 
     It goes on if it is much cheaper, if the earlier family is the defaults, which are not refined
-    once a step is good enough, or if runs are too short for reliable wall times.
+    once a step is good enough, or if runs are too short for reliable processor times.
     """
     counts = {}
     for dear, cost, plain in (

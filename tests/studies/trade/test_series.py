@@ -177,7 +177,6 @@ def test_an_error_of_order_one_half_still_falls():
 @pytest.mark.parametrize(
     ("points", "seen"),
     [
-        (points_of_orders(2.0, 2.0), 2.0),
         (
             points_of_orders(2.0, 2.1),
             2.05,
@@ -185,7 +184,7 @@ def test_an_error_of_order_one_half_still_falls():
         (points_of_orders(2.0, 2.0, 1.0), 1.0),  # the last refinement shows another order
         (points_of_orders(2.0, 2.0, 1.75), 1.75),  # off by more than a tenth
         (points_of_orders(1.0, 1.0, 0.85), 0.85),  # off by more than a tenth of first order
-        (points_of_orders(2.0), 2.0),  # the only refinement
+        (points_of_orders(2.0), nan),  # two points show no order
         (points_of_orders(0.03), nan),
         (points_of_orders(2.0, 0.03), nan),  # the last refinement does not reduce the error
         (points_of_halved_sizes(1e-2, 2.5e-3, inf), nan),  # a finer run failed
@@ -254,9 +253,11 @@ def test_final_pairs_have_the_finest_and_a_clearly_coarser_step():
 
 def test_a_floor_of_one_kind_of_error_leaves_predictions_of_another():
     rows = [
+        study_row(4.0, velocity=16e-3, position=16e-3),
         study_row(2.0, velocity=4e-3, position=4e-3),
         study_row(1.0, velocity=1e-3, position=1e-3),
     ]
+    assert predict_steps(rows[1:], [], "position", 1e-5) == []  # two steps show no order
     at = Verdict("fourbar", "dynamics", "mujoco", "plain", "position", floor=1e-3)
     assert predict_steps(rows, [at], "position", 1e-5) == []
     assert len(predict_steps(rows, [at], "velocity", 1e-5)) == 1
@@ -279,18 +280,26 @@ def test_a_floor_of_one_kind_of_error_leaves_predictions_of_another():
 )  # the error of the last case hardly falls
 def test_no_step_is_predicted_without_an_order_or_if_good_enough(coarse, fine, needed):
     assert (
-        predict_steps([study_row(2.0, **coarse), study_row(1.0, **fine)], [], "velocity", needed)
+        predict_steps(
+            [study_row(4.0, **coarse), study_row(2.0, **coarse), study_row(1.0, **fine)],
+            [],
+            "velocity",
+            needed,
+        )
         == []
     )
 
 
-def test_a_predicted_wall_time_is_proportional_to_the_steps():
+def test_a_predicted_cost_is_proportional_to_the_steps():
     """From an error of 1e-3 to 0.8 of 1e-5 the step is shorter by the root of 125.
 
-    The errors are of second order, and the wall time is longer by the same factor.
+    The errors are of second order, and the processor time is longer by the same factor.
     """
     (found,) = predict_steps(
-        [study_row(2.0, velocity=4e-3), study_row(1.0, velocity=1e-3)], [], "velocity", 1e-5
+        [study_row(step, velocity=1e-3 * step**2) for step in (4.0, 2.0, 1.0)],
+        [],
+        "velocity",
+        1e-5,
     )
     assert found.falls == pytest.approx(2.0)
     assert found.step == pytest.approx(125**-0.5)

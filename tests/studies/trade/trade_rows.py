@@ -1,4 +1,4 @@
-"""A made-up trade study whose errors and wall times are formulas."""
+"""A made-up trade study whose errors and processor times are formulas."""
 
 from dataclasses import replace
 
