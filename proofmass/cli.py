@@ -53,7 +53,7 @@ Paths = Annotated[
     list[Path] | None, typer.Argument(help="Sidecars, models or folders.", show_default="models/")
 ]
 RunTimeout = Annotated[
-    float, typer.Option(help="Wall time after which a run is given up.", metavar="SECONDS")
+    float, typer.Option(help="Processor time after which a run is given up.", metavar="SECONDS")
 ]
 Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
 Errors = StrEnum("Errors", ["position", "velocity", "acceleration", "force", "energy"])
@@ -744,7 +744,10 @@ def choose_command(
     dask: Dask = None,
     longest: RunTimeout = DEFAULT_LONGEST_RUN,
     budget: Annotated[
-        float, typer.Option(help="Wall time of all runs of the search together.", metavar="SECONDS")
+        float,
+        typer.Option(
+            help="Counted processor time of all runs of the search together.", metavar="SECONDS"
+        ),
     ] = DEFAULT_SEARCH_BUDGET,
     force: Force = False,
 ) -> None:

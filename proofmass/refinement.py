@@ -35,7 +35,7 @@ class RefinedRow:
     x : float
         The x of the last sample [SI].
     seconds, steps
-        Cost of the run: wall time [s], and number of steps.
+        Cost of the run: processor time [s], and number of steps.
     """
 
     case: str

@@ -222,6 +222,6 @@ def test_help_joins_the_lines_of_a_paragraph_and_keeps_units():
     """In 80 columns.  Rich would read a unit such as `[s]` as a tag."""
     text = CliRunner().invoke(app, ["choose", "--help"], env={"COLUMNS": "80"}).output
     assert "run as a program of its own, without proofmass, and from a shifted start, and" in text
-    assert "Wall time of all runs" in " ".join(text.replace("│", " ").split())
+    assert "processor time of all runs" in " ".join(text.replace("│", " ").split())
     text = CliRunner().invoke(app, ["animate", "--help"], env={"COLUMNS": "80"}).output
     assert "Playing time [s]." in text

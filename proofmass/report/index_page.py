@@ -155,7 +155,7 @@ class CaseRow:
     checked, channels : int
         Number of curves that were compared with a tolerance, and of all curves of the case.
     seconds : float
-        Wall time of all runs of the case [s].
+        Processor time of all runs of the case [s].
     search : str
         What the search field searches apart from name and title, in small letters.
     changes : list of Change
@@ -546,7 +546,7 @@ def select_column(rows: Iterable[Comparison], column: IndexColumn) -> list[Compa
 
 
 def total_seconds(rows: Iterable[Comparison]) -> float:
-    """Return the wall time of all runs of a case [s]."""
+    """Return the processor time of all runs of a case [s]."""
     runs = {(c.run, c.solver): c.seconds for c in rows}
     return sum(s for s in runs.values() if math.isfinite(s))
 

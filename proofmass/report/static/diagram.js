@@ -121,7 +121,7 @@ function drawAxes(width, [xLow, xHigh, yLow, yHigh]) {
       element("text", { x: MARGIN.left - 7, y: at + 4, "text-anchor": "end" }, worded(value, 1)),
     );
   }
-  const cost = state.cost === "seconds" ? "wall time of the run" : data.work;
+  const cost = state.cost === "seconds" ? "processor time of the run" : data.work;
   const middle = (MARGIN.top + bottom) / 2;
   axes.append(
     element("rect", {
@@ -141,7 +141,7 @@ function drawAxes(width, [xLow, xHigh, yLow, yHigh]) {
   return axes;
 }
 
-// The Pareto front as a stair; for wall times also the band in which it lies by their spread.
+// The Pareto front as a stair; for processor times also the band in which it lies by their spread.
 function drawFront() {
   const { x, y, right } = view;
   const group = element("g");

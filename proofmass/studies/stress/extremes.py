@@ -354,7 +354,7 @@ def with_spring(case: Case, folder: Path, joint: str, stiffness: float) -> Case:
 
 
 MAX_SEGMENTS, MAX_SEGMENTS_TIMEOUT = (200, 600.0)
-"""Most segments of a rod, and wall time for so many [s]."""
+"""Most segments of a rod, and processor time for so many [s]."""
 MIN_STEPS = 4
 """Steps of the shortest runs: a motion there and back in two steps would look like none."""
 

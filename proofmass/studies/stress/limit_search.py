@@ -301,8 +301,8 @@ def step_by_factor(value: float, factor: float, end: float, up: bool) -> float:
 class StressedCase:
     """A case in one engine, and the kind of run in which its limits are searched for.
 
-    Runs are made by `measure_or_read`, with a limit of wall time `timeout` [s], and kept in the
-    store; if `runner` is given, it makes them instead.
+    Runs are made by `measure_or_read`, with a limit of processor time `timeout` [s], and kept in
+    the store; if `runner` is given, it makes them instead.
     """
 
     case: Case
@@ -425,7 +425,7 @@ class StressedCase:
 def measure_or_read(task: StudyRun, store: Store, timeout: float = RUN_TIMEOUT) -> Measurement:
     """Make a run, or read it from the store if it was made before.
 
-    Its wall time is not used, so the run does not need a processor of its own.
+    Its processor time is not used, so the run does not need a processor of its own.
     """
     return store.once(task_key(task), task, timeout, partial(measure_untimed, task, timeout))
 

@@ -25,7 +25,7 @@ from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult
 from proofmass.studies.stress.limit_search import LimitSearch, kind_of_limit
 
 DEFAULT_STEPS, STEPS_PER_SAMPLE = 4000, 20  # time steps of a run, and from one sample to the next
-RUN_TIMEOUT = 120.0  # wall time of a run, at most
+RUN_TIMEOUT = 120.0  # processor time of a run, at most
 
 
 def chain_model(masses: int) -> str:

@@ -91,7 +91,7 @@ def test_pairs_are_ordered_at_random_and_compared_by_their_ratios(monkeypatch):
     def run(model, run):
         asked.append(model)
         data = type("Data", (), {"nbuffer": 1, "maxuse_arena": 2})
-        curves = type("Curves", (), {"steps": 10})
+        curves = type("Curves", (), {"steps": 10, "cost": 1e-3})
         return (1 + 0.1 * (len(asked) // 2)) * {"one": 2.0, "two": 1.0}[model], curves, data
 
     monkeypatch.setattr(trial, "time_run", run)
