@@ -4,8 +4,8 @@ Each question is asked with processor clocks that run ten times as fast and ten 
 this process and in all workers, and by a slow test beside many busy processes.  The answers are
 compared word by word, except for the seconds that they state as information.
 
-The workers get their clocks from a `sitecustomize` module, which Python imports when it starts:
-`proofmass.worker` passes `sys.path` on.
+The workers get their clocks from a `sitecustomize` module, which Python finds by PYTHONPATH and
+imports when it starts.
 """
 
 import os
@@ -64,7 +64,7 @@ def clocks(speed: float, folder: Path) -> Iterator[None]:
     (folder / "sitecustomize.py").write_text(dedent(PATCHED_CLOCKS.format(speed=speed)))
     close_idle_workers()
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(folder))
+        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
         for name in CLOCKS:
             real = getattr(time, name)
             patch.setattr(time, name, lambda real=real: speed * real())
