@@ -222,7 +222,9 @@ def processor_seconds(process_id: int) -> float | None:
     try:
         state = (process / "stat").read_text("utf-8", "replace").rpartition(")")[2].split()
         children = [
-            one for file in process.glob("task/*/children") for one in file.read_text("utf-8").split()
+            one
+            for file in process.glob("task/*/children")
+            for one in file.read_text("utf-8").split()
         ]
     except OSError:
         return None
