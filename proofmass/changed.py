@@ -59,8 +59,8 @@ class Baseline:
         Allowed errors [SI], and the same as shares of the scale that `scale_of` gives [1].
     comparisons : list of Comparison
         The comparisons of all channels.
-    seconds : float
-        Wall time of the engine [s].
+    steps : int
+        Steps of the engine.
     """
 
     kind: Kind

@@ -58,6 +58,8 @@ SLOWNESS = 20.0
 """Ratio of the processor time to the counted one beyond which a way to solve a motion is ended: the
 machine is far slower than that of `proofmass.sim.mujoco.work`, or steps cost far more than
 counted."""
+MIN_SLOW_SECONDS = 60.0
+"""Processor time [s] before which no way is ended for that: the first one loads SciPy."""
 PYTHON_SECONDS = 4e-5
 """Counted processor time that DOP853 needs for each evaluation besides that of MuJoCo [s]."""
 NARROW_TOLERANCE, WIDE_TOLERANCE = 1e-9, 1e-6
@@ -104,7 +106,7 @@ class Budget:
         self.work += work
         if self.work > self.limit:
             raise OutOfTime(f"its steps reached {self.limit:.3g} s of counted processor time")
-        if (used := self.seconds) > SLOWNESS * self.limit:
+        if (used := self.seconds) > max(MIN_SLOW_SECONDS, SLOWNESS * self.limit):
             raise OutOfTime(
                 f"it used {used:.3g} s of processor time for steps that count {self.work:.3g} s"
             )

@@ -163,6 +163,7 @@ def test_a_motion_is_solved_alike_on_slow_and_on_fast_machines(speed, tmp_path, 
 
 def test_steps_that_cost_far_more_than_counted_are_ended_and_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(own_motion, "SLOWNESS", 0.0)
+    monkeypatch.setattr(own_motion, "MIN_SLOW_SECONDS", 0.0)
     motion = solved_motion(tmp_path, PENDULUM)
     assert motion.runs[0].late
     assert re.fullmatch(
