@@ -117,13 +117,13 @@ class SlipProblem:
         stuck = senses == 0
         stuck_rows, lead, free = self.turn[stuck], self.lead[stuck], self.force.size
         _, sizes, ways = np.linalg.svd(stuck_rows)
-        rank = int((sizes > RANK_TOLERANCE * np.abs(self.turn).max()).sum())
+        rank = int((sizes > RANK_TOLERANCE * np.abs(self.turn).max(initial=0.0)).sum())
         motion = (
             -np.linalg.lstsq(stuck_rows, lead, rcond=RANK_TOLERANCE)[0] if rank else np.zeros(free)
         )
         if (
             np.abs(stuck_rows @ motion + lead).max(initial=0.0)
-            > RANK_TOLERANCE * np.abs(self.lead).max()
+            > RANK_TOLERANCE * np.abs(self.lead).max(initial=0.0)
         ):
             return None
         free_rows = ways[rank:]
@@ -236,8 +236,8 @@ class SlipProblem:
         """
         stuck_rows = self.turn[(senses == 0) & (later == 0)]
         held = np.linalg.pinv(stuck_rows, rcond=RANK_TOLERANCE) @ stuck_rows
-        moves = np.abs(self.turn - self.turn @ held).max(axis=1)
-        at_dead_point = moves < DEAD_POINT_SHARE * max(np.abs(self.turn).max(), 1.0)
+        moves = np.abs(self.turn - self.turn @ held).max(axis=1, initial=0.0)
+        at_dead_point = moves < DEAD_POINT_SHARE * max(np.abs(self.turn).max(initial=0.0), 1.0)
         return bool((at_dead_point & (senses != 0) & (later == 0)).any())
 
 

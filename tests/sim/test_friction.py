@@ -16,6 +16,7 @@ from proofmass.analytic.linkages import shaft_pendulum, slider_crank
 from proofmass.compare import compare
 from proofmass.design.template import write_case
 from proofmass.drive import Swing
+from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.reference import compiled_model
 from proofmass.sidecar import load_case
@@ -434,3 +435,35 @@ def test_pymunk_refuses_stops_together_with_friction_of_free_joints(tmp_path):
     run = Run("sweep", np.linspace(0, 1, 3), (), (Drive("j0", PiecewiseLinear((0.0, 1.0))),))
     with pytest.raises(Unsupported, match="joint ranges and dry friction of j1"):
         call_engine("pymunk", file, run)
+
+
+def moved_up_and_down(x):
+    """A way of 0.1 m up and back, at 1 m/s."""
+    up = x < 0.1
+    return np.where(up, x, 0.2 - x), np.where(up, 1.0, -1.0), 0.0 * x
+
+
+@pytest.mark.parametrize("highest", [1.0, 0.03])
+def test_a_joint_with_friction_that_its_stop_holds_leaves_it_by_the_closed_form(tmp_path, highest):
+    """On the stop nothing is free: the drive, the loop and the stop determine all joints.
+
+    The middle of two springs in series sticks between the two places where friction gives way,
+    ``k1 gap + preload -+ F = k2 (x - gap)``, within its range.
+    """
+    joint = '<joint name="middle" stiffness="100" springref="-0.061" range="0 {}"'
+    text, file = shipped("springs_series.xml").read_text(), tmp_path / "springs.xml"
+    assert joint.format(1) in text
+    file.write_text(text.replace(joint.format(1), joint.format(highest) + ' frictionloss="1"'))
+    x = np.linspace(0.0, 0.2, 41)
+    drive = Drive("handle", moved_up_and_down)
+    found = engine_of("mujoco").simulate(file, Run("sweep", x, ("gap", "force"), (drive,)))
+    k1, k2, preload, friction, gap, gaps = 100.0, 300.0, 6.1, 1.0, 0.0, []
+    handle = moved_up_and_down(x)[0]
+    for place in handle:
+        low, high = ((k2 * place - preload + way * friction) / (k1 + k2) for way in (-1, 1))
+        gap = min(max(min(max(gap, low), high), 0.0), highest)
+        gaps.append(gap)
+    np.testing.assert_allclose(found.channels["gap"], gaps, rtol=0, atol=1e-14)  # rounding
+    np.testing.assert_allclose(
+        found.channels["force"], k2 * (handle - gaps), rtol=0, atol=1e-12
+    )  # rounding of 30 N
