@@ -344,19 +344,19 @@ def check_model_here(model: Path) -> Comparison:
         violation=float(own.gap.max(initial=0.0)),
     )
     if failed := why_failed(motion):
-        return replace(found, outcome=Outcome.DIVERGED, message=failed)
+        return replace(found, outcome=Outcome.DIVERGED, message=" ".join([failed, *motion.notes]))
     rung = Rung(motion)
+    found = replace(found, message=" ".join([rung.words(), *motion.notes]))
     if rung.at_rest:
-        return replace(found, outcome=Outcome.NOTHING_MOVED, message=rung.words())
+        return replace(found, outcome=Outcome.NOTHING_MOVED)
     if not rung.consistent:
-        return replace(found, outcome=Outcome.UNCHECKED, message=rung.words())
+        return replace(found, outcome=Outcome.UNCHECKED)
     return replace(
         found,
         error_max=rung.error(own),
         at=rung.until,
         uncertainty=rung.known,
         outcome=Outcome.SELF_CONSISTENT,
-        message=rung.words(),
     )
 
 

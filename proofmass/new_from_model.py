@@ -32,9 +32,10 @@ from proofmass.analytic.planar.mechanism import (
     PlanarJoint,
     PointSpring,
     SumSpring,
-    refuse_actuators,
     refuse_contacts,
 )
+from proofmass.analytic.planar.support import SUPPORT
+from proofmass.analytic.support import RunKind, refuse
 from proofmass.check import OWN_MODEL_SAMPLES, read_isolated, run_solver
 from proofmass.compare import Comparison, compare, passes_unmoved
 from proofmass.engines import default_engines, engine_of
@@ -232,7 +233,7 @@ def inspect_model(path: Path) -> ModelSummary:
         if is_free:
             refuse_contacts(model)
             refuse_friction(mechanism)
-            refuse_actuators(model, ())
+            refuse(model, SUPPORT, RunKind.FREE_MOTION)
     except ValueError as error:
         return inspect_in_space(path, model, start, dof, str(error))
     if is_free and dof == 1:
@@ -255,7 +256,7 @@ def inspect_model(path: Path) -> ModelSummary:
         start_value, unit = float(pose[j]), TURN if joint.hinge else mechanism.size
         low, high = joint.range
         try:
-            refuse_actuators(model, (joint.name,))
+            refuse(model, SUPPORT, RunKind.SWEEP, (joint.name,))
             below, above = (
                 equilibrium_end(model, start, joint.name, start_value, end)
                 if has_equilibria

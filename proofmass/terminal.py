@@ -54,7 +54,7 @@ UNLIMITED_WIDTH = 500
 
 
 def as_json(result: Result) -> str:
-    """Return a result as one JSON object: comparisons, diagnoses, errors of the input, exit code.
+    """Return a result as one JSON object: comparisons, diagnoses, notes, errors, exit code.
 
     Numbers that are not finite are null.
     """
@@ -65,6 +65,7 @@ def as_json(result: Result) -> str:
                 "comparisons": rows,
                 "causes": [cause_data(cause) for cause in shared_causes(result.diagnoses.values())],
                 "diagnoses": [diagnosis_data(found) for found in result.diagnoses.values()],
+                "notes": list(note_lines(result)),
                 "errors": [
                     {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors
                 ],

@@ -446,6 +446,13 @@ DEFAULT_PARAMETERS = {
         "test_a_run_with_another_step_than_the_models_is_not_green": ["0.02-361", "0.05-70"],
         "test_a_proposed_case_runs_the_step_of_the_model": ["0.02"],
     },
+    "tests/sim/test_features.py": {
+        "test_a_feature_acts_as_in_bare_mujoco_or_is_said_or_has_no_effect": [
+            "force of an actuator on a driven joint",
+            "armature of a tendon",
+            "cutoff of a sensor",
+        ],
+    },
     "tests/report/test_browser.py": {
         "test_every_channel_of_every_run_can_be_shown": ["rod_cantilever"],
     },

@@ -629,7 +629,7 @@ def test_a_model_that_the_planar_reference_does_not_cover_is_bad_input(models, e
     )
     [error] = check([models / "watt.toml"]).errors
     assert error.file == models / "watt.xml"
-    assert error.wrong == ("the reference 'planar' does not cover it: tendon 'rope' has armature")
+    assert error.wrong == ("the reference 'planar' does not cover it: armature of tendon 'rope'")
 
 
 def test_an_unknown_key_lists_keys_of_sidecars_alone(models, edit):

@@ -350,6 +350,7 @@ def test_json_has_null_for_nan_and_infinity():
         "comparisons",
         "causes",
         "diagnoses",
+        "notes",
         "errors",
         "of_others",
         "exit_code",

@@ -121,10 +121,9 @@ class SlipProblem:
         motion = (
             -np.linalg.lstsq(stuck_rows, lead, rcond=RANK_TOLERANCE)[0] if rank else np.zeros(free)
         )
-        if (
-            np.abs(stuck_rows @ motion + lead).max(initial=0.0)
-            > RANK_TOLERANCE * np.abs(self.lead).max(initial=0.0)
-        ):
+        if np.abs(stuck_rows @ motion + lead).max(initial=0.0) > RANK_TOLERANCE * np.abs(
+            self.lead
+        ).max(initial=0.0):
             return None
         free_rows = ways[rank:]
         try:

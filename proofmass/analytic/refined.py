@@ -21,8 +21,49 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.support import (
+    ACTS,
+    IN_TIME,
+    IRRELEVANT,
+    REFUSED,
+    RunKind,
+    answers,
+    covers,
+    refuse,
+)
 
-__all__ = ["properties", "solve"]
+__all__ = ["SUPPORT", "properties", "solve"]
+
+WITHOUT_DRIVES = answers(IN_TIME, ACTS, refused=(RunKind.DRIVEN_MOTION,))
+FALSE_MOMENT = answers(IN_TIME, ACTS, withheld=(RunKind.DRIVEN_MOTION,))
+SUPPORT = covers(
+    IN_TIME,
+    {
+        "spring that yields of a joint": REFUSED,
+        "polynomial damping of a driven joint": FALSE_MOMENT,
+        "frictionloss of a driven joint": FALSE_MOMENT,
+        "weld equality": WITHOUT_DRIVES,
+        "tendon equality, of sums of joints": WITHOUT_DRIVES,
+        "tendon equality, of ways in space": WITHOUT_DRIVES,
+        "equality of a flex": REFUSED,
+        "armature of a tendon": FALSE_MOMENT,
+        "spring that yields of a tendon": REFUSED,
+        "delay of an actuator": REFUSED,
+        "armature of an actuator": FALSE_MOMENT,
+        "armature of an actuator on a driven joint": FALSE_MOMENT,
+        "force of an actuator on a driven joint": IRRELEVANT,
+        "time of the key": IRRELEVANT,
+        "integrator or solver of the options": IRRELEVANT,
+        "discrete inverse dynamics": IRRELEVANT,
+        "sleep of bodies at rest": IRRELEVANT,
+        "magnetic field": IRRELEVANT,
+        "cutoff of a sensor": IRRELEVANT,
+        "delay of a sensor": IRRELEVANT,
+        "interval of a sensor": IRRELEVANT,
+        "noise of a sensor": IRRELEVANT,
+    },
+)
+"""The features of MuJoCo's own equations, but for states that only steps in time move."""
 
 
 def solve(
@@ -32,6 +73,7 @@ def solve(
     *,
     model: Any,
     closely: Callable[[Array], dict[str, Array]],
+    joints: tuple[str, ...] = (),
     in_time: tuple[Array, Sequence[Any]] | None = None,
 ) -> dict[str, Array]:
     """Motion of a model from its start key, free or with drives, and with controls that may change.
@@ -49,6 +91,8 @@ def solve(
     closely : callable
         Function of times (n,) [s] that returns the curves of all sensors; see
         `proofmass.reference.solve_closely`.
+    joints : tuple of str
+        The driven joints.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
         For a driven model the times [s] and the motion profiles of its drives.
 
@@ -73,6 +117,8 @@ def solve(
     >>> solve([0.0, 1.0], model=None, closely=lambda t: {"fall": -9.81 * t**2 / 2})["fall"]
     array([-0.   , -4.905])
     """
+    if model is not None:
+        refuse(model, SUPPORT, RunKind.DRIVEN_MOTION if joints else RunKind.FREE_MOTION, joints)
     return closely(np.atleast_1d(np.asarray(in_time[0] if in_time else times, float)))
 
 

@@ -2,13 +2,15 @@
 
 MuJoCo reads a NaN as a zero and only warns.  A handler here receives its warnings, so that MuJoCo
 writes no MUJOCO_LOG.TXT into the user's folder: within `collected_warnings` they are collected,
-otherwise they go to standard error.
+otherwise they go to standard error.  `warning_notes` makes remarks of them for those who run the
+model.
 """
 
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +22,8 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from proofmass.analytic.contacts import is_mixed
+from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import LARGEST
 from proofmass.files import content_key, read_bytes
 from proofmass.sim.protocol import BROKEN_ENGINES, BadModel, Rod
@@ -76,20 +80,36 @@ def _warn(message: str) -> None:
     if collected is None:
         print(f"MuJoCo: {message}", file=sys.stderr)
     else:
-        collected.append(message)
+        collected[message] = None
 
 
 mujoco.set_mju_user_warning(_warn)
 
 
 @contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings in this thread while the context is open."""
-    _thread.warnings = found = list[str]()
+def collected_warnings() -> Iterator[dict[str, None]]:
+    """Collect MuJoCo's warnings in this thread while the context is open, each once.
+
+    A context around it gets them as well.
+    """
+    around = getattr(_thread, "warnings", None)
+    _thread.warnings = found = dict[str, None]()
     try:
         yield found
     finally:
-        _thread.warnings = None
+        _thread.warnings = around
+        if around is not None:
+            around.update(found)
+
+
+@contextmanager
+def python_warnings_as_mujoco() -> Iterator[None]:
+    """Handle Python's warnings as those of MuJoCo: a ``MjSpec`` that is compiled warns by these."""
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        yield
+    for one in found:
+        _warn(str(one.message))
 
 
 def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
@@ -108,15 +128,16 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
     """
     if not path.is_file():
         raise BadModel(f"{path.name}: no such file, or no regular file")
-    with collected_warnings() as warnings:
+    with collected_warnings() as collected:
         refuse_self_attachment(path)
         try:
             if rods:
-                model = compile_with_rods(read_spec(path), rods)
+                with python_warnings_as_mujoco():
+                    model = compile_with_rods(read_spec(path), rods)
             else:
                 model = mujoco.MjModel.from_xml_path(os.fsencode(path))
         except (ValueError, mujoco.FatalError) as error:
-            refuse_nan(path, warnings)
+            refuse_nan(path, collected)
             raise refusal(error, f"{path.name}: ") from None
         except RuntimeError as error:  # an exception of C++, whose message MuJoCo drops
             # in MuJoCo 4.0.0 the next model that causes a warning would hang
@@ -126,7 +147,7 @@ def compile_model(path: Path, rods: Sequence[Rod] = ()) -> mujoco.MjModel:
                 f'"{error}"; it does so where there is no memory for a model as '
                 f"large, such as one with a height field of 1e6 rows"
             ) from None
-    refuse_nan(path, warnings)
+    refuse_nan(path, collected)
     if not model.opt.timestep > 0:
         raise BadModel(f"{path.name}: <option>: timestep {model.opt.timestep:g} is not positive")
     if (oversized := oversized_number(model)) is not None:
@@ -298,11 +319,47 @@ def leave_out_disabled(model: mujoco.MjModel) -> None:
         model.opt.gravity[:] = 0
 
 
-def refuse_nan(path: Path, warnings: Sequence[str]) -> None:
+def refuse_nan(path: Path, collected: Iterable[str]) -> None:
     """Raise `BadModel` if MuJoCo warned of a NaN."""
-    if any("NaN" in message for message in warnings):
+    if any("NaN" in message for message in collected):
         where = locate_number(path, is_nan) or "a number in it, or in a file that it includes,"
         raise BadModel(f"{path.name}: {where} is not a number")
+
+
+SOLREF_FIELDS = {
+    "jnt_solref": "joint",
+    "dof_solref": "joint",
+    "geom_solref": "geom",
+    "pair_solref": "pair",
+    "eq_solref": "equality",
+    "tendon_solref_lim": "tendon",
+    "tendon_solref_fri": "tendon",
+}
+"""Fields with numbers that MuJoCo replaces if their format is mixed, and the elements they are of.
+"""
+
+
+def warning_notes(model: mujoco.MjModel, collected: Iterable[str]) -> tuple[str, ...]:
+    """Warnings of MuJoCo as remarks, a sentence each; with the elements of a mixed `solref`.
+
+    Those that have a time report a state that is not finite, which makes a run fail by itself.
+    """
+    notes = []
+    for message in (one for one in collected if "Time = " not in one):
+        names = ", ".join(mixed_solrefs(model)) if "solref" in message else ""
+        said = " ".join(message.split()).rstrip(".")
+        notes.append(f"MuJoCo warns: {said}{f' ({names})' if names else ''}.")
+    return tuple(notes)
+
+
+def mixed_solrefs(model: mujoco.MjModel) -> Iterator[str]:
+    """The elements with a `solref` of which one number is positive and the other is not."""
+    for field, word in SOLREF_FIELDS.items():
+        for k, (first, second) in enumerate(getattr(model, field)[:, :2].tolist()):
+            if is_mixed(first, second):
+                number = int(model.dof_jntid[k]) if field == "dof_solref" else k
+                own = equality_name(model, k) if word == "equality" else ""
+                yield f"{word} {own or getattr(model, word)(number).name!r}: {first:g} {second:g}"
 
 
 def oversized_number(model: mujoco.MjModel) -> tuple[str, float] | None:

@@ -15,7 +15,7 @@ from itertools import count, takewhile
 from math import ceil, isnan, nan
 from pathlib import Path
 from textwrap import indent
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
@@ -28,6 +28,8 @@ from proofmass.strict import Switch as Switch
 
 if TYPE_CHECKING:
     from mujoco import MjModel
+
+    from proofmass.analytic.support import Support
 
 BROKEN_ENGINES = set[str]()
 """Engines that cannot be called in this process any more, so that another has to be started."""
@@ -562,6 +564,8 @@ class OwnMotion:
         Degrees of freedom of the model without its loops.
     disturbance : float
         Change of the start pose, as a share of the size [1] and in rad.
+    notes : tuple of str
+        Warnings of the engine, a sentence each.
     """
 
     times: Array
@@ -575,6 +579,7 @@ class OwnMotion:
     stiffer: OwnRun | None
     dof: int
     disturbance: float = 1e-9
+    notes: tuple[str, ...] = ()
 
 
 ParameterValue = str | float | int | bool | tuple[float, ...]
@@ -821,6 +826,9 @@ class Engine:
         By setting, name of that quantity on the axis of a figure, if it is not the setting.
     accuracy : mapping of str to AccuracyLimit
         Accuracy that is expected for a driven linkage, for cases that state no tolerance.
+    support : mapping
+        What becomes of each feature of a model in its runs, see `proofmass.analytic.support`;
+        empty if the engine does not state it.
     """
 
     title = ""
@@ -835,6 +843,7 @@ class Engine:
     sizes: Mapping[str, Callable[[ParameterValue], float]] = {"timestep": first_number}
     labels: Mapping[str, str] = {}
     accuracy: Mapping[str, AccuracyLimit] = {}
+    support: ClassVar["Support"] = {}
 
     def __init_subclass__(cls) -> None:
         if "title" not in vars(cls):

@@ -290,10 +290,10 @@ def spring_energy(stiffness: float, slack: list[float], length: float) -> float:
 @pytest.mark.parametrize(
     ("high", "words"),
     [
-        ('range="0 1" limited="true"', "the range of tendon 'high'"),
+        ('range="0 1" limited="true"', "range of tendon 'high'"),
         ('frictionloss="1"', "frictionloss of tendon 'high'"),
         ('armature="1"', "armature of tendon 'high'"),
-        ('stiffness="1 2"', "a polynomial spring of tendon 'high'"),
+        ('stiffness="1 2"', "polynomial stiffness of tendon 'high'"),
         ('damping="1 2"', "polynomial damping of tendon 'high'"),
     ],
 )

@@ -74,15 +74,31 @@ def restitution(damping_ratio: float) -> float:
     return float(np.exp(-2.0 * z * angle / (np.sqrt(abs(1.0 - z)) * np.sqrt(1.0 + z))))
 
 
+DEFAULT_DAMPING_RATIO = 1.0
+"""Damping ratio of MuJoCo's default `solref`, which replaces one of mixed format."""
+
+
+def is_mixed(first: float, second: float) -> bool:
+    """Whether one of the two numbers of a `solref` is positive and the other is not.
+
+    >>> is_mixed(0.02, 0.0), is_mixed(-100.0, 0.0)
+    (True, False)
+    """
+    return (first > 0) != (second > 0)
+
+
 def damping_ratio(solref: ArrayLike) -> float:
     """Damping ratio [1] of MuJoCo's soft contacts and joint limits; NaN if `solref` has none.
 
     `solref` is a time constant and the damping ratio, or, with negative signs, a stiffness and a
-    damping coefficient.
+    damping coefficient.  If only one of them is positive, MuJoCo takes its default instead, whose
+    ratio is 1, with the warning "mixed solref format".
 
-    >>> damping_ratio([0.02, 1.0]), damping_ratio([-100.0, -10.0])
-    (1.0, 0.5)
+    >>> damping_ratio([0.02, 1.0]), damping_ratio([-100.0, -10.0]), damping_ratio([-100.0, 10.0])
+    (1.0, 0.5, 1.0)
     """
     first, second = np.asarray(solref, float).tolist()
+    if is_mixed(first, second):
+        return DEFAULT_DAMPING_RATIO
     ratio = second if first > 0 else -second / (2.0 * np.sqrt(-first)) if first < 0 else np.nan
     return float(ratio) if ratio >= 0 else float("nan")

@@ -74,12 +74,13 @@ from proofmass.analytic.planar.mechanism import (
     read,
     read_actuator,
     read_site_load,
-    refuse_actuators,
     refuse_contacts,
     rotation_matrix,
     sensor_place,
 )
+from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.stops import MotionWithStops, Stop, make_stops, refuse_limit
+from proofmass.analytic.support import refuse, run_kind
 
 __all__ = [
     "Branch",
@@ -224,7 +225,6 @@ def solve(
     for curves in (controls or {}, control_rates or {}):
         check_finite(**curves)
     mechanism, reader = _read_cached(model, start)
-    refuse_actuators(model, joints)
     refuse_shared_ranges(model, {**(controls or {}), **(control_profiles or {})})
     if joints and (shape := np.atleast_2d(np.asarray(value, float)).shape)[:-1] != (len(joints),):
         raise ValueError(
@@ -233,8 +233,10 @@ def solve(
     own, stop_forces = dict[str, Array](), np.zeros(1)
     has_dof = not joints or has_free_dof(mechanism, joints)
     is_free = has_dof and (not joints or in_time is not None)
-    if has_dof and not is_free:
+    if has_dof:
         refuse_contacts(model)
+    refuse(model, SUPPORT, run_kind(joints, has_dof, inertia, in_time is not None), joints)
+    if has_dof and not is_free:
         if inertia:
             raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
         values = np.atleast_2d(np.asarray(value, float))
@@ -257,7 +259,6 @@ def solve(
         own["condition"] = condition_numbers(mechanism, q, d)
         refuse_limits(mechanism, q)
     else:
-        refuse_contacts(model)
         refuse_friction(mechanism)
         d = Drives.of(mechanism, joints)
         profiles = ControlsInTime.of(model, mechanism.ctrl, control_profiles)

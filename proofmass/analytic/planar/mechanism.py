@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
+from proofmass.analytic.features import may_touch
 from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import (
     Array,
@@ -26,7 +27,9 @@ from proofmass.analytic.numerics import (
     NotCovered,
     normal_of_slides,
 )
+from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.stops import Stop, read_stops
+from proofmass.analytic.support import refuse
 
 
 class Mirrored(CannotMove):
@@ -921,7 +924,8 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         The model is not a planar mechanism of hinges, slides, equalities of kinds ``connect``,
         ``joint`` and fixed tendons, and springs between two sites; the message names the element.
     """
-    refuse_uncovered(model)
+    every_joint = tuple(model.joint(j).name for j in range(model.njnt))
+    refuse(model, SUPPORT, driven=every_joint)  # `solve` examines actuators of free joints
     reader = Reader(model)
     names = [model.key(k).name for k in range(model.nkey)]
     if names and start not in names:
@@ -953,79 +957,6 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
     ), reader
 
 
-def refuse_uncovered(model: Any) -> None:
-    """Raise NotCovered, with the name, for elements that this solver does not cover."""
-    for j in range(model.njnt):
-        if mujoco.mjtJoint(model.jnt_type[j]) not in (
-            mujoco.mjtJoint.mjJNT_HINGE,
-            mujoco.mjtJoint.mjJNT_SLIDE,
-        ):
-            raise NotCovered(f"joint {model.joint(j).name!r} is neither a hinge nor a slide")
-    for e in np.flatnonzero(model.eq_active0):
-        kind = mujoco.mjtEq(model.eq_type[e])
-        if kind == mujoco.mjtEq.mjEQ_TENDON and all(
-            t < 0 or is_fixed_tendon(model, t) for t in (model.eq_obj1id[e], model.eq_obj2id[e])
-        ):
-            continue
-        if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT):
-            raise NotCovered(
-                f"equality {equality_name(model, e)!r} is neither connect nor joint, nor of fixed "
-                "tendons"
-            )
-    for a in range(model.nactuator):
-        motor = (
-            model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-            and (is_affine(model, a) or model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE)
-            and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
-        )
-        name = model.actuator(a).name
-        if not (motor and (acts_on_joint(model, a) or is_site_motor(model, a))):
-            raise NotCovered(
-                f"actuator {name!r} is no motor or servo on a joint, and no motor on a site whose "
-                "refsite, if any, is of the ground"
-            )
-    refuse_tendons(model)
-    for feature, present in {
-        "a flex": model.nflex,
-        "a mocap body": model.nmocap,
-        "a fluid": model.opt.density + model.opt.viscosity,
-    }.items():
-        if present:
-            raise NotCovered(f"it has {feature}")
-
-
-def refuse_actuators(model: Any, driven: tuple[str, ...]) -> None:
-    """Raise NotCovered, with the name, for features of actuators that are not covered.
-
-    Actuators of driven joints are not examined, since they do not act.
-    """
-    for a in range(model.nactuator):
-        joint = int(model.actuator_trnid[a, 0]) if acts_on_joint(model, a) else -1
-        if joint >= 0 and model.joint(joint).name in driven:
-            continue
-        servo = is_affine(model, a)
-        for feature, present in {
-            "acts on a joint with a range of actuator forces": servo
-            and model.jnt_actfrclimited[joint],
-            **uncovered_actuator_features(model, a),
-        }.items():
-            if present:
-                kind = "servo" if servo else "motor"
-                raise NotCovered(f"{kind} {model.actuator(a).name!r} {feature}")
-
-
-def uncovered_actuator_features(model: Any, a: int) -> dict[str, Any]:
-    """Features of actuator number a in addition to its force that are not covered.
-
-    The values are true where the actuator has the feature.
-    """
-    resisting = model.actuator_armature, model.actuator_damping, model.actuator_dampingpoly
-    return {
-        "has armature or damping": any(part[a].any() for part in resisting),
-        "has a delay": model.actuator_delay[a],
-    }
-
-
 def is_affine(model: Any, a: int) -> bool:
     """Whether the force of actuator number a depends linearly on its length and rate."""
     return bool(model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE)
@@ -1036,64 +967,9 @@ def is_fixed_tendon(model: Any, t: int) -> bool:
     return bool(model.wrap_type[model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT)
 
 
-def uncovered_tendon_features(model: Any, t: int) -> dict[str, Any]:
-    """Features of tendon number t in addition to spring and damper that are not covered.
-
-    The values are true where the tendon has the feature.
-    """
-    return {
-        "has a range": model.tendon_limited[t]
-        and not is_disabled(model, DISABLE_FLAG.mjDSBL_LIMIT, DISABLE_FLAG.mjDSBL_CONSTRAINT),
-        "has frictionloss": model.tendon_frictionloss[t]
-        and not is_disabled(
-            model, DISABLE_FLAG.mjDSBL_FRICTIONLOSS, DISABLE_FLAG.mjDSBL_CONSTRAINT
-        ),
-        "has armature": model.tendon_armature[t],
-        "has a spring that yields": model.tendon_springyield[t].any(),
-    }
-
-
-def refuse_tendons(model: Any) -> None:
-    """Raise NotCovered, with the name, for tendons that are not covered.
-
-    Springs and dampers between two sites, and those of fixed tendons, are covered.
-    """
-    for t in range(model.ntendon):
-        first = int(model.tendon_adr[t])
-        kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
-        sites = kinds.size == 2 and (kinds == mujoco.mjtWrap.mjWRAP_SITE).all()
-        fixed = is_fixed_tendon(model, t)
-        for feature, present in {
-            "does not go straight from a site to a site": not (sites or fixed),
-            **uncovered_tendon_features(model, t),
-        }.items():
-            if present:
-                raise NotCovered(f"tendon {model.tendon(t).name!r} {feature}")
-
-
 def refuse_contacts(model: Any) -> None:
     """Raise NotCovered if bodies of the model may touch: contacts are not covered."""
-    if not is_disabled(model, DISABLE_FLAG.mjDSBL_CONTACT, DISABLE_FLAG.mjDSBL_CONSTRAINT) and (
-        touching_bodies(model).any() or model.npair
-    ):
+    if may_touch(model):
         raise NotCovered(
             'contacts are not covered by a free motion: give <option> a <flag contact="disable"/>'
         )
-
-
-def touching_bodies(model: Any) -> Array:
-    """The bodies (n, 2) of all pairs of geoms between which MuJoCo looks for contacts.
-
-    Left out are the pairs that it filters out: by ``contype`` and ``conaffinity``, of one rigid
-    group, of a group and its parent other than the ground, and of ``<exclude>``.
-    """
-    rigid = model.body_weldid
-    parent = rigid[model.body_parentid[rigid]]
-    matches = model.geom_contype[:, None] & model.geom_conaffinity != 0
-    pairs = model.geom_bodyid[np.argwhere(np.triu(matches | matches.T, 1))]
-    first, second = np.sort(pairs, axis=1).T
-    one, two = rigid[first], rigid[second]
-    filtered = (one == two) | np.isin((first << 16) + second, model.exclude_signature)
-    if not is_disabled(model, DISABLE_FLAG.mjDSBL_FILTERPARENT):
-        filtered |= (one > 0) & (two > 0) & ((one == parent[two]) | (two == parent[one]))
-    return np.stack([first, second], axis=1)[~filtered]

@@ -18,18 +18,16 @@ from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
 from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import Array, Index, NotCovered, without_rounding
 from proofmass.analytic.planar.mechanism import (
-    acts_on_joint,
     enabled_actuators,
-    is_affine,
     is_disabled,
     is_site_motor,
     read_actuator,
     read_site_load,
     refuse_contacts,
     rotation_matrix,
-    uncovered_actuator_features,
-    uncovered_tendon_features,
 )
+from proofmass.analytic.spatial.support import SUPPORT
+from proofmass.analytic.support import refuse
 
 DISABLE_FLAG, EQUALITY_TYPE, TRANSMISSION_TYPE = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
 JOINT_KINDS = {
@@ -354,7 +352,8 @@ def read_tree(model: Any, start: str) -> Tree:
     ValueError
         There is no such key.
     """
-    refuse_uncovered(model)
+    refuse_contacts(model)
+    refuse(model, SUPPORT)
     names = [model.key(k).name for k in range(model.nkey)]
     if names and start not in names:
         raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
@@ -516,100 +515,3 @@ def quaternion_product_parts(one: Sequence[Any], two: Sequence[Any]) -> tuple[An
 def quaternion_conjugate(quaternion: Array) -> Array:
     """Conjugate quaternion (..., 4), that of the opposite rotation [1]."""
     return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
-
-
-def refuse_uncovered(model: Any) -> None:
-    """Raise NotCovered, with the name in the MJCF, for elements that this solver does not cover.
-
-    Elements that MuJoCo computes as soft constraints or by rules of its own, such as contacts and
-    muscles, have no exact motion to compare with.
-    """
-    refuse_contacts(model)
-    refuse_joints(model)
-    refuse_tendons(model)
-    refuse_actuators(model)
-    for e in np.flatnonzero(model.eq_active0):
-        kind = EQUALITY_TYPE(int(model.eq_type[e]))
-        if kind not in (
-            EQUALITY_TYPE.mjEQ_CONNECT,
-            EQUALITY_TYPE.mjEQ_WELD,
-            EQUALITY_TYPE.mjEQ_JOINT,
-            EQUALITY_TYPE.mjEQ_TENDON,
-        ):
-            raise NotCovered(
-                f"equality {equality_name(model, e)!r} is neither connect, weld, joint nor tendon"
-            )
-    for b in np.flatnonzero(model.body_gravcomp):
-        raise NotCovered(f"body {model.body(b).name!r} has gravcomp")
-    for feature, present in {
-        "a flex": model.nflex,
-        "a mocap body": model.nmocap,
-        "a fluid (density or viscosity)": model.opt.density + model.opt.viscosity,
-        "a plugin": model.nplugin,
-    }.items():
-        if present:
-            raise NotCovered(f"it has {feature}")
-
-
-def refuse_joints(model: Any) -> None:
-    """Raise NotCovered for features of joints that are not covered."""
-    has_friction = not is_disabled(
-        model, DISABLE_FLAG.mjDSBL_FRICTIONLOSS, DISABLE_FLAG.mjDSBL_CONSTRAINT
-    )
-    for j in range(model.njnt):
-        name, kind = model.joint(j).name, JOINT_KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))]
-        dofs = slice(model.jnt_dofadr[j], model.jnt_dofadr[j] + JOINT_SIZES[kind][1])
-        has_several_dof = kind in ("ball", "free")
-        for feature, present in {
-            "frictionloss": has_friction and model.dof_frictionloss[dofs].any(),
-            "a range (of a ball)": has_several_dof and model.jnt_limited[j],
-            "a polynomial spring (of a ball or free joint)": (
-                has_several_dof and model.jnt_stiffnesspoly[j].any()
-            ),
-            "a spring that yields": model.jnt_springyield[j].any(),
-        }.items():
-            if present:
-                raise NotCovered(f"joint {name!r} has {feature}")
-
-
-def refuse_tendons(model: Any) -> None:
-    """Raise NotCovered for features of tendons that are not covered."""
-    straight = [int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_SITE)]
-    for t in range(model.ntendon):
-        first = int(model.tendon_adr[t])
-        kinds = model.wrap_type[first : first + int(model.tendon_num[t])]
-        for feature, present in {
-            "wraps around a geom or a pulley": not np.isin(kinds, straight).all(),
-            **uncovered_tendon_features(model, t),
-            "has a range of actuator forces": model.tendon_actfrclimited[t],
-        }.items():
-            if present:
-                raise NotCovered(f"tendon {model.tendon(t).name!r} {feature}")
-
-
-def refuse_actuators(model: Any) -> None:
-    """Raise NotCovered for actuators that are not affine, or that act on an uncovered element."""
-    for a in range(model.nactuator):
-        joint = int(model.actuator_trnid[a, 0])
-        on_several_dof = acts_on_joint(model, a) and JOINT_SIZES[
-            JOINT_KINDS[mujoco.mjtJoint(int(model.jnt_type[joint]))]
-        ] != (
-            1,
-            1,
-        )
-        for feature, present in {
-            "has a dynamics of its own": model.actuator_dyntype[a] != mujoco.mjtDyn.mjDYN_NONE,
-            "has a gain that is not fixed": (
-                model.actuator_gaintype[a] != mujoco.mjtGain.mjGAIN_FIXED
-            ),
-            "has a bias that is not affine": (
-                model.actuator_biastype[a] != mujoco.mjtBias.mjBIAS_NONE and not is_affine(model, a)
-            ),
-            "acts neither on a joint nor on a tendon, nor is a motor on a site whose refsite, if "
-            "any, is of the ground": not (acts_on_joint(model, a) or is_site_motor(model, a))
-            and model.actuator_trntype[a] != TRANSMISSION_TYPE.mjTRN_TENDON,
-            "acts on a ball or a free joint": on_several_dof,
-            **uncovered_actuator_features(model, a),
-        }.items():
-            if present:
-                raise NotCovered(f"actuator {model.actuator(a).name!r} {feature}")

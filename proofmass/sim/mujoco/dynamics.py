@@ -15,7 +15,7 @@ It neither closes nor checks loops and prescribes no motion.
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.support import RunKind
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder
+from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
 from proofmass.sim.mujoco.sensors import (
     drive_moment_curves,
     drive_sensors,
@@ -75,6 +76,9 @@ def initialize_dynamics(linkage: Linkage, run: Run, times: Array) -> tuple[Array
     # damping and friction do not change the motion of an ideal drive; its moment is not read here
     model.dof_damping[linkage.dofs] = model.dof_dampingpoly[linkage.dofs] = 0
     model.dof_frictionloss[linkage.dofs] = 0
+    # MuJoCo compares the tolerance of its solver with the inertia, which is now that of the
+    # flywheels: without this factor dry friction of the other joints would have no effect
+    model.opt.tolerance *= np.trace(inertia) / (np.trace(inertia) + flywheel.sum())
     pose, speed = data.qpos.copy(), data.qvel.copy()
     mujoco.mj_setConst(model, data)  # the stiffness of MuJoCo's constraints depends on the inertia
     data.qpos[:], data.qvel[:] = pose, speed
@@ -101,10 +105,13 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     count, step = run.steps(asked)
     model.opt.timestep = step
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
-    linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
+    joints = tuple(drive.joint for drive in run.drives)
+    refuse_uncovered(model, RunKind.DRIVEN_MOTION if joints else RunKind.FREE_MOTION, joints)
+    linkage = Linkage(model, data, joints)
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record) | withhold_drives(model, linkage, record)
     dofs = linkage.dofs
+    settings = stepping_settings(model)  # as given: the flywheels need another tolerance
     armature_and_damping = model.dof_armature[dofs], model.dof_damping[dofs]
     torque, instant = initialize_dynamics(linkage, run, times)
     if drive_sensors(model, linkage, record):
@@ -131,7 +138,7 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         violation=float(violations.max(initial=0.0)),
         seconds=seconds,
         steps=times.size - 1,
-        settings=stepping_settings(model),
+        settings=settings,
         violations=violations,
         asked_step=asked,
         work=(times.size - 1) * (StepWork(model).step(data) + PYTHON_STEP * bool(run.drives)),
@@ -255,7 +262,7 @@ def check_run(
     data: mujoco.MjData,
     record: Recorder,
     curves: Curves,
-    warnings: list[str],
+    warnings: Iterable[str],
 ) -> None:
     """Raise `Diverged` if the run failed, with the curves until the failure.
 

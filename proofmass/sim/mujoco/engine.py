@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from textwrap import indent
 from xml.etree import ElementTree
@@ -10,11 +11,18 @@ import mujoco
 
 from proofmass.analytic.names import equality_name, radian_hint
 from proofmass.analytic.start import MAX_KEY_VIOLATION
-from proofmass.sim.mjcf import compile_model, read_tree, refusal
+from proofmass.analytic.support import left_out
+from proofmass.sim.mjcf import (
+    collected_warnings,
+    compile_model,
+    read_tree,
+    refusal,
+    warning_notes,
+)
 from proofmass.sim.mujoco import flex as mujoco_flex
 from proofmass.sim.mujoco import tried_settings
 from proofmass.sim.mujoco.dynamics import dynamics, run_passive
-from proofmass.sim.mujoco.model import load, loop_violations
+from proofmass.sim.mujoco.model import loop_violations, prepare_model
 from proofmass.sim.mujoco.own_motion import solve_closely, solve_own_motion
 from proofmass.sim.mujoco.program import IMPOSED, write_program
 from proofmass.sim.mujoco.quasi_static import equilibrium, sweep
@@ -30,6 +38,7 @@ from proofmass.sim.mujoco.settings import (
     write_limits,
     write_options,
 )
+from proofmass.sim.mujoco.support import SUPPORT
 from proofmass.sim.protocol import (
     BadModel,
     ChangingLoad,
@@ -76,7 +85,12 @@ def simulate(model: Path, run: Run) -> Curves:
     with translate_fatal_errors():
         if run.settings.get("flex"):
             return mujoco_flex.equilibrium(model, run)
-        return run_compiled(*load(model, run), run)
+        with collected_warnings() as warned:
+            compiled = compile_model(model, run.rods)
+            notes = left_out(compiled, SUPPORT)
+            curves = run_compiled(*prepare_model(compiled, run), run)
+        notes += warning_notes(compiled, warned)
+        return replace(curves, notes=(*curves.notes, *notes))
 
 
 @contextmanager
@@ -216,6 +230,7 @@ class Mujoco(Engine):
     labels = tried_settings.LABELS
     sizes = tried_settings.SIZES
     accuracy = ACCURACY
+    support = SUPPORT
     simulate = staticmethod(simulate)
     at_step = staticmethod(tried_settings.at_step)
     scans = staticmethod(tried_settings.scans)
@@ -236,8 +251,9 @@ class Mujoco(Engine):
         loads: tuple[ChangingLoad, ...] = (),
     ) -> OwnMotion:
         """See `proofmass.sim.mujoco.own_motion.solve_own_motion`."""
-        with translate_fatal_errors():
-            return solve_own_motion(model, until, samples, seconds, start, drives, loads)
+        with translate_fatal_errors(), collected_warnings() as warned:
+            found = solve_own_motion(model, until, samples, seconds, start, drives, loads)
+        return replace(found, notes=warning_notes(compile_model(model), warned) if warned else ())
 
     def solve_closely(self, model: Path, run: Run) -> Curves:
         """See `proofmass.sim.mujoco.own_motion.solve_closely`."""

@@ -38,8 +38,9 @@ from proofmass.analytic.friction import (
     follow_stick_slip,
 )
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.support import RunKind
 from proofmass.sim.mujoco.linkage import LOOP_TOLERANCE, MAX_STRIDE, NEWTON_TOLERANCE, Linkage
-from proofmass.sim.mujoco.model import refuse_dry_friction
+from proofmass.sim.mujoco.model import refuse_uncovered
 from proofmass.sim.protocol import BadModel, Run, Unsupported
 
 # share of the largest singular value below which rows are linearly dependent
@@ -110,7 +111,6 @@ class RestEquations:
         return motions - self.displacement_under(self.stiffness @ motions)
 
 
-SCALAR_JOINTS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BLOCK_ROUNDS = 10  # rounds in which all joints in a wrong state are switched at once
 # [rad or extents] rounding of a pose; a joint further beyond a stop has passed it
 LIMIT_TOLERANCE = 1e-12
@@ -132,12 +132,6 @@ class LimitedJoints:
 
     def __init__(self, model: mujoco.MjModel, driven: Array, reach: Array):
         joints = np.flatnonzero(model.jnt_limited & ~np.isin(model.jnt_dofadr, driven))
-        for j in joints:
-            if model.jnt_type[j] not in SCALAR_JOINTS:
-                raise Unsupported(
-                    f"range of joint {model.joint(j).name!r} in a sweep with degrees of freedom"
-                    " left; ranges of hinges and slides are covered"
-                )
         self.names = [model.joint(j).name for j in joints]
         self.dofs, self.adr = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
         self.low, self.high = model.jnt_range[joints].T
@@ -215,10 +209,15 @@ TANGENT_CHANGE_RATIO = 0.5
 MIN_STRIDE_SHARE = 1e-8  # smallest part of a stride in which a path is followed
 FRICTION_ROW = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 UNSTABLE_MESSAGE = "the equilibrium becomes unstable"
-REFUSED_FIELDS = {
-    "tendon_limited": "a limited tendon",
-    "actuator_dyntype": "an actuator with a state",
-}
+
+
+def quasi_static_kind(run: Run, free: bool) -> RunKind:
+    """The kind of a run without time; `free` is whether drives leave degrees of freedom."""
+    if run.kind == "equilibrium":
+        return RunKind.EQUILIBRIUM
+    if free:
+        return RunKind.FREE_SWEEP
+    return RunKind.MOVING_SWEEP if run.inertia else RunKind.SWEEP
 
 
 def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
@@ -230,11 +229,10 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     Raises
     ------
     Unsupported
-        A tendon has dry friction, or a joint has it in a run of kind equilibrium or in a sweep with
-        changing loads and degrees of freedom left.  Also if degrees of freedom are left in a model
-        with one of the features in `REFUSED_FIELDS`.
+        The model has a feature that the kind of run does not cover, see
+        `proofmass.sim.mujoco.support`; or a joint has dry friction in a sweep with changing loads
+        and degrees of freedom left.
     """
-    refuse_dry_friction(model, run.kind)
     joints, far = (
         tuple(drive.joint for drive in run.drives),
         np.inf if run.rods else MAX_START_DISTANCE,
@@ -242,6 +240,7 @@ def linkage_of(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Linkage:
     loads = tuple(load.actuator for load in run.loads)
     linkage = Linkage(model, data, joints, loads)
     free = linkage.dof()
+    refuse_uncovered(model, quasi_static_kind(run, bool(free)), joints)
     if not free:
         return linkage
     if loads and model.dof_frictionloss.any():
@@ -295,9 +294,6 @@ class RestingLinkage(Linkage):
         loads: tuple[str, ...] = (),
     ):
         super().__init__(model, data, joints, loads)
-        for field, what in REFUSED_FIELDS.items():
-            if getattr(model, field).any():
-                raise Unsupported(f"{what} in a sweep with {free} degree(s) of freedom left")
         self.free, self.far = free, far
         slide = model.jnt_type[model.dof_jntid] == mujoco.mjtJoint.mjJNT_SLIDE
         self.reach = np.where(slide, model.stat.extent, 1.0)

@@ -28,8 +28,9 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.support import RunKind
 from proofmass.sim.mjcf import leave_out_disabled, read_spec
-from proofmass.sim.mujoco.model import Recorder, load, refuse_dry_friction
+from proofmass.sim.mujoco.model import Recorder, load, refuse_uncovered
 from proofmass.sim.mujoco.sensors import withhold_stage
 from proofmass.sim.mujoco.settings import configure, stepping_settings
 from proofmass.sim.mujoco.settling import step_to_rest
@@ -269,7 +270,7 @@ def assemble_model(
     except ValueError as error:
         raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
     leave_out_disabled(model)
-    refuse_dry_friction(model, run.kind)
+    refuse_uncovered(model, RunKind.EQUILIBRIUM)
     tune_settling(model, run)
     data = mujoco.MjData(model)
     data.ctrl[: ctrl.size] = ctrl

@@ -549,8 +549,9 @@ class Linkage:
         model, data, force = self.model, self.data, np.empty(self.model.nv)
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_fwdActuation(model, data)
-        mujoco.mj_rne(model, data, 1, force)
-        force += model.dof_armature * data.qacc + self.rub
+        # mj_rne would leave out the armatures of joints, tendons and actuators
+        mujoco.mj_mulM(model, data, force, data.qacc)
+        force += data.qfrc_bias + self.rub
         return force - data.qfrc_passive - data.qfrc_actuator - self.pushed()
 
     def pushed(self) -> Array:

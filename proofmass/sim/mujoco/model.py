@@ -1,11 +1,13 @@
 """Loading of a MuJoCo model and reading of its sensors, for all kinds of runs."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array, unwrap_quaternions
+from proofmass.analytic.support import RunKind, examine
 from proofmass.sim.contents import (
     active_connects,
     anchors,
@@ -17,6 +19,7 @@ from proofmass.sim.contents import (
 )
 from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
+from proofmass.sim.mujoco.support import SUPPORT
 from proofmass.sim.plane import find_plane
 from proofmass.sim.protocol import BadModel, Run, Unsupported, split_channel
 from proofmass.sim.rods import dead_loads
@@ -51,22 +54,28 @@ def prepare_model(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujo
 
     Sensors show their quantities as they are: without a cutoff, a delay or an interval.  The flag
     ``energy`` is cleared too.  It changes nothing but the sensor ``e_kinetic``, which with it shows
-    the kinetic energy of the pass before (MuJoCo 4.0.0).
+    the kinetic energy of the pass before (MuJoCo 4.0.0).  So is ``invdiscrete``: accelerations of a
+    sweep are those of its motion and not those of a step.
     """
     driven = [find_id(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", d.joint) for d in run.drives]
     leave_out_disabled(model)
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    model.opt.enableflags &= ~int(
+        mujoco.mjtEnableBit.mjENBL_ENERGY | mujoco.mjtEnableBit.mjENBL_INVDISCRETE
+    )
     for limits in (model.sensor_cutoff, model.sensor_delay, model.sensor_interval):
         limits[:] = 0.0
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, start_key(model, run))
     for actuator in range(model.nactuator):
-        # the drive replaces a motor on its joint; the other controls are constant loads
+        # the drive takes the place of the actuators on its joint, whatever makes their force
         if joint_of(model, actuator) in driven:
             first = model.actuator_ctrladr[actuator]
             data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
-            model.actuator_biasprm[actuator] = 0.0  # so that a servo exerts no force either
+            model.actuator_gaintype[actuator] = mujoco.mjtGain.mjGAIN_FIXED
+            if model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_AFFINE:
+                model.actuator_biastype[actuator] = mujoco.mjtBias.mjBIAS_NONE
+            model.actuator_gainprm[actuator] = model.actuator_biasprm[actuator] = 0.0
     for body, force in dead_loads(model, run.rods):
         data.xfrc_applied[body, :3] += force
     configure(model, run.settings)
@@ -94,26 +103,11 @@ def find_id(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
     return index
 
 
-def refuse_dry_friction(model: mujoco.MjModel, kind: str, soft: bool = False) -> None:
-    """Raise `Unsupported` if joints or tendons have dry friction that a run at rest does not cover.
-
-    At rest dry friction may have any value between its two bounds, so that it determines neither
-    pose nor moments.  In a sweep the friction of joints follows from the path to the pose and is
-    covered, unless it is the engine's own `soft` friction.
-    """
-    for word, values, name in (
-        ("joint", model.dof_frictionloss, lambda d: model.joint(model.dof_jntid[d]).name),
-        ("tendon", model.tendon_frictionloss, lambda t: model.tendon(t).name),
-    ):
-        if values.any() and (kind != "sweep" or word == "tendon" or soft):
-            first = name(int(np.flatnonzero(values)[0]))
-            where = "a sweep" if kind == "sweep" else kind
-            why = (
-                "MuJoCo's own friction lets joints creep without end"
-                if soft
-                else "at rest it is not determined"
-            )
-            raise Unsupported(f"frictionloss of {word} {first!r} in {where}: {why}")
+def refuse_uncovered(model: mujoco.MjModel, kind: RunKind, drives: Sequence[str] = ()) -> None:
+    """Raise `Unsupported` if a model has features that a kind of run does not cover."""
+    driven = tuple(find_id(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", name) for name in drives)
+    if refused := examine(model, SUPPORT, kind, driven)[0]:
+        raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
 
 
 def loop_violations(model: mujoco.MjModel, data: mujoco.MjData) -> Array:

@@ -126,7 +126,10 @@ def write_program(
     times = run.x[0] + step * np.arange((run.x.size - 1) * count + 1)
     linkage = Linkage(model, data, tuple(each.joint for each in run.drives))
     armature, damping = model.dof_armature[linkage.dofs], model.dof_damping[linkage.dofs]
+    tolerance = model.opt.tolerance
     initialize_dynamics(linkage, run, times)
+    if drive.kind != "flywheel":
+        model.opt.tolerance = tolerance
     flywheels = model.dof_armature[linkage.dofs] - armature
     root = expand_model(path)
     if run.rods:

@@ -11,7 +11,8 @@ from proofmass.sim.mujoco.model import Recorder, is_acceleration
 S = mujoco.mjtSensor
 MOMENT_SENSORS = (int(S.mjSENS_ACTUATORFRC), int(S.mjSENS_JOINTACTFRC))
 NO_MOMENT = (
-    "dry friction or polynomial damping of a driven joint is not added to its drive's moment"
+    "dry friction or polynomial damping of a driven joint, and the armature of a tendon or of an "
+    "actuator, are not added to a drive's moment"
 )
 FORCE_LEFT_OUT = "MuJoCo's sensors of forces leave out {}"
 NO_ENERGY = "MuJoCo counts the flywheels of the drives as kinetic energy"
@@ -130,6 +131,8 @@ def withhold_drives(model: mujoco.MjModel, linkage: Linkage, record: Recorder) -
         for channel, (drive, _) in drive_sensors(model, linkage, record).items()
         if model.dof_frictionloss[linkage.dofs[drive]]
         or model.dof_dampingpoly[linkage.dofs[drive]].any()
+        or model.tendon_armature.any()
+        or model.actuator_armature.any()
     }
     if linkage.joints:
         missing |= {

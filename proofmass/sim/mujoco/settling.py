@@ -21,9 +21,10 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.analytic.support import RunKind
 from proofmass.sim.mujoco.equilibrium import RANK_TOLERANCE, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.mujoco.model import Recorder, refuse_dry_friction
+from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
 from proofmass.sim.mujoco.sensors import drive_moment_curves, withhold_interactions, withhold_stage
 from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.mujoco.work import StepWork
@@ -111,11 +112,11 @@ def settled_sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curve
     Raises
     ------
     Unsupported
-        A joint or a tendon has dry friction.
+        The model has a feature that such a run does not cover.
     Diverged
         The engine reset itself, or does not come to rest.
     """
-    refuse_dry_friction(model, run.kind, soft=True)
+    refuse_uncovered(model, RunKind.SETTLED_SWEEP, [drive.joint for drive in run.drives])
     linkage = Linkage(model, data, tuple(d.joint for d in run.drives))
     set_inertia_and_damping(linkage)
     record = Recorder(model, data, run.channels, run.x.size)

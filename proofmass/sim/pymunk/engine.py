@@ -1,8 +1,11 @@
 """The engine pymunk (Chipmunk): runs a planar MJCF that MuJoCo has compiled."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
+from proofmass.analytic.support import left_out
+from proofmass.sim.mjcf import collected_warnings, warning_notes
 from proofmass.sim.protocol import (
     Curves,
     Engine,
@@ -22,6 +25,7 @@ from proofmass.sim.pymunk.program import IMPOSED as IMPOSED
 from proofmass.sim.pymunk.program import write_program as write_program
 from proofmass.sim.pymunk.quasi_static import equilibrium, sweep
 from proofmass.sim.pymunk.settings import ACCURACY, PymunkSettings
+from proofmass.sim.pymunk.support import SUPPORT
 
 SPACE_SETTINGS = ("timestep", "iterations", "error_bias")
 CONTACT_SETTINGS = ("collision_slop", "collision_bias")
@@ -86,12 +90,16 @@ def simulate(model: Path, run: Run) -> Curves:
     Diverged
         The run failed.
     """
-    links, settings = read_model(model, run)
+    with collected_warnings() as warned:
+        links, settings = read_model(model, run)
     wanted, missing = find_channels(links, run)
     act = {"sweep": sweep, "equilibrium": equilibrium, "dynamics": dynamics}[run.kind]
     curves = act(links, run, wanted, settings)
     curves.missing.update(missing)
-    return curves
+    return replace(
+        curves,
+        notes=(*curves.notes, *left_out(links.model, SUPPORT), *warning_notes(links.model, warned)),
+    )
 
 
 def snippet(parameters: ParameterValues, steps: int) -> str:
@@ -146,6 +154,7 @@ class Pymunk(Engine):
     labels = tried_settings.LABELS
     sizes = tried_settings.SIZES
     accuracy = ACCURACY
+    support = SUPPORT
 
     def simulate(self, model: Path, run: Run) -> Curves:
         """See `simulate`."""

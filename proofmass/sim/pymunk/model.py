@@ -15,6 +15,7 @@ import numpy as np
 from proofmass.analytic.names import equality_name, radian_hint
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.start import MAX_KEY_VIOLATION
+from proofmass.analytic.support import RunKind, examine
 from proofmass.sim.contents import (
     active_connects,
     actuators_on,
@@ -39,6 +40,7 @@ from proofmass.sim.pymunk.links import (
 from proofmass.sim.pymunk.read import Sensor, read_channel
 from proofmass.sim.pymunk.settings import settings_of_run
 from proofmass.sim.pymunk.space import Settings
+from proofmass.sim.pymunk.support import SUPPORT
 from proofmass.sim.rods import dead_loads, rod_channels
 from proofmass.sim.start import start_state
 
@@ -54,16 +56,16 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
         See `proofmass.sim.pymunk.engine.simulate`.
     """
     compiled = _compile(model, run)
-    driven = _driven_joints(compiled, run)
+    driven, kind = _driven_joints(compiled, run), kind_of(run)
     links = read_links(compiled, run.start, driven, run.rods)
+    if refused := examine(compiled, SUPPORT, kind, driven)[0]:
+        raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
     if run.kind == "dynamics":
         state = start_state(compiled, run)
         links = read_links(compiled, run.start, driven, run.rods, state)
     only = f", in {run.kind}; it is covered in dynamics"
     for j in links.rubbing:
         friction = f"frictionloss of joint '{links.joints[j].name}'"
-        if run.kind != "sweep":
-            raise Unsupported(f"{friction} in {run.kind}; it is covered in a sweep")
         if run.loads:
             load = f"the load of actuator '{run.loads[0].actuator}', which changes"
             raise Unsupported(f"{load}, and {friction} in one sweep")
@@ -196,16 +198,18 @@ def refuse_uncovered(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
     Unsupported
         The message lists all such elements by name.
     """
-    reasons = [
-        *_uncovered_joints(model),
-        *_uncovered_bodies(model, driven),
-        *_uncovered_equalities(model),
-        *_uncovered_actuators(model, driven),
-        *_uncovered_tendons(model),
-        *_uncovered_others(model),
-    ]
-    if reasons:
+    refused, _ = examine(model, SUPPORT, None, driven)
+    if reasons := [*refused, *_uncovered_bodies(model, driven)]:
         raise Unsupported("; ".join(reasons))
+
+
+def kind_of(run: Run) -> RunKind:
+    """The kind of a run; a sweep that leaves degrees of freedom is covered as any other."""
+    if run.kind == "dynamics":
+        return RunKind.DRIVEN_MOTION if run.drives else RunKind.FREE_MOTION
+    if run.kind == "equilibrium":
+        return RunKind.EQUILIBRIUM
+    return RunKind.MOVING_SWEEP if run.inertia else RunKind.SWEEP
 
 
 def refuse_gravity(model: mujoco.MjModel, plane: MotionPlane) -> None:
@@ -223,32 +227,14 @@ def refuse_wrench(model: mujoco.MjModel, actuator: int, wrench: Array, plane: Mo
         raise Unsupported(f"the load of actuator '{name}' leaves the plane of motion")
 
 
-def _uncovered_joints(model: mujoco.MjModel) -> Iterator[str]:
-    """Features of joints that pymunk cannot represent."""
-    for j in range(model.njnt):
-        name, dof = f"joint '{model.joint(j).name}'", model.jnt_dofadr[j]
-        if int(model.jnt_type[j]) not in (JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE):
-            yield f"{JOINT(int(model.jnt_type[j])).name[6:].lower()} {name}"
-            continue
-        if model.dof_dampingpoly[dof].any():
-            yield f"polynomial damping of {name}"
-        if model.dof_armature[dof] > 0 and not _is_hinge_on_ground(model, j):
-            yield f"armature of {name}, which is not a hinge on the ground"
-
-
 def _uncovered_bodies(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
-    """Features of bodies, and of their joints if there are several, that are not covered."""
-    for b in range(1, model.nbody):
+    """Bodies with several joints that are not free in the plane, or whose joints have more."""
+    for b in np.flatnonzero(model.body_jntnum > 1).tolist():
         name = f"body '{model.body(b).name}'"
-        if model.body_jntnum[b] > 1:
-            yield from (
-                f"{model.body_jntnum[b]} joints on {name}{why}" for why in _why_not_free(model, b)
-            )
-            yield from _uncovered_on_free(model, b, driven)
-        if model.body_gravcomp[b]:
-            yield f"gravcomp of {name}"
-        if model.body_mocapid[b] >= 0:
-            yield f"mocap {name}"
+        yield from (
+            f"{model.body_jntnum[b]} joints on {name}{why}" for why in _why_not_free(model, b)
+        )
+        yield from _uncovered_on_free(model, b, driven)
 
 
 def _why_not_free(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
@@ -286,60 +272,6 @@ def _uncovered_on_free(model: mujoco.MjModel, body: int, driven: tuple[int, ...]
                 yield f"{what} of {name}, which is free in the plane"
 
 
-def _uncovered_equalities(model: mujoco.MjModel) -> Iterator[str]:
-    """Equality constraints that are neither loops nor gears of two hinges on the ground."""
-    for e in range(model.neq):
-        if not model.eq_active0[e] or model.eq_type[e] == EQ.mjEQ_CONNECT:
-            continue
-        kind = EQ(int(model.eq_type[e])).name[5:].lower()
-        name = f"{kind} equality '{equality_name(model, e)}'"
-        if model.eq_type[e] != EQ.mjEQ_JOINT:
-            yield name
-        elif model.eq_obj2id[e] < 0 or not model.eq_data[e, 1]:
-            yield f"{name}, which locks a joint"
-        elif model.eq_data[e, 2:5].any():
-            yield f"{name}, whose polycoef is not linear"
-        elif not all(
-            _is_hinge_on_ground(model, int(j)) for j in (model.eq_obj1id[e], model.eq_obj2id[e])
-        ):
-            yield f"{name}, whose joints are not both hinges on the ground"
-
-
-def _is_hinge_on_ground(model: mujoco.MjModel, joint: int) -> bool:
-    """Whether a joint is a hinge on the ground."""
-    parent = model.body_parentid[model.jnt_bodyid[joint]]
-    return bool(model.jnt_type[joint] == JOINT.mjJNT_HINGE and model.body_weldid[parent] == 0)
-
-
-def _uncovered_actuators(model: mujoco.MjModel, driven: tuple[int, ...]) -> Iterator[str]:
-    """Features of actuators that are not covered; those of driven joints are not used."""
-    for a in range(model.nactuator):
-        joint = joint_of(model, a)
-        if joint in driven:
-            continue
-        follows = is_linear_in_joint(model, a)
-        plain = (
-            model.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-            and (follows or model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE)
-            and model.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
-        )
-        name = f"actuator '{model.actuator(a).name}'"
-        if not plain or (joint < 0 and not is_site_load(model, a)):
-            yield (
-                f"{name}, which is no motor on a joint, nor on a site whose refsite, if any, is of "
-                f"the ground, and no servo on a joint"
-            )
-        elif follows and (model.actuator_forcelimited[a] or model.jnt_actfrclimited[joint]):
-            yield f"the range of forces of {name}, which follows its joint"
-        for what, there in {
-            "armature": model.actuator_armature[a],
-            "damping": model.actuator_damping[a].any() or model.actuator_dampingpoly[a].any(),
-            "delay": model.actuator_delay[a],
-        }.items():
-            if there:
-                yield f"{what} of {name}"
-
-
 def servo_gains(model: mujoco.MjModel, j: int) -> tuple[float, float]:
     """Stiffness and damping that servos, the actuators which follow joint j, give to it."""
     gains = [
@@ -357,39 +289,6 @@ def is_site_load(model: mujoco.MjModel, actuator: int) -> bool:
         return False
     frame = model.actuator_trnid[actuator, 1]
     return bool(frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0)
-
-
-def _uncovered_tendons(model: mujoco.MjModel) -> Iterator[str]:
-    """Features of tendons that are not covered."""
-    for t in range(model.ntendon):
-        name = f"tendon '{model.tendon(t).name}'"
-        for what, there in {
-            f"{name}, which does not go straight from a site to a site": straight_tendon(model, t)
-            is None,
-            f"the range of {name}": model.tendon_limited[t],
-            f"frictionloss of {name}": model.tendon_frictionloss[t],
-            f"armature of {name}": model.tendon_armature[t],
-            f"a spring that yields of {name}": model.tendon_springyield[t].any(),
-            f"a polynomial spring of {name}": model.tendon_stiffnesspoly[t].any(),
-            f"polynomial damping of {name}": model.tendon_dampingpoly[t].any(),
-        }.items():
-            if there:
-                yield what
-
-
-def _uncovered_others(model: mujoco.MjModel) -> Iterator[str]:
-    """Other features of the model that are not covered."""
-    yield from (
-        what
-        for what, there in {
-            "flex": model.nflex,
-            "plugin": model.nplugin,
-            "plastic joint springs": model.nplastic,
-            "option density": model.opt.density,
-            "option viscosity": model.opt.viscosity,
-        }.items()
-        if there
-    )
 
 
 COINCIDENT_SHARE = 1e-6

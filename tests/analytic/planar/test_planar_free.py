@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from proofmass.analytic.features import touching_bodies
 from proofmass.analytic.linkages import fourbar, pendulum
 from proofmass.analytic.planar import SingularHere, read, solve
 from proofmass.analytic.planar.dynamics import TangentChart, free_motion
 from proofmass.analytic.planar.forces import kinetic_energy, potential_energy
 from proofmass.analytic.planar.kinematics import move_bodies
-from proofmass.analytic.planar.mechanism import touching_bodies
 from tests.shipped import shipped
 
 LENGTHS = {"crank": 1.0, "coupler": 2.0, "rocker": 2.5, "ground": 3.0}

@@ -260,7 +260,7 @@ def test_dependent_stops_are_refused(tmp_path):
 
 
 def test_sweeps_that_are_not_covered_are_refused(tmp_path):
-    with pytest.raises(NotCovered, match="joint 'two' has friction, and the drives do not"):
+    with pytest.raises(NotCovered, match="frictionloss of joint 'two' in a sweep with"):
         sweep_equilibria(write_limbs(tmp_path, 'frictionloss=".1"'))
     with pytest.raises(NotCovered, match="a path of equilibria has no inertia"):
         sweep_equilibria(write_limbs(tmp_path), inertia=True)

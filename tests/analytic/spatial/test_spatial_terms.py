@@ -327,28 +327,28 @@ def test_equalities_stay_closed_and_their_forces_do_no_work():
 
 
 REFUSED_FEATURES = {
-    "joint 'h' has frictionloss": ('name="h"', 'name="h" frictionloss="1"'),
-    "joint 'a' has a range (of a ball)": (
+    "frictionloss of joint 'h'": ('name="h"', 'name="h" frictionloss="1"'),
+    "range of joint 'a'": (
         'name="a" type="ball"',
         'name="a" type="ball" range="0 1" limited="true"',
     ),
-    "joint 'h' has a spring that yields": (
+    "spring that yields of joint 'h'": (
         'name="h"',
         'name="h" stiffness="1" springyield="1"',
     ),
-    "body 'b' has gravcomp": ('<body name="b"', '<body name="b" gravcomp="1"'),
-    "it has a fluid (density or viscosity)": ("<option>", '<option density="1">'),
-    "it has a mocap body": ("<worldbody>", '<worldbody><body name="m" mocap="true"/>'),
+    "gravcomp of body 'b'": ('<body name="b"', '<body name="b" gravcomp="1"'),
+    "density or viscosity of the options": ("<option>", '<option density="1">'),
+    "mocap body 'm'": ("<worldbody>", '<worldbody><body name="m" mocap="true"/>'),
     "contacts are not covered": ('<flag contact="disable"/>', ""),
-    "actuator 'muscle' has a dynamics of its own": (
+    "activation of actuator 'muscle'": (
         "</worldbody>",
         '</worldbody><actuator><muscle name="muscle" joint="h" lengthrange="0 1"/></actuator>',
     ),
-    "actuator 'push' acts neither on a joint nor on a tendon": (
+    "actuator 'push', which acts": (
         "</worldbody>",
         '</worldbody><actuator><general name="push" body="b"/></actuator>',
     ),
-    "tendon 't' wraps around a geom or a pulley": (
+    "tendon 't', which goes around a geom or a pulley": (
         "</worldbody>",
         '</worldbody><tendon><spatial name="t"><site site="s1"/><geom geom="g"/>'
         '<site site="s2"/></spatial></tendon>',
@@ -422,7 +422,7 @@ def test_a_feature_that_is_not_covered_is_an_input_error(tmp_path):
         load_case(copy_top(tmp_path, "<option ", '<option density="1.2" '))
     assert refused.value.file == tmp_path / TOP_FILES[0]
     assert refused.value.wrong == (
-        "the reference 'spatial' does not cover it: it has a fluid (density or viscosity)"
+        "the reference 'spatial' does not cover it: density or viscosity of the options"
     )
 
 
