@@ -37,6 +37,7 @@ EXCEPTIONS: dict[str, Answers | Answer] = {
     "plugin": REFUSED,
     "connect equality": PARTLY,
     "weld equality": PARTLY,
+    "tendon equality, of ways in space": PARTLY,
     "equality of a flex": REFUSED,
     "a tendon, which goes around a geom or a pulley": REFUSED,
     "damping of a tendon": AT_REST_NOTHING,
