@@ -184,6 +184,9 @@ def test_the_table_of_the_documentation_is_that_of_the_runs():
 REFUSALS = (NotCovered, Unsupported, BadModel, CannotMove, Diverged, ValueError)
 ROUNDING = 1e-9
 """Change of curves [SI] that is none: rounding, and the steps to rest of settled sweeps."""
+UNCHANGED = {"refined": 1e-6}
+"""The same for a party whose steps follow from errors, here of moments [SI]: those of a state that
+has no effect shorten the steps."""
 STEPPING = {"pymunk": 0.1, "mujoco": 1e-4, "refined": 1e-4, "planar": 1e-6, "spatial": 1e-6}
 """Largest error of a party in the plain model [SI]: pymunk steps 1 ms and damps to first order,
 MuJoCo closes the loop by a soft constraint, and the truth integrates with a tolerance of 1e-9."""
@@ -213,7 +216,7 @@ def test_a_feature_acts_as_in_bare_mujoco_or_is_said_or_has_no_effect(name, part
             raise
         plain = plain_curves(party, kind)
         if answer in (IRRELEVANT, SAID):
-            assert distance(found, plain) < ROUNDING, kind
+            assert distance(found, plain) < UNCHANGED.get(party, ROUNDING), kind
             assert (answer == SAID) == any(CHANGED[name].element in note for note in notes), kind
             continue
         if answer == WITHHELD:

@@ -60,7 +60,7 @@ EXCEPTIONS: dict[str, Answers | Answer] = {
     "damping of an actuator on a driven joint": REFUSED,
     "polynomial damping of an actuator": REFUSED,
     "polynomial damping of an actuator on a driven joint": REFUSED,
-    "force of an actuator on a driven joint": IRRELEVANT,
+    "force of an actuator on a driven joint": PARTLY,
     "contacts": REFUSED,
     "rates of the key": answers(
         REFERENCE_KINDS, ACTS, irrelevant=(K.SWEEP, K.FREE_SWEEP, K.MOVING_SWEEP)
