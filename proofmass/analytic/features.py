@@ -213,7 +213,7 @@ def with_actuator(has: Has) -> Has:
 
 
 @dataclass(frozen=True)
-class Feature:
+class ModelFeature:
     """Something that a model may have.
 
     Attributes
@@ -237,7 +237,7 @@ class Feature:
     def name(self) -> str:
         """The feature without an element, which is also its key in a support.
 
-        >>> Feature("armature of {}", "a tendon", iter, "").name
+        >>> ModelFeature("armature of {}", "a tendon", iter, "").name
         'armature of a tendon'
         """
         return self.what.format(self.of)
@@ -274,98 +274,100 @@ RIGID_EQUALITIES = (
     EQUALITY.mjEQ_TENDON,
 )
 ALL_FEATURES = (
-    Feature(
+    ModelFeature(
         "ball {}",
         "joint",
         joints(lambda s, j: s.model.jnt_type[j] == JOINT.mjJNT_BALL),
         '`<joint type="ball">`',
     ),
-    Feature(
+    ModelFeature(
         "free {}",
         "joint",
         joints(lambda s, j: s.model.jnt_type[j] == JOINT.mjJNT_FREE),
         "`<freejoint>`",
     ),
-    Feature(
+    ModelFeature(
         "stiffness of {}",
         "a joint",
         joints(field("jnt_stiffness", *SPRING)),
         "`stiffness`, `springref`",
     ),
-    Feature(
+    ModelFeature(
         "polynomial stiffness of {}",
         "a joint",
         joints(only(scalar, field("jnt_stiffnesspoly", *SPRING))),
         "`stiffness`, three numbers",
     ),
-    Feature(
+    ModelFeature(
         "polynomial stiffness of {}",
         "a ball or free joint",
         joints(only(turning, field("jnt_stiffnesspoly", *SPRING))),
         "`stiffness`, three numbers",
     ),
-    Feature(
+    ModelFeature(
         "spring that yields of {}",
         "a joint",
         joints(field("jnt_springyield", *SPRING)),
         "`springyield`",
     ),
-    Feature("damping of {}", "a joint", joints(dof_field("dof_damping", *DAMPER)), "`damping`"),
-    Feature(
+    ModelFeature(
+        "damping of {}", "a joint", joints(dof_field("dof_damping", *DAMPER)), "`damping`"
+    ),
+    ModelFeature(
         "polynomial damping of {}",
         "a joint",
         joints(dof_field("dof_dampingpoly", *DAMPER), False),
         "`damping`, three numbers",
     ),
-    Feature(
+    ModelFeature(
         "frictionloss of {}",
         "a joint",
         joints(dof_field("dof_frictionloss", *FRICTION), False),
         "`frictionloss`",
     ),
-    Feature(
+    ModelFeature(
         "polynomial damping of {}",
         "a driven joint",
         joints(dof_field("dof_dampingpoly", *DAMPER), True),
         "`damping`, three numbers",
     ),
-    Feature(
+    ModelFeature(
         "frictionloss of {}",
         "a driven joint",
         joints(dof_field("dof_frictionloss", *FRICTION), True),
         "`frictionloss`",
     ),
-    Feature(
+    ModelFeature(
         "armature of {}",
         "a hinge on the ground",
         joints(only(Scope.is_hinge_on_ground, dof_field("dof_armature"))),
         "`armature`",
     ),
-    Feature(
+    ModelFeature(
         "armature of {}, which is no single hinge on the ground",
         "a joint",
         joints(lambda s, j: not s.is_hinge_on_ground(j) and s.model.dof_armature[s.dofs(j)]),
         "`armature`",
     ),
-    Feature(
+    ModelFeature(
         "range of {}",
         "a joint",
         joints(only(scalar, field("jnt_limited", *LIMIT)), False),
         "`range`",
     ),
-    Feature(
+    ModelFeature(
         "range of {}",
         "a ball joint",
         joints(only(turning, field("jnt_limited", *LIMIT))),
         "`range`",
     ),
-    Feature(
+    ModelFeature(
         "margin of the range of {}",
         "a joint",
         joints(only(field("jnt_limited", *LIMIT), field("jnt_margin")), False),
         "`margin`",
     ),
-    Feature(
+    ModelFeature(
         "actuatorfrcrange of {}",
         "a joint with motors",
         joints(
@@ -374,7 +376,7 @@ ALL_FEATURES = (
         ),
         "`actuatorfrcrange`",
     ),
-    Feature(
+    ModelFeature(
         "actuatorfrcrange of {}",
         "a joint with a servo",
         joints(
@@ -383,286 +385,290 @@ ALL_FEATURES = (
         ),
         "`actuatorfrcrange`",
     ),
-    Feature(
+    ModelFeature(
         "actuatorfrcrange of {}",
         "a joint beside actuators that act elsewhere",
         joints(with_actuator(lambda s, a: s.joint_of(a) < 0)),
         "`actuatorfrcrange`",
     ),
-    Feature(
+    ModelFeature(
         "actuatorfrcrange of {}",
         "a driven joint",
         joints(field("jnt_actfrclimited"), True),
         "`actuatorfrcrange`",
     ),
-    Feature(
+    ModelFeature(
         "gravcomp of {}",
         "a body",
         elements("body", "nbody", lambda s, b: s.model.body_gravcomp[b] * s.model.body_mass[b]),
         "`gravcomp`, with or without `actuatorgravcomp`",
     ),
-    Feature(
+    ModelFeature(
         "mocap {}",
         "body",
         elements("body", "nbody", lambda s, b: s.model.body_mocapid[b] >= 0),
         "`mocap`, `mpos` of a key",
     ),
-    Feature(
+    ModelFeature(
         "density or viscosity of the options",
         "",
         whole(lambda model: model.opt.density or model.opt.viscosity),
         "`density`, `viscosity`, `wind`, `fluidshape`",
     ),
-    Feature("flex", "", whole(lambda model: model.nflex), "`<flex>`, `<flexcomp>`"),
-    Feature("plugin", "", whole(lambda model: model.nplugin), "`<plugin>`"),
-    Feature(
+    ModelFeature("flex", "", whole(lambda model: model.nflex), "`<flex>`, `<flexcomp>`"),
+    ModelFeature("plugin", "", whole(lambda model: model.nplugin), "`<plugin>`"),
+    ModelFeature(
         "{}",
         "connect equality",
         equalities(lambda s, e: s.model.eq_type[e] == EQUALITY.mjEQ_CONNECT),
         "`<connect>`",
     ),
-    Feature(
+    ModelFeature(
         "{}",
         "weld equality",
         equalities(lambda s, e: s.model.eq_type[e] == EQUALITY.mjEQ_WELD),
         "`<weld>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, of two hinges on the ground",
         "joint equality",
         equalities(lambda s, e: s.tie(e) == "gear"),
         "`<equality><joint>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, whose joints are not both hinges on the ground",
         "joint equality",
         equalities(lambda s, e: s.tie(e) == "linear"),
         "`<equality><joint>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, whose polycoef is not linear",
         "joint equality",
         equalities(lambda s, e: s.tie(e) == "polynomial"),
         "`<equality><joint>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which locks a joint",
         "joint equality",
         equalities(lambda s, e: s.tie(e) == "lock"),
         "`<equality><joint>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, of sums of joints",
         "tendon equality",
         equalities(lambda s, e: s.tie(e) == "sums"),
         "`<equality><tendon>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, of ways in space",
         "tendon equality",
         equalities(lambda s, e: s.tie(e) == "ways"),
         "`<equality><tendon>`",
     ),
-    Feature(
+    ModelFeature(
         "{}",
         "equality of a flex",
         equalities(lambda s, e: EQUALITY(int(s.model.eq_type[e])) not in RIGID_EQUALITIES),
         "`<equality><flex>`, `<flexvert>`, `<flexstrain>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which is a sum of joints",
         "a tendon",
         tendons(lambda s, t: s.way(t) == "sum"),
         "`<fixed>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which goes by several sites",
         "a tendon",
         tendons(lambda s, t: s.way(t) == "by sites"),
         "`<spatial>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which goes around a geom or a pulley",
         "a tendon",
         tendons(lambda s, t: s.way(t) == "wrapped"),
         "`<spatial>`, `<pulley>`",
     ),
-    Feature(
+    ModelFeature(
         "stiffness of {}",
         "a tendon",
         tendons(field("tendon_stiffness", *SPRING)),
         "`stiffness`, `springlength`",
     ),
-    Feature(
+    ModelFeature(
         "polynomial stiffness of {}",
         "a tendon",
         tendons(field("tendon_stiffnesspoly", *SPRING)),
         "`stiffness`, three numbers",
     ),
-    Feature("damping of {}", "a tendon", tendons(field("tendon_damping", *DAMPER)), "`damping`"),
-    Feature(
+    ModelFeature(
+        "damping of {}", "a tendon", tendons(field("tendon_damping", *DAMPER)), "`damping`"
+    ),
+    ModelFeature(
         "polynomial damping of {}",
         "a tendon",
         tendons(field("tendon_dampingpoly", *DAMPER)),
         "`damping`, three numbers",
     ),
-    Feature(
+    ModelFeature(
         "frictionloss of {}",
         "a tendon",
         tendons(field("tendon_frictionloss", *FRICTION)),
         "`frictionloss`",
     ),
-    Feature("range of {}", "a tendon", tendons(field("tendon_limited", *LIMIT)), "`range`"),
-    Feature("armature of {}", "a tendon", tendons(field("tendon_armature")), "`armature`"),
-    Feature(
+    ModelFeature("range of {}", "a tendon", tendons(field("tendon_limited", *LIMIT)), "`range`"),
+    ModelFeature("armature of {}", "a tendon", tendons(field("tendon_armature")), "`armature`"),
+    ModelFeature(
         "spring that yields of {}",
         "a tendon",
         tendons(field("tendon_springyield", *SPRING)),
         "`springyield`",
     ),
-    Feature(
+    ModelFeature(
         "actuatorfrcrange of {}",
         "a tendon",
         tendons(field("tendon_actfrclimited")),
         "`actuatorfrcrange`",
     ),
-    Feature(
+    ModelFeature(
         "margin of the range of {}",
         "a tendon",
         tendons(only(field("tendon_limited", *LIMIT), field("tendon_margin"))),
         "`margin`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which is a motor on a joint",
         "an actuator",
         actuators(lambda s, a: s.place(a) == "hinge or slide" and not s.follows(a)),
         "`<motor>`, `<general>`, `gear`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which is a servo on a joint",
         "an actuator",
         actuators(lambda s, a: s.place(a) == "hinge or slide" and s.follows(a)),
         "`<position>`, `<velocity>`, `<general>`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which is a motor on a site whose refsite, if any, is of the ground",
         "an actuator",
         actuators(lambda s, a: s.place(a) == "site" and not s.follows(a)),
         "`site`, `refsite`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which is a servo on such a site",
         "an actuator",
         actuators(lambda s, a: s.place(a) == "site" and s.follows(a)),
         "`site`, `refsite`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which acts on a tendon",
         "an actuator",
         actuators(lambda s, a: s.place(a) == "tendon"),
         "`tendon`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which acts on a ball or a free joint",
         "an actuator",
         actuators(lambda s, a: s.place(a) == "ball or free joint"),
         "`joint`",
     ),
-    Feature(
+    ModelFeature(
         "{}, which acts at a site whose refsite moves, on a crank or on a body",
         "an actuator",
         actuators(lambda s, a: s.place(a) == "else"),
         "`refsite`, `cranksite`, `<adhesion>`",
     ),
-    Feature(
+    ModelFeature(
         "activation of {}",
         "an actuator",
         actuators(Scope.has_state),
         "`dyntype`, `<muscle>`, `<cylinder>`, `<intvelocity>`, `<dcmotor>`, `act` of a key",
     ),
-    Feature(
+    ModelFeature(
         "gain or bias that is not affine of {}",
         "an actuator",
         actuators(lambda s, a: s.is_bent(a) and not s.has_state(a)),
         "`gaintype`, `biastype`, `<damper>`",
     ),
-    Feature(
+    ModelFeature(
         "ctrlrange of {}",
         "an actuator",
         actuators(field("actuator_ctrllimited", DISABLE.mjDSBL_CLAMPCTRL)),
         "`ctrlrange`",
     ),
-    Feature(
+    ModelFeature(
         "forcerange of {}",
         "a motor",
         actuators(lambda s, a: s.model.actuator_forcelimited[a] and not s.follows(a)),
         "`forcerange`",
     ),
-    Feature(
+    ModelFeature(
         "forcerange of {}",
         "a servo",
         actuators(lambda s, a: s.model.actuator_forcelimited[a] and s.follows(a)),
         "`forcerange`",
     ),
-    Feature("delay of {}", "an actuator", actuators(field("actuator_delay")), "`delay`"),
-    Feature("armature of {}", "an actuator", actuators(field("actuator_armature")), "`armature`"),
-    Feature(
+    ModelFeature("delay of {}", "an actuator", actuators(field("actuator_delay")), "`delay`"),
+    ModelFeature(
+        "armature of {}", "an actuator", actuators(field("actuator_armature")), "`armature`"
+    ),
+    ModelFeature(
         "armature of {}",
         "an actuator on a driven joint",
         actuators(field("actuator_armature"), driven=True),
         "`armature`",
     ),
-    Feature("damping of {}", "an actuator", actuators(field("actuator_damping")), "`damping`"),
-    Feature(
+    ModelFeature("damping of {}", "an actuator", actuators(field("actuator_damping")), "`damping`"),
+    ModelFeature(
         "damping of {}",
         "an actuator on a driven joint",
         actuators(field("actuator_damping"), driven=True),
         "`damping`",
     ),
-    Feature(
+    ModelFeature(
         "polynomial damping of {}",
         "an actuator",
         actuators(field("actuator_dampingpoly")),
         "`damping`, three numbers",
     ),
-    Feature(
+    ModelFeature(
         "polynomial damping of {}",
         "an actuator on a driven joint",
         actuators(field("actuator_dampingpoly"), driven=True),
         "`damping`, three numbers",
     ),
-    Feature(
+    ModelFeature(
         "force of {}",
         "an actuator on a driven joint",
         actuators(lambda s, a: True, driven=True),
         "`ctrl`, `act`, `forcerange` and all else of its force",
     ),
-    Feature("contacts", "", whole(may_touch), "`<geom>`, `<pair>`"),
-    Feature("rates of the key", "", whole(lambda model: model.key_qvel), "`qvel` of a key"),
-    Feature("time of the key", "", whole(lambda model: model.key_time), "`time` of a key"),
-    Feature(
+    ModelFeature("contacts", "", whole(may_touch), "`<geom>`, `<pair>`"),
+    ModelFeature("rates of the key", "", whole(lambda model: model.key_qvel), "`qvel` of a key"),
+    ModelFeature("time of the key", "", whole(lambda model: model.key_time), "`time` of a key"),
+    ModelFeature(
         "integrator or solver of the options",
         "",
         whole(lambda model: True),
         "`integrator`, `solver`, ...",
     ),
-    Feature(
+    ModelFeature(
         "discrete inverse dynamics",
         "",
         whole(lambda model: model.opt.enableflags & int(ENABLE.mjENBL_INVDISCRETE)),
         '`<flag invdiscrete="enable">`',
     ),
-    Feature(
+    ModelFeature(
         "sleep of bodies at rest",
         "",
         whole(lambda model: model.opt.enableflags & int(ENABLE.mjENBL_SLEEP)),
         '`<flag sleep="enable">`',
     ),
-    Feature("magnetic field", "", whole(lambda model: model.opt.magnetic), "`magnetic`"),
-    Feature("cutoff of {}", "a sensor", sensors("sensor_cutoff"), "`cutoff`"),
-    Feature("delay of {}", "a sensor", sensors("sensor_delay"), "`delay`"),
-    Feature("interval of {}", "a sensor", sensors("sensor_interval"), "`interval`"),
-    Feature("noise of {}", "a sensor", sensors("sensor_noise"), "`noise`"),
+    ModelFeature("magnetic field", "", whole(lambda model: model.opt.magnetic), "`magnetic`"),
+    ModelFeature("cutoff of {}", "a sensor", sensors("sensor_cutoff"), "`cutoff`"),
+    ModelFeature("delay of {}", "a sensor", sensors("sensor_delay"), "`delay`"),
+    ModelFeature("interval of {}", "a sensor", sensors("sensor_interval"), "`interval`"),
+    ModelFeature("noise of {}", "a sensor", sensors("sensor_noise"), "`noise`"),
 )
-FEATURES: Mapping[str, Feature] = {feature.name: feature for feature in ALL_FEATURES}
+FEATURES: Mapping[str, ModelFeature] = {feature.name: feature for feature in ALL_FEATURES}
 """All features by name, in the order of the table."""

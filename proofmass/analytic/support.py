@@ -1,9 +1,9 @@
 """What becomes of each feature of a model in each kind of run, and the refusals that follow.
 
 Every engine and every general reference has a `Support`: for each feature of
-`proofmass.analytic.features` and each kind of run an `Answer`.  Before a run, `examine` finds what
-is refused by name, and what is left out.  The table in docs/engines.md is written from the same
-data by ``python -m benchmarks.features``.
+`proofmass.analytic.features` and each kind of run a `FeatureAnswer`.  Before a run, `examine` finds
+is refused by name, and what is left out.  The table in docs/engines.md is written from the
+same data by ``python -m benchmarks.features``.
 """
 
 from collections.abc import Mapping
@@ -66,7 +66,7 @@ def run_kind(joints: tuple[str, ...], has_dof: bool, inertia: bool, in_time: boo
     return RunKind.MOVING_SWEEP if inertia else RunKind.SWEEP
 
 
-class Answer(StrEnum):
+class FeatureAnswer(StrEnum):
     """What becomes of a feature in a run."""
 
     ACTS = "acts"
@@ -83,14 +83,16 @@ class Answer(StrEnum):
     """It changes nothing in this kind of run."""
 
 
-ACTS, REFUSED, PARTLY, SAID, WITHHELD, IRRELEVANT = Answer
-Answers = Mapping[RunKind, Answer]
+ACTS, REFUSED, PARTLY, SAID, WITHHELD, IRRELEVANT = FeatureAnswer
+Answers = Mapping[RunKind, FeatureAnswer]
 Support = Mapping[str, Answers]
 """By the name of a feature, the answer for each kind of run that there is."""
 
 
 def covers(
-    kinds: tuple[RunKind, ...], exceptions: Mapping[str, Answers | Answer], usual: Answer = ACTS
+    kinds: tuple[RunKind, ...],
+    exceptions: Mapping[str, Answers | FeatureAnswer],
+    usual: FeatureAnswer = ACTS,
 ) -> Support:
     """A support of all features: the `usual` answer but for `exceptions`, by name.
 
@@ -103,20 +105,22 @@ def covers(
         raise KeyError(f"no such features: {sorted(unknown)}")
     found = {name: exceptions.get(name, usual) for name in FEATURES}
     return {
-        name: answers(kinds, own) if isinstance(own, Answer) else own for name, own in found.items()
+        name: answers(kinds, own) if isinstance(own, FeatureAnswer) else own
+        for name, own in found.items()
     }
 
 
-def answers(kinds: tuple[RunKind, ...], usual: Answer, **other: tuple[RunKind, ...]) -> Answers:
+def answers(
+    kinds: tuple[RunKind, ...], usual: FeatureAnswer, **other: tuple[RunKind, ...]
+) -> dict[RunKind, FeatureAnswer]:
     """The `usual` answer for all kinds of runs, but for those that are given for `other` ones.
 
     The keywords are names of answers.
 
-    >>> answers((RunKind.SWEEP, RunKind.FREE_MOTION), ACTS, refused=(RunKind.SWEEP,))
-    {<RunKind.SWEEP: 'sweep'>: <Answer.REFUSED: 'refused'>, <RunKind.FREE_MOTION: 'dynamics'>: \
-<Answer.ACTS: 'acts'>}
+    >>> answers((RunKind.SWEEP, RunKind.FREE_MOTION), ACTS, refused=(RunKind.SWEEP,)).values()
+    dict_values([<FeatureAnswer.REFUSED: 'refused'>, <FeatureAnswer.ACTS: 'acts'>])
     """
-    by_kind = {kind: Answer[name.upper()] for name, there in other.items() for kind in there}
+    by_kind = {kind: FeatureAnswer[name.upper()] for name, there in other.items() for kind in there}
     return {kind: by_kind.get(kind, usual) for kind in kinds}
 
 
@@ -142,7 +146,7 @@ def examine(
         Such as ``armature of tendon 'rope'``.
     """
     scope = Scope(model, driven)
-    found: dict[Answer, list[str]] = {REFUSED: [], SAID: []}
+    found: dict[FeatureAnswer, list[str]] = {REFUSED: [], SAID: []}
     for name, by_kind in support.items():
         given = set(by_kind.values()) if kind is None else {by_kind[kind]}
         if len(given) == 1 and (own := found.get(given.pop())) is not None:

@@ -6,8 +6,8 @@ from proofmass.analytic.support import (
     PARTLY,
     REFERENCE_KINDS,
     REFUSED,
-    Answer,
     Answers,
+    FeatureAnswer,
     RunKind,
     answers,
     covers,
@@ -20,7 +20,7 @@ ON_DRIVE = answers(REFERENCE_KINDS, REFUSED, irrelevant=SWEEPS_AT_REST)
 FRICTION = answers(
     REFERENCE_KINDS, ACTS, refused=(K.FREE_SWEEP, K.FREE_MOTION), partly=(K.DRIVEN_MOTION,)
 )
-EXCEPTIONS: dict[str, Answers | Answer] = {
+EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "ball joint": REFUSED,
     "free joint": REFUSED,
     "polynomial stiffness of a ball or free joint": REFUSED,

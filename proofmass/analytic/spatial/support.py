@@ -6,8 +6,8 @@ from proofmass.analytic.support import (
     PARTLY,
     REFERENCE_KINDS,
     REFUSED,
-    Answer,
     Answers,
+    FeatureAnswer,
     RunKind,
     answers,
     covers,
@@ -16,7 +16,7 @@ from proofmass.analytic.support import (
 K = RunKind
 SWEEPS_AT_REST = K.SWEEP, K.FREE_SWEEP
 AT_REST_NOTHING = answers(REFERENCE_KINDS, ACTS, irrelevant=SWEEPS_AT_REST)
-EXCEPTIONS: dict[str, Answers | Answer] = {
+EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "polynomial stiffness of a ball or free joint": REFUSED,
     "spring that yields of a joint": REFUSED,
     "damping of a joint": AT_REST_NOTHING,

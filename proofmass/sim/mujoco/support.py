@@ -12,8 +12,8 @@ from proofmass.analytic.support import (
     QUASI_STATIC,
     REFUSED,
     SAID,
-    Answer,
     Answers,
+    FeatureAnswer,
     RunKind,
     answers,
     covers,
@@ -38,7 +38,7 @@ NOT_WITH_FREEDOM = answers(
     partly=(K.SWEEP, K.MOVING_SWEEP),
     refused=(K.FREE_SWEEP, K.SETTLED_SWEEP, K.EQUILIBRIUM),
 )
-EXCEPTIONS: dict[str, Answers | Answer] = {
+EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "spring that yields of a joint": NEEDS_TIME,
     "spring that yields of a tendon": NEEDS_TIME,
     "damping of a joint": AT_REST_NOTHING,

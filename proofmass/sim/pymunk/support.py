@@ -7,8 +7,8 @@ from proofmass.analytic.support import (
     PARTLY,
     REFUSED,
     SAID,
-    Answer,
     Answers,
+    FeatureAnswer,
     RunKind,
     answers,
     covers,
@@ -22,7 +22,7 @@ ON_DRIVE = answers(KINDS, IRRELEVANT, refused=(RunKind.DRIVEN_MOTION,))
 FRICTION = answers(
     KINDS, ACTS, partly=(RunKind.FREE_SWEEP,), refused=(*IN_TIME, RunKind.EQUILIBRIUM)
 )
-EXCEPTIONS: dict[str, Answers | Answer] = {
+EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "ball joint": REFUSED,
     "free joint": REFUSED,
     "polynomial stiffness of a ball or free joint": REFUSED,
