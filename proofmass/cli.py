@@ -417,13 +417,14 @@ def schema_command(
     force: Force = False,
 ) -> None:
     """Print the JSON Schema of a sidecar, by which editors complete and check its keys."""
-    from proofmass.files import write_output
+    from proofmass.files import protect, write_output
     from proofmass.schema import as_json_text
 
     if output is None:
         print(as_json_text(), end="")
         return
     with exit_on_error(f"{output} is not written"):
+        protect([output] if output.suffix in (".toml", ".xml") else [])  # sidecars and models
         write_output(output, as_json_text())
 
 

@@ -83,7 +83,7 @@ def test_a_file_of_somebody_else_is_not_replaced(name, case, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("ending", ["toml", "xml"])
-@pytest.mark.parametrize("name", ["check --junit", "check --sarif", "diet"])
+@pytest.mark.parametrize("name", ["check --junit", "check --sarif", "diet", "schema"])
 def test_no_input_is_replaced_even_with_force(name, ending, case):
     before = content(case.parent)
     printed = invoke(*words_of(name, case, case.with_suffix(f".{ending}")), "--force")
