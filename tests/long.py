@@ -441,7 +441,7 @@ DEFAULT_PARAMETERS = {
     "tests/test_nothing_moved.py": {
         "test_a_model_at_rest_is_never_green": ["hangs-alone", "balanced beam-planar", "motor"],
         "test_no_sidecar_is_proposed_that_is_green_on_a_model_at_rest": ["a balanced beam"],
-        "test_a_sweep_in_which_nothing_but_the_drive_moves_is_not_green": ["[80]"],
+        "test_a_sweep_in_which_nothing_but_the_drive_moves_is_not_green": ["80"],
         "test_two_samples_at_the_ends_of_a_swing_are_not_green": ["fourbar"],
         "test_a_run_with_another_step_than_the_models_is_not_green": ["0.02-361", "0.05-70"],
         "test_a_proposed_case_runs_the_step_of_the_model": ["0.02"],

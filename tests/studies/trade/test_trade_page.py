@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from proofmass.files import LIST_NAME
 from proofmass.report.figures import save
 from proofmass.report.svg_markers import page_tones
 from proofmass.studies.record import StudyRow
@@ -122,4 +123,4 @@ def test_the_page_contains_its_data_and_reports_a_busy_machine(
     assert len(json.loads(found[1])["settings"]) == len(rows)
     names = {file.name for file in (tmp_path / "page" / "static").iterdir()}
     scripts = {"common.js", "study.js", "axes.js", "diagram.js", "trade.js"}
-    assert names == {"common.css", "study.css", *scripts}
+    assert names == {"common.css", "study.css", LIST_NAME, *scripts}
