@@ -1,13 +1,14 @@
 """What becomes of each feature of a model: the table of docs/engines.md, from the data of the runs.
 
-    python -m benchmarks.features
+    python -m benchmarks.features [--quick]
 
-writes it between two marks.
+It is written between two marks.
 """
 
 from collections import Counter
-from pathlib import Path
+from collections.abc import Sequence
 
+from benchmarks import ROOT, command
 from proofmass.analytic.features import FEATURES
 from proofmass.analytic.planar.support import SUPPORT as PLANAR
 from proofmass.analytic.refined import SUPPORT as REFINED
@@ -15,7 +16,7 @@ from proofmass.analytic.spatial.support import SUPPORT as SPATIAL
 from proofmass.analytic.support import Answers, RunKind, Support
 from proofmass.engines import default_engines, engine_of
 
-PAGE = Path("docs/engines.md")
+PAGE = ROOT / "docs" / "engines.md"
 BEGIN = "<!-- python -m benchmarks.features writes from here to the next mark -->"
 END = "<!-- to here -->"
 SHORT = {
@@ -62,5 +63,13 @@ def page_with_table(text: str) -> str:
     return f"{before}{BEGIN}\n\n{table()}\n\n{END}{after}"
 
 
-if __name__ == "__main__":
+def main(argv: Sequence[str] | None = None) -> None:
+    """Write the table into the page; with ``--quick`` print it."""
+    if command(__doc__).parse_args(argv).quick:
+        print(table())
+        return
     PAGE.write_text(page_with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

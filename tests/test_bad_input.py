@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import mujoco
 import pytest
 from typer.testing import CliRunner
 
@@ -11,6 +12,8 @@ from proofmass.cli import app
 from proofmass.command import find_sidecar
 from proofmass.errors import InputError
 from proofmass.sidecar import load_case
+from proofmass.sim.mujoco.engine import translate_fatal_errors
+from proofmass.sim.protocol import BadModel
 from proofmass.solve import plan_run, solve, solve_here
 
 SIDECAR_FAULTS = {
@@ -567,10 +570,18 @@ def test_a_number_of_the_model_near_the_limits_of_floats_is_named(
         solve(load_case(models / "pendulum.toml"), "dynamics", engine)
 
 
-def test_a_model_that_mujoco_refuses_to_run_is_bad_input(models, edit):
+def test_discrete_inverse_dynamics_has_no_effect_on_a_sweep(models, edit):
+    """With RK4 bare MuJoCo aborts where it is enabled."""
+    known = solve_here(load_case(models / "fourbar.toml"), "sweep", "mujoco")
     edit("fourbar.xml", "<flag ", '<flag invdiscrete="enable" ')
-    with pytest.raises(InputError, match=r"fourbar\.xml: mj_discreteAcc: .* not supported by RK4"):
-        solve_here(load_case(models / "fourbar.toml"), "sweep", "mujoco")
+    found = solve_here(load_case(models / "fourbar.toml"), "sweep", "mujoco")
+    assert known.channels.keys() == found.channels.keys()
+    assert all((known.channels[name] == found.channels[name]).all() for name in known.channels)
+
+
+def test_a_model_that_mujoco_refuses_to_run_is_bad_input():
+    with pytest.raises(BadModel, match="mj_x: not supported by RK4"), translate_fatal_errors():
+        raise mujoco.FatalError("mj_x: not supported by RK4")
 
 
 @pytest.mark.parametrize("solver", ["mujoco", "pymunk"])

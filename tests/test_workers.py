@@ -1,5 +1,6 @@
 """Commands compile models and evaluate references in workers, within the limits of the case."""
 
+import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -103,7 +104,7 @@ def test_changed_models_are_compiled_and_run_in_workers(models, compiled_here, s
     assert extremes.find_closing_failure(fourbar.case, links, "sweep", tmp_path, 1.01) is None
     assert evaluate_reference(with_drive_distance(fourbar.case, 1.0), "sweep").x.size == 361
     assert list(search_energy_error(stressed("fourbar_released")))
-    names = {Path(file).parent for file in compiled_here}
+    names = {Path(os.fsdecode(file)).parent for file in compiled_here}
     assert names == {models}  # the cases' own models, whose numbers are looked up
 
 

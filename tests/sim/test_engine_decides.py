@@ -15,6 +15,7 @@ from proofmass.engines import computes_curves
 from proofmass.errors import InputError
 from proofmass.outcome import OUTCOME_OF_EXCEPTION
 from proofmass.reference import compiled_model
+from proofmass.sim.mujoco import engine as mujoco_engine
 from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.mujoco.linkage import STATIC_STAGES
 from proofmass.sim.protocol import BadModel
@@ -215,7 +216,8 @@ def stiffen_springs(monkeypatch, name: str, solver: str) -> dict[str, object]:
         model.jnt_stiffnesspoly *= factor
         return prepare_model(model, run)
 
-    monkeypatch.setattr(mujoco_model, "prepare_model", prepare_stiffer)
+    for module in (mujoco_model, mujoco_engine):
+        monkeypatch.setattr(module, "prepare_model", prepare_stiffer)
     monkeypatch.setattr(pymunk_model, "read_links", read_stiffer)
     if not solver.endswith(":flex"):
         return {}

@@ -78,7 +78,8 @@ def initialize_dynamics(linkage: Linkage, run: Run, times: Array) -> tuple[Array
     model.dof_frictionloss[linkage.dofs] = 0
     # MuJoCo compares the tolerance of its solver with the inertia, which is now that of the
     # flywheels: without this factor dry friction of the other joints would have no effect
-    model.opt.tolerance *= np.trace(inertia) / (np.trace(inertia) + flywheel.sum())
+    if flywheel.any():
+        model.opt.tolerance *= np.trace(inertia) / (np.trace(inertia) + flywheel.sum())
     pose, speed = data.qpos.copy(), data.qvel.copy()
     mujoco.mj_setConst(model, data)  # the stiffness of MuJoCo's constraints depends on the inertia
     data.qpos[:], data.qvel[:] = pose, speed

@@ -20,6 +20,7 @@ the engine's own soft constraints: their violation falls with the square of the 
 1e-5 of the length of an edge in cantilevers under P L^2/EI = 1 to 10.
 """
 
+import copy
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -253,6 +254,9 @@ def assemble_model(
     spec = read_spec(path)
     bare = compile_without_rods(spec)
     check_sites(bare, run.rods)
+    users = copy.copy(bare)  # without the flexes, whose equalities are added and covered here
+    leave_out_disabled(users)
+    refuse_uncovered(users, RunKind.EQUILIBRIUM)
     key = spec.key(run.start)
     begin, ctrl = mujoco.MjData(bare), np.array(key.ctrl) if key else np.empty(0)
     if key and len(key.qpos):
@@ -270,7 +274,6 @@ def assemble_model(
     except ValueError as error:
         raise BadModel(f"{path.name}: {' '.join(str(error).split())}") from None
     leave_out_disabled(model)
-    refuse_uncovered(model, RunKind.EQUILIBRIUM)
     tune_settling(model, run)
     data = mujoco.MjData(model)
     data.ctrl[: ctrl.size] = ctrl
