@@ -200,7 +200,7 @@ def ask(question: Callable[[Path], list[str]], folder: Path) -> list[str]:
 @pytest.mark.parametrize(
     "name",
     [
-        *("rung", "order", "refusal"),
+        *("rung", "causes", "order", "refusal"),
         *(pytest.param(name, marks=pytest.mark.slow) for name in ("choice", "diet")),
     ],
 )
