@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,8 +17,9 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass import worker
+from proofmass import clock, worker
 from proofmass.check import check
+from proofmass.clock import processor_time
 from proofmass.errors import InputError
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel
@@ -509,3 +511,18 @@ def test_no_worker_survives_a_caller_that_is_killed():
             return
         time.sleep(0.1)
     raise AssertionError("the worker still runs a minute after its caller was killed")
+
+
+def usual_tick() -> float:
+    """The median change of the clock by which runs are timed [s]."""
+    times = [processor_time()]
+    while len(times) < 100:
+        if (now := processor_time()) != times[-1]:
+            times.append(now)
+    return sorted(later - sooner for sooner, later in pairwise(times))[len(times) // 2]
+
+
+def test_the_clock_of_runs_is_fine_in_a_worker_although_its_time_is_limited():
+    """The processor time of the process moves in ticks of milliseconds there."""
+    if clock.IS_FINE:
+        assert call_isolated(usual_tick, timeout=60) < 1e-4

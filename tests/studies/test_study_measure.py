@@ -468,8 +468,9 @@ def test_the_share_of_others_is_the_wall_time_without_the_processor_time(
     processor, share, monkeypatch
 ):
     wall, own = iter([10.0, 12.0]), iter([5.0, 5.0 + processor])
-    clocks = SimpleNamespace(perf_counter=lambda: next(wall), process_time=lambda: next(own))
-    monkeypatch.setattr(measure, "time", clocks)
+    clock = SimpleNamespace(perf_counter=lambda: next(wall))
+    monkeypatch.setattr(measure, "time", clock)
+    monkeypatch.setattr(measure, "processor_time", lambda: next(own))
     monkeypatch.setattr(measure, "call_engine", lambda *_: Curves(np.zeros(1), {}))
     run = plan_run(PENDULUM, "dynamics", "mujoco")
     assert time_run("mujoco", PENDULUM.model_path, run)[1] == pytest.approx(share)

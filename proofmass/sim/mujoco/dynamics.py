@@ -14,7 +14,6 @@ It neither closes nor checks loops and prescribes no motion.
 """
 
 import re
-import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import cast
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import RunKind
+from proofmass.clock import processor_time
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage
@@ -118,12 +118,12 @@ def dynamics(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     if drive_sensors(model, linkage, record):
         record.record_forces()
     data.time = run.x[0]
-    began = time.process_time()
+    began = processor_time()
     torque = torque.reshape(run.x.size - 1, count, dofs.size)
     controls = HeldControls.of(model, run, times, count)
     with collected_warnings() as warnings:
         step_through(model, data, record, torque, instant[::count], dofs, controls)
-    seconds = time.process_time() - began
+    seconds = processor_time() - began
     state, channels, rows = None, record.curves(), record.rows
     if run.drives:
         state = rows["qpos"][:, linkage.adr].T, rows["qvel"][:, dofs].T, rows["qacc"][:, dofs].T
@@ -307,7 +307,7 @@ def run_passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         The engine reset itself, or a sensor is not finite.
     """
     count, model.opt.timestep = run.steps(model.opt.timestep)
-    rows, began = np.empty((run.x.size, model.nsensordata)), time.process_time()
+    rows, began = np.empty((run.x.size, model.nsensordata)), processor_time()
     for row in rows[:-1]:
         mujoco.mj_step(model, data)
         row[:] = data.sensordata  # of the state in which the step began
@@ -315,7 +315,7 @@ def run_passive(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
             mujoco.mj_step(model, data, count - 1)
     mujoco.mj_forward(model, data)
     rows[-1] = data.sensordata
-    seconds = time.process_time() - began
+    seconds = processor_time() - began
     check_finite(data, rows, run.x)
     return Curves(
         run.x,

@@ -21,7 +21,6 @@ the engine's own soft constraints: their violation falls with the square of the 
 """
 
 import copy
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +29,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import RunKind
+from proofmass.clock import processor_time
 from proofmass.sim.mjcf import leave_out_disabled, read_spec
 from proofmass.sim.mujoco.model import Recorder, load, refuse_uncovered
 from proofmass.sim.mujoco.sensors import withhold_stage
@@ -190,7 +190,7 @@ def equilibrium(path: Path, run: Run) -> Curves:
     Diverged
         The engine reset itself, or does not come to rest.
     """
-    began = time.process_time()
+    began = processor_time()
     if run.kind != "equilibrium" or not run.rods:
         raise Unsupported("a flex can replace a rod only in an equilibrium run")
     if run.drives:
@@ -214,7 +214,7 @@ def equilibrium(path: Path, run: Run) -> Curves:
         curves,
         missing,
         violation=float(record.violations().max(initial=0.0)),
-        seconds=time.process_time() - began,
+        seconds=processor_time() - began,
         steps=steps,
         settings={
             **stepping_settings(model),

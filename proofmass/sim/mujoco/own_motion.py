@@ -21,7 +21,6 @@ step.
 """
 
 import copy
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +32,7 @@ from numpy.typing import NDArray
 
 from proofmass.analytic.controls import break_times, smooth_pieces
 from proofmass.analytic.numerics import Array
+from proofmass.clock import processor_time
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics, moments_of_drives
@@ -88,12 +88,12 @@ class Budget:
     """
 
     def __init__(self, limit: float) -> None:
-        self.limit, self.work, self.began = limit, 0.0, time.process_time()
+        self.limit, self.work, self.began = limit, 0.0, processor_time()
 
     @property
     def seconds(self) -> float:
         """The processor time since the beginning [s]."""
-        return time.process_time() - self.began
+        return processor_time() - self.began
 
     def spend(self, work: float) -> None:
         """Count work [s].

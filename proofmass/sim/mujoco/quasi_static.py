@@ -11,12 +11,11 @@ A run of kind `equilibrium` finds one pose and the shapes of its rods.  The star
 from equilibrium: Newton's method descends in steps of bounded size, up to a maximum number.
 """
 
-import time
-
 import mujoco
 import numpy as np
 
 from proofmass.analytic.numerics import Array
+from proofmass.clock import processor_time
 from proofmass.sim.mujoco.equilibrium import RestingLinkage, RubbingLinkage, linkage_of
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import (
@@ -76,7 +75,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     drives = len(run.drives)
     moments, stopped, solved = np.empty((run.x.size, drives)), "", run.x.size
     force_indices = interaction_indices(record)
-    began = time.process_time()
+    began = processor_time()
     fastest, path = float(np.abs(state[1]).max()), linkage.path(inputs[0])
     for k, (values, rates, accelerations) in enumerate(zip(*(s.T for s in inputs), strict=True)):
         try:
@@ -106,7 +105,7 @@ def sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         record.sample(k)
     if isinstance(linkage, RubbingLinkage) and not stopped:
         linkage.check_slipped()
-    seconds = time.process_time() - began
+    seconds = processor_time() - began
     record.cut(solved)
     channels = record.curves()
     channels |= drive_moment_curves(model, linkage, record, moments[:solved])
@@ -141,7 +140,7 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
     Unsupported
         The degrees of freedom have no equilibrium, or an equality is of a kind that is not covered.
     """
-    began = time.process_time()
+    began = processor_time()
     linkage = linkage_of(model, data, run)
     tangent = linkage.move(run.motion(run.x[:1])[0][:, 0])
     linkage.check_limits()
@@ -160,7 +159,7 @@ def equilibrium(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curves:
         curves,
         missing,
         violation=float(record.violations().max()),
-        seconds=time.process_time() - began,
+        seconds=processor_time() - began,
         steps=1,
         work=StepWork(model).pose(),
     )

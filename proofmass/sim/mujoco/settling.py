@@ -14,7 +14,6 @@ moment is then 1e-7 to 1e-6; with MuJoCo's default solref and solimp of limits (
 """
 
 import copy
-import time
 from collections.abc import Callable
 
 import mujoco
@@ -22,6 +21,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import RunKind
+from proofmass.clock import processor_time
 from proofmass.sim.mujoco.equilibrium import RANK_TOLERANCE, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
@@ -122,12 +122,12 @@ def settled_sweep(model: mujoco.MjModel, data: mujoco.MjData, run: Run) -> Curve
     record = Recorder(model, data, run.channels, run.x.size)
     missing = withhold_interactions(record) | withhold_stage(record, VELOCITY_STAGE, NO_RATE)
     value, rate, acceleration = run.motion(run.x)
-    moments, steps, began = np.empty(value.T.shape), 0, time.process_time()
+    moments, steps, began = np.empty(value.T.shape), 0, processor_time()
     for k, values in enumerate(value.T):
         steps += move_drives(linkage, values) + settle_at(linkage, values)
         moments[k] = holding_moments(linkage)
         record.sample(k)
-    seconds = time.process_time() - began
+    seconds = processor_time() - began
     channels = record.curves() | drive_moment_curves(model, linkage, record, moments)
     return Curves(
         run.x,

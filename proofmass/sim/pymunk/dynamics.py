@@ -5,7 +5,6 @@ loops and drives.  States are recorded at each sample and one step before it.  T
 iterations in a step is computed from the rate at which Chipmunk's solver converges.
 """
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +12,7 @@ import pymunk
 from pymunk import batch
 
 from proofmass.analytic.numerics import Array
+from proofmass.clock import processor_time
 from proofmass.sim.protocol import Curves, Diverged, Run
 from proofmass.sim.pymunk.kinematics import (
     close_loops,
@@ -354,7 +354,7 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
     If the settings give no number of iterations, a run is made with `DEFAULT_ITERATIONS` of them.
     It is repeated with the number that its poses need, if that is larger.
     """
-    began, links = time.process_time(), links_at_start(links, run)
+    began, links = processor_time(), links_at_start(links, run)
     asked = settings["timestep"]
     steps_per_sample, dt = run.steps(asked)
     used = {**settings, "timestep": dt, "iterations": settings["iterations"] or DEFAULT_ITERATIONS}
@@ -383,7 +383,7 @@ def dynamics(links: Links, run: Run, channels: dict[str, Sensor], settings: Sett
         {},
         drive,
         float(violations.max()),
-        time.process_time() - began,
+        processor_time() - began,
         steps,
         used,
         violations=violations,

@@ -19,7 +19,6 @@ Degrees of freedom begin at a distance from the start pose.  Otherwise an engine
 nothing would pass a check whose right result is the start pose.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -38,6 +37,7 @@ from proofmass.analytic.friction import (
     follow_stick_slip,
 )
 from proofmass.analytic.numerics import REST_RATE_SHARE, Array
+from proofmass.clock import processor_time
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.sim.pymunk.dynamics import iterations_needed, step_seconds
 from proofmass.sim.pymunk.kinematics import (
@@ -964,7 +964,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
     """
     if not run.drives:
         raise Unsupported("a sweep without a driven joint")
-    began = time.process_time()
+    began = processor_time()
     profiles = np.array(
         [[curve * np.ones(len(run.x)) for curve in drive.profile(run.x)] for drive in run.drives]
     )  # drives, (value, rate, acceleration), samples
@@ -1002,7 +1002,7 @@ def sweep(links: Links, run: Run, channels: dict[str, Sensor], settings: Setting
         missing,
         state,
         float(constraint_violations(links, pose).max()),
-        time.process_time() - began,
+        processor_time() - began,
         n,
         {"iterations": sweep_state.most, "error_bias": settings["error_bias"]},
         stopped,
@@ -1083,7 +1083,7 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
 
     The shapes of rods are given at the arc lengths ``run.x``; sensors are constant along ``run.x``.
     """
-    began, start = time.process_time(), run.motion(run.x[:1])[0][:, 0]
+    began, start = processor_time(), run.motion(run.x[:1])[0][:, 0]
     sweep_state = start_sweep(links, settings)
     sweep_state.settle(start)
     pose = sweep_state.pose
@@ -1106,7 +1106,7 @@ def equilibrium(links: Links, run: Run, channels: dict[str, Sensor], settings: S
         curves,
         missing,
         violation=float(constraint_violations(links, pose).max()),
-        seconds=time.process_time() - began,
+        seconds=processor_time() - began,
         steps=1,
         settings={"iterations": sweep_state.most, "error_bias": settings["error_bias"]},
         work=POSE_STEPS * step_seconds(links, len(run.drives), sweep_state.most),

@@ -5,7 +5,6 @@ A spline interpolates the curves of a CSV file at the samples of a run; its erro
 them.
 """
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from proofmass.analytic.numerics import Array
+from proofmass.clock import processor_time
 from proofmass.errors import InputError
 from proofmass.recorded import LARGEST_GAP, RecordedColumn, read_table
 from proofmass.recording import PlacedRows, Recording, RunAxis, SteadyDrive
@@ -123,7 +123,7 @@ def simulate(model: Path, run: Run) -> Curves:
     """
     if run.kind == "passive":
         raise Unsupported("a model without a sidecar, which names no recorded file")
-    begin = time.process_time()
+    begin = processor_time()
     compiled = compile_model(model, run.rods)
     export = Export(RecordedSettings.read(run.settings))
     table, columns = export.table, export.settings.channels
@@ -152,7 +152,7 @@ def simulate(model: Path, run: Run) -> Curves:
             if name not in columns
         },
         drive=recorded_drive(export, rows, run, exact),
-        seconds=time.process_time() - begin,
+        seconds=processor_time() - begin,
         settings={"x": export.recording.column.column},
         uncertainty=uncertainty,
         notes=(describe_source(export, rows, uncertainty),),

@@ -11,7 +11,6 @@ nothing.
 """
 
 import copy
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb, inf
@@ -22,6 +21,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from proofmass.analytic.numerics import Array
+from proofmass.clock import processor_time
 from proofmass.outcome import Outcome
 from proofmass.sim.mujoco.engine import run_compiled
 from proofmass.sim.mujoco.model import prepare_model
@@ -34,8 +34,6 @@ STEPPED_KINDS = ("dynamics", FREE_MOTION)  # kinds of runs with time steps
 MIN_ROUNDS_SECONDS = 0.5  # s, least counted time of all rounds
 MAX_ROUNDS = 250  # pairs of runs at most, since very short runs take longer than counted
 INTERVAL_LEVEL = 0.99  # probability with which an interval contains its median
-FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5
-"""Whether the clock of processor time resolves runs of milliseconds; on Windows it does not."""
 
 TimeRange = tuple[float, float, float]
 """The lower end of an interval, the median, and the upper end."""
@@ -155,10 +153,9 @@ def compare_costs(
 def time_run(model: mujoco.MjModel, run: Run) -> tuple[float, Curves, mujoco.MjData]:
     """Processor time of a run without the preparation of its model [s], curves, and end state."""
     model, data = prepare_model(copy.copy(model), run)
-    clock = time.thread_time if FINE_CLOCK else time.perf_counter
-    began = clock()
+    began = processor_time()
     curves = run_compiled(model, data, run)
-    return clock() - began, curves, data
+    return processor_time() - began, curves, data
 
 
 def saved_share(ratios: Sequence[float]) -> TimeRange:

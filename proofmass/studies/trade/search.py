@@ -11,7 +11,6 @@ What a run costs is counted from its steps (`StudyRow.cost`), so that the search
 every machine; measured times are information.
 """
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -20,6 +19,7 @@ from itertools import takewhile
 from math import inf, isclose, isfinite
 
 from proofmass.case import Case
+from proofmass.clock import processor_time
 from proofmass.engines import engine_of
 from proofmass.errors import InputError
 from proofmass.outcome import Outcome
@@ -402,14 +402,14 @@ def cached_reference_seconds(case: Case, store: Store) -> float:
 def reference_seconds(case: Case) -> float:
     """Processor time to evaluate the reference of dynamics [s]; called in a worker."""
     asked = prescribed_run(case, "dynamics")
-    began = time.process_time()
+    began = processor_time()
     with suppress(InputError):  # the runs will report the error
         cached_reference(
             case,
             "dynamics",
             Curves(asked.x, {}, drive=asked.motion(asked.x) if asked.drives else None),
         )
-    return time.process_time() - began
+    return processor_time() - began
 
 
 def refine_for_drives(

@@ -152,8 +152,8 @@ def test_a_short_computing_time_ends_runs_without_dropping_any(tmp_path, monkeyp
 def test_a_motion_is_solved_alike_on_slow_and_on_fast_machines(speed, tmp_path, monkeypatch):
     """The processor time decides nothing: 10 ms are enough for a part of the runs alone."""
     slow = solved_motion(tmp_path, DOUBLE, seconds=0.01)
-    real = time.process_time
-    monkeypatch.setattr(time, "process_time", lambda: speed * real())
+    real = time.thread_time
+    monkeypatch.setattr(time, "thread_time", lambda: speed * real())
     fast = solved_motion(tmp_path, DOUBLE, seconds=0.01)
     assert len(slow.runs[1].points) < len(slow.times)  # the time ends the finer runs
     for one, other in zip((*slow.runs, slow.close), (*fast.runs, fast.close), strict=True):
