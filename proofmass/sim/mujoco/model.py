@@ -72,6 +72,7 @@ def prepare_model(model: mujoco.MjModel, run: Run) -> tuple[mujoco.MjModel, mujo
         if joint_of(model, actuator) in driven:
             first = model.actuator_ctrladr[actuator]
             data.ctrl[first : first + model.actuator_ctrlnum[actuator]] = 0.0
+            model.actuator_dyntype[actuator] = mujoco.mjtDyn.mjDYN_NONE
             model.actuator_gaintype[actuator] = mujoco.mjtGain.mjGAIN_FIXED
             if model.actuator_biastype[actuator] != mujoco.mjtBias.mjBIAS_AFFINE:
                 model.actuator_biastype[actuator] = mujoco.mjtBias.mjBIAS_NONE
