@@ -299,8 +299,9 @@ def test_time_without_the_processor_does_not_count():
     assert call_isolated(time.sleep, 0.3, timeout=0.1) is None
 
 
-@pytest.mark.parametrize("timeout", [0.01, 0.1])
+@pytest.mark.parametrize("timeout", [0.1, 0.3])
 def test_the_limit_is_that_of_one_call_not_of_all_calls_of_a_worker(timeout):
+    """Linux counts the limit in ticks of up to 10 ms, which are no share of these limits."""
     close_idle_workers()
     with pytest.raises(TimedOut):
         call_isolated(compute, 2 * timeout, timeout=timeout)
@@ -312,8 +313,8 @@ def test_the_limit_is_that_of_one_call_not_of_all_calls_of_a_worker(timeout):
 
 def compute(seconds: float) -> None:
     """Compute for a processor time [s]."""
-    began = time.process_time()
-    while time.process_time() - began < seconds:
+    began = processor_time()
+    while processor_time() - began < seconds:
         pass
 
 
