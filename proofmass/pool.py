@@ -126,34 +126,18 @@ class Cluster(Executor):
 
     def wait_for_workers(self) -> None:
         """Wait until there is a worker."""
-        since, told = time.monotonic(), False
-        while not self.client.nthreads():
-            if not told and time.monotonic() - since > SILENT_SECONDS:
-                told = True
-                self.say_no_worker()
+        absence = Absence(self.address)
+        while not absence.look(bool(self.client.nthreads())):
             time.sleep(LOOK_SECONDS)
 
     def watch(self) -> None:
         """Say a line whenever the last worker has been gone for a while."""
-        since, told = time.monotonic(), False
+        absence = Absence(self.address)
         while not self.closed.wait(LOOK_SECONDS):
             try:
-                there = bool(self.client.nthreads())
+                absence.look(bool(self.client.nthreads()))
             except Exception:  # the scheduler is gone, which the calls report
                 return
-            if there:
-                since, told = time.monotonic(), False
-            elif not told and time.monotonic() - since > SILENT_SECONDS:
-                told = True
-                self.say_no_worker()
-
-    def say_no_worker(self) -> None:
-        """Say that there is no worker, and how one is started."""
-        print(
-            f"waiting: {self.address} has no worker; start one with `dask worker {self.address}`, "
-            "or end with Ctrl-C",
-            file=sys.stderr,
-        )
 
     def compare_installations(self) -> None:
         """Raise `OtherInstallation` if a worker's installation is not that of this process.
@@ -205,6 +189,26 @@ class Cluster(Executor):
         """End the calls: wait for them, or cancel them."""
         self.closed.set()
         self.calls.shutdown(wait=wait and not cancel_futures)
+
+
+class Absence:
+    """The time for which a cluster has had no worker; a line says so once, after a while."""
+
+    def __init__(self, address: str) -> None:
+        self.address, self.since, self.told = address, time.monotonic(), False
+
+    def look(self, there: bool) -> bool:
+        """Note whether there is a worker, and return that."""
+        if there:
+            self.since, self.told = time.monotonic(), False
+        elif not self.told and time.monotonic() - self.since > SILENT_SECONDS:
+            self.told = True
+            print(
+                f"waiting: {self.address} has no worker; start one with "
+                f"`dask worker {self.address}`, or end with Ctrl-C",
+                file=sys.stderr,
+            )
+        return there
 
 
 class Asked:

@@ -84,6 +84,21 @@ class FeatureAnswer(StrEnum):
 
 
 ACTS, REFUSED, PARTLY, SAID, WITHHELD, IRRELEVANT = FeatureAnswer
+STEPS_AND_SENSORS: dict[str, FeatureAnswer] = dict.fromkeys(
+    (
+        "time of the key",
+        "integrator or solver of the options",
+        "discrete inverse dynamics",
+        "sleep of bodies at rest",
+        "magnetic field",
+        "cutoff of a sensor",
+        "delay of a sensor",
+        "interval of a sensor",
+        "noise of a sensor",
+    ),
+    IRRELEVANT,
+)
+"""The answers of references to features of time steps and of sensors: they have neither."""
 Answers = Mapping[RunKind, FeatureAnswer]
 Support = Mapping[str, Answers]
 """By the name of a feature, the answer for each kind of run that there is."""

@@ -6,6 +6,7 @@ from proofmass.analytic.support import (
     PARTLY,
     REFERENCE_KINDS,
     REFUSED,
+    STEPS_AND_SENSORS,
     Answers,
     FeatureAnswer,
     RunKind,
@@ -81,15 +82,7 @@ EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "rates of the key": answers(
         REFERENCE_KINDS, ACTS, irrelevant=(K.SWEEP, K.FREE_SWEEP, K.MOVING_SWEEP)
     ),
-    "time of the key": IRRELEVANT,
-    "integrator or solver of the options": IRRELEVANT,
-    "discrete inverse dynamics": IRRELEVANT,
-    "sleep of bodies at rest": IRRELEVANT,
-    "magnetic field": IRRELEVANT,
-    "cutoff of a sensor": IRRELEVANT,
-    "delay of a sensor": IRRELEVANT,
-    "interval of a sensor": IRRELEVANT,
-    "noise of a sensor": IRRELEVANT,
+    **STEPS_AND_SENSORS,
 }
 SUPPORT = covers(REFERENCE_KINDS, EXCEPTIONS)
 """Of the runs of the planar reference."""
