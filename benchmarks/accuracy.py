@@ -22,23 +22,24 @@ from matplotlib import rc_context
 from benchmarks import ROOT, accuracy_figure, command, folders
 from benchmarks.accuracy_far import far
 from benchmarks.accuracy_series import causes, orders
-from proofmass.case import Case
-from proofmass.outcome import Outcome
-from proofmass.pool import pool
-from proofmass.reference import run_samples
+from proofmass.base.wording import number
+from proofmass.batch.pool import pool
+from proofmass.case.case import Case
+from proofmass.commands.studies import load_cases
+from proofmass.commands.trade import has_series, measure_cases
+from proofmass.reference.reference import run_samples
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.studies.command import load_cases
+from proofmass.sim.engines import format_solver
 from proofmass.studies.record import StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice, NoGoodSetting, choose
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.trade import Trade, kind_to_study, trade, write_study
-from proofmass.studies.trade.trade_command import has_series, measure_cases
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.words import format_setting_briefly
-from proofmass.wording import format_solver, number
+from proofmass.verdict.outcome import Outcome
 
 ENGINES = ("mujoco", "pymunk")
 WANTED_ERRORS = (1e-4, 1e-6)  # shares of the range of the positions

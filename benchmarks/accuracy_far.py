@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from proofmass.base.wording import number
+from proofmass.sim.engines import format_solver
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, read_boundaries
 from proofmass.studies.stress.page import THEORY_SECTION, THEORY_TOLERANCE, section_of
-from proofmass.wording import format_solver, number
 
 FAR = """
 ## How far

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.report.style import FIXED_LOOKS
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.choose import is_default

@@ -10,8 +10,8 @@ from math import log
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
+from proofmass.base.arrays import Array
+from proofmass.case.case import Case
 from proofmass.studies.measure import call_engine, channel_errors
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.trade.series import MeasuredSeries, points_before_slowdown

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 
 from benchmarks.accuracy_places import orders_of_places
-from proofmass.case import Case
+from proofmass.base.wording import number
+from proofmass.case.case import Case
 from proofmass.studies.trade.orders import ORDER_TOLERANCE, is_unexpected
 from proofmass.studies.trade.trade import Trade
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.wording import number
 
 ORDERS = """
 ## Orders

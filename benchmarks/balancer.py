@@ -11,7 +11,7 @@ from benchmarks import command
 from benchmarks.timing import SPELL, Row, measure
 from proofmass.analytic.balancer import along, balancer, follow, solve
 from proofmass.analytic.balancer.measures import precision_points
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.independent.balancer import grid, grid4
 

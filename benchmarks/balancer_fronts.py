@@ -27,10 +27,10 @@ from benchmarks import ROOT, command, folders
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, energy_spread, precision_points, rmse
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
+from proofmass.base.front import nondominated_points
 from proofmass.design.pareto import LIMIT_EFFORT, SPREAD_LIMITS, find_front
 from proofmass.design.search import Effort, SavedSearch
-from proofmass.front import nondominated_points
 from proofmass.report.style import RC
 
 PAGE = ROOT / "docs" / "balancer_fronts.json"

@@ -16,18 +16,19 @@ from pathlib import Path
 from benchmarks import ROOT, command, folders
 from benchmarks.rivals import Duel, duel
 from examples.chosen import truths
-from proofmass.case import Case
-from proofmass.pool import pool
-from proofmass.sidecar import load_case
-from proofmass.sim.protocol import Imposed
-from proofmass.studies.record import Setting
-from proofmass.studies.store import Store
-from proofmass.studies.trade.choose import ERROR_MARGIN, Choice
-from proofmass.studies.trade.choose_command import (
+from proofmass.base.wording import number
+from proofmass.batch.pool import pool
+from proofmass.case.case import Case
+from proofmass.commands.choose import (
     choose_with_drive,
     program_docstring,
     search_cost_ratio,
 )
+from proofmass.run.sidecar import load_case
+from proofmass.sim.protocol import Imposed
+from proofmass.studies.record import Setting
+from proofmass.studies.store import Store
+from proofmass.studies.trade.choose import ERROR_MARGIN, Choice
 from proofmass.studies.trade.program import (
     bare_command,
     describe_drive,
@@ -38,7 +39,6 @@ from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import verify
 from proofmass.studies.trade.words import format_setting
-from proofmass.wording import number
 
 RIVALS = 200  # random settings that are compared with each chosen one
 BUDGET = 30.0  # wall time [s] of a search, and of a program

@@ -18,10 +18,10 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 from benchmarks import ROOT, command, folders
-from proofmass.case import Case
-from proofmass.studies.command import load_cases
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.commands.studies import load_cases
 from proofmass.studies.measure import describe_machine
-from proofmass.wording import number
 
 ERROR = 1e-4  # of the range of the positions
 FIRST_LIMIT, NEXT_LIMIT = 30.0, 3.0  # wall times [s] that a user accepts

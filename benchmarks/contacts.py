@@ -21,8 +21,9 @@ import numpy as np
 from benchmarks import ROOT, command, folders
 from proofmass import load_case
 from proofmass.analytic.contacts import restitution
-from proofmass.case import Case
-from proofmass.compare import compare
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.mujoco.contacts import creep_rate
 from proofmass.sim.mujoco.tried_settings import (
     CYLINDER_CLEARANCE,
@@ -34,8 +35,7 @@ from proofmass.sim.mujoco.tried_settings import (
     tilted_quaternion,
 )
 from proofmass.sim.protocol import Diverged, Run
-from proofmass.solve import call_engine, plan_run
-from proofmass.wording import number
+from proofmass.verdict.compare import compare
 
 HALVINGS = 5
 CASES = {

@@ -11,11 +11,11 @@ import os
 from collections.abc import Iterable, Sequence
 
 from benchmarks import ROOT, command
-from proofmass.case import Case
-from proofmass.coverage import Coverage, find_coverage
-from proofmass.coverage_search import Finding
-from proofmass.explain import name_numbers, reason_not_noticed
-from proofmass.studies.command import load_cases
+from proofmass.case.case import Case
+from proofmass.commands.studies import load_cases
+from proofmass.evidence.coverage import Coverage, find_coverage
+from proofmass.evidence.coverage_search import Finding
+from proofmass.formats.explain import name_numbers, reason_not_noticed
 
 MATERIAL_KINDS = (
     "mass",

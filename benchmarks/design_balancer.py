@@ -48,8 +48,8 @@ from proofmass.analytic.balancer.synthesis import (
     thesis_variants,
     variants_of,
 )
-from proofmass.analytic.numerics import Array
-from proofmass.design.command import scale_effort
+from proofmass.base.arrays import Array
+from proofmass.commands.design import scale_effort
 from proofmass.design.search import Effort, SavedSearch
 
 THESIS = ROOT / "tests" / "data" / "balancer.json"

@@ -16,11 +16,11 @@ import numpy as np
 
 from benchmarks import ROOT
 from proofmass import load_case, solve
-from proofmass.case import Case
-from proofmass.diagnosis import Diagnosis, Explanation, find_causes
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.evidence.diagnosis import Diagnosis, Explanation, find_causes
 from proofmass.sim.protocol import Curves
-from proofmass.strict import Kind
-from proofmass.wording import number
 
 HEAD = """# Why a run differs
 
@@ -35,7 +35,7 @@ explain the difference. For a four-bar whose rocker was made 1 % longer in the m
 
 The sentence has the file and the line of the wrong value, that value, and the right one. The second
 line is to be copied. JSON, JUnit, SARIF, the report and the message of a failed pytest item have it
-from the same object, `proofmass.diagnosis.Fault`.
+from the same object, `proofmass.evidence.diagnosis.Fault`.
 
 A *cause* explains all curves that differ. Where the best change explains fewer, the line begins
 with "most likely", the share of the curves, and those that it leaves. A cause that several runs
@@ -76,7 +76,8 @@ listed as `tried`, and what the search left out because it had reached such a li
 
 The causes are in `proofmass check --json`: `causes` has each cause with its faults and runs,
 `diagnoses` all that was found for each run. In Python they are in `proofmass.check(...).diagnoses`
-and `proofmass.diagnosis.shared_causes`; `proofmass.diagnosis.find_causes` describes the method.
+and `proofmass.evidence.diagnosis.shared_causes`; `proofmass.evidence.diagnosis.find_causes`
+describes the method.
 
 Loops that are open in the start pose, by more than a millionth of the size, and differences that
 end within the first tenth of a motion, are findings of their own.

@@ -12,7 +12,8 @@ from pathlib import Path
 from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
-from proofmass.pool import pool
+from proofmass.base.wording import number
+from proofmass.batch.pool import pool
 from proofmass.report.figures import save
 from proofmass.report.style import RC
 from proofmass.studies.diet.diet import TIMING_ROUNDS, DietSearch, DietStore, write_result
@@ -27,7 +28,6 @@ from proofmass.studies.diet.table import (
     summary_sentences,
 )
 from proofmass.studies.measure import describe_machine
-from proofmass.wording import number
 
 FAT = ROOT / "docs" / "fourbar_fat.xml"
 SECONDS = 5.0  # simulated time of a model without a sidecar

@@ -14,7 +14,7 @@ from proofmass.analytic.planar.support import SUPPORT as PLANAR
 from proofmass.analytic.refined import SUPPORT as REFINED
 from proofmass.analytic.spatial.support import SUPPORT as SPATIAL
 from proofmass.analytic.support import Answers, RunKind, Support
-from proofmass.engines import default_engines, engine_of
+from proofmass.sim.engines import default_engines, engine_of
 
 PAGE = ROOT / "docs" / "engines.md"
 BEGIN = "<!-- python -m benchmarks.features writes from here to the next mark -->"

@@ -32,8 +32,8 @@ COMMANDS = {  # arguments, and the largest number of files that is intended
     "a rod to its chain": (
         (
             "-c",
-            "from proofmass.sidecar import load_case\n"
-            "from proofmass.reference import compiled_model\n"
+            "from proofmass.run.sidecar import load_case\n"
+            "from proofmass.reference.reference import compiled_model\n"
             "compiled_model(load_case('models/rods/rod_cantilever.toml'))",
         ),
         24,

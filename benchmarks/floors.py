@@ -16,21 +16,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks import ROOT, command, folders
-from proofmass.case import Case
-from proofmass.reference import compiled_model
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.commands.studies import load_cases
+from proofmass.commands.trade import has_series, measure_cases
+from proofmass.reference.reference import compiled_model
 from proofmass.sim.protocol import Unsupported
-from proofmass.studies.command import load_cases
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade.floor_cause import ROUNDING_CAUSE, halved_settings
 from proofmass.studies.trade.program import ProgramRun, drive_ways, run_stored_program
 from proofmass.studies.trade.series import is_floor, is_unchanged
 from proofmass.studies.trade.trade import Trade, trade
-from proofmass.studies.trade.trade_command import has_series, measure_cases
 from proofmass.studies.trade.varied import list_series
 from proofmass.studies.trade.verdict import Verdict
 from proofmass.studies.trade.verify import setting_as_used
-from proofmass.wording import number
 
 TIMEOUT = 120.0
 """Wall time after which a program is ended [s]; the longest has a quarter of the step."""

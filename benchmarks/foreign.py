@@ -19,18 +19,18 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks import command
-from proofmass.check import OWN_MODEL_SAMPLES, OWN_MODEL_SECONDS, OWN_MODEL_TIMEOUT
-from proofmass.engines import engine_of
-from proofmass.self_consistency import (
+from proofmass.base.wording import number
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.batch.check import OWN_MODEL_SAMPLES, OWN_MODEL_SECONDS, OWN_MODEL_TIMEOUT
+from proofmass.reference.self_consistency import (
     AGREEMENT_SHARE,
     PROCESSOR_SECONDS,
     Rung,
     format_length,
     why_failed,
 )
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import BadModel, OwnMotion
-from proofmass.wording import number
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
 
 STEP_RATIO = 32  # the model's step over that of the other method
 TIME_LIMIT = 40.0

@@ -32,11 +32,11 @@ from proofmass.analytic.planar.branch import Branch
 from proofmass.analytic.planar.kinematics import joint_rates
 from proofmass.analytic.planar.mechanism import read
 from proofmass.analytic.remember import use_memory
-from proofmass.case import Case
-from proofmass.reference import call_reference, compiled_model, load_reference
-from proofmass.sidecar import load_case
+from proofmass.case.case import Case
+from proofmass.reference.reference import call_reference, compiled_model, load_reference
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.protocol import Run
-from proofmass.solve import call_engine, plan_run
 
 Array = NDArray[np.float64]
 MODELS = ROOT / "models" / "linkages"

@@ -17,8 +17,7 @@ from math import isclose
 from pathlib import Path
 
 from benchmarks import ROOT, command, folders
-from proofmass.outcome import Outcome
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Diverged, Unsupported
 from proofmass.sim.pymunk.dynamics import MAX_ITERATIONS
 from proofmass.studies.measure import Measurement, StudyRun
@@ -28,6 +27,7 @@ from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch, step_by_factor
 from proofmass.studies.trade.program import TIMED_OUT_PREFIX, drive_ways, run_stored_program
 from proofmass.studies.trade.verify import setting_as_used
+from proofmass.verdict.outcome import Outcome
 
 DISTANCE = 0.02
 """Distance of the two tried values from a limit, as a share of it."""

@@ -20,8 +20,8 @@ from typing import Any
 from PIL import Image
 
 from benchmarks import ROOT, command
-from proofmass import load_case
-from proofmass.check import check
+from proofmass import animate, load_case
+from proofmass.batch.check import check
 from proofmass.report import write_report
 
 CHROMIUM = next(
@@ -111,7 +111,7 @@ def main() -> None:
         index = picture(open_page(browser, report / "index.html"))
         case = picture(open_page(browser, report / "fourbar.html"))
         wrong = load_case(Path(folder) / "linkages" / "fourbar.toml")
-        motion = wrong.animate(solvers=["mujoco"], frames=2 if quick else 60, magnify=10)
+        motion = animate(wrong, solvers=["mujoco"], frames=2 if quick else 60, magnify=10)
     if quick:
         print(f"pictures of {index.size} and {case.size}, {len(motion.frames)} frames")
         return

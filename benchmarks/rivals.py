@@ -19,8 +19,8 @@ from types import FrameType
 import mujoco
 
 from examples.chosen import truths
-from proofmass.case import Case
-from proofmass.reference import run_samples
+from proofmass.case.case import Case
+from proofmass.reference.reference import run_samples
 from proofmass.sim.mujoco.tried_settings import INTEGRATORS
 from proofmass.sim.protocol import Imposed
 from proofmass.studies.record import ParameterValue, Setting

@@ -10,9 +10,9 @@ from scipy.special import ellipe, ellipeinc, ellipkinc, ellipkm1
 
 from benchmarks import command
 from benchmarks.timing import SPELL, Row, measure
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods import equilibria, integrate, modulus, pinned, shape, solve, tip
 from proofmass.analytic.rods.elastica import elliptic_integrals
+from proofmass.base.arrays import Array
 
 COUNT = 100_000
 BATCH = 1000

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT, command
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods import cantilever, rod_pinned
+from proofmass.base.arrays import Array
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.flex import cut_into_links
 from proofmass.sim.protocol import Curves, Rod, Run

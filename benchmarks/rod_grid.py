@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import TURN, Array, Complex
+from proofmass.analytic.numerics import TURN
 from proofmass.analytic.rods import tip
 from proofmass.analytic.rods.all_equilibria import solve_starts
 from proofmass.analytic.rods.elastica import rods_of_chart
 from proofmass.analytic.rods.equilibrium import RodState, clamps_and_forces
+from proofmass.base.arrays import Array, Complex
 
 MAX_ALPHA = 20.0  # of the equilibria that are counted
 SPACING = np.log(0.0966498)  # B of the document's spacing of k_rel, with the end slope 0.25

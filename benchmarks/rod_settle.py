@@ -8,11 +8,11 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.equilibrium import clamps_and_forces
 from proofmass.analytic.start import start_pose
+from proofmass.base.arrays import Array
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.protocol import Diverged, Rod

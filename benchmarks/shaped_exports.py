@@ -21,7 +21,7 @@ import numpy as np
 from proofmass import load_case
 from proofmass.analytic.balancer import solve as balancer
 from proofmass.analytic.linkages import hacksaw
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 MODELS = Path(__file__).parent.parent / "models"
 SHAPED = "MADE UP. Shaped like an export of {}, and not from it.\n"

@@ -16,13 +16,13 @@ import mujoco
 import numpy as np
 
 from benchmarks import ROOT, command
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.protocol import Run
-from proofmass.solve import plan_run
 
 REPEATS = 15
 

@@ -17,10 +17,11 @@ from textwrap import fill
 from matplotlib import rc_context
 
 from benchmarks import ROOT, command, folders
-from proofmass.pool import pool
+from proofmass.base.wording import number
+from proofmass.batch.pool import pool
 from proofmass.report.figures import save
 from proofmass.report.style import RC
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.studies.store import Store
 from proofmass.studies.stress.boundary import Boundary, BoundaryKind, write_boundaries
 from proofmass.studies.stress.extremes import list_extremes
@@ -28,7 +29,6 @@ from proofmass.studies.stress.limit_search import LimitSearch
 from proofmass.studies.stress.page import THEORY_TOLERANCE, stress_figure
 from proofmass.studies.stress.problems import list_problems
 from proofmass.studies.stress.stress import cache_trials, find_boundaries
-from proofmass.wording import number
 
 CASES = (
     "fourbar",

@@ -12,9 +12,9 @@ from dataclasses import replace
 import mujoco
 
 from benchmarks import ROOT, command
-from proofmass.reference import compiled_model
-from proofmass.sidecar import load_case
-from proofmass.solve import call_engine, plan_run
+from proofmass.reference.reference import compiled_model
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine, plan_run
 
 CASES = ("fourbar", "slider_crank", "hacksaw", "fivebar", "threeprr")
 ENGINES = ("mujoco", "pymunk")

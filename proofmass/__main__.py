@@ -9,7 +9,10 @@ SUBSTITUTES = str.maketrans(
     {"✓": "+", "✗": "x", "·": ".", "≈": "~", "–": "-", "−": "-", "×": "x", "…": "...", "→": "->"}
 )
 """Characters of tables and sentences, and what stands for them where they cannot be printed."""
-BAD_INPUT, INTERRUPTED = 2, 130  # exit codes as in `proofmass.command`, which is slow to load
+BAD_INPUT, INTERRUPTED = (
+    2,
+    130,
+)  # exit codes as in `proofmass.commands.command`, which is slow to load
 
 
 def main() -> None:
@@ -17,10 +20,10 @@ def main() -> None:
     leave_current_folder_out()
     print_all_characters()
     try:
-        from proofmass.worker import NO_RENDERER
+        from proofmass.base.worker import NO_RENDERER
 
         os.environ.update(NO_RENDERER | os.environ)
-        from proofmass.cli import app
+        from proofmass.commands.cli import app
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     try:

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from proofmass.case import Case
-from proofmass.check import (
+from proofmass.base.errors import InputError
+from proofmass.batch.check import (
     diagnose_run,
     early_end_error,
     load_validated,
@@ -20,11 +20,11 @@ from proofmass.check import (
     run_solver,
     run_task,
 )
-from proofmass.compare import UNCHECKED_CASE, Comparison, compare
-from proofmass.diagnosis import Diagnosis, shared_causes
-from proofmass.errors import InputError
-from proofmass.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
-from proofmass.refinement import refinement_runs
+from proofmass.case.case import Case
+from proofmass.evidence.diagnosis import Diagnosis, shared_causes
+from proofmass.verdict.compare import UNCHECKED_CASE, Comparison, compare
+from proofmass.verdict.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.verdict.refinement import refinement_runs
 
 COMPARE_ONLY = partial(compare, detectable=False)
 load_once = cache(load_validated)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from proofmass.inputs import SIDECAR_ENDING, is_sidecar
+from proofmass.case.inputs import SIDECAR_ENDING, is_sidecar
 
 if TYPE_CHECKING:
     from proofmass.pytest_items import SidecarFile

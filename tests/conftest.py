@@ -18,15 +18,15 @@ from typing import Any
 
 import pytest
 
-from proofmass.coverage import FOLDER_VARIABLE
-from proofmass.files import write_atomically
+from proofmass.base.files import write_atomically
+from proofmass.base.worker import NO_RENDERER, SINGLE_THREAD
+from proofmass.evidence.coverage import FOLDER_VARIABLE
 from proofmass.pytest_items import SolverItem
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.studies import locks
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.stress.limit_search import StressedCase
-from proofmass.worker import NO_RENDERER, SINGLE_THREAD
 from tests.long import DEFAULT_PARAMETERS, FASTER_TESTS
 from tests.shipped import MODELS, READ_CASES, all_file_contents
 

@@ -15,7 +15,7 @@ from subprocess import PIPE, CompletedProcess
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.studies.trade.program import BLOCK_PROOFMASS
 
 FORKING_PROGRAM = """

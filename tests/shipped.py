@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.case import Case
-from proofmass.sidecar import format_sidecar, load_case
+from proofmass.case.case import Case
+from proofmass.run.sidecar import format_sidecar, load_case
 
 MODELS = Path(__file__).parent.parent / "models"
 READ_CASES: dict[Path, Case] = {}

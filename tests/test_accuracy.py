@@ -5,12 +5,12 @@ from collections.abc import Iterable
 
 import pytest
 
-from proofmass.case import Case
-from proofmass.compare import compare
-from proofmass.engines import engine_of
-from proofmass.sidecar import accuracy_units, load_case
-from proofmass.solve import solve
-from proofmass.strict import Kind
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case
+from proofmass.run.sidecar import accuracy_units, load_case
+from proofmass.run.solve import solve
+from proofmass.sim.engines import engine_of
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped, shipped_case, shipped_files
 
 MAX_FACTORS = {"sweep": 30.0, "rest": 500.0}

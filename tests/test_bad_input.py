@@ -7,14 +7,14 @@ import mujoco
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.check import check, load_validated
-from proofmass.cli import app
-from proofmass.command import find_sidecar
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.batch.check import check, load_validated
+from proofmass.commands.cli import app
+from proofmass.commands.command import find_sidecar
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run, solve, solve_here
 from proofmass.sim.mujoco.engine import translate_fatal_errors
 from proofmass.sim.protocol import BadModel
-from proofmass.solve import plan_run, solve, solve_here
 
 SIDECAR_FAULTS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),

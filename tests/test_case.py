@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from proofmass.case import DriveTable, Refine, RodTable, RunTable, Tolerance, View
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.case.case import DriveTable, Refine, RodTable, RunTable, Tolerance, View
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Rod
 from tests.shipped import shipped
 

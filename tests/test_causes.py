@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.diagnosis import case_of
-from proofmass.case import Case
-from proofmass.diagnosis.causes import (
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case
+from proofmass.evidence.diagnosis.causes import (
     best_causes,
     causes_of_reference,
     describe_transient,
@@ -15,10 +16,10 @@ from proofmass.diagnosis.causes import (
     is_exact,
     sort_key,
 )
-from proofmass.diagnosis.channels import factor_causes, offset_causes, shift_causes
-from proofmass.diagnosis.explanation import Explanation
-from proofmass.diagnosis.failure import describe_first_error, describe_violation
-from proofmass.diagnosis.fit import (
+from proofmass.evidence.diagnosis.channels import factor_causes, offset_causes, shift_causes
+from proofmass.evidence.diagnosis.explanation import Explanation
+from proofmass.evidence.diagnosis.failure import describe_first_error, describe_violation
+from proofmass.evidence.diagnosis.fit import (
     Residuals,
     SearchBudget,
     SearchLog,
@@ -26,12 +27,11 @@ from proofmass.diagnosis.fit import (
     rms,
     run_steps,
 )
-from proofmass.diagnosis.model import is_model_wrong
-from proofmass.diagnosis.settings import falling_channels, setting_value
-from proofmass.reference import evaluate, run_samples
+from proofmass.evidence.diagnosis.model import is_model_wrong
+from proofmass.evidence.diagnosis.settings import falling_channels, setting_value
+from proofmass.reference.reference import evaluate, run_samples
+from proofmass.run.solve import prescribed_run
 from proofmass.sim.protocol import Curves
-from proofmass.solve import prescribed_run
-from proofmass.strict import Kind
 
 
 def exact_curves(case: Case, run: Kind = "sweep") -> Curves:
@@ -234,7 +234,7 @@ def test_another_assembly_mode_is_found(fourbar):
 
 
 def test_two_parameters_are_found_where_one_does_not_explain_all(fourbar):
-    from proofmass.diagnosis.causes import fitted_pairs
+    from proofmass.evidence.diagnosis.causes import fitted_pairs
 
     case, curves = fourbar
     changed = {"rocker": 2.52, "coupler_mass": 2.3}

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import pool
-from proofmass.check import (
+from proofmass.base.errors import InputError
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut
+from proofmass.batch import pool
+from proofmass.batch.check import (
     LOADING_SECONDS,
     OUTCOME_OF_EXCEPTION,
     OWN_MODEL_SECONDS,
@@ -37,17 +39,15 @@ from proofmass.check import (
     task_label,
     unique_names,
 )
-from proofmass.cli import app
-from proofmass.compare import Comparison, attach_reference, compare
-from proofmass.errors import InputError
-from proofmass.outcome import FAILED_OUTCOMES
-from proofmass.reference import evaluate
-from proofmass.refinement import FinerRun, refined_errors
-from proofmass.sidecar import load_case
+from proofmass.commands.cli import app
+from proofmass.commands.studies import load_cases
+from proofmass.reference.reference import evaluate
+from proofmass.run.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Unsupported
-from proofmass.studies.command import load_cases
-from proofmass.worker import Crashed, OutOfMemory, TimedOut
+from proofmass.verdict.compare import Comparison, attach_reference, compare
+from proofmass.verdict.outcome import FAILED_OUTCOMES
+from proofmass.verdict.refinement import FinerRun, refined_errors
 from tests.shipped import MODELS
 
 CHECK_MODULE = sys.modules[check.__module__]  # `proofmass.check` is the function

@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.__main__ import main
-from proofmass.cli import app
-from proofmass.terminal import COMPARISON_KEYS
+from proofmass.commands.cli import app
+from proofmass.formats.terminal import COMPARISON_KEYS
 from tests.shipped import with_brief_pendulum
 
 
@@ -162,7 +162,7 @@ def test_an_interrupt_while_commands_are_loaded_exits_with_130(monkeypatch):
         def __getattr__(self, name):
             raise KeyboardInterrupt
 
-    monkeypatch.setitem(sys.modules, "proofmass.cli", Loading("proofmass.cli"))
+    monkeypatch.setitem(sys.modules, "proofmass.commands.cli", Loading("proofmass.commands.cli"))
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 130

@@ -9,31 +9,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.case import Tolerance, View
-from proofmass.check import check, find_inputs
-from proofmass.compare import (
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import RecordedColumn, read_table
+from proofmass.base.units import si_unit
+from proofmass.base.worker import Crashed, call_isolated
+from proofmass.batch.check import check, find_inputs
+from proofmass.case.case import Tolerance, View
+from proofmass.case.drive import Samples, Steady
+from proofmass.formats.terminal import worst_comparison
+from proofmass.reference.reference import compiled_model, evaluate, reference_for, run_samples
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
+from proofmass.sim.contents import size
+from proofmass.sim.protocol import Curves
+from proofmass.verdict.compare import (
     Comparison,
     check_assembly_mode,
     compare,
     compare_channel,
     end_of_start,
     judge_error,
-    reference_for,
     scale_of,
     start_difference,
     time_scale,
 )
-from proofmass.drive import Samples, Steady
-from proofmass.errors import InputError
-from proofmass.recorded import RecordedColumn, read_table
-from proofmass.reference import compiled_model, evaluate, run_samples
-from proofmass.sidecar import load_case
-from proofmass.sim.contents import size
-from proofmass.sim.protocol import Curves
-from proofmass.solve import plan_run
-from proofmass.terminal import worst_comparison
-from proofmass.units import si_unit
-from proofmass.worker import Crashed, call_isolated
 from tests.shipped import shipped, shipped_files
 
 
@@ -371,7 +370,8 @@ def test_an_error_in_a_worker_is_raised_unchanged():
 
 def test_idle_workers_end_with_their_parent_process():
     call = (
-        "import os; from proofmass.worker import call_isolated;call_isolated(os.getpid, timeout=60)"
+        "import os; from proofmass.base.worker import call_isolated;"
+        "call_isolated(os.getpid, timeout=60)"
     )
     ended = subprocess.run(
         [sys.executable, "-X", "dev", "-W", "error", "-c", call],
@@ -390,7 +390,7 @@ def test_a_busy_worker_without_its_parent_ends_after_its_time_limit(tmp_path):
         [
             sys.executable,
             "-c",
-            "from proofmass.worker import call_isolated;"
+            "from proofmass.base.worker import call_isolated;"
             f"from tests.test_compare import write_id_and_compute; {call}",
         ]
     )
@@ -399,7 +399,7 @@ def test_a_busy_worker_without_its_parent_ends_after_its_time_limit(tmp_path):
     asking.kill()
     asking.wait()
     words = Path("/proc") / file.read_text().strip() / "cmdline"
-    assert b"proofmass.worker" in words.read_bytes()
+    assert b"proofmass.base.worker" in words.read_bytes()
     deadline = time.monotonic() + 400.0  # 4 s of processor time, on a machine with 100 processes
     while words.exists() and words.read_bytes() and time.monotonic() < deadline:
         time.sleep(0.1)

@@ -1,4 +1,5 @@
-"""Findings of `proofmass.coverage` agree with runs of models that are changed by other code.
+"""Findings of `proofmass.evidence.coverage` agree with runs of models that are changed by other
+code.
 
 The functions here change attributes in the file of a model.  The changed models run again, and
 their curves are compared as in `proofmass check`.
@@ -22,10 +23,14 @@ from click.testing import Result as ClickResult
 from typer.testing import CliRunner
 
 from benchmarks.coverage import page, row, rows_of
-from proofmass import changed as changed_module
-from proofmass import coverage as coverage_module
-from proofmass.case import Case
-from proofmass.changed import (
+from proofmass.base.errors import InputError
+from proofmass.base.worker import OutOfMemory, TimedOut, call_isolated
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.commands.cli import app
+from proofmass.evidence import changed as changed_module
+from proofmass.evidence import coverage as coverage_module
+from proofmass.evidence.changed import (
     Baseline,
     Trial,
     change_limit,
@@ -34,11 +39,8 @@ from proofmass.changed import (
     sample_stride,
     with_fewer_samples,
 )
-from proofmass.check import Result
-from proofmass.cli import app
-from proofmass.compare import compare
-from proofmass.coverage import Coverage, cache_folder, find_coverage, stored_coverage
-from proofmass.coverage_search import (
+from proofmass.evidence.coverage import Coverage, cache_folder, find_coverage, stored_coverage
+from proofmass.evidence.coverage_search import (
     FAILED_CHANGE_FACTOR,
     CheckedRun,
     Finding,
@@ -48,17 +50,21 @@ from proofmass.coverage_search import (
     random_changes,
     signs_of_change,
 )
-from proofmass.errors import InputError
-from proofmass.explain import format_coverage, format_not_noticed, name_numbers, reason_not_noticed
-from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
-from proofmass.reference import compiled_model
-from proofmass.sidecar import load_case
+from proofmass.formats.explain import (
+    format_coverage,
+    format_not_noticed,
+    name_numbers,
+    reason_not_noticed,
+)
+from proofmass.formats.terminal import failure_lines
+from proofmass.reference.reference import compiled_model
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve
 from proofmass.sim.elements import Number, Place
 from proofmass.sim.numbers import NUMBER_KINDS
 from proofmass.sim.protocol import BadModel
-from proofmass.solve import solve
-from proofmass.terminal import failure_lines
-from proofmass.worker import OutOfMemory, TimedOut, call_isolated
+from proofmass.verdict.compare import compare
+from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 from tests.shipped import shipped, shipped_files
 
 QUICK_CASES = ("fourbar", "pendulum", "rod_cantilever")
@@ -513,7 +519,7 @@ def test_a_trial_that_times_out_is_repeated_once_with_a_longer_limit(again, monk
         return call_isolated(function, *args, timeout=timeout, memory=memory)
 
     search = make_search("pendulum", "dynamics", "mujoco")
-    monkeypatch.setattr("proofmass.coverage_search.call_isolated", slow)
+    monkeypatch.setattr("proofmass.evidence.coverage_search.call_isolated", slow)
     trial = search.trial(search.runs()[0], [])
     limit = search.case.run["dynamics"].timeout
     assert asked == [limit, 4 * limit]

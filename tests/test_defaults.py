@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.cli import app
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.commands.cli import app
+from proofmass.formats.terminal import failure_lines
 from proofmass.report import case_figures, case_page, pages, write_report
-from proofmass.sidecar import (
+from proofmass.run.sidecar import (
     accuracy_units,
     default_tolerances,
     fill_runs,
@@ -23,7 +24,6 @@ from proofmass.sidecar import (
 )
 from proofmass.sim.mujoco.settings import ACCURACY as MUJOCO
 from proofmass.sim.pymunk.settings import ACCURACY as PYMUNK
-from proofmass.terminal import failure_lines
 from tests.shipped import shipped, shipped_case, sidecar_parameters
 
 SHORT_SIDECAR = """title = "t"
@@ -46,7 +46,7 @@ to = 6.0
 def here(monkeypatch):
     """Sidecars are read in this process, not in a worker."""
     monkeypatch.setattr(
-        sys.modules["proofmass.check"],
+        sys.modules["proofmass.batch.check"],
         "call_isolated",
         lambda function, *args, **limits: function(*args),
     )

@@ -9,8 +9,19 @@ import sys
 import numpy as np
 import pytest
 
-from proofmass.case import Case
-from proofmass.compare import (
+from proofmass.base.errors import InputError
+from proofmass.base.recording import Recorded
+from proofmass.case.case import Case
+from proofmass.reference.reference import evaluate, load_reference, run_samples
+from proofmass.report.tables import (
+    format_detectable_changes,
+    unknown_parameters,
+    unnoticed_parameters,
+)
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
+from proofmass.sim.protocol import Curves
+from proofmass.verdict.compare import (
     Comparison,
     DetectableChange,
     RunReference,
@@ -22,17 +33,6 @@ from proofmass.compare import (
     parameter_slopes,
     small_detectable,
 )
-from proofmass.errors import InputError
-from proofmass.recording import Recorded
-from proofmass.reference import evaluate, load_reference, run_samples
-from proofmass.report.tables import (
-    format_detectable_changes,
-    unknown_parameters,
-    unnoticed_parameters,
-)
-from proofmass.sidecar import load_case
-from proofmass.sim.protocol import Curves
-from proofmass.solve import plan_run
 from tests.shipped import fewer_samples, shipped, shipped_files
 
 QUICK_CASES = (

@@ -17,9 +17,10 @@ import pytest
 from benchmarks.diagnosis import FAULTS, case_of, search, solved
 from benchmarks.pictures import LONGER
 from proofmass import load_case, solve
-from proofmass.case import Case
-from proofmass.check import Result, check, diagnose_run, share_causes
-from proofmass.diagnosis import (
+from proofmass.base.strict import Kind
+from proofmass.batch.check import Result, check, diagnose_run, share_causes
+from proofmass.case.case import Case
+from proofmass.evidence.diagnosis import (
     Diagnosis,
     Explanation,
     best_causes,
@@ -28,13 +29,12 @@ from proofmass.diagnosis import (
     find_causes,
     shared_causes,
 )
-from proofmass.reference import compiled_model
-from proofmass.sarif import as_sarif
+from proofmass.formats.sarif import as_sarif
+from proofmass.formats.terminal import as_json, failure_lines
+from proofmass.reference.reference import compiled_model
 from proofmass.sim.contents import highest_frequency
 from proofmass.sim.protocol import Diverged
 from proofmass.sim.start import loop_opening
-from proofmass.strict import Kind
-from proofmass.terminal import as_json, failure_lines
 from tests.shipped import shipped
 
 QUICK_CASES = ("fourbar", "slider_crank", "pendulum")
@@ -244,13 +244,13 @@ def test_a_slow_machine_names_the_same_causes(tmp_path, monkeypatch, speed):
 def test_a_search_that_reaches_its_limit_says_what_it_left_out(monkeypatch):
     case, curves = solved("fourbar", "sweep", "mujoco")
     wrong = with_parameters(case, rocker=2.4)
-    monkeypatch.setattr("proofmass.diagnosis.fit.MAX_EVALUATIONS", 14)
+    monkeypatch.setattr("proofmass.evidence.diagnosis.fit.MAX_EVALUATIONS", 14)
     found = find_causes(wrong, "sweep", "mujoco", curves, thorough=False)
     # the mode and the signs of ten parameters take eleven of them, a slope one
     assert "each sign of a parameter of the reference" in found.tried
     assert "3 of 10 parameters of the reference" in found.tried
     assert found.untried[0] == "7 of 10 parameters of the reference"
-    monkeypatch.setattr("proofmass.diagnosis.fit.MAX_EVALUATIONS", 0)
+    monkeypatch.setattr("proofmass.evidence.diagnosis.fit.MAX_EVALUATIONS", 0)
     none = find_causes(wrong, "sweep", "mujoco", curves, thorough=False)
     assert not any("parameter" in words for words in none.tried)
     assert not none.causes or "the search reached its limit before" in " ".join(none.lines)
@@ -382,7 +382,7 @@ def test_no_cause_is_named_if_none_explains_a_channel():
 
 
 def test_a_failed_diagnosis_changes_no_outcome(monkeypatch, tmp_path):
-    monkeypatch.setattr(import_module("proofmass.check"), "CAUSES_SECONDS", 1e-3)
+    monkeypatch.setattr(import_module("proofmass.batch.check"), "CAUSES_SECONDS", 1e-3)
     result = check(
         [copy_edited_case(tmp_path, "fourbar", LONGER, runs=MUJOCO_RUNS)], jobs=1, detectable=False
     )

@@ -20,14 +20,14 @@ import proofmass
 from proofmass import Case, check, load_case
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.chart import Chart
-from proofmass.case import ProfileTable
-from proofmass.outcome import GOOD_OUTCOMES
-from proofmass.recorded import RecordedColumn
-from proofmass.sidecar import Accuracy
+from proofmass.base.recorded import RecordedColumn
+from proofmass.case.case import ProfileTable
+from proofmass.run.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
 from proofmass.sim.protocol import BadSetting, Engine
 from proofmass.sim.pymunk.engine import PymunkSettings
 from proofmass.sim.recorded.engine import RecordedSettings
+from proofmass.verdict.outcome import GOOD_OUTCOMES
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"

@@ -20,7 +20,7 @@ from pathlib import Path
 import griffe
 import pytest
 
-from proofmass.units import si_unit
+from proofmass.base.units import si_unit
 
 PACKAGE = Path(__file__).parent.parent / "proofmass"
 NUMBER_TYPES = re.compile(r"\b(float|Array|ArrayLike)\b")

@@ -15,8 +15,8 @@ from benchmarks.rod_solutions import PRINTED, TAIL
 from benchmarks.rod_table2 import PRINTED as TABLE2
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import precision_points
-from proofmass.cli import app
-from proofmass.sidecar import load_case
+from proofmass.commands.cli import app
+from proofmass.run.sidecar import load_case
 from tests.analytic.balancer.balancer_cases import EXTENDING
 from tests.analytic.balancer.balancer_table import rows
 from tests.shipped import shipped

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from proofmass.drive import (
+from proofmass.case.drive import (
     TABLE_TOLERANCE,
     FunctionProfile,
     InProportion,
@@ -15,10 +15,10 @@ from proofmass.drive import (
     quintic_spline,
     table_times,
 )
-from proofmass.profile import SampledProfile
-from proofmass.sidecar import load_case
+from proofmass.case.profile import SampledProfile
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve_here
 from proofmass.sim.protocol import Curves, Diverged, Drive, Run
-from proofmass.solve import solve_here
 from tests.shipped import shipped
 
 X = np.linspace(0.0, 2.0, 21)

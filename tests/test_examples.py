@@ -17,8 +17,8 @@ from pathlib import Path
 import pytest
 
 import proofmass
-import proofmass.check
-from proofmass.diagnosis import Diagnosis
+import proofmass.batch.check
+from proofmass.evidence.diagnosis import Diagnosis
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 SCRIPTS = sorted(file.stem for file in EXAMPLES.glob("*.py"))
@@ -160,7 +160,7 @@ def test_recorded_curve_agrees_and_a_shifted_recording_differs(
 ) -> None:
     """The search for causes of differences, which the script does not print, is left out."""
     monkeypatch.setattr(
-        sys.modules["proofmass.check"],
+        sys.modules["proofmass.batch.check"],
         "diagnose_run",
         lambda case, kind, solver, *_, **__: Diagnosis(case.name, kind, solver),
     )

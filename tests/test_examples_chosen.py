@@ -16,8 +16,8 @@ import pytest
 from benchmarks import ROOT
 from benchmarks.choose import ASKED, Asked
 from examples.chosen import truths
-from proofmass.reference import evaluate
-from proofmass.sidecar import load_case
+from proofmass.reference.reference import evaluate
+from proofmass.run.sidecar import load_case
 from tests.programs import run_standalone
 from tests.shipped import shipped
 

@@ -12,15 +12,15 @@ import pytest
 from jsonschema import Draft4Validator
 from typer.testing import CliRunner
 
-from proofmass import cli
-from proofmass.check import Result
-from proofmass.cli import app
-from proofmass.compare import Comparison
-from proofmass.errors import InputError
-from proofmass.junit import as_junit
-from proofmass.outcome import Outcome
-from proofmass.sarif import as_sarif
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.commands import cli
+from proofmass.commands.cli import app
+from proofmass.formats.junit import as_junit
+from proofmass.formats.sarif import as_sarif
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
 
 

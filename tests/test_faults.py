@@ -7,16 +7,23 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from proofmass.case import Case
-from proofmass.changed import model_source, numbers_of_case
-from proofmass.diagnosis.explanation import (
+from proofmass.base.lines import (
+    LineIndex,
+    WrittenValue,
+    attribute_value,
+    element_starts,
+    key_value,
+)
+from proofmass.case.case import Case
+from proofmass.evidence.changed import model_source, numbers_of_case
+from proofmass.evidence.diagnosis.explanation import (
     Diagnosis,
     Explanation,
     SharedCause,
     rank_key,
     shared_causes,
 )
-from proofmass.diagnosis.fault import (
+from proofmass.evidence.diagnosis.fault import (
     Fault,
     count_digits,
     format_values,
@@ -25,14 +32,7 @@ from proofmass.diagnosis.fault import (
     shortest_within,
     sidecar_fault,
 )
-from proofmass.lines import (
-    LineIndex,
-    WrittenValue,
-    attribute_value,
-    element_starts,
-    key_value,
-)
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from tests.shipped import shipped
 
 ROCKER = Fault(

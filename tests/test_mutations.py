@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from proofmass.case import Case
-from proofmass.compare import compare
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
-from proofmass.solve import solve
+from proofmass.base.errors import InputError
+from proofmass.case.case import Case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve
+from proofmass.verdict.compare import compare
 from tests.shipped import fewer_samples, shipped, shipped_case
 
 Place = tuple[str, str, int, float]

@@ -14,17 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from proofmass.case import Case, Tolerance
-from proofmass.check import check
-from proofmass.compare import compare
-from proofmass.errors import InputError
-from proofmass.reference import evaluate
-from proofmass.report.data import plotted_run
-from proofmass.report.figures import draw_overlay
-from proofmass.report.style import solver_looks
-from proofmass.sidecar import load_case
-from proofmass.solve import plan_run, solve
-from proofmass.units import (
+from proofmass.base.errors import InputError
+from proofmass.base.units import (
     SI_POWERS,
     parse_unit,
     same_quantity,
@@ -32,7 +23,16 @@ from proofmass.units import (
     unit_powers,
     unit_registry,
 )
-from proofmass.validate import validate_case
+from proofmass.batch.check import check
+from proofmass.case.case import Case, Tolerance
+from proofmass.reference.reference import evaluate
+from proofmass.report.data import plotted_run
+from proofmass.report.figures import draw_overlay
+from proofmass.report.style import solver_looks
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run, solve
+from proofmass.run.validate import validate_case
+from proofmass.verdict.compare import compare
 from tests.report.test_report import curves_with_error, result_with_errors
 from tests.shipped import MODELS, shipped, shipped_case, shipped_files, sidecar_parameters
 
@@ -224,7 +224,9 @@ def test_unknown_names_and_units_are_reported_before_anything_runs(
     name, old, new, words = WRONG_SIDECARS[wrong]
     edit(f"{name}.toml", old, new, count=1)
     monkeypatch.setattr(
-        sys.modules["proofmass.check"], "run_task", lambda *_: pytest.fail("a run was started")
+        sys.modules["proofmass.batch.check"],
+        "run_task",
+        lambda *_: pytest.fail("a run was started"),
     )
     result = check([models / f"{name}.toml"])
     assert result.exit_code == 2
@@ -381,8 +383,9 @@ def test_shipped_cases_are_valid(file):
 def test_cases_in_si_units_do_not_import_pint():
     """The import of pint takes longer than that of everything else."""
     line = (
-        "import sys; from proofmass.sidecar import load_case; from proofmass.validate import "
-        "validate_case; validate_case(load_case('models/linkages/hacksaw_recorded.toml')); "
+        "import sys; from proofmass.run.sidecar import load_case\n"
+        "from proofmass.run.validate import validate_case\n"
+        "validate_case(load_case('models/linkages/hacksaw_recorded.toml'))\n"
         "sys.exit('pint' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", line], check=True, cwd=MODELS.parent)

@@ -11,13 +11,13 @@ import pytest
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
-from proofmass.check import check
-from proofmass.cli import app
-from proofmass.errors import InputError
-from proofmass.new import SCHEMA_FILE, write_new
-from proofmass.outcome import Outcome
-from proofmass.schema import sidecar_schema
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.batch.check import check
+from proofmass.commands.cli import app
+from proofmass.commands.new import SCHEMA_FILE, write_new
+from proofmass.run.schema import sidecar_schema
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import MODELS, shipped_files
 
 CONTRIB = MODELS.parent / "contrib"

@@ -7,22 +7,22 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import new_from_model
-from proofmass.check import check
-from proofmass.cli import app
-from proofmass.compare import Comparison
-from proofmass.errors import InputError
-from proofmass.new_from_model import (
+from proofmass.base.errors import InputError
+from proofmass.batch.check import check
+from proofmass.commands import new_from_model
+from proofmass.commands.cli import app
+from proofmass.commands.new_from_model import (
     describe_far_off,
     inspect_model,
     measured_tolerance,
     round_up,
     write_proposal,
 )
-from proofmass.outcome import Outcome
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import mechanism_dof
 from proofmass.sim.mjcf import compile_model
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
 
 check_in_same_worker = partial(check, jobs=1, detectable=False, causes=False)

@@ -20,8 +20,8 @@ import pytest
 import proofmass
 from benchmarks.notebooks import NAMES, NOTEBOOKS, answers, cells, executed, explored
 from proofmass import Comparison, Explorer, InputError, as_html, compare, load_case, solve
-from proofmass.outcome import Outcome
 from proofmass.report.explorer import MISSING_IPYWIDGETS, worst_comparisons
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
 
 METADATA = {
@@ -192,7 +192,7 @@ def test_sliders_without_ipywidgets_say_what_to_install(monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
     case = load_case(shipped("fourbar.toml"))
     with pytest.raises(ImportError, match=re.escape(MISSING_IPYWIDGETS)):
-        case.explore({"crank": (0.5, 1.5)}, [["rocker"]])
+        Explorer(case, {"crank": (0.5, 1.5)}, [["rocker"]])
     assert "proofmass[notebooks]" in MISSING_IPYWIDGETS
 
 
@@ -212,7 +212,7 @@ def test_invalid_sliders_and_curves_are_refused(
     name: str, sliders: dict[str, tuple[float, float]], curves: str, wrong: str
 ) -> None:
     with pytest.raises((InputError, ValueError), match=wrong):
-        load_case(shipped(f"{name}.toml")).explore(sliders, [curves.split()])
+        Explorer(load_case(shipped(f"{name}.toml")), sliders, [curves.split()])
 
 
 def test_a_changed_model_has_all_digits_and_refuses_unknown_elements() -> None:

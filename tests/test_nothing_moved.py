@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.check import Result, check
-from proofmass.cli import app
-from proofmass.errors import InputError
-from proofmass.new_from_model import write_proposal
-from proofmass.outcome import Outcome
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result, check
+from proofmass.commands.cli import app
+from proofmass.commands.new_from_model import write_proposal
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
 
 CAPSULE = 'type="capsule" fromto="0 0 0 {} 0 {}" size=".02" contype="0" conaffinity="0"'

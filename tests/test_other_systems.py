@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.files import read_text
+from proofmass.base.files import read_text
 from tests.shipped import shipped
 
 WITHOUT_POSIX = """

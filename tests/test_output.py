@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import command
-from proofmass.cli import app
-from proofmass.errors import InputError
-from proofmass.files import read_bytes, read_text, write_atomically
-from proofmass.recorded import RecordedColumn, read_table
+from proofmass.base.errors import InputError
+from proofmass.base.files import read_bytes, read_text, write_atomically
+from proofmass.base.recorded import RecordedColumn, read_table
+from proofmass.commands import command
+from proofmass.commands.cli import app
 from tests.shipped import with_brief_pendulum
 
 
@@ -29,7 +29,9 @@ def test_an_output_folder_that_cannot_be_made_is_reported_before_anything_runs(
     models, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(
-        sys.modules["proofmass.check"], "run_parts", lambda *_: pytest.fail("a run was started")
+        sys.modules["proofmass.batch.check"],
+        "run_parts",
+        lambda *_: pytest.fail("a run was started"),
     )
     (tmp_path / "pages").write_text("a file")
     answer = invoke_command("report", models / "pendulum.toml", "-o", tmp_path / "pages")
@@ -158,7 +160,7 @@ def test_an_unreadable_sidecar_does_not_affect_other_cases(models, kind):
 
 def test_no_log_of_mujoco_is_left_in_the_folder(models, monkeypatch, edit, undrawn):
     """MuJoCo warns of a spring that is too stiff, and would write its warnings to a log."""
-    monkeypatch.setattr(import_module("proofmass.solve"), "MAX_FORCE_EVALUATIONS", 3e3)  # brief
+    monkeypatch.setattr(import_module("proofmass.run.solve"), "MAX_FORCE_EVALUATIONS", 3e3)  # brief
     edit("pendulum.xml", '<joint name="pivot"', r'\g<0> stiffness="1e9"')
     monkeypatch.chdir(models)
     for each, exit_code in (("check", 1), ("report", 1), ("trade", 0)):

@@ -15,16 +15,16 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import pool as pool_module
-from proofmass.cli import app
-from proofmass.installation import describe_installation, digest_files, files_of
-from proofmass.pool import (
+from proofmass.base.installation import describe_installation, digest_files, files_of
+from proofmass.batch import pool as pool_module
+from proofmass.batch.pool import (
     LostCluster,
     OtherInstallation,
     compare_installation,
     pool,
     size_of,
 )
+from proofmass.commands.cli import app
 
 pytestmark = pytest.mark.skipif(  # not imported here, since its import takes as long as all others
     find_spec("distributed") is None, reason="distributed is not installed"
@@ -66,7 +66,7 @@ def test_an_installation_is_described_by_versions_and_code(tmp_path):
     assert found["Python"] == ".".join(map(str, sys.version_info[:3]))
     for name in ("mujoco", "numpy", "pymunk", "scipy", "proofmass"):
         assert found[name][0].isdigit(), name
-    assert "proofmass/pool.py" in files_of("proofmass")
+    assert "proofmass/batch/pool.py" in files_of("proofmass")
     (tmp_path / "a.py").write_text("x = 1\n")
     files = {"a.py": tmp_path / "a.py"}
     before = digest_files(files)

@@ -10,15 +10,20 @@ from scipy.integrate import cumulative_trapezoid
 
 from proofmass.analytic.linkages.hacksaw import motor
 from proofmass.analytic.linkages.hacksaw import solve as solve_hacksaw
-from proofmass.case import ProfileTable
-from proofmass.check import check
-from proofmass.compare import compare
-from proofmass.errors import InputError
-from proofmass.profile import SampledProfile, find_jump, make_sampled_profile
-from proofmass.recorded import RecordedColumn
-from proofmass.reference import all_quantities, drive_profiles, evaluate, prescribed_quantities
-from proofmass.sidecar import format_sidecar, load_case
-from proofmass.solve import plan_run, solve_here
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import RecordedColumn
+from proofmass.batch.check import check
+from proofmass.case.case import ProfileTable
+from proofmass.case.profile import SampledProfile, find_jump, make_sampled_profile
+from proofmass.reference.reference import (
+    all_quantities,
+    drive_profiles,
+    evaluate,
+    prescribed_quantities,
+)
+from proofmass.run.sidecar import format_sidecar, load_case
+from proofmass.run.solve import plan_run, solve_here
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 
 ROW_TIMES = np.linspace(0.0, 2.0, 81)

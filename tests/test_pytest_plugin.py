@@ -5,7 +5,7 @@ from textwrap import dedent
 
 import pytest
 
-from proofmass.inputs import is_sidecar
+from proofmass.case.inputs import is_sidecar
 
 PENDULUM = Path("models/linkages/pendulum.toml").absolute()
 NOT_SIDECARS = {
@@ -82,7 +82,10 @@ def test_the_plugin_loads_nothing_where_there_is_no_sidecar(pytester):
     result = pytester.runpytest_subprocess("-s", "-n", "0", "-p", "no:hypothesispytest")
     result.assert_outcomes(passed=1)
     result.stdout.fnmatch_lines(
-        ["LOADED proofmass proofmass.errors proofmass.files proofmass.inputs *plugin"]
+        [
+            "LOADED proofmass proofmass.base proofmass.base.display proofmass.base.errors "
+            "proofmass.base.files proofmass.case proofmass.case.inputs *plugin"
+        ]
     )
 
 

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
-from proofmass.check import check
-from proofmass.errors import InputError
-from proofmass.recorded import RecordedColumn, RecordedTable, find_wrap
-from proofmass.recording import Recording, RunAxis, SteadyDrive
-from proofmass.reference import evaluate
-from proofmass.sidecar import load_case
-from proofmass.solve import call_engine, plan_run, prescribed_run, solve_here
-from proofmass.validate import validate_case
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import RecordedColumn, RecordedTable, find_wrap
+from proofmass.base.recording import Recording, RunAxis, SteadyDrive
+from proofmass.batch.check import check
+from proofmass.reference.reference import evaluate
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine, plan_run, prescribed_run, solve_here
+from proofmass.run.validate import validate_case
 from tests.shipped import shipped
 
 USERS = ("reference", "party", "profile")

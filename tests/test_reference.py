@@ -10,15 +10,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from proofmass import reference
 from proofmass.analytic.linkages import fivebar, fourbar
 from proofmass.analytic.numerics import NotCovered
-from proofmass.case import Beside, Channel, DriveTable, LoadTable
-from proofmass.drive import Samples
-from proofmass.errors import InputError
-from proofmass.recorded import RecordedTable, RecordingTable
-from proofmass.recording import Recorded
-from proofmass.reference import (
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import RecordedTable, RecordingTable
+from proofmass.base.recording import Recorded
+from proofmass.case.case import Beside, Channel, DriveTable, LoadTable
+from proofmass.case.drive import Samples
+from proofmass.reference import reference
+from proofmass.reference.reference import (
     all_quantities,
     assembly_modes,
     call_reference,
@@ -33,7 +33,7 @@ from proofmass.reference import (
     reference_channels,
     run_samples,
 )
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import BadModel, BadRod
 from tests.shipped import shipped
 

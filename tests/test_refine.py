@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.analytic.numerics import Array
-from proofmass.check import Result, check, run_task
-from proofmass.compare import Comparison
-from proofmass.reference import evaluate, run_samples
-from proofmass.refinement import (
+from proofmass.base.arrays import Array
+from proofmass.batch.check import Result, check, run_task
+from proofmass.reference.reference import evaluate, run_samples
+from proofmass.report import write_report
+from proofmass.run.sidecar import load_case
+from proofmass.sim.protocol import Curves
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.refinement import (
     RefinedRow,
     RefinementStudy,
     judge_order,
     refined_errors,
     refinement_runs,
 )
-from proofmass.report import write_report
-from proofmass.sidecar import load_case
-from proofmass.sim.protocol import Curves
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES
 

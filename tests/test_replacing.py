@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.cli import app
-from proofmass.errors import InputError
-from proofmass.files import (
+from proofmass.base.errors import InputError
+from proofmass.base.files import (
     LIST_NAME,
     OUTPUT_MARK,
     make_folder,
@@ -18,6 +17,7 @@ from proofmass.files import (
     require_replaceable,
     write_output,
 )
+from proofmass.commands.cli import app
 from tests.shipped import shipped
 
 FOREIGN = "a file of somebody else, with no mark"

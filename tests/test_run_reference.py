@@ -10,22 +10,22 @@ import pytest
 
 from proofmass.analytic import balancer, rods
 from proofmass.analytic.remember import current_memory, kept_evaluations
-from proofmass.check import Result
-from proofmass.compare import (
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.reference.plot_data import plot_data
+from proofmass.reference.reference import evaluate, properties, reference_identity, run_samples
+from proofmass.report import case_page
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
+from proofmass.sim.protocol import Curves
+from proofmass.verdict.compare import (
     RunReference,
     attach_reference,
     compare,
     last_references,
     run_reference,
 )
-from proofmass.errors import InputError
-from proofmass.plot_data import plot_data
-from proofmass.reference import evaluate, properties, reference_identity, run_samples
-from proofmass.refinement import refined_errors, refinement_runs
-from proofmass.report import case_page
-from proofmass.sidecar import load_case
-from proofmass.sim.protocol import Curves
-from proofmass.solve import plan_run
+from proofmass.verdict.refinement import refined_errors, refinement_runs
 from tests.shipped import shipped
 
 COMPARE_MODULE = sys.modules[RunReference.__module__]

@@ -23,11 +23,12 @@ from textwrap import dedent
 
 import pytest
 
-from proofmass.case import Case
-from proofmass.check import Result, check
-from proofmass.engines import engine_of
-from proofmass.self_consistency import Rung
-from proofmass.sidecar import load_case
+from proofmass.base.worker import close_idle_workers
+from proofmass.batch.check import Result, check
+from proofmass.case.case import Case
+from proofmass.reference.self_consistency import Rung
+from proofmass.run.sidecar import load_case
+from proofmass.sim.engines import engine_of
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.store import Store
@@ -35,7 +36,6 @@ from proofmass.studies.trade.choose import NoGoodSetting, choose, describe_choic
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
 from proofmass.studies.trade.verify import verify
-from proofmass.worker import close_idle_workers
 from tests.shipped import shipped, shipped_files
 
 CLOCKS = ("process_time", "thread_time", "perf_counter")
@@ -213,7 +213,7 @@ def test_no_answer_depends_on_the_speed_of_the_processor(name, speed, tmp_path):
 
 def test_the_clocks_of_workers_are_changed(tmp_path):
     """The test above would hold if the workers had their usual clocks."""
-    from proofmass.worker import call_isolated
+    from proofmass.base.worker import call_isolated
 
     with clocks(FAST, tmp_path / "clock"):
         assert call_isolated(clock_ratio, timeout=60) == pytest.approx(FAST, rel=0.5)

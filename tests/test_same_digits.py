@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 THREAD_VARIABLES = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"
 SOLVE_PROGRAM = """
 import numpy as np
-from proofmass.worker import call_isolated
+from proofmass.base.worker import call_isolated
 rows = np.random.default_rng(0).normal(size=(400, 400))
 answers = [call_isolated(np.linalg.solve, rows, rows[0], timeout=60.0),
            *call_isolated(np.linalg.eigh, rows + rows.T, timeout=60.0)]
@@ -44,10 +44,10 @@ unchecked = true
 GATHER_PROGRAM = """
 import numpy as np
 from proofmass import Curves, load_case
-from proofmass.check import Result
+from proofmass.batch.check import Result
 from proofmass.report.data import plotted_run
 from proofmass.studies.variants import evaluate_reference
-from proofmass.worker import call_isolated
+from proofmass.base.worker import call_isolated
 case = load_case("solved.toml")
 wanted = evaluate_reference(case, "sweep")
 drive = tuple(np.ones((3, 1, 100)))
@@ -84,10 +84,10 @@ NEEDS_TWO_PROCESSORS = pytest.mark.skipif(
 EVALUATE_PROGRAM = """
 import sys
 from proofmass import load_case
-from proofmass.compare import run_reference
-from proofmass.reference import evaluate
+from proofmass.verdict.compare import run_reference
+from proofmass.reference.reference import evaluate
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan_run
+from proofmass.run.solve import plan_run
 case = load_case(sys.argv[1])
 run = plan_run(case, "sweep", "mujoco")
 x = run.x[:3]

@@ -1,7 +1,7 @@
 """Self-consistency of models without a sidecar: how well synthetic motions are known, and how long.
 
 `Rung` draws its conclusions from several solutions of a motion by three criteria: `steps`, `close`
-and `disturbed`, see `proofmass.self_consistency`.
+and `disturbed`, see `proofmass.reference.self_consistency`.
 """
 
 import re
@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from proofmass.check import check, check_model_here
-from proofmass.outcome import Outcome
-from proofmass.self_consistency import AGREEMENT_SHARE, Rung, why_failed
+from proofmass.batch.check import check, check_model_here
+from proofmass.reference.self_consistency import AGREEMENT_SHARE, Rung, why_failed
 from proofmass.sim.protocol import OwnMotion, OwnRun
+from proofmass.verdict.outcome import Outcome
 
 TIMES = np.linspace(0.0, 1.0, 101)
 STEPS = [2e-3 / 2**k for k in range(7)]

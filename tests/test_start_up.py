@@ -21,7 +21,7 @@ def packages_loaded_by(code: str) -> set[str]:
 
 def test_help_loads_no_engine_and_no_numerics() -> None:
     loaded = packages_loaded_by(
-        "from proofmass.cli import app\ntry: app(['--help'])\nexcept SystemExit: pass"
+        "from proofmass.commands.cli import app\ntry: app(['--help'])\nexcept SystemExit: pass"
     )
     assert "typer" in loaded
     assert not SLOW_PACKAGES & loaded
@@ -39,11 +39,11 @@ def test_the_installed_command_loads_no_engine_for_its_help() -> None:
 
 def test_importing_check_loads_neither_scipy_nor_matplotlib() -> None:
     assert not {"scipy", "pymunk", "matplotlib", "pint", "tomlkit"} & packages_loaded_by(
-        "import proofmass.check"
+        "import proofmass.batch.check"
     )
 
 
-@pytest.mark.parametrize("before", ["", "import proofmass.check, proofmass.compare"])
+@pytest.mark.parametrize("before", ["", "import proofmass.batch.check, proofmass.compare"])
 def test_check_compare_and_solve_of_the_package_are_functions(before: str) -> None:
     code = f"{before}\nfrom proofmass import check, compare, solve\nimport types\n"
     code += "assert all(isinstance(one, types.FunctionType) for one in (check, compare, solve))"

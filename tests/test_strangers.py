@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 
 from proofmass import check
-from proofmass.changed import model_source, with_changed_model
-from proofmass.errors import InputError
-from proofmass.recorded import read_table
-from proofmass.reference import compiled_model, load_reference
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import read_table
+from proofmass.evidence.changed import model_source, with_changed_model
+from proofmass.reference.reference import compiled_model, load_reference
 from proofmass.report import write_report
 from proofmass.report.page import slug
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.validate import validate_case
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadModel
 from proofmass.studies.pages import write_study_pages
 from proofmass.studies.record import StudyRow, write_table
-from proofmass.validate import validate_case
 from tests.shipped import MODELS, shipped
 
 SHORT = (("until = 10.0", "until = 0.5"), ("n = 1001", "n = 51"))

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from proofmass import cli, terminal
-from proofmass.check import Result
-from proofmass.compare import UNCHECKED_CASE, Comparison, DetectableChange
-from proofmass.diagnosis import Diagnosis
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
-from proofmass.terminal import (
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.commands import cli
+from proofmass.evidence.diagnosis import Diagnosis
+from proofmass.formats import terminal
+from proofmass.formats.terminal import (
     as_json,
     case_table,
     failure_lines,
@@ -24,6 +23,8 @@ from proofmass.terminal import (
     three_digits,
     worst_comparison,
 )
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import UNCHECKED_CASE, Comparison, DetectableChange
 from tests.shipped import MODELS, shipped, shipped_files
 
 

@@ -15,17 +15,17 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import check, engines
-from proofmass.cli import app
-from proofmass.engines import engine_names, engine_of
+from proofmass import check
+from proofmass.base.worker import close_idle_workers
+from proofmass.commands.cli import app
 from proofmass.report.style import solver_looks
+from proofmass.sim import engines
+from proofmass.sim.engines import engine_names, engine_of, format_solver
 from proofmass.studies.record import read_table
 from proofmass.studies.store import package_versions
 from proofmass.studies.stress import problems
 from proofmass.studies.stress.boundary import read_boundaries
 from proofmass.studies.trade.trade import read_verdicts
-from proofmass.wording import format_solver
-from proofmass.worker import close_idle_workers
 from tests.shipped import shipped
 
 ENGINE_MODULE = """
@@ -193,7 +193,7 @@ def test_the_report_shows_the_twin(site: Path, tmp_path: Path) -> None:
 def test_trade_varies_the_step_of_an_engine_without_a_description(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(import_module("proofmass.solve"), "MAX_FORCE_EVALUATIONS", 1.6e3)
+    monkeypatch.setattr(import_module("proofmass.run.solve"), "MAX_FORCE_EVALUATIONS", 1.6e3)
     invoke_command("trade", write_sidecar(tmp_path, "bare"), "-o", tmp_path / "trade", "--jobs", 1)
     rows = read_table(tmp_path / "trade" / "trade.csv")
     assert {(row.engine, row.outcome) for row in rows} == {("bare", "ran")}

@@ -17,13 +17,10 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass import clock, worker
-from proofmass.check import check
-from proofmass.clock import processor_time
-from proofmass.errors import InputError
-from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadModel
-from proofmass.worker import (
+from proofmass.base import clock, worker
+from proofmass.base.clock import processor_time
+from proofmass.base.errors import InputError
+from proofmass.base.worker import (
     Crashed,
     OutOfMemory,
     TimedOut,
@@ -31,6 +28,9 @@ from proofmass.worker import (
     close_idle_workers,
     idle_workers,
 )
+from proofmass.batch.check import check
+from proofmass.sim.mjcf import compile_model
+from proofmass.sim.protocol import BadModel
 from tests.shipped import shipped
 
 LARGE_MODEL = (
@@ -176,7 +176,9 @@ def test_relative_paths_start_from_the_folder_of_the_caller(tmp_path, monkeypatc
 
 def test_modules_in_the_current_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a module of the user')")
-    call = "from proofmass.worker import call_isolated; print(call_isolated(abs, -3, timeout=60))"
+    call = (
+        "from proofmass.base.worker import call_isolated; print(call_isolated(abs, -3, timeout=60))"
+    )
     found = subprocess.run(
         [sys.executable, "-P", "-c", call], cwd=tmp_path, text=True, capture_output=True, check=True
     )
@@ -230,7 +232,7 @@ def test_more_samples_than_memory_do_not_affect_other_cases(models, edit, keep_s
 
 
 def test_an_unexpected_exception_is_an_error_of_its_own_case(models, monkeypatch):
-    module = importlib.import_module("proofmass.check")
+    module = importlib.import_module("proofmass.batch.check")
 
     def fail(task, *options):
         if task[0].name == "pendulum":
@@ -256,7 +258,7 @@ def test_an_unexpected_exception_is_an_error_of_its_own_case(models, monkeypatch
     ],
 )
 def test_a_deeply_nested_sidecar_does_not_affect_other_cases(models, deep, monkeypatch, pendulum):
-    monkeypatch.setattr(importlib.import_module("proofmass.check"), "LOADING_SECONDS", 5.0)
+    monkeypatch.setattr(importlib.import_module("proofmass.batch.check"), "LOADING_SECONDS", 5.0)
     (models / "deep.toml").write_text(deep)
     result = check([models / "deep.toml", pendulum], detectable=False, causes=False)
     assert [e.file.name for e in result.errors] == ["deep.toml"]
@@ -447,7 +449,7 @@ def test_an_interrupt_leaves_no_watch_that_the_process_would_wait_for(monkeypatc
 
 
 @pytest.mark.parametrize(
-    "start", [["-m", "proofmass"], ["-c", "from proofmass.cli import app; app()"]]
+    "start", [["-m", "proofmass"], ["-c", "from proofmass.commands.cli import app; app()"]]
 )
 def test_no_module_in_a_strangers_folder_is_run(start, tmp_path):
     """Python itself would import them: as start-up module, as library, and as an engine.
@@ -479,7 +481,7 @@ def test_no_module_in_a_strangers_folder_is_run(start, tmp_path):
 
 CALLER = """
 import runpy, threading
-from proofmass.worker import busy_workers, call_isolated
+from proofmass.base.worker import busy_workers, call_isolated
 call_isolated(abs, -3, timeout=60)  # so that the worker of the next call is there
 endless = "x = 0\\nwhile True: x += 1"
 call = {"target": call_isolated, "args": (exec, endless), "kwargs": {"timeout": 600}}

@@ -9,17 +9,16 @@ from types import SimpleNamespace
 import mujoco
 import pytest
 
-from proofmass import reference
 from proofmass.analytic import planar
-from proofmass.check import Result, check
-from proofmass.compare import Comparison
-from proofmass.errors import InputError
-from proofmass.mobility import MODELS_IN_MEMORY, model_dof
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result, check
+from proofmass.commands.studies import load_cases
 from proofmass.pytest_items import SolverItem
+from proofmass.reference import reference
+from proofmass.reference.mobility import MODELS_IN_MEMORY, model_dof
 from proofmass.report import write_report
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.studies import variants
-from proofmass.studies.command import load_cases
 from proofmass.studies.diet import scene
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
@@ -29,6 +28,7 @@ from proofmass.studies.stress.extremes import search_energy_error
 from proofmass.studies.stress.limit_search import StressedCase
 from proofmass.studies.trade.verify import verify
 from proofmass.studies.variants import evaluate_reference, with_drive_distance
+from proofmass.verdict.compare import Comparison
 from tests.shipped import shipped
 
 LARGE_WORLDBODY = '<worldbody><replicate count="1000000"><geom size="1"/></replicate>'

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from proofmass.check import early_end_error, run_solver
-from proofmass.compare import Comparison
+from proofmass.batch.check import early_end_error, run_solver
 from proofmass.pytest_items import COMPARE_ONLY
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import Comparison
 
 
 def all_comparisons(sidecar: Path) -> list[Comparison]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, Complex, Index
+from proofmass.base.arrays import Array, Complex, Index
 
 MAX_PANELS = 12  # largest number of panels of a chart: a page has room for no more
 LINE_BREAK = complex(np.nan, np.nan)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, Index
+from proofmass.base.arrays import Array, Index
 
 MotionProfile = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""

@@ -26,8 +26,9 @@ from typing import Protocol
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, CannotMove, Index, SingularHere
+from proofmass.analytic.numerics import CannotMove, SingularHere
 from proofmass.analytic.stops import Stop
+from proofmass.base.arrays import Array, Index
 
 DIFFERENCE_STEP = 6e-6
 """Step of central differences [rad, or sizes]: cube root of rounding; the error is about 1e-10."""

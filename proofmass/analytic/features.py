@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.names import equality_name
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 DISABLE, ENABLE = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 JOINT, EQUALITY, TRANSMISSION = mujoco.mjtJoint, mujoco.mjtEq, mujoco.mjtTrn

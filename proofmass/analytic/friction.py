@@ -24,7 +24,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 MAX_FRICTION_JOINTS = 6
 """Largest number of joints with friction: at an event, up to 3^6 states are tried."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 System = Callable[[Array], tuple[Array, Array]]
 """Function of the unknowns (unknowns,) that returns F (equations,) and its Jacobian."""

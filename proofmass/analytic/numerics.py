@@ -1,11 +1,10 @@
 """Helpers of all closed forms: checks of parameters, vectors in the plane, angles without jumps."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Index = NDArray[np.intp]
+from proofmass.base.arrays import Array, Complex
+
 TURN = 2.0 * np.pi
 
 

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import (
     ACTS,
     IN_TIME,
@@ -32,6 +31,7 @@ from proofmass.analytic.support import (
     covers,
     refuse,
 )
+from proofmass.base.arrays import Array
 
 __all__ = ["SUPPORT", "properties", "solve"]
 
@@ -83,7 +83,7 @@ def solve(
         The compiled MJCF, whose numbers are read.
     closely : callable
         Function of times (n,) [s] that returns the curves of all sensors; see
-        `proofmass.reference.solve_closely`.
+        `proofmass.reference.reference.solve_closely`.
     joints : tuple of str
         The driven joints.
     in_time : tuple of ndarray (n,) and sequence of callable, optional
@@ -101,9 +101,9 @@ def solve(
 
     Notes
     -----
-    Domain: motions that are self-consistent until their end, see `proofmass.self_consistency`.
-    Accuracy: the tolerance of DOP853 is 1e-9; errors within it grow in time as a disturbance of the
-    initial state grows.
+    Domain: motions that are self-consistent until their end, see
+    `proofmass.reference.self_consistency`. Accuracy: the tolerance of DOP853 is 1e-9; errors within
+    it grow in time as a disturbance of the initial state grows.
 
     Examples
     --------

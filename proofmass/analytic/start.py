@@ -21,7 +21,8 @@ from typing import Protocol
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, CannotAssemble
+from proofmass.analytic.numerics import CannotAssemble
+from proofmass.base.arrays import Array
 
 MAX_KEY_VIOLATION = 0.05
 """Largest violation of loops in the pose of a key [extents or rad] that is closed; a larger one is

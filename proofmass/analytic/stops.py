@@ -20,7 +20,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from proofmass.analytic.contacts import damping_ratio, restitution
-from proofmass.analytic.numerics import Array, NotCovered
+from proofmass.analytic.numerics import NotCovered
+from proofmass.base.arrays import Array
 
 AT_STOP_DISTANCE = 1e-10
 """Distance from a stop [rad, or sizes] below which a joint is at the stop."""

@@ -14,10 +14,10 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from proofmass.analytic.balancer.synthesis import Synthesis
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
+from proofmass.base.files import write_output
+from proofmass.base.front import nondominated_points
 from proofmass.design.search import Effort, SavedSearch
-from proofmass.files import write_output
-from proofmass.front import nondominated_points
 
 SPREAD_LIMITS = 12  # number of limits of the spread
 LIMIT_EFFORT = Effort(((64, 8), (16, 30)))  # effort of the search for each limit

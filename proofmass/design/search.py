@@ -22,9 +22,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
-from proofmass.errors import InputError
-from proofmass.files import write_output
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_output
 
 FACE_SHARES = (0.1, 0.05)
 """Shares of random coordinates that are on their lower, on their upper bound."""

@@ -24,9 +24,9 @@ import numpy as np
 from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import along, follow
 from proofmass.analytic.balancer.synthesis import RIGHT_ANGLE, Synthesis
-from proofmass.analytic.numerics import Array
-from proofmass.errors import InputError
-from proofmass.recorded import read_named_rows
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import read_named_rows
 
 # Stiffnesses [N m/rad] of the prototype's springs: van Nes 2022, table J.1, with six decimals that
 # follow from the deviations in table J.2.

@@ -14,8 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from proofmass.analytic.balancer import Balancer, solve
 from proofmass.analytic.balancer.measures import chain_of
 from proofmass.analytic.balancer.model import preload_spring
-from proofmass.engines import default_engines
-from proofmass.files import write_output
+from proofmass.base.files import write_output
+from proofmass.sim.engines import default_engines
 
 GRAVITY = 9.81  # [m/s^2] to compute the mass at the tip from its weight; statics needs no mass
 SEGMENT_LINE_MASS = 1e-3

@@ -22,14 +22,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case, RunTable
-from proofmass.check import CheckTask, Result, collect_outcomes, run_solver
-from proofmass.compare import compare
-from proofmass.engines import computes_curves
-from proofmass.errors import InputError, suggest_names
-from proofmass.files import OUTPUT_MARK, require_replaceable, write_output
-from proofmass.outcome import FAILED_OUTCOMES
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError, suggest_names
+from proofmass.base.files import OUTPUT_MARK, require_replaceable, write_output
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.base.worker import call_isolated
+from proofmass.batch.check import CheckTask, Result, collect_outcomes, run_solver
+from proofmass.case.case import Case, RunTable
 from proofmass.report.case_data import rod_vertices
 from proofmass.report.case_figures import (
     DRAWING_SECONDS,
@@ -56,11 +56,11 @@ from proofmass.report.mechanism import (
     zigzag,
 )
 from proofmass.report.style import INK, RC, REFERENCE_STYLE, solver_looks
+from proofmass.sim.engines import computes_curves, format_solver
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
-from proofmass.strict import Kind
-from proofmass.wording import format_solver, number
-from proofmass.worker import call_isolated
+from proofmass.verdict.compare import compare
+from proofmass.verdict.outcome import FAILED_OUTCOMES
 
 DEFAULT_FRAMES, MAX_FRAMES = 60, 600
 DEFAULT_SECONDS = 4.0  # [s] playing time of an animation by default
@@ -186,8 +186,8 @@ def animate(
 
     Examples
     --------
-    >>> from proofmass import load_case
-    >>> load_case("models/linkages/fourbar.toml").animate(solvers=["mujoco"], frames=8)
+    >>> from proofmass import animate, load_case
+    >>> animate(load_case("models/linkages/fourbar.toml"), solvers=["mujoco"], frames=8)
     Animation('fourbar, sweep: reference and MuJoCo', 8 pictures, 4 s)
     """
     require_numbers(frames, seconds, magnify)

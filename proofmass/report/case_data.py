@@ -16,18 +16,19 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from proofmass import terminal
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.compare import Comparison, scale_of
-from proofmass.outcome import FAILED_OUTCOMES, Outcome
+from proofmass.base.arrays import Array
+from proofmass.base.wording import format_unit
+from proofmass.case.case import Case
+from proofmass.formats import terminal
 from proofmass.report.data import PlottedRun, displayed_unit, drive_curves, drive_units
 from proofmass.report.style import Look
 from proofmass.report.tables import format_setting
 from proofmass.report.words import RUNS, quantity_kind
+from proofmass.sim.engines import format_solver, is_variant
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
-from proofmass.wording import format_solver, format_unit, is_variant
+from proofmass.verdict.compare import Comparison, scale_of
+from proofmass.verdict.outcome import FAILED_OUTCOMES, Outcome
 
 MAX_PAGE_BYTES = 700_000  # [bytes] largest size of a page, with its data
 MAX_RUNS_CHARACTERS = 560_000

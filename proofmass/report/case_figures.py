@@ -6,9 +6,11 @@ from pathlib import Path
 
 from matplotlib import rc_context
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case, ChartTable
-from proofmass.chart import compute_chart
+from proofmass.base.arrays import Array
+from proofmass.base.strict import Kind
+from proofmass.base.worker import call_isolated
+from proofmass.case.case import Case, ChartTable
+from proofmass.reference.charts import compute_chart
 from proofmass.report.charts import chart_figure
 from proofmass.report.data import PlottedRun, all_reached_limits
 from proofmass.report.figures import curve_thumbnail, run_figure, save, thin_path
@@ -24,12 +26,10 @@ from proofmass.report.refinements import refine_figure
 from proofmass.report.style import RC, Look
 from proofmass.report.thumbnail import Thumbnail, reduce_picture
 from proofmass.report.views import Viewed, view_figure
+from proofmass.run.solve import plan_run
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.motion import Measured, Motion, motion
 from proofmass.sim.picture import Picture
-from proofmass.solve import plan_run
-from proofmass.strict import Kind
-from proofmass.worker import call_isolated
 
 DRAWING_SECONDS = 300.0  # [s] time limit for each drawing of a case
 RUN_FIGURES = ("overlay", "paths", "difference")

@@ -15,14 +15,17 @@ from typing import Any, cast
 from jinja2 import Environment
 from markupsafe import Markup
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import Comparison
-from proofmass.coverage import Coverage, stored_coverage
-from proofmass.coverage_search import Finding
-from proofmass.diagnosis import Diagnosis, Explanation, SharedCause, shared_causes
-from proofmass.errors import InputError
-from proofmass.explain import (
+from proofmass.base.errors import InputError
+from proofmass.base.files import encode_text
+from proofmass.base.grouping import group_by
+from proofmass.base.wording import format_list, number
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.evidence.coverage import Coverage, stored_coverage
+from proofmass.evidence.coverage_search import Finding
+from proofmass.evidence.diagnosis import Diagnosis, Explanation, SharedCause, shared_causes
+from proofmass.formats.explain import (
     TRIED_SENTENCE,
     format_not_noticed,
     format_not_tried,
@@ -30,11 +33,8 @@ from proofmass.explain import (
     format_refusals,
     table_cells,
 )
-from proofmass.files import encode_text
-from proofmass.grouping import group_by
-from proofmass.mobility import mobility
-from proofmass.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, FAILED_OUTCOMES, Outcome
-from proofmass.reference import ComparedCurves, properties
+from proofmass.reference.mobility import mobility
+from proofmass.reference.reference import ComparedCurves, properties
 from proofmass.report import refinements, tables
 from proofmass.report.case_data import (
     MAX_PAGE_BYTES,
@@ -61,8 +61,9 @@ from proofmass.report.words import (
     quantity_kind,
     reads_own_model,
 )
-from proofmass.wording import format_list, format_solver, number
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.sim.engines import format_solver
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, FAILED_OUTCOMES, Outcome
 
 MAX_SOURCE_CHARACTERS = 200_000  # [characters] of a sidecar or model that a page shows
 MAX_CAUSES = 3  # number of causes that a panel shows

@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from proofmass.grouping import group_by
-from proofmass.outcome import GOOD_OUTCOMES, Outcome
+from proofmass.base.grouping import group_by
+from proofmass.base.wording import number
 from proofmass.report.record import ChannelRecord, Record
-from proofmass.wording import number
+from proofmass.verdict.outcome import GOOD_OUTCOMES, Outcome
 
 CHANGE_FACTOR = 2.0
 """Errors whose ratio is larger count as changed; on one machine a run repeats all its digits."""

@@ -17,12 +17,12 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from matplotlib.tri import Triangulation
 
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
+from proofmass.base.wording import format_unit, number
 from proofmass.report.data import displayed_unit
 from proofmass.report.figures import TEXT_BACKGROUND, thin_path
 from proofmass.report.style import INK, MUTED_COLOURS, SOLID, Dash, Look
 from proofmass.report.views import WHITE_EDGES
-from proofmass.wording import format_unit, number
 
 DASHES: list[Dash] = [
     (0, (4, 2)),

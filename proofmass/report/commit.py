@@ -8,8 +8,8 @@ not known, since only git's index and objects tell that.
 import re
 from pathlib import Path
 
-from proofmass.errors import InputError
-from proofmass.files import read_bytes
+from proofmass.base.errors import InputError
+from proofmass.base.files import read_bytes
 
 COMMIT = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")  # SHA-1 or SHA-256
 BRANCH = re.compile(r"ref: (refs/[\w./@+=,#%-]+)")

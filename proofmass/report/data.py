@@ -14,28 +14,30 @@ from itertools import pairwise
 
 import numpy as np
 
-from proofmass.analytic.numerics import TURN, Array
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import Comparison, reference_for, scale_of
-from proofmass.outcome import FAILED_OUTCOMES, Outcome
-from proofmass.reference import (
+from proofmass.analytic.numerics import TURN
+from proofmass.base.arrays import Array
+from proofmass.base.strict import Kind
+from proofmass.base.units import si_unit
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.reference.reference import (
     DRIVE_PARTS,
     DRIVE_PREFIX,
     ComparedCurves,
     compiled_model,
     drive_profiles,
     evaluate,
+    reference_for,
     run_samples,
 )
-from proofmass.refinement import RefinedRow
 from proofmass.report.words import MOTION_UNITS
+from proofmass.run.solve import plan_run
 from proofmass.sim.contents import joints
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan_run
-from proofmass.strict import Kind
-from proofmass.units import si_unit
+from proofmass.verdict.compare import Comparison, scale_of
+from proofmass.verdict.outcome import FAILED_OUTCOMES, Outcome
+from proofmass.verdict.refinement import RefinedRow
 
 MIN_JUMP_SHARE = 0.02  # of the range: a smaller step is narrower than the line of a curve
 MIN_JUMP_RATIO = 2.0

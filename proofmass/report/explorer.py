@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.compare import Comparison, compare
-from proofmass.engines import engine_names
-from proofmass.errors import InputError, suggest_names
-from proofmass.grouping import group_by
-from proofmass.reference import (
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError, suggest_names
+from proofmass.base.grouping import group_by
+from proofmass.base.strict import Kind
+from proofmass.base.wording import format_unit
+from proofmass.case.case import Case
+from proofmass.reference.reference import (
     assembly_modes,
     parameter_unit,
     properties,
@@ -28,10 +28,10 @@ from proofmass.report.data import displayed_unit, run_parameter
 from proofmass.report.mechanism import PATH_COLOUR, format_pose
 from proofmass.report.reprs import as_html
 from proofmass.report.style import INK, MUTED_COLOURS
+from proofmass.run.solve import prescribed_run, solve
+from proofmass.sim.engines import engine_names, format_solver
 from proofmass.sim.protocol import Curves
-from proofmass.solve import prescribed_run, solve
-from proofmass.strict import Kind
-from proofmass.wording import format_solver, format_unit
+from proofmass.verdict.compare import Comparison, compare
 
 Quantities = Mapping[str, Array]
 Parameters = Mapping[str, Any]

@@ -5,12 +5,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from proofmass.case import Case
-from proofmass.check import family_of
-from proofmass.errors import InputError
-from proofmass.grouping import group_by
-from proofmass.recording import Recorded
-from proofmass.reference import load_reference
+from proofmass.base.errors import InputError
+from proofmass.base.grouping import group_by
+from proofmass.base.recording import Recorded
+from proofmass.batch.check import family_of
+from proofmass.case.case import Case
+from proofmass.reference.reference import load_reference
 
 STATES_WORST_FIRST = ("bad", "open", "good")
 RECORDED_PART = "recorded curves"

@@ -13,8 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
 from PIL import Image
 
-from proofmass.analytic.numerics import Array
-from proofmass.files import write_output
+from proofmass.base.arrays import Array
+from proofmass.base.files import write_output
+from proofmass.base.wording import format_unit, number
 from proofmass.report.data import (
     PlottedRun,
     channel_rows,
@@ -27,7 +28,6 @@ from proofmass.report.data import (
 )
 from proofmass.report.style import LABEL_COLOUR, REFERENCE_STYLE, WRONG_COLOUR, Look
 from proofmass.report.svg import compact_svg
-from proofmass.wording import format_unit, number
 
 ZERO_LEVEL = 1e-18  # of the reference's range: a difference of exactly zero is drawn there
 DPI = 150

@@ -18,19 +18,11 @@ from typing import Any
 from jinja2 import Environment
 from markupsafe import Markup
 
-from proofmass.case import Case
-from proofmass.check import Result, family_of
-from proofmass.compare import Comparison
-from proofmass.files import OUTPUT_MARK, make_folder, remove_output, write_output
-from proofmass.grouping import group_by
-from proofmass.outcome import (
-    CHECKED_OUTCOMES,
-    EMPTY_OUTCOMES,
-    FAILED_OUTCOMES,
-    GOOD_OUTCOMES,
-    UNCHECKED_OUTCOMES,
-    Outcome,
-)
+from proofmass.base.files import OUTPUT_MARK, make_folder, remove_output, write_output
+from proofmass.base.grouping import group_by
+from proofmass.base.wording import number
+from proofmass.batch.check import Result, family_of
+from proofmass.case.case import Case
 from proofmass.report.changes import CHANGE_FACTOR, Change, changes_of_case, find_changes
 from proofmass.report.families import group_cards, reference_name
 from proofmass.report.overview import axis_place
@@ -42,7 +34,16 @@ from proofmass.report.svg_markers import MARKER_PATHS
 from proofmass.report.thumbnail import Thumbnail
 from proofmass.report.trend import MIN_REPORTS
 from proofmass.report.words import RUNS, SYMBOLS, case_state, group_by_solver, quantity_kind
-from proofmass.wording import format_solver, is_variant, number
+from proofmass.sim.engines import format_solver, is_variant
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import (
+    CHECKED_OUTCOMES,
+    EMPTY_OUTCOMES,
+    FAILED_OUTCOMES,
+    GOOD_OUTCOMES,
+    UNCHECKED_OUTCOMES,
+    Outcome,
+)
 
 STATIC = ("common.css", "common.js", "index.css", "index.js")
 AXIS_DECADES = (-15, -12, -9, -6, -3, 0)
@@ -243,7 +244,7 @@ def render_index(
     env : Environment
         From `proofmass.report.page.environment`; it finds the template.
     result : Result
-        All cases with their comparisons, from `proofmass.check.check`.
+        All cases with their comparisons, from `proofmass.batch.check.check`.
     style : mapping of str to Look
         The look of each solver, from `proofmass.report.style.solver_looks`.
     pictures : mapping of str to Thumbnail or Markup or None

@@ -16,15 +16,15 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.textpath import TextToPath
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.reference import compiled_model
+from proofmass.base.arrays import Array
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model
 from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.figures import draw_legend, thin_path
 from proofmass.report.style import FONT_FAMILY, INK, REFERENCE_STYLE, Look
 from proofmass.sim.picture import Mark, Picture
 from proofmass.sim.protocol import Curves
-from proofmass.wording import number
 
 LABEL_PAD = 0.6
 """Space of a label between its text and the edge of its white ground [pt]."""

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from proofmass.compare import Comparison
-from proofmass.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, Outcome
+from proofmass.base.wording import number
 from proofmass.report.page import slug
 from proofmass.report.words import RUNS
-from proofmass.wording import number
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import CHECKED_OUTCOMES, EMPTY_OUTCOMES, Outcome
 
 FIRST_DECADE, LAST_DECADE = -16.4, 0.6  # decades at the ends of the axis
 AXIS_DECADES = (-15, -10, -5, 0)

@@ -15,14 +15,14 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.engines import NoEngine, engine_names, engine_of, foreign_distribution
-from proofmass.errors import InputError
-from proofmass.files import OUTPUT_MARK, make_folder, write_output
+from proofmass.base.errors import InputError
+from proofmass.base.files import OUTPUT_MARK, make_folder, write_output
+from proofmass.base.wording import number
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
 from proofmass.report.commit import commit_of
 from proofmass.report.words import SYMBOLS
-from proofmass.wording import number
+from proofmass.sim.engines import NoEngine, engine_names, engine_of, foreign_distribution
 
 
 @cache

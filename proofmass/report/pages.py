@@ -2,9 +2,9 @@
 
 On demand the curves of a case are also written as files: a CSV table for each run, and one Parquet
 file of all runs where pyarrow is installed.  Values are in SI units and radians.  A column is
-``NAME SOLVER [UNIT]``, as `proofmass.recorded` reads it.  The reference of a solver is evaluated at
-the motion that the solver's drives really had.  A column that is the same for all solvers is
-written once, without a solver's name.
+``NAME SOLVER [UNIT]``, as `proofmass.base.recorded` reads it.  The reference of a solver is
+evaluated at the motion that the solver's drives really had.  A column that is the same for all
+solvers is written once, without a solver's name.
 """
 
 import io
@@ -21,18 +21,18 @@ from threading import Lock
 import numpy as np
 from markupsafe import Markup
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.check import Result, add_part
-from proofmass.files import (
+from proofmass.base.arrays import Array
+from proofmass.base.files import (
     make_folder,
     output_permissions,
     protect,
     remove_output,
     write_output,
 )
-from proofmass.fingerprint import input_files
-from proofmass.grouping import group_by
+from proofmass.base.grouping import group_by
+from proofmass.base.units import si_unit
+from proofmass.batch.check import Result, add_part
+from proofmass.case.case import Case
 from proofmass.report.case_figures import Drawings, draw_case
 from proofmass.report.case_page import gather_runs, render_case
 from proofmass.report.data import PlottedRun, drive_units
@@ -55,8 +55,8 @@ from proofmass.report.study import ShownStudy
 from proofmass.report.style import Look, solver_looks
 from proofmass.report.svg import inline_svg
 from proofmass.report.thumbnail import Thumbnail
+from proofmass.run.fingerprint import input_files
 from proofmass.sim.protocol import drive_columns
-from proofmass.units import si_unit
 
 STATIC = (
     *("uPlot.js", "uPlot.css"),
@@ -85,7 +85,7 @@ def write_report(
     Parameters
     ----------
     result : Result
-        From `proofmass.check.check`, with all curves.
+        From `proofmass.batch.check.check`, with all curves.
     folder : path
         Folder of the report; it is made if needed, and pages of the same name are replaced.
     studies : sequence of ShownStudy
@@ -112,8 +112,8 @@ def write_report(
 class ReportWriter:
     """A report that is written while its cases are checked, a page when a case has ended.
 
-    It is the `proofmass.check.CaseConsumer` of `check`, so that no more than the curves of the
-    cases that are running are in memory.  The index is written after the first, the second, the
+    It is the `proofmass.batch.check.CaseConsumer` of `check`, so that no more than the curves of
+    the cases that are running are in memory.  The index is written after the first, the second, the
     fourth case and so on, and at the end: it names the cases that are missing, in case that the
     process is killed.  An error, such as a full disk, ends the writing and is raised by `finish`,
     so that results are printed before.

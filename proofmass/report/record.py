@@ -16,14 +16,14 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from proofmass.check import Result, family_of
-from proofmass.compare import Comparison
-from proofmass.errors import InputError
-from proofmass.files import read_text, write_output
+from proofmass.base.errors import InputError
+from proofmass.base.files import read_text, write_output
+from proofmass.batch.check import Result, family_of
+from proofmass.formats.terminal import COMPARISON_KEYS, replace_nonfinite
 from proofmass.report.commit import commit_of
 from proofmass.report.families import reference_name
 from proofmass.report.page import read_versions
-from proofmass.terminal import COMPARISON_KEYS, replace_nonfinite
+from proofmass.verdict.compare import Comparison
 
 FORMAT_VERSION = 1
 RECORD_NAME = "results.json"

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from proofmass.case import Refine
-from proofmass.refinement import RefinedRow, extrapolated_error, observed_order
+from proofmass.base.units import si_unit
+from proofmass.base.wording import format_unit, number
+from proofmass.case.case import Refine
 from proofmass.report.data import PlottedRun
 from proofmass.report.figures import (
     TEXT_BACKGROUND,
@@ -22,8 +23,7 @@ from proofmass.report.figures import (
 )
 from proofmass.report.style import LABEL_COLOUR, Look
 from proofmass.report.words import SYMBOLS
-from proofmass.units import si_unit
-from proofmass.wording import format_unit, number
+from proofmass.verdict.refinement import RefinedRow, extrapolated_error, observed_order
 
 # [inch] a panel with its labels, and the legend above
 PANEL_WIDTH, PANEL_HEIGHT, LEGEND_HEIGHT = 2.6, 2.2, 0.42

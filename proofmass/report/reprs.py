@@ -8,17 +8,18 @@ from html import escape
 
 from matplotlib import rc_context
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import Comparison
-from proofmass.reference import properties
+from proofmass.base.strict import Kind
+from proofmass.base.wording import format_unit, number
+from proofmass.base.worker import call_isolated
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.formats.terminal import OUTCOME_SIGNS
+from proofmass.reference.reference import properties
 from proofmass.report.case_figures import compute_motion
 from proofmass.report.mechanism import distinct_poses, small_figure
 from proofmass.report.style import RC
-from proofmass.strict import Kind
-from proofmass.terminal import OUTCOME_SIGNS
-from proofmass.wording import format_solver, format_unit, number
-from proofmass.worker import call_isolated
+from proofmass.sim.engines import format_solver
+from proofmass.verdict.compare import Comparison
 
 DRAWING_SECONDS = 30.0  # [s] time limit for the drawing of a case
 POSES = 25

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from proofmass.case import Case
-from proofmass.files import make_folder, read_bytes, write_output
+from proofmass.base.files import make_folder, read_bytes, write_output
+from proofmass.case.case import Case
 from proofmass.report.case_data import script_json
 from proofmass.report.page import environment, report_facts, write_static
 

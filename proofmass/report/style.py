@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any
 from zlib import crc32
 
-from proofmass.engines import own_engines
+from proofmass.sim.engines import own_engines
 
 Dash = tuple[int, tuple[float, ...]]
 

@@ -7,14 +7,15 @@ from itertools import groupby
 
 import numpy as np
 
-from proofmass.case import Case, Tolerance
-from proofmass.compare import Comparison, DetectableChange, changeable_parameters
-from proofmass.errors import InputError
-from proofmass.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
-from proofmass.reference import parameter_unit, properties
+from proofmass.base.errors import InputError
+from proofmass.base.wording import format_list, format_unit, number
+from proofmass.case.case import Case, Tolerance
+from proofmass.reference.reference import parameter_unit, properties
 from proofmass.report.data import PlottedRun
 from proofmass.report.words import SYMBOLS
-from proofmass.wording import format_list, format_solver, format_unit, number
+from proofmass.sim.engines import format_solver
+from proofmass.verdict.compare import Comparison, DetectableChange, changeable_parameters
+from proofmass.verdict.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
 
 NAN = float("nan")
 

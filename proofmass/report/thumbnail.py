@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 from markupsafe import Markup
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.report.mechanism import clearest_pose
 from proofmass.sim.picture import Picture
 

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.case import Case
-from proofmass.compare import Comparison
-from proofmass.outcome import CHECKED_OUTCOMES
+from proofmass.base.wording import number
+from proofmass.case.case import Case
 from proofmass.report.case_data import encode_numbers
 from proofmass.report.changes import CHANGE_FACTOR, ROUNDING_SHARE
 from proofmass.report.record import History
-from proofmass.wording import format_solver, number
+from proofmass.sim.engines import format_solver
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import CHECKED_OUTCOMES
 
 MIN_REPORTS = 2
 """Least number of reports for a trend."""

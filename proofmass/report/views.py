@@ -17,9 +17,10 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MultipleLocator
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case, View
-from proofmass.plot_data import PlotData, plot_data
+from proofmass.base.arrays import Array
+from proofmass.base.wording import format_list, format_unit, number
+from proofmass.case.case import Case, View
+from proofmass.reference.plot_data import PlotData, plot_data
 from proofmass.report.data import PlottedRun, displayed_unit, monotonic_stretches, thin_curve
 from proofmass.report.figures import (
     TEXT_BACKGROUND,
@@ -29,7 +30,6 @@ from proofmass.report.figures import (
     solver_handles,
 )
 from proofmass.report.style import INK, REFERENCE_STYLE, SOLID, Look
-from proofmass.wording import format_list, format_unit, number
 
 
 @dataclass(frozen=True)

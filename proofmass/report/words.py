@@ -4,11 +4,15 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from proofmass.case import Case
-from proofmass.compare import Comparison
-from proofmass.errors import InputError
-from proofmass.grouping import group_by
-from proofmass.outcome import (
+from proofmass.base.errors import InputError
+from proofmass.base.grouping import group_by
+from proofmass.base.units import MOTION_UNITS, si_unit
+from proofmass.base.wording import format_list, number
+from proofmass.case.case import Case
+from proofmass.reference.reference import reference_reads_model
+from proofmass.sim.engines import format_solver
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import (
     CHECKED_OUTCOMES,
     EMPTY_OUTCOMES,
     FAILED_OUTCOMES,
@@ -16,9 +20,6 @@ from proofmass.outcome import (
     UNCHECKED_OUTCOMES,
     Outcome,
 )
-from proofmass.reference import reference_reads_model
-from proofmass.units import MOTION_UNITS, si_unit
-from proofmass.wording import format_list, format_solver, number
 
 
 class RunWords(NamedTuple):

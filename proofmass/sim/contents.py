@@ -7,7 +7,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.plane import PARALLEL_TOLERANCE, find_plane
 from proofmass.sim.protocol import BadModel, Rod, Unsupported, split_channel
 from proofmass.sim.rods import format_rod_parts, rod_parts

@@ -17,8 +17,8 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
-from proofmass.lines import WrittenValue, attribute_value
+from proofmass.base.arrays import Array
+from proofmass.base.lines import WrittenValue, attribute_value
 from proofmass.sim.contents import key_names, pose_of_key
 from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_spec, read_tree
 from proofmass.sim.plane import find_plane

@@ -25,8 +25,9 @@ import numpy as np
 from proofmass.analytic.contacts import is_mixed
 from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import LARGEST
-from proofmass.files import content_key, read_bytes
-from proofmass.sim.protocol import BROKEN_ENGINES, BadModel, Rod
+from proofmass.base.files import content_key, read_bytes
+from proofmass.base.worker import BROKEN_ENGINES
+from proofmass.sim.protocol import BadModel, Rod
 from proofmass.sim.rods import compile_with_rods
 
 NATIVE_ENGINE = "mujoco"

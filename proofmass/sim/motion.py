@@ -24,7 +24,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import (
     active_connects,
     anchor_bodies,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import SCALAR_JOINT_UNITS, joint_of, straight_tendon
 from proofmass.sim.elements import COMPILED_FIELDS, DOF_FIELDS, ModelElements, Number, Place, Source
 from proofmass.sim.mjcf import DISABLE_BITS, DISABLED_FIELDS

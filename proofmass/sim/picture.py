@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import (
     active_connects,
     anchor_bodies,

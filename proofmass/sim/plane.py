@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array, normal_of_slides
+from proofmass.analytic.numerics import normal_of_slides
+from proofmass.base.arrays import Array
 from proofmass.sim.protocol import Unsupported
 
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)

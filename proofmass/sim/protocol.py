@@ -21,18 +21,15 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from proofmass.analytic.controls import MotionProfile
-from proofmass.analytic.numerics import Array
-from proofmass.strict import Count as Count
-from proofmass.strict import StrictNumber as StrictNumber
-from proofmass.strict import Switch as Switch
+from proofmass.base.arrays import Array
+from proofmass.base.strict import Count as Count
+from proofmass.base.strict import StrictNumber as StrictNumber
+from proofmass.base.strict import Switch as Switch
 
 if TYPE_CHECKING:
     from mujoco import MjModel
 
     from proofmass.analytic.support import Support
-
-BROKEN_ENGINES = set[str]()
-"""Engines that cannot be called in this process any more, so that another has to be started."""
 
 STEP_ROUNDING = 1e-9
 """Deviation from a whole number of steps that is rounding of the times [steps]."""
@@ -856,7 +853,7 @@ class Engine:
         ------
         BadModel, Unsupported, Diverged
             Any other exception counts as a crash of the run, except
-            `proofmass.errors.InputError`, which names a faulty file of the engine.
+            `proofmass.base.errors.InputError`, which names a faulty file of the engine.
         """
         raise NotImplementedError
 

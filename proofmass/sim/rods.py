@@ -54,7 +54,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.protocol import BadModel, BadRod, Rod, Run, split_channel
 
 SCHEMES = "half", "double", "naive"

@@ -11,8 +11,8 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.spatial.terms import Terms
+from proofmass.base.arrays import Array, Index
 from proofmass.sim.mjcf import leave_out_disabled
 
 DISABLE_BITS, EQ = mujoco.mjtDisableBit, mujoco.mjtEq

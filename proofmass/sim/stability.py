@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.protocol import StepMap
 
 MAX_STEP_PHASE = 1e6
@@ -31,7 +31,7 @@ def stability_limit(step: StepMap, zeta: float = 0.0) -> float:
 
     Examples
     --------
-    >>> from proofmass.engines import engine_of
+    >>> from proofmass.sim.engines import engine_of
     >>> maps = {one.name: one.step for name in ("mujoco", "pymunk")
     ...         for one in engine_of(name).schemes}
     >>> [round(stability_limit(maps[name]), 4) for name in ("Euler", "RK4", "pymunk", "discrete")]

@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.controls import NO_INDICES
-from proofmass.analytic.numerics import Array, CannotAssemble, Index, without_rounding
+from proofmass.analytic.numerics import CannotAssemble, without_rounding
 from proofmass.analytic.start import start_pose, start_rates
+from proofmass.base.arrays import Array, Index
 from proofmass.sim.protocol import BadModel, Run
 from proofmass.sim.smooth import EQ, LOOP_EQUALITIES, ROWS_PER_EQUALITY, SmoothTerms
 

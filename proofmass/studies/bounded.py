@@ -6,9 +6,9 @@ Studies compile changed models and evaluate references in this way.
 from collections.abc import Callable
 from typing import Any
 
-from proofmass.case import Case
-from proofmass.strict import Kind
-from proofmass.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.base.strict import Kind
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.case.case import Case
 
 
 def call_limited(case: Case, kind: Kind, function: Callable, *args: Any, least: float = 0.0) -> Any:

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-from proofmass.case import Case
-from proofmass.reference import compiled_model
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model
 from proofmass.sim.contents import has_dry_friction
 from proofmass.sim.protocol import Curves
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import IO
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
 
 try:
     import fcntl

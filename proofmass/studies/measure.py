@@ -22,21 +22,20 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.clock import processor_time
-from proofmass.compare import reference_for
-from proofmass.errors import InputError
-from proofmass.files import write_atomically
-from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
-from proofmass.reference import reference_identity, run_samples
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_atomically
+from proofmass.base.strict import Kind
+from proofmass.base.worker import DEFAULT_MEMORY, call_isolated
+from proofmass.case.case import Case
+from proofmass.reference.reference import reference_for, reference_identity, run_samples
+from proofmass.run.solve import call_engine
 from proofmass.sim.protocol import BadModel, Curves, NotSolved, Run
-from proofmass.solve import call_engine
-from proofmass.strict import Kind
 from proofmass.studies.invariants import invariants
 from proofmass.studies.locks import HAS_LOCKS, announce_waiting, holder, try_lock, wait_for_lock
 from proofmass.studies.record import KIND_UNITS, NAN, Setting
-from proofmass.worker import DEFAULT_MEMORY, call_isolated
+from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
 LOCK_POLL_SECONDS = 0.005  # s between two looks for a free processor
 
@@ -268,7 +267,7 @@ def measure(
     Parameters
     ----------
     function : callable
-        Function that runs a model; see `proofmass.worker.call_isolated`.
+        Function that runs a model; see `proofmass.base.worker.call_isolated`.
     *args
         Arguments of the function.
     timeout, memory : float

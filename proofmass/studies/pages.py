@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
 from proofmass.report.study import ShownStudy, StudyPages
 from proofmass.studies.diet.page import write_diet
 from proofmass.studies.stress.page import write_stress

@@ -14,14 +14,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from proofmass import units
-from proofmass.case import Case
-from proofmass.errors import InputError
-from proofmass.files import write_output
-from proofmass.outcome import Outcome
+from proofmass.base import units
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_output
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case
+from proofmass.run.solve import plan_run
 from proofmass.sim.protocol import ParameterValue, Run
-from proofmass.solve import plan_run
-from proofmass.strict import Kind
+from proofmass.verdict.outcome import Outcome
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from dataclasses import dataclass, field, replace
 from math import ceil, isnan
 from pathlib import Path
 
-from proofmass.case import Case
-from proofmass.pool import pool
-from proofmass.strict import Kind
+from proofmass.base.strict import Kind
+from proofmass.batch.pool import pool
+from proofmass.case.case import Case
 from proofmass.studies.measure import Measurement, StudyRun, measure_task
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
@@ -57,7 +57,7 @@ def run_tasks(
     store : Store
         Where every finished run is saved at once.
     workers : Executor, optional
-        From `proofmass.pool.pool`; threads of this machine if not given.
+        From `proofmass.batch.pool.pool`; threads of this machine if not given.
     repeats : int
         Largest number of repeats of a task; with 0 the rows have no timings.
     repeated : collection of int, optional

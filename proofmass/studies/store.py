@@ -18,25 +18,27 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from proofmass import drive, profile, recorded, recording, reference
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.errors import InputError
-from proofmass.files import PARTIAL_ENDING, make_folder, read_text, write_atomically
-from proofmass.fingerprint import (
+from proofmass.base import recorded, recording
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.files import PARTIAL_ENDING, make_folder, read_text, write_atomically
+from proofmass.base.strict import Kind
+from proofmass.case import drive, profile
+from proofmass.case.case import Case
+from proofmass.reference import reference
+from proofmass.run.fingerprint import (
     bytes_of_case_model,
     digest,
     digest_recorded_files,
     digest_sources,
     package_versions,
 )
-from proofmass.outcome import Outcome
 from proofmass.sim.mjcf import model_key
-from proofmass.strict import Kind
 from proofmass.studies import invariants, measure
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting
+from proofmass.verdict.outcome import Outcome
 
 KEY_FIELDS = {"start", "reference", "parameters", "recording", "drive", "load", "rod"}
 """Tables and keys of a sidecar that are part of every key."""

@@ -21,14 +21,14 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case, LoadTable
-from proofmass.files import read_bytes, write_atomically
-from proofmass.recorded import RecordedColumn, decode_csv
-from proofmass.reference import compiled_model, drive_profiles, evaluate, run_samples
+from proofmass.base.arrays import Array
+from proofmass.base.files import read_bytes, write_atomically
+from proofmass.base.recorded import RecordedColumn, decode_csv
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case, LoadTable
+from proofmass.reference.reference import compiled_model, drive_profiles, evaluate, run_samples
 from proofmass.sim.mjcf import read_tree
 from proofmass.sim.protocol import Curves
-from proofmass.strict import Kind
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.store import digest
 

@@ -12,8 +12,8 @@ from scipy.linalg import expm
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.controls import ControlsInTime, smooth_pieces
 from proofmass.analytic.numerics import NotCovered
-from proofmass.reference import control_profiles
-from proofmass.sidecar import load_case
+from proofmass.reference.reference import control_profiles
+from proofmass.run.sidecar import load_case
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 
@@ -26,7 +26,7 @@ MODEL_HEAD = (
 
 @dataclass(frozen=True)
 class PiecewiseLinearControl:
-    """A control that is linear between rows, as a profile that does not use `proofmass.profile`."""
+    """A control that is linear between rows, without `proofmass.case.profile`."""
 
     times: tuple[float, ...]
     values: tuple[float, ...]

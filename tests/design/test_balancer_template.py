@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.check import check
+from proofmass.base.errors import InputError
+from proofmass.batch.check import check
 from proofmass.design.template import write_case
-from proofmass.errors import InputError
-from proofmass.outcome import GOOD_OUTCOMES
-from proofmass.sidecar import load_case
-from proofmass.validate import validate_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.validate import validate_case
+from proofmass.verdict.outcome import GOOD_OUTCOMES
 from tests.analytic.balancer.balancer_cases import DESIGNS
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.shipped import shipped, shipped_files

@@ -5,8 +5,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
+from proofmass.base.errors import InputError
 from proofmass.design.springs import CATALOGUE, read_catalogue, select_springs
-from proofmass.errors import InputError
 
 
 def test_the_springs_of_the_prototype_are_selected():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from proofmass.base.errors import InputError
 from proofmass.design.springs import (
     STRIP_HEADER,
     SpringStrip,
@@ -12,7 +13,6 @@ from proofmass.design.springs import (
     read_strips,
     strip_stiffness,
 )
-from proofmass.errors import InputError
 
 STEEL = 206e9  # [Pa]
 # Table J.1, lines 1579-1581: windings, t, b, r_in, r_out [mm]; k to six digits by table J.2.

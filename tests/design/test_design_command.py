@@ -9,12 +9,12 @@ from typer.testing import CliRunner
 from proofmass import report
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import precision_points, rmse, work_reduction
-from proofmass.check import Result
-from proofmass.cli import design as app
-from proofmass.design import command
+from proofmass.batch.check import Result
+from proofmass.commands import design as command
+from proofmass.commands.cli import design as app
 from proofmass.design.search import Effort, SavedSearch
 from proofmass.design.springs import STRIP_HEADER, read_strips, strip_stiffness
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from tests.shipped import shipped
 
 

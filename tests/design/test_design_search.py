@@ -8,6 +8,8 @@ from scipy.optimize import lsq_linear
 
 from benchmarks.balancer_fronts import is_on_hull
 from proofmass.analytic.balancer.synthesis import DesignMeasures, Synthesis, Variant
+from proofmass.base.errors import InputError
+from proofmass.base.front import nondominated_points
 from proofmass.design.pareto import find_front, write_front
 from proofmass.design.search import (
     EDGE_DISTANCE,
@@ -19,8 +21,6 @@ from proofmass.design.search import (
     scatter_places,
     step_descents,
 )
-from proofmass.errors import InputError
-from proofmass.front import nondominated_points
 
 TINY_EFFORT = Effort(((12, 2), (4, 3)))
 REGULAR_SINE = Synthesis(Variant("sine"), np.sin)

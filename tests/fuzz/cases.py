@@ -80,7 +80,7 @@ def small_files(name: str) -> tuple[tuple[str, bytes], ...]:
 
 def start_worker(folder: Path) -> None:
     """Check a good case with a long time limit, so that an idle worker waits for the next one."""
-    from proofmass.check import check
+    from proofmass.batch.check import check
 
     patient = {
         k: v.replace(f"timeout = {TIMEOUT}".encode(), b"timeout = 120")

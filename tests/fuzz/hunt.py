@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 
-from proofmass.check import LOADING_SECONDS
+from proofmass.batch.check import LOADING_SECONDS
 from tests.fuzz.cases import EDITS, TIMEOUT, Files, small_files, write_files
 from tests.fuzz.judge import MARGIN_SECONDS, ROOT, Judge, Verdict
 from tests.fuzz.mutators import Mutation, apply_mutations, draw_mutations

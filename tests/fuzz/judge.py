@@ -164,8 +164,8 @@ def hanging_place(words: str) -> str:
 
 def check_and_judge(folder: Path, name: str, causes: bool) -> Verdict:
     """Check a folder as the command line does, and judge the result."""
-    from proofmass.check import check
-    from proofmass.terminal import as_json, failure_lines, summary_tables
+    from proofmass.batch.check import check
+    from proofmass.formats.terminal import as_json, failure_lines, summary_tables
     from tests.fuzz.oracle import find_false_agreements
 
     answer = Verdict()
@@ -226,7 +226,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         start_worker(Path(folder))
     importlib.import_module(
-        "proofmass.check"
+        "proofmass.batch.check"
     ).LOADING_SECONDS = TIMEOUT  # proofmass.check is a function
     print("started", file=answers, flush=True)
     for line in sys.stdin:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.check import Result, check
+from proofmass.batch.check import Result, check
 from tests.fuzz import oracle
 from tests.fuzz.cases import EDITS, Files, small_files, start_worker, write_files
 from tests.fuzz.hunt import (

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import Comparison
-from proofmass.errors import InputError
-from proofmass.outcome import Outcome
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
 from proofmass.report.index_page import STATIC, IndexFiles, render_index, write_index_files
 from proofmass.report.page import environment, write_static
 from proofmass.report.record import History, Last, Record, extend_history, make_record, record_start
 from proofmass.report.style import solver_looks
 from proofmass.report.thumbnail import Thumbnail
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import MODELS, shipped
 
 CASE_NAMES = ("pendulum", "fourbar", "slider_crank", "rod_cantilever", "hacksaw_recorded")

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from proofmass.check import Result
+from proofmass.batch.check import Result
 from tests.report.index_rows import result_for_index
 
 STUDY = "a study of a parameter, variant {}"

@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 
 from proofmass import Case, InputError, animate, compare, evaluate, load_case
 from proofmass.analytic.linkages import fourbar
-from proofmass.check import Result, collect_outcomes, run_solver
-from proofmass.cli import app
-from proofmass.reference import run_samples
+from proofmass.batch.check import Result, collect_outcomes, run_solver
+from proofmass.commands.cli import app
+from proofmass.reference.reference import run_samples
 from proofmass.report.animation import AnimationFigure, is_closed, with_samples
 from proofmass.report.case_figures import compute_motion, measured_curves
 from proofmass.report.data import PlottedRun, plotted_run
-from proofmass.solve import plan_run
+from proofmass.run.solve import plan_run
 from tests.shipped import shipped
 
 POSE_COUNT = 13
@@ -220,9 +220,9 @@ def test_invalid_animation_options_are_refused() -> None:
         ({"samples": 1}, "samples = 1: a motion has 2 at least"),
     ):
         with pytest.raises(ValueError, match=wrong):
-            case.animate(**options)
+            animate(case, **options)
     with pytest.raises(InputError, match=r"run.equilibrium: nothing moves in it"):
-        case.animate("equilibrium")
+        animate(case, "equilibrium")
     with pytest.raises(InputError, match=r"mine.png: ends in '.png'; .*known: .gif, .webp"):
         fourbar_animation().save("mine.png")
 
@@ -236,7 +236,7 @@ def test_the_number_of_samples_can_be_changed() -> None:
     case = load_case(shipped("fourbar.toml"))
 
     def pictures(samples: int | None) -> np.ndarray:
-        return case.animate(solvers=["mujoco"], frames=4, samples=samples).frames
+        return animate(case, solvers=["mujoco"], frames=4, samples=samples).frames
 
     own = pictures(None)
     assert np.array_equal(pictures(361), own)
@@ -244,7 +244,7 @@ def test_the_number_of_samples_can_be_changed() -> None:
     assert with_samples(case, "dynamics", 9) == case.run["dynamics"].model_copy(update={"n": 9})
     recorded = load_case(shipped("hacksaw_recorded.toml"))
     with pytest.raises(InputError, match=r"\.n: is given by the recorded curve"):
-        recorded.animate(samples=9)
+        animate(recorded, samples=9)
 
 
 @pytest.mark.parametrize(

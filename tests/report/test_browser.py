@@ -10,14 +10,14 @@ from matplotlib import get_data_path, rc_context
 from matplotlib.font_manager import findSystemFonts
 
 from benchmarks.pictures import launch
-from proofmass.check import Result
-from proofmass.compare import Comparison
+from proofmass.batch.check import Result
 from proofmass.report import write_report
 from proofmass.report.case_figures import find_motions, mechanism_poses
 from proofmass.report.figures import save
 from proofmass.report.mechanism import mechanism_figure
 from proofmass.report.style import RC
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import Comparison
 from tests.report.whole import result_from_references, with_failed_dynamics, without_figures
 from tests.shipped import shipped
 from tests.visit import PHONE, Visit

@@ -12,22 +12,20 @@ import numpy as np
 import pytest
 
 from benchmarks.pictures import LONGER
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import compare
-from proofmass.coverage import (
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.evidence.coverage import (
     FOLDER_VARIABLE,
     Coverage,
     StoredFindings,
     coverage_file,
     coverage_key,
 )
-from proofmass.coverage_search import CheckedRun, Finding
-from proofmass.diagnosis import Diagnosis, Explanation, Fault, shared_causes
-from proofmass.errors import InputError
-from proofmass.explain import format_not_noticed
-from proofmass.outcome import Outcome
-from proofmass.reference import ComparedCurves, evaluate
+from proofmass.evidence.coverage_search import CheckedRun, Finding
+from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, shared_causes
+from proofmass.formats.explain import format_not_noticed
+from proofmass.reference.reference import ComparedCurves, evaluate
 from proofmass.report import case_page, write_report
 from proofmass.report.case_data import (
     kept_samples,
@@ -49,9 +47,11 @@ from proofmass.report.overview import FIRST_DECADE, LAST_DECADE, axis_place, ove
 from proofmass.report.style import BACKGROUNDS, TEXT_CONTRAST, contrast, make_legible, solver_looks
 from proofmass.report.tables import smallest_changes
 from proofmass.report.words import format_closeness
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.motion import Motion, motion
-from proofmass.solve import plan_run
+from proofmass.verdict.compare import compare
+from proofmass.verdict.outcome import Outcome
 from tests.report.whole import result_from_references, with_failed_dynamics, without_figures
 from tests.shipped import shipped
 

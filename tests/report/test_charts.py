@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.case import ChartTable
-from proofmass.chart import check_charts, compute_chart
-from proofmass.check import Result
-from proofmass.compare import compare
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.case.case import ChartTable
+from proofmass.reference.charts import check_charts, compute_chart
 from proofmass.report import write_report
-from proofmass.sidecar import load_case
-from proofmass.validate import validate_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.validate import validate_case
+from proofmass.verdict.compare import compare
 from tests.report.test_report import case_with_samples, curves_with_error, result_with_errors
 from tests.shipped import shipped
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
-from proofmass.check import Result
-from proofmass.outcome import Outcome
+from proofmass.batch.check import Result
 from proofmass.report import index_page, pages
 from proofmass.report.case_figures import find_motions as moved
 from proofmass.report.data import PlottedRun
@@ -30,8 +29,9 @@ from proofmass.report.thumbnail import (
     reduce_picture,
     thin_outline,
 )
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Curves
+from proofmass.verdict.outcome import Outcome
 from tests.report.index_rows import (
     CASE_NAMES,
     MADE,

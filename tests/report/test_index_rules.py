@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from proofmass.check import Result
-from proofmass.outcome import Outcome
+from proofmass.batch.check import Result
 from proofmass.report import families
 from proofmass.report.changes import Change, find_changes, format_changes
 from proofmass.report.families import RECORDED_PART, describe_reference, group_cards
@@ -29,6 +28,7 @@ from proofmass.report.overview import error_cell, overview_table
 from proofmass.report.record import History, Record, extend_history
 from proofmass.report.style import solver_looks
 from proofmass.report.trend import format_growth, trend_of, trend_order
+from proofmass.verdict.outcome import Outcome
 from tests.report.index_rows import (
     MADE,
     comparison_of,

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.numerics import TURN
-from proofmass.case import Case
+from proofmass.case.case import Case
 from proofmass.report import data
 from proofmass.report.data import Jumps, plotted_run, reference_jumps, solver_jumps
 from proofmass.report.figures import draw_curve, thin_path
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from tests.report.whole import result_from_references
 from tests.shipped import shipped

@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from proofmass.report.case_figures import find_motions, mechanism_poses
 from proofmass.report.mechanism import mechanism_figure
 from proofmass.report.style import RC
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from tests.shipped import shipped
 
 

@@ -16,10 +16,10 @@ from matplotlib import get_data_path
 from PIL import Image
 
 from benchmarks.pictures import few_colours, picture
-from proofmass.diagnosis import Diagnosis, Explanation, Fault
+from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault
 from proofmass.report import write_report
 from proofmass.report.record import Made
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from tests.report import index_rows
 from tests.report.whole import result_from_references, without_figures
 from tests.shipped import shipped

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from proofmass.check import Result
-from proofmass.reference import properties
+from proofmass.batch.check import Result
+from proofmass.reference.reference import properties
 from proofmass.report import write_report
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from tests.shipped import shipped
 
 EXPECTED_PROPERTIES = {  # with the lengths of B. Díaz Lozano 2019

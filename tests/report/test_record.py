@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from proofmass import cli
-from proofmass.check import Result
-from proofmass.compare import Comparison, DetectableChange
-from proofmass.errors import InputError
-from proofmass.files import write_output
-from proofmass.outcome import Outcome
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_output
+from proofmass.batch.check import Result
+from proofmass.commands import cli
+from proofmass.formats.terminal import COMPARISON_KEYS
 from proofmass.report import record, write_report
 from proofmass.report.changes import Change, find_changes, format_changes
 from proofmass.report.record import (
@@ -28,8 +27,9 @@ from proofmass.report.record import (
     record_start,
     write_record,
 )
-from proofmass.sidecar import load_case
-from proofmass.terminal import COMPARISON_KEYS
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import Comparison, DetectableChange
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import MODELS, shipped
 
 MADE = record_start(["proofmass", "report"])

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from markupsafe import escape
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import Comparison, compare, reference_for
-from proofmass.errors import InputError
-from proofmass.reference import evaluate, parameter_unit
+from proofmass.base.errors import InputError
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.reference.reference import evaluate, parameter_unit, reference_for
 from proofmass.report import headline, write_report
 from proofmass.report.case_figures import RUN_FIGURES, find_motions, measured_paths, mechanism_poses
 from proofmass.report.data import drive_curves, drive_rows, plotted_run, thin_curve
@@ -21,9 +20,10 @@ from proofmass.report.figures import channel_tolerances
 from proofmass.report.mechanism import path_names, point_path
 from proofmass.report.style import solver_looks
 from proofmass.report.svg import inline_svg
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan_run
+from proofmass.verdict.compare import Comparison, compare
 from tests.report.whole import without_figures
 from tests.shipped import shipped, shipped_files
 

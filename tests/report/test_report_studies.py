@@ -8,8 +8,8 @@ import pytest
 from matplotlib import rc_context
 from typer.testing import CliRunner
 
-from proofmass.cli import app
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.commands.cli import app
 from proofmass.report.style import RC
 from proofmass.studies.diet.page import SMALLEST_CHANGE, diet_figure, write_diet
 from proofmass.studies.diet.table import (

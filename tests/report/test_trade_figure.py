@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
 from proofmass.report.style import FIXED_LOOKS, RC
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.figure import (

@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import Comparison
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
 from proofmass.report import write_report
 from proofmass.report.record import (
     History,
@@ -23,7 +22,8 @@ from proofmass.report.record import (
     write_record,
 )
 from proofmass.report.trend import Trend, format_growth, trend_of
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import Comparison
 from tests.report.index_rows import comparison_of
 from tests.report.whole import result_from_references, without_figures
 from tests.shipped import shipped

@@ -8,10 +8,9 @@ import pytest
 from matplotlib import rc_context
 
 from proofmass.analytic.linkages.fourbar import solve
-from proofmass.case import Case, View
-from proofmass.compare import Comparison, compare
-from proofmass.errors import InputError
-from proofmass.plot_data import PlotData, plot_data
+from proofmass.base.errors import InputError
+from proofmass.case.case import Case, View
+from proofmass.reference.plot_data import PlotData, plot_data
 from proofmass.report import write_report
 from proofmass.report.data import monotonic_stretches, plotted_run
 from proofmass.report.mechanism import joints_with_springs
@@ -25,7 +24,8 @@ from proofmass.report.views import (
     view_caption,
     view_figure,
 )
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.verdict.compare import Comparison, compare
 from tests.report.test_report import case_with_samples, curves_with_error, result_with_errors
 from tests.report.whole import result_from_references
 from tests.shipped import shipped
@@ -343,7 +343,7 @@ def test_a_view_of_channels_does_not_evaluate_the_reference_again(monkeypatch):
     def fail(*_):
         pytest.fail("the reference was evaluated again")
 
-    monkeypatch.setattr("proofmass.plot_data.all_quantities", fail)
+    monkeypatch.setattr("proofmass.reference.plot_data.all_quantities", fail)
     for view, known in zip(apply_views(case, [run]), before, strict=True):
         assert view.own.values.keys() == known.own.values.keys()
         for name, values in view.own.values.items():

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.case import Case
-from proofmass.check import Result
-from proofmass.compare import Comparison, compare
-from proofmass.diagnosis import Diagnosis
-from proofmass.reference import evaluate
+from proofmass.batch.check import Result
+from proofmass.case.case import Case
+from proofmass.evidence.diagnosis import Diagnosis
+from proofmass.reference.reference import evaluate
 from proofmass.report import case_figures
+from proofmass.run.solve import plan_run
 from proofmass.sim.protocol import Curves
-from proofmass.solve import plan_run
+from proofmass.verdict.compare import Comparison, compare
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.mujoco import engine as with_mujoco
 from proofmass.sim.protocol import Curves, Drive, Rod, Run
 from proofmass.sim.pymunk import engine as with_pymunk

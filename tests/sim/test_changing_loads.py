@@ -16,13 +16,13 @@ from scipy.interpolate import CubicSpline
 
 from proofmass.analytic import REFERENCES
 from proofmass.analytic.rods import integrate, rod_pair_driven, rod_platform_driven
-from proofmass.check import check
-from proofmass.reference import evaluate, run_samples
-from proofmass.sidecar import format_sidecar, load_case
+from proofmass.batch.check import check
+from proofmass.reference.reference import evaluate, run_samples
+from proofmass.run.sidecar import format_sidecar, load_case
+from proofmass.run.solve import call_engine, plan_run, prescribed_run
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.protocol import Unsupported
 from proofmass.sim.pymunk import loads as pymunk_loads
-from proofmass.solve import call_engine, plan_run, prescribed_run
 from tests.shipped import shipped
 from tests.verdicts import all_comparisons
 

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import planar, spatial
-from proofmass.case import ProfileTable
-from proofmass.check import check
-from proofmass.drive import InProportion, Steady, Swing, motion_source
-from proofmass.errors import InputError
-from proofmass.profile import controls_source, make_sampled_profile
-from proofmass.reference import evaluate, load_profiles, run_samples
+from proofmass.base.errors import InputError
+from proofmass.batch.check import check
+from proofmass.case.case import ProfileTable
+from proofmass.case.drive import InProportion, Steady, Swing, motion_source
+from proofmass.case.profile import controls_source, make_sampled_profile
+from proofmass.reference.reference import evaluate, load_profiles, run_samples
 from proofmass.report import write_report
-from proofmass.sidecar import format_sidecar, load_case
+from proofmass.run.sidecar import format_sidecar, load_case
+from proofmass.run.solve import plan_run, prescribed_run
 from proofmass.sim.mujoco import dynamics as mujoco_dynamics
 from proofmass.sim.mujoco import program as mujoco_program
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
@@ -24,7 +25,6 @@ from proofmass.sim.protocol import ChangingLoad, Drive, Run, Unsupported
 from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import plan_run, prescribed_run
 from tests.programs import program_curves
 from tests.report.whole import without_figures
 from tests.shipped import shipped

@@ -8,20 +8,20 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass.case import Case
-from proofmass.compare import compare, run_reference
-from proofmass.drive import check_driven
-from proofmass.engines import computes_curves
-from proofmass.errors import InputError
-from proofmass.outcome import OUTCOME_OF_EXCEPTION
-from proofmass.reference import compiled_model
+from proofmass.base.errors import InputError
+from proofmass.case.case import Case
+from proofmass.case.drive import check_driven
+from proofmass.reference.reference import compiled_model
+from proofmass.run.solve import call_engine, plan_run
+from proofmass.sim.engines import computes_curves
 from proofmass.sim.mujoco import engine as mujoco_engine
 from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.mujoco.linkage import STATIC_STAGES
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk import model as pymunk_model
 from proofmass.sim.pymunk import space
-from proofmass.solve import call_engine, plan_run
+from proofmass.verdict.compare import compare, run_reference
+from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION
 from tests.shipped import fewer_samples, shipped_case, shipped_files
 
 CASES = {file.stem: shipped_case(file) for file in shipped_files()}

@@ -29,7 +29,7 @@ from proofmass.analytic.support import (
     RunKind,
 )
 from proofmass.analytic.support import refuse as refuse_in_reference
-from proofmass.engines import engine_of
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
 from tests.sim import features
 from tests.sim.features import CHANGED, OPEN, close_loop, write

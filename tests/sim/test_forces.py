@@ -8,15 +8,15 @@ import pytest
 
 from proofmass.analytic.linkages import pendulum
 from proofmass.analytic.planar import solve
-from proofmass.compare import compare
-from proofmass.drive import Steady, Swing
-from proofmass.engines import engine_of
-from proofmass.sidecar import load_case
+from proofmass.case.drive import Steady, Swing
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve as run_case
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import Curves, Drive, Run
 from proofmass.sim.pymunk import dynamics, model, quasi_static
 from proofmass.sim.pymunk.kinematics import values_of
 from proofmass.sim.pymunk.reactions import SampledMotion, solve_forces
-from proofmass.solve import solve as run_case
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 
 EITHER_ENGINE = pytest.mark.parametrize("engine", ["mujoco", "pymunk"])

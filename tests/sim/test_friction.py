@@ -13,16 +13,16 @@ from proofmass.analytic.balancer.friction import ChainWithFriction
 from proofmass.analytic.balancer.model import OTHER_DEFAULTS, balancer
 from proofmass.analytic.friction import follow_stick_slip
 from proofmass.analytic.linkages import shaft_pendulum, slider_crank
-from proofmass.compare import compare
+from proofmass.base.errors import InputError
+from proofmass.case.drive import Swing
 from proofmass.design.template import write_case
-from proofmass.drive import Swing
-from proofmass.engines import engine_of
-from proofmass.errors import InputError
-from proofmass.reference import compiled_model
-from proofmass.sidecar import load_case
+from proofmass.reference.reference import compiled_model
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine, plan_run, solve_here
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import BadModel, Drive, NotSolved, Run, Unsupported
 from proofmass.sim.pymunk.space import SlideFriction
-from proofmass.solve import call_engine, plan_run, solve_here
+from proofmass.verdict.compare import compare
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.shipped import shipped, shipped_case, shipped_files
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.check import check
-from proofmass.drive import Steady
-from proofmass.mobility import mobility
-from proofmass.sidecar import load_case
+from proofmass.batch.check import check
+from proofmass.case.drive import Steady
+from proofmass.reference.mobility import mobility
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine
 from proofmass.sim.protocol import BadModel, Drive, Run
-from proofmass.solve import call_engine
 from tests.shipped import shipped
 
 LIMIT_ANGLE = np.arccos((4 + 9 - 4.5**2) / 12)

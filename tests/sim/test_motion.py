@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofmass.reference import evaluate
-from proofmass.sidecar import load_case
+from proofmass.reference.reference import evaluate
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.motion import Measured, motion
 from proofmass.sim.mujoco.engine import ENGINE
-from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 SNAP_SAMPLES = (16, 37)  # the first samples beyond each fold

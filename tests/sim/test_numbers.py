@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.elements import (
     NotWritten,
     Number,

@@ -7,18 +7,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.check import Result
-from proofmass.drive import Steady
-from proofmass.reference import evaluate
+from proofmass.batch.check import Result
+from proofmass.case.drive import Steady
+from proofmass.reference.reference import evaluate
 from proofmass.report import write_report
 from proofmass.report.case_figures import find_motions, mechanism_poses
 from proofmass.report.families import group_cards
 from proofmass.report.svg import compact_svg
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.motion import motion
 from proofmass.sim.picture import solid_outline
 from proofmass.sim.protocol import Drive, Run
-from proofmass.solve import plan_run
 from tests.shipped import MODELS, shipped
 
 MODEL_WITHOUT_GEOMS = """<mujoco>

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from proofmass.analytic.planar import solve
-from proofmass.drive import Steady, motion_source
+from proofmass.case.drive import Steady, motion_source
 from proofmass.report.case_data import motion_data
 from proofmass.sim.motion import motion
 from proofmass.sim.mujoco.engine import ENGINE as MUJOCO

@@ -14,15 +14,15 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.shaped_exports import FILES, MODELS, text_of
-from proofmass.case import Case
-from proofmass.check import check
-from proofmass.cli import app
-from proofmass.compare import Comparison, compare
-from proofmass.errors import InputError
-from proofmass.recorded import RecordedColumn, interpolate_recorded, read_table
-from proofmass.sidecar import load_case
-from proofmass.solve import solve_here, with_computing_solvers
-from proofmass.studies.command import load_cases
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import RecordedColumn, interpolate_recorded, read_table
+from proofmass.batch.check import check
+from proofmass.case.case import Case
+from proofmass.commands.cli import app
+from proofmass.commands.studies import load_cases
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve_here, with_computing_solvers
+from proofmass.verdict.compare import Comparison, compare
 from tests.shipped import shipped
 
 HACKSAW_CASE, RECORDED_SOLVER = "hacksaw_inventor_shaped", "recorded:inventor-shaped"

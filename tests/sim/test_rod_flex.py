@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from proofmass.compare import compare
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.flex import arc_lengths, cut_into_links
 from proofmass.sim.protocol import BadRod, Rod, Run, Unsupported
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 from tests.sim.rod_models import (
     FIGURES,

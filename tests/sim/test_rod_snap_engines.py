@@ -7,8 +7,8 @@ import pytest
 
 from proofmass.analytic.rods.rod_snap import events, solve
 from proofmass.analytic.rods.shooting import integrate
-from proofmass.check import check
-from proofmass.sidecar import load_case
+from proofmass.batch.check import check
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Drive, Rod, Run
 from tests.independent.rods import chain_rod
 from tests.independent.rods.chain import chain

@@ -9,10 +9,10 @@ import pytest
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.equilibrium import RodState
-from proofmass.compare import compare
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve_here
 from proofmass.sim.protocol import Curves, Drive, Run
-from proofmass.solve import solve_here
+from proofmass.verdict.compare import compare
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, table_7_state
 from tests.analytic.rods.rod_chain_cases import STABLE_ROWS, pair_of_table_7, tangent_angle
 from tests.independent.rods.chain_assembly import AssemblyEquilibria, settle

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
-from proofmass.check import check
-from proofmass.cli import app
+from proofmass.batch.check import check
+from proofmass.commands.cli import app
 from proofmass.sim.protocol import BadRod, Drive, Rod, Run, Unsupported
 from tests.sim.rod_models import (
     CLAMP_ANGLES,

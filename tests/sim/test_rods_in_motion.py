@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.check import check
-from proofmass.compare import compare
-from proofmass.refinement import refined_errors
-from proofmass.sidecar import load_case
+from proofmass.batch.check import check
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve_here
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadRod, Drive, Rod, Run
-from proofmass.solve import solve_here
+from proofmass.verdict.compare import compare
+from proofmass.verdict.refinement import refined_errors
 from tests.shipped import shipped
 from tests.sim.rod_models import ENGINES
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.spatial_rod import solve
-from proofmass.check import check
+from proofmass.batch.check import check
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.engine import ENGINE
 from proofmass.sim.mujoco.program import write_rods

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.check import check
+from proofmass.batch.check import check
 from proofmass.sim.protocol import BadModel, Rod, Unsupported
 from proofmass.sim.rods import chain
 from tests.independent.rods import chain_strained

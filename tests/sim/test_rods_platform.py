@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.equilibrium import RodState, solve_direct, state
-from proofmass.check import check
-from proofmass.compare import Comparison, compare
-from proofmass.errors import InputError
-from proofmass.reference import evaluate
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.batch.check import check
+from proofmass.reference.reference import evaluate
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run, solve_here
 from proofmass.sim.protocol import Drive, Rod
-from proofmass.solve import plan_run, solve_here
+from proofmass.verdict.compare import Comparison, compare
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, three_rod_platform
 from tests.independent.rods.chain_assembly import settle
 from tests.shipped import shipped

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.check import check
+from proofmass.batch.check import check
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import BadRod, Rod
 from proofmass.sim.rods import chain

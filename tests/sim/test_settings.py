@@ -5,8 +5,8 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass.check import check
-from proofmass.sidecar import load_case
+from proofmass.batch.check import check
+from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import has_dry_friction, may_touch
 from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepping_settings
 from proofmass.sim.protocol import BadSetting, Run

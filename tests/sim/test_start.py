@@ -12,8 +12,8 @@ from scipy.optimize import root
 
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.numerics import CannotAssemble
-from proofmass.drive import Steady
-from proofmass.engines import engine_of
+from proofmass.case.drive import Steady
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import BadModel, Drive, Run
 
 OUT_OF_REACH = 12, 21

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.analytic.contacts import damping_ratio, is_mixed
-from proofmass.cli import app
-from proofmass.engines import engine_of
+from proofmass.commands.cli import app
+from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import collected_warnings, compile_model
 from proofmass.sim.protocol import Run
 

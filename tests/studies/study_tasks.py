@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from tests.shipped import MODELS

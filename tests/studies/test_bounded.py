@@ -2,11 +2,11 @@
 
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut
+from proofmass.run.sidecar import load_case
 from proofmass.studies import bounded
 from proofmass.studies.bounded import call_bounded, call_limited
-from proofmass.worker import Crashed, OutOfMemory, TimedOut
 from tests.shipped import shipped
 
 CASE = load_case(shipped("pendulum.toml"))

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.studies import invariants as invariants_module
 from proofmass.studies.invariants import invariants

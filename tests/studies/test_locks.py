@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
 from proofmass.studies import locks, measure
 from proofmass.studies.locks import announce_waiting, holder, is_private, open_lock, try_lock
 from proofmass.studies.measure import describe_reservations, reserve_processor

@@ -21,9 +21,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from proofmass.cli import app
-from proofmass.command import exit_on_error
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.commands.cli import app
+from proofmass.commands.command import exit_on_error
 from proofmass.sim.mjcf import read_tree
 from proofmass.studies.measure import Measurement
 from proofmass.studies.store import Store
@@ -348,7 +348,7 @@ def test_choose_finds_the_same_errors_on_a_cluster_as_on_this_machine(make_folde
 def test_an_unreachable_cluster_is_reported_in_one_line(what, make_folder, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.chdir(make_folder("here"))
-    monkeypatch.setattr("proofmass.pool.CONNECT_TIMEOUT", "100ms")
+    monkeypatch.setattr("proofmass.batch.pool.CONNECT_TIMEOUT", "100ms")
     answer = CliRunner().invoke(
         app, [*COMMAND_ARGUMENTS[what].split(), "--dask", "tcp://127.0.0.1:9"]
     )

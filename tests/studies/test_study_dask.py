@@ -6,8 +6,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.pool import pool
+from proofmass.base.errors import InputError
+from proofmass.batch.pool import pool
 from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
 from tests.studies.study_tasks import tasks

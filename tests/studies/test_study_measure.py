@@ -8,13 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.compare import reference_for
-from proofmass.drive import DriveState
-from proofmass.errors import InputError
-from proofmass.reference import drive_profiles, evaluate, run_samples
-from proofmass.sidecar import load_case
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.strict import Kind
+from proofmass.base.worker import Crashed, TimedOut
+from proofmass.case.case import Case
+from proofmass.case.drive import DriveState
+from proofmass.reference.reference import drive_profiles, evaluate, reference_for, run_samples
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.protocol import (
     BadModel,
     BadSetting,
@@ -23,8 +25,6 @@ from proofmass.sim.protocol import (
     NotSolved,
     Unsupported,
 )
-from proofmass.solve import call_engine, plan_run
-from proofmass.strict import Kind
 from proofmass.studies import measure
 from proofmass.studies.measure import (
     MAX_CACHED_REFERENCES,
@@ -40,7 +40,6 @@ from proofmass.studies.measure import (
 )
 from proofmass.studies.record import Setting
 from proofmass.studies.run import make_row
-from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped
 from tests.studies.study_tasks import own_locks  # noqa: F401, a fixture of all tests
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.pool import pool
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.batch.pool import pool
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Curves
 from proofmass.studies import measure
 from proofmass.studies import run as runs
@@ -33,7 +33,7 @@ from tests.studies.study_tasks import own_locks, tasks  # noqa: F401, a fixture 
 STUDY_SCRIPT = """
 import sys
 from pathlib import Path
-from proofmass.pool import pool
+from proofmass.batch.pool import pool
 from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store
 from proofmass.studies.record import write_table
@@ -244,7 +244,7 @@ def test_bad_input_ends_a_study(tmp_path):
 
 def test_an_unreachable_cluster_is_reported_in_one_line(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("proofmass.pool.CONNECT_TIMEOUT", "100ms")
+    monkeypatch.setattr("proofmass.batch.pool.CONNECT_TIMEOUT", "100ms")
     with (
         pytest.raises(ValueError, match=r"--dask tcp://127.*host:8786") as told,
         pool(dask="tcp://127.0.0.1:9"),

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.files import write_atomically
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_atomically
+from proofmass.run.sidecar import load_case
 from proofmass.studies import store as stores
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import (

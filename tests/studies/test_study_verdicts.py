@@ -11,8 +11,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.base.worker import Crashed, TimedOut
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run, starts_with_jolt
 from proofmass.sim.protocol import (
     BadModel,
     Curves,
@@ -22,7 +24,6 @@ from proofmass.sim.protocol import (
     Run,
     Unsupported,
 )
-from proofmass.solve import plan_run, starts_with_jolt
 from proofmass.studies import measure
 from proofmass.studies.diet import diet, scene
 from proofmass.studies.diet.diet import DietStore
@@ -70,7 +71,6 @@ from proofmass.studies.trade.series import (
 )
 from proofmass.studies.trade.varied import ConvergenceSeries
 from proofmass.studies.trade.verdict import pareto_front
-from proofmass.worker import Crashed, TimedOut
 from tests.shipped import shipped
 
 

@@ -21,13 +21,13 @@ from proofmass.analytic.balancer.path import (
     follow,
 )
 from proofmass.analytic.numerics import (
-    Array,
     check_finite,
     check_not_negative,
     components_in_frame,
     cross,
     motion_senses,
 )
+from proofmass.base.arrays import Array
 
 MODES = (1, -1)
 """Elbow up, and elbow down."""

@@ -17,7 +17,7 @@ import numpy as np
 from proofmass.analytic.balancer.model import Balancer
 from proofmass.analytic.balancer.path import Path, deflections, rest_posture
 from proofmass.analytic.friction import PathEnds, SlipProblem, follow_stick_slip
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 MAX_STRIDE = 0.05
 """Longest move of the pendulum in one stride [rad]."""

@@ -22,7 +22,7 @@ from proofmass.analytic.balancer.path import (
     balancing_moment,
     follow,
 )
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 MomentCurve = Callable[[Array], Array]
 # polynomial of the target laevo, from the thesis's program, line 4067; eq. 28 is rounded

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import Array, check_one_of
+from proofmass.analytic.numerics import check_one_of
+from proofmass.base.arrays import Array
 
 
 def preload_spring(

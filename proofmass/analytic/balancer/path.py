@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.balancer.model import Balancer
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 Indices = NDArray[Any]
 STEP_TOLERANCE = 1e-9

@@ -13,7 +13,8 @@ from proofmass.analytic.balancer.model import (
     preload_spring,
 )
 from proofmass.analytic.balancer.path import Path
-from proofmass.analytic.numerics import Array, check_finite, cross
+from proofmass.analytic.numerics import check_finite, cross
+from proofmass.base.arrays import Array
 
 MODES = (1, -1)
 """Elbow up, and elbow down."""

@@ -6,7 +6,8 @@ After the release the stiffness is smaller.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, check_finite, check_not_negative, check_positive
+from proofmass.analytic.numerics import check_finite, check_not_negative, check_positive
+from proofmass.base.arrays import Array
 
 CONNECTIONS = "series", "parallel"
 

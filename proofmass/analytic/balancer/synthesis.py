@@ -16,7 +16,7 @@ from proofmass.analytic.balancer.measures import (
 )
 from proofmass.analytic.balancer.model import balancers
 from proofmass.analytic.balancer.path import along, balancing_moment, follow
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 SPRING_KINDS = ("linear", "nonlinear", "each")
 """Kinds of springs, see `Variant.springs`."""

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, check_finite
+from proofmass.analytic.numerics import check_finite
+from proofmass.base.arrays import Array
 
 
 def check_restitution(restitution: float) -> None:

@@ -6,7 +6,8 @@ from scipy.special import elliprf
 
 from proofmass.analytic.contacts import check_times
 from proofmass.analytic.linkages.pendulum import jacobi_functions
-from proofmass.analytic.numerics import Array, check_number, check_positive
+from proofmass.analytic.numerics import check_number, check_positive
+from proofmass.base.arrays import Array
 
 MIN_AMPLITUDE_SHARE = 1e-9
 """Smallest amplitude, as a share of the block's angle alpha; below it the block rests."""

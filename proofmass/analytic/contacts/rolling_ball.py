@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_times
-from proofmass.analytic.numerics import Array, check_not_negative, check_number, check_positive
+from proofmass.analytic.numerics import check_not_negative, check_number, check_positive
+from proofmass.base.arrays import Array
 
 SPHERE_INERTIA_RATIO = 0.4
 """Moment of inertia of a solid sphere divided by m r^2 [1]; a solid disc has 0.5, a hoop 1."""

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.contacts import check_times
-from proofmass.analytic.numerics import Array, check_not_negative, check_number, check_positive
+from proofmass.analytic.numerics import check_not_negative, check_number, check_positive
+from proofmass.base.arrays import Array
 
 
 def solve(

@@ -17,7 +17,8 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, Complex, cross, dot
+from proofmass.analytic.numerics import cross, dot
+from proofmass.base.arrays import Array, Complex
 
 NamedCurves = dict[str, Array]
 """Curves of quantities by their names."""

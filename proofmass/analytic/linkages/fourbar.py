@@ -21,8 +21,6 @@ from proofmass.analytic.linkages.bars import (
 )
 from proofmass.analytic.numerics import (
     TURN,
-    Array,
-    Complex,
     broadcast_loads,
     broadcast_motion,
     check_not_negative,
@@ -35,6 +33,7 @@ from proofmass.analytic.numerics import (
     smooth_root,
     unwrap_angles,
 )
+from proofmass.base.arrays import Array, Complex
 
 Pair = tuple[Array, Array]
 """Components of a vector, or two derivatives."""

@@ -24,8 +24,6 @@ from proofmass.analytic.newton_raphson import (
 )
 from proofmass.analytic.numerics import (
     TURN,
-    Array,
-    Complex,
     broadcast_loads,
     broadcast_motion,
     check_finite,
@@ -33,6 +31,7 @@ from proofmass.analytic.numerics import (
     check_one_of,
     check_positive,
 )
+from proofmass.base.arrays import Array, Complex
 
 __all__ = [
     "MODES",

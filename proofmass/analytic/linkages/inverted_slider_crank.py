@@ -16,8 +16,6 @@ from proofmass.analytic.linkages.bars import (
     pin_load,
 )
 from proofmass.analytic.numerics import (
-    Array,
-    Complex,
     broadcast_motion,
     check_not_negative,
     check_number,
@@ -28,6 +26,7 @@ from proofmass.analytic.numerics import (
     rounding_of_sum,
     unwrap_angles,
 )
+from proofmass.base.arrays import Array, Complex
 
 MODES = (1, -1)
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.newton_raphson import NewtonLog, newton_raphson, solve_linear
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 ConstraintRow = Callable[[Array, Array], tuple[float, Array, float]]
 """Function of q and rates: value of a constraint, gradient by q, (d gradient/dt) times rates."""

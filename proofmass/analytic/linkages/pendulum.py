@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ellipkm1
 
-from proofmass.analytic.numerics import Array, check_finite, check_number, check_positive
+from proofmass.analytic.numerics import check_finite, check_number, check_positive
+from proofmass.base.arrays import Array
 
 
 def solve(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.chart import ChartRegion
-from proofmass.analytic.numerics import Complex
+from proofmass.base.arrays import Complex
 
 JOIN_DISTANCE = 1e-6
 """Ends of pieces at a smaller distance, as a share of the mechanism's size, are one point."""

@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import (
-    Array,
     broadcast_motion,
     check_not_negative,
     check_number,
     check_positive,
     motion_senses,
 )
+from proofmass.base.arrays import Array
 
 
 def solve(

@@ -15,8 +15,6 @@ from proofmass.analytic.linkages.bars import (
     select_positions,
 )
 from proofmass.analytic.numerics import (
-    Array,
-    Complex,
     broadcast_loads,
     broadcast_motion,
     check_not_negative,
@@ -31,6 +29,7 @@ from proofmass.analytic.numerics import (
     smooth_root,
     unwrap_angles,
 )
+from proofmass.base.arrays import Array, Complex
 
 MODES = (1, -1)
 

@@ -7,12 +7,12 @@ from numpy.typing import ArrayLike
 
 from proofmass.analytic.linkages import inverted_slider_crank
 from proofmass.analytic.numerics import (
-    Array,
     broadcast_motion,
     check_not_negative,
     check_number,
     check_positive,
 )
+from proofmass.base.arrays import Array
 
 MODES = inverted_slider_crank.MODES
 

@@ -27,11 +27,8 @@ from proofmass.analytic.controls import (
 )
 from proofmass.analytic.equilibrium import ActiveStops, EquilibriumSolver
 from proofmass.analytic.numerics import (
-    Array,
     CannotAssemble,
     CannotMove,
-    Complex,
-    Index,
     NotCovered,
     SingularHere,
     check_finite,
@@ -81,6 +78,7 @@ from proofmass.analytic.planar.mechanism import (
 from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.stops import MotionWithStops, Stop, make_stops, refuse_limit
 from proofmass.analytic.support import refuse, run_kind
+from proofmass.base.arrays import Array, Complex, Index
 
 __all__ = [
     "Branch",

@@ -25,7 +25,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array, CannotAssemble, CannotMove, Index, SingularHere
+from proofmass.analytic.numerics import CannotAssemble, CannotMove, SingularHere
 from proofmass.analytic.planar.kinematics import (
     CLOSING_TOLERANCE,
     Drives,
@@ -41,6 +41,7 @@ from proofmass.analytic.planar.mechanism import (
     Mechanism,
     Mirrored,
 )
+from proofmass.base.arrays import Array, Index
 
 STEP_SHARE = 0.8
 """Share of the proven step that is taken, so that poses between need fewer Newton steps."""

@@ -33,7 +33,7 @@ from proofmass.analytic.controls import (
     Prescribed,
     smooth_pieces,
 )
-from proofmass.analytic.numerics import Array, CannotAssemble, SingularHere
+from proofmass.analytic.numerics import CannotAssemble, SingularHere
 from proofmass.analytic.planar.forces import (
     applied_forces,
     centre_jacobians,
@@ -65,6 +65,7 @@ from proofmass.analytic.stops import (
     Stop,
     integrate_with_stops,
 )
+from proofmass.base.arrays import Array
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, Complex, cross
+from proofmass.analytic.numerics import cross
 from proofmass.analytic.planar.kinematics import (
     BodyMotion,
     Drives,
@@ -16,6 +16,7 @@ from proofmass.analytic.planar.kinematics import (
     weighted_sum,
 )
 from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring, carried_bodies
+from proofmass.base.arrays import Array, Complex
 
 
 def centre_jacobians(m: Mechanism, motion: BodyMotion) -> Complex:

@@ -16,19 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.analytic.numerics import (
-    Array,
-    CannotAssemble,
-    Complex,
-    Index,
-    SingularHere,
-    without_rounding,
-)
+from proofmass.analytic.numerics import CannotAssemble, SingularHere, without_rounding
 from proofmass.analytic.planar.mechanism import (
     Mechanism,
     Overconstrained,
 )
 from proofmass.analytic.start import start_pose, start_rates
+from proofmass.base.arrays import Array, Complex, Index
 
 
 @dataclass(frozen=True)

@@ -19,17 +19,11 @@ from numpy.typing import NDArray
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
 from proofmass.analytic.features import may_touch
 from proofmass.analytic.names import equality_name
-from proofmass.analytic.numerics import (
-    Array,
-    CannotMove,
-    Complex,
-    Index,
-    NotCovered,
-    normal_of_slides,
-)
+from proofmass.analytic.numerics import CannotMove, NotCovered, normal_of_slides
 from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.stops import Stop, read_stops
 from proofmass.analytic.support import refuse
+from proofmass.base.arrays import Array, Complex, Index
 
 
 class Mirrored(CannotMove):

@@ -63,7 +63,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ellipe, ellipkm1
 
-from proofmass.analytic.numerics import TURN, Array, Complex, Index
+from proofmass.analytic.numerics import TURN
 from proofmass.analytic.rods.assembly import Assembly
 from proofmass.analytic.rods.elastica import (
     ElasticaRods,
@@ -72,6 +72,7 @@ from proofmass.analytic.rods.elastica import (
     rods_of_chart,
 )
 from proofmass.analytic.rods.equilibrium import RodState, clamps_and_forces, state
+from proofmass.base.arrays import Array, Complex, Index
 
 POSE_BOUND_MAX_ALPHA = 200.0  # alpha up to which `bound_by_pose` looks for a bound
 POSE_BOUND_SAMPLES = 20001  # values of alpha up to there

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import Array, Complex
+from proofmass.base.arrays import Array, Complex
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
-from proofmass.analytic.numerics import Array, check_number, check_positive
+from proofmass.analytic.numerics import check_number, check_positive
 from proofmass.analytic.rods.column import complete_integrals, critical
 from proofmass.analytic.rods.elastica import check_stiffness, rods_of_chart, tip
 from proofmass.analytic.rods.rod_snap import sample_shapes
 from proofmass.analytic.rods.shooting import stability
+from proofmass.base.arrays import Array
 
 MAX_LOAD_RATIO = 55.0  # [pi^2 EI/4 L^2], beyond the third critical load of both columns
 MAX_IMPERFECT_LOAD_RATIO = 2.5  # largest load [pi^2 EI/4 L^2] of imperfect columns

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import romb
 
-from proofmass.analytic.numerics import TURN, Array, Complex, check_finite, check_positive
+from proofmass.analytic.numerics import TURN, check_finite, check_positive
 from proofmass.analytic.rods.elastica import (
     arc_lengths,
     check_section_stiffnesses,
@@ -21,6 +21,7 @@ from proofmass.analytic.rods.elastica import (
     from_inflection,
 )
 from proofmass.analytic.rods.shooting import from_tip, stability
+from proofmass.base.arrays import Array, Complex
 
 Function = Callable[[Array], Array]
 REFINEMENTS = 4  # of the grid: finds pairs of roots spacing/8^4 apart or more

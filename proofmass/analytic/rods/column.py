@@ -5,8 +5,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from proofmass.analytic.numerics import Array, check_positive
+from proofmass.analytic.numerics import check_positive
 from proofmass.analytic.rods.elastica import check_stiffness, elliptic_integrals
+from proofmass.base.arrays import Array
 
 # Number of quarter waves in the column's length; clamped-pinned has z/(pi/2), where tan z = z.
 QUARTER_WAVES = {"clamped-free": 1.0, "pinned-pinned": 2.0, "clamped-clamped": 4.0}

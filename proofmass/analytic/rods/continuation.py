@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.equilibrium import (
     ROUNDING,
     STEP_TOLERANCE,
@@ -23,6 +22,7 @@ from proofmass.analytic.rods.equilibrium import (
     residual_and_state_sizes,
     solve_linear,
 )
+from proofmass.base.arrays import Array
 
 MAX_STRIDE = 0.5  # first and largest stride, in sizes of the unknowns
 MIN_STRIDE = 1e-8  # stride below which a path ends that cannot be continued

@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ellipkm1
 
-from proofmass.analytic.numerics import TURN, Array, Complex, check_positive
+from proofmass.analytic.numerics import TURN, check_positive
+from proofmass.base.arrays import Array, Complex
 
 MEAN_TOLERANCE = float(np.sqrt(np.finfo(float).eps))  # (a - b)/a, squared by a step
 Four = tuple[Array, Array, Array, Array]

@@ -35,8 +35,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.rods.assembly import Assembly
+from proofmass.base.arrays import Array, Complex
 
 
 def _odd_palindrome(first: list[float]) -> tuple[float, ...]:

@@ -36,8 +36,8 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from proofmass.analytic.numerics import Array, Complex
 from proofmass.analytic.remember import reuse_nearby
+from proofmass.base.arrays import Array, Complex
 
 POLYNOMIAL_COUNTS = 10, 16, 22
 """Numbers of polynomials, which are tried in this order until the motion no longer changes."""

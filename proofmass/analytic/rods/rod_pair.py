@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.chart import MAX_PANELS, Chart, ChartLine, Panel, line_through
-from proofmass.analytic.numerics import Array, check_not_negative, check_number, check_positive
+from proofmass.analytic.numerics import check_not_negative, check_number, check_positive
 from proofmass.analytic.rods.all_equilibria import Solutions, solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly
 from proofmass.analytic.rods.elastica import arc_lengths, check_stiffness
@@ -29,6 +29,7 @@ from proofmass.analytic.rods.workspace import (
     pose_chart,
     values_through,
 )
+from proofmass.base.arrays import Array
 
 __all__ = ["equilibria", "motor_angles", "solve", "workspace"]
 

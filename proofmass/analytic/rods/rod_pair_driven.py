@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from proofmass.analytic.numerics import Array, Complex, check_finite
+from proofmass.analytic.numerics import check_finite
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.continuation import follow, loads_and_rates
 from proofmass.analytic.rods.equilibrium import (
@@ -19,6 +19,7 @@ from proofmass.analytic.rods.equilibrium import (
     solve_direct,
 )
 from proofmass.analytic.rods.rod_pair import make_pair
+from proofmass.base.arrays import Array, Complex
 
 PairNumbers = tuple[float, ...]
 

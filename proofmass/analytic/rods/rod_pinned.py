@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from proofmass.analytic import newton_raphson
 from proofmass.analytic.chart import Chart, ChartLine, ChartRegion, Field, Panel
 from proofmass.analytic.newton_raphson import NewtonLog, System
-from proofmass.analytic.numerics import TURN, Array, check_finite, check_number, check_positive
+from proofmass.analytic.numerics import TURN, check_finite, check_number, check_positive
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.elastica import (
     arc_lengths,
@@ -27,6 +27,7 @@ from proofmass.analytic.rods.elastica import (
 )
 from proofmass.analytic.rods.equilibrium import integrate_to_tip, solve_linear
 from proofmass.analytic.rods.shooting import ShotRods, integrate
+from proofmass.base.arrays import Array
 
 NAMES = ("n_x", "n_y", "m_0")
 """Names of the unknowns of shooting."""

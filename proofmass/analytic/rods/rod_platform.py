@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofmass.analytic.numerics import Array, check_positive
+from proofmass.analytic.numerics import check_positive
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import Assembly, assembly, triangle
 from proofmass.analytic.rods.elastica import arc_lengths
 from proofmass.analytic.rods.equilibrium import RodState, derivatives, solve_direct
+from proofmass.base.arrays import Array
 
 MODES = tuple(range(1, 10))
 MAX_ALPHA = 20.0  # alpha = L sqrt(R/EI); errors of larger loads, e^alpha, forbid continuation

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.continuation import follow, loads_and_rates
 from proofmass.analytic.rods.equilibrium import RodState, columns, derivatives, newton
@@ -23,6 +22,7 @@ from proofmass.analytic.rods.rod_platform import (
     platform_is_stable,
 )
 from proofmass.analytic.rods.workspace import fit_pose_map, pose_chart
+from proofmass.base.arrays import Array
 
 __all__ = ["MODES", "constant_orientation", "solve"]
 

@@ -9,8 +9,9 @@ r"""Straight clamped rod released under its own weight: a motion of any amplitud
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array, check_number, check_positive
+from proofmass.analytic.numerics import check_number, check_positive
 from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, resolved_motion
+from proofmass.base.arrays import Array
 
 
 def solve(

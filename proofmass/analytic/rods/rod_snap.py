@@ -23,9 +23,10 @@ from scipy.optimize import brentq
 from scipy.special import ellipkm1
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel, line_through
-from proofmass.analytic.numerics import TURN, Array, Complex, check_positive
+from proofmass.analytic.numerics import TURN, check_positive
 from proofmass.analytic.rods.column import complete_integrals
 from proofmass.analytic.rods.elastica import check_stiffness, from_inflection, rods_of_chart
+from proofmass.base.arrays import Array, Complex
 
 __all__ = ["branches", "events", "properties", "shapes", "solve"]
 

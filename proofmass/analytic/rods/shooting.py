@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
-from proofmass.analytic.numerics import Array, Complex, check_positive
+from proofmass.analytic.numerics import check_positive
 from proofmass.analytic.rods.elastica import check_section_stiffnesses, check_stiffness
+from proofmass.base.arrays import Array, Complex
 
 RK4 = (
     np.array([[0, 0, 0, 0], [0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 1, 0]], float),

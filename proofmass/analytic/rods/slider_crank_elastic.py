@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.numerics import (
-    Array,
-    Complex,
     broadcast_motion,
     check_not_negative,
     check_number,
     check_positive,
 )
 from proofmass.analytic.rods.rod_motion import MovingRod, RodStart, resolved_motion
+from proofmass.base.arrays import Array, Complex
 
 RATE_TOLERANCE = 1e-6  # largest change of a rate that counts as constant, over the rate
 RATE_DIGITS, TIME_SHARE = 10, 1e-9

@@ -26,10 +26,11 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import TURN, Array, check_finite, check_positive
+from proofmass.analytic.numerics import TURN, check_finite, check_positive
 from proofmass.analytic.remember import reuse_nearby
 from proofmass.analytic.rods.elastica import arc_lengths, check_section_stiffnesses
 from proofmass.analytic.rods.shooting import runge_kutta
+from proofmass.base.arrays import Array
 
 SpatialNumbers = tuple[
     float,

@@ -12,7 +12,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from proofmass.analytic.chart import Chart, ChartLine, Field, Panel, line_through
-from proofmass.analytic.numerics import Array, Index
 from proofmass.analytic.rods.continuation import MAX_CORRECTION, follow
 from proofmass.analytic.rods.equilibrium import (
     Columns,
@@ -28,6 +27,7 @@ from proofmass.analytic.rods.equilibrium import (
     residual_and_state_sizes,
     singularity_columns,
 )
+from proofmass.base.arrays import Array, Index
 
 NEIGHBOUR_STEPS = np.array([[0, 1], [0, -1], [1, 0], [-1, 0]])
 """Steps from a node of the grid to its four neighbours."""

@@ -25,7 +25,7 @@ from proofmass.analytic.controls import (
     controls_at_samples,
 )
 from proofmass.analytic.equilibrium import EquilibriumSolver
-from proofmass.analytic.numerics import Array, NotCovered, unwrap_quaternions
+from proofmass.analytic.numerics import NotCovered, unwrap_quaternions
 from proofmass.analytic.planar.mechanism import acts_on_joint, rotation_matrix, sensor_place
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
@@ -53,6 +53,7 @@ from proofmass.analytic.spatial.terms import (
 )
 from proofmass.analytic.spatial.witness import TermComparison, compare_terms
 from proofmass.analytic.stops import MotionWithStops, Stop, read_stops, refuse_limit
+from proofmass.base.arrays import Array
 
 __all__ = ["properties", "solve"]
 

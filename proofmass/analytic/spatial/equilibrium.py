@@ -5,12 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array, CannotAssemble, Index
+from proofmass.analytic.numerics import CannotAssemble
 from proofmass.analytic.spatial.kinematics import normalize_quaternions
 from proofmass.analytic.spatial.mechanism import Tree, quaternion_product
 from proofmass.analytic.spatial.motion import CLOSING_TOLERANCE, MAX_NEWTON_STEPS, ConstrainedTree
 from proofmass.analytic.spatial.terms import OwnTerms, own_terms
 from proofmass.analytic.stops import Stop, make_stops
+from proofmass.base.arrays import Array, Index
 
 
 @dataclass(frozen=True)

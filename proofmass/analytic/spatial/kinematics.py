@@ -8,7 +8,6 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.mechanism import (
     IDENTITY_QUATERNION,
     Tree,
@@ -16,6 +15,7 @@ from proofmass.analytic.spatial.mechanism import (
     quaternion_product,
     quaternion_product_parts,
 )
+from proofmass.base.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
 from proofmass.analytic.names import equality_name
-from proofmass.analytic.numerics import Array, Index, NotCovered, without_rounding
+from proofmass.analytic.numerics import NotCovered, without_rounding
 from proofmass.analytic.planar.mechanism import (
     enabled_actuators,
     is_disabled,
@@ -28,6 +28,7 @@ from proofmass.analytic.planar.mechanism import (
 )
 from proofmass.analytic.spatial.support import SUPPORT
 from proofmass.analytic.support import refuse
+from proofmass.base.arrays import Array, Index
 
 DISABLE_FLAG, EQUALITY_TYPE, TRANSMISSION_TYPE = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
 JOINT_KINDS = {

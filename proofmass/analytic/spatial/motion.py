@@ -22,7 +22,7 @@ from proofmass.analytic.controls import (
     Prescribed,
     smooth_pieces,
 )
-from proofmass.analytic.numerics import Array, CannotAssemble, Index, SingularHere
+from proofmass.analytic.numerics import CannotAssemble, SingularHere
 from proofmass.analytic.spatial.kinematics import advance_pose, pose_difference, pose_rate
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import Terms, TermSource
@@ -36,6 +36,7 @@ from proofmass.analytic.stops import (
     integrate_with_stops,
     unit_rows,
 )
+from proofmass.base.arrays import Array, Index
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853

@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar.mechanism import carried_bodies
 from proofmass.analytic.spatial.kinematics import TreeMotion, cross3
 from proofmass.analytic.spatial.mechanism import PointLoop, Tree
@@ -25,6 +24,7 @@ from proofmass.analytic.spatial.terms import (
     site_load_forces,
     weld_slope,
 )
+from proofmass.base.arrays import Array
 
 RANK_TOLERANCE = 1e-8
 """Share of the largest singular value below which rows of loops and drives count as dependent."""

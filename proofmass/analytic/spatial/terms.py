@@ -18,7 +18,6 @@ from typing import Protocol
 import numpy as np
 
 from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.kinematics import (
     TreeMotion,
     cross3,
@@ -34,6 +33,7 @@ from proofmass.analytic.spatial.mechanism import (
     quaternion_conjugate,
     quaternion_product,
 )
+from proofmass.base.arrays import Array
 
 
 @dataclass(frozen=True)

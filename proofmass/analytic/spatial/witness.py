@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import TERM_NAMES, Terms, TermSource, own_terms
+from proofmass.base.arrays import Array
 
 COMPARED_POSES = 50
 """Number of poses of a motion at which the terms are computed a second time."""

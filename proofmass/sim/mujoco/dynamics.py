@@ -22,9 +22,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import RunKind
-from proofmass.clock import processor_time
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.linkage import Linkage

@@ -37,8 +37,8 @@ from proofmass.analytic.friction import (
     SlipProblem,
     follow_stick_slip,
 )
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import RunKind
+from proofmass.base.arrays import Array
 from proofmass.sim.mujoco.linkage import LOOP_TOLERANCE, MAX_STRIDE, NEWTON_TOLERANCE, Linkage
 from proofmass.sim.mujoco.model import refuse_uncovered
 from proofmass.sim.protocol import BadModel, Run, Unsupported

@@ -27,9 +27,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import RunKind
-from proofmass.clock import processor_time
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
 from proofmass.sim.mjcf import leave_out_disabled, read_spec
 from proofmass.sim.mujoco.model import Recorder, load, refuse_uncovered
 from proofmass.sim.mujoco.sensors import withhold_stage

@@ -16,7 +16,8 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.names import equality_name
-from proofmass.analytic.numerics import REST_RATE_SHARE, Array, without_rounding
+from proofmass.analytic.numerics import REST_RATE_SHARE, without_rounding
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.protocol import BadModel, Unsupported

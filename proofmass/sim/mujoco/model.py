@@ -6,8 +6,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array, unwrap_quaternions
+from proofmass.analytic.numerics import unwrap_quaternions
 from proofmass.analytic.support import RunKind, examine
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import (
     active_connects,
     anchors,

@@ -17,7 +17,7 @@ differs from an exactly prescribed one by a share of 1e-9.  Without steps the dr
 their motion profiles exactly; with steps each gets the mean acceleration of its profile over the
 step.
 
-`proofmass.self_consistency` judges the results.
+`proofmass.reference.self_consistency` judges the results.
 """
 
 import copy
@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.analytic.controls import break_times, smooth_pieces
-from proofmass.analytic.numerics import Array
-from proofmass.clock import processor_time
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
 from proofmass.sim.contents import control_indices
 from proofmass.sim.mjcf import collected_warnings
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics, moments_of_drives

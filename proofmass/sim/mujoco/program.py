@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import control_indices, joint_of
 from proofmass.sim.mjcf import collected_warnings, read_spec, read_tree
 from proofmass.sim.mujoco.dynamics import FLYWHEEL_RATIO, initialize_dynamics

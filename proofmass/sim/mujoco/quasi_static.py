@@ -14,8 +14,8 @@ from equilibrium: Newton's method descends in steps of bounded size, up to a max
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
-from proofmass.clock import processor_time
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
 from proofmass.sim.mujoco.equilibrium import RestingLinkage, RubbingLinkage, linkage_of
 from proofmass.sim.mujoco.model import Recorder
 from proofmass.sim.mujoco.sensors import (

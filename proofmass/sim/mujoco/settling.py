@@ -19,9 +19,9 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.support import RunKind
-from proofmass.clock import processor_time
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
 from proofmass.sim.mujoco.equilibrium import RANK_TOLERANCE, RestingLinkage
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import Recorder, refuse_uncovered

@@ -39,7 +39,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import has_dry_friction, may_touch
 from proofmass.sim.mujoco.settings import ENGINE_DEFAULTS, limited_joints
 from proofmass.sim.problem_models import start_key, wheel_model

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.contacts import damping_ratio, restitution
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane
 from proofmass.sim.protocol import Unsupported
 

@@ -11,8 +11,8 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from proofmass.analytic.numerics import Array
-from proofmass.clock import processor_time
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
 from proofmass.sim.protocol import Curves, Diverged, Run
 from proofmass.sim.pymunk.kinematics import (
     close_loops,

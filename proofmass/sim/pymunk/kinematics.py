@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.protocol import BadModel
 from proofmass.sim.pymunk.links import (
     QUARTER_TURN,

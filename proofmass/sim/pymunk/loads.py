@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pymunk
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import actuators_on, gear_of, joint_of
 from proofmass.sim.protocol import Run, Unsupported
 from proofmass.sim.pymunk.links import LinkLoad, Links

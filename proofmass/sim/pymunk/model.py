@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic.names import equality_name, radian_hint
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.start import MAX_KEY_VIOLATION
 from proofmass.analytic.support import RunKind, examine
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import (
     active_connects,
     actuators_on,

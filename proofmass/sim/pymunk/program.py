@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pymunk
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.program_text import escape_text, load_template
 from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
 from proofmass.sim.pymunk.contacts import ContactShape

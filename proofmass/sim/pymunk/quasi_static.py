@@ -36,8 +36,9 @@ from proofmass.analytic.friction import (
     SlipProblem,
     follow_stick_slip,
 )
-from proofmass.analytic.numerics import REST_RATE_SHARE, Array
-from proofmass.clock import processor_time
+from proofmass.analytic.numerics import REST_RATE_SHARE
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
 from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
 from proofmass.sim.pymunk.dynamics import iterations_needed, step_seconds
 from proofmass.sim.pymunk.kinematics import (

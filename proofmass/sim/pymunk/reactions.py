@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import active_connects, anchor_bodies
 from proofmass.sim.pymunk.kinematics import (
     constraint_values,

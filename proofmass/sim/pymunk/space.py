@@ -13,7 +13,7 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.links import (
     LinkConstraint,

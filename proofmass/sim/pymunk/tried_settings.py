@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from mujoco import MjModel
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.contents import is_linear_in_joint, may_touch
 from proofmass.sim.protocol import (
     STEP_CAUSE,

@@ -12,11 +12,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from proofmass.analytic.numerics import Array
-from proofmass.clock import processor_time
-from proofmass.errors import InputError
-from proofmass.recorded import LARGEST_GAP, RecordedColumn, read_table
-from proofmass.recording import PlacedRows, Recording, RunAxis, SteadyDrive
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
+from proofmass.base.errors import InputError
+from proofmass.base.recorded import LARGEST_GAP, RecordedColumn, read_table
+from proofmass.base.recording import PlacedRows, Recording, RunAxis, SteadyDrive
+from proofmass.base.strict import Strict
 from proofmass.sim.contents import channel_unit, joints
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.protocol import (
@@ -32,7 +33,6 @@ from proofmass.sim.protocol import (
     StrictNumber,
     Unsupported,
 )
-from proofmass.strict import Strict
 
 
 class RecordedDrive(Strict):

@@ -22,19 +22,17 @@ from typing import Any, TypeVar
 import mujoco
 from rich.table import Table
 
-from proofmass.command import error_console, exit_on_error
-from proofmass.errors import InputError
-from proofmass.files import (
+from proofmass.base.errors import InputError
+from proofmass.base.files import (
     OUTPUT_MARK,
     PARTIAL_ENDING,
     make_folder,
-    protect,
-    require_replaceable,
     write_output,
 )
-from proofmass.fingerprint import bytes_of_model
-from proofmass.pool import pool
-from proofmass.sim.mjcf import NATIVE_ENGINE, files_of_model
+from proofmass.base.wording import number
+from proofmass.batch.pool import pool
+from proofmass.run.fingerprint import bytes_of_model
+from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol import Curves, Run
 from proofmass.studies.diet.edits import EditedModel, model_text, read_model, write_model
 from proofmass.studies.diet.options import (
@@ -56,7 +54,6 @@ from proofmass.studies.diet.scene import (
     MonitoredRun,
     channel_changes,
     channel_errors,
-    load_scene,
 )
 from proofmass.studies.diet.table import (
     NO_GAIN,
@@ -78,8 +75,6 @@ from proofmass.studies.diet.trial import (
 )
 from proofmass.studies.measure import Measurement, measure
 from proofmass.studies.store import digest, digest_of_sources, package_versions, read_or_make
-from proofmass.terminal import make_console
-from proofmass.wording import number
 
 OUTCOME_LABELS = {
     "harmless": "✓ goes",
@@ -172,48 +167,6 @@ class Diet:
     def table(self) -> tuple[Entry, ...]:
         """All entries in the order in which they are written."""
         return (*self.said, *self.entries, self.whole)
-
-
-def run_diet(
-    model: Path,
-    output: Path | None,
-    seconds: float,
-    monitored: list[str] | None,
-    error: float | None,
-    keep_options: bool,
-    blind: bool,
-    jobs: int | None,
-    dask: str | None,
-) -> None:
-    """Run ``proofmass diet``; `proofmass.cli` describes its arguments."""
-    from proofmass.studies.diet.page import write_diet  # matplotlib is slow to load
-
-    file = output or Path("diet") / model.name
-    with exit_on_error("what was tried is kept"):
-        if file.suffix != ".xml":
-            raise InputError(file, "", "give the name of a model, such as reduced.xml")
-        protect([*files_of_model(model), *model.absolute().parent.glob("*.toml")])
-        for place in (file, file.with_suffix(".csv")):
-            require_replaceable(place)  # before the trials, which take minutes
-        scene = load_scene(model, seconds, tuple(dict.fromkeys(monitored or ())), error)
-        with (
-            pool(jobs, dask) as workers,
-            error_console.status("starting") as status,
-        ):
-            found = DietSearch(
-                scene,
-                blind,
-                tune=not keep_options,
-                workers=workers,
-                store=DietStore(file.parent / "runs"),
-                progress=lambda what: status.update(what[:70]),
-            ).run()
-        write_result(scene, found, file)
-    for part in result_parts(found.table):
-        make_console().print(part, markup=False)
-    print()
-    for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
-        print(path)
 
 
 def write_result(scene: DietScene, found: Diet, file: Path) -> None:

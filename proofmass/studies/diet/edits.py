@@ -23,10 +23,10 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
-from proofmass.errors import InputError, model_error, suggest_names
-from proofmass.files import write_atomically
-from proofmass.sidecar import load_case
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError, model_error, suggest_names
+from proofmass.base.files import write_atomically
+from proofmass.run.sidecar import load_case
 from proofmass.sim.mjcf import compile_model, read_spec
 from proofmass.sim.protocol import BadModel, Rod
 from proofmass.sim.rods import compile_with_rods

@@ -19,6 +19,7 @@ from typing import SupportsInt
 import mujoco
 import numpy as np
 
+from proofmass.base.wording import number
 from proofmass.sim.protocol import whole_steps
 from proofmass.studies.diet.edits import (
     Cut,
@@ -37,7 +38,6 @@ from proofmass.studies.diet.scene import DietScene, MonitoredRun
 from proofmass.studies.diet.table import OPTION_KIND
 from proofmass.studies.diet.trial import STEPPED_KINDS, has_time_steps, most_iterations
 from proofmass.studies.measure import Measurement, measure
-from proofmass.wording import number
 
 ENABLE_PREFIX = "mjENBL_"  # prefix of the names of flags, which they do not have in MJCF
 CONTACT_FLAG = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)

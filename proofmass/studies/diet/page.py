@@ -17,7 +17,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.base.wording import number
 from proofmass.report.figures import label_row, save
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, log_place
@@ -37,7 +38,6 @@ from proofmass.studies.diet.table import (
     sort_entries,
     summary_sentences,
 )
-from proofmass.wording import number
 
 ROW_HEIGHT, FIGURE_WIDTH, MARGIN_HEIGHT = (0.19, 7.2, 0.5)
 """Height of a row, width of the figure, and upper and lower margin [inch]."""

@@ -20,17 +20,18 @@ from typing import cast
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.check import LOADING_SECONDS, load_validated
-from proofmass.compare import allowed_error, reference_for
-from proofmass.errors import InputError, suggest_names
-from proofmass.files import read_text
-from proofmass.outcome import OUTCOME_OF_EXCEPTION, Outcome
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError, suggest_names
+from proofmass.base.files import read_text
+from proofmass.base.strict import Kind
+from proofmass.base.wording import format_list, number
+from proofmass.base.worker import call_isolated
+from proofmass.batch.check import LOADING_SECONDS, load_validated
+from proofmass.case.case import Case
+from proofmass.reference.reference import reference_for
+from proofmass.run.solve import plan_run
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
 from proofmass.sim.protocol import BadModel, Curves, Run, split_channel
-from proofmass.solve import plan_run
-from proofmass.strict import Kind
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.diet.edits import MONITORED_LISTS, EditedModel, read_model
 from proofmass.studies.diet.trial import (
@@ -41,8 +42,8 @@ from proofmass.studies.diet.trial import (
     has_time_steps,
 )
 from proofmass.studies.measure import Measurement, measure
-from proofmass.wording import format_list, number
-from proofmass.worker import call_isolated
+from proofmass.verdict.compare import allowed_error
+from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 
 ROUNDING_SHARE = 1e-9  # share of a channel's largest value; 1e7 times the rounding of one number
 NUDGE = 1e-12  # [rad or m] of every joint at the start; the changes that it causes are allowed

@@ -6,10 +6,10 @@ from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 
-from proofmass.files import write_output
+from proofmass.base.files import write_output
+from proofmass.base.wording import number
 from proofmass.studies.diet.trial import Cost, TimeRange
 from proofmass.studies.record import format_cells, read_cells, write_columns
-from proofmass.wording import number
 
 ChannelChanges = dict[str, dict[str, float]]
 EMPTY_COSTS = ("",) * 7

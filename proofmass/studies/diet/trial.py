@@ -20,14 +20,14 @@ import mujoco
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from proofmass.analytic.numerics import Array
-from proofmass.clock import processor_time
-from proofmass.outcome import Outcome
+from proofmass.base.arrays import Array
+from proofmass.base.clock import processor_time
+from proofmass.base.worker import Crashed, call_isolated
 from proofmass.sim.mujoco.engine import run_compiled
 from proofmass.sim.mujoco.model import prepare_model
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
 from proofmass.studies.measure import Measurement, pin_process, reserve_processor
-from proofmass.worker import Crashed, call_isolated
+from proofmass.verdict.outcome import Outcome
 
 FREE_MOTION = "passive"  # the kind of run of a free motion, which is no run of a sidecar
 STEPPED_KINDS = ("dynamics", FREE_MOTION)  # kinds of runs with time steps

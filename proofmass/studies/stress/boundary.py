@@ -12,9 +12,9 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from proofmass.files import write_output
+from proofmass.base.files import write_output
+from proofmass.base.wording import number
 from proofmass.studies.record import format_cells, read_cells, write_columns
-from proofmass.wording import number
 
 PRINTED_DIGITS = 4
 """Significant digits of the values that are tried near a boundary, so that the printed value is

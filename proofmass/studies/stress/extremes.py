@@ -32,14 +32,13 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.planar import read
 from proofmass.analytic.planar.kinematics import Drives, close_loops
-from proofmass.case import Case, Channel
-from proofmass.errors import InputError
-from proofmass.outcome import Outcome
-from proofmass.reference import compiled_model
-from proofmass.strict import Kind
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case, Channel
+from proofmass.reference.reference import compiled_model
 from proofmass.studies import variants
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.invariants import conserves_energy, invariants
@@ -89,6 +88,7 @@ from proofmass.studies.variants import (
     with_planar_reference,
     with_whole_steps,
 )
+from proofmass.verdict.outcome import Outcome
 
 MAX_ENERGY_SAMPLES = 2000  # samples of a run whose energy is checked, at most
 MAX_ENERGY_ERROR = 0.01

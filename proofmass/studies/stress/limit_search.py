@@ -15,15 +15,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from proofmass.case import Case
-from proofmass.engines import engine_of
-from proofmass.errors import InputError
-from proofmass.mobility import mobility
-from proofmass.outcome import Outcome
-from proofmass.reference import compiled_model, run_samples
+from proofmass.base.errors import InputError
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.base.worker import KILLED_BY_SIGNAL, call_isolated
+from proofmass.case.case import Case
+from proofmass.reference.mobility import mobility
+from proofmass.reference.reference import compiled_model, run_samples
+from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import compiles
 from proofmass.sim.protocol import Engine, Scheme
-from proofmass.strict import Kind
 from proofmass.studies.measure import Measurement, StudyRun, measure, observe, simulate_task
 from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import Store, task_key
@@ -38,8 +39,7 @@ from proofmass.studies.stress.boundary import (
     is_engine_warning,
 )
 from proofmass.studies.variants import PLANAR_REFERENCE, with_whole_steps
-from proofmass.wording import number
-from proofmass.worker import KILLED_BY_SIGNAL, call_isolated
+from proofmass.verdict.outcome import Outcome
 
 BOUNDARY_TOLERANCE = 0.01
 """Relative distance of the failing value from the holding one at which a bisection ends."""

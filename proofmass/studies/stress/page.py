@@ -22,20 +22,21 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.base.wording import format_unit, number
 from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import label_row, save
 from proofmass.report.page import slug
 from proofmass.report.strip import Strip, log_place
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
+from proofmass.sim.engines import format_solver
 from proofmass.studies.stress.boundary import (
     Boundary,
     BoundaryKind,
     format_exactly,
     read_boundaries,
 )
-from proofmass.wording import format_solver, format_unit, number
 
 CHART_SCRIPTS = ("axes.js", "rows.js", "limits.js")
 """Scripts of the chart."""

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from proofmass.drive import Steady
-from proofmass.engines import computes_curves, engine_names, engine_of
-from proofmass.outcome import Outcome
+from proofmass.case.drive import Steady
+from proofmass.run.solve import call_engine
+from proofmass.sim.engines import computes_curves, engine_names, engine_of
 from proofmass.sim.problem_models import problem_mjcf, start_key, wheel_model
 from proofmass.sim.protocol import Curves, Drive, LimitProblem, Rod, Run, Scheme
 from proofmass.sim.stability import stability_limit
-from proofmass.solve import call_engine
 from proofmass.studies.measure import Measurement, measure, step_taken
 from proofmass.studies.stress import theory
 from proofmass.studies.stress.boundary import BoundaryKind, Failure, TrialResult, is_engine_warning
 from proofmass.studies.stress.limit_search import LimitSearch, kind_of_limit
+from proofmass.verdict.outcome import Outcome
 
 DEFAULT_STEPS, STEPS_PER_SAMPLE = 4000, 20  # time steps of a run, and from one sample to the next
 RUN_TIMEOUT = 120.0  # processor time of a run, at most

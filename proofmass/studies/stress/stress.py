@@ -18,9 +18,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from proofmass.command import error_console, exit_on_error, progress_bar
-from proofmass.pool import pool
-from proofmass.studies.command import load_cases
+from proofmass.base.wording import number
 from proofmass.studies.run import Progress
 from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_or_make
 from proofmass.studies.stress import problems
@@ -29,47 +27,8 @@ from proofmass.studies.stress.boundary import (
     BoundaryKind,
     Failure,
     TrialResult,
-    write_boundaries,
 )
-from proofmass.studies.stress.extremes import list_extremes
 from proofmass.studies.stress.limit_search import LimitSearch, TryValue
-from proofmass.studies.stress.problems import list_problems
-from proofmass.terminal import make_console
-from proofmass.wording import number
-
-
-def run_stress(
-    paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None, only: str
-) -> None:
-    """Run ``proofmass stress``; `proofmass.cli` describes its arguments."""
-    with exit_on_error(f"{output} keeps the runs"):
-        from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
-
-        found = search_cases(paths or [], output, jobs, dask, only)
-        write_boundaries(found, output / "stress.csv")
-        make_console().print(result_table(found))
-        print(write_stress(output, output).first)
-
-
-def search_cases(
-    paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
-) -> list[Boundary]:
-    """Find boundaries with a progress bar on standard error, and print which do not apply."""
-    store = Store(folder / "runs")
-    searches = [] if paths else [cache_trials(one, store) for one in list_problems()]
-    for case in load_cases(paths) if paths else ():
-        ours, skipped = list_extremes(case, store)
-        searches += ours
-        for why in skipped:
-            error_console.print(f"{case.name}: not varied: {why}")
-    searches = [one for one in searches if only in one.parameter]
-    if not searches:
-        raise ValueError(f"--only {only}: no such parameter")
-    with (
-        pool(jobs, dask) as workers,
-        progress_bar(len(searches), max_letters=40) as advance,
-    ):
-        return find_boundaries(searches, workers, advance)
 
 
 def result_table(found: list[Boundary]) -> Table:

@@ -43,7 +43,7 @@ def periods_until_error(scheme: Scheme, z: float, share: float = 0.1) -> float:
     The error follows from the powers of the step's matrix.  The phase error is z^2 / 24 of the
     phase with semi-implicit steps, and z^4 / 120 of it with RK4.
 
-    >>> from proofmass.engines import engine_of
+    >>> from proofmass.sim.engines import engine_of
     >>> lead, (scheme,) = 2 * np.arcsin(0.1), engine_of("pymunk").schemes
     >>> periods = periods_until_error(scheme, 0.05)
     >>> bool(np.isclose(periods, lead * 24 / 0.05**2 / (2 * np.pi), rtol=1e-3))
@@ -69,7 +69,7 @@ def steps_until_energy_share(scheme: Scheme, z: float, share: float = 0.9) -> fl
     RK4 dissipates z^6 / 72 of the energy per step; the eigenvalues of the other schemes lie on the
     unit circle, so they dissipate none.
 
-    >>> from proofmass.engines import engine_of
+    >>> from proofmass.sim.engines import engine_of
     >>> schemes = {one.name: one for one in engine_of("mujoco").schemes}
     >>> steps = steps_until_energy_share(schemes["RK4"], 0.1)
     >>> bool(np.isclose(steps, -np.log(0.9) * 72 / 0.1**6, rtol=2e-3))
@@ -86,7 +86,7 @@ def largest_accurate_z(scheme: Scheme, steps: float, share: float = 0.1) -> floa
 
     The error is that of `periods_until_error`, over the range of the oscillation.
 
-    >>> from proofmass.engines import engine_of
+    >>> from proofmass.sim.engines import engine_of
     >>> scheme, = engine_of("pymunk").schemes
     >>> z = largest_accurate_z(scheme, 1000)
     >>> bool(np.isclose(1000 * z**3 / 24, 2 * np.arcsin(0.1), rtol=0.02))

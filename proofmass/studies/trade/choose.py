@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from textwrap import fill
 
-from proofmass.case import Case
-from proofmass.engines import engine_of
-from proofmass.outcome import Outcome
-from proofmass.strict import Kind
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.sim.engines import engine_of
 from proofmass.studies.record import NAN, StudyRow, format_kind
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.series import (
@@ -34,7 +34,7 @@ from proofmass.studies.trade.words import (
     format_setting,
     is_error_of_drives,
 )
-from proofmass.wording import number
+from proofmass.verdict.outcome import Outcome
 
 ERROR_MARGIN = 2.0
 """Least ratio of the wanted error to the measured one, which may be larger from another start."""

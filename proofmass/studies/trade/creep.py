@@ -14,16 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.engines import engine_of
-from proofmass.reference import compiled_model, evaluate, run_samples
+from proofmass.base.arrays import Array
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model, evaluate, run_samples
 from proofmass.sim.contents import size
+from proofmass.sim.engines import engine_of
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.record import NAN, Setting
 from proofmass.studies.trade.program import NoCurves, drive_ways, program_text, run_bare_program
 from proofmass.studies.trade.verify import setting_as_used
-from proofmass.wording import number
 
 FINAL_SHARE = 0.1
 """Share of a run, at its end, over which the rate is taken."""

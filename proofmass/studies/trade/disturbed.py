@@ -19,14 +19,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.errors import InputError
-from proofmass.reference import compiled_model
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model
 from proofmass.sim.contents import size
 from proofmass.sim.protocol import Curves
 from proofmass.sim.rods import chain, joint_names
-from proofmass.strict import Kind
 from proofmass.studies.measure import (
     Measurement,
     StudyRun,
@@ -38,7 +39,6 @@ from proofmass.studies.record import KIND_UNITS, NAN
 from proofmass.studies.store import Store, digest, read_or_make, task_key
 from proofmass.studies.trade.varied import own_settings_series
 from proofmass.studies.variants import multiply_attribute, with_model
-from proofmass.wording import number
 
 DISTURBANCE = 1e-9
 """Disturbance of the start: of all joints, and of arcs of rods with a free end [rad, or mechanism's

@@ -20,15 +20,15 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from proofmass.engines import NoEngine, engine_of
-from proofmass.grouping import group_by
-from proofmass.outcome import Outcome
+from proofmass.base.grouping import group_by
+from proofmass.base.wording import number
 from proofmass.report.figures import set_decades
 from proofmass.report.refinements import draw_triangle
+from proofmass.sim.engines import NoEngine, engine_of
 from proofmass.studies.record import KIND_UNITS, StudyRow
 from proofmass.studies.trade.varied import setting_size
 from proofmass.studies.trade.verdict import Verdict, pareto_front
-from proofmass.wording import number
+from proofmass.verdict.outcome import Outcome
 
 LINE_COLOUR = "#888888"
 SHARED_LETTER_DISTANCE = 9.0

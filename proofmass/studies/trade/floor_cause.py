@@ -12,12 +12,11 @@ from collections.abc import Iterator, Sequence
 from math import log
 from pathlib import Path
 
-from proofmass.case import Case
-from proofmass.engines import engine_of
-from proofmass.outcome import Outcome
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case
+from proofmass.run.solve import describe_dynamics
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import STEP_CAUSE, Perturbation
-from proofmass.solve import describe_dynamics
-from proofmass.strict import Kind
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.trade.varied import ConvergenceSeries, with_step
 from proofmass.studies.variants import (
@@ -26,6 +25,7 @@ from proofmass.studies.variants import (
     with_every_other_row,
     with_planar_reference,
 )
+from proofmass.verdict.outcome import Outcome
 
 SIGNIFICANT_FACTOR = 1.1
 """Factor on the error from which a change counts as the cause: a fifth of a first-order error."""

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 from typing import NamedTuple
 
+from proofmass.base.wording import number
 from proofmass.studies.record import StudyRow
 from proofmass.studies.trade.verdict import comparable_settings
-from proofmass.wording import number
 
 BUSY_LOAD = 1.25
 """Load average per processor above which runs wait; the study itself runs one on each processor."""

@@ -4,10 +4,10 @@ Each engine states the orders of its settings.  A rod as a chain of n segments c
 and as n^-1 with the naive springs.
 """
 
-from proofmass.case import Case
-from proofmass.engines import engine_of
-from proofmass.solve import describe_dynamics
-from proofmass.strict import Kind
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case
+from proofmass.run.solve import describe_dynamics
+from proofmass.sim.engines import engine_of
 from proofmass.studies.trade.varied import ConvergenceSeries
 
 DERIVATIVE_OF_KIND = {"position": 0, "energy": 1, "velocity": 1, "acceleration": 2, "force": 2}

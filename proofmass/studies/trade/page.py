@@ -17,16 +17,16 @@ import numpy as np
 from proofmass.report.style import FIXED_LOOKS, RC, Look  # isort: skip
 from matplotlib import rc_context
 
-from proofmass.engines import NoEngine, engine_of
-from proofmass.errors import InputError
-from proofmass.front import nondominated_points
-from proofmass.grouping import group_by
-from proofmass.outcome import Outcome
+from proofmass.base.errors import InputError
+from proofmass.base.front import nondominated_points
+from proofmass.base.grouping import group_by
+from proofmass.base.wording import number
 from proofmass.report.case_data import finite_or_none
 from proofmass.report.figures import save
 from proofmass.report.page import slug
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
+from proofmass.sim.engines import NoEngine, engine_of, format_solver
 from proofmass.sim.protocol import ParameterValue
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, read_table
 from proofmass.studies.trade.choose import (
@@ -62,7 +62,7 @@ from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.trade import read_verdicts
 from proofmass.studies.trade.verdict import Verdict, comparable_settings, pareto_front
 from proofmass.studies.trade.words import format_floor, format_setting, format_setting_briefly
-from proofmass.wording import format_solver, number
+from proofmass.verdict.outcome import Outcome
 
 COPIED_FILES = ("trade.csv", "trade.columns.md", "floors.csv", "verdicts.json")
 SCRIPTS = ("axes.js", "diagram.js", "trade.js")

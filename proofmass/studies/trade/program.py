@@ -18,19 +18,19 @@ from pathlib import Path
 
 import numpy as np
 
-from proofmass.case import Case
-from proofmass.drive import motion_source
-from proofmass.engines import engine_of
-from proofmass.errors import InputError
-from proofmass.files import write_atomically
-from proofmass.profile import controls_source
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_atomically
+from proofmass.base.wording import number
+from proofmass.base.worker import TIMER_CODES
+from proofmass.case.case import Case
+from proofmass.case.drive import motion_source
+from proofmass.case.profile import controls_source
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import Curves, Imposed, Run, drive_columns
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.measure import pin_process, relative_errors, reserve_processor
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store, digest, digest_of_sources, package_versions, read_json
-from proofmass.wording import number
-from proofmass.worker import TIMER_CODES
 
 
 def snippet(setting: Setting, steps: int, model: Path | None = None) -> str:

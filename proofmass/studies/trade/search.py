@@ -18,14 +18,13 @@ from dataclasses import dataclass, field
 from itertools import takewhile
 from math import inf, isclose, isfinite
 
-from proofmass.case import Case
-from proofmass.clock import processor_time
-from proofmass.engines import engine_of
-from proofmass.errors import InputError
-from proofmass.outcome import Outcome
-from proofmass.reference import run_samples
+from proofmass.base.clock import processor_time
+from proofmass.base.errors import InputError
+from proofmass.case.case import Case
+from proofmass.reference.reference import run_samples
+from proofmass.run.solve import describe_dynamics, prescribed_run
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import Curves, Recipe, first_number, whole_steps
-from proofmass.solve import describe_dynamics, prescribed_run
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow
@@ -46,6 +45,7 @@ from proofmass.studies.trade.series import (
     setting_at_step,
 )
 from proofmass.studies.trade.varied import own_settings_series
+from proofmass.verdict.outcome import Outcome
 
 TIMING_REPEATS = 2  # repeats, for their times, of each setting that may be the cheapest
 CLOSE_STEP_RATIO = 1.25

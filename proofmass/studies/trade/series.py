@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from math import inf, isclose, isfinite, log
 
-from proofmass.case import Case
-from proofmass.outcome import Outcome
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.case.case import Case
+from proofmass.sim.engines import format_solver
 from proofmass.sim.protocol import first_number
-from proofmass.strict import Kind
 from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
@@ -25,7 +26,7 @@ from proofmass.studies.run import make_row
 from proofmass.studies.store import Store, package_versions, task_key
 from proofmass.studies.trade.varied import ConvergenceSeries, list_series, with_step
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.wording import format_solver, number
+from proofmass.verdict.outcome import Outcome
 
 MIN_FALLING_ORDER = 0.5
 """Order, over two refinements, below which an error counts as no longer falling."""

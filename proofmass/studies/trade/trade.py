@@ -22,16 +22,16 @@ from itertools import product
 from math import inf, isclose, isnan, nan
 from pathlib import Path
 
-from proofmass.case import Case
-from proofmass.errors import InputError
-from proofmass.files import write_output
-from proofmass.grouping import group_by
-from proofmass.outcome import Outcome
-from proofmass.pool import pool
-from proofmass.reference import compiled_model
+from proofmass.base.errors import InputError
+from proofmass.base.files import write_output
+from proofmass.base.grouping import group_by
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.batch.pool import pool
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model
+from proofmass.run.solve import MAX_FORCE_EVALUATIONS
 from proofmass.sim.protocol import Perturbation, first_number
-from proofmass.solve import MAX_FORCE_EVALUATIONS
-from proofmass.strict import Kind
 from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, write_table
@@ -71,7 +71,7 @@ from proofmass.studies.trade.words import (
     format_worsened,
     is_error_of_drives,
 )
-from proofmass.wording import number
+from proofmass.verdict.outcome import Outcome
 
 SERIES_BUDGET = 0.5
 """Counted time of a run [s] after which its series ends; only slow engines reach it."""

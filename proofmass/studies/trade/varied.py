@@ -9,14 +9,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from proofmass.case import Case
-from proofmass.engines import NoEngine, engine_of
-from proofmass.reference import compiled_model
+from proofmass.base.strict import Kind
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model
+from proofmass.run.solve import describe_dynamics
+from proofmass.sim.engines import NoEngine, engine_of, format_solver
 from proofmass.sim.protocol import Engine, ParameterValue, Scan, scan_over
-from proofmass.solve import describe_dynamics
-from proofmass.strict import Kind
 from proofmass.studies.record import Setting
-from proofmass.wording import format_solver
 
 
 def setting_size(engine: str, varied: str, value: ParameterValue) -> float:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proofmass.front import nondominated_points
-from proofmass.outcome import Outcome
+from proofmass.base.front import nondominated_points
 from proofmass.studies.record import NAN, StudyRow
+from proofmass.verdict.outcome import Outcome
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,16 @@ import mujoco
 import numpy as np
 
 from proofmass.analytic import planar
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.engines import engine_of
-from proofmass.outcome import OUTCOME_OF_EXCEPTION
-from proofmass.reference import compiled_model, control_profiles, evaluate
+from proofmass.base.arrays import Array
+from proofmass.base.strict import Kind
+from proofmass.base.wording import number
+from proofmass.base.worker import TimedOut
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model, control_profiles, evaluate
+from proofmass.run.solve import call_engine
+from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import read_spec, read_tree
 from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
-from proofmass.solve import call_engine
-from proofmass.strict import Kind
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.measure import REFERENCE_TIMEOUT, StudyRun, relative_errors
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow
@@ -32,8 +33,7 @@ from proofmass.studies.trade.program import (
     drive_ways,
     run_stored_program,
 )
-from proofmass.wording import number
-from proofmass.worker import TimedOut
+from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION
 
 RUN_ERRORS: tuple[type[Exception], ...] = (BadModel, *OUTCOME_OF_EXCEPTION)
 """Exceptions that a run may raise."""

@@ -2,7 +2,8 @@
 
 from math import isfinite
 
-from proofmass.outcome import Outcome
+from proofmass.base.wording import number
+from proofmass.sim.engines import format_solver
 from proofmass.studies.record import NAN, StudyRow
 from proofmass.studies.trade.orders import ORDER_TOLERANCE
 from proofmass.studies.trade.series import (
@@ -14,7 +15,7 @@ from proofmass.studies.trade.series import (
     observed_order,
 )
 from proofmass.studies.trade.verdict import Verdict
-from proofmass.wording import format_solver, number
+from proofmass.verdict.outcome import Outcome
 
 STATED_ERROR = 1e-4
 """Error [share of the range] for which the needed step of a series is stated."""

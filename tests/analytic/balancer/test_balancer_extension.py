@@ -8,7 +8,7 @@ from proofmass.analytic.balancer import flexing, solve
 from proofmass.analytic.balancer.measures import TARGETS, weight_target
 from proofmass.analytic.balancer.synthesis import Synthesis, Variant
 from proofmass.design.template import write_case
-from proofmass.outcome import GOOD_OUTCOMES
+from proofmass.verdict.outcome import GOOD_OUTCOMES
 from tests.analytic.balancer.balancer_table import parameters, rows
 from tests.verdicts import all_comparisons
 

@@ -7,7 +7,7 @@ import pytest
 
 from proofmass.analytic.balancer import posture, solve
 from proofmass.design.template import write_case
-from proofmass.outcome import GOOD_OUTCOMES
+from proofmass.verdict.outcome import GOOD_OUTCOMES
 from tests.analytic.balancer.balancer_table import DATA, parameters, rows
 from tests.shipped import shipped
 from tests.verdicts import all_comparisons

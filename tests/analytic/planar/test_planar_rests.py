@@ -12,13 +12,13 @@ from proofmass.analytic.equilibrium import EquilibriumSolver, Unstable
 from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.planar import LinkageAtRest, SingularHere
 from proofmass.analytic.planar.kinematics import Drives
-from proofmass.check import check
-from proofmass.reference import compiled_model, evaluate
-from proofmass.sidecar import load_case
+from proofmass.batch.check import check
+from proofmass.reference.reference import compiled_model, evaluate
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import ChangingLoad, Drive, Run
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
-from proofmass.solve import plan_run
 from tests.shipped import shipped, shipped_files
 
 LIMBS_MODEL = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0">

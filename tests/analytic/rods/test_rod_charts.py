@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.analytic.rods import rod_pair
 from proofmass.analytic.rods.rod_pair import MAX_SHOWN_DIRECTIONS, divide_into_panels
-from proofmass.case import Case
-from proofmass.chart import compute_chart
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.case.case import Case
+from proofmass.reference.charts import compute_chart
 from proofmass.report.charts import chart_figure
 from proofmass.report.style import RC
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from tests.report.test_chart_figure import bold_lines, dashed_lines
 from tests.shipped import shipped
 

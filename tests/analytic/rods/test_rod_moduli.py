@@ -6,9 +6,9 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic.chart import Chart
 from proofmass.analytic.rods import rod_pinned
-from proofmass.case import Case
-from proofmass.chart import compute_chart
-from proofmass.sidecar import load_case
+from proofmass.case.case import Case
+from proofmass.reference.charts import compute_chart
+from proofmass.run.sidecar import load_case
 from tests.shipped import shipped
 
 

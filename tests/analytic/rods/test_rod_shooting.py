@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from proofmass.analytic.rods import from_tip, integrate, of_load, pinned, rod_pinned, tip
 from proofmass.analytic.rods.shooting import stability
-from proofmass.chart import compute_chart
-from proofmass.sidecar import load_case
+from proofmass.reference.charts import compute_chart
+from proofmass.run.sidecar import load_case
 from tests.shipped import shipped
 
 FILE = Path(__file__).parents[2] / "data" / "rod_elliptic.json"

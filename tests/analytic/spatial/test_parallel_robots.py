@@ -7,9 +7,9 @@ import pytest
 from proofmass import load_case
 from proofmass.analytic import spatial
 from proofmass.analytic.spatial.kinematics import rotation_matrices
-from proofmass.compare import compare
+from proofmass.run.solve import plan_run, solve
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import plan_run, solve
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped, shipped_case
 
 WEIGHT = np.array([0.0, 0.0, -9.81])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from proofmass.analytic import spatial
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import Run
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 

@@ -18,11 +18,11 @@ from proofmass import load_case
 from proofmass.analytic import spatial
 from proofmass.analytic.spatial import motion
 from proofmass.analytic.spatial.motion import regular_pseudo_inverse
-from proofmass.compare import reference_for
+from proofmass.reference.reference import reference_for
+from proofmass.run.solve import solve
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import Run
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import solve
 from tests.shipped import shipped
 
 Curve = Callable[[np.ndarray], np.ndarray]

@@ -15,13 +15,13 @@ from proofmass.analytic.numerics import NotCovered
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import advance_pose
 from proofmass.analytic.spatial.mechanism import read_tree
-from proofmass.check import check
-from proofmass.reference import compiled_model, evaluate, properties
-from proofmass.sidecar import load_case
+from proofmass.batch.check import check
+from proofmass.reference.reference import compiled_model, evaluate, properties
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import ChangingLoad, Drive, Run
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import plan_run
 from tests.analytic.planar.test_planar_rests import ANGLES, bar_profile, random_chain, write_limbs
 from tests.shipped import shipped
 

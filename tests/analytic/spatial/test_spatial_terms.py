@@ -16,11 +16,11 @@ from proofmass.analytic.spatial.kinematics import advance_pose
 from proofmass.analytic.spatial.mechanism import Tree, read_tree
 from proofmass.analytic.spatial.terms import TERM_NAMES, OwnTerms, Terms, TermSource, own_terms
 from proofmass.analytic.spatial.witness import TermsDiffer, compare_terms
-from proofmass.errors import InputError
-from proofmass.reference import properties
+from proofmass.base.errors import InputError
+from proofmass.reference.reference import properties
+from proofmass.run.solve import solve
 from proofmass.sim.protocol import Unsupported
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import solve
 from tests.shipped import shipped
 
 ALL_FEATURES_MODEL = """

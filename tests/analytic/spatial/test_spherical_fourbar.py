@@ -7,9 +7,9 @@ import pytest
 from proofmass import load_case
 from proofmass.analytic import spatial
 from proofmass.analytic.linkages import fourbar
-from proofmass.compare import compare
+from proofmass.run.solve import solve
 from proofmass.sim.smooth import SmoothTerms
-from proofmass.solve import solve
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 
 ARCS = np.radians([30.0, 60.0, 75.0, 70.0])

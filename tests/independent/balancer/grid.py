@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer.model import Balancer, close_chain
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from tests.independent.balancer.trial import (
     check_inputs,
     deflections,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer.measures import rmse
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 KINK_SEARCHES = 10
 """Number of searches for kinks, from as many combinations of samples."""

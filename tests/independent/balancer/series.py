@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from proofmass.analytic.balancer.model import balancer, close_chain
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 
 def curve(beta: ArrayLike, **parameters: float) -> dict[str, Array]:

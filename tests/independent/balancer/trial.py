@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.balancer.model import Balancer, balancer
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from tests.independent.balancer.loads import node_loads, pin_force
 
 BELOW_STRETCHED = 1.0 - 1e-14  # a stretched chain whose cosine does not round to more than one

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 # lengths of the stub at the clamp and of the last segment [h], spring at the clamp [EI/h]
 SCHEMES = {"half": (0.5, 0.5, 1.0), "double": (0.0, 1.0, 2.0), "naive": (0.0, 1.0, 1.0)}

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.assembly import Assembly
+from proofmass.base.arrays import Array
 from tests.independent.rods.chain import (
     Chain,
     carried_forces,

@@ -10,8 +10,8 @@ The unknowns are theta (k n), the pose P, phi (f = 2 or 3) and n (2k); Newton's 
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
 from proofmass.analytic.rods.assembly import Assembly
+from proofmass.base.arrays import Array
 from tests.independent.rods.chain import (
     Chain,
     carried_forces,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from tests.independent.rods.chain_matrix import Bordered
 
 System = Callable[[Array], tuple[Array, Bordered]]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from tests.independent.rods.chain import (
     Chain,
     carried_forces,

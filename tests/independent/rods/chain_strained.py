@@ -11,7 +11,7 @@ link, M_k and c_k the moment and the stiffness of the spring at its beginning::
 import numpy as np
 from scipy.optimize import root
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 
 def free(

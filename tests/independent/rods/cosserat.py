@@ -19,7 +19,7 @@ import numpy as np
 from scipy.integrate import solve_bvp, solve_ivp
 from scipy.optimize import root
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ definite.  Newton's matrix of the equilibrium contains H and A::
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 
 
 def curvatures(matrix: Array, constraints: int) -> Array:

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.reference import evaluate
-from proofmass.sidecar import load_case
+from proofmass.reference.reference import evaluate
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.dynamics import check_run
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import BadModel, Curves, Diverged, Drive, Run, Unsupported
-from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 

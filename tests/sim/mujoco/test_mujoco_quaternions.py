@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine, prescribed_run
 from proofmass.sim.mujoco.engine import ENGINE
 from proofmass.sim.protocol import Imposed
-from proofmass.solve import call_engine, prescribed_run
 from tests.programs import program_curves
 from tests.shipped import shipped
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, root
 
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve_here
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.protocol import BadModel, ChangingLoad, Curves, Drive, Run, Unsupported
-from proofmass.solve import solve_here
 
 G = 10.0
 DRIVE_OF_A = Drive("a", lambda x: (x, np.ones_like(x), np.zeros_like(x)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.self_consistency import why_failed
+from proofmass.reference.self_consistency import why_failed
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.own_motion import (

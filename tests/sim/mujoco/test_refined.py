@@ -9,16 +9,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass import reference
-from proofmass.compare import compare
-from proofmass.errors import InputError
-from proofmass.reference import evaluate, run_samples
-from proofmass.self_consistency import Rung
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.reference import reference
+from proofmass.reference.reference import evaluate, run_samples
+from proofmass.reference.self_consistency import Rung
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import prescribed_run, solve
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
 from proofmass.sim.protocol import Run
-from proofmass.solve import prescribed_run, solve
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 
 BOX_SIDECAR = shipped("tumbling_box.toml")

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.drive import motion_source
-from proofmass.sidecar import load_case
+from proofmass.case.drive import motion_source
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.engine import insert_snippet
 from proofmass.sim.mujoco.model import load
@@ -22,7 +23,6 @@ from proofmass.sim.mujoco.settings import (
 )
 from proofmass.sim.mujoco.tried_settings import recipes
 from proofmass.sim.protocol import Run, Studied, first_number
-from proofmass.solve import call_engine
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import snippet
 from tests.programs import program_curves

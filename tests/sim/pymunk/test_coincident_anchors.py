@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.sidecar import load_case
-from proofmass.solve import solve_here
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve_here
 
 CART, BOB, LENGTH, RADIUS, GRAVITY = 0.2, 5.0, 0.5, 0.04, 9.81  # [kg, kg, m, m, m/s^2]
 START, END = (0.1, 1.0), 0.5

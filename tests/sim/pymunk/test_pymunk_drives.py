@@ -12,14 +12,14 @@ import pytest
 
 from proofmass import load_case
 from proofmass.analytic import planar
-from proofmass.engines import engine_of
+from proofmass.run.solve import plan_run
+from proofmass.sim.engines import engine_of
 from proofmass.sim.protocol import BadModel, Diverged, Drive, Run
 from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.dynamics import contraction_factor
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.model import read_links, read_model
 from proofmass.sim.pymunk.space import build_space, set_states
-from proofmass.solve import plan_run
 from tests.shipped import shipped
 
 MODEL_HEAD = (

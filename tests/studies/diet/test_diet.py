@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.cli import app
-from proofmass.compare import compare
-from proofmass.sidecar import load_case
-from proofmass.solve import plan_run
+from proofmass.commands.cli import app
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.studies.diet.diet import Diet, DietSearch
 from proofmass.studies.diet.edits import (
     EditedModel,
@@ -26,6 +25,7 @@ from proofmass.studies.diet.edits import (
 )
 from proofmass.studies.diet.scene import DietScene, load_scene, monitor_run
 from proofmass.studies.diet.trial import most_iterations
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 
 CORE_MODEL = """
@@ -259,7 +259,7 @@ def test_a_free_joint_becomes_planar_if_the_motion_is_planar(tmp_path, speed, pl
 
 @pytest.mark.parametrize("name", ["fourbar", "balancer4_sam", "rod_pinned"])
 def test_a_model_is_written_with_all_its_digits(tmp_path, name):
-    from proofmass.sidecar import load_case
+    from proofmass.run.sidecar import load_case
 
     rods = load_case(shipped(f"{name}.toml")).rods
     edited, file = EditedModel(shipped(f"{name}.xml"), rods), tmp_path / f"{name}.xml"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
 from proofmass.sim.protocol import Curves, Run
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.edits import read_model

@@ -7,13 +7,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.compare import compare, reference_for
-from proofmass.sidecar import load_case
-from proofmass.solve import call_engine, plan_run
+from proofmass.reference.reference import reference_for
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine, plan_run
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.edits import set_option, write_model
 from proofmass.studies.diet.options import change_integrator, lengthen_step, loosen_tolerance
 from proofmass.studies.diet.scene import load_scene
+from proofmass.verdict.compare import compare
 from tests.shipped import shipped, shipped_files
 
 SHIPPED_MODELS = shipped_files("*.xml")

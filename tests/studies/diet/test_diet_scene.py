@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from proofmass.compare import compare_channel
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.base.worker import OutOfMemory, TimedOut
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.protocol import Curves, Run
-from proofmass.solve import plan_run
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.edits import read_model
 from proofmass.studies.diet.scene import (
@@ -23,7 +23,7 @@ from proofmass.studies.diet.scene import (
     channel_errors,
     monitor_run,
 )
-from proofmass.worker import OutOfMemory, TimedOut
+from proofmass.verdict.compare import compare_channel
 from tests.shipped import shipped
 from tests.studies.diet.test_diet_options import write_pendulum
 from tests.studies.test_study_verdicts import monitored_run_of, raising

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.run.sidecar import load_case
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.scene import load_scene
 from tests.shipped import shipped

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.cli import app
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
+from proofmass.base.worker import TimedOut
+from proofmass.commands.cli import app
 from proofmass.sim.protocol import Run
 from proofmass.studies.diet import scene as scenes
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import load_scene
 from proofmass.studies.diet.trial import independent_groups
-from proofmass.worker import TimedOut
 from tests.studies.diet.test_diet_bare import compare_in_bare_mujoco, write_edited_model
 
 TWO_CRANKS = """<mujoco><option timestep="0.002"/>

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.run.sidecar import load_case
 from proofmass.sim.mjcf import compiles
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting

@@ -10,9 +10,10 @@ import pytest
 from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
-from proofmass.cli import app
-from proofmass.pool import pool
-from proofmass.reference import drive_profiles
+from proofmass.base.worker import TimedOut
+from proofmass.batch.pool import pool
+from proofmass.commands.cli import app
+from proofmass.reference.reference import drive_profiles
 from proofmass.sim.mjcf import compile_model
 from proofmass.studies import variants
 from proofmass.studies.measure import observe
@@ -38,7 +39,6 @@ from proofmass.studies.stress.limit_search import LimitSearch, NotApplicable, St
 from proofmass.studies.stress.page import stress_figure, write_stress
 from proofmass.studies.stress.stress import cache_trials, find_boundaries
 from proofmass.studies.variants import with_longer_run
-from proofmass.worker import TimedOut
 
 
 @pytest.mark.parametrize(("start", "reach", "edge"), [(0.1, 1e4, 37.0), (10.0, 1e-9, 2e-5)])

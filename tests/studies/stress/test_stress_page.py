@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.errors import InputError
+from proofmass.base.errors import InputError
 from proofmass.report.svg_markers import MARKER_PATHS, page_tones
 from proofmass.studies.stress.boundary import (
     Boundary,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from proofmass.analytic.rods.rod_snap import events
-from proofmass.engines import engine_of
-from proofmass.reference import compiled_model
+from proofmass.reference.reference import compiled_model
+from proofmass.sim.engines import engine_of
 from proofmass.studies import variants
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting

@@ -1,6 +1,6 @@
 """Curves of the drives of a run, with the column names that a program writes."""
 
-from proofmass.analytic.numerics import Array
+from proofmass.base.arrays import Array
 from proofmass.sim.protocol import Curves, Run, drive_columns
 
 

@@ -12,14 +12,16 @@ import pytest
 from typer.testing import CliRunner
 
 from proofmass.analytic.linkages import pendulum
-from proofmass.case import Case
-from proofmass.cli import app
-from proofmass.reference import compiled_model
-from proofmass.sidecar import load_case
+from proofmass.base.worker import TimedOut
+from proofmass.case.case import Case
+from proofmass.commands.choose import find_solver
+from proofmass.commands.cli import app
+from proofmass.reference.reference import compiled_model
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import insert_snippet
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.protocol import Diverged, Unsupported
-from proofmass.solve import plan_run
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import verify as verify_module
@@ -35,7 +37,6 @@ from proofmass.studies.trade.choose import (
     good_settings,
     is_default,
 )
-from proofmass.studies.trade.choose_command import find_solver
 from proofmass.studies.trade.program import snippet
 from proofmass.studies.trade.search import search
 from proofmass.studies.trade.series import Limits
@@ -51,7 +52,6 @@ from proofmass.studies.trade.verify import (
     state_at,
     verify,
 )
-from proofmass.worker import TimedOut
 from tests.shipped import shipped
 from tests.studies.trade.trade_rows import example_study, series_rows, series_verdicts
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from proofmass.cli import app
-from proofmass.engines import engine_of
-from proofmass.sidecar import load_case
+from proofmass.commands.cli import app
+from proofmass.run.sidecar import load_case
+from proofmass.sim.engines import engine_of
 from proofmass.studies.trade.creep import RATE_MARGIN, find_slow_setting
 from tests.programs import run_standalone
 from tests.shipped import shipped

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.case import Case
-from proofmass.reference import compiled_model, run_samples
-from proofmass.sidecar import load_case
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model, run_samples
+from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun, simulate_task
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proofmass.reference import compiled_model
-from proofmass.sidecar import load_case
+from proofmass.reference.reference import compiled_model
+from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import may_touch
 from proofmass.sim.pymunk.tried_settings import is_damped
 from proofmass.studies.measure import StudyRun, call_engine

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from proofmass.case import Case
-from proofmass.drive import (
+from proofmass.case.case import Case
+from proofmass.case.drive import (
     TABLE_TOLERANCE,
     FunctionProfile,
     InProportion,
@@ -20,10 +20,10 @@ from proofmass.drive import (
     Swing,
     motion_source,
 )
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine
 from proofmass.sim.mujoco.program import IMPOSED, expand_model, write_program
 from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
-from proofmass.solve import call_engine
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.program import (

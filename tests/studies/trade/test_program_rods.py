@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import call_engine
 from proofmass.sim.mujoco import program
 from proofmass.sim.mujoco.program import (
     IMPOSED,
@@ -20,7 +21,6 @@ from proofmass.sim.mujoco.program import (
 )
 from proofmass.sim.protocol import Imposed, Rod, Run, Unsupported
 from proofmass.sim.rods import compile_with_rods
-from proofmass.solve import call_engine
 from proofmass.studies.record import Setting
 from proofmass.studies.trade.choose import format_rods
 from proofmass.studies.trade.program import program_text_here, run_program

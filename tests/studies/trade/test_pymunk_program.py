@@ -16,11 +16,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from proofmass import reference
-from proofmass.analytic.numerics import Array
-from proofmass.case import Case
-from proofmass.drive import Swing, motion_source
-from proofmass.sidecar import load_case
+from proofmass.base.arrays import Array
+from proofmass.base.units import FORCE_UNITS
+from proofmass.case.case import Case
+from proofmass.case.drive import Swing, motion_source
+from proofmass.reference import reference
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import (
     BadSetting,
     Curves,
@@ -33,7 +34,6 @@ from proofmass.sim.protocol import (
 )
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
-from proofmass.units import FORCE_UNITS
 from tests.programs import run_standalone
 from tests.shipped import shipped, shipped_case, shipped_files
 from tests.studies.trade.driven import drive_curves

@@ -11,8 +11,8 @@ import numpy as np
 import pymunk
 import pytest
 
-from proofmass.case import Case
-from proofmass.sidecar import load_case
+from proofmass.case.case import Case
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Imposed
 from proofmass.sim.pymunk.tried_settings import bias_of_share
 from proofmass.studies.measure import StudyRun

@@ -5,8 +5,7 @@ from math import inf, isnan, nan
 
 import pytest
 
-from proofmass.outcome import Outcome
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
@@ -30,6 +29,7 @@ from proofmass.studies.trade.series import (
 )
 from proofmass.studies.trade.varied import ConvergenceSeries
 from proofmass.studies.trade.verdict import Verdict
+from proofmass.verdict.outcome import Outcome
 from tests.shipped import shipped
 
 CASE = load_case(shipped("fourbar.toml"))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from proofmass.sidecar import load_case
+from proofmass.run.sidecar import load_case
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting
 from proofmass.studies.run import run_tasks

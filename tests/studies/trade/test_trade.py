@@ -8,10 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.accuracy_places import orders_of_places
-from proofmass.cli import app
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
-from proofmass.solve import MAX_FORCE_EVALUATIONS, describe_dynamics
+from proofmass.base.errors import InputError
+from proofmass.commands.cli import app
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import MAX_FORCE_EVALUATIONS, describe_dynamics
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow, read_table
 from proofmass.studies.run import run_tasks
@@ -404,7 +404,7 @@ def test_an_order_that_is_limited_by_the_reference_has_a_remark(tmp_path, edit, 
         ],
     )
     monkeypatch.setattr(
-        "proofmass.solve.MAX_FORCE_EVALUATIONS", 6e4
+        "proofmass.run.solve.MAX_FORCE_EVALUATIONS", 6e4
     )  # down to steps where it matters
     study = trade.trade(
         [load_case(tmp_path / "models" / "pendulum.toml")], Store(tmp_path / "runs"), repeats=0
@@ -469,7 +469,7 @@ def run_trade(*args):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_command_prints_a_table_and_reuses_stored_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(import_module("proofmass.solve"), "MAX_FORCE_EVALUATIONS", 3e3)
+    monkeypatch.setattr(import_module("proofmass.run.solve"), "MAX_FORCE_EVALUATIONS", 3e3)
     monkeypatch.setattr(
         trade,
         "list_series",

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from proofmass.errors import InputError
-from proofmass.sidecar import load_case
+from proofmass.base.errors import InputError
+from proofmass.run.sidecar import load_case
 from proofmass.sim.protocol import Perturbation
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow

@@ -12,8 +12,8 @@ import pymunk
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.case import Case
-from proofmass.sidecar import load_case
+from proofmass.case.case import Case
+from proofmass.run.sidecar import load_case
 from proofmass.studies.store import Store
 from proofmass.studies.trade import trade
 from proofmass.studies.trade.series import find_worse_pair
@@ -145,7 +145,7 @@ def study(tmp_path_factory) -> trade.Trade:
     table = case.run["dynamics"].model_copy(update={"until": END_TIME, "n": SAMPLE_COUNT})
     case = case.model_copy(update={"run": {"dynamics": table}})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(import_module("proofmass.solve"), "MAX_FORCE_EVALUATIONS", 3.2e4)
+        patch.setattr(import_module("proofmass.run.solve"), "MAX_FORCE_EVALUATIONS", 3.2e4)
         patch.setattr(
             trade,
             "list_series",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from proofmass.files import LIST_NAME
+from proofmass.base.files import LIST_NAME
 from proofmass.report.figures import save
 from proofmass.report.svg_markers import page_tones
 from proofmass.studies.record import StudyRow

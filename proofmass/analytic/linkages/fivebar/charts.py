@@ -24,7 +24,8 @@ from proofmass.analytic.linkages.fivebar.maps import (
     type_2,
 )
 from proofmass.analytic.linkages.regions import chart_regions
-from proofmass.analytic.numerics import Array, Complex, check_finite
+from proofmass.analytic.numerics import check_finite
+from proofmass.base.arrays import Array, Complex
 
 TYPE_1_LABELS = {side: f"type 1: {side} crank and coupler in line" for side in ("left", "right")}
 TYPE_2_LABELS = {

@@ -33,8 +33,6 @@ from proofmass.analytic.linkages.bars import (
     pin_load,
 )
 from proofmass.analytic.numerics import (
-    Array,
-    Complex,
     broadcast_loads,
     broadcast_motion,
     check_finite,
@@ -47,6 +45,7 @@ from proofmass.analytic.numerics import (
     dot,
     unwrap_angles,
 )
+from proofmass.base.arrays import Array, Complex
 
 WORKING_MODES = (1, -1)
 

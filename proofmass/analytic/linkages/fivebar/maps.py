@@ -20,7 +20,8 @@ from proofmass.analytic.linkages.regions import (
     join_regions,
     overlap_area,
 )
-from proofmass.analytic.numerics import TURN, Array, Complex
+from proofmass.analytic.numerics import TURN
+from proofmass.base.arrays import Array, Complex
 
 WORKING_MODE_PAIRS: tuple[tuple[int, int], ...] = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """The four working modes: left_mode and right_mode of `solve_inverse`."""

@@ -29,7 +29,8 @@ from proofmass.analytic.linkages.threeprr.maps import (
     type_2_of_slice,
     volume,
 )
-from proofmass.analytic.numerics import TURN, Array, Complex
+from proofmass.analytic.numerics import TURN
+from proofmass.base.arrays import Array, Complex
 
 POSITION_AXES = (("x", "m"), ("y", "m"))
 SIGN_LABELS = {1: "singularity measure > 0", -1: "singularity measure < 0"}

@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from proofmass.analytic.linkages.bars import drive_moment, is_requested, pin_load
 from proofmass.analytic.numerics import (
-    Array,
-    Complex,
     broadcast_loads,
     broadcast_motion,
     check_finite,
@@ -27,6 +25,7 @@ from proofmass.analytic.numerics import (
     dot,
     unwrap_angles,
 )
+from proofmass.base.arrays import Array, Complex
 
 SIGNS = tuple(product((1, -1), repeat=3))
 WORKING_MODES = tuple(range(1, len(SIGNS) + 1))

@@ -19,14 +19,8 @@ from proofmass.analytic.linkages.threeprr.kinematics import (
     cross,
     signs_of_mode,
 )
-from proofmass.analytic.numerics import (
-    TURN,
-    Array,
-    Complex,
-    broadcast_motion,
-    check_finite,
-    check_number,
-)
+from proofmass.analytic.numerics import TURN, broadcast_motion, check_finite, check_number
+from proofmass.base.arrays import Array, Complex
 
 CURVE_SAMPLES = 721
 """Number of samples of a singular curve, which may leave the slice once between two of them."""

@@ -1,0 +1,1 @@
+"""What all other folders build on: errors, files, units, workers and plain data."""

@@ -1,0 +1,41 @@
+"""Numbers, units and lists as text for people."""
+
+import math
+from collections.abc import Iterable
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Format a number with `digits` significant digits; NaN as a dash, infinity as ∞.
+
+    >>> number(1.2345e-05), number(361.0), number(0), number(float("nan"))
+    ('1.23e-5', '361', '0', '—')
+    """
+    if not math.isfinite(value):
+        return "—" if math.isnan(value) else ("∞" if value > 0 else "-∞")
+    if value and not 1e-2 <= abs(value) < 1e5:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+        return f"{mantissa}e{int(exponent)}"
+    whole = len(str(int(abs(value))))
+    return f"{value:.0f}" if whole >= digits and abs(value) >= 1 else f"{value:.{digits}g}"
+
+
+def format_unit(unit: str) -> str:
+    """Format a unit with superscripts and centred dots.
+
+    >>> format_unit("rad/s^2"), format_unit("N m")
+    ('rad/s²', 'N·m')
+    """
+    return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·")
+
+
+def format_list(words: Iterable[str]) -> str:
+    """Format words as a list for a sentence; of more than four words the first three and a count.
+
+    >>> format_list("abc"), format_list("abcdef")
+    ('a, b and c', 'a, b, c and 3 more')
+    """
+    words = list(words)
+    if len(words) > 4:
+        words = [*words[:3], f"{len(words) - 3} more"]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -1,0 +1,1 @@
+"""Many cases at once: their files, the workers that run them, and their results."""

@@ -1,0 +1,752 @@
+"""Check cases: find them below given paths, run every solver and compare its curves."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, cast
+
+from proofmass.base.display import ShownAsHtml
+from proofmass.base.errors import InputError, model_error
+from proofmass.base.files import readable
+from proofmass.base.grouping import group_by
+from proofmass.base.strict import Kind
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
+from proofmass.batch.pool import ClusterError, pool, size_of
+from proofmass.case.case import Case
+from proofmass.case.inputs import MODEL_ENDING, SIDECAR_ENDING, is_of_others
+from proofmass.evidence.diagnosis import (
+    Diagnosis,
+    Explanation,
+    confirm_cause,
+    describe_failure,
+    find_causes,
+)
+from proofmass.reference.mobility import mobility
+from proofmass.reference.reference import run_samples
+from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
+from proofmass.run.sidecar import load_case
+from proofmass.run.solve import solve_here
+from proofmass.run.validate import validate_case
+from proofmass.sim.engines import engine_of
+from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.sim.protocol import BadModel, Curves, Diverged, Unsupported
+from proofmass.verdict.compare import Comparison, attach_reference, compare, failed_comparisons
+from proofmass.verdict.outcome import (
+    FAILED_OUTCOMES,
+    GOOD_OUTCOMES,
+    OUTCOME_OF_EXCEPTION,
+    UNCHECKED_OUTCOMES,
+    Outcome,
+)
+from proofmass.verdict.refinement import (
+    FinerRun,
+    RefinedRow,
+    RunResult,
+    refined_errors,
+    refinement_runs,
+)
+
+CheckTask = tuple[Case, Kind, str] | FinerRun | Path
+LOADING_SECONDS = 60.0  # [s], the time limit of reading a sidecar
+OWN_MODEL_TIMEOUT = 900.0
+"""Limit of the processor time of a model without a sidecar [s].  The solutions of its motion end by
+counts that take about `PROCESSOR_SECONDS`; on a slow machine they take up to 20 times as long."""
+OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES = 1.0, 101
+"""Length of the motion of a model without a sidecar [s], and the number of times at which two ways
+of solving it are compared."""
+CAUSES_SECONDS = 600.0
+"""Processor time after which the search for the causes of one run's differences is ended [s].  It
+ends by counts, after 3 min with the slowest shipped reference; this only ends what hangs."""
+
+
+@dataclass(frozen=True)
+class Result(ShownAsHtml):
+    """All results of a check: comparisons, their curves, diagnoses, and errors of the input.
+
+    Curves, diagnoses and notes are stored by the names of case, run and solver.  Curves that were
+    compared have their reference with them, see `proofmass.reference.reference.ComparedCurves`;
+    they are not kept where a `CaseConsumer` took them.  `failed` has the curves of failed runs, up
+    to the failure; `notes` has the remarks on the others.  Only runs that differ or failed have a
+    diagnosis.
+    `paths` are the files and folders that were given; `family_of` names a case's folder by them.
+    `of_others` are files of these folders that are neither sidecars nor models, see `find_inputs`.
+    """
+
+    cases: list[Case] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+    curves: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
+    refined: list[RefinedRow] = field(default_factory=list)
+    failed: dict[tuple[str, str, str], Curves] = field(default_factory=dict)
+    diagnoses: dict[tuple[str, str, str], Diagnosis] = field(default_factory=dict)
+    notes: dict[tuple[str, str, str], tuple[str, ...]] = field(default_factory=dict)
+    errors: list[InputError] = field(default_factory=list)
+    paths: tuple[Path, ...] = ()
+    of_others: list[Path] = field(default_factory=list)
+
+    @property
+    def exit_code(self) -> int:
+        """0: all agree; 1: something differs, diverged or crashed, or a case is unchecked; 2: bad
+        input.
+        """
+        wrong = any(c.outcome not in GOOD_OUTCOMES for c in self.comparisons)
+        return 2 if self.errors else int(wrong or bool(self.unchecked))
+
+    @property
+    def unchecked(self) -> list[Case]:
+        """Cases that ran without any check, although the sidecar does not say ``unchecked``."""
+        ran = {c.case for c in self.comparisons}
+        checked = {c.case for c in self.comparisons if c.outcome not in UNCHECKED_OUTCOMES}
+        return [case for case in self.cases if case.name in ran - checked and not case.unchecked]
+
+
+def find_inputs(paths: Iterable[Path], of_others: list[Path] | None = None) -> Iterator[Path]:
+    """Find sidecars, and models without a sidecar, in given files and below given folders.
+
+    They are found folder by folder.  Hidden folders and links to folders are not searched.  Files
+    of folders that are neither sidecars nor models, see `proofmass.case.inputs.is_of_others`, are
+    added to `of_others`; a file that is given by its name is an input in any case.
+
+    Raises
+    ------
+    InputError
+        A path does not exist or is no input; a folder cannot be read (raised after the files of all
+        folders that can).
+    """
+    for path in paths:
+        if not path.exists():
+            raise InputError(path, "", "no such file or folder")
+        if path.is_dir():
+            yield from find_in_folder(path, [] if of_others is None else of_others)
+        elif path.suffix == ".xml" and path.with_suffix(".toml").exists():
+            yield path.with_suffix(".toml")
+        elif path.suffix in (".toml", ".xml"):
+            yield path
+        else:
+            raise InputError(path, "", "neither a sidecar (.toml), a model (.xml) nor a folder")
+
+
+def find_in_folder(folder: Path, of_others: list[Path]) -> Iterator[Path]:
+    """Find what `find_inputs` yields of one folder, and add to `of_others`."""
+    unreadable: list[OSError] = []
+    nothing = True
+    for place, folders, files in os.walk(folder, onerror=unreadable.append):
+        there = [Path(place) / name for name in sorted(files + folders)]
+        folders[:] = sorted(
+            name
+            for name in folders
+            if not name.startswith(".") and not name.endswith((".toml", ".xml"))
+        )
+        candidates = [file for file in there if file.suffix in (SIDECAR_ENDING, MODEL_ENDING)]
+        by_owner = group_by(candidates, is_of_others)
+        of_others += by_owner.get(True, [])
+        ours = by_owner.get(False, [])
+        found = [file for file in ours if file.suffix == SIDECAR_ENDING]
+        found += [
+            file
+            for file in ours
+            if file.suffix == MODEL_ENDING and not file.with_suffix(SIDECAR_ENDING).exists()
+        ]
+        nothing = nothing and not found
+        yield from found
+    for error in unreadable:
+        raise InputError(Path(error.filename), "", f"cannot be read: {error.strerror}")
+    if nothing:
+        raise InputError(folder, "", "no sidecar (.toml) and no model (.xml) in this folder")
+
+
+def family_of(file: Path, paths: Iterable[Path]) -> str:
+    """The family of a file: the path of its folder below the given folder in which it was found.
+
+    The family of a file in the given folder itself, or of a given file, is its folder's own name.
+
+    >>> family_of(Path("models/linkages/fourbar.toml"), [Path("models")])
+    'linkages'
+    >>> family_of(Path("models/linkages/fourbar.toml"), [Path("models/linkages")])
+    'linkages'
+    """
+    folder = file.parent
+    given = [path for path in paths if folder.is_relative_to(path)]
+    nearest = max(given, key=lambda path: len(path.parts), default=folder)
+    return readable(
+        folder.relative_to(nearest).as_posix()
+        if folder != nearest
+        else Path(os.path.abspath(folder)).name
+    )
+
+
+def unique_names(files: Iterable[Path]) -> dict[Path, str]:
+    """Choose a name for each sidecar, and each model without one: the name of its file.
+
+    If several files have the same name, as many folders are put before it as make it unique.  A
+    sidecar keeps its plain name if only models share it.
+
+    >>> unique_names([Path("/a/arm.toml"), Path("/b/arm.toml"), Path("/b/leg.toml")]).values()
+    dict_values(['a/arm', 'b/arm', 'leg'])
+    """
+    places = {file: Path(os.path.abspath(file)).with_suffix("").parts for file in files}
+    same_stem = group_by(places, lambda file: file.stem)
+    found = {}
+    for file, own in places.items():
+        others = [
+            places[other]
+            for other in same_stem[file.stem]
+            if places[other] != own and (file.suffix == ".xml" or other.suffix == ".toml")
+        ]
+        length = 1
+        while any(other[-length:] == own[-length:] for other in others):
+            length += 1
+        found[file] = readable("/".join(own[-length:]))
+    return found
+
+
+def rename_case(case: Case, name: str) -> Case:
+    """The case under a name, which may differ from that of its file."""
+    return case if case.name == name else case.model_copy(update={"called": name})
+
+
+def read_isolated(path: Path) -> Case:
+    """Read a sidecar in another process; its model and reference too if it leaves channels out.
+
+    Raises
+    ------
+    InputError
+        Also if reading fails in another way, or takes too long.
+    """
+    try:
+        return call_isolated(load_case, path, timeout=LOADING_SECONDS)
+    except InputError:
+        raise
+    except Exception as error:
+        words = str(error) or type(error).__name__
+        raise InputError(path, "", f"cannot be read: {words}") from None
+
+
+def load_validated(path: Path, strict: bool = False) -> Case:
+    """Read a sidecar and `validate_case` the case.
+
+    A validation that takes more time or memory than any of the runs may is no error, since the runs
+    will report it; with `strict` it is an error.
+
+    Raises
+    ------
+    InputError
+        The sidecar, its model or its reference is at fault.
+    """
+    case = read_isolated(path)
+    try:
+        call_isolated(
+            validate_case,
+            case,
+            timeout=max(run.timeout for run in case.run.values()),
+            memory=max(run.memory for run in case.run.values()),
+        )
+    except InputError:
+        raise
+    except Exception as error:  # the runs fail for the same reason, and report it
+        if strict:
+            raise InputError(path, "", f"its model or its reference: {error}") from None
+    return case
+
+
+def run_solver(
+    case: Case, kind: Kind, solver: str, compare_curves: Callable[..., list[Comparison]] = compare
+) -> tuple[list[Comparison], Curves | None]:
+    """Run and compare one solver; a failed run gives failed comparisons, and its curves if any.
+
+    The model is compiled and the reference evaluated in the run's own process, within its limits.
+    A model that the simulator does not cover is bad input: the sidecar asked for it.
+    """
+    limits = case.run[kind]
+    try:
+        return call_isolated(
+            run_and_compare,
+            case,
+            kind,
+            solver,
+            compare_curves,
+            timeout=limits.timeout,
+            memory=limits.memory,
+        )
+    except Unsupported as error:
+        raise case.error(
+            f"run.{kind}.solvers",
+            f"{solver} cannot run {case.model}: {error}; leave it out",
+        ) from None
+    except tuple(OUTCOME_OF_EXCEPTION) as error:
+        advice = ""
+        if isinstance(error, (TimedOut, OutOfMemory)):
+            key = "timeout" if isinstance(error, TimedOut) else "memory"
+            advice = f"; {key} in [run.{kind}] allows more"
+        curves = error.curves if isinstance(error, Diverged) else None
+        return failed_comparisons(case, kind, solver, error, advice), curves
+
+
+def run_and_compare(
+    case: Case, kind: Kind, solver: str, compare_curves: Callable[..., list[Comparison]]
+) -> tuple[list[Comparison], Curves]:
+    """Do what `run_solver` does, in this process; an unexpected exception becomes a crash."""
+    try:
+        mobility(case)
+        curves = solve_here(case, kind, solver)
+        return compare_curves(case, kind, solver, curves), attach_reference(case, kind, curves)
+    except (InputError, MemoryError):
+        raise
+    except tuple(OUTCOME_OF_EXCEPTION):
+        raise
+    except Exception as error:
+        raise Crashed(f"{type(error).__name__}: {error}") from error
+
+
+def early_end_error(
+    case: Case, kind: Kind, solver: str, curves: Curves | None
+) -> InputError | None:
+    """The error of a sweep that ended early, such as at a limit position; its curves are kept."""
+    if curves is None or not curves.stopped:
+        return None
+    return case.error(
+        "drive",
+        f"the {solver} {kind} ends at sample {curves.x.size} of "
+        f"{run_samples(case, kind).size}, which are kept: {curves.stopped}",
+    )
+
+
+def check_bare_model(model: Path) -> list[Comparison]:
+    """Check a model without a sidecar by itself, see `proofmass.reference.self_consistency`."""
+    try:
+        return [call_isolated(check_model_here, model, timeout=OWN_MODEL_TIMEOUT)]
+    except BadModel as error:
+        raise model_error(model, error) from None
+    except tuple(OUTCOME_OF_EXCEPTION) as error:
+        outcome = OUTCOME_OF_EXCEPTION[type(error)]
+        one = Comparison(model.stem, NATIVE_ENGINE, "dynamics", "", "")
+        return [replace(one, outcome=outcome, message=str(error))]
+
+
+def check_model_here(model: Path) -> Comparison:
+    """Do what `check_bare_model` does, in this process.
+
+    The comparison has the error of the model's own run; `at` is the time until which the motion is
+    known.
+    """
+    motion = engine_of(NATIVE_ENGINE).own_motion(
+        model, OWN_MODEL_SECONDS, OWN_MODEL_SAMPLES, PROCESSOR_SECONDS
+    )
+    own = motion.runs[0]
+    found = Comparison(
+        model.stem,
+        NATIVE_ENGINE,
+        "dynamics",
+        "",
+        "m",
+        seconds=own.seconds,
+        steps=round(float(motion.times[len(own.points) - 1]) / own.step),
+        violation=float(own.gap.max(initial=0.0)),
+    )
+    if failed := why_failed(motion):
+        return replace(found, outcome=Outcome.DIVERGED, message=" ".join([failed, *motion.notes]))
+    rung = Rung(motion)
+    found = replace(found, message=" ".join([rung.words(), *motion.notes]))
+    if rung.at_rest:
+        return replace(found, outcome=Outcome.NOTHING_MOVED)
+    if not rung.consistent:
+        return replace(found, outcome=Outcome.UNCHECKED)
+    return replace(
+        found,
+        error_max=rung.error(own),
+        at=rung.until,
+        uncertainty=rung.known,
+        outcome=Outcome.SELF_CONSISTENT,
+    )
+
+
+class CaseConsumer(Protocol):
+    """What takes the results of cases one by one, so that their curves need not be kept."""
+
+    def begin(self, result: Result) -> None:
+        """Take the cases and the errors of the input, before the first run."""
+
+    def take(self, part: Result) -> None:
+        """Take the result of one case, whose runs have all ended; called from several threads."""
+
+
+def check(
+    paths: Iterable[Path | str] | Path | str = ("models",),
+    jobs: int | None = None,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
+    causes: bool = True,
+    detectable: bool = True,
+    dask: str | None = None,
+    consumer: CaseConsumer | None = None,
+) -> Result:
+    """Run every case below `paths` and compare it with its reference.
+
+    Parameters
+    ----------
+    paths : path or iterable of path
+        Sidecars, models, folders.
+    jobs : int, optional
+        Number of parallel runs; the number of processors, or of threads of the cluster, if not
+        given.
+    progress : callable, optional
+        Called as ``progress(label, done, total)`` after each run.
+    causes : bool
+        Whether to search for changes that would explain why a run differs.
+    detectable : bool
+        Whether to find `Comparison.detectable` as well, see `compare`.
+    dask : str, optional
+        Address of the scheduler of a Dask cluster on which the runs are made, see
+        `proofmass.batch.pool.pool`; they are made on this machine if not given.
+    consumer : CaseConsumer, optional
+        Takes the result of each case when its last run has ended.  The curves of a case are then
+        not kept, so that the memory does not depend on the number of cases.
+
+    Returns
+    -------
+    Result
+        Errors of the input are collected in `Result.errors`; the other cases still run.
+    """
+    given = tuple(map(Path, [paths] if isinstance(paths, Path | str) else paths))
+    if dask is not None:
+        given = tuple(path.absolute() for path in given)  # workers run in other folders
+    result = Result(paths=given)
+    with pool(jobs, dask) as executor, ThreadPoolExecutor(os.cpu_count()) as threads:
+        inputs = collect_inputs(given, result.errors, result.of_others)
+        parts = plan_parts(inputs, result, executor)
+        if consumer is not None:
+            consumer.begin(result)
+        follow = partial(stages_of, causes=causes, detectable=detectable, consumer=consumer)
+        run_parts(parts, executor, threads, jobs or size_of(executor), progress, follow)
+        for part in parts:
+            add_part(result, part.result)
+        if causes:
+            share_causes(result, executor)
+    return result
+
+
+class CheckStep(NamedTuple):
+    """A call, and what the main thread does with its future when it has ended.
+
+    The steps that progress is counted by have a label.  A step that is not `here`, in this process,
+    may be made on another machine.
+    """
+
+    label: str
+    call: Callable[[], Any]
+    keep: Callable[[Future[Any]], Any] = Future.result
+    here: bool = False
+
+
+@dataclass
+class FileWork:
+    """The work on one file: the tasks that it asks for, and the part of the result that they give.
+
+    `name` is the name of the file in the result.
+    """
+
+    file: Path
+    name: str
+    tasks: list[CheckTask]
+    result: Result
+
+
+def plan_parts(paths: list[Path], result: Result, pool: Executor) -> list[FileWork]:
+    """Read the sidecars and plan the work on each file; cases and errors go to the result."""
+    parts: list[FileWork] = []
+    names = unique_names(paths)
+    read = {path: pool.submit(load_validated, path) for path in paths if path.suffix != ".xml"}
+    for path in paths:
+        own = FileWork(path, names[path], [], Result(paths=result.paths))
+        try:
+            if path not in read:
+                own.tasks.append(path)
+            else:
+                case = rename_case(read[path].result(), names[path])
+                own.tasks += [(case, k, s) for k, r in case.run.items() for s in r.solvers]
+                own.tasks += refinement_runs(case)
+                own.result.cases.append(case)
+                result.cases.append(case)
+            parts.append(own)
+        except InputError as error:
+            result.errors.append(error)
+    return parts
+
+
+def run_parts(
+    parts: list[FileWork],
+    executor: Executor,
+    threads: Executor,
+    jobs: int,
+    progress: Callable[[str, int, int], None],
+    follow: Callable[[FileWork], Iterator[list[CheckStep]]],
+) -> None:
+    """Do the work on all files; `follow` gives the steps of a file, stage by stage.
+
+    Steps that are made in this process use the `threads`.  A stage begins when all steps of the
+    stage before it have ended.  A free thread continues with a step of its last file: its worker
+    has the compiled model in memory, and the reference at changed parameters.
+    """
+    stages = {part.file: follow(part) for part in parts}
+    waiting = {file: steps for file in stages if (steps := next_steps(stages[file]))}
+    left = {file: len(steps) for file, steps in waiting.items()}
+    total, done = sum(bool(step.label) for steps in waiting.values() for step in steps), 0
+    running, last = dict[Future[Any], tuple[Path, CheckStep]](), list[Path]()
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            busy = {file for file, _ in running.values()}
+            file, step = take_step(waiting, last.pop() if last else None, busy)
+            running[(threads if step.here else executor).submit(step.call)] = file, step
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            file, step = running.pop(future)
+            last.append(file)
+            step.keep(future)
+            left[file] -= 1
+            if not left[file] and (steps := next_steps(stages[file])):
+                waiting[file], left[file] = steps, len(steps)
+                total += sum(bool(step.label) for step in steps)
+            if step.label:
+                done += 1
+                progress(step.label, done, total)
+
+
+def next_steps(stages: Iterator[list[CheckStep]]) -> list[CheckStep]:
+    """Return the steps of the next stage that has any; none after the last stage."""
+    return next(filter(None, stages), [])
+
+
+def take_step(
+    waiting: dict[Path, list[CheckStep]], preferred: Path | None, busy: set[Path]
+) -> tuple[Path, CheckStep]:
+    """Take a step of the file `preferred`, or of a file that no thread is busy with, or of any
+    file.
+
+    >>> first, second, third = (CheckStep(label, int) for label in "abc")
+    >>> waiting = {Path("1"): [first, second], Path("2"): [third]}
+    >>> [take_step(waiting, *how)[1].label for how in ((None, set()), (None, {Path("1")}))]
+    ['a', 'c']
+    >>> take_step(waiting, Path("2"), {Path("1")})[1].label, waiting
+    ('b', {})
+    """
+    free = [file for file in waiting if file not in busy]
+    file = preferred if preferred in waiting else (free or list(waiting))[0]
+    step = waiting[file].pop(0)
+    if not waiting[file]:
+        del waiting[file]
+    return file, step
+
+
+def stages_of(
+    part: FileWork, causes: bool, detectable: bool, consumer: CaseConsumer | None
+) -> Iterator[list[CheckStep]]:
+    """Yield the steps of a file: its runs, their judgement, the causes, and what a consumer does.
+
+    A run with bad input adds an error to the part's result instead of its outcome.
+    """
+    result, outcomes = part.result, dict[int, RunResult]()
+
+    def keep_outcome(k: int, future: Future[RunResult]) -> None:
+        found = outcome_or_error(part.tasks[k], future)
+        if not isinstance(found, InputError):
+            outcomes[k] = found
+        elif str(found) not in map(str, result.errors):
+            result.errors.append(found)
+
+    yield [
+        CheckStep(task_label(task), partial(run_task, task, detectable), partial(keep_outcome, k))
+        for k, task in enumerate(part.tasks)
+    ]
+    yield [CheckStep("", partial(collect_outcomes, part.tasks, outcomes, result), here=True)]
+    outcomes.clear()
+    part.tasks.clear()  # the study of a refinement holds the curves of all its runs
+    if not result.cases:
+        result.comparisons[:] = [replace(c, case=part.name) for c in result.comparisons]
+    if causes:
+        yield list(diagnosis_steps(result))
+    if consumer is not None:
+        if result.cases:
+            yield [CheckStep("", partial(consumer.take, result), here=True)]
+        part.result = replace(result, curves={}, failed={})
+
+
+def add_part(result: Result, part: Result) -> None:
+    """Add the result of one file to that of all; an error that is there already is not repeated."""
+    result.comparisons.extend(part.comparisons)
+    result.curves.update(part.curves)
+    result.notes.update(part.notes)
+    result.refined.extend(part.refined)
+    result.failed.update(part.failed)
+    result.diagnoses.update(part.diagnoses)
+    known = set(map(str, result.errors))
+    result.errors.extend(error for error in part.errors if str(error) not in known)
+
+
+def outcome_or_error(task: CheckTask, future: Future[RunResult]) -> RunResult | InputError:
+    """Return the outcome of a run; an error becomes that of its input, so that others go on."""
+    try:
+        return future.result()
+    except InputError as error:
+        return error
+    except ClusterError:
+        raise
+    except Exception as error:
+        words = f"{task_label(task)} failed: {type(error).__name__}: {error}"
+        return InputError(task_file(task), "", words)
+
+
+def collect_outcomes(
+    tasks: list[CheckTask], outcomes: dict[int, RunResult], result: Result
+) -> None:
+    """Add the outcomes of the tasks to the result, in the order of the tasks."""
+    for k in sorted(outcomes):
+        task, (comparisons, curves) = tasks[k], outcomes[k]
+        if isinstance(task, FinerRun):
+            try:
+                rows, comparisons = task.study.add(task.segments, outcomes[k])
+            except InputError as error:
+                result.errors.append(error)
+                continue
+            except tuple(OUTCOME_OF_EXCEPTION) as error:
+                result.errors.append(task.case.error("refine", str(error)))
+                continue
+            result.refined.extend(rows)
+        elif curves is not None and not isinstance(task, Path):
+            kept = result.failed if comparisons[0].outcome in FAILED_OUTCOMES else result.curves
+            kept[task[0].name, task[1], task[2]] = curves
+            if kept is result.curves:
+                result.notes[task[0].name, task[1], task[2]] = curves.notes
+        result.comparisons.extend(comparisons)
+        if not isinstance(task, Path) and (early := early_end_error(*task[:3], curves)):
+            result.errors.append(early)
+
+
+def diagnosis_steps(result: Result) -> Iterator[CheckStep]:
+    """Yield steps that find the causes of the runs of one case that differ or failed.
+
+    The search is most thorough for the first run; the others likely have the same cause.
+    """
+    differing = dict.fromkeys(
+        (c.case, c.run, c.solver) for c in result.comparisons if c.outcome == Outcome.DIFFERS
+    )
+    runs = {key: result.curves[key] for key in differing if key in result.curves} | result.failed
+    for k, (key, curves) in enumerate(runs.items()):
+        _, run, solver = key
+        yield CheckStep(
+            f"{' '.join(key)}: causes",
+            partial(
+                diagnose_run,
+                result.cases[0],
+                cast(Kind, run),
+                solver,
+                curves,
+                key in result.failed,
+                not k,
+            ),
+            partial(keep_diagnosis, result, key),
+        )
+
+
+def keep_diagnosis(result: Result, key: tuple[str, str, str], future: Future[Diagnosis]) -> None:
+    """Add a diagnosis to the result."""
+    result.diagnoses[key] = future.result()
+
+
+def share_causes(result: Result, executor: Executor) -> None:
+    """Try the causes that were found in a model in the other runs of the same model that differ.
+
+    So a wrong number is one cause in all cases that read its file, also where the reference reads
+    the number as well.
+    """
+    cases = {case.name: case for case in result.cases}
+    found = [d.best for d in result.diagnoses.values() if d.best and d.best.complete]
+    causes = {cause.key: cause for cause in found if cause.edits and cause.fault}
+    futures = [
+        (key, executor.submit(confirm_run, cases[key[0]], cast(Kind, key[1]), key[2], cause))
+        for key, diagnosis in result.diagnoses.items()
+        for cause in causes.values()
+        if not (diagnosis.failed or diagnosis.fault)
+        and is_about(cause, cases[diagnosis.case])
+        and cause.key not in [each.key for each in diagnosis.causes[:1]]
+    ]
+    for key, future in futures:
+        if cause := future.result():
+            old = result.diagnoses[key]
+            result.diagnoses[key] = replace(old, causes=(cause, *old.causes))
+
+
+def is_about(cause: Explanation, case: Case) -> bool:
+    """Whether a cause is in the model of a case."""
+    model = os.path.realpath(case.model_path)
+    return any(os.path.realpath(fault.file) == model for fault in cause.faults)
+
+
+def confirm_run(case: Case, run: Kind, solver: str, cause: Explanation) -> Explanation | None:
+    """Do what `confirm_cause` does, in a worker; None if that fails."""
+    limits = {"timeout": CAUSES_SECONDS, "memory": case.run[run].memory}
+    try:
+        found = call_isolated(confirm_cause, case, run, solver, cause, **limits)
+        return cast(Explanation | None, found)
+    except Exception:  # the run keeps the causes that it has
+        return None
+
+
+def diagnose_run(
+    case: Case,
+    run: Kind,
+    solver: str,
+    curves: Curves,
+    failed: bool = False,
+    thorough: bool = True,
+) -> Diagnosis:
+    """Search for the causes of one run in a worker; a search that fails gives its own error."""
+    search = describe_failure if failed else partial(find_causes, thorough=thorough)
+    limits = {"timeout": CAUSES_SECONDS, "memory": case.run[run].memory}
+    try:
+        return cast(Diagnosis, call_isolated(search, case, run, solver, curves, **limits))
+    except Exception as error:  # so that the comparisons are reported in any case
+        return Diagnosis(
+            case.name, run, solver, fault=str(error) or type(error).__name__, failed=failed
+        )
+
+
+def collect_inputs(
+    paths: Iterable[Path | str], errors: list[InputError], of_others: list[Path] | None = None
+) -> list[Path]:
+    """Apply `find_inputs` to one path at a time, so that one wrong path does not hide the others.
+
+    A file that is found by two paths is listed once.
+    """
+    found: dict[str, Path] = {}
+    for path in paths:
+        try:
+            for file in find_inputs([Path(path)], of_others):
+                found.setdefault(os.path.abspath(file), file)
+        except InputError as error:
+            errors.append(error)
+        except OSError as error:
+            errors.append(InputError(Path(path), "", f"cannot be read: {error.strerror}"))
+    return list(found.values())
+
+
+def run_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison], Curves | None]:
+    """Run one task: a run of a case, or the check of a model without a sidecar."""
+    if isinstance(task, Path):
+        return check_bare_model(task), None
+    compare_curves = partial(compare, detectable=detectable)
+    return run_solver(
+        *task[:3], compare_curves=refined_errors if isinstance(task, FinerRun) else compare_curves
+    )
+
+
+def task_file(task: CheckTask) -> Path:
+    """The file that asked for a task."""
+    return task if isinstance(task, Path) else task[0].file
+
+
+def task_label(task: CheckTask) -> str:
+    """The name of a task in a progress line."""
+    if isinstance(task, Path):
+        return task.name
+    finer = f", {task.segments} segments" if isinstance(task, FinerRun) else ""
+    return f"{task[0].name} {task[1]} {task[2]}{finer}"

@@ -1,0 +1,1 @@
+"""What a user wrote: the sidecar as tables, the motion of its drives, and which files hold it."""

@@ -1,0 +1,76 @@
+"""Which files of a folder are sidecars and models, among all others that a repository has.
+
+It loads no package: the pytest plugin asks for each file that ends in ``.toml``.
+"""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from proofmass.base.errors import InputError
+from proofmass.base.files import read_bytes
+
+REFERENCE = b"reference"  # the key that each sidecar has
+SIDECAR_ENDING, MODEL_ENDING = ".toml", ".xml"
+ROOT_ELEMENT = re.compile(rb"<([A-Za-z_][\w.-]*)")
+"""The first tag of an XML file that is neither its declaration nor a comment."""
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+
+
+def is_sidecar(path: Path) -> bool:
+    """Whether a file is TOML that names a reference, with an MJCF as its model."""
+    table = parse_toml(content_of(path))
+    if table is None or not isinstance(table.get("reference"), str):
+        return False
+    return is_model(path.parent / str(table.get("model", path.with_suffix(MODEL_ENDING).name)))
+
+
+def is_of_others(path: Path) -> bool:
+    """Whether a file that ends in ``.toml`` or ``.xml`` is certainly neither sidecar nor model.
+
+    A sidecar may be faulty, and is then an error.  So a TOML file is of others only if no MJCF of
+    the same name is beside it, and if it has no key ``reference``, or is no TOML and does not have
+    the word.  A file that cannot be read is not of others.
+    """
+    content = content_of(path)
+    if content is None:
+        return False
+    if path.suffix == MODEL_ENDING:
+        return not has_model_root(content)
+    if is_model(path.with_suffix(MODEL_ENDING)):
+        return False
+    table = parse_toml(content)
+    return REFERENCE not in content if table is None else "reference" not in table
+
+
+def content_of(path: Path) -> bytes | None:
+    """The content of a file; None if it cannot be read."""
+    try:
+        return read_bytes(path)
+    except InputError:
+        return None
+
+
+def parse_toml(content: bytes | None) -> dict[str, Any] | None:
+    """The tables of a TOML file that has the word reference; None if they cannot be read."""
+    if content is None:
+        return None
+    try:
+        return tomllib.loads(content.decode("utf-8-sig")) if REFERENCE in content else {}
+    except (ValueError, RecursionError):
+        return None
+
+
+def is_model(path: Path) -> bool:
+    """Whether a file is XML whose root element is that of a model in MJCF."""
+    return path.suffix == MODEL_ENDING and has_model_root(content_of(path) or b"")
+
+
+def has_model_root(content: bytes) -> bool:
+    """Whether the root element of XML is that of a model in MJCF.
+
+    A fragment that other models include, ``<mujocoinclude>``, is no model.
+    """
+    root = ROOT_ELEMENT.search(COMMENT.sub(b"", content))
+    return root is not None and root[1] == b"mujoco"

@@ -1,0 +1,1 @@
+"""The commands of the terminal; only they know its options and its console."""

@@ -1,0 +1,854 @@
+"""The command line: check, report, animate, list, show, explain, design and the studies.
+
+Each command imports its modules when it is called, so that help and errors of options appear
+without delay.
+"""
+
+import shlex
+import sys
+from collections.abc import Callable, Iterable
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn, cast
+
+import typer
+from rich.text import Text
+
+from proofmass.base.errors import InputError, suggest_names
+from proofmass.commands.command import (
+    BAD_INPUT,
+    INTERRUPTED,
+    Dask,
+    Force,
+    Jobs,
+    error_console,
+    exit_on_error,
+    find_sidecar,
+    progress_bar,
+)
+from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
+
+if TYPE_CHECKING:
+    from proofmass.base.strict import Kind
+    from proofmass.batch.check import CaseConsumer, Result
+    from proofmass.case.case import Case
+    from proofmass.report.pages import ReportWriter
+    from proofmass.verdict.compare import Comparison
+
+app = typer.Typer(
+    help="Compare multibody simulators with analytic references.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+design = typer.Typer(
+    help="Find a mechanism, write it as a case, and check the case.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+)
+app.add_typer(design, name="design")
+Paths = Annotated[
+    list[Path] | None, typer.Argument(help="Sidecars, models or folders.", show_default="models/")
+]
+RunTimeout = Annotated[
+    float, typer.Option(help="Processor time after which a run is given up.", metavar="SECONDS")
+]
+Runs = StrEnum("Runs", ["dynamics", "equilibrium", "sweep"])
+Errors = StrEnum("Errors", ["position", "velocity", "acceleration", "force", "energy"])
+FORMER_ERRORS = {"rate": "velocity", "effort": "force"}
+
+
+def parse_error_kind(word: str) -> Errors:
+    """Return the kind of error that has a name.
+
+    Raises
+    ------
+    typer.BadParameter
+        No kind has this name; the message suggests a similar one, or replaces a former name.
+    """
+    try:
+        return Errors(word)
+    except ValueError:
+        raise typer.BadParameter(
+            suggest_names(word, [one.value for one in Errors], renamed=FORMER_ERRORS)
+        ) from None
+
+
+ERROR_METAVAR = f"<{'|'.join(Errors)}>"
+
+
+def check_with_progress(
+    paths: list[Path] | None,
+    jobs: int | None,
+    detectable: bool = True,
+    dask: str | None = None,
+    consumer: "CaseConsumer | None" = None,
+) -> "Result":
+    """Check cases with a progress bar, and print errors of the input; both on standard error.
+
+    `detectable` is true where detectable changes are needed; printed tables do not show them.  A
+    consumer takes the cases one by one.
+    """
+    from proofmass.batch.check import check
+    from proofmass.batch.pool import ClusterError
+
+    try:
+        with progress_bar() as advance:
+            found = paths or [Path("models")]
+            result = check(
+                found, jobs, advance, detectable=detectable, dask=dask, consumer=consumer
+            )
+    except ClusterError as error:
+        error_console.print(f"error: {error}", style="bold red")
+        raise typer.Exit(BAD_INPUT) from None
+    protect_inputs(result.cases, result.paths)
+    print_errors(result.errors)
+    print_files_of_others(result.of_others)
+    return result
+
+
+def protect_inputs(cases: Iterable["Case"], paths: Iterable[Path] = ()) -> None:
+    """Let no output of this command replace a file of its cases, or a given file."""
+    from proofmass.base.files import protect
+    from proofmass.run.fingerprint import input_files
+
+    protect([*paths, *(file for case in cases for file in input_files(case))])
+
+
+def print_errors(found: list[InputError]) -> None:
+    """Print each error of the input as a line on standard error."""
+    for error in found:
+        error_console.print(Text.assemble(("error: ", "bold red"), str(error)))
+
+
+NAMED_FILES = 3  # files that are named in a message; of more, their number is given
+
+
+def print_files_of_others(files: list[Path]) -> None:
+    """Say on standard error which files of folders were left alone, if any were."""
+    if files:
+        more = f" and {len(files) - NAMED_FILES} more" if len(files) > NAMED_FILES else ""
+        named = ", ".join(map(str, files[:NAMED_FILES]))
+        error_console.print(
+            Text(f"left alone, neither a sidecar nor a model: {named}{more}"), soft_wrap=True
+        )
+
+
+def print_result(
+    result: "Result",
+    every_channel: bool = False,
+    link: "Callable[[Comparison], str] | None" = None,
+) -> None:
+    """Print the table of results, the failures, and the number of results with each outcome.
+
+    `link` gives the address of a comparison in a report, which is printed with a failure.
+    """
+    from proofmass.formats.terminal import failure_lines, make_console, summary_tables
+
+    out = make_console()
+    for table in summary_tables(result, every_channel, out.width):
+        out.print(table)
+    for line in failure_lines(result, link):
+        out.print(line, soft_wrap=not out.is_terminal)  # on a screen rich wraps lines at words
+
+
+def export_result(file: Path, form: str, result: "Result") -> None:
+    """Write a result to a file in a format that other tools read: ``junit`` or ``sarif``."""
+    from proofmass.base.files import write_output
+    from proofmass.formats.junit import as_junit
+    from proofmass.formats.sarif import as_sarif
+
+    with exit_on_error(f"{file} is not written"):
+        write_output(file, as_junit(result) if form == "junit" else as_sarif(result))
+
+
+@app.command("check")
+def check_command(
+    paths: Paths = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON: comparisons, errors and exit code.")
+    ] = False,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show every channel.")] = False,
+    junit: Annotated[
+        Path | None,
+        typer.Option("--junit", help="JUnit XML to write, one test per channel.", metavar="FILE"),
+    ] = None,
+    sarif: Annotated[
+        Path | None,
+        typer.Option("--sarif", help="SARIF 2.1.0 to write, one result per fault.", metavar="FILE"),
+    ] = None,
+    leave_others: Annotated[
+        bool,
+        typer.Option(
+            "--leave-others",
+            help="Leave given files alone that are neither sidecars nor models, as in folders.",
+        ),
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Run every case and compare it with its reference.
+
+    Exit code 0: all agree; 1: something differs, diverged or crashed, or nothing of a case is
+    checked; 2: bad input, or a file that cannot be written.
+    """
+    from proofmass.base.files import protect, require_replaceable
+    from proofmass.batch.check import Result
+    from proofmass.case.inputs import is_of_others
+    from proofmass.formats.terminal import as_json
+
+    with exit_on_error("nothing is written"):
+        protect(paths or [])
+        for given in filter(None, (junit, sarif)):
+            require_replaceable(given)
+    left = [path for path in paths or [] if leave_others and is_of_others(path)]
+    print_files_of_others(left)
+    if left and left == paths:
+        result = Result(of_others=left)
+    else:
+        ours = None if paths is None else [path for path in paths if path not in left]
+        result = check_with_progress(ours, jobs, detectable=json, dask=dask)
+    if json:
+        print(as_json(result))
+    else:
+        print_result(result, verbose)
+    for file, form in ((junit, "junit"), (sarif, "sarif")):
+        if file is not None:  # after the verdicts, which are printed even if the disk is full
+            export_result(file, form, result)
+    raise typer.Exit(result.exit_code)
+
+
+@app.command("report")
+def report_command(
+    paths: Paths = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")] = Path(
+        "reports"
+    ),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    study: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Folder of proofmass trade, stress or diet: its pages become part of the report."
+        ),
+    ] = None,
+    figures: Annotated[
+        bool,
+        typer.Option("--figures", help="Write figures as PNG too, and those of all curves; slow."),
+    ] = False,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the report that this one is compared with.",
+            show_default="the one that is in the output folder",
+        ),
+    ] = None,
+    data: Annotated[
+        bool, typer.Option("--data", help="Write the curves as CSV, and as Parquet with pyarrow.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Check every case and write HTML pages with its curves and its mechanism in motion.
+
+    Prints what changed since the last report.  Exit codes as for check.
+    """
+    from proofmass.base.files import make_folder, require_replaceable
+    from proofmass.report.changes import find_changes, format_changes
+    from proofmass.report.overview import link
+    from proofmass.report.pages import ReportWriter  # matplotlib is slow to load
+    from proofmass.report.record import make_record, read_baseline, read_last, record_start
+    from proofmass.studies.pages import write_study_pages
+
+    with exit_on_error(f"{output} is not complete"), error_console.status("drawing studies"):
+        make_folder(output)
+        require_replaceable(output / "index.html")
+        studies = write_study_pages(study or [], output)
+        last = read_last(output) if baseline is None else read_baseline(baseline)
+    made = record_start(["proofmass", *sys.argv[1:]], next(iter(paths or []), None))
+    writer = ReportWriter(output, made, last, studies, figures, data)
+    try:
+        result = check_with_progress(paths, jobs, dask=dask, consumer=writer)
+    except KeyboardInterrupt:
+        stop_report(writer)
+    print_result(result, link=partial(link, output))
+    record = make_record(result, made)
+    if last.wrong:
+        error_console.print(last.wrong)
+    if last.record is not None:
+        print(format_changes(last.record, find_changes(last.record, record)))
+    with exit_on_error(f"{output} is not complete"), error_console.status("drawing"):
+        index = writer.finish(result, record)
+    print(index)
+    raise typer.Exit(result.exit_code)
+
+
+def stop_report(writer: "ReportWriter") -> NoReturn:
+    """Write the index of an interrupted report, say what is in it, and exit."""
+    with exit_on_error(f"{writer.folder} is not complete"):
+        writer.write_unfinished()
+    count = len(writer.taken)
+    pages = f"the page{'s' * (count > 1)} of {count} case{'s' * (count > 1)}"
+    error_console.print(
+        f"stopped; {writer.folder} has {pages}, and its index names the cases that are missing; "
+        "the same command makes the whole report"
+        if count
+        else "stopped before the first case had ended"
+    )
+    raise typer.Exit(INTERRUPTED)
+
+
+@app.command("animate")
+def animate_command(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="File to write, .webp or .gif.",
+            show_default="NAME.webp",
+            metavar="FILE",
+        ),
+    ] = None,
+    run: Annotated[
+        Runs | None,
+        typer.Option(help="Run of the case.", show_default="the first that is no equilibrium"),
+    ] = None,
+    solver: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Engine or engine:variant to draw; can be given several times.",
+            show_default="the first of each engine",
+        ),
+    ] = None,
+    frames: Annotated[int, typer.Option(min=2, max=600, help="Number of pictures.")] = 60,
+    seconds: Annotated[float, typer.Option(min=0.1, max=600.0, help="Playing time [s].")] = 4.0,
+    magnify: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Factor by which differences to the reference are drawn larger."
+        ),
+    ] = 1.0,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=2,
+            help="Number of samples of the run; pictures between them are interpolated.",
+            show_default="those of the sidecar",
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write an animation of the mechanism: the reference is pale, the engines are lines.
+
+    Exit code 0: written; 1: written, but a solver failed or the motion ends early; 2: bad input,
+    or a file that cannot be written.
+    """
+    from proofmass.batch.check import load_validated
+    from proofmass.report.animation import animate, require_writable
+
+    with exit_on_error("nothing is kept"):
+        case = load_validated(find_sidecar(path))
+        protect_inputs([case])
+        file = output or Path(f"{case.name}.webp")
+        require_writable(file)
+        with error_console.status("running and drawing"):
+            found = animate(
+                case,
+                cast("Kind | None", run and run.value),
+                solver or None,
+                frames=frames,
+                seconds=seconds,
+                magnify=magnify,
+                samples=samples,
+            )
+            found.save(file)
+    for name, why in found.failed.items():
+        error_console.print(f"{name} {why}", style="bold red")
+    if found.stopped:
+        error_console.print(f"the motion ends early: {found.stopped}")
+    print(file)
+    raise typer.Exit(1 if found.failed or found.stopped else 0)
+
+
+@app.command("new")
+def new_command(
+    name: Annotated[str, typer.Argument(help="Name of the case, such as arm.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder to write to.", metavar="DIR", show_default="."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--from", help="A model to write a sidecar for.", metavar="MODEL.xml"),
+    ] = None,
+) -> None:
+    """Write a model with a sidecar, a case that agrees, or a sidecar for a given model."""
+    messages: list[str] = []
+    with exit_on_error("nothing is written"):
+        if model is None:
+            from proofmass.commands.new import write_new
+
+            files = write_new(name, output or Path())
+        elif output is not None:
+            raise ValueError(
+                "--output does not go with --from: the sidecar is written into the model's folder"
+            )
+        else:
+            from proofmass.commands.new_from_model import write_proposal
+
+            files, messages = write_proposal(name, model)
+    for file in files:
+        print(file)
+    for line in messages:
+        error_console.print(line)
+    sidecar = next(file for file in files if file.suffix == ".toml")
+    error_console.print(f"next: proofmass check {shlex.quote(str(sidecar))}")
+
+
+@app.command("schema")
+def schema_command(
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File to write.", metavar="FILE")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Print the JSON Schema of a sidecar, by which editors complete and check its keys."""
+    from proofmass.base.files import protect, write_output
+    from proofmass.run.schema import as_json_text
+
+    if output is None:
+        print(as_json_text(), end="")
+        return
+    with exit_on_error(f"{output} is not written"):
+        protect([output] if output.suffix in (".toml", ".xml") else [])  # sidecars and models
+        write_output(output, as_json_text())
+
+
+@app.command("list")
+def list_command(paths: Paths = None) -> None:
+    """List the cases and their runs, without running them."""
+    from proofmass.batch.check import collect_inputs, read_isolated, rename_case, unique_names
+    from proofmass.formats.terminal import case_table, make_console
+
+    found: list[InputError] = []
+    cases: list[Case] = []
+    bare_models: list[Path] = []
+    paths = paths or [Path("models")]
+    for path, name in unique_names(collect_inputs(paths, found)).items():
+        try:
+            if path.suffix == ".xml":
+                bare_models.append(path)
+            else:
+                cases.append(rename_case(read_isolated(path), name))
+        except InputError as error:
+            found.append(error)
+    out = make_console()
+    out.print(case_table(cases, bare_models, paths, out.width))
+    print_errors(found)
+    raise typer.Exit(2 if found else 0)
+
+
+@design.callback()
+def design_command() -> None:
+    """Find a mechanism, write it as a case, and check the case."""
+
+
+@design.command("balancer")
+def balancer_command(
+    target: Annotated[
+        str,
+        typer.Option(
+            help="Wanted moment: sine, "
+            "progressive, progressive-degressive, degressive-progressive, laevo, sine180, "
+            "square-root, quadratic, hardening-softening or softening-hardening."
+        ),
+    ] = "sine",
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            help="Wanted moment over m g r, instead of --target: a CSV file with "
+            "the columns 'angle \\[deg]' and 'moment [1]'."
+        ),
+    ] = None,
+    segments: Annotated[int, typer.Option(help="Number of segments, 3 or 4.")] = 3,
+    springs: Annotated[
+        str,
+        typer.Option(
+            help="linear, nonlinear (the same k and A for all joints) or "
+            "each (a k and A of its own for each joint)."
+        ),
+    ] = "linear",
+    preload: Annotated[bool, typer.Option("--preload", help="Inner joints preloaded.")] = False,
+    preload_joint: Annotated[
+        list[int] | None,
+        typer.Option(
+            help="2 or 3: this joint is preloaded, instead of --preload; with four segments it "
+            "can be given twice."
+        ),
+    ] = None,
+    free_angle: Annotated[bool, typer.Option("--free-angle", help="Free rest angle.")] = False,
+    contact: Annotated[
+        bool, typer.Option("--contact", help="Joint 2 meets a joint limit.")
+    ] = False,
+    relaxed: Annotated[
+        bool, typer.Option("--relaxed", help="Relaxed bounds of lengths, 0.1 to 0.9.")
+    ] = False,
+    elbow_down: Annotated[
+        bool,
+        typer.Option("--elbow-down", help="Elbow of the last two segments is down at rest."),
+    ] = False,
+    bound: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME=LOW:HIGH, instead of the usual bounds of a parameter; can be given several "
+            "times."
+        ),
+    ] = None,
+    power: Annotated[
+        float,
+        typer.Option(
+            min=1,
+            max=2,
+            help="Power of the error in the objective: 2 for the least error, 1 for the best work "
+            "reduction.",
+        ),
+    ] = 2.0,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same design.")] = 1,
+    effort: Annotated[
+        float, typer.Option(min=0.05, max=20, help="Factor on the number of starts.")
+    ] = 1.0,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")] = Path(
+        "design"
+    ),
+    pareto: Annotated[
+        bool,
+        typer.Option(
+            "--pareto", help="Find the Pareto front of error and evenly shared energy as well."
+        ),
+    ] = False,
+    catalogue: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file 'spring,stiffness [N m/rad]' to choose the springs from.",
+            show_default="907, 903, 908",
+        ),
+    ] = None,
+    extension: Annotated[
+        str | None,
+        typer.Option(
+            help="E1:E2 of a pendulum with r/r0 = 1 + E1 alpha + E2 alpha^2; the target is then "
+            "the moment of its weight."
+        ),
+    ] = None,
+    strips: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file of the strips that a maker offers; a clock spring is made of them for "
+            "each joint. docs/balancer.md describes the columns."
+        ),
+    ] = None,
+    moment: Annotated[
+        float, typer.Option(min=1e-9, help="m g r in N m that the clock springs balance.")
+    ] = 1.0,
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Sidecar of a balancer to compare with "
+            "it, such as models/balancers/balancer_sine.toml; can be given several times."
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Find the balancer that meets a moment-angle characteristic best.
+
+    Writes the case with its report, design.json, and the state of the search. An interrupted
+    search continues where it stopped when the same command is given again. Exit codes as for
+    check.
+    """
+    from proofmass.commands.design import design_balancer
+
+    design_balancer(
+        target,
+        table,
+        segments,
+        springs,
+        tuple(preload_joint or ()) or (tuple(range(2, segments)) if preload else ()),
+        free_angle,
+        contact,
+        relaxed,
+        elbow_down,
+        bound,
+        power,
+        seed,
+        effort,
+        output,
+        pareto,
+        catalogue,
+        extension,
+        strips,
+        moment,
+        beside,
+    )
+
+
+@app.command("trade")
+def trade_command(
+    paths: Annotated[list[Path], typer.Argument(help="Sidecars, models or folders.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for tables and finished runs.")
+    ] = Path("trade"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    longest: RunTimeout = DEFAULT_LONGEST_RUN,
+    run: Annotated[
+        Runs | None,
+        typer.Option(
+            help="Which run of the cases.", show_default="the first of these that a case has"
+        ),
+    ] = None,
+    error: Annotated[
+        Errors,
+        typer.Option(
+            help="Kind of error that the table shows; the files have all.",
+            parser=parse_error_kind,
+            metavar=ERROR_METAVAR,
+        ),
+    ] = Errors.position,
+    force: Force = False,
+) -> None:
+    """Measure what accuracy costs: convergence series of settings, orders, error floors, costs.
+
+    Every finished run is stored: a stopped study continues when the command is given again.
+
+    Exit code 0: done; 1: nothing ran; 2: bad input.
+    """
+    from proofmass.commands.trade import run_trade
+
+    run_trade(
+        paths, output, jobs, dask, longest, cast("Kind | None", run and run.value), error.value
+    )
+
+
+@app.command("diet")
+def diet_command(
+    model: Annotated[
+        Path, typer.Argument(help="MJCF file; sidecars beside it say what it is for.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="File of the reduced model; the table is written beside it.",
+            show_default="diet/MODEL.xml",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=1e-3, help="Duration of the motion of a model without a sidecar.")
+    ] = 5.0,
+    watch: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--watch",
+            help="A joint, body, site or sensor to monitor; features that do not act on it are "
+            "removed. Can be given several times. Without it all that is measured, or moves, is "
+            "monitored.",
+        ),
+    ] = None,
+    error: Annotated[
+        float | None,
+        typer.Option(
+            "--error",
+            min=0.0,
+            help="For a model without a sidecar: largest distance of a channel to the fine "
+            "solution, as a share of its range, that other options of the engine may cause; a "
+            "tenth more than with the present options if not given.",
+        ),
+    ] = None,
+    keep_options: Annotated[
+        bool,
+        typer.Option(
+            "--keep-options",
+            help="Keep the engine's options, and remove only what changes no run.",
+        ),
+    ] = False,
+    blind: Annotated[
+        bool, typer.Option("--blind", help="Remove geoms that are only drawn as well.")
+    ] = False,
+    jobs: Jobs = None,
+    dask: Dask = None,
+    force: Force = False,
+) -> None:
+    """Find what a scene does not need, and write the model without it.
+
+    Each feature is taken out by itself and every run is repeated: the runs of the sidecars must
+    stay within their tolerances, the motion from the model's key must stay the same to rounding.
+    Then cheaper solver tolerances, iterations, time steps, integrators and solvers are chosen where
+    the error to the reference, or the distance to the fine solution, allows it. Trials are stored:
+    a stopped diet continues when the command is given again. Exit code 0: done; 2: bad input.
+    """
+    from proofmass.commands.diet import run_diet
+
+    run_diet(model, output, seconds, watch, error, keep_options, blind, jobs, dask)
+
+
+@app.command("choose")
+def choose_command(
+    path: Annotated[Path, typer.Argument(help="A sidecar.", metavar="CASE")],
+    error: Annotated[
+        float | None,
+        typer.Option(help="Largest error, as a share of the range of the reference."),
+    ] = None,
+    creep: Annotated[
+        float | None,
+        typer.Option(
+            help="Instead of --error: largest speed in m/s at which bodies that friction holds may "
+            "creep.",
+            metavar="SPEED",
+        ),
+    ] = None,
+    of: Annotated[
+        Errors, typer.Option(help="Kind of error.", parser=parse_error_kind, metavar=ERROR_METAVAR)
+    ] = Errors.position,
+    solver: Annotated[
+        str, typer.Option(help="The only engine to choose from.", show_default="any")
+    ] = "",
+    run: Annotated[
+        Runs | None,
+        typer.Option(help="Which run of the case.", show_default="the first of these that it has"),
+    ] = None,
+    drive: Annotated[
+        str,
+        typer.Option(
+            help="How the program moves its drives: a word that the "
+            "engine knows, such as servo; docs/studies.md lists them.",
+            show_default="the first of these, which is ideal",
+        ),
+    ] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="A Python program that runs the motion with that setting, without proofmass.",
+            show_default="lines to paste are printed",
+        ),
+    ] = None,
+    store: Annotated[
+        Path, typer.Option("--store", help="Folder of proofmass trade; missing runs are added.")
+    ] = Path("trade"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    longest: RunTimeout = DEFAULT_LONGEST_RUN,
+    budget: Annotated[
+        float,
+        typer.Option(
+            help="Counted processor time of all runs of the search together.", metavar="SECONDS"
+        ),
+    ] = DEFAULT_SEARCH_BUDGET,
+    force: Force = False,
+) -> None:
+    """Find the cheapest setting whose error is no larger than the given one.
+
+    Its measured error must be no larger than half of that.  The setting is then run as a program
+    of its own, without proofmass, and from a shifted start, and neither error may be larger than
+    the given one.  The program is written with -o; without -o the lines of the setting are printed.
+
+    With --creep a motion that ends at rest is run as a program, and a setting is proposed with
+    which contacts creep no faster than the given speed.  --of, --drive, --store and --budget are
+    not used.
+
+    Exit code 0: found; 1: no setting is good enough; 2: bad input.
+    """
+    from proofmass.commands.choose import run_choose, run_creep
+
+    with exit_on_error("nothing is kept"):
+        if (error is None) == (creep is None):
+            raise ValueError("give one of the two: --error, such as 1e-5, or --creep, such as 1e-6")
+    if creep is not None:
+        run_creep(path, creep, solver, output, longest)
+        return
+    assert error is not None
+    run_choose(
+        path,
+        error,
+        of.value,
+        solver,
+        cast("Kind | None", run and run.value),
+        drive,
+        output,
+        store,
+        jobs,
+        dask,
+        longest,
+        budget,
+    )
+
+
+@app.command("stress")
+def stress_command(
+    paths: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Sidecars or folders.", show_default="small models whose limits theory knows"
+        ),
+    ] = None,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for the table, the page and finished runs."),
+    ] = Path("stress"),
+    jobs: Jobs = None,
+    dask: Dask = None,
+    only: Annotated[str, typer.Option(help="Only parameters whose names contain this text.")] = "",
+    force: Force = False,
+) -> None:
+    """Increase or decrease each parameter until a run fails, and bisect the boundary to 1 %.
+
+    Of a case: time step, drive speed, gravity, mass ratio, stiffness, size, segments, limit
+    positions, bars in line, folds of rods, long runs, energy. Without a case: small models, whose
+    measured limits are compared with those of theory. Every run is stored: a stopped study
+    continues when the command is given again. Exit code 0: done; 2: bad input.
+    """
+    from proofmass.commands.stress import run_stress
+
+    run_stress(paths, output, jobs, dask, only)
+
+
+@app.command("show")
+def show_command(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
+) -> None:
+    """Print the sidecar of a case with the default values of all keys that it leaves out.
+
+    The text is a sidecar of the same case. Nothing is run. Exit code 0, or 2: bad input.
+    """
+    from proofmass.batch.check import read_isolated
+    from proofmass.formats.terminal import describe_unmatched
+    from proofmass.run.sidecar import format_sidecar
+
+    with exit_on_error("nothing is kept"):
+        case = read_isolated(find_sidecar(path))
+        print(format_sidecar(case), end="")
+        if case.unmatched:
+            error_console.print(describe_unmatched(case))
+
+
+@app.command("explain")
+def explain_command(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Sidecar, or its model.")],
+    json: Annotated[bool, typer.Option("--json", help="Print JSON: all that was found.")] = False,
+    jobs: Jobs = None,
+) -> None:
+    """List what the runs of a case check, and which wrong numbers of its model no run notices.
+
+    Each number of the model is changed and the runs are repeated. Results are stored: a stopped
+    command continues where it stopped, and a second call answers at once. Exit code 0: done;
+    2: bad input.
+    """
+    from proofmass.commands.explain import run_explain
+
+    run_explain(path, json, jobs)

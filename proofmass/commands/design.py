@@ -1,0 +1,252 @@
+"""``proofmass design``: find a mechanism, write it as a case, and check the case."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from proofmass.analytic.balancer.measures import TARGETS, Target, target_from_table, weight_target
+from proofmass.analytic.balancer.synthesis import Synthesis, Variant
+from proofmass.base.arrays import Array
+from proofmass.base.errors import InputError
+from proofmass.base.files import make_folder, protect, write_output
+from proofmass.base.recorded import RecordedColumn, read_table
+from proofmass.base.units import si_unit
+from proofmass.batch.check import check
+from proofmass.commands.command import error_console, exit_on_error
+from proofmass.design.search import Effort, SavedSearch
+from proofmass.design.springs import CATALOGUE, describe_design, read_catalogue, read_strips
+from proofmass.design.template import write_case
+from proofmass.run.sidecar import load_case
+
+
+def design_balancer(
+    target: str,
+    table: Path | None,
+    segments: int,
+    springs: str,
+    preload: tuple[int, ...],
+    free_angle: bool,
+    contact: bool,
+    relaxed: bool,
+    elbow_down: bool,
+    bound: list[str] | None,
+    power: float,
+    seed: int,
+    effort: float,
+    output: Path,
+    pareto: bool,
+    catalogue: Path | None,
+    extension: str | None,
+    strips: Path | None,
+    moment: float,
+    beside: list[Path] | None,
+) -> None:
+    """Run ``proofmass design balancer``; `proofmass.commands.cli` describes the parameters."""
+    with exit_on_error(f"{output} keeps the state"):
+        grows = parse_extension(extension) if extension else (0.0, 0.0)
+        if extension and (table or target != "sine"):
+            raise ValueError(
+                "--extension: the target is the weight on a pendulum that extends; give no other"
+            )
+        wanted = read_target(table) if table else find_target(target)
+        wanted = weight_target(*grows) if extension else wanted
+        others = read_balancers(beside or [])
+        stock = read_catalogue(catalogue) if catalogue else CATALOGUE
+        sections = read_strips(strips) if strips else []
+        if sections and springs != "linear":
+            raise ValueError(f"--strips: clock springs are linear, and --springs is {springs}")
+        variant = Variant(
+            wanted.name,
+            segments,
+            springs,
+            preload,
+            free_angle,
+            contact,
+            relaxed,
+            -1 if elbow_down else 1,
+            grows,
+            parse_bounds(bound or []),
+        )
+        task = Synthesis(variant, wanted, power=power)
+        protect(filter(None, (table, catalogue, strips, *(beside or []))))
+        make_folder(output)
+        found = search_designs(task, scale_effort(effort, seed), output / "search.npz")
+        record = {"seed": seed, **describe_design(task, found, stock, sections, moment)}
+        print_design(record)
+        write_output(output / "design.json", json.dumps(record, indent=1))
+        if pareto:
+            write_pareto_front(task, found, output)
+        raise typer.Exit(check_design(record, others, output))
+
+
+def find_target(name: str) -> Target:
+    """The target of the thesis with a given name."""
+    if name not in TARGETS:
+        raise ValueError(
+            f"--target {name}: no such target; there are {', '.join(TARGETS)}, or "
+            f"--table FILE for one of your own"
+        )
+    return TARGETS[name]
+
+
+def read_target(file: Path) -> Target:
+    """A target from a table of wanted moments.
+
+    Its angles must rise from at most 1 degree to at least 90 degrees.
+    """
+    table = read_table(file)
+    columns = [RecordedColumn(column=name) for name in table.units]
+    try:
+        units = [si_unit(table.unit_of(column))[0] for column in columns]
+    except ValueError as error:
+        raise InputError(file, "line 1", str(error)) from None
+    if units != ["rad", "1"]:
+        raise InputError(
+            file,
+            "line 1",
+            "the columns must be 'angle [deg]' and 'moment [1]', the wanted moment over m g r",
+        )
+    angle, moment = table.monotonic(columns[0]), table.curve(columns[1])
+    if angle[0] > np.pi / 180 or angle[-1] < np.pi / 2 * (1 - 1e-12):
+        raise InputError(
+            file,
+            "",
+            f"the angles must cover 1 to 90 degrees, they go from "
+            f"{np.degrees(angle[0]):g} to {np.degrees(angle[-1]):g}",
+        )
+    if not np.trapezoid(moment, angle) > 0:
+        raise InputError(file, "", "the wanted moment must do positive work")
+    return target_from_table(angle, moment, file.stem)
+
+
+def read_balancers(files: list[Path]) -> dict[str, dict[str, Any]]:
+    """Parameters of the balancers in sidecars, by the titles of their cases."""
+    cases = [load_case(file) for file in files]
+    for case in cases:
+        if case.reference != "balancer":
+            raise case.error(
+                "reference",
+                f"{case.reference!r} is no balancer; --beside takes cases of reference 'balancer'",
+            )
+    return {case.title: case.parameters for case in cases}
+
+
+def parse_extension(text: str) -> tuple[float, float]:
+    """The two coefficients of an extension written as E1:E2.
+
+    The length of the pendulum must be positive up to 90 degrees.
+    """
+    try:
+        first, second = map(float, text.split(":"))
+    except ValueError:
+        raise ValueError(
+            f"--extension {text}: write it as E1:E2, for r/r0 = 1 + E1 alpha + E2 alpha^2, such as "
+            f"0:0.05"
+        ) from None
+    alpha = np.linspace(0.0, np.pi / 2, 91)
+    if not (1.0 + alpha * (first + alpha * second) > 0).all():
+        raise ValueError(f"--extension {text}: the pendulum's length must stay positive to 90 deg")
+    return first, second
+
+
+def parse_bounds(bounds: list[str]) -> dict[str, tuple[float, float]]:
+    """Bounds by parameter, from texts written as NAME=LOW:HIGH."""
+    given = {}
+    for text in bounds:
+        name, _, pair = text.partition("=")
+        low, _, high = pair.partition(":")
+        try:
+            given[name] = float(low), float(high)
+        except ValueError:
+            raise ValueError(
+                f"--bound {text}: write it as NAME=LOW:HIGH, such as length1=0.2:0.4"
+            ) from None
+    return given
+
+
+def scale_effort(effort: float, seed: int) -> Effort:
+    """The usual effort of a search with `effort` times as many descents, 4 in a heat at least."""
+    return Effort(
+        tuple((max(4, round(count * effort)), steps) for count, steps in Effort().heats), seed
+    )
+
+
+def search_designs(task: Synthesis, effort: Effort, file: Path) -> Array:
+    """Search for designs (B, d), best first, with a progress bar on standard error."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[best]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=error_console, transient=True) as bar:
+        line = bar.add_task("searching", total=effort.steps, best="")
+
+        def advance(step: int, steps: int, value: float) -> None:
+            bar.update(line, completed=step, total=steps, best=f"error {value:.5f}")
+
+        search = SavedSearch(task, effort, file)
+        search.run(advance)
+    return search.found
+
+
+def print_design(record: dict[str, Any]) -> None:
+    """Print the design on standard output."""
+    print(
+        f"rmse {record['rmse']:.6f}, work reduction {record['work_reduction']:.3f} %, spread of "
+        f"energy {record['spread']:.3f}"
+    )
+    for name, value in record["parameters"].items():
+        print(f"  {name:<12}{value: .6f}")
+    if chosen := record.get("selection"):
+        joints = " | ".join(" + ".join(pair) or "none" for pair in chosen["springs"])
+        print(
+            f"springs {joints} for m g r = {chosen['moment']:.5f} N m: rmse "
+            f"{chosen['rmse']:.6f}, work reduction {chosen['work_reduction']:.3f} %"
+        )
+    for joint in record.get("clock_springs", []):
+        if "strip" in joint:
+            print(
+                f"joint {joint['joint']}: {joint['count']} x {joint['strip']}, "
+                f"{1e3 * joint['length']:.1f} mm, for {joint['stiffness']:.5g} N m/rad; "
+                f"{1e-6 * joint['stress']:.0f} MPa at {joint['moment']:.4g} N m"
+            )
+        else:
+            print(f"joint {joint['joint']}: {joint.get('why', 'no spring')}")
+
+
+def write_pareto_front(task: Synthesis, found: Array, folder: Path) -> None:
+    """Find and write the Pareto front, and print the names of its files on standard output."""
+    from proofmass.design.pareto import find_front, write_front  # matplotlib is slow to load
+
+    with error_console.status("searching the Pareto front of error and spread of energy"):
+        trades = find_front(task, found, folder)
+    for file in write_front(trades, list(task.variant.usual), folder / "pareto"):
+        print(file)
+
+
+def check_design(record: dict[str, Any], others: dict[str, dict[str, Any]], folder: Path) -> int:
+    """Write the case, check it in the engines, write a report, and return the exit code."""
+    from proofmass.report import headline, write_report  # matplotlib is slow to load
+
+    sidecar = write_case(
+        folder,
+        f"balancer_{record['target']}",
+        parameters=record["parameters"],
+        title=f"Balancer found for the target {record['target']}",
+        source=f"proofmass design balancer, seed {record['seed']}: work reduction "
+        f"{record['work_reduction']:.3f} %, rmse {record['rmse']:.6f}",
+        target=record["target"] if record["target"] in {*TARGETS, "weight"} else None,
+        beside=others,
+    )
+    result = check([sidecar])
+    for error in result.errors:
+        error_console.print(f"error: {error}", style="bold red", markup=False)
+    for case in result.cases:
+        print(headline(case, result.comparisons))
+    print(write_report(result, folder / "report"))
+    return result.exit_code

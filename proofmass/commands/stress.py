@@ -1,0 +1,47 @@
+"""``proofmass stress``: find the limits at which simulations fail."""
+
+from pathlib import Path
+
+from proofmass.batch.pool import pool
+from proofmass.commands.command import error_console, exit_on_error, progress_bar
+from proofmass.commands.studies import load_cases
+from proofmass.formats.terminal import make_console
+from proofmass.studies.store import Store
+from proofmass.studies.stress.boundary import Boundary, write_boundaries
+from proofmass.studies.stress.extremes import list_extremes
+from proofmass.studies.stress.problems import list_problems
+from proofmass.studies.stress.stress import cache_trials, find_boundaries, result_table
+
+
+def run_stress(
+    paths: list[Path] | None, output: Path, jobs: int | None, dask: str | None, only: str
+) -> None:
+    """Run ``proofmass stress``; `proofmass.commands.cli` describes its arguments."""
+    with exit_on_error(f"{output} keeps the runs"):
+        from proofmass.studies.stress.page import write_stress  # matplotlib is slow to load
+
+        found = search_cases(paths or [], output, jobs, dask, only)
+        write_boundaries(found, output / "stress.csv")
+        make_console().print(result_table(found))
+        print(write_stress(output, output).first)
+
+
+def search_cases(
+    paths: list[Path], folder: Path, jobs: int | None, dask: str | None, only: str
+) -> list[Boundary]:
+    """Find boundaries with a progress bar on standard error, and print which do not apply."""
+    store = Store(folder / "runs")
+    searches = [] if paths else [cache_trials(one, store) for one in list_problems()]
+    for case in load_cases(paths) if paths else ():
+        ours, skipped = list_extremes(case, store)
+        searches += ours
+        for why in skipped:
+            error_console.print(f"{case.name}: not varied: {why}")
+    searches = [one for one in searches if only in one.parameter]
+    if not searches:
+        raise ValueError(f"--only {only}: no such parameter")
+    with (
+        pool(jobs, dask) as workers,
+        progress_bar(len(searches), max_letters=40) as advance,
+    ):
+        return find_boundaries(searches, workers, advance)

@@ -1,0 +1,1 @@
+"""Why curves differ, and which wrong numbers no run would notice."""

@@ -1,0 +1,487 @@
+"""What the command line prints: the tables of ``check`` and ``list``, and JSON."""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict
+from itertools import groupby
+from pathlib import Path
+from textwrap import shorten
+from typing import Any
+
+from rich.cells import cell_len
+from rich.console import Console, JustifyMethod
+from rich.table import Table
+from rich.text import Text
+
+from proofmass.batch.check import Result, family_of
+from proofmass.case.case import Case
+from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault, SharedCause, shared_causes
+from proofmass.reference.reference import reference_reads_model
+from proofmass.sim.mjcf import NATIVE_ENGINE
+from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
+from proofmass.verdict.outcome import CHECKED_OUTCOMES, UNCHECKED_OUTCOMES, Outcome
+
+COMPARISON_KEYS = (
+    "case",
+    "solver",
+    "run",
+    "channel",
+    "unit",
+    "error_max",
+    "at",
+    "error_rms",
+    "nrmse",
+    "uncertainty",
+    "allowed",
+    "detectable",
+    "outcome",
+    "message",
+    "seconds",
+    "steps",
+)
+OUTCOME_SIGNS: dict[str, tuple[str, str]] = {
+    Outcome.AGREES: ("✓", "green"),
+    Outcome.UNCHECKED: ("·", "dim"),
+    Outcome.SELF_CONSISTENT: ("≈", "cyan"),
+    Outcome.UNSUPPORTED: ("–", "dim"),
+}
+FAILURE_SIGN = ("✗", "bold red")
+
+
+UNLIMITED_WIDTH = 500
+"""Width of an output that is no screen [characters], more than any table needs."""
+
+
+def as_json(result: Result) -> str:
+    """Return a result as one JSON object: comparisons, diagnoses, notes, errors, exit code.
+
+    Numbers that are not finite are null.
+    """
+    rows = [{key: asdict(c)[key] for key in COMPARISON_KEYS} for c in result.comparisons]
+    return json.dumps(
+        replace_nonfinite(
+            {
+                "comparisons": rows,
+                "causes": [cause_data(cause) for cause in shared_causes(result.diagnoses.values())],
+                "diagnoses": [diagnosis_data(found) for found in result.diagnoses.values()],
+                "notes": list(note_lines(result)),
+                "errors": [
+                    {"file": str(e.file), "key": e.key, "wrong": e.wrong} for e in result.errors
+                ],
+                "of_others": [str(file) for file in result.of_others],
+                "exit_code": result.exit_code,
+            }
+        ),
+        indent=1,
+        allow_nan=False,
+    )
+
+
+def cause_data(cause: SharedCause) -> dict[str, Any]:
+    """A cause as data: its sentence, its faults, what it explains, and its runs."""
+    return {
+        "sentence": cause.sentence,
+        "head": cause.head,
+        "complete": cause.complete,
+        "faults": [fault_data(fault) for fault in cause.best.faults],
+        "explains": sum(len(one.explains) for one in cause.explanations),
+        "differing": sum(one.differing for one in cause.explanations),
+        "runs": [{"case": d.case, "run": d.run, "solver": d.solver} for d in cause.diagnoses],
+    }
+
+
+def diagnosis_data(found: Diagnosis) -> dict[str, Any]:
+    """A diagnosis as data, with the sentence of each cause."""
+    data = {key: value for key, value in vars(found).items() if key != "causes"}
+    return data | {"causes": [explanation_data(cause) for cause in found.causes]}
+
+
+def explanation_data(cause: Explanation) -> dict[str, Any]:
+    """A cause of one run as data."""
+    data = {key: value for key, value in vars(cause).items() if key != "edits"}
+    faults = [fault_data(fault) for fault in cause.faults]
+    return data | {"sentence": cause.sentence, "complete": cause.complete, "faults": faults}
+
+
+def fault_data(fault: Fault) -> dict[str, Any]:
+    """A fault as data."""
+    return vars(fault) | {"file": str(fault.file)}
+
+
+def replace_nonfinite(value: Any) -> Any:
+    """Return nested lists and dicts in which numbers that are not finite are None.
+
+    >>> replace_nonfinite([{"size": float("nan"), "relative": True}])
+    [{'size': None, 'relative': True}]
+    """
+    if isinstance(value, dict):
+        return {key: replace_nonfinite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [replace_nonfinite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def make_console(width: int = UNLIMITED_WIDTH) -> Console:
+    """Return the console of standard output; `width` is its width where it is not a screen."""
+    # without markup and emoji, names are printed as they are
+    plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
+    shown = Console(**plain)
+    return shown if shown.is_terminal else Console(**plain, width=width)
+
+
+def three_digits(value: float) -> str:
+    """Format a number with three digits; a dash for one that is not finite.
+
+    >>> three_digits(0.000123456), three_digits(float("nan"))
+    ('1.23e-04', '–')
+    """
+    return f"{value:.2e}" if math.isfinite(value) else "–"
+
+
+def format_outcome(outcome: str) -> Text:
+    """Return an outcome with its sign, which is readable without colour."""
+    sign, style = OUTCOME_SIGNS.get(outcome, FAILURE_SIGN)
+    return Text(f"{sign} {outcome}", style=style)
+
+
+def worst_comparison(group: list[Comparison]) -> Comparison:
+    """Return the comparison that represents a solver: a failure, else the one nearest its limit."""
+
+    def rank(c: Comparison) -> tuple[bool, float]:
+        ratio = c.error_max / c.allowed if c.allowed > 0 else c.nrmse
+        return c.outcome not in OUTCOME_SIGNS, ratio if math.isfinite(ratio) else -1.0
+
+    return max(group, key=rank)
+
+
+COLUMNS = (
+    "case",
+    "run",
+    "solver",
+    "outcome",
+    "channel",
+    "worst error",
+    "allowed",
+    "of range",
+    "of allowed",
+    "s",
+    "steps",
+)
+LEFT_ALIGNED = 5
+"""Number of the first columns, which are words and are aligned left."""
+LAYOUTS: tuple[tuple[str, ...], ...] = (
+    COLUMNS,
+    COLUMNS[:9],
+    (*COLUMNS[:5], "of range", "of allowed"),
+    (*COLUMNS[:4], "of range", "of allowed"),
+)
+"""Columns of a table by layout, the widest first; the first layout that fits a screen is used."""
+NARROW_LAYOUT: tuple[tuple[str, ...], ...] = (
+    ("run", "solver", "outcome", "of range", "of allowed"),
+    ("case",),
+)
+NARROW_CHANNEL_LAYOUT: tuple[tuple[str, ...], ...] = (
+    ("channel", "outcome", "of range", "of allowed"),
+    ("case", "run", "solver"),
+)
+"""Columns on a screen too narrow for all layouts, and columns that the line above them replaces."""
+COLUMN_GAP = 2
+INDENT = 2
+Cells = dict[str, str | Text]
+
+
+def summary_tables(
+    result: Result, every_channel: bool = False, width: int = 240
+) -> Iterator[Table]:
+    """Yield tables with a row for each solver of each run, or for each channel.
+
+    There is one table with as many columns as fit the width [characters].  Where not even the
+    layout with the fewest columns fits, each case has a table with a title.
+    """
+    rows = list(summary_rows(result, every_channel))
+    if not rows:
+        return
+    for columns in LAYOUTS[: 3 if every_channel else 4]:
+        if fits_width(rows, columns, width):
+            yield make_table(rows, columns)
+            return
+    columns, title_columns = NARROW_CHANNEL_LAYOUT if every_channel else NARROW_LAYOUT
+    min_widths = column_widths(rows, columns)
+    min_widths[0] += INDENT
+    for k, (title, group) in enumerate(
+        groupby(rows, lambda row: " ".join(str(row[name]) for name in title_columns))
+    ):
+        own = make_table(list(group), columns, min_widths, show_header=not k)
+        own.title, own.title_justify, own.title_style = Text(title, no_wrap=True), "left", ""
+        yield own
+
+
+def summary_rows(result: Result, every_channel: bool) -> Iterator[Cells]:
+    """Yield the rows of the table: the cells by the names of their columns."""
+    for (case, run, solver), comparisons in groupby(
+        result.comparisons, lambda c: (c.case, c.run, c.solver)
+    ):
+        group = list(comparisons)
+        for c in group if every_channel else [worst_comparison(group)]:
+            yield {
+                "case": case,
+                "run": run,
+                "solver": solver,
+                "outcome": outcome_cell(group, c, every_channel),
+                "channel": c.channel,
+                "worst error": f"{three_digits(c.error_max)} {c.unit}".strip(),
+                "allowed": three_digits(c.allowed),
+                "of range": three_digits(c.relative_to_range),
+                "of allowed": format_ratio(c),
+                "s": f"{c.seconds:.2f}" if math.isfinite(c.seconds) else "–",
+                "steps": str(c.steps or "–"),
+            }
+
+
+def format_ratio(c: Comparison) -> str:
+    """Format the ratio of the error to what is allowed: two digits, or a dash.
+
+    >>> format_ratio(Comparison("a", "b", "c", "d", "m", error_max=1.0, allowed=3.0))
+    '0.33'
+    """
+    if not (math.isfinite(c.error_max) and c.allowed > 0):
+        return "–"
+    ratio = c.error_max / c.allowed
+    return f"{ratio:.2f}" if 0.01 <= ratio < 1e4 else "0" if not ratio else f"{ratio:.1e}"
+
+
+def column_widths(rows: list[Cells], columns: Iterable[str]) -> list[int]:
+    """Return the widths of columns in which no cell is broken [characters]."""
+    return [max([cell_len(name), *(cell_len(str(row[name])) for row in rows)]) for name in columns]
+
+
+def fits_width(rows: list[Cells], columns: Sequence[str], width: int) -> bool:
+    """Whether a table of these columns, with no cell broken, is no wider than a screen."""
+    return sum(column_widths(rows, columns)) + COLUMN_GAP * (len(columns) - 1) <= width
+
+
+def make_table(
+    rows: list[Cells],
+    columns: Sequence[str],
+    min_widths: Sequence[int] = (),
+    show_header: bool = True,
+) -> Table:
+    """Return a table of these columns, with no word broken; a case is named in its first row.
+
+    `min_widths` are the least widths of the columns [characters]; with these the first column is
+    indented.
+    """
+    table = Table(box=None, header_style="bold", pad_edge=False, show_header=show_header)
+    for k, name in enumerate(columns):
+        side: JustifyMethod = "left" if name in COLUMNS[:LEFT_ALIGNED] else "right"
+        table.add_column(
+            " " * INDENT * bool(min_widths and not k) + name,
+            justify=side,
+            no_wrap=True,
+            min_width=min_widths[k] if min_widths else None,
+        )
+    last = ""
+    for row in rows:
+        cells = [row[name] for name in columns]
+        if columns[0] == "case":
+            cells[0] = row["case"] if row["case"] != last else ""
+        elif min_widths:
+            cells[0] = " " * INDENT + str(cells[0])
+        table.add_row(*cells)
+        last = str(row["case"])
+    return table
+
+
+def outcome_cell(group: list[Comparison], shown: Comparison, single_channel: bool) -> Text:
+    """Return the outcome of a row, and how many channels of its solver have the same outcome.
+
+    `group` are the comparisons of the solver, `shown` the one that the row shows.  Where a row
+    is a single channel (`single_channel`), there is no count.
+    """
+    text = format_outcome(shown.outcome)
+    same = sum(c.outcome == shown.outcome for c in group)
+    return text if single_channel or len(group) == 1 else text.append(f" {same}/{len(group)}")
+
+
+def failure_lines(
+    result: Result, link: Callable[[Comparison], str] | None = None
+) -> Iterator[Text]:
+    """Yield the lines below the table.
+
+    These are a line for each run that differs or failed, by its worst channel, with its diagnosis
+    and, if `link` is given, its link; for each case in which nothing was checked; notes on curves;
+    sensors for which no quantity was found; references that read the model themselves; the largest
+    error; and the number of comparisons with each outcome.
+    """
+    pages, causes = {case.name for case in result.cases}, shared_causes(result.diagnoses.values())
+    for (case, run, solver), rows in groupby(
+        result.comparisons, lambda c: (c.case, c.run, c.solver)
+    ):
+        group = list(rows)
+        bad = [c for c in group if c.outcome not in OUTCOME_SIGNS]
+        if not bad:
+            continue
+        c = worst_comparison(bad)
+        text = (
+            c.message
+            if c.outcome != Outcome.DIFFERS
+            else (
+                f"{len(bad)} of {len(group)} channels, {c.channel} by {c.message}: "
+                f"{three_digits(c.error_max)} {c.unit} at {c.at:.6g}, "
+                f"{three_digits(c.relative_to_range)} of the range"
+            )
+        )
+        yield Text.assemble((f"{FAILURE_SIGN[0]} {case} {run} {solver} {c.outcome}: ", "red"), text)
+        if found := result.diagnoses.get((case, run, solver)):
+            elsewhere = [d for d in result.diagnoses.values() if d.case == case and d.found]
+            yield from diagnosis_lines(found, causes, elsewhere)
+        if link and case in pages:
+            yield Text(f"  {link(c)}", style="dim")
+    for case in result.unchecked:
+        yield Text.assemble((f"{FAILURE_SIGN[0]} {case.name} unchecked: ", "red"), UNCHECKED_CASE)
+    for c in result.comparisons:
+        if c.outcome in UNCHECKED_OUTCOMES and c.message and not c.channel:
+            yield Text.assemble(format_outcome(c.outcome), f" {c.case}: {c.message}")
+    for line in note_lines(result):
+        yield Text(f"· {line}", style="dim")
+    for case in result.cases:
+        if case.unmatched:
+            yield Text(f"· {case.name}: {describe_unmatched(case)}", style="dim")
+        if reference_reads_model(case):
+            yield Text(f"· {case.name}: {describe_own_numbers(case)}", style="dim")
+    judged = [c for c in result.comparisons if c.outcome in CHECKED_OUTCOMES and c.channel]
+    if judged:
+        yield Text(format_largest(judged))
+    counts = {
+        o: sum(c.outcome == o for c in result.comparisons)
+        for o in dict.fromkeys(c.outcome for c in result.comparisons)
+    }
+    words = [f"{n} {o}" for o, n in counts.items()]
+    if result.unchecked:
+        words.append(f"{len(result.unchecked)} case(s) without any check")
+    yield Text(
+        ", ".join(words) or "nothing to check",
+        style="bold" if result.exit_code == 0 else "bold red",
+    )
+
+
+def diagnosis_lines(
+    found: Diagnosis, causes: Sequence[SharedCause] = (), elsewhere: Sequence[Diagnosis] = ()
+) -> Iterator[Text]:
+    """Yield the lines of a diagnosis.
+
+    A cause that several runs share is told once, at the first of them, with what it explains in
+    all; `causes` are the shared causes.  Where no cause was found, the line names the runs of
+    the case in which one was found, those of `elsewhere`.
+    """
+    shared = next((one for one in causes if found in one.diagnoses), None)
+    head, (first, *more) = found.head, found.lines
+    if shared and found is not shared.diagnoses[0]:
+        fault = shared.best.fault
+        run = " ".join([(one := shared.diagnoses[0]).case, one.run, one.solver])
+        first, more = f"the same, {fault.place}" if fault else f"the same as in {run}", []
+    elif shared:
+        head, first = shared.head, shared.sentence
+    elif elsewhere and not (found.found or found.failed or found.fault):
+        runs = ", ".join(f"{other.run} {other.solver}" for other in elsewhere)
+        first, more = f"not found in this run; see {runs}", []
+    yield Text.assemble((f"  {head}: ", "bold"), first)
+    for line in more:
+        yield Text(f"         {line}")
+
+
+def format_largest(judged: list[Comparison]) -> str:
+    """Format the largest error of all comparisons, and the error nearest to its limit."""
+    largest = max(judged, key=lambda c: finite_or(c.relative_to_range, -1.0))
+    limit = max(judged, key=lambda c: c.share_of_allowed)
+    return (
+        f"largest error {three_digits(largest.relative_to_range)} of the range "
+        f"({format_comparison(largest)}); nearest to its limit {format_ratio(limit)} of what is "
+        f"allowed ({format_comparison(limit)})"
+    )
+
+
+def note_lines(result: Result) -> Iterator[str]:
+    """Yield the notes on curves; a note on several solvers of a case is given once."""
+    runs_by_note: dict[tuple[str, str], list[str]] = {}
+    for (name, run, solver), notes in result.notes.items():
+        for note in notes:
+            runs_by_note.setdefault((name, note), []).append(f"{run} {solver}")
+    for (name, note), runs in runs_by_note.items():
+        yield f"{name} {runs[0]}: {note}" if len(runs) == 1 else f"{name}: {note}"
+
+
+def finite_or(value: float, otherwise: float) -> float:
+    """Return a number if it is finite, otherwise another one."""
+    return value if math.isfinite(value) else otherwise
+
+
+def format_comparison(c: Comparison) -> str:
+    """Format the case, run, solver and channel of a comparison."""
+    return f"{c.case} {c.run} {c.solver} {c.channel}"
+
+
+def describe_unmatched(case: Case) -> str:
+    """Format the line on the sensors that a case does not check."""
+    return (
+        f"not checked: sensors {', '.join(case.unmatched)}; no quantity of {case.reference} "
+        f"has their names, and the sidecar does not list them"
+    )
+
+
+def describe_own_numbers(case: Case) -> str:
+    """Format the line on a case whose reference reads the model itself."""
+    constant = ", ".join(case.constant_channels)
+    but = f"; only {constant}, which must equal a number, can show it" if constant else ""
+    return (
+        f"the reference {case.reference} reads the numbers of {case.model}: a wrong one is wrong "
+        f"in the engines and in the reference{but}"
+    )
+
+
+def case_table(
+    cases: list[Case], bare_models: list[Path], paths: list[Path], width: int = 500
+) -> Table:
+    """Return the table of `proofmass list`: a row for each case, with its folder below the paths.
+
+    `bare_models` are models without a sidecar.  Where not all columns fit the width
+    [characters], the table has only the case, its runs, and the first words of its title.
+    """
+    columns = ["folder", "case", "model", "reference", "runs", "channels", "title"]
+    cells = [
+        (
+            family_of(case.file, paths),
+            case.name,
+            case.model,
+            case.reference,
+            "; ".join(f"{kind}: {', '.join(run.solvers)}" for kind, run in case.run.items()),
+            str(len(case.channels)),
+            case.title,
+        )
+        for case in cases
+    ]
+    own_motion = f"own motion: {NATIVE_ENGINE}"
+    cells += [
+        (family_of(model, paths), model.stem, model.name, "–", own_motion, "", "")
+        for model in bare_models
+    ]
+    rows: list[Cells] = [dict(zip(columns, each, strict=True)) for each in cells]
+    if not fits_width(rows, columns, width):
+        columns.remove("model")
+        for row in rows:
+            parts = str(row["runs"]).split("; ")
+            row["runs"] = ", ".join(part.partition(":")[0] for part in parts)
+    if not fits_width(rows, columns, width):
+        columns = ["case", "runs", "title"]
+        room = width - sum(column_widths(rows, columns[:2])) - 2 * COLUMN_GAP
+        for row in rows:
+            row["title"] = shorten(
+                str(row["title"]), max(room, 1), placeholder="…", break_on_hyphens=False
+            )
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in columns:
+        table.add_column(name, no_wrap=True)
+    for row in rows:
+        table.add_row(*(row[name] for name in columns))
+    return table

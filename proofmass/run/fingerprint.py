@@ -1,0 +1,83 @@
+"""Digests of what a stored result depends on: files, compiled models, versions and sources."""
+
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import distribution, version
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from proofmass import analytic, sim
+from proofmass.base.installation import digest_engines, own_version
+from proofmass.case.case import Case
+from proofmass.reference.reference import compiled_model
+from proofmass.sim.engines import computes_curves, engine_of, foreign_distribution
+from proofmass.sim.mjcf import files_of_model
+from proofmass.sim.protocol import FILE_MARK
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 in hexadecimal.
+
+    >>> digest(b"abc")[:8]
+    'ba7816bf'
+    """
+    return hashlib.sha256(data).hexdigest()
+
+
+def bytes_of_case_model(case: Case) -> bytes:
+    """The compiled model as bytes, with its rods and with the files that it includes."""
+    return bytes_of_model(compiled_model(case))
+
+
+def bytes_of_model(model: mujoco.MjModel) -> bytes:
+    """Save a compiled model to bytes in MuJoCo's own format."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+def digest_recorded_files(case: Case) -> str:
+    """Digest the recorded files of a case."""
+    return digest(b"".join(map(Path.read_bytes, files))) if (files := recorded_files(case)) else ""
+
+
+def input_files(case: Case) -> list[Path]:
+    """All files that a case is read from."""
+    return [case.file, *files_of_model(case.model_path), *recorded_files(case)]
+
+
+def recorded_files(case: Case) -> list[Path]:
+    """The recorded files of the reference, of motion profiles and of engines."""
+    files = [case.file.parent / case.reference] if case.recorded else []
+    files += case.profile_files
+    for solver, settings in case.settings.items():
+        names = engine_of(solver).settings.marked(FILE_MARK) if not computes_curves(solver) else []
+        files += [case.file.parent / str(settings[name]) for name in names if name in settings]
+    return files
+
+
+@cache
+def package_versions(engine: str) -> dict[str, str]:
+    """Versions of the packages that compute a result, and a digest of an engine from elsewhere."""
+    brought = foreign_distribution(engine)
+    names = [*engine_of(engine).packages, "mujoco", "numpy", "scipy", *filter(None, [brought])]
+    code = {"adapter": digest_engines(distribution(brought))} if brought else {}
+    return {
+        "proofmass": own_version(),
+        **{name: version(name) for name in names},
+        **code,
+    }
+
+
+def digest_sources(own: Iterable[Path]) -> str:
+    """Digest the source code of simulators and references, and of given files of the core."""
+    files = [
+        file
+        for package in (sim, analytic)
+        for folder in package.__path__
+        for file in sorted(Path(folder).rglob("*.py"))
+    ]
+    return digest(b"".join(file.read_bytes() for file in (*files, *own)))

@@ -1,0 +1,106 @@
+"""Validate a case before anything runs: names, units and motion profiles.
+
+`load_case` has checked the sidecar by itself; `validate_case` checks it against the compiled model
+and the reference.
+"""
+
+from mujoco import MjModel
+
+from proofmass.base.errors import suggest_names
+from proofmass.base.units import same_quantity
+from proofmass.case.case import Case
+from proofmass.reference.charts import check_charts
+from proofmass.reference.plot_data import check_views
+from proofmass.reference.reference import compiled_model, reference_for
+from proofmass.run.solve import plan_run, settings_of
+from proofmass.sim.contents import (
+    NO_ANGLE,
+    channel_unit,
+    has_no_angle,
+    joints,
+    key_names,
+    sensor_names,
+)
+from proofmass.sim.protocol import BadModel, Curves, Run
+
+FIRST_SAMPLES = 2
+"""Number of samples at which the reference is evaluated to learn its quantities."""
+
+
+def validate_case(case: Case) -> None:
+    """Raise InputError for the first fault of a case.
+
+    Checked are the start key, the driven joints, the sensors and units of all channels, the
+    settings of the solvers, the motion profiles of the drives over the whole run, and the reference
+    at the first samples: its parameters, its quantities, and the names in views and charts.
+    """
+    for kind, table in case.run.items():
+        for solver in table.solvers:
+            settings_of(case, kind, solver)
+    check_model(case, compiled_model(case))
+    for kind, table in case.run.items():
+        runs = [plan_run(case, kind, solver) for solver in table.solvers]
+        few = first_samples(case, runs[0])
+        reference_for(case, kind, few)
+        check_views(case, kind, few)
+    check_charts(case)
+
+
+def check_model(case: Case, model: MjModel) -> None:
+    """Check the names and units in the sidecar against the compiled model."""
+    check_names(case, model)
+    for name, channel in case.channels.items():
+        delivered = delivered_unit(case, model, name)
+        if delivered is not None and not same_quantity(channel.unit, delivered):
+            raise case.error(
+                f"channels.{name}.unit",
+                f"{channel.unit!r} measures "
+                f"another quantity than the sensor, which delivers {delivered}",
+            )
+
+
+def check_names(case: Case, model: MjModel) -> None:
+    """Check the start key and the driven joints of the sidecar against the compiled model."""
+    if model.nkey and case.start not in key_names(model):
+        raise case.error(
+            "start",
+            f"{case.model} has no key {case.start!r}; "
+            f"{suggest_names(case.start, key_names(model))}",
+        )
+    for k, drive in enumerate(case.drive):
+        if drive.joint not in joints(model):
+            raise case.error(
+                case.drive_key(k, "joint"),
+                f"{case.model} has no joint {drive.joint!r}; "
+                f"{suggest_names(drive.joint, joints(model))}",
+            )
+
+
+def delivered_unit(case: Case, model: MjModel, name: str) -> str | None:
+    """Find the SI unit that the sensor of a channel delivers; None if the model does not fix it.
+
+    Raises
+    ------
+    InputError
+        The model has no such sensor, the sensor no such part, or its x axis no angle.
+    """
+    try:
+        unit = channel_unit(model, name, case.rods)
+    except KeyError as error:
+        there = [*sensor_names(model), *case.rod]
+        raise case.error(
+            f"channels.{name}",
+            f"{case.model} has no sensor {error.args[0]!r}; {suggest_names(error.args[0], there)}",
+        ) from None
+    except BadModel as error:
+        raise case.error(f"channels.{name}", str(error)) from None
+    if has_no_angle(model, case.start, name):
+        raise case.error(f"channels.{name}", NO_ANGLE)
+    return unit
+
+
+def first_samples(case: Case, run: Run) -> Curves:
+    """The prescribed motion at the first samples of a run; at all samples of a recorded curve."""
+    x = run.x if case.recorded else run.x[:FIRST_SAMPLES]
+    moved = case.drive and run.kind != "equilibrium"
+    return Curves(x, {}, drive=run.motion(x) if moved else None)

@@ -1,0 +1,1 @@
+"""Whether the curves of a run agree with the reference."""

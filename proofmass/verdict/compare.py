@@ -1,0 +1,778 @@
+"""Compare curves with the reference: one `Comparison` for each channel of each solver."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, cast
+
+import numpy as np
+
+from proofmass.analytic.remember import Memory, use_memory
+from proofmass.base.arrays import Array
+from proofmass.base.display import ShownAsHtml
+from proofmass.base.errors import InputError
+from proofmass.base.recording import Recorded
+from proofmass.base.strict import Kind
+from proofmass.base.units import MOTION_UNITS, POSITION_UNITS, si_unit, unit_powers
+from proofmass.case.case import MAX_TOLERANCE_SHARE, Case, Tolerance
+from proofmass.case.drive import DriveState
+from proofmass.reference.charts import check_charts
+from proofmass.reference.plot_data import check_views
+from proofmass.reference.reference import (
+    ComparedCurves,
+    assembly_modes,
+    compiled_model,
+    drive_profiles,
+    evaluate,
+    load_reference,
+    properties,
+    reference_identity,
+)
+from proofmass.sim.contents import joints, mass, sensors_of_drive, size
+from proofmass.sim.protocol import Curves, Drive, Run, fitting_samples
+from proofmass.verdict.outcome import GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
+
+NAN = float("nan")
+UNCHECKED_CASE = (
+    "nothing of this case was checked; give it a [[tolerance]] that covers a channel that "
+    "a solver delivers, or say unchecked = true"
+)
+PROFILE_TIMES = 101
+"""Number of times at which the rates of drives are looked up between samples that are at rest."""
+REST_SHARE = 1e-3
+"""Share of a drive's mean rate up to which it counts as at rest at all samples: they are at its
+turning points.  Rounding, and what an engine's drive is off by, are smaller."""
+MIN_DRIVEN_DISTANCE = 1e-6
+"""Distance of a drive from its first value up to which it stays there [rad or m]: what an engine's
+drive is off by at a turning point."""
+START_SHARE = 0.1  # share of a dynamics run after which errors of the start pose have decayed
+CONSTANT_RANGE = 1e-3
+"""Range over size of a curve below which it counts as constant; drives cause as much variation."""
+ZERO_SHARE = 1e-12  # share of the mechanism's size up to which a reference's values count as zero
+SMALL_CHANGE = 1e-6
+"""Relative change of a parameter for a slope: the neglected terms are 1e-12, and rounding is 1e-10
+of the change."""
+LARGE_CHANGES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+"""Relative changes to try where a slope is not enough."""
+SMOOTH_CURVATURE = 0.1  # curvature over slope up to which the slope is exact to about one digit
+Differences = list[dict[str, Array]]
+DifferencesAt = Callable[[float], Differences]
+
+
+@dataclass(frozen=True)
+class DetectableChange:
+    """The smallest change of a parameter that a tolerance would catch.
+
+    Attributes
+    ----------
+    size : float
+        The change [its unit or 1]; NaN where it is not known because the reference cannot be
+        evaluated at changed values.
+    relative : bool
+        Whether `size` is a share of the parameter's value; otherwise the value is 0, and `size` is
+        the change itself, in the parameter's SI unit.
+    """
+
+    size: float
+    relative: bool = True
+
+
+@dataclass(frozen=True)
+class Comparison(ShownAsHtml):
+    """One channel of one solver in one run, compared with the reference.
+
+    Attributes
+    ----------
+    case, solver, run, channel, unit : str
+        The case, solver, run and channel that were compared, and the channel's unit.
+    error_max, at : float
+        Largest absolute difference [its unit], and the x at which it occurs [SI].
+    error_rms, nrmse : float
+        Root mean square of the difference [its unit], and the same over `scale_of` the reference
+        curve [1], which is its range unless it is constant.
+    allowed : float
+        Tolerance [its unit]; NaN when the channel is not checked.
+    detectable : dict of str to DetectableChange
+        For each parameter the smallest change that the tolerance would catch. A parameter is left
+        out if the tolerance does not even catch a change by 10 %, such as one on which the channel
+        does not depend.
+    outcome : str
+        agrees, differs, undecided, unchecked, unsupported, diverged, crashed, timed out or out of
+        memory.
+    message : str
+        The tolerance's reason when it agrees; otherwise what is wrong.
+    seconds, steps, violation
+        Cost of the run, and its largest constraint violation [m].
+    error_later : float
+        Largest absolute difference after the first tenth of dynamics [its unit], since soft
+        constraints of a simulator are often not in equilibrium in the start pose; NaN in other
+        runs.
+    uncertainty : float
+        Largest possible error of the curve or of its reference for a reason other than the solver,
+        such as the interpolation of recorded rows [its unit]; 0 where there is none.
+    """
+
+    case: str
+    solver: str
+    run: str
+    channel: str
+    unit: str
+    error_max: float = NAN
+    at: float = NAN
+    error_rms: float = NAN
+    nrmse: float = NAN
+    allowed: float = NAN
+    detectable: dict[str, DetectableChange] = field(default_factory=dict)
+    outcome: str = Outcome.UNCHECKED
+    message: str = ""
+    seconds: float = NAN
+    steps: int = 0
+    violation: float = NAN
+    error_later: float = NAN
+    uncertainty: float = 0.0
+
+    @property
+    def relative_to_range(self) -> float:
+        """Largest error over `scale_of` the reference curve; NaN when it has none."""
+        return self._share(self.error_max)
+
+    @property
+    def relative_to_range_later(self) -> float:
+        """The same for `error_later`."""
+        return self._share(self.error_later)
+
+    @property
+    def allowed_of_range(self) -> float:
+        """The allowed error over `scale_of` the reference curve; NaN if the error is 0."""
+        return self.allowed * self.nrmse / self.error_rms if self.error_rms else NAN
+
+    @property
+    def share_of_allowed(self) -> float:
+        """The error over the tolerance, 1 at the limit.
+
+        Where one of them gives no number it is infinite, or 0 if the outcome is good all the same.
+        """
+        if np.isfinite(self.error_max) and self.allowed > 0:
+            return self.error_max / self.allowed
+        return 0.0 if self.outcome in GOOD_OUTCOMES else np.inf
+
+    def _share(self, error: float) -> float:
+        return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
+
+
+def attach_reference(case: Case, run: Kind, curves: Curves) -> Curves:
+    """Curves with the reference that `compare` used for them in this process, if it did."""
+    found = last_references.get(reference_key(case, run, curves))
+    if found is None or found.asked is None or found.asked[0] is not curves.drive:
+        return curves
+    return ComparedCurves.of(curves, found.asked[1], found.properties)
+
+
+class Comparisons(list[Comparison], ShownAsHtml):
+    """A list of comparisons that a notebook shows as a table."""
+
+
+def compare(
+    case: Case, run: Kind, solver: str, curves: Curves, detectable: bool = True
+) -> list[Comparison]:
+    """Compare a solver's curves with the reference.
+
+    Parameters
+    ----------
+    case : Case
+        Has the channels and their tolerances.
+    run, solver : str
+        The run and the solver that the curves belong to.
+    curves : Curves
+        From `solve`.
+    detectable : bool
+        Whether to find `Comparison.detectable` and the `properties` of the case as well. The
+        reference is then evaluated at least twice for each parameter.
+
+    Returns
+    -------
+    list of Comparison
+        One comparison for each channel, in the order of the sidecar.
+
+    Raises
+    ------
+    InputError
+        The model is assembled in another mode than the sidecar says; a view or a chart cannot
+        be drawn; a tolerance lets a curve pass that does not move.
+    """
+    evaluated = run_reference(case, run, curves)
+    reference = evaluated.as_driven(curves.drive)
+    check_assembly_mode(case, run, curves, reference)
+    check_views(case, run, ComparedCurves.of(curves, reference))
+    check_charts(case)
+    check_tolerances(case, run, solver, curves, reference.channels)
+    changes: dict[str, dict[str, DetectableChange]] = {}
+    if detectable:
+        evaluated.find_properties()
+        changes = detectable_changes(
+            evaluated, allowed_errors(case, run, solver, curves, reference.channels)
+        )
+    found = [
+        compare_channel(
+            case,
+            run,
+            solver,
+            name,
+            curves,
+            reference.channels[name],
+            changes.get(name, {}),
+            reference.uncertainty.get(name, 0.0),
+        )
+        for name in case.channels_of(run)
+    ]
+    return Comparisons(judge_run(case, run, curves, reference.channels, found))
+
+
+def failed_comparisons(
+    case: Case, run: Kind, solver: str, error: Exception, advice: str = ""
+) -> list[Comparison]:
+    """Return a comparison for each channel of a run that failed with an error."""
+    outcome, message = OUTCOME_OF_EXCEPTION[type(error)], f"{error}{advice}"
+    return [
+        Comparison(case.name, solver, run, name, channel.unit, outcome=outcome, message=message)
+        for name, channel in case.channels_of(run).items()
+    ]
+
+
+def compare_channel(
+    case: Case,
+    run: Kind,
+    solver: str,
+    name: str,
+    curves: Curves,
+    reference: Array,
+    detectable: dict[str, DetectableChange],
+    reference_error: Array | float = 0.0,
+) -> Comparison:
+    """Compare one channel: the curves are in SI units, the comparison in the channel's unit.
+
+    `reference_error` is the error that the reference may have at each sample [SI].
+    """
+    tolerance, unit = case.tolerance_for(run, solver, name), case.channels[name].unit
+    factor = case.channels[name].factor
+    scale = scale_of(case, run, name, curves, reference) / factor
+    allowed = tolerance.allowed(scale) if tolerance else NAN
+    place: dict[str, Any] = {
+        "case": case.name,
+        "solver": solver,
+        "run": run,
+        "channel": name,
+        "unit": unit,
+        "allowed": allowed,
+        "seconds": curves.seconds,
+        "steps": curves.steps,
+        "violation": curves.violation,
+    }
+    if name not in curves.channels:
+        return Comparison(
+            **place, outcome=Outcome.UNSUPPORTED, message=curves.missing.get(name, "")
+        )
+    error = np.abs(curves.channels[name] - reference) / factor
+    worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
+    unsure = (curves.uncertainty.get(name, np.zeros_like(error)) + reference_error) / factor
+    rms = float(np.sqrt(np.mean(error**2)))
+    found: dict[str, Any] = {
+        "error_max": float(error[worst]),
+        "at": float(curves.x[worst]),
+        "error_rms": rms,
+        "nrmse": rms / scale if scale else NAN,
+        "error_later": float(error[curves.x >= end_of_start(curves)].max())
+        if run == "dynamics"
+        else NAN,
+        "detectable": detectable,
+        "uncertainty": float(unsure.max(initial=0.0)),
+    }
+    why = tolerance.why if tolerance else ""
+    outcome, message = judge_error(float(error[worst]), allowed, unit, why)
+    if np.isfinite(error).all() and allowed > 0:
+        least, most = float((error - unsure).max()), float((error + unsure).max())
+        if least <= allowed < most:
+            outcome = Outcome.UNDECIDED
+            message = explain_undecided(found["uncertainty"], allowed, unit)
+    return Comparison(**place, **found, outcome=outcome, message=message)
+
+
+def check_tolerances(
+    case: Case, run: Kind, solver: str, curves: Curves, reference: Mapping[str, Array]
+) -> None:
+    """Raise InputError if a tolerance lets a curve pass that does not move, see `passes_unmoved`.
+
+    A curve that is zero up to rounding has no scale of its own and is left out: the rounding is
+    that of the largest curve with its unit, or by the mechanism's size, and a tolerance may cover
+    larger curves as well.
+    """
+    largest: dict[str, float] = {}
+    for name, channel in case.channels_of(run).items():
+        size = float(np.abs(reference[name]).max())
+        largest[channel.si_unit] = max(largest.get(channel.si_unit, 0.0), size)
+    for name, channel in case.channels_of(run).items():
+        tolerance = case.tolerance_for(run, solver, name)
+        if tolerance is None or tolerance.abs is None:  # a share of the range is checked on reading
+            continue
+        scale = scale_of(case, run, name, curves, reference[name])
+        moved = np.ptp(reference[name])
+        if channel.si_unit not in POSITION_UNITS:
+            moved = np.abs(reference[name]).max()
+        zero = moved <= ZERO_SHARE * max(scale, largest[channel.si_unit])
+        if not zero and passes_unmoved(tolerance.abs, scale / channel.factor):
+            raise loose_tolerance(case, name, tolerance, scale / channel.factor)
+
+
+def loose_tolerance(case: Case, name: str, tolerance: Tolerance, scale: float) -> InputError:
+    """The error of a tolerance that lets a curve of this scale pass that does not move."""
+    unit = "" if case.channels[name].unit == "1" else f" {case.channels[name].unit}"
+    return case.error(
+        f"tolerance.{case.tolerance.index(tolerance)}",
+        f"it allows {tolerance.abs:.3g}{unit} for channel {name!r}, whose reference has a scale of "
+        f"{scale:.3g}{unit}: a curve that does not move would pass; allow at most "
+        f"{MAX_TOLERANCE_SHARE * scale:.3g}{unit} there, with a tolerance of its own if need be",
+    )
+
+
+def passes_unmoved(allowed: float, scale: float) -> bool:
+    """Whether a tolerance lets a curve pass that stays in the middle of the reference's range.
+
+    A tolerance that lets the mirrored curve pass does so too.
+
+    >>> passes_unmoved(0.6, 1.0), passes_unmoved(0.4, 1.0)
+    (True, False)
+    """
+    return allowed > MAX_TOLERANCE_SHARE * scale
+
+
+def judge_run(
+    case: Case, run: Kind, curves: Curves, reference: Mapping[str, Array], found: list[Comparison]
+) -> list[Comparison]:
+    """Give channels within their tolerance another outcome if the run tells nothing of the model.
+
+    It tells nothing if its time step was another one than the model or the settings ask for, or if
+    nothing moved, see `shows_motion`.  An equilibrium need not move: its curves go along a rod.
+    """
+    if curves.has_other_step:
+        outcome, message = Outcome.OTHER_STEP, explain_step(case, run, curves)
+    elif run != "equilibrium" and not any(
+        shows_motion(case, c, curves, reference[c.channel]) for c in found
+    ):
+        outcome, message = Outcome.NOTHING_MOVED, explain_rest(case, run, curves)
+    else:
+        return found
+    good = Outcome.AGREES, Outcome.UNDECIDED
+    return [replace(c, outcome=outcome, message=message) if c.outcome in good else c for c in found]
+
+
+def shows_motion(case: Case, c: Comparison, curves: Curves, reference: Array) -> bool:
+    """Whether a checked channel shows that something moved.
+
+    Its reference leaves its start by more than the tolerance, or is a rate that is not zero, or it
+    is a force or another quantity of the motion of the drive that is not zero.  Position and rate
+    of a driven joint show nothing: the reference is evaluated at the drive's actual motion.
+    """
+    model, channel = compiled_model(case), case.channels[c.channel]
+    driven = [drive.joint for drive in case.drive if drive.joint in joints(model)]
+    if c.channel.partition(".")[0] in (
+        n for joint in driven for n in sensors_of_drive(model, joint)
+    ):
+        return False
+    allowed = c.allowed * channel.factor
+    if np.abs(reference - reference[0]).max() > allowed:
+        return True
+    if not np.abs(reference).max() > allowed or channel.si_unit in POSITION_UNITS:
+        return False
+    return channel.si_unit in MOTION_UNITS["velocity"] or moves_drive(curves)
+
+
+def moves_drive(curves: Curves) -> bool:
+    """Whether a drive leaves its first value from sample to sample."""
+    if curves.drive is None:
+        return False
+    value = curves.drive[0]
+    return bool(np.abs(value - value[:, :1]).max(initial=0.0) > MIN_DRIVEN_DISTANCE)
+
+
+def explain_rest(case: Case, run: Kind, curves: Curves) -> str:
+    """Explain that nothing moved, and how to make something move."""
+    moved = "nothing moves"
+    if moves_drive(curves):
+        moved = "nothing but the drive moves"
+        remedy = "check channels that move, or let the joint go, with a control (ctrl) in the key"
+    elif case.drive:
+        remedy = f"give run.{run}.n more samples: the drive is where it began at each of them"
+    else:
+        remedy = "give a key with rates (qvel) or controls (ctrl), or a longer until"
+    return (
+        f"{moved}: no checked channel leaves its start by more than its tolerance, so that nothing "
+        f"is tested; {remedy}"
+    )
+
+
+def explain_step(case: Case, run: Kind, curves: Curves) -> str:
+    """Explain that the time step of a run was another one than the model or its settings ask for.
+
+    Rows of a recorded curve cannot be chosen, so that only the step can be.
+    """
+    made, asked = (f"{1e3 * step:.4g} ms" for step in (curves.made_step, curves.asked_step))
+    duration, samples = float(curves.x[-1] - curves.x[0]), curves.x.size
+    fitting = fitting_samples(duration, curves.asked_step, samples)
+    fits = "" if case.recorded else f"run.{run}.n = {fitting}, or "
+    return (
+        f"steps of {made} instead of the {asked} of the model or its settings, since samples are "
+        f"{1e3 * duration / (samples - 1):.4g} ms apart, so that nothing is known of the latter; "
+        f"give {fits}timestep = {curves.made_step:.17g} in the settings of the solver"
+    )
+
+
+def allowed_error(
+    case: Case, run: Kind, solver: str, name: str, curves: Curves, reference: Array
+) -> float | None:
+    """The largest error that a channel's tolerance allows [SI]; None if there is no tolerance."""
+    if (tolerance := case.tolerance_for(run, solver, name)) is None:
+        return None
+    factor = case.channels[name].factor
+    return tolerance.allowed(scale_of(case, run, name, curves, reference) / factor) * factor
+
+
+def allowed_errors(
+    case: Case, run: Kind, solver: str, curves: Curves, reference: Mapping[str, Array]
+) -> dict[str, float]:
+    """Return the largest allowed error of each channel that a tolerance covers [its SI unit]."""
+    return {
+        name: allowed
+        for name in case.channels_of(run)
+        if name in curves.channels
+        and (allowed := allowed_error(case, run, solver, name, curves, reference[name])) is not None
+    }
+
+
+def end_of_start(curves: Curves) -> float:
+    """The x at which the first tenth of a run ends."""
+    return float(curves.x[0] + START_SHARE * (curves.x[-1] - curves.x[0]))
+
+
+def scale_of(case: Case, run: Kind, name: str, curves: Curves, reference: Array) -> float:
+    """The scale of a reference curve that ``relative_to_range`` refers to [SI].
+
+    The scale is the range of the curve.  If the range is less than a thousandth of the curve's
+    size, the curve counts as constant, and its scale is its size:
+
+    - of a position the size of the mechanism, and of an angle 1 rad, since where a position or an
+      angle is zero is a convention;
+    - of any other curve its largest magnitude;
+    - of any other curve that is zero throughout, the product of powers of the mechanism's length
+      L, its mass M and a time T that has the unit: L / T of a velocity, M L^2 / T^2 of a moment.
+
+    T is 1 over the largest rate of a drive at the samples (L over the largest speed of a slide), or
+    the duration of a free motion.  If all samples are at turning points of the drives, T is that of
+    the rates between them.
+    """
+    unit, span = case.channels[name].si_unit, float(np.ptp(reference))
+    model = compiled_model(case)
+    extent = size(model, case.start) or float(model.stat.extent)  # of a single body: its geoms
+    own = 1.0
+    for base, power in zip(
+        (extent, mass(model), time_scale(case, run, curves, extent)),
+        unit_powers(unit)[:3],
+        strict=True,
+    ):
+        own *= (base**power if base else 0.0) if power else 1.0
+    magnitude = float(np.abs(reference).max())
+    if unit in ("m", "rad") or not magnitude > ZERO_SHARE * own:
+        magnitude = own
+    return span if span >= CONSTANT_RANGE * magnitude else magnitude
+
+
+def time_scale(case: Case, run: Kind, curves: Curves, extent: float) -> float:
+    """The time T of `scale_of` [s]; 0 if neither drives nor the run define one."""
+    if not case.drive:
+        return float(np.ptp(curves.x)) if run == "dynamics" else 0.0
+    if curves.drive is None or not extent:
+        return 0.0
+    units = joints(compiled_model(case))
+    sizes = np.array([extent if units[drive.joint] == "m" else 1.0 for drive in case.drive])
+    values, rates, _ = curves.drive
+    rate = float((np.abs(rates).max(axis=1) / sizes).max())
+    way, duration = float((np.ptp(values, axis=1) / sizes).max()), float(np.ptp(curves.x))
+    x_is_time = run == "dynamics" or not case.drive[0].steady
+    if x_is_time and (way <= MIN_DRIVEN_DISTANCE or rate * duration < REST_SHARE * way):
+        between = np.linspace(curves.x[0], curves.x[-1], PROFILE_TIMES)
+        found = [np.abs(p(between)[1]).max() for p in drive_profiles(case, run)]
+        rate = max(rate, float((np.array(found) / sizes).max()))
+    return 1.0 / rate if rate else 0.0
+
+
+def judge_error(error: float, allowed: float, unit: str, why: str) -> tuple[Outcome, str]:
+    """Decide the outcome of a largest error, and word its message; NaN never agrees.
+
+    >>> judge_error(1e-6, 1e-5, "m", "rounding")
+    ('agrees', 'rounding')
+    >>> judge_error(float("nan"), 1e-5, "m", "rounding")[0]
+    'differs'
+    """
+    if not np.isfinite(error):
+        return Outcome.DIFFERS, "not a number somewhere on the curve"
+    if not why:
+        return Outcome.UNCHECKED, "no tolerance covers this channel of this solver"
+    if error <= allowed:
+        return Outcome.AGREES, why
+    if not allowed:
+        return Outcome.DIFFERS, (
+            "the reference is zero and the mechanism has no size of this "
+            "quantity, so relative_to_range allows nothing: give the tolerance as abs"
+        )
+    quantity, factor = si_unit(unit or "1")
+    turns = error * factor / (2 * np.pi)
+    if quantity == "rad" and turns > 0.5 and abs(turns - round(turns)) < 1e-3:
+        return Outcome.DIFFERS, (
+            f"off by {round(turns)} whole turn(s): count the start pose's angle anew"
+        )
+    return Outcome.DIFFERS, f"{error / allowed:.3g} x the allowed error"
+
+
+def explain_undecided(uncertainty: float, allowed: float, unit: str) -> str:
+    """Explain why a curve neither agrees nor differs.
+
+    >>> explain_undecided(2e-3, 1e-3, "m").partition(";")[0]
+    'its curve is known to 0.002 m alone, where 0.001 m is allowed: too coarse to tell'
+    """
+    return (
+        f"its curve is known to {uncertainty:.3g} {unit} alone, where {allowed:.3g} {unit} is "
+        "allowed: too coarse to tell; give more rows, rows at the samples of the run, or a wider "
+        "tolerance"
+    )
+
+
+def changeable_parameters(case: Case) -> dict[str, float]:
+    """Parameters that are quantities; texts and whole numbers such as a mode are left out."""
+    reference = load_reference(case)
+    if isinstance(reference, Recorded):
+        return {}
+    known = inspect.signature(reference.solve).parameters
+    return {
+        key: value
+        for key, value in case.parameters.items()
+        if not isinstance(value, str) and (key not in known or known[key].annotation is not int)
+    }
+
+
+def detectable_changes(
+    reference: "RunReference", allowed: dict[str, float]
+) -> dict[str, dict[str, DetectableChange]]:
+    """Find the smallest change of each parameter that the tolerance of each channel would catch.
+
+    Parameters
+    ----------
+    reference : RunReference
+    allowed : dict of str to float
+        The tolerance of each channel that is checked [its unit].
+
+    Returns
+    -------
+    dict of str to dict of str to DetectableChange
+        By channel, then by parameter; empty for a recorded curve, which has no parameters. A change
+        is relative to the parameter, or, if that is 0, relative to the largest parameter.
+    """
+    found: dict[str, dict[str, DetectableChange]] = {name: {} for name in allowed}
+    for key, value in reference.parameters.items():
+        moved = partial(reference.differences, key)
+        shares, asked = small_detectable(moved, allowed)
+        for name, share in (shares | large_detectable(moved, asked)).items():
+            found[name][key] = DetectableChange(
+                share if value else reference.step(key, share), value != 0
+            )
+    return found
+
+
+class RunReference:
+    """The reference of a run, at the drives' measured motion and at changed parameters.
+
+    At changed parameters the drives follow their motion profiles exactly.  So the changed curves
+    are the same for all solvers of the run, and are evaluated once.
+    """
+
+    def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
+        self.case, self.run, self.x = case, run, curves.x
+        self.parameters = changeable_parameters(case)
+        self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
+        self.state: DriveState | None = None
+        if curves.drive is not None and case.drive:
+            drives = tuple(Drive("", profile) for profile in drive_profiles(case, run))
+            self.state = Run(run, self.x, (), drives).motion(self.x)
+        self.memory: Memory = {}
+        self.known: dict[tuple[str, float], dict[str, Array]] = {}
+        self.asked: tuple[DriveState | None, Curves] | None = None
+        self.properties: dict[str, str] | None = None
+        self.as_prescribed = self.evaluated({}, more=True)
+        self.unchanged = self.as_prescribed.channels
+
+    def evaluated(self, changed: dict[str, float], more: bool = False) -> Curves:
+        """Evaluate the channels at changed parameters; empty where the reference has no solution.
+
+        The memory keeps what searches found at neighbouring parameters.
+        """
+        try:
+            with use_memory(self.memory, more):
+                return evaluate(self.case, self.run, self.x, self.state, **changed)
+        except InputError:  # the changed mechanism cannot be assembled at some sample
+            return Curves(self.x, {})
+
+    def as_driven(self, state: DriveState | None) -> Curves:
+        """The reference at the drives' motion in a solver; it is kept for the next call."""
+        if self.asked and self.asked[0] is state:
+            return self.asked[1]
+        same = state is None or np.array_equal(state, cast(DriveState, self.state))
+        found = self.as_prescribed
+        if not (self.unchanged and same):
+            with use_memory(self.memory, store_results=False):
+                found = evaluate(self.case, self.run, self.x, state)
+        self.asked = state, found
+        return found
+
+    def find_properties(self) -> None:
+        """Find the `properties` of the case if this is its first run, whose motion they are of."""
+        if self.properties is None and self.run == next(iter(self.case.run)):
+            with suppress(InputError):
+                self.properties = properties(self.case)
+
+    def step(self, key: str, share: float) -> float:
+        """A share of a parameter, or of the largest parameter if it is 0."""
+        return share * (abs(self.parameters[key]) or self.largest)
+
+    def differences(self, key: str, share: float) -> Differences:
+        """Differences of the channels at a changed parameter; empty where there is no reference."""
+        if (key, share) not in self.known:
+            changed = {key: self.parameters[key] + self.step(key, share)}
+            self.known[key, share] = self.evaluated(changed).channels
+        before, after = self.unchanged, self.known[key, share]
+        return [{name: after[name] - before[name] for name in after}] if before and after else []
+
+
+last_references: dict[Any, RunReference] = {}
+
+
+def reference_key(case: Case, run: Kind, curves: Curves) -> tuple[object, ...]:
+    """A key that differs for runs with different references."""
+    return reference_identity(case), run, curves.x.tobytes(), curves.drive is None
+
+
+def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
+    """The last reference if it is of the same run, since workers compare solvers one by one."""
+    key = reference_key(case, run, curves)
+    found = last_references.get(key)
+    if found is None:
+        found = RunReference(case, run, curves)
+        last_references.clear()
+        last_references[key] = found
+    return found
+
+
+def small_detectable(
+    moved: DifferencesAt, allowed: dict[str, float]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """The smallest relative change of a parameter that each channel detects, by its slope.
+
+    The second result are the items of `allowed` that have to be tried with large changes: channels
+    in which rounding hides a slope that might matter, or all channels if no slope is large enough.
+    A slope is not used if it predicts a change larger than the largest one that is tried, since
+    curves are not straight that far.
+    """
+    found, hidden, small = {}, {}, parameter_slopes(moved)
+    for name, most in allowed.items():
+        size, smooth = small.get(name, (NAN, False))
+        least = SMALL_CHANGE / LARGE_CHANGES[0] * most
+        if size > least and (smooth or size > most):
+            found[name] = SMALL_CHANGE * most / size if smooth else SMALL_CHANGE
+        elif not size <= least:
+            hidden[name] = most
+    return found, hidden if found else allowed
+
+
+def large_detectable(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, float]:
+    """The smallest of the large changes that each channel detects; NaN where it is not known.
+
+    A channel that does not detect the largest change is left out.
+    """
+    found = {}
+    for name, most in allowed.items():
+        for share in LARGE_CHANGES:
+            size = largest_difference([*moved(share), *moved(-share)], name)
+            if size > most:
+                found[name] = share
+            elif np.isnan(size):
+                found.setdefault(name, NAN)
+            else:
+                break
+    return found
+
+
+def parameter_slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
+    """For each channel the largest slope times `SMALL_CHANGE`, and whether the curves are smooth
+    there.
+
+    Slopes are central differences, or one-sided differences of second order where the reference has
+    no solution on one side. Where a curve is not smooth, or rounding hides its slope, the largest
+    difference is given instead.
+    """
+    up, down = moved(SMALL_CHANGE), moved(-SMALL_CHANGE)
+    if up and down:
+        parts = {n: ((up[0][n] - down[0][n]) / 2, (up[0][n] + down[0][n]) / 2) for n in up[0]}
+    elif near := up or down:
+        far = moved(2 * SMALL_CHANGE if up else -2 * SMALL_CHANGE)
+        parts = {
+            n: ((4 * y - far[0][n]) / 2, (far[0][n] - 2 * y) / 2) if far else (y, y)
+            for n, y in near[0].items()
+        }
+    else:
+        return {}
+    found = {}
+    for name, (slope, bend) in parts.items():
+        size = float(np.abs(slope).max())
+        smooth = bool(np.abs(bend).max() <= SMOOTH_CURVATURE * size)
+        found[name] = (size, True) if smooth else (largest_difference([*up, *down], name), False)
+    return found
+
+
+def largest_difference(sides: Differences, name: str) -> float:
+    """The largest difference of a channel; NaN where there is none."""
+    sizes = [float(np.abs(side[name]).max()) for side in sides]
+    return max((size for size in sizes if np.isfinite(size)), default=NAN)
+
+
+def check_assembly_mode(case: Case, run: Kind, curves: Curves, reference: Curves) -> None:
+    """Raise InputError if the model is assembled in another mode than the sidecar says."""
+    if "mode" not in case.parameters or curves.drive is None:
+        return
+    if start_difference(case, curves, reference) <= 0.1:
+        return
+    for mode in assembly_modes(case):
+        try:
+            other = evaluate(case, run, curves.x, curves.drive, mode=mode)
+        except InputError:  # a mode that does not exist at these poses
+            continue
+        if start_difference(case, curves, other) < 0.01:
+            raise case.error(
+                "start",
+                f"key {case.start!r} assembles the model in mode "
+                f"{mode:+d}, parameters.mode says "
+                f"{float(case.parameters['mode']):+.0f}; change one of the two",
+            )
+
+
+def start_difference(case: Case, curves: Curves, reference: Curves) -> float:
+    """Largest difference of a position channel at the first sample, over the curve's range."""
+    names = [
+        n for n, c in case.channels.items() if c.si_unit in ("m", "rad") and n in curves.channels
+    ]
+    return max(
+        (
+            abs(float(curves.channels[n][0] - reference.channels[n][0]))
+            / (float(np.ptp(reference.channels[n])) or 1.0)
+            for n in names
+        ),
+        default=0.0,
+    )

@@ -1,0 +1,85 @@
+"""Outcomes of runs and of compared channels, as tables, JSON and pages name them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from proofmass.base.worker import Crashed, OutOfMemory, TimedOut
+from proofmass.sim.protocol import Diverged, NotSolved, Unsupported
+
+
+class Outcome(StrEnum):
+    """An outcome: its value is the word that is shown, and `sentence` explains the word.
+
+    >>> Outcome.TIMED_OUT, Outcome.TIMED_OUT.sentence
+    ('timed out', 'the engine gave no answer in the processor time that the run has')
+    """
+
+    sentence: str
+
+    def __new__(cls, word: str, sentence: str) -> Outcome:
+        """Make a member that equals its word and carries its sentence."""
+        member = str.__new__(cls, word)
+        member._value_ = word
+        member.sentence = sentence
+        return member
+
+    def __repr__(self) -> str:
+        """Show the word, so that records that were read from a file look the same."""
+        return repr(self.value)
+
+    AGREES = "agrees", "every sample is as near to the reference as the tolerance asks for"
+    DIFFERS = "differs", "a sample is further from the reference than the tolerance allows"
+    UNDECIDED = (
+        "undecided",
+        "the curve is not known closely enough to tell whether it is within the tolerance",
+    )
+    NOTHING_MOVED = (
+        "nothing moved",
+        "no checked channel leaves its start by more than its tolerance, so that nothing is tested",
+    )
+    OTHER_STEP = (
+        "other step",
+        "the time step was not that of the model or its settings, so that theirs is not tested",
+    )
+    UNCHECKED = "unchecked", "no tolerance covers the channel of this solver"
+    SELF_CONSISTENT = (
+        "self-consistent",
+        "two ways of solving the model's own equations agree until a time; nothing else judges it",
+    )
+    UNSUPPORTED = "unsupported", "the engine does not deliver the channel in this run"
+    DIVERGED = "diverged", "the engine lost the motion, or found no pose"
+    CRASHED = "crashed", "the process of the run died, or the engine raised an error"
+    TIMED_OUT = "timed out", "the engine gave no answer in the processor time that the run has"
+    OUT_OF_MEMORY = "out of memory", "the run asked for more memory than it may have"
+    RAN = "ran", "the run of a study came to its end"
+    STOPPED = "stopped", "the run of a study ended early, at a limit position for one"
+    NOT_FINITE = "not finite", "a curve of the engine has a value that is no number"
+    NO_REFERENCE = "no reference", "the reference cannot be evaluated at what the engine did"
+    NOT_SOLVED = "not solved", "iterations of proofmass's own did not find a pose"
+    NO_START = "no start", "the model cannot be put into its start pose"
+
+
+EMPTY_OUTCOMES = (Outcome.NOTHING_MOVED, Outcome.OTHER_STEP)
+"""Outcomes of channels within their tolerance, in a run that tells nothing of the model."""
+CHECKED_OUTCOMES = (Outcome.AGREES, Outcome.DIFFERS, Outcome.UNDECIDED, *EMPTY_OUTCOMES)
+"""Outcomes of channels that were compared with a tolerance."""
+UNCHECKED_OUTCOMES = (Outcome.UNCHECKED, Outcome.SELF_CONSISTENT, Outcome.UNSUPPORTED)
+"""Outcomes of channels and models for which no tolerance decides between right and wrong."""
+GOOD_OUTCOMES = (Outcome.AGREES, *UNCHECKED_OUTCOMES)
+FAILED_OUTCOMES = (Outcome.DIVERGED, Outcome.CRASHED, Outcome.TIMED_OUT, Outcome.OUT_OF_MEMORY)
+"""Outcomes of runs that gave no curves to compare.
+
+`Diverged` is raised in three places: by `proofmass.case.drive.check_driven` if a driven joint is
+far from its prescribed value; by the dynamics of an engine if a value is not finite or a loop is
+open; and by its sweeps and equilibria if no pose at rest was found.
+"""
+OUTCOME_OF_EXCEPTION: dict[type[Exception], Outcome] = {
+    Unsupported: Outcome.UNSUPPORTED,
+    Diverged: Outcome.DIVERGED,
+    NotSolved: Outcome.DIVERGED,
+    Crashed: Outcome.CRASHED,
+    TimedOut: Outcome.TIMED_OUT,
+    OutOfMemory: Outcome.OUT_OF_MEMORY,
+}
+"""Outcomes by the exceptions that engines and workers raise."""
