@@ -1,6 +1,6 @@
 """The four-bar by Newton-Raphson, one pose at a time, with explicit equations.
 
-The equations that `proofmass.analytic.linkages.natural_coordinates` assembles from rows are written
+The equations that `teaching.natural_coordinates` assembles from rows are written
 here as one array, and no log is kept.  The scheme cannot be faster in Python.  B. Díaz Lozano, TFG,
 Universidad de Almería 2019, text lines 1417-1469 and 1989-2056.  An iteration stops at
 |dq| <= 1e-10, and each pose starts from the last one.

@@ -24,7 +24,6 @@ from benchmarks.timing import SPELL, Row, measure
 from proofmass.analytic.linkages import (
     fivebar,
     fourbar,
-    natural_coordinates,
     slider_crank,
     threeprr,
 )
@@ -37,6 +36,7 @@ from proofmass.reference.reference import call_reference, compiled_model, load_r
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.protocol import Run
+from teaching import natural_coordinates
 
 Array = NDArray[np.float64]
 MODELS = ROOT / "models" / "linkages"

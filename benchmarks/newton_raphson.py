@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from benchmarks import command
 from proofmass.analytic.linkages import hacksaw
-from proofmass.analytic.linkages.natural_coordinates import EXAMPLES, assemble, sweep
 from proofmass.analytic.newton_raphson import newton_raphson
+from teaching.natural_coordinates import EXAMPLES, assemble, sweep
+from teaching.newton_log import format_log
 
 Array = NDArray[np.float64]
 LINK = {"crank": 0.075, "coupler": 0.170, "offset": 0.045}
@@ -34,26 +35,27 @@ compare the closed forms with these methods.
 
 ## The log
 
-`proofmass.analytic.linkages.natural_coordinates` has the constraints, one function a row, and the
-four linkages. A log prints q, Phi, J, rank and error of each iteration, as the document's
-notebooks do:
+`teaching.natural_coordinates` has the constraints, one function a row, and the four linkages.
+`format_log` writes q, Phi, J, rank and error of each iteration, as the document's notebooks do:
 
 ```python
-from proofmass.analytic.linkages.natural_coordinates import assemble, slider_crank
+from teaching.natural_coordinates import assemble, slider_crank
+from teaching.newton_log import format_log
 
 linkage = slider_crank(1.0, 2.0, guide=((2.0, 0.0), (3.0, 0.0)))
 log = assemble(linkage, (0.1, 0.2, 1.0, 0.2, 0.5))     # X1, Y1, X2, Y2, theta
-print(log)
+print(format_log(log))
 ```
 
 ```
 {log}
 ```
 
-`log.root` is the last q; `steps`, `residuals`, `ranks` and `conditions` are arrays over the
-iterations; `iterates`, `values` and `jacobians` are q, Phi and J of every iteration. For a linkage
-that cannot be assembled, `NotConverged` is raised, which has the `log` as well. `velocities` and
-`accelerations` solve one linear system each, and `sweep` solves many poses.
+`log.root` is the last q; `log.steps`, `log.residuals`, `jacobian_ranks(log)` and
+`condition_numbers(log)` are arrays over the iterations; `log.iterates`, `log.values` and
+`log.jacobians` are q, Phi and J of every iteration. For a linkage that cannot be assembled,
+`NotConverged` is raised, which has the `log` as well. `velocities` and `accelerations` solve one
+linear system each, and `sweep` solves many poses.
 
 | linkage | iterations from the document's guess | poses per second |
 |---|---|---|
@@ -71,7 +73,7 @@ that cannot be assembled, `NotConverged` is raised, which has the `log` as well.
 
 `relative_angle` has both rows, as the document advises. `ground_angle` has both rows, or one of
 them if it is given a threshold, as in the document's programs. With one row a second pose fulfils
-the constraints (`tests/analytic/linkages/test_natural_coordinates.py`).
+the constraints (`tests/teaching/test_natural_coordinates.py`).
 
 ## Convergence
 
@@ -108,13 +110,15 @@ shows what an iteration costs in a language.
 
 ::: proofmass.analytic.newton_raphson.NewtonLog
 
-::: proofmass.analytic.linkages.natural_coordinates.assemble
+::: teaching.newton_log.format_log
 
-::: proofmass.analytic.linkages.natural_coordinates.NaturalLinkage
+::: teaching.natural_coordinates.assemble
 
-::: proofmass.analytic.linkages.natural_coordinates.relative_angle
+::: teaching.natural_coordinates.NaturalLinkage
 
-::: proofmass.analytic.linkages.natural_coordinates.constant_angle
+::: teaching.natural_coordinates.relative_angle
+
+::: teaching.natural_coordinates.constant_angle
 
 ::: proofmass.analytic.linkages.hacksaw.newton_pose
 
@@ -199,7 +203,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     _, (position, rate, _) = hacksaw.newton_pose(rest, guess, **LINK, simultaneous=False)
     _, (whole,) = hacksaw.newton_pose(rest, guess, **LINK)
     linkage, start = EXAMPLES["slider-crank"]
-    log = str(assemble(linkage, start)).splitlines()
+    log = format_log(assemble(linkage, start)).splitlines()
     text = PAGE.format(
         log="\n".join([*log[:14], "...", *log[-8:]]),
         linkages="\n".join(linkages(poses)),

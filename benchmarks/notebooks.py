@@ -26,7 +26,7 @@ from typing import Any
 from benchmarks import ROOT, command
 from proofmass import Explorer
 
-NOTEBOOKS = ROOT / "notebooks"
+NOTEBOOKS = ROOT / "teaching"
 NAMES = sorted(file.stem for file in NOTEBOOKS.glob("*.ipynb"))
 ROUNDS = 5
 SPENT = """

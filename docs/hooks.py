@@ -19,9 +19,9 @@ from nbconvert import MarkdownExporter
 import proofmass
 
 PUBLIC = re.compile(r"^::: proofmass\.(\w+)$", re.MULTILINE)
-NOTEBOOKS = Path(__file__).parent.parent / "notebooks"
+NOTEBOOKS = Path(__file__).parent.parent / "teaching"
 SECONDS = 300  # a cell may take on a busy machine
-WHERE = "*This page is `notebooks/{}.ipynb`, run when the documentation was made.*"
+WHERE = "*This page is `teaching/{}.ipynb`, run when the documentation was made.*"
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:

@@ -258,8 +258,8 @@ FASTER_TESTS = {
     "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[balancer_sine": (
         "tests/test_diagnosis.py::test_a_wrong_number_is_named_as_one_of_the_model[slider_crank"
     ),
-    "tests/test_notebooks.py::test_a_notebook_runs[hacksaw": (
-        "tests/test_notebooks.py::test_a_notebook_runs[fourbar"
+    "tests/teaching/test_notebooks.py::test_a_notebook_runs[hacksaw": (
+        "tests/teaching/test_notebooks.py::test_a_notebook_runs[fourbar"
     ),
     "tests/test_examples_chosen.py::test_rates_of_the_formulas_are_derivatives[fourbar_released": (
         "tests/test_examples_chosen.py::test_rates_of_the_formulas_are_derivatives"
@@ -366,7 +366,7 @@ FASTER_TESTS = {
     f"{BENCHMARK_TEST}[limits": (
         "tests/studies/stress/test_stress_limits.py::test_a_limit_that_is_5_percent_off_is_found"
     ),
-    f"{BENCHMARK_TEST}[notebooks": "tests/test_notebooks.py::test_a_notebook_runs[fourbar",
+    f"{BENCHMARK_TEST}[notebooks": "tests/teaching/test_notebooks.py::test_a_notebook_runs[fourbar",
     "tests/studies/test_study_run.py::test_an_interrupt_from_the_keyboard_stores_no_crash": (
         "tests/studies/test_study_commands.py::test_an_interrupt_prints_one_line_about_what_is_kept[trade"
     ),

@@ -1,17 +1,16 @@
-"""Newton-Raphson iteration with a log of every step, as textbooks show it."""
+"""Newton-Raphson iteration with a log of every step, and charts of the log."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from proofmass.analytic.chart import Chart, ChartLine, Panel
 from proofmass.base.arrays import Array
 
 System = Callable[[Array], tuple[Array, Array]]
 """Function of the unknowns (unknowns,) that returns F (equations,) and its Jacobian."""
-RANK_MARGIN = 1e-5  # smaller singular values count as zero, as in the documents
 # Smallest step or residual that a chart shows; smaller ones are rounding errors
 SMALLEST_DRAWN = 1e-17
 
@@ -19,8 +18,6 @@ SMALLEST_DRAWN = 1e-17
 @dataclass(frozen=True)
 class NewtonLog:
     """Log of a Newton-Raphson iteration: row i has iterate i, and F and its Jacobian there.
-
-    ``print(log)`` writes q, Phi, J, rank and error of each iteration.
 
     Attributes
     ----------
@@ -31,7 +28,7 @@ class NewtonLog:
     jacobians : ndarray (iterations, equations, unknowns)
         Jacobian of F at each iterate before its step [SI].
     names : tuple of str
-        Names of the unknowns, for prints and charts; may be empty.
+        Names of the unknowns, for charts; may be empty.
     """
 
     iterates: Array
@@ -58,45 +55,6 @@ class NewtonLog:
     def residuals(self) -> Array:
         """Norm of F before each step (iterations,) [SI]."""
         return np.asarray(np.linalg.norm(self.values, axis=1))
-
-    @property
-    def ranks(self) -> NDArray[np.intp]:
-        """Rank of each Jacobian (iterations,): number of singular values above `RANK_MARGIN`."""
-        return np.asarray(np.sum(self._singular_values > RANK_MARGIN, axis=1))
-
-    @property
-    def conditions(self) -> Array:
-        """Condition number of each Jacobian (iterations,) [1]."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(self._singular_values[:, 0] / self._singular_values[:, -1])
-
-    @property
-    def _singular_values(self) -> Array:
-        return np.asarray(np.linalg.svd(self.jacobians, compute_uv=False))
-
-    def __str__(self) -> str:
-        equations, unknowns = self.jacobians.shape[1:]
-        names = self.names or tuple(f"q{k + 1}" for k in range(unknowns))
-        name_width = max(map(len, names), default=0)
-        lines = []
-        for k in range(self.iterations):
-            lines.append(
-                f"iteration {k + 1}: |Phi| = {self.residuals[k]:.3e}, rank {self.ranks[k]}, "
-                f"error |dq| = {self.steps[k]:.3e}"
-            )
-            lines.append(f"  {'':{name_width}} {'q':>13} {'Phi':>11}   J")
-            for row in range(max(equations, unknowns)):
-                q = f"{self.iterates[k, row]:13.8f}" if row < unknowns else ""
-                name = names[row] if row < unknowns else ""
-                line = f"  {name:{name_width}} {q:>13}"
-                if row < equations:
-                    jacobian_row = "".join(f"{entry:11.4g}" for entry in self.jacobians[k, row])
-                    line += f" {self.values[k, row]:11.3e}{jacobian_row}"
-                lines.append(line)
-        found = "  ".join(
-            f"{name} = {value:.8f}" for name, value in zip(names, self.root, strict=True)
-        )
-        return "\n".join([*lines, f"after {self.iterations} iterations: {found}"])
 
 
 class NotConverged(ValueError):
@@ -133,7 +91,7 @@ def newton_raphson(
     max_iterations : int
         Number of iterations allowed.
     names : tuple of str
-        Names of the unknowns, for prints.
+        Names of the unknowns, for charts.
 
     Returns
     -------
@@ -157,17 +115,8 @@ def newton_raphson(
     Examples
     --------
     >>> log = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.5], tolerance=1e-3)
-    >>> print(log)
-    iteration 1: |Phi| = 2.500e-01, rank 1, error |dq| = 8.333e-02
-                     q         Phi   J
-      q1    1.50000000   2.500e-01          3
-    iteration 2: |Phi| = 6.944e-03, rank 1, error |dq| = 2.451e-03
-                     q         Phi   J
-      q1    1.41666667   6.944e-03      2.833
-    iteration 3: |Phi| = 6.007e-06, rank 1, error |dq| = 2.124e-06
-                     q         Phi   J
-      q1    1.41421569   6.007e-06      2.828
-    after 3 iterations: q1 = 1.41421356
+    >>> log.root.round(8).tolist(), [f"{step:.0e}" for step in log.steps]
+    ([1.41421356], ['8e-02', '2e-03', '2e-06'])
     """
     iterates = [np.array(start, float)]
     values: list[Array] = []

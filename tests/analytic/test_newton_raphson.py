@@ -1,4 +1,4 @@
-"""Newton-Raphson with a log: its order, its failures, and the printed and drawn log."""
+"""Newton-Raphson with a log: its order, its failures, and the drawn log."""
 
 import numpy as np
 import pytest
@@ -14,9 +14,7 @@ from proofmass.analytic.newton_raphson import (
 def test_the_log_shows_quadratic_convergence():
     found = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.5])
     assert found.root[0] == pytest.approx(np.sqrt(2.0), rel=1e-15, abs=0)  # rounding
-    assert found.iterations == found.residuals.size == found.ranks.size == found.conditions.size
-    assert np.all(found.ranks == 1)
-    assert np.all(found.conditions == 1.0)
+    assert found.iterations == found.residuals.size
     # |dx_k+1| = dx_k^2/(2 x_k+1) for this equation
     assert found.steps[1] == pytest.approx(found.steps[0] ** 2 / (2.0 * 17 / 12), rel=1e-12, abs=0)
     assert found.residuals[0] == 0.25
@@ -44,37 +42,13 @@ def test_more_equations_than_unknowns_take_the_step_of_least_squares():
 
     found = newton_raphson(circle_and_line, [2.0, 0.5])
     np.testing.assert_allclose(found.root, 1.0, rtol=1e-15)  # rounding
-    assert found.ranks[-1] == 2
 
 
-def test_the_log_has_every_iterate_and_prints_it():
-    found = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.0], names=("root",))
+def test_the_log_has_every_iterate():
+    found = newton_raphson(lambda x: (x**2 - 2.0, np.diag(2.0 * x)), [1.0])
     np.testing.assert_array_equal(found.values[:, 0], found.iterates[:-1, 0] ** 2 - 2.0)
     np.testing.assert_array_equal(found.jacobians[:, 0, 0], 2.0 * found.iterates[:-1, 0])
     np.testing.assert_array_equal(found.steps, np.abs(np.diff(found.iterates[:, 0])))
-    text = str(found)
-    assert text.count("\n") == 3 * found.iterations
-    assert text.startswith("iteration 1: |Phi| = 1.000e+00, rank 1, error |dq| = 5.000e-01\n")
-    assert text.endswith("after 5 iterations: root = 1.41421356")
-
-
-def test_the_log_of_a_failure_is_printed():
-    with pytest.raises(SingularJacobian) as failure:
-        newton_raphson(lambda x: (x**2 + 1.0, np.diag(2.0 * x)), [0.0])
-    assert failure.value.log.iterations == 0
-    assert str(failure.value.log) == "after 0 iterations: q1 = 0.00000000"
-
-
-def test_the_rank_falls_at_a_double_root():
-    """At a double root of one of two equations the rank falls to one, and convergence is linear."""
-    found = newton_raphson(
-        lambda x: (np.array([x[0] ** 2, x[1] - 1.0]), np.diag([2.0 * x[0], 1.0])),
-        [1.0, 0.0],
-        tolerance=1e-7,
-    )
-    assert found.ranks[0] == 2
-    assert found.ranks[-1] == 1
-    np.testing.assert_allclose(found.steps[2:] / found.steps[1:-1], 0.5, rtol=1e-14)  # rounding
 
 
 def test_the_convergence_chart_shows_the_log():

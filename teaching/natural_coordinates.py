@@ -94,7 +94,7 @@ def assemble(linkage: NaturalLinkage, start: ArrayLike, *, max_iterations: int =
     Returns
     -------
     NewtonLog
-        Its `root` is q; a print of the log shows q, Phi, J, rank and error of each iteration.
+        Its `root` is q.
 
     Raises
     ------
