@@ -25,7 +25,7 @@ from proofmass.commands.choose import (
     search_cost_ratio,
 )
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Imposed
+from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.choose import ERROR_MARGIN, Choice

@@ -34,7 +34,8 @@ from proofmass.sim.mujoco.tried_settings import (
     tilt_for_share,
     tilted_quaternion,
 )
-from proofmass.sim.protocol import Diverged, Run
+from proofmass.sim.protocol.failures import Diverged
+from proofmass.sim.protocol.run import Run
 from proofmass.verdict.compare import compare
 
 HALVINGS = 5

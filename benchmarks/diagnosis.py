@@ -20,7 +20,7 @@ from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis import Diagnosis, Explanation, find_causes
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 
 HEAD = """# Why a run differs
 

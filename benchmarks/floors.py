@@ -21,7 +21,7 @@ from proofmass.case.case import Case
 from proofmass.commands.studies import load_cases
 from proofmass.commands.trade import has_series, measure_cases
 from proofmass.reference.reference import compiled_model
-from proofmass.sim.protocol import Unsupported
+from proofmass.sim.protocol.failures import Unsupported
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade.floor_cause import ROUNDING_CAUSE, halved_settings

@@ -30,7 +30,8 @@ from proofmass.reference.self_consistency import (
     why_failed,
 )
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import BadModel, OwnMotion
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.own_equations import OwnMotion
 
 STEP_RATIO = 32  # the model's step over that of the other method
 TIME_LIMIT = 40.0

@@ -35,7 +35,7 @@ from proofmass.case.case import Case
 from proofmass.reference.reference import call_reference, compiled_model, load_reference
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 from teaching import natural_coordinates
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks import ROOT, command, folders
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Diverged, Unsupported
+from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.sim.pymunk.dynamics import MAX_ITERATIONS
 from proofmass.studies.measure import Measurement, StudyRun
 from proofmass.studies.store import Store

@@ -22,7 +22,7 @@ from examples.chosen import truths
 from proofmass.case.case import Case
 from proofmass.reference.reference import run_samples
 from proofmass.sim.mujoco.tried_settings import INTEGRATORS
-from proofmass.sim.protocol import Imposed
+from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import STEPS_LINE, drive_ways, program_text_here
 

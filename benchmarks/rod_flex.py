@@ -18,7 +18,8 @@ from proofmass.analytic.rods import cantilever, rod_pinned
 from proofmass.base.arrays import Array
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.flex import cut_into_links
-from proofmass.sim.protocol import Curves, Rod, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Rod, Run
 
 MODEL = """<mujoco><option gravity="0 0 0" integrator="implicitfast"><flag contact="disable"/>
   </option><worldbody><site name="clamp"/><site name="pin" pos="0.8 0.1 0"/></worldbody>

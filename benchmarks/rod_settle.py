@@ -15,7 +15,8 @@ from proofmass.analytic.start import start_pose
 from proofmass.base.arrays import Array
 from proofmass.sim.mujoco.model import loop_violations
 from proofmass.sim.mujoco.settling import failure_warning
-from proofmass.sim.protocol import Diverged, Rod
+from proofmass.sim.protocol.failures import Diverged
+from proofmass.sim.protocol.run import Rod
 from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.quasi_static import rod_shape
 from proofmass.sim.pymunk.space import build_space

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks import ROOT, command, folders
 from benchmarks.rod_settle import ENGINES, Scene, scene
 from proofmass.analytic.rods.assembly import assembly, triangle
-from proofmass.sim.protocol import Diverged
+from proofmass.sim.protocol.failures import Diverged
 
 EI = 0.05218602640386952  # N m^2, steel wire of 1.5 mm
 CORNERS, GUIDES = triangle(np.sqrt(3.0)), np.radians([0.0, 120.0, -120.0])

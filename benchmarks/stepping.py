@@ -22,7 +22,7 @@ from proofmass.sim.mujoco.dynamics import initialize_dynamics
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 
 REPEATS = 15
 

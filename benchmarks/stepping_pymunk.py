@@ -11,7 +11,7 @@ import numpy as np
 from pymunk import batch
 
 from benchmarks import ROOT, command
-from proofmass.sim.protocol import Drive, Run
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.dynamics import MIN_FIRST_ITERATIONS, prepare_space, step_through
 from proofmass.sim.pymunk.model import read_links
 from proofmass.sim.pymunk.space import aim_drives

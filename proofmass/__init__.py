@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from proofmass.report.reprs import as_html as as_html
     from proofmass.run.sidecar import load_case as load_case
     from proofmass.run.solve import solve as solve
-    from proofmass.sim.protocol import Curves as Curves
+    from proofmass.sim.protocol.curves import Curves as Curves
     from proofmass.verdict.compare import Comparison as Comparison
     from proofmass.verdict.compare import compare as compare
 
@@ -35,7 +35,7 @@ PUBLIC = {
     "compare": "verdict.compare",
     "InputError": "base.errors",
     "evaluate": "reference.reference",
-    "Curves": "sim.protocol",
+    "Curves": "sim.protocol.curves",
     "solve": "run.solve",
 }
 """Modules by the names that they give to the package; they are imported when a name is used."""

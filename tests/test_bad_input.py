@@ -14,7 +14,7 @@ from proofmass.commands.command import find_sidecar
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run, solve, solve_here
 from proofmass.sim.mujoco.engine import translate_fatal_errors
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 
 SIDECAR_FAULTS = {
     "not TOML": ("fourbar.toml", r"^title", "title title", ["fourbar.toml", "not TOML"]),

@@ -7,7 +7,7 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.case.case import DriveTable, Refine, RodTable, RunTable, Tolerance, View
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Rod
+from proofmass.sim.protocol.run import Rod
 from tests.shipped import shipped
 
 ADDITIONAL_TOLERANCE = """

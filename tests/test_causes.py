@@ -31,7 +31,7 @@ from proofmass.evidence.diagnosis.model import is_model_wrong
 from proofmass.evidence.diagnosis.settings import falling_channels, setting_value
 from proofmass.reference.reference import evaluate, run_samples
 from proofmass.run.solve import prescribed_run
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 
 
 def exact_curves(case: Case, run: Kind = "sweep") -> Curves:

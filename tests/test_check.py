@@ -44,7 +44,8 @@ from proofmass.commands.studies import load_cases
 from proofmass.reference.reference import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
-from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Diverged, NotSolved, Unsupported
 from proofmass.verdict.compare import Comparison, attach_reference, compare
 from proofmass.verdict.outcome import FAILED_OUTCOMES
 from proofmass.verdict.refinement import FinerRun, refined_errors

@@ -21,7 +21,7 @@ from proofmass.reference.reference import compiled_model, evaluate, reference_fo
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.contents import size
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import (
     Comparison,
     check_assembly_mode,

@@ -62,7 +62,7 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve
 from proofmass.sim.elements import Number, Place
 from proofmass.sim.numbers import NUMBER_KINDS
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.verdict.compare import compare
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION, Outcome
 from tests.shipped import shipped, shipped_files

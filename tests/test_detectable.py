@@ -20,7 +20,7 @@ from proofmass.report.tables import (
 )
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import (
     Comparison,
     DetectableChange,

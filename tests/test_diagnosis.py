@@ -33,7 +33,7 @@ from proofmass.formats.sarif import as_sarif
 from proofmass.formats.terminal import as_json, failure_lines
 from proofmass.reference.reference import compiled_model
 from proofmass.sim.contents import highest_frequency
-from proofmass.sim.protocol import Diverged
+from proofmass.sim.protocol.failures import Diverged
 from proofmass.sim.start import loop_opening
 from tests.shipped import shipped
 

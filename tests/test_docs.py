@@ -24,7 +24,8 @@ from proofmass.base.recorded import RecordedColumn
 from proofmass.case.case import ProfileTable
 from proofmass.run.sidecar import Accuracy
 from proofmass.sim.mujoco.engine import MujocoSettings
-from proofmass.sim.protocol import BadSetting, Engine
+from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.failures import BadSetting
 from proofmass.sim.pymunk.engine import PymunkSettings
 from proofmass.sim.recorded.engine import RecordedSettings
 from proofmass.verdict.outcome import GOOD_OUTCOMES

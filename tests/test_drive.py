@@ -18,7 +18,9 @@ from proofmass.case.drive import (
 from proofmass.case.profile import SampledProfile
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
-from proofmass.sim.protocol import Curves, Diverged, Drive, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Diverged
+from proofmass.sim.protocol.run import Drive, Run
 from tests.shipped import shipped
 
 X = np.linspace(0.0, 2.0, 21)

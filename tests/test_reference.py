@@ -34,7 +34,7 @@ from proofmass.reference.reference import (
     run_samples,
 )
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import BadModel, BadRod
+from proofmass.sim.protocol.failures import BadModel, BadRod
 from tests.shipped import shipped
 
 PENDULUM, FOURBAR, FIVEBAR, CIRCLE, HACKSAW, RECORDED, SWING, ROD = (

@@ -11,7 +11,7 @@ from proofmass.batch.check import Result, check, run_task
 from proofmass.reference.reference import evaluate, run_samples
 from proofmass.report import write_report
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import Comparison
 from proofmass.verdict.refinement import (
     RefinedRow,

@@ -17,7 +17,7 @@ from proofmass.reference.reference import evaluate, properties, reference_identi
 from proofmass.report import case_page
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import (
     RunReference,
     attach_reference,

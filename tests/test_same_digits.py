@@ -86,7 +86,7 @@ import sys
 from proofmass import load_case
 from proofmass.verdict.compare import run_reference
 from proofmass.reference.reference import evaluate
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.run.solve import plan_run
 case = load_case(sys.argv[1])
 run = plan_run(case, "sweep", "mujoco")

@@ -14,7 +14,7 @@ import pytest
 
 from proofmass.batch.check import check, check_model_here
 from proofmass.reference.self_consistency import AGREEMENT_SHARE, Rung, why_failed
-from proofmass.sim.protocol import OwnMotion, OwnRun
+from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
 from proofmass.verdict.outcome import Outcome
 
 TIMES = np.linspace(0.0, 1.0, 101)

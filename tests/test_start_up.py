@@ -43,7 +43,7 @@ def test_importing_check_loads_neither_scipy_nor_matplotlib() -> None:
     )
 
 
-@pytest.mark.parametrize("before", ["", "import proofmass.batch.check, proofmass.compare"])
+@pytest.mark.parametrize("before", ["", "import proofmass.batch.check, proofmass.verdict.compare"])
 def test_check_compare_and_solve_of_the_package_are_functions(before: str) -> None:
     code = f"{before}\nfrom proofmass import check, compare, solve\nimport types\n"
     code += "assert all(isinstance(one, types.FunctionType) for one in (check, compare, solve))"

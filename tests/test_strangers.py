@@ -18,7 +18,7 @@ from proofmass.report.page import slug
 from proofmass.run.sidecar import load_case
 from proofmass.run.validate import validate_case
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.studies.pages import write_study_pages
 from proofmass.studies.record import StudyRow, write_table
 from tests.shipped import MODELS, shipped

@@ -32,7 +32,7 @@ ENGINE_MODULE = """
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from proofmass.sim.protocol import Engine
+from proofmass.sim.protocol.engine import Engine
 from proofmass.sim.pymunk.engine import Pymunk, PymunkSettings, simulate
 
 

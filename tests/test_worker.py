@@ -30,7 +30,7 @@ from proofmass.base.worker import (
 )
 from proofmass.batch.check import check
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 from tests.shipped import shipped
 
 LARGE_MODEL = (

@@ -32,7 +32,8 @@ from proofmass.run.solve import solve_here
 from proofmass.run.validate import validate_case
 from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import NATIVE_ENGINE
-from proofmass.sim.protocol import BadModel, Curves, Diverged, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
 from proofmass.verdict.compare import Comparison, attach_reference, compare, failed_comparisons
 from proofmass.verdict.outcome import (
     FAILED_OUTCOMES,

@@ -43,7 +43,8 @@ from proofmass.base.recorded import RecordedColumn, RecordingTable
 from proofmass.base.strict import Kind, Strict, StrictNumber, Switch, WholeNumber
 from proofmass.base.units import si_unit
 from proofmass.base.worker import DEFAULT_MEMORY
-from proofmass.sim.protocol import BadModel, Rod
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Rod
 
 
 @cache

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol import Curves, Diverged, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Diverged
+from proofmass.sim.protocol.run import Run
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -182,7 +184,7 @@ def motion_source(profiles: Sequence[object], x: Array) -> str:
     Parameters
     ----------
     profiles : sequence of callable
-        See `proofmass.sim.protocol.Drive`.
+        See `proofmass.sim.protocol.run.Drive`.
     x : ndarray (n,)
         Times of the samples [s].
 

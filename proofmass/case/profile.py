@@ -337,7 +337,7 @@ def controls_source(profiles: Sequence[object], x: Array) -> str:
     Parameters
     ----------
     profiles : sequence of callable
-        See `proofmass.sim.protocol.ChangingLoad`.
+        See `proofmass.sim.protocol.run.ChangingLoad`.
     x : ndarray (n,)
         Times of the samples [s].
 

@@ -18,7 +18,7 @@ from proofmass.commands.command import error_console, exit_on_error, progress_ba
 from proofmass.commands.studies import load_cases, require_seconds
 from proofmass.commands.trade import has_series, measure_cases
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import Imposed
+from proofmass.sim.protocol.programs import Imposed
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run_tasks
 from proofmass.studies.store import Store, package_versions

@@ -43,7 +43,7 @@ Dask = Annotated[str | None, typer.Option(help="Run on a Dask cluster, tcp://hos
 @contextmanager
 def exit_on_error(kept: str) -> Iterator[None]:
     """Print errors of the input, or after Ctrl-C what is `kept`, as one line, and exit."""
-    from proofmass.sim.protocol import BadModel  # numpy and pydantic are slow to load
+    from proofmass.sim.protocol.failures import BadModel  # numpy and pydantic are slow to load
 
     try:
         yield

@@ -57,7 +57,8 @@ from proofmass.sim.contents import (
 )
 from proofmass.sim.engines import default_engines, engine_of
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
-from proofmass.sim.protocol import BadModel, NotSolved, Unsupported, fitting_samples
+from proofmass.sim.protocol.failures import BadModel, NotSolved, Unsupported
+from proofmass.sim.protocol.run import fitting_samples
 from proofmass.verdict.compare import Comparison, compare, passes_unmoved
 from proofmass.verdict.outcome import Outcome
 

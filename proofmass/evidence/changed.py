@@ -31,7 +31,8 @@ from proofmass.sim.contents import mass, size
 from proofmass.sim.elements import Number, Source, changed_rods, compile_source, write_changes
 from proofmass.sim.mjcf import model_key
 from proofmass.sim.numbers import Sizes, numbers_of
-from proofmass.sim.protocol import BadModel, Curves
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.verdict.compare import (
     Comparison,
     check_assembly_mode,

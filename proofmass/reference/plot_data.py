@@ -15,7 +15,7 @@ from proofmass.reference.reference import (
     reference_channels,
 )
 from proofmass.sim.contents import NO_ANGLE, has_no_angle, joints
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 
 
 @dataclass(frozen=True)

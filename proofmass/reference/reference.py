@@ -41,16 +41,9 @@ from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_fa
 from proofmass.sim.contents import channel_names, joints
 from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model, model_key
-from proofmass.sim.protocol import (
-    BadModel,
-    BadRod,
-    ChangingLoad,
-    Curves,
-    Drive,
-    NotSolved,
-    Run,
-    Unsupported,
-)
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, BadRod, NotSolved, Unsupported
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.smooth import SmoothTerms
 
 DriveProfile = InProportion | FunctionProfile | SampledProfile | Samples | Steady | Swing

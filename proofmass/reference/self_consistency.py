@@ -9,10 +9,10 @@ There are four levels of knowledge, called rungs, from the lowest to the highest
 * *exact*: that reference is a closed form, or is itself confirmed by a second formulation.
 
 The first two are found for a model by itself, see `proofmass.batch.check.check_bare_model`.  Its
-motion is solved in several ways by an engine, see `proofmass.sim.protocol.OwnMotion`.  The distance
-between two solutions is the largest of all points of all bodies until a time.  It is given as a
-share of the model's size, or of the longest distance that a point has moved until then, if that is
-longer.  There are three criteria:
+motion is solved in several ways by an engine, see
+`proofmass.sim.protocol.own_equations.OwnMotion`.  The distance between two solutions is the largest
+of all points of all bodies until a time.  It is given as a share of the model's size, or of the
+longest distance that a point has moved until then, if that is longer.  There are three criteria:
 
 steps
     The solutions with the two finest steps differ by less than `AGREEMENT_SHARE`; the last two
@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from proofmass.base.arrays import Array
 from proofmass.base.wording import format_list, number
-from proofmass.sim.protocol import OwnMotion, OwnRun
+from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
 
 Bools = NDArray[np.bool_]
 PROCESSOR_SECONDS = 36.0
@@ -412,7 +412,7 @@ def largest_until(ways: Array) -> Array:
 def why_failed(motion: OwnMotion) -> str:
     """Why the model's own run fails; empty if it came to its end, or its processor time was over.
 
-    >>> from proofmass.sim.protocol import OwnRun
+    >>> from proofmass.sim.protocol.own_equations import OwnRun
     >>> none = np.zeros((1, 1, 1, 3))
     >>> run = OwnRun("Euler, 2 ms", 2e-3, 1.0, none, *3 * (np.zeros(1),), stopped="not finite")
     >>> why_failed(OwnMotion(np.arange(2.0), 1.0, (run,), run, run, 0, run, (), None, 1))

@@ -34,7 +34,7 @@ from proofmass.report.words import MOTION_UNITS
 from proofmass.run.solve import plan_run
 from proofmass.sim.contents import joints
 from proofmass.sim.mjcf import NATIVE_ENGINE
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import Comparison, scale_of
 from proofmass.verdict.outcome import FAILED_OUTCOMES, Outcome
 from proofmass.verdict.refinement import RefinedRow

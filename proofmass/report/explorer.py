@@ -30,7 +30,7 @@ from proofmass.report.reprs import as_html
 from proofmass.report.style import INK, MUTED_COLOURS
 from proofmass.run.solve import prescribed_run, solve
 from proofmass.sim.engines import engine_names, format_solver
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import Comparison, compare
 
 Quantities = Mapping[str, Array]

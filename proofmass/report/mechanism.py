@@ -24,7 +24,7 @@ from proofmass.report.data import PlottedRun, drive_units
 from proofmass.report.figures import draw_legend, thin_path
 from proofmass.report.style import FONT_FAMILY, INK, REFERENCE_STYLE, Look
 from proofmass.sim.picture import Mark, Picture
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 
 LABEL_PAD = 0.6
 """Space of a label between its text and the edge of its white ground [pt]."""

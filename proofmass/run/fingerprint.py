@@ -15,7 +15,7 @@ from proofmass.case.case import Case
 from proofmass.reference.reference import compiled_model
 from proofmass.sim.engines import computes_curves, engine_of, foreign_distribution
 from proofmass.sim.mjcf import files_of_model
-from proofmass.sim.protocol import FILE_MARK
+from proofmass.sim.protocol.settings import FILE_MARK
 
 
 def digest(data: bytes) -> str:

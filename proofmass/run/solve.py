@@ -30,21 +30,11 @@ from proofmass.sim.contents import (
     why_not_motor,
 )
 from proofmass.sim.engines import NoEngine, computes_curves, engine_names, engine_of
-from proofmass.sim.protocol import (
-    BY_CHANNEL,
-    BY_JOINT,
-    FILE_MARK,
-    STEP_ROUNDING,
-    BadModel,
-    BadSetting,
-    ChangingLoad,
-    Curves,
-    Diverged,
-    Drive,
-    Run,
-    Studied,
-    Unsupported,
-)
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, BadSetting, Diverged, Unsupported
+from proofmass.sim.protocol.run import STEP_ROUNDING, ChangingLoad, Drive, Run
+from proofmass.sim.protocol.settings import BY_CHANNEL, BY_JOINT, FILE_MARK
+from proofmass.sim.protocol.tuning import Studied
 
 LIMIT_ROUNDING = 1e-12
 """Distance by which a drive may pass its joint's limit, since it may end on it [rad or m]."""

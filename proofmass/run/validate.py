@@ -21,7 +21,9 @@ from proofmass.sim.contents import (
     key_names,
     sensor_names,
 )
-from proofmass.sim.protocol import BadModel, Curves, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Run
 
 FIRST_SAMPLES = 2
 """Number of samples at which the reference is evaluated to learn its quantities."""

@@ -9,7 +9,9 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.sim.plane import PARALLEL_TOLERANCE, find_plane
-from proofmass.sim.protocol import BadModel, Rod, Unsupported, split_channel
+from proofmass.sim.protocol.curves import split_channel
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Rod
 from proofmass.sim.rods import format_rod_parts, rod_parts
 
 RANK_TOLERANCE = 1e-4

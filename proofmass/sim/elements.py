@@ -22,7 +22,8 @@ from proofmass.base.lines import WrittenValue, attribute_value
 from proofmass.sim.contents import key_names, pose_of_key
 from proofmass.sim.mjcf import compile_model, leave_out_disabled, read_spec, read_tree
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import BadModel, Rod, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Rod
 from proofmass.sim.rods import compile_without_rods
 
 NORMAL_TOLERANCE = 1e-9

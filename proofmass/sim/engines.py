@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from proofmass.base.errors import suggest_names
 
 if TYPE_CHECKING:
-    from proofmass.sim.protocol import Engine
+    from proofmass.sim.protocol.engine import Engine
 
 ENTRY_POINT_GROUP = "proofmass.engines"
 OWN_DISTRIBUTION = "proofmass"
@@ -103,9 +103,10 @@ def engine_of(name: str) -> Engine:
     Raises
     ------
     NoEngine
-        No engine has the name, it cannot be loaded, or it is no `proofmass.sim.protocol.Engine`.
+        No engine has the name, it cannot be loaded, or it is no
+        `proofmass.sim.protocol.engine.Engine`.
     """
-    from proofmass.sim.protocol import Engine
+    from proofmass.sim.protocol.engine import Engine
 
     name = name.partition(":")[0]
     if (entry := engine_entry_points().get(name)) is None:
@@ -120,7 +121,7 @@ def engine_of(name: str) -> Engine:
     if not isinstance(engine, Engine):
         raise NoEngine(
             f"simulator {name!r}, of {distribution_of(entry)}: {entry.value} is no object "
-            f"of a class of proofmass.sim.protocol.Engine"
+            f"of a class of proofmass.sim.protocol.engine.Engine"
         )
     return engine
 

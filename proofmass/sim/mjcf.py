@@ -27,7 +27,8 @@ from proofmass.analytic.names import equality_name
 from proofmass.analytic.numerics import LARGEST
 from proofmass.base.files import content_key, read_bytes
 from proofmass.base.worker import BROKEN_ENGINES
-from proofmass.sim.protocol import BadModel, Rod
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Rod
 from proofmass.sim.rods import compile_with_rods
 
 NATIVE_ENGINE = "mujoco"

@@ -35,7 +35,8 @@ from proofmass.sim.contents import (
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.picture import Picture, PictureScene, follow_run, springs_between_sites
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import Run, split_channel
+from proofmass.sim.protocol.curves import split_channel
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.rods import chain, joint_names
 
 # weight of a loop's constraint violation relative to measured values; squared 1e-6

@@ -28,7 +28,8 @@ from proofmass.sim.mujoco.equilibrium import RestingLinkage, UnstableRest, linka
 from proofmass.sim.mujoco.linkage import Linkage
 from proofmass.sim.mujoco.work import PYTHON_STEP, StepWork
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported, whole_steps
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Rod, Run, whole_steps
 from proofmass.sim.rods import chain, joint_names
 
 

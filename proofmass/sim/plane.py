@@ -7,7 +7,7 @@ import numpy as np
 
 from proofmass.analytic.numerics import normal_of_slides
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol import Unsupported
+from proofmass.sim.protocol.failures import Unsupported
 
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 PARALLEL_TOLERANCE = 1e-9

@@ -55,7 +55,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol import BadModel, BadRod, Rod, Run, split_channel
+from proofmass.sim.protocol.curves import split_channel
+from proofmass.sim.protocol.failures import BadModel, BadRod
+from proofmass.sim.protocol.run import Rod, Run
 
 SCHEMES = "half", "double", "naive"
 

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol import StepMap
+from proofmass.sim.protocol.theory import StepMap
 
 MAX_STEP_PHASE = 1e6
 """Largest dt omega [1] up to which a stability limit is searched."""

@@ -14,7 +14,8 @@ from proofmass.analytic.controls import NO_INDICES
 from proofmass.analytic.numerics import CannotAssemble, without_rounding
 from proofmass.analytic.start import start_pose, start_rates
 from proofmass.base.arrays import Array, Index
-from proofmass.sim.protocol import BadModel, Run
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.smooth import EQ, LOOP_EQUALITIES, ROWS_PER_EQUALITY, SmoothTerms
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from proofmass.case.case import Case
 from proofmass.reference.reference import compiled_model
 from proofmass.sim.contents import has_dry_friction
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 
 SensorType = mujoco.mjtSensor
 

@@ -31,7 +31,9 @@ from proofmass.base.worker import DEFAULT_MEMORY, call_isolated
 from proofmass.case.case import Case
 from proofmass.reference.reference import reference_for, reference_identity, run_samples
 from proofmass.run.solve import call_engine
-from proofmass.sim.protocol import BadModel, Curves, NotSolved, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, NotSolved
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.invariants import invariants
 from proofmass.studies.locks import HAS_LOCKS, announce_waiting, holder, try_lock, wait_for_lock
 from proofmass.studies.record import KIND_UNITS, NAN, Setting

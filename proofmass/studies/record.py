@@ -20,7 +20,8 @@ from proofmass.base.files import write_output
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.run.solve import plan_run
-from proofmass.sim.protocol import ParameterValue, Run
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.settings import ParameterValue
 from proofmass.verdict.outcome import Outcome
 
 
@@ -119,7 +120,8 @@ class StudyRow:
         minute: the largest of those at the start and end of the timed runs.  NaN where the system
         has none, and in tables of earlier versions.
     work : float
-        Processor time that the steps of the run count [s], see `proofmass.sim.protocol.Curves`.
+        Processor time that the steps of the run count [s], see
+        `proofmass.sim.protocol.curves.Curves`.
     """
 
     study: str

@@ -28,7 +28,7 @@ from proofmass.base.strict import Kind
 from proofmass.case.case import Case, LoadTable
 from proofmass.reference.reference import compiled_model, drive_profiles, evaluate, run_samples
 from proofmass.sim.mjcf import read_tree
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.store import digest
 

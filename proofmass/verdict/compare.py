@@ -31,7 +31,8 @@ from proofmass.reference.reference import (
     reference_identity,
 )
 from proofmass.sim.contents import joints, mass, sensors_of_drive, size
-from proofmass.sim.protocol import Curves, Drive, Run, fitting_samples
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Drive, Run, fitting_samples
 from proofmass.verdict.outcome import GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 
 NAN = float("nan")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut
-from proofmass.sim.protocol import Diverged, NotSolved, Unsupported
+from proofmass.sim.protocol.failures import Diverged, NotSolved, Unsupported
 
 
 class Outcome(StrEnum):

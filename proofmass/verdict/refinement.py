@@ -13,7 +13,7 @@ from proofmass.base.worker import call_isolated
 from proofmass.case.case import Case, Refine
 from proofmass.reference.reference import reference_for
 from proofmass.sim.engines import computes_curves
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import Comparison, compare_channel, judge_error
 from proofmass.verdict.outcome import Outcome
 

@@ -30,7 +30,7 @@ from proofmass.report.thumbnail import (
     thin_outline,
 )
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.outcome import Outcome
 from tests.report.index_rows import (
     CASE_NAMES,

@@ -12,7 +12,7 @@ from proofmass.report import data
 from proofmass.report.data import Jumps, plotted_run, reference_jumps, solver_jumps
 from proofmass.report.figures import draw_curve, thin_path
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from tests.report.whole import result_from_references
 from tests.shipped import shipped
 

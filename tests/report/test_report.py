@@ -22,7 +22,7 @@ from proofmass.report.style import solver_looks
 from proofmass.report.svg import inline_svg
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import Comparison, compare
 from tests.report.whole import without_figures
 from tests.shipped import shipped, shipped_files

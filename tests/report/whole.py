@@ -16,7 +16,7 @@ from proofmass.evidence.diagnosis import Diagnosis
 from proofmass.reference.reference import evaluate
 from proofmass.report import case_figures
 from proofmass.run.solve import plan_run
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.verdict.compare import Comparison, compare
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 from proofmass.sim.mujoco import engine as with_mujoco
-from proofmass.sim.protocol import Curves, Drive, Rod, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Drive, Rod, Run
 from proofmass.sim.pymunk import engine as with_pymunk
 from tests.shipped import shipped
 

@@ -21,7 +21,7 @@ from proofmass.reference.reference import evaluate, run_samples
 from proofmass.run.sidecar import format_sidecar, load_case
 from proofmass.run.solve import call_engine, plan_run, prescribed_run
 from proofmass.sim.mujoco.linkage import Linkage
-from proofmass.sim.protocol import Unsupported
+from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.pymunk import loads as pymunk_loads
 from tests.shipped import shipped
 from tests.verdicts import all_comparisons

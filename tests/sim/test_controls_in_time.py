@@ -21,7 +21,8 @@ from proofmass.run.solve import plan_run, prescribed_run
 from proofmass.sim.mujoco import dynamics as mujoco_dynamics
 from proofmass.sim.mujoco import program as mujoco_program
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import ChangingLoad, Drive, Run, Unsupported
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.pymunk import program as pymunk_program
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.sim.smooth import SmoothTerms

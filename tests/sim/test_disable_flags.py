@@ -6,7 +6,8 @@ import pytest
 
 from proofmass.analytic import planar
 from proofmass.sim.mujoco import engine as with_mujoco
-from proofmass.sim.protocol import BadModel, Drive, Run, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk import engine as with_pymunk
 
 MODEL = """<mujoco><compiler angle="radian"/>

@@ -17,7 +17,7 @@ from proofmass.sim.engines import computes_curves
 from proofmass.sim.mujoco import engine as mujoco_engine
 from proofmass.sim.mujoco import model as mujoco_model
 from proofmass.sim.mujoco.linkage import STATIC_STAGES
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.pymunk import model as pymunk_model
 from proofmass.sim.pymunk import space
 from proofmass.verdict.compare import compare, run_reference

@@ -30,7 +30,8 @@ from proofmass.analytic.support import (
 )
 from proofmass.analytic.support import refuse as refuse_in_reference
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from tests.sim import features
 from tests.sim.features import CHANGED, OPEN, close_loop, write
 

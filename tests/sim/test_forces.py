@@ -12,7 +12,8 @@ from proofmass.case.drive import Steady, Swing
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve as run_case
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import Curves, Drive, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk import dynamics, model, quasi_static
 from proofmass.sim.pymunk.kinematics import values_of
 from proofmass.sim.pymunk.reactions import SampledMotion, solve_forces

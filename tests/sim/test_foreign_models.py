@@ -8,7 +8,8 @@ import pytest
 from proofmass.batch.check import check, check_model_here
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate
-from proofmass.sim.protocol import BadModel, Run
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Run
 
 BALL = '<body name="b" pos="0 0 1">{}<geom size=".1"/></body>'
 OFF_CENTRE = '<geom size=".1" pos=".2 0 0"/>'

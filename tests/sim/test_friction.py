@@ -20,7 +20,8 @@ from proofmass.reference.reference import compiled_model
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run, solve_here
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import BadModel, Drive, NotSolved, Run, Unsupported
+from proofmass.sim.protocol.failures import BadModel, NotSolved, Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.space import SlideFriction
 from proofmass.verdict.compare import compare
 from tests.analytic.balancer.balancer_table import parameters, rows

@@ -10,7 +10,8 @@ from scipy.optimize import brentq
 
 from proofmass.analytic.planar import solve
 from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
-from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.program import write_program
 from tests.programs import program_curves

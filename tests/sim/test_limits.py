@@ -13,7 +13,8 @@ from proofmass.case.drive import Steady
 from proofmass.reference.mobility import mobility
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine
-from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Drive, Run
 from tests.shipped import shipped
 
 LIMIT_ANGLE = np.arccos((4 + 9 - 4.5**2) / 12)

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from proofmass.sim.mjcf import compile_model, read_tree
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 
 MODEL = """<mujoco>%s<worldbody><body><joint name="j"/><geom name="g" size="1" %s/></body>
 </worldbody></mujoco>"""

@@ -18,7 +18,7 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.motion import motion
 from proofmass.sim.picture import solid_outline
-from proofmass.sim.protocol import Drive, Run
+from proofmass.sim.protocol.run import Drive, Run
 from tests.shipped import MODELS, shipped
 
 MODEL_WITHOUT_GEOMS = """<mujoco>

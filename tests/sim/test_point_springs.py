@@ -13,7 +13,8 @@ from proofmass.case.drive import Steady, motion_source
 from proofmass.report.case_data import motion_data
 from proofmass.sim.motion import motion
 from proofmass.sim.mujoco.engine import ENGINE as MUJOCO
-from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import ENGINE as PYMUNK
 from proofmass.sim.pymunk.program import write_program
 from tests.programs import program_curves

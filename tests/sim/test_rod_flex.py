@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 from proofmass.run.sidecar import load_case
 from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.flex import arc_lengths, cut_into_links
-from proofmass.sim.protocol import BadRod, Rod, Run, Unsupported
+from proofmass.sim.protocol.failures import BadRod, Unsupported
+from proofmass.sim.protocol.run import Rod, Run
 from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 from tests.sim.rod_models import (

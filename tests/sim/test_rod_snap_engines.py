@@ -9,7 +9,7 @@ from proofmass.analytic.rods.rod_snap import events, solve
 from proofmass.analytic.rods.shooting import integrate
 from proofmass.batch.check import check
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Drive, Rod, Run
+from proofmass.sim.protocol.run import Drive, Rod, Run
 from tests.independent.rods import chain_rod
 from tests.independent.rods.chain import chain
 from tests.shipped import shipped

@@ -8,7 +8,8 @@ import pytest
 
 from proofmass.analytic.rods.assembly import assembly
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadModel, Rod
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Rod
 from tests.independent.rods import chain_rod
 from tests.independent.rods.chain import chain, points
 from tests.independent.rods.chain_assembly import settle

@@ -11,7 +11,8 @@ from proofmass.analytic.rods.continuation import follow
 from proofmass.analytic.rods.equilibrium import RodState
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
-from proofmass.sim.protocol import Curves, Drive, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.verdict.compare import compare
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, table_7_state
 from tests.analytic.rods.rod_chain_cases import STABLE_ROWS, pair_of_table_7, tangent_angle

@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 
 from proofmass.batch.check import check
 from proofmass.commands.cli import app
-from proofmass.sim.protocol import BadRod, Drive, Rod, Run, Unsupported
+from proofmass.sim.protocol.failures import BadRod, Unsupported
+from proofmass.sim.protocol.run import Drive, Rod, Run
 from tests.sim.rod_models import (
     CLAMP_ANGLES,
     ENGINES,

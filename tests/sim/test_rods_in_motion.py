@@ -9,7 +9,8 @@ from proofmass.batch.check import check
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadRod, Drive, Rod, Run
+from proofmass.sim.protocol.failures import BadRod
+from proofmass.sim.protocol.run import Drive, Rod, Run
 from proofmass.verdict.compare import compare
 from proofmass.verdict.refinement import refined_errors
 from tests.shipped import shipped

@@ -13,7 +13,8 @@ from proofmass.batch.check import check
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.mujoco.engine import ENGINE
 from proofmass.sim.mujoco.program import write_rods
-from proofmass.sim.protocol import BadModel, BadRod, Rod, Run
+from proofmass.sim.protocol.failures import BadModel, BadRod
+from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.rods import Chain, chain
 from tests.shipped import shipped
 from tests.verdicts import all_comparisons

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from proofmass.batch.check import check
-from proofmass.sim.protocol import BadModel, Rod, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Rod
 from proofmass.sim.rods import chain
 from tests.independent.rods import chain_strained
 from tests.sim.rod_models import ENGINES, dead_load, equilibrium_curves, write_model

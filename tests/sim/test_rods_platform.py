@@ -15,7 +15,7 @@ from proofmass.batch.check import check
 from proofmass.reference.reference import evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run, solve_here
-from proofmass.sim.protocol import Drive, Rod
+from proofmass.sim.protocol.run import Drive, Rod
 from proofmass.verdict.compare import Comparison, compare
 from tests.analytic.rods.rod_assembly_cases import DATA, EI, three_rod_platform
 from tests.independent.rods.chain_assembly import settle

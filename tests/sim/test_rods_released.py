@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import Rod, Run
+from proofmass.sim.protocol.run import Rod, Run
 from tests.sim.rod_models import ENGINES, write_model
 
 SENSORS = (

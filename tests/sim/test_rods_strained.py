@@ -7,7 +7,8 @@ import pytest
 
 from proofmass.batch.check import check
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadRod, Rod
+from proofmass.sim.protocol.failures import BadRod
+from proofmass.sim.protocol.run import Rod
 from proofmass.sim.rods import chain
 from tests.independent.rods import chain_strained
 from tests.sim.rod_models import ENGINES, dead_load, equilibrium_curves, write_model

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import BadRod, Rod
+from proofmass.sim.protocol.failures import BadRod
+from proofmass.sim.protocol.run import Rod
 from tests.sim.rod_models import ENGINES, equilibrium_curves, write_model
 from tests.verdicts import all_comparisons
 

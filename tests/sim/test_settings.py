@@ -9,7 +9,8 @@ from proofmass.batch.check import check
 from proofmass.run.sidecar import load_case
 from proofmass.sim.contents import has_dry_friction, may_touch
 from proofmass.sim.mujoco.settings import MujocoSettings, configure, stepping_settings
-from proofmass.sim.protocol import BadSetting, Run
+from proofmass.sim.protocol.failures import BadSetting
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.engine import check_settings as pymunk_settings
 from proofmass.sim.pymunk.settings import PymunkSettings, settings_of_run
 from proofmass.studies.trade.varied import list_series

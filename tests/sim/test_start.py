@@ -14,7 +14,8 @@ from proofmass.analytic import planar, spatial
 from proofmass.analytic.numerics import CannotAssemble
 from proofmass.case.drive import Steady
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Drive, Run
 
 OUT_OF_REACH = 12, 21
 """Mechanisms whose loops cannot be closed on the way to the first value of the drive."""

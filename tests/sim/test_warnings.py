@@ -13,7 +13,7 @@ from proofmass.analytic.contacts import damping_ratio, is_mixed
 from proofmass.commands.cli import app
 from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import collected_warnings, compile_model
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 
 MIXED = "MuJoCo warns: mixed solref format, replacing with default (joint 'fall': {}).".format
 FALL = """<mujoco><option gravity="0 0 -10" timestep="1e-4"><flag contact="disable"/></option>

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.studies import invariants as invariants_module
 from proofmass.studies.invariants import invariants
 from tests.shipped import shipped

@@ -17,14 +17,8 @@ from proofmass.case.drive import DriveState
 from proofmass.reference.reference import drive_profiles, evaluate, reference_for, run_samples
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, plan_run
-from proofmass.sim.protocol import (
-    BadModel,
-    BadSetting,
-    Curves,
-    Diverged,
-    NotSolved,
-    Unsupported,
-)
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, BadSetting, Diverged, NotSolved, Unsupported
 from proofmass.studies import measure
 from proofmass.studies.measure import (
     MAX_CACHED_REFERENCES,

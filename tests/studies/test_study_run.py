@@ -15,7 +15,7 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.batch.pool import pool
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.studies import measure
 from proofmass.studies import run as runs
 from proofmass.studies.measure import Measurement, relative_errors

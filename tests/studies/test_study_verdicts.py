@@ -15,15 +15,10 @@ from proofmass.base.errors import InputError
 from proofmass.base.worker import Crashed, TimedOut
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run, starts_with_jolt
-from proofmass.sim.protocol import (
-    BadModel,
-    Curves,
-    Diverged,
-    NotSolved,
-    Perturbation,
-    Run,
-    Unsupported,
-)
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Diverged, NotSolved, Unsupported
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.tuning import Perturbation
 from proofmass.studies import measure
 from proofmass.studies.diet import diet, scene
 from proofmass.studies.diet.diet import DietStore

@@ -52,7 +52,7 @@ from proofmass.evidence.diagnosis.settings import (
     sibling_causes,
 )
 from proofmass.reference.reference import assembly_modes, load_reference
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 
 MAX_CAUSES = 5  # causes that are kept
 EXACT_SHARE = 1e-6  # share of the differences that a cause may leave to be called exact

@@ -17,7 +17,8 @@ from proofmass.reference.reference import compiled_model, run_samples
 from proofmass.run.solve import settings_of, solve_here
 from proofmass.sim.contents import highest_frequency
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import Curves, ParameterValues
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.settings import ParameterValues
 from proofmass.sim.stability import stability_limit
 
 MAX_HALVINGS = 6  # times that a time step is halved

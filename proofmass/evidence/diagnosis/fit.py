@@ -38,7 +38,8 @@ from proofmass.reference.reference import (
 )
 from proofmass.run.solve import call_engine, plan_run, solve_here
 from proofmass.sim.engines import computes_curves
-from proofmass.sim.protocol import BadModel, Curves
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.verdict.compare import allowed_errors, changeable_parameters
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION
 

@@ -34,7 +34,7 @@ from proofmass.sim.contents import size
 from proofmass.sim.elements import Number
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.numbers import joint_axes
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.start import loop_opening
 from proofmass.verdict.compare import changeable_parameters
 

@@ -20,7 +20,9 @@ from proofmass.evidence.diagnosis.fit import (
 )
 from proofmass.run.solve import describe_dynamics, settings_of, solve_here
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import STEP_CAUSE, Curves, ParameterValues, Perturbation
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.settings import ParameterValues
+from proofmass.sim.protocol.tuning import STEP_CAUSE, Perturbation
 
 FALLING_SHARE = 0.6
 """Share of a difference that half a time step leaves if the error is of order 3/4."""

@@ -38,7 +38,9 @@ from proofmass.sim.mujoco.sensors import (
 from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.mujoco.work import PYTHON_STEP, StepWork
-from proofmass.sim.protocol import Curves, Diverged, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Diverged
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.start import start_state
 
 WARNING_TIME = re.compile(r"Time = (\d+\.?\d*(?:e[-+]?\d+)?)")  # the time in a warning of MuJoCo

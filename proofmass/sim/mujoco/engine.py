@@ -39,19 +39,13 @@ from proofmass.sim.mujoco.settings import (
     write_options,
 )
 from proofmass.sim.mujoco.support import SUPPORT
-from proofmass.sim.protocol import (
-    BadModel,
-    ChangingLoad,
-    Curves,
-    Drive,
-    Engine,
-    Imposed,
-    OwnMotion,
-    ParameterValue,
-    ParameterValues,
-    Run,
-    sidecar_instructions,
-)
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.own_equations import OwnMotion
+from proofmass.sim.protocol.programs import Imposed, sidecar_instructions
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
+from proofmass.sim.protocol.settings import ParameterValue, ParameterValues
 
 
 def simulate(model: Path, run: Run) -> Curves:
@@ -62,7 +56,7 @@ def simulate(model: Path, run: Run) -> Curves:
     model : Path
         The MJCF file.
     run : Run
-        See `proofmass.sim.protocol.Run`.  Its settings are those of
+        See `proofmass.sim.protocol.run.Run`.  Its settings are those of
         `proofmass.sim.mujoco.settings.MujocoSettings`; for ``settled`` in a sweep see
         `proofmass.sim.mujoco.settling`, for ``flex`` in equilibrium `proofmass.sim.mujoco.flex`.
 

@@ -41,7 +41,8 @@ from proofmass.analytic.support import RunKind
 from proofmass.base.arrays import Array
 from proofmass.sim.mujoco.linkage import LOOP_TOLERANCE, MAX_STRIDE, NEWTON_TOLERANCE, Linkage
 from proofmass.sim.mujoco.model import refuse_uncovered
-from proofmass.sim.protocol import BadModel, Run, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Run
 
 # share of the largest singular value below which rows are linearly dependent
 RANK_TOLERANCE = 1e-10

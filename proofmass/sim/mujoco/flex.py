@@ -37,7 +37,9 @@ from proofmass.sim.mujoco.settings import configure, stepping_settings
 from proofmass.sim.mujoco.settling import step_to_rest
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.plane import MotionPlane, find_plane
-from proofmass.sim.protocol import BadModel, Curves, Rod, Run, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.rods import (
     DEFAULT_MASS,
     JOINT_PROPERTIES,

@@ -20,7 +20,7 @@ from proofmass.analytic.numerics import REST_RATE_SHARE, without_rounding
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import anchor_bodies, anchors, pose_of
 from proofmass.sim.mujoco.model import loop_violations
-from proofmass.sim.protocol import BadModel, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Unsupported
 
 EQ = mujoco.mjtEq
 LIMIT_ROW_TYPES = {

@@ -22,7 +22,9 @@ from proofmass.sim.mjcf import compile_model, leave_out_disabled
 from proofmass.sim.mujoco.settings import configure
 from proofmass.sim.mujoco.support import SUPPORT
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import BadModel, Run, Unsupported, split_channel
+from proofmass.sim.protocol.curves import split_channel
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.rods import dead_loads
 
 S = mujoco.mjtSensor

@@ -47,7 +47,10 @@ from proofmass.sim.mujoco.sensors import (
 from proofmass.sim.mujoco.settings import mjcf_text
 from proofmass.sim.mujoco.settling import failure_warning
 from proofmass.sim.mujoco.work import StepWork
-from proofmass.sim.protocol import ChangingLoad, Curves, Drive, NotSolved, OwnMotion, OwnRun, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import NotSolved
+from proofmass.sim.protocol.own_equations import OwnMotion, OwnRun
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.start import start_state
 
 MAX_HALVINGS, MIN_HALVINGS = 6, 3

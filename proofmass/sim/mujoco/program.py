@@ -35,7 +35,10 @@ from proofmass.sim.mujoco.settings import (
     write_options,
 )
 from proofmass.sim.program_text import escape_text, load_template
-from proofmass.sim.protocol import BadModel, Imposed, Rod, Run, Unsupported, drive_columns
+from proofmass.sim.protocol.curves import drive_columns
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.rods import chain, compile_with_rods
 
 IMPOSED = (

@@ -27,7 +27,9 @@ from proofmass.sim.mujoco.sensors import (
 from proofmass.sim.mujoco.settling import settled_sweep
 from proofmass.sim.mujoco.work import StepWork
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import BadModel, Curves, Run, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.rods import Chain, RodPose, rod_channels, rod_curves
 
 NO_MOTION = "nothing moves in an equilibrium run: it has no rates and no accelerations"

@@ -19,14 +19,9 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol import (
-    AccuracyLimit,
-    Count,
-    EngineSettings,
-    StrictNumber,
-    StrictNumbers,
-    Switch,
-)
+from proofmass.base.strict import Count, StrictNumber, Switch
+from proofmass.sim.protocol.engine import AccuracyLimit
+from proofmass.sim.protocol.settings import EngineSettings, StrictNumbers
 
 DISABLE_BITS = mujoco.mjtDisableBit
 

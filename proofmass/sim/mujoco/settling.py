@@ -28,7 +28,9 @@ from proofmass.sim.mujoco.model import Recorder, refuse_uncovered
 from proofmass.sim.mujoco.sensors import drive_moment_curves, withhold_interactions, withhold_stage
 from proofmass.sim.mujoco.settings import stepping_settings
 from proofmass.sim.mujoco.work import StepWork
-from proofmass.sim.protocol import Curves, Diverged, NotSolved, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Diverged, NotSolved
+from proofmass.sim.protocol.run import Run
 
 W = mujoco.mjtWarning
 FATAL_WARNINGS = (W.mjWARN_BADQPOS, W.mjWARN_BADQVEL, W.mjWARN_BADQACC, W.mjWARN_INERTIA)

@@ -16,7 +16,7 @@ import numpy as np
 from proofmass.analytic.contacts import damping_ratio, restitution
 from proofmass.base.arrays import Array
 from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane
-from proofmass.sim.protocol import Unsupported
+from proofmass.sim.protocol.failures import Unsupported
 
 GEOM = mujoco.mjtGeom
 DISABLE_FLAG = mujoco.mjtDisableBit

@@ -13,7 +13,9 @@ from pymunk import batch
 
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
-from proofmass.sim.protocol import Curves, Diverged, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import Diverged
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.kinematics import (
     close_loops,
     constraint_values,

@@ -6,18 +6,12 @@ from pathlib import Path
 
 from proofmass.analytic.support import left_out
 from proofmass.sim.mjcf import collected_warnings, warning_notes
-from proofmass.sim.protocol import (
-    Curves,
-    Engine,
-    Imposed,
-    ParameterValues,
-    Perturbation,
-    Recipe,
-    Run,
-    Scan,
-    Studied,
-    sidecar_instructions,
-)
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.programs import Imposed, sidecar_instructions
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.settings import ParameterValues
+from proofmass.sim.protocol.tuning import Perturbation, Recipe, Scan, Studied
 from proofmass.sim.pymunk import tried_settings
 from proofmass.sim.pymunk.dynamics import MIN_FIRST_ITERATIONS, dynamics
 from proofmass.sim.pymunk.model import find_channels, read_model
@@ -32,7 +26,7 @@ CONTACT_SETTINGS = ("collision_slop", "collision_bias")
 
 
 def check_settings(settings: Mapping[str, object]) -> None:
-    """Raise `proofmass.sim.protocol.BadSetting` if a setting is unknown or out of range."""
+    """Raise `BadSetting` if a setting is unknown or out of range."""
     PymunkSettings.read(settings)
 
 
@@ -65,8 +59,8 @@ def simulate(model: Path, run: Run) -> Curves:
     model : Path
         The MJCF file.
     run : Run
-        What to do; see `proofmass.sim.protocol.Run`.  Settings, with proofmass's values where none
-        are given: ``timestep`` [s], that of the model, reduced so that whole steps fit between
+        What to do; see `proofmass.sim.protocol.run.Run`.  Settings, with proofmass's values where
+        none are given: ``timestep`` [s], that of the model, reduced so that whole steps fit between
         samples (a sweep does not use it); ``iterations`` of the solver in a step, 100 in dynamics,
         in a sweep the number that the start pose needs, up to 500, or 500 where the drives leave
         degrees of freedom, and in all cases more where poses of the run need them; ``error_bias``,
@@ -142,7 +136,7 @@ def stepping_lines(parameters: ParameterValues, steps: int) -> Iterator[str]:
 
 
 class Pymunk(Engine):
-    """pymunk as an engine of proofmass; see `proofmass.sim.protocol.Engine`."""
+    """pymunk as an engine of proofmass; see `proofmass.sim.protocol.engine.Engine`."""
 
     title = "pymunk"
     packages = ("pymunk",)

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol import BadModel
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.pymunk.links import (
     QUARTER_TURN,
     ConstraintTable,

@@ -14,7 +14,8 @@ import pymunk
 
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import actuators_on, gear_of, joint_of
-from proofmass.sim.protocol import Run, Unsupported
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.links import LinkLoad, Links
 from proofmass.sim.pymunk.model import link_load_of, with_controls
 from proofmass.sim.pymunk.reactions import SampledMotion

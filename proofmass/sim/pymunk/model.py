@@ -26,7 +26,8 @@ from proofmass.sim.contents import (
 )
 from proofmass.sim.mjcf import compile_model
 from proofmass.sim.plane import PARALLEL_TOLERANCE, MotionPlane, find_plane
-from proofmass.sim.protocol import BadModel, Rod, Run, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.pymunk.contacts import read_contacts
 from proofmass.sim.pymunk.links import (
     STOP_MARGIN,

@@ -14,7 +14,10 @@ import pymunk
 
 from proofmass.base.arrays import Array
 from proofmass.sim.program_text import escape_text, load_template
-from proofmass.sim.protocol import BadSetting, Imposed, Run, Unsupported, drive_columns
+from proofmass.sim.protocol.curves import drive_columns
+from proofmass.sim.protocol.failures import BadSetting, Unsupported
+from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.contacts import ContactShape
 from proofmass.sim.pymunk.dynamics import MAX_LOOP_VIOLATION, MIN_FIRST_ITERATIONS, start_state
 from proofmass.sim.pymunk.links import LinkConstraint, LinkGear, LinkJoint, Links, LinkSpring

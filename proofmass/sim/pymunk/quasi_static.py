@@ -39,7 +39,9 @@ from proofmass.analytic.friction import (
 from proofmass.analytic.numerics import REST_RATE_SHARE
 from proofmass.base.arrays import Array
 from proofmass.base.clock import processor_time
-from proofmass.sim.protocol import BadModel, Curves, Diverged, NotSolved, Run, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Diverged, NotSolved, Unsupported
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.pymunk.dynamics import iterations_needed, step_seconds
 from proofmass.sim.pymunk.kinematics import (
     Modes,

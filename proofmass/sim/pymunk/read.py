@@ -16,7 +16,8 @@ from proofmass.sim.contents import (
     sensor_parts,
 )
 from proofmass.sim.plane import MotionPlane
-from proofmass.sim.protocol import BadModel, split_channel
+from proofmass.sim.protocol.curves import split_channel
+from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.pymunk.kinematics import derivative_along, joint_value, rotate, spring_length
 from proofmass.sim.pymunk.links import LinkJoint, Links, LinkSpring
 from proofmass.sim.pymunk.reactions import (

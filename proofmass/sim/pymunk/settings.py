@@ -12,7 +12,10 @@ from typing import Annotated
 import mujoco
 from pydantic import Field
 
-from proofmass.sim.protocol import AccuracyLimit, Count, EngineSettings, Run, StrictNumber, Switch
+from proofmass.base.strict import Count, StrictNumber, Switch
+from proofmass.sim.protocol.engine import AccuracyLimit
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.settings import EngineSettings
 from proofmass.sim.pymunk.space import Settings
 
 CHIPMUNK_BIAS = (1.0 - 0.1) ** 60

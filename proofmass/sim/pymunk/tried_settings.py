@@ -23,18 +23,9 @@ from mujoco import MjModel
 
 from proofmass.base.arrays import Array
 from proofmass.sim.contents import is_linear_in_joint, may_touch
-from proofmass.sim.protocol import (
-    STEP_CAUSE,
-    ParameterValue,
-    ParameterValues,
-    Perturbation,
-    Recipe,
-    Scan,
-    Scheme,
-    Studied,
-    first_number,
-    scan_over,
-)
+from proofmass.sim.protocol.settings import ParameterValue, ParameterValues, first_number
+from proofmass.sim.protocol.theory import Scheme
+from proofmass.sim.protocol.tuning import STEP_CAUSE, Perturbation, Recipe, Scan, Studied, scan_over
 from proofmass.sim.pymunk.dynamics import MAX_ITERATIONS
 from proofmass.sim.pymunk.settings import CHIPMUNK_BIAS
 
@@ -154,7 +145,7 @@ def bias_of_share(share: float, step: float) -> float:
 
 
 def chipmunk_step(z: float, zeta: float) -> Array:
-    """Matrix of a step of Chipmunk for a spring and a damper; see `proofmass.sim.protocol.StepMap`.
+    """Matrix of a step of Chipmunk for a spring and a damper, a `StepMap`.
 
     The position moves with the old velocity.  Then the spring acts with its force at the new
     position, and the damper with its exact solution.

@@ -17,22 +17,14 @@ from proofmass.base.clock import processor_time
 from proofmass.base.errors import InputError
 from proofmass.base.recorded import LARGEST_GAP, RecordedColumn, read_table
 from proofmass.base.recording import PlacedRows, Recording, RunAxis, SteadyDrive
-from proofmass.base.strict import Strict
+from proofmass.base.strict import Strict, StrictNumber
 from proofmass.sim.contents import channel_unit, joints
 from proofmass.sim.mjcf import compile_model
-from proofmass.sim.protocol import (
-    BY_CHANNEL,
-    BY_JOINT,
-    BadModel,
-    BadSetting,
-    Curves,
-    Engine,
-    EngineSettings,
-    FileName,
-    Run,
-    StrictNumber,
-    Unsupported,
-)
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.failures import BadModel, BadSetting, Unsupported
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.settings import BY_CHANNEL, BY_JOINT, EngineSettings, FileName
 
 
 class RecordedDrive(Strict):
@@ -104,7 +96,7 @@ def simulate(model: Path, run: Run) -> Curves:
     model : Path
         The MJCF file, which gives the quantity of each channel.
     run : Run
-        See `proofmass.sim.protocol.Run`.  Its settings are `RecordedSettings`.
+        See `proofmass.sim.protocol.run.Run`.  Its settings are `RecordedSettings`.
 
     Returns
     -------

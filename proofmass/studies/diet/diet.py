@@ -33,7 +33,8 @@ from proofmass.base.wording import number
 from proofmass.batch.pool import pool
 from proofmass.run.fingerprint import bytes_of_model
 from proofmass.sim.mjcf import NATIVE_ENGINE
-from proofmass.sim.protocol import Curves, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.diet.edits import EditedModel, model_text, read_model, write_model
 from proofmass.studies.diet.options import (
     COUNTED_OPTIONS,

@@ -28,7 +28,8 @@ from proofmass.base.errors import InputError, model_error, suggest_names
 from proofmass.base.files import write_atomically
 from proofmass.run.sidecar import load_case
 from proofmass.sim.mjcf import compile_model, read_spec
-from proofmass.sim.protocol import BadModel, Rod
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Rod
 from proofmass.sim.rods import compile_with_rods
 
 Cut = Callable[["EditedModel"], None]

@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 
 from proofmass.base.wording import number
-from proofmass.sim.protocol import whole_steps
+from proofmass.sim.protocol.run import whole_steps
 from proofmass.studies.diet.edits import (
     Cut,
     EditedModel,

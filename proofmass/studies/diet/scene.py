@@ -31,7 +31,9 @@ from proofmass.case.case import Case
 from proofmass.reference.reference import reference_for
 from proofmass.run.solve import plan_run
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
-from proofmass.sim.protocol import BadModel, Curves, Run, split_channel
+from proofmass.sim.protocol.curves import Curves, split_channel
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.diet.edits import MONITORED_LISTS, EditedModel, read_model
 from proofmass.studies.diet.trial import (

@@ -25,7 +25,9 @@ from proofmass.base.clock import processor_time
 from proofmass.base.worker import Crashed, call_isolated
 from proofmass.sim.mujoco.engine import run_compiled
 from proofmass.sim.mujoco.model import prepare_model
-from proofmass.sim.protocol import BadModel, Curves, Diverged, Run, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.measure import Measurement, pin_process, reserve_processor
 from proofmass.verdict.outcome import Outcome
 

@@ -24,7 +24,8 @@ from proofmass.reference.mobility import mobility
 from proofmass.reference.reference import compiled_model, run_samples
 from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import compiles
-from proofmass.sim.protocol import Engine, Scheme
+from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.theory import Scheme
 from proofmass.studies.measure import Measurement, StudyRun, measure, observe, simulate_task
 from proofmass.studies.record import ParameterValue, Setting, format_kind
 from proofmass.studies.store import Store, task_key

@@ -16,7 +16,9 @@ from proofmass.case.drive import Steady
 from proofmass.run.solve import call_engine
 from proofmass.sim.engines import computes_curves, engine_names, engine_of
 from proofmass.sim.problem_models import problem_mjcf, start_key, wheel_model
-from proofmass.sim.protocol import Curves, Drive, LimitProblem, Rod, Run, Scheme
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Drive, Rod, Run
+from proofmass.sim.protocol.theory import LimitProblem, Scheme
 from proofmass.sim.stability import stability_limit
 from proofmass.studies.measure import Measurement, measure, step_taken
 from proofmass.studies.stress import theory
@@ -154,7 +156,7 @@ def list_problems() -> Iterator[LimitSearch]:
 def problem_schemes(problem: str) -> Iterator[tuple[str, Scheme, float]]:
     """Each engine with each of its schemes that is tried with a problem, and the problem's number.
 
-    `proofmass.sim.protocol.Scheme` describes the numbers.
+    `proofmass.sim.protocol.theory.Scheme` describes the numbers.
     """
     for engine in engine_names():
         for scheme in engine_of(engine).schemes:

@@ -6,7 +6,7 @@ The oscillator, a spring and a damper on one coordinate, and z = dt omega are th
 
 import numpy as np
 
-from proofmass.sim.protocol import Scheme
+from proofmass.sim.protocol.theory import Scheme
 from proofmass.sim.stability import spectral_radius
 
 

@@ -26,7 +26,7 @@ from proofmass.base.wording import number
 from proofmass.case.case import Case
 from proofmass.reference.reference import compiled_model
 from proofmass.sim.contents import size
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.rods import chain, joint_names
 from proofmass.studies.measure import (
     Measurement,

@@ -16,7 +16,7 @@ from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.run.solve import describe_dynamics
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import STEP_CAUSE, Perturbation
+from proofmass.sim.protocol.tuning import STEP_CAUSE, Perturbation
 from proofmass.studies.record import NAN, Setting, StudyRow
 from proofmass.studies.trade.varied import ConvergenceSeries, with_step
 from proofmass.studies.variants import (

@@ -27,7 +27,7 @@ from proofmass.report.page import slug
 from proofmass.report.study import PageWriter, StudyPages, prepare_folder
 from proofmass.report.svg_markers import MARKER_PATHS, Tone, page_tones
 from proofmass.sim.engines import NoEngine, engine_of, format_solver
-from proofmass.sim.protocol import ParameterValue
+from proofmass.sim.protocol.settings import ParameterValue
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, read_table
 from proofmass.studies.trade.choose import (
     ERROR_MARGIN,

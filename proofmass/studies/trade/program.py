@@ -26,7 +26,9 @@ from proofmass.case.case import Case
 from proofmass.case.drive import motion_source
 from proofmass.case.profile import controls_source
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import Curves, Imposed, Run, drive_columns
+from proofmass.sim.protocol.curves import Curves, drive_columns
+from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.measure import pin_process, relative_errors, reserve_processor
 from proofmass.studies.record import Setting

@@ -24,7 +24,10 @@ from proofmass.case.case import Case
 from proofmass.reference.reference import run_samples
 from proofmass.run.solve import describe_dynamics, prescribed_run
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import Curves, Recipe, first_number, whole_steps
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import whole_steps
+from proofmass.sim.protocol.settings import first_number
+from proofmass.sim.protocol.tuning import Recipe
 from proofmass.studies.bounded import call_bounded
 from proofmass.studies.measure import StudyRun, cached_reference
 from proofmass.studies.record import Setting, StudyRow

@@ -18,7 +18,7 @@ from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.case.case import Case
 from proofmass.sim.engines import format_solver
-from proofmass.sim.protocol import first_number
+from proofmass.sim.protocol.settings import first_number
 from proofmass.studies import DEFAULT_LONGEST_RUN, DEFAULT_SEARCH_BUDGET
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow

@@ -31,7 +31,8 @@ from proofmass.batch.pool import pool
 from proofmass.case.case import Case
 from proofmass.reference.reference import compiled_model
 from proofmass.run.solve import MAX_FORCE_EVALUATIONS
-from proofmass.sim.protocol import Perturbation, first_number
+from proofmass.sim.protocol.settings import first_number
+from proofmass.sim.protocol.tuning import Perturbation
 from proofmass.studies import DEFAULT_LONGEST_RUN
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import KIND_UNITS, NAN, Setting, StudyRow, write_table

@@ -14,7 +14,9 @@ from proofmass.case.case import Case
 from proofmass.reference.reference import compiled_model
 from proofmass.run.solve import describe_dynamics
 from proofmass.sim.engines import NoEngine, engine_of, format_solver
-from proofmass.sim.protocol import Engine, ParameterValue, Scan, scan_over
+from proofmass.sim.protocol.engine import Engine
+from proofmass.sim.protocol.settings import ParameterValue
+from proofmass.sim.protocol.tuning import Scan, scan_over
 from proofmass.studies.record import Setting
 
 

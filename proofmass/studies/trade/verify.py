@@ -22,7 +22,10 @@ from proofmass.reference.reference import compiled_model, control_profiles, eval
 from proofmass.run.solve import call_engine
 from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import read_spec, read_tree
-from proofmass.sim.protocol import BadModel, Curves, Imposed, Run, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.bounded import call_limited
 from proofmass.studies.measure import REFERENCE_TIMEOUT, StudyRun, relative_errors
 from proofmass.studies.record import NAN, ParameterValue, Setting, StudyRow

@@ -13,7 +13,8 @@ from proofmass.analytic import balancer
 from proofmass.analytic.balancer.measures import warnings
 from proofmass.design.template import write_case
 from proofmass.sim.mujoco import engine as with_mujoco
-from proofmass.sim.protocol import BadModel, Drive, Run
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk import engine as with_pymunk
 from tests.analytic.balancer.balancer_table import parameters, rows
 

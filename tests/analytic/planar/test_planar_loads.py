@@ -9,7 +9,7 @@ import pytest
 from proofmass.analytic import planar
 from proofmass.analytic.numerics import NotCovered
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import Drive, Run
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from tests.shipped import shipped
 

@@ -17,7 +17,7 @@ from proofmass.reference.reference import compiled_model, evaluate
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import ChangingLoad, Drive, Run
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from tests.shipped import shipped, shipped_files
 

@@ -11,7 +11,8 @@ import pytest
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.numerics import NotCovered
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import Drive, Run, Unsupported
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import simulate as in_pymunk
 from proofmass.sim.pymunk.program import write_program
 from proofmass.sim.smooth import SmoothTerms

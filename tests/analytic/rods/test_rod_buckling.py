@@ -15,7 +15,8 @@ from proofmass.analytic.rods.buckling import (
 from proofmass.analytic.rods.cantilever import solve
 from proofmass.analytic.rods.elastica import rods_of_chart
 from proofmass.analytic.rods.shooting import integrate
-from proofmass.sim.protocol import BadModel, Rod
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Rod
 from tests.sim.rod_models import ENGINES, dead_load, equilibrium_curves, write_model
 from tests.verdicts import all_comparisons
 

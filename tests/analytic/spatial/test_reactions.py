@@ -11,7 +11,7 @@ from proofmass.analytic import spatial
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 

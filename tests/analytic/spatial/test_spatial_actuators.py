@@ -10,7 +10,7 @@ from proofmass.analytic import spatial
 from proofmass.analytic.spatial.mechanism import read_tree
 from proofmass.analytic.spatial.terms import own_terms
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import Drive, Run
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.smooth import SmoothTerms
 
 ROBOT_MODEL = """<mujoco><compiler angle="radian"/><option timestep="1e-3" integrator="RK4">

@@ -21,7 +21,7 @@ from proofmass.analytic.spatial.motion import regular_pseudo_inverse
 from proofmass.reference.reference import reference_for
 from proofmass.run.solve import solve
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 

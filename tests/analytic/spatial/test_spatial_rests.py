@@ -20,7 +20,7 @@ from proofmass.reference.reference import compiled_model, evaluate, properties
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import ChangingLoad, Drive, Run
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 from proofmass.sim.smooth import SmoothTerms
 from tests.analytic.planar.test_planar_rests import ANGLES, bar_profile, random_chain, write_limbs
 from tests.shipped import shipped

@@ -19,7 +19,7 @@ from proofmass.analytic.spatial.witness import TermsDiffer, compare_terms
 from proofmass.base.errors import InputError
 from proofmass.reference.reference import properties
 from proofmass.run.solve import solve
-from proofmass.sim.protocol import Unsupported
+from proofmass.sim.protocol.failures import Unsupported
 from proofmass.sim.smooth import SmoothTerms
 from tests.shipped import shipped
 

@@ -13,7 +13,9 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.dynamics import check_run
 from proofmass.sim.mujoco.engine import simulate
-from proofmass.sim.protocol import BadModel, Curves, Diverged, Drive, Run, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from tests.shipped import shipped
 
 

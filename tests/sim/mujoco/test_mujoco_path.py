@@ -13,7 +13,7 @@ from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.equilibrium import linkage_of
 from proofmass.sim.mujoco.linkage import Linkage, interpolate_poses
 from proofmass.sim.mujoco.model import load
-from proofmass.sim.protocol import Curves
+from proofmass.sim.protocol.curves import Curves
 from tests.shipped import shipped, shipped_case
 
 CLOSED_TOGETHER = {  # cases, and whether all poses of their sweeps are closed together

@@ -7,7 +7,7 @@ import numpy as np
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine, prescribed_run
 from proofmass.sim.mujoco.engine import ENGINE
-from proofmass.sim.protocol import Imposed
+from proofmass.sim.protocol.programs import Imposed
 from tests.programs import program_curves
 from tests.shipped import shipped
 

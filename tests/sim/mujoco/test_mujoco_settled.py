@@ -16,7 +16,9 @@ from proofmass.sim.mujoco.engine import simulate
 from proofmass.sim.mujoco.model import load
 from proofmass.sim.mujoco.quasi_static import sweep
 from proofmass.sim.mujoco.settling import settled_sweep
-from proofmass.sim.protocol import BadModel, Curves, Drive, NotSolved, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, NotSolved
+from proofmass.sim.protocol.run import Drive, Run
 
 PENDULUM_DRIVE = Drive("pendulum", lambda x: (x, np.ones_like(x), np.zeros_like(x)))
 STIFF_LIMIT = 'solreflimit="0.002 1" solimplimit="0.9999 0.9999 0.001"'

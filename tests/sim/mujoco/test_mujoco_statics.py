@@ -12,7 +12,9 @@ from scipy.optimize import brentq, root
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
 from proofmass.sim.mujoco.engine import simulate
-from proofmass.sim.protocol import BadModel, ChangingLoad, Curves, Drive, Run, Unsupported
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.failures import BadModel, Unsupported
+from proofmass.sim.protocol.run import ChangingLoad, Drive, Run
 
 G = 10.0
 DRIVE_OF_A = Drive("a", lambda x: (x, np.ones_like(x), np.zeros_like(x)))

@@ -19,7 +19,8 @@ from proofmass.sim.mujoco.own_motion import (
     solve_own_motion,
 )
 from proofmass.sim.mujoco.work import StepWork
-from proofmass.sim.protocol import BadModel, Run
+from proofmass.sim.protocol.failures import BadModel
+from proofmass.sim.protocol.run import Run
 from tests.shipped import shipped
 
 FREE_ROTOR = """<mujoco><option gravity="0 0 0"/><worldbody><body name="b" pos="0 0 1"><freejoint/>

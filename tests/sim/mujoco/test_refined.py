@@ -17,7 +17,7 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import prescribed_run, solve
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.mujoco.engine import simulate as in_mujoco
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 from proofmass.verdict.compare import compare
 from tests.shipped import shipped
 

@@ -22,7 +22,9 @@ from proofmass.sim.mujoco.settings import (
     option_values,
 )
 from proofmass.sim.mujoco.tried_settings import recipes
-from proofmass.sim.protocol import Run, Studied, first_number
+from proofmass.sim.protocol.run import Run
+from proofmass.sim.protocol.settings import first_number
+from proofmass.sim.protocol.tuning import Studied
 from proofmass.studies.record import ParameterValue, Setting
 from proofmass.studies.trade.program import snippet
 from tests.programs import program_curves

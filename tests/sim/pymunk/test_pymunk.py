@@ -11,7 +11,8 @@ from scipy.special import ellipj, ellipk
 
 from proofmass.analytic.linkages import fourbar
 from proofmass.sim.plane import find_plane
-from proofmass.sim.protocol import BadModel, Diverged, Drive, Run, Unsupported
+from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.space import empty_buffer
 from tests.shipped import shipped

@@ -14,7 +14,8 @@ from proofmass import load_case
 from proofmass.analytic import planar
 from proofmass.run.solve import plan_run
 from proofmass.sim.engines import engine_of
-from proofmass.sim.protocol import BadModel, Diverged, Drive, Run
+from proofmass.sim.protocol.failures import BadModel, Diverged
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.dynamics import contraction_factor
 from proofmass.sim.pymunk.engine import simulate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from proofmass.sim.mujoco import engine as with_mujoco
-from proofmass.sim.protocol import Drive, Run
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk import engine as with_pymunk
 
 CRANK, ROD = 1.0, 2.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from proofmass.sim.protocol import Drive, Run
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.links import LinkJoint
 from proofmass.sim.pymunk.quasi_static import lagrange_weights, ratio_of_ways, rests_on_way

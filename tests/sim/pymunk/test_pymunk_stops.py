@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from proofmass.design.template import write_case
-from proofmass.sim.protocol import Drive, NotSolved, Run
+from proofmass.sim.protocol.failures import NotSolved
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk import quasi_static
 from proofmass.sim.pymunk.engine import simulate
 

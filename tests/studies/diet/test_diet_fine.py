@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from proofmass.base.errors import InputError
-from proofmass.sim.protocol import Curves, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.edits import read_model
 from proofmass.studies.diet.scene import MonitoredRun, with_fine_solution

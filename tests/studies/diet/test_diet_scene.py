@@ -13,7 +13,8 @@ from proofmass.base.errors import InputError
 from proofmass.base.worker import OutOfMemory, TimedOut
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
-from proofmass.sim.protocol import Curves, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.diet import scene
 from proofmass.studies.diet.edits import read_model
 from proofmass.studies.diet.scene import (

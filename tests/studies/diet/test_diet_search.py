@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from proofmass.sim.protocol import Curves, Run
+from proofmass.sim.protocol.curves import Curves
+from proofmass.sim.protocol.run import Run
 from proofmass.studies import measure
 from proofmass.studies.diet import diet
 from proofmass.studies.diet.diet import DietSearch, DietStore, reference_key

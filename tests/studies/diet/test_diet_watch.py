@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from proofmass.base.errors import InputError
 from proofmass.base.worker import TimedOut
 from proofmass.commands.cli import app
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.diet import scene as scenes
 from proofmass.studies.diet.diet import DietSearch
 from proofmass.studies.diet.scene import load_scene

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from proofmass.reference.reference import run_samples
-from proofmass.sim.protocol import Run
+from proofmass.sim.protocol.run import Run
 from proofmass.studies.measure import Measurement
 from proofmass.studies.stress import extremes
 from proofmass.studies.stress.boundary import BoundaryKind

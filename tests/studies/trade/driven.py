@@ -1,7 +1,8 @@
 """Curves of the drives of a run, with the column names that a program writes."""
 
 from proofmass.base.arrays import Array
-from proofmass.sim.protocol import Curves, Run, drive_columns
+from proofmass.sim.protocol.curves import Curves, drive_columns
+from proofmass.sim.protocol.run import Run
 
 
 def drive_curves(run: Run, curves: Curves) -> dict[str, Array]:

@@ -21,7 +21,7 @@ from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.mujoco.engine import insert_snippet
 from proofmass.sim.mujoco.settings import configure
-from proofmass.sim.protocol import Diverged, Unsupported
+from proofmass.sim.protocol.failures import Diverged, Unsupported
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.store import Store
 from proofmass.studies.trade import verify as verify_module

@@ -23,7 +23,9 @@ from proofmass.case.drive import (
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import call_engine
 from proofmass.sim.mujoco.program import IMPOSED, expand_model, write_program
-from proofmass.sim.protocol import Drive, Imposed, Run, Unsupported
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.studies.record import Setting
 from proofmass.studies.store import Store
 from proofmass.studies.trade.program import (

@@ -19,7 +19,9 @@ from proofmass.sim.mujoco.program import (
     write_program,
     write_rods,
 )
-from proofmass.sim.protocol import Imposed, Rod, Run, Unsupported
+from proofmass.sim.protocol.failures import Unsupported
+from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.run import Rod, Run
 from proofmass.sim.rods import compile_with_rods
 from proofmass.studies.record import Setting
 from proofmass.studies.trade.choose import format_rods

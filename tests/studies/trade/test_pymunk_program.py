@@ -22,16 +22,10 @@ from proofmass.case.case import Case
 from proofmass.case.drive import Swing, motion_source
 from proofmass.reference import reference
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import (
-    BadSetting,
-    Curves,
-    Diverged,
-    Drive,
-    Imposed,
-    Run,
-    Unsupported,
-    drive_columns,
-)
+from proofmass.sim.protocol.curves import Curves, drive_columns
+from proofmass.sim.protocol.failures import BadSetting, Diverged, Unsupported
+from proofmass.sim.protocol.programs import Imposed
+from proofmass.sim.protocol.run import Drive, Run
 from proofmass.sim.pymunk.engine import simulate
 from proofmass.sim.pymunk.program import IMPOSED, write_program
 from tests.programs import run_standalone

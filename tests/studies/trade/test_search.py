@@ -13,7 +13,7 @@ import pytest
 
 from proofmass.case.case import Case
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Imposed
+from proofmass.sim.protocol.programs import Imposed
 from proofmass.sim.pymunk.tried_settings import bias_of_share
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow

@@ -6,7 +6,7 @@ import pytest
 
 from proofmass.base.errors import InputError
 from proofmass.run.sidecar import load_case
-from proofmass.sim.protocol import Perturbation
+from proofmass.sim.protocol.tuning import Perturbation
 from proofmass.studies.measure import StudyRun
 from proofmass.studies.record import Setting, StudyRow
 from proofmass.studies.run import run_tasks

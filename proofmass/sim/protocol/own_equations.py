@@ -1,0 +1,92 @@
+"""The motion of a model by itself, which an engine solves in several ways."""
+
+from dataclasses import dataclass
+from math import isnan, nan
+
+from proofmass.base.arrays import Array
+
+
+@dataclass(frozen=True)
+class OwnRun:
+    """One way to solve the motion of a model by itself.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``Euler, 2 ms``.
+    step : float
+        Time step [s]; 0 if the steps are chosen by an error tolerance.
+    seconds : float
+        Processor time [s].
+    points : ndarray (samples, bodies, points, 3)
+        Points of each body [m]; fewer samples if the run ended early.
+    energy, depth, gap : ndarray (samples,)
+        Kinetic energy and potential energy of gravity and springs [J], the deepest penetration of a
+        contact [m], and the largest constraint violation of a loop [m or rad].
+    stopped, late : str, bool
+        Why the run ended early, and whether its processor time was over.
+    work : float
+        Processor time that the run's steps and evaluations count, the same on every machine [s];
+        NaN if the engine does not count it.
+    """
+
+    name: str
+    step: float
+    seconds: float
+    points: Array
+    energy: Array
+    depth: Array
+    gap: Array
+    stopped: str = ""
+    late: bool = False
+    work: float = nan
+
+    @property
+    def cost(self) -> float:
+        """The counted processor time, or the measured one if none is counted [s]."""
+        return self.seconds if isnan(self.work) else self.work
+
+
+@dataclass(frozen=True)
+class OwnMotion:
+    """The motion of a model without a sidecar, solved in several ways.
+
+    Attributes
+    ----------
+    times : ndarray (samples,)
+        [s]
+    extent : float
+        Size of the model [m].
+    runs : tuple of OwnRun
+        Runs with the model's own settings and its step, half of it, a quarter of it, ..; those with
+        finer steps may have fewer samples.
+    close, rough : OwnRun
+        Runs by an integrator that chooses its steps, with a narrow and with a wide tolerance.
+    compared : int
+        Number of the run in `runs` with which `disturbed` and `stiffer` are compared.
+    disturbed : OwnRun
+        Run with a start pose that differs by `disturbance`.
+    others : tuple of OwnRun
+        Runs with other settings and the model's own step.
+    stiffer : OwnRun or None
+        Run with stiffer contacts, loops and limits; None if there are none.
+    dof : int
+        Degrees of freedom of the model without its loops.
+    disturbance : float
+        Change of the start pose, as a share of the size [1] and in rad.
+    notes : tuple of str
+        Warnings of the engine, a sentence each.
+    """
+
+    times: Array
+    extent: float
+    runs: tuple[OwnRun, ...]
+    close: OwnRun
+    rough: OwnRun
+    compared: int
+    disturbed: OwnRun
+    others: tuple[OwnRun, ...]
+    stiffer: OwnRun | None
+    dof: int
+    disturbance: float = 1e-9
+    notes: tuple[str, ...] = ()
