@@ -45,19 +45,19 @@ FORMAT_VERSION = 1
 """Version of the format of the files of findings."""
 FOLDER_VARIABLE = "PROOFMASS_CACHE"
 """Environment variable with the folder of findings; ``~/.cache/proofmass`` if it is not set."""
-SOURCE_MODULES = (
-    "changed",
-    "compare",
-    "coverage",
-    "coverage_search",
-    "drive",
-    "profile",
-    "recorded",
-    "recording",
-    "reference",
-    "solve",
+SOURCE_FILES = (
+    "base/recorded.py",
+    "base/recording.py",
+    "case/drive.py",
+    "case/profile.py",
+    "evidence/changed.py",
+    "evidence/coverage.py",
+    "evidence/coverage_search.py",
+    "reference/reference.py",
+    "run/solve.py",
+    "verdict/compare.py",
 )
-"""Modules of the core whose sources a finding depends on."""
+"""Files of the package whose sources a finding depends on."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,8 @@ def coverage_key(case: Case) -> str:
 @cache
 def digest_of_sources() -> str:
     """Digest of the sources that findings depend on, since these may change within a version."""
-    return digest_sources(Path(__file__).with_name(f"{name}.py") for name in SOURCE_MODULES)
+    package = Path(__file__).parents[1]
+    return digest_sources(package / name for name in SOURCE_FILES)
 
 
 def engine_versions(engine: str) -> dict[str, str]:
