@@ -253,6 +253,26 @@ def test_a_run_with_another_step_than_the_models_is_not_green(step, samples, tmp
             assert f"run.dynamics.n = {fitting}," in c.message
 
 
+@pytest.mark.parametrize(
+    ("step", "until", "samples", "advice"),
+    [
+        (0.0042, 1.0, 51, "give run.dynamics.n = 61, or timestep = 0.004"),
+        (0.0026, 1.0, 201, "give run.dynamics.n = 386, or timestep = 0.0025"),
+        (0.003, 0.01, 3, "give timestep = 0.0025"),  # no whole number of steps leads to 10 ms
+    ],
+)
+def test_a_free_motion_runs_the_whole_step(step, until, samples, advice, tmp_path):
+    """Its samples can be anywhere, so that 19 of 20 parts of the step are another step."""
+    servos(tmp_path, step)
+    (tmp_path / "servos.toml").write_text(
+        f'title = "t"\nsource = "s"\nreference = "planar"\n[run.dynamics]\nuntil = {until}\n'
+        f'n = {samples}\nsolvers = ["mujoco"]\n[[tolerance]]\nrelative_to_range = 0.45\nwhy = "w"\n'
+    )
+    found = checked(tmp_path / "servos.toml")
+    assert {c.outcome for c in found.comparisons} == {Outcome.OTHER_STEP}
+    assert advice in found.comparisons[0].message
+
+
 @pytest.mark.parametrize("step", TOO_LARGE_STEPS)
 def test_a_proposed_case_runs_the_step_of_the_model(step, tmp_path):
     model = servos(tmp_path, step)

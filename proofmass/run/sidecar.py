@@ -38,9 +38,9 @@ from proofmass.run.solve import prescribed_run
 from proofmass.run.validate import check_names, delivered_unit, first_samples
 from proofmass.sim.contents import channel_names, measures_actuator
 from proofmass.sim.engines import NoEngine, default_engines, engine_names, engine_of
-from proofmass.sim.protocol.curves import MIN_STEP_SHARE, split_channel
+from proofmass.sim.protocol.curves import split_channel
 from proofmass.sim.protocol.engine import AccuracyLimit
-from proofmass.sim.protocol.run import STEP_ROUNDING, Run, fitting_samples
+from proofmass.sim.protocol.run import MIN_STEP_SHARE, STEP_ROUNDING, Run, fitting_samples
 
 DEFAULT_SAMPLES = 361
 """Default number of samples of a sweep or dynamics: one turn in steps of a degree; that of dynamics

@@ -32,7 +32,13 @@ from proofmass.reference.reference import (
 )
 from proofmass.sim.contents import joints, mass, sensors_of_drive, size
 from proofmass.sim.protocol.curves import Curves
-from proofmass.sim.protocol.run import Drive, Run, fitting_samples
+from proofmass.sim.protocol.run import (
+    MIN_FREE_STEP_SHARE,
+    MIN_STEP_SHARE,
+    Drive,
+    Run,
+    fitting_samples,
+)
 from proofmass.verdict.outcome import GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 
 NAN = float("nan")
@@ -356,7 +362,7 @@ def judge_run(
     It tells nothing if its time step was another one than the model or the settings ask for, or if
     nothing moved, see `shows_motion`.  An equilibrium need not move: its curves go along a rod.
     """
-    if curves.has_other_step:
+    if curves.step_share < least_step_share(case):
         outcome, message = Outcome.OTHER_STEP, explain_step(case, run, curves)
     elif run != "equilibrium" and not any(
         shows_motion(case, c, curves, reference[c.channel]) for c in found
@@ -413,15 +419,23 @@ def explain_rest(case: Case, run: Kind, curves: Curves) -> str:
     )
 
 
+def least_step_share(case: Case) -> float:
+    """Least share of the time step of a case's model that its runs in time may step with [1]."""
+    return MIN_STEP_SHARE if case.drive or case.recorded else MIN_FREE_STEP_SHARE
+
+
 def explain_step(case: Case, run: Kind, curves: Curves) -> str:
     """Explain that the time step of a run was another one than the model or its settings ask for.
 
-    Rows of a recorded curve cannot be chosen, so that only the step can be.
+    Rows of a recorded curve cannot be chosen, so that only the step can be; so it is where the
+    duration is a few steps and no whole number of them.
     """
     made, asked = (f"{1e3 * step:.4g} ms" for step in (curves.made_step, curves.asked_step))
     duration, samples = float(curves.x[-1] - curves.x[0]), curves.x.size
     fitting = fitting_samples(duration, curves.asked_step, samples)
-    fits = "" if case.recorded else f"run.{run}.n = {fitting}, or "
+    _, step = Run(run, np.linspace(0.0, duration, fitting), ()).steps(curves.asked_step)
+    helps = not case.recorded and step >= least_step_share(case) * curves.asked_step
+    fits = f"run.{run}.n = {fitting}, or " if helps else ""
     return (
         f"steps of {made} instead of the {asked} of the model or its settings, since samples are "
         f"{1e3 * duration / (samples - 1):.4g} ms apart, so that nothing is known of the latter; "

@@ -8,11 +8,6 @@ import numpy as np
 
 from proofmass.base.arrays import Array
 
-MIN_STEP_SHARE = 0.9
-"""Least share of the time step of a model or of its settings that a run may step with, where its
-samples are no whole number of steps apart: an error of second order is then smaller by a fifth at
-most, and the least step at which a motion is unstable is exceeded by a tenth at most."""
-
 
 @dataclass(frozen=True)
 class Curves:
@@ -87,9 +82,9 @@ class Curves:
         return made if isinstance(made, float) else float("nan")
 
     @property
-    def has_other_step(self) -> bool:
-        """Whether the time step was another one than the model or its settings ask for."""
-        return self.made_step < MIN_STEP_SHARE * self.asked_step
+    def step_share(self) -> float:
+        """The time step that was made over that asked for [1]; NaN in runs without time steps."""
+        return self.made_step / self.asked_step
 
     @property
     def cost(self) -> float:
