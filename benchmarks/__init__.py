@@ -1,7 +1,8 @@
-"""Measurements that are run by hand.  NumPy is limited to one thread before it is loaded.
+"""Measurements of speed and limits, run by hand.  NumPy gets one thread before it is loaded.
 
 Each module that can be run has the option `--quick`, with which it runs at small sizes in seconds
-and writes nothing into docs/.  `tests/test_benchmarks.py` runs all of them with this option.
+and writes nothing into docs/.  `tests/test_benchmarks.py` runs all of them with this option, and
+those of `docs.make`.
 """
 
 import os

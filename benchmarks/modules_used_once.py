@@ -73,7 +73,8 @@ def tables() -> Iterable[Iterable[str]]:
 
 def named_elsewhere(modules: Iterable[str]) -> set[str]:
     """The modules that examples or benchmarks import, or whose file the documentation names."""
-    scripts = [*ROOT.glob("examples/**/*.py"), *ROOT.glob("benchmarks/*.py")]
+    folders = "examples/**", "benchmarks", "docs/make"
+    scripts = [file for folder in folders for file in ROOT.glob(f"{folder}/*.py")]
     pages = [*ROOT.glob("docs/**/*.md"), ROOT / "CONTRIBUTING.md"]
     code, words = (
         "\n".join(file.read_text(encoding="utf-8") for file in files) for files in (scripts, pages)

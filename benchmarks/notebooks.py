@@ -159,7 +159,7 @@ def waits(browser: Any, address: str, name: str) -> list[list[float]]:
 
 def in_browser() -> None:
     """Print the response times of sliders in a browser."""
-    from benchmarks.pictures import chromium  # loads the report, which is slow
+    from docs.make.pictures import chromium  # loads the report, which is slow
 
     print(f"{'notebook':24}{'sliders':>9}{'medians ms':>14}{'longest ms':>12}")
     with lab() as address, chromium() as browser:

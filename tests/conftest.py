@@ -198,7 +198,7 @@ def address() -> Iterator[str]:
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """The Chromium of the system; tests that need it are skipped if there is none."""
-    from benchmarks.pictures import CHROMIUM, chromium  # loads the report: slow
+    from docs.make.pictures import CHROMIUM, chromium  # loads the report: slow
 
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if not CHROMIUM:

@@ -1,6 +1,7 @@
-"""Every benchmark runs to its end with ``--quick`` in another folder; other modules are imported.
+"""Every benchmark and maker of pages runs to its end with ``--quick`` in another folder.
 
-Some benchmarks are started in a process of their own, as a user starts them.  The others run in
+Modules that cannot be run are imported by others.  Some are started in a process of their own, as a
+user starts them.  The others run in
 this process, which has already loaded the modules that they need.
 """
 
@@ -13,16 +14,23 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-SOURCES = {
-    file.stem: file.read_text(encoding="utf-8")
-    for file in sorted((ROOT / "benchmarks").glob("*.py"))
+FILES = {
+    file.stem: file
+    for folder in ("benchmarks", "docs/make")
+    for file in sorted((ROOT / folder).glob("*.py"))
     if file.stem != "__init__"
 }
+SOURCES = {name: file.read_text(encoding="utf-8") for name, file in FILES.items()}
 
 
 def document_times():
     """The files of docs/ and their times of modification."""
-    return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").iterdir()}
+    return {file.name: file.stat().st_mtime_ns for file in (ROOT / "docs").glob("*.*")}
+
+
+def module_name(name):
+    """The name by which Python runs a file."""
+    return ".".join(FILES[name].relative_to(ROOT).with_suffix("").parts)
 
 
 SLOW_BENCHMARKS = (
@@ -66,7 +74,7 @@ def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path, monkeypa
     before = document_times()
     if name in BENCHMARKS_IN_PROCESSES:
         done = subprocess.run(
-            [sys.executable, "-m", f"benchmarks.{name}", "--quick"],
+            [sys.executable, "-m", module_name(name), "--quick"],
             cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             capture_output=True,
@@ -75,7 +83,7 @@ def test_benchmark_runs_quickly_and_writes_no_documents(name, tmp_path, monkeypa
         )
         assert done.returncode == 0, done.stderr
     else:
-        file = ROOT / "benchmarks" / f"{name}.py"
+        file = FILES[name]
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", [str(file), "--quick"])
         runpy.run_path(str(file), run_name="__main__")

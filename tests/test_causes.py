@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.diagnosis import case_of
+from docs.make.diagnosis import case_of
 from proofmass.base.strict import Kind
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis.causes import (

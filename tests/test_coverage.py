@@ -22,7 +22,7 @@ import pytest
 from click.testing import Result as ClickResult
 from typer.testing import CliRunner
 
-from benchmarks.coverage import page, row, rows_of
+from docs.make.coverage import page, row, rows_of
 from proofmass.base.errors import InputError
 from proofmass.base.worker import OutOfMemory, TimedOut, call_isolated
 from proofmass.batch.check import Result

@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.diagnosis import FAULTS, case_of, search, solved
-from benchmarks.pictures import LONGER
+from docs.make.diagnosis import FAULTS, case_of, search, solved
+from docs.make.pictures import LONGER
 from proofmass import load_case, solve
 from proofmass.base.strict import Kind
 from proofmass.batch.check import Result, check, diagnose_run, share_causes

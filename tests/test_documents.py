@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
-from benchmarks import balancer_fronts, design_table
-from benchmarks.design_balancer import TABLE, exact
-from benchmarks.rod_solutions import PRINTED, TAIL
-from benchmarks.rod_table2 import PRINTED as TABLE2
+from docs.make import balancer_fronts, design_table
+from docs.make.design_balancer import TABLE, exact
+from docs.make.rod_solutions import PRINTED, TAIL
+from docs.make.rod_table2 import PRINTED as TABLE2
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import precision_points
 from proofmass.commands.cli import app

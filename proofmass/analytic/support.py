@@ -3,7 +3,7 @@
 Every engine and every general reference has a `Support`: for each feature of
 `proofmass.analytic.features` and each kind of run a `FeatureAnswer`.  Before a run, `examine` finds
 what is refused by name, and what is left out.  The table in docs/engines.md is written from the
-same data by ``python -m benchmarks.features``.
+same data by ``python -m docs.make.features``.
 """
 
 from collections.abc import Mapping

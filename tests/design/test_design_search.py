@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from benchmarks.balancer_fronts import is_on_hull
+from docs.make.balancer_fronts import is_on_hull
 from proofmass.analytic.balancer.synthesis import DesignMeasures, Synthesis, Variant
 from proofmass.base.errors import InputError
 from proofmass.base.front import nondominated_points

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from benchmarks.design_balancer import third_preload_variants, variants_without_balancer
+from docs.make.design_balancer import third_preload_variants, variants_without_balancer
 from proofmass.analytic.balancer import solve
 from proofmass.analytic.balancer.measures import TARGETS, energy_spread, rmse, work_reduction
 from proofmass.analytic.balancer.synthesis import (

@@ -9,7 +9,7 @@ import pytest
 from matplotlib import get_data_path, rc_context
 from matplotlib.font_manager import findSystemFonts
 
-from benchmarks.pictures import launch
+from docs.make.pictures import launch
 from proofmass.batch.check import Result
 from proofmass.report import write_report
 from proofmass.report.case_figures import find_motions, mechanism_poses

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.pictures import LONGER
+from docs.make.pictures import LONGER
 from proofmass.base.errors import InputError
 from proofmass.batch.check import Result
 from proofmass.case.case import Case

@@ -15,7 +15,7 @@ import pytest
 from matplotlib import get_data_path
 from PIL import Image
 
-from benchmarks.pictures import few_colours, picture
+from docs.make.pictures import few_colours, picture
 from proofmass.evidence.diagnosis import Diagnosis, Explanation, Fault
 from proofmass.report import write_report
 from proofmass.report.record import Made

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.features import PAGE, page_with_table
+from docs.make.features import PAGE, page_with_table
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.features import FEATURES, Scope
 from proofmass.analytic.numerics import CannotMove, NotCovered
@@ -177,7 +177,7 @@ def test_a_feature_is_found_and_acts_in_bare_mujoco(name):
 
 
 def test_the_table_of_the_documentation_is_that_of_the_runs():
-    """``python -m benchmarks.features`` writes it."""
+    """``python -m docs.make.features`` writes it."""
     text = PAGE.read_text(encoding="utf-8")
     assert page_with_table(text) == text
 

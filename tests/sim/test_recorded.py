@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.shaped_exports import FILES, MODELS, text_of
+from docs.make.shaped_exports import FILES, MODELS, text_of
 from proofmass.base.errors import InputError
 from proofmass.base.recorded import RecordedColumn, interpolate_recorded, read_table
 from proofmass.batch.check import check

@@ -8,7 +8,7 @@ import copy
 import numpy as np
 import pytest
 
-from benchmarks.rod_settle import ENGINES, mujoco_rest, scene
+from docs.make.rod_settle import ENGINES, mujoco_rest, scene
 from tests.analytic.rods.rod_solutions_cases import make_problem
 
 # stable equilibria among those of modes up to 2, in the order of their energies: the natural one

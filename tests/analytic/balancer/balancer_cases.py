@@ -71,7 +71,7 @@ def own_design(line: int, title: str) -> Design:
     chain = {"pendulum": 1.0, **ours["parameters"]}
     return Design(
         title,
-        f"python -m benchmarks.design_balancer {line}",
+        f"python -m docs.make.design_balancer {line}",
         chain,
         theirs["target"],
         beside={f"van Nes 2022, line {line}": {**parameters(theirs), "target": theirs["target"]}},
@@ -90,7 +90,7 @@ def third_preload_design(target: str, springs: str, option: str, title: str) -> 
     )
     return Design(
         title,
-        f'python -m benchmarks.design_balancer "{target} 3 {springs}preload 3 {option}"',
+        f'python -m docs.make.design_balancer "{target} 3 {springs}preload 3 {option}"',
         {"pendulum": 1.0, **ours},
         target,
         beside={"designed without a preload": {"pendulum": 1.0, **bare, "target": target}},

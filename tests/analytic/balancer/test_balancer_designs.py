@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.design_balancer import variant_of
+from docs.make.design_balancer import variant_of
 from proofmass.analytic.balancer.measures import TARGETS, precision_points, rmse, work_reduction
 from proofmass.analytic.balancer.model import NUMBERED_DEFAULTS, balancers
 from proofmass.analytic.balancer.path import along, balancing_moment, follow

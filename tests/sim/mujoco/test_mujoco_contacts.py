@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.contacts import CREEPS, SLIDES, SLOPE, crept, hanging, phantom_depth
+from docs.make.contacts import CREEPS, SLIDES, SLOPE, crept, hanging, phantom_depth
 from proofmass.sim.mujoco.contacts import creep_rate
 
 CREEP_SETTINGS = {

@@ -1,8 +1,8 @@
 """Designs for all 112 balancers of van Nes 2022, and for the 56 + 40 that it has a dash for.
 
-    python -m benchmarks.design_balancer [ROW ...] [--effort 1] [--jobs 2] [--states FOLDER]
-    python -m benchmarks.design_balancer --redraw
-    python -m benchmarks.design_balancer --quick
+    python -m docs.make.design_balancer [ROW ...] [--effort 1] [--jobs 2] [--states FOLDER]
+    python -m docs.make.design_balancer --redraw
+    python -m docs.make.design_balancer --quick
 
 A ROW is a line of the thesis's text, "left-out" for the 56 dashes of its tables M.1 to M.5,
 "spring-3" for the 40 of its figures, whose preload is that of spring 3, or the words of one of
@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT, command, folders
-from benchmarks.design_table import (
+from docs.make.design_table import (
     DIGITS,
     KEY,
     Row,

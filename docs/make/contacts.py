@@ -1,6 +1,6 @@
 """Contacts and friction against closed forms: which errors fall with the step, in each engine.
 
-    python -m benchmarks.contacts [--quick]
+    python -m docs.make.contacts [--quick]
 
 The cases of models/contacts that have a closed form are run with the step of their models and with
 1/2, 1/4, ... of it.  Five touching balls are run in bare MuJoCo with finer steps and stiffer
@@ -326,7 +326,7 @@ def springs() -> list[float]:
 
 PAGE = """# Contacts and friction
 
-`python -m benchmarks.contacts` made this page.
+`python -m docs.make.contacts` made this page.
 
 The cases in `models/contacts/` have closed forms (see [Sidecar](sidecar.md#references)) and run
 in both engines. The engines have different models of a contact. In MuJoCo it is a spring and a

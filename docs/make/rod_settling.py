@@ -1,6 +1,6 @@
 """Equilibria that two engines settle into, from random shapes and from disturbed equilibria.
 
-    python -m benchmarks.rod_settling [folder] [--quick]
+    python -m docs.make.rod_settling [folder] [--quick]
 
 Writes docs/rod_settling.md.  Runs are kept one by one in the folder (reports), so that a call
 continues where another was interrupted.  Two processes are used.
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT, command, folders
-from benchmarks.rod_settle import ENGINES, Scene, scene
+from docs.make.rod_settle import ENGINES, Scene, scene
 from proofmass.analytic.rods.assembly import assembly, triangle
 from proofmass.sim.protocol.failures import Diverged
 
@@ -189,7 +189,7 @@ def agreement(rows: list[Row], starts: Starts) -> str:
 
 HEAD = """# Where engines settle
 
-`python -m benchmarks.rod_settling` made this page. The mechanisms are those of J. Pérez Gámiz,
+`python -m docs.make.rod_settling` made this page. The mechanisms are those of J. Pérez Gámiz,
 Resolución del problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG,
 UPV/EHU Bilbao 2018. The tables have all equilibria that
 `proofmass.analytic.rods.all_equilibria` finds with loads up to R = 400 EI/L^2, the lowest energy

@@ -1,6 +1,6 @@
 """All equilibria of flexible mechanisms: our search compared with the grids of Pérez Gámiz 2018.
 
-    python -m benchmarks.rod_solutions [-o docs/rod_solutions.md] [--quick]
+    python -m docs.make.rod_solutions [-o docs/rod_solutions.md] [--quick]
 
 A grid has one tuple of modes; the search includes all modes up to them.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import command
-from benchmarks.rod_grid import Grid, search_three_rods, search_two_rods
+from docs.make.rod_grid import Grid, search_three_rods, search_two_rods
 from proofmass.analytic.rods.all_equilibria import solutions
 from proofmass.analytic.rods.assembly import assembly, triangle
 from proofmass.analytic.rods.equilibrium import RodState, state
@@ -46,7 +46,7 @@ PRINTED = {  # Table 2, a 3PFR: n, tolL [m], tolM [N m]: solutions, seconds
 
 HEAD = """# All equilibria of flexible mechanisms
 
-`python -m benchmarks.rod_solutions -o docs/rod_solutions.md` made this page; times are CPU seconds
+`python -m docs.make.rod_solutions -o docs/rod_solutions.md` made this page; times are CPU seconds
 of one thread on a machine that others used as well. The mechanisms and tables are those of J. Pérez
 Gámiz, Resolución del problema de posición de mecanismos ultraflexibles planos de cadena cerrada,
 TFG, UPV/EHU Bilbao 2018, with steel rods of 1 m and 1.5 mm: Table 7 with its second clamp at

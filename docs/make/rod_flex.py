@@ -1,6 +1,6 @@
 """Errors of rods as MuJoCo's one-dimensional flex and as chains of links, by the elastica.
 
-    python -m benchmarks.rod_flex [--quick]
+    python -m docs.make.rod_flex [--quick]
 
 Writes docs/rod_flex.md.
 """
@@ -38,7 +38,7 @@ CASES: dict[str, tuple[float, Shape]] = {
 LINKS = 10, 20, 40, 80
 HEAD = """# Rods as MuJoCo's own flex
 
-`python -m benchmarks.rod_flex` made this page. Since version 3.17 a `<flex>` of dimension 1 bends.
+`python -m docs.make.rod_flex` made this page. Since version 3.17 a `<flex>` of dimension 1 bends.
 It is a discrete elastic rod with three sliding joints for each point. A soft equality constrains
 its edges, and the integrator `discrete` handles its bending stiffness, so that a step may be longer
 than the fast modes. Setting `flex = true` in a run `equilibrium` builds a flex instead of the chain

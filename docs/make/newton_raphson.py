@@ -1,6 +1,6 @@
 """Newton-Raphson as two documents teach it: iterations, and one system of nine or three of three.
 
-    python -m benchmarks.newton_raphson [-o docs/newton_raphson.md] [--quick]
+    python -m docs.make.newton_raphson [-o docs/newton_raphson.md] [--quick]
 
 The work is counted.  Times are CPU seconds of this process, of all forms in turn, so that other
 loads of the machine affect all of them.  Each pose of a sweep starts from the pose before it.
@@ -26,7 +26,7 @@ POSES, ROUNDS = 1000, 9
 
 PAGE = """# Newton-Raphson as taught
 
-`python -m benchmarks.newton_raphson -o docs/newton_raphson.md` made this page. Two of the source
+`python -m docs.make.newton_raphson -o docs/newton_raphson.md` made this page. Two of the source
 documents solve their mechanisms by Newton-Raphson. B. Díaz Lozano solves four linkages in natural
 coordinates. The power hacksaw report solves its offset slider-crank for position, velocity and
 acceleration, one after the other or all at once. Both methods are implemented here so that they can

@@ -1,8 +1,8 @@
 """Pareto fronts of error and energy spread of balancers, compared with figure 7 of van Nes 2022.
 
-    python -m benchmarks.balancer_fronts [SYSTEM ...] [--jobs 1] [--states FOLDER]
-    python -m benchmarks.balancer_fronts --redraw
-    python -m benchmarks.balancer_fronts --quick
+    python -m docs.make.balancer_fronts [SYSTEM ...] [--jobs 1] [--states FOLDER]
+    python -m docs.make.balancer_fronts --redraw
+    python -m docs.make.balancer_fronts --quick
 
 A SYSTEM is a name of the table below, such as "nonlinear preload"; without one all are searched.
 Writes docs/balancer_fronts.json, and from this file the .md and .png of the same name.  With
@@ -47,7 +47,7 @@ LIMIT_MARGIN = 2e-4  # of the spread: more than the penalty allows a limit to be
 Record = dict[str, Any]
 HEAD = """# Error against evenly shared energy
 
-`python -m benchmarks.balancer_fronts` made this page. S. van Nes, The use of a rigid linkage
+`python -m docs.make.balancer_fronts` made this page. S. van Nes, The use of a rigid linkage
 balancer with torsion springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft
 2022.074, has two objectives for a balancer of three segments and a sine: f1, the root mean square
 error over m g r (eq. 18), and f2, the unevenness of the springs' shares of the energy (eq. 19). Its

@@ -1,6 +1,6 @@
 """Table 2 of Pérez Gámiz 2018, cell by cell: solutions of its grids, and CPU times.
 
-python -m benchmarks.rod_table2 [-o docs/rod_table2.md] [--quick]
+python -m docs.make.rod_table2 [-o docs/rod_table2.md] [--quick]
 """
 
 import time
@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks import command
-from benchmarks.rod_grid import search_three_rods
-from benchmarks.rod_solutions import CASES, CORNERS, EI, GUIDES
+from docs.make.rod_grid import search_three_rods
+from docs.make.rod_solutions import CASES, CORNERS, EI, GUIDES
 from proofmass.analytic.rods.assembly import assembly, triangle
 from proofmass.analytic.rods.equilibrium import state
 
@@ -35,7 +35,7 @@ PRINTED = {  # solutions and seconds by n, tolL [m] and tolM [N m] (text lines 1
 
 HEAD = """# Table 2 of Pérez Gámiz, cell by cell
 
-`python -m benchmarks.rod_table2 -o docs/rod_table2.md` made this page. Table 2 of J. Pérez Gámiz,
+`python -m docs.make.rod_table2 -o docs/rod_table2.md` made this page. Table 2 of J. Pérez Gámiz,
 Resolución del problema de posición de mecanismos ultraflexibles planos de cadena cerrada, TFG,
 UPV/EHU Bilbao 2018 (text lines 1152-1155) lists the numbers of solutions and the times of its grids
 for three rods and a platform of 0.5 m. A grid has n values of each psi, and tolerances of sides and

@@ -58,7 +58,7 @@ def table(rows: list[Row]) -> Iterator[str]:
 
 HEAD = """# Balancers designed again
 
-`python -m benchmarks.design_balancer` made this page. The first 112 rows of the table are the
+`python -m docs.make.design_balancer` made this page. The first 112 rows of the table are the
 variants in figures M.1 to M.20 of S. van Nes, The use of a rigid linkage balancer with torsion
 springs to realize nonlinear moment-angle characteristics, MSc thesis TU Delft 2022.074. Each row
 has three pairs of root mean square error over m g r and work reduction in percent: as printed; of

@@ -1,6 +1,6 @@
 """What becomes of each feature of a model: the table of docs/engines.md, from the data of the runs.
 
-    python -m benchmarks.features [--quick]
+    python -m docs.make.features [--quick]
 
 It is written between two marks.
 """
@@ -17,7 +17,7 @@ from proofmass.analytic.support import Answers, RunKind, Support
 from proofmass.sim.engines import default_engines, engine_of
 
 PAGE = ROOT / "docs" / "engines.md"
-BEGIN = "<!-- python -m benchmarks.features writes from here to the next mark -->"
+BEGIN = "<!-- python -m docs.make.features writes from here to the next mark -->"
 END = "<!-- to here -->"
 SHORT = {
     RunKind.SWEEP: "sweep",

@@ -1,6 +1,6 @@
 """Comparison of the first cause that proofmass names with a fault that was planted.
 
-    python -m benchmarks.diagnosis [--quick]
+    python -m docs.make.diagnosis [--quick]
 
 Plants faults in two dozen cases, one at a time: wrong lengths, masses, stiffnesses and loads,
 reversed signs, wrong units, offsets, shifted samples, exchanged quantities, other assembly modes.
@@ -90,7 +90,7 @@ A cause is a hypothesis: the change makes the reference agree with the curves.
 
 ## Planted faults
 
-`python -m benchmarks.diagnosis` planted {count} faults in {cases} cases, one at a time. The planted
+`python -m docs.make.diagnosis` planted {count} faults in {cases} cases, one at a time. The planted
 fault is the first cause that is named for {first} of them, and it is among the first three causes
 for {three}. For {side} the first sentence also has the wrong value at the side where it was
 planted; a parameter of 4 kg in place of 2 kg does not show by itself whether the sidecar or the

@@ -1,6 +1,6 @@
 """Files in the form of other programs' exports, made from closed forms with a known disturbance.
 
-    python -m benchmarks.shaped_exports
+    python -m docs.make.shaped_exports
 
 writes ``models/linkages/hacksaw_inventor_shaped.csv`` and
 ``models/balancers/balancer4_sam_shaped.csv``.  These files do not come from these programs, and
@@ -23,7 +23,7 @@ from proofmass.analytic.balancer import solve as balancer
 from proofmass.analytic.linkages import hacksaw
 from proofmass.base.arrays import Array
 
-MODELS = Path(__file__).parent.parent / "models"
+MODELS = Path(__file__).parents[2] / "models"
 SHAPED = "MADE UP. Shaped like an export of {}, and not from it.\n"
 STEP, ROWS = 0.004, 972  # time step [s] and number of the hacksaw's rows: 3.884 s
 CRANK_ZERO = 0.02  # [deg] error of the zero of the hacksaw's crank
@@ -41,7 +41,7 @@ def inventor_shaped() -> tuple[str, Columns]:
     known = hacksaw.solve(off, rate, acceleration, crank=0.075, coupler=0.170, offset=0.045)
     degrees = {name: np.degrees(curve) for name, curve in known.items()}
     head = f"""\
-Made by python -m benchmarks.shaped_exports from the closed form of the hacksaw, in
+Made by python -m docs.make.shaped_exports from the closed form of the hacksaw, in
 proofmass/analytic/linkages/hacksaw, driven by its motor profile.
 Disturbance: the zero of the crank is off by {CRANK_ZERO} deg; values are rounded as printed.
 A row every {1e3 * STEP:g} ms. Units and signs are those of the report's workbook:
@@ -68,7 +68,7 @@ def motor_profile() -> tuple[str, Columns]:
     times = np.linspace(0.0, 2.0 * hacksaw.turn_time(), 1000)
     head = """\
 The velocity of the hacksaw's motor, as the report's script writes it for Inventor to impose.
-Made by python -m benchmarks.shaped_exports from proofmass/analytic/linkages/hacksaw."""
+Made by python -m docs.make.shaped_exports from proofmass/analytic/linkages/hacksaw."""
     return head, {
         "t [s]": (times, 9),
         "w2 [deg/s]": (np.degrees(hacksaw.motor(times)[1]), 9),
@@ -81,7 +81,7 @@ def sam_shaped() -> tuple[str, Columns]:
     alpha = np.radians(ANGLES + PENDULUM_ZERO)
     known = balancer(alpha, **case.parameters)
     head = f"""\
-Made by python -m benchmarks.shaped_exports from the closed form of the balancer, in
+Made by python -m docs.make.shaped_exports from the closed form of the balancer, in
 proofmass/analytic/balancer, with the numbers of balancer4_sam.toml.
 Disturbance: the zero of the pendulum is off by {PENDULUM_ZERO} deg; values are rounded as printed.
 A row every {ANGLES[1]:g} deg. Angles are clockwise from the upright."""
@@ -104,7 +104,7 @@ def sam_angles() -> tuple[str, Columns]:
     head = """\
 Angles that bring balancer4_sam.toml to rest, to be prescribed: of the pendulum, of segment 1 and of
 joint 2, the angle between segments 1 and 2.
-Made by python -m benchmarks.shaped_exports from proofmass/analytic/balancer.
+Made by python -m docs.make.shaped_exports from proofmass/analytic/balancer.
 A row every degree and every second. Angles are clockwise from the upright."""
     return head, {
         "t [s]": (degrees, 0),

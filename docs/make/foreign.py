@@ -1,6 +1,6 @@
 """Verdicts of models without a sidecar, for MJCF files of other projects and folders of them.
 
-    python -m benchmarks.foreign PATH ... [-o FILE] [--quick]
+    python -m docs.make.foreign PATH ... [-o FILE] [--quick]
 
 For each file that MuJoCo compiles, the verdict of `proofmass check` is printed, and a table of all
 files is written into FILE.  The time until which a motion is self-consistent is checked by another
@@ -98,7 +98,7 @@ def table(found: Sequence[tuple[str, Report]]) -> Iterator[str]:
 
 def report_in_worker(file: Path) -> Report:
     """The verdict of a model, computed in a worker."""
-    from benchmarks.foreign import report_here  # a worker does not know this module as __main__
+    from docs.make.foreign import report_here  # a worker does not know this module as __main__
 
     began = time.perf_counter()
     try:

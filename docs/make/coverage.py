@@ -1,6 +1,6 @@
 """Masses, inertias, stiffnesses and friction of the shipped models that no run notices, and why.
 
-    python -m benchmarks.coverage [--quick] [--only CASE ...]
+    python -m docs.make.coverage [--quick] [--only CASE ...]
 
 Searches every case as `proofmass explain` does, and writes the table of docs/coverage.md.  The
 search keeps its results, so that a call continues where another was interrupted.  With --only the
@@ -30,10 +30,10 @@ MATERIAL_KINDS = (
     "friction",
 )
 """Kinds of material properties of mechanisms, which a case should notice."""
-BEGIN = "<!-- python -m benchmarks.coverage writes from here to the next mark -->"
+BEGIN = "<!-- python -m docs.make.coverage writes from here to the next mark -->"
 END = "<!-- to here -->"
 HEAD = """
-`python -m benchmarks.coverage` searched {cases} of {all} cases. Their models have {numbers}
+`python -m docs.make.coverage` searched {cases} of {all} cases. Their models have {numbers}
 numbers. A change of {noticed} of them is noticed, or the run is refused. Of {material} masses,
 inertias, stiffnesses and coefficients of dry friction (material numbers) {open} are noticed by no
 run; `proofmass explain` states a reason for {told} of these. The last column has all material

@@ -1,6 +1,6 @@
 """Pictures of a report in docs/: its index, a page of a case that differs, and an animation.
 
-    python -m benchmarks.pictures [--quick]
+    python -m docs.make.pictures [--quick]
 
 Checks the linkages, with a rocker of the four-bar that is made 1 % longer in the model.  Takes
 pictures of pages of the report with the Chromium of the system, and animates the four-bar.  Writes
