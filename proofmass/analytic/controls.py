@@ -1,4 +1,4 @@
-"""Actuators whose force is linear in control, length and rate, and controls that change in time.
+"""Controls of actuators and motions of drives that change in time.
 
 The profiles of controls and of drives (`MotionProfile`) are functions of time.  A profile may have
 ``breaks``: times at which one of its derivatives jumps, such as the rows of a table.  A motion is
@@ -15,104 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.mjcf import ModelData
 from proofmass.base.arrays import Array, Index
 
 MotionProfile = Callable[[Array], tuple[Array, Array, Array]]
 """Value, rate and acceleration of a drive or of a control as functions of time."""
-UNLIMITED = (-np.inf, np.inf)
 TIME_TOLERANCE = 1e-13
 """Times count as equal if they differ by less: in s, or relative to times longer than 1 s."""
-
-
-@dataclass(frozen=True)
-class AffineActuator:
-    """Actuator whose force is linear in its control, its length and the rate of its length.
-
-    Attributes
-    ----------
-    name : str
-    tendon : int
-        Number of its tendon; -1 if it acts on a joint.
-    pose, rate : int
-        Indices of its joint in a pose and in the rates.
-    gear : float
-        Length of the actuator per unit of its joint's value or of its tendon's length [SI].
-    place : int
-        Index of its control among all controls.
-    gain : float
-        Force per unit of the control [SI].
-    offset : float
-        Constant part of the force [N or N m].
-    force_per_length, force_per_rate : float
-        Force per unit of length, and per unit of the length's rate [SI].
-    range : tuple of float
-        Smallest and largest force [N or N m].
-    controls : tuple of float
-        Smallest and largest control [its unit].
-    """
-
-    name: str
-    tendon: int
-    pose: int
-    rate: int
-    gear: float
-    place: int
-    gain: float
-    offset: float
-    force_per_length: float
-    force_per_rate: float
-    range: tuple[float, float]
-    controls: tuple[float, float] = UNLIMITED
-
-    @property
-    def limited(self) -> bool:
-        """Whether its force has a lower or upper limit."""
-        return bool(np.isfinite(self.range).any())
-
-    def asked(self, control: Array) -> Array:
-        """Part of the force (n,) due to controls (n,), which are clipped first [N or N m]."""
-        if self.controls != UNLIMITED:
-            control = np.clip(control, *self.controls)
-        return np.asarray(self.gain * control)
-
-    def force(
-        self, control: Array, length: Array | float = 0.0, rate: Array | float = 0.0
-    ) -> Array:
-        """Forces (n,) for given controls, lengths and rates, clipped to their range [N or N m]."""
-        own = (
-            self.asked(control)
-            + self.offset
-            + self.force_per_length * length
-            + self.force_per_rate * rate
-        )
-        return np.asarray(np.clip(own, *self.range))
-
-
-@dataclass(frozen=True, eq=False)
-class SiteLoad:
-    """Force and moment that an actuator on a site applies to its body; only the control sets them.
-
-    Attributes
-    ----------
-    actuator : AffineActuator
-        An actuator whose force depends on its control alone.
-    body : int
-        Number of the body.
-    at : ndarray (3,)
-        Position of the site in the frame of the body [m].
-    force, moment : ndarray (3,)
-        Force and moment per unit of the actuator's force [1, m]: in the frame of the body if the
-        load `follows` it, otherwise in the frame of the ground.
-    follows : bool
-        Whether the load turns with the body; otherwise it is a dead load.
-    """
-
-    actuator: AffineActuator
-    body: int
-    at: Array
-    force: Array
-    moment: Array
-    follows: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,10 +41,10 @@ class ControlsInTime:
 
     @classmethod
     def of(
-        cls, model: Any, fixed: Array, named: Mapping[str, MotionProfile] | None
+        cls, data: ModelData, fixed: Array, named: Mapping[str, MotionProfile] | None
     ) -> "ControlsInTime | None":
-        """Controls of a compiled MJCF, profiles by actuators' names; None if no control changes."""
-        return cls(fixed, controls_by_place(model, named)) if named else None
+        """Controls of a model, profiles by actuators' names; None if no control changes."""
+        return cls(fixed, controls_by_place(data, named)) if named else None
 
     def at(self, time: float) -> Array:
         """All controls (controls,) at a time [s]."""
@@ -169,14 +78,14 @@ class ControlsInTime:
 
 
 def controls_at_samples(
-    model: Any, fixed: Array, named: Mapping[str, ArrayLike] | None
+    data: ModelData, fixed: Array, named: Mapping[str, ArrayLike] | None
 ) -> Array | None:
-    """All controls (n, controls) of a compiled MJCF at n samples; None if no control changes.
+    """All controls (n, controls) of a model at n samples; None if no control changes.
 
     `named` has curves (n,) by the names of actuators; `fixed` (controls,) are the controls of the
     start key.
     """
-    return insert_controls(fixed, controls_by_place(model, named)) if named else None
+    return insert_controls(fixed, controls_by_place(data, named)) if named else None
 
 
 def insert_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:
@@ -188,17 +97,15 @@ def insert_controls(fixed: Array, changed: Mapping[int, Array]) -> Array:
     return found
 
 
-def controls_by_place(model: Any, named: Mapping[str, Any]) -> dict[int, Any]:
-    """Entries given by names of actuators of a compiled MJCF, by the indices of their controls.
+def controls_by_place(data: ModelData, named: Mapping[str, Any]) -> dict[int, Any]:
+    """Entries given by names of actuators of a model, by the indices of their controls.
 
     Raises
     ------
     ValueError
         There is no such actuator.
     """
-    places = {
-        model.actuator(a).name: int(model.actuator_ctrladr[a]) for a in range(model.nactuator)
-    }
+    places = data.control_places
     for name in named:
         if name not in places:
             raise ValueError(f"no actuator {name!r}; there are: {', '.join(places) or 'none'}")

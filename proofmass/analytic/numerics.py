@@ -230,6 +230,17 @@ def components_in_frame(
     return {f"{name}_x": own.real, f"{name}_y": own.imag}
 
 
+IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
+"""Quaternion (w, x, y, z) of no rotation."""
+
+
+def rotation_matrix(quaternion: Array) -> Array:
+    """Rotation matrix (3, 3) [1] of a unit quaternion (w, x, y, z)."""
+    w, (x, y, z) = quaternion[0], quaternion[1:]
+    product = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + 2 * w * product + 2 * product @ product)
+
+
 def unwrap_angles(angle: Array) -> Array:
     """Angles [rad] made continuous along the last axis by whole turns; the first angle is kept.
 

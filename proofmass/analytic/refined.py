@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from proofmass.analytic.mjcf import read_compiled
 from proofmass.analytic.support import (
     ACTS,
     IN_TIME,
@@ -111,7 +112,8 @@ def solve(
     array([-0.   , -4.905])
     """
     if model is not None:
-        refuse(model, SUPPORT, RunKind.DRIVEN_MOTION if joints else RunKind.FREE_MOTION, joints)
+        kind = RunKind.DRIVEN_MOTION if joints else RunKind.FREE_MOTION
+        refuse(read_compiled(model), SUPPORT, kind, joints)
     return closely(np.atleast_1d(np.asarray(in_time[0] if in_time else times, float)))
 
 

@@ -15,11 +15,12 @@ the forces of the stops, along the motion.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from proofmass.analytic.contacts import damping_ratio, restitution
+from proofmass.analytic.mjcf import JointData
 from proofmass.analytic.numerics import NotCovered
 from proofmass.base.arrays import Array
 
@@ -198,10 +199,8 @@ def make_stops(
             yield Stop(joint, pose, rate, end, side, 0.0, size)
 
 
-def read_stops(
-    model: Any, j: int, limits: tuple[float, float], pose: int, rate: int, size: float
-) -> Iterator[Stop]:
-    """Read the stops of joint number j of a compiled MJCF.
+def stops_of_joint(joint: JointData, size: float) -> Iterator[Stop]:
+    """Make the stops of a hinge or slide with the restitution of its limit.
 
     The restitution is the one that MuJoCo's soft limit approaches as it becomes stiffer.
 
@@ -210,13 +209,13 @@ def read_stops(
     NotCovered
         The limit has a margin, so that it acts before it is reached, or has no damping ratio.
     """
-    name, solref = model.joint(j).name, model.jnt_solref[j]
-    for stop in make_stops(name, limits, pose, rate, size):
-        if model.jnt_margin[j]:
-            raise NotCovered(f"joint {name!r} has a margin of its range")
+    solref = joint.limit_solref
+    for stop in make_stops(joint.name, joint.range, joint.pose, joint.rate, size):
+        if joint.margin:
+            raise NotCovered(f"joint {joint.name!r} has a margin of its range")
         if not (ratio := damping_ratio(solref)) >= 0.0:
             raise NotCovered(
-                f"solreflimit of joint {name!r} has no damping ratio: {solref.tolist()}"
+                f"solreflimit of joint {joint.name!r} has no damping ratio: {solref.tolist()}"
             )
         yield replace(stop, restitution=restitution(ratio))
 

@@ -8,9 +8,9 @@ same data by ``python -m docs.make.features``.
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Any
 
 from proofmass.analytic.features import FEATURES, Scope
+from proofmass.analytic.mjcf import ModelData
 from proofmass.analytic.numerics import NotCovered
 
 
@@ -140,14 +140,13 @@ def answers(
 
 
 def examine(
-    model: Any, support: Support, kind: RunKind | None, driven: tuple[int, ...] = ()
+    data: ModelData, support: Support, kind: RunKind | None, driven: tuple[int, ...] = ()
 ) -> tuple[list[str], list[str]]:
     """What a run of a model does not cover, and what it leaves out, in words.
 
     Parameters
     ----------
-    model : mujoco.MjModel
-        Compiled.
+    data : ModelData
     support : mapping
         That of the engine or reference.
     kind : RunKind, optional
@@ -160,7 +159,7 @@ def examine(
     refused, said : list of str
         Such as ``armature of tendon 'rope'``.
     """
-    scope = Scope(model, driven)
+    scope = Scope(data, driven)
     found: dict[FeatureAnswer, list[str]] = {REFUSED: [], SAID: []}
     for name, by_kind in support.items():
         given = set(by_kind.values()) if kind is None else {by_kind[kind]}
@@ -170,19 +169,27 @@ def examine(
     return found[REFUSED], found[SAID]
 
 
-def left_out(model: Any, support: Support) -> tuple[str, ...]:
+def left_out(data: ModelData, support: Support) -> tuple[str, ...]:
     """Remarks on what all runs of an engine leave out of a model, a sentence each."""
-    return tuple(f"Left out: {words}." for words in examine(model, support, None)[1])
+    return tuple(f"Left out: {words}." for words in examine(data, support, None)[1])
 
 
 def refuse(
-    model: Any, support: Support, kind: RunKind | None = None, driven: tuple[str, ...] = ()
+    data: ModelData, support: Support, kind: RunKind | None = None, driven: tuple[str, ...] = ()
 ) -> None:
     """Raise NotCovered if a reference does not cover a model; `driven` are names of joints.
 
     The message lists what is not covered, see `examine`.
     """
-    numbers = tuple(j for j in range(model.njnt) if model.joint(j).name in driven)
-    if refused := examine(model, support, kind, numbers)[0]:
+    numbers = tuple(j for j, joint in enumerate(data.joints) if joint.name in driven)
+    if refused := examine(data, support, kind, numbers)[0]:
         where = f" in {kind.in_words}" if kind else ""
         raise NotCovered(f"{'; '.join(refused)}{where}")
+
+
+def refuse_contacts(data: ModelData) -> None:
+    """Raise NotCovered if bodies of a model may touch: a free motion does not cover contacts."""
+    if data.may_touch:
+        raise NotCovered(
+            'contacts are not covered by a free motion: give <option> a <flag contact="disable"/>'
+        )

@@ -31,10 +31,9 @@ from proofmass.analytic.planar.mechanism import (
     PlanarJoint,
     PointSpring,
     SumSpring,
-    refuse_contacts,
 )
 from proofmass.analytic.planar.support import SUPPORT
-from proofmass.analytic.support import RunKind, refuse
+from proofmass.analytic.support import RunKind, refuse, refuse_contacts
 from proofmass.base.arrays import Array
 from proofmass.base.errors import InputError
 from proofmass.base.files import read_text, write_atomically
@@ -221,7 +220,7 @@ def inspect_model(path: Path) -> ModelSummary:
     if names and not start:
         raise InputError(path, "", 'its key has no name; write <key name="start" …/>')
     try:
-        mechanism, _ = read(model, start)
+        mechanism, plane = read(model, start)
         pose = nearest_pose(mechanism, mechanism.start)
         dof = count_dof(mechanism, pose)
     except ValueError as error:
@@ -232,9 +231,9 @@ def inspect_model(path: Path) -> ModelSummary:
     )
     try:
         if is_free:
-            refuse_contacts(model)
+            refuse_contacts(plane.data)
             refuse_friction(mechanism)
-            refuse(model, SUPPORT, RunKind.FREE_MOTION)
+            refuse(plane.data, SUPPORT, RunKind.FREE_MOTION)
     except ValueError as error:
         return inspect_in_space(path, model, start, dof, str(error))
     if is_free and dof == 1:
@@ -257,7 +256,7 @@ def inspect_model(path: Path) -> ModelSummary:
         start_value, unit = float(pose[j]), TURN if joint.hinge else mechanism.size
         low, high = joint.range
         try:
-            refuse(model, SUPPORT, RunKind.SWEEP, (joint.name,))
+            refuse(plane.data, SUPPORT, RunKind.SWEEP, (joint.name,))
             below, above = (
                 equilibrium_end(model, start, joint.name, start_value, end)
                 if has_equilibria

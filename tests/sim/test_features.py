@@ -15,6 +15,7 @@ import pytest
 from docs.make.features import PAGE, page_with_table
 from proofmass.analytic import planar, spatial
 from proofmass.analytic.features import FEATURES, Scope
+from proofmass.analytic.mjcf import read_compiled
 from proofmass.analytic.numerics import CannotMove, NotCovered
 from proofmass.analytic.planar.support import SUPPORT as OF_PLANAR
 from proofmass.analytic.refined import SUPPORT as OF_REFINED
@@ -111,7 +112,7 @@ def curves_of(party, kind, text):
         file = Path(folder) / "model.xml"
         file.write_text(text)
         if party == "refined":
-            refuse_in_reference(model, OF_REFINED, kind, joints)
+            refuse_in_reference(read_compiled(model), OF_REFINED, kind, joints)
             return engine_of("mujoco").solve_closely(file, run).channels, ()
         found = engine_of(party).simulate(file, run)
     return found.channels, found.notes
@@ -151,7 +152,7 @@ def test_every_feature_has_a_model_and_every_table_has_every_feature():
 
 def test_the_plain_model_has_no_feature_that_is_asked_for():
     """Features of the plain model are those that no test adds: its springs, motors and options."""
-    scope = Scope(mujoco.MjModel.from_xml_string(OPEN))
+    scope = Scope(read_compiled(mujoco.MjModel.from_xml_string(OPEN)))
     there = {name for name, feature in FEATURES.items() if any(True for _ in feature.find(scope))}
     assert there == {
         "stiffness of a joint",
@@ -170,7 +171,9 @@ def test_a_feature_is_found_and_acts_in_bare_mujoco(name):
     changed = CHANGED[name]
     text = text_of(name, RunKind.FREE_MOTION)
     driven = (0,) if "driven" in name else ()
-    found = list(FEATURES[name].find(Scope(mujoco.MjModel.from_xml_string(text), driven)))
+    found = list(
+        FEATURES[name].find(Scope(read_compiled(mujoco.MjModel.from_xml_string(text)), driven))
+    )
     assert any(changed.element in FEATURES[name].what.format(one) for one in found)
     moved = distance(features.free_motion(text, TIMES), plain_truth(RunKind.FREE_MOTION))
     assert (moved > 1e-4) == changed.acts, moved

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -26,6 +25,7 @@ from proofmass.analytic.controls import (
     controls_by_place,
 )
 from proofmass.analytic.equilibrium import ActiveStops, EquilibriumSolver
+from proofmass.analytic.mjcf import ActuatorData, ModelData, SensorData, SensorKind, TendonWay
 from proofmass.analytic.numerics import (
     CannotAssemble,
     CannotMove,
@@ -63,21 +63,12 @@ from proofmass.analytic.planar.mechanism import (
     Mechanism,
     Mirrored,
     Overconstrained,
-    Reader,
-    acts_on_joint,
-    actuators_of_joint,
-    enabled_actuators,
-    is_fixed_tendon,
+    Projection,
     read,
-    read_actuator,
-    read_site_load,
-    refuse_contacts,
-    rotation_matrix,
-    sensor_place,
 )
 from proofmass.analytic.planar.support import SUPPORT
 from proofmass.analytic.stops import MotionWithStops, Stop, make_stops, refuse_limit
-from proofmass.analytic.support import refuse, run_kind
+from proofmass.analytic.support import refuse, refuse_contacts, run_kind
 from proofmass.base.arrays import Array, Complex, Index
 
 __all__ = [
@@ -97,20 +88,19 @@ KNOT_SPACING, KNOT_OFFSET = 0.1, 0.382
 """Knots begin and end at (k + `KNOT_OFFSET`) `KNOT_SPACING` with an integer k [rad, or sizes].
 Two motions that begin at the same round number, but for a small difference, then have the same
 first knot; likewise at their ends."""
-SENSOR_TYPE, OBJECT_TYPE, DISABLE_FLAG = mujoco.mjtSensor, mujoco.mjtObj, mujoco.mjtDisableBit
 POSITION_SENSORS = {
-    SENSOR_TYPE.mjSENS_FRAMEPOS: 0,
-    SENSOR_TYPE.mjSENS_FRAMELINVEL: 1,
-    SENSOR_TYPE.mjSENS_FRAMELINACC: 2,
+    SensorKind.FRAMEPOS: 0,
+    SensorKind.FRAMELINVEL: 1,
+    SensorKind.FRAMELINACC: 2,
 }
 """Sensors of positions of frames, with the order of the time derivative."""
-ROTATION_SENSORS = {SENSOR_TYPE.mjSENS_FRAMEANGVEL: 1, SENSOR_TYPE.mjSENS_FRAMEANGACC: 2}
+ROTATION_SENSORS = {SensorKind.FRAMEANGVEL: 1, SensorKind.FRAMEANGACC: 2}
 """Sensors of rotations of frames, with the order of the time derivative."""
-TENDON_SENSORS = (SENSOR_TYPE.mjSENS_TENDONPOS, SENSOR_TYPE.mjSENS_TENDONVEL)
+TENDON_SENSORS = (SensorKind.TENDONPOS, SensorKind.TENDONVEL)
 """Sensors of the length of a tendon, and of its rate."""
-ACTUATOR_SENSORS = (SENSOR_TYPE.mjSENS_ACTUATORFRC, SENSOR_TYPE.mjSENS_JOINTACTFRC)
+ACTUATOR_SENSORS = (SensorKind.ACTUATORFRC, SensorKind.JOINTACTFRC)
 """Sensors of the force of an actuator, and of all actuators on a joint."""
-INTERACTION_SENSORS = (SENSOR_TYPE.mjSENS_FORCE, SENSOR_TYPE.mjSENS_TORQUE)
+INTERACTION_SENSORS = (SensorKind.FORCE, SensorKind.TORQUE)
 """Sensors of the force and the moment between a body and its parent."""
 MAX_STEP_SHARE = STEP_SHARE * (1 + 1e-9)
 """Share of the proven step within which a knot is used: the next knot is `STEP_SHARE` of the
@@ -222,8 +212,9 @@ def solve(
     check_finite(value=value, rate=rate, acceleration=acceleration)
     for curves in (controls or {}, control_rates or {}):
         check_finite(**curves)
-    mechanism, reader = _read_cached(model, start)
-    refuse_shared_ranges(model, {**(controls or {}), **(control_profiles or {})})
+    mechanism, plane = _read_cached(model, start)
+    data = plane.data
+    refuse_shared_ranges(data, {**(controls or {}), **(control_profiles or {})})
     if joints and (shape := np.atleast_2d(np.asarray(value, float)).shape)[:-1] != (len(joints),):
         raise ValueError(
             f"value must have shape (n,) or (drives, n) with {len(joints)} drive(s), got {shape}"
@@ -232,8 +223,8 @@ def solve(
     has_dof = not joints or has_free_dof(mechanism, joints)
     is_free = has_dof and (not joints or in_time is not None)
     if has_dof:
-        refuse_contacts(model)
-    refuse(model, SUPPORT, run_kind(joints, has_dof, inertia, in_time is not None), joints)
+        refuse_contacts(data)
+    refuse(data, SUPPORT, run_kind(joints, has_dof, inertia, in_time is not None), joints)
     if has_dof and not is_free:
         if inertia:
             raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
@@ -243,8 +234,8 @@ def solve(
             joints,
             values.T,
             np.broadcast_to(np.asarray(rate, float), values.shape).T,
-            controls_at_samples(model, mechanism.ctrl, controls),
-            controls_at_samples(model, np.zeros(mechanism.ctrl.size), control_rates),
+            controls_at_samples(data, mechanism.ctrl, controls),
+            controls_at_samples(data, np.zeros(mechanism.ctrl.size), control_rates),
         )
         a = np.full_like(q, np.nan)
     elif not is_free:
@@ -259,11 +250,11 @@ def solve(
     else:
         refuse_friction(mechanism)
         d = Drives.of(mechanism, joints)
-        profiles = ControlsInTime.of(model, mechanism.ctrl, control_profiles)
-        free_states = _find_motion(reader, mechanism, joints, value, in_time, profiles)
+        profiles = ControlsInTime.of(data, mechanism.ctrl, control_profiles)
+        free_states = _find_motion(plane, mechanism, joints, value, in_time, profiles)
         q, v, a = free_states.arrays()
         stop_forces = np.array(free_states.forces)
-    found = own | quantities(reader, mechanism, move_bodies(mechanism, q, v, a), (q, v, a))
+    found = own | quantities(plane, mechanism, move_bodies(mechanism, q, v, a), (q, v, a))
     fastest = float(np.abs(v[:, d.driven]).max(initial=0.0))
     friction = mechanism.frictions * motion_senses(v.T, fastest).T
     if not is_free and not inertia:
@@ -271,9 +262,9 @@ def solve(
     if control_profiles and controls is None:
         times = np.asarray(in_time[0] if in_time else value, float)
         controls = {name: profile(times)[0] for name, profile in control_profiles.items()}
-    ctrl = controls_at_samples(model, mechanism.ctrl, controls)
+    ctrl = controls_at_samples(data, mechanism.ctrl, controls)
     found |= force_curves(
-        reader,
+        plane,
         mechanism,
         move_bodies(mechanism, q, v, a),
         (q, v, a),
@@ -297,18 +288,16 @@ def refuse_limits(m: Mechanism, q: Array) -> None:
         refuse_limit(joint.name, joint.range, q[:, k])
 
 
-def refuse_shared_ranges(model: Any, controls: Mapping[str, Any]) -> None:
+def refuse_shared_ranges(data: ModelData, controls: Mapping[str, Any]) -> None:
     """Raise NotCovered if a changing control acts with others within a joint's range of forces."""
-    controls_by_place(model, controls)  # ValueError if there is no such actuator
-    for name in controls:
-        actuator = model.actuator(name).id
-        joint = int(model.actuator_trnid[actuator, 0])
-        if not (acts_on_joint(model, actuator) and model.jnt_actfrclimited[joint]):
-            continue
-        if len(actuators_of_joint(model, joint)) > 1:
+    controls_by_place(data, controls)  # ValueError if there is no such actuator
+    for actuator in (one for one in data.actuators if one.name in controls and one.joint >= 0):
+        joint = data.joints[actuator.joint]
+        shared = [one for one in data.acting if one.joint == actuator.joint]
+        if joint.has_force_range and len(shared) > 1:
             raise NotCovered(
-                f"the control of actuator {name!r} changes, and its joint "
-                f"{model.joint(joint).name!r} has a range of forces for several actuators"
+                f"the control of actuator {actuator.name!r} changes, and its joint "
+                f"{joint.name!r} has a range of forces for several actuators"
             )
 
 
@@ -327,9 +316,9 @@ def properties(
     """
     if joints:
         return {}
-    mechanism, reader = _read_cached(model, start)
-    profiles = ControlsInTime.of(model, mechanism.ctrl, control_profiles)
-    events = _find_motion(reader, mechanism, (), motion, None, profiles).events()
+    mechanism, plane = _read_cached(model, start)
+    profiles = ControlsInTime.of(plane.data, mechanism.ctrl, control_profiles)
+    events = _find_motion(plane, mechanism, (), motion, None, profiles).events()
     return {"stops": events} if events else {}
 
 
@@ -419,7 +408,7 @@ def _find_knots(
 
 
 def _find_motion(
-    reader: Reader,
+    plane: Projection,
     mechanism: Mechanism,
     joints: tuple[str, ...],
     value: ArrayLike,
@@ -427,7 +416,7 @@ def _find_motion(
     controls: ControlsInTime | None = None,
 ) -> MotionWithStops:
     """Integrate a motion with degrees of freedom that no drive determines, between stops."""
-    stops = tuple(reader.stops(mechanism, joints))
+    stops = tuple(plane.stops(mechanism, joints))
     times = np.atleast_1d(np.asarray(value, float))
     if (not joints or in_time is None) and controls is None:
         if times.ndim != 1:
@@ -488,7 +477,7 @@ _read_cached = lru_cache(maxsize=32)(read)
 
 
 def quantities(
-    reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array]
+    plane: Projection, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array]
 ) -> dict[str, Array]:
     """Curves (n,) of the sensors of positions, motions and energies.
 
@@ -496,106 +485,97 @@ def quantities(
 
     Parameters
     ----------
-    reader : Reader
-        The compiled model and its plane.
+    plane : Projection
+        The model and its plane.
     m : Mechanism
     motion : BodyMotion
     joint : three ndarray (n, joints)
         Joint values, rates, accelerations [rad or m, per s, per s^2].
     """
     found: dict[str, Array] = {}
-    for s in range(reader.model.nsensor):
-        name, kind = reader.model.sensor(s).name, SENSOR_TYPE(reader.model.sensor_type[s])
+    for sensor in plane.data.sensors:
+        name, kind = sensor.name, sensor.kind
         value: Array | None = None
-        if (
-            kind in POSITION_SENSORS
-            or kind in ROTATION_SENSORS
-            or kind == SENSOR_TYPE.mjSENS_FRAMEXAXIS
-        ):
+        if kind in POSITION_SENSORS or kind in ROTATION_SENSORS or kind == SensorKind.FRAMEXAXIS:
             found |= {
-                f"{name}.{part}": curve for part, curve in frame_curves(reader, motion, s).items()
+                f"{name}.{part}": curve
+                for part, curve in frame_curves(plane, motion, sensor).items()
             }
-        elif kind == SENSOR_TYPE.mjSENS_E_POTENTIAL:
-            value = potential_energy(m, motion, joint[0]) + normal_potential(reader)
-        elif kind == SENSOR_TYPE.mjSENS_E_KINETIC:
+        elif kind == SensorKind.E_POTENTIAL:
+            value = potential_energy(m, motion, joint[0]) + normal_potential(plane)
+        elif kind == SensorKind.E_KINETIC:
             value = kinetic_energy(m, motion, joint[1])
         elif kind in TENDON_SENSORS:
-            value = tendon_curve(reader, m, motion, joint, s)
-        elif reader.model.sensor_objtype[s] == OBJECT_TYPE.mjOBJ_JOINT:
+            value = tendon_curve(plane, m, motion, joint, sensor)
+        elif sensor.on_joint:
             order = {
-                SENSOR_TYPE.mjSENS_JOINTPOS: 0,
-                SENSOR_TYPE.mjSENS_JOINTVEL: 1,
-                SENSOR_TYPE.mjSENS_USER: 2,
+                SensorKind.JOINTPOS: 0,
+                SensorKind.JOINTVEL: 1,
+                SensorKind.USER: 2,
             }.get(kind)
-            value = None if order is None else joint[order][:, reader.model.sensor_objid[s]]
+            value = None if order is None else joint[order][:, sensor.number]
         if value is not None:
             found[name] = value
     return found
 
 
 def tendon_curve(
-    reader: Reader, m: Mechanism, motion: BodyMotion, joint: tuple[Array, Array, Array], s: int
+    plane: Projection,
+    m: Mechanism,
+    motion: BodyMotion,
+    joint: tuple[Array, Array, Array],
+    sensor: SensorData,
 ) -> Array:
-    """Length of a tendon, or the rate of its length (n,), as sensor number s shows."""
-    t, order = (
-        int(reader.model.sensor_objid[s]),
-        TENDON_SENSORS.index(SENSOR_TYPE(reader.model.sensor_type[s])),
-    )
-    if is_fixed_tendon(reader.model, t):
-        return np.asarray(sum(share * joint[order][:, j] for j, share in reader.fixed(t)))
-    number = t - sum(is_fixed_tendon(reader.model, before) for before in range(t))
+    """Length of a tendon, or the rate of its length (n,), as a sensor shows."""
+    t, order, tendons = sensor.number, TENDON_SENSORS.index(sensor.kind), plane.data.tendons
+    if tendons[t].way == TendonWay.SUM:
+        return np.asarray(sum(share * joint[order][:, j] for j, share in tendons[t].terms))
+    number = sum(tendon.way != TendonWay.SUM for tendon in tendons[:t])
     length = spring_length(m, motion, number)
     return length.value if order == 0 else np.asarray((length.rows * joint[1]).sum(axis=-1))
 
 
-def normal_potential(reader: Reader) -> float:
+def normal_potential(plane: Projection) -> float:
     """Potential energy of gravity along the plane's normal [J], which is constant."""
-    model = reader.model
-    places = reader.at + (reader.turn @ model.body_ipos[..., None])[..., 0]
-    across = reader.zero_if_disabled(DISABLE_FLAG.mjDSBL_GRAVITY, model.opt.gravity @ reader.normal)
-    return float(-across * model.body_mass @ (places @ reader.normal))
+    bodies, normal = plane.data.bodies, plane.normal
+    places = plane.at + (plane.turn @ np.array([body.centre for body in bodies])[..., None])[..., 0]
+    masses = np.array([body.mass for body in bodies])
+    return float(-(plane.data.options.gravity @ normal) * masses @ (places @ normal))
 
 
-def frame_curves(reader: Reader, motion: BodyMotion, s: int) -> dict[str, Array]:
+def frame_curves(plane: Projection, motion: BodyMotion, sensor: SensorData) -> dict[str, Array]:
     """Curves of a sensor of a frame by their parts; none if it has a frame of reference."""
-    kind = SENSOR_TYPE(reader.model.sensor_type[s])
-    if reader.model.sensor_reftype[s] != OBJECT_TYPE.mjOBJ_UNKNOWN:
+    kind = sensor.kind
+    if sensor.is_relative:
         return {}
-    body, position, axes = sensor_frame(reader, s)
+    body, position, axes = plane.sensor_frame(sensor)
     if kind in ROTATION_SENSORS:
-        return world_components(reader, np.zeros(1), motion.turn[ROTATION_SENSORS[kind]][body])
+        return world_components(plane, np.zeros(1), motion.turn[ROTATION_SENSORS[kind]][body])
     if kind in POSITION_SENSORS:
         order = POSITION_SENSORS[kind]
-        flat = motion.point(body, reader.flat(position), order)
+        flat = motion.point(body, plane.flat(position), order)
         return world_components(
-            reader, flat, np.zeros(1) if order else np.array([position @ reader.normal])
+            plane, flat, np.zeros(1) if order else np.array([position @ plane.normal])
         )
     axis = axes[:, 0]
-    angle = np.angle(reader.flat(axis)) + motion.turn[0][body]
+    angle = np.angle(plane.flat(axis)) + motion.turn[0][body]
     angle = angle - 2 * np.pi * np.ceil(angle[0] / (2 * np.pi) - 0.5)
     parts = world_components(
-        reader, motion.w[0][body] * reader.flat(axis), np.array([axis @ reader.normal])
+        plane, motion.w[0][body] * plane.flat(axis), np.array([axis @ plane.normal])
     )
     return {**parts, "angle": angle}
 
 
-def sensor_frame(reader: Reader, s: int) -> tuple[int, Array, Array]:
-    """Body, position and axes, in the reference pose, of the object that a sensor is on."""
-    body, position, quaternion = sensor_place(reader.model, s)
-    axes = reader.turn[body] @ rotation_matrix(quaternion)
-    return body, reader.at[body] + reader.turn[body] @ position, axes
-
-
-def world_components(reader: Reader, flat: Complex | Array, up: Array) -> dict[str, Array]:
+def world_components(plane: Projection, flat: Complex | Array, up: Array) -> dict[str, Array]:
     """World components of vectors with the parts `flat` in the plane and `up` along its normal."""
     return {
-        part: reader.e1[k] * flat.real + reader.e2[k] * flat.imag + reader.normal[k] * up
+        part: plane.e1[k] * flat.real + plane.e2[k] * flat.imag + plane.normal[k] * up
         for k, part in enumerate("xyz")
     }
 
 
 def force_curves(
-    reader: Reader,
+    plane: Projection,
     m: Mechanism,
     motion: BodyMotion,
     joint: tuple[Array, Array, Array],
@@ -604,33 +584,27 @@ def force_curves(
     ctrl: Array | None,
 ) -> dict[str, Array]:
     """Curves (n,) of the sensors of forces and moments, by channel name as in `quantities`."""
-    sensors = {
-        s: SENSOR_TYPE(int(reader.model.sensor_type[s])) for s in range(reader.model.nsensor)
-    }
-    sensors = {
-        s: kind
-        for s, kind in sensors.items()
-        if kind in ACTUATOR_SENSORS or kind in INTERACTION_SENSORS
-    }
+    kinds = ACTUATOR_SENSORS + INTERACTION_SENSORS
+    sensors = [sensor for sensor in plane.data.sensors if sensor.kind in kinds]
     if not sensors:
         return {}
     found, solved = dict[str, Array](), solve_forces(m, motion, joint, d, friction, ctrl)
-    for s, kind in sensors.items():
-        name = reader.model.sensor(s).name
-        if kind in ACTUATOR_SENSORS:
-            found[name] = actuator_curve(reader, m, motion, joint, s, solved.drives, d, ctrl)
+    for sensor in sensors:
+        if sensor.kind in ACTUATOR_SENSORS:
+            curve = actuator_curve(plane.data, m, motion, joint, sensor, solved.drives, d, ctrl)
+            found[sensor.name] = curve
         else:
-            parts = interaction_curves(reader, m, motion, s, solved, ctrl)
-            found |= {f"{name}.{part}": curve for part, curve in parts.items()}
+            parts = interaction_curves(plane, m, motion, sensor, solved, ctrl)
+            found |= {f"{sensor.name}.{part}": curve for part, curve in parts.items()}
     return found
 
 
 def actuator_curve(
-    reader: Reader,
+    data: ModelData,
     m: Mechanism,
     motion: BodyMotion,
     state: tuple[Array, Array, Array],
-    s: int,
+    sensor: SensorData,
     drives: Array,
     d: Drives,
     ctrl: Array | None,
@@ -639,55 +613,48 @@ def actuator_curve(
 
     On a driven joint it is the moment or force of the drive.
     """
-    model, i = reader.model, int(reader.model.sensor_objid[s])
-    actuator = SENSOR_TYPE(int(model.sensor_type[s])) == SENSOR_TYPE.mjSENS_ACTUATORFRC
-    joint = i
-    if actuator:
-        joint = int(model.actuator_trnid[i, 0]) if acts_on_joint(model, i) else -1
+    of_one = sensor.kind == SensorKind.ACTUATORFRC
+    actuator = data.actuators[sensor.number] if of_one else None
+    joint = actuator.joint if actuator else sensor.number
     if (place := np.flatnonzero(d.driven == joint)).size:
         moment = drives[:, place[0]]
-        return np.asarray(moment / model.actuator_gear[i, 0] if actuator else moment)
+        return np.asarray(moment / actuator.gear if actuator else moment)
     if actuator:
-        return actuator_force(model, m, state, i, joint, ctrl)
+        return actuator_force(m, state, actuator, ctrl)
     own = motor_forces(m, *state[:2], ctrl)[:, joint]
     return np.asarray(own + loads_on_joints(m, motion, ctrl)[:, joint] if m.point_loads else own)
 
 
 def actuator_force(
-    model: Any,
-    m: Mechanism,
-    state: tuple[Array, Array, Array],
-    a: int,
-    joint: int,
-    ctrl: Array | None,
+    m: Mechanism, state: tuple[Array, Array, Array], actuator: ActuatorData, ctrl: Array | None
 ) -> Array:
-    """Force of actuator number a (n,), on joint number `joint`, or on a site if that is -1."""
-    if a not in enabled_actuators(model):
+    """Force of an actuator on a joint or on a site (n,)."""
+    if actuator.is_disabled:
         return np.zeros(1)
-    actuator = read_site_load(model, a).actuator if joint < 0 else read_actuator(model, a)
     control = (m.ctrl[None] if ctrl is None else ctrl)[:, actuator.place]
-    if joint < 0:
+    if actuator.joint < 0:
         return actuator.force(control)
-    return actuator.force(control, *(actuator.gear * part[:, joint] for part in state[:2]))
+    own = (actuator.gear * part[:, actuator.joint] for part in state[:2])
+    return actuator.force(control, *own)
 
 
 def interaction_curves(
-    reader: Reader,
+    plane: Projection,
     m: Mechanism,
     motion: BodyMotion,
-    s: int,
+    sensor: SensorData,
     solved: Forces,
     ctrl: Array | None,
 ) -> dict[str, Array]:
     """Force or moment on the body of a site from its parent, by parts in the site's frame."""
-    body, position, axes = sensor_frame(reader, s)
-    place = motion.point(body, reader.flat(position))
+    body, position, axes = plane.sensor_frame(sensor)
+    place = motion.point(body, plane.flat(position))
     force, moment = transmitted_force(m, motion, solved.loops, body, place, ctrl)
-    if SENSOR_TYPE(reader.model.sensor_type[s]) == SENSOR_TYPE.mjSENS_TORQUE:
-        return {part: moment * (reader.normal @ axes[:, k]) for k, part in enumerate("xyz")}
+    if sensor.kind == SensorKind.TORQUE:
+        return {part: moment * (plane.normal @ axes[:, k]) for k, part in enumerate("xyz")}
     own = force * motion.w[0][body].conj()
     return {
-        part: own.real * (reader.e1 @ axes[:, k]) + own.imag * (reader.e2 @ axes[:, k])
+        part: own.real * (plane.e1 @ axes[:, k]) + own.imag * (plane.e2 @ axes[:, k])
         for k, part in enumerate("xyz")
     }
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from proofmass.analytic.mjcf import carried_bodies
 from proofmass.analytic.numerics import cross
 from proofmass.analytic.planar.kinematics import (
     BodyMotion,
@@ -15,7 +16,7 @@ from proofmass.analytic.planar.kinematics import (
     loop_jacobian,
     weighted_sum,
 )
-from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring, carried_bodies
+from proofmass.analytic.planar.mechanism import Mechanism, PlanarJoint, TendonSpring
 from proofmass.base.arrays import Array, Complex
 
 
@@ -87,20 +88,22 @@ def actuator_corrections(
 ) -> Array | float:
     """Generalized forces of actuators that are not in the joints' own loads (n, joints) [N m or N].
 
-    These are the forces of actuators with a range of forces, and the change of the forces of the
-    others against those with the controls of the key.
+    These are the forces of actuators that have a range of forces or are not linear, and the change
+    of the forces of the others against those with the controls of the key.
     """
-    if ctrl is None and not any(one.limited for one in m.actuators):
+    if ctrl is None and all(one.affine for one in m.actuators):
         return 0.0
     found, rates = np.zeros_like(q), np.broadcast_to(v, q.shape)
     for one in m.actuators:
         key = m.ctrl[[one.place]]
         control = key if ctrl is None else ctrl[:, one.place]
         j, gear = one.rate, one.gear
-        if one.limited:
+        if one.affine is None:
             found[:, j] += gear * one.force(control, gear * q[:, j], gear * rates[:, j])
         elif ctrl is not None:
-            found[:, j] += gear * (one.asked(control) - one.asked(key))
+            # the joint's load has its force at the key's control, the joint's servo its feedback
+            gain, clipped = one.affine.gain, one.clipped(control)
+            found[:, j] += gear * (gain * clipped - gain * one.clipped(key))
     return found
 
 

@@ -3,25 +3,43 @@
 The plane is the complex plane.  All points are given in the *reference pose*, in which every joint
 has its zero value; a pose displaces each body from there by ``z -> w z + t``, |w| = 1.
 
-`read` makes a `Mechanism` from the numbers of a compiled MJCF; MuJoCo's kinematics is not used.
+`read` makes a `Mechanism` from the numbers of a compiled MJCF (`proofmass.analytic.mjcf`), which a
+`Projection` puts on the plane of motion; MuJoCo's kinematics is not used.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
-from proofmass.analytic.features import may_touch
-from proofmass.analytic.names import equality_name
-from proofmass.analytic.numerics import CannotMove, NotCovered, normal_of_slides
+from proofmass.analytic.mjcf import (
+    UNLIMITED,
+    ActuatorData,
+    BodyData,
+    EqualityKind,
+    JointData,
+    JointKind,
+    LoopData,
+    ModelData,
+    SensorData,
+    SiteLoad,
+    TendonData,
+    TendonWay,
+    TieData,
+    read_compiled,
+)
+from proofmass.analytic.numerics import (
+    CannotMove,
+    NotCovered,
+    normal_of_slides,
+    rotation_matrix,
+)
 from proofmass.analytic.planar.support import SUPPORT
-from proofmass.analytic.stops import Stop, read_stops
+from proofmass.analytic.stops import Stop, stops_of_joint
 from proofmass.analytic.support import refuse
 from proofmass.base.arrays import Array, Complex, Index
 
@@ -64,7 +82,7 @@ class PlanarJoint:
 
 
 @dataclass(frozen=True)
-class Body:
+class PlanarBody:
     """A rigid body: its parent, the joints between the two in order, and its inertia."""
 
     name: str
@@ -169,7 +187,7 @@ class PointLoad:
     load, fixed to the ground.
     """
 
-    actuator: AffineActuator
+    actuator: ActuatorData
     body: int
     point: complex
     force: complex
@@ -191,7 +209,7 @@ class Mechanism:
         Joint values and rates of the start pose [rad or m, per s].
     point_springs : tuple of PointSpring
         All springs between points, with those that only measure a length.
-    actuators : tuple of AffineActuator
+    actuators : tuple of ActuatorData
         Actuators of the joints.  The forces of those without a range of forces, at the controls of
         the key, are part of `load` and `servo` of the joints.
     ctrl : ndarray (controls,)
@@ -202,7 +220,7 @@ class Mechanism:
         Springs and dampers of the fixed tendons that have any.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[PlanarBody, ...]
     joints: tuple[PlanarJoint, ...]
     pins: tuple[Pin, ...]
     couplings: tuple[Coupling, ...]
@@ -210,7 +228,7 @@ class Mechanism:
     start: Array
     start_rate: Array
     point_springs: tuple[PointSpring, ...] = ()
-    actuators: tuple[AffineActuator, ...] = ()
+    actuators: tuple[ActuatorData, ...] = ()
     ctrl: Array = field(default_factory=lambda: np.zeros(0))
     point_loads: tuple[PointLoad, ...] = ()
     sum_springs: tuple[SumSpring, ...] = ()
@@ -458,30 +476,33 @@ class Inertia:
 
 MAX_PARALLEL_SINE = 1e-9
 """Largest sine of the angle at which two directions still count as parallel."""
-DISABLE_FLAG = mujoco.mjtDisableBit
 
 
-class Reader:
-    """The reference pose of a compiled model in space, and its plane of motion.
+class Projection:
+    """The data of a model in its reference pose, projected on the plane of motion.
 
     Attributes
     ----------
+    data : ModelData
     at, turn : ndarray (bodies, 3), (bodies, 3, 3)
-        Origins and axes of the bodies in the reference pose.
+        Origins [m] and axes [1] of the bodies in the reference pose.
+    axes : ndarray (joints, 3)
+        Directions of the joints [1].
     e1, e2, normal : ndarray (3,)
-        The plane.  The normal is the first hinge's axis, or without hinges it is perpendicular to
-        the slides.  e1 is the world's x axis projected on the plane (the y axis if x is the
+        The plane [1].  The normal is the first hinge's axis, or without hinges it is perpendicular
+        to the slides.  e1 is the world's x axis projected on the plane (the y axis if x is the
         normal).
     """
 
-    def __init__(self, model: Any):
-        self.model = model
-        self.at, self.turn = np.zeros((model.nbody, 3)), np.tile(np.eye(3), (model.nbody, 1, 1))
-        for b in range(1, model.nbody):
-            parent = model.body_parentid[b]
-            self.turn[b] = self.turn[parent] @ rotation_matrix(model.body_quat[b])
-            self.at[b] = self.at[parent] + self.turn[parent] @ model.body_pos[b]
-        self.axes = np.einsum("jab,jb->ja", self.turn[model.jnt_bodyid], model.jnt_axis)
+    def __init__(self, data: ModelData):
+        self.data, count = data, len(data.bodies)
+        self.at, self.turn = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
+        for b, body in enumerate(data.bodies[1:], 1):
+            self.turn[b] = self.turn[body.parent] @ rotation_matrix(body.turn)
+            self.at[b] = self.at[body.parent] + self.turn[body.parent] @ body.place
+        carriers = np.array([joint.body for joint in data.joints], np.intp)
+        directions = np.array([joint.axis for joint in data.joints]).reshape(-1, 3)
+        self.axes = np.einsum("jab,jb->ja", self.turn[carriers], directions)
         self.normal = self._normal()
         x = np.eye(3)[
             0 if np.linalg.norm(np.cross(self.normal, np.eye(3)[0])) > MAX_PARALLEL_SINE else 1
@@ -491,13 +512,13 @@ class Reader:
         self.e2 = np.cross(self.normal, self.e1)
 
     def _normal(self) -> Array:
-        hinge = self.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        hinge = np.array([joint.kind == JointKind.HINGE for joint in self.data.joints], bool)
         if not len(self.axes):
             raise NotCovered("a mechanism without joints has no plane of motion")
         are_parallel = (
             np.linalg.norm(np.cross(self.axes[0], self.axes), axis=1).max() <= MAX_PARALLEL_SINE
         )
-        pinned = mujoco.mjtEq.mjEQ_CONNECT in self.model.eq_type[self.model.eq_active0 > 0]
+        pinned = any(loop.kind == EqualityKind.CONNECT for loop in self.data.loops)
         if not hinge.any() and are_parallel and pinned:
             raise NotCovered("a pin between slides along one line constrains nothing across it")
         normal = (
@@ -508,95 +529,134 @@ class Reader:
         for j, axis in enumerate(self.axes):
             deviation = np.linalg.norm(np.cross(normal, axis)) if hinge[j] else abs(normal @ axis)
             if deviation > MAX_PARALLEL_SINE:
-                raise NotCovered(f"joint {self.model.joint(j).name!r} leaves the plane of motion")
+                raise NotCovered(f"joint {self.data.joints[j].name!r} leaves the plane of motion")
         return normal
 
     def flat(self, vector: Array) -> complex:
         """Part of a vector in the plane, as a complex number."""
         return complex(vector @ self.e1, vector @ self.e2)
 
+    def place(self, body: int, local: Array) -> Array:
+        """Position (3,) [m] of a point of a body in the reference pose, given in its axes."""
+        return np.asarray(self.at[body] + self.turn[body] @ local)
+
     def point(self, body: int, local: Array) -> complex:
-        """Position of a point of a body in the reference pose, given in the body's axes."""
-        return self.flat(self.at[body] + self.turn[body] @ local)
+        """Position in the plane of a point of a body in the reference pose."""
+        return self.flat(self.place(body, local))
 
-    def joint(self, j: int, ctrl: Array) -> PlanarJoint:
-        """Read joint number j, with the constant load of its motors at controls `ctrl`."""
-        model, dof, adr = self.model, self.model.jnt_dofadr[j], self.model.jnt_qposadr[j]
-        hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
-        place = (
-            self.point(model.jnt_bodyid[j], model.jnt_pos[j]) if hinge else self.flat(self.axes[j])
+    def sensor_frame(self, sensor: SensorData) -> tuple[int, Array, Array]:
+        """Body, position and axes, in the reference pose, of the frame that a sensor is on."""
+        frame = sensor.frame
+        axes = self.turn[frame.body] @ rotation_matrix(frame.turn)
+        return frame.body, self.place(frame.body, frame.place), axes
+
+    def body(self, body: BodyData, b: int) -> PlanarBody:
+        """Project body number b."""
+        frame = self.turn[b] @ rotation_matrix(body.inertia_turn)
+        return PlanarBody(
+            body.name,
+            body.parent,
+            body.joints,
+            body.mass,
+            self.point(b, body.centre),
+            float((self.normal @ frame) ** 2 @ body.moments),
         )
+
+    def joint(self, joint: JointData, ctrl: Array) -> PlanarJoint:
+        """Project a joint, with the constant load of its motors at controls `ctrl`."""
+        hinge, axis = joint.kind == JointKind.HINGE, self.axes[joint.pose]
+        stiffness, *stiffer = (float(c) for c in joint.stiffness)
+        damping, *damped = (float(c) for c in joint.damping[0])
         return PlanarJoint(
-            model.joint(j).name,
-            bool(hinge),
-            place,
-            float(np.sign(self.axes[j] @ self.normal)) if hinge else 1.0,
-            float(model.qpos0[adr]),
-            self.zero_if_disabled(DISABLE_FLAG.mjDSBL_SPRING, model.jnt_stiffness[j]),
-            float(model.qpos_spring[adr]),
-            self.zero_if_disabled(DISABLE_FLAG.mjDSBL_DAMPER, model.dof_damping[dof]),
-            float(model.dof_armature[dof]),
-            self.load(j, ctrl),
-            (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
-            if model.jnt_limited[j]
-            and not is_disabled(model, DISABLE_FLAG.mjDSBL_LIMIT, DISABLE_FLAG.mjDSBL_CONSTRAINT)
-            else (-np.inf, np.inf),
-            0.0
-            if is_disabled(model, DISABLE_FLAG.mjDSBL_FRICTIONLOSS, DISABLE_FLAG.mjDSBL_CONSTRAINT)
-            else float(model.dof_frictionloss[dof]),
-            self.servo(j),
-            self.growth(DISABLE_FLAG.mjDSBL_SPRING, model.jnt_stiffnesspoly[j]),
-            self.growth(DISABLE_FLAG.mjDSBL_DAMPER, model.dof_dampingpoly[dof]),
+            joint.name,
+            hinge,
+            self.point(joint.body, joint.place) if hinge else self.flat(axis),
+            float(np.sign(axis @ self.normal)) if hinge else 1.0,
+            joint.zero,
+            stiffness,
+            float(joint.rest[0]),
+            damping,
+            float(joint.armature[0]),
+            self.load(joint, ctrl),
+            joint.range,
+            float(joint.friction[0]),
+            self.servo(joint),
+            (stiffer[0], stiffer[1]),
+            (damped[0], damped[1]),
         )
 
-    def stops(self, m: "Mechanism", driven: tuple[str, ...] = ()) -> Iterator[Stop]:
-        """Read the stops of the joints that are not driven.
+    def stops(self, m: Mechanism, driven: tuple[str, ...] = ()) -> Iterator[Stop]:
+        """Make the stops of the joints that are not driven.
 
         Raises
         ------
         NotCovered
             A limit has a margin, or has no damping ratio.
         """
-        for j, joint in enumerate(m.joints):
+        for joint in self.data.joints:
             if joint.name not in driven:
-                yield from read_stops(self.model, j, joint.range, j, j, float(m.scale[j]))
+                yield from stops_of_joint(joint, float(m.scale[joint.pose]))
 
-    def constant_actuators(self, j: int) -> list[int]:
-        """Actuators of joint number j whose forces are part of its `load` and `servo`.
+    def actuators_of(self, joint: JointData) -> list[ActuatorData]:
+        """The actuators that act on a joint.
 
-        These are the actuators whose own force has no range.  On a joint with a range of actuator
-        forces (on which no servo is allowed) they are all actuators if there are several, and none
-        if there is only one.
+        Without a law they are on a driven joint, where the drive takes their place.
         """
-        there = actuators_of_joint(self.model, j)
-        if self.model.jnt_actfrclimited[j]:
-            return there if len(there) > 1 else []
-        return [a for a in there if not self.model.actuator_forcelimited[a]]
+        return [one for one in self.data.acting if one.pose == joint.pose and one.law]
 
-    def actuators(self) -> Iterator[AffineActuator]:
-        """Read all actuators of joints; those in the joints' own loads are read without a range."""
-        for j in range(self.model.njnt):
-            constant = self.constant_actuators(j)
-            for a in actuators_of_joint(self.model, j):
-                one = read_actuator(self.model, a)
-                if a in constant:
+    def constant_actuators(self, joint: JointData) -> list[ActuatorData]:
+        """Actuators of a joint whose forces are part of its `load` and `servo`.
+
+        These are the actuators whose force is linear and has no range of its own.  On a joint with
+        a range of actuator forces (on which no servo is allowed) they are all actuators if there
+        are several, and none if there is only one.
+        """
+        there = self.actuators_of(joint)
+        if joint.has_force_range:
+            return there if len(there) > 1 else []
+        return [one for one in there if one.affine]
+
+    def actuators(self) -> Iterator[ActuatorData]:
+        """All actuators of joints; those in the joints' own loads have no range."""
+        for joint in self.data.joints:
+            constant = self.constant_actuators(joint)
+            for one in self.actuators_of(joint):
+                if one in constant:
                     yield replace(one, range=UNLIMITED)
-                elif self.model.jnt_actfrclimited[j] and one.gear:
-                    lowest, highest = np.sort(self.model.jnt_actfrcrange[j] / one.gear)
+                elif joint.has_force_range and one.gear:
+                    # the range of the joint is one of its only actuator, over its gear
+                    lowest, highest = np.sort(np.array(joint.force_range) / one.gear)
                     low, high = np.clip(one.range, lowest, highest).tolist()
                     yield replace(one, range=(low, high))
                 else:
                     yield one
 
-    def point_load(self, a: int) -> PointLoad:
-        """Read the load of actuator number a on a site.
+    def servo(self, joint: JointData) -> tuple[float, float]:
+        """Stiffness and damping of a joint by actuators without a range of forces."""
+        found = np.zeros(2)
+        for one in self.constant_actuators(joint):
+            if one.has_feedback and one.affine:
+                found -= one.gear**2 * np.array([one.affine.per_length, one.affine.per_rate])
+        return float(found[0]), float(found[1])
+
+    def load(self, joint: JointData, ctrl: Array) -> float:
+        """Constant moment or force of the actuators of a joint, within its range of forces.
+
+        For servos it is that at the rest value of the joint's spring, without a rate.
+        """
+        constant = self.constant_actuators(joint)
+        load = sum(float(one.gear * one.force(ctrl[one.place])) for one in constant)
+        load -= self.servo(joint)[0] * float(joint.rest[0])
+        return float(np.clip(load, *joint.force_range) if constant else load)
+
+    def point_load(self, one: SiteLoad) -> PointLoad:
+        """Project the load of an actuator on a site.
 
         Raises
         ------
         NotCovered
             The load leaves the plane of motion.
         """
-        one = read_site_load(self.model, a)
         force, moment = one.force, one.moment
         if one.follows:
             force, moment = self.turn[one.body] @ force, self.turn[one.body] @ moment
@@ -614,291 +674,55 @@ class Reader:
             one.follows,
         )
 
-    def servo(self, j: int) -> tuple[float, float]:
-        """Stiffness and damping of joint number j by actuators without a range of forces."""
-        model, found = self.model, np.zeros(2)
-        for a in self.constant_actuators(j):
-            if is_affine(model, a):
-                gear = model.actuator_gear[model.actuator_outadr[a], 0]
-                found -= gear**2 * model.actuator_biasprm[a, 1:3]
-        return float(found[0]), float(found[1])
-
-    def load(self, j: int, ctrl: Array) -> float:
-        """Constant moment or force of the actuators of joint number j, within its range of forces.
-
-        For servos it is that at the rest value of the joint's spring, without a rate.
-        """
-        model, constant = self.model, self.constant_actuators(j)
-        load = sum(self.motor(a, ctrl) for a in constant)
-        load -= self.servo(j)[0] * float(model.qpos_spring[model.jnt_qposadr[j]])
-        limited = constant and model.jnt_actfrclimited[j]
-        return float(np.clip(load, *model.jnt_actfrcrange[j]) if limited else load)
-
-    def motor(self, a: int, ctrl: Array) -> float:
-        """Moment or force of motor number a, with control and force clipped to their ranges."""
-        model, control = self.model, ctrl[self.model.actuator_ctrladr[a]]
-        if model.actuator_ctrllimited[a] and not is_disabled(model, DISABLE_FLAG.mjDSBL_CLAMPCTRL):
-            control = np.clip(control, *model.actuator_ctrlrange[a])
-        force = model.actuator_gainprm[a, 0] * control
-        force += model.actuator_biasprm[a, 0] * is_affine(model, a)
-        if model.actuator_forcelimited[a]:
-            force = np.clip(force, *model.actuator_forcerange[a])
-        return float(model.actuator_gear[model.actuator_outadr[a], 0] * force)
-
-    def zero_if_disabled(self, flag: int, value: float) -> float:
-        """The value, or zero if the model sets the disable flag."""
-        return 0.0 if is_disabled(self.model, flag) else float(value)
-
-    def growth(self, flag: int, values: Array) -> tuple[float, float]:
-        """Polynomial coefficients of a stiffness or a damping; zeros if the model disables it."""
-        one, two = (self.zero_if_disabled(flag, value) for value in values)
-        return one, two
-
-    def body(self, b: int) -> Body:
-        """Read body number b."""
-        model = self.model
-        frame = self.turn[b] @ rotation_matrix(model.body_iquat[b])
-        moment = float((self.normal @ frame) ** 2 @ model.body_inertia[b])
-        first = model.body_jntadr[b]
-        joints = tuple(range(first, first + model.body_jntnum[b])) if first >= 0 else ()
-        return Body(
-            model.body(b).name,
-            int(model.body_parentid[b]),
-            joints,
-            float(model.body_mass[b]),
-            self.point(b, model.body_ipos[b]),
-            moment,
-        )
-
-    def pin(self, e: int) -> Pin:
-        """Read connect equality number e."""
-        model = self.model
-        one, two = model.eq_obj1id[e], model.eq_obj2id[e]
-        places = model.eq_data[e, :3], model.eq_data[e, 3:6]
-        if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
-            places = model.site_pos[one], model.site_pos[two]
-            one, two = model.site_bodyid[one], model.site_bodyid[two]
+    def pin(self, loop: LoopData) -> Pin:
+        """Project a connect equality."""
         return Pin(
-            equality_name(model, e),
-            int(one),
-            self.point(one, places[0]),
-            int(two),
-            self.point(two, places[1]),
+            loop.name,
+            loop.one,
+            self.point(loop.one, loop.on_one),
+            loop.two,
+            self.point(loop.two, loop.on_two),
         )
 
-    def point_spring(self, t: int) -> PointSpring:
-        """Read tendon number t, which goes from site to site."""
-        model, first = self.model, self.model.tendon_adr[t]
-        one, two = model.wrap_objid[first : first + 2]
-        bodies = [int(model.site_bodyid[site]) for site in (one, two)]
-        places = [
-            self.at[body] + self.turn[body] @ model.site_pos[site]
-            for body, site in zip(bodies, (one, two), strict=True)
-        ]
-        return PointSpring(
-            model.tendon(t).name,
-            bodies[0],
-            self.flat(places[0]),
-            bodies[1],
-            self.flat(places[1]),
-            offset=float((places[0] - places[1]) @ self.normal),
-            **self.tendon(t),
-        )
-
-    def sum_springs(self) -> Iterator[SumSpring]:
-        """Read all fixed tendons."""
-        for t in range(self.model.ntendon):
-            if is_fixed_tendon(self.model, t):
-                yield SumSpring(self.model.tendon(t).name, self.fixed(t), **self.tendon(t))
-
-    def tendon(self, t: int) -> dict[str, Any]:
-        """Read the spring and the damper of tendon number t."""
-        model = self.model
-        return {
-            "stiffness": self.zero_if_disabled(
-                DISABLE_FLAG.mjDSBL_SPRING, model.tendon_stiffness[t]
-            ),
-            "damping": self.zero_if_disabled(DISABLE_FLAG.mjDSBL_DAMPER, model.tendon_damping[t]),
-            "slack": tuple(map(float, model.tendon_lengthspring[t])),
-            "stiffness_poly": self.growth(
-                DISABLE_FLAG.mjDSBL_SPRING, model.tendon_stiffnesspoly[t]
-            ),
-            "damping_poly": self.growth(DISABLE_FLAG.mjDSBL_DAMPER, model.tendon_dampingpoly[t]),
-        }
-
-    def coupling(self, e: int) -> Coupling:
-        """Read equality number e of joints or of fixed tendons."""
-        model = self.model
-        tendons = model.eq_type[e] == mujoco.mjtEq.mjEQ_TENDON
+    def coupling(self, tie: TieData) -> Coupling:
+        """The equation of an equality of joints or of fixed tendons."""
 
         def joints(number: int) -> tuple[tuple[int, float], ...]:
             if number < 0:
                 return ()
-            return self.fixed(number) if tendons else ((number, 1.0),)
+            return self.data.tendons[number].terms if tie.tendons else ((number, 1.0),)
 
-        return Coupling(
-            equality_name(model, e),
-            joints(int(model.eq_obj1id[e])),
-            joints(int(model.eq_obj2id[e])),
-            tuple(float(c) for c in model.eq_data[e, :5]),
+        return Coupling(tie.name, joints(tie.one), joints(tie.two), tuple(tie.polynomial.tolist()))
+
+    def point_spring(self, tendon: TendonData) -> PointSpring:
+        """Project a tendon that goes from site to site."""
+        (one, on_one), (two, on_two) = tendon.points
+        places = self.place(one, on_one), self.place(two, on_two)
+        return PointSpring(
+            tendon.name,
+            one,
+            self.flat(places[0]),
+            two,
+            self.flat(places[1]),
+            offset=float((places[0] - places[1]) @ self.normal),
+            **spring_of(tendon),
         )
 
-    def fixed(self, t: int) -> tuple[tuple[int, float], ...]:
-        """Joints of fixed tendon number t, and their weights."""
-        model, first = self.model, int(self.model.tendon_adr[t])
-        wraps = range(first, first + int(model.tendon_num[t]))
-        return tuple((int(model.wrap_objid[w]), float(model.wrap_prm[w])) for w in wraps)
+
+def spring_of(tendon: TendonData) -> dict[str, Any]:
+    """The spring and the damper of a tendon, as arguments of a `TendonSpring`."""
+    stiffness, *stiffer = map(float, tendon.stiffness)
+    damping, *damped = map(float, tendon.damping)
+    return {
+        "stiffness": stiffness,
+        "damping": damping,
+        "slack": tendon.slack,
+        "stiffness_poly": tuple(stiffer),
+        "damping_poly": tuple(damped),
+    }
 
 
-def read_actuator(model: Any, a: int) -> AffineActuator:
-    """Read actuator number a of a compiled model, on a joint or a tendon."""
-    target, on_joint = int(model.actuator_trnid[a, 0]), acts_on_joint(model, a)
-    bias = model.actuator_biasprm[a, :3] * is_affine(model, a)
-    clamped = model.actuator_ctrllimited[a] and not is_disabled(
-        model, DISABLE_FLAG.mjDSBL_CLAMPCTRL
-    )
-    return AffineActuator(
-        model.actuator(a).name,
-        -1 if on_joint else target,
-        int(model.jnt_qposadr[target]) if on_joint else -1,
-        int(model.jnt_dofadr[target]) if on_joint else -1,
-        float(model.actuator_gear[model.actuator_outadr[a], 0]),
-        int(model.actuator_ctrladr[a]),
-        float(model.actuator_gainprm[a, 0]),
-        float(bias[0]),
-        float(bias[1]),
-        float(bias[2]),
-        limited_range(model.actuator_forcerange[a], bool(model.actuator_forcelimited[a])),
-        limited_range(model.actuator_ctrlrange[a], bool(clamped)),
-    )
-
-
-def read_site_load(model: Any, a: int) -> SiteLoad:
-    """Read the load of actuator number a of a compiled model, which acts on a site."""
-    site, frame = map(int, model.actuator_trnid[a])
-    turn = rotation_matrix(model.site_quat[site if frame < 0 else frame])
-    carrier = 0 if frame < 0 else int(model.site_bodyid[frame])
-    while carrier:
-        turn, carrier = (
-            rotation_matrix(model.body_quat[carrier]) @ turn,
-            int(model.body_parentid[carrier]),
-        )
-    force, moment = model.actuator_gear[model.actuator_outadr[a]].reshape(2, 3) @ turn.T
-    return SiteLoad(
-        replace(read_actuator(model, a), tendon=-1, gear=1.0),
-        int(model.site_bodyid[site]),
-        np.array(model.site_pos[site]),
-        force,
-        moment,
-        frame < 0,
-    )
-
-
-def limited_range(values: Array, limited: bool) -> tuple[float, float]:
-    """Ends of a range; infinite if there is none."""
-    return (float(values[0]), float(values[1])) if limited else (-np.inf, np.inf)
-
-
-def is_disabled(model: Any, *flags: int) -> bool:
-    """Whether a model sets one of some disable flags."""
-    return any(model.opt.disableflags & int(flag) for flag in flags)
-
-
-def actuators_of_joint(model: Any, j: int) -> list[int]:
-    """Numbers of the actuators that act on joint number j."""
-    return [
-        a
-        for a in enabled_actuators(model)
-        if model.actuator_trnid[a, 0] == j and acts_on_joint(model, a)
-    ]
-
-
-def enabled_actuators(model: Any) -> list[int]:
-    """Numbers of the actuators that a model does not disable."""
-    if is_disabled(model, DISABLE_FLAG.mjDSBL_ACTUATION):
-        return []
-    return [
-        a
-        for a in range(model.nactuator)
-        if not model.opt.disableactuator & 1 << int(model.actuator_group[a])
-    ]
-
-
-def is_site_motor(model: Any, a: int) -> bool:
-    """Whether actuator number a is a motor on a site, in directions of its body or the ground."""
-    if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_SITE or is_affine(model, a):
-        return False
-    frame = int(model.actuator_trnid[a, 1])
-    return frame < 0 or model.body_weldid[model.site_bodyid[frame]] == 0
-
-
-def acts_on_joint(model: Any, a: int) -> bool:
-    """Whether actuator number a acts on a joint."""
-    return int(model.actuator_trntype[a]) in (
-        mujoco.mjtTrn.mjTRN_JOINT,
-        mujoco.mjtTrn.mjTRN_JOINTINPARENT,
-    )
-
-
-def carried_bodies(parents: Sequence[int], body: int) -> set[int]:
-    """Numbers of a body and of all bodies that it carries, by the parents of all bodies.
-
-    >>> carried_bodies([0, 0, 1, 0, 2], 1)
-    {1, 2, 4}
-    """
-    found = {body}
-    for b, parent in enumerate(parents):
-        if b and parent in found:
-            found.add(b)
-    return found
-
-
-def rotation_matrix(quaternion: Array) -> Array:
-    """Rotation matrix of a unit quaternion (w, x, y, z)."""
-    w, (x, y, z) = quaternion[0], quaternion[1:]
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
-
-
-def sensor_place(model: Any, s: int) -> tuple[int, Array, Array]:
-    """Body of the object that sensor number s is on; its position and quaternion in that body.
-
-    Raises
-    ------
-    NotCovered
-        The object is a camera that moves relative to its body.
-    """
-    kind, i = mujoco.mjtObj(int(model.sensor_objtype[s])), int(model.sensor_objid[s])
-    if kind == mujoco.mjtObj.mjOBJ_CAMERA and (
-        model.cam_mode[i] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-    ):
-        raise NotCovered(
-            f"sensor {model.sensor(s).name!r} is on camera {model.camera(i).name!r}, which is not "
-            "fixed to its body: its mode must be fixed"
-        )
-    body, position, quaternion = {
-        mujoco.mjtObj.mjOBJ_SITE: lambda: (
-            model.site_bodyid[i],
-            model.site_pos[i],
-            model.site_quat[i],
-        ),
-        mujoco.mjtObj.mjOBJ_GEOM: lambda: (
-            model.geom_bodyid[i],
-            model.geom_pos[i],
-            model.geom_quat[i],
-        ),
-        mujoco.mjtObj.mjOBJ_CAMERA: lambda: (
-            model.cam_bodyid[i],
-            model.cam_pos[i],
-            model.cam_quat[i],
-        ),
-        mujoco.mjtObj.mjOBJ_BODY: lambda: (i, model.body_ipos[i], model.body_iquat[i]),
-        mujoco.mjtObj.mjOBJ_XBODY: lambda: (i, np.zeros(3), np.array([1.0, 0, 0, 0])),
-    }[kind]()
-    return int(body), np.array(position), np.array(quaternion)
-
-
-def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
+def read(model: Any, start: str) -> tuple[Mechanism, Projection]:
     """Read a planar mechanism.
 
     Parameters
@@ -910,7 +734,7 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
 
     Returns
     -------
-    Mechanism, Reader
+    Mechanism, Projection
 
     Raises
     ------
@@ -918,52 +742,26 @@ def read(model: Any, start: str) -> tuple[Mechanism, Reader]:
         The model is not a planar mechanism of hinges, slides, equalities of kinds ``connect``,
         ``joint`` and fixed tendons, and springs between two sites; the message names the element.
     """
-    every_joint = tuple(model.joint(j).name for j in range(model.njnt))
-    refuse(model, SUPPORT, driven=every_joint)  # `solve` examines actuators of free joints
-    reader = Reader(model)
-    names = [model.key(k).name for k in range(model.nkey)]
-    if names and start not in names:
-        raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
-    key = names.index(start) if names else -1
-    ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
-    active = (
-        []
-        if is_disabled(model, DISABLE_FLAG.mjDSBL_EQUALITY, DISABLE_FLAG.mjDSBL_CONSTRAINT)
-        else [e for e in range(model.neq) if model.eq_active0[e]]
+    data = read_compiled(model)
+    every_joint = tuple(joint.name for joint in data.joints)
+    refuse(data, SUPPORT, driven=every_joint)  # `solve` examines actuators of free joints
+    plane, key = Projection(data), data.key(start)
+    springs = (
+        SumSpring(tendon.name, tendon.terms, **spring_of(tendon))
+        for tendon in data.tendons
+        if tendon.way == TendonWay.SUM
     )
-    connects = [e for e in active if model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT]
-    gravity = reader.zero_if_disabled(DISABLE_FLAG.mjDSBL_GRAVITY, 1.0) * model.opt.gravity
     return Mechanism(
-        tuple(reader.body(b) for b in range(model.nbody)),
-        tuple(reader.joint(j, ctrl) for j in range(model.njnt)),
-        tuple(reader.pin(e) for e in connects),
-        tuple(reader.coupling(e) for e in active if e not in connects),
-        reader.flat(gravity),
-        np.array(model.key_qpos[key] if names else model.qpos0),
-        np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
-        tuple(
-            reader.point_spring(t) for t in range(model.ntendon) if not is_fixed_tendon(model, t)
-        ),
-        tuple(reader.actuators()),
-        np.array(ctrl),
-        tuple(reader.point_load(a) for a in enabled_actuators(model) if is_site_motor(model, a)),
-        tuple(one for one in reader.sum_springs() if one.has_force),
-    ), reader
-
-
-def is_affine(model: Any, a: int) -> bool:
-    """Whether the force of actuator number a depends linearly on its length and rate."""
-    return bool(model.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_AFFINE)
-
-
-def is_fixed_tendon(model: Any, t: int) -> bool:
-    """Whether tendon number t is fixed: a weighted sum of joint values."""
-    return bool(model.wrap_type[model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT)
-
-
-def refuse_contacts(model: Any) -> None:
-    """Raise NotCovered if bodies of the model may touch: contacts are not covered."""
-    if may_touch(model):
-        raise NotCovered(
-            'contacts are not covered by a free motion: give <option> a <flag contact="disable"/>'
-        )
+        tuple(plane.body(body, b) for b, body in enumerate(data.bodies)),
+        tuple(plane.joint(joint, key.ctrl) for joint in data.joints),
+        tuple(map(plane.pin, data.loops)),
+        tuple(map(plane.coupling, data.ties)),
+        plane.flat(data.options.gravity),
+        key.pose,
+        key.rates,
+        tuple(plane.point_spring(one) for one in data.tendons if one.way != TendonWay.SUM),
+        tuple(plane.actuators()),
+        key.ctrl,
+        tuple(map(plane.point_load, data.site_loads)),
+        tuple(one for one in springs if one.has_force),
+    ), plane

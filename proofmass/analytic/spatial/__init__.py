@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -25,8 +24,8 @@ from proofmass.analytic.controls import (
     controls_at_samples,
 )
 from proofmass.analytic.equilibrium import EquilibriumSolver
-from proofmass.analytic.numerics import NotCovered, unwrap_quaternions
-from proofmass.analytic.planar.mechanism import acts_on_joint, rotation_matrix, sensor_place
+from proofmass.analytic.mjcf import SensorData, SensorFrame, SensorKind
+from proofmass.analytic.numerics import NotCovered, rotation_matrix, unwrap_quaternions
 from proofmass.analytic.spatial.equilibrium import TreeAtRest
 from proofmass.analytic.spatial.kinematics import TreeMotion, move_tree
 from proofmass.analytic.spatial.mechanism import (
@@ -52,12 +51,11 @@ from proofmass.analytic.spatial.terms import (
     tendon_stretch,
 )
 from proofmass.analytic.spatial.witness import TermComparison, compare_terms
-from proofmass.analytic.stops import MotionWithStops, Stop, read_stops, refuse_limit
+from proofmass.analytic.stops import MotionWithStops, Stop, refuse_limit, stops_of_joint
 from proofmass.base.arrays import Array
 
 __all__ = ["properties", "solve"]
 
-SENSOR_TYPE, OBJECT_TYPE = mujoco.mjtSensor, mujoco.mjtObj
 COMPONENT_NAMES = {3: "xyz", 4: "wxyz"}
 """Names of the components of vectors and of quaternions, by their number."""
 IN_TIME, DRIVEN, AT_REST = "in time", "driven", "at rest"
@@ -68,9 +66,9 @@ METHOD_TEXTS = {
 }
 """Descriptions of how the equations are solved, by the way of motion."""
 ACTUATOR_SENSORS = {
-    SENSOR_TYPE.mjSENS_ACTUATORFRC,
-    SENSOR_TYPE.mjSENS_JOINTACTFRC,
-    SENSOR_TYPE.mjSENS_TENDONACTFRC,
+    SensorKind.ACTUATORFRC,
+    SensorKind.JOINTACTFRC,
+    SensorKind.TENDONACTFRC,
 }
 """Sensors of the forces of actuators."""
 
@@ -183,13 +181,13 @@ def solve(
     tree, source = tree_and_terms(model, start, terms)
     motion = (value,) if not joints else (value, rate, acceleration)
     changing = ChangingControls(controls, control_rates, control_profiles)
-    followed = find_motion(model, tree, source, joints, motion, in_time, changing)
+    followed = find_motion(tree, source, joints, motion, in_time, changing)
     if followed.way == AT_REST and inertia:
         raise NotCovered("a path of equilibria has no inertia: leave out inertia of the sweep")
     if followed.way == DRIVEN:
         refuse_limits(tree, followed.held.q)
     inertia = inertia or followed.way == IN_TIME
-    return quantities(model, tree, followed) | force_curves(model, tree, followed, joints, inertia)
+    return quantities(tree, followed) | force_curves(tree, followed, joints, inertia)
 
 
 def properties(
@@ -213,7 +211,7 @@ def properties(
     tree, source = tree_and_terms(model, start, terms)
     changing = ChangingControls(controls, control_rates, control_profiles)
     given = motion if joints else (motion,)
-    followed = find_motion(model, tree, source, joints, given, in_time, changing)
+    followed = find_motion(tree, source, joints, given, in_time, changing)
     comparison, held = followed.comparison, followed.held
     found = {
         "equations of motion": f"terms of {source.name}, {METHOD_TEXTS[followed.way]}",
@@ -275,7 +273,6 @@ class ChangingControls:
 
 
 def find_motion(
-    model: Any,
     tree: Tree,
     source: TermSource,
     joints: tuple[str, ...],
@@ -291,8 +288,8 @@ def find_motion(
     if has_dof and (not joints or in_time is not None):
         times, profiles = in_time if joints and in_time else (np.atleast_1d(motion[0]), ())
         times = np.asarray(times, float)
-        control_profiles_by_place = ControlsInTime.of(model, tree.ctrl, changing.profiles)
-        stops = tuple(read_tree_stops(model, tree))
+        control_profiles_by_place = ControlsInTime.of(tree.data, tree.ctrl, changing.profiles)
+        stops = tuple(stops_of_tree(tree))
         try:
             packed = pickle.dumps((times, tuple(profiles), control_profiles_by_place))
         except (AttributeError, TypeError, pickle.PicklingError):  # a function within a function
@@ -302,10 +299,10 @@ def find_motion(
         return integrate_in_time_cached(tree, source, joints, stops, packed)
     values = np.atleast_2d(np.asarray(motion[0], float))
     state = [np.broadcast_to(np.asarray(x, float), values.shape).T for x in motion]
-    ctrl = controls_at_samples(model, tree.ctrl, changing.controls)
+    ctrl = controls_at_samples(tree.data, tree.ctrl, changing.controls)
     if not has_dof:
         return find_driven_cached(tree, source, joints, pickle.dumps((state, ctrl)))
-    rates = controls_at_samples(model, np.zeros(tree.ctrl.size), changing.rates)
+    rates = controls_at_samples(tree.data, np.zeros(tree.ctrl.size), changing.rates)
     return follow_equilibria_cached(tree, source, joints, pickle.dumps((state, ctrl, rates)))
 
 
@@ -384,44 +381,41 @@ def compare_and_move(
 
 
 def force_curves(
-    model: Any, tree: Tree, followed: SolvedMotion, joints: tuple[str, ...], inertia: bool
+    tree: Tree, followed: SolvedMotion, joints: tuple[str, ...], inertia: bool
 ) -> dict[str, Array]:
     """Curves of sensors of actuators and drives, and of forces and moments between bodies.
 
     They are those of the motion with `inertia`, otherwise those at rest.  Forces between bodies are
     left out where the motion does not determine them.
     """
-    kinds = {s: SENSOR_TYPE(int(model.sensor_type[s])) for s in range(model.nsensor)}
     sensors = [
-        s
-        for s, kind in kinds.items()
-        if kind in (SENSOR_TYPE.mjSENS_FORCE, SENSOR_TYPE.mjSENS_TORQUE)
+        one for one in tree.data.sensors if one.kind in (SensorKind.FORCE, SensorKind.TORQUE)
     ]
     held, motion = followed.held, followed.motion
     state, zero_rates = (held.q, held.v, held.a), np.zeros_like(held.v)
     if not inertia:
         state = (held.q, zero_rates, zero_rates)
         motion = move_tree(tree, *state)
-    found = actuator_curves(model, tree, motion, state, followed.ctrl)
+    found = actuator_curves(tree, motion, state, followed.ctrl)
     if not sensors and not joints:
         return found
     pushes = np.array(held.stopped.forces or zero_rates[:1])
     reactions = Reactions(tree, motion, state, joints, pushes, followed.ctrl)
-    found |= drive_curves(model, joints, reactions.drives)
-    for s in sensors if reactions.unique else ():
-        seat = SensorFrame.of(model, tree, motion, s)
+    found |= drive_curves(tree, joints, reactions.drives)
+    for one in sensors if reactions.unique else ():
+        seat = MovingFrame.of(tree, motion, one)
         force, moment = reactions.on(seat.body, seat.at())
-        own = seat.inside(force if kinds[s] == SENSOR_TYPE.mjSENS_FORCE else moment)
-        found |= {f"{model.sensor(s).name}.{part}": own[:, k] for k, part in enumerate("xyz")}
+        own = seat.inside(force if one.kind == SensorKind.FORCE else moment)
+        found |= {f"{one.name}.{part}": own[:, k] for k, part in enumerate("xyz")}
     return found
 
 
 def actuator_curves(
-    model: Any, tree: Tree, motion: TreeMotion, state: PoseStates, ctrl: Array | None
+    tree: Tree, motion: TreeMotion, state: PoseStates, ctrl: Array | None
 ) -> dict[str, Array]:
     """Curves of the sensors of actuators, and of all actuators on a joint or a tendon."""
-    kinds = {s: SENSOR_TYPE(int(model.sensor_type[s])) for s in range(model.nsensor)}
-    if not ACTUATOR_SENSORS & set(kinds.values()):
+    sensors = [one for one in tree.data.sensors if one.kind in ACTUATOR_SENSORS]
+    if not sensors:
         return {}
     (q, v, _), found = state, dict[str, Array]()
     lengths = [tendon_length(tree, motion, q, v, tendon) for tendon in tree.tendons]
@@ -430,161 +424,159 @@ def actuator_curves(
     for load in tree.site_loads:
         by_control[load.actuator.place] = load.actuator.force(controls[:, load.actuator.place])
     on_joints = actuators_on_joints(tree, motion, lengths, q, v, ctrl)
-    for s, kind in kinds.items():
-        number, value = int(model.sensor_objid[s]), np.zeros(len(q))
-        if kind == SENSOR_TYPE.mjSENS_ACTUATORFRC:
-            value = value + by_control.get(int(model.actuator_ctrladr[number]), 0.0)
-        elif kind == SENSOR_TYPE.mjSENS_JOINTACTFRC:
-            value = on_joints[:, int(model.jnt_dofadr[number])]
-        elif kind == SENSOR_TYPE.mjSENS_TENDONACTFRC:
+    for sensor in sensors:
+        number, value = sensor.number, np.zeros(len(q))
+        if sensor.kind == SensorKind.ACTUATORFRC:
+            value = value + by_control.get(tree.data.actuators[number].place, 0.0)
+        elif sensor.kind == SensorKind.JOINTACTFRC:
+            value = on_joints[:, tree.joints[number].rate]
+        else:
             pulls = (by_control[one.place] for one in tree.actuators if one.tendon == number)
             value = sum(pulls, value)
-        else:
-            continue
-        found[model.sensor(s).name] = value
+        found[sensor.name] = value
     return found
 
 
-def drive_curves(model: Any, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
+def drive_curves(tree: Tree, joints: tuple[str, ...], moments: Array) -> dict[str, Array]:
     """Curves of the sensors of driven joints and their actuators, from the drives' moments."""
     found: dict[str, Array] = {}
-    for s in range(model.nsensor):
-        kind, number = SENSOR_TYPE(int(model.sensor_type[s])), int(model.sensor_objid[s])
-        gear = 1.0
-        if kind == SENSOR_TYPE.mjSENS_ACTUATORFRC and acts_on_joint(model, number):
-            gear = float(model.actuator_gear[model.actuator_outadr[number], 0])
-            number = int(model.actuator_trnid[number, 0])
-        elif kind != SENSOR_TYPE.mjSENS_JOINTACTFRC:
+    for sensor in tree.data.sensors:
+        number, gear = sensor.number, 1.0
+        if sensor.kind == SensorKind.ACTUATORFRC:
+            actuator = tree.data.actuators[number]
+            number, gear = actuator.joint, actuator.gear
+        elif sensor.kind != SensorKind.JOINTACTFRC:
             continue
-        name = model.joint(number).name
+        name = tree.joints[number].name if number >= 0 else ""
         if name in joints and gear:
-            found[model.sensor(s).name] = moments[:, joints.index(name)] / gear
+            found[sensor.name] = moments[:, joints.index(name)] / gear
     return found
 
 
-def read_tree_stops(model: Any, tree: Tree) -> Iterator[Stop]:
-    """Read the stops of all joints."""
-    for j, joint in enumerate(tree.joints):
-        if joint.kind in ("hinge", "slide"):
-            size = float(tree.sizes[joint.rate])
-            yield from read_stops(model, j, joint.range, joint.pose, joint.rate, size)
+def stops_of_tree(tree: Tree) -> Iterator[Stop]:
+    """The stops of all joints."""
+    for joint in tree.joints:
+        if joint.is_scalar:
+            yield from stops_of_joint(joint, float(tree.sizes[joint.rate]))
 
 
 def refuse_limits(tree: Tree, q: Array) -> None:
     """Raise ValueError if a joint of a driven motion leaves its range."""
     for joint in tree.joints:
-        if joint.kind in ("hinge", "slide"):
+        if joint.is_scalar:
             refuse_limit(joint.name, joint.range, q[:, joint.pose])
 
 
-def quantities(model: Any, tree: Tree, followed: SolvedMotion) -> dict[str, Array]:
+def quantities(tree: Tree, followed: SolvedMotion) -> dict[str, Array]:
     """Curves (n,) of all sensors that are covered, by channel name."""
     found: dict[str, Array] = {}
-    for s in range(model.nsensor):
-        name, kind = model.sensor(s).name, SENSOR_TYPE(int(model.sensor_type[s]))
-        value = joint_or_model_curve(model, tree, followed, kind, s)
-        if (
-            value is None
-            and kind in FRAME_CURVES
-            and int(model.sensor_reftype[s]) == OBJECT_TYPE.mjOBJ_UNKNOWN
-        ):
-            value = FRAME_CURVES[kind](SensorFrame.of(model, tree, followed.motion, s))
+    for sensor in tree.data.sensors:
+        value = joint_or_model_curve(tree, followed, sensor)
+        if value is None and sensor.kind in FRAME_CURVES and not sensor.is_relative:
+            seat = MovingFrame.of(tree, followed.motion, sensor)
+            value = FRAME_CURVES[sensor.kind](seat)
         if value is None:
             continue
         if value.ndim == 1:
-            found[name] = value
+            found[sensor.name] = value
         else:
             parts = COMPONENT_NAMES[value.shape[1]]
-            found |= {f"{name}.{part}": value[:, k] for k, part in enumerate(parts)}
+            found |= {f"{sensor.name}.{part}": value[:, k] for k, part in enumerate(parts)}
     return found
 
 
-def joint_or_model_curve(
-    model: Any, tree: Tree, followed: SolvedMotion, kind: mujoco.mjtSensor, s: int
-) -> Array | None:
+def joint_or_model_curve(tree: Tree, followed: SolvedMotion, sensor: SensorData) -> Array | None:
     """Curve of a sensor of a joint, a tendon or the whole model; None for another sensor."""
-    held, number = followed.held, int(model.sensor_objid[s])
-    if kind == SENSOR_TYPE.mjSENS_E_POTENTIAL:
+    held, kind = followed.held, sensor.kind
+    if kind == SensorKind.E_POTENTIAL:
         return potential_energy(tree, followed)
-    if kind == SENSOR_TYPE.mjSENS_E_KINETIC:
+    if kind == SensorKind.E_KINETIC:
         return kinetic_energy(tree, followed)
-    if kind in (SENSOR_TYPE.mjSENS_TENDONPOS, SENSOR_TYPE.mjSENS_TENDONVEL):
-        length = tendon_length(tree, followed.motion, held.q, held.v, tree.tendons[number])
-        return length.value if kind == SENSOR_TYPE.mjSENS_TENDONPOS else length.rate
-    if int(model.sensor_objtype[s]) != OBJECT_TYPE.mjOBJ_JOINT:
+    if kind in (SensorKind.TENDONPOS, SensorKind.TENDONVEL):
+        length = tendon_length(tree, followed.motion, held.q, held.v, tree.tendons[sensor.number])
+        return length.value if kind == SensorKind.TENDONPOS else length.rate
+    if not sensor.on_joint:
         return None
-    joint = tree.joints[number]
-    if kind == SENSOR_TYPE.mjSENS_BALLQUAT:
+    joint = tree.joints[sensor.number]
+    if kind == SensorKind.BALLQUAT:
         own = held.q[:, joint.pose : joint.pose + 4]
         return unwrap_quaternions(own / np.linalg.norm(own, axis=1, keepdims=True))
-    if kind == SENSOR_TYPE.mjSENS_BALLANGVEL:
+    if kind == SensorKind.BALLANGVEL:
         return held.v[:, joint.rate : joint.rate + 3]
-    if kind == SENSOR_TYPE.mjSENS_JOINTPOS:
+    if kind == SensorKind.JOINTPOS:
         return held.q[:, joint.pose]
-    if kind == SENSOR_TYPE.mjSENS_JOINTVEL:
+    if kind == SensorKind.JOINTVEL:
         return held.v[:, joint.rate]
-    if kind == SENSOR_TYPE.mjSENS_USER and joint.kind in ("hinge", "slide"):
+    if kind == SensorKind.USER and joint.is_scalar:
         return held.a[:, joint.rate]
     return None
 
 
 @dataclass(frozen=True)
-class SensorFrame:
-    """The frame of a sensor: a point and axes that are fixed to a body."""
+class MovingFrame:
+    """The frame of a sensor in a motion: a point and axes that are fixed to a body."""
 
     motion: TreeMotion
-    body: int
-    place: Array
-    quaternion: Array
+    own: SensorFrame
     gravity: Array
 
     @classmethod
-    def of(cls, model: Any, tree: Tree, motion: TreeMotion, s: int) -> "SensorFrame":
-        """Read the frame of sensor number s."""
-        body, place, quaternion = sensor_place(model, s)
-        return cls(motion, body, place, quaternion, tree.gravity)
+    def of(cls, tree: Tree, motion: TreeMotion, sensor: SensorData) -> "MovingFrame":
+        """The frame of a sensor.
+
+        Raises
+        ------
+        NotCovered
+            It moves relative to its body.
+        """
+        return cls(motion, sensor.frame, tree.gravity)
+
+    @property
+    def body(self) -> int:
+        """The body that carries it."""
+        return self.own.body
 
     def at(self) -> Array:
         """Position of the frame (n, 3) [m]."""
-        return self.motion.point(self.body, self.place)
+        return self.motion.point(self.body, self.own.place)
 
     def velocity(self) -> Array:
         """Velocity of the frame (n, 3) [m/s]."""
-        return self.motion.point_velocity(self.body, self.place)
+        return self.motion.point_velocity(self.body, self.own.place)
 
     def acceleration(self) -> Array:
         """Acceleration of the frame (n, 3) [m/s^2]."""
-        return self.motion.point_acceleration(self.body, self.place)
+        return self.motion.point_acceleration(self.body, self.own.place)
 
     def turn(self) -> Array:
         """Quaternion of the frame's axes (n, 4) [1]."""
         return unwrap_quaternions(
-            quaternion_product(self.motion.quaternion[:, self.body], self.quaternion)
+            quaternion_product(self.motion.quaternion[:, self.body], self.own.turn)
         )
 
     def axis(self, k: int) -> Array:
         """Axis number k in the world (n, 3) [1]."""
-        return np.asarray(self.motion.turn[:, self.body] @ rotation_matrix(self.quaternion)[:, k])
+        return np.asarray(self.motion.turn[:, self.body] @ rotation_matrix(self.own.turn)[:, k])
 
     def inside(self, vectors: Array) -> Array:
         """Components (n, 3) of vectors of the world in the frame's axes."""
-        axes = self.motion.turn[:, self.body] @ rotation_matrix(self.quaternion)
+        axes = self.motion.turn[:, self.body] @ rotation_matrix(self.own.turn)
         return np.asarray(np.einsum("nji,nj->ni", axes, vectors))
 
 
-FRAME_CURVES: Mapping[mujoco.mjtSensor, Callable[[SensorFrame], Array]] = {
-    SENSOR_TYPE.mjSENS_FRAMEPOS: SensorFrame.at,
-    SENSOR_TYPE.mjSENS_FRAMELINVEL: SensorFrame.velocity,
-    SENSOR_TYPE.mjSENS_FRAMELINACC: SensorFrame.acceleration,
-    SENSOR_TYPE.mjSENS_FRAMEANGVEL: lambda seat: seat.motion.spin[:, seat.body],
-    SENSOR_TYPE.mjSENS_FRAMEANGACC: lambda seat: seat.motion.spin_rate[:, seat.body],
-    SENSOR_TYPE.mjSENS_FRAMEQUAT: SensorFrame.turn,
-    SENSOR_TYPE.mjSENS_FRAMEXAXIS: lambda seat: seat.axis(0),
-    SENSOR_TYPE.mjSENS_FRAMEYAXIS: lambda seat: seat.axis(1),
-    SENSOR_TYPE.mjSENS_FRAMEZAXIS: lambda seat: seat.axis(2),
-    SENSOR_TYPE.mjSENS_GYRO: lambda seat: seat.inside(seat.motion.spin[:, seat.body]),
-    SENSOR_TYPE.mjSENS_VELOCIMETER: lambda seat: seat.inside(seat.velocity()),
-    SENSOR_TYPE.mjSENS_ACCELEROMETER: lambda seat: seat.inside(seat.acceleration() - seat.gravity),
+FRAME_CURVES: Mapping[SensorKind, Callable[[MovingFrame], Array]] = {
+    SensorKind.FRAMEPOS: MovingFrame.at,
+    SensorKind.FRAMELINVEL: MovingFrame.velocity,
+    SensorKind.FRAMELINACC: MovingFrame.acceleration,
+    SensorKind.FRAMEANGVEL: lambda seat: seat.motion.spin[:, seat.body],
+    SensorKind.FRAMEANGACC: lambda seat: seat.motion.spin_rate[:, seat.body],
+    SensorKind.FRAMEQUAT: MovingFrame.turn,
+    SensorKind.FRAMEXAXIS: lambda seat: seat.axis(0),
+    SensorKind.FRAMEYAXIS: lambda seat: seat.axis(1),
+    SensorKind.FRAMEZAXIS: lambda seat: seat.axis(2),
+    SensorKind.GYRO: lambda seat: seat.inside(seat.motion.spin[:, seat.body]),
+    SensorKind.VELOCIMETER: lambda seat: seat.inside(seat.velocity()),
+    SensorKind.ACCELEROMETER: lambda seat: seat.inside(seat.acceleration() - seat.gravity),
 }
 """Curves of the sensors of frames, by kind of sensor."""
 
@@ -609,7 +601,7 @@ def potential_energy(tree: Tree, followed: SolvedMotion) -> Array:
         found = found - body.mass * motion.point(b, body.centre) @ tree.gravity
     for joint in tree.joints:
         if any(joint.stiffness):
-            x = joint_spring_stretch(joint.kind, joint.rest, held.q[:, joint.pose :])
+            x = joint_spring_stretch(joint, held.q[:, joint.pose :])
             if x.shape[1] == 1:
                 found = found + spring_energy(joint.stiffness, x[:, 0])
             else:

@@ -49,7 +49,7 @@ class TreeAtRest:
         return tuple(
             stop
             for joint in self.tree.joints
-            if joint.kind in ("hinge", "slide") and joint.rate not in self.driven
+            if joint.is_scalar and joint.rate not in self.driven
             for stop in make_stops(
                 joint.name, joint.range, joint.pose, joint.rate, float(self.sizes[joint.rate])
             )

@@ -8,10 +8,10 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
+from proofmass.analytic.mjcf import JointData, JointKind
+from proofmass.analytic.numerics import IDENTITY_QUATERNION
 from proofmass.analytic.spatial.mechanism import (
-    IDENTITY_QUATERNION,
     Tree,
-    TreeJoint,
     quaternion_product,
     quaternion_product_parts,
 )
@@ -170,16 +170,16 @@ def move_tree(tree: Tree, q: Array, v: Array, a: Array) -> TreeMotion:
 
 
 def move_by_joint(
-    joint: TreeJoint, frame: Frame, q: Array, v: Array, a: Array, axes: Array, anchors: Array
+    joint: JointData, frame: Frame, q: Array, v: Array, a: Array, axes: Array, anchors: Array
 ) -> None:
     """Move a frame by one joint, and write the joint's directions into `axes` and `anchors`."""
     pose_index, rate_index = joint.pose, joint.rate
-    if joint.kind == "slide":
+    if joint.kind == JointKind.SLIDE:
         axis = frame.turn @ joint.axis
         axes[:, rate_index] = axis
         frame.slide_along(axis, q[:, pose_index] - joint.zero, v[:, rate_index], a[:, rate_index])
         return
-    if joint.kind == "free":
+    if joint.kind == JointKind.FREE:
         frame.at, frame.velocity = (
             q[:, pose_index : pose_index + 3],
             v[:, rate_index : rate_index + 3],
@@ -191,7 +191,7 @@ def move_by_joint(
         pose_index, rate_index = pose_index + 3, rate_index + 3
     elif joint.place.any():
         frame.shift_origin(frame.turn @ joint.place)
-    if joint.kind == "hinge":
+    if joint.kind == JointKind.HINGE:
         axis = frame.turn @ joint.axis
         axes[:, rate_index], anchors[:, rate_index] = axis, frame.at
         frame.turned(
@@ -208,7 +208,7 @@ def move_by_joint(
             (turn @ part[:, rate_index : rate_index + 3, None])[..., 0] for part in (v, a)
         )
         frame.turned(own, rate, acceleration)
-    if joint.kind != "free" and joint.place.any():
+    if joint.kind != JointKind.FREE and joint.place.any():
         frame.shift_origin(-(frame.turn @ joint.place))
 
 

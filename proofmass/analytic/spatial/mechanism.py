@@ -1,9 +1,7 @@
-"""Data of a spatial mechanism: rigid bodies in a tree of joints, equalities, and forces.
+"""A spatial mechanism: the data of a model with what the formulation derives from them.
 
-`read_tree` makes a `Tree` from the numbers of a compiled MJCF; MuJoCo's kinematics is not used. A
-pose is a row as in ``qpos``, and rates are a row as in ``qvel``: for a ball joint the angular
-velocity in the axes of its body; for a free joint the velocity of its body's origin in the world,
-and then the angular velocity in the axes of the body.
+`read_tree` makes a `Tree` from the numbers of a compiled MJCF; MuJoCo's kinematics is not used.
+What a pose and its rates are says `proofmass.analytic.mjcf.ModelData`.
 """
 
 from collections.abc import Sequence
@@ -11,183 +9,27 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import mujoco
 import numpy as np
 
-from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
-from proofmass.analytic.names import equality_name
-from proofmass.analytic.numerics import NotCovered, without_rounding
-from proofmass.analytic.planar.mechanism import (
-    enabled_actuators,
-    is_disabled,
-    is_site_motor,
-    read_actuator,
-    read_site_load,
-    refuse_contacts,
-    rotation_matrix,
+from proofmass.analytic.mjcf import (
+    JOINT_SIZES,
+    ActuatorData,
+    ActuatorTarget,
+    BodyData,
+    JointData,
+    JointKind,
+    KeyData,
+    LoopData,
+    ModelData,
+    SiteLoad,
+    TendonData,
+    TieData,
+    read_compiled,
 )
+from proofmass.analytic.numerics import NotCovered, without_rounding
 from proofmass.analytic.spatial.support import SUPPORT
-from proofmass.analytic.support import refuse
+from proofmass.analytic.support import refuse, refuse_contacts
 from proofmass.base.arrays import Array, Index
-
-DISABLE_FLAG, EQUALITY_TYPE, TRANSMISSION_TYPE = mujoco.mjtDisableBit, mujoco.mjtEq, mujoco.mjtTrn
-JOINT_KINDS = {
-    mujoco.mjtJoint.mjJNT_HINGE: "hinge",
-    mujoco.mjtJoint.mjJNT_SLIDE: "slide",
-    mujoco.mjtJoint.mjJNT_BALL: "ball",
-    mujoco.mjtJoint.mjJNT_FREE: "free",
-}
-JOINT_SIZES = {"hinge": (1, 1), "slide": (1, 1), "ball": (4, 3), "free": (7, 6)}
-"""How many numbers a joint has in a pose and in the rates, by its kind."""
-IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
-"""Quaternion of no rotation."""
-
-
-@dataclass(frozen=True)
-class TreeJoint:
-    """A joint of a body, in the body's axes.
-
-    Attributes
-    ----------
-    name, kind : str
-        Kind is hinge, slide, ball or free.
-    pose, rate : int
-        First index of its numbers in a pose and in the rates.
-    place, axis : ndarray (3,)
-        Its position [m] and direction [1].
-    zero : float
-        Value of a hinge or slide in the reference pose, in which the MJCF gives the bodies
-        [rad or m].
-    stiffness : tuple of float
-        Coefficients of the spring's stiffness, lowest power first [SI].
-    rest : ndarray
-        Numbers of the joint in a pose at which the spring is slack [SI].
-    range : tuple of float
-        Smallest and largest value of a hinge or slide [rad or m].
-    actuated : tuple of float
-        Smallest and largest total force of the actuators on a hinge or slide [N m or N].
-    """
-
-    name: str
-    kind: str
-    pose: int
-    rate: int
-    place: Array
-    axis: Array
-    zero: float
-    stiffness: tuple[float, ...]
-    rest: Array
-    range: tuple[float, float]
-    actuated: tuple[float, float] = UNLIMITED
-
-
-@dataclass(frozen=True)
-class TreeBody:
-    """A rigid body.
-
-    Attributes
-    ----------
-    name : str
-    parent : int
-    place, turn : ndarray (3,), (4,)
-        Position [m] and orientation as a quaternion [1] in the parent's frame.
-    joints : tuple of int
-        Numbers of the joints between body and parent, in their order.
-    mass : float
-        Mass [kg].
-    centre : ndarray (3,)
-        Centre of mass in the body's frame [m].
-    inertia : ndarray (3, 3)
-        Moments of inertia about the centre, in the body's axes [kg m^2].
-    """
-
-    name: str
-    parent: int
-    place: Array
-    turn: Array
-    joints: tuple[int, ...]
-    mass: float
-    centre: Array
-    inertia: Array
-
-
-@dataclass(frozen=True)
-class Tendon:
-    """A fixed tendon, or a straight one from site to site.
-
-    Attributes
-    ----------
-    name : str
-    terms : tuple of (int, int, float)
-        For each joint of a fixed tendon: index in a pose, index in the rates, coefficient [1].
-    points : tuple of (int, ndarray)
-        For each site of a straight tendon: body, and point in its frame [m].
-    zero : float
-        Length in the reference pose [m or rad].
-    slack : tuple of float
-        Shortest and longest length at which the spring is slack [m or rad].
-    stiffness, damping : tuple of float
-        Coefficients, lowest power first [SI].
-    """
-
-    name: str
-    terms: tuple[tuple[int, int, float], ...]
-    points: tuple[tuple[int, Array], ...]
-    zero: float
-    slack: tuple[float, float]
-    stiffness: tuple[float, ...]
-    damping: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class PointLoop:
-    """A ``connect`` or ``weld``: a point of one body that coincides with a point of another.
-
-    Attributes
-    ----------
-    name : str
-    one, on_one : int, ndarray (3,)
-        The first body, and the point in its frame [m].
-    two, on_two : int, ndarray (3,)
-        The second body, and the point in its frame [m].
-    turns : ndarray (2, 4), optional
-        For a weld: quaternions, in bodies one and two, of axes that are constrained to be parallel
-        [1].
-    scale : float
-        Factor of the rows of these axes [1].
-    """
-
-    name: str
-    one: int
-    on_one: Array
-    two: int
-    on_two: Array
-    turns: Array | None = None
-    scale: float = 1.0
-
-
-@dataclass(frozen=True)
-class Tie:
-    """An equality: the value of a joint or tendon is a polynomial of that of another one.
-
-    Both values count from their zeros.
-
-    Attributes
-    ----------
-    name : str
-    tendons : bool
-        Whether `one` and `two` are tendons, not joints.
-    one, two : int
-        Numbers of the joints or tendons; `two` is -1 if `one` is constant.
-    polynomial : ndarray (5,)
-        Coefficients, lowest power first [SI].
-    """
-
-    name: str
-    tendons: bool
-    one: int
-    two: int
-    polynomial: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,39 +38,81 @@ class Tree:
 
     Attributes
     ----------
-    bodies, joints, tendons, actuators, loops, ties
-        Its parts; `actuators` are those of joints and tendons, and `loops` and `ties` are its
-        equalities.
-    damping : ndarray (rates, 3)
-        Damping of all rates: coefficients of 1, of the speed and of its square [SI].
-    armature : ndarray (rates,)
-        Armature of all rates [kg or kg m^2].
-    gravity : ndarray (3,)
-        Acceleration of gravity [m/s^2].
-    start, start_rate : ndarray (poses,), (rates,)
-        The start pose, and the rates there [SI].
-    extent : float
-        Size of the model [m].
-    ctrl : ndarray (controls,)
-        Controls of the key [SI].
-    site_loads : tuple of SiteLoad
-        Loads of the actuators on sites.
+    data : ModelData
+    key : KeyData
+        The start pose, the rates there, and the controls.
+    actuators : tuple of ActuatorData
+        Those of joints and tendons that act.
     """
 
-    bodies: tuple[TreeBody, ...]
-    joints: tuple[TreeJoint, ...]
-    tendons: tuple[Tendon, ...]
-    actuators: tuple[AffineActuator, ...]
-    loops: tuple[PointLoop, ...]
-    ties: tuple[Tie, ...]
-    damping: Array
-    armature: Array
-    gravity: Array
-    start: Array
-    start_rate: Array
-    extent: float
-    ctrl: Array
-    site_loads: tuple[SiteLoad, ...] = ()
+    data: ModelData
+    key: KeyData
+    actuators: tuple[ActuatorData, ...]
+
+    @property
+    def bodies(self) -> tuple[BodyData, ...]:
+        """All bodies."""
+        return self.data.bodies
+
+    @property
+    def joints(self) -> tuple[JointData, ...]:
+        """All joints."""
+        return self.data.joints
+
+    @property
+    def tendons(self) -> tuple[TendonData, ...]:
+        """All tendons."""
+        return self.data.tendons
+
+    @cached_property
+    def loops(self) -> tuple[LoopData, ...]:
+        """The equalities of points of bodies."""
+        return self.data.loops
+
+    @cached_property
+    def ties(self) -> tuple[TieData, ...]:
+        """The equalities of joints and of tendons."""
+        return self.data.ties
+
+    @property
+    def site_loads(self) -> tuple[SiteLoad, ...]:
+        """Loads of the actuators on sites."""
+        return self.data.site_loads
+
+    @property
+    def gravity(self) -> Array:
+        """Acceleration of gravity (3,) [m/s^2]."""
+        return self.data.options.gravity
+
+    @property
+    def start(self) -> Array:
+        """The start pose (poses,) [SI]."""
+        return self.key.pose
+
+    @property
+    def start_rate(self) -> Array:
+        """The rates at the start pose (rates,) [SI]."""
+        return self.key.rates
+
+    @property
+    def ctrl(self) -> Array:
+        """Controls of the key (controls,) [SI]."""
+        return self.key.ctrl
+
+    @property
+    def extent(self) -> float:
+        """Size of the model [m]."""
+        return self.data.extent
+
+    @cached_property
+    def damping(self) -> Array:
+        """Damping of all rates (rates, 3): coefficients of 1, of the speed and its square [SI]."""
+        return np.concatenate([np.zeros((0, 3)), *(joint.damping for joint in self.joints)])
+
+    @cached_property
+    def armature(self) -> Array:
+        """Armature of all rates (rates,) [kg or kg m^2]."""
+        return np.concatenate([np.zeros(0), *(joint.armature for joint in self.joints)])
 
     @cached_property
     def moved(self) -> Array:
@@ -255,8 +139,8 @@ class Tree:
         """1 where a rate is an angular one, else 0 (rates,)."""
         found = np.ones(len(self.armature))
         for joint in self.joints:
-            if joint.kind in ("slide", "free"):
-                found[joint.rate : joint.rate + (3 if joint.kind == "free" else 1)] = 0.0
+            if joint.kind in (JointKind.SLIDE, JointKind.FREE):
+                found[joint.rate : joint.rate + (3 if joint.kind == JointKind.FREE else 1)] = 0.0
         return found
 
     @property
@@ -302,7 +186,7 @@ class Tree:
             raise ValueError(f"no joint {missing[0]!r}; there are: {', '.join(named) or 'none'}")
         found = [named[name] for name in joints]
         for joint in found:
-            if joint.kind not in ("hinge", "slide"):
+            if not joint.is_scalar:
                 raise NotCovered(f"the driven joint {joint.name!r} is a {joint.kind} joint")
         poses, rates = ([getattr(one, part) for one in found] for part in ("pose", "rate"))
         return np.array(poses, np.intp), np.array(rates, np.intp)
@@ -311,9 +195,10 @@ class Tree:
     def quaternions(self) -> tuple[tuple[int, int], ...]:
         """First indices of quaternions in a pose, and of their angular velocities in the rates."""
         return tuple(
-            (joint.pose + 3, joint.rate + 3) if joint.kind == "free" else (joint.pose, joint.rate)
+            (joint.pose + place, joint.rate + place)
             for joint in self.joints
-            if joint.kind in ("ball", "free")
+            if not joint.is_scalar
+            for place in (3 if joint.kind == JointKind.FREE else 0,)
         )
 
     @cached_property
@@ -353,146 +238,11 @@ def read_tree(model: Any, start: str) -> Tree:
     ValueError
         There is no such key.
     """
-    refuse_contacts(model)
-    refuse(model, SUPPORT)
-    names = [model.key(k).name for k in range(model.nkey)]
-    if names and start not in names:
-        raise ValueError(f"no key {start!r}; there are: {', '.join(names)}")
-    key = names.index(start) if names else -1
-    has_equalities = not is_disabled(
-        model, DISABLE_FLAG.mjDSBL_EQUALITY, DISABLE_FLAG.mjDSBL_CONSTRAINT
-    )
-    active = [int(e) for e in np.flatnonzero(model.eq_active0)] if has_equalities else []
-    has_damping = not is_disabled(model, DISABLE_FLAG.mjDSBL_DAMPER)
-    damping = np.column_stack([model.dof_damping, model.dof_dampingpoly]) * has_damping
-    ctrl = model.key_ctrl[key] if names else np.zeros(model.nu)
-    return Tree(
-        tuple(read_body(model, b) for b in range(model.nbody)),
-        tuple(read_joint(model, j) for j in range(model.njnt)),
-        tuple(read_tendon(model, t) for t in range(model.ntendon)),
-        tuple(
-            read_actuator(model, a)
-            for a in enabled_actuators(model)
-            if model.actuator_trntype[a] != TRANSMISSION_TYPE.mjTRN_SITE
-        ),
-        tuple(
-            read_loop(model, e)
-            for e in active
-            if EQUALITY_TYPE(int(model.eq_type[e]))
-            in (EQUALITY_TYPE.mjEQ_CONNECT, EQUALITY_TYPE.mjEQ_WELD)
-        ),
-        tuple(
-            read_tie(model, e)
-            for e in active
-            if EQUALITY_TYPE(int(model.eq_type[e]))
-            in (EQUALITY_TYPE.mjEQ_JOINT, EQUALITY_TYPE.mjEQ_TENDON)
-        ),
-        damping,
-        np.array(model.dof_armature),
-        np.array(model.opt.gravity) * (not is_disabled(model, DISABLE_FLAG.mjDSBL_GRAVITY)),
-        np.array(model.key_qpos[key] if names else model.qpos0),
-        np.array(model.key_qvel[key] if names else np.zeros(model.nv)),
-        float(model.stat.extent),
-        np.array(ctrl),
-        tuple(
-            read_site_load(model, a) for a in enabled_actuators(model) if is_site_motor(model, a)
-        ),
-    )
-
-
-def read_body(model: Any, b: int) -> TreeBody:
-    """Read body number b."""
-    first, axes = int(model.body_jntadr[b]), rotation_matrix(model.body_iquat[b])
-    return TreeBody(
-        model.body(b).name,
-        int(model.body_parentid[b]),
-        np.array(model.body_pos[b]),
-        np.array(model.body_quat[b]),
-        tuple(range(first, first + int(model.body_jntnum[b]))) if first >= 0 else (),
-        float(model.body_mass[b]),
-        np.array(model.body_ipos[b]),
-        axes * model.body_inertia[b] @ axes.T,
-    )
-
-
-def read_joint(model: Any, j: int) -> TreeJoint:
-    """Read joint number j."""
-    kind, pose = JOINT_KINDS[mujoco.mjtJoint(int(model.jnt_type[j]))], int(model.jnt_qposadr[j])
-    has_springs = not is_disabled(model, DISABLE_FLAG.mjDSBL_SPRING)
-    has_range = model.jnt_limited[j] and not is_disabled(
-        model, DISABLE_FLAG.mjDSBL_LIMIT, DISABLE_FLAG.mjDSBL_CONSTRAINT
-    )
-    return TreeJoint(
-        model.joint(j).name,
-        kind,
-        pose,
-        int(model.jnt_dofadr[j]),
-        np.array(model.jnt_pos[j]),
-        np.array(model.jnt_axis[j]),
-        float(model.qpos0[pose]) if kind in ("hinge", "slide") else 0.0,
-        tuple(has_springs * c for c in (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])),
-        np.array(model.qpos_spring[pose : pose + JOINT_SIZES[kind][0]]),
-        tuple(model.jnt_range[j].tolist()) if has_range else UNLIMITED,
-        tuple(model.jnt_actfrcrange[j].tolist()) if model.jnt_actfrclimited[j] else UNLIMITED,
-    )
-
-
-def read_tendon(model: Any, t: int) -> Tendon:
-    """Read tendon number t."""
-    first = int(model.tendon_adr[t])
-    wraps = range(first, first + int(model.tendon_num[t]))
-    terms, points = list[tuple[int, int, float]](), list[tuple[int, Array]]()
-    for w in wraps:
-        what = int(model.wrap_objid[w])
-        if model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT:
-            place = int(model.jnt_qposadr[what]), int(model.jnt_dofadr[what])
-            terms.append((*place, float(model.wrap_prm[w])))
-        else:
-            points.append((int(model.site_bodyid[what]), np.array(model.site_pos[what])))
-    has_springs = not is_disabled(model, DISABLE_FLAG.mjDSBL_SPRING)
-    has_damping = not is_disabled(model, DISABLE_FLAG.mjDSBL_DAMPER)
-    return Tendon(
-        model.tendon(t).name,
-        tuple(terms),
-        tuple(points),
-        float(model.tendon_length0[t]),
-        (float(model.tendon_lengthspring[t, 0]), float(model.tendon_lengthspring[t, 1])),
-        tuple(has_springs * c for c in (model.tendon_stiffness[t], *model.tendon_stiffnesspoly[t])),
-        tuple(has_damping * c for c in (model.tendon_damping[t], *model.tendon_dampingpoly[t])),
-    )
-
-
-def read_loop(model: Any, e: int) -> PointLoop:
-    """Read equality number e, a connect or a weld."""
-    one, two, data = int(model.eq_obj1id[e]), int(model.eq_obj2id[e]), model.eq_data[e]
-    weld = model.eq_type[e] == EQUALITY_TYPE.mjEQ_WELD
-    places = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
-    turns = [data[6:10], IDENTITY_QUATERNION]
-    if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
-        sides = one, two
-        one, two = (int(model.site_bodyid[side]) for side in sides)
-        places = tuple(model.site_pos[side] for side in sides)
-        turns = [model.site_quat[side] for side in sides]
-    return PointLoop(
-        equality_name(model, e),
-        one,
-        np.array(places[0]),
-        two,
-        np.array(places[1]),
-        np.array(turns) if weld else None,
-        float(data[10]) if weld else 1.0,
-    )
-
-
-def read_tie(model: Any, e: int) -> Tie:
-    """Read equality number e, of joints or tendons."""
-    return Tie(
-        equality_name(model, e),
-        model.eq_type[e] == EQUALITY_TYPE.mjEQ_TENDON,
-        int(model.eq_obj1id[e]),
-        int(model.eq_obj2id[e]),
-        np.array(model.eq_data[e, :5]),
-    )
+    data = read_compiled(model)
+    refuse_contacts(data)
+    refuse(data, SUPPORT)
+    on_site = ActuatorTarget.SITE
+    return Tree(data, data.key(start), tuple(one for one in data.acting if one.target != on_site))
 
 
 def quaternion_product(one: Array, two: Array) -> Array:

@@ -15,9 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
-from proofmass.analytic.planar.mechanism import carried_bodies
+from proofmass.analytic.mjcf import LoopData, carried_bodies
 from proofmass.analytic.spatial.kinematics import TreeMotion, cross3
-from proofmass.analytic.spatial.mechanism import PointLoop, Tree
+from proofmass.analytic.spatial.mechanism import Tree
 from proofmass.analytic.spatial.terms import (
     newton_euler_forces,
     own_terms,
@@ -136,7 +136,7 @@ class Reactions:
         for load, push, twist in site_load_forces(self.tree, self.motion, self.ctrl):
             yield load.body, self.motion.point(load.body, load.at), push, twist
 
-    def twist(self, loop: PointLoop, forces: Array) -> Array:
+    def twist(self, loop: LoopData, forces: Array) -> Array:
         """Moment of a weld on its first body (n, 3); zero for a connect."""
         if loop.turns is None:
             return np.zeros((len(self.forces), 3))

@@ -17,7 +17,15 @@ from typing import Protocol
 
 import numpy as np
 
-from proofmass.analytic.controls import UNLIMITED, AffineActuator, SiteLoad
+from proofmass.analytic.mjcf import (
+    ActuatorData,
+    JointData,
+    JointKind,
+    LoopData,
+    SiteLoad,
+    TendonData,
+    TieData,
+)
 from proofmass.analytic.spatial.kinematics import (
     TreeMotion,
     cross3,
@@ -26,9 +34,6 @@ from proofmass.analytic.spatial.kinematics import (
     rotation_vector,
 )
 from proofmass.analytic.spatial.mechanism import (
-    PointLoop,
-    Tendon,
-    Tie,
     Tree,
     quaternion_conjugate,
     quaternion_product,
@@ -202,13 +207,14 @@ class Length:
     drift: Array
 
 
-def tendon_length(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: Tendon) -> Length:
+def tendon_length(tree: Tree, motion: TreeMotion, q: Array, v: Array, tendon: TendonData) -> Length:
     """Lengths of a tendon with their derivatives."""
     n = len(q)
     value, rate, drift, rows = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros_like(v)
-    for pose_index, rate_index, share in tendon.terms:
-        value, rate = value + share * q[:, pose_index], rate + share * v[:, rate_index]
-        rows[:, rate_index] += share
+    for j, share in tendon.terms:
+        joint = tree.joints[j]
+        value, rate = value + share * q[:, joint.pose], rate + share * v[:, joint.rate]
+        rows[:, joint.rate] += share
     for (one, on_one), (two, on_two) in zip(tendon.points[:-1], tendon.points[1:], strict=True):
         if one == two:
             value = value + np.linalg.norm(on_two - on_one)
@@ -239,7 +245,7 @@ def spring_forces(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Arra
     force = -v * (tree.damping[:, 0] + speed * (tree.damping[:, 1] + speed * tree.damping[:, 2]))
     for joint in tree.joints:
         if any(joint.stiffness):
-            stretch = joint_spring_stretch(joint.kind, joint.rest, q[:, joint.pose :])
+            stretch = joint_spring_stretch(joint, q[:, joint.pose :])
             stiffness = (
                 polynomial_values(joint.stiffness, stretch)
                 if stretch.shape[1] == 1
@@ -256,7 +262,7 @@ def spring_forces(tree: Tree, lengths: list[Length], q: Array, v: Array) -> Arra
 
 def actuator_forces(
     tree: Tree, lengths: list[Length], q: Array, v: Array, ctrl: Array | None
-) -> Iterator[tuple[AffineActuator, Array]]:
+) -> Iterator[tuple[ActuatorData, Array]]:
     """Iterate over the actuators on joints and tendons with their forces (n,) [N or N m]."""
     controls = tree.ctrl[None] if ctrl is None else ctrl
     for one in tree.actuators:
@@ -283,8 +289,8 @@ def actuators_on_joints(
         else:
             found += (one.gear * force)[:, None] * lengths[one.tendon].rows
     for joint in tree.joints:
-        if joint.actuated != UNLIMITED:
-            found[:, joint.rate] = np.clip(found[:, joint.rate], *joint.actuated)
+        if joint.has_force_range:
+            found[:, joint.rate] = np.clip(found[:, joint.rate], *joint.force_range)
     return found
 
 
@@ -314,9 +320,10 @@ def loads_on_joints(tree: Tree, motion: TreeMotion, ctrl: Array | None) -> Array
     return found
 
 
-def joint_spring_stretch(kind: str, rest: Array, own: Array) -> Array:
-    """Stretch of a joint's spring (n, rates of the joint) [m, rad]."""
-    if kind in ("hinge", "slide"):
+def joint_spring_stretch(joint: JointData, own: Array) -> Array:
+    """Stretch of a joint's spring (n, rates of the joint) [m, rad], by poses from it on."""
+    rest = joint.rest
+    if joint.is_scalar:
         return np.asarray(own[:, :1] - rest)
     turn = rotation_vector(
         quaternion_product(
@@ -324,12 +331,12 @@ def joint_spring_stretch(kind: str, rest: Array, own: Array) -> Array:
             normalize_quaternions(own[:, rest.size - 4 : rest.size]),
         )
     )
-    if kind == "ball":
+    if joint.kind == JointKind.BALL:
         return turn
     return np.concatenate([own[:, :3] - rest[:3], turn], axis=1)
 
 
-def tendon_stretch(tendon: Tendon, length: Array) -> Array:
+def tendon_stretch(tendon: TendonData, length: Array) -> Array:
     """Stretch of a tendon's spring (n,): distance of lengths from the slack range [m or rad]."""
     low, high = tendon.slack
     return np.asarray(np.where(length > high, length - high, np.minimum(length - low, 0.0)))
@@ -348,7 +355,7 @@ def equality_terms(
     return gaps, rows, drifts
 
 
-def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array, Array]:
+def loop_terms(tree: Tree, motion: TreeMotion, loop: LoopData) -> tuple[Array, Array, Array]:
     """Violations (n, k), Jacobian (n, k, rates) and drifts (n, k) of a connect or a weld."""
     one, two = loop.one, loop.two
     places = motion.point(one, loop.on_one), motion.point(two, loop.on_two)
@@ -379,7 +386,7 @@ def loop_terms(tree: Tree, motion: TreeMotion, loop: PointLoop) -> tuple[Array, 
     )
 
 
-def weld_turns(motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array]:
+def weld_turns(motion: TreeMotion, loop: LoopData) -> tuple[Array, Array]:
     """Quaternions (n, 4) of a weld's axes: on the first body, and conjugate on the second."""
     assert loop.turns is not None
     first = quaternion_product(motion.quaternion[:, loop.one], loop.turns[0])
@@ -388,7 +395,7 @@ def weld_turns(motion: TreeMotion, loop: PointLoop) -> tuple[Array, Array]:
     )
 
 
-def weld_slope(motion: TreeMotion, loop: PointLoop) -> Array:
+def weld_slope(motion: TreeMotion, loop: LoopData) -> Array:
     """Derivatives (n, 3, 3) of a weld's violation of axes by rotations of its first body."""
     first, second = weld_turns(motion, loop)
     columns = [
@@ -406,7 +413,7 @@ def as_quaternions(vectors: Array) -> Array:
 
 
 def tie_terms(
-    tree: Tree, lengths: list[Length], tie: Tie, q: Array, v: Array
+    tree: Tree, lengths: list[Length], tie: TieData, q: Array, v: Array
 ) -> tuple[Array, Array, Array]:
     """Violation (n, 1), Jacobian (n, 1, rates) and drift (n, 1) of a joint or tendon equality."""
 

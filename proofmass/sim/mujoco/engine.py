@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
+from proofmass.analytic.mjcf import read_compiled
 from proofmass.analytic.names import equality_name, radian_hint
 from proofmass.analytic.start import MAX_KEY_VIOLATION
 from proofmass.analytic.support import left_out
@@ -81,7 +82,7 @@ def simulate(model: Path, run: Run) -> Curves:
             return mujoco_flex.equilibrium(model, run)
         with collected_warnings() as warned:
             compiled = compile_model(model, run.rods)
-            notes = left_out(compiled, SUPPORT)
+            notes = left_out(read_compiled(compiled), SUPPORT)
             curves = run_compiled(*prepare_model(compiled, run), run)
         notes += warning_notes(compiled, warned)
         return replace(curves, notes=(*curves.notes, *notes))

@@ -1,4 +1,9 @@
-"""Loading of a MuJoCo model and reading of its sensors, for all kinds of runs."""
+"""Loading of a MuJoCo model and reading of its sensors, for all kinds of runs.
+
+MuJoCo compiles the model and computes its motion from its own arrays, on purpose without the plain
+data of the references (`proofmass.analytic.mjcf`), in which only features are looked for: a number
+that the references misread makes their curves differ from those of this engine.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,6 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from proofmass.analytic.mjcf import read_compiled
 from proofmass.analytic.numerics import unwrap_quaternions
 from proofmass.analytic.support import RunKind, examine
 from proofmass.base.arrays import Array
@@ -110,7 +116,7 @@ def find_id(model: mujoco.MjModel, kind: int, word: str, name: str) -> int:
 def refuse_uncovered(model: mujoco.MjModel, kind: RunKind, drives: Sequence[str] = ()) -> None:
     """Raise `Unsupported` if a model has features that a kind of run does not cover."""
     driven = tuple(find_id(model, mujoco.mjtObj.mjOBJ_JOINT, "joint", name) for name in drives)
-    if refused := examine(model, SUPPORT, kind, driven)[0]:
+    if refused := examine(read_compiled(model), SUPPORT, kind, driven)[0]:
         raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from proofmass.analytic.mjcf import read_compiled
 from proofmass.analytic.support import left_out
 from proofmass.sim.mjcf import collected_warnings, warning_notes
 from proofmass.sim.protocol.curves import Curves
@@ -92,7 +93,11 @@ def simulate(model: Path, run: Run) -> Curves:
     curves.missing.update(missing)
     return replace(
         curves,
-        notes=(*curves.notes, *left_out(links.model, SUPPORT), *warning_notes(links.model, warned)),
+        notes=(
+            *curves.notes,
+            *left_out(read_compiled(links.model), SUPPORT),
+            *warning_notes(links.model, warned),
+        ),
     )
 
 

@@ -1,6 +1,9 @@
 """Read a planar MJCF as links for pymunk, with its channels.
 
-Elements that pymunk cannot represent raise `Unsupported` with their names.
+Elements that pymunk cannot represent raise `Unsupported` with their names.  What a run covers is
+found in the plain data of the references (`proofmass.analytic.mjcf`), but no number of a link is
+taken from there: pymunk has a reading of its own on purpose, so that its curves show a number that
+the references misread.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,6 +15,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from proofmass.analytic.mjcf import read_compiled
 from proofmass.analytic.names import equality_name, radian_hint
 from proofmass.analytic.start import MAX_KEY_VIOLATION
 from proofmass.analytic.support import RunKind, examine
@@ -59,7 +63,7 @@ def read_model(model: Path, run: Run) -> tuple[Links, Settings]:
     compiled = _compile(model, run)
     driven, kind = _driven_joints(compiled, run), kind_of(run)
     links = read_links(compiled, run.start, driven, run.rods)
-    if refused := examine(compiled, SUPPORT, kind, driven)[0]:
+    if refused := examine(read_compiled(compiled), SUPPORT, kind, driven)[0]:
         raise Unsupported(f"{'; '.join(refused)} in {kind.in_words}")
     if run.kind == "dynamics":
         state = start_state(compiled, run)
@@ -199,7 +203,7 @@ def refuse_uncovered(model: mujoco.MjModel, driven: tuple[int, ...]) -> None:
     Unsupported
         The message lists all such elements by name.
     """
-    refused, _ = examine(model, SUPPORT, None, driven)
+    refused, _ = examine(read_compiled(model), SUPPORT, None, driven)
     if reasons := [*refused, *_uncovered_bodies(model, driven)]:
         raise Unsupported("; ".join(reasons))
 

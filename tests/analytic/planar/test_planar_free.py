@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from proofmass.analytic.features import touching_bodies
 from proofmass.analytic.linkages import fourbar, pendulum
+from proofmass.analytic.mjcf.contacts import touching_bodies
 from proofmass.analytic.planar import SingularHere, read, solve
 from proofmass.analytic.planar.dynamics import TangentChart, free_motion
 from proofmass.analytic.planar.forces import kinetic_energy, potential_energy

@@ -1,0 +1,249 @@
+"""Bodies of a compiled model, and the joints between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from proofmass.analytic.mjcf.options import (
+    DAMPER_FLAGS,
+    FRICTION_FLAGS,
+    LIMIT_FLAGS,
+    SPRING_FLAGS,
+    UNLIMITED,
+    is_disabled,
+    read_range,
+)
+from proofmass.analytic.numerics import rotation_matrix
+from proofmass.base.arrays import Array
+
+
+class JointKind(StrEnum):
+    """What a joint lets a body do."""
+
+    HINGE = "hinge"
+    SLIDE = "slide"
+    BALL = "ball"
+    FREE = "free"
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether one number is the value of the joint: it is a hinge or a slide."""
+        return self in (JointKind.HINGE, JointKind.SLIDE)
+
+
+JOINT_KINDS = {
+    int(mujoco.mjtJoint.mjJNT_HINGE): JointKind.HINGE,
+    int(mujoco.mjtJoint.mjJNT_SLIDE): JointKind.SLIDE,
+    int(mujoco.mjtJoint.mjJNT_BALL): JointKind.BALL,
+    int(mujoco.mjtJoint.mjJNT_FREE): JointKind.FREE,
+}
+JOINT_SIZES = {
+    JointKind.HINGE: (1, 1),
+    JointKind.SLIDE: (1, 1),
+    JointKind.BALL: (4, 3),
+    JointKind.FREE: (7, 6),
+}
+"""How many numbers a joint has in a pose and in the rates, by its kind."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyData:
+    """A rigid body.
+
+    Attributes
+    ----------
+    name : str
+    parent : int
+    place, turn : ndarray (3,), (4,)
+        Position [m] and orientation as a quaternion [1] in the parent's frame.
+    joints : tuple of int
+        Numbers of the joints between body and parent, in their order.
+    mass : float
+        Mass [kg].
+    centre : ndarray (3,)
+        Centre of mass in the body's frame [m].
+    inertia_turn : ndarray (4,)
+        Orientation of the principal axes of inertia as a quaternion in the body's frame [1].
+    moments : ndarray (3,)
+        Principal moments of inertia about the centre [kg m^2].
+    weight_share : float
+        Share of its weight that ``gravcomp`` takes away [1].
+    is_mocap : bool
+        Whether a program places it, and no joint.
+    is_fixed : bool
+        Whether no joint is between the body and the ground.
+    """
+
+    name: str
+    parent: int
+    place: Array
+    turn: Array
+    joints: tuple[int, ...]
+    mass: float
+    centre: Array
+    inertia_turn: Array
+    moments: Array
+    weight_share: float
+    is_mocap: bool
+    is_fixed: bool
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Moments of inertia about the centre, in the body's axes (3, 3) [kg m^2]."""
+        axes = rotation_matrix(self.inertia_turn)
+        return np.asarray(axes * self.moments @ axes.T)
+
+
+@dataclass(frozen=True, eq=False)
+class JointData:
+    """A joint between a body and its parent, in the body's axes.
+
+    What a flag of the model disables is left out: it is zero, or without a limit.
+
+    Attributes
+    ----------
+    name, kind : str, JointKind
+    body : int
+        The body that it moves.
+    pose, rate : int
+        First index of its numbers in a pose and in the rates.
+    place, axis : ndarray (3,)
+        Its position [m] and direction [1].
+    zero : float
+        Value of a hinge or slide in the reference pose, in which the MJCF gives the bodies
+        [rad or m].
+    rest : ndarray
+        Numbers of the joint in a pose at which the spring is slack [SI].
+    stiffness : tuple of float
+        Coefficients of the spring's stiffness, lowest power first [SI].
+    spring_yields : bool
+        Whether its spring yields, so that its force depends on the past.
+    damping : ndarray (rates, 3)
+        For each of its rates the coefficients of 1, of the speed and of its square [SI].
+    armature : ndarray (rates,)
+        Rotor inertia [kg m^2 or kg].
+    friction : ndarray (rates,)
+        Largest dry friction [N m or N].
+    range : tuple of float
+        Smallest and largest value of a hinge or slide; of a ball 0 and its largest angle
+        [rad or m].
+    margin : float
+        Distance from the ends of the range at which the limit begins to act [rad or m].
+    limit_solref : ndarray (2,)
+        Time constant and damping ratio of the limit, or its negative stiffness and damping [SI].
+    force_range : tuple of float
+        Smallest and largest total force of the actuators on a hinge or slide [N m or N].
+    on_ground_alone : bool
+        Whether its body hangs on the ground by this joint alone.
+    """
+
+    name: str
+    kind: JointKind
+    body: int
+    pose: int
+    rate: int
+    place: Array
+    axis: Array
+    zero: float
+    rest: Array
+    stiffness: tuple[float, ...]
+    spring_yields: bool
+    damping: Array
+    armature: Array
+    friction: Array
+    range: tuple[float, float]
+    margin: float
+    limit_solref: Array
+    force_range: tuple[float, float]
+    on_ground_alone: bool
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether it is a hinge or a slide."""
+        return self.kind.is_scalar
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether it has a range."""
+        return self.range != UNLIMITED
+
+    @property
+    def has_force_range(self) -> bool:
+        """Whether the total force of its actuators has a range."""
+        return self.force_range != UNLIMITED
+
+    @property
+    def is_hinge_on_ground(self) -> bool:
+        """Whether it is the only joint of its body, a hinge on the ground."""
+        return self.kind == JointKind.HINGE and self.on_ground_alone
+
+
+def read_body(model: Any, b: int) -> BodyData:
+    """Read body number b."""
+    first = int(model.body_jntadr[b])
+    return BodyData(
+        model.body(b).name,
+        int(model.body_parentid[b]),
+        np.array(model.body_pos[b]),
+        np.array(model.body_quat[b]),
+        tuple(range(first, first + int(model.body_jntnum[b]))) if first >= 0 else (),
+        float(model.body_mass[b]),
+        np.array(model.body_ipos[b]),
+        np.array(model.body_iquat[b]),
+        np.array(model.body_inertia[b]),
+        float(model.body_gravcomp[b]),
+        bool(model.body_mocapid[b] >= 0),
+        bool(model.body_weldid[b] == 0),
+    )
+
+
+def read_joint(model: Any, j: int) -> JointData:
+    """Read joint number j."""
+    kind, body = JOINT_KINDS[int(model.jnt_type[j])], int(model.jnt_bodyid[j])
+    pose, rate = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+    numbers, speeds = JOINT_SIZES[kind]
+    own = slice(rate, rate + speeds)
+    has_spring, has_damper, has_friction, has_limit = (
+        not is_disabled(model, *flags)
+        for flags in (SPRING_FLAGS, DAMPER_FLAGS, FRICTION_FLAGS, LIMIT_FLAGS)
+    )
+    ground = model.body_weldid[model.body_parentid[body]] == 0
+    return JointData(
+        model.joint(j).name,
+        kind,
+        body,
+        pose,
+        rate,
+        np.array(model.jnt_pos[j]),
+        np.array(model.jnt_axis[j]),
+        float(model.qpos0[pose]) if kind.is_scalar else 0.0,
+        np.array(model.qpos_spring[pose : pose + numbers]),
+        tuple(has_spring * c for c in (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])),
+        bool(has_spring and np.any(model.jnt_springyield[j])),
+        np.column_stack([model.dof_damping[own], model.dof_dampingpoly[own]]) * has_damper,
+        np.array(model.dof_armature[own]),
+        np.array(model.dof_frictionloss[own]) * has_friction,
+        read_range(model.jnt_range[j], has_limit and bool(model.jnt_limited[j])),
+        float(model.jnt_margin[j]),
+        np.array(model.jnt_solref[j]),
+        read_range(model.jnt_actfrcrange[j], bool(model.jnt_actfrclimited[j])),
+        bool(ground and model.body_jntnum[body] == 1),
+    )
+
+
+def carried_bodies(parents: Sequence[int], body: int) -> set[int]:
+    """Numbers of a body and of all bodies that it carries, by the parents of all bodies.
+
+    >>> carried_bodies([0, 0, 1, 0, 2], 1)
+    {1, 2, 4}
+    """
+    found = {body}
+    for b, parent in enumerate(parents):
+        if b and parent in found:
+            found.add(b)
+    return found
