@@ -19,7 +19,8 @@ RELATIVE_NEARNESS = 1e-5
 """Largest relative difference of two numbers that count as near each other."""
 MAX_KEPT_EVALUATIONS = 16
 """Number of evaluations of references that are kept."""
-Memory = dict[Any, Any]
+Memory = dict[Any, list[tuple[tuple[Any, ...], Any]]]
+"""Results of one evaluation: by function, the arguments of each call and its result."""
 current_memory: ContextVar[tuple[Memory, bool]] = ContextVar("in_use")
 kept_evaluations: dict[tuple[Callable[..., Any], bytes], Any] = {}
 
@@ -43,8 +44,10 @@ def reuse_nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
     """Decorator: a function returns a stored result if the memory has one for near arguments.
 
     The memory is the one of `use_memory`; `is_near` compares arguments.  Without a memory, or if
-    it has no such result, the function is called.  The results of the last `RESULTS_PER_FUNCTION`
-    calls are kept, so that the function is not called again for equal arguments.
+    results are stored in it, a call without a result nearby is made as if it were the first one of
+    the process.  The results of the last `RESULTS_PER_FUNCTION` such calls are kept, with those
+    that the functions inside them stored, so that a memory gets the same results from a call that
+    was made before.  A call that depends on the results of a memory is not kept.
 
     >>> @reuse_nearby
     ... def square(x):
@@ -59,19 +62,28 @@ def reuse_nearby(function: Callable[..., Answer]) -> Callable[..., Answer]:
     >>> square(3.000001) == 3.000001**2
     True
     """
-    exact = lru_cache(RESULTS_PER_FUNCTION)(function)
+
+    @lru_cache(RESULTS_PER_FUNCTION)
+    def call_first(*given: Any) -> tuple[Answer, Memory]:
+        """The result of a call with an empty memory, and all results that the call stores."""
+        own: Memory = {}
+        with use_memory(own, store_results=True):
+            result = function(*given)
+        own.setdefault(reuse_or_call, []).append((given, result))
+        return result, own
 
     @wraps(function)
     def reuse_or_call(*given: Any) -> Answer:
-        memory, store_results = current_memory.get(({}, False))
-        stored = memory.setdefault(reuse_or_call, [])
-        for arguments, result in stored:
+        memory, store_results = current_memory.get(({}, True))
+        for arguments, result in memory.get(reuse_or_call, ()):
             if is_near(arguments, given, RELATIVE_NEARNESS * largest_number(arguments)):
                 return cast(Answer, result)
-        result = exact(*given)
-        if store_results:
-            stored.append((given, result))
-        return result
+        if not store_results:  # inner searches begin from the memory, so the result is not kept
+            return function(*given)
+        found, stored = call_first(*given)
+        for called, results in stored.items():
+            memory.setdefault(called, []).extend(results)
+        return found
 
     return reuse_or_call
 
