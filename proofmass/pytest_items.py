@@ -13,6 +13,7 @@ import pytest
 
 from proofmass.base.errors import InputError
 from proofmass.batch.check import (
+    compare_and_share,
     diagnose_run,
     early_end_error,
     load_validated,
@@ -22,11 +23,11 @@ from proofmass.batch.check import (
 )
 from proofmass.case.case import Case
 from proofmass.evidence.diagnosis import Diagnosis, shared_causes
-from proofmass.verdict.compare import UNCHECKED_CASE, Comparison, compare
+from proofmass.verdict.compare import UNCHECKED_CASE, Comparison
 from proofmass.verdict.outcome import FAILED_OUTCOMES, GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 from proofmass.verdict.refinement import refinement_runs
 
-COMPARE_ONLY = partial(compare, detectable=False)
+COMPARE_ONLY = partial(compare_and_share, detectable=False)
 load_once = cache(load_validated)
 """Load and validate a case once, before its first item runs."""
 

@@ -27,6 +27,7 @@ from proofmass.batch.check import (
     check_bare_model,
     collect_inputs,
     collect_outcomes,
+    compare_and_share,
     early_end_error,
     family_of,
     find_inputs,
@@ -46,7 +47,7 @@ from proofmass.run.sidecar import load_case
 from proofmass.sim.mujoco import own_motion
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, Diverged, NotSolved, Unsupported
-from proofmass.verdict.compare import Comparison, attach_reference, compare
+from proofmass.verdict.compare import Comparison, Comparisons, compare
 from proofmass.verdict.outcome import FAILED_OUTCOMES
 from proofmass.verdict.refinement import FinerRun, refined_errors
 from tests.shipped import MODELS
@@ -375,7 +376,9 @@ def test_a_run_is_made_within_its_limits(short, workers, monkeypatch):
     assert {c.outcome for c in found} == {"agrees"}
     assert found[0].detectable
     assert curves.x.size == 11
-    compared = run_solver(case, "dynamics", "mujoco", compare_curves=lambda *told: [told])[0]
+    compared = run_solver(
+        case, "dynamics", "mujoco", compare_curves=lambda *told: Comparisons([told])
+    )[0]
     assert compared[0][:3] == (case, "dynamics", "mujoco")
     assert compared[0][3].x.size == 11
 
@@ -436,11 +439,9 @@ def test_expected_exceptions_of_a_run_are_raised_unchanged(error, short, monkeyp
 
 def test_an_unexpected_exception_of_a_run_is_a_crash(short, monkeypatch):
     case = load_validated(short)
-    for name in ("mobility", "solve_here"):
-        with monkeypatch.context() as patch:
-            patch.setattr(CHECK_MODULE, name, lambda case, *_: {}[case.name])
-            with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
-                run_and_compare(case, "dynamics", "mujoco", None)
+    monkeypatch.setattr(CHECK_MODULE, "solve_here", lambda case, *_: {}[case.name])
+    with pytest.raises(Crashed, match=r"^KeyError: 'pendulum'$"):
+        run_and_compare(case, "dynamics", "mujoco", None)
 
 
 def test_a_sweep_that_ends_early_says_where(short):
@@ -564,7 +565,7 @@ def test_a_run_of_a_refinement_is_compared_by_its_errors_alone(short, monkeypatc
     )
     task, compared = run_task((case, "dynamics", "mujoco"), detectable=False)
     assert task == (case, "dynamics", "mujoco")
-    assert (compared.func, compared.keywords) == (compare, {"detectable": False})
+    assert (compared.func, compared.keywords) == (compare_and_share, {"detectable": False})
     assert run_task(make_finer_run(case, 2, None)) == ((case, "dynamics", "mujoco"), refined_errors)
 
 
@@ -614,8 +615,8 @@ def test_curves_have_the_reference_that_they_were_compared_with(models, keep_sol
             error = np.abs(curves.channels[c.channel] - curves.reference[c.channel])
             assert float(error.max()) / case.channels[c.channel].factor == c.error_max  # same bits
             assert curves.reference[c.channel] == pytest.approx(truth[c.channel], abs=1e-9)
-        other = Curves(curves.x, curves.channels, drive=tuple(part.copy() for part in curves.drive))
-        assert attach_reference(case, kind, other) is other  # these curves were not compared
+        own = Curves(curves.x, curves.channels, drive=curves.drive)
+        assert Comparisons(rows).join_reference(own) is own  # no reference is known
 
 
 def test_each_exception_of_a_run_has_an_outcome_of_a_failure():

@@ -12,7 +12,13 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.base.recording import Recorded
 from proofmass.case.case import Case
-from proofmass.reference.reference import evaluate, load_reference, run_samples
+from proofmass.reference.reference import (
+    ReferenceCurves,
+    evaluate,
+    load_reference,
+    run_samples,
+)
+from proofmass.reference.run_reference import RunReference, changeable_parameters
 from proofmass.report.tables import (
     format_detectable_changes,
     unknown_parameters,
@@ -21,13 +27,9 @@ from proofmass.report.tables import (
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import (
-    Comparison,
+from proofmass.verdict.compare import Comparison, compare, compare_channel
+from proofmass.verdict.detectable import (
     DetectableChange,
-    RunReference,
-    changeable_parameters,
-    compare,
-    compare_channel,
     detectable_changes,
     large_detectable,
     parameter_slopes,
@@ -369,10 +371,12 @@ def test_changes_of_a_parameter_that_is_0_are_shares_of_the_largest():
     def evaluated(case, kind, x, state, **changed):
         asked.append(changed)
         key, value = next(iter(changed.items()), ("none", 0.0))
-        return Curves(x, {"y": np.array([value if key == "none" else 2.0 * (value + 5.0)])})
+        return ReferenceCurves(
+            x, {"y": np.array([value if key == "none" else 2.0 * (value + 5.0)])}
+        )
 
     with pytest.MonkeyPatch.context() as patch:
-        module = sys.modules[compare.__module__]
+        module = sys.modules[RunReference.__module__]
         patch.setattr(module, "evaluate", evaluated)
         patch.setattr(module, "changeable_parameters", lambda case: {"none": 0.0, "some": -5.0})
         curves = Curves(np.zeros(1), {"y": np.zeros(1)})

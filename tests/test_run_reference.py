@@ -14,21 +14,20 @@ from proofmass.base.errors import InputError
 from proofmass.batch.check import Result
 from proofmass.reference.plot_data import plot_data
 from proofmass.reference.reference import evaluate, properties, reference_identity, run_samples
+from proofmass.reference.run_reference import (
+    RunReference,
+    shared_reference,
+    shared_references,
+)
 from proofmass.report import case_page
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import plan_run
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import (
-    RunReference,
-    attach_reference,
-    compare,
-    last_references,
-    run_reference,
-)
+from proofmass.verdict.compare import compare
 from proofmass.verdict.refinement import refined_errors, refinement_runs
 from tests.shipped import shipped
 
-COMPARE_MODULE = sys.modules[RunReference.__module__]
+REFERENCE_MODULE = sys.modules[RunReference.__module__]
 FOURBAR = load_case(shipped("fourbar.toml"))
 X = plan_run(FOURBAR, "sweep", "mujoco").x[::90]
 PRESCRIBED = plan_run(FOURBAR, "sweep", "mujoco").motion(X)
@@ -65,14 +64,14 @@ def test_a_run_without_drive_values_is_a_free_motion():
     curves = Curves(np.zeros(2), {})
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            COMPARE_MODULE, "evaluate", lambda case, kind, x, state, **changed: Curves(x, {})
+            REFERENCE_MODULE, "evaluate", lambda case, kind, x, state, **changed: Curves(x, {})
         )
         assert RunReference(driven, "equilibrium", curves).state is None
 
 
 def test_a_solver_with_the_prescribed_values_needs_no_other_evaluation(monkeypatch):
     reference = fourbar_reference()
-    monkeypatch.setattr(COMPARE_MODULE, "evaluate", None)
+    monkeypatch.setattr(REFERENCE_MODULE, "evaluate", None)
     found = reference.as_driven(tuple(part.copy() for part in PRESCRIBED))
     assert found.channels is reference.unchanged
     assert found.x is X
@@ -94,7 +93,7 @@ def test_prescribed_values_out_of_reach_do_not_affect_a_lagging_solver(monkeypat
             raise InputError(case.file, "drive", "out of reach")
         return evaluate(case, kind, x, state, **changed)
 
-    monkeypatch.setattr(COMPARE_MODULE, "evaluate", up_to_here)
+    monkeypatch.setattr(REFERENCE_MODULE, "evaluate", up_to_here)
     reference = fourbar_reference()
     assert reference.unchanged == {}
     assert reference.differences("crank", 1e-6) == []
@@ -113,7 +112,7 @@ def test_searches_of_the_unchanged_reference_alone_are_stored(monkeypatch):
         used.append((current_memory.get(), changed))
         return Curves(x, {"y": np.zeros(x.size)})
 
-    monkeypatch.setattr(COMPARE_MODULE, "evaluate", evaluated)
+    monkeypatch.setattr(REFERENCE_MODULE, "evaluate", evaluated)
     reference = fourbar_reference()
     reference.differences("crank", 1e-6)
     reference.as_driven(LAGGING)
@@ -128,7 +127,7 @@ def test_searches_of_the_unchanged_reference_alone_are_stored(monkeypatch):
 def test_a_changed_parameter_is_evaluated_once(monkeypatch):
     reference = fourbar_reference()
     first = reference.differences("crank", 1e-6)
-    monkeypatch.setattr(COMPARE_MODULE, "evaluate", None)
+    monkeypatch.setattr(REFERENCE_MODULE, "evaluate", None)
     assert equal_curves(reference.differences("crank", 1e-6)[0], first[0])
     changed = evaluate(
         FOURBAR, "sweep", X, PRESCRIBED, crank=FOURBAR.parameters["crank"] * (1.0 + 1e-6)
@@ -139,16 +138,16 @@ def test_a_changed_parameter_is_evaluated_once(monkeypatch):
 
 def test_solvers_of_a_run_share_its_reference_and_other_runs_do_not():
     curves = Curves(X, {}, drive=PRESCRIBED)
-    first = run_reference(FOURBAR, "sweep", curves)
-    assert run_reference(FOURBAR, "sweep", replace(curves, drive=LAGGING)) is first
+    first = shared_reference(FOURBAR, "sweep", curves)
+    assert shared_reference(FOURBAR, "sweep", replace(curves, drive=LAGGING)) is first
     wider = FOURBAR.model_copy(update={"tolerance": (), "settings": {}})
-    assert run_reference(wider, "sweep", curves) is first
-    assert run_reference(FOURBAR, "dynamics", curves) is not first
-    shorter = run_reference(FOURBAR, "sweep", Curves(X[:2], {}, drive=PRESCRIBED))
+    assert shared_reference(wider, "sweep", curves) is first
+    assert shared_reference(FOURBAR, "dynamics", curves) is not first
+    shorter = shared_reference(FOURBAR, "sweep", Curves(X[:2], {}, drive=PRESCRIBED))
     assert shorter.x.size == 2
-    assert len(last_references) == 1
+    assert len(shared_references) == 1
     longer = FOURBAR.model_copy(update={"parameters": FOURBAR.parameters | {"crank": 1.01}})
-    assert run_reference(longer, "sweep", curves).parameters["crank"] == 1.01
+    assert shared_reference(longer, "sweep", curves).parameters["crank"] == 1.01
 
 
 @pytest.mark.parametrize(
@@ -190,9 +189,9 @@ def test_views_reuse_the_reference_that_was_compared(monkeypatch):
         balancer, "solve", wraps(solve)(lambda *a, **k: calls.append(k) or solve(*a, **k))
     )
     kept_evaluations.clear()
-    compare(case, "sweep", "mujoco", curves, detectable=False)
+    found = compare(case, "sweep", "mujoco", curves, detectable=False)
     assert len(calls) == 1
-    own = attach_reference(case, "sweep", curves)
+    own = found.join_reference(curves)
     for view in case.view:
         found = plot_data(case, view, own, reference=Curves(x, own.reference)).values
         assert found.keys() == {view.x, *view.y, *view.stack, *view.dashed}
@@ -204,10 +203,9 @@ def test_properties_come_with_the_curves_that_were_compared():
     case = load_case(shipped("heavy_top.toml"))
     x = run_samples(case, "dynamics")
     curves = Curves(x, evaluate(case, "dynamics", x, None).channels)
-    compare(case, "dynamics", "mujoco", curves, detectable=False)
-    assert attach_reference(case, "dynamics", curves).properties is None
-    compare(case, "dynamics", "mujoco", curves)
-    own = attach_reference(case, "dynamics", curves)
+    found = compare(case, "dynamics", "mujoco", curves, detectable=False)
+    assert found.join_reference(curves).properties is None
+    own = compare(case, "dynamics", "mujoco", curves).join_reference(curves)
     assert own.properties == properties(case)
     assert "energy" in own.properties
     beyond = True  # no worker evaluates properties then

@@ -84,7 +84,7 @@ NEEDS_TWO_PROCESSORS = pytest.mark.skipif(
 EVALUATE_PROGRAM = """
 import sys
 from proofmass import load_case
-from proofmass.verdict.compare import run_reference
+from proofmass.reference.run_reference import RunReference
 from proofmass.reference.reference import evaluate
 from proofmass.sim.protocol.curves import Curves
 from proofmass.run.solve import plan_run
@@ -95,7 +95,7 @@ state = run.motion(x)
 if sys.argv[2:]:
     evaluate(case, "sweep", x, state, stiffness=case.parameters["stiffness"] * (1.0 + 1e-7))
 near = tuple(part + 1e-12 for part in state)
-reference = run_reference(case, "sweep", Curves(x, {}, drive=near))
+reference = RunReference(case, "sweep", Curves(x, {}, drive=near))
 print([curve.tobytes().hex() for at in (state, near)
        for curve in reference.as_driven(at).channels.values()])
 """

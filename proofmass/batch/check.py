@@ -24,8 +24,8 @@ from proofmass.evidence.diagnosis import (
     describe_failure,
     find_causes,
 )
-from proofmass.reference.mobility import mobility
 from proofmass.reference.reference import run_samples
+from proofmass.reference.run_reference import shared_reference
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.run.sidecar import load_case
 from proofmass.run.solve import solve_here
@@ -34,7 +34,7 @@ from proofmass.sim.engines import engine_of
 from proofmass.sim.mjcf import NATIVE_ENGINE
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel, Diverged, Unsupported
-from proofmass.verdict.compare import Comparison, attach_reference, compare, failed_comparisons
+from proofmass.verdict.compare import Comparison, Comparisons, compare, failed_comparisons
 from proofmass.verdict.outcome import (
     FAILED_OUTCOMES,
     GOOD_OUTCOMES,
@@ -252,8 +252,19 @@ def load_validated(path: Path, strict: bool = False) -> Case:
     return case
 
 
+def compare_and_share(
+    case: Case, kind: Kind, solver: str, curves: Curves, detectable: bool = True
+) -> Comparisons:
+    """Do what `compare` does, with the reference that the solvers of a run share in a worker."""
+    shared = shared_reference(case, kind, curves)
+    return compare(case, kind, solver, curves, detectable, shared)
+
+
 def run_solver(
-    case: Case, kind: Kind, solver: str, compare_curves: Callable[..., list[Comparison]] = compare
+    case: Case,
+    kind: Kind,
+    solver: str,
+    compare_curves: Callable[[Case, Kind, str, Curves], Comparisons] = compare_and_share,
 ) -> tuple[list[Comparison], Curves | None]:
     """Run and compare one solver; a failed run gives failed comparisons, and its curves if any.
 
@@ -286,13 +297,16 @@ def run_solver(
 
 
 def run_and_compare(
-    case: Case, kind: Kind, solver: str, compare_curves: Callable[..., list[Comparison]]
+    case: Case,
+    kind: Kind,
+    solver: str,
+    compare_curves: Callable[[Case, Kind, str, Curves], Comparisons],
 ) -> tuple[list[Comparison], Curves]:
     """Do what `run_solver` does, in this process; an unexpected exception becomes a crash."""
     try:
-        mobility(case)
         curves = solve_here(case, kind, solver)
-        return compare_curves(case, kind, solver, curves), attach_reference(case, kind, curves)
+        found = compare_curves(case, kind, solver, curves)
+        return list(found), found.join_reference(curves)
     except (InputError, MemoryError):
         raise
     except tuple(OUTCOME_OF_EXCEPTION):
@@ -734,10 +748,9 @@ def run_task(task: CheckTask, detectable: bool = True) -> tuple[list[Comparison]
     """Run one task: a run of a case, or the check of a model without a sidecar."""
     if isinstance(task, Path):
         return check_bare_model(task), None
-    compare_curves = partial(compare, detectable=detectable)
-    return run_solver(
-        *task[:3], compare_curves=refined_errors if isinstance(task, FinerRun) else compare_curves
-    )
+    if isinstance(task, FinerRun):
+        return run_solver(*task[:3], compare_curves=refined_errors)
+    return run_solver(*task, compare_curves=partial(compare_and_share, detectable=detectable))
 
 
 def task_file(task: CheckTask) -> Path:

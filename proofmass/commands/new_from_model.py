@@ -39,7 +39,12 @@ from proofmass.base.errors import InputError
 from proofmass.base.files import read_text, write_atomically
 from proofmass.base.strict import Kind
 from proofmass.base.worker import Crashed, OutOfMemory, TimedOut, call_isolated
-from proofmass.batch.check import OWN_MODEL_SAMPLES, read_isolated, run_solver
+from proofmass.batch.check import (
+    OWN_MODEL_SAMPLES,
+    compare_and_share,
+    read_isolated,
+    run_solver,
+)
 from proofmass.reference.reference import smooth_terms
 from proofmass.reference.self_consistency import PROCESSOR_SECONDS, Rung, why_failed
 from proofmass.run.sidecar import DEFAULT_SAMPLES
@@ -58,7 +63,7 @@ from proofmass.sim.engines import default_engines, engine_of
 from proofmass.sim.mjcf import NATIVE_ENGINE, compile_model
 from proofmass.sim.protocol.failures import BadModel, NotSolved, Unsupported
 from proofmass.sim.protocol.run import fitting_samples
-from proofmass.verdict.compare import Comparison, compare, passes_unmoved
+from proofmass.verdict.compare import Comparison, passes_unmoved
 from proofmass.verdict.outcome import Outcome
 
 INSPECTION_SECONDS = 240.0
@@ -80,7 +85,7 @@ REFERENCE_COMMENTS = {
     "spatial": "reads the numbers of the model: a wrong one is wrong in both",
     "refined": "the model's own equations, solved closely: it judges the time stepping alone",
 }
-COMPARE_ERRORS_ONLY = partial(compare, detectable=False)
+COMPARE_ERRORS_ONLY = partial(compare_and_share, detectable=False)
 NOTHING_MOVES = (
     "nothing moves: it starts at rest, and no force acts on its joints; give its key rates (qvel) "
     "or controls (ctrl), or write a sidecar with a [[drive]] for each degree of freedom"

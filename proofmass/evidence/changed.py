@@ -26,6 +26,7 @@ from proofmass.reference.reference import (
     reference_reads_model,
     run_samples,
 )
+from proofmass.reference.run_reference import shared_reference
 from proofmass.run.solve import prescribed_run, solve_here
 from proofmass.sim.contents import mass, size
 from proofmass.sim.elements import Number, Source, changed_rods, compile_source, write_changes
@@ -37,7 +38,6 @@ from proofmass.verdict.compare import (
     Comparison,
     check_assembly_mode,
     compare,
-    run_reference,
     scale_of,
     time_scale,
 )
@@ -126,12 +126,13 @@ class Trial:
 
 def run_baseline(case: Case, kind: Kind, solver: str) -> Baseline:
     """Run the unchanged case; the result has its errors with their signs."""
-    mobility(case)
     curves = solve_here(case, kind, solver)
     if curves.stopped:
         raise case.error("drive", f"the {solver} {kind} ends early: {curves.stopped}")
-    comparisons = compare(case, kind, solver, curves)
-    reference = run_reference(case, kind, curves).as_driven(curves.drive)
+    shared = shared_reference(case, kind, curves)
+    comparisons = compare(case, kind, solver, curves, reference=shared)
+    reference = comparisons.reference
+    assert reference is not None
     errors, allowed, shares = ChannelErrors(), dict[str, float](), dict[str, float]()
     for c in comparisons:
         if c.outcome == Outcome.AGREES:
@@ -298,7 +299,7 @@ def signed_errors(
     reference = (
         evaluate(changed, kind, curves.x, curves.drive)
         if reference_reads_model(case)
-        else run_reference(case, kind, curves).as_driven(curves.drive)
+        else shared_reference(case, kind, curves).as_driven(curves.drive)
     )
     check_assembly_mode(case, kind, curves, reference)
     missing = [name for name in own.errors if name not in curves.channels]

@@ -54,8 +54,10 @@ SOURCE_FILES = (
     "evidence/coverage.py",
     "evidence/coverage_search.py",
     "reference/reference.py",
+    "reference/run_reference.py",
     "run/solve.py",
     "verdict/compare.py",
+    "verdict/detectable.py",
 )
 """Files of the package whose sources a finding depends on."""
 

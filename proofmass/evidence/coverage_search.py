@@ -41,9 +41,10 @@ from proofmass.evidence.changed import (
     run_with_changes,
     sample_stride,
 )
+from proofmass.reference.run_reference import changeable_parameters
 from proofmass.sim.elements import NotWritten, Number
 from proofmass.sim.numbers import CHANGE_SHARE
-from proofmass.verdict.compare import changeable_parameters, failed_comparisons
+from proofmass.verdict.compare import failed_comparisons
 from proofmass.verdict.outcome import FAILED_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 
 GROUP_SIZE = 6

@@ -28,7 +28,13 @@ from proofmass.base.files import OUTPUT_MARK, require_replaceable, write_output
 from proofmass.base.strict import Kind
 from proofmass.base.wording import number
 from proofmass.base.worker import call_isolated
-from proofmass.batch.check import CheckTask, Result, collect_outcomes, run_solver
+from proofmass.batch.check import (
+    CheckTask,
+    Result,
+    collect_outcomes,
+    compare_and_share,
+    run_solver,
+)
 from proofmass.case.case import Case, RunTable
 from proofmass.report.case_data import rod_vertices
 from proofmass.report.case_figures import (
@@ -59,7 +65,6 @@ from proofmass.report.style import INK, RC, REFERENCE_STYLE, solver_looks
 from proofmass.sim.engines import computes_curves, format_solver
 from proofmass.sim.motion import Motion
 from proofmass.sim.picture import Picture
-from proofmass.verdict.compare import compare
 from proofmass.verdict.outcome import FAILED_OUTCOMES
 
 DEFAULT_FRAMES, MAX_FRAMES = 60, 600
@@ -199,7 +204,7 @@ def animate(
     case = case.model_copy(
         update={"run": {kind: table.model_copy(update={"solvers": chosen})}, "tolerance": ()}
     )
-    result, compare_curves = Result(cases=[case]), partial(compare, detectable=False)
+    result, compare_curves = Result(cases=[case]), partial(compare_and_share, detectable=False)
     tasks: list[CheckTask] = [(case, kind, solver) for solver in chosen]
     collect_outcomes(
         tasks, {k: run_solver(case, kind, s, compare_curves) for k, s in enumerate(chosen)}, result

@@ -11,10 +11,12 @@ from proofmass.base.errors import InputError
 from proofmass.base.wording import format_list, format_unit, number
 from proofmass.case.case import Case, Tolerance
 from proofmass.reference.reference import parameter_unit, properties
+from proofmass.reference.run_reference import changeable_parameters
 from proofmass.report.data import PlottedRun
 from proofmass.report.words import SYMBOLS
 from proofmass.sim.engines import format_solver
-from proofmass.verdict.compare import Comparison, DetectableChange, changeable_parameters
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.detectable import DetectableChange
 from proofmass.verdict.outcome import CHECKED_OUTCOMES, FAILED_OUTCOMES, Outcome
 
 NAN = float("nan")

@@ -10,6 +10,7 @@ from proofmass.base.errors import suggest_names
 from proofmass.base.units import same_quantity
 from proofmass.case.case import Case
 from proofmass.reference.charts import check_charts
+from proofmass.reference.mobility import mobility
 from proofmass.reference.plot_data import check_views
 from proofmass.reference.reference import compiled_model, reference_for
 from proofmass.run.solve import plan_run, settings_of
@@ -35,11 +36,13 @@ def validate_case(case: Case) -> None:
     Checked are the start key, the driven joints, the sensors and units of all channels, the
     settings of the solvers, the motion profiles of the drives over the whole run, and the reference
     at the first samples: its parameters, its quantities, and the names in views and charts.
+    Over-constrained loops are a fault if the reference does not cover them.
     """
     for kind, table in case.run.items():
         for solver in table.solvers:
             settings_of(case, kind, solver)
     check_model(case, compiled_model(case))
+    mobility(case)
     for kind, table in case.run.items():
         runs = [plan_run(case, kind, solver) for solver in table.solvers]
         few = first_samples(case, runs[0])

@@ -1,44 +1,30 @@
 """Compare curves with the reference: one `Comparison` for each channel of each solver."""
 
-import inspect
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from proofmass.analytic.remember import Memory, use_memory
 from proofmass.base.arrays import Array
 from proofmass.base.display import ShownAsHtml
 from proofmass.base.errors import InputError
-from proofmass.base.recording import Recorded
 from proofmass.base.strict import Kind
 from proofmass.base.units import MOTION_UNITS, POSITION_UNITS, si_unit, unit_powers
 from proofmass.case.case import MAX_TOLERANCE_SHARE, Case, Tolerance
-from proofmass.case.drive import DriveState
-from proofmass.reference.charts import check_charts
-from proofmass.reference.plot_data import check_views
 from proofmass.reference.reference import (
     ComparedCurves,
+    ReferenceCurves,
     assembly_modes,
     compiled_model,
     drive_profiles,
     evaluate,
-    load_reference,
-    properties,
-    reference_identity,
 )
+from proofmass.reference.run_reference import RunReference
 from proofmass.sim.contents import joints, mass, sensors_of_drive, size
 from proofmass.sim.protocol.curves import Curves
-from proofmass.sim.protocol.run import (
-    MIN_FREE_STEP_SHARE,
-    MIN_STEP_SHARE,
-    Drive,
-    Run,
-    fitting_samples,
-)
+from proofmass.sim.protocol.run import MIN_FREE_STEP_SHARE, MIN_STEP_SHARE, Run, fitting_samples
+from proofmass.verdict.detectable import DetectableChange, detectable_changes
 from proofmass.verdict.outcome import GOOD_OUTCOMES, OUTCOME_OF_EXCEPTION, Outcome
 
 NAN = float("nan")
@@ -58,32 +44,6 @@ START_SHARE = 0.1  # share of a dynamics run after which errors of the start pos
 CONSTANT_RANGE = 1e-3
 """Range over size of a curve below which it counts as constant; drives cause as much variation."""
 ZERO_SHARE = 1e-12  # share of the mechanism's size up to which a reference's values count as zero
-SMALL_CHANGE = 1e-6
-"""Relative change of a parameter for a slope: the neglected terms are 1e-12, and rounding is 1e-10
-of the change."""
-LARGE_CHANGES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
-"""Relative changes to try where a slope is not enough."""
-SMOOTH_CURVATURE = 0.1  # curvature over slope up to which the slope is exact to about one digit
-Differences = list[dict[str, Array]]
-DifferencesAt = Callable[[float], Differences]
-
-
-@dataclass(frozen=True)
-class DetectableChange:
-    """The smallest change of a parameter that a tolerance would catch.
-
-    Attributes
-    ----------
-    size : float
-        The change [its unit or 1]; NaN where it is not known because the reference cannot be
-        evaluated at changed values.
-    relative : bool
-        Whether `size` is a share of the parameter's value; otherwise the value is 0, and `size` is
-        the change itself, in the parameter's SI unit.
-    """
-
-    size: float
-    relative: bool = True
 
 
 @dataclass(frozen=True)
@@ -169,21 +129,44 @@ class Comparison(ShownAsHtml):
         return error * self.nrmse / self.error_rms if self.error_rms else self.nrmse
 
 
-def attach_reference(case: Case, run: Kind, curves: Curves) -> Curves:
-    """Curves with the reference that `compare` used for them in this process, if it did."""
-    found = last_references.get(reference_key(case, run, curves))
-    if found is None or found.asked is None or found.asked[0] is not curves.drive:
-        return curves
-    return ComparedCurves.of(curves, found.asked[1], found.properties)
-
-
 class Comparisons(list[Comparison], ShownAsHtml):
-    """A list of comparisons that a notebook shows as a table."""
+    """The comparisons of one solver in one run, and the reference that its curves were compared to.
+
+    A notebook shows them as a table.
+
+    Attributes
+    ----------
+    reference : ReferenceCurves, optional
+        The reference at the motion that the drives had.
+    properties : dict of str to str, optional
+        The properties of the case; None if they were not asked for, or in another run than the
+        first one of the case.
+    """
+
+    def __init__(
+        self,
+        found: Iterable[Comparison] = (),
+        reference: ReferenceCurves | None = None,
+        properties: dict[str, str] | None = None,
+    ) -> None:
+        super().__init__(found)
+        self.reference, self.properties = reference, properties
+
+    def join_reference(self, curves: Curves) -> Curves:
+        """The curves that were compared, with their reference if it is known."""
+        if self.reference is None:
+            return curves
+        return ComparedCurves.of(curves, self.reference, self.properties)
 
 
 def compare(
-    case: Case, run: Kind, solver: str, curves: Curves, detectable: bool = True
-) -> list[Comparison]:
+    case: Case,
+    run: Kind,
+    solver: str,
+    curves: Curves,
+    detectable: bool = True,
+    reference: RunReference | None = None,
+) -> Comparisons:
     """Compare a solver's curves with the reference.
 
     Parameters
@@ -197,29 +180,29 @@ def compare(
     detectable : bool
         Whether to find `Comparison.detectable` and the `properties` of the case as well. The
         reference is then evaluated at least twice for each parameter.
+    reference : RunReference, optional
+        The reference of the run, if several solvers are compared with it: it is then evaluated
+        once at changed parameters.
 
     Returns
     -------
-    list of Comparison
-        One comparison for each channel, in the order of the sidecar.
+    Comparisons
+        One comparison for each channel, in the order of the sidecar, and the reference.
 
     Raises
     ------
     InputError
-        The model is assembled in another mode than the sidecar says; a view or a chart cannot
-        be drawn; a tolerance lets a curve pass that does not move.
+        The model is assembled in another mode than the sidecar says; a tolerance lets a curve
+        pass that does not move.
     """
-    evaluated = run_reference(case, run, curves)
-    reference = evaluated.as_driven(curves.drive)
-    check_assembly_mode(case, run, curves, reference)
-    check_views(case, run, ComparedCurves.of(curves, reference))
-    check_charts(case)
-    check_tolerances(case, run, solver, curves, reference.channels)
+    evaluated = reference or RunReference(case, run, curves)
+    driven = evaluated.as_driven(curves.drive)
+    check_assembly_mode(case, run, curves, driven)
+    check_tolerances(case, run, solver, curves, driven.channels)
     changes: dict[str, dict[str, DetectableChange]] = {}
     if detectable:
-        evaluated.find_properties()
         changes = detectable_changes(
-            evaluated, allowed_errors(case, run, solver, curves, reference.channels)
+            evaluated, allowed_errors(case, run, solver, curves, driven.channels)
         )
     found = [
         compare_channel(
@@ -228,24 +211,25 @@ def compare(
             solver,
             name,
             curves,
-            reference.channels[name],
+            driven.channels[name],
             changes.get(name, {}),
-            reference.uncertainty.get(name, 0.0),
+            driven.uncertainty.get(name, 0.0),
         )
         for name in case.channels_of(run)
     ]
-    return Comparisons(judge_run(case, run, curves, reference.channels, found))
+    judged = judge_run(case, run, curves, driven.channels, found)
+    return Comparisons(judged, driven, evaluated.properties if detectable else None)
 
 
 def failed_comparisons(
     case: Case, run: Kind, solver: str, error: Exception, advice: str = ""
-) -> list[Comparison]:
+) -> Comparisons:
     """Return a comparison for each channel of a run that failed with an error."""
     outcome, message = OUTCOME_OF_EXCEPTION[type(error)], f"{error}{advice}"
-    return [
+    return Comparisons(
         Comparison(case.name, solver, run, name, channel.unit, outcome=outcome, message=message)
         for name, channel in case.channels_of(run).items()
-    ]
+    )
 
 
 def compare_channel(
@@ -560,202 +544,6 @@ def explain_undecided(uncertainty: float, allowed: float, unit: str) -> str:
         "allowed: too coarse to tell; give more rows, rows at the samples of the run, or a wider "
         "tolerance"
     )
-
-
-def changeable_parameters(case: Case) -> dict[str, float]:
-    """Parameters that are quantities; texts and whole numbers such as a mode are left out."""
-    reference = load_reference(case)
-    if isinstance(reference, Recorded):
-        return {}
-    known = inspect.signature(reference.solve).parameters
-    return {
-        key: value
-        for key, value in case.parameters.items()
-        if not isinstance(value, str) and (key not in known or known[key].annotation is not int)
-    }
-
-
-def detectable_changes(
-    reference: "RunReference", allowed: dict[str, float]
-) -> dict[str, dict[str, DetectableChange]]:
-    """Find the smallest change of each parameter that the tolerance of each channel would catch.
-
-    Parameters
-    ----------
-    reference : RunReference
-    allowed : dict of str to float
-        The tolerance of each channel that is checked [its unit].
-
-    Returns
-    -------
-    dict of str to dict of str to DetectableChange
-        By channel, then by parameter; empty for a recorded curve, which has no parameters. A change
-        is relative to the parameter, or, if that is 0, relative to the largest parameter.
-    """
-    found: dict[str, dict[str, DetectableChange]] = {name: {} for name in allowed}
-    for key, value in reference.parameters.items():
-        moved = partial(reference.differences, key)
-        shares, asked = small_detectable(moved, allowed)
-        for name, share in (shares | large_detectable(moved, asked)).items():
-            found[name][key] = DetectableChange(
-                share if value else reference.step(key, share), value != 0
-            )
-    return found
-
-
-class RunReference:
-    """The reference of a run, at the drives' measured motion and at changed parameters.
-
-    At changed parameters the drives follow their motion profiles exactly.  So the changed curves
-    are the same for all solvers of the run, and are evaluated once.
-    """
-
-    def __init__(self, case: Case, run: Kind, curves: Curves) -> None:
-        self.case, self.run, self.x = case, run, curves.x
-        self.parameters = changeable_parameters(case)
-        self.largest = max(map(abs, self.parameters.values()), default=0.0) or 1.0
-        self.state: DriveState | None = None
-        if curves.drive is not None and case.drive:
-            drives = tuple(Drive("", profile) for profile in drive_profiles(case, run))
-            self.state = Run(run, self.x, (), drives).motion(self.x)
-        self.memory: Memory = {}
-        self.known: dict[tuple[str, float], dict[str, Array]] = {}
-        self.asked: tuple[DriveState | None, Curves] | None = None
-        self.properties: dict[str, str] | None = None
-        self.as_prescribed = self.evaluated({}, more=True)
-        self.unchanged = self.as_prescribed.channels
-
-    def evaluated(self, changed: dict[str, float], more: bool = False) -> Curves:
-        """Evaluate the channels at changed parameters; empty where the reference has no solution.
-
-        The memory keeps what searches found at neighbouring parameters.
-        """
-        try:
-            with use_memory(self.memory, more):
-                return evaluate(self.case, self.run, self.x, self.state, **changed)
-        except InputError:  # the changed mechanism cannot be assembled at some sample
-            return Curves(self.x, {})
-
-    def as_driven(self, state: DriveState | None) -> Curves:
-        """The reference at the drives' motion in a solver; it is kept for the next call."""
-        if self.asked and self.asked[0] is state:
-            return self.asked[1]
-        same = state is None or np.array_equal(state, cast(DriveState, self.state))
-        found = self.as_prescribed
-        if not (self.unchanged and same):
-            with use_memory(self.memory, store_results=False):
-                found = evaluate(self.case, self.run, self.x, state)
-        self.asked = state, found
-        return found
-
-    def find_properties(self) -> None:
-        """Find the `properties` of the case if this is its first run, whose motion they are of."""
-        if self.properties is None and self.run == next(iter(self.case.run)):
-            with suppress(InputError):
-                self.properties = properties(self.case)
-
-    def step(self, key: str, share: float) -> float:
-        """A share of a parameter, or of the largest parameter if it is 0."""
-        return share * (abs(self.parameters[key]) or self.largest)
-
-    def differences(self, key: str, share: float) -> Differences:
-        """Differences of the channels at a changed parameter; empty where there is no reference."""
-        if (key, share) not in self.known:
-            changed = {key: self.parameters[key] + self.step(key, share)}
-            self.known[key, share] = self.evaluated(changed).channels
-        before, after = self.unchanged, self.known[key, share]
-        return [{name: after[name] - before[name] for name in after}] if before and after else []
-
-
-last_references: dict[Any, RunReference] = {}
-
-
-def reference_key(case: Case, run: Kind, curves: Curves) -> tuple[object, ...]:
-    """A key that differs for runs with different references."""
-    return reference_identity(case), run, curves.x.tobytes(), curves.drive is None
-
-
-def run_reference(case: Case, run: Kind, curves: Curves) -> RunReference:
-    """The last reference if it is of the same run, since workers compare solvers one by one."""
-    key = reference_key(case, run, curves)
-    found = last_references.get(key)
-    if found is None:
-        found = RunReference(case, run, curves)
-        last_references.clear()
-        last_references[key] = found
-    return found
-
-
-def small_detectable(
-    moved: DifferencesAt, allowed: dict[str, float]
-) -> tuple[dict[str, float], dict[str, float]]:
-    """The smallest relative change of a parameter that each channel detects, by its slope.
-
-    The second result are the items of `allowed` that have to be tried with large changes: channels
-    in which rounding hides a slope that might matter, or all channels if no slope is large enough.
-    A slope is not used if it predicts a change larger than the largest one that is tried, since
-    curves are not straight that far.
-    """
-    found, hidden, small = {}, {}, parameter_slopes(moved)
-    for name, most in allowed.items():
-        size, smooth = small.get(name, (NAN, False))
-        least = SMALL_CHANGE / LARGE_CHANGES[0] * most
-        if size > least and (smooth or size > most):
-            found[name] = SMALL_CHANGE * most / size if smooth else SMALL_CHANGE
-        elif not size <= least:
-            hidden[name] = most
-    return found, hidden if found else allowed
-
-
-def large_detectable(moved: DifferencesAt, allowed: dict[str, float]) -> dict[str, float]:
-    """The smallest of the large changes that each channel detects; NaN where it is not known.
-
-    A channel that does not detect the largest change is left out.
-    """
-    found = {}
-    for name, most in allowed.items():
-        for share in LARGE_CHANGES:
-            size = largest_difference([*moved(share), *moved(-share)], name)
-            if size > most:
-                found[name] = share
-            elif np.isnan(size):
-                found.setdefault(name, NAN)
-            else:
-                break
-    return found
-
-
-def parameter_slopes(moved: DifferencesAt) -> dict[str, tuple[float, bool]]:
-    """For each channel the largest slope times `SMALL_CHANGE`, and whether the curves are smooth
-    there.
-
-    Slopes are central differences, or one-sided differences of second order where the reference has
-    no solution on one side. Where a curve is not smooth, or rounding hides its slope, the largest
-    difference is given instead.
-    """
-    up, down = moved(SMALL_CHANGE), moved(-SMALL_CHANGE)
-    if up and down:
-        parts = {n: ((up[0][n] - down[0][n]) / 2, (up[0][n] + down[0][n]) / 2) for n in up[0]}
-    elif near := up or down:
-        far = moved(2 * SMALL_CHANGE if up else -2 * SMALL_CHANGE)
-        parts = {
-            n: ((4 * y - far[0][n]) / 2, (far[0][n] - 2 * y) / 2) if far else (y, y)
-            for n, y in near[0].items()
-        }
-    else:
-        return {}
-    found = {}
-    for name, (slope, bend) in parts.items():
-        size = float(np.abs(slope).max())
-        smooth = bool(np.abs(bend).max() <= SMOOTH_CURVATURE * size)
-        found[name] = (size, True) if smooth else (largest_difference([*up, *down], name), False)
-    return found
-
-
-def largest_difference(sides: Differences, name: str) -> float:
-    """The largest difference of a channel; NaN where there is none."""
-    sizes = [float(np.abs(side[name]).max()) for side in sides]
-    return max((size for size in sizes if np.isfinite(size)), default=NAN)
 
 
 def check_assembly_mode(case: Case, run: Kind, curves: Curves, reference: Curves) -> None:

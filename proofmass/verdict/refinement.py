@@ -14,7 +14,7 @@ from proofmass.case.case import Case, Refine
 from proofmass.reference.reference import reference_for
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.protocol.curves import Curves
-from proofmass.verdict.compare import Comparison, compare_channel, judge_error
+from proofmass.verdict.compare import Comparison, Comparisons, compare_channel, judge_error
 from proofmass.verdict.outcome import Outcome
 
 RunResult = tuple[list[Comparison], Curves | None]
@@ -123,14 +123,14 @@ def refinement_runs(case: Case) -> Iterator[FinerRun]:
                 yield FinerRun(finer, refine.run, solver, n, study)
 
 
-def refined_errors(case: Case, run: Kind, solver: str, curves: Curves) -> list[Comparison]:
+def refined_errors(case: Case, run: Kind, solver: str, curves: Curves) -> Comparisons:
     """The comparisons of one run of a study: refined channels only, without detectable changes."""
     reference = reference_for(case, run, curves).channels
-    return [
+    return Comparisons(
         compare_channel(case, run, solver, name, curves, reference[name], {})
         for name in case.channels_of(run)
         if case.refine and case.refine.covers(name)
-    ]
+    )
 
 
 def observed_order(coarse: RefinedRow, fine: RefinedRow, error_floor: float = 0.0) -> float:

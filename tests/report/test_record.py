@@ -28,7 +28,8 @@ from proofmass.report.record import (
     write_record,
 )
 from proofmass.run.sidecar import load_case
-from proofmass.verdict.compare import Comparison, DetectableChange
+from proofmass.verdict.compare import Comparison
+from proofmass.verdict.detectable import DetectableChange
 from proofmass.verdict.outcome import Outcome
 from tests.shipped import MODELS, shipped
 

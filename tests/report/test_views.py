@@ -25,6 +25,7 @@ from proofmass.report.views import (
     view_figure,
 )
 from proofmass.run.sidecar import load_case
+from proofmass.run.validate import validate_case
 from proofmass.verdict.compare import Comparison, compare
 from tests.report.test_report import case_with_samples, curves_with_error, result_with_errors
 from tests.report.whole import result_from_references
@@ -290,14 +291,14 @@ def test_errors_of_a_view_name_the_key_and_the_known_values(stub, old, new, word
         text = text.replace('unit = "N m" }', 'unit = "N m", only = "sweep" }')
     stub.write_text(text)
     with pytest.raises(InputError) as caught:
-        perfect_comparisons(stub)
+        validate_case(load_case(stub))
     assert all(word in str(caught.value) for word in ["fourbar.toml", *words]), str(caught.value)
 
 
 def test_compared_lengths_that_cannot_close_are_named() -> None:
     case = fourbar_with_views(LOOP_VIEW, short=OTHER_LENGTHS | {"coupler": 0.1})
     with pytest.raises(InputError, match=r"compare_with\.'short'\.parameters"):
-        compare(case, "sweep", "mujoco", curves_with_error(case, "sweep", 0.0))
+        validate_case(case)
 
 
 def test_a_recorded_curve_has_views_but_no_other_parameter_sets() -> None:

@@ -11,7 +11,7 @@ import pytest
 from proofmass.base.errors import InputError
 from proofmass.case.case import Case
 from proofmass.case.drive import check_driven
-from proofmass.reference.reference import compiled_model
+from proofmass.reference.reference import compiled_model, reference_for
 from proofmass.run.solve import call_engine, plan_run
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.mujoco import engine as mujoco_engine
@@ -20,7 +20,7 @@ from proofmass.sim.mujoco.linkage import STATIC_STAGES
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.pymunk import model as pymunk_model
 from proofmass.sim.pymunk import space
-from proofmass.verdict.compare import compare, run_reference
+from proofmass.verdict.compare import compare
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION
 from tests.shipped import fewer_samples, shipped_case, shipped_files
 
@@ -141,7 +141,7 @@ def assert_idle_engine_fails(name: str, case: Case, kind: str, solver: str, monk
     assert "differs" in {c.outcome for c in found}
     alike = [c for c in found if c.outcome not in ("differs", "unsupported")]
     if alike:
-        truth = run_reference(case, kind, curves).as_driven(curves.drive).channels
+        truth = reference_for(case, kind, curves).channels
         moving = {c.channel for c in alike if np.ptp(truth[c.channel]) > 2.0 * c.allowed}
         assert moving == CURVES_OF_CONTROLS.get((name, solver), set())
 

@@ -36,11 +36,12 @@ from proofmass.reference.reference import (
     parameter_unit,
     reference_reads_model,
 )
+from proofmass.reference.run_reference import changeable_parameters
 from proofmass.run.solve import call_engine, plan_run, solve_here
 from proofmass.sim.engines import computes_curves
 from proofmass.sim.protocol.curves import Curves
 from proofmass.sim.protocol.failures import BadModel
-from proofmass.verdict.compare import allowed_errors, changeable_parameters
+from proofmass.verdict.compare import allowed_errors
 from proofmass.verdict.outcome import OUTCOME_OF_EXCEPTION
 
 SLOPE_STEP = 1e-6  # relative change of a parameter for a slope, whose rounding is then 1e-10 of it

@@ -29,6 +29,7 @@ from proofmass.evidence.diagnosis.fit import (
     slopes_of,
 )
 from proofmass.reference.reference import compiled_model, reference_reads_model
+from proofmass.reference.run_reference import changeable_parameters
 from proofmass.run.solve import solve_here
 from proofmass.sim.contents import size
 from proofmass.sim.elements import Number
@@ -36,7 +37,6 @@ from proofmass.sim.engines import computes_curves
 from proofmass.sim.numbers import joint_axes
 from proofmass.sim.protocol.failures import BadModel
 from proofmass.sim.start import loop_opening
-from proofmass.verdict.compare import changeable_parameters
 
 NUMBER_TOLERANCE = 1e-5
 """Relative difference up to which a number of the model is a fitted value."""
