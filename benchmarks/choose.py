@@ -42,7 +42,7 @@ from proofmass.studies.trade.words import format_setting
 
 RIVALS = 200  # random settings that are compared with each chosen one
 BUDGET = 30.0  # wall time [s] of a search, and of a program
-OWN = "examples/chosen/models"
+OWN = "tests/data/chosen"
 HEAD = """# Programs that choose writes
 
 `python -m benchmarks.choose` made this page. Each row is a setting that `proofmass choose CASE

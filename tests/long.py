@@ -376,6 +376,18 @@ FASTER_TESTS = {
     "tests/test_coverage.py::test_the_fourbar_leaves_the_inertia_of_its_steady_crank": (
         "tests/test_coverage.py::test_a_steady_drive_is_a_reason_for_the_inertia_of_its_crank_only"
     ),
+    "tests/test_examples_chosen.py::test_a_program_written_here_is_as_accurate_as_it_says[double_pendulum": (
+        "tests/test_examples_chosen.py::test_a_program_is_as_accurate_as_it_says[pendulum_mujoco"
+    ),
+    "tests/test_examples_chosen.py::test_a_program_written_here_is_as_accurate_as_it_says[fourbar_servo": (
+        "tests/test_examples_chosen.py::test_a_program_is_as_accurate_as_it_says[fourbar_mujoco"
+    ),
+    "tests/test_examples_chosen.py::test_a_program_written_here_is_as_accurate_as_it_says[spring_slider": (
+        "tests/test_examples_chosen.py::test_a_program_is_as_accurate_as_it_says[pendulum_mujoco"
+    ),
+    "tests/test_examples_chosen.py::test_a_program_written_here_is_as_accurate_as_it_says[fivebar_swing": (
+        "tests/test_examples_chosen.py::test_a_program_is_as_accurate_as_it_says[slider_crank_pymunk"
+    ),
     "tests/test_examples.py::test_choose_a_setting_keeps_the_energy_of_a_pendulum": (
         "tests/test_examples_chosen.py::test_a_program_is_as_accurate_as_it_says[pendulum_mujoco"
     ),

@@ -1,4 +1,6 @@
-"""The programs in examples/chosen/ run without proofmass and have the errors that they state.
+"""Programs that `proofmass choose` writes need no proofmass and have the errors that they state.
+
+Four programs are in examples/chosen/; the others are written here.
 
 The errors are measured against the formulas in `examples/chosen/truths.py`.  These are tested here
 as well: rates are derivatives of positions, energies are constant, and moments agree with the
@@ -12,10 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from benchmarks import ROOT
 from benchmarks.choose import ASKED, Asked
 from examples.chosen import truths
+from proofmass.commands.cli import app
 from proofmass.reference.reference import evaluate
 from proofmass.run.sidecar import load_case
 from tests.programs import run_standalone
@@ -30,6 +34,18 @@ COMMANDS = dict(
     )
 )
 COMMANDS = {name: asked for asked, name in COMMANDS.items()}
+WRITTEN_HERE = {
+    "spring_slider_mujoco": "tests/data/chosen/spring_slider.toml --error 1e-5 --solver mujoco",
+    "double_pendulum_mujoco": "tests/data/chosen/double_pendulum.toml --error 1e-6 --solver mujoco",
+    "fourbar_servo_mujoco": (
+        "models/linkages/fourbar.toml --error 1e-4 --solver mujoco --drive servo"
+    ),
+    "jansen_mujoco": "tests/data/chosen/jansen.toml --error 1e-5 --solver mujoco",
+    "fivebar_swing_pymunk": (
+        "tests/data/chosen/fivebar_swing.toml --error 1e-5 --of velocity --solver pymunk"
+    ),
+}
+"""Arguments of `proofmass choose` for programs that are not in examples/chosen/."""
 CASE_AND_ERROR = re.compile(
     r'^"""(\w+), dynamics: (\w+) within (\S+) of its range\.$', re.MULTILINE
 )
@@ -40,11 +56,16 @@ OTHER_VERSION_FACTOR = (
 )
 
 
-def read_first_lines(name: str) -> tuple[str, str, float, float]:
+def program(name: str) -> str:
+    """The text of a program of examples/chosen/."""
+    return (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
+
+
+def read_first_lines(text: str) -> tuple[str, str, float, float]:
     """Case, kind of error, error asked for and error printed in the first lines of a program."""
-    text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8").split('"""')[1]
-    case, of, asked = CASE_AND_ERROR.findall(f'"""{text}')[0]
-    printed = PRINTED_ERROR.search(" ".join(text.split()))
+    head = text.split('"""')[1]
+    case, of, asked = CASE_AND_ERROR.findall(f'"""{head}')[0]
+    printed = PRINTED_ERROR.search(" ".join(head.split()))
     assert printed
     return case, of, float(asked), float(printed[1])
 
@@ -58,9 +79,8 @@ def run_program(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
 def test_every_program_has_its_command_in_the_readme() -> None:
     programs = {file.stem for file in EXAMPLES.glob("*.py")} - {"truths", "__init__"}
     assert programs == set(COMMANDS)
-    assert len(programs) >= 6
     for name, asked in COMMANDS.items():
-        case, of, error, _ = read_first_lines(name)
+        case, of, error, _ = read_first_lines(program(name))
         model, *options = asked.split()
         assert Path(model).stem == case
         values = dict(zip(options[::2], options[1::2], strict=True))
@@ -72,13 +92,28 @@ def test_every_program_has_its_command_in_the_readme() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_program_is_as_accurate_as_it_says(name: str, tmp_path: Path) -> None:
-    case, of, asked, printed = read_first_lines(name)
-    text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
+    assert_states_its_error(program(name), tmp_path)
+
+
+@pytest.mark.parametrize("name", WRITTEN_HERE)
+def test_a_program_written_here_is_as_accurate_as_it_says(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    arguments = [*WRITTEN_HERE[name].split(), "-o", str(tmp_path / "chosen.py")]
+    done = CliRunner().invoke(app, ["choose", *arguments, "--store", str(tmp_path / "runs")])
+    assert done.exit_code == 0, done.output
+    assert_states_its_error((tmp_path / "chosen.py").read_text(encoding="utf-8"), tmp_path)
+
+
+def assert_states_its_error(text: str, folder: Path) -> None:
+    """Assert that a program needs no proofmass, and has the error that its first lines state."""
+    case, of, asked, printed = read_first_lines(text)
     assert "proofmass" not in text.split('"""', 2)[2]
     assert not re.search(r"/(tmp|home|work|root|Users)\b", text)
-    done = run_program(text, tmp_path)
+    done = run_program(text, folder)
     assert done.returncode == 0, done.stderr
-    error = truths.errors(case, str(tmp_path / "out.csv"))[of]
+    error = truths.errors(case, str(folder / "out.csv"))[of]
     assert error <= asked
     assert (
         printed / (ROUNDING_FACTOR * OTHER_VERSION_FACTOR)
@@ -90,8 +125,8 @@ def test_a_program_is_as_accurate_as_it_says(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["pendulum_mujoco", "fourbar_released_pymunk"])
 def test_a_program_with_wrong_gravity_exceeds_its_error(name: str, tmp_path: Path) -> None:
     """With gravity that is 1 % weaker, the error is larger than the one asked for."""
-    case, of, asked, _ = read_first_lines(name)
-    text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
+    text = program(name)
+    case, of, asked, _ = read_first_lines(text)
     changed = text.replace('gravity="0 -9.81 0"', 'gravity="0 -9.71 0"').replace(
         "space.gravity = (0.0, -9.81)", "space.gravity = (0.0, -9.71)"
     )
