@@ -125,7 +125,11 @@ def shortest_within(value: float, within: float) -> float:
 
     >>> shortest_within(2.5000000003, 1e-9), shortest_within(2.43749, 2e-5)
     (2.5, 2.4375)
+    >>> shortest_within(-5e-14, 1e-11)
+    0.0
     """
+    if abs(value) <= within:
+        return 0.0
     for digits in range(1, MAX_DIGITS):
         found = float(f"{value:.{digits}g}")
         if abs(found - value) <= within:
@@ -182,7 +186,7 @@ def parameter_fault(
     case: Case, key: str, unit: str, wrong: float, right: float, within: float = 0.0
 ) -> Fault:
     """The fault of a parameter of the reference in the sidecar; `right` is a fitted value."""
-    right = rounded_fit(right, within)
+    right = rounded_fit(right, max(within, ROUNDING_SHARE * abs(wrong)))
     return sidecar_fault(case, ["parameters", key], key, wrong, right, unit, within)
 
 
@@ -192,7 +196,8 @@ def model_fault(
     """The fault of a number of the model, or of a rod in the sidecar; `right` is fitted [SI]."""
     names = {"site": number.of, "gravity": f"gravity {number.of}"}
     name = names.get(number.kind, number.name)
-    right, unit = rounded_fit(right, within), number.unit.removeprefix("1")
+    known = max(within, ROUNDING_SHARE * abs(number.value))
+    right, unit = rounded_fit(right, known), number.unit.removeprefix("1")
     if number.place.tag == "rod":
         keys = ["rod", number.place.rod, number.place.attribute]
         return sidecar_fault(case, keys, name, number.value, right, unit, within)

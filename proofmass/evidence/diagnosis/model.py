@@ -90,10 +90,12 @@ class ChangedModel:
         return model_fault(self.case, self.source, number, value, within)
 
 
-def differences_with(residuals: Residuals, edits: Edits) -> ChannelCurves:
+def differences_with(
+    residuals: Residuals, edits: Edits, reference_follows: bool = True
+) -> ChannelCurves:
     """The differences of a run with changes of the model; empty if it fails or ends early.
 
-    A reference that reads the model reads the changed one.
+    A reference that reads the model reads the changed one, unless it should not follow.
     """
     case, run, solver = residuals.case, residuals.run, residuals.solver
     try:
@@ -102,7 +104,7 @@ def differences_with(residuals: Residuals, edits: Edits) -> ChannelCurves:
             curves = solve_here(changed, run, solver)
             if curves.x.size != residuals.curves.x.size:
                 return {}
-            of = changed if reference_reads_model(case) else case
+            of = changed if reference_follows and reference_reads_model(case) else case
             found = Residuals(of, run, solver, curves).before
     except RUN_EXCEPTIONS:
         return {}
@@ -125,15 +127,17 @@ def changed_model(residuals: Residuals) -> ChangedModel | None:
     except BadModel as error:
         log.untried.append(f"numbers of the model ({error})")
         return None
-    again = differences_with(residuals, ())
-    apart = {name: y - residuals.before[name] for name, y in again.items()}
-    if not apart or remaining_share(residuals.before, apart, ()) > SAME_RUN_SHARE:
-        return None
-    return model
+    return model if is_same_run(residuals, differences_with(residuals, ())) else None
 
 
 SAME_RUN_SHARE = 1e-3
 """Share of the differences by which a run may differ when it is made again: rounding."""
+
+
+def is_same_run(residuals: Residuals, again: ChannelCurves) -> bool:
+    """Whether the differences of a run that was made again are those of the run."""
+    apart = {name: y - residuals.before[name] for name, y in again.items()}
+    return bool(apart) and remaining_share(residuals.before, apart, ()) <= SAME_RUN_SHARE
 
 
 def mirrored_cause(model: ChangedModel, cause: Explanation) -> Explanation | None:
@@ -226,7 +230,11 @@ def describe_start(case: Case) -> Iterator[str]:
 
 
 def rebound_causes(model: ChangedModel) -> Iterator[Explanation]:
-    """The cause that an engine's stops have no rebound, where the model's have one."""
+    """The cause that an engine's stops have no rebound, where the model's have one.
+
+    If the reference reads the model, both lose the rebound with the change and may agree after it.
+    So the change is a cause only if it leaves the engine's curves as they are.
+    """
     ratios = [
         n
         for n in model.numbers
@@ -238,6 +246,10 @@ def rebound_causes(model: ChangedModel) -> Iterator[Explanation]:
     edits = tuple((n, REBOUND_RATIO - n.value) for n in soft)
     faults = [replace(model.fault(n, REBOUND_RATIO), note="no rebound") for n in soft]
     model.residuals.log.tried.append("stops without a rebound")
+    if reference_reads_model(model.case):
+        model.budget.spend()
+        if not is_same_run(model.residuals, differences_with(model.residuals, edits, False)):
+            return
     if cause := model.judged(REBOUND_KIND, edits, faults):
         yield cause
 
