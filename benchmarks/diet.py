@@ -52,11 +52,12 @@ channel's range instead. `--keep-options` leaves all options alone. If the motio
 differs from its fine solution by a tenth before the run ends, as after an impact, an option may
 change a channel by no more than the removal of a feature may.
 
-Times are measured in pairs of runs, with and without a feature, in random order. The saving is the
-median of the ratios of their times, and the interval in brackets contains it with a probability of
-99 % (sign test, if the noise of one pair does not depend on that of others). If the interval
-contains 0, there is no measurable change. `tests/studies/diet/diet_bare.py` compares the written
-model with the original one in bare MuJoCo.
+Times are those of the steps alone, without the preparation of a run, which takes as long as a
+hundred steps. They are measured in pairs of runs, with and without a feature, in random order. The
+saving is the median of the ratios of their times, and the interval in brackets contains it with a
+probability of 99 % (sign test, if the noise of one pair does not depend on that of others). If the
+interval contains 0, there is no measurable change. `tests/studies/diet/diet_bare.py` compares the
+written model with the original one in bare MuJoCo.
 
 ## A model with needless features
 

@@ -47,8 +47,9 @@ def run_diet(
                 progress=lambda what: status.update(what[:70]),
             ).run()
         write_result(scene, found, file)
+        page = write_diet(file.parent, file.parent).first
     for part in result_parts(found.table):
         make_console().print(part, markup=False)
     print()
-    for path in (file, file.with_suffix(".csv"), write_diet(file.parent, file.parent).first):
+    for path in (file, file.with_suffix(".csv"), page):
         print(path)

@@ -1,6 +1,8 @@
 """A diet removes known ballast, keeps features that matter, and keeps the motion of the model."""
 
 import csv
+import errno
+import os
 import re
 from contextlib import nullcontext
 from functools import partial
@@ -9,7 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from proofmass.commands.cli import app
 from proofmass.run.sidecar import load_case
@@ -320,7 +322,7 @@ def test_command_writes_the_reduced_model_and_repeats_no_trials(tmp_path, monkey
         assert answer.exit_code == 0, answer.output
         for judge in ("judge_changes", "judge_errors"):  # the second time nothing is judged again
             monkeypatch.setattr(DietSearch, judge, None)
-        monkeypatch.setattr("proofmass.studies.diet.diet.write_result", lambda *_: None)
+        monkeypatch.setattr("proofmass.commands.diet.write_result", lambda *_: None)
     assert "sun" not in reduced.read_text()
     assert not list(reduced.parent.glob("*.part*"))
     rows = list(csv.DictReader(reduced.with_suffix(".csv").read_text().splitlines()))
@@ -328,6 +330,42 @@ def test_command_writes_the_reduced_model_and_repeats_no_trials(tmp_path, monkey
     assert {row["channel"] for row in light} >= {"angle", "rate", "ball[2]"}
     assert all(float(row["moved_over_allowed"]) == 0 for row in light)
     assert int(light[0]["bytes_before"]) > int(light[0]["bytes_after"])
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("written", [0, 2])
+def test_a_diet_on_a_full_disk_says_so_and_goes_on_later(written, tmp_path, monkeypatch):
+    """The disk is full at the first result, or after two; later at each of the files of the end."""
+    monkeypatch.setattr("proofmass.studies.diet.trial.reserve_processor", nullcontext)
+    monkeypatch.setattr("proofmass.studies.diet.trial.MIN_ROUNDS_SECONDS", 0.0)
+    file = write_core_model(tmp_path, world='<light name="sun"/>')
+    reduced, model = tmp_path / "out" / "reduced.xml", file.read_bytes()
+    words = ["diet", str(file), "-o", str(reduced), "--seconds", "0.05", "--keep-options"]
+
+    def diet_with_space_for(files: int) -> Result:
+        writes = []
+
+        def fsync(_: int) -> None:
+            writes.append(1)
+            if len(writes) > files:
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+        monkeypatch.setattr(os, "fsync", fsync)
+        answer = CliRunner().invoke(app, words)
+        assert not list(tmp_path.rglob("*.part"))
+        assert file.read_bytes() == model
+        return answer
+
+    def is_told(answer: Result) -> bool:
+        lines = answer.output.replace("\n", "")
+        return answer.exit_code == 2 and "No space left on device" in lines and "error: " in lines
+
+    assert is_told(diet_with_space_for(written))
+    assert not reduced.exists()
+    assert diet_with_space_for(1000).exit_code == 0
+    assert is_told(diet_with_space_for(0))
+    assert is_told(diet_with_space_for(2))  # after the model and its table: the page
+    assert diet_with_space_for(1000).exit_code == 0
 
 
 def test_a_material_is_removed_from_defaults_too(tmp_path):

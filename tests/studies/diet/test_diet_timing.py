@@ -123,6 +123,7 @@ def test_a_run_has_a_plausible_time_and_its_number_of_steps(tmp_path):
     seconds, curves, _ = time_run(model, run)
     assert 0 < seconds < 10
     assert curves.steps == 1000
+    assert seconds == curves.seconds  # of the steps alone
 
 
 @pytest.mark.slow
