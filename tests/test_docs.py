@@ -278,12 +278,27 @@ def test_the_first_sidecar_of_the_page_loads(tmp_path: Path) -> None:
     assert load_case(tmp_path / "mine.toml").reference == "fourbar"
 
 
-def test_links_lead_to_existing_files() -> None:
-    """The files are README.md and examples/; ``mkdocs build --strict`` checks links of docs/."""
+def test_links_lead_to_existing_files_and_headings() -> None:
+    """Pages outside docs/; ``mkdocs build --strict`` checks links within docs/."""
     for file in (
         ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
         ROOT / "examples" / "README.md",
         ROOT / "examples" / "chosen" / "README.md",
     ):
-        for target in re.findall(r"\]\(([^)#]+)", file.read_text(encoding="utf-8")):
+        for target, anchor in re.findall(
+            r"\]\(([^)#]+)(?:#([^)]+))?\)", file.read_text(encoding="utf-8")
+        ):
             assert (file.parent / target).exists(), f"{file}: {target}"
+            if anchor:
+                page = (file.parent / target).read_text(encoding="utf-8")
+                headings = re.findall(r"^#+ (.*)$", page, re.MULTILINE)
+                slugs = {re.sub(r"[^\w\- ]", "", h).lower().replace(" ", "-") for h in headings}
+                assert anchor in slugs, f"{file}: {target}#{anchor}"
+
+
+def test_contributing_begins_with_three_commands() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (commands,) = re.findall(r"\A# Contributing\n\n```\n(.*?)```", text, re.DOTALL)
+    assert len(commands.splitlines()) == 3
+    assert len(text.splitlines()) <= 80
