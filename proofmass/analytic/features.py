@@ -9,8 +9,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
-import numpy as np
-
 from proofmass.analytic.mjcf import (
     UNLIMITED,
     ActuatorData,
@@ -69,7 +67,7 @@ Element = TypeVar("Element", bound=Named)
 
 def named(kind: str, elements: Iterable[Element], has: Callable[[Element], Any]) -> Iterator[str]:
     """Elements of a kind that have something, such as ``joint 'crank'``."""
-    return (f"{kind} {one.name!r}" for one in elements if np.any(has(one)))
+    return (f"{kind} {one.name!r}" for one in elements if has(one))
 
 
 def bodies(has: Callable[[BodyData], Any]) -> Find:
@@ -137,7 +135,7 @@ def is_sum_of_joints(s: Scope, tie: TieData) -> bool:
 
 def whole(has: Callable[[ModelData], Any]) -> Find:
     """Find one element without a name if the model as a whole has a feature."""
-    return lambda s: iter([""] if np.any(has(s.data)) else [])
+    return lambda s: iter([""] if has(s.data) else [])
 
 
 @dataclass(frozen=True)
@@ -208,29 +206,29 @@ ALL_FEATURES = (
         joints(lambda j: j.spring_yields),
         "`springyield`",
     ),
-    ModelFeature("damping of {}", "a joint", joints(lambda j: j.damping[:, 0]), "`damping`"),
+    ModelFeature("damping of {}", "a joint", joints(lambda j: j.damping[:, 0].any()), "`damping`"),
     ModelFeature(
         "polynomial damping of {}",
         "a joint",
-        joints(lambda j: j.damping[:, 1:], False),
+        joints(lambda j: j.damping[:, 1:].any(), False),
         "`damping`, three numbers",
     ),
     ModelFeature(
         "frictionloss of {}",
         "a joint",
-        joints(lambda j: j.friction, False),
+        joints(lambda j: j.friction.any(), False),
         "`frictionloss`",
     ),
     ModelFeature(
         "polynomial damping of {}",
         "a driven joint",
-        joints(lambda j: j.damping[:, 1:], True),
+        joints(lambda j: j.damping[:, 1:].any(), True),
         "`damping`, three numbers",
     ),
     ModelFeature(
         "frictionloss of {}",
         "a driven joint",
-        joints(lambda j: j.friction, True),
+        joints(lambda j: j.friction.any(), True),
         "`frictionloss`",
     ),
     ModelFeature(
@@ -533,13 +531,13 @@ ALL_FEATURES = (
     ModelFeature(
         "rates of the key",
         "",
-        whole(lambda data: [key.rates.any() for key in data.keys]),
+        whole(lambda data: any(key.rates.any() for key in data.keys)),
         "`qvel` of a key",
     ),
     ModelFeature(
         "time of the key",
         "",
-        whole(lambda data: [key.time for key in data.keys]),
+        whole(lambda data: any(key.time for key in data.keys)),
         "`time` of a key",
     ),
     ModelFeature(
@@ -560,10 +558,12 @@ ALL_FEATURES = (
         whole(lambda data: data.options.sleep),
         '`<flag sleep="enable">`',
     ),
-    ModelFeature("magnetic field", "", whole(lambda data: data.options.magnetic), "`magnetic`"),
+    ModelFeature(
+        "magnetic field", "", whole(lambda data: data.options.magnetic.any()), "`magnetic`"
+    ),
     ModelFeature("cutoff of {}", "a sensor", sensors(lambda s: s.cutoff), "`cutoff`"),
     ModelFeature("delay of {}", "a sensor", sensors(lambda s: s.delay), "`delay`"),
-    ModelFeature("interval of {}", "a sensor", sensors(lambda s: s.interval), "`interval`"),
+    ModelFeature("interval of {}", "a sensor", sensors(lambda s: any(s.interval)), "`interval`"),
     ModelFeature("noise of {}", "a sensor", sensors(lambda s: s.noise), "`noise`"),
 )
 FEATURES: Mapping[str, ModelFeature] = {feature.name: feature for feature in ALL_FEATURES}

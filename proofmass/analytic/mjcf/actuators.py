@@ -218,7 +218,7 @@ def read_actuator(model: Any, a: int) -> ActuatorData:
         bool(in_group or is_disabled(model, DISABLE.mjDSBL_ACTUATION)),
         bool(model.actuator_biastype[a] == BIAS.mjBIAS_AFFINE or (law and law.has_feedback)),
         bool(dynamic or model.actuator_actnum[a]),
-        float(np.max(model.actuator_delay[a])),
+        float(model.actuator_delay[a]),
         float(model.actuator_armature[a]),
         (float(model.actuator_damping[a]), *model.actuator_dampingpoly[a].tolist()),
     )

@@ -209,7 +209,7 @@ def read_joint(model: Any, j: int) -> JointData:
     numbers, speeds = JOINT_SIZES[kind]
     own = slice(rate, rate + speeds)
     has_spring, has_damper, has_friction, has_limit = (
-        not is_disabled(model, *flags)
+        not is_disabled(model, flags)
         for flags in (SPRING_FLAGS, DAMPER_FLAGS, FRICTION_FLAGS, LIMIT_FLAGS)
     )
     ground = model.body_weldid[model.body_parentid[body]] == 0
@@ -225,7 +225,7 @@ def read_joint(model: Any, j: int) -> JointData:
         np.array(model.qpos_spring[pose : pose + numbers]),
         tuple(has_spring * c for c in (model.jnt_stiffness[j], *model.jnt_stiffnesspoly[j])),
         bool(has_spring and np.any(model.jnt_springyield[j])),
-        np.column_stack([model.dof_damping[own], model.dof_dampingpoly[own]]) * has_damper,
+        np.concatenate([model.dof_damping[own, None], model.dof_dampingpoly[own]], 1) * has_damper,
         np.array(model.dof_armature[own]),
         np.array(model.dof_frictionloss[own]) * has_friction,
         read_range(model.jnt_range[j], has_limit and bool(model.jnt_limited[j])),

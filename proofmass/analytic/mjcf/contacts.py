@@ -10,7 +10,7 @@ from proofmass.base.arrays import Array
 
 def may_touch(model: Any) -> bool:
     """Whether MuJoCo looks for contacts: of geoms, of a pair, or of a flex."""
-    off = is_disabled(model, *CONTACT_FLAGS)
+    off = is_disabled(model, CONTACT_FLAGS)
     return not off and bool(touching_bodies(model).size or model.npair)
 
 

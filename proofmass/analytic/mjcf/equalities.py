@@ -106,7 +106,7 @@ class TieData(EqualityData):
 
 def read_equalities(model: Any) -> tuple[EqualityData, ...]:
     """Read the equalities that act from the start, in their order."""
-    if is_disabled(model, *EQUALITY_FLAGS):
+    if is_disabled(model, EQUALITY_FLAGS):
         return ()
     return tuple(read_equality(model, e) for e in np.flatnonzero(model.eq_active0).tolist())
 

@@ -9,19 +9,19 @@ import numpy as np
 from proofmass.base.arrays import Array
 
 DISABLE, ENABLE = mujoco.mjtDisableBit, mujoco.mjtEnableBit
-SPRING_FLAGS, DAMPER_FLAGS = (DISABLE.mjDSBL_SPRING,), (DISABLE.mjDSBL_DAMPER,)
-FRICTION_FLAGS = DISABLE.mjDSBL_FRICTIONLOSS, DISABLE.mjDSBL_CONSTRAINT
-LIMIT_FLAGS = DISABLE.mjDSBL_LIMIT, DISABLE.mjDSBL_CONSTRAINT
-EQUALITY_FLAGS = DISABLE.mjDSBL_EQUALITY, DISABLE.mjDSBL_CONSTRAINT
-CONTACT_FLAGS = DISABLE.mjDSBL_CONTACT, DISABLE.mjDSBL_CONSTRAINT
+SPRING_FLAGS, DAMPER_FLAGS = int(DISABLE.mjDSBL_SPRING), int(DISABLE.mjDSBL_DAMPER)
+FRICTION_FLAGS = int(DISABLE.mjDSBL_FRICTIONLOSS | DISABLE.mjDSBL_CONSTRAINT)
+LIMIT_FLAGS = int(DISABLE.mjDSBL_LIMIT | DISABLE.mjDSBL_CONSTRAINT)
+EQUALITY_FLAGS = int(DISABLE.mjDSBL_EQUALITY | DISABLE.mjDSBL_CONSTRAINT)
+CONTACT_FLAGS = int(DISABLE.mjDSBL_CONTACT | DISABLE.mjDSBL_CONSTRAINT)
 """Flags each of which disables all springs, dampers, dry friction, ranges, equalities, contacts."""
 UNLIMITED = (-np.inf, np.inf)
 """The range of a number that has no limits."""
 
 
-def is_disabled(model: Any, *flags: int) -> bool:
+def is_disabled(model: Any, flags: int) -> bool:
     """Whether a compiled model sets one of some disable flags."""
-    return any(model.opt.disableflags & int(flag) for flag in flags)
+    return bool(model.opt.disableflags & int(flags))
 
 
 def is_enabled(model: Any, flag: int) -> bool:

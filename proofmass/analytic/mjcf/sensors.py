@@ -87,9 +87,11 @@ class SensorData:
         The frame of the site, geom, body or camera that it is on.
     moving_camera : str, optional
         Name of the camera that it is on, if the camera moves relative to its body.
-    cutoff, delay, interval, noise : float
-        Largest absolute value [its unit], time after which a value is shown and time between two
-        values [s], and standard deviation of the noise [its unit].
+    cutoff, delay, noise : float
+        Largest absolute value [its unit], time after which a value is shown [s], and standard
+        deviation of the noise [its unit].
+    interval : tuple of float
+        Time between two values, and the time of the first [s].
     """
 
     name: str
@@ -101,8 +103,8 @@ class SensorData:
     moving_camera: str | None
     cutoff: float
     delay: float
-    interval: float
     noise: float
+    interval: tuple[float, ...]
 
     @property
     def frame(self) -> SensorFrame:
@@ -137,8 +139,8 @@ def read_sensor(model: Any, s: int) -> SensorData:
         model.camera(i).name if moves else None,
         float(model.sensor_cutoff[s]),
         float(model.sensor_delay[s]),
-        float(np.max(model.sensor_interval[s])),
         float(model.sensor_noise[s]),
+        tuple(model.sensor_interval[s].tolist()),
     )
 
 

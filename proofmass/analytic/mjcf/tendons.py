@@ -95,7 +95,7 @@ def read_tendon(model: Any, t: int) -> TendonData:
         sites = [int(model.wrap_objid[w]) for w in wraps]
         points = tuple((int(model.site_bodyid[s]), np.array(model.site_pos[s])) for s in sites)
     has_spring, has_damper, has_friction, has_limit = (
-        not is_disabled(model, *flags)
+        not is_disabled(model, flags)
         for flags in (SPRING_FLAGS, DAMPER_FLAGS, FRICTION_FLAGS, LIMIT_FLAGS)
     )
     return TendonData(
