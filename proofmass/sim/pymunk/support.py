@@ -1,4 +1,8 @@
-"""What becomes of each feature of a model in pymunk; see `proofmass.analytic.support`."""
+"""What becomes of each feature of a model in pymunk; see `proofmass.analytic.support`.
+
+pymunk has few of the features of MJCF.  A feature that is not named here is refused, so that a new
+one is refused until pymunk has it.
+"""
 
 from proofmass.analytic.support import (
     ACTS,
@@ -22,63 +26,30 @@ ON_DRIVE = answers(KINDS, IRRELEVANT, refused=(RunKind.DRIVEN_MOTION,))
 FRICTION = answers(
     KINDS, ACTS, partly=(RunKind.FREE_SWEEP,), refused=(*IN_TIME, RunKind.EQUILIBRIUM)
 )
-EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
-    "ball joint": REFUSED,
-    "free joint": REFUSED,
-    "polynomial stiffness of a ball or free joint": REFUSED,
-    "spring that yields of a joint": REFUSED,
+ACTING = (
+    "stiffness of a joint",
+    "polynomial stiffness of a joint",
+    "actuatorfrcrange of a joint with motors",
+    "joint equality, of two hinges on the ground",
+    "stiffness of a tendon",
+    "an actuator, which is a motor on a joint",
+    "an actuator, which is a servo on a joint",
+    "ctrlrange of an actuator",
+    "forcerange of a motor",
+)
+"""The features that act in all kinds of runs."""
+OTHERS: dict[str, Answers | FeatureAnswer] = {
     "damping of a joint": ONLY_IN_TIME,
-    "polynomial damping of a joint": REFUSED,
-    "polynomial damping of a driven joint": REFUSED,
     "frictionloss of a joint": FRICTION,
     "frictionloss of a driven joint": FRICTION,
     "armature of a hinge on the ground": ONLY_IN_TIME,
-    "armature of a joint, which is no single hinge on the ground": REFUSED,
     "range of a joint": PARTLY,
-    "range of a ball joint": REFUSED,
-    "margin of the range of a joint": REFUSED,
-    "actuatorfrcrange of a joint with a servo": REFUSED,
-    "actuatorfrcrange of a joint beside actuators that act elsewhere": REFUSED,
     "actuatorfrcrange of a driven joint": IRRELEVANT,
-    "gravcomp of a body": REFUSED,
-    "mocap body": REFUSED,
-    "density or viscosity of the options": REFUSED,
-    "flex": REFUSED,
-    "plugin": REFUSED,
     "connect equality": PARTLY,
-    "weld equality": REFUSED,
-    "joint equality, whose joints are not both hinges on the ground": REFUSED,
-    "joint equality, whose polycoef is not linear": REFUSED,
-    "joint equality, which locks a joint": REFUSED,
-    "tendon equality, of sums of joints": REFUSED,
-    "tendon equality, of ways in space": REFUSED,
-    "equality of a flex": REFUSED,
-    "a tendon, which is a sum of joints": REFUSED,
-    "a tendon, which goes by several sites": REFUSED,
-    "a tendon, which goes around a geom or a pulley": REFUSED,
-    "polynomial stiffness of a tendon": REFUSED,
     "damping of a tendon": ONLY_IN_TIME,
-    "polynomial damping of a tendon": REFUSED,
-    "frictionloss of a tendon": REFUSED,
-    "range of a tendon": REFUSED,
-    "margin of the range of a tendon": REFUSED,
-    "armature of a tendon": REFUSED,
-    "spring that yields of a tendon": REFUSED,
-    "actuatorfrcrange of a tendon": REFUSED,
     "an actuator, which is a motor on a site whose refsite, if any, is of the ground": PARTLY,
-    "an actuator, which is a servo on such a site": REFUSED,
-    "an actuator, which acts on a tendon": REFUSED,
-    "an actuator, which acts on a ball or a free joint": REFUSED,
-    "an actuator, which acts at a site whose refsite moves, on a crank or on a body": REFUSED,
-    "activation of an actuator": REFUSED,
-    "gain or bias that is not affine of an actuator": REFUSED,
-    "forcerange of a servo": REFUSED,
-    "delay of an actuator": REFUSED,
-    "armature of an actuator": REFUSED,
     "armature of an actuator on a driven joint": ON_DRIVE,
-    "damping of an actuator": REFUSED,
     "damping of an actuator on a driven joint": ON_DRIVE,
-    "polynomial damping of an actuator": REFUSED,
     "polynomial damping of an actuator on a driven joint": ON_DRIVE,
     "force of an actuator on a driven joint": IRRELEVANT,
     "contacts": PARTLY,
@@ -93,5 +64,5 @@ EXCEPTIONS: dict[str, Answers | FeatureAnswer] = {
     "interval of a sensor": SAID,
     "noise of a sensor": IRRELEVANT,
 }
-SUPPORT = covers(KINDS, EXCEPTIONS)
+SUPPORT = covers(KINDS, {**dict.fromkeys(ACTING, ACTS), **OTHERS}, usual=REFUSED)
 """Of all kinds of runs of pymunk."""
