@@ -742,7 +742,11 @@ def read(model: Any, start: str) -> tuple[Mechanism, Projection]:
         The model is not a planar mechanism of hinges, slides, equalities of kinds ``connect``,
         ``joint`` and fixed tendons, and springs between two sites; the message names the element.
     """
-    data = read_compiled(model)
+    return make_mechanism(read_compiled(model), start)
+
+
+def make_mechanism(data: ModelData, start: str) -> tuple[Mechanism, Projection]:
+    """Make the mechanism of a model's data; see `read`."""
     every_joint = tuple(joint.name for joint in data.joints)
     refuse(data, SUPPORT, driven=every_joint)  # `solve` examines actuators of free joints
     plane, key = Projection(data), data.key(start)

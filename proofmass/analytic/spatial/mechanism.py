@@ -238,7 +238,11 @@ def read_tree(model: Any, start: str) -> Tree:
     ValueError
         There is no such key.
     """
-    data = read_compiled(model)
+    return make_tree(read_compiled(model), start)
+
+
+def make_tree(data: ModelData, start: str) -> Tree:
+    """Make the tree of a model's data; see `read_tree`."""
     refuse_contacts(data)
     refuse(data, SUPPORT)
     on_site = ActuatorTarget.SITE
