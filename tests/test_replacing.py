@@ -104,6 +104,31 @@ def test_a_file_that_an_input_names_is_not_replaced_even_with_force(case):
     assert content(case.parent) == before
 
 
+@pytest.mark.parametrize("named", ["pendulum.toml", "pendulum.xml", "part.xml", "rig.csv"])
+@pytest.mark.parametrize("given", [".", "pendulum.toml"])
+@pytest.mark.parametrize(
+    ("ending", "old", "new"),
+    [
+        ("xml", "</mujoco>", '<extension><plugin plugin="none"/></extension></mujoco>'),
+        ("toml", "title = ", "tilte = "),
+    ],
+    ids=["model", "sidecar"],
+)
+def test_a_faulty_input_is_not_replaced_either(named, given, ending, old, new, case, monkeypatch):
+    monkeypatch.chdir(case.parent)
+    model = case.with_suffix(".xml")
+    model.write_text(model.read_text().replace("</mujoco>", '<include file="part.xml"/></mujoco>'))
+    Path("part.xml").write_text("<mujoco><option/></mujoco>")
+    Path("rig.csv").write_text("t [s],angle [rad]\n0,0\n1,1\n")
+    case.write_text(case.read_text().replace('reference = "pendulum"', 'reference = "rig.csv"'))
+    faulty = case.with_suffix(f".{ending}")
+    faulty.write_text(faulty.read_text().replace(old, new, 1))
+    before = content(case.parent)
+    printed = invoke("check", given, "--junit", named, "--force")
+    assert f"{named}: an input, which no output replaces" in printed
+    assert content(case.parent) == before
+
+
 @pytest.mark.parametrize("name", ["check --junit", "check --sarif", "schema", "animate"])
 def test_an_own_file_is_replaced_and_a_foreign_one_with_force(name, case, tmp_path):
     file = tmp_path / f"mine{ENDINGS.get(name, '.txt')}"

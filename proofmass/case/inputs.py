@@ -5,6 +5,7 @@ It loads no package: the pytest plugin asks for each file that ends in ``.toml``
 
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,22 @@ def is_of_others(path: Path) -> bool:
         return False
     table = parse_toml(content)
     return REFERENCE not in content if table is None else "reference" not in table
+
+
+def named_files(path: Path) -> list[Path]:
+    """An input, the model that has its name, and the files that it names, also if it is faulty."""
+    table = parse_toml(content_of(path)) if path.suffix == SIDECAR_ENDING else None
+    named = [path.parent / word for word in words_of(table) if "\0" not in word]
+    return [path, path.with_suffix(MODEL_ENDING), *(one for one in named if one.is_file())]
+
+
+def words_of(value: object) -> Iterator[str]:
+    """All texts in the tables and lists of a sidecar."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for one in value.values() if isinstance(value, dict) else value:
+            yield from words_of(one)
 
 
 def content_of(path: Path) -> bytes | None:

@@ -91,12 +91,17 @@ def check_with_progress(
     `detectable` is true where detectable changes are needed; printed tables do not show them.  A
     consumer takes the cases one by one.
     """
-    from proofmass.batch.check import check
+    from proofmass.base.files import protect
+    from proofmass.batch.check import check, collect_inputs
     from proofmass.batch.pool import ClusterError
+    from proofmass.case.inputs import named_files
+    from proofmass.sim.mjcf import files_of_model
 
+    found = paths or [Path("models")]
+    named = [one for file in collect_inputs(found, []) for one in named_files(file)]
+    protect(part for file in named for part in (file, *files_of_model(file)))
     try:
         with progress_bar() as advance:
-            found = paths or [Path("models")]
             result = check(
                 found, jobs, advance, detectable=detectable, dask=dask, consumer=consumer
             )
